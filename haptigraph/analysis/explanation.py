@@ -1,0 +1,69 @@
+"""A procedure as tables for people: relations with their thresholds, states by priority, touch."""
+
+from rich.table import Table
+
+from haptigraph.graph import Relation
+from haptigraph.haptics.pattern import duration_ns
+from haptigraph.inference.procedure import Procedure, State
+from haptigraph.messages import Pattern
+
+__all__ = ["explain"]
+
+
+def explain(procedure: Procedure) -> list[Table]:
+    """Return the tables of a checked procedure."""
+    relations = Table(title="Relations", title_justify="left")
+    for heading in ("relation", "holds when"):
+        relations.add_column(heading)
+    for relation in procedure.schema.relations:
+        relations.add_row(_triplet(relation.names), _condition(relation, procedure))
+    states = Table(title="States, first that fits wins", title_justify="left")
+    for heading in ("", "state", "when", "feels"):
+        states.add_column(heading)
+    for priority, state in enumerate(procedure.states):
+        states.add_row(str(priority), state.name, _when(state), state.feel)
+    patterns = Table(title="Touch", title_justify="left")
+    for heading in ("pattern", "felt as"):
+        patterns.add_column(heading)
+    for pattern in procedure.patterns:
+        patterns.add_row(pattern.name, _felt(pattern))
+    return [relations, states, patterns]
+
+
+def _triplet(names: tuple[str, str, str]) -> str:
+    return f"<{', '.join(names)}>"
+
+
+def _condition(relation: Relation, procedure: Procedure) -> str:
+    name = procedure.schema.measure_name(relation)
+    bounds = (
+        ("<=", relation.at_most),
+        ("<", relation.below),
+        (">=", relation.at_least),
+        (">", relation.above),
+    )
+    told = [f"{name} {sign} {bound:g}" for sign, bound in bounds if bound is not None]
+    if relation.release is not None:
+        told.append(f"released at {relation.release:g}")
+    return " and ".join([*told, *(_triplet(given) for given in relation.given)])
+
+
+def _when(state: State) -> str:
+    told = [_triplet(names) for names in state.when]
+    told += [f"not {_triplet(names)}" for names in state.unless]
+    told += [f"no {name}" for name in state.absent]
+    return "\n".join(told) or "always"
+
+
+def _felt(pattern: Pattern) -> str:
+    if pattern.kind == "off":
+        return "silence"
+    strength = f"amplitude {pattern.amplitude:g}"
+    if pattern.frequency_hz:
+        strength += f" at {pattern.frequency_hz:g} Hz"
+    if pattern.kind == "continuous":
+        return f"{strength}, without pause"
+    rhythm = f"{pattern.on_ms:g} ms on, {pattern.off_ms:g} ms off"
+    if pattern.kind == "pulses":
+        return f"{strength}, {rhythm}, on and on"
+    return f"{strength}, {pattern.count} x {rhythm}, once ({(duration_ns(pattern) or 0) / 1e6:g} ms)"

@@ -1,0 +1,88 @@
+"""Run a recording again and compare step by step: the same, or what another procedure makes of it."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+from msgspec import Struct
+
+from haptigraph import assemble
+from haptigraph.analysis.measures import RunMeasures
+from haptigraph.config import Config
+from haptigraph.messages import Step
+from haptigraph.perception.registration import parse_registration
+from haptigraph.recording.reader import RunReader
+
+__all__ = ["Difference", "ReplayReport", "replay", "replay_steps"]
+
+COMPARED = ("observation", "graph", "conclusion", "command")
+
+
+class Difference(Struct, frozen=True):
+    """The first step that came out differently."""
+
+    step: int
+    time_s: float
+    message: str
+    """Which message of the step differs."""
+    recorded: str
+    replayed: str
+
+
+class ReplayReport(Struct):
+    """What a replay found."""
+
+    steps: int = 0
+    identical: int = 0
+    first: Difference | None = None
+    dropped_images: int = 0
+    """Images that perception saw but the recording does not have; what depends on them must differ."""
+    is_whole: bool = True
+    recorded: RunMeasures = msgspec.field(default_factory=RunMeasures)
+    replayed: RunMeasures = msgspec.field(default_factory=RunMeasures)
+
+
+def replay(path: str | Path, procedure: str | None = None) -> ReplayReport:
+    """Replay a recording.
+
+    Args:
+        path: The recording.
+        procedure: Another procedure to judge it by; None: the one it was recorded with.
+
+    Raises:
+        BadInput: If recording or procedure cannot be used.
+    """
+    reader = RunReader(path)
+    report = ReplayReport(is_whole=reader.is_whole, dropped_images=reader.dropped_images())
+    start_ns = None
+    for recorded, replayed in replay_steps(reader, procedure):
+        start_ns = recorded.stamp_ns if start_ns is None else start_ns
+        difference = _compare(report.steps, (recorded.stamp_ns - start_ns) / 1e9, recorded, replayed)
+        report.steps += 1
+        report.identical += difference is None
+        report.first = report.first or difference
+        report.recorded.add(recorded)
+        report.replayed.add(replayed)
+    return report
+
+
+def replay_steps(reader: RunReader, procedure: str | None = None) -> Iterator[tuple[Step, Step]]:
+    """Yield every recorded step with what the pipeline makes of the same capture now."""
+    info = reader.info
+    pipeline = assemble.build_pipeline(
+        msgspec.json.decode(info.config, type=Config),
+        parse_registration(info.registration, f"registration in {reader.path}"),
+        assemble.load_procedure(procedure)
+        if procedure
+        else assemble.parse_procedure(info.procedure, f"procedure in {reader.path}"),
+    )
+    for capture, recorded in reader.records():
+        yield recorded, pipeline.step(capture)
+
+
+def _compare(number: int, time_s: float, recorded: Step, replayed: Step) -> Difference | None:
+    for message in COMPARED:
+        then, now = (msgspec.json.encode(getattr(step, message)) for step in (recorded, replayed))
+        if then != now:
+            return Difference(number, time_s, message, then.decode(), now.decode())
+    return None

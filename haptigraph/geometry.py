@@ -1,0 +1,180 @@
+"""Points and shapes in the eye frame, the distances between them, and the way there from pixels.
+
+The eye frame is the plane of the section: origin at the globe's centre, x right, y up as the surgeon
+sees the un-mirrored image, millimetres. Knows nothing of needles or retinas.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from typing import TypeAlias
+
+import numpy as np
+from msgspec import Struct
+from numpy.typing import NDArray
+
+__all__ = [
+    "Circle",
+    "Geometry",
+    "ImageGeometry",
+    "Point",
+    "Polyline",
+    "Segment",
+    "Vec",
+    "angle_between_deg",
+    "distance_to_line",
+    "distance_to_polyline",
+    "norm",
+    "rotate",
+    "signed_distance_to_polyline",
+    "subtract",
+    "unit",
+]
+
+Vec: TypeAlias = tuple[float, float]
+"""An (x, y) pair; the name that holds it says in which unit."""
+
+
+class Point(Struct, frozen=True, tag="point"):
+    """A place."""
+
+    at_mm: Vec
+
+
+class Segment(Struct, frozen=True, tag="segment"):
+    """A straight piece, directed from start to end."""
+
+    start_mm: Vec
+    end_mm: Vec
+
+
+class Circle(Struct, frozen=True, tag="circle"):
+    """A full circle."""
+
+    center_mm: Vec
+    radius_mm: float
+
+
+class Polyline(Struct, frozen=True, tag="polyline", dict=True):
+    """An open chain of straight pieces, in order."""
+
+    points_mm: tuple[Vec, ...]
+
+    @cached_property
+    def array_mm(self) -> NDArray[np.float64]:
+        """The points as an array, (n, 2)."""
+        return np.array(self.points_mm, dtype=np.float64)
+
+
+Geometry: TypeAlias = Point | Segment | Circle | Polyline
+
+
+def subtract(a: Vec, b: Vec) -> Vec:
+    """Return a - b."""
+    return a[0] - b[0], a[1] - b[1]
+
+
+def norm(v: Vec) -> float:
+    """Return the length of v."""
+    return math.hypot(v[0], v[1])
+
+
+def unit(v: Vec) -> Vec:
+    """Return v at length 1.
+
+    Raises:
+        ValueError: If v has no length.
+    """
+    length = norm(v)
+    if length == 0.0:
+        raise ValueError("a vector of length 0 has no direction")
+    return v[0] / length, v[1] / length
+
+
+def rotate(v: Vec, angle_deg: float) -> Vec:
+    """Turn v counter-clockwise (x towards y)."""
+    c, s = math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))
+    return c * v[0] - s * v[1], s * v[0] + c * v[1]
+
+
+def angle_between_deg(u: Vec, v: Vec) -> float:
+    """Return the angle between two directions [deg], 0 to 180; exact for small angles."""
+    cross = u[0] * v[1] - u[1] * v[0]
+    dot = u[0] * v[0] + u[1] * v[1]
+    return math.degrees(math.atan2(abs(cross), dot))
+
+
+def distance_to_line(point: Vec, start: Vec, end: Vec) -> float:
+    """Return the distance of a point to the endless line through start and end (which differ)."""
+    along = unit(subtract(end, start))
+    offset = subtract(point, start)
+    return abs(along[0] * offset[1] - along[1] * offset[0])
+
+
+def distance_to_polyline(point_mm: Vec, line: Polyline) -> float:
+    """Return the distance of a point to the nearest place on a polyline [mm]."""
+    start, step = line.array_mm[:-1], np.diff(line.array_mm, axis=0)
+    offset = np.asarray(point_mm) - start
+    share = np.clip((offset * step).sum(1) / np.maximum((step * step).sum(1), 1e-300), 0.0, 1.0)
+    gap = offset - share[:, None] * step
+    return float(np.sqrt((gap * gap).sum(1).min()))
+
+
+def signed_distance_to_polyline(point_mm: Vec, line: Polyline, near_side_mm: Vec) -> float:
+    """Return the distance of a point to a polyline, negative beyond it [mm].
+
+    A point is beyond when the straight way to it from `near_side_mm` crosses the polyline an odd
+    number of times. Past the polyline's open ends nothing is beyond.
+
+    Args:
+        point_mm: The point.
+        line: The polyline.
+        near_side_mm: A place on the near (positive) side.
+    """
+    distance = distance_to_polyline(point_mm, line)
+    return -distance if _crossings(near_side_mm, point_mm, line) % 2 else distance
+
+
+def _crossings(start_mm: Vec, end_mm: Vec, line: Polyline) -> int:
+    """Count how often the segment start -> end crosses a polyline (vertices count once)."""
+    points = line.array_mm
+    way = np.subtract(end_mm, start_mm)
+    from_start = points - np.asarray(start_mm)
+    left_of_way = way[0] * from_start[:, 1] - way[1] * from_start[:, 0] > 0
+    step = np.diff(points, axis=0)
+
+    def side_of_steps(place: Vec) -> NDArray[np.float64]:
+        offset = np.asarray(place) - points[:-1]
+        sides: NDArray[np.float64] = step[:, 0] * offset[:, 1] - step[:, 1] * offset[:, 0]
+        return sides
+
+    start_side, end_side = side_of_steps(start_mm), side_of_steps(end_mm)
+    crossed = (left_of_way[:-1] != left_of_way[1:]) & (start_side * end_side < 0)
+    return int(np.count_nonzero(crossed))
+
+
+class ImageGeometry(Struct, frozen=True):
+    """Where the eye frame lies in an image: pixels <-> millimetres.
+
+    Pixels: the centre of the top-left pixel is (0, 0), x right, y down, in the image as stored.
+    """
+
+    center_px: Vec
+    """The globe's centre, the origin of the eye frame."""
+    mm_per_px: float
+    mirrored: bool
+    """Whether the image as stored is left-right mirrored (seen through one mirror)."""
+
+    def to_mm(self, at_px: Vec) -> Vec:
+        """Turn a pixel position into the eye frame [mm]."""
+        right = (at_px[0] - self.center_px[0]) * self.mm_per_px
+        return -right if self.mirrored else right, (self.center_px[1] - at_px[1]) * self.mm_per_px
+
+    def to_px(self, at_mm: Vec) -> Vec:
+        """Turn an eye-frame position [mm] into pixels of the image as stored."""
+        right = -at_mm[0] if self.mirrored else at_mm[0]
+        return (
+            self.center_px[0] + right / self.mm_per_px,
+            self.center_px[1] - at_mm[1] / self.mm_per_px,
+        )

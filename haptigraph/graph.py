@@ -1,0 +1,219 @@
+"""The surgical scene graph G = (V, E, O, R, phi) of the paper, section II-C, and its schema.
+
+V are nodes, O entity categories, R predicates, E a set of <subject, predicate, object> triplets, phi the
+category of a node. A graph also carries the measures its edges were decided by. Knows no camera and no rule.
+"""
+
+from typing import TYPE_CHECKING, TypeAlias
+
+import msgspec
+from msgspec import Struct
+
+from haptigraph.errors import MissingExtra
+
+if TYPE_CHECKING:
+    import networkx
+
+__all__ = ["Entity", "GraphDiff", "Names", "Node", "Relation", "SceneGraph", "Schema", "Triplet"]
+
+
+Names: TypeAlias = tuple[str, str, str]
+"""(subject, predicate, object) by entity category, as procedures write it."""
+
+
+class Triplet(Struct, frozen=True):
+    """One edge: <subject, predicate, object>, by node id."""
+
+    subject: str
+    predicate: str
+    object: str
+
+    def __str__(self) -> str:
+        return f"<{self.subject}, {self.predicate}, {self.object}>"
+
+
+class Entity(Struct, frozen=True, forbid_unknown_fields=True):
+    """One category of O: what may stand in a scene."""
+
+    name: str
+    group: str
+    """What it belongs to: "instrument", "anatomy", ..."""
+    geometry: str
+    """The shape a perceiver reports for it: "point", "segment", "polyline" or "circle"."""
+    label: str = ""
+    """Its everyday name, used in measure names (distance_to_<label>_mm) and drawings; `name` if empty."""
+
+    @property
+    def called(self) -> str:
+        """The everyday name."""
+        return self.label or self.name
+
+
+class Relation(Struct, frozen=True, forbid_unknown_fields=True):
+    """One relation that may hold between two entities, and the measure that decides it.
+
+    Holds when the measure satisfies every bound. With `release`, it once true stays true until the measure
+    has passed `release` too (hysteresis).
+    """
+
+    subject: str
+    predicate: str
+    object: str
+    measure: str
+    """Name of a function in `scene.relations`; its suffix is the unit of the bounds."""
+    at_most: float | None = None
+    below: float | None = None
+    at_least: float | None = None
+    above: float | None = None
+    release: float | None = None
+    given: tuple[Names, ...] = ()
+    """Relations, declared earlier, that must hold as well."""
+
+    @property
+    def names(self) -> Names:
+        """Subject, predicate and object."""
+        return self.subject, self.predicate, self.object
+
+    def holds(self, value: float, *, held: bool = False) -> bool:
+        """Decide whether the relation holds.
+
+        Args:
+            value: The measure, in the unit of the bounds.
+            held: Whether it held in the image before.
+        """
+        small_enough = (self.at_most is None or value <= self.at_most) and (
+            self.below is None or value < self.below
+        )
+        large_enough = (self.at_least is None or value >= self.at_least) and (
+            self.above is None or value > self.above
+        )
+        if held and self.release is not None:
+            upper = self.below if self.at_most is None else self.at_most
+            if upper is not None and self.release >= upper:
+                small_enough = value <= self.release
+            else:
+                large_enough = value >= self.release
+        return small_enough and large_enough
+
+
+class Schema(Struct, frozen=True):
+    """Which entities (O) and relations (R) may occur in a scene."""
+
+    entities: tuple[Entity, ...]
+    relations: tuple[Relation, ...]
+
+    def entity(self, name: str) -> Entity:
+        """Return the entity of that name.
+
+        Raises:
+            KeyError: If the schema has none.
+        """
+        for entity in self.entities:
+            if entity.name == name:
+                return entity
+        raise KeyError(name)
+
+    def measure_name(self, relation: Relation) -> str:
+        """Return the name under which a graph carries the measure of a relation.
+
+        Distances are told apart by what they lead to ("distance_to_retina_mm"); the others are unique.
+        """
+        if relation.measure == "distance_mm":
+            return f"distance_to_{self.entity(relation.object).called}_mm"
+        return relation.measure
+
+
+class Node(Struct, frozen=True):
+    """One node of V with its category phi(node)."""
+
+    id: str
+    category: str
+    group: str
+
+
+class GraphDiff(Struct, frozen=True):
+    """What changed from one graph to another."""
+
+    nodes_appeared: tuple[str, ...]
+    nodes_vanished: tuple[str, ...]
+    edges_appeared: tuple[Triplet, ...]
+    edges_vanished: tuple[Triplet, ...]
+
+    def __bool__(self) -> bool:
+        return any((self.nodes_appeared, self.nodes_vanished, self.edges_appeared, self.edges_vanished))
+
+
+class SceneGraph(Struct, frozen=True):
+    """The scene at one moment. Nodes and edges stand in the schema's order: equal scenes, equal bytes."""
+
+    stamp_ns: int
+    nodes: tuple[Node, ...] = ()
+    edges: tuple[Triplet, ...] = ()
+    measures: dict[str, float] = {}
+    """The numbers the edges were decided by, by name with unit ("theta_deg", "distance_to_retina_mm")."""
+
+    def __contains__(self, edge: Triplet) -> bool:
+        return edge in self.edges
+
+    def find(
+        self, subject: str | None = None, predicate: str | None = None, object: str | None = None
+    ) -> tuple[Triplet, ...]:
+        """Return the edges that match every part given; none given matches all."""
+        return tuple(
+            edge
+            for edge in self.edges
+            if (subject is None or edge.subject == subject)
+            and (predicate is None or edge.predicate == predicate)
+            and (object is None or edge.object == object)
+        )
+
+    def phi(self, node_id: str) -> str:
+        """Return the category of a node.
+
+        Raises:
+            KeyError: If the graph has no such node.
+        """
+        for node in self.nodes:
+            if node.id == node_id:
+                return node.category
+        raise KeyError(node_id)
+
+    def diff(self, later: "SceneGraph") -> GraphDiff:
+        """Return what appears and vanishes on the way from this graph to a later one."""
+        here, there = ({node.id for node in graph.nodes} for graph in (self, later))
+        return GraphDiff(
+            nodes_appeared=tuple(node.id for node in later.nodes if node.id not in here),
+            nodes_vanished=tuple(node.id for node in self.nodes if node.id not in there),
+            edges_appeared=tuple(edge for edge in later.edges if edge not in self.edges),
+            edges_vanished=tuple(edge for edge in self.edges if edge not in later.edges),
+        )
+
+    def to_json(self) -> bytes:
+        """Return the graph as JSON; the same graph gives the same bytes."""
+        return msgspec.json.encode(self, order="deterministic")
+
+    @classmethod
+    def from_json(cls, data: bytes) -> "SceneGraph":
+        """Read what `to_json` wrote.
+
+        Raises:
+            msgspec.ValidationError: If it is not such a graph.
+        """
+        return msgspec.json.decode(data, type=cls)
+
+    def to_networkx(self) -> "networkx.MultiDiGraph[str]":
+        """Return a copy for NetworkX: node attributes category and group, edge keys are predicates.
+
+        Raises:
+            MissingExtra: If NetworkX is not installed.
+        """
+        try:
+            import networkx  # noqa: PLC0415 - an extra
+        except ImportError:
+            raise MissingExtra("SceneGraph.to_networkx", "scenegraph") from None
+        copy = networkx.MultiDiGraph(stamp_ns=self.stamp_ns, **self.measures)
+        for node in self.nodes:
+            copy.add_node(node.id, category=node.category, group=node.group)
+        for edge in self.edges:
+            copy.add_edge(edge.subject, edge.object, key=edge.predicate)
+        return copy

@@ -1,0 +1,1 @@
+"""From relations to the surgical state: procedures, rule engine, explanations."""

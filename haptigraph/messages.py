@@ -1,0 +1,165 @@
+"""The messages that stages exchange, in the order in which one image becomes touch.
+
+    Capture -> Observation -> SceneGraph -> Conclusion -> HapticCommand,   all of it: Step
+
+Frozen msgspec structs: compared, copied and written as JSON without further code. They hold no behaviour.
+All stamps are nanoseconds of one monotonic clock.
+"""
+
+from typing import Literal, TypeAlias
+
+import numpy as np
+from msgspec import Struct
+from numpy.typing import NDArray
+
+from haptigraph.geometry import Geometry, Vec
+from haptigraph.graph import SceneGraph, Triplet
+
+__all__ = [
+    "OFF",
+    "UNKNOWN",
+    "Capabilities",
+    "Capture",
+    "Conclusion",
+    "Fault",
+    "HapticCommand",
+    "Image",
+    "Observation",
+    "Pattern",
+    "Step",
+    "Timing",
+    "Truth",
+]
+
+Image: TypeAlias = NDArray[np.uint8]
+"""A picture: (h, w, 3) in OpenCV's BGR order, or (h, w) grey."""
+
+UNKNOWN = "unknown"
+"""The state of not seeing a needle: failed detection, stale image, lost camera, dead perceiver."""
+
+
+class Fault(Struct, frozen=True):
+    """Something that went wrong and that the loop survived."""
+
+    where: Literal["source", "perceiver", "guard", "device", "recorder"]
+    message: str
+
+
+class Truth(Struct, frozen=True):
+    """What a simulator knows about its image. Recorded and scored, never read by a stage."""
+
+    visible: bool
+    """Whether the tip can be seen (not while it passes the wall)."""
+    inside: bool
+    tip_px: Vec
+    tip_mm: Vec
+    depth_mm: float
+    """From the trocar's pivot to the tip; negative outside."""
+    theta_deg: float
+    """Angle between the shaft and the line trocar -> target."""
+
+
+class Capture(Struct, frozen=True, eq=False):
+    """One tick of input: an image, or the fact that there is none."""
+
+    index: int
+    """Number of the image in its source, from 0; missing images (stale, lost) repeat the last one."""
+    stamp_ns: int
+    """When it was captured."""
+    image: Image | None
+    encoded: bytes | None = None
+    """The JPEG or PNG bytes that `image` was decoded from, where there were any."""
+    faults: tuple[Fault, ...] = ()
+    """What went wrong outside the pipeline since the capture before."""
+    truth: Truth | None = None
+
+
+class Observation(Struct, frozen=True):
+    """Where things are, in the eye frame. An entity that was not found is not there: never a guess."""
+
+    stamp_ns: int
+    found: dict[str, Geometry] = {}
+    """Shape by entity name."""
+    faults: tuple[Fault, ...] = ()
+
+
+class Conclusion(Struct, frozen=True):
+    """The surgical state, the rule that says so, and why."""
+
+    stamp_ns: int
+    state: str
+    priority: int
+    """Place of the fired rule among the rules, 0 first."""
+    feel: str
+    """Name of the haptic pattern the state asks for."""
+    because: str
+    """One sentence for people."""
+    evidence: tuple[Triplet, ...] = ()
+    """The edges that made the rule fire."""
+
+
+class Pattern(Struct, frozen=True, forbid_unknown_fields=True):
+    """One word of the haptic grammar."""
+
+    name: str
+    kind: Literal["off", "continuous", "pulses", "bursts"]
+    """Pulses repeat until something else is felt; bursts play `count` times, once on entry."""
+    amplitude: float = 0.0
+    """Strength in [0, 1]."""
+    frequency_hz: float = 0.0
+    """Vibration frequency, for devices that can choose it."""
+    on_ms: float = 0.0
+    off_ms: float = 0.0
+    count: int = 0
+
+
+OFF = Pattern("off", "off")
+"""Silence."""
+
+
+class HapticCommand(Struct, frozen=True):
+    """What the hand feels from now on: a pattern and when it began. Complete in itself."""
+
+    stamp_ns: int
+    pattern: Pattern
+    since_ns: int
+
+
+class Capabilities(Struct, frozen=True):
+    """What a haptic device can do of a pattern."""
+
+    amplitude_levels: int
+    """Distinct strengths besides silence; 1 means on or off."""
+    frequency_range_hz: tuple[float, float] | None
+    """Frequencies it can choose, or None when it has but one."""
+    shortest_on_ms: float
+    """Shorter bursts are not felt."""
+
+
+class Timing(Struct, frozen=True):
+    """When things happened, on the run's clock. Not part of what a replay compares."""
+
+    processed_ns: int
+    """The conclusion was reached."""
+    commanded_ns: int
+    """The command was handed to the device."""
+    stage_ns: dict[str, int]
+    """Duration of each stage."""
+
+
+class Step(Struct, frozen=True):
+    """One turn of the loop. What is recorded, replayed, drawn, tested and counted."""
+
+    index: int
+    stamp_ns: int
+    observation: Observation
+    graph: SceneGraph
+    conclusion: Conclusion
+    command: HapticCommand
+    timing: Timing | None = None
+    """Added by `Pipeline.run`; None straight out of `Pipeline.step`."""
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """What went wrong in or before this step."""
+        return self.observation.faults

@@ -1,0 +1,1 @@
+"""From pixels to places in the eye frame: registration, detection, smoothing; the displayed picture."""

@@ -1,0 +1,60 @@
+"""The displayed picture, "iOCT-fied" as in the paper (section II-B): eye cut out, zoomed, grey, un-mirrored.
+
+Made for people, after perception has looked at the image; knows nothing of what perception found.
+"""
+
+import cv2
+import numpy as np
+
+from haptigraph.geometry import Vec
+from haptigraph.messages import Image
+from haptigraph.perception.registration import Registration
+
+__all__ = ["IoctView"]
+
+MARGIN = 1.03  # half the picture's side over the globe's radius
+
+
+class IoctView:
+    """Cut the eye out of images of one registration.
+
+    Args:
+        registration: Where the globe is.
+        size_px: Side of the square picture.
+    """
+
+    def __init__(self, registration: Registration, size_px: int = 480) -> None:
+        self.size_px = size_px
+        self._half_mm = registration.globe.radius_mm * MARGIN
+        corners_mm = [self._to_mm(corner) for corner in ((0, 0), (size_px, 0), (0, size_px))]
+        self._image_from_view = cv2.getAffineTransform(
+            np.array(((0, 0), (size_px, 0), (0, size_px)), np.float32),
+            np.array([registration.image.to_px(corner) for corner in corners_mm], np.float32),
+        )
+        y, x = np.ogrid[:size_px, :size_px]
+        center = (size_px - 1) / 2
+        self._outside = np.hypot(x - center, y - center) > size_px / 2 / MARGIN
+
+    def __call__(self, image: Image) -> Image:
+        """Return the picture, (size, size) grey."""
+        grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+        view = cv2.warpAffine(
+            grey,
+            self._image_from_view,
+            (self.size_px, self.size_px),
+            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+        )
+        view[self._outside] = 0
+        return np.asarray(view, np.uint8)
+
+    def to_px(self, at_mm: Vec) -> Vec:
+        """Turn an eye-frame position [mm] into pixels of the picture."""
+        scale = self.size_px / (2 * self._half_mm)
+        return (
+            (at_mm[0] + self._half_mm) * scale - 0.5,
+            (self._half_mm - at_mm[1]) * scale - 0.5,
+        )
+
+    def _to_mm(self, at_px: Vec) -> Vec:
+        scale = 2 * self._half_mm / self.size_px
+        return (at_px[0] + 0.5) * scale - self._half_mm, self._half_mm - (at_px[1] + 0.5) * scale

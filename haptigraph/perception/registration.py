@@ -1,0 +1,221 @@
+"""Registration: where the static anatomy lies in the image; read from TOML, checked, put into the eye frame.
+
+Knows nothing of needles. The format is described in docs/conventions.md.
+"""
+
+import hashlib
+import math
+from itertools import pairwise
+from pathlib import Path
+
+from msgspec import Struct, field
+
+from haptigraph.config import Document
+from haptigraph.geometry import (
+    Circle,
+    Geometry,
+    ImageGeometry,
+    Point,
+    Polyline,
+    Vec,
+    distance_to_polyline,
+    norm,
+    subtract,
+)
+
+__all__ = ["Registration", "load_registration", "parse_registration"]
+
+FORMAT = 1
+DIAMETER_RANGE_MM = (15.0, 35.0)  # eyes of children, adults, pigs and their phantoms
+SMALLEST_RADIUS_PX = 60.0  # below, the 0.7 mm zones are under 4 px wide
+TARGET_TOLERANCE_MM = 0.35  # half the touching distance
+CONTOUR_TOLERANCE_MM = 0.5
+WALL_RANGE_MM = (
+    -0.7,
+    3.0,
+)  # a trocar sits anywhere in the wall, measured outwards from the globe's inner side
+SHORTEST_AXIS_MM = 5.0
+
+
+class _Image(Struct, frozen=True, forbid_unknown_fields=True):
+    width: int
+    height: int
+    mirrored: bool
+
+
+class _Globe(Struct, frozen=True, forbid_unknown_fields=True):
+    center_px: Vec
+    radius_px: float
+    diameter_mm: float
+
+
+class _Retina(Struct, frozen=True, forbid_unknown_fields=True):
+    contour_px: tuple[Vec, ...]
+
+
+class _Target(Struct, frozen=True, forbid_unknown_fields=True):
+    point_px: Vec
+
+
+class _Trocar(Struct, frozen=True, forbid_unknown_fields=True):
+    name: str
+    point_px: Vec
+    used: bool
+
+
+class _File(Struct, frozen=True, forbid_unknown_fields=True):
+    format: int
+    image: _Image
+    globe: _Globe
+    retina: _Retina
+    target: _Target
+    trocars: tuple[_Trocar, ...] = field(name="trocar")
+
+
+class Registration(Struct, frozen=True):
+    """The static anatomy of one set-up."""
+
+    width_px: int
+    height_px: int
+    image: ImageGeometry
+    globe: Circle
+    retina: Polyline
+    target: Point
+    trocar: Point
+    """The trocar in use, the needle's pivot."""
+    text: str
+    """The file as read; recordings keep it."""
+
+    @property
+    def sha256(self) -> str:
+        """Fingerprint of the file's text."""
+        return hashlib.sha256(self.text.encode()).hexdigest()
+
+    @property
+    def anatomy(self) -> dict[str, Geometry]:
+        """The static entities by name, eye frame."""
+        return {
+            "eye_globe": self.globe,
+            "retina_surface": self.retina,
+            "retina_target": self.target,
+            "trocar": self.trocar,
+        }
+
+
+def load_registration(path: str | Path) -> Registration:
+    """Read and check a registration file.
+
+    Raises:
+        BadInput: With file, line and reason, if it cannot be read or makes no sense.
+    """
+    return _registration(Document.read(path))
+
+
+def parse_registration(text: str, file: str) -> Registration:
+    """Read and check a registration from text, for example from a recording; `file` names it in errors."""
+    return _registration(Document(text, file))
+
+
+def _registration(document: Document) -> Registration:
+    data = document.convert(_File)
+    if data.format != FORMAT:
+        raise document.error(
+            f"format {data.format} is not known; this version reads format {FORMAT}", "format"
+        )
+    _check_image_and_globe(document, data)
+    geometry = ImageGeometry(
+        center_px=data.globe.center_px,
+        mm_per_px=data.globe.diameter_mm / (2 * data.globe.radius_px),
+        mirrored=data.image.mirrored,
+    )
+    globe = Circle((0.0, 0.0), data.globe.diameter_mm / 2)
+    retina = Polyline(tuple(geometry.to_mm(point) for point in data.retina.contour_px))
+    target = geometry.to_mm(data.target.point_px)
+    _check_retina(document, retina, globe)
+    off_mm = distance_to_polyline(target, retina)
+    if off_mm > TARGET_TOLERANCE_MM:
+        raise document.error(
+            f"the target lies {off_mm:.2f} mm off the retina; at most {TARGET_TOLERANCE_MM} mm is plausible",
+            "target.point_px",
+        )
+    return Registration(
+        width_px=data.image.width,
+        height_px=data.image.height,
+        image=geometry,
+        globe=globe,
+        retina=retina,
+        target=Point(target),
+        trocar=Point(_used_trocar(document, data, geometry, globe, target)),
+        text=document.text,
+    )
+
+
+def _check_image_and_globe(document: Document, data: _File) -> None:
+    image, globe = data.image, data.globe
+    if image.width < 1 or image.height < 1:
+        raise document.error(f"image size {image.width} x {image.height} px is not a size", "image.width")
+    low, high = DIAMETER_RANGE_MM
+    if not low <= globe.diameter_mm <= high:
+        raise document.error(
+            f"a globe of {globe.diameter_mm:g} mm is not an eye; {low:g} to {high:g} mm is plausible",
+            "globe.diameter_mm",
+        )
+    largest_px = math.hypot(image.width, image.height) / 2
+    if not SMALLEST_RADIUS_PX <= globe.radius_px <= largest_px:
+        raise document.error(
+            f"a globe radius of {globe.radius_px:g} px gives an implausible scale; in such an image "
+            f"{SMALLEST_RADIUS_PX:g} to {largest_px:.0f} px is plausible",
+            "globe.radius_px",
+        )
+    x, y = globe.center_px
+    if not (0 <= x < image.width and 0 <= y < image.height):
+        raise document.error(
+            f"the globe's centre ({x:g}, {y:g}) px lies outside the {image.width} x {image.height} px image",
+            "globe.center_px",
+        )
+
+
+def _check_retina(document: Document, retina: Polyline, globe: Circle) -> None:
+    path = "retina.contour_px"
+    if len(retina.points_mm) < 3:
+        raise document.error(f"a contour of {len(retina.points_mm)} points; at least 3 are needed", path)
+    for number, point in enumerate(retina.points_mm):
+        beyond_mm = norm(point) - globe.radius_mm
+        if beyond_mm > CONTOUR_TOLERANCE_MM:
+            raise document.error(
+                f"contour point {number} lies {beyond_mm:.2f} mm outside the globe; all must lie inside", path
+            )
+    turns = [a[0] * b[1] - a[1] * b[0] for a, b in pairwise(retina.points_mm)]
+    if not (all(turn > 0 for turn in turns) or all(turn < 0 for turn in turns)):
+        wrong = next(number for number, turn in enumerate(turns, 1) if turn * turns[0] <= 0)
+        raise document.error(
+            f"contour point {wrong} goes back; points must follow the retina in one direction",
+            path,
+        )
+
+
+def _used_trocar(document: Document, data: _File, geometry: ImageGeometry, globe: Circle, target: Vec) -> Vec:
+    low, high = WALL_RANGE_MM
+    for number, trocar in enumerate(data.trocars):
+        outwards_mm = norm(geometry.to_mm(trocar.point_px)) - globe.radius_mm
+        if not low <= outwards_mm <= high:
+            side = "inside" if outwards_mm < 0 else "outside"
+            raise document.error(
+                f"trocar {trocar.name!r} lies {abs(outwards_mm):.2f} mm {side} the globe's inner wall; "
+                f"it must sit in the wall, at most {-low:g} mm inside or {high:g} mm outside",
+                f"trocar[{number}].point_px",
+            )
+    used = [trocar for trocar in data.trocars if trocar.used]
+    if len(used) != 1:
+        raise document.error(
+            f"{len(used)} of {len(data.trocars)} trocars are marked used; exactly one must be", "trocar"
+        )
+    point = geometry.to_mm(used[0].point_px)
+    length_mm = norm(subtract(target, point))
+    if length_mm < SHORTEST_AXIS_MM:
+        raise document.error(
+            f"trocar {used[0].name!r} is {length_mm:.1f} mm from the target; "
+            f"{SHORTEST_AXIS_MM:g} mm or more is plausible",
+            "target.point_px",
+        )
+    return point

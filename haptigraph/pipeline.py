@@ -1,0 +1,284 @@
+"""The main loop. `Pipeline.step` turns one capture into one step; `Loop.run` does so until the source ends.
+
+`step` is deterministic: the same captures give the same steps, bit for bit. `run` paces, stamps, counts and
+reports; what goes wrong on the way becomes a fault in a step. Knows every stage by its Protocol only.
+"""
+
+import math
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from typing import Protocol, TypeVar
+
+import numpy as np
+from msgspec import Struct, field
+from msgspec.structs import replace
+
+from haptigraph.clock import Clock
+from haptigraph.errors import EndOfSource, HaptigraphError, PerceiverBroken, SourceLost
+from haptigraph.messages import Capture, Fault, Observation, Step, Timing
+from haptigraph.stages import Perceiver, Reasoner, Renderer, SceneBuilder, Sink, Source
+
+__all__ = ["Durations", "Hand", "Loop", "Pipeline", "RunReport"]
+
+MOST_PERCEIVER_FAULTS = 3
+STAGES = ("read", "perceive", "build_scene", "reason", "render", "step")
+
+Input = TypeVar("Input", contravariant=True)
+Output = TypeVar("Output", covariant=True)
+
+
+class Hand(Protocol):
+    """Where commands go: the guard, alone or with its player."""
+
+    def send(self, step: Step, now_ns: int) -> None:
+        """Take the newest step."""
+        ...
+
+    def take_faults(self) -> tuple[Fault, ...]:
+        """Return what went wrong since last asked."""
+        ...
+
+    def close(self) -> None:
+        """Still the hand for good."""
+        ...
+
+
+class Durations:
+    """Percentiles of many durations in little memory: a histogram with 1 % wide bins, 100 ns to 1000 s."""
+
+    def __init__(self) -> None:
+        self._counts = np.zeros(2400, np.int64)
+
+    def add(self, duration_ns: int) -> None:
+        """Count one duration."""
+        place = int(math.log(max(duration_ns, 100) / 100, 1.01))
+        self._counts[min(place, len(self._counts) - 1)] += 1
+
+    def percentile_ms(self, percent: float) -> float:
+        """Return a percentile [ms]; nan if nothing was counted."""
+        total = int(self._counts.sum())
+        if total == 0:
+            return float("nan")
+        place = int(np.searchsorted(np.cumsum(self._counts), total * percent / 100))
+        return float(100 * 1.01 ** (place + 0.5) / 1e6)
+
+
+class RunReport(Struct):
+    """How a run went, as a machine sees it."""
+
+    steps: int = 0
+    seconds: float = 0.0
+    """On the run's clock, from the first to the last step."""
+    wall_s: float = 0.0
+    overruns: int = 0
+    """Images that were due before the loop was ready for them."""
+    skipped: int = 0
+    """Images of a live source that the loop was too slow to see."""
+    dropped: int = 0
+    """Items that sinks could not keep."""
+    faults: Counter[str] = field(default_factory=Counter)
+    """How often each fault came."""
+    stages: dict[str, Durations] = field(default_factory=lambda: {name: Durations() for name in STAGES})
+    """Duration of reading an image, of each stage, and of the whole "step"."""
+    ended: str = "source ended"
+    """Why the run ended."""
+
+    @property
+    def rate_hz(self) -> float:
+        """Steps per second of wall-clock time."""
+        return self.steps / self.wall_s if self.wall_s > 0 else 0.0
+
+
+class Pipeline:
+    """The four stages from an image to a haptic command.
+
+    Args:
+        perceive: Image -> observation.
+        build_scene: Observation -> scene graph.
+        reason: Scene graph -> conclusion.
+        render: Conclusion -> haptic command.
+    """
+
+    def __init__(
+        self, *, perceive: Perceiver, build_scene: SceneBuilder, reason: Reasoner, render: Renderer
+    ) -> None:
+        self.stage_ns: dict[str, int] = {}
+        """How long each stage took in the last step."""
+        self._perceiver = perceive
+        self._stages = (perceive, build_scene, reason, render)
+        self.perceive = self._timed("perceive", self._perceive)
+        self.build_scene = self._timed("build_scene", build_scene)
+        self.reason = self._timed("reason", reason)
+        self.render = self._timed("render", render)
+
+    def step(self, capture: Capture) -> Step:
+        """Turn one capture into one step."""
+        observation = self.perceive(capture)  # image (px) -> where things are (eye frame, mm)
+        graph = self.build_scene(observation)  # -> which relations hold
+        conclusion = self.reason(graph)  # -> surgical state, the rule that fired, why
+        command = self.render(conclusion)  # -> what the hand feels
+        return Step(capture.index, capture.stamp_ns, observation, graph, conclusion, command)
+
+    def reset(self) -> None:
+        """Forget all earlier captures."""
+        for stage in self._stages:
+            stage.reset()
+
+    def _perceive(self, capture: Capture) -> Observation:
+        """Look at an image; see nothing where there is none or where the perceiver fails."""
+        faults = capture.faults
+        if capture.image is not None:
+            try:
+                return replace(self._perceiver(capture), faults=faults)
+            except HaptigraphError:
+                raise
+            except Exception as error:  # a perceiver may be anyone's
+                faults = (*faults, Fault("perceiver", f"{type(error).__name__}: {error}"))
+        self._perceiver.reset()
+        return Observation(capture.stamp_ns, {}, faults)
+
+    def _timed(self, name: str, stage: Callable[[Input], Output]) -> Callable[[Input], Output]:
+        def timed(message: Input) -> Output:
+            begun_ns = time.perf_counter_ns()
+            result = stage(message)
+            self.stage_ns[name] = time.perf_counter_ns() - begun_ns
+            return result
+
+        return timed
+
+
+class Loop:
+    """One assembled system, from source to hand.
+
+    Args:
+        pipeline: The stages.
+        source: Where images come from.
+        hand: Where commands go.
+        sinks: Who else sees every step.
+        clock: The run's clock; with a virtual one the loop runs as fast as it can.
+        stale_ms: Without a new image for so long, the needle counts as lost.
+    """
+
+    def __init__(
+        self,
+        pipeline: Pipeline,
+        *,
+        source: Source,
+        hand: Hand,
+        sinks: Sequence[Sink] = (),
+        clock: Clock,
+        stale_ms: float = 100.0,
+    ) -> None:
+        self.pipeline, self.source, self.hand, self.sinks = pipeline, source, hand, tuple(sinks)
+        self.report = RunReport()
+        self._clock, self._stale_ms = clock, stale_ms
+        self._start_ns: int | None = None
+        self._index = -1
+
+    def run(self) -> RunReport:
+        """Run until the source ends or Ctrl-C, and return how it went. See `steps`."""
+        try:
+            for _ in self.steps():
+                pass
+        except KeyboardInterrupt:
+            self.report.ended = "interrupted"
+        return self.report
+
+    def steps(self) -> Iterator[Step]:
+        """Yield every step, after it was felt and recorded, until the source ends.
+
+        The hand is stilled and everything closed on every way out.
+
+        Raises:
+            PerceiverBroken: If perception failed on three images in a row.
+            HaptigraphError: If the source's images cannot be used.
+        """
+        begun_s, first_ns, broken_in_row = time.perf_counter(), None, 0
+        try:
+            for capture in self._captures():
+                step = self._turn(capture)
+                first_ns = step.stamp_ns if first_ns is None else first_ns
+                self.report.steps += 1
+                self.report.seconds = (step.stamp_ns - first_ns) / 1e9
+                self.report.wall_s = time.perf_counter() - begun_s
+                failed = any(fault.where == "perceiver" for fault in step.faults)
+                broken_in_row = broken_in_row + 1 if failed else 0
+                if broken_in_row == MOST_PERCEIVER_FAULTS:
+                    raise PerceiverBroken(
+                        f"perception failed on {broken_in_row} images in a row: {step.faults[-1].message}"
+                    )
+                yield step
+        finally:
+            self._close()
+
+    def _turn(self, capture: Capture) -> Step:
+        """Make one step, let it be felt, hand it to the sinks."""
+        begun_ns = time.perf_counter_ns()
+        step = self.pipeline.step(capture)
+        stage_ns = {**self.pipeline.stage_ns, "step": time.perf_counter_ns() - begun_ns}
+        processed_ns = self._clock.now_ns()
+        self.hand.send(step, processed_ns)
+        step = replace(step, timing=Timing(processed_ns, self._clock.now_ns(), stage_ns))
+        for sink in self.sinks:
+            sink.write(capture, step)
+        for name, duration_ns in stage_ns.items():
+            self.report.stages[name].add(duration_ns)
+        self.report.faults.update(f"{fault.where}: {fault.message}" for fault in step.faults)
+        return step
+
+    def _captures(self) -> Iterator[Capture]:
+        """Yield what the source delivers, and what goes wrong meanwhile outside the stages."""
+        while True:
+            faults = self._take_faults()
+            begun_ns = time.perf_counter_ns()
+            lost = f"stale image: none for {self._stale_ms:g} ms"
+            try:
+                capture = self.source.read(self._stale_ms / 1e3)
+            except EndOfSource:
+                self._clock.wait_until(self._clock.now_ns() + round(1e9 / self.source.rate_hz))
+                yield self._blank("source ended", faults)
+                return
+            except SourceLost as error:
+                capture, lost = None, str(error)
+            self.report.stages["read"].add(time.perf_counter_ns() - begun_ns)
+            if capture is None:
+                yield self._blank(lost, faults)
+                continue
+            if not self.source.is_live:
+                capture = self._paced(capture)
+            self.report.skipped += max(capture.index - self._index - 1, 0)
+            self._index = capture.index
+            yield replace(capture, faults=(*capture.faults, *faults))
+
+    def _blank(self, message: str, faults: tuple[Fault, ...]) -> Capture:
+        """Make the capture of a moment without image, so that a step says the needle is lost, and why."""
+        faults = (*faults, Fault("source", message))
+        return Capture(max(self._index, 0), self._clock.now_ns(), None, faults=faults)
+
+    def _paced(self, capture: Capture) -> Capture:
+        """Wait until a capture is due and stamp it; the schedule slips when the loop is late."""
+        now_ns = self._clock.now_ns()
+        if self._start_ns is None:
+            self._start_ns = now_ns - capture.stamp_ns
+        late_ns = now_ns - self._start_ns - capture.stamp_ns
+        if late_ns > 0:
+            self.report.overruns += 1
+            self._start_ns += late_ns
+        due_ns = self._start_ns + capture.stamp_ns
+        self._clock.wait_until(due_ns)
+        return replace(capture, stamp_ns=due_ns)
+
+    def _take_faults(self) -> tuple[Fault, ...]:
+        of_sinks = [fault for sink in self.sinks for fault in sink.take_faults()]
+        return *self.hand.take_faults(), *of_sinks
+
+    def _close(self) -> None:
+        try:
+            self.hand.close()
+        finally:
+            self.source.close()
+            for sink in self.sinks:
+                sink.close()
+                self.report.dropped += sink.dropped
+            self.report.faults.update(f"{fault.where}: {fault.message}" for fault in self._take_faults())

@@ -1,0 +1,57 @@
+"""Images as bytes and back: JPEG and lossless PNG. Decoding the same bytes always gives the same pixels."""
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from haptigraph.messages import Image
+
+__all__ = ["decode", "encode_jpeg", "encode_png", "format_of"]
+
+# Filtering by the row above and plain Huffman coding: half the time of OpenCV's default, hardly larger.
+PNG_PARAMETERS = (
+    cv2.IMWRITE_PNG_COMPRESSION,
+    1,
+    cv2.IMWRITE_PNG_STRATEGY,
+    cv2.IMWRITE_PNG_STRATEGY_HUFFMAN_ONLY,
+    cv2.IMWRITE_PNG_FILTER,
+    cv2.IMWRITE_PNG_FILTER_UP,
+)
+
+
+def encode_png(image: Image) -> bytes:
+    """Compress an image without loss."""
+    return _encode(".png", image, PNG_PARAMETERS)
+
+
+def encode_jpeg(image: Image, quality: int) -> bytes:
+    """Compress an image as JPEG of a quality from 1 to 100."""
+    return _encode(".jpg", image, (cv2.IMWRITE_JPEG_QUALITY, quality))
+
+
+def decode(data: bytes) -> Image:
+    """Return the image in JPEG or PNG bytes, grey or BGR as it was stored.
+
+    Raises:
+        ValueError: If the bytes are no image.
+    """
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_ANYCOLOR)
+    except cv2.error:
+        image = None
+    if image is None or image.dtype != np.uint8:
+        raise ValueError(f"{len(data)} bytes that are no 8-bit image")
+    return np.asarray(image, np.uint8)
+
+
+def format_of(data: bytes) -> str:
+    """Return "jpeg" or "png"."""
+    return "jpeg" if data.startswith(b"\xff\xd8") else "png"
+
+
+def _encode(suffix: str, image: Image, parameters: Sequence[int]) -> bytes:
+    done, data = cv2.imencode(suffix, image, parameters)
+    if not done:
+        raise ValueError(f"an image of shape {image.shape} cannot be stored as {suffix}")
+    return data.tobytes()

@@ -1,0 +1,176 @@
+"""The few Foxglove messages a recording uses, so that Foxglove shows images, drawings and faults unaided.
+
+Field names follow the published schemas (https://docs.foxglove.dev/docs/visualization/message-schemas).
+"""
+
+from typing import Any
+
+import msgspec
+from msgspec import Struct
+
+from haptigraph.geometry import Circle, Geometry, ImageGeometry, Point, Polyline, Segment
+
+__all__ = ["CompressedImage", "ImageAnnotations", "Log", "Time", "annotations", "foxglove_schema"]
+
+LINE_STRIP = 3
+WARNING = 3
+
+
+class Time(Struct, frozen=True):
+    """Wall-clock time."""
+
+    sec: int
+    nsec: int
+
+    @classmethod
+    def from_ns(cls, utc_ns: int) -> "Time":
+        """Split nanoseconds since 1970."""
+        return cls(*divmod(utc_ns, 1_000_000_000))
+
+
+class Color(Struct, frozen=True):
+    """A colour, each part in [0, 1]."""
+
+    r: float
+    g: float
+    b: float
+    a: float = 1.0
+
+
+class Point2(Struct, frozen=True):
+    """A place in an image [px]."""
+
+    x: float
+    y: float
+
+
+class CompressedImage(Struct, frozen=True):
+    """foxglove.CompressedImage."""
+
+    timestamp: Time
+    frame_id: str
+    data: bytes
+    format: str
+
+
+class CircleAnnotation(Struct, frozen=True):
+    """foxglove.CircleAnnotation."""
+
+    timestamp: Time
+    position: Point2
+    diameter: float
+    thickness: float
+    fill_color: Color
+    outline_color: Color
+
+
+class PointsAnnotation(Struct, frozen=True):
+    """foxglove.PointsAnnotation."""
+
+    timestamp: Time
+    type: int
+    points: tuple[Point2, ...]
+    outline_color: Color
+    outline_colors: tuple[Color, ...]
+    fill_color: Color
+    thickness: float
+
+
+class TextAnnotation(Struct, frozen=True):
+    """foxglove.TextAnnotation."""
+
+    timestamp: Time
+    position: Point2
+    text: str
+    font_size: float
+    text_color: Color
+    background_color: Color
+
+
+class ImageAnnotations(Struct, frozen=True):
+    """foxglove.ImageAnnotations."""
+
+    circles: tuple[CircleAnnotation, ...]
+    points: tuple[PointsAnnotation, ...]
+    texts: tuple[TextAnnotation, ...]
+
+
+class Log(Struct, frozen=True):
+    """foxglove.Log."""
+
+    timestamp: Time
+    level: int
+    message: str
+    name: str
+    file: str = ""
+    line: int = 0
+
+
+INSTRUMENT = Color(0.98, 0.75, 0.18)
+ANATOMY = Color(0.35, 0.75, 0.95)
+CLEAR = Color(0.0, 0.0, 0.0, 0.0)
+DOT_MM = 0.35
+
+
+def annotations(
+    time: Time, found: dict[str, Geometry], image: ImageGeometry, caption: str
+) -> ImageAnnotations:
+    """Draw what was found over the image as stored."""
+    circles, lines = [], []
+    for name, shape in found.items():
+        color = INSTRUMENT if name.startswith("needle") else ANATOMY
+        if isinstance(shape, Point):
+            circles.append(_circle(time, Circle(shape.at_mm, DOT_MM), image, color))
+        elif isinstance(shape, Circle):
+            circles.append(_circle(time, shape, image, color))
+        else:
+            places = shape.points_mm if isinstance(shape, Polyline) else _ends(shape)
+            points = tuple(Point2(*image.to_px(place)) for place in places)
+            lines.append(PointsAnnotation(time, LINE_STRIP, points, color, (), CLEAR, 2.0))
+    text = TextAnnotation(time, Point2(12.0, 12.0), caption, 20.0, Color(1.0, 1.0, 1.0), Color(0, 0, 0, 0.6))
+    return ImageAnnotations(tuple(circles), tuple(lines), (text,))
+
+
+def foxglove_schema(type_: type, title: str) -> dict[str, Any]:
+    """Describe a message in the part of JSON Schema that Foxglove reads.
+
+    That part knows objects, numbers, texts, and lists of these, spelled out in place. What it cannot say
+    (shapes of several kinds, lists of lists) is left out; it is in the message all the same.
+    """
+    components = msgspec.json.schema_components([type_])[1]
+    schema = _plain({"$ref": f"#/$defs/{type_.__name__}"}, components)
+    if schema is None:
+        raise TypeError(f"{type_} is not an object")
+    return {"title": title, **schema}
+
+
+def _circle(time: Time, circle: Circle, image: ImageGeometry, color: Color) -> CircleAnnotation:
+    center = Point2(*image.to_px(circle.center_mm))
+    return CircleAnnotation(time, center, 2 * circle.radius_mm / image.mm_per_px, 2.0, CLEAR, color)
+
+
+def _ends(segment: Segment) -> tuple[tuple[float, float], ...]:
+    return segment.start_mm, segment.end_mm
+
+
+def _plain(schema: dict[str, Any], components: dict[str, Any]) -> dict[str, Any] | None:
+    """Spell out references and drop what Foxglove's reader refuses."""
+    if "$ref" in schema:
+        return _plain(components[schema["$ref"].rpartition("/")[2]], components)
+    if "anyOf" in schema:
+        choices = [choice for choice in schema["anyOf"] if choice.get("type") != "null"]
+        return _plain(choices[0], components) if len(choices) == 1 else None
+    if "enum" in schema:
+        return {"type": "string"}
+    kind = schema.get("type")
+    if kind == "object":
+        fields = {name: _plain(field, components) for name, field in schema.get("properties", {}).items()}
+        return {"type": "object", "properties": {name: field for name, field in fields.items() if field}}
+    if kind == "array":
+        inner = schema.get("items") or next(iter(schema.get("prefixItems", ())), None)
+        item = _plain(inner, components) if inner else None
+        return {"type": "array", "items": item} if item and item["type"] != "array" else None
+    if kind == "string":
+        encoding = {"contentEncoding": "base64"} if schema.get("contentEncoding") == "base64" else {}
+        return {"type": "string", **encoding}
+    return {"type": kind} if kind in ("boolean", "number", "integer") else None

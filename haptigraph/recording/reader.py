@@ -1,0 +1,122 @@
+"""Read recordings back: the header, and captures and steps in order. Interrupted recordings read as well."""
+
+from collections.abc import Container, Generator, Iterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from mcap.records import Channel, Message, Metadata
+
+from haptigraph.errors import BadInput
+from haptigraph.messages import Capture, Step
+from haptigraph.recording.codec import decode
+from haptigraph.recording.foxglove import CompressedImage
+from haptigraph.recording.journal import complete_records, is_whole
+from haptigraph.recording.schema import FORMAT, TOPICS, CaptureRecord, RunInfo
+from haptigraph.recording.writer import METADATA
+
+__all__ = ["RunReader"]
+
+FOR_VIEWERS = ("/camera/annotations", "/log")
+DECODERS: dict[str, msgspec.json.Decoder[Any]] = {
+    topic.name: msgspec.json.Decoder(topic.type) for topic in TOPICS if topic.name not in FOR_VIEWERS
+}
+
+
+class RunReader:
+    """One recording.
+
+    Args:
+        path: The MCAP file.
+
+    Raises:
+        BadInput: If it cannot be read or is no recording of haptigraph.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self.info = self._read_info()
+        self.is_whole = is_whole(self.path)
+        """False if the recording process was interrupted."""
+
+    def records(self, *, images: Container[int] | None = None) -> Generator[tuple[Capture, Step], None, None]:
+        """Yield every capture with the step that was made of it.
+
+        Args:
+            images: Numbers of the steps whose images are decoded, counted from 0; None: all.
+
+        Raises:
+            BadInput: If a message cannot be decoded.
+        """
+        for sequence, messages in self._groups(images):
+            if messages.keys() >= {"/capture", "/observation", "/graph", "/state", "/command"}:
+                yield self._record(sequence, messages)
+
+    def dropped_images(self) -> int:
+        """Count the images that perception saw but the recorder had no time to keep."""
+        return sum(
+            messages["/capture"].image == "dropped"
+            for _, messages in self._groups(images=())
+            if "/capture" in messages
+        )
+
+    def _record(self, sequence: int, messages: dict[str, Any]) -> tuple[Capture, Step]:
+        record: CaptureRecord = messages["/capture"]
+        compressed: CompressedImage | None = messages.get("/camera/image")
+        data = compressed.data if compressed else None
+        try:
+            image = decode(data) if data is not None else None
+        except ValueError as error:
+            raise BadInput(f"image cannot be decoded: {error}", self.path, f"step {sequence}") from None
+        capture = Capture(record.index, record.stamp_ns, image, data, record.faults, record.truth)
+        step = Step(
+            record.index,
+            record.stamp_ns,
+            messages["/observation"],
+            messages["/graph"],
+            messages["/state"],
+            messages["/command"],
+            messages.get("/timing"),
+        )
+        return capture, step
+
+    def _groups(self, images: Container[int] | None) -> Iterator[tuple[int, dict[str, Any]]]:
+        """Gather the messages of each step, which share a sequence number and stand together."""
+        topics: dict[int, str] = {}
+        sequence, messages = 0, dict[str, Any]()
+        for _, record in complete_records(self.path):
+            if isinstance(record, Channel):
+                topics[record.id] = record.topic
+            if not isinstance(record, Message):
+                continue
+            topic = topics.get(record.channel_id, "")
+            if record.sequence != sequence:
+                yield sequence, messages
+                sequence, messages = record.sequence, {}
+            wanted = topic != "/camera/image" or images is None or sequence in images
+            if topic in DECODERS and wanted:
+                messages[topic] = self._decoded(topic, record)
+        if messages:
+            yield sequence, messages
+
+    def _decoded(self, topic: str, record: Message) -> Any:
+        try:
+            return DECODERS[topic].decode(record.data)
+        except msgspec.DecodeError as error:
+            raise BadInput(f"{topic} cannot be read: {error}", self.path, f"step {record.sequence}") from None
+
+    def _read_info(self) -> RunInfo:
+        for _, record in complete_records(self.path):
+            if isinstance(record, Metadata) and record.name == METADATA:
+                try:
+                    info = msgspec.convert(record.metadata, RunInfo, strict=False)
+                except msgspec.ValidationError as error:
+                    raise BadInput(f"header cannot be read: {error}", self.path) from None
+                if info.format != FORMAT:
+                    raise BadInput(
+                        f"recording format {info.format!r}; this version reads {FORMAT!r}", self.path
+                    )
+                return info
+            if isinstance(record, Message):
+                break
+        raise BadInput("no recording of haptigraph (its header is missing)", self.path)

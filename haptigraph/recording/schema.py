@@ -1,0 +1,103 @@
+"""What a recording contains: one table of topics, and the header that makes it replayable.
+
+docs/recordings.md is written from this table; a test holds the two together.
+"""
+
+from typing import Any, Literal, NamedTuple, TypeAlias
+
+from msgspec import Struct
+
+from haptigraph.graph import SceneGraph
+from haptigraph.messages import Conclusion, Fault, HapticCommand, Observation, Timing, Truth
+from haptigraph.recording.foxglove import CompressedImage, ImageAnnotations, Log, foxglove_schema
+
+__all__ = ["FORMAT", "TOPICS", "CaptureRecord", "Kept", "RunInfo", "Topic", "mcap_schema"]
+
+FORMAT = "1"
+
+Kept: TypeAlias = Literal["recorded", "dropped", "none"]
+
+
+class RunInfo(Struct, frozen=True):
+    """The header of a recording: all that a replay needs besides the images."""
+
+    version: str
+    """Version of haptigraph that recorded."""
+    started_utc: str
+    """Date and time of the first stamp, ISO 8601."""
+    utc_offset_ns: int
+    """Nanoseconds since 1970 minus stamp_ns."""
+    source: str
+    rate_hz: float
+    config: str
+    """The whole configuration, JSON."""
+    registration: str
+    """The registration file, whole."""
+    registration_sha256: str
+    procedure: str
+    """The procedure file, whole."""
+    procedure_sha256: str
+    participant: str = ""
+    trial: str = ""
+    format: str = FORMAT
+
+
+class CaptureRecord(Struct, frozen=True):
+    """A capture without its image."""
+
+    index: int
+    stamp_ns: int
+    image: Kept
+    """Dropped: perception saw an image that the recorder had no time to keep."""
+    faults: tuple[Fault, ...] = ()
+    truth: Truth | None = None
+
+
+class Topic(NamedTuple):
+    """One line of the table."""
+
+    name: str
+    type: type
+    schema: str
+    unit: str
+    """Units of its numbers."""
+    says: str
+
+
+TOPICS = (
+    Topic(
+        "/camera/image",
+        CompressedImage,
+        "foxglove.CompressedImage",
+        "px",
+        "the JPEG or PNG bytes perception consumed",
+    ),
+    Topic(
+        "/camera/annotations",
+        ImageAnnotations,
+        "foxglove.ImageAnnotations",
+        "px",
+        "what was found, drawn for viewers",
+    ),
+    Topic(
+        "/capture",
+        CaptureRecord,
+        "haptigraph.Capture",
+        "ns, px, mm, deg",
+        "stamp, faults from outside, simulator's truth",
+    ),
+    Topic("/observation", Observation, "haptigraph.Observation", "ns, mm", "where things are, eye frame"),
+    Topic("/graph", SceneGraph, "haptigraph.SceneGraph", "ns, mm, deg", "nodes, edges, measures"),
+    Topic("/state", Conclusion, "haptigraph.Conclusion", "ns", "surgical state and why"),
+    Topic("/command", HapticCommand, "haptigraph.HapticCommand", "ns, ms, Hz", "what the hand feels"),
+    Topic("/timing", Timing, "haptigraph.Timing", "ns", "processed and commanded stamps, stage durations"),
+    Topic("/log", Log, "foxglove.Log", "", "faults, for viewers"),
+)
+
+
+def mcap_schema(topic: Topic, measures: tuple[str, ...]) -> dict[str, Any]:
+    """Return the JSON schema stored with a topic; a graph's lists the measures by name, for plotting."""
+    schema = foxglove_schema(topic.type, topic.schema)
+    if topic.type is SceneGraph:
+        schema["properties"]["measures"]["properties"] = {name: {"type": "number"} for name in measures}
+    return schema

@@ -1,0 +1,172 @@
+"""Write runs to MCAP so that a killed process loses nothing that was written, and compact them when done.
+
+A run is journalled unchunked, each record straight to the file descriptor; on a clean close it is rewritten
+with zstd chunks and an index. Knows nothing of threads; `sinks.recorder` keeps it off the loop.
+"""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import IO, Any, TypeAlias, cast
+
+import msgspec
+from mcap.records import Channel, McapRecord, Message, Metadata, Schema
+from mcap.writer import CompressionType, Writer
+
+from haptigraph.errors import BadInput
+from haptigraph.geometry import ImageGeometry
+from haptigraph.messages import Capture, Step
+from haptigraph.recording.codec import encode_png, format_of
+from haptigraph.recording.foxglove import WARNING, CompressedImage, Log, Time, annotations
+from haptigraph.recording.journal import Journal, complete_records
+from haptigraph.recording.schema import TOPICS, CaptureRecord, Kept, RunInfo, mcap_schema
+
+__all__ = ["METADATA", "Progress", "RunWriter", "compact"]
+
+METADATA = "haptigraph"
+Progress: TypeAlias = Callable[[str, int, int], None]
+"""Called with (what is being done, bytes done, bytes in all)."""
+
+
+class RunWriter:
+    """Append steps to a new recording.
+
+    Args:
+        path: The MCAP file; it must not exist.
+        info: The header.
+        image: Where the eye frame lies in the images, for the drawings.
+        measures: Names of the measures the graphs carry.
+
+    Raises:
+        BadInput: If the file exists or cannot be created.
+    """
+
+    def __init__(
+        self, path: str | Path, info: RunInfo, image: ImageGeometry, measures: tuple[str, ...]
+    ) -> None:
+        self.path = Path(path)
+        self._info, self._image = info, image
+        try:
+            self._file = Journal(os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644))
+        except FileExistsError:
+            raise BadInput("exists already; a recording never overwrites a file", path) from None
+        except OSError as error:
+            raise BadInput(f"cannot be written ({error.strerror})", path) from None
+        self._writer = Writer(cast(IO[bytes], self._file), use_chunking=False)
+        self._writer.start(profile="", library=f"haptigraph {info.version}")
+        self._writer.add_metadata(
+            METADATA, {key: str(value) for key, value in msgspec.to_builtins(info).items()}
+        )
+        self._channels = {}
+        for topic in TOPICS:
+            schema = msgspec.json.encode(mcap_schema(topic, measures))
+            schema_id = self._writer.register_schema(topic.schema, "jsonschema", schema)
+            self._channels[topic.name] = self._writer.register_channel(topic.name, "json", schema_id)
+        self._sequence = 0
+
+    def write(self, capture: Capture, step: Step, *, dropped: bool = False) -> None:
+        """Append one step.
+
+        Args:
+            capture: What the step was made of.
+            step: The step.
+            dropped: True if there was an image but it is not kept.
+
+        Raises:
+            OSError: If the disk does not take it.
+        """
+        time = Time.from_ns(step.stamp_ns + self._info.utc_offset_ns)
+        kept: Kept = "dropped" if dropped else "none" if capture.image is None else "recorded"
+        record = CaptureRecord(capture.index, capture.stamp_ns, kept, capture.faults, capture.truth)
+        self._add("/capture", step.stamp_ns, record)
+        if kept == "recorded":
+            self._add("/camera/image", step.stamp_ns, _compressed(time, capture))
+        drawing = annotations(time, step.observation.found, self._image, step.conclusion.state)
+        self._add("/camera/annotations", step.stamp_ns, drawing)
+        self._add("/observation", step.stamp_ns, step.observation)
+        self._add("/graph", step.stamp_ns, step.graph)
+        self._add("/state", step.stamp_ns, step.conclusion)
+        self._add("/command", step.stamp_ns, step.command)
+        for fault in step.faults:
+            self._add("/log", step.stamp_ns, Log(time, WARNING, fault.message, fault.where))
+        if step.timing is not None:  # last: a step is complete when its timing is there
+            self._add("/timing", step.stamp_ns, step.timing)
+        self._sequence += 1
+
+    def close(self, progress: Progress | None = None) -> None:
+        """Finish the file and compact it. May be called twice."""
+        if self._file.closed:
+            return
+        self._writer.finish()  # type: ignore[no-untyped-call]
+        self._file.close()
+        compact(self.path, progress)
+
+    def abandon(self) -> None:
+        """Close the file as it is, as after a disk error; `recover` reads what there is."""
+        self._file.close()
+
+    def _add(self, topic: str, stamp_ns: int, message: Any) -> None:
+        utc_ns = stamp_ns + self._info.utc_offset_ns
+        self._writer.add_message(
+            channel_id=self._channels[topic],
+            log_time=utc_ns,
+            publish_time=utc_ns,
+            sequence=self._sequence,
+            data=msgspec.json.encode(message),
+        )
+
+
+def compact(path: Path, progress: Progress | None = None) -> int:
+    """Rewrite a recording with chunks, zstd and an index, in its place; return the number of messages.
+
+    A record torn at the end is left out. The file is replaced only when its successor is whole.
+
+    Raises:
+        BadInput: If the file is not a recording.
+        OSError: If the disk does not take it.
+    """
+    part = path.with_name(path.name + ".part")
+    size = path.stat().st_size
+    with part.open("wb") as output:
+        writer = Writer(output, compression=CompressionType.ZSTD)
+        writer.start(library="haptigraph")
+        messages = 0
+        ids: dict[tuple[str, int], int] = {}
+        for done, record in complete_records(path):
+            messages += _copy(record, writer, ids)
+            if progress is not None:
+                progress("compacting the recording", done, size)
+        writer.finish()  # type: ignore[no-untyped-call]
+        output.flush()
+        os.fsync(output.fileno())
+    part.replace(path)
+    return messages
+
+
+def _copy(record: McapRecord, writer: Writer, ids: dict[tuple[str, int], int]) -> int:
+    """Write one record again under the new file's ids; return how many messages it was."""
+    if isinstance(record, Schema) and ("schema", record.id) not in ids:
+        ids["schema", record.id] = writer.register_schema(record.name, record.encoding, record.data)
+    elif isinstance(record, Channel) and ("channel", record.id) not in ids:
+        schema_id = ids["schema", record.schema_id]
+        ids["channel", record.id] = writer.register_channel(record.topic, record.message_encoding, schema_id)
+    elif isinstance(record, Metadata):
+        writer.add_metadata(record.name, record.metadata)
+    elif isinstance(record, Message):
+        writer.add_message(
+            ids["channel", record.channel_id],
+            record.log_time,
+            record.data,
+            record.publish_time,
+            record.sequence,
+        )
+        return 1
+    return 0
+
+
+def _compressed(time: Time, capture: Capture) -> CompressedImage:
+    if capture.encoded is not None:
+        return CompressedImage(time, "camera", capture.encoded, format_of(capture.encoded))
+    if capture.image is None:
+        raise ValueError("a capture without image has none to compress")
+    return CompressedImage(time, "camera", encode_png(capture.image), "png")

@@ -1,0 +1,1 @@
+"""From places to relations: the measures and the builder of scene graphs."""

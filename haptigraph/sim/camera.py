@@ -1,0 +1,261 @@
+"""The simulated camera: puts the needle and its shadow into the painted phantom, then lens and sensor.
+
+Seen through a mirror like the real one. The same pose and image number always give the same pixels.
+Knows nothing of retina, states or touch.
+"""
+
+import math
+from typing import TypeAlias
+
+import cv2
+import numpy as np
+from msgspec import Struct
+from numpy.typing import NDArray
+
+from haptigraph.geometry import ImageGeometry, Vec, norm, subtract
+from haptigraph.messages import Image
+from haptigraph.sim.eye import Eye
+from haptigraph.sim.painter import FloatImage, Look, distance_map, paint_phantom
+
+__all__ = ["Camera", "CameraSettings", "NeedleShape"]
+
+TEXTURE_FINER = 4
+TEXTURE_PAD_PX = 3
+NOISE_MARGIN_PX = 256
+SHADOW_BLUR_PX = 15
+
+Box: TypeAlias = tuple[slice, slice]
+"""Rows and columns of an image."""
+
+
+class CameraSettings(Struct, frozen=True, forbid_unknown_fields=True):
+    """The [camera] table of a scenario."""
+
+    width_px: int = 1280
+    height_px: int = 720
+    center_px: Vec = (640.0, 402.0)
+    """Where the globe's centre appears."""
+    px_per_mm: float = 20.0
+    mirrored: bool = True
+    blur_px: float = 0.8
+    """Deviation of the lens's blur."""
+    vignetting: float = 0.25
+    """Loss of light in the corners."""
+    read_noise_grey: float = 1.0
+    shot_noise_grey: float = 2.5
+    """Deviation at full white; it falls with the square root of the light."""
+    shadow: float = 0.15
+    """Light that the needle takes from the bowl behind it; 0: none."""
+    shadow_shift: Vec = (0.25, 0.3)
+    """How far the shadow falls, (right, down), over the depth of the bowl."""
+
+
+class NeedleShape(Struct, frozen=True, forbid_unknown_fields=True):
+    """The [needle] table of a scenario."""
+
+    diameter_mm: float = 0.8
+    tip_diameter_mm: float = 0.12
+    taper_mm: float = 9.0
+    """Length of the cone behind the tip."""
+    length_mm: float = 60.0
+    brightness: float = 0.5
+    """Of the metal's lit side, in [0, 1]."""
+    highlight: float = 0.35
+    """Added brightness of the reflection along it."""
+
+
+class Camera:
+    """Render one phantom.
+
+    Args:
+        eye: The eye.
+        settings: Lens, sensor, light.
+        needle: The instrument.
+        look: Style of the phantom.
+        seed: Of texture and noise.
+    """
+
+    def __init__(
+        self, eye: Eye, settings: CameraSettings, needle: NeedleShape, look: Look, seed: int
+    ) -> None:
+        self.settings = settings
+        self.geometry = ImageGeometry(settings.center_px, 1 / settings.px_per_mm, settings.mirrored)
+        self._seed = seed
+        size_px = settings.width_px, settings.height_px
+        painted = paint_phantom(eye, self.geometry, size_px, look, seed)
+        self._light = _vignette(size_px, settings.vignetting)
+        self._background = _blurred(painted, settings.blur_px) * self._light[..., None]
+        self._radius_px = eye.radius_mm * settings.px_per_mm
+        distance = distance_map(*size_px, settings.center_px)
+        self._in_bowl = np.clip(self._radius_px - distance, 0, 1)
+        self._in_view = self._needle_in_view(distance, eye)
+        self._shaded_by = self._shading_places(distance)
+        self._color, self._cover = _needle_texture(needle, settings, seed)
+        self._still = np.asarray(cv2.convertScaleAbs(self._background), np.uint8)
+        rng = np.random.default_rng((seed, 3))
+        tile = settings.height_px + NOISE_MARGIN_PX, settings.width_px + NOISE_MARGIN_PX
+        self._noise = rng.standard_normal(tile, np.float32)
+        grey = np.arange(256, dtype=np.float32)
+        self._deviation_of = np.sqrt(settings.read_noise_grey**2 + settings.shot_noise_grey**2 * grey / 255)
+        self._deviation = self._noise_deviation(self._still)
+
+    def render(self, tip_mm: Vec, direction: Vec, number: int) -> Image:
+        """Take one image.
+
+        Args:
+            tip_mm: The needle's tip, eye frame.
+            direction: From the shaft to the tip, length 1, eye frame.
+            number: Of the image; chooses the noise.
+
+        Returns:
+            (height, width, 3) BGR.
+        """
+        tip = self.geometry.to_px(tip_mm)
+        ahead = subtract(self.geometry.to_px((tip_mm[0] + direction[0], tip_mm[1] + direction[1])), tip)
+        along = ahead[0] / norm(ahead), ahead[1] / norm(ahead)
+        image, deviation = self._still.copy(), self._deviation.copy()
+        box = self._needle_box(tip, along)
+        if box is not None:
+            part = self._draw(tip, along, box)
+            image[box], deviation[box] = part, self._noise_deviation(part)
+        return self._with_noise(image, deviation, number)
+
+    def _draw(self, tip: Vec, along: Vec, box: Box) -> Image:
+        """Return a part of the scene with needle and shadow."""
+        scene = self._background[box].copy()
+        self._cast_shadow(scene, tip, along, box)
+        cover = self._warp(self._cover, tip, along, box) * self._in_view[box]
+        color = self._warp(self._color, tip, along, box) * self._light[box]
+        scene = np.asarray(cv2.blendLinear(cv2.merge([color] * 3), scene, cover, 1 - cover), np.float32)
+        return np.asarray(cv2.convertScaleAbs(scene), np.uint8)
+
+    def _cast_shadow(self, scene: FloatImage, tip: Vec, along: Vec, box: Box) -> None:
+        """Darken the bowl, as far as it lies in a box, where the needle stands between it and the light."""
+        (cx, cy), radius = self.settings.center_px, self._radius_px
+        rows, columns = box
+        bowl = self._clipped(
+            max(cx - radius, columns.start),
+            max(cy - radius, rows.start),
+            min(cx + radius, columns.stop - 1),
+            min(cy + radius, rows.stop - 1),
+        )
+        if bowl is None or not self.settings.shadow:
+            return
+        cover = self._warp(self._cover, tip, along, bowl)
+        shift_x, shift_y = (places[bowl] for places in self._shaded_by)
+        shade = cv2.remap(cover, shift_x - bowl[1].start, shift_y - bowl[0].start, cv2.INTER_LINEAR)
+        light = 1 - self.settings.shadow * cv2.blur(shade, (SHADOW_BLUR_PX,) * 2) * self._in_bowl[bowl]
+        part = np.s_[
+            bowl[0].start - rows.start : bowl[0].stop - rows.start,
+            bowl[1].start - columns.start : bowl[1].stop - columns.start,
+        ]
+        scene[part] = cv2.multiply(scene[part], cv2.merge([light] * 3))
+
+    def _noise_deviation(self, image: Image) -> FloatImage:
+        """Return the deviation of the sensor's noise for what it sees, (h, w) grey levels."""
+        return np.asarray(cv2.LUT(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), self._deviation_of), np.float32)
+
+    def _with_noise(self, image: Image, deviation: FloatImage, number: int) -> Image:
+        """Add the sensor's noise, the same in all three colours (JPEG keeps hardly more)."""
+        rng = np.random.default_rng((self._seed, 4, number))
+        top, left = rng.integers(0, NOISE_MARGIN_PX, 2)
+        noise = self._noise[top : top + image.shape[0], left : left + image.shape[1]]
+        # Brighter and darker apart, each saturating in 8 bits: four times as fast as one pass in float.
+        for change, scale in ((cv2.add, 1), (cv2.subtract, -1)):
+            grey = cv2.multiply(deviation, noise, scale=scale, dtype=cv2.CV_8U)
+            image = np.asarray(change(image, cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)), np.uint8)
+        return image
+
+    def _warp(self, texture: FloatImage, tip: Vec, along: Vec, box: Box) -> FloatImage:
+        """Lay a needle texture (tip at its left edge's middle) into a box of the image."""
+        rows, columns = box
+        middle = (texture.shape[0] - 1) / 2
+        x, y = tip[0] - columns.start, tip[1] - rows.start
+        # Columns of the texture run from the tip back along the shaft, rows run across it.
+        box_from_texture = np.array(
+            [
+                [-along[0], -along[1], x + TEXTURE_PAD_PX * along[0] + middle * along[1]],
+                [-along[1], along[0], y + TEXTURE_PAD_PX * along[1] - middle * along[0]],
+            ]
+        )
+        size = columns.stop - columns.start, rows.stop - rows.start
+        return np.asarray(cv2.warpAffine(texture, box_from_texture, size, flags=cv2.INTER_LINEAR), np.float32)
+
+    def _needle_box(self, tip: Vec, along: Vec) -> Box | None:
+        """Return the part of the image that needle and shadow can touch; None if they are out of view."""
+        length = self._cover.shape[1]
+        end = tip[0] - length * along[0], tip[1] - length * along[1]
+        margin = self._cover.shape[0] / 2 + 2
+        right, down = (
+            shift * self._radius_px if self.settings.shadow else 0 for shift in self.settings.shadow_shift
+        )
+        left_px, right_px = sorted((tip[0], end[0]))
+        top_px, bottom_px = sorted((tip[1], end[1]))
+        return self._clipped(
+            left_px - margin + min(right, 0),
+            top_px - margin + min(down, 0),
+            right_px + margin + max(right, 0),
+            bottom_px + margin + max(down, 0),
+        )
+
+    def _clipped(self, left: float, top: float, right: float, bottom: float) -> Box | None:
+        columns = slice(max(math.floor(left), 0), min(math.ceil(right) + 1, self.settings.width_px))
+        rows = slice(max(math.floor(top), 0), min(math.ceil(bottom) + 1, self.settings.height_px))
+        return (rows, columns) if columns.start < columns.stop and rows.start < rows.stop else None
+
+    def _needle_in_view(self, distance: FloatImage, eye: Eye) -> FloatImage:
+        """Return where a needle can be seen: not within the wall, which hides it."""
+        inner, outer = self._radius_px, self._radius_px + eye.shape.wall_mm * self.settings.px_per_mm
+        seen = np.maximum(np.clip(inner - distance + 0.5, 0, 1), np.clip(distance - outer + 0.5, 0, 1))
+        return _blurred(seen, self.settings.blur_px)
+
+    def _shading_places(self, distance: FloatImage) -> tuple[FloatImage, FloatImage]:
+        """Return, for each pixel of the bowl, the place (x, y) whose needle would shade it.
+
+        The bowl is a hemisphere behind the section, so a shadow lies the further off the deeper it falls.
+        """
+        depth = np.sqrt(np.clip(self._radius_px**2 - distance**2, 0, None))
+        y, x = np.mgrid[: distance.shape[0], : distance.shape[1]]
+        right, down = self.settings.shadow_shift
+        return (x - right * depth).astype(np.float32), (y - down * depth).astype(np.float32)
+
+
+def _needle_texture(
+    needle: NeedleShape, settings: CameraSettings, seed: int
+) -> tuple[FloatImage, FloatImage]:
+    """Draw the needle once, lying along x with its tip at the left: brightness (0 to 255) and coverage."""
+    scale = settings.px_per_mm
+    length = math.ceil(needle.length_mm * scale) + TEXTURE_PAD_PX
+    half = math.ceil(needle.diameter_mm * scale / 2) + TEXTURE_PAD_PX
+    rows, columns = (2 * half + 1) * TEXTURE_FINER, length * TEXTURE_FINER
+    along_px = (np.arange(columns) + 0.5) / TEXTURE_FINER - 0.5 - TEXTURE_PAD_PX
+    across_px = (np.arange(rows) + 0.5) / TEXTURE_FINER - 0.5 - half
+    share = np.clip(along_px / (needle.taper_mm * scale), 0, 1)
+    tip, shaft = needle.tip_diameter_mm / 2, needle.diameter_mm / 2
+    radius_px = scale * (tip + (shaft - tip) * share)
+    covered = (np.abs(across_px)[:, None] <= radius_px) & (along_px >= 0)
+    height = np.clip(across_px[:, None] / radius_px, -1, 1)
+    lit = 0.45 + 0.55 * np.clip(np.sqrt(1 - height**2) * 0.8 - 0.5 * height, 0, 1)
+    shine = np.exp(-(((height + 0.35) / 0.22) ** 2))
+    rng = np.random.default_rng((seed, 5))
+    grain = cv2.resize(rng.standard_normal((rows // 3, columns // 8)).astype(np.float32), (columns, rows))
+    tone = needle.brightness * lit * (1 + 0.06 * grain) + needle.highlight * shine
+    size = (length, 2 * half + 1)
+    color = cv2.resize((255 * np.clip(tone, 0, 1)).astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    cover = cv2.resize(covered.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    return np.asarray(color, np.float32), _blurred(np.asarray(cover, np.float32), settings.blur_px)
+
+
+def _vignette(size_px: tuple[int, int], loss: float) -> FloatImage:
+    """Return the light that reaches each pixel, 1 in the middle."""
+    y, x = np.ogrid[: size_px[1], : size_px[0]]
+    middle = (size_px[0] - 1) / 2, (size_px[1] - 1) / 2
+    corner = math.hypot(*middle)
+    light: NDArray[np.float32] = (
+        1 - loss * ((x - middle[0]) ** 2 + (y - middle[1]) ** 2) / corner**2
+    ).astype(np.float32)
+    return light
+
+
+def _blurred(image: FloatImage, deviation_px: float) -> FloatImage:
+    return np.asarray(cv2.GaussianBlur(image, (0, 0), deviation_px), np.float32) if deviation_px else image

@@ -1,0 +1,87 @@
+"""The simulated robot: holds the needle in the trocar's remote centre of motion and moves it in the section.
+
+Two degrees of freedom, depth and pitch, with limits on both and on speed. Knows no eye but its pivot.
+"""
+
+import math
+
+from msgspec import Struct
+
+from haptigraph.geometry import Vec, rotate, unit
+
+__all__ = ["Pose", "Robot", "RobotLimits"]
+
+
+class RobotLimits(Struct, frozen=True, forbid_unknown_fields=True):
+    """The [robot] table of a scenario."""
+
+    motion_scale: float = 0.2
+    """Tool motion over hand motion."""
+    pitch_limit_deg: float = 50.0
+    """To either side of the line pivot -> globe centre."""
+    depth_min_mm: float = -12.0
+    depth_max_mm: float = 26.0
+    speed_limit_mm_s: float = 20.0
+    turn_limit_deg_s: float = 30.0
+
+
+class Pose(Struct, frozen=True):
+    """Where the needle is."""
+
+    depth_mm: float
+    """From the pivot to the tip; negative while the tip is outside."""
+    pitch_deg: float
+    """From the line pivot -> globe centre to the shaft, counter-clockwise."""
+
+
+class Robot:
+    """A needle holder that pivots about the trocar.
+
+    Args:
+        pivot_mm: The remote centre of motion, eye frame.
+        limits: What it can do.
+        start: Where it begins.
+    """
+
+    def __init__(self, pivot_mm: Vec, limits: RobotLimits, start: Pose) -> None:
+        self._pivot_mm, self._limits = pivot_mm, limits
+        self._inwards = unit((-pivot_mm[0], -pivot_mm[1]))
+        self.pose = self._within(start)
+
+    def follow(self, wanted: Pose, seconds: float) -> Pose:
+        """Move towards a pose for some time, as fast as the limits allow, and return where that led."""
+        wanted = self._within(wanted)
+        self.pose = Pose(
+            _towards(self.pose.depth_mm, wanted.depth_mm, self._limits.speed_limit_mm_s * seconds),
+            _towards(self.pose.pitch_deg, wanted.pitch_deg, self._limits.turn_limit_deg_s * seconds),
+        )
+        return self.pose
+
+    def direction(self) -> Vec:
+        """Return the direction of the shaft, into the eye, length 1."""
+        return rotate(self._inwards, self.pose.pitch_deg)
+
+    def tip_mm(self) -> Vec:
+        """Return the tip, eye frame."""
+        along = self.direction()
+        return (
+            self._pivot_mm[0] + self.pose.depth_mm * along[0],
+            self._pivot_mm[1] + self.pose.depth_mm * along[1],
+        )
+
+    def pitch_towards(self, place_mm: Vec) -> float:
+        """Return the pitch [deg] at which the shaft points at a place."""
+        x, y = place_mm[0] - self._pivot_mm[0], place_mm[1] - self._pivot_mm[1]
+        u, v = self._inwards
+        return math.degrees(math.atan2(u * y - v * x, u * x + v * y))
+
+    def _within(self, pose: Pose) -> Pose:
+        limit = self._limits
+        return Pose(
+            min(max(pose.depth_mm, limit.depth_min_mm), limit.depth_max_mm),
+            min(max(pose.pitch_deg, -limit.pitch_limit_deg), limit.pitch_limit_deg),
+        )
+
+
+def _towards(value: float, wanted: float, most: float) -> float:
+    return value + min(max(wanted - value, -most), most)

@@ -1,0 +1,69 @@
+"""Scenarios: everything a simulated run depends on, one TOML file each."""
+
+from importlib import resources
+from pathlib import Path
+from typing import Annotated
+
+from msgspec import Meta, Struct, field
+
+from haptigraph.config import Document
+from haptigraph.errors import BadInput, unknown_name
+from haptigraph.sim.camera import CameraSettings, NeedleShape
+from haptigraph.sim.eye import EyeShape
+from haptigraph.sim.operator import Hand, Move
+from haptigraph.sim.painter import Look
+from haptigraph.sim.robot import RobotLimits
+
+__all__ = ["Scenario", "load_scenario", "scenario_names"]
+
+
+class About(Struct, frozen=True, forbid_unknown_fields=True):
+    """The [scenario] table."""
+
+    says: str
+    """One sentence on what happens."""
+    seed: int = 0
+    rate_hz: Annotated[float, Meta(gt=0)] = 30.0
+
+
+class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
+    """One scenario."""
+
+    about: About = field(name="scenario")
+    moves: tuple[Move, ...] = field(name="move")
+    eye: EyeShape = EyeShape()
+    camera: CameraSettings = CameraSettings()
+    look: Look = Look()
+    needle: NeedleShape = NeedleShape()
+    robot: RobotLimits = RobotLimits()
+    operator: Hand = Hand()
+
+
+def scenario_names() -> list[str]:
+    """Return the names of the scenarios that ship with haptigraph."""
+    files = resources.files("haptigraph.sim").joinpath("scenarios").iterdir()
+    return sorted(file.name.removesuffix(".toml") for file in files if file.name.endswith(".toml"))
+
+
+def load_scenario(name: str) -> Scenario:
+    """Load a scenario by its name, or from a path that ends in .toml.
+
+    Raises:
+        BadInput: If there is none of that name, or the file makes no sense.
+    """
+    if name.endswith(".toml"):
+        document = Document.read(Path(name))
+    elif name in scenario_names():
+        file = resources.files("haptigraph.sim").joinpath("scenarios").joinpath(f"{name}.toml")
+        document = Document(file.read_text(encoding="utf-8"), f"scenario {name}")
+    else:
+        raise BadInput(unknown_name("scenario", name, scenario_names()) + ", or the path of a .toml file")
+    scenario = document.convert(Scenario)
+    if not scenario.moves:
+        raise document.error("no [[move]]; the script needs at least one", "scenario")
+    for number, move in enumerate(scenario.moves):
+        if move.seconds < 0 or (number == 0 and move.seconds == 0):
+            raise document.error(
+                f"a move of {move.seconds:g} s; seconds must be positive", f"move[{number}].seconds"
+            )
+    return scenario

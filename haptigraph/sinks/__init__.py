@@ -1,0 +1,1 @@
+"""Where steps go: recorder and console."""

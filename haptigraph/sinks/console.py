@@ -1,0 +1,48 @@
+"""Tell a run in the terminal: a line whenever the state changes or something goes wrong."""
+
+import sys
+from typing import TextIO
+
+from haptigraph.messages import Capture, Fault, Step
+
+__all__ = ["ConsoleSink"]
+
+
+class ConsoleSink:
+    """Print state changes and new faults.
+
+    Args:
+        stream: Where to print; standard error if None.
+    """
+
+    dropped = 0
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self._stream = stream or sys.stderr
+        self._clear = "\r\033[K" if self._stream.isatty() else ""
+        self._start_ns: int | None = None
+        self._state = ""
+        self._faults: tuple[Fault, ...] = ()
+
+    def write(self, capture: Capture, step: Step) -> None:
+        """Print what is new in one step."""
+        self._start_ns = step.stamp_ns if self._start_ns is None else self._start_ns
+        time_s = (step.stamp_ns - self._start_ns) / 1e9
+        for fault in step.faults:
+            if fault not in self._faults:
+                self._print(f"{time_s:7.2f} s  ! {fault.where}: {fault.message}")
+        self._faults = step.faults
+        if step.conclusion.state != self._state:
+            self._state = step.conclusion.state
+            self._print(f"{time_s:7.2f} s  {self._state:34} {step.conclusion.because}")
+
+    def take_faults(self) -> tuple[Fault, ...]:
+        """Return nothing: printing does not fail."""
+        return ()
+
+    def close(self) -> None:
+        """Do nothing."""
+
+    def _print(self, line: str) -> None:
+        self._stream.write(f"{self._clear}{line}\n")
+        self._stream.flush()

@@ -1,0 +1,90 @@
+"""Keep a run in a file without holding up the loop: a bounded queue and a thread that writes.
+
+In real time what does not fit the queue loses its image and is counted; otherwise the loop waits.
+"""
+
+import queue
+import threading
+
+from haptigraph.messages import Capture, Fault, Step
+from haptigraph.recording.writer import Progress, RunWriter
+
+__all__ = ["Recorder"]
+
+MOST_IMAGES = 24  # under a second at 30 images/s, so that a killed process loses no more than that
+MOST_STEPS = 3000
+
+
+class Recorder:
+    """Write steps in the background.
+
+    Args:
+        writer: The new recording.
+        waits: Whether the loop may wait for the disk: True where nothing is controlled in real time.
+        progress: Told how far the compaction at the end is.
+    """
+
+    def __init__(self, writer: RunWriter, *, waits: bool, progress: Progress | None = None) -> None:
+        self.dropped = 0
+        self._writer, self._waits, self._progress = writer, waits, progress
+        self._queue: queue.Queue[tuple[Capture, Step, bool] | None] = queue.Queue(MOST_STEPS)
+        self._images = threading.Semaphore(MOST_IMAGES)
+        self._faults: list[Fault] = []
+        self._failed = threading.Event()
+        self._thread = threading.Thread(target=self._drain, name="haptigraph-recorder", daemon=True)
+        self._thread.start()
+
+    def write(self, capture: Capture, step: Step) -> None:
+        """Queue one step."""
+        if self._failed.is_set():
+            self.dropped += 1
+            return
+        dropped = capture.image is not None and not self._images.acquire(blocking=self._waits)
+        if dropped:
+            self.dropped += 1
+            capture = _without_image(capture)
+        try:
+            self._queue.put((capture, step, dropped), self._waits)
+        except queue.Full:
+            self.dropped += 1
+            if capture.image is not None:
+                self._images.release()
+
+    def take_faults(self) -> tuple[Fault, ...]:
+        """Return what went wrong since last asked."""
+        faults, self._faults = tuple(self._faults), []
+        return faults
+
+    def close(self) -> None:
+        """Write what is queued, finish and compact the file."""
+        if not self._thread.is_alive():
+            return
+        self._queue.put(None)
+        self._thread.join()
+        try:
+            if not self._failed.is_set():
+                self._writer.close(self._progress)
+        except OSError as error:
+            self._fail(error)
+
+    def _drain(self) -> None:
+        while (item := self._queue.get()) is not None:
+            capture, step, dropped = item
+            if not self._failed.is_set():
+                try:
+                    self._writer.write(capture, step, dropped=dropped)
+                except OSError as error:
+                    self._fail(error)
+            if capture.image is not None:
+                self._images.release()
+
+    def _fail(self, error: OSError) -> None:
+        self._failed.set()
+        self._writer.abandon()
+        self._faults.append(
+            Fault("recorder", f"{self._writer.path} is incomplete ({error.strerror}); it can be recovered")
+        )
+
+
+def _without_image(capture: Capture) -> Capture:
+    return Capture(capture.index, capture.stamp_ns, None, None, capture.faults, capture.truth)

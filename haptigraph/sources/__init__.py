@@ -1,0 +1,1 @@
+"""Where images come from: camera, video, folder of images, recording, simulated phantom."""

@@ -1,0 +1,60 @@
+"""Images from a folder, in the order of their names (numbers as numbers), at a rate of the user's choice."""
+
+import re
+from pathlib import Path
+
+from haptigraph.errors import BadInput, EndOfSource
+from haptigraph.messages import Capture
+from haptigraph.recording.codec import decode
+
+__all__ = ["ImagesSource"]
+
+SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+KEPT = (".png", ".jpg", ".jpeg")  # what a recording can store as it is
+
+
+class ImagesSource:
+    """Read a folder.
+
+    Args:
+        folder: The folder.
+        rate_hz: Images per second.
+
+    Raises:
+        BadInput: If it has no images.
+    """
+
+    is_live = False
+    registration = None
+
+    def __init__(self, folder: str | Path, rate_hz: float) -> None:
+        self.rate_hz = rate_hz
+        self._index = -1
+        files = (file for file in Path(folder).iterdir() if file.suffix.lower() in SUFFIXES)
+        self._files = sorted(files, key=lambda file: _natural(file.name))
+        if not self._files:
+            raise BadInput(f"no images in the folder; {', '.join(SUFFIXES)} are read", folder)
+
+    def read(self, timeout_s: float) -> Capture | None:
+        """Return the next image."""
+        self._index += 1
+        if self._index >= len(self._files):
+            raise EndOfSource
+        file = self._files[self._index]
+        try:
+            data = file.read_bytes()
+            image = decode(data)
+        except OSError as error:
+            raise BadInput(f"cannot be read ({error.strerror})", file) from None
+        except ValueError:
+            raise BadInput("not an image that OpenCV can read", file) from None
+        stamp_ns = round(self._index * 1e9 / self.rate_hz)
+        encoded = data if file.suffix.lower() in KEPT else None
+        return Capture(self._index, stamp_ns, image, encoded)
+
+    def close(self) -> None:
+        """Do nothing: no file stays open."""
+
+
+def _natural(name: str) -> list[tuple[int, str]]:
+    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name)]

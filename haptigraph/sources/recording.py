@@ -1,0 +1,44 @@
+"""Images from a recording: the very bytes that perception consumed then."""
+
+from pathlib import Path
+
+from msgspec.structs import replace
+
+from haptigraph.errors import EndOfSource
+from haptigraph.messages import Capture
+from haptigraph.recording.reader import RunReader
+
+__all__ = ["RecordingSource"]
+
+
+class RecordingSource:
+    """Play the captures of a recording.
+
+    Args:
+        path: The MCAP file.
+
+    Raises:
+        BadInput: If it is no recording.
+    """
+
+    is_live = False
+
+    def __init__(self, path: str | Path) -> None:
+        reader = RunReader(path)
+        self.rate_hz = reader.info.rate_hz
+        self.registration: str | None = reader.info.registration
+        self._records = reader.records()
+        self._first_ns: int | None = None
+
+    def read(self, timeout_s: float) -> Capture | None:
+        """Return the next capture."""
+        capture, _ = next(self._records, (None, None))
+        if capture is None:
+            raise EndOfSource
+        if self._first_ns is None:
+            self._first_ns = capture.stamp_ns
+        return replace(capture, stamp_ns=capture.stamp_ns - self._first_ns)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._records.close()
