@@ -201,7 +201,15 @@ def _override(data: dict[str, Any], setting: str) -> None:
         data = data.setdefault(parent, {})
         if not isinstance(data, dict):
             raise BadInput(f"{key!r}: {parent!r} is a value, not a table", "--set")
-    data[name] = value
+    data[name] = value if isinstance(value, str) or not _is_text(key.strip()) else text
+
+
+def _is_text(key: str) -> bool:
+    """Tell whether a setting is a text, so that trial.trial=3 means "3"."""
+    table: Any = Config
+    for name in key.split("."):
+        table = get_type_hints(table).get(name) if hasattr(table, "__struct_fields__") else None
+    return table is str
 
 
 def _convert(data: Any, type_: type[T], error: Blame) -> T:

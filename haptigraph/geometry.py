@@ -23,11 +23,11 @@ __all__ = [
     "Segment",
     "Vec",
     "angle_between_deg",
+    "crosses_polyline",
     "distance_to_line",
     "distance_to_polyline",
     "norm",
     "rotate",
-    "signed_distance_to_polyline",
     "subtract",
     "unit",
 ]
@@ -62,9 +62,16 @@ class Polyline(Struct, frozen=True, tag="polyline", dict=True):
     points_mm: tuple[Vec, ...]
 
     @cached_property
-    def array_mm(self) -> NDArray[np.float64]:
-        """The points as an array, (n, 2)."""
-        return np.array(self.points_mm, dtype=np.float64)
+    def columns_mm(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The points' x and y, (n,) each."""
+        x, y = np.array(self.points_mm, dtype=np.float64).T
+        return np.ascontiguousarray(x), np.ascontiguousarray(y)
+
+    @cached_property
+    def steps_mm(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """The pieces' x, y and squared length (never 0), (n - 1,) each."""
+        dx, dy = (np.diff(column) for column in self.columns_mm)
+        return dx, dy, np.maximum(dx * dx + dy * dy, 1e-300)
 
 
 Geometry: TypeAlias = Point | Segment | Circle | Polyline
@@ -114,44 +121,24 @@ def distance_to_line(point: Vec, start: Vec, end: Vec) -> float:
 
 def distance_to_polyline(point_mm: Vec, line: Polyline) -> float:
     """Return the distance of a point to the nearest place on a polyline [mm]."""
-    start, step = line.array_mm[:-1], np.diff(line.array_mm, axis=0)
-    offset = np.asarray(point_mm) - start
-    share = np.clip((offset * step).sum(1) / np.maximum((step * step).sum(1), 1e-300), 0.0, 1.0)
-    gap = offset - share[:, None] * step
-    return float(np.sqrt((gap * gap).sum(1).min()))
+    (x, y), (dx, dy, squared) = line.columns_mm, line.steps_mm
+    from_x, from_y = point_mm[0] - x[:-1], point_mm[1] - y[:-1]
+    share = np.minimum(np.maximum((from_x * dx + from_y * dy) / squared, 0.0), 1.0)
+    gap_x, gap_y = from_x - share * dx, from_y - share * dy
+    return math.sqrt((gap_x * gap_x + gap_y * gap_y).min())
 
 
-def signed_distance_to_polyline(point_mm: Vec, line: Polyline, near_side_mm: Vec) -> float:
-    """Return the distance of a point to a polyline, negative beyond it [mm].
+def crosses_polyline(start_mm: Vec, end_mm: Vec, line: Polyline) -> bool:
+    """Tell whether the straight way from start to end crosses a polyline."""
+    (x, y), (dx, dy, _) = line.columns_mm, line.steps_mm
+    way = subtract(end_mm, start_mm)
+    is_left = way[0] * (y - start_mm[1]) - way[1] * (x - start_mm[0]) > 0
 
-    A point is beyond when the straight way to it from `near_side_mm` crosses the polyline an odd
-    number of times. Past the polyline's open ends nothing is beyond.
+    def side(place: Vec) -> NDArray[np.float64]:
+        return dx * (place[1] - y[:-1]) - dy * (place[0] - x[:-1])
 
-    Args:
-        point_mm: The point.
-        line: The polyline.
-        near_side_mm: A place on the near (positive) side.
-    """
-    distance = distance_to_polyline(point_mm, line)
-    return -distance if _crossings(near_side_mm, point_mm, line) % 2 else distance
-
-
-def _crossings(start_mm: Vec, end_mm: Vec, line: Polyline) -> int:
-    """Count how often the segment start -> end crosses a polyline (vertices count once)."""
-    points = line.array_mm
-    way = np.subtract(end_mm, start_mm)
-    from_start = points - np.asarray(start_mm)
-    left_of_way = way[0] * from_start[:, 1] - way[1] * from_start[:, 0] > 0
-    step = np.diff(points, axis=0)
-
-    def side_of_steps(place: Vec) -> NDArray[np.float64]:
-        offset = np.asarray(place) - points[:-1]
-        sides: NDArray[np.float64] = step[:, 0] * offset[:, 1] - step[:, 1] * offset[:, 0]
-        return sides
-
-    start_side, end_side = side_of_steps(start_mm), side_of_steps(end_mm)
-    crossed = (left_of_way[:-1] != left_of_way[1:]) & (start_side * end_side < 0)
-    return int(np.count_nonzero(crossed))
+    crossed = (is_left[:-1] != is_left[1:]) & (side(start_mm) * side(end_mm) < 0)
+    return bool(crossed.any())
 
 
 class ImageGeometry(Struct, frozen=True):

@@ -3,21 +3,16 @@
 Reads recordings only.
 """
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib import colormaps
-from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle as CirclePatch
-from matplotlib.patches import FancyArrowPatch
 from msgspec import Struct
 
+from haptigraph.analysis.drawing import draw_graph, draw_overlay, ink_on, state_color
 from haptigraph.assemble import parse_procedure
-from haptigraph.geometry import Geometry, Point, Polyline, Segment, Vec, rotate, subtract
-from haptigraph.graph import SceneGraph, Schema
+from haptigraph.graph import Schema
 from haptigraph.haptics.pattern import amplitude_at
 from haptigraph.messages import UNKNOWN, Image, Step
 from haptigraph.perception.ioct import IoctView
@@ -27,19 +22,7 @@ from haptigraph.recording.reader import RunReader
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["STATE_COLORS", "draw_graph", "graph_figure", "run_figure"]
-
-STATE_COLORS = {
-    "unknown": "#c9c9c9",
-    "retinal_contact": "#d03a3a",
-    "target_hit": "#3a9d5d",
-    "misaligned_retinal_approach": "#e08a2e",
-    "aligned_retinal_approach": "#2f6fb3",
-    "misaligned_intraocular_navigation": "#f3c58b",
-    "aligned_intraocular_navigation": "#9cc5e8",
-    "outside_eye": "#efefef",
-}
-"""As in the paper: warm for misaligned, blue for aligned, red and green for contact and target."""
+__all__ = ["run_figure"]
 
 DISTANCES = {"distance_to_retina_mm": "#444444", "distance_to_target_mm": "#3a9d5d", "radial_mm": "#8a5fb0"}
 MOST_MOMENTS = 5
@@ -97,62 +80,6 @@ def run_figure(path: str | Path, output: str | Path) -> None:
     figure.savefig(output, dpi=110)
 
 
-def graph_figure(graph: SceneGraph, output: str | Path) -> None:
-    """Draw one scene graph to a PNG, SVG or PDF."""
-    figure = Figure(figsize=(5, 4.2), layout="constrained")
-    draw_graph(figure.subplots(), graph)
-    figure.savefig(output, dpi=150)
-
-
-def draw_graph(axes: "Axes", graph: SceneGraph) -> None:
-    """Draw a scene graph: instruments on the left, what they relate to on the right, predicates between."""
-    groups = list(dict.fromkeys(node.group for node in graph.nodes))
-    places: dict[str, Vec] = {}
-    for column, group in enumerate(groups):
-        members = [node.id for node in graph.nodes if node.group == group]
-        for row, name in enumerate(members):
-            places[name] = (2.4 * column, 1.0 - 2.0 * (row + 0.5) / len(members))
-    for edge in graph.edges:
-        start, end = places[edge.subject], places[edge.object]
-        arrow = FancyArrowPatch(
-            start, end, arrowstyle="-|>", mutation_scale=12, shrinkA=13, shrinkB=13, color="#555"
-        )
-        axes.add_patch(arrow)
-    for (subject, object_), names in _labels(graph).items():
-        start, end = places[subject], places[object_]
-        axes.annotate(
-            names,
-            (start[0] + 0.5 * (end[0] - start[0]), start[1] + 0.5 * (end[1] - start[1])),
-            ha="center",
-            va="center",
-            fontsize=7.5,
-            bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.9},
-        )
-    for node in graph.nodes:
-        x, y = places[node.id]
-        color = "#f6d58a" if node.group == groups[0] else "#bcdcf2"
-        axes.plot([x], [y], "o", markersize=19, color=color, markeredgecolor="#555", zorder=3)
-        left = node.group == groups[0]
-        axes.annotate(
-            node.id.replace("_", "\n"),
-            (x + (-0.28 if left else 0.28), y),
-            ha="right" if left else "left",
-            va="center",
-            fontsize=7.5,
-        )
-    axes.set(xlim=(-1.3, 2.4 * max(len(groups) - 1, 1) + 1.3), ylim=(-1.15, 1.15))
-    axes.axis("off")
-
-
-def _labels(graph: SceneGraph) -> dict[tuple[str, str], str]:
-    """Return the predicates between each pair of nodes, one text a pair."""
-    labels: dict[tuple[str, str], str] = {}
-    for edge in graph.edges:
-        pair = edge.subject, edge.object
-        labels[pair] = f"{labels[pair]}\n{edge.predicate}" if pair in labels else edge.predicate
-    return labels
-
-
 def _intervals(series: _Series) -> list[tuple[int, int, str]]:
     """Return (first, end, state) of every stretch of one state."""
     states = [step.conclusion.state for step in series.steps]
@@ -186,45 +113,15 @@ def _draw_moments(
         image = images.get(number)
         if image is not None:
             picture.imshow(view(image), cmap="gray", vmin=0, vmax=255)
-        _draw_overlay(picture, view, step, registration, series.bounds("theta_deg"))
+        draw_overlay(picture, view, step, registration, series.bounds("theta_deg"))
         picture.set_title(
             f"{series.time_s[number]:.1f} s  {step.conclusion.state.replace('_', ' ')}",
             fontsize=9,
-            color="#222",
-            backgroundcolor=STATE_COLORS.get(step.conclusion.state, "#fff"),
+            pad=10,
+            color=ink_on(step.conclusion.state),
+            bbox={"boxstyle": "round", "facecolor": state_color(step.conclusion.state), "edgecolor": "none"},
         )
         draw_graph(graph, step.graph)
-
-
-def _draw_overlay(
-    axes: "Axes", view: IoctView, step: Step, registration: Registration, cone_deg: list[float]
-) -> None:
-    """Draw what was found, and the cone in which a shaft counts as aligned."""
-    trocar = registration.trocar.at_mm
-    axis = subtract(registration.target.at_mm, trocar)
-    for side_deg in (sign * bound for bound in cone_deg[:1] for sign in (-1, 1)):
-        end = rotate(axis, side_deg)
-        _line(axes, view, (trocar, (trocar[0] + end[0], trocar[1] + end[1])), color="#7fd08a", linewidth=0.8)
-    for name, shape in step.observation.found.items():
-        _draw_shape(axes, view, name, shape)
-    axes.set(xlim=(0, view.size_px - 1), ylim=(view.size_px - 1, 0))
-    axes.axis("off")
-
-
-def _draw_shape(axes: "Axes", view: IoctView, name: str, shape: Geometry) -> None:
-    color = "#ffcc33" if name.startswith("needle") else "#5ec8ff"
-    if isinstance(shape, Polyline):
-        _line(axes, view, shape.points_mm, color=color, linewidth=1.0, alpha=0.7)
-    elif isinstance(shape, Segment):
-        _line(axes, view, (shape.start_mm, shape.end_mm), color=color, linewidth=1.4)
-    elif isinstance(shape, Point) and name != "trocar":
-        is_tip = name == "needle_tip"
-        axes.add_patch(CirclePatch(view.to_px(shape.at_mm), 5 if is_tip else 8, fill=is_tip, color=color))
-
-
-def _line(axes: "Axes", view: IoctView, points_mm: Sequence[Vec], **style: object) -> None:
-    x, y = zip(*(view.to_px(point) for point in points_mm), strict=True)
-    axes.plot(x, y, **style)  # type: ignore[arg-type]
 
 
 def _draw_timeline(figure: "Figure", series: _Series) -> None:
@@ -233,7 +130,7 @@ def _draw_timeline(figure: "Figure", series: _Series) -> None:
     _draw_states(band, series)
     for axes in (theta, distance):
         for start, end, state in _intervals(series):
-            axes.axvspan(*_span(series, start, end), color=_color(state), alpha=0.18, linewidth=0)
+            axes.axvspan(*_span(series, start, end), color=state_color(state), alpha=0.18, linewidth=0)
     for bound_deg in series.bounds("theta_deg")[:1]:
         theta.axhspan(0, bound_deg, color="#3a9d5d", alpha=0.15, linewidth=0)
     theta.plot(series.time_s, _column(series, "theta_deg"), color="#333", linewidth=1.2)
@@ -258,22 +155,15 @@ def _draw_states(axes: "Axes", series: _Series) -> None:
     total_s = max(series.time_s[-1], 1e-3)
     for start, end, state in _intervals(series):
         left, right = _span(series, start, end)
-        axes.axvspan(left, right, color=_color(state), linewidth=0)
+        axes.axvspan(left, right, color=state_color(state), linewidth=0)
         if right - left > 0.06 * total_s:
-            axes.text(
-                (left + right) / 2, 0.5, state.replace("_", "\n"), ha="center", va="center", fontsize=7.5
-            )
+            place, name = ((left + right) / 2, 0.5), state.replace("_", "\n")
+            axes.text(*place, name, ha="center", va="center", fontsize=7.5, color=ink_on(state))
     axes.set(yticks=[], ylabel="state", ylim=(0, 1))
 
 
 def _span(series: _Series, start: int, end: int) -> tuple[float, float]:
     return series.time_s[start], series.time_s[min(end, len(series.time_s) - 1)]
-
-
-def _color(state: str) -> str:
-    if state in STATE_COLORS:
-        return STATE_COLORS[state]
-    return to_hex(colormaps["tab20"](sum(state.encode()) % 20))
 
 
 def _column(series: _Series, measure: str) -> list[float]:

@@ -11,7 +11,8 @@ from haptigraph.stages import Device
 
 __all__ = ["Guard"]
 
-RETRY_NS = 1_000_000_000  # a failed device is tried again once a second
+RETRY_NS = 1_000_000_000  # a failed device is tried again once a second,
+STILL_RETRY_NS = 50_000_000  # and much sooner when it was to fall silent
 
 
 class Guard:
@@ -40,6 +41,7 @@ class Guard:
         self._on_since_ns: int | None = None
         self._rest_until_ns: int | None = None
         self._retry_at_ns: int | None = None
+        self._failed_on = False
         self._faults: list[Fault] = []
         self._closed = False
 
@@ -103,20 +105,24 @@ class Guard:
         """Bring the device to what is due at one moment."""
         self._at_ns = now_ns
         amplitude = self._due(now_ns)
-        if amplitude > 0 and self._on_since_ns is None:
+        if amplitude == 0:
+            self._on_since_ns = None
+        elif self._on_since_ns is None:
             self._on_since_ns = now_ns
-        elif (
-            amplitude > 0 and self._on_since_ns is not None and now_ns - self._on_since_ns >= self._max_on_ns
-        ):
+        elif now_ns - self._on_since_ns >= self._max_on_ns:
+            self._on_since_ns = None
             self._rest_until_ns = now_ns + self._rest_ns
             self._faults.append(Fault("guard", f"hand rests: it vibrated for {self._max_on_ns / 1e9:g} s"))
             amplitude = 0.0
-        if amplitude == 0:
-            self._on_since_ns = None
         frequency_hz = self._command.pattern.frequency_hz if amplitude else 0.0
-        retry = self._retry_at_ns is not None and now_ns >= self._retry_at_ns
-        if retry or (self._told != (amplitude, frequency_hz) and self._retry_at_ns is None):
+        if self._is_news(amplitude, frequency_hz, now_ns):
             self._tell(amplitude, frequency_hz, now_ns)
+
+    def _is_news(self, amplitude: float, frequency_hz: float, now_ns: int) -> bool:
+        """Tell whether the device must be told: it does not know, or failed and is tried again."""
+        if self._retry_at_ns is None:
+            return self._told != (amplitude, frequency_hz)
+        return now_ns >= self._retry_at_ns or (self._failed_on and not amplitude)
 
     def _due(self, now_ns: int) -> float:
         """Return the amplitude the command and the limits allow at one moment, but for the on-time."""
@@ -134,7 +140,8 @@ class Guard:
         except Exception as error:  # a device may be anyone's
             if self._retry_at_ns is None:
                 self._report(str(error) or type(error).__name__)
-            self._told, self._retry_at_ns = None, now_ns + RETRY_NS
+            self._told, self._failed_on = None, amplitude > 0
+            self._retry_at_ns = now_ns + (RETRY_NS if amplitude else STILL_RETRY_NS)
         else:
             self._told, self._retry_at_ns = (amplitude, frequency_hz), None
 

@@ -61,9 +61,8 @@ def beyond(pattern: Pattern, capabilities: Capabilities) -> list[str]:
                 f"{pattern.name}: {pattern.frequency_hz:g} Hz lies outside {low:g} to {high:g} Hz"
             )
     if 0 < pattern.on_ms < capabilities.shortest_on_ms:
-        sentences.append(
-            f"{pattern.name}: {pattern.on_ms:g} ms on is under the {capabilities.shortest_on_ms:g} ms that is felt"
-        )
+        shortest = capabilities.shortest_on_ms
+        sentences.append(f"{pattern.name}: {pattern.on_ms:g} ms are not felt, {shortest:g} ms are")
     if capabilities.amplitude_levels == 1 and 0 < pattern.amplitude < 1:
         sentences.append(f"{pattern.name}: amplitude {pattern.amplitude:g} becomes on or off")
     return sentences

@@ -26,6 +26,9 @@ LEAST_ELONGATION = 3.0  # length over width; texture and holes are rounder
 TROCAR_MISS_MM = 0.5  # a needle's line passes its trocar this closely
 START_MM = 2.5  # and its near end lies this close to it: wall and hole hide the first part
 RIM_PX = 1.5  # the wall's blurred edge is no part of the inside
+HOLE_MM = (
+    1.2  # around the trocar's pivot: its hole through the wall looks like a piece of needle, and is none
+)
 
 FloatImage = NDArray[np.float32]
 
@@ -66,10 +69,11 @@ class ThresholdPerceiver:
         right = min(registration.width_px, math.ceil(image.center_px[0] + radius_px) + 1)
         bottom = min(registration.height_px, math.ceil(image.center_px[1] + radius_px) + 1)
         self._region = np.s_[self._top : bottom, self._left : right]
-        self._mask = self._inside(bottom - self._top, right - self._left, radius_px - RIM_PX)
-        self._weight = np.maximum(self._blur(self._mask), 1e-3)
-        trocar_px = image.to_px(registration.trocar.at_mm)
-        self._trocar = (trocar_px[0] - self._left, trocar_px[1] - self._top)
+        self._trocar = self._in_region(image.to_px(registration.trocar.at_mm))
+        center, size = self._in_region(image.center_px), (bottom - self._top, right - self._left)
+        self._inside = (_distances(center, size) <= radius_px - RIM_PX).astype(np.float32)
+        self._weight = np.maximum(self._blur(self._inside), 1e-3)
+        self._searched = self._inside * (_distances(self._trocar, size) > HOLE_MM / image.mm_per_px)
 
     def __call__(self, capture: Capture) -> Observation:
         """Look at one image.
@@ -98,11 +102,8 @@ class ThresholdPerceiver:
         grey = region if region.ndim == 2 else cv2.cvtColor(region, cv2.COLOR_BGR2GRAY)
         return grey.astype(np.float32)
 
-    def _inside(self, height: int, width: int, radius_px: float) -> FloatImage:
-        center = self._registration.image.center_px
-        y, x = np.ogrid[:height, :width]
-        inside = np.hypot(x + self._left - center[0], y + self._top - center[1]) <= radius_px
-        return inside.astype(np.float32)
+    def _in_region(self, at_px: Vec) -> Vec:
+        return at_px[0] - self._left, at_px[1] - self._top
 
     def _blur(self, image: FloatImage) -> FloatImage:
         size = (self._config.block_size_px,) * 2
@@ -110,8 +111,8 @@ class ThresholdPerceiver:
 
     def _detect(self, grey: FloatImage) -> _Line | None:
         # The local mean is taken over the inside only: a bright wall must not hide a bright needle beside it.
-        mean = self._blur(np.multiply(grey, self._mask, dtype=np.float32)) / self._weight
-        above_mean = np.asarray((grey - mean) * self._mask, np.float32)
+        mean = self._blur(np.multiply(grey, self._inside, dtype=np.float32)) / self._weight
+        above_mean = np.asarray((grey - mean) * self._searched, np.float32)
         signs = {"dark": (-1,), "bright": (1,), "auto": (-1, 1)}[self._config.polarity]
         blobs = (blob for sign in signs for blob in self._blobs(sign * above_mean))
         strongest = max(blobs, key=lambda blob: blob[0], default=None)
@@ -145,8 +146,8 @@ class ThresholdPerceiver:
         center = moments["m10"] / moments["m00"], moments["m01"] / moments["m00"]
         turn = math.atan2(2 * moments["mu11"], moments["mu20"] - moments["mu02"]) / 2
         direction = math.cos(turn), math.sin(turn)
-        offset = subtract(center, self._trocar)
-        if direction[0] * offset[0] + direction[1] * offset[1] < 0:
+        to_trocar = subtract(self._trocar, center)
+        if direction[0] * to_trocar[0] + direction[1] * to_trocar[1] > 0:
             direction = -direction[0], -direction[1]
         along = (contour[:, 0, :] - np.asarray(center)) @ np.asarray(direction)
         return _Line(
@@ -154,9 +155,9 @@ class ThresholdPerceiver:
             direction,
             near_px=float(along.min()),
             far_px=float(along.max()),
-            width_px=moments["m00"] / float(along.max() - along.min()),
-            trocar_px=direction[0] * -offset[0] + direction[1] * -offset[1],
-            miss_px=abs(direction[0] * offset[1] - direction[1] * offset[0]),
+            width_px=moments["m00"] / float(np.ptp(along)),
+            trocar_px=direction[0] * to_trocar[0] + direction[1] * to_trocar[1],
+            miss_px=abs(direction[0] * to_trocar[1] - direction[1] * to_trocar[0]),
         )
 
     def _is_needle(self, line: _Line) -> bool:
@@ -180,3 +181,9 @@ class ThresholdPerceiver:
 
     def _to_mm(self, in_region: Vec) -> Vec:
         return self._registration.image.to_mm((in_region[0] + self._left, in_region[1] + self._top))
+
+
+def _distances(place: Vec, size: tuple[int, int]) -> FloatImage:
+    """Return every pixel's distance from a place [px], (h, w)."""
+    y, x = np.ogrid[: size[0], : size[1]]
+    return np.hypot(x - place[0], y - place[1]).astype(np.float32)

@@ -14,9 +14,10 @@ from haptigraph.geometry import (
     Polyline,
     Segment,
     angle_between_deg,
+    crosses_polyline,
     distance_to_line,
+    distance_to_polyline,
     norm,
-    signed_distance_to_polyline,
     subtract,
 )
 
@@ -37,17 +38,17 @@ class Measure(NamedTuple):
 
 
 def distance_mm(subject: Geometry, object: Geometry, found: Found) -> float | None:
-    """Distance of a point to a point (Euclidean), or to a surface (positive on the globe centre's side).
+    """Distance of a point to a point (Euclidean), or to a surface, signed.
 
-    A point beyond the surface has a negative distance, so a tip that went through still touches it.
+    It is negative where the straight way from the trocar to the point crosses the surface: whatever went
+    through stays beyond, however far it is pushed, and so never stops being at most any positive distance.
     """
-    if not isinstance(subject, Point):
-        return None
-    if isinstance(object, Point):
+    trocar = found.get("trocar")
+    if isinstance(subject, Point) and isinstance(object, Point):
         return norm(subtract(subject.at_mm, object.at_mm))
-    globe = found.get("eye_globe")
-    if isinstance(object, Polyline) and isinstance(globe, Circle):
-        return signed_distance_to_polyline(subject.at_mm, object, globe.center_mm)
+    if isinstance(subject, Point) and isinstance(object, Polyline) and isinstance(trocar, Point):
+        gap_mm = distance_to_polyline(subject.at_mm, object)
+        return -gap_mm if crosses_polyline(trocar.at_mm, subject.at_mm, object) else gap_mm
     return None
 
 

@@ -58,10 +58,10 @@ class NeedleShape(Struct, frozen=True, forbid_unknown_fields=True):
     taper_mm: float = 9.0
     """Length of the cone behind the tip."""
     length_mm: float = 60.0
-    brightness: float = 0.5
-    """Of the metal's lit side, in [0, 1]."""
-    highlight: float = 0.35
-    """Added brightness of the reflection along it."""
+    brightness: float = 0.44
+    """Of the metal, in [0, 1]."""
+    highlight: float = 0.05
+    """Added brightness of the reflection along its middle."""
 
 
 class Camera:
@@ -235,8 +235,8 @@ def _needle_texture(
     radius_px = scale * (tip + (shaft - tip) * share)
     covered = (np.abs(across_px)[:, None] <= radius_px) & (along_px >= 0)
     height = np.clip(across_px[:, None] / radius_px, -1, 1)
-    lit = 0.45 + 0.55 * np.clip(np.sqrt(1 - height**2) * 0.8 - 0.5 * height, 0, 1)
-    shine = np.exp(-(((height + 0.35) / 0.22) ** 2))
+    lit = 0.72 + 0.28 * np.sqrt(1 - height**2) - 0.07 * height
+    shine = np.exp(-(((height + 0.15) / 0.3) ** 2))
     rng = np.random.default_rng((seed, 5))
     grain = cv2.resize(rng.standard_normal((rows // 3, columns // 8)).astype(np.float32), (columns, rows))
     tone = needle.brightness * lit * (1 + 0.06 * grain) + needle.highlight * shine

@@ -1,0 +1,67 @@
+import csv
+import io
+
+import pytest
+from helpers import MS
+
+from haptigraph.errors import BadInput
+from haptigraph.haptics.console import ConsoleDevice
+from haptigraph.haptics.trace import TraceDevice
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_the_console_draws_a_bar_in_a_terminal():
+    terminal = Terminal()
+    device = ConsoleDevice(terminal)
+    device.set(0.5, 80.0, 0)
+    assert "██████████··········" in terminal.getvalue()
+    assert "0.50 at  80 Hz" in terminal.getvalue()
+    device.set(0.0, 0.0, 1)
+    assert "silent" in terminal.getvalue()
+    device.close()
+
+
+def test_the_console_is_quiet_where_nobody_looks():
+    stream = io.StringIO()
+    device = ConsoleDevice(stream)
+    device.set(1.0, 80.0, 0)
+    device.close()
+    assert stream.getvalue() == ""
+
+
+def test_a_trace_holds_every_change_and_is_plotted(tmp_path):
+    file = tmp_path / "touch.csv"
+    device = TraceDevice(file)
+    device.set(0.3, 80.0, 5 * MS)
+    device.set(0.0, 0.0, 50 * MS)
+    device.close()
+    device.close()
+    with file.open() as rows:
+        assert list(csv.reader(rows)) == [
+            ["stamp_ns", "amplitude", "frequency_hz"],
+            ["5000000", "0.3", "80.0"],
+            ["50000000", "0.0", "0.0"],
+        ]
+    assert (tmp_path / "touch.png").stat().st_size > 1000
+
+
+def test_a_trace_survives_a_kill(tmp_path):
+    file = tmp_path / "touch.csv"
+    device = TraceDevice(file)
+    device.set(0.3, 80.0, 5)
+    assert "5,0.3,80.0" in file.read_text()  # written before anything was closed
+    device.close()
+
+
+def test_a_trace_never_overwrites(tmp_path):
+    file = tmp_path / "touch.csv"
+    file.write_text("precious")
+    with pytest.raises(BadInput, match="exists already; a trace never overwrites a file"):
+        TraceDevice(file)
+    assert file.read_text() == "precious"
+    with pytest.raises(BadInput, match="cannot be written"):
+        TraceDevice(tmp_path / "no" / "such" / "folder.csv")

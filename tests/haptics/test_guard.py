@@ -1,0 +1,234 @@
+import pytest
+from helpers import LOW, MS, PULSE, SUCCESS, make_step
+from hypothesis import given
+from hypothesis import strategies as st
+
+from haptigraph.config import HapticsConfig
+from haptigraph.errors import DeviceError
+from haptigraph.haptics.guard import Guard
+from haptigraph.messages import OFF, UNKNOWN, Capabilities, Pattern
+
+
+class Spy:
+    """A device that remembers what it was told, and fails when told to."""
+
+    capabilities = Capabilities(100, None, 0.0)
+
+    def __init__(self):
+        self.told: list[tuple[float, float, float]] = []
+        self.error: Exception | None = None
+        self.closed = 0
+
+    def set(self, amplitude, frequency_hz, stamp_ns):
+        if self.error is not None:
+            raise self.error
+        self.told.append((stamp_ns / MS, amplitude, frequency_hz))
+
+    def close(self):
+        self.closed += 1
+
+    @property
+    def amplitude(self) -> float:
+        return self.told[-1][1] if self.told else 0.0
+
+    def edges(self):
+        """What it was told, but for the silence with which every guard begins."""
+        assert self.told[0][1] == 0.0
+        return [(ms, amplitude) for ms, amplitude, _ in self.told[1:]]
+
+
+@pytest.fixture
+def spy():
+    return Spy()
+
+
+def guard_of(spy, **settings) -> Guard:
+    return Guard(spy, HapticsConfig(**settings))
+
+
+def send(guard, pattern, ms, *, since_ms=None, state="some_state"):
+    since_ns = None if since_ms is None else round(since_ms * MS)
+    guard.send(make_step(pattern, stamp_ns=round(ms * MS), since_ns=since_ns, state=state), round(ms * MS))
+
+
+def test_pulses_reach_the_device_edge_by_edge_on_time(spy):
+    guard = guard_of(spy)
+    for ms in range(0, 400, 33):
+        send(guard, PULSE, ms, since_ms=0)
+    assert spy.edges() == [(0, 1.0), (80, 0.0), (160, 1.0), (240, 0.0), (320, 1.0)]
+    assert {frequency for _, amplitude, frequency in spy.told if amplitude} == {160}
+
+
+def test_a_steady_vibration_is_told_once(spy):
+    guard = guard_of(spy)
+    for ms in range(0, 500, 33):
+        send(guard, LOW, ms, since_ms=0)
+    assert spy.edges() == [(0, 0.3)]
+
+
+def test_silence_when_no_command_came_for_deadman_ms(spy):
+    guard = guard_of(spy, deadman_ms=150)
+    send(guard, LOW, 100)
+    guard.advance(1000 * MS)
+    assert spy.edges() == [(100, 0.3), (250, 0.0)]
+
+
+def test_a_fresh_command_ends_the_silence(spy):
+    guard = guard_of(spy)
+    send(guard, LOW, 0)
+    guard.advance(500 * MS)
+    send(guard, LOW, 600, since_ms=0)
+    assert spy.edges()[-1] == (600, 0.3)
+
+
+def test_unknown_is_silent_whatever_the_rules_say(spy):
+    guard = guard_of(spy)
+    send(guard, LOW, 0)
+    send(guard, PULSE, 33, state=UNKNOWN)
+    assert spy.amplitude == 0
+    guard.advance(2000 * MS)
+    assert spy.amplitude == 0
+
+
+def test_amplitude_is_limited(spy):
+    guard = guard_of(spy, max_amplitude=0.5)
+    send(guard, PULSE, 0)
+    assert spy.amplitude == 0.5
+
+
+def test_a_hand_that_vibrated_for_long_rests(spy):
+    guard = guard_of(spy, max_on_ms=1000, rest_ms=200)
+    for ms in range(0, 1500, 30):
+        send(guard, LOW, ms, since_ms=0)
+    assert spy.edges() == [(0, 0.3), (1000, 0.0), (1200, 0.3)]
+    (fault,) = guard.take_faults()
+    assert fault.where == "guard"
+    assert "rests" in fault.message
+
+
+def test_pulses_never_need_a_rest(spy):
+    guard = guard_of(spy, max_on_ms=500)
+    for ms in range(0, 3000, 30):
+        send(guard, PULSE, ms, since_ms=0)
+    assert guard.take_faults() == ()
+
+
+def test_a_late_command_does_not_shorten_a_burst(spy):
+    guard = guard_of(spy)
+    late_ns = 60 * MS  # from the image to here
+    for ms in range(0, 400, 20):
+        step = make_step(SUCCESS, stamp_ns=ms * MS, since_ns=0)
+        guard.send(step, ms * MS + late_ns)
+    assert spy.edges() == [(60, 0.8), (160, 0.0), (260, 0.8), (360, 0.0)]
+
+
+def test_close_is_silence_for_good(spy):
+    guard = guard_of(spy)
+    send(guard, LOW, 0)
+    guard.close()
+    guard.close()
+    assert (spy.amplitude, spy.closed) == (0.0, 1)
+
+
+@pytest.mark.parametrize("error", [DeviceError("unplugged"), OSError("gone"), RuntimeError("firmware")])
+def test_a_failing_device_is_reported_once_and_tried_again(spy, error):
+    guard = guard_of(spy)
+    spy.error = error
+    for ms in range(0, 3000, 33):
+        send(guard, LOW, ms, since_ms=0)
+    (fault,) = guard.take_faults()
+    assert (fault.where, fault.message) == ("device", str(error))
+    spy.error = None
+    for ms in range(3000, 4200, 33):
+        send(guard, LOW, ms, since_ms=0)
+    assert spy.amplitude == 0.3
+    assert guard.take_faults() == ()
+
+
+def test_a_device_that_comes_back_while_silent_is_told_silence(spy):
+    guard = guard_of(spy)
+    send(guard, LOW, 0)
+    spy.error = DeviceError("unplugged")
+    guard.advance(500 * MS)
+    assert spy.amplitude == 0.3
+    spy.error = None
+    guard.advance(560 * MS)
+    assert spy.edges()[-1][1] == 0.0
+
+
+def test_a_device_that_cannot_close_does_not_raise(spy):
+    guard = guard_of(spy)
+
+    def refuse():
+        raise OSError("busy")
+
+    spy.close = refuse
+    guard.close()
+    assert guard.take_faults()[0].message == "did not close: busy"
+
+
+patterns = st.one_of(
+    st.sampled_from([OFF, LOW, PULSE, SUCCESS]),
+    st.builds(
+        Pattern,
+        name=st.just("any"),
+        kind=st.sampled_from(["continuous", "pulses", "bursts"]),
+        amplitude=st.floats(0.01, 1),
+        on_ms=st.floats(1, 500),
+        off_ms=st.floats(1, 500),
+        count=st.integers(1, 9),
+    ),
+)
+sends = st.tuples(st.just("send"), st.floats(0, 400), patterns, st.sampled_from(["a", "b", UNKNOWN]))
+waits = st.tuples(st.just("wait"), st.floats(0, 400))
+breaks = st.tuples(st.just("break"), st.booleans())
+
+
+@given(
+    st.lists(st.one_of(sends, waits, breaks), max_size=40),
+    st.floats(10, 300),
+    st.floats(0, 1),
+    st.floats(20, 500),
+)
+def test_whatever_came_before_the_guard_is_silent_within_deadman_ms(history, deadman_ms, limit, max_on_ms):
+    spy = Spy()
+    guard = guard_of(spy, deadman_ms=deadman_ms, max_amplitude=limit, max_on_ms=max_on_ms, rest_ms=50)
+    now_ms, last_send_ms = 0.0, 0.0
+    for event in history:
+        if event[0] == "break":
+            spy.error = DeviceError("broken") if event[1] else None
+            continue
+        now_ms += event[1]
+        if event[0] == "send":
+            send(guard, event[2], now_ms, state=event[3])
+            last_send_ms = now_ms
+        else:
+            guard.advance(round(now_ms * MS))
+    spy.error = None
+    retried_ms = max(now_ms, last_send_ms + deadman_ms) + 60  # a device that had failed is tried so soon
+    guard.advance(round(retried_ms * MS))
+    silent_from_ms = last_send_ms + deadman_ms
+    for ms, amplitude, _ in spy.told:
+        assert amplitude <= limit
+        if ms >= silent_from_ms + 1e-3:
+            assert amplitude == 0
+    assert spy.amplitude == 0
+
+
+@given(st.lists(st.tuples(st.floats(1, 60), patterns), min_size=1, max_size=40), st.floats(20, 200))
+def test_no_vibration_lasts_longer_than_max_on_ms(history, max_on_ms):
+    spy = Spy()
+    guard = guard_of(spy, max_on_ms=max_on_ms, rest_ms=50)
+    now_ms = 0.0
+    for wait_ms, pattern in history:
+        now_ms += wait_ms
+        send(guard, pattern, now_ms)
+    guard.advance(round((now_ms + 1000) * MS))
+    on_since = None
+    for ms, amplitude, _ in spy.told:
+        if amplitude and on_since is None:
+            on_since = ms
+        if not amplitude and on_since is not None:
+            assert ms - on_since <= max_on_ms + 1e-3
+            on_since = None
+    assert on_since is None

@@ -1,0 +1,62 @@
+import pytest
+from helpers import LOW, MS, PULSE, SUCCESS
+from hypothesis import given
+from hypothesis import strategies as st
+
+from haptigraph.haptics.pattern import amplitude_at, beyond, duration_ns, next_change_ns
+from haptigraph.messages import OFF, Capabilities, HapticCommand, Pattern
+
+patterns = st.sampled_from([OFF, LOW, PULSE, SUCCESS])
+
+
+def at(pattern: Pattern, ms: float) -> float:
+    return amplitude_at(HapticCommand(0, pattern, 0), round(ms * MS))
+
+
+def test_continuous_never_pauses():
+    assert [at(LOW, ms) for ms in (0, 1, 500, 100_000)] == [0.3] * 4
+
+
+def test_pulses_go_on_and_off():
+    assert [at(PULSE, ms) for ms in (0, 79, 80, 159, 160, 16_000)] == [1, 1, 0, 0, 1, 1]
+
+
+def test_a_double_burst_plays_once():
+    assert [at(SUCCESS, ms) for ms in (0, 99, 100, 199, 200, 299, 300, 400)] == [0.8, 0.8, 0, 0, 0.8, 0.8, 0, 0]
+    assert duration_ns(SUCCESS) == 300 * MS
+    assert duration_ns(PULSE) is None
+
+
+@given(patterns, st.integers(-(10**9), 10**10))
+def test_nothing_is_felt_before_the_beginning_and_never_more_than_the_amplitude(pattern, stamp_ns):
+    amplitude = amplitude_at(HapticCommand(0, pattern, 0), stamp_ns)
+    assert amplitude in (0.0, pattern.amplitude)
+    assert amplitude == 0 or stamp_ns >= 0
+
+
+@given(patterns, st.integers(-(10**9), 10**9), st.integers(-(10**9), 2 * 10**9))
+def test_between_changes_the_amplitude_stays(pattern, since_ns, stamp_ns):
+    command = HapticCommand(0, pattern, since_ns)
+    change_ns = next_change_ns(command, stamp_ns)
+    amplitude = amplitude_at(command, stamp_ns)
+    if change_ns is None:
+        assert all(amplitude_at(command, stamp_ns + later) == amplitude for later in (1, 10**6, 10**10))
+    else:
+        assert change_ns > stamp_ns
+        assert amplitude_at(command, change_ns - 1) == amplitude
+        assert amplitude_at(command, (stamp_ns + change_ns) // 2) == amplitude
+
+
+@pytest.mark.parametrize(
+    ("capabilities", "pattern", "told"),
+    [
+        (Capabilities(100, (0.0, 400.0), 0.0), PULSE, []),
+        (Capabilities(100, None, 0.0), PULSE, ["pulse: 160 Hz cannot be chosen"]),
+        (Capabilities(100, (200.0, 400.0), 0.0), PULSE, ["pulse: 160 Hz lies outside 200 to 400 Hz"]),
+        (Capabilities(100, (0.0, 400.0), 100.0), PULSE, ["pulse: 80 ms are not felt, 100 ms are"]),
+        (Capabilities(1, (0.0, 400.0), 0.0), LOW, ["low: amplitude 0.3 becomes on or off"]),
+        (Capabilities(1, None, 500.0), OFF, []),
+    ],
+)
+def test_a_device_says_what_it_cannot(capabilities, pattern, told):
+    assert beyond(pattern, capabilities) == told

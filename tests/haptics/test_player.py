@@ -1,0 +1,91 @@
+import threading
+
+import pytest
+from helpers import LOW, make_step
+
+from haptigraph.clock import MonotonicClock
+from haptigraph.config import HapticsConfig
+from haptigraph.haptics import player as player_module
+from haptigraph.haptics.guard import Guard
+from haptigraph.haptics.player import Player
+from haptigraph.messages import Capabilities
+
+PATIENCE_S = 10.0
+
+
+class Signalling:
+    """A device that signals what it is told."""
+
+    capabilities = Capabilities(100, None, 0.0)
+
+    def __init__(self):
+        self.vibrates, self.is_silent, self.is_closed = (threading.Event() for _ in range(3))
+        self.silences: list[int] = []
+        self.gate = threading.Event()
+        self.gate.set()
+
+    def set(self, amplitude, frequency_hz, stamp_ns):
+        self.gate.wait(PATIENCE_S)
+        if amplitude:
+            self.is_silent.clear()
+            self.vibrates.set()
+        else:
+            self.silences.append(stamp_ns)
+            self.is_silent.set()
+
+    def close(self):
+        self.is_closed.set()
+
+
+@pytest.fixture
+def device():
+    return Signalling()
+
+
+def start(device, **settings):
+    clock = MonotonicClock()
+    return Player(Guard(device, HapticsConfig(**settings)), clock), clock
+
+
+def test_the_hand_is_stilled_though_the_loop_sends_no_more(device):
+    player, clock = start(device, deadman_ms=50)
+    sent_ns = clock.now_ns()
+    player.send(make_step(LOW, stamp_ns=sent_ns), sent_ns)
+    assert device.vibrates.wait(PATIENCE_S)
+    assert device.is_silent.wait(PATIENCE_S)
+    assert device.silences[-1] - sent_ns >= 50e6
+    player.close()
+
+
+def test_closing_stills_the_hand_and_releases_the_device(device):
+    player, clock = start(device, deadman_ms=1000)
+    player.send(make_step(LOW, stamp_ns=clock.now_ns()), clock.now_ns())
+    assert device.vibrates.wait(PATIENCE_S)
+    player.close()
+    player.close()
+    assert device.is_silent.is_set()
+    assert device.is_closed.is_set()
+
+
+def test_a_device_that_blocks_does_not_block_the_loop(device, monkeypatch):
+    monkeypatch.setattr(player_module, "STILL_TIMEOUT_S", 0.05)
+    device.gate.clear()
+    player, clock = start(device)
+    for _ in range(100):
+        player.send(make_step(LOW, stamp_ns=clock.now_ns()), clock.now_ns())
+    player.close()
+    assert "may still vibrate" in player.take_faults()[-1].message
+    device.gate.set()
+    assert device.is_closed.wait(PATIENCE_S)
+
+
+def test_faults_of_the_device_come_out(device):
+    class Broken(Signalling):
+        def set(self, amplitude, frequency_hz, stamp_ns):
+            raise OSError("unplugged")
+
+    broken = Broken()
+    player, clock = start(broken)
+    player.send(make_step(LOW, stamp_ns=clock.now_ns()), clock.now_ns())
+    player.close()
+    assert {fault.message for fault in player.take_faults()} == {"unplugged"}

@@ -1,0 +1,81 @@
+"""Small makers of messages for tests."""
+
+from haptigraph.geometry import Geometry, Point, Segment, Vec, rotate, subtract, unit
+from haptigraph.graph import SceneGraph
+from haptigraph.haptics.renderer import GrammarRenderer
+from haptigraph.inference.engine import RuleEngine
+from haptigraph.inference.procedure import Procedure
+from haptigraph.messages import OFF, Capture, Conclusion, Fault, HapticCommand, Observation, Pattern, Step
+from haptigraph.perception.registration import Registration
+from haptigraph.pipeline import Pipeline
+from haptigraph.scene.builder import SchemaSceneBuilder
+
+MS = 1_000_000
+LOW = Pattern("low", "continuous", amplitude=0.3, frequency_hz=80)
+PULSE = Pattern("pulse", "pulses", amplitude=1.0, frequency_hz=160, on_ms=80, off_ms=80)
+SUCCESS = Pattern("success", "bursts", amplitude=0.8, frequency_hz=160, on_ms=100, off_ms=100, count=2)
+
+
+def needle(entry_mm: Vec, tip_mm: Vec) -> dict[str, Geometry]:
+    return {"needle_tip": Point(tip_mm), "needle_line": Segment(entry_mm, tip_mm)}
+
+
+def observe(anatomy: dict[str, Geometry], tip_mm: Vec | None, stamp_ns: int = 0) -> Observation:
+    """An observation with a needle from the trocar to a tip, or with none."""
+    if tip_mm is None:
+        return Observation(stamp_ns, anatomy)
+    trocar = anatomy["trocar"]
+    assert isinstance(trocar, Point)
+    return Observation(stamp_ns, {**anatomy, **needle(trocar.at_mm, tip_mm)})
+
+
+def on_axis(anatomy: dict[str, Geometry], depth_mm: float, theta_deg: float = 0.0) -> Vec:
+    """The tip of a needle so deep in the trocar and so far off the target."""
+    trocar, target = anatomy["trocar"], anatomy["retina_target"]
+    assert isinstance(trocar, Point) and isinstance(target, Point)
+    along = rotate(unit(subtract(target.at_mm, trocar.at_mm)), theta_deg)
+    return trocar.at_mm[0] + depth_mm * along[0], trocar.at_mm[1] + depth_mm * along[1]
+
+
+def make_step(
+    pattern: Pattern = OFF,
+    *,
+    stamp_ns: int = 0,
+    since_ns: int | None = None,
+    state: str = "some_state",
+    faults: tuple[Fault, ...] = (),
+) -> Step:
+    """A step that commands a pattern."""
+    return Step(
+        index=0,
+        stamp_ns=stamp_ns,
+        observation=Observation(stamp_ns, {}, faults),
+        graph=SceneGraph(stamp_ns),
+        conclusion=Conclusion(stamp_ns, state, 1, pattern.name, "because"),
+        command=HapticCommand(stamp_ns, pattern, stamp_ns if since_ns is None else since_ns),
+    )
+
+
+class ScriptedPerceiver:
+    """Report what a list says, image by image: a tip, None, or an exception."""
+
+    def __init__(self, registration: Registration, script: list[Vec | None | Exception]) -> None:
+        self.anatomy, self.script, self.resets = registration.anatomy, list(script), 0
+
+    def __call__(self, capture: Capture) -> Observation:
+        item = self.script[capture.index % len(self.script)]
+        if isinstance(item, Exception):
+            raise item
+        return observe(self.anatomy, item, capture.stamp_ns)
+
+    def reset(self) -> None:
+        self.resets += 1
+
+
+def pipeline_of(procedure: Procedure, perceiver: ScriptedPerceiver) -> Pipeline:
+    return Pipeline(
+        perceive=perceiver,
+        build_scene=SchemaSceneBuilder(procedure.schema),
+        reason=RuleEngine(procedure),
+        render=GrammarRenderer(procedure.patterns),
+    )

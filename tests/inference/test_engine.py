@@ -1,0 +1,115 @@
+from itertools import chain, combinations
+
+import pytest
+
+from haptigraph.assemble import load_procedure, procedure_names
+from haptigraph.graph import Node, SceneGraph, Triplet
+from haptigraph.inference.engine import RuleEngine
+from haptigraph.inference.procedure import Procedure
+from haptigraph.messages import UNKNOWN
+
+
+def subsets(items):
+    return chain.from_iterable(combinations(items, size) for size in range(len(items) + 1))
+
+
+def every_graph(procedure: Procedure):
+    """All graphs the schema allows: any nodes, any relations between those that are there."""
+    schema = procedure.schema
+    for entities in subsets(schema.entities):
+        names = {entity.name for entity in entities}
+        nodes = tuple(Node(entity.name, entity.name, entity.group) for entity in entities)
+        possible = [
+            Triplet(*relation.names)
+            for relation in schema.relations
+            if {relation.subject, relation.object} <= names
+        ]
+        for edges in subsets(possible):
+            yield SceneGraph(0, nodes, tuple(edges))
+
+
+def plain_reading(procedure: Procedure, graph: SceneGraph) -> str:
+    """The rules as a person reads them, top to bottom."""
+    present = {node.category for node in graph.nodes}
+    holding = {(edge.subject, edge.predicate, edge.object) for edge in graph.edges}
+    for state in procedure.states:
+        if all(names in holding for names in state.when):
+            if not any(names in holding for names in state.unless):
+                if not any(name in present for name in state.absent):
+                    return state.name
+    return UNKNOWN
+
+
+@pytest.mark.parametrize("name", procedure_names())
+def test_the_engine_reads_the_rules_as_a_person_does_on_every_possible_graph(name):
+    procedure = load_procedure(name)
+    engine = RuleEngine(procedure)
+    graphs = 0
+    for graph in every_graph(procedure):
+        assert engine(graph).state == plain_reading(procedure, graph)
+        graphs += 1
+    assert graphs > 1000
+
+
+def graph_of(*edges: tuple[str, str, str], **measures: float) -> SceneGraph:
+    names = {"needle_tip", "needle_line", "retina_surface", "retina_target", "eye_globe", "trocar"}
+    nodes = tuple(Node(name, name, "any") for name in sorted(names))
+    return SceneGraph(42, nodes, tuple(Triplet(*edge) for edge in edges), measures)
+
+
+TOUCH = ("needle_tip", "touching", "retina_surface")
+HIT = ("needle_tip", "touching", "retina_target")
+NEAR = ("needle_tip", "approaching", "retina_surface")
+INSIDE = ("needle_tip", "inside", "eye_globe")
+OUTSIDE = ("needle_tip", "outside", "eye_globe")
+ALIGNED = ("needle_line", "aligned", "retina_target")
+OFF = ("needle_line", "misaligned", "retina_target")
+
+
+@pytest.mark.parametrize(
+    ("edges", "state", "feel"),
+    [
+        ((TOUCH, INSIDE, OFF), "retinal_contact", "pulse"),
+        ((TOUCH, OUTSIDE, ALIGNED), "retinal_contact", "pulse"),
+        ((TOUCH, HIT, INSIDE, ALIGNED), "target_hit", "success"),
+        ((NEAR, INSIDE, OFF), "misaligned_retinal_approach", "low"),
+        ((NEAR, INSIDE, ALIGNED), "aligned_retinal_approach", "off"),
+        ((INSIDE, OFF), "misaligned_intraocular_navigation", "low"),
+        ((INSIDE, ALIGNED), "aligned_intraocular_navigation", "off"),
+        ((OUTSIDE, OFF), "outside_eye", "off"),
+        ((), UNKNOWN, "off"),
+    ],
+)
+def test_the_papers_states_and_touch(procedure, edges, state, feel):
+    conclusion = RuleEngine(procedure)(graph_of(*edges))
+    assert (conclusion.state, conclusion.feel) == (state, feel)
+
+
+def test_no_needle_is_unknown_whatever_else_is_there(procedure):
+    nodes = (Node("eye_globe", "eye_globe", "anatomy"),)
+    conclusion = RuleEngine(procedure)(SceneGraph(1, nodes))
+    assert (conclusion.state, conclusion.priority) == (UNKNOWN, 0)
+    assert conclusion.because == "no needle is seen"
+
+
+def test_a_conclusion_says_which_rule_and_why(procedure):
+    conclusion = RuleEngine(procedure)(graph_of(TOUCH, INSIDE, OFF, distance_to_target_mm=2.345))
+    assert conclusion.stamp_ns == 42
+    assert conclusion.priority == 1
+    assert conclusion.evidence == (Triplet(*TOUCH),)
+    assert conclusion.because == "the tip touches the retina 2.3 mm from the target"
+
+
+def test_a_missing_measure_shows_in_the_sentence(procedure):
+    assert "? mm from the target" in RuleEngine(procedure)(graph_of(TOUCH)).because
+
+
+def test_rules_speak_of_categories_not_of_node_ids(procedure):
+    nodes = (Node("needle_tip/2", "needle_tip", "instrument"), Node("globe", "eye_globe", "anatomy"))
+    graph = SceneGraph(0, nodes, (Triplet("needle_tip/2", "outside", "globe"),))
+    assert RuleEngine(procedure)(graph).state == "outside_eye"
+
+
+def test_edges_the_schema_does_not_know_are_ignored(procedure):
+    extra = ("needle_tip", "glows_at", "eye_globe")
+    assert RuleEngine(procedure)(graph_of(extra, OUTSIDE)).state == "outside_eye"

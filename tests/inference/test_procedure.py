@@ -1,0 +1,130 @@
+import re
+
+import pytest
+
+from haptigraph.assemble import load_procedure, parse_procedure, procedure_names
+from haptigraph.errors import BadInput
+
+
+@pytest.fixture(scope="module")
+def text() -> str:
+    return load_procedure("subretinal_injection").text
+
+
+def changed(text: str, old: str, new: str) -> str:
+    assert old in text, old
+    return text.replace(old, new, 1)
+
+
+def refuse(text: str) -> str:
+    with pytest.raises(BadInput) as refused:
+        parse_procedure(text, "p.toml")
+    return str(refused.value)
+
+
+def test_the_papers_eight_states_stand_in_order(procedure):
+    assert [state.name for state in procedure.states] == [
+        "unknown",
+        "retinal_contact",
+        "target_hit",
+        "misaligned_retinal_approach",
+        "aligned_retinal_approach",
+        "misaligned_intraocular_navigation",
+        "aligned_intraocular_navigation",
+        "outside_eye",
+    ]
+
+
+def test_the_papers_thresholds(procedure):
+    bounds = {relation.names[1:]: (relation.above, relation.at_most) for relation in procedure.schema.relations}
+    assert bounds["touching", "retina_surface"] == (None, 0.7)
+    assert bounds["approaching", "retina_surface"] == (0.7, 5.5)
+    assert bounds["touching", "retina_target"] == (None, 0.7)
+    assert bounds["approaching", "retina_target"] == (0.7, 5.5)
+    assert bounds["aligned", "retina_target"] == (None, 1.7)
+    assert bounds["misaligned", "retina_target"] == (1.7, None)
+
+
+def test_double_burst_onsets_can_be_told_apart(procedure):
+    success = next(pattern for pattern in procedure.patterns if pattern.name == "success")
+    assert success.count == 2
+    assert success.on_ms == 100
+    assert success.on_ms + success.off_ms >= 180
+
+
+@pytest.mark.parametrize("name", procedure_names())
+def test_what_ships_is_sound_and_fingerprinted(name):
+    assert re.fullmatch("[0-9a-f]{64}", load_procedure(name).sha256)
+
+
+def test_procedures_load_from_a_path_too(text, tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text(changed(text, 'name = "subretinal_injection"', 'name = "mine"'))
+    assert load_procedure(str(file)).name == "mine"
+
+
+def test_an_unknown_procedure_names_those_there_are():
+    with pytest.raises(BadInput, match="unknown procedure 'subretinal'; did you mean 'subretinal_injection'"):
+        load_procedure("subretinal")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ('feel = "pulse"', 'feel = "plse"', "unknown pattern 'plse'; did you mean 'pulse'?"),
+        ('feel = "pulse"', 'feels = "pulse"', "unknown key 'feels'; did you mean 'feel'?"),
+        ('feel = "pulse"', "feel = 3", "state[1].feel: expected str, got int, found 3"),
+        ('feel = "off"\nbecause = "no', 'feel = "low"\nbecause = "no', "'unknown' must feel a pattern of kind 'off'"),
+        ('subject = "needle_tip"', 'subject = "needle_tp"', "unknown entity 'needle_tp'; did you mean 'needle_tip'"),
+        ('measure = "distance_mm" ', 'measure = "gap_mm" ', "unknown measure 'gap_mm'"),
+        ('measure = "distance_mm" ', 'measure = "theta_deg" ', "theta_deg measures segment to point, but needle_tip"),
+        ("at_most = 0.7", "atmost = 0.7", "unknown key 'atmost'; did you mean 'at_most'?"),
+        ("at_most = 0.7\n", "", "no bound; give at_most, below, at_least or above"),
+        ("at_most = 0.7", "at_most = 0.7\nbelow = 1.0", "both at_most and below are given; one of them is enough"),
+        ("above = 0.7", "above = 6.7", "nothing lies above 6.7 and below 5.5"),
+        ("at_most = 0.7", "at_most = 0.7\nrelease = 0.6", "release 0.6 lies within the bounds"),
+        ('given = [["needle_tip", "touching"', 'given = [["needle_tip", "approaching"', ""),
+        ('given = [["needle_tip", "touching", "retina_surface"]]', 'given = [["a", "b", "c"]]', "given <a, b, c> is no"),
+        ('when = [["needle_tip", "touching", "retina_target"]]', 'when = [["needle_tip", "touching"]]', "of length 3"),
+        ('when = [["needle_tip", "touching", "retina_target"]]', 'when = [["a", "b", "c"]]', "<a, b, c> is no relation"),
+        ('absent = ["needle_tip"]', 'absent = ["needle"]', "unknown entity 'needle'"),
+        ("{radial_mm:.2f}", "{radius_mm:.2f}", "unknown measure 'radius_mm'; did you mean 'radial_mm'?"),
+        ("{radial_mm:.2f}", "{radial_mm:.2q}", "because cannot be filled in"),
+        ("{radial_mm:.2f}", "{radial_mm", "because cannot be filled in"),
+        ('kind = "continuous"', 'kind = "steady"', "unknown kind 'steady'; valid: bursts, continuous, off, pulses"),
+        ("amplitude = 1.0", "amplitude = 1.5", "amplitude must be at most 1, found 1.5"),
+        ("amplitude = 0.3", "amplitude = 0", "continuous needs amplitude above 0, found 0"),
+        ("amplitude = 0.3", "amplitude = 0.3\non_ms = 5", "continuous has no on_ms, found 5"),
+        ("frequency_hz = 80", "frequency_hz = -80", "frequency_hz must not be negative"),
+        ("off_ms = 80", "", "pulses needs off_ms above 0"),
+        ("count = 2", "", "bursts needs count above 0"),
+        ('geometry = "segment"', 'geometry = "line"', "unknown geometry 'line'"),
+        ('name = "target_hit"', 'name = "retinal_contact"', "a second state 'retinal_contact'; names must differ"),
+        ('name = "unknown"', 'name = "lost"', "no [[state]] named 'unknown'"),
+        ('label = "target"', 'label = "retina"', "distance_to_retina_mm would mean both"),
+        ("[procedure]", "[procedure", "not valid TOML"),
+    ],
+)  # fmt: skip
+def test_every_mistake_is_one_sentence_with_its_line(text, old, new, told):
+    broken = changed(text, old, new)
+    if not told:  # a sound change: an approach may be asked for as well as a touch
+        parse_procedure(broken, "p.toml")
+        return
+    message = refuse(broken)
+    assert told in message
+    assert message.startswith("p.toml")
+    assert "\n" not in message
+    if "named 'unknown'" not in told:
+        line = int(re.search(r"line (\d+)", message)[1])
+        wrong = broken.splitlines()[line - 1]
+        assert wrong.strip() in broken and wrong.strip()
+
+
+def test_the_line_is_the_very_line_of_the_mistake(text):
+    broken = changed(text, 'feel = "pulse"', 'feel = "plse"')
+    line = broken.splitlines().index('feel = "plse"') + 1
+    assert refuse(broken).startswith(f"p.toml, line {line}: ")
+
+
+def test_a_procedure_without_states_is_refused(text):
+    assert "key 'state' is missing" in refuse(text[: text.index("[[state]]")])

@@ -1,0 +1,80 @@
+import os
+
+import pytest
+from mcap.records import Message
+
+from haptigraph.errors import BadInput
+from haptigraph.recording.journal import Journal, complete_records, is_whole
+from haptigraph.recording.writer import compact
+
+
+def test_a_journal_is_on_disk_before_it_is_closed(tmp_path):
+    file = tmp_path / "j"
+    journal = Journal(os.open(file, os.O_WRONLY | os.O_CREAT))
+    journal.write(b"abc")
+    assert file.read_bytes() == b"abc"
+    assert journal.tell() == 3
+    journal.close()
+    journal.close()
+    assert journal.closed
+    with pytest.raises(ValueError, match="closed journal"):
+        journal.write(b"d")
+
+
+def messages(path) -> int:
+    return sum(isinstance(record, Message) for _, record in complete_records(path))
+
+
+def test_every_cut_leaves_all_records_before_it(journal_file, tmp_path):
+    data = journal_file.read_bytes()
+    total = messages(journal_file)
+    before = -1
+    for size in range(8, len(data), max(1, len(data) // 97)):
+        cut = tmp_path / "cut.mcap"
+        cut.write_bytes(data[:size])
+        found = messages(cut)
+        assert before <= found <= total
+        before = max(before, found)
+    assert before > 0.9 * total
+
+
+def test_a_cut_file_is_compacted_to_a_whole_one(journal_file, tmp_path):
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(journal_file.read_bytes()[:-100_000])
+    expected = messages(cut)
+    assert not is_whole(cut)
+    assert compact(cut) == expected
+    assert is_whole(cut)
+    assert messages(cut) == expected
+    assert not (tmp_path / "cut.mcap.part").exists()
+
+
+def test_compacting_again_changes_nothing_but_the_bytes(journal_file, tmp_path):
+    copy = tmp_path / "copy.mcap"
+    copy.write_bytes(journal_file.read_bytes())
+    once = compact(copy)
+    assert compact(copy) == once
+    assert copy.stat().st_size < journal_file.stat().st_size
+
+
+@pytest.mark.parametrize("content", [b"", b"hello", b"\x00" * 1000])
+def test_other_files_are_refused(tmp_path, content):
+    file = tmp_path / "x.mcap"
+    file.write_bytes(content)
+    with pytest.raises(BadInput, match="not a recording"):
+        list(complete_records(file))
+    assert not is_whole(file)
+
+
+def test_a_file_that_is_not_there_is_told(tmp_path):
+    with pytest.raises(BadInput, match="cannot be read"):
+        list(complete_records(tmp_path / "gone.mcap"))
+
+
+def test_damage_in_the_middle_is_told_with_its_place(journal_file, tmp_path):
+    data = bytearray(journal_file.read_bytes())
+    data[8 + 9 : 8 + 60] = b"\xff" * 51
+    file = tmp_path / "damaged.mcap"
+    file.write_bytes(data)
+    with pytest.raises(BadInput, match=r"byte \d+: damaged"):
+        list(complete_records(file))

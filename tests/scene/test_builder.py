@@ -1,0 +1,139 @@
+import math
+
+from helpers import needle, observe, on_axis
+from hypothesis import given
+from hypothesis import strategies as st
+
+from haptigraph.assemble import load_procedure
+from haptigraph.geometry import Circle, Geometry, Point, Polyline, norm, rotate, subtract
+from haptigraph.graph import Entity, Relation, Schema, Triplet
+from haptigraph.inference.engine import RuleEngine
+from haptigraph.messages import Observation
+from haptigraph.scene.builder import SchemaSceneBuilder
+
+PROCEDURE = load_procedure("subretinal_injection")
+TOUCHING_RETINA = Triplet("needle_tip", "touching", "retina_surface")
+TOUCHING_TARGET = Triplet("needle_tip", "touching", "retina_target")
+ALL_PREDICATES = {"touching", "approaching", "aligned", "misaligned", "inside", "outside"}
+
+
+@st.composite
+def eyes(draw) -> dict[str, Geometry]:
+    """Any plausible eye: globe, trocar in its wall, a retina of any curvature, a target anywhere on it."""
+    radius = draw(st.floats(8, 15))
+    side = draw(st.sampled_from([-1, 1]))
+    trocar_angle = math.radians(draw(st.floats(5, 65))) * side
+    trocar = Point((radius * math.sin(trocar_angle), radius * math.cos(trocar_angle)))
+    lift, curl = draw(st.floats(0, 0.2)), draw(st.floats(-0.2, 0.25))
+    half_deg = draw(st.floats(40, 80))
+    points = []
+    for step in range(-30, 31):
+        angle = math.radians(half_deg * step / 30)
+        distance = radius * (1 - lift - max(curl, -lift) * (step / 30) ** 2)
+        points.append((distance * math.sin(angle), -distance * math.cos(angle)))
+    retina = Polyline(tuple(points))
+    piece = draw(st.integers(0, len(points) - 2))
+    share = draw(st.floats(0, 1))
+    (x0, y0), (x1, y1) = points[piece], points[piece + 1]
+    target = Point((x0 + share * (x1 - x0), y0 + share * (y1 - y0)))
+    return {
+        "eye_globe": Circle((0.0, 0.0), radius),
+        "retina_surface": retina,
+        "retina_target": target,
+        "trocar": trocar,
+    }
+
+
+def axis_length(eye: dict[str, Geometry]) -> float:
+    return norm(subtract(eye["retina_target"].at_mm, eye["trocar"].at_mm))
+
+
+@given(eyes(), st.floats(0.01, 2.0), st.lists(st.floats(-0.999, 0.999), min_size=1, max_size=8))
+def test_an_approach_near_the_axis_ends_in_target_hit_without_retinal_contact(eye, step_mm, swerves):
+    """Whoever stays within asin(0.7 / L) of the axis and advances to the target hits it cleanly."""
+    build, reason = SchemaSceneBuilder(PROCEDURE.schema), RuleEngine(PROCEDURE)
+    length = axis_length(eye)
+    limit_deg = math.degrees(math.asin(0.7 / length))
+    depths = [*(k * step_mm for k in range(math.ceil(length / step_mm))), length]
+    state = ""
+    for number, depth_mm in enumerate(depths):
+        swerve = swerves[number * len(swerves) // len(depths)]
+        tip = on_axis(eye, depth_mm, swerve * limit_deg)
+        state = reason(build(observe(eye, tip))).state
+        assert state != "retinal_contact"
+    assert state == "target_hit"
+
+
+@given(eyes(), st.floats(0.02, 0.98), st.floats(0.05, 0.6))
+def test_a_tip_pushed_through_the_retina_never_stops_touching_it(eye, where, step_mm):
+    build = SchemaSceneBuilder(PROCEDURE.schema)
+    points = eye["retina_surface"].points_mm
+    through = points[round(where * (len(points) - 1))]
+    trocar = eye["trocar"].at_mm
+    way = subtract(through, trocar)
+    reach = norm(way)
+    touched = False
+    for k in range(math.ceil((reach + 15) / step_mm)):
+        share = k * step_mm / reach
+        tip = trocar[0] + share * way[0], trocar[1] + share * way[1]
+        touching = TOUCHING_RETINA in build(observe(eye, tip))
+        assert touching or not touched
+        touched = touched or touching
+    assert touched
+
+
+def test_the_whole_table_of_the_paper_can_occur(procedure, registration):
+    build, anatomy = SchemaSceneBuilder(procedure.schema), registration.anatomy
+    seen = set()
+    for depth_mm in (-3.0, 5.0, 19.0, 22.9):
+        for theta_deg in (0.0, 5.0):
+            graph = build(observe(anatomy, on_axis(anatomy, depth_mm, theta_deg)))
+            seen |= set(graph.edges)
+    assert {edge.predicate for edge in seen} == ALL_PREDICATES
+    assert seen == {Triplet(*relation.names) for relation in procedure.schema.relations}
+
+
+def test_without_a_needle_there_is_only_anatomy(procedure, registration):
+    graph = SchemaSceneBuilder(procedure.schema)(observe(registration.anatomy, None))
+    assert {node.group for node in graph.nodes} == {"anatomy"}
+    assert graph.edges == ()
+    assert graph.measures == {}
+
+
+def test_a_blind_observation_gives_an_empty_graph(procedure):
+    graph = SchemaSceneBuilder(procedure.schema)(Observation(3))
+    assert (graph.stamp_ns, graph.nodes, graph.edges) == (3, (), ())
+
+
+def test_near_the_target_off_the_retina_is_no_touch(procedure, registration):
+    anatomy = registration.anatomy
+    graph = SchemaSceneBuilder(procedure.schema)(observe(anatomy, on_axis(anatomy, 15.0)))
+    assert graph.measures["radial_mm"] < 0.7
+    assert TOUCHING_TARGET not in graph
+
+
+def test_the_shaft_decides_alignment_and_the_tip_distance(procedure, registration):
+    anatomy = registration.anatomy
+    trocar, tip = anatomy["trocar"].at_mm, on_axis(anatomy, 10.0)
+    bent = rotate(subtract(tip, trocar), 4.0)
+    entry = tip[0] - bent[0], tip[1] - bent[1]
+    graph = SchemaSceneBuilder(procedure.schema)(Observation(0, {**anatomy, **needle(entry, tip)}))
+    assert graph.find(predicate="misaligned")
+    assert graph.measures["radial_mm"] < 1e-6
+
+
+def test_hysteresis_lasts_until_release_or_reset():
+    schema = Schema(
+        (Entity("a", "instrument", "point"), Entity("b", "anatomy", "point")),
+        (Relation("a", "near", "b", "distance_mm", at_most=1.0, release=1.5),),
+    )
+    build = SchemaSceneBuilder(schema)
+
+    def near(distance_mm: float) -> bool:
+        graph = build(Observation(0, {"a": Point((0.0, 0.0)), "b": Point((distance_mm, 0.0))}))
+        return bool(graph.find(predicate="near"))
+
+    assert [near(d) for d in (1.2, 0.9, 1.2, 1.5, 1.6, 1.2)] == [False, True, True, True, False, False]
+    near(0.5)
+    build.reset()
+    assert not near(1.2)

@@ -1,0 +1,99 @@
+import threading
+
+import numpy as np
+import pytest
+from helpers import make_step
+
+from haptigraph.messages import Capture
+from haptigraph.sinks import recorder as recorder_module
+from haptigraph.sinks.recorder import Recorder
+
+IMAGE = np.zeros((2, 2), np.uint8)
+
+
+class Writer:
+    """A writer that can be held up or broken."""
+
+    path = "run.mcap"
+
+    def __init__(self):
+        self.written, self.gate, self.error = [], threading.Event(), None
+        self.closed = self.abandoned = 0
+        self.gate.set()
+
+    def write(self, capture, step, *, dropped):
+        self.gate.wait(10)
+        if self.error is not None:
+            raise self.error
+        self.written.append((capture, step, dropped))
+
+    def close(self, progress):
+        self.closed += 1
+
+    def abandon(self):
+        self.abandoned += 1
+
+
+@pytest.fixture
+def writer():
+    return Writer()
+
+
+def write(recorder, count):
+    for number in range(count):
+        recorder.write(Capture(number, number, IMAGE), make_step(stamp_ns=number))
+
+
+def test_all_steps_are_written_in_order(writer):
+    recorder = Recorder(writer, waits=True)
+    write(recorder, 200)
+    recorder.close()
+    recorder.close()
+    assert [step.stamp_ns for _, step, _ in writer.written] == list(range(200))
+    assert (recorder.dropped, writer.closed) == (0, 1)
+
+
+def test_a_slow_disk_costs_images_but_never_holds_up_the_loop(writer):
+    writer.gate.clear()
+    recorder = Recorder(writer, waits=False)
+    write(recorder, 100)  # returns though nothing is written
+    writer.gate.set()
+    recorder.close()
+    assert recorder.dropped == 100 - recorder_module.MOST_IMAGES
+    assert len(writer.written) == 100  # every step is there, if without its image
+    kept = [not dropped for _, _, dropped in writer.written]
+    assert kept == [True] * recorder_module.MOST_IMAGES + [False] * recorder.dropped
+    assert all((capture.image is None) == dropped for capture, _, dropped in writer.written)
+
+
+def test_a_stuck_disk_costs_whole_steps_in_the_end(writer, monkeypatch):
+    monkeypatch.setattr(recorder_module, "MOST_STEPS", 10)
+    writer.gate.clear()
+    recorder = Recorder(writer, waits=False)
+    write(recorder, 50)
+    writer.gate.set()
+    recorder.close()
+    assert len(writer.written) + recorder.dropped >= 50
+    assert len(writer.written) <= 12
+
+
+def test_a_full_disk_is_told_once_and_the_file_is_left_to_be_recovered(writer):
+    recorder = Recorder(writer, waits=True)
+    write(recorder, 3)
+    writer.error = OSError(28, "No space left on device")
+    write(recorder, 30)
+    recorder.close()
+    (fault,) = recorder.take_faults()
+    assert fault.message == "run.mcap is incomplete (No space left on device); it can be recovered"
+    assert (writer.abandoned, writer.closed) == (1, 0)
+    assert recorder.dropped + len(writer.written) <= 33
+
+
+def test_a_disk_that_fills_at_the_very_end_is_told(writer):
+    def full(progress):
+        raise OSError(28, "No space left on device")
+
+    writer.close = full
+    recorder = Recorder(writer, waits=True)
+    recorder.close()
+    assert "No space left" in recorder.take_faults()[0].message

@@ -1,0 +1,89 @@
+import pytest
+
+from haptigraph.config import Config, Document, load_config
+from haptigraph.errors import BadInput
+
+
+def refuse(*settings: str) -> str:
+    with pytest.raises(BadInput) as refused:
+        load_config(None, settings)
+    return str(refused.value)
+
+
+def test_defaults_need_no_file():
+    assert load_config() == Config()
+
+
+def test_settings_override_a_file(tmp_path):
+    file = tmp_path / "lab.toml"
+    file.write_text("[perception]\nalpha = 0.2\noffset_grey = 12\n")
+    config = load_config(file, ("perception.alpha=1", "source.uri=camera:0", 'run.procedure="a.toml"'))
+    assert config.perception.alpha == 1.0
+    assert config.perception.offset_grey == 12.0
+    assert config.source.uri == "camera:0"
+    assert config.run.procedure == "a.toml"
+
+
+def test_an_unknown_key_names_the_valid_ones():
+    message = refuse("perception.alpa=1")
+    assert "unknown key 'alpa'; did you mean 'alpha'?" in message
+    assert "block_size_px" in message
+    assert "unknown key 'perceptio'" in refuse("perceptio.alpha=1")
+
+
+@pytest.mark.parametrize(
+    ("setting", "told"),
+    [
+        ("perception.alpha=2", "perception.alpha: expected float <= 1.0, found 2"),
+        ("perception.alpha=fast", "perception.alpha: expected float, got str, found 'fast'"),
+        ("perception.block_size_px=50", "block_size_px must be odd, found 50"),
+        ("perception.polarity=red", "unknown polarity 'red'; valid: auto, bright, dark"),
+        ("perception=3", "expected table"),
+        ("perception.alpha.x=1", "perception.alpha: expected float, got table"),
+        ("perception.alpha", "expected KEY=VALUE"),
+        ("run.realtime=yes", "run.realtime: expected bool"),
+    ],
+)
+def test_a_bad_setting_says_what_was_found_and_what_is_valid(setting, told):
+    assert told in refuse(setting)
+
+
+def test_a_setting_below_a_value_is_refused(tmp_path):
+    file = tmp_path / "lab.toml"
+    file.write_text("[perception]\nalpha = 0.2\n")
+    with pytest.raises(BadInput, match="'alpha' is a value, not a table"):
+        load_config(file, ("perception.alpha.x=1",))
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("[haptics]\ndeadman = 3\n", "line 2: unknown key 'deadman'; did you mean 'deadman_ms'?"),
+        ("[perception]\n\nalpha = 'x'\n", "line 3: perception.alpha: expected float, got str, found 'x'"),
+        ("[perception\n", "line 1, column 12: not valid TOML"),
+        ("[run]\nstale_ms = = 1\n", "line 2, column 12: not valid TOML: invalid value"),
+    ],
+)
+def test_a_bad_file_is_told_with_its_line(tmp_path, text, told):
+    file = tmp_path / "lab.toml"
+    file.write_text(text)
+    with pytest.raises(BadInput) as refused:
+        load_config(file)
+    assert str(refused.value).startswith(f"{file}, {told}")
+
+
+def test_a_file_that_cannot_be_read_is_told(tmp_path):
+    with pytest.raises(BadInput, match=r"gone\.toml: cannot be read \(No such file or directory\)"):
+        load_config(tmp_path / "gone.toml")
+    latin = tmp_path / "latin.toml"
+    latin.write_bytes(b"# \xe9\n")
+    with pytest.raises(BadInput, match=r"not UTF-8 text \(byte 2\)"):
+        load_config(latin)
+
+
+def test_lines_are_found_in_repeated_tables():
+    document = Document('top = 1\n[[state]]\nname = "a"\n\n[[state]]\nname = "b"\nfeel = "x"\n', "p.toml")
+    assert "line 7" in str(document.error("wrong", "state[1].feel"))
+    assert "line 2" in str(document.error("wrong", "state[0].feel"))
+    assert "line 1" in str(document.error("wrong", "top"))
+    assert str(document.error("wrong", "nowhere")) == "p.toml: wrong"

@@ -1,0 +1,103 @@
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from haptigraph.geometry import (
+    ImageGeometry,
+    Polyline,
+    angle_between_deg,
+    crosses_polyline,
+    distance_to_line,
+    distance_to_polyline,
+    norm,
+    rotate,
+    subtract,
+    unit,
+)
+
+coordinate = st.floats(-50, 50)
+vector = st.tuples(coordinate, coordinate).filter(lambda v: norm(v) > 1e-3)
+angle_deg = st.floats(-179, 179)
+ARC = Polyline(tuple((12 * math.sin(a / 20), -12 * math.cos(a / 20)) for a in range(-25, 26)))
+
+
+@given(vector, angle_deg)
+def test_rotation_keeps_length_and_turns_by_its_angle(v, angle):
+    turned = rotate(v, angle)
+    assert norm(turned) == pytest.approx(norm(v))
+    assert angle_between_deg(v, turned) == pytest.approx(abs(angle), abs=1e-6)
+
+
+@given(vector, st.floats(1e-7, 1e-3))
+def test_small_angles_are_exact(v, angle):
+    assert angle_between_deg(v, rotate(v, angle)) == pytest.approx(angle, rel=1e-4)
+
+
+@given(vector, vector)
+def test_angle_is_symmetric_and_within_half_a_turn(u, v):
+    assert angle_between_deg(u, v) == pytest.approx(angle_between_deg(v, u))
+    assert 0 <= angle_between_deg(u, v) <= 180
+
+
+def test_a_vector_without_length_has_no_direction():
+    with pytest.raises(ValueError, match="no direction"):
+        unit((0.0, 0.0))
+
+
+@given(vector, st.floats(-3, 3), st.floats(0, 5))
+def test_distance_to_a_line_ignores_where_along_it(direction, along, aside):
+    u = unit(direction)
+    point = along * u[0] - aside * u[1], along * u[1] + aside * u[0]
+    assert distance_to_line(point, (0.0, 0.0), direction) == pytest.approx(aside, abs=1e-9)
+
+
+@given(st.floats(-50, 50), st.floats(0, 30))
+def test_distance_to_an_arc_is_the_difference_of_radii(angle, radius):
+    point = radius * math.sin(math.radians(angle)), -radius * math.cos(math.radians(angle))
+    assert distance_to_polyline(point, ARC) == pytest.approx(abs(12 - radius), abs=0.02)
+
+
+def test_distance_past_the_open_end_is_to_the_end():
+    line = Polyline(((0.0, 0.0), (1.0, 0.0), (2.0, 0.0)))
+    assert distance_to_polyline((5.0, 4.0), line) == 5.0
+
+
+@given(st.floats(-65, 65), st.floats(0.01, 11.9), st.floats(12.05, 30))
+def test_a_way_crosses_an_arc_exactly_if_it_leaves_it(angle, near, far):
+    direction = math.sin(math.radians(angle)), -math.cos(math.radians(angle))
+    inside = near * direction[0], near * direction[1]
+    outside = far * direction[0], far * direction[1]
+    assert not crosses_polyline((0.0, 0.0), inside, ARC)
+    assert crosses_polyline((0.0, 0.0), outside, ARC)
+
+
+def test_a_way_through_a_vertex_crosses():
+    line = Polyline(((-1.0, 0.0), (0.0, 0.0), (1.0, 0.0)))
+    assert crosses_polyline((0.0, 1.0), (0.0, -1.0), line)
+    assert not crosses_polyline((3.0, 1.0), (3.0, -1.0), line)
+
+
+@given(
+    st.tuples(st.floats(0, 2000), st.floats(0, 2000)),
+    st.floats(0.005, 0.5),
+    st.booleans(),
+    st.tuples(st.floats(-20, 20), st.floats(-20, 20)),
+)
+def test_pixels_and_millimetres_are_inverse(center, mm_per_px, mirrored, at_mm):
+    image = ImageGeometry(center, mm_per_px, mirrored)
+    assert image.to_mm(image.to_px(at_mm)) == pytest.approx(at_mm, abs=1e-6)
+
+
+def test_eye_frame_is_right_and_up_as_the_surgeon_sees_it():
+    plain = ImageGeometry((100.0, 50.0), 0.1, mirrored=False)
+    mirrored = ImageGeometry((100.0, 50.0), 0.1, mirrored=True)
+    assert plain.to_mm((110.0, 30.0)) == pytest.approx((1.0, 2.0))
+    assert mirrored.to_mm((110.0, 30.0)) == pytest.approx((-1.0, 2.0))
+
+
+@given(vector, vector)
+def test_subtract_then_add_returns(a, b):
+    d = subtract(a, b)
+    assert (b[0] + d[0], b[1] + d[1]) == pytest.approx(a)

@@ -1,0 +1,235 @@
+import numpy as np
+import pytest
+from helpers import MS, ScriptedPerceiver, on_axis, pipeline_of
+from msgspec.structs import replace
+
+from haptigraph.clock import VirtualClock
+from haptigraph.errors import BadInput, EndOfSource, PerceiverBroken, SourceLost
+from haptigraph.messages import Capture, Fault
+from haptigraph.pipeline import Durations, Loop
+
+IMAGE = np.zeros((4, 4), np.uint8)
+PERIOD_NS = 33_333_333
+
+
+class ListSource:
+    """Deliver a list: captures, None (nothing in time), or exceptions."""
+
+    registration = None
+
+    def __init__(self, items, *, is_live=False, rate_hz=30.0, clock=None):
+        self.items, self.is_live, self.rate_hz, self.clock = list(items), is_live, rate_hz, clock
+        self.closed = 0
+
+    def read(self, timeout_s):
+        if not self.items:
+            raise EndOfSource
+        item = self.items.pop(0)
+        if isinstance(item, BaseException):
+            raise item
+        if item is None and self.clock is not None:
+            self.clock.wait_until(self.clock.now_ns() + round(timeout_s * 1e9))
+        return item
+
+    def close(self):
+        self.closed += 1
+
+
+class Memory:
+    """A sink and a hand that remember."""
+
+    dropped = 0
+
+    def __init__(self):
+        self.steps, self.captures, self.sent, self.closed = [], [], [], 0
+        self.faults: list[Fault] = []
+
+    def write(self, capture, step):
+        self.captures.append(capture)
+        self.steps.append(step)
+
+    def send(self, step, now_ns):
+        self.sent.append((step, now_ns))
+
+    def take_faults(self):
+        faults, self.faults = tuple(self.faults), []
+        return faults
+
+    def close(self):
+        self.closed += 1
+
+
+def captures(count, start=0):
+    return [Capture(n, n * PERIOD_NS, IMAGE) for n in range(start, start + count)]
+
+
+@pytest.fixture
+def tips(registration):
+    """A script: misaligned far away, misaligned near, aligned near, on the target, lost."""
+    anatomy = registration.anatomy
+    poses = [(8.0, 5.0), (20.0, 5.0), (20.0, 0.0), (22.9, 0.0)]
+    return [*(on_axis(anatomy, *pose) for pose in poses), None]
+
+
+def loop_of(pipeline, source, **options):
+    hand, sink = Memory(), Memory()
+    clock = options.pop("clock", VirtualClock())
+    return Loop(pipeline, source=source, hand=hand, sinks=[sink], clock=clock, **options), hand, sink
+
+
+def states(sink):
+    return [step.conclusion.state for step in sink.steps]
+
+
+def test_a_run_goes_through_states_and_touch(procedure, registration, tips):
+    pipeline = pipeline_of(procedure, ScriptedPerceiver(registration, tips))
+    loop, hand, sink = loop_of(pipeline, ListSource(captures(5)))
+    report = loop.run()
+    assert states(sink) == [
+        "misaligned_intraocular_navigation",
+        "misaligned_retinal_approach",
+        "aligned_retinal_approach",
+        "target_hit",
+        "unknown",
+        "unknown",  # the source ended
+    ]
+    assert [step.command.pattern.name for step in sink.steps] == ["low", "low", "off", "success", "off", "off"]
+    assert report.steps == 6
+    assert report.ended == "source ended"
+    assert report.seconds == pytest.approx(5 / 30)
+    assert [step.index for step in sink.steps] == [0, 1, 2, 3, 4, 4]
+    assert [step for step, _ in hand.sent] == [replace(step, timing=None) for step in sink.steps]
+
+
+def test_the_same_captures_give_the_same_steps(procedure, registration, tips):
+    pipeline = pipeline_of(procedure, ScriptedPerceiver(registration, tips))
+    first = [pipeline.step(capture) for capture in captures(20)]
+    pipeline.reset()
+    assert [pipeline.step(capture) for capture in captures(20)] == first
+
+
+def test_every_step_is_stamped_on_the_runs_clock_in_order(procedure, registration, tips):
+    clock = VirtualClock(start_ns=5_000_000_000)
+    pipeline = pipeline_of(procedure, ScriptedPerceiver(registration, tips))
+    loop, _, sink = loop_of(pipeline, ListSource(captures(4)), clock=clock)
+    loop.run()
+    stamps = [step.stamp_ns for step in sink.steps]
+    assert stamps[:2] == [5_000_000_000, 5_000_000_000 + PERIOD_NS]
+    for step in sink.steps:
+        assert step.stamp_ns <= step.timing.processed_ns <= step.timing.commanded_ns
+        assert {"perceive", "build_scene", "reason", "render", "step"} <= set(step.timing.stage_ns)
+
+
+def test_the_end_of_a_source_is_a_step_and_closes_everything(procedure, registration, tips):
+    source = ListSource(captures(2))
+    loop, hand, sink = loop_of(pipeline_of(procedure, ScriptedPerceiver(registration, tips)), source)
+    loop.run()
+    assert sink.steps[-1].faults == (Fault("source", "source ended"),)
+    assert (source.closed, hand.closed, sink.closed) == (1, 1, 1)
+
+
+def test_a_stale_image_is_unknown_and_silent(procedure, registration, tips):
+    clock = VirtualClock()
+    source = ListSource([*captures(1), None, None, *captures(1, start=1)], is_live=True, clock=clock)
+    pipeline = pipeline_of(procedure, ScriptedPerceiver(registration, [tips[0]]))
+    loop, _, sink = loop_of(pipeline, source, clock=clock, stale_ms=100)
+    loop.run()
+    assert states(sink)[:4] == ["misaligned_intraocular_navigation", "unknown", "unknown", states(sink)[0]]
+    assert sink.steps[1].faults == (Fault("source", "stale image: none for 100 ms"),)
+    assert sink.steps[1].command.pattern.name == "off"
+    assert sink.steps[2].stamp_ns - sink.steps[1].stamp_ns == 100 * MS
+
+
+def test_a_lost_camera_is_a_fault_and_the_loop_goes_on(procedure, registration, tips):
+    source = ListSource([*captures(1), SourceLost("camera:0 is gone"), *captures(1, 1)], is_live=True)
+    loop, _, sink = loop_of(pipeline_of(procedure, ScriptedPerceiver(registration, [tips[0]])), source)
+    loop.run()
+    assert sink.steps[1].faults == (Fault("source", "camera:0 is gone"),)
+    assert states(sink)[1:3] == ["unknown", "misaligned_intraocular_navigation"]
+
+
+def test_a_raising_perceiver_is_a_fault_unknown_and_forgotten(procedure, registration, tips):
+    perceiver = ScriptedPerceiver(registration, [tips[0], ValueError("bad day"), tips[0]])
+    loop, _, sink = loop_of(pipeline_of(procedure, perceiver), ListSource(captures(3)))
+    loop.run()
+    assert states(sink)[:3] == ["misaligned_intraocular_navigation", "unknown", states(sink)[0]]
+    assert sink.steps[1].faults == (Fault("perceiver", "ValueError: bad day"),)
+    assert perceiver.resets >= 1
+
+
+def test_three_failures_in_a_row_stop_the_run_with_the_reason(procedure, registration, tips):
+    error = ZeroDivisionError("no light")
+    perceiver = ScriptedPerceiver(registration, [error, error, tips[0], error, error, error, tips[0]])
+    loop, hand, sink = loop_of(pipeline_of(procedure, perceiver), ListSource(captures(7)))
+    with pytest.raises(PerceiverBroken, match="3 images in a row: ZeroDivisionError: no light"):
+        loop.run()
+    assert len(sink.steps) == 6
+    assert (hand.closed, sink.closed) == (1, 1)
+
+
+def test_a_mistake_of_the_user_is_no_fault_but_ends_the_run(procedure, registration):
+    perceiver = ScriptedPerceiver(registration, [BadInput("image is 3 x 3 px")])
+    loop, hand, _ = loop_of(pipeline_of(procedure, perceiver), ListSource(captures(1)))
+    with pytest.raises(BadInput):
+        loop.run()
+    assert hand.closed == 1
+
+
+def test_ctrl_c_ends_cleanly(procedure, registration, tips):
+    source = ListSource([*captures(2), KeyboardInterrupt(), *captures(2)])
+    loop, hand, sink = loop_of(pipeline_of(procedure, ScriptedPerceiver(registration, tips)), source)
+    report = loop.run()
+    assert report.ended == "interrupted"
+    assert (len(sink.steps), hand.closed, sink.closed, source.closed) == (2, 1, 1, 1)
+
+
+def test_faults_of_hand_and_sinks_come_into_the_next_step(procedure, registration, tips):
+    loop, hand, sink = loop_of(
+        pipeline_of(procedure, ScriptedPerceiver(registration, tips)), ListSource(captures(2))
+    )
+    hand.faults.append(Fault("device", "unplugged"))
+    steps = loop.steps()
+    assert next(steps).faults == (Fault("device", "unplugged"),)
+    sink.faults.append(Fault("recorder", "disk full"))
+    assert next(steps).faults == (Fault("recorder", "disk full"),)
+    steps.close()
+    assert hand.closed == 1
+    assert loop.report.faults == {"device: unplugged": 1, "recorder: disk full": 1}
+
+
+class SlowClock(VirtualClock):
+    """A clock on which every look costs time."""
+
+    def __init__(self, cost_ns):
+        super().__init__()
+        self._cost_ns = cost_ns
+
+    def now_ns(self):
+        self._now_ns += self._cost_ns
+        return self._now_ns
+
+
+def test_a_loop_that_is_late_counts_overruns_and_never_runs_backwards(procedure, registration, tips):
+    pipeline = pipeline_of(procedure, ScriptedPerceiver(registration, tips))
+    loop, _, sink = loop_of(pipeline, ListSource(captures(20)), clock=SlowClock(20 * MS))
+    report = loop.run()
+    assert report.overruns == 19  # three looks an image are 60 ms, an image is 33 ms
+    stamps = [step.stamp_ns for step in sink.steps]
+    assert stamps == sorted(stamps)
+
+
+def test_images_a_live_source_overwrote_are_counted(procedure, registration, tips):
+    source = ListSource([*captures(1), *captures(1, start=4)], is_live=True)
+    loop, _, _ = loop_of(pipeline_of(procedure, ScriptedPerceiver(registration, tips)), source)
+    assert loop.run().skipped == 3
+
+
+def test_percentiles_are_within_a_percent():
+    durations = Durations()
+    for us in range(1, 1001):
+        durations.add(us * 1000)
+    assert durations.percentile_ms(50) == pytest.approx(0.5, rel=0.02)
+    assert durations.percentile_ms(99) == pytest.approx(0.99, rel=0.02)
+    durations.add(0)
+    durations.add(10**18)
+    assert Durations().percentile_ms(50) != Durations().percentile_ms(50)  # nan
