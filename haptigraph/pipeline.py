@@ -68,7 +68,7 @@ class RunReport(Struct):
     """How a run went, as a machine sees it."""
 
     steps: int = 0
-    seconds: float = 0.0
+    duration_s: float = 0.0
     """On the run's clock, from the first to the last step."""
     wall_s: float = 0.0
     overruns: int = 0
@@ -200,7 +200,7 @@ class Loop:
                 step = self._turn(capture)
                 first_ns = step.stamp_ns if first_ns is None else first_ns
                 self.report.steps += 1
-                self.report.seconds = (step.stamp_ns - first_ns) / 1e9
+                self.report.duration_s = (step.stamp_ns - first_ns) / 1e9
                 self.report.wall_s = time.perf_counter() - begun_s
                 failed = any(fault.where == "perceiver" for fault in step.faults)
                 broken_in_row = broken_in_row + 1 if failed else 0

@@ -59,7 +59,7 @@ def make_step(
 class ScriptedPerceiver:
     """Report what a list says, image by image: a tip, None, or an exception."""
 
-    def __init__(self, registration: Registration, script: list[Vec | None | Exception]) -> None:
+    def __init__(self, registration: Registration, script: list[Vec | Exception | None]) -> None:
         self.anatomy, self.script, self.resets = registration.anatomy, list(script), 0
 
     def __call__(self, capture: Capture) -> Observation:

@@ -93,10 +93,17 @@ def test_a_run_goes_through_states_and_touch(procedure, registration, tips):
         "unknown",
         "unknown",  # the source ended
     ]
-    assert [step.command.pattern.name for step in sink.steps] == ["low", "low", "off", "success", "off", "off"]
+    assert [step.command.pattern.name for step in sink.steps] == [
+        "low",
+        "low",
+        "off",
+        "success",
+        "off",
+        "off",
+    ]
     assert report.steps == 6
     assert report.ended == "source ended"
-    assert report.seconds == pytest.approx(5 / 30)
+    assert report.duration_s == pytest.approx(5 / 30)
     assert [step.index for step in sink.steps] == [0, 1, 2, 3, 4, 4]
     assert [step for step, _ in hand.sent] == [replace(step, timing=None) for step in sink.steps]
 

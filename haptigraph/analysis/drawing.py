@@ -128,7 +128,7 @@ def _draw_shape(axes: "Axes", view: IoctView, name: str, shape: Geometry) -> Non
     if isinstance(shape, Polyline):
         _line(axes, view, shape.points_mm, color=color, linewidth=1.0, alpha=0.7)
     elif isinstance(shape, Segment):
-        _line(axes, view, (shape.start_mm, shape.end_mm), color=color, linewidth=1.4)
+        _line(axes, view, (shape.start_mm, shape.end_mm), color=color, linewidth=1.0)
     elif isinstance(shape, Point) and name != "trocar":
         is_tip = name == "needle_tip"
         axes.add_patch(CirclePatch(view.to_px(shape.at_mm), 5 if is_tip else 8, fill=is_tip, color=color))

@@ -74,7 +74,8 @@ def run_figure(path: str | Path, output: str | Path) -> None:
     if moments:
         _draw_moments(top, series, moments, images, registration)
     _draw_timeline(bottom, series)
-    source = f"haptigraph {reader.info.version} · {reader.info.source}"
+    simulated = " (simulated)" if reader.info.source.startswith("phantom:") else ""
+    source = f"haptigraph {reader.info.version} · {reader.info.source}{simulated}"
     who = f" · participant {reader.info.participant}" if reader.info.participant else ""
     figure.suptitle(source + who)
     figure.savefig(output, dpi=110)

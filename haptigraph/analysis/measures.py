@@ -79,15 +79,15 @@ class RunMeasures(Struct):
             self.order.append(state)
         self.contacts += state == CONTACT
 
-    def _account(self, step: Step, seconds: float) -> None:
+    def _account(self, step: Step, lasted_s: float) -> None:
         state = step.conclusion.state
-        self.all_state_s[state] = self.all_state_s.get(state, 0.0) + seconds
+        self.all_state_s[state] = self.all_state_s.get(state, 0.0) + lasted_s
         if self.is_running:
-            self.state_s[state] = self.state_s.get(state, 0.0) + seconds
+            self.state_s[state] = self.state_s.get(state, 0.0) + lasted_s
             theta_deg = step.graph.measures.get("theta_deg")
             if theta_deg is not None:
-                self.theta_s += seconds
-                self.theta_integral += seconds * theta_deg
+                self.theta_s += lasted_s
+                self.theta_integral += lasted_s * theta_deg
 
 
 def measure_run(steps: Iterable[Step]) -> RunMeasures:

@@ -23,6 +23,7 @@ TEXTURE_FINER = 4
 TEXTURE_PAD_PX = 3
 NOISE_MARGIN_PX = 256
 SHADOW_BLUR_PX = 15
+PIECES = 12
 
 Box: TypeAlias = tuple[slice, slice]
 """Rows and columns of an image."""
@@ -90,7 +91,7 @@ class Camera:
         self._in_bowl = np.clip(self._radius_px - distance, 0, 1)
         self._in_view = self._needle_in_view(distance, eye)
         self._shaded_by = self._shading_places(distance)
-        self._color, self._cover = _needle_texture(needle, settings, seed)
+        self._tone, self._cover = _needle_texture(needle, settings, seed)
         self._still = np.asarray(cv2.convertScaleAbs(self._background), np.uint8)
         rng = np.random.default_rng((seed, 3))
         tile = settings.height_px + NOISE_MARGIN_PX, settings.width_px + NOISE_MARGIN_PX
@@ -113,23 +114,35 @@ class Camera:
         tip = self.geometry.to_px(tip_mm)
         ahead = subtract(self.geometry.to_px((tip_mm[0] + direction[0], tip_mm[1] + direction[1])), tip)
         along = ahead[0] / norm(ahead), ahead[1] / norm(ahead)
-        image, deviation = self._still.copy(), self._deviation.copy()
         box = self._needle_box(tip, along)
-        if box is not None:
-            part = self._draw(tip, along, box)
-            image[box], deviation[box] = part, self._noise_deviation(part)
-        return self._with_noise(image, deviation, number)
+        image = self._still.copy()
+        if box is None:
+            return self._with_noise(image, self._deviation, number)
+        image[box] = self._draw(tip, along, box)
+        bare = self._deviation[box].copy()
+        self._deviation[box] = self._noise_deviation(image[box])
+        image = self._with_noise(image, self._deviation, number)
+        self._deviation[box] = bare
+        return image
 
     def _draw(self, tip: Vec, along: Vec, box: Box) -> Image:
         """Return a part of the scene with needle and shadow."""
         scene = self._background[box].copy()
-        self._cast_shadow(scene, tip, along, box)
-        cover = self._warp(self._cover, tip, along, box) * self._in_view[box]
-        color = self._warp(self._color, tip, along, box) * self._light[box]
-        scene = np.asarray(cv2.blendLinear(cv2.merge([color] * 3), scene, cover, 1 - cover), np.float32)
+        pieces = [(piece, _within(piece, box)) for piece in self._pieces(tip, along)]
+        cover = np.zeros(scene.shape[:2], np.float32)
+        for piece, part in pieces:
+            cover[part] = self._warp(self._cover, tip, along, piece)
+        if self.settings.shadow:
+            self._cast_shadow(scene, cover, box)
+        cover *= self._in_view[box]
+        for piece, part in pieces:
+            color = cv2.merge([self._warp(self._tone, tip, along, piece) * self._light[piece]] * 3)
+            over = cover[part].copy()
+            scene[part] = cv2.blendLinear(color, scene[part], over, 1 - over)
+            cover[part] = 0  # pieces overlap
         return np.asarray(cv2.convertScaleAbs(scene), np.uint8)
 
-    def _cast_shadow(self, scene: FloatImage, tip: Vec, along: Vec, box: Box) -> None:
+    def _cast_shadow(self, scene: FloatImage, cover: FloatImage, box: Box) -> None:
         """Darken the bowl, as far as it lies in a box, where the needle stands between it and the light."""
         (cx, cy), radius = self.settings.center_px, self._radius_px
         rows, columns = box
@@ -139,16 +152,12 @@ class Camera:
             min(cx + radius, columns.stop - 1),
             min(cy + radius, rows.stop - 1),
         )
-        if bowl is None or not self.settings.shadow:
+        if bowl is None:
             return
-        cover = self._warp(self._cover, tip, along, bowl)
         shift_x, shift_y = (places[bowl] for places in self._shaded_by)
-        shade = cv2.remap(cover, shift_x - bowl[1].start, shift_y - bowl[0].start, cv2.INTER_LINEAR)
+        shade = cv2.remap(cover, shift_x - columns.start, shift_y - rows.start, cv2.INTER_LINEAR)
         light = 1 - self.settings.shadow * cv2.blur(shade, (SHADOW_BLUR_PX,) * 2) * self._in_bowl[bowl]
-        part = np.s_[
-            bowl[0].start - rows.start : bowl[0].stop - rows.start,
-            bowl[1].start - columns.start : bowl[1].stop - columns.start,
-        ]
+        part = _within(bowl, box)
         scene[part] = cv2.multiply(scene[part], cv2.merge([light] * 3))
 
     def _noise_deviation(self, image: Image) -> FloatImage:
@@ -167,7 +176,7 @@ class Camera:
         return image
 
     def _warp(self, texture: FloatImage, tip: Vec, along: Vec, box: Box) -> FloatImage:
-        """Lay a needle texture (tip at its left edge's middle) into a box of the image."""
+        """Lay a texture of the needle (tip at its left edge's middle) into a box of the image."""
         rows, columns = box
         middle = (texture.shape[0] - 1) / 2
         x, y = tip[0] - columns.start, tip[1] - rows.start
@@ -179,23 +188,35 @@ class Camera:
             ]
         )
         size = columns.stop - columns.start, rows.stop - rows.start
-        return np.asarray(cv2.warpAffine(texture, box_from_texture, size, flags=cv2.INTER_LINEAR), np.float32)
+        warped = cv2.warpAffine(texture, box_from_texture, size, flags=cv2.INTER_LINEAR)
+        return np.asarray(warped, np.float32)
+
+    def _pieces(self, tip: Vec, along: Vec) -> list[Box]:
+        """Return boxes that cover the needle closely: a long shaft in one box would be mostly background."""
+        half = self._cover.shape[0] / 2 + 2
+        step = self._cover.shape[1] / PIECES
+        boxes = []
+        for number in range(PIECES):
+            ends = [
+                (tip[0] - s * along[0], tip[1] - s * along[1]) for s in (number * step, (number + 1) * step)
+            ]
+            (left, right), (top, bottom) = (sorted(values) for values in zip(*ends, strict=True))
+            boxes.append(self._clipped(left - half, top - half, right + half, bottom + half))
+        return [box for box in boxes if box is not None]
 
     def _needle_box(self, tip: Vec, along: Vec) -> Box | None:
         """Return the part of the image that needle and shadow can touch; None if they are out of view."""
-        length = self._cover.shape[1]
-        end = tip[0] - length * along[0], tip[1] - length * along[1]
-        margin = self._cover.shape[0] / 2 + 2
+        pieces = self._pieces(tip, along)
+        if not pieces:
+            return None
         right, down = (
             shift * self._radius_px if self.settings.shadow else 0 for shift in self.settings.shadow_shift
         )
-        left_px, right_px = sorted((tip[0], end[0]))
-        top_px, bottom_px = sorted((tip[1], end[1]))
         return self._clipped(
-            left_px - margin + min(right, 0),
-            top_px - margin + min(down, 0),
-            right_px + margin + max(right, 0),
-            bottom_px + margin + max(down, 0),
+            min(columns.start for _, columns in pieces) + min(right, 0),
+            min(rows.start for rows, _ in pieces) + min(down, 0),
+            max(columns.stop for _, columns in pieces) + max(right, 0),
+            max(rows.stop for rows, _ in pieces) + max(down, 0),
         )
 
     def _clipped(self, left: float, top: float, right: float, bottom: float) -> Box | None:
@@ -223,7 +244,11 @@ class Camera:
 def _needle_texture(
     needle: NeedleShape, settings: CameraSettings, seed: int
 ) -> tuple[FloatImage, FloatImage]:
-    """Draw the needle once, lying along x with its tip at the left: brightness (0 to 255) and coverage."""
+    """Draw the needle once, lying along x with its tip at the left.
+
+    Returns:
+        Brightness, 0 to 255, and coverage, 0 to 1; (h, w) each.
+    """
     scale = settings.px_per_mm
     length = math.ceil(needle.length_mm * scale) + TEXTURE_PAD_PX
     half = math.ceil(needle.diameter_mm * scale / 2) + TEXTURE_PAD_PX
@@ -243,7 +268,8 @@ def _needle_texture(
     size = (length, 2 * half + 1)
     color = cv2.resize((255 * np.clip(tone, 0, 1)).astype(np.float32), size, interpolation=cv2.INTER_AREA)
     cover = cv2.resize(covered.astype(np.float32), size, interpolation=cv2.INTER_AREA)
-    return np.asarray(color, np.float32), _blurred(np.asarray(cover, np.float32), settings.blur_px)
+    cover = _blurred(np.asarray(cover, np.float32), settings.blur_px)
+    return np.asarray(color, np.float32), cover
 
 
 def _vignette(size_px: tuple[int, int], loss: float) -> FloatImage:
@@ -259,3 +285,12 @@ def _vignette(size_px: tuple[int, int], loss: float) -> FloatImage:
 
 def _blurred(image: FloatImage, deviation_px: float) -> FloatImage:
     return np.asarray(cv2.GaussianBlur(image, (0, 0), deviation_px), np.float32) if deviation_px else image
+
+
+def _within(inner: Box, outer: Box) -> Box:
+    """Return a box as seen from the corner of another that holds it."""
+    rows, columns = (
+        slice(part.start - whole.start, part.stop - whole.start)
+        for part, whole in zip(inner, outer, strict=True)
+    )
+    return rows, columns

@@ -28,7 +28,7 @@ class Hand(Struct, frozen=True, forbid_unknown_fields=True):
 class Move(Struct, frozen=True, forbid_unknown_fields=True):
     """One [[move]] of a scenario: go to a pose in so many seconds; the same pose again is a pause."""
 
-    seconds: float
+    duration_s: float
     depth_mm: float
     theta_deg: float
     """Angle to the line trocar -> target, counter-clockwise."""
@@ -46,7 +46,7 @@ class ScriptedOperator:
 
     def __init__(self, moves: tuple[Move, ...], hand: Hand, motion_scale: float, seed: int) -> None:
         self._moves = moves
-        self._ends_s = np.cumsum([move.seconds for move in moves])
+        self._ends_s = np.cumsum([move.duration_s for move in moves])
         rng = np.random.default_rng((seed, 1))
         self._frequencies_hz = rng.uniform(hand.tremor_low_hz, hand.tremor_high_hz, (2, SINES))
         self._phases = rng.uniform(0, 2 * math.pi, (2, SINES))
@@ -61,8 +61,8 @@ class ScriptedOperator:
         """Return the wanted (depth_mm, theta_deg) of the script, without tremor."""
         number = min(int(np.searchsorted(self._ends_s, time_s, side="right")), len(self._moves) - 1)
         move, before = self._moves[number], self._moves[max(number - 1, 0)]
-        begun_s = self._ends_s[number] - move.seconds
-        share = min(max((time_s - begun_s) / move.seconds, 0.0), 1.0) if move.seconds > 0 else 1.0
+        begun_s = self._ends_s[number] - move.duration_s
+        share = min(max((time_s - begun_s) / move.duration_s, 0.0), 1.0) if move.duration_s > 0 else 1.0
         blend = share**3 * (10 - 15 * share + 6 * share**2)
         depth_mm = before.depth_mm + blend * (move.depth_mm - before.depth_mm)
         theta_deg = before.theta_deg + blend * (move.theta_deg - before.theta_deg)

@@ -48,12 +48,12 @@ class Robot:
         self._inwards = unit((-pivot_mm[0], -pivot_mm[1]))
         self.pose = self._within(start)
 
-    def follow(self, wanted: Pose, seconds: float) -> Pose:
+    def follow(self, wanted: Pose, step_s: float) -> Pose:
         """Move towards a pose for some time, as fast as the limits allow, and return where that led."""
         wanted = self._within(wanted)
         self.pose = Pose(
-            _towards(self.pose.depth_mm, wanted.depth_mm, self._limits.speed_limit_mm_s * seconds),
-            _towards(self.pose.pitch_deg, wanted.pitch_deg, self._limits.turn_limit_deg_s * seconds),
+            _towards(self.pose.depth_mm, wanted.depth_mm, self._limits.speed_limit_mm_s * step_s),
+            _towards(self.pose.pitch_deg, wanted.pitch_deg, self._limits.turn_limit_deg_s * step_s),
         )
         return self.pose
 

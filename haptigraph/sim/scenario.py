@@ -62,8 +62,8 @@ def load_scenario(name: str) -> Scenario:
     if not scenario.moves:
         raise document.error("no [[move]]; the script needs at least one", "scenario")
     for number, move in enumerate(scenario.moves):
-        if move.seconds < 0 or (number == 0 and move.seconds == 0):
+        if move.duration_s < 0 or (number == 0 and move.duration_s == 0):
             raise document.error(
-                f"a move of {move.seconds:g} s; seconds must be positive", f"move[{number}].seconds"
+                f"a move of {move.duration_s:g} s; duration_s must be positive", f"move[{number}].duration_s"
             )
     return scenario

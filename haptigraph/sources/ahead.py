@@ -8,7 +8,7 @@ from haptigraph.stages import Source
 
 __all__ = ["ReadAhead"]
 
-DEPTH = 2
+DEPTH = 4
 POLL_S = 0.1
 
 

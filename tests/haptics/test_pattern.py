@@ -22,7 +22,16 @@ def test_pulses_go_on_and_off():
 
 
 def test_a_double_burst_plays_once():
-    assert [at(SUCCESS, ms) for ms in (0, 99, 100, 199, 200, 299, 300, 400)] == [0.8, 0.8, 0, 0, 0.8, 0.8, 0, 0]
+    assert [at(SUCCESS, ms) for ms in (0, 99, 100, 199, 200, 299, 300, 400)] == [
+        0.8,
+        0.8,
+        0,
+        0,
+        0.8,
+        0.8,
+        0,
+        0,
+    ]
     assert duration_ns(SUCCESS) == 300 * MS
     assert duration_ns(PULSE) is None
 

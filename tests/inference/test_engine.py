@@ -33,10 +33,10 @@ def plain_reading(procedure: Procedure, graph: SceneGraph) -> str:
     present = {node.category for node in graph.nodes}
     holding = {(edge.subject, edge.predicate, edge.object) for edge in graph.edges}
     for state in procedure.states:
-        if all(names in holding for names in state.when):
-            if not any(names in holding for names in state.unless):
-                if not any(name in present for name in state.absent):
-                    return state.name
+        required = all(names in holding for names in state.when)
+        forbidden = any(names in holding for names in state.unless)
+        if required and not forbidden and not any(name in present for name in state.absent):
+            return state.name
     return UNKNOWN
 
 

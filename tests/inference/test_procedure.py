@@ -36,7 +36,9 @@ def test_the_papers_eight_states_stand_in_order(procedure):
 
 
 def test_the_papers_thresholds(procedure):
-    bounds = {relation.names[1:]: (relation.above, relation.at_most) for relation in procedure.schema.relations}
+    bounds = {
+        relation.names[1:]: (relation.above, relation.at_most) for relation in procedure.schema.relations
+    }
     assert bounds["touching", "retina_surface"] == (None, 0.7)
     assert bounds["approaching", "retina_surface"] == (0.7, 5.5)
     assert bounds["touching", "retina_target"] == (None, 0.7)

@@ -46,7 +46,9 @@ def test_replaying_the_images_gives_the_same_steps_bit_for_bit(recording_file, p
     for capture, recorded in reader.records():
         again = pipeline.step(capture)
         for message in ("observation", "graph", "conclusion", "command"):
-            assert msgspec.json.encode(getattr(again, message)) == msgspec.json.encode(getattr(recorded, message))
+            assert msgspec.json.encode(getattr(again, message)) == msgspec.json.encode(
+                getattr(recorded, message)
+            )
         count += 1
     assert count == 117  # 116 images and the end
 

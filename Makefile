@@ -1,0 +1,43 @@
+# Every target does its own set-up in .venv. Another Python: make PYTHON=python3.13 test
+PYTHON ?= python3
+BIN := .venv/bin
+
+.PHONY: setup demo test check bench soak golden lock clean
+
+setup: .venv/ready
+
+.venv/ready: requirements.lock pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "haptigraph needs Python 3.11 or newer; try: make PYTHON=python3.11 setup")'
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --requirement requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	@touch .venv/ready
+
+demo: setup  ## half a minute of the whole loop, simulated; writes a recording and a picture
+	$(BIN)/haptigraph demo
+
+test: setup  ## all tests
+	$(BIN)/python -m pytest -n auto
+
+check: setup  ## format, lint, types, layers
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: setup  ## steps/s and the time of every stage
+	$(BIN)/python benchmarks/loop.py
+
+soak: setup  ## memory over 100,000 steps; takes about an hour
+	$(BIN)/python benchmarks/memory.py
+
+golden: setup  ## record the golden runs anew; read what changed before committing
+	$(BIN)/python tests/replay/make_golden.py
+
+lock: setup  ## resolve the dependencies anew
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check uv
+	$(BIN)/uv pip compile pyproject.toml --all-extras --group dev --universal --python-version 3.11 --generate-hashes --no-header --output-file requirements.lock
+
+clean:
+	rm -rf .venv dist build .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

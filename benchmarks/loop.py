@@ -1,0 +1,75 @@
+"""How fast the loop is: steps/s and the time of every stage, one thread, images decoded beforehand.
+
+Runs on the labelled clip A_easy where it lies beside the checkout, and else on the simulated phantom.
+"""
+
+import time
+from pathlib import Path
+
+import cv2
+from msgspec.structs import replace
+
+from haptigraph import assemble
+from haptigraph.clock import VirtualClock
+from haptigraph.config import load_config
+from haptigraph.errors import EndOfSource
+from haptigraph.messages import Capture
+from haptigraph.perception.registration import load_registration, parse_registration
+from haptigraph.pipeline import Durations, Pipeline
+
+CLIP = Path(__file__).parents[2] / "shared" / "clips" / "A_easy"
+PASSES = 5
+STAGES = ("perceive", "build_scene", "reason", "render", "step")
+
+
+def load() -> tuple[str, Pipeline, list[Capture]]:
+    """Return what is measured, on what."""
+    if CLIP.is_dir():
+        registration = load_registration(CLIP / "registration.toml")
+        uri = str(CLIP / "clip.mp4")
+    else:
+        uri = "phantom:align_then_approach"
+    config = load_config(None, (f'source.uri="{uri}"',))
+    source = assemble.open_source(config, VirtualClock())
+    if source.registration is not None:
+        registration = parse_registration(source.registration, uri)
+    captures = []
+    try:
+        while True:
+            capture = source.read(1.0)
+            if capture is not None and capture.image is not None:
+                captures.append(replace(capture, encoded=None))
+    except EndOfSource:
+        source.close()
+    pipeline = assemble.build_pipeline(config, registration, assemble.load_procedure("subretinal_injection"))
+    return uri, pipeline, captures[:300]
+
+
+def main() -> None:
+    """Measure and print."""
+    cv2.setNumThreads(1)
+    uri, pipeline, captures = load()
+    for capture in captures:
+        pipeline.step(capture)  # warm up
+    durations = {name: Durations() for name in STAGES}
+    begun_ns = time.perf_counter_ns()
+    for _ in range(PASSES):
+        pipeline.reset()
+        for capture in captures:
+            step_ns = time.perf_counter_ns()
+            pipeline.step(capture)
+            durations["step"].add(time.perf_counter_ns() - step_ns)
+            for name in STAGES[:-1]:
+                durations[name].add(pipeline.stage_ns[name])
+    seconds = (time.perf_counter_ns() - begun_ns) / 1e9
+    count = PASSES * len(captures)
+    print(f"{count} steps on {Path(uri).name if CLIP.is_dir() else uri}: {count / seconds:.0f} steps/s")
+    print(f"{'stage':14}{'p50':>10}{'p99':>13}{'share':>9}")
+    whole_ms = durations["step"].percentile_ms(50)
+    for name in STAGES:
+        p50, p99 = durations[name].percentile_ms(50), durations[name].percentile_ms(99)
+        print(f"{name:14}{p50:7.3f} ms{p99:10.3f} ms{100 * p50 / whole_ms:8.1f}%")
+
+
+if __name__ == "__main__":
+    main()

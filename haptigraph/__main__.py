@@ -1,0 +1,5 @@
+"""Let `python -m haptigraph` be the command line."""
+
+from haptigraph.cli import main
+
+main()

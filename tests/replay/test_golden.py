@@ -1,0 +1,44 @@
+"""Golden recordings: what the pipeline made of these images once, it makes of them still.
+
+Other processors may round differently, so places and measures may differ by a millionth; nothing else may.
+"""
+
+from pathlib import Path
+
+import pytest
+
+from haptigraph.analysis.replay import replay_steps
+from haptigraph.geometry import Point, Segment
+from haptigraph.recording.reader import RunReader
+from haptigraph.sim.scenario import scenario_names
+
+GOLDEN = sorted((Path(__file__).parent / "golden").glob("*.mcap"))
+TOLERANCE = 1e-6
+
+
+def numbers(observation) -> list[float]:
+    tip, line = observation.found.get("needle_tip"), observation.found.get("needle_line")
+    if not isinstance(tip, Point) or not isinstance(line, Segment):
+        return []
+    return [*tip.at_mm, *line.start_mm, *line.end_mm]
+
+
+def test_every_shipped_scenario_has_its_golden_recording():
+    assert [path.stem for path in GOLDEN] == scenario_names()
+
+
+@pytest.mark.parametrize("path", GOLDEN, ids=lambda path: path.stem)
+def test_nothing_has_changed(path):
+    count = 0
+    for recorded, again in replay_steps(RunReader(path)):
+        where = f"step {count} of {path.name}"
+        assert again.conclusion.state == recorded.conclusion.state, where
+        assert again.command == recorded.command, where
+        assert again.graph.nodes == recorded.graph.nodes, where
+        assert again.graph.edges == recorded.graph.edges, where
+        assert again.graph.measures == pytest.approx(recorded.graph.measures, abs=TOLERANCE), where
+        assert numbers(again.observation) == pytest.approx(numbers(recorded.observation), abs=TOLERANCE), (
+            where
+        )
+        count += 1
+    assert count > 80

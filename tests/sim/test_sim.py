@@ -1,0 +1,246 @@
+import math
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from haptigraph.errors import BadInput
+from haptigraph.geometry import Vec, angle_between_deg, norm, subtract, unit
+from haptigraph.perception.registration import parse_registration
+from haptigraph.sim.camera import Camera, CameraSettings, NeedleShape
+from haptigraph.sim.eye import Eye, EyeShape
+from haptigraph.sim.operator import Hand, Move, ScriptedOperator
+from haptigraph.sim.painter import Look
+from haptigraph.sim.phantom import Phantom
+from haptigraph.sim.robot import Pose, Robot, RobotLimits
+from haptigraph.sim.scenario import load_scenario, scenario_names
+
+SMALL = CameraSettings(width_px=480, height_px=270, center_px=(240.0, 148.0), px_per_mm=8.0, blur_px=0.5)
+QUIET = {"read_noise_grey": 0.0, "shot_noise_grey": 0.0, "shadow": 0.0}
+
+angles = st.floats(-60, 60)
+
+
+@given(st.floats(-30, 30), angles.filter(lambda a: abs(a) > 5))
+def test_an_eye_is_where_its_angles_say(target_deg, trocar_deg):
+    eye = Eye(EyeShape(target_deg=target_deg, trocar_deg=trocar_deg))
+    assert norm(eye.target_mm) == pytest.approx(12.0)
+    assert norm(eye.trocar_mm) == pytest.approx(12.85)
+    assert math.copysign(1, eye.trocar_mm[0]) == math.copysign(1, trocar_deg)
+    assert eye.target_mm[1] < 0 < eye.trocar_mm[1]
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_every_scenario_brings_a_sound_registration_and_its_truth(name):
+    scenario = load_scenario(name)
+    phantom = Phantom(scenario)
+    registration = parse_registration(phantom.registration, name)
+    assert registration.target.at_mm == pytest.approx(phantom.eye.target_mm, abs=0.001)
+    assert registration.trocar.at_mm == pytest.approx(phantom.eye.trocar_mm, abs=0.001)
+    assert 10 < phantom.operator.duration_s < 40
+    moment = phantom.advance()
+    assert moment.image.shape == (720, 1280, 3)
+    assert not moment.truth.inside
+
+
+# --- robot
+
+
+@given(st.floats(-40, 40), st.floats(-15, 30))
+def test_the_shaft_always_passes_the_pivot(pitch_deg, depth_mm):
+    pivot = (5.0, 11.0)
+    robot = Robot(pivot, RobotLimits(), Pose(depth_mm, pitch_deg))
+    tip, along = robot.tip_mm(), robot.direction()
+    offset = subtract(tip, pivot)
+    assert abs(offset[0] * along[1] - offset[1] * along[0]) < 1e-9
+    assert norm(offset) == pytest.approx(abs(robot.pose.depth_mm))
+
+
+@given(st.tuples(st.floats(-8, 8), st.floats(-12, 0)))
+def test_pitching_towards_a_place_points_the_shaft_at_it(place: Vec):
+    robot = Robot((7.0, 10.0), RobotLimits(), Pose(0.0, 0.0))
+    robot.pose = Pose(10.0, robot.pitch_towards(place))
+    assert angle_between_deg(robot.direction(), subtract(place, (7.0, 10.0))) == pytest.approx(0, abs=1e-6)
+
+
+@given(st.lists(st.tuples(st.floats(-100, 100), st.floats(-180, 180)), max_size=30), st.floats(0.001, 0.1))
+def test_the_robot_keeps_its_limits_whatever_is_asked(wishes, step_s):
+    limits = RobotLimits()
+    robot = Robot((7.0, 10.0), limits, Pose(0.0, 0.0))
+    for depth_mm, pitch_deg in wishes:
+        before = robot.pose
+        after = robot.follow(Pose(depth_mm, pitch_deg), step_s)
+        assert limits.depth_min_mm <= after.depth_mm <= limits.depth_max_mm
+        assert abs(after.pitch_deg) <= limits.pitch_limit_deg
+        assert abs(after.depth_mm - before.depth_mm) <= limits.speed_limit_mm_s * step_s + 1e-9
+        assert abs(after.pitch_deg - before.pitch_deg) <= limits.turn_limit_deg_s * step_s + 1e-9
+
+
+# --- operator
+
+
+def operator(tremor_rms_mm=0.0, seed=1, scale=1.0):
+    moves = (Move(1.0, 0.0, 0.0), Move(2.0, 10.0, -4.0), Move(1.0, 10.0, -4.0))
+    return ScriptedOperator(moves, Hand(tremor_rms_mm=tremor_rms_mm), scale, seed)
+
+
+def test_moves_are_minimum_jerk():
+    plan = operator()
+    assert plan.duration_s == 4.0
+    assert plan.pose_at(0.5) == (0.0, 0.0)
+    assert plan.pose_at(2.0) == (5.0, -2.0)  # half way at half time
+    assert plan.pose_at(1.0 + 0.5)[0] == pytest.approx(10 * (10 * 0.25**3 - 15 * 0.25**4 + 6 * 0.25**5))
+    assert plan.pose_at(3.5) == plan.pose_at(99.0) == (10.0, -4.0)
+    speeds = np.diff([plan.pose_at(t)[0] for t in np.linspace(1, 3, 201)])
+    assert speeds.argmax() in (99, 100)
+    assert speeds[0] < 0.001 * speeds.max()
+
+
+def test_tremor_has_the_stated_strength_and_band():
+    plan = operator(tremor_rms_mm=0.2, scale=0.5)
+    times = np.arange(0, 60, 1 / 200)
+    tremor = np.array([plan.tremor_at(t) for t in times])
+    assert np.sqrt((tremor**2).mean(axis=0)) == pytest.approx([0.1, 0.1], rel=0.15)
+    spectrum = np.abs(np.fft.rfft(tremor[:, 0])) ** 2
+    frequencies = np.fft.rfftfreq(len(times), 1 / 200)
+    band = (frequencies > 7.8) & (frequencies < 12.2)
+    assert spectrum[band].sum() > 0.99 * spectrum.sum()
+
+
+def test_tremor_follows_the_seed():
+    assert operator(0.1, seed=1).tremor_at(0.3) == operator(0.1, seed=1).tremor_at(0.3)
+    assert operator(0.1, seed=1).tremor_at(0.3) != operator(0.1, seed=2).tremor_at(0.3)
+
+
+# --- camera
+
+
+def camera(style="dark", needle=None, **settings):
+    from msgspec.structs import replace
+
+    needle = needle or NeedleShape(brightness=0.9, taper_mm=4.0)
+    return Camera(Eye(EyeShape()), replace(SMALL, **settings), needle, Look(style=style), seed=3)
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_the_drawn_tip_and_shaft_lie_where_the_geometry_says(mirrored):
+    lens = camera(mirrored=mirrored, **QUIET)
+    eye = Eye(EyeShape())
+    direction = unit(subtract((-1.0, -4.0), eye.trocar_mm))
+    tip = (-1.0, -4.0)
+    with_needle = lens.render(tip, direction, 0).astype(float)
+    without = lens.render((0.0, 60.0), (0.0, -1.0), 0).astype(float)
+    difference = np.abs(with_needle - without).sum(axis=2) > 60
+    rows, columns = np.nonzero(difference)
+    x, y = lens.geometry.to_px(tip)
+    assert rows.max() == pytest.approx(y, abs=1.5)
+    assert columns[rows.argmax()] == pytest.approx(x, abs=2.0)
+    back = (tip[0] - 8 * direction[0], tip[1] - 8 * direction[1])
+    bx, by = lens.geometry.to_px(back)
+    here = columns[rows == round(by)]
+    assert here.mean() == pytest.approx(bx, abs=1.0)
+
+
+def test_the_wall_hides_the_needle():
+    lens, eye = camera(**QUIET), Eye(EyeShape())
+    direction = unit(subtract((0.0, 0.0), eye.trocar_mm))
+    inside = lens.render((0.0, 0.0), direction, 0)
+    without = lens.render((0.0, 60.0), (0.0, -1.0), 0)
+    x, y = (round(v) for v in lens.geometry.to_px(eye.trocar_mm))
+    assert np.array_equal(inside[y - 2 : y + 3, x - 2 : x + 3], without[y - 2 : y + 3, x - 2 : x + 3])
+
+
+def test_a_shadow_darkens_the_bowl_beside_the_needle():
+    eye = Eye(EyeShape())
+    direction = unit(subtract((0.0, -4.0), eye.trocar_mm))
+    plain = {**QUIET, "shadow": 0.0}
+    lit = camera("light", **plain).render((0.0, -4.0), direction, 0).astype(int)
+    shaded = camera("light", **{**plain, "shadow": 0.4}).render((0.0, -4.0), direction, 0).astype(int)
+    assert (lit - shaded).max() > 20
+    assert (shaded - lit).max() <= 1
+
+
+def test_noise_grows_with_light_and_is_fresh_in_every_image():
+    lens = camera("light", shot_noise_grey=6.0, read_noise_grey=1.0)
+    images = np.array([lens.render((0.0, 60.0), (0.0, -1.0), n)[..., 1] for n in range(60)], float)
+    bright, dark = images[:, 70, 240], images[:, 40:60, 60:80]
+    ring = images[:, 148 - 104 : 148 - 100, 238:242]
+    assert ring.std(axis=0).mean() > 1.3 * dark.std(axis=0).mean()
+    assert bright.std() > 1
+    assert not np.array_equal(images[0], images[1])
+
+
+def test_the_same_number_gives_the_same_pixels():
+    one, other = camera(), camera()
+    assert np.array_equal(one.render((0.0, 0.0), (0.0, -1.0), 9), other.render((0.0, 0.0), (0.0, -1.0), 9))
+
+
+def test_corners_are_darker_by_the_vignetting():
+    plain, vignetted = (camera(vignetting=v, **QUIET).render((0.0, 60.0), (0.0, -1.0), 0) for v in (0.0, 0.5))
+    assert vignetted[0, 0].sum() == pytest.approx(0.5 * plain[0, 0].sum(), rel=0.05)
+    assert abs(int(vignetted[135, 240].sum()) - int(plain[135, 240].sum())) <= 6
+
+
+def test_both_styles_differ_in_polarity():
+    for style, sign in (("light", 1), ("dark", -1)):
+        scenario = load_scenario("align_then_approach" if style == "light" else "wrong_place_then_hit")
+        lens = Camera(Eye(EyeShape()), SMALL, scenario.needle, Look(style=style), seed=1)
+        eye = Eye(EyeShape())
+        direction = unit(subtract((0.0, -2.0), eye.trocar_mm))
+        image = cv2.cvtColor(lens.render((0.0, -2.0), direction, 0), cv2.COLOR_BGR2GRAY).astype(float)
+        on = lens.geometry.to_px((-6 * direction[0], -2.0 - 6 * direction[1]))
+        x, y = round(on[0]), round(on[1])
+        background = np.median(image[y, x - 30 : x + 30])
+        assert sign * (background - image[y, x - 1 : x + 2].mean()) > 20
+
+
+# --- phantom and scenarios
+
+
+def test_a_phantom_plays_the_same_again(quick):
+    phantom = Phantom(load_scenario(quick))
+    first = [phantom.advance() for _ in range(phantom.images)]
+    assert phantom.advance() is None
+    phantom.restart()
+    for moment in first:
+        again = phantom.advance()
+        assert again.truth == moment.truth
+        assert np.array_equal(again.image, moment.image)
+
+
+def test_the_truth_is_hidden_only_in_the_wall(quick):
+    phantom = Phantom(load_scenario(quick))
+    for _ in range(phantom.images):
+        truth = phantom.advance().truth
+        distance_mm = norm(truth.tip_mm)
+        assert truth.inside == (distance_mm < 12.0)
+        assert truth.visible == (not 12.0 <= distance_mm <= 13.7)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("[scenario]\nsays = 'x'\n", "key 'move' is missing"),
+        ("move = []\n[scenario]\nsays = 'x'\n", "no [[move]]; the script needs at least one"),
+        (
+            "[scenario]\nsays = 'x'\n[[move]]\nduration_s = 0\ndepth_mm = 1\ntheta_deg = 0\n",
+            "line 4: a move of 0 s",
+        ),
+        ("[scenario]\nsay = 'x'\n", "unknown key 'say'; did you mean 'says'?"),
+        ("[scenario]\nsays = 'x'\n[look]\nstyle = 'red'\n", "unknown style 'red'; valid: dark, light"),
+    ],
+)
+def test_a_bad_scenario_is_told(tmp_path, text, told):
+    file = tmp_path / "s.toml"
+    file.write_text(text)
+    with pytest.raises(BadInput) as refused:
+        load_scenario(str(file))
+    assert told in str(refused.value)
+    assert str(file) in str(refused.value)
+
+
+def test_an_unknown_scenario_names_those_there_are():
+    with pytest.raises(BadInput, match="unknown scenario 'align'; valid: align_then_approach"):
+        load_scenario("align")

@@ -1,0 +1,58 @@
+import threading
+
+import numpy as np
+import pytest
+
+from haptigraph.errors import BadInput, EndOfSource
+from haptigraph.messages import Capture
+from haptigraph.sources.ahead import DEPTH, ReadAhead
+
+IMAGE = np.zeros((2, 2), np.uint8)
+
+
+class Counting:
+    rate_hz, is_live, registration = 30.0, False, "text"
+
+    def __init__(self, count, error=None):
+        self.count, self.error, self.reads, self.closed = count, error or EndOfSource(), 0, 0
+        self.threads = set()
+
+    def read(self, timeout_s):
+        self.threads.add(threading.current_thread().name)
+        self.reads += 1
+        if self.reads > self.count:
+            raise self.error
+        return Capture(self.reads - 1, self.reads, IMAGE)
+
+    def close(self):
+        self.closed += 1
+
+
+def test_order_and_end_are_kept():
+    inner = Counting(50)
+    source = ReadAhead(inner)
+    assert (source.rate_hz, source.registration) == (30.0, "text")
+    assert [source.read(1.0).index for _ in range(50)] == list(range(50))
+    for _ in range(2):
+        with pytest.raises(EndOfSource):
+            source.read(1.0)
+    source.close()
+    assert inner.closed == 1
+    assert inner.threads == {"haptigraph-read-ahead"}
+
+
+def test_errors_come_to_the_reader():
+    source = ReadAhead(Counting(1, BadInput("broken image")))
+    source.read(1.0)
+    with pytest.raises(BadInput, match="broken image"):
+        source.read(1.0)
+    source.close()
+
+
+def test_it_reads_only_a_little_ahead_and_closes_in_the_middle():
+    inner = Counting(10**9)
+    source = ReadAhead(inner)
+    source.read(1.0)
+    source.close()
+    source.close()
+    assert inner.reads <= DEPTH + 3

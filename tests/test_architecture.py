@@ -1,0 +1,112 @@
+"""The house keeps its laws: layers, complete __all__, units in names, no clock and no print in stages."""
+
+import ast
+import importlib
+import pkgutil
+from pathlib import Path
+
+import pytest
+from importlinter.cli import lint_imports
+
+import haptigraph
+
+ROOT = Path(haptigraph.__file__).parent
+MODULES = sorted(module.name for module in pkgutil.walk_packages([str(ROOT)], "haptigraph."))
+FILES = sorted(ROOT.rglob("*.py"))
+STAGES = ("perception", "scene", "inference")
+UNITS = {"mm", "px", "deg", "ns", "ms", "s", "hz", "grey", "mb"}
+# Numbers without a unit: ratios and counts, and the paper's alpha.
+UNITLESS = {
+    "alpha", "amplitude", "percent", "value", "at_most", "below", "at_least", "above", "release",
+    "vignetting", "shadow", "brightness", "highlight", "texture", "bowl_shade", "motion_scale", "loss",
+    "max_amplitude", "contrast", "a", "b", "x", "y", "r", "g", "most", "wanted", "diameter", "thickness",
+    "font_size", "theta_integral", "offset_grey", "mm_per_px", "px_per_mm", "left", "top", "right", "bottom",
+    "low", "high", "half_width", "radius", "inner", "scale", "lag_images", "mm_s", "deg_s",
+}  # fmt: skip
+
+
+def test_layers_and_the_simulators_innocence_are_kept():
+    assert lint_imports(config_filename=str(ROOT.parent / "pyproject.toml"), no_cache=True) == 0
+
+
+@pytest.mark.parametrize("name", [name for name in MODULES if not name.endswith("__main__")])
+def test_public_names_are_complete_and_sorted(name):
+    module = importlib.import_module(name)
+    if Path(module.__file__).name == "__init__.py":
+        return
+    tree = ast.parse(Path(module.__file__).read_text())
+    defined = {
+        node.name
+        for node in tree.body
+        if isinstance(node, ast.ClassDef | ast.FunctionDef) and not node.name.startswith("_")
+    }
+    listed = list(module.__all__)
+    assert all(hasattr(module, item) for item in listed)
+    private = {item for item in defined - set(listed) if item in PRIVATE.get(name, ())}
+    assert defined - private <= set(listed)
+    assert listed == sorted(listed, key=lambda item: (not item.isupper(), not item[0].isupper(), item))
+
+
+PRIVATE = {
+    "haptigraph.cli": ("Commands", "check", "demo", "evaluate", "recover", "replay", "run"),
+    "haptigraph.sim.painter": ("Palette",),
+    "haptigraph.sim.scenario": ("About",),
+    "haptigraph.scene.relations": ("distance_mm", "radial_mm", "theta_deg", "wall_mm"),
+    "haptigraph.recording.foxglove": (
+        "CircleAnnotation", "Color", "Point2", "PointsAnnotation", "TextAnnotation",
+    ),
+}  # fmt: skip
+
+
+def test_the_package_offers_what_it_says():
+    assert sorted(haptigraph.__all__) == haptigraph.__all__
+    for name in haptigraph.__all__:
+        assert getattr(haptigraph, name) is not None
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = haptigraph.nothing
+
+
+def floats_without_unit(tree: ast.Module) -> list[str]:
+    """Public float parameters and fields whose name says no unit."""
+    named: list[tuple[str, ast.expr | None]] = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
+            named += [
+                (argument.arg, argument.annotation) for argument in node.args.args + node.args.kwonlyargs
+            ]
+        if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+            named.append((node.target.id, node.annotation))
+    wrong = []
+    for name, annotation in named:
+        is_float = annotation is not None and ast.unparse(annotation) in ("float", "float | None", "Positive")
+        if is_float and name.rpartition("_")[2] not in UNITS and name not in UNITLESS:
+            wrong.append(name)
+    return wrong
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_names_of_numbers_carry_their_unit(path):
+    wrong = [
+        name
+        for name in floats_without_unit(ast.parse(path.read_text()))
+        if not name.endswith(("mm_s", "deg_s"))
+    ]
+    assert wrong == []
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_stages_know_no_clock_no_chance_and_no_output(path):
+    if path.relative_to(ROOT).parts[0] not in STAGES:
+        return
+    imported = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            imported |= {alias.name.partition(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            imported.add((node.module or "").partition(".")[0])
+    assert not imported & {"time", "datetime", "random", "sys", "logging", "threading", "os"}
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_files_stay_small(path):
+    assert len(path.read_text().splitlines()) <= 330

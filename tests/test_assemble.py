@@ -1,0 +1,71 @@
+import pytest
+
+from haptigraph import assemble
+from haptigraph.config import load_config
+from haptigraph.errors import BadInput
+
+
+def refuse(*settings: str) -> str:
+    with pytest.raises(BadInput) as refused:
+        assemble.build(load_config(None, settings))
+    return str(refused.value)
+
+
+@pytest.mark.parametrize("registry", [assemble.PERCEIVERS, assemble.DEVICES, assemble.SOURCES])
+def test_every_class_that_is_named_exists(registry):
+    for path in registry.values():
+        assert isinstance(assemble._load(path), type)
+
+
+@pytest.mark.parametrize(
+    ("settings", "told"),
+    [
+        (("source.uri=nowhere.mp4",), "nowhere.mp4: no such source; valid: phantom:SCENARIO"),
+        (("source.uri=phantom:nothing",), "unknown scenario 'nothing'"),
+        (("source.uri=camera:first",), "camera:first is no camera; camera:0 is the first"),
+        (("source.uri=camera:0",), "camera:0 needs a registration; give --registration FILE"),
+        (("haptics.device=glove",), "unknown device 'glove'; valid: console, trace"),
+        (("haptics.device=console:3",), "device 'console' takes nothing behind a colon"),
+        (("perception.perceiver=magic",), "unknown perceiver 'magic'"),
+        (("run.procedure=magic",), "unknown procedure 'magic'; valid: subretinal_injection, or the path"),
+        (("source.registration=gone.toml",), "gone.toml: cannot be read"),
+    ],
+)
+def test_what_cannot_be_assembled_is_one_sentence(settings, told):
+    message = refuse(*settings)
+    assert told in message
+    assert "\n" not in message
+
+
+def test_a_video_without_registration_points_at_the_one_beside_it(clip):
+    message = refuse(f"source.uri={clip / 'clip.mp4'}")
+    assert "needs a registration; give --registration FILE; there is one beside it:" in message
+
+
+def test_only_the_phantom_loops(clip):
+    message = refuse(
+        f"source.uri={clip / 'clip.mp4'}",
+        f"source.registration={clip / 'registration.toml'}",
+        "source.loop=true",
+    )
+    assert "source.loop works with phantom:SCENARIO only" in message
+
+
+def test_nothing_is_left_behind_when_assembly_fails(quick_uri, tmp_path):
+    trace = tmp_path / "touch.csv"
+    record = tmp_path / "run.mcap"
+    record.write_text("precious")
+    message = refuse(f"source.uri={quick_uri}", f"haptics.device=trace:{trace}", f'recording.path="{record}"')
+    assert "run.mcap: exists already" in message
+    assert record.read_text() == "precious"
+
+
+def test_files_run_fast_and_the_phantom_in_real_time(quick_uri):
+    from haptigraph.clock import MonotonicClock, VirtualClock
+
+    live = assemble.build(load_config(None, (f"source.uri={quick_uri}",)))
+    fast = assemble.build(load_config(None, (f"source.uri={quick_uri}", "run.realtime=false")))
+    assert isinstance(live._clock, MonotonicClock)
+    assert isinstance(fast._clock, VirtualClock)
+    for loop in (live, fast):
+        loop._close()

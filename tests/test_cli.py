@@ -1,0 +1,235 @@
+import csv
+import json
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from haptigraph.cli import main
+from haptigraph.recording.reader import RunReader
+
+
+def call(*arguments: str):
+    result = CliRunner().invoke(main, [str(argument) for argument in arguments])
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result
+
+
+def refuse(*arguments: str) -> str:
+    result = call(*arguments)
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    lines = result.stderr.strip().splitlines()
+    assert len(lines) == 1, result.stderr
+    return lines[0]
+
+
+COMMANDS = ["check", "demo", "evaluate", "recover", "replay", "run"]
+
+
+def test_help_lists_every_command():
+    text = call("--help").output
+    assert "not a medical device" in text
+    for command in COMMANDS:
+        assert re.search(rf"^  {command} ", text, re.MULTILINE)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_explains_itself(command):
+    result = call(command, "--help")
+    assert result.exit_code == 0
+    assert len(result.output.splitlines()) > 5
+
+
+def test_help_loads_nothing_heavy():
+    code = "import sys, haptigraph.cli; print(*(m for m in ('numpy', 'cv2', 'matplotlib', 'rich', 'mcap') if m in sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""
+
+
+@pytest.fixture(scope="module")
+def recording(quick_uri, tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("cli") / "run.mcap"
+    result = call("run", quick_uri, "--fast", "--record", path)
+    assert result.exit_code == 0
+    return path
+
+
+def test_run_tells_states_and_ends_with_its_summary(quick_uri, tmp_path):
+    trace = tmp_path / "touch.csv"
+    result = call("run", quick_uri, "--fast", "--device", f"trace:{trace}", "--set", "trial.participant=P1")
+    assert result.exit_code == 0
+    assert "retinal_contact" in result.stderr
+    for told in (
+        "target hit after",
+        "mean theta",
+        "contacts        1 unintended",
+        "overruns",
+        "p50",
+        "source ended",
+    ):
+        assert told in result.stdout
+    with trace.open() as file:
+        amplitudes = {float(row["amplitude"]) for row in csv.DictReader(file)}
+    assert amplitudes == {0.0, 0.3, 0.8, 1.0}
+    assert trace.with_suffix(".png").exists()
+
+
+def test_replay_finds_every_step_identical(recording):
+    result = call("replay", recording)
+    assert result.exit_code == 0
+    assert "117 of 117 steps identical" in result.output
+
+
+def test_replay_under_another_procedure_tells_both_stories(recording, procedure, tmp_path):
+    other = tmp_path / "other.toml"
+    other.write_text(procedure.text.replace("at_most = 5.5", "at_most = 9.0"))
+    result = call("replay", recording, "--procedure", other)
+    assert result.exit_code == 0
+    assert "first difference: step" in result.output
+    assert "as recorded" in result.output
+    assert f"as {other}" in result.output
+
+
+def test_replay_that_differs_exits_with_one(recording, monkeypatch):
+    from haptigraph.haptics.renderer import GrammarRenderer
+    from haptigraph.messages import OFF, HapticCommand
+
+    monkeypatch.setattr(GrammarRenderer, "__call__", lambda self, c: HapticCommand(c.stamp_ns, OFF, 0))
+    result = call("replay", recording)
+    assert result.exit_code == 1
+    assert "command" in result.output
+
+
+def test_evaluate_prints_a_table_or_one_json_object(clip):
+    text = call("evaluate", clip, "--perceiver", "threshold", "--set", "perception.alpha=1").output
+    assert "detection_rate" in text
+    assert re.search(r"lag +-?0\.0\d images behind the truth \(alpha 1\)", text)
+    scores = json.loads(call("evaluate", clip, "--json").output)
+    assert scores["clip"] == clip.name
+    assert set(scores["angle_error_deg"]) == {"shallow", "deep"}
+
+
+def test_check_explains_a_procedure():
+    result = call("check", "subretinal_injection")
+    assert result.exit_code == 0
+    assert "misaligned_retinal_approach" in result.output
+    assert "no errors" in result.output
+
+
+def test_recover_makes_a_torn_recording_whole(recording, tmp_path):
+    torn = tmp_path / "torn.mcap"
+    torn.write_bytes(recording.read_bytes()[:-5000])
+    result = call("recover", torn)
+    assert result.exit_code == 0
+    assert "is whole again:" in result.output
+    assert RunReader(torn).is_whole
+    assert "is whole\n" in call("recover", torn).output
+    assert "steps identical" in call("replay", torn).output
+
+
+def test_an_interrupted_recording_is_named_as_such(recording, tmp_path):
+    torn = tmp_path / "torn.mcap"
+    torn.write_bytes(recording.read_bytes()[:-5000])
+    assert "was interrupted; `haptigraph recover` makes it whole" in call("replay", torn).output
+
+
+def test_demo_runs_records_replays_and_draws(quick, tmp_path):
+    result = call("demo", "--fast", "--scenario", quick, "--output", tmp_path)
+    assert result.exit_code == 0
+    assert "replayed        117 of 117 steps identical" in result.output
+    assert str(tmp_path / "demo.png") in result.output
+    assert (tmp_path / "demo.png").stat().st_size > 50_000
+    assert RunReader(tmp_path / "demo.mcap").is_whole
+
+
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_a_run_cleanly_with_its_summary(quick_uri, tmp_path, ending):
+    record = tmp_path / "run.mcap"
+    command = [sys.executable, "-m", "haptigraph", "run", quick_uri, "--record", str(record)]
+    with subprocess.Popen(
+        [*command, "--set", "source.loop=true"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as child:
+        for line in child.stderr:
+            if "misaligned_intraocular_navigation" in line:
+                break
+        child.send_signal(ending)
+        out, err = child.communicate(timeout=60)
+    assert child.returncode == 0, err
+    assert "interrupted" in out
+    assert RunReader(record).is_whole
+    assert "Traceback" not in err
+
+
+# --- bad input: one sentence, exit code 2, nothing overwritten
+
+
+def test_a_bad_registration_is_one_sentence(quick_uri, tmp_path):
+    file = tmp_path / "eye.toml"
+    file.write_text("format = 1\n[image]\nwidth = 10\n")
+    message = refuse("run", quick_uri, "--registration", file)
+    assert message == f"haptigraph: {file}, line 2: image: key 'height' is missing"
+
+
+def test_a_bad_procedure_is_one_sentence(quick_uri, procedure, tmp_path):
+    file = tmp_path / "p.toml"
+    file.write_text(procedure.text.replace('feel = "pulse"', 'feel = "plse"'))
+    for command in (("check", file), ("run", quick_uri, "--procedure", file)):
+        assert "unknown pattern 'plse'; did you mean 'pulse'?" in refuse(*command)
+
+
+def test_a_bad_configuration_is_one_sentence(quick_uri, tmp_path):
+    file = tmp_path / "lab.toml"
+    file.write_text("[haptics]\ndeadman = 100\n")
+    message = refuse("run", quick_uri, "--config", file)
+    assert message.startswith(
+        f"haptigraph: {file}, line 2: unknown key 'deadman'; did you mean 'deadman_ms'?"
+    )
+    assert "--set: perception.alpha: expected float <= 1.0, found 9" in refuse(
+        "run", quick_uri, "--set", "perception.alpha=9"
+    )
+
+
+def test_a_bad_video_is_one_sentence(tmp_path, registration_toml):
+    file, eye = tmp_path / "clip.mp4", tmp_path / "eye.toml"
+    file.write_bytes(b"no video")
+    eye.write_text(registration_toml)
+    assert "not a video that OpenCV can read" in refuse("run", file, "--registration", eye)
+    assert "no such source" in refuse("run", tmp_path / "gone.mp4", "--registration", eye)
+
+
+def test_images_that_do_not_fit_the_registration_are_one_sentence(quick_uri, tmp_path, registration_toml):
+    eye = tmp_path / "eye.toml"
+    eye.write_text(registration_toml)
+    result = call("run", quick_uri, "--fast", "--registration", eye)
+    assert result.exit_code == 2
+    assert "image is 480 x 270 px, but the registration is for 320 x 240 px" in result.stderr
+
+
+def test_a_bad_recording_is_one_sentence(tmp_path):
+    file = tmp_path / "run.mcap"
+    file.write_bytes(b"nothing")
+    for command in ("replay", "recover", "run"):
+        assert "run.mcap: not a recording" in refuse(command, file)
+    assert file.read_bytes() == b"nothing"
+
+
+def test_no_camera_and_no_clip_are_one_sentence(tmp_path, registration_toml):
+    eye = tmp_path / "eye.toml"
+    eye.write_text(registration_toml)
+    assert "camera:9 cannot be opened" in refuse("run", "camera:9", "--registration", eye)
+    assert "registration.toml: cannot be read" in refuse("evaluate", tmp_path)
+
+
+def test_nothing_is_overwritten(quick_uri, tmp_path):
+    for option, name in (("--record", "run.mcap"), ("--device", "touch.csv")):
+        file = tmp_path / name
+        file.write_text("precious")
+        value = f"trace:{file}" if option == "--device" else file
+        assert "exists already" in refuse("run", quick_uri, "--fast", option, value)
+        assert file.read_text() == "precious"
