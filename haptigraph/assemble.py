@@ -16,6 +16,7 @@ import haptigraph
 from haptigraph.clock import Clock, MonotonicClock, VirtualClock
 from haptigraph.config import Config
 from haptigraph.errors import BadInput, unknown_name
+from haptigraph.haptics.pattern import beyond
 from haptigraph.pipeline import Hand, Loop, Pipeline
 from haptigraph.recording.schema import RunInfo
 from haptigraph.recording.writer import Progress, RunWriter
@@ -68,9 +69,7 @@ def build(config: Config, *, sinks: Sequence[Sink] = (), progress: Progress | No
     Raises:
         BadInput: If a name, a file or a device in the configuration cannot be used.
     """
-    kind, _ = _split_source(config.source.uri)
-    realtime = kind in MADE_NOW if config.run.realtime is None else config.run.realtime
-    clock: Clock = MonotonicClock() if realtime or kind == "camera" else VirtualClock()
+    clock = _clock(config)
     procedure = load_procedure(config.run.procedure)
     registration = _given_registration(config)
     source = open_source(config, clock, registration)
@@ -99,6 +98,7 @@ def build(config: Config, *, sinks: Sequence[Sink] = (), progress: Progress | No
         sinks=all_sinks,
         clock=clock,
         stale_ms=config.run.stale_ms,
+        notes=[note for pattern in procedure.patterns for note in beyond(pattern, device.capabilities)],
     )
 
 
@@ -145,7 +145,7 @@ def open_source(config: Config, clock: Clock, registration: "Registration | None
 
     Args:
         config: Its [source] table counts.
-        clock: Stamps live images.
+        clock: Stamps live images; with a virtual one, reading a file waits however long it takes.
         registration: Tells a camera the image size to ask for.
 
     Raises:
@@ -164,7 +164,7 @@ def open_source(config: Config, clock: Clock, registration: "Registration | None
     if kind in MADE_NOW and config.source.jpeg_quality:
         source = _load("haptigraph.sources.jpeg:JpegSource")(source, config.source.jpeg_quality)
     if not source.is_live:
-        source = _load("haptigraph.sources.ahead:ReadAhead")(source)
+        source = _load("haptigraph.sources.ahead:ReadAhead")(source, waits=isinstance(clock, VirtualClock))
     return source
 
 
@@ -216,6 +216,14 @@ def _measure_shapes() -> dict[str, tuple[tuple[str, str], ...]]:
     from haptigraph.scene.relations import MEASURES
 
     return {name: measure.shapes for name, measure in MEASURES.items()}
+
+
+def _clock(config: Config) -> Clock:
+    kind, _ = _split_source(config.source.uri)
+    realtime = kind in MADE_NOW if config.run.realtime is None else config.run.realtime
+    if kind == "camera" and not realtime:
+        raise BadInput(f"{config.source.uri} delivers in real time; --fast works with files and the phantom")
+    return MonotonicClock() if realtime else VirtualClock()
 
 
 def _given_registration(config: Config) -> "Registration | None":

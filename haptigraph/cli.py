@@ -4,7 +4,7 @@ import signal
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any
@@ -112,7 +112,8 @@ def replay(recording: str, procedure: str | None) -> None:
     from haptigraph.analysis.replay import replay as run_again
     from haptigraph.analysis.summary import summary
 
-    report = run_again(recording, procedure)
+    with _progress() as progress:
+        report = run_again(recording, procedure, progress)
     if not report.is_whole:
         click.echo("the recording was interrupted; `haptigraph recover` makes it whole")
     if report.dropped_images:
@@ -196,7 +197,7 @@ def recover(recording: str) -> None:
         return
     with _progress() as progress:
         compact(reader.path, progress)
-    steps = sum(1 for _ in RunReader(recording).records(images=()))
+    steps, _ = RunReader(recording).count()
     click.echo(f"{recording} is whole again: {steps} complete steps")
 
 
@@ -221,9 +222,10 @@ def demo(scenario: str, output: str | None, realtime: bool) -> None:
         "run.realtime": realtime,
     }
     _run(load_config(None, _settings(options)))
-    report = run_again(recording)
+    with _progress() as progress:
+        report = run_again(recording, None, progress)
+        run_figure(recording, picture, progress)
     click.echo(f"\nreplayed        {report.identical} of {report.steps} steps identical")
-    run_figure(recording, picture)
     click.echo(f"recording       {recording}\npicture         {picture}")
 
 
@@ -237,9 +239,12 @@ def _run(config: "Config") -> None:
     measures = RunMeasures()
     with _terminable(), _progress() as progress:
         loop = build(config, sinks=[ConsoleSink()], progress=progress)
+        for note in loop.notes:
+            click.echo(f"{config.haptics.device}: {note}", err=True)
         try:
-            for step in loop.steps():
-                measures.add(step)
+            with closing(loop.steps()) as steps:
+                for step in steps:
+                    measures.add(step)
         except KeyboardInterrupt:
             loop.report.ended = "interrupted"
     click.echo(f"\n{summary(measures, loop.report)}")
@@ -263,24 +268,24 @@ def _terminable() -> Iterator[None]:
 
 @contextmanager
 def _progress() -> Iterator["Progress"]:
-    """Show a bar for work that reports its progress, where someone is looking."""
+    """Show a bar for work that reports its progress, from its first report on, where someone is looking."""
+    from rich.console import Console
     from rich.progress import Progress as Bar
 
-    with Bar(transient=True, disable=not sys.stderr.isatty(), console=_stderr()) as bar:
-        tasks: dict[str, Any] = {}
+    console = Console(stderr=True)
+    bar = Bar(console=console, transient=True, disable=not console.is_terminal)
+    tasks: dict[str, Any] = {}
 
-        def report(what: str, done: int, total: int) -> None:
-            if what not in tasks:
-                tasks[what] = bar.add_task(what, total=total)
-            bar.update(tasks[what], completed=done, total=total)
+    def report(what: str, done: int, total: int) -> None:
+        bar.start()
+        if what not in tasks:
+            tasks[what] = bar.add_task(what, total=total)
+        bar.update(tasks[what], completed=done)
 
+    try:
         yield report
-
-
-def _stderr() -> Any:
-    from rich.console import Console
-
-    return Console(stderr=True)
+    finally:
+        bar.stop()
 
 
 def _settings(options: Mapping[str, object]) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ reports; what goes wrong on the way becomes a fault in a step. Knows every stage
 import math
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -158,6 +158,7 @@ class Loop:
         sinks: Who else sees every step.
         clock: The run's clock; with a virtual one the loop runs as fast as it can.
         stale_ms: Without a new image for so long, the needle counts as lost.
+        notes: What the user should know before the run, a sentence each.
     """
 
     def __init__(
@@ -169,9 +170,10 @@ class Loop:
         sinks: Sequence[Sink] = (),
         clock: Clock,
         stale_ms: float = 100.0,
+        notes: Sequence[str] = (),
     ) -> None:
         self.pipeline, self.source, self.hand, self.sinks = pipeline, source, hand, tuple(sinks)
-        self.report = RunReport()
+        self.notes, self.report = tuple(notes), RunReport()
         self._clock, self._stale_ms = clock, stale_ms
         self._start_ns: int | None = None
         self._index = -1
@@ -185,7 +187,7 @@ class Loop:
             self.report.ended = "interrupted"
         return self.report
 
-    def steps(self) -> Iterator[Step]:
+    def steps(self) -> Generator[Step, None, None]:
         """Yield every step, after it was felt and recorded, until the source ends.
 
         The hand is stilled and everything closed on every way out.
@@ -237,7 +239,7 @@ class Loop:
                 capture = self.source.read(self._stale_ms / 1e3)
             except EndOfSource:
                 self._clock.wait_until(self._clock.now_ns() + round(1e9 / self.source.rate_hz))
-                yield self._blank("source ended", faults)
+                yield self._blank("ended", faults)
                 return
             except SourceLost as error:
                 capture, lost = None, str(error)

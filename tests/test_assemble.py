@@ -23,6 +23,7 @@ def test_every_class_that_is_named_exists(registry):
         (("source.uri=nowhere.mp4",), "nowhere.mp4: no such source; valid: phantom:SCENARIO"),
         (("source.uri=phantom:nothing",), "unknown scenario 'nothing'"),
         (("source.uri=camera:first",), "camera:first is no camera; camera:0 is the first"),
+        (("source.uri=camera:0", "run.realtime=false"), "camera:0 delivers in real time"),
         (("source.uri=camera:0",), "camera:0 needs a registration; give --registration FILE"),
         (("haptics.device=glove",), "unknown device 'glove'; valid: console, trace"),
         (("haptics.device=console:3",), "device 'console' takes nothing behind a colon"),
@@ -69,3 +70,14 @@ def test_files_run_fast_and_the_phantom_in_real_time(quick_uri):
     assert isinstance(fast._clock, VirtualClock)
     for loop in (live, fast):
         loop._close()
+
+
+def test_what_a_device_cannot_is_noted(quick_uri, monkeypatch):
+    from haptigraph.haptics.console import ConsoleDevice
+    from haptigraph.messages import Capabilities
+
+    monkeypatch.setattr(ConsoleDevice, "capabilities", Capabilities(1, None, 90.0))
+    loop = assemble.build(load_config(None, (f"source.uri={quick_uri}", "run.realtime=false")))
+    loop._close()
+    assert "low: amplitude 0.3 becomes on or off" in loop.notes
+    assert "pulse: 80 ms are not felt, 90 ms are" in loop.notes

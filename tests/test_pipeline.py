@@ -131,7 +131,7 @@ def test_the_end_of_a_source_is_a_step_and_closes_everything(procedure, registra
     source = ListSource(captures(2))
     loop, hand, sink = loop_of(pipeline_of(procedure, ScriptedPerceiver(registration, tips)), source)
     loop.run()
-    assert sink.steps[-1].faults == (Fault("source", "source ended"),)
+    assert sink.steps[-1].faults == (Fault("source", "ended"),)
     assert (source.closed, hand.closed, sink.closed) == (1, 1, 1)
 
 

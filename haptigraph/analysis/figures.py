@@ -12,12 +12,14 @@ from msgspec import Struct
 
 from haptigraph.analysis.drawing import draw_graph, draw_overlay, ink_on, state_color
 from haptigraph.assemble import parse_procedure
+from haptigraph.errors import BadInput
 from haptigraph.graph import Schema
 from haptigraph.haptics.pattern import amplitude_at
 from haptigraph.messages import UNKNOWN, Image, Step
 from haptigraph.perception.ioct import IoctView
 from haptigraph.perception.registration import Registration, parse_registration
 from haptigraph.recording.reader import RunReader
+from haptigraph.recording.writer import Progress
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,38 +49,46 @@ class _Series(Struct):
         return sorted(bound for bound in given if bound is not None)
 
 
-def run_figure(path: str | Path, output: str | Path) -> None:
+def run_figure(path: str | Path, output: str | Path, progress: Progress | None = None) -> None:
     """Draw one recorded run to a PNG, SVG or PDF.
 
     Args:
         path: The recording.
         output: The picture to write.
+        progress: Told how far it is.
 
     Raises:
         BadInput: If the recording cannot be read.
     """
+    report = progress or (lambda what, done, total: None)
     reader = RunReader(path)
-    steps = [step for _, step in reader.records(images=())]
-    time_s = [(step.stamp_ns - steps[0].stamp_ns) / 1e9 for step in steps]
-    procedure = parse_procedure(reader.info.procedure, f"procedure in {path}")
-    series = _Series(time_s, steps, procedure.schema)
+    report("drawing", 0, 3)
+    series = _read_series(reader)
+    report("drawing", 1, 3)
     moments = _moments(series)
+    records = reader.records(images=set(moments))
+    images = {number: capture.image for number, (capture, _) in enumerate(records) if number in moments}
+    report("drawing", 2, 3)
     registration = parse_registration(reader.info.registration, f"registration in {path}")
-    images = {
-        number: capture.image
-        for number, (capture, _) in enumerate(reader.records(images=set(moments)))
-        if number in moments
-    }
     figure = Figure(figsize=(14, 11), layout="constrained")
     top, bottom = np.ravel(np.asarray(figure.subfigures(2, 1, height_ratios=(0.95, 1))))
     if moments:
         _draw_moments(top, series, moments, images, registration)
     _draw_timeline(bottom, series)
     simulated = " (simulated)" if reader.info.source.startswith("phantom:") else ""
-    source = f"haptigraph {reader.info.version} · {reader.info.source}{simulated}"
     who = f" · participant {reader.info.participant}" if reader.info.participant else ""
-    figure.suptitle(source + who)
+    figure.suptitle(f"haptigraph {reader.info.version} · {reader.info.source}{simulated}{who}")
     figure.savefig(output, dpi=110)
+    report("drawing", 3, 3)
+
+
+def _read_series(reader: RunReader) -> _Series:
+    steps = [step for _, step in reader.records(images=())]
+    if not steps:
+        raise BadInput("has no complete step to draw", reader.path)
+    procedure = parse_procedure(reader.info.procedure, f"procedure in {reader.path}")
+    time_s = [(step.stamp_ns - steps[0].stamp_ns) / 1e9 for step in steps]
+    return _Series(time_s, steps, procedure.schema)
 
 
 def _intervals(series: _Series) -> list[tuple[int, int, str]]:

@@ -12,6 +12,7 @@ from haptigraph.config import Config
 from haptigraph.messages import Step
 from haptigraph.perception.registration import parse_registration
 from haptigraph.recording.reader import RunReader
+from haptigraph.recording.writer import Progress
 
 __all__ = ["Difference", "ReplayReport", "replay", "replay_steps"]
 
@@ -42,18 +43,20 @@ class ReplayReport(Struct):
     replayed: RunMeasures = msgspec.field(default_factory=RunMeasures)
 
 
-def replay(path: str | Path, procedure: str | None = None) -> ReplayReport:
+def replay(path: str | Path, procedure: str | None = None, progress: Progress | None = None) -> ReplayReport:
     """Replay a recording.
 
     Args:
         path: The recording.
         procedure: Another procedure to judge it by; None: the one it was recorded with.
+        progress: Told how far it is.
 
     Raises:
         BadInput: If recording or procedure cannot be used.
     """
     reader = RunReader(path)
-    report = ReplayReport(is_whole=reader.is_whole, dropped_images=reader.dropped_images())
+    steps, dropped_images = reader.count()
+    report = ReplayReport(is_whole=reader.is_whole, dropped_images=dropped_images)
     start_ns = None
     for recorded, replayed in replay_steps(reader, procedure):
         start_ns = recorded.stamp_ns if start_ns is None else start_ns
@@ -63,6 +66,8 @@ def replay(path: str | Path, procedure: str | None = None) -> ReplayReport:
         report.first = report.first or difference
         report.recorded.add(recorded)
         report.replayed.add(replayed)
+        if progress is not None:
+            progress("replaying", report.steps, steps)
     return report
 
 

@@ -18,6 +18,7 @@ from haptigraph.recording.writer import METADATA
 __all__ = ["RunReader"]
 
 FOR_VIEWERS = ("/camera/annotations", "/log")
+STEP = {"/capture", "/observation", "/graph", "/state", "/command"}  # what makes a step complete
 DECODERS: dict[str, msgspec.json.Decoder[Any]] = {
     topic.name: msgspec.json.Decoder(topic.type) for topic in TOPICS if topic.name not in FOR_VIEWERS
 }
@@ -49,16 +50,13 @@ class RunReader:
             BadInput: If a message cannot be decoded.
         """
         for sequence, messages in self._groups(images):
-            if messages.keys() >= {"/capture", "/observation", "/graph", "/state", "/command"}:
+            if messages.keys() >= STEP:
                 yield self._record(sequence, messages)
 
-    def dropped_images(self) -> int:
-        """Count the images that perception saw but the recorder had no time to keep."""
-        return sum(
-            messages["/capture"].image == "dropped"
-            for _, messages in self._groups(images=())
-            if "/capture" in messages
-        )
+    def count(self) -> tuple[int, int]:
+        """Count the steps, and the images that perception saw but the recorder had no time to keep."""
+        kept = [messages["/capture"].image for _, messages in self._groups(()) if messages.keys() >= STEP]
+        return len(kept), kept.count("dropped")
 
     def _record(self, sequence: int, messages: dict[str, Any]) -> tuple[Capture, Step]:
         record: CaptureRecord = messages["/capture"]

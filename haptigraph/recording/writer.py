@@ -24,6 +24,7 @@ from haptigraph.recording.schema import TOPICS, CaptureRecord, Kept, RunInfo, mc
 __all__ = ["METADATA", "Progress", "RunWriter", "compact"]
 
 METADATA = "haptigraph"
+NEW_FILE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
 Progress: TypeAlias = Callable[[str, int, int], None]
 """Called with (what is being done, bytes done, bytes in all)."""
 
@@ -47,7 +48,7 @@ class RunWriter:
         self.path = Path(path)
         self._info, self._image = info, image
         try:
-            self._file = Journal(os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644))
+            self._file = Journal(os.open(self.path, NEW_FILE, 0o644))
         except FileExistsError:
             raise BadInput("exists already; a recording never overwrites a file", path) from None
         except OSError as error:

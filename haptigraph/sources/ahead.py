@@ -17,13 +17,14 @@ class ReadAhead:
 
     Args:
         source: A source that is not live; only the thread touches it.
+        waits: Whether reading waits however long it takes: True where nothing is controlled in real time.
     """
 
     is_live = False
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: Source, *, waits: bool) -> None:
         self.rate_hz, self.registration = source.rate_hz, source.registration
-        self._source = source
+        self._source, self._waits = source, waits
         self._queue: queue.Queue[Capture | BaseException] = queue.Queue(DEPTH)
         self._ended: BaseException | None = None
         self._closing = threading.Event()
@@ -31,9 +32,12 @@ class ReadAhead:
         self._thread.start()
 
     def read(self, timeout_s: float) -> Capture | None:
-        """Return the next capture, or raise what the source raised; waits as long as that takes."""
+        """Return the next capture, None if it is not ready in time, or raise what the source raised."""
         if self._ended is None:
-            item = self._queue.get()
+            try:
+                item = self._queue.get(timeout=None if self._waits else timeout_s)
+            except queue.Empty:
+                return None
             if isinstance(item, Capture):
                 return item
             self._ended = item

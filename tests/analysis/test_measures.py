@@ -30,7 +30,7 @@ def run():
         step(4200, "aligned_retinal_approach", 1.0),
         step(6200, "target_hit", 0.0),
         step(9000, "target_hit", 0.0),
-        step(9500, "unknown", inside=False, faults=(Fault("source", "source ended"),)),
+        step(9500, "unknown", inside=False, faults=(Fault("source", "ended"),)),
     ]
 
 

@@ -30,7 +30,7 @@ class Counting:
 
 def test_order_and_end_are_kept():
     inner = Counting(50)
-    source = ReadAhead(inner)
+    source = ReadAhead(inner, waits=True)
     assert (source.rate_hz, source.registration) == (30.0, "text")
     assert [source.read(1.0).index for _ in range(50)] == list(range(50))
     for _ in range(2):
@@ -42,7 +42,7 @@ def test_order_and_end_are_kept():
 
 
 def test_errors_come_to_the_reader():
-    source = ReadAhead(Counting(1, BadInput("broken image")))
+    source = ReadAhead(Counting(1, BadInput("broken image")), waits=True)
     source.read(1.0)
     with pytest.raises(BadInput, match="broken image"):
         source.read(1.0)
@@ -51,8 +51,24 @@ def test_errors_come_to_the_reader():
 
 def test_it_reads_only_a_little_ahead_and_closes_in_the_middle():
     inner = Counting(10**9)
-    source = ReadAhead(inner)
+    source = ReadAhead(inner, waits=True)
     source.read(1.0)
     source.close()
     source.close()
     assert inner.reads <= DEPTH + 3
+
+
+def test_in_real_time_a_source_that_stalls_is_told_in_time():
+    gate = threading.Event()
+
+    class Stalling(Counting):
+        def read(self, timeout_s):
+            gate.wait(10)
+            return super().read(timeout_s)
+
+    source = ReadAhead(Stalling(3), waits=False)
+    assert source.read(0.01) is None
+    gate.set()
+    while source.read(0.05) is None:
+        pass
+    source.close()
