@@ -6,6 +6,7 @@ Classes are named by strings and imported when chosen, so that nothing heavy loa
 import datetime
 import time
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from importlib import import_module, resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,6 +33,7 @@ __all__ = [
     "SOURCES",
     "build",
     "build_pipeline",
+    "is_realtime",
     "load_procedure",
     "open_device",
     "open_source",
@@ -69,37 +71,42 @@ def build(config: Config, *, sinks: Sequence[Sink] = (), progress: Progress | No
     Raises:
         BadInput: If a name, a file or a device in the configuration cannot be used.
     """
-    clock = _clock(config)
+    clock: Clock = MonotonicClock() if is_realtime(config) else VirtualClock()
     procedure = load_procedure(config.run.procedure)
-    registration = _given_registration(config)
-    source = open_source(config, clock, registration)
-    try:
-        registration = registration or _own_registration(source, config)
+    given = _given_registration(config)
+    with ExitStack() as undo:
+        source = open_source(config, clock, given)
+        undo.callback(source.close)
+        registration = given or _own_registration(source, config)
+        pipeline = build_pipeline(config, registration, procedure)
+        writer = _run_writer(config, source, registration, procedure, clock)
+        if writer is not None:
+            undo.callback(writer.discard)
         device = open_device(config.haptics.device)
         hand = _hand(device, config, clock)
-        try:
-            all_sinks = list(sinks)
-            if config.recording.path:
-                writer = _run_writer(config, source, registration, procedure, clock)
-                waits = isinstance(clock, VirtualClock)
-                all_sinks.insert(
-                    0, _load("haptigraph.sinks.recorder:Recorder")(writer, waits=waits, progress=progress)
-                )
-        except BaseException:
-            hand.close()
-            raise
-    except BaseException:
-        source.close()
-        raise
+        undo.pop_all()
     return Loop(
-        build_pipeline(config, registration, procedure),
+        pipeline,
         source=source,
         hand=hand,
-        sinks=all_sinks,
+        sinks=[*_recorders(writer, clock, progress), *sinks],
         clock=clock,
         stale_ms=config.run.stale_ms,
         notes=[note for pattern in procedure.patterns for note in beyond(pattern, device.capabilities)],
     )
+
+
+def is_realtime(config: Config) -> bool:
+    """Tell whether a run is paced by the clock: as the configuration says, or else as its source suggests.
+
+    Raises:
+        BadInput: If a camera is to run at any other pace.
+    """
+    kind, _ = _split_source(config.source.uri)
+    realtime = kind in MADE_NOW if config.run.realtime is None else config.run.realtime
+    if kind == "camera" and not realtime:
+        raise BadInput(f"{config.source.uri} delivers in real time; --fast works with files and the phantom")
+    return realtime
 
 
 def build_pipeline(config: Config, registration: "Registration", procedure: "Procedure") -> Pipeline:
@@ -218,14 +225,6 @@ def _measure_shapes() -> dict[str, tuple[tuple[str, str], ...]]:
     return {name: measure.shapes for name, measure in MEASURES.items()}
 
 
-def _clock(config: Config) -> Clock:
-    kind, _ = _split_source(config.source.uri)
-    realtime = kind in MADE_NOW if config.run.realtime is None else config.run.realtime
-    if kind == "camera" and not realtime:
-        raise BadInput(f"{config.source.uri} delivers in real time; --fast works with files and the phantom")
-    return MonotonicClock() if realtime else VirtualClock()
-
-
 def _given_registration(config: Config) -> "Registration | None":
     from haptigraph.perception.registration import load_registration
 
@@ -251,7 +250,9 @@ def _hand(device: Device, config: Config, clock: Clock) -> Hand:
 
 def _run_writer(
     config: Config, source: Source, registration: "Registration", procedure: "Procedure", clock: Clock
-) -> RunWriter:
+) -> RunWriter | None:
+    if not config.recording.path:
+        return None
     utc_ns = time.time_ns()
     info = RunInfo(
         version=haptigraph.__version__,
@@ -270,6 +271,13 @@ def _run_writer(
     schema = procedure.schema
     measures = tuple(dict.fromkeys(schema.measure_name(relation) for relation in schema.relations))
     return RunWriter(config.recording.path, info, registration.image, measures)
+
+
+def _recorders(writer: RunWriter | None, clock: Clock, progress: Progress | None) -> list[Sink]:
+    if writer is None:
+        return []
+    waits = isinstance(clock, VirtualClock)
+    return [_load("haptigraph.sinks.recorder:Recorder")(writer, waits=waits, progress=progress)]
 
 
 def _camera_number(argument: str) -> int:

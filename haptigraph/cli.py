@@ -233,12 +233,13 @@ def _run(config: "Config") -> None:
     """Run a configuration to its end and print the summary."""
     from haptigraph.analysis.measures import RunMeasures
     from haptigraph.analysis.summary import summary
-    from haptigraph.assemble import build
+    from haptigraph.assemble import build, is_realtime
     from haptigraph.sinks.console import ConsoleSink
 
     measures = RunMeasures()
     with _terminable(), _progress() as progress:
-        loop = build(config, sinks=[ConsoleSink()], progress=progress)
+        console = ConsoleSink(shows_time=not is_realtime(config))
+        loop = build(config, sinks=[console], progress=progress)
         for note in loop.notes:
             click.echo(f"{config.haptics.device}: {note}", err=True)
         try:
@@ -248,7 +249,7 @@ def _run(config: "Config") -> None:
         except KeyboardInterrupt:
             loop.report.ended = "interrupted"
     click.echo(f"\n{summary(measures, loop.report)}")
-    if config.recording.path:
+    if config.recording.path and loop.report.steps:
         click.echo(f"recording       {config.recording.path}")
 
 

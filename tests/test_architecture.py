@@ -18,7 +18,7 @@ UNITS = {"mm", "px", "deg", "ns", "ms", "s", "hz", "grey", "mb"}
 # Numbers without a unit: ratios and counts, and the paper's alpha.
 UNITLESS = {
     "alpha", "amplitude", "percent", "value", "at_most", "below", "at_least", "above", "release",
-    "vignetting", "shadow", "brightness", "highlight", "texture", "bowl_shade", "motion_scale", "loss",
+    "vignetting", "exposure", "shadow", "brightness", "highlight", "texture", "bowl_shade", "motion_scale", "loss",
     "max_amplitude", "contrast", "a", "b", "x", "y", "r", "g", "most", "wanted", "diameter", "thickness",
     "font_size", "theta_integral", "offset_grey", "mm_per_px", "px_per_mm", "left", "top", "right", "bottom",
     "low", "high", "half_width", "radius", "inner", "scale", "lag_images", "mm_s", "deg_s",

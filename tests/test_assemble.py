@@ -52,13 +52,17 @@ def test_only_the_phantom_loops(clip):
     assert "source.loop works with phantom:SCENARIO only" in message
 
 
-def test_nothing_is_left_behind_when_assembly_fails(quick_uri, tmp_path):
-    trace = tmp_path / "touch.csv"
-    record = tmp_path / "run.mcap"
-    record.write_text("precious")
-    message = refuse(f"source.uri={quick_uri}", f"haptics.device=trace:{trace}", f'recording.path="{record}"')
-    assert "run.mcap: exists already" in message
-    assert record.read_text() == "precious"
+@pytest.mark.parametrize("fails", ["recording", "device", "perceiver"])
+def test_nothing_is_left_behind_when_assembly_fails(quick_uri, tmp_path, fails):
+    trace, record = tmp_path / "touch.csv", tmp_path / "run.mcap"
+    settings = [f"source.uri={quick_uri}", f'haptics.device="trace:{trace}"', f'recording.path="{record}"']
+    if fails == "perceiver":
+        settings.append("perception.perceiver=magic")
+    else:
+        (record if fails == "recording" else trace).write_text("precious")
+    refuse(*settings)
+    left = {path.name: path.read_text() for path in tmp_path.iterdir()}
+    assert left in ({}, {"run.mcap": "precious"}, {"touch.csv": "precious"})
 
 
 def test_files_run_fast_and_the_phantom_in_real_time(quick_uri):

@@ -206,9 +206,11 @@ def test_a_bad_video_is_one_sentence(tmp_path, registration_toml):
 def test_images_that_do_not_fit_the_registration_are_one_sentence(quick_uri, tmp_path, registration_toml):
     eye = tmp_path / "eye.toml"
     eye.write_text(registration_toml)
-    result = call("run", quick_uri, "--fast", "--registration", eye)
+    record = tmp_path / "run.mcap"
+    result = call("run", quick_uri, "--fast", "--registration", eye, "--record", record)
     assert result.exit_code == 2
     assert "image is 480 x 270 px, but the registration is for 320 x 240 px" in result.stderr
+    assert not record.exists()
 
 
 def test_a_bad_recording_is_one_sentence(tmp_path):

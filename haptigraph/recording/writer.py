@@ -95,8 +95,11 @@ class RunWriter:
         self._sequence += 1
 
     def close(self, progress: Progress | None = None) -> None:
-        """Finish the file and compact it. May be called twice."""
+        """Finish the file and compact it; a run without steps leaves no file. May be called twice."""
         if self._file.closed:
+            return
+        if not self._sequence:
+            self.discard()
             return
         self._writer.finish()  # type: ignore[no-untyped-call]
         self._file.close()
@@ -105,6 +108,11 @@ class RunWriter:
     def abandon(self) -> None:
         """Close the file as it is, as after a disk error; `recover` reads what there is."""
         self._file.close()
+
+    def discard(self) -> None:
+        """Close the file and remove it, as after a run that never began."""
+        self._file.close()
+        self.path.unlink()
 
     def _add(self, topic: str, stamp_ns: int, message: Any) -> None:
         utc_ns = stamp_ns + self._info.utc_offset_ns

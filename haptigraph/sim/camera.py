@@ -40,6 +40,8 @@ class CameraSettings(Struct, frozen=True, forbid_unknown_fields=True):
     mirrored: bool = True
     blur_px: float = 0.8
     """Deviation of the lens's blur."""
+    exposure: float = 1.0
+    """Brightness of the whole scene; from about 1.3 on, white surfaces saturate."""
     vignetting: float = 0.25
     """Loss of light in the corners."""
     read_noise_grey: float = 1.0
@@ -84,7 +86,7 @@ class Camera:
         self._seed = seed
         size_px = settings.width_px, settings.height_px
         painted = paint_phantom(eye, self.geometry, size_px, look, seed)
-        self._light = _vignette(size_px, settings.vignetting)
+        self._light = settings.exposure * _vignette(size_px, settings.vignetting)
         self._background = _blurred(painted, settings.blur_px) * self._light[..., None]
         self._radius_px = eye.radius_mm * settings.px_per_mm
         distance = distance_map(*size_px, settings.center_px)

@@ -13,13 +13,17 @@ class ConsoleSink:
 
     Args:
         stream: Where to print; standard error if None.
+        shows_time: Whether to show in a terminal how far the run is, second by second; for runs at full
+            speed, where nothing else moves.
     """
 
     dropped = 0
 
-    def __init__(self, stream: TextIO | None = None) -> None:
+    def __init__(self, stream: TextIO | None = None, *, shows_time: bool = False) -> None:
         self._stream = stream or sys.stderr
         self._clear = "\r\033[K" if self._stream.isatty() else ""
+        self._shows_time = shows_time and bool(self._clear)
+        self._second = 0
         self._start_ns: int | None = None
         self._state = ""
         self._faults: tuple[Fault, ...] = ()
@@ -35,13 +39,20 @@ class ConsoleSink:
         if step.conclusion.state != self._state:
             self._state = step.conclusion.state
             self._print(f"{time_s:7.2f} s  {self._state:34} {step.conclusion.because}")
+        if self._shows_time and int(time_s) != self._second:
+            self._second = int(time_s)
+            self._stream.write(f"{self._clear}{time_s:7.2f} s  ...")
+            self._stream.flush()
 
     def take_faults(self) -> tuple[Fault, ...]:
         """Return nothing: printing does not fail."""
         return ()
 
     def close(self) -> None:
-        """Do nothing."""
+        """Wipe the line that shows the time."""
+        if self._shows_time:
+            self._stream.write(self._clear)
+            self._stream.flush()
 
     def _print(self, line: str) -> None:
         self._stream.write(f"{self._clear}{line}\n")

@@ -165,8 +165,16 @@ def test_a_recording_never_overwrites(tmp_path):
         RunWriter(tmp_path / "no" / "a.mcap", INFO, GEOMETRY, ())
 
 
+def test_a_run_without_steps_leaves_no_file(tmp_path):
+    writer = RunWriter(tmp_path / "empty.mcap", INFO, GEOMETRY, ())
+    writer.close()
+    writer.close()
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_recording_of_another_format_is_refused(tmp_path):
     writer = RunWriter(tmp_path / "b.mcap", msgspec.structs.replace(INFO, format="99"), GEOMETRY, ())
+    writer.write(Capture(0, 0, None), make_step())
     writer.close()
     with pytest.raises(BadInput, match="recording format '99'; this version reads '1'"):
         RunReader(tmp_path / "b.mcap")

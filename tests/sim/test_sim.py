@@ -183,6 +183,11 @@ def test_corners_are_darker_by_the_vignetting():
     assert abs(int(vignetted[135, 240].sum()) - int(plain[135, 240].sum())) <= 6
 
 
+def test_exposure_brightens_everything():
+    dim, bright = (camera(exposure=e, **QUIET).render((0.0, 60.0), (0.0, -1.0), 0) for e in (0.5, 1.0))
+    assert dim.mean() == pytest.approx(bright.mean() / 2, rel=0.02)
+
+
 def test_both_styles_differ_in_polarity():
     for style, sign in (("light", 1), ("dark", -1)):
         scenario = load_scenario("align_then_approach" if style == "light" else "wrong_place_then_hit")

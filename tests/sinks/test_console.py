@@ -19,3 +19,27 @@ def test_changes_and_new_faults_are_told_once():
         "   0.07 s  b                                  because",
     ]
     assert sink.take_faults() == ()
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_a_run_at_full_speed_shows_its_time_in_a_terminal():
+    terminal = Terminal()
+    sink = ConsoleSink(terminal, shows_time=True)
+    for ms in range(0, 3000, 500):
+        sink.write(Capture(0, ms * MS, None), make_step(stamp_ns=ms * MS))
+    sink.close()
+    assert [f"{second}.00 s  ..." in terminal.getvalue() for second in (1, 2, 3)] == [True, True, False]
+    assert terminal.getvalue().endswith("\r\033[K")
+
+
+def test_no_time_is_shown_where_nobody_looks():
+    stream = io.StringIO()
+    sink = ConsoleSink(stream, shows_time=True)
+    for ms in range(0, 3000, 500):
+        sink.write(Capture(0, ms * MS, None), make_step(stamp_ns=ms * MS))
+    sink.close()
+    assert "..." not in stream.getvalue()
