@@ -199,7 +199,10 @@ def test_a_bad_video_is_one_sentence(tmp_path, registration_toml):
     file, eye = tmp_path / "clip.mp4", tmp_path / "eye.toml"
     file.write_bytes(b"no video")
     eye.write_text(registration_toml)
-    assert "not a video that OpenCV can read" in refuse("run", file, "--registration", eye)
+    command = [sys.executable, "-m", "haptigraph", "run", str(file), "--registration", str(eye)]
+    done = subprocess.run(command, capture_output=True, text=True)  # apart, for OpenCV's chatter
+    assert done.returncode == 2
+    assert re.fullmatch(r"haptigraph: .*clip\.mp4: not a video that OpenCV can read.*\n", done.stderr)
     assert "no such source" in refuse("run", tmp_path / "gone.mp4", "--registration", eye)
 
 
