@@ -199,8 +199,9 @@ def _check_pattern(document: Document, pattern: Pattern, path: str) -> None:
     }[pattern.kind]
     for key in ("amplitude", "on_ms", "off_ms", "count"):
         value = getattr(pattern, key)
-        if key in needed and value <= 0:
-            raise document.error(f"{pattern.kind} needs {key} above 0, found {value:g}", f"{path}.{key}")
+        if key in needed and (value <= 0 or (key != "amplitude" and value < 1)):
+            least = "above 0" if key == "amplitude" else "of at least 1"
+            raise document.error(f"{pattern.kind} needs {key} {least}, found {value:g}", f"{path}.{key}")
         if key not in needed and value != 0:
             raise document.error(f"{pattern.kind} has no {key}, found {value:g}", f"{path}.{key}")
     if pattern.amplitude > 1:

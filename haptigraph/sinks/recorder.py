@@ -73,16 +73,17 @@ class Recorder:
             if not self._failed.is_set():
                 try:
                     self._writer.write(capture, step, dropped=dropped)
-                except OSError as error:
+                except Exception as error:  # whatever it is, the loop must not wait for a dead thread
                     self._fail(error)
             if capture.image is not None:
                 self._images.release()
 
-    def _fail(self, error: OSError) -> None:
+    def _fail(self, error: Exception) -> None:
         self._failed.set()
         self._writer.abandon()
+        reason = error.strerror if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
         self._faults.append(
-            Fault("recorder", f"{self._writer.path} is incomplete ({error.strerror}); it can be recovered")
+            Fault("recorder", f"{self._writer.path} is incomplete ({reason}); it can be recovered")
         )
 
 

@@ -89,6 +89,14 @@ def test_a_full_disk_is_told_once_and_the_file_is_left_to_be_recovered(writer):
     assert recorder.dropped + len(writer.written) <= 33
 
 
+def test_any_other_failure_is_told_too_and_nothing_waits_for_it(writer):
+    writer.error = ValueError("odd image")
+    recorder = Recorder(writer, waits=True)
+    write(recorder, 100)
+    recorder.close()
+    assert "incomplete (ValueError: odd image)" in recorder.take_faults()[0].message
+
+
 def test_a_disk_that_fills_at_the_very_end_is_told(writer):
     def full(progress):
         raise OSError(28, "No space left on device")
