@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: setup demo test check bench soak golden lock clean
+.PHONY: setup demo test fuzz check bench soak golden lock clean
 
 setup: .venv/ready
 
@@ -18,6 +18,9 @@ demo: setup  ## half a minute of the whole loop, simulated; writes a recording a
 
 test: setup  ## all tests
 	$(BIN)/python -m pytest -n auto
+
+fuzz: setup  ## the property tests on thousands of new examples
+	$(BIN)/python -m pytest -n auto -m hypothesis --hypothesis-profile=fuzz
 
 check: setup  ## format, lint, types, layers
 	$(BIN)/ruff format --check .

@@ -11,7 +11,9 @@ from haptigraph.inference.procedure import Procedure
 from haptigraph.perception.registration import Registration, parse_registration
 from haptigraph.sim.eye import Eye, EyeShape, registration_text
 
-settings.register_profile("haptigraph", deadline=None)
+# The same examples on every machine; `make fuzz` looks for new ones.
+settings.register_profile("haptigraph", deadline=None, derandomize=True)
+settings.register_profile("fuzz", deadline=None, max_examples=3000)
 settings.load_profile("haptigraph")
 
 DATA = Path(__file__).parent / "data"

@@ -1,11 +1,11 @@
 import math
 
 from helpers import needle, observe, on_axis
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from haptigraph.assemble import load_procedure
-from haptigraph.geometry import Circle, Geometry, Point, Polyline, norm, rotate, subtract
+from haptigraph.geometry import Circle, Geometry, Point, Polyline, angle_between_deg, norm, rotate, subtract
 from haptigraph.graph import Entity, Relation, Schema, Triplet
 from haptigraph.inference.engine import RuleEngine
 from haptigraph.messages import Observation
@@ -64,22 +64,19 @@ def test_an_approach_near_the_axis_ends_in_target_hit_without_retinal_contact(ey
     assert state == "target_hit"
 
 
-@given(eyes(), st.floats(0.02, 0.98), st.floats(0.05, 0.6))
-def test_a_tip_pushed_through_the_retina_never_stops_touching_it(eye, where, step_mm):
+@given(eyes(), st.integers(0, 59), st.floats(0.05, 0.6))
+def test_a_tip_pushed_through_the_retina_never_stops_touching_it(eye, piece, step_mm):
     build = SchemaSceneBuilder(PROCEDURE.schema)
-    points = eye["retina_surface"].points_mm
-    through = points[round(where * (len(points) - 1))]
+    start, end = eye["retina_surface"].points_mm[piece : piece + 2]
     trocar = eye["trocar"].at_mm
-    way = subtract(through, trocar)
-    reach = norm(way)
-    touched = False
-    for k in range(math.ceil((reach + 15) / step_mm)):
-        share = k * step_mm / reach
+    way = subtract(((start[0] + end[0]) / 2, (start[1] + end[1]) / 2), trocar)
+    # A way along the retina grazes it, and may leave it again; one that goes through may not.
+    assume(1 < angle_between_deg(way, subtract(end, start)) < 179)
+    reach_mm = norm(way)
+    for k in range(math.ceil((reach_mm + 15) / step_mm)):
+        share = k * step_mm / reach_mm
         tip = trocar[0] + share * way[0], trocar[1] + share * way[1]
-        touching = TOUCHING_RETINA in build(observe(eye, tip))
-        assert touching or not touched
-        touched = touched or touching
-    assert touched
+        assert TOUCHING_RETINA in build(observe(eye, tip)) or share < 1
 
 
 def test_the_whole_table_of_the_paper_can_occur(procedure, registration):
