@@ -42,6 +42,7 @@ __all__ = [
 ]
 
 PERCEIVERS = {
+    "tracker": "haptigraph.perception.tracker:Tracker",
     "threshold": "haptigraph.perception.threshold:ThresholdPerceiver",
 }
 DEVICES = {

@@ -20,6 +20,7 @@ __all__ = [
     "UNKNOWN",
     "Capabilities",
     "Capture",
+    "Certainty",
     "Conclusion",
     "Fault",
     "HapticCommand",
@@ -74,6 +75,17 @@ class Capture(Struct, frozen=True, eq=False):
     truth: Truth | None = None
 
 
+class Certainty(Struct, frozen=True):
+    """How sure a perceiver is of the needle."""
+
+    confidence: float
+    """Share of the visible shaft, from where it comes into view to its tip, that shows both edges on one line."""
+    tip_deviation_mm: float
+    """Standard deviation of the tip."""
+    theta_deviation_deg: float
+    """Standard deviation of the shaft's angle."""
+
+
 class Observation(Struct, frozen=True):
     """Where things are, in the eye frame. An entity that was not found is not there: never a guess."""
 
@@ -81,6 +93,8 @@ class Observation(Struct, frozen=True):
     found: dict[str, Geometry] = {}
     """Shape by entity name."""
     faults: tuple[Fault, ...] = ()
+    certainty: Certainty | None = None
+    """Of the needle, where there is one and the perceiver can tell."""
 
 
 class Conclusion(Struct, frozen=True):

@@ -11,6 +11,7 @@ from pathlib import Path
 from msgspec import Struct, field
 
 from haptigraph.config import Document
+from haptigraph.errors import BadInput
 from haptigraph.geometry import (
     Circle,
     Geometry,
@@ -22,6 +23,7 @@ from haptigraph.geometry import (
     norm,
     subtract,
 )
+from haptigraph.messages import Image
 
 __all__ = ["Registration", "load_registration", "parse_registration"]
 
@@ -100,6 +102,19 @@ class Registration(Struct, frozen=True):
             "retina_target": self.target,
             "trocar": self.trocar,
         }
+
+    def checked(self, image: Image | None) -> Image:
+        """Return an image if it is of the registered size.
+
+        Raises:
+            BadInput: If not.
+        """
+        if image is None or image.shape[:2] != (self.height_px, self.width_px):
+            found = "no image" if image is None else f"{image.shape[1]} x {image.shape[0]} px"
+            raise BadInput(
+                f"image is {found}, but the registration is for {self.width_px} x {self.height_px} px"
+            )
+        return image
 
 
 def load_registration(path: str | Path) -> Registration:

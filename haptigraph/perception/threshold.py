@@ -94,10 +94,7 @@ class ThresholdPerceiver:
         self._smooth.reset()
 
     def _grey(self, image: Image | None) -> FloatImage:
-        expected = (self._registration.height_px, self._registration.width_px)
-        if image is None or image.shape[:2] != expected:
-            found = "no image" if image is None else f"{image.shape[1]} x {image.shape[0]} px"
-            raise BadInput(f"image is {found}, but the registration is for {expected[1]} x {expected[0]} px")
+        image = self._registration.checked(image)
         region = image[self._region]
         grey = region if region.ndim == 2 else cv2.cvtColor(region, cv2.COLOR_BGR2GRAY)
         return grey.astype(np.float32)

@@ -1,0 +1,175 @@
+"""The shaft's middle line, from the sub-pixel places of its two edges.
+
+Turns a strip into a line with its covariance. Edges are maxima of the slope across the shaft, found in blocks of
+rows; the middle of both edges does not care how the metal between them is lit. Knows no trocar and no time.
+"""
+
+import math
+
+import cv2
+import numpy as np
+from msgspec import Struct
+from numpy.typing import NDArray
+
+from haptigraph.perception.strip import FloatImage, Mask, Strip, median
+
+__all__ = ["Edges", "LineFit", "fit_line"]
+
+BLOCK = 6
+SIGMA_PX = 1.0  # of the slope filter: about the blur of a focused lens
+LEAST_SNR = 5.0
+LEAST_SHARE = 0.2  # of the strongest slope on the same side of the same block
+LEAST_BLOCKS = 3
+TUKEY = 4.0
+ROUNDS = 3
+FLOOR_PX = 0.03
+MISS_PX = 3.0
+SIDE_PX = 0.2
+SCALE_PX = 100.0  # keeps the normal equations well conditioned
+PER_PX = np.array([[1, 1 / SCALE_PX], [1 / SCALE_PX, 1 / SCALE_PX**2]])
+PRIOR = np.diag([0.0, 0.0, SIDE_PX**-2, SIDE_PX**-2])
+
+_TAPS = np.arange(-3, 4, dtype=np.float64)
+_BELL = _TAPS * np.exp(-(_TAPS**2) / (2 * SIGMA_PX**2))
+SLOPE = (_BELL / (_BELL * _TAPS).sum()).astype(np.float32)
+SLOPE_NOISE = float((SLOPE**2).sum())
+CURVE_NOISE = float((np.diff(SLOPE, prepend=0, append=0) ** 2).sum())
+
+
+class Edges(Struct, frozen=True, eq=False):
+    """Both edges of the shaft, block by block."""
+
+    u_px: FloatImage
+    """Middle of every block along the strip, (n,)."""
+    middle_px: FloatImage
+    """Half-way between both, across the strip from its middle, (n,)."""
+    variance_px2: FloatImage
+    """Of that, (n,)."""
+    is_outside: Mask
+    """Blocks before the wall, (n,)."""
+    is_seen: Mask
+    """Blocks where both were found, (n,)."""
+
+
+class LineFit(Struct, frozen=True, eq=False):
+    """A straight line across a strip: v = offset_px + slope u."""
+
+    offset_px: float
+    slope: float
+    covariance: NDArray[np.float64]
+    """Of (offset_px, slope), (2, 2)."""
+    edges: Edges
+    is_on_line: Mask
+    """Blocks whose edges agree with the line, (n,)."""
+
+    def v_px(self, u_px: FloatImage) -> FloatImage:
+        """Return the line's place across the strip."""
+        return np.asarray(self.offset_px + self.slope * u_px, np.float32)
+
+
+class _Slopes(Struct, frozen=True, eq=False):
+    """The slope across a strip in blocks of rows."""
+
+    u_px: FloatImage
+    is_outside: Mask
+    signed: FloatImage
+    """Grey levels per pixel, (n, columns)."""
+    steep: FloatImage
+    """Its size where it has a local maximum that is no noise, else 0."""
+    half_px: int
+    noise_grey: float
+    """Of a pixel, averaged over a block."""
+
+
+def fit_line(strip: Strip, tip_px: float) -> LineFit | None:
+    """Fit the shaft's middle line to all visible rows before the tip.
+
+    Args:
+        strip: The straightened surroundings.
+        tip_px: Where the needle ends, roughly.
+
+    Returns:
+        The line, or None if too few blocks show two edges that lie on one.
+    """
+    slopes = _slopes(strip, tip_px)
+    return _robust_line(_outermost(slopes), MISS_PX) if len(slopes.u_px) >= LEAST_BLOCKS else None
+
+
+def _slopes(strip: Strip, before_px: float) -> _Slopes:
+    last = max(math.floor(before_px - float(strip.u_px[0])), 0)
+    parts = []
+    for rows in (strip.before, strip.inside):
+        count = max(min(rows.stop, last) - rows.start, 0) // BLOCK
+        part = slice(rows.start, rows.start + count * BLOCK)
+        blocks = strip.excess[part].reshape(count, BLOCK, 2 * strip.half_px + 1).sum(axis=1) / BLOCK
+        parts.append((strip.u_px[part][::BLOCK] + (BLOCK - 1) / 2, blocks))
+    u_px, blocks = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    is_outside = u_px < (strip.u_px[strip.before.stop - 1] if strip.before.stop else -math.inf)
+    noise = strip.noise_grey / math.sqrt(BLOCK)
+    if not len(u_px):
+        return _Slopes(u_px, is_outside, blocks, blocks, strip.half_px, noise)
+    signed = np.asarray(cv2.filter2D(blocks, cv2.CV_32F, SLOPE[None]), np.float32)
+    size = np.abs(signed)
+    middle = size[:, 1:-1]
+    is_peak = (middle >= size[:, :-2]) & (middle > size[:, 2:])
+    is_peak &= middle >= LEAST_SNR * noise * math.sqrt(SLOPE_NOISE)
+    steep = np.zeros_like(size)
+    steep[:, 1:-1] = middle * is_peak
+    return _Slopes(u_px, is_outside, signed, steep, strip.half_px, noise)
+
+
+def _outermost(slopes: _Slopes) -> Edges:
+    """Take the outermost steep places on either side of the strip's middle."""
+    middle = slopes.half_px
+    left, right = slopes.steep[:, : middle + 1], slopes.steep[:, middle:]
+    is_left = left > LEAST_SHARE * left.max(axis=1, keepdims=True)
+    is_right = right > LEAST_SHARE * right.max(axis=1, keepdims=True)
+    columns = np.stack([is_left.argmax(axis=1), 2 * middle - is_right[:, ::-1].argmax(axis=1)])
+    return _edges(slopes, columns, is_left.any(axis=1) & is_right.any(axis=1))
+
+
+def _edges(slopes: _Slopes, columns: NDArray[np.int64], is_seen: Mask) -> Edges:
+    """Refine the columns of slope maxima, (2, n), to sub-pixel places with variances.
+
+    The noise of a maximum's place is the noise of the derivative there over the curvature.
+    """
+    columns = np.clip(columns, 1, slopes.signed.shape[1] - 2)
+    rows = np.arange(columns.shape[1])
+    around = np.abs(slopes.signed[rows[:, None], columns[..., None] + np.arange(-1, 2)])
+    before, at, after = around[..., 0], around[..., 1], around[..., 2]
+    curvature = np.maximum(2 * at - before - after, 1e-3)
+    place = columns - slopes.half_px + np.clip((after - before) / (2 * curvature), -1, 1)
+    variance = CURVE_NOISE * slopes.noise_grey**2 * (curvature**-2.0).sum(axis=0) / 4 + FLOOR_PX**2
+    return Edges(slopes.u_px, (place[0] + place[1]) / 2, variance, slopes.is_outside, is_seen)
+
+
+def _robust_line(edges: Edges, miss_px: float) -> LineFit | None:
+    """Fit by weighted least squares, leaving out blocks that are off the line (Tukey's weights).
+
+    The light differs on the two sides of the wall, and with it where edges appear: each side as a whole may be
+    off by SIDE_PX, two more unknowns with that as their prior.
+    """
+    chosen = np.flatnonzero(edges.is_seen)
+    if len(chosen) < LEAST_BLOCKS:
+        return None
+    u, v = edges.u_px[chosen], edges.middle_px[chosen]
+    trust = 1 / edges.variance_px2[chosen]
+    outside = edges.is_outside[chosen]
+    design = np.stack([np.ones(len(u)), u / SCALE_PX, outside, ~outside])
+    residual = v - median(v)
+    for _ in range(ROUNDS):
+        distance = np.abs(residual)
+        reach = min(max(TUKEY * 1.4826 * median(distance), FLOOR_PX), miss_px) + 0.1
+        closeness = 1 - np.minimum(distance / reach, 1) ** 2
+        weighed = design * (trust * closeness * closeness)
+        covariance = np.linalg.inv(weighed @ design.T + PRIOR)
+        answer = covariance @ (weighed @ v)
+        residual = v - answer @ design
+    on = chosen[closeness > 0]
+    if len(on) < LEAST_BLOCKS:
+        return None
+    scatter = max(float((trust * (closeness > 0)) @ residual**2) / max(len(on) - 2, 1), 1.0)
+    is_on_line = np.zeros(len(edges.u_px), np.bool_)
+    is_on_line[on] = True
+    line_covariance = covariance[:2, :2] * (scatter * PER_PX)
+    return LineFit(float(answer[0]), float(answer[1]) / SCALE_PX, line_covariance, edges, is_on_line)

@@ -1,0 +1,134 @@
+"""How far the needle reaches: the tip as the step from needle to no needle along the shaft.
+
+Turns a strip and the shaft's line into the tip's place along it. Evidence is summed from where the needle comes
+from, so that a gap (glare, debris) is bridged and a thing beyond a long gap is not the needle. Nothing behind the
+wall can be seen: a needle whose tip is in there has none.
+"""
+
+import math
+from collections.abc import Callable
+from typing import Literal
+
+import numpy as np
+from msgspec import Struct
+
+from haptigraph.perception.strip import FLANK_PX, FloatImage, Strip, median
+
+__all__ = ["Reach", "find_reach", "refine_tip"]
+
+LEAST_GREY = 5.0
+UNKNOWN_GREY = 8.0
+LEAST_SNR = 4.0
+KNOWN_SHARE = 0.1  # of the contrast that the needle had before
+UNKNOWN_SHARE = 0.35
+BEHIND_PX = 12
+AHEAD_PX = 14
+BLUNT_PX = 3
+TIP_LEVEL = 0.25  # of the contrast: the point is thin and rounded, half of it is seen too early
+FLOOR_PX = 0.1
+LEAST_HELD_PX = 2.0  # of tip inside, when the shaft is seen to enter the wall
+LEAST_FREE_MM = 0.8  # when it is not
+LEAST_OUTSIDE_MM = 1.0
+AT_WALL_MM = 0.22
+
+
+class Reach(Struct, frozen=True):
+    """How far a needle was seen to reach."""
+
+    where: Literal["outside", "hidden", "inside"]
+    """Where its tip is: before the wall, in it, or in the globe."""
+    tip_px: float
+    """Along the strip; of a hidden tip, where the shaft vanishes."""
+    deviation_px: float = 1e3
+    contrast_grey: float = 0.0
+    """Of the needle behind its tip."""
+
+
+def find_reach(strip: Strip, px_per_mm: float, usual_grey: float | None) -> Reach | None:
+    """Find how far the needle reaches, roughly.
+
+    Args:
+        strip: The straightened surroundings; the shaft lies near the middle.
+        px_per_mm: Scale.
+        usual_grey: Contrast that this needle had inside before, where known.
+
+    Returns:
+        The reach, or None if there is no needle.
+    """
+    core = slice(strip.half_px - 2, strip.half_px + 3)
+    contrast = _contrast(strip, slice(None), strip.excess[:, core], strip.grey[:, core])
+    noise = LEAST_SNR * strip.noise_grey / math.sqrt(core.stop - core.start)
+    known = max(LEAST_GREY, noise, KNOWN_SHARE * (usual_grey or 0))
+    unknown = max(UNKNOWN_GREY, noise, UNKNOWN_SHARE * (usual_grey or 0))
+    least = np.where(strip.is_known, known, unknown).astype(np.float32)
+    evidence = np.clip(contrast / least - 1, -1, 1)
+    outer_end, outer_sum = _farthest(evidence[strip.before])
+    inner_end, inner_sum = _farthest(evidence[strip.inside])
+    is_outside = outer_sum >= LEAST_OUTSIDE_MM * px_per_mm
+    is_held = is_outside and outer_end >= strip.before.stop - AT_WALL_MM * px_per_mm
+    if inner_sum >= (LEAST_HELD_PX if is_held else LEAST_FREE_MM * px_per_mm):
+        return Reach("inside", float(strip.u_px[strip.inside.start + inner_end - 1]))
+    if is_outside:
+        return Reach("hidden" if is_held else "outside", float(strip.u_px[outer_end - 1]))
+    return None
+
+
+def refine_tip(strip: Strip, reach: Reach, middle: Callable[[FloatImage], FloatImage]) -> Reach:
+    """Find the tip sub-pixel: where the contrast falls off from what it was just behind.
+
+    Args:
+        strip: The straightened surroundings.
+        reach: Roughly.
+        middle: The shaft's middle across the strip [px] for places along it [px].
+    """
+    if reach.where == "hidden":
+        return reach
+    rows = strip.inside if reach.where == "inside" else strip.before
+    end = round(reach.tip_px - float(strip.u_px[0])) + 1
+    first, last = max(end - BEHIND_PX, rows.start), min(end + AHEAD_PX, rows.stop)
+    u_px = strip.u_px[first:last]
+    columns = np.rint(middle(u_px)).astype(np.int64) + strip.half_px
+    columns = np.clip(columns, 1, 2 * strip.half_px - 1)[:, None] + np.arange(-1, 2)
+    row = np.arange(first, last)[:, None]
+    along = _contrast(strip, slice(first, last), strip.excess[row, columns], strip.grey[row, columns])
+    noise = strip.noise_grey / math.sqrt(columns.shape[1])
+    shaft = along[: max(end - first - BLUNT_PX, 1)]
+    high = max(median(shaft), LEAST_GREY)
+    place, steepness = _crossing(along, end - first, TIP_LEVEL * high)
+    return Reach(
+        reach.where, float(u_px[0]) + place, math.hypot(FLOOR_PX, noise / max(steepness, 1.0)), high
+    )
+
+
+def _contrast(strip: Strip, rows: slice, excess: FloatImage, grey: FloatImage) -> FloatImage:
+    """Return how much the shaft's middle differs from what is beside and was behind it [grey levels].
+
+    Where the empty eye is known, it must differ from both: a stain that was always there is no needle, nor is a
+    place that a needle has left.
+    """
+    weight = np.full(excess.shape[1], 1 / excess.shape[1], np.float32)
+    differs, core = np.abs(excess) @ weight, grey @ weight
+    flank = np.full(FLANK_PX, 1 / FLANK_PX, np.float32)
+    one, other = core - strip.grey[rows, :FLANK_PX] @ flank, core - strip.grey[rows, -FLANK_PX:] @ flank
+    most = np.maximum(np.abs(one), np.abs(other))
+    return np.asarray(np.minimum(differs, 2 * most), np.float32)
+
+
+def _farthest(evidence: FloatImage) -> tuple[int, float]:
+    """Return where the summed evidence is greatest (rows from the start) and how great it is."""
+    if not len(evidence):
+        return 0, 0.0
+    total = np.cumsum(evidence)
+    end = int(total.argmax())
+    return (end + 1, float(total[end])) if total[end] > 0 else (0, 0.0)
+
+
+def _crossing(along: FloatImage, end: int, half: float) -> tuple[float, float]:
+    """Return where values fall through `half` nearest to `end`, sub-pixel, and how steeply."""
+    above = along >= half
+    falls = np.flatnonzero(above[:-1] & ~above[1:])
+    if not len(falls):
+        return float(end - 1 if len(above) and not above[-1] else len(along) - 1), 1.0
+    row = int(falls[np.abs(falls + 1 - end).argmin()])
+    drop = float(along[row] - along[row + 1])
+    return row + (float(along[row]) - half) / max(drop, 1e-6), drop

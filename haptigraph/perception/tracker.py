@@ -1,0 +1,159 @@
+"""The tracker: exact needle poses from a thin strip of the image, limited by its noise.
+
+Turns an image (px) into where things are (eye frame, mm), with standard deviations. Without a needle in hand it
+searches the angles at which one can leave the trocar; with one it looks at a strip about the expected shaft. What
+cannot be seen is not reported: a tip in the wall, a needle that has gone. Knows nothing of states.
+"""
+
+import math
+
+from msgspec import Struct
+
+from haptigraph.config import PerceptionConfig
+from haptigraph.geometry import Geometry, Point, Segment
+from haptigraph.messages import Capture, Certainty, Image, Observation
+from haptigraph.perception.background import Background
+from haptigraph.perception.fan import Fan
+from haptigraph.perception.pose import PoseFilter
+from haptigraph.perception.registration import Registration
+from haptigraph.perception.shaft import LineFit, fit_line
+from haptigraph.perception.strip import OUTSIDE_MM, Line, Site, sample_strip
+from haptigraph.perception.tip import Reach, find_reach, refine_tip
+
+__all__ = ["Tracker"]
+
+AHEAD_MM = 2.5
+AHEAD_OF_TIP_MM = 0.3
+BEHIND_MM = 9.0
+MISS_MM = 1.5
+LEAST_CONFIDENCE = 0.4
+DOUBTS = 15  # images with something like a needle that is none, until it counts as background
+LONGEST_STEP_S = 0.2
+CONTRAST_RATE = 0.1
+
+
+class _Sight(Struct, frozen=True, eq=False):
+    """One needle as measured in one image."""
+
+    line: Line
+    fit: LineFit
+    reach: Reach
+    confidence: float
+
+
+class Tracker:
+    """Find the needle.
+
+    Args:
+        registration: Where trocar and globe lie.
+        config: Settings; only `perceiver` matters here.
+    """
+
+    def __init__(self, registration: Registration, config: PerceptionConfig) -> None:
+        self._registration = registration
+        self._site = Site(registration)
+        self._fan = Fan(self._site)
+        self._background = Background(self._site.width_px, self._site.height_px)
+        self._pose = PoseFilter(self._site.px_per_mm)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget earlier images."""
+        self._background.reset()
+        self._pose.reset()
+        self._usual_grey: float | None = None
+        self._doubts = 0
+        self._stamp_ns: int | None = None
+
+    def __call__(self, capture: Capture) -> Observation:
+        """Look at one image.
+
+        Raises:
+            BadInput: If the image is not of the registered size.
+        """
+        image = self._registration.checked(capture.image)
+        sight = self._track(image, capture.stamp_ns) or self._acquire(image)
+        self._learn(image, sight)
+        found: dict[str, Geometry] = dict(self._registration.anatomy)
+        if sight is None:
+            self._pose.lose()
+            return Observation(capture.stamp_ns, found)
+        reach = sight.reach
+        is_pivoting = reach.where != "outside"
+        self._pose.update(
+            sight.line, sight.fit.covariance, reach.tip_px, reach.deviation_px**2, is_pivoting
+        )
+        if reach.where == "hidden":
+            return Observation(capture.stamp_ns, found)
+        return Observation(capture.stamp_ns, found | self._needle(), certainty=self._certainty(sight))
+
+    def _track(self, image: Image, stamp_ns: int) -> _Sight | None:
+        before_ns, self._stamp_ns = self._stamp_ns, stamp_ns
+        if before_ns is None or not self._pose.is_tracking:
+            return None
+        seconds = min(max((stamp_ns - before_ns) / 1e9, 0.0), LONGEST_STEP_S)
+        expected, depth_px = self._pose.predict(seconds)
+        until_px = depth_px + AHEAD_MM * self._site.px_per_mm
+        from_px = depth_px - BEHIND_MM * self._site.px_per_mm
+        sight = self._look(image, expected, from_px, until_px)
+        if sight is not None and sight.reach.tip_px > until_px - self._site.px_per_mm:
+            sight = self._look(image, sight.line)
+        return sight
+
+    def _acquire(self, image: Image) -> _Sight | None:
+        candidates = self._fan.search(image)
+        self._doubts = self._doubts + 1 if candidates else DOUBTS
+        for candidate in candidates:
+            first = self._look(image, candidate)
+            again = first and self._look(image, first.line)
+            if again is not None:
+                return again
+        return None
+
+    def _look(
+        self, image: Image, expected: Line, from_px: float = -math.inf, until_px: float = math.inf
+    ) -> _Sight | None:
+        """Measure the needle about an expected line."""
+        strip = sample_strip(self._site, image, self._background.grey, expected, from_px, until_px)
+        if strip is None:
+            return None
+        scale = self._site.px_per_mm
+        reach = find_reach(strip, scale, self._usual_grey)
+        fit = reach and fit_line(strip, reach.tip_px)
+        if reach is None or fit is None:
+            return None
+        line = Line(expected.angle_rad + math.atan(fit.slope), expected.offset_px + fit.offset_px)
+        confidence = float(fit.is_on_line.mean())
+        if confidence < LEAST_CONFIDENCE or abs(line.offset_px) > MISS_MM * scale:
+            return None
+        return _Sight(line, fit, refine_tip(strip, reach, fit.v_px), confidence)
+
+    def _learn(self, image: Image, sight: _Sight | None) -> None:
+        if sight is None and self._background.is_new and self._doubts < DOUBTS:
+            return  # what may be a needle must not become background
+        needle = None
+        if sight is not None:
+            if sight.reach.where == "inside":
+                now = sight.reach.contrast_grey
+                before = now if self._usual_grey is None else self._usual_grey
+                self._usual_grey = before + CONTRAST_RATE * (now - before)
+            ahead_px = AHEAD_OF_TIP_MM * self._site.px_per_mm
+            needle = (
+                sight.line.at_px(self._site.trocar_px, -2 * OUTSIDE_MM * self._site.px_per_mm),
+                sight.line.at_px(self._site.trocar_px, sight.reach.tip_px + ahead_px),
+            )
+        self._background.learn(image, needle, 2 * self._site.half_px)
+
+    def _needle(self) -> dict[str, Geometry]:
+        line, to_mm = self._pose.line, self._registration.image.to_mm
+        tip = to_mm(line.at_px(self._site.trocar_px, self._pose.depth_px))
+        start_px = 0.0 if self._pose.depth_px > 0 else self._pose.depth_px - self._site.px_per_mm
+        entry = to_mm(line.at_px(self._site.trocar_px, start_px))
+        return {"needle_tip": Point(tip), "needle_line": Segment(entry, tip)}
+
+    def _certainty(self, sight: _Sight) -> Certainty:
+        return Certainty(
+            confidence=sight.confidence,
+            tip_deviation_mm=self._pose.tip_deviation_px() / self._site.px_per_mm,
+            theta_deviation_deg=math.degrees(self._pose.angle_deviation_rad),
+        )
