@@ -172,7 +172,7 @@ def _errors_of_scene(
     phantom = Phantom(scene.scenario)
     registration = parse_registration(phantom.registration, "the scene's registration")
     pipelines = {
-        name: assemble.build_pipeline(_with_perceiver(config, name), registration, procedure)
+        name: assemble.build_pipeline(config.with_perceiver(name), registration, procedure)
         for name in perceivers
     }
     steps, truths = _steps(phantom, pipelines)
@@ -200,7 +200,3 @@ def _steps(phantom: Phantom, pipelines: dict[str, Pipeline]) -> tuple[dict[str, 
 
 def _true_registration(phantom: Phantom) -> Registration:
     return parse_registration(phantom.true_registration, "the true registration")
-
-
-def _with_perceiver(config: Config, name: str) -> Config:
-    return replace(config, perception=replace(config.perception, perceiver=name))
