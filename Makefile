@@ -28,8 +28,9 @@ check: setup  ## format, lint, types, layers
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-bench: setup  ## steps/s and the time of every stage
+bench: setup  ## steps/s and the time of every stage; perceivers against the paper's pipeline
 	$(BIN)/python benchmarks/loop.py
+	$(BIN)/python benchmarks/perception.py
 
 soak: setup  ## memory over 100,000 steps; takes about an hour
 	$(BIN)/python benchmarks/memory.py

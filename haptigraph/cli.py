@@ -130,41 +130,47 @@ def replay(recording: str, procedure: str | None) -> None:
 
 
 @main.command()
-@click.argument("clip_dir")
-@click.option("--perceiver", metavar="NAME", help="Which perceiver to score.")
+@click.argument("clip_dir", required=False)
+@click.option(
+    "--simulated", type=click.IntRange(min=1), metavar="N", help="Score N random simulated scenes instead."
+)
+@click.option("--perceiver", metavar="NAME", help="Which perceiver to score; simulated: all if not given.")
+@click.option("--seed", type=click.IntRange(min=0), help="Of the simulated scenes.")
+@click.option("--figure", metavar="FILE", help="Draw the simulated scenes' errors: PNG, SVG or PDF.")
 @procedure_option
 @config_option
 @set_option
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def evaluate(
-    clip_dir: str,
+    clip_dir: str | None,
+    simulated: int | None,
     perceiver: str | None,
+    seed: int | None,
+    figure: str | None,
     procedure: str | None,
     config: str | None,
     settings: tuple[str, ...],
     as_json: bool,
 ) -> None:
-    """Score perception and states on a labelled clip.
+    """Score perception and states on a labelled clip, or on simulated scenes.
 
-    CLIP_DIR holds clip.mp4, registration.toml and truth.csv.
+    CLIP_DIR holds clip.mp4, registration.toml and truth.csv. With --simulated there is no moving average
+    (perception.alpha=1) unless --set says so.
     """
-    import msgspec
-
-    from haptigraph.analysis.evaluation import evaluate_clip
     from haptigraph.config import load_config
+    from haptigraph.errors import BadInput
 
     options = {"perception.perceiver": perceiver, "run.procedure": procedure}
-    settled = load_config(config, (*settings, *_settings(options)))
-    with _progress() as progress:
-        evaluation = evaluate_clip(clip_dir, settled, progress)
-    if as_json:
-        click.echo(msgspec.json.encode(evaluation.scores).decode())
+    given = (*settings, *_settings(options))
+    if (clip_dir is None) == (simulated is None):
+        raise BadInput("evaluate takes either CLIP_DIR or --simulated N")
+    if simulated is not None:
+        settled = load_config(config, ("perception.alpha=1", *given))
+        _evaluate_simulated(simulated, settled, perceiver, seed or 0, figure, as_json=as_json)
         return
-    for name, value in _flat(evaluation.scores):
-        click.echo(f"{name:34}{value}")
-    lag = evaluation.lag_images
-    told = "-" if lag is None else f"{lag:.2f} images behind the truth (alpha {settled.perception.alpha:g})"
-    click.echo(f"{'lag':34}{told}")
+    if seed is not None or figure is not None:
+        raise BadInput("--seed and --figure go with --simulated N")
+    _evaluate_clip(str(clip_dir), load_config(config, given), as_json=as_json)
 
 
 @main.command()
@@ -227,6 +233,43 @@ def demo(scenario: str, output: str | None, realtime: bool) -> None:
         run_figure(recording, picture, progress)
     click.echo(f"\nreplayed        {report.identical} of {report.steps} steps identical")
     click.echo(f"recording       {recording}\npicture         {picture}")
+
+
+def _evaluate_clip(clip_dir: str, config: "Config", *, as_json: bool) -> None:
+    import msgspec
+
+    from haptigraph.analysis.evaluation import evaluate_clip
+    from haptigraph.analysis.evaluation_report import clip_text
+
+    with _progress() as progress:
+        evaluation = evaluate_clip(clip_dir, config, progress)
+    if as_json:
+        click.echo(msgspec.json.encode(evaluation.scores).decode())
+    else:
+        click.echo(clip_text(evaluation, config.perception.alpha))
+
+
+def _evaluate_simulated(
+    scenes: int, config: "Config", perceiver: str | None, seed: int, figure: str | None, *, as_json: bool
+) -> None:
+    import msgspec
+
+    from haptigraph.analysis.angle_noise import angle_noise
+    from haptigraph.analysis.evaluation_report import sweep_object, sweep_text
+    from haptigraph.analysis.sweep import perceivers_to_compare, sweep
+
+    names = [perceiver] if perceiver else perceivers_to_compare(config)
+    with _progress() as progress:
+        swept = sweep(scenes, names, config, seed=seed, progress=progress)
+        held = angle_noise(names, config, seed=seed, progress=progress)
+    if figure:
+        from haptigraph.analysis.sweep_figure import sweep_figure
+
+        sweep_figure(swept, held, figure)
+    if as_json:
+        click.echo(msgspec.json.encode(sweep_object(swept, held)).decode())
+    else:
+        click.echo(sweep_text(swept, held))
 
 
 def _run(config: "Config") -> None:
@@ -294,12 +337,3 @@ def _settings(options: Mapping[str, object]) -> tuple[str, ...]:
     import json
 
     return tuple(f"{key}={json.dumps(value)}" for key, value in options.items() if value is not None)
-
-
-def _flat(scores: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
-    """Turn nested scores into (name, value) lines."""
-    for name, value in scores.items():
-        if isinstance(value, dict):
-            yield from _flat(value, f"{prefix}{name}.")
-        else:
-            yield f"{prefix}{name}", f"{value:.4g}" if isinstance(value, float) else str(value)

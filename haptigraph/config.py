@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_t
 
 import msgspec
 from msgspec import Meta, Struct
+from msgspec.structs import replace
 
 from haptigraph.errors import BadInput, unknown_name
 
@@ -116,6 +117,10 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True):
     run: RunConfig = RunConfig()
     recording: RecordingConfig = RecordingConfig()
     trial: TrialConfig = TrialConfig()
+
+    def with_perceiver(self, name: str) -> "Config":
+        """Return the same configuration with another perceiver."""
+        return replace(self, perception=replace(self.perception, perceiver=name))
 
 
 class Document:

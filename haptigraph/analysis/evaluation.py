@@ -6,14 +6,13 @@ defines every figure. Knows the perceiver only by its steps.
 
 import csv
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
-from numpy.typing import NDArray
 
 from haptigraph import assemble
 from haptigraph.clock import VirtualClock
@@ -24,7 +23,19 @@ from haptigraph.messages import UNKNOWN, Step
 from haptigraph.perception.registration import load_registration
 from haptigraph.recording.writer import Progress
 
-__all__ = ["Evaluation", "TruthRow", "evaluate_clip", "lag_images", "load_truth", "score"]
+__all__ = [
+    "Errors",
+    "Evaluation",
+    "TruthRow",
+    "angle_spreads",
+    "errors_of",
+    "evaluate_clip",
+    "lag_images",
+    "load_truth",
+    "score",
+    "share",
+    "spread",
+]
 
 LEAST_DEPTH_MM = 2.0
 SHALLOW_MM = (1.0, 3.0)
@@ -107,6 +118,68 @@ def load_truth(path: Path) -> list[TruthRow]:
     return rows
 
 
+class Errors(Struct, frozen=True):
+    """What one sequence of steps got right and wrong, image by image; to be pooled with others."""
+
+    images: int
+    expected: list[bool]
+    """Found, of the images with at least 2 mm inside."""
+    false_detections: int
+    tips_px: list[tuple[float, float]]
+    """(depth [mm], error [px]) of tips seen inside."""
+    angles_deg: list[tuple[float, float]]
+    """(depth [mm], absolute error [deg]) of shafts seen inside."""
+    agreed: list[bool]
+    """State as the truth has it, of the images that count."""
+    wrong_contact_images: int
+
+
+AngleError = Callable[[Step, TruthRow], float | None]
+"""Absolute error of a step's angle [deg]; None if there is none."""
+
+
+def theta_error_deg(step: Step, row: TruthRow) -> float | None:
+    """Return the absolute error of theta."""
+    theta_deg = step.graph.measures.get("theta_deg")
+    return None if theta_deg is None or row.theta_deg is None else abs(theta_deg - row.theta_deg)
+
+
+def errors_of(
+    steps: Sequence[Step],
+    truth: Sequence[TruthRow],
+    image: ImageGeometry,
+    angle_error_deg: AngleError = theta_error_deg,
+) -> Errors:
+    """Compare steps with the truth, image by image."""
+    tips = [_tip_px(step, image) for step in steps]
+    hidden = _hidden_in_wall(truth)
+    states, true_states = [step.conclusion.state for step in steps], [row.state for row in truth]
+    inside = [(row, number) for number, row in enumerate(truth) if row.visible and row.inside]
+    misses = [(row.depth_mm or 0.0, _miss(tips[number], row.tip_px)) for row, number in inside]
+    turns = [(_depth(row), angle_error_deg(steps[number], row)) for row, number in inside]
+    return Errors(
+        images=len(truth),
+        expected=[tips[number] is not None for row, number in inside if _depth(row) >= LEAST_DEPTH_MM],
+        false_detections=sum(
+            tip is not None and not row.visible and not row.inside and not in_wall
+            for tip, row, in_wall in zip(tips, truth, hidden, strict=True)
+        ),
+        tips_px=[(depth, error) for depth, error in misses if error is not None],
+        angles_deg=[(depth, error) for depth, error in turns if error is not None],
+        agreed=_agreed(states, true_states, hidden),
+        wrong_contact_images=_wrong_contacts(states, true_states),
+    )
+
+
+def angle_spreads(angles_deg: Sequence[tuple[float, float]]) -> dict[str, dict[str, float | None]]:
+    """Summarise (depth [mm], error [deg]) pairs, shallow and deep."""
+    low, high = SHALLOW_MM
+    return {
+        "shallow": spread([error for depth, error in angles_deg if low <= depth <= high]),
+        "deep": spread([error for depth, error in angles_deg if depth > high]),
+    }
+
+
 def score(steps: Sequence[Step], truth: Sequence[TruthRow], image: ImageGeometry) -> dict[str, Any]:
     """Score steps against the truth, image by image.
 
@@ -114,34 +187,33 @@ def score(steps: Sequence[Step], truth: Sequence[TruthRow], image: ImageGeometry
         detection_rate, false_detections, tip_error_px, tip_error_mm, angle_error_deg, state_agreement,
         wrong_contact_images, state_changes, final_state.
     """
-    tips = [_tip_px(step, image) for step in steps]
-    hidden = _hidden_in_wall(truth)
-    errors = [
-        _miss(tip, row.tip_px) for tip, row in zip(tips, truth, strict=True) if row.visible and row.inside
-    ]
-    errors_px = np.array([error for error in errors if error is not None])
-    deep = [row for row in range(len(truth)) if _depth(truth[row]) > SHALLOW_MM[1]]
-    shallow = [row for row in range(len(truth)) if SHALLOW_MM[0] <= _depth(truth[row]) <= SHALLOW_MM[1]]
-    expected = [tips[row] is not None for row in range(len(truth)) if _depth(truth[row]) >= LEAST_DEPTH_MM]
+    errors = errors_of(steps, truth, image)
+    tips_px = [error for _, error in errors.tips_px]
     states, true_states = [step.conclusion.state for step in steps], [row.state for row in truth]
     return {
-        "images": len(truth),
-        "detection_rate": _share(expected),
-        "false_detections": sum(
-            tip is not None and not row.visible and not row.inside and not in_wall
-            for tip, row, in_wall in zip(tips, truth, hidden, strict=True)
-        ),
-        "tip_error_px": _spread(errors_px),
-        "tip_error_mm": _spread(errors_px * image.mm_per_px),
-        "angle_error_deg": {
-            "shallow": _spread(_angle_errors(steps, truth, shallow)),
-            "deep": _spread(_angle_errors(steps, truth, deep)),
-        },
-        "state_agreement": _agreement(states, true_states, hidden),
-        "wrong_contact_images": _wrong_contacts(states, true_states),
+        "images": errors.images,
+        "detection_rate": share(errors.expected),
+        "false_detections": errors.false_detections,
+        "tip_error_px": spread(tips_px),
+        "tip_error_mm": spread([error * image.mm_per_px for error in tips_px]),
+        "angle_error_deg": angle_spreads(errors.angles_deg),
+        "state_agreement": share(errors.agreed),
+        "wrong_contact_images": errors.wrong_contact_images,
         "state_changes": {"run": _changes(states), "truth": _changes(true_states)},
         "final_state": states[-1] if states else UNKNOWN,
     }
+
+
+def share(hits: Sequence[bool]) -> float | None:
+    """Return the share of hits; None of nothing."""
+    return sum(hits) / len(hits) if hits else None
+
+
+def spread(errors: Sequence[float]) -> dict[str, float | None]:
+    """Return median and 95th percentile; None of nothing."""
+    if not errors:
+        return {"median": None, "p95": None}
+    return {"median": float(np.median(errors)), "p95": float(np.percentile(errors, 95))}
 
 
 def lag_images(steps: Sequence[Step], truth: Sequence[TruthRow], image: ImageGeometry) -> float | None:
@@ -189,15 +261,6 @@ def _miss(tip: Vec | None, true_tip: Vec | None) -> float | None:
     return math.dist(tip, true_tip) if tip and true_tip else None
 
 
-def _angle_errors(steps: Sequence[Step], truth: Sequence[TruthRow], rows: list[int]) -> NDArray[np.float64]:
-    errors = []
-    for row in rows:
-        theta_deg, true_deg = steps[row].graph.measures.get("theta_deg"), truth[row].theta_deg
-        if theta_deg is not None and true_deg is not None:
-            errors.append(abs(theta_deg - true_deg))
-    return np.array(errors)
-
-
 def _hidden_in_wall(truth: Sequence[TruthRow]) -> list[bool]:
     """Mark unseen images whose neighbours in time show the tip at the wall: it is passing through."""
     hidden = [False] * len(truth)
@@ -213,13 +276,12 @@ def _hidden_in_wall(truth: Sequence[TruthRow]) -> list[bool]:
     return hidden
 
 
-def _agreement(states: list[str], true_states: list[str], hidden: list[bool]) -> float | None:
-    counted = [
+def _agreed(states: list[str], true_states: list[str], hidden: list[bool]) -> list[bool]:
+    return [
         states[row] == true_states[row]
         for row in range(len(states))
         if not hidden[row] and len(set(true_states[max(row - 1, 0) : row + 2])) == 1
     ]
-    return _share(counted)
 
 
 def _wrong_contacts(states: list[str], true_states: list[str]) -> int:
@@ -231,13 +293,3 @@ def _wrong_contacts(states: list[str], true_states: list[str]) -> int:
 
 def _changes(states: list[str]) -> int:
     return sum(states[row] != states[row - 1] for row in range(1, len(states)))
-
-
-def _share(hits: list[bool]) -> float | None:
-    return sum(hits) / len(hits) if hits else None
-
-
-def _spread(errors: NDArray[np.float64]) -> dict[str, float | None]:
-    if not len(errors):
-        return {"median": None, "p95": None}
-    return {"median": float(np.median(errors)), "p95": float(np.percentile(errors, 95))}

@@ -5,7 +5,6 @@ Knows nothing of retina, states or touch.
 """
 
 import math
-from typing import TypeAlias
 
 import cv2
 import numpy as np
@@ -14,19 +13,16 @@ from numpy.typing import NDArray
 
 from haptigraph.geometry import ImageGeometry, Vec, norm, subtract
 from haptigraph.messages import Image
+from haptigraph.sim.distractors import Bubbles, Distractors, flicker_gain, paint_glints, paint_light_pipe
 from haptigraph.sim.eye import Eye
+from haptigraph.sim.needle import Box, NeedleShape, blurred, lay, needle_texture
 from haptigraph.sim.painter import FloatImage, Look, distance_map, paint_phantom
 
 __all__ = ["Camera", "CameraSettings", "NeedleShape"]
 
-TEXTURE_FINER = 4
-TEXTURE_PAD_PX = 3
 NOISE_MARGIN_PX = 256
 SHADOW_BLUR_PX = 15
 PIECES = 12
-
-Box: TypeAlias = tuple[slice, slice]
-"""Rows and columns of an image."""
 
 
 class CameraSettings(Struct, frozen=True, forbid_unknown_fields=True):
@@ -53,20 +49,6 @@ class CameraSettings(Struct, frozen=True, forbid_unknown_fields=True):
     """How far the shadow falls, (right, down), over the depth of the bowl."""
 
 
-class NeedleShape(Struct, frozen=True, forbid_unknown_fields=True):
-    """The [needle] table of a scenario."""
-
-    diameter_mm: float = 0.8
-    tip_diameter_mm: float = 0.12
-    taper_mm: float = 9.0
-    """Length of the cone behind the tip."""
-    length_mm: float = 60.0
-    brightness: float = 0.44
-    """Of the metal, in [0, 1]."""
-    highlight: float = 0.05
-    """Added brightness of the reflection along its middle."""
-
-
 class Camera:
     """Render one phantom.
 
@@ -76,10 +58,17 @@ class Camera:
         needle: The instrument.
         look: Style of the phantom.
         seed: Of texture and noise.
+        distractors: What else is in the picture.
     """
 
     def __init__(
-        self, eye: Eye, settings: CameraSettings, needle: NeedleShape, look: Look, seed: int
+        self,
+        eye: Eye,
+        settings: CameraSettings,
+        needle: NeedleShape,
+        look: Look,
+        seed: int,
+        distractors: Distractors | None = None,
     ) -> None:
         self.settings = settings
         self.geometry = ImageGeometry(settings.center_px, 1 / settings.px_per_mm, settings.mirrored)
@@ -87,13 +76,15 @@ class Camera:
         size_px = settings.width_px, settings.height_px
         painted = paint_phantom(eye, self.geometry, size_px, look, seed)
         self._light = settings.exposure * _vignette(size_px, settings.vignetting)
-        self._background = _blurred(painted, settings.blur_px) * self._light[..., None]
+        self._background = blurred(painted, settings.blur_px) * self._light[..., None]
         self._radius_px = eye.radius_mm * settings.px_per_mm
         distance = distance_map(*size_px, settings.center_px)
         self._in_bowl = np.clip(self._radius_px - distance, 0, 1)
         self._in_view = self._needle_in_view(distance, eye)
         self._shaded_by = self._shading_places(distance)
-        self._tone, self._cover = _needle_texture(needle, settings, seed)
+        self._tone, self._cover = needle_texture(needle, settings.px_per_mm, settings.blur_px, seed)
+        self._distractors = distractors or Distractors()
+        self._bubbles = self._paint_distractors(eye)
         self._still = np.asarray(cv2.convertScaleAbs(self._background), np.uint8)
         rng = np.random.default_rng((seed, 3))
         tile = settings.height_px + NOISE_MARGIN_PX, settings.width_px + NOISE_MARGIN_PX
@@ -113,36 +104,93 @@ class Camera:
         Returns:
             (height, width, 3) BGR.
         """
-        tip = self.geometry.to_px(tip_mm)
-        ahead = subtract(self.geometry.to_px((tip_mm[0] + direction[0], tip_mm[1] + direction[1])), tip)
-        along = ahead[0] / norm(ahead), ahead[1] / norm(ahead)
+        tip, along = self._in_image(tip_mm, direction)
         box = self._needle_box(tip, along)
         image = self._still.copy()
+        if box is not None:
+            image[box] = cv2.convertScaleAbs(self._draw(tip, along, box))
+        if self._distractors.bubbles or self._distractors.flicker:
+            image = self._disturbed(image, number)
+            return self._with_noise(image, self._noise_deviation(image), number)
         if box is None:
             return self._with_noise(image, self._deviation, number)
-        image[box] = self._draw(tip, along, box)
         bare = self._deviation[box].copy()
         self._deviation[box] = self._noise_deviation(image[box])
         image = self._with_noise(image, self._deviation, number)
         self._deviation[box] = bare
         return image
 
-    def _draw(self, tip: Vec, along: Vec, box: Box) -> Image:
+    def expect(self, tip_mm: Vec, direction: Vec) -> tuple[FloatImage, FloatImage]:
+        """Return the mean and the deviation of an image's grey, without bubbles and flicker.
+
+        Not rounded, so that it can be differentiated; places are exact to 1/32 px (OpenCV's warp).
+
+        Args:
+            tip_mm: The needle's tip, eye frame.
+            direction: From the shaft to the tip, length 1, eye frame.
+
+        Returns:
+            Grey, 0 to 255, and the deviation of the sensor's noise in grey levels, which is the same in all
+            three colours; (height, width) each.
+        """
+        tip, along = self._in_image(tip_mm, direction)
+        box = self._needle_box(tip, along)
+        scene = self._background.copy()
+        if box is not None:
+            scene[box] = self._draw(tip, along, box)
+        grey = np.asarray(cv2.cvtColor(np.clip(scene, 0, 255), cv2.COLOR_BGR2GRAY), np.float32)
+        read, shot = self.settings.read_noise_grey, self.settings.shot_noise_grey
+        return grey, np.sqrt(read**2 + shot**2 * grey / 255)
+
+    def _paint_distractors(self, eye: Eye) -> Bubbles:
+        """Paint what stands still into the background, and return what moves."""
+        given, settings = self._distractors, self.settings
+        if given.light_pipe_mm:
+            self._background = paint_light_pipe(
+                self._background,
+                given,
+                eye,
+                self.geometry,
+                self._in_view,
+                light=self._light,
+                blur_px=settings.blur_px,
+                seed=self._seed,
+            )
+        if given.glints:
+            self._background = paint_glints(
+                self._background, given.glints, self.geometry, eye.radius_mm, self._seed
+            )
+        largest_px = given.bubble_mm * settings.px_per_mm
+        return Bubbles(given.bubbles, largest_px, self.geometry, eye.radius_mm, self._seed)
+
+    def _disturbed(self, image: Image, number: int) -> Image:
+        """Put bubbles into an image and change its light."""
+        self._bubbles.draw(image, number)
+        gain = flicker_gain(self._distractors.flicker, self._seed, number)
+        return np.asarray(cv2.convertScaleAbs(image, alpha=gain), np.uint8)
+
+    def _in_image(self, tip_mm: Vec, direction: Vec) -> tuple[Vec, Vec]:
+        """Return tip [px] and direction (length 1) in the image."""
+        tip = self.geometry.to_px(tip_mm)
+        ahead = subtract(self.geometry.to_px((tip_mm[0] + direction[0], tip_mm[1] + direction[1])), tip)
+        return tip, (ahead[0] / norm(ahead), ahead[1] / norm(ahead))
+
+    def _draw(self, tip: Vec, along: Vec, box: Box) -> FloatImage:
         """Return a part of the scene with needle and shadow."""
         scene = self._background[box].copy()
         pieces = [(piece, _within(piece, box)) for piece in self._pieces(tip, along)]
         cover = np.zeros(scene.shape[:2], np.float32)
         for piece, part in pieces:
-            cover[part] = self._warp(self._cover, tip, along, piece)
+            cover[part] = lay(self._cover, tip, along, piece)
         if self.settings.shadow:
             self._cast_shadow(scene, cover, box)
         cover *= self._in_view[box]
         for piece, part in pieces:
-            color = cv2.merge([self._warp(self._tone, tip, along, piece) * self._light[piece]] * 3)
+            color = cv2.merge([lay(self._tone, tip, along, piece) * self._light[piece]] * 3)
             over = cover[part].copy()
             scene[part] = cv2.blendLinear(color, scene[part], over, 1 - over)
             cover[part] = 0  # pieces overlap
-        return np.asarray(cv2.convertScaleAbs(scene), np.uint8)
+        return scene
 
     def _cast_shadow(self, scene: FloatImage, cover: FloatImage, box: Box) -> None:
         """Darken the bowl, as far as it lies in a box, where the needle stands between it and the light."""
@@ -176,22 +224,6 @@ class Camera:
             grey = cv2.multiply(deviation, noise, scale=scale, dtype=cv2.CV_8U)
             image = np.asarray(change(image, cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)), np.uint8)
         return image
-
-    def _warp(self, texture: FloatImage, tip: Vec, along: Vec, box: Box) -> FloatImage:
-        """Lay a texture of the needle (tip at its left edge's middle) into a box of the image."""
-        rows, columns = box
-        middle = (texture.shape[0] - 1) / 2
-        x, y = tip[0] - columns.start, tip[1] - rows.start
-        # Columns of the texture run from the tip back along the shaft, rows run across it.
-        box_from_texture = np.array(
-            [
-                [-along[0], -along[1], x + TEXTURE_PAD_PX * along[0] + middle * along[1]],
-                [-along[1], along[0], y + TEXTURE_PAD_PX * along[1] - middle * along[0]],
-            ]
-        )
-        size = columns.stop - columns.start, rows.stop - rows.start
-        warped = cv2.warpAffine(texture, box_from_texture, size, flags=cv2.INTER_LINEAR)
-        return np.asarray(warped, np.float32)
 
     def _pieces(self, tip: Vec, along: Vec) -> list[Box]:
         """Return boxes that cover the needle closely: a long shaft in one box would be mostly background."""
@@ -230,7 +262,7 @@ class Camera:
         """Return where a needle can be seen: not within the wall, which hides it."""
         inner, outer = self._radius_px, self._radius_px + eye.shape.wall_mm * self.settings.px_per_mm
         seen = np.maximum(np.clip(inner - distance + 0.5, 0, 1), np.clip(distance - outer + 0.5, 0, 1))
-        return _blurred(seen, self.settings.blur_px)
+        return blurred(seen, self.settings.blur_px)
 
     def _shading_places(self, distance: FloatImage) -> tuple[FloatImage, FloatImage]:
         """Return, for each pixel of the bowl, the place (x, y) whose needle would shade it.
@@ -243,37 +275,6 @@ class Camera:
         return (x - right * depth).astype(np.float32), (y - down * depth).astype(np.float32)
 
 
-def _needle_texture(
-    needle: NeedleShape, settings: CameraSettings, seed: int
-) -> tuple[FloatImage, FloatImage]:
-    """Draw the needle once, lying along x with its tip at the left.
-
-    Returns:
-        Brightness, 0 to 255, and coverage, 0 to 1; (h, w) each.
-    """
-    scale = settings.px_per_mm
-    length = math.ceil(needle.length_mm * scale) + TEXTURE_PAD_PX
-    half = math.ceil(needle.diameter_mm * scale / 2) + TEXTURE_PAD_PX
-    rows, columns = (2 * half + 1) * TEXTURE_FINER, length * TEXTURE_FINER
-    along_px = (np.arange(columns) + 0.5) / TEXTURE_FINER - 0.5 - TEXTURE_PAD_PX
-    across_px = (np.arange(rows) + 0.5) / TEXTURE_FINER - 0.5 - half
-    share = np.clip(along_px / (needle.taper_mm * scale), 0, 1)
-    tip, shaft = needle.tip_diameter_mm / 2, needle.diameter_mm / 2
-    radius_px = scale * (tip + (shaft - tip) * share)
-    covered = (np.abs(across_px)[:, None] <= radius_px) & (along_px >= 0)
-    height = np.clip(across_px[:, None] / radius_px, -1, 1)
-    lit = 0.72 + 0.28 * np.sqrt(1 - height**2) - 0.07 * height
-    shine = np.exp(-(((height + 0.15) / 0.3) ** 2))
-    rng = np.random.default_rng((seed, 5))
-    grain = cv2.resize(rng.standard_normal((rows // 3, columns // 8)).astype(np.float32), (columns, rows))
-    tone = needle.brightness * lit * (1 + 0.06 * grain) + needle.highlight * shine
-    size = (length, 2 * half + 1)
-    color = cv2.resize((255 * np.clip(tone, 0, 1)).astype(np.float32), size, interpolation=cv2.INTER_AREA)
-    cover = cv2.resize(covered.astype(np.float32), size, interpolation=cv2.INTER_AREA)
-    cover = _blurred(np.asarray(cover, np.float32), settings.blur_px)
-    return np.asarray(color, np.float32), cover
-
-
 def _vignette(size_px: tuple[int, int], loss: float) -> FloatImage:
     """Return the light that reaches each pixel, 1 in the middle."""
     y, x = np.ogrid[: size_px[1], : size_px[0]]
@@ -283,10 +284,6 @@ def _vignette(size_px: tuple[int, int], loss: float) -> FloatImage:
         1 - loss * ((x - middle[0]) ** 2 + (y - middle[1]) ** 2) / corner**2
     ).astype(np.float32)
     return light
-
-
-def _blurred(image: FloatImage, deviation_px: float) -> FloatImage:
-    return np.asarray(cv2.GaussianBlur(image, (0, 0), deviation_px), np.float32) if deviation_px else image
 
 
 def _within(inner: Box, outer: Box) -> Box:

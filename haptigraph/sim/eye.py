@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from haptigraph.geometry import ImageGeometry, Vec
 
-__all__ = ["Eye", "EyeShape", "registration_text"]
+__all__ = ["Eye", "EyeShape", "RegistrationError", "registration_text"]
 
 RETINA_STEP_DEG = 1.5
 
@@ -25,6 +25,16 @@ class EyeShape(Struct, frozen=True, forbid_unknown_fields=True):
     """From the bottom, along the retina."""
     trocar_deg: float = 36.0
     """From the top: the trocar in use; the other one sits opposite."""
+
+
+class RegistrationError(Struct, frozen=True, forbid_unknown_fields=True):
+    """The [registration_error] table of a scenario: how far off perception is told things are, (x, y) px."""
+
+    globe_px: Vec = (0.0, 0.0)
+    """Of the globe with its retina."""
+    target_px: Vec = (0.0, 0.0)
+    trocar_px: Vec = (0.0, 0.0)
+    """Of both trocars."""
 
 
 class Eye:
@@ -55,14 +65,21 @@ class Eye:
         return radius * math.sin(angle), radius * math.cos(angle)
 
 
-def registration_text(eye: Eye, image: ImageGeometry, width_px: int, height_px: int) -> str:
-    """Write the registration of an eye seen through a camera, as TOML."""
+def registration_text(
+    eye: Eye,
+    image: ImageGeometry,
+    width_px: int,
+    height_px: int,
+    error: RegistrationError | None = None,
+) -> str:
+    """Write the registration of an eye seen through a camera, as TOML, wrong by an error if one is given."""
+    error = error or RegistrationError()
 
-    def px(at_mm: Vec) -> str:
+    def px(at_mm: Vec, off_px: Vec) -> str:
         x, y = image.to_px(at_mm)
-        return f"[{x:.3f}, {y:.3f}]"
+        return f"[{x + off_px[0]:.3f}, {y + off_px[1]:.3f}]"
 
-    contour = ", ".join(px(point) for point in eye.retina_mm)
+    contour = ", ".join(px(point, error.globe_px) for point in eye.retina_mm)
     return f"""# Registration of a simulated eye.
 format = 1
 
@@ -72,7 +89,7 @@ height = {height_px}
 mirrored = {str(image.mirrored).lower()}
 
 [globe]
-center_px = {px((0.0, 0.0))}
+center_px = {px((0.0, 0.0), error.globe_px)}
 radius_px = {eye.radius_mm / image.mm_per_px:.3f}
 diameter_mm = {eye.shape.diameter_mm}
 
@@ -80,15 +97,15 @@ diameter_mm = {eye.shape.diameter_mm}
 contour_px = [{contour}]
 
 [target]
-point_px = {px(eye.target_mm)}
+point_px = {px(eye.target_mm, error.target_px)}
 
 [[trocar]]
 name = "first"
-point_px = {px(eye.trocar_mm)}
+point_px = {px(eye.trocar_mm, error.trocar_px)}
 used = true
 
 [[trocar]]
 name = "second"
-point_px = {px(eye.other_trocar_mm)}
+point_px = {px(eye.other_trocar_mm, error.trocar_px)}
 used = false
 """

@@ -32,6 +32,8 @@ class Move(Struct, frozen=True, forbid_unknown_fields=True):
     depth_mm: float
     theta_deg: float
     """Angle to the line trocar -> target, counter-clockwise."""
+    away: bool = False
+    """The needle is out of the picture meanwhile."""
 
 
 class ScriptedOperator:
@@ -59,7 +61,7 @@ class ScriptedOperator:
 
     def pose_at(self, time_s: float) -> tuple[float, float]:
         """Return the wanted (depth_mm, theta_deg) of the script, without tremor."""
-        number = min(int(np.searchsorted(self._ends_s, time_s, side="right")), len(self._moves) - 1)
+        number = self._number_at(time_s)
         move, before = self._moves[number], self._moves[max(number - 1, 0)]
         begun_s = self._ends_s[number] - move.duration_s
         share = min(max((time_s - begun_s) / move.duration_s, 0.0), 1.0) if move.duration_s > 0 else 1.0
@@ -67,6 +69,10 @@ class ScriptedOperator:
         depth_mm = before.depth_mm + blend * (move.depth_mm - before.depth_mm)
         theta_deg = before.theta_deg + blend * (move.theta_deg - before.theta_deg)
         return float(depth_mm), float(theta_deg)
+
+    def is_away(self, time_s: float) -> bool:
+        """Tell whether the needle is out of the picture."""
+        return self._moves[self._number_at(time_s)].away
 
     def tremor_at(self, time_s: float) -> tuple[float, float]:
         """Return the tremor of the tool (along, across) [mm]."""
@@ -85,3 +91,6 @@ class ScriptedOperator:
         along_mm, across_mm = self.tremor_at(time_s)
         lever_mm = max(abs(depth_mm), 5.0)
         return Pose(depth_mm + along_mm, target_pitch_deg + theta_deg + math.degrees(across_mm / lever_mm))
+
+    def _number_at(self, time_s: float) -> int:
+        return min(int(np.searchsorted(self._ends_s, time_s, side="right")), len(self._moves) - 1)

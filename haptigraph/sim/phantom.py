@@ -1,6 +1,7 @@
 """The phantom: eye, robot, operator and camera of one scenario, played image by image, with the truth."""
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from haptigraph.geometry import angle_between_deg, norm, subtract
 from haptigraph.messages import Image, Truth
@@ -12,6 +13,7 @@ from haptigraph.sim.scenario import Scenario
 
 __all__ = ["Moment", "Phantom"]
 
+AWAY_MM = (0.0, 200.0)  # no part of any needle is in view
 MOTION_STEPS = 4  # the robot moves in finer steps than the camera sees
 
 
@@ -34,14 +36,20 @@ class Phantom:
         self.scenario = scenario
         self.eye = Eye(scenario.eye)
         seed = scenario.about.seed
-        self.camera = Camera(self.eye, scenario.camera, scenario.needle, scenario.look, seed)
+        self.camera = Camera(
+            self.eye, scenario.camera, scenario.needle, scenario.look, seed, scenario.distractors
+        )
         self.operator = ScriptedOperator(scenario.moves, scenario.operator, scenario.robot.motion_scale, seed)
         self.images = max(1, round(self.operator.duration_s * scenario.about.rate_hz))
         """How many images one play has."""
         settings = scenario.camera
+        size_px = settings.width_px, settings.height_px
+        self.true_registration = registration_text(self.eye, self.camera.geometry, *size_px)
+        """Where everything is."""
         self.registration = registration_text(
-            self.eye, self.camera.geometry, settings.width_px, settings.height_px
+            self.eye, self.camera.geometry, *size_px, scenario.registration_error
         )
+        """What perception is told."""
         self.restart()
 
     def restart(self) -> None:
@@ -64,6 +72,9 @@ class Phantom:
             then_s = time_s - (MOTION_STEPS - 1 - step) * step_s
             self._robot.follow(self.operator.wanted(then_s, self._target_pitch_deg), step_s)
         truth = self._truth()
+        if self.operator.is_away(time_s):
+            image = self.camera.render(AWAY_MM, (0.0, -1.0), number)
+            return Moment(time_s, image, replace(truth, visible=False, inside=False))
         image = self.camera.render(truth.tip_mm, self._robot.direction(), number)
         return Moment(time_s, image, truth)
 

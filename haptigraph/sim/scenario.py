@@ -9,7 +9,8 @@ from msgspec import Meta, Struct, field
 from haptigraph.config import Document
 from haptigraph.errors import BadInput, unknown_name
 from haptigraph.sim.camera import CameraSettings, NeedleShape
-from haptigraph.sim.eye import EyeShape
+from haptigraph.sim.distractors import Distractors
+from haptigraph.sim.eye import EyeShape, RegistrationError
 from haptigraph.sim.operator import Hand, Move
 from haptigraph.sim.painter import Look
 from haptigraph.sim.robot import RobotLimits
@@ -37,6 +38,8 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     needle: NeedleShape = NeedleShape()
     robot: RobotLimits = RobotLimits()
     operator: Hand = Hand()
+    distractors: Distractors = Distractors()
+    registration_error: RegistrationError = RegistrationError()
 
 
 def scenario_names() -> list[str]:

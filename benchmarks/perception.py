@@ -1,0 +1,119 @@
+"""How fast perception is, beside the paper's pipeline written plainly: one process, one thread, same images.
+
+Images come from the simulator, or from a labelled clip: `python benchmarks/perception.py CLIP_DIR`. All
+contestants see each image before any sees the next, so that whatever slows the machine slows all of them.
+"""
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from itertools import islice
+from pathlib import Path
+
+import cv2
+import numpy as np
+from msgspec.structs import replace
+
+from haptigraph import assemble
+from haptigraph.clock import VirtualClock
+from haptigraph.config import Config, load_config
+from haptigraph.errors import EndOfSource
+from haptigraph.messages import Capture, Image
+from haptigraph.perception.registration import Registration, load_registration, parse_registration
+
+SIMULATED = "phantom:align_then_approach"
+IMAGES = 300
+PASSES = 3
+BLOCK_PX, OFFSET_GREY = 51, 10
+PLAIN = "plain OpenCV"
+
+
+class PlainOpenCV:
+    """The paper's pipeline (section II-B) on the full image, as one would write it first."""
+
+    def __init__(self, registration: Registration) -> None:
+        image = registration.image
+        center = tuple(round(value) for value in image.center_px)
+        radius_px = round(registration.globe.radius_mm / image.mm_per_px)
+        self._mask = np.zeros((registration.height_px, registration.width_px), np.uint8)
+        cv2.circle(self._mask, center, radius_px, 255, cv2.FILLED)
+
+    def __call__(self, image: Image) -> object:
+        """Return the line through the largest dark blob inside the globe, as `cv2.fitLine` has it."""
+        grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+        over = cv2.adaptiveThreshold(
+            grey, 255, cv2.ADAPTIVE_THRESH_GAUSSIAN_C, cv2.THRESH_BINARY_INV, BLOCK_PX, OFFSET_GREY
+        )
+        over = cv2.bitwise_and(over, self._mask)
+        contours, _ = cv2.findContours(over, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+        if not contours:
+            return None
+        return cv2.fitLine(max(contours, key=cv2.contourArea), cv2.DIST_L2, 0, 0.01, 0.01)
+
+
+def load(folder: Path | None) -> tuple[Registration, list[Capture]]:
+    """Return registration and images of a clip, or of the simulator."""
+    uri = str(folder / "clip.mp4") if folder else SIMULATED
+    config = load_config(None, (f'source.uri="{uri}"', "source.jpeg_quality=0"))
+    source = assemble.open_source(config, VirtualClock())
+    if folder:
+        registration = load_registration(folder / "registration.toml")
+    else:
+        registration = parse_registration(source.registration or "", uri)
+    captures = [replace(capture, encoded=None) for capture in islice(read(source.read), IMAGES)]
+    source.close()
+    return registration, captures
+
+
+def read(take: Callable[[float], Capture | None]) -> Iterator[Capture]:
+    """Yield every image of a source."""
+    try:
+        while True:
+            capture = take(1.0)
+            if capture is not None and capture.image is not None:
+                yield capture
+    except EndOfSource:
+        return
+
+
+def contestants(registration: Registration) -> dict[str, Callable[[Capture], object]]:
+    """Return what is measured, by name, the plain pipeline first."""
+    plain = PlainOpenCV(registration)
+    procedure = assemble.load_procedure("subretinal_injection")
+    pipelines = {
+        name: assemble.build_pipeline(load_config().with_perceiver(name), registration, procedure)
+        for name in assemble.PERCEIVERS
+    }
+    default = Config().perception.perceiver
+    step = assemble.build_pipeline(load_config(), registration, procedure).step
+    return {
+        PLAIN: lambda capture: plain(capture.image),
+        **{name: pipeline.perceive for name, pipeline in pipelines.items()},
+        f"step ({default})": step,
+    }
+
+
+def main() -> None:
+    """Measure and print."""
+    cv2.setNumThreads(1)
+    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else None
+    registration, captures = load(folder)
+    measured = contestants(registration)
+    took_ms: dict[str, list[float]] = {name: [] for name in measured}
+    for turn in range(PASSES + 1):
+        for capture in captures:
+            for name, work in measured.items():
+                begun_ns = time.perf_counter_ns()
+                work(capture)
+                if turn:  # the first pass warms up
+                    took_ms[name].append((time.perf_counter_ns() - begun_ns) / 1e6)
+    print(f"{PASSES} x {len(captures)} images of {folder.name if folder else SIMULATED}, one thread")
+    print(f"{'':20}{'p50':>9}{'p99':>12}{'plain p50 / p50':>20}{'plain p50 / p99':>18}")
+    plain_ms = float(np.median(took_ms[PLAIN]))
+    for name, times_ms in took_ms.items():
+        p50, p99 = np.percentile(times_ms, (50, 99))
+        print(f"{name:20}{p50:6.3f} ms{p99:9.3f} ms{plain_ms / p50:20.2f}{plain_ms / p99:18.2f}")
+
+
+if __name__ == "__main__":
+    main()

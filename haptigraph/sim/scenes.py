@@ -1,0 +1,222 @@
+"""Random scenes for measuring perception: short scenarios, each with a difficulty of its own.
+
+A scene is an ordinary scenario: about 30 images in which the needle is away or outside, moves in, and holds.
+The same number and seed give the same scene. Knows nothing of who looks at it.
+"""
+
+import math
+
+import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
+
+from haptigraph.geometry import Vec, norm, rotate, subtract, unit
+from haptigraph.sim.camera import CameraSettings
+from haptigraph.sim.distractors import Distractors
+from haptigraph.sim.eye import Eye, EyeShape, RegistrationError
+from haptigraph.sim.needle import NeedleShape
+from haptigraph.sim.operator import Hand, Move
+from haptigraph.sim.painter import Look
+from haptigraph.sim.robot import Pose, Robot, RobotLimits
+from haptigraph.sim.scenario import About, Scenario
+
+__all__ = ["DIFFICULTIES", "Scene", "random_scene"]
+
+DIFFICULTIES = (
+    "plain",
+    "noise",
+    "blur",
+    "glare",
+    "shadow",
+    "bubbles",
+    "second_instrument",
+    "flicker",
+    "registration",
+    "tilt",
+    "mixture",
+)
+"""What makes a scene hard; a mixture has three of them, but no registration error."""
+POLARITIES = ("dark", "bright", "mixed")
+
+GOLDEN = (math.sqrt(5) - 1) / 2  # its multiples fill the unit interval evenly, however many scenes there are
+DEPTH_MM = (1.0, 23.0)
+WAY_MM = (5.0, 8.0)  # of the approach
+MARGIN_MM = 0.2  # between the deepest tip and the retina
+PIPE_MISS_MM = 1.5  # the second instrument stays so far from where the needle's tip comes to rest
+PEAK = 1.875  # speed of a minimum-jerk move over its mean
+SPEED_MM_S, TURN_DEG_S = 18.0, 27.0  # tremor takes the rest, up to the robot's 20 mm/s and 30 deg/s
+WITHOUT_NEEDLE, LEAVING = 0.12, 0.12  # shares of the scenes
+MOST_ERROR_PX = 3.0
+
+Rng = np.random.Generator
+
+
+class Scene(Struct, frozen=True):
+    """One random scene."""
+
+    difficulty: str
+    polarity: str
+    """Of the needle against the bowl: dark, bright, or mixed (dark rims, bright middle)."""
+    scenario: Scenario
+
+    @property
+    def has_registration_error(self) -> bool:
+        """Whether perception is told wrong places."""
+        return self.scenario.registration_error != RegistrationError()
+
+
+class _Setting(Struct):
+    """The parts of a scenario that a difficulty changes."""
+
+    camera: CameraSettings
+    needle: NeedleShape
+    distractors: Distractors
+    error: RegistrationError
+
+
+def random_scene(number: int, seed: int = 0, *, size_px: tuple[int, int] = (1280, 720)) -> Scene:
+    """Draw one scene.
+
+    Args:
+        number: Of the scene; the difficulty goes round with it, and depths spread evenly over the numbers.
+        seed: Of all scenes.
+        size_px: (width, height) of the images; the eye scales with the height.
+    """
+    rng = np.random.default_rng((seed, 6, number))
+    difficulty, polarity = DIFFICULTIES[number % len(DIFFICULTIES)], POLARITIES[number % len(POLARITIES)]
+    shape = EyeShape(
+        target_deg=rng.uniform(-15, 15), trocar_deg=float(rng.choice((-1, 1))) * rng.uniform(28, 42)
+    )
+    eye = Eye(shape)
+    depth_share = (number * GOLDEN + np.random.default_rng((seed, 6)).uniform()) % 1
+    moves, rest_mm = _moves(rng, eye, depth_share)
+    setting = _Setting(
+        _camera(rng, polarity, size_px), _needle(rng, polarity), Distractors(), RegistrationError()
+    )
+    for name in _mixed(rng) if difficulty == "mixture" else (difficulty,):
+        _make_harder(name, setting, rng, eye, rest_mm)
+    scenario = Scenario(
+        about=About(says=f"A random scene: {difficulty}.", seed=int(rng.integers(2**31))),
+        moves=moves,
+        eye=shape,
+        camera=setting.camera,
+        look=Look("light" if polarity == "dark" else "dark", texture=rng.uniform(0.5, 1.5)),
+        needle=setting.needle,
+        operator=Hand(tremor_rms_mm=rng.uniform(0.1, 0.4)),
+        distractors=setting.distractors,
+        registration_error=setting.error,
+    )
+    return Scene(difficulty, polarity, scenario)
+
+
+def _mixed(rng: Rng) -> list[str]:
+    harder = [name for name in DIFFICULTIES if name not in ("plain", "mixture", "registration")]
+    return [str(name) for name in rng.choice(harder, 3, replace=False)]
+
+
+def _camera(rng: Rng, polarity: str, size_px: tuple[int, int]) -> CameraSettings:
+    scale = size_px[1] / 720
+    center = size_px[0] / 2 + scale * rng.uniform(-30, 30), size_px[1] / 2 + scale * rng.uniform(30, 55)
+    return CameraSettings(
+        width_px=size_px[0],
+        height_px=size_px[1],
+        center_px=center,
+        px_per_mm=scale * rng.uniform(18, 21),
+        mirrored=bool(rng.integers(2)),
+        exposure={"dark": 1.0, "bright": 1.0, "mixed": 1.5}[polarity] * rng.uniform(0.85, 1.15),
+        shadow=0.1,
+        shadow_shift=(rng.uniform(-0.3, 0.3), rng.uniform(0.1, 0.35)),
+    )
+
+
+def _needle(rng: Rng, polarity: str) -> NeedleShape:
+    shine = {"dark": (0.35, 0.48, 0.05), "bright": (0.75, 0.95, 0.05), "mixed": (0.08, 0.15, 0.6)}[polarity]
+    return NeedleShape(
+        diameter_mm=rng.uniform(0.3, 0.9),
+        tip_diameter_mm=rng.uniform(0.1, 0.2),
+        taper_mm=rng.uniform(1.5, 9.0),
+        brightness=rng.uniform(*shine[:2]),
+        highlight=shine[2],
+    )
+
+
+def _moves(rng: Rng, eye: Eye, depth_share: float) -> tuple[tuple[Move, ...], Vec]:
+    """Return the script, and where the tip comes to rest [mm]."""
+    robot = Robot(eye.trocar_mm, RobotLimits(), Pose(0.0, 0.0))
+    axis_deg = robot.pitch_towards(eye.target_mm)
+    theta_deg = float(np.clip(rng.uniform(-12, 12), -45 - axis_deg, 45 - axis_deg))
+    inwards = unit(subtract((0.0, 0.0), eye.trocar_mm))
+    along = rotate(inwards, axis_deg + theta_deg)
+    # More scenes shallow than deep: that is where the angle is hard.
+    wanted_mm = DEPTH_MM[0] + (DEPTH_MM[1] - DEPTH_MM[0]) * depth_share**1.5
+    depth_mm = min(wanted_mm, _chord_mm(eye.trocar_mm, along, eye.radius_mm) - MARGIN_MM)
+    begin_mm = max(depth_mm - rng.uniform(*WAY_MM), rng.uniform(-4.0, -2.0))
+    turn_deg = rng.uniform(-8, 8)
+    turn_deg = float(np.clip(theta_deg + turn_deg, -45 - axis_deg, 45 - axis_deg)) - theta_deg
+    needed_s = PEAK * max((depth_mm - begin_mm) / SPEED_MM_S, abs(turn_deg) / TURN_DEG_S)
+    begin = Move(0.1, begin_mm, theta_deg + turn_deg, away=bool(begin_mm > -1 or rng.random() < 0.5))
+    rest = Move(needed_s + 0.03, depth_mm, theta_deg)
+    moves = [begin, rest, replace(rest, duration_s=0.2)]
+    fate = rng.random()
+    if fate < WITHOUT_NEEDLE:
+        moves = [replace(begin, duration_s=0.8, away=True)]
+    elif fate < WITHOUT_NEEDLE + LEAVING:
+        moves.append(replace(rest, duration_s=0.17, away=True))
+    x, y = eye.trocar_mm
+    return tuple(moves), (x + depth_mm * along[0], y + depth_mm * along[1])
+
+
+def _chord_mm(start_mm: Vec, along: Vec, radius_mm: float) -> float:
+    """Return how far a straight way leads from a place outside a circle to its far side."""
+    middle = -(start_mm[0] * along[0] + start_mm[1] * along[1])
+    miss_squared = norm(start_mm) ** 2 - middle**2
+    return middle + math.sqrt(max(radius_mm**2 - miss_squared, 0.0))
+
+
+def _make_harder(name: str, setting: _Setting, rng: Rng, eye: Eye, rest_mm: Vec) -> None:
+    """Put one difficulty into a setting."""
+    camera, needle, others = setting.camera, setting.needle, setting.distractors
+    if name == "noise":
+        factor = rng.uniform(2, 3)
+        setting.camera = replace(camera, read_noise_grey=1.5 * factor, shot_noise_grey=2.5 * factor)
+    elif name == "blur":
+        setting.camera = replace(camera, blur_px=rng.uniform(1.5, 2.5))
+    elif name == "glare":
+        setting.distractors = replace(others, glints=int(rng.integers(6, 15)))
+        setting.needle = replace(needle, highlight=needle.highlight + rng.uniform(0.3, 0.6))
+    elif name == "shadow":
+        setting.camera = replace(camera, shadow=rng.uniform(0.3, 0.5))
+    elif name == "bubbles":
+        setting.distractors = replace(
+            others, bubbles=int(rng.integers(4, 10)), bubble_mm=rng.uniform(0.4, 1.2)
+        )
+    elif name == "second_instrument":
+        setting.distractors = _with_light_pipe(others, rng, eye, rest_mm)
+    elif name == "flicker":
+        setting.distractors = replace(others, flicker=rng.uniform(0.05, 0.15))
+    elif name == "registration":
+        setting.error = _registration_error(rng, camera.height_px / 720)
+    elif name == "tilt":
+        setting.needle = replace(needle, tilt_deg=rng.uniform(15, 45))
+
+
+def _with_light_pipe(others: Distractors, rng: Rng, eye: Eye, rest_mm: Vec) -> Distractors:
+    """Add a second instrument that may cross the needle, but not where its tip comes to rest."""
+    pivot = eye.other_trocar_mm
+    brightness = rng.uniform(0.2, 0.8)
+    pipe = replace(others.light_pipe, brightness=brightness, diameter_mm=rng.uniform(0.5, 0.9))
+    while True:
+        depth_mm, pitch_deg = rng.uniform(4, 14), rng.uniform(-35, 35)
+        along = rotate(unit(subtract((0.0, 0.0), pivot)), pitch_deg)
+        offset = subtract(rest_mm, pivot)
+        at = min(max(offset[0] * along[0] + offset[1] * along[1], 0), depth_mm)
+        if norm(subtract(offset, (at * along[0], at * along[1]))) > PIPE_MISS_MM:
+            return replace(others, light_pipe_mm=depth_mm, light_pipe_deg=pitch_deg, light_pipe=pipe)
+
+
+def _registration_error(rng: Rng, scale: float) -> RegistrationError:
+    def shift() -> Vec:
+        turn, reach = rng.uniform(0, 2 * math.pi), MOST_ERROR_PX * scale * math.sqrt(rng.uniform(0.1, 1))
+        return reach * math.cos(turn), reach * math.sin(turn)
+
+    return RegistrationError(shift(), shift(), shift())
