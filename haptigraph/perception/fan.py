@@ -16,7 +16,7 @@ from haptigraph.perception.strip import OUTSIDE_MM, FloatImage, Line, Site, grey
 __all__ = ["Fan"]
 
 STEP_DEG = 0.75
-REACH_DEG = 55.0
+REACH_DEG = 46.0
 STEP_PX = 2.0
 CELL = 4
 LONGEST_MM = 25.0

@@ -18,16 +18,19 @@ __all__ = ["Edges", "LineFit", "fit_line"]
 BLOCK = 6
 SIGMA_PX = 1.0  # of the slope filter: about the blur of a focused lens
 LEAST_SNR = 5.0
-LEAST_SHARE = 0.2  # of the strongest slope on the same side of the same block
+LEAST_SLOPE = 3.0  # grey levels per px: softer is shadow or texture
+LEAST_SHARE = 0.08  # of the strongest slope on the same side of the same block
 LEAST_BLOCKS = 3
 TUKEY = 4.0
 ROUNDS = 3
-FLOOR_PX = 0.03
+FLOOR_PX = 0.12  # what light on the metal does to an edge, however little noise there is
+LEAST_SCATTER = 0.05
+NEAR_PX = 3.0
 MISS_PX = 3.0
 SIDE_PX = 0.2
 SCALE_PX = 100.0  # keeps the normal equations well conditioned
 PER_PX = np.array([[1, 1 / SCALE_PX], [1 / SCALE_PX, 1 / SCALE_PX**2]])
-PRIOR = np.diag([0.0, 0.0, SIDE_PX**-2, SIDE_PX**-2])
+PRIOR = np.diag([1e-6, 1e-6, SIDE_PX**-2, SIDE_PX**-2])
 
 _TAPS = np.arange(-3, 4, dtype=np.float64)
 _BELL = _TAPS * np.exp(-(_TAPS**2) / (2 * SIGMA_PX**2))
@@ -43,6 +46,8 @@ class Edges(Struct, frozen=True, eq=False):
     """Middle of every block along the strip, (n,)."""
     middle_px: FloatImage
     """Half-way between both, across the strip from its middle, (n,)."""
+    width_px: FloatImage
+    """From one to the other, (n,)."""
     variance_px2: FloatImage
     """Of that, (n,)."""
     is_outside: Mask
@@ -61,6 +66,17 @@ class LineFit(Struct, frozen=True, eq=False):
     edges: Edges
     is_on_line: Mask
     """Blocks whose edges agree with the line, (n,)."""
+
+    def end_px(self, from_px: float) -> float:
+        """Return how far along the strip, from some place on, there are edges by the line; gaps count against it."""
+        beyond = np.flatnonzero(self.edges.u_px >= from_px)
+        if not len(beyond):
+            return from_px + BLOCK
+        edges = self.edges
+        miss = np.abs(edges.middle_px[beyond] - self.v_px(edges.u_px[beyond]))
+        kept = np.cumsum(np.where(edges.is_seen[beyond] & (miss <= NEAR_PX), 1, -1))
+        last = int(kept.argmax())
+        return float(self.edges.u_px[beyond[last]]) + BLOCK if kept[last] > 0 else from_px + BLOCK
 
     def v_px(self, u_px: FloatImage) -> FloatImage:
         """Return the line's place across the strip."""
@@ -81,18 +97,19 @@ class _Slopes(Struct, frozen=True, eq=False):
     """Of a pixel, averaged over a block."""
 
 
-def fit_line(strip: Strip, tip_px: float) -> LineFit | None:
+def fit_line(strip: Strip, tip_px: float, miss_px: float) -> LineFit | None:
     """Fit the shaft's middle line to all visible rows before the tip.
 
     Args:
         strip: The straightened surroundings.
         tip_px: Where the needle ends, roughly.
+        miss_px: How far the shaft may be from the strip's middle.
 
     Returns:
         The line, or None if too few blocks show two edges that lie on one.
     """
     slopes = _slopes(strip, tip_px)
-    return _robust_line(_outermost(slopes), MISS_PX) if len(slopes.u_px) >= LEAST_BLOCKS else None
+    return _robust_line(_outermost(slopes), miss_px) if len(slopes.u_px) >= LEAST_BLOCKS else None
 
 
 def _slopes(strip: Strip, before_px: float) -> _Slopes:
@@ -112,7 +129,7 @@ def _slopes(strip: Strip, before_px: float) -> _Slopes:
     size = np.abs(signed)
     middle = size[:, 1:-1]
     is_peak = (middle >= size[:, :-2]) & (middle > size[:, 2:])
-    is_peak &= middle >= LEAST_SNR * noise * math.sqrt(SLOPE_NOISE)
+    is_peak &= middle >= max(LEAST_SNR * noise * math.sqrt(SLOPE_NOISE), LEAST_SLOPE)
     steep = np.zeros_like(size)
     steep[:, 1:-1] = middle * is_peak
     return _Slopes(u_px, is_outside, signed, steep, strip.half_px, noise)
@@ -122,8 +139,9 @@ def _outermost(slopes: _Slopes) -> Edges:
     """Take the outermost steep places on either side of the strip's middle."""
     middle = slopes.half_px
     left, right = slopes.steep[:, : middle + 1], slopes.steep[:, middle:]
-    is_left = left > LEAST_SHARE * left.max(axis=1, keepdims=True)
-    is_right = right > LEAST_SHARE * right.max(axis=1, keepdims=True)
+    most_left, most_right = left.max(axis=1, keepdims=True), right.max(axis=1, keepdims=True)
+    is_left = left > LEAST_SHARE * np.maximum(most_left, median(most_left))
+    is_right = right > LEAST_SHARE * np.maximum(most_right, median(most_right))
     columns = np.stack([is_left.argmax(axis=1), 2 * middle - is_right[:, ::-1].argmax(axis=1)])
     return _edges(slopes, columns, is_left.any(axis=1) & is_right.any(axis=1))
 
@@ -140,7 +158,7 @@ def _edges(slopes: _Slopes, columns: NDArray[np.int64], is_seen: Mask) -> Edges:
     curvature = np.maximum(2 * at - before - after, 1e-3)
     place = columns - slopes.half_px + np.clip((after - before) / (2 * curvature), -1, 1)
     variance = CURVE_NOISE * slopes.noise_grey**2 * (curvature**-2.0).sum(axis=0) / 4 + FLOOR_PX**2
-    return Edges(slopes.u_px, (place[0] + place[1]) / 2, variance, slopes.is_outside, is_seen)
+    return Edges(slopes.u_px, (place[0] + place[1]) / 2, place[1] - place[0], variance, slopes.is_outside, is_seen)
 
 
 def _robust_line(edges: Edges, miss_px: float) -> LineFit | None:
@@ -156,10 +174,10 @@ def _robust_line(edges: Edges, miss_px: float) -> LineFit | None:
     trust = 1 / edges.variance_px2[chosen]
     outside = edges.is_outside[chosen]
     design = np.stack([np.ones(len(u)), u / SCALE_PX, outside, ~outside])
-    residual = v - median(v)
-    for _ in range(ROUNDS):
+    residual = v - 0
+    for number in range(ROUNDS):
         distance = np.abs(residual)
-        reach = min(max(TUKEY * 1.4826 * median(distance), FLOOR_PX), miss_px) + 0.1
+        reach = miss_px if number == 0 else min(TUKEY * 1.4826 * median(distance), MISS_PX) + 0.1
         closeness = 1 - np.minimum(distance / reach, 1) ** 2
         weighed = design * (trust * closeness * closeness)
         covariance = np.linalg.inv(weighed @ design.T + PRIOR)

@@ -11,6 +11,7 @@ from typing import Literal
 
 import numpy as np
 from msgspec import Struct
+from msgspec.structs import replace
 
 from haptigraph.perception.strip import FLANK_PX, FloatImage, Strip, median
 
@@ -39,6 +40,8 @@ class Reach(Struct, frozen=True):
     """Where its tip is: before the wall, in it, or in the globe."""
     tip_px: float
     """Along the strip; of a hidden tip, where the shaft vanishes."""
+    evidence_px: float
+    """Rows that show a needle less rows that show none."""
     deviation_px: float = 1e3
     contrast_grey: float = 0.0
     """Of the needle behind its tip."""
@@ -67,9 +70,10 @@ def find_reach(strip: Strip, px_per_mm: float, usual_grey: float | None) -> Reac
     is_outside = outer_sum >= LEAST_OUTSIDE_MM * px_per_mm
     is_held = is_outside and outer_end >= strip.before.stop - AT_WALL_MM * px_per_mm
     if inner_sum >= (LEAST_HELD_PX if is_held else LEAST_FREE_MM * px_per_mm):
-        return Reach("inside", float(strip.u_px[strip.inside.start + inner_end - 1]))
+        tip_px = float(strip.u_px[strip.inside.start + inner_end - 1])
+        return Reach("inside", tip_px, inner_sum + outer_sum)
     if is_outside:
-        return Reach("hidden" if is_held else "outside", float(strip.u_px[outer_end - 1]))
+        return Reach("hidden" if is_held else "outside", float(strip.u_px[outer_end - 1]), outer_sum)
     return None
 
 
@@ -95,8 +99,9 @@ def refine_tip(strip: Strip, reach: Reach, middle: Callable[[FloatImage], FloatI
     shaft = along[: max(end - first - BLUNT_PX, 1)]
     high = max(median(shaft), LEAST_GREY)
     place, steepness = _crossing(along, end - first, TIP_LEVEL * high)
-    return Reach(
-        reach.where, float(u_px[0]) + place, math.hypot(FLOOR_PX, noise / max(steepness, 1.0)), high
+    deviation_px = math.hypot(FLOOR_PX, noise / max(steepness, 1.0))
+    return replace(
+        reach, tip_px=float(u_px[0]) + place, deviation_px=deviation_px, contrast_grey=high
     )
 
 

@@ -8,6 +8,7 @@ cannot be seen is not reported: a tip in the wall, a needle that has gone. Knows
 import math
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from haptigraph.config import PerceptionConfig
 from haptigraph.geometry import Geometry, Point, Segment
@@ -26,6 +27,8 @@ AHEAD_MM = 2.5
 AHEAD_OF_TIP_MM = 0.3
 BEHIND_MM = 9.0
 MISS_MM = 1.5
+TRACKED_PX = 4.0  # between the expected and the real shaft
+LARGEST_TURN_RAD = math.radians(46)
 LEAST_CONFIDENCE = 0.4
 DOUBTS = 15  # images with something like a needle that is none, until it counts as background
 LONGEST_STEP_S = 0.2
@@ -103,12 +106,13 @@ class Tracker:
     def _acquire(self, image: Image) -> _Sight | None:
         candidates = self._fan.search(image)
         self._doubts = self._doubts + 1 if candidates else DOUBTS
+        sights: list[_Sight] = []
         for candidate in candidates:
             first = self._look(image, candidate)
             again = first and self._look(image, first.line)
             if again is not None:
-                return again
-        return None
+                sights.append(again)
+        return max(sights, key=lambda sight: sight.reach.evidence_px, default=None)
 
     def _look(
         self, image: Image, expected: Line, from_px: float = -math.inf, until_px: float = math.inf
@@ -119,11 +123,18 @@ class Tracker:
             return None
         scale = self._site.px_per_mm
         reach = find_reach(strip, scale, self._usual_grey)
-        fit = reach and fit_line(strip, reach.tip_px)
+        fit = reach and fit_line(strip, reach.tip_px, strip.half_px if until_px == math.inf else TRACKED_PX)
         if reach is None or fit is None:
             return None
+        if reach.where != "hidden":
+            rows = strip.inside if reach.where == "inside" else strip.before
+            end_px = fit.end_px(float(strip.u_px[rows.start]))
+            reach = replace(reach, tip_px=min(reach.tip_px, end_px))
         line = Line(expected.angle_rad + math.atan(fit.slope), expected.offset_px + fit.offset_px)
         confidence = float(fit.is_on_line.mean())
+        turn = abs(line.angle_rad - self._site.inwards_rad)
+        if min(turn, 2 * math.pi - turn) > LARGEST_TURN_RAD:
+            return None
         if confidence < LEAST_CONFIDENCE or abs(line.offset_px) > MISS_MM * scale:
             return None
         return _Sight(line, fit, refine_tip(strip, reach, fit.v_px), confidence)
