@@ -258,13 +258,15 @@ def _evaluate_simulated(
     from haptigraph.analysis.evaluation_report import sweep_object, sweep_text
     from haptigraph.analysis.sweep import perceivers_to_compare, sweep
 
-    names = [perceiver] if perceiver else perceivers_to_compare(config)
+    if figure:
+        from haptigraph.analysis.sweep_figure import check_output, sweep_figure
+
+        check_output(figure)
+    names = [perceiver] if perceiver else perceivers_to_compare()
     with _progress() as progress:
         swept = sweep(scenes, names, config, seed=seed, progress=progress)
         held = angle_noise(names, config, seed=seed, progress=progress)
     if figure:
-        from haptigraph.analysis.sweep_figure import sweep_figure
-
         sweep_figure(swept, held, figure)
     if as_json:
         click.echo(msgspec.json.encode(sweep_object(swept, held)).decode())
