@@ -117,13 +117,11 @@ def test_evaluate_prints_a_table_or_one_json_object(clip):
 
 
 def test_evaluate_scores_simulated_scenes(monkeypatch, tmp_path):
-    from haptigraph.analysis import angle_noise, sweep
+    from haptigraph.analysis import accuracy
 
     small = {"size_px": (480, 270)}
-    monkeypatch.setattr(sweep, "sweep", partial(sweep.sweep, **small))
-    monkeypatch.setattr(
-        angle_noise, "angle_noise", partial(angle_noise.angle_noise, depths_mm=(5.0,), **small)
-    )
+    monkeypatch.setattr(accuracy, "sweep", partial(accuracy.sweep, **small))
+    monkeypatch.setattr(accuracy, "angle_noise", partial(accuracy.angle_noise, depths_mm=(5.0,), **small))
     picture = tmp_path / "sweep.png"
     options = ("evaluate", "--simulated", 2, "--perceiver", "threshold", "--seed", 3)
     told = json.loads(call(*options, "--json", "--figure", picture).output)

@@ -43,8 +43,8 @@ class Sweep(Struct, frozen=True):
         """Return figures by perceiver and difficulty, "all" first."""
         return {
             perceiver: {
-                ALL: pooled([errors for scenes in by_difficulty.values() for errors in scenes]),
-                **{name: pooled(scenes) for name, scenes in by_difficulty.items()},
+                ALL: _pooled([errors for scenes in by_difficulty.values() for errors in scenes]),
+                **{name: _pooled(scenes) for name, scenes in by_difficulty.items()},
             }
             for perceiver, by_difficulty in self.errors.items()
         }
@@ -89,7 +89,7 @@ def sweep(
     return result
 
 
-def pooled(scenes: Sequence[Errors]) -> dict[str, Any]:
+def _pooled(scenes: Sequence[Errors]) -> dict[str, Any]:
     """Return the scores over all images of some scenes."""
     angles_deg = [pair for errors in scenes for pair in errors.angles_deg]
     return {
