@@ -157,20 +157,29 @@ def evaluate(
     CLIP_DIR holds clip.mp4, registration.toml and truth.csv. With --simulated there is no moving average
     (perception.alpha=1) unless --set says so.
     """
+    import msgspec
+
     from haptigraph.config import load_config
     from haptigraph.errors import BadInput
 
-    options = {"perception.perceiver": perceiver, "run.procedure": procedure}
-    given = (*settings, *_settings(options))
+    given = (*settings, *_settings({"perception.perceiver": perceiver, "run.procedure": procedure}))
     if (clip_dir is None) == (simulated is None):
         raise BadInput("evaluate takes either CLIP_DIR or --simulated N")
-    if simulated is not None:
-        settled = load_config(config, ("perception.alpha=1", *given))
-        _evaluate_simulated(simulated, settled, perceiver, seed or 0, figure, as_json=as_json)
-        return
-    if seed is not None or figure is not None:
+    if clip_dir is not None and (seed is not None or figure is not None):
         raise BadInput("--seed and --figure go with --simulated N")
-    _evaluate_clip(str(clip_dir), load_config(config, given), as_json=as_json)
+    with _progress() as progress:
+        if clip_dir is not None:
+            from haptigraph.analysis.evaluation_report import report_clip
+
+            report = report_clip(clip_dir, load_config(config, given), progress)
+        else:
+            from haptigraph.analysis.accuracy import report_simulated
+
+            settled = load_config(config, ("perception.alpha=1", *given))
+            report = report_simulated(
+                simulated or 0, perceiver, settled, seed=seed or 0, figure=figure, progress=progress
+            )
+    click.echo(msgspec.json.encode(report.scores).decode() if as_json else report.text)
 
 
 @main.command()
@@ -233,43 +242,6 @@ def demo(scenario: str, output: str | None, realtime: bool) -> None:
         run_figure(recording, picture, progress)
     click.echo(f"\nreplayed        {report.identical} of {report.steps} steps identical")
     click.echo(f"recording       {recording}\npicture         {picture}")
-
-
-def _evaluate_clip(clip_dir: str, config: "Config", *, as_json: bool) -> None:
-    import msgspec
-
-    from haptigraph.analysis.evaluation import evaluate_clip
-    from haptigraph.analysis.evaluation_report import clip_text
-
-    with _progress() as progress:
-        evaluation = evaluate_clip(clip_dir, config, progress)
-    if as_json:
-        click.echo(msgspec.json.encode(evaluation.scores).decode())
-    else:
-        click.echo(clip_text(evaluation, config.perception.alpha))
-
-
-def _evaluate_simulated(
-    scenes: int, config: "Config", perceiver: str | None, seed: int, figure: str | None, *, as_json: bool
-) -> None:
-    import msgspec
-
-    from haptigraph.analysis.angle_noise import angle_noise
-    from haptigraph.analysis.evaluation_report import sweep_object, sweep_text
-    from haptigraph.analysis.sweep import perceivers_to_compare, sweep
-
-    names = [perceiver] if perceiver else perceivers_to_compare(config)
-    with _progress() as progress:
-        swept = sweep(scenes, names, config, seed=seed, progress=progress)
-        held = angle_noise(names, config, seed=seed, progress=progress)
-    if figure:
-        from haptigraph.analysis.sweep_figure import sweep_figure
-
-        sweep_figure(swept, held, figure)
-    if as_json:
-        click.echo(msgspec.json.encode(sweep_object(swept, held)).decode())
-    else:
-        click.echo(sweep_text(swept, held))
 
 
 def _run(config: "Config") -> None:

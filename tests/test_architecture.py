@@ -21,7 +21,7 @@ UNITLESS = {
     "vignetting", "exposure", "shadow", "brightness", "highlight", "texture", "bowl_shade", "motion_scale", "loss",
     "max_amplitude", "contrast", "a", "b", "x", "y", "r", "g", "most", "wanted", "diameter", "thickness",
     "font_size", "theta_integral", "offset_grey", "mm_per_px", "px_per_mm", "left", "top", "right", "bottom",
-    "low", "high", "half_width", "radius", "inner", "scale", "lag_images", "mm_s", "deg_s",
+    "low", "high", "half_width", "radius", "inner", "scale", "lag_images", "mm_s", "deg_s", "flicker",
 }  # fmt: skip
 
 

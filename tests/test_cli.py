@@ -4,6 +4,7 @@ import re
 import signal
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -113,6 +114,30 @@ def test_evaluate_prints_a_table_or_one_json_object(clip):
     scores = json.loads(call("evaluate", clip, "--json").output)
     assert scores["clip"] == clip.name
     assert set(scores["angle_error_deg"]) == {"shallow", "deep"}
+
+
+def test_evaluate_scores_simulated_scenes(monkeypatch, tmp_path):
+    from haptigraph.analysis import accuracy
+
+    small = {"size_px": (480, 270)}
+    monkeypatch.setattr(accuracy, "sweep", partial(accuracy.sweep, **small))
+    monkeypatch.setattr(accuracy, "angle_noise", partial(accuracy.angle_noise, depths_mm=(5.0,), **small))
+    picture = tmp_path / "sweep.png"
+    options = ("evaluate", "--simulated", 2, "--perceiver", "threshold", "--seed", 3)
+    told = json.loads(call(*options, "--json", "--figure", picture).output)
+    assert told["seed"] == 3
+    assert told["scenes"] == told["perceivers"]["threshold"]["all"]["scenes"] == 2
+    assert picture.stat().st_size > 10_000
+    assert "Cramer-Rao" in call(*options).output
+
+
+def test_evaluate_takes_a_clip_or_simulated_scenes(tmp_path):
+    for wrong in ((), (tmp_path, "--simulated", 3)):
+        assert "either CLIP_DIR or --simulated N" in refuse("evaluate", *wrong)
+    assert "--seed and --figure go with --simulated" in refuse("evaluate", tmp_path, "--seed", 1)
+    assert "unknown perceiver 'none'" in refuse("evaluate", "--simulated", 1, "--perceiver", "none")
+    for wrong, why in (("none/a.png", "no such folder"), ("a.xyz", "valid endings: .png, .svg, .pdf")):
+        assert why in refuse("evaluate", "--simulated", 1, "--figure", tmp_path / wrong)
 
 
 def test_check_explains_a_procedure():

@@ -138,7 +138,7 @@ AngleError = Callable[[Step, TruthRow], float | None]
 """Absolute error of a step's angle [deg]; None if there is none."""
 
 
-def theta_error_deg(step: Step, row: TruthRow) -> float | None:
+def _theta_error_deg(step: Step, row: TruthRow) -> float | None:
     """Return the absolute error of theta."""
     theta_deg = step.graph.measures.get("theta_deg")
     return None if theta_deg is None or row.theta_deg is None else abs(theta_deg - row.theta_deg)
@@ -148,7 +148,7 @@ def errors_of(
     steps: Sequence[Step],
     truth: Sequence[TruthRow],
     image: ImageGeometry,
-    angle_error_deg: AngleError = theta_error_deg,
+    angle_error_deg: AngleError = _theta_error_deg,
 ) -> Errors:
     """Compare steps with the truth, image by image."""
     tips = [_tip_px(step, image) for step in steps]

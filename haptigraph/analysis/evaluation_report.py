@@ -2,15 +2,19 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 import msgspec
+from msgspec import Struct
 
 from haptigraph.analysis.angle_noise import HeldDepth
-from haptigraph.analysis.evaluation import Evaluation
+from haptigraph.analysis.evaluation import evaluate_clip
 from haptigraph.analysis.sweep import Sweep
+from haptigraph.config import Config
+from haptigraph.recording.writer import Progress
 
-__all__ = ["clip_text", "sweep_object", "sweep_text"]
+__all__ = ["Report", "report_clip", "sweep_object", "sweep_text"]
 
 COLUMNS = (
     ("found >=2mm", 12),
@@ -24,12 +28,26 @@ COLUMNS = (
 BOUNDS = ("inside", "inside_pivot_free", "both", "both_pivot_free")
 
 
-def clip_text(evaluation: Evaluation, alpha: float) -> str:
-    """Return the scores of a clip, one a line; `alpha` is the moving average's, for the line on lag."""
+class Report(Struct, frozen=True):
+    """What an evaluation came to."""
+
+    scores: dict[str, Any]
+    """For other tools, as JSON can hold it."""
+    text: str
+    """For people."""
+
+
+def report_clip(clip_dir: str | Path, config: Config, progress: Progress | None = None) -> Report:
+    """Score a labelled clip.
+
+    Raises:
+        BadInput: If a file is missing or makes no sense.
+    """
+    evaluation = evaluate_clip(clip_dir, config, progress)
     lines = [f"{name:34}{value}" for name, value in _flat(evaluation.scores)]
-    lag = evaluation.lag_images
+    lag, alpha = evaluation.lag_images, config.perception.alpha
     told = "-" if lag is None else f"{lag:.2f} images behind the truth (alpha {alpha:g})"
-    return "\n".join([*lines, f"{'lag':34}{told}"])
+    return Report(evaluation.scores, "\n".join([*lines, f"{'lag':34}{told}"]))
 
 
 def sweep_object(sweep: Sweep, held: Sequence[HeldDepth]) -> dict[str, Any]:

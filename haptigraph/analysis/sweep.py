@@ -5,7 +5,6 @@ pixels does not count against the perceiver; tip errors are in the image too. St
 with a right registration only. Knows perceivers by their names.
 """
 
-import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -15,7 +14,7 @@ from msgspec.structs import replace
 from haptigraph import assemble
 from haptigraph.analysis.evaluation import Errors, TruthRow, angle_spreads, errors_of, share, spread
 from haptigraph.config import Config
-from haptigraph.geometry import ImageGeometry, Point, Segment, Vec, subtract
+from haptigraph.geometry import ImageGeometry, Point, Segment, Vec, angle_between_deg, subtract
 from haptigraph.inference.engine import RuleEngine
 from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import Capture, Observation, Step, Truth
@@ -44,16 +43,16 @@ class Sweep(Struct, frozen=True):
         """Return figures by perceiver and difficulty, "all" first."""
         return {
             perceiver: {
-                ALL: pooled([errors for scenes in by_difficulty.values() for errors in scenes]),
-                **{name: pooled(scenes) for name, scenes in by_difficulty.items()},
+                ALL: _pooled([errors for scenes in by_difficulty.values() for errors in scenes]),
+                **{name: _pooled(scenes) for name, scenes in by_difficulty.items()},
             }
             for perceiver, by_difficulty in self.errors.items()
         }
 
 
-def perceivers_to_compare(config: Config) -> list[str]:
-    """Return the perceivers a comparison is made of: those of the registry that are worth it."""
-    return [name for name in COMPARED if name in assemble.PERCEIVERS] or [config.perception.perceiver]
+def perceivers_to_compare() -> list[str]:
+    """Return the perceivers a comparison is made of, as far as there are such."""
+    return [name for name in COMPARED if name in assemble.PERCEIVERS]
 
 
 def sweep(
@@ -90,7 +89,7 @@ def sweep(
     return result
 
 
-def pooled(scenes: Sequence[Errors]) -> dict[str, Any]:
+def _pooled(scenes: Sequence[Errors]) -> dict[str, Any]:
     """Return the scores over all images of some scenes."""
     angles_deg = [pair for errors in scenes for pair in errors.angles_deg]
     return {
@@ -141,17 +140,14 @@ def true_rows(truths: Sequence[Truth], phantom: Phantom, procedure: Procedure) -
     return rows
 
 
-def shaft_error_deg(
-    step: Step, row: TruthRow, reported: ImageGeometry, true_trocar_px: Vec, *, signed: bool = False
-) -> float | None:
-    """Return the angle between the reported and the true shaft in the image; None if either is missing.
+def shaft_error_deg(step: Step, row: TruthRow, reported: ImageGeometry, true_trocar_px: Vec) -> float | None:
+    """Return the angle [deg] between the reported and the true shaft in the image; None if either is missing.
 
     Args:
         step: What was reported.
         row: The truth.
         reported: Geometry of the registration that the perceiver was given.
         true_trocar_px: Where the needle really pivots.
-        signed: Whether the sign is kept (x towards y).
     """
     line = step.observation.found.get("needle_line")
     if not isinstance(line, Segment) or row.tip_px is None:
@@ -160,10 +156,7 @@ def shaft_error_deg(
     true = subtract(row.tip_px, true_trocar_px)
     if row.depth_mm is not None and row.depth_mm < 0:
         true = -true[0], -true[1]
-    error = math.degrees(
-        math.atan2(true[0] * seen[1] - true[1] * seen[0], true[0] * seen[0] + true[1] * seen[1])
-    )
-    return error if signed else abs(error)
+    return angle_between_deg(seen, true)
 
 
 def _errors_of_scene(

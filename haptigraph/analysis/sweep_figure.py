@@ -9,17 +9,32 @@ from matplotlib.figure import Figure
 
 from haptigraph.analysis.angle_noise import HeldDepth
 from haptigraph.analysis.sweep import Sweep
+from haptigraph.errors import BadInput
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["sweep_figure"]
+__all__ = ["check_output", "sweep_figure"]
 
 COLORS = ("#b5482a", "#2a6f97", "#3a9d5d", "#8a5fb0")
 BOUND_COLOR = "#444444"
 EDGES_MM = (0.5, 1.0, 1.5, 2.0, 3.0, 4.5, 6.5, 9.0, 13.0, 18.0, 25.0)
 FEWEST = 3  # errors in a bin worth drawing
 TICKS_MM = (1, 2, 3, 5, 10, 20)
+FORMATS = (".png", ".svg", ".pdf")
+
+
+def check_output(output: str | Path) -> None:
+    """Refuse a figure that could not be written, before the work for it begins.
+
+    Raises:
+        BadInput: If there is no such folder or format.
+    """
+    output = Path(output)
+    if output.suffix not in FORMATS:
+        raise BadInput(f"not a figure's name; valid endings: {', '.join(FORMATS)}", output)
+    if not output.parent.is_dir():
+        raise BadInput("cannot be written, there is no such folder", output)
 
 
 def sweep_figure(sweep: Sweep, held: Sequence[HeldDepth], output: str | Path) -> None:
@@ -91,7 +106,8 @@ def _dress(axes: "Axes") -> None:
     axes.grid(which="major", color="#dddddd", linewidth=0.7)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(fontsize=8, frameon=True, framealpha=0.85, edgecolor="none", loc="best")
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(fontsize=8, frameon=True, framealpha=0.85, edgecolor="none", loc="best")
 
 
 def _or_nan(value: float | None) -> float:

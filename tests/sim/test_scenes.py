@@ -1,0 +1,104 @@
+import math
+from itertools import pairwise
+
+import pytest
+
+from haptigraph.geometry import norm, rotate, subtract, unit
+from haptigraph.perception.registration import parse_registration
+from haptigraph.sim.eye import Eye, RegistrationError
+from haptigraph.sim.phantom import Phantom
+from haptigraph.sim.scenes import DIFFICULTIES, POLARITIES, random_scene
+
+MANY = [random_scene(number, 4) for number in range(132)]
+SMALL = (480, 270)
+
+
+def rest(scene):
+    """Depth [mm] and place [mm] where a scene's needle comes to rest; None without one."""
+    shown = [move for move in scene.scenario.moves if not move.away]
+    return shown[-1] if shown else None
+
+
+def test_a_scene_is_a_function_of_number_and_seed():
+    assert random_scene(7, 1) == random_scene(7, 1)
+    assert random_scene(7, 1) != random_scene(7, 2)
+    assert random_scene(7, 1) != random_scene(18, 1)
+
+
+def test_difficulties_go_round_and_every_one_has_all_polarities():
+    assert [scene.difficulty for scene in MANY[:11]] == list(DIFFICULTIES)
+    for name in DIFFICULTIES:
+        found = {scene.polarity for scene in MANY if scene.difficulty == name}
+        assert found == set(POLARITIES)
+
+
+def test_depths_fill_the_range_and_some_scenes_have_no_needle():
+    depths = [rest(scene).depth_mm for scene in MANY if rest(scene)]
+    assert min(depths) < 1.5
+    assert max(depths) > 20
+    assert sum(depth < 3 for depth in depths) >= 15
+    assert 5 < sum(rest(scene) is None for scene in MANY) < 35
+    leaving = [s for s in MANY if rest(s) and s.scenario.moves[-1].away]
+    assert 5 < len(leaving) < 35
+
+
+def test_every_scene_begins_without_a_needle_inside_and_ends_short_of_the_retina():
+    for scene in MANY:
+        first, last = scene.scenario.moves[0], rest(scene)
+        assert first.away or first.depth_mm < 0
+        if last:
+            eye = Eye(scene.scenario.eye)
+            axis = unit(subtract(eye.target_mm, eye.trocar_mm))
+            along = rotate(axis, last.theta_deg)
+            tip = (
+                eye.trocar_mm[0] + last.depth_mm * along[0],
+                eye.trocar_mm[1] + last.depth_mm * along[1],
+            )
+            assert norm(tip) < eye.radius_mm or last.depth_mm < 2
+
+
+@pytest.mark.parametrize("number", range(len(DIFFICULTIES)))
+def test_needles_move_no_faster_than_hands_do(number):
+    scene = random_scene(number + 11, 4, size_px=SMALL)
+    phantom = Phantom(scene.scenario)
+    truths = []
+    while moment := phantom.advance():
+        truths.append(moment.truth)
+    assert 20 <= len(truths) <= 45
+    for before, after in pairwise(truths):
+        assert abs(after.depth_mm - before.depth_mm) <= 20 / 30 + 1e-6
+        assert abs(after.theta_deg - before.theta_deg) <= 30 / 30 + 1e-6
+    assert not truths[0].inside
+    assert moment is None
+
+
+def test_a_wrong_registration_is_wrong_by_at_most_three_pixels_and_still_sound():
+    for scene in MANY:
+        assert scene.has_registration_error == (scene.difficulty == "registration")
+        error = scene.scenario.registration_error
+        assert max(math.hypot(*shift) for shift in (error.globe_px, error.target_px, error.trocar_px)) <= 3
+    for number in (8, 19, 30):
+        small = random_scene(number, 4, size_px=SMALL)
+        assert small.scenario.registration_error != RegistrationError()
+        phantom = Phantom(small.scenario)
+        told = parse_registration(phantom.registration, "told")
+        true = parse_registration(phantom.true_registration, "true")
+        assert math.dist(told.image.center_px, true.image.center_px) > 0.1
+        assert told.image.mm_per_px == true.image.mm_per_px
+
+
+def test_the_second_instrument_stays_away_from_where_the_tip_rests():
+    for scene in MANY:
+        others, last, eye = scene.scenario.distractors, rest(scene), Eye(scene.scenario.eye)
+        if not others.light_pipe_mm or last is None:
+            continue
+        axis = unit(subtract(eye.target_mm, eye.trocar_mm))
+        along = rotate(axis, last.theta_deg)
+        tip = tuple(c + last.depth_mm * a for c, a in zip(eye.trocar_mm, along, strict=True))
+        pivot = eye.other_trocar_mm
+        pipe = rotate(unit((-pivot[0], -pivot[1])), others.light_pipe_deg)
+        reach = [
+            math.dist(tip, (pivot[0] + s * pipe[0], pivot[1] + s * pipe[1]))
+            for s in (others.light_pipe_mm * step / 200 for step in range(201))
+        ]
+        assert min(reach) > 1.4
