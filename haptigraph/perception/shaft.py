@@ -26,6 +26,10 @@ ROUNDS = 3
 FLOOR_PX = 0.12  # what light on the metal does to an edge, however little noise there is
 LEAST_SCATTER = 0.05
 NEAR_PX = 3.0
+LEAST_STEEP = 0.25  # of the shaft's edges: softer ones are its shadow's
+AHEAD = 6
+NARROWER_PX = 1.2
+WIDER_PX = 3.0
 MISS_PX = 3.0
 SIDE_PX = 0.2
 SCALE_PX = 100.0  # keeps the normal equations well conditioned
@@ -50,6 +54,8 @@ class Edges(Struct, frozen=True, eq=False):
     """From one to the other, (n,)."""
     variance_px2: FloatImage
     """Of that, (n,)."""
+    steepness: FloatImage
+    """Slope of the fainter one [grey levels per px], (n,)."""
     is_outside: Mask
     """Blocks before the wall, (n,)."""
     is_seen: Mask
@@ -74,7 +80,8 @@ class LineFit(Struct, frozen=True, eq=False):
             return from_px + BLOCK
         edges = self.edges
         miss = np.abs(edges.middle_px[beyond] - self.v_px(edges.u_px[beyond]))
-        kept = np.cumsum(np.where(edges.is_seen[beyond] & (miss <= NEAR_PX), 1, -1))
+        steep = edges.steepness[beyond] > LEAST_STEEP * median(edges.steepness[self.is_on_line])
+        kept = np.cumsum(np.where(edges.is_seen[beyond] & steep & (miss <= NEAR_PX), 1, -1))
         last = int(kept.argmax())
         return float(self.edges.u_px[beyond[last]]) + BLOCK if kept[last] > 0 else from_px + BLOCK
 
@@ -146,6 +153,19 @@ def _outermost(slopes: _Slopes) -> Edges:
     return _edges(slopes, columns, is_left.any(axis=1) & is_right.any(axis=1))
 
 
+def _is_whole(edges: Edges) -> Mask:
+    """Tell which blocks show the shaft as wide as a taper can be.
+
+    If it is narrower than nearer the tip, an outer edge was missed; if it is far wider, one is something else's.
+    """
+    ahead = np.concatenate([np.where(edges.is_seen, edges.width_px, 0)[1:], np.zeros(AHEAD)])
+    windows = np.lib.stride_tricks.sliding_window_view(ahead, AHEAD)
+    ranked = np.sort(windows, axis=1)
+    usual, most = ranked[:, -2], np.where(ranked[:, -1] > 0, ranked[:, -1], np.inf)
+    is_likely = (edges.width_px >= usual - NARROWER_PX) & (edges.width_px <= most + WIDER_PX)
+    return np.asarray(edges.is_seen & is_likely, np.bool_)
+
+
 def _edges(slopes: _Slopes, columns: NDArray[np.int64], is_seen: Mask) -> Edges:
     """Refine the columns of slope maxima, (2, n), to sub-pixel places with variances.
 
@@ -158,7 +178,9 @@ def _edges(slopes: _Slopes, columns: NDArray[np.int64], is_seen: Mask) -> Edges:
     curvature = np.maximum(2 * at - before - after, 1e-3)
     place = columns - slopes.half_px + np.clip((after - before) / (2 * curvature), -1, 1)
     variance = CURVE_NOISE * slopes.noise_grey**2 * (curvature**-2.0).sum(axis=0) / 4 + FLOOR_PX**2
-    return Edges(slopes.u_px, (place[0] + place[1]) / 2, place[1] - place[0], variance, slopes.is_outside, is_seen)
+    steepness = at.min(axis=0)
+    middle, width = (place[0] + place[1]) / 2, place[1] - place[0]
+    return Edges(slopes.u_px, middle, width, variance, steepness, slopes.is_outside, is_seen)
 
 
 def _robust_line(edges: Edges, miss_px: float) -> LineFit | None:
@@ -167,7 +189,7 @@ def _robust_line(edges: Edges, miss_px: float) -> LineFit | None:
     The light differs on the two sides of the wall, and with it where edges appear: each side as a whole may be
     off by SIDE_PX, two more unknowns with that as their prior.
     """
-    chosen = np.flatnonzero(edges.is_seen)
+    chosen = np.flatnonzero(_is_whole(edges))
     if len(chosen) < LEAST_BLOCKS:
         return None
     u, v = edges.u_px[chosen], edges.middle_px[chosen]

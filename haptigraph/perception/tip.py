@@ -23,9 +23,9 @@ LEAST_SNR = 4.0
 KNOWN_SHARE = 0.1  # of the contrast that the needle had before
 UNKNOWN_SHARE = 0.35
 BEHIND_PX = 12
-AHEAD_PX = 14
+AHEAD_PX = 10
 BLUNT_PX = 3
-TIP_LEVEL = 0.25  # of the contrast: the point is thin and rounded, half of it is seen too early
+TIP_LEVEL = 0.35  # of the contrast: the point is thin and rounded, half of it is seen too early
 FLOOR_PX = 0.1
 LEAST_HELD_PX = 2.0  # of tip inside, when the shaft is seen to enter the wall
 LEAST_FREE_MM = 0.8  # when it is not
@@ -98,7 +98,7 @@ def refine_tip(strip: Strip, reach: Reach, middle: Callable[[FloatImage], FloatI
     noise = strip.noise_grey / math.sqrt(columns.shape[1])
     shaft = along[: max(end - first - BLUNT_PX, 1)]
     high = max(median(shaft), LEAST_GREY)
-    place, steepness = _crossing(along, end - first, TIP_LEVEL * high)
+    place, steepness = _crossing(along, TIP_LEVEL * high)
     deviation_px = math.hypot(FLOOR_PX, noise / max(steepness, 1.0))
     return replace(
         reach, tip_px=float(u_px[0]) + place, deviation_px=deviation_px, contrast_grey=high
@@ -128,12 +128,11 @@ def _farthest(evidence: FloatImage) -> tuple[int, float]:
     return (end + 1, float(total[end])) if total[end] > 0 else (0, 0.0)
 
 
-def _crossing(along: FloatImage, end: int, half: float) -> tuple[float, float]:
-    """Return where values fall through `half` nearest to `end`, sub-pixel, and how steeply."""
-    above = along >= half
-    falls = np.flatnonzero(above[:-1] & ~above[1:])
-    if not len(falls):
-        return float(end - 1 if len(above) and not above[-1] else len(along) - 1), 1.0
-    row = int(falls[np.abs(falls + 1 - end).argmin()])
+def _crossing(along: FloatImage, level: float) -> tuple[float, float]:
+    """Return where values fall through a level for the last time, sub-pixel, and how steeply."""
+    above = np.flatnonzero(along >= level)
+    if not len(above) or above[-1] == len(along) - 1:
+        return float(len(along) - 1 if len(above) else 0), 1.0
+    row = int(above[-1])
     drop = float(along[row] - along[row + 1])
-    return row + (float(along[row]) - half) / max(drop, 1e-6), drop
+    return row + (float(along[row]) - level) / max(drop, 1e-6), drop

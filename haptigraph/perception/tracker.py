@@ -18,7 +18,7 @@ from haptigraph.perception.fan import Fan
 from haptigraph.perception.pose import PoseFilter
 from haptigraph.perception.registration import Registration
 from haptigraph.perception.shaft import LineFit, fit_line
-from haptigraph.perception.strip import OUTSIDE_MM, Line, Site, sample_strip
+from haptigraph.perception.strip import OUTSIDE_MM, Line, Site, median, sample_strip
 from haptigraph.perception.tip import Reach, find_reach, refine_tip
 
 __all__ = ["Tracker"]
@@ -27,10 +27,12 @@ AHEAD_MM = 2.5
 AHEAD_OF_TIP_MM = 0.3
 BEHIND_MM = 9.0
 MISS_MM = 1.5
-TRACKED_PX = 4.0  # between the expected and the real shaft
+TRACKED_PX = 8.0  # between the expected and the real shaft
 LARGEST_TURN_RAD = math.radians(46)
 LEAST_CONFIDENCE = 0.4
 DOUBTS = 15  # images with something like a needle that is none, until it counts as background
+OFF_PX = 3.0
+THICKEST_MM = 1.05
 LONGEST_STEP_S = 0.2
 CONTRAST_RATE = 0.1
 
@@ -42,6 +44,11 @@ class _Sight(Struct, frozen=True, eq=False):
     fit: LineFit
     reach: Reach
     confidence: float
+
+    @property
+    def off_px(self) -> float:
+        """How far the tip was from where the strip expected it, across."""
+        return abs(self.fit.offset_px + self.fit.slope * self.reach.tip_px)
 
 
 class Tracker:
@@ -99,8 +106,10 @@ class Tracker:
         until_px = depth_px + AHEAD_MM * self._site.px_per_mm
         from_px = depth_px - BEHIND_MM * self._site.px_per_mm
         sight = self._look(image, expected, from_px, until_px)
-        if sight is not None and sight.reach.tip_px > until_px - self._site.px_per_mm:
-            sight = self._look(image, sight.line)
+        if sight is None:
+            return None
+        if sight.reach.tip_px > until_px - self._site.px_per_mm or sight.off_px > OFF_PX:
+            sight = self._look(image, sight.line, from_px) or sight
         return sight
 
     def _acquire(self, image: Image) -> _Sight | None:
@@ -134,6 +143,8 @@ class Tracker:
         confidence = float(fit.is_on_line.mean())
         turn = abs(line.angle_rad - self._site.inwards_rad)
         if min(turn, 2 * math.pi - turn) > LARGEST_TURN_RAD:
+            return None
+        if median(fit.edges.width_px[fit.is_on_line]) > THICKEST_MM * scale:
             return None
         if confidence < LEAST_CONFIDENCE or abs(line.offset_px) > MISS_MM * scale:
             return None
