@@ -8,6 +8,8 @@ import math
 from msgspec import Struct
 
 from haptigraph.geometry import ImageGeometry, Vec
+from haptigraph.registration_text import AnatomyPx, TrocarPx
+from haptigraph.registration_text import registration_text as write_text
 
 __all__ = ["Eye", "EyeShape", "registration_text"]
 
@@ -57,38 +59,20 @@ class Eye:
 
 def registration_text(eye: Eye, image: ImageGeometry, width_px: int, height_px: int) -> str:
     """Write the registration of an eye seen through a camera, as TOML."""
-
-    def px(at_mm: Vec) -> str:
-        x, y = image.to_px(at_mm)
-        return f"[{x:.3f}, {y:.3f}]"
-
-    contour = ", ".join(px(point) for point in eye.retina_mm)
-    return f"""# Registration of a simulated eye.
-format = 1
-
-[image]
-width = {width_px}
-height = {height_px}
-mirrored = {str(image.mirrored).lower()}
-
-[globe]
-center_px = {px((0.0, 0.0))}
-radius_px = {eye.radius_mm / image.mm_per_px:.3f}
-diameter_mm = {eye.shape.diameter_mm}
-
-[retina]
-contour_px = [{contour}]
-
-[target]
-point_px = {px(eye.target_mm)}
-
-[[trocar]]
-name = "first"
-point_px = {px(eye.trocar_mm)}
-used = true
-
-[[trocar]]
-name = "second"
-point_px = {px(eye.other_trocar_mm)}
-used = false
-"""
+    return write_text(
+        AnatomyPx(
+            width_px=width_px,
+            height_px=height_px,
+            mirrored=image.mirrored,
+            center_px=image.to_px((0.0, 0.0)),
+            radius_px=eye.radius_mm / image.mm_per_px,
+            diameter_mm=eye.shape.diameter_mm,
+            contour_px=tuple(image.to_px(point) for point in eye.retina_mm),
+            target_px=image.to_px(eye.target_mm),
+            trocars=(
+                TrocarPx("first", image.to_px(eye.trocar_mm), used=True),
+                TrocarPx("second", image.to_px(eye.other_trocar_mm), used=False),
+            ),
+        ),
+        "Registration of a simulated eye.",
+    )
