@@ -191,7 +191,8 @@ def register(source: str, output: str, picture: str | None, force: bool, **wishe
     SOURCE is an image, a video, a folder of images, a recording or phantom:SCENARIO, by a camera that stands
     still. Best is a clip in which the needle goes in, turns and comes out.
     """
-    from haptigraph.analysis.registering import Wishes, register_source
+    from haptigraph.analysis.registering import register_source
+    from haptigraph.analysis.registration_wishes import Wishes
 
     with _progress() as progress:
         told = register_source(source, output, Wishes(**wishes), picture, force=force, progress=progress)

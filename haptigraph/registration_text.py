@@ -1,6 +1,6 @@
 """Write a registration file: where the static anatomy lies in the images, as TOML.
 
-Pixels in, text out; the checks are made when it is read. Used by whoever knows an anatomy: simulator or finder.
+Pixels in, text out; the checks are made when it is read. Used by whoever knows an anatomy.
 """
 
 from msgspec import Struct

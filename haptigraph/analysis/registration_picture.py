@@ -37,10 +37,11 @@ def registration_picture(anatomy: Anatomy, registration: Registration, found: An
         _circle(canvas, trocar.point_px, 6, TROCAR, 2)
         _say(canvas, f"{trocar.name}{' (used)' if trocar.used else ''}", trocar.point_px, TROCAR)
         if trocar.used:
-            ends = [
-                tuple(np.round(np.array(p) * 2**FINE).astype(int)) for p in (trocar.point_px, found.target_px)
-            ]
-            cv2.line(canvas, *ends, TROCAR, 1, cv2.LINE_AA, FINE)
+            start, end = (
+                np.round(np.array(p) * 2**FINE).astype(int).tolist()
+                for p in (trocar.point_px, found.target_px)
+            )
+            cv2.line(canvas, start, end, TROCAR, 1, cv2.LINE_AA, FINE)
     _circle(canvas, found.target_px, 6, TARGET, 2)
     _say(canvas, "target", found.target_px, TARGET)
     _scale_bar(canvas, registration.image.mm_per_px)

@@ -1,8 +1,8 @@
 """Find the static anatomy by itself: globe, retina and trocars in images of one set-up [px].
 
-The wall's rim comes from `rim`, the needle's pivot from `pivot`. The rim that is seen may stand before the plane in
-which the needle moves, and is then seen larger than the globe's section there; the pivot, which lies in
-the middle of the wall and in that plane, tells by how much. Knows neither files nor millimetres.
+The wall's rim comes from `rim`, the needle's pivot from `pivot`. The rim that is seen may stand before the
+plane in which the needle moves, and is then seen larger than the globe's section there; the pivot, which lies
+in the middle of the wall and in that plane, tells by how much. Knows neither files nor millimetres.
 """
 
 import math
@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from haptigraph.geometry import Vec
 from haptigraph.messages import Image
+from haptigraph.perception.edge import Edge
 from haptigraph.perception.pivot import Pivot, find_pivot, still_picture
-from haptigraph.perception.rim import Edge, Rim, find_rim
+from haptigraph.perception.rim import Rim, find_rim
 
 __all__ = ["Anatomy", "FoundTrocar", "find_anatomy"]
 
@@ -81,10 +82,13 @@ def find_anatomy(images: Sequence[Image]) -> Anatomy:
     rim = find_rim(still)
     pivot = find_pivot(images, rim) if len(images) > 1 else None
     rim_scale = _rim_scale(rim, pivot)
-    middle = (still.shape[1] - 1) / 2, (still.shape[0] - 1) / 2
+    middle_x, middle_y = (still.shape[1] - 1) / 2, (still.shape[0] - 1) / 2
 
     def section(at_px: Vec) -> Vec:
-        return tuple(m + (value - m) / rim_scale for value, m in zip(at_px, middle, strict=True))  # type: ignore[return-value]
+        return (
+            middle_x + (at_px[0] - middle_x) / rim_scale,
+            middle_y + (at_px[1] - middle_y) / rim_scale,
+        )
 
     contour, refined = _contour(rim.inner)
     return Anatomy(
@@ -103,7 +107,7 @@ def find_anatomy(images: Sequence[Image]) -> Anatomy:
 def _rim_scale(rim: Rim, pivot: Pivot | None) -> float:
     """Tell how much larger than the section the rim is seen: 1 unless the pivot says otherwise.
 
-    Weighed by how sure the pivot's depth in the wall is. Less than 1 is impossible: the wall hides the needle.
+    Weighed by how sure the pivot's depth in the wall is. Never less than 1: the wall hides the needle.
     """
     if pivot is None or rim.outer is None:
         return 1.0

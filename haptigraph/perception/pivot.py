@@ -109,9 +109,9 @@ def _visible(rim: Rim, width_px: int, height_px: int) -> NDArray[np.bool_]:
 def _shaft(image: Image, visible: NDArray[np.bool_], rim: Rim) -> _Line | None:
     """Fit the straight thin thing that stands out from what lies around it."""
     radius_px = rim.inner.radius_px
-    grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    grey = np.asarray(image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
     around = cv2.medianBlur(grey, 2 * round(1.5 * LINE_WIDTH * radius_px) + 1)
-    size = np.asarray(cv2.blur(cv2.absdiff(grey, around), (3, 3)))
+    size = np.asarray(cv2.blur(cv2.absdiff(grey, around), (3, 3)), np.uint8)
     points = _places(size, visible, LEAST_CHANGE_GREY)
     if len(points) < 50:
         return None
@@ -129,7 +129,7 @@ def _shaft(image: Image, visible: NDArray[np.bool_], rim: Rim) -> _Line | None:
 
 
 def _enters(points: Floats, line: _Line, rim: Rim) -> bool:
-    """Tell whether enough of the shaft is seen inside the globe: from outside alone, its line is long to go."""
+    """Tell whether enough of the shaft is seen inside the globe: from outside, its line has far to go."""
     inside = np.hypot(*(points - rim.inner.center_px).T) < rim.inner.radius_px
     relative = points[inside] - line.point_px
     near = np.abs(relative @ line.normal) < LINE_WIDTH * rim.inner.radius_px / 2
@@ -187,8 +187,8 @@ def _middle(points: Floats, line: _Line, width_px: float, radius_px: float) -> _
     full = count >= 0.4 * np.median(count[count > 0])
     if full.sum() * STATION < SHORTEST:
         return None
-    middles = (np.bincount(station, v)[full] / count[full] for v in (along, across))
-    return _fitted(line, *middles, float(full.sum()) * STATION * radius_px)
+    middles, offs = (np.bincount(station, v)[full] / count[full] for v in (along, across))
+    return _fitted(line, middles, offs, float(full.sum()) * STATION * radius_px)
 
 
 def _between_edges(grey: Image, points: Floats, line: _Line, radius_px: float) -> _Line | None:
@@ -202,7 +202,8 @@ def _between_edges(grey: Image, points: Floats, line: _Line, radius_px: float) -
     edges = []
     for side in (-1, 1):
         places = line.point_px + along[:, None, None] * line.along + side * away[:, None] * line.normal
-        profile = cv2.remap(smooth, *places.astype(np.float32).transpose(2, 0, 1), cv2.INTER_LINEAR)
+        x, y = places.astype(np.float32).transpose(2, 0, 1)
+        profile = cv2.remap(smooth, x, y, cv2.INTER_LINEAR)
         steep = np.abs(np.gradient(profile, axis=1))
         best = _outermost(steep)
         before, at, after = (steep[np.arange(len(along)), best + d] for d in (-1, 0, 1))
