@@ -14,6 +14,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
+from haptigraph.errors import BadInput
 from haptigraph.geometry import Vec
 from haptigraph.messages import Image
 from haptigraph.perception.edge import Edge
@@ -81,6 +82,7 @@ def find_anatomy(images: Sequence[Image]) -> Anatomy:
     still = still_picture(images)
     rim = find_rim(still)
     pivot = find_pivot(images, rim) if len(images) > 1 else None
+    _check_which_edge(rim, pivot)
     rim_scale = _rim_scale(rim, pivot)
     middle_x, middle_y = (still.shape[1] - 1) / 2, (still.shape[0] - 1) / 2
 
@@ -102,6 +104,18 @@ def find_anatomy(images: Sequence[Image]) -> Anatomy:
         pivot=pivot,
         rim_scale=rim_scale,
     )
+
+
+def _check_which_edge(rim: Rim, pivot: Pivot | None) -> None:
+    """Refuse a single edge that may be the wall's outer one: a needle pivots outside the inner edge."""
+    if rim.outer is not None:
+        return
+    is_inner = pivot is not None and math.dist(pivot.point_px, rim.inner.center_px) > rim.inner.radius_px
+    if not is_inner:
+        raise BadInput(
+            "only one edge of the globe's wall can be seen, and nothing shows that it is the inner one; "
+            "more light, a sharper image or a clip with a moving needle would"
+        )
 
 
 def _rim_scale(rim: Rim, pivot: Pivot | None) -> float:

@@ -22,6 +22,7 @@ SMALLEST_RADIUS_PX = 60.0
 VOTING_WIDTH_PX = 400.0
 WALL_RATIO = (1.04, 1.45)  # outer over inner radius
 TYPICAL_MIDDLE = 1.07  # of a wall whose outer edge is not seen
+MOST_GAIN = 8.0
 MOST_BLUR = 0.03  # of the radius
 
 
@@ -50,8 +51,9 @@ def find_rim(image: Image) -> Rim:
         BadInput: If there is no eye, or it is cut off or blurred; it says which.
     """
     color = np.asarray(image if image.ndim == 3 else cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), np.uint8)
-    picture = np.asarray(cv2.GaussianBlur(color, (0, 0), SMOOTHING_PX), np.uint8).astype(np.float32)
-    _check_sharpness(color)
+    bright = _brightened(color)
+    _check_sharpness(bright)
+    picture = np.asarray(cv2.GaussianBlur(bright, (0, 0), SMOOTHING_PX), np.float32)
     candidates = [edge_near(picture, center, radius) for center, radius in _voted(picture)]
     seen = [edge for edge in candidates if edge is not None]
     if not seen:
@@ -66,12 +68,18 @@ def _certainty(rim: Rim) -> float:
     return rim.inner.support + (rim.outer.support if rim.outer else 0.0)
 
 
-def _check_sharpness(color: Image) -> None:
+def _brightened(color: Image) -> NDArray[np.float32]:
+    """Return the picture as if it had been exposed fully."""
+    brightest = max(float(np.quantile(color[::4, ::4], 0.995)), 255 / MOST_GAIN)
+    return color.astype(np.float32) * np.float32(255 / brightest)
+
+
+def _check_sharpness(color: NDArray[np.float32]) -> None:
     """Refuse a picture without any sharp edge.
 
     The steepest slopes of a picture with blur b fall with smoothing s as 1 / sqrt(b^2 + s^2).
     """
-    grey = cv2.cvtColor(color, cv2.COLOR_BGR2GRAY).astype(np.float32)
+    grey = cv2.cvtColor(color, cv2.COLOR_BGR2GRAY)
     fine, coarse = (float(np.quantile(_slope(cv2.GaussianBlur(grey, (0, 0), s)), 0.998)) for s in (1.5, 6.0))
     if fine < FAINTEST_GREY:
         raise BadInput("no eye in the picture: it shows no edges at all")
@@ -136,9 +144,9 @@ def _completed(picture: NDArray[np.float32], edge: Edge) -> Rim | None:
         picture, edge.center_px, edge.radius_px / WALL_RATIO[1] - 4, edge.radius_px * WALL_RATIO[1] + 4
     )
     # What every ray sees at about the same radius; median, so that what few rays see counts for nothing.
-    profile = np.nan_to_num(np.nanmedian(rays.strength, axis=0)) if np.isfinite(rays.strength).any() else None
-    if profile is None:
-        return None
+    seen = np.asarray(np.isfinite(rays.strength).any(axis=0))
+    profile = np.zeros(len(seen))
+    profile[seen] = np.nanmedian(rays.strength[:, seen], axis=0)
     profile = np.asarray(cv2.GaussianBlur(profile[None, :], (0, 0), 2.0))[0]
     around = np.asarray(cv2.blur(profile[None, :], (61, 1)))[0]
     is_top = (

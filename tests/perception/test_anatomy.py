@@ -132,6 +132,10 @@ BAD = {
     "noise": (np.random.default_rng(1).integers(0, 255, (360, 640, 3), np.uint8), "no eye"),
     "cut off": (still_scene()[:, :400], "cut off.*right border"),
     "blurred": (cv2.GaussianBlur(still_scene(), (0, 0), 9), "blurred|no eye"),
+    "one edge": (
+        cv2.circle(np.full((360, 640, 3), 90, np.uint8), (320, 180), 120, (200, 200, 200), -1),
+        "only one edge",
+    ),
     "small": (cv2.resize(still_scene(), None, fx=0.4, fy=0.4, interpolation=cv2.INTER_AREA), "no eye|small"),
 }
 
