@@ -17,7 +17,7 @@ UNSURE_PX = 5.0
 def wall_mm(anatomy: Anatomy, mm_per_px: float) -> float:
     """Return the thickness of the wall; nan if its outer edge is not seen."""
     inner, outer = anatomy.rim.inner, anatomy.rim.outer
-    return (outer.radius_px - inner.radius_px) / anatomy.rim_scale * mm_per_px if outer else math.nan
+    return (outer.radius_px - inner.radius_px) / anatomy.rim_ratio * mm_per_px if outer else math.nan
 
 
 def report_lines(
@@ -25,9 +25,10 @@ def report_lines(
 ) -> list[str]:
     """Return the report, line by line."""
     mm, inner, outer = registration.image.mm_per_px, anatomy.rim.inner, anatomy.rim.outer
+    seen = inner.support_ratio
     lines = [
         f"globe      centre ({found.center_px[0]:.1f}, {found.center_px[1]:.1f}) px, radius "
-        f"{found.radius_px:.1f} px; residual {_both(inner.residual_px, mm)} on {inner.support:.0%} of it",
+        f"{found.radius_px:.1f} px; residual {_both(inner.residual_px, mm)} on {seen:.0%} of it",
         f"tilt       radius varies by {_both(inner.out_of_round_px, mm)} either way; the mean circle is kept",
         f"scale      {mm:.5f} mm/px, from a diameter of {found.diameter_mm:g} mm",
     ]
@@ -63,7 +64,7 @@ def _rim_lines(anatomy: Anatomy) -> list[str]:
     if anatomy.pivot.radial_sd_px > UNSURE_PX:
         return ["rim        the needle turns too little to tell whether the rim stands before the section"]
     return [
-        f"rim        seen {anatomy.rim_scale - 1:.1%} larger than the section, by where the needle pivots"
+        f"rim        seen {anatomy.rim_ratio - 1:.1%} larger than the section, by where the needle pivots"
     ]
 
 

@@ -66,7 +66,7 @@ class Anatomy(Struct, frozen=True, eq=False):
     """How many of its points were seen themselves; the others lie on the fitted curve."""
     trocars: tuple[FoundTrocar, ...]
     pivot: Pivot | None
-    rim_scale: float
+    rim_ratio: float
     """How many times larger than the section the rim is seen."""
 
 
@@ -83,13 +83,13 @@ def find_anatomy(images: Sequence[Image]) -> Anatomy:
     rim = find_rim(still)
     pivot = find_pivot(images, rim) if len(images) > 1 else None
     _check_which_edge(rim, pivot)
-    rim_scale = _rim_scale(rim, pivot)
+    rim_ratio = _rim_ratio(rim, pivot)
     middle_x, middle_y = (still.shape[1] - 1) / 2, (still.shape[0] - 1) / 2
 
     def section(at_px: Vec) -> Vec:
         return (
-            middle_x + (at_px[0] - middle_x) / rim_scale,
-            middle_y + (at_px[1] - middle_y) / rim_scale,
+            middle_x + (at_px[0] - middle_x) / rim_ratio,
+            middle_y + (at_px[1] - middle_y) / rim_ratio,
         )
 
     contour, refined = _contour(rim.inner)
@@ -97,12 +97,12 @@ def find_anatomy(images: Sequence[Image]) -> Anatomy:
         still=still,
         rim=rim,
         center_px=section(rim.inner.center_px),
-        radius_px=rim.inner.radius_px / rim_scale,
+        radius_px=rim.inner.radius_px / rim_ratio,
         contour_px=tuple(section(point) for point in contour),
         refined=refined,
-        trocars=_trocars(still, rim, pivot, section(rim.inner.center_px), rim.middle_px / rim_scale),
+        trocars=_trocars(still, rim, pivot, section(rim.inner.center_px), rim.middle_px / rim_ratio),
         pivot=pivot,
-        rim_scale=rim_scale,
+        rim_ratio=rim_ratio,
     )
 
 
@@ -118,7 +118,7 @@ def _check_which_edge(rim: Rim, pivot: Pivot | None) -> None:
         )
 
 
-def _rim_scale(rim: Rim, pivot: Pivot | None) -> float:
+def _rim_ratio(rim: Rim, pivot: Pivot | None) -> float:
     """Tell how much larger than the section the rim is seen: 1 unless the pivot says otherwise.
 
     Weighed by how sure the pivot's depth in the wall is. Never less than 1: the wall hides the needle.

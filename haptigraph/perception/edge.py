@@ -40,7 +40,7 @@ class Edge(Struct, frozen=True, eq=False):
     """(n,): where the edge was seen."""
     offsets_px: Floats
     """(n,): how far outside the even curve it was seen there."""
-    support: float
+    support_ratio: float
     """Share of the rays in the image that saw it."""
     blur_px: float
     """Deviation of the edge's spread."""
@@ -90,7 +90,7 @@ def rays_from(picture: NDArray[np.float32], center: Vec, low_px: float, high_px:
 
 
 def edge_near(
-    picture: NDArray[np.float32], center: Vec, radius_px: float, reach: float = 0.04
+    picture: NDArray[np.float32], center: Vec, radius_px: float, reach_ratio: float = 0.04
 ) -> Edge | None:
     """Fit the edge near a circle.
 
@@ -98,14 +98,14 @@ def edge_near(
         picture: (h, w, 3), smoothed.
         center: Of the circle [px].
         radius_px: Its radius.
-        reach: How far from it to look, share of the radius.
+        reach_ratio: How far from it to look, share of the radius.
 
     Returns:
         None if there is hardly any.
     """
     harmonics = np.array([radius_px, 0.0, 0.0, 0.0, 0.0])
     edge = None
-    for reach_px in (max(reach * radius_px, 4.0), 4.0, 4.0):
+    for reach_px in (max(reach_ratio * radius_px, 4.0), 4.0, 4.0):
         margin_px = reach_px + 3 * math.hypot(*harmonics[3:]) + 8
         rays = rays_from(picture, center, max(harmonics[0] - margin_px, 2), harmonics[0] + margin_px)
         edge = _fitted(rays, harmonics, reach_px)

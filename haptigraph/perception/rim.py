@@ -65,7 +65,7 @@ def find_rim(image: Image) -> Rim:
 
 
 def _certainty(rim: Rim) -> float:
-    return rim.inner.support + (rim.outer.support if rim.outer else 0.0)
+    return rim.inner.support_ratio + (rim.outer.support_ratio if rim.outer else 0.0)
 
 
 def _brightened(color: Image) -> NDArray[np.float32]:
