@@ -21,7 +21,8 @@ UNITLESS = {
     "vignetting", "exposure", "shadow", "brightness", "highlight", "texture", "bowl_shade", "motion_scale", "loss",
     "max_amplitude", "contrast", "a", "b", "x", "y", "r", "g", "most", "wanted", "diameter", "thickness",
     "font_size", "theta_integral", "offset_grey", "mm_per_px", "px_per_mm", "left", "top", "right", "bottom",
-    "low", "high", "half_width", "radius", "inner", "scale", "lag_images", "mm_s", "deg_s", "flicker",
+    "low", "high", "rim_ratio", "reach_ratio", "support_ratio", "half_width", "radius", "inner", "scale",
+    "lag_images", "mm_s", "deg_s", "flicker",
 }  # fmt: skip
 
 
@@ -48,7 +49,7 @@ def test_public_names_are_complete_and_sorted(name):
 
 
 PRIVATE = {
-    "haptigraph.cli": ("Commands", "check", "demo", "evaluate", "recover", "replay", "run"),
+    "haptigraph.cli": ("Commands", "check", "demo", "evaluate", "recover", "register", "replay", "run"),
     "haptigraph.sim.painter": ("Palette",),
     "haptigraph.sim.scenario": ("About",),
     "haptigraph.scene.relations": ("distance_mm", "radial_mm", "theta_deg", "wall_mm"),

@@ -30,7 +30,7 @@ def refuse(*arguments: str) -> str:
     return lines[0]
 
 
-COMMANDS = ["check", "demo", "evaluate", "recover", "replay", "run"]
+COMMANDS = ["check", "demo", "evaluate", "recover", "register", "replay", "run"]
 
 
 def test_help_lists_every_command():

@@ -31,6 +31,7 @@ AHEAD = 6
 NARROWER_PX = 1.2
 WIDER_PX = 3.0
 MISS_PX = 3.0
+LEAST_MISS_PX = 0.6
 SIDE_PX = 0.2
 SCALE_PX = 100.0  # keeps the normal equations well conditioned
 PER_PX = np.array([[1, 1 / SCALE_PX], [1 / SCALE_PX, 1 / SCALE_PX**2]])
@@ -199,7 +200,7 @@ def _robust_line(edges: Edges, miss_px: float) -> LineFit | None:
     residual = v - 0
     for number in range(ROUNDS):
         distance = np.abs(residual)
-        reach = miss_px if number == 0 else min(TUKEY * 1.4826 * median(distance), MISS_PX) + 0.1
+        reach = miss_px if number == 0 else min(max(TUKEY * 1.4826 * median(distance), LEAST_MISS_PX), MISS_PX)
         closeness = 1 - np.minimum(distance / reach, 1) ** 2
         weighed = design * (trust * closeness * closeness)
         covariance = np.linalg.inv(weighed @ design.T + PRIOR)

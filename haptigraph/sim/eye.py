@@ -8,6 +8,8 @@ import math
 from msgspec import Struct
 
 from haptigraph.geometry import ImageGeometry, Vec
+from haptigraph.registration_text import AnatomyPx, TrocarPx
+from haptigraph.registration_text import registration_text as write_text
 
 __all__ = ["Eye", "EyeShape", "RegistrationError", "registration_text"]
 
@@ -75,37 +77,24 @@ def registration_text(
     """Write the registration of an eye seen through a camera, as TOML, wrong by an error if one is given."""
     error = error or RegistrationError()
 
-    def px(at_mm: Vec, off_px: Vec) -> str:
+    def px(at_mm: Vec, off_px: Vec) -> Vec:
         x, y = image.to_px(at_mm)
-        return f"[{x + off_px[0]:.3f}, {y + off_px[1]:.3f}]"
+        return x + off_px[0], y + off_px[1]
 
-    contour = ", ".join(px(point, error.globe_px) for point in eye.retina_mm)
-    return f"""# Registration of a simulated eye.
-format = 1
-
-[image]
-width = {width_px}
-height = {height_px}
-mirrored = {str(image.mirrored).lower()}
-
-[globe]
-center_px = {px((0.0, 0.0), error.globe_px)}
-radius_px = {eye.radius_mm / image.mm_per_px:.3f}
-diameter_mm = {eye.shape.diameter_mm}
-
-[retina]
-contour_px = [{contour}]
-
-[target]
-point_px = {px(eye.target_mm, error.target_px)}
-
-[[trocar]]
-name = "first"
-point_px = {px(eye.trocar_mm, error.trocar_px)}
-used = true
-
-[[trocar]]
-name = "second"
-point_px = {px(eye.other_trocar_mm, error.trocar_px)}
-used = false
-"""
+    return write_text(
+        AnatomyPx(
+            width_px=width_px,
+            height_px=height_px,
+            mirrored=image.mirrored,
+            center_px=px((0.0, 0.0), error.globe_px),
+            radius_px=eye.radius_mm / image.mm_per_px,
+            diameter_mm=eye.shape.diameter_mm,
+            contour_px=tuple(px(point, error.globe_px) for point in eye.retina_mm),
+            target_px=px(eye.target_mm, error.target_px),
+            trocars=(
+                TrocarPx("first", px(eye.trocar_mm, error.trocar_px), used=True),
+                TrocarPx("second", px(eye.other_trocar_mm, error.trocar_px), used=False),
+            ),
+        ),
+        "Registration of a simulated eye.",
+    )

@@ -1,0 +1,162 @@
+"""Make a registration: read images, find the anatomy, check it, draw it, write it, say how good it is.
+
+Either both files are written or neither.
+"""
+
+import json
+import os
+import tempfile
+from collections.abc import Generator
+from contextlib import closing
+from pathlib import Path
+
+from haptigraph.analysis.registration_picture import registration_picture
+from haptigraph.analysis.registration_report import WALL_MM, report_lines, wall_mm
+from haptigraph.analysis.registration_wishes import Wishes, check_wishes, settled
+from haptigraph.assemble import open_source
+from haptigraph.clock import VirtualClock
+from haptigraph.config import load_config
+from haptigraph.errors import BadInput, EndOfSource
+from haptigraph.messages import Image
+from haptigraph.perception.anatomy import Anatomy, find_anatomy
+from haptigraph.perception.registration import parse_registration
+from haptigraph.recording.codec import decode
+from haptigraph.recording.writer import Progress
+from haptigraph.registration_text import registration_text
+
+__all__ = ["register_source"]
+
+PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+MOST_OUT_OF_ROUND_MM = 0.35
+
+
+def register_source(
+    source: str,
+    output: str | Path,
+    wishes: Wishes,
+    picture: str | Path | None = None,
+    *,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> str:
+    """Register a source and write the file and its picture.
+
+    Args:
+        source: An image, or anything `run` takes but a camera.
+        output: The TOML to write.
+        wishes: Target, trocar, scale.
+        picture: The PNG to write; beside the TOML if None.
+        force: Whether existing files may be overwritten.
+        progress: Told how far reading is.
+
+    Returns:
+        The report, some lines of text.
+
+    Raises:
+        BadInput: If something cannot be found or used; nothing is written then.
+    """
+    files = Path(output), Path(picture) if picture else Path(output).with_suffix(".png")
+    check_wishes(wishes)
+    _check_files(files, force=force)
+    images = _spread_images(source, wishes.images, progress)
+    try:
+        anatomy = find_anatomy(images)
+    except BadInput as error:
+        raise BadInput(error.problem, source) from None
+    mm_per_px = wishes.diameter_mm / (2 * anatomy.radius_px)
+    _check_plausible(anatomy, mm_per_px, source)
+    found = settled(anatomy, wishes, mm_per_px, source)
+    text = registration_text(found, f"Registration found by haptigraph in {Path(source).name}.")
+    registration = parse_registration(text, f"registration found in {source}")
+    _write(files, (text.encode(), registration_picture(anatomy, registration, found)))
+    return "\n".join(report_lines(anatomy, found, registration, wishes, files))
+
+
+def _check_files(files: tuple[Path, Path], *, force: bool) -> None:
+    if files[0] == files[1]:
+        raise BadInput("registration and picture cannot be the same file", files[0])
+    for file in files:
+        if file.is_dir():
+            raise BadInput("is a folder; the name of a file is needed", file)
+        if file.exists() and not force:
+            raise BadInput("exists already; --force overwrites it", file)
+        if not file.parent.is_dir():
+            raise BadInput("its folder does not exist", file)
+
+
+def _spread_images(uri: str, most: int, progress: Progress | None) -> list[Image]:
+    """Read images spread evenly over a source of unknown length, at most so many."""
+    kept: list[Image] = []
+    step = 1
+    with closing(_all_images(uri)) as images:
+        for count, image in enumerate(images):
+            if count % step == 0:
+                kept.append(image)
+            if len(kept) == 2 * most:
+                kept, step = kept[::2], 2 * step
+            if progress and count % 25 == 0:
+                progress("reading", count, count + 25)
+    if not kept:
+        raise BadInput("has no images", uri)
+    if any(image.shape != kept[0].shape for image in kept):
+        raise BadInput("its images differ in size; all must come from one camera that stands still", uri)
+    picks = range(min(most, len(kept)))
+    return [kept[round(number * (len(kept) - 1) / max(len(picks) - 1, 1))] for number in picks]
+
+
+def _all_images(uri: str) -> Generator[Image, None, None]:
+    file = Path(uri)
+    if file.is_file() and file.suffix.lower() in PICTURES:
+        try:
+            yield decode(file.read_bytes())
+        except ValueError:
+            raise BadInput("not an image that OpenCV can read", uri) from None
+        return
+    if uri.startswith("camera:"):
+        raise BadInput(f"{uri} cannot be registered directly; record a short clip with it and give that")
+    source = open_source(load_config(None, (f"source.uri={json.dumps(uri)}",)), VirtualClock())
+    try:
+        while True:
+            capture = source.read(1.0)
+            if capture is not None and capture.image is not None:
+                yield capture.image
+    except EndOfSource:
+        return
+    finally:
+        source.close()
+
+
+def _check_plausible(anatomy: Anatomy, mm_per_px: float, source: str) -> None:
+    off_mm = anatomy.rim.inner.out_of_round_px * mm_per_px
+    if off_mm > MOST_OUT_OF_ROUND_MM:
+        raise BadInput(
+            f"the globe is seen at a slant: its radius varies by {off_mm:.2f} mm either way, at most "
+            f"{MOST_OUT_OF_ROUND_MM} mm is handled; turn the camera to look straight at the section",
+            source,
+        )
+    if anatomy.rim.outer is None:
+        return
+    thick_mm = wall_mm(anatomy, mm_per_px)
+    if not WALL_MM[0] <= thick_mm <= WALL_MM[1]:
+        raise BadInput(
+            f"what looks like the globe has a wall of {thick_mm:.1f} mm; "
+            f"{WALL_MM[0]:g} to {WALL_MM[1]:g} mm is plausible",
+            source,
+        )
+
+
+def _write(files: tuple[Path, Path], contents: tuple[bytes, bytes]) -> None:
+    """Write both files beside their places first, so that neither is ever half there."""
+    ready: list[tuple[str, Path]] = []
+    try:
+        for file, content in zip(files, contents, strict=True):
+            handle, name = tempfile.mkstemp(dir=file.parent, prefix=f".{file.name}.")
+            ready.append((name, file))
+            with os.fdopen(handle, "wb") as part:
+                part.write(content)
+        for name, file in ready:
+            Path(name).chmod(0o644)
+            Path(name).replace(file)
+    finally:
+        for name, _ in ready:
+            Path(name).unlink(missing_ok=True)

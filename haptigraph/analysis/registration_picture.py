@@ -1,0 +1,70 @@
+"""Draw a registration over the picture it was found in, for a person to look at before trusting it."""
+
+import cv2
+import numpy as np
+
+from haptigraph.geometry import Vec
+from haptigraph.messages import Image
+from haptigraph.perception.anatomy import Anatomy
+from haptigraph.perception.registration import Registration
+from haptigraph.registration_text import AnatomyPx
+
+__all__ = ["registration_picture"]
+
+GLOBE, RETINA, TROCAR, TARGET, WALL = (
+    (255, 200, 60),
+    (60, 60, 255),
+    (40, 220, 255),
+    (90, 230, 90),
+    (200, 120, 200),
+)
+FINE = 4  # binary places of a pixel in OpenCV's drawing
+SCALE_BAR_MM = 5.0
+
+
+def registration_picture(anatomy: Anatomy, registration: Registration, found: AnatomyPx) -> bytes:
+    """Return a PNG."""
+    still = anatomy.still
+    canvas = (
+        still.copy() if still.ndim == 3 else np.asarray(cv2.cvtColor(still, cv2.COLOR_GRAY2BGR), np.uint8)
+    )
+    if anatomy.rim.outer is not None:
+        _circle(canvas, anatomy.rim.outer.center_px, anatomy.rim.outer.radius_px, WALL)
+    _circle(canvas, found.center_px, found.radius_px, GLOBE)
+    corners = np.round(np.array(found.contour_px) * 2**FINE).astype(np.int32)
+    cv2.polylines(canvas, [corners], False, RETINA, 2, cv2.LINE_AA, FINE)
+    for trocar in found.trocars:
+        _circle(canvas, trocar.point_px, 6, TROCAR, 2)
+        _say(canvas, f"{trocar.name}{' (used)' if trocar.used else ''}", trocar.point_px, TROCAR)
+        if trocar.used:
+            start, end = (
+                np.round(np.array(p) * 2**FINE).astype(int).tolist()
+                for p in (trocar.point_px, found.target_px)
+            )
+            cv2.line(canvas, start, end, TROCAR, 1, cv2.LINE_AA, FINE)
+    _circle(canvas, found.target_px, 6, TARGET, 2)
+    _say(canvas, "target", found.target_px, TARGET)
+    _scale_bar(canvas, registration.image.mm_per_px)
+    done, png = cv2.imencode(".png", canvas)
+    if not done:
+        raise RuntimeError("OpenCV could not encode a PNG")
+    return png.tobytes()
+
+
+def _circle(
+    canvas: Image, center: Vec, radius_px: float, color: tuple[int, int, int], thick: int = 1
+) -> None:
+    place = tuple(round(value * 2**FINE) for value in center)
+    cv2.circle(canvas, place, round(radius_px * 2**FINE), color, thick, cv2.LINE_AA, FINE)
+
+
+def _say(canvas: Image, text: str, at_px: Vec, color: tuple[int, int, int]) -> None:
+    place = round(at_px[0]) + 10, round(at_px[1]) - 10
+    for ink, thick in (((0, 0, 0), 3), (color, 1)):
+        cv2.putText(canvas, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.5, ink, thick, cv2.LINE_AA)
+
+
+def _scale_bar(canvas: Image, mm_per_px: float) -> None:
+    length, bottom = round(SCALE_BAR_MM / mm_per_px), canvas.shape[0] - 20
+    cv2.line(canvas, (20, bottom), (20 + length, bottom), (255, 255, 255), 2)
+    _say(canvas, f"{SCALE_BAR_MM:g} mm", (12, bottom), (255, 255, 255))

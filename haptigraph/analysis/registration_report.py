@@ -1,0 +1,85 @@
+"""Say in a few lines what was found, how well, and whether the scale is plausible."""
+
+import math
+from pathlib import Path
+
+from haptigraph.analysis.registration_wishes import Wishes, named_trocars
+from haptigraph.perception.anatomy import Anatomy, FoundTrocar
+from haptigraph.perception.registration import Registration
+from haptigraph.registration_text import AnatomyPx, TrocarPx
+
+__all__ = ["WALL_MM", "report_lines", "wall_mm"]
+
+WALL_MM = (0.3, 4.0)  # plausible thickness
+UNSURE_PX = 5.0
+
+
+def wall_mm(anatomy: Anatomy, mm_per_px: float) -> float:
+    """Return the thickness of the wall; nan if its outer edge is not seen."""
+    inner, outer = anatomy.rim.inner, anatomy.rim.outer
+    return (outer.radius_px - inner.radius_px) / anatomy.rim_ratio * mm_per_px if outer else math.nan
+
+
+def report_lines(
+    anatomy: Anatomy, found: AnatomyPx, registration: Registration, wishes: Wishes, files: tuple[Path, Path]
+) -> list[str]:
+    """Return the report, line by line."""
+    mm, inner, outer = registration.image.mm_per_px, anatomy.rim.inner, anatomy.rim.outer
+    seen = inner.support_ratio
+    lines = [
+        f"globe      centre ({found.center_px[0]:.1f}, {found.center_px[1]:.1f}) px, radius "
+        f"{found.radius_px:.1f} px; residual {_both(inner.residual_px, mm)} on {seen:.0%} of it",
+        f"tilt       radius varies by {_both(inner.out_of_round_px, mm)} either way; the mean circle is kept",
+        f"scale      {mm:.5f} mm/px, from a diameter of {found.diameter_mm:g} mm",
+    ]
+    if outer is not None:
+        lines.append(
+            f"check      at this scale the wall is {wall_mm(anatomy, mm):.2f} mm thick (plausible: 0.3 to 4)"
+        )
+    else:
+        lines.append("check      the wall's outer edge is not seen: make sure that the inner one was found")
+    lines += _rim_lines(anatomy)
+    lines.append(
+        f"retina     {len(found.contour_px)} points, {anatomy.refined} of them where the edge was seen"
+    )
+    for (name, trocar), kept in zip(named_trocars(anatomy, wishes.mirrored), found.trocars, strict=False):
+        if kept.name == name:
+            lines.append(_trocar_line(anatomy, trocar, kept, registration))
+    x_mm, y_mm = registration.target.at_mm
+    default = wishes.target is None and wishes.target_mm is None
+    lines.append(
+        f"target     ({found.target_px[0]:.1f}, {found.target_px[1]:.1f}) px, "
+        f"{math.atan2(x_mm, -y_mm) * registration.globe.radius_mm:+.2f} mm along the retina"
+        + (" (not given: its bottom; --target or --target-mm moves it)" if default else "")
+    )
+    return [*lines, f"written    {files[0]}\npicture    {files[1]}"]
+
+
+def _rim_lines(anatomy: Anatomy) -> list[str]:
+    if anatomy.pivot is None:
+        return [
+            "rim        no needle moves: taken to lie in the section; "
+            "a clip with a moving needle would tell whether it stands before it, and is seen larger"
+        ]
+    if anatomy.pivot.radial_sd_px > UNSURE_PX:
+        return ["rim        the needle turns too little to tell whether the rim stands before the section"]
+    return [
+        f"rim        seen {anatomy.rim_ratio - 1:.1%} larger than the section, by where the needle pivots"
+    ]
+
+
+def _trocar_line(anatomy: Anatomy, trocar: FoundTrocar, kept: TrocarPx, registration: Registration) -> str:
+    mm = registration.image.mm_per_px
+    out_mm = math.dist(trocar.point_px, anatomy.center_px) * mm - registration.globe.radius_mm
+    how = "by the hole's mouth"
+    if trocar.by == "needle" and anatomy.pivot is not None:
+        how = f"by {anatomy.pivot.lines} shaft lines, residual {_both(anatomy.pivot.residual_px, mm)}"
+    used = ", in use" if kept.used else ""
+    x, y = trocar.point_px
+    return (
+        f"trocar     {kept.name}{used}: ({x:.1f}, {y:.1f}) px, {out_mm:.2f} mm outside the inner edge, {how}"
+    )
+
+
+def _both(length_px: float, mm_per_px: float) -> str:
+    return f"{length_px:.2f} px ({length_px * mm_per_px:.3f} mm)"

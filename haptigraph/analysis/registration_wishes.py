@@ -1,0 +1,164 @@
+"""Join what was found with what the user says about the set-up: target, trocar in use, scale, mirror.
+
+Anatomy and wishes in, the registration's data out. Knows no files.
+"""
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+
+from msgspec import Struct
+
+from haptigraph.errors import BadInput
+from haptigraph.geometry import Vec
+from haptigraph.perception.anatomy import Anatomy, FoundTrocar
+from haptigraph.perception.registration import DIAMETER_RANGE_MM
+from haptigraph.registration_text import AnatomyPx, TrocarPx
+
+__all__ = ["Wishes", "check_wishes", "named_trocars", "settled"]
+
+SNAP_MM = 1.5  # so far off the retina a target given in pixels may lie
+
+
+class Wishes(Struct, frozen=True):
+    """What the user says about the set-up."""
+
+    target: str | None = None
+    target_mm: float | None = None
+    trocar: str | None = None
+    mirrored: bool = True
+    diameter_mm: float = 24.0
+    images: int = 40
+
+
+def check_wishes(wishes: Wishes) -> None:
+    """Refuse wishes that make no sense whatever the image shows."""
+    if wishes.target is not None and wishes.target_mm is not None:
+        raise BadInput("--target and --target-mm say the same thing twice; give one")
+    if wishes.images < 1:
+        raise BadInput(f"--images {wishes.images}; at least 1 is needed")
+    low, high = DIAMETER_RANGE_MM
+    if not low <= wishes.diameter_mm <= high:
+        raise BadInput(
+            f"--diameter-mm {wishes.diameter_mm:g} is not an eye; {low:g} to {high:g} is plausible"
+        )
+    for option, text in (("--target", wishes.target), ("--trocar", wishes.trocar)):
+        if text is not None and not (option == "--trocar" and text in ("left", "right")):
+            _place(option, text)
+
+
+def settled(anatomy: Anatomy, wishes: Wishes, mm_per_px: float, source: str) -> AnatomyPx:
+    """Return the registration's data.
+
+    Raises:
+        BadInput: If a wish does not fit what was found.
+    """
+    trocars = named_trocars(anatomy, wishes.mirrored)
+    return AnatomyPx(
+        width_px=anatomy.still.shape[1],
+        height_px=anatomy.still.shape[0],
+        mirrored=wishes.mirrored,
+        center_px=anatomy.center_px,
+        radius_px=anatomy.radius_px,
+        diameter_mm=wishes.diameter_mm,
+        contour_px=anatomy.contour_px[:: -1 if wishes.mirrored else 1],
+        target_px=_target(anatomy, wishes, mm_per_px, source),
+        trocars=_with_used(trocars, anatomy, wishes.trocar, source),
+    )
+
+
+def named_trocars(anatomy: Anatomy, mirrored: bool) -> list[tuple[str, FoundTrocar]]:
+    """Name trocars by the surgeon's side; a second one on the same side has a number."""
+    named: list[tuple[str, FoundTrocar]] = []
+    for trocar in anatomy.trocars:
+        side = "right" if (trocar.angle_deg > 0) != mirrored else "left"
+        same = sum(name.startswith(side) for name, _ in named)
+        named.append((f"{side} {same + 1}" if same else side, trocar))
+    return named
+
+
+def _with_used(
+    named: Sequence[tuple[str, FoundTrocar]], anatomy: Anatomy, wish: str | None, source: str
+) -> tuple[TrocarPx, ...]:
+    """Settle which trocar is in use: the user's word, the moving needle, or the only hole."""
+    told = ", ".join(f"{name} at ({t.point_px[0]:.0f}, {t.point_px[1]:.0f}) px" for name, t in named)
+    if wish and "," in wish:
+        place = _place("--trocar", wish)
+        others = [(name, t) for name, t in named if math.dist(t.point_px, place) > 0.15 * anatomy.radius_px]
+        return TrocarPx("given", place, used=True), *(TrocarPx(n, t.point_px, used=False) for n, t in others)
+    if wish:
+        if wish not in dict(named):
+            raise BadInput(
+                f"no trocar found on the {wish}; found: {told or 'none'}; give --trocar X,Y", source
+            )
+        used = wish
+    elif not named:
+        raise BadInput(
+            "no trocar found: no needle moves, and no hole is seen inside the wall; "
+            "give a clip with a moving needle, or --trocar X,Y",
+            source,
+        )
+    elif named[0][1].by == "needle" or len(named) == 1:
+        used = named[0][0]
+    else:
+        raise BadInput(f"no needle moves to show which trocar is in use; give --trocar: {told}", source)
+    return tuple(TrocarPx(name, trocar.point_px, name == used) for name, trocar in named)
+
+
+def _target(anatomy: Anatomy, wishes: Wishes, mm_per_px: float, source: str) -> Vec:
+    """Return the target on the retina: the place nearest to the given one, or so far along it."""
+    contour = anatomy.contour_px
+    if wishes.target is not None:
+        place = _place("--target", wishes.target)
+        nearest = min(
+            (_nearest(place, a, b) for a, b in pairwise(contour)), key=lambda p: math.dist(p, place)
+        )
+        off_mm = math.dist(nearest, place) * mm_per_px
+        if off_mm > SNAP_MM:
+            raise BadInput(
+                f"--target {wishes.target} lies {off_mm:.1f} mm off the retina; "
+                f"at most {SNAP_MM} mm is moved onto it",
+                source,
+            )
+        return nearest
+    wanted_mm = wishes.target_mm or 0.0
+    angle = wanted_mm / (wishes.diameter_mm / 2) * (-1 if wishes.mirrored else 1)
+    x, y = anatomy.center_px
+    ends = [math.atan2(p[0] - x, p[1] - y) for p in (contour[0], contour[-1])]
+    if not math.isfinite(angle) or not min(ends) <= angle <= max(ends):
+        reach_mm = max(ends) * wishes.diameter_mm / 2
+        raise BadInput(
+            f"--target-mm {wanted_mm:g} is beyond the retina, which reaches {reach_mm:.1f} mm either way"
+        )
+    way = math.sin(angle), math.cos(angle)
+    far = x + 2 * anatomy.radius_px * way[0], y + 2 * anatomy.radius_px * way[1]
+    return min((_crossing((x, y), far, a, b) for a, b in pairwise(contour)), key=lambda hit: hit[0])[1]
+
+
+def _nearest(place: Vec, a: Vec, b: Vec) -> Vec:
+    dx, dy = b[0] - a[0], b[1] - a[1]
+    share = ((place[0] - a[0]) * dx + (place[1] - a[1]) * dy) / (dx * dx + dy * dy)
+    share = min(max(share, 0.0), 1.0)
+    return a[0] + share * dx, a[1] + share * dy
+
+
+def _crossing(start: Vec, end: Vec, a: Vec, b: Vec) -> tuple[float, Vec]:
+    """Return how far outside the piece a-b the way from start to end crosses its line, and where."""
+    way, piece = (end[0] - start[0], end[1] - start[1]), (b[0] - a[0], b[1] - a[1])
+    turn = way[0] * piece[1] - way[1] * piece[0]
+    if turn == 0:
+        return math.inf, a
+    share = ((a[0] - start[0]) * way[1] - (a[1] - start[1]) * way[0]) / turn
+    return max(-share, share - 1, 0.0), (a[0] + share * piece[0], a[1] + share * piece[1])
+
+
+def _place(option: str, text: str) -> Vec:
+    """Read "x,y"."""
+    try:
+        x, y = (float(part) for part in text.split(","))
+    except ValueError:
+        x = y = math.nan
+    if not (math.isfinite(x) and math.isfinite(y)):
+        names = "left, right or " if option == "--trocar" else ""
+        raise BadInput(f"{option} {text!r} is no place; {names}X,Y in pixels is valid, e.g. 602.5,641")
+    return x, y

@@ -1,0 +1,65 @@
+"""Write a registration file: where the static anatomy lies in the images, as TOML.
+
+Pixels in, text out; the checks are made when it is read. Used by whoever knows an anatomy.
+"""
+
+from msgspec import Struct
+
+from haptigraph.geometry import Vec
+
+__all__ = ["AnatomyPx", "TrocarPx", "registration_text"]
+
+
+class TrocarPx(Struct, frozen=True):
+    """One trocar."""
+
+    name: str
+    point_px: Vec
+    used: bool
+
+
+class AnatomyPx(Struct, frozen=True):
+    """The static anatomy in pixels of the image as stored."""
+
+    width_px: int
+    height_px: int
+    mirrored: bool
+    center_px: Vec
+    radius_px: float
+    diameter_mm: float
+    contour_px: tuple[Vec, ...]
+    target_px: Vec
+    trocars: tuple[TrocarPx, ...]
+
+
+def registration_text(anatomy: AnatomyPx, title: str) -> str:
+    """Return the file's text; `title` is its first line."""
+    contour = ", ".join(_px(point) for point in anatomy.contour_px)
+    trocars = "".join(
+        f'\n[[trocar]]\nname = "{trocar.name}"\npoint_px = {_px(trocar.point_px)}\n'
+        f"used = {str(trocar.used).lower()}\n"
+        for trocar in anatomy.trocars
+    )
+    return f"""# {title}
+format = 1
+
+[image]
+width = {anatomy.width_px}
+height = {anatomy.height_px}
+mirrored = {str(anatomy.mirrored).lower()}
+
+[globe]
+center_px = {_px(anatomy.center_px)}
+radius_px = {anatomy.radius_px:.3f}
+diameter_mm = {anatomy.diameter_mm}
+
+[retina]
+contour_px = [{contour}]
+
+[target]
+point_px = {_px(anatomy.target_px)}
+{trocars}"""
+
+
+def _px(at_px: Vec) -> str:
+    return f"[{at_px[0]:.3f}, {at_px[1]:.3f}]"

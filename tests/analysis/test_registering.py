@@ -1,0 +1,150 @@
+"""`haptigraph register`, from source to files."""
+
+import math
+import re
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from haptigraph.cli import main
+from haptigraph.perception.registration import load_registration
+
+
+def call(*arguments: object):
+    result = CliRunner().invoke(main, ["register", *(str(argument) for argument in arguments)])
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result
+
+
+def refuse(*arguments: object) -> str:
+    result = call(*arguments)
+    assert result.exit_code == 2, result.output
+    assert result.stdout == ""
+    (line,) = result.stderr.strip().splitlines()
+    return line
+
+
+@pytest.fixture(scope="module")
+def picture(quick, tmp_path_factory) -> Path:
+    """One picture of the simulated eye, needle outside."""
+    from haptigraph.sim.phantom import Phantom
+    from haptigraph.sim.scenario import load_scenario
+
+    moment = Phantom(load_scenario(quick)).advance()
+    assert moment is not None
+    path = tmp_path_factory.mktemp("register") / "eye.png"
+    cv2.imwrite(str(path), moment.image)
+    return path
+
+
+def test_a_source_becomes_a_registration_and_a_picture(quick_uri, tmp_path):
+    out = tmp_path / "eye.toml"
+    result = call(quick_uri, "-o", out, "--target-mm", "1.885")
+    assert result.exit_code == 0, result.output
+    found = load_registration(out)
+    assert math.dist(found.image.center_px, (240, 148)) < 1.0
+    assert 12 / found.image.mm_per_px == pytest.approx(96, abs=1.0)
+    assert found.target.at_mm == pytest.approx((1.877, -11.852), abs=0.15)
+    assert math.dist(found.trocar.at_mm, (12.85 * math.sin(0.6283), 12.85 * math.cos(0.6283))) < 0.2
+    assert re.search(r"residual 0\.\d\d px \(0\.\d+ mm\)", result.stdout)
+    assert "mm/px" in result.stdout
+    drawn = cv2.imread(str(tmp_path / "eye.png"))
+    assert drawn is not None and drawn.shape == (270, 480, 3)
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["eye.png", "eye.toml"]
+
+
+def test_a_target_in_pixels_is_moved_onto_the_retina(picture, tmp_path):
+    out = tmp_path / "eye.toml"
+    assert call(picture, "-o", out, "--trocar", "left", "--target", "255,240").exit_code == 0
+    x, y = load_registration(out).image.to_px(load_registration(out).target.at_mm)
+    assert math.dist((x, y), (240, 148)) == pytest.approx(96, abs=1.0)
+    assert math.atan2(x - 240, y - 148) == pytest.approx(math.atan2(15, 92), abs=0.01)
+    far = refuse(picture, "-o", tmp_path / "b.toml", "--trocar", "left", "--target", "240,150")
+    assert "mm off the retina; at most 1.5 mm" in far
+
+
+def test_sides_follow_the_mirror(picture, tmp_path):
+    for mirror in ("--mirrored", "--not-mirrored"):
+        out = tmp_path / f"{mirror}.toml"
+        told = call(picture, "-o", out, mirror, "--trocar", "right", "--target-mm", "4")
+        assert told.exit_code == 0
+        assert "not given" not in told.stdout
+        found = load_registration(out)
+        assert found.trocar.at_mm[0] > 5
+        assert found.target.at_mm[0] > 3
+        assert found.retina.points_mm[0][0] < 0 < found.retina.points_mm[-1][0]
+
+
+def test_without_needle_the_user_says_which_trocar(picture, tmp_path):
+    message = refuse(picture, "-o", tmp_path / "eye.toml")
+    assert "no needle moves to show which trocar is in use; give --trocar: " in message
+    assert "left at (" in message and "right at (" in message
+    given = call(picture, "-o", tmp_path / "eye.toml", "--trocar", "300,65")
+    assert given.exit_code == 0, given.output
+    assert "target " in given.stdout and "not given: its bottom" in given.stdout
+
+
+def test_nothing_is_overwritten_unless_forced(picture, tmp_path):
+    for name in ("eye.toml", "eye.png"):
+        folder = tmp_path / name.replace(".", "_")
+        folder.mkdir()
+        (folder / name).write_text("precious")
+        out = folder / "eye.toml"
+        assert f"{folder / name}: exists already; --force overwrites it" in refuse(picture, "-o", out)
+        assert [file.read_text() for file in folder.iterdir()] == ["precious"]
+        assert call(picture, "-o", out, "--trocar", "left", "--force").exit_code == 0
+        load_registration(out)
+
+
+def test_nothing_is_written_where_nothing_is_found(tmp_path):
+    empty = tmp_path / "wall.png"
+    grain = np.random.default_rng(0).integers(90, 160, (270, 480, 3), np.uint8)
+    cv2.imwrite(str(empty), grain)
+    out = tmp_path / "out"
+    out.mkdir()
+    message = refuse(empty, "-o", out / "eye.toml")
+    assert message.startswith(f"haptigraph: {empty}: no eye in the picture")
+    (tmp_path / "no.png").write_text("no picture")
+    assert "not an image" in refuse(tmp_path / "no.png", "-o", out / "eye.toml")
+    assert list(out.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        (("--target", "here"), "--target 'here' is no place"),
+        (("--target", "1,nan"), "is no place"),
+        (("--trocar", "top"), "--trocar 'top' is no place; left, right or X,Y"),
+        (("--trocar", "240,150"), "inside the globe's inner wall"),
+        (("--trocar", "left", "--target-mm", "30"), "beyond the retina, which reaches 15."),
+        (("--target", "1,2", "--target-mm", "1"), "say the same thing twice"),
+        (("--diameter-mm", "3"), "not an eye"),
+        (("--images", "0"), "at least 1"),
+    ],
+)
+def test_bad_wishes_are_one_sentence(picture, tmp_path, options, reason):
+    assert reason in refuse(picture, "-o", tmp_path / "eye.toml", *options)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_camera_is_recorded_first(tmp_path):
+    assert "record a short clip" in refuse("camera:0", "-o", tmp_path / "eye.toml")
+
+
+def test_labelled_clips_are_found(clip, tmp_path):
+    truth = load_registration(clip / "registration.toml")
+    out = tmp_path / "eye.toml"
+    assert call(clip / "clip.mp4", "-o", out).exit_code == 0
+    found = load_registration(out)
+    assert math.dist(found.image.center_px, truth.image.center_px) < 1.5
+    assert 12 / found.image.mm_per_px == pytest.approx(12 / truth.image.mm_per_px, abs=1.5)
+    off_px = [
+        abs(math.dist(found.image.to_px(point), truth.image.center_px) - 12 / truth.image.mm_per_px)
+        for point in found.retina.points_mm
+    ]
+    assert max(off_px) < 2.0
+    assert math.dist(found.image.to_px(found.trocar.at_mm), truth.image.to_px(truth.trocar.at_mm)) < 1.5
