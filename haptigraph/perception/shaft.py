@@ -19,7 +19,8 @@ BLOCK = 6
 SIGMA_PX = 1.0  # of the slope filter: about the blur of a focused lens
 LEAST_SNR = 5.0
 LEAST_SLOPE = 3.0  # grey levels per px: softer is shadow or texture
-LEAST_SHARE = 0.08  # of the strongest slope on the same side of the same block
+FAINT, STRONG = 0.08, 0.35  # shares of the steepest slope on the same side of the same block
+PAIRS = np.array([0, 1, 0, 1]), np.array([2, 3, 3, 2])  # left, right: each faint, strong
 LEAST_BLOCKS = 3
 TUKEY = 4.0
 ROUNDS = 3
@@ -50,11 +51,11 @@ class Edges(Struct, frozen=True, eq=False):
     u_px: FloatImage
     """Middle of every block along the strip, (n,)."""
     middle_px: FloatImage
-    """Half-way between both, across the strip from its middle, (n,)."""
-    width_px: FloatImage
-    """From one to the other, (n,)."""
+    """Half-way between them, across the strip from its middle, (4, n): outermost pair first."""
     variance_px2: FloatImage
-    """Of that, (n,)."""
+    """Of that, (4, n)."""
+    width_px: FloatImage
+    """Between the outermost, (n,)."""
     steepness: FloatImage
     """Slope of the fainter one [grey levels per px], (n,)."""
     is_outside: Mask
@@ -80,7 +81,7 @@ class LineFit(Struct, frozen=True, eq=False):
         if not len(beyond):
             return from_px + BLOCK
         edges = self.edges
-        miss = np.abs(edges.middle_px[beyond] - self.v_px(edges.u_px[beyond]))
+        miss = np.abs(edges.middle_px[0, beyond] - self.v_px(edges.u_px[beyond]))
         steep = edges.steepness[beyond] > LEAST_STEEP * median(edges.steepness[self.is_on_line])
         kept = np.cumsum(np.where(edges.is_seen[beyond] & steep & (miss <= NEAR_PX), 1, -1))
         last = int(kept.argmax())
@@ -117,7 +118,7 @@ def fit_line(strip: Strip, tip_px: float, miss_px: float) -> LineFit | None:
         The line, or None if too few blocks show two edges that lie on one.
     """
     slopes = _slopes(strip, tip_px)
-    return _robust_line(_outermost(slopes), miss_px) if len(slopes.u_px) >= LEAST_BLOCKS else None
+    return _robust_line(_find_edges(slopes), miss_px) if len(slopes.u_px) >= LEAST_BLOCKS else None
 
 
 def _slopes(strip: Strip, before_px: float) -> _Slopes:
@@ -143,15 +144,17 @@ def _slopes(strip: Strip, before_px: float) -> _Slopes:
     return _Slopes(u_px, is_outside, signed, steep, strip.half_px, noise)
 
 
-def _outermost(slopes: _Slopes) -> Edges:
-    """Take the outermost steep places on either side of the strip's middle."""
+def _find_edges(slopes: _Slopes) -> Edges:
+    """Find, on either side of the strip's middle, the outermost faint and the outermost strong edge."""
     middle = slopes.half_px
-    left, right = slopes.steep[:, : middle + 1], slopes.steep[:, middle:]
-    most_left, most_right = left.max(axis=1, keepdims=True), right.max(axis=1, keepdims=True)
-    is_left = left > LEAST_SHARE * np.maximum(most_left, median(most_left))
-    is_right = right > LEAST_SHARE * np.maximum(most_right, median(most_right))
-    columns = np.stack([is_left.argmax(axis=1), 2 * middle - is_right[:, ::-1].argmax(axis=1)])
-    return _edges(slopes, columns, is_left.any(axis=1) & is_right.any(axis=1))
+    left, right = slopes.steep[:, : middle + 1], slopes.steep[:, middle:][:, ::-1]
+    columns = []
+    for side in (left, right):
+        most = side.max(axis=1, keepdims=True)
+        most = np.maximum(most, median(most))
+        columns += [(side > share * most).argmax(axis=1) for share in (FAINT, STRONG)]
+    columns[2:] = [2 * middle - column for column in columns[2:]]
+    return _edges(slopes, np.stack(columns), (left > 0).any(axis=1) & (right > 0).any(axis=1))
 
 
 def _is_whole(edges: Edges) -> Mask:
@@ -168,48 +171,61 @@ def _is_whole(edges: Edges) -> Mask:
 
 
 def _edges(slopes: _Slopes, columns: NDArray[np.int64], is_seen: Mask) -> Edges:
-    """Refine the columns of slope maxima, (2, n), to sub-pixel places with variances.
+    """Refine the columns of slope maxima, (4, n), to sub-pixel places with variances.
 
     The noise of a maximum's place is the noise of the derivative there over the curvature.
     """
-    columns = np.clip(columns, 1, slopes.signed.shape[1] - 2)
+    columns = np.clip(columns, 1, 2 * slopes.half_px - 1)
     rows = np.arange(columns.shape[1])
     around = np.abs(slopes.signed[rows[:, None], columns[..., None] + np.arange(-1, 2)])
     before, at, after = around[..., 0], around[..., 1], around[..., 2]
     curvature = np.maximum(2 * at - before - after, 1e-3)
     place = columns - slopes.half_px + np.clip((after - before) / (2 * curvature), -1, 1)
-    variance = CURVE_NOISE * slopes.noise_grey**2 * (curvature**-2.0).sum(axis=0) / 4 + FLOOR_PX**2
-    steepness = at.min(axis=0)
-    middle, width = (place[0] + place[1]) / 2, place[1] - place[0]
-    return Edges(slopes.u_px, middle, width, variance, steepness, slopes.is_outside, is_seen)
+    variance = CURVE_NOISE * slopes.noise_grey**2 / curvature**2
+    left, right = PAIRS
+    return Edges(
+        slopes.u_px,
+        middle_px=(place[left] + place[right]) / 2,
+        variance_px2=(variance[left] + variance[right]) / 4 + FLOOR_PX**2,
+        width_px=place[2] - place[0],
+        steepness=at.min(axis=0),
+        is_outside=slopes.is_outside,
+        is_seen=is_seen,
+    )
 
 
 def _robust_line(edges: Edges, miss_px: float) -> LineFit | None:
     """Fit by weighted least squares, leaving out blocks that are off the line (Tukey's weights).
 
     The light differs on the two sides of the wall, and with it where edges appear: each side as a whole may be
-    off by SIDE_PX, two more unknowns with that as their prior.
+    off by SIDE_PX, two more unknowns with that as their prior. A bright needle with dark rims has two edges on
+    either side, and rims do not show everywhere: after a first line from the outermost pairs of blocks that look
+    whole, every block joins with that pair whose middle is nearest to the line.
     """
-    chosen = np.flatnonzero(_is_whole(edges))
+    chosen = np.flatnonzero(edges.is_seen)
     if len(chosen) < LEAST_BLOCKS:
         return None
-    u, v = edges.u_px[chosen], edges.middle_px[chosen]
-    trust = 1 / edges.variance_px2[chosen]
+    u, each = edges.u_px[chosen], np.arange(len(chosen))
+    middle, trust = edges.middle_px[:, chosen], 1 / edges.variance_px2[:, chosen]
     outside = edges.is_outside[chosen]
     design = np.stack([np.ones(len(u)), u / SCALE_PX, outside, ~outside])
-    residual = v - 0
-    for number in range(ROUNDS):
-        distance = np.abs(residual)
-        reach = miss_px if number == 0 else min(max(TUKEY * 1.4826 * median(distance), LEAST_MISS_PX), MISS_PX)
-        closeness = 1 - np.minimum(distance / reach, 1) ** 2
-        weighed = design * (trust * closeness * closeness)
+    pair, reach, line = np.zeros(len(u), np.int64), miss_px, 0.0
+    usable = _is_whole(edges)[chosen]
+    for _ in range(ROUNDS):
+        v, belief = middle[pair, each], trust[pair, each]
+        closeness = (1 - np.minimum(np.abs(v - line) / reach, 1) ** 2) * usable
+        weighed = design * (belief * closeness * closeness)
         covariance = np.linalg.inv(weighed @ design.T + PRIOR)
         answer = covariance @ (weighed @ v)
-        residual = v - answer @ design
+        line = answer @ design
+        distances = np.abs(middle - line)
+        pair, usable = distances.argmin(axis=0), True
+        reach = min(max(TUKEY * 1.4826 * median(distances.min(axis=0)), LEAST_MISS_PX), MISS_PX)
     on = chosen[closeness > 0]
     if len(on) < LEAST_BLOCKS:
         return None
-    scatter = max(float((trust * (closeness > 0)) @ residual**2) / max(len(on) - 2, 1), 1.0)
+    residual = v - line
+    scatter = max(float((belief * (closeness > 0)) @ residual**2) / max(len(on) - 2, 1), LEAST_SCATTER)
     is_on_line = np.zeros(len(edges.u_px), np.bool_)
     is_on_line[on] = True
     line_covariance = covariance[:2, :2] * (scatter * PER_PX)

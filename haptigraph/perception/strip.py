@@ -121,8 +121,8 @@ class Strip(Struct, frozen=True, eq=False):
     """Columns reach so far to either side."""
     excess: FloatImage
     """What differs from the empty eye and from the flanks, grey levels, (n, 2 half_px + 1)."""
-    grey: FloatImage
-    """The image, same shape."""
+    beside: FloatImage
+    """What differs from the flanks alone, same shape."""
     is_known: Mask
     """Rows where the empty eye is known, (n,)."""
     before: slice
@@ -170,14 +170,15 @@ def sample_strip(
     without = _warp(site, empty, expected, u_px)
     is_known = without @ site.ones >= 0
     gains = is_known * np.float32(_gain(site, grey, without, is_known))
-    excess = (grey - gains[:, None] * without) @ site.level
+    beside = grey @ site.level
+    excess = beside - (gains[:, None] * without) @ site.level
     rows = (round(bound - first) for bound in (outer[0], inner[0] + RIM_PX, inner[1] - RIM_PX))
     wall, start, end = (min(max(row, 0), len(u_px)) for row in rows)
     return Strip(
         u_px,
         site.half_px,
         excess,
-        grey,
+        beside,
         is_known,
         slice(0, wall),
         slice(start, end),

@@ -13,7 +13,7 @@ import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
-from haptigraph.perception.strip import FLANK_PX, FloatImage, Strip, median
+from haptigraph.perception.strip import FloatImage, Strip, median
 
 __all__ = ["Reach", "find_reach", "refine_tip"]
 
@@ -59,7 +59,7 @@ def find_reach(strip: Strip, px_per_mm: float, usual_grey: float | None) -> Reac
         The reach, or None if there is no needle.
     """
     core = slice(strip.half_px - 2, strip.half_px + 3)
-    contrast = _contrast(strip, slice(None), strip.excess[:, core], strip.grey[:, core])
+    contrast = _contrast(strip.excess[:, core], strip.beside[:, core])
     noise = LEAST_SNR * strip.noise_grey / math.sqrt(core.stop - core.start)
     known = max(LEAST_GREY, noise, KNOWN_SHARE * (usual_grey or 0))
     unknown = max(UNKNOWN_GREY, noise, UNKNOWN_SHARE * (usual_grey or 0))
@@ -77,46 +77,65 @@ def find_reach(strip: Strip, px_per_mm: float, usual_grey: float | None) -> Reac
     return None
 
 
-def refine_tip(strip: Strip, reach: Reach, middle: Callable[[FloatImage], FloatImage]) -> Reach:
+def refine_tip(
+    strip: Strip, reach: Reach, edges_end_px: float, middle: Callable[[FloatImage], FloatImage]
+) -> Reach:
     """Find the tip sub-pixel: where the contrast falls off from what it was just behind.
 
     Args:
         strip: The straightened surroundings.
         reach: Roughly.
+        edges_end_px: Where along the strip the shaft's edges end; beyond may be its shadow.
         middle: The shaft's middle across the strip [px] for places along it [px].
     """
     if reach.where == "hidden":
         return reach
+    return (
+        _fall(strip, reach, min(reach.tip_px, edges_end_px), middle)
+        or _fall(strip, reach, reach.tip_px, middle)
+        or reach
+    )
+
+
+def _fall(
+    strip: Strip, reach: Reach, about_px: float, middle: Callable[[FloatImage], FloatImage]
+) -> Reach | None:
+    """Return where the contrast falls for the last time near some place; None if it does not."""
     rows = strip.inside if reach.where == "inside" else strip.before
-    end = round(reach.tip_px - float(strip.u_px[0])) + 1
+    end = round(about_px - float(strip.u_px[0])) + 1
     first, last = max(end - BEHIND_PX, rows.start), min(end + AHEAD_PX, rows.stop)
+    if last <= first:
+        return None
     u_px = strip.u_px[first:last]
     columns = np.rint(middle(u_px)).astype(np.int64) + strip.half_px
     columns = np.clip(columns, 1, 2 * strip.half_px - 1)[:, None] + np.arange(-1, 2)
     row = np.arange(first, last)[:, None]
-    along = _contrast(strip, slice(first, last), strip.excess[row, columns], strip.grey[row, columns])
+    along = _contrast(strip.excess[row, columns], strip.beside[row, columns])
+    high = max(median(along[: max(end - first - BLUNT_PX, 1)]), LEAST_GREY)
+    above = np.flatnonzero(along >= TIP_LEVEL * high)
+    if not len(above) or (above[-1] == len(along) - 1 and last < rows.stop):
+        return None
+    place, steepness = float(above[-1]), 1.0
+    if above[-1] < len(along) - 1:
+        steepness = float(along[above[-1]] - along[above[-1] + 1])
+        place += (float(along[above[-1]]) - TIP_LEVEL * high) / max(steepness, 1e-6)
     noise = strip.noise_grey / math.sqrt(columns.shape[1])
-    shaft = along[: max(end - first - BLUNT_PX, 1)]
-    high = max(median(shaft), LEAST_GREY)
-    place, steepness = _crossing(along, TIP_LEVEL * high)
-    deviation_px = math.hypot(FLOOR_PX, noise / max(steepness, 1.0))
     return replace(
-        reach, tip_px=float(u_px[0]) + place, deviation_px=deviation_px, contrast_grey=high
+        reach,
+        tip_px=float(u_px[0]) + place,
+        deviation_px=math.hypot(FLOOR_PX, noise / max(steepness, 1.0)),
+        contrast_grey=high,
     )
 
 
-def _contrast(strip: Strip, rows: slice, excess: FloatImage, grey: FloatImage) -> FloatImage:
+def _contrast(excess: FloatImage, beside: FloatImage) -> FloatImage:
     """Return how much the shaft's middle differs from what is beside and was behind it [grey levels].
 
-    Where the empty eye is known, it must differ from both: a stain that was always there is no needle, nor is a
-    place that a needle has left.
+    It must differ from both: a stain that was always there is no needle, nor is a place that a needle has left.
+    The size of every pixel's difference counts, for a needle may be darker on one side and brighter on the other.
     """
     weight = np.full(excess.shape[1], 1 / excess.shape[1], np.float32)
-    differs, core = np.abs(excess) @ weight, grey @ weight
-    flank = np.full(FLANK_PX, 1 / FLANK_PX, np.float32)
-    one, other = core - strip.grey[rows, :FLANK_PX] @ flank, core - strip.grey[rows, -FLANK_PX:] @ flank
-    most = np.maximum(np.abs(one), np.abs(other))
-    return np.asarray(np.minimum(differs, 2 * most), np.float32)
+    return np.asarray(np.minimum(np.abs(excess) @ weight, 2 * (np.abs(beside) @ weight)), np.float32)
 
 
 def _farthest(evidence: FloatImage) -> tuple[int, float]:
@@ -126,13 +145,3 @@ def _farthest(evidence: FloatImage) -> tuple[int, float]:
     total = np.cumsum(evidence)
     end = int(total.argmax())
     return (end + 1, float(total[end])) if total[end] > 0 else (0, 0.0)
-
-
-def _crossing(along: FloatImage, level: float) -> tuple[float, float]:
-    """Return where values fall through a level for the last time, sub-pixel, and how steeply."""
-    above = np.flatnonzero(along >= level)
-    if not len(above) or above[-1] == len(along) - 1:
-        return float(len(along) - 1 if len(above) else 0), 1.0
-    row = int(above[-1])
-    drop = float(along[row] - along[row + 1])
-    return row + (float(along[row]) - level) / max(drop, 1e-6), drop

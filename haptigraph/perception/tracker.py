@@ -8,7 +8,6 @@ cannot be seen is not reported: a tip in the wall, a needle that has gone. Knows
 import math
 
 from msgspec import Struct
-from msgspec.structs import replace
 
 from haptigraph.config import PerceptionConfig
 from haptigraph.geometry import Geometry, Point, Segment
@@ -135,10 +134,8 @@ class Tracker:
         fit = reach and fit_line(strip, reach.tip_px, strip.half_px if until_px == math.inf else TRACKED_PX)
         if reach is None or fit is None:
             return None
-        if reach.where != "hidden":
-            rows = strip.inside if reach.where == "inside" else strip.before
-            end_px = fit.end_px(float(strip.u_px[rows.start]))
-            reach = replace(reach, tip_px=min(reach.tip_px, end_px))
+        rows = strip.inside if reach.where == "inside" else strip.before
+        edges_end_px = fit.end_px(float(strip.u_px[rows.start])) if reach.where != "hidden" else math.inf
         line = Line(expected.angle_rad + math.atan(fit.slope), expected.offset_px + fit.offset_px)
         confidence = float(fit.is_on_line.mean())
         turn = abs(line.angle_rad - self._site.inwards_rad)
@@ -148,7 +145,7 @@ class Tracker:
             return None
         if confidence < LEAST_CONFIDENCE or abs(line.offset_px) > MISS_MM * scale:
             return None
-        return _Sight(line, fit, refine_tip(strip, reach, fit.v_px), confidence)
+        return _Sight(line, fit, refine_tip(strip, reach, edges_end_px, fit.v_px), confidence)
 
     def _learn(self, image: Image, sight: _Sight | None) -> None:
         if sight is None and self._background.is_new and self._doubts < DOUBTS:
