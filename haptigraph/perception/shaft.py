@@ -25,6 +25,7 @@ LEAST_BLOCKS = 3
 TUKEY = 4.0
 ROUNDS = 3
 FLOOR_PX = 0.12  # what light on the metal does to an edge, however little noise there is
+UNKNOWN_FLOOR_PX = 0.5  # what an unknown background does to it: it may hide a side of the shaft
 LEAST_SCATTER = 0.05
 NEAR_PX = 3.0
 LEAST_STEEP = 0.25  # of the shaft's edges: softer ones are its shadow's
@@ -97,6 +98,8 @@ class _Slopes(Struct, frozen=True, eq=False):
 
     u_px: FloatImage
     is_outside: Mask
+    is_known: Mask
+    """Blocks where the empty eye is known, (n,)."""
     signed: FloatImage
     """Grey levels per pixel, (n, columns)."""
     steep: FloatImage
@@ -128,12 +131,13 @@ def _slopes(strip: Strip, before_px: float) -> _Slopes:
         count = max(min(rows.stop, last) - rows.start, 0) // BLOCK
         part = slice(rows.start, rows.start + count * BLOCK)
         blocks = strip.excess[part].reshape(count, BLOCK, 2 * strip.half_px + 1).sum(axis=1) / BLOCK
-        parts.append((strip.u_px[part][::BLOCK] + (BLOCK - 1) / 2, blocks))
-    u_px, blocks = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+        is_known = strip.is_known[part].reshape(count, BLOCK).all(axis=1)
+        parts.append((strip.u_px[part][::BLOCK] + (BLOCK - 1) / 2, is_known, blocks))
+    u_px, is_known, blocks = (np.concatenate(columns) for columns in zip(*parts, strict=True))
     is_outside = u_px < (strip.u_px[strip.before.stop - 1] if strip.before.stop else -math.inf)
     noise = strip.noise_grey / math.sqrt(BLOCK)
     if not len(u_px):
-        return _Slopes(u_px, is_outside, blocks, blocks, strip.half_px, noise)
+        return _Slopes(u_px, is_outside, is_known, blocks, blocks, strip.half_px, noise)
     signed = np.asarray(cv2.filter2D(blocks, cv2.CV_32F, SLOPE[None]), np.float32)
     size = np.abs(signed)
     middle = size[:, 1:-1]
@@ -141,7 +145,7 @@ def _slopes(strip: Strip, before_px: float) -> _Slopes:
     is_peak &= middle >= max(LEAST_SNR * noise * math.sqrt(SLOPE_NOISE), LEAST_SLOPE)
     steep = np.zeros_like(size)
     steep[:, 1:-1] = middle * is_peak
-    return _Slopes(u_px, is_outside, signed, steep, strip.half_px, noise)
+    return _Slopes(u_px, is_outside, is_known, signed, steep, strip.half_px, noise)
 
 
 def _find_edges(slopes: _Slopes) -> Edges:
@@ -182,11 +186,12 @@ def _edges(slopes: _Slopes, columns: NDArray[np.int64], is_seen: Mask) -> Edges:
     curvature = np.maximum(2 * at - before - after, 1e-3)
     place = columns - slopes.half_px + np.clip((after - before) / (2 * curvature), -1, 1)
     variance = CURVE_NOISE * slopes.noise_grey**2 / curvature**2
+    floor_px = np.where(slopes.is_known, FLOOR_PX, UNKNOWN_FLOOR_PX)
     left, right = PAIRS
     return Edges(
         slopes.u_px,
         middle_px=(place[left] + place[right]) / 2,
-        variance_px2=(variance[left] + variance[right]) / 4 + FLOOR_PX**2,
+        variance_px2=(variance[left] + variance[right]) / 4 + floor_px**2,
         width_px=place[2] - place[0],
         steepness=at.min(axis=0),
         is_outside=slopes.is_outside,
@@ -219,7 +224,7 @@ def _robust_line(edges: Edges, miss_px: float) -> LineFit | None:
         answer = covariance @ (weighed @ v)
         line = answer @ design
         distances = np.abs(middle - line)
-        pair, usable = distances.argmin(axis=0), True
+        pair = distances.argmin(axis=0)
         reach = min(max(TUKEY * 1.4826 * median(distances.min(axis=0)), LEAST_MISS_PX), MISS_PX)
     on = chosen[closeness > 0]
     if len(on) < LEAST_BLOCKS:
