@@ -114,7 +114,9 @@ def replay(recording: str, procedure: str | None) -> None:
 
     with _progress() as progress:
         report = run_again(recording, procedure, progress)
-    if not report.is_whole:
+    if report.is_being_written:
+        click.echo("the recording is still being written; this is what there is so far")
+    elif not report.is_whole:
         click.echo("the recording was interrupted; `haptigraph recover` makes it whole")
     if report.dropped_images:
         click.echo(f"{report.dropped_images} images were not recorded; steps that depend on them differ")
@@ -189,14 +191,13 @@ def check(procedure: str) -> None:
 def recover(recording: str) -> None:
     """Make an interrupted RECORDING whole, in its place."""
     from haptigraph.recording.reader import RunReader
-    from haptigraph.recording.writer import compact
+    from haptigraph.recording.writer import recover as make_whole
 
     reader = RunReader(recording)
-    if reader.is_whole:
-        click.echo(f"{recording} is whole")
-        return
     with _progress() as progress:
-        compact(reader.path, progress)
+        if not make_whole(reader.path, progress):
+            click.echo(f"{recording} is whole")
+            return
     steps, _ = RunReader(recording).count()
     click.echo(f"{recording} is whole again: {steps} complete steps")
 

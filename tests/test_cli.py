@@ -1,5 +1,6 @@
 import csv
 import json
+import os
 import re
 import signal
 import subprocess
@@ -10,6 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from haptigraph.cli import main
+from haptigraph.recording.journal import Journal
 from haptigraph.recording.reader import RunReader
 
 
@@ -137,6 +139,15 @@ def test_an_interrupted_recording_is_named_as_such(recording, tmp_path):
     torn = tmp_path / "torn.mcap"
     torn.write_bytes(recording.read_bytes()[:-5000])
     assert "was interrupted; `haptigraph recover` makes it whole" in call("replay", torn).output
+
+
+def test_a_recording_that_goes_on_is_replayed_as_far_as_it_is_but_not_recovered(recording, tmp_path):
+    live = tmp_path / "live.mcap"
+    journal = Journal(os.open(live, os.O_WRONLY | os.O_CREAT))
+    journal.write(recording.read_bytes()[:-5000])
+    assert "the recording is still being written" in call("replay", live).output
+    assert refuse("recover", live) == f"haptigraph: {live}: is still being written; end that run first"
+    journal.close()
 
 
 def test_demo_runs_records_replays_and_draws(quick, tmp_path):

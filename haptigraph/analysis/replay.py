@@ -39,6 +39,7 @@ class ReplayReport(Struct):
     dropped_images: int = 0
     """Images that perception saw but the recording does not have; what depends on them must differ."""
     is_whole: bool = True
+    is_being_written: bool = False
     recorded: RunMeasures = msgspec.field(default_factory=RunMeasures)
     replayed: RunMeasures = msgspec.field(default_factory=RunMeasures)
 
@@ -56,7 +57,9 @@ def replay(path: str | Path, procedure: str | None = None, progress: Progress | 
     """
     reader = RunReader(path)
     steps, dropped_images = reader.count()
-    report = ReplayReport(is_whole=reader.is_whole, dropped_images=dropped_images)
+    report = ReplayReport(
+        dropped_images=dropped_images, is_whole=reader.is_whole, is_being_written=reader.is_being_written
+    )
     start_ns = None
     for recorded, replayed in replay_steps(reader, procedure):
         start_ns = recorded.stamp_ns if start_ns is None else start_ns
