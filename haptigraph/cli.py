@@ -4,7 +4,7 @@ import signal
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 import haptigraph
-from haptigraph.errors import HaptigraphError
+from haptigraph.errors import BadInput, HaptigraphError
 
 if TYPE_CHECKING:
     from haptigraph.config import Config
@@ -29,13 +29,16 @@ class Commands(click.Group):
         try:
             return super().invoke(ctx)
         except HaptigraphError as error:
-            click.echo(f"haptigraph: {error}", err=True)
+            _tell(f"haptigraph: {error}")
             ctx.exit(2)
+        except BrokenPipeError:
+            raise  # whoever read the output has seen enough; click ends quietly
         except OSError as error:
             where = f"{error.filename}: " if error.filename else ""
-            click.echo(f"haptigraph: {where}{error.strerror or error}", err=True)
+            _tell(f"haptigraph: {where}{error.strerror or error}")
             ctx.exit(2)
         except KeyboardInterrupt:
+            _tell("haptigraph: stopped")
             ctx.exit(130)
 
 
@@ -213,16 +216,21 @@ def demo(scenario: str, output: str | None, realtime: bool) -> None:
     from haptigraph.analysis.figures import run_figure
     from haptigraph.analysis.replay import replay as run_again
     from haptigraph.config import load_config
+    from haptigraph.sim.scenario import load_scenario
 
+    load_scenario(scenario)  # so that a wrong name leaves no folder behind
     folder = Path(output) if output else Path(tempfile.mkdtemp(prefix="haptigraph-demo-"))
     folder.mkdir(parents=True, exist_ok=True)
     recording, picture = folder / "demo.mcap", folder / "demo.png"
+    if picture.exists():
+        raise BadInput("exists already; the demo never overwrites a file", picture)
     options = {
         "source.uri": f"phantom:{scenario}",
         "recording.path": str(recording),
         "run.realtime": realtime,
     }
-    _run(load_config(None, _settings(options)))
+    if not _run(load_config(None, _settings(options))):
+        return
     with _progress() as progress:
         report = run_again(recording, None, progress)
         run_figure(recording, picture, progress)
@@ -230,42 +238,59 @@ def demo(scenario: str, output: str | None, realtime: bool) -> None:
     click.echo(f"recording       {recording}\npicture         {picture}")
 
 
-def _run(config: "Config") -> None:
-    """Run a configuration to its end and print the summary."""
+def _run(config: "Config") -> bool:
+    """Run a configuration and print the summary, also of a run that fails; False if it was interrupted."""
     from haptigraph.analysis.measures import RunMeasures
     from haptigraph.analysis.summary import summary
     from haptigraph.assemble import build, is_realtime
     from haptigraph.sinks.console import ConsoleSink
 
-    measures = RunMeasures()
+    measures, failure = RunMeasures(), None
     with _terminable(), _progress() as progress:
         console = ConsoleSink(shows_time=not is_realtime(config))
-        loop = build(config, sinks=[console], progress=progress)
-        for note in loop.notes:
-            click.echo(f"{config.haptics.device}: {note}", err=True)
-        try:
-            with closing(loop.steps()) as steps:
-                for step in steps:
-                    measures.add(step)
-        except KeyboardInterrupt:
-            loop.report.ended = "interrupted"
-    click.echo(f"\n{summary(measures, loop.report)}")
+        with closing(build(config, sinks=[console], progress=progress)) as loop:
+            for note in loop.notes:
+                _tell(f"{config.haptics.device}: {note}")
+            try:
+                with closing(loop.steps()) as steps:
+                    for step in steps:
+                        measures.add(step)
+            except KeyboardInterrupt:
+                loop.report.ended = "interrupted"
+            except HaptigraphError as error:
+                loop.report.ended, failure = "failed", error
+    if loop.report.steps or failure is None:
+        click.echo(f"\n{summary(measures, loop.report)}")
     if config.recording.path and loop.report.steps:
         click.echo(f"recording       {config.recording.path}")
+    if isinstance(failure, BadInput) and not failure.file:
+        raise BadInput(failure.problem, config.source.uri, failure.place)
+    if failure is not None:
+        raise failure
+    return loop.report.ended != "interrupted"
+
+
+def _tell(text: str) -> None:
+    """Say something beside the output, where there still is someone to hear it."""
+    with suppress(OSError):
+        click.echo(text, err=True)
 
 
 @contextmanager
 def _terminable() -> Iterator[None]:
-    """Let SIGTERM end a run like Ctrl-C: the hand is stilled, the recording closed."""
+    """Let SIGTERM and a closed terminal end a run like Ctrl-C: the hand is stilled, the recording closed."""
 
     def interrupt(number: int, frame: FrameType | None) -> None:
         raise KeyboardInterrupt
 
-    before = signal.signal(signal.SIGTERM, interrupt)
+    endings = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    ours = [number for number in endings if signal.getsignal(number) is not signal.SIG_IGN]  # as under nohup
+    before = {number: signal.signal(number, interrupt) for number in ours}
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 @contextmanager
@@ -279,15 +304,17 @@ def _progress() -> Iterator["Progress"]:
     tasks: dict[str, Any] = {}
 
     def report(what: str, done: int, total: int) -> None:
-        bar.start()
-        if what not in tasks:
-            tasks[what] = bar.add_task(what, total=total)
-        bar.update(tasks[what], completed=done)
+        with suppress(OSError):  # the terminal may go away; the work goes on
+            bar.start()
+            if what not in tasks:
+                tasks[what] = bar.add_task(what, total=total)
+            bar.update(tasks[what], completed=done)
 
     try:
         yield report
     finally:
-        bar.stop()
+        with suppress(OSError):
+            bar.stop()
 
 
 def _settings(options: Mapping[str, object]) -> tuple[str, ...]:

@@ -2,34 +2,15 @@ import csv
 import json
 import os
 import re
-import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
+from helpers import call, refuse
 
-from haptigraph.cli import main
 from haptigraph.recording.journal import Journal
 from haptigraph.recording.reader import RunReader
-
-
-def call(*arguments: str):
-    result = CliRunner().invoke(main, [str(argument) for argument in arguments])
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return result
-
-
-def refuse(*arguments: str) -> str:
-    result = call(*arguments)
-    assert result.exit_code == 2
-    assert result.stdout == ""
-    lines = result.stderr.strip().splitlines()
-    assert len(lines) == 1, result.stderr
-    return lines[0]
-
 
 COMMANDS = ["check", "demo", "evaluate", "recover", "replay", "run"]
 
@@ -159,24 +140,6 @@ def test_demo_runs_records_replays_and_draws(quick, tmp_path):
     assert RunReader(tmp_path / "demo.mcap").is_whole
 
 
-@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_a_run_cleanly_with_its_summary(quick_uri, tmp_path, ending):
-    record = tmp_path / "run.mcap"
-    command = [sys.executable, "-m", "haptigraph", "run", quick_uri, "--record", str(record)]
-    with subprocess.Popen(
-        [*command, "--set", "source.loop=true"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as child:
-        for line in child.stderr:
-            if "misaligned_intraocular_navigation" in line:
-                break
-        child.send_signal(ending)
-        out, err = child.communicate(timeout=60)
-    assert child.returncode == 0, err
-    assert "interrupted" in out
-    assert RunReader(record).is_whole
-    assert "Traceback" not in err
-
-
 # --- bad input: one sentence, exit code 2, nothing overwritten
 
 
@@ -249,3 +212,26 @@ def test_nothing_is_overwritten(quick_uri, tmp_path):
         value = f"trace:{file}" if option == "--device" else file
         assert "exists already" in refuse("run", quick_uri, "--fast", option, value)
         assert file.read_text() == "precious"
+
+
+def test_the_demo_overwrites_no_picture_and_a_wrong_scenario_leaves_no_folder(quick, tmp_path):
+    assert "unknown scenario 'nothing'" in refuse(
+        "demo", "--scenario", "nothing", "--output", tmp_path / "new"
+    )
+    assert list(tmp_path.iterdir()) == []
+    picture = tmp_path / "demo.png"
+    picture.write_text("precious")
+    message = refuse("demo", "--fast", "--scenario", quick, "--output", tmp_path)
+    assert message == f"haptigraph: {picture}: exists already; the demo never overwrites a file"
+    assert list(tmp_path.iterdir()) == [picture]
+
+
+@pytest.mark.parametrize("command", ["replay", "recover"])
+def test_stopping_other_work_is_told(recording, monkeypatch, command):
+    def interrupted(*arguments, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(RunReader, "_groups", interrupted)
+    monkeypatch.setattr("haptigraph.recording.writer.is_whole", interrupted)
+    result = call(command, recording)
+    assert (result.exit_code, result.stderr) == (130, "haptigraph: stopped\n")
