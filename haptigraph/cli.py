@@ -177,13 +177,15 @@ def evaluate(
 def check(procedure: str) -> None:
     """Check PROCEDURE and explain it: relations, states by priority, touch."""
     from rich.console import Console
+    from rich.text import Text
 
     from haptigraph.analysis.explanation import explain
     from haptigraph.assemble import load_procedure
 
     loaded = load_procedure(procedure)
-    console = Console()
-    console.print(f"[bold]{loaded.title}[/bold]  {loaded.source}\nsha256 {loaded.sha256}", highlight=False)
+    # No markup: what looks like it is the user's. Where nobody looks, nothing is broken into lines.
+    console = Console(markup=False, emoji=False, width=None if sys.stdout.isatty() else 10_000)
+    console.print(Text.assemble((loaded.title, "bold"), f"  {loaded.source}\nsha256 {loaded.sha256}"))
     for table in explain(loaded):
         console.print(table)
     console.print("no errors")
@@ -242,10 +244,10 @@ def _run(config: "Config") -> bool:
     """Run a configuration and print the summary, also of a run that fails; False if it was interrupted."""
     from haptigraph.analysis.measures import RunMeasures
     from haptigraph.analysis.summary import summary
-    from haptigraph.assemble import build, is_realtime
+    from haptigraph.assemble import build, is_realtime, load_procedure
     from haptigraph.sinks.console import ConsoleSink
 
-    measures, failure = RunMeasures(), None
+    measures, failure = RunMeasures.under(load_procedure(config.run.procedure).schema), None
     with _terminable(), _progress() as progress:
         console = ConsoleSink(shows_time=not is_realtime(config))
         with closing(build(config, sinks=[console], progress=progress)) as loop:

@@ -235,3 +235,24 @@ def test_stopping_other_work_is_told(recording, monkeypatch, command):
     monkeypatch.setattr("haptigraph.recording.writer.is_whole", interrupted)
     result = call(command, recording)
     assert (result.exit_code, result.stderr) == (130, "haptigraph: stopped\n")
+
+
+def test_check_takes_no_text_of_the_user_for_markup(procedure, tmp_path):
+    file = tmp_path / "p.toml"
+    file.write_text(
+        procedure.text.replace(
+            "[[state]]", '[[state]]\nname = "[bold]x[/red]"\nfeel = "low"\nbecause = ""\n[[state]]', 1
+        )
+        .replace('name = "subretinal_injection"', 'name = "p"\ntitle = "[/red]x :smile:"', 1)
+        .replace('\ntitle = "S', '\n# "S', 1)
+    )
+    result = call("check", file)
+    assert result.exit_code == 0
+    assert "[/red]x :smile:" in result.output
+    assert "[bold]x[/red]" in result.output
+
+
+def test_check_cuts_no_names_where_nobody_looks(procedure, tmp_path):
+    file, name = tmp_path / "p.toml", "contact_" + 20 * "very_" + "near_the_retina"
+    file.write_text(procedure.text.replace('"retinal_contact"', f'"{name}"'))
+    assert name in call("check", file).output

@@ -117,6 +117,8 @@ def _check_unique(document: Document, kind: str, names: list[str]) -> None:
     if not names:
         raise document.error(f"no [[{kind}]] at all; at least one is needed", "procedure")
     for number, name in enumerate(names):
+        if not name.strip():
+            raise document.error(f"a {kind} without a name", f"{kind}[{number}].name")
         if name in names[:number]:
             raise document.error(f"a second {kind} {name!r}; names must differ", f"{kind}[{number}].name")
 
@@ -221,12 +223,18 @@ def _check_state(
             if names not in relations:
                 valid = " ".join(str(Triplet(*relation)) for relation in relations)
                 raise document.error(f"{Triplet(*names)} is no relation; there are: {valid}", f"{path}.{key}")
+    impossible = [names for names in state.when if names in state.unless or {*names[::2]} & {*state.absent}]
+    if impossible:
+        problem = f"can never hold: {Triplet(*impossible[0])} is asked for and ruled out"
+        raise document.error(problem, f"{path}.when")
     for name in state.absent:
         _check_known(document, "entity", name, (entity.name for entity in schema.entities), f"{path}.absent")
     _check_known(document, "pattern", state.feel, (pattern.name for pattern in patterns), f"{path}.feel")
     measures = {schema.measure_name(relation) for relation in schema.relations}
     try:
-        for _, measure, spec, _ in string.Formatter().parse(state.because):
+        for _, measure, spec, conversion in string.Formatter().parse(state.because):
+            if conversion:
+                raise ValueError(f"a measure is a number; !{conversion} is not for numbers")
             if measure is not None:
                 _check_known(document, "measure", measure, measures, f"{path}.because")
                 format(1.0, spec or "")

@@ -106,6 +106,10 @@ def test_an_unknown_procedure_names_those_there_are():
         ('name = "unknown"', 'name = "lost"', "no [[state]] named 'unknown'"),
         ('label = "target"', 'label = "retina"', "distance_to_retina_mm would mean both"),
         ("[procedure]", "[procedure", "not valid TOML"),
+        ("{distance_to_target_mm:.1f}", "{distance_to_target_mm!r:.1f}", "because cannot be filled in (a measure is a number"),
+        ('unless = [["needle_tip", "touching", "retina_target"]]', 'unless = [["needle_tip", "touching", "retina_surface"]]', "can never hold: <needle_tip, touching, retina_surface> is asked for and ruled out"),
+        ('unless = [["needle_tip", "touching", "retina_target"]]', 'absent = ["needle_tip"]', "can never hold: <needle_tip, touching, retina_surface> is asked for and ruled out"),
+        ('name = "target_hit"', 'name = " "', "a state without a name"),
     ],
 )  # fmt: skip
 def test_every_mistake_is_one_sentence_with_its_line(text, old, new, told):
