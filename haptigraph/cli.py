@@ -1,22 +1,22 @@
 """The commands. Each parses, assembles and calls; everything heavy is imported when a command needs it."""
 
-import signal
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 import click
 
 import haptigraph
 from haptigraph.errors import BadInput, HaptigraphError
+from haptigraph.terminal import progress as _progress
+from haptigraph.terminal import tell as _tell
+from haptigraph.terminal import terminable as _terminable
 
 if TYPE_CHECKING:
     from haptigraph.config import Config
-    from haptigraph.recording.writer import Progress
 
 __all__ = ["main"]
 
@@ -270,53 +270,6 @@ def _run(config: "Config") -> bool:
     if failure is not None:
         raise failure
     return loop.report.ended != "interrupted"
-
-
-def _tell(text: str) -> None:
-    """Say something beside the output, where there still is someone to hear it."""
-    with suppress(OSError):
-        click.echo(text, err=True)
-
-
-@contextmanager
-def _terminable() -> Iterator[None]:
-    """Let SIGTERM and a closed terminal end a run like Ctrl-C: the hand is stilled, the recording closed."""
-
-    def interrupt(number: int, frame: FrameType | None) -> None:
-        raise KeyboardInterrupt
-
-    endings = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
-    ours = [number for number in endings if signal.getsignal(number) is not signal.SIG_IGN]  # as under nohup
-    before = {number: signal.signal(number, interrupt) for number in ours}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-@contextmanager
-def _progress() -> Iterator["Progress"]:
-    """Show a bar for work that reports its progress, from its first report on, where someone is looking."""
-    from rich.console import Console
-    from rich.progress import Progress as Bar
-
-    console = Console(stderr=True)
-    bar = Bar(console=console, transient=True, disable=not console.is_terminal)
-    tasks: dict[str, Any] = {}
-
-    def report(what: str, done: int, total: int) -> None:
-        with suppress(OSError):  # the terminal may go away; the work goes on
-            bar.start()
-            if what not in tasks:
-                tasks[what] = bar.add_task(what, total=total)
-            bar.update(tasks[what], completed=done)
-
-    try:
-        yield report
-    finally:
-        with suppress(OSError):
-            bar.stop()
 
 
 def _settings(options: Mapping[str, object]) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ import pytest
 from helpers import call
 
 from haptigraph.recording.reader import RunReader
+from haptigraph.terminal import terminable
 
 
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
@@ -81,11 +82,9 @@ def test_a_reader_that_goes_away_ends_nothing_and_nobody_hears_of_it(quick_uri, 
 
 
 def test_a_run_under_nohup_outlives_its_terminal():
-    from haptigraph.cli import _terminable
-
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
-        with _terminable():
+        with terminable():
             assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
             assert signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL
     finally:

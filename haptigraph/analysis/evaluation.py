@@ -79,6 +79,8 @@ def evaluate_clip(folder: str | Path, config: Config, progress: Progress | None 
                     progress("evaluating", len(steps), len(truth))
     except EndOfSource:
         pass
+    except BadInput as error:
+        raise BadInput(error.problem, error.file or folder / "clip.mp4", error.place) from None
     finally:
         source.close()
     if len(steps) != len(truth):

@@ -157,6 +157,20 @@ def test_truth_that_makes_no_sense_is_told_with_its_line(tmp_path):
         load_truth(file)
 
 
+def test_an_image_of_another_size_is_named(tmp_path, registration_toml):
+    import cv2
+    import numpy as np
+
+    (tmp_path / "registration.toml").write_text(registration_toml)
+    (tmp_path / "truth.csv").write_text("image\n")
+    video = cv2.VideoWriter(str(tmp_path / "clip.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), 25.0, (64, 48))
+    video.write(np.zeros((48, 64, 3), np.uint8))
+    video.release()
+    with pytest.raises(BadInput) as refused:
+        evaluate_clip(tmp_path, load_config())
+    assert str(refused.value).startswith(f"{tmp_path / 'clip.mp4'}, image 0: image is 64 x 48 px")
+
+
 def test_truth_of_another_length_is_refused(clip, tmp_path):
     for name in ("clip.mp4", "registration.toml"):
         (tmp_path / name).symlink_to(clip / name)
