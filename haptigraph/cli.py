@@ -200,11 +200,9 @@ def recover(recording: str) -> None:
 
     reader = RunReader(recording)
     with _progress() as progress:
-        if not make_whole(reader.path, progress):
-            click.echo(f"{recording} is whole")
-            return
-    steps, _ = RunReader(recording).count()
-    click.echo(f"{recording} is whole again: {steps} complete steps")
+        was_interrupted = make_whole(reader.path, progress)
+    steps, _ = RunReader(recording).count()  # reads all of it, and tells damage
+    click.echo(f"{recording} is whole" + (f" again: {steps} complete steps" if was_interrupted else ""))
 
 
 @main.command()

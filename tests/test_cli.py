@@ -256,3 +256,13 @@ def test_check_cuts_no_names_where_nobody_looks(procedure, tmp_path):
     file, name = tmp_path / "p.toml", "contact_" + 20 * "very_" + "near_the_retina"
     file.write_text(procedure.text.replace('"retinal_contact"', f'"{name}"'))
     assert name in call("check", file).output
+
+
+def test_a_damaged_recording_is_not_called_whole(recording, tmp_path):
+    data = bytearray(recording.read_bytes())
+    data[len(data) // 2] ^= 0xFF
+    damaged = tmp_path / "damaged.mcap"
+    damaged.write_bytes(data)
+    for command in ("replay", "recover"):
+        assert "damaged.mcap, byte" in refuse(command, damaged)
+    assert damaged.read_bytes() == data

@@ -161,4 +161,4 @@ class Guard:
 def _is_sound(pattern: Pattern) -> bool:
     """Tell whether every number of a pattern is one that a limit can hold: finite and not negative."""
     numbers = pattern.amplitude, pattern.frequency_hz, pattern.on_ms, pattern.off_ms
-    return all(math.isfinite(number) and number >= 0 for number in numbers)
+    return all(math.isfinite(number * NS_PER_MS) and number >= 0 for number in numbers)

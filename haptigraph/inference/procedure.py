@@ -21,6 +21,7 @@ __all__ = ["MeasureShapes", "Procedure", "State", "load_procedure", "parse_proce
 MeasureShapes: TypeAlias = Mapping[str, tuple[tuple[str, str], ...]]
 """The measures there are, and the (subject, object) geometries each is made for."""
 
+MOST = {"amplitude": 1, "on_ms": 3_600_000, "off_ms": 3_600_000, "count": 1000}  # of a pattern
 GEOMETRIES = ("point", "segment", "polyline", "circle")
 
 
@@ -199,15 +200,15 @@ def _check_pattern(document: Document, pattern: Pattern, path: str) -> None:
         "pulses": ("amplitude", "on_ms", "off_ms"),
         "bursts": ("amplitude", "on_ms", "off_ms", "count"),
     }[pattern.kind]
-    for key in ("amplitude", "on_ms", "off_ms", "count"):
+    for key in MOST:
         value = getattr(pattern, key)
         if key in needed and (value <= 0 or (key != "amplitude" and value < 1)):
             least = "above 0" if key == "amplitude" else "of at least 1"
             raise document.error(f"{pattern.kind} needs {key} {least}, found {value:g}", f"{path}.{key}")
+        if value > MOST[key]:
+            raise document.error(f"{key} must be at most {MOST[key]:g}, found {value:g}", f"{path}.{key}")
         if key not in needed and value != 0:
             raise document.error(f"{pattern.kind} has no {key}, found {value:g}", f"{path}.{key}")
-    if pattern.amplitude > 1:
-        raise document.error(f"amplitude must be at most 1, found {pattern.amplitude:g}", f"{path}.amplitude")
     if pattern.frequency_hz < 0:
         raise document.error(
             f"frequency_hz must not be negative, found {pattern.frequency_hz:g}", f"{path}.frequency_hz"
