@@ -4,6 +4,7 @@ Classes are named by strings and imported when chosen, so that nothing heavy loa
 """
 
 import datetime
+import re
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -84,17 +85,23 @@ def build(config: Config, *, sinks: Sequence[Sink] = (), progress: Progress | No
         if writer is not None:
             undo.callback(writer.discard)
         device = open_device(config.haptics.device)
+        undo.callback(device.close)
         hand = _hand(device, config, clock)
+        undo.callback(hand.close)
+        recorders = _recorders(writer, clock, progress)
+        for recorder in recorders:
+            undo.callback(recorder.close)
+        loop = Loop(
+            pipeline,
+            source=source,
+            hand=hand,
+            sinks=[*recorders, *sinks],
+            clock=clock,
+            stale_ms=config.run.stale_ms,
+            notes=[note for pattern in procedure.patterns for note in beyond(pattern, device.capabilities)],
+        )
         undo.pop_all()
-    return Loop(
-        pipeline,
-        source=source,
-        hand=hand,
-        sinks=[*_recorders(writer, clock, progress), *sinks],
-        clock=clock,
-        stale_ms=config.run.stale_ms,
-        notes=[note for pattern in procedure.patterns for note in beyond(pattern, device.capabilities)],
-    )
+    return loop
 
 
 def is_realtime(config: Config) -> bool:
@@ -131,20 +138,20 @@ def _split_source(uri: str) -> tuple[str, str]:
     Raises:
         BadInput: If it is neither a known kind nor an existing path.
     """
-    kind, colon, argument = uri.partition(":")
-    if colon and kind in SOURCES:
+    kind, _, argument = uri.partition(":")
+    if argument and kind in SOURCES:
         return kind, argument
     path = Path(uri)
-    if path.is_dir():
+    if uri and path.is_dir():
         return "images", uri
     if path.suffix == ".mcap":
         return "recording", uri
-    if path.exists():
+    if uri and path.exists():
         return "video", uri
     raise BadInput(
         "no such source; valid: phantom:SCENARIO, camera:N, or the path of a video, a folder of images or a "
         "recording (.mcap)",
-        uri,
+        uri or "''",
     )
 
 
@@ -282,7 +289,7 @@ def _recorders(writer: RunWriter | None, clock: Clock, progress: Progress | None
 
 
 def _camera_number(argument: str) -> int:
-    if not argument.isdigit():
+    if not re.fullmatch("[0-9]{1,4}", argument):
         raise BadInput(f"camera:{argument} is no camera; camera:0 is the first")
     return int(argument)
 

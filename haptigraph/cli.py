@@ -1,22 +1,22 @@
 """The commands. Each parses, assembles and calls; everything heavy is imported when a command needs it."""
 
-import signal
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import closing, contextmanager
+from contextlib import closing
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 import click
 
 import haptigraph
-from haptigraph.errors import HaptigraphError
+from haptigraph.errors import BadInput, HaptigraphError
+from haptigraph.terminal import progress as _progress
+from haptigraph.terminal import tell as _tell
+from haptigraph.terminal import terminable as _terminable
 
 if TYPE_CHECKING:
     from haptigraph.config import Config
-    from haptigraph.recording.writer import Progress
 
 __all__ = ["main"]
 
@@ -29,13 +29,16 @@ class Commands(click.Group):
         try:
             return super().invoke(ctx)
         except HaptigraphError as error:
-            click.echo(f"haptigraph: {error}", err=True)
+            _tell(f"haptigraph: {error}")
             ctx.exit(2)
+        except BrokenPipeError:
+            raise  # whoever read the output has seen enough; click ends quietly
         except OSError as error:
             where = f"{error.filename}: " if error.filename else ""
-            click.echo(f"haptigraph: {where}{error.strerror or error}", err=True)
+            _tell(f"haptigraph: {where}{error.strerror or error}")
             ctx.exit(2)
         except KeyboardInterrupt:
+            _tell("haptigraph: stopped")
             ctx.exit(130)
 
 
@@ -114,7 +117,9 @@ def replay(recording: str, procedure: str | None) -> None:
 
     with _progress() as progress:
         report = run_again(recording, procedure, progress)
-    if not report.is_whole:
+    if report.is_being_written:
+        click.echo("the recording is still being written; this is what there is so far")
+    elif not report.is_whole:
         click.echo("the recording was interrupted; `haptigraph recover` makes it whole")
     if report.dropped_images:
         click.echo(f"{report.dropped_images} images were not recorded; steps that depend on them differ")
@@ -210,13 +215,15 @@ def register(source: str, output: str, picture: str | None, force: bool, **wishe
 def check(procedure: str) -> None:
     """Check PROCEDURE and explain it: relations, states by priority, touch."""
     from rich.console import Console
+    from rich.text import Text
 
     from haptigraph.analysis.explanation import explain
     from haptigraph.assemble import load_procedure
 
     loaded = load_procedure(procedure)
-    console = Console()
-    console.print(f"[bold]{loaded.title}[/bold]  {loaded.source}\nsha256 {loaded.sha256}", highlight=False)
+    # No markup: what looks like it is the user's. Where nobody looks, nothing is broken into lines.
+    console = Console(markup=False, emoji=False, width=None if sys.stdout.isatty() else 10_000)
+    console.print(Text.assemble((loaded.title, "bold"), f"  {loaded.source}\nsha256 {loaded.sha256}"))
     for table in explain(loaded):
         console.print(table)
     console.print("no errors")
@@ -227,16 +234,13 @@ def check(procedure: str) -> None:
 def recover(recording: str) -> None:
     """Make an interrupted RECORDING whole, in its place."""
     from haptigraph.recording.reader import RunReader
-    from haptigraph.recording.writer import compact
+    from haptigraph.recording.writer import recover as make_whole
 
     reader = RunReader(recording)
-    if reader.is_whole:
-        click.echo(f"{recording} is whole")
-        return
     with _progress() as progress:
-        compact(reader.path, progress)
-    steps, _ = RunReader(recording).count()
-    click.echo(f"{recording} is whole again: {steps} complete steps")
+        was_interrupted = make_whole(reader.path, progress)
+    steps, _ = RunReader(recording).count()  # reads all of it, and tells damage
+    click.echo(f"{recording} is whole" + (f" again: {steps} complete steps" if was_interrupted else ""))
 
 
 @main.command()
@@ -250,16 +254,21 @@ def demo(scenario: str, output: str | None, realtime: bool) -> None:
     from haptigraph.analysis.figures import run_figure
     from haptigraph.analysis.replay import replay as run_again
     from haptigraph.config import load_config
+    from haptigraph.sim.scenario import load_scenario
 
+    load_scenario(scenario)  # so that a wrong name leaves no folder behind
     folder = Path(output) if output else Path(tempfile.mkdtemp(prefix="haptigraph-demo-"))
     folder.mkdir(parents=True, exist_ok=True)
     recording, picture = folder / "demo.mcap", folder / "demo.png"
+    if picture.exists():
+        raise BadInput("exists already; the demo never overwrites a file", picture)
     options = {
         "source.uri": f"phantom:{scenario}",
         "recording.path": str(recording),
         "run.realtime": realtime,
     }
-    _run(load_config(None, _settings(options)))
+    if not _run(load_config(None, _settings(options))):
+        return
     with _progress() as progress:
         report = run_again(recording, None, progress)
         run_figure(recording, picture, progress)
@@ -267,64 +276,36 @@ def demo(scenario: str, output: str | None, realtime: bool) -> None:
     click.echo(f"recording       {recording}\npicture         {picture}")
 
 
-def _run(config: "Config") -> None:
-    """Run a configuration to its end and print the summary."""
+def _run(config: "Config") -> bool:
+    """Run a configuration and print the summary, also of a run that fails; False if it was interrupted."""
     from haptigraph.analysis.measures import RunMeasures
     from haptigraph.analysis.summary import summary
-    from haptigraph.assemble import build, is_realtime
+    from haptigraph.assemble import build, is_realtime, load_procedure
     from haptigraph.sinks.console import ConsoleSink
 
-    measures = RunMeasures()
+    measures, failure = RunMeasures.under(load_procedure(config.run.procedure).schema), None
     with _terminable(), _progress() as progress:
         console = ConsoleSink(shows_time=not is_realtime(config))
-        loop = build(config, sinks=[console], progress=progress)
-        for note in loop.notes:
-            click.echo(f"{config.haptics.device}: {note}", err=True)
-        try:
-            with closing(loop.steps()) as steps:
-                for step in steps:
-                    measures.add(step)
-        except KeyboardInterrupt:
-            loop.report.ended = "interrupted"
-    click.echo(f"\n{summary(measures, loop.report)}")
+        with closing(build(config, sinks=[console], progress=progress)) as loop:
+            for note in loop.notes:
+                _tell(f"{config.haptics.device}: {note}")
+            try:
+                with closing(loop.steps()) as steps:
+                    for step in steps:
+                        measures.add(step)
+            except KeyboardInterrupt:
+                loop.report.ended = "interrupted"
+            except HaptigraphError as error:
+                loop.report.ended, failure = "failed", error
+    if loop.report.steps or failure is None:
+        click.echo(f"\n{summary(measures, loop.report)}")
     if config.recording.path and loop.report.steps:
         click.echo(f"recording       {config.recording.path}")
-
-
-@contextmanager
-def _terminable() -> Iterator[None]:
-    """Let SIGTERM end a run like Ctrl-C: the hand is stilled, the recording closed."""
-
-    def interrupt(number: int, frame: FrameType | None) -> None:
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGTERM, interrupt)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
-
-
-@contextmanager
-def _progress() -> Iterator["Progress"]:
-    """Show a bar for work that reports its progress, from its first report on, where someone is looking."""
-    from rich.console import Console
-    from rich.progress import Progress as Bar
-
-    console = Console(stderr=True)
-    bar = Bar(console=console, transient=True, disable=not console.is_terminal)
-    tasks: dict[str, Any] = {}
-
-    def report(what: str, done: int, total: int) -> None:
-        bar.start()
-        if what not in tasks:
-            tasks[what] = bar.add_task(what, total=total)
-        bar.update(tasks[what], completed=done)
-
-    try:
-        yield report
-    finally:
-        bar.stop()
+    if isinstance(failure, BadInput) and not failure.file:
+        raise BadInput(failure.problem, config.source.uri, failure.place)
+    if failure is not None:
+        raise failure
+    return loop.report.ended != "interrupted"
 
 
 def _settings(options: Mapping[str, object]) -> tuple[str, ...]:

@@ -4,6 +4,7 @@ Every mistake in a TOML file becomes one sentence with file, line, what was foun
 Nothing is read from the environment. The tree says what to use; `assemble` knows which class that is.
 """
 
+import math
 import re
 import tomllib
 from collections.abc import Callable
@@ -32,8 +33,7 @@ T = TypeVar("T")
 Blame = Callable[[str, str], BadInput]
 """Make the error for (problem, path of keys)."""
 
-Positive = Annotated[float, Meta(gt=0)]
-Share = Annotated[float, Meta(ge=0, le=1)]
+UpToADayMs = Annotated[float, Meta(ge=1, le=86_400_000)]
 
 
 class SourceConfig(Struct, frozen=True, forbid_unknown_fields=True):
@@ -46,7 +46,7 @@ class SourceConfig(Struct, frozen=True, forbid_unknown_fields=True):
     jpeg_quality: Annotated[int, Meta(ge=0, le=100)] = 95
     """Cameras and the phantom pass every image through JPEG of this quality before perception sees it, so
     that a recording is small and still exact; 0: images stay raw and are recorded as PNG."""
-    rate_hz: Annotated[float, Meta(gt=0, le=1000)] = 30.0
+    rate_hz: Annotated[float, Meta(ge=0.01, le=1000)] = 30.0
     """Images per second of a folder of images, and to ask of a camera; others bring their own."""
     loop: bool = False
     """Whether the phantom starts again when its scenario is over."""
@@ -60,7 +60,7 @@ class PerceptionConfig(Struct, frozen=True, forbid_unknown_fields=True):
     """Whether the needle is darker or brighter than what is behind it."""
     block_size_px: Annotated[int, Meta(ge=3, le=501)] = 51
     """Side of the neighbourhood the local mean is taken over; odd."""
-    offset_grey: Positive = 10.0
+    offset_grey: Annotated[float, Meta(gt=0, le=255)] = 10.0
     """How many grey levels a needle pixel must differ from the local mean."""
     alpha: Annotated[float, Meta(gt=0, le=1)] = 0.5
     """Weight of the new image in the moving average; 1: no smoothing."""
@@ -75,12 +75,12 @@ class HapticsConfig(Struct, frozen=True, forbid_unknown_fields=True):
 
     device: str = "console"
     """console, or trace:FILE.csv."""
-    max_amplitude: Share = 1.0
+    max_amplitude: Annotated[float, Meta(ge=0, le=1)] = 1.0
     deadman_ms: Annotated[float, Meta(gt=0, le=1000)] = 150.0
     """Silence when no fresh command came for so long."""
-    max_on_ms: Positive = 60_000.0
+    max_on_ms: UpToADayMs = 60_000.0
     """Longest vibration without a pause; after it the hand rests for `rest_ms`."""
-    rest_ms: Positive = 500.0
+    rest_ms: UpToADayMs = 500.0
 
 
 class RunConfig(Struct, frozen=True, forbid_unknown_fields=True):
@@ -90,7 +90,7 @@ class RunConfig(Struct, frozen=True, forbid_unknown_fields=True):
     """Name of a procedure that ships with haptigraph, or the path of a TOML file."""
     realtime: bool | None = None
     """Pace images by the clock; unset: yes for cameras and the phantom, no for files."""
-    stale_ms: Positive = 100.0
+    stale_ms: Annotated[float, Meta(ge=1, le=60_000)] = 100.0
     """Without a new image for so long, the needle counts as lost."""
 
 
@@ -142,6 +142,8 @@ class Document:
             problem, _, place = str(error).partition(" (at ")
             place = place.rstrip(")") or "end of file"
             raise BadInput(f"not valid TOML: {_lower_first(problem)}", file, place) from None
+        except RecursionError:
+            raise BadInput("tables or lists are nested too deeply", file) from None
 
     @classmethod
     def read(cls, path: str | Path) -> "Document":
@@ -151,7 +153,7 @@ class Document:
             BadInput: If it cannot be read or is not TOML.
         """
         try:
-            return cls(Path(path).read_text(encoding="utf-8"), path)
+            return cls(Path(path).read_text(encoding="utf-8-sig"), path)  # editors may put a mark in front
         except OSError as error:
             raise BadInput(f"cannot be read ({error.strerror})", path) from None
         except UnicodeDecodeError as error:
@@ -166,7 +168,7 @@ class Document:
         """Turn the document into a struct.
 
         Raises:
-            BadInput: At an unknown key, a missing key or a value of the wrong kind.
+            BadInput: At an unknown or missing key, a number that is not finite, a value of the wrong kind.
         """
         return _convert(self.data, type_, self.error)
 
@@ -186,11 +188,7 @@ def load_config(path: str | Path | None = None, settings: tuple[str, ...] = ()) 
     data = document.data
     for setting in settings:
         _override(data, setting)
-
-    def error(problem: str, where: str) -> BadInput:
-        return BadInput(problem, "--set" if settings else path)
-
-    return _convert(data, Config, error)
+    return _convert(data, Config, lambda problem, _: BadInput(problem, "--set" if settings else path))
 
 
 def _override(data: dict[str, Any], setting: str) -> None:
@@ -199,7 +197,7 @@ def _override(data: dict[str, Any], setting: str) -> None:
         raise BadInput(f"found {setting!r}; expected KEY=VALUE, for example perception.alpha=1", "--set")
     try:
         value = tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+    except (tomllib.TOMLDecodeError, RecursionError):
         value = text
     *parents, name = key.strip().split(".")
     for parent in parents:
@@ -218,6 +216,7 @@ def _is_text(key: str) -> bool:
 
 
 def _convert(data: Any, type_: type[T], error: Blame) -> T:
+    _check_finite(data, "", error)
     _check_names(data, type_, "", error)
     try:
         return msgspec.convert(data, type_)
@@ -232,6 +231,16 @@ def _convert(data: Any, type_: type[T], error: Blame) -> T:
         told = "" if found is None or isinstance(found, dict) else f", found {found!r}"
         problem = problem.replace("`", "").replace("object", "table")
         raise error(f"{name}{_lower_first(problem)}{told}", path) from None
+
+
+def _check_finite(value: Any, path: str, error: Blame) -> None:
+    """Refuse nan and infinity, which pass every comparison that a check makes."""
+    if isinstance(value, float) and not math.isfinite(value):
+        raise error(f"{path}: expected a finite number, found {value}", path)
+    inner = enumerate(value) if isinstance(value, list) else value.items() if isinstance(value, dict) else ()
+    for key, item in inner:
+        place = f"[{key}]" if isinstance(value, list) else f".{key}"
+        _check_finite(item, (path + place).lstrip("."), error)
 
 
 def _check_names(value: Any, type_: Any, path: str, error: Blame) -> None:

@@ -8,6 +8,7 @@ import math
 import time
 from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import ExitStack
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -15,7 +16,7 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from haptigraph.clock import Clock
-from haptigraph.errors import EndOfSource, HaptigraphError, PerceiverBroken, SourceLost
+from haptigraph.errors import BadInput, EndOfSource, HaptigraphError, PerceiverBroken, SourceLost
 from haptigraph.messages import Capture, Fault, Observation, Step, Timing
 from haptigraph.stages import Perceiver, Reasoner, Renderer, SceneBuilder, Sink, Source
 
@@ -131,6 +132,8 @@ class Pipeline:
         if capture.image is not None:
             try:
                 return replace(self._perceiver(capture), faults=faults)
+            except BadInput as error:
+                raise BadInput(error.problem, error.file, f"image {capture.index}") from None
             except HaptigraphError:
                 raise
             except Exception as error:  # a perceiver may be anyone's
@@ -177,6 +180,7 @@ class Loop:
         self._clock, self._stale_ms = clock, stale_ms
         self._start_ns: int | None = None
         self._index = -1
+        self._closed = False
 
     def run(self) -> RunReport:
         """Run until the source ends or Ctrl-C, and return how it went. See `steps`."""
@@ -212,7 +216,19 @@ class Loop:
                     )
                 yield step
         finally:
-            self._close()
+            self.close()
+
+    def close(self) -> None:
+        """Still the hand and close everything, whether the loop ran or not. May be called twice."""
+        if self._closed:
+            return
+        self._closed = True
+        with ExitStack() as stack:  # whatever one of them does, all are closed, the hand first
+            stack.callback(lambda: self._count(self._take_faults()))
+            for sink in reversed(self.sinks):
+                stack.callback(self._close_sink, sink)
+            stack.callback(self.source.close)
+            stack.callback(self.hand.close)
 
     def _turn(self, capture: Capture) -> Step:
         """Make one step, let it be felt, hand it to the sinks."""
@@ -226,7 +242,7 @@ class Loop:
             sink.write(capture, step)
         for name, duration_ns in stage_ns.items():
             self.report.stages[name].add(duration_ns)
-        self.report.faults.update(f"{fault.where}: {fault.message}" for fault in step.faults)
+        self._count(step.faults)
         return step
 
     def _captures(self) -> Iterator[Capture]:
@@ -275,12 +291,9 @@ class Loop:
         of_sinks = [fault for sink in self.sinks for fault in sink.take_faults()]
         return *self.hand.take_faults(), *of_sinks
 
-    def _close(self) -> None:
-        try:
-            self.hand.close()
-        finally:
-            self.source.close()
-            for sink in self.sinks:
-                sink.close()
-                self.report.dropped += sink.dropped
-            self.report.faults.update(f"{fault.where}: {fault.message}" for fault in self._take_faults())
+    def _close_sink(self, sink: Sink) -> None:
+        sink.close()
+        self.report.dropped += sink.dropped
+
+    def _count(self, faults: Sequence[Fault]) -> None:
+        self.report.faults.update(f"{fault.where}: {fault.message}" for fault in faults)

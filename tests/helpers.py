@@ -1,5 +1,8 @@
-"""Small makers of messages for tests."""
+"""Small makers of messages for tests, and the command line."""
 
+from click.testing import CliRunner
+
+from haptigraph.cli import main
 from haptigraph.geometry import Geometry, Point, Segment, Vec, rotate, subtract, unit
 from haptigraph.graph import SceneGraph
 from haptigraph.haptics.renderer import GrammarRenderer
@@ -79,3 +82,19 @@ def pipeline_of(procedure: Procedure, perceiver: ScriptedPerceiver) -> Pipeline:
         reason=RuleEngine(procedure),
         render=GrammarRenderer(procedure.patterns),
     )
+
+
+def call(*arguments: str):
+    result = CliRunner().invoke(main, [str(argument) for argument in arguments])
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result
+
+
+def refuse(*arguments: str) -> str:
+    result = call(*arguments)
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    lines = result.stderr.strip().splitlines()
+    assert len(lines) == 1, result.stderr
+    return lines[0]

@@ -23,6 +23,10 @@ def test_every_class_that_is_named_exists(registry):
         (("source.uri=nowhere.mp4",), "nowhere.mp4: no such source; valid: phantom:SCENARIO"),
         (("source.uri=phantom:nothing",), "unknown scenario 'nothing'"),
         (("source.uri=camera:first",), "camera:first is no camera; camera:0 is the first"),
+        (("source.uri=camera:²",), "camera:² is no camera; camera:0 is the first"),
+        ((f"source.uri=camera:{'9' * 5000}",), "is no camera; camera:0 is the first"),
+        (("source.uri=video:",), "video:: no such source; valid: phantom:SCENARIO"),
+        (('source.uri=""',), "'': no such source; valid: phantom:SCENARIO"),
         (("source.uri=camera:0", "run.realtime=false"), "camera:0 delivers in real time"),
         (("source.uri=camera:0",), "camera:0 needs a registration; give --registration FILE"),
         (("haptics.device=glove",), "unknown device 'glove'; valid: console, trace"),
@@ -73,7 +77,7 @@ def test_files_run_fast_and_the_phantom_in_real_time(quick_uri):
     assert isinstance(live._clock, MonotonicClock)
     assert isinstance(fast._clock, VirtualClock)
     for loop in (live, fast):
-        loop._close()
+        loop.close()
 
 
 def test_what_a_device_cannot_is_noted(quick_uri, monkeypatch):
@@ -82,6 +86,27 @@ def test_what_a_device_cannot_is_noted(quick_uri, monkeypatch):
 
     monkeypatch.setattr(ConsoleDevice, "capabilities", Capabilities(1, None, 90.0))
     loop = assemble.build(load_config(None, (f"source.uri={quick_uri}", "run.realtime=false")))
-    loop._close()
+    loop.close()
     assert "low: amplitude 0.3 becomes on or off" in loop.notes
     assert "pulse: 80 ms are not felt, 90 ms are" in loop.notes
+
+
+def test_an_interrupt_at_the_very_end_of_assembly_leaves_nothing_behind(quick_uri, tmp_path, monkeypatch):
+    closed = []
+    monkeypatch.setattr("haptigraph.sources.ahead.ReadAhead.close", lambda self: closed.append("source"))
+    monkeypatch.setattr("haptigraph.haptics.guard.Guard.close", lambda self: closed.append("hand"))
+
+    def interrupted(*arguments, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(assemble, "Loop", interrupted)
+    settings = (
+        f"source.uri={quick_uri}",
+        "run.realtime=false",
+        f'haptics.device="trace:{tmp_path}/touch.csv"',
+        f'recording.path="{tmp_path}/run.mcap"',
+    )
+    with pytest.raises(KeyboardInterrupt):
+        assemble.build(load_config(None, settings))
+    assert closed == ["hand", "source"]
+    assert list(tmp_path.iterdir()) == []

@@ -1,34 +1,17 @@
 import csv
 import json
+import os
 import re
-import signal
 import subprocess
 import sys
 from functools import partial
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
+from helpers import call, refuse
 
-from haptigraph.cli import main
+from haptigraph.recording.journal import Journal
 from haptigraph.recording.reader import RunReader
-
-
-def call(*arguments: str):
-    result = CliRunner().invoke(main, [str(argument) for argument in arguments])
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return result
-
-
-def refuse(*arguments: str) -> str:
-    result = call(*arguments)
-    assert result.exit_code == 2
-    assert result.stdout == ""
-    lines = result.stderr.strip().splitlines()
-    assert len(lines) == 1, result.stderr
-    return lines[0]
-
 
 COMMANDS = ["check", "demo", "evaluate", "recover", "register", "replay", "run"]
 
@@ -164,6 +147,15 @@ def test_an_interrupted_recording_is_named_as_such(recording, tmp_path):
     assert "was interrupted; `haptigraph recover` makes it whole" in call("replay", torn).output
 
 
+def test_a_recording_that_goes_on_is_replayed_as_far_as_it_is_but_not_recovered(recording, tmp_path):
+    live = tmp_path / "live.mcap"
+    journal = Journal(os.open(live, os.O_WRONLY | os.O_CREAT))
+    journal.write(recording.read_bytes()[:-5000])
+    assert "the recording is still being written" in call("replay", live).output
+    assert refuse("recover", live) == f"haptigraph: {live}: is still being written; end that run first"
+    journal.close()
+
+
 def test_demo_runs_records_replays_and_draws(quick, tmp_path):
     result = call("demo", "--fast", "--scenario", quick, "--output", tmp_path)
     assert result.exit_code == 0
@@ -171,24 +163,6 @@ def test_demo_runs_records_replays_and_draws(quick, tmp_path):
     assert str(tmp_path / "demo.png") in result.output
     assert (tmp_path / "demo.png").stat().st_size > 50_000
     assert RunReader(tmp_path / "demo.mcap").is_whole
-
-
-@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_a_run_cleanly_with_its_summary(quick_uri, tmp_path, ending):
-    record = tmp_path / "run.mcap"
-    command = [sys.executable, "-m", "haptigraph", "run", quick_uri, "--record", str(record)]
-    with subprocess.Popen(
-        [*command, "--set", "source.loop=true"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as child:
-        for line in child.stderr:
-            if "misaligned_intraocular_navigation" in line:
-                break
-        child.send_signal(ending)
-        out, err = child.communicate(timeout=60)
-    assert child.returncode == 0, err
-    assert "interrupted" in out
-    assert RunReader(record).is_whole
-    assert "Traceback" not in err
 
 
 # --- bad input: one sentence, exit code 2, nothing overwritten
@@ -263,3 +237,57 @@ def test_nothing_is_overwritten(quick_uri, tmp_path):
         value = f"trace:{file}" if option == "--device" else file
         assert "exists already" in refuse("run", quick_uri, "--fast", option, value)
         assert file.read_text() == "precious"
+
+
+def test_the_demo_overwrites_no_picture_and_a_wrong_scenario_leaves_no_folder(quick, tmp_path):
+    assert "unknown scenario 'nothing'" in refuse(
+        "demo", "--scenario", "nothing", "--output", tmp_path / "new"
+    )
+    assert list(tmp_path.iterdir()) == []
+    picture = tmp_path / "demo.png"
+    picture.write_text("precious")
+    message = refuse("demo", "--fast", "--scenario", quick, "--output", tmp_path)
+    assert message == f"haptigraph: {picture}: exists already; the demo never overwrites a file"
+    assert list(tmp_path.iterdir()) == [picture]
+
+
+@pytest.mark.parametrize("command", ["replay", "recover"])
+def test_stopping_other_work_is_told(recording, monkeypatch, command):
+    def interrupted(*arguments, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(RunReader, "_groups", interrupted)
+    monkeypatch.setattr("haptigraph.recording.writer.is_whole", interrupted)
+    result = call(command, recording)
+    assert (result.exit_code, result.stderr) == (130, "haptigraph: stopped\n")
+
+
+def test_check_takes_no_text_of_the_user_for_markup(procedure, tmp_path):
+    file = tmp_path / "p.toml"
+    file.write_text(
+        procedure.text.replace(
+            "[[state]]", '[[state]]\nname = "[bold]x[/red]"\nfeel = "low"\nbecause = ""\n[[state]]', 1
+        )
+        .replace('name = "subretinal_injection"', 'name = "p"\ntitle = "[/red]x :smile:"', 1)
+        .replace('\ntitle = "S', '\n# "S', 1)
+    )
+    result = call("check", file)
+    assert result.exit_code == 0
+    assert "[/red]x :smile:" in result.output
+    assert "[bold]x[/red]" in result.output
+
+
+def test_check_cuts_no_names_where_nobody_looks(procedure, tmp_path):
+    file, name = tmp_path / "p.toml", "contact_" + 20 * "very_" + "near_the_retina"
+    file.write_text(procedure.text.replace('"retinal_contact"', f'"{name}"'))
+    assert name in call("check", file).output
+
+
+def test_a_damaged_recording_is_not_called_whole(recording, tmp_path):
+    data = bytearray(recording.read_bytes())
+    data[len(data) // 2] ^= 0xFF
+    damaged = tmp_path / "damaged.mcap"
+    damaged.write_bytes(data)
+    for command in ("replay", "recover"):
+        assert "damaged.mcap, byte" in refuse(command, damaged)
+    assert damaged.read_bytes() == data

@@ -41,6 +41,15 @@ def test_an_unknown_key_names_the_valid_ones():
         ("perception=3", "expected table"),
         ("perception.alpha.x=1", "perception.alpha: expected float, got table"),
         ("perception.alpha", "expected KEY=VALUE"),
+        ("perception.alpha=nan", "perception.alpha: expected a finite number, found nan"),
+        ("haptics.max_on_ms=inf", "haptics.max_on_ms: expected a finite number, found inf"),
+        ("haptics.max_on_ms=1e300", "haptics.max_on_ms: expected float <= 86400000.0, found 1e+300"),
+        ("haptics.rest_ms=0.1", "haptics.rest_ms: expected float >= 1.0, found 0.1"),
+        ("run.stale_ms=1e9", "run.stale_ms: expected float <= 60000.0, found 1000000000.0"),
+        ("source.rate_hz=1e-300", "source.rate_hz: expected float >= 0.01, found 1e-300"),
+        ("perception.offset_grey=1e9", "perception.offset_grey: expected float <= 255.0"),
+        (f"haptics.deadman_ms=1{'0' * 400}", "haptics.deadman_ms: "),
+        (f"perception.alpha={'[' * 9000}", "perception.alpha: expected float, got str"),
         ("run.realtime=yes", "run.realtime: expected bool"),
     ],
 )
@@ -60,6 +69,8 @@ def test_a_setting_below_a_value_is_refused(tmp_path):
     [
         ("[haptics]\ndeadman = 3\n", "line 2: unknown key 'deadman'; did you mean 'deadman_ms'?"),
         ("[perception]\n\nalpha = 'x'\n", "line 3: perception.alpha: expected float, got str, found 'x'"),
+        ("[perception]\nalpha = nan\n", "line 2: perception.alpha: expected a finite number, found nan"),
+        (f"[perception]\nalpha = {'[' * 9000}\n", "nested too deeply"),
         ("[perception\n", "line 1, column 12: not valid TOML"),
         ("[run]\nstale_ms = = 1\n", "line 2, column 12: not valid TOML: invalid value"),
     ],
@@ -69,7 +80,22 @@ def test_a_bad_file_is_told_with_its_line(tmp_path, text, told):
     file.write_text(text)
     with pytest.raises(BadInput) as refused:
         load_config(file)
-    assert str(refused.value).startswith(f"{file}, {told}")
+    message = str(refused.value)
+    assert message.startswith(f"{file}, {told}" if told.startswith("line") else f"{file}: ")
+    assert told in message
+
+
+def test_a_mark_that_editors_put_in_front_is_no_mistake(tmp_path):
+    file = tmp_path / "lab.toml"
+    file.write_bytes(b"\xef\xbb\xbf[perception]\nalpha = 0.25\n")
+    assert load_config(file).perception.alpha == 0.25
+
+
+def test_numbers_that_are_not_finite_are_found_in_lists_of_tables():
+    document = Document("[[move]]\nduration_s = 1\n\n[[move]]\npath = [1.0, [-inf]]\n", "s.toml")
+    with pytest.raises(BadInput) as refused:
+        document.convert(dict)
+    assert str(refused.value) == "s.toml, line 5: move[1].path[1][0]: expected a finite number, found -inf"
 
 
 def test_a_file_that_cannot_be_read_is_told(tmp_path):

@@ -8,6 +8,7 @@ import pytest
 from haptigraph import assemble
 from haptigraph.cli import main
 from haptigraph.config import Config
+from haptigraph.perception.registration import parse_registration
 from haptigraph.recording.schema import TOPICS
 from haptigraph.scene.relations import MEASURES
 from haptigraph.sim.scenario import scenario_names
@@ -70,6 +71,11 @@ def test_every_measure_and_pattern_kind_stands_in_the_procedures_page():
 def test_the_procedure_taught_in_the_docs_loads():
     (procedure,) = [block for block in blocks(read("docs/procedures.md"), "toml") if "[procedure]" in block]
     assert assemble.parse_procedure(procedure, "docs/procedures.md").name == "touch_and_go"
+
+
+def test_the_registration_taught_in_the_docs_loads():
+    (registration,) = [b for b in blocks(read("docs/conventions.md"), "toml") if "[[trocar]]" in b]
+    assert parse_registration(registration, "docs/conventions.md").width_px == 1280
 
 
 def test_python_in_the_docs_is_python():

@@ -240,3 +240,32 @@ def test_percentiles_are_within_a_percent():
     durations.add(0)
     durations.add(10**18)
     assert Durations().percentile_ms(50) != Durations().percentile_ms(50)  # nan
+
+
+def test_a_loop_that_never_ran_can_be_closed(procedure, registration, tips):
+    source = ListSource(captures(2))
+    loop, hand, sink = loop_of(pipeline_of(procedure, ScriptedPerceiver(registration, tips)), source)
+    loop.close()
+    loop.close()
+    assert (source.closed, hand.closed, sink.closed) == (1, 1, 1)
+
+
+def test_all_are_closed_whatever_one_of_them_does(procedure, registration, tips):
+    class Stuck(ListSource):
+        def close(self):
+            super().close()
+            raise KeyboardInterrupt
+
+    source = Stuck(captures(2))
+    loop, hand, sink = loop_of(pipeline_of(procedure, ScriptedPerceiver(registration, tips)), source)
+    with pytest.raises(KeyboardInterrupt):
+        loop.close()
+    assert (source.closed, hand.closed, sink.closed) == (1, 1, 1)
+
+
+def test_an_image_that_cannot_be_used_is_named(procedure, registration, tips):
+    perceiver = ScriptedPerceiver(registration, [tips[0], BadInput("image is too small")])
+    loop, _, _ = loop_of(pipeline_of(procedure, perceiver), ListSource(captures(5)))
+    with pytest.raises(BadInput, match=r"^image 1: image is too small$"):
+        list(loop.steps())
+    assert loop.report.steps == 1

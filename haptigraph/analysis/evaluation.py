@@ -17,7 +17,7 @@ from msgspec.structs import replace
 from haptigraph import assemble
 from haptigraph.clock import VirtualClock
 from haptigraph.config import Config
-from haptigraph.errors import BadInput, EndOfSource
+from haptigraph.errors import BadInput, EndOfSource, unknown_name
 from haptigraph.geometry import ImageGeometry, Point, Vec
 from haptigraph.messages import UNKNOWN, Step
 from haptigraph.perception.registration import load_registration
@@ -76,8 +76,9 @@ def evaluate_clip(folder: str | Path, config: Config, progress: Progress | None 
     """
     folder = Path(folder)
     registration = load_registration(folder / "registration.toml")
-    truth = load_truth(folder / "truth.csv")
-    pipeline = assemble.build_pipeline(config, registration, assemble.load_procedure(config.run.procedure))
+    procedure = assemble.load_procedure(config.run.procedure)
+    truth = load_truth(folder / "truth.csv", [state.name for state in procedure.states])
+    pipeline = assemble.build_pipeline(config, registration, procedure)
     source = assemble.open_source(_with_source(config, folder / "clip.mp4"), VirtualClock())
     steps = []
     try:
@@ -89,6 +90,8 @@ def evaluate_clip(folder: str | Path, config: Config, progress: Progress | None 
                     progress("evaluating", len(steps), len(truth))
     except EndOfSource:
         pass
+    except BadInput as error:
+        raise BadInput(error.problem, error.file or folder / "clip.mp4", error.place) from None
     finally:
         source.close()
     if len(steps) != len(truth):
@@ -98,23 +101,29 @@ def evaluate_clip(folder: str | Path, config: Config, progress: Progress | None 
     return Evaluation({**named, **scores}, lag_images(steps, truth, registration.image))
 
 
-def load_truth(path: Path) -> list[TruthRow]:
+def load_truth(path: Path, states: Sequence[str] = ()) -> list[TruthRow]:
     """Read a truth.csv.
+
+    Args:
+        path: The file.
+        states: The states there are; none: any.
 
     Raises:
         BadInput: If it cannot be read or a row makes no sense.
     """
     rows = []
     try:
-        with path.open(newline="", encoding="utf-8") as file:
-            for row in csv.DictReader(file):
-                rows.append(_truth_row(row))
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            for row in csv.DictReader(file, strict=True):
+                rows.append(_truth_row(row, states))
     except OSError as error:
         raise BadInput(f"cannot be read ({error.strerror})", path) from None
+    except UnicodeDecodeError:
+        raise BadInput("not UTF-8 text", path) from None
     except KeyError as error:
         raise BadInput(f"column {error} is missing", path) from None
-    except (ValueError, TypeError) as error:
-        raise BadInput(f"not a number: {error}", path, f"line {len(rows) + 2}") from None
+    except (ValueError, csv.Error) as error:
+        raise BadInput(str(error), path, f"line {len(rows) + 2}") from None
     return rows
 
 
@@ -232,14 +241,36 @@ def _with_source(config: Config, clip: Path) -> Config:
     return replace(config, source=replace(config.source, uri=str(clip), loop=False))
 
 
-def _truth_row(row: dict[str, str]) -> TruthRow:
+def _truth_row(row: dict[str, str], states: Sequence[str]) -> TruthRow:
+    """Read one row.
+
+    Raises:
+        ValueError: If it makes no sense.
+        KeyError: If a column is missing.
+    """
+    if None in row or None in row.values():  # as csv tells of it
+        raise ValueError(f"{'more' if None in row else 'fewer'} values than there are columns")
+    if states and row["state"] not in states:
+        raise ValueError(unknown_name("state", row["state"], states))
+
+    def flag(name: str) -> bool:
+        if row[name] not in ("0", "1"):
+            raise ValueError(f"{name}: expected 0 or 1, found {row[name]!r}")
+        return row[name] == "1"
+
     def number(name: str) -> float | None:
-        return float(row[name]) if row[name] else None
+        try:
+            value = float(row[name]) if row[name] else None
+        except ValueError:
+            value = math.nan
+        if value is not None and not math.isfinite(value):
+            raise ValueError(f"{name}: not a finite number: {row[name]!r}")
+        return value
 
     x, y = number("tip_x_px"), number("tip_y_px")
     return TruthRow(
-        visible=row["visible"] == "1",
-        inside=row["inside"] == "1",
+        visible=flag("visible"),
+        inside=flag("inside"),
         tip_px=(x, y) if x is not None and y is not None else None,
         depth_mm=number("depth_mm"),
         theta_deg=number("theta_deg"),

@@ -14,17 +14,17 @@ def explain(procedure: Procedure) -> list[Table]:
     """Return the tables of a checked procedure."""
     relations = Table(title="Relations", title_justify="left")
     for heading in ("relation", "holds when"):
-        relations.add_column(heading)
+        relations.add_column(heading, overflow="fold")
     for relation in procedure.schema.relations:
         relations.add_row(_triplet(relation.names), _condition(relation, procedure))
     states = Table(title="States, first that fits wins", title_justify="left")
     for heading in ("", "state", "when", "feels"):
-        states.add_column(heading)
+        states.add_column(heading, overflow="fold")
     for priority, state in enumerate(procedure.states):
         states.add_row(str(priority), state.name, _when(state), state.feel)
     patterns = Table(title="Touch", title_justify="left")
     for heading in ("pattern", "felt as"):
-        patterns.add_column(heading)
+        patterns.add_column(heading, overflow="fold")
     for pattern in procedure.patterns:
         patterns.add_row(pattern.name, _felt(pattern))
     return [relations, states, patterns]

@@ -78,7 +78,10 @@ def run_figure(path: str | Path, output: str | Path, progress: Progress | None =
     simulated = " (simulated)" if reader.info.source.startswith("phantom:") else ""
     who = f" · participant {reader.info.participant}" if reader.info.participant else ""
     figure.suptitle(f"haptigraph {reader.info.version} · {reader.info.source}{simulated}{who}")
-    figure.savefig(output, dpi=110)
+    try:
+        figure.savefig(output, dpi=110)
+    except OSError as error:  # a full disk does not say where
+        raise BadInput(f"cannot be written ({error.strerror})", output) from None
     report("drawing", 3, 3)
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 
 from msgspec import Struct, field
 
-from haptigraph.graph import Triplet
+from haptigraph.graph import Schema, Triplet
 from haptigraph.messages import Step
 
 __all__ = ["RunMeasures", "measure_run"]
@@ -39,6 +39,13 @@ class RunMeasures(Struct):
     last: Step | None = None
     last_state: str = ""
     """The last state in which there was an image."""
+    tells_inside: bool = True
+    """Whether the procedure tells inside from outside; without that no run ever starts."""
+
+    @classmethod
+    def under(cls, schema: Schema) -> "RunMeasures":
+        """Return empty measures of a run under a procedure."""
+        return cls(tells_inside=any(Triplet(*relation.names) == INSIDE for relation in schema.relations))
 
     @property
     def completion_s(self) -> float | None:

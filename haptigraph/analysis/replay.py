@@ -9,6 +9,7 @@ from msgspec import Struct
 from haptigraph import assemble
 from haptigraph.analysis.measures import RunMeasures
 from haptigraph.config import Config
+from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import Step
 from haptigraph.perception.registration import parse_registration
 from haptigraph.recording.reader import RunReader
@@ -39,6 +40,7 @@ class ReplayReport(Struct):
     dropped_images: int = 0
     """Images that perception saw but the recording does not have; what depends on them must differ."""
     is_whole: bool = True
+    is_being_written: bool = False
     recorded: RunMeasures = msgspec.field(default_factory=RunMeasures)
     replayed: RunMeasures = msgspec.field(default_factory=RunMeasures)
 
@@ -56,7 +58,13 @@ def replay(path: str | Path, procedure: str | None = None, progress: Progress | 
     """
     reader = RunReader(path)
     steps, dropped_images = reader.count()
-    report = ReplayReport(is_whole=reader.is_whole, dropped_images=dropped_images)
+    report = ReplayReport(
+        dropped_images=dropped_images,
+        is_whole=reader.is_whole,
+        is_being_written=reader.is_being_written,
+        recorded=RunMeasures.under(_procedure(reader, None).schema),
+        replayed=RunMeasures.under(_procedure(reader, procedure).schema),
+    )
     start_ns = None
     for recorded, replayed in replay_steps(reader, procedure):
         start_ns = recorded.stamp_ns if start_ns is None else start_ns
@@ -77,12 +85,16 @@ def replay_steps(reader: RunReader, procedure: str | None = None) -> Iterator[tu
     pipeline = assemble.build_pipeline(
         msgspec.json.decode(info.config, type=Config),
         parse_registration(info.registration, f"registration in {reader.path}"),
-        assemble.load_procedure(procedure)
-        if procedure
-        else assemble.parse_procedure(info.procedure, f"procedure in {reader.path}"),
+        _procedure(reader, procedure),
     )
     for capture, recorded in reader.records():
         yield recorded, pipeline.step(capture)
+
+
+def _procedure(reader: RunReader, name: str | None) -> Procedure:
+    if name:
+        return assemble.load_procedure(name)
+    return assemble.parse_procedure(reader.info.procedure, f"procedure in {reader.path}")
 
 
 def _compare(number: int, time_s: float, recorded: Step, replayed: Step) -> Difference | None:

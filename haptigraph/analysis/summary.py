@@ -23,6 +23,8 @@ def summary(measures: RunMeasures, report: RunReport | None = None) -> str:
 
 
 def _run_lines(measures: RunMeasures) -> list[str]:
+    if not measures.tells_inside:
+        return ["run             none: this procedure does not tell inside from outside"]
     if measures.started_ns is None:
         return ["run             none: the tip was never seen inside the globe"]
     completion_s, theta_deg = measures.completion_s, measures.mean_theta_deg

@@ -20,8 +20,8 @@ class ConsoleDevice:
     capabilities = Capabilities(amplitude_levels=WIDTH, frequency_range_hz=(0.0, 1000.0), shortest_on_ms=0.0)
 
     def __init__(self, stream: TextIO | None = None) -> None:
-        self._stream = stream or sys.stderr
-        self._draws = self._stream.isatty()
+        self._stream: TextIO | None = stream or sys.stderr  # None in programs without any terminal
+        self._draws = self._stream is not None and self._stream.isatty()
 
     def set(self, amplitude: float, frequency_hz: float, stamp_ns: int) -> None:
         """Draw the bar."""
@@ -34,6 +34,6 @@ class ConsoleDevice:
         self._draw("\r\033[K")
 
     def _draw(self, text: str) -> None:
-        if self._draws:
+        if self._draws and self._stream is not None:
             self._stream.write(text)
             self._stream.flush()

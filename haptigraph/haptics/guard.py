@@ -4,9 +4,11 @@ Turns commands into the amplitudes a device is told, edge by edge. It is told th
 `player` drives it in real time. Knows nothing of states but that `unknown` is felt as silence.
 """
 
+import math
+
 from haptigraph.config import HapticsConfig
 from haptigraph.haptics.pattern import NS_PER_MS, amplitude_at, next_change_ns
-from haptigraph.messages import OFF, UNKNOWN, Fault, HapticCommand, Step
+from haptigraph.messages import OFF, UNKNOWN, Fault, HapticCommand, Pattern, Step
 from haptigraph.stages import Device
 
 __all__ = ["Guard"]
@@ -54,6 +56,12 @@ class Guard:
         """
         self.advance(now_ns)
         command = step.command
+        if not _is_sound(command.pattern):
+            problem = (
+                f"pattern {command.pattern.name!r} has a number below 0 or not finite; the hand is still"
+            )
+            self._faults.append(Fault("guard", problem))
+            command = HapticCommand(command.stamp_ns, OFF, command.stamp_ns)
         if step.conclusion.state == UNKNOWN:
             command = HapticCommand(command.stamp_ns, OFF, command.stamp_ns)
         if (command.pattern, command.since_ns) != (self._command.pattern, self._command.since_ns):
@@ -132,7 +140,8 @@ class Guard:
             if now_ns < self._rest_until_ns:
                 return 0.0
             self._rest_until_ns = None
-        return min(amplitude_at(self._command, now_ns - self._lag_ns), self._max_amplitude)
+        amplitude = min(amplitude_at(self._command, now_ns - self._lag_ns), self._max_amplitude)
+        return amplitude if 0 <= amplitude <= self._max_amplitude else 0.0  # nan is neither
 
     def _tell(self, amplitude: float, frequency_hz: float, now_ns: int) -> None:
         try:
@@ -147,3 +156,9 @@ class Guard:
 
     def _report(self, message: str) -> None:
         self._faults.append(Fault("device", message))
+
+
+def _is_sound(pattern: Pattern) -> bool:
+    """Tell whether every number of a pattern is one that a limit can hold: finite and not negative."""
+    numbers = pattern.amplitude, pattern.frequency_hz, pattern.on_ms, pattern.off_ms
+    return all(math.isfinite(number * NS_PER_MS) and number >= 0 for number in numbers)

@@ -59,21 +59,36 @@ class Player:
     def _play(self) -> None:
         try:
             while not self._closing:
-                with self._changed:
-                    if self._newest is None and not self._closing:
-                        self._changed.wait(self._wait_s())
-                    step, self._newest = self._newest, None
-                now_ns = self._clock.now_ns()
-                if step is not None:
-                    self._guard.send(step, now_ns)
-                else:
-                    self._guard.advance(now_ns)
-                self._collect()
+                try:
+                    self._turn()
+                except BaseException as error:  # without this thread nobody would still the hand
+                    self._recover(error)
         finally:
             self._guard.still()
             self._stilled.set()
             self._guard.close()
             self._collect()
+
+    def _turn(self) -> None:
+        """Wait for a step or an edge, whichever comes first, and let the hand feel it."""
+        with self._changed:
+            if self._newest is None and not self._closing:
+                self._changed.wait(self._wait_s())
+            step, self._newest = self._newest, None
+        now_ns = self._clock.now_ns()
+        if step is not None:
+            self._guard.send(step, now_ns)
+        else:
+            self._guard.advance(now_ns)
+        self._collect()
+
+    def _recover(self, error: BaseException) -> None:
+        """Still the hand after a failure of the guard, and say so; the next step is felt again."""
+        self._guard.still()
+        with self._changed:
+            self._faults.append(Fault("guard", f"{type(error).__name__}: {error}; the hand was stilled"))
+            if self._newest is None and not self._closing:
+                self._changed.wait(LONGEST_WAIT_S)  # so that a failure that stays is not told too often
 
     def _wait_s(self) -> float:
         edge_ns = self._guard.next_edge_ns()

@@ -1,9 +1,11 @@
 """A device made of a file: every amplitude the hand would have felt, with its moment, and a plot of it."""
 
 import csv
+from contextlib import suppress
 from pathlib import Path
+from typing import BinaryIO
 
-from haptigraph.errors import BadInput
+from haptigraph.errors import BadInput, DeviceError
 from haptigraph.messages import Capabilities
 
 __all__ = ["TraceDevice"]
@@ -16,37 +18,61 @@ class TraceDevice:
         path: The CSV file to write.
 
     Raises:
-        BadInput: If it exists or cannot be written.
+        BadInput: If it or its plot exists, or it cannot be written.
     """
 
     capabilities = Capabilities(amplitude_levels=65535, frequency_range_hz=(0.0, 1000.0), shortest_on_ms=0.0)
 
     def __init__(self, path: str | Path) -> None:
         self._path = Path(path)
+        self._picture = self._path.with_suffix(".png")
         self._rows: list[tuple[int, float]] = []
+        if self._path.suffix.lower() == ".png":
+            raise BadInput("is the name of the trace's plot; give the trace another, for example x.csv", path)
+        if self._picture.exists():
+            raise BadInput("exists already; the plot of a trace never overwrites a file", self._picture)
         try:
             self._file = self._path.open("x", newline="", encoding="utf-8", buffering=1)
         except FileExistsError:
             raise BadInput("exists already; a trace never overwrites a file", path) from None
         except OSError as error:
             raise BadInput(f"cannot be written ({error.strerror})", path) from None
-        self._csv = csv.writer(self._file)
-        self._csv.writerow(("stamp_ns", "amplitude", "frequency_hz"))
+        try:
+            self._csv = csv.writer(self._file)
+            self._csv.writerow(("stamp_ns", "amplitude", "frequency_hz"))
+        except BaseException:
+            self._discard()
+            raise
 
     def set(self, amplitude: float, frequency_hz: float, stamp_ns: int) -> None:
         """Write one change."""
-        self._csv.writerow((stamp_ns, amplitude, frequency_hz))
+        try:
+            self._csv.writerow((stamp_ns, amplitude, frequency_hz))
+        except OSError as error:
+            raise DeviceError(f"{self._path} cannot be written ({error.strerror})") from None
         self._rows.append((stamp_ns, amplitude))
 
     def close(self) -> None:
-        """Close the file and plot it."""
+        """Close the file and plot it; a trace that was told nothing leaves no file."""
         if self._file.closed:
             return
+        if not self._rows:
+            self._discard()
+            return
         self._file.close()
-        if self._rows:
-            self._plot()
+        with self._picture.open("xb") as picture:
+            try:
+                self._plot(picture)
+            except BaseException:
+                self._picture.unlink()
+                raise
 
-    def _plot(self) -> None:
+    def _discard(self) -> None:
+        with suppress(OSError):  # a full disk
+            self._file.close()
+        self._path.unlink()
+
+    def _plot(self, picture: BinaryIO) -> None:
         from matplotlib.figure import Figure  # noqa: PLC0415 - slow to import, needed once
 
         start_ns = self._rows[0][0]
@@ -61,4 +87,4 @@ class TraceDevice:
         )
         axes.set(xlabel="time [s]", ylabel="amplitude", ylim=(0, 1.05), title="What the hand felt")
         axes.spines[["top", "right"]].set_visible(False)
-        figure.savefig(self._path.with_suffix(".png"), dpi=150)
+        figure.savefig(picture, format="png", dpi=150)

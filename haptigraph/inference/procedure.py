@@ -21,6 +21,7 @@ __all__ = ["MeasureShapes", "Procedure", "State", "load_procedure", "parse_proce
 MeasureShapes: TypeAlias = Mapping[str, tuple[tuple[str, str], ...]]
 """The measures there are, and the (subject, object) geometries each is made for."""
 
+MOST = {"amplitude": 1, "on_ms": 3_600_000, "off_ms": 3_600_000, "count": 1000}  # of a pattern
 GEOMETRIES = ("point", "segment", "polyline", "circle")
 
 
@@ -117,6 +118,8 @@ def _check_unique(document: Document, kind: str, names: list[str]) -> None:
     if not names:
         raise document.error(f"no [[{kind}]] at all; at least one is needed", "procedure")
     for number, name in enumerate(names):
+        if not name.strip():
+            raise document.error(f"a {kind} without a name", f"{kind}[{number}].name")
         if name in names[:number]:
             raise document.error(f"a second {kind} {name!r}; names must differ", f"{kind}[{number}].name")
 
@@ -197,15 +200,15 @@ def _check_pattern(document: Document, pattern: Pattern, path: str) -> None:
         "pulses": ("amplitude", "on_ms", "off_ms"),
         "bursts": ("amplitude", "on_ms", "off_ms", "count"),
     }[pattern.kind]
-    for key in ("amplitude", "on_ms", "off_ms", "count"):
+    for key in MOST:
         value = getattr(pattern, key)
         if key in needed and (value <= 0 or (key != "amplitude" and value < 1)):
             least = "above 0" if key == "amplitude" else "of at least 1"
             raise document.error(f"{pattern.kind} needs {key} {least}, found {value:g}", f"{path}.{key}")
+        if value > MOST[key]:
+            raise document.error(f"{key} must be at most {MOST[key]:g}, found {value:g}", f"{path}.{key}")
         if key not in needed and value != 0:
             raise document.error(f"{pattern.kind} has no {key}, found {value:g}", f"{path}.{key}")
-    if pattern.amplitude > 1:
-        raise document.error(f"amplitude must be at most 1, found {pattern.amplitude:g}", f"{path}.amplitude")
     if pattern.frequency_hz < 0:
         raise document.error(
             f"frequency_hz must not be negative, found {pattern.frequency_hz:g}", f"{path}.frequency_hz"
@@ -221,12 +224,18 @@ def _check_state(
             if names not in relations:
                 valid = " ".join(str(Triplet(*relation)) for relation in relations)
                 raise document.error(f"{Triplet(*names)} is no relation; there are: {valid}", f"{path}.{key}")
+    impossible = [names for names in state.when if names in state.unless or {*names[::2]} & {*state.absent}]
+    if impossible:
+        problem = f"can never hold: {Triplet(*impossible[0])} is asked for and ruled out"
+        raise document.error(problem, f"{path}.when")
     for name in state.absent:
         _check_known(document, "entity", name, (entity.name for entity in schema.entities), f"{path}.absent")
     _check_known(document, "pattern", state.feel, (pattern.name for pattern in patterns), f"{path}.feel")
     measures = {schema.measure_name(relation) for relation in schema.relations}
     try:
-        for _, measure, spec, _ in string.Formatter().parse(state.because):
+        for _, measure, spec, conversion in string.Formatter().parse(state.because):
+            if conversion:
+                raise ValueError(f"a measure is a number; !{conversion} is not for numbers")
             if measure is not None:
                 _check_known(document, "measure", measure, measures, f"{path}.because")
                 format(1.0, spec or "")

@@ -3,23 +3,33 @@
 import os
 import struct
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
+import zstandard
 from mcap.exceptions import McapError
 from mcap.records import DataEnd, Footer, McapRecord
 from mcap.stream_reader import StreamReader
 
 from haptigraph.errors import BadInput
 
-__all__ = ["Journal", "complete_records", "is_whole"]
+try:
+    import fcntl
+except ImportError:  # Windows has no such locks, but lets nobody replace a file that is open
+    fcntl = None  # type: ignore[assignment]
+
+__all__ = ["Journal", "complete_records", "is_being_written", "is_whole", "not_being_written"]
 
 MAGIC = b"\x89MCAP0\r\n"
 HEAD = struct.Struct("<BQ")  # opcode, length
+DAMAGE = (McapError, zstandard.ZstdError, struct.error, ValueError, OverflowError, MemoryError)
 
 
 class Journal:
     """A file that hands every write to the operating system at once; a killed process loses nothing.
+
+    Until it is closed the file is locked, where the system can: nobody shall take it for an interrupted one.
 
     Args:
         descriptor: An open file descriptor; owned from here on.
@@ -28,6 +38,7 @@ class Journal:
     def __init__(self, descriptor: int) -> None:
         self._descriptor: int | None = descriptor
         self._written = 0
+        _lock(descriptor, "LOCK_EX")
 
     @property
     def closed(self) -> bool:
@@ -58,9 +69,45 @@ class Journal:
     def close(self) -> None:
         """Bring the file to the disk and close it. May be called twice."""
         if self._descriptor is not None:
-            os.fsync(self._descriptor)
-            os.close(self._descriptor)
-            self._descriptor = None
+            descriptor, self._descriptor = self._descriptor, None
+            try:
+                os.fsync(descriptor)
+            finally:
+                os.close(descriptor)
+
+
+def is_being_written(path: Path) -> bool:
+    """Tell whether a journal is still open somewhere; False where the system cannot tell."""
+    with path.open("rb") as file:
+        return not _lock(file.fileno(), "LOCK_SH", "LOCK_NB")
+
+
+@contextmanager
+def not_being_written(path: Path) -> Iterator[None]:
+    """Keep a recording for oneself.
+
+    Raises:
+        BadInput: If it is still being written.
+    """
+    if fcntl is None:
+        yield
+        return
+    with path.open("rb") as file:
+        if not _lock(file.fileno(), "LOCK_EX", "LOCK_NB"):
+            raise BadInput("is still being written; end that run first", path)
+        yield
+
+
+def _lock(descriptor: int, *flags: str) -> bool:
+    """Lock an open file; False if someone else has. Systems and disks without locks lock nothing."""
+    try:
+        if fcntl is not None:
+            fcntl.flock(descriptor, sum(getattr(fcntl, flag) for flag in flags))
+    except BlockingIOError:
+        return False
+    except OSError:
+        pass
+    return True
 
 
 def is_whole(path: Path) -> bool:
@@ -92,13 +139,13 @@ def complete_records(path: Path) -> Iterator[tuple[int, McapRecord]]:
         end = _end_of_complete_records(file)
         file.seek(0)
         try:
-            for record in StreamReader(file).records if end > len(MAGIC) else ():
+            for record in StreamReader(file, validate_crcs=True).records if end > len(MAGIC) else ():
                 if isinstance(record, DataEnd | Footer):
                     return
                 yield file.tell(), record
                 if file.tell() >= end:
                     return
-        except (McapError, struct.error, UnicodeDecodeError, ValueError) as error:
+        except DAMAGE as error:
             raise BadInput(f"damaged ({error})", path, f"byte {file.tell()}") from None
 
 

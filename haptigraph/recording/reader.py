@@ -11,7 +11,7 @@ from haptigraph.errors import BadInput
 from haptigraph.messages import Capture, Step
 from haptigraph.recording.codec import decode
 from haptigraph.recording.foxglove import CompressedImage
-from haptigraph.recording.journal import complete_records, is_whole
+from haptigraph.recording.journal import complete_records, is_being_written, is_whole
 from haptigraph.recording.schema import FORMAT, TOPICS, CaptureRecord, RunInfo
 from haptigraph.recording.writer import METADATA
 
@@ -38,7 +38,8 @@ class RunReader:
         self.path = Path(path)
         self.info = self._read_info()
         self.is_whole = is_whole(self.path)
-        """False if the recording process was interrupted."""
+        """False if the recording process was interrupted, or goes on."""
+        self.is_being_written = not self.is_whole and is_being_written(self.path)
 
     def records(self, *, images: Container[int] | None = None) -> Generator[tuple[Capture, Step], None, None]:
         """Yield every capture with the step that was made of it.

@@ -4,10 +4,12 @@ A run is journalled unchunked, each record straight to the file descriptor; on a
 with zstd chunks and an index. Knows nothing of threads; `sinks.recorder` keeps it off the loop.
 """
 
+import itertools
 import os
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
-from typing import IO, Any, TypeAlias, cast
+from typing import IO, Any, BinaryIO, TypeAlias, cast
 
 import msgspec
 from mcap.records import Channel, McapRecord, Message, Metadata, Schema
@@ -18,10 +20,10 @@ from haptigraph.geometry import ImageGeometry
 from haptigraph.messages import Capture, Step
 from haptigraph.recording.codec import encode_png, format_of
 from haptigraph.recording.foxglove import WARNING, CompressedImage, Log, Time, annotations
-from haptigraph.recording.journal import Journal, complete_records
+from haptigraph.recording.journal import Journal, complete_records, is_whole, not_being_written
 from haptigraph.recording.schema import TOPICS, CaptureRecord, Kept, RunInfo, mcap_schema
 
-__all__ = ["METADATA", "Progress", "RunWriter", "compact"]
+__all__ = ["METADATA", "Progress", "RunWriter", "compact", "recover"]
 
 METADATA = "haptigraph"
 NEW_FILE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
@@ -53,17 +55,17 @@ class RunWriter:
             raise BadInput("exists already; a recording never overwrites a file", path) from None
         except OSError as error:
             raise BadInput(f"cannot be written ({error.strerror})", path) from None
-        self._writer = Writer(cast(IO[bytes], self._file), use_chunking=False)
-        self._writer.start(profile="", library=f"haptigraph {info.version}")
-        self._writer.add_metadata(
-            METADATA, {key: str(value) for key, value in msgspec.to_builtins(info).items()}
-        )
-        self._channels = {}
-        for topic in TOPICS:
-            schema = msgspec.json.encode(mcap_schema(topic, measures))
-            schema_id = self._writer.register_schema(topic.schema, "jsonschema", schema)
-            self._channels[topic.name] = self._writer.register_channel(topic.name, "json", schema_id)
+        self.is_complete = False
+        """Whether all of the run is in the file, compacted or not."""
         self._sequence = 0
+        try:
+            self._writer = Writer(cast(IO[bytes], self._file), use_chunking=False)
+            self._channels = self._begin(measures)
+        except BaseException as error:
+            self.discard()
+            if isinstance(error, OSError):
+                raise BadInput(f"cannot be written ({error.strerror})", path) from None
+            raise
 
     def write(self, capture: Capture, step: Step, *, dropped: bool = False) -> None:
         """Append one step.
@@ -103,16 +105,31 @@ class RunWriter:
             return
         self._writer.finish()  # type: ignore[no-untyped-call]
         self._file.close()
+        self.is_complete = True
         compact(self.path, progress)
 
     def abandon(self) -> None:
         """Close the file as it is, as after a disk error; `recover` reads what there is."""
-        self._file.close()
+        with suppress(OSError):  # the disk was told already
+            self._file.close()
 
     def discard(self) -> None:
-        """Close the file and remove it, as after a run that never began."""
-        self._file.close()
-        self.path.unlink()
+        """Close the file and remove it, as after a run that never began; nothing once it is closed."""
+        if not self._file.closed:
+            self.abandon()
+            self.path.unlink(missing_ok=True)
+
+    def _begin(self, measures: tuple[str, ...]) -> dict[str, int]:
+        """Write header, schemas and channels; return the channels' ids by topic."""
+        self._writer.start(profile="", library=f"haptigraph {self._info.version}")
+        header = {key: str(value) for key, value in msgspec.to_builtins(self._info).items()}
+        self._writer.add_metadata(METADATA, header)
+        channels = {}
+        for topic in TOPICS:
+            schema = msgspec.json.encode(mcap_schema(topic, measures))
+            schema_id = self._writer.register_schema(topic.schema, "jsonschema", schema)
+            channels[topic.name] = self._writer.register_channel(topic.name, "json", schema_id)
+        return channels
 
     def _add(self, topic: str, stamp_ns: int, message: Any) -> None:
         utc_ns = stamp_ns + self._info.utc_offset_ns
@@ -125,6 +142,20 @@ class RunWriter:
         )
 
 
+def recover(path: Path, progress: Progress | None = None) -> bool:
+    """Make an interrupted recording whole, in its place; False if it was whole already.
+
+    Raises:
+        BadInput: If the file is not a recording, or is still being written.
+        OSError: If the disk does not take it.
+    """
+    with not_being_written(path):
+        if is_whole(path):
+            return False
+        compact(path, progress)
+        return True
+
+
 def compact(path: Path, progress: Progress | None = None) -> int:
     """Rewrite a recording with chunks, zstd and an index, in its place; return the number of messages.
 
@@ -134,21 +165,39 @@ def compact(path: Path, progress: Progress | None = None) -> int:
         BadInput: If the file is not a recording.
         OSError: If the disk does not take it.
     """
-    part = path.with_name(path.name + ".part")
-    size = path.stat().st_size
-    with part.open("wb") as output:
-        writer = Writer(output, compression=CompressionType.ZSTD)
-        writer.start(library="haptigraph")
-        messages = 0
-        ids: dict[tuple[str, int], int] = {}
-        for done, record in complete_records(path):
+    part = _new_name_beside(path)
+    output = part.open("xb")
+    try:
+        with output:
+            messages = _compact_to(output, path, progress or (lambda what, done, total: None))
+        part.replace(path)
+    except BaseException as error:
+        part.unlink(missing_ok=True)
+        if isinstance(error, OSError) and error.filename is None:
+            error.filename = str(part)
+        raise
+    return messages
+
+
+def _new_name_beside(path: Path) -> Path:
+    names = (f"{path.name}.part{number or ''}" for number in itertools.count())
+    return next(new for new in map(path.with_name, names) if not new.exists())
+
+
+def _compact_to(output: BinaryIO, path: Path, progress: Progress) -> int:
+    writer = Writer(output, compression=CompressionType.ZSTD)
+    writer.start(library="haptigraph")
+    messages, size = 0, path.stat().st_size
+    ids: dict[tuple[str, int], int] = {}
+    for done, record in complete_records(path):
+        try:
             messages += _copy(record, writer, ids)
-            if progress is not None:
-                progress("compacting the recording", done, size)
-        writer.finish()  # type: ignore[no-untyped-call]
-        output.flush()
-        os.fsync(output.fileno())
-    part.replace(path)
+        except KeyError:
+            raise BadInput("damaged (a message of no known topic)", path, f"byte {done}") from None
+        progress("compacting the recording", done, size)
+    writer.finish()  # type: ignore[no-untyped-call]
+    output.flush()
+    os.fsync(output.fileno())
     return messages
 
 

@@ -4,8 +4,9 @@ Written as a registration too, so that perception meets it as it meets any other
 """
 
 import math
+from typing import Annotated
 
-from msgspec import Struct
+from msgspec import Meta, Struct
 
 from haptigraph.geometry import ImageGeometry, Vec
 from haptigraph.registration_text import AnatomyPx, TrocarPx
@@ -19,13 +20,13 @@ RETINA_STEP_DEG = 1.5
 class EyeShape(Struct, frozen=True, forbid_unknown_fields=True):
     """The [eye] table of a scenario. Angles are at the globe's centre, positive to the surgeon's right."""
 
-    diameter_mm: float = 24.0
-    wall_mm: float = 1.7
-    retina_half_deg: float = 75.0
+    diameter_mm: Annotated[float, Meta(ge=15, le=35)] = 24.0
+    wall_mm: Annotated[float, Meta(ge=0.1, le=5)] = 1.7
+    retina_half_deg: Annotated[float, Meta(ge=5, le=120)] = 75.0
     """The retina reaches so far to either side of the bottom."""
-    target_deg: float = 9.0
+    target_deg: Annotated[float, Meta(ge=-90, le=90)] = 9.0
     """From the bottom, along the retina."""
-    trocar_deg: float = 36.0
+    trocar_deg: Annotated[float, Meta(ge=-90, le=90)] = 36.0
     """From the top: the trocar in use; the other one sits opposite."""
 
 

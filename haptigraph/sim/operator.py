@@ -5,9 +5,10 @@ Knows neither images nor touch; what it does is a function of time and seed.
 """
 
 import math
+from typing import Annotated
 
 import numpy as np
-from msgspec import Struct
+from msgspec import Meta, Struct
 
 from haptigraph.sim.robot import Pose
 
@@ -19,18 +20,18 @@ SINES = 12
 class Hand(Struct, frozen=True, forbid_unknown_fields=True):
     """The [operator] table of a scenario."""
 
-    tremor_rms_mm: float = 0.1
+    tremor_rms_mm: Annotated[float, Meta(ge=0, le=10)] = 0.1
     """At the hand, per axis; the robot's motion scale shrinks it."""
-    tremor_low_hz: float = 8.0
-    tremor_high_hz: float = 12.0
+    tremor_low_hz: Annotated[float, Meta(ge=0, le=1000)] = 8.0
+    tremor_high_hz: Annotated[float, Meta(ge=0, le=1000)] = 12.0
 
 
 class Move(Struct, frozen=True, forbid_unknown_fields=True):
     """One [[move]] of a scenario: go to a pose in so many seconds; the same pose again is a pause."""
 
-    duration_s: float
-    depth_mm: float
-    theta_deg: float
+    duration_s: Annotated[float, Meta(le=86_400)]
+    depth_mm: Annotated[float, Meta(ge=-100, le=100)]
+    theta_deg: Annotated[float, Meta(ge=-180, le=180)]
     """Angle to the line trocar -> target, counter-clockwise."""
     away: bool = False
     """The needle is out of the picture meanwhile."""

@@ -4,8 +4,9 @@ Two degrees of freedom, depth and pitch, with limits on both and on speed. Knows
 """
 
 import math
+from typing import Annotated
 
-from msgspec import Struct
+from msgspec import Meta, Struct
 
 from haptigraph.geometry import Vec, rotate, unit
 
@@ -15,14 +16,14 @@ __all__ = ["Pose", "Robot", "RobotLimits"]
 class RobotLimits(Struct, frozen=True, forbid_unknown_fields=True):
     """The [robot] table of a scenario."""
 
-    motion_scale: float = 0.2
+    motion_scale: Annotated[float, Meta(ge=0, le=10)] = 0.2
     """Tool motion over hand motion."""
-    pitch_limit_deg: float = 50.0
+    pitch_limit_deg: Annotated[float, Meta(ge=0, le=90)] = 50.0
     """To either side of the line pivot -> globe centre."""
-    depth_min_mm: float = -12.0
-    depth_max_mm: float = 26.0
-    speed_limit_mm_s: float = 20.0
-    turn_limit_deg_s: float = 30.0
+    depth_min_mm: Annotated[float, Meta(ge=-100, le=100)] = -12.0
+    depth_max_mm: Annotated[float, Meta(ge=-100, le=100)] = 26.0
+    speed_limit_mm_s: Annotated[float, Meta(gt=0, le=10_000)] = 20.0
+    turn_limit_deg_s: Annotated[float, Meta(gt=0, le=10_000)] = 30.0
 
 
 class Pose(Struct, frozen=True):

@@ -17,14 +17,36 @@ from haptigraph.sim.robot import RobotLimits
 
 __all__ = ["Scenario", "load_scenario", "scenario_names"]
 
+BOUNDS = {
+    "camera.width_px": (64, 4096),
+    "camera.height_px": (64, 4096),
+    "camera.center_px": (0, 4096),
+    "camera.px_per_mm": (1, 100),
+    "camera.blur_px": (0, 50),
+    "camera.exposure": (0, 10),
+    "camera.vignetting": (0, 1),
+    "camera.read_noise_grey": (0, 100),
+    "camera.shot_noise_grey": (0, 100),
+    "camera.shadow": (0, 1),
+    "camera.shadow_shift": (-2, 2),
+    "look.texture": (0, 10),
+    "needle.diameter_mm": (0.01, 3),
+    "needle.tip_diameter_mm": (0.01, 3),
+    "needle.taper_mm": (0.01, 100),
+    "needle.length_mm": (1, 100),
+    "needle.brightness": (0, 1),
+    "needle.highlight": (0, 1),
+}
+"""What can be drawn, in reasonable time and memory."""
+
 
 class About(Struct, frozen=True, forbid_unknown_fields=True):
     """The [scenario] table."""
 
     says: str
     """One sentence on what happens."""
-    seed: int = 0
-    rate_hz: Annotated[float, Meta(gt=0)] = 30.0
+    seed: Annotated[int, Meta(ge=0, le=2**32 - 1)] = 0
+    rate_hz: Annotated[float, Meta(ge=0.1, le=1000)] = 30.0
 
 
 class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
@@ -69,4 +91,21 @@ def load_scenario(name: str) -> Scenario:
             raise document.error(
                 f"a move of {move.duration_s:g} s; duration_s must be positive", f"move[{number}].duration_s"
             )
+    _check_bounds(document, scenario)
+    _check_order(document, "operator", scenario.operator, "tremor_low_hz", "tremor_high_hz")
+    _check_order(document, "robot", scenario.robot, "depth_min_mm", "depth_max_mm")
     return scenario
+
+
+def _check_bounds(document: Document, scenario: Scenario) -> None:
+    for path, (low, high) in BOUNDS.items():
+        table, _, key = path.partition(".")
+        value = getattr(getattr(scenario, table), key)
+        if not all(low <= number <= high for number in (value if isinstance(value, tuple) else (value,))):
+            raise document.error(f"{path}: expected {low:g} to {high:g}, found {value}", path)
+
+
+def _check_order(document: Document, table: str, values: Struct, low: str, high: str) -> None:
+    if getattr(values, low) > getattr(values, high):
+        problem = f"{low} {getattr(values, low):g} lies above {high} {getattr(values, high):g}"
+        raise document.error(problem, f"{table}.{low}")

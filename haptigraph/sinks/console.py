@@ -20,8 +20,9 @@ class ConsoleSink:
     dropped = 0
 
     def __init__(self, stream: TextIO | None = None, *, shows_time: bool = False) -> None:
-        self._stream = stream or sys.stderr
-        self._clear = "\r\033[K" if self._stream.isatty() else ""
+        self._stream: TextIO | None = stream or sys.stderr
+        """None where there is nobody to tell: no terminal from the start, or one that went away."""
+        self._clear = "\r\033[K" if self._stream is not None and self._stream.isatty() else ""
         self._shows_time = shows_time and bool(self._clear)
         self._second = 0
         self._start_ns: int | None = None
@@ -41,8 +42,7 @@ class ConsoleSink:
             self._print(f"{time_s:7.2f} s  {self._state:34} {step.conclusion.because}")
         if self._shows_time and int(time_s) != self._second:
             self._second = int(time_s)
-            self._stream.write(f"{self._clear}{time_s:7.2f} s  ...")
-            self._stream.flush()
+            self._write(f"{self._clear}{time_s:7.2f} s  ...")
 
     def take_faults(self) -> tuple[Fault, ...]:
         """Return nothing: printing does not fail."""
@@ -51,9 +51,17 @@ class ConsoleSink:
     def close(self) -> None:
         """Wipe the line that shows the time."""
         if self._shows_time:
-            self._stream.write(self._clear)
-            self._stream.flush()
+            self._write(self._clear)
 
     def _print(self, line: str) -> None:
-        self._stream.write(f"{self._clear}{line}\n")
-        self._stream.flush()
+        self._write(f"{self._clear}{line}\n")
+
+    def _write(self, text: str) -> None:
+        """Write, or fall silent for good: a terminal that goes away must not end a run."""
+        if self._stream is None:
+            return
+        try:
+            self._stream.write(text)
+            self._stream.flush()
+        except (OSError, ValueError):  # gone, or closed
+            self._stream = None

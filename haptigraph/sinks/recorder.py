@@ -26,6 +26,7 @@ class Recorder:
 
     def __init__(self, writer: RunWriter, *, waits: bool, progress: Progress | None = None) -> None:
         self.dropped = 0
+        self._unwritten = 0  # counted by the thread, told when it has ended
         self._writer, self._waits, self._progress = writer, waits, progress
         self._queue: queue.Queue[tuple[Capture, Step, bool] | None] = queue.Queue(MOST_STEPS)
         self._images = threading.Semaphore(MOST_IMAGES)
@@ -46,7 +47,7 @@ class Recorder:
         try:
             self._queue.put((capture, step, dropped), self._waits)
         except queue.Full:
-            self.dropped += 1
+            self.dropped += not dropped
             if capture.image is not None:
                 self._images.release()
 
@@ -61,30 +62,39 @@ class Recorder:
             return
         self._queue.put(None)
         self._thread.join()
+        self.dropped += self._unwritten
         try:
             if not self._failed.is_set():
                 self._writer.close(self._progress)
-        except OSError as error:
+        except Exception as error:
             self._fail(error)
 
     def _drain(self) -> None:
         while (item := self._queue.get()) is not None:
             capture, step, dropped = item
-            if not self._failed.is_set():
-                try:
-                    self._writer.write(capture, step, dropped=dropped)
-                except Exception as error:  # whatever it is, the loop must not wait for a dead thread
-                    self._fail(error)
+            if not (self._wrote(capture, step, dropped) or dropped):
+                self._unwritten += 1
             if capture.image is not None:
                 self._images.release()
+
+    def _wrote(self, capture: Capture, step: Step, dropped: bool) -> bool:
+        if self._failed.is_set():
+            return False
+        try:
+            self._writer.write(capture, step, dropped=dropped)
+        except Exception as error:  # whatever it is, the loop must not wait for a dead thread
+            self._fail(error)
+            return False
+        return True
 
     def _fail(self, error: Exception) -> None:
         self._failed.set()
         self._writer.abandon()
         reason = error.strerror if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
-        self._faults.append(
-            Fault("recorder", f"{self._writer.path} is incomplete ({reason}); it can be recovered")
-        )
+        told = f"incomplete ({reason}); it can be recovered"
+        if self._writer.is_complete:
+            told = f"complete but not compacted ({reason})"
+        self._faults.append(Fault("recorder", f"{self._writer.path} is {told}"))
 
 
 def _without_image(capture: Capture) -> Capture:

@@ -4,7 +4,7 @@ from msgspec.structs import replace
 
 from haptigraph.analysis.measures import RunMeasures, measure_run
 from haptigraph.analysis.summary import summary
-from haptigraph.graph import SceneGraph, Triplet
+from haptigraph.graph import SceneGraph, Schema, Triplet
 from haptigraph.messages import Fault
 from haptigraph.pipeline import RunReport
 
@@ -102,3 +102,10 @@ def test_the_summary_says_what_surgeon_and_loop_did(run):
         "4 x source: gone",
     ):
         assert told in text
+
+
+def test_a_procedure_that_does_not_tell_inside_from_outside_is_named_as_the_reason(procedure):
+    relations = [relation for relation in procedure.schema.relations if relation.predicate != "inside"]
+    measures = RunMeasures.under(Schema(procedure.schema.entities, tuple(relations)))
+    assert "none: this procedure does not tell inside from outside" in summary(measures)
+    assert "never seen inside the globe" in summary(RunMeasures.under(procedure.schema))

@@ -4,7 +4,7 @@ import io
 import pytest
 from helpers import MS
 
-from haptigraph.errors import BadInput
+from haptigraph.errors import BadInput, DeviceError
 from haptigraph.haptics.console import ConsoleDevice
 from haptigraph.haptics.trace import TraceDevice
 
@@ -65,3 +65,54 @@ def test_a_trace_never_overwrites(tmp_path):
     assert file.read_text() == "precious"
     with pytest.raises(BadInput, match="cannot be written"):
         TraceDevice(tmp_path / "no" / "such" / "folder.csv")
+
+
+def test_a_trace_never_overwrites_a_picture(tmp_path):
+    picture = tmp_path / "touch.png"
+    picture.write_text("precious")
+    with pytest.raises(BadInput, match=r"touch\.png: exists already; the plot of a trace never overwrites"):
+        TraceDevice(tmp_path / "touch.csv")
+    assert picture.read_text() == "precious"
+    assert list(tmp_path.iterdir()) == [picture]
+
+
+def test_a_picture_that_appeared_meanwhile_is_left_alone(tmp_path):
+    device = TraceDevice(tmp_path / "touch.csv")
+    device.set(0.3, 80.0, 5)
+    picture = tmp_path / "touch.png"
+    picture.write_text("precious")
+    with pytest.raises(FileExistsError):
+        device.close()
+    assert picture.read_text() == "precious"
+
+
+@pytest.mark.parametrize("name", ["touch.png", "touch.PNG"])
+def test_a_trace_that_its_own_plot_would_replace_is_refused(tmp_path, name):
+    with pytest.raises(BadInput, match="is the name of the trace's plot"):
+        TraceDevice(tmp_path / name)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_trace_that_was_told_nothing_leaves_no_file(tmp_path):
+    TraceDevice(tmp_path / "touch.csv").close()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_full_disk_is_told_with_the_file(tmp_path, monkeypatch):
+    device = TraceDevice(tmp_path / "touch.csv")
+
+    class Full:
+        def writerow(self, row):
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(device, "_csv", Full())
+    with pytest.raises(DeviceError, match=r"touch\.csv cannot be written \(No space left on device\)"):
+        device.set(0.3, 80.0, 5)
+    device.close()
+
+
+def test_the_console_needs_no_terminal_at_all(monkeypatch):
+    monkeypatch.setattr("sys.stderr", None)
+    device = ConsoleDevice()
+    device.set(0.3, 80.0, 0)
+    device.close()

@@ -1,7 +1,10 @@
+import math
+
 import pytest
 from helpers import LOW, MS, PULSE, SUCCESS, make_step
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from haptigraph.config import HapticsConfig
 from haptigraph.errors import DeviceError
@@ -232,3 +235,18 @@ def test_no_vibration_lasts_longer_than_max_on_ms(history, max_on_ms):
             assert ms - on_since <= max_on_ms + 1e-3
             on_since = None
     assert on_since is None
+
+
+@pytest.mark.parametrize("key", ["amplitude", "frequency_hz", "on_ms", "off_ms"])
+@pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf, -1.0, 1e305])
+def test_numbers_no_limit_can_hold_are_silence_and_a_fault(spy, key, number):
+    guard = guard_of(spy)
+    send(guard, PULSE, 0)
+    send(guard, replace(PULSE, **{key: number}), 10)
+    guard.advance(100 * MS)
+    assert spy.edges() == [(0, 1.0), (10, 0.0)]
+    (fault,) = guard.take_faults()
+    assert fault.where == "guard"
+    assert "pattern 'pulse' has a number below 0 or not finite" in fault.message
+    send(guard, LOW, 110)
+    assert spy.amplitude == 0.3

@@ -89,3 +89,34 @@ def test_faults_of_the_device_come_out(device):
     player.send(make_step(LOW, stamp_ns=clock.now_ns()), clock.now_ns())
     player.close()
     assert {fault.message for fault in player.take_faults()} == {"unplugged"}
+
+
+@pytest.mark.parametrize("error", [ValueError("odd"), SystemExit(3)])
+def test_a_failure_of_the_guard_stills_the_hand_is_told_and_is_survived(device, error):
+    class Failing(Guard):
+        fails = False
+
+        def send(self, step, now_ns):
+            if self.fails:
+                raise error
+            super().send(step, now_ns)
+
+    clock = MonotonicClock()
+    guard = Failing(device, HapticsConfig(deadman_ms=1000))
+    player = Player(guard, clock)
+    player.send(make_step(LOW, stamp_ns=clock.now_ns()), clock.now_ns())
+    assert device.vibrates.wait(PATIENCE_S)
+    device.is_silent.clear()
+    guard.fails = True
+    player.send(make_step(LOW, stamp_ns=clock.now_ns()), clock.now_ns())
+    assert device.is_silent.wait(PATIENCE_S)
+    guard.fails = False
+    device.vibrates.clear()
+    player.send(make_step(LOW, stamp_ns=clock.now_ns()), clock.now_ns())
+    assert device.vibrates.wait(PATIENCE_S)
+    player.close()
+    (fault,) = player.take_faults()
+    assert (fault.where, fault.message) == (
+        "guard",
+        f"{type(error).__name__}: {error}; the hand was stilled",
+    )

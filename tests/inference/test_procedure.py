@@ -98,6 +98,8 @@ def test_an_unknown_procedure_names_those_there_are():
         ("amplitude = 0.3", "amplitude = 0", "continuous needs amplitude above 0, found 0"),
         ("amplitude = 0.3", "amplitude = 0.3\non_ms = 5", "continuous has no on_ms, found 5"),
         ("frequency_hz = 80", "frequency_hz = -80", "frequency_hz must not be negative"),
+        ("on_ms = 80", "on_ms = 1e305", "on_ms must be at most 3.6e+06, found 1e+305"),
+        ("count = 2", "count = 99999", "count must be at most 1000, found 99999"),
         ("on_ms = 80", "on_ms = 0.0000001", "pulses needs on_ms of at least 1, found 1e-07"),
         ("off_ms = 80", "", "pulses needs off_ms of at least 1"),
         ("count = 2", "", "bursts needs count of at least 1"),
@@ -106,6 +108,10 @@ def test_an_unknown_procedure_names_those_there_are():
         ('name = "unknown"', 'name = "lost"', "no [[state]] named 'unknown'"),
         ('label = "target"', 'label = "retina"', "distance_to_retina_mm would mean both"),
         ("[procedure]", "[procedure", "not valid TOML"),
+        ("{distance_to_target_mm:.1f}", "{distance_to_target_mm!r:.1f}", "because cannot be filled in (a measure is a number"),
+        ('unless = [["needle_tip", "touching", "retina_target"]]', 'unless = [["needle_tip", "touching", "retina_surface"]]', "can never hold: <needle_tip, touching, retina_surface> is asked for and ruled out"),
+        ('unless = [["needle_tip", "touching", "retina_target"]]', 'absent = ["needle_tip"]', "can never hold: <needle_tip, touching, retina_surface> is asked for and ruled out"),
+        ('name = "target_hit"', 'name = " "', "a state without a name"),
     ],
 )  # fmt: skip
 def test_every_mistake_is_one_sentence_with_its_line(text, old, new, told):

@@ -4,8 +4,8 @@ import pytest
 from mcap.records import Message
 
 from haptigraph.errors import BadInput
-from haptigraph.recording.journal import Journal, complete_records, is_whole
-from haptigraph.recording.writer import compact
+from haptigraph.recording.journal import Journal, complete_records, is_being_written, is_whole
+from haptigraph.recording.writer import compact, recover
 
 
 def test_a_journal_is_on_disk_before_it_is_closed(tmp_path):
@@ -78,3 +78,58 @@ def test_damage_in_the_middle_is_told_with_its_place(journal_file, tmp_path):
     file.write_bytes(data)
     with pytest.raises(BadInput, match=r"byte \d+: damaged"):
         list(complete_records(file))
+
+
+def test_a_journal_that_is_still_being_written_is_left_alone(journal_file, tmp_path):
+    file = tmp_path / "live.mcap"
+    journal = Journal(os.open(file, os.O_WRONLY | os.O_CREAT))
+    journal.write(journal_file.read_bytes()[:-100_000])
+    before = file.read_bytes()
+    assert is_being_written(file)
+    with pytest.raises(BadInput, match=r"live\.mcap: is still being written; end that run first"):
+        recover(file)
+    assert file.read_bytes() == before
+    journal.close()
+    assert not is_being_written(file)
+    assert recover(file)
+    assert not recover(file)
+    assert is_whole(file)
+
+
+def test_a_file_beside_it_is_never_overwritten(journal_file, tmp_path):
+    file, precious = tmp_path / "run.mcap", tmp_path / "run.mcap.part"
+    file.write_bytes(journal_file.read_bytes())
+    precious.write_text("precious")
+    compact(file)
+    assert precious.read_text() == "precious"
+    assert sorted(tmp_path.iterdir()) == [file, precious]
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), OSError(28, "No space left on device")])
+def test_a_compaction_that_is_cut_short_leaves_the_file_as_it_was(journal_file, tmp_path, error):
+    file = tmp_path / "run.mcap"
+    file.write_bytes(journal_file.read_bytes())
+
+    def cut_short(what, done, size):
+        raise error
+
+    with pytest.raises(type(error)) as cut:
+        compact(file, cut_short)
+    assert list(tmp_path.iterdir()) == [file]
+    assert file.read_bytes() == journal_file.read_bytes()
+    if isinstance(error, OSError):
+        assert cut.value.filename == str(tmp_path / "run.mcap.part")
+
+
+@pytest.mark.parametrize("place", [0.2, 0.5])
+@pytest.mark.parametrize("damage", [b"\xff" * 40, b"\x00", b"!"])
+def test_a_damaged_chunk_is_told(recording_file, tmp_path, place, damage):
+    data = bytearray(recording_file.read_bytes())
+    start = int(place * len(data))
+    data[start : start + len(damage)] = damage
+    file = tmp_path / "damaged.mcap"
+    file.write_bytes(data)
+    for use in (messages, compact):
+        with pytest.raises(BadInput, match=r"damaged\.mcap, byte \d+: damaged \("):
+            use(file)
+    assert list(tmp_path.iterdir()) == [file]

@@ -19,6 +19,7 @@ from haptigraph.messages import Capture, Fault, Truth
 from haptigraph.perception.registration import parse_registration
 from haptigraph.recording.codec import decode, encode_jpeg, encode_png, format_of
 from haptigraph.recording.foxglove import CompressedImage, ImageAnnotations, foxglove_schema
+from haptigraph.recording.journal import Journal
 from haptigraph.recording.reader import RunReader
 from haptigraph.recording.schema import TOPICS, RunInfo, mcap_schema
 from haptigraph.recording.writer import RunWriter
@@ -163,6 +164,29 @@ def test_a_recording_never_overwrites(tmp_path):
     assert file.read_text() == "precious"
     with pytest.raises(BadInput, match="cannot be written"):
         RunWriter(tmp_path / "no" / "a.mcap", INFO, GEOMETRY, ())
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), OSError(28, "No space left on device")])
+def test_a_recording_that_cannot_begin_leaves_no_file(tmp_path, monkeypatch, error):
+    def fail(self, data):
+        raise error
+
+    monkeypatch.setattr(Journal, "write", fail)
+    with pytest.raises((KeyboardInterrupt, BadInput)) as failed:
+        RunWriter(tmp_path / "a.mcap", INFO, GEOMETRY, ())
+    if isinstance(error, OSError):
+        assert str(failed.value) == f"{tmp_path / 'a.mcap'}: cannot be written (No space left on device)"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_run_that_is_discarded_after_its_end_is_kept(tmp_path):
+    writer = RunWriter(tmp_path / "a.mcap", INFO, GEOMETRY, ())
+    assert not writer.is_complete
+    writer.write(Capture(0, 0, None), make_step())
+    writer.close()
+    writer.discard()
+    assert writer.is_complete
+    assert RunReader(tmp_path / "a.mcap").is_whole
 
 
 def test_a_run_without_steps_leaves_no_file(tmp_path):

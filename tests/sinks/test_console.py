@@ -43,3 +43,34 @@ def test_no_time_is_shown_where_nobody_looks():
         sink.write(Capture(0, ms * MS, None), make_step(stamp_ns=ms * MS))
     sink.close()
     assert "..." not in stream.getvalue()
+
+
+class Gone(io.StringIO):
+    """A terminal that goes away after its first line."""
+
+    lines = 0
+
+    def isatty(self) -> bool:
+        return True
+
+    def write(self, text):
+        self.lines += 1
+        if self.lines > 1:
+            raise OSError(5, "Input/output error")
+        return super().write(text)
+
+
+def test_a_terminal_that_goes_away_is_told_no_more():
+    terminal = Gone()
+    sink = ConsoleSink(terminal, shows_time=True)
+    for ms, state in ((0, "a"), (1000, "b"), (2000, "c")):
+        sink.write(Capture(0, ms * MS, None), make_step(stamp_ns=ms * MS, state=state))
+    sink.close()
+    assert terminal.lines == 2
+
+
+def test_no_terminal_at_all_is_no_mistake(monkeypatch):
+    monkeypatch.setattr("sys.stderr", None)
+    sink = ConsoleSink(shows_time=True)
+    sink.write(Capture(0, 0, None), make_step())
+    sink.close()

@@ -14,7 +14,7 @@ IMAGE = np.zeros((2, 2), np.uint8)
 class Writer:
     """A writer that can be held up or broken."""
 
-    path = "run.mcap"
+    path, is_complete = "run.mcap", False
 
     def __init__(self):
         self.written, self.gate, self.error = [], threading.Event(), None
@@ -73,7 +73,8 @@ def test_a_stuck_disk_costs_whole_steps_in_the_end(writer, monkeypatch):
     write(recorder, 50)
     writer.gate.set()
     recorder.close()
-    assert len(writer.written) + recorder.dropped >= 50
+    lost = sum(dropped for _, _, dropped in writer.written)
+    assert len(writer.written) - lost + recorder.dropped == 50
     assert len(writer.written) <= 12
 
 
@@ -86,7 +87,7 @@ def test_a_full_disk_is_told_once_and_the_file_is_left_to_be_recovered(writer):
     (fault,) = recorder.take_faults()
     assert fault.message == "run.mcap is incomplete (No space left on device); it can be recovered"
     assert (writer.abandoned, writer.closed) == (1, 0)
-    assert recorder.dropped + len(writer.written) <= 33
+    assert recorder.dropped + len(writer.written) == 33
 
 
 def test_any_other_failure_is_told_too_and_nothing_waits_for_it(writer):
@@ -105,3 +106,25 @@ def test_a_disk_that_fills_at_the_very_end_is_told(writer):
     recorder = Recorder(writer, waits=True)
     recorder.close()
     assert "No space left" in recorder.take_faults()[0].message
+
+
+def test_steps_that_are_queued_when_the_disk_fails_are_counted_once(writer):
+    writer.gate.clear()
+    recorder = Recorder(writer, waits=False)
+    write(recorder, 100)  # most without their image
+    writer.error = OSError(28, "No space left on device")
+    writer.gate.set()
+    recorder.close()
+    assert recorder.dropped + len(writer.written) == 100
+
+
+def test_a_disk_that_fills_while_compacting_costs_nothing(writer):
+    def full(progress):
+        writer.is_complete = True
+        raise OSError(28, "No space left on device")
+
+    writer.close = full
+    recorder = Recorder(writer, waits=True)
+    recorder.close()
+    (fault,) = recorder.take_faults()
+    assert fault.message == "run.mcap is complete but not compacted (No space left on device)"

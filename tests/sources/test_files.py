@@ -119,3 +119,10 @@ def test_through_jpeg_perception_sees_what_is_recorded():
 @pytest.mark.parametrize("capture", [None, Capture(0, 0, None), Capture(0, 0, picture(1), b"bytes")])
 def test_what_is_encoded_already_or_missing_passes_as_it_is(capture):
     assert JpegSource(OneCapture(capture), quality=80).read(1.0) is capture
+
+
+def test_digits_that_are_no_numbers_do_not_disturb_the_order(tmp_path):
+    for name in ("a²10.png", "a²9.png", "a2²1.png"):
+        (tmp_path / name).write_bytes(encode_png(np.zeros((4, 4), np.uint8)))
+    source = ImagesSource(tmp_path, 10.0)
+    assert [file.name for file in source._files] == ["a2²1.png", "a²9.png", "a²10.png"]
