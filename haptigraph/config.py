@@ -55,7 +55,8 @@ class SourceConfig(Struct, frozen=True, forbid_unknown_fields=True):
 class PerceptionConfig(Struct, frozen=True, forbid_unknown_fields=True):
     """How the needle is found."""
 
-    perceiver: str = "threshold"
+    perceiver: str = "tracker"
+    """tracker, or threshold, the paper's method; the other settings here are for that one."""
     polarity: Literal["dark", "bright", "auto"] = "auto"
     """Whether the needle is darker or brighter than what is behind it."""
     block_size_px: Annotated[int, Meta(ge=3, le=501)] = 51

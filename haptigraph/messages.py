@@ -79,7 +79,7 @@ class Certainty(Struct, frozen=True):
     """How sure a perceiver is of the needle."""
 
     confidence: float
-    """Share of the visible shaft, from where it comes into view to its tip, that shows both edges on one line."""
+    """Share of the visible shaft, up to its tip, that shows both edges on one line."""
     tip_deviation_mm: float
     """Standard deviation of the tip."""
     theta_deviation_deg: float

@@ -14,7 +14,7 @@ ROOT = Path(haptigraph.__file__).parent
 MODULES = sorted(module.name for module in pkgutil.walk_packages([str(ROOT)], "haptigraph."))
 FILES = sorted(ROOT.rglob("*.py"))
 STAGES = ("perception", "scene", "inference")
-UNITS = {"mm", "px", "deg", "ns", "ms", "s", "hz", "grey", "mb"}
+UNITS = {"mm", "px", "deg", "rad", "px2", "ns", "ms", "s", "hz", "grey", "mb"}
 # Numbers without a unit: ratios and counts, and the paper's alpha.
 UNITLESS = {
     "alpha", "amplitude", "percent", "value", "at_most", "below", "at_least", "above", "release",
@@ -22,7 +22,7 @@ UNITLESS = {
     "max_amplitude", "contrast", "a", "b", "x", "y", "r", "g", "most", "wanted", "diameter", "thickness",
     "font_size", "theta_integral", "offset_grey", "mm_per_px", "px_per_mm", "left", "top", "right", "bottom",
     "low", "high", "rim_ratio", "reach_ratio", "support_ratio", "half_width", "radius", "inner", "scale",
-    "lag_images", "mm_s", "deg_s", "flicker",
+    "lag_images", "mm_s", "deg_s", "flicker", "confidence", "slope", "share",
 }  # fmt: skip
 
 

@@ -1,8 +1,8 @@
 """Acquisition: a search for the needle along one number, the angle at which it leaves the trocar.
 
-Turns an image into a few candidate lines. The image is unrolled about the trocar (angle x radius), where every
-needle is a straight row; a row counts that differs from both its sides without a gap, inwards from the wall or
-from the far end of the shaft towards it. Knows nothing of earlier images, and does not decide.
+Turns an image into a few candidate lines. The image is unrolled about the trocar (angle x radius), where
+every needle is a straight row; a row counts that differs from both its sides without a gap, inwards from
+the wall or from the far end of the shaft towards it. Knows nothing of earlier images, and does not decide.
 """
 
 import math
@@ -41,7 +41,7 @@ class Fan:
         radii = radii[: len(radii) // CELL * CELL]
         x = site.trocar_px[0] + radii * np.cos(self._angles)[:, None]
         y = site.trocar_px[1] + radii * np.sin(self._angles)[:, None]
-        self._maps = cv2.convertMaps(x.astype(np.float32), y.astype(np.float32), cv2.CV_16SC2)
+        self._map, self._map_share = cv2.convertMaps(x.astype(np.float32), y.astype(np.float32), cv2.CV_16SC2)
         self._cells = len(self._angles), len(radii) // CELL, CELL
         radius = np.hypot(x - site.center_px[0], y - site.center_px[1]).reshape(self._cells)
         in_image = (x >= 0) & (y >= 0) & (x < site.width_px) & (y < site.height_px)
@@ -56,7 +56,9 @@ class Fan:
 
     def search(self, image: Image) -> list[Line]:
         """Return the lines through the trocar most like a needle, best first."""
-        unrolled = cv2.remap(image, *self._maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        unrolled = cv2.remap(
+            image, self._map, self._map_share, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        )
         cells = grey_of(np.asarray(unrolled, np.uint8)).reshape(self._cells).mean(axis=2, dtype=np.float32)
         evidence = np.clip(self._contrast(cells) / CONTRAST_GREY - 1, -1, 1)
         within = np.cumsum(evidence * self._inside, axis=1).max(axis=1)

@@ -1,9 +1,9 @@
 """The needle's pose over time: a Kalman filter that weighs every measurement by its uncertainty.
 
-State: the shaft's angle and its rate, the tip's depth and its rate, and where the needle really pivots, as an
-offset from the registered trocar; all in pixels and radians. A shaft seen on a short length alone has an uncertain
-angle, but its error goes with an error of where it passes the trocar; knowing the pivot takes most of it away.
-Motion is loosely modelled, so that a sharp measurement is taken as it is: no lag.
+State: the shaft's angle and its rate, the tip's depth and its rate, and where the needle really pivots, as
+an offset from the registered trocar; all in pixels and radians. A shaft seen on a short length alone has an
+uncertain angle, but its error goes with an error of where it passes the trocar; knowing the pivot takes
+most of it away. Motion is loosely modelled, so that a sharp measurement is taken as it is: no lag.
 """
 
 import numpy as np
@@ -32,7 +32,7 @@ class PoseFilter:
 
     def __init__(self, px_per_mm: float) -> None:
         self._px_per_mm = px_per_mm
-        self._seconds = -1.0
+        self._elapsed_s = -1.0
         self._moved = np.eye(6), np.zeros((6, 6))
         self.reset()
 
@@ -49,24 +49,24 @@ class PoseFilter:
         self.is_tracking = False
         self._covariance[:4] = self._covariance[:, :4] = 0
 
-    def predict(self, seconds: float) -> tuple[Line, float]:
+    def predict(self, elapsed_s: float) -> tuple[Line, float]:
         """Move on in time; return the expected line and the tip's depth along it [px]."""
-        move, push = self._motion(seconds)
+        move, push = self._motion(elapsed_s)
         self._state = move @ self._state
         self._covariance = move @ self._covariance @ move.T + push
         return self.line, float(self._state[2])
 
-    def _motion(self, seconds: float) -> tuple[Matrix, Matrix]:
+    def _motion(self, elapsed_s: float) -> tuple[Matrix, Matrix]:
         """Return the change of state, and what it adds to the covariance."""
-        if seconds != self._seconds:
+        if elapsed_s != self._elapsed_s:
             move = np.diag([1.0, 1.0, 1.0, 1.0, PIVOT_MEMORY, PIVOT_MEMORY])
-            move[0, 1] = move[2, 3] = seconds
+            move[0, 1] = move[2, 3] = elapsed_s
             push = np.zeros((6, 6))
             for first, strength in ((0, TURNING_RAD_S2), (2, MOVING_MM_S2 * self._px_per_mm)):
-                by = strength * np.array([seconds**2 / 2, seconds])
+                by = strength * np.array([elapsed_s**2 / 2, elapsed_s])
                 push[first : first + 2, first : first + 2] = np.outer(by, by)
             push[4:, 4:] = np.eye(2) * (1 - PIVOT_MEMORY**2) * (PIVOT_MM * self._px_per_mm) ** 2
-            self._seconds, self._moved = seconds, (move, push)
+            self._elapsed_s, self._moved = elapsed_s, (move, push)
         return self._moved
 
     def update(
@@ -74,7 +74,7 @@ class PoseFilter:
         line: Line,
         line_covariance: Matrix,
         depth_px: float,
-        depth_variance: float,
+        depth_deviation_px: float,
         is_pivoting: bool,
     ) -> None:
         """Take in a measurement.
@@ -83,7 +83,7 @@ class PoseFilter:
             line: The fitted line.
             line_covariance: Of (offset_px, angle_rad), (2, 2).
             depth_px: The tip along the line.
-            depth_variance: Of it [px^2].
+            depth_deviation_px: Of it.
             is_pivoting: Whether the needle is in the trocar; before, it may pass it anywhere.
         """
         if not self.is_tracking:
@@ -94,7 +94,7 @@ class PoseFilter:
         observe[0, 4:] = nx, ny
         observe[1, 0] = observe[2, 2] = 1
         noise = np.zeros((3, 3))
-        noise[:2, :2], noise[2, 2] = line_covariance + np.diag(np.square(LINE_FLOOR)), depth_variance
+        noise[:2, :2], noise[2, 2] = line_covariance + np.diag(np.square(LINE_FLOOR)), depth_deviation_px**2
         offset_px = line.offset_px if is_pivoting else 0.0
         surprise = np.array([offset_px, line.angle_rad, depth_px]) - observe @ self._state
         weighed = self._covariance @ observe.T

@@ -1,7 +1,8 @@
 """The shaft's middle line, from the sub-pixel places of its two edges.
 
-Turns a strip into a line with its covariance. Edges are maxima of the slope across the shaft, found in blocks of
-rows; the middle of both edges does not care how the metal between them is lit. Knows no trocar and no time.
+Turns a strip into a line with its covariance. Edges are maxima of the slope across the shaft, found in
+blocks of rows; the middle of both edges does not care how the metal between them is lit. Knows no trocar
+and no time.
 """
 
 import math
@@ -25,7 +26,7 @@ LEAST_BLOCKS = 3
 TUKEY = 4.0
 ROUNDS = 3
 FLOOR_PX = 0.12  # what light on the metal does to an edge, however little noise there is
-UNKNOWN_FLOOR_PX = 0.5  # what an unknown background does to it: it may hide a side of the shaft
+UNKNOWN_FLOOR_PX = 0.8  # what an unknown background does to it: it may hide a side of the shaft
 LEAST_SCATTER = 0.05
 NEAR_PX = 3.0
 LEAST_STEEP = 0.25  # of the shaft's edges: softer ones are its shadow's
@@ -76,8 +77,13 @@ class LineFit(Struct, frozen=True, eq=False):
     is_on_line: Mask
     """Blocks whose edges agree with the line, (n,)."""
 
+    @property
+    def confidence(self) -> float:
+        """Share of the blocks that show both edges on the line."""
+        return float(self.is_on_line.mean())
+
     def end_px(self, from_px: float) -> float:
-        """Return how far along the strip, from some place on, there are edges by the line; gaps count against it."""
+        """Return how far along the strip there are edges by the line; gaps count against it."""
         beyond = np.flatnonzero(self.edges.u_px >= from_px)
         if not len(beyond):
             return from_px + BLOCK
@@ -158,13 +164,15 @@ def _find_edges(slopes: _Slopes) -> Edges:
         most = np.maximum(most, median(most))
         columns += [(side > share * most).argmax(axis=1) for share in (FAINT, STRONG)]
     columns[2:] = [2 * middle - column for column in columns[2:]]
-    return _edges(slopes, np.stack(columns), (left > 0).any(axis=1) & (right > 0).any(axis=1))
+    is_seen = np.asarray((left > 0).any(axis=1) & (right > 0).any(axis=1), np.bool_)
+    return _edges(slopes, np.stack(columns), is_seen)
 
 
 def _is_whole(edges: Edges) -> Mask:
     """Tell which blocks show the shaft as wide as a taper can be.
 
-    If it is narrower than nearer the tip, an outer edge was missed; if it is far wider, one is something else's.
+    If it is narrower than nearer the tip, an outer edge was missed; if it is far wider, one is something
+    else's.
     """
     ahead = np.concatenate([np.where(edges.is_seen, edges.width_px, 0)[1:], np.zeros(AHEAD)])
     windows = np.lib.stride_tricks.sliding_window_view(ahead, AHEAD)
@@ -202,10 +210,10 @@ def _edges(slopes: _Slopes, columns: NDArray[np.int64], is_seen: Mask) -> Edges:
 def _robust_line(edges: Edges, miss_px: float) -> LineFit | None:
     """Fit by weighted least squares, leaving out blocks that are off the line (Tukey's weights).
 
-    The light differs on the two sides of the wall, and with it where edges appear: each side as a whole may be
-    off by SIDE_PX, two more unknowns with that as their prior. A bright needle with dark rims has two edges on
-    either side, and rims do not show everywhere: after a first line from the outermost pairs of blocks that look
-    whole, every block joins with that pair whose middle is nearest to the line.
+    The light differs on the two sides of the wall, and with it where edges appear: each side as a whole may
+    be off by SIDE_PX, two more unknowns with that as their prior. A bright needle with dark rims has two
+    edges on either side, and rims do not show everywhere: after a first line from the outermost pairs of
+    blocks that look whole, every block joins with that pair whose middle is nearest to the line.
     """
     chosen = np.flatnonzero(edges.is_seen)
     if len(chosen) < LEAST_BLOCKS:

@@ -1,7 +1,8 @@
 """A strip of the image along an expected shaft, laid straight, with the empty eye taken away.
 
-Turns an image (px) and an expected line through the trocar into rows along the shaft (`u_px`, from the trocar's
-foot, into the eye) and columns across it (`v_px`). Knows which rows a needle could be seen in, and no needle.
+Turns an image (px) and an expected line through the trocar into rows along the shaft (`u_px`, from the
+trocar's foot, into the eye) and columns across it (`v_px`). Knows which rows a needle could be seen in, and
+no needle.
 """
 
 import math
@@ -16,7 +17,18 @@ from haptigraph.geometry import Vec, norm, subtract
 from haptigraph.messages import Image
 from haptigraph.perception.registration import Registration
 
-__all__ = ["UNSEEN", "FloatImage", "Line", "Mask", "Site", "Strip", "grey_of", "median", "sample_strip"]
+__all__ = [
+    "UNSEEN",
+    "FloatImage",
+    "Line",
+    "Mask",
+    "Site",
+    "Strip",
+    "grey_of",
+    "median",
+    "row_sums",
+    "sample_strip",
+]
 
 FloatImage = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -40,7 +52,7 @@ class Line(Struct, frozen=True):
     angle_rad: float
     """Of the direction into the eye; 0 along x, pi/2 along y (down)."""
     offset_px: float
-    """Distance at which it passes the registered trocar, along the normal (direction turned by +90 degrees)."""
+    """At which it passes the registered trocar, along the normal (the direction turned by +90 degrees)."""
 
     @property
     def direction(self) -> Vec:
@@ -166,9 +178,9 @@ def sample_strip(
     last = max(min(inner[1] + BEYOND_MM * scale, until_px), inner[0] + 2 * scale)
     first = math.ceil(max(min(site.first_px(expected) + 1, outer[0]), min(from_px, last - 2 * scale)))
     u_px = np.arange(first, last, dtype=np.float32)
-    grey = grey_of(_warp(site, image, expected, u_px)).astype(np.float32)
-    without = _warp(site, empty, expected, u_px)
-    is_known = without @ site.ones >= 0
+    grey = grey_of(np.asarray(_warp(site, image, expected, u_px), np.uint8)).astype(np.float32)
+    without = np.asarray(_warp(site, empty, expected, u_px), np.float32)
+    is_known = row_sums(without, site.ones) >= 0
     gains = is_known * np.float32(_gain(site, grey, without, is_known))
     beside = grey @ site.level
     excess = beside - (gains[:, None] * without) @ site.level
@@ -186,7 +198,7 @@ def sample_strip(
     )
 
 
-def _warp(site: Site, image: NDArray[np.uint8] | FloatImage, line: Line, u_px: FloatImage) -> FloatImage:
+def _warp(site: Site, image: Image | FloatImage, line: Line, u_px: FloatImage) -> NDArray[Any]:
     (nx, ny), (dx, dy) = line.normal, line.direction
     x, y = line.at_px(site.trocar_px, float(u_px[0]))
     corner = x - site.half_px * nx, y - site.half_px * ny
@@ -200,8 +212,16 @@ def _warp(site: Site, image: NDArray[np.uint8] | FloatImage, line: Line, u_px: F
 
 def _gain(site: Site, grey: FloatImage, without: FloatImage, rows: Mask) -> float:
     """Estimate how much brighter the light is than it was for the empty eye, from the flanks."""
-    now, then = (float((image @ site.flanks) @ rows) for image in (grey, without))
+    now, then = (float(row_sums(image, site.flanks)[rows].sum()) for image in (grey, without))
     return min(max(now / then, GAIN_RANGE[0]), GAIN_RANGE[1]) if then > 0 else 1.0
+
+
+def row_sums(rows: FloatImage, weights: FloatImage) -> FloatImage:
+    """Return every row's weighted sum.
+
+    Not `@`: on narrow rows OpenBLAS reads past their ends and raises false alarms of invalid values.
+    """
+    return np.asarray(np.einsum("ij,j->i", rows, weights), np.float32)
 
 
 def _deviation(values: FloatImage) -> float:

@@ -13,7 +13,6 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from haptigraph.config import PerceptionConfig
-from haptigraph.errors import BadInput
 from haptigraph.geometry import Geometry, Point, Segment, Vec, norm, subtract, unit
 from haptigraph.messages import Capture, Image, Observation
 from haptigraph.perception.registration import Registration

@@ -1,8 +1,8 @@
 """How far the needle reaches: the tip as the step from needle to no needle along the shaft.
 
-Turns a strip and the shaft's line into the tip's place along it. Evidence is summed from where the needle comes
-from, so that a gap (glare, debris) is bridged and a thing beyond a long gap is not the needle. Nothing behind the
-wall can be seen: a needle whose tip is in there has none.
+Turns a strip and the shaft's line into the tip's place along it. Evidence is summed from where the needle
+comes from, so that a gap (glare, debris) is bridged and a thing beyond a long gap is not the needle.
+Nothing behind the wall can be seen: a needle whose tip is in there has none.
 """
 
 import math
@@ -13,7 +13,7 @@ import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
-from haptigraph.perception.strip import FloatImage, Strip, median
+from haptigraph.perception.strip import FloatImage, Strip, median, row_sums
 
 __all__ = ["Reach", "find_reach", "refine_tip"]
 
@@ -111,15 +111,16 @@ def _fall(
     columns = np.clip(columns, 1, 2 * strip.half_px - 1)[:, None] + np.arange(-1, 2)
     row = np.arange(first, last)[:, None]
     along = _contrast(strip.excess[row, columns], strip.beside[row, columns])
-    high = max(median(along[: max(end - first - BLUNT_PX, 1)]), LEAST_GREY)
-    above = np.flatnonzero(along >= TIP_LEVEL * high)
+    noise = strip.noise_grey / math.sqrt(columns.shape[1])
+    high = median(along[: max(end - first - BLUNT_PX, 1)])
+    level = max(TIP_LEVEL * high, LEAST_SNR * noise)
+    above = np.flatnonzero(along >= level)
     if not len(above) or (above[-1] == len(along) - 1 and last < rows.stop):
         return None
     place, steepness = float(above[-1]), 1.0
     if above[-1] < len(along) - 1:
         steepness = float(along[above[-1]] - along[above[-1] + 1])
-        place += (float(along[above[-1]]) - TIP_LEVEL * high) / max(steepness, 1e-6)
-    noise = strip.noise_grey / math.sqrt(columns.shape[1])
+        place += (float(along[above[-1]]) - level) / max(steepness, 1e-6)
     return replace(
         reach,
         tip_px=float(u_px[0]) + place,
@@ -131,11 +132,13 @@ def _fall(
 def _contrast(excess: FloatImage, beside: FloatImage) -> FloatImage:
     """Return how much the shaft's middle differs from what is beside and was behind it [grey levels].
 
-    It must differ from both: a stain that was always there is no needle, nor is a place that a needle has left.
-    The size of every pixel's difference counts, for a needle may be darker on one side and brighter on the other.
+    It must differ from both: a stain that was always there is no needle, nor is a place that a needle has
+    left. The size of every pixel's difference counts, for a needle may be darker on one side and brighter
+    on the other.
     """
     weight = np.full(excess.shape[1], 1 / excess.shape[1], np.float32)
-    return np.asarray(np.minimum(np.abs(excess) @ weight, 2 * (np.abs(beside) @ weight)), np.float32)
+    differs, stands_out = (row_sums(np.abs(values), weight) for values in (excess, beside))
+    return np.asarray(np.minimum(differs, 2 * stands_out), np.float32)
 
 
 def _farthest(evidence: FloatImage) -> tuple[int, float]:

@@ -1,8 +1,9 @@
 """The tracker: exact needle poses from a thin strip of the image, limited by its noise.
 
-Turns an image (px) into where things are (eye frame, mm), with standard deviations. Without a needle in hand it
-searches the angles at which one can leave the trocar; with one it looks at a strip about the expected shaft. What
-cannot be seen is not reported: a tip in the wall, a needle that has gone. Knows nothing of states.
+Turns an image (px) into where things are (eye frame, mm), with standard deviations. Without a needle in
+hand it searches the angles at which one can leave the trocar; with one it looks at a strip about the
+expected shaft. What cannot be seen is not reported: a tip in the wall, a needle that has gone. Knows
+nothing of states.
 """
 
 import math
@@ -42,7 +43,6 @@ class _Sight(Struct, frozen=True, eq=False):
     line: Line
     fit: LineFit
     reach: Reach
-    confidence: float
 
     @property
     def off_px(self) -> float:
@@ -89,9 +89,7 @@ class Tracker:
             return Observation(capture.stamp_ns, found)
         reach = sight.reach
         is_pivoting = reach.where != "outside"
-        self._pose.update(
-            sight.line, sight.fit.covariance, reach.tip_px, reach.deviation_px**2, is_pivoting
-        )
+        self._pose.update(sight.line, sight.fit.covariance, reach.tip_px, reach.deviation_px, is_pivoting)
         if reach.where == "hidden":
             return Observation(capture.stamp_ns, found)
         return Observation(capture.stamp_ns, found | self._needle(), certainty=self._certainty(sight))
@@ -129,23 +127,29 @@ class Tracker:
         strip = sample_strip(self._site, image, self._background.grey, expected, from_px, until_px)
         if strip is None:
             return None
-        scale = self._site.px_per_mm
-        reach = find_reach(strip, scale, self._usual_grey)
-        fit = reach and fit_line(strip, reach.tip_px, strip.half_px if until_px == math.inf else TRACKED_PX)
-        if reach is None or fit is None:
+        reach = find_reach(strip, self._site.px_per_mm, self._usual_grey)
+        if reach is None:
+            return None
+        miss_px = TRACKED_PX if until_px < math.inf else strip.half_px
+        fit = fit_line(strip, reach.tip_px, miss_px)
+        if fit is None:
+            return None
+        line = Line(expected.angle_rad + math.atan(fit.slope), expected.offset_px + fit.offset_px)
+        if not self._is_needle(line, fit):
             return None
         rows = strip.inside if reach.where == "inside" else strip.before
-        edges_end_px = fit.end_px(float(strip.u_px[rows.start])) if reach.where != "hidden" else math.inf
-        line = Line(expected.angle_rad + math.atan(fit.slope), expected.offset_px + fit.offset_px)
-        confidence = float(fit.is_on_line.mean())
-        turn = abs(line.angle_rad - self._site.inwards_rad)
-        if min(turn, 2 * math.pi - turn) > LARGEST_TURN_RAD:
-            return None
-        if median(fit.edges.width_px[fit.is_on_line]) > THICKEST_MM * scale:
-            return None
-        if confidence < LEAST_CONFIDENCE or abs(line.offset_px) > MISS_MM * scale:
-            return None
-        return _Sight(line, fit, refine_tip(strip, reach, edges_end_px, fit.v_px), confidence)
+        end_px = fit.end_px(float(strip.u_px[rows.start])) if reach.where != "hidden" else math.inf
+        return _Sight(line, fit, refine_tip(strip, reach, end_px, fit.v_px))
+
+    def _is_needle(self, line: Line, fit: LineFit) -> bool:
+        scale = self._site.px_per_mm
+        turn_rad = math.remainder(line.angle_rad - self._site.inwards_rad, 2 * math.pi)
+        return (
+            fit.confidence >= LEAST_CONFIDENCE
+            and abs(line.offset_px) <= MISS_MM * scale
+            and abs(turn_rad) <= LARGEST_TURN_RAD
+            and median(fit.edges.width_px[fit.is_on_line]) <= THICKEST_MM * scale
+        )
 
     def _learn(self, image: Image, sight: _Sight | None) -> None:
         if sight is None and self._background.is_new and self._doubts < DOUBTS:
@@ -172,7 +176,7 @@ class Tracker:
 
     def _certainty(self, sight: _Sight) -> Certainty:
         return Certainty(
-            confidence=sight.confidence,
+            confidence=sight.fit.confidence,
             tip_deviation_mm=self._pose.tip_deviation_px() / self._site.px_per_mm,
             theta_deviation_deg=math.degrees(self._pose.angle_deviation_rad),
         )

@@ -1,47 +1,17 @@
 import numpy as np
 import pytest
+from eye_bench import SETTINGS, Bench
 
 from haptigraph.config import PerceptionConfig
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Point, Segment, angle_between_deg, norm, subtract
 from haptigraph.messages import Capture
-from haptigraph.perception.registration import parse_registration
 from haptigraph.perception.threshold import ThresholdPerceiver
-from haptigraph.sim.camera import Camera, CameraSettings, NeedleShape
-from haptigraph.sim.eye import Eye, EyeShape, registration_text
-from haptigraph.sim.painter import Look
-from haptigraph.sim.robot import Pose, Robot, RobotLimits
-
-SETTINGS = CameraSettings(width_px=640, height_px=360, center_px=(320.0, 200.0), px_per_mm=11.0, blur_px=0.6)
-STYLES = {
-    "light": NeedleShape(),
-    "dark": NeedleShape(diameter_mm=0.5, taper_mm=6.0, brightness=0.8, highlight=0.15),
-}
-
-
-class Bench:
-    """A simulated eye with a needle that can be put anywhere, and a perceiver that looks at it."""
-
-    def __init__(self, style: str, polarity: str = "auto") -> None:
-        eye = Eye(EyeShape())
-        self.camera = Camera(eye, SETTINGS, STYLES[style], Look(style=style), seed=5)
-        text = registration_text(eye, self.camera.geometry, SETTINGS.width_px, SETTINGS.height_px)
-        self.registration = parse_registration(text, "bench")
-        self.robot = Robot(eye.trocar_mm, RobotLimits(), Pose(0.0, 0.0))
-        self.aim_deg = self.robot.pitch_towards(eye.target_mm)
-        self.perceive = ThresholdPerceiver(self.registration, PerceptionConfig(alpha=1.0, polarity=polarity))
-
-    def image(self, depth_mm: float, theta_deg: float, number: int = 0):
-        self.robot.pose = Pose(depth_mm, self.aim_deg + theta_deg)
-        return self.camera.render(self.robot.tip_mm(), self.robot.direction(), number)
-
-    def look(self, image):
-        return self.perceive(Capture(0, 0, image)).found
 
 
 @pytest.fixture(scope="module", params=["light", "dark"])
 def bench(request):
-    return Bench(request.param)
+    return Bench(request.param, alpha=1.0)
 
 
 @pytest.mark.parametrize("depth_mm", [4.0, 10.0, 18.0, 21.6])
@@ -73,7 +43,7 @@ def test_an_empty_eye_still_has_its_anatomy(bench):
 
 @pytest.mark.parametrize(("style", "polarity"), [("light", "bright"), ("dark", "dark")])
 def test_the_wrong_polarity_finds_no_needle_at_the_tip(style, polarity):
-    bench = Bench(style, polarity)
+    bench = Bench(style, polarity=polarity, alpha=1.0)
     tip = bench.look(bench.image(15.0, 0.0)).get("needle_tip")
     assert tip is None or norm(subtract(tip.at_mm, bench.robot.tip_mm())) > 0.2
 

@@ -7,6 +7,7 @@ from helpers import observe
 
 from haptigraph.assemble import build
 from haptigraph.config import load_config
+from haptigraph.graph import Triplet
 from haptigraph.inference.engine import RuleEngine
 from haptigraph.scene.builder import SchemaSceneBuilder
 
@@ -28,10 +29,15 @@ class Keeper:
         pass
 
 
-@pytest.fixture(scope="module")
-def pairs(quick_uri):
+@pytest.fixture(scope="module", params=["threshold", "tracker"])
+def pairs(request, quick_uri):
     keeper = Keeper()
-    settings = (f"source.uri={quick_uri}", "run.realtime=false", "perception.alpha=1")
+    settings = (
+        f"source.uri={quick_uri}",
+        "run.realtime=false",
+        f"perception.perceiver={request.param}",
+        "perception.alpha=1",
+    )
     build(load_config(None, settings), sinks=[keeper]).run()
     return keeper.pairs
 
@@ -59,7 +65,7 @@ def test_a_needle_well_inside_is_always_seen(pairs):
 def test_a_needle_outside_is_never_claimed_inside(pairs):
     outside = [step for truth, step in pairs if not truth.inside]
     assert outside
-    assert all("needle_tip" not in step.observation.found for step in outside)
+    assert not any(Triplet("needle_tip", "inside", "eye_globe") in step.graph for step in outside)
 
 
 def test_tip_and_angle_are_near_the_truth(pairs):

@@ -1,0 +1,110 @@
+import math
+
+import cv2
+import numpy as np
+import pytest
+
+from haptigraph.perception.background import Background
+from haptigraph.perception.fan import Fan
+from haptigraph.perception.shaft import fit_line
+from haptigraph.perception.strip import UNSEEN, Line, Site, sample_strip
+from haptigraph.perception.tip import find_reach, refine_tip
+
+GROUND, METAL = 150, 70
+
+
+def draw(site: Site, line: Line, depth_px: float, *, metal: int = METAL, noise: float = 1.0) -> np.ndarray:
+    """A plain needle of 0.5 mm on plain ground, sixteen times too large and then reduced; no wall."""
+    finer = 4
+    image = np.full((site.height_px * finer, site.width_px * finer), GROUND, np.uint8)
+    start, end = (line.at_px(site.trocar_px, along) for along in (-300.0, depth_px))
+    ends = [tuple(round(16 * (finer * value + (finer - 1) / 2)) for value in place) for place in (start, end)]
+    half_px = 0.25 * site.px_per_mm * finer
+    nx, ny = (16 * half_px * value for value in line.normal)
+    corners = [
+        (x + s * nx, y + s * ny) for (x, y), s in ((ends[0], -1), (ends[1], -1), (ends[1], 1), (ends[0], 1))
+    ]
+    cv2.fillConvexPoly(image, np.rint(corners).astype(np.int32), metal, lineType=cv2.LINE_AA, shift=4)
+    small = cv2.resize(image, (site.width_px, site.height_px), interpolation=cv2.INTER_AREA).astype(
+        np.float32
+    )
+    soft = cv2.GaussianBlur(small, (0, 0), 0.7)
+    return np.clip(soft + np.random.default_rng(1).normal(0, noise, soft.shape), 0, 255).astype(np.uint8)
+
+
+@pytest.fixture
+def site(registration) -> Site:
+    return Site(registration)
+
+
+@pytest.fixture
+def unknown(site) -> np.ndarray:
+    return np.full((site.height_px, site.width_px), UNSEEN, np.float32)
+
+
+@pytest.mark.parametrize("metal", [METAL, 230])
+@pytest.mark.parametrize("turn_deg", [-1.5, 0.0, 2.0])
+def test_line_and_tip_of_a_plain_needle_are_found_sub_pixel(site, unknown, metal, turn_deg):
+    true = Line(site.inwards_rad + 0.1, 0.4)
+    image = draw(site, true, 100.0, metal=metal)
+    expected = Line(true.angle_rad - math.radians(turn_deg) / 2, 0.0)
+    strip = sample_strip(site, image, unknown, expected)
+    reach = find_reach(strip, site.px_per_mm, None)
+    fit = fit_line(strip, reach.tip_px, strip.half_px)
+    assert expected.angle_rad + math.atan(fit.slope) == pytest.approx(true.angle_rad, abs=math.radians(0.2))
+    assert expected.offset_px + fit.offset_px == pytest.approx(true.offset_px, abs=0.3)
+    assert fit.confidence > 0.8
+    tip = refine_tip(strip, reach, fit.end_px(0.0), fit.v_px)
+    assert (tip.where, tip.tip_px) == ("inside", pytest.approx(100.0, abs=1.0))
+
+
+def test_plain_ground_shows_no_needle(site, unknown):
+    image = draw(site, Line(site.inwards_rad, 0.0), -900.0)
+    strip = sample_strip(site, image, unknown, Line(site.inwards_rad, 0.0))
+    assert find_reach(strip, site.px_per_mm, None) is None
+    assert fit_line(strip, 150.0, strip.half_px) is None
+    assert Fan(site).search(image) == []
+
+
+@pytest.mark.parametrize("turn_deg", [-30.0, -4.0, 11.0, 35.0])
+def test_the_fan_finds_the_angle_of_a_needle(site, turn_deg):
+    true = Line(site.inwards_rad + math.radians(turn_deg), 0.0)
+    found = Fan(site).search(draw(site, true, 90.0))
+    assert math.degrees(found[0].angle_rad - true.angle_rad) == pytest.approx(0, abs=1.5)
+
+
+def test_what_was_always_there_is_no_needle(site):
+    line = Line(site.inwards_rad, 0.0)
+    stain = draw(site, line, 100.0)
+    strip = sample_strip(site, stain, stain.astype(np.float32), line)
+    assert strip.is_known.all()
+    assert find_reach(strip, site.px_per_mm, None) is None
+
+
+def test_a_brighter_light_is_no_needle(site):
+    ground = draw(site, Line(site.inwards_rad, 0.0), -900.0)
+    brighter = np.clip(ground * 1.3, 0, 255).astype(np.uint8)
+    strip = sample_strip(site, brighter, ground.astype(np.float32), Line(site.inwards_rad, 0.0))
+    assert np.abs(strip.excess).mean() < 3
+
+
+def test_a_line_that_misses_the_globe_has_no_strip(site, unknown):
+    image = draw(site, Line(site.inwards_rad, 0.0), -900.0)
+    assert sample_strip(site, image, unknown, Line(site.inwards_rad + math.pi / 2, 0.0)) is None
+
+
+def test_the_background_is_learned_beside_the_needle_and_under_it_when_it_has_gone(site):
+    background = Background(site.width_px, site.height_px)
+    line = Line(site.inwards_rad, 0.0)
+    place = tuple(round(value) for value in line.at_px(site.trocar_px, 40.0))
+    image, empty = draw(site, line, 100.0, noise=0), draw(site, line, -900.0, noise=0)
+    ends = line.at_px(site.trocar_px, -200.0), line.at_px(site.trocar_px, 103.0)
+    background.learn(image, ends, 20)
+    assert background.grey[place[1], place[0]] == UNSEEN
+    assert (background.grey[:, :20] == GROUND).all()
+    for _ in range(16):
+        background.learn(empty, None, 20)
+    assert background.grey[place[1], place[0]] == GROUND
+    assert (background.grey >= 0).all()
+    background.reset()
+    assert (background.grey == UNSEEN).all()
