@@ -45,8 +45,9 @@ def report_clip(clip_dir: str | Path, config: Config, progress: Progress | None 
     """
     evaluation = evaluate_clip(clip_dir, config, progress)
     lines = [f"{name:34}{value}" for name, value in _flat(evaluation.scores)]
-    lag, alpha = evaluation.lag_images, config.perception.alpha
-    told = "-" if lag is None else f"{lag:.2f} images behind the truth (alpha {alpha:g})"
+    lag, perception = evaluation.lag_images, config.perception
+    average = f" (alpha {perception.alpha:g})" if perception.perceiver == "threshold" else ""
+    told = "-" if lag is None else f"{lag:.2f} images behind the truth{average}"
     return Report(evaluation.scores, "\n".join([*lines, f"{'lag':34}{told}"]))
 
 

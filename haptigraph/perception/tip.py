@@ -42,7 +42,7 @@ class Reach(Struct, frozen=True):
     """Along the strip; of a hidden tip, where the shaft vanishes."""
     evidence_px: float
     """Rows that show a needle less rows that show none."""
-    deviation_px: float = 1e3
+    deviation_px: float = 5.0
     contrast_grey: float = 0.0
     """Of the needle behind its tip."""
 
