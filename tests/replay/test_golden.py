@@ -13,7 +13,7 @@ from haptigraph.recording.reader import RunReader
 from haptigraph.sim.scenario import scenario_names
 
 GOLDEN = sorted((Path(__file__).parent / "golden").glob("*.mcap"))
-TOLERANCE = 1e-6
+TOLERANCE = 1e-4
 
 
 def numbers(observation) -> list[float]:
