@@ -115,3 +115,22 @@ def test_noise_of_the_angle_is_small_when_little_is_inside(bench):
         for line in (observation.found["needle_line"] for observation in held)
     ]
     assert np.std(angles) < 0.3
+
+
+def test_whatever_it_is_shown_it_neither_fails_nor_reports_nonsense(bench):
+    rng = np.random.default_rng(0)
+    for number in range(60):
+        image = bench.image(float(rng.uniform(-5, 22)), float(rng.uniform(-20, 20)), number)
+        spoilt = [
+            rng.integers(0, 256, image.shape, np.uint8),
+            np.full_like(image, rng.integers(256)),
+            np.ascontiguousarray(image[::-1]),
+            np.clip(image * rng.uniform(0, 4), 0, 255).astype(np.uint8),
+            image,
+        ]
+        observation = bench.observe(spoilt[number % len(spoilt)], number)
+        tip, certainty = observation.found.get("needle_tip"), observation.certainty
+        assert (tip is None) == (certainty is None)
+        if tip is not None:
+            assert norm(tip.at_mm) < 40
+            assert 0 < certainty.tip_deviation_mm < 10 and 0 < certainty.theta_deviation_deg < 90
