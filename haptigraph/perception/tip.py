@@ -44,7 +44,7 @@ class Reach(Struct, frozen=True):
     """Rows that show a needle less rows that show none."""
     deviation_px: float = 5.0
     contrast_grey: float = 0.0
-    """Of the needle behind its tip."""
+    """Of the needle behind its tip; 0 where it was not measured."""
 
 
 def find_reach(strip: Strip, px_per_mm: float, usual_grey: float | None) -> Reach | None:

@@ -23,15 +23,15 @@ from haptigraph.perception.tip import Reach, find_reach, refine_tip
 
 __all__ = ["Tracker"]
 
-AHEAD_MM = 2.5
-AHEAD_OF_TIP_MM = 0.3
-BEHIND_MM = 9.0
-MISS_MM = 1.5
+AHEAD_MM = 2.5  # how far the tip may be beyond where it is expected
+AHEAD_OF_TIP_MM = 0.3  # not learned as background
+BEHIND_MM = 9.0  # how much of the shaft is looked at
+MISS_MM = 1.5  # a needle passes the registered trocar no further off
 TRACKED_PX = 8.0  # between the expected and the real shaft
 LARGEST_TURN_RAD = math.radians(46)
 LEAST_CONFIDENCE = 0.4
 DOUBTS = 15  # images with something like a needle that is none, until it counts as background
-OFF_PX = 3.0
+OFF_PX = 3.0  # if the tip is further off the strip's middle, a second look is taken
 THICKEST_MM = 1.05
 LONGEST_STEP_S = 0.2
 CONTRAST_RATE = 0.1
@@ -55,7 +55,7 @@ class Tracker:
 
     Args:
         registration: Where trocar and globe lie.
-        config: Settings; only `perceiver` matters here.
+        config: Settings; none is needed so far, but all perceivers are given them.
     """
 
     def __init__(self, registration: Registration, config: PerceptionConfig) -> None:
@@ -156,7 +156,7 @@ class Tracker:
             return  # what may be a needle must not become background
         needle = None
         if sight is not None:
-            if sight.reach.where == "inside":
+            if sight.reach.where == "inside" and sight.reach.contrast_grey:
                 now = sight.reach.contrast_grey
                 before = now if self._usual_grey is None else self._usual_grey
                 self._usual_grey = before + CONTRAST_RATE * (now - before)
