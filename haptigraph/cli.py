@@ -11,9 +11,7 @@ import click
 
 import haptigraph
 from haptigraph.errors import BadInput, HaptigraphError
-from haptigraph.terminal import progress as _progress
-from haptigraph.terminal import tell as _tell
-from haptigraph.terminal import terminable as _terminable
+from haptigraph.terminal import progress_bar, tell, terminable
 
 if TYPE_CHECKING:
     from haptigraph.config import Config
@@ -29,16 +27,16 @@ class Commands(click.Group):
         try:
             return super().invoke(ctx)
         except HaptigraphError as error:
-            _tell(f"haptigraph: {error}")
+            tell(f"haptigraph: {error}")
             ctx.exit(2)
         except BrokenPipeError:
             raise  # whoever read the output has seen enough; click ends quietly
         except OSError as error:
             where = f"{error.filename}: " if error.filename else ""
-            _tell(f"haptigraph: {where}{error.strerror or error}")
+            tell(f"haptigraph: {where}{error.strerror or error}")
             ctx.exit(2)
         except KeyboardInterrupt:
-            _tell("haptigraph: stopped")
+            tell("haptigraph: stopped")
             ctx.exit(130)
 
 
@@ -115,7 +113,7 @@ def replay(recording: str, procedure: str | None) -> None:
     from haptigraph.analysis.replay import replay as run_again
     from haptigraph.analysis.summary import summary
 
-    with _progress() as progress:
+    with progress_bar() as progress:
         report = run_again(recording, procedure, progress)
     if report.is_being_written:
         click.echo("the recording is still being written; this is what there is so far")
@@ -165,14 +163,13 @@ def evaluate(
     import msgspec
 
     from haptigraph.config import load_config
-    from haptigraph.errors import BadInput
 
     given = (*settings, *_settings({"perception.perceiver": perceiver, "run.procedure": procedure}))
     if (clip_dir is None) == (simulated is None):
         raise BadInput("evaluate takes either CLIP_DIR or --simulated N")
     if clip_dir is not None and (seed is not None or figure is not None):
         raise BadInput("--seed and --figure go with --simulated N")
-    with _progress() as progress:
+    with progress_bar() as progress:
         if clip_dir is not None:
             from haptigraph.analysis.evaluation_report import report_clip
 
@@ -206,7 +203,7 @@ def register(source: str, output: str, picture: str | None, force: bool, **wishe
     from haptigraph.analysis.registering import register_source
     from haptigraph.analysis.registration_wishes import Wishes
 
-    with _progress() as progress:
+    with progress_bar() as progress:
         click.echo(register_source(source, output, Wishes(**wishes), picture, force=force, progress=progress))
 
 
@@ -237,7 +234,7 @@ def recover(recording: str) -> None:
     from haptigraph.recording.writer import recover as make_whole
 
     reader = RunReader(recording)
-    with _progress() as progress:
+    with progress_bar() as progress:
         was_interrupted = make_whole(reader.path, progress)
     steps, _ = RunReader(recording).count()  # reads all of it, and tells damage
     click.echo(f"{recording} is whole" + (f" again: {steps} complete steps" if was_interrupted else ""))
@@ -269,7 +266,7 @@ def demo(scenario: str, output: str | None, realtime: bool) -> None:
     }
     if not _run(load_config(None, _settings(options))):
         return
-    with _progress() as progress:
+    with progress_bar() as progress:
         report = run_again(recording, None, progress)
         run_figure(recording, picture, progress)
     click.echo(f"\nreplayed        {report.identical} of {report.steps} steps identical")
@@ -284,11 +281,11 @@ def _run(config: "Config") -> bool:
     from haptigraph.sinks.console import ConsoleSink
 
     measures, failure = RunMeasures.under(load_procedure(config.run.procedure).schema), None
-    with _terminable(), _progress() as progress:
+    with terminable(), progress_bar() as progress:
         console = ConsoleSink(shows_time=not is_realtime(config))
         with closing(build(config, sinks=[console], progress=progress)) as loop:
             for note in loop.notes:
-                _tell(f"{config.haptics.device}: {note}")
+                tell(f"{config.haptics.device}: {note}")
             try:
                 with closing(loop.steps()) as steps:
                     for step in steps:

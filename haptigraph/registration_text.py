@@ -7,7 +7,10 @@ from msgspec import Struct
 
 from haptigraph.geometry import Vec
 
-__all__ = ["AnatomyPx", "TrocarPx", "registration_text"]
+__all__ = ["FORMAT", "AnatomyPx", "TrocarPx", "registration_text"]
+
+FORMAT = 1
+"""Version of the file."""
 
 
 class TrocarPx(Struct, frozen=True):
@@ -41,7 +44,7 @@ def registration_text(anatomy: AnatomyPx, title: str) -> str:
         for trocar in anatomy.trocars
     )
     return f"""# {title}
-format = 1
+format = {FORMAT}
 
 [image]
 width = {anatomy.width_px}

@@ -11,7 +11,7 @@ import click
 if TYPE_CHECKING:
     from haptigraph.recording.writer import Progress
 
-__all__ = ["progress", "tell", "terminable"]
+__all__ = ["progress_bar", "tell", "terminable"]
 
 
 def tell(text: str) -> None:
@@ -38,7 +38,7 @@ def terminable() -> Iterator[None]:
 
 
 @contextmanager
-def progress() -> Iterator["Progress"]:
+def progress_bar() -> Iterator["Progress"]:
     """Show a bar for work that reports its progress, from its first report on, where someone is looking."""
     from rich.console import Console
     from rich.progress import Progress as Bar

@@ -34,7 +34,8 @@ def report_lines(
     ]
     if outer is not None:
         lines.append(
-            f"check      at this scale the wall is {wall_mm(anatomy, mm):.2f} mm thick (plausible: 0.3 to 4)"
+            f"check      at this scale the wall is {wall_mm(anatomy, mm):.2f} mm thick "
+            f"(plausible: {WALL_MM[0]:g} to {WALL_MM[1]:g})"
         )
     else:
         lines.append("check      the wall's outer edge is not seen: make sure that the inner one was found")

@@ -7,12 +7,10 @@ in the middle of the wall and in that plane, tells by how much. Knows neither fi
 
 import math
 from collections.abc import Sequence
-from typing import TypeAlias
 
 import cv2
 import numpy as np
 from msgspec import Struct
-from numpy.typing import NDArray
 
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Vec
@@ -22,8 +20,6 @@ from haptigraph.perception.pivot import Pivot, find_pivot, still_picture
 from haptigraph.perception.rim import Rim, find_rim
 
 __all__ = ["Anatomy", "FoundTrocar", "find_anatomy"]
-
-Floats: TypeAlias = NDArray[np.float64]
 
 RETINA_HALF_DEG = 75.0
 RETINA_STEP_DEG = 1.5

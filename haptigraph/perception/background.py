@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from haptigraph.geometry import Vec, unit
 from haptigraph.messages import Image
-from haptigraph.perception.strip import UNSEEN, FloatImage, grey_of
+from haptigraph.perception.pixels import FloatImage, grey_of
+from haptigraph.perception.strip import UNSEEN
 
 __all__ = ["Background"]
 

@@ -5,7 +5,6 @@ Knows nothing of eyes.
 """
 
 import math
-from typing import TypeAlias
 
 import cv2
 import numpy as np
@@ -13,10 +12,9 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from haptigraph.geometry import Vec
+from haptigraph.perception.pixels import Floats
 
-__all__ = ["FAINTEST_GREY", "SMOOTHING_PX", "Edge", "Floats", "Rays", "edge_near", "rays_from"]
-
-Floats: TypeAlias = NDArray[np.float64]
+__all__ = ["FAINTEST_GREY", "SMOOTHING_PX", "Edge", "Rays", "edge_near", "rays_from"]
 
 SMOOTHING_PX = 1.0  # of the images that come in
 RAYS = 720

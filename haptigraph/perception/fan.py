@@ -11,7 +11,8 @@ import cv2
 import numpy as np
 
 from haptigraph.messages import Image
-from haptigraph.perception.strip import OUTSIDE_MM, FloatImage, Line, Site, grey_of
+from haptigraph.perception.pixels import FloatImage, grey_of
+from haptigraph.perception.strip import OUTSIDE_MM, Line, Site
 
 __all__ = ["Fan"]
 

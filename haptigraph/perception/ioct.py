@@ -8,6 +8,7 @@ import numpy as np
 
 from haptigraph.geometry import Vec
 from haptigraph.messages import Image
+from haptigraph.perception.pixels import grey_of
 from haptigraph.perception.registration import Registration
 
 __all__ = ["IoctView"]
@@ -37,9 +38,8 @@ class IoctView:
 
     def __call__(self, image: Image) -> Image:
         """Return the picture, (size, size) grey."""
-        grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
         view = cv2.warpAffine(
-            grey,
+            grey_of(image),
             self._image_from_view,
             (self.size_px, self.size_px),
             flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,

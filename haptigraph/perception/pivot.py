@@ -6,7 +6,6 @@ Knows nothing of retina or millimetres.
 
 import math
 from collections.abc import Sequence
-from typing import TypeAlias
 
 import cv2
 import numpy as np
@@ -15,11 +14,10 @@ from numpy.typing import NDArray
 
 from haptigraph.geometry import Vec
 from haptigraph.messages import Image
+from haptigraph.perception.pixels import Floats, grey_of
 from haptigraph.perception.rim import Rim
 
 __all__ = ["Pivot", "find_pivot", "still_picture"]
-
-Floats: TypeAlias = NDArray[np.float64]
 
 LEAST_CHANGE_GREY = 14.0
 MOST_POINTS = 4000
@@ -109,7 +107,7 @@ def _visible(rim: Rim, width_px: int, height_px: int) -> NDArray[np.bool_]:
 def _shaft(image: Image, visible: NDArray[np.bool_], rim: Rim) -> _Line | None:
     """Fit the straight thin thing that stands out from what lies around it."""
     radius_px = rim.inner.radius_px
-    grey = np.asarray(image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
+    grey = grey_of(image)
     around = cv2.medianBlur(grey, 2 * round(1.5 * LINE_WIDTH * radius_px) + 1)
     size = np.asarray(cv2.blur(cv2.absdiff(grey, around), (3, 3)), np.uint8)
     points = _places(size, visible, LEAST_CHANGE_GREY)

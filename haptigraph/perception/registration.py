@@ -24,10 +24,10 @@ from haptigraph.geometry import (
     subtract,
 )
 from haptigraph.messages import Image
+from haptigraph.registration_text import FORMAT
 
 __all__ = ["Registration", "load_registration", "parse_registration"]
 
-FORMAT = 1
 DIAMETER_RANGE_MM = (15.0, 35.0)  # eyes of children, adults, pigs and their phantoms
 SMALLEST_RADIUS_PX = 60.0  # below, the 0.7 mm zones are under 4 px wide
 TARGET_TOLERANCE_MM = 0.35  # half the touching distance

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Vec
 from haptigraph.messages import Image
-from haptigraph.perception.edge import FAINTEST_GREY, SMOOTHING_PX, Edge, Floats, edge_near, rays_from
+from haptigraph.perception.edge import FAINTEST_GREY, SMOOTHING_PX, Edge, edge_near, rays_from
+from haptigraph.perception.pixels import Floats
 
 __all__ = ["Rim", "find_rim"]
 

@@ -12,7 +12,8 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from haptigraph.perception.strip import FloatImage, Mask, Strip, median
+from haptigraph.perception.pixels import FloatImage, Mask
+from haptigraph.perception.strip import Strip, median
 
 __all__ = ["Edges", "LineFit", "fit_line"]
 
@@ -222,18 +223,19 @@ def _robust_line(edges: Edges, miss_px: float) -> LineFit | None:
     middle, trust = edges.middle_px[:, chosen], 1 / edges.variance_px2[:, chosen]
     outside = edges.is_outside[chosen]
     design = np.stack([np.ones(len(u)), u / SCALE_PX, outside, ~outside])
-    pair, reach, line = np.zeros(len(u), np.int64), miss_px, 0.0
+    pair, reach, line = np.zeros(len(u), np.int64), miss_px, np.zeros(len(u))
     usable = _is_whole(edges)[chosen]
-    for _ in range(ROUNDS):
+    for number in range(ROUNDS):
+        if number:
+            distances = np.abs(middle - line)
+            pair = distances.argmin(axis=0)
+            reach = min(max(TUKEY * 1.4826 * median(distances.min(axis=0)), LEAST_MISS_PX), MISS_PX)
         v, belief = middle[pair, each], trust[pair, each]
         closeness = (1 - np.minimum(np.abs(v - line) / reach, 1) ** 2) * usable
         weighed = design * (belief * closeness * closeness)
         covariance = np.linalg.inv(weighed @ design.T + PRIOR)
         answer = covariance @ (weighed @ v)
         line = answer @ design
-        distances = np.abs(middle - line)
-        pair = distances.argmin(axis=0)
-        reach = min(max(TUKEY * 1.4826 * median(distances.min(axis=0)), LEAST_MISS_PX), MISS_PX)
     on = chosen[closeness > 0]
     if len(on) < LEAST_BLOCKS:
         return None

@@ -15,23 +15,10 @@ from numpy.typing import NDArray
 
 from haptigraph.geometry import Vec, norm, subtract
 from haptigraph.messages import Image
+from haptigraph.perception.pixels import FloatImage, Mask, grey_of
 from haptigraph.perception.registration import Registration
 
-__all__ = [
-    "UNSEEN",
-    "FloatImage",
-    "Line",
-    "Mask",
-    "Site",
-    "Strip",
-    "grey_of",
-    "median",
-    "row_sums",
-    "sample_strip",
-]
-
-FloatImage = NDArray[np.float32]
-Mask = NDArray[np.bool_]
+__all__ = ["UNSEEN", "Line", "Site", "Strip", "median", "row_sums", "sample_strip"]
 
 UNSEEN = -1e5
 """Marks pixels of the empty eye that were never seen without a needle."""
@@ -143,11 +130,6 @@ class Strip(Struct, frozen=True, eq=False):
     """Rows within the globe; rows in the wall are in neither."""
     noise_grey: float
     """Standard deviation of a pixel of `excess` without needle."""
-
-
-def grey_of(image: Image) -> Image:
-    """Return an image in grey."""
-    return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
 
 
 def sample_strip(

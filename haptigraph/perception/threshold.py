@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from haptigraph.config import PerceptionConfig
 from haptigraph.geometry import Geometry, Point, Segment, Vec, norm, subtract, unit
 from haptigraph.messages import Capture, Image, Observation
+from haptigraph.perception.pixels import FloatImage, grey_of
 from haptigraph.perception.registration import Registration
 from haptigraph.perception.smoothing import MovingAverage
 
@@ -28,8 +29,6 @@ RIM_PX = 1.5  # the wall's blurred edge is no part of the inside
 HOLE_MM = (
     1.2  # around the trocar's pivot: its hole through the wall looks like a piece of needle, and is none
 )
-
-FloatImage = NDArray[np.float32]
 
 
 class _Line(Struct, frozen=True):
@@ -95,8 +94,7 @@ class ThresholdPerceiver:
     def _grey(self, image: Image | None) -> FloatImage:
         image = self._registration.checked(image)
         region = image[self._region]
-        grey = region if region.ndim == 2 else cv2.cvtColor(region, cv2.COLOR_BGR2GRAY)
-        return grey.astype(np.float32)
+        return grey_of(region).astype(np.float32)
 
     def _in_region(self, at_px: Vec) -> Vec:
         return at_px[0] - self._left, at_px[1] - self._top

@@ -13,7 +13,8 @@ import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
-from haptigraph.perception.strip import FloatImage, Strip, median, row_sums
+from haptigraph.perception.pixels import FloatImage
+from haptigraph.perception.strip import Strip, median, row_sums
 
 __all__ = ["Reach", "find_reach", "refine_tip"]
 
