@@ -1,8 +1,9 @@
 """The shaft's middle line, from the sub-pixel places of its two edges.
 
 Turns a strip into a line with its covariance. Edges are maxima of the slope across the shaft, found in
-blocks of rows; the middle of both edges does not care how the metal between them is lit. Knows no trocar
-and no time.
+blocks of rows; the middle of both edges does not care how the metal between them is lit. The two edges of
+one thing have slopes of opposite sign: a dark needle falls and rises, a bright one rises and falls. Knows no
+trocar and no time.
 """
 
 import math
@@ -13,16 +14,16 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from haptigraph.perception.pixels import FloatImage, Mask
-from haptigraph.perception.strip import Strip, median
+from haptigraph.perception.strip import ROW_PX, Strip, median
 
 __all__ = ["Edges", "LineFit", "fit_line"]
 
-BLOCK = 6
+BLOCK_ROWS = round(6 / ROW_PX)
+BLOCK_PX = BLOCK_ROWS * ROW_PX
 SIGMA_PX = 1.0  # of the slope filter: about the blur of a focused lens
 LEAST_SNR = 5.0
 LEAST_SLOPE = 3.0  # grey levels per px: softer is shadow or texture
-FAINT, STRONG = 0.08, 0.35  # shares of the steepest slope on the same side of the same block
-PAIRS = np.array([0, 1, 0, 1]), np.array([2, 3, 3, 2])  # left, right: each faint, strong
+FAINT, STRONG = 0.08, 0.35  # shares of the steepest slope of any sign, of the same sign
 LEAST_BLOCKS = 3
 TUKEY = 4.0
 ROUNDS = 3
@@ -31,7 +32,6 @@ UNKNOWN_FLOOR_PX = 0.8  # what an unknown background does to it: it may hide a s
 LEAST_SCATTER = 0.05  # of residuals over expected deviations, squared
 NEAR_PX = 3.0
 LEAST_STEEP = 0.25  # of the shaft's edges: softer ones are its shadow's
-AHEAD = 6  # blocks nearer the tip that a block's width is compared with
 NARROWER_PX = 1.2
 WIDER_PX = 3.0
 MISS_PX = 3.0
@@ -39,32 +39,44 @@ LEAST_MISS_PX = 0.6
 SIDE_PX = 0.2  # how far the light may shift the middle on one side of the wall as a whole
 SCALE_PX = 100.0  # keeps the normal equations well conditioned
 PER_PX = np.array([[1, 1 / SCALE_PX], [1 / SCALE_PX, 1 / SCALE_PX**2]])
-PRIOR = np.diag([1e-6, 1e-6, SIDE_PX**-2, SIDE_PX**-2])
+ASIDE = 0.03  # the same, as a share of the width
+UNSEEN_PX = -100.0
+"""Width of a pair of edges that is not there."""
 
 _TAPS = np.arange(-3, 4, dtype=np.float64)
 _BELL = _TAPS * np.exp(-(_TAPS**2) / (2 * SIGMA_PX**2))
 SLOPE = (_BELL / (_BELL * _TAPS).sum()).astype(np.float32)
+MEAN = np.full(BLOCK_ROWS, 1 / BLOCK_ROWS, np.float32)
 SLOPE_NOISE = float((SLOPE**2).sum())
 CURVE_NOISE = float((np.diff(SLOPE, prepend=0, append=0) ** 2).sum())
+COLUMNS = np.arange(200, dtype=np.float32)
+MOMENTS = np.stack([np.ones(200, np.float32), COLUMNS], axis=1)
+HALF_SPARE_PX = 4
+SIGNS = np.array([0, 1])[:, None]
 
 
 class Edges(Struct, frozen=True, eq=False):
-    """Both edges of the shaft, block by block."""
+    """Both edges of the shaft, block by block, as a pair that rises first and as one that falls first."""
 
     u_px: FloatImage
     """Middle of every block along the strip, (n,)."""
     middle_px: FloatImage
-    """Half-way between them, across the strip from its middle, (4, n): outermost pair first."""
+    """Half-way between them, across the strip from its middle, (2, n)."""
     variance_px2: FloatImage
-    """Of that, (4, n)."""
+    """Of that, (2, n)."""
     width_px: FloatImage
-    """Between the outermost, (n,)."""
+    """Between them, (2, n); UNSEEN_PX where there is no such pair."""
     steepness: FloatImage
-    """Slope of the fainter one [grey levels per px], (n,)."""
+    """Slope of the fainter one [grey levels per px], (2, n)."""
     is_outside: Mask
     """Blocks before the wall, (n,)."""
-    is_seen: Mask
-    """Blocks where both were found, (n,)."""
+
+
+class Highlight(Struct, frozen=True):
+    """How far a bright line on the metal runs beside its axis, as a share of that line's width."""
+
+    share: float
+    deviation: float
 
 
 class LineFit(Struct, frozen=True, eq=False):
@@ -74,9 +86,16 @@ class LineFit(Struct, frozen=True, eq=False):
     slope: float
     covariance: NDArray[np.float64]
     """Of (offset_px, slope), (2, 2)."""
-    edges: Edges
+    width_px: float
+    """Of the shaft, a median."""
+    highlight: Highlight | None
+    """None if no bright line within a darker shaft was ever seen."""
+    u_px: FloatImage
+    """Middle of every block along the strip, (n,)."""
     is_on_line: Mask
     """Blocks whose edges agree with the line, (n,)."""
+    is_steep: Mask
+    """Blocks with edges near the line that are steep enough to be the needle's and not its shadow's, (n,)."""
 
     @property
     def confidence(self) -> float:
@@ -85,163 +104,164 @@ class LineFit(Struct, frozen=True, eq=False):
 
     def end_px(self, from_px: float) -> float:
         """Return how far along the strip there are edges by the line; gaps count against it."""
-        beyond = np.flatnonzero(self.edges.u_px >= from_px)
-        if not len(beyond):
-            return from_px + BLOCK
-        edges = self.edges
-        miss = np.abs(edges.middle_px[0, beyond] - self.v_px(edges.u_px[beyond]))
-        steep = edges.steepness[beyond] > LEAST_STEEP * median(edges.steepness[self.is_on_line])
-        kept = np.cumsum(np.where(edges.is_seen[beyond] & steep & (miss <= NEAR_PX), 1, -1))
+        first = int(self.u_px.searchsorted(from_px))
+        if first == len(self.u_px):
+            return from_px + BLOCK_PX
+        kept = (2 * self.is_steep[first:] - 1).cumsum()
         last = int(kept.argmax())
-        return float(self.edges.u_px[beyond[last]]) + BLOCK if kept[last] > 0 else from_px + BLOCK
+        return float(self.u_px[first + last]) + BLOCK_PX if kept[last] > 0 else from_px + BLOCK_PX
 
     def v_px(self, u_px: FloatImage) -> FloatImage:
         """Return the line's place across the strip."""
         return np.asarray(self.offset_px + self.slope * u_px, np.float32)
 
 
-class _Slopes(Struct, frozen=True, eq=False):
-    """The slope across a strip in blocks of rows."""
-
-    u_px: FloatImage
-    is_outside: Mask
-    is_known: Mask
-    """Blocks where the empty eye is known, (n,)."""
-    signed: FloatImage
-    """Grey levels per pixel, (n, columns)."""
-    steep: FloatImage
-    """Its size where it has a local maximum that is no noise, else 0."""
-    half_px: int
-    noise_grey: float
-    """Of a pixel, averaged over a block."""
-
-
-def fit_line(strip: Strip, tip_px: float, miss_px: float) -> LineFit | None:
+def fit_line(strip: Strip, tip_px: float, miss_px: float, highlight: Highlight | None = None) -> LineFit | None:
     """Fit the shaft's middle line to all visible rows before the tip.
 
     Args:
         strip: The straightened surroundings.
         tip_px: Where the needle ends, roughly.
         miss_px: How far the shaft may be from the strip's middle.
+        highlight: Of this needle, where known from earlier images.
 
     Returns:
         The line, or None if too few blocks show two edges that lie on one.
     """
-    slopes = _slopes(strip, tip_px)
-    return _robust_line(_find_edges(slopes), miss_px) if len(slopes.u_px) >= LEAST_BLOCKS else None
+    last = max(math.floor((tip_px - float(strip.u_px[0])) / ROW_PX), 0)
+    rows = np.concatenate([_block_rows(part, last) for part in (strip.before, strip.inside)])
+    return _robust_line(_find_edges(strip, rows), miss_px, highlight) if len(rows) >= LEAST_BLOCKS else None
 
 
-def _slopes(strip: Strip, before_px: float) -> _Slopes:
-    last = max(math.floor(before_px - float(strip.u_px[0])), 0)
-    parts = []
-    for rows in (strip.before, strip.inside):
-        count = max(min(rows.stop, last) - rows.start, 0) // BLOCK
-        part = slice(rows.start, rows.start + count * BLOCK)
-        blocks = strip.excess[part].reshape(count, BLOCK, 2 * strip.half_px + 1).sum(axis=1) / BLOCK
-        is_known = strip.is_known[part].reshape(count, BLOCK).all(axis=1)
-        parts.append((strip.u_px[part][::BLOCK] + (BLOCK - 1) / 2, is_known, blocks))
-    u_px, is_known, blocks = (np.concatenate(columns) for columns in zip(*parts, strict=True))
-    is_outside = u_px < (strip.u_px[strip.before.stop - 1] if strip.before.stop else -math.inf)
-    noise = strip.noise_grey / math.sqrt(BLOCK)
-    if not len(u_px):
-        return _Slopes(u_px, is_outside, is_known, blocks, blocks, strip.half_px, noise)
-    signed = np.asarray(cv2.filter2D(blocks, cv2.CV_32F, SLOPE[None]), np.float32)
-    size = np.abs(signed)
-    middle = size[:, 1:-1]
-    is_peak = (middle >= size[:, :-2]) & (middle > size[:, 2:])
-    is_peak &= middle >= max(LEAST_SNR * noise * math.sqrt(SLOPE_NOISE), LEAST_SLOPE)
-    steep = np.zeros_like(size)
-    steep[:, 1:-1] = middle * is_peak
-    return _Slopes(u_px, is_outside, is_known, signed, steep, strip.half_px, noise)
+def _block_rows(part: slice, last: int) -> NDArray[np.int64]:
+    """Return the middle rows of all whole blocks of a part before some row."""
+    middle = BLOCK_ROWS // 2
+    return np.arange(part.start + middle, min(part.stop, last) - (BLOCK_ROWS - 1 - middle), BLOCK_ROWS)
 
 
-def _find_edges(slopes: _Slopes) -> Edges:
-    """Find, on either side of the strip's middle, the outermost faint and the outermost strong edge."""
-    middle = slopes.half_px
-    left, right = slopes.steep[:, : middle + 1], slopes.steep[:, middle:][:, ::-1]
-    columns = []
-    for side in (left, right):
-        most = side.max(axis=1, keepdims=True)
-        most = np.maximum(most, median(most))
-        columns += [(side > share * most).argmax(axis=1) for share in (FAINT, STRONG)]
-    columns[2:] = [2 * middle - column for column in columns[2:]]
-    is_seen = np.asarray((left > 0).any(axis=1) & (right > 0).any(axis=1), np.bool_)
-    return _edges(slopes, np.stack(columns), is_seen)
-
-
-def _is_whole(edges: Edges) -> Mask:
-    """Tell which blocks show the shaft as wide as a taper can be.
-
-    If it is narrower than nearer the tip, an outer edge was missed; if it is far wider, one is something
-    else's.
-    """
-    ahead = np.concatenate([np.where(edges.is_seen, edges.width_px, 0)[1:], np.zeros(AHEAD)])
-    windows = np.lib.stride_tricks.sliding_window_view(ahead, AHEAD)
-    ranked = np.sort(windows, axis=1)
-    usual, most = ranked[:, -2], np.where(ranked[:, -1] > 0, ranked[:, -1], np.inf)
-    is_likely = (edges.width_px >= usual - NARROWER_PX) & (edges.width_px <= most + WIDER_PX)
-    return np.asarray(edges.is_seen & is_likely, np.bool_)
-
-
-def _edges(slopes: _Slopes, columns: NDArray[np.int64], is_seen: Mask) -> Edges:
-    """Refine the columns of slope maxima, (4, n), to sub-pixel places with variances.
-
-    The noise of a maximum's place is the noise of the derivative there over the curvature.
-    """
-    columns = np.clip(columns, 1, 2 * slopes.half_px - 1)
-    rows = np.arange(columns.shape[1])
-    around = np.abs(slopes.signed[rows[:, None], columns[..., None] + np.arange(-1, 2)])
-    before, at, after = around[..., 0], around[..., 1], around[..., 2]
-    curvature = np.maximum(2 * at - before - after, 1e-3)
-    place = columns - slopes.half_px + np.clip((after - before) / (2 * curvature), -1, 1)
-    variance = CURVE_NOISE * slopes.noise_grey**2 / curvature**2
-    floor_px = np.where(slopes.is_known, FLOOR_PX, UNKNOWN_FLOOR_PX)
-    left, right = PAIRS
+def _find_edges(strip: Strip, rows: NDArray[np.int64]) -> Edges:
+    """Find, on either side of the strip's middle, the outermost edge of either sign."""
+    noise = strip.noise_grey / math.sqrt(BLOCK_ROWS)
+    rising = np.asarray(cv2.sepFilter2D(strip.excess, cv2.CV_32F, SLOPE, MEAN)[rows], np.float32)
+    both = np.stack([rising, -rising])
+    most = both.max(axis=2)
+    least = np.maximum(FAINT * most.max(axis=0), STRONG * most)
+    least = np.maximum(least, max(LEAST_SNR * noise * math.sqrt(SLOPE_NOISE), LEAST_SLOPE))
+    about = _rough_middle(rising, strip.u_px[rows])
+    inner = both[..., 1:-1]
+    is_edge = (inner > both[..., 2:]) & (inner >= both[..., :-2]) & (inner >= least[..., None])
+    is_edge &= np.abs(COLUMNS[: inner.shape[-1]] - about[:, None]) <= strip.half_px - HALF_SPARE_PX
+    left = is_edge.argmax(axis=2)
+    right = is_edge.shape[2] - 1 - is_edge[..., ::-1].argmax(axis=2)
+    half = strip.half_px
+    blocks = np.arange(len(rows))
+    is_seen = is_edge[SIGNS, blocks, left] & (left < about)
+    is_seen &= (is_edge[SIGNS, blocks, right] & (right > about))[::-1]
+    left_px, left_curve, left_steep = _peaks(both, blocks, left)
+    right_px, right_curve, right_steep = (values[::-1] for values in _peaks(both, blocks, right))
+    floor_px2 = np.where(strip.is_known[rows], FLOOR_PX**2, UNKNOWN_FLOOR_PX**2)
     return Edges(
-        slopes.u_px,
-        middle_px=(place[left] + place[right]) / 2,
-        variance_px2=(variance[left] + variance[right]) / 4 + floor_px**2,
-        width_px=place[2] - place[0],
-        steepness=at.min(axis=0),
-        is_outside=slopes.is_outside,
-        is_seen=is_seen,
+        strip.u_px[rows],
+        middle_px=(left_px + right_px) / 2 - (half - 1),
+        variance_px2=(CURVE_NOISE * noise**2 / 4) * (left_curve**-2 + right_curve**-2) + floor_px2,
+        width_px=np.where(is_seen, right_px - left_px, UNSEEN_PX),
+        steepness=np.minimum(left_steep, right_steep),
+        is_outside=rows < strip.before.stop,
     )
 
 
-def _robust_line(edges: Edges, miss_px: float) -> LineFit | None:
+def _rough_middle(rising: FloatImage, u_px: FloatImage) -> FloatImage:
+    """Return where, between the second and the last column but one, the steep places lie in the mean, (n,)."""
+    power = np.square(rising[:, 1:-1])
+    sums = power @ MOMENTS[: power.shape[1]]
+    middle = sums[:, 1] / np.maximum(sums[:, 0], 1e-6)
+    dx, dy, x, y = cv2.fitLine(np.stack([u_px, middle], axis=1), cv2.DIST_HUBER, 0, 0.01, 0.01).ravel()
+    return np.asarray(y + (u_px - x) * (dy / dx), np.float32) if abs(dx) > 0.5 else middle
+
+
+def _peaks(
+    both: FloatImage, blocks: NDArray[np.int64], columns: NDArray[np.int64]
+) -> tuple[FloatImage, FloatImage, FloatImage]:
+    """Return sub-pixel places, curvatures and heights of slope maxima, (2, n) each.
+
+    The noise of a maximum's place is the noise of the derivative there over the curvature.
+    """
+    before, at, after = (both[SIGNS, blocks, columns + step] for step in range(3))
+    curvature = np.maximum(2 * at - before - after, 1e-3)
+    place = columns + (after - before) / (2 * curvature)
+    return np.asarray(place, np.float32), curvature, at
+
+
+def _missing(width: FloatImage) -> FloatImage:
+    """Return by how much each pair is narrower than the shaft must be there [px]; infinite if it is too wide.
+
+    Away from the tip it never gets narrower: a narrower place has lost an outer edge. A far wider one shows
+    something else's. A width counts for others once two neighbours have it.
+    """
+    common = np.minimum(width[:, 1:], width[:, :-1])
+    least = np.maximum.accumulate(common[:, ::-1], axis=1)[:, ::-1]
+    missing = np.zeros_like(width)
+    missing[:, :-2] = np.maximum(least[:, 1:] - NARROWER_PX - width[:, :-2], 0)
+    most = np.maximum(common[:, :-1], common[:, 1:]) + WIDER_PX
+    missing[:, 1:-1][width[:, 1:-1] > most] = np.inf
+    return missing
+
+
+def _robust_line(edges: Edges, miss_px: float, highlight: Highlight | None) -> LineFit | None:
     """Fit by weighted least squares, leaving out blocks that are off the line (Tukey's weights).
 
-    The light differs on the two sides of the wall, and with it where edges appear: each side as a whole may
-    be off by SIDE_PX, two more unknowns with that as their prior. A bright needle with dark rims has two
-    edges on either side, and rims do not show everywhere: after a first line from the outermost pairs of
-    blocks that look whole, every block joins with that pair whose middle is nearest to the line.
+    What is known of the light comes in as further unknowns with priors. It differs on the two sides of the
+    wall: each side as a whole may be off by SIDE_PX. A highlight runs beside the axis, the further the
+    thicker the shaft: the middle of a pair may be off by a share of its width, a larger one where a bright
+    pair was seen within a dark one. A block joins with its wider pair if that is near the line.
     """
-    chosen = np.flatnonzero(edges.is_seen)
-    if len(chosen) < LEAST_BLOCKS:
-        return None
-    u, each = edges.u_px[chosen], np.arange(len(chosen))
-    middle, trust = edges.middle_px[:, chosen], 1 / edges.variance_px2[:, chosen]
-    outside = edges.is_outside[chosen]
-    design = np.stack([np.ones(len(u)), u / SCALE_PX, outside, ~outside])
-    pair, reach, line = np.zeros(len(u), np.int64), miss_px, np.zeros(len(u))
-    usable = _is_whole(edges)[chosen]
+    each, seen = np.arange(len(edges.u_px)), edges.width_px > 0
+    wider = edges.width_px.argmax(axis=0)
+    missing = _missing(edges.width_px)
+    usable = np.isfinite(missing[wider, each]) & seen[wider, each]
+    variance = edges.variance_px2 + np.square(missing / 2)
+    design = np.zeros((6, len(each)))
+    design[0], design[1], design[2], design[3] = 1, edges.u_px / SCALE_PX, edges.is_outside, ~edges.is_outside
+    within = int((wider[seen.all(axis=0) & usable] == 1).sum()) >= LEAST_BLOCKS
+    if within and highlight is None:
+        highlight = Highlight(0.0, 0.3)
+    aside, deviation = (highlight.share, highlight.deviation) if highlight else (0.0, ASIDE)
+    prior = np.diag([1e-6, 1e-6, SIDE_PX**-2, SIDE_PX**-2, deviation**-2, ASIDE**-2])
+    pull = prior[4] * aside
+    pair, reach, line = wider, miss_px, np.zeros(len(each))
     for number in range(ROUNDS):
         if number:
-            distances = np.abs(middle - line)
-            pair = distances.argmin(axis=0)
-            reach = min(max(TUKEY * 1.4826 * median(distances.min(axis=0)), LEAST_MISS_PX), MISS_PX)
-        v, belief = middle[pair, each], trust[pair, each]
-        closeness = (1 - np.minimum(np.abs(v - line) / reach, 1) ** 2) * usable
+            distances = np.where(seen, np.abs(edges.middle_px - line), np.inf)
+            nearest = distances.argmin(axis=0)
+            near = distances[nearest, each]
+            reach = min(max(TUKEY * 1.4826 * median(near[usable]), LEAST_MISS_PX), MISS_PX)
+            pair = np.where(distances[wider, each] < reach, wider, nearest)
+        v = edges.middle_px[pair, each]
+        belief = seen[pair, each] * usable / variance[pair, each]
+        closeness = np.maximum(1 - np.square((v - line) / reach), 0)
+        design[4:] = np.where(pair == SIGNS, edges.width_px[pair, each], 0)
         weighed = design * (belief * closeness * closeness)
-        covariance = np.linalg.inv(weighed @ design.T + PRIOR)
-        answer = covariance @ (weighed @ v)
+        covariance = np.linalg.inv(weighed @ design.T + prior)
+        answer = covariance @ (weighed @ v + pull)
         line = answer @ design
-    on = chosen[closeness > 0]
-    if len(on) < LEAST_BLOCKS:
+        if not usable.any():
+            return None
+    is_on_line = (belief > 0) & (closeness > 0)
+    count = int(is_on_line.sum())
+    if count < LEAST_BLOCKS:
         return None
-    residual = v - line
-    scatter = max(float((belief * (closeness > 0)) @ residual**2) / max(len(on) - 2, 1), LEAST_SCATTER)
-    is_on_line = np.zeros(len(edges.u_px), np.bool_)
-    is_on_line[on] = True
-    line_covariance = covariance[:2, :2] * (scatter * PER_PX)
-    return LineFit(float(answer[0]), float(answer[1]) / SCALE_PX, line_covariance, edges, is_on_line)
+    residual = (v - line) * is_on_line
+    scatter = max(float(belief @ residual**2) / max(count - 2, 1), LEAST_SCATTER)
+    steep = edges.steepness[pair, each]
+    is_steep = seen[pair, each] & (np.abs(v - line) <= NEAR_PX)
+    is_steep &= steep > LEAST_STEEP * median(steep[is_on_line])
+    return LineFit(
+        float(answer[0]),
+        float(answer[1]) / SCALE_PX,
+        covariance[:2, :2] * (scatter * PER_PX),
+        median(edges.width_px[pair, each][is_on_line]),
+        highlight and Highlight(float(answer[4]), math.hypot(math.sqrt(covariance[4, 4] * max(scatter, 1)), 0.01)),
+        edges.u_px,
+        is_on_line,
+        is_steep,
+    )

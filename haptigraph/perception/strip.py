@@ -18,10 +18,13 @@ from haptigraph.messages import Image
 from haptigraph.perception.pixels import FloatImage, Mask, grey_of
 from haptigraph.perception.registration import Registration
 
-__all__ = ["UNSEEN", "Line", "Site", "Strip", "median", "row_sums", "sample_strip"]
+__all__ = ["ROW_PX", "UNSEEN", "Line", "Site", "Strip", "median", "row_sums", "sample_strip"]
 
 UNSEEN = -1e5
 """Marks pixels of the empty eye that were never seen without a needle."""
+
+ROW_PX = 1.0
+"""From row to row of a strip."""
 
 OUTSIDE_MM = 12.0  # how far beyond the trocar the shaft is looked at
 HALF_WIDTH_MM = 0.5  # of the thickest needle
@@ -115,7 +118,7 @@ class Strip(Struct, frozen=True, eq=False):
     """Straightened pixels along an expected line."""
 
     u_px: FloatImage
-    """Where each row lies along the line, (n,), 1 px apart."""
+    """Where each row lies along the line, (n,), ROW_PX apart."""
     half_px: int
     """Columns reach so far to either side."""
     excess: FloatImage
@@ -159,14 +162,14 @@ def sample_strip(
     scale = site.px_per_mm
     last = max(min(inner[1] + BEYOND_MM * scale, until_px), inner[0] + 2 * scale)
     first = math.ceil(max(min(site.first_px(expected) + 1, outer[0]), min(from_px, last - 2 * scale)))
-    u_px = np.arange(first, last, dtype=np.float32)
+    u_px = np.arange(first, last, ROW_PX, dtype=np.float32)
     grey = grey_of(np.asarray(_warp(site, image, expected, u_px), np.uint8)).astype(np.float32)
     without = np.asarray(_warp(site, empty, expected, u_px), np.float32)
     is_known = row_sums(without, site.ones) >= 0
     gains = is_known * np.float32(_gain(site, grey, without, is_known))
     beside = grey @ site.level
     excess = beside - (gains[:, None] * without) @ site.level
-    rows = (round(bound - first) for bound in (outer[0], inner[0] + RIM_PX, inner[1] - RIM_PX))
+    rows = (round((bound - first) / ROW_PX) for bound in (outer[0], inner[0] + RIM_PX, inner[1] - RIM_PX))
     wall, start, end = (min(max(row, 0), len(u_px)) for row in rows)
     return Strip(
         u_px,
@@ -184,7 +187,7 @@ def _warp(site: Site, image: Image | FloatImage, line: Line, u_px: FloatImage) -
     (nx, ny), (dx, dy) = line.normal, line.direction
     x, y = line.at_px(site.trocar_px, float(u_px[0]))
     corner = x - site.half_px * nx, y - site.half_px * ny
-    image_from_strip = np.array([[nx, dx, corner[0]], [ny, dy, corner[1]]])
+    image_from_strip = np.array([[nx, ROW_PX * dx, corner[0]], [ny, ROW_PX * dy, corner[1]]])
     size = 2 * site.half_px + 1, len(u_px)
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     return np.asarray(

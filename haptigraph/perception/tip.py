@@ -14,7 +14,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from haptigraph.perception.pixels import FloatImage
-from haptigraph.perception.strip import Strip, median, row_sums
+from haptigraph.perception.strip import ROW_PX, Strip, median, row_sums
 
 __all__ = ["Reach", "find_reach", "refine_tip"]
 
@@ -23,9 +23,9 @@ UNKNOWN_GREY = 8.0
 LEAST_SNR = 4.0
 KNOWN_SHARE = 0.1  # of the contrast that the needle had before
 UNKNOWN_SHARE = 0.35
-BEHIND_PX = 12
-AHEAD_PX = 10
-BLUNT_PX = 3
+BEHIND_ROWS = round(12 / ROW_PX)
+AHEAD_ROWS = round(10 / ROW_PX)
+BLUNT_ROWS = round(3 / ROW_PX)
 TIP_LEVEL = 0.35  # of the contrast: the point is thin and rounded, half of it is seen too early
 FLOOR_PX = 0.1
 LEAST_HELD_PX = 2.0  # of tip inside, when the shaft is seen to enter the wall
@@ -69,7 +69,7 @@ def find_reach(strip: Strip, px_per_mm: float, usual_grey: float | None) -> Reac
     outer_end, outer_sum = _farthest(evidence[strip.before])
     inner_end, inner_sum = _farthest(evidence[strip.inside])
     is_outside = outer_sum >= LEAST_OUTSIDE_MM * px_per_mm
-    is_held = is_outside and outer_end >= strip.before.stop - AT_WALL_MM * px_per_mm
+    is_held = is_outside and outer_end >= strip.before.stop - AT_WALL_MM * px_per_mm / ROW_PX
     if inner_sum >= (LEAST_HELD_PX if is_held else LEAST_FREE_MM * px_per_mm):
         tip_px = float(strip.u_px[strip.inside.start + inner_end - 1])
         return Reach("inside", tip_px, inner_sum + outer_sum)
@@ -103,8 +103,8 @@ def _fall(
 ) -> Reach | None:
     """Return where the contrast falls for the last time near some place; None if it does not."""
     rows = strip.inside if reach.where == "inside" else strip.before
-    end = round(about_px - float(strip.u_px[0])) + 1
-    first, last = max(end - BEHIND_PX, rows.start), min(end + AHEAD_PX, rows.stop)
+    end = round((about_px - float(strip.u_px[0])) / ROW_PX) + 1
+    first, last = max(end - BEHIND_ROWS, rows.start), min(end + AHEAD_ROWS, rows.stop)
     if last <= first:
         return None
     u_px = strip.u_px[first:last]
@@ -113,7 +113,7 @@ def _fall(
     row = np.arange(first, last)[:, None]
     along = _contrast(strip.excess[row, columns], strip.beside[row, columns])
     noise = strip.noise_grey / math.sqrt(columns.shape[1])
-    high = median(along[: max(end - first - BLUNT_PX, 1)])
+    high = median(along[: max(end - first - BLUNT_ROWS, 1)])
     level = max(TIP_LEVEL * high, LEAST_SNR * noise)
     above = np.flatnonzero(along >= level)
     if not len(above) or (above[-1] == len(along) - 1 and last < rows.stop):
@@ -124,8 +124,8 @@ def _fall(
         place += (float(along[above[-1]]) - level) / max(steepness, 1e-6)
     return replace(
         reach,
-        tip_px=float(u_px[0]) + place,
-        deviation_px=math.hypot(FLOOR_PX, noise / max(steepness, 1.0)),
+        tip_px=float(u_px[0]) + ROW_PX * place,
+        deviation_px=math.hypot(FLOOR_PX, ROW_PX * noise / max(steepness, 1.0)),
         contrast_grey=high,
     )
 
@@ -148,4 +148,4 @@ def _farthest(evidence: FloatImage) -> tuple[int, float]:
         return 0, 0.0
     total = np.cumsum(evidence)
     end = int(total.argmax())
-    return (end + 1, float(total[end])) if total[end] > 0 else (0, 0.0)
+    return (end + 1, ROW_PX * float(total[end])) if total[end] > 0 else (0, 0.0)

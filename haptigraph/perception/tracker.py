@@ -17,8 +17,8 @@ from haptigraph.perception.background import Background
 from haptigraph.perception.fan import Fan
 from haptigraph.perception.pose import PoseFilter
 from haptigraph.perception.registration import Registration
-from haptigraph.perception.shaft import LineFit, fit_line
-from haptigraph.perception.strip import OUTSIDE_MM, Line, Site, median, sample_strip
+from haptigraph.perception.shaft import Highlight, LineFit, fit_line
+from haptigraph.perception.strip import OUTSIDE_MM, Line, Site, sample_strip
 from haptigraph.perception.tip import Reach, find_reach, refine_tip
 
 __all__ = ["Tracker"]
@@ -71,6 +71,7 @@ class Tracker:
         self._background.reset()
         self._pose.reset()
         self._usual_grey: float | None = None
+        self._highlight: Highlight | None = None
         self._doubts = 0
         self._stamp_ns: int | None = None
 
@@ -86,8 +87,9 @@ class Tracker:
         found: dict[str, Geometry] = dict(self._registration.anatomy)
         if sight is None:
             self._pose.lose()
+            self._highlight = None
             return Observation(capture.stamp_ns, found)
-        reach = sight.reach
+        reach, self._highlight = sight.reach, sight.fit.highlight
         is_pivoting = reach.where != "outside"
         self._pose.update(sight.line, sight.fit.covariance, reach.tip_px, reach.deviation_px, is_pivoting)
         if reach.where == "hidden":
@@ -131,7 +133,7 @@ class Tracker:
         if reach is None:
             return None
         miss_px = TRACKED_PX if until_px < math.inf else strip.half_px
-        fit = fit_line(strip, reach.tip_px, miss_px)
+        fit = fit_line(strip, reach.tip_px, miss_px, self._highlight)
         if fit is None:
             return None
         line = Line(expected.angle_rad + math.atan(fit.slope), expected.offset_px + fit.offset_px)
@@ -148,7 +150,7 @@ class Tracker:
             fit.confidence >= LEAST_CONFIDENCE
             and abs(line.offset_px) <= MISS_MM * scale
             and abs(turn_rad) <= LARGEST_TURN_RAD
-            and median(fit.edges.width_px[fit.is_on_line]) <= THICKEST_MM * scale
+            and fit.width_px <= THICKEST_MM * scale
         )
 
     def _learn(self, image: Image, sight: _Sight | None) -> None:
