@@ -18,12 +18,12 @@ from haptigraph.messages import Image
 from haptigraph.perception.pixels import FloatImage, Mask, grey_of
 from haptigraph.perception.registration import Registration
 
-__all__ = ["ROW_PX", "UNSEEN", "Line", "Site", "Strip", "median", "row_sums", "sample_strip"]
+__all__ = ["ROW_PX", "UNSEEN", "Line", "Site", "Strip", "lay_straight", "median", "row_sums", "sample_strip"]
 
 UNSEEN = -1e5
 """Marks pixels of the empty eye that were never seen without a needle."""
 
-ROW_PX = 1.0
+ROW_PX = 2.0
 """From row to row of a strip."""
 
 OUTSIDE_MM = 12.0  # how far beyond the trocar the shaft is looked at
@@ -91,13 +91,17 @@ class Site:
         ends = np.zeros((columns, 2), np.float32)
         ends[:FLANK_PX, 0] = ends[-FLANK_PX:, 1] = 1 / FLANK_PX
         ramp = np.linspace(0, 1, columns, dtype=np.float32)
-        self.flanks = ends.sum(axis=1)
-        """Sums a row's two ends, (columns,)."""
-        self.ones = np.ones(columns, np.float32)
-        self.level = np.eye(columns, dtype=np.float32) - ends @ np.stack([1 - ramp, ramp])
-        """Takes from a row the straight ramp between its two ends, (columns, columns)."""
+        level = np.eye(columns, dtype=np.float32) - ends @ np.stack([1 - ramp, ramp])
+        self.level = np.column_stack([level, ends.sum(axis=1)])
+        """Takes from a row the straight ramp between its two ends, and puts their sum behind it,
+        (columns, columns + 1)."""
 
-    def crossings_px(self, line: Line, radius_px: float) -> tuple[float, float] | None:
+    def wall_px(self, line: Line) -> tuple[float, float, float] | None:
+        """Return where a line enters the wall, leaves it, and enters it on the far side; None if it misses."""
+        inner, outer = self._crossings_px(line, self.inner_px), self._crossings_px(line, self.outer_px)
+        return (outer[0], *inner) if inner and outer else None
+
+    def _crossings_px(self, line: Line, radius_px: float) -> tuple[float, float] | None:
         """Return where a line enters and leaves a circle about the globe's centre; None if it misses it."""
         to_center = subtract(self.center_px, line.at_px(self.trocar_px, 0.0))
         along = to_center[0] * line.direction[0] + to_center[1] * line.direction[1]
@@ -156,29 +160,52 @@ def sample_strip(
     Returns:
         The strip, or None if the line misses the globe.
     """
-    inner, outer = site.crossings_px(expected, site.inner_px), site.crossings_px(expected, site.outer_px)
-    if inner is None or outer is None:
+    wall = site.wall_px(expected)
+    if wall is None:
         return None
+    outer, inner, far = wall
     scale = site.px_per_mm
-    last = max(min(inner[1] + BEYOND_MM * scale, until_px), inner[0] + 2 * scale)
-    first = math.ceil(max(min(site.first_px(expected) + 1, outer[0]), min(from_px, last - 2 * scale)))
-    u_px = np.arange(first, last, ROW_PX, dtype=np.float32)
-    grey = grey_of(np.asarray(_warp(site, image, expected, u_px), np.uint8)).astype(np.float32)
-    without = np.asarray(_warp(site, empty, expected, u_px), np.float32)
-    is_known = row_sums(without, site.ones) >= 0
-    gains = is_known * np.float32(_gain(site, grey, without, is_known))
-    beside = grey @ site.level
-    excess = beside - (gains[:, None] * without) @ site.level
-    rows = (round((bound - first) / ROW_PX) for bound in (outer[0], inner[0] + RIM_PX, inner[1] - RIM_PX))
-    wall, start, end = (min(max(row, 0), len(u_px)) for row in rows)
+    last = max(min(far + BEYOND_MM * scale, until_px), inner + 2 * scale)
+    first = math.ceil(max(min(site.first_px(expected) + 1, outer), min(from_px, last - 2 * scale)))
+    return lay_straight(site, image, empty, expected, np.arange(first, last, ROW_PX, dtype=np.float32))
+
+
+def lay_straight(
+    site: Site, image: Image, empty: FloatImage, line: Line, u_px: FloatImage
+) -> Strip | None:
+    """Lay the surroundings of a part of a line straight.
+
+    Args:
+        site: Where things are.
+        image: (h, w, 3) BGR or (h, w) grey.
+        empty: The eye without needle, (h, w) grey; negative where not known.
+        line: The line.
+        u_px: Evenly spaced places along it, (n,), two at least.
+
+    Returns:
+        The strip, or None if the line misses the globe.
+    """
+    wall = site.wall_px(line)
+    if wall is None:
+        return None
+    grey = grey_of(np.asarray(_warp(site, image, line, u_px), np.uint8)).astype(np.float32) @ site.level
+    without = np.asarray(_warp(site, empty, line, u_px), np.float32)
+    is_known = np.asarray(without.min(axis=1) >= 0)
+    without = without @ site.level
+    without *= (is_known * np.float32(_gain(grey, without, is_known)))[:, None]
+    columns = slice(0, 2 * site.half_px + 1)
+    excess = (grey - without)[:, columns]
+    first, step = float(u_px[0]), float(u_px[1] - u_px[0])
+    bounds = wall[0], wall[1] + RIM_PX, wall[2] - RIM_PX
+    outer, inner, far = (min(max(round((bound - first) / step), 0), len(u_px)) for bound in bounds)
     return Strip(
         u_px,
         site.half_px,
         excess,
-        beside,
+        grey[:, columns],
         is_known,
-        slice(0, wall),
-        slice(start, end),
+        slice(0, outer),
+        slice(inner, far),
         _deviation(excess[::3, FLANK_PX : 2 * FLANK_PX]),
     )
 
@@ -187,7 +214,8 @@ def _warp(site: Site, image: Image | FloatImage, line: Line, u_px: FloatImage) -
     (nx, ny), (dx, dy) = line.normal, line.direction
     x, y = line.at_px(site.trocar_px, float(u_px[0]))
     corner = x - site.half_px * nx, y - site.half_px * ny
-    image_from_strip = np.array([[nx, ROW_PX * dx, corner[0]], [ny, ROW_PX * dy, corner[1]]])
+    step = float(u_px[1] - u_px[0])
+    image_from_strip = np.array([[nx, step * dx, corner[0]], [ny, step * dy, corner[1]]])
     size = 2 * site.half_px + 1, len(u_px)
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     return np.asarray(
@@ -195,9 +223,9 @@ def _warp(site: Site, image: Image | FloatImage, line: Line, u_px: FloatImage) -
     )
 
 
-def _gain(site: Site, grey: FloatImage, without: FloatImage, rows: Mask) -> float:
+def _gain(grey: FloatImage, without: FloatImage, rows: Mask) -> float:
     """Estimate how much brighter the light is than it was for the empty eye, from the flanks."""
-    now, then = (float(row_sums(image, site.flanks)[rows].sum()) for image in (grey, without))
+    now, then = float(grey[:, -1] @ rows), float(without[:, -1] @ rows)
     return min(max(now / then, GAIN_RANGE[0]), GAIN_RANGE[1]) if then > 0 else 1.0
 
 

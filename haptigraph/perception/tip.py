@@ -6,7 +6,6 @@ Nothing behind the wall can be seen: a needle whose tip is in there has none.
 """
 
 import math
-from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
@@ -16,16 +15,15 @@ from msgspec.structs import replace
 from haptigraph.perception.pixels import FloatImage
 from haptigraph.perception.strip import ROW_PX, Strip, median, row_sums
 
-__all__ = ["Reach", "find_reach", "refine_tip"]
+__all__ = ["AHEAD_PX", "BEHIND_PX", "Reach", "find_reach", "refine_tip"]
 
 LEAST_GREY = 5.0
 UNKNOWN_GREY = 8.0
 LEAST_SNR = 4.0
 KNOWN_SHARE = 0.1  # of the contrast that the needle had before
 UNKNOWN_SHARE = 0.35
-BEHIND_ROWS = round(12 / ROW_PX)
-AHEAD_ROWS = round(10 / ROW_PX)
-BLUNT_ROWS = round(3 / ROW_PX)
+BEHIND_PX, AHEAD_PX = 12, 10  # how much of the needle, and of what follows, tells where it ends
+BLUNT_PX = 3
 TIP_LEVEL = 0.35  # of the contrast: the point is thin and rounded, half of it is seen too early
 FLOOR_PX = 0.1
 LEAST_HELD_PX = 2.0  # of tip inside, when the shaft is seen to enter the wall
@@ -78,45 +76,28 @@ def find_reach(strip: Strip, px_per_mm: float, usual_grey: float | None) -> Reac
     return None
 
 
-def refine_tip(
-    strip: Strip, reach: Reach, edges_end_px: float, middle: Callable[[FloatImage], FloatImage]
-) -> Reach:
+def refine_tip(strip: Strip, reach: Reach, about_px: float) -> Reach | None:
     """Find the tip sub-pixel: where the contrast falls off from what it was just behind.
 
     Args:
-        strip: The straightened surroundings.
+        strip: The straightened surroundings of the tip, the shaft along the middle.
         reach: Roughly.
-        edges_end_px: Where along the strip the shaft's edges end; beyond may be its shadow.
-        middle: The shaft's middle across the strip [px] for places along it [px].
+        about_px: Where along the strip the tip is, to some pixels.
+
+    Returns:
+        The reach, or None if the contrast does not fall there.
     """
-    if reach.where == "hidden":
-        return reach
-    return (
-        _fall(strip, reach, min(reach.tip_px, edges_end_px), middle)
-        or _fall(strip, reach, reach.tip_px, middle)
-        or reach
-    )
-
-
-def _fall(
-    strip: Strip, reach: Reach, about_px: float, middle: Callable[[FloatImage], FloatImage]
-) -> Reach | None:
-    """Return where the contrast falls for the last time near some place; None if it does not."""
     rows = strip.inside if reach.where == "inside" else strip.before
-    end = round((about_px - float(strip.u_px[0])) / ROW_PX) + 1
-    first, last = max(end - BEHIND_ROWS, rows.start), min(end + AHEAD_ROWS, rows.stop)
-    if last <= first:
+    core = slice(strip.half_px - 1, strip.half_px + 2)
+    u_px, along = strip.u_px[rows], _contrast(strip.excess[rows, core], strip.beside[rows, core])
+    if len(u_px) < 2:
         return None
-    u_px = strip.u_px[first:last]
-    columns = np.rint(middle(u_px)).astype(np.int64) + strip.half_px
-    columns = np.clip(columns, 1, 2 * strip.half_px - 1)[:, None] + np.arange(-1, 2)
-    row = np.arange(first, last)[:, None]
-    along = _contrast(strip.excess[row, columns], strip.beside[row, columns])
-    noise = strip.noise_grey / math.sqrt(columns.shape[1])
-    high = median(along[: max(end - first - BLUNT_ROWS, 1)])
+    noise = strip.noise_grey / math.sqrt(core.stop - core.start)
+    behind = max(int(u_px.searchsorted(about_px)) - BLUNT_PX, 1)
+    high = median(along[:behind])
     level = max(TIP_LEVEL * high, LEAST_SNR * noise)
     above = np.flatnonzero(along >= level)
-    if not len(above) or (above[-1] == len(along) - 1 and last < rows.stop):
+    if not len(above) or (above[-1] == len(along) - 1 and rows.stop == len(strip.u_px)):
         return None
     place, steepness = float(above[-1]), 1.0
     if above[-1] < len(along) - 1:
@@ -124,8 +105,8 @@ def _fall(
         place += (float(along[above[-1]]) - level) / max(steepness, 1e-6)
     return replace(
         reach,
-        tip_px=float(u_px[0]) + ROW_PX * place,
-        deviation_px=math.hypot(FLOOR_PX, ROW_PX * noise / max(steepness, 1.0)),
+        tip_px=float(u_px[0]) + place,
+        deviation_px=math.hypot(FLOOR_PX, noise / max(steepness, 1.0)),
         contrast_grey=high,
     )
 

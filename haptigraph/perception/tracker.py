@@ -8,6 +8,7 @@ nothing of states.
 
 import math
 
+import numpy as np
 from msgspec import Struct
 
 from haptigraph.config import PerceptionConfig
@@ -18,8 +19,8 @@ from haptigraph.perception.fan import Fan
 from haptigraph.perception.pose import PoseFilter
 from haptigraph.perception.registration import Registration
 from haptigraph.perception.shaft import Highlight, LineFit, fit_line
-from haptigraph.perception.strip import OUTSIDE_MM, Line, Site, sample_strip
-from haptigraph.perception.tip import Reach, find_reach, refine_tip
+from haptigraph.perception.strip import OUTSIDE_MM, Line, Site, Strip, lay_straight, sample_strip
+from haptigraph.perception.tip import AHEAD_PX, BEHIND_PX, Reach, find_reach, refine_tip
 
 __all__ = ["Tracker"]
 
@@ -139,9 +140,21 @@ class Tracker:
         line = Line(expected.angle_rad + math.atan(fit.slope), expected.offset_px + fit.offset_px)
         if not self._is_needle(line, fit):
             return None
-        rows = strip.inside if reach.where == "inside" else strip.before
-        end_px = fit.end_px(float(strip.u_px[rows.start])) if reach.where != "hidden" else math.inf
-        return _Sight(line, fit, refine_tip(strip, reach, end_px, fit.v_px))
+        return _Sight(line, fit, self._refined(image, strip, line, fit, reach))
+
+    def _refined(self, image: Image, strip: Strip, line: Line, fit: LineFit, reach: Reach) -> Reach:
+        """Look at the tip closely, along the shaft itself, first where its edges end: the rest may be shadow."""
+        if reach.where == "hidden":
+            return reach
+        first = strip.inside.start if reach.where == "inside" else strip.before.start
+        edges_end_px = fit.end_px(float(strip.u_px[first]))
+        for about_px in (min(reach.tip_px, edges_end_px), reach.tip_px):
+            u_px = np.arange(round(about_px) - BEHIND_PX, round(about_px) + AHEAD_PX + 1, dtype=np.float32)
+            near = lay_straight(self._site, image, self._background.grey, line, u_px)
+            refined = near and refine_tip(near, reach, about_px)
+            if refined is not None:
+                return refined
+        return reach
 
     def _is_needle(self, line: Line, fit: LineFit) -> bool:
         scale = self._site.px_per_mm
