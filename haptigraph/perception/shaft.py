@@ -40,6 +40,8 @@ SIDE_PX = 0.2  # how far the light may shift the middle on one side of the wall 
 SCALE_PX = 100.0  # keeps the normal equations well conditioned
 PER_PX = np.array([[1, 1 / SCALE_PX], [1 / SCALE_PX, 1 / SCALE_PX**2]])
 ASIDE = 0.03  # the same, as a share of the width
+PRIOR = np.diag([1e-6, 1e-6, SIDE_PX**-2, SIDE_PX**-2, ASIDE**-2, ASIDE**-2])
+PULL = np.eye(6)[4]
 UNSEEN_PX = -100.0
 """Width of a pair of edges that is not there."""
 
@@ -208,60 +210,65 @@ def _missing(width: FloatImage) -> FloatImage:
 
 
 def _robust_line(edges: Edges, miss_px: float, highlight: Highlight | None) -> LineFit | None:
-    """Fit by weighted least squares, leaving out blocks that are off the line (Tukey's weights).
+    """Fit by weighted least squares, leaving out pairs that are off the line (Tukey's weights).
 
     What is known of the light comes in as further unknowns with priors. It differs on the two sides of the
     wall: each side as a whole may be off by SIDE_PX. A highlight runs beside the axis, the further the
     thicker the shaft: the middle of a pair may be off by a share of its width, a larger one where a bright
-    pair was seen within a dark one. A block joins with its wider pair if that is near the line.
+    pair was seen within a dark one.
     """
-    each, seen = np.arange(len(edges.u_px)), edges.width_px > 0
-    wider = edges.width_px.argmax(axis=0)
+    count = len(edges.u_px)
+    width = edges.width_px.ravel()
+    seen = width > 0
     missing = _missing(edges.width_px)
-    usable = np.isfinite(missing[wider, each]) & seen[wider, each]
-    variance = edges.variance_px2 + np.square(missing / 2)
-    design = np.zeros((6, len(each)))
+    belief = (seen / (edges.variance_px2 + np.square(missing / 2)).ravel()).astype(np.float64)
+    usable = belief > 0
+    if int(usable.sum()) < LEAST_BLOCKS:
+        return None
+    design = np.zeros((6, 2, count))
     design[0], design[1], design[2], design[3] = 1, edges.u_px / SCALE_PX, edges.is_outside, ~edges.is_outside
-    within = int((wider[seen.all(axis=0) & usable] == 1).sum()) >= LEAST_BLOCKS
-    if within and highlight is None:
-        highlight = Highlight(0.0, 0.3)
-    aside, deviation = (highlight.share, highlight.deviation) if highlight else (0.0, ASIDE)
-    prior = np.diag([1e-6, 1e-6, SIDE_PX**-2, SIDE_PX**-2, deviation**-2, ASIDE**-2])
-    pull = prior[4] * aside
-    pair, reach, line = wider, miss_px, np.zeros(len(each))
+    design[4, 0], design[5, 1] = edges.width_px
+    design = design.reshape(6, -1)
+    highlight = highlight or _possible_highlight(edges, missing)
+    prior, pull = PRIOR.copy(), 0.0
+    if highlight:
+        prior[4, 4] = highlight.deviation**-2
+        pull = PULL * (prior[4, 4] * highlight.share)
+    v = edges.middle_px.ravel()
+    miss, reach = v, miss_px
     for number in range(ROUNDS):
         if number:
-            distances = np.where(seen, np.abs(edges.middle_px - line), np.inf)
-            nearest = distances.argmin(axis=0)
-            near = distances[nearest, each]
-            reach = min(max(TUKEY * 1.4826 * median(near[usable]), LEAST_MISS_PX), MISS_PX)
-            pair = np.where(distances[wider, each] < reach, wider, nearest)
-        v = edges.middle_px[pair, each]
-        belief = seen[pair, each] * usable / variance[pair, each]
-        closeness = np.maximum(1 - np.square((v - line) / reach), 0)
-        design[4:] = np.where(pair == SIGNS, edges.width_px[pair, each], 0)
+            miss = v - answer @ design
+            reach = min(max(TUKEY * 1.4826 * median(np.abs(miss[usable])), LEAST_MISS_PX), MISS_PX)
+        closeness = np.maximum(1 - np.square(miss / reach), 0)
         weighed = design * (belief * closeness * closeness)
         covariance = np.linalg.inv(weighed @ design.T + prior)
         answer = covariance @ (weighed @ v + pull)
-        line = answer @ design
-        if not usable.any():
-            return None
-    is_on_line = (belief > 0) & (closeness > 0)
-    count = int(is_on_line.sum())
-    if count < LEAST_BLOCKS:
+    is_on = usable & (closeness > 0)
+    on = is_on.reshape(2, -1)
+    blocks_on = on[0] | on[1]
+    number_on = int(blocks_on.sum())
+    if number_on < LEAST_BLOCKS:
         return None
-    residual = (v - line) * is_on_line
-    scatter = max(float(belief @ residual**2) / max(count - 2, 1), LEAST_SCATTER)
-    steep = edges.steepness[pair, each]
-    is_steep = seen[pair, each] & (np.abs(v - line) <= NEAR_PX)
-    is_steep &= steep > LEAST_STEEP * median(steep[is_on_line])
+    miss = v - answer @ design
+    scatter = max(float((belief * is_on) @ np.square(miss)) / max(int(is_on.sum()) - 2, 1), LEAST_SCATTER)
+    steep = edges.steepness
+    is_steep = seen.reshape(2, -1) & (np.abs(miss) <= NEAR_PX).reshape(2, -1)
+    is_steep &= steep > LEAST_STEEP * median(steep[on])
     return LineFit(
         float(answer[0]),
         float(answer[1]) / SCALE_PX,
         covariance[:2, :2] * (scatter * PER_PX),
-        median(edges.width_px[pair, each][is_on_line]),
-        highlight and Highlight(float(answer[4]), math.hypot(math.sqrt(covariance[4, 4] * max(scatter, 1)), 0.01)),
+        median(width[is_on]),
+        highlight
+        and Highlight(float(answer[4]), math.hypot(math.sqrt(covariance[4, 4] * max(scatter, 1)), 0.01)),
         edges.u_px,
-        is_on_line,
-        is_steep,
+        blocks_on,
+        is_steep[0] | is_steep[1],
     )
+
+
+def _possible_highlight(edges: Edges, missing: FloatImage) -> Highlight | None:
+    bright, dark = edges.width_px
+    within = (bright > 0) & (dark > bright) & (missing[1] < NARROWER_PX)
+    return Highlight(0.0, 0.3) if int(within.sum()) >= LEAST_BLOCKS else None
