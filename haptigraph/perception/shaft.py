@@ -41,6 +41,7 @@ SCALE_PX = 100.0  # keeps the normal equations well conditioned
 PER_PX = np.array([[1, 1 / SCALE_PX], [1 / SCALE_PX, 1 / SCALE_PX**2]])
 ASIDE = 0.03  # the same, as a share of the width
 PRIOR = np.diag([1e-6, 1e-6, SIDE_PX**-2, SIDE_PX**-2, ASIDE**-2, ASIDE**-2])
+BLURRED_PX = 2.4  # how wide the finest line looks through the lens and the slope filter
 PULL = np.eye(6)[4]
 UNSEEN_PX = -100.0
 """Width of a pair of edges that is not there."""
@@ -227,7 +228,7 @@ def _robust_line(edges: Edges, miss_px: float, highlight: Highlight | None) -> L
         return None
     design = np.zeros((6, 2, count))
     design[0], design[1], design[2], design[3] = 1, edges.u_px / SCALE_PX, edges.is_outside, ~edges.is_outside
-    design[4, 0], design[5, 1] = edges.width_px
+    design[4, 0], design[5, 1] = np.maximum(edges.width_px - BLURRED_PX, 0)
     design = design.reshape(6, -1)
     highlight = highlight or _possible_highlight(edges, missing)
     prior, pull = PRIOR.copy(), 0.0
@@ -271,4 +272,4 @@ def _robust_line(edges: Edges, miss_px: float, highlight: Highlight | None) -> L
 def _possible_highlight(edges: Edges, missing: FloatImage) -> Highlight | None:
     bright, dark = edges.width_px
     within = (bright > 0) & (dark > bright) & (missing[1] < NARROWER_PX)
-    return Highlight(0.0, 0.3) if int(within.sum()) >= LEAST_BLOCKS else None
+    return Highlight(0.0, 0.6) if int(within.sum()) >= LEAST_BLOCKS else None
