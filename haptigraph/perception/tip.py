@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from haptigraph.perception.pixels import FloatImage
 from haptigraph.perception.strip import ROW_PX, Strip, median, row_sums
 
-__all__ = ["AHEAD_PX", "BEHIND_PX", "Reach", "find_reach", "refine_tip"]
+__all__ = ["AHEAD_PX", "BEHIND_PX", "Reach", "find_reach", "held_back", "refine_tip"]
 
 LEAST_GREY = 5.0
 UNKNOWN_GREY = 8.0
@@ -23,13 +23,14 @@ LEAST_SNR = 4.0
 KNOWN_SHARE = 0.1  # of the contrast that the needle had before
 UNKNOWN_SHARE = 0.35
 BEHIND_PX, AHEAD_PX = 12, 10  # how much of the needle, and of what follows, tells where it ends
-BLUNT_PX = 3
+NEAR_PX, BLUNT_PX = 7, 2
 TIP_LEVEL = 0.35  # of the contrast: the point is thin and rounded, half of it is seen too early
 FLOOR_PX = 0.1
 LEAST_HELD_PX = 2.0  # of tip inside, when the shaft is seen to enter the wall
 LEAST_FREE_MM = 0.8  # when it is not
 LEAST_OUTSIDE_MM = 1.0
 AT_WALL_MM = 0.22
+GAP_MM = 1.2
 
 
 class Reach(Struct, frozen=True):
@@ -76,6 +77,26 @@ def find_reach(strip: Strip, px_per_mm: float, usual_grey: float | None) -> Reac
     return None
 
 
+def held_back(strip: Strip, reach: Reach, edges_end_px: float, px_per_mm: float) -> Reach:
+    """Take back a reach into or through the wall that no edges of the shaft lead to.
+
+    Where the empty eye is not known, the wall itself and the hole's mouth look like a needle.
+
+    Args:
+        strip: The straightened surroundings.
+        reach: Roughly.
+        edges_end_px: Where along the strip the shaft's edges end.
+        px_per_mm: Scale.
+    """
+    if reach.where == "outside":
+        return reach
+    end = int(strip.u_px.searchsorted(edges_end_px))
+    gap = slice(end, strip.before.stop)
+    if (gap.stop - gap.start) * ROW_PX <= GAP_MM * px_per_mm or strip.is_known[gap].all():
+        return reach
+    return Reach("outside", float(strip.u_px[end]), reach.evidence_px)
+
+
 def refine_tip(strip: Strip, reach: Reach, about_px: float) -> Reach | None:
     """Find the tip sub-pixel: where the contrast falls off from what it was just behind.
 
@@ -93,20 +114,22 @@ def refine_tip(strip: Strip, reach: Reach, about_px: float) -> Reach | None:
     if len(u_px) < 2:
         return None
     noise = strip.noise_grey / math.sqrt(core.stop - core.start)
-    behind = max(int(u_px.searchsorted(about_px)) - BLUNT_PX, 1)
-    high = median(along[:behind])
-    level = max(TIP_LEVEL * high, LEAST_SNR * noise)
-    above = np.flatnonzero(along >= level)
-    if not len(above) or (above[-1] == len(along) - 1 and rows.stop == len(strip.u_px)):
-        return None
-    place, steepness = float(above[-1]), 1.0
-    if above[-1] < len(along) - 1:
-        steepness = float(along[above[-1]] - along[above[-1] + 1])
-        place += (float(along[above[-1]]) - level) / max(steepness, 1e-6)
+    end, place, steepness, high = int(u_px.searchsorted(about_px)), 0.0, 1.0, 0.0
+    for behind_px in (BEHIND_PX, NEAR_PX):
+        high = median(along[max(end - behind_px, 0) : max(end - BLUNT_PX, 1)])
+        level = max(TIP_LEVEL * high, LEAST_SNR * noise)
+        above = np.flatnonzero(along >= level)
+        if not len(above) or (above[-1] == len(along) - 1 and rows.stop == len(strip.u_px)):
+            return None
+        end = int(above[-1])
+        place = float(end)
+        if end < len(along) - 1:
+            steepness = max(float(along[end] - along[end + 1]), 1.0)
+            place += (float(along[end]) - level) / steepness
     return replace(
         reach,
         tip_px=float(u_px[0]) + place,
-        deviation_px=math.hypot(FLOOR_PX, noise / max(steepness, 1.0)),
+        deviation_px=math.hypot(FLOOR_PX, noise / steepness),
         contrast_grey=high,
     )
 

@@ -20,7 +20,7 @@ from haptigraph.perception.pose import PoseFilter
 from haptigraph.perception.registration import Registration
 from haptigraph.perception.shaft import Highlight, LineFit, fit_line
 from haptigraph.perception.strip import OUTSIDE_MM, Line, Site, Strip, lay_straight, sample_strip
-from haptigraph.perception.tip import AHEAD_PX, BEHIND_PX, Reach, find_reach, refine_tip
+from haptigraph.perception.tip import AHEAD_PX, BEHIND_PX, Reach, find_reach, held_back, refine_tip
 
 __all__ = ["Tracker"]
 
@@ -144,10 +144,12 @@ class Tracker:
 
     def _refined(self, image: Image, strip: Strip, line: Line, fit: LineFit, reach: Reach) -> Reach:
         """Look at the tip closely, along the shaft itself, first where its edges end: the rest may be shadow."""
+        edges_end_px = fit.end_px(float(strip.u_px[0]))
+        reach = held_back(strip, reach, edges_end_px, self._site.px_per_mm)
         if reach.where == "hidden":
             return reach
-        first = strip.inside.start if reach.where == "inside" else strip.before.start
-        edges_end_px = fit.end_px(float(strip.u_px[first]))
+        if reach.where == "inside":
+            edges_end_px = fit.end_px(float(strip.u_px[strip.inside.start]))
         for about_px in (min(reach.tip_px, edges_end_px), reach.tip_px):
             u_px = np.arange(round(about_px) - BEHIND_PX, round(about_px) + AHEAD_PX + 1, dtype=np.float32)
             near = lay_straight(self._site, image, self._background.grey, line, u_px)
@@ -175,10 +177,11 @@ class Tracker:
                 now = sight.reach.contrast_grey
                 before = now if self._usual_grey is None else self._usual_grey
                 self._usual_grey = before + CONTRAST_RATE * (now - before)
-            ahead_px = AHEAD_OF_TIP_MM * self._site.px_per_mm
+            scale = self._site.px_per_mm
+            until_px = sight.reach.tip_px + AHEAD_OF_TIP_MM * scale
             needle = (
-                sight.line.at_px(self._site.trocar_px, -2 * OUTSIDE_MM * self._site.px_per_mm),
-                sight.line.at_px(self._site.trocar_px, sight.reach.tip_px + ahead_px),
+                sight.line.at_px(self._site.trocar_px, -2 * OUTSIDE_MM * scale),
+                sight.line.at_px(self._site.trocar_px, until_px),
             )
         self._background.learn(image, needle, 2 * self._site.half_px)
 
