@@ -30,7 +30,7 @@ LEAST_HELD_PX = 2.0  # of tip inside, when the shaft is seen to enter the wall
 LEAST_FREE_MM = 0.8  # when it is not
 LEAST_OUTSIDE_MM = 1.0
 AT_WALL_MM = 0.22
-GAP_MM = 1.2
+GAP_MM = 0.6
 
 
 class Reach(Struct, frozen=True):
@@ -78,7 +78,7 @@ def find_reach(strip: Strip, px_per_mm: float, usual_grey: float | None) -> Reac
 
 
 def held_back(strip: Strip, reach: Reach, edges_end_px: float, px_per_mm: float) -> Reach:
-    """Take back a reach into or through the wall that no edges of the shaft lead to.
+    """Take back a reach through the wall that no edges of the shaft lead to.
 
     Where the empty eye is not known, the wall itself and the hole's mouth look like a needle.
 
@@ -88,7 +88,7 @@ def held_back(strip: Strip, reach: Reach, edges_end_px: float, px_per_mm: float)
         edges_end_px: Where along the strip the shaft's edges end.
         px_per_mm: Scale.
     """
-    if reach.where == "outside":
+    if reach.where != "inside":
         return reach
     end = int(strip.u_px.searchsorted(edges_end_px))
     gap = slice(end, strip.before.stop)
