@@ -119,6 +119,8 @@ def refine_tip(strip: Strip, reach: Reach, about_px: float) -> Reach | None:
         high = median(along[max(end - behind_px, 0) : max(end - BLUNT_PX, 1)])
         level = max(TIP_LEVEL * high, LEAST_SNR * noise)
         above = np.flatnonzero(along >= level)
+        if reach.where == "outside":  # what comes after a gap is the wall
+            above = above[: 1 + int(np.append(np.diff(above) > 1, True).argmax())]
         if not len(above) or (above[-1] == len(along) - 1 and rows.stop == len(strip.u_px)):
             return None
         end = int(above[-1])

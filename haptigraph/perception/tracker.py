@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 from msgspec import Struct
+from msgspec.structs import replace
 
 from haptigraph.config import PerceptionConfig
 from haptigraph.geometry import Geometry, Point, Segment
@@ -26,7 +27,9 @@ __all__ = ["Tracker"]
 
 AHEAD_MM = 2.5  # how far the tip may be beyond where it is expected
 AHEAD_OF_TIP_MM = 0.3  # not learned as background
+BEHIND_WALL_MM = 0.8
 BEHIND_MM = 9.0  # how much of the shaft is looked at
+AT_WALL_PX = 3.0
 MISS_MM = 1.5  # a needle passes the registered trocar no further off
 TRACKED_PX = 8.0  # between the expected and the real shaft
 LARGEST_TURN_RAD = math.radians(46)
@@ -147,16 +150,20 @@ class Tracker:
         edges_end_px = fit.end_px(float(strip.u_px[0]))
         reach = held_back(strip, reach, edges_end_px, self._site.px_per_mm)
         if reach.where == "hidden":
-            return reach
+            seen = self._fall(image, line, replace(reach, where="outside"), min(edges_end_px, reach.tip_px))
+            return seen if seen and seen.tip_px < reach.tip_px - AT_WALL_PX else reach
         if reach.where == "inside":
             edges_end_px = fit.end_px(float(strip.u_px[strip.inside.start]))
-        for about_px in (min(reach.tip_px, edges_end_px), reach.tip_px):
-            u_px = np.arange(round(about_px) - BEHIND_PX, round(about_px) + AHEAD_PX + 1, dtype=np.float32)
-            near = lay_straight(self._site, image, self._background.grey, line, u_px)
-            refined = near and refine_tip(near, reach, about_px)
-            if refined is not None:
-                return refined
-        return reach
+        return (
+            self._fall(image, line, reach, min(reach.tip_px, edges_end_px))
+            or self._fall(image, line, reach, reach.tip_px)
+            or reach
+        )
+
+    def _fall(self, image: Image, line: Line, reach: Reach, about_px: float) -> Reach | None:
+        u_px = np.arange(round(about_px) - BEHIND_PX, round(about_px) + AHEAD_PX + 1, dtype=np.float32)
+        near = lay_straight(self._site, image, self._background.grey, line, u_px)
+        return near and refine_tip(near, reach, about_px)
 
     def _is_needle(self, line: Line, fit: LineFit) -> bool:
         scale = self._site.px_per_mm
@@ -178,7 +185,7 @@ class Tracker:
                 before = now if self._usual_grey is None else self._usual_grey
                 self._usual_grey = before + CONTRAST_RATE * (now - before)
             scale = self._site.px_per_mm
-            until_px = sight.reach.tip_px + AHEAD_OF_TIP_MM * scale
+            until_px = max(sight.reach.tip_px + AHEAD_OF_TIP_MM * scale, BEHIND_WALL_MM * scale)
             needle = (
                 sight.line.at_px(self._site.trocar_px, -2 * OUTSIDE_MM * scale),
                 sight.line.at_px(self._site.trocar_px, until_px),
