@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from haptigraph.perception.pixels import FloatImage
 from haptigraph.perception.strip import ROW_PX, Strip, median, row_sums
 
-__all__ = ["AHEAD_PX", "BEHIND_PX", "Reach", "find_reach", "held_back", "refine_tip"]
+__all__ = ["AHEAD_PX", "BEHIND_PX", "Reach", "find_reach", "is_led_to", "refine_tip"]
 
 LEAST_GREY = 5.0
 UNKNOWN_GREY = 8.0
@@ -30,7 +30,6 @@ LEAST_HELD_PX = 2.0  # of tip inside, when the shaft is seen to enter the wall
 LEAST_FREE_MM = 0.8  # when it is not
 LEAST_OUTSIDE_MM = 1.0
 AT_WALL_MM = 0.22
-GAP_MM = 0.6
 
 
 class Reach(Struct, frozen=True):
@@ -77,24 +76,18 @@ def find_reach(strip: Strip, px_per_mm: float, usual_grey: float | None) -> Reac
     return None
 
 
-def held_back(strip: Strip, reach: Reach, edges_end_px: float, px_per_mm: float) -> Reach:
-    """Take back a reach through the wall that no edges of the shaft lead to.
+def is_led_to(strip: Strip, end_px: float, gap_px: float) -> bool:
+    """Tell whether a shaft that ends somewhere may reach the wall all the same.
 
     Where the empty eye is not known, the wall itself and the hole's mouth look like a needle.
 
     Args:
         strip: The straightened surroundings.
-        reach: Roughly.
-        edges_end_px: Where along the strip the shaft's edges end.
-        px_per_mm: Scale.
+        end_px: Where along the strip the shaft seems to end.
+        gap_px: How far from the wall it may be there.
     """
-    if reach.where != "inside":
-        return reach
-    end = int(strip.u_px.searchsorted(edges_end_px))
-    gap = slice(end, strip.before.stop)
-    if (gap.stop - gap.start) * ROW_PX <= GAP_MM * px_per_mm or strip.is_known[gap].all():
-        return reach
-    return Reach("outside", float(strip.u_px[end]), reach.evidence_px)
+    gap = slice(int(strip.u_px.searchsorted(end_px)), strip.before.stop)
+    return (gap.stop - gap.start) * ROW_PX <= gap_px or bool(strip.is_known[gap].all())
 
 
 def refine_tip(strip: Strip, reach: Reach, about_px: float) -> Reach | None:
@@ -119,8 +112,10 @@ def refine_tip(strip: Strip, reach: Reach, about_px: float) -> Reach | None:
         high = median(along[max(end - behind_px, 0) : max(end - BLUNT_PX, 1)])
         level = max(TIP_LEVEL * high, LEAST_SNR * noise)
         above = np.flatnonzero(along >= level)
-        if reach.where == "outside":  # what comes after a gap is the wall
-            above = above[: 1 + int(np.append(np.diff(above) > 1, True).argmax())]
+        if reach.where == "outside":
+            first = 1 + int(np.append(np.diff(above) > 1, True).argmax())
+            after = above[first:]
+            above = np.append(above[:first], after[strip.is_known[rows][after]])
         if not len(above) or (above[-1] == len(along) - 1 and rows.stop == len(strip.u_px)):
             return None
         end = int(above[-1])

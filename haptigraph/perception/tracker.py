@@ -21,7 +21,7 @@ from haptigraph.perception.pose import PoseFilter
 from haptigraph.perception.registration import Registration
 from haptigraph.perception.shaft import Highlight, LineFit, fit_line
 from haptigraph.perception.strip import OUTSIDE_MM, Line, Site, Strip, lay_straight, sample_strip
-from haptigraph.perception.tip import AHEAD_PX, BEHIND_PX, Reach, find_reach, held_back, refine_tip
+from haptigraph.perception.tip import AHEAD_PX, BEHIND_PX, Reach, find_reach, is_led_to, refine_tip
 
 __all__ = ["Tracker"]
 
@@ -29,6 +29,7 @@ AHEAD_MM = 2.5  # how far the tip may be beyond where it is expected
 AHEAD_OF_TIP_MM = 0.3  # not learned as background
 BEHIND_WALL_MM = 0.8
 BEHIND_MM = 14.0  # how much of the shaft is looked at
+GAP_MM = 0.6  # of unknown ground before the wall that is taken for the shaft
 AT_WALL_PX = 3.0
 MISS_MM = 1.5  # a needle passes the registered trocar no further off
 TRACKED_PX = 8.0  # between the expected and the real shaft
@@ -147,11 +148,14 @@ class Tracker:
 
     def _refined(self, image: Image, strip: Strip, line: Line, fit: LineFit, reach: Reach) -> Reach:
         """Look at the tip closely, along the shaft itself, first where its edges end: the rest may be shadow."""
+        scale = self._site.px_per_mm
         edges_end_px = fit.end_px(float(strip.u_px[0]))
-        reach = held_back(strip, reach, edges_end_px, self._site.px_per_mm)
+        if reach.where == "inside" and not is_led_to(strip, edges_end_px, GAP_MM * scale):
+            reach = replace(reach, where="outside", tip_px=edges_end_px)
         if reach.where == "hidden":
-            seen = self._fall(image, line, replace(reach, where="outside"), min(edges_end_px, reach.tip_px))
-            return seen if seen and seen.tip_px < reach.tip_px - AT_WALL_PX else reach
+            before = replace(reach, where="outside")
+            seen = self._fall(image, line, before, min(edges_end_px, reach.tip_px))
+            return reach if seen is None or is_led_to(strip, seen.tip_px, AT_WALL_PX) else seen
         if reach.where == "inside":
             edges_end_px = fit.end_px(float(strip.u_px[strip.inside.start]))
         return (
