@@ -29,7 +29,7 @@ AHEAD_MM = 2.5  # how far the tip may be beyond where it is expected
 AHEAD_OF_TIP_MM = 0.3  # not learned as background
 BEHIND_WALL_MM = 0.8
 BEHIND_MM = 14.0  # how much of the shaft is looked at
-GAP_MM = 0.6  # of unknown ground before the wall that is taken for the shaft
+GAP_MM = 0.65  # of unknown ground before the wall that is taken for the shaft
 AT_WALL_PX = 3.0
 MISS_MM = 1.5  # a needle passes the registered trocar no further off
 TRACKED_PX = 8.0  # between the expected and the real shaft
@@ -155,7 +155,8 @@ class Tracker:
         if reach.where == "hidden":
             before = replace(reach, where="outside")
             seen = self._fall(image, line, before, min(edges_end_px, reach.tip_px))
-            return reach if seen is None or is_led_to(strip, seen.tip_px, AT_WALL_PX) else seen
+            is_near = seen and reach.tip_px - seen.tip_px <= GAP_MM * scale
+            return seen if is_near and not is_led_to(strip, seen.tip_px, AT_WALL_PX) else reach
         if reach.where == "inside":
             edges_end_px = fit.end_px(float(strip.u_px[strip.inside.start]))
         return (
