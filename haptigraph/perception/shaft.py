@@ -13,7 +13,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from haptigraph.perception.pixels import FloatImage, Mask
+from haptigraph.perception.pixels import FloatImage, Floats, Mask
 from haptigraph.perception.strip import ROW_PX, Strip, median
 
 __all__ = ["Edges", "LineFit", "fit_line"]
@@ -37,12 +37,12 @@ WIDER_PX = 3.0
 MISS_PX = 3.0
 LEAST_MISS_PX = 0.6
 SIDE_PX = 0.2  # how far the light may shift the middle on one side of the wall as a whole
+ASIDE = 0.03  # the same, as a share of the width
+FIRST_SHARE, SHARE_CHANGE = 0.6, 0.01  # deviation of a highlight's share when first seen; added per image
+FINEST_PX = 2.4  # how wide the finest line looks through the lens and the slope filter
 SCALE_PX = 100.0  # keeps the normal equations well conditioned
 PER_PX = np.array([[1, 1 / SCALE_PX], [1 / SCALE_PX, 1 / SCALE_PX**2]])
-ASIDE = 0.03  # the same, as a share of the width
 PRIOR = np.diag([1e-6, 1e-6, SIDE_PX**-2, SIDE_PX**-2, ASIDE**-2, ASIDE**-2])
-BLURRED_PX = 2.4  # how wide the finest line looks through the lens and the slope filter
-PULL = np.eye(6)[4]
 UNSEEN_PX = -100.0
 """Width of a pair of edges that is not there."""
 
@@ -52,9 +52,10 @@ SLOPE = (_BELL / (_BELL * _TAPS).sum()).astype(np.float32)
 MEAN = np.full(BLOCK_ROWS, 1 / BLOCK_ROWS, np.float32)
 SLOPE_NOISE = float((SLOPE**2).sum())
 CURVE_NOISE = float((np.diff(SLOPE, prepend=0, append=0) ** 2).sum())
-COLUMNS = np.arange(200, dtype=np.float32)
-MOMENTS = np.stack([np.ones(200, np.float32), COLUMNS], axis=1)
-HALF_SPARE_PX = 4
+SPARE_PX = 4  # of a strip's half width is not searched for edges
+WIDEST = 1000  # columns that a strip may have
+COLUMNS = np.arange(WIDEST, dtype=np.float32)
+MOMENTS = np.stack([np.ones(WIDEST, np.float32), COLUMNS], axis=1)
 SIGNS = np.array([0, 1])[:, None]
 
 
@@ -63,13 +64,13 @@ class Edges(Struct, frozen=True, eq=False):
 
     u_px: FloatImage
     """Middle of every block along the strip, (n,)."""
-    middle_px: FloatImage
+    middle_px: Floats
     """Half-way between them, across the strip from its middle, (2, n)."""
-    variance_px2: FloatImage
+    variance_px2: Floats
     """Of that, (2, n)."""
-    width_px: FloatImage
+    width_px: Floats
     """Between them, (2, n); UNSEEN_PX where there is no such pair."""
-    steepness: FloatImage
+    steepness: Floats
     """Slope of the fainter one [grey levels per px], (2, n)."""
     is_outside: Mask
     """Blocks before the wall, (n,)."""
@@ -119,7 +120,9 @@ class LineFit(Struct, frozen=True, eq=False):
         return np.asarray(self.offset_px + self.slope * u_px, np.float32)
 
 
-def fit_line(strip: Strip, tip_px: float, miss_px: float, highlight: Highlight | None = None) -> LineFit | None:
+def fit_line(
+    strip: Strip, tip_px: float, miss_px: float, highlight: Highlight | None = None
+) -> LineFit | None:
     """Fit the shaft's middle line to all visible rows before the tip.
 
     Args:
@@ -143,7 +146,7 @@ def _block_rows(part: slice, last: int) -> NDArray[np.int64]:
 
 
 def _find_edges(strip: Strip, rows: NDArray[np.int64]) -> Edges:
-    """Find, on either side of the strip's middle, the outermost edge of either sign."""
+    """Find the outermost edge of either sign on either side of where the steep places lie."""
     noise = strip.noise_grey / math.sqrt(BLOCK_ROWS)
     rising = np.asarray(cv2.sepFilter2D(strip.excess, cv2.CV_32F, SLOPE, MEAN)[rows], np.float32)
     both = np.stack([rising, -rising])
@@ -151,62 +154,59 @@ def _find_edges(strip: Strip, rows: NDArray[np.int64]) -> Edges:
     least = np.maximum(FAINT * most.max(axis=0), STRONG * most)
     least = np.maximum(least, max(LEAST_SNR * noise * math.sqrt(SLOPE_NOISE), LEAST_SLOPE))
     about = _rough_middle(rising, strip.u_px[rows])
-    inner = both[..., 1:-1]
+    inner = both[..., 1:-1]  # columns from here on are those of `inner`, one less than the strip's
     is_edge = (inner > both[..., 2:]) & (inner >= both[..., :-2]) & (inner >= least[..., None])
-    is_edge &= np.abs(COLUMNS[: inner.shape[-1]] - about[:, None]) <= strip.half_px - HALF_SPARE_PX
-    left = is_edge.argmax(axis=2)
-    right = is_edge.shape[2] - 1 - is_edge[..., ::-1].argmax(axis=2)
-    half = strip.half_px
+    is_edge &= np.abs(COLUMNS[: inner.shape[2]] - about[:, None]) <= strip.half_px - SPARE_PX
+    left, right = is_edge.argmax(axis=2), inner.shape[2] - 1 - is_edge[..., ::-1].argmax(axis=2)
     blocks = np.arange(len(rows))
-    is_seen = is_edge[SIGNS, blocks, left] & (left < about)
-    is_seen &= (is_edge[SIGNS, blocks, right] & (right > about))[::-1]
+    is_pair = is_edge[SIGNS, blocks, left] & (left < about)
+    is_pair &= (is_edge[SIGNS, blocks, right] & (right > about))[::-1]
     left_px, left_curve, left_steep = _peaks(both, blocks, left)
     right_px, right_curve, right_steep = (values[::-1] for values in _peaks(both, blocks, right))
     floor_px2 = np.where(strip.is_known[rows], FLOOR_PX**2, UNKNOWN_FLOOR_PX**2)
     return Edges(
         strip.u_px[rows],
-        middle_px=(left_px + right_px) / 2 - (half - 1),
+        middle_px=(left_px + right_px) / 2 - (strip.half_px - 1),
         variance_px2=(CURVE_NOISE * noise**2 / 4) * (left_curve**-2 + right_curve**-2) + floor_px2,
-        width_px=np.where(is_seen, right_px - left_px, UNSEEN_PX),
+        width_px=np.where(is_pair, right_px - left_px, UNSEEN_PX),
         steepness=np.minimum(left_steep, right_steep),
         is_outside=rows < strip.before.stop,
     )
 
 
-def _rough_middle(rising: FloatImage, u_px: FloatImage) -> FloatImage:
-    """Return where, between the second and the last column but one, the steep places lie in the mean, (n,)."""
+def _rough_middle(rising: FloatImage, u_px: FloatImage) -> Floats:
+    """Return where, from the second column on, the steep places lie in the mean, (n,)."""
     power = np.square(rising[:, 1:-1])
     sums = power @ MOMENTS[: power.shape[1]]
     middle = sums[:, 1] / np.maximum(sums[:, 0], 1e-6)
     dx, dy, x, y = cv2.fitLine(np.stack([u_px, middle], axis=1), cv2.DIST_HUBER, 0, 0.01, 0.01).ravel()
-    return np.asarray(y + (u_px - x) * (dy / dx), np.float32) if abs(dx) > 0.5 else middle
+    return np.asarray(y + (u_px - x) * (dy / dx) if abs(dx) > 0.5 else middle, np.float64)
 
 
 def _peaks(
     both: FloatImage, blocks: NDArray[np.int64], columns: NDArray[np.int64]
-) -> tuple[FloatImage, FloatImage, FloatImage]:
+) -> tuple[Floats, Floats, Floats]:
     """Return sub-pixel places, curvatures and heights of slope maxima, (2, n) each.
 
     The noise of a maximum's place is the noise of the derivative there over the curvature.
     """
-    before, at, after = (both[SIGNS, blocks, columns + step] for step in range(3))
+    before, at, after = (both[SIGNS, blocks, columns + step].astype(np.float64) for step in range(3))
     curvature = np.maximum(2 * at - before - after, 1e-3)
-    place = columns + (after - before) / (2 * curvature)
-    return np.asarray(place, np.float32), curvature, at
+    return columns + (after - before) / (2 * curvature), curvature, at
 
 
-def _missing(width: FloatImage) -> FloatImage:
+def _missing(width_px: Floats) -> Floats:
     """Return by how much each pair is narrower than the shaft must be there [px]; infinite if it is too wide.
 
     Away from the tip it never gets narrower: a narrower place has lost an outer edge. A far wider one shows
     something else's. A width counts for others once two neighbours have it.
     """
-    common = np.minimum(width[:, 1:], width[:, :-1])
+    common = np.minimum(width_px[:, 1:], width_px[:, :-1])
     least = np.maximum.accumulate(common[:, ::-1], axis=1)[:, ::-1]
-    missing = np.zeros_like(width)
-    missing[:, :-2] = np.maximum(least[:, 1:] - NARROWER_PX - width[:, :-2], 0)
+    missing = np.zeros_like(width_px)
+    missing[:, :-2] = np.maximum(least[:, 1:] - NARROWER_PX - width_px[:, :-2], 0)
     most = np.maximum(common[:, :-1], common[:, 1:]) + WIDER_PX
-    missing[:, 1:-1][width[:, 1:-1] > most] = np.inf
+    missing[:, 1:-1][width_px[:, 1:-1] > most] = np.inf
     return missing
 
 
@@ -218,58 +218,63 @@ def _robust_line(edges: Edges, miss_px: float, highlight: Highlight | None) -> L
     thicker the shaft: the middle of a pair may be off by a share of its width, a larger one where a bright
     pair was seen within a dark one.
     """
-    count = len(edges.u_px)
-    width = edges.width_px.ravel()
-    seen = width > 0
     missing = _missing(edges.width_px)
-    belief = (seen / (edges.variance_px2 + np.square(missing / 2)).ravel()).astype(np.float64)
-    usable = belief > 0
-    if int(usable.sum()) < LEAST_BLOCKS:
+    width = edges.width_px.ravel()
+    is_seen = width > 0
+    belief = is_seen / (edges.variance_px2 + np.square(missing / 2)).ravel()
+    is_usable = belief > 0
+    if int(is_usable.sum()) < LEAST_BLOCKS:
         return None
-    design = np.zeros((6, 2, count))
-    design[0], design[1], design[2], design[3] = 1, edges.u_px / SCALE_PX, edges.is_outside, ~edges.is_outside
-    design[4, 0], design[5, 1] = np.maximum(edges.width_px - BLURRED_PX, 0)
-    design = design.reshape(6, -1)
     highlight = highlight or _possible_highlight(edges, missing)
-    prior, pull = PRIOR.copy(), 0.0
+    prior, pull = PRIOR.copy(), np.zeros(6)
     if highlight:
         prior[4, 4] = highlight.deviation**-2
-        pull = PULL * (prior[4, 4] * highlight.share)
-    v = edges.middle_px.ravel()
-    miss, reach = v, miss_px
+        pull[4] = prior[4, 4] * highlight.share
+    design, v = _design(edges), edges.middle_px.ravel()
+    answer, reach = np.zeros(6), miss_px
     for number in range(ROUNDS):
+        miss = v - answer @ design
         if number:
-            miss = v - answer @ design
-            reach = min(max(TUKEY * 1.4826 * median(np.abs(miss[usable])), LEAST_MISS_PX), MISS_PX)
+            reach = min(max(TUKEY * 1.4826 * median(np.abs(miss[is_usable])), LEAST_MISS_PX), MISS_PX)
         closeness = np.maximum(1 - np.square(miss / reach), 0)
         weighed = design * (belief * closeness * closeness)
         covariance = np.linalg.inv(weighed @ design.T + prior)
         answer = covariance @ (weighed @ v + pull)
-    is_on = usable & (closeness > 0)
-    on = is_on.reshape(2, -1)
-    blocks_on = on[0] | on[1]
-    number_on = int(blocks_on.sum())
-    if number_on < LEAST_BLOCKS:
-        return None
+    is_on = is_usable & (closeness > 0)
     miss = v - answer @ design
-    scatter = max(float((belief * is_on) @ np.square(miss)) / max(int(is_on.sum()) - 2, 1), LEAST_SCATTER)
-    steep = edges.steepness
-    is_steep = seen.reshape(2, -1) & (np.abs(miss) <= NEAR_PX).reshape(2, -1)
-    is_steep &= steep > LEAST_STEEP * median(steep[on])
+    scatter = float((belief * is_on) @ np.square(miss)) / max(int(is_on.sum()) - 2, 1)
+    is_on_line = is_on.reshape(2, -1).any(axis=0)
+    if int(is_on_line.sum()) < LEAST_BLOCKS:
+        return None
+    steepness = edges.steepness.ravel()
+    is_steep = is_seen & (np.abs(miss) <= NEAR_PX) & (steepness > LEAST_STEEP * median(steepness[is_on]))
+    share_deviation = math.sqrt(covariance[4, 4] * max(scatter, 1))
     return LineFit(
         float(answer[0]),
         float(answer[1]) / SCALE_PX,
-        covariance[:2, :2] * (scatter * PER_PX),
+        covariance[:2, :2] * (max(scatter, LEAST_SCATTER) * PER_PX),
         median(width[is_on]),
-        highlight
-        and Highlight(float(answer[4]), math.hypot(math.sqrt(covariance[4, 4] * max(scatter, 1)), 0.01)),
+        highlight and Highlight(float(answer[4]), math.hypot(share_deviation, SHARE_CHANGE)),
         edges.u_px,
-        blocks_on,
-        is_steep[0] | is_steep[1],
+        is_on_line,
+        np.asarray(is_steep.reshape(2, -1).any(axis=0)),
     )
 
 
-def _possible_highlight(edges: Edges, missing: FloatImage) -> Highlight | None:
+def _design(edges: Edges) -> Floats:
+    """Return what each unknown does to the middle of every pair, (6, 2 n).
+
+    They are place and slope of the line, a shift on either side of the wall, and a shift by the width of
+    bright and of dark pairs.
+    """
+    design = np.zeros((6, *edges.width_px.shape))
+    design[0], design[1], design[2], design[3] = 1, edges.u_px / SCALE_PX, edges.is_outside, ~edges.is_outside
+    design[4, 0], design[5, 1] = np.maximum(edges.width_px - FINEST_PX, 0)
+    return design.reshape(6, -1)
+
+
+def _possible_highlight(edges: Edges, missing: Floats) -> Highlight | None:
+    """Return how little is known of a highlight when one is first seen: bright pairs within dark ones."""
     bright, dark = edges.width_px
     within = (bright > 0) & (dark > bright) & (missing[1] < NARROWER_PX)
-    return Highlight(0.0, 0.6) if int(within.sum()) >= LEAST_BLOCKS else None
+    return Highlight(0.0, FIRST_SHARE) if int(within.sum()) >= LEAST_BLOCKS else None

@@ -97,7 +97,7 @@ class Site:
         (columns, columns + 1)."""
 
     def wall_px(self, line: Line) -> tuple[float, float, float] | None:
-        """Return where a line enters the wall, leaves it, and enters it on the far side; None if it misses."""
+        """Return where a line enters and leaves the wall and meets the far side; None if it misses."""
         inner, outer = self._crossings_px(line, self.inner_px), self._crossings_px(line, self.outer_px)
         return (outer[0], *inner) if inner and outer else None
 
@@ -170,9 +170,7 @@ def sample_strip(
     return lay_straight(site, image, empty, expected, np.arange(first, last, ROW_PX, dtype=np.float32))
 
 
-def lay_straight(
-    site: Site, image: Image, empty: FloatImage, line: Line, u_px: FloatImage
-) -> Strip | None:
+def lay_straight(site: Site, image: Image, empty: FloatImage, line: Line, u_px: FloatImage) -> Strip | None:
     """Lay the surroundings of a part of a line straight.
 
     Args:

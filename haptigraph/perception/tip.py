@@ -112,10 +112,9 @@ def refine_tip(strip: Strip, reach: Reach, about_px: float) -> Reach | None:
         high = median(along[max(end - behind_px, 0) : max(end - BLUNT_PX, 1)])
         level = max(TIP_LEVEL * high, LEAST_SNR * noise)
         above = np.flatnonzero(along >= level)
-        if reach.where == "outside":
-            first = 1 + int(np.append(np.diff(above) > 1, True).argmax())
-            after = above[first:]
-            above = np.append(above[:first], after[strip.is_known[rows][after]])
+        if reach.where == "outside":  # the wall follows, and looks like a needle where it is not known
+            gap = int(np.append(np.diff(above) > 1, True).argmax())
+            above = np.append(above[: gap + 1], above[gap + 1 :][strip.is_known[rows][above[gap + 1 :]]])
         if not len(above) or (above[-1] == len(along) - 1 and rows.stop == len(strip.u_px)):
             return None
         end = int(above[-1])
@@ -135,11 +134,11 @@ def _contrast(excess: FloatImage, beside: FloatImage) -> FloatImage:
     """Return how much the shaft's middle differs from what is beside and was behind it [grey levels].
 
     It must differ from both: a stain that was always there is no needle, nor is a place that a needle has
-    left. The size of every pixel's difference counts, for a needle may be darker on one side and brighter
-    on the other.
+    left. The root mean square counts, for a needle may be darker on one side and brighter on the other, and
+    only its rims may show.
     """
     weight = np.full(excess.shape[1], 1 / excess.shape[1], np.float32)
-    differs, stands_out = (row_sums(np.abs(values), weight) for values in (excess, beside))
+    differs, stands_out = (np.sqrt(row_sums(np.square(values), weight)) for values in (excess, beside))
     return np.asarray(np.minimum(differs, 2 * stands_out), np.float32)
 
 

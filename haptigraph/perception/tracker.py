@@ -30,7 +30,7 @@ AHEAD_OF_TIP_MM = 0.3  # not learned as background
 BEHIND_WALL_MM = 0.8
 BEHIND_MM = 14.0  # how much of the shaft is looked at
 GAP_MM = 0.65  # of unknown ground before the wall that is taken for the shaft
-AT_WALL_PX = 3.0
+AT_WALL_PX = 3.8  # blurred edge of the wall
 MISS_MM = 1.5  # a needle passes the registered trocar no further off
 TRACKED_PX = 8.0  # between the expected and the real shaft
 LARGEST_TURN_RAD = math.radians(46)
@@ -122,9 +122,8 @@ class Tracker:
         sights: list[_Sight] = []
         for candidate in candidates:
             first = self._look(image, candidate)
-            again = first and self._look(image, first.line)
-            if again is not None:
-                sights.append(again)
+            if first is not None:
+                sights.append(self._look(image, first.line) or first)
         return max(sights, key=lambda sight: sight.reach.evidence_px, default=None)
 
     def _look(
@@ -147,7 +146,7 @@ class Tracker:
         return _Sight(line, fit, self._refined(image, strip, line, fit, reach))
 
     def _refined(self, image: Image, strip: Strip, line: Line, fit: LineFit, reach: Reach) -> Reach:
-        """Look at the tip closely, along the shaft itself, first where its edges end: the rest may be shadow."""
+        """Look at the tip closely, first where the shaft's edges end: the rest may be its shadow."""
         scale = self._site.px_per_mm
         edges_end_px = fit.end_px(float(strip.u_px[0]))
         if reach.where == "inside" and not is_led_to(strip, edges_end_px, GAP_MM * scale):
@@ -155,8 +154,10 @@ class Tracker:
         if reach.where == "hidden":
             before = replace(reach, where="outside")
             seen = self._fall(image, line, before, min(edges_end_px, reach.tip_px))
-            is_near = seen and reach.tip_px - seen.tip_px <= GAP_MM * scale
-            return seen if is_near and not is_led_to(strip, seen.tip_px, AT_WALL_PX) else reach
+            gap_px = reach.tip_px - seen.tip_px if seen else 0.0
+            if seen is None or not AT_WALL_PX < gap_px <= GAP_MM * scale:
+                return reach
+            return reach if is_led_to(strip, seen.tip_px, 0.0) else seen
         if reach.where == "inside":
             edges_end_px = fit.end_px(float(strip.u_px[strip.inside.start]))
         return (
@@ -168,7 +169,7 @@ class Tracker:
     def _fall(self, image: Image, line: Line, reach: Reach, about_px: float) -> Reach | None:
         u_px = np.arange(round(about_px) - BEHIND_PX, round(about_px) + AHEAD_PX + 1, dtype=np.float32)
         near = lay_straight(self._site, image, self._background.grey, line, u_px)
-        return near and refine_tip(near, reach, about_px)
+        return None if near is None else refine_tip(near, reach, about_px)
 
     def _is_needle(self, line: Line, fit: LineFit) -> bool:
         scale = self._site.px_per_mm

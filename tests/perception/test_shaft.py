@@ -7,8 +7,8 @@ import pytest
 from haptigraph.perception.background import Background
 from haptigraph.perception.fan import Fan
 from haptigraph.perception.shaft import fit_line
-from haptigraph.perception.strip import UNSEEN, Line, Site, sample_strip
-from haptigraph.perception.tip import find_reach, refine_tip
+from haptigraph.perception.strip import UNSEEN, Line, Site, lay_straight, sample_strip
+from haptigraph.perception.tip import AHEAD_PX, BEHIND_PX, find_reach, refine_tip
 
 GROUND, METAL = 150, 70
 
@@ -54,7 +54,10 @@ def test_line_and_tip_of_a_plain_needle_are_found_sub_pixel(site, unknown, metal
     assert expected.angle_rad + math.atan(fit.slope) == pytest.approx(true.angle_rad, abs=math.radians(0.2))
     assert expected.offset_px + fit.offset_px == pytest.approx(true.offset_px, abs=0.3)
     assert fit.confidence > 0.8
-    tip = refine_tip(strip, reach, fit.end_px(0.0), fit.v_px)
+    found = Line(expected.angle_rad + math.atan(fit.slope), expected.offset_px + fit.offset_px)
+    about_px = min(fit.end_px(0.0), reach.tip_px)
+    near = np.arange(round(about_px) - BEHIND_PX, round(about_px) + AHEAD_PX + 1, dtype=np.float32)
+    tip = refine_tip(lay_straight(site, image, unknown, found, near), reach, about_px)
     assert (tip.where, tip.tip_px) == ("inside", pytest.approx(100.0, abs=1.0))
 
 
