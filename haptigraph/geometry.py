@@ -27,6 +27,7 @@ __all__ = [
     "crosses_polyline",
     "distance_to_line",
     "distance_to_polyline",
+    "nearest_on_polyline",
     "norm",
     "rotate",
     "subtract",
@@ -122,11 +123,23 @@ def distance_to_line(point: Vec, start: Vec, end: Vec) -> float:
 
 def distance_to_polyline(point_mm: Vec, line: Polyline) -> float:
     """Return the distance of a point to the nearest place on a polyline [mm]."""
+    gap_x, gap_y = _gaps(point_mm, line)
+    return math.sqrt((gap_x * gap_x + gap_y * gap_y).min())
+
+
+def nearest_on_polyline(point_mm: Vec, line: Polyline) -> Vec:
+    """Return the place on a polyline that is nearest to a point."""
+    gap_x, gap_y = _gaps(point_mm, line)
+    best = int((gap_x * gap_x + gap_y * gap_y).argmin())
+    return point_mm[0] - float(gap_x[best]), point_mm[1] - float(gap_y[best])
+
+
+def _gaps(point_mm: Vec, line: Polyline) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the ways (x, y) to a point from the nearest place on every piece, (n - 1,) each."""
     (x, y), (dx, dy, squared) = line.columns_mm, line.steps_mm
     from_x, from_y = point_mm[0] - x[:-1], point_mm[1] - y[:-1]
     share = np.minimum(np.maximum((from_x * dx + from_y * dy) / squared, 0.0), 1.0)
-    gap_x, gap_y = from_x - share * dx, from_y - share * dy
-    return math.sqrt((gap_x * gap_x + gap_y * gap_y).min())
+    return from_x - share * dx, from_y - share * dy
 
 
 def crosses_polyline(start_mm: Vec, end_mm: Vec, line: Polyline) -> bool:

@@ -27,7 +27,8 @@ from haptigraph.registration_text import registration_text
 __all__ = ["register_source"]
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
-MOST_OUT_OF_ROUND_MM = 0.35
+MOST_TILT_DEG = 20.0
+MOST_OUT_OF_ROUND_MM = 0.1  # of what is left after straightening
 
 
 def register_source(
@@ -127,11 +128,17 @@ def _all_images(uri: str) -> Generator[Image, None, None]:
 
 
 def _check_plausible(anatomy: Anatomy, mm_per_px: float, source: str) -> None:
+    if anatomy.slant is not None and anatomy.slant.angle_deg > MOST_TILT_DEG:
+        raise BadInput(
+            f"the camera looks at the globe at a slant of {anatomy.slant.angle_deg:.0f} deg, at most "
+            f"{MOST_TILT_DEG:g} deg is handled; turn it to look straight at the section",
+            source,
+        )
     off_mm = anatomy.rim.inner.out_of_round_px * mm_per_px
     if off_mm > MOST_OUT_OF_ROUND_MM:
         raise BadInput(
-            f"the globe is seen at a slant: its radius varies by {off_mm:.2f} mm either way, at most "
-            f"{MOST_OUT_OF_ROUND_MM} mm is handled; turn the camera to look straight at the section",
+            f"the globe is not round: its radius varies by {off_mm:.2f} mm either way, at most "
+            f"{MOST_OUT_OF_ROUND_MM} mm is handled",
             source,
         )
     if anatomy.rim.outer is None:

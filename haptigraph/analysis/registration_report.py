@@ -29,7 +29,7 @@ def report_lines(
     lines = [
         f"globe      centre ({found.center_px[0]:.1f}, {found.center_px[1]:.1f}) px, radius "
         f"{found.radius_px:.1f} px; residual {_both(inner.residual_px, mm)} on {seen:.0%} of it",
-        f"tilt       radius varies by {_both(inner.out_of_round_px, mm)} either way; the mean circle is kept",
+        _tilt_line(anatomy, mm),
         f"scale      {mm:.5f} mm/px, from a diameter of {found.diameter_mm:g} mm",
     ]
     if outer is not None:
@@ -39,7 +39,7 @@ def report_lines(
         )
     else:
         lines.append("check      the wall's outer edge is not seen: make sure that the inner one was found")
-    lines += _rim_lines(anatomy)
+    lines.append(_rim_line(anatomy, mm))
     lines.append(
         f"retina     {len(found.contour_px)} points, {anatomy.refined} of them where the edge was seen"
     )
@@ -56,17 +56,33 @@ def report_lines(
     return [*lines, f"written    {files[0]}\npicture    {files[1]}"]
 
 
-def _rim_lines(anatomy: Anatomy) -> list[str]:
-    if anatomy.pivot is None:
-        return [
-            "rim        no needle moves: taken to lie in the section; "
-            "a clip with a moving needle would tell whether it stands before it, and is seen larger"
-        ]
-    if anatomy.pivot.radial_sd_px > UNSURE_PX:
-        return ["rim        the needle turns too little to tell whether the rim stands before the section"]
-    return [
-        f"rim        seen {anatomy.rim_ratio - 1:.1%} larger than the section, by where the needle pivots"
+def _tilt_line(anatomy: Anatomy, mm_per_px: float) -> str:
+    left = f"radius varies by {_both(anatomy.rim.inner.out_of_round_px, mm_per_px)} either way"
+    if anatomy.slant is None:
+        return f"tilt       none seen; {left}"
+    right, down = (math.degrees(part) for part in anatomy.slant.tilt_rad)
+    sides = [
+        name
+        for name, part in (("right", right), ("left", -right), ("lower", down), ("upper", -down))
+        if part > 0.35 * anatomy.slant.angle_deg
     ]
+    return (
+        f"tilt       {anatomy.slant.angle_deg:.1f} deg, the image's {' and '.join(sides)} side farther; "
+        f"a homography is written; after it, {left}"
+    )
+
+
+def _rim_line(anatomy: Anatomy, mm_per_px: float) -> str:
+    by = ["by where the needle pivots"] if anatomy.pivot and anatomy.pivot.radial_sd_px < UNSURE_PX else []
+    by += ["by the mouths of holes"] if anatomy.whole_mouths else []
+    doubt = _both(anatomy.rim_doubt_px, mm_per_px)
+    if by:
+        larger = f"{anatomy.rim_ratio - 1:.1%} larger than the section, {' and '.join(by)}"
+        return f"rim        seen {larger}; that leaves the radius uncertain by {doubt}"
+    return (
+        f"rim        taken to lie in the section; if it stands before it, globe and retina are smaller, by {doubt} "
+        "or so: a clip with a needle that turns would tell"
+    )
 
 
 def _trocar_line(anatomy: Anatomy, trocar: FoundTrocar, kept: TrocarPx, registration: Registration) -> str:
