@@ -6,7 +6,7 @@ Either both files are written or neither.
 import json
 import os
 import tempfile
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from contextlib import closing
 from pathlib import Path
 
@@ -24,7 +24,7 @@ from haptigraph.recording.codec import decode
 from haptigraph.recording.writer import Progress
 from haptigraph.registration_text import registration_text
 
-__all__ = ["register_source"]
+__all__ = ["register_source", "sound_anatomy"]
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 MOST_TILT_DEG = 20.0
@@ -60,17 +60,27 @@ def register_source(
     check_wishes(wishes)
     _check_files(files, force=force)
     images = _spread_images(source, wishes.images, progress)
-    try:
-        anatomy = find_anatomy(images)
-    except BadInput as error:
-        raise BadInput(error.problem, source) from None
+    anatomy = sound_anatomy(images, wishes.diameter_mm, source)
     mm_per_px = wishes.diameter_mm / (2 * anatomy.radius_px)
-    _check_plausible(anatomy, mm_per_px, source)
     found = settled(anatomy, wishes, mm_per_px, source)
     text = registration_text(found, f"Registration found by haptigraph in {Path(source).name}.")
     registration = parse_registration(text, f"registration found in {source}")
     _write(files, (text.encode(), registration_picture(anatomy, registration, found)))
     return "\n".join(report_lines(anatomy, found, registration, wishes, files))
+
+
+def sound_anatomy(images: Sequence[Image], diameter_mm: float, source: str) -> Anatomy:
+    """Find the anatomy, and refuse what is no eye.
+
+    Raises:
+        BadInput: If something cannot be found or makes no sense; it names the source.
+    """
+    try:
+        anatomy = find_anatomy(images)
+    except BadInput as error:
+        raise BadInput(error.problem, source) from None
+    _check_plausible(anatomy, diameter_mm / (2 * anatomy.radius_px), source)
+    return anatomy
 
 
 def _check_files(files: tuple[Path, Path], *, force: bool) -> None:

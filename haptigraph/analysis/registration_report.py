@@ -78,9 +78,9 @@ def _rim_line(anatomy: Anatomy, mm_per_px: float) -> str:
     doubt = _both(anatomy.rim_doubt_px, mm_per_px)
     if by:
         larger = f"{anatomy.rim_ratio - 1:.1%} larger than the section, {' and '.join(by)}"
-        return f"rim        seen {larger}; that leaves the radius uncertain by {doubt}"
+        return f"rim        seen {larger}; that leaves globe and retina uncertain by {doubt}"
     return (
-        f"rim        taken to lie in the section; if it stands before it, globe and retina are smaller, by {doubt} "
+        f"rim        taken to lie in the section; if it stands before it, globe and retina are off by {doubt} "
         "or so: a clip with a needle that turns would tell"
     )
 

@@ -14,7 +14,7 @@ import numpy as np
 from msgspec import Struct
 
 from haptigraph.errors import BadInput
-from haptigraph.geometry import Vec
+from haptigraph.geometry import Vec, subtract, unit
 from haptigraph.messages import Image
 from haptigraph.perception.edge import Edge
 from haptigraph.perception.mouth import APART_DEG, MOST_MOUTHS, Mouth, find_mouths
@@ -32,6 +32,7 @@ REFINE_DEG = 3.0  # what was seen within so much either way counts for a contour
 REFINE_LEAST = 6
 REFINE_MOST_PX = 3.0
 RIM_BEFORE = 0.015  # likely size of how much larger the rim is seen
+RIM_HEIGHT = 0.08  # and of how far before the section it stands, of the radius
 PIVOT_OFF = 0.004  # of the radius: a trocar need not sit exactly in the middle of the wall
 MOUTH_OFF_PX = 0.7
 
@@ -69,7 +70,7 @@ class Anatomy(Struct, frozen=True, eq=False):
     rim_ratio: float
     """How many times larger than the section the rim is seen."""
     rim_doubt_px: float
-    """Standard deviation of what that makes of the radius."""
+    """Standard deviation of what that makes of globe and retina at worst."""
 
     def seen_px(self, straight_px: Vec) -> Vec:
         """Return where the camera sees a place of the straightened picture."""
@@ -101,7 +102,7 @@ def find_anatomy(images: Sequence[Image]) -> Anatomy:
     pivot = find_pivot(images, rim) if len(images) > 1 else None
     _check_which_edge(rim, pivot)
     mouths = find_mouths(still, rim.inner)
-    before, doubt = _rim_before(rim, pivot, mouths, (foot_x, foot_y))
+    before, doubt = _rim_before(rim, pivot, mouths, slant, (foot_x, foot_y))
     rim_ratio = 1 + before
 
     def section(at_px: Vec) -> Vec:
@@ -120,7 +121,7 @@ def find_anatomy(images: Sequence[Image]) -> Anatomy:
         pivot=pivot,
         whole_mouths=sum(mouth.inside_px is not None for mouth in mouths),
         rim_ratio=rim_ratio,
-        rim_doubt_px=doubt * rim.inner.radius_px,
+        rim_doubt_px=doubt * math.hypot(rim.inner.radius_px, *subtract(rim.inner.center_px, (foot_x, foot_y))),
     )
 
 
@@ -136,23 +137,32 @@ def _check_which_edge(rim: Rim, pivot: Pivot | None) -> None:
         )
 
 
-def _rim_before(rim: Rim, pivot: Pivot | None, mouths: Sequence[Mouth], foot_px: Vec) -> tuple[float, float]:
+def _rim_before(
+    rim: Rim, pivot: Pivot | None, mouths: Sequence[Mouth], slant: Slant | None, foot_px: Vec
+) -> tuple[float, float]:
     """Tell by what share larger than the section the rim is seen, and the deviation of that.
 
     Known from places of the section, the needle's pivot and the holes' mouths, weighed by how sure each is.
     Never less than 0: the wall hides the needle.
     """
-    radius_px, known = rim.inner.radius_px, [(0.0, RIM_BEFORE)]
+    center, radius_px = rim.inner.center_px, rim.inner.radius_px
+    usual = min(RIM_BEFORE, RIM_HEIGHT * radius_px / slant.focal_px) if slant else RIM_BEFORE
+    known = [(0.0, usual)]
+
+    def learn(place: Vec, circle_px: float, doubt_px: float) -> None:
+        outwards = unit(subtract(place, center))
+        away = subtract(place, foot_px)
+        lever_px = max(abs(away[0] * outwards[0] + away[1] * outwards[1]), 1.0)
+        known.append((_before(place, circle_px, center, foot_px), doubt_px / lever_px))
+
     if pivot is not None and rim.outer is not None:
-        doubt = math.hypot(pivot.radial_sd_px / radius_px, PIVOT_OFF)
-        known.append((_before(pivot.point_px, rim.middle_px, rim.inner.center_px, foot_px), doubt))
+        learn(pivot.point_px, rim.middle_px, math.hypot(pivot.radial_sd_px, PIVOT_OFF * radius_px))
     for mouth in mouths:
         if mouth.inside_px is not None:
-            place = _around(rim.inner.center_px, radius_px - mouth.inside_px, mouth.angle_deg)
-            known.append((_before(place, radius_px, rim.inner.center_px, foot_px), MOUTH_OFF_PX / radius_px))
+            learn(_around(center, radius_px - mouth.inside_px, mouth.angle_deg), radius_px, MOUTH_OFF_PX)
     weights = [1 / doubt**2 for _, doubt in known]
     before = sum(weight * seen for weight, (seen, _) in zip(weights, known, strict=True)) / sum(weights)
-    return min(max(before, 0.0), 3 * RIM_BEFORE), 1 / math.sqrt(sum(weights))
+    return min(max(before, 0.0), 3 * usual), 1 / math.sqrt(sum(weights))
 
 
 def _before(at_px: Vec, radius_px: float, center_px: Vec, foot_px: Vec) -> float:
@@ -160,7 +170,8 @@ def _before(at_px: Vec, radius_px: float, center_px: Vec, foot_px: Vec) -> float
     (ax, ay), (bx, by) = ((x - foot_px[0], y - foot_px[1]) for x, y in (at_px, center_px))
     square, along = ax * ax + ay * ay, ax * bx + ay * by
     inner = along * along - square * (bx * bx + by * by - radius_px * radius_px)
-    return (along + math.sqrt(max(inner, 0.0))) / square - 1
+    root = math.sqrt(max(inner, 0.0))
+    return min(((along + sign * root) / square - 1 for sign in (1, -1)), key=abs)
 
 
 def _around(center_px: Vec, radius_px: float, angle_deg: float) -> Vec:

@@ -23,9 +23,12 @@ BOWL = (0.92, 0.945)  # and where the bowl behind them is: stains and print line
 WIDE_DEG = 3.0
 AROUND_DEG = 10.0
 APART_DEG = 14.0
-CLEAR = 6.0  # times the usual variation
+CLEAR = 4.5  # times the usual variation
+ALIKE = 0.25  # of the clearest one's contrast: holes of one eye look alike
+GLINT_GREY = 250  # where all colours reach it, a reflection is seen
 LEAST_GREY = 4.0
 MOST_MOUTHS = 3
+THICKEST = 0.05  # of the radius: what reaches further inwards is no mouth
 PROFILE = (-0.08, 0.03)  # of the radius, from the inner edge outwards
 PROFILE_STEP_PX = 0.5
 MIDDLE_DEG = 1.2
@@ -56,18 +59,19 @@ def find_mouths(still: Image, edge: Edge) -> list[Mouth]:
 def _angles_deg(color: Image, edge: Edge) -> list[float]:
     angles_deg = np.arange(-HALF_DEG - AROUND_DEG, HALF_DEG + AROUND_DEG + STEP_DEG, STEP_DEG)
     radii = edge.radii_px(math.pi - np.radians(angles_deg))[:, None]
-    band, bowl = (
-        _unrolled(color, edge, angles_deg, radii * np.linspace(*part, 9)).mean(axis=1) for part in (BAND, BOWL)
-    )
+    band, bowl = (_unrolled(color, edge, angles_deg, radii * np.linspace(*part, 9)) for part in (BAND, BOWL))
     half = round(AROUND_DEG / STEP_DEG)
-    tone = band - bowl
+    tone = band.mean(axis=1) - bowl.mean(axis=1)
     around = np.array([np.median(tone[max(i - half, 0) : i + half + 1], axis=0) for i in range(len(tone))])
     away = cv2.blur(tone - around, (1, round(WIDE_DEG / STEP_DEG)))
     size = np.hypot(np.hypot(away[:, 0], away[:, 1]), away[:, 2]) / math.sqrt(3)
     usual = max(float(np.median(size)), LEAST_GREY / CLEAR)
-    size[np.abs(angles_deg) > HALF_DEG] = 0
+    glints = np.maximum(band, bowl).min(axis=2).max(axis=1) >= GLINT_GREY
+    reach = np.ones(round(WIDE_DEG / STEP_DEG))
+    size[(np.abs(angles_deg) > HALF_DEG) | (np.convolve(glints, reach, "same") > 0)] = 0
     found: list[float] = []
-    while len(found) < MOST_MOUTHS and size.max() > CLEAR * usual:
+    least = max(CLEAR * usual, ALIKE * float(size.max()))
+    while len(found) < MOST_MOUTHS and size.max() >= least:
         at = float(angles_deg[size.argmax()])
         weight = size * (np.abs(angles_deg - at) < APART_DEG / 2)
         found.append(float((angles_deg * weight).sum() / weight.sum()))
@@ -89,7 +93,9 @@ def _inside_px(color: Image, edge: Edge, angle_deg: float) -> float | None:
         return None
     is_low = size < size[top] / 2
     inner, outer = _crossing(places, size, top, is_low, -1), _crossing(places, size, top, is_low, 1)
-    if inner is None or outer is None or outer > -max(GAP_PX, GAP_BLUR * edge.blur_px):
+    if inner is None or outer is None or outer - inner > THICKEST * edge.radius_px:
+        return None
+    if outer > -max(GAP_PX, GAP_BLUR * edge.blur_px):
         return None
     return -(inner + outer) / 2
 
