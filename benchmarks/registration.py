@@ -31,27 +31,37 @@ def main(scenes: int = 40, seed: int = 1) -> None:
         (hidden if view.is_rim_hidden else rows).append(row)
         wrong = "" if all(getattr(errors, name) <= most for name, most in LIMITS_PX.items()) else "  OVER"
         told = "  ".join(f"{value:5.2f}" for value in row)
-        print(f"{number:3d}  {told}  {view.says}; uncertain by {anatomy.rim_doubt_px:.1f} px{wrong}", flush=True)
-    for title, found in (("rim in the section, or measurable", rows), ("rim before the section, no needle", hidden)):
+        print(
+            f"{number:3d}  {told}  {view.says}; uncertain by {anatomy.rim_doubt_px:.1f} px{wrong}", flush=True
+        )
+    for title, found in (
+        ("rim in the section, or measurable", rows),
+        ("rim before the section, no needle", hidden),
+    ):
         if found:
             report(title, np.array(found))
     print(f"valid scenes refused: {refused} of {scenes}")
     pictures = [pair for number in range(0, scenes, INVALID_EVERY) for pair in invalid_pictures(number, seed)]
     taken = [name for name, image in pictures if not is_refused(image, name)]
-    print(f"invalid pictures taken for an eye: {len(taken)} of {len(pictures)} {sorted(taken) if taken else ''}")
+    print(
+        f"invalid pictures taken for an eye: {len(taken)} of {len(pictures)} {sorted(taken) if taken else ''}"
+    )
 
 
 def report(title: str, found: np.ndarray) -> None:
+    """Print the distribution of (scenes, 4) errors."""
     print(f"\n{title}: {len(found)} scenes")
     for name, column in zip(("centre", "radius", "retina", "trocars"), found.T, strict=True):
         seen = column[np.isfinite(column)]
         middle, p95, worst = np.quantile(seen, (0.5, 0.95, 1.0)) if len(seen) else (np.nan,) * 3
         print(f"  {name:8} median {middle:.2f}  p95 {p95:.2f}  worst {worst:.2f} px")
     limits = np.array(list(LIMITS_PX.values()))
-    print(f"  within {limits[0]:g} / {limits[1]:g} / {limits[2]:g} px: {np.mean((found[:, :3] <= limits).all(axis=1)):.1%}")
+    share = np.mean((found[:, :3] <= limits).all(axis=1))
+    print(f"  within {' / '.join(f'{limit:g}' for limit in limits)} px: {share:.1%}")
 
 
 def is_refused(image: np.ndarray, name: str) -> bool:
+    """Tell whether a picture is refused, and print why."""
     try:
         sound_anatomy([image], 24.0, name)
     except BadInput as error:

@@ -57,8 +57,10 @@ class Slant(Struct, frozen=True):
 
     @property
     def foot_px(self) -> Vec:
-        """The place in the straight picture right under the camera: what stands before the plane is seen
-        larger from there."""
+        """The place in the straight picture right under the camera.
+
+        What stands before the plane is seen larger from there.
+        """
         off = self.about_px[0] - self.middle_px[0], self.about_px[1] - self.middle_px[1]
         angle = math.hypot(*self.tilt_rad)
         if angle == 0:

@@ -74,14 +74,14 @@ def _tilt_line(anatomy: Anatomy, mm_per_px: float) -> str:
 
 def _rim_line(anatomy: Anatomy, mm_per_px: float) -> str:
     by = ["by where the needle pivots"] if anatomy.pivot and anatomy.pivot.radial_sd_px < UNSURE_PX else []
-    by += ["by the mouths of holes"] if anatomy.whole_mouths else []
+    by += ["by the mouths of holes"] if anatomy.rim_by_mouths else []
     doubt = _both(anatomy.rim_doubt_px, mm_per_px)
     if by:
         larger = f"{anatomy.rim_ratio - 1:.1%} larger than the section, {' and '.join(by)}"
         return f"rim        seen {larger}; that leaves globe and retina uncertain by {doubt}"
     return (
-        f"rim        taken to lie in the section; if it stands before it, globe and retina are off by {doubt} "
-        "or so: a clip with a needle that turns would tell"
+        "rim        taken to lie in the section; if it stands before it, globe and retina are off by "
+        f"{doubt} or so: a clip with a needle that turns would tell"
     )
 
 

@@ -119,15 +119,23 @@ def invalid_pictures(number: int, seed: int = 0) -> Iterator[tuple[str, Image]]:
     yield "cut off on the left", np.ascontiguousarray(eye[:, round(x - part * radius_px) :])
     yield "cut off below", np.ascontiguousarray(eye[: round(y + part * radius_px)])
     yield "cut off above", np.ascontiguousarray(eye[round(y - part * radius_px) :])
-    yield "blurred away", np.asarray(cv2.GaussianBlur(eye, (0, 0), rng.uniform(0.07, 0.2) * radius_px))
-    yield "far away", np.asarray(cv2.resize(eye, None, fx=0.2, fy=0.2, interpolation=cv2.INTER_AREA))
-    yield "overexposed", cv2.convertScaleAbs(eye, alpha=20)
-    yield "lens cap", cv2.convertScaleAbs(eye, alpha=0.01)
+    yield (
+        "blurred away",
+        np.asarray(cv2.GaussianBlur(eye, (0, 0), rng.uniform(0.07, 0.2) * radius_px), np.uint8),
+    )
+    yield (
+        "far away",
+        np.asarray(cv2.resize(eye, None, fx=0.2, fy=0.2, interpolation=cv2.INTER_AREA), np.uint8),
+    )
+    yield "overexposed", np.asarray(cv2.convertScaleAbs(eye, alpha=20), np.uint8)
+    yield "lens cap", np.asarray(cv2.convertScaleAbs(eye, alpha=0.01), np.uint8)
     yield "one colour", np.full_like(eye, rng.integers(0, 256))
     yield "noise", rng.integers(0, 256, eye.shape, np.uint8)
     cells = (int(rng.integers(20, 200)), int(rng.integers(20, 200)))
-    grain = cv2.resize(rng.uniform(60, 200, cells).astype(np.float32), (width, height), interpolation=cv2.INTER_CUBIC)
-    yield "wood", cv2.merge([np.clip(grain, 0, 255).astype(np.uint8)] * 3)
+    grain = cv2.resize(
+        rng.uniform(60, 200, cells).astype(np.float32), (width, height), interpolation=cv2.INTER_CUBIC
+    )
+    yield "wood", np.asarray(cv2.merge([np.clip(grain, 0, 255).astype(np.uint8)] * 3), np.uint8)
     yield "ball", _disc(eye, rng)
     yield "box", _boxes(eye, rng)
 
@@ -136,7 +144,14 @@ def _disc(eye: Image, rng: np.random.Generator) -> Image:
     """Return one round thing with a single edge."""
     canvas = np.full_like(eye, 90)
     place = round(canvas.shape[1] * rng.uniform(0.4, 0.6)), canvas.shape[0] // 2
-    cv2.circle(canvas, place, round(canvas.shape[0] * rng.uniform(0.2, 0.4)), (200, 190, 180), cv2.FILLED, cv2.LINE_AA)
+    cv2.circle(
+        canvas,
+        place,
+        round(canvas.shape[0] * rng.uniform(0.2, 0.4)),
+        (200, 190, 180),
+        cv2.FILLED,
+        cv2.LINE_AA,
+    )
     return canvas
 
 
@@ -145,5 +160,7 @@ def _boxes(eye: Image, rng: np.random.Generator) -> Image:
     canvas = np.full_like(eye, 70)
     for _ in range(40):
         corners = rng.uniform((0, 0), eye.shape[1::-1]) + rng.uniform(-200, 200, (4, 2))
-        cv2.fillConvexPoly(canvas, cv2.convexHull(corners.astype(np.int32)), rng.uniform(0, 255, 3).tolist(), cv2.LINE_AA)
+        cv2.fillConvexPoly(
+            canvas, cv2.convexHull(corners.astype(np.int32)), rng.uniform(0, 255, 3).tolist(), cv2.LINE_AA
+        )
     return canvas

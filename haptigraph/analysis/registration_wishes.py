@@ -136,7 +136,9 @@ def _target_mm(retina: Polyline, image: ImageGeometry, wishes: Wishes, source: s
             f"--target-mm {wanted_mm:g} is beyond the retina, which reaches {reach_mm:.1f} mm either way"
         )
     far = wishes.diameter_mm * math.sin(angle), -wishes.diameter_mm * math.cos(angle)
-    return min((_crossing((0.0, 0.0), far, a, b) for a, b in pairwise(retina.points_mm)), key=lambda hit: hit[0])[1]
+    return min(
+        (_crossing((0.0, 0.0), far, a, b) for a, b in pairwise(retina.points_mm)), key=lambda hit: hit[0]
+    )[1]
 
 
 def _crossing(start: Vec, end: Vec, a: Vec, b: Vec) -> tuple[float, Vec]:

@@ -65,12 +65,12 @@ class Anatomy(Struct, frozen=True, eq=False):
     """How many of its points were seen themselves; the others lie on the fitted curve."""
     trocars: tuple[FoundTrocar, ...]
     pivot: Pivot | None
-    whole_mouths: int
-    """How many holes have a mouth that is seen whole."""
     rim_ratio: float
     """How many times larger than the section the rim is seen."""
     rim_doubt_px: float
     """Standard deviation of what that makes of globe and retina at worst."""
+    rim_by_mouths: int
+    """How many holes' mouths told it, besides the pivot."""
 
     def seen_px(self, straight_px: Vec) -> Vec:
         """Return where the camera sees a place of the straightened picture."""
@@ -102,7 +102,7 @@ def find_anatomy(images: Sequence[Image]) -> Anatomy:
     pivot = find_pivot(images, rim) if len(images) > 1 else None
     _check_which_edge(rim, pivot)
     mouths = find_mouths(still, rim.inner)
-    before, doubt = _rim_before(rim, pivot, mouths, slant, (foot_x, foot_y))
+    before, doubt, by_mouths = _rim_before(rim, pivot, mouths, slant, (foot_x, foot_y))
     rim_ratio = 1 + before
 
     def section(at_px: Vec) -> Vec:
@@ -119,9 +119,10 @@ def find_anatomy(images: Sequence[Image]) -> Anatomy:
         refined=refined,
         trocars=_trocars(mouths, pivot, section(rim.inner.center_px), rim.middle_px / rim_ratio),
         pivot=pivot,
-        whole_mouths=sum(mouth.inside_px is not None for mouth in mouths),
         rim_ratio=rim_ratio,
-        rim_doubt_px=doubt * math.hypot(rim.inner.radius_px, *subtract(rim.inner.center_px, (foot_x, foot_y))),
+        rim_doubt_px=doubt
+        * math.hypot(rim.inner.radius_px, *subtract(rim.inner.center_px, (foot_x, foot_y))),
+        rim_by_mouths=by_mouths,
     )
 
 
@@ -139,8 +140,8 @@ def _check_which_edge(rim: Rim, pivot: Pivot | None) -> None:
 
 def _rim_before(
     rim: Rim, pivot: Pivot | None, mouths: Sequence[Mouth], slant: Slant | None, foot_px: Vec
-) -> tuple[float, float]:
-    """Tell by what share larger than the section the rim is seen, and the deviation of that.
+) -> tuple[float, float, int]:
+    """Tell by what share larger than the section the rim is seen, its deviation, and by how many mouths.
 
     Known from places of the section, the needle's pivot and the holes' mouths, weighed by how sure each is.
     Never less than 0: the wall hides the needle.
@@ -149,20 +150,32 @@ def _rim_before(
     usual = min(RIM_BEFORE, RIM_HEIGHT * radius_px / slant.focal_px) if slant else RIM_BEFORE
     known = [(0.0, usual)]
 
-    def learn(place: Vec, circle_px: float, doubt_px: float) -> None:
-        outwards = unit(subtract(place, center))
-        away = subtract(place, foot_px)
+    def told_by(place: Vec, circle_px: float, doubt_px: float) -> tuple[float, float]:
+        outwards, away = unit(subtract(place, center)), subtract(place, foot_px)
         lever_px = max(abs(away[0] * outwards[0] + away[1] * outwards[1]), 1.0)
-        known.append((_before(place, circle_px, center, foot_px), doubt_px / lever_px))
+        return _before(place, circle_px, center, foot_px), doubt_px / lever_px
 
     if pivot is not None and rim.outer is not None:
-        learn(pivot.point_px, rim.middle_px, math.hypot(pivot.radial_sd_px, PIVOT_OFF * radius_px))
-    for mouth in mouths:
-        if mouth.inside_px is not None:
-            learn(_around(center, radius_px - mouth.inside_px, mouth.angle_deg), radius_px, MOUTH_OFF_PX)
+        known.append(
+            told_by(pivot.point_px, rim.middle_px, math.hypot(pivot.radial_sd_px, PIVOT_OFF * radius_px))
+        )
+    told = [
+        told_by(_around(center, radius_px - mouth.inside_px, mouth.angle_deg), radius_px, MOUTH_OFF_PX)
+        for mouth in mouths
+        if mouth.inside_px is not None
+    ]
+    # A reflection or another instrument may look like a mouth, but not like two that agree.
+    agreeing = [
+        one
+        for number, one in enumerate(told)
+        if any(
+            abs(one[0] - other[0]) < 2 * max(one[1], other[1]) for other in told[:number] + told[number + 1 :]
+        )
+    ]
+    known += agreeing
     weights = [1 / doubt**2 for _, doubt in known]
     before = sum(weight * seen for weight, (seen, _) in zip(weights, known, strict=True)) / sum(weights)
-    return min(max(before, 0.0), 3 * usual), 1 / math.sqrt(sum(weights))
+    return min(max(before, 0.0), 3 * usual), 1 / math.sqrt(sum(weights)), len(agreeing)
 
 
 def _before(at_px: Vec, radius_px: float, center_px: Vec, foot_px: Vec) -> float:

@@ -223,7 +223,7 @@ def _straight_from_image(document: Document, data: _File) -> Homography | None:
     low, high = STRAIGHTENED_SCALE
     if not low**2 <= area <= high**2:
         raise document.error(
-            f"the homography makes areas {area:.3g} times as large at the globe's centre and is no mild slant; "
+            f"the homography makes areas {area:.3g} times as large at the globe's centre; "
             f"{low**2:g} to {high**2:g} is plausible",
             path,
         )

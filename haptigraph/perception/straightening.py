@@ -35,7 +35,9 @@ class StraightenedPerceiver:
         straight_from_image: Its homography.
     """
 
-    def __init__(self, perceiver: Perceiver, registration: Registration, straight_from_image: Homography) -> None:
+    def __init__(
+        self, perceiver: Perceiver, registration: Registration, straight_from_image: Homography
+    ) -> None:
         self._perceiver = perceiver
         self._registration = registration
         self._straight_from_image = straight_from_image

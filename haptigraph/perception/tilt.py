@@ -56,7 +56,7 @@ def _places(edge: Edge) -> Floats:
 def _starts(inner: Edge, outer: Edge) -> list[Floats]:
     """Return guesses: tilted either way along the ellipse's short axis."""
     radius = inner.radius_px + inner.out_of_round_px
-    # Radius = ... + a cos 2 + b sin 2 of the angle from the image's bottom; the long axis lies where it is largest.
+    # The long axis lies where the part of the radius with twice the angle is largest.
     _, _, _, a, b = inner.harmonics_px + outer.harmonics_px
     short = math.atan2(b, a) / 2 + math.pi / 2
     angle = math.sqrt(max(4 * inner.out_of_round_px / radius, 0.05**2))
@@ -83,7 +83,8 @@ def _fitted(start: Floats, places: tuple[Floats, Floats], middle_px: Vec) -> tup
     for _ in range(ROUNDS):
         slopes = np.stack(
             [
-                (_off(values + step, places, middle_px) - _off(values - step, places, middle_px)) / (2 * step.sum())
+                (_off(values + step, places, middle_px) - _off(values - step, places, middle_px))
+                / (2 * step.sum())
                 for step in np.diag(steps)
             ],
             axis=1,

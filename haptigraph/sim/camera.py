@@ -17,7 +17,7 @@ from haptigraph.messages import Image
 from haptigraph.sim.distractors import Bubbles, Distractors, flicker_gain, paint_glints, paint_light_pipe
 from haptigraph.sim.eye import Eye
 from haptigraph.sim.needle import Box, NeedleShape, blurred, lay, needle_texture
-from haptigraph.sim.painter import FloatImage, Look, distance_map, paint_phantom
+from haptigraph.sim.painter import FloatImage, Look, distance_map, paint_phantom, rim_geometry
 from haptigraph.slant import Slant
 
 __all__ = ["Camera", "CameraSettings", "NeedleShape"]
@@ -37,7 +37,7 @@ class CameraSettings(Struct, frozen=True, forbid_unknown_fields=True):
     px_per_mm: float = 20.0
     mirrored: bool = True
     tilt_deg: Vec = (0.0, 0.0)
-    """How the section leans away from facing the camera: (right, down) part of the angle; that side is farther."""
+    """How the section leans away from facing the camera, (right, down) part: that side is farther."""
     distance_mm: float = 250.0
     """From the camera to the section; it tells only where that leans, or where the wall stands before it."""
     blur_px: float = 0.8
@@ -85,7 +85,7 @@ class Camera:
         straight_from_image = slant.straight_from_image if self._is_tilted else None
         self.geometry = replace(self._straight, straight_from_image=straight_from_image)
         self._seed = seed
-        rim = _rim(self._straight, slant.foot_px, eye.shape.rim_mm / settings.distance_mm)
+        rim = rim_geometry(self._straight, slant.foot_px, eye.shape.rim_mm / settings.distance_mm)
         painted = paint_phantom(eye, self._straight, rim, size_px, look, seed)
         self._light = settings.exposure * _vignette(size_px, settings.vignetting)
         self._background = blurred(painted, settings.blur_px) * self._light[..., None]
@@ -303,15 +303,6 @@ def _slant(settings: CameraSettings) -> Slant:
     focal_px = settings.distance_mm * settings.px_per_mm
     middle_px = (settings.width_px - 1) / 2, (settings.height_px - 1) / 2
     return Slant(settings.center_px, (right, down), focal_px, middle_px)
-
-
-def _rim(section: ImageGeometry, foot_px: Vec, before: float) -> ImageGeometry:
-    """Return where the cut wall is seen that stands before the section by a share of the camera's distance."""
-    if not before:
-        return section
-    larger, off = 1 / (1 - before), subtract(section.center_px, foot_px)
-    center_px = foot_px[0] + larger * off[0], foot_px[1] + larger * off[1]
-    return ImageGeometry(center_px, section.mm_per_px / larger, section.mirrored)
 
 
 def _vignette(size_px: tuple[int, int], loss: float) -> FloatImage:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from haptigraph.geometry import ImageGeometry, Vec, subtract, unit
 from haptigraph.sim.eye import Eye
 
-__all__ = ["FloatImage", "Look", "distance_map", "paint_phantom"]
+__all__ = ["FloatImage", "Look", "distance_map", "paint_phantom", "rim_geometry"]
 
 FloatImage: TypeAlias = NDArray[np.float32]
 Color: TypeAlias = tuple[float, float, float]
@@ -113,6 +113,21 @@ def distance_map(width_px: int, height_px: int, center_px: Vec) -> FloatImage:
     """Return every pixel's distance from a place [px]."""
     y, x = np.ogrid[:height_px, :width_px]
     return np.hypot(x - center_px[0], y - center_px[1]).astype(np.float32)
+
+
+def rim_geometry(section: ImageGeometry, foot_px: Vec, share: float) -> ImageGeometry:
+    """Return where the cut wall is seen.
+
+    Args:
+        section: Of the image.
+        foot_px: The place right under the camera.
+        share: Of the camera's distance, by which the wall stands before the section.
+    """
+    if not share:
+        return section
+    larger, off = 1 / (1 - share), subtract(section.center_px, foot_px)
+    center_px = foot_px[0] + larger * off[0], foot_px[1] + larger * off[1]
+    return ImageGeometry(center_px, section.mm_per_px / larger, section.mirrored)
 
 
 def paint_phantom(
@@ -255,5 +270,7 @@ def _paint_hole(
     across = -x * outwards[1] + y * outwards[0]
     half_width, half_height = half_width_mm * scale, half_height_mm * scale
     ellipse = (np.hypot(along / half_height, across / half_width) - 1) * half_height
-    inside = np.hypot(canvas.x - rim.center_px[0], canvas.y - rim.center_px[1]) - eye.radius_mm / rim.mm_per_px
+    inside = (
+        np.hypot(canvas.x - rim.center_px[0], canvas.y - rim.center_px[1]) - eye.radius_mm / rim.mm_per_px
+    )
     canvas.fill(np.maximum(ellipse, inside), palette.hole)
