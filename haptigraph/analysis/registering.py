@@ -11,7 +11,7 @@ from contextlib import closing
 from pathlib import Path
 
 from haptigraph.analysis.registration_picture import registration_picture
-from haptigraph.analysis.registration_report import WALL_MM, report_lines, wall_mm
+from haptigraph.analysis.registration_report import WALL_MM, in_px_and_mm, report_lines, wall_mm
 from haptigraph.analysis.registration_wishes import Wishes, check_wishes, settled
 from haptigraph.assemble import open_source
 from haptigraph.clock import VirtualClock
@@ -63,9 +63,10 @@ def register_source(
     anatomy = sound_anatomy(images, wishes.diameter_mm, source)
     mm_per_px = wishes.diameter_mm / (2 * anatomy.radius_px)
     found = settled(anatomy, wishes, mm_per_px, source)
-    text = registration_text(found, f"Registration found by haptigraph in {Path(source).name}.")
+    doubt = f"globe and retina uncertain by {in_px_and_mm(anatomy.rim_doubt_px, mm_per_px)}"
+    text = registration_text(found, f"Registration found by haptigraph in {Path(source).name}; {doubt}.")
     registration = parse_registration(text, f"registration found in {source}")
-    _write(files, (text.encode(), registration_picture(anatomy, registration, found)))
+    _write(files, (text.encode(), registration_picture(anatomy, registration, found, doubt)))
     return "\n".join(report_lines(anatomy, found, registration, wishes, files))
 
 

@@ -26,8 +26,8 @@ FINE = 4  # binary places of a pixel in OpenCV's drawing
 SCALE_BAR_MM = 5.0
 
 
-def registration_picture(anatomy: Anatomy, registration: Registration, found: AnatomyPx) -> bytes:
-    """Return a PNG."""
+def registration_picture(anatomy: Anatomy, registration: Registration, found: AnatomyPx, doubt: str) -> bytes:
+    """Return a PNG; `doubt` is written into it."""
     still = anatomy.still
     canvas = (
         still.copy() if still.ndim == 3 else np.asarray(cv2.cvtColor(still, cv2.COLOR_GRAY2BGR), np.uint8)
@@ -48,6 +48,7 @@ def registration_picture(anatomy: Anatomy, registration: Registration, found: An
     _circle(canvas, found.target_px, 6, TARGET, 2)
     _say(canvas, "target", found.target_px, TARGET)
     _scale_bar(canvas, registration.image.mm_per_px)
+    _say(canvas, doubt, (12, canvas.shape[0] - 44), (255, 255, 255))
     done, png = cv2.imencode(".png", canvas)
     if not done:
         raise RuntimeError("OpenCV could not encode a PNG")

@@ -35,8 +35,8 @@ class View(Struct, frozen=True, eq=False):
     radius_mm: float
     trocars_mm: tuple[Vec, ...]
     """The one in use, then the other."""
-    is_rim_hidden: bool
-    """Whether the wall stands before the section and no needle moves."""
+    group: str
+    """What can be known: the rim lies in the section, or before it, with or without a needle in view."""
 
 
 class ViewErrors(Struct, frozen=True):
@@ -79,6 +79,7 @@ def random_view(number: int, seed: int = 0) -> View:
         phantom = Phantom(replace(phantom.scenario, moves=(bare,)))
         first = phantom.advance()
         moments = [first.image] if first else []
+    needless = is_still or not has_needle
     says = f"{scene.difficulty}, {'still' if is_still else 'needle' if has_needle else 'no needle'}"
     return View(
         says=f"{says}, tilt {tilt_deg:.0f} deg, from {distance_mm:.0f} mm, rim {rim_mm:.1f} mm before",
@@ -86,7 +87,7 @@ def random_view(number: int, seed: int = 0) -> View:
         truth=phantom.camera.geometry,
         radius_mm=phantom.eye.radius_mm,
         trocars_mm=(phantom.eye.trocar_mm, phantom.eye.other_trocar_mm),
-        is_rim_hidden=rim_mm > 0 and (is_still or not has_needle),
+        group="rim in the section" if not rim_mm else f"rim before it, {'no ' * needless}needle",
     )
 
 

@@ -69,8 +69,8 @@ class Anatomy(Struct, frozen=True, eq=False):
     """How many times larger than the section the rim is seen."""
     rim_doubt_px: float
     """Standard deviation of what that makes of globe and retina at worst."""
-    rim_by_mouths: int
-    """How many holes' mouths told it, besides the pivot."""
+    rim_by: tuple[str, ...]
+    """What told it: "needle", "mouths" or nothing."""
 
     def seen_px(self, straight_px: Vec) -> Vec:
         """Return where the camera sees a place of the straightened picture."""
@@ -102,7 +102,7 @@ def find_anatomy(images: Sequence[Image]) -> Anatomy:
     pivot = find_pivot(images, rim) if len(images) > 1 else None
     _check_which_edge(rim, pivot)
     mouths = find_mouths(still, rim.inner)
-    before, doubt, by_mouths = _rim_before(rim, pivot, mouths, slant, (foot_x, foot_y))
+    before, doubt, rim_by = _rim_before(rim, pivot, mouths, slant, (foot_x, foot_y))
     rim_ratio = 1 + before
 
     def section(at_px: Vec) -> Vec:
@@ -122,7 +122,7 @@ def find_anatomy(images: Sequence[Image]) -> Anatomy:
         rim_ratio=rim_ratio,
         rim_doubt_px=doubt
         * math.hypot(rim.inner.radius_px, *subtract(rim.inner.center_px, (foot_x, foot_y))),
-        rim_by_mouths=by_mouths,
+        rim_by=rim_by,
     )
 
 
@@ -140,15 +140,15 @@ def _check_which_edge(rim: Rim, pivot: Pivot | None) -> None:
 
 def _rim_before(
     rim: Rim, pivot: Pivot | None, mouths: Sequence[Mouth], slant: Slant | None, foot_px: Vec
-) -> tuple[float, float, int]:
-    """Tell by what share larger than the section the rim is seen, its deviation, and by how many mouths.
+) -> tuple[float, float, tuple[str, ...]]:
+    """Tell by what share larger than the section the rim is seen, its deviation, and what told it.
 
     Known from places of the section, the needle's pivot and the holes' mouths, weighed by how sure each is.
     Never less than 0: the wall hides the needle.
     """
     center, radius_px = rim.inner.center_px, rim.inner.radius_px
     usual = min(RIM_BEFORE, RIM_HEIGHT * radius_px / slant.focal_px) if slant else RIM_BEFORE
-    known = [(0.0, usual)]
+    known, by = [(0.0, usual)], []
 
     def told_by(place: Vec, circle_px: float, doubt_px: float) -> tuple[float, float]:
         outwards, away = unit(subtract(place, center)), subtract(place, foot_px)
@@ -156,9 +156,9 @@ def _rim_before(
         return _before(place, circle_px, center, foot_px), doubt_px / lever_px
 
     if pivot is not None and rim.outer is not None:
-        known.append(
-            told_by(pivot.point_px, rim.middle_px, math.hypot(pivot.radial_sd_px, PIVOT_OFF * radius_px))
-        )
+        doubt_px = math.hypot(pivot.radial_sd_px, PIVOT_OFF * radius_px)
+        known.append(told_by(pivot.point_px, rim.middle_px, doubt_px))
+        by += ["needle"] if known[-1][1] < usual else []
     told = [
         told_by(_around(center, radius_px - mouth.inside_px, mouth.angle_deg), radius_px, MOUTH_OFF_PX)
         for mouth in mouths
@@ -173,9 +173,10 @@ def _rim_before(
         )
     ]
     known += agreeing
+    by += ["mouths"] if agreeing else []
     weights = [1 / doubt**2 for _, doubt in known]
     before = sum(weight * seen for weight, (seen, _) in zip(weights, known, strict=True)) / sum(weights)
-    return min(max(before, 0.0), 3 * usual), 1 / math.sqrt(sum(weights)), len(agreeing)
+    return min(max(before, 0.0), 3 * usual), 1 / math.sqrt(sum(weights)), tuple(by)
 
 
 def _before(at_px: Vec, radius_px: float, center_px: Vec, foot_px: Vec) -> float:
