@@ -19,6 +19,7 @@ from haptigraph.clock import Clock, MonotonicClock, VirtualClock
 from haptigraph.config import Config
 from haptigraph.errors import BadInput, unknown_name
 from haptigraph.haptics.pattern import beyond
+from haptigraph.haptics.tap import Listener, TappedDevice
 from haptigraph.pipeline import Hand, Loop, Pipeline
 from haptigraph.recording.schema import RunInfo
 from haptigraph.recording.writer import Progress, RunWriter
@@ -62,13 +63,20 @@ MADE_NOW = ("camera", "phantom")  # sources that make their images as they go, i
 DEFAULT_TRACE = "touch.csv"
 
 
-def build(config: Config, *, sinks: Sequence[Sink] = (), progress: Progress | None = None) -> Loop:
+def build(
+    config: Config,
+    *,
+    sinks: Sequence[Sink] = (),
+    progress: Progress | None = None,
+    listener: Listener | None = None,
+) -> Loop:
     """Assemble everything a configuration asks for.
 
     Args:
         config: The configuration.
         sinks: Further takers of steps.
         progress: Told about work that takes long.
+        listener: Told every amplitude that the device is told.
 
     Raises:
         BadInput: If a name, a file or a device in the configuration cannot be used.
@@ -86,6 +94,8 @@ def build(config: Config, *, sinks: Sequence[Sink] = (), progress: Progress | No
             undo.callback(writer.discard)
         device = open_device(config.haptics.device)
         undo.callback(device.close)
+        if listener is not None:
+            device = TappedDevice(device, listener)
         hand = _hand(device, config, clock)
         undo.callback(hand.close)
         recorders = _recorders(writer, clock, progress)

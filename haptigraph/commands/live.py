@@ -1,0 +1,72 @@
+"""The command that shows the loop in a browser: live."""
+
+from contextlib import closing
+
+import click
+
+from haptigraph.commands.options import (
+    config_option,
+    procedure_option,
+    registration_option,
+    set_option,
+    settings_of,
+)
+from haptigraph.commands.running import run_loop
+from haptigraph.terminal import tell
+
+__all__ = ["live"]
+
+
+@click.command()
+@click.argument("source", required=False)
+@registration_option
+@procedure_option
+@click.option("--device", metavar="DEVICE", help="console, or trace:FILE.csv.")
+@click.option("--record", metavar="FILE", help="Keep the run in a new MCAP file.")
+@click.option("--port", type=click.IntRange(1, 65535), help="Of the page; any free one if not given.")
+@click.option("--host", default="127.0.0.1", show_default=True, help="Address to serve on.")
+@click.option("--token", metavar="TOKEN", help="What visitors must know; made up if --host needs one.")
+@config_option
+@set_option
+def live(
+    source: str | None,
+    registration: str | None,
+    procedure: str | None,
+    device: str | None,
+    record: str | None,
+    port: int | None,
+    host: str,
+    token: str | None,
+    config: str | None,
+    settings: tuple[str, ...],
+) -> None:
+    """Run the loop on SOURCE in real time, with a page to watch it by.
+
+    SOURCE is what `run` takes; a scenario starts again when it is over. Open the printed address.
+    The page is for this machine only; with another --host, only for those who know the token.
+    """
+    import secrets
+
+    from haptigraph.config import load_config
+    from haptigraph.dashboard.door import LOOPBACK
+    from haptigraph.dashboard.live import LivePage
+    from haptigraph.dashboard.server import listen
+
+    options = {
+        "source.uri": source,
+        "source.registration": registration,
+        "run.procedure": procedure,
+        "haptics.device": device,
+        "recording.path": record,
+        "run.realtime": True,
+    }
+    settled = load_config(config, (*settings, *settings_of(options)))
+    if settled.source.uri.startswith("phantom:"):
+        settled = load_config(config, ("source.loop=true", *settings, *settings_of(options)))
+    key = token or ("" if host in LOOPBACK else secrets.token_urlsafe(12))
+    with closing(listen(host, port or 0)) as listener:
+        shown = f"[{host}]" if ":" in host else host
+        address = f"http://{shown}:{listener.getsockname()[1]}/" + (f"?token={key}" if key else "")
+        page = LivePage(settled, listener, host=host, token=key)
+        tell(f"haptigraph: the page is at {address}")
+        run_loop(settled, page)
