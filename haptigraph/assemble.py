@@ -56,10 +56,13 @@ SOURCES = {
     "images": "haptigraph.sources.images:ImagesSource",
     "phantom": "haptigraph.sources.phantom:PhantomSource",
     "recording": "haptigraph.sources.recording:RecordingSource",
+    "teleop": "haptigraph.sources.teleop:TeleopSource",
     "video": "haptigraph.sources.video:VideoSource",
 }
-MADE_NOW = ("camera", "phantom")  # sources that make their images as they go, in real time
+MADE_NOW = ("camera", "phantom", "teleop")  # sources that make their images as they go, in real time
+SETTLED = ("images", "phantom", "recording", "video")  # sources whose next images nothing can change
 
+DEFAULT_SCENARIO = "align_then_approach"
 DEFAULT_TRACE = "touch.csv"
 
 
@@ -108,7 +111,7 @@ def build(
             sinks=[*recorders, *sinks],
             clock=clock,
             stale_ms=config.run.stale_ms,
-            notes=[note for pattern in procedure.patterns for note in beyond(pattern, device.capabilities)],
+            notes=_notes(config, procedure, device),
         )
         undo.pop_all()
     return loop
@@ -149,6 +152,8 @@ def _split_source(uri: str) -> tuple[str, str]:
         BadInput: If it is neither a known kind nor an existing path.
     """
     kind, _, argument = uri.partition(":")
+    if uri == "teleop":
+        return kind, DEFAULT_SCENARIO
     if argument and kind in SOURCES:
         return kind, argument
     path = Path(uri)
@@ -159,8 +164,8 @@ def _split_source(uri: str) -> tuple[str, str]:
     if uri and path.exists():
         return "video", uri
     raise BadInput(
-        "no such source; valid: phantom:SCENARIO, camera:N, or the path of a video, a folder of images or a "
-        "recording (.mcap)",
+        "no such source; valid: phantom:SCENARIO, teleop:SCENARIO, camera:N, or the path of a video, a "
+        "folder of images or a recording (.mcap)",
         uri or "''",
     )
 
@@ -188,7 +193,7 @@ def open_source(config: Config, clock: Clock, registration: "Registration | None
     source: Source = _load(SOURCES[kind])(given, **options.get(kind, dict)())
     if kind in MADE_NOW and config.source.jpeg_quality:
         source = _load("haptigraph.sources.jpeg:JpegSource")(source, config.source.jpeg_quality)
-    if not source.is_live:
+    if kind in SETTLED:
         source = _load("haptigraph.sources.ahead:ReadAhead")(source, waits=isinstance(clock, VirtualClock))
     return source
 
@@ -264,6 +269,15 @@ def _hand(device: Device, config: Config, clock: Clock) -> Hand:
     if isinstance(clock, MonotonicClock):
         return _load("haptigraph.haptics.player:Player")(guard, clock)  # type: ignore[no-any-return]
     return guard  # type: ignore[no-any-return]
+
+
+def _notes(config: Config, procedure: "Procedure", device: Device) -> list[str]:
+    notes = [note for pattern in procedure.patterns for note in beyond(pattern, device.capabilities)]
+    if _split_source(config.source.uri)[0] == "teleop":
+        notes.append(
+            "the needle stands still until a hand steers it; `haptigraph live` offers a page for that"
+        )
+    return notes
 
 
 def _run_writer(

@@ -21,6 +21,7 @@ from haptigraph.sim.painter import FloatImage, Look, distance_map, paint_phantom
 __all__ = ["Camera", "CameraSettings", "NeedleShape"]
 
 NOISE_MARGIN_PX = 256
+NOISE_STRIP_PX = 36
 SHADOW_BLUR_PX = 15
 PIECES = 12
 
@@ -215,15 +216,17 @@ class Camera:
         return np.asarray(cv2.LUT(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), self._deviation_of), np.float32)
 
     def _with_noise(self, image: Image, deviation: FloatImage, number: int) -> Image:
-        """Add the sensor's noise to an image, in place, the same in all three colours (JPEG keeps hardly more)."""
+        """Add the sensor's noise, in place, the same in all three colours (JPEG keeps hardly more)."""
         rng = np.random.default_rng((self._seed, 4, number))
         top, left = rng.integers(0, NOISE_MARGIN_PX, 2)
         noise = self._noise[top : top + image.shape[0], left : left + image.shape[1]]
-        grey, colors = np.empty(image.shape[:2], np.uint8), np.empty_like(image)
-        # Brighter and darker apart, each saturating in 8 bits: four times as fast as one pass in float.
-        for change, scale in ((cv2.add, 1), (cv2.subtract, -1)):
-            cv2.multiply(deviation, noise, dst=grey, scale=scale, dtype=cv2.CV_8U)
-            change(image, cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR, dst=colors), dst=image)
+        # Strips stay in the processor's cache. Brighter and darker apart, each saturating in 8 bits: four times
+        # as fast as one pass in float.
+        for start in range(0, image.shape[0], NOISE_STRIP_PX):
+            strip = slice(start, start + NOISE_STRIP_PX)
+            for change, scale in ((cv2.add, 1), (cv2.subtract, -1)):
+                grey = cv2.multiply(deviation[strip], noise[strip], scale=scale, dtype=cv2.CV_8U)
+                change(image[strip], cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR), dst=image[strip])
         return image
 
     def _pieces(self, tip: Vec, along: Vec) -> list[Box]:
