@@ -86,7 +86,8 @@ def build(
     """
     clock: Clock = MonotonicClock() if is_realtime(config) else VirtualClock()
     procedure = load_procedure(config.run.procedure)
-    given = _given_registration(config)
+    load_registration = _load("haptigraph.perception.registration:load_registration")
+    given = load_registration(config.source.registration) if config.source.registration else None
     with ExitStack() as undo:
         source = open_source(config, clock, given)
         undo.callback(source.close)
@@ -101,9 +102,12 @@ def build(
             device = TappedDevice(device, listener)
         hand = _hand(device, config, clock)
         undo.callback(hand.close)
-        recorders = _recorders(writer, clock, progress)
-        for recorder in recorders:
-            undo.callback(recorder.close)
+        recorders: list[Sink] = []
+        if writer is not None:
+            waits = isinstance(clock, VirtualClock)
+            recorder = _load("haptigraph.sinks.recorder:Recorder")
+            recorders.append(recorder(writer, waits=waits, progress=progress))
+            undo.callback(recorders[0].close)
         loop = Loop(
             pipeline,
             source=source,
@@ -248,12 +252,6 @@ def _measure_shapes() -> dict[str, tuple[tuple[str, str], ...]]:
     return {name: measure.shapes for name, measure in MEASURES.items()}
 
 
-def _given_registration(config: Config) -> "Registration | None":
-    from haptigraph.perception.registration import load_registration
-
-    return load_registration(config.source.registration) if config.source.registration else None
-
-
 def _own_registration(source: Source, config: Config) -> "Registration":
     from haptigraph.perception.registration import parse_registration
 
@@ -303,13 +301,6 @@ def _run_writer(
     schema = procedure.schema
     measures = tuple(dict.fromkeys(schema.measure_name(relation) for relation in schema.relations))
     return RunWriter(config.recording.path, info, registration.image, measures)
-
-
-def _recorders(writer: RunWriter | None, clock: Clock, progress: Progress | None) -> list[Sink]:
-    if writer is None:
-        return []
-    waits = isinstance(clock, VirtualClock)
-    return [_load("haptigraph.sinks.recorder:Recorder")(writer, waits=waits, progress=progress)]
 
 
 def _camera_number(argument: str) -> int:

@@ -42,7 +42,8 @@ def live(
 ) -> None:
     """Run the loop on SOURCE in real time, with a page to watch it by.
 
-    SOURCE is what `run` takes; a scenario starts again when it is over. Open the printed address.
+    SOURCE is what `run` takes; without one, you steer a simulated needle from the page. A scenario starts
+    again when it is over. Open the printed address.
     The page is for this machine only; with another --host, only for those who know the token.
     """
     import secrets
@@ -60,7 +61,8 @@ def live(
         "recording.path": record,
         "run.realtime": True,
     }
-    settled = load_config(config, (*settings, *settings_of(options)))
+    begin = () if config else ("source.uri=teleop",)
+    settled = load_config(config, (*begin, *settings, *settings_of(options)))
     if settled.source.uri.startswith("phantom:"):
         settled = load_config(config, ("source.loop=true", *settings, *settings_of(options)))
     key = token or ("" if host in LOOPBACK else secrets.token_urlsafe(12))

@@ -171,5 +171,6 @@ class Hub:
             time_ms=self.to_ms(step.stamp_ns),
             commanded_ms=self.to_ms(step.timing.commanded_ns if step.timing else step.stamp_ns),
             has_picture=bool(picture),
+            hand=capture.hand,
         )
         return packed(header, picture)

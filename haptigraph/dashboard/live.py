@@ -55,8 +55,10 @@ class LivePage:
             registration = parse_registration(loop.source.registration or "", config.source.uri)
         procedure, view = load_procedure(config.run.procedure), IoctView(registration, VIEW_PX)
         moving = frozenset(entity.name for entity in procedure.schema.entities) - set(registration.anatomy)
-        self.hub.introduce(told("hello", **describe(config, procedure, registration, view)), view, moving)
-        site = Site(self.hub, Controls(self.hub))
+        teleop = getattr(loop.source, "teleop", None)
+        hello = describe(config, procedure, registration, view)
+        self.hub.introduce(told("hello", **hello, steerable=teleop is not None), view, moving)
+        site = Site(self.hub, Controls(self.hub, teleop))
         app = make_app(site, Health(loop, self.hub), host=self._host, token=self._token)
         with Server(app, self._listener):
             yield

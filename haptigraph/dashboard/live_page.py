@@ -13,7 +13,7 @@ from haptigraph.dashboard.controls import Controls
 from haptigraph.dashboard.hub import Hub
 from haptigraph.dashboard.site import Site
 from haptigraph.dashboard.viewer import Viewer
-from haptigraph.dashboard.wire import Ack, Heard, Ping, Release, Take, Watch, heard, told
+from haptigraph.dashboard.wire import Ack, Heard, Motion, Ping, Release, Take, Tune, Watch, heard, told
 
 __all__ = ["routes"]
 
@@ -72,7 +72,9 @@ def _text(received: Any) -> str:
 
 
 def _obey(message: Heard, viewer: Viewer, hub: Hub, controls: Controls) -> None:
-    if isinstance(message, Ack):
+    if isinstance(message, Motion):
+        controls.move(viewer, message.hand)
+    elif isinstance(message, Ack):
         viewer.acknowledge(message.number)
     elif isinstance(message, Watch):
         viewer.wants_images = message.images
@@ -80,5 +82,7 @@ def _obey(message: Heard, viewer: Viewer, hub: Hub, controls: Controls) -> None:
         viewer.tell(told("pong", time_ms=message.time_ms, now_ms=hub.now_ms()))
     elif isinstance(message, Take):
         controls.take(viewer)
+    elif isinstance(message, Tune):
+        controls.tune(viewer, message.settings)
     elif isinstance(message, Release):
         controls.release(viewer)

@@ -10,15 +10,18 @@ from msgspec import Meta, Struct
 
 from haptigraph.geometry import Geometry
 from haptigraph.graph import Names
-from haptigraph.messages import Step
+from haptigraph.messages import HandState, Step
+from haptigraph.teleop.motion import HandMotion, TeleopSettings
 
 __all__ = [
     "Ack",
     "Heard",
+    "Motion",
     "Ping",
     "Release",
     "Shown",
     "Take",
+    "Tune",
     "Watch",
     "heard",
     "packed",
@@ -55,7 +58,19 @@ class Release(Struct, tag="release", frozen=True, forbid_unknown_fields=True):
     """Anyone else may have the controls."""
 
 
-Heard: TypeAlias = Ack | Watch | Ping | Take | Release
+class Motion(Struct, tag="motion", frozen=True, forbid_unknown_fields=True):
+    """What the hand did since the last such message."""
+
+    hand: HandMotion
+
+
+class Tune(Struct, tag="tune", frozen=True, forbid_unknown_fields=True):
+    """How the motion of the hand shall become motion of the tool."""
+
+    settings: TeleopSettings
+
+
+Heard: TypeAlias = Ack | Watch | Ping | Take | Release | Motion | Tune
 """What a page may say."""
 
 _DECODER = msgspec.json.Decoder(Heard)
@@ -85,8 +100,8 @@ class Shown(Struct, frozen=True, tag="image"):
     """Shapes of the moving entities by name, eye frame."""
     faults: tuple[str, ...]
     has_picture: bool
-    input_number: int = 0
-    """The holder's last motion that this image may show."""
+    hand: HandState | None
+    """What the hand that steers did for this image."""
 
 
 def heard(text: str) -> Heard:

@@ -19,14 +19,14 @@ export class Controls {
     $("scale").addEventListener("input", () => this.tune({ motion_scale: Number($("scale").value) }));
     $("filter").addEventListener("change", () => this.tune({ tremor_filter: $("filter").checked }));
     $("tremor").addEventListener("change", () => this.tune({ added_tremor_mm: $("tremor").checked ? TREMOR_MM : 0 }));
-    $("clutch-switch").append(toggle("Move only while the clutch is held", false, (on) => { steering.needsClutch = on; }, "needs-clutch"));
+    $("switches").append(toggle("Needs clutch", false, (on) => { steering.needsClutch = on; }, "needs-clutch"));
     $("map").addEventListener("click", () => { this.fillDialog(); $("mapping").showModal(); });
     $("standard").addEventListener("click", () => { controller.standard(); this.fillDialog(); });
     steering.onFilter = () => this.tune({ tremor_filter: !this.settings.tremor_filter });
   }
 
   begin(hello) {
-    const steerable = Boolean(hello.settings);
+    const { steerable } = hello;
     $("steering").hidden = !steerable;
     document.querySelector("main").classList.toggle("steerable", steerable);
     if (steerable && !document.hidden) this.send({ type: "take" });
@@ -34,8 +34,8 @@ export class Controls {
 
   tune(change) { this.send({ type: "tune", settings: { ...this.settings, ...change } }); }
 
-  showSettings(settings) {
-    this.settings = settings;
+  showSettings({ motion_scale, tremor_filter, added_tremor_mm }) {
+    const settings = this.settings = { motion_scale, tremor_filter, added_tremor_mm };
     if (document.activeElement !== $("scale")) $("scale").value = settings.motion_scale;
     $("scale-value").textContent = `× ${settings.motion_scale.toFixed(2)}`;
     $("filter").checked = settings.tremor_filter;

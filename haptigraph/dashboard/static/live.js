@@ -28,7 +28,7 @@ const banner = new Banner();
 const touch = new Touch(150);
 const controller = new Controller();
 const rumble = new Rumble(() => controller.pad());
-const page = { hello: null, header: null, heard_ms: -Infinity, latency_ms: NaN, ended: "", isOpen: false };
+export const page = { hello: null, header: null, heard_ms: -Infinity, latency_ms: NaN, ended: "", isOpen: false };
 
 const hear = {
   hello(message) {

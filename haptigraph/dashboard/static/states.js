@@ -2,7 +2,7 @@
 
 import { sign, svg } from "./signs.js";
 
-const WIDTH = 500, BOX = { width: 234, height: 40 }, GAP = 10;
+const WIDTH = 480, BOX = { width: 226, height: 44 }, GAP = 20;
 
 export class Diagram {
   /** @param {SVGSVGElement} root */

@@ -2,7 +2,7 @@
 
 import { Keyboard, Mouse } from "./inputs.js";
 
-const TICK_MS = 16, SPEED_MM_S = 40, FINE = 0.25, LONGEST_STEP_S = 0.1;
+const TICK_MS = 16, SPEED_MM_S = 30, FINE = 0.25, LONGEST_STEP_S = 0.1;
 
 export class Steering {
   /**

@@ -87,11 +87,9 @@ export class View {
     c.globalAlpha = holds ? 0.2 : 0.04;
     c.fillStyle = holds ? own : LINE;
     c.fill();
-    c.globalAlpha = holds ? 1 : 0.45;
-    c.strokeStyle = holds ? own : LINE;
-    c.lineWidth = (holds ? 2 : 1) * this.unit;
-    c.setLineDash(holds ? [] : [4 * this.unit, 4 * this.unit]);
-    c.stroke();
+    c.globalAlpha = holds ? 1 : 0.6;
+    c.setLineDash(holds ? [] : [5 * this.unit, 5 * this.unit]);
+    this.halo(holds ? own : LINE, holds ? 2 : 1, holds ? 2 : 1.2);
     c.setLineDash([]);
     c.globalAlpha = 1;
   }
@@ -133,10 +131,11 @@ export class View {
     if (closes) c.closePath();
   }
 
-  halo(color, width) {
+  /** Stroke a line that can be seen on bright and dark: with a dark edge. */
+  halo(color, width, edge = 3) {
     const c = this.context;
     c.lineCap = "round";
-    c.strokeStyle = "#000c"; c.lineWidth = (width + 3) * this.unit; c.stroke();
+    c.strokeStyle = "#000a"; c.lineWidth = (width + edge) * this.unit; c.stroke();
     c.strokeStyle = color; c.lineWidth = width * this.unit; c.stroke();
   }
 }
