@@ -1,83 +1,43 @@
-"""The real server in a process of its own, and Debian's Chromium to look at it. Skipped where it is absent."""
+"""One browser for all tests, a fresh page for each. Skipped, and told so, where Chromium is absent."""
 
 import re
-import shutil
-import signal
-import subprocess
-import sys
 
 import pytest
-
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-FLAGS = [
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-]
-
-
-class Live:
-    """A running `haptigraph live`.
-
-    Args:
-        arguments: What stands behind `haptigraph live`.
-    """
-
-    def __init__(self, *arguments: object) -> None:
-        command = [sys.executable, "-m", "haptigraph", "live", *map(str, arguments)]
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        self.told: list[str] = []
-        for line in self.process.stderr:
-            self.told.append(line)
-            if found := re.search(r"the page is at (http://\S+)", line):
-                self.url = found[1]
-                return
-        raise AssertionError("".join(self.told))
-
-    def stop(self, how: signal.Signals = signal.SIGINT) -> str:
-        """End it and return all it said."""
-        self.process.send_signal(how)
-        out, err = self.process.communicate(timeout=30)
-        return "".join(self.told) + out + err
-
-    def __enter__(self) -> "Live":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self.process.poll() is None:
-            self.process.kill()
-        self.process.communicate()
+from live_bench import CHROMIUM, PAD, Live, until
+from live_bench import chromium as start_chromium
 
 
 @pytest.fixture(scope="session")
-def chromium(tmp_path_factory):
+def chromium():
     if CHROMIUM is None:
         pytest.skip("needs Chromium: apt-get install chromium")
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS, headless=True)
+    with start_chromium() as browser:
         yield browser
-        browser.close()
 
 
 @pytest.fixture
-def page(chromium):
-    """A fresh page; the test fails if it logged an error or asked for anything from elsewhere."""
-    context = chromium.new_context(viewport={"width": 1366, "height": 768})
-    page = context.new_page()
-    page.set_default_timeout(20_000)
-    problems: list[str] = []
-    page.on("console", lambda message: problems.append(message.text) if message.type == "error" else None)
-    page.on("pageerror", lambda error: problems.append(str(error)))
-    page.on("request", lambda request: problems.append(request.url) if _is_foreign(request.url) else None)
-    page.problems = problems
-    yield page
-    context.close()
+def open_page(chromium):
+    """Open pages, each in a browser context of its own; the test fails if one logs an error or looks elsewhere."""
+    contexts, problems = [], []
+
+    def open_one(url: str, *, pad: bool = False, size: tuple[int, int] = (1366, 768)):
+        context = chromium.new_context(viewport={"width": size[0], "height": size[1]})
+        contexts.append(context)
+        if pad:
+            context.add_init_script(PAD)
+        page = context.new_page()
+        page.set_default_timeout(30_000)
+        page.problems = problems
+        page.on("console", lambda message: problems.append(message.text) if message.type == "error" else None)
+        page.on("pageerror", lambda error: problems.append(str(error)))
+        page.on("request", lambda request: problems.append(request.url) if _is_foreign(request.url) else None)
+        page.goto(url)
+        until(page, "document.body.dataset.index > 0")
+        return page
+
+    yield open_one
+    for context in contexts:
+        context.close()
     assert problems == []
 
 
