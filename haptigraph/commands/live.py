@@ -12,7 +12,6 @@ from haptigraph.commands.options import (
     settings_of,
 )
 from haptigraph.commands.running import run_loop
-from haptigraph.terminal import tell
 
 __all__ = ["live"]
 
@@ -67,8 +66,4 @@ def live(
         settled = load_config(config, ("source.loop=true", *settings, *settings_of(options)))
     key = token or ("" if host in LOOPBACK else secrets.token_urlsafe(12))
     with closing(listen(host, port or 0)) as listener:
-        shown = f"[{host}]" if ":" in host else host
-        address = f"http://{shown}:{listener.getsockname()[1]}/" + (f"?token={key}" if key else "")
-        page = LivePage(settled, listener, host=host, token=key)
-        tell(f"haptigraph: the page is at {address}")
-        run_loop(settled, page)
+        run_loop(settled, LivePage(settled, listener, host=host, token=key))

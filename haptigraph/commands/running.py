@@ -18,8 +18,10 @@ from haptigraph.errors import BadInput, HaptigraphError
 from haptigraph.terminal import progress_bar, tell, terminable
 
 if TYPE_CHECKING:
+    from haptigraph.analysis.measures import RunMeasures
     from haptigraph.config import Config
     from haptigraph.dashboard.live import LivePage
+    from haptigraph.pipeline import Loop
     from haptigraph.stages import Sink
 
 __all__ = ["demo", "run", "run_loop"]
@@ -107,7 +109,7 @@ def run_loop(config: "Config", page: "LivePage | None" = None) -> bool:
     from haptigraph.assemble import build, is_realtime, load_procedure
     from haptigraph.sinks.console import ConsoleSink
 
-    measures, failure = RunMeasures.under(load_procedure(config.run.procedure).schema), None
+    measures = RunMeasures.under(load_procedure(config.run.procedure).schema)
     with terminable(), progress_bar() as progress:
         console = ConsoleSink(shows_time=not is_realtime(config))
         sinks: list[Sink] = [console, page.hub] if page else [console]
@@ -116,16 +118,10 @@ def run_loop(config: "Config", page: "LivePage | None" = None) -> bool:
             closing(build(config, sinks=sinks, progress=progress, listener=listener)) as loop,
             page.served(loop) if page else nullcontext(),
         ):
-            for note in loop.notes:
-                tell(f"{config.haptics.device}: {note}")
-            try:
-                with closing(loop.steps()) as steps:
-                    for step in steps:
-                        measures.add(step)
-            except KeyboardInterrupt:
-                loop.report.ended = "interrupted"
-            except HaptigraphError as error:
-                loop.report.ended, failure = "failed", error
+            notes = [f"haptigraph: the page is at {page.address}"] if page else []
+            for note in (*notes, *(f"{config.haptics.device}: {note}" for note in loop.notes)):
+                tell(note)
+            failure = _to_its_end(loop, measures)
             if loop.report.steps or failure is None:
                 click.echo(f"\n{summary(measures, loop.report)}")
             if config.recording.path and loop.report.steps:
@@ -137,6 +133,20 @@ def run_loop(config: "Config", page: "LivePage | None" = None) -> bool:
     if failure is not None:
         raise failure
     return loop.report.ended != "interrupted"
+
+
+def _to_its_end(loop: "Loop", measures: "RunMeasures") -> HaptigraphError | None:
+    """Run a loop until its source, the user or an error ends it; return the error."""
+    try:
+        with closing(loop.steps()) as steps:
+            for step in steps:
+                measures.add(step)
+    except KeyboardInterrupt:
+        loop.report.ended = "interrupted"
+    except HaptigraphError as error:
+        loop.report.ended = "failed"
+        return error
+    return None
 
 
 def _outlast(page: "LivePage", ended: str) -> None:

@@ -4,6 +4,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from socket import socket
+from urllib.parse import quote
 
 from haptigraph.assemble import load_procedure
 from haptigraph.clock import MonotonicClock
@@ -37,6 +38,13 @@ class LivePage:
     def __init__(self, config: Config, listener: socket, *, host: str, token: str) -> None:
         self.hub = Hub(MonotonicClock())
         self._config, self._listener, self._host, self._token = config, listener, host, token
+
+    @property
+    def address(self) -> str:
+        """What to open in a browser."""
+        host = f"[{self._host}]" if ":" in self._host else self._host
+        secret = f"?token={quote(self._token)}" if self._token else ""
+        return f"http://{host}:{self._listener.getsockname()[1]}/{secret}"
 
     @contextmanager
     def served(self, loop: Loop) -> Iterator[None]:

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from itertools import count
 from typing import Any
 
-import msgspec
 from starlette.routing import BaseRoute, WebSocketRoute
 from starlette.websockets import WebSocket
 
@@ -57,7 +56,7 @@ async def _listen(websocket: WebSocket, viewer: Viewer, hub: Hub, controls: Cont
     while (received := await websocket.receive())["type"] == "websocket.receive":
         try:
             message = heard(_text(received))
-        except (msgspec.DecodeError, ValueError) as error:
+        except ValueError as error:
             # Sent from here, so that who sends nonsense waits until it has read the answer.
             await websocket.send_text(told("error", message=f"not understood: {error}"))
         else:

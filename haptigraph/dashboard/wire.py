@@ -108,9 +108,14 @@ def heard(text: str) -> Heard:
     """Read what a page says.
 
     Raises:
-        msgspec.DecodeError: If it is no such message; the sentence says why.
+        ValueError: If it is no such message; the sentence says why.
     """
-    message: Heard = _DECODER.decode(text)
+    try:
+        message: Heard = _DECODER.decode(text)
+    except msgspec.MsgspecError as error:
+        raise ValueError(str(error)) from None
+    except RecursionError:
+        raise ValueError("nested too deeply") from None
     return message
 
 
