@@ -141,8 +141,13 @@ def build_pipeline(config: Config, registration: "Registration", procedure: "Pro
         BadInput: If there is no such perceiver.
     """
     perceiver = _named(PERCEIVERS, "perceiver", config.perception.perceiver)
+    perceive = perceiver(registration.straight, config.perception)
+    slant = registration.image.straight_from_image
+    if slant is not None:
+        straightened = _load("haptigraph.perception.straightening:StraightenedPerceiver")
+        perceive = straightened(perceive, registration, slant)
     return Pipeline(
-        perceive=perceiver(registration, config.perception),
+        perceive=perceive,
         build_scene=_load("haptigraph.scene.builder:SchemaSceneBuilder")(procedure.schema),
         reason=_load("haptigraph.inference.engine:RuleEngine")(procedure),
         render=_load("haptigraph.haptics.renderer:GrammarRenderer")(procedure.patterns),

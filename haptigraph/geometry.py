@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 __all__ = [
     "Circle",
     "Geometry",
+    "Homography",
     "ImageGeometry",
     "Point",
     "Polyline",
@@ -26,6 +27,7 @@ __all__ = [
     "crosses_polyline",
     "distance_to_line",
     "distance_to_polyline",
+    "nearest_on_polyline",
     "norm",
     "rotate",
     "subtract",
@@ -121,11 +123,23 @@ def distance_to_line(point: Vec, start: Vec, end: Vec) -> float:
 
 def distance_to_polyline(point_mm: Vec, line: Polyline) -> float:
     """Return the distance of a point to the nearest place on a polyline [mm]."""
+    gap_x, gap_y = _gaps(point_mm, line)
+    return math.sqrt((gap_x * gap_x + gap_y * gap_y).min())
+
+
+def nearest_on_polyline(point_mm: Vec, line: Polyline) -> Vec:
+    """Return the place on a polyline that is nearest to a point."""
+    gap_x, gap_y = _gaps(point_mm, line)
+    best = int((gap_x * gap_x + gap_y * gap_y).argmin())
+    return point_mm[0] - float(gap_x[best]), point_mm[1] - float(gap_y[best])
+
+
+def _gaps(point_mm: Vec, line: Polyline) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the ways (x, y) to a point from the nearest place on every piece, (n - 1,) each."""
     (x, y), (dx, dy, squared) = line.columns_mm, line.steps_mm
     from_x, from_y = point_mm[0] - x[:-1], point_mm[1] - y[:-1]
     share = np.minimum(np.maximum((from_x * dx + from_y * dy) / squared, 0.0), 1.0)
-    gap_x, gap_y = from_x - share * dx, from_y - share * dy
-    return math.sqrt((gap_x * gap_x + gap_y * gap_y).min())
+    return from_x - share * dx, from_y - share * dy
 
 
 def crosses_polyline(start_mm: Vec, end_mm: Vec, line: Polyline) -> bool:
@@ -141,10 +155,41 @@ def crosses_polyline(start_mm: Vec, end_mm: Vec, line: Polyline) -> bool:
     return bool(crossed.any())
 
 
+class Homography(Struct, frozen=True, dict=True):
+    """A map from one picture of a plane to another, such as two cameras take it."""
+
+    rows: tuple[tuple[float, float, float], ...]
+    """Three by three, for (x, y, 1); the result is divided by its third part."""
+
+    def __call__(self, at_px: Vec) -> Vec:
+        """Return where a place lies in the other picture."""
+        x, y, scale = (row[0] * at_px[0] + row[1] * at_px[1] + row[2] for row in self.rows)
+        return x / scale, y / scale
+
+    @cached_property
+    def matrix(self) -> NDArray[np.float64]:
+        """The rows, (3, 3)."""
+        return np.array(self.rows, dtype=np.float64)
+
+    @cached_property
+    def inverse(self) -> Homography:
+        """The map back.
+
+        Raises:
+            ValueError: If there is none.
+        """
+        try:
+            back = np.linalg.inv(self.matrix)
+        except np.linalg.LinAlgError:
+            raise ValueError("a homography that maps a plane to a line has no inverse") from None
+        return Homography(tuple(tuple(row) for row in (back / back[2, 2]).tolist()))
+
+
 class ImageGeometry(Struct, frozen=True):
     """Where the eye frame lies in an image: pixels <-> millimetres.
 
-    Pixels: the centre of the top-left pixel is (0, 0), x right, y down, in the image as stored.
+    Pixels: the centre of the top-left pixel is (0, 0), x right, y down, in the image as stored. Where the
+    camera looks at a slant, centre and scale are those of the straightened image.
     """
 
     center_px: Vec
@@ -152,16 +197,21 @@ class ImageGeometry(Struct, frozen=True):
     mm_per_px: float
     mirrored: bool
     """Whether the image as stored is left-right mirrored (seen through one mirror)."""
+    straight_from_image: Homography | None = None
+    """From the image as stored to the one a camera that looks straight at the section would take."""
 
     def to_mm(self, at_px: Vec) -> Vec:
         """Turn a pixel position into the eye frame [mm]."""
+        if self.straight_from_image is not None:
+            at_px = self.straight_from_image(at_px)
         right = (at_px[0] - self.center_px[0]) * self.mm_per_px
         return -right if self.mirrored else right, (self.center_px[1] - at_px[1]) * self.mm_per_px
 
     def to_px(self, at_mm: Vec) -> Vec:
         """Turn an eye-frame position [mm] into pixels of the image as stored."""
         right = -at_mm[0] if self.mirrored else at_mm[0]
-        return (
+        at_px = (
             self.center_px[0] + right / self.mm_per_px,
             self.center_px[1] - at_mm[1] / self.mm_per_px,
         )
+        return self.straight_from_image.inverse(at_px) if self.straight_from_image else at_px

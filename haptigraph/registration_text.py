@@ -5,7 +5,7 @@ Pixels in, text out; the checks are made when it is read. Used by whoever knows 
 
 from msgspec import Struct
 
-from haptigraph.geometry import Vec
+from haptigraph.geometry import Homography, Vec
 
 __all__ = ["FORMAT", "AnatomyPx", "TrocarPx", "registration_text"]
 
@@ -29,10 +29,13 @@ class AnatomyPx(Struct, frozen=True):
     mirrored: bool
     center_px: Vec
     radius_px: float
+    """In the straightened image, if there is one."""
     diameter_mm: float
     contour_px: tuple[Vec, ...]
     target_px: Vec
     trocars: tuple[TrocarPx, ...]
+    straight_from_image: Homography | None = None
+    """To the straightened image, where the camera looks at a slant."""
 
 
 def registration_text(anatomy: AnatomyPx, title: str) -> str:
@@ -61,7 +64,14 @@ contour_px = [{contour}]
 
 [target]
 point_px = {_px(anatomy.target_px)}
-{trocars}"""
+{trocars}{_slant(anatomy.straight_from_image)}"""
+
+
+def _slant(straight_from_image: Homography | None) -> str:
+    if straight_from_image is None:
+        return ""
+    rows = ",\n  ".join(str([float(f"{value:.9g}") for value in row]) for row in straight_from_image.rows)
+    return f"\n[homography]\nstraight_from_image = [\n  {rows},\n]\n"
 
 
 def _px(at_px: Vec) -> str:

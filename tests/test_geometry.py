@@ -5,12 +5,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from haptigraph.geometry import (
+    Homography,
     ImageGeometry,
     Polyline,
     angle_between_deg,
     crosses_polyline,
     distance_to_line,
     distance_to_polyline,
+    nearest_on_polyline,
     norm,
     rotate,
     subtract,
@@ -101,3 +103,22 @@ def test_eye_frame_is_right_and_up_as_the_surgeon_sees_it():
 def test_subtract_then_add_returns(a, b):
     d = subtract(a, b)
     assert (b[0] + d[0], b[1] + d[1]) == pytest.approx(a)
+
+
+@given(vector)
+def test_the_nearest_place_lies_on_the_line_at_the_distance(point):
+    nearest = nearest_on_polyline(point, ARC)
+    assert distance_to_polyline(nearest, ARC) == pytest.approx(0, abs=1e-9)
+    assert norm(subtract(point, nearest)) == pytest.approx(distance_to_polyline(point, ARC))
+
+
+@given(vector, st.floats(-3e-4, 3e-4), st.floats(-3e-4, 3e-4))
+def test_a_slanted_view_leads_there_and_back(at_mm, right, down):
+    slant = Homography(((0.98, 0.01, 4.0), (0.02, 1.03, -7.0), (right, down, 1.0)))
+    image = ImageGeometry((320.0, 200.0), 0.1, mirrored=True, straight_from_image=slant)
+    assert image.to_mm(image.to_px(at_mm)) == pytest.approx(at_mm, abs=1e-6)
+
+
+def test_a_homography_onto_a_line_has_no_inverse():
+    with pytest.raises(ValueError, match="no inverse"):
+        _ = Homography(((1.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))).inverse

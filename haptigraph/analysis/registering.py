@@ -6,12 +6,12 @@ Either both files are written or neither.
 import json
 import os
 import tempfile
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from contextlib import closing
 from pathlib import Path
 
 from haptigraph.analysis.registration_picture import registration_picture
-from haptigraph.analysis.registration_report import WALL_MM, report_lines, wall_mm
+from haptigraph.analysis.registration_report import WALL_MM, in_px_and_mm, report_lines, wall_mm
 from haptigraph.analysis.registration_wishes import Wishes, check_wishes, settled
 from haptigraph.assemble import open_source
 from haptigraph.clock import VirtualClock
@@ -24,10 +24,11 @@ from haptigraph.recording.codec import decode
 from haptigraph.recording.writer import Progress
 from haptigraph.registration_text import registration_text
 
-__all__ = ["register_source"]
+__all__ = ["register_source", "sound_anatomy"]
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
-MOST_OUT_OF_ROUND_MM = 0.35
+MOST_TILT_DEG = 20.0
+MOST_OUT_OF_ROUND_MM = 0.1  # of what is left after straightening
 
 
 def register_source(
@@ -59,17 +60,28 @@ def register_source(
     check_wishes(wishes)
     _check_files(files, force=force)
     images = _spread_images(source, wishes.images, progress)
+    anatomy = sound_anatomy(images, wishes.diameter_mm, source)
+    mm_per_px = wishes.diameter_mm / (2 * anatomy.radius_px)
+    found = settled(anatomy, wishes, mm_per_px, source)
+    doubt = f"globe and retina uncertain by {in_px_and_mm(anatomy.rim_doubt_px, mm_per_px)}"
+    text = registration_text(found, f"Registration found by haptigraph in {Path(source).name}; {doubt}.")
+    registration = parse_registration(text, f"registration found in {source}")
+    _write(files, (text.encode(), registration_picture(anatomy, registration, found, doubt)))
+    return "\n".join(report_lines(anatomy, found, registration, wishes, files))
+
+
+def sound_anatomy(images: Sequence[Image], diameter_mm: float, source: str) -> Anatomy:
+    """Find the anatomy, and refuse what is no eye.
+
+    Raises:
+        BadInput: If something cannot be found or makes no sense; it names the source.
+    """
     try:
         anatomy = find_anatomy(images)
     except BadInput as error:
         raise BadInput(error.problem, source) from None
-    mm_per_px = wishes.diameter_mm / (2 * anatomy.radius_px)
-    _check_plausible(anatomy, mm_per_px, source)
-    found = settled(anatomy, wishes, mm_per_px, source)
-    text = registration_text(found, f"Registration found by haptigraph in {Path(source).name}.")
-    registration = parse_registration(text, f"registration found in {source}")
-    _write(files, (text.encode(), registration_picture(anatomy, registration, found)))
-    return "\n".join(report_lines(anatomy, found, registration, wishes, files))
+    _check_plausible(anatomy, diameter_mm / (2 * anatomy.radius_px), source)
+    return anatomy
 
 
 def _check_files(files: tuple[Path, Path], *, force: bool) -> None:
@@ -127,11 +139,17 @@ def _all_images(uri: str) -> Generator[Image, None, None]:
 
 
 def _check_plausible(anatomy: Anatomy, mm_per_px: float, source: str) -> None:
+    if anatomy.slant is not None and anatomy.slant.angle_deg > MOST_TILT_DEG:
+        raise BadInput(
+            f"the camera looks at the globe at a slant of {anatomy.slant.angle_deg:.0f} deg, at most "
+            f"{MOST_TILT_DEG:g} deg is handled; turn it to look straight at the section",
+            source,
+        )
     off_mm = anatomy.rim.inner.out_of_round_px * mm_per_px
     if off_mm > MOST_OUT_OF_ROUND_MM:
         raise BadInput(
-            f"the globe is seen at a slant: its radius varies by {off_mm:.2f} mm either way, at most "
-            f"{MOST_OUT_OF_ROUND_MM} mm is handled; turn the camera to look straight at the section",
+            f"the globe is not round: its radius varies by {off_mm:.2f} mm either way, at most "
+            f"{MOST_OUT_OF_ROUND_MM} mm is handled",
             source,
         )
     if anatomy.rim.outer is None:

@@ -1,5 +1,8 @@
 """Draw a registration over the picture it was found in, for a person to look at before trusting it."""
 
+from collections.abc import Sequence
+from typing import TypeAlias
+
 import cv2
 import numpy as np
 
@@ -18,21 +21,21 @@ GLOBE, RETINA, TROCAR, TARGET, WALL = (
     (90, 230, 90),
     (200, 120, 200),
 )
+Color: TypeAlias = tuple[int, int, int]
 FINE = 4  # binary places of a pixel in OpenCV's drawing
 SCALE_BAR_MM = 5.0
 
 
-def registration_picture(anatomy: Anatomy, registration: Registration, found: AnatomyPx) -> bytes:
-    """Return a PNG."""
+def registration_picture(anatomy: Anatomy, registration: Registration, found: AnatomyPx, doubt: str) -> bytes:
+    """Return a PNG; `doubt` is written into it."""
     still = anatomy.still
     canvas = (
         still.copy() if still.ndim == 3 else np.asarray(cv2.cvtColor(still, cv2.COLOR_GRAY2BGR), np.uint8)
     )
     if anatomy.rim.outer is not None:
-        _circle(canvas, anatomy.rim.outer.center_px, anatomy.rim.outer.radius_px, WALL)
-    _circle(canvas, found.center_px, found.radius_px, GLOBE)
-    corners = np.round(np.array(found.contour_px) * 2**FINE).astype(np.int32)
-    cv2.polylines(canvas, [corners], False, RETINA, 2, cv2.LINE_AA, FINE)
+        _round(canvas, anatomy, anatomy.rim.outer.center_px, anatomy.rim.outer.radius_px, WALL)
+    _round(canvas, anatomy, anatomy.center_px, anatomy.radius_px, GLOBE)
+    _chain(canvas, found.contour_px, RETINA, 2)
     for trocar in found.trocars:
         _circle(canvas, trocar.point_px, 6, TROCAR, 2)
         _say(canvas, f"{trocar.name}{' (used)' if trocar.used else ''}", trocar.point_px, TROCAR)
@@ -45,20 +48,31 @@ def registration_picture(anatomy: Anatomy, registration: Registration, found: An
     _circle(canvas, found.target_px, 6, TARGET, 2)
     _say(canvas, "target", found.target_px, TARGET)
     _scale_bar(canvas, registration.image.mm_per_px)
+    _say(canvas, doubt, (12, canvas.shape[0] - 44), (255, 255, 255))
     done, png = cv2.imencode(".png", canvas)
     if not done:
         raise RuntimeError("OpenCV could not encode a PNG")
     return png.tobytes()
 
 
-def _circle(
-    canvas: Image, center: Vec, radius_px: float, color: tuple[int, int, int], thick: int = 1
-) -> None:
+def _round(canvas: Image, anatomy: Anatomy, center: Vec, radius_px: float, color: Color) -> None:
+    """Draw a circle of the straightened picture as the camera sees it."""
+    turns = np.radians(np.arange(0, 361, 2))
+    places = zip(center[0] + radius_px * np.sin(turns), center[1] + radius_px * np.cos(turns), strict=True)
+    _chain(canvas, [anatomy.seen_px((float(x), float(y))) for x, y in places], color, 1)
+
+
+def _chain(canvas: Image, places_px: Sequence[Vec], color: Color, thick: int) -> None:
+    corners = np.round(np.array(places_px) * 2**FINE).astype(np.int32)
+    cv2.polylines(canvas, [corners], False, color, thick, cv2.LINE_AA, FINE)
+
+
+def _circle(canvas: Image, center: Vec, radius_px: float, color: Color, thick: int = 1) -> None:
     place = tuple(round(value * 2**FINE) for value in center)
     cv2.circle(canvas, place, round(radius_px * 2**FINE), color, thick, cv2.LINE_AA, FINE)
 
 
-def _say(canvas: Image, text: str, at_px: Vec, color: tuple[int, int, int]) -> None:
+def _say(canvas: Image, text: str, at_px: Vec, color: Color) -> None:
     place = round(at_px[0]) + 10, round(at_px[1]) - 10
     for ink, thick in (((0, 0, 0), 3), (color, 1)):
         cv2.putText(canvas, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.5, ink, thick, cv2.LINE_AA)

@@ -8,10 +8,10 @@ from haptigraph.perception.anatomy import Anatomy, FoundTrocar
 from haptigraph.perception.registration import Registration
 from haptigraph.registration_text import AnatomyPx, TrocarPx
 
-__all__ = ["WALL_MM", "report_lines", "wall_mm"]
+__all__ = ["WALL_MM", "in_px_and_mm", "report_lines", "wall_mm"]
 
 WALL_MM = (0.3, 4.0)  # plausible thickness
-UNSURE_PX = 5.0
+RIM_BY = {"needle": "by where the needle pivots", "mouths": "by the mouths of holes"}
 
 
 def wall_mm(anatomy: Anatomy, mm_per_px: float) -> float:
@@ -28,8 +28,8 @@ def report_lines(
     seen = inner.support_ratio
     lines = [
         f"globe      centre ({found.center_px[0]:.1f}, {found.center_px[1]:.1f}) px, radius "
-        f"{found.radius_px:.1f} px; residual {_both(inner.residual_px, mm)} on {seen:.0%} of it",
-        f"tilt       radius varies by {_both(inner.out_of_round_px, mm)} either way; the mean circle is kept",
+        f"{found.radius_px:.1f} px; residual {in_px_and_mm(inner.residual_px, mm)} on {seen:.0%} of it",
+        _tilt_line(anatomy, mm),
         f"scale      {mm:.5f} mm/px, from a diameter of {found.diameter_mm:g} mm",
     ]
     if outer is not None:
@@ -39,7 +39,7 @@ def report_lines(
         )
     else:
         lines.append("check      the wall's outer edge is not seen: make sure that the inner one was found")
-    lines += _rim_lines(anatomy)
+    lines.append(_rim_line(anatomy, mm))
     lines.append(
         f"retina     {len(found.contour_px)} points, {anatomy.refined} of them where the edge was seen"
     )
@@ -56,17 +56,32 @@ def report_lines(
     return [*lines, f"written    {files[0]}\npicture    {files[1]}"]
 
 
-def _rim_lines(anatomy: Anatomy) -> list[str]:
-    if anatomy.pivot is None:
-        return [
-            "rim        no needle moves: taken to lie in the section; "
-            "a clip with a moving needle would tell whether it stands before it, and is seen larger"
-        ]
-    if anatomy.pivot.radial_sd_px > UNSURE_PX:
-        return ["rim        the needle turns too little to tell whether the rim stands before the section"]
-    return [
-        f"rim        seen {anatomy.rim_ratio - 1:.1%} larger than the section, by where the needle pivots"
+def _tilt_line(anatomy: Anatomy, mm_per_px: float) -> str:
+    left = f"radius varies by {in_px_and_mm(anatomy.rim.inner.out_of_round_px, mm_per_px)} either way"
+    if anatomy.slant is None:
+        return f"tilt       none seen; {left}"
+    right, down = (math.degrees(part) for part in anatomy.slant.tilt_rad)
+    sides = [
+        name
+        for name, part in (("right", right), ("left", -right), ("lower", down), ("upper", -down))
+        if part > 0.35 * anatomy.slant.angle_deg
     ]
+    return (
+        f"tilt       {anatomy.slant.angle_deg:.1f} deg, the image's {' and '.join(sides)} side farther; "
+        f"a homography is written; after it, {left}"
+    )
+
+
+def _rim_line(anatomy: Anatomy, mm_per_px: float) -> str:
+    doubt = in_px_and_mm(anatomy.rim_doubt_px, mm_per_px)
+    if anatomy.rim_by:
+        by = " and ".join(RIM_BY[name] for name in anatomy.rim_by)
+        larger = f"{anatomy.rim_ratio - 1:.1%} larger than the section, {by}"
+        return f"rim        seen {larger}; that leaves globe and retina uncertain by {doubt}"
+    return (
+        "rim        taken to lie in the section; if it stands before it, globe and retina are off by "
+        f"{doubt} or so: a clip with a needle that turns would tell"
+    )
 
 
 def _trocar_line(anatomy: Anatomy, trocar: FoundTrocar, kept: TrocarPx, registration: Registration) -> str:
@@ -74,7 +89,7 @@ def _trocar_line(anatomy: Anatomy, trocar: FoundTrocar, kept: TrocarPx, registra
     out_mm = math.dist(trocar.point_px, anatomy.center_px) * mm - registration.globe.radius_mm
     how = "by the hole's mouth"
     if trocar.by == "needle" and anatomy.pivot is not None:
-        how = f"by {anatomy.pivot.lines} shaft lines, residual {_both(anatomy.pivot.residual_px, mm)}"
+        how = f"by {anatomy.pivot.lines} shaft lines, residual {in_px_and_mm(anatomy.pivot.residual_px, mm)}"
     used = ", in use" if kept.used else ""
     x, y = trocar.point_px
     return (
@@ -82,5 +97,6 @@ def _trocar_line(anatomy: Anatomy, trocar: FoundTrocar, kept: TrocarPx, registra
     )
 
 
-def _both(length_px: float, mm_per_px: float) -> str:
+def in_px_and_mm(length_px: float, mm_per_px: float) -> str:
+    """Return a length in both units."""
     return f"{length_px:.2f} px ({length_px * mm_per_px:.3f} mm)"

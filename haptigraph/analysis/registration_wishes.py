@@ -8,9 +8,10 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from haptigraph.errors import BadInput
-from haptigraph.geometry import Vec
+from haptigraph.geometry import ImageGeometry, Polyline, Vec, nearest_on_polyline
 from haptigraph.perception.anatomy import Anatomy, FoundTrocar
 from haptigraph.perception.registration import DIAMETER_RANGE_MM
 from haptigraph.registration_text import AnatomyPx, TrocarPx
@@ -53,17 +54,24 @@ def settled(anatomy: Anatomy, wishes: Wishes, mm_per_px: float, source: str) -> 
     Raises:
         BadInput: If a wish does not fit what was found.
     """
-    trocars = named_trocars(anatomy, wishes.mirrored)
+    way = anatomy.slant.straight_from_image if anatomy.slant else None
+    straight = ImageGeometry(anatomy.center_px, mm_per_px, wishes.mirrored)
+    image = replace(straight, straight_from_image=way)
+    retina = Polyline(tuple(straight.to_mm(point) for point in anatomy.contour_px))
+    trocars = _with_used(named_trocars(anatomy, wishes.mirrored), anatomy, wishes.trocar, source)
     return AnatomyPx(
         width_px=anatomy.still.shape[1],
         height_px=anatomy.still.shape[0],
         mirrored=wishes.mirrored,
-        center_px=anatomy.center_px,
+        center_px=anatomy.seen_px(anatomy.center_px),
         radius_px=anatomy.radius_px,
         diameter_mm=wishes.diameter_mm,
-        contour_px=anatomy.contour_px[:: -1 if wishes.mirrored else 1],
-        target_px=_target(anatomy, wishes, mm_per_px, source),
-        trocars=_with_used(trocars, anatomy, wishes.trocar, source),
+        contour_px=tuple(
+            anatomy.seen_px(point) for point in anatomy.contour_px[:: -1 if wishes.mirrored else 1]
+        ),
+        target_px=image.to_px(_target_mm(retina, image, wishes, source)),
+        trocars=tuple(replace(trocar, point_px=anatomy.seen_px(trocar.point_px)) for trocar in trocars),
+        straight_from_image=way,
     )
 
 
@@ -81,9 +89,10 @@ def _with_used(
     named: Sequence[tuple[str, FoundTrocar]], anatomy: Anatomy, wish: str | None, source: str
 ) -> tuple[TrocarPx, ...]:
     """Settle which trocar is in use: the user's word, the moving needle, or the only hole."""
-    told = ", ".join(f"{name} at ({t.point_px[0]:.0f}, {t.point_px[1]:.0f}) px" for name, t in named)
+    seen = [(name, anatomy.seen_px(t.point_px)) for name, t in named]
+    told = ", ".join(f"{name} at ({x:.0f}, {y:.0f}) px" for name, (x, y) in seen)
     if wish and "," in wish:
-        place = _place("--trocar", wish)
+        place = anatomy.straight_px(_place("--trocar", wish))
         others = [(name, t) for name, t in named if math.dist(t.point_px, place) > 0.15 * anatomy.radius_px]
         return TrocarPx("given", place, used=True), *(TrocarPx(n, t.point_px, used=False) for n, t in others)
     if wish:
@@ -105,15 +114,12 @@ def _with_used(
     return tuple(TrocarPx(name, trocar.point_px, name == used) for name, trocar in named)
 
 
-def _target(anatomy: Anatomy, wishes: Wishes, mm_per_px: float, source: str) -> Vec:
+def _target_mm(retina: Polyline, image: ImageGeometry, wishes: Wishes, source: str) -> Vec:
     """Return the target on the retina: the place nearest to the given one, or so far along it."""
-    contour = anatomy.contour_px
     if wishes.target is not None:
-        place = _place("--target", wishes.target)
-        nearest = min(
-            (_nearest(place, a, b) for a, b in pairwise(contour)), key=lambda p: math.dist(p, place)
-        )
-        off_mm = math.dist(nearest, place) * mm_per_px
+        place = image.to_mm(_place("--target", wishes.target))
+        nearest = nearest_on_polyline(place, retina)
+        off_mm = math.dist(nearest, place)
         if off_mm > SNAP_MM:
             raise BadInput(
                 f"--target {wishes.target} lies {off_mm:.1f} mm off the retina; "
@@ -122,24 +128,17 @@ def _target(anatomy: Anatomy, wishes: Wishes, mm_per_px: float, source: str) -> 
             )
         return nearest
     wanted_mm = wishes.target_mm or 0.0
-    angle = wanted_mm / (wishes.diameter_mm / 2) * (-1 if wishes.mirrored else 1)
-    x, y = anatomy.center_px
-    ends = [math.atan2(p[0] - x, p[1] - y) for p in (contour[0], contour[-1])]
+    angle = wanted_mm / (wishes.diameter_mm / 2)
+    ends = [math.atan2(x, -y) for x, y in (retina.points_mm[0], retina.points_mm[-1])]
     if not math.isfinite(angle) or not min(ends) <= angle <= max(ends):
         reach_mm = max(ends) * wishes.diameter_mm / 2
         raise BadInput(
             f"--target-mm {wanted_mm:g} is beyond the retina, which reaches {reach_mm:.1f} mm either way"
         )
-    way = math.sin(angle), math.cos(angle)
-    far = x + 2 * anatomy.radius_px * way[0], y + 2 * anatomy.radius_px * way[1]
-    return min((_crossing((x, y), far, a, b) for a, b in pairwise(contour)), key=lambda hit: hit[0])[1]
-
-
-def _nearest(place: Vec, a: Vec, b: Vec) -> Vec:
-    dx, dy = b[0] - a[0], b[1] - a[1]
-    share = ((place[0] - a[0]) * dx + (place[1] - a[1]) * dy) / (dx * dx + dy * dy)
-    share = min(max(share, 0.0), 1.0)
-    return a[0] + share * dx, a[1] + share * dy
+    far = wishes.diameter_mm * math.sin(angle), -wishes.diameter_mm * math.cos(angle)
+    return min(
+        (_crossing((0.0, 0.0), far, a, b) for a, b in pairwise(retina.points_mm)), key=lambda hit: hit[0]
+    )[1]
 
 
 def _crossing(start: Vec, end: Vec, a: Vec, b: Vec) -> tuple[float, Vec]:

@@ -1,23 +1,28 @@
 """Find the static anatomy by itself: globe, retina and trocars in images of one set-up [px].
 
 The wall's rim comes from `rim`, the needle's pivot from `pivot`. The rim that is seen may stand before the
-plane in which the needle moves, and is then seen larger than the globe's section there; the pivot, which lies
-in the middle of the wall and in that plane, tells by how much. Knows neither files nor millimetres.
+plane in which the needle moves, and is then seen larger than the globe's section there; what lies in that
+plane tells by how much: the pivot, in the middle of the wall, and the mouths of the holes (`mouth`). How the
+camera looks at the rim comes from `tilt`; all else is found in the straightened picture. Knows neither files
+nor millimetres.
 """
 
 import math
 from collections.abc import Sequence
 
-import cv2
 import numpy as np
 from msgspec import Struct
 
 from haptigraph.errors import BadInput
-from haptigraph.geometry import Vec
+from haptigraph.geometry import Vec, subtract, unit
 from haptigraph.messages import Image
 from haptigraph.perception.edge import Edge
+from haptigraph.perception.mouth import APART_DEG, MOST_MOUTHS, Mouth, find_mouths
 from haptigraph.perception.pivot import Pivot, find_pivot, still_picture
 from haptigraph.perception.rim import Rim, find_rim
+from haptigraph.perception.straightening import straightened
+from haptigraph.perception.tilt import find_slant
+from haptigraph.slant import Slant
 
 __all__ = ["Anatomy", "FoundTrocar", "find_anatomy"]
 
@@ -27,13 +32,9 @@ REFINE_DEG = 3.0  # what was seen within so much either way counts for a contour
 REFINE_LEAST = 6
 REFINE_MOST_PX = 3.0
 RIM_BEFORE = 0.015  # likely size of how much larger the rim is seen
-HOLE_HALF_DEG = 80.0  # from the top
-HOLE_BAND = (0.968, 0.992)  # of the inner edge's radius, where the mouths of holes are seen
-HOLE_DEG = 3.0
-HOLE_APART_DEG = 14.0
-HOLE_CLEAR = 6.0  # times the usual variation
-HOLE_LEAST_GREY = 4.0
-MOST_HOLES = 3
+RIM_HEIGHT = 0.08  # and of how far before the section it stands, of the radius
+PIVOT_OFF = 0.004  # of the radius: a trocar need not sit exactly in the middle of the wall
+MOUTH_OFF_PX = 0.7
 
 
 class FoundTrocar(Struct, frozen=True):
@@ -48,10 +49,12 @@ class FoundTrocar(Struct, frozen=True):
 
 
 class Anatomy(Struct, frozen=True, eq=False):
-    """Everything found."""
+    """Everything found; places lie in the straightened picture, where there is a slant."""
 
     still: Image
-    """The picture it was found in."""
+    """The picture it was found in, as the camera took it."""
+    slant: Slant | None
+    """How the camera looks at the section; None: straight, as far as can be told."""
     rim: Rim
     center_px: Vec
     """Of the globe's section."""
@@ -64,6 +67,18 @@ class Anatomy(Struct, frozen=True, eq=False):
     pivot: Pivot | None
     rim_ratio: float
     """How many times larger than the section the rim is seen."""
+    rim_doubt_px: float
+    """Standard deviation of what that makes of globe and retina at worst."""
+    rim_by: tuple[str, ...]
+    """What told it: "needle", "mouths" or nothing."""
+
+    def seen_px(self, straight_px: Vec) -> Vec:
+        """Return where the camera sees a place of the straightened picture."""
+        return self.slant.image_from_straight(straight_px) if self.slant else straight_px
+
+    def straight_px(self, seen_px: Vec) -> Vec:
+        """Return where a place that the camera sees lies in the straightened picture."""
+        return self.slant.straight_from_image(seen_px) if self.slant else seen_px
 
 
 def find_anatomy(images: Sequence[Image]) -> Anatomy:
@@ -75,30 +90,39 @@ def find_anatomy(images: Sequence[Image]) -> Anatomy:
     Raises:
         BadInput: If there is no eye, or it is cut off or blurred.
     """
-    still = still_picture(images)
+    taken = still = still_picture(images)
+    middle_px = (still.shape[1] - 1) / 2, (still.shape[0] - 1) / 2
     rim = find_rim(still)
+    slant = find_slant(rim, middle_px)
+    if slant is not None:
+        way = slant.straight_from_image
+        still, images = straightened(still, way), [straightened(image, way) for image in images]
+        rim = find_rim(still)
+    foot_x, foot_y = slant.foot_px if slant else middle_px
     pivot = find_pivot(images, rim) if len(images) > 1 else None
     _check_which_edge(rim, pivot)
-    rim_ratio = _rim_ratio(rim, pivot)
-    middle_x, middle_y = (still.shape[1] - 1) / 2, (still.shape[0] - 1) / 2
+    mouths = find_mouths(still, rim.inner)
+    before, doubt, rim_by = _rim_before(rim, pivot, mouths, slant, (foot_x, foot_y))
+    rim_ratio = 1 + before
 
     def section(at_px: Vec) -> Vec:
-        return (
-            middle_x + (at_px[0] - middle_x) / rim_ratio,
-            middle_y + (at_px[1] - middle_y) / rim_ratio,
-        )
+        return foot_x + (at_px[0] - foot_x) / rim_ratio, foot_y + (at_px[1] - foot_y) / rim_ratio
 
     contour, refined = _contour(rim.inner)
     return Anatomy(
-        still=still,
+        still=taken,
+        slant=slant,
         rim=rim,
         center_px=section(rim.inner.center_px),
         radius_px=rim.inner.radius_px / rim_ratio,
         contour_px=tuple(section(point) for point in contour),
         refined=refined,
-        trocars=_trocars(still, rim, pivot, section(rim.inner.center_px), rim.middle_px / rim_ratio),
+        trocars=_trocars(mouths, pivot, section(rim.inner.center_px), rim.middle_px / rim_ratio),
         pivot=pivot,
         rim_ratio=rim_ratio,
+        rim_doubt_px=doubt
+        * math.hypot(rim.inner.radius_px, *subtract(rim.inner.center_px, (foot_x, foot_y))),
+        rim_by=rim_by,
     )
 
 
@@ -114,16 +138,60 @@ def _check_which_edge(rim: Rim, pivot: Pivot | None) -> None:
         )
 
 
-def _rim_ratio(rim: Rim, pivot: Pivot | None) -> float:
-    """Tell how much larger than the section the rim is seen: 1 unless the pivot says otherwise.
+def _rim_before(
+    rim: Rim, pivot: Pivot | None, mouths: Sequence[Mouth], slant: Slant | None, foot_px: Vec
+) -> tuple[float, float, tuple[str, ...]]:
+    """Tell by what share larger than the section the rim is seen, its deviation, and what told it.
 
-    Weighed by how sure the pivot's depth in the wall is. Never less than 1: the wall hides the needle.
+    Known from places of the section, the needle's pivot and the holes' mouths, weighed by how sure each is.
+    Never less than 0: the wall hides the needle.
     """
-    if pivot is None or rim.outer is None:
-        return 1.0
-    seen = rim.middle_px / math.dist(pivot.point_px, rim.inner.center_px) - 1
-    doubt = pivot.radial_sd_px / rim.inner.radius_px
-    return 1 + min(max(seen * RIM_BEFORE**2 / (RIM_BEFORE**2 + doubt**2), 0.0), 3 * RIM_BEFORE)
+    center, radius_px = rim.inner.center_px, rim.inner.radius_px
+    usual = min(RIM_BEFORE, RIM_HEIGHT * radius_px / slant.focal_px) if slant else RIM_BEFORE
+    known, by = [(0.0, usual)], []
+
+    def told_by(place: Vec, circle_px: float, doubt_px: float) -> tuple[float, float]:
+        outwards, away = unit(subtract(place, center)), subtract(place, foot_px)
+        lever_px = max(abs(away[0] * outwards[0] + away[1] * outwards[1]), 1.0)
+        return _before(place, circle_px, center, foot_px), doubt_px / lever_px
+
+    if pivot is not None and rim.outer is not None:
+        doubt_px = math.hypot(pivot.radial_sd_px, PIVOT_OFF * radius_px)
+        known.append(told_by(pivot.point_px, rim.middle_px, doubt_px))
+        by += ["needle"] if known[-1][1] < usual else []
+    told = [
+        told_by(_around(center, radius_px - mouth.inside_px, mouth.angle_deg), radius_px, MOUTH_OFF_PX)
+        for mouth in mouths
+        if mouth.inside_px is not None
+    ]
+    # A reflection or another instrument may look like a mouth, but not like two that agree.
+    agreeing = [
+        one
+        for number, one in enumerate(told)
+        if any(
+            abs(one[0] - other[0]) < 2 * max(one[1], other[1]) for other in told[:number] + told[number + 1 :]
+        )
+    ]
+    known += agreeing
+    by += ["mouths"] if agreeing else []
+    weights = [1 / doubt**2 for _, doubt in known]
+    before = sum(weight * seen for weight, (seen, _) in zip(weights, known, strict=True)) / sum(weights)
+    return min(max(before, 0.0), 3 * usual), 1 / math.sqrt(sum(weights)), tuple(by)
+
+
+def _before(at_px: Vec, radius_px: float, center_px: Vec, foot_px: Vec) -> float:
+    """Return by what share a circle must shrink towards the camera's foot to pass through a place."""
+    (ax, ay), (bx, by) = ((x - foot_px[0], y - foot_px[1]) for x, y in (at_px, center_px))
+    square, along = ax * ax + ay * ay, ax * bx + ay * by
+    inner = along * along - square * (bx * bx + by * by - radius_px * radius_px)
+    root = math.sqrt(max(inner, 0.0))
+    return min(((along + sign * root) / square - 1 for sign in (1, -1)), key=abs)
+
+
+def _around(center_px: Vec, radius_px: float, angle_deg: float) -> Vec:
+    """Return the place at an angle from the top."""
+    angle = math.radians(angle_deg)
+    return center_px[0] + radius_px * math.sin(angle), center_px[1] - radius_px * math.cos(angle)
 
 
 def _contour(edge: Edge) -> tuple[list[Vec], int]:
@@ -143,43 +211,15 @@ def _contour(edge: Edge) -> tuple[list[Vec], int]:
 
 
 def _trocars(
-    still: Image, rim: Rim, pivot: Pivot | None, center: Vec, middle_px: float
+    mouths: Sequence[Mouth], pivot: Pivot | None, center_px: Vec, middle_px: float
 ) -> tuple[FoundTrocar, ...]:
     """Return the trocar the needle moves in, then those whose holes are seen, clearest first."""
     found: list[FoundTrocar] = []
     if pivot is not None:
-        right, down = pivot.point_px[0] - center[0], pivot.point_px[1] - center[1]
+        right, down = pivot.point_px[0] - center_px[0], pivot.point_px[1] - center_px[1]
         found.append(FoundTrocar(pivot.point_px, math.degrees(math.atan2(right, -down)), "needle"))
-    for angle_deg in _holes(still, rim):
-        angle = math.radians(angle_deg)
-        place = center[0] + middle_px * math.sin(angle), center[1] - middle_px * math.cos(angle)
-        if all(abs(other.angle_deg - angle_deg) > HOLE_APART_DEG for other in found):
-            found.append(FoundTrocar(place, angle_deg, "hole"))
-    return tuple(found[:MOST_HOLES])
-
-
-def _holes(still: Image, rim: Rim) -> list[float]:
-    """Return the angles [deg from the top] at which the mouth of a hole is seen inside the wall."""
-    step_deg = 0.25
-    angles_deg = np.arange(-HOLE_HALF_DEG - 10, HOLE_HALF_DEG + 10 + step_deg, step_deg)
-    angles = np.radians(angles_deg)
-    edge = rim.inner
-    radii = edge.radii_px(math.pi - angles)[:, None] * np.linspace(*HOLE_BAND, 9)
-    x = (edge.center_px[0] + radii * np.sin(angles)[:, None]).astype(np.float32)
-    y = (edge.center_px[1] - radii * np.cos(angles)[:, None]).astype(np.float32)
-    color = still if still.ndim == 3 else cv2.cvtColor(still, cv2.COLOR_GRAY2BGR)
-    tone = np.asarray(cv2.remap(color, x, y, cv2.INTER_LINEAR)).astype(np.float64).mean(axis=1)
-    half = round(10 / step_deg)
-    around = np.array([np.median(tone[max(i - half, 0) : i + half + 1], axis=0) for i in range(len(tone))])
-    away = cv2.blur(tone - around, (1, round(HOLE_DEG / step_deg)))
-    size = np.hypot(np.hypot(away[:, 0], away[:, 1]), away[:, 2]) / math.sqrt(3)
-    usual = max(float(np.median(size)), HOLE_LEAST_GREY / HOLE_CLEAR)
-    size[np.abs(angles_deg) > HOLE_HALF_DEG] = 0
-    holes: list[float] = []
-    while len(holes) < MOST_HOLES and size.max() > HOLE_CLEAR * usual:
-        at = float(angles_deg[size.argmax()])
-        near = np.abs(angles_deg - at) < HOLE_APART_DEG / 2
-        weight = size * near
-        holes.append(float((angles_deg * weight).sum() / weight.sum()))
-        size[np.abs(angles_deg - at) < HOLE_APART_DEG] = 0
-    return holes
+    for mouth in mouths:
+        if all(abs(other.angle_deg - mouth.angle_deg) > APART_DEG for other in found):
+            place = _around(center_px, middle_px, mouth.angle_deg)
+            found.append(FoundTrocar(place, mouth.angle_deg, "hole"))
+    return tuple(found[:MOST_MOUTHS])

@@ -12,7 +12,7 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from haptigraph.geometry import Vec
-from haptigraph.perception.pixels import Floats
+from haptigraph.perception.pixels import Floats, top_shift
 
 __all__ = ["FAINTEST_GREY", "SMOOTHING_PX", "Edge", "Rays", "edge_near", "rays_from"]
 
@@ -142,10 +142,8 @@ def _peaks(rays: Rays, strength: Floats) -> tuple[Floats, NDArray[np.bool_]]:
     row = np.arange(len(strength))
     best = np.clip(strength.argmax(axis=1), 1, strength.shape[1] - 2)
     before, at, after = (strength[row, best + d] for d in (-1, 0, 1))
-    bend = before - 2 * at + after
-    shift = np.where(bend < 0, 0.5 * (before - after) / np.where(bend < 0, bend, 1), 0)
     is_peak = (at >= before) & (at >= after) & (before > 0) & (after > 0) & (at > FAINTEST_GREY)
-    return rays.radii_px[best] + np.clip(shift, -0.5, 0.5) * STEP_PX, is_peak
+    return rays.radii_px[best] + top_shift(before, at, after) * STEP_PX, is_peak
 
 
 def _robust(angles: Floats, radii_px: Floats) -> Floats:

@@ -10,6 +10,7 @@ from haptigraph.geometry import Vec
 from haptigraph.messages import Image
 from haptigraph.perception.pixels import grey_of
 from haptigraph.perception.registration import Registration
+from haptigraph.perception.straightening import straightened
 
 __all__ = ["IoctView"]
 
@@ -31,16 +32,18 @@ class IoctView:
         corners_mm = [self._to_mm(corner) for corner in ((0, 0), (size_px, 0), (0, size_px))]
         self._image_from_view = cv2.getAffineTransform(
             np.array(((0, 0), (size_px, 0), (0, size_px)), np.float32),
-            np.array([registration.image.to_px(corner) for corner in corners_mm], np.float32),
+            np.array([registration.straight.image.to_px(corner) for corner in corners_mm], np.float32),
         )
+        self._slant = registration.image.straight_from_image
         y, x = np.ogrid[:size_px, :size_px]
         center = (size_px - 1) / 2
         self._outside = np.hypot(x - center, y - center) > size_px / 2 / MARGIN
 
     def __call__(self, image: Image) -> Image:
         """Return the picture, (size, size) grey."""
+        grey = grey_of(image)
         view = cv2.warpAffine(
-            grey_of(image),
+            straightened(grey, self._slant) if self._slant else grey,
             self._image_from_view,
             (self.size_px, self.size_px),
             flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,

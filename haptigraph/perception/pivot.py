@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from haptigraph.geometry import Vec
 from haptigraph.messages import Image
-from haptigraph.perception.pixels import Floats, grey_of
+from haptigraph.perception.pixels import Floats, grey_of, top_shift
 from haptigraph.perception.rim import Rim
 
 __all__ = ["Pivot", "find_pivot", "still_picture"]
@@ -205,8 +205,7 @@ def _between_edges(grey: Image, points: Floats, line: _Line, radius_px: float) -
         steep = np.abs(np.gradient(profile, axis=1))
         best = _outermost(steep)
         before, at, after = (steep[np.arange(len(along)), best + d] for d in (-1, 0, 1))
-        bend = np.minimum(before - 2 * at + after, -1e-6)
-        edges.append(side * (away[best] + np.clip(0.5 * (before - after) / bend, -0.5, 0.5) * EDGE_STEP_PX))
+        edges.append(side * (away[best] + top_shift(before, at, after) * EDGE_STEP_PX))
     width = edges[1] - edges[0]
     # A tapering shaft: compare each width with that of the stations around it.
     usual = np.array([np.median(width[max(i - 15, 0) : i + 16]) for i in range(len(width))])

@@ -7,14 +7,18 @@ import hashlib
 import math
 from itertools import pairwise
 from pathlib import Path
+from typing import TypeAlias
 
+import numpy as np
 from msgspec import Struct, field
+from msgspec.structs import replace
 
 from haptigraph.config import Document
 from haptigraph.errors import BadInput
 from haptigraph.geometry import (
     Circle,
     Geometry,
+    Homography,
     ImageGeometry,
     Point,
     Polyline,
@@ -37,6 +41,9 @@ WALL_RANGE_MM = (
     3.0,
 )  # a trocar sits anywhere in the wall, measured outwards from the globe's inner side
 SHORTEST_AXIS_MM = 5.0
+STRAIGHTENED_SCALE = (0.5, 2.0)  # by so much a straightened image may be stretched at the globe's centre
+
+Row: TypeAlias = tuple[float, float, float]
 
 
 class _Image(Struct, frozen=True, forbid_unknown_fields=True):
@@ -65,6 +72,10 @@ class _Trocar(Struct, frozen=True, forbid_unknown_fields=True):
     used: bool
 
 
+class _Homography(Struct, frozen=True, forbid_unknown_fields=True):
+    straight_from_image: tuple[Row, Row, Row]
+
+
 class _File(Struct, frozen=True, forbid_unknown_fields=True):
     format: int
     image: _Image
@@ -72,6 +83,7 @@ class _File(Struct, frozen=True, forbid_unknown_fields=True):
     retina: _Retina
     target: _Target
     trocars: tuple[_Trocar, ...] = field(name="trocar")
+    homography: _Homography | None = None
 
 
 class Registration(Struct, frozen=True):
@@ -102,6 +114,11 @@ class Registration(Struct, frozen=True):
             "retina_target": self.target,
             "trocar": self.trocar,
         }
+
+    @property
+    def straight(self) -> "Registration":
+        """The same for straightened images: with no slant."""
+        return replace(self, image=replace(self.image, straight_from_image=None))
 
     def checked(self, image: Image | None) -> Image:
         """Return an image if it is of the registered size.
@@ -138,10 +155,12 @@ def _registration(document: Document) -> Registration:
             f"format {data.format} is not known; this version reads format {FORMAT}", "format"
         )
     _check_image_and_globe(document, data)
+    straight = _straight_from_image(document, data)
     geometry = ImageGeometry(
-        center_px=data.globe.center_px,
+        center_px=straight(data.globe.center_px) if straight else data.globe.center_px,
         mm_per_px=data.globe.diameter_mm / (2 * data.globe.radius_px),
         mirrored=data.image.mirrored,
+        straight_from_image=straight,
     )
     globe = Circle((0.0, 0.0), data.globe.diameter_mm / 2)
     retina = Polyline(tuple(geometry.to_mm(point) for point in data.retina.contour_px))
@@ -188,6 +207,27 @@ def _check_image_and_globe(document: Document, data: _File) -> None:
             f"the globe's centre ({x:g}, {y:g}) px lies outside the {image.width} x {image.height} px image",
             "globe.center_px",
         )
+
+
+def _straight_from_image(document: Document, data: _File) -> Homography | None:
+    """Return the homography if it is one of a camera before the eye."""
+    if data.homography is None:
+        return None
+    path, given = "homography.straight_from_image", Homography(data.homography.straight_from_image)
+    corners = np.array([(x, y, 1) for x in (0, data.image.width) for y in (0, data.image.height)])
+    if not (corners @ given.matrix[2] > 0).all():
+        raise document.error("the homography sends a part of the image to infinity", path)
+    x, y = data.globe.center_px
+    (px, py), (rx, ry), (dx, dy) = (given(place) for place in ((x, y), (x + 1, y), (x, y + 1)))
+    area = (rx - px) * (dy - py) - (ry - py) * (dx - px)
+    low, high = STRAIGHTENED_SCALE
+    if not low**2 <= area <= high**2:
+        raise document.error(
+            f"the homography makes areas {area:.3g} times as large at the globe's centre; "
+            f"{low**2:g} to {high**2:g} is plausible",
+            path,
+        )
+    return given
 
 
 def _check_retina(document: Document, retina: Polyline, globe: Circle) -> None:

@@ -24,6 +24,7 @@ VOTING_WIDTH_PX = 400.0
 WALL_RATIO = (1.04, 1.45)  # outer over inner radius
 TYPICAL_MIDDLE = 1.07  # of a wall whose outer edge is not seen
 MOST_GAIN = 8.0
+DARKEST_GREY = 12.0  # of a picture's brightest part
 MOST_BLUR = 0.03  # of the radius
 
 
@@ -71,7 +72,12 @@ def _certainty(rim: Rim) -> float:
 
 def _brightened(color: Image) -> NDArray[np.float32]:
     """Return the picture as if it had been exposed fully."""
-    brightest = max(float(np.quantile(color[::4, ::4], 0.995)), 255 / MOST_GAIN)
+    brightest = float(np.quantile(color[::4, ::4], 0.995))
+    if brightest < DARKEST_GREY:
+        raise BadInput(
+            f"no eye in the picture: it is dark, its brightest parts have {brightest:.0f} of 255 grey levels"
+        )
+    brightest = max(brightest, 255 / MOST_GAIN)
     return color.astype(np.float32) * np.float32(255 / brightest)
 
 

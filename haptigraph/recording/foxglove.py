@@ -3,12 +3,14 @@
 Field names follow the published schemas (https://docs.foxglove.dev/docs/visualization/message-schemas).
 """
 
+import math
+from collections.abc import Sequence
 from typing import Any
 
 import msgspec
 from msgspec import Struct
 
-from haptigraph.geometry import Circle, Geometry, ImageGeometry, Point, Polyline, Segment
+from haptigraph.geometry import Circle, Geometry, ImageGeometry, Point, Polyline, Segment, Vec
 
 __all__ = ["CompressedImage", "ImageAnnotations", "Log", "Time", "annotations", "foxglove_schema"]
 
@@ -122,11 +124,13 @@ def annotations(
         if isinstance(shape, Point):
             circles.append(_circle(time, Circle(shape.at_mm, DOT_MM), image, color))
         elif isinstance(shape, Circle):
-            circles.append(_circle(time, shape, image, color))
+            if image.straight_from_image is None:
+                circles.append(_circle(time, shape, image, color))
+            else:
+                lines.append(_line(time, _around(shape), image, color))
         else:
             places = shape.points_mm if isinstance(shape, Polyline) else _ends(shape)
-            points = tuple(Point2(*image.to_px(place)) for place in places)
-            lines.append(PointsAnnotation(time, LINE_STRIP, points, color, (), CLEAR, 2.0))
+            lines.append(_line(time, places, image, color))
     text = TextAnnotation(time, Point2(12.0, 12.0), caption, 20.0, Color(1.0, 1.0, 1.0), Color(0, 0, 0, 0.6))
     return ImageAnnotations(tuple(circles), tuple(lines), (text,))
 
@@ -147,6 +151,18 @@ def foxglove_schema(type_: type, title: str) -> dict[str, Any]:
 def _circle(time: Time, circle: Circle, image: ImageGeometry, color: Color) -> CircleAnnotation:
     center = Point2(*image.to_px(circle.center_mm))
     return CircleAnnotation(time, center, 2 * circle.radius_mm / image.mm_per_px, 2.0, CLEAR, color)
+
+
+def _line(time: Time, places_mm: Sequence[Vec], image: ImageGeometry, color: Color) -> PointsAnnotation:
+    points = tuple(Point2(*image.to_px(place)) for place in places_mm)
+    return PointsAnnotation(time, LINE_STRIP, points, color, (), CLEAR, 2.0)
+
+
+def _around(circle: Circle) -> list[Vec]:
+    """Return places all round, for a circle that is seen as an ellipse."""
+    (x, y), radius = circle.center_mm, circle.radius_mm
+    turns = [math.radians(angle_deg) for angle_deg in range(0, 361, 5)]
+    return [(x + radius * math.cos(turn), y + radius * math.sin(turn)) for turn in turns]
 
 
 def _ends(segment: Segment) -> tuple[tuple[float, float], ...]:

@@ -9,6 +9,7 @@ import math
 import cv2
 import numpy as np
 from msgspec import Struct
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from haptigraph.geometry import ImageGeometry, Vec, norm, subtract
@@ -16,7 +17,8 @@ from haptigraph.messages import Image
 from haptigraph.sim.distractors import Bubbles, Distractors, flicker_gain, paint_glints, paint_light_pipe
 from haptigraph.sim.eye import Eye
 from haptigraph.sim.needle import Box, NeedleShape, blurred, lay, needle_texture
-from haptigraph.sim.painter import FloatImage, Look, distance_map, paint_phantom
+from haptigraph.sim.painter import FloatImage, Look, distance_map, paint_phantom, rim_geometry
+from haptigraph.slant import Slant
 
 __all__ = ["Camera", "CameraSettings", "NeedleShape"]
 
@@ -35,6 +37,10 @@ class CameraSettings(Struct, frozen=True, forbid_unknown_fields=True):
     """Where the globe's centre appears."""
     px_per_mm: float = 20.0
     mirrored: bool = True
+    tilt_deg: Vec = (0.0, 0.0)
+    """How the section leans away from facing the camera, (right, down) part: that side is farther."""
+    distance_mm: float = 250.0
+    """From the camera to the section; it tells only where that leans, or where the wall stands before it."""
     blur_px: float = 0.8
     """Deviation of the lens's blur."""
     exposure: float = 1.0
@@ -72,16 +78,22 @@ class Camera:
         distractors: Distractors | None = None,
     ) -> None:
         self.settings = settings
-        self.geometry = ImageGeometry(settings.center_px, 1 / settings.px_per_mm, settings.mirrored)
-        self._seed = seed
         size_px = settings.width_px, settings.height_px
-        painted = paint_phantom(eye, self.geometry, size_px, look, seed)
+        self._straight = ImageGeometry(settings.center_px, 1 / settings.px_per_mm, settings.mirrored)
+        slant = _slant(settings)
+        self._is_tilted = settings.tilt_deg != (0.0, 0.0)
+        self._image_from_straight = slant.image_from_straight.matrix
+        straight_from_image = slant.straight_from_image if self._is_tilted else None
+        self.geometry = replace(self._straight, straight_from_image=straight_from_image)
+        self._seed = seed
+        rim = rim_geometry(self._straight, slant.foot_px, eye.shape.rim_mm / settings.distance_mm)
+        painted = paint_phantom(eye, self._straight, rim, size_px, look, seed)
         self._light = settings.exposure * _vignette(size_px, settings.vignetting)
         self._background = blurred(painted, settings.blur_px) * self._light[..., None]
         self._radius_px = eye.radius_mm * settings.px_per_mm
         distance = distance_map(*size_px, settings.center_px)
         self._in_bowl = np.clip(self._radius_px - distance, 0, 1)
-        self._in_view = self._needle_in_view(distance, eye)
+        self._in_view = self._needle_in_view(eye, rim)
         self._shaded_by = self._shading_places(distance)
         self._tone, self._cover = needle_texture(needle, settings.px_per_mm, settings.blur_px, seed)
         self._distractors = distractors or Distractors()
@@ -105,13 +117,13 @@ class Camera:
         Returns:
             (height, width, 3) BGR.
         """
-        tip, along = self._in_image(tip_mm, direction)
+        tip, along = self._in_straight(tip_mm, direction)
         box = self._needle_box(tip, along)
         image = self._still.copy()
         if box is not None:
             image[box] = cv2.convertScaleAbs(self._draw(tip, along, box))
-        if self._distractors.bubbles or self._distractors.flicker:
-            image = self._disturbed(image, number)
+        if self._distractors.bubbles or self._distractors.flicker or self._is_tilted:
+            image = self._tilted(self._disturbed(image, number))
             return self._with_noise(image, self._noise_deviation(image), number)
         if box is None:
             return self._with_noise(image, self._deviation, number)
@@ -122,7 +134,7 @@ class Camera:
         return image
 
     def expect(self, tip_mm: Vec, direction: Vec) -> tuple[FloatImage, FloatImage]:
-        """Return the mean and the deviation of an image's grey, without bubbles and flicker.
+        """Return the mean and the deviation of an image's grey, without bubbles, flicker and tilt.
 
         Not rounded, so that it can be differentiated; places are exact to 1/32 px (OpenCV's warp).
 
@@ -134,7 +146,7 @@ class Camera:
             Grey, 0 to 255, and the deviation of the sensor's noise in grey levels, which is the same in all
             three colours; (height, width) each.
         """
-        tip, along = self._in_image(tip_mm, direction)
+        tip, along = self._in_straight(tip_mm, direction)
         box = self._needle_box(tip, along)
         scene = self._background.copy()
         if box is not None:
@@ -151,7 +163,7 @@ class Camera:
                 self._background,
                 given,
                 eye,
-                self.geometry,
+                self._straight,
                 self._in_view,
                 light=self._light,
                 blur_px=settings.blur_px,
@@ -159,10 +171,10 @@ class Camera:
             )
         if given.glints:
             self._background = paint_glints(
-                self._background, given.glints, self.geometry, eye.radius_mm, self._seed
+                self._background, given.glints, self._straight, eye.radius_mm, self._seed
             )
         largest_px = given.bubble_mm * settings.px_per_mm
-        return Bubbles(given.bubbles, largest_px, self.geometry, eye.radius_mm, self._seed)
+        return Bubbles(given.bubbles, largest_px, self._straight, eye.radius_mm, self._seed)
 
     def _disturbed(self, image: Image, number: int) -> Image:
         """Put bubbles into an image and change its light."""
@@ -170,10 +182,18 @@ class Camera:
         gain = flicker_gain(self._distractors.flicker, self._seed, number)
         return np.asarray(cv2.convertScaleAbs(image, alpha=gain), np.uint8)
 
-    def _in_image(self, tip_mm: Vec, direction: Vec) -> tuple[Vec, Vec]:
-        """Return tip [px] and direction (length 1) in the image."""
-        tip = self.geometry.to_px(tip_mm)
-        ahead = subtract(self.geometry.to_px((tip_mm[0] + direction[0], tip_mm[1] + direction[1])), tip)
+    def _tilted(self, image: Image) -> Image:
+        """Return what the camera sees of the straight picture."""
+        if not self._is_tilted:
+            return image
+        size, border = (self.settings.width_px, self.settings.height_px), cv2.BORDER_REPLICATE
+        seen = cv2.warpPerspective(image, self._image_from_straight, size, borderMode=border)
+        return np.asarray(seen, np.uint8)
+
+    def _in_straight(self, tip_mm: Vec, direction: Vec) -> tuple[Vec, Vec]:
+        """Return tip [px] and direction (length 1) in the straight picture."""
+        tip = self._straight.to_px(tip_mm)
+        ahead = subtract(self._straight.to_px((tip_mm[0] + direction[0], tip_mm[1] + direction[1])), tip)
         return tip, (ahead[0] / norm(ahead), ahead[1] / norm(ahead))
 
     def _draw(self, tip: Vec, along: Vec, box: Box) -> FloatImage:
@@ -262,11 +282,14 @@ class Camera:
         rows = slice(max(math.floor(top), 0), min(math.ceil(bottom) + 1, self.settings.height_px))
         return (rows, columns) if columns.start < columns.stop and rows.start < rows.stop else None
 
-    def _needle_in_view(self, distance: FloatImage, eye: Eye) -> FloatImage:
+    def _needle_in_view(self, eye: Eye, rim: ImageGeometry) -> FloatImage:
         """Return where a needle can be seen: not within the wall, which hides it."""
-        inner, outer = self._radius_px, self._radius_px + eye.shape.wall_mm * self.settings.px_per_mm
+        settings = self.settings
+        distance = distance_map(settings.width_px, settings.height_px, rim.center_px)
+        inner = eye.radius_mm / rim.mm_per_px
+        outer = inner + eye.shape.wall_mm / rim.mm_per_px
         seen = np.maximum(np.clip(inner - distance + 0.5, 0, 1), np.clip(distance - outer + 0.5, 0, 1))
-        return blurred(seen, self.settings.blur_px)
+        return blurred(seen, settings.blur_px)
 
     def _shading_places(self, distance: FloatImage) -> tuple[FloatImage, FloatImage]:
         """Return, for each pixel of the bowl, the place (x, y) whose needle would shade it.
@@ -277,6 +300,13 @@ class Camera:
         y, x = np.mgrid[: distance.shape[0], : distance.shape[1]]
         right, down = self.settings.shadow_shift
         return (x - right * depth).astype(np.float32), (y - down * depth).astype(np.float32)
+
+
+def _slant(settings: CameraSettings) -> Slant:
+    right, down = (math.radians(angle) for angle in settings.tilt_deg)
+    focal_px = settings.distance_mm * settings.px_per_mm
+    middle_px = (settings.width_px - 1) / 2, (settings.height_px - 1) / 2
+    return Slant(settings.center_px, (right, down), focal_px, middle_px)
 
 
 def _vignette(size_px: tuple[int, int], loss: float) -> FloatImage:

@@ -24,6 +24,8 @@ class EyeShape(Struct, frozen=True, forbid_unknown_fields=True):
     wall_mm: Annotated[float, Meta(ge=0.1, le=5)] = 1.7
     retina_half_deg: Annotated[float, Meta(ge=5, le=120)] = 75.0
     """The retina reaches so far to either side of the bottom."""
+    rim_mm: Annotated[float, Meta(ge=0, le=5)] = 0.0
+    """How far the cut wall stands before the section that the needle moves in."""
     target_deg: Annotated[float, Meta(ge=-90, le=90)] = 9.0
     """From the bottom, along the retina."""
     trocar_deg: Annotated[float, Meta(ge=-90, le=90)] = 36.0
@@ -96,6 +98,7 @@ def registration_text(
                 TrocarPx("first", px(eye.trocar_mm, error.trocar_px), used=True),
                 TrocarPx("second", px(eye.other_trocar_mm, error.trocar_px), used=False),
             ),
+            straight_from_image=image.straight_from_image,
         ),
         "Registration of a simulated eye.",
     )

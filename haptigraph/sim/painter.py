@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from haptigraph.geometry import ImageGeometry, Vec, subtract, unit
 from haptigraph.sim.eye import Eye
 
-__all__ = ["FloatImage", "Look", "distance_map", "paint_phantom"]
+__all__ = ["FloatImage", "Look", "distance_map", "paint_phantom", "rim_geometry"]
 
 FloatImage: TypeAlias = NDArray[np.float32]
 Color: TypeAlias = tuple[float, float, float]
@@ -115,14 +115,30 @@ def distance_map(width_px: int, height_px: int, center_px: Vec) -> FloatImage:
     return np.hypot(x - center_px[0], y - center_px[1]).astype(np.float32)
 
 
+def rim_geometry(section: ImageGeometry, foot_px: Vec, share: float) -> ImageGeometry:
+    """Return where the cut wall is seen.
+
+    Args:
+        section: Of the image.
+        foot_px: The place right under the camera.
+        share: Of the camera's distance, by which the wall stands before the section.
+    """
+    if not share:
+        return section
+    larger, off = 1 / (1 - share), subtract(section.center_px, foot_px)
+    center_px = foot_px[0] + larger * off[0], foot_px[1] + larger * off[1]
+    return ImageGeometry(center_px, section.mm_per_px / larger, section.mirrored)
+
+
 def paint_phantom(
-    eye: Eye, image: ImageGeometry, size_px: tuple[int, int], look: Look, seed: int
+    eye: Eye, image: ImageGeometry, rim: ImageGeometry, size_px: tuple[int, int], look: Look, seed: int
 ) -> FloatImage:
     """Paint everything but the needle.
 
     Args:
         eye: The eye.
         image: Where the eye frame lies in the image.
+        rim: Where the cut wall is seen, which may stand before the eye frame's plane.
         size_px: (width, height).
         look: Style and texture.
         seed: Of stains, print lines and vessels.
@@ -132,11 +148,10 @@ def paint_phantom(
     """
     canvas = _Canvas(*size_px, seed)
     palette = PALETTES[look.style]
-    scale = 1 / image.mm_per_px
-    _paint_mask(canvas, palette, image.center_px, eye.radius_mm * scale, look.texture)
-    _paint_globe(canvas, palette, eye, image, look.texture)
+    _paint_mask(canvas, palette, rim.center_px, eye.radius_mm / rim.mm_per_px, look.texture)
+    _paint_globe(canvas, palette, eye, rim, look.texture)
     for trocar_mm in (eye.trocar_mm, eye.other_trocar_mm):
-        _paint_hole(canvas, palette, image.to_px(trocar_mm), image.center_px, eye, scale)
+        _paint_hole(canvas, palette, image.to_px(trocar_mm), eye, image, rim)
     return canvas.pixels
 
 
@@ -236,14 +251,26 @@ def _vessel(rng: np.random.Generator, inner: float) -> NDArray[np.float64]:
     return np.asarray(kept, np.float64)
 
 
-def _paint_hole(canvas: _Canvas, palette: Palette, trocar: Vec, center: Vec, eye: Eye, scale: float) -> None:
-    """Paint the mouth of a trocar hole on the bowl, just inside the wall."""
+def _paint_hole(
+    canvas: _Canvas, palette: Palette, trocar: Vec, eye: Eye, image: ImageGeometry, rim: ImageGeometry
+) -> None:
+    """Paint the mouth of a trocar hole on the bowl.
+
+    Its middle lies in the section, its height is how much smaller the bowl is seen from front to back.
+    """
+    center, scale, half_width_mm = image.center_px, 1 / image.mm_per_px, 0.6
+    before_mm, half_height_mm = 0.12, 0.16  # looks right where the wall is painted in the section
+    if eye.shape.rim_mm:
+        distance_mm = eye.shape.rim_mm / (1 - rim.mm_per_px / image.mm_per_px)
+        before_mm, half_height_mm = 0.0, eye.radius_mm * half_width_mm / distance_mm
     outwards = unit(subtract(trocar, center))
-    reach = (eye.radius_mm - 0.12) * scale
+    reach = (eye.radius_mm - before_mm) * scale
     x, y = canvas.x - center[0] - outwards[0] * reach, canvas.y - center[1] - outwards[1] * reach
     along = x * outwards[0] + y * outwards[1]
     across = -x * outwards[1] + y * outwards[0]
-    half_width, half_height = 0.6 * scale, 0.16 * scale
+    half_width, half_height = half_width_mm * scale, half_height_mm * scale
     ellipse = (np.hypot(along / half_height, across / half_width) - 1) * half_height
-    inside = np.hypot(canvas.x - center[0], canvas.y - center[1]) - eye.radius_mm * scale
+    inside = (
+        np.hypot(canvas.x - rim.center_px[0], canvas.y - rim.center_px[1]) - eye.radius_mm / rim.mm_per_px
+    )
     canvas.fill(np.maximum(ellipse, inside), palette.hole)

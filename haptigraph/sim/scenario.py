@@ -22,6 +22,8 @@ BOUNDS = {
     "camera.height_px": (64, 4096),
     "camera.center_px": (0, 4096),
     "camera.px_per_mm": (1, 100),
+    "camera.tilt_deg": (-30, 30),
+    "camera.distance_mm": (30, 1e6),
     "camera.blur_px": (0, 50),
     "camera.exposure": (0, 10),
     "camera.vignetting": (0, 1),

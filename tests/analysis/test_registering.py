@@ -9,8 +9,13 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from haptigraph.analysis.registering import sound_anatomy
+from haptigraph.analysis.registration_sweep import errors_px, invalid_pictures, random_view
 from haptigraph.cli import main
-from haptigraph.perception.registration import load_registration
+from haptigraph.errors import BadInput
+from haptigraph.perception.registration import load_registration, parse_registration
+from haptigraph.sim.phantom import Phantom
+from haptigraph.sim.scenario import load_scenario
 
 
 def call(*arguments: object):
@@ -31,9 +36,6 @@ def refuse(*arguments: object) -> str:
 @pytest.fixture(scope="module")
 def picture(quick, tmp_path_factory) -> Path:
     """One picture of the simulated eye, needle outside."""
-    from haptigraph.sim.phantom import Phantom
-    from haptigraph.sim.scenario import load_scenario
-
     moment = Phantom(load_scenario(quick)).advance()
     assert moment is not None
     path = tmp_path_factory.mktemp("register") / "eye.png"
@@ -133,6 +135,49 @@ def test_bad_wishes_are_one_sentence(picture, tmp_path, options, reason):
 
 def test_a_camera_is_recorded_first(tmp_path):
     assert "record a short clip" in refuse("camera:0", "-o", tmp_path / "eye.toml")
+
+
+def test_a_slanted_camera_gets_a_homography(quick, tmp_path):
+    scenario = Path(quick).read_text().replace("blur_px", "tilt_deg = [-6, 9]\ndistance_mm = 150\nblur_px")
+    scenario = scenario.replace("width_px = 480\nheight_px = 270", "width_px = 960\nheight_px = 540")
+    scenario = scenario.replace(
+        "center_px = [240.0, 148.0]\npx_per_mm = 8.0", "center_px = [480, 296]\npx_per_mm = 16"
+    )
+    (tmp_path / "slanted.toml").write_text(scenario)
+    out = tmp_path / "eye.toml"
+    result = call(f"phantom:{tmp_path / 'slanted.toml'}", "-o", out, "--target-mm", "1.885", "--images", 12)
+    assert result.exit_code == 0, result.output
+    assert re.search(
+        r"tilt       1[01]\.\d deg, the image's left and lower side farther; a homography", result.stdout
+    )
+    found = load_registration(out)
+    truth = parse_registration(Phantom(load_scenario(str(tmp_path / "slanted.toml"))).registration, "truth")
+    assert math.dist(found.image.to_px((0.0, 0.0)), truth.image.to_px((0.0, 0.0))) < 1.5
+    for place in (*truth.retina.points_mm, truth.target.at_mm, truth.trocar.at_mm):
+        assert math.dist(found.image.to_px(place), truth.image.to_px(place)) < 2.0
+
+
+@pytest.mark.parametrize("number", [1, 4, 8, 13])
+def test_random_views_are_registered(number):
+    view = random_view(number, 77)
+    errors = errors_px(sound_anatomy(view.images, 2 * view.radius_mm, view.says), view)
+    assert errors.center_px < 1.5, view.says
+    assert errors.radius_px < 1.5, view.says
+    assert errors.retina_px < 2.0, view.says
+
+
+def test_what_is_no_eye_is_refused_with_the_reason():
+    for name, image in invalid_pictures(1, 77):
+        with pytest.raises(BadInput, match=r"no eye|cut off|blurred|too small|only one edge"):
+            sound_anatomy([image], 24.0, name)
+
+
+def test_a_steep_slant_is_refused(quick, tmp_path):
+    scenario = Path(quick).read_text().replace("blur_px", "tilt_deg = [0, 26]\nblur_px")
+    (tmp_path / "slanted.toml").write_text(scenario)
+    message = refuse(f"phantom:{tmp_path / 'slanted.toml'}", "-o", tmp_path / "eye.toml", "--images", 4)
+    assert "at a slant of 2" in message and "at most 20 deg is handled" in message
+    assert not (tmp_path / "eye.toml").exists()
 
 
 def test_labelled_clips_are_found(clip, tmp_path):

@@ -128,7 +128,8 @@ def no_eye() -> Image:
 
 BAD = {
     "wood": (no_eye(), "no eye"),
-    "black": (np.zeros((360, 640, 3), np.uint8), "no edges"),
+    "black": (np.zeros((360, 640, 3), np.uint8), "it is dark, its brightest parts have 0 of 255"),
+    "grey": (np.full((360, 640, 3), 90, np.uint8), "no edges"),
     "noise": (np.random.default_rng(1).integers(0, 255, (360, 640, 3), np.uint8), "no eye"),
     "cut off": (still_scene()[:, :400], "cut off.*right border"),
     "blurred": (cv2.GaussianBlur(still_scene(), (0, 0), 9), "blurred|no eye"),

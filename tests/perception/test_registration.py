@@ -80,3 +80,34 @@ def test_errors_carry_the_line(registration_toml):
     text = changed(registration_toml, r"^diameter_mm = .*", "diameter_mm = 2.4")
     line = text.splitlines().index("diameter_mm = 2.4") + 1
     assert refuse(text).startswith(f"eye.toml, line {line}: ")
+
+
+SLANT = "\n[homography]\nstraight_from_image = [[1.02, 0.0, -3.0], [0.0, 1.0, 0.0], [{}, 0.0, 1.0]]\n"
+
+
+def test_a_homography_leads_into_the_straightened_image(registration_toml, registration):
+    slanted = parse_registration(
+        registration_toml + SLANT.format("0.0").replace("1.02, 0.0, -3.0", "1.0, 0.0, 0.0"), "eye.toml"
+    )
+    assert slanted.target == registration.target
+    assert slanted.straight.image == registration.image
+    stretched = parse_registration(registration_toml + SLANT.format("1e-5"), "eye.toml")
+    assert stretched.image.to_mm((160.0, 120.0)) == pytest.approx((0.0, 0.0), abs=1e-9)
+    # 1.02 / (1 + 0.0016), and once more where the straightened pixels lie closer
+    assert abs(stretched.image.to_mm((80.0, 120.0))[0]) == pytest.approx(10 * 1.02, rel=3e-3)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (SLANT.format("-0.01"), "the homography sends a part of the image to infinity"),
+        (SLANT.format("0.0").replace("1.02", "-1.02"), "0.25 to 4 is plausible"),
+        (SLANT.format("0.0").replace("1.02", "9.0"), "makes areas 9 times as large"),
+        (SLANT.format("0.0").replace("1.02", "nan"), "nan"),
+        (SLANT.format("0.0").replace("[1.02, 0.0, -3.0], ", ""), "homography.straight_from_image"),
+    ],
+)
+def test_a_homography_of_no_camera_is_refused(registration_toml, text, told):
+    message = refuse(registration_toml + text)
+    assert told in message
+    assert "\n" not in message

@@ -1,0 +1,56 @@
+"""Images by a camera that looks at a slant, turned into those of one that looks straight at the section.
+
+The one place where a slant is taken away: perceivers behind it know nothing of it.
+"""
+
+import cv2
+import numpy as np
+from msgspec.structs import replace
+
+from haptigraph.geometry import Homography
+from haptigraph.messages import Capture, Image, Observation
+from haptigraph.perception.registration import Registration
+from haptigraph.stages import Perceiver
+
+__all__ = ["StraightenedPerceiver", "straightened"]
+
+
+def straightened(image: Image, straight_from_image: Homography) -> Image:
+    """Return an image of the same size without slant, (h, w, 3) or (h, w)."""
+    height, width = image.shape[:2]
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    back = straight_from_image.inverse.matrix
+    return np.asarray(
+        cv2.warpPerspective(image, back, (width, height), flags=flags, borderMode=cv2.BORDER_REPLICATE),
+        np.uint8,
+    )
+
+
+class StraightenedPerceiver:
+    """Let a perceiver look at straightened images.
+
+    Args:
+        perceiver: It has been given `registration.straight`.
+        registration: Says how the camera looks at the section.
+        straight_from_image: Its homography.
+    """
+
+    def __init__(
+        self, perceiver: Perceiver, registration: Registration, straight_from_image: Homography
+    ) -> None:
+        self._perceiver = perceiver
+        self._registration = registration
+        self._straight_from_image = straight_from_image
+
+    def __call__(self, capture: Capture) -> Observation:
+        """Look at one image.
+
+        Raises:
+            BadInput: If the image is not of the registered size.
+        """
+        image = self._registration.checked(capture.image)
+        return self._perceiver(replace(capture, image=straightened(image, self._straight_from_image)))
+
+    def reset(self) -> None:
+        """Forget earlier images."""
+        self._perceiver.reset()

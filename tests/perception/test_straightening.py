@@ -1,0 +1,70 @@
+"""From a slanted camera to the needle's place, all the way."""
+
+import math
+
+import cv2
+import numpy as np
+import pytest
+from msgspec.structs import replace
+
+from haptigraph import assemble
+from haptigraph.config import load_config
+from haptigraph.errors import BadInput
+from haptigraph.geometry import Point
+from haptigraph.messages import Capture
+from haptigraph.perception.ioct import IoctView
+from haptigraph.perception.registration import parse_registration
+from haptigraph.perception.straightening import straightened
+from haptigraph.sim.phantom import Phantom
+from haptigraph.sim.scenario import load_scenario
+
+
+def slanted(quick: str, tilt_deg: tuple[float, float], **others) -> Phantom:
+    scenario = load_scenario(quick)
+    camera = replace(scenario.camera, tilt_deg=tilt_deg, distance_mm=120.0, **others)
+    return Phantom(replace(scenario, camera=camera))
+
+
+@pytest.fixture(scope="module")
+def phantom(quick) -> Phantom:
+    return slanted(quick, (-8.0, 11.0), width_px=960, height_px=540, center_px=(480.0, 296.0), px_per_mm=16.0)
+
+
+@pytest.mark.parametrize("perceiver", ["tracker", "threshold"])
+def test_tips_are_right_in_millimetres(phantom, procedure, perceiver):
+    registration = parse_registration(phantom.registration, "truth")
+    config = load_config(None, (f'perception.perceiver="{perceiver}"', "perception.alpha=1"))
+    pipeline = assemble.build_pipeline(config, registration, procedure)
+    phantom.restart()
+    errors_mm = []
+    for number in range(60):
+        moment = phantom.advance()
+        assert moment is not None
+        step = pipeline.step(Capture(number, round(number * 1e9 / 15), moment.image))
+        tip = step.observation.found.get("needle_tip")
+        if moment.truth.inside and moment.truth.depth_mm > 3 and isinstance(tip, Point):
+            errors_mm.append(math.dist(tip.at_mm, moment.truth.tip_mm))
+    assert len(errors_mm) > 20
+    assert np.median(errors_mm) < 0.15
+
+
+def test_a_slanted_picture_is_made_straight(quick):
+    tilted, straight = (
+        slanted(quick, tilt_deg, read_noise_grey=0.0, shot_noise_grey=0.0)
+        for tilt_deg in ((0.0, 12.0), (0.0, 0.0))
+    )
+    registration = parse_registration(tilted.registration, "truth")
+    image, expected = tilted.advance().image, straight.advance().image
+    found = straightened(image, registration.image.straight_from_image)
+    eye = np.s_[60:236, 150:330]
+    off, off_before = (cv2.norm(each[eye], expected[eye], cv2.NORM_L1) for each in (found, image))
+    assert off < 0.4 * off_before
+    view, plain = IoctView(registration, 200), IoctView(registration.straight, 200)
+    assert cv2.norm(view(image), plain(expected), cv2.NORM_L1) / 200**2 < 3
+
+
+def test_images_of_another_size_are_refused(phantom, procedure):
+    registration = parse_registration(phantom.registration, "truth")
+    pipeline = assemble.build_pipeline(load_config(None, ()), registration, procedure)
+    with pytest.raises(BadInput, match="960 x 540"):
+        pipeline.step(Capture(0, 0, np.zeros((10, 10, 3), np.uint8)))
