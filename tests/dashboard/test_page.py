@@ -5,7 +5,7 @@ from live_bench import Live, leave, look, until
 
 from haptigraph.recording.reader import RunReader
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
 
 
 def test_the_page_follows_the_loop(live, open_page):

@@ -28,7 +28,11 @@ const banner = new Banner();
 const touch = new Touch(150);
 const controller = new Controller();
 const rumble = new Rumble(() => controller.pad());
-export const page = { hello: null, header: null, heard_ms: -Infinity, latency_ms: NaN, ended: "", isOpen: false };
+/** What this page knows. Tests and benchmarks read it, and may listen: `onImage`, `onDrawn`. */
+export const page = {
+  clock, hello: null, header: null, drawn: 0, onImage: () => {}, onDrawn: () => {},
+  heard_ms: -Infinity, latency_ms: NaN, ended: "", isOpen: false,
+};
 
 const hear = {
   hello(message) {
@@ -59,6 +63,7 @@ const line = connect({
     graph.show(header);
     traces.add(header);
     touch.fresh();
+    page.onImage(header);
     view.show(header, picture);
   },
   onOpen() { page.isOpen = true; clock.reset(); ping(); watch(); },
@@ -68,6 +73,8 @@ const steering = new Steering(line.send, controller, $("view"));
 const controls = new Controls(line.send, steering, controller);
 
 view.onDrawn = (header) => {
+  page.drawn += 1;
+  page.onDrawn(header);
   const age_ms = clock.now_ms() - header.time_ms;
   page.latency_ms = Number.isNaN(page.latency_ms) ? age_ms : page.latency_ms + 0.1 * (age_ms - page.latency_ms);
 };

@@ -89,8 +89,8 @@ export function lostIn(header, hello) {
 
 function felt(pattern) {
   if (!pattern || pattern.kind === "off") return "nothing";
-  const what = { continuous: "steady", pulses: "pulses", bursts: `${pattern.count} bursts` }[pattern.kind];
-  return `${pattern.name}: ${what}, ${Math.round(pattern.amplitude * 100)} %`;
+  const what = { continuous: "steady vibration", pulses: "rapid pulses", bursts: `${pattern.count} bursts` }[pattern.kind];
+  return `${what}, ${Math.round(pattern.amplitude * 100)} %`;
 }
 
 function chip(isBad, value, words, title = "", kind = "") {
