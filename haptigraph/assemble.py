@@ -17,7 +17,7 @@ import msgspec
 import haptigraph
 from haptigraph.clock import Clock, MonotonicClock, VirtualClock
 from haptigraph.config import Config
-from haptigraph.errors import BadInput, unknown_name
+from haptigraph.errors import BadInput, NeedsRegistration, unknown_name
 from haptigraph.haptics.pattern import beyond
 from haptigraph.haptics.tap import Listener, TappedDevice
 from haptigraph.pipeline import Hand, Loop, Pipeline
@@ -83,13 +83,14 @@ def build(
 
     Raises:
         BadInput: If a name, a file or a device in the configuration cannot be used.
+        NeedsRegistration: If nothing says where the anatomy lies.
     """
     clock: Clock = MonotonicClock() if is_realtime(config) else VirtualClock()
     procedure = load_procedure(config.run.procedure)
     load_registration = _load("haptigraph.perception.registration:load_registration")
     given = load_registration(config.source.registration) if config.source.registration else None
     with ExitStack() as undo:
-        source = open_source(config, clock, given)
+        source = open_source(config, clock, (given.width_px, given.height_px) if given else None)
         undo.callback(source.close)
         registration = given or _own_registration(source, config)
         pipeline = build_pipeline(config, registration, procedure)
@@ -104,9 +105,8 @@ def build(
         undo.callback(hand.close)
         recorders: list[Sink] = []
         if writer is not None:
-            waits = isinstance(clock, VirtualClock)
             recorder = _load("haptigraph.sinks.recorder:Recorder")
-            recorders.append(recorder(writer, waits=waits, progress=progress))
+            recorders.append(recorder(writer, waits=isinstance(clock, VirtualClock), progress=progress))
             undo.callback(recorders[0].close)
         loop = Loop(
             pipeline,
@@ -142,8 +142,7 @@ def build_pipeline(config: Config, registration: "Registration", procedure: "Pro
     """
     perceiver = _named(PERCEIVERS, "perceiver", config.perception.perceiver)
     perceive = perceiver(registration.straight, config.perception)
-    slant = registration.image.straight_from_image
-    if slant is not None:
+    if (slant := registration.image.straight_from_image) is not None:
         straightened = _load("haptigraph.perception.straightening:StraightenedPerceiver")
         perceive = straightened(perceive, registration, slant)
     return Pipeline(
@@ -179,26 +178,29 @@ def _split_source(uri: str) -> tuple[str, str]:
     )
 
 
-def open_source(config: Config, clock: Clock, registration: "Registration | None" = None) -> Source:
+def open_source(config: Config, clock: Clock, size_px: tuple[int, int] | None = None) -> Source:
     """Open the source of a configuration.
 
     Args:
         config: Its [source] table counts.
         clock: Stamps live images; with a virtual one, reading a file waits however long it takes.
-        registration: Tells a camera the image size to ask for.
+        size_px: Width and height to ask a camera for, as they were registered.
 
     Raises:
         BadInput: If it cannot be opened.
+        NeedsRegistration: If it is a camera and its image size is not known.
     """
     kind, argument = _split_source(config.source.uri)
     if config.source.loop and kind != "phantom":
         raise BadInput(f"source.loop works with phantom:SCENARIO only, found {config.source.uri!r}")
     options: dict[str, Callable[[], dict[str, Any]]] = {
-        "camera": lambda: _camera_options(config, clock, registration),
+        "camera": lambda: {"size_px": size_px, "rate_hz": config.source.rate_hz, "clock": clock},
         "images": lambda: {"rate_hz": config.source.rate_hz},
         "phantom": lambda: {"loop": config.source.loop},
     }
     given: Any = _camera_number(argument) if kind == "camera" else argument
+    if kind == "camera" and size_px is None:
+        raise NeedsRegistration(config.source.uri)
     source: Source = _load(SOURCES[kind])(given, **options.get(kind, dict)())
     if kind in MADE_NOW and config.source.jpeg_quality:
         source = _load("haptigraph.sources.jpeg:JpegSource")(source, config.source.jpeg_quality)
@@ -264,7 +266,7 @@ def _own_registration(source: Source, config: Config) -> "Registration":
         return parse_registration(source.registration, f"registration of {config.source.uri}")
     beside = Path(config.source.uri).parent / "registration.toml"
     hint = f"; there is one beside it: {beside}" if beside.is_file() else ""
-    raise BadInput(f"{config.source.uri} needs a registration; give --registration FILE{hint}")
+    raise NeedsRegistration(config.source.uri, hint)
 
 
 def _hand(device: Device, config: Config, clock: Clock) -> Hand:
@@ -312,13 +314,6 @@ def _camera_number(argument: str) -> int:
     if not re.fullmatch("[0-9]{1,4}", argument):
         raise BadInput(f"camera:{argument} is no camera; camera:0 is the first")
     return int(argument)
-
-
-def _camera_options(config: Config, clock: Clock, registration: "Registration | None") -> dict[str, Any]:
-    if registration is None:
-        raise BadInput(f"{config.source.uri} needs a registration; give --registration FILE")
-    size_px = registration.width_px, registration.height_px
-    return {"size_px": size_px, "rate_hz": config.source.rate_hz, "clock": clock}
 
 
 def _named(registry: dict[str, str], what: str, name: str) -> Any:

@@ -12,6 +12,8 @@ from haptigraph.commands.options import (
     settings_of,
 )
 from haptigraph.commands.running import run_loop
+from haptigraph.errors import NeedsRegistration
+from haptigraph.terminal import tell, terminable
 
 __all__ = ["live"]
 
@@ -42,10 +44,13 @@ def live(
     """Run the loop on SOURCE in real time, with a page to watch it by.
 
     SOURCE is what `run` takes; without one, you steer a simulated needle from the page. A scenario starts
-    again when it is over. Open the printed address.
+    again when it is over. Open the printed address. If SOURCE needs a registration and none is given, a page
+    to make one comes first.
     The page is for this machine only; with another --host, only for those who know the token.
     """
     import secrets
+
+    from msgspec.structs import replace
 
     from haptigraph.config import load_config
     from haptigraph.dashboard.door import LOOPBACK
@@ -66,4 +71,14 @@ def live(
         settled = load_config(config, ("source.loop=true", *settings, *settings_of(options)))
     key = token or ("" if host in LOOPBACK else secrets.token_urlsafe(12))
     with closing(listen(host, port or 0)) as listener:
+        page = LivePage(settled, listener, host=host, token=key)
+        try:
+            run_loop(settled, page)
+            return
+        except NeedsRegistration as needed:
+            tell(f"haptigraph: {needed}")
+        tell(f"haptigraph: or make one now: the page is at {page.address}")
+        with terminable():
+            made = page.registered_first()
+        settled = replace(settled, source=replace(settled.source, registration=made))
         run_loop(settled, LivePage(settled, listener, host=host, token=key))

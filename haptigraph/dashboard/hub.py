@@ -38,6 +38,8 @@ class Hub:
         """From capture to command, of the last steps."""
         self.last_faults: dict[str, tuple[float, str]] = {}
         """The newest fault by where it was: when [ms], and what."""
+        self.newest_capture: Capture | None = None
+        """For pages that need what the source sees."""
         self._clock, self._origin_ns = clock, clock.now_ns()
         self._newest: tuple[Capture, Step] | None = None
         self._edges: deque[tuple[int, float, float]] = deque(maxlen=MOST_EDGES)
@@ -56,6 +58,7 @@ class Hub:
             self.latencies_ns.append(step.timing.commanded_ns - step.stamp_ns)
         for fault in step.faults:
             self.last_faults[fault.where] = self.to_ms(step.stamp_ns), fault.message
+        self.newest_capture = capture
         self._newest = capture, step
         self._wake()
 

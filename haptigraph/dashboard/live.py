@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from queue import SimpleQueue
 from socket import socket
 from urllib.parse import quote
 
@@ -11,9 +12,10 @@ from haptigraph.clock import MonotonicClock
 from haptigraph.config import Config
 from haptigraph.dashboard.controls import Controls
 from haptigraph.dashboard.describe import describe
+from haptigraph.dashboard.door import LOOPBACK
 from haptigraph.dashboard.health import Health
 from haptigraph.dashboard.hub import Hub
-from haptigraph.dashboard.server import Server, make_app
+from haptigraph.dashboard.server import REGISTRATION, Server, make_app
 from haptigraph.dashboard.site import Site
 from haptigraph.dashboard.wire import told
 from haptigraph.perception.ioct import IoctView
@@ -66,10 +68,19 @@ class LivePage:
         teleop = getattr(loop.source, "teleop", None)
         hello = describe(config, procedure, registration, view)
         self.hub.introduce(told("hello", **hello, steerable=teleop is not None), view, moving)
-        site = Site(self.hub, Controls(self.hub, teleop))
+        site = Site(self.hub, Controls(self.hub, teleop), config.source.uri, self._host in LOOPBACK)
         app = make_app(site, Health(loop, self.hub), host=self._host, token=self._token)
         with Server(app, self._listener):
             yield
+
+    def registered_first(self) -> str:
+        """Serve the registration page alone until somebody saves there; return the file's path."""
+        saved: SimpleQueue[str] = SimpleQueue()
+        controls = Controls(self.hub, None)
+        site = Site(self.hub, controls, self._config.source.uri, self._host in LOOPBACK, saved.put)
+        app = make_app(site, dict, host=self._host, token=self._token, pages=(REGISTRATION,))
+        with Server(app, self._listener.dup()):
+            return saved.get()
 
     def end(self, reason: str) -> None:
         """Tell the viewers that the run has ended, and why."""

@@ -17,14 +17,14 @@ from typing import Any, NamedTuple
 import uvicorn
 from starlette.applications import Starlette
 from starlette.requests import Request
-from starlette.responses import HTMLResponse, PlainTextResponse, Response
+from starlette.responses import HTMLResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.routing import BaseRoute, Route
 
 from haptigraph.dashboard.door import Door
 from haptigraph.dashboard.site import Site
 from haptigraph.errors import BadInput
 
-__all__ = ["PAGES", "Page", "Server", "listen", "make_app"]
+__all__ = ["LIVE", "PAGES", "REGISTRATION", "Page", "Server", "listen", "make_app"]
 
 STATIC = resources.files("haptigraph.dashboard").joinpath("static")
 MOST_MESSAGE_BYTES = 65_536
@@ -43,17 +43,29 @@ class Page(NamedTuple):
     """"module:function"; the function takes the `Site` and returns routes."""
 
 
-PAGES = (Page("Live", "/", "index.html", "haptigraph.dashboard.live_page:routes"),)
+LIVE = Page("Live", "/", "index.html", "haptigraph.dashboard.live_page:routes")
+REGISTRATION = Page(
+    "Registration", "/registration", "registration.html", "haptigraph.dashboard.registration_page:routes"
+)
+PAGES = (LIVE, REGISTRATION)
 
 
-def make_app(site: Site, health: Callable[[], dict[str, Any]], *, host: str, token: str) -> Door:
-    """Return the ASGI app of all pages.
+def make_app(
+    site: Site,
+    health: Callable[[], dict[str, Any]],
+    *,
+    host: str,
+    token: str,
+    pages: Sequence[Page] = PAGES,
+) -> Door:
+    """Return the ASGI app of pages.
 
     Args:
         site: What routes may use.
         health: Says how the loop is, for the live page.
         host: The address that is listened on.
         token: What visitors must know; empty: nothing.
+        pages: What is served; "/" leads to the first.
     """
 
     @contextlib.asynccontextmanager
@@ -62,8 +74,9 @@ def make_app(site: Site, health: Callable[[], dict[str, Any]], *, host: str, tok
         yield
         task.cancel()
 
-    found: list[BaseRoute] = [route for page in PAGES for route in _routes_of(page, site)]
-    shown = [Route(page.path, _html_of(page)) for page in PAGES]
+    found: list[BaseRoute] = [route for page in pages for route in _routes_of(page, site)]
+    shown = [Route(page.path, _html_of(page, pages)) for page in pages]
+    shown += [Route("/", _to(pages[0].path))] if pages[0].path != "/" else []
     files = Route("/static/{name}", _file)
     return Door(Starlette(routes=[*shown, files, *found], lifespan=pumping), host=host, token=token)
 
@@ -74,10 +87,17 @@ def _routes_of(page: Page, site: Site) -> Sequence[BaseRoute]:
     return routes
 
 
-def _html_of(page: Page) -> Callable[[Request], Any]:
+def _to(path: str) -> Callable[[Request], Any]:
+    async def answer(request: Request) -> Response:
+        return RedirectResponse(path, status_code=303)
+
+    return answer
+
+
+def _html_of(page: Page, pages: Sequence[Page]) -> Callable[[Request], Any]:
     links = "".join(
         f'<a href="{other.path}"{" aria-current=page" * (other is page)}>{html.escape(other.title)}</a>'
-        for other in PAGES
+        for other in pages
     )
     text = STATIC.joinpath(page.file).read_text(encoding="utf-8")
     text = text.replace("<nav></nav>", f'<nav aria-label="Pages">{links}</nav>')
