@@ -51,11 +51,26 @@ def mapping(page: Any, live: Live) -> None:
     page.wait_for_timeout(300)
 
 
+def registration(page: Any, live: Live) -> None:
+    """The registration page, while somebody drags the target."""
+    page.goto(f"{live.url}registration")
+    page.fill("#source", "phantom:wrong_place_then_hit")
+    page.click("text=Find the eye")
+    page.wait_for_selector("#verdict:has-text('A run would take this')", timeout=120_000)
+    box = page.locator("[data-key=target] .area").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x - 30, y - 3, steps=5)
+    page.wait_for_timeout(500)
+
+
 SHOTS: dict[str, tuple[str, tuple[str, ...], tuple[int, int], Callable[[Any, Live], None]]] = {
     "live-contact": ("phantom:wrong_place_then_hit", (), (1366, 768), contact),
     "live-hit": ("phantom:align_then_approach", (), (1920, 1080), hit),
     "live-lost": ("teleop", (), (1366, 768), lost),
     "live-stale": ("teleop:wrong_place_then_hit", FREEZING, (1366, 768), stale),
+    "registration": ("teleop", (), (1366, 768), registration),
     "live-mapping": ("teleop:wrong_place_then_hit", (), (1366, 768), mapping),
 }
 """File name: what is served, by which program, how large, and what leads there."""

@@ -152,8 +152,7 @@ def _found(anatomy: Anatomy, wishes: Wishes, source: str) -> tuple[Draft, str]:
     mm_per_px = wishes.diameter_mm / (2 * anatomy.radius_px)
     data = settled(anatomy, replace(wishes, trocar=wish), mm_per_px, source)
     trocars = tuple(
-        DraftTrocar(trocar.name if named else side, _plain(trocar.point_px), trocar.used)
-        for trocar in data.trocars
+        DraftTrocar(trocar.name if named else side, trocar.point_px, trocar.used) for trocar in data.trocars
     )
     return _draft(data, trocars), note
 
@@ -162,17 +161,12 @@ def _draft(data: AnatomyPx, trocars: tuple[DraftTrocar, ...]) -> Draft:
     return Draft(
         mirrored=data.mirrored,
         diameter_mm=data.diameter_mm,
-        center_px=_plain(data.center_px),
-        radius_px=float(data.radius_px),
-        contour_px=tuple(_plain(point) for point in data.contour_px),
-        target_px=_plain(data.target_px),
+        center_px=data.center_px,
+        radius_px=data.radius_px,
+        contour_px=data.contour_px,
+        target_px=data.target_px,
         trocars=trocars,
     )
-
-
-def _plain(at_px: Vec) -> Vec:
-    """Return a place without NumPy's numbers, which JSON does not know."""
-    return float(at_px[0]), float(at_px[1])
 
 
 def _guessed(width_px: int, height_px: int, wishes: Wishes) -> Draft:

@@ -10,6 +10,7 @@ from concurrent.futures import Future
 from typing import Annotated, Any, TypeVar
 
 import msgspec
+import numpy as np
 from msgspec import Meta, Struct
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
@@ -114,8 +115,18 @@ def routes(site: Site) -> Sequence[BaseRoute]:
 def _json(content: Any, status: int = 200) -> Response:
     headers = {"Cache-Control": "no-store"}
     return Response(
-        msgspec.json.encode(content), status_code=status, media_type="application/json", headers=headers
+        msgspec.json.encode(content, enc_hook=_plain),
+        status_code=status,
+        media_type="application/json",
+        headers=headers,
     )
+
+
+def _plain(value: Any) -> Any:
+    """Return what JSON knows for one of NumPy's numbers."""
+    if isinstance(value, np.generic):
+        return value.item()
+    raise NotImplementedError
 
 
 def _told(answer: Callable[[Request], Awaitable[Response]]) -> Callable[[Request], Awaitable[Response]]:
