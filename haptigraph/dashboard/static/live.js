@@ -15,7 +15,7 @@ import { Touch } from "./touch.js";
 import { Traces } from "./traces.js";
 import { View } from "./view.js";
 
-const PING_MS = 2000, DRAW_MS = 1000 / 30, SILENT_MS = 400;
+const PING_MS = 2000, DRAW_MS = 1000 / 30;
 const $ = (id) => document.getElementById(id);
 
 const clock = new ServerClock();
@@ -111,7 +111,7 @@ function lost() {
   if (!page.isOpen) return ["Connection lost", "The server does not answer. What you see is old.", true];
   if (page.ended) return ["The run has ended", page.ended, true];
   const silent_ms = performance.now() - page.heard_ms;
-  if (page.header && silent_ms > SILENT_MS) return ["No news", `Nothing from the loop for ${(silent_ms / 1000).toFixed(1)} s.`, true];
+  if (page.header && silent_ms > 200 + 2 * page.hello.stale_ms) return ["No news", `Nothing from the loop for ${(silent_ms / 1000).toFixed(1)} s.`, true];
   return page.header && lostIn(page.header, page.hello);
 }
 

@@ -199,6 +199,6 @@ addEventListener("beforeunload", (event) => { if (history && history.past.length
 desk.start().then((told) => {
   starts = told.starts;
   if (starts) $("save-button").textContent = "Save and start";
-  $("source").value = told.source;
+  $("source").value ||= told.source;  // unless somebody has been faster
   if (starts) open();
 }).catch((error) => note(error.message));
