@@ -5,7 +5,7 @@ Knows no HTTP. Others than this machine may read and write in the working folder
 
 import json
 import time
-from collections.abc import Generator
+from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
 from itertools import count
 from pathlib import Path
@@ -15,6 +15,7 @@ from haptigraph.analysis.registration_draft import Draft, Opened, open_images, s
 from haptigraph.assemble import SOURCES, open_source
 from haptigraph.clock import MonotonicClock
 from haptigraph.config import load_config
+from haptigraph.dashboard.aside import aside
 from haptigraph.dashboard.hub import Hub
 from haptigraph.dashboard.site import Site
 from haptigraph.errors import BadInput, SourceLost
@@ -55,12 +56,10 @@ class Desk:
             BadInput: If it cannot be read. That nothing is found in it is no error.
         """
         source = source if self._site.is_local else self._permitted(source)
+        self.progress = "opening"
         try:
-            self.progress = "opening"
-            with closing(self._images(source)) as images:
-                picked = spread_images(images, source, MOST_IMAGES, self._tell)
-            self.progress = f"looking for the eye in {len(picked)} images"
-            opened = open_images(picked, source, mirrored=mirrored, diameter_mm=diameter_mm)
+            seen = self._seen(source)
+            opened = aside(_looked_at, source, seen, mirrored, diameter_mm, progress=self._tell)
         finally:
             self.progress = ""
         number = next(self._numbers)
@@ -108,8 +107,18 @@ class Desk:
             raise BadInput(f"cannot be written ({error.strerror})", file) from None
         return str(file)
 
-    def _tell(self, what: str, done: int, total: int) -> None:
-        self.progress = f"{what}: {done} images" if done else what
+    def _tell(self, what: str) -> None:
+        self.progress = what
+
+    def _seen(self, source: str) -> list[Image]:
+        """Return what the loop sees of a source that nobody else can look at meanwhile."""
+        runs = source == self._site.source and self._site.on_registration is None
+        if not runs or source.partition(":")[0] not in LIVE:
+            return []
+        seen = list(_from_loop(self._site.hub))
+        if not seen:
+            raise BadInput("the loop gets no images from it just now", source)
+        return seen
 
     def _permitted(self, path: str) -> str:
         """Return a path that others than this machine may use."""
@@ -123,16 +132,32 @@ class Desk:
             path,
         )
 
-    def _images(self, source: str) -> Generator[Image, None, None]:
-        kind = source.partition(":")[0]
-        runs = source == self._site.source and self._site.on_registration is None
-        if runs and kind in LIVE:
-            return _from_loop(self._site.hub)
-        if kind == "camera":
-            return _from_camera(source)
-        if kind == "teleop":
-            raise BadInput(f"{source} has no end; give phantom:SCENARIO")
-        return all_images(source)
+
+def _looked_at(
+    source: str, seen: Sequence[Image], mirrored: bool, diameter_mm: float, tell: Callable[[str], None]
+) -> Opened:
+    """Read a source, or take what was seen of it, and find the anatomy."""
+    with closing(_images(source, seen)) as images:
+        picked = spread_images(
+            images,
+            source,
+            MOST_IMAGES,
+            lambda what, done, _: tell(f"{what}: {done} images" if done else what),
+        )
+    tell(f"looking for the eye in {len(picked)} images")
+    return open_images(picked, source, mirrored=mirrored, diameter_mm=diameter_mm)
+
+
+def _images(source: str, seen: Sequence[Image]) -> Generator[Image, None, None]:
+    kind = source.partition(":")[0]
+    if seen:
+        yield from seen
+    elif kind == "camera":
+        yield from _from_camera(source)
+    elif kind == "teleop":
+        raise BadInput(f"{source} has no end; give phantom:SCENARIO")
+    else:
+        yield from all_images(source)
 
 
 def _from_loop(hub: Hub) -> Generator[Image, None, None]:

@@ -204,7 +204,7 @@ def test_other_machines_read_and_write_in_the_working_folder_only(quick, tmp_pat
 def test_what_is_live_is_taken_from_the_loop(quick, monkeypatch):
     monkeypatch.setattr("haptigraph.dashboard.registration_desk.LOOK_S", 0.3)
     hub, desk = desk_for("camera:0", is_local=True)
-    with pytest.raises(BadInput, match="has no images"):
+    with pytest.raises(BadInput, match="camera:0: the loop gets no images from it just now"):
         desk.open("camera:0", mirrored=True, diameter_mm=24.0)
     hub.newest_capture = Capture(0, 0, eye_image(quick))
     opened = desk.opened(desk.open("camera:0", mirrored=True, diameter_mm=24.0))
