@@ -7,13 +7,20 @@ import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
+
+import cv2
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
 from live_bench import PAD, Live, chromium, leave, until  # noqa: E402
 
+from haptigraph.sim.phantom import Phantom  # noqa: E402
+from haptigraph.sim.scenario import load_scenario  # noqa: E402
+
 IMAGES = ROOT / "docs" / "images"
+QUICK = f"phantom:{ROOT / 'tests' / 'data' / 'quick.toml'}"
 FREEZING = (str(ROOT / "tests" / "dashboard" / "freezing.py"),)
 
 
@@ -53,10 +60,15 @@ def mapping(page: Any, live: Live) -> None:
 
 def registration(page: Any, live: Live) -> None:
     """The registration page, while somebody drags the target."""
-    page.goto(f"{live.url}registration")
-    page.fill("#source", "phantom:wrong_place_then_hit")
-    page.click("text=Find the eye")
-    page.wait_for_selector("#verdict:has-text('A run would take this')", timeout=120_000)
+    moment = Phantom(load_scenario("wrong_place_then_hit")).advance()
+    with TemporaryDirectory() as folder:
+        cv2.imwrite(f"{folder}/eye.png", moment.image if moment else None)
+        page.goto(f"{live.url}registration")
+        page.fill("#source", f"{folder}/eye.png")
+        page.click("text=Find the eye")
+        page.wait_for_selector("#verdict:has-text('A run would take this')", timeout=120_000)
+        page.fill("#source", "phantom:wrong_place_then_hit")
+        page.fill("#path", "registration.toml")
     box = page.locator("[data-key=target] .area").bounding_box()
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     page.mouse.move(x, y)
@@ -70,7 +82,7 @@ SHOTS: dict[str, tuple[str, tuple[str, ...], tuple[int, int], Callable[[Any, Liv
     "live-hit": ("phantom:align_then_approach", (), (1920, 1080), hit),
     "live-lost": ("teleop", (), (1366, 768), lost),
     "live-stale": ("teleop:wrong_place_then_hit", FREEZING, (1366, 768), stale),
-    "registration": ("teleop", (), (1366, 768), registration),
+    "registration": (QUICK, (), (1366, 768), registration),
     "live-mapping": ("teleop:wrong_place_then_hit", (), (1366, 768), mapping),
 }
 """File name: what is served, by which program, how large, and what leads there."""

@@ -15,7 +15,7 @@ from haptigraph.errors import BadInput, HaptigraphError
 __all__ = ["aside"]
 
 T = TypeVar("T")
-NICE = 10
+NICE = 5
 
 
 def aside(work: Callable[..., T], *given: Any, progress: Callable[[str], None]) -> T:

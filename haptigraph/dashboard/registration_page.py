@@ -24,7 +24,7 @@ from haptigraph.dashboard.site import Site
 from haptigraph.errors import HaptigraphError
 from haptigraph.recording.codec import encode_png
 
-__all__ = ["routes"]
+__all__ = ["Check", "Open", "Save", "routes"]
 
 T = TypeVar("T")
 MOST_BYTES = 262_144

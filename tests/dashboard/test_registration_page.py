@@ -145,8 +145,9 @@ def test_the_residual_follows_the_drag_and_the_loupe_shows_it(page, quick, tmp_p
     page.mouse.up()
     expect(page.locator("#loupe")).to_be_hidden()
     expect(page.locator("#rows td").nth(1)).to_have_text(re.compile(r"5\.[5-8]\d"))  # 8 / sqrt 2
-    page.click("#undo")
+    page.click("#undo")  # the whole drag
     expect(page.locator("#rows td").nth(1)).to_have_text(re.compile(r"0\.\d\d"))
+    expect(page.locator("#undo")).to_be_disabled()
     radius = "radius east"
     drag(page, radius, (6, 0))
     expect(page.locator("#rows td").nth(1)).to_have_text(re.compile(r"[56]\.\d\d"))
@@ -167,7 +168,7 @@ def test_what_a_run_would_refuse_cannot_be_saved_and_says_why(page, quick, tmp_p
 def test_where_register_refuses_everything_is_placed_by_hand(page, tmp_path):
     open_source(page, write_grain(tmp_path))
     expect(page.locator("#note")).to_have_text(
-        re.compile("Nothing found: no eye in the picture: .* You can place everything by hand")
+        re.compile("Register refuses: no eye in the picture: .* You can place everything by hand")
     )
     before = at(page, "center")
     drag(page, "center", (-30, 10))

@@ -59,10 +59,10 @@ export function retinaHandles(draft) {
 export class History {
   constructor(draft) { this.found = this.now = draft; this.past = []; this.future = []; this.last = { what: "", at_ms: 0 }; }
 
-  /** Make a draft the present one; steps of one key or drag that follow each other are undone as one. */
+  /** Make a draft the present one; a drag is undone as one, and so are steps of one key that follow each other soon. */
   put(draft, what) {
     const at_ms = performance.now();
-    const isOne = what && what === this.last.what && at_ms - this.last.at_ms < COALESCE_MS;
+    const isOne = what && what === this.last.what && (what.endsWith("pointer") || at_ms - this.last.at_ms < COALESCE_MS);
     if (!isOne) this.past.push(this.now);
     this.last = { what, at_ms };
     this.future = [];

@@ -116,15 +116,16 @@ export class Handles {
     this.dragged = { key: element.handle.key, at: this.at(event) };
     const move = (moved) => {
       const at = this.at(moved), [fromX, fromY] = this.dragged.at;
-      this.dragged.at = at;
+      Object.assign(this.dragged, { at, moved: true });
       this.onMove(element.handle, [at[0] - fromX, at[1] - fromY], "pointer");
     };
     element.addEventListener("pointermove", move);
     element.addEventListener("lostpointercapture", () => {
       element.removeEventListener("pointermove", move);
       element.classList.remove("dragged");
+      const { moved } = this.dragged;
       this.dragged = null;
-      this.onDrop(element.handle);
+      if (moved) this.onDrop(element.handle);
       this.draw();
     }, { once: true });
     this.draw();

@@ -19,26 +19,28 @@ const loupe = new Loupe($("loupe"), $("image"), $("overlay"));
 const handles = new Handles($("overlay"), move);
 handles.onLook = (at) => { if (history) loupe.look(at, history.now, outline_px); };
 handles.onDrop = ({ kind }) => {
-  const snapped = kind === "target" && checked?.draft === history.now && checked.target_on_retina_px;
-  if (snapped) put(edits.targetTo(history.now, snapped), "target pointer");
-  else if (kind === "target") snapsTarget = true;
+  snapsTarget = kind === "target";
+  if (checked?.draft === history.now) snap();
   history.settle();
 };
-let snapsTarget = false;  // once the server has answered
+let snapsTarget = false;  // as soon as the server has said where to
 
 const checker = new desk.Checker((answer, draft) => {
   checked = { ...answer, draft };
-  if (draft === history.now) outline_px = answer.outline_px;
-  if (snapsTarget && draft === history.now && !handles.dragged) {
-    snapsTarget = false;
-    if (answer.target_on_retina_px) {
-      history.now = edits.targetTo(draft, answer.target_on_retina_px);
-      return show();
-    }
+  if (draft === history.now) {
+    outline_px = answer.outline_px;
+    if (snapsTarget && !handles.dragged) return snap();
   }
   handles.show(history.now, outline_px);
-  showChecked();
+  return showChecked();
 }, (sentence) => { checked = null; verdict(sentence, true); showButtons(); });
+
+/** Move a target that was let go near the retina onto it, as a part of the drag. */
+function snap() {
+  if (snapsTarget && checked.target_on_retina_px) history.now = edits.targetTo(history.now, checked.target_on_retina_px);
+  snapsTarget = false;
+  show();
+}
 
 function move({ kind, index, at }, step, how) {
   const draft = history.now, together = $("together").checked, what = `${kind} ${index ?? ""} ${how}`;
@@ -146,7 +148,7 @@ function begin(found) {
   $("waiting").hidden = true;
   $("setup").disabled = false;
   $("path").value = found.path;
-  note(found.note && (found.is_found ? found.note : `Nothing found: ${found.note}. You can place everything by hand.`));
+  note(found.note && (found.is_found ? found.note : `Register refuses: ${found.note}. You can place everything by hand.`));
   handles.begin(found.width_px, found.height_px);
   show();
 }
