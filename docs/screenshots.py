@@ -7,7 +7,7 @@ import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import gettempdir
 from typing import Any
 
 import cv2
@@ -61,14 +61,13 @@ def mapping(page: Any, live: Live) -> None:
 def registration(page: Any, live: Live) -> None:
     """The registration page, while somebody drags the target."""
     moment = Phantom(load_scenario("wrong_place_then_hit")).advance()
-    with TemporaryDirectory() as folder:
-        cv2.imwrite(f"{folder}/eye.png", moment.image if moment else None)
-        page.goto(f"{live.url}registration")
-        page.fill("#source", f"{folder}/eye.png")
-        page.click("text=Find the eye")
-        page.wait_for_selector("#verdict:has-text('A run would take this')", timeout=120_000)
-        page.fill("#source", "phantom:wrong_place_then_hit")
-        page.fill("#path", "registration.toml")
+    eye = Path(gettempdir()) / "eye.png"
+    cv2.imwrite(str(eye), moment.image if moment else None)
+    page.goto(f"{live.url}registration")
+    page.fill("#source", str(eye))
+    page.click("text=Find the eye")
+    page.wait_for_selector("#verdict:has-text('A run would take this')", timeout=120_000)
+    eye.unlink()
     box = page.locator("[data-key=target] .area").bounding_box()
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     page.mouse.move(x, y)

@@ -5,7 +5,7 @@ is compared anew. Knows neither files nor pages.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from msgspec import Struct
@@ -87,10 +87,11 @@ def _rows(anatomy: Anatomy | None, draft: Draft, image: ImageGeometry, retina: P
     return [
         _globe(anatomy, draft, image, seen_mm),
         _scale(anatomy, draft, image),
+        *([_told(anatomy, image, rim_line)] if anatomy else []),
         _retina(anatomy, image, retina, seen_mm),
         _target(draft, image, retina),
         *(_trocar(anatomy, draft, image, number) for number in range(len(draft.trocars))),
-        *_doubts(anatomy, image),
+        *([_told(anatomy, image, tilt_line)] if anatomy else []),
     ]
 
 
@@ -142,7 +143,7 @@ def _trocar(anatomy: Anatomy | None, draft: Draft, image: ImageGeometry, number:
 
 def _how(anatomy: Anatomy, found: FoundTrocar, mm_per_px: float) -> str:
     if found.by != "needle" or anatomy.pivot is None:
-        return "from where its hole's mouth shows it"
+        return "from its hole's mouth"
     left = in_px_and_mm(anatomy.pivot.residual_px, mm_per_px)
     return f"from the pivot of {anatomy.pivot.lines} shaft lines, which miss it by {left}"
 
@@ -165,12 +166,10 @@ def _scale(anatomy: Anatomy | None, draft: Draft, image: ImageGeometry) -> Row:
     return Row("Scale", where, note=note, is_plausible=low <= thick_mm <= high)
 
 
-def _doubts(anatomy: Anatomy | None, image: ImageGeometry) -> list[Row]:
-    """Return what `register` says of tilt and rim: a word, and behind it a sentence."""
-    if anatomy is None:
-        return []
-    lines = [line(anatomy, image.mm_per_px).partition(" ") for line in (tilt_line, rim_line)]
-    return [Row(word.capitalize(), "", note=said.strip()) for word, _, said in lines]
+def _told(anatomy: Anatomy, image: ImageGeometry, line: Callable[[Anatomy, float], str]) -> Row:
+    """Return what `register` says: a word, and behind it a sentence."""
+    word, _, said = line(anatomy, image.mm_per_px).partition(" ")
+    return Row(word.capitalize(), "", note=said.strip())
 
 
 def _row(what: str, where: str, off_mm: float, image: ImageGeometry, note: str = "") -> Row:
