@@ -2,4 +2,5 @@
 
 from haptigraph.cli import main
 
-main()
+if __name__ == "__main__":  # not in the processes that the program starts itself
+    main()

@@ -17,8 +17,9 @@ import msgspec
 import haptigraph
 from haptigraph.clock import Clock, MonotonicClock, VirtualClock
 from haptigraph.config import Config
-from haptigraph.errors import BadInput, unknown_name
+from haptigraph.errors import BadInput, NeedsRegistration, unknown_name
 from haptigraph.haptics.pattern import beyond
+from haptigraph.haptics.tap import Listener, TappedDevice
 from haptigraph.pipeline import Hand, Loop, Pipeline
 from haptigraph.recording.schema import RunInfo
 from haptigraph.recording.writer import Progress, RunWriter
@@ -55,29 +56,41 @@ SOURCES = {
     "images": "haptigraph.sources.images:ImagesSource",
     "phantom": "haptigraph.sources.phantom:PhantomSource",
     "recording": "haptigraph.sources.recording:RecordingSource",
+    "teleop": "haptigraph.sources.teleop:TeleopSource",
     "video": "haptigraph.sources.video:VideoSource",
 }
-MADE_NOW = ("camera", "phantom")  # sources that make their images as they go, in real time
+MADE_NOW = ("camera", "phantom", "teleop")  # sources that make their images as they go, in real time
+SETTLED = ("images", "phantom", "recording", "video")  # sources whose next images nothing can change
 
+DEFAULT_SCENARIO = "align_then_approach"
 DEFAULT_TRACE = "touch.csv"
 
 
-def build(config: Config, *, sinks: Sequence[Sink] = (), progress: Progress | None = None) -> Loop:
+def build(
+    config: Config,
+    *,
+    sinks: Sequence[Sink] = (),
+    progress: Progress | None = None,
+    listener: Listener | None = None,
+) -> Loop:
     """Assemble everything a configuration asks for.
 
     Args:
         config: The configuration.
         sinks: Further takers of steps.
         progress: Told about work that takes long.
+        listener: Told every amplitude that the device is told.
 
     Raises:
         BadInput: If a name, a file or a device in the configuration cannot be used.
+        NeedsRegistration: If nothing says where the anatomy lies.
     """
     clock: Clock = MonotonicClock() if is_realtime(config) else VirtualClock()
     procedure = load_procedure(config.run.procedure)
-    given = _given_registration(config)
+    load_registration = _load("haptigraph.perception.registration:load_registration")
+    given = load_registration(config.source.registration) if config.source.registration else None
     with ExitStack() as undo:
-        source = open_source(config, clock, given)
+        source = open_source(config, clock, (given.width_px, given.height_px) if given else None)
         undo.callback(source.close)
         registration = given or _own_registration(source, config)
         pipeline = build_pipeline(config, registration, procedure)
@@ -86,11 +99,15 @@ def build(config: Config, *, sinks: Sequence[Sink] = (), progress: Progress | No
             undo.callback(writer.discard)
         device = open_device(config.haptics.device)
         undo.callback(device.close)
+        if listener is not None:
+            device = TappedDevice(device, listener)
         hand = _hand(device, config, clock)
         undo.callback(hand.close)
-        recorders = _recorders(writer, clock, progress)
-        for recorder in recorders:
-            undo.callback(recorder.close)
+        recorders: list[Sink] = []
+        if writer is not None:
+            recorder = _load("haptigraph.sinks.recorder:Recorder")
+            recorders.append(recorder(writer, waits=isinstance(clock, VirtualClock), progress=progress))
+            undo.callback(recorders[0].close)
         loop = Loop(
             pipeline,
             source=source,
@@ -98,7 +115,7 @@ def build(config: Config, *, sinks: Sequence[Sink] = (), progress: Progress | No
             sinks=[*recorders, *sinks],
             clock=clock,
             stale_ms=config.run.stale_ms,
-            notes=[note for pattern in procedure.patterns for note in beyond(pattern, device.capabilities)],
+            notes=_notes(config, procedure, device),
         )
         undo.pop_all()
     return loop
@@ -125,8 +142,7 @@ def build_pipeline(config: Config, registration: "Registration", procedure: "Pro
     """
     perceiver = _named(PERCEIVERS, "perceiver", config.perception.perceiver)
     perceive = perceiver(registration.straight, config.perception)
-    slant = registration.image.straight_from_image
-    if slant is not None:
+    if (slant := registration.image.straight_from_image) is not None:
         straightened = _load("haptigraph.perception.straightening:StraightenedPerceiver")
         perceive = straightened(perceive, registration, slant)
     return Pipeline(
@@ -144,6 +160,8 @@ def _split_source(uri: str) -> tuple[str, str]:
         BadInput: If it is neither a known kind nor an existing path.
     """
     kind, _, argument = uri.partition(":")
+    if uri == "teleop":
+        return kind, DEFAULT_SCENARIO
     if argument and kind in SOURCES:
         return kind, argument
     path = Path(uri)
@@ -154,36 +172,39 @@ def _split_source(uri: str) -> tuple[str, str]:
     if uri and path.exists():
         return "video", uri
     raise BadInput(
-        "no such source; valid: phantom:SCENARIO, camera:N, or the path of a video, a folder of images or a "
-        "recording (.mcap)",
+        "no such source; valid: phantom:SCENARIO, teleop:SCENARIO, camera:N, or the path of a video, a "
+        "folder of images or a recording (.mcap)",
         uri or "''",
     )
 
 
-def open_source(config: Config, clock: Clock, registration: "Registration | None" = None) -> Source:
+def open_source(config: Config, clock: Clock, size_px: tuple[int, int] | None = None) -> Source:
     """Open the source of a configuration.
 
     Args:
         config: Its [source] table counts.
         clock: Stamps live images; with a virtual one, reading a file waits however long it takes.
-        registration: Tells a camera the image size to ask for.
+        size_px: Width and height to ask a camera for, as they were registered.
 
     Raises:
         BadInput: If it cannot be opened.
+        NeedsRegistration: If it is a camera and its image size is not known.
     """
     kind, argument = _split_source(config.source.uri)
     if config.source.loop and kind != "phantom":
         raise BadInput(f"source.loop works with phantom:SCENARIO only, found {config.source.uri!r}")
     options: dict[str, Callable[[], dict[str, Any]]] = {
-        "camera": lambda: _camera_options(config, clock, registration),
+        "camera": lambda: {"size_px": size_px, "rate_hz": config.source.rate_hz, "clock": clock},
         "images": lambda: {"rate_hz": config.source.rate_hz},
         "phantom": lambda: {"loop": config.source.loop},
     }
     given: Any = _camera_number(argument) if kind == "camera" else argument
+    if kind == "camera" and size_px is None:
+        raise NeedsRegistration(config.source.uri)
     source: Source = _load(SOURCES[kind])(given, **options.get(kind, dict)())
     if kind in MADE_NOW and config.source.jpeg_quality:
         source = _load("haptigraph.sources.jpeg:JpegSource")(source, config.source.jpeg_quality)
-    if not source.is_live:
+    if kind in SETTLED:
         source = _load("haptigraph.sources.ahead:ReadAhead")(source, waits=isinstance(clock, VirtualClock))
     return source
 
@@ -238,12 +259,6 @@ def _measure_shapes() -> dict[str, tuple[tuple[str, str], ...]]:
     return {name: measure.shapes for name, measure in MEASURES.items()}
 
 
-def _given_registration(config: Config) -> "Registration | None":
-    from haptigraph.perception.registration import load_registration
-
-    return load_registration(config.source.registration) if config.source.registration else None
-
-
 def _own_registration(source: Source, config: Config) -> "Registration":
     from haptigraph.perception.registration import parse_registration
 
@@ -251,7 +266,7 @@ def _own_registration(source: Source, config: Config) -> "Registration":
         return parse_registration(source.registration, f"registration of {config.source.uri}")
     beside = Path(config.source.uri).parent / "registration.toml"
     hint = f"; there is one beside it: {beside}" if beside.is_file() else ""
-    raise BadInput(f"{config.source.uri} needs a registration; give --registration FILE{hint}")
+    raise NeedsRegistration(config.source.uri, hint)
 
 
 def _hand(device: Device, config: Config, clock: Clock) -> Hand:
@@ -259,6 +274,15 @@ def _hand(device: Device, config: Config, clock: Clock) -> Hand:
     if isinstance(clock, MonotonicClock):
         return _load("haptigraph.haptics.player:Player")(guard, clock)  # type: ignore[no-any-return]
     return guard  # type: ignore[no-any-return]
+
+
+def _notes(config: Config, procedure: "Procedure", device: Device) -> list[str]:
+    notes = [note for pattern in procedure.patterns for note in beyond(pattern, device.capabilities)]
+    if _split_source(config.source.uri)[0] == "teleop":
+        notes.append(
+            "the needle stands still until a hand steers it; `haptigraph live` offers a page for that"
+        )
+    return notes
 
 
 def _run_writer(
@@ -286,24 +310,10 @@ def _run_writer(
     return RunWriter(config.recording.path, info, registration.image, measures)
 
 
-def _recorders(writer: RunWriter | None, clock: Clock, progress: Progress | None) -> list[Sink]:
-    if writer is None:
-        return []
-    waits = isinstance(clock, VirtualClock)
-    return [_load("haptigraph.sinks.recorder:Recorder")(writer, waits=waits, progress=progress)]
-
-
 def _camera_number(argument: str) -> int:
     if not re.fullmatch("[0-9]{1,4}", argument):
         raise BadInput(f"camera:{argument} is no camera; camera:0 is the first")
     return int(argument)
-
-
-def _camera_options(config: Config, clock: Clock, registration: "Registration | None") -> dict[str, Any]:
-    if registration is None:
-        raise BadInput(f"{config.source.uri} needs a registration; give --registration FILE")
-    size_px = registration.width_px, registration.height_px
-    return {"size_px": size_px, "rate_hz": config.source.rate_hz, "clock": clock}
 
 
 def _named(registry: dict[str, str], what: str, name: str) -> Any:

@@ -40,7 +40,8 @@ class SourceConfig(Struct, frozen=True, forbid_unknown_fields=True):
     """Where images come from."""
 
     uri: str = "phantom:align_then_approach"
-    """phantom:SCENARIO, camera:N, or the path of a video, a folder of images or a recording."""
+    """phantom:SCENARIO, teleop:SCENARIO (steered by a hand), camera:N, or the path of a video, a folder of
+    images or a recording."""
     registration: str = ""
     """Path of the registration; empty: the one the source brings along."""
     jpeg_quality: Annotated[int, Meta(ge=0, le=100)] = 95

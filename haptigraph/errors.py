@@ -22,6 +22,7 @@ __all__ = [
     "EndOfSource",
     "HaptigraphError",
     "MissingExtra",
+    "NeedsRegistration",
     "PerceiverBroken",
     "SourceLost",
     "unknown_name",
@@ -45,6 +46,13 @@ class BadInput(HaptigraphError):
         self.problem, self.file, self.place = problem, file, place
         where = ", ".join(part for part in (str(file) if file else "", place) if part)
         super().__init__(f"{where}: {problem}" if where else problem)
+
+
+class NeedsRegistration(BadInput):
+    """A source brings no registration along, and none was given."""
+
+    def __init__(self, source: str, hint: str = "") -> None:
+        super().__init__(f"{source} needs a registration; give --registration FILE{hint}")
 
 
 class MissingExtra(HaptigraphError):

@@ -23,6 +23,7 @@ __all__ = [
     "Certainty",
     "Conclusion",
     "Fault",
+    "HandState",
     "HapticCommand",
     "Image",
     "Observation",
@@ -60,6 +61,25 @@ class Truth(Struct, frozen=True):
     """Angle between the shaft and the line trocar -> target."""
 
 
+class HandState(Struct, frozen=True):
+    """What a hand that steers the simulated robot did since the image before, and what came of it."""
+
+    engaged: bool
+    """Whether the clutch held; without it the needle does not move."""
+    along_mm: float
+    """Motion of the hand into the eye."""
+    across_mm: float
+    """Motion of the hand to the surgeon's right."""
+    asked_along_mm: float
+    """Motion asked of the tool: with tremor, filtered, scaled, before the robot's limits."""
+    asked_across_mm: float
+    motion_scale: float
+    """Tool motion over hand motion."""
+    tremor_filter: bool
+    added_tremor_mm: float
+    """Strength (RMS) of the simulated tremor of the hand, per axis."""
+
+
 class Capture(Struct, frozen=True, eq=False):
     """One tick of input: an image, or the fact that there is none."""
 
@@ -73,6 +93,8 @@ class Capture(Struct, frozen=True, eq=False):
     faults: tuple[Fault, ...] = ()
     """What went wrong outside the pipeline since the capture before."""
     truth: Truth | None = None
+    hand: HandState | None = None
+    """Where a hand steers the phantom."""
 
 
 class Certainty(Struct, frozen=True):

@@ -49,7 +49,7 @@ def test_public_names_are_complete_and_sorted(name):
 
 
 PRIVATE = {
-    "haptigraph.cli": ("Commands", "check", "demo", "evaluate", "recover", "register", "replay", "run"),
+    "haptigraph.cli": ("Commands",),
     "haptigraph.sim.painter": ("Palette",),
     "haptigraph.sim.scenario": ("About",),
     "haptigraph.scene.relations": ("distance_mm", "radial_mm", "theta_deg", "wall_mm"),

@@ -13,7 +13,7 @@ from helpers import call, refuse
 from haptigraph.recording.journal import Journal
 from haptigraph.recording.reader import RunReader
 
-COMMANDS = ["check", "demo", "evaluate", "recover", "register", "replay", "run"]
+COMMANDS = ["check", "demo", "evaluate", "live", "recover", "register", "replay", "run"]
 
 
 def test_help_lists_every_command():
@@ -31,7 +31,7 @@ def test_every_command_explains_itself(command):
 
 
 def test_help_loads_nothing_heavy():
-    code = "import sys, haptigraph.cli; print(*(m for m in ('numpy', 'cv2', 'matplotlib', 'rich', 'mcap') if m in sys.modules))"
+    code = "import sys, haptigraph.cli; print(*(m for m in ('numpy', 'cv2', 'matplotlib', 'rich', 'mcap', 'starlette', 'uvicorn') if m in sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
 

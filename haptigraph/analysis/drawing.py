@@ -1,14 +1,12 @@
 """Drawings of single moments: a scene graph, and what was found over the displayed picture.
 
-Everything is drawn into axes that the caller owns; colours are the paper's.
+Everything is drawn into axes that the caller owns.
 """
 
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from matplotlib import colormaps
-from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle as CirclePatch
 from matplotlib.patches import FancyArrowPatch
@@ -22,34 +20,9 @@ from haptigraph.perception.registration import Registration
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["STATE_COLORS", "draw_graph", "draw_overlay", "graph_figure", "ink_on", "state_color"]
-
-STATE_COLORS = {
-    "unknown": "#c9c9c9",
-    "retinal_contact": "#d03a3a",
-    "target_hit": "#3a9d5d",
-    "misaligned_retinal_approach": "#e08a2e",
-    "aligned_retinal_approach": "#2f6fb3",
-    "misaligned_intraocular_navigation": "#f3c58b",
-    "aligned_intraocular_navigation": "#9cc5e8",
-    "outside_eye": "#efefef",
-}
-"""As in the paper: warm for misaligned, blue for aligned, red and green for contact and target."""
+__all__ = ["draw_graph", "draw_overlay", "graph_figure"]
 
 LABEL_AT = 0.38  # along an edge, off the middle, where edges cross
-
-
-def state_color(state: str) -> str:
-    """Return the colour of a state; one of its own for those the paper does not have."""
-    if state in STATE_COLORS:
-        return STATE_COLORS[state]
-    return to_hex(colormaps["tab20"](sum(state.encode()) % 20))
-
-
-def ink_on(state: str) -> str:
-    """Return the text colour that can be read on a state's colour."""
-    red, green, blue = to_rgb(state_color(state))
-    return "#ffffff" if 0.3 * red + 0.59 * green + 0.11 * blue < 0.55 else "#222222"
 
 
 def graph_figure(graph: SceneGraph, output: str | Path) -> None:

@@ -10,7 +10,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from msgspec import Struct
 
-from haptigraph.analysis.drawing import draw_graph, draw_overlay, ink_on, state_color
+from haptigraph.analysis.colors import ink_on, state_color
+from haptigraph.analysis.drawing import draw_graph, draw_overlay
 from haptigraph.assemble import parse_procedure
 from haptigraph.errors import BadInput
 from haptigraph.graph import Schema

@@ -6,7 +6,7 @@ Either both files are written or neither.
 import json
 import os
 import tempfile
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterable, Sequence
 from contextlib import closing
 from pathlib import Path
 
@@ -24,7 +24,7 @@ from haptigraph.recording.codec import decode
 from haptigraph.recording.writer import Progress
 from haptigraph.registration_text import registration_text
 
-__all__ = ["register_source", "sound_anatomy"]
+__all__ = ["all_images", "register_source", "sound_anatomy", "spread_images", "write_files"]
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 MOST_TILT_DEG = 20.0
@@ -59,14 +59,15 @@ def register_source(
     files = Path(output), Path(picture) if picture else Path(output).with_suffix(".png")
     check_wishes(wishes)
     _check_files(files, force=force)
-    images = _spread_images(source, wishes.images, progress)
+    with closing(all_images(source)) as read:
+        images = spread_images(read, source, wishes.images, progress)
     anatomy = sound_anatomy(images, wishes.diameter_mm, source)
     mm_per_px = wishes.diameter_mm / (2 * anatomy.radius_px)
     found = settled(anatomy, wishes, mm_per_px, source)
     doubt = f"globe and retina uncertain by {in_px_and_mm(anatomy.rim_doubt_px, mm_per_px)}"
     text = registration_text(found, f"Registration found by haptigraph in {Path(source).name}; {doubt}.")
     registration = parse_registration(text, f"registration found in {source}")
-    _write(files, (text.encode(), registration_picture(anatomy, registration, found, doubt)))
+    write_files(files, (text.encode(), registration_picture(anatomy, registration, found, doubt)))
     return "\n".join(report_lines(anatomy, found, registration, wishes, files))
 
 
@@ -96,27 +97,41 @@ def _check_files(files: tuple[Path, Path], *, force: bool) -> None:
             raise BadInput("its folder does not exist", file)
 
 
-def _spread_images(uri: str, most: int, progress: Progress | None) -> list[Image]:
-    """Read images spread evenly over a source of unknown length, at most so many."""
+def spread_images(images: Iterable[Image], source: str, most: int, progress: Progress | None) -> list[Image]:
+    """Pick images spread evenly over a source of unknown length.
+
+    Args:
+        images: All of them.
+        source: Named in errors.
+        most: How many to return at most.
+        progress: Told how far reading is.
+
+    Raises:
+        BadInput: If there are none, or they differ in size.
+    """
     kept: list[Image] = []
     step = 1
-    with closing(_all_images(uri)) as images:
-        for count, image in enumerate(images):
-            if count % step == 0:
-                kept.append(image)
-            if len(kept) == 2 * most:
-                kept, step = kept[::2], 2 * step
-            if progress and count % 25 == 0:
-                progress("reading", count, count + 25)
+    for count, image in enumerate(images):
+        if count % step == 0:
+            kept.append(image)
+        if len(kept) == 2 * most:
+            kept, step = kept[::2], 2 * step
+        if progress and count % 25 == 0:
+            progress("reading", count, count + 25)
     if not kept:
-        raise BadInput("has no images", uri)
+        raise BadInput("has no images", source)
     if any(image.shape != kept[0].shape for image in kept):
-        raise BadInput("its images differ in size; all must come from one camera that stands still", uri)
+        raise BadInput("its images differ in size; all must come from one camera that stands still", source)
     picks = range(min(most, len(kept)))
     return [kept[round(number * (len(kept) - 1) / max(len(picks) - 1, 1))] for number in picks]
 
 
-def _all_images(uri: str) -> Generator[Image, None, None]:
+def all_images(uri: str) -> Generator[Image, None, None]:
+    """Read an image file, or everything that a source but a camera delivers.
+
+    Raises:
+        BadInput: If it cannot be read.
+    """
     file = Path(uri)
     if file.is_file() and file.suffix.lower() in PICTURES:
         try:
@@ -163,8 +178,8 @@ def _check_plausible(anatomy: Anatomy, mm_per_px: float, source: str) -> None:
         )
 
 
-def _write(files: tuple[Path, Path], contents: tuple[bytes, bytes]) -> None:
-    """Write both files beside their places first, so that neither is ever half there."""
+def write_files(files: Sequence[Path], contents: Sequence[bytes]) -> None:
+    """Write all files beside their places first, so that none is ever half there."""
     ready: list[tuple[str, Path]] = []
     try:
         for file, content in zip(files, contents, strict=True):

@@ -8,7 +8,7 @@ from haptigraph.perception.anatomy import Anatomy, FoundTrocar
 from haptigraph.perception.registration import Registration
 from haptigraph.registration_text import AnatomyPx, TrocarPx
 
-__all__ = ["WALL_MM", "in_px_and_mm", "report_lines", "wall_mm"]
+__all__ = ["WALL_MM", "in_px_and_mm", "report_lines", "rim_line", "tilt_line", "wall_mm"]
 
 WALL_MM = (0.3, 4.0)  # plausible thickness
 RIM_BY = {"needle": "by where the needle pivots", "mouths": "by the mouths of holes"}
@@ -29,7 +29,7 @@ def report_lines(
     lines = [
         f"globe      centre ({found.center_px[0]:.1f}, {found.center_px[1]:.1f}) px, radius "
         f"{found.radius_px:.1f} px; residual {in_px_and_mm(inner.residual_px, mm)} on {seen:.0%} of it",
-        _tilt_line(anatomy, mm),
+        tilt_line(anatomy, mm),
         f"scale      {mm:.5f} mm/px, from a diameter of {found.diameter_mm:g} mm",
     ]
     if outer is not None:
@@ -39,7 +39,7 @@ def report_lines(
         )
     else:
         lines.append("check      the wall's outer edge is not seen: make sure that the inner one was found")
-    lines.append(_rim_line(anatomy, mm))
+    lines.append(rim_line(anatomy, mm))
     lines.append(
         f"retina     {len(found.contour_px)} points, {anatomy.refined} of them where the edge was seen"
     )
@@ -56,7 +56,8 @@ def report_lines(
     return [*lines, f"written    {files[0]}\npicture    {files[1]}"]
 
 
-def _tilt_line(anatomy: Anatomy, mm_per_px: float) -> str:
+def tilt_line(anatomy: Anatomy, mm_per_px: float) -> str:
+    """Say how the camera looks at the globe."""
     left = f"radius varies by {in_px_and_mm(anatomy.rim.inner.out_of_round_px, mm_per_px)} either way"
     if anatomy.slant is None:
         return f"tilt       none seen; {left}"
@@ -72,7 +73,8 @@ def _tilt_line(anatomy: Anatomy, mm_per_px: float) -> str:
     )
 
 
-def _rim_line(anatomy: Anatomy, mm_per_px: float) -> str:
+def rim_line(anatomy: Anatomy, mm_per_px: float) -> str:
+    """Say where the rim stands, and how uncertain that leaves globe and retina."""
     doubt = in_px_and_mm(anatomy.rim_doubt_px, mm_per_px)
     if anatomy.rim_by:
         by = " and ".join(RIM_BY[name] for name in anatomy.rim_by)

@@ -27,7 +27,8 @@ class IoctView:
 
     def __init__(self, registration: Registration, size_px: int = 480) -> None:
         self.size_px = size_px
-        self._half_mm = registration.globe.radius_mm * MARGIN
+        self.half_mm = registration.globe.radius_mm * MARGIN
+        """From the picture's middle to its edge, eye frame."""
         corners_mm = [self._to_mm(corner) for corner in ((0, 0), (size_px, 0), (0, size_px))]
         self._image_from_view = cv2.getAffineTransform(
             np.array(((0, 0), (size_px, 0), (0, size_px)), np.float32),
@@ -52,12 +53,12 @@ class IoctView:
 
     def to_px(self, at_mm: Vec) -> Vec:
         """Turn an eye-frame position [mm] into pixels of the picture."""
-        scale = self.size_px / (2 * self._half_mm)
+        scale = self.size_px / (2 * self.half_mm)
         return (
-            (at_mm[0] + self._half_mm) * scale - 0.5,
-            (self._half_mm - at_mm[1]) * scale - 0.5,
+            (at_mm[0] + self.half_mm) * scale - 0.5,
+            (self.half_mm - at_mm[1]) * scale - 0.5,
         )
 
     def _to_mm(self, at_px: Vec) -> Vec:
-        scale = 2 * self._half_mm / self.size_px
-        return (at_px[0] + 0.5) * scale - self._half_mm, self._half_mm - (at_px[1] + 0.5) * scale
+        scale = 2 * self.half_mm / self.size_px
+        return (at_px[0] + 0.5) * scale - self.half_mm, self.half_mm - (at_px[1] + 0.5) * scale

@@ -67,7 +67,8 @@ class RunReader:
             image = decode(data) if data is not None else None
         except ValueError as error:
             raise BadInput(f"image cannot be decoded: {error}", self.path, f"step {sequence}") from None
-        capture = Capture(record.index, record.stamp_ns, image, data, record.faults, record.truth)
+        hand = messages.get("/teleop")
+        capture = Capture(record.index, record.stamp_ns, image, data, record.faults, record.truth, hand)
         step = Step(
             record.index,
             record.stamp_ns,

@@ -8,7 +8,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 from msgspec import Struct
 
 from haptigraph.graph import SceneGraph
-from haptigraph.messages import Conclusion, Fault, HapticCommand, Observation, Timing, Truth
+from haptigraph.messages import Conclusion, Fault, HandState, HapticCommand, Observation, Timing, Truth
 from haptigraph.recording.foxglove import CompressedImage, ImageAnnotations, Log, foxglove_schema
 
 __all__ = ["FORMAT", "TOPICS", "CaptureRecord", "Kept", "RunInfo", "Topic", "mcap_schema"]
@@ -85,6 +85,13 @@ TOPICS = (
         "haptigraph.Capture",
         "ns, px, mm, deg",
         "stamp, faults from outside, simulator's truth",
+    ),
+    Topic(
+        "/teleop",
+        HandState,
+        "haptigraph.HandState",
+        "mm",
+        "what a hand that steers did, asked for, and by which settings",
     ),
     Topic("/observation", Observation, "haptigraph.Observation", "ns, mm", "where things are, eye frame"),
     Topic("/graph", SceneGraph, "haptigraph.SceneGraph", "ns, mm, deg", "nodes, edges, measures"),

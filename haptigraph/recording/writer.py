@@ -82,6 +82,8 @@ class RunWriter:
         kept: Kept = "dropped" if dropped else "none" if capture.image is None else "recorded"
         record = CaptureRecord(capture.index, capture.stamp_ns, kept, capture.faults, capture.truth)
         self._add("/capture", step.stamp_ns, record)
+        if capture.hand is not None:
+            self._add("/teleop", step.stamp_ns, capture.hand)
         if kept == "recorded":
             self._add("/camera/image", step.stamp_ns, _compressed(time, capture))
         drawing = annotations(time, step.observation.found, self._image, step.conclusion.state)

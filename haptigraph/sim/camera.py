@@ -23,6 +23,7 @@ from haptigraph.slant import Slant
 __all__ = ["Camera", "CameraSettings", "NeedleShape"]
 
 NOISE_MARGIN_PX = 256
+NOISE_STRIP_PX = 36
 SHADOW_BLUR_PX = 15
 PIECES = 12
 
@@ -235,14 +236,17 @@ class Camera:
         return np.asarray(cv2.LUT(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), self._deviation_of), np.float32)
 
     def _with_noise(self, image: Image, deviation: FloatImage, number: int) -> Image:
-        """Add the sensor's noise, the same in all three colours (JPEG keeps hardly more)."""
+        """Add the sensor's noise, in place, the same in all three colours (JPEG keeps hardly more)."""
         rng = np.random.default_rng((self._seed, 4, number))
         top, left = rng.integers(0, NOISE_MARGIN_PX, 2)
         noise = self._noise[top : top + image.shape[0], left : left + image.shape[1]]
-        # Brighter and darker apart, each saturating in 8 bits: four times as fast as one pass in float.
-        for change, scale in ((cv2.add, 1), (cv2.subtract, -1)):
-            grey = cv2.multiply(deviation, noise, scale=scale, dtype=cv2.CV_8U)
-            image = np.asarray(change(image, cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)), np.uint8)
+        # Strips stay in the processor's cache. Brighter and darker apart, each saturating in 8 bits: four
+        # times as fast as one pass in float.
+        for start in range(0, image.shape[0], NOISE_STRIP_PX):
+            strip = slice(start, start + NOISE_STRIP_PX)
+            for change, scale in ((cv2.add, 1), (cv2.subtract, -1)):
+                grey = cv2.multiply(deviation[strip], noise[strip], scale=scale, dtype=cv2.CV_8U)
+                change(image[strip], cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR), dst=image[strip])
         return image
 
     def _pieces(self, tip: Vec, along: Vec) -> list[Box]:

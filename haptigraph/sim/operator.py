@@ -1,20 +1,38 @@
-"""The simulated operator: follows a script of minimum-jerk moves with a trembling hand.
+"""Who moves the robot; and the simulated operator: a script of minimum-jerk moves with a trembling hand.
 
 Minimum jerk: Flash and Hogan 1985, J. Neurosci. 5(7). Tremor of 8 to 12 Hz: see docs/conventions.md.
-Knows neither images nor touch; what it does is a function of time and seed.
+Knows neither images nor touch; what the script does is a function of time and seed.
 """
 
 import math
-from typing import Annotated
+from typing import Annotated, Protocol
 
 import numpy as np
 from msgspec import Meta, Struct
 
-from haptigraph.sim.robot import Pose
+from haptigraph.sim.robot import Pose, Robot
 
-__all__ = ["Hand", "Move", "ScriptedOperator"]
+__all__ = ["Hand", "Move", "Operator", "ScriptedOperator", "Tremor"]
 
 SINES = 12
+MOTION_STEPS = 4  # a scripted robot moves in finer steps than the camera sees
+
+
+class Operator(Protocol):
+    """Whoever moves the robot: a script, or a hand."""
+
+    @property
+    def duration_s(self) -> float:
+        """How long it goes on; infinity: as long as it is asked."""
+        ...
+
+    def move(self, robot: Robot, time_s: float, elapsed_s: float) -> None:
+        """Move the robot through the time of one image: the `elapsed_s` before `time_s`."""
+        ...
+
+    def is_away(self, time_s: float) -> bool:
+        """Tell whether the needle is out of the picture."""
+        ...
 
 
 class Hand(Struct, frozen=True, forbid_unknown_fields=True):
@@ -37,6 +55,29 @@ class Move(Struct, frozen=True, forbid_unknown_fields=True):
     """The needle is out of the picture meanwhile."""
 
 
+class Tremor:
+    """Band-limited noise in two directions.
+
+    Args:
+        rms_mm: Its strength in each of them.
+        low_hz: The band's lower end.
+        high_hz: And its upper.
+        seed: Of the noise.
+    """
+
+    def __init__(self, rms_mm: float, low_hz: float, high_hz: float, seed: int) -> None:
+        rng = np.random.default_rng((seed, 1))
+        self._frequencies_hz = rng.uniform(low_hz, high_hz, (2, SINES))
+        self._phases = rng.uniform(0, 2 * math.pi, (2, SINES))
+        self._amplitude_mm = rms_mm * math.sqrt(2 / SINES)
+
+    def at(self, time_s: float) -> tuple[float, float]:
+        """Return where it is (along, across) [mm]."""
+        waves = np.sin(2 * math.pi * self._frequencies_hz * time_s + self._phases)
+        along, across = self._amplitude_mm * waves.sum(axis=1)
+        return float(along), float(across)
+
+
 class ScriptedOperator:
     """Say where the hand wants the needle at any time.
 
@@ -45,15 +86,16 @@ class ScriptedOperator:
         hand: How the hand trembles.
         motion_scale: Tool motion over hand motion.
         seed: Of the tremor.
+        target_pitch_deg: Pitch at which the shaft points at the target.
     """
 
-    def __init__(self, moves: tuple[Move, ...], hand: Hand, motion_scale: float, seed: int) -> None:
-        self._moves = moves
+    def __init__(
+        self, moves: tuple[Move, ...], hand: Hand, motion_scale: float, seed: int, target_pitch_deg: float
+    ) -> None:
+        self._moves, self._target_pitch_deg = moves, target_pitch_deg
         self._ends_s = np.cumsum([move.duration_s for move in moves])
-        rng = np.random.default_rng((seed, 1))
-        self._frequencies_hz = rng.uniform(hand.tremor_low_hz, hand.tremor_high_hz, (2, SINES))
-        self._phases = rng.uniform(0, 2 * math.pi, (2, SINES))
-        self._amplitude_mm = motion_scale * hand.tremor_rms_mm * math.sqrt(2 / SINES)
+        rms_mm = motion_scale * hand.tremor_rms_mm
+        self._tremor = Tremor(rms_mm, hand.tremor_low_hz, hand.tremor_high_hz, seed)
 
     @property
     def duration_s(self) -> float:
@@ -77,21 +119,21 @@ class ScriptedOperator:
 
     def tremor_at(self, time_s: float) -> tuple[float, float]:
         """Return the tremor of the tool (along, across) [mm]."""
-        waves = np.sin(2 * math.pi * self._frequencies_hz * time_s + self._phases)
-        along, across = self._amplitude_mm * waves.sum(axis=1)
-        return float(along), float(across)
+        return self._tremor.at(time_s)
 
-    def wanted(self, time_s: float, target_pitch_deg: float) -> Pose:
-        """Return the pose the trembling hand asks the robot for.
+    def move(self, robot: Robot, time_s: float, elapsed_s: float) -> None:
+        """Let the robot follow the script through the `elapsed_s` before `time_s`."""
+        step_s = elapsed_s / MOTION_STEPS
+        for step in range(MOTION_STEPS):
+            robot.follow(self.wanted(time_s - (MOTION_STEPS - 1 - step) * step_s), step_s)
 
-        Args:
-            time_s: Time since the script began.
-            target_pitch_deg: Pitch at which the shaft points at the target.
-        """
+    def wanted(self, time_s: float) -> Pose:
+        """Return the pose the trembling hand asks the robot for, so long after the script began."""
         depth_mm, theta_deg = self.pose_at(time_s)
         along_mm, across_mm = self.tremor_at(time_s)
         lever_mm = max(abs(depth_mm), 5.0)
-        return Pose(depth_mm + along_mm, target_pitch_deg + theta_deg + math.degrees(across_mm / lever_mm))
+        pitch_deg = self._target_pitch_deg + theta_deg + math.degrees(across_mm / lever_mm)
+        return Pose(depth_mm + along_mm, pitch_deg)
 
     def _number_at(self, time_s: float) -> int:
         return min(int(np.searchsorted(self._ends_s, time_s, side="right")), len(self._moves) - 1)

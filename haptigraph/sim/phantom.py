@@ -1,5 +1,8 @@
 """The phantom: eye, robot, operator and camera of one scenario, played image by image, with the truth."""
 
+import math
+import sys
+
 from msgspec import Struct
 from msgspec.structs import replace
 
@@ -7,14 +10,13 @@ from haptigraph.geometry import angle_between_deg, norm, subtract
 from haptigraph.messages import Image, Truth
 from haptigraph.sim.camera import Camera
 from haptigraph.sim.eye import Eye, registration_text
-from haptigraph.sim.operator import ScriptedOperator
+from haptigraph.sim.operator import Operator, ScriptedOperator
 from haptigraph.sim.robot import Pose, Robot
 from haptigraph.sim.scenario import Scenario
 
 __all__ = ["Moment", "Phantom"]
 
 AWAY_MM = (0.0, 200.0)  # no part of any needle is in view
-MOTION_STEPS = 4  # the robot moves in finer steps than the camera sees
 
 
 class Moment(Struct, frozen=True, eq=False):
@@ -30,18 +32,25 @@ class Phantom:
 
     Args:
         scenario: The scenario.
+        operator: Who moves the robot; None: the scenario's script. Either begins where the script does.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Scenario, operator: Operator | None = None) -> None:
         self.scenario = scenario
         self.eye = Eye(scenario.eye)
         seed = scenario.about.seed
         self.camera = Camera(
             self.eye, scenario.camera, scenario.needle, scenario.look, seed, scenario.distractors
         )
-        self.operator = ScriptedOperator(scenario.moves, scenario.operator, scenario.robot.motion_scale, seed)
-        self.images = max(1, round(self.operator.duration_s * scenario.about.rate_hz))
-        """How many images one play has."""
+        first, limits = scenario.moves[0], scenario.robot
+        aim_deg = Robot(self.eye.trocar_mm, limits, Pose(0.0, 0.0)).pitch_towards(self.eye.target_mm)
+        self._start = Pose(first.depth_mm, aim_deg + first.theta_deg)
+        self.operator: Operator = operator or ScriptedOperator(
+            scenario.moves, scenario.operator, limits.motion_scale, seed, aim_deg
+        )
+        images = self.operator.duration_s * scenario.about.rate_hz
+        self.images = max(1, round(images)) if math.isfinite(images) else sys.maxsize
+        """How many images one play has; `sys.maxsize` where there is no end."""
         settings = scenario.camera
         size_px = settings.width_px, settings.height_px
         self.true_registration = registration_text(self.eye, self.camera.geometry, *size_px)
@@ -54,23 +63,17 @@ class Phantom:
 
     def restart(self) -> None:
         """Go back to the scenario's beginning."""
-        depth_mm, theta_deg = self.operator.pose_at(0.0)
-        self._robot = Robot(self.eye.trocar_mm, self.scenario.robot, Pose(0.0, 0.0))
-        self._target_pitch_deg = self._robot.pitch_towards(self.eye.target_mm)
-        start = Pose(depth_mm, self._target_pitch_deg + theta_deg)
-        self._robot = Robot(self.eye.trocar_mm, self.scenario.robot, start)
+        self._robot = Robot(self.eye.trocar_mm, self.scenario.robot, self._start)
         self._next = 0
 
     def advance(self) -> Moment | None:
-        """Play on by one image; None when the script is over."""
+        """Play on by one image; None when the operator is done."""
         if self._next >= self.images:
             return None
         number, self._next = self._next, self._next + 1
-        step_s = 1 / self.scenario.about.rate_hz / MOTION_STEPS
         time_s = number / self.scenario.about.rate_hz
-        for step in range(MOTION_STEPS if number else 0):
-            then_s = time_s - (MOTION_STEPS - 1 - step) * step_s
-            self._robot.follow(self.operator.wanted(then_s, self._target_pitch_deg), step_s)
+        if number:
+            self.operator.move(self._robot, time_s, 1 / self.scenario.about.rate_hz)
         truth = self._truth()
         if self.operator.is_away(time_s):
             image = self.camera.render(AWAY_MM, (0.0, -1.0), number)

@@ -6,6 +6,8 @@ In real time what does not fit the queue loses its image and is counted; otherwi
 import queue
 import threading
 
+from msgspec.structs import replace
+
 from haptigraph.messages import Capture, Fault, Step
 from haptigraph.recording.writer import Progress, RunWriter
 
@@ -43,7 +45,7 @@ class Recorder:
         dropped = capture.image is not None and not self._images.acquire(blocking=self._waits)
         if dropped:
             self.dropped += 1
-            capture = _without_image(capture)
+            capture = replace(capture, image=None, encoded=None)
         try:
             self._queue.put((capture, step, dropped), self._waits)
         except queue.Full:
@@ -95,7 +97,3 @@ class Recorder:
         if self._writer.is_complete:
             told = f"complete but not compacted ({reason})"
         self._faults.append(Fault("recorder", f"{self._writer.path} is {told}"))
-
-
-def _without_image(capture: Capture) -> Capture:
-    return Capture(capture.index, capture.stamp_ns, None, None, capture.faults, capture.truth)

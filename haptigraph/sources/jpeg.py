@@ -20,6 +20,8 @@ class JpegSource:
     def __init__(self, source: Source, quality: int) -> None:
         self._source, self._quality = source, quality
         self.rate_hz, self.is_live, self.registration = source.rate_hz, source.is_live, source.registration
+        self.teleop = getattr(source, "teleop", None)
+        """Where a hand steers the source, if it can be steered."""
 
     def read(self, timeout_s: float) -> Capture | None:
         """Return the next capture, decoded from the bytes it carries."""

@@ -4,7 +4,8 @@ import cv2
 import pytest
 
 from haptigraph import assemble
-from haptigraph.analysis.drawing import STATE_COLORS, graph_figure, ink_on, state_color
+from haptigraph.analysis.colors import STATE_COLORS, ink_on, state_color
+from haptigraph.analysis.drawing import graph_figure
 from haptigraph.analysis.explanation import explain
 from haptigraph.analysis.figures import run_figure
 from haptigraph.config import load_config

@@ -83,7 +83,7 @@ def test_the_robot_keeps_its_limits_whatever_is_asked(wishes, step_s):
 
 def operator(tremor_rms_mm=0.0, seed=1, scale=1.0):
     moves = (Move(1.0, 0.0, 0.0), Move(2.0, 10.0, -4.0), Move(1.0, 10.0, -4.0))
-    return ScriptedOperator(moves, Hand(tremor_rms_mm=tremor_rms_mm), scale, seed)
+    return ScriptedOperator(moves, Hand(tremor_rms_mm=tremor_rms_mm), scale, seed, 0.0)
 
 
 def test_moves_are_minimum_jerk():

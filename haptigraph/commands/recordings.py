@@ -1,0 +1,54 @@
+"""Commands for recordings: replay, recover."""
+
+import sys
+
+import click
+
+from haptigraph.commands.options import procedure_option
+from haptigraph.terminal import progress_bar
+
+__all__ = ["recover", "replay"]
+
+
+@click.command()
+@click.argument("recording")
+@procedure_option
+def replay(recording: str, procedure: str | None) -> None:
+    """Run RECORDING again and compare every step.
+
+    With --procedure: what would have happened under another procedure. Without: exit code 1 if steps differ.
+    """
+    from haptigraph.analysis.replay import replay as run_again
+    from haptigraph.analysis.summary import summary
+
+    with progress_bar() as progress:
+        report = run_again(recording, procedure, progress)
+    if report.is_being_written:
+        click.echo("the recording is still being written; this is what there is so far")
+    elif not report.is_whole:
+        click.echo("the recording was interrupted; `haptigraph recover` makes it whole")
+    if report.dropped_images:
+        click.echo(f"{report.dropped_images} images were not recorded; steps that depend on them differ")
+    click.echo(f"{report.identical} of {report.steps} steps identical")
+    if report.first is not None:
+        first = report.first
+        click.echo(f"first difference: step {first.step} at {first.time_s:.2f} s, {first.message}")
+        click.echo(f"  recorded  {first.recorded}\n  replayed  {first.replayed}")
+    if procedure:
+        click.echo(f"\nas recorded\n{summary(report.recorded)}\n\nas {procedure}\n{summary(report.replayed)}")
+    elif report.identical < report.steps:
+        sys.exit(1)
+
+
+@click.command()
+@click.argument("recording")
+def recover(recording: str) -> None:
+    """Make an interrupted RECORDING whole, in its place."""
+    from haptigraph.recording.reader import RunReader
+    from haptigraph.recording.writer import recover as make_whole
+
+    reader = RunReader(recording)
+    with progress_bar() as progress:
+        was_interrupted = make_whole(reader.path, progress)
+    steps, _ = RunReader(recording).count()  # reads all of it, and tells damage
+    click.echo(f"{recording} is whole" + (f" again: {steps} complete steps" if was_interrupted else ""))

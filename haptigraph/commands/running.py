@@ -1,0 +1,158 @@
+"""Commands that run the loop in the terminal: run, demo."""
+
+import tempfile
+from contextlib import closing, nullcontext, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from haptigraph.commands.options import (
+    config_option,
+    procedure_option,
+    registration_option,
+    set_option,
+    settings_of,
+)
+from haptigraph.errors import BadInput, HaptigraphError
+from haptigraph.terminal import progress_bar, tell, terminable
+
+if TYPE_CHECKING:
+    from haptigraph.analysis.measures import RunMeasures
+    from haptigraph.config import Config
+    from haptigraph.dashboard.live import LivePage
+    from haptigraph.pipeline import Loop
+    from haptigraph.stages import Sink
+
+__all__ = ["demo", "run", "run_loop"]
+
+
+@click.command()
+@click.argument("source", required=False)
+@registration_option
+@procedure_option
+@click.option("--device", metavar="DEVICE", help="console, or trace:FILE.csv.")
+@click.option("--record", metavar="FILE", help="Keep the run in a new MCAP file.")
+@click.option("--realtime/--fast", default=None, help="Pace images by the clock, or go as fast as possible.")
+@config_option
+@set_option
+def run(
+    source: str | None,
+    registration: str | None,
+    procedure: str | None,
+    device: str | None,
+    record: str | None,
+    realtime: bool | None,
+    config: str | None,
+    settings: tuple[str, ...],
+) -> None:
+    """Run the loop on SOURCE: image in, touch out.
+
+    SOURCE is phantom:SCENARIO, camera:N, or the path of a video, a folder of images or a recording. Cameras
+    and the phantom run in real time, files as fast as possible. Ctrl-C ends the run with its summary.
+    """
+    from haptigraph.config import load_config
+
+    options = {
+        "source.uri": source,
+        "source.registration": registration,
+        "run.procedure": procedure,
+        "haptics.device": device,
+        "recording.path": record,
+        "run.realtime": realtime,
+    }
+    run_loop(load_config(config, (*settings, *settings_of(options))))
+
+
+@click.command()
+@click.option("--scenario", default="wrong_place_then_hit", show_default=True, help="What the operator does.")
+@click.option(
+    "--output", metavar="FOLDER", help="Where to put recording and picture; a new folder if not given."
+)
+@click.option("--realtime/--fast", default=True, help="In real time, or as fast as possible.")
+def demo(scenario: str, output: str | None, realtime: bool) -> None:
+    """See the whole loop in half a minute: simulated eye, needle, operator; recorded, replayed, drawn."""
+    from haptigraph.analysis.figures import run_figure
+    from haptigraph.analysis.replay import replay as run_again
+    from haptigraph.config import load_config
+    from haptigraph.sim.scenario import load_scenario
+
+    load_scenario(scenario)  # so that a wrong name leaves no folder behind
+    folder = Path(output) if output else Path(tempfile.mkdtemp(prefix="haptigraph-demo-"))
+    folder.mkdir(parents=True, exist_ok=True)
+    recording, picture = folder / "demo.mcap", folder / "demo.png"
+    if picture.exists():
+        raise BadInput("exists already; the demo never overwrites a file", picture)
+    options = {
+        "source.uri": f"phantom:{scenario}",
+        "recording.path": str(recording),
+        "run.realtime": realtime,
+    }
+    if not run_loop(load_config(None, settings_of(options))):
+        return
+    with progress_bar() as progress:
+        report = run_again(recording, None, progress)
+        run_figure(recording, picture, progress)
+    click.echo(f"\nreplayed        {report.identical} of {report.steps} steps identical")
+    click.echo(f"recording       {recording}\npicture         {picture}")
+
+
+def run_loop(config: "Config", page: "LivePage | None" = None) -> bool:
+    """Run a configuration and print the summary, also of a run that fails; False if it was interrupted.
+
+    Args:
+        config: What to run.
+        page: Watches the run, if any, and outlasts it until Ctrl-C.
+    """
+    from haptigraph.analysis.measures import RunMeasures
+    from haptigraph.analysis.summary import summary
+    from haptigraph.assemble import build, is_realtime, load_procedure
+    from haptigraph.sinks.console import ConsoleSink
+
+    measures = RunMeasures.under(load_procedure(config.run.procedure).schema)
+    with terminable(), progress_bar() as progress:
+        console = ConsoleSink(shows_time=not is_realtime(config))
+        sinks: list[Sink] = [console, page.hub] if page else [console]
+        listener = page.hub.felt if page else None
+        with (
+            closing(build(config, sinks=sinks, progress=progress, listener=listener)) as loop,
+            page.served(loop) if page else nullcontext(),
+        ):
+            notes = [f"haptigraph: the page is at {page.address}"] if page else []
+            for note in (*notes, *(f"{config.haptics.device}: {note}" for note in loop.notes)):
+                tell(note)
+            failure = _to_its_end(loop, measures)
+            if loop.report.steps or failure is None:
+                click.echo(f"\n{summary(measures, loop.report)}")
+            if config.recording.path and loop.report.steps:
+                click.echo(f"recording       {config.recording.path}")
+            if page:
+                _outlast(page, str(failure or loop.report.ended))
+    if isinstance(failure, BadInput) and not failure.file:
+        raise BadInput(failure.problem, config.source.uri, failure.place)
+    if failure is not None:
+        raise failure
+    return loop.report.ended != "interrupted"
+
+
+def _to_its_end(loop: "Loop", measures: "RunMeasures") -> HaptigraphError | None:
+    """Run a loop until its source, the user or an error ends it; return the error."""
+    try:
+        with closing(loop.steps()) as steps:
+            for step in steps:
+                measures.add(step)
+    except KeyboardInterrupt:
+        loop.report.ended = "interrupted"
+    except HaptigraphError as error:
+        loop.report.ended = "failed"
+        return error
+    return None
+
+
+def _outlast(page: "LivePage", ended: str) -> None:
+    """Tell viewers how the run ended; after a file's end the page stays, to be looked at."""
+    page.end(ended)
+    if ended == "source ended":
+        tell("haptigraph: the source has ended; the page stays until Ctrl-C")
+        with suppress(KeyboardInterrupt):
+            page.wait()

@@ -1,0 +1,61 @@
+"""The command that scores perception: evaluate."""
+
+import click
+
+from haptigraph.commands.options import config_option, procedure_option, set_option, settings_of
+from haptigraph.errors import BadInput
+from haptigraph.terminal import progress_bar
+
+__all__ = ["evaluate"]
+
+
+@click.command()
+@click.argument("clip_dir", required=False)
+@click.option(
+    "--simulated", type=click.IntRange(min=1), metavar="N", help="Score N random simulated scenes instead."
+)
+@click.option("--perceiver", metavar="NAME", help="Which perceiver to score; simulated: all if not given.")
+@click.option("--seed", type=click.IntRange(min=0), help="Of the simulated scenes.")
+@click.option("--figure", metavar="FILE", help="Draw the simulated scenes' errors: PNG, SVG or PDF.")
+@procedure_option
+@config_option
+@set_option
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def evaluate(
+    clip_dir: str | None,
+    simulated: int | None,
+    perceiver: str | None,
+    seed: int | None,
+    figure: str | None,
+    procedure: str | None,
+    config: str | None,
+    settings: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """Score perception and states on a labelled clip, or on simulated scenes.
+
+    CLIP_DIR holds clip.mp4, registration.toml and truth.csv. With --simulated there is no moving average
+    (perception.alpha=1) unless --set says so.
+    """
+    import msgspec
+
+    from haptigraph.config import load_config
+
+    given = (*settings, *settings_of({"perception.perceiver": perceiver, "run.procedure": procedure}))
+    if (clip_dir is None) == (simulated is None):
+        raise BadInput("evaluate takes either CLIP_DIR or --simulated N")
+    if clip_dir is not None and (seed is not None or figure is not None):
+        raise BadInput("--seed and --figure go with --simulated N")
+    with progress_bar() as progress:
+        if clip_dir is not None:
+            from haptigraph.analysis.evaluation_report import report_clip
+
+            report = report_clip(clip_dir, load_config(config, given), progress)
+        else:
+            from haptigraph.analysis.accuracy import report_simulated
+
+            settled = load_config(config, ("perception.alpha=1", *given))
+            report = report_simulated(
+                simulated or 0, perceiver, settled, seed=seed or 0, figure=figure, progress=progress
+            )
+    click.echo(msgspec.json.encode(report.scores).decode() if as_json else report.text)

@@ -1,0 +1,1 @@
+"""The live page: a server beside the loop, and the pages it serves."""

@@ -1,0 +1,72 @@
+/** What the registration page asks the server. Every answer that is no success is a sentence. */
+
+/** Something the server refused; `message` is the sentence to show. */
+export class Refused extends Error {
+  constructor(message, exists = false) { super(message); this.exists = exists; }
+}
+
+async function asked(path, content) {
+  let answer, data;
+  try {
+    answer = await fetch(`/registration/${path}`, content && {
+      method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(content),
+    });
+  } catch {
+    throw new Refused("The server does not answer; is haptigraph still running?");
+  }
+  try {
+    data = await answer.json();
+  } catch {
+    throw new Refused(`The server could not do that (${answer.status}); the terminal says why.`);
+  }
+  if (!answer.ok) throw new Refused(data.problem ?? `refused (${answer.status})`, data.exists === true);
+  return data;
+}
+
+export const start = () => asked("start");
+export const progress = () => asked("progress");
+export const open = (source, mirrored, diameter_mm) => asked("open", { source, mirrored, diameter_mm });
+export const save = (number, draft, path, overwrite) => asked("save", { number, draft, path, overwrite });
+
+/** Checks drafts as fast as the server answers: of those that wait only the newest is sent. */
+export class Checker {
+  /** @param {(checked: any, draft: any) => void} onChecked @param {(sentence: string) => void} onRefused */
+  constructor(onChecked, onRefused) { Object.assign(this, { onChecked, onRefused, waiting: null, isBusy: false }); }
+
+  /** Whether the newest draft has not been answered yet. */
+  get isBehind() { return this.isBusy || this.waiting !== null; }
+
+  async check(number, draft) {
+    this.waiting = { number, draft };
+    if (this.isBusy) return;
+    this.isBusy = true;
+    try {
+      while (this.waiting) {
+        const asking = this.waiting;
+        this.waiting = null;
+        try {
+          const checked = await asked("check", asking);
+          if (!this.waiting) this.isBusy = false;
+          this.onChecked(checked, asking.draft);
+        } catch (error) {
+          if (!(error instanceof Refused)) throw error;
+          this.onRefused(error.message);
+        }
+      }
+    } finally {
+      this.isBusy = false;
+    }
+  }
+}
+
+/** Wait until the loop has started and its page is there; false if it does not come. */
+export async function loopStarts(within_ms = 30_000) {
+  for (const end_ms = performance.now() + within_ms; performance.now() < end_ms;) {
+    try {
+      const answer = await fetch("/");
+      if (answer.ok && !answer.redirected) return true;
+    } catch { /* between two servers nobody answers */ }
+    await new Promise((resolve) => setTimeout(resolve, 300));
+  }
+  return false;
+}

@@ -1,0 +1,28 @@
+"""`haptigraph`, but teleop:SCENARIO plays the scenario and delivers nothing more after SIGUSR1: a camera that hangs.
+
+It stands in for teleop because that is not read ahead, as a camera is not.
+"""
+
+import signal
+import threading
+
+from haptigraph import assemble
+from haptigraph.cli import main
+from haptigraph.messages import Capture
+from haptigraph.sources.phantom import PhantomSource
+
+frozen = threading.Event()
+signal.signal(signal.SIGUSR1, lambda *_: frozen.set())
+
+
+class FreezingSource(PhantomSource):
+    def read(self, timeout_s: float) -> Capture | None:
+        if frozen.is_set():
+            threading.Event().wait(timeout_s)
+            return None
+        return super().read(timeout_s)
+
+
+if __name__ == "__main__":
+    assemble.SOURCES["teleop"] = "__main__:FreezingSource"
+    main()

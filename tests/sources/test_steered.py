@@ -1,0 +1,249 @@
+"""A phantom that a hand steers: through the source alone, and through the whole loop."""
+
+import math
+import re
+import threading
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+
+from haptigraph import assemble
+from haptigraph.analysis.replay import replay
+from haptigraph.clock import VirtualClock
+from haptigraph.config import load_config
+from haptigraph.errors import BadInput
+from haptigraph.geometry import Vec, norm, subtract, unit
+from haptigraph.messages import Step
+from haptigraph.recording.reader import RunReader
+from haptigraph.sources.teleop import TeleopSource
+from haptigraph.teleop.motion import HandMotion, TeleopSettings
+
+SCALE = 0.2  # of the scenario's robot
+
+
+@pytest.fixture(scope="module")
+def name(quick) -> str:
+    return quick.replace("quick.toml", "steered.toml")
+
+
+@pytest.fixture(scope="module")
+def uri(name) -> str:
+    return f"teleop:{name}"
+
+
+def build(uri: str, *settings: str):
+    return assemble.build(load_config(None, (f"source.uri={uri}", "run.realtime=false", *settings)))
+
+
+def test_nobody_steers_and_the_needle_stands_where_the_scenario_begins(name):
+    source = TeleopSource(name)
+    first, *others = [source.read(1.0) for _ in range(10)]
+    assert first.truth.depth_mm == 8.0
+    assert first.truth.theta_deg == pytest.approx(6.0)
+    assert all(capture.truth == first.truth for capture in others)
+    assert [capture.stamp_ns for capture in others[:2]] == [33_333_333, 66_666_667]
+    assert not others[-1].hand.engaged
+
+
+def test_an_image_shows_what_the_hand_did_until_it_was_read(name):
+    source = TeleopSource(name)
+    before = source.read(1.0)
+    source.teleop.put(HandMotion(True, 1.0))
+    after = source.read(1.0)
+    assert after.truth.depth_mm == pytest.approx(before.truth.depth_mm + SCALE)
+    assert after.hand.along_mm == 1.0
+    assert np.abs(after.image.astype(int) - before.image).max() > 50
+
+
+def test_what_is_put_before_the_first_image_is_in_the_second(name):
+    source = TeleopSource(name)
+    source.teleop.put(HandMotion(True, 1.0))
+    assert source.read(1.0).truth.depth_mm == 8.0
+    assert source.read(1.0).truth.depth_mm == pytest.approx(8.0 + SCALE)
+
+
+def test_the_same_hand_gives_the_same_images(name):
+    first, second = TeleopSource(name), TeleopSource(name)
+    rng = np.random.default_rng(0)
+    for number in range(20):
+        if number == 10:
+            first.teleop.settings = second.teleop.settings = TeleopSettings(0.5, True, 0.2)
+        for along_mm, across_mm in rng.normal(0, 0.5, (number % 3, 2)).tolist():
+            motion = HandMotion(number % 7 != 0, along_mm, across_mm)
+            first.teleop.put(motion)
+            second.teleop.put(motion)
+        one, other = first.read(1.0), second.read(1.0)
+        assert (one.stamp_ns, one.truth, one.hand) == (other.stamp_ns, other.truth, other.hand)
+        assert np.array_equal(one.image, other.image)
+
+
+def test_nothing_is_lost_between_threads(name):
+    source = TeleopSource(name)
+
+    def push():
+        for _ in range(2000):
+            source.teleop.put(HandMotion(True, 0.001))
+
+    hands = [threading.Thread(target=push) for _ in range(4)]
+    for hand in hands:
+        hand.start()
+    captures = [source.read(1.0) for _ in range(5)]
+    for hand in hands:
+        hand.join()
+    captures.append(source.read(1.0))
+    assert sum(capture.hand.along_mm for capture in captures) == pytest.approx(8.0)
+
+
+@pytest.mark.parametrize("quality", [0, 95])
+def test_the_hand_reaches_the_source_through_the_assembled_loop_within_one_image(uri, quality):
+    loop = build(uri, f"source.jpeg_quality={quality}")
+    pairs = zip(loop.steps(), range(6), strict=False)
+    tips = []
+    for step, number in pairs:
+        if number == 2:
+            loop.source.teleop.put(HandMotion(True, 3.0))
+        tips.append(step.observation.found["needle_tip"].at_mm)
+    loop.close()
+    moved_mm = [math.dist(tips[n + 1], tips[n]) for n in range(5)]
+    assert moved_mm[0] < 0.1
+    assert moved_mm[1] < 0.1
+    assert moved_mm[2] == pytest.approx(3 * SCALE, abs=0.1)  # put after image 2 was seen, seen in image 3
+
+
+def test_nothing_else_can_be_steered(quick_uri):
+    config = load_config(None, (f"source.uri={quick_uri}", "source.jpeg_quality=95"))
+    source = assemble.open_source(config, VirtualClock())
+    assert getattr(source, "teleop", None) is None
+    source.close()
+
+
+def test_without_a_scenario_it_is_the_first_one():
+    config = load_config(None, ("source.uri=teleop",))
+    assert assemble.is_realtime(config)
+    source = assemble.open_source(config, VirtualClock())
+    assert source.read(1.0).truth.depth_mm == -4.5
+    source.close()
+
+
+@pytest.mark.parametrize(
+    ("settings", "told"),
+    [
+        (("source.uri=teleop:nothing",), "unknown scenario 'nothing'"),
+        (("source.uri=teleop", "source.loop=true"), "source.loop works with phantom:SCENARIO only"),
+    ],
+)
+def test_what_cannot_be_steered_is_one_sentence(settings, told):
+    with pytest.raises(BadInput, match=told):
+        assemble.build(load_config(None, settings))
+
+
+def test_a_scenario_too_slow_for_the_tremor_filter_is_refused(quick):
+    with pytest.raises(BadInput) as refused:
+        TeleopSource(quick)
+    told = f"{quick}, scenario.rate_hz: rate_hz 15 is too slow to be steered; at least 25 is needed"
+    assert str(refused.value) == told
+
+
+def test_it_is_noted_that_someone_must_steer(uri, quick_uri):
+    for given, count in ((uri, 1), (quick_uri, 0)):
+        loop = build(given)
+        loop.close()
+        assert sum("haptigraph live" in note for note in loop.notes) == count
+
+
+def test_the_program_in_the_docs_steers(name):
+    text = (Path(__file__).parents[2] / "docs" / "teleoperation.md").read_text(encoding="utf-8")
+    (program,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    names: dict = {}
+    exec(program.replace("align_then_approach", name), names)
+    assert names["teleop"].hand.along_mm == 0.5
+    tip_mm = names["step"].observation.found["needle_tip"].at_mm
+    pivot_mm = names["step"].observation.found["trocar"].at_mm
+    assert math.dist(tip_mm, pivot_mm) == pytest.approx(8 + 89 * 0.1, abs=0.5)  # a fifth of 0.5 mm per image
+
+
+# --- closed loop
+
+
+def next_motion(step: Step, hand_mm: float) -> HandMotion:
+    """A hand that looks at what perception found: turns towards the target first, then goes there."""
+    found = step.observation.found
+    if "needle_tip" not in found:
+        return HandMotion(True)
+    tip_mm, line = found["needle_tip"].at_mm, found["needle_line"]
+    shaft = unit(subtract(line.end_mm, line.start_mm))
+    pivot_mm, target_mm = found["trocar"].at_mm, found["retina_target"].at_mm
+    off = angle_to(shaft, subtract(target_mm, pivot_mm))
+    across_mm = off * norm(subtract(tip_mm, pivot_mm))
+    along_mm = hand_mm if abs(math.degrees(off)) < 0.8 else 0.0
+    return HandMotion(True, along_mm, min(max(across_mm, -hand_mm), hand_mm))
+
+
+def angle_to(direction: Vec, way: Vec) -> float:
+    """Return the angle from a direction to a way [rad], counter-clockwise."""
+    cross = direction[0] * way[1] - direction[1] * way[0]
+    return math.atan2(cross, direction[0] * way[0] + direction[1] * way[1])
+
+
+def steer_to_the_target(uri: str, settings: TeleopSettings, *more: str) -> list[str]:
+    """Steer until the state is target_hit or patience ends, and return the states in their order."""
+    loop = build(uri, "perception.alpha=1", *more)
+    loop.source.teleop.settings = settings
+    states: list[str] = []
+    for step in islice(loop.steps(), 400):
+        if states[-1:] != [step.conclusion.state]:
+            states.append(step.conclusion.state)
+        if states[-1] == "target_hit":
+            break
+        loop.source.teleop.put(next_motion(step, hand_mm=0.15 / settings.motion_scale))
+    loop.close()
+    return states
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [TeleopSettings(0.2), TeleopSettings(1.0), TeleopSettings(0.2, True), TeleopSettings(0.2, True, 0.3)],
+    ids=["fifth", "whole", "filtered", "trembling"],
+)
+def test_a_hand_that_sees_only_steps_hits_the_target_without_touching_the_retina(uri, settings):
+    assert steer_to_the_target(uri, settings) == [
+        "misaligned_intraocular_navigation",
+        "aligned_intraocular_navigation",
+        "aligned_retinal_approach",
+        "target_hit",
+    ]
+
+
+# --- recording
+
+
+def test_what_the_hand_did_is_in_the_recording_and_the_replay_is_identical(uri, tmp_path):
+    path = tmp_path / "steered.mcap"
+    states = steer_to_the_target(uri, TeleopSettings(0.2, True, 0.1), f'recording.path="{path}"')
+    assert states[-1] == "target_hit"
+    captures = [capture for capture, _ in RunReader(path).records(images=())]
+    hands = [capture.hand for capture in captures if capture.hand is not None]
+    assert len(hands) == len(captures) > 50
+    assert [hand.engaged for hand in hands] == [False] + [True] * (len(hands) - 1)
+    assert {(hand.motion_scale, hand.tremor_filter, hand.added_tremor_mm) for hand in hands[1:]} == {
+        (0.2, True, 0.1)
+    }
+    assert max(hand.along_mm for hand in hands) == pytest.approx(0.75)
+    asked_mm = sum(hand.asked_along_mm for hand in hands)
+    assert captures[-1].truth.depth_mm == pytest.approx(captures[0].truth.depth_mm + asked_mm)
+    report = replay(path)
+    assert report.identical == report.steps == len(captures)
+
+
+def test_recordings_without_a_hand_have_none(quick_uri, tmp_path):
+    path = tmp_path / "scripted.mcap"
+    loop = build(quick_uri, f'recording.path="{path}"')
+    for _ in islice(loop.steps(), 5):
+        pass
+    loop.close()
+    assert [capture.hand for capture, _ in RunReader(path).records(images=())] == [None] * 5
+    with path.open("rb") as file:
+        assert "/teleop" not in {channel.topic for _, channel, _ in make_reader(file).iter_messages()}
