@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from socket import socket
 from urllib.parse import quote
 
@@ -33,11 +34,13 @@ class LivePage:
         listener: The socket to serve on.
         host: The address it listens on.
         token: What visitors must know; empty: nothing.
+        recordings: Folder of recordings to show.
     """
 
-    def __init__(self, config: Config, listener: socket, *, host: str, token: str) -> None:
+    def __init__(self, config: Config, listener: socket, *, host: str, token: str, recordings: Path) -> None:
         self.hub = Hub(MonotonicClock())
         self._config, self._listener, self._host, self._token = config, listener, host, token
+        self._recordings = recordings
 
     @property
     def address(self) -> str:
@@ -66,7 +69,7 @@ class LivePage:
         teleop = getattr(loop.source, "teleop", None)
         hello = describe(config, procedure, registration, view)
         self.hub.introduce(told("hello", **hello, steerable=teleop is not None), view, moving)
-        site = Site(self.hub, Controls(self.hub, teleop))
+        site = Site(self.hub, Controls(self.hub, teleop), self._recordings)
         app = make_app(site, Health(loop, self.hub), host=self._host, token=self._token)
         with Server(app, self._listener):
             yield

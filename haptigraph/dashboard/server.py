@@ -43,7 +43,10 @@ class Page(NamedTuple):
     """"module:function"; the function takes the `Site` and returns routes."""
 
 
-PAGES = (Page("Live", "/", "index.html", "haptigraph.dashboard.live_page:routes"),)
+PAGES = (
+    Page("Live", "/", "index.html", "haptigraph.dashboard.live_page:routes"),
+    Page("Recordings", "/recordings", "recordings.html", "haptigraph.dashboard.recordings_page:routes"),
+)
 
 
 def make_app(site: Site, health: Callable[[], dict[str, Any]], *, host: str, token: str) -> Door:

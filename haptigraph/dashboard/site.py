@@ -1,5 +1,6 @@
 """What the routes of all pages share."""
 
+from pathlib import Path
 from typing import NamedTuple
 
 from haptigraph.dashboard.controls import Controls
@@ -13,3 +14,5 @@ class Site(NamedTuple):
 
     hub: Hub
     controls: Controls
+    recordings: Path
+    """Folder of recordings."""
