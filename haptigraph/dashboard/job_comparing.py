@@ -2,6 +2,7 @@
 
 from haptigraph.analysis.replay import replay
 from haptigraph.assemble import load_procedure
+from haptigraph.dashboard.describe import describe_states
 from haptigraph.dashboard.frames import measures_told, progress, put_frame, timeline_told
 from haptigraph.dashboard.job_reading import empty_timeline, settings_of
 from haptigraph.messages import Step
@@ -12,8 +13,8 @@ __all__ = ["compare"]
 
 def compare(name: str, given: str) -> None:
     """Answer with what a procedure makes of the recorded images; empty: the recorded one again."""
-    recorded = settings_of(RunReader(name))[0]
-    timeline = empty_timeline(load_procedure(given) if given else recorded)
+    judging = load_procedure(given) if given else settings_of(RunReader(name))[0]
+    timeline = empty_timeline(judging)
     touched = differs = 0
 
     def watch(then: Step, now: Step) -> None:
@@ -26,7 +27,8 @@ def compare(name: str, given: str) -> None:
     report = replay(name, given or None, lambda _, done, total: told(done, done, total), watch)
     content, data = timeline_told(timeline)
     more = {
-        "procedure": given or recorded.name,
+        "described": describe_states(judging),
+        "procedure": given or judging.name,
         "measures": measures_told(report.replayed, timeline.start_ns),
         "steps": report.steps,
         "identical": report.identical,

@@ -130,11 +130,11 @@ class RecordingFolder:
         with self._lock:
             run = self._open.get(name)
         if run is None:
-            raise BadInput("is not open any more; open it again", name)
+            raise BadInput("is not open any more; load the page again", name)
         now = Identity.of(path)
         # A run that is still recorded only grows.
         if now[:2] != run.identity[:2] or now.size < run.places[-1].end:
-            raise BadInput("has changed meanwhile; open it again", name)
+            raise BadInput("has changed meanwhile; load the page again", name)
         if not 0 <= number < len(run.places):
             raise BadInput(f"has no step {number}; they go from 0 to {len(run.places) - 1}", name)
         capture, step = run.reader.record_at(run.places[number])

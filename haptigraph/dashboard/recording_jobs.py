@@ -1,8 +1,8 @@
 """What takes long with recordings, in a process of its own: read a run, replay it, measure, export.
 
-`python -m haptigraph.dashboard.recording_jobs JOB FOLDER NAME...` answers on stdout in frames (`frames.py`), the
-last of which may be an error. Knows nothing of HTTP. A process, not a thread, so that a loop beside it keeps its
-interpreter to itself; it asks for little and ends with its parent.
+`python -m haptigraph.dashboard.recording_jobs JOB FOLDER NAME...` answers on stdout in frames (`frames.py`),
+the last of which may be an error. Knows nothing of HTTP. A process, not a thread, so that a loop beside it
+keeps its interpreter to itself; it asks for little and ends with its parent.
 """
 
 import os

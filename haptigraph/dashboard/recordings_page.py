@@ -1,10 +1,12 @@
 """The routes of the page of recordings: the list, one step, and what jobs answer.
 
-docs/dashboard.md has them all. What is refused is one sentence: {"error": ...}, or the last frame of an answer that comes in frames.
+docs/dashboard.md has them all. What is refused is one sentence: {"error": ...}, or the last frame of an
+answer that comes in frames.
 """
 
 import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
+from contextlib import suppress
 from typing import Any
 
 import msgspec
@@ -60,8 +62,11 @@ class _Recordings:
         return _in_frames(self._job(job, request.query_params.get("name", ""), arguments))
 
     async def _outcomes(self, names: list[str]) -> AsyncIterator[bytes]:
-        known = {name: Identity.of(self._folder.path_of(name)) for name in names}
-        async for content, data in self._jobs.frames("outcomes", *names):
+        known = dict[str, Identity]()
+        for name in names:
+            with suppress(HaptigraphError, OSError):  # gone meanwhile: nothing to tell
+                known[name] = Identity.of(self._folder.path_of(name))
+        async for content, data in self._jobs.frames("outcomes", *known):
             if content["type"] == "outcome":
                 self._folder.outcomes[known[content["name"]]] = content
             yield framed(content, data)
