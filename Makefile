@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: setup demo test fuzz check bench soak golden lock clean
+.PHONY: setup demo live test fuzz check bench bench-live screenshots soak golden lock clean
 
 setup: .venv/ready
 
@@ -16,8 +16,11 @@ setup: .venv/ready
 demo: setup  ## half a minute of the whole loop, simulated; writes a recording and a picture
 	$(BIN)/haptigraph demo
 
-test: setup  ## all tests
-	$(BIN)/python -m pytest -n auto
+live: setup  ## steer a simulated needle from a page in the browser, and feel it
+	$(BIN)/haptigraph live
+
+test: setup  ## all tests; those in the browser where Chromium is installed, one after the other
+	$(BIN)/python -m pytest -n auto --dist loadgroup
 
 fuzz: setup  ## the property tests on thousands of new examples
 	$(BIN)/python -m pytest -n auto -m hypothesis --hypothesis-profile=fuzz
@@ -31,6 +34,14 @@ check: setup  ## format, lint, types, layers
 bench: setup  ## steps/s and the time of every stage; perceivers against the paper's pipeline
 	$(BIN)/python benchmarks/loop.py
 	$(BIN)/python benchmarks/perception.py
+
+bench-live: setup  ## latency through a browser, load of viewers, memory of a page left open; needs Chromium
+	$(BIN)/python benchmarks/live.py latency
+	$(BIN)/python benchmarks/live.py load
+	$(BIN)/python benchmarks/live.py memory
+
+screenshots: setup  ## pictures of every page into docs/images; needs Chromium
+	$(BIN)/python docs/screenshots.py
 
 soak: setup  ## memory over 100,000 steps; takes about an hour
 	$(BIN)/python benchmarks/memory.py

@@ -31,6 +31,7 @@ class Health:
         return {
             "now_ms": self._hub.now_ms(),
             "rate_hz": round(self._rate_hz(), 2),
+            "nominal_hz": self._loop.source.rate_hz,
             "latency_p50_ms": _number(p50_ms),
             "latency_p99_ms": _number(p99_ms),
             "steps": report.steps,

@@ -11,7 +11,7 @@ import pytest
 from live_bench import Live, leave, look, until
 from test_page import hide
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
 
 STILL_WITHIN_MS = 200
 FREEZING = (str(Path(__file__).with_name("freezing.py")),)

@@ -5,7 +5,7 @@ import math
 import pytest
 from live_bench import Live, leave, look, until
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
 
 OFF_AXIS_DEG = """
   const line = page.header?.found.needle_line;

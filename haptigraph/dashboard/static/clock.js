@@ -15,6 +15,9 @@ export class ServerClock {
   /** Forget everything: another server has another clock. */
   reset() { this.exchanges = []; this.offset_ms = NaN; }
 
+  /** Turn the server's time into this page's `performance.now()` [ms]. */
+  page_ms(server_ms) { return server_ms - this.offset_ms; }
+
   /** Return the server's present [ms]; NaN before the first exchange. */
   now_ms() { return performance.now() + this.offset_ms; }
 }

@@ -17,6 +17,7 @@ export class Controls {
     Object.assign(this, { send, steering, controller, me: "", holder: "", settings: null, waits: null });
     $("hold").addEventListener("click", () => this.send({ type: this.holder === this.me ? "release" : "take" }));
     $("scale").addEventListener("input", () => this.tune({ motion_scale: Number($("scale").value) }));
+    $("scale").addEventListener("pointerup", () => $("scale").blur());  // so that the arrow keys steer again
     $("filter").addEventListener("change", () => this.tune({ tremor_filter: $("filter").checked }));
     $("tremor").addEventListener("change", () => this.tune({ added_tremor_mm: $("tremor").checked ? TREMOR_MM : 0 }));
     $("switches").append(toggle("Needs clutch", false, (on) => { steering.needsClutch = on; }, "needs-clutch"));

@@ -15,7 +15,7 @@ import { Touch } from "./touch.js";
 import { Traces } from "./traces.js";
 import { View } from "./view.js";
 
-const PING_MS = 2000, DRAW_MS = 1000 / 30, SILENT_MS = 400;
+const PING_MS = 2000, DRAW_MS = 1000 / 30;
 const $ = (id) => document.getElementById(id);
 
 const clock = new ServerClock();
@@ -28,7 +28,11 @@ const banner = new Banner();
 const touch = new Touch(150);
 const controller = new Controller();
 const rumble = new Rumble(() => controller.pad());
-export const page = { hello: null, header: null, heard_ms: -Infinity, latency_ms: NaN, ended: "", isOpen: false };
+/** What this page knows. Tests and benchmarks read it, and may listen: `onImage`, `onDrawn`. */
+export const page = {
+  clock, hello: null, header: null, drawn: 0, onImage: () => {}, onDrawn: () => {},
+  heard_ms: -Infinity, latency_ms: NaN, ended: "", isOpen: false,
+};
 
 const hear = {
   hello(message) {
@@ -59,6 +63,7 @@ const line = connect({
     graph.show(header);
     traces.add(header);
     touch.fresh();
+    page.onImage(header);
     view.show(header, picture);
   },
   onOpen() { page.isOpen = true; clock.reset(); ping(); watch(); },
@@ -68,6 +73,8 @@ const steering = new Steering(line.send, controller, $("view"));
 const controls = new Controls(line.send, steering, controller);
 
 view.onDrawn = (header) => {
+  page.drawn += 1;
+  page.onDrawn(header);
   const age_ms = clock.now_ms() - header.time_ms;
   page.latency_ms = Number.isNaN(page.latency_ms) ? age_ms : page.latency_ms + 0.1 * (age_ms - page.latency_ms);
 };
@@ -104,7 +111,7 @@ function lost() {
   if (!page.isOpen) return ["Connection lost", "The server does not answer. What you see is old.", true];
   if (page.ended) return ["The run has ended", page.ended, true];
   const silent_ms = performance.now() - page.heard_ms;
-  if (page.header && silent_ms > SILENT_MS) return ["No news", `Nothing from the loop for ${(silent_ms / 1000).toFixed(1)} s.`, true];
+  if (page.header && silent_ms > 200 + 2 * page.hello.stale_ms) return ["No news", `Nothing from the loop for ${(silent_ms / 1000).toFixed(1)} s.`, true];
   return page.header && lostIn(page.header, page.hello);
 }
 

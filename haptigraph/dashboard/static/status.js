@@ -44,7 +44,7 @@ export class Status {
     const fault = (where) => health.faults[where] && health.now_ms - health.faults[where][0] < 10_000 ? health.faults[where][1] : "";
     const lost = health.overruns + health.skipped;
     $("health").replaceChildren(
-      chip(health.rate_hz < 5, health.rate_hz.toFixed(1), "images/s"),
+      chip(health.rate_hz < 0.8 * health.nominal_hz, health.rate_hz.toFixed(1), "images/s", `Of ${health.nominal_hz}`),
       chip(health.latency_p99_ms > 100, `${ms(health.latency_p50_ms)} / ${ms(health.latency_p99_ms)}`, "ms to hand", "From image to command, half of the steps and 99 %"),
       chip(pageLatency_ms > 200, ms(pageLatency_ms), "ms to page", "From image to this page"),
       chip(false, String(lost), "late", "Images the loop was late for or skipped", "plain"),
@@ -89,8 +89,8 @@ export function lostIn(header, hello) {
 
 function felt(pattern) {
   if (!pattern || pattern.kind === "off") return "nothing";
-  const what = { continuous: "steady", pulses: "pulses", bursts: `${pattern.count} bursts` }[pattern.kind];
-  return `${pattern.name}: ${what}, ${Math.round(pattern.amplitude * 100)} %`;
+  const what = { continuous: "steady vibration", pulses: "rapid pulses", bursts: `${pattern.count} bursts` }[pattern.kind];
+  return `${what}, ${Math.round(pattern.amplitude * 100)} %`;
 }
 
 function chip(isBad, value, words, title = "", kind = "") {

@@ -69,12 +69,12 @@ export class Traces {
     c.strokeStyle = FAINT; c.lineWidth = 1;
     for (const bound of strip.bounds) { c.beginPath(); c.moveTo(LEFT, y(bound)); c.lineTo(this.width - RIGHT, y(bound)); c.stroke(); }
     const last = this.steps.at(-1)?.measures[strip.measure];
-    this.label(strip.words, top + 11, last === undefined ? "–" : `${last.toFixed(strip.digits)} ${strip.unit}`);
+    this.label(strip.words, top + 11, !Number.isFinite(last) ? "–" : `${last.toFixed(strip.digits)} ${strip.unit}`);
     c.strokeStyle = INK; c.lineWidth = 1.8; c.lineJoin = "round"; c.beginPath();
     let before = null;
     for (const step of this.steps) {
       const value = step.measures[strip.measure];
-      if (value !== undefined) {
+      if (Number.isFinite(value)) {
         const joins = before && step.time_ms - before < 300;
         c[joins ? "lineTo" : "moveTo"](Math.max(this.x(step.time_ms), LEFT), y(value));
         before = step.time_ms;
