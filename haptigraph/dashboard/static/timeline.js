@@ -6,7 +6,7 @@ import { differencesOf } from "./run.js";
 import { sign } from "./signs.js";
 import { stripsOf } from "./traces.js";
 
-export const LEFT = 244, RIGHT = 14, LANE = 15;
+export const LEFT = 244, RIGHT = 14, LANE = 14;
 const QUIET = "#9aabb8", PANEL = "#161d23", NARROWEST_MS = 400;
 
 export class Timeline {
@@ -44,6 +44,7 @@ export class Timeline {
     this.row = new Map(described.map((state, row) => [state.name, row]));
     this.lanes.replaceChildren(...described.map(named));
     this.redraw();
+    this.show(this.number);
   }
 
   show(number) {
@@ -100,10 +101,10 @@ export class Timeline {
     let top = this.drawLanes(c);
     if (this.other) top = this.drawDifferences(c, top);
     if (this.run.content.faults.length) top = this.drawFaults(c, top);
-    const each = (height - 18 - top) / (this.strips.length + 0.7);
+    const each = (height - 18 - top) / (this.strips.length + 0.6);
     this.places = this.strips.map((strip, at) => ({ strip, top: top + at * each + 5, height: each - 9 }));
     for (const place of this.places) drawCurve(c, this, place);
-    drawTouch(c, this, top + this.strips.length * each + 4, each * 0.7 - 8);
+    drawTouch(c, this, top + this.strips.length * each + 4, each * 0.6 - 6);
     drawAxis(c, this, height - 4);
     this.draw();
   }
@@ -146,7 +147,7 @@ export class Timeline {
       c.fillStyle = c.strokeStyle = "#fff";
       if (isState) c.fillRect(place[0], top + 2, place[1], 9); else c.strokeRect(place[0] + 0.5, top + 2.5, place[1], 8);
     }
-    return top + 15;
+    return top + 14;
   }
 
   drawFaults(c, top) {
@@ -160,7 +161,7 @@ export class Timeline {
       c.moveTo(place[0] - 4.5, top + 11); c.lineTo(place[0], top + 2); c.lineTo(place[0] + 4.5, top + 11);
       c.fill();
     }
-    return top + 15;
+    return top + 14;
   }
 
   words(c, text, y) { c.fillStyle = QUIET; c.textAlign = "left"; c.fillText(text, 0, y); }
@@ -172,11 +173,11 @@ export class Timeline {
     c.drawImage(this.still, 0, 0);
     const ratio = devicePixelRatio || 1, x = this.x(run.time_ms[this.number]);
     c.setTransform(ratio, 0, 0, ratio, 0, 0);
-    c.font = "bold 14px " + getComputedStyle(document.body).fontFamily;
+    c.font = "bold 13px " + getComputedStyle(document.body).fontFamily;
     c.fillStyle = "#e8edf1"; c.textAlign = "left";
     for (const { strip, top } of this.places) {
       const value = run.measure(strip.measure)[this.number];
-      c.fillText(Number.isNaN(value) ? "–" : `${value.toFixed(strip.digits)} ${strip.unit}`, 0, top + 28);
+      c.fillText(Number.isNaN(value) ? "–" : `${value.toFixed(strip.digits)} ${strip.unit}`, 84, top + 10);
     }
     if (x < LEFT - 1) return;
     c.fillRect(x - 0.75, 0, 1.5, this.canvas.clientHeight - 16);
