@@ -59,7 +59,13 @@ def test_recordings_are_listed_with_what_came_of_them(archive, open_page, record
     until(page, "document.getElementById('runs').textContent.includes('hit after')", module=MODULE)
     measures = measure_run(step for _, step in RunReader(recordings / "quick.mcap").records(images=()))
     row = page.inner_text("#runs tr:has(a:text-is('quick.mcap'))")
-    for part in (f"hit after {measures.completion_s:.1f} s", "P07", "subretinal_injection", "phantom:", "7.7 s"):
+    for part in (
+        f"hit after {measures.completion_s:.1f} s",
+        "P07",
+        "subretinal_injection",
+        "phantom:",
+        "7.7 s",
+    ):
         assert part in row
     assert "not a recording" in page.inner_text("#runs tr:has-text('notes.mcap')")
     assert "haptigraph recover killed.mcap" in page.inner_text("#runs tr:has-text('killed.mcap')")
@@ -148,7 +154,9 @@ def test_a_comparison_shows_where_another_procedure_differs(archive, open_page, 
     then, now = [], []
     path, wide = recordings / "quick.mcap", str(recordings / "wide.toml")
     report = replay(path, wide, watch=lambda a, b: (then.append(a), now.append(b)))
-    apart = [n for n, (a, b) in enumerate(zip(then, now, strict=True)) if a.conclusion.state != b.conclusion.state]
+    apart = [
+        n for n, (a, b) in enumerate(zip(then, now, strict=True)) if a.conclusion.state != b.conclusion.state
+    ]
     assert 5 < len(apart) < report.steps
     page = opened(open_page, archive)
     page.select_option("#other", "wide.toml")
