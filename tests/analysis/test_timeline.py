@@ -1,6 +1,7 @@
 """A run as columns: nothing of what was felt, seen or faulty is lost."""
 
 import math
+from itertools import pairwise
 
 from helpers import LOW, MS, PULSE, SUCCESS, make_step
 from hypothesis import given
@@ -29,7 +30,7 @@ def test_edges_are_what_the_commands_say_at_every_moment(steps):
     for step in steps:
         timeline.add(step)
     edges = list(zip(timeline.edge_ms, timeline.edge_amplitude, strict=True))
-    for step, later in zip(steps, steps[1:], strict=False):
+    for step, later in pairwise(steps):
         for stamp_ns in range(step.stamp_ns, later.stamp_ns, 5 * MS):
             felt = [amplitude for at_ms, amplitude in edges if at_ms <= stamp_ns / MS]
             assert math.isclose(felt[-1] if felt else 0.0, amplitude_at(step.command, stamp_ns), abs_tol=1e-6)

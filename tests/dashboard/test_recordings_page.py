@@ -2,6 +2,7 @@
 
 import csv
 import io
+from itertools import pairwise
 from pathlib import Path
 
 import cv2
@@ -208,7 +209,7 @@ def test_the_csv_says_what_the_recording_says(archive, open_page, records):
         assert row["relations"].count("<") == len(step.graph.edges)
     measures = measure_run(steps)
     lasted = dict.fromkeys(measures.all_state_s, 0.0)
-    for row, later in zip(rows, rows[1:], strict=False):
+    for row, later in pairwise(rows):
         lasted[row["state"]] += float(later["time_s"]) - float(row["time_s"])
     assert lasted == pytest.approx(measures.all_state_s)
 
