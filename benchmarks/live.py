@@ -1,6 +1,6 @@
 """Figures of the live page: latency through a real browser, load on the server, memory of a page left open.
 
-    python benchmarks/live.py latency   input -> displayed image, image -> rumble call, at 30 images/s
+    python benchmarks/live.py latency   input -> displayed image, image -> rumble call (or one: input, rumble)
     python benchmarks/live.py load      server CPU and the loop's p99, without and with two viewers
     python benchmarks/live.py memory    the page's heap over as many images as an hour has
 
@@ -22,9 +22,9 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from live_bench import PAD, Live, chromium, leave, look, until
 
-PRESSES = 200
+PRESSES = 100
 TURNS_S = 0.5
-LOAD_S = 30
+LOAD_S = 12
 ROUNDS = 4
 HOUR = 30 * 3600
 
@@ -128,7 +128,7 @@ def image_to_rumble(browser: Any, folder: Path) -> None:
     with Live(f"phantom:{turns}") as live:
         page = opened(browser, live)
         page.evaluate(CHANGES)
-        until(page, "window.waits.on.length >= 100 && window.waits.off.length >= 100", 300)
+        until(page, "window.waits.on.length >= 60 && window.waits.off.length >= 60", 300)
         waits = page.evaluate("window.waits")
         print(f"image -> rumble begins     {percentiles(waits['on'])}")
         print(f"image -> rumble ends       {percentiles(waits['off'])}")
@@ -146,14 +146,17 @@ def loaded(viewers: int) -> tuple[float, float, float]:
     """Return CPU [share of a core], and the loop's p50 and p99 [ms], with so many viewers."""
     with Live("phantom:align_then_approach") as live:
         host = live.url.removeprefix("http://").strip("/")
-        watchers = [subprocess.Popen([sys.executable, "-c", WATCHER, host]) for _ in range(viewers)]
+        watchers = [
+            subprocess.Popen([sys.executable, "-c", WATCHER, host], stderr=subprocess.DEVNULL)
+            for _ in range(viewers)
+        ]
         time.sleep(2)
         before_s, begun_s = cpu_s(live.process.pid), time.perf_counter()
         time.sleep(LOAD_S)
         share = (cpu_s(live.process.pid) - before_s) / (time.perf_counter() - begun_s)
         told = live.stop()
         for watcher in watchers:
-            watcher.kill()
+            watcher.terminate()
             watcher.wait()
     step = re.search(r"^step +([\d.]+) ms +([\d.]+) ms", told, re.MULTILINE)
     if step is None:
@@ -210,8 +213,9 @@ def main() -> None:
         with chromium() as browser:
             if what == "memory":
                 memory(browser, Path(folder), int(sys.argv[2]) if len(sys.argv) > 2 else HOUR)
-            else:
+            if what in ("latency", "input"):
                 input_to_image(browser)
+            if what in ("latency", "rumble"):
                 image_to_rumble(browser, Path(folder))
 
 

@@ -15,7 +15,7 @@ import { Touch } from "./touch.js";
 import { Traces } from "./traces.js";
 import { View } from "./view.js";
 
-const PING_MS = 2000, DRAW_MS = 1000 / 30;
+const PING_MS = 2000, DRAW_MS = 1000 / 20;
 const $ = (id) => document.getElementById(id);
 
 const clock = new ServerClock();
