@@ -24,32 +24,33 @@ export function drawCurve(c, timeline, { strip, top, height }) {
   c.stroke();
 }
 
-/** Yield [whether a gap stands before it, x, value]: every step, or first, least, most and last of every column. */
-function* points(time_ms, values, { x, from_ms, to_ms, room }) {
+/** Return [whether a gap stands before it, x, value]: every step, or first, least, most and last of every column. */
+function points(time_ms, values, { x, from_ms, to_ms, room }) {
   const first = Math.max(firstAfter(time_ms, from_ms) - 1, 0), end = Math.min(firstAfter(time_ms, to_ms) + 1, time_ms.length);
-  const isThin = end - first < 2 * room, left = x(from_ms), right = left + room;
+  const isThin = end - first < 2 * room, left = x(from_ms), right = left + room, scale = room / (to_ms - from_ms), found = [];
   let before_ms = -Infinity, column = null;
   for (let number = first; number < end; number++) {
-    const value = values[number];
-    if (Number.isNaN(value)) continue;
-    const px = Math.min(Math.max(x(time_ms[number]), left), right), gap = time_ms[number] - before_ms > GAP_MS;
-    before_ms = time_ms[number];
-    if (isThin) { yield [gap, px, value]; continue; }
-    if (column && !gap && Math.floor(px) === column.px) {
-      column.least = Math.min(column.least, value); column.most = Math.max(column.most, value); column.last = value;
+    const value = values[number], at_ms = time_ms[number];
+    if (value !== value) continue;  // nan
+    const px = Math.min(Math.max(left + (at_ms - from_ms) * scale, left), right), gap = at_ms - before_ms > GAP_MS;
+    before_ms = at_ms;
+    if (isThin) { found.push([gap, px, value]); continue; }
+    // Where a whole gap is less than a pixel it does not break the line.
+    if (column && Math.floor(px) === column.px) {
+      if (value < column.least) column.least = value;
+      if (value > column.most) column.most = value;
+      column.last = value;
       continue;
     }
-    if (column) yield* ends(column);
+    if (column) found.push(...ends(column));
     column = { px: Math.floor(px), gap, first: value, least: value, most: value, last: value };
   }
-  if (column) yield* ends(column);
+  if (column) found.push(...ends(column));
+  return found;
 }
 
-function* ends({ px, gap, first, least, most, last }) {
-  yield [gap, px, first];
-  yield [false, px, least];
-  yield [false, px, most];
-  yield [false, px, last];
+function ends({ px, gap, first, least, most, last }) {
+  return [[gap, px, first], [false, px, least], [false, px, most], [false, px, last]];
 }
 
 /** Draw the touch as it was commanded. */
@@ -61,10 +62,13 @@ export function drawTouch(c, timeline, top, height) {
   c.strokeStyle = FAINT; c.lineWidth = 1;
   c.beginPath(); c.moveTo(left, top + height + 0.5); c.lineTo(right, top + height + 0.5); c.stroke();
   c.fillStyle = "#f0a546";
+  let drawn = -1, drawnAmplitude = 0;
   for (let at = Math.max(firstAfter(edge_ms, from_ms) - 1, 0); at < edge_ms.length && edge_ms[at] <= to_ms; at++) {
     const amplitude = edge_amplitude[at];
     if (!amplitude) continue;
     const start = Math.max(x(edge_ms[at]), left), end = Math.min(at + 1 < edge_ms.length ? x(edge_ms[at + 1]) : x(run.end_ms), right);
+    if (end - drawn < 0.5 && amplitude <= drawnAmplitude) continue;  // less than a pixel, and beneath what is there
+    [drawn, drawnAmplitude] = [Math.max(end, start + 1), amplitude];
     if (end > left) c.fillRect(start, top + height * (1 - amplitude), Math.max(end - start, 1), height * amplitude);
   }
 }

@@ -23,14 +23,14 @@ export function showMeasures(run, other) {
     const names = [...new Set(measures.flatMap((m) => Object.keys(m[key])))].sort((a, b) => (measures[0][key][b] ?? 0) - (measures[0][key][a] ?? 0));
     return names.length ? [[title], ...names.map((name) => [labels.get(name) ?? name, ...measures.map((m) => s(m[key][name] ?? 0))])] : [];
   };
-  $("facts-head").replaceChildren(...head.map((cells) => line(cells, "th")));
-  $("facts").replaceChildren(...[...rows, ...times("from inside the eye to the hit", "state_s"), ...times("in the whole recording", "all_state_s")].map((cells) => line(cells, "td")));
+  $("facts-head").replaceChildren(...head.map((cells) => line(cells, "th", cells.length)));
+  $("facts").replaceChildren(...[...rows, ...times("from inside the eye to the hit", "state_s"), ...times("in the whole recording", "all_state_s")].map((cells) => line(cells, "td", measures.length + 1)));
 }
 
-function line(cells, kind) {
+function line(cells, kind, columns) {
   const row = document.createElement("tr");
-  row.append(...cells.map((text) => Object.assign(document.createElement(kind), { textContent: text })));
-  if (cells.length === 1) { row.className = "group"; row.firstChild.colSpan = 3; }
+  row.append(...cells.map((text) => Object.assign(document.createElement(kind), { textContent: text, title: kind === "th" ? text : "" })));
+  if (cells.length === 1) { row.className = "group"; row.firstChild.colSpan = columns; }
   return row;
 }
 

@@ -67,7 +67,8 @@ export class Timeline {
     const end_ms = Math.max(this.run.end_ms, 1), width_ms = Math.min(span_ms, end_ms);
     this.from_ms = Math.min(Math.max(from_ms, 0), end_ms - width_ms);
     this.to_ms = this.from_ms + width_ms;
-    this.redraw();
+    cancelAnimationFrame(this.waiting);  // a wheel turns faster than a long run is drawn
+    this.waiting = requestAnimationFrame(() => this.redraw());
   }
 
   wheel(event) {
@@ -85,12 +86,11 @@ export class Timeline {
     return this.from_ms + Math.min(Math.max(share, 0), 1) * (this.to_ms - this.from_ms);
   }
 
-  get room() { return this.canvas.clientWidth - LEFT - RIGHT; }
-
   /** Draw all that stands still, then the cursor. */
   redraw() {
     const ratio = devicePixelRatio || 1, width = this.canvas.clientWidth, height = this.canvas.clientHeight;
     if (!this.run || !width) return;
+    this.room = width - LEFT - RIGHT;
     for (const each of [this.canvas, this.still]) Object.assign(each, { width: Math.round(width * ratio), height: Math.round(height * ratio) });
     const c = this.still.getContext("2d", { alpha: false });
     c.setTransform(ratio, 0, 0, ratio, 0, 0);
@@ -120,10 +120,12 @@ export class Timeline {
 
   drawSpans(c, run, shift, height, isHatched = false) {
     const colors = new Map(this.states.map((state) => [state.name, state.color]));
+    const drawn = [];  // how far each lane is
     for (const [first, end, state] of run.spans) {
       const name = run.content.states[state];
       const place = this.place(first, end);
-      if (!place) continue;
+      if (!place || place[0] + place[1] - 0.5 < drawn[state]) continue;
+      drawn[state] = place[0] + place[1];
       c.fillStyle = colors.get(name) ?? QUIET;
       c.fillRect(place[0], this.row.get(name) * LANE + shift, place[1], height);
       if (isHatched) hatch(c, place[0], this.row.get(name) * LANE + shift, place[1], height);
