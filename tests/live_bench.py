@@ -118,4 +118,4 @@ def until(page: Any, condition: str, within_s: float = 30, module: str = LIVE) -
 def leave(page: Any) -> None:
     """Close a page whose server goes away: the browser logs that it has, and that is right."""
     page.close()
-    page.problems.clear()
+    page.problems[:] = [problem for problem in page.problems if "WebSocket connection to" not in problem]

@@ -220,8 +220,8 @@ class Camera:
         rng = np.random.default_rng((self._seed, 4, number))
         top, left = rng.integers(0, NOISE_MARGIN_PX, 2)
         noise = self._noise[top : top + image.shape[0], left : left + image.shape[1]]
-        # Strips stay in the processor's cache. Brighter and darker apart, each saturating in 8 bits: four times
-        # as fast as one pass in float.
+        # Strips stay in the processor's cache. Brighter and darker apart, each saturating in 8 bits: four
+        # times as fast as one pass in float.
         for start in range(0, image.shape[0], NOISE_STRIP_PX):
             strip = slice(start, start + NOISE_STRIP_PX)
             for change, scale in ((cv2.add, 1), (cv2.subtract, -1)):

@@ -47,9 +47,13 @@ def open_page(chromium):
         until(page, ready, module=module)
         return page
 
+    def close_all() -> None:
+        while contexts:
+            contexts.pop().close()
+
+    open_one.close_all = close_all
     yield open_one
-    for context in contexts:
-        context.close()
+    close_all()
     assert problems == []
 
 

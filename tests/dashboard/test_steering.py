@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from live_bench import Live, leave, look, until
+from live_bench import Live, look, until
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
 
@@ -25,7 +25,7 @@ def steered(open_page, steered_uri):
         page.wait_for_selector("#holder:has-text('You hold the controls')")
         page.live = live
         yield page
-        leave(page)
+        open_page.close_all()  # while the server is still there
 
 
 @pytest.fixture(scope="session")

@@ -1,8 +1,10 @@
 """A phantom that a hand steers: through the source alone, and through the whole loop."""
 
 import math
+import re
 import threading
 from itertools import islice
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -150,6 +152,17 @@ def test_it_is_noted_that_someone_must_steer(uri, quick_uri):
         loop = build(given)
         loop.close()
         assert sum("haptigraph live" in note for note in loop.notes) == count
+
+
+def test_the_program_in_the_docs_steers(name):
+    text = (Path(__file__).parents[2] / "docs" / "teleoperation.md").read_text(encoding="utf-8")
+    (program,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    names: dict = {}
+    exec(program.replace("align_then_approach", name), names)
+    assert names["teleop"].hand.along_mm == 0.5
+    tip_mm = names["step"].observation.found["needle_tip"].at_mm
+    pivot_mm = names["step"].observation.found["trocar"].at_mm
+    assert math.dist(tip_mm, pivot_mm) == pytest.approx(8 + 89 * 0.1, abs=0.5)  # a fifth of 0.5 mm per image
 
 
 # --- closed loop
