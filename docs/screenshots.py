@@ -7,10 +7,13 @@ import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from tempfile import gettempdir
+from tempfile import TemporaryDirectory, gettempdir
 from typing import Any
 
 import cv2
+
+from haptigraph.assemble import build, load_procedure
+from haptigraph.config import load_config
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
@@ -76,6 +79,25 @@ def registration(page: Any, live: Live) -> None:
     page.wait_for_timeout(500)
 
 
+def recordings(page: Any, live: Live) -> None:
+    """One recorded run, and where a procedure with a wider cone differs; the page outlives its server."""
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        recorded = f'recording.path="{folder / "wrong_place.mcap"}"'
+        given = ("source.uri=phantom:wrong_place_then_hit", recorded, "run.realtime=false")
+        build(load_config(None, (*given, "trial.participant=P07", "trial.trial=3"))).run()
+        text = load_procedure("subretinal_injection").text
+        (folder / "wider_cone.toml").write_text(text.replace("= 1.7", "= 3.5"))
+        with Live("phantom:wrong_place_then_hit", "--recordings", folder) as own:
+            page.goto(f"{own.url}recordings#wrong_place.mcap")
+            page.wait_for_selector("body[data-step='0']", timeout=60_000)
+            page.select_option("#other", "wider_cone.toml")
+            page.click("#compare")
+            page.wait_for_selector("#verdict:not([hidden])", timeout=120_000)
+            page.locator("#events button").last.click()
+            page.wait_for_selector("#instead.differs")
+
+
 SHOTS: dict[str, tuple[str, tuple[str, ...], tuple[int, int], Callable[[Any, Live], None]]] = {
     "live-contact": ("phantom:wrong_place_then_hit", (), (1366, 768), contact),
     "live-hit": ("phantom:align_then_approach", (), (1920, 1080), hit),
@@ -83,6 +105,7 @@ SHOTS: dict[str, tuple[str, tuple[str, ...], tuple[int, int], Callable[[Any, Liv
     "live-stale": ("teleop:wrong_place_then_hit", FREEZING, (1366, 768), stale),
     "registration": (QUICK, (), (1366, 768), registration),
     "live-mapping": ("teleop:wrong_place_then_hit", (), (1366, 768), mapping),
+    "recordings": ("phantom:wrong_place_then_hit", (), (1366, 768), recordings),
 }
 """File name: what is served, by which program, how large, and what leads there."""
 

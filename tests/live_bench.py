@@ -81,21 +81,25 @@ def chromium() -> Iterator[Any]:
         browser.close()
 
 
-def look(page: Any, expression: str) -> Any:
-    """Return the value of a JavaScript expression, in which `page` is what the live page knows."""
+LIVE = "/static/live.js"
+"""The module whose `page` is looked at."""
+
+
+def look(page: Any, expression: str, module: str = LIVE) -> Any:
+    """Return the value of a JavaScript expression, in which `page` is what the page knows."""
     return page.evaluate(
-        f"async () => {{ const {{ page }} = await import('/static/live.js'); return {expression}; }}"
+        f"async () => {{ const {{ page }} = await import('{module}'); return {expression}; }}"
     )
 
 
-def until(page: Any, condition: str, within_s: float = 30) -> Any:
-    """Wait until a JavaScript expression, in which `page` is what the live page knows, is true; return its value.
+def until(page: Any, condition: str, within_s: float = 30, module: str = LIVE) -> Any:
+    """Wait until a JavaScript expression, in which `page` is what the page knows, is true; return its value.
 
     Unlike Playwright's own `wait_for_function` it needs no eval, which the page's policy forbids.
     """
     return page.evaluate(
         """(within_ms) => new Promise(async (resolve, reject) => {
-             const { page } = await import("/static/live.js");
+             const { page } = await import("MODULE");
              const end_ms = performance.now() + within_ms;
              const check = async () => {
                try {
@@ -106,7 +110,7 @@ def until(page: Any, condition: str, within_s: float = 30) -> Any:
                } catch (error) { reject(error); }
              };
              check();
-           })""".replace("CONDITION", f"({condition})"),
+           })""".replace("CONDITION", f"({condition})").replace("MODULE", module),
         within_s * 1000,
     )
 

@@ -1,6 +1,6 @@
 """Run a recording again and compare step by step: the same, or what another procedure makes of it."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import msgspec
@@ -45,13 +45,19 @@ class ReplayReport(Struct):
     replayed: RunMeasures = msgspec.field(default_factory=RunMeasures)
 
 
-def replay(path: str | Path, procedure: str | None = None, progress: Progress | None = None) -> ReplayReport:
+def replay(
+    path: str | Path,
+    procedure: str | None = None,
+    progress: Progress | None = None,
+    watch: Callable[[Step, Step], None] | None = None,
+) -> ReplayReport:
     """Replay a recording.
 
     Args:
         path: The recording.
         procedure: Another procedure to judge it by; None: the one it was recorded with.
         progress: Told how far it is.
+        watch: Given every step, as recorded and as replayed.
 
     Raises:
         BadInput: If recording or procedure cannot be used.
@@ -74,6 +80,8 @@ def replay(path: str | Path, procedure: str | None = None, progress: Progress | 
         report.first = report.first or difference
         report.recorded.add(recorded)
         report.replayed.add(replayed)
+        if watch is not None:
+            watch(recorded, replayed)
         if progress is not None:
             progress("replaying", report.steps, steps)
     return report

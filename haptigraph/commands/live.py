@@ -27,6 +27,9 @@ __all__ = ["live"]
 @click.option("--port", type=click.IntRange(1, 65535), help="Of the page; any free one if not given.")
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to serve on.")
 @click.option("--token", metavar="TOKEN", help="What visitors must know; made up if --host needs one.")
+@click.option(
+    "--recordings", metavar="FOLDER", default=".", help="Recordings to look at; where you are if not given."
+)
 @config_option
 @set_option
 def live(
@@ -38,6 +41,7 @@ def live(
     port: int | None,
     host: str,
     token: str | None,
+    recordings: str,
     config: str | None,
     settings: tuple[str, ...],
 ) -> None:
@@ -49,6 +53,8 @@ def live(
     The page is for this machine only; with another --host, only for those who know the token.
     """
     import secrets
+    from functools import partial
+    from pathlib import Path
 
     from msgspec.structs import replace
 
@@ -56,7 +62,10 @@ def live(
     from haptigraph.dashboard.door import LOOPBACK
     from haptigraph.dashboard.live import LivePage
     from haptigraph.dashboard.server import listen
+    from haptigraph.errors import BadInput
 
+    if not Path(recordings).is_dir():
+        raise BadInput("is no folder; --recordings names the folder of recordings to look at", recordings)
     options = {
         "source.uri": source,
         "source.registration": registration,
@@ -71,7 +80,8 @@ def live(
         settled = load_config(config, ("source.loop=true", *settings, *settings_of(options)))
     key = token or ("" if host in LOOPBACK else secrets.token_urlsafe(12))
     with closing(listen(host, port or 0)) as listener:
-        page = LivePage(settled, listener, host=host, token=key)
+        page_of = partial(LivePage, listener=listener, host=host, token=key, recordings=Path(recordings))
+        page = page_of(settled)
         try:
             run_loop(settled, page)
             return
@@ -81,4 +91,4 @@ def live(
         with terminable():
             made = page.registered_first()
         settled = replace(settled, source=replace(settled.source, registration=made))
-        run_loop(settled, LivePage(settled, listener, host=host, token=key))
+        run_loop(settled, page_of(settled))

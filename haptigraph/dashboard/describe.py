@@ -14,7 +14,7 @@ from haptigraph.messages import UNKNOWN
 from haptigraph.perception.ioct import IoctView
 from haptigraph.perception.registration import Registration
 
-__all__ = ["describe", "described_state"]
+__all__ = ["describe", "describe_states", "described_state"]
 
 SIGNS = {"pulses": "alarm", "bursts": "done", "continuous": "warn"}
 """The shape that stands for a state, by the kind of pattern it feels like: colour is never the only sign."""
@@ -24,7 +24,6 @@ def describe(
     config: Config, procedure: Procedure, registration: Registration, view: IoctView
 ) -> dict[str, Any]:
     """Return the page's first message, but for its type, as what JSON can hold."""
-    kinds = {pattern.name: pattern.kind for pattern in procedure.patterns}
     return {
         "procedure": {
             "name": procedure.name,
@@ -35,10 +34,7 @@ def describe(
                 {**to_builtins(relation), "measure_name": procedure.schema.measure_name(relation)}
                 for relation in procedure.schema.relations
             ],
-            "states": [
-                described_state(state, kinds[state.feel], priority)
-                for priority, state in enumerate(procedure.states)
-            ],
+            "states": describe_states(procedure),
             "patterns": to_builtins(procedure.patterns),
         },
         "anatomy": to_builtins(registration.anatomy),
@@ -49,6 +45,14 @@ def describe(
         "stale_ms": config.run.stale_ms,
         "deadman_ms": config.haptics.deadman_ms,
     }
+
+
+def describe_states(procedure: Procedure) -> list[dict[str, Any]]:
+    """Return how to draw the states of a procedure, in their order."""
+    kinds = {pattern.name: pattern.kind for pattern in procedure.patterns}
+    return [
+        described_state(state, kinds[state.feel], priority) for priority, state in enumerate(procedure.states)
+    ]
 
 
 def described_state(state: State, kind: str, priority: int) -> dict[str, Any]:

@@ -1,8 +1,9 @@
 """The page beside a loop: what to watch it by, and a server for as long as it is watched."""
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from queue import SimpleQueue
 from socket import socket
 from urllib.parse import quote
@@ -35,11 +36,13 @@ class LivePage:
         listener: The socket to serve on.
         host: The address it listens on.
         token: What visitors must know; empty: nothing.
+        recordings: Folder of recordings to show.
     """
 
-    def __init__(self, config: Config, listener: socket, *, host: str, token: str) -> None:
+    def __init__(self, config: Config, listener: socket, *, host: str, token: str, recordings: Path) -> None:
         self.hub = Hub(MonotonicClock())
         self._config, self._listener, self._host, self._token = config, listener, host, token
+        self._recordings = recordings
 
     @property
     def address(self) -> str:
@@ -68,7 +71,7 @@ class LivePage:
         teleop = getattr(loop.source, "teleop", None)
         hello = describe(config, procedure, registration, view)
         self.hub.introduce(told("hello", **hello, steerable=teleop is not None), view, moving)
-        site = Site(self.hub, Controls(self.hub, teleop), config.source.uri, self._host in LOOPBACK)
+        site = self._site(Controls(self.hub, teleop))
         app = make_app(site, Health(loop, self.hub), host=self._host, token=self._token)
         with Server(app, self._listener):
             yield
@@ -77,10 +80,14 @@ class LivePage:
         """Serve the registration page alone until somebody saves there; return the file's path."""
         saved: SimpleQueue[str] = SimpleQueue()
         controls = Controls(self.hub, None)
-        site = Site(self.hub, controls, self._config.source.uri, self._host in LOOPBACK, saved.put)
+        site = self._site(controls, saved.put)
         app = make_app(site, dict, host=self._host, token=self._token, pages=(REGISTRATION,))
         with Server(app, self._listener.dup()):
             return saved.get()
+
+    def _site(self, controls: Controls, on_registration: Callable[[str], None] | None = None) -> Site:
+        is_local = self._host in LOOPBACK
+        return Site(self.hub, controls, self._config.source.uri, self._recordings, is_local, on_registration)
 
     def end(self, reason: str) -> None:
         """Tell the viewers that the run has ended, and why."""

@@ -47,7 +47,10 @@ LIVE = Page("Live", "/", "index.html", "haptigraph.dashboard.live_page:routes")
 REGISTRATION = Page(
     "Registration", "/registration", "registration.html", "haptigraph.dashboard.registration_page:routes"
 )
-PAGES = (LIVE, REGISTRATION)
+RECORDINGS = Page(
+    "Recordings", "/recordings", "recordings.html", "haptigraph.dashboard.recordings_page:routes"
+)
+PAGES = (LIVE, REGISTRATION, RECORDINGS)
 
 
 def make_app(

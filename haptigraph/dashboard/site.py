@@ -1,6 +1,7 @@
 """What the routes of all pages share."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import NamedTuple
 
 from haptigraph.dashboard.controls import Controls
@@ -16,6 +17,8 @@ class Site(NamedTuple):
     controls: Controls
     source: str
     """What the loop runs on, or would."""
+    recordings: Path
+    """Folder of recordings."""
     is_local: bool
     """Whether only this machine can reach the pages."""
     on_registration: Callable[[str], None] | None = None

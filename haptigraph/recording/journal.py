@@ -4,11 +4,12 @@ import os
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO
 
 import zstandard
-from mcap.exceptions import McapError
+from mcap.exceptions import EndOfFile, McapError
 from mcap.records import DataEnd, Footer, McapRecord
 from mcap.stream_reader import StreamReader
 
@@ -19,7 +20,14 @@ try:
 except ImportError:  # Windows has no such locks, but lets nobody replace a file that is open
     fcntl = None  # type: ignore[assignment]
 
-__all__ = ["Journal", "complete_records", "is_being_written", "is_whole", "not_being_written"]
+__all__ = [
+    "Journal",
+    "complete_records",
+    "is_being_written",
+    "is_whole",
+    "not_being_written",
+    "records_between",
+]
 
 MAGIC = b"\x89MCAP0\r\n"
 HEAD = struct.Struct("<BQ")  # opcode, length
@@ -147,6 +155,27 @@ def complete_records(path: Path) -> Iterator[tuple[int, McapRecord]]:
                     return
         except DAMAGE as error:
             raise BadInput(f"damaged ({error})", path, f"byte {file.tell()}") from None
+
+
+def records_between(path: Path, start: int, end: int) -> Iterator[tuple[int, McapRecord]]:
+    """Yield the records between two bytes at which records begin and end, as `complete_records` does.
+
+    Raises:
+        BadInput: If they cannot be read.
+    """
+    try:
+        with path.open("rb") as file:
+            file.seek(start)
+            part = BytesIO(file.read(end - start))
+    except OSError as error:
+        raise BadInput(f"cannot be read ({error.strerror})", path) from None
+    try:
+        for record in StreamReader(part, skip_magic=True, validate_crcs=True).records:
+            yield start + part.tell(), record
+    except EndOfFile:
+        return
+    except DAMAGE as error:
+        raise BadInput(f"damaged ({error})", path, f"byte {start + part.tell()}") from None
 
 
 def _end_of_complete_records(file: BinaryIO) -> int:

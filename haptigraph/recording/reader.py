@@ -2,7 +2,7 @@
 
 from collections.abc import Container, Generator, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 from mcap.records import Channel, Message, Metadata
@@ -11,17 +11,26 @@ from haptigraph.errors import BadInput
 from haptigraph.messages import Capture, Step
 from haptigraph.recording.codec import decode
 from haptigraph.recording.foxglove import CompressedImage
-from haptigraph.recording.journal import complete_records, is_being_written, is_whole
+from haptigraph.recording.journal import complete_records, is_being_written, is_whole, records_between
 from haptigraph.recording.schema import FORMAT, TOPICS, CaptureRecord, RunInfo
 from haptigraph.recording.writer import METADATA
 
-__all__ = ["RunReader"]
+__all__ = ["Place", "RunReader"]
 
 FOR_VIEWERS = ("/camera/annotations", "/log")
 STEP = {"/capture", "/observation", "/graph", "/state", "/command"}  # what makes a step complete
 DECODERS: dict[str, msgspec.json.Decoder[Any]] = {
     topic.name: msgspec.json.Decoder(topic.type) for topic in TOPICS if topic.name not in FOR_VIEWERS
 }
+
+
+class Place(NamedTuple):
+    """Where in a file a step is, so that it can be read without what stands before it."""
+
+    sequence: int
+    start: int
+    """Byte at which the record, or the chunk, with its first message begins."""
+    end: int
 
 
 class RunReader:
@@ -36,6 +45,7 @@ class RunReader:
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
+        self._topics: dict[int, str] = {}
         self.info = self._read_info()
         self.is_whole = is_whole(self.path)
         """False if the recording process was interrupted, or goes on."""
@@ -50,21 +60,44 @@ class RunReader:
         Raises:
             BadInput: If a message cannot be decoded.
         """
-        for sequence, messages in self._groups(images):
+        for place, messages in self._groups(images):
             if messages.keys() >= STEP:
-                yield self._record(sequence, messages)
+                yield self._record(place.sequence, messages)
+
+    def places(self) -> Generator[tuple[Place, Step], None, None]:
+        """Yield every step with its place in the file; no images.
+
+        Raises:
+            BadInput: If a message cannot be decoded.
+        """
+        for place, messages in self._groups(()):
+            if messages.keys() >= STEP:
+                yield place, self._record(place.sequence, messages)[1]
+
+    def record_at(self, place: Place) -> tuple[Capture, Step]:
+        """Return what is at a place: the capture with its image as stored, not decoded; and the step.
+
+        Raises:
+            BadInput: If it is not there any more.
+        """
+        for _, messages in self._groups(None, place):
+            if messages.keys() >= STEP:
+                return self._record(place.sequence, messages, decodes=False)
+        raise BadInput("is not there any more; the file has changed", self.path, f"step {place.sequence}")
 
     def count(self) -> tuple[int, int]:
         """Count the steps, and the images that perception saw but the recorder had no time to keep."""
         kept = [messages["/capture"].image for _, messages in self._groups(()) if messages.keys() >= STEP]
         return len(kept), kept.count("dropped")
 
-    def _record(self, sequence: int, messages: dict[str, Any]) -> tuple[Capture, Step]:
+    def _record(
+        self, sequence: int, messages: dict[str, Any], *, decodes: bool = True
+    ) -> tuple[Capture, Step]:
         record: CaptureRecord = messages["/capture"]
         compressed: CompressedImage | None = messages.get("/camera/image")
         data = compressed.data if compressed else None
         try:
-            image = decode(data) if data is not None else None
+            image = decode(data) if data is not None and decodes else None
         except ValueError as error:
             raise BadInput(f"image cannot be decoded: {error}", self.path, f"step {sequence}") from None
         hand = messages.get("/teleop")
@@ -80,24 +113,31 @@ class RunReader:
         )
         return capture, step
 
-    def _groups(self, images: Container[int] | None) -> Iterator[tuple[int, dict[str, Any]]]:
-        """Gather the messages of each step, which share a sequence number and stand together."""
-        topics: dict[int, str] = {}
-        sequence, messages = 0, dict[str, Any]()
-        for _, record in complete_records(self.path):
+    def _groups(
+        self, images: Container[int] | None, place: Place | None = None
+    ) -> Iterator[tuple[Place, dict[str, Any]]]:
+        """Gather the messages of each step, or of one, which share a sequence number and stand together."""
+        sequence, messages = -1, dict[str, Any]()
+        start = last = before = at = 0
+        records = records_between(self.path, *place[1:]) if place else complete_records(self.path)
+        for end, record in records:
+            if end != at:
+                before, at = at, end
             if isinstance(record, Channel):
-                topics[record.id] = record.topic
-            if not isinstance(record, Message):
+                self._topics[record.id] = record.topic
+            if not isinstance(record, Message) or (place and record.sequence != place.sequence):
                 continue
-            topic = topics.get(record.channel_id, "")
+            topic = self._topics.get(record.channel_id, "")
             if record.sequence != sequence:
-                yield sequence, messages
-                sequence, messages = record.sequence, {}
+                if messages:
+                    yield Place(sequence, start, last), messages
+                sequence, messages, start = record.sequence, {}, before
+            last = end
             wanted = topic != "/camera/image" or images is None or sequence in images
             if topic in DECODERS and wanted:
                 messages[topic] = self._decoded(topic, record)
         if messages:
-            yield sequence, messages
+            yield Place(sequence, start, last), messages
 
     def _decoded(self, topic: str, record: Message) -> Any:
         try:
@@ -106,17 +146,24 @@ class RunReader:
             raise BadInput(f"{topic} cannot be read: {error}", self.path, f"step {record.sequence}") from None
 
     def _read_info(self) -> RunInfo:
+        """Read all that stands before the first message: the header, and which channel is which topic."""
+        info = None
         for _, record in complete_records(self.path):
             if isinstance(record, Metadata) and record.name == METADATA:
-                try:
-                    info = msgspec.convert(record.metadata, RunInfo, strict=False)
-                except msgspec.ValidationError as error:
-                    raise BadInput(f"header cannot be read: {error}", self.path) from None
-                if info.format != FORMAT:
-                    raise BadInput(
-                        f"recording format {info.format!r}; this version reads {FORMAT!r}", self.path
-                    )
-                return info
-            if isinstance(record, Message):
+                info = self._info_in(record)
+            elif isinstance(record, Channel):
+                self._topics[record.id] = record.topic
+            elif isinstance(record, Message):
                 break
-        raise BadInput("no recording of haptigraph (its header is missing)", self.path)
+        if info is None:
+            raise BadInput("no recording of haptigraph (its header is missing)", self.path)
+        return info
+
+    def _info_in(self, record: Metadata) -> RunInfo:
+        try:
+            info = msgspec.convert(record.metadata, RunInfo, strict=False)
+        except msgspec.ValidationError as error:
+            raise BadInput(f"header cannot be read: {error}", self.path) from None
+        if info.format != FORMAT:
+            raise BadInput(f"recording format {info.format!r}; this version reads {FORMAT!r}", self.path)
+        return info

@@ -1,10 +1,15 @@
 """One browser for all tests, a fresh page for each. Skipped, and told so, where Chromium is absent."""
 
 import re
+from pathlib import Path
 
 import pytest
-from live_bench import CHROMIUM, PAD, Live, until
+from live_bench import CHROMIUM, LIVE, PAD, Live, until
 from live_bench import chromium as start_chromium
+
+from haptigraph import assemble
+from haptigraph.config import load_config
+from haptigraph.recording import writer
 
 
 @pytest.fixture(scope="session")
@@ -20,7 +25,14 @@ def open_page(chromium):
     """Open pages, each in a browser context of its own; the test fails if one logs an error or looks elsewhere."""
     contexts, problems = [], []
 
-    def open_one(url: str, *, pad: bool = False, size: tuple[int, int] = (1366, 768)):
+    def open_one(
+        url: str,
+        *,
+        pad: bool = False,
+        size: tuple[int, int] = (1366, 768),
+        module: str = LIVE,
+        ready: str = "document.body.dataset.index > 0",
+    ):
         context = chromium.new_context(viewport={"width": size[0], "height": size[1]})
         contexts.append(context)
         if pad:
@@ -32,7 +44,7 @@ def open_page(chromium):
         page.on("pageerror", lambda error: problems.append(str(error)))
         page.on("request", lambda request: problems.append(request.url) if _is_foreign(request.url) else None)
         page.goto(url)
-        until(page, "document.body.dataset.index > 0")
+        until(page, ready, module=module)
         return page
 
     def close_all() -> None:
@@ -53,4 +65,35 @@ def _is_foreign(url: str) -> bool:
 def live(quick_uri):
     """One server that plays a short scenario again and again, for tests that only watch."""
     with Live(quick_uri) as running:
+        yield running
+
+
+@pytest.fixture(scope="session")
+def recordings(quick_uri, procedure, tmp_path_factory) -> Path:
+    """A folder of recordings, good and bad, and another procedure. Not to be changed."""
+    folder = tmp_path_factory.mktemp("recordings")
+    settings = (f"source.uri={quick_uri}", "run.realtime=false", "trial.participant=P07", "trial.trial=3")
+    (folder / "p08").mkdir()
+    for name, before_compaction in (("quick", False), ("killed", True), ("p08/again", False)):
+        with pytest.MonkeyPatch.context() as patch:
+            if before_compaction:
+                patch.setattr(writer, "compact", lambda path, progress: 0)
+            assemble.build(load_config(None, (*settings, f'recording.path="{folder / name}.mcap"'))).run()
+    data = (folder / "killed.mcap").read_bytes()
+    (folder / "killed.mcap").write_bytes(data[: len(data) * 2 // 3])
+    damaged = bytearray((folder / "quick.mcap").read_bytes())
+    damaged[len(damaged) // 2 : len(damaged) // 2 + 40] = bytes(40)
+    (folder / "damaged.mcap").write_bytes(damaged)
+    (folder / "notes.mcap").write_text("Remember the milk.")
+    outside = tmp_path_factory.mktemp("elsewhere") / "secret.mcap"
+    outside.write_bytes((folder / "quick.mcap").read_bytes())
+    (folder / "link.mcap").symlink_to(outside)
+    (folder / "wide.toml").write_text(procedure.text.replace("= 1.7", "= 4.0"))
+    return folder
+
+
+@pytest.fixture(scope="session")
+def archive(quick_uri, recordings):
+    """One server beside that folder, for tests that only read."""
+    with Live(quick_uri, "--recordings", recordings) as running:
         yield running

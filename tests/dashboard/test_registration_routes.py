@@ -1,5 +1,7 @@
 """The registration page's routes as anyone meets them: nonsense, what cannot be read, what may not be written."""
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
@@ -168,7 +170,7 @@ def test_a_file_is_overwritten_only_on_request(live, found, tmp_path):
 
 def desk_for(source, *, is_local):
     hub = Hub(MonotonicClock())
-    return hub, Desk(Site(hub, Controls(hub, None), source, is_local))
+    return hub, Desk(Site(hub, Controls(hub, None), source, Path(), is_local))
 
 
 def test_other_machines_read_and_write_in_the_working_folder_only(quick, tmp_path, monkeypatch):

@@ -124,7 +124,7 @@ export class Traces {
 }
 
 /** Choose what to plot: the first distance and the first angle a procedure decides by, or else its first measures. */
-function stripsOf(relations) {
+export function stripsOf(relations) {
   const measures = [...new Set(relations.map((relation) => relation.measure_name))];
   const wanted = ["mm", "deg"].map((unit) => measures.find((name) => name.endsWith(`_${unit}`))).filter(Boolean);
   return (wanted.length ? wanted : measures.slice(0, 2)).map((measure) => strip(measure, relations));

@@ -41,7 +41,8 @@ export class View {
     this.decoding = true;
     try {
       if (picture) {
-        const bitmap = await createImageBitmap(new Blob([picture], { type: "image/jpeg" }));
+        const made = picture instanceof ImageBitmap;
+        const bitmap = made ? picture : await createImageBitmap(new Blob([picture], { type: "image/jpeg" }));
         this.picture?.close();
         this.picture = bitmap;
       }

@@ -1,0 +1,41 @@
+"""Single steps of a recording, read without what stands before them."""
+
+import pytest
+
+from haptigraph.errors import BadInput
+from haptigraph.recording.reader import RunReader
+
+
+@pytest.fixture(params=["whole", "journal"])
+def path(request, recording_file, journal_file):
+    return recording_file if request.param == "whole" else journal_file
+
+
+def test_a_step_at_its_place_is_the_step_read_in_order(path):
+    reader = RunReader(path)
+    records = list(reader.records())
+    places = list(reader.places())
+    assert [step for _, step in places] == [step for _, step in records]
+    for number in (*range(0, len(records), 7), len(records) - 1):
+        capture, step = RunReader(path).record_at(places[number][0])
+        assert step == records[number][1]
+        assert capture.encoded == records[number][0].encoded
+        assert (capture.stamp_ns, capture.truth) == (records[number][0].stamp_ns, records[number][0].truth)
+
+
+def test_a_torn_recording_gives_its_last_complete_step(journal_file, tmp_path):
+    torn = tmp_path / "torn.mcap"
+    data = journal_file.read_bytes()
+    torn.write_bytes(data[: len(data) // 2 + 11])
+    *_, (place, last) = RunReader(torn).places()
+    assert RunReader(torn).record_at(place)[1] == last
+
+
+def test_a_place_that_is_not_there_any_more_is_told(recording_file, journal_file, tmp_path):
+    *_, (place, _) = RunReader(journal_file).places()
+    short = tmp_path / "short.mcap"
+    short.write_bytes(journal_file.read_bytes()[: place.start])
+    with pytest.raises(BadInput, match="not there any more"):
+        RunReader(short).record_at(place)
+    with pytest.raises(BadInput, match=r"damaged|not there any more"):
+        RunReader(recording_file).record_at(place._replace(start=place.start // 3 + 1, end=place.end // 3))
