@@ -55,8 +55,8 @@ class Live:
                 return
         raise AssertionError("".join(self.told))
 
-    def stop(self, how: signal.Signals = signal.SIGINT) -> str:
-        """End it and return all it said."""
+    def stop(self, how: signal.Signals = signal.SIGTERM) -> str:
+        """End it and return all it said. (What a shell runs in its background ignores SIGINT.)"""
         self.process.send_signal(how)
         out, err = self.process.communicate(timeout=30)
         return "".join(self.told) + out + err
