@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from haptigraph.perception.pixels import FloatImage, Floats, Mask
 from haptigraph.perception.strip import ROW_PX, Strip, median
 
-__all__ = ["Edges", "LineFit", "fit_line"]
+__all__ = ["Edges", "Highlight", "LineFit", "fit_line"]
 
 BLOCK_ROWS = round(6 / ROW_PX)
 BLOCK_PX = BLOCK_ROWS * ROW_PX
@@ -79,8 +79,8 @@ class Edges(Struct, frozen=True, eq=False):
 class Highlight(Struct, frozen=True):
     """How far a bright line on the metal runs beside its axis, as a share of that line's width."""
 
-    share: float
-    deviation: float
+    share_ratio: float
+    deviation_ratio: float
 
 
 class LineFit(Struct, frozen=True, eq=False):
@@ -228,8 +228,8 @@ def _robust_line(edges: Edges, miss_px: float, highlight: Highlight | None) -> L
     highlight = highlight or _possible_highlight(edges, missing)
     prior, pull = PRIOR.copy(), np.zeros(6)
     if highlight:
-        prior[4, 4] = highlight.deviation**-2
-        pull[4] = prior[4, 4] * highlight.share
+        prior[4, 4] = highlight.deviation_ratio**-2
+        pull[4] = prior[4, 4] * highlight.share_ratio
     design, v = _design(edges), edges.middle_px.ravel()
     answer, reach = np.zeros(6), miss_px
     for number in range(ROUNDS):
@@ -248,13 +248,13 @@ def _robust_line(edges: Edges, miss_px: float, highlight: Highlight | None) -> L
         return None
     steepness = edges.steepness.ravel()
     is_steep = is_seen & (np.abs(miss) <= NEAR_PX) & (steepness > LEAST_STEEP * median(steepness[is_on]))
-    share_deviation = math.sqrt(covariance[4, 4] * max(scatter, 1))
+    deviation_ratio = math.sqrt(covariance[4, 4] * max(scatter, 1))
     return LineFit(
         float(answer[0]),
         float(answer[1]) / SCALE_PX,
         covariance[:2, :2] * (max(scatter, LEAST_SCATTER) * PER_PX),
         median(width[is_on]),
-        highlight and Highlight(float(answer[4]), math.hypot(share_deviation, SHARE_CHANGE)),
+        highlight and Highlight(float(answer[4]), math.hypot(deviation_ratio, SHARE_CHANGE)),
         edges.u_px,
         is_on_line,
         np.asarray(is_steep.reshape(2, -1).any(axis=0)),

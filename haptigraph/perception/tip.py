@@ -27,6 +27,7 @@ NEAR_PX, BLUNT_PX = 7, 2
 TIP_LEVEL = 0.35  # of the contrast: the point is thin and rounded, half of it is seen too early
 FLOOR_PX = 0.1
 LEAST_HELD_PX = 2.0  # of tip inside, when the shaft is seen to enter the wall
+MOUTH_MM = 0.4  # of the hole, inside the wall, may look like a needle where it was never seen without one
 LEAST_FREE_MM = 0.8  # when it is not
 LEAST_OUTSIDE_MM = 1.0
 AT_WALL_MM = 0.22
@@ -68,7 +69,9 @@ def find_reach(strip: Strip, px_per_mm: float, usual_grey: float | None) -> Reac
     inner_end, inner_sum = _farthest(evidence[strip.inside])
     is_outside = outer_sum >= LEAST_OUTSIDE_MM * px_per_mm
     is_held = is_outside and outer_end >= strip.before.stop - AT_WALL_MM * px_per_mm / ROW_PX
-    if inner_sum >= (LEAST_HELD_PX if is_held else LEAST_FREE_MM * px_per_mm):
+    is_mouth_known = bool(strip.is_known[strip.inside][: math.ceil(MOUTH_MM * px_per_mm / ROW_PX)].all())
+    held_px = LEAST_HELD_PX + (0 if is_mouth_known else MOUTH_MM * px_per_mm)
+    if inner_sum >= (held_px if is_held else LEAST_FREE_MM * px_per_mm):
         tip_px = float(strip.u_px[strip.inside.start + inner_end - 1])
         return Reach("inside", tip_px, inner_sum + outer_sum)
     if is_outside:

@@ -106,7 +106,7 @@ def test_a_newcomer_gets_from_a_source_to_the_running_loop(chromium, quick, tmp_
         page.wait_for_url(live.url, timeout=30_000)
         expect(page.locator("nav a[aria-current=page]")).to_have_text("Live")
         expect(page.locator("#state")).not_to_have_text("connecting", timeout=30_000)
-        expect(page.locator("nav a")).to_have_text(["Live", "Registration"])
+        expect(page.locator("nav a")).to_have_text(["Live", "Registration", "Recordings"])
         page.close()
         said = live.stop()
     assert "Traceback" not in said
