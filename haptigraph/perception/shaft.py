@@ -79,8 +79,8 @@ class Edges(Struct, frozen=True, eq=False):
 class Highlight(Struct, frozen=True):
     """How far a bright line on the metal runs beside its axis, as a share of that line's width."""
 
-    share_ratio: float
-    deviation_ratio: float
+    share: float
+    share_deviation: float
 
 
 class LineFit(Struct, frozen=True, eq=False):
@@ -228,8 +228,8 @@ def _robust_line(edges: Edges, miss_px: float, highlight: Highlight | None) -> L
     highlight = highlight or _possible_highlight(edges, missing)
     prior, pull = PRIOR.copy(), np.zeros(6)
     if highlight:
-        prior[4, 4] = highlight.deviation_ratio**-2
-        pull[4] = prior[4, 4] * highlight.share_ratio
+        prior[4, 4] = highlight.share_deviation**-2
+        pull[4] = prior[4, 4] * highlight.share
     design, v = _design(edges), edges.middle_px.ravel()
     answer, reach = np.zeros(6), miss_px
     for number in range(ROUNDS):
