@@ -33,9 +33,6 @@ export class Checker {
   /** @param {(checked: any, draft: any) => void} onChecked @param {(sentence: string) => void} onRefused */
   constructor(onChecked, onRefused) { Object.assign(this, { onChecked, onRefused, waiting: null, isBusy: false }); }
 
-  /** Whether the newest draft has not been answered yet. */
-  get isBehind() { return this.isBusy || this.waiting !== null; }
-
   async check(number, draft) {
     this.waiting = { number, draft };
     if (this.isBusy) return;
@@ -45,9 +42,7 @@ export class Checker {
         const asking = this.waiting;
         this.waiting = null;
         try {
-          const checked = await asked("check", asking);
-          if (!this.waiting) this.isBusy = false;
-          this.onChecked(checked, asking.draft);
+          this.onChecked(await asked("check", asking), asking.draft);  // which may ask again
         } catch (error) {
           if (!(error instanceof Refused)) throw error;
           this.onRefused(error.message);
