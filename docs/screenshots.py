@@ -24,6 +24,7 @@ from haptigraph.sim.scenario import load_scenario  # noqa: E402
 
 IMAGES = ROOT / "docs" / "images"
 QUICK = f"phantom:{ROOT / 'tests' / 'data' / 'quick.toml'}"
+ABSENT = f"phantom:{ROOT / 'tests' / 'data' / 'absent.toml'}"
 FREEZING = (str(ROOT / "tests" / "dashboard" / "freezing.py"),)
 
 
@@ -101,7 +102,7 @@ def recordings(page: Any, live: Live) -> None:
 SHOTS: dict[str, tuple[str, tuple[str, ...], tuple[int, int], Callable[[Any, Live], None]]] = {
     "live-contact": ("phantom:wrong_place_then_hit", (), (1366, 768), contact),
     "live-hit": ("phantom:align_then_approach", (), (1920, 1080), hit),
-    "live-lost": ("teleop", (), (1366, 768), lost),
+    "live-lost": (ABSENT, (), (1366, 768), lost),
     "live-stale": ("teleop:wrong_place_then_hit", FREEZING, (1366, 768), stale),
     "registration": (QUICK, (), (1366, 768), registration),
     "live-mapping": ("teleop:wrong_place_then_hit", (), (1366, 768), mapping),
