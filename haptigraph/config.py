@@ -1,25 +1,20 @@
-"""Settings: one frozen tree, read from TOML, with `--set key=value` on top; and the TOML reader of all files.
+"""Settings: one frozen tree, read from TOML, with `--set key=value` on top.
 
-Every mistake in a TOML file becomes one sentence with file, line, what was found and what would be valid.
 Nothing is read from the environment. The tree says what to use; `assemble` knows which class that is.
 """
 
-import math
-import re
 import tomllib
-from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, get_type_hints
 
-import msgspec
 from msgspec import Meta, Struct
 from msgspec.structs import replace
 
-from haptigraph.errors import BadInput, unknown_name
+from haptigraph.document import Document, convert
+from haptigraph.errors import BadInput
 
 __all__ = [
     "Config",
-    "Document",
     "HapticsConfig",
     "PerceptionConfig",
     "RecordingConfig",
@@ -29,10 +24,10 @@ __all__ = [
     "load_config",
 ]
 
-T = TypeVar("T")
-Blame = Callable[[str, str], BadInput]
-"""Make the error for (problem, path of keys)."""
-
+Positive = Annotated[float, Meta(gt=0)]
+Corner = Annotated[int, Meta(ge=0, le=16384)]
+Side = Annotated[int, Meta(ge=16, le=16384)]
+Box = tuple[Corner, Corner, Side, Side]
 UpToADayMs = Annotated[float, Meta(ge=1, le=86_400_000)]
 
 
@@ -40,24 +35,49 @@ class SourceConfig(Struct, frozen=True, forbid_unknown_fields=True):
     """Where images come from."""
 
     uri: str = "phantom:align_then_approach"
-    """phantom:SCENARIO, teleop:SCENARIO (steered by a hand), camera:N, or the path of a video, a folder of
-    images or a recording."""
+    """phantom:SCENARIO, teleop:SCENARIO (steered by a hand), camera:N, realsense[:SERIAL], ros2:TOPIC, or
+    the path of a video, a DICOM file, a folder of images, a recording, or one of the RealSense SDK."""
     registration: str = ""
     """Path of the registration; empty: the one the source brings along."""
     jpeg_quality: Annotated[int, Meta(ge=0, le=100)] = 95
     """Cameras and the phantom pass every image through JPEG of this quality before perception sees it, so
     that a recording is small and still exact; 0: images stay raw and are recorded as PNG."""
     rate_hz: Annotated[float, Meta(ge=0.01, le=1000)] = 30.0
-    """Images per second of a folder of images, and to ask of a camera; others bring their own."""
+    """Images per second to ask of a camera, and of files that tell no time: folders of images, some DICOM."""
+    width_px: Annotated[int, Meta(ge=0, le=16384)] = 0
+    """Width to ask of a camera; 0: as registered, or else 1280."""
+    height_px: Annotated[int, Meta(ge=0, le=16384)] = 0
+    """Height to ask of a camera; 0: as registered, or else 720."""
+    fourcc: Annotated[str, Meta(pattern="^([A-Za-z0-9]{4})?$")] = "MJPG"
+    """Format to ask of camera:N, four letters; empty: the driver's own choice."""
+    target_mm: Annotated[float, Meta(ge=-40, le=40)] | None = None
+    """Along the retina from its lowest point to the target, positive to the right; unset: as registered."""
     loop: bool = False
     """Whether the phantom starts again when its scenario is over."""
+    axial_mm_per_px: Positive | None = None
+    """Height of a pixel of oct:PATH; unset: as the file says."""
+    lateral_mm_per_px: Positive | None = None
+    """Width of a pixel of oct:PATH; unset: as the file says."""
+    crop_px: Box | None = None
+    """Left, top, width and height of the part of every image that is used; unset: the whole image."""
+    bits: Annotated[int, Meta(ge=0, le=16)] = 0
+    """How many bits 16-bit images of oct:PATH really use; 0: all of them."""
+    volume_as_sequence: bool = False
+    """Whether a volume is played as if its B-scans showed one place, one after the other."""
+
+    def __post_init__(self) -> None:
+        if bool(self.width_px) != bool(self.height_px):
+            raise ValueError("width_px and height_px go together, found only one of them")
 
 
 class PerceptionConfig(Struct, frozen=True, forbid_unknown_fields=True):
     """How the needle is found."""
 
-    perceiver: str = "tracker"
-    """tracker, or threshold, the paper's method; the other settings here are for that one."""
+    perceiver: str = "auto"
+    """tracker, forceps, bscan, segmentation, or threshold, the paper's method, which most settings here are
+    for; auto: the one that sees what the procedure speaks of."""
+    model: str = ""
+    """The TOML of the segmentation's ONNX model; empty: the one that ships with haptigraph."""
     polarity: Literal["dark", "bright", "auto"] = "auto"
     """Whether the needle is darker or brighter than what is behind it."""
     block_size_px: Annotated[int, Meta(ge=3, le=501)] = 51
@@ -76,7 +96,7 @@ class HapticsConfig(Struct, frozen=True, forbid_unknown_fields=True):
     """What may reach the hand."""
 
     device: str = "console"
-    """console, or trace:FILE.csv."""
+    """console, trace:FILE.csv, audio[:FILE.wav], gamepad:N, serial:PORT?pin=N or ros2[:TOPIC]."""
     max_amplitude: Annotated[float, Meta(ge=0, le=1)] = 1.0
     deadman_ms: Annotated[float, Meta(gt=0, le=1000)] = 150.0
     """Silence when no fresh command came for so long."""
@@ -94,6 +114,8 @@ class RunConfig(Struct, frozen=True, forbid_unknown_fields=True):
     """Pace images by the clock; unset: yes for cameras and the phantom, no for files."""
     stale_ms: Annotated[float, Meta(ge=1, le=60_000)] = 100.0
     """Without a new image for so long, the needle counts as lost."""
+    bridges: tuple[str, ...] = ()
+    """Who else is told live: ros2[:NAMESPACE], openigtlink[:PORT], lsl, foxglove[:PORT]."""
 
 
 class RecordingConfig(Struct, frozen=True, forbid_unknown_fields=True):
@@ -108,6 +130,8 @@ class TrialConfig(Struct, frozen=True, forbid_unknown_fields=True):
 
     participant: str = ""
     trial: str = ""
+    phase: str = ""
+    """The phase the run begins in, where the procedure has phases; empty: its first."""
 
 
 class Config(Struct, frozen=True, forbid_unknown_fields=True):
@@ -125,56 +149,6 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True):
         return replace(self, perception=replace(self.perception, perceiver=name))
 
 
-class Document:
-    """A TOML text that can say where in it something is wrong.
-
-    Args:
-        text: The TOML text.
-        file: Its name for messages.
-
-    Raises:
-        BadInput: If it is not TOML.
-    """
-
-    def __init__(self, text: str, file: str | Path) -> None:
-        self.text, self.file = text, file
-        try:
-            self.data = tomllib.loads(text)
-        except tomllib.TOMLDecodeError as error:
-            problem, _, place = str(error).partition(" (at ")
-            place = place.rstrip(")") or "end of file"
-            raise BadInput(f"not valid TOML: {_lower_first(problem)}", file, place) from None
-        except RecursionError:
-            raise BadInput("tables or lists are nested too deeply", file) from None
-
-    @classmethod
-    def read(cls, path: str | Path) -> "Document":
-        """Read a TOML file.
-
-        Raises:
-            BadInput: If it cannot be read or is not TOML.
-        """
-        try:
-            return cls(Path(path).read_text(encoding="utf-8-sig"), path)  # editors may put a mark in front
-        except OSError as error:
-            raise BadInput(f"cannot be read ({error.strerror})", path) from None
-        except UnicodeDecodeError as error:
-            raise BadInput(f"not UTF-8 text (byte {error.start})", path) from None
-
-    def error(self, problem: str, path: str) -> BadInput:
-        """Return the error that names the line of `path` ("state[2].feel")."""
-        line = _line_of(self.text, path)
-        return BadInput(problem, self.file, f"line {line}" if line else "")
-
-    def convert(self, type_: type[T]) -> T:
-        """Turn the document into a struct.
-
-        Raises:
-            BadInput: At an unknown or missing key, a number that is not finite, a value of the wrong kind.
-        """
-        return _convert(self.data, type_, self.error)
-
-
 def load_config(path: str | Path | None = None, settings: tuple[str, ...] = ()) -> Config:
     """Read a configuration.
 
@@ -190,7 +164,7 @@ def load_config(path: str | Path | None = None, settings: tuple[str, ...] = ()) 
     data = document.data
     for setting in settings:
         _override(data, setting)
-    return _convert(data, Config, lambda problem, _: BadInput(problem, "--set" if settings else path))
+    return convert(data, Config, lambda problem, _: BadInput(problem, "--set" if settings else path))
 
 
 def _override(data: dict[str, Any], setting: str) -> None:
@@ -215,92 +189,3 @@ def _is_text(key: str) -> bool:
     for name in key.split("."):
         table = get_type_hints(table).get(name) if hasattr(table, "__struct_fields__") else None
     return table is str
-
-
-def _convert(data: Any, type_: type[T], error: Blame) -> T:
-    _check_finite(data, "", error)
-    _check_names(data, type_, "", error)
-    try:
-        return msgspec.convert(data, type_)
-    except msgspec.ValidationError as invalid:
-        problem, _, path = str(invalid).partition(" - at `$")
-        path = path.rstrip("`").lstrip(".")
-        found = _value_at(data, path)
-        name = f"{path}: " if path else ""
-        missing = re.match(r"Object missing required field `(\w+)`", problem)
-        if missing:
-            raise error(f"{name}key {missing[1]!r} is missing", path) from None
-        told = "" if found is None or isinstance(found, dict) else f", found {found!r}"
-        problem = problem.replace("`", "").replace("object", "table")
-        raise error(f"{name}{_lower_first(problem)}{told}", path) from None
-
-
-def _check_finite(value: Any, path: str, error: Blame) -> None:
-    """Refuse nan and infinity, which pass every comparison that a check makes."""
-    if isinstance(value, float) and not math.isfinite(value):
-        raise error(f"{path}: expected a finite number, found {value}", path)
-    inner = enumerate(value) if isinstance(value, list) else value.items() if isinstance(value, dict) else ()
-    for key, item in inner:
-        place = f"[{key}]" if isinstance(value, list) else f".{key}"
-        _check_finite(item, (path + place).lstrip("."), error)
-
-
-def _check_names(value: Any, type_: Any, path: str, error: Blame) -> None:
-    """Refuse unknown keys and choices with the list of valid ones (msgspec would not list them)."""
-    if get_origin(type_) is Literal and isinstance(value, str) and value not in get_args(type_):
-        raise error(unknown_name(path.rpartition(".")[2], value, get_args(type_)), path)
-    if isinstance(value, list):
-        for number, item in enumerate(value):
-            for inner in get_args(type_)[:1]:
-                _check_names(item, inner, f"{path}[{number}]", error)
-    elif isinstance(value, dict):
-        struct = next((t for t in (type_, *get_args(type_)) if hasattr(t, "__struct_fields__")), None)
-        if struct is None:
-            return
-        names = dict(zip(struct.__struct_encode_fields__, struct.__struct_fields__, strict=True))
-        hints = get_type_hints(struct, include_extras=False)
-        for key, item in value.items():
-            inner_path = f"{path}.{key}" if path else key
-            if key not in names:
-                raise error(unknown_name("key", key, names), inner_path)
-            _check_names(item, hints[names[key]], inner_path, error)
-
-
-def _value_at(data: Any, path: str) -> Any:
-    for part in re.findall(r"\w+", path):
-        try:
-            data = data[int(part)] if isinstance(data, list) else data[part]
-        except (KeyError, IndexError, ValueError, TypeError):
-            return None
-    return data
-
-
-def _line_of(text: str, path: str) -> int | None:
-    """Find the line (from 1) of a key path like "state[2].feel"; its table's line if the key is inline."""
-    parts = re.findall(r"(\w+)(?:\[(\d+)\])?", path)
-    if not parts:
-        return None
-    keys = [name for name, _ in parts]
-    number = int(parts[0][1] or 0)
-    seen: dict[str, int] = {}
-    table, table_line = "", None
-    for line, content in enumerate(text.splitlines(), 1):
-        header = re.match(r"\s*(\[\[?)\s*([\w.]+)\s*\]", content)
-        if header:
-            table = header[2]
-            seen[table] = seen.get(table, -1) + 1
-            if table == keys[0] and (header[1] == "[" or seen[table] == number):
-                table_line = line
-            elif table_line:
-                return table_line
-            continue
-        key = re.match(r'\s*"?(\w+)"?\s*[.=]', content)
-        if key and (
-            (not table and key[1] == keys[0]) or (table_line and len(keys) > 1 and key[1] == keys[1])
-        ):
-            return line
-    return table_line
-
-
-def _lower_first(sentence: str) -> str:
-    return sentence[:1].lower() + sentence[1:]

@@ -19,14 +19,17 @@ __all__ = [
     "Geometry",
     "Homography",
     "ImageGeometry",
+    "Phase",
     "Point",
     "Polyline",
     "Segment",
     "Vec",
     "angle_between_deg",
     "crosses_polyline",
+    "distance_between",
     "distance_to_line",
     "distance_to_polyline",
+    "height_on_polyline",
     "nearest_on_polyline",
     "norm",
     "rotate",
@@ -76,7 +79,14 @@ class Polyline(Struct, frozen=True, tag="polyline", dict=True):
         return dx, dy, np.maximum(dx * dx + dy * dy, 1e-300)
 
 
-Geometry: TypeAlias = Point | Segment | Circle | Polyline
+class Phase(Struct, frozen=True, tag="phase"):
+    """No place but a time: a phase of the operation that goes on."""
+
+    elapsed_s: float
+    """Since it began."""
+
+
+Geometry: TypeAlias = Point | Segment | Circle | Polyline | Phase
 
 
 def subtract(a: Vec, b: Vec) -> Vec:
@@ -127,11 +137,34 @@ def distance_to_polyline(point_mm: Vec, line: Polyline) -> float:
     return math.sqrt((gap_x * gap_x + gap_y * gap_y).min())
 
 
+def distance_between(one: Segment, other: Segment) -> float:
+    """Return the shortest distance between two straight pieces [mm]; 0 where they cross."""
+    pieces = [Polyline((piece.start_mm, piece.end_mm)) for piece in (one, other)]
+    if crosses_polyline(one.start_mm, one.end_mm, pieces[1]):
+        return 0.0
+    return min(
+        distance_to_polyline(end, piece)
+        for ends, piece in ((one, pieces[1]), (other, pieces[0]))
+        for end in (ends.start_mm, ends.end_mm)
+    )
+
+
 def nearest_on_polyline(point_mm: Vec, line: Polyline) -> Vec:
     """Return the place on a polyline that is nearest to a point."""
     gap_x, gap_y = _gaps(point_mm, line)
     best = int((gap_x * gap_x + gap_y * gap_y).argmin())
     return point_mm[0] - float(gap_x[best]), point_mm[1] - float(gap_y[best])
+
+
+def height_on_polyline(x_mm: float, line: Polyline) -> float:
+    """Return the y of a chain at some x [mm]; beyond its ends, that of the nearer end.
+
+    Args:
+        x_mm: Where.
+        line: A chain that goes on to the right, or on to the left.
+    """
+    x, y = line.columns_mm
+    return float(np.interp(x_mm, x, y) if x[0] <= x[-1] else np.interp(x_mm, x[::-1], y[::-1]))
 
 
 def _gaps(point_mm: Vec, line: Polyline) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -199,19 +232,25 @@ class ImageGeometry(Struct, frozen=True):
     """Whether the image as stored is left-right mirrored (seen through one mirror)."""
     straight_from_image: Homography | None = None
     """From the image as stored to the one a camera that looks straight at the section would take."""
+    axial_mm_per_px: float | None = None
+    """Down the image, where that differs from `mm_per_px`: the pixels of a B-scan are not square."""
 
     def to_mm(self, at_px: Vec) -> Vec:
         """Turn a pixel position into the eye frame [mm]."""
         if self.straight_from_image is not None:
             at_px = self.straight_from_image(at_px)
         right = (at_px[0] - self.center_px[0]) * self.mm_per_px
-        return -right if self.mirrored else right, (self.center_px[1] - at_px[1]) * self.mm_per_px
+        return -right if self.mirrored else right, (self.center_px[1] - at_px[1]) * self._down_mm_per_px
 
     def to_px(self, at_mm: Vec) -> Vec:
         """Turn an eye-frame position [mm] into pixels of the image as stored."""
         right = -at_mm[0] if self.mirrored else at_mm[0]
         at_px = (
             self.center_px[0] + right / self.mm_per_px,
-            self.center_px[1] - at_mm[1] / self.mm_per_px,
+            self.center_px[1] - at_mm[1] / self._down_mm_per_px,
         )
         return self.straight_from_image.inverse(at_px) if self.straight_from_image else at_px
+
+    @property
+    def _down_mm_per_px(self) -> float:
+        return self.mm_per_px if self.axial_mm_per_px is None else self.axial_mm_per_px

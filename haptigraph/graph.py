@@ -39,9 +39,13 @@ class Entity(Struct, frozen=True, forbid_unknown_fields=True):
     group: str
     """What it belongs to: "instrument", "anatomy", ..."""
     geometry: str
-    """The shape a perceiver reports for it: "point", "segment", "polyline" or "circle"."""
+    """The shape a perceiver reports for it: "point", "segment", "polyline", "circle", or "phase"."""
     label: str = ""
     """Its everyday name, used in measure names (distance_to_<label>_mm) and drawings; `name` if empty."""
+    fixed: bool = False
+    """Known beforehand, and so in every graph but the empty one of a missing image. Proofs count on it."""
+    seen_with: str = ""
+    """An entity, declared earlier, together with which it is always found or not. Proofs count on it."""
 
     @property
     def called(self) -> str:
@@ -68,6 +72,16 @@ class Relation(Struct, frozen=True, forbid_unknown_fields=True):
     release: float | None = None
     given: tuple[Names, ...] = ()
     """Relations, declared earlier, that must hold as well."""
+    called: str = ""
+    """What graphs and sentences call its measure, where the usual name would mean two things; the unit comes
+    last ("lift_mm")."""
+    recorded_only: bool = False
+    """Kept in graphs and recordings for analysis; no rule asks for it."""
+
+    def __post_init__(self) -> None:
+        unit = self.measure.rpartition("_")[2]
+        if self.called and not (self.called.isidentifier() and self.called.endswith(f"_{unit}")):
+            raise ValueError(f"called must be a name that ends in _{unit}, found {self.called!r}")
 
     @property
     def names(self) -> Names:
@@ -102,6 +116,11 @@ class Schema(Struct, frozen=True):
     entities: tuple[Entity, ...]
     relations: tuple[Relation, ...]
 
+    @property
+    def phases(self) -> tuple[str, ...]:
+        """Names of the phases of the operation, in their order."""
+        return tuple(entity.name for entity in self.entities if entity.geometry == "phase")
+
     def entity(self, name: str) -> Entity:
         """Return the entity of that name.
 
@@ -116,11 +135,19 @@ class Schema(Struct, frozen=True):
     def measure_name(self, relation: Relation) -> str:
         """Return the name under which a graph carries the measure of a relation.
 
-        Distances are told apart by what they lead to ("distance_to_retina_mm"); the others are unique.
+        Distances are told apart by what they lead to ("distance_to_retina_mm"); the others are unique, or are
+        `called` otherwise.
         """
+        if relation.called:
+            return relation.called
         if relation.measure == "distance_mm":
             return f"distance_to_{self.entity(relation.object).called}_mm"
         return relation.measure
+
+    @property
+    def measure_names(self) -> tuple[str, ...]:
+        """Names of the measures that a graph may carry, each once."""
+        return tuple(dict.fromkeys(self.measure_name(relation) for relation in self.relations))
 
 
 class Node(Struct, frozen=True):

@@ -1,6 +1,7 @@
 import pytest
 
-from haptigraph.config import Config, Document, load_config
+from haptigraph.config import Config, load_config
+from haptigraph.document import Document
 from haptigraph.errors import BadInput
 
 

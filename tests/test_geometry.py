@@ -8,8 +8,10 @@ from haptigraph.geometry import (
     Homography,
     ImageGeometry,
     Polyline,
+    Segment,
     angle_between_deg,
     crosses_polyline,
+    distance_between,
     distance_to_line,
     distance_to_polyline,
     nearest_on_polyline,
@@ -30,6 +32,15 @@ def test_rotation_keeps_length_and_turns_by_its_angle(v, angle):
     turned = rotate(v, angle)
     assert norm(turned) == pytest.approx(norm(v))
     assert angle_between_deg(v, turned) == pytest.approx(abs(angle), abs=1e-6)
+
+
+@given(vector, vector, vector, vector, st.floats(0, 1), st.floats(0, 1))
+def test_no_two_places_of_two_pieces_are_nearer_than_their_distance(a, b, c, d, share, other_share):
+    one, other = Segment(a, b), Segment(c, d)
+    at = a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
+    there = c[0] + other_share * (d[0] - c[0]), c[1] + other_share * (d[1] - c[1])
+    assert distance_between(one, other) <= norm(subtract(at, there)) + 1e-9
+    assert distance_between(one, other) == distance_between(other, one)
 
 
 @given(vector, st.floats(1e-7, 1e-3))

@@ -19,6 +19,25 @@ edges = st.lists(
 )
 
 
+def test_a_measure_that_would_mean_two_things_is_called_otherwise():
+    entities = Entity("edge", "tissue", "point"), Entity("retina", "anatomy", "polyline")
+    plain = Relation("edge", "on", "retina", "distance_mm", at_most=1.0)
+    called = Relation("edge", "above", "retina", "distance_mm", above=1.0, called="lift_mm")
+    schema = Schema(entities, (plain, called))
+    assert [schema.measure_name(each) for each in schema.relations] == ["distance_to_retina_mm", "lift_mm"]
+
+
+@pytest.mark.parametrize("called", ["lift", "lift_deg", "lift off_mm"])
+def test_a_measure_keeps_its_unit_whatever_it_is_called(called):
+    with pytest.raises(ValueError, match="a name that ends in _mm"):
+        Relation("edge", "above", "retina", "distance_mm", above=1.0, called=called)
+
+
+def test_phases_stand_in_their_order():
+    phases = tuple(Entity(name, "phase", "phase") for name in ("insertion", "approach"))
+    assert Schema((Entity("tip", "instrument", "point"), *phases), ()).phases == ("insertion", "approach")
+
+
 def test_edges_are_found_by_any_part():
     assert GRAPH.find() == (TOUCHING, ALIGNED)
     assert GRAPH.find(subject="tip") == (TOUCHING,)

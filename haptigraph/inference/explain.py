@@ -20,4 +20,7 @@ class _Measures(dict[str, object]):
 
 def because(state: State, graph: SceneGraph) -> str:
     """Fill the measures of a graph into the sentence of a state."""
-    return state.because.format_map(_Measures(graph.measures))
+    try:
+        return state.because.format_map(graph.measures)
+    except KeyError:
+        return state.because.format_map(_Measures(graph.measures))

@@ -5,15 +5,18 @@ Knows no camera and no device. Every mistake is told with file, line, what was f
 
 import hashlib
 import string
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TypeAlias
+from typing import Annotated, TypeAlias
 
-from msgspec import Struct, field
+from msgspec import Meta, Struct, field
 
-from haptigraph.config import Document
-from haptigraph.errors import BadInput, unknown_name
+from haptigraph.document import Document
+from haptigraph.errors import BadInput
 from haptigraph.graph import Entity, Names, Relation, Schema, Triplet
+from haptigraph.inference.claims import Gap, Invariant, Overlap, Temporal, check_claims, check_temporal
+from haptigraph.inference.pattern_check import check_known, check_pattern
+from haptigraph.inference.span import RunSpan, check_span
 from haptigraph.messages import UNKNOWN, Pattern
 
 __all__ = ["MeasureShapes", "Procedure", "State", "load_procedure", "parse_procedure"]
@@ -21,8 +24,7 @@ __all__ = ["MeasureShapes", "Procedure", "State", "load_procedure", "parse_proce
 MeasureShapes: TypeAlias = Mapping[str, tuple[tuple[str, str], ...]]
 """The measures there are, and the (subject, object) geometries each is made for."""
 
-MOST = {"amplitude": 1, "on_ms": 3_600_000, "off_ms": 3_600_000, "count": 1000}  # of a pattern
-GEOMETRIES = ("point", "segment", "polyline", "circle")
+GEOMETRIES = ("point", "segment", "polyline", "circle", "phase")
 
 
 class State(Struct, frozen=True, forbid_unknown_fields=True):
@@ -38,6 +40,8 @@ class State(Struct, frozen=True, forbid_unknown_fields=True):
     """Edges that must not be there."""
     absent: tuple[str, ...] = ()
     """Entities that must not be there."""
+    hold_ms: Annotated[float, Meta(ge=0, le=10_000)] = 0.0
+    """For so long after its rule last fitted the state stays, unless one of higher priority fits."""
 
 
 class _Title(Struct, frozen=True, forbid_unknown_fields=True):
@@ -52,6 +56,11 @@ class _File(Struct, frozen=True, forbid_unknown_fields=True):
     relations: tuple[Relation, ...] = field(name="relation")
     states: tuple[State, ...] = field(name="state")
     patterns: tuple[Pattern, ...] = field(name="pattern")
+    invariants: tuple[Invariant, ...] = field(name="invariant", default=())
+    gaps: tuple[Gap, ...] = field(name="gap", default=())
+    overlaps: tuple[Overlap, ...] = field(name="overlap", default=())
+    temporal: tuple[Temporal, ...] = ()
+    run: RunSpan | None = None
 
 
 class Procedure(Struct, frozen=True):
@@ -65,6 +74,11 @@ class Procedure(Struct, frozen=True):
     patterns: tuple[Pattern, ...]
     text: str
     """The file as read; recordings keep it."""
+    invariants: tuple[Invariant, ...] = ()
+    gaps: tuple[Gap, ...] = ()
+    overlaps: tuple[Overlap, ...] = ()
+    temporal: tuple[Temporal, ...] = ()
+    span: RunSpan = RunSpan()
 
     @property
     def sha256(self) -> str:
@@ -95,14 +109,23 @@ def _procedure(document: Document, measures: MeasureShapes) -> Procedure:
         ("pattern", [pattern.name for pattern in data.patterns]),
     ):
         _check_unique(document, kind, names)
+    if data.invariants:
+        _check_unique(document, "invariant", [invariant.name for invariant in data.invariants])
+    if data.temporal:
+        _check_unique(document, "temporal", [claim.name for claim in data.temporal])
     schema = Schema(data.entities, data.relations)
     _check_entities(document, schema)
     _check_relations(document, schema, measures)
     for number, pattern in enumerate(data.patterns):
-        _check_pattern(document, pattern, f"pattern[{number}]")
+        check_pattern(document, pattern, f"pattern[{number}]", schema)
     for number, state in enumerate(data.states):
         _check_state(document, state, f"state[{number}]", schema, data.patterns)
     _check_unknown(document, data)
+    states, patterns = ([part.name for part in parts] for parts in (data.states, data.patterns))
+    check_claims(document, schema, states, patterns, (data.invariants, data.gaps, data.overlaps))
+    check_temporal(document, schema, patterns, data.temporal)
+    if data.run is not None:
+        check_span(document, schema, states, data.run)
     return Procedure(
         name=data.procedure.name,
         title=data.procedure.title or data.procedure.name,
@@ -111,6 +134,11 @@ def _procedure(document: Document, measures: MeasureShapes) -> Procedure:
         states=data.states,
         patterns=data.patterns,
         text=document.text,
+        invariants=data.invariants,
+        gaps=data.gaps,
+        overlaps=data.overlaps,
+        temporal=data.temporal,
+        span=data.run or RunSpan(),
     )
 
 
@@ -124,15 +152,14 @@ def _check_unique(document: Document, kind: str, names: list[str]) -> None:
             raise document.error(f"a second {kind} {name!r}; names must differ", f"{kind}[{number}].name")
 
 
-def _check_known(document: Document, what: str, name: str, valid: Iterable[str], path: str) -> None:
-    valid = list(valid)
-    if name not in valid:
-        raise document.error(unknown_name(what, name, valid), path)
-
-
 def _check_entities(document: Document, schema: Schema) -> None:
     for number, entity in enumerate(schema.entities):
-        _check_known(document, "geometry", entity.geometry, GEOMETRIES, f"entity[{number}].geometry")
+        check_known(document, "geometry", entity.geometry, GEOMETRIES, f"entity[{number}].geometry")
+        if entity.fixed and entity.seen_with:
+            raise document.error("both fixed and seen_with are given", f"entity[{number}].seen_with")
+        if entity.seen_with and entity.seen_with not in [other.name for other in schema.entities[:number]]:
+            problem = f"seen_with {entity.seen_with!r} is no entity declared before this one"
+            raise document.error(problem, f"entity[{number}].seen_with")
 
 
 def _check_relations(document: Document, schema: Schema, measures: MeasureShapes) -> None:
@@ -140,9 +167,9 @@ def _check_relations(document: Document, schema: Schema, measures: MeasureShapes
     named: dict[str, Relation] = {}
     for number, relation in enumerate(schema.relations):
         path = f"relation[{number}]"
-        _check_known(document, "entity", relation.subject, entities, f"{path}.subject")
-        _check_known(document, "entity", relation.object, entities, f"{path}.object")
-        _check_known(document, "measure", relation.measure, measures, f"{path}.measure")
+        check_known(document, "entity", relation.subject, entities, f"{path}.subject")
+        check_known(document, "entity", relation.object, entities, f"{path}.object")
+        check_known(document, "measure", relation.measure, measures, f"{path}.measure")
         shapes = (schema.entity(relation.subject).geometry, schema.entity(relation.object).geometry)
         if shapes not in measures[relation.measure]:
             valid = " or ".join(f"{subject} to {object_}" for subject, object_ in measures[relation.measure])
@@ -193,28 +220,6 @@ def _check_bounds(document: Document, relation: Relation, path: str) -> None:
         )
 
 
-def _check_pattern(document: Document, pattern: Pattern, path: str) -> None:
-    needed = {
-        "off": (),
-        "continuous": ("amplitude",),
-        "pulses": ("amplitude", "on_ms", "off_ms"),
-        "bursts": ("amplitude", "on_ms", "off_ms", "count"),
-    }[pattern.kind]
-    for key in MOST:
-        value = getattr(pattern, key)
-        if key in needed and (value <= 0 or (key != "amplitude" and value < 1)):
-            least = "above 0" if key == "amplitude" else "of at least 1"
-            raise document.error(f"{pattern.kind} needs {key} {least}, found {value:g}", f"{path}.{key}")
-        if value > MOST[key]:
-            raise document.error(f"{key} must be at most {MOST[key]:g}, found {value:g}", f"{path}.{key}")
-        if key not in needed and value != 0:
-            raise document.error(f"{pattern.kind} has no {key}, found {value:g}", f"{path}.{key}")
-    if pattern.frequency_hz < 0:
-        raise document.error(
-            f"frequency_hz must not be negative, found {pattern.frequency_hz:g}", f"{path}.frequency_hz"
-        )
-
-
 def _check_state(
     document: Document, state: State, path: str, schema: Schema, patterns: tuple[Pattern, ...]
 ) -> None:
@@ -229,15 +234,15 @@ def _check_state(
         problem = f"can never hold: {Triplet(*impossible[0])} is asked for and ruled out"
         raise document.error(problem, f"{path}.when")
     for name in state.absent:
-        _check_known(document, "entity", name, (entity.name for entity in schema.entities), f"{path}.absent")
-    _check_known(document, "pattern", state.feel, (pattern.name for pattern in patterns), f"{path}.feel")
+        check_known(document, "entity", name, (entity.name for entity in schema.entities), f"{path}.absent")
+    check_known(document, "pattern", state.feel, (pattern.name for pattern in patterns), f"{path}.feel")
     measures = {schema.measure_name(relation) for relation in schema.relations}
     try:
         for _, measure, spec, conversion in string.Formatter().parse(state.because):
             if conversion:
                 raise ValueError(f"a measure is a number; !{conversion} is not for numbers")
             if measure is not None:
-                _check_known(document, "measure", measure, measures, f"{path}.because")
+                check_known(document, "measure", measure, measures, f"{path}.because")
                 format(1.0, spec or "")
     except ValueError as error:
         raise document.error(f"because cannot be filled in ({error})", f"{path}.because") from None

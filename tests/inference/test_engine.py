@@ -1,6 +1,8 @@
 from itertools import chain, combinations
 
 import pytest
+from helpers import MS
+from msgspec.structs import replace
 
 from haptigraph.assemble import load_procedure, procedure_names
 from haptigraph.graph import Node, SceneGraph, Triplet
@@ -46,6 +48,7 @@ def test_the_engine_reads_the_rules_as_a_person_does_on_every_possible_graph(nam
     engine = RuleEngine(procedure)
     graphs = 0
     for graph in every_graph(procedure):
+        engine.reset()
         assert engine(graph).state == plain_reading(procedure, graph)
         graphs += 1
     assert graphs > 1000
@@ -113,3 +116,58 @@ def test_rules_speak_of_categories_not_of_node_ids(procedure):
 def test_edges_the_schema_does_not_know_are_ignored(procedure):
     extra = ("needle_tip", "glows_at", "eye_globe")
     assert RuleEngine(procedure)(graph_of(extra, OUTSIDE)).state == "outside_eye"
+
+
+HELD = {"target_hit": 200, "misaligned_intraocular_navigation": 100}
+
+
+@pytest.fixture
+def holding(procedure) -> RuleEngine:
+    states = tuple(replace(state, hold_ms=HELD.get(state.name, 0)) for state in procedure.states)
+    return RuleEngine(replace(procedure, states=states))
+
+
+def states_of(engine: RuleEngine, *moments) -> list[str]:
+    """States inferred from (ms, edges, ...)."""
+    return [engine(replace(graph_of(*edges), stamp_ns=ms * MS)).state for ms, *edges in moments]
+
+
+def test_a_state_stays_for_its_hold_after_its_rule_last_fitted(holding):
+    moments = [(0, INSIDE, OFF), (50, INSIDE, OFF), (149, INSIDE, ALIGNED), (150, INSIDE, ALIGNED)]
+    off, on = "misaligned_intraocular_navigation", "aligned_intraocular_navigation"
+    assert states_of(holding, *moments) == [off, off, off, on]
+
+
+def test_no_alarm_waits_for_a_hold(holding):
+    hit, contact = (TOUCH, HIT, INSIDE, ALIGNED), (TOUCH, INSIDE, ALIGNED)
+    assert states_of(holding, (0, *hit), (33, *contact)) == ["target_hit", "retinal_contact"]
+
+
+def test_a_lost_needle_is_unknown_at_once_and_nothing_is_held_after_it(holding):
+    assert states_of(holding, (0, INSIDE, OFF)) == ["misaligned_intraocular_navigation"]
+    assert holding(SceneGraph(33 * MS, ())).state == UNKNOWN
+    assert states_of(holding, (66, INSIDE, ALIGNED)) == ["aligned_intraocular_navigation"]
+
+
+def test_a_scene_that_no_rule_fits_is_not_held(holding):
+    assert states_of(holding, (0, INSIDE, OFF), (33,)) == ["misaligned_intraocular_navigation", UNKNOWN]
+
+
+def test_a_held_state_says_since_when_its_rule_no_longer_fits(holding):
+    states_of(holding, (0, INSIDE, OFF))
+    held = holding(replace(graph_of(INSIDE, ALIGNED), stamp_ns=66 * MS))
+    assert held.because.startswith("held; 66 ms ago the needle is in the eye and")
+    assert held.evidence == ()
+
+
+def test_reset_holds_nothing(holding):
+    states_of(holding, (0, INSIDE, OFF))
+    holding.reset()
+    assert states_of(holding, (33, INSIDE, ALIGNED)) == ["aligned_intraocular_navigation"]
+
+
+def test_a_conclusion_carries_the_measures_that_its_pattern_follows():
+    engine = RuleEngine(load_procedure("subretinal_injection_continuous"))
+    near = engine(graph_of(NEAR, INSIDE, OFF, theta_deg=4.0, distance_to_retina_mm=3.0, wall_mm=2.0))
+    assert near.measures == {"theta_deg": 4.0, "distance_to_retina_mm": 3.0}
+    assert engine(graph_of(NEAR, INSIDE, ALIGNED, theta_deg=1.0)).measures == {}

@@ -108,10 +108,34 @@ def test_an_unknown_procedure_names_those_there_are():
         ('name = "unknown"', 'name = "lost"', "no [[state]] named 'unknown'"),
         ('label = "target"', 'label = "retina"', "distance_to_retina_mm would mean both"),
         ("[procedure]", "[procedure", "not valid TOML"),
+        ("[[entity]]", '[run]\nbegins = ["needle_tip", "in", "eye_globe"]\n[[entity]]', "<needle_tip, in, eye_globe> is no relation; there are: <"),
+        ("[[entity]]", '[run]\nends_in = "hit"\n[[entity]]', "unknown state 'hit'"),
         ("{distance_to_target_mm:.1f}", "{distance_to_target_mm!r:.1f}", "because cannot be filled in (a measure is a number"),
         ('unless = [["needle_tip", "touching", "retina_target"]]', 'unless = [["needle_tip", "touching", "retina_surface"]]', "can never hold: <needle_tip, touching, retina_surface> is asked for and ruled out"),
         ('unless = [["needle_tip", "touching", "retina_target"]]', 'absent = ["needle_tip"]', "can never hold: <needle_tip, touching, retina_surface> is asked for and ruled out"),
         ('name = "target_hit"', 'name = " "', "a state without a name"),
+        ('seen_with = "needle_tip"', 'seen_with = "trocar"', "seen_with 'trocar' is no entity declared before this one"),
+        ('seen_with = "needle_tip"', 'seen_with = "needle_tip"\nfixed = true', "both fixed and seen_with are given"),
+        ('feels = ["pulse"]', 'feels = ["plse"]', "unknown pattern 'plse'; did you mean 'pulse'?"),
+        ('feels = ["pulse"]\nstates = ["retinal_contact"]', "", "claims nothing; give feels, never_feels, states or never_states"),
+        ('states = ["retinal_contact"]', 'states = ["contact"]', "unknown state 'contact'"),
+        ('present = ["needle_tip"]', 'present = ["needle"]', "unknown entity 'needle'; did you mean 'needle_tip'?"),
+        ('present = ["needle_tip"]', 'unless = [["a", "b", "c"]]', "<a, b, c> is no relation; there are: <needle_tip"),
+        ('feels = ["pulse"]', 'feels = "pulse"', "expected array, got str, found 'pulse'"),
+        ('name = "nothing vibrates when no needle is seen"', 'name = "a needle that is seen has a state"', "a second invariant 'a needle that is seen has a state'"),
+        ('measure = "distance_to_retina_mm"', 'measure = "distance_mm"', "unknown measure 'distance_mm'; did you mean 'distance_to_"),
+        ('above = 5.5\nbecause', "because", "no bound; give at_most, below, at_least or above"),
+        ('above = 5.5\nbecause', "above = 5.5\nat_least = 5.5\nbecause", "both at_least and above are given; one of them is enough"),
+        ('above = 5.5\nbecause', "at_most = 5.5\nbelow = 5.5\nbecause", "both at_most and below are given; one of them is enough"),
+        ('within_ms = 50', "", "give either feels and within_ms, or most_changes and in_ms"),
+        ('within_ms = 50', "within_ms = 50\nmost_changes = 3", "give either feels and within_ms, or most_changes and in_ms"),
+        ('within_ms = 50', "within_ms = 0", "expected"),
+        ('feels = ["pulse"]\nwithin_ms', "within_ms", "within_ms needs feels, and something that comes true"),
+        ('absent = ["needle_tip"]\nfeels = ["off"]\nwithin_ms', 'feels = ["off"]\nwithin_ms', "within_ms needs feels, and something that comes true"),
+        ('most_changes = 6', 'most_changes = 6\nabsent = ["needle_tip"]', "most_changes goes alone"),
+        ('absent = ["needle_tip"]\nfeels = ["off"]\nwithin_ms', 'absent = ["needle"]\nfeels = ["off"]\nwithin_ms', "unknown entity 'needle'; did you mean 'needle_tip'?"),
+        ('name = "it is silent within 50 ms of losing the needle"', 'name = "the alarm is felt within 50 ms of contact"', "a second temporal 'the alarm is felt within"),
+        ('[[gap]]', '[[overlap]]\nrelations = [["a", "b", "c"], ["needle_tip", "touching", "retina_target"]]\nbecause = ""\n[[gap]]', "<a, b, c> is no relation"),
     ],
 )  # fmt: skip
 def test_every_mistake_is_one_sentence_with_its_line(text, old, new, told):
@@ -137,3 +161,26 @@ def test_the_line_is_the_very_line_of_the_mistake(text):
 
 def test_a_procedure_without_states_is_refused(text):
     assert "key 'state' is missing" in refuse(text[: text.index("[[state]]")])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ('key = "rate_hz"', 'key = "on_ms"', "unknown key 'on_ms'; valid: amplitude, frequency_hz, rate_hz"),
+        ('measure = "theta_deg"\nstart', 'measure = "theta"\nstart', "unknown measure 'theta'; did you mean 'theta_deg'?"),
+        ("end = [10.0, 0.6]", "end = [1.7, 0.6]", "start and end are both at 1.7"),
+        ("end = [10.0, 0.6]", "end = [10.0, 1.2]", "amplitude must be above 0 and at most 1, found 1.2"),
+        ("end = [0.7, 4.0]", "end = [0.7, 9.0]", "rate_hz must be above 0 and at most 8.264, found 9"),
+        ('key = "amplitude"', 'key = "rate_hz"', "rate_hz cannot follow here; of continuous each of amplitude, frequency_hz once can"),
+        ("end = [10.0, 0.6]", "end = [10.0, 0.6]\ncurve = 0", "curve must be 0.1 to 10, found 0"),
+        ("dead_band = 0.1", "dead_band = -0.1", "dead_band is negative, found -0.1"),
+        ("rearm_ms = 1000", "rearm_ms = -5", "rearm_ms"),
+        ('feel = "lean"', 'feel = "lean"\nhold_ms = 20000', "hold_ms"),
+    ],
+)  # fmt: skip
+def test_what_cannot_follow_or_be_held_is_told_with_its_line(old, new, told):
+    text = load_procedure("subretinal_injection_continuous").text
+    message = refuse(changed(text, old, new))
+    assert told in message
+    assert message.startswith("p.toml")
+    assert "line" in message

@@ -2,8 +2,18 @@ import csv
 import math
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from haptigraph.geometry import Circle, Point, Polyline, Segment
+from haptigraph.geometry import (
+    Circle,
+    Phase,
+    Point,
+    Polyline,
+    Segment,
+    distance_to_polyline,
+    height_on_polyline,
+)
 from haptigraph.perception.registration import load_registration
 from haptigraph.scene.relations import MEASURES
 
@@ -34,6 +44,31 @@ def test_theta_is_between_shaft_and_axis():
     assert measure("theta_deg", shaft, Point((0.0, 0.0))) == pytest.approx(3.0)
 
 
+def test_of_a_chain_the_nearest_point_counts_beyond_the_surface_too():
+    assert measure("distance_mm", Polyline(((1.0, 3.0), (2.0, 2.0))), FLAT) == 2.0
+    assert measure("distance_mm", Polyline(((1.0, 3.0), (2.0, -1.0))), FLAT) == -1.0
+    assert measure("distance_mm", Polyline(((1.0, 3.0), (2.0, 2.0))), FLAT, {}) is None
+
+
+def test_clearance_is_between_shafts_and_0_where_they_cross():
+    shaft = Segment((0.0, 5.0), (0.0, 0.0))
+    assert measure("clearance_mm", shaft, Segment((2.0, 3.0), (1.0, 1.0))) == 1.0
+    assert measure("clearance_mm", shaft, Segment((2.0, 3.0), (-1.0, 1.0))) == 0.0
+
+
+def test_over_a_region_is_on_the_way_from_the_centre_to_it():
+    found = {"eye_globe": Circle((0.0, 0.0), 12.0)}
+    blood = Circle((0.0, -12.0), 1.5)
+    assert measure("aside_mm", Point((1.0, -8.0)), blood, found) == -0.5
+    assert measure("aside_mm", Point((4.0, -8.0)), blood, found) == 2.5
+    assert measure("aside_mm", Point((0.0, 8.0)), blood, found) == 6.5
+    assert measure("aside_mm", Point((1.0, -8.0)), blood, {}) is None
+
+
+def test_whatever_is_found_is_found_during_a_phase():
+    assert measure("elapsed_s", Point((1.0, 2.0)), Phase(3.5)) == 3.5
+
+
 def test_the_wall_is_positive_inside():
     globe = Circle((0.0, 0.0), 12.0)
     assert measure("wall_mm", Point((0.0, 10.0)), globe) == 2.0
@@ -48,11 +83,11 @@ def test_without_a_trocar_there_is_no_axis(name):
 
 @pytest.mark.parametrize("name", MEASURES)
 def test_shapes_a_measure_is_not_made_for_give_none(name):
-    assert measure(name, FLAT, FLAT) is None
+    assert measure(name, Circle((0.0, 0.0), 1.0), FLAT) is None
 
 
 def test_every_measure_ends_in_its_unit():
-    assert all(name.rpartition("_")[2] in ("mm", "deg") for name in MEASURES)
+    assert all(name.rpartition("_")[2] in ("mm", "um", "deg", "percent", "s") for name in MEASURES)
 
 
 def test_measures_agree_with_the_truth_of_clips(clip):
@@ -68,3 +103,47 @@ def test_measures_agree_with_the_truth_of_clips(clip):
         assert retina_mm == pytest.approx(float(row["tip_to_retina_mm"]), abs=0.06)
         assert target_mm == pytest.approx(float(row["tip_to_target_mm"]), abs=0.08)
         assert radial_mm == pytest.approx(float(row["radial_mm"]), abs=0.03)
+
+
+# --- layers of a B-scan
+
+ILM = Polyline(((-1.0, 0.1), (0.0, 0.0), (1.0, 0.1)))
+RPE = Polyline(((-1.0, -0.2), (0.0, -0.3), (1.0, -0.2)))
+
+
+@given(st.floats(-0.9, 0.9), st.floats(-0.6, 0.6))
+def test_a_gap_is_a_distance_with_the_side_as_its_sign(x, y):
+    tip = Point((x, y))
+    gap_um = MEASURES["gap_um"].function(tip, ILM, {})
+    assert abs(gap_um) == pytest.approx(1e3 * distance_to_polyline((x, y), ILM))
+    if abs(gap_um) > 1e-6:
+        assert (gap_um > 0) == (y > height_on_polyline(x, ILM))
+
+
+@given(st.floats(-0.9, 0.9), st.floats(0.0, 1.0))
+def test_depth_is_the_share_of_the_way_down_the_beam(x, share):
+    top, bottom = height_on_polyline(x, ILM), height_on_polyline(x, RPE)
+    tip = Point((x, top + share * (bottom - top)))
+    found = {"needle_tip": tip, "ilm": ILM, "rpe": RPE}
+    assert MEASURES["depth_percent"].function(tip, ILM, found) == pytest.approx(100 * share, abs=1e-6)
+    assert MEASURES["thickness_um"].function(ILM, RPE, found) == pytest.approx(300)
+
+
+def test_depth_and_thickness_need_what_they_are_measured_by():
+    tip = Point((0.0, 0.0))
+    assert MEASURES["depth_percent"].function(tip, ILM, {"needle_tip": tip}) is None
+    assert MEASURES["thickness_um"].function(ILM, RPE, {}) is None
+
+
+def test_a_surface_read_from_right_to_left_is_the_same():
+    turned = Polyline(ILM.points_mm[::-1])
+    for x in (-2.0, -0.5, 0.3, 2.0):
+        assert height_on_polyline(x, turned) == height_on_polyline(x, ILM)
+
+
+@pytest.mark.parametrize(("lean_deg", "incidence_deg"), [(0, 0), (35, 35), (90, 90), (145, 35)])
+def test_incidence_is_the_angle_to_the_surface(lean_deg, incidence_deg):
+    flat = Polyline(((-1.0, 0.0), (1.0, 0.0)))
+    turn = math.radians(lean_deg)
+    shaft = Segment((-math.cos(turn), math.sin(turn)), (0.0, 0.0))
+    assert MEASURES["incidence_deg"].function(shaft, flat, {}) == pytest.approx(incidence_deg, abs=1e-9)

@@ -1,0 +1,38 @@
+"""Commands that explain: explain a moment of a run, draw the states of a procedure."""
+
+import click
+
+__all__ = ["diagram", "explain"]
+
+
+@click.command()
+@click.argument("recording")
+@click.option("--at", "at_s", type=float, required=True, metavar="SECONDS", help="Since the first step.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def explain(recording: str, at_s: float, as_json: bool) -> None:
+    """Explain one moment of RECORDING: which rule fired, by what, and what was near.
+
+    The runner-up is the other state to which the smallest change leads: in triplets, and in mm and degrees.
+    """
+    import msgspec
+
+    from haptigraph.analysis.moment import explain_moment, explanation_text
+
+    explanation = explain_moment(recording, at_s)
+    click.echo(msgspec.json.encode(explanation).decode() if as_json else explanation_text(explanation))
+
+
+@click.command()
+@click.argument("procedure", default="subretinal_injection")
+@click.option("-o", "--output", metavar="FILE", required=True, help="The SVG to write.")
+def diagram(procedure: str, output: str) -> None:
+    """Draw the states of PROCEDURE with their priorities, as in the paper.
+
+    Misaligned states stand on the left, aligned ones on the right. A line joins states between which one
+    measure's crossing one threshold can lead.
+    """
+    from haptigraph.analysis.diagram import write_diagram
+    from haptigraph.assemble import load_procedure
+
+    write_diagram(load_procedure(procedure), output)
+    click.echo(output)

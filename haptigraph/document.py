@@ -1,0 +1,166 @@
+"""The TOML reader of all files.
+
+Every mistake becomes one sentence with file, line, what was found and what would be valid. Knows what a
+struct is, and nothing of what the files say.
+"""
+
+import math
+import re
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
+
+import msgspec
+
+from haptigraph.errors import BadInput, unknown_name
+
+__all__ = ["Blame", "Document", "convert"]
+
+T = TypeVar("T")
+Blame = Callable[[str, str], BadInput]
+"""Make the error for (problem, path of keys)."""
+
+
+class Document:
+    """A TOML text that can say where in it something is wrong.
+
+    Args:
+        text: The TOML text.
+        file: Its name for messages.
+
+    Raises:
+        BadInput: If it is not TOML.
+    """
+
+    def __init__(self, text: str, file: str | Path) -> None:
+        self.text, self.file = text, file
+        try:
+            self.data = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            problem, _, place = str(error).partition(" (at ")
+            place = place.rstrip(")") or "end of file"
+            raise BadInput(f"not valid TOML: {_lower_first(problem)}", file, place) from None
+        except RecursionError:
+            raise BadInput("tables or lists are nested too deeply", file) from None
+
+    @classmethod
+    def read(cls, path: str | Path) -> "Document":
+        """Read a TOML file.
+
+        Raises:
+            BadInput: If it cannot be read or is not TOML.
+        """
+        try:
+            return cls(Path(path).read_text(encoding="utf-8-sig"), path)  # editors may put a mark in front
+        except OSError as error:
+            raise BadInput(f"cannot be read ({error.strerror})", path) from None
+        except UnicodeDecodeError as error:
+            raise BadInput(f"not UTF-8 text (byte {error.start})", path) from None
+
+    def error(self, problem: str, path: str) -> BadInput:
+        """Return the error that names the line of `path` ("state[2].feel")."""
+        line = _line_of(self.text, path)
+        return BadInput(problem, self.file, f"line {line}" if line else "")
+
+    def convert(self, type_: type[T]) -> T:
+        """Turn the document into a struct.
+
+        Raises:
+            BadInput: At an unknown or missing key, a number that is not finite, a value of the wrong kind.
+        """
+        return convert(self.data, type_, self.error)
+
+
+def convert(data: Any, type_: type[T], error: Blame) -> T:
+    """Turn parsed TOML into a struct.
+
+    Raises:
+        BadInput: As `error` makes it, at what is not valid.
+    """
+    _check_finite(data, "", error)
+    _check_names(data, type_, "", error)
+    try:
+        return msgspec.convert(data, type_)
+    except msgspec.ValidationError as invalid:
+        problem, _, path = str(invalid).partition(" - at `$")
+        path = path.rstrip("`").lstrip(".")
+        found = _value_at(data, path)
+        name = f"{path}: " if path else ""
+        missing = re.match(r"Object missing required field `(\w+)`", problem)
+        if missing:
+            raise error(f"{name}key {missing[1]!r} is missing", path) from None
+        told = "" if found is None or isinstance(found, dict) else f", found {found!r}"
+        problem = problem.replace("`", "").replace("object", "table")
+        raise error(f"{name}{_lower_first(problem)}{told}", path) from None
+
+
+def _check_finite(value: Any, path: str, error: Blame) -> None:
+    """Refuse nan and infinity, which pass every comparison that a check makes."""
+    if isinstance(value, float) and not math.isfinite(value):
+        raise error(f"{path}: expected a finite number, found {value}", path)
+    inner = enumerate(value) if isinstance(value, list) else value.items() if isinstance(value, dict) else ()
+    for key, item in inner:
+        place = f"[{key}]" if isinstance(value, list) else f".{key}"
+        _check_finite(item, (path + place).lstrip("."), error)
+
+
+def _check_names(value: Any, type_: Any, path: str, error: Blame) -> None:
+    """Refuse unknown keys and choices with the list of valid ones (msgspec would not list them)."""
+    if get_origin(type_) is Literal and isinstance(value, str) and value not in get_args(type_):
+        raise error(unknown_name(path.rpartition(".")[2], value, get_args(type_)), path)
+    if isinstance(value, list):
+        for number, item in enumerate(value):
+            for inner in get_args(type_)[:1]:
+                _check_names(item, inner, f"{path}[{number}]", error)
+    elif isinstance(value, dict):
+        struct = next((t for t in (type_, *get_args(type_)) if hasattr(t, "__struct_fields__")), None)
+        if struct is None:
+            return
+        names = dict(zip(struct.__struct_encode_fields__, struct.__struct_fields__, strict=True))
+        hints = get_type_hints(struct, include_extras=False)
+        for key, item in value.items():
+            inner_path = f"{path}.{key}" if path else key
+            if key not in names:
+                raise error(unknown_name("key", key, names), inner_path)
+            _check_names(item, hints[names[key]], inner_path, error)
+
+
+def _value_at(data: Any, path: str) -> Any:
+    for part in re.findall(r"\w+", path):
+        try:
+            data = data[int(part)] if isinstance(data, list) else data[part]
+        except (KeyError, IndexError, ValueError, TypeError):
+            return None
+    return data
+
+
+def _line_of(text: str, path: str) -> int | None:
+    """Find the line (from 1) of a key path like "state[2].feel"; its table's line if the key is inline."""
+    parts = re.findall(r"(\w+)(?:\[(\d+)\])?", path)
+    if not parts:
+        return None
+    keys = [name for name, _ in parts]
+    number = int(parts[0][1] or 0)
+    seen: dict[str, int] = {}
+    table, table_line = "", None
+    for line, content in enumerate(text.splitlines(), 1):
+        header = re.match(r"\s*(\[\[?)\s*([\w.]+)\s*\]", content)
+        if header:
+            table = header[2]
+            seen[table] = seen.get(table, -1) + 1
+            if table == keys[0] and (header[1] == "[" or seen[table] == number):
+                table_line = line
+            elif table_line:
+                return table_line
+            continue
+        key = re.match(r'\s*"?(\w+)"?\s*[.=]', content)
+        if key and (
+            (not table and key[1] == keys[0]) or (table_line and len(keys) > 1 and key[1] == keys[1])
+        ):
+            return line
+    return table_line
+
+
+def _lower_first(sentence: str) -> str:
+    return sentence[:1].lower() + sentence[1:]

@@ -1,0 +1,118 @@
+"""What would have to change for another state, checked by changing it."""
+
+from itertools import product
+
+from hypothesis import example, given
+from hypothesis import strategies as st
+from msgspec.structs import replace
+
+from haptigraph.assemble import load_procedure
+from haptigraph.graph import Node, SceneGraph, Triplet
+from haptigraph.inference.engine import RuleEngine
+from haptigraph.proof.nearest import Nearest
+
+PROCEDURE = load_procedure("subretinal_injection")
+SCHEMA = PROCEDURE.schema
+NEAREST = Nearest(PROCEDURE)
+
+
+def graph_at(measures: dict[str, float], held: SceneGraph | None = None, schema=SCHEMA) -> SceneGraph:
+    """The graph of a needle that is measured so, as the builder decides it."""
+    nodes = tuple(Node(one.name, one.name, one.group) for one in schema.entities)
+    before = {(edge.subject, edge.predicate, edge.object) for edge in held.edges} if held else set()
+    edges: list[tuple[str, str, str]] = []
+    for relation in schema.relations:
+        value = measures[schema.measure_name(relation)]
+        if relation.holds(value, held=relation.names in before) and all(
+            one in edges for one in relation.given
+        ):
+            edges.append(relation.names)
+    return SceneGraph(0, nodes, tuple(Triplet(*names) for names in edges), measures)
+
+
+def measured(retina=8.0, radial=3.0, target=9.0, theta=5.0, wall=3.0) -> dict[str, float]:
+    return {
+        "distance_to_retina_mm": retina,
+        "radial_mm": radial,
+        "distance_to_target_mm": target,
+        "theta_deg": theta,
+        "wall_mm": wall,
+    }
+
+
+def changes(graph: SceneGraph):
+    return {change.state: change for change in NEAREST.changes(NEAREST.mask(graph), graph.measures)}
+
+
+def test_near_the_retina_contact_is_a_millimetre_away_and_alignment_some_degrees():
+    graph = graph_at(measured(retina=1.7, theta=6.3))
+    near = changes(graph)
+    assert next(iter(near)) == "retinal_contact"
+    (contact,) = near["retinal_contact"].moves
+    assert (contact.measure, contact.to) == ("distance_to_retina_mm", "distance_to_retina_mm <= 0.7")
+    assert round(contact.way, 6) == -1.0
+    (aligned,) = near["aligned_retinal_approach"].moves
+    assert (aligned.to, round(aligned.way, 6)) == ("theta_deg <= 1.7", -4.6)
+    assert near["aligned_retinal_approach"].appear == ("<needle_line, aligned, retina_target>",)
+    assert near["aligned_retinal_approach"].vanish == ("<needle_line, misaligned, retina_target>",)
+    assert near["misaligned_intraocular_navigation"].fits_already
+    assert near["unknown"].vanish[-2:] == ("needle_tip", "needle_line")
+
+
+def test_without_a_needle_only_what_matters_is_asked_for():
+    fixed = tuple(Node(one.name, one.name, one.group) for one in SCHEMA.entities if one.fixed)
+    for graph in (SceneGraph(0, fixed), SceneGraph(0)):
+        contact = changes(graph)["retinal_contact"]
+        assert [move.to for move in contact.moves] == ["distance_to_retina_mm <= 0.7", "radial_mm > 0.7"]
+        assert all(move.value is None and move.way is None for move in contact.moves)
+
+
+def test_a_relation_that_holds_is_left_at_its_release_and_else_entered_at_its_bound():
+    relations = [
+        replace(one, release=5.8) if one.names[1:] == ("approaching", "retina_surface") else one
+        for one in SCHEMA.relations
+    ]
+    schema = replace(SCHEMA, relations=tuple(relations))
+    nearest = Nearest(replace(PROCEDURE, schema=schema))
+    for retina, state, to, way in (
+        (5.0, "misaligned_intraocular_navigation", "distance_to_retina_mm > 5.8", 0.8),
+        (6.0, "misaligned_retinal_approach", "0.7 < distance_to_retina_mm <= 5.5", -0.5),
+    ):
+        graph = graph_at(measured(retina=retina), schema=schema)
+        found = {one.state: one for one in nearest.changes(nearest.mask(graph), graph.measures)}
+        (move,) = found[state].moves
+        assert (move.to, round(move.way, 6)) == (to, way)
+
+
+some = st.floats(-1, 12).map(lambda value: round(value, 3))
+
+
+@example(0.0, 0.0, 0.0, 1.7, 0.0)
+@given(some, some.map(abs), some.map(abs), st.floats(0, 20).map(lambda value: round(value, 3)), some)
+def test_moving_as_told_leads_to_the_state_that_was_told_and_no_single_measure_leads_there_sooner(
+    retina, radial, beyond, theta, wall
+):
+    measures = measured(retina, radial, radial + beyond, theta, wall)
+    graph = graph_at(measures)
+    engine = RuleEngine(PROCEDURE)
+    now = engine(graph).state
+    found = changes(graph)
+    assert now not in found
+    assert set(found) | {now} == {state.name for state in PROCEDURE.states}
+    for state, change in found.items():
+        if state == "unknown":
+            continue
+        least = [
+            (1e-9,) if move.way > 0 else (-1e-9,) if move.way else (1e-9, -1e-9) for move in change.moves
+        ]
+        reached = set()
+        for nudges in product(*least):  # a measure on the very threshold has no way to go, but a side
+            moved = dict(measures)
+            for move, nudge in zip(change.moves, nudges, strict=True):
+                moved[move.measure] += move.way * (1 + 1e-9) + nudge
+            reached.add(engine(graph_at(moved, graph)).state)
+        assert state in reached, (state, change.moves)
+        if len(change.moves) == 1 and change.moves[0].way:
+            (move,) = change.moves
+            short = {**measures, move.measure: measures[move.measure] + 0.98 * move.way}
+            assert engine(graph_at(short, graph)).state != state

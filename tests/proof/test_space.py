@@ -1,0 +1,155 @@
+"""What the proofs call possible is what relations and the scene builder really do."""
+
+import math
+from pathlib import Path
+
+import pytest
+from helpers import needle
+from hypothesis import given
+from hypothesis import strategies as st
+from msgspec.structs import replace
+
+from haptigraph.assemble import load_procedure, parse_procedure
+from haptigraph.geometry import Point, Segment
+from haptigraph.graph import Entity, Relation, Schema
+from haptigraph.messages import Observation
+from haptigraph.proof.intervals import Interval, atoms
+from haptigraph.proof.scales import scales_of
+from haptigraph.proof.space import Space
+from haptigraph.recording.reader import RunReader
+from haptigraph.scene.builder import SchemaSceneBuilder
+from haptigraph.scene.relations import MEASURES
+
+GOLDEN = sorted((Path(__file__).parents[1] / "replay" / "golden").glob("*.mcap"))
+ENTITIES = (Entity("a", "instrument", "point"), Entity("b", "anatomy", "point"))
+GRID = st.integers(0, 8).map(lambda half: half / 2)
+
+
+@st.composite
+def relations(draw) -> tuple[Relation, ...]:
+    """Up to four relations of one distance, with any bounds and releases that the loader takes."""
+    made = []
+    for number in range(draw(st.integers(1, 4))):
+        low, high = sorted(draw(st.lists(GRID, min_size=2, max_size=2, unique=True)))
+        kind = draw(st.sampled_from(["upper", "lower", "both"]))
+        bounds = {}
+        if kind != "lower":
+            bounds[draw(st.sampled_from(["at_most", "below"]))] = high
+        if kind != "upper":
+            bounds[draw(st.sampled_from(["at_least", "above"]))] = low
+        further = st.floats(0.25, 2).map(lambda by: round(by * 4) / 4)
+        if draw(st.booleans()):
+            goes_up = (kind != "lower" and draw(st.booleans())) or kind == "upper"
+            bounds["release"] = high + draw(further) if goes_up else low - draw(further)
+        made.append(Relation("a", f"r{number}", "b", "distance_mm", **bounds))
+    return tuple(made)
+
+
+@given(relations())
+def test_cells_hold_exactly_what_relations_can_hold_after_any_past(cut):
+    """Every quarter and eighth millimetre, after every other: the masks of the cells, no more and no less."""
+    (scale,) = scales_of(Schema(ENTITIES, cut), MEASURES)
+    values = [eighth / 8 for eighth in range(0, 100)]
+
+    def after(value: float, held: int) -> int:
+        return sum(1 << at for at, one in enumerate(cut) if one.holds(value, held=bool(held >> at & 1)))
+
+    reached, fresh = {0}, [0]
+    while fresh:
+        held = fresh.pop()
+        for mask in {after(value, held) for value in values} - reached:
+            reached.add(mask)
+            fresh.append(mask)
+    for value in values:
+        assert set(scale.cell_at(value).masks) == {after(value, held) for held in reached}
+    assert scale.cells[0].interval.low_in  # a distance of 0 can be
+
+
+@given(st.lists(GRID, max_size=5), GRID)
+def test_atoms_cut_the_line_so_that_every_value_lies_in_one(bounds, value):
+    assert sum(value in piece for piece in atoms(bounds)) == 1
+    assert all(piece.sample() in piece for piece in atoms(bounds))
+
+
+@pytest.mark.parametrize(
+    ("interval", "said", "value", "way"),
+    [
+        (Interval(0.7, 5.5, False, True), "0.7 < d <= 5.5", 6.5, -1.0),
+        (Interval(high=1.7, high_in=True), "d <= 1.7", 1.0, 0.0),
+        (Interval(low=1.5), "d > 1.5", 1.0, 0.5),
+        (Interval(2.0, 2.0, True, True), "d = 2", 3.0, -1.0),
+        (Interval(), "any d", 3.0, 0.0),
+    ],
+)
+def test_intervals_are_said_as_people_write_them(interval, said, value, way):
+    assert interval.said("d") == said
+    assert interval.way_from(value) == way
+
+
+places = st.tuples(st.floats(-15, 15), st.floats(-15, 15))
+
+
+@given(st.lists(st.none() | st.tuples(places, places), min_size=1, max_size=6), st.booleans())
+def test_whatever_the_builder_makes_of_any_needle_is_among_the_possible_graphs(
+    registration, needles, releases
+):
+    schema = load_procedure("subretinal_injection").schema
+    if releases:
+        ends = {
+            ("touching", "retina_surface"): 0.9,
+            ("aligned", "retina_target"): 2.5,
+            ("inside", "eye_globe"): -0.5,
+        }
+        released = [replace(one, release=ends.get((one.predicate, one.object))) for one in schema.relations]
+        schema = Schema(schema.entities, tuple(released))
+    space = Space(schema)
+    possible = {world.mask for world in space.worlds()}
+    build = SchemaSceneBuilder(schema)
+    for found in needles:
+        seen = dict(registration.anatomy)
+        if found is not None and math.dist(*found) > 0.1:
+            seen |= needle(*found)
+        graph = build(Observation(0, seen))
+        assert space.mask(graph) in possible
+    assert space.mask(build(Observation(0, {}))) in possible
+
+
+@pytest.mark.parametrize("path", GOLDEN, ids=lambda path: path.stem)
+def test_every_recorded_graph_is_among_the_possible_ones(path):
+    reader = RunReader(path)
+    space = Space(parse_procedure(reader.info.procedure, path.name).schema)
+    possible = {world.mask for world in space.worlds()}
+    assert {space.mask(step.graph) for _, step in reader.places()} <= possible
+
+
+@given(places, places, places, st.tuples(places, places))
+def test_what_is_said_always_to_hold_of_measures_holds(tip, target, trocar, shaft):
+    if math.dist(target, trocar) < 1e-3 or math.dist(*shaft) < 1e-3:
+        return
+    found = {"trocar": Point(trocar)}
+    values = {
+        "distance_mm": MEASURES["distance_mm"].function(Point(tip), Point(target), found),
+        "radial_mm": MEASURES["radial_mm"].function(Point(tip), Point(target), found),
+        "theta_deg": MEASURES["theta_deg"].function(Segment(*shaft), Point(target), found),
+    }
+    for name, value in values.items():
+        always = next(iter(MEASURES[name].shapes.values()))
+        assert always.least <= value <= always.most
+        if always.never_above:
+            assert value <= values[always.never_above] + 1e-9
+
+
+def test_of_three_measures_none_bounds_another_that_bounds_a_third():
+    """`Space.agree` looks at pairs, which is enough as long as there are no chains."""
+    bounding = {always.never_above for one in MEASURES.values() for always in one.shapes.values()} - {""}
+    assert not any(always.never_above for name in bounding for always in MEASURES[name].shapes.values())
+
+
+@pytest.mark.parametrize("missing", ["trocar"])
+def test_what_a_measure_needs_and_no_entity_names_may_be_absent(missing):
+    schema = load_procedure("subretinal_injection").schema
+    left = Schema(tuple(one for one in schema.entities if one.name != missing), schema.relations)
+    space = Space(left)
+    assert space.unnamed == (missing,)
+    tip = space.entity_bits["needle_tip"]
+    assert any(world.mask & tip and not world.mask & space.edges & 0b110011 for world in space.worlds())
