@@ -3,6 +3,7 @@
 import sys
 from typing import TextIO
 
+from haptigraph.errors import BadInput
 from haptigraph.messages import Capabilities
 
 __all__ = ["ConsoleDevice"]
@@ -14,12 +15,23 @@ class ConsoleDevice:
     """Show the amplitude as a bar. Draws nothing where the output is not a terminal.
 
     Args:
+        argument: Must be empty.
         stream: Where to draw; standard error if None.
+
+    Raises:
+        BadInput: If an argument is given.
     """
 
-    capabilities = Capabilities(amplitude_levels=WIDTH, frequency_range_hz=(0.0, 1000.0), shortest_on_ms=0.0)
+    capabilities = Capabilities(
+        amplitude_levels=WIDTH,
+        frequency_range_hz=(0.0, 1000.0),
+        shortest_on_ms=0.0,
+        otherwise="Amplitudes are rounded to the next step of the bar.",
+    )
 
-    def __init__(self, stream: TextIO | None = None) -> None:
+    def __init__(self, argument: str = "", stream: TextIO | None = None) -> None:
+        if argument:
+            raise BadInput(f"device 'console' takes nothing behind a colon, found {argument!r}")
         self._stream: TextIO | None = stream or sys.stderr  # None in programs without any terminal
         self._draws = self._stream is not None and self._stream.isatty()
 

@@ -6,8 +6,10 @@ Turns commands into the amplitudes a device is told, edge by edge. It is told th
 
 import math
 
+from msgspec.structs import replace
+
 from haptigraph.config import HapticsConfig
-from haptigraph.haptics.pattern import NS_PER_MS, amplitude_at, next_change_ns
+from haptigraph.haptics.pattern import NS_PER_MS, amplitude_at, fitted, least_gap_ms, next_change_ns
 from haptigraph.messages import OFF, UNKNOWN, Fault, HapticCommand, Pattern, Step
 from haptigraph.stages import Device
 
@@ -24,13 +26,19 @@ class Guard:
     while it rests after `max_on_ms` of vibration, and after `close`. A device that fails is reported once
     and tried again; it never raises out of here.
 
+    Patterns are fitted to what the device can do; changes wait until it takes them, silence never waits. A
+    device that falls silent by itself is told again in time.
+
     Args:
         device: The actuator; only the guard calls it.
         config: The limits.
     """
 
     def __init__(self, device: Device, config: HapticsConfig) -> None:
-        self._device = device
+        self._device, self._can = device, device.capabilities
+        self._gap_ns = round(least_gap_ms(self._can) * NS_PER_MS)
+        half_ns = round((self._can.holds_ms or 0.0) * NS_PER_MS / 2)
+        self._renew_ns = max(half_ns, self._gap_ns) if half_ns else None
         self._max_amplitude = config.max_amplitude
         self._deadman_ns = round(config.deadman_ms * NS_PER_MS)
         self._max_on_ns = round(config.max_on_ms * NS_PER_MS)
@@ -40,6 +48,7 @@ class Guard:
         self._lag_ns = 0
         self._at_ns = 0
         self._told: tuple[float, float] | None = None
+        self._told_at_ns: int | None = None
         self._on_since_ns: int | None = None
         self._rest_until_ns: int | None = None
         self._retry_at_ns: int | None = None
@@ -64,7 +73,8 @@ class Guard:
             command = HapticCommand(command.stamp_ns, OFF, command.stamp_ns)
         if step.conclusion.state == UNKNOWN:
             command = HapticCommand(command.stamp_ns, OFF, command.stamp_ns)
-        if (command.pattern, command.since_ns) != (self._command.pattern, self._command.since_ns):
+        command = replace(command, pattern=fitted(command.pattern, self._can))
+        if command.pattern.name != self._command.pattern.name or command.since_ns == command.stamp_ns:
             # A pattern starts when it arrives: the way here must not eat the beginning of a short burst.
             self._lag_ns = now_ns - command.since_ns
         self._command, self._received_ns = command, now_ns
@@ -79,6 +89,9 @@ class Guard:
     def next_edge_ns(self) -> int | None:
         """Return when something will next change if no command comes; None if nothing will."""
         edges = [self._retry_at_ns, self._rest_until_ns]
+        if self._told_at_ns is not None and self._retry_at_ns is None:
+            edges.append(self._told_at_ns + self._gap_ns)
+            edges.append(self._renewal_ns())
         if self._received_ns is not None and self._at_ns < self._received_ns + self._deadman_ns:
             edges.append(self._received_ns + self._deadman_ns)
             change_ns = next_change_ns(self._command, self._at_ns - self._lag_ns)
@@ -129,8 +142,17 @@ class Guard:
     def _is_news(self, amplitude: float, frequency_hz: float, now_ns: int) -> bool:
         """Tell whether the device must be told: it does not know, or failed and is tried again."""
         if self._retry_at_ns is None:
-            return self._told != (amplitude, frequency_hz)
+            if self._told != (amplitude, frequency_hz):
+                return not amplitude or self._told_at_ns is None or now_ns >= self._told_at_ns + self._gap_ns
+            renewal_ns = self._renewal_ns()
+            return renewal_ns is not None and now_ns >= renewal_ns
         return now_ns >= self._retry_at_ns or (self._failed_on and not amplitude)
+
+    def _renewal_ns(self) -> int | None:
+        """Return when a device that vibrates must be told again so that it goes on; None if never."""
+        if self._renew_ns is None or self._told_at_ns is None or not (self._told and self._told[0]):
+            return None
+        return self._told_at_ns + self._renew_ns
 
     def _due(self, now_ns: int) -> float:
         """Return the amplitude the command and the limits allow at one moment, but for the on-time."""
@@ -144,6 +166,7 @@ class Guard:
         return amplitude if 0 <= amplitude <= self._max_amplitude else 0.0  # nan is neither
 
     def _tell(self, amplitude: float, frequency_hz: float, now_ns: int) -> None:
+        self._told_at_ns = now_ns
         try:
             self._device.set(amplitude, frequency_hz, now_ns)
         except Exception as error:  # a device may be anyone's

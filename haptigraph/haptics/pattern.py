@@ -3,9 +3,20 @@
 Pure functions of time; they know no device and no clock.
 """
 
+from msgspec.structs import replace
+
 from haptigraph.messages import Capabilities, HapticCommand, Pattern
 
-__all__ = ["amplitude_at", "beyond", "duration_ns", "next_change_ns"]
+__all__ = [
+    "NS_PER_MS",
+    "amplitude_at",
+    "beyond",
+    "duration_ns",
+    "fitted",
+    "least_gap_ms",
+    "next_change_ns",
+    "position_ns",
+]
 
 NS_PER_MS = 1_000_000
 
@@ -31,6 +42,19 @@ def amplitude_at(command: HapticCommand, stamp_ns: int) -> float:
     return pattern.amplitude if age_ns % _period_ns(pattern) < _on_ns(pattern) else 0.0
 
 
+def position_ns(before: Pattern, after: Pattern, age_ns: int) -> int:
+    """Return where in its period a rhythm goes on when its numbers change; 0, its start, if that is over.
+
+    Args:
+        before: The pattern so far.
+        after: The same with other numbers.
+        age_ns: Since its start.
+    """
+    period_ns = _period_ns(before)
+    position = age_ns % period_ns if period_ns else 0
+    return position if position < _period_ns(after) else 0
+
+
 def next_change_ns(command: HapticCommand, stamp_ns: int) -> int | None:
     """Return the first moment after `stamp_ns` at which the amplitude may change; None if it stays."""
     pattern = command.pattern
@@ -49,6 +73,25 @@ def next_change_ns(command: HapticCommand, stamp_ns: int) -> int | None:
     return start_ns + on_ns if stamp_ns - start_ns < on_ns else start_ns + period_ns
 
 
+def least_gap_ms(capabilities: Capabilities) -> float:
+    """Return how far apart changes must lie for a device to take them; 0 if it takes all."""
+    return 1000.0 / capabilities.max_rate_hz if capabilities.max_rate_hz else 0.0
+
+
+def fitted(pattern: Pattern, capabilities: Capabilities) -> Pattern:
+    """Return a pattern as a device can play it: bursts it can make felt, changes as far apart as it takes.
+
+    Bursts begin when they did, as long as the pauses between them can still be felt; else the rhythm slows.
+    """
+    if pattern.kind not in ("pulses", "bursts") or not pattern.on_ms:
+        return pattern
+    gap_ms = least_gap_ms(capabilities)
+    on_ms = max(pattern.on_ms, capabilities.shortest_on_ms, gap_ms)
+    left_ms = pattern.on_ms + pattern.off_ms - on_ms
+    off_ms = max(left_ms, min(pattern.off_ms, capabilities.shortest_on_ms), gap_ms)
+    return replace(pattern, on_ms=on_ms, off_ms=off_ms)
+
+
 def beyond(pattern: Pattern, capabilities: Capabilities) -> list[str]:
     """Say, a sentence each, what of a pattern a device cannot do."""
     sentences = []
@@ -60,9 +103,12 @@ def beyond(pattern: Pattern, capabilities: Capabilities) -> list[str]:
             sentences.append(
                 f"{pattern.name}: {pattern.frequency_hz:g} Hz lies outside {low:g} to {high:g} Hz"
             )
-    if 0 < pattern.on_ms < capabilities.shortest_on_ms:
-        shortest = capabilities.shortest_on_ms
-        sentences.append(f"{pattern.name}: {pattern.on_ms:g} ms are not felt, {shortest:g} ms are")
+    played = fitted(pattern, capabilities)
+    if (played.on_ms, played.off_ms) != (pattern.on_ms, pattern.off_ms):
+        sentences.append(
+            f"{pattern.name}: {pattern.on_ms:g} ms on, {pattern.off_ms:g} ms off become "
+            f"{played.on_ms:g} on, {played.off_ms:g} off; no shorter ones are felt"
+        )
     if capabilities.amplitude_levels == 1 and 0 < pattern.amplitude < 1:
         sentences.append(f"{pattern.name}: amplitude {pattern.amplitude:g} becomes on or off")
     return sentences

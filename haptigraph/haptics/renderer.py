@@ -5,7 +5,8 @@ Remembers what is playing, so that a steady state keeps its rhythm and a one-sho
 
 from collections.abc import Iterable
 
-from haptigraph.haptics.pattern import duration_ns
+from haptigraph.haptics.guidance import Guidance
+from haptigraph.haptics.pattern import NS_PER_MS, duration_ns, position_ns
 from haptigraph.messages import OFF, UNKNOWN, Conclusion, HapticCommand, Pattern
 
 __all__ = ["GrammarRenderer"]
@@ -14,8 +15,9 @@ __all__ = ["GrammarRenderer"]
 class GrammarRenderer:
     """Choose a pattern for every conclusion.
 
-    Bursts start when their state is entered and play to their end, once, even if the state is left for a
-    silent one; any other pattern, or losing the needle, cuts them short.
+    Numbers of a pattern may follow a measure; its rhythm goes on meanwhile. Bursts start when their state is
+    entered and play to their end, once, even if the state is left for a silent one; any other pattern, or
+    losing the needle, cuts them short.
 
     Args:
         patterns: The procedure's patterns; every `feel` of its states is among them.
@@ -23,14 +25,17 @@ class GrammarRenderer:
 
     def __init__(self, patterns: Iterable[Pattern]) -> None:
         self._patterns = {pattern.name: pattern for pattern in patterns}
+        self._guidance = Guidance()
         self._playing, self._since_ns, self._state = OFF, 0, UNKNOWN
+        self._left_ns: dict[str, int] = {}
 
     def __call__(self, conclusion: Conclusion) -> HapticCommand:
         """Return what the hand feels from this moment on."""
         now_ns = conclusion.stamp_ns
-        wanted = self._patterns[conclusion.feel]
-        entered = conclusion.state != self._state
+        wanted = self._guidance(self._patterns[conclusion.feel], conclusion.measures)
+        entered = conclusion.state != self._state and self._is_armed(conclusion.state, wanted, now_ns)
         self._state = conclusion.state
+        self._left_ns[conclusion.state] = now_ns
         if self._burst_is_over(now_ns):
             self._play(OFF, now_ns)
         if conclusion.state == UNKNOWN:
@@ -47,11 +52,24 @@ class GrammarRenderer:
     def reset(self) -> None:
         """Forget what is playing."""
         self._playing, self._since_ns, self._state = OFF, 0, UNKNOWN
+        self._left_ns.clear()
+        self._guidance.reset()
+
+    def _is_armed(self, state: str, pattern: Pattern, now_ns: int) -> bool:
+        """Tell whether a state was left long enough for its bursts to play again."""
+        left_ns = self._left_ns.get(state)
+        return left_ns is None or now_ns - left_ns >= pattern.rearm_ms * NS_PER_MS
 
     def _burst_is_over(self, now_ns: int) -> bool:
         length_ns = duration_ns(self._playing)
         return length_ns is not None and now_ns - self._since_ns >= length_ns
 
     def _play(self, pattern: Pattern, now_ns: int) -> None:
-        if pattern != self._playing:
-            self._playing, self._since_ns = pattern, now_ns
+        """Play a pattern from its start; one that goes on with other numbers keeps its rhythm."""
+        if pattern == self._playing:
+            return
+        goes_on = pattern.name == self._playing.name
+        self._since_ns = now_ns - (
+            position_ns(self._playing, pattern, now_ns - self._since_ns) if goes_on else 0
+        )
+        self._playing = pattern

@@ -3,12 +3,23 @@
 from collections.abc import Callable
 from typing import TypeAlias
 
+from haptigraph.messages import Capabilities
 from haptigraph.stages import Device
 
-__all__ = ["Listener", "TappedDevice"]
+__all__ = ["PAGE_CONTROLLER", "Listener", "TappedDevice"]
 
 Listener: TypeAlias = Callable[[int, float, float], None]
 """Told (stamp_ns, amplitude, frequency_hz) of every change; must return at once and never raise."""
+
+PAGE_CONTROLLER = Capabilities(
+    amplitude_levels=65535,
+    frequency_range_hz=None,
+    shortest_on_ms=50.0,
+    max_rate_hz=20.0,
+    holds_ms=150.0,
+    otherwise="Below 120 Hz the strong motor turns, else both; changes wait for their turn, silence never.",
+)
+"""What a game controller does that listens through the live page; `static/rumble.js` plays it."""
 
 
 class TappedDevice:

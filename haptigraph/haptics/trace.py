@@ -10,21 +10,28 @@ from haptigraph.messages import Capabilities
 
 __all__ = ["TraceDevice"]
 
+DEFAULT = "touch.csv"
+
 
 class TraceDevice:
     """Write stamp_ns, amplitude, frequency_hz at every change; plot the run beside the file on close.
 
     Args:
-        path: The CSV file to write.
+        path: The CSV file to write; touch.csv if empty.
 
     Raises:
         BadInput: If it or its plot exists, or it cannot be written.
     """
 
-    capabilities = Capabilities(amplitude_levels=65535, frequency_range_hz=(0.0, 1000.0), shortest_on_ms=0.0)
+    capabilities = Capabilities(
+        amplitude_levels=65535,
+        frequency_range_hz=(0.0, 1000.0),
+        shortest_on_ms=0.0,
+        otherwise="All is written as it was told.",
+    )
 
     def __init__(self, path: str | Path) -> None:
-        self._path = Path(path)
+        self._path = Path(path or DEFAULT)
         self._picture = self._path.with_suffix(".png")
         self._rows: list[tuple[int, float]] = []
         if self._path.suffix.lower() == ".png":

@@ -24,6 +24,7 @@ class ReadAhead:
 
     def __init__(self, source: Source, *, waits: bool) -> None:
         self.rate_hz, self.registration = source.rate_hz, source.registration
+        self.notes = getattr(source, "notes", ())
         self._source, self._waits = source, waits
         self._queue: queue.Queue[Capture | BaseException] = queue.Queue(DEPTH)
         self._ended: BaseException | None = None

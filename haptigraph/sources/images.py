@@ -1,15 +1,17 @@
 """Images from a folder, in the order of their names (numbers as numbers), at a rate of the user's choice."""
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 from haptigraph.errors import BadInput, EndOfSource
-from haptigraph.messages import Capture
+from haptigraph.messages import Capture, Image
 from haptigraph.recording.codec import decode
 
-__all__ = ["ImagesSource"]
+__all__ = ["SUFFIXES", "ImagesSource"]
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+"""Of the images that are read."""
 KEPT = (".png", ".jpg", ".jpeg")  # what a recording can store as it is
 
 
@@ -17,20 +19,23 @@ class ImagesSource:
     """Read a folder.
 
     Args:
-        folder: The folder.
+        folder: The folder; or one image.
         rate_hz: Images per second.
+        decode: Turns a file's bytes into an image; raises ValueError where it cannot.
 
     Raises:
         BadInput: If it has no images.
     """
 
     is_live = False
-    registration = None
+    registration: str | None = None
 
-    def __init__(self, folder: str | Path, rate_hz: float) -> None:
+    def __init__(self, folder: str | Path, rate_hz: float, decode: Callable[[bytes], Image] = decode) -> None:
         self.rate_hz = rate_hz
-        self._index = -1
-        files = (file for file in Path(folder).iterdir() if file.suffix.lower() in SUFFIXES)
+        self._index, self._decode = -1, decode
+        folder = Path(folder)
+        inside = [folder] if folder.is_file() else folder.iterdir()
+        files = (file for file in inside if file.suffix.lower() in SUFFIXES)
         self._files = sorted(files, key=lambda file: _natural(file.name))
         if not self._files:
             raise BadInput(f"no images in the folder; {', '.join(SUFFIXES)} are read", folder)
@@ -43,9 +48,11 @@ class ImagesSource:
         file = self._files[self._index]
         try:
             data = file.read_bytes()
-            image = decode(data)
+            image = self._decode(data)
         except OSError as error:
             raise BadInput(f"cannot be read ({error.strerror})", file) from None
+        except BadInput as error:
+            raise BadInput(error.problem, file) from None
         except ValueError:
             raise BadInput("not an image that OpenCV can read", file) from None
         stamp_ns = round(self._index * 1e9 / self.rate_hz)

@@ -22,6 +22,8 @@ class JpegSource:
         self.rate_hz, self.is_live, self.registration = source.rate_hz, source.is_live, source.registration
         self.teleop = getattr(source, "teleop", None)
         """Where a hand steers the source, if it can be steered."""
+        self.notes = getattr(source, "notes", ())
+        """What a camera says of itself."""
 
     def read(self, timeout_s: float) -> Capture | None:
         """Return the next capture, decoded from the bytes it carries."""

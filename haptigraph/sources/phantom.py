@@ -2,8 +2,7 @@
 
 from haptigraph.errors import EndOfSource
 from haptigraph.messages import Capture
-from haptigraph.sim.phantom import Phantom
-from haptigraph.sim.scenario import load_scenario
+from haptigraph.sim.ioct import open_phantom
 
 __all__ = ["PhantomSource"]
 
@@ -14,6 +13,7 @@ class PhantomSource:
     Args:
         name: Of a scenario that ships with haptigraph, or the path of a .toml file.
         loop: Whether to start again when it is over.
+        target_mm: Where the target lies along the retina; None: as the scenario says.
 
     Raises:
         BadInput: If there is no such scenario.
@@ -21,12 +21,11 @@ class PhantomSource:
 
     is_live = False
 
-    def __init__(self, name: str, *, loop: bool = False) -> None:
-        scenario = load_scenario(name)
-        self._phantom = Phantom(scenario)
+    def __init__(self, name: str, *, loop: bool = False, target_mm: float | None = None) -> None:
+        self._phantom = open_phantom(name, target_mm)
         self._loop = loop
         self._index = -1
-        self.rate_hz = scenario.about.rate_hz
+        self.rate_hz = self._phantom.scenario.about.rate_hz
         self.registration: str | None = self._phantom.registration
 
     def read(self, timeout_s: float) -> Capture | None:
@@ -39,7 +38,7 @@ class PhantomSource:
             raise EndOfSource
         self._index += 1
         stamp_ns = round(self._index * 1e9 / self.rate_hz)
-        return Capture(self._index, stamp_ns, moment.image, truth=moment.truth)
+        return Capture(self._index, stamp_ns, moment.image, truth=moment.truth, phase=moment.phase)
 
     def close(self) -> None:
         """Do nothing: nothing stays open."""

@@ -1,27 +1,80 @@
 """Every source keeps the Source contract. A new source joins by getting an opener here."""
 
+import itertools
+import threading
+from contextlib import contextmanager
+
 import cv2
 import numpy as np
 import pytest
+from streaming import StreamingCamera
 
 from haptigraph import assemble
-from haptigraph.clock import VirtualClock
+from haptigraph.analysis.replay import replay
+from haptigraph.clock import MonotonicClock, VirtualClock
 from haptigraph.config import load_config
-from haptigraph.errors import EndOfSource
+from haptigraph.errors import EndOfSource, SourceLost
 from haptigraph.messages import Capture
-from haptigraph.recording.codec import encode_png
+from haptigraph.recording.codec import encode_jpeg, encode_png
+from haptigraph.recording.reader import RunReader
+from haptigraph.sources import live
 from haptigraph.stages import Source
 
-FILES = ["images", "phantom", "recording", "video"]
+FILES = ["dicom", "images", "oct", "phantom", "realsense-file", "recording", "video"]
+LIVE = ["camera", "realsense"]
+PATIENCE = 400  # reads of 50 ms
+
+
+def images_of(quick_uri):
+    """The phantom's own images, so that every source shows an eye."""
+    source = assemble.open_source(load_config(None, (f"source.uri={quick_uri}",)), VirtualClock())
+    images = []
+    while len(images) < 30:
+        images.append(source.read(1.0).image)
+    source.close()
+    return images
+
+
+def make_dicom(path, images, **elements):
+    dicom_files = pytest.importorskip("dicom_files", reason="needs pydicom", exc_type=ImportError)
+    rgb = np.array(images)[..., ::-1]
+    dicom_files.write(path, dicom_files.dicom(np.ascontiguousarray(rgb), "RGB", FrameTime=40, **elements))
+
+
+def make_oct(path, images):
+    make_dicom(path, images, PixelSpacing=[0.0039, 0.0115])
+
+
+def make_realsense(path, images):
+    device = pytest.importorskip("realsense_device", reason="needs pyrealsense2", exc_type=ImportError)
+    device.record(path, images, [7e6 + 33.3 * number for number in range(len(images))])
+
+
+def make_video(path, images):
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 30.0, images[0].shape[1::-1])
+    for image in images:
+        writer.write(image)
+    writer.release()
+
+
+def make_images(path, images):
+    path.mkdir()
+    for number, image in enumerate(images):
+        (path / f"{number}.png").write_bytes(encode_png(image))
+
+
+MAKERS = {
+    "dicom": (make_dicom, "run.dcm"),
+    "images": (make_images, "folder"),
+    "oct": (make_oct, "oct.dcm"),
+    "realsense-file": (make_realsense, "run.db3"),
+    "video": (make_video, "run.avi"),
+}
 
 
 @pytest.fixture
 def uri(request, tmp_path, quick_uri):
     kind = request.param
-    if kind == "images":
-        for number in range(5):
-            (tmp_path / f"{number}.png").write_bytes(encode_png(np.full((20, 20, 3), number, np.uint8)))
-        return str(tmp_path)
     if kind == "phantom":
         return quick_uri
     if kind == "recording":
@@ -29,12 +82,19 @@ def uri(request, tmp_path, quick_uri):
         settings = (f"source.uri={quick_uri}", "run.realtime=false", f'recording.path="{path}"')
         assemble.build(load_config(None, settings)).run()
         return str(path)
-    path = tmp_path / "v.avi"
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 30.0, (32, 24))
-    for number in range(5):
-        writer.write(np.full((24, 32, 3), number, np.uint8))
-    writer.release()
-    return str(path)
+    make, name = MAKERS[kind]
+    make(tmp_path / name, images_of(quick_uri))
+    return f"oct:{tmp_path / name}" if kind == "oct" else str(tmp_path / name)
+
+
+@pytest.fixture
+def eye(quick_uri, tmp_path):
+    """The path of a registration for the phantom's images."""
+    source = assemble.open_source(load_config(None, (f"source.uri={quick_uri}",)), VirtualClock())
+    file = tmp_path / "eye.toml"
+    file.write_text(source.registration)
+    source.close()
+    return file
 
 
 def open_uri(uri):
@@ -54,7 +114,8 @@ def drain(source):
 
 
 def test_all_sources_are_under_contract():
-    assert {*FILES, "camera", "teleop"} == set(assemble.SOURCES)  # these two have tests of their own
+    by_themselves = {"ros2", "teleop"}  # from a network, steered by a hand: tests of their own
+    assert {*FILES, *LIVE, *by_themselves} == set(assemble.SOURCES)
 
 
 @pytest.mark.parametrize("uri", FILES, indirect=True)
@@ -83,7 +144,151 @@ def test_opening_again_gives_the_same_images(uri):
     first, second = open_uri(uri), open_uri(uri)
     for one, other in zip(drain(first), drain(second), strict=True):
         assert one.stamp_ns == other.stamp_ns
+        assert one.camera == other.camera
         assert (one.image is None) == (other.image is None)
         assert one.image is None or np.array_equal(one.image, other.image)
     first.close()
     second.close()
+
+
+@pytest.mark.parametrize("uri", FILES, indirect=True)
+def test_a_file_closes_before_its_end(uri):
+    source = open_uri(uri)
+    source.read(1.0)
+    source.close()
+    source.close()
+
+
+@pytest.mark.parametrize("uri", FILES, indirect=True)
+def test_a_recorded_run_replays_identically_and_keeps_the_cameras_stamps(uri, eye, tmp_path):
+    run = tmp_path / "run.mcap"
+    settings = (
+        f'source.uri="{uri}"',
+        f'source.registration="{eye}"',
+        f'recording.path="{run}"',
+        "run.realtime=false",
+    )
+    assemble.build(load_config(None, settings)).run()
+    stamps = [capture.camera for capture in drain(open_uri(uri))]
+    kept = [capture.camera for capture, _ in RunReader(run).records(images=())]
+    assert kept[: len(stamps)] == stamps
+    report = replay(run)
+    assert report.identical == report.steps > 20
+
+
+# --- live
+
+
+@contextmanager
+def camera_on_the_network(images):
+    camera = StreamingCamera([encode_jpeg(image, 90) for image in images])
+    try:
+        yield camera.uri, camera.unplug, camera.plug_in
+    finally:
+        if not camera.gone.is_set():
+            camera.unplug()
+
+
+@contextmanager
+def realsense_camera(images, monkeypatch):
+    device = pytest.importorskip("realsense_device", reason="needs pyrealsense2", exc_type=ImportError)
+    height, width = images[0].shape[:2]
+    camera, over, silent = device.SoftwareCamera((width, height)), threading.Event(), threading.Event()
+
+    def feed():
+        for number in itertools.count():
+            if over.wait(0.02):
+                return
+            if not silent.is_set():
+                camera.push(number, 5000 + 20.0 * number, images[number % len(images)])
+
+    monkeypatch.setattr("haptigraph.sources.realsense.find_device", lambda serial: camera.device)
+    monkeypatch.setattr("haptigraph.sources.realsense.NEXT_MS", 100)
+    thread = threading.Thread(target=feed)
+    thread.start()
+    try:
+        yield "realsense", silent.set, silent.clear
+    finally:
+        over.set()
+        thread.join()
+
+
+@pytest.fixture
+def plugged(request, quick_uri, monkeypatch):
+    """A camera that runs: its name, how to unplug it, and how to plug it in again."""
+    monkeypatch.setattr(live, "RETRY_S", (0.02,))
+    images = images_of(quick_uri)
+    if request.param == "camera":
+        opened = camera_on_the_network(images)
+    else:
+        opened = realsense_camera(images, monkeypatch)
+    with opened as (uri, unplug, plug_in):
+        yield uri, unplug, plug_in, images[0].shape[1::-1]
+
+
+def read_until(source, wanted):
+    for _ in range(PATIENCE):
+        try:
+            result = source.read(0.05)
+        except SourceLost as lost:
+            result = lost
+        if wanted(result):
+            return result
+    raise AssertionError("it never came")
+
+
+@pytest.mark.parametrize("plugged", LIVE, indirect=True)
+def test_a_live_source_gives_its_newest_image_is_lost_and_found_again(plugged):
+    uri, unplug, plug_in, size_px = plugged
+    clock = MonotonicClock()
+    config = load_config(None, (f'source.uri="{uri}"', "source.jpeg_quality=0"))
+    source = assemble.open_source(config, clock, size_px)
+    assert isinstance(source, Source)
+    assert source.is_live is True
+    assert source.rate_hz > 0
+    assert all(uri in note for note in source.notes)
+    captures = [read_until(source, lambda result: isinstance(result, Capture)) for _ in range(5)]
+    for before, after in itertools.pairwise(captures):
+        assert before.index < after.index
+        assert before.stamp_ns < after.stamp_ns <= clock.now_ns()
+    assert captures[0].image.shape == (size_px[1], size_px[0], 3)
+    unplug()
+    lost = read_until(source, lambda result: isinstance(result, SourceLost))
+    assert str(lost) == f"{uri} delivers no images; trying to get it back"
+    assert source.read(0.01) is None
+    plug_in()
+    back = read_until(source, lambda result: isinstance(result, Capture))
+    assert back.index > captures[-1].index
+    assert back.stamp_ns > captures[-1].stamp_ns
+    source.close()
+    source.close()
+
+
+@pytest.mark.parametrize("plugged", LIVE, indirect=True)
+def test_a_live_run_that_loses_its_camera_replays_identically(plugged, eye, tmp_path):
+    uri, unplug, plug_in, _ = plugged
+    run = tmp_path / "run.mcap"
+    settings = (
+        f'source.uri="{uri}"',
+        f'source.registration="{eye}"',
+        f'recording.path="{run}"',
+        "source.rate_hz=30",
+    )
+    loop = assemble.build(load_config(None, settings))
+    seen, was_lost = 0, False
+    for step in loop.steps():
+        seen += not step.faults
+        if seen == 10:
+            unplug()
+            seen += 1
+        if any("delivers no images" in fault.message for fault in step.faults):
+            assert step.conclusion.state == "unknown"
+            was_lost = True
+            plug_in()
+        if was_lost and not step.faults:
+            break
+    loop.close()
+    report = replay(run)
+    assert report.identical == report.steps > 10
+    stamps = [capture.stamp_ns for capture, _ in RunReader(run).records(images=())]
+    assert stamps == sorted(stamps)

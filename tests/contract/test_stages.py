@@ -1,4 +1,4 @@
-"""Every perceiver, device, sink and the other stages keep their contracts."""
+"""Every perceiver, sink and the other stages keep their contracts."""
 
 import io
 
@@ -8,20 +8,19 @@ from helpers import LOW, make_step, observe, on_axis
 
 from haptigraph import assemble
 from haptigraph.config import Config
-from haptigraph.errors import EndOfSource
+from haptigraph.errors import EndOfSource, MissingExtra
 from haptigraph.geometry import Point, Segment
 from haptigraph.haptics.renderer import GrammarRenderer
 from haptigraph.inference.engine import RuleEngine
-from haptigraph.messages import Capabilities, Capture
+from haptigraph.messages import Capture
 from haptigraph.scene.builder import SchemaSceneBuilder
 from haptigraph.sinks.console import ConsoleSink
 from haptigraph.sources.phantom import PhantomSource
-from haptigraph.stages import Device, Perceiver, Reasoner, Renderer, SceneBuilder, Sink
+from haptigraph.stages import Perceiver, Reasoner, Renderer, SceneBuilder, Sink
 
 
-@pytest.fixture(scope="module")
-def phantom_images(quick):
-    source, captures = PhantomSource(quick), []
+def played(name):
+    source, captures = PhantomSource(name), []
     try:
         while True:
             captures.append(source.read(1.0))
@@ -29,17 +28,36 @@ def phantom_images(quick):
         return source.registration, captures
 
 
+@pytest.fixture(scope="module")
+def eye_images(quick):
+    return played(quick)
+
+
+@pytest.fixture(scope="module")
+def scan_images(quick_scan):
+    return played(quick_scan)
+
+
 @pytest.fixture(params=assemble.PERCEIVERS)
-def perceiver(request, phantom_images):
-    registration, _ = phantom_images
-    config = Config()
-    from msgspec.structs import replace
+def perceiver_class(request):
+    return assemble._named(assemble.PERCEIVERS, "perceiver", request.param)
 
-    from haptigraph.perception.registration import parse_registration
 
-    settings = replace(config.perception, perceiver=request.param)
-    cls = assemble._named(assemble.PERCEIVERS, "perceiver", request.param)
-    return cls(parse_registration(registration, "phantom"), settings)
+@pytest.fixture
+def phantom_images(request, perceiver_class):
+    """Of the phantom that the perceiver is made for."""
+    takes_scans = getattr(perceiver_class, "takes_scans", False)
+    return request.getfixturevalue("scan_images" if takes_scans else "eye_images")
+
+
+@pytest.fixture
+def perceiver(perceiver_class, phantom_images):
+    from haptigraph.perception.scan_registration import parse_registered
+
+    try:
+        return perceiver_class(parse_registered(phantom_images[0], "phantom"), Config().perception)
+    except MissingExtra as missing:
+        pytest.skip(str(missing))
 
 
 def test_a_perceiver_never_guesses_and_repeats_itself(perceiver, phantom_images):
@@ -70,18 +88,6 @@ def test_a_perceiver_leaves_the_image_alone(perceiver, phantom_images):
     image = captures[60].image.copy()
     perceiver(captures[60])
     assert np.array_equal(image, captures[60].image)
-
-
-@pytest.mark.parametrize("name", assemble.DEVICES)
-def test_a_device_says_what_it_can_and_closes_twice(name, tmp_path):
-    device = assemble.open_device(f"trace:{tmp_path / 'touch.csv'}" if name == "trace" else name)
-    assert isinstance(device, Device)
-    assert isinstance(device.capabilities, Capabilities)
-    assert device.capabilities.amplitude_levels >= 1
-    device.set(0.5, 80.0, 0)
-    device.set(0.0, 0.0, 1)
-    device.close()
-    device.close()
 
 
 def test_the_stages_between_fit_their_protocols_and_repeat_themselves(procedure, registration):

@@ -16,7 +16,7 @@ class Terminal(io.StringIO):
 
 def test_the_console_draws_a_bar_in_a_terminal():
     terminal = Terminal()
-    device = ConsoleDevice(terminal)
+    device = ConsoleDevice(stream=terminal)
     device.set(0.5, 80.0, 0)
     assert "██████████··········" in terminal.getvalue()
     assert "0.50 at  80 Hz" in terminal.getvalue()
@@ -27,7 +27,7 @@ def test_the_console_draws_a_bar_in_a_terminal():
 
 def test_the_console_is_quiet_where_nobody_looks():
     stream = io.StringIO()
-    device = ConsoleDevice(stream)
+    device = ConsoleDevice(stream=stream)
     device.set(1.0, 80.0, 0)
     device.close()
     assert stream.getvalue() == ""

@@ -1,4 +1,5 @@
 import math
+from itertools import pairwise
 
 import pytest
 from helpers import LOW, MS, PULSE, SUCCESS, make_step
@@ -17,7 +18,8 @@ class Spy:
 
     capabilities = Capabilities(100, None, 0.0)
 
-    def __init__(self):
+    def __init__(self, capabilities=None):
+        self.capabilities = capabilities or Spy.capabilities
         self.told: list[tuple[float, float, float]] = []
         self.error: Exception | None = None
         self.closed = 0
@@ -250,3 +252,76 @@ def test_numbers_no_limit_can_hold_are_silence_and_a_fault(spy, key, number):
     assert "pattern 'pulse' has a number below 0 or not finite" in fault.message
     send(guard, LOW, 110)
     assert spy.amplitude == 0.3
+
+
+def on_device(max_rate_hz=None, holds_ms=None, shortest_on_ms=0.0, **settings):
+    spy = Spy(Capabilities(100, None, shortest_on_ms, max_rate_hz, holds_ms))
+    return spy, guard_of(spy, **settings)
+
+
+def test_a_change_waits_until_the_device_takes_it():
+    spy, guard = on_device(max_rate_hz=20)
+    send(guard, LOW, 0)
+    send(guard, replace(LOW, amplitude=0.6), 60)
+    send(guard, PULSE, 70)
+    guard.advance(200 * MS)
+    assert spy.edges() == [
+        (50, 0.3),
+        (100, 1.0),
+        (150, 0.0),
+    ]  # the pulse of 70 to 150 begins late, ends in time
+
+
+def test_silence_never_waits():
+    spy, guard = on_device(max_rate_hz=20)
+    guard.advance(0)
+    send(guard, LOW, 100)
+    send(guard, LOW, 101, state=UNKNOWN)
+    assert spy.edges() == [(100, 0.3), (101, 0.0)]
+    send(guard, LOW, 102)
+    guard.advance(200 * MS)
+    assert spy.edges() == [(100, 0.3), (101, 0.0), (151, 0.3)]
+
+
+def test_a_short_pulse_becomes_one_the_device_can_play():
+    spy, guard = on_device(shortest_on_ms=50)
+    send(guard, replace(PULSE, on_ms=20, off_ms=80), 0)
+    guard.advance(149 * MS)
+    assert spy.edges() == [(0, 1.0), (50, 0.0), (100, 1.0)]
+
+
+def test_a_device_that_falls_silent_by_itself_is_told_again_in_time_and_silence_once():
+    spy, guard = on_device(holds_ms=100)
+    send(guard, LOW, 0)
+    guard.advance(400 * MS)
+    assert spy.edges() == [(0, 0.3), (50, 0.3), (100, 0.3), (150, 0.0)]
+
+
+@given(
+    history=st.lists(
+        st.tuples(
+            st.integers(0, 200),
+            st.sampled_from([OFF, LOW, PULSE, SUCCESS, replace(PULSE, on_ms=10, off_ms=10)]),
+            st.booleans(),
+        ),
+        max_size=20,
+    ),
+    rate_hz=st.sampled_from([None, 5.0, 20.0]),
+    holds_ms=st.sampled_from([None, 60.0, 150.0]),
+)
+def test_whatever_a_device_can_silence_comes_in_time_and_nothing_comes_too_soon(history, rate_hz, holds_ms):
+    spy, guard = on_device(rate_hz, holds_ms)
+    now_ms = 0
+    for wait_ms, pattern, known in history:
+        now_ms += wait_ms
+        send(guard, pattern, now_ms, state="some_state" if known else UNKNOWN)
+        if not known:
+            assert spy.amplitude == 0
+    guard.advance((now_ms + 150) * MS)
+    assert spy.amplitude == 0
+    for (before_ms, *_), (after_ms, amplitude, _) in pairwise(spy.told):
+        if amplitude and rate_hz:
+            assert after_ms - before_ms >= 1000 / rate_hz - 1e-6
+    if holds_ms and (not rate_hz or 1000 / rate_hz <= holds_ms):
+        for (before_ms, amplitude, _), (after_ms, *_) in pairwise(spy.told):
+            assert not amplitude or after_ms - before_ms <= holds_ms

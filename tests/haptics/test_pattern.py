@@ -3,7 +3,7 @@ from helpers import LOW, MS, PULSE, SUCCESS
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptigraph.haptics.pattern import amplitude_at, beyond, duration_ns, next_change_ns
+from haptigraph.haptics.pattern import amplitude_at, beyond, duration_ns, fitted, next_change_ns
 from haptigraph.messages import OFF, Capabilities, HapticCommand, Pattern
 
 patterns = st.sampled_from([OFF, LOW, PULSE, SUCCESS])
@@ -62,10 +62,35 @@ def test_between_changes_the_amplitude_stays(pattern, since_ns, stamp_ns):
         (Capabilities(100, (0.0, 400.0), 0.0), PULSE, []),
         (Capabilities(100, None, 0.0), PULSE, ["pulse: 160 Hz cannot be chosen"]),
         (Capabilities(100, (200.0, 400.0), 0.0), PULSE, ["pulse: 160 Hz lies outside 200 to 400 Hz"]),
-        (Capabilities(100, (0.0, 400.0), 100.0), PULSE, ["pulse: 80 ms are not felt, 100 ms are"]),
+        (
+            Capabilities(100, (0.0, 400.0), 100.0),
+            PULSE,
+            ["pulse: 80 ms on, 80 ms off become 100 on, 80 off; no shorter ones are felt"],
+        ),
+        (
+            Capabilities(100, (0.0, 400.0), 0.0, 10.0),
+            PULSE,
+            ["pulse: 80 ms on, 80 ms off become 100 on, 100 off; no shorter ones are felt"],
+        ),
         (Capabilities(1, (0.0, 400.0), 0.0), LOW, ["low: amplitude 0.3 becomes on or off"]),
         (Capabilities(1, None, 500.0), OFF, []),
     ],
 )
 def test_a_device_says_what_it_cannot(capabilities, pattern, told):
     assert beyond(pattern, capabilities) == told
+
+
+@pytest.mark.parametrize(
+    ("on_ms", "off_ms", "shortest_ms", "rate_hz", "played"),
+    [
+        (80, 80, 50, 20, (80, 80)),
+        (30, 70, 50, None, (50, 50)),  # begins when it did
+        (30, 40, 50, None, (50, 40)),  # a pause that is as short as that stays
+        (30, 30, 0, 20, (50, 50)),
+        (0, 50, 50, 20, (0, 50)),  # never on stays never on
+    ],
+)
+def test_a_rhythm_is_fitted_to_the_device(on_ms, off_ms, shortest_ms, rate_hz, played):
+    pattern = Pattern("p", "pulses", 1.0, 0.0, on_ms, off_ms)
+    fit = fitted(pattern, Capabilities(1, None, shortest_ms, rate_hz))
+    assert (fit.on_ms, fit.off_ms) == played

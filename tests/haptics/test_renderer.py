@@ -107,3 +107,20 @@ def test_a_silent_or_unknown_state_never_vibrates_but_for_the_end_of_a_burst(seq
             assert amplitude == 0
         if state == "on_course" and amplitude:
             assert now_ms - last_burst_ms < 300
+
+
+def test_bursts_play_again_only_after_their_state_was_left_long_enough():
+    rare = Pattern("rare", "bursts", amplitude=0.5, on_ms=50, off_ms=50, count=2, rearm_ms=1000)
+    render = GrammarRenderer([OFF, rare])
+
+    def play(ms: float, state: str):
+        feel = "rare" if state == "hit" else "off"
+        return render(Conclusion(round(ms * MS), state, 0, feel, "")).pattern
+
+    assert play(0, "hit") == rare
+    assert play(300, "near") == OFF
+    assert play(600, "hit") == OFF
+    assert play(700, "near") == OFF
+    assert play(1500, "hit") == OFF  # left for 900 ms only
+    assert play(1600, "near") == OFF
+    assert play(2600, "hit") == rare

@@ -1,6 +1,7 @@
 import cv2
 import numpy as np
 import pytest
+from helpers import drain
 
 from haptigraph.errors import BadInput, EndOfSource
 from haptigraph.messages import Capture
@@ -12,16 +13,6 @@ from haptigraph.sources.video import VideoSource
 
 def picture(number: int) -> np.ndarray:
     return np.full((48, 64, 3), 10 * number, np.uint8)
-
-
-def drain(source):
-    captures = []
-    try:
-        while True:
-            captures.append(source.read(1.0))
-    except EndOfSource:
-        source.close()
-    return captures
 
 
 @pytest.fixture

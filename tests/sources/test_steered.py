@@ -39,7 +39,7 @@ def build(uri: str, *settings: str):
 
 
 def test_nobody_steers_and_the_needle_stands_where_the_scenario_begins(name):
-    source = TeleopSource(name)
+    source = TeleopSource(name, VirtualClock())
     first, *others = [source.read(1.0) for _ in range(10)]
     assert first.truth.depth_mm == 8.0
     assert first.truth.theta_deg == pytest.approx(6.0)
@@ -49,7 +49,7 @@ def test_nobody_steers_and_the_needle_stands_where_the_scenario_begins(name):
 
 
 def test_an_image_shows_what_the_hand_did_until_it_was_read(name):
-    source = TeleopSource(name)
+    source = TeleopSource(name, VirtualClock())
     before = source.read(1.0)
     source.teleop.put(HandMotion(True, 1.0))
     after = source.read(1.0)
@@ -58,15 +58,40 @@ def test_an_image_shows_what_the_hand_did_until_it_was_read(name):
     assert np.abs(after.image.astype(int) - before.image).max() > 50
 
 
+def test_an_image_shows_what_the_hand_did_until_it_was_due(name):
+    class LateHand(VirtualClock):
+        def wait_until(self, stamp_ns):
+            super().wait_until(stamp_ns)
+            source.teleop.put(HandMotion(True, 1.0))
+
+    source = TeleopSource(name, LateHand())
+    source.read(1.0)
+    assert [source.read(1.0).hand.along_mm for _ in range(3)] == [
+        2.0,
+        1.0,
+        1.0,
+    ]  # the first image moves nothing
+
+
+def test_moments_that_have_passed_are_left_out(name):
+    clock = VirtualClock(start_ns=7)
+    source = TeleopSource(name, clock)
+    source.read(1.0)
+    clock.wait_until(7 + 3_500_000_000 // 30)
+    late, after = source.read(1.0), source.read(1.0)
+    assert (late.index, late.stamp_ns) == (3, 7 + 3_500_000_000 // 30)
+    assert (after.index, after.stamp_ns) == (4, 7 + 133_333_333)
+
+
 def test_what_is_put_before_the_first_image_is_in_the_second(name):
-    source = TeleopSource(name)
+    source = TeleopSource(name, VirtualClock())
     source.teleop.put(HandMotion(True, 1.0))
     assert source.read(1.0).truth.depth_mm == 8.0
     assert source.read(1.0).truth.depth_mm == pytest.approx(8.0 + SCALE)
 
 
 def test_the_same_hand_gives_the_same_images(name):
-    first, second = TeleopSource(name), TeleopSource(name)
+    first, second = TeleopSource(name, VirtualClock()), TeleopSource(name, VirtualClock())
     rng = np.random.default_rng(0)
     for number in range(20):
         if number == 10:
@@ -81,7 +106,7 @@ def test_the_same_hand_gives_the_same_images(name):
 
 
 def test_nothing_is_lost_between_threads(name):
-    source = TeleopSource(name)
+    source = TeleopSource(name, VirtualClock())
 
     def push():
         for _ in range(2000):
@@ -142,7 +167,7 @@ def test_what_cannot_be_steered_is_one_sentence(settings, told):
 
 def test_a_scenario_too_slow_for_the_tremor_filter_is_refused(quick):
     with pytest.raises(BadInput) as refused:
-        TeleopSource(quick)
+        TeleopSource(quick, VirtualClock())
     told = f"{quick}, scenario.rate_hz: rate_hz 15 is too slow to be steered; at least 25 is needed"
     assert str(refused.value) == told
 

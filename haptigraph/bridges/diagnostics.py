@@ -1,0 +1,68 @@
+"""Sum up a run once a second as ROS's diagnostics: is the loop well, how fast, what went wrong."""
+
+from collections import Counter
+
+from haptigraph.messages import Capture, Step
+from haptigraph.ros2.types import DiagnosticArray, DiagnosticStatus, Header, KeyValue, Time
+
+__all__ = ["Diagnosis"]
+
+OK, WARN, ERROR = 0, 1, 2
+PERIOD_NS = 1_000_000_000
+
+
+class Diagnosis:
+    """Collect steps, and say once a second how they were.
+
+    Args:
+        name: Of what is diagnosed.
+        utc_offset_ns: Nanoseconds since 1970 minus stamp_ns.
+    """
+
+    def __init__(self, name: str, utc_offset_ns: int) -> None:
+        self._name, self._utc_offset_ns = name, utc_offset_ns
+        self._begun_ns: int | None = None
+        self._steps = self._images = self._latency_ns = 0
+        self._faults: Counter[str] = Counter()
+
+    def add(self, capture: Capture, step: Step) -> DiagnosticArray | None:
+        """Take one step; return the second it completes, if it does."""
+        if self._begun_ns is None:
+            self._begun_ns = step.stamp_ns
+        elapsed_ns = step.stamp_ns - self._begun_ns
+        self._steps += 1
+        self._images += capture.image is not None
+        if step.timing is not None:
+            self._latency_ns = max(self._latency_ns, step.timing.commanded_ns - step.stamp_ns)
+        self._faults.update(f"{fault.where}: {fault.message}" for fault in step.faults)
+        if elapsed_ns < PERIOD_NS:
+            return None
+        summary = self._summary(step, elapsed_ns)
+        self._begun_ns, self._steps, self._images, self._latency_ns = step.stamp_ns, 0, 0, 0
+        self._faults.clear()
+        return summary
+
+    def _summary(self, step: Step, elapsed_ns: int) -> DiagnosticArray:
+        level, message = OK, "ok"
+        if self._faults:
+            level, message = WARN, self._faults.most_common(1)[0][0]
+        if not self._images:
+            level = ERROR
+        values = {
+            "state": step.conclusion.state,
+            "image_rate_hz": f"{self._images * 1e9 / elapsed_ns:.1f}",
+            "step_rate_hz": f"{self._steps * 1e9 / elapsed_ns:.1f}",
+            "longest_latency_ms": f"{self._latency_ns / 1e6:.1f}",
+            **{f"fault {number}": f"{text} ({count} times)" for number, (text, count) in self._ranked()},
+        }
+        status = DiagnosticStatus(
+            level=level,
+            name=f"{self._name}: loop",
+            message=message,
+            hardware_id=self._name,
+            values=[KeyValue(key, value) for key, value in values.items()],
+        )
+        return DiagnosticArray(Header(Time.from_ns(step.stamp_ns + self._utc_offset_ns)), [status])
+
+    def _ranked(self) -> list[tuple[int, tuple[str, int]]]:
+        return list(enumerate(self._faults.most_common(5), 1))

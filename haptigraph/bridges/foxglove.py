@@ -1,0 +1,90 @@
+"""Serve a run to Foxglove live, over its websocket, with the very channels and schemas of a recording."""
+
+import msgspec
+from msgspec.structs import replace
+
+from haptigraph.bridges.address import listening_at
+from haptigraph.bridges.bridge import Run
+from haptigraph.errors import BadInput, MissingExtra
+from haptigraph.messages import Capture, Step
+from haptigraph.recording.codec import encode_jpeg
+from haptigraph.recording.entries import entries
+from haptigraph.recording.schema import TOPICS, mcap_schema
+
+try:
+    import foxglove
+except ImportError:
+    raise MissingExtra("bridge foxglove", "foxglove") from None
+
+__all__ = ["FoxgloveLink"]
+
+PORT = 8765
+BACKLOG = 64
+"""Messages kept for a slow viewer; then it misses the oldest."""
+JPEG_QUALITY = 80
+
+
+class FoxgloveLink:
+    """A server that any number of Foxglove viewers may connect to.
+
+    Args:
+        argument: PORT or HOST:PORT; 8765 on this machine if empty.
+        run: What is told.
+
+    Raises:
+        BadInput: If it cannot listen there.
+        MissingExtra: If foxglove-sdk is not installed.
+    """
+
+    def __init__(self, argument: str, run: Run) -> None:
+        self._image, self._utc_offset_ns = run.image, run.info.utc_offset_ns
+        host, port = listening_at(argument, "foxglove", PORT)
+        self._context = foxglove.Context()  # held, because the library forgets what nobody holds
+        try:
+            self._server = foxglove.start_server(
+                name=f"haptigraph: {run.info.source}",
+                host=host,
+                port=port,
+                context=self._context,
+                message_backlog_size=BACKLOG,
+            )
+        except Exception as error:  # of the library's own kinds
+            raise BadInput(f"bridge foxglove cannot listen at {host}:{port} ({error})") from None
+        self.port = self._server.port
+        self._channels = {
+            topic.name: foxglove.Channel(
+                topic.name,
+                message_encoding="json",
+                schema=foxglove.Schema(
+                    name=topic.schema,
+                    encoding="jsonschema",
+                    data=msgspec.json.encode(mcap_schema(topic, run.measures)),
+                ),
+                context=self._context,
+            )
+            for topic in TOPICS
+        }
+        self._open = True
+
+    def send(self, capture: Capture, step: Step) -> None:
+        """Send one step to whoever watches; raw images as JPEG, for speed."""
+        if not any(channel.has_sinks() for channel in self._channels.values()):
+            return
+        if capture.image is not None and capture.encoded is None:
+            capture = replace(capture, encoded=encode_jpeg(capture.image, JPEG_QUALITY))
+        utc_ns = step.stamp_ns + self._utc_offset_ns
+        for topic, message in entries(capture, step, image=self._image, utc_offset_ns=self._utc_offset_ns):
+            self._channels[topic].log(msgspec.json.encode(message), log_time=utc_ns)
+
+    def felt(self, stamp_ns: int, amplitude: float, frequency_hz: float) -> None:
+        """Do nothing: the channels are those of a recording."""
+
+    def take_problems(self) -> tuple[str, ...]:
+        """Return nothing: viewers come and go."""
+        return ()
+
+    def close(self) -> None:
+        """Hang up."""
+        if self._open:
+            self._open = False
+            self._server.stop()

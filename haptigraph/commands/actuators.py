@@ -1,0 +1,57 @@
+"""Commands for what vibrates: devices, devices test."""
+
+import sys
+
+import click
+
+from haptigraph.commands.options import procedure_option
+from haptigraph.terminal import terminable
+
+__all__ = ["devices", "devices_test"]
+
+SAFETY = "Research software: never let it vibrate on anyone whom a vibration, or its absence, could harm."
+
+
+@click.group(invoke_without_command=True)
+@click.pass_context
+def devices(context: click.Context) -> None:
+    """List what can vibrate here, what each device can, and what an extra would add."""
+    if context.invoked_subcommand is not None:
+        return
+    from rich.console import Console
+
+    from haptigraph.analysis.actuators import actuators
+
+    console = Console(markup=False, emoji=False, width=None if sys.stdout.isatty() else 160)
+    table, sentences = actuators()
+    console.print(table)
+    for sentence in sentences:
+        console.print(sentence)
+    console.print("Try one: haptigraph devices test DEVICE. Use one: haptigraph run SOURCE --device DEVICE.")
+    console.print(SAFETY)
+
+
+@devices.command("test")
+@click.argument("device")
+@procedure_option
+def devices_test(device: str, procedure: str | None) -> None:
+    """Let DEVICE play every pattern of the haptic grammar, and measure its round trip where it answers."""
+    from haptigraph.analysis.actuators import play_grammar
+    from haptigraph.assemble import load_procedure, open_device
+    from haptigraph.clock import MonotonicClock
+    from haptigraph.config import RunConfig
+    from haptigraph.errors import DeviceError
+
+    patterns = load_procedure(procedure or RunConfig().procedure).patterns
+    opened = open_device(device)
+    click.echo(SAFETY)
+    with terminable():
+        trial = play_grammar(opened, patterns, MonotonicClock(), click.echo)
+    if trial.faults:
+        raise DeviceError(f"{device}: {trial.faults[0].message}")
+    p50_ms, p99_ms = (trial.told.percentile_ms(percent) for percent in (50, 99))
+    click.echo(f"{trial.count} commands, {p50_ms:.2f} ms each (p50), {p99_ms:.2f} ms (p99)")
+    if trial.capabilities.answers:
+        click.echo("the device confirmed each one, so this is the round trip")
+    else:
+        click.echo("the device confirms nothing, so how late it vibrates is not known")

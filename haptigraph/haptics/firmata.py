@@ -1,0 +1,212 @@
+"""Drive a motor from any Arduino or ESP32 with the stock sketch StandardFirmata: one PWM pin over serial.
+
+Protocol: github.com/firmata/protocol, version 2.5. After every command the pin's state is asked for, so
+that a board that hangs, was reset or lost power is noticed at once. Knows no pattern; the board holds what it
+was told for ever, so `assemble` keeps this device in a `warden`.
+"""
+
+import os
+import time
+from contextlib import suppress
+from typing import Any
+from urllib.parse import parse_qsl
+
+from msgspec.structs import replace
+
+from haptigraph.errors import BadInput, DeviceError, MissingExtra
+from haptigraph.messages import Capabilities
+
+__all__ = ["FirmataDevice"]
+
+END, VERSION, SYSEX, SET_PIN_MODE, ANALOG = b"\xf7", b"\xf9", 0xF0, 0xF4, 0xE0
+FIRMWARE, CAPABILITY_QUERY, CAPABILITIES, STATE_QUERY, STATE, EXTENDED_ANALOG = (
+    0x79,
+    0x6B,
+    0x6C,
+    0x6D,
+    0x6E,
+    0x6F,
+)
+PWM = 3
+
+BOOT_S = 6.0  # an Arduino starts anew when its port is opened, and waits two seconds for a new sketch
+ASK_AGAIN_S = 0.5
+LEARN_S = 2.0  # a Mega says 700 bytes
+ANSWER_S = 0.1  # 20 bytes at 57,600 baud take 4 ms
+OPTIONS = {"pin": 9, "baud": 57_600}
+
+
+class FirmataDevice:
+    """Set a PWM pin of a board.
+
+    Args:
+        argument: PORT?pin=N&baud=N, for example /dev/ttyACM0?pin=9; pin 9 and 57,600 baud if not given.
+
+    Raises:
+        BadInput: If the port cannot be used, nothing on it speaks Firmata, or the pin has no PWM.
+        MissingExtra: If pyserial is not installed.
+    """
+
+    capabilities = Capabilities(
+        amplitude_levels=255,
+        frequency_range_hz=None,
+        shortest_on_ms=50.0,
+        answers=True,
+        otherwise="A motor spins faster when told stronger; its frequency cannot be chosen.",
+    )
+
+    def __init__(self, argument: str) -> None:
+        self._port, self._pin, self._baud = _parsed(argument)
+        self._serial: Any = None
+        self._top = 0
+        try:
+            self._connect()
+        except DeviceError as error:
+            raise BadInput(str(error), f"serial:{argument}") from None
+        self.capabilities = replace(self.capabilities, amplitude_levels=self._top)
+
+    @staticmethod
+    def found() -> dict[str, str]:
+        """Return the serial ports of this machine: what to give as device, and what is said to be there."""
+        try:
+            from serial.tools import list_ports  # noqa: PLC0415 - an extra
+        except ModuleNotFoundError:
+            raise MissingExtra("device serial", "serial") from None
+        return {f"serial:{port.device}": port.product or "serial port" for port in list_ports.comports()}
+
+    def set(self, amplitude: float, frequency_hz: float, stamp_ns: int) -> None:
+        """Set the pin's duty cycle, and see that the board did."""
+        try:
+            if self._serial is None:
+                self._connect()
+            self._write(round(amplitude * self._top))
+        except DeviceError:
+            self._disconnect()
+            raise
+        except OSError as error:  # pyserial's errors are of this kind
+            self._disconnect()
+            raise DeviceError(f"{self._port} is lost ({error.strerror or error})") from None
+
+    def close(self) -> None:
+        """Set the pin to 0 and release the port."""
+        try:
+            if self._serial is not None:
+                self.set(0.0, 0.0, 0)
+        finally:
+            self._disconnect()
+
+    def _connect(self) -> None:
+        """Open the port, wait for the board, still the pin, learn what it can."""
+        try:
+            import serial  # noqa: PLC0415 - an extra
+        except ModuleNotFoundError:
+            raise MissingExtra("device serial", "serial") from None
+        try:
+            self._serial = serial.Serial(
+                self._port, self._baud, timeout=ASK_AGAIN_S, write_timeout=ANSWER_S, exclusive=True
+            )
+        except (OSError, ValueError) as error:
+            number = getattr(error, "errno", None)
+            reason = os.strerror(number) if number else error
+            raise DeviceError(f"{self._port} cannot be opened ({reason})") from None
+        try:
+            self._await_board()
+            self._send(SET_PIN_MODE, self._pin, PWM)
+            self._send(*_analog(self._pin, 0))
+            self._top = self._learn()
+            self._write(0)
+        except BaseException:
+            self._disconnect()
+            raise
+
+    def _await_board(self) -> None:
+        """Ask for the firmware's name until it is told."""
+        give_up_s = time.monotonic() + BOOT_S
+        while time.monotonic() < give_up_s:
+            self._serial.write(VERSION)
+            self._send_sysex(FIRMWARE)
+            if self._answer(FIRMWARE, ASK_AGAIN_S) is not None:
+                return
+        raise DeviceError(
+            f"nothing on {self._port} answers as Firmata at {self._baud} baud; upload the sketch "
+            "StandardFirmata (Arduino IDE: File, Examples, Firmata), or give another rate: ?baud=115200"
+        )
+
+    def _learn(self) -> int:
+        """Return the pin's greatest value."""
+        self._send_sysex(CAPABILITY_QUERY)
+        answer = self._answer(CAPABILITIES, LEARN_S)
+        if answer is None:
+            raise DeviceError(f"the board on {self._port} does not say what its pins can")
+        pins = [dict(zip(modes[::2], modes[1::2], strict=False)) for modes in answer.split(b"\x7f")]
+        able = [number for number, modes in enumerate(pins) if PWM in modes]
+        if self._pin not in able:
+            raise DeviceError(
+                f"pin {self._pin} has no PWM; pins that have: {', '.join(map(str, able)) or 'none'}"
+            )
+        return int((1 << pins[self._pin][PWM]) - 1)
+
+    def _write(self, value: int) -> None:
+        """Set the pin and ask what it stands at."""
+        self._send(*_analog(self._pin, value))
+        self._send_sysex(STATE_QUERY, self._pin)
+        answer = self._answer(STATE, ANSWER_S)
+        if answer is None:
+            raise DeviceError(f"the board on {self._port} does not answer")
+        pin, mode, *bits = answer
+        stands_at = sum(bit << 7 * place for place, bit in enumerate(bits))
+        if (pin, mode, stands_at) != (self._pin, PWM, value):
+            raise DeviceError(
+                f"the board on {self._port} was reset: its pin does not stand at what it was told"
+            )
+
+    def _answer(self, command: int, within_s: float) -> bytes | None:
+        """Return what a system message of this kind says, if one comes in time."""
+        give_up_s = time.monotonic() + within_s
+        while (left_s := give_up_s - time.monotonic()) > 0:
+            self._serial.timeout = left_s
+            _, start, message = self._serial.read_until(END).rpartition(bytes((SYSEX,)))
+            if start and message[:1] == bytes((command,)) and message.endswith(END):
+                return bytes(message[1:-1])
+        return None
+
+    def _send_sysex(self, *message: int) -> None:
+        self._send(SYSEX, *message, END[0])
+
+    def _send(self, *message: int) -> None:
+        self._serial.write(bytes(message))
+
+    def _disconnect(self) -> None:
+        """Let go of the port; a board that hears but does not answer is stilled all the same."""
+        port, self._serial = self._serial, None
+        if port is not None:
+            with suppress(OSError):
+                port.write(bytes(_analog(self._pin, 0)))
+            with suppress(OSError):
+                port.close()
+
+
+def _parsed(argument: str) -> tuple[str, int, int]:
+    """Return port, pin and baud rate of what stands behind "serial:"."""
+    port, _, query = argument.partition("?")
+    values = {**OPTIONS}
+    for key, text in parse_qsl(query, keep_blank_values=True):
+        if key not in OPTIONS or not text.isdecimal():
+            raise BadInput(f"found {key}={text}; valid behind the port: ?pin=N&baud=N", f"serial:{argument}")
+        values[key] = int(text)
+    if not port:
+        raise BadInput(
+            "names no port; valid: serial:/dev/ttyACM0?pin=9, and `haptigraph devices` lists ports", "serial"
+        )
+    if values["pin"] > 127:
+        raise BadInput(
+            f"pin {values['pin']} does not exist; Firmata knows pins 0 to 127", f"serial:{argument}"
+        )
+    return port, values["pin"], values["baud"]
+
+
+def _analog(pin: int, value: int) -> tuple[int, ...]:
+    """Return the message that sets a pin: the short one where pin and value fit."""
+    if pin < 16 and value < 1 << 14:
+        return ANALOG | pin, value & 0x7F, value >> 7
+    return SYSEX, EXTENDED_ANALOG, pin, *(value >> place & 0x7F for place in range(0, 28, 7)), END[0]

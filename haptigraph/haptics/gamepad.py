@@ -1,0 +1,113 @@
+"""Let a game controller rumble, through SDL2.
+
+SDL ends a rumble only while it is pumped, and some controllers end one after seconds by themselves; so it is
+sent again while it lasts, never for longer than `HOLDS_MS`, and silence is always sent. `assemble` keeps this
+device in a `warden`, which stills it when the run dies. Knows no pattern.
+"""
+
+import warnings
+from typing import Any
+
+from haptigraph.errors import BadInput, DeviceError, MissingExtra
+from haptigraph.messages import Capabilities
+
+__all__ = ["GamepadDevice"]
+
+HOLDS_MS = 150
+HIGH_HZ = 120.0  # from here on the fast motor turns, too
+HINTS = {
+    b"SDL_JOYSTICK_ALLOW_BACKGROUND_EVENTS": b"1",  # there is no window to have the focus
+    b"SDL_JOYSTICK_THREAD": b"1",
+    b"SDL_NO_SIGNAL_HANDLERS": b"1",
+}
+
+
+class GamepadDevice:
+    """Rumble one controller.
+
+    Args:
+        argument: Which one, from 0; the first if empty.
+
+    Raises:
+        BadInput: If it is not there or cannot rumble.
+        MissingExtra: If PySDL2 is not installed.
+    """
+
+    capabilities = Capabilities(
+        amplitude_levels=65535,
+        frequency_range_hz=None,
+        shortest_on_ms=50.0,
+        max_rate_hz=20.0,
+        holds_ms=HOLDS_MS,
+        otherwise="Below 120 Hz the slow motor turns, else both; changes wait for their turn, silence never.",
+    )
+
+    def __init__(self, argument: str = "") -> None:
+        if argument and not argument.isdecimal():
+            raise BadInput(f"gamepad:{argument} is no controller; gamepad:0 is the first")
+        self._number, self._sdl, self._pad = int(argument or 0), _sdl(), None
+        try:
+            self._open()
+        except DeviceError as error:
+            raise BadInput(str(error), f"gamepad:{self._number}") from None
+
+    @staticmethod
+    def found() -> dict[str, str]:
+        """Return the controllers that are connected: what to give as device, and their names."""
+        sdl = _sdl()
+        sdl.SDL_JoystickUpdate()
+        names = [sdl.SDL_JoystickNameForIndex(number) for number in range(sdl.SDL_NumJoysticks())]
+        return {
+            f"gamepad:{number}": (name or b"unnamed").decode(errors="replace")
+            for number, name in enumerate(names)
+        }
+
+    def set(self, amplitude: float, frequency_hz: float, stamp_ns: int) -> None:
+        """Turn the motors."""
+        self._sdl.SDL_JoystickUpdate()
+        if self._pad is None or not self._sdl.SDL_JoystickGetAttached(self._pad):
+            self._let_go()
+            self._open()
+        slow = round(amplitude * 65535)
+        fast = slow if frequency_hz >= HIGH_HZ else 0
+        if self._sdl.SDL_JoystickRumble(self._pad, slow, fast, HOLDS_MS if slow else 0):
+            raise DeviceError(f"the controller does not rumble ({self._said()})")
+
+    def close(self) -> None:
+        """Stop the motors and release the controller."""
+        if self._pad is not None:
+            self._sdl.SDL_JoystickRumble(self._pad, 0, 0, 0)
+            self._let_go()
+
+    def _open(self) -> None:
+        count = self._sdl.SDL_NumJoysticks()
+        if self._number >= count:
+            raise DeviceError(f"there is no controller {self._number}; {count} are connected")
+        self._pad = self._sdl.SDL_JoystickOpen(self._number)
+        if not self._pad or not self._sdl.SDL_JoystickHasRumble(self._pad):
+            why = "cannot rumble" if self._pad else f"cannot be opened ({self._said()})"
+            self._let_go()
+            raise DeviceError(f"controller {self._number} {why}")
+
+    def _let_go(self) -> None:
+        pad, self._pad = self._pad, None
+        if pad:
+            self._sdl.SDL_JoystickClose(pad)
+
+    def _said(self) -> str:
+        return str(self._sdl.SDL_GetError().decode(errors="replace"))
+
+
+def _sdl() -> Any:
+    """Return SDL, ready for controllers and nothing else."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # it warns that it found its own library
+            import sdl2  # noqa: PLC0415 - an extra
+    except ImportError:  # also where the library of its own cannot be loaded
+        raise MissingExtra("device gamepad", "gamepad") from None
+    for name, value in HINTS.items():
+        sdl2.SDL_SetHint(name, value)
+    if sdl2.SDL_InitSubSystem(sdl2.SDL_INIT_JOYSTICK):
+        raise BadInput(f"SDL does not start ({sdl2.SDL_GetError().decode(errors='replace')})", "gamepad")
+    return sdl2

@@ -1,0 +1,87 @@
+"""A device at the other end of a ROS 2 network: sensor_msgs/JoyFeedback, as ROS's joy node takes it.
+
+The joy node plays each message for one second on both motors, so the guard tells it again before that. A
+process of its own (`warden`) publishes silence when the run dies.
+"""
+
+import threading
+from contextlib import suppress
+
+from haptigraph.errors import DeviceError
+from haptigraph.messages import Capabilities
+
+__all__ = ["Ros2Device"]
+
+DEFAULT_TOPIC = "joy/set_feedback"
+LOOK_S = 1.0  # subscribers make themselves known within this
+TICK_S = 0.02
+
+
+class Ros2Device:
+    """Publish every amplitude as the intensity of a rumble. Opening waits a moment for who subscribes.
+
+    Args:
+        topic: Where to publish; joy/set_feedback if empty.
+
+    Raises:
+        BadInput: If it is no topic, or the network cannot be joined.
+        MissingExtra: If cyclonedds is not installed.
+    """
+
+    capabilities = Capabilities(
+        amplitude_levels=65535,
+        frequency_range_hz=None,
+        shortest_on_ms=50.0,
+        max_rate_hz=20.0,
+        holds_ms=1000.0,
+        otherwise="The subscriber chooses the frequency; the joy node turns both motors alike.",
+    )
+
+    def __init__(self, topic: str = "") -> None:
+        # Here, so that what it can is known without the extra.
+        from haptigraph.ros2 import types  # noqa: PLC0415
+        from haptigraph.ros2.node import Node  # noqa: PLC0415
+
+        self._types = types
+        self._topic = topic or DEFAULT_TOPIC
+        self._node = Node()
+        self._publisher = self._node.publisher(self._topic, types.JoyFeedback)
+        tick = threading.Event()
+        for _ in range(round(LOOK_S / TICK_S)):  # or the first command would find nobody
+            if self._publisher.has_listeners:
+                break
+            tick.wait(TICK_S)
+
+    @staticmethod
+    def found() -> dict[str, str]:
+        """Return who subscribes to touch on the network: what to give as device, and where."""
+        from haptigraph.ros2.node import Node  # noqa: PLC0415
+
+        node = Node()
+        threading.Event().wait(LOOK_S)
+        subscribed = node.subscribed()
+        node.close()
+        where = f"subscribed to on ROS domain {node.domain}"
+        return {f"ros2:{topic}": where for topic, kind in subscribed.items() if kind.endswith("JoyFeedback_")}
+
+    def set(self, amplitude: float, frequency_hz: float, stamp_ns: int) -> None:
+        """Publish one amplitude, whether anybody listens or not.
+
+        Raises:
+            DeviceError: If nobody listens, or it could not be published.
+        """
+        try:
+            self._tell(amplitude)
+        except OSError as error:
+            raise DeviceError(f"ros2:{self._topic} cannot be published ({error})") from None
+        if not self._publisher.has_listeners:
+            raise DeviceError(f"nobody subscribes to ros2:{self._topic} (ROS domain {self._node.domain})")
+
+    def close(self) -> None:
+        """Publish silence and leave the network."""
+        with suppress(OSError):  # it has left already
+            self._tell(0.0)
+        self._node.close()
+
+    def _tell(self, amplitude: float) -> None:
+        self._publisher.send(self._types.JoyFeedback(self._types.RUMBLE, 0, amplitude))

@@ -1,0 +1,96 @@
+"""What extras bring costs nobody who lacks them, and whoever asks for it is told in one sentence."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+LIBRARIES = (
+    "cyclonedds", "foxglove", "pydicom", "pyigtl", "pylsl", "pyrealsense2", "sdl2", "serial", "sounddevice",
+)  # fmt: skip
+PROGRAM = """
+import json, sys
+from click.testing import CliRunner
+from haptigraph.cli import main
+results = [CliRunner().invoke(main, arguments) for arguments in json.load(sys.stdin)]
+print(json.dumps([(result.exit_code, result.stdout, result.stderr) for result in results]))
+"""
+MISSING = {
+    ("--bridge", "ros2"): ("ros2", "ros"),
+    ("--bridge", "lsl"): ("bridge lsl", "lsl"),
+    ("--bridge", "foxglove"): ("bridge foxglove", "foxglove"),
+    ("--device", "audio"): ("device audio", "audio"),
+    ("--device", "gamepad:0"): ("device gamepad", "gamepad"),
+    ("--device", "ros2"): ("ros2", "ros"),
+    ("--device", "serial:/dev/null"): ("device serial", "serial"),
+}
+SOURCES = {
+    "ros2:/camera/image": ("ros2", "ros"),
+    "realsense": ("a RealSense camera", "realsense"),
+    "scan.dcm": ("scan.dcm: DICOM", "dicom"),
+}
+
+
+def run_bare(folder, program, told=""):
+    """Run a program for which no extra is installed, nor for the processes that it starts."""
+    for name in LIBRARIES:
+        (folder / f"{name}.py").write_text(f"raise ModuleNotFoundError({name!r})")
+    path = os.pathsep.join([str(folder), *filter(None, sys.path)])
+    done = subprocess.run(
+        [sys.executable, "-c", program], input=told, cwd=folder, env={**os.environ, "PYTHONPATH": path},
+        capture_output=True, text=True, timeout=100,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def bare(tmp_path_factory, quick, quick_uri, registration_toml):
+    """What commands answer where no extra is installed: exit code, output, errors."""
+    folder = tmp_path_factory.mktemp("bare")
+    (folder / "eye.toml").write_text(registration_toml)
+    (folder / "scan.dcm").write_bytes(b"something")
+    with open(quick) as file:
+        (folder / "brief.toml").write_text("[[move]]".join(file.read().split("[[move]]")[:2]))
+    asked = {
+        **{key: ["run", quick_uri, "--record", "run.mcap", *key] for key in MISSING},
+        **{uri: ["run", uri, "--registration", "eye.toml", "--record", "run.mcap"] for uri in SOURCES},
+        "devices": ["devices"],
+        "openigtlink": ["run", "phantom:brief.toml", "--bridge", "openigtlink:0"],
+    }
+    answers = json.loads(run_bare(folder, PROGRAM, json.dumps([*asked.values()])))
+    assert not (folder / "run.mcap").exists()
+    return dict(zip(asked, answers, strict=True))
+
+
+@pytest.mark.parametrize("asked", [*MISSING, *SOURCES], ids=str)
+def test_a_missing_extra_is_one_sentence(bare, asked):
+    who, extra = {**MISSING, **SOURCES}[asked]
+    sentence = f"haptigraph: {who} needs an extra; install it with: pip install 'haptigraph[{extra}]'\n"
+    assert bare[asked] == [2, "", sentence]
+
+
+def test_what_devices_can_is_listed_without_their_extras(bare):
+    code, listed, _ = bare["devices"]
+    assert code == 0
+    for extra in ("audio", "gamepad", "ros", "serial"):
+        assert f"pip install 'haptigraph[{extra}]'" in listed
+    assert "the joy node turns both motors alike" in listed
+
+
+def test_the_phantom_runs_and_slicer_is_told_with_no_extra_at_all(bare):
+    code, summary, told = bare["openigtlink"]
+    assert code == 0, told
+    assert "source ended" in summary
+
+
+def test_a_run_without_bridges_loads_none_of_their_libraries(tmp_path, quick_uri):
+    program = (
+        "import sys; from haptigraph import build, load_config\n"
+        f"build(load_config(settings=['source.uri={quick_uri}'])).close()\n"
+        f"assert not set(sys.modules) & set({LIBRARIES!r})\n"
+        "assert not [name for name in sys.modules if name.startswith(('haptigraph.bridges', 'haptigraph.ros2'))]"
+    )
+    run_bare(tmp_path, program)

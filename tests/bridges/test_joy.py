@@ -1,0 +1,89 @@
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+pytest.importorskip("cyclonedds")
+
+from haptigraph.bridges.joy import CLUTCH, SPEED_MM_S, JoySteering
+from haptigraph.clock import VirtualClock
+from haptigraph.ros2.types import Header, Joy
+
+
+@pytest.fixture
+def clock():
+    return VirtualClock()
+
+
+@pytest.fixture
+def moved():
+    return []
+
+
+@pytest.fixture
+def steering(clock, moved):
+    return JoySteering(moved.append, clock)
+
+
+def joy(across=0.0, along=0.0, clutch=1):
+    return Joy(Header(), [across, along], [0] * CLUTCH + [clutch])
+
+
+def test_a_stick_at_its_end_moves_at_full_speed(steering, clock, moved):
+    for _ in range(20):
+        clock.wait_until(clock.now_ns() + 50_000_000)
+        steering.take(joy(along=-1.0))
+    assert sum(motion.along_mm for motion in moved) == pytest.approx(SPEED_MM_S)
+    assert all(motion.across_mm == 0 for motion in moved)
+
+
+def test_right_on_the_stick_is_to_the_right_and_back_is_into_the_eye(steering, clock, moved):
+    clock.wait_until(10_000_000)
+    steering.take(joy(across=-1.0, along=-1.0))  # ROS: left and forward are positive
+    assert moved[0].across_mm > 0 and moved[0].along_mm > 0
+
+
+def test_a_message_after_a_long_silence_stands_for_no_longer_than_a_tenth_of_a_second(steering, clock, moved):
+    clock.wait_until(10_000_000_000)
+    steering.take(joy(along=-1.0))
+    assert moved[0].along_mm == pytest.approx(0.1 * SPEED_MM_S)
+
+
+def test_without_the_clutch_nothing_moves(steering, clock, moved):
+    clock.wait_until(50_000_000)
+    steering.take(joy(1.0, 1.0, clutch=0))
+    assert (moved[0].engaged, moved[0].along_mm, moved[0].across_mm) == (False, 0, 0)
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        Joy(Header(), [], []),
+        Joy(Header(), [0.0], [1] * 12),
+        Joy(Header(), [0.0, 0.0], [1]),
+        Joy(Header(), [math.nan, 0.0], [1] * 12),
+        Joy(Header(), [0.0, -math.inf], [1] * 12),
+    ],
+)
+def test_a_message_that_cannot_be_used_lets_go(steering, moved, message):
+    with pytest.raises(ValueError, match="joy has "):
+        steering.take(message)
+    assert [motion.engaged for motion in moved] == [False]
+
+
+@given(
+    axes=st.lists(st.floats(width=32), max_size=4),
+    buttons=st.lists(st.integers(-(2**31), 2**31 - 1), max_size=8),
+)
+def test_whatever_comes_moves_the_hand_by_no_more_than_its_speed(axes, buttons):
+    clock, moved = VirtualClock(), []
+    steering = JoySteering(moved.append, clock)
+    clock.wait_until(50_000_000)
+    try:
+        steering.take(Joy(Header(), axes, buttons))
+    except ValueError:
+        assert not moved[-1].engaged
+    way_mm = SPEED_MM_S * 0.05 + 1e-9
+    assert len(moved) == 1
+    assert abs(moved[0].along_mm) <= way_mm and abs(moved[0].across_mm) <= way_mm

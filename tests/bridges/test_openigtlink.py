@@ -1,0 +1,171 @@
+import math
+import socket
+import struct
+
+import numpy as np
+import pytest
+from helpers import make_step
+from hypothesis import given
+from hypothesis import strategies as st
+from msgspec.structs import replace
+from ros_network import running, until
+
+from haptigraph.bridges import openigtlink
+from haptigraph.bridges.igtl_messages import HEADER, crc64, string, transform
+from haptigraph.bridges.openigtlink import OpenIgtLink, needle_matrix
+from haptigraph.geometry import Segment
+from haptigraph.messages import Capture
+
+LINE = Segment((2.0, 10.0), (1.0, -4.0))
+places = st.tuples(st.floats(-20, 20), st.floats(-20, 20))
+
+
+def step_with(line, stamp_ns=0):
+    step = make_step(stamp_ns=stamp_ns)
+    return replace(step, observation=replace(step.observation, found={"needle_line": line} if line else {}))
+
+
+def messages(data):
+    """Take messages apart by the specification, not by our own writer."""
+    while data:
+        version, kind, device, stamp, size, crc = struct.unpack(">H12s20sQQQ", data[:58])
+        body, data = data[58 : 58 + size], data[58 + size :]
+        assert (version, len(body), crc64(body)) == (1, size, crc)
+        yield kind.rstrip(b"\0").decode(), device.rstrip(b"\0").decode(), stamp / 2**32, body
+
+
+def test_the_checksum_is_that_of_the_standard():
+    assert crc64(b"123456789") == 0x6C40DF5F0B497347  # CRC-64/ECMA-182's check value
+    assert crc64(b"") == 0
+
+
+@given(text=st.text(max_size=300), utc_ns=st.integers(0, 2**62))
+def test_a_string_is_whole_by_the_specification(text, utc_ns):
+    ((kind, device, stamp_s, body),) = messages(string("State", utc_ns, text))
+    encoding, length = struct.unpack(">HH", body[:4])
+    assert (kind, device, encoding, body[4:].decode(), length) == (
+        "STRING",
+        "State",
+        106,
+        text,
+        len(body) - 4,
+    )
+    assert stamp_s == pytest.approx(utc_ns / 1e9, abs=1e-9)
+
+
+def test_a_transform_is_written_by_columns():
+    matrix = ((1.0, 2.0, 3.0, 4.0), (5.0, 6.0, 7.0, 8.0), (9.0, 10.0, 11.0, 12.0))
+    ((kind, _, _, body),) = messages(transform("NeedleToEye", 0, matrix))
+    assert kind == "TRANSFORM"
+    assert struct.unpack(">12f", body) == (1, 5, 9, 2, 6, 10, 3, 7, 11, 4, 8, 12)
+
+
+@given(start=places, end=places)
+def test_the_needle_is_a_rotation_and_its_tip(start, end):
+    matrix = np.array(needle_matrix(Segment(start, end)))
+    rotation = matrix[:, :3]
+    assert np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-9)
+    assert np.linalg.det(rotation) == pytest.approx(1.0)
+    assert tuple(matrix[:, 3]) == (*end, 0.0)
+    length_mm = math.dist(start, end)
+    if length_mm > 1e-6:  # a model whose shaft lies along -z, as SlicerIGT makes them, lies on the shaft
+        assert np.allclose(matrix @ [0, 0, -length_mm, 1], (*start, 0.0), atol=1e-6)
+
+
+@pytest.fixture
+def link(run):
+    link = OpenIgtLink("0", run)
+    yield link
+    link.close()
+    link.close()
+
+
+def client_of(link):
+    client = socket.create_connection(("127.0.0.1", link.port))
+    client.settimeout(30)
+    return client
+
+
+def read(client, count):
+    """Read so many whole messages."""
+    read = []
+    for _ in range(count):
+        head = client.recv(HEADER.size, socket.MSG_WAITALL)
+        size = HEADER.unpack(head)[4]
+        read += messages(head + client.recv(size, socket.MSG_WAITALL))
+    return read
+
+
+def test_state_and_needle_are_told_and_no_needle_is_no_transform(link):
+    with client_of(link) as client:
+        until(lambda: link.send(Capture(0, 0, None), step_with(LINE, 5)) or link._clients, "nobody came")
+        told = read(client, 2)
+        assert [(kind, device) for kind, device, _, _ in told] == [
+            ("STRING", "SurgicalState"),
+            ("TRANSFORM", "NeedleToEye"),
+        ]
+        assert struct.unpack(">12f", told[1][3])[9:] == (1.0, -4.0, 0.0)
+        assert told[1][2] == pytest.approx(1e9)
+        link.send(Capture(0, 0, None), step_with(None))
+        link.send(Capture(0, 0, None), step_with(None))
+        assert [kind for kind, _, _, _ in read(client, 2)] == ["STRING", "STRING"]
+
+
+def test_what_a_client_says_is_not_listened_to(link):
+    with client_of(link) as client:
+        client.sendall(b"\xff" * 58 + struct.pack(">Q", 2**63) + b"GET_TRANS" * 1000)
+        for _ in range(3):
+            link.send(Capture(0, 0, None), step_with(LINE))
+        until(lambda: link.send(Capture(0, 0, None), step_with(LINE)) or link._clients, "nobody came")
+        assert [kind for kind, _, _, _ in read(client, 4)] == ["STRING", "TRANSFORM"] * 2
+
+
+def test_a_client_that_takes_nothing_is_let_go_and_the_others_get_whole_messages(link, monkeypatch):
+    with client_of(link), client_of(link) as healthy:  # the first takes nothing
+        link.send(Capture(0, 0, None), step_with(LINE))
+        assert len(link._clients) == 2
+        link._clients[0]._connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
+        long = replace(step_with(LINE).conclusion, state="s" * 5000)
+        for _ in range(300):
+            link.send(Capture(0, 0, None), replace(step_with(LINE), conclusion=long))
+            read(healthy, 2)
+        assert len(link._clients) == 2  # it misses steps, and is not waited for
+        assert link.take_problems() == ()
+        monkeypatch.setattr(openigtlink, "STALLED_S", 0.0)
+        until(lambda: link.send(Capture(0, 0, None), step_with(LINE)) or len(link._clients) == 1, "it stays")
+        assert link.take_problems() == ("a client took nothing for 0 s and was let go",)
+
+
+def test_a_client_that_hangs_up_is_forgotten_without_a_word(link):
+    with client_of(link):
+        until(lambda: link.send(Capture(0, 0, None), step_with(LINE)) or link._clients, "nobody came")
+    until(lambda: link.send(Capture(0, 0, None), step_with(LINE)) or not link._clients, "it stays")
+    assert link.take_problems() == ()
+
+
+def answers(port):
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
+
+
+def test_a_pyigtl_client_follows_a_run_live(free_port, quick_uri, procedure):
+    pyigtl = pytest.importorskip("pyigtl", reason="pyigtl needs a C compiler; pip install pyigtl")
+    with running(quick_uri, "--bridge", f"openigtlink:{free_port}") as process:
+        until(lambda: answers(free_port), "nobody serves")
+        with socket.create_connection(("127.0.0.1", free_port)) as rude:
+            rude.sendall(b"\xff" * 58 + b"GET_TRANSFORM" * 1000)
+        client, states, tips = pyigtl.OpenIGTLinkClient(port=free_port), [], []
+        while len(states) < 3 or len(tips) <= 10:
+            message = client.wait_for_message("SurgicalState", timeout=30)
+            assert message is not None, process.told
+            if message.string not in states:
+                states.append(message.string)
+            needle = client.wait_for_message("NeedleToEye", timeout=0)
+            if needle is not None:
+                tips.append(needle.matrix[:3, 3])
+                assert np.allclose(np.linalg.det(needle.matrix[:3, :3]), 1.0, atol=1e-5)
+        client.stop()
+    assert set(states) <= {state.name for state in procedure.states}
+    assert all(np.linalg.norm(tip) < 20 for tip in tips)
+    assert "! bridge" not in process.told
+    assert "Traceback" not in process.told

@@ -1,0 +1,249 @@
+"""Two processes on one machine exchange every ROS 2 topic; the DDS library's own tools say which."""
+
+import math
+import os
+import queue
+import re
+import subprocess
+import sys
+import time
+from contextlib import suppress
+
+import msgspec
+import pytest
+from ros_network import broken_program, loopback, running
+
+pytest.importorskip("cyclonedds")
+
+from haptigraph.bridges.ros2 import EYE_FRAME
+from haptigraph.graph import SceneGraph
+from haptigraph.recording.codec import encode_jpeg
+from haptigraph.ros2.types import (
+    CompressedImage,
+    DiagnosticArray,
+    Float64,
+    Header,
+    Image,
+    Joy,
+    JoyFeedback,
+    PointStamped,
+    String,
+    Time,
+)
+from haptigraph.sources.phantom import PhantomSource
+
+pytestmark = [pytest.mark.timeout(240), pytest.mark.xdist_group("ros2")]
+
+WIRE = {
+    "rt/haptigraph/state": "std_msgs::msg::dds_::String_",
+    "rt/haptigraph/graph": "std_msgs::msg::dds_::String_",
+    "rt/haptigraph/needle_tip": "geometry_msgs::msg::dds_::PointStamped_",
+    "rt/haptigraph/theta": "std_msgs::msg::dds_::Float64_",
+    "rt/haptigraph/touch": "sensor_msgs::msg::dds_::JoyFeedback_",
+    "rt/joy/set_feedback": "sensor_msgs::msg::dds_::JoyFeedback_",
+    "rt/diagnostics": "diagnostic_msgs::msg::dds_::DiagnosticArray_",
+    "rt/joy": "sensor_msgs::msg::dds_::Joy_",
+}
+IDL = {
+    "rt/haptigraph/needle_tip": [
+        "Header_ header",
+        "string frame_id",
+        "double x",
+        "double y",
+        "double z",
+        "Point_ point",
+    ],
+    "rt/joy/set_feedback": ["octet type", "octet id", "float intensity"],
+    "rt/diagnostics": [
+        "byte level",
+        "string hardware_id",
+        "KeyValue_>  values",
+        "DiagnosticStatus_>  status",
+    ],
+    "rt/joy": ["sequence<float>  axes", "sequence<long>  buttons"],
+}
+
+
+@pytest.fixture(scope="module")
+def steered(ros_network):
+    with running("teleop:tests/data/steered.toml", "--bridge", "ros2", "--device", "ros2") as process:
+        yield process
+    assert "interrupted" in process.told
+
+
+def cyclonedds(*arguments, wanted=lambda shown: True):
+    """What the DDS library's own tool shows, after looking longer and longer until that is wanted."""
+    for runtime in ("1s", "4s", "12s"):
+        shown = looked(runtime, *arguments)
+        if wanted(shown):
+            break
+    return shown
+
+
+def looked(runtime, *arguments):
+    tool = [sys.executable, "-c", "from cyclonedds.tools.cli.main import cli; cli()", *arguments]
+    tag = re.search("<Tag>(.*?)</Tag>", os.environ["CYCLONEDDS_URI"])[1]
+    environment = {**os.environ, **loopback(tag, ignored="1.15"), "COLUMNS": "120"}
+    domain = (
+        "--id",
+        os.environ["ROS_DOMAIN_ID"],
+        "-r",
+        runtime,
+        "--suppress-progress-bar",
+        "--color",
+        "none",
+    )
+    return subprocess.run(
+        [*tool, *domain], env=environment, capture_output=True, text=True, timeout=60
+    ).stdout
+
+
+def test_every_topic_of_a_run_arrives_in_ros_units(steered, peer):
+    for topic, kind in {
+        "/haptigraph/state": String,
+        "/haptigraph/graph": String,
+        "/haptigraph/needle_tip": PointStamped,
+        "/haptigraph/theta": Float64,
+        "/haptigraph/touch": JoyFeedback,
+        "/joy/set_feedback": JoyFeedback,
+        "/diagnostics": DiagnosticArray,
+    }.items():
+        peer.hear(topic, kind)
+    assert peer.next("/haptigraph/state").data == "misaligned_intraocular_navigation"
+    graph = msgspec.json.decode(peer.next("/haptigraph/graph").data, type=SceneGraph)
+    theta = peer.next("/haptigraph/theta").data
+    assert math.degrees(theta) == pytest.approx(graph.measures["theta_deg"], abs=0.5)
+    tip = peer.next("/haptigraph/needle_tip")
+    assert tip.header.frame_id == EYE_FRAME
+    assert abs(time.time_ns() - tip.header.stamp.ns) < 10e9
+    assert 0.001 < math.hypot(tip.point.x, tip.point.y) < 0.015  # in an eye of 24 mm, in metres
+    assert tip.point.z == 0.0
+    played = peer.next("/joy/set_feedback", lambda message: message.intensity > 0)
+    assert (played.type, played.id, played.intensity) == (1, 0, pytest.approx(0.3))
+    (status,) = peer.next("/diagnostics", lambda message: message.status[0].level == 0).status
+    assert (status.name, status.message) == ("haptigraph: loop", "ok")
+    values = {pair.key: pair.value for pair in status.values}
+    assert values["state"] == "misaligned_intraocular_navigation"
+    assert float(values["image_rate_hz"]) > 3
+
+
+def test_a_joystick_steers_the_needle_while_its_clutch_holds(steered, peer):
+    peer.hear("/haptigraph/needle_tip", PointStamped)
+    before = peer.next("/haptigraph/needle_tip").point
+    joy, moved = peer.say("/joy", Joy), 0.0
+    for _ in range(300):
+        joy.send(Joy(Header(), [0.0, -1.0], [0, 0, 0, 0, 0, 1]))
+        after = peer.next("/haptigraph/needle_tip").point
+        moved = math.hypot(after.x - before.x, after.y - before.y)
+        if moved > 0.002:
+            break
+    assert moved > 0.002
+    assert after.y < before.y  # back on the stick is down in the picture, into the eye
+
+
+def test_what_the_hand_feels_is_told_as_it_changes(steered, peer):
+    peer.hear("/haptigraph/touch", JoyFeedback)
+    peer.hear("/haptigraph/state", String)
+    joy = peer.say("/joy", Joy)
+    for _ in range(600):  # on into the retina, where it pulses
+        joy.send(Joy(Header(), [0.0, -1.0], [0, 0, 0, 0, 0, 1]))
+        if peer.next("/haptigraph/state").data == "retinal_contact":
+            break
+    for level in (1.0, 0.0, 1.0):
+        peer.next("/haptigraph/touch", lambda touch, level=level: touch.intensity == level)
+
+
+def topics(shown):
+    found = re.findall(r"(rt/\S+) ─.*?Typename\s+│\s+(\S+) ", shown, re.DOTALL)
+    return {name: kind for name, kind in found if name in WIRE}
+
+
+def test_the_dds_tools_show_ros_names_and_types(steered):
+    shown = cyclonedds("ls", wanted=lambda shown: topics(shown) == WIRE)
+    assert topics(shown) == WIRE
+
+
+@pytest.mark.slow  # the tool looks around for seconds
+@pytest.mark.parametrize("topic", IDL)
+def test_the_dds_tools_show_ros_fields(steered, topic):
+    idl = cyclonedds("typeof", topic, wanted=lambda shown: "struct" in shown)
+    assert "@final" in idl
+    package, _, kind = WIRE[topic].partition("::msg::dds_::")
+    assert f"module {package}" in idl and f"struct {kind}" in idl
+    for field in IDL[topic]:
+        assert field in idl
+
+
+def stamped_images():
+    """Pictures of the phantom, in turn raw and compressed, with the stamp they are sent with."""
+    image = PhantomSource("tests/data/steered.toml").read(1.0).image
+    height, width = image.shape[:2]
+    encoded = encode_jpeg(image, 95)
+    while True:
+        header = Header(Time.from_ns(time.time_ns()), "camera")
+        yield Image(header, height, width, "bgr8", 0, 3 * width, image.tobytes())
+        header = Header(Time.from_ns(time.time_ns()), "camera")
+        yield CompressedImage(header, "jpeg", encoded)
+
+
+@pytest.fixture
+def eye(tmp_path):
+    path = tmp_path / "eye.toml"
+    path.write_text(PhantomSource("tests/data/steered.toml").registration)
+    return path
+
+
+def test_images_of_either_kind_come_back_as_the_place_of_the_needle(ros_network, peer, eye):
+    with running("ros2:/camera/image", "--registration", eye, "--bridge", "ros2:rig_b") as process:
+        peer.hear("/rig_b/needle_tip", PointStamped)
+        say = {kind: peer.say("/camera/image", kind) for kind in (Image, CompressedImage)}
+        answered = {Image: 0, CompressedImage: 0}
+        for _, image in zip(range(100), stamped_images(), strict=False):
+            say[type(image)].send(image)
+            with suppress(queue.Empty):  # the first ones may find the run not ready
+                while True:
+                    tip = peer.heard["/rig_b/needle_tip"].get(timeout=1.0)
+                    if tip.header.stamp.ns > image.header.stamp.ns - 1_000_000:  # later, if it was missed
+                        break
+                answered[type(image)] += 1
+            if min(answered.values()) == 10:
+                break
+        assert min(answered.values()) == 10
+    assert "refused" not in process.told
+
+
+def test_nonsense_on_the_network_disturbs_neither_loop_nor_images(ros_network, peer, eye):
+    arguments = ("ros2:/camera/image", "--registration", eye, "--bridge", "ros2:rig_c")
+    with running(*arguments) as process, broken_program():
+        peer.hear("/rig_c/state", String)
+        say, images = peer.say("/camera/image", CompressedImage), stamped_images()
+        for _ in range(600):
+            image = next(images)
+            if isinstance(image, CompressedImage):
+                say.send(image)
+            state = peer.next("/rig_c/state").data
+            if state == "misaligned_intraocular_navigation":
+                break
+        assert state == "misaligned_intraocular_navigation"
+        assert process.poll() is None
+    assert "! source: ros2:/camera/image: refused " in process.told
+    assert "Traceback" not in process.told
+
+
+def test_nonsense_from_a_joystick_neither_steers_nor_disturbs(ros_network, peer):
+    said = ""
+    with running("teleop:tests/data/steered.toml", "--bridge", "ros2:rig_e") as process:
+        peer.hear("/rig_e/state", String)
+        assert peer.next("/rig_e/state").data == "misaligned_intraocular_navigation"
+        peer.hear("/diagnostics", DiagnosticArray)
+        refused = [
+            "joy has an axis at nan",
+            "joy has 0 axes and 0 buttons; axes 0 and 1 and button 5 are used",
+        ]
+        with broken_program():
+            while not all(why in said for why in refused):
+                said += str(peer.next("/diagnostics").status)
+        for _ in range(10):
+            assert peer.next("/rig_e/state").data == "misaligned_intraocular_navigation"
+    for why in refused:
+        assert process.told.count(f"! bridge: ros2: refused from /joy: {why}") == 1

@@ -1,0 +1,93 @@
+"""Every device keeps the Device contract. A new device joins by getting an opener here."""
+
+from contextlib import ExitStack
+
+import pytest
+from firmata_board import Board
+
+from haptigraph import assemble
+from haptigraph.errors import BadInput
+from haptigraph.haptics.tap import PAGE_CONTROLLER, TappedDevice
+from haptigraph.messages import Capabilities
+from haptigraph.stages import Device
+
+# What opens each device on a machine without any hardware: a name for `open_device`, given an empty folder.
+OPENERS = {
+    "audio": lambda folder: f"audio:{folder / 'touch.wav'}",
+    "console": lambda folder: "console",
+    "gamepad": lambda folder: "gamepad",
+    "ros2": lambda folder: "ros2:contract/set_feedback",
+    "serial": lambda folder: f"serial:{folder / 'tty'}",
+    "trace": lambda folder: f"trace:{folder / 'touch.csv'}",
+}
+
+
+def check_capabilities(can: Capabilities):
+    assert can.amplitude_levels >= 1
+    if can.frequency_range_hz is not None:
+        low, high = can.frequency_range_hz
+        assert 0 <= low <= high
+    assert can.shortest_on_ms >= 0
+    assert can.max_rate_hz is None or can.max_rate_hz > 0
+    assert can.holds_ms is None or can.holds_ms > 0
+    assert can.otherwise.endswith(".")
+
+
+@pytest.fixture(params=assemble.DEVICES)
+def device(request, tmp_path, monkeypatch):
+    with ExitStack() as stack:
+        if request.param == "ros2":  # it tells when nobody listens
+            peer = request.getfixturevalue("peer")
+            from haptigraph.ros2.types import JoyFeedback
+
+            peer.hear("/contract/set_feedback", JoyFeedback)
+        if request.param == "serial":
+            pytest.importorskip("serial")
+            stack.enter_context(Board(tmp_path / "tty"))
+        if request.param == "gamepad":
+            pytest.importorskip("sdl2", exc_type=ImportError)
+            monkeypatch.setitem(assemble.DEVICES, "gamepad", "virtual_pad:VirtualGamepad")
+        device = assemble.open_device(OPENERS[request.param](tmp_path))
+        stack.callback(device.close)
+        yield device
+
+
+def test_all_devices_are_under_contract():
+    assert set(OPENERS) == set(assemble.DEVICES)
+
+
+def test_a_device_says_what_it_can(device):
+    assert isinstance(device, Device)
+    check_capabilities(device.capabilities)
+
+
+def test_a_device_takes_every_strength_and_silence_at_any_time(device):
+    can = device.capabilities
+    low, high = can.frequency_range_hz or (0.0, 250.0)
+    told = [(0.0, 0.0), (0.0, 0.0), (1.0, high), (1.0, high), (1e-6, low), (0.5, 80.0), (0.0, 0.0)]
+    for number, (amplitude, frequency_hz) in enumerate(told):
+        device.set(amplitude, frequency_hz, number * 1_000_000)
+
+
+def test_a_device_closes_twice_also_while_it_vibrates(device):
+    device.set(0.0, 0.0, 0)
+    device.set(0.5, 80.0, 1)
+    device.close()
+    device.close()
+
+
+def test_who_listens_in_changes_no_capability(device):
+    assert TappedDevice(device, lambda *edge: None).capabilities == device.capabilities
+
+
+def test_the_pages_controller_says_what_it_can():
+    check_capabilities(PAGE_CONTROLLER)
+
+
+@pytest.mark.parametrize(("kind", "library"), [("gamepad", "sdl2"), ("serial", "serial")])
+def test_a_missing_extra_is_one_sentence_that_names_it(kind, library, tmp_path, monkeypatch):
+    """Also through the process that keeps the device."""
+    (tmp_path / f"{library}.py").write_text(f"raise ModuleNotFoundError({library!r})")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(BadInput, match=rf"device {kind} needs an extra; .* 'haptigraph\[{kind}\]'"):
+        assemble.open_device(f"{kind}:0")

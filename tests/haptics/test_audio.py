@@ -1,0 +1,204 @@
+"""What a voice coil would be driven with: looked at in the buffers a sound card asks for, and in the file."""
+
+import sys
+import wave
+
+import numpy as np
+import pytest
+from helpers import MS
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from haptigraph.errors import BadInput, DeviceError, MissingExtra
+from haptigraph.haptics.audio import AudioDevice, SoundCard
+from haptigraph.haptics.tone import RATE_HZ, Tone
+
+
+def envelope(samples, window_s=0.002):
+    count = round(window_s * RATE_HZ)
+    return np.abs(samples[: len(samples) // count * count]).reshape(-1, count).max(axis=1)
+
+
+def read_wav(path):
+    with wave.open(str(path)) as file:
+        assert (file.getnchannels(), file.getsampwidth(), file.getframerate()) == (1, 2, RATE_HZ)
+        return np.frombuffer(file.readframes(file.getnframes()), "<i2") / 32767
+
+
+def test_the_sine_has_the_patterns_frequency_and_amplitude():
+    tone = Tone(holds_ms=10_000)
+    tone.tell(0.5, 160.0)
+    samples = tone.samples(RATE_HZ)
+    spectrum = np.abs(np.fft.rfft(samples))
+    assert np.argmax(spectrum) == 160  # Hz, for the second is whole
+    assert np.abs(samples).max() == pytest.approx(0.5, abs=1e-3)
+
+
+def test_a_pattern_without_frequency_still_sounds():
+    tone = Tone(holds_ms=1000)
+    tone.tell(0.5, 0.0)
+    assert np.argmax(np.abs(np.fft.rfft(tone.samples(RATE_HZ // 10)))) == 16  # of 10 Hz each
+
+
+def test_silence_comes_within_five_ms_and_without_a_click():
+    tone = Tone(holds_ms=1000)
+    tone.tell(1.0, 250.0)
+    before = tone.samples(RATE_HZ // 10)
+    tone.tell(0.0, 0.0)
+    after = tone.samples(RATE_HZ // 10)
+    assert np.all(after[round(0.005 * RATE_HZ) :] == 0)
+    steepest = 2 * np.pi * 250 / RATE_HZ + 1 / (0.005 * RATE_HZ)
+    assert np.abs(np.diff(np.concatenate([before, after]))).max() <= steepest * 1.01
+
+
+def test_a_tone_that_is_told_nothing_more_ends_by_itself():
+    tone = Tone(holds_ms=150)
+    tone.tell(1.0, 160.0)
+    samples = tone.samples(RATE_HZ)
+    assert np.all(samples[round(0.155 * RATE_HZ) :] == 0)
+    assert envelope(samples)[60:74].max() > 0.9
+
+
+@given(
+    told=st.lists(
+        st.tuples(st.floats(0, 1), st.floats(20, 1000), st.integers(1, 10_000)), min_size=1, max_size=6
+    ),
+    block=st.integers(97, 3000),
+)
+@example(told=[(1.0, 100.0, 300), (0.0, 100.0, 240), (1.0, 250.0, 400)], block=8)
+def test_buffers_of_any_size_make_the_same_sound_and_never_click(told, block):
+    whole, parts = Tone(150), Tone(150)
+    one, many = [], []
+    for amplitude, frequency_hz, count in told:
+        whole.tell(amplitude, frequency_hz)
+        parts.tell(amplitude, frequency_hz)
+        one.append(whole.samples(count))
+        many += [parts.samples(min(block, count - start)) for start in range(0, count, block)]
+    one, many = np.concatenate(one), np.concatenate(many)
+    assert np.allclose(one, many, atol=1e-4)
+    assert np.abs(one).max() <= 1
+    steepest = 2 * np.pi * 1000 / RATE_HZ + 1 / (0.005 * RATE_HZ)
+    assert np.abs(np.diff(one)).max(initial=0) <= steepest * 1.01
+
+
+class FakePort:
+    """Stands where PortAudio would be: this machine has no sound card. Asks for buffers when told to."""
+
+    PortAudioError = type("PortAudioError", (Exception,), {})
+
+    def __init__(self):
+        self.opened, self.active, self.lost = None, False, False
+
+    def OutputStream(self, **options):
+        if options["device"] == "nowhere":
+            raise ValueError("No output device matching 'nowhere'")
+        self.opened = options
+        return self
+
+    def start(self):
+        if self.lost:
+            raise self.PortAudioError("Device unavailable")
+        self.active = True
+
+    def close(self):
+        self.active = False
+
+    def ask(self, count):
+        samples = np.full((count, self.opened["channels"]), np.nan, np.float32)
+        self.opened["callback"](samples, count, None, None)
+        return samples
+
+
+@pytest.fixture
+def port(monkeypatch):
+    port = FakePort()
+    monkeypatch.setitem(sys.modules, "sounddevice", port)
+    return port
+
+
+def test_the_sound_card_gets_the_tone_on_every_channel(port):
+    device = AudioDevice("")
+    assert isinstance(device._player, SoundCard)
+    assert port.active
+    device.set(0.0, 0.0, 0)
+    assert np.all(port.ask(512) == 0)
+    device.set(1.0, 160.0, 1)
+    samples = port.ask(4800)
+    assert samples.max() == pytest.approx(1.0, abs=1e-3)
+    assert np.array_equal(samples[:, 0], samples[:, 1])
+    device.set(0.0, 0.0, 2)
+    assert np.all(port.ask(512)[240:] == 0)
+    device.close()
+    device.close()
+    assert not port.active
+
+
+def test_a_sound_card_that_stops_is_started_again_or_told(port):
+    device = AudioDevice("2")
+    assert port.opened["device"] == 2
+    port.active, port.lost = False, True
+    with pytest.raises(DeviceError, match="sound card is lost"):
+        device.set(1.0, 160.0, 0)
+    port.lost = False
+    device.set(1.0, 160.0, 0)
+    assert port.active
+
+
+def test_a_sound_card_that_is_not_there_is_told(port):
+    with pytest.raises(BadInput, match="audio:nowhere: cannot be opened"):
+        AudioDevice("nowhere")
+
+
+def test_this_machines_real_portaudio_says_what_it_has():
+    sounddevice = pytest.importorskip("sounddevice", exc_type=ImportError)
+    if sounddevice.query_devices():
+        pytest.skip("there is a sound card here, and nobody may be startled")
+    with pytest.raises(BadInput, match="audio: cannot be opened"):
+        AudioDevice("")
+
+
+def test_without_the_extra_one_sentence_names_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "sounddevice", None)
+    with pytest.raises(MissingExtra, match=r"pip install 'haptigraph\[audio\]'"):
+        AudioDevice("")
+
+
+def test_a_file_holds_what_was_felt_when_it_was_felt(tmp_path):
+    path = tmp_path / "touch.wav"
+    device = AudioDevice(str(path))
+    for ms, amplitude in [(0, 0.0), (100, 1.0), (175, 1.0), (180, 0.0), (260, 0.3), (300, 0.0)]:
+        device.set(amplitude, 160.0, 7_000_000_000 + ms * MS)
+    readable = read_wav(path)  # before anything is closed, as after a kill
+    assert len(readable) == round(0.3 * RATE_HZ)
+    device.close()
+    device.close()
+    loud = envelope(read_wav(path), 0.01)
+    assert np.all(loud[:10] == 0)
+    assert np.all(loud[11:18] > 0.95)
+    assert np.all(loud[19:26] == 0)
+    assert np.all(np.abs(loud[27:30] - 0.3) < 0.02)
+    assert np.all(read_wav(path)[-200:] == 0)
+
+
+def test_a_file_never_overwrites_and_one_that_was_told_nothing_is_gone(tmp_path):
+    path = tmp_path / "touch.wav"
+    AudioDevice(str(path)).close()
+    assert not path.exists()
+    path.write_text("precious")
+    with pytest.raises(BadInput, match="no sound overwrites a file"):
+        AudioDevice(str(path))
+    assert path.read_text() == "precious"
+    with pytest.raises(BadInput, match="cannot be written"):
+        AudioDevice(str(tmp_path / "no" / "x.wav"))
+
+
+def test_a_full_disk_is_told(tmp_path):
+    path = tmp_path / "full.wav"
+    device = AudioDevice(str(path))
+    device._player._file.close()
+    device._player._file = open("/dev/full", "wb", buffering=0)  # noqa: SIM115
+    with pytest.raises(DeviceError, match=r"full\.wav cannot be written \(No space left on device\)"):
+        for ms in (0, 10):
+            device.set(1.0, 160.0, ms * MS)
+    with pytest.raises(DeviceError):
+        device.close()

@@ -1,0 +1,69 @@
+"""The stock sketch itself, as its authors compiled it for an Arduino Uno, on a simulated processor.
+
+Needs a C compiler, libsimavr and the sketch's .hex file, which the npm package avrgirl-arduino brings along:
+
+    apt-get install gcc libsimavr-dev libelf-dev && npm pack avrgirl-arduino@5.0.1 && tar xzf avrgirl-arduino-*.tgz
+    HAPTIGRAPH_UNO_HEX=package/junk/hex/uno/StandardFirmata.cpp.hex pytest tests/haptics/test_firmata_uno.py
+"""
+
+import os
+import subprocess
+import threading
+from pathlib import Path
+
+import pytest
+from helpers import LOW, PULSE, SUCCESS
+
+from haptigraph.analysis.actuators import play_grammar
+from haptigraph.clock import MonotonicClock
+from haptigraph.errors import BadInput
+from haptigraph.haptics import firmata
+from haptigraph.haptics.firmata import FirmataDevice
+
+HEX = os.environ.get("HAPTIGRAPH_UNO_HEX")
+SOURCE = Path(__file__).parent / "uno" / "uno.c"
+
+pytest.importorskip("serial")
+pytestmark = pytest.mark.skipif(HEX is None, reason="needs HAPTIGRAPH_UNO_HEX; this file says how to get it")
+
+
+@pytest.fixture
+def uno(tmp_path):
+    """The port of a running Uno, and the duty cycles of its pin 9."""
+    program = tmp_path / "uno"
+    subprocess.run(["cc", "-O2", SOURCE, "-o", program, "-lsimavr", "-lelf"], check=True)
+    levels = []
+    with subprocess.Popen(
+        [program, HEX], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+    ) as board:
+        port = board.stdout.readline().strip()
+        hear = threading.Thread(target=lambda: levels.extend(int(line.split()[1]) for line in board.stdout))
+        hear.start()
+        yield port, levels
+        board.kill()
+        hear.join()
+
+
+@pytest.fixture(autouse=True)
+def patience(monkeypatch):
+    """A simulated processor may be ten times slower than a real one."""
+    monkeypatch.setattr(firmata, "ANSWER_S", 5.0)
+    monkeypatch.setattr(firmata, "LEARN_S", 20.0)
+    monkeypatch.setattr(firmata, "BOOT_S", 60.0)
+
+
+def test_the_stock_sketch_plays_the_grammar(uno):
+    port, levels = uno
+    trial = play_grammar(FirmataDevice(port), (LOW, PULSE, SUCCESS), MonotonicClock(), lambda said: None)
+    assert trial.faults == []
+    low, pulses, bursts = levels.index(255), levels.index(204), len(levels)
+    assert levels[:low] == [76, 0]
+    assert set(levels[low:pulses]) == {255, 0}
+    assert 5 <= levels[low:pulses].count(255) <= 10
+    assert levels[pulses:bursts] == [204, 0, 204, 0]
+
+
+def test_the_stock_sketch_says_which_pins_have_pwm(uno):
+    port, _ = uno
+    with pytest.raises(BadInput, match="pin 7 has no PWM; pins that have: 3, 5, 6, 9, 10, 11"):
+        FirmataDevice(f"{port}?pin=7")

@@ -1,0 +1,81 @@
+import pytest
+from ros_network import until
+
+pytest.importorskip("cyclonedds")
+
+from haptigraph.errors import BadInput, DeviceError
+from haptigraph.haptics import ros2
+from haptigraph.haptics.ros2 import Ros2Device
+from haptigraph.ros2.types import JoyFeedback, String
+
+
+@pytest.fixture
+def impatient(monkeypatch):
+    """Nobody subscribes yet, and is not waited for."""
+    monkeypatch.setattr(ros2, "LOOK_S", 0.0)
+
+
+@pytest.fixture
+def device(ros_network, impatient):
+    device = Ros2Device("hand/set_feedback")
+    yield device
+    device.close()
+
+
+def test_what_is_told_is_what_arrives(device, peer):
+    peer.hear("/hand/set_feedback", JoyFeedback)
+    until(lambda: device._publisher.has_listeners, "nobody listens")
+    for amplitude in (0.0, 0.25, 1.0, 0.0):
+        device.set(amplitude, 80.0, 0)
+        message = peer.next("/hand/set_feedback")
+        assert (message.type, message.id, message.intensity) == (1, 0, amplitude)
+
+
+def test_nobody_listening_is_told_and_over_when_somebody_does(device, peer):
+    with pytest.raises(DeviceError, match=r"nobody subscribes to ros2:hand/set_feedback \(ROS domain \d+\)"):
+        device.set(0.0, 0.0, 0)
+    peer.hear("/hand/set_feedback", JoyFeedback)
+    until(lambda: device._publisher.has_listeners, "nobody listens")
+    device.set(0.5, 80.0, 1)
+    assert peer.next("/hand/set_feedback").intensity == 0.5
+
+
+def test_the_last_word_is_silence(device, peer):
+    peer.hear("/hand/set_feedback", JoyFeedback)
+    until(lambda: device._publisher.has_listeners, "nobody listens")
+    device.set(0.5, 80.0, 0)
+    device.close()
+    assert [peer.next("/hand/set_feedback").intensity for _ in range(2)] == [0.5, 0.0]
+
+
+def test_a_closed_device_says_so(device):
+    device.close()
+    with pytest.raises(DeviceError, match=r"cannot be published \(/hand/set_feedback is closed\)"):
+        device.set(0.5, 80.0, 0)
+
+
+def test_what_is_no_topic_is_refused(ros_network):
+    with pytest.raises(BadInput, match="is no ROS topic"):
+        Ros2Device("my hand")
+
+
+def test_who_wants_to_feel_is_found(ros_network, peer):
+    peer.hear("/left/set_feedback", JoyFeedback)
+    peer.hear("/left/text", String)
+    found = Ros2Device.found()
+    assert "subscribed to on ROS domain" in found["ros2:/left/set_feedback"]
+    assert "ros2:/left/text" not in found
+
+
+def test_the_first_command_finds_who_subscribes_already(ros_network, peer):
+    peer.hear("/ready/set_feedback", JoyFeedback)
+    device = Ros2Device("ready/set_feedback")
+    device.set(0.5, 80.0, 0)
+    assert peer.next("/ready/set_feedback").intensity == 0.5
+    device.close()
+
+
+def test_the_usual_topic_is_the_joy_nodes(ros_network, peer, impatient):
+    device = Ros2Device()
+    until(lambda: "/joy/set_feedback" in peer.node.published(), "it is not seen")
+    device.close()
