@@ -82,9 +82,9 @@ def contestants(registration: Registration) -> dict[str, Callable[[Capture], obj
     procedure = assemble.load_procedure("subretinal_injection")
     pipelines = {
         name: assemble.build_pipeline(load_config().with_perceiver(name), registration, procedure)
-        for name in assemble.PERCEIVERS
+        for name in ("tracker", "forceps", "threshold")
     }
-    default = Config().perception.perceiver
+    default = assemble.perceiver_name(Config(), procedure)
     step = assemble.build_pipeline(load_config(), registration, procedure).step
     return {
         PLAIN: lambda capture: plain(capture.image),

@@ -4,6 +4,8 @@ Turns images and where the needle was in them into the grey picture behind the n
 seen without the needle are marked UNSEEN. Learns a band of rows per image, so that it costs next to nothing.
 """
 
+from itertools import pairwise
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -25,10 +27,14 @@ class Background:
     Args:
         width_px: Of the image.
         height_px: Of the image.
+        box: Rows and columns of the image that are worth knowing.
     """
 
-    def __init__(self, width_px: int, height_px: int) -> None:
+    def __init__(self, width_px: int, height_px: int, box: tuple[slice, slice]) -> None:
         self._size = height_px, width_px
+        rows, self._columns = box
+        edges = [rows.start + band * (rows.stop - rows.start) // BANDS for band in range(BANDS + 1)]
+        self._bands = [slice(*ends) for ends in pairwise(edges)]
         self.reset()
 
     def reset(self) -> None:
@@ -53,12 +59,11 @@ class Background:
         self.is_new = False
 
     def _learn_band(self, image: Image, band: int, needle: tuple[Vec, Vec] | None, width_px: int) -> None:
-        height = self._size[0]
-        rows = slice(band * height // BANDS, (band + 1) * height // BANDS)
-        grey, kept = grey_of(image[rows]), self.grey[rows]
+        rows, columns = self._bands[band], self._columns
+        grey, kept = grey_of(image[rows, columns]), self.grey[rows, columns]
         free = np.full(grey.shape, 255, np.uint8)
         if needle is not None:
-            cv2.fillConvexPoly(free, _stripe(needle, width_px, rows.start), 0, shift=4)
+            cv2.fillConvexPoly(free, _stripe(needle, width_px, (columns.start, rows.start)), 0, shift=4)
         if not self._is_whole[band]:
             unseen = kept < 0
             fresh = unseen & (free > 0)
@@ -68,11 +73,11 @@ class Background:
         cv2.accumulateWeighted(grey, kept, RATE, free)
 
 
-def _stripe(ends: tuple[Vec, Vec], width_px: int, top_px: int) -> NDArray[np.int32]:
-    """Return the corners of a stripe in 1/16 pixels of an image that begins at row `top_px`."""
+def _stripe(ends: tuple[Vec, Vec], width_px: int, corner_px: Vec) -> NDArray[np.int32]:
+    """Return the corners of a stripe in 1/16 pixels of an image that begins at a corner."""
     (x0, y0), (x1, y1) = ends
     across = unit((y0 - y1, x1 - x0))
     half_x, half_y = across[0] * width_px / 2, across[1] * width_px / 2
     corners = [(x0 - half_x, y0 - half_y), (x1 - half_x, y1 - half_y), (x1 + half_x, y1 + half_y)]
     corners.append((x0 + half_x, y0 + half_y))
-    return np.rint((np.array(corners) - (0, top_px)) * 16).astype(np.int32)
+    return np.rint((np.array(corners) - corner_px) * 16).astype(np.int32)

@@ -109,7 +109,7 @@ def edge_near(
         edge = _fitted(rays, harmonics, reach_px)
         if edge is None:
             return None
-        right, down = edge.harmonics_px[2], edge.harmonics_px[1]
+        right, down = float(edge.harmonics_px[2]), float(edge.harmonics_px[1])
         center = center[0] + right, center[1] + down
         harmonics = edge.harmonics_px * np.array([1, 0, 0, 1, 1])
     return edge

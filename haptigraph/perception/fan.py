@@ -12,12 +12,11 @@ import numpy as np
 
 from haptigraph.messages import Image
 from haptigraph.perception.pixels import FloatImage, grey_of
-from haptigraph.perception.strip import OUTSIDE_MM, Line, Site
+from haptigraph.perception.strip import LARGEST_TURN_RAD, OUTSIDE_MM, Line, Site
 
 __all__ = ["Fan"]
 
 STEP_DEG = 0.75
-REACH_DEG = 46.0
 STEP_PX = 2.0
 CELL = 4
 LONGEST_MM = 25.0
@@ -36,34 +35,38 @@ class Fan:
     """
 
     def __init__(self, site: Site) -> None:
-        reach = round(REACH_DEG / STEP_DEG)
+        reach = round(math.degrees(LARGEST_TURN_RAD) / STEP_DEG)
         self._angles = site.inwards_rad + np.radians(STEP_DEG) * np.arange(-reach, reach + 1)
         radii = np.arange(-OUTSIDE_MM * site.px_per_mm, LONGEST_MM * site.px_per_mm, STEP_PX)
         radii = radii[: len(radii) // CELL * CELL]
         x = site.trocar_px[0] + radii * np.cos(self._angles)[:, None]
         y = site.trocar_px[1] + radii * np.sin(self._angles)[:, None]
-        self._map, self._map_share = cv2.convertMaps(x.astype(np.float32), y.astype(np.float32), cv2.CV_16SC2)
+        self._map, self._none = cv2.convertMaps(
+            x.astype(np.float32), y.astype(np.float32), cv2.CV_16SC2, nninterpolation=True
+        )
         self._cells = len(self._angles), len(radii) // CELL, CELL
         radius = np.hypot(x - site.center_px[0], y - site.center_px[1]).reshape(self._cells)
         in_image = (x >= 0) & (y >= 0) & (x < site.width_px) & (y < site.height_px)
         cell_px = radii.reshape(-1, CELL).mean(axis=1)
-        self._inside = (radius.max(axis=2) < site.inner_px - STEP_PX) & (cell_px > 0)
-        self._outside = (radius.min(axis=2) > site.outer_px) & (cell_px < 0)
-        self._outside &= in_image.reshape(self._cells).all(axis=2)
+        self._trocar = int(cell_px.searchsorted(0))
+        self._inside = (radius.max(axis=2) < site.inner_px - STEP_PX)[:, self._trocar :]
+        self._outside = (radius.min(axis=2) > site.outer_px) & in_image.reshape(self._cells).all(axis=2)
+        self._outside = self._outside[:, : self._trocar]
         apart_rad = FLANK_MM * site.px_per_mm / np.maximum(np.abs(cell_px), 8.0)
-        apart = np.clip(apart_rad / math.radians(STEP_DEG), 1, 2 * APART)
-        row, column = np.mgrid[: self._cells[0], : self._cells[1]].astype(np.float32)
-        self._flanks = [((row + side * apart).astype(np.float32), column) for side in (-1, 1)]
+        apart = np.rint(np.clip(apart_rad / math.radians(STEP_DEG), 1, 2 * APART)).astype(int)
+        row, column = np.mgrid[: self._cells[0], : self._cells[1]]
+        self._flanks = [
+            np.clip(row + side * apart, 0, len(row) - 1) * self._cells[1] + column for side in (-1, 1)
+        ]
 
     def search(self, image: Image) -> list[Line]:
         """Return the lines through the trocar most like a needle, best first."""
-        unrolled = cv2.remap(
-            image, self._map, self._map_share, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-        )
-        cells = grey_of(np.asarray(unrolled, np.uint8)).reshape(self._cells).mean(axis=2, dtype=np.float32)
-        evidence = np.clip(self._contrast(cells) / CONTRAST_GREY - 1, -1, 1)
-        within = np.cumsum(evidence * self._inside, axis=1).max(axis=1)
-        before = np.cumsum(evidence * self._outside, axis=1).max(axis=1)
+        unrolled = cv2.remap(image, self._map, self._none, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)
+        grey = grey_of(np.asarray(unrolled, np.uint8)).astype(np.float32)
+        cells = np.asarray(cv2.resize(grey, self._cells[1::-1], interpolation=cv2.INTER_AREA), np.float32)
+        evidence = np.minimum(self._contrast(cells) * np.float32(1 / CONTRAST_GREY) - 1, 1)
+        within = (evidence[:, self._trocar :] * self._inside).cumsum(axis=1).max(axis=1)
+        before = (evidence[:, : self._trocar] * self._outside).cumsum(axis=1).max(axis=1)
         score = np.maximum(within, 0) + np.maximum(before, 0)
         found = []
         for _ in range(CANDIDATES):
@@ -76,9 +79,5 @@ class Fan:
 
     def _contrast(self, cells: FloatImage) -> FloatImage:
         """Return by how much every cell differs from both its sides in the same sense [grey levels]."""
-        one, other = (
-            cells - cv2.remap(cells, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-            for row, column in self._flanks
-        )
-        least = np.minimum(np.abs(one), np.abs(other))
-        return np.asarray(np.where(one * other > 0, least, 0), np.float32)
+        one, other = (cells - cells.take(flank) for flank in self._flanks)
+        return np.asarray(np.maximum(np.minimum(one, other), -np.maximum(one, other)).clip(0), np.float32)

@@ -9,25 +9,24 @@ import numpy as np
 from haptigraph.geometry import Vec
 from haptigraph.messages import Image
 from haptigraph.perception.pixels import grey_of
+from haptigraph.perception.registered import VIEW_MARGIN, Registered
 from haptigraph.perception.registration import Registration
 from haptigraph.perception.straightening import straightened
 
 __all__ = ["IoctView"]
-
-MARGIN = 1.03  # half the picture's side over the globe's radius
 
 
 class IoctView:
     """Cut the eye out of images of one registration.
 
     Args:
-        registration: Where the globe is.
+        registration: Where the globe is; of a B-scan, all of it is shown, in true proportions.
         size_px: Side of the square picture.
     """
 
-    def __init__(self, registration: Registration, size_px: int = 480) -> None:
+    def __init__(self, registration: Registered, size_px: int = 480) -> None:
         self.size_px = size_px
-        self.half_mm = registration.globe.radius_mm * MARGIN
+        self.half_mm = registration.view_half_mm
         """From the picture's middle to its edge, eye frame."""
         corners_mm = [self._to_mm(corner) for corner in ((0, 0), (size_px, 0), (0, size_px))]
         self._image_from_view = cv2.getAffineTransform(
@@ -37,7 +36,8 @@ class IoctView:
         self._slant = registration.image.straight_from_image
         y, x = np.ogrid[:size_px, :size_px]
         center = (size_px - 1) / 2
-        self._outside = np.hypot(x - center, y - center) > size_px / 2 / MARGIN
+        reach = size_px / 2 / VIEW_MARGIN if isinstance(registration, Registration) else size_px
+        self._outside = np.hypot(x - center, y - center) > reach
 
     def __call__(self, image: Image) -> Image:
         """Return the picture, (size, size) grey."""

@@ -3,11 +3,12 @@
 State: the shaft's angle and its rate, the tip's depth and its rate, and where the needle really pivots, as
 an offset from the registered trocar; all in pixels and radians. A shaft seen on a short length alone has an
 uncertain angle, but its error goes with an error of where it passes the trocar; knowing the pivot takes
-most of it away. Motion is loosely modelled, so that a sharp measurement is taken as it is: no lag.
+most of it away. Motion is loosely modelled, so that a sharp measurement is taken as it is: no lag. Plain
+numbers: four are too few to be worth an array.
 """
 
-import numpy as np
-from numpy.typing import NDArray
+import math
+from collections.abc import Sequence
 
 from haptigraph.perception.strip import Line
 
@@ -17,10 +18,10 @@ TURNING_RAD_S2 = 6.0  # deviation of the acceleration that a hand's tremor and m
 MOVING_MM_S2 = 400.0
 PIVOT_MM = 0.15  # registration error and play of the trocar
 PIVOT_MEMORY = 0.9995  # per image; the rest goes back to the registered place
-LINE_FLOOR = (0.1, 0.0003)  # px, rad: what light and shape of the metal do to the edges
-START_RATES = (0.5, 30.0)  # rad/s, mm/s
+OFFSET_FLOOR_PX, ANGLE_FLOOR_RAD = 0.1, 0.0003  # what light and shape of the metal do to the edges
+START_RAD, START_RAD_S, START_MM, START_MM_S = 0.5, 0.5, 20.0, 30.0  # deviations when first seen
 
-Matrix = NDArray[np.float64]
+Row = Sequence[float]
 
 
 class PoseFilter:
@@ -32,47 +33,46 @@ class PoseFilter:
 
     def __init__(self, px_per_mm: float) -> None:
         self._px_per_mm = px_per_mm
-        self._elapsed_s = -1.0
-        self._moved = np.eye(6), np.zeros((6, 6))
+        self._free_px2 = (PIVOT_MM * px_per_mm) ** 2  # of a pivot that no needle has shown yet
         self.reset()
 
     def reset(self) -> None:
         """Forget the needle and its pivot."""
-        self._state = np.zeros(6)
-        self._covariance = np.zeros((6, 6))
-        self._covariance[4:, 4:] = np.eye(2) * (PIVOT_MM * self._px_per_mm) ** 2
-        self._free_offset_px: float | None = None
+        self._state = [0.0] * 4  # angle, its rate, and where the needle pivots (x, y)
+        self._covariance = [[0.0] * 4 for _ in range(4)]
+        self._covariance[2][2] = self._covariance[3][3] = self._free_px2
+        self._depth = _Depth(0.0, 0.0)
+        self._free: Line | None = None  # where the needle was seen before it is in the trocar
         self.is_tracking = False
 
     def lose(self) -> None:
         """Forget the needle, but not where it pivots."""
         self.is_tracking = False
-        self._covariance[:4] = self._covariance[:, :4] = 0
+        _, _, *pivot = self._covariance
+        self._covariance = [[0.0] * 4, [0.0] * 4, *([0.0, 0.0, *row[2:]] for row in pivot)]
 
     def predict(self, elapsed_s: float) -> tuple[Line, float]:
         """Move on in time; return the expected line and the tip's depth along it [px]."""
-        move, push = self._motion(elapsed_s)
-        self._state = move @ self._state
-        self._covariance = move @ self._covariance @ move.T + push
-        return self.line, float(self._state[2])
-
-    def _motion(self, elapsed_s: float) -> tuple[Matrix, Matrix]:
-        """Return the change of state, and what it adds to the covariance."""
-        if elapsed_s != self._elapsed_s:
-            move = np.diag([1.0, 1.0, 1.0, 1.0, PIVOT_MEMORY, PIVOT_MEMORY])
-            move[0, 1] = move[2, 3] = elapsed_s
-            push = np.zeros((6, 6))
-            for first, strength in ((0, TURNING_RAD_S2), (2, MOVING_MM_S2 * self._px_per_mm)):
-                by = strength * np.array([elapsed_s**2 / 2, elapsed_s])
-                push[first : first + 2, first : first + 2] = np.outer(by, by)
-            push[4:, 4:] = np.eye(2) * (1 - PIVOT_MEMORY**2) * (PIVOT_MM * self._px_per_mm) ** 2
-            self._elapsed_s, self._moved = elapsed_s, (move, push)
-        return self._moved
+        angle, rate, x, y = self._state
+        self._state = [angle + elapsed_s * rate, rate, PIVOT_MEMORY * x, PIVOT_MEMORY * y]
+        turned, sped = TURNING_RAD_S2 * elapsed_s**2 / 2, TURNING_RAD_S2 * elapsed_s
+        forgotten = (1 - PIVOT_MEMORY**2) * self._free_px2
+        rows = [_moved(row, elapsed_s) for row in self._covariance]
+        columns = [_moved(column, elapsed_s) for column in zip(*rows, strict=True)]
+        columns[0][0] += turned**2
+        columns[0][1] += turned * sped
+        columns[1][0] += turned * sped
+        columns[1][1] += sped**2
+        columns[2][2] += forgotten
+        columns[3][3] += forgotten
+        self._covariance = columns
+        self._depth.predict(elapsed_s)
+        return self.line, self._depth.px
 
     def update(
         self,
         line: Line,
-        line_covariance: Matrix,
+        line_covariance: tuple[float, float, float],
         depth_px: float,
         depth_deviation_px: float,
         is_pivoting: bool,
@@ -81,55 +81,102 @@ class PoseFilter:
 
         Args:
             line: The fitted line.
-            line_covariance: Of (offset_px, angle_rad), (2, 2).
+            line_covariance: Of (offset_px, offset_px), (offset_px, angle_rad) and (angle_rad, angle_rad).
             depth_px: The tip along the line.
             depth_deviation_px: Of it.
             is_pivoting: Whether the needle is in the trocar; before, it may pass it anywhere.
         """
         if not self.is_tracking:
             self._begin(line.angle_rad, depth_px)
-        self._free_offset_px = None if is_pivoting else line.offset_px
-        nx, ny = line.normal if is_pivoting else (0.0, 0.0)
-        observe = np.zeros((3, 6))
-        observe[0, 4:] = nx, ny
-        observe[1, 0] = observe[2, 2] = 1
-        noise = np.zeros((3, 3))
-        noise[:2, :2], noise[2, 2] = line_covariance + np.diag(np.square(LINE_FLOOR)), depth_deviation_px**2
-        offset_px = line.offset_px if is_pivoting else 0.0
-        surprise = np.array([offset_px, line.angle_rad, depth_px]) - observe @ self._state
-        weighed = self._covariance @ observe.T
-        gain = np.linalg.solve(observe @ weighed + noise, weighed.T).T
-        self._state = self._state + gain @ surprise
-        self._covariance = self._covariance - gain @ weighed.T
+        self._depth.update(depth_px, depth_deviation_px)
+        offset_px2, both, angle_rad2 = line_covariance
+        offset_px2, angle_rad2 = offset_px2 + OFFSET_FLOOR_PX**2, angle_rad2 + ANGLE_FLOOR_RAD**2
+        self._take((1.0, 0.0, 0.0, 0.0), line.angle_rad, angle_rad2)
+        self._free = None if is_pivoting else line
+        if is_pivoting:  # what the offset tells beyond the angle: its error goes with the angle's
+            share = both / angle_rad2
+            beyond = -share, 0.0, *line.normal
+            self._take(beyond, line.offset_px - share * line.angle_rad, offset_px2 - share * both)
+
+    def _take(self, observe: Row, seen: float, variance: float) -> None:
+        """Take in one number that the state tells, but for some noise."""
+        weighed = [_dot(row, observe) for row in self._covariance]
+        surprise, variance = seen - _dot(self._state, observe), variance + _dot(weighed, observe)
+        gain = [value / variance for value in weighed]
+        self._state = [value + by * surprise for value, by in zip(self._state, gain, strict=True)]
+        self._covariance = [
+            [value - by * other for value, other in zip(row, weighed, strict=True)]
+            for row, by in zip(self._covariance, gain, strict=True)
+        ]
 
     def _begin(self, angle_rad: float, depth_px: float) -> None:
-        self._state[:4] = angle_rad, 0.0, depth_px, 0.0
-        spread = np.array([0.5, START_RATES[0], 20 * self._px_per_mm, START_RATES[1] * self._px_per_mm])
-        self._covariance[:4] = self._covariance[:, :4] = 0
-        self._covariance[range(4), range(4)] = spread**2
+        self.lose()
+        self._state[:2] = angle_rad, 0.0
+        self._covariance[0][0], self._covariance[1][1] = START_RAD**2, START_RAD_S**2
+        self._depth = _Depth(depth_px, self._px_per_mm)
         self.is_tracking = True
 
     @property
     def line(self) -> Line:
         """The shaft."""
-        angle = float(self._state[0])
-        if self._free_offset_px is not None:
-            return Line(angle, self._free_offset_px)
+        if self._free is not None:
+            return self._free
+        angle, _, x, y = self._state
         nx, ny = Line(angle, 0.0).normal
-        return Line(angle, float(nx * self._state[4] + ny * self._state[5]))
+        return Line(angle, nx * x + ny * y)
 
     @property
     def depth_px(self) -> float:
         """The tip along the line."""
-        return float(self._state[2])
+        return self._depth.px
 
     @property
     def angle_deviation_rad(self) -> float:
         """Standard deviation of the angle."""
-        return float(np.sqrt(self._covariance[0, 0]))
+        return math.sqrt(self._covariance[0][0])
 
     def tip_deviation_px(self) -> float:
         """Standard deviation of the tip: along and across the shaft together."""
-        nx, ny = (0.0, 0.0) if self._free_offset_px is not None else self.line.normal
-        across = np.array([self._state[2], 0, 0, 0, nx, ny])
-        return float(np.sqrt(self._covariance[2, 2] + across @ self._covariance @ across))
+        nx, ny = (0.0, 0.0) if self._free is not None else self.line.normal
+        across = self._depth.px, 0.0, nx, ny
+        spread = [_dot(row, across) for row in self._covariance]
+        return math.sqrt(self._depth.variance_px2 + _dot(spread, across))
+
+
+def _dot(one: Row, other: Row) -> float:
+    return one[0] * other[0] + one[1] * other[1] + one[2] * other[2] + one[3] * other[3]
+
+
+def _moved(row: Row, elapsed_s: float) -> list[float]:
+    """Return what becomes of one row or column of the covariance."""
+    return [row[0] + elapsed_s * row[1], row[1], PIVOT_MEMORY * row[2], PIVOT_MEMORY * row[3]]
+
+
+class _Depth:
+    """How far in the tip is, and how fast it moves: the same filter, for two numbers.
+
+    Args:
+        px: Where it is seen first.
+        px_per_mm: Scale.
+    """
+
+    def __init__(self, px: float, px_per_mm: float) -> None:
+        self.px, self.variance_px2 = px, (START_MM * px_per_mm) ** 2
+        self._moving_px_s2 = MOVING_MM_S2 * px_per_mm
+        self._rate, self._both, self._rate_variance = 0.0, 0.0, (START_MM_S * px_per_mm) ** 2
+
+    def predict(self, elapsed_s: float) -> None:
+        moved, sped = self._moving_px_s2 * elapsed_s**2 / 2, self._moving_px_s2 * elapsed_s
+        self.px += elapsed_s * self._rate
+        self.variance_px2 += elapsed_s * (2 * self._both + elapsed_s * self._rate_variance) + moved**2
+        self._both += elapsed_s * self._rate_variance + moved * sped
+        self._rate_variance += sped**2
+
+    def update(self, seen_px: float, deviation_px: float) -> None:
+        surprise, variance = seen_px - self.px, self.variance_px2 + deviation_px**2
+        gain, rate_gain = self.variance_px2 / variance, self._both / variance
+        self.px += gain * surprise
+        self._rate += rate_gain * surprise
+        self._rate_variance -= rate_gain * self._both
+        self._both -= gain * self._both
+        self.variance_px2 -= gain * self.variance_px2

@@ -3,7 +3,6 @@
 Knows nothing of needles. The format is described in docs/conventions.md.
 """
 
-import hashlib
 import math
 from itertools import pairwise
 from pathlib import Path
@@ -13,8 +12,7 @@ import numpy as np
 from msgspec import Struct, field
 from msgspec.structs import replace
 
-from haptigraph.config import Document
-from haptigraph.errors import BadInput
+from haptigraph.document import Document
 from haptigraph.geometry import (
     Circle,
     Geometry,
@@ -27,10 +25,16 @@ from haptigraph.geometry import (
     norm,
     subtract,
 )
-from haptigraph.messages import Image
-from haptigraph.registration_text import FORMAT
+from haptigraph.perception.registered import VIEW_MARGIN, Registered
+from haptigraph.registration_text import FORMAT, AnatomyPx, TrocarPx
 
-__all__ = ["Registration", "load_registration", "parse_registration"]
+__all__ = [
+    "Registration",
+    "anatomy_px",
+    "load_registration",
+    "parse_registration",
+    "registration_of",
+]
 
 DIAMETER_RANGE_MM = (15.0, 35.0)  # eyes of children, adults, pigs and their phantoms
 SMALLEST_RADIUS_PX = 60.0  # below, the 0.7 mm zones are under 4 px wide
@@ -86,24 +90,16 @@ class _File(Struct, frozen=True, forbid_unknown_fields=True):
     homography: _Homography | None = None
 
 
-class Registration(Struct, frozen=True):
+class Registration(Registered, frozen=True):
     """The static anatomy of one set-up."""
 
-    width_px: int
-    height_px: int
-    image: ImageGeometry
     globe: Circle
     retina: Polyline
     target: Point
     trocar: Point
     """The trocar in use, the needle's pivot."""
-    text: str
-    """The file as read; recordings keep it."""
-
-    @property
-    def sha256(self) -> str:
-        """Fingerprint of the file's text."""
-        return hashlib.sha256(self.text.encode()).hexdigest()
+    other_trocars: tuple[Point, ...]
+    """Those that another instrument may go through."""
 
     @property
     def anatomy(self) -> dict[str, Geometry]:
@@ -116,22 +112,14 @@ class Registration(Struct, frozen=True):
         }
 
     @property
+    def view_half_mm(self) -> float:
+        """From the globe's centre to the edge of a square picture of it."""
+        return self.globe.radius_mm * VIEW_MARGIN
+
+    @property
     def straight(self) -> "Registration":
         """The same for straightened images: with no slant."""
         return replace(self, image=replace(self.image, straight_from_image=None))
-
-    def checked(self, image: Image | None) -> Image:
-        """Return an image if it is of the registered size.
-
-        Raises:
-            BadInput: If not.
-        """
-        if image is None or image.shape[:2] != (self.height_px, self.width_px):
-            found = "no image" if image is None else f"{image.shape[1]} x {image.shape[0]} px"
-            raise BadInput(
-                f"image is {found}, but the registration is for {self.width_px} x {self.height_px} px"
-            )
-        return image
 
 
 def load_registration(path: str | Path) -> Registration:
@@ -140,15 +128,33 @@ def load_registration(path: str | Path) -> Registration:
     Raises:
         BadInput: With file, line and reason, if it cannot be read or makes no sense.
     """
-    return _registration(Document.read(path))
+    return registration_of(Document.read(path))
 
 
 def parse_registration(text: str, file: str) -> Registration:
     """Read and check a registration from text, for example from a recording; `file` names it in errors."""
-    return _registration(Document(text, file))
+    return registration_of(Document(text, file))
 
 
-def _registration(document: Document) -> Registration:
+def anatomy_px(registration: Registration) -> AnatomyPx:
+    """Return a registration as its file has it, in pixels, with all its trocars."""
+    data = Document(registration.text, "registration").convert(_File)
+    return AnatomyPx(
+        width_px=data.image.width,
+        height_px=data.image.height,
+        mirrored=data.image.mirrored,
+        center_px=data.globe.center_px,
+        radius_px=data.globe.radius_px,
+        diameter_mm=data.globe.diameter_mm,
+        contour_px=data.retina.contour_px,
+        target_px=data.target.point_px,
+        trocars=tuple(TrocarPx(each.name, each.point_px, each.used) for each in data.trocars),
+        straight_from_image=registration.image.straight_from_image,
+    )
+
+
+def registration_of(document: Document) -> Registration:
+    """Check a registration that was read."""
     data = document.convert(_File)
     if data.format != FORMAT:
         raise document.error(
@@ -180,6 +186,9 @@ def _registration(document: Document) -> Registration:
         retina=retina,
         target=Point(target),
         trocar=Point(_used_trocar(document, data, geometry, globe, target)),
+        other_trocars=tuple(
+            Point(geometry.to_mm(trocar.point_px)) for trocar in data.trocars if not trocar.used
+        ),
         text=document.text,
     )
 

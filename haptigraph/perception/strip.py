@@ -1,11 +1,14 @@
 """A strip of the image along an expected shaft, laid straight, with the empty eye taken away.
 
-Turns an image (px) and an expected line through the trocar into rows along the shaft (`u_px`, from the
-trocar's foot, into the eye) and columns across it (`v_px`). Knows which rows a needle could be seen in, and
-no needle.
+Turns an image (px) and an expected line through the trocar into stations along the shaft (`u_px`, from the
+trocar's foot, into the eye) and lanes across it (`v_px`): one row of the strip is a lane, one column a
+station, for most sums run across and NumPy is fast at those. Knows at which stations a needle could be seen,
+and no needle.
 """
 
 import math
+from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import cv2
@@ -18,13 +21,26 @@ from haptigraph.messages import Image
 from haptigraph.perception.pixels import FloatImage, Mask, grey_of
 from haptigraph.perception.registration import Registration
 
-__all__ = ["ROW_PX", "UNSEEN", "Line", "Site", "Strip", "lay_straight", "median", "row_sums", "sample_strip"]
+__all__ = [
+    "LARGEST_TURN_RAD",
+    "STATION_PX",
+    "UNSEEN",
+    "Line",
+    "Site",
+    "Strip",
+    "lay_straight",
+    "median",
+    "stations",
+]
 
 UNSEEN = -1e5
 """Marks pixels of the empty eye that were never seen without a needle."""
 
-ROW_PX = 2.0
-"""From row to row of a strip."""
+STATION_PX = 2.0
+"""From station to station of a strip."""
+
+LARGEST_TURN_RAD = math.radians(46)
+"""Between a needle and the way from its trocar to the globe's centre."""
 
 OUTSIDE_MM = 12.0  # how far beyond the trocar the shaft is looked at
 HALF_WIDTH_MM = 0.5  # of the thickest needle
@@ -36,7 +52,7 @@ BEYOND_MM = 0.5  # past the far wall: a tip may be pushed into the retina
 GAIN_RANGE = (0.5, 2.0)
 
 
-class Line(Struct, frozen=True):
+class Line(Struct, frozen=True, dict=True):
     """A directed line in the image, by the trocar."""
 
     angle_rad: float
@@ -44,15 +60,16 @@ class Line(Struct, frozen=True):
     offset_px: float
     """At which it passes the registered trocar, along the normal (the direction turned by +90 degrees)."""
 
-    @property
+    @cached_property
     def direction(self) -> Vec:
         """Into the eye, length 1."""
         return math.cos(self.angle_rad), math.sin(self.angle_rad)
 
-    @property
+    @cached_property
     def normal(self) -> Vec:
         """Across the line, length 1."""
-        return -math.sin(self.angle_rad), math.cos(self.angle_rad)
+        dx, dy = self.direction
+        return -dy, dx
 
     def at_px(self, trocar_px: Vec, along_px: float) -> Vec:
         """Return the place so far along the line from the trocar's foot."""
@@ -87,26 +104,38 @@ class Site:
             self.center_px[1] - self.trocar_px[1], self.center_px[0] - self.trocar_px[0]
         )
         self.half_px = math.ceil(HALF_WIDTH_MM * self.px_per_mm) + MARGIN_PX
-        columns = 2 * self.half_px + 1
-        ends = np.zeros((columns, 2), np.float32)
-        ends[:FLANK_PX, 0] = ends[-FLANK_PX:, 1] = 1 / FLANK_PX
-        ramp = np.linspace(0, 1, columns, dtype=np.float32)
-        level = np.eye(columns, dtype=np.float32) - ends @ np.stack([1 - ramp, ramp])
-        self.level = np.column_stack([level, ends.sum(axis=1)])
-        """Takes from a row the straight ramp between its two ends, and puts their sum behind it,
-        (columns, columns + 1)."""
+        lanes = 2 * self.half_px + 1
+        self.lanes_px = np.arange(-self.half_px, self.half_px + 1, dtype=np.float32)
+        """Of a strip, from its line, (lanes,)."""
+        ends = np.zeros((2, lanes), np.float32)
+        ends[0, :FLANK_PX] = ends[1, -FLANK_PX:] = 1 / FLANK_PX
+        ramp = np.linspace(0, 1, lanes, dtype=np.float32)
+        level = np.eye(lanes, dtype=np.float32) - np.stack([1 - ramp, ramp]).T @ ends
+        self.level = np.concatenate([level, ends.sum(axis=0)[None]])
+        """Takes from a station the straight ramp between its two ends, and puts their sum behind it,
+        (lanes + 1, lanes)."""
+
+    @property
+    def box(self) -> tuple[slice, slice]:
+        """Rows and columns of the image where strips can lie: the globe, and the cone before the trocar."""
+        reach = self.inner_px + BEYOND_MM * self.px_per_mm
+        places = [(self.center_px[0] + side * reach, self.center_px[1] + side * reach) for side in (-1, 1)]
+        for turn_rad in (-LARGEST_TURN_RAD, 0.0, LARGEST_TURN_RAD):
+            line = Line(self.inwards_rad + turn_rad, 0.0)
+            places.append(line.at_px(self.trocar_px, -OUTSIDE_MM * self.px_per_mm))
+        x, y = zip(*places, strict=True)
+        return _span(y, self.half_px, self.height_px), _span(x, self.half_px, self.width_px)
 
     def wall_px(self, line: Line) -> tuple[float, float, float] | None:
         """Return where a line enters and leaves the wall and meets the far side; None if it misses."""
-        inner, outer = self._crossings_px(line, self.inner_px), self._crossings_px(line, self.outer_px)
-        return (outer[0], *inner) if inner and outer else None
-
-    def _crossings_px(self, line: Line, radius_px: float) -> tuple[float, float] | None:
-        """Return where a line enters and leaves a circle about the globe's centre; None if it misses it."""
-        to_center = subtract(self.center_px, line.at_px(self.trocar_px, 0.0))
-        along = to_center[0] * line.direction[0] + to_center[1] * line.direction[1]
-        squared = radius_px**2 - norm(to_center) ** 2 + along**2
-        return (along - math.sqrt(squared), along + math.sqrt(squared)) if squared > 0 else None
+        (dx, dy), foot = line.direction, line.at_px(self.trocar_px, 0.0)
+        x, y = self.center_px[0] - foot[0], self.center_px[1] - foot[1]
+        along, aside = x * dx + y * dy, x * dy - y * dx
+        if abs(aside) >= self.inner_px:
+            return None
+        outer = math.sqrt(self.outer_px**2 - aside**2)
+        inner = math.sqrt(self.inner_px**2 - aside**2)
+        return along - outer, along - inner, along + inner
 
     def first_px(self, line: Line) -> float:
         """Return where, seen from the trocar outwards, a line leaves the image or what is looked at."""
@@ -118,128 +147,133 @@ class Site:
         return start
 
 
+def _span(places_px: Sequence[float], margin_px: int, size_px: int) -> slice:
+    """Return where an image holds places and some margin about them."""
+    first, last = math.floor(min(places_px)) - margin_px, math.ceil(max(places_px)) + margin_px + 1
+    return slice(max(first, 0), min(last, size_px))
+
+
 class Strip(Struct, frozen=True, eq=False):
     """Straightened pixels along an expected line."""
 
     u_px: FloatImage
-    """Where each row lies along the line, (n,), ROW_PX apart."""
+    """Where each station lies along the line, evenly spaced, (n,)."""
     half_px: int
-    """Columns reach so far to either side."""
+    """Lanes reach so far to either side."""
     excess: FloatImage
-    """What differs from the empty eye and from the flanks, grey levels, (n, 2 half_px + 1)."""
+    """What differs from the empty eye and from the flanks, grey levels, (2 half_px + 1, n)."""
     beside: FloatImage
     """What differs from the flanks alone, same shape."""
     is_known: Mask
-    """Rows where the empty eye is known, (n,)."""
+    """Stations where the empty eye is known, (n,)."""
     before: slice
-    """Rows before the wall."""
+    """Stations before the wall."""
     inside: slice
-    """Rows within the globe; rows in the wall are in neither."""
+    """Stations within the globe; those in the wall are in neither."""
     noise_grey: float
     """Standard deviation of a pixel of `excess` without needle."""
 
 
-def sample_strip(
-    site: Site,
-    image: Image,
-    empty: FloatImage,
-    expected: Line,
-    from_px: float = -math.inf,
-    until_px: float = math.inf,
-) -> Strip | None:
-    """Lay the surroundings of an expected line straight.
+def stations(
+    site: Site, line: Line, from_px: float = -math.inf, until_px: float = math.inf
+) -> FloatImage | None:
+    """Return the places along a line where a shaft could be seen, (n,).
 
     Args:
         site: Where things are.
-        image: (h, w, 3) BGR or (h, w) grey.
-        empty: The eye without needle, (h, w) grey; negative where not known.
-        expected: The line.
+        line: The line.
         from_px: Where along the line to start at the earliest.
         until_px: Where along the line to stop at the latest.
 
     Returns:
-        The strip, or None if the line misses the globe.
+        The places, or None if the line misses the globe.
     """
-    wall = site.wall_px(expected)
+    wall = site.wall_px(line)
     if wall is None:
         return None
     outer, inner, far = wall
     scale = site.px_per_mm
     last = max(min(far + BEYOND_MM * scale, until_px), inner + 2 * scale)
-    first = math.ceil(max(min(site.first_px(expected) + 1, outer), min(from_px, last - 2 * scale)))
-    return lay_straight(site, image, empty, expected, np.arange(first, last, ROW_PX, dtype=np.float32))
+    first = math.ceil(max(min(site.first_px(line) + 1, outer), min(from_px, last - 2 * scale)))
+    return np.arange(first, last, STATION_PX, dtype=np.float32)
 
 
-def lay_straight(site: Site, image: Image, empty: FloatImage, line: Line, u_px: FloatImage) -> Strip | None:
-    """Lay the surroundings of a part of a line straight.
+def lay_straight(
+    site: Site, image: Image, empty: FloatImage, line: Line, *runs_px: FloatImage
+) -> list[Strip] | None:
+    """Lay the surroundings of one or more parts of a line straight, all at once.
 
     Args:
         site: Where things are.
         image: (h, w, 3) BGR or (h, w) grey.
         empty: The eye without needle, (h, w) grey; negative where not known.
         line: The line.
-        u_px: Evenly spaced places along it, (n,), two at least.
+        runs_px: Evenly spaced places along it, (n,) each, two at least.
 
     Returns:
-        The strip, or None if the line misses the globe.
+        A strip of each run, or None if the line misses the globe.
     """
     wall = site.wall_px(line)
     if wall is None:
         return None
-    grey = grey_of(np.asarray(_warp(site, image, line, u_px), np.uint8)).astype(np.float32) @ site.level
-    without = np.asarray(_warp(site, empty, line, u_px), np.float32)
-    is_known = np.asarray(without.min(axis=1) >= 0)
-    without = without @ site.level
-    without *= (is_known * np.float32(_gain(grey, without, is_known)))[:, None]
-    columns = slice(0, 2 * site.half_px + 1)
-    excess = (grey - without)[:, columns]
-    first, step = float(u_px[0]), float(u_px[1] - u_px[0])
-    bounds = wall[0], wall[1] + RIM_PX, wall[2] - RIM_PX
-    outer, inner, far = (min(max(round((bound - first) / step), 0), len(u_px)) for bound in bounds)
-    return Strip(
-        u_px,
-        site.half_px,
-        excess,
-        grey[:, columns],
-        is_known,
-        slice(0, outer),
-        slice(inner, far),
-        _deviation(excess[::3, FLANK_PX : 2 * FLANK_PX]),
-    )
+    (nx, ny), (dx, dy), (x, y) = line.normal, line.direction, line.at_px(site.trocar_px, 0.0)
+    u_px = runs_px[0] if len(runs_px) == 1 else np.concatenate(runs_px)
+    place = np.add.outer(site.lanes_px * nx + x, u_px * dx), np.add.outer(site.lanes_px * ny + y, u_px * dy)
+    now = site.level @ grey_of(_sampled(image, place)).astype(np.float32)
+    without = _sampled(empty, place)
+    is_known = without.min(axis=0) >= 0
+    without = site.level @ without
+    without *= is_known * _gain(now[-1], without[-1], is_known)
+    excess, beside = now[:-1] - without[:-1], now[:-1]
+    noise_grey = _noise(excess[FLANK_PX : 2 * FLANK_PX])
+    strips, start = [], 0
+    for run_px in runs_px:
+        part = slice(start, start + len(run_px))
+        before, inside = _sides(run_px, wall)
+        strips.append(
+            Strip(
+                *(run_px, site.half_px, excess[:, part], beside[:, part]),
+                *(is_known[part], before, inside, noise_grey),
+            )
+        )
+        start = part.stop
+    return strips
 
 
-def _warp(site: Site, image: Image | FloatImage, line: Line, u_px: FloatImage) -> NDArray[Any]:
-    (nx, ny), (dx, dy) = line.normal, line.direction
-    x, y = line.at_px(site.trocar_px, float(u_px[0]))
-    corner = x - site.half_px * nx, y - site.half_px * ny
-    step = float(u_px[1] - u_px[0])
-    image_from_strip = np.array([[nx, step * dx, corner[0]], [ny, step * dy, corner[1]]])
-    size = 2 * site.half_px + 1, len(u_px)
-    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    return np.asarray(
-        cv2.warpAffine(image, image_from_strip, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
-    )
+def _sides(u_px: FloatImage, wall_px: tuple[float, float, float]) -> tuple[slice, slice]:
+    """Return the stations before the wall, and those within the globe."""
+    count, first = len(u_px), float(u_px[0])
+    step, (outer, inner, far) = float(u_px[1]) - first, wall_px
+    outer_end = min(max(round((outer - first) / step), 0), count)
+    inner_start = min(max(round((inner + RIM_PX - first) / step), 0), count)
+    inner_end = min(max(round((far - RIM_PX - first) / step), 0), count)
+    return slice(0, outer_end), slice(inner_start, inner_end)
 
 
-def _gain(grey: FloatImage, without: FloatImage, rows: Mask) -> float:
-    """Estimate how much brighter the light is than it was for the empty eye, from the flanks."""
-    now, then = float(grey[:, -1] @ rows), float(without[:, -1] @ rows)
-    return min(max(now / then, GAIN_RANGE[0]), GAIN_RANGE[1]) if then > 0 else 1.0
+def _sampled(image: NDArray[Any], place: tuple[FloatImage, FloatImage]) -> NDArray[Any]:
+    return cv2.remap(image, *place, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
 
 
-def row_sums(rows: FloatImage, weights: FloatImage) -> FloatImage:
-    """Return every row's weighted sum.
+def _gain(now: FloatImage, then: FloatImage, is_known: Mask) -> np.float32:
+    """Estimate how much brighter the light is than it was for the empty eye, from sums of the flanks."""
+    known = is_known.astype(np.float32)
+    now_sum, then_sum = float(now @ known), float(then @ known)
+    return np.float32(min(max(now_sum / then_sum, GAIN_RANGE[0]), GAIN_RANGE[1]) if then_sum > 0 else 1.0)
 
-    Not `@`: on narrow rows OpenBLAS reads past their ends and raises false alarms of invalid values.
+
+def _noise(values: FloatImage) -> float:
+    """Return a robust standard deviation of the noise, at least that of rounding.
+
+    From the difference of neighbours along the shaft: its own edges and its shadow's run that way.
     """
-    return np.asarray(np.einsum("ij,j->i", rows, weights), np.float32)
-
-
-def _deviation(values: FloatImage) -> float:
-    """Return a robust standard deviation, at least that of rounding."""
-    return max(0.5, 1.4826 * median(np.abs(values))) if values.size else 3.0
+    paired = values.shape[1] // 3 * 3
+    change = values[:, 1:paired:3] - values[:, 0:paired:3]
+    return max(0.5, 1.4826 / math.sqrt(2) * median(np.abs(change))) if change.size else 3.0
 
 
 def median(values: NDArray[Any]) -> float:
     """Return the (upper) median; ten times as fast as numpy's on few values."""
-    return float(np.partition(values, values.size // 2, axis=None)[values.size // 2])
+    flat = values.flatten()
+    middle = flat.size // 2
+    flat.partition(middle)
+    return float(flat[middle])

@@ -57,6 +57,9 @@ class ThresholdPerceiver:
         config: Polarity, block size, offset, alpha.
     """
 
+    sees = frozenset(("needle_tip", "needle_line"))
+    """Entities it may report besides the registered anatomy."""
+
     def __init__(self, registration: Registration, config: PerceptionConfig) -> None:
         self._registration = registration
         self._config = config

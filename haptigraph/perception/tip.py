@@ -12,11 +12,12 @@ import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
-from haptigraph.perception.pixels import FloatImage
-from haptigraph.perception.strip import ROW_PX, Strip, median, row_sums
+from haptigraph.perception.pixels import FloatImage, Mask
+from haptigraph.perception.strip import STATION_PX, Strip
 
-__all__ = ["AHEAD_PX", "BEHIND_PX", "Reach", "find_reach", "is_led_to", "refine_tip"]
+__all__ = ["Reach", "closeup_px", "find_reach", "is_led_to", "refine_tip"]
 
+CORE = np.full(5, 1 / 5, np.float32)  # lanes in the middle of a strip
 LEAST_GREY = 5.0
 UNKNOWN_GREY = 8.0
 LEAST_SNR = 4.0
@@ -24,11 +25,13 @@ KNOWN_SHARE = 0.1  # of the contrast that the needle had before
 UNKNOWN_SHARE = 0.35
 BEHIND_PX, AHEAD_PX = 12, 10  # how much of the needle, and of what follows, tells where it ends
 NEAR_PX, BLUNT_PX = 7, 2
-TIP_LEVEL = 0.35  # of the contrast: the point is thin and rounded, half of it is seen too early
+TIP_LEVEL = 0.35  # between beyond and behind: the point is thin and rounded, half is seen too early
+LEAST_FALL = 0.6  # what is beyond has less than this share of the contrast behind
+BEYOND_PX = 4  # the blurred end of the tip
 FLOOR_PX = 0.1
 LEAST_HELD_PX = 2.0  # of tip inside, when the shaft is seen to enter the wall
-MOUTH_MM = 0.4  # of the hole, inside the wall, may look like a needle where it was never seen without one
 LEAST_FREE_MM = 0.8  # when it is not
+MOUTH_MM = 0.4  # of the hole, inside the wall, may look like a needle where it was never seen without one
 LEAST_OUTSIDE_MM = 1.0
 AT_WALL_MM = 0.22
 
@@ -41,35 +44,36 @@ class Reach(Struct, frozen=True):
     tip_px: float
     """Along the strip; of a hidden tip, where the shaft vanishes."""
     evidence_px: float
-    """Rows that show a needle less rows that show none."""
+    """Length that shows a needle less length that shows none."""
     deviation_px: float = 5.0
     contrast_grey: float = 0.0
     """Of the needle behind its tip; 0 where it was not measured."""
 
 
-def find_reach(strip: Strip, px_per_mm: float, usual_grey: float | None) -> Reach | None:
+def find_reach(
+    strip: Strip, px_per_mm: float, usual_grey: float | None, followed_px: float = -math.inf
+) -> Reach | None:
     """Find how far the needle reaches, roughly.
 
     Args:
         strip: The straightened surroundings; the shaft lies near the middle.
         px_per_mm: Scale.
         usual_grey: Contrast that this needle had inside before, where known.
+        followed_px: How far it reached just before: up to there less shows that it still does.
 
     Returns:
         The reach, or None if there is no needle.
     """
     core = slice(strip.half_px - 2, strip.half_px + 3)
-    contrast = _contrast(strip.excess[:, core], strip.beside[:, core])
-    noise = LEAST_SNR * strip.noise_grey / math.sqrt(core.stop - core.start)
-    known = max(LEAST_GREY, noise, KNOWN_SHARE * (usual_grey or 0))
-    unknown = max(UNKNOWN_GREY, noise, UNKNOWN_SHARE * (usual_grey or 0))
-    least = np.where(strip.is_known, known, unknown).astype(np.float32)
-    evidence = np.clip(contrast / least - 1, -1, 1)
-    outer_end, outer_sum = _farthest(evidence[strip.before])
-    inner_end, inner_sum = _farthest(evidence[strip.inside])
+    contrast = _contrast(strip.excess[core], strip.beside[core], CORE)
+    noise = LEAST_SNR * strip.noise_grey / math.sqrt(len(CORE))
+    is_sure = strip.is_known | (strip.u_px <= followed_px)
+    outer, inner = strip.before, strip.inside
+    outer_end, outer_sum = _farthest(_evidence(contrast[outer], is_sure[outer], noise, 0.0))
+    inner_end, inner_sum = _farthest(_evidence(contrast[inner], is_sure[inner], noise, usual_grey or 0.0))
     is_outside = outer_sum >= LEAST_OUTSIDE_MM * px_per_mm
-    is_held = is_outside and outer_end >= strip.before.stop - AT_WALL_MM * px_per_mm / ROW_PX
-    is_mouth_known = bool(strip.is_known[strip.inside][: math.ceil(MOUTH_MM * px_per_mm / ROW_PX)].all())
+    is_held = is_outside and outer_end >= strip.before.stop - AT_WALL_MM * px_per_mm / STATION_PX
+    is_mouth_known = bool(strip.is_known[strip.inside][: math.ceil(MOUTH_MM * px_per_mm / STATION_PX)].all())
     held_px = LEAST_HELD_PX + (0 if is_mouth_known else MOUTH_MM * px_per_mm)
     if inner_sum >= (held_px if is_held else LEAST_FREE_MM * px_per_mm):
         tip_px = float(strip.u_px[strip.inside.start + inner_end - 1])
@@ -90,65 +94,96 @@ def is_led_to(strip: Strip, end_px: float, gap_px: float) -> bool:
         gap_px: How far from the wall it may be there.
     """
     gap = slice(int(strip.u_px.searchsorted(end_px)), strip.before.stop)
-    return (gap.stop - gap.start) * ROW_PX <= gap_px or bool(strip.is_known[gap].all())
+    return (gap.stop - gap.start) * STATION_PX <= gap_px or bool(strip.is_known[gap].all())
 
 
-def refine_tip(strip: Strip, reach: Reach, about_px: float) -> Reach | None:
+def closeup_px(about_px: float, spare_px: int = 0) -> FloatImage:
+    """Return the places along a line at which a tip is looked at closely, (n,)."""
+    about = round(about_px)
+    return np.arange(about - BEHIND_PX - spare_px, about + AHEAD_PX + spare_px + 1, dtype=np.float32)
+
+
+def refine_tip(strip: Strip, reach: Reach, about_px: float, aside_px: float = 0.0) -> Reach | None:
     """Find the tip sub-pixel: where the contrast falls off from what it was just behind.
 
     Args:
-        strip: The straightened surroundings of the tip, the shaft along the middle.
+        strip: A close-up of the tip.
         reach: Roughly.
         about_px: Where along the strip the tip is, to some pixels.
+        aside_px: How far from the strip's middle the shaft lies there.
 
     Returns:
         The reach, or None if the contrast does not fall there.
     """
-    rows = strip.inside if reach.where == "inside" else strip.before
-    core = slice(strip.half_px - 1, strip.half_px + 2)
-    u_px, along = strip.u_px[rows], _contrast(strip.excess[rows, core], strip.beside[rows, core])
-    if len(u_px) < 2:
+    part = strip.inside if reach.where == "inside" else strip.before
+    middle = round(about_px) - round(float(strip.u_px[0]))
+    last = min(middle + AHEAD_PX + 1, len(strip.u_px))
+    seen = slice(max(middle - BEHIND_PX, part.start), min(last, part.stop))
+    if seen.stop - seen.start < 2:
         return None
-    noise = strip.noise_grey / math.sqrt(core.stop - core.start)
-    end, place, steepness, high = int(u_px.searchsorted(about_px)), 0.0, 1.0, 0.0
+    lane, share = divmod(strip.half_px + aside_px, 1)
+    core = slice(int(lane) - 1, int(lane) + 3)
+    weights = np.array(((1 - share) / 3, 1 / 3, 1 / 3, share / 3), np.float32)
+    along = _contrast(strip.excess[core, seen], strip.beside[core, seen], weights).tolist()
+    is_sure = strip.is_known[seen].tolist() if reach.where == "outside" else [True] * len(along)
+    noise = strip.noise_grey / math.sqrt(3)
+    first_px = float(strip.u_px[seen.start])
+    end, place, steepness, high = math.ceil(about_px - first_px), 0.0, 1.0, 0.0
     for behind_px in (BEHIND_PX, NEAR_PX):
-        high = median(along[max(end - behind_px, 0) : max(end - BLUNT_PX, 1)])
-        level = max(TIP_LEVEL * high, LEAST_SNR * noise)
-        above = np.flatnonzero(along >= level)
-        if reach.where == "outside":  # the wall follows, and looks like a needle where it is not known
-            gap = int(np.append(np.diff(above) > 1, True).argmax())
-            above = np.append(above[: gap + 1], above[gap + 1 :][strip.is_known[rows][above[gap + 1 :]]])
-        if not len(above) or (above[-1] == len(along) - 1 and rows.stop == len(strip.u_px)):
+        shaft = sorted(along[max(end - behind_px, 0) : max(end - BLUNT_PX, 1)])
+        beyond = sorted(along[end + BEYOND_PX :]) or [0.0]
+        high, low = shaft[len(shaft) // 2], beyond[len(beyond) // 2]
+        if low > LEAST_FALL * high:
             return None
-        end = int(above[-1])
+        level = max(low + TIP_LEVEL * (high - low), LEAST_SNR * noise)
+        end = _last_above(along, is_sure, level)
+        if end < 0 or (end == len(along) - 1 and seen.stop == last):
+            return None
         place = float(end)
         if end < len(along) - 1:
-            steepness = max(float(along[end] - along[end + 1]), 1.0)
-            place += (float(along[end]) - level) / steepness
+            steepness = max(along[end] - along[end + 1], 1.0)
+            place += (along[end] - level) / steepness
     return replace(
         reach,
-        tip_px=float(u_px[0]) + place,
+        tip_px=first_px + place,
         deviation_px=math.hypot(FLOOR_PX, noise / steepness),
         contrast_grey=high,
     )
 
 
-def _contrast(excess: FloatImage, beside: FloatImage) -> FloatImage:
+def _last_above(along: list[float], is_sure: list[bool], level: float) -> int:
+    """Return the last station with so much contrast, -1 if there is none.
+
+    After a gap, only sure ones count: the wall looks like a needle where it is not known.
+    """
+    above = [station for station, grey in enumerate(along) if grey >= level]
+    joined = next((n for n in range(1, len(above)) if above[n] > above[n - 1] + 1), len(above))
+    return max([*above[:joined], *(station for station in above[joined:] if is_sure[station])], default=-1)
+
+
+def _contrast(excess: FloatImage, beside: FloatImage, weights: FloatImage) -> FloatImage:
     """Return how much the shaft's middle differs from what is beside and was behind it [grey levels].
 
     It must differ from both: a stain that was always there is no needle, nor is a place that a needle has
     left. The root mean square counts, for a needle may be darker on one side and brighter on the other, and
     only its rims may show.
     """
-    weight = np.full(excess.shape[1], 1 / excess.shape[1], np.float32)
-    differs, stands_out = (np.sqrt(row_sums(np.square(values), weight)) for values in (excess, beside))
-    return np.asarray(np.minimum(differs, 2 * stands_out), np.float32)
+    differs, stands_out = weights @ np.square(excess), weights @ np.square(beside)
+    return np.asarray(np.sqrt(np.minimum(differs, 4 * stands_out)), np.float32)
+
+
+def _evidence(contrast: FloatImage, is_sure: Mask, noise_grey: float, usual_grey: float) -> FloatImage:
+    """Return how much every station looks like a needle, -1 to 1."""
+    sure = max(LEAST_GREY, noise_grey, KNOWN_SHARE * usual_grey)
+    unsure = max(UNKNOWN_GREY, noise_grey, UNKNOWN_SHARE * usual_grey)
+    share = contrast * np.where(is_sure, np.float32(1 / sure), np.float32(1 / unsure))
+    return np.asarray(np.minimum(share, 2) - 1, np.float32)
 
 
 def _farthest(evidence: FloatImage) -> tuple[int, float]:
-    """Return where the summed evidence is greatest (rows from the start) and how great it is."""
+    """Return where the summed evidence is greatest (stations from the start) and how great it is."""
     if not len(evidence):
         return 0, 0.0
     total = np.cumsum(evidence)
     end = int(total.argmax())
-    return (end + 1, ROW_PX * float(total[end])) if total[end] > 0 else (0, 0.0)
+    return (end + 1, STATION_PX * float(total[end])) if total[end] > 0 else (0, 0.0)

@@ -8,7 +8,6 @@ nothing of states.
 
 import math
 
-import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
@@ -17,11 +16,20 @@ from haptigraph.geometry import Geometry, Point, Segment
 from haptigraph.messages import Capture, Certainty, Image, Observation
 from haptigraph.perception.background import Background
 from haptigraph.perception.fan import Fan
+from haptigraph.perception.pixels import FloatImage
 from haptigraph.perception.pose import PoseFilter
 from haptigraph.perception.registration import Registration
 from haptigraph.perception.shaft import Highlight, LineFit, fit_line
-from haptigraph.perception.strip import OUTSIDE_MM, Line, Site, Strip, lay_straight, sample_strip
-from haptigraph.perception.tip import AHEAD_PX, BEHIND_PX, Reach, find_reach, is_led_to, refine_tip
+from haptigraph.perception.strip import (
+    LARGEST_TURN_RAD,
+    OUTSIDE_MM,
+    Line,
+    Site,
+    Strip,
+    lay_straight,
+    stations,
+)
+from haptigraph.perception.tip import Reach, closeup_px, find_reach, is_led_to, refine_tip
 
 __all__ = ["Tracker"]
 
@@ -33,18 +41,29 @@ GAP_MM = 0.65  # of unknown ground before the wall that is taken for the shaft
 AT_WALL_PX = 3.8  # blurred edge of the wall
 MISS_MM = 1.5  # a needle passes the registered trocar no further off
 TRACKED_PX = 8.0  # between the expected and the real shaft
-LARGEST_TURN_RAD = math.radians(46)
 LEAST_CONFIDENCE = 0.4
 DOUBTS = 15  # images with something like a needle that is none, until it counts as background
 OFF_PX = 3.0  # if the tip is further off the strip's middle, a second look is taken
 THICKEST_MM = 1.05
 LONGEST_STEP_S = 0.2
 CONTRAST_RATE = 0.1
+CLOSEUP_SPARE_PX = 6  # beyond a close-up of the tip, for where the tip is may be expected wrongly
+
+
+class _Glimpse(Struct, frozen=True, eq=False):
+    """Something like a needle along an expected line."""
+
+    expected: Line
+    strip: Strip
+    closeup: Strip | None
+    """About where the tip was expected."""
+    reach: Reach
 
 
 class _Sight(Struct, frozen=True, eq=False):
     """One needle as measured in one image."""
 
+    glimpse: _Glimpse
     line: Line
     fit: LineFit
     reach: Reach
@@ -63,11 +82,14 @@ class Tracker:
         config: Settings; none is needed so far, but all perceivers are given them.
     """
 
+    sees = frozenset(("needle_tip", "needle_line"))
+    """Entities it may report besides the registered anatomy."""
+
     def __init__(self, registration: Registration, config: PerceptionConfig) -> None:
         self._registration = registration
         self._site = Site(registration)
         self._fan = Fan(self._site)
-        self._background = Background(self._site.width_px, self._site.height_px)
+        self._background = Background(self._site.width_px, self._site.height_px, self._site.box)
         self._pose = PoseFilter(self._site.px_per_mm)
         self.reset()
 
@@ -109,67 +131,99 @@ class Tracker:
         expected, depth_px = self._pose.predict(seconds)
         until_px = depth_px + AHEAD_MM * self._site.px_per_mm
         from_px = depth_px - BEHIND_MM * self._site.px_per_mm
-        sight = self._look(image, expected, from_px, until_px)
+        near_px = closeup_px(depth_px, CLOSEUP_SPARE_PX)
+        glimpse = self._glimpse(image, expected, from_px, until_px, near_px, depth_px)
+        sight = self._measured(glimpse, TRACKED_PX) if glimpse else None
         if sight is None:
             return None
         if sight.reach.tip_px > until_px - self._site.px_per_mm or sight.off_px > OFF_PX:
-            sight = self._look(image, sight.line, from_px) or sight
-        return sight
+            sight = self._second_look(image, sight, from_px)
+        return self._refined(image, sight)
 
     def _acquire(self, image: Image) -> _Sight | None:
         candidates = self._fan.search(image)
         self._doubts = self._doubts + 1 if candidates else DOUBTS
-        sights: list[_Sight] = []
-        for candidate in candidates:
-            first = self._look(image, candidate)
-            if first is not None:
-                sights.append(self._look(image, first.line) or first)
-        return max(sights, key=lambda sight: sight.reach.evidence_px, default=None)
+        glimpses = [seen for line in candidates if (seen := self._glimpse(image, line)) is not None]
+        for glimpse in sorted(glimpses, key=lambda seen: -seen.reach.evidence_px):
+            sight = self._measured(glimpse, glimpse.strip.half_px)
+            if sight is not None:
+                return self._refined(image, self._second_look(image, sight))
+        return None
 
-    def _look(
-        self, image: Image, expected: Line, from_px: float = -math.inf, until_px: float = math.inf
-    ) -> _Sight | None:
-        """Measure the needle about an expected line."""
-        strip = sample_strip(self._site, image, self._background.grey, expected, from_px, until_px)
-        if strip is None:
+    def _second_look(self, image: Image, sight: _Sight, from_px: float = -math.inf) -> _Sight:
+        """Look again where the needle was found to be; the first look was a little off."""
+        near_px = closeup_px(sight.reach.tip_px, CLOSEUP_SPARE_PX)
+        glimpse = self._glimpse(image, sight.line, from_px, near_px=near_px)
+        return (self._measured(glimpse, glimpse.strip.half_px) if glimpse else None) or sight
+
+    def _glimpse(
+        self,
+        image: Image,
+        expected: Line,
+        from_px: float = -math.inf,
+        until_px: float = math.inf,
+        near_px: FloatImage | None = None,
+        followed_px: float = -math.inf,
+    ) -> _Glimpse | None:
+        """Look along an expected line for something like a needle, and how far it reaches, roughly."""
+        u_px = stations(self._site, expected, from_px, until_px)
+        if u_px is None:
             return None
-        reach = find_reach(strip, self._site.px_per_mm, self._usual_grey)
-        if reach is None:
+        runs = (u_px,) if near_px is None else (u_px, near_px)
+        strips = lay_straight(self._site, image, self._background.grey, expected, *runs)
+        if strips is None:
             return None
-        miss_px = TRACKED_PX if until_px < math.inf else strip.half_px
-        fit = fit_line(strip, reach.tip_px, miss_px, self._highlight)
+        reach = find_reach(strips[0], self._site.px_per_mm, self._usual_grey, followed_px)
+        return (
+            _Glimpse(expected, strips[0], strips[-1] if near_px is not None else None, reach)
+            if reach
+            else None
+        )
+
+    def _measured(self, glimpse: _Glimpse, miss_px: float) -> _Sight | None:
+        """Fit the shaft's line; None if it is no needle."""
+        fit = fit_line(glimpse.strip, glimpse.reach.tip_px, miss_px, self._highlight)
         if fit is None:
             return None
+        expected = glimpse.expected
         line = Line(expected.angle_rad + math.atan(fit.slope), expected.offset_px + fit.offset_px)
-        if not self._is_needle(line, fit):
-            return None
-        return _Sight(line, fit, self._refined(image, strip, line, fit, reach))
+        return _Sight(glimpse, line, fit, glimpse.reach) if self._is_needle(line, fit) else None
 
-    def _refined(self, image: Image, strip: Strip, line: Line, fit: LineFit, reach: Reach) -> Reach:
+    def _refined(self, image: Image, sight: _Sight) -> _Sight:
         """Look at the tip closely, first where the shaft's edges end: the rest may be its shadow."""
+        return replace(sight, reach=self._refined_reach(image, sight))
+
+    def _refined_reach(self, image: Image, sight: _Sight) -> Reach:
+        strip, fit, reach = sight.glimpse.strip, sight.fit, sight.reach
         scale = self._site.px_per_mm
         edges_end_px = fit.end_px(float(strip.u_px[0]))
-        if reach.where == "inside" and not is_led_to(strip, edges_end_px, GAP_MM * scale):
+        inner_px = float(strip.u_px[strip.inside.start]) if reach.where == "inside" else math.inf
+        is_led = is_led_to(strip, edges_end_px, GAP_MM * scale) or fit.leads_through(inner_px)
+        if reach.where == "inside" and not is_led:
             reach = replace(reach, where="outside", tip_px=edges_end_px)
         if reach.where == "hidden":
             before = replace(reach, where="outside")
-            seen = self._fall(image, line, before, min(edges_end_px, reach.tip_px))
+            seen = self._fall(image, sight, before, min(edges_end_px, reach.tip_px))
             gap_px = reach.tip_px - seen.tip_px if seen else 0.0
             if seen is None or not AT_WALL_PX < gap_px <= GAP_MM * scale:
                 return reach
             return reach if is_led_to(strip, seen.tip_px, 0.0) else seen
         if reach.where == "inside":
-            edges_end_px = fit.end_px(float(strip.u_px[strip.inside.start]))
+            edges_end_px = fit.end_px(inner_px)
         return (
-            self._fall(image, line, reach, min(reach.tip_px, edges_end_px))
-            or self._fall(image, line, reach, reach.tip_px)
+            self._fall(image, sight, reach, min(reach.tip_px, edges_end_px))
+            or self._fall(image, sight, reach, reach.tip_px)
             or reach
         )
 
-    def _fall(self, image: Image, line: Line, reach: Reach, about_px: float) -> Reach | None:
-        u_px = np.arange(round(about_px) - BEHIND_PX, round(about_px) + AHEAD_PX + 1, dtype=np.float32)
-        near = lay_straight(self._site, image, self._background.grey, line, u_px)
-        return None if near is None else refine_tip(near, reach, about_px)
+    def _fall(self, image: Image, sight: _Sight, reach: Reach, about_px: float) -> Reach | None:
+        u_px, at_hand = closeup_px(about_px), sight.glimpse.closeup
+        if at_hand and at_hand.u_px[0] <= u_px[0] and u_px[-1] <= at_hand.u_px[-1]:
+            aside_px = sight.fit.offset_px + sight.fit.slope * about_px
+            if abs(aside_px) <= OFF_PX:
+                return refine_tip(at_hand, reach, about_px, aside_px)
+        near = lay_straight(self._site, image, self._background.grey, sight.line, u_px)
+        return refine_tip(near[0], reach, about_px) if near else None
 
     def _is_needle(self, line: Line, fit: LineFit) -> bool:
         scale = self._site.px_per_mm

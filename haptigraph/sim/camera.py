@@ -5,22 +5,22 @@ Knows nothing of retina, states or touch.
 """
 
 import math
+from collections.abc import Callable
 
 import cv2
 import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
-from numpy.typing import NDArray
 
 from haptigraph.geometry import ImageGeometry, Vec, norm, subtract
 from haptigraph.messages import Image
 from haptigraph.sim.distractors import Bubbles, Distractors, flicker_gain, paint_glints, paint_light_pipe
 from haptigraph.sim.eye import Eye
-from haptigraph.sim.needle import Box, NeedleShape, blurred, lay, needle_texture
-from haptigraph.sim.painter import FloatImage, Look, distance_map, paint_phantom, rim_geometry
+from haptigraph.sim.needle import Box, NeedleShape, blurred, lay, needle_texture, within
+from haptigraph.sim.painter import FloatImage, Look, distance_map, paint_phantom, rim_geometry, vignette
 from haptigraph.slant import Slant
 
-__all__ = ["Camera", "CameraSettings", "NeedleShape"]
+__all__ = ["Camera", "CameraSettings", "NeedleShape", "image_geometry"]
 
 NOISE_MARGIN_PX = 256
 NOISE_STRIP_PX = 36
@@ -79,21 +79,23 @@ class Camera:
     ) -> None:
         self.settings = settings
         size_px = settings.width_px, settings.height_px
-        self._straight = ImageGeometry(settings.center_px, 1 / settings.px_per_mm, settings.mirrored)
         slant = _slant(settings)
         self._is_tilted = settings.tilt_deg != (0.0, 0.0)
         self._image_from_straight = slant.image_from_straight.matrix
-        straight_from_image = slant.straight_from_image if self._is_tilted else None
-        self.geometry = replace(self._straight, straight_from_image=straight_from_image)
+        self.geometry = image_geometry(settings)
+        self.straight = replace(self.geometry, straight_from_image=None)
+        """Of the picture before it is seen at a slant."""
         self._seed = seed
-        rim = rim_geometry(self._straight, slant.foot_px, eye.shape.rim_mm / settings.distance_mm)
-        painted = paint_phantom(eye, self._straight, rim, size_px, look, seed)
-        self._light = settings.exposure * _vignette(size_px, settings.vignetting)
-        self._background = blurred(painted, settings.blur_px) * self._light[..., None]
+        rim = rim_geometry(self.straight, slant.foot_px, eye.shape.rim_mm / settings.distance_mm)
+        painted = paint_phantom(eye, self.straight, rim, size_px, look, seed)
+        self.light = settings.exposure * vignette(size_px, settings.vignetting)
+        """That reaches each pixel, (h, w)."""
+        self._background = blurred(painted, settings.blur_px) * self.light[..., None]
         self._radius_px = eye.radius_mm * settings.px_per_mm
         distance = distance_map(*size_px, settings.center_px)
         self._in_bowl = np.clip(self._radius_px - distance, 0, 1)
-        self._in_view = self._needle_in_view(eye, rim)
+        self.in_view = self._needle_in_view(eye, rim)
+        """Where instruments are seen, 0 to 1, (h, w)."""
         self._shaded_by = self._shading_places(distance)
         self._tone, self._cover = needle_texture(needle, settings.px_per_mm, settings.blur_px, seed)
         self._distractors = distractors or Distractors()
@@ -106,13 +108,16 @@ class Camera:
         self._deviation_of = np.sqrt(settings.read_noise_grey**2 + settings.shot_noise_grey**2 * grey / 255)
         self._deviation = self._noise_deviation(self._still)
 
-    def render(self, tip_mm: Vec, direction: Vec, number: int) -> Image:
+    def render(
+        self, tip_mm: Vec, direction: Vec, number: int, overlay: Callable[[Image], None] | None = None
+    ) -> Image:
         """Take one image.
 
         Args:
             tip_mm: The needle's tip, eye frame.
             direction: From the shaft to the tip, length 1, eye frame.
             number: Of the image; chooses the noise.
+            overlay: Draws what else moves into the straight picture, in front of the needle.
 
         Returns:
             (height, width, 3) BGR.
@@ -122,7 +127,9 @@ class Camera:
         image = self._still.copy()
         if box is not None:
             image[box] = cv2.convertScaleAbs(self._draw(tip, along, box))
-        if self._distractors.bubbles or self._distractors.flicker or self._is_tilted:
+        if overlay is not None:
+            overlay(image)
+        if overlay or self._distractors.bubbles or self._distractors.flicker or self._is_tilted:
             image = self._tilted(self._disturbed(image, number))
             return self._with_noise(image, self._noise_deviation(image), number)
         if box is None:
@@ -163,18 +170,18 @@ class Camera:
                 self._background,
                 given,
                 eye,
-                self._straight,
-                self._in_view,
-                light=self._light,
+                self.straight,
+                self.in_view,
+                light=self.light,
                 blur_px=settings.blur_px,
                 seed=self._seed,
             )
         if given.glints:
             self._background = paint_glints(
-                self._background, given.glints, self._straight, eye.radius_mm, self._seed
+                self._background, given.glints, self.straight, eye.radius_mm, self._seed
             )
         largest_px = given.bubble_mm * settings.px_per_mm
-        return Bubbles(given.bubbles, largest_px, self._straight, eye.radius_mm, self._seed)
+        return Bubbles(given.bubbles, largest_px, self.straight, eye.radius_mm, self._seed)
 
     def _disturbed(self, image: Image, number: int) -> Image:
         """Put bubbles into an image and change its light."""
@@ -192,22 +199,22 @@ class Camera:
 
     def _in_straight(self, tip_mm: Vec, direction: Vec) -> tuple[Vec, Vec]:
         """Return tip [px] and direction (length 1) in the straight picture."""
-        tip = self._straight.to_px(tip_mm)
-        ahead = subtract(self._straight.to_px((tip_mm[0] + direction[0], tip_mm[1] + direction[1])), tip)
+        tip = self.straight.to_px(tip_mm)
+        ahead = subtract(self.straight.to_px((tip_mm[0] + direction[0], tip_mm[1] + direction[1])), tip)
         return tip, (ahead[0] / norm(ahead), ahead[1] / norm(ahead))
 
     def _draw(self, tip: Vec, along: Vec, box: Box) -> FloatImage:
         """Return a part of the scene with needle and shadow."""
         scene = self._background[box].copy()
-        pieces = [(piece, _within(piece, box)) for piece in self._pieces(tip, along)]
+        pieces = [(piece, within(piece, box)) for piece in self._pieces(tip, along)]
         cover = np.zeros(scene.shape[:2], np.float32)
         for piece, part in pieces:
             cover[part] = lay(self._cover, tip, along, piece)
         if self.settings.shadow:
             self._cast_shadow(scene, cover, box)
-        cover *= self._in_view[box]
+        cover *= self.in_view[box]
         for piece, part in pieces:
-            color = cv2.merge([lay(self._tone, tip, along, piece) * self._light[piece]] * 3)
+            color = cv2.merge([lay(self._tone, tip, along, piece) * self.light[piece]] * 3)
             over = cover[part].copy()
             scene[part] = cv2.blendLinear(color, scene[part], over, 1 - over)
             cover[part] = 0  # pieces overlap
@@ -228,7 +235,7 @@ class Camera:
         shift_x, shift_y = (places[bowl] for places in self._shaded_by)
         shade = cv2.remap(cover, shift_x - columns.start, shift_y - rows.start, cv2.INTER_LINEAR)
         light = 1 - self.settings.shadow * cv2.blur(shade, (SHADOW_BLUR_PX,) * 2) * self._in_bowl[bowl]
-        part = _within(bowl, box)
+        part = within(bowl, box)
         scene[part] = cv2.multiply(scene[part], cv2.merge([light] * 3))
 
     def _noise_deviation(self, image: Image) -> FloatImage:
@@ -302,28 +309,15 @@ class Camera:
         return (x - right * depth).astype(np.float32), (y - down * depth).astype(np.float32)
 
 
+def image_geometry(settings: CameraSettings) -> ImageGeometry:
+    """Return where the images of a camera show what; nothing is painted for it."""
+    straight_from_image = _slant(settings).straight_from_image if settings.tilt_deg != (0.0, 0.0) else None
+    center_px, mm_per_px = settings.center_px, 1 / settings.px_per_mm
+    return ImageGeometry(center_px, mm_per_px, settings.mirrored, straight_from_image)
+
+
 def _slant(settings: CameraSettings) -> Slant:
     right, down = (math.radians(angle) for angle in settings.tilt_deg)
     focal_px = settings.distance_mm * settings.px_per_mm
     middle_px = (settings.width_px - 1) / 2, (settings.height_px - 1) / 2
     return Slant(settings.center_px, (right, down), focal_px, middle_px)
-
-
-def _vignette(size_px: tuple[int, int], loss: float) -> FloatImage:
-    """Return the light that reaches each pixel, 1 in the middle."""
-    y, x = np.ogrid[: size_px[1], : size_px[0]]
-    middle = (size_px[0] - 1) / 2, (size_px[1] - 1) / 2
-    corner = math.hypot(*middle)
-    light: NDArray[np.float32] = (
-        1 - loss * ((x - middle[0]) ** 2 + (y - middle[1]) ** 2) / corner**2
-    ).astype(np.float32)
-    return light
-
-
-def _within(inner: Box, outer: Box) -> Box:
-    """Return a box as seen from the corner of another that holds it."""
-    rows, columns = (
-        slice(part.start - whole.start, part.stop - whole.start)
-        for part, whole in zip(inner, outer, strict=True)
-    )
-    return rows, columns

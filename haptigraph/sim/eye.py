@@ -24,12 +24,18 @@ class EyeShape(Struct, frozen=True, forbid_unknown_fields=True):
     wall_mm: Annotated[float, Meta(ge=0.1, le=5)] = 1.7
     retina_half_deg: Annotated[float, Meta(ge=5, le=120)] = 75.0
     """The retina reaches so far to either side of the bottom."""
+    retina_mm: Annotated[float, Meta(ge=0, le=2)] = 0.0
+    """How thick a layer it is, that a tip can enter; 0: it is the wall's inner side."""
     rim_mm: Annotated[float, Meta(ge=0, le=5)] = 0.0
     """How far the cut wall stands before the section that the needle moves in."""
     target_deg: Annotated[float, Meta(ge=-90, le=90)] = 9.0
     """From the bottom, along the retina."""
     trocar_deg: Annotated[float, Meta(ge=-90, le=90)] = 36.0
     """From the top: the trocar in use; the other one sits opposite."""
+    hemorrhage_deg: Annotated[float, Meta(ge=-90, le=90)] = 0.0
+    """From the bottom, along the retina: the middle of a bleeding."""
+    hemorrhage_mm: Annotated[float, Meta(ge=0, le=6)] = 0.0
+    """How wide it is; 0: none."""
 
 
 class RegistrationError(Struct, frozen=True, forbid_unknown_fields=True):
@@ -52,17 +58,20 @@ class Eye:
     def __init__(self, shape: EyeShape) -> None:
         self.shape = shape
         self.radius_mm = shape.diameter_mm / 2
-        self.target_mm = self._from_bottom(shape.target_deg)
+        self.target_mm = self.on_retina(shape.target_deg)
+        self.hemorrhage_mm = self.on_retina(shape.hemorrhage_deg)
         self.trocar_mm = self._in_wall(shape.trocar_deg)
         self.other_trocar_mm = self._in_wall(-shape.trocar_deg)
         steps = round(2 * shape.retina_half_deg / RETINA_STEP_DEG)
         self.retina_mm = tuple(
-            self._from_bottom(shape.retina_half_deg * (2 * step / steps - 1)) for step in range(steps + 1)
+            self.on_retina(shape.retina_half_deg * (2 * step / steps - 1)) for step in range(steps + 1)
         )
 
-    def _from_bottom(self, angle_deg: float) -> Vec:
+    def on_retina(self, angle_deg: float, above_mm: float = 0.0) -> Vec:
+        """Return a place so far along the retina from the bottom, and so far above it."""
         angle = math.radians(angle_deg)
-        return self.radius_mm * math.sin(angle), -self.radius_mm * math.cos(angle)
+        radius_mm = self.radius_mm - self.shape.retina_mm - above_mm
+        return radius_mm * math.sin(angle), -radius_mm * math.cos(angle)
 
     def _in_wall(self, angle_deg: float) -> Vec:
         """Return the middle of the wall, where a trocar lets the needle pivot."""

@@ -13,7 +13,7 @@ from msgspec import Meta, Struct
 from haptigraph.geometry import Vec
 from haptigraph.sim.painter import FloatImage
 
-__all__ = ["Box", "NeedleShape", "blurred", "lay", "needle_texture"]
+__all__ = ["Box", "NeedleShape", "blurred", "lay", "needle_texture", "within"]
 
 TEXTURE_FINER = 4
 TEXTURE_PAD_PX = 3
@@ -106,3 +106,12 @@ def lay(texture: FloatImage, tip_px: Vec, along: Vec, box: Box) -> FloatImage:
 def blurred(image: FloatImage, deviation_px: float) -> FloatImage:
     """Blur an image by a Gaussian; 0 leaves it as it is."""
     return np.asarray(cv2.GaussianBlur(image, (0, 0), deviation_px), np.float32) if deviation_px else image
+
+
+def within(inner: Box, outer: Box) -> Box:
+    """Return a box as seen from the corner of another that holds it."""
+    rows, columns = (
+        slice(part.start - whole.start, part.stop - whole.start)
+        for part, whole in zip(inner, outer, strict=True)
+    )
+    return rows, columns

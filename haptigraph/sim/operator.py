@@ -5,14 +5,14 @@ Knows neither images nor touch; what the script does is a function of time and s
 """
 
 import math
-from typing import Annotated, Protocol
+from typing import Annotated, NamedTuple, Protocol
 
 import numpy as np
 from msgspec import Meta, Struct
 
 from haptigraph.sim.robot import Pose, Robot
 
-__all__ = ["Hand", "Move", "Operator", "ScriptedOperator", "Tremor"]
+__all__ = ["Hand", "Move", "Operator", "ScriptedOperator", "Tools", "Tremor"]
 
 SINES = 12
 MOTION_STEPS = 4  # a scripted robot moves in finer steps than the camera sees
@@ -53,6 +53,22 @@ class Move(Struct, frozen=True, forbid_unknown_fields=True):
     """Angle to the line trocar -> target, counter-clockwise."""
     away: bool = False
     """The needle is out of the picture meanwhile."""
+    jaws_mm: Annotated[float, Meta(ge=0, le=4)] = 0.0
+    """Of forceps: between the tips of their jaws."""
+    pipe_depth_mm: Annotated[float, Meta(ge=-100, le=24)] = -20.0
+    """Of the other hand's light pipe: from its trocar to its tip."""
+    pipe_deg: Annotated[float, Meta(ge=-90, le=90)] = 0.0
+    """Its pitch, from the line trocar -> globe centre, counter-clockwise."""
+    phase: str = ""
+    """The phase of the operation that the operator names; empty: as before."""
+
+
+class Tools(NamedTuple):
+    """What the hands do besides moving the robot; units and zeros as in `Move`."""
+
+    jaws_mm: float
+    pipe_depth_mm: float
+    pipe_deg: float
 
 
 class Tremor:
@@ -104,14 +120,33 @@ class ScriptedOperator:
 
     def pose_at(self, time_s: float) -> tuple[float, float]:
         """Return the wanted (depth_mm, theta_deg) of the script, without tremor."""
+        before, move, blend = self._on_the_way(time_s)
+        depth_mm = before.depth_mm + blend * (move.depth_mm - before.depth_mm)
+        theta_deg = before.theta_deg + blend * (move.theta_deg - before.theta_deg)
+        return float(depth_mm), float(theta_deg)
+
+    def tools_at(self, time_s: float) -> Tools:
+        """Return what the hands do besides moving the robot."""
+        before, move, blend = self._on_the_way(time_s)
+        return Tools(
+            *(
+                float(getattr(before, name) + blend * (getattr(move, name) - getattr(before, name)))
+                for name in Tools._fields
+            )
+        )
+
+    def phase_at(self, time_s: float) -> str:
+        """Return the phase that the operator named last."""
+        named = [move.phase for move in self._moves[: self._number_at(time_s) + 1] if move.phase]
+        return named[-1] if named else ""
+
+    def _on_the_way(self, time_s: float) -> tuple[Move, Move, float]:
+        """Return from which move to which, and how far."""
         number = self._number_at(time_s)
         move, before = self._moves[number], self._moves[max(number - 1, 0)]
         begun_s = self._ends_s[number] - move.duration_s
         share = min(max((time_s - begun_s) / move.duration_s, 0.0), 1.0) if move.duration_s > 0 else 1.0
-        blend = share**3 * (10 - 15 * share + 6 * share**2)
-        depth_mm = before.depth_mm + blend * (move.depth_mm - before.depth_mm)
-        theta_deg = before.theta_deg + blend * (move.theta_deg - before.theta_deg)
-        return float(depth_mm), float(theta_deg)
+        return before, move, share**3 * (10 - 15 * share + 6 * share**2)
 
     def is_away(self, time_s: float) -> bool:
         """Tell whether the needle is out of the picture."""

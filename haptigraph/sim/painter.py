@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from haptigraph.geometry import ImageGeometry, Vec, subtract, unit
 from haptigraph.sim.eye import Eye
 
-__all__ = ["FloatImage", "Look", "distance_map", "paint_phantom", "rim_geometry"]
+__all__ = ["FloatImage", "Look", "distance_map", "paint_phantom", "rim_geometry", "vignette"]
 
 FloatImage: TypeAlias = NDArray[np.float32]
 Color: TypeAlias = tuple[float, float, float]
@@ -28,6 +28,11 @@ class Look(Struct, frozen=True, forbid_unknown_fields=True):
     """Light: a white print, the needle is darker. Dark: a painted fundus, the needle is brighter."""
     texture: float = 1.0
     """Strength of print lines and stains; 0: smooth surfaces."""
+
+
+LAYER = (150, 160, 214)
+BLOOD = (24, 18, 150)
+HEMORRHAGE_HEIGHT = 0.5  # over half its width
 
 
 class Palette(Struct, frozen=True):
@@ -115,6 +120,17 @@ def distance_map(width_px: int, height_px: int, center_px: Vec) -> FloatImage:
     return np.hypot(x - center_px[0], y - center_px[1]).astype(np.float32)
 
 
+def vignette(size_px: tuple[int, int], loss: float) -> FloatImage:
+    """Return the light that reaches each pixel, 1 in the middle."""
+    y, x = np.ogrid[: size_px[1], : size_px[0]]
+    middle = (size_px[0] - 1) / 2, (size_px[1] - 1) / 2
+    corner = math.hypot(*middle)
+    light: NDArray[np.float32] = (
+        1 - loss * ((x - middle[0]) ** 2 + (y - middle[1]) ** 2) / corner**2
+    ).astype(np.float32)
+    return light
+
+
 def rim_geometry(section: ImageGeometry, foot_px: Vec, share: float) -> ImageGeometry:
     """Return where the cut wall is seen.
 
@@ -150,6 +166,10 @@ def paint_phantom(
     palette = PALETTES[look.style]
     _paint_mask(canvas, palette, rim.center_px, eye.radius_mm / rim.mm_per_px, look.texture)
     _paint_globe(canvas, palette, eye, rim, look.texture)
+    if eye.shape.retina_mm:
+        _paint_layer(canvas, eye, image)
+    if eye.shape.hemorrhage_mm:
+        _paint_hemorrhage(canvas, image.to_px(eye.hemorrhage_mm), eye, image)
     for trocar_mm in (eye.trocar_mm, eye.other_trocar_mm):
         _paint_hole(canvas, palette, image.to_px(trocar_mm), eye, image, rim)
     return canvas.pixels
@@ -238,6 +258,30 @@ def _paint_fundus(
         part = np.s_[top : top + high, left : left + wide]
         strength = 0.6 * vessel[part].astype(np.float32)[..., None] / 255
         canvas.pixels[part] += strength * (np.asarray(palette.vessel, np.float32) - canvas.pixels[part])
+
+
+def _paint_layer(canvas: _Canvas, eye: Eye, image: ImageGeometry) -> None:
+    """Paint a retina that is a layer before the wall, as far as it reaches."""
+    x, y = canvas.x - image.center_px[0], canvas.y - image.center_px[1]
+    half, radius = math.radians(eye.shape.retina_half_deg), eye.radius_mm / image.mm_per_px
+    distance, turn = np.hypot(x, y), np.abs(np.arctan2(x, y))
+    thick = eye.shape.retina_mm / image.mm_per_px
+    outside = np.maximum(np.maximum(distance - radius, radius - thick - distance), (turn - half) * radius)
+    canvas.fill(outside.astype(np.float32), LAYER, 1 + 0.02 * canvas.cloud((60, 30)))
+
+
+def _paint_hemorrhage(canvas: _Canvas, at_px: Vec, eye: Eye, image: ImageGeometry) -> None:
+    """Paint blood on the retina: a flat mound."""
+    outwards = unit(subtract(at_px, image.center_px))
+    x, y = canvas.x - at_px[0], canvas.y - at_px[1]
+    along, across = x * outwards[0] + y * outwards[1], y * outwards[0] - x * outwards[1]
+    half = eye.shape.hemorrhage_mm / 2 / image.mm_per_px
+    mound = (np.hypot(along / (HEMORRHAGE_HEIGHT * half), across / half) - 1) * HEMORRHAGE_HEIGHT * half
+    beyond = (
+        np.hypot(canvas.x - image.center_px[0], canvas.y - image.center_px[1])
+        - eye.radius_mm / image.mm_per_px
+    )
+    canvas.fill(np.maximum(mound, beyond), BLOOD, 1 + 0.12 * canvas.cloud((20, 20)))
 
 
 def _vessel(rng: np.random.Generator, inner: float) -> NDArray[np.float64]:

@@ -2,21 +2,25 @@
 
 import math
 import sys
+from functools import cached_property
 
+import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
 from haptigraph.geometry import angle_between_deg, norm, subtract
 from haptigraph.messages import Image, Truth
-from haptigraph.sim.camera import Camera
+from haptigraph.sim.camera import Camera, image_geometry
 from haptigraph.sim.eye import Eye, registration_text
 from haptigraph.sim.operator import Operator, ScriptedOperator
+from haptigraph.sim.peeling import Peeling
 from haptigraph.sim.robot import Pose, Robot
 from haptigraph.sim.scenario import Scenario
 
 __all__ = ["Moment", "Phantom"]
 
 AWAY_MM = (0.0, 200.0)  # no part of any needle is in view
+BLANK: Image = np.zeros((1, 1, 3), np.uint8)  # in place of an image that was not drawn
 
 
 class Moment(Struct, frozen=True, eq=False):
@@ -25,6 +29,8 @@ class Moment(Struct, frozen=True, eq=False):
     time_s: float
     image: Image
     truth: Truth
+    phase: str = ""
+    """Of the operation, as the script names it."""
 
 
 class Phantom:
@@ -39,35 +45,56 @@ class Phantom:
         self.scenario = scenario
         self.eye = Eye(scenario.eye)
         seed = scenario.about.seed
-        self.camera = Camera(
-            self.eye, scenario.camera, scenario.needle, scenario.look, seed, scenario.distractors
-        )
+        self.geometry = image_geometry(scenario.camera)
         first, limits = scenario.moves[0], scenario.robot
         aim_deg = Robot(self.eye.trocar_mm, limits, Pose(0.0, 0.0)).pitch_towards(self.eye.target_mm)
         self._start = Pose(first.depth_mm, aim_deg + first.theta_deg)
-        self.operator: Operator = operator or ScriptedOperator(
-            scenario.moves, scenario.operator, limits.motion_scale, seed, aim_deg
+        self._script = ScriptedOperator(scenario.moves, scenario.operator, limits.motion_scale, seed, aim_deg)
+        self.operator: Operator = operator or self._script
+        self._peeling = scenario.forceps and Peeling(
+            self.eye, scenario.forceps, scenario.membrane, self.camera, seed
         )
         images = self.operator.duration_s * scenario.about.rate_hz
         self.images = max(1, round(images)) if math.isfinite(images) else sys.maxsize
         """How many images one play has; `sys.maxsize` where there is no end."""
         settings = scenario.camera
         size_px = settings.width_px, settings.height_px
-        self.true_registration = registration_text(self.eye, self.camera.geometry, *size_px)
+        self.true_registration = registration_text(self.eye, self.geometry, *size_px)
         """Where everything is."""
-        self.registration = registration_text(
-            self.eye, self.camera.geometry, *size_px, scenario.registration_error
-        )
+        self.registration = registration_text(self.eye, self.geometry, *size_px, scenario.registration_error)
         """What perception is told."""
         self.restart()
+
+    @cached_property
+    def camera(self) -> Camera:
+        """The camera; it is painted by `paint`, or when the first image is drawn."""
+        about = self.scenario
+        return Camera(self.eye, about.camera, about.needle, about.look, about.about.seed, about.distractors)
+
+    def paint(self) -> "Phantom":
+        """Paint what stands still, so that the first image is as quick as the others; return itself."""
+        _ = self.camera
+        return self
 
     def restart(self) -> None:
         """Go back to the scenario's beginning."""
         self._robot = Robot(self.eye.trocar_mm, self.scenario.robot, self._start)
         self._next = 0
+        if self._peeling:
+            self._peeling.restart()
 
-    def advance(self) -> Moment | None:
-        """Play on by one image; None when the operator is done."""
+    def advance(self, *, draws: bool = True) -> Moment | None:
+        """Play on by one image; None when the operator is done.
+
+        Args:
+            draws: Whether the image is drawn; it is one black pixel if not.
+        """
+        moment = self._advance(draws)
+        if moment is None or self.operator is not self._script:
+            return moment
+        return replace(moment, phase=self._script.phase_at(moment.time_s))
+
+    def _advance(self, draws: bool) -> Moment | None:
         if self._next >= self.images:
             return None
         number, self._next = self._next, self._next + 1
@@ -76,15 +103,21 @@ class Phantom:
             self.operator.move(self._robot, time_s, 1 / self.scenario.about.rate_hz)
         truth = self._truth()
         if self.operator.is_away(time_s):
-            image = self.camera.render(AWAY_MM, (0.0, -1.0), number)
+            image = self.camera.render(AWAY_MM, (0.0, -1.0), number) if draws else BLANK
             return Moment(time_s, image, replace(truth, visible=False, inside=False))
-        image = self.camera.render(truth.tip_mm, self._robot.direction(), number)
+        direction = self._robot.direction()
+        if self._peeling:
+            tools = self._script.tools_at(time_s if self.operator is self._script else 0.0)
+            view = self._peeling.advance(truth.tip_mm, direction, tools)
+            image = self.camera.render(view.hinge_mm, direction, number, view.draw) if draws else BLANK
+            return Moment(time_s, image, replace(truth, others=view.found))
+        image = self.camera.render(truth.tip_mm, direction, number) if draws else BLANK
         return Moment(time_s, image, truth)
 
     def _truth(self) -> Truth:
         tip_mm, direction = self._robot.tip_mm(), self._robot.direction()
         distance_mm = norm(tip_mm)
-        tip_px = self.camera.geometry.to_px(tip_mm)
+        tip_px = self.geometry.to_px(tip_mm)
         settings = self.scenario.camera
         in_image = 0 <= tip_px[0] < settings.width_px and 0 <= tip_px[1] < settings.height_px
         in_wall = self.eye.radius_mm <= distance_mm <= self.eye.radius_mm + self.scenario.eye.wall_mm

@@ -1,21 +1,25 @@
 """Scenarios: everything a simulated run depends on, one TOML file each."""
 
+import math
 from importlib import resources
 from pathlib import Path
 from typing import Annotated
 
 from msgspec import Meta, Struct, field
+from msgspec.structs import replace
 
-from haptigraph.config import Document
+from haptigraph.document import Document
 from haptigraph.errors import BadInput, unknown_name
 from haptigraph.sim.camera import CameraSettings, NeedleShape
 from haptigraph.sim.distractors import Distractors
 from haptigraph.sim.eye import EyeShape, RegistrationError
+from haptigraph.sim.forceps import ForcepsShape
+from haptigraph.sim.membrane import MembraneShape
 from haptigraph.sim.operator import Hand, Move
 from haptigraph.sim.painter import Look
 from haptigraph.sim.robot import RobotLimits
 
-__all__ = ["Scenario", "load_scenario", "scenario_names"]
+__all__ = ["Scenario", "checked_moves", "load_scenario", "scenario_document", "scenario_names"]
 
 BOUNDS = {
     "camera.width_px": (64, 4096),
@@ -64,6 +68,9 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     operator: Hand = Hand()
     distractors: Distractors = Distractors()
     registration_error: RegistrationError = RegistrationError()
+    forceps: ForcepsShape | None = None
+    """Where the instrument is no needle; a membrane to peel and a light pipe come with them."""
+    membrane: MembraneShape = MembraneShape()
 
 
 def scenario_names() -> list[str]:
@@ -72,27 +79,58 @@ def scenario_names() -> list[str]:
     return sorted(file.name.removesuffix(".toml") for file in files if file.name.endswith(".toml"))
 
 
-def load_scenario(name: str) -> Scenario:
-    """Load a scenario by its name, or from a path that ends in .toml.
+def scenario_document(name: str) -> Document:
+    """Read a scenario by its name, or from a path that ends in .toml, not checked yet.
 
     Raises:
-        BadInput: If there is none of that name, or the file makes no sense.
+        BadInput: If there is none of that name.
     """
     if name.endswith(".toml"):
-        document = Document.read(Path(name))
-    elif name in scenario_names():
+        return Document.read(Path(name))
+    if name in scenario_names():
         file = resources.files("haptigraph.sim").joinpath("scenarios").joinpath(f"{name}.toml")
-        document = Document(file.read_text(encoding="utf-8"), f"scenario {name}")
-    else:
-        raise BadInput(unknown_name("scenario", name, scenario_names()) + ", or the path of a .toml file")
-    scenario = document.convert(Scenario)
-    if not scenario.moves:
+        return Document(file.read_text(encoding="utf-8"), f"scenario {name}")
+    raise BadInput(unknown_name("scenario", name, scenario_names()) + ", or the path of a .toml file")
+
+
+def checked_moves(document: Document, moves: tuple[Move, ...]) -> None:
+    """Check the script of a scenario.
+
+    Raises:
+        BadInput: If it has no moves, or one that takes no time.
+    """
+    if not moves:
         raise document.error("no [[move]]; the script needs at least one", "scenario")
-    for number, move in enumerate(scenario.moves):
+    for number, move in enumerate(moves):
         if move.duration_s < 0 or (number == 0 and move.duration_s == 0):
             raise document.error(
                 f"a move of {move.duration_s:g} s; duration_s must be positive", f"move[{number}].duration_s"
             )
+
+
+def load_scenario(name: str, target_mm: float | None = None) -> Scenario:
+    """Load a scenario by its name, or from a path that ends in .toml.
+
+    Args:
+        name: The name or path.
+        target_mm: Where the target lies instead, along the retina from its lowest point, positive to the
+            surgeon's right.
+
+    Raises:
+        BadInput: If there is none of that name, or the file makes no sense.
+    """
+    document = scenario_document(name)
+    if "scan" in document.data:
+        raise BadInput(
+            "shows B-scans, which only `haptigraph run phantom:...` plays so far, with --procedure "
+            "subretinal_injection_ioct",
+            document.file,
+        )
+    scenario = document.convert(Scenario)
+    if target_mm is not None:
+        target_deg = math.degrees(target_mm / (scenario.eye.diameter_mm / 2))
+        scenario = replace(scenario, eye=replace(scenario.eye, target_deg=target_deg))
+    checked_moves(document, scenario.moves)
     _check_bounds(document, scenario)
     _check_order(document, "operator", scenario.operator, "tremor_low_hz", "tremor_high_hz")
     _check_order(document, "robot", scenario.robot, "depth_min_mm", "depth_max_mm")

@@ -7,8 +7,8 @@ import pytest
 from haptigraph.perception.background import Background
 from haptigraph.perception.fan import Fan
 from haptigraph.perception.shaft import fit_line
-from haptigraph.perception.strip import UNSEEN, Line, Site, lay_straight, sample_strip
-from haptigraph.perception.tip import AHEAD_PX, BEHIND_PX, find_reach, refine_tip
+from haptigraph.perception.strip import UNSEEN, Line, Site, Strip, lay_straight, stations
+from haptigraph.perception.tip import closeup_px, find_reach, refine_tip
 
 GROUND, METAL = 150, 70
 
@@ -32,6 +32,11 @@ def draw(site: Site, line: Line, depth_px: float, *, metal: int = METAL, noise: 
     return np.clip(soft + np.random.default_rng(1).normal(0, noise, soft.shape), 0, 255).astype(np.uint8)
 
 
+def strip_of(site: Site, image: np.ndarray, empty: np.ndarray, line: Line) -> Strip:
+    (strip,) = lay_straight(site, image, empty, line, stations(site, line))
+    return strip
+
+
 @pytest.fixture
 def site(registration) -> Site:
     return Site(registration)
@@ -48,7 +53,7 @@ def test_line_and_tip_of_a_plain_needle_are_found_sub_pixel(site, unknown, metal
     true = Line(site.inwards_rad + 0.1, 0.4)
     image = draw(site, true, 100.0, metal=metal)
     expected = Line(true.angle_rad - math.radians(turn_deg) / 2, 0.0)
-    strip = sample_strip(site, image, unknown, expected)
+    strip = strip_of(site, image, unknown, expected)
     reach = find_reach(strip, site.px_per_mm, None)
     fit = fit_line(strip, reach.tip_px, strip.half_px)
     assert expected.angle_rad + math.atan(fit.slope) == pytest.approx(true.angle_rad, abs=math.radians(0.2))
@@ -56,14 +61,26 @@ def test_line_and_tip_of_a_plain_needle_are_found_sub_pixel(site, unknown, metal
     assert fit.confidence > 0.8
     found = Line(expected.angle_rad + math.atan(fit.slope), expected.offset_px + fit.offset_px)
     about_px = min(fit.end_px(0.0), reach.tip_px)
-    near = np.arange(round(about_px) - BEHIND_PX, round(about_px) + AHEAD_PX + 1, dtype=np.float32)
-    tip = refine_tip(lay_straight(site, image, unknown, found, near), reach, about_px)
+    (near,) = lay_straight(site, image, unknown, found, closeup_px(about_px))
+    tip = refine_tip(near, reach, about_px)
+    assert (tip.where, tip.tip_px) == ("inside", pytest.approx(100.0, abs=1.0))
+
+
+@pytest.mark.parametrize("aside_px", [-2.4, 0.0, 1.7])
+def test_a_tip_is_found_beside_the_middle_of_a_close_up(site, unknown, aside_px):
+    true = Line(site.inwards_rad + 0.1, aside_px)
+    image = draw(site, true, 100.0)
+    wide, near = lay_straight(
+        site, image, unknown, Line(true.angle_rad, 0.0), stations(site, true), closeup_px(98.0, 6)
+    )
+    reach = find_reach(wide, site.px_per_mm, None)
+    tip = refine_tip(near, reach, 98.0, aside_px)
     assert (tip.where, tip.tip_px) == ("inside", pytest.approx(100.0, abs=1.0))
 
 
 def test_plain_ground_shows_no_needle(site, unknown):
     image = draw(site, Line(site.inwards_rad, 0.0), -900.0)
-    strip = sample_strip(site, image, unknown, Line(site.inwards_rad, 0.0))
+    strip = strip_of(site, image, unknown, Line(site.inwards_rad, 0.0))
     assert find_reach(strip, site.px_per_mm, None) is None
     assert fit_line(strip, 150.0, strip.half_px) is None
     assert Fan(site).search(image) == []
@@ -79,7 +96,7 @@ def test_the_fan_finds_the_angle_of_a_needle(site, turn_deg):
 def test_what_was_always_there_is_no_needle(site):
     line = Line(site.inwards_rad, 0.0)
     stain = draw(site, line, 100.0)
-    strip = sample_strip(site, stain, stain.astype(np.float32), line)
+    strip = strip_of(site, stain, stain.astype(np.float32), line)
     assert strip.is_known.all()
     assert find_reach(strip, site.px_per_mm, None) is None
 
@@ -87,27 +104,29 @@ def test_what_was_always_there_is_no_needle(site):
 def test_a_brighter_light_is_no_needle(site):
     ground = draw(site, Line(site.inwards_rad, 0.0), -900.0)
     brighter = np.clip(ground * 1.3, 0, 255).astype(np.uint8)
-    strip = sample_strip(site, brighter, ground.astype(np.float32), Line(site.inwards_rad, 0.0))
+    strip = strip_of(site, brighter, ground.astype(np.float32), Line(site.inwards_rad, 0.0))
     assert np.abs(strip.excess).mean() < 3
 
 
 def test_a_line_that_misses_the_globe_has_no_strip(site, unknown):
     image = draw(site, Line(site.inwards_rad, 0.0), -900.0)
-    assert sample_strip(site, image, unknown, Line(site.inwards_rad + math.pi / 2, 0.0)) is None
+    aside = Line(site.inwards_rad + math.pi / 2, 0.0)
+    assert stations(site, aside) is None
+    assert lay_straight(site, image, unknown, aside, closeup_px(50.0)) is None
 
 
 def test_the_background_is_learned_beside_the_needle_and_under_it_when_it_has_gone(site):
-    background = Background(site.width_px, site.height_px)
+    background = Background(site.width_px, site.height_px, site.box)
     line = Line(site.inwards_rad, 0.0)
     place = tuple(round(value) for value in line.at_px(site.trocar_px, 40.0))
     image, empty = draw(site, line, 100.0, noise=0), draw(site, line, -900.0, noise=0)
     ends = line.at_px(site.trocar_px, -200.0), line.at_px(site.trocar_px, 103.0)
     background.learn(image, ends, 20)
     assert background.grey[place[1], place[0]] == UNSEEN
-    assert (background.grey[:, :20] == GROUND).all()
+    assert (background.grey[site.box][:, :20] == GROUND).all()
     for _ in range(16):
         background.learn(empty, None, 20)
     assert background.grey[place[1], place[0]] == GROUND
-    assert (background.grey >= 0).all()
+    assert (background.grey[site.box] >= 0).all()
     background.reset()
     assert (background.grey == UNSEEN).all()

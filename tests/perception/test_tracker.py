@@ -61,6 +61,14 @@ def test_a_needle_that_leaves_is_gone_in_the_same_image(bench):
     assert "needle_tip" in bench.observe(bench.image(11.0, 0.0, 5), 5).found
 
 
+def test_a_needle_that_was_inside_is_found_again_outside(bench):
+    bench.follow([10.0, 10.2, 10.4, 10.6])
+    for number in range(4, 24):
+        observation = bench.observe(bench.image(-2.5, 0.0, number), number)
+        assert "needle_tip" in observation.found
+        assert miss_px(bench, observation) < 3.0
+
+
 def test_an_empty_eye_has_no_needle_in_any_of_many_images(bench):
     for number in range(20):
         assert "needle_tip" not in bench.observe(bench.image(-12.0, 0.0, number), number).found

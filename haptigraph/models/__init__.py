@@ -1,0 +1,1 @@
+"""Networks that ship with haptigraph: ONNX files, each with the TOML that says what its classes are."""

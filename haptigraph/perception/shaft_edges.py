@@ -1,0 +1,179 @@
+"""The two edges of the shaft, sub-pixel, block by block.
+
+Turns a strip into pairs of edges. Edges are maxima of the slope across the shaft; the middle of both does not
+care how the metal between them is lit. The two edges of one thing have slopes of opposite sign: a dark needle
+falls and rises, a bright one rises and falls. Knows no line: whether pairs lie on one is `shaft`'s to tell.
+"""
+
+import math
+from functools import cache
+from typing import Any
+
+import numpy as np
+from msgspec import Struct
+from numpy.typing import NDArray
+
+from haptigraph.perception.pixels import FloatImage, Floats, Mask
+from haptigraph.perception.strip import STATION_PX, Strip, median
+
+__all__ = ["BLOCK_PX", "LEAST_BLOCKS", "UNSEEN_PX", "Edges", "find_edges"]
+
+BLOCK = round(6 / STATION_PX)  # stations
+BLOCK_PX = BLOCK * STATION_PX
+"""From block to block."""
+
+LEAST_BLOCKS = 3
+"""Fewer make no line."""
+
+UNSEEN_PX = -100.0
+"""Width of a pair of edges that is not there."""
+
+SIGMA_PX = 1.0  # of the slope filter: about the blur of a focused lens
+LEAST_SNR = 5.0
+LEAST_SLOPE = 3.0  # grey levels per px: softer is shadow or texture
+FAINT, STRONG = 0.08, 0.5  # shares of the steepest slope of any sign, of the same sign
+FLOOR_PX = 0.12  # what light on the metal does to an edge, however little noise there is
+UNKNOWN_FLOOR_PX = 0.3  # what an unknown background does to it: it may hide a side of the shaft
+_TAPS = np.arange(-3, 4, dtype=np.float64)
+_BELL = _TAPS * np.exp(-(_TAPS**2) / (2 * SIGMA_PX**2))
+SLOPE = (_BELL / (_BELL * _TAPS).sum()).astype(np.float32)
+SLOPE_NOISE = float((SLOPE**2).sum())
+CURVE_NOISE = float((np.diff(SLOPE, prepend=0, append=0) ** 2).sum())
+SPARE_PX = 4  # of a strip's half width is not searched for edges
+
+
+class Edges(Struct, frozen=True, eq=False):
+    """Both edges of the shaft in n blocks, as pairs: one row of those that rise first, one that fall."""
+
+    u_px: FloatImage
+    """Middle of every block along the strip, (n,)."""
+    outside: int
+    """How many of the blocks are before the wall; they come first."""
+    middle_px: Floats
+    """Half-way between a pair's edges, across the strip from its middle, (2, n)."""
+    variance_px2: Floats
+    """Of that, (2, n)."""
+    width_px: Floats
+    """Between them, (2, n); UNSEEN_PX where there is no such pair."""
+    steepness: FloatImage
+    """Slope of the fainter one [grey levels per px], (2, n)."""
+
+
+def find_edges(strip: Strip, tip_px: float) -> Edges | None:
+    """Find the outermost edge of either sign on either side of where the steep places lie.
+
+    Args:
+        strip: The straightened surroundings of the shaft.
+        tip_px: Where along it the needle ends, roughly.
+
+    Returns:
+        The edges, or None if too little of the shaft is visible.
+    """
+    last = max(math.floor((tip_px - float(strip.u_px[0])) / STATION_PX), 0)
+    parts = [_whole_blocks(part, last) for part in (strip.before, strip.inside)]
+    outside, inside = ((part.stop - part.start) // BLOCK for part in parts)
+    if outside + inside < LEAST_BLOCKS:
+        return None
+    middles = [slice(part.start + BLOCK // 2, part.stop, BLOCK) for part in parts]
+    u_px = np.concatenate([strip.u_px[middle] for middle in middles])
+    is_known = np.concatenate([strip.is_known[middle] for middle in middles])
+    noise = strip.noise_grey / math.sqrt(BLOCK)
+    sums = np.concatenate([_sums(strip.excess, part) for part in parts], axis=1)
+    rising = _slopes(len(sums)) @ sums
+    both = np.concatenate([rising, -rising], axis=1).reshape(len(rising), 2, -1)
+    about = _rough_middle(rising, u_px)
+    is_edge = _is_edge(both, noise, about, strip.half_px - SPARE_PX)
+    has_edge = np.logical_or.reduce(is_edge)
+    ends = np.array([is_edge.argmax(axis=0), len(is_edge) - 1 - is_edge[::-1].argmax(axis=0)])
+    shift_px, curvature, height = _peaks(both, ends)
+    left_px, right_px = _paired(ends + shift_px)
+    left_px2, right_px2 = _paired(curvature**-2)
+    is_pair = has_edge & has_edge[::-1] & (left_px < about) & (right_px > about)
+    floor_px2 = np.where(is_known, np.float32(FLOOR_PX**2), np.float32(UNKNOWN_FLOOR_PX**2))
+    return Edges(
+        u_px,
+        outside,
+        middle_px=(left_px + right_px) / 2 - (strip.half_px - 1),
+        variance_px2=(CURVE_NOISE * noise**2 / 4) * (left_px2 + right_px2) + floor_px2,
+        width_px=np.where(is_pair, right_px - left_px, UNSEEN_PX),
+        steepness=np.minimum(*_paired(height)),
+    )
+
+
+def _whole_blocks(part: slice, last: int) -> slice:
+    """Return the stations of all whole blocks of a part before some station."""
+    stop = min(part.stop, last)
+    return slice(part.start, max(stop - (stop - part.start) % BLOCK, part.start))
+
+
+def _sums(excess: FloatImage, part: slice) -> FloatImage:
+    """Return every block's sum, (lanes, blocks)."""
+    first, *others = (excess[:, part.start + station : part.stop : BLOCK] for station in range(BLOCK))
+    for other in others:
+        first = first + other
+    return first
+
+
+def _paired(values: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return what belongs to the left and the right edge of every pair, (2, n) each.
+
+    Args:
+        values: Of the outermost edges on the left and on the right, of either sign, (2, 2, n).
+    """
+    return values[0], values[1, ::-1]  # a pair's right edge has the other sign
+
+
+@cache
+def _slopes(lanes: int) -> FloatImage:
+    """Return what makes slopes across from sums of lanes, (lanes, lanes); the outermost go on beyond."""
+    reach = len(SLOPE) // 2
+    slopes = np.zeros((lanes, lanes), np.float32)
+    for lane in range(lanes):
+        for tap, weight in enumerate(SLOPE, lane - reach):
+            slopes[lane, min(max(tap, 0), lanes - 1)] += weight / BLOCK
+    return slopes
+
+
+@cache
+def _moments(lanes: int) -> FloatImage:
+    """Return what makes the sum over lanes and the first moment, (2, lanes)."""
+    return np.stack([np.ones(lanes), np.arange(lanes)]).astype(np.float32)
+
+
+def _is_edge(both: FloatImage, noise_grey: float, about: FloatImage, reach_px: int) -> Mask:
+    """Return where slopes are steepest and steep enough, not too far from the middle, (lanes - 2, 2, n)."""
+    most = both.max(axis=0)
+    least = np.maximum(STRONG * most, FAINT * most[::-1])
+    least = np.maximum(least, max(LEAST_SNR * noise_grey * math.sqrt(SLOPE_NOISE), LEAST_SLOPE))
+    inner = both[1:-1]  # lanes from here on are those of `inner`, one less than the strip's
+    is_edge = (inner > both[2:]) & (inner >= both[:-2])
+    is_edge &= inner >= least
+    is_edge &= (np.abs(_moments(len(inner))[1][:, None] - about) <= reach_px)[:, None]
+    return np.asarray(is_edge, np.bool_)
+
+
+def _rough_middle(rising: FloatImage, u_px: FloatImage) -> FloatImage:
+    """Return where, from the second lane on, the steep places lie by and large, (n,).
+
+    A resistant line, through the medians of the outer thirds (Tukey, Exploratory Data Analysis, 1977).
+    """
+    power = np.square(rising[1:-1])
+    total, moment = _moments(len(power)) @ power
+    middle = moment / np.maximum(total, np.float32(1e-6))
+    third = (len(middle) + 2) // 3
+    first, last = median(middle[:third]), median(middle[-third:])
+    start, end = float(u_px[third // 2]), float(u_px[-1 - third // 2])
+    slope = (last - first) / (end - start) if end > start else 0.0
+    return np.asarray(u_px * slope + (first - slope * start), np.float32)
+
+
+def _peaks(both: FloatImage, lanes: NDArray[np.int64]) -> tuple[FloatImage, FloatImage, FloatImage]:
+    """Return sub-pixel shifts, curvatures and heights of slope maxima, (2, 2, n) each.
+
+    The noise of a maximum's place is the noise of the derivative there over the curvature.
+    """
+    lane = both[0].size
+    places = lanes * lane + np.arange(lane).reshape(both[0].shape)
+    before, at, after = both.take(places), both.take(places + lane), both.take(places + 2 * lane)
+    curvature = np.maximum(2 * at - before - after, np.float32(1e-3))
+    return (after - before) / (2 * curvature), curvature, at

@@ -1,0 +1,95 @@
+"""Tissue that is told by its colour: a blue-stained membrane and its loose edge, and blood on the retina.
+
+Turns an image (px) into places (eye frame, mm). Every image by itself; what is hidden is not reported. Knows
+no instrument.
+"""
+
+import cv2
+import numpy as np
+
+from haptigraph.geometry import Circle, Geometry, Point, nearest_on_polyline, norm, subtract
+from haptigraph.messages import Image
+from haptigraph.perception.pixels import Mask
+from haptigraph.perception.registration import Registration
+
+__all__ = ["Stains"]
+
+BLUE_GREY = 22  # by which blue exceeds the other colours in dye
+RED_GREY = 60  # and red in blood; a fundus and its vessels have less
+LEAST_DYE_MM2 = 0.25
+LEAST_BLOOD_MM2 = 0.5
+SPECK_MM2 = 0.02
+TOP_MM = 0.12  # what lies so near to the highest place of the membrane is its edge
+RIM_MM = 0.1
+
+
+class Stains:
+    """Look for coloured tissue in images of one registration.
+
+    Args:
+        registration: Where globe and retina are.
+    """
+
+    def __init__(self, registration: Registration) -> None:
+        image, radius_mm = registration.image, registration.globe.radius_mm
+        self._registration, self._px_per_mm = registration, 1 / image.mm_per_px
+        (x, y), reach = image.center_px, radius_mm / image.mm_per_px
+        self._box = (
+            slice(max(round(y), 0), min(round(y + reach) + 1, registration.height_px)),
+            slice(max(round(x - reach), 0), min(round(x + reach) + 1, registration.width_px)),
+        )
+        rows, columns = self._box
+        row, column = np.ogrid[rows, columns]
+        self._above_mm = (radius_mm - np.hypot(column - x, row - y) * image.mm_per_px).astype(np.float32)
+        self._inside = self._above_mm > RIM_MM
+
+    def __call__(self, image: Image) -> dict[str, Geometry]:
+        """Return what was found: `membrane_edge` (point), `hemorrhage` (circle, as wide as the blood)."""
+        if image.ndim == 2:
+            return {}
+        blue, green, red = cv2.split(image[self._box])
+        found: dict[str, Geometry] = {}
+        dye = self._clean(cv2.subtract(blue, cv2.max(green, red)) > BLUE_GREY)
+        if self._area_mm2(dye) >= LEAST_DYE_MM2:
+            found["membrane_edge"] = self._edge(dye)
+        blood = self._clean(cv2.subtract(red, cv2.max(green, blue)) > RED_GREY)
+        if self._area_mm2(blood) >= LEAST_BLOOD_MM2:
+            found["hemorrhage"] = self._region(blood)
+        return found
+
+    def _clean(self, stained: Mask) -> Mask:
+        """Leave out what is beyond the globe, and specks."""
+        stained &= self._inside
+        x, y, width, height = cv2.boundingRect(stained.view(np.uint8))
+        part = stained[y : y + height, x : x + width]
+        if part.size:
+            _, parts, facts, _ = cv2.connectedComponentsWithStats(part.view(np.uint8))
+            is_large = facts[:, cv2.CC_STAT_AREA] >= SPECK_MM2 * self._px_per_mm**2
+            is_large[0] = False
+            part &= is_large[parts]
+        return stained
+
+    def _area_mm2(self, part: Mask) -> float:
+        return float(np.count_nonzero(part)) / self._px_per_mm**2
+
+    def _edge(self, dye: Mask) -> Point:
+        """Return the place that is highest above the retina."""
+        rows, columns = np.nonzero(dye)
+        height_mm = self._above_mm[rows, columns]
+        is_top = height_mm >= height_mm.max() - TOP_MM
+        return Point(self._to_mm(float(columns[is_top].mean()), float(rows[is_top].mean())))
+
+    def _region(self, blood: Mask) -> Circle:
+        """Return the circle about the blood's middle on the retina that reaches as far as it does."""
+        rows, columns = np.nonzero(blood)
+        retina = self._registration.retina
+        middle = nearest_on_polyline(self._to_mm(float(columns.mean()), float(rows.mean())), retina)
+        ends = (int(columns.argmin()), int(columns.argmax()))
+        reach_mm = [
+            norm(subtract(self._to_mm(float(columns[end]), float(rows[end])), middle)) for end in ends
+        ]
+        return Circle(middle, sum(reach_mm) / 2)
+
+    def _to_mm(self, column: float, row: float) -> tuple[float, float]:
+        rows, columns = self._box
+        return self._registration.image.to_mm((column + columns.start, row + rows.start))

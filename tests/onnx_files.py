@@ -1,0 +1,59 @@
+"""Networks small enough to be written by hand, for the perceiver `segmentation`."""
+
+from pathlib import Path
+
+import numpy as np
+import onnx
+from onnx import TensorProto, helper, numpy_helper
+
+TOML = """format = 1
+file = "net.onnx"
+classes = {classes}
+values = "{values}"
+
+[input]
+width_px = {width}
+height_px = {height}
+mean_grey = {mean}
+deviation_grey = {deviation}
+
+[entity.needle]
+class = 1
+
+[entity.ilm]
+between = [0, 2]
+
+[entity.rpe]
+between = [2, 3]
+"""
+ASKED = {"classes": 4, "values": "logits", "width": 64, "height": 48, "mean": 0.0, "deviation": 255.0}
+
+
+def grey_steps_net(levels: list[float], sharpness: float, channels: int = 1) -> onnx.ModelProto:
+    """A network whose class is the level that a pixel's grey value in [0, 1] is nearest to.
+
+    -(g - l)^2 is linear in g but for what all classes share, so one 1 x 1 convolution does it.
+    """
+    weights = np.zeros((len(levels), channels, 1, 1), np.float32)
+    weights[:, 0, 0, 0] = [2 * sharpness * level for level in levels]
+    bias = np.array([-sharpness * level**2 for level in levels], np.float32)
+    return network(weights, bias, ["n", channels, "h", "w"])
+
+
+def network(weights: np.ndarray, bias: np.ndarray, shape: list[object]) -> onnx.ModelProto:
+    """One convolution."""
+    graph = helper.make_graph(
+        [helper.make_node("Conv", ["image", "weights", "bias"], ["logits"])],
+        "net",
+        [helper.make_tensor_value_info("image", TensorProto.FLOAT, shape)],
+        [helper.make_tensor_value_info("logits", TensorProto.FLOAT, None)],
+        [numpy_helper.from_array(weights, "weights"), numpy_helper.from_array(bias, "bias")],
+    )
+    return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9)
+
+
+def write_model(folder: Path, model: onnx.ModelProto, text: str = "", **asked: object) -> Path:
+    """Write a network and its TOML; return the TOML's path."""
+    (folder / "net.onnx").write_bytes(model.SerializeToString())
+    (folder / "net.toml").write_text(text or TOML.format(**{**ASKED, **asked}))
+    return folder / "net.toml"

@@ -1,0 +1,226 @@
+"""The report of a trained network: a page of Markdown with two pictures, docs/segmentation_report.md."""
+
+import argparse
+from pathlib import Path
+from typing import NamedTuple
+
+import cv2
+import matplotlib
+import numpy as np
+
+from haptigraph.messages import Image
+from haptigraph.perception.onnx_model import OnnxModel
+from haptigraph.sim.bscan import CLASSES
+from training.score import SCORING_SEED, Scored, Totals, model_size_mb, score, totals
+
+__all__ = ["Made", "write_report"]
+
+DOCS = Path(__file__).parent.parent / "docs"
+SCORED = 400
+EXAMPLES = 8
+FOUND = {"ilm_px": (80, 220, 80), "rpe_px": (80, 120, 255)}
+TRUE = (255, 255, 255)
+NEEDLE = (60, 220, 255)
+
+
+class Made(NamedTuple):
+    """How a network was made."""
+
+    examples: int
+    """B-scans it learnt from."""
+    steps: int
+    """Batches it learnt from."""
+    minutes: float
+    """How long simulating and learning took."""
+    busy_minutes: float
+    """Time of the processor in it."""
+
+
+def write_report(toml: Path, made: Made, folder: Path = DOCS) -> None:
+    """Score a network and write its page and pictures.
+
+    Args:
+        toml: Of the network.
+        made: How it was made.
+        folder: Where the page goes; pictures go to its images/.
+    """
+    scored = list(score(OnnxModel(str(toml)), SCORED))
+    summed = totals(scored)
+    (folder / "images").mkdir(parents=True, exist_ok=True)
+    _draw_errors(summed, folder / "images" / "segmentation-errors.png")
+    cv2.imwrite(str(folder / "images" / "segmentation-examples.jpg"), _draw_examples(scored))
+    page = _page(summed, made, model_size_mb(toml))
+    (folder / "segmentation_report.md").write_text(page, encoding="utf-8")
+    print(page, flush=True)
+
+
+def _page(summed: Totals, made: Made, size_mb: float) -> str:
+    rows = "\n".join(
+        f"| {name} | {np.median(np.abs(error)):.2f} | {np.percentile(np.abs(error), 95):.2f} | "
+        f"{error.mean():+.2f} | {100 * summed.seen_share[name]:.1f} % | "
+        f"{100 * summed.invented_share[name]:.1f} % |"
+        for name, error in summed.errors_px.items()
+    )
+    needles = "\n".join(
+        f"| {place} | {count} | {found} | {np.median(angles):.2f} / {np.percentile(angles, 95):.2f} deg | "
+        f"{np.median(tips):.1f} / {np.percentile(tips, 95):.1f} px |"
+        for place, (count, found, angles, tips) in summed.needles.items()
+        if found
+    )
+    shares = summed.confusion / np.maximum(summed.confusion.sum(axis=1, keepdims=True), 1)
+    confusion = "\n".join(
+        f"| {name.replace('_', ', ')} | " + " | ".join(f"{100 * share:.1f} %" for share in row) + " |"
+        for name, row in zip(CLASSES, shares, strict=True)
+    )
+    overlap = ", ".join(
+        f"{name.replace('_', ' and ')} {value:.3f}"
+        for name, value in zip(CLASSES, _overlaps(summed), strict=True)
+    )
+    heads = " | ".join(name.replace("_", ", ") for name in CLASSES)
+    return f"""# The shipped segmentation model, scored
+
+Written by `make train`; do not edit. What the model is for: [segmentation](segmentation.md).
+
+A U-Net of {size_mb:.2f} MB that saw {made.examples} simulated B-scans in {made.steps} batches of 8.
+Simulating and learning took {made.minutes:.0f} minutes on one thread, {made.busy_minutes:.0f} of them
+computing, the rest waiting for other work on the machine. It never saw a real B-scan. Scored on {SCORED}
+other simulated ones (seed {SCORING_SEED}) of 512 x 512 px, random in eye, needle, noise, tilt, shadow and
+defects. All errors are in pixels of the full image. The tip's are as the perceiver reports it: where its
+class ends, or, further on, where the shadow begins.
+
+## Surfaces
+
+Where the tissue is lit, four columns from the shadow's edge and more; absolute error.
+
+| | median px | p95 px | mean (signed) px | columns found | columns invented in the shadow |
+|---|---|---|---|---|---|
+{rows}
+
+![How far off the surfaces, the angle and the tip are](images/segmentation-errors.png)
+
+## Needle
+
+Angle and tip: median / p95. Without a needle, one was reported in {summed.false_needles} of
+{summed.without_needle} B-scans.
+
+| tip | B-scans | found | angle | tip |
+|---|---|---|---|---|
+{needles}
+
+## Confusion
+
+Rows: what a pixel shows; columns: what the network says. Intersection over union: {overlap}.
+
+| | {heads} |
+|---|{"---|" * len(CLASSES)}
+{confusion}
+
+## Examples
+
+White: the truth. Green: ILM found, red: RPE found, yellow: needle found. Above: the first {EXAMPLES // 2} of
+all. Below: the worst surfaces, then the worst tips, {EXAMPLES // 4} of each.
+
+![Examples](images/segmentation-examples.jpg)
+"""
+
+
+def _overlaps(summed: Totals) -> list[float]:
+    both = np.diag(summed.confusion)
+    either = summed.confusion.sum(axis=0) + summed.confusion.sum(axis=1) - both
+    return [float(share) for share in both / np.maximum(either, 1)]
+
+
+def _draw_errors(summed: Totals, file: Path) -> None:
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(1, 3, figsize=(11, 3.2), constrained_layout=True)
+    edges = np.linspace(0, 8, 81)
+    for (name, error), color in zip(summed.errors_px.items(), ("#2a9d4a", "#d1495b"), strict=True):
+        _cumulative(axes[0], np.abs(error), edges, name, color)
+    for (place, (_, found, angles, tips)), color in zip(
+        summed.needles.items(), ("#30638e", "#edae49", "#8d5a97"), strict=True
+    ):
+        if found:
+            _cumulative(axes[1], angles, np.linspace(0, 2, 81), place, color)
+            _cumulative(axes[2], tips, np.linspace(0, 30, 81), place, color)
+    for axis, title, label in zip(
+        axes, ("surfaces", "shaft angle", "tip"), ("error [px]", "error [deg]", "error [px]"), strict=True
+    ):
+        axis.set(
+            title=title,
+            xlabel=label,
+            ylim=(0, 1),
+            ylabel="share of B-scans" if axis is not axes[0] else "share of columns",
+        )
+        axis.grid(alpha=0.3)
+        axis.legend(loc="lower right")
+    figure.savefig(file, dpi=110)
+    pyplot.close(figure)
+
+
+def _cumulative(axis: "matplotlib.axes.Axes", errors: object, edges: object, label: str, color: str) -> None:
+    values = np.sort(np.asarray(errors))
+    axis.plot(
+        edges, np.searchsorted(values, edges, side="right") / max(len(values), 1), label=label, color=color
+    )
+
+
+def _draw_examples(scored: list[Scored]) -> Image:
+    surfaces = sorted(scored, key=lambda one: -one.worst_px)[: EXAMPLES // 4]
+    tips = sorted(scored, key=lambda one: -np.nan_to_num(one.tip_error_px))[: EXAMPLES // 4]
+    drawn = [_drawn(one) for one in (*scored[: EXAMPLES // 2], *surfaces, *tips)]
+    half = EXAMPLES // 2
+    whole = np.vstack([np.hstack(drawn[:half]), np.hstack(drawn[half:])])
+    return np.asarray(cv2.resize(whole, None, fx=0.7, fy=0.7, interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def _drawn(one: Scored) -> Image:
+    canvas = cv2.cvtColor(one.scan.image, cv2.COLOR_GRAY2BGR)
+    truth, columns = one.scan.truth, np.arange(one.scan.image.shape[1])
+    for row, lit in ((truth.ilm_px, truth.ilm_lit), (truth.rpe_px, truth.rpe_lit)):
+        _dots(canvas, columns[lit][::6], row[lit][::6], TRUE)
+    for name, color in FOUND.items():
+        seen = getattr(one.found, name.replace("_px", "_seen"))
+        _dots(canvas, np.rint(one.found.x_px[seen]), getattr(one.found, name)[seen], color)
+    if truth.needle is not None:
+        cv2.circle(canvas, _whole(truth.needle.tip_px), 8, TRUE, 1, cv2.LINE_AA)
+    if one.shaft is not None:
+        ends = _whole(one.shaft.start_px), _whole(one.shaft.tip_px)
+        cv2.line(canvas, *ends, NEEDLE, 1, cv2.LINE_AA)
+        cv2.drawMarker(canvas, ends[1], NEEDLE, cv2.MARKER_CROSS, 12, 1)
+    cv2.putText(
+        canvas,
+        f"{one.place}, surfaces {one.worst_px:.1f} px, tip {one.tip_error_px:.1f} px",
+        (8, 500),
+        cv2.FONT_HERSHEY_SIMPLEX,
+        0.6,
+        TRUE,
+        1,
+    )
+    return np.asarray(canvas, np.uint8)
+
+
+def _dots(canvas: object, columns: object, rows: object, color: tuple[int, int, int]) -> None:
+    for x, y in zip(np.asarray(columns), np.rint(np.asarray(rows)).astype(int), strict=True):
+        cv2.circle(canvas, (int(x), int(y)), 1, color, -1)
+
+
+def _whole(at_px: tuple[float, float]) -> tuple[int, int]:
+    return round(at_px[0]), round(at_px[1])
+
+
+def main() -> None:
+    """Score the shipped model anew, without training."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("toml", type=Path)
+    parser.add_argument("--examples", type=int, required=True)
+    parser.add_argument("--steps", type=int, required=True)
+    parser.add_argument("--minutes", type=float, required=True)
+    parser.add_argument("--busy-minutes", type=float, required=True)
+    asked = parser.parse_args()
+    write_report(asked.toml, Made(asked.examples, asked.steps, asked.minutes, asked.busy_minutes))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,48 @@
+"""The network: a small U-Net that works at half its input's size, and rearranges its channels into pixels."""
+
+from itertools import pairwise
+
+import torch
+from torch import Tensor, nn
+
+__all__ = ["SmallUNet"]
+
+WIDTHS = (12, 16, 24, 32)
+"""Channels at a half, a quarter, an eighth and a sixteenth of the image's size."""
+
+
+def convolution(inside: int, out: int, stride: int = 1) -> nn.Sequential:
+    """Return one layer; its normalisation is folded into it on export."""
+    return nn.Sequential(
+        nn.Conv2d(inside, out, 3, stride, 1, bias=False), nn.BatchNorm2d(out), nn.ReLU(inplace=True)
+    )
+
+
+class SmallUNet(nn.Module):
+    """Grey image (n, 1, h, w) in [0, 1] to logits, (n, classes, h, w); h and w are multiples of 16.
+
+    Args:
+        classes: How many.
+    """
+
+    def __init__(self, classes: int) -> None:
+        super().__init__()
+        self.gather, self.spread = nn.PixelUnshuffle(2), nn.PixelShuffle(2)
+        self.larger = nn.Upsample(scale_factor=2, mode="nearest")
+        self.down = nn.ModuleList(
+            nn.Sequential(convolution(inside, out, 1 if inside == 4 else 2), convolution(out, out))
+            for inside, out in zip((4, *WIDTHS[:-1]), WIDTHS, strict=True)
+        )
+        upwards = WIDTHS[::-1]
+        self.up = nn.ModuleList(convolution(deep + skip, skip) for deep, skip in pairwise(upwards))
+        self.last = nn.Conv2d(WIDTHS[0], 4 * classes, 1)
+
+    def forward(self, image: Tensor) -> Tensor:
+        """Return the logits."""
+        skips, at = [], self.gather(image)
+        for block in self.down:
+            at = block(at)
+            skips.append(at)
+        for block, skip in zip(self.up, reversed(skips[:-1]), strict=True):
+            at = block(torch.cat((self.larger(at), skip), 1))
+        return self.spread(self.last(at))
