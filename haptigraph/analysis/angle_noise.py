@@ -1,6 +1,6 @@
-"""How much the reported angle trembles while the needle does not: deviation over images that differ by noise.
+"""How much the reported angle and tip tremble while the needle does not: deviation over images of one pose.
 
-The needle comes in, is held at a depth, and many images are taken of the very same pose; beside the deviation
+They differ by noise alone. The needle comes in and is held at a depth for many images; beside the deviation
 stands the Cramer-Rao bound of the same pose. There is no shadow, so that the bound is the shaft's alone.
 """
 
@@ -12,7 +12,7 @@ from msgspec import Struct
 from haptigraph import assemble
 from haptigraph.analysis.bound import AngleBound, angle_bound
 from haptigraph.config import Config
-from haptigraph.geometry import Segment
+from haptigraph.geometry import Point, Segment, Vec
 from haptigraph.messages import Capture, Step
 from haptigraph.perception.registration import parse_registration
 from haptigraph.recording.writer import Progress
@@ -40,6 +40,8 @@ class HeldDepth(Struct, frozen=True):
     noise_deg: dict[str, float | None]
     """Deviation of the reported angle by perceiver; None if fewer than half of the images had one."""
     bound: AngleBound
+    tip_noise_mm: dict[str, float | None]
+    """Likewise of the reported tip, in the worse of the two directions."""
 
 
 def angle_noise(
@@ -74,13 +76,18 @@ def angle_noise(
         if progress is not None:
             progress("holding still", number, len(depths_mm))
         angles: dict[str, list[float | None]] = {name: [] for name in perceivers}
+        tips: dict[str, list[Vec | None]] = {name: [] for name in perceivers}
         for pipeline in pipelines.values():
             pipeline.reset()
         for capture in _captures(eye, camera, depth_mm, first=1000 * number):
             for name, pipeline in pipelines.items():
-                angles[name].append(_angle_deg(pipeline.step(capture)))
+                step = pipeline.step(capture)
+                angles[name].append(_angle_deg(step))
+                tips[name].append(_tip_mm(step))
         noise_deg = {name: _deviation(told[-HELD_IMAGES:]) for name, told in angles.items()}
-        held.append(HeldDepth(depth_mm, noise_deg, angle_bound(camera, eye, _pose(eye, depth_mm))))
+        tip_mm = {name: _tip_deviation(told[-HELD_IMAGES:]) for name, told in tips.items()}
+        bound = angle_bound(camera, eye, _pose(eye, depth_mm))
+        held.append(HeldDepth(depth_mm, noise_deg, bound, tip_mm))
     if progress is not None:
         progress("holding still", len(depths_mm), len(depths_mm))
     return held
@@ -119,6 +126,16 @@ def _angle_deg(step: Step) -> float | None:
         return None
     along = line.end_mm[0] - line.start_mm[0], line.end_mm[1] - line.start_mm[1]
     return float(np.degrees(np.arctan2(along[1], along[0])))
+
+
+def _tip_mm(step: Step) -> Vec | None:
+    tip = step.observation.found.get("needle_tip")
+    return tip.at_mm if isinstance(tip, Point) else None
+
+
+def _tip_deviation(tips_mm: Sequence[Vec | None]) -> float | None:
+    both = [_deviation([tip and tip[axis] for tip in tips_mm]) for axis in (0, 1)]
+    return max((one for one in both if one is not None), default=None)
 
 
 def _deviation(angles_deg: Sequence[float | None]) -> float | None:

@@ -2,7 +2,7 @@
 
 import colorsys
 
-__all__ = ["STATE_COLORS", "ink_on", "state_color"]
+__all__ = ["OTHER_COLORS", "STATE_COLORS", "ink_on", "state_color"]
 
 STATE_COLORS = {
     "unknown": "#c9c9c9",
@@ -15,12 +15,13 @@ STATE_COLORS = {
     "outside_eye": "#efefef",
 }
 """As in the paper: warm for misaligned, blue for aligned, red and green for contact and target."""
+OTHER_COLORS = {"near_rpe": "#d03a3a", "target_depth": "#3a9d5d"}
 
 
 def state_color(state: str) -> str:
     """Return the colour of a state; one of its own for those the paper does not have."""
-    if state in STATE_COLORS:
-        return STATE_COLORS[state]
+    if state in STATE_COLORS | OTHER_COLORS:
+        return (STATE_COLORS | OTHER_COLORS)[state]
     hue = sum(state.encode()) % 20 / 20
     return "#" + "".join(f"{round(255 * part):02x}" for part in colorsys.hls_to_rgb(hue, 0.6, 0.45))
 

@@ -15,6 +15,7 @@ from haptigraph.geometry import Geometry, Point, Polyline, Segment, Vec, rotate,
 from haptigraph.graph import SceneGraph
 from haptigraph.messages import Step
 from haptigraph.perception.ioct import IoctView
+from haptigraph.perception.registered import Registered
 from haptigraph.perception.registration import Registration
 
 if TYPE_CHECKING:
@@ -82,14 +83,15 @@ def _labels(graph: SceneGraph) -> dict[tuple[str, str], str]:
 
 
 def draw_overlay(
-    axes: "Axes", view: IoctView, step: Step, registration: Registration, cone_deg: list[float]
+    axes: "Axes", view: IoctView, step: Step, registration: Registered, cone_deg: list[float]
 ) -> None:
     """Draw what was found, and the cone in which a shaft counts as aligned."""
-    trocar = registration.trocar.at_mm
-    axis = subtract(registration.target.at_mm, trocar)
-    for side_deg in (sign * bound for bound in cone_deg[:1] for sign in (-1, 1)):
-        end = rotate(axis, side_deg)
-        _line(axes, view, (trocar, (trocar[0] + end[0], trocar[1] + end[1])), color="#7fd08a", linewidth=0.8)
+    if isinstance(registration, Registration):
+        trocar = registration.trocar.at_mm
+        axis = subtract(registration.target.at_mm, trocar)
+        for side_deg in (sign * bound for bound in cone_deg[:1] for sign in (-1, 1)):
+            x, y = rotate(axis, side_deg)
+            _line(axes, view, (trocar, (trocar[0] + x, trocar[1] + y)), color="#7fd08a", linewidth=0.8)
     for name, shape in step.observation.found.items():
         _draw_shape(axes, view, name, shape)
     axes.set(xlim=(0, view.size_px - 1), ylim=(view.size_px - 1, 0))

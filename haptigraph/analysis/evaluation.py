@@ -78,6 +78,7 @@ def evaluate_clip(folder: str | Path, config: Config, progress: Progress | None 
     registration = load_registration(folder / "registration.toml")
     procedure = assemble.load_procedure(config.run.procedure)
     truth = load_truth(folder / "truth.csv", [state.name for state in procedure.states])
+    config = config.with_perceiver(assemble.perceiver_name(config, procedure))
     pipeline = assemble.build_pipeline(config, registration, procedure)
     source = assemble.open_source(_with_source(config, folder / "clip.mp4"), VirtualClock())
     steps = []

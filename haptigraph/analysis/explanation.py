@@ -5,9 +5,10 @@ from rich.table import Table
 from haptigraph.graph import Relation
 from haptigraph.haptics.pattern import duration_ns
 from haptigraph.inference.procedure import Procedure, State
-from haptigraph.messages import Pattern
+from haptigraph.messages import Follow, Pattern
+from haptigraph.proof.subject import bounds_of
 
-__all__ = ["explain"]
+__all__ = ["explain", "felt"]
 
 
 def explain(procedure: Procedure) -> list[Table]:
@@ -26,7 +27,7 @@ def explain(procedure: Procedure) -> list[Table]:
     for heading in ("pattern", "felt as"):
         patterns.add_column(heading, overflow="fold")
     for pattern in procedure.patterns:
-        patterns.add_row(pattern.name, _felt(pattern))
+        patterns.add_row(pattern.name, felt(pattern))
     return [relations, states, patterns]
 
 
@@ -35,14 +36,7 @@ def _triplet(names: tuple[str, str, str]) -> str:
 
 
 def _condition(relation: Relation, procedure: Procedure) -> str:
-    name = procedure.schema.measure_name(relation)
-    bounds = (
-        ("<=", relation.at_most),
-        ("<", relation.below),
-        (">=", relation.at_least),
-        (">", relation.above),
-    )
-    told = [f"{name} {sign} {bound:g}" for sign, bound in bounds if bound is not None]
+    told = [bounds_of(relation).said(procedure.schema.measure_name(relation))]
     if relation.release is not None:
         told.append(f"released at {relation.release:g}")
     return " and ".join([*told, *(_triplet(given) for given in relation.given)])
@@ -55,15 +49,24 @@ def _when(state: State) -> str:
     return "\n".join(told) or "always"
 
 
-def _felt(pattern: Pattern) -> str:
+def felt(pattern: Pattern) -> str:
+    """Say in words what a pattern feels like."""
     if pattern.kind == "off":
         return "silence"
     strength = f"amplitude {pattern.amplitude:g}"
     if pattern.frequency_hz:
         strength += f" at {pattern.frequency_hz:g} Hz"
-    if pattern.kind == "continuous":
-        return f"{strength}, without pause"
     rhythm = f"{pattern.on_ms:g} ms on, {pattern.off_ms:g} ms off"
-    if pattern.kind == "pulses":
-        return f"{strength}, {rhythm}, on and on"
-    return f"{strength}, {pattern.count} x {rhythm}, once ({(duration_ns(pattern) or 0) / 1e6:g} ms)"
+    how = {
+        "continuous": "without pause",
+        "pulses": f"{rhythm}, on and on",
+        "bursts": f"{pattern.count} x {rhythm}, once ({(duration_ns(pattern) or 0) / 1e6:g} ms)",
+    }[pattern.kind]
+    follows = [_follows(follow) for follow in pattern.follow]
+    rearms = [f"again after {pattern.rearm_ms:g} ms"] if pattern.rearm_ms else []
+    return "; ".join([f"{strength}, {how}", *follows, *rearms])
+
+
+def _follows(follow: Follow) -> str:
+    (first, low), (last, high) = follow.start, follow.end
+    return f"{follow.key} {low:g} to {high:g} as {follow.measure} goes from {first:g} to {last:g}"

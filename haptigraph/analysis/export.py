@@ -10,7 +10,7 @@ from haptigraph.errors import BadInput
 from haptigraph.geometry import Point
 from haptigraph.haptics.pattern import amplitude_at
 from haptigraph.messages import Step
-from haptigraph.perception.registration import parse_registration
+from haptigraph.perception.scan_registration import parse_registered
 from haptigraph.recording.reader import RunReader
 from haptigraph.recording.writer import Progress
 
@@ -30,8 +30,8 @@ def run_csv(path: str | Path, output: str | Path, progress: Progress | None = No
     """
     reader = RunReader(path)
     schema = parse_procedure(reader.info.procedure, f"procedure in {path}").schema
-    anatomy = parse_registration(reader.info.registration, f"registration in {path}").anatomy
-    measures = list(dict.fromkeys(schema.measure_name(relation) for relation in schema.relations))
+    anatomy = parse_registered(reader.info.registration, f"registration in {path}").anatomy
+    measures = list(schema.measure_names)
     points = [
         entity.name for entity in schema.entities if entity.geometry == "point" and entity.name not in anatomy
     ]

@@ -18,7 +18,8 @@ from haptigraph.graph import Schema
 from haptigraph.haptics.pattern import amplitude_at
 from haptigraph.messages import UNKNOWN, Image, Step
 from haptigraph.perception.ioct import IoctView
-from haptigraph.perception.registration import Registration, parse_registration
+from haptigraph.perception.registered import Registered
+from haptigraph.perception.scan_registration import parse_registered
 from haptigraph.recording.reader import RunReader
 from haptigraph.recording.writer import Progress
 
@@ -27,7 +28,9 @@ if TYPE_CHECKING:
 
 __all__ = ["run_figure"]
 
-DISTANCES = {"distance_to_retina_mm": "#444444", "distance_to_target_mm": "#3a9d5d", "radial_mm": "#8a5fb0"}
+DISTANCES = ("distance_to_retina_mm", "distance_to_target_mm", "radial_mm")
+DEPTHS = ("above_retina_um", "above_target_um", "above_rpe_um")  # of B-scans
+DISTANCE_COLORS = ("#444444", "#3a9d5d", "#8a5fb0")
 MOST_MOMENTS = 5
 TOUCH_COLOR = "#b5482a"
 
@@ -70,7 +73,7 @@ def run_figure(path: str | Path, output: str | Path, progress: Progress | None =
     records = reader.records(images=set(moments))
     images = {number: capture.image for number, (capture, _) in enumerate(records) if number in moments}
     report("drawing", 2, 3)
-    registration = parse_registration(reader.info.registration, f"registration in {path}")
+    registration = parse_registered(reader.info.registration, f"registration in {path}")
     figure = Figure(figsize=(14, 11), layout="constrained")
     top, bottom = np.ravel(np.asarray(figure.subfigures(2, 1, height_ratios=(0.95, 1))))
     if moments:
@@ -119,7 +122,7 @@ def _draw_moments(
     series: _Series,
     moments: list[int],
     images: dict[int, Image | None],
-    registration: Registration,
+    registration: Registered,
 ) -> None:
     axes = figure.subplots(2, len(moments), squeeze=False, height_ratios=(1.25, 1))
     view = IoctView(registration)
@@ -146,17 +149,19 @@ def _draw_timeline(figure: "Figure", series: _Series) -> None:
     for axes in (theta, distance):
         for start, end, state in _intervals(series):
             axes.axvspan(*_span(series, start, end), color=state_color(state), alpha=0.18, linewidth=0)
+    is_scan = bool(series.bounds(DEPTHS[0]))
+    angle, names = ("incidence_deg", DEPTHS) if is_scan else ("theta_deg", DISTANCES)
     for bound_deg in series.bounds("theta_deg")[:1]:
         theta.axhspan(0, bound_deg, color="#3a9d5d", alpha=0.15, linewidth=0)
-    theta.plot(series.time_s, _column(series, "theta_deg"), color="#333", linewidth=1.2)
-    theta.set(ylabel="theta [deg]", ylim=(0, None))
-    for name, color in DISTANCES.items():
-        label = name.removesuffix("_mm").replace("_", " ")
+    theta.plot(series.time_s, _column(series, angle), color="#333", linewidth=1.2)
+    theta.set(ylabel=f"{angle.removesuffix('_deg')} [deg]", ylim=(0, None))
+    for name, color in zip(names, DISTANCE_COLORS, strict=True):
+        label = name.rpartition("_")[0].replace("_", " ")
         distance.plot(series.time_s, _column(series, name), color=color, linewidth=1.2, label=label)
-    for bound_mm in series.bounds("distance_to_retina_mm"):
-        distance.axhline(bound_mm, color="#888", linewidth=0.8, linestyle="--")
-    distance.set(ylabel="distance [mm]", ylim=(-0.5, None))
-    distance.legend(loc="upper right", fontsize=8, frameon=False)
+    for bound in series.bounds(names[0]):
+        distance.axhline(bound, color="#888", linewidth=0.8, linestyle="--")
+    distance.set(ylabel=f"distance [{names[0][-2:]}]", ylim=(None if is_scan else -0.5, None))
+    distance.legend(loc="upper center" if is_scan else "upper right", fontsize=8, frameon=False)
     fine_s, amplitude = _felt(series)
     touch.fill_between(fine_s, amplitude, step="post", color=TOUCH_COLOR, linewidth=0)
     touch.set(ylabel="touch", ylim=(0, 1.05), xlabel="time [s]", xlim=(0, max(series.time_s[-1], 1e-3)))

@@ -13,7 +13,7 @@ from pathlib import Path
 from haptigraph.analysis.registration_picture import registration_picture
 from haptigraph.analysis.registration_report import WALL_MM, in_px_and_mm, report_lines, wall_mm
 from haptigraph.analysis.registration_wishes import Wishes, check_wishes, settled
-from haptigraph.assemble import open_source
+from haptigraph.assemble import SOURCES, open_source
 from haptigraph.clock import VirtualClock
 from haptigraph.config import load_config
 from haptigraph.errors import BadInput, EndOfSource
@@ -23,8 +23,18 @@ from haptigraph.perception.registration import parse_registration
 from haptigraph.recording.codec import decode
 from haptigraph.recording.writer import Progress
 from haptigraph.registration_text import registration_text
+from haptigraph.sources.naming import CAMERAS, split_source
+from haptigraph.stages import Source
 
-__all__ = ["all_images", "register_source", "sound_anatomy", "spread_images", "write_files"]
+__all__ = [
+    "all_images",
+    "check_files",
+    "played",
+    "register_source",
+    "sound_anatomy",
+    "spread_images",
+    "write_files",
+]
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 MOST_TILT_DEG = 20.0
@@ -58,7 +68,7 @@ def register_source(
     """
     files = Path(output), Path(picture) if picture else Path(output).with_suffix(".png")
     check_wishes(wishes)
-    _check_files(files, force=force)
+    check_files(files, source, force=force)
     with closing(all_images(source)) as read:
         images = spread_images(read, source, wishes.images, progress)
     anatomy = sound_anatomy(images, wishes.diameter_mm, source)
@@ -67,7 +77,8 @@ def register_source(
     doubt = f"globe and retina uncertain by {in_px_and_mm(anatomy.rim_doubt_px, mm_per_px)}"
     text = registration_text(found, f"Registration found by haptigraph in {Path(source).name}; {doubt}.")
     registration = parse_registration(text, f"registration found in {source}")
-    write_files(files, (text.encode(), registration_picture(anatomy, registration, found, doubt)))
+    drawn = registration_picture(anatomy.still, registration, found, doubt, anatomy)
+    write_files(files, (text.encode(), drawn))
     return "\n".join(report_lines(anatomy, found, registration, wishes, files))
 
 
@@ -85,12 +96,15 @@ def sound_anatomy(images: Sequence[Image], diameter_mm: float, source: str) -> A
     return anatomy
 
 
-def _check_files(files: tuple[Path, Path], *, force: bool) -> None:
+def check_files(files: tuple[Path, Path], source: str, *, force: bool) -> None:
+    """Refuse to write over something, or into nothing."""
     if files[0] == files[1]:
         raise BadInput("registration and picture cannot be the same file", files[0])
     for file in files:
         if file.is_dir():
             raise BadInput("is a folder; the name of a file is needed", file)
+        if file.exists() and Path(source).exists() and file.samefile(source):
+            raise BadInput("is the source itself; give --picture FILE or another name", file)
         if file.exists() and not force:
             raise BadInput("exists already; --force overwrites it", file)
         if not file.parent.is_dir():
@@ -139,9 +153,13 @@ def all_images(uri: str) -> Generator[Image, None, None]:
         except ValueError:
             raise BadInput("not an image that OpenCV can read", uri) from None
         return
-    if uri.startswith("camera:"):
+    if split_source(uri, SOURCES)[0] in CAMERAS:
         raise BadInput(f"{uri} cannot be registered directly; record a short clip with it and give that")
-    source = open_source(load_config(None, (f"source.uri={json.dumps(uri)}",)), VirtualClock())
+    yield from played(open_source(load_config(None, (f"source.uri={json.dumps(uri)}",)), VirtualClock()))
+
+
+def played(source: Source) -> Generator[Image, None, None]:
+    """Yield everything that a source delivers, and close it."""
     try:
         while True:
             capture = source.read(1.0)

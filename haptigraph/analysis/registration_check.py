@@ -55,8 +55,7 @@ def check_draft(opened: Opened, draft: Draft) -> Checked:
     Raises:
         BadInput: If a place lies far outside the image.
     """
-    data = data_of(opened, draft)
-    slant = data.straight_from_image
+    slant = data_of(opened, draft).straight_from_image
     image = ImageGeometry(
         center_px=slant(draft.center_px) if slant else draft.center_px,
         mm_per_px=draft.diameter_mm / (2 * draft.radius_px),
@@ -99,9 +98,12 @@ def _edge_mm(anatomy: Anatomy, image: ImageGeometry) -> Floats:
     """Return where the rim was seen, moved into the section's plane, in the draft's eye frame, (n, 2)."""
     edge = anatomy.rim.inner
     radii = (edge.radii_px(edge.angles) + edge.offsets_px) / anatomy.rim_ratio
-    right = anatomy.center_px[0] + radii * np.sin(edge.angles) - image.center_px[0]
-    down = anatomy.center_px[1] + radii * np.cos(edge.angles) - image.center_px[1]
-    return np.stack([-right if image.mirrored else right, -down], axis=1) * image.mm_per_px
+    right = anatomy.center_px[0] + radii * np.sin(edge.angles)
+    down = anatomy.center_px[1] + radii * np.cos(edge.angles)
+    places: list[Vec] = list(zip(right.tolist(), down.tolist(), strict=True))
+    if anatomy.slant is not None:
+        places = list(map(anatomy.slant.image_from_straight, places))
+    return np.array([image.to_mm(place) for place in places])
 
 
 def _globe(anatomy: Anatomy | None, draft: Draft, image: ImageGeometry, seen_mm: Floats | None) -> Row:

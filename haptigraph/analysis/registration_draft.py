@@ -1,7 +1,7 @@
-"""A registration before it is saved: what `register` found, or a guess where it refuses; corrected by hand.
+"""A registration before it is saved: found, guessed where `register` refuses, or read; corrected by hand.
 
-Images in; a draft, in pixels of the image as stored, and the file's text out. Whether it is sound is said by
-the reader of registrations, and by nobody else. Knows neither files nor pages.
+Images in; a draft, in pixels of the image as stored, and the file's text and picture out. Whether it is sound
+is said by the reader of registrations, and by nobody else. Knows neither files nor pages.
 """
 
 import math
@@ -9,21 +9,32 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
+import msgspec
 from msgspec import Meta, Struct
 from msgspec.structs import asdict, replace
 
 from haptigraph.analysis.registering import sound_anatomy
+from haptigraph.analysis.registration_picture import registration_picture
 from haptigraph.analysis.registration_report import in_px_and_mm
 from haptigraph.analysis.registration_wishes import Wishes, named_trocars, settled
 from haptigraph.errors import BadInput
-from haptigraph.geometry import Vec
+from haptigraph.geometry import Homography, Vec
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy import Anatomy
 from haptigraph.perception.pivot import still_picture
-from haptigraph.perception.registration import Registration, parse_registration
+from haptigraph.perception.registration import Registration, anatomy_px, parse_registration
 from haptigraph.registration_text import AnatomyPx, TrocarPx, registration_text
 
-__all__ = ["Draft", "DraftTrocar", "Opened", "data_of", "open_images", "sound_registration"]
+__all__ = [
+    "Draft",
+    "DraftTrocar",
+    "Opened",
+    "data_of",
+    "draft_from",
+    "open_images",
+    "sound_picture",
+    "sound_registration",
+]
 
 GUESSED_RADIUS = 0.36  # of the image's shorter side
 GUESSED_TROCAR_DEG = 36.0  # from the top
@@ -33,13 +44,16 @@ WALL_MIDDLE = 1.07  # of the globe's radius
 
 Px = Annotated[float, Meta(ge=-1e5, le=1e5)]
 Place = tuple[Px, Px]
+# One line that may stand in TOML's quotes.
+Name = Annotated[str, Meta(pattern=r'^[^"\\\x00-\x1f\x7f]{1,40}\Z')]
+NameOrNone = Annotated[str, Meta(pattern=r'^[^"\\\x00-\x1f\x7f]{0,40}\Z')]
 Positive = Annotated[float, Meta(gt=0, le=1e5)]
 
 
 class DraftTrocar(Struct, frozen=True, forbid_unknown_fields=True):
     """One trocar."""
 
-    name: Annotated[str, Meta(pattern=r"^[A-Za-z0-9 _-]{1,40}$")]
+    name: Name
     point_px: Place
     used: bool
 
@@ -55,6 +69,10 @@ class Draft(Struct, frozen=True, forbid_unknown_fields=True):
     contour_px: Annotated[tuple[Place, ...], Meta(min_length=2, max_length=1000)]
     target_px: Place
     trocars: Annotated[tuple[DraftTrocar, ...], Meta(min_length=1, max_length=8)]
+    straight_from_image: Homography | None = None
+    """Where the camera looks at a slant; nobody drags it."""
+    file: NameOrNone = ""
+    """Name of the file it was read from, if any."""
 
 
 class Opened(Struct, frozen=True, eq=False):
@@ -103,13 +121,26 @@ def data_of(opened: Opened, draft: Draft) -> AnatomyPx:
         if not (-width_px <= x <= 2 * width_px and -height_px <= y <= 2 * height_px):
             raise BadInput(f"({x:g}, {y:g}) px lies far outside the {width_px} x {height_px} px image")
     trocars = tuple(TrocarPx(trocar.name, trocar.point_px, trocar.used) for trocar in draft.trocars)
-    slant = opened.anatomy.slant if opened.anatomy else None
-    return AnatomyPx(
-        width_px=width_px,
-        height_px=height_px,
-        straight_from_image=slant.straight_from_image if slant else None,
-        **{**asdict(draft), "trocars": trocars},
-    )
+    same = {name: each for name, each in asdict(draft).items() if name != "file"}
+    return AnatomyPx(width_px=width_px, height_px=height_px, **{**same, "trocars": trocars})
+
+
+def draft_from(registration: Registration, file: str, opened: Opened) -> Draft:
+    """Return the draft that a registration is which was read from a file of some name.
+
+    Raises:
+        BadInput: If it is for other images, or has what no draft can have.
+    """
+    data, (height_px, width_px) = anatomy_px(registration), opened.still.shape[:2]
+    if (data.width_px, data.height_px) != (width_px, height_px):
+        is_for = f"is for images of {data.width_px} x {data.height_px} px"
+        raise BadInput(f"{is_for}, but this one is {width_px} x {height_px} px")
+    trocars = tuple(DraftTrocar(each.name, each.point_px, each.used) for each in data.trocars)
+    try:
+        draft = replace(_draft(data, trocars), file=_line(file.replace('"', "'"))[:40])
+        return msgspec.convert(msgspec.to_builtins(draft), Draft)
+    except msgspec.ValidationError as error:
+        raise BadInput(f"cannot be corrected here: {error}") from None
 
 
 def sound_registration(opened: Opened, draft: Draft) -> Registration:
@@ -122,13 +153,36 @@ def sound_registration(opened: Opened, draft: Draft) -> Registration:
     return parse_registration(text, "registration")
 
 
+def sound_picture(opened: Opened, draft: Draft) -> bytes:
+    """Return a draft drawn over the image as a PNG, as `register` draws what it finds.
+
+    Raises:
+        BadInput: If a run would refuse it.
+    """
+    registration = sound_registration(opened, draft)
+    return registration_picture(
+        opened.still, registration, data_of(opened, draft), _how(opened, draft), opened.anatomy
+    )
+
+
 def _title(opened: Opened, draft: Draft) -> str:
-    name = " ".join(Path(opened.source).name.split())  # it stands in a comment, which a line's end would end
+    return f"Registration {_how(opened, draft, f' in {_line(Path(opened.source).name)}')}."
+
+
+def _line(text: str) -> str:
+    """Return a text for a comment, which a line's end would end."""
+    return " ".join(text.split())
+
+
+def _how(opened: Opened, draft: Draft, where: str = "") -> str:
+    """Say where a draft comes from, and how sure that was."""
+    if draft.file:
+        return f"of {draft.file}, corrected by hand{where}"
     if opened.anatomy is None:
-        return f"Registration placed by hand in {name}."
+        return f"placed by hand{where}"
     by_hand = "" if draft == opened.draft else ", corrected by hand"
     doubt = in_px_and_mm(opened.anatomy.rim_doubt_px, draft.diameter_mm / (2 * draft.radius_px))
-    return f"Registration found by haptigraph in {name}{by_hand}; globe and retina were uncertain by {doubt}."
+    return f"found by haptigraph{where}{by_hand}; globe and retina were uncertain by {doubt}"
 
 
 def _found(anatomy: Anatomy, wishes: Wishes, source: str) -> tuple[Draft, str]:
@@ -166,6 +220,7 @@ def _draft(data: AnatomyPx, trocars: tuple[DraftTrocar, ...]) -> Draft:
         contour_px=data.contour_px,
         target_px=data.target_px,
         trocars=trocars,
+        straight_from_image=data.straight_from_image,
     )
 
 

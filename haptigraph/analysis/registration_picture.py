@@ -26,15 +26,26 @@ FINE = 4  # binary places of a pixel in OpenCV's drawing
 SCALE_BAR_MM = 5.0
 
 
-def registration_picture(anatomy: Anatomy, registration: Registration, found: AnatomyPx, doubt: str) -> bytes:
-    """Return a PNG; `doubt` is written into it."""
-    still = anatomy.still
+def registration_picture(
+    still: Image, registration: Registration, found: AnatomyPx, doubt: str, anatomy: Anatomy | None
+) -> bytes:
+    """Return a PNG.
+
+    Args:
+        still: What is drawn over.
+        registration: What is drawn.
+        found: The same in pixels.
+        doubt: Written into it.
+        anatomy: What was seen in the image, if anything: the wall's outer edge.
+    """
     canvas = (
         still.copy() if still.ndim == 3 else np.asarray(cv2.cvtColor(still, cv2.COLOR_GRAY2BGR), np.uint8)
     )
-    if anatomy.rim.outer is not None:
-        _round(canvas, anatomy, anatomy.rim.outer.center_px, anatomy.rim.outer.radius_px, WALL)
-    _round(canvas, anatomy, anatomy.center_px, anatomy.radius_px, GLOBE)
+    if anatomy is not None and anatomy.rim.outer is not None:
+        outer = anatomy.rim.outer
+        _chain(canvas, [anatomy.seen_px(at) for at in _around(outer.center_px, outer.radius_px)], WALL, 1)
+    globe = _around((0.0, 0.0), registration.globe.radius_mm)
+    _chain(canvas, [registration.image.to_px(at_mm) for at_mm in globe], GLOBE, 1)
     _chain(canvas, found.contour_px, RETINA, 2)
     for trocar in found.trocars:
         _circle(canvas, trocar.point_px, 6, TROCAR, 2)
@@ -55,11 +66,10 @@ def registration_picture(anatomy: Anatomy, registration: Registration, found: An
     return png.tobytes()
 
 
-def _round(canvas: Image, anatomy: Anatomy, center: Vec, radius_px: float, color: Color) -> None:
-    """Draw a circle of the straightened picture as the camera sees it."""
+def _around(center: Vec, radius_px: float) -> list[Vec]:
     turns = np.radians(np.arange(0, 361, 2))
-    places = zip(center[0] + radius_px * np.sin(turns), center[1] + radius_px * np.cos(turns), strict=True)
-    _chain(canvas, [anatomy.seen_px((float(x), float(y))) for x, y in places], color, 1)
+    x, y = center[0] + radius_px * np.sin(turns), center[1] + radius_px * np.cos(turns)
+    return list(zip(x.tolist(), y.tolist(), strict=True))
 
 
 def _chain(canvas: Image, places_px: Sequence[Vec], color: Color, thick: int) -> None:

@@ -5,7 +5,6 @@ Anatomy and wishes in, the registration's data out. Knows no files.
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -14,6 +13,7 @@ from haptigraph.errors import BadInput
 from haptigraph.geometry import ImageGeometry, Polyline, Vec, nearest_on_polyline
 from haptigraph.perception.anatomy import Anatomy, FoundTrocar
 from haptigraph.perception.registration import DIAMETER_RANGE_MM
+from haptigraph.perception.retarget import along_retina
 from haptigraph.registration_text import AnatomyPx, TrocarPx
 
 __all__ = ["Wishes", "check_wishes", "named_trocars", "settled"]
@@ -128,27 +128,13 @@ def _target_mm(retina: Polyline, image: ImageGeometry, wishes: Wishes, source: s
             )
         return nearest
     wanted_mm = wishes.target_mm or 0.0
-    angle = wanted_mm / (wishes.diameter_mm / 2)
-    ends = [math.atan2(x, -y) for x, y in (retina.points_mm[0], retina.points_mm[-1])]
-    if not math.isfinite(angle) or not min(ends) <= angle <= max(ends):
-        reach_mm = max(ends) * wishes.diameter_mm / 2
+    place_mm = along_retina(retina, wishes.diameter_mm / 2, wanted_mm)
+    if place_mm is None:
+        reach_mm = max(math.atan2(x, -y) for x, y in retina.points_mm) * wishes.diameter_mm / 2
         raise BadInput(
             f"--target-mm {wanted_mm:g} is beyond the retina, which reaches {reach_mm:.1f} mm either way"
         )
-    far = wishes.diameter_mm * math.sin(angle), -wishes.diameter_mm * math.cos(angle)
-    return min(
-        (_crossing((0.0, 0.0), far, a, b) for a, b in pairwise(retina.points_mm)), key=lambda hit: hit[0]
-    )[1]
-
-
-def _crossing(start: Vec, end: Vec, a: Vec, b: Vec) -> tuple[float, Vec]:
-    """Return how far outside the piece a-b the way from start to end crosses its line, and where."""
-    way, piece = (end[0] - start[0], end[1] - start[1]), (b[0] - a[0], b[1] - a[1])
-    turn = way[0] * piece[1] - way[1] * piece[0]
-    if turn == 0:
-        return math.inf, a
-    share = ((a[0] - start[0]) * way[1] - (a[1] - start[1]) * way[0]) / turn
-    return max(-share, share - 1, 0.0), (a[0] + share * piece[0], a[1] + share * piece[1])
+    return place_mm
 
 
 def _place(option: str, text: str) -> Vec:

@@ -9,9 +9,10 @@ from msgspec import Struct
 from haptigraph import assemble
 from haptigraph.analysis.measures import RunMeasures
 from haptigraph.config import Config
+from haptigraph.errors import BadInput
 from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import Step
-from haptigraph.perception.registration import parse_registration
+from haptigraph.perception.scan_registration import parse_registered
 from haptigraph.recording.reader import RunReader
 from haptigraph.recording.writer import Progress
 
@@ -68,8 +69,8 @@ def replay(
         dropped_images=dropped_images,
         is_whole=reader.is_whole,
         is_being_written=reader.is_being_written,
-        recorded=RunMeasures.under(_procedure(reader, None).schema),
-        replayed=RunMeasures.under(_procedure(reader, procedure).schema),
+        recorded=RunMeasures.under(_procedure(reader, None)),
+        replayed=RunMeasures.under(_procedure(reader, procedure)),
     )
     start_ns = None
     for recorded, replayed in replay_steps(reader, procedure):
@@ -90,9 +91,18 @@ def replay(
 def replay_steps(reader: RunReader, procedure: str | None = None) -> Iterator[tuple[Step, Step]]:
     """Yield every recorded step with what the pipeline makes of the same capture now."""
     info = reader.info
+    config = msgspec.json.decode(info.config, type=Config)
+    perceiver = config.perception.perceiver
+    if perceiver not in (
+        *assemble.PERCEIVERS,
+        "auto",
+    ):  # a simulated participant's, of whom nothing was drawn
+        raise BadInput(
+            f"was made without images (perceiver {perceiver}); there is nothing to replay", reader.path
+        )
     pipeline = assemble.build_pipeline(
-        msgspec.json.decode(info.config, type=Config),
-        parse_registration(info.registration, f"registration in {reader.path}"),
+        config,
+        parse_registered(info.registration, f"registration in {reader.path}"),
         _procedure(reader, procedure),
     )
     for capture, recorded in reader.records():

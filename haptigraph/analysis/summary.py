@@ -1,6 +1,8 @@
 """The summary of a run in plain text: what the surgeon did, and how the loop did."""
 
 from haptigraph.analysis.measures import RunMeasures
+from haptigraph.analysis.temporal import claim_lines
+from haptigraph.graph import Triplet
 from haptigraph.pipeline import STAGES, RunReport
 
 __all__ = ["summary"]
@@ -14,6 +16,7 @@ def summary(measures: RunMeasures, report: RunReport | None = None) -> str:
         report: Of the loop, where there was one.
     """
     lines = [*_run_lines(measures), ""]
+    lines[-1:] = [*claim_lines(measures.claims, measures.first_ns), ""]
     lines += [f"{'state':36}{'in run':>9}{'in all':>9}"]
     for state, seconds in sorted(measures.all_state_s.items(), key=lambda item: -item[1]):
         lines.append(f"{state:36}{measures.state_s.get(state, 0.0):7.2f} s{seconds:7.2f} s")
@@ -23,12 +26,13 @@ def summary(measures: RunMeasures, report: RunReport | None = None) -> str:
 
 
 def _run_lines(measures: RunMeasures) -> list[str]:
-    if not measures.tells_inside:
-        return ["run             none: this procedure does not tell inside from outside"]
+    begins, goal = Triplet(*measures.span.begins), measures.span.ends_in.replace("_", " ")
+    if not measures.has_start:
+        return [f"run             none: this procedure knows no {begins}; its [run] says where a run begins"]
     if measures.started_ns is None:
-        return ["run             none: the tip was never seen inside the globe"]
+        return [f"run             none: {begins} was never seen"]
     completion_s, theta_deg = measures.completion_s, measures.mean_theta_deg
-    told = "target not hit" if completion_s is None else f"target hit after {completion_s:.2f} s"
+    told = f"no {goal}" if completion_s is None else f"{goal} after {completion_s:.2f} s"
     return [
         f"run             {told}",
         f"mean theta      {theta_deg:.2f} deg" if theta_deg is not None else "mean theta      -",

@@ -1,10 +1,12 @@
 """Commands that prepare a run: register, check."""
 
 import sys
-from typing import Any
+from typing import Any, Literal
 
 import click
 
+from haptigraph.commands.options import set_option
+from haptigraph.errors import BadInput
 from haptigraph.terminal import progress_bar
 
 __all__ = ["check", "register"]
@@ -21,32 +23,62 @@ __all__ = ["check", "register"]
 @click.option("--picture", metavar="FILE", help="The PNG to draw; beside the registration if not given.")
 @click.option("--images", default=40, show_default=True, help="How many images of SOURCE to use, spread out.")
 @click.option("--force", is_flag=True, help="Overwrite files that exist.")
-def register(source: str, output: str, picture: str | None, force: bool, **wishes: Any) -> None:
+@set_option
+def register(
+    source: str, output: str, picture: str | None, force: bool, settings: tuple[str, ...], **wishes: Any
+) -> None:
     """Find eye, retina and trocars in SOURCE by itself, and write the registration.
 
     SOURCE is an image, or what `run` takes but a camera; best a clip in which the needle goes in and turns.
+    Of B-scans (oct:PATH) scale and crop are checked instead, given by --set source.axial_mm_per_px=...,
+    source.lateral_mm_per_px=... and source.crop_px=[LEFT,TOP,WIDTH,HEIGHT].
     """
     from haptigraph.analysis.registering import register_source
     from haptigraph.analysis.registration_wishes import Wishes
+    from haptigraph.analysis.scan_registering import brings_scans, register_scans
 
+    if brings_scans(source):
+        click.echo(register_scans(source, output, settings, picture, force=force, most=wishes["images"]))
+        return
+    if settings:
+        raise BadInput(f"--set is for B-scans (oct:PATH), not for {source}")
     with progress_bar() as progress:
         click.echo(register_source(source, output, Wishes(**wishes), picture, force=force, progress=progress))
 
 
 @click.command()
 @click.argument("procedure", default="subretinal_injection")
-def check(procedure: str) -> None:
-    """Check PROCEDURE and explain it: relations, states by priority, touch."""
+@click.option(
+    "--prover",
+    type=click.Choice(["auto", "exhaustive", "z3"]),
+    default="auto",
+    help="Look at every graph, or ask z3; auto: whichever fits.",
+)
+@click.option("--picture", metavar="FILE", help="Draw the graphs that break a claim: PNG, SVG or PDF.")
+def check(procedure: str, prover: Literal["auto", "exhaustive", "z3"], picture: str | None) -> None:
+    """Explain PROCEDURE in tables, and prove its claims over every possible graph.
+
+    Exit code 1 if a claim is violated; the smallest graph that breaks it is shown.
+    """
     from rich.console import Console
     from rich.text import Text
 
     from haptigraph.analysis.explanation import explain
+    from haptigraph.analysis.proof_text import claims_table, told
     from haptigraph.assemble import load_procedure
+    from haptigraph.proof.prove import prove
 
     loaded = load_procedure(procedure)
+    proof = prove(loaded, prover)
+    if picture:
+        from haptigraph.analysis.proof_figure import proof_figure
+
+        proof_figure(proof, picture)
     # No markup: what looks like it is the user's. Where nobody looks, nothing is broken into lines.
     console = Console(markup=False, emoji=False, width=None if sys.stdout.isatty() else 10_000)
     console.print(Text.assemble((loaded.title, "bold"), f"  {loaded.source}\nsha256 {loaded.sha256}"))
-    for table in explain(loaded):
+    for table in (*explain(loaded), claims_table(proof)):
         console.print(table)
-    console.print("no errors")
+    console.print(told(proof), highlight=False)
+    if not proof.holds:
+        sys.exit(1)

@@ -20,6 +20,7 @@ def replay(recording: str, procedure: str | None) -> None:
     """
     from haptigraph.analysis.replay import replay as run_again
     from haptigraph.analysis.summary import summary
+    from haptigraph.analysis.temporal import claim_lines
 
     with progress_bar() as progress:
         report = run_again(recording, procedure, progress)
@@ -34,6 +35,8 @@ def replay(recording: str, procedure: str | None) -> None:
         first = report.first
         click.echo(f"first difference: step {first.step} at {first.time_s:.2f} s, {first.message}")
         click.echo(f"  recorded  {first.recorded}\n  replayed  {first.replayed}")
+    for line in claim_lines(report.recorded.claims, report.recorded.first_ns) if not procedure else ():
+        click.echo(line)
     if procedure:
         click.echo(f"\nas recorded\n{summary(report.recorded)}\n\nas {procedure}\n{summary(report.replayed)}")
     elif report.identical < report.steps:

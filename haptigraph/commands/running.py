@@ -7,13 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from haptigraph.commands.options import (
-    config_option,
-    procedure_option,
-    registration_option,
-    set_option,
-    settings_of,
-)
+from haptigraph.commands.options import run_options, run_settings, settings_of
 from haptigraph.errors import BadInput, HaptigraphError
 from haptigraph.terminal import progress_bar, tell, terminable
 
@@ -28,40 +22,19 @@ __all__ = ["demo", "run", "run_loop"]
 
 
 @click.command()
-@click.argument("source", required=False)
-@registration_option
-@procedure_option
-@click.option("--device", metavar="DEVICE", help="console, or trace:FILE.csv.")
-@click.option("--record", metavar="FILE", help="Keep the run in a new MCAP file.")
+@run_options
 @click.option("--realtime/--fast", default=None, help="Pace images by the clock, or go as fast as possible.")
-@config_option
-@set_option
-def run(
-    source: str | None,
-    registration: str | None,
-    procedure: str | None,
-    device: str | None,
-    record: str | None,
-    realtime: bool | None,
-    config: str | None,
-    settings: tuple[str, ...],
-) -> None:
+def run(config: str | None, realtime: bool | None, **given: object) -> None:
     """Run the loop on SOURCE: image in, touch out.
 
-    SOURCE is phantom:SCENARIO, camera:N, or the path of a video, a folder of images or a recording. Cameras
-    and the phantom run in real time, files as fast as possible. Ctrl-C ends the run with its summary.
+    SOURCE is phantom:SCENARIO, camera:N, realsense[:SERIAL], ros2:TOPIC, or the path of a video, a DICOM
+    file, a folder of images or a recording; `haptigraph sources` lists them all. What a source can be asked
+    for are settings: --set source.rate_hz=60. Cameras and the phantom run in real time, files as fast as
+    possible. Ctrl-C ends the run with its summary.
     """
     from haptigraph.config import load_config
 
-    options = {
-        "source.uri": source,
-        "source.registration": registration,
-        "run.procedure": procedure,
-        "haptics.device": device,
-        "recording.path": record,
-        "run.realtime": realtime,
-    }
-    run_loop(load_config(config, (*settings, *settings_of(options))))
+    run_loop(load_config(config, run_settings(given, realtime)))
 
 
 @click.command()
@@ -109,17 +82,17 @@ def run_loop(config: "Config", page: "LivePage | None" = None) -> bool:
     from haptigraph.assemble import build, is_realtime, load_procedure
     from haptigraph.sinks.console import ConsoleSink
 
-    measures = RunMeasures.under(load_procedure(config.run.procedure).schema)
+    measures = RunMeasures.under(load_procedure(config.run.procedure))
     with terminable(), progress_bar() as progress:
         console = ConsoleSink(shows_time=not is_realtime(config))
         sinks: list[Sink] = [console, page.hub] if page else [console]
         listener = page.hub.felt if page else None
         with (
             closing(build(config, sinks=sinks, progress=progress, listener=listener)) as loop,
-            page.served(loop) if page else nullcontext(),
+            page.served(loop, measures) if page else nullcontext(),
         ):
             notes = [f"haptigraph: the page is at {page.address}"] if page else []
-            for note in (*notes, *(f"{config.haptics.device}: {note}" for note in loop.notes)):
+            for note in (*notes, *loop.notes):
                 tell(note)
             failure = _to_its_end(loop, measures)
             if loop.report.steps or failure is None:
@@ -141,6 +114,8 @@ def _to_its_end(loop: "Loop", measures: "RunMeasures") -> HaptigraphError | None
         with closing(loop.steps()) as steps:
             for step in steps:
                 measures.add(step)
+                for claim in measures.just_broken:
+                    tell(f"{(step.stamp_ns - measures.first_ns) / 1e9:7.2f} s  ! broken: {claim}")
     except KeyboardInterrupt:
         loop.report.ended = "interrupted"
     except HaptigraphError as error:

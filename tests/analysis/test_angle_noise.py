@@ -38,6 +38,8 @@ def test_noise_is_the_deviation_of_the_reported_shaft(monkeypatch):
     assert held.depth_mm == 6.0
     assert held.noise_deg["trembling"] == pytest.approx(1.0, rel=0.03)
     assert held.noise_deg["blind"] is None
+    assert held.tip_noise_mm["trembling"] == pytest.approx(0.17455, rel=0.03)
+    assert held.tip_noise_mm["blind"] is None
     assert told[-1] == ("holding still", 1, 1)
 
 

@@ -78,13 +78,13 @@ def test_a_run_that_never_hits_has_no_completion(run):
     measures = measure_run(run[:5])
     assert measures.completion_s is None
     assert measures.is_running
-    assert "target not hit" in summary(measures)
+    assert "no target hit" in summary(measures)
 
 
 def test_a_needle_that_never_entered_makes_no_run():
     measures = measure_run([step(0, "outside_eye", inside=False), step(100, "unknown", inside=False)])
     assert (measures.completion_s, measures.mean_theta_deg, measures.contacts) == (None, None, 0)
-    assert "none: the tip was never seen inside the globe" in summary(measures)
+    assert "none: <needle_tip, inside, eye_globe> was never seen" in summary(measures)
     assert RunMeasures().completion_s is None
 
 
@@ -106,6 +106,8 @@ def test_the_summary_says_what_surgeon_and_loop_did(run):
 
 def test_a_procedure_that_does_not_tell_inside_from_outside_is_named_as_the_reason(procedure):
     relations = [relation for relation in procedure.schema.relations if relation.predicate != "inside"]
-    measures = RunMeasures.under(Schema(procedure.schema.entities, tuple(relations)))
-    assert "none: this procedure does not tell inside from outside" in summary(measures)
-    assert "never seen inside the globe" in summary(RunMeasures.under(procedure.schema))
+    measures = RunMeasures.under(
+        replace(procedure, schema=Schema(procedure.schema.entities, tuple(relations)))
+    )
+    assert "none: this procedure knows no <needle_tip, inside, eye_globe>" in summary(measures)
+    assert "was never seen" in summary(RunMeasures.under(procedure))

@@ -180,6 +180,7 @@ def test_a_steep_slant_is_refused(quick, tmp_path):
     assert not (tmp_path / "eye.toml").exists()
 
 
+@pytest.mark.slow
 def test_labelled_clips_are_found(clip, tmp_path):
     truth = load_registration(clip / "registration.toml")
     out = tmp_path / "eye.toml"

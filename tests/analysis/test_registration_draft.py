@@ -3,14 +3,23 @@
 import math
 from pathlib import Path
 
+import cv2
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from haptigraph.analysis.registration_check import check_draft
-from haptigraph.analysis.registration_draft import data_of, open_images, sound_registration
+from haptigraph.analysis.registration_check import Checked, check_draft
+from haptigraph.analysis.registration_draft import (
+    Draft,
+    data_of,
+    draft_from,
+    open_images,
+    sound_picture,
+    sound_registration,
+)
 from haptigraph.errors import BadInput
 from haptigraph.geometry import distance_to_polyline
 from haptigraph.perception.registration import parse_registration
@@ -153,6 +162,43 @@ def test_with_a_slant_places_are_dragged_in_the_image_as_seen(slanted):
     assert distance_to_polyline(registration.target.at_mm, registration.retina) < 1e-3
     for name, placed in (("center", registration.image.to_px((0.0, 0.0))),):
         assert placed == pytest.approx(slanted.draft.center_px, abs=1e-2), name
+
+
+@pytest.mark.parametrize("which", ["opened", "slanted", "refused"])
+def test_drafts_and_what_is_said_of_them_can_be_written_as_json(which, request):
+    opened = request.getfixturevalue(which)
+    moved = shifted(opened.draft, (1.5, 0.5))
+    written = msgspec.json.encode(
+        (opened.draft, check_draft(opened, opened.draft), check_draft(opened, moved))
+    )
+    assert msgspec.json.decode(written, type=tuple[Draft, Checked, Checked])[0] == opened.draft
+
+
+@pytest.mark.parametrize("which", ["opened", "slanted", "refused"])
+def test_what_was_saved_is_read_as_it_was(which, request):
+    opened = request.getfixturevalue(which)
+    written = sound_registration(opened, shifted(opened.draft, (1.25, 0.5)))
+    read = draft_from(written, "eye.toml", opened)
+    assert read.file == "eye.toml"
+    again = sound_registration(opened, read)
+    assert again.text.splitlines()[1:] == written.text.splitlines()[1:]
+    assert again.text.startswith("# Registration of eye.toml, corrected by hand in ")
+    assert check_draft(opened, read).problem == ""
+
+
+def test_a_file_for_other_images_is_refused(opened, slanted):
+    with pytest.raises(BadInput, match="is for images of 960 x 540 px, but this one is 480 x 270 px"):
+        draft_from(sound_registration(slanted, slanted.draft), "eye.toml", opened)
+
+
+@pytest.mark.parametrize("which", ["slanted", "refused"])
+def test_the_picture_shows_the_draft_over_the_image(which, request):
+    opened = request.getfixturevalue(which)
+    drawn = cv2.imdecode(np.frombuffer(sound_picture(opened, opened.draft), np.uint8), cv2.IMREAD_COLOR)
+    changed = np.abs(drawn.astype(int) - opened.still).max(axis=2) > 40
+    x, y = (round(value) for value in opened.draft.contour_px[len(opened.draft.contour_px) // 4])
+    assert changed[y - 1 : y + 2, x - 1 : x + 2].any()
+    assert 0.001 < changed.mean() < 0.1
 
 
 def test_a_target_far_from_the_retina_stays_where_it_is(opened):

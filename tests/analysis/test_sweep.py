@@ -51,7 +51,10 @@ def swept():
 
 HELD = [
     HeldDepth(
-        depth, {"threshold": noise, "certain": 0.01, "blind": None}, AngleBound(0.1 / depth, free, 0.01, 0.02)
+        depth,
+        {"threshold": noise, "certain": 0.01, "blind": None},
+        AngleBound(0.1 / depth, free, 0.01, 0.02),
+        {"threshold": 0.01, "certain": 0.0, "blind": None},
     )
     for depth, noise, free in ((1.0, None, float("inf")), (5.0, 0.2, 0.1), (12.0, 0.1, 0.02))
 ]

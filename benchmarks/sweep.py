@@ -1,0 +1,86 @@
+"""Simulated participants on a local Dask cluster: two workers against one, and both give the same results.
+
+`python benchmarks/sweep.py`. Blocks of participants are played by one worker and by two in turns, so that
+other load on the machine meets both alike. The start of the clusters is not counted. On a busy machine the
+ratio says little (Linux may give all workers together the share of one program); how long both kept cores
+busy stands beside.
+"""
+
+import argparse
+import os
+import tempfile
+import time
+from contextlib import ExitStack
+from importlib import resources
+from pathlib import Path
+
+import dask
+from distributed import Client, LocalCluster
+from msgspec.structs import replace
+
+from haptigraph.analysis.cluster import NO_PROFILER
+from haptigraph.analysis.study_sweep import Sweep, run_sweep
+from haptigraph.study.protocol import load_protocol
+
+WORKERS = (1, 2)
+
+
+def main() -> None:
+    """Play, compare, and say how fast it went."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--participants", type=int, default=1000)
+    parser.add_argument("--block", type=int, default=50)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument(
+        "--minutes", type=float, default=1e9, help="end after the block in which they are over"
+    )
+    parser.add_argument("--folder", type=Path, help="where the results stay; a new one")
+    given = parser.parse_args()
+    paper = Path(str(resources.files("haptigraph.study"))) / "templates" / "study.toml"
+    sweep = Sweep(load_protocol(paper), 0, given.seed)
+    seconds, core_s, rows = dict.fromkeys(WORKERS, 0.0), dict.fromkeys(WORKERS, 0.0), {}
+    print(f"{os.cpu_count()} cores, load before {os.getloadavg()[0]:.1f}")
+    with tempfile.TemporaryDirectory() as place, ExitStack() as stack, dask.config.set(NO_PROFILER):
+        folder = given.folder or Path(place)
+        clusters = {
+            count: stack.enter_context(
+                LocalCluster(n_workers=count, threads_per_worker=1, dashboard_address="127.0.0.1:0")
+            )
+            for count in WORKERS
+        }
+        for count, cluster in clusters.items():  # workers import what they need on their first participant
+            warm_up = replace(sweep, participants=2 * count, seed=given.seed + 1)
+            run_sweep(warm_up, folder / f"warm {count}", scheduler=cluster.scheduler_address)
+        for upto in range(given.block, given.participants + given.block, given.block):
+            block = replace(sweep, participants=min(upto, given.participants))
+            for count, cluster in clusters.items():
+                begun_s, begun_core_s = time.perf_counter(), core_seconds(cluster)
+                place = folder / f"{count}"
+                rows[count], _ = run_sweep(block, place, scheduler=cluster.scheduler_address)
+                seconds[count] += time.perf_counter() - begun_s
+                core_s[count] += core_seconds(cluster) - begun_core_s
+            played = block.participants
+            told = ", ".join(f"{count}: {seconds[count]:.0f} s" for count in WORKERS)
+            print(f"{played} participants; {told}; load {os.getloadavg()[0]:.1f}", flush=True)
+            if sum(seconds.values()) > 60 * given.minutes:
+                break
+    minutes = sum(row["steered_s"] for row in rows[1]) / 60
+    print(f"{played} participants, {len(rows[1])} trials, {minutes:.0f} simulated minutes")
+    for count in WORKERS:
+        rate = minutes / (seconds[count] / 60)
+        print(
+            f"{count} workers: {seconds[count]:.0f} s, {core_s[count]:.0f} s of cores, "
+            f"{rate:.0f} simulated minutes per minute"
+        )
+    print(f"two workers are {seconds[1] / seconds[2]:.2f} times as fast as one")
+    print(f"results are {'the same' if rows[1] == rows[2] else 'NOT the same'}")
+
+
+def core_seconds(cluster: LocalCluster) -> float:
+    """Return how long a cluster and this program have kept cores busy."""
+    with Client(cluster, set_as_default=False) as client:
+        return time.process_time() + sum(client.run(time.process_time).values())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,103 @@
+"""Rehearse two studies and renew what the pages show of them: pictures, tables in simulated_comparison.md.
+
+The paper's protocol, and examples/three_touches. All participants are simulated. Takes some minutes; with
+--folder FOLDER the studies and their reports stay there, and a run that was cut off goes on.
+"""
+
+import argparse
+import os
+import shutil
+import sys
+import tempfile
+from contextlib import closing
+from importlib import resources
+from pathlib import Path
+
+import pandas as pd
+
+from haptigraph.analysis.study.report import write_report
+from haptigraph.analysis.study_measures import measure_study
+from haptigraph.study.exchange import export_study
+from haptigraph.study.player import Cast
+from haptigraph.study.protocol import load_protocol
+from haptigraph.study.simulation import simulate
+from haptigraph.study.store import Store
+from haptigraph.terminal import progress_bar
+
+DOCS = Path(__file__).parent
+sys.path.insert(0, str(DOCS.parent / "benchmarks"))
+from touch_comparison import renew  # noqa: E402
+
+PAPER = Path(str(resources.files("haptigraph.study"))) / "templates" / "study.toml"
+THREE = DOCS.parent / "examples" / "three_touches" / "study.toml"
+SHOWN = ("state_times", "state_sequence", "depth_theta")
+SEED = 1
+TOLD = {
+    "completion_s": ("completion time (s)", 1),
+    "mean_theta_deg": ("mean theta (deg)", 1),
+    "sus": ("SUS (answers by chance)", 1),
+    "time_misaligned_retinal_approach_s": ("misaligned near the retina (s)", 1),
+    "time_aligned_intraocular_navigation_s": ("aligned before the approach (s)", 1),
+    "path_mm": ("path (mm)", 1),
+    "vibrating_s": ("time vibrating (s)", 1),
+}
+"""By measure: how it is told, decimals."""
+
+
+def main() -> None:
+    """Simulate, report, and put it into docs/."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--folder", type=Path, help="where studies and reports stay")
+    folder = parser.parse_args().folder
+    with tempfile.TemporaryDirectory() as place:
+        folder = folder or Path(place)
+        tables = {name: rehearse(folder / name, text) for name, text in (("paper", PAPER), ("three", THREE))}
+        for name in SHOWN:
+            picture = folder / "paper" / "report" / "figures" / f"{name}.png"
+            shutil.copy(picture, DOCS / "images" / f"study-{name.replace('_', '-')}.png")
+    tables = {f"study {name}": table for name, table in tables.items()}
+    renew(DOCS / "simulated_comparison.md", tables, "make rehearse")
+
+
+def rehearse(folder: Path, protocol_file: Path) -> str:
+    """Simulate and report a study in a folder; return its comparisons as Markdown."""
+    folder.mkdir(parents=True, exist_ok=True)
+    shutil.copy(protocol_file, folder / "study.toml")
+    protocol, where = load_protocol(folder), str(folder / "study.db")
+    with progress_bar() as progress:
+        count = protocol.study.participants
+        cast = Cast(str(folder), where, SEED)
+        played = simulate(cast, count, workers=os.cpu_count() or 1, progress=progress)
+        print(f"{protocol.study.name}: {played.trials} trials, {played.steered_s / 60:.0f} simulated minutes")
+        shutil.rmtree(folder / "tables", ignore_errors=True)
+        with closing(Store(where)) as store:
+            measure_study(store, protocol.study.name, folder, progress)
+            export_study(store, protocol.study.name, folder / "tables")
+        write_report(folder / "tables", folder / "report", recordings=folder, progress=progress)
+    table = comparisons(folder / "report" / "csv" / "comparisons.csv")
+    print(table)
+    return table
+
+
+def comparisons(path: Path) -> str:
+    """Return the comparisons of a report as Markdown, a line each."""
+    lines = [
+        "| measure | compared | first | second | p | p (Holm) | r [95 %] |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    found = pd.read_csv(path, keep_default_na=False)
+    for row in found[found["measure"].isin(TOLD)].to_dict("records"):
+        told, digits = TOLD[row["measure"]]
+        first, second = (
+            f"{float(row[f'mean_{one}']):.{digits}f} ± {float(row[f'sd_{one}']):.{digits}f}"
+            for one in ("first", "second")
+        )
+        p, holm = (f"{value:.3f}" if value >= 0.001 else "< 0.001" for value in (row["p"], row["p_holm"]))
+        effect = f"{row['r']:+.2f} [{float(row['r_low']):+.2f}, {float(row['r_high']):+.2f}]"
+        pair = f"{row['first']} → {row['second']}".replace("_", " ")
+        lines.append(f"| {told} | {pair} | {first} | {second} | {p} | {holm} | {effect} |")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    main()

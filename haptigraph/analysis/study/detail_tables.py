@@ -1,0 +1,141 @@
+"""Results as data frames, for CSV and for the page: one row per test, variant, term, score."""
+
+from collections.abc import Iterator
+
+import msgspec
+import pandas as pd
+
+from haptigraph.analysis.study.comparison import Comparison
+from haptigraph.analysis.study.results import StudyResults
+from haptigraph.analysis.study.state_figures import transitions
+from haptigraph.analysis.study.sus import adjective, grade
+
+__all__ = ["detail_tables", "sus_summary"]
+
+
+def detail_tables(results: StudyResults) -> dict[str, pd.DataFrame]:
+    """Return every table under the name of its file."""
+    tables = {
+        "comparisons": pd.DataFrame(list(_comparisons(results))),
+        "rank_test_variants": pd.DataFrame(list(_variants(results))),
+        "omnibus": pd.DataFrame(list(_omnibus(results))),
+        "order_effects": pd.DataFrame(list(_terms(results))),
+        "sus": _graded(results.sus),
+        "sus_summary": sus_summary(results),
+        "missing": results.missing,
+        "participants_by_condition": _long(results),
+        "state_transitions": transitions(results),
+    }
+    return {name: table for name, table in tables.items() if not table.empty}
+
+
+def _comparisons(results: StudyResults) -> Iterator[dict[str, object]]:
+    for family in results.families:
+        for each, holm in zip(family.comparisons, family.holm, strict=True):
+            yield {
+                **_names(family.name, each),
+                **{f"{name}_first": value for name, value in msgspec.structs.asdict(each.samples[0]).items()},
+                **{
+                    f"{name}_second": value for name, value in msgspec.structs.asdict(each.samples[1]).items()
+                },
+                "left_out": each.left_out,
+                "test": each.test.variant,
+                "statistic": each.test.statistic,
+                "statistic_opposite": each.test.opposite,
+                "zeros": each.test.zeros,
+                "tied": each.test.ties,
+                "p": each.test.p,
+                "p_holm": holm,
+                "r": each.effect.r,
+                "r_low": each.effect.low,
+                "r_high": each.effect.high,
+                "effect": each.effect.variant,
+                "shapiro_w": each.normality[0].w,
+                "shapiro_p": min(check.p for check in each.normality),
+                **{f"t_{name}": value for name, value in msgspec.structs.asdict(each.t).items()},
+                **{f"power_{name}": value for name, value in msgspec.structs.asdict(each.power).items()},
+            }
+
+
+def _names(family: str, each: Comparison) -> dict[str, object]:
+    quantity = each.quantity
+    return {
+        "family": family,
+        "measure": quantity.name,
+        "unit": quantity.unit,
+        "first": each.first,
+        "second": each.second,
+        "paired": each.is_paired,
+    }
+
+
+def _variants(results: StudyResults) -> Iterator[dict[str, object]]:
+    for family in results.families:
+        for each in family.comparisons:
+            for test in each.variants:
+                used = test.variant == each.test.variant
+                yield {**_names(family.name, each), **msgspec.structs.asdict(test), "reported": used}
+
+
+def _omnibus(results: StudyResults) -> Iterator[dict[str, object]]:
+    for family in results.families:
+        for each in family.omnibus:
+            told = {"test": each.variant, "statistic": each.statistic, "p": each.p}
+            yield {"family": family.name, "measure": each.quantity.name, **told}
+
+
+def _terms(results: StudyResults) -> Iterator[dict[str, object]]:
+    for model in results.order:
+        about = {
+            "measure": model.name,
+            "formula": model.formula,
+            "n": model.runs,
+            "participants": model.participants,
+        }
+        spread = {
+            "participant_sd": model.participant_sd,
+            "residual_sd": model.residual_sd,
+            "remark": model.remark,
+        }
+        for term in model.terms:
+            yield {**about, **msgspec.structs.asdict(term), **spread}
+
+
+def _graded(scores: pd.DataFrame) -> pd.DataFrame:
+    known = scores["sus"].notna()
+    graded = scores.assign(grade="", percentiles="", adjective="").astype({"grade": object})
+    for row, score in scores.loc[known, "sus"].items():
+        told = grade(score)
+        graded.loc[row, ["grade", "percentiles", "adjective"]] = [
+            told.letter,
+            told.percentiles,
+            adjective(score),
+        ]
+    return graded
+
+
+def sus_summary(results: StudyResults) -> pd.DataFrame:
+    """Return mean and grade of SUS by condition."""
+    rows = []
+    for condition in results.conditions:
+        scores = results.sus.loc[results.sus["condition"] == condition, "sus"].dropna()
+        if len(scores):
+            mean, told = float(scores.mean()), grade(float(scores.mean()))
+            spread = float(scores.std(ddof=1)) if len(scores) > 1 else float("nan")
+            rows.append(
+                (condition, len(scores), mean, spread, told.letter, told.percentiles, adjective(mean))
+            )
+    columns = ["condition", "n", "mean", "sd", "grade", "percentiles", "adjective"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def _long(results: StudyResults) -> pd.DataFrame:
+    """Return what entered the tests: participant, condition, measure, value."""
+    parts = [
+        table.rename_axis(columns="condition")
+        .reset_index(names="participant")
+        .melt("participant")
+        .assign(measure=name)
+        for name, table in results.values.items()
+    ]
+    return pd.concat(parts, ignore_index=True)[["participant", "condition", "measure", "value"]]

@@ -1,0 +1,108 @@
+"""One HTML page that stands alone: no script, no outside resource, readable in light and in dark."""
+
+import base64
+from collections.abc import Mapping, Sequence
+from html import escape
+from importlib import resources
+
+import pandas as pd
+from msgspec import Struct
+
+from haptigraph.analysis.study.results_table import Table, number
+
+__all__ = ["Picture", "page"]
+
+STYLE = (resources.files("haptigraph.analysis.study") / "report.css").read_text("utf-8")
+
+
+class Picture(Struct, frozen=True):
+    """A figure and what it says, also to those who cannot see it."""
+
+    name: str
+    svg: bytes
+    caption: str
+
+
+def page(
+    title: str,
+    facts: str,
+    note: str,
+    tables: Sequence[Table],
+    pictures: Sequence[Picture],
+    paragraphs: Sequence[str],
+    details: Mapping[str, tuple[str, pd.DataFrame]],
+    tex: str,
+) -> str:
+    """Return the page.
+
+    Args:
+        title: Of the study.
+        facts: One line about it.
+        note: What must stand on top, such as that it was simulated; may be empty.
+        tables: The paper's first.
+        pictures: Of the study.
+        paragraphs: Of the methods.
+        details: Further tables: title, and data, by name.
+        tex: The tables in LaTeX.
+    """
+    mark = f'<p class="mark">{escape(note)}</p>' if note else ""
+    parts = [
+        f"<h1>{escape(title)}</h1>\n{mark}\n<p class='quiet'>{escape(facts)}</p>",
+        "<h2>Results</h2>",
+        *(_table(table) for table in tables),
+        "<h2>Figures</h2>" if pictures else "",
+        *(_figure(picture) for picture in pictures),
+        "<h2>Methods</h2>",
+        *(f"<p>{escape(paragraph)}</p>" for paragraph in paragraphs),
+        "<h2>Details</h2>",
+        *(_details(told, frame) for told, frame in details.values()),
+        f"<details><summary>LaTeX</summary><pre>{escape(tex)}</pre></details>",
+        "<p class='quiet'>haptigraph is research software, not a medical device.</p>",
+    ]
+    body = "\n".join(part for part in parts if part)
+    return (
+        f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{escape(title)}</title>\n"
+        f"<style>\n{STYLE}</style>\n</head>\n<body>\n{body}\n</body>\n</html>\n"
+    )
+
+
+def _table(table: Table) -> str:
+    head = "".join(f'<th scope="col">{escape(cell)}</th>' for cell in table.head)
+    rows = "\n".join(
+        "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in table.rows
+    )
+    return (
+        f'<div class="wide"><table><caption>{escape(table.caption)}</caption>\n'
+        f"<thead><tr>{head}</tr></thead>\n<tbody>{rows}</tbody></table></div>"
+    )
+
+
+def _figure(picture: Picture) -> str:
+    data = base64.b64encode(picture.svg).decode()
+    caption = escape(picture.caption)
+    return (
+        f'<figure><img alt="{caption}" src="data:image/svg+xml;base64,{data}">'
+        f"<figcaption>{caption}</figcaption></figure>"
+    )
+
+
+def _details(title: str, frame: pd.DataFrame) -> str:
+    head = "".join(f'<th scope="col">{escape(str(name).replace("_", " "))}</th>' for name in frame.columns)
+    rows = "\n".join(
+        "<tr>" + "".join(f"<td>{escape(_cell(value))}</td>" for value in row) + "</tr>"
+        for row in frame.itertuples(index=False)
+    )
+    return (
+        f'<details><summary>{escape(title)}</summary><div class="wide"><table class="words">\n'
+        f"<thead><tr>{head}</tr></thead>\n<tbody>{rows}</tbody></table></div></details>"
+    )
+
+
+def _cell(value: object) -> str:
+    if not isinstance(value, float):
+        return str(value)
+    if value != 0 and abs(value) < 1e-3:
+        return f"{value:.2g}"
+    return f"{value:g}" if value.is_integer() and abs(value) < 1e6 else number(value, 4)

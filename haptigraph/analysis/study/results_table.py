@@ -1,0 +1,130 @@
+"""The paper's table, and the others, as rows of text: in LaTeX, Markdown, and for the page."""
+
+import math
+from collections.abc import Sequence
+from itertools import combinations
+
+from msgspec import Struct
+
+from haptigraph.analysis.study.comparison import Comparison, Sample
+from haptigraph.analysis.study.quantities import words
+from haptigraph.analysis.study.results import Family, StudyResults
+
+__all__ = ["Table", "latex", "markdown", "number", "p_text", "result_tables"]
+
+NONE = "-"
+
+
+class Table(Struct, frozen=True):
+    """A table ready to be set."""
+
+    caption: str
+    head: list[str]
+    rows: list[list[str]]
+    label: str = ""
+
+
+def number(value: float, decimals: int = 3) -> str:
+    """Return a number, or a dash where there is none."""
+    return f"{value:.{decimals}f}" if math.isfinite(value) else NONE
+
+
+def p_text(p: float) -> str:
+    """Return p as papers print it."""
+    if not math.isfinite(p):
+        return NONE
+    return "<0.001" if p < 0.0005 else f"{p:.3f}"
+
+
+def result_tables(results: StudyResults) -> list[Table]:
+    """Return one table per family and pair of conditions; the first is the paper's."""
+    tables = []
+    for family in results.families:
+        for pair in combinations(results.conditions, 2):
+            rows = [
+                _row(comparison, holm, results.plan.alpha)
+                for comparison, holm in zip(family.comparisons, family.holm, strict=True)
+                if (comparison.first, comparison.second) == pair
+            ]
+            if rows:
+                tables.append(_table(results, family, pair, rows))
+    return tables
+
+
+def _table(results: StudyResults, family: Family, pair: tuple[str, str], rows: list[list[str]]) -> Table:
+    marks = (
+        f"* p < {results.plan.alpha:g}; † also after Holm's correction over {len(family.comparisons)} tests"
+    )
+    caption = f"{words(family.about)}, mean ± SD over participants. {marks}."
+    effect = "r [95 % CI]"
+    label = f"{family.name}_{pair[0]}_{pair[1]}"
+    return Table(
+        caption, ["Metric", words(pair[0]), words(pair[1]), "n", "p", "p (Holm)", effect], rows, label
+    )
+
+
+def _row(comparison: Comparison, holm: float, alpha: float) -> list[str]:
+    decimals = comparison.quantity.decimals
+    first, second = (_mean(sample, decimals) for sample in comparison.samples)
+    p = comparison.test.p
+    mark = ("*" if p < alpha else "") + ("†" if holm < alpha else "")
+    effect = comparison.effect
+    told = f"{number(effect.r, 2)} [{number(effect.low, 2)}, {number(effect.high, 2)}]"
+    sizes = "/".join(str(size) for size in sorted({sample.n for sample in comparison.samples}))
+    return [comparison.quantity.title, first, second, sizes, p_text(p) + mark, p_text(holm), told]
+
+
+def _mean(sample: Sample, decimals: int) -> str:
+    return f"{number(sample.mean, decimals)} ± {number(sample.sd, decimals)}"
+
+
+def markdown(tables: Sequence[Table], note: str = "") -> str:
+    """Return tables in Markdown."""
+    parts = [f"**{note}**\n"] if note else []
+    for table in tables:
+        lines = [table.head, ["---", *["---:"] * (len(table.head) - 1)], *table.rows]
+        body = "\n".join(
+            "| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines
+        )
+        parts.append(f"{table.caption}\n\n{body}\n")
+    return "\n".join(parts)
+
+
+def latex(tables: Sequence[Table], note: str = "") -> str:
+    """Return tables in LaTeX, with booktabs, as the paper sets them."""
+    return "\n".join(_latex(table, note) for table in tables)
+
+
+def _latex(table: Table, note: str) -> str:
+    caption = f"{note}: {table.caption}" if note else table.caption
+    lines = [
+        r"\begin{table}[t]",
+        r"\centering",
+        rf"\caption{{{_escaped(caption)}}}",
+        rf"\label{{tab:{_plain(table.label)}}}",
+        rf"\begin{{tabular}}{{l{'c' * (len(table.head) - 1)}}}",
+        r"\toprule",
+        " & ".join(rf"\textbf{{{_escaped(cell)}}}" for cell in table.head) + r" \\",
+        r"\midrule",
+        *(" & ".join(map(_escaped, row)) + r" \\" for row in table.rows),
+        r"\bottomrule",
+        r"\end{tabular}",
+        r"\end{table}",
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def _plain(label: str) -> str:
+    return "".join(letter if letter.isalnum() or letter == "_" else "_" for letter in label)
+
+
+TEX = {
+    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "_": r"\_", "#": r"\#", "$": r"\$", "{": r"\{",
+    "}": r"\}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "±": r"$\pm$", "°": r"$^\circ$",
+    "†": r"$^\dagger$", "*": "$^*$", "²": "$^2$", "<": "$<$", ">": "$>$",
+}  # fmt: skip
+
+
+def _escaped(text: str) -> str:
+    return "".join(TEX.get(letter, letter) for letter in text)

@@ -1,0 +1,79 @@
+"""A study's protocol and state as tables for people: who gets what in which order, how far everyone is."""
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from rich.table import Table
+
+from haptigraph.study.plan import Stage, conditions_of, plan_of
+from haptigraph.study.protocol import Protocol
+
+if TYPE_CHECKING:
+    from haptigraph.study.standing import Standing
+
+__all__ = ["protocol_tables", "status_table"]
+
+
+def protocol_tables(protocol: Protocol) -> Iterator[Table]:
+    """Yield tables of conditions, of what the first participant goes through, and of the orders drawn."""
+    table = _table("Conditions", "name", "title", "procedure", "touch", "display")
+    for each in protocol.conditions:
+        table.add_row(each.name, each.title, each.procedure, "on" if each.touch else "off", each.display)
+    yield table
+    table = _table("What the first participant goes through", "stage", "condition", "target", "at most")
+    for stage in plan_of(protocol, 0):
+        table.add_row(
+            stage.key, stage.condition, stage.target, f"{stage.timeout_s:g} s" if stage.is_trial else ""
+        )
+    yield table
+    count = protocol.study.participants
+    orders = Counter(" > ".join(conditions_of(protocol, slot)) for slot in range(count))
+    table = _table(
+        f"Orders of {count} participants ({protocol.study.order}, seed {protocol.study.seed})", "order", ""
+    )
+    for order, times in sorted(orders.items()):
+        table.add_row(order, str(times))
+    yield table
+    plans = [[stage for stage in plan_of(protocol, slot) if stage.kind == "trial"] for slot in range(count)]
+    pairs = Counter((stage.target, stage.condition) for plan in plans for stage in plan)
+    names = [each.name for each in protocol.conditions]
+    table = _table("Trials by target and condition", "target", "mm along the retina", *names)
+    for target in protocol.targets:
+        counts = (str(pairs[target.name, name]) for name in names)
+        table.add_row(target.name, f"{target.along_mm:+g}", *counts)
+    yield table
+
+
+def status_table(protocol: Protocol, standings: "list[Standing]") -> Table:
+    """Return a table of where everyone stands; orders are left out where everyone is blinded."""
+    blind = protocol.study.blind == "everyone"
+    table = _table(
+        f"{protocol.study.title}: {len(standings)} of {protocol.study.participants} participants",
+        "participant",
+        *(() if blind else ("order",)),
+        "done",
+        "next",
+        "station",
+        "void attempts",
+    )
+    for each in standings:
+        order = () if blind else (each.order.replace(">", " > "),)
+        done = f"{each.next.done} of {each.next.of}"
+        table.add_row(
+            each.participant, *order, done, _next(each, each.next.stage), each.station, str(each.void or "")
+        )
+    return table
+
+
+def _next(standing: "Standing", stage: Stage | None) -> str:
+    if stage is None:
+        return standing.next.ended
+    return f"{stage.key} (runs)" if standing.next.running else stage.key
+
+
+def _table(title: str, *headings: str) -> Table:
+    table = Table(title=title, title_justify="left")
+    for heading in headings:
+        table.add_column(heading, overflow="fold")
+    return table

@@ -1,0 +1,89 @@
+"""The command that analyses a study: study report."""
+
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from haptigraph.commands.study import export_measured, store_option
+from haptigraph.errors import MissingExtra
+from haptigraph.terminal import progress_bar
+
+if TYPE_CHECKING:
+    from haptigraph.recording.writer import Progress
+
+__all__ = ["study_report"]
+
+LIBRARIES = ("pandas", "scipy", "statsmodels", "patsy")
+
+
+@click.command("report")
+@click.argument("folder")
+@click.option("-o", "--output", required=True, metavar="OUT", help="The folder to write; made if absent.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the bootstrap.")
+@click.option(
+    "--alpha",
+    type=click.FloatRange(0, 0.5, min_open=True),
+    default=0.05,
+    show_default=True,
+    help="Level of significance.",
+)
+@click.option(
+    "--zeros",
+    type=click.Choice(["dropped", "pratt"]),
+    default="dropped",
+    show_default=True,
+    help="What the signed-rank test does with pairs without a difference.",
+)
+@click.option(
+    "--baseline", metavar="CONDITION", help="Compare the others with it; the protocol's first if not given."
+)
+@click.option("--recordings", metavar="FOLDER", help="Where the recordings are, if not beside the tables.")
+@store_option
+def study_report(
+    folder: str,
+    output: str,
+    seed: int,
+    alpha: float,
+    zeros: str,
+    baseline: str | None,
+    recordings: str | None,
+    store: str | None,
+) -> None:
+    """Analyse a study and write the report.
+
+    FOLDER is the study's, which is exported to OUT/tables first, or one that it was exported to. OUT gets
+    report.html, which stands alone, the figures as PDF, SVG and PNG, the tables in LaTeX, Markdown and CSV,
+    and the methods.
+    """
+    try:
+        from haptigraph.analysis.study.report import write_report
+        from haptigraph.analysis.study.results import Plan
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] not in LIBRARIES:
+            raise
+        raise MissingExtra("study report", "study") from None
+    plan = Plan(seed, alpha, "pratt" if zeros == "pratt" else "dropped", baseline)
+    with progress_bar() as progress, _tables(folder, store, output, progress) as tables:
+        written = write_report(tables, output, plan, recordings or folder, progress)
+    click.echo(written.summary)
+    click.echo(f"{len(written.files)} files; read {written.page}")
+
+
+@contextmanager
+def _tables(folder: str, store: str | None, output: str, progress: "Progress") -> Iterator[Path]:
+    """Give the tables of a study; those just exported are kept once the report is written."""
+    if not (Path(folder) / "study.toml").is_file():
+        yield Path(folder)
+        return
+    with tempfile.TemporaryDirectory(prefix="haptigraph-") as place:
+        exported = Path(place) / "tables"
+        export_measured(folder, store, str(exported), progress)
+        yield exported
+        kept = Path(output) / exported.name
+        shutil.rmtree(kept, ignore_errors=True)
+        shutil.copytree(exported, kept)

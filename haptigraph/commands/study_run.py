@@ -1,0 +1,108 @@
+"""The command that runs a study with people, from pages in the browser: study run."""
+
+import platform
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from haptigraph.commands.options import (
+    config_option,
+    page_options,
+    page_token,
+    run_settings,
+    set_option,
+)
+from haptigraph.commands.study import STORE, folder_argument, store_option
+from haptigraph.errors import BadInput
+from haptigraph.terminal import tell, terminable
+
+if TYPE_CHECKING:
+    from haptigraph.config import Config
+    from haptigraph.study.protocol import Protocol
+
+__all__ = ["study_run"]
+
+LONGEST_NAME = 80
+
+
+@click.command("run")
+@folder_argument
+@store_option
+@click.option("--station", metavar="NAME", help="This station's name; this machine's if not given.")
+@click.option(
+    "--source", metavar="SOURCE", help="A rig's images, as `run` takes; a simulated eye if not given."
+)
+@click.option("--registration", metavar="FILE", help="Where the anatomy lies in the images (TOML).")
+@click.option("--device", metavar="DEVICE", help="What vibrates, beside the participant's page.")
+@click.option(
+    "--bridge", multiple=True, metavar="BRIDGE", help="Tell others live, as `run` does; may be repeated."
+)
+@config_option
+@set_option
+@page_options
+def study_run(
+    folder: str,
+    store: str | None,
+    station: str | None,
+    port: int | None,
+    host: str,
+    token: str | None,
+    config: str | None,
+    **given: object,
+) -> None:
+    """Lead participants through a study, from two pages.
+
+    One page is the experimenter's, one the participant's; open each on its own screen. Trials run here and
+    are recorded into the study's folder. Started again after a crash it goes on where it stopped.
+    """
+    from haptigraph.config import load_config
+    from haptigraph.dashboard.server import listen
+    from haptigraph.study.protocol import load_protocol
+    from haptigraph.study.store import Store  # before all that needs the extra: it says which one
+
+    protocol = load_protocol(folder)
+    name = (station if station is not None else platform.node() or "station").strip()
+    if not 0 < len(name) <= LONGEST_NAME:
+        raise BadInput(f"--station {name[:90]!r}: a name has 1 to {LONGEST_NAME} characters")
+    begin = () if config else ("source.uri=teleop",)
+    base = load_config(config, (*begin, *run_settings({**given, "procedure": None, "record": None}, True)))
+    _try_out(base, protocol)
+    from haptigraph.dashboard.study_desk import StudyDesk
+    from haptigraph.dashboard.study_site import StudySite
+    from haptigraph.dashboard.study_trial import run_trials
+    from haptigraph.study.roster import study_in
+
+    with (
+        terminable(),
+        closing(listen(host, port or 0)) as listener,
+        closing(Store(store or str(protocol.folder / STORE))) as kept,
+    ):
+        held = study_in(kept, protocol)
+        held.check_frozen()
+        desk = StudyDesk(Path(folder), held, name)
+        site = StudySite(desk, base, listener, host=host, token=page_token(host, token))
+        with site.served():
+            tell(f"haptigraph: study {held.name}{' (simulated)' * held.simulated}, station {name}")
+            tell(f"haptigraph: the page is at {site.address()} for the experimenter")
+            tell(f"haptigraph: and at {site.address('/participant')} for the participant; Ctrl-C ends both")
+            try:
+                run_trials(desk, site, base, tell)
+            finally:
+                desk.close()
+
+
+def _try_out(base: "Config", protocol: "Protocol") -> None:
+    """Open source and device once, and look for all targets: what is wrong is found before anyone comes."""
+    from msgspec.structs import replace
+
+    from haptigraph.assemble import build
+    from haptigraph.perception.registration import load_registration
+    from haptigraph.perception.retarget import with_target
+
+    for target in protocol.targets if base.source.registration else ():
+        with_target(load_registration(base.source.registration), target.along_mm)
+    source = replace(base.source, target_mm=protocol.targets[0].along_mm)
+    procedure = protocol.procedure_path(protocol.conditions[0])
+    build(replace(base, source=source, run=replace(base.run, procedure=procedure))).close()

@@ -1,0 +1,257 @@
+"""A study out of a store as tidy CSV with its data dictionary, and back into one without loss.
+
+What is exported of each table, and how it is read back, is the data dictionary's to say.
+"""
+
+import csv
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import msgspec
+from msgspec import Struct
+from sqlalchemy import Table, select
+
+from haptigraph.errors import BadInput
+from haptigraph.study.dictionary import COLUMNS, MEASURES, Field, check_measures, fields_of, time_field
+from haptigraph.study.roster import canonical, refuse_names
+from haptigraph.study.store import Row, Store, to_json
+from haptigraph.study.tables import ANSWERS, EVENTS, PARTICIPANTS, SESSIONS, STAGES, STUDIES, TRIALS
+
+__all__ = ["About", "Export", "export_study", "import_study", "read_export", "tidy_tables"]
+
+TABLES = {
+    "participants": PARTICIPANTS,
+    "sessions": SESSIONS,
+    "stages": STAGES,
+    "answers": ANSWERS,
+    "trials": TRIALS,
+    "events": EVENTS,
+}
+"""In an order in which they can be filled."""
+FROM_1 = ("position", "block")  # stored as 0 where there is none
+WriteTable: TypeAlias = Callable[[Path, Sequence[Field], Sequence[Mapping[str, Any]]], None]
+STUDY_FILE, DICTIONARY = "study.json", "data_dictionary.csv"
+
+
+class About(Struct, frozen=True, forbid_unknown_fields=True):
+    """The frozen study, as an export has it in `study.json`."""
+
+    study: str
+    title: str
+    simulated: int
+    protocol_sha256: str
+    parts: dict[str, str]
+    software: str
+    frozen_utc: str
+
+
+class Export(Struct, frozen=True):
+    """An export as read."""
+
+    about: About
+    rows: dict[str, list[dict[str, Any]]]
+    """As stored, by table."""
+
+
+def tidy_tables(store: Store, study: str) -> dict[str, tuple[list[Field], list[dict[str, Any]]]]:
+    """Return the tables of an export: columns, and rows with None where something is missing.
+
+    Raises:
+        BadInput: If the store has no such study.
+    """
+    about = _about(store, study)
+    tables = {}
+    for name, table in TABLES.items():
+        found = store.rows(select(table).where(table.c.study == study))
+        key = [column.name for column in table.primary_key]
+        rows = [_tidy(name, row) for row in sorted(found, key=lambda row: [row[part] for part in key])]
+        tables[name] = (fields_of(name, (key for row in rows for key in row)), rows)
+    fields, people = tables["participants"]
+    asked_once = [row for row in tables["answers"][1] if row["position"] is None]
+    fields += _demographics([field.name for field in fields], asked_once)
+    for person in people:
+        person["simulated"] = about.simulated
+        for row in asked_once:
+            if row["participant"] == person["participant"]:
+                person[_column(row, COLUMNS["participants"])] = row["answer"]
+    return tables
+
+
+def export_study(
+    store: Store, study: str, folder: str | Path, more: Mapping[str, WriteTable] | None = None
+) -> None:
+    """Write a study into a new folder: CSV tables, their dictionary, the frozen protocol.
+
+    Args:
+        store: The store.
+        study: The study's name.
+        folder: The folder to make.
+        more: Other formats that the tables are written in too, by the ending of their files.
+
+    Raises:
+        BadInput: If there is no such study, or the folder exists or cannot be written.
+    """
+    folder = Path(folder)
+    tables, about = tidy_tables(store, study), _about(store, study)
+    if folder.exists():
+        raise BadInput("exists already; an export never overwrites", folder)
+    try:
+        making = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
+        try:
+            for name, (fields, rows) in tables.items():
+                _write(making / f"{name}.csv", [field.name for field in fields], rows)
+                for ending, write in (more or {}).items():
+                    write(making / f"{name}.{ending}", fields, rows)
+            dictionary = [_said(field) for fields, _ in tables.values() for field in fields]
+            _write(making / DICTIONARY, list(dictionary[0]), dictionary)
+            (making / STUDY_FILE).write_bytes(
+                msgspec.json.format(msgspec.json.encode(about), indent=1) + b"\n"
+            )
+            making.chmod(0o755)
+            os.rename(making, folder)
+        except BaseException:
+            shutil.rmtree(making, ignore_errors=True)
+            raise
+    except OSError as error:
+        raise BadInput(f"cannot be written ({error.strerror})", folder) from None
+
+
+def read_export(folder: str | Path) -> Export:
+    """Read an export.
+
+    Raises:
+        BadInput: If a file cannot be read or does not fit.
+    """
+    folder = Path(folder)
+    try:
+        about = msgspec.json.decode((folder / STUDY_FILE).read_bytes(), type=About)
+    except OSError as error:
+        raise BadInput(f"is no export of a study ({error.strerror}: {STUDY_FILE})", folder) from None
+    except msgspec.MsgspecError as error:
+        raise BadInput(f"is damaged ({error})", folder / STUDY_FILE) from None
+    rows = {}
+    for name in TABLES:
+        rows[name] = [_stored(name, row) for row in _read(folder / f"{name}.csv", name, about.study)]
+    _check_participants(folder / "participants.csv", rows["participants"])
+    return Export(about, rows)
+
+
+def import_study(store: Store, export: Export) -> None:
+    """Put an export into a store that does not have the study, all of it or nothing.
+
+    Raises:
+        BadInput: If the store has it, or rows contradict each other.
+    """
+    about = export.about
+    with store.begin() as connection:
+        here = select(STUDIES.c.study).where(STUDIES.c.study == about.study)
+        if connection.execute(here).first() is not None:
+            raise BadInput(f"has study {about.study} already; nothing was imported", store.name)
+        row = {**msgspec.structs.asdict(about), "parts": to_json(about.parts)}
+        connection.execute(STUDIES.insert().values(row))
+        for name, table in TABLES.items():
+            if export.rows[name]:
+                connection.execute(table.insert(), export.rows[name])
+
+
+def _check_participants(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    seen: dict[object, int] = {}
+    for line, row in enumerate(rows, 2):
+        name = row["participant"] or ""
+        try:
+            refuse_names(name)
+        except BadInput as error:
+            raise BadInput(error.problem, path, f"line {line}") from None
+        before = seen.setdefault(canonical(name), line)
+        if before != line:
+            raise BadInput(f"participant {name} stands in line {before} already", path, f"line {line}")
+
+
+def _about(store: Store, study: str) -> About:
+    row = next(iter(store.rows(select(STUDIES).where(STUDIES.c.study == study))), None)
+    if row is None:
+        raise BadInput(f"has no study {study!r}; a study is kept from its first participant on", store.name)
+    return About(**{**row, "parts": msgspec.json.decode(row["parts"])})
+
+
+def _tidy(table: str, row: Row) -> dict[str, Any]:
+    """Turn a stored row into an exported one."""
+    tidy = {name: None if name in FROM_1 and value == 0 else value for name, value in row.items()}
+    if table == "trials":
+        tidy |= msgspec.json.decode(tidy.pop("measures") or "{}")
+    if table == "participants":
+        tidy["order"] = tidy.pop("conditions")
+    return tidy
+
+
+def _stored(table: str, row: dict[str, Any]) -> dict[str, Any]:
+    """Turn an exported row back into a stored one."""
+    stored = {name: 0 if name in FROM_1 and value is None else value for name, value in row.items()}
+    if table == "trials":
+        names = [name for name in stored if time_field(name) or name in {field.name for field in MEASURES}]
+        measures = check_measures({name: stored.pop(name) for name in names})
+        stored["measures"] = to_json(measures) if measures else None
+    if table == "participants":
+        stored["conditions"] = stored.pop("order")
+    columns: Table = TABLES[table]
+    return {name: value for name, value in stored.items() if name in columns.c}
+
+
+def _demographics(taken: Sequence[str], asked_once: Iterable[Mapping[str, Any]]) -> list[Field]:
+    said = {
+        _column(row, COLUMNS["participants"]): f"{row['questionnaire']}: {row['item']}" for row in asked_once
+    }
+    return [Field("participants", name, "text", "", meaning, "participant") for name, meaning in said.items()]
+
+
+def _column(row: Mapping[str, Any], fields: Sequence[Field]) -> str:
+    """Return the column of an answer that was given once."""
+    item: str = row["item"]
+    return f"{row['questionnaire']}_{item}" if item in [field.name for field in fields] else item
+
+
+def _said(field: Field) -> dict[str, Any]:
+    said = field._asdict()
+    return {"table": said.pop("table"), "column": said.pop("name"), **said}
+
+
+def _write(path: Path, names: list[str], rows: Iterable[Mapping[str, Any]]) -> None:
+    with path.open("w", newline="", encoding="utf-8") as file:
+        table = csv.DictWriter(file, names, restval="")
+        table.writeheader()
+        table.writerows(rows)  # None becomes empty, floats are written so that they read back equal
+
+
+def _read(path: Path, table: str, study: str) -> Iterable[dict[str, Any]]:
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            reader = csv.DictReader(file, strict=True)
+            fields = {field.name: field for field in fields_of(table, reader.fieldnames or ())}
+            missing = fields.keys() - set(reader.fieldnames or ())
+            if missing:
+                raise BadInput(f"column {min(missing)!r} is missing", path)
+            for row in reader:
+                place = f"line {reader.line_num}"
+                if None in row or None in row.values():
+                    raise BadInput("has not as many values as there are columns", path, place)
+                if row["study"] != study:
+                    raise BadInput(f"is of study {row['study']!r}, not {study!r}", path, place)
+                yield {name: _value(fields[name], row[name], path, place) for name in fields}
+    except OSError as error:
+        raise BadInput(f"cannot be read ({error.strerror})", path) from None
+    except (csv.Error, UnicodeDecodeError) as error:
+        raise BadInput(f"is no CSV in UTF-8 ({error})", path) from None
+
+
+def _value(field: Field, text: str, path: Path, place: str) -> Any:
+    if text == "":
+        return None
+    try:
+        return {"text": str, "integer": int, "number": float}[field.kind](text)
+    except ValueError:
+        kind = {"integer": "a whole number", "number": "a number"}[field.kind]
+        raise BadInput(f"{field.name}: expected {kind}, found {text[:40]!r}", path, place) from None

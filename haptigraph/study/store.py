@@ -1,0 +1,147 @@
+"""Where studies are kept: SQLite by default, PostgreSQL by URL; every write is durable when its call returns.
+
+Turns a file or URL into transactions on the tables of `tables`. Knows no protocol. Needs the extra `study`.
+"""
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from importlib import resources
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from haptigraph.errors import BadInput, MissingExtra, StoreFailed
+
+try:
+    import sqlalchemy
+    from alembic import command
+    from alembic.config import Config as AlembicConfig
+    from alembic.util.exc import CommandError
+    from sqlalchemy import Connection, Engine, RowMapping, Select, event, func, select
+    from sqlalchemy.exc import ArgumentError, DBAPIError
+except ModuleNotFoundError:
+    raise MissingExtra("the store of a study", "study") from None
+
+__all__ = ["Row", "Store", "to_json", "utc_now"]
+
+Row: TypeAlias = RowMapping
+BUSY_S = 30
+LOCK = 7_203_945_118  # any number, the same on all stations
+
+
+def utc_now() -> datetime:
+    """Return the time by this machine's clock."""
+    return datetime.now(UTC)
+
+
+class Store:
+    """One database of studies, made or migrated when it is opened.
+
+    Args:
+        where: The path of an SQLite file, or a URL (postgresql://user:password@host/database).
+        now: Tells the time.
+
+    Raises:
+        BadInput: If it cannot be opened or is no store, or one of a newer haptigraph.
+        MissingExtra: If the driver for the URL is not installed.
+    """
+
+    def __init__(self, where: str | Path, now: Callable[[], datetime] = utc_now) -> None:
+        self._engine, self.name = _engine(str(where))
+        self._now = now
+        try:
+            with self.begin() as connection:
+                _migrate(connection, self.name)
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Let go of the database."""
+        self._engine.dispose()
+
+    def now_utc(self) -> str:
+        """Return the time as it is stored."""
+        return self._now().astimezone(UTC).isoformat(timespec="microseconds")
+
+    @contextmanager
+    def begin(self) -> Iterator[Connection]:
+        """Do several things at once, or none of them; durable when this ends.
+
+        Raises:
+            StoreFailed: If the database does not do it, with its reason.
+        """
+        try:
+            with self._engine.begin() as connection:
+                yield connection
+        except DBAPIError as error:
+            reason = " ".join(str(error.orig).split())
+            raise StoreFailed(f"the store does not take it ({reason})", self.name) from error
+
+    def rows(self, query: "Select[Any]") -> list[Row]:
+        """Return what a query finds."""
+        with self.begin() as connection:
+            return list(connection.execute(query).mappings())
+
+
+def _engine(where: str) -> tuple[Engine, str]:
+    """Return the engine and the store's name without password."""
+    try:
+        url = sqlalchemy.make_url(where if "://" in where else f"sqlite:///{Path(where).absolute()}")
+    except (ArgumentError, ValueError):
+        url = None
+    if url is None or url.get_backend_name() not in ("sqlite", "postgresql"):
+        problem = f"found {where!r}; expected the path of a file, or postgresql://USER:PASSWORD@HOST/DATABASE"
+        raise BadInput(problem, "store")
+    if url.drivername == "sqlite":
+        name = url.database or ""
+        _check_sqlite(Path(name))
+        engine = sqlalchemy.create_engine(url, connect_args={"timeout": BUSY_S})
+        event.listen(engine, "connect", _on_connect)
+    else:
+        name = url.render_as_string(hide_password=True)
+        try:
+            engine = sqlalchemy.create_engine(url.set(drivername="postgresql+psycopg"))
+        except ModuleNotFoundError:
+            raise MissingExtra("a store on PostgreSQL", "postgresql") from None
+    event.listen(engine, "begin", _on_begin)
+    return engine, name
+
+
+def _check_sqlite(path: Path) -> None:
+    if not path.parent.is_dir():
+        raise BadInput("cannot be written, there is no such folder", path)
+    if path.is_dir():
+        raise BadInput("is a folder; expected the store's file", path)
+
+
+def _on_connect(raw: Any, _: Any) -> None:
+    """Make every commit survive a power failure (WAL and FULL), and leave transactions to us."""
+    raw.isolation_level = None
+    for pragma in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON"):
+        raw.execute(f"PRAGMA {pragma}")
+
+
+def _on_begin(connection: Connection) -> None:
+    """Let one transaction run at a time, on either database: none ever decides by what is about to change."""
+    if connection.dialect.name == "sqlite":
+        connection.exec_driver_sql("BEGIN IMMEDIATE")
+    else:
+        connection.execute(select(func.pg_advisory_xact_lock(LOCK)))
+
+
+def _migrate(connection: Connection, name: str) -> None:
+    config = AlembicConfig()
+    config.set_main_option("path_separator", "os")
+    config.set_main_option("script_location", str(resources.files("haptigraph.study") / "migrations"))
+    config.attributes["connection"] = connection
+    try:
+        command.upgrade(config, "head")
+    except CommandError:
+        raise BadInput("was made by a newer haptigraph; update this one to open it", name) from None
+
+
+def to_json(value: Any) -> str:
+    """Write as stored: sorted, so that equal things are equal texts."""
+    return json.dumps(value, sort_keys=True, ensure_ascii=False, allow_nan=False)

@@ -1,0 +1,176 @@
+"""The tables of the store. Stamps are ISO 8601 in UTC; texts in JSON are said to be so.
+
+Changed here, a table needs a migration in `migrations/versions`; a test holds the two together.
+"""
+
+from typing import Any
+
+from sqlalchemy import (
+    CheckConstraint,
+    Column,
+    ForeignKey,
+    ForeignKeyConstraint,
+    Index,
+    Integer,
+    MetaData,
+    String,
+    Table,
+    Text,
+    text,
+)
+
+__all__ = ["ANSWERS", "EVENTS", "METADATA", "PARTICIPANTS", "SESSIONS", "STAGES", "STUDIES", "TRIALS"]
+
+METADATA = MetaData(
+    naming_convention={
+        "pk": "pk_%(table_name)s",
+        "fk": "fk_%(table_name)s_%(referred_table_name)s",
+        "ck": "ck_%(table_name)s_%(constraint_name)s",
+    }
+)
+
+
+def _key(name: str, kind: type[Integer] | String = Integer) -> Column[Any]:
+    return Column(name, kind, primary_key=True, autoincrement=False)
+
+
+def _of_session() -> ForeignKeyConstraint:
+    return ForeignKeyConstraint(
+        ["study", "participant", "session"], ["sessions.study", "sessions.participant", "sessions.session"]
+    )
+
+
+NAME, STAMP = String(80), String(40)
+
+STUDIES = Table(
+    "studies",
+    METADATA,
+    _key("study", NAME),
+    Column("title", Text, nullable=False),
+    Column("simulated", Integer, nullable=False),  # 1: by simulated participants
+    Column("protocol_sha256", String(64), nullable=False),
+    Column("parts", Text, nullable=False),  # JSON: text by name
+    Column("software", String(40), nullable=False),
+    Column("frozen_utc", STAMP, nullable=False),
+)
+"""Studies with at least one participant; their protocols are frozen."""
+
+PARTICIPANTS = Table(
+    "participants",
+    METADATA,
+    Column("study", NAME, ForeignKey("studies.study"), primary_key=True),
+    _key("participant", NAME),
+    Column("slot", Integer, nullable=False),  # place in the balancing, from 0
+    Column("conditions", Text, nullable=False),  # joined by ">"
+    Column("enrolled_utc", STAMP, nullable=False),
+    Column("consented_utc", STAMP),
+    Column("withdrawn_utc", STAMP),
+    Index(
+        "one_in_each_slot",
+        "study",
+        "slot",
+        unique=True,
+        sqlite_where=text("withdrawn_utc IS NULL"),
+        postgresql_where=text("withdrawn_utc IS NULL"),
+    ),
+)
+
+SESSIONS = Table(
+    "sessions",
+    METADATA,
+    _key("study", NAME),
+    _key("participant", NAME),
+    _key("session"),
+    Column("station", NAME, nullable=False),
+    Column("opened_utc", STAMP, nullable=False),
+    Column("closed_utc", STAMP),
+    ForeignKeyConstraint(["study", "participant"], ["participants.study", "participants.participant"]),
+    Index(
+        "one_open_session",
+        "study",
+        "participant",
+        unique=True,
+        sqlite_where=text("closed_utc IS NULL"),
+        postgresql_where=text("closed_utc IS NULL"),
+    ),
+)
+"""Stretches in which a participant is at a station; after a crash the next one begins."""
+
+STAGES = Table(
+    "stages",
+    METADATA,
+    _key("study", NAME),
+    _key("participant", NAME),
+    _key("stage", String(200)),
+    Column("session", Integer, nullable=False),
+    Column("done_utc", STAMP, nullable=False),
+    _of_session(),
+)
+"""Stages other than trials that are done."""
+
+ANSWERS = Table(
+    "answers",
+    METADATA,
+    _key("study", NAME),
+    _key("participant", NAME),
+    _key("questionnaire", NAME),
+    _key("position"),  # of the condition it is about; 0: asked once
+    _key("item", NAME),
+    Column("session", Integer, nullable=False),
+    Column("condition", NAME),
+    Column("answer", Text, nullable=False),
+    Column("answered_utc", STAMP, nullable=False),
+    _of_session(),
+)
+
+TRIALS = Table(
+    "trials",
+    METADATA,
+    _key("study", NAME),
+    _key("participant", NAME),
+    _key("phase", String(10)),
+    _key("position"),  # 0: before the first condition
+    _key("block"),  # 0: training
+    _key("trial"),
+    _key("attempt"),
+    Column("session", Integer, nullable=False),
+    Column("condition", NAME, nullable=False),
+    Column("target", NAME, nullable=False),
+    Column("seed", Integer, nullable=False),
+    Column("started_utc", STAMP, nullable=False),
+    Column("ended_utc", STAMP),
+    Column("outcome", String(10)),
+    Column("void", Text),  # why it does not count; empty: it does
+    Column("recording", Text),  # path from the study's folder
+    Column("recording_sha256", String(64)),
+    Column("procedure_sha256", String(64), nullable=False),
+    Column("software", String(40), nullable=False),
+    Column("measures", Text),  # JSON: number or text by name
+    _of_session(),
+    CheckConstraint("outcome IN ('hit', 'timeout', 'aborted')", name="outcome"),
+    CheckConstraint("phase IN ('training', 'trial')", name="phase"),
+    CheckConstraint("(outcome IS NULL) = (ended_utc IS NULL)", name="ended"),
+    Index(
+        "one_open_trial",
+        "study",
+        "participant",
+        unique=True,
+        sqlite_where=text("outcome IS NULL"),
+        postgresql_where=text("outcome IS NULL"),
+    ),
+)
+"""Trials begun, one row an attempt; `outcome` is empty while one goes on."""
+
+EVENTS = Table(
+    "events",
+    METADATA,
+    _key("study", NAME),
+    _key("participant", NAME),
+    _key("number"),
+    Column("session", Integer, nullable=False),
+    Column("kind", String(20), nullable=False),
+    Column("text", Text, nullable=False),
+    Column("at_utc", STAMP, nullable=False),
+    _of_session(),
+)
+"""Notes of the experimenter, trials to be repeated, sessions stopped, in order."""

@@ -1,0 +1,29 @@
+import hashlib
+import shutil
+from pathlib import Path
+
+import pytest
+from study_tables import simulated_study, write_study
+
+GOLDEN = Path(__file__).parents[2] / "replay" / "golden"
+
+
+@pytest.fixture
+def study(tmp_path) -> Path:
+    """A small simulated study whose first two participants have recordings, of the simulated phantom."""
+    tables, folder = simulated_study(participants=8, trials=2), tmp_path / "study"
+    trials = tables["trials"]
+    trials["recording"], trials["recording_sha256"] = "", ""
+    trials["procedure_sha256"], trials["software"] = "", "0.1.0"
+    (folder / "recordings").mkdir(parents=True)
+    for condition, name in (("visual", "wrong_place_then_hit"), ("visual_haptic", "align_then_approach")):
+        shutil.copy(GOLDEN / f"{name}.mcap", folder / "recordings")
+        rows = (
+            (trials["condition"] == condition)
+            & trials["participant"].isin(["S01", "S02"])
+            & (trials["trial"] == 1)
+        )
+        trials.loc[rows, "recording"] = f"recordings/{name}.mcap"
+        digest = hashlib.sha256((GOLDEN / f"{name}.mcap").read_bytes()).hexdigest()
+        trials.loc[rows, "recording_sha256"] = digest
+    return write_study(folder, tables)

@@ -1,0 +1,83 @@
+"""haptigraph devices: what is here, what an extra would add, and a device that plays the grammar."""
+
+import sys
+from itertools import groupby
+
+import pytest
+from firmata_board import Board
+from helpers import LOW, MS, PULSE, SUCCESS, call, refuse
+
+from haptigraph import assemble
+from haptigraph.analysis.actuators import play_grammar
+from haptigraph.clock import VirtualClock
+from haptigraph.messages import OFF, Capabilities
+
+
+class Actuator:
+    capabilities = Capabilities(255, None, 100.0, answers=True)
+
+    def __init__(self):
+        self.told, self.closed = [], 0
+
+    def set(self, amplitude, frequency_hz, stamp_ns):
+        self.told.append((stamp_ns / MS, amplitude))
+
+    def close(self):
+        self.closed += 1
+
+
+def test_every_device_is_listed_with_what_it_can():
+    listed = call("devices").stdout
+    for kind, path in assemble.DEVICES.items():
+        assert kind in listed, path
+    assert "haptigraph live" in listed
+    assert "Research software" in listed
+
+
+def test_what_an_extra_would_add_is_named(monkeypatch):
+    for module in ("sdl2", "serial", "serial.tools", "sounddevice"):
+        monkeypatch.setitem(sys.modules, module, None)
+    listed = " ".join(call("devices").stdout.replace("│", " ").split())
+    for extra in ("audio", "gamepad", "serial"):
+        assert f"haptigraph[{extra}]" in listed
+
+
+def test_a_device_plays_the_grammar_through_the_guard_and_is_closed():
+    actuator, said = Actuator(), []
+    trial = play_grammar(actuator, (OFF, LOW, PULSE, SUCCESS), VirtualClock(), said.append)
+    edges = [(ms, amplitude) for ms, amplitude in actuator.told if amplitude]
+    assert [amplitude for _, amplitude in edges] == [0.3] + 9 * [1.0] + 2 * [0.8]
+    assert edges[2][0] - edges[1][0] == 180  # 100 ms on, as short as it can, and the pause as it was
+    assert actuator.told[-1][1] == 0
+    assert actuator.closed == 1
+    assert trial.count == len(actuator.told)
+    assert "80 ms on, 80 ms off become 100 on, 80 off" in said[1]
+
+
+def test_a_board_plays_the_grammar_and_its_round_trip_is_told(tmp_path):
+    pytest.importorskip("serial")
+    for _ in range(3):  # a busy machine may keep an answer back for too long
+        with Board(tmp_path / "tty") as board:
+            said = call("devices", "test", f"serial:{board.link}").stdout
+        if "round trip" in said:
+            break
+    assert "confirmed each one, so this is the round trip" in said
+    felt = [value for _, _, value in board.edges if value]
+    assert [value for value, _ in groupby(felt)] == [76, 255, 204]
+    assert 5 < felt.count(255) <= 10  # a busy machine may miss a pulse
+    assert not board.vibrates()
+
+
+def test_what_does_not_open_is_one_sentence():
+    assert "unknown device 'glove'" in refuse("devices", "test", "glove")
+    assert "cannot be opened (No such file or directory)" in refuse("devices", "test", "serial:/dev/nowhere")
+
+
+def test_a_device_that_fails_is_told(tmp_path, monkeypatch):
+    def set(self, amplitude, frequency_hz, stamp_ns):
+        raise OSError("unplugged")
+
+    monkeypatch.setattr("haptigraph.haptics.trace.TraceDevice.set", set)
+    result = call("devices", "test", f"trace:{tmp_path / 'touch.csv'}")
+    assert result.exit_code == 2
+    assert "unplugged" in result.stderr

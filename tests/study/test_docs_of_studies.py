@@ -1,0 +1,32 @@
+import builtins
+import re
+from pathlib import Path
+
+from helpers import call
+
+from haptigraph.study.roster import Study
+from haptigraph.study.standing import standings
+
+PAGE = Path(__file__).parents[2] / "docs" / "study.md"
+
+
+def test_the_program_in_the_page_leads_a_participant_through_the_papers_study(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert call("study", "new", "my-study").exit_code == 0
+    asked = []
+
+    def answer(prompt: str) -> str:
+        asked.append(prompt)
+        choice = re.search(r"one of ([^,)]+)", prompt)
+        return choice[1] if choice else "3" if "scale" in prompt or "whole number" in prompt else "20"
+
+    monkeypatch.setattr(builtins, "input", answer)
+    (program,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    names: dict[str, object] = {}
+    exec(program, names)
+    study = names["study"]
+    assert isinstance(study, Study)
+    (standing,) = standings(study)
+    study.store.close()
+    assert standing.next.ended == "all is done"
+    assert len(asked) == 8 + 3 + 20  # demographics, trials, SUS twice

@@ -1,0 +1,188 @@
+import csv
+from contextlib import closing
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from sqlalchemy import select, update
+from walking import do_next, fill, go_to
+
+from haptigraph.errors import BadInput
+from haptigraph.study.dictionary import COLUMNS, MEASURES
+from haptigraph.study.exchange import export_study, import_study, read_export, tidy_tables
+from haptigraph.study.runner import open_session
+from haptigraph.study.store import Store
+from haptigraph.study.tables import EVENTS, METADATA, TRIALS
+
+
+@pytest.fixture
+def filled(study):
+    """One who is done, one in the middle of a questionnaire after a crash, one who left."""
+    one = open_session(study, study.enrol(), "one")
+    while one.next().stage is not None:
+        do_next(one)
+    one.close()
+    two = open_session(study, study.enrol(), "two")
+    two.begin_trial(go_to(two, "trial").key)
+    two = open_session(study, "P02", "two")
+    two.note('says: "it itches",\nthen nothing\r\nmore; \u00fcber\u00e4ngstlich')
+    fill(two, go_to(two, "questionnaire"), upto=3)
+    study.enrol()
+    study.withdraw("P03")
+    return study
+
+
+def read(path):
+    with path.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def rows_of(store):
+    return {
+        table.name: sorted(map(str, (dict(row) for row in store.rows(select(table)))))
+        for table in METADATA.sorted_tables
+    }
+
+
+def test_an_export_comes_back_without_loss(filled, tmp_path, where):
+    export_study(filled.store, "small", tmp_path / "out")
+    with closing(Store(where)) as other:
+        import_study(other, read_export(tmp_path / "out"))
+        assert rows_of(other) == rows_of(filled.store)
+        export_study(other, "small", tmp_path / "again")
+        for file in (tmp_path / "out").iterdir():
+            assert (tmp_path / "again" / file.name).read_bytes() == file.read_bytes()
+        with pytest.raises(BadInput, match="has study small already; nothing was imported"):
+            import_study(other, read_export(tmp_path / "out"))
+
+
+@settings(max_examples=8, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    st.text(st.characters(codec="utf-8", exclude_characters="\0"), min_size=1).filter(str.strip),
+    st.floats(allow_nan=False, allow_infinity=False),
+)
+def test_any_words_and_any_number_come_back_as_they_were(filled, tmp_path_factory, words, number):
+    folder = tmp_path_factory.mktemp("export")
+    store = filled.store
+    with store.begin() as connection:
+        connection.execute(update(EVENTS).values(text=words))
+        connection.execute(
+            update(TRIALS)
+            .where(TRIALS.c.measures.is_not(None))
+            .values(measures=f'{{"completion_s": {number!r}}}')
+        )
+    export_study(store, "small", folder / "out")
+    with closing(Store(folder / "other.db")) as other:
+        import_study(other, read_export(folder / "out"))
+        assert rows_of(other) == rows_of(store)
+
+
+def test_the_tables_are_tidy_and_every_column_is_in_the_dictionary(filled, tmp_path):
+    out = tmp_path / "out"
+    export_study(filled.store, "small", out)
+    said = {(row["table"], row["column"]) for row in read(out / "data_dictionary.csv")}
+    for table in COLUMNS:
+        rows = read(out / f"{table}.csv")
+        assert rows, table
+        assert {(table, name) for name in rows[0]} == {key for key in said if key[0] == table}
+    assert all(row["meaning"] and row["source"] for row in read(out / "data_dictionary.csv"))
+    trials = read(out / "trials.csv")
+    cut = [row for row in trials if row["void"]]
+    assert [(row["participant"], row["outcome"], row["void"], row["completion_s"]) for row in cut] == [
+        ("P02", "aborted", "interrupted", "")
+    ]
+    training = [row for row in trials if row["phase"] == "training"]
+    assert {(row["position"], row["block"]) for row in training} == {("", "")}
+    assert {row["completion_s"] for row in trials if not row["void"]} == {"2.5"}
+    answers = read(out / "answers.csv")
+    assert {row["position"] for row in answers} == {"1", "2"}
+    assert all(row["condition"] in ("seen", "felt") for row in answers)
+    assert [row["withdrawn_utc"] != "" for row in read(out / "participants.csv")] == [False, False, True]
+
+
+def test_demographics_are_columns_of_participants(folder, store):
+    from haptigraph.study.protocol import load_protocol
+    from haptigraph.study.roster import Study
+
+    file = folder / "study.toml"
+    file.write_text(file.read_text() + '\n[[questionnaire]]\nfile = "demographics"\nwhen = "start"\n')
+    study = Study(load_protocol(folder), store)
+    session = open_session(study, study.enrol(), "one")
+    go_to(session, "training")
+    _, people = tidy_tables(store, "small")["participants"]
+    assert (people[0]["age_years"], people[0]["gender"], people[0]["simulated"]) == ("30", "female", 0)
+
+
+def test_an_export_never_overwrites_and_leaves_nothing_half_written(filled, tmp_path):
+    (tmp_path / "out").mkdir()
+    with pytest.raises(BadInput, match="exists already"):
+        export_study(filled.store, "small", tmp_path / "out")
+    with pytest.raises(BadInput, match="no study 'other'"):
+        export_study(filled.store, "other", tmp_path / "new")
+    with pytest.raises(BadInput, match="cannot be written"):
+        export_study(filled.store, "small", tmp_path / "no" / "such")
+    assert {path.name for path in tmp_path.iterdir()} <= {
+        "out",
+        "study.toml",
+        "study.db",
+        "study.db-wal",
+        "study.db-shm",
+        "recordings",
+    }
+
+
+@pytest.mark.parametrize(
+    ("file", "sound", "wrong", "told"),
+    [
+        ("trials.csv", "2.5", "fast", r"trials.csv, line 2: completion_s: expected a number, found 'fast'"),
+        ("trials.csv", "outcome", "result", r"trials.csv: column 'outcome' is missing"),
+        ("answers.csv", "small,P01", "other,P01", r"answers.csv, line 2: is of study 'other', not 'small'"),
+        ("answers.csv", "small,P01", "P01", r"answers.csv, line 2: has not as many values"),
+        ("study.json", '"parts"', '"bits"', r"study.json: is damaged \(.*bits"),
+    ],
+)
+def test_a_damaged_export_is_refused(filled, tmp_path, file, sound, wrong, told):
+    export_study(filled.store, "small", tmp_path / "out")
+    path = tmp_path / "out" / file
+    path.write_text(path.read_text().replace(sound, wrong, 1))
+    with pytest.raises(BadInput, match=told):
+        read_export(tmp_path / "out")
+    with pytest.raises(BadInput, match="is no export of a study"):
+        read_export(tmp_path)
+
+
+def test_an_import_that_contradicts_itself_leaves_the_store_empty(filled, tmp_path):
+    export_study(filled.store, "small", tmp_path / "out")
+    path = tmp_path / "out" / "events.csv"
+    path.write_text(path.read_text().replace("small,P02", "small,P77", 1))
+    with closing(Store(tmp_path / "other.db")) as other:
+        with pytest.raises(BadInput, match="the store does not take it"):
+            import_study(other, read_export(tmp_path / "out"))
+        assert not any(rows_of(other).values())
+
+
+@pytest.mark.parametrize(
+    ("row", "told"),
+    [
+        ("small,P1,", r"participants\.csv, line 5: participant P1 stands in line 2 already"),
+        (
+            "small,Anna Meier,",
+            r"participants\.csv, line 5: participants go by a pseudonym.*found 'Anna Meier'",
+        ),
+    ],
+)
+def test_an_export_with_a_doubled_or_named_participant_is_refused(filled, tmp_path, row, told):
+    export_study(filled.store, "small", tmp_path / "out")
+    path = tmp_path / "out" / "participants.csv"
+    text = path.read_text()
+    path.write_text(text + text.splitlines()[1].replace("small,P01,", row) + "\n")
+    with pytest.raises(BadInput, match=told):
+        read_export(tmp_path / "out")
+
+
+def test_measures_have_units_in_their_names():
+    for field in MEASURES:
+        unit = {"s": "_s", "deg": "_deg", "mm": "_mm", "mm^2": "_mm2", "ms": "_ms", "mm/s": "_mm_s", "": ""}[
+            field.unit
+        ]
+        assert field.name.endswith(unit)

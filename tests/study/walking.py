@@ -1,0 +1,33 @@
+"""Lead a participant through a study as a page would."""
+
+from haptigraph.study.plan import Stage
+from haptigraph.study.runner import Session
+
+
+def fill(session: Session, stage: Stage, upto: int | None = None) -> None:
+    """Answer a questionnaire, or its first items."""
+    sheet = session.study.protocol.questionnaire(stage.questionnaire)
+    for item in sheet.items[:upto]:
+        session.answer(stage.key, item.key, {"scale": "4", "number": "30"}.get(item.kind) or item.choices[0])
+
+
+def do_next(session: Session, outcome: str = "hit") -> None:
+    """Do whatever comes next."""
+    stage = session.next().stage
+    assert stage is not None
+    if stage.is_trial:
+        if not session.next().running:
+            session.begin_trial(stage.key)
+        session.end_trial(outcome, measures={"completion_s": 2.5, "contacts": 1, "state_order": "a>b"})
+        return
+    if stage.kind == "questionnaire":
+        fill(session, stage)
+    session.done(stage.key)
+
+
+def go_to(session: Session, kind: str, outcome: str = "hit") -> Stage:
+    """Go on until a stage of a kind comes next."""
+    while (stage := session.next().stage) is not None and stage.kind != kind:
+        do_next(session, outcome)
+    assert stage is not None
+    return stage
