@@ -3,9 +3,12 @@
 python docs/screenshots.py [NAME ...]
 """
 
+import os
 import signal
 import sys
 from collections.abc import Callable
+from contextlib import ExitStack, closing
+from importlib.resources import files
 from pathlib import Path
 from tempfile import TemporaryDirectory, gettempdir
 from typing import Any
@@ -16,28 +19,32 @@ from haptigraph.assemble import build, load_procedure
 from haptigraph.config import load_config
 
 ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT / "tests"))
+sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "tests" / "study")]
 from live_bench import PAD, Live, chromium, leave, until  # noqa: E402
+from walking import do_next, go_to  # noqa: E402
 
 from haptigraph.sim.phantom import Phantom  # noqa: E402
 from haptigraph.sim.scenario import load_scenario  # noqa: E402
+from haptigraph.study.protocol import load_protocol  # noqa: E402
+from haptigraph.study.roster import Study  # noqa: E402
+from haptigraph.study.runner import open_session  # noqa: E402
+from haptigraph.study.store import Store  # noqa: E402
 
 IMAGES = ROOT / "docs" / "images"
-QUICK = f"phantom:{ROOT / 'tests' / 'data' / 'quick.toml'}"
-ABSENT = f"phantom:{ROOT / 'tests' / 'data' / 'absent.toml'}"
+QUICK = "phantom:tests/data/quick.toml"
+ABSENT = "phantom:tests/data/absent.toml"
+PATIENCE_S = 240  # with machines that do other things as well
 FREEZING = (str(ROOT / "tests" / "dashboard" / "freezing.py"),)
 
 
-def contact(page: Any, live: Live) -> None:
-    """The alarm: pulses on the retina beside the target."""
-    until(page, "document.body.dataset.state === 'retinal_contact'", 60)
-    page.wait_for_timeout(700)
+def in_state(state: str, wait_ms: int = 700) -> Callable[[Any, Live], None]:
+    """Return what waits for a state, and a little more."""
 
+    def lead(page: Any, live: Live) -> None:
+        until(page, f"document.body.dataset.state === '{state}'", PATIENCE_S)
+        page.wait_for_timeout(wait_ms)
 
-def hit(page: Any, live: Live) -> None:
-    """The target, after an aligned approach, in a bright picture."""
-    until(page, "document.body.dataset.state === 'target_hit'", 60)
-    page.wait_for_timeout(700)
+    return lead
 
 
 def lost(page: Any, live: Live) -> None:
@@ -47,7 +54,7 @@ def lost(page: Any, live: Live) -> None:
 
 def stale(page: Any, live: Live) -> None:
     """The image is stale: the source delivers nothing more."""
-    until(page, "document.body.dataset.state === 'misaligned_retinal_approach'", 60)
+    until(page, "document.body.dataset.state === 'misaligned_retinal_approach'", PATIENCE_S)
     live.process.send_signal(signal.SIGUSR1)
     page.wait_for_selector("#banner:has-text('No image')")
     page.wait_for_timeout(500)
@@ -70,7 +77,7 @@ def registration(page: Any, live: Live) -> None:
     page.goto(f"{live.url}registration")
     page.fill("#source", str(eye))
     page.click("text=Find the eye")
-    page.wait_for_selector("#verdict:has-text('A run would take this')", timeout=120_000)
+    page.wait_for_selector("#verdict:has-text('A run would take this')", timeout=PATIENCE_S * 1000)
     eye.unlink()
     box = page.locator("[data-key=target] .area").bounding_box()
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
@@ -91,36 +98,132 @@ def recordings(page: Any, live: Live) -> None:
         (folder / "wider_cone.toml").write_text(text.replace("= 1.7", "= 3.5"))
         with Live("phantom:wrong_place_then_hit", "--recordings", folder) as own:
             page.goto(f"{own.url}recordings#wrong_place.mcap")
-            page.wait_for_selector("body[data-step='0']", timeout=60_000)
+            page.wait_for_selector("body[data-step='0']", timeout=PATIENCE_S * 1000)
             page.select_option("#other", "wider_cone.toml")
             page.click("#compare")
-            page.wait_for_selector("#verdict:not([hidden])", timeout=120_000)
+            page.wait_for_selector("#verdict:not([hidden])", timeout=PATIENCE_S * 1000)
             page.locator("#events button").last.click()
             page.wait_for_selector("#instead.differs")
 
 
+def study_folder(page: Any) -> Path:
+    """A study with one participant through it, one at another station, one who begins a trial."""
+    folder = Path(page.more.enter_context(TemporaryDirectory()))
+    text = files("haptigraph.study").joinpath("templates").joinpath("study.toml").read_text()
+    (folder / "study.toml").write_text(text)
+    with closing(Store(folder / "study.db")) as store:
+        study = Study(load_protocol(folder), store)
+        for station, until_kind in (("lab 1", "thanks"), ("lab 2", "break"), ("lab 1", "trial")):
+            session = open_session(study, study.enrol(), station)
+            go_to(session, until_kind)
+            if until_kind == "thanks":
+                do_next(session)
+                session.close()
+        session.note("left-handed, holds the controller in the left")
+    return folder
+
+
+def study_pages(page: Any) -> tuple[Any, Any, str]:
+    """Open a study at the participant who is to begin a trial; both pages, and the address of the server."""
+    given = ("--source", "teleop:wrong_place_then_hit", "--station", "lab 1", "--set", "run.stale_ms=2000")
+    own = page.more.enter_context(Live(study_folder(page), *given, command=("study", "run")))
+    page.module = "/static/study.js"
+    page.goto(own.url)
+    page.click("#roster button:has-text('Resume')")
+    person = page.context.new_page()
+    person.module = "/static/participant.js"
+    person.goto(f"{own.url}participant")
+    person.wait_for_selector("#begin")
+    return page, person, own.url
+
+
+def steer_aside(person: Any) -> None:
+    """Push the needle in beside the target, until it nears the retina."""
+    person.click("#begin")
+    until(person, "page.now.doing === 'running' && page.header?.index > 3", PATIENCE_S)
+    person.keyboard.down("ArrowDown")
+    until(person, "page.header.state === 'misaligned_retinal_approach'", PATIENCE_S)
+
+
+def study_experimenter(page: Any, live: Live) -> None:
+    """The experimenter's page, while the participant nears the retina off course."""
+    page, person, _ = study_pages(page)
+    page.fill("#text", "asked whether the cross moves")
+    page.keyboard.press("Enter")
+    steer_aside(person)
+    page.bring_to_front()
+    until(page, "document.body.dataset.state === 'misaligned_retinal_approach'", PATIENCE_S)
+
+
+def study_participant(page: Any, live: Live) -> None:
+    """The participant's page in the same moment."""
+    _, person, url = study_pages(page)
+    person.close()
+    page.module = "/static/participant.js"
+    page.goto(f"{url}participant")
+    page.wait_for_selector("#begin")
+    steer_aside(page)
+
+
+def study_questionnaire(page: Any, live: Live) -> None:
+    """A questionnaire, half answered."""
+    page, person, url = study_pages(page)
+    person.close()
+    page.click("#enrol button")
+    page.wait_for_selector("#participant:has-text('P04')")
+    page.goto(f"{url}participant")
+    page.click("#words-done")
+    page.click("text=I agree")
+    page.fill("[data-item=age_years] input", "31")
+    page.click("[data-item=gender] label:has-text('female')")
+    page.click("[data-item=handedness] label:has-text('left')")
+    page.wait_for_selector("[data-item=handedness].is-kept")
+
+
 SHOTS: dict[str, tuple[str, tuple[str, ...], tuple[int, int], Callable[[Any, Live], None]]] = {
-    "live-contact": ("phantom:wrong_place_then_hit", (), (1366, 768), contact),
-    "live-hit": ("phantom:align_then_approach", (), (1920, 1080), hit),
+    "live-contact": ("phantom:wrong_place_then_hit", (), (1366, 768), in_state("retinal_contact")),
+    "live-hit": ("phantom:align_then_approach", (), (1920, 1080), in_state("target_hit")),
+    "live-peeling": (
+        "phantom:membrane_peeling --procedure membrane_peeling --set run.stale_ms=2000",
+        (),
+        (1366, 768),
+        in_state("peeling", 2500),
+    ),
+    "live-oct": (
+        "phantom:ioct_approach --procedure subretinal_injection_ioct --set run.stale_ms=2000",
+        (),
+        (1366, 768),
+        in_state("target_depth"),
+    ),
+    "live-phases": (
+        "phantom:injection_with_phases --procedure subretinal_injection_phases --set run.stale_ms=2000",
+        (),
+        (1366, 768),
+        in_state("injecting", 2500),
+    ),
     "live-lost": (ABSENT, (), (1366, 768), lost),
     "live-stale": ("teleop:wrong_place_then_hit", FREEZING, (1366, 768), stale),
     "registration": (QUICK, (), (1366, 768), registration),
     "live-mapping": ("teleop:wrong_place_then_hit", (), (1366, 768), mapping),
     "recordings": ("phantom:wrong_place_then_hit", (), (1366, 768), recordings),
+    "study-experimenter": (QUICK, (), (1366, 768), study_experimenter),
+    "study-participant": (QUICK, (), (1366, 768), study_participant),
+    "study-questionnaire": (QUICK, (), (1366, 768), study_questionnaire),
 }
-"""File name: what is served, by which program, how large, and what leads there."""
+"""File name: what is served and how, by which program, how large, and what leads there."""
 
 
 def main() -> None:
     """Make the pictures that were asked for, or all."""
+    os.chdir(ROOT)  # so that no picture shows where it was made
     with chromium() as browser:
         for name in sys.argv[1:] or SHOTS:
             source, program, (width, height), lead = SHOTS[name]
-            with Live(source, program=program or ("-m", "haptigraph")) as live:
+            with Live(*source.split(), program=program or ("-m", "haptigraph")) as live, ExitStack() as more:
                 context = browser.new_context(viewport={"width": width, "height": height})
                 context.add_init_script(PAD)
                 page = context.new_page()
-                page.problems = []
+                page.problems, page.more = [], more  # other servers live until the picture is taken
                 page.goto(live.url)
                 until(page, "document.body.dataset.index > 5")
                 lead(page, live)

@@ -41,11 +41,17 @@ class Live:
     Args:
         arguments: What stands behind `haptigraph live`.
         program: What is run instead of `python -m haptigraph`.
+        command: Another command that serves pages.
     """
 
-    def __init__(self, *arguments: object, program: tuple[str, ...] = ("-m", "haptigraph")) -> None:
-        command = [sys.executable, *program, "live", *map(str, arguments)]
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    def __init__(
+        self,
+        *arguments: object,
+        program: tuple[str, ...] = ("-m", "haptigraph"),
+        command: tuple[str, ...] = ("live",),
+    ) -> None:
+        whole = [sys.executable, *program, *command, *map(str, arguments)]
+        self.process = subprocess.Popen(whole, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         self.told: list[str] = []
         self.url = ""
         for line in self.process.stderr or ():
@@ -85,14 +91,15 @@ LIVE = "/static/live.js"
 """The module whose `page` is looked at."""
 
 
-def look(page: Any, expression: str, module: str = LIVE) -> Any:
+def look(page: Any, expression: str, module: str = "") -> Any:
     """Return the value of a JavaScript expression, in which `page` is what the page knows."""
+    module = module or getattr(page, "module", LIVE)
     return page.evaluate(
         f"async () => {{ const {{ page }} = await import('{module}'); return {expression}; }}"
     )
 
 
-def until(page: Any, condition: str, within_s: float = 30, module: str = LIVE) -> Any:
+def until(page: Any, condition: str, within_s: float = 30, module: str = "") -> Any:
     """Wait until a JavaScript expression, in which `page` is what the page knows, is true; return its value.
 
     Unlike Playwright's own `wait_for_function` it needs no eval, which the page's policy forbids.
@@ -110,7 +117,9 @@ def until(page: Any, condition: str, within_s: float = 30, module: str = LIVE) -
                } catch (error) { reject(error); }
              };
              check();
-           })""".replace("CONDITION", f"({condition})").replace("MODULE", module),
+           })""".replace("CONDITION", f"({condition})").replace(
+            "MODULE", module or getattr(page, "module", LIVE)
+        ),
         within_s * 1000,
     )
 
@@ -118,4 +127,5 @@ def until(page: Any, condition: str, within_s: float = 30, module: str = LIVE) -
 def leave(page: Any) -> None:
     """Close a page whose server goes away: the browser logs that it has, and that is right."""
     page.close()
-    page.problems[:] = [problem for problem in page.problems if "WebSocket connection to" not in problem]
+    gone = ("WebSocket connection to", "net::ERR_CONNECTION")
+    page.problems[:] = [problem for problem in page.problems if not any(word in problem for word in gone)]

@@ -8,11 +8,12 @@ from typing import Any
 from msgspec import to_builtins
 
 from haptigraph.analysis.colors import ink_on, state_color
+from haptigraph.analysis.diagram import column_of
 from haptigraph.config import Config
 from haptigraph.inference.procedure import Procedure, State
 from haptigraph.messages import UNKNOWN
 from haptigraph.perception.ioct import IoctView
-from haptigraph.perception.registration import Registration
+from haptigraph.perception.registered import Registered
 
 __all__ = ["describe", "describe_states", "described_state"]
 
@@ -21,7 +22,7 @@ SIGNS = {"pulses": "alarm", "bursts": "done", "continuous": "warn"}
 
 
 def describe(
-    config: Config, procedure: Procedure, registration: Registration, view: IoctView
+    config: Config, procedure: Procedure, registration: Registered, view: IoctView
 ) -> dict[str, Any]:
     """Return the page's first message, but for its type, as what JSON can hold."""
     return {
@@ -63,7 +64,7 @@ def described_state(state: State, kind: str, priority: int) -> dict[str, Any]:
         kind: Of the pattern it feels like.
         priority: Its place among the states, 0 first.
     """
-    column = _column(state)
+    column = column_of(state)
     silent = "calm" if column == "right" else "idle"
     return {
         **to_builtins(state),
@@ -74,11 +75,3 @@ def described_state(state: State, kind: str, priority: int) -> dict[str, Any]:
         "color": state_color(state.name),
         "ink": ink_on(state.name),
     }
-
-
-def _column(state: State) -> str:
-    """Return where the paper's diagram has a state: left if misaligned, right if aligned, else between."""
-    predicates = {predicate for _, predicate, _ in state.when}
-    if "misaligned" in predicates:
-        return "left"
-    return "right" if "aligned" in predicates else "middle"

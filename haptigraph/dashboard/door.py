@@ -68,7 +68,7 @@ class Door:
             (given or _cookie(headers)).encode(), self._token.encode()
         ):
             what = "wrong token" if given or _cookie(headers) else "no token"
-            return f"{what}; open the address that `haptigraph live` printed"
+            return f"{what}; open the address that haptigraph printed"
         return ""
 
 

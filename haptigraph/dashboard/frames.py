@@ -1,4 +1,4 @@
-"""How runs are written down for the page of recordings: JSON, and columns of numbers behind it.
+"""How jobs answer: frames of JSON with bytes behind it; and how runs are written down in them, as columns.
 
 Knows how things are written, not where they come from. `static/frames.js` reads it.
 """
@@ -69,13 +69,14 @@ def measures_told(measures: RunMeasures, start_ns: int) -> dict[str, Any]:
     """
     started, ended, last = measures.started_ns, measures.ended_ns, measures.last
     return {
-        "tells_inside": measures.tells_inside,
+        "ends_in": measures.span.ends_in,
         "started_ms": None if started is None else (started - start_ns) / 1e6,
         "ended_ms": None if ended is None else (ended - start_ns) / 1e6,
         "completion_s": measures.completion_s,
         "mean_theta_deg": measures.mean_theta_deg,
         "contacts": measures.contacts,
         "changes": max(len(measures.order) - 1, 0),
+        "claims": [{"name": one.name, "broken": one.broken} for one in measures.claims],
         "state_s": measures.state_s,
         "all_state_s": measures.all_state_s,
         "length_s": 0.0 if last is None else (last.stamp_ns - start_ns) / 1e9,

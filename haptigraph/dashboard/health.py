@@ -1,4 +1,4 @@
-"""How the loop, its recorder and its device are, in numbers for the page."""
+"""How the loop, its recorder and its device are, and which claims about time broke: numbers for the page."""
 
 import math
 import time
@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from haptigraph.analysis.measures import RunMeasures
 from haptigraph.dashboard.hub import Hub
 from haptigraph.pipeline import Loop
 
@@ -18,10 +19,11 @@ class Health:
     Args:
         loop: The loop.
         hub: Knows latencies and faults.
+        measures: Of the run, kept by whoever takes the loop's steps.
     """
 
-    def __init__(self, loop: Loop, hub: Hub) -> None:
-        self._loop, self._hub = loop, hub
+    def __init__(self, loop: Loop, hub: Hub, measures: RunMeasures) -> None:
+        self._loop, self._hub, self._measures = loop, hub, measures
         self._before = loop.report.steps, time.perf_counter()
 
     def __call__(self) -> dict[str, Any]:
@@ -39,6 +41,11 @@ class Health:
             "skipped": report.skipped,
             "dropped": sum(sink.dropped for sink in self._loop.sinks),
             "faults": self._hub.last_faults,
+            "broken": [
+                {"claim": kept.name, "times": kept.broken, "most": round(kept.most, 1), "unit": kept.unit}
+                for kept in self._measures.claims
+                if kept.broken
+            ],
             "viewers": [viewer.name for viewer in self._hub.viewers],
         }
 

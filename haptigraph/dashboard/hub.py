@@ -7,6 +7,7 @@ A viewer that is slow misses images, and never holds up the loop or another view
 import asyncio
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 from haptigraph.clock import Clock
@@ -92,14 +93,18 @@ class Hub:
     # --- in the server's thread -----------------------------------------------------------------------
 
     def introduce(self, hello: str, view: IoctView, moving: frozenset[str]) -> None:
-        """Set what the page is about, before the server starts.
+        """Set what the pages are about: before the server starts, or in its thread when another run begins.
 
         Args:
             hello: The first text that every viewer gets.
             view: Makes the picture of an image.
             moving: Names of the entities whose places are told with every image.
         """
-        self._lasting["hello"], self._view, self._moving = hello, view, moving
+        self._lasting.pop("ended", None)
+        self._lasting = {**self._lasting, "hello": hello}
+        self._view, self._moving, self._newest = view, moving, None
+        for viewer in self.viewers:
+            viewer.tell(hello)
 
     def join(self, viewer: Viewer) -> None:
         """Let a page watch; it is told first what the others know already."""
@@ -121,8 +126,13 @@ class Hub:
 
     def tell_from_outside(self, kind: str, **content: object) -> None:
         """Tell all viewers something that lasts, from any thread."""
+        self.from_outside(lambda: self.tell(kind, lasts=True, **content))
+
+    def from_outside(self, act: Callable[[], None]) -> None:
+        """Let the server's thread do something, from any thread; in the order asked for."""
         if self._server is not None:
-            self._server.call_soon_threadsafe(lambda: self.tell(kind, lasts=True, **content))
+            with suppress(RuntimeError):  # the server has ended; nobody watches any more
+                self._server.call_soon_threadsafe(act)
 
     async def pump(self, health: Callable[[], dict[str, Any]]) -> None:
         """Serve the viewers until cancelled.

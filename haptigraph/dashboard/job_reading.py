@@ -14,7 +14,8 @@ from haptigraph.dashboard.frames import measures_told, progress, put_frame, time
 from haptigraph.errors import BadInput, HaptigraphError
 from haptigraph.inference.procedure import Procedure
 from haptigraph.perception.ioct import IoctView
-from haptigraph.perception.registration import Registration, parse_registration
+from haptigraph.perception.registered import Registered
+from haptigraph.perception.scan_registration import parse_registered
 from haptigraph.recording.reader import Place, RunReader
 
 __all__ = ["empty_timeline", "outcomes", "read_run", "settings_of"]
@@ -26,7 +27,7 @@ def read_run(name: str) -> None:
     """Answer with places, then the timeline and all that the page shows of the run."""
     reader, places = RunReader(name), list[Place]()
     procedure, registration = settings_of(reader)
-    timeline, measures = empty_timeline(procedure), RunMeasures.under(procedure.schema)
+    timeline, measures = empty_timeline(procedure), RunMeasures.under(procedure)
     told = progress("reading", Path(name).stat().st_size)
     for place, step in reader.places():
         places.append(place)
@@ -59,12 +60,12 @@ def outcomes(*names: str) -> None:
             put_frame({"type": "outcome", "name": name, "problem": str(error)})
 
 
-def settings_of(reader: RunReader) -> tuple[Procedure, Registration]:
+def settings_of(reader: RunReader) -> tuple[Procedure, Registered]:
     """Return the procedure and the registration a run was recorded with."""
     name = reader.path.name
     return (
         parse_procedure(reader.info.procedure, f"procedure in {name}"),
-        parse_registration(reader.info.registration, f"registration in {name}"),
+        parse_registered(reader.info.registration, f"registration in {name}"),
     )
 
 
@@ -77,7 +78,7 @@ def empty_timeline(procedure: Procedure) -> Timeline:
 
 def _outcome(name: str) -> dict[str, Any]:
     reader = RunReader(name)
-    measures, start_ns = RunMeasures.under(settings_of(reader)[0].schema), None
+    measures, start_ns = RunMeasures.under(settings_of(reader)[0]), None
     for _, step in reader.records(images=()):
         start_ns = step.stamp_ns if start_ns is None else start_ns
         measures.add(step)

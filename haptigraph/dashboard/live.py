@@ -6,26 +6,21 @@ from contextlib import contextmanager
 from pathlib import Path
 from queue import SimpleQueue
 from socket import socket
-from urllib.parse import quote
 
-from haptigraph.assemble import load_procedure
+from haptigraph.analysis.measures import RunMeasures
 from haptigraph.clock import MonotonicClock
 from haptigraph.config import Config
 from haptigraph.dashboard.controls import Controls
-from haptigraph.dashboard.describe import describe
 from haptigraph.dashboard.door import LOOPBACK
 from haptigraph.dashboard.health import Health
 from haptigraph.dashboard.hub import Hub
-from haptigraph.dashboard.server import REGISTRATION, Server, make_app
+from haptigraph.dashboard.introduction import introduce
+from haptigraph.dashboard.server import REGISTRATION, Server, address, make_app
 from haptigraph.dashboard.site import Site
-from haptigraph.dashboard.wire import told
-from haptigraph.perception.ioct import IoctView
-from haptigraph.perception.registration import load_registration, parse_registration
 from haptigraph.pipeline import Loop
+from haptigraph.sources.phased import PhasedSource
 
 __all__ = ["LivePage"]
-
-VIEW_PX = 560
 
 
 class LivePage:
@@ -47,32 +42,23 @@ class LivePage:
     @property
     def address(self) -> str:
         """What to open in a browser."""
-        host = f"[{self._host}]" if ":" in self._host else self._host
-        secret = f"?token={quote(self._token)}" if self._token else ""
-        return f"http://{host}:{self._listener.getsockname()[1]}/{secret}"
+        return address(self._listener, self._host, self._token)
 
     @contextmanager
-    def served(self, loop: Loop) -> Iterator[None]:
+    def served(self, loop: Loop, measures: RunMeasures) -> Iterator[None]:
         """Serve the page while the context lasts.
 
         Args:
             loop: What is watched.
+            measures: Of its run, kept by whoever takes its steps.
 
         Raises:
             BadInput: If procedure or registration cannot be used.
         """
-        config = self._config
-        if config.source.registration:
-            registration = load_registration(config.source.registration)
-        else:
-            registration = parse_registration(loop.source.registration or "", config.source.uri)
-        procedure, view = load_procedure(config.run.procedure), IoctView(registration, VIEW_PX)
-        moving = frozenset(entity.name for entity in procedure.schema.entities) - set(registration.anatomy)
-        teleop = getattr(loop.source, "teleop", None)
-        hello = describe(config, procedure, registration, view)
-        self.hub.introduce(told("hello", **hello, steerable=teleop is not None), view, moving)
-        site = self._site(Controls(self.hub, teleop))
-        app = make_app(site, Health(loop, self.hub), host=self._host, token=self._token)
+        introduce(self._config, loop, self.hub)()
+        phased = loop.source if isinstance(loop.source, PhasedSource) else None
+        site = self._site(Controls(self.hub, getattr(loop.source, "teleop", None), phased))
+        app = make_app(site, Health(loop, self.hub, measures), host=self._host, token=self._token)
         with Server(app, self._listener):
             yield
 
@@ -87,7 +73,8 @@ class LivePage:
 
     def _site(self, controls: Controls, on_registration: Callable[[str], None] | None = None) -> Site:
         is_local = self._host in LOOPBACK
-        return Site(self.hub, controls, self._config.source.uri, self._recordings, is_local, on_registration)
+        asked = self._config.source
+        return Site(self.hub, controls, asked.uri, self._recordings, is_local, on_registration, asked)
 
     def end(self, reason: str) -> None:
         """Tell the viewers that the run has ended, and why."""

@@ -2,17 +2,18 @@
 
 import asyncio
 from collections.abc import Sequence
+from contextlib import suppress
 from itertools import count
 from typing import Any
 
 from starlette.routing import BaseRoute, WebSocketRoute
-from starlette.websockets import WebSocket
+from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from haptigraph.dashboard.controls import Controls
 from haptigraph.dashboard.hub import Hub
 from haptigraph.dashboard.site import Site
 from haptigraph.dashboard.viewer import Viewer
-from haptigraph.dashboard.wire import Ack, Heard, Motion, Ping, Release, Take, Tune, Watch, heard, told
+from haptigraph.dashboard.wire import Ack, Enter, Heard, Motion, Ping, Release, Take, Tune, Watch, heard, told
 
 __all__ = ["routes"]
 
@@ -58,7 +59,8 @@ async def _listen(websocket: WebSocket, viewer: Viewer, hub: Hub, controls: Cont
             message = heard(_text(received))
         except ValueError as error:
             # Sent from here, so that who sends nonsense waits until it has read the answer.
-            await websocket.send_text(told("error", message=f"not understood: {error}"))
+            with suppress(WebSocketDisconnect, RuntimeError):  # it has left; starlette has two ways to say so
+                await websocket.send_text(told("error", message=f"not understood: {error}"))
         else:
             _obey(message, viewer, hub, controls)
 
@@ -82,6 +84,8 @@ def _obey(message: Heard, viewer: Viewer, hub: Hub, controls: Controls) -> None:
     elif isinstance(message, Take):
         controls.take(viewer)
     elif isinstance(message, Tune):
-        controls.tune(viewer, message.settings)
+        controls.tune(viewer, message.changes())
     elif isinstance(message, Release):
         controls.release(viewer)
+    elif isinstance(message, Enter):
+        controls.enter(viewer, message.phase)

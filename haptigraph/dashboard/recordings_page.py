@@ -1,19 +1,19 @@
 """The routes of the page of recordings: the list, one step, and what jobs answer.
 
-docs/dashboard.md has them all. What is refused is one sentence: {"error": ...}, or the last frame of an
-answer that comes in frames.
+docs/dashboard.md has them all. What is refused is one sentence: {"problem": ...}, which may be the last frame
+of an answer that comes in frames.
 """
 
 import asyncio
-from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
+from collections.abc import AsyncIterator, Sequence
 from contextlib import suppress
-from typing import Any
 
 import msgspec
 from starlette.requests import Request
-from starlette.responses import JSONResponse, Response, StreamingResponse
+from starlette.responses import Response, StreamingResponse
 from starlette.routing import BaseRoute, Route
 
+from haptigraph.dashboard.answers import as_json, telling
 from haptigraph.dashboard.frames import framed
 from haptigraph.dashboard.job_process import Jobs
 from haptigraph.dashboard.recording_folder import Identity, RecordingFolder
@@ -30,8 +30,8 @@ def routes(site: Site) -> Sequence[BaseRoute]:
     """Return the routes of the page of recordings."""
     page = _Recordings(RecordingFolder(site.recordings), Jobs(site.recordings))
     return [
-        Route("/recordings/list", _refusing(page.listed)),
-        Route("/recordings/step", _refusing(page.step)),
+        Route("/recordings/list", telling(page.listed)),
+        Route("/recordings/step", telling(page.step)),
         Route("/recordings/outcomes", page.outcomes),
         Route("/recordings/{job}", page.job),
     ]
@@ -42,7 +42,7 @@ class _Recordings:
         self._folder, self._jobs = folder, jobs
 
     async def listed(self, request: Request) -> Response:
-        return JSONResponse(await asyncio.to_thread(self._folder.listed))
+        return as_json(await asyncio.to_thread(self._folder.listed))
 
     async def step(self, request: Request) -> Response:
         name, number = request.query_params.get("name", ""), request.query_params.get("number", "")
@@ -57,7 +57,7 @@ class _Recordings:
     async def job(self, request: Request) -> Response:
         job = request.path_params["job"]
         if job not in ALONE:
-            return _refusal(f"there is no {job!r}; there are {', '.join(ALONE)}", 404)
+            return as_json({"problem": f"there is no {job!r}; there are {', '.join(ALONE)}"}, 404)
         arguments = [request.query_params["procedure"]] if "procedure" in request.query_params else []
         return _in_frames(self._job(job, request.query_params.get("name", ""), arguments))
 
@@ -91,27 +91,12 @@ class _Recordings:
         return name
 
 
-def _refusing(answer: Callable[[Request], Awaitable[Response]]) -> Callable[[Request], Awaitable[Response]]:
-    async def wrapped(request: Request) -> Response:
-        try:
-            return await answer(request)
-        except (HaptigraphError, OSError) as error:
-            return _refusal(str(error), 400)
-
-    return wrapped
-
-
-def _refusal(sentence: str, status: int) -> Response:
-    return JSONResponse({"error": sentence}, status_code=status)
-
-
 def _in_frames(frames: AsyncIterator[bytes]) -> Response:
     async def told() -> AsyncIterator[bytes]:
         try:
             async for frame in frames:
                 yield frame
         except (HaptigraphError, OSError) as error:
-            content: dict[str, Any] = {"type": "error", "message": str(error)}
-            yield framed(content)
+            yield framed({"type": "problem", "problem": str(error)})
 
     return StreamingResponse(told(), media_type="application/octet-stream")

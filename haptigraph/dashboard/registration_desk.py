@@ -3,32 +3,35 @@
 Knows no HTTP. Others than this machine may read and write in the working folder only.
 """
 
-import json
+import asyncio
+import pickle
 import time
-from collections.abc import Callable, Generator, Sequence
-from contextlib import closing
 from itertools import count
 from pathlib import Path
+from typing import Any
 
-from haptigraph.analysis.registering import all_images, spread_images, write_files
-from haptigraph.analysis.registration_draft import Draft, Opened, open_images, sound_registration
-from haptigraph.assemble import SOURCES, open_source
-from haptigraph.clock import MonotonicClock
-from haptigraph.config import load_config
-from haptigraph.dashboard.aside import aside
-from haptigraph.dashboard.hub import Hub
+from haptigraph.analysis.registering import write_files
+from haptigraph.analysis.registration_draft import (
+    Draft,
+    Opened,
+    draft_from,
+    sound_picture,
+    sound_registration,
+)
+from haptigraph.assemble import SOURCES
+from haptigraph.dashboard.job_process import Jobs
+from haptigraph.dashboard.job_registering import LOOK_S
 from haptigraph.dashboard.site import Site
-from haptigraph.errors import BadInput, SourceLost
+from haptigraph.errors import BadInput
 from haptigraph.messages import Image
+from haptigraph.perception.registration import load_registration
+from haptigraph.sources.naming import CAMERAS, split_source
 
 __all__ = ["Desk", "ExistsAlready"]
 
-LIVE = ("camera", "teleop")  # what has no end, and cannot be opened twice
+LIVE = (*CAMERAS, "teleop")  # what has no end, and cannot be opened twice
 MOST_OPENED = 4
-MOST_IMAGES = 40
-LOOK_S = 4.0  # at what is live
 GLANCE_S = 0.1
-CAMERA_PX = 1280, 720  # to ask for; a camera delivers the nearest it can
 
 
 class ExistsAlready(BadInput):
@@ -45,23 +48,23 @@ class Desk:
     def __init__(self, site: Site) -> None:
         self.progress = ""
         """What is being done, for people who wait."""
-        self._site = site
+        self._site, self._jobs, self._turn = site, Jobs(Path()), asyncio.Lock()
         self._numbers = count(1)
         self._opened: dict[int, Opened] = {}
 
-    def open(self, source: str, *, mirrored: bool, diameter_mm: float) -> int:
+    async def open(self, source: str, *, mirrored: bool, diameter_mm: float) -> int:
         """Look at a source; takes seconds. Returns its number.
 
         Raises:
             BadInput: If it cannot be read. That nothing is found in it is no error.
         """
         source = source if self._site.is_local else self._permitted(source)
-        self.progress = "opening"
-        try:
-            seen = self._seen(source)
-            opened = aside(_looked_at, source, seen, mirrored, diameter_mm, progress=self._tell)
-        finally:
-            self.progress = ""
+        async with self._turn:  # one at a time: it takes all of a processor
+            self.progress = "opening"
+            try:
+                opened = await self._looked_at(source, mirrored, diameter_mm)
+            finally:
+                self.progress = ""
         number = next(self._numbers)
         self._opened[number] = opened
         while len(self._opened) > MOST_OPENED:
@@ -84,41 +87,70 @@ class Desk:
         folder = path.parent if self._site.is_local and path.exists() else Path()
         return str(folder / "registration.toml")
 
-    def save(self, number: int, draft: Draft, path: str, *, overwrite: bool) -> str:
-        """Write a draft as a registration; return its path.
+    def load(self, number: int, path: str) -> Draft:
+        """Return the draft that a registration file is, to correct it over an opened source.
 
         Raises:
-            ExistsAlready: If the file exists and may not be overwritten.
+            BadInput: If it cannot be read, or is for other images.
+        """
+        opened, file = self.opened(number), self._file(path)
+        try:
+            return draft_from(load_registration(file), file.name, opened)
+        except BadInput as error:
+            raise BadInput(error.problem, file, error.place) from None
+
+    def save(self, number: int, draft: Draft, path: str, *, picture: bool, overwrite: bool) -> list[str]:
+        """Write a draft as a registration, and its picture beside it; return the paths.
+
+        Raises:
+            ExistsAlready: If a file exists and may not be overwritten.
             BadInput: If a run would refuse the draft, or it cannot be written; nothing is written then.
         """
-        text = sound_registration(self.opened(number), draft).text
-        file = Path(path).expanduser() if self._site.is_local else Path(self._permitted(path))
+        opened = self.opened(number)
+        file = self._file(path)
         if file.suffix != ".toml":
             raise BadInput("the name of a registration ends in .toml", path or "''")
-        if file.is_dir():
-            raise BadInput("is a folder; the name of a file is needed", file)
-        if not file.parent.is_dir():
-            raise BadInput("its folder does not exist", file)
-        if file.exists() and not overwrite:
-            raise ExistsAlready("exists already", file)
+        contents = {file: sound_registration(opened, draft).text.encode()}
+        if picture:
+            contents[file.with_suffix(".png")] = sound_picture(opened, draft)
+        for each in contents:
+            _check_place(each, opened.source, overwrite=overwrite)
         try:
-            write_files((file,), (text.encode(),))
+            write_files(tuple(contents), tuple(contents.values()))
         except OSError as error:
             raise BadInput(f"cannot be written ({error.strerror})", file) from None
-        return str(file)
+        return [str(each) for each in contents]
 
-    def _tell(self, what: str) -> None:
-        self.progress = what
+    def _file(self, path: str) -> Path:
+        return Path(path).expanduser() if self._site.is_local else Path(self._permitted(path))
 
-    def _seen(self, source: str) -> list[Image]:
-        """Return what the loop sees of a source that nobody else can look at meanwhile."""
+    async def _looked_at(self, source: str, mirrored: bool, diameter_mm: float) -> Opened:
+        seen = await self._seen(source)
+        job = self._jobs.frames("register", source, self._site.asked, seen, mirrored, diameter_mm)
+        async for content, data in job:
+            if content["type"] == "opened":
+                found: Opened = pickle.loads(data)
+            elif content["type"] == "progress":
+                self.progress = _words(content)
+            else:
+                raise BadInput(content["problem"])
+        return found
+
+    async def _seen(self, source: str) -> list[Image]:
+        """Return what the loop sees for some seconds of a source that nobody else can look at meanwhile."""
         runs = source == self._site.source and self._site.on_registration is None
-        if not runs or source.partition(":")[0] not in LIVE:
+        if not runs or split_source(source, SOURCES)[0] not in LIVE:
             return []
-        seen = list(_from_loop(self._site.hub))
+        seen: dict[int, Image] = {}
+        end_s = time.monotonic() + LOOK_S
+        while time.monotonic() < end_s:
+            capture = self._site.hub.newest_capture
+            if capture is not None and capture.image is not None:
+                seen[capture.index] = capture.image
+            await asyncio.sleep(GLANCE_S)
         if not seen:
             raise BadInput("the loop gets no images from it just now", source)
-        return seen
+        return list(seen.values())
 
     def _permitted(self, path: str) -> str:
         """Return a path that others than this machine may use."""
@@ -133,54 +165,16 @@ class Desk:
         )
 
 
-def _looked_at(
-    source: str, seen: Sequence[Image], mirrored: bool, diameter_mm: float, tell: Callable[[str], None]
-) -> Opened:
-    """Read a source, or take what was seen of it, and find the anatomy."""
-    with closing(_images(source, seen)) as images:
-        picked = spread_images(
-            images,
-            source,
-            MOST_IMAGES,
-            lambda what, done, _: tell(f"{what}: {done} images" if done else what),
-        )
-    tell(f"looking for the eye in {len(picked)} images")
-    return open_images(picked, source, mirrored=mirrored, diameter_mm=diameter_mm)
+def _check_place(file: Path, source: str, *, overwrite: bool) -> None:
+    if file.is_dir():
+        raise BadInput("is a folder; the name of a file is needed", file)
+    if not file.parent.is_dir():
+        raise BadInput("its folder does not exist", file)
+    if file.exists() and Path(source).exists() and file.samefile(source):
+        raise BadInput("is the source itself; give the registration another name", file)
+    if file.exists() and not overwrite:
+        raise ExistsAlready("exists already", file)
 
 
-def _images(source: str, seen: Sequence[Image]) -> Generator[Image, None, None]:
-    kind = source.partition(":")[0]
-    if seen:
-        yield from seen
-    elif kind == "camera":
-        yield from _from_camera(source)
-    elif kind == "teleop":
-        raise BadInput(f"{source} has no end; give phantom:SCENARIO")
-    else:
-        yield from all_images(source)
-
-
-def _from_loop(hub: Hub) -> Generator[Image, None, None]:
-    """Take what the loop sees for some seconds."""
-    last = -1
-    end_s = time.monotonic() + LOOK_S
-    while time.monotonic() < end_s:
-        capture = hub.newest_capture
-        if capture is not None and capture.image is not None and capture.index != last:
-            last = capture.index
-            yield capture.image
-        time.sleep(GLANCE_S)
-
-
-def _from_camera(source: str) -> Generator[Image, None, None]:
-    """Look through a camera for some seconds."""
-    config = load_config(None, (f"source.uri={json.dumps(source)}",))
-    with closing(open_source(config, MonotonicClock(), CAMERA_PX)) as camera:
-        end_s = time.monotonic() + LOOK_S
-        while time.monotonic() < end_s:
-            try:
-                capture = camera.read(GLANCE_S)
-            except SourceLost as error:
-                raise BadInput(str(error)) from None
-            if capture is not None and capture.image is not None:
-                yield capture.image
+def _words(progress: dict[str, Any]) -> str:
+    return f"{progress['what']}: {progress['done']} images" if progress["done"] else str(progress["what"])

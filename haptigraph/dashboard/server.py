@@ -13,6 +13,7 @@ import threading
 from collections.abc import AsyncIterator, Callable, Sequence
 from importlib import import_module, resources
 from typing import Any, NamedTuple
+from urllib.parse import quote
 
 import uvicorn
 from starlette.applications import Starlette
@@ -24,7 +25,7 @@ from haptigraph.dashboard.door import Door
 from haptigraph.dashboard.site import Site
 from haptigraph.errors import BadInput
 
-__all__ = ["LIVE", "PAGES", "REGISTRATION", "Page", "Server", "listen", "make_app"]
+__all__ = ["LIVE", "PAGES", "REGISTRATION", "STUDY_PAGES", "Page", "Server", "address", "listen", "make_app"]
 
 STATIC = resources.files("haptigraph.dashboard").joinpath("static")
 MOST_MESSAGE_BYTES = 65_536
@@ -51,6 +52,10 @@ RECORDINGS = Page(
     "Recordings", "/recordings", "recordings.html", "haptigraph.dashboard.recordings_page:routes"
 )
 PAGES = (LIVE, REGISTRATION, RECORDINGS)
+STUDY_PAGES = (
+    Page("Study", "/", "study.html", "haptigraph.dashboard.study_page:routes"),
+    Page("Participant", "/participant", "participant.html", "haptigraph.dashboard.participant_page:routes"),
+)
 
 
 def make_app(
@@ -81,7 +86,9 @@ def make_app(
     shown = [Route(page.path, _html_of(page, pages)) for page in pages]
     shown += [Route("/", _to(pages[0].path))] if pages[0].path != "/" else []
     files = Route("/static/{name}", _file)
-    return Door(Starlette(routes=[*shown, files, *found], lifespan=pumping), host=host, token=token)
+    every = [*shown, files, *found]
+    app = Starlette(routes=every, lifespan=pumping, exception_handlers={404: _nothing})
+    return Door(app, host=host, token=token)
 
 
 def _routes_of(page: Page, site: Site) -> Sequence[BaseRoute]:
@@ -109,6 +116,10 @@ def _html_of(page: Page, pages: Sequence[Page]) -> Callable[[Request], Any]:
         return HTMLResponse(text)
 
     return answer
+
+
+async def _nothing(request: Request, error: Exception) -> Response:
+    return PlainTextResponse(f"haptigraph: there is no page {request.url.path}\n", status_code=404)
 
 
 async def _file(request: Request) -> Response:
@@ -148,6 +159,13 @@ def listen(host: str, port: int) -> socket.socket:
         hint = "; without --port a free one is found" if port else ""
         raise BadInput(f"cannot listen on {host}, port {port} ({error.strerror}){hint}") from None
     return listener
+
+
+def address(listener: socket.socket, host: str, token: str, path: str = "/") -> str:
+    """Return what to open in a browser."""
+    name = f"[{host}]" if ":" in host else host
+    secret = f"?token={quote(token)}" if token else ""
+    return f"http://{name}:{listener.getsockname()[1]}{path}{secret}"
 
 
 class Server:

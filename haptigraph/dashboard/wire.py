@@ -6,15 +6,16 @@ Knows how things are written down, not when they are sent.
 from typing import Annotated, Any, TypeAlias
 
 import msgspec
-from msgspec import Meta, Struct
+from msgspec import UNSET, Meta, Struct, UnsetType, structs
 
 from haptigraph.geometry import Geometry
 from haptigraph.graph import Names
 from haptigraph.messages import HandState, Step
-from haptigraph.teleop.motion import HandMotion, TeleopSettings
+from haptigraph.teleop.motion import HandMotion, MotionScale, TremorMm
 
 __all__ = [
     "Ack",
+    "Enter",
     "Heard",
     "Motion",
     "Ping",
@@ -65,12 +66,27 @@ class Motion(Struct, tag="motion", frozen=True, forbid_unknown_fields=True):
 
 
 class Tune(Struct, tag="tune", frozen=True, forbid_unknown_fields=True):
-    """How the motion of the hand shall become motion of the tool."""
+    """How the motion of the hand shall become motion of the tool: what changes of `TeleopSettings`.
 
-    settings: TeleopSettings
+    Only that, because a page that sent the rest as well would take back what it has not yet been told.
+    """
+
+    motion_scale: MotionScale | UnsetType = UNSET
+    tremor_filter: bool | UnsetType = UNSET
+    added_tremor_mm: TremorMm | UnsetType = UNSET
+
+    def changes(self) -> dict[str, float | bool]:
+        """Return the settings that change, by name."""
+        return {name: value for name, value in structs.asdict(self).items() if value is not UNSET}
 
 
-Heard: TypeAlias = Ack | Watch | Ping | Take | Release | Motion | Tune
+class Enter(Struct, tag="enter", frozen=True, forbid_unknown_fields=True):
+    """The operation enters a phase."""
+
+    phase: str
+
+
+Heard: TypeAlias = Ack | Watch | Ping | Take | Release | Motion | Tune | Enter
 """What a page may say."""
 
 _DECODER = msgspec.json.Decoder(Heard)

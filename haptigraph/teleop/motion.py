@@ -8,9 +8,11 @@ from typing import Annotated
 
 from msgspec import Meta, Struct
 
-__all__ = ["HandMotion", "TeleopSettings"]
+__all__ = ["HandMotion", "MotionScale", "TeleopSettings", "TremorMm"]
 
 Displacement = Annotated[float, Meta(ge=-1000, le=1000)]
+MotionScale = Annotated[float, Meta(ge=0, le=10)]
+TremorMm = Annotated[float, Meta(ge=0, le=10)]
 
 
 class HandMotion(Struct, frozen=True, forbid_unknown_fields=True):
@@ -31,11 +33,11 @@ class HandMotion(Struct, frozen=True, forbid_unknown_fields=True):
 class TeleopSettings(Struct, frozen=True, forbid_unknown_fields=True):
     """How the motion of the hand becomes motion of the tool."""
 
-    motion_scale: Annotated[float, Meta(ge=0, le=10)] = 0.2
+    motion_scale: MotionScale = 0.2
     """Tool motion over hand motion."""
     tremor_filter: bool = False
     """Whether motion of 8 to 12 Hz is taken out."""
-    added_tremor_mm: Annotated[float, Meta(ge=0, le=10)] = 0.0
+    added_tremor_mm: TremorMm = 0.0
     """Simulated tremor of the hand, 8 to 12 Hz, RMS per axis, while it is engaged: for hands on a keyboard,
     which do not tremble, to feel what the filter does."""
 

@@ -39,7 +39,7 @@ def open_page(chromium):
             context.add_init_script(PAD)
         page = context.new_page()
         page.set_default_timeout(30_000)
-        page.problems = problems
+        page.problems, page.module = problems, module
         page.on("console", lambda message: problems.append(message.text) if message.type == "error" else None)
         page.on("pageerror", lambda error: problems.append(str(error)))
         page.on("request", lambda request: problems.append(request.url) if _is_foreign(request.url) else None)
@@ -61,7 +61,7 @@ def _is_foreign(url: str) -> bool:
     return not re.match(r"(https?|ws)://127\.0\.0\.1[:/]|(blob|data|about):", url)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def live(quick_uri):
     """One server that plays a short scenario again and again, for tests that only watch."""
     with Live(quick_uri) as running:
@@ -92,7 +92,7 @@ def recordings(quick_uri, procedure, tmp_path_factory) -> Path:
     return folder
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def archive(quick_uri, recordings):
     """One server beside that folder, for tests that only read."""
     with Live(quick_uri, "--recordings", recordings) as running:

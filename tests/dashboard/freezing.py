@@ -8,6 +8,7 @@ import threading
 
 from haptigraph import assemble
 from haptigraph.cli import main
+from haptigraph.clock import Clock
 from haptigraph.messages import Capture
 from haptigraph.sources.phantom import PhantomSource
 
@@ -16,6 +17,9 @@ signal.signal(signal.SIGUSR1, lambda *_: frozen.set())
 
 
 class FreezingSource(PhantomSource):
+    def __init__(self, name: str, clock: Clock, target_mm: float | None = None) -> None:
+        super().__init__(name, target_mm=target_mm)
+
     def read(self, timeout_s: float) -> Capture | None:
         if frozen.is_set():
             threading.Event().wait(timeout_s)

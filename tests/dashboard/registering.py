@@ -28,13 +28,18 @@ def write_grain(folder):
 
 
 def ask(live, path, content=None, **headers):
+    """Ask a route of the registration page."""
+    return ask_at(live, f"/registration/{path}", content, **headers)
+
+
+def ask_at(live, path, content=None, **headers):
     """Ask a route as the page's own script does; the status, and what was answered."""
     address = live.url.removeprefix("http://").partition("/")[0]
     connection = http.client.HTTPConnection(address, timeout=60)
     body = content if isinstance(content, bytes | None) else json.dumps(content)
     connection.request(
         "GET" if content is None else "POST",
-        f"/registration/{path}",
+        path,
         body=body,
         headers={"Origin": f"http://{address}", **headers},
     )

@@ -3,17 +3,26 @@
 import asyncio
 import json
 import threading
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from event_loop import run_apart
 from helpers import LOW, MS, make_step
 
+from haptigraph.analysis.measures import RunMeasures
+from haptigraph.analysis.temporal import Monitor
 from haptigraph.clock import VirtualClock
 from haptigraph.dashboard.controls import Controls
+from haptigraph.dashboard.health import Health
 from haptigraph.dashboard.hub import Hub
 from haptigraph.dashboard.viewer import MOST_IN_FLIGHT, Viewer
-from haptigraph.messages import Capture
+from haptigraph.inference.claims import Temporal
+from haptigraph.messages import OFF, Capture
 from haptigraph.perception.ioct import IoctView
+from haptigraph.pipeline import RunReport
+from haptigraph.sources.phased import PhasedSource
+from haptigraph.sources.teleop import TeleopSource
 from haptigraph.teleop.motion import HandMotion, TeleopSettings
 from haptigraph.teleop.teleop import Teleop
 
@@ -41,7 +50,7 @@ def pumped(hub, act):
             pump.cancel()
             await asyncio.gather(pump, return_exceptions=True)
 
-    return asyncio.run(main())
+    return run_apart(main())
 
 
 async def next_image(viewer):
@@ -56,6 +65,20 @@ async def next_text(viewer, kind):
         message = await viewer.next()
         if isinstance(message, str) and json.loads(message)["type"] == kind:
             return json.loads(message)
+
+
+def test_claims_about_time_that_broke_are_told(hub):
+    claim = Temporal("calm", most_changes=2, in_ms=1000)
+    measures = RunMeasures(monitors=[Monitor(claim)])
+    health = Health(
+        SimpleNamespace(report=RunReport(), source=SimpleNamespace(rate_hz=30), sinks=()), hub, measures
+    )
+    for index in range(3):
+        measures.add(make_step(stamp_ns=index * MS, pattern=(LOW, OFF)[index % 2]))
+    assert health()["broken"] == []
+    for index in range(3, 6):
+        measures.add(make_step(stamp_ns=index * MS, pattern=(LOW, OFF)[index % 2]))
+    assert health()["broken"] == [{"claim": "calm", "times": 1, "most": 5, "unit": "changes"}]
 
 
 def test_a_viewer_gets_the_newest_step_and_none_in_between(hub):
@@ -102,7 +125,7 @@ def test_a_viewer_may_have_so_many_images_under_way():
         viewer.wants_images = False
         assert not viewer.is_ready
 
-    asyncio.run(act())
+    run_apart(act())
 
 
 def test_without_viewers_nothing_is_encoded(hub, monkeypatch):
@@ -161,7 +184,7 @@ def test_latecomers_are_told_what_lasts_and_no_more(hub):
         hub.join(viewer)
         return [json.loads(await viewer.next()) for _ in range(2)]
 
-    assert asyncio.run(act()) == [{"type": "hello"}, {"type": "controls", "holder": "page 2"}]
+    assert run_apart(act()) == [{"type": "hello"}, {"type": "controls", "holder": "page 2"}]
 
 
 def test_steps_after_the_server_has_gone_are_no_error(hub):
@@ -174,6 +197,25 @@ def test_steps_after_the_server_has_gone_are_no_error(hub):
     hub.close()
 
 
+def test_a_phase_is_entered_by_whoever_holds_the_controls_or_by_anyone_if_nobody_does(hub):
+    first, second = Viewer("page 1"), Viewer("page 2")
+    phased = PhasedSource(TeleopSource("align_then_approach", VirtualClock()), ("approach", "injection"))
+    named = []
+
+    async def act():
+        controls = Controls(hub, Teleop(30.0), phased)
+        for viewer, phase in ((first, "injection"), (second, "lunch")):
+            controls.enter(viewer, phase)
+            named.append(phased.named)
+        controls.take(first)
+        for viewer in (second, first):
+            controls.enter(viewer, "approach")
+            named.append(phased.named)
+
+    run_apart(act())
+    assert named == ["injection", "injection", "injection", "approach"]
+
+
 def test_controls_belong_to_one_viewer_until_it_lets_go(hub):
     teleop = Teleop(30.0)
 
@@ -182,20 +224,21 @@ def test_controls_belong_to_one_viewer_until_it_lets_go(hub):
         first, second = Viewer("page 1"), Viewer("page 2")
         controls.take(first)
         controls.take(second)
-        controls.tune(second, TeleopSettings(motion_scale=1.0))
+        controls.tune(second, {"motion_scale": 1.0})
         assert teleop.settings.motion_scale == 0.2
-        controls.tune(first, TeleopSettings(motion_scale=0.5))
-        assert teleop.settings.motion_scale == 0.5
+        controls.tune(first, {"tremor_filter": True})
+        controls.tune(first, {"motion_scale": 0.5})
+        assert teleop.settings == TeleopSettings(motion_scale=0.5, tremor_filter=True)
         controls.release(second)
         controls.take(second)
-        controls.tune(second, TeleopSettings(motion_scale=1.0))
+        controls.tune(second, {"motion_scale": 1.0})
         assert teleop.settings.motion_scale == 0.5
         controls.release(first)
         controls.take(second)
-        controls.tune(second, TeleopSettings(motion_scale=1.0))
+        controls.tune(second, {"motion_scale": 1.0})
         assert teleop.settings.motion_scale == 1.0
 
-    asyncio.run(act())
+    run_apart(act())
 
 
 def test_letting_go_of_the_controls_lets_go_of_the_needle(hub):
@@ -212,7 +255,7 @@ def test_letting_go_of_the_controls_lets_go_of_the_needle(hub):
         controls.move(viewer, HandMotion(True, 2.0))
         controls.release(viewer)
 
-    asyncio.run(act())
+    run_apart(act())
     assert moved == [HandMotion(True, 2.0), HandMotion(False)]
 
 
@@ -223,4 +266,4 @@ def test_where_nothing_can_be_steered_nobody_holds_the_controls(hub):
         controls.take(viewer)
         return [await viewer.next(), await viewer.next()]
 
-    assert json.loads(asyncio.run(act())[1]) == {"type": "controls", "holder": ""}
+    assert json.loads(run_apart(act())[1]) == {"type": "controls", "holder": ""}

@@ -57,7 +57,11 @@ def small(picture):
 
 def test_recordings_are_listed_with_what_came_of_them(archive, open_page, recordings):
     page = listed(open_page, archive)
-    until(page, "document.getElementById('runs').textContent.includes('hit after')", module=MODULE)
+    until(
+        page,
+        "[...document.querySelectorAll('#runs tr')].every((row) => !row.textContent.includes('…'))",
+        module=MODULE,
+    )
     measures = measure_run(step for _, step in RunReader(recordings / "quick.mcap").records(images=()))
     row = page.inner_text("#runs tr:has(a:text-is('quick.mcap'))")
     for part in (
@@ -228,6 +232,7 @@ def test_the_png_is_the_figure_of_the_run(archive, open_page, recordings, tmp_pa
 @pytest.mark.parametrize("size", [(1366, 768), (1920, 1080)])
 def test_everything_is_on_one_screen(archive, open_page, size):
     page = opened(open_page, archive, size=size)
+    until(page, "!document.getElementById('tools').hidden", module=MODULE)
     assert page.evaluate(
         "[document.documentElement.scrollWidth, document.documentElement.scrollHeight]"
     ) == list(size)

@@ -3,13 +3,14 @@
 import math
 import re
 
+import cv2
 import pytest
 from helpers import call
 from live_bench import Live
 from playwright.sync_api import expect
 from registering import write_clip, write_eye, write_grain
 
-from haptigraph.perception.registration import load_registration
+from haptigraph.perception.registration import anatomy_px, load_registration
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
 
@@ -64,8 +65,9 @@ def off_px(page, what):
     return float(page.locator("#rows tr", has_text=re.compile(f"^{what}")).locator("td").nth(1).inner_text())
 
 
-def save(page, path):
+def save(page, path, *, picture=True):
     page.fill("#path", str(path))
+    page.set_checked("#picture", picture)
     page.click("#save-button")
 
 
@@ -73,7 +75,7 @@ def test_a_registration_made_by_dragging_is_taken_by_a_run(page, quick, quick_ur
     open_source(page, write_eye(tmp_path, quick))
     expect(page.locator("#note")).to_have_text(re.compile("which trocar is in use"))
     assert off_px(page, "Globe") < 0.5
-    page.select_option("#used", label="right")
+    page.get_by_label("The needle is in right").check()
     before = at(page, "target")
     drag(page, "target", (-15, -4))
     expect(page.locator("#verdict")).to_have_text(GOOD)
@@ -82,9 +84,11 @@ def test_a_registration_made_by_dragging_is_taken_by_a_run(page, quick, quick_ur
     expect(page.locator("#verdict")).to_have_text(GOOD)
     dragged = at(page, "target")
     assert math.dist(before, dragged) == pytest.approx(15, abs=1.5)
-    out = tmp_path / "eye.toml"
+    out = tmp_path / "made.toml"
     save(page, out)
-    expect(page.locator("#verdict")).to_have_text(f"Saved: {out}. Use it with --registration.")
+    drawn = out.with_suffix(".png")
+    expect(page.locator("#verdict")).to_have_text(f"Saved: {out} and {drawn}. Use it with --registration.")
+    assert cv2.imread(str(drawn)).shape == (270, 480, 3)
     saved = load_registration(out)
     assert saved.image.to_px(saved.target.at_mm) == pytest.approx(dragged, abs=0.06)
     assert saved.trocar.at_mm[0] > 0
@@ -102,7 +106,7 @@ def test_a_newcomer_gets_from_a_source_to_the_running_loop(chromium, quick, tmp_
         expect(page.locator("#verdict")).to_have_text(GOOD, timeout=OPENS_MS)
         expect(page.locator("#note")).to_be_hidden()
         assert "shaft lines" in page.inner_text("#rows")
-        save(page, tmp_path / "eye.toml")
+        save(page, tmp_path / "made.toml", picture=False)
         page.wait_for_url(live.url, timeout=30_000)
         expect(page.locator("nav a[aria-current=page]")).to_have_text("Live")
         expect(page.locator("#state")).not_to_have_text("connecting", timeout=30_000)
@@ -110,7 +114,70 @@ def test_a_newcomer_gets_from_a_source_to_the_running_loop(chromium, quick, tmp_
         page.close()
         said = live.stop()
     assert "Traceback" not in said
-    load_registration(tmp_path / "eye.toml")
+    load_registration(tmp_path / "made.toml")
+    assert not (tmp_path / "made.png").exists()
+
+
+def test_trocars_are_added_named_chosen_and_removed(page, quick, tmp_path):
+    open_source(page, write_eye(tmp_path, quick))
+    names = page.locator("#trocars input[type=text]")
+    expect(names).to_have_count(2)
+    page.click("text=Add trocar")
+    expect(names).to_have_count(3)
+    assert page.evaluate("document.activeElement.dataset.key") == "trocar 2"
+    handles = page.locator(".handle").evaluate_all("(all) => all.map((each) => each.dataset.key)")
+    assert handles[:3] == ["center", "radius east", "radius west"]
+    assert handles[-4:] == ["trocar 0", "trocar 1", "trocar 2", "target"]
+    page.keyboard.press("ArrowDown")
+    expect(page.locator("#verdict")).to_have_text(GOOD)
+    names.nth(2).fill(names.nth(0).input_value())
+    assert names.nth(2).evaluate("(it) => it.validationMessage") == "Another trocar has this name."
+    names.nth(2).fill("temporal ü")
+    page.get_by_label("The needle is in temporal ü").check()
+    expect(page.locator("#rows")).to_contain_text("Trocar temporal ü, in use")
+    page.get_by_label("Remove left").click()
+    expect(names).to_have_count(2)
+    page.click("#undo")
+    expect(names).to_have_count(3)
+    page.locator('[data-key="trocar 0"]').focus()
+    page.keyboard.press("Delete")
+    expect(names).to_have_count(2)
+    expect(page.locator("#verdict")).to_have_text(GOOD)
+    out = tmp_path / "made.toml"
+    save(page, out)
+    expect(page.locator("#verdict")).to_have_text(re.compile("^Saved: "))
+    saved = anatomy_px(load_registration(out))
+    assert [(each.name, each.used) for each in saved.trocars][-1] == ("temporal ü", True)
+    page.get_by_role("button", name=re.compile("^Remove (left|right)")).click()
+    expect(page.get_by_role("button", name=re.compile("^Remove"))).to_be_disabled()
+
+
+def test_a_file_is_loaded_corrected_and_can_be_undone(page, quick, tmp_path):
+    open_source(page, write_eye(tmp_path, quick))
+    found = at(page, "target")
+    drag(page, "target", (20, -4))
+    expect(page.locator("#verdict")).to_have_text(GOOD)
+    out = tmp_path / "made.toml"
+    save(page, out)
+    expect(page.locator("#verdict")).to_have_text(re.compile("^Saved: "))
+    dragged = at(page, "target")
+    page.click("#again")
+    assert at(page, "target") == pytest.approx(found, abs=0.06)
+    page.click("#load")
+    expect(page.locator("#note")).to_have_text(re.compile("^Loaded: made.toml"))
+    assert at(page, "target") == pytest.approx(dragged, abs=0.06)
+    expect(page.locator("#verdict")).to_have_text(GOOD)
+    page.click("#undo")
+    assert at(page, "target") == pytest.approx(found, abs=0.06)
+    out.write_text(out.read_text().replace("width = 480", "width = 640"))
+    page.click("#load")
+    expect(page.locator("#note")).to_have_text(
+        f"{out}: is for images of 640 x 270 px, but this one is 480 x 270 px"
+    )
+    out.write_text("format = [")
+    page.click("#load")
+    expect(page.locator("#note")).to_have_text(re.compile(f"^{out}, .*: not valid TOML: "))
+    assert at(page, "target") == pytest.approx(found, abs=0.06)
 
 
 def test_keys_move_half_a_pixel_or_five_and_can_be_undone(page, quick, tmp_path):
@@ -194,7 +261,7 @@ def test_what_cannot_be_opened_is_told_and_what_was_open_stays(page, quick, tmp_
 
 def test_an_existing_file_is_overwritten_only_when_asked(page, quick, tmp_path):
     open_source(page, write_eye(tmp_path, quick))
-    out = tmp_path / "eye.toml"
+    out = tmp_path / "made.toml"
     out.write_text("precious")
     save(page, out)
     expect(page.locator("#exists-title")).to_have_text(f"{out}: exists already.")

@@ -5,6 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from event_loop import run_apart
 from live_bench import Live
 from registering import ask, eye_image, write_eye, write_grain
 
@@ -17,9 +18,21 @@ from haptigraph.errors import BadInput
 from haptigraph.messages import Capture
 from haptigraph.perception.registration import load_registration
 
+pytestmark = pytest.mark.xdist_group("server")
+
 
 def open_at(live, source, **more):
     return ask(live, "open", {"source": str(source), "mirrored": True, "diameter_mm": 24.0, **more})
+
+
+def saving(found, path):
+    return {
+        "number": found["number"],
+        "draft": found["draft"],
+        "path": str(path),
+        "picture": False,
+        "overwrite": True,
+    }
 
 
 @pytest.fixture(scope="module")
@@ -43,10 +56,11 @@ def test_a_source_is_opened_checked_and_saved(live, found, eye, tmp_path):
     status, checked = ask(live, "check", {"number": found["number"], "draft": found["draft"]})
     assert status == 200 and checked["problem"] == "" and len(checked["outline_px"]) == 120
     out = tmp_path / "eye.toml"
-    wish = {"number": found["number"], "draft": found["draft"], "path": str(out), "overwrite": False}
-    assert ask(live, "save", wish) == (200, {"path": str(out)})
+    wish = {**saving(found, out), "overwrite": False}
+    assert ask(live, "save", wish) == (200, {"paths": [str(out)]})
     assert load_registration(out).width_px == 480
     assert [file.name for file in tmp_path.iterdir()] == ["eye.toml"]
+    assert ask(live, "load", {"number": found["number"], "path": str(out)})[1]["draft"]["file"] == "eye.toml"
 
 
 def test_the_page_starts_from_what_runs(live, quick_uri):
@@ -96,7 +110,8 @@ def test_that_register_refuses_is_no_error(live, tmp_path):
         ("open", {"source": "x", "mirrored": True, "diameter_mm": 24, "more": 1}),
         ("check", {"number": 1}),
         ("check", b'{"number": 1, "draft": {"radius_px": 1e999}}'),
-        ("save", {"number": 1, "draft": {}, "path": "x.toml", "overwrite": 1}),
+        ("save", {"number": 1, "draft": {}, "path": "x.toml", "picture": True, "overwrite": 1}),
+        ("load", {"number": 1, "path": ""}),
     ],
 )
 def test_nonsense_is_answered_with_one_sentence(live, path, content):
@@ -140,28 +155,52 @@ def test_places_far_outside_are_refused(live, found):
 )
 def test_what_cannot_be_written_is_one_sentence(live, found, tmp_path, name, sentence):
     (tmp_path / "folder.toml").mkdir()
-    wish = {
-        "number": found["number"],
-        "draft": found["draft"],
-        "path": str(tmp_path / name),
-        "overwrite": True,
-    }
+    wish = saving(found, tmp_path / name)
     assert ask(live, "save", wish) == (422, {"problem": f"{tmp_path / name}: {sentence}"})
     assert [file.name for file in tmp_path.iterdir()] == ["folder.toml"]
 
 
 def test_what_a_run_would_refuse_is_not_written(live, found, tmp_path):
     draft = {**found["draft"], "target_px": found["draft"]["center_px"]}
-    wish = {"number": found["number"], "draft": draft, "path": str(tmp_path / "eye.toml"), "overwrite": True}
+    wish = {**saving(found, tmp_path / "eye.toml"), "draft": draft}
     status, answer = ask(live, "save", wish)
     assert status == 422 and "mm off the retina; at most 0.35 mm is plausible" in answer["problem"]
     assert list(tmp_path.iterdir()) == []
 
 
+def test_file_and_picture_are_written_both_or_neither(live, found, eye, tmp_path):
+    wish = {**saving(found, tmp_path / "made.toml"), "picture": True, "overwrite": False}
+    (tmp_path / "made.png").write_text("precious")
+    status, answer = ask(live, "save", wish)
+    assert (status, answer["problem"]) == (409, f"{tmp_path}/made.png: exists already")
+    assert [file.name for file in tmp_path.iterdir()] == ["made.png"]
+    assert ask(live, "save", {**wish, "overwrite": True})[0] == 200
+    assert cv2.imread(str(tmp_path / "made.png")).shape == (270, 480, 3)
+    status, answer = ask(live, "save", {**saving(found, eye.with_suffix(".toml")), "picture": True})
+    assert status == 422 and answer["problem"].startswith(f"{eye}: is the source itself")
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        (None, "cannot be read"),
+        (b"\xff", "not UTF-8"),
+        (b"format = 1", "missing"),
+        (b"[[[", "not valid TOML"),
+    ],
+)
+def test_what_cannot_be_loaded_is_one_sentence(live, found, tmp_path, content, sentence):
+    file = tmp_path / "eye.toml"
+    if content is not None:
+        file.write_bytes(content)
+    status, answer = ask(live, "load", {"number": found["number"], "path": str(file)})
+    assert status == 422 and str(file) in answer["problem"] and sentence in answer["problem"]
+
+
 def test_a_file_is_overwritten_only_on_request(live, found, tmp_path):
     out = tmp_path / "eye.toml"
     out.write_text("precious")
-    wish = {"number": found["number"], "draft": found["draft"], "path": str(out), "overwrite": False}
+    wish = {**saving(found, out), "overwrite": False}
     assert ask(live, "save", wish) == (409, {"problem": f"{out}: exists already", "exists": True})
     assert out.read_text() == "precious"
     assert ask(live, "save", {**wish, "overwrite": True})[0] == 200
@@ -171,6 +210,10 @@ def test_a_file_is_overwritten_only_on_request(live, found, tmp_path):
 def desk_for(source, *, is_local):
     hub = Hub(MonotonicClock())
     return hub, Desk(Site(hub, Controls(hub, None), source, Path(), is_local))
+
+
+def opened_by(desk, source):
+    return run_apart(desk.open(source, mirrored=True, diameter_mm=24.0))
 
 
 def test_other_machines_read_and_write_in_the_working_folder_only(quick, tmp_path, monkeypatch):
@@ -190,16 +233,18 @@ def test_other_machines_read_and_write_in_the_working_folder_only(quick, tmp_pat
         "~",
     ):
         with pytest.raises(BadInput, match=r"only files in the folder|no such source"):
-            desk.open(source, mirrored=True, diameter_mm=24.0)
-    number = desk.open("eye.png", mirrored=True, diameter_mm=24.0)
+            opened_by(desk, source)
+    number = opened_by(desk, "eye.png")
     assert desk.place("eye.png") == "registration.toml"
     draft = desk.opened(number).draft
     for path in (str(outside / "eye.toml"), "../outside/eye.toml", "way/eye.toml"):
         with pytest.raises(BadInput, match="only files in the folder"):
-            desk.save(number, draft, path, overwrite=True)
-    assert desk.save(number, draft, "eye.toml", overwrite=False) == "eye.toml"
+            desk.save(number, draft, path, picture=False, overwrite=True)
+        with pytest.raises(BadInput, match="only files in the folder"):
+            desk.load(number, path)
+    assert desk.save(number, draft, "eye.toml", picture=False, overwrite=False) == ["eye.toml"]
     with pytest.raises(ExistsAlready):
-        desk.save(number, draft, "eye.toml", overwrite=False)
+        desk.save(number, draft, "eye.toml", picture=False, overwrite=False)
     assert [file.name for file in outside.iterdir()] == ["eye.png"]
 
 
@@ -207,9 +252,9 @@ def test_what_is_live_is_taken_from_the_loop(quick, monkeypatch):
     monkeypatch.setattr("haptigraph.dashboard.registration_desk.LOOK_S", 0.3)
     hub, desk = desk_for("camera:0", is_local=True)
     with pytest.raises(BadInput, match="camera:0: the loop gets no images from it just now"):
-        desk.open("camera:0", mirrored=True, diameter_mm=24.0)
+        opened_by(desk, "camera:0")
     hub.newest_capture = Capture(0, 0, eye_image(quick))
-    opened = desk.opened(desk.open("camera:0", mirrored=True, diameter_mm=24.0))
+    opened = desk.opened(opened_by(desk, "camera:0"))
     assert opened.anatomy is not None
     assert (opened.still == eye_image(quick)).all()
 

@@ -83,7 +83,8 @@ def test_the_keyboard_drives_the_needle_from_outside_to_the_target(steered):
     wait_in_state(page, "aligned_intraocular_navigation")
     hold_until(page, ["ArrowDown"], "document.body.dataset.state === 'aligned_retinal_approach'")
     align(page)
-    hold_until(page, ["Shift", "ArrowDown"], "document.body.dataset.state === 'target_hit'")
+    # Well past the first touch at 0.7 mm, where the next image may say otherwise.
+    hold_until(page, ["Shift", "ArrowDown"], "page.header.measures.distance_to_retina_mm < 0.3")
     assert page.inner_text("#state").lower() == "target hit"
     assert math.isclose(off_axis_deg(page) or 0.0, 0.0, abs_tol=1.7)
 
@@ -150,6 +151,17 @@ def test_scale_and_filter_are_switched_while_running_and_every_viewer_sees_it(st
         page,
         "page.header.hand.motion_scale === 0.5 && page.header.hand.tremor_filter",
     )
+
+
+def test_two_changes_before_the_first_is_answered_both_hold(steered):
+    steered.evaluate("""() => {
+      const filter = document.getElementById("filter"), scale = document.getElementById("scale");
+      filter.click();
+      scale.value = 0.5;
+      scale.dispatchEvent(new Event("input"));
+    }""")
+    until(steered, "page.header.hand.motion_scale === 0.5")
+    assert look(steered, "page.header.hand.tremor_filter") is True
 
 
 def test_one_page_holds_the_controls_and_the_others_say_who(steered, open_page):

@@ -33,7 +33,7 @@ export class Controls {
     if (steerable && !document.hidden) this.send({ type: "take" });
   }
 
-  tune(change) { this.send({ type: "tune", settings: { ...this.settings, ...change } }); }
+  tune(change) { this.send({ type: "tune", ...change }); }
 
   showSettings({ motion_scale, tremor_filter, added_tremor_mm }) {
     const settings = this.settings = { motion_scale, tremor_filter, added_tremor_mm };

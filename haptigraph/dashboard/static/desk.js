@@ -1,32 +1,16 @@
 /** What the registration page asks the server. Every answer that is no success is a sentence. */
 
-/** Something the server refused; `message` is the sentence to show. */
-export class Refused extends Error {
-  constructor(message, exists = false) { super(message); this.exists = exists; }
-}
+import { Refused, ask } from "./ask.js";
 
-async function asked(path, content) {
-  let answer, data;
-  try {
-    answer = await fetch(`/registration/${path}`, content && {
-      method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(content),
-    });
-  } catch {
-    throw new Refused("The server does not answer; is haptigraph still running?");
-  }
-  try {
-    data = await answer.json();
-  } catch {
-    throw new Refused(`The server could not do that (${answer.status}); the terminal says why.`);
-  }
-  if (!answer.ok) throw new Refused(data.problem ?? `refused (${answer.status})`, data.exists === true);
-  return data;
-}
+export { Refused };
+
+const asked = (path, content) => ask(`/registration/${path}`, content);
 
 export const start = () => asked("start");
 export const progress = () => asked("progress");
 export const open = (source, mirrored, diameter_mm) => asked("open", { source, mirrored, diameter_mm });
-export const save = (number, draft, path, overwrite) => asked("save", { number, draft, path, overwrite });
+export const load = (number, path) => asked("load", { number, path });
+export const save = (number, draft, path, picture, overwrite) => asked("save", { number, draft, path, picture, overwrite });
 
 /** Checks drafts as fast as the server answers: of those that wait only the newest is sent. */
 export class Checker {

@@ -1,6 +1,8 @@
 /** A draft and its past: every edit makes a new draft. Places are pixels of the image as stored. Knows no page. */
 
-const COALESCE_MS = 1000, RETINA_HANDLES = 10;
+const COALESCE_MS = 1000, RETINA_HANDLES = 10, WALL_MIDDLE = 1.07;
+/** As many trocars as the server takes. */
+export const MOST_TROCARS = 8;
 
 const plus = ([x, y], [dx, dy]) => [x + dx, y + dy];
 const about = ([cx, cy], factor) => ([x, y]) => [cx + (x - cx) * factor, cy + (y - cy) * factor];
@@ -34,6 +36,24 @@ export const edits = {
   trocar(draft, index, step) {
     return { ...draft, trocars: draft.trocars.map((each, number) => (number === index ? { ...each, point_px: plus(each.point_px, step) } : each)) };
   },
+  /** Put a trocar into the wall, at the place of the globe's upper half that is farthest from all others. */
+  addTrocar(draft, outline_px) {
+    const [cx, cy] = draft.center_px;
+    const away = ([x, y]) => Math.min(...draft.trocars.map(({ point_px }) => Math.hypot(x - point_px[0], y - point_px[1])));
+    const upper = outline_px.filter(([x, y]) => cy - y > 0.5 * Math.hypot(x - cx, y - cy)).map(about(draft.center_px, WALL_MIDDLE));
+    const point_px = upper.reduce((best, place) => (away(place) > away(best) ? place : best));
+    const side = point_px[0] < cx === draft.mirrored ? "right" : "left";
+    const names = new Set(draft.trocars.map(({ name }) => name));
+    let name = side;
+    for (let number = 2; names.has(name); number++) name = `${side} ${number}`;
+    return { ...draft, trocars: [...draft.trocars, { name, point_px, used: false }] };
+  },
+  /** Take a trocar away; if the needle was in it, it is in the first one now. */
+  removeTrocar(draft, index) {
+    const trocars = draft.trocars.filter((_, number) => number !== index);
+    return trocars.some(({ used }) => used) ? { ...draft, trocars } : edits.used({ ...draft, trocars }, 0);
+  },
+  rename(draft, index, name) { return { ...draft, trocars: draft.trocars.map((each, number) => (number === index ? { ...each, name } : each)) }; },
   target(draft, step) { return { ...draft, target_px: plus(draft.target_px, step) }; },
   targetTo(draft, target_px) { return { ...draft, target_px }; },
   used(draft, index) { return { ...draft, trocars: draft.trocars.map((each, number) => ({ ...each, used: number === index })) }; },

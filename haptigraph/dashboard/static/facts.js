@@ -13,7 +13,7 @@ export function showMeasures(run, other) {
   const head = other ? [["", "recorded", other.content.procedure.replace(/\.toml$/, "")]] : [];
   const s = (value) => (value === null || value === undefined ? "–" : `${value.toFixed(2)} s`);
   const rows = [
-    ["target", ...measures.map((m) => (m.completion_s === null ? (m.started_ms === null ? "no run" : "not hit") : "✓ hit"))],
+    [measures[0].ends_in.replaceAll("_", " "), ...measures.map((m) => (m.completion_s === null ? (m.started_ms === null ? "no run" : "no") : "✓ yes"))],
     ["completion time", ...measures.map((m) => s(m.completion_s))],
     ["mean theta", ...measures.map((m) => (m.mean_theta_deg === null ? "–" : `${m.mean_theta_deg.toFixed(2)}°`))],
     ["unintended contacts", ...measures.map((m) => String(m.contacts))],
@@ -23,8 +23,12 @@ export function showMeasures(run, other) {
     const names = [...new Set(measures.flatMap((m) => Object.keys(m[key])))].sort((a, b) => (measures[0][key][b] ?? 0) - (measures[0][key][a] ?? 0));
     return names.length ? [[title], ...names.map((name) => [labels.get(name) ?? name, ...measures.map((m) => s(m[key][name] ?? 0))])] : [];
   };
+  const kept = (claim) => (claim === undefined ? "–" : claim.broken ? `broken ${claim.broken} ×` : "kept");
+  const names = [...new Set(measures.flatMap((m) => m.claims.map((claim) => claim.name)))];
+  const claims = names.map((name) => [name, ...measures.map((m) => kept(m.claims.find((claim) => claim.name === name)))]);
+  if (claims.length) claims.unshift(["claims about time"]);
   $("facts-head").replaceChildren(...head.map((cells) => line(cells, "th", cells.length)));
-  $("facts").replaceChildren(...[...rows, ...times("from inside the eye to the hit", "state_s"), ...times("in the whole recording", "all_state_s")].map((cells) => line(cells, "td", measures.length + 1)));
+  $("facts").replaceChildren(...[...rows, ...times("in the run", "state_s"), ...times("in the whole recording", "all_state_s"), ...claims].map((cells) => line(cells, "td", measures.length + 1)));
 }
 
 function line(cells, kind, columns) {

@@ -16,7 +16,7 @@ export async function* frames(path, parameters, signal) {
     if (!head) return;
     const text = await source.take(new DataView(head.buffer).getUint32(0));
     const content = JSON.parse(new TextDecoder().decode(text));
-    if (content.type === "error") throw new Error(content.message);
+    if (content.type === "problem") throw new Error(content.problem);
     yield [content, await source.take(content.bytes)];
   }
 }
@@ -32,7 +32,7 @@ export async function asked(path, parameters, signal) {
   }
   if (answer.ok) return answer;
   const text = await answer.text();
-  throw new Error(text.startsWith("{") ? JSON.parse(text).error : text);
+  throw new Error(text.startsWith("{") ? JSON.parse(text).problem : text);
 }
 
 /** Cut typed columns, as `content.columns` describes them, out of a frame's bytes. */

@@ -27,6 +27,8 @@ export class Handles {
     Object.assign(this, { svg, onMove, elements: new Map(), draft: null, size: [1, 1], dragged: null });
     /** Called with a handle that is let go after a drag. */
     this.onDrop = () => {};
+    /** Called with a handle that somebody wants to take away. */
+    this.onRemove = () => {};
     /** Called with the place [px] to look at closely, or null. */
     this.onLook = () => {};
     this.lines = ["halo globe", "globe", "halo retina", "retina", "axis"].map((kind) => made("path", { class: `line ${kind}` }, svg));
@@ -56,7 +58,7 @@ export class Handles {
     const wanted = this.wanted();
     const keys = new Set(wanted.map((each) => each.key));
     for (const [key, element] of this.elements) if (!keys.has(key)) { element.remove(); this.elements.delete(key); }
-    for (const handle of wanted) this.place(handle);
+    wanted.forEach((handle, number) => this.place(handle, wanted.slice(number + 1)));
     const focused = wanted.find((each) => this.elements.get(each.key) === document.activeElement);
     const looked = this.dragged ? wanted.find((each) => each.key === this.dragged.key) : this.isByKey && focused;
     this.onLook(looked ? looked.at : null);
@@ -77,8 +79,8 @@ export class Handles {
     ];
   }
 
-  place(handle) {
-    const element = this.elements.get(handle.key) ?? this.added(handle);
+  place(handle, above) {
+    const element = this.elements.get(handle.key) ?? this.added(handle, above);
     const [x, y] = handle.at;
     element.handle = handle;
     element.setAttribute("transform", `translate(${x.toFixed(3)} ${y.toFixed(3)}) scale(${this.scale})`);
@@ -87,8 +89,10 @@ export class Handles {
     if (text) text.textContent = handle.label;
   }
 
-  added({ key, kind, label }) {
+  /** Make the element of a handle, under those that are to be drawn, and tabbed to, after it. */
+  added({ key, kind, label }, above) {
     const element = made("g", { class: `handle ${kind}`, tabindex: 0, role: "button", "data-key": key }, this.group);
+    this.group.insertBefore(element, above.map((each) => this.elements.get(each.key)).find(Boolean) ?? null);
     element.style.setProperty("--own", `var(--${INKS[kind]})`);
     made("circle", { class: "area", r: REACH }, element);
     made("path", { class: "under", d: SHAPES[kind] }, element);
@@ -131,7 +135,11 @@ export class Handles {
     this.draw();
   }
 
+  /** Give a handle the focus. */
+  focus(key) { this.elements.get(key)?.focus({ preventScroll: true }); }
+
   key(event, element) {
+    if (event.key === "Delete") return this.onRemove(element.handle);
     const way = ARROWS[event.key];
     if (!way || event.ctrlKey || event.altKey || event.metaKey) return;
     event.preventDefault();

@@ -9,7 +9,9 @@ export const MM_PER_PX = 0.25;
 
 /** Keys that are held: {along, across} in -1, 0, 1, clutch and fine. */
 export class Keyboard {
-  constructor() {
+  /** @param {() => boolean} counts whether keys steer now; otherwise they are the page's */
+  constructor(counts) {
+    this.counts = counts;
     this.held = new Set();
     this.fine = false;
     addEventListener("keydown", (event) => this.press(event));
@@ -19,7 +21,7 @@ export class Keyboard {
 
   press(event) {
     this.fine = event.shiftKey;
-    if (!KEYS[event.code] || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (!this.counts() || !KEYS[event.code] || event.ctrlKey || event.metaKey || event.altKey) return;
     if (isForTheField(event.target, event.code) || document.querySelector("dialog[open]")) return;
     event.preventDefault();
     this.held.add(event.code);

@@ -13,7 +13,7 @@ export class Moment {
   /** @param {(error: Error) => void} onProblem */
   constructor(onProblem) {
     this.view = new View($("view"), $("overlays"));
-    this.graph = new Graph($("graph"));
+    this.graph = new Graph($("graph"), true);
     this.status = new Status();
     this.onProblem = onProblem;
     this.wanted = this.run = this.other = null;

@@ -4,6 +4,7 @@ import * as desk from "./desk.js";
 import { History, edits } from "./draft.js";
 import { Handles } from "./handles.js";
 import { Loupe } from "./loupe.js";
+import { Trocars } from "./trocars.js";
 
 const PROGRESS_MS = 500;
 const $ = (id) => document.getElementById(id);
@@ -23,6 +24,16 @@ handles.onDrop = ({ kind }) => {
   if (checked?.draft === history.now) snap();
   history.settle();
 };
+handles.onRemove = ({ kind, index }) => { if (kind === "trocar") removeTrocar(index); };
+const trocars = new Trocars($("trocars"), $("add"), {
+  used: (index) => put(edits.used(history.now, index), ""),
+  rename: (index, name) => put(edits.rename(history.now, index, name), `rename ${index}`),
+  remove: removeTrocar,
+  add() {
+    put(edits.addTrocar(history.now, outline_px), "");
+    handles.focus(`trocar ${history.now.trocars.length - 1}`);
+  },
+});
 let snapsTarget = false;  // as soon as the server has said where to
 
 const checker = new desk.Checker((answer, draft) => {
@@ -57,6 +68,10 @@ function move({ kind, index, at }, step, how) {
   return put(edits[kind](draft, index, step), what);
 }
 
+function removeTrocar(index) {
+  if (history.now.trocars.length > 1) put(edits.removeTrocar(history.now, index), "");
+}
+
 /** How much larger the globe becomes when its edge moves so. */
 function scaleOf([x, y], [dx, dy]) {
   const [cx, cy] = history.now.center_px;
@@ -71,7 +86,7 @@ function put(draft, what) { history.put(draft, what); show(); }
 function show() {
   const draft = history.now;
   handles.show(draft, outline_px);
-  $("used").replaceChildren(...draft.trocars.map(({ name, used }, index) => new Option(name, index, used, used)));
+  trocars.show(draft);
   if (document.activeElement !== $("diameter")) $("diameter").value = draft.diameter_mm;
   $("mirrored").checked = draft.mirrored;
   checker.check(opened.number, draft);
@@ -82,6 +97,7 @@ function showButtons() {
   $("undo").disabled = !history?.past.length;
   $("redo").disabled = !history?.future.length;
   $("again").disabled = !history || history.now === history.found;
+  $("load").disabled = !history;
   $("save-button").disabled = !checked || checked.draft !== history?.now || Boolean(checked.problem);
 }
 
@@ -155,14 +171,26 @@ function begin(found) {
 
 function note(sentence) { $("note").textContent = sentence; $("note").hidden = !sentence; }
 
+/** Correct a file instead of what was found; a step that can be undone. */
+async function load() {
+  try {
+    const { draft } = await desk.load(opened.number, $("path").value.trim());
+    put(draft, "");
+    note(`Loaded: ${draft.file}. The figures compare it with what is seen in this picture.`);
+  } catch (error) {
+    if (!(error instanceof desk.Refused)) throw error;
+    note(error.message);
+  }
+}
+
 async function save(event, overwrite = false) {
   event?.preventDefault();
   const draft = history.now;
   $("save-button").disabled = true;
   try {
-    const { path } = await desk.save(opened.number, draft, $("path").value.trim(), overwrite);
+    const { paths } = await desk.save(opened.number, draft, $("path").value.trim(), $("picture").checked, overwrite);
     savedDraft = draft;
-    verdict(starts ? `Saved: ${path}. The loop starts.` : `Saved: ${path}. Use it with --registration.`);
+    verdict(`Saved: ${paths.join(" and ")}. ${starts ? "The loop starts." : "Use it with --registration."}`);
     if (starts) await go();
   } catch (error) {
     if (!(error instanceof desk.Refused)) throw error;
@@ -187,12 +215,12 @@ function ask(sentence) {
 $("exists").addEventListener("close", () => { if ($("exists").returnValue === "overwrite") save(null, true); });
 $("open").addEventListener("submit", open);
 $("save").addEventListener("submit", save);
-$("used").addEventListener("change", () => put(edits.used(history.now, Number($("used").value)), ""));
+$("load").addEventListener("click", load);
 $("mirrored").addEventListener("change", () => put(edits.mirrored(history.now, $("mirrored").checked), ""));
 $("diameter").addEventListener("input", () => { const given = $("diameter").valueAsNumber; if (given > 0) put(edits.diameter(history.now, given), "diameter"); });
 for (const step of ["undo", "redo", "again"]) $(step).addEventListener("click", () => { history[step](); show(); });
 addEventListener("keydown", (event) => {
-  if (!history || !(event.ctrlKey || event.metaKey) || event.target.matches("input:not([type=checkbox])")) return;
+  if (!history || !(event.ctrlKey || event.metaKey) || event.target.matches("input:not([type=checkbox], [type=radio])")) return;
   const step = { z: event.shiftKey ? "redo" : "undo", Z: "redo", y: "redo" }[event.key];
   if (step) { event.preventDefault(); history[step](); show(); }
 });

@@ -30,17 +30,17 @@ export class Rumble {
       return;
     }
     const duration = Math.floor(until_ms - now_ms);
-    if (duration > 0) this.send(level, duration, now_ms);
+    if (duration > 0) this.send(level, duration);
   }
 
-  send(level, duration, now_ms) {
+  send(level, duration) {
     const actuator = actuatorOf(this.find());
     if (!actuator) return;
     this.playing = level;
     this.actuator = actuator;
-    this.sent_ms = now_ms;
     const effect = { startDelay: 0, duration, ...motors(level) };
     Promise.resolve(actuator.playEffect("dual-rumble", effect)).then(() => { this.problem = ""; }, (error) => { this.problem = String(error); });
+    this.sent_ms = performance.now();
   }
 
   stop() {

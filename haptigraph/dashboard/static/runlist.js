@@ -70,9 +70,9 @@ export class RunList {
   tell(outcome, name) {
     const [target, length] = this.cells.get(name);
     if (outcome.problem) { Object.assign(target, { textContent: "cannot be read whole", title: outcome.problem, className: "problem" }); return; }
-    const isHit = outcome.completion_s !== null;
-    target.textContent = isHit ? `✓ hit after ${outcome.completion_s.toFixed(1)} s` : outcome.started_ms === null ? "– no run" : "✗ not hit";
-    target.className = isHit ? "" : "quiet";
+    const isOver = outcome.completion_s !== null, goal = outcome.ends_in.replaceAll("_", " ");
+    target.textContent = isOver ? `✓ ${goal} after ${outcome.completion_s.toFixed(1)} s` : outcome.started_ms === null ? "– no run" : `✗ no ${goal}`;
+    target.className = isOver ? "" : "quiet";
     length.textContent = seconds(outcome.length_s);
   }
 }

@@ -51,6 +51,7 @@ export class Status {
       chip(fault("device") || fault("guard"), "", `device ${hello.device.split(":")[0]}${fault("device") ? ": " + fault("device") : ""}`, fault("device") || fault("guard")),
       chip(fault("recorder") || health.dropped, "", hello.recording ? `recording${health.dropped ? `, ${health.dropped} lost` : ""}` : "not recorded", hello.recording, hello.recording ? "" : "plain"),
       chip(false, String(health.viewers.length), health.viewers.length === 1 ? "viewer" : "viewers", health.viewers.join(", "), "plain"),
+      ...(health.broken.length ? [brokenClaims(health.broken)] : []),
     );
   }
 }
@@ -91,6 +92,12 @@ function felt(pattern) {
   if (!pattern || pattern.kind === "off") return "nothing";
   const what = { continuous: "steady vibration", pulses: "rapid pulses", bursts: `${pattern.count} bursts` }[pattern.kind];
   return `${what}, ${Math.round(pattern.amplitude * 100)} %`;
+}
+
+function brokenClaims(broken) {
+  const count = broken.reduce((sum, { times }) => sum + times, 0);
+  const words = broken.map(({ claim, times, most, unit }) => `"${claim}" broken ${times} ×, at worst ${most} ${unit}`);
+  return chip(true, `${count} ×`, broken.length === 1 ? "claim broken" : "claims broken", words.join("; "));
 }
 
 function chip(isBad, value, words, title = "", kind = "") {

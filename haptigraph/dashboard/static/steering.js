@@ -13,7 +13,7 @@ export class Steering {
   constructor(send, controller, surface) {
     this.send = send;
     this.controller = controller;
-    this.keyboard = new Keyboard();
+    this.keyboard = new Keyboard(() => this.isHolder);
     this.mouse = new Mouse(surface);
     this.isHolder = false;
     /** Whether a key or stick moves the needle only while the clutch is held. */

@@ -82,7 +82,8 @@ export class Traces {
     }
     c.stroke();
     c.fillStyle = QUIET; c.textAlign = "left";
-    for (const bound of strip.bounds) c.fillText(String(bound), LEFT + 4, y(bound) - 2);
+    for (const [at, bound] of strip.bounds.entries())
+      if (!strip.bounds.slice(0, at).some((other) => Math.abs(y(other) - y(bound)) < 11)) c.fillText(String(bound), LEFT + 4, y(bound) - 2);
   }
 
   drawTouch(top, height) {
@@ -123,10 +124,11 @@ export class Traces {
   }
 }
 
-/** Choose what to plot: the first distance and the first angle a procedure decides by, or else its first measures. */
+/** Choose what to plot: two depths in um, or the first distance and angle a procedure decides by, or else its first measures. */
 export function stripsOf(relations) {
   const measures = [...new Set(relations.map((relation) => relation.measure_name))];
-  const wanted = ["mm", "deg"].map((unit) => measures.find((name) => name.endsWith(`_${unit}`))).filter(Boolean);
+  const depths = measures.filter((name) => name.endsWith("_um")).slice(0, 2);
+  const wanted = depths.length ? depths : ["mm", "deg"].map((unit) => measures.find((name) => name.endsWith(`_${unit}`))).filter(Boolean);
   return (wanted.length ? wanted : measures.slice(0, 2)).map((measure) => strip(measure, relations));
 }
 
@@ -134,11 +136,11 @@ function strip(measure, relations) {
   const own = relations.filter((relation) => relation.measure_name === measure);
   const bounds = [...new Set(own.flatMap((r) => [r.at_most, r.below, r.at_least, r.above]).filter((b) => b !== null && b !== undefined))];
   const unit = measure.split("_").at(-1), largest = Math.max(...bounds, 1e-6);
-  const isAngle = unit === "deg";
+  const isAngle = unit === "deg", isDepth = unit === "um";
   return {
-    measure, bounds, unit: isAngle ? "°" : unit, digits: isAngle ? 1 : 2,
-    words: measure.replace(/_(mm|deg)$/, "").replace("distance_to_", "to ").replaceAll("_", " "),
-    least: isAngle ? 0 : -1, most: largest * (isAngle ? 5 : 2),
+    measure, bounds, unit: isAngle ? "°" : isDepth ? "µm" : unit, digits: isDepth ? 0 : isAngle ? 1 : 2,
+    words: measure.replace(/_(mm|um|deg)$/, "").replace("distance_to_", "to ").replaceAll("_", " "),
+    least: isAngle ? 0 : isDepth ? -0.5 * largest : -1, most: largest * (isAngle || (isDepth && bounds.length === 1) ? 5 : 2),
     band: isAngle ? Math.min(...own.map((r) => r.at_most ?? Infinity)) : 0,
   };
 }

@@ -1,7 +1,7 @@
 /** The eye as the surgeon sees it, and over it what was found and where relations hold. */
 
 import { toggle } from "./signs.js";
-import { zoneOf } from "./zones.js";
+import { ring, zoneOf } from "./zones.js";
 
 const OVERLAYS = { needle: "Needle", cone: "Cone", zone: "Zones", target: "Target" };
 const LINE = "#8fb4d3";
@@ -9,28 +9,30 @@ const LINE = "#8fb4d3";
 export class View {
   /**
    * @param {HTMLCanvasElement} canvas
-   * @param {HTMLElement} fieldset takes the switches of the overlays
+   * @param {HTMLElement | null} fieldset takes the switches of the overlays; null: there are none
    */
   constructor(canvas, fieldset) {
     this.canvas = canvas;
     this.context = canvas.getContext("2d", { alpha: false });
+    /** Which overlays are drawn, by name. */
     this.shows = {};
     this.picture = this.header = this.hello = null;
     this.waiting = null;  // the newest message while another is being decoded
     this.decoding = false;
     /** Called with the header of every image that was drawn. */
     this.onDrawn = () => {};
-    for (const [name, words] of Object.entries(OVERLAYS)) {
+    for (const [name, words] of fieldset ? Object.entries(OVERLAYS) : []) {
       fieldset.append(toggle(words, true, (on) => { this.shows[name] = on; this.draw(); }, `overlay-${name}`));
     }
     new ResizeObserver(() => this.fit()).observe(canvas);
   }
 
+  /** Be about another run; null: about none. */
   begin(hello) {
     this.hello = hello;
-    const { relations } = hello.procedure;
+    const { relations, states } = hello?.procedure ?? { relations: [], states: [] };
     this.zones = relations.map((relation) => ({ relation, ...zoneOf(relation, hello.anatomy) })).filter((zone) => zone.outline);
-    this.colors = Object.fromEntries(hello.procedure.states.map((state) => [state.name, state.color]));
+    this.colors = Object.fromEntries(states.map((state) => [state.name, state.color]));
     this.picture = this.header = null;
     this.draw();
   }
@@ -57,6 +59,9 @@ export class View {
       if (next) this.show(...next);
     }
   }
+
+  /** Choose what is drawn over the picture, where there are no switches. */
+  choose(names) { this.shows = Object.fromEntries(names.map((name) => [name, true])); this.draw(); }
 
   fit() {
     const ratio = devicePixelRatio || 1;
@@ -114,6 +119,7 @@ export class View {
     const c = this.context;
     for (const shape of Object.values(this.header.found)) {
       if (shape.type === "segment") { this.path([shape.start_mm, shape.end_mm], false); this.halo(own, 2.5); }
+      if (shape.type === "circle") { this.path(ring(shape.center_mm, shape.radius_mm), true); this.halo(own, 2.5); }
       if (shape.type === "polyline") { this.path(shape.points_mm, false); this.halo(own, 2.5); }
     }
     for (const shape of Object.values(this.header.found)) {

@@ -43,7 +43,8 @@ function offset(points, distance) {
   });
 }
 
-function ring(center, radius) {
+/** A circle as an outline. */
+export function ring(center, radius) {
   return Array.from({ length: 48 }, (_, at) => {
     const angle = at / 24 * Math.PI;
     return [center[0] + radius * Math.cos(angle), center[1] + radius * Math.sin(angle)];

@@ -1,0 +1,99 @@
+"""What tests of the study pages share: a short protocol, a station that serves it, and what its store holds."""
+
+from contextlib import closing
+
+from live_bench import Live
+from registering import ask_at
+from sqlalchemy import select
+
+from haptigraph.study.protocol import load_protocol
+from haptigraph.study.roster import Study
+from haptigraph.study.store import Store
+
+__all__ = ["PARTICIPANT", "STUDY", "Station", "answer_all", "ask_at", "rows_of", "study_at"]
+
+STUDY, PARTICIPANT = "/static/study.js", "/static/participant.js"
+PROTOCOL = """
+[study]
+name = "short"
+title = "A short study"
+design = "within"
+participants = 3
+seed = 1
+order = "fixed"
+
+[texts]
+briefing = "Steer the needle.\\n\\nHit the target."
+consent = "I take part of my own free will."
+break_text = "Rest your hand."
+
+[trials]
+timeout_s = 300
+attempts = 2
+
+[training]
+before = "study"
+condition = "felt"
+timeout_s = 300
+
+[[condition]]
+name = "felt"
+title = "Sight and touch"
+
+[[condition]]
+name = "seen"
+title = "Sight alone"
+touch = false
+display = "overlays"
+
+[[target]]
+name = "left"
+along_mm = -2
+
+[[target]]
+name = "right"
+along_mm = 3
+
+[[questionnaire]]
+file = "demographics"
+when = "start"
+
+[[questionnaire]]
+file = "sus"
+when = "condition"
+"""
+
+
+class Station(Live):
+    """A running `haptigraph study run`."""
+
+    def __init__(self, folder, source, *more, station="lab 1"):
+        given = (folder, "--source", source, "--station", station, *more)
+        super().__init__(*given, command=("study", "run"))
+
+    @property
+    def port(self):
+        return self.url.rpartition(":")[2].strip("/")
+
+
+def study_at(folder, store):
+    return Study(load_protocol(folder), store)
+
+
+def rows_of(folder, table, *columns):
+    """What the store holds now, looked at from outside; a row a tuple of the columns."""
+    with closing(Store(folder / "study.db")) as store:
+        rows = store.rows(select(table).order_by(*(table.c[name] for name in columns)))
+        return [tuple(row[name] for name in columns) for row in rows]
+
+
+def answer_all(page):
+    """Answer what is not answered yet; the last choice of each."""
+    open_items = "[...document.querySelectorAll('.item:not(.is-kept)')].map((each) => each.dataset.item)"
+    for item in page.evaluate(open_items):
+        field = page.locator(f".item[data-item='{item}']")
+        if field.locator("input[type=radio]").count():
+            field.locator("label").last.click()
+        else:
+            field.locator("input").fill("33")
+            field.locator("input").blur()
