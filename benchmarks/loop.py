@@ -22,7 +22,7 @@ PASSES = 5
 STAGES = ("perceive", "build_scene", "reason", "render", "step")
 
 
-def load() -> tuple[str, Pipeline, list[Capture]]:
+def load(procedure: str = "subretinal_injection") -> tuple[str, Pipeline, list[Capture]]:
     """Return what is measured, on what."""
     if CLIP.is_dir():
         registration = load_registration(CLIP / "registration.toml")
@@ -41,7 +41,7 @@ def load() -> tuple[str, Pipeline, list[Capture]]:
                 captures.append(replace(capture, encoded=None))
     except EndOfSource:
         source.close()
-    pipeline = assemble.build_pipeline(config, registration, assemble.load_procedure("subretinal_injection"))
+    pipeline = assemble.build_pipeline(config, registration, assemble.load_procedure(procedure))
     return uri, pipeline, captures[:300]
 
 

@@ -3,16 +3,11 @@
 Classes are named by strings and imported when chosen, so that nothing heavy loads unasked.
 """
 
-import datetime
-import re
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from importlib import import_module, resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import msgspec
 
 import haptigraph
 from haptigraph.clock import Clock, MonotonicClock, VirtualClock
@@ -21,13 +16,14 @@ from haptigraph.errors import BadInput, NeedsRegistration, unknown_name
 from haptigraph.haptics.pattern import beyond
 from haptigraph.haptics.tap import Listener, TappedDevice
 from haptigraph.pipeline import Hand, Loop, Pipeline
-from haptigraph.recording.schema import RunInfo
 from haptigraph.recording.writer import Progress, RunWriter
-from haptigraph.stages import Device, Sink, Source
+from haptigraph.run_header import run_info
+from haptigraph.sources.naming import CAMERAS, MADE_NOW, SETTLED, camera_size_px, split_source
+from haptigraph.stages import Device, Perceiver, Sink, Source
 
 if TYPE_CHECKING:
     from haptigraph.inference.procedure import Procedure
-    from haptigraph.perception.registration import Registration
+    from haptigraph.perception.registered import Registered
 
 __all__ = [
     "DEVICES",
@@ -40,30 +36,40 @@ __all__ = [
     "open_device",
     "open_source",
     "parse_procedure",
+    "perceiver_name",
     "procedure_names",
 ]
 
 PERCEIVERS = {
     "tracker": "haptigraph.perception.tracker:Tracker",
+    "bscan": "haptigraph.perception.bscan:BscanPerceiver",
+    "forceps": "haptigraph.perception.forceps:ForcepsPerceiver",
+    "segmentation": "haptigraph.perception.segmentation:SegmentationPerceiver",
     "threshold": "haptigraph.perception.threshold:ThresholdPerceiver",
 }
 DEVICES = {
+    "audio": "haptigraph.haptics.audio:AudioDevice",
     "console": "haptigraph.haptics.console:ConsoleDevice",
+    "gamepad": "haptigraph.haptics.gamepad:GamepadDevice",
+    "ros2": "haptigraph.haptics.ros2:Ros2Device",
+    "serial": "haptigraph.haptics.firmata:FirmataDevice",
     "trace": "haptigraph.haptics.trace:TraceDevice",
 }
+WARDED = ("gamepad", "ros2", "serial")  # devices that would go on if the run died
+MOVES = (*WARDED, "audio")  # devices that someone feels
 SOURCES = {
     "camera": "haptigraph.sources.camera:CameraSource",
+    "dicom": "haptigraph.sources.dicom:DicomSource",
     "images": "haptigraph.sources.images:ImagesSource",
+    "oct": "haptigraph.sources.oct:OctSource",
     "phantom": "haptigraph.sources.phantom:PhantomSource",
+    "realsense": "haptigraph.sources.realsense:RealsenseSource",
+    "realsense-file": "haptigraph.sources.realsense_file:RealsenseFile",
     "recording": "haptigraph.sources.recording:RecordingSource",
+    "ros2": "haptigraph.sources.ros2:Ros2Source",
     "teleop": "haptigraph.sources.teleop:TeleopSource",
     "video": "haptigraph.sources.video:VideoSource",
 }
-MADE_NOW = ("camera", "phantom", "teleop")  # sources that make their images as they go, in real time
-SETTLED = ("images", "phantom", "recording", "video")  # sources whose next images nothing can change
-
-DEFAULT_SCENARIO = "align_then_approach"
-DEFAULT_TRACE = "touch.csv"
 
 
 def build(
@@ -87,20 +93,36 @@ def build(
     """
     clock: Clock = MonotonicClock() if is_realtime(config) else VirtualClock()
     procedure = load_procedure(config.run.procedure)
-    load_registration = _load("haptigraph.perception.registration:load_registration")
-    given = load_registration(config.source.registration) if config.source.registration else None
+    config = config.with_perceiver(perceiver_name(config, procedure))  # a recording says which it was
+    load_registered = _load("haptigraph.perception.scan_registration:load_registered")
+    given = load_registered(config.source.registration) if config.source.registration else None
     with ExitStack() as undo:
         source = open_source(config, clock, (given.width_px, given.height_px) if given else None)
         undo.callback(source.close)
+        source = _load("haptigraph.sources.phased:phased")(
+            source, procedure.schema.phases, config.trial.phase
+        )
         registration = given or _own_registration(source, config)
+        if config.source.target_mm is not None:
+            registration = _load("haptigraph.perception.retarget:with_target")(
+                registration, config.source.target_mm
+            )
         pipeline = build_pipeline(config, registration, procedure)
-        writer = _run_writer(config, source, registration, procedure, clock)
-        if writer is not None:
+        info = run_info(config, source, registration, procedure, clock, haptigraph.__version__)
+        measures = procedure.schema.measure_names
+        writer: RunWriter | None = None
+        if config.recording.path:
+            writer = RunWriter(config.recording.path, info, registration.image, measures)
             undo.callback(writer.discard)
+        bridges = []
+        if config.run.bridges:
+            run = _load("haptigraph.bridges.bridge:Run")(info, registration.image, measures, clock, source)
+            bridges = _load("haptigraph.bridges.opening:open_bridges")(config.run.bridges, run)
+            undo.callback(lambda: [bridge.close() for bridge in bridges])
         device = open_device(config.haptics.device)
         undo.callback(device.close)
-        if listener is not None:
-            device = TappedDevice(device, listener)
+        for hears in (*(bridge.felt for bridge in bridges), *((listener,) if listener else ())):
+            device = TappedDevice(device, hears)
         hand = _hand(device, config, clock)
         undo.callback(hand.close)
         recorders: list[Sink] = []
@@ -112,10 +134,10 @@ def build(
             pipeline,
             source=source,
             hand=hand,
-            sinks=[*recorders, *sinks],
+            sinks=[*bridges, *recorders, *sinks],
             clock=clock,
             stale_ms=config.run.stale_ms,
-            notes=_notes(config, procedure, device),
+            notes=_notes(config, source, procedure, device),
         )
         undo.pop_all()
     return loop
@@ -125,57 +147,47 @@ def is_realtime(config: Config) -> bool:
     """Tell whether a run is paced by the clock: as the configuration says, or else as its source suggests.
 
     Raises:
-        BadInput: If a camera is to run at any other pace.
+        BadInput: If a camera, an actuator or a bridge is to run at any other pace.
     """
-    kind, _ = _split_source(config.source.uri)
-    realtime = kind in MADE_NOW if config.run.realtime is None else config.run.realtime
-    if kind == "camera" and not realtime:
-        raise BadInput(f"{config.source.uri} delivers in real time; --fast works with files and the phantom")
+    kind, _ = split_source(config.source.uri, SOURCES)
+    moves = config.haptics.device.partition(":")[0] in MOVES and not config.haptics.device.endswith(".wav")
+    suggested = moves or kind in MADE_NOW or bool(config.run.bridges)
+    realtime = suggested if config.run.realtime is None else config.run.realtime
+    if not realtime and (moves or kind in CAMERAS or config.run.bridges):
+        bridges = " ".join(f"--bridge {name}" for name in config.run.bridges)
+        which = config.haptics.device if moves else config.source.uri if kind in CAMERAS else bridges
+        raise BadInput(f"{which} works in real time; --fast is for files, the phantom, console and trace")
     return realtime
 
 
-def build_pipeline(config: Config, registration: "Registration", procedure: "Procedure") -> Pipeline:
-    """Assemble the four stages alone, for replay and evaluation.
+def build_pipeline(
+    config: Config, registration: "Registered", procedure: "Procedure", perceive: Perceiver | None = None
+) -> Pipeline:
+    """Assemble the four stages alone, for replay, evaluation and simulated studies.
+
+    Args:
+        config: Names the perceiver.
+        registration: Where the anatomy lies.
+        procedure: Rules and touch.
+        perceive: Takes the place of the perceiver that the configuration names.
 
     Raises:
         BadInput: If there is no such perceiver.
     """
-    perceiver = _named(PERCEIVERS, "perceiver", config.perception.perceiver)
-    perceive = perceiver(registration.straight, config.perception)
-    if (slant := registration.image.straight_from_image) is not None:
-        straightened = _load("haptigraph.perception.straightening:StraightenedPerceiver")
-        perceive = straightened(perceive, registration, slant)
     return Pipeline(
-        perceive=perceive,
+        perceive=perceive or _perceiver(config, registration, procedure),
         build_scene=_load("haptigraph.scene.builder:SchemaSceneBuilder")(procedure.schema),
         reason=_load("haptigraph.inference.engine:RuleEngine")(procedure),
         render=_load("haptigraph.haptics.renderer:GrammarRenderer")(procedure.patterns),
     )
 
 
-def _split_source(uri: str) -> tuple[str, str]:
-    """Return the kind of a source and what it takes: "phantom:x" -> ("phantom", "x").
-
-    Raises:
-        BadInput: If it is neither a known kind nor an existing path.
-    """
-    kind, _, argument = uri.partition(":")
-    if uri == "teleop":
-        return kind, DEFAULT_SCENARIO
-    if argument and kind in SOURCES:
-        return kind, argument
-    path = Path(uri)
-    if uri and path.is_dir():
-        return "images", uri
-    if path.suffix == ".mcap":
-        return "recording", uri
-    if uri and path.exists():
-        return "video", uri
-    raise BadInput(
-        "no such source; valid: phantom:SCENARIO, teleop:SCENARIO, camera:N, or the path of a video, a "
-        "folder of images or a recording (.mcap)",
-        uri or "''",
-    )
+def perceiver_name(config: Config, procedure: "Procedure") -> str:
+    """Return which perceiver is used; "auto": the first that sees most of what a procedure speaks of."""
+    if config.perception.perceiver != "auto":
+        return config.perception.perceiver
+    wanted = {entity.name for entity in procedure.schema.entities}
+    return max(PERCEIVERS, key=lambda name: len(wanted & _load(PERCEIVERS[name]).sees))
 
 
 def open_source(config: Config, clock: Clock, size_px: tuple[int, int] | None = None) -> Source:
@@ -190,18 +202,25 @@ def open_source(config: Config, clock: Clock, size_px: tuple[int, int] | None = 
         BadInput: If it cannot be opened.
         NeedsRegistration: If it is a camera and its image size is not known.
     """
-    kind, argument = _split_source(config.source.uri)
+    kind, argument = split_source(config.source.uri, SOURCES)
     if config.source.loop and kind != "phantom":
         raise BadInput(f"source.loop works with phantom:SCENARIO only, found {config.source.uri!r}")
-    options: dict[str, Callable[[], dict[str, Any]]] = {
-        "camera": lambda: {"size_px": size_px, "rate_hz": config.source.rate_hz, "clock": clock},
-        "images": lambda: {"rate_hz": config.source.rate_hz},
-        "phantom": lambda: {"loop": config.source.loop},
+    asked = config.source
+    size_px = camera_size_px(asked, size_px) if kind in CAMERAS else None
+    camera = {"size_px": size_px, "rate_hz": asked.rate_hz, "clock": clock}
+    options: dict[str, dict[str, Any]] = {
+        "camera": {**camera, "fourcc": asked.fourcc},
+        "dicom": {"rate_hz": asked.rate_hz},
+        "images": {"rate_hz": asked.rate_hz},
+        "oct": {"asked": asked},
+        "phantom": {"loop": asked.loop, "target_mm": asked.target_mm},
+        "realsense": camera,
+        "ros2": camera,
+        "teleop": {"clock": clock, "target_mm": asked.target_mm},
     }
-    given: Any = _camera_number(argument) if kind == "camera" else argument
-    if kind == "camera" and size_px is None:
-        raise NeedsRegistration(config.source.uri)
-    source: Source = _load(SOURCES[kind])(given, **options.get(kind, dict)())
+    source: Source = _load(SOURCES[kind])(argument, **options.get(kind, {}))
+    if asked.crop_px and kind != "oct":  # which cuts by itself
+        source = _load("haptigraph.sources.crop:CropSource")(source, asked.crop_px, asked.uri)
     if kind in MADE_NOW and config.source.jpeg_quality:
         source = _load("haptigraph.sources.jpeg:JpegSource")(source, config.source.jpeg_quality)
     if kind in SETTLED:
@@ -216,12 +235,9 @@ def open_device(name: str) -> Device:
         BadInput: If there is none of that name.
     """
     kind, _, argument = name.partition(":")
-    device = _named(DEVICES, "device", kind)
-    if kind == "trace":
-        return device(argument or DEFAULT_TRACE)  # type: ignore[no-any-return]
-    if argument:
-        raise BadInput(f"device {kind!r} takes nothing behind a colon, found {name!r}")
-    return device()  # type: ignore[no-any-return]
+    if kind in WARDED:
+        return _load("haptigraph.haptics.warden:WardedDevice")(DEVICES[kind], argument)  # type: ignore[no-any-return]
+    return _named(DEVICES, "device", kind)(argument)  # type: ignore[no-any-return]
 
 
 def procedure_names() -> list[str]:
@@ -256,14 +272,26 @@ def parse_procedure(text: str, file: str) -> "Procedure":
 def _measure_shapes() -> dict[str, tuple[tuple[str, str], ...]]:
     from haptigraph.scene.relations import MEASURES
 
-    return {name: measure.shapes for name, measure in MEASURES.items()}
+    return {name: tuple(measure.shapes) for name, measure in MEASURES.items()}
 
 
-def _own_registration(source: Source, config: Config) -> "Registration":
-    from haptigraph.perception.registration import parse_registration
+def _perceiver(config: Config, registration: "Registered", procedure: "Procedure") -> Perceiver:
+    name = perceiver_name(config, procedure)
+    perceiver = _named(PERCEIVERS, "perceiver", name)
+    _load("haptigraph.perception.scan_registration:check_fits")(name, perceiver, registration)
+    perceive: Perceiver = perceiver(registration.straight, config.perception)
+    if (slant := registration.image.straight_from_image) is not None:
+        straightened = _load("haptigraph.perception.straightening:StraightenedPerceiver")
+        perceive = straightened(perceive, registration, slant)
+    phased = _load("haptigraph.perception.phase:PhasedPerceiver")
+    return phased(perceive, phases) if (phases := procedure.schema.phases) else perceive
+
+
+def _own_registration(source: Source, config: Config) -> "Registered":
+    from haptigraph.perception.scan_registration import parse_registered
 
     if source.registration is not None:
-        return parse_registration(source.registration, f"registration of {config.source.uri}")
+        return parse_registered(source.registration, f"registration of {config.source.uri}")
     beside = Path(config.source.uri).parent / "registration.toml"
     hint = f"; there is one beside it: {beside}" if beside.is_file() else ""
     raise NeedsRegistration(config.source.uri, hint)
@@ -276,44 +304,14 @@ def _hand(device: Device, config: Config, clock: Clock) -> Hand:
     return guard  # type: ignore[no-any-return]
 
 
-def _notes(config: Config, procedure: "Procedure", device: Device) -> list[str]:
-    notes = [note for pattern in procedure.patterns for note in beyond(pattern, device.capabilities)]
-    if _split_source(config.source.uri)[0] == "teleop":
+def _notes(config: Config, source: Source, procedure: "Procedure", device: Device) -> list[str]:
+    beyonds = (note for pattern in procedure.patterns for note in beyond(pattern, device.capabilities))
+    notes = [*getattr(source, "notes", ()), *(f"{config.haptics.device}: {note}" for note in beyonds)]
+    if split_source(config.source.uri, SOURCES)[0] == "teleop":
         notes.append(
-            "the needle stands still until a hand steers it; `haptigraph live` offers a page for that"
+            "the needle stands still until a hand steers it: the page of `haptigraph live`, or --bridge ros2"
         )
     return notes
-
-
-def _run_writer(
-    config: Config, source: Source, registration: "Registration", procedure: "Procedure", clock: Clock
-) -> RunWriter | None:
-    if not config.recording.path:
-        return None
-    utc_ns = time.time_ns()
-    info = RunInfo(
-        version=haptigraph.__version__,
-        started_utc=datetime.datetime.fromtimestamp(utc_ns / 1e9, datetime.UTC).isoformat(),
-        utc_offset_ns=utc_ns - clock.now_ns(),
-        source=config.source.uri,
-        rate_hz=source.rate_hz,
-        config=msgspec.json.encode(config).decode(),
-        registration=registration.text,
-        registration_sha256=registration.sha256,
-        procedure=procedure.text,
-        procedure_sha256=procedure.sha256,
-        participant=config.trial.participant,
-        trial=config.trial.trial,
-    )
-    schema = procedure.schema
-    measures = tuple(dict.fromkeys(schema.measure_name(relation) for relation in schema.relations))
-    return RunWriter(config.recording.path, info, registration.image, measures)
-
-
-def _camera_number(argument: str) -> int:
-    if not re.fullmatch("[0-9]{1,4}", argument):
-        raise BadInput(f"camera:{argument} is no camera; camera:0 is the first")
-    return int(argument)
 
 
 def _named(registry: dict[str, str], what: str, name: str) -> Any:

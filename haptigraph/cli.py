@@ -8,11 +8,18 @@ from typing import Any
 import click
 
 import haptigraph
+from haptigraph.commands.actuators import devices
+from haptigraph.commands.explaining import diagram, explain
 from haptigraph.commands.live import live
+from haptigraph.commands.looking import sources
 from haptigraph.commands.preparing import check, register
 from haptigraph.commands.recordings import recover, replay
 from haptigraph.commands.running import demo, run
 from haptigraph.commands.scoring import evaluate
+from haptigraph.commands.study import study
+from haptigraph.commands.study_report import study_report
+from haptigraph.commands.study_run import study_run
+from haptigraph.commands.study_simulated import simulate, sweep
 from haptigraph.errors import HaptigraphError
 from haptigraph.terminal import tell
 
@@ -49,5 +56,21 @@ def main() -> None:
     """
 
 
-for command in (run, live, replay, evaluate, register, check, recover, demo):
+for command in (
+    run,
+    live,
+    replay,
+    evaluate,
+    register,
+    check,
+    explain,
+    diagram,
+    devices,
+    sources,
+    study,
+    recover,
+    demo,
+):
     main.add_command(command)
+for command in (study_run, study_report, simulate, sweep):
+    study.add_command(command)

@@ -5,6 +5,7 @@ They know nothing of how it is shown; `cli` prints it and exits with code 2.
 
     HaptigraphError
     ├── BadInput        a file, key or argument that cannot be used
+    │   └── StoreFailed a database that does not do what it is asked (it may later)
     ├── MissingExtra    an optional library that is not installed
     ├── SourceLost      a camera that went away (the loop goes on)
     ├── DeviceError     an actuator that does not obey (the loop goes on)
@@ -25,6 +26,7 @@ __all__ = [
     "NeedsRegistration",
     "PerceiverBroken",
     "SourceLost",
+    "StoreFailed",
     "unknown_name",
 ]
 
@@ -46,6 +48,10 @@ class BadInput(HaptigraphError):
         self.problem, self.file, self.place = problem, file, place
         where = ", ".join(part for part in (str(file) if file else "", place) if part)
         super().__init__(f"{where}: {problem}" if where else problem)
+
+
+class StoreFailed(BadInput):
+    """A database does not do what it is asked; it may when it is asked again."""
 
 
 class NeedsRegistration(BadInput):

@@ -18,11 +18,13 @@ from haptigraph.graph import SceneGraph, Triplet
 __all__ = [
     "OFF",
     "UNKNOWN",
+    "CameraStamp",
     "Capabilities",
     "Capture",
     "Certainty",
     "Conclusion",
     "Fault",
+    "Follow",
     "HandState",
     "HapticCommand",
     "Image",
@@ -43,12 +45,15 @@ UNKNOWN = "unknown"
 class Fault(Struct, frozen=True):
     """Something that went wrong and that the loop survived."""
 
-    where: Literal["source", "perceiver", "guard", "device", "recorder"]
+    where: Literal["source", "perceiver", "guard", "device", "recorder", "bridge"]
     message: str
 
 
 class Truth(Struct, frozen=True):
-    """What a simulator knows about its image. Recorded and scored, never read by a stage."""
+    """What a simulator knows about its image. Recorded and scored, never read by a stage.
+
+    The one exception says so in every result: `study.known`.
+    """
 
     visible: bool
     """Whether the tip can be seen (not while it passes the wall)."""
@@ -56,9 +61,11 @@ class Truth(Struct, frozen=True):
     tip_px: Vec
     tip_mm: Vec
     depth_mm: float
-    """From the trocar's pivot to the tip; negative outside."""
+    """From the trocar's pivot to the tip; negative outside. In a B-scan: below the ILM, down the beam."""
     theta_deg: float
-    """Angle between the shaft and the line trocar -> target."""
+    """Angle between the shaft and the line trocar -> target. In a B-scan: and the horizontal."""
+    others: dict[str, Geometry] = {}
+    """Where everything else is that moves or may be looked for, by entity name, eye frame."""
 
 
 class HandState(Struct, frozen=True):
@@ -80,6 +87,19 @@ class HandState(Struct, frozen=True):
     """Strength (RMS) of the simulated tremor of the hand, per axis."""
 
 
+class CameraStamp(Struct, frozen=True):
+    """When a camera itself says that it took an image; `Capture.stamp_ns` was made from it if it can be."""
+
+    clock: str
+    """Whose clock: "global" (the camera's, in this machine's time since 1970), "hardware" (the camera's, from
+    any zero), "system" (this machine's, since 1970), "driver" (this machine's monotonic one), "ros" (the
+    publisher's, usually since 1970)."""
+    stamp_ns: int
+    """On that clock, as it came."""
+    arrived_ns: int | None = None
+    """When the image reached haptigraph, on the run's clock; None if it came from a file."""
+
+
 class Capture(Struct, frozen=True, eq=False):
     """One tick of input: an image, or the fact that there is none."""
 
@@ -95,6 +115,12 @@ class Capture(Struct, frozen=True, eq=False):
     truth: Truth | None = None
     hand: HandState | None = None
     """Where a hand steers the phantom."""
+    camera: CameraStamp | None = None
+    """Where a camera stamps its images itself."""
+    phase: str = ""
+    """The phase of the operation, as a person or a script says it; empty: nobody does."""
+    phase_s: float = 0.0
+    """How long it has been going on."""
 
 
 class Certainty(Struct, frozen=True):
@@ -117,6 +143,8 @@ class Observation(Struct, frozen=True):
     faults: tuple[Fault, ...] = ()
     certainty: Certainty | None = None
     """Of the needle, where there is one and the perceiver can tell."""
+    interpolated: dict[str, tuple[Vec, ...]] = {}
+    """Parts of surfaces that were not seen but bridged: from where to where (x, eye frame, mm), by name."""
 
 
 class Conclusion(Struct, frozen=True):
@@ -131,7 +159,26 @@ class Conclusion(Struct, frozen=True):
     because: str
     """One sentence for people."""
     evidence: tuple[Triplet, ...] = ()
-    """The edges that made the rule fire."""
+    """The edges that made the rule fire; none while a state is held though its rule no longer fits."""
+    measures: dict[str, float] = {}
+    """Those measures of the graph that the pattern it feels follows."""
+
+
+class Follow(Struct, frozen=True, forbid_unknown_fields=True):
+    """How one number of a pattern follows a measure of the scene."""
+
+    key: Literal["amplitude", "frequency_hz", "rate_hz"]
+    """What follows; `rate_hz` is how often pulses come, made by their pauses."""
+    measure: str
+    """What it follows, by its name in the graph."""
+    start: tuple[float, float]
+    """(measure, number): until the measure gets there, the number is this."""
+    end: tuple[float, float]
+    """(measure, number): from there on, the number is this."""
+    curve: float = 1.0
+    """Exponent of the way in between; 1 is straight, 2 slow at first."""
+    dead_band: float = 0.0
+    """A change of the measure that is not followed: its noise."""
 
 
 class Pattern(Struct, frozen=True, forbid_unknown_fields=True):
@@ -147,6 +194,10 @@ class Pattern(Struct, frozen=True, forbid_unknown_fields=True):
     on_ms: float = 0.0
     off_ms: float = 0.0
     count: int = 0
+    rearm_ms: float = 0.0
+    """Bursts play again only if their state was left for so long."""
+    follow: tuple[Follow, ...] = ()
+    """Numbers that follow a measure; none in a command, which says what they have become."""
 
 
 OFF = Pattern("off", "off")
@@ -170,6 +221,15 @@ class Capabilities(Struct, frozen=True):
     """Frequencies it can choose, or None when it has but one."""
     shortest_on_ms: float
     """Shorter bursts are not felt."""
+    max_rate_hz: float | None = None
+    """Changes per second it takes, but for silence, which it always takes; None: all that come."""
+    holds_ms: float | None = None
+    """It falls silent by itself so long after it was last told, so the guard tells it again in time; None: it
+    vibrates until told otherwise."""
+    answers: bool = False
+    """Whether it confirms what it was told, so that telling it takes one round trip."""
+    otherwise: str = ""
+    """What it does with what it cannot, in one sentence."""
 
 
 class Timing(Struct, frozen=True):

@@ -179,6 +179,7 @@ class Loop:
         self.notes, self.report = tuple(notes), RunReport()
         self._clock, self._stale_ms = clock, stale_ms
         self._start_ns: int | None = None
+        self._last_ns: int | None = None
         self._index = -1
         self._closed = False
 
@@ -203,7 +204,7 @@ class Loop:
         begun_s, first_ns, broken_in_row = time.perf_counter(), None, 0
         try:
             for capture in self._captures():
-                step = self._turn(capture)
+                step = self._turn(self._in_order(capture))
                 first_ns = step.stamp_ns if first_ns is None else first_ns
                 self.report.steps += 1
                 self.report.duration_s = (step.stamp_ns - first_ns) / 1e9
@@ -268,6 +269,13 @@ class Loop:
             self.report.skipped += max(capture.index - self._index - 1, 0)
             self._index = capture.index
             yield replace(capture, faults=(*capture.faults, *faults))
+
+    def _in_order(self, capture: Capture) -> Capture:
+        """Let no stamp fall: an image that was missed may come after all, taken before that moment."""
+        if self._last_ns is not None and capture.stamp_ns < self._last_ns:
+            return replace(capture, stamp_ns=self._last_ns)
+        self._last_ns = capture.stamp_ns
+        return capture
 
     def _blank(self, message: str, faults: tuple[Fault, ...]) -> Capture:
         """Make the capture of a moment without image, so that a step says the needle is lost, and why."""

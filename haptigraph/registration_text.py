@@ -7,10 +7,20 @@ from msgspec import Struct
 
 from haptigraph.geometry import Homography, Vec
 
-__all__ = ["FORMAT", "AnatomyPx", "TrocarPx", "registration_text"]
+__all__ = [
+    "AXIAL_MM_PER_PX",
+    "FORMAT",
+    "LATERAL_MM_PER_PX",
+    "AnatomyPx",
+    "TrocarPx",
+    "registration_text",
+    "scan_registration_text",
+]
 
 FORMAT = 1
 """Version of the file."""
+AXIAL_MM_PER_PX, LATERAL_MM_PER_PX = (0.0005, 0.02), (0.0005, 0.06)
+"""Plausible size of a B-scan's pixel: that of the scanners there are."""
 
 
 class TrocarPx(Struct, frozen=True):
@@ -65,6 +75,38 @@ contour_px = [{contour}]
 [target]
 point_px = {_px(anatomy.target_px)}
 {trocars}{_slant(anatomy.straight_from_image)}"""
+
+
+def scan_registration_text(
+    size_px: tuple[int, int],
+    axial_mm_per_px: float,
+    lateral_mm_per_px: float,
+    title: str,
+    depth_share: float = 0.7,
+) -> str:
+    """Return the text of a registration of B-scans.
+
+    Args:
+        size_px: (width, height).
+        axial_mm_per_px: Scale down the image.
+        lateral_mm_per_px: Scale across.
+        title: First line of the file.
+        depth_share: How deep the target lies, of the way from ILM to RPE.
+    """
+    return f"""# {title}
+format = {FORMAT}
+
+[image]
+width = {size_px[0]}
+height = {size_px[1]}
+
+[scale]
+axial_mm_per_px = {axial_mm_per_px:.9g}
+lateral_mm_per_px = {lateral_mm_per_px:.9g}
+
+[target]
+depth_share = {depth_share:g}
+"""
 
 
 def _slant(straight_from_image: Homography | None) -> str:

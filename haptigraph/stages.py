@@ -27,7 +27,7 @@ class Source(Protocol):
     rate_hz: float
     """Images per second, nominally."""
     is_live: bool
-    """True if images come when they come (camera); False if the run paces them (file, simulator)."""
+    """True if images come when they come (camera, steered robot); False if the run paces them (file)."""
     registration: str | None
     """TOML text of the registration that belongs to these images, where the source knows it."""
 
@@ -106,9 +106,12 @@ class Device(Protocol):
     """Make one actuator vibrate. Called only by the guard."""
 
     capabilities: Capabilities
+    """What it can do; known once it is open."""
 
     def set(self, amplitude: float, frequency_hz: float, stamp_ns: int) -> None:
-        """Vibrate so from now on, until told otherwise; 0 is silence.
+        """Vibrate so from now on, until told otherwise or `capabilities.holds_ms` have passed; 0 is silence.
+
+        The first call is silence, so that whatever a device did before is over.
 
         Args:
             amplitude: Strength in [0, 1].

@@ -1,8 +1,11 @@
 """Shared fixtures. The eye of the tests is the simulator's; clips beside the checkout are used where present."""
 
+import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import ros_network as ros_network_module
 from hypothesis import settings
 
 from haptigraph.assemble import load_procedure
@@ -16,6 +19,11 @@ settings.register_profile("haptigraph", deadline=None, derandomize=True)
 settings.register_profile("fuzz", deadline=None, max_examples=3000)
 settings.load_profile("haptigraph")
 
+# A shell's background job ignores them, and so would the runs that tests start and end by them.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+if hasattr(signal, "SIGHUP"):
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
 DATA = Path(__file__).parent / "data"
 CLIPS = Path(__file__).parents[2] / "shared" / "clips"
 
@@ -24,6 +32,12 @@ CLIPS = Path(__file__).parents[2] / "shared" / "clips"
 def quick() -> str:
     """The path of a short scenario in small pictures."""
     return str(DATA / "quick.toml")
+
+
+@pytest.fixture(scope="session")
+def quick_scan() -> str:
+    """The path of a short scenario in small B-scans."""
+    return str(DATA / "quick_scan.toml")
 
 
 @pytest.fixture(scope="session")
@@ -53,3 +67,35 @@ def clip(request: pytest.FixtureRequest) -> Path:
     if not folder.is_dir():
         pytest.skip(f"{folder} is not here")
     return folder
+
+
+@pytest.fixture(scope="session")
+def ros_network() -> Iterator[None]:
+    """DDS on this machine alone, here and in the processes that tests start."""
+    pytest.importorskip("cyclonedds")
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in ros_network_module.loopback(ros_network_module.tag()).items():
+            patch.setenv(name, value)
+        yield
+
+
+@pytest.fixture
+def peer(ros_network: None) -> Iterator["ros_network_module.Peer"]:
+    peer = ros_network_module.Peer()
+    yield peer
+    peer.node.close()
+
+
+@pytest.fixture(scope="session")
+def lsl_network(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Lab Streaming Layer on this machine alone, here and in the processes that tests start."""
+    settings = tmp_path_factory.mktemp("lsl") / "lsl_api.cfg"
+    session = ros_network_module.tag()
+    settings.write_text(
+        "[ports]\nIPv6 = disable\n[multicast]\nResolveScope = machine\n"
+        f"[lab]\nKnownPeers = {{127.0.0.1}}\nSessionID = {session}\n"
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("LSLAPICFG", str(settings))
+        pytest.importorskip("pylsl")
+        yield

@@ -3,6 +3,7 @@
 from click.testing import CliRunner
 
 from haptigraph.cli import main
+from haptigraph.errors import EndOfSource
 from haptigraph.geometry import Geometry, Point, Segment, Vec, rotate, subtract, unit
 from haptigraph.graph import SceneGraph
 from haptigraph.haptics.renderer import GrammarRenderer
@@ -98,3 +99,14 @@ def refuse(*arguments: str) -> str:
     lines = result.stderr.strip().splitlines()
     assert len(lines) == 1, result.stderr
     return lines[0]
+
+
+def drain(source, timeout_s: float = 1.0) -> list[Capture]:
+    """All captures of a source, which is closed at its end."""
+    captures = []
+    try:
+        while True:
+            captures.append(source.read(timeout_s))
+    except EndOfSource:
+        source.close()
+    return captures

@@ -14,7 +14,7 @@ ROOT = Path(haptigraph.__file__).parent
 MODULES = sorted(module.name for module in pkgutil.walk_packages([str(ROOT)], "haptigraph."))
 FILES = sorted(ROOT.rglob("*.py"))
 STAGES = ("perception", "scene", "inference")
-UNITS = {"mm", "px", "deg", "rad", "px2", "ns", "ms", "s", "hz", "grey", "mb"}
+UNITS = {"mm", "um", "px", "db", "deg", "rad", "px2", "ns", "ms", "s", "hz", "grey", "mb"}
 # Numbers without a unit: ratios and counts, and the paper's alpha.
 UNITLESS = {
     "alpha", "amplitude", "percent", "value", "at_most", "below", "at_least", "above", "release",
@@ -23,6 +23,13 @@ UNITLESS = {
     "font_size", "theta_integral", "offset_grey", "mm_per_px", "px_per_mm", "left", "top", "right", "bottom",
     "low", "high", "rim_ratio", "reach_ratio", "support_ratio", "half_width", "radius", "inner", "scale",
     "lag_images", "mm_s", "deg_s", "flicker", "confidence", "slope", "share", "share_deviation",
+    "least", "way",
+    "curve", "dead_band", "statistic", "p", "holm_p", "effect", "mean_difference", "strength", "faintest",
+    "distance_share", "motor_share", "strength_share", "notices_share", "align_share", "changes_per_min",
+    "w", "t", "df", "d", "opposite", "mean", "sd", "median", "lower", "upper",
+    "difference", "error", "estimate", "observed", "detectable_d", "needed", "score", "from_score",
+    "participant_sd", "residual_sd", "width", "height",
+    "least_confidence", "across", "down", "depth_share", "target_share", "chance",
 }  # fmt: skip
 
 
@@ -52,7 +59,10 @@ PRIVATE = {
     "haptigraph.cli": ("Commands",),
     "haptigraph.sim.painter": ("Palette",),
     "haptigraph.sim.scenario": ("About",),
-    "haptigraph.scene.relations": ("distance_mm", "radial_mm", "theta_deg", "wall_mm"),
+    "haptigraph.scene.relations": (
+        "distance_mm", "radial_mm", "theta_deg", "wall_mm", "clearance_mm", "aside_mm", "elapsed_s",
+        "gap_um", "incidence_deg", "depth_percent", "thickness_um",
+    ),
     "haptigraph.recording.foxglove": (
         "CircleAnnotation", "Color", "Point2", "PointsAnnotation", "TextAnnotation",
     ),

@@ -27,12 +27,17 @@ def test_every_class_that_is_named_exists(registry):
         ((f"source.uri=camera:{'9' * 5000}",), "is no camera; camera:0 is the first"),
         (("source.uri=video:",), "video:: no such source; valid: phantom:SCENARIO"),
         (('source.uri=""',), "'': no such source; valid: phantom:SCENARIO"),
-        (("source.uri=camera:0", "run.realtime=false"), "camera:0 delivers in real time"),
+        (("source.uri=camera:0", "run.realtime=false"), "camera:0 works in real time; --fast is for files"),
+        (("haptics.device=serial:x", "run.realtime=false"), "serial:x works in real time; --fast is for"),
         (("source.uri=camera:0",), "camera:0 needs a registration; give --registration FILE"),
-        (("haptics.device=glove",), "unknown device 'glove'; valid: console, trace"),
+        (("haptics.device=glove",), "unknown device 'glove'; valid: audio, console, gamepad, ros2"),
         (("haptics.device=console:3",), "device 'console' takes nothing behind a colon"),
         (("perception.perceiver=magic",), "unknown perceiver 'magic'"),
-        (("run.procedure=magic",), "unknown procedure 'magic'; valid: subretinal_injection, or the path"),
+        (
+            ("run.procedure=magic",),
+            "unknown procedure 'magic'; valid: membrane_peeling, subretinal_injection, ",
+        ),
+        (("trial.phase=injection",), "trial.phase: unknown phase 'injection'; valid: none"),
         (("source.registration=gone.toml",), "gone.toml: cannot be read"),
     ],
 )
@@ -40,6 +45,20 @@ def test_what_cannot_be_assembled_is_one_sentence(settings, told):
     message = refuse(*settings)
     assert told in message
     assert "\n" not in message
+
+
+@pytest.mark.parametrize(
+    ("procedure", "asked", "perceiver"),
+    [
+        ("subretinal_injection", "auto", "tracker"),
+        ("subretinal_injection_phases", "auto", "tracker"),
+        ("membrane_peeling", "auto", "forceps"),
+        ("membrane_peeling", "threshold", "threshold"),
+    ],
+)
+def test_the_perceiver_is_the_one_that_sees_what_the_procedure_speaks_of(procedure, asked, perceiver):
+    config = load_config(None, (f"perception.perceiver={asked}",))
+    assert assemble.perceiver_name(config, assemble.load_procedure(procedure)) == perceiver
 
 
 def test_a_video_without_registration_points_at_the_one_beside_it(clip):
@@ -87,8 +106,8 @@ def test_what_a_device_cannot_is_noted(quick_uri, monkeypatch):
     monkeypatch.setattr(ConsoleDevice, "capabilities", Capabilities(1, None, 90.0))
     loop = assemble.build(load_config(None, (f"source.uri={quick_uri}", "run.realtime=false")))
     loop.close()
-    assert "low: amplitude 0.3 becomes on or off" in loop.notes
-    assert "pulse: 80 ms are not felt, 90 ms are" in loop.notes
+    assert "console: low: amplitude 0.3 becomes on or off" in loop.notes
+    assert "console: pulse: 80 ms on, 80 ms off become 90 on, 80 off; no shorter ones are felt" in loop.notes
 
 
 def test_an_interrupt_at_the_very_end_of_assembly_leaves_nothing_behind(quick_uri, tmp_path, monkeypatch):

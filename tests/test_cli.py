@@ -13,7 +13,10 @@ from helpers import call, refuse
 from haptigraph.recording.journal import Journal
 from haptigraph.recording.reader import RunReader
 
-COMMANDS = ["check", "demo", "evaluate", "live", "recover", "register", "replay", "run"]
+COMMANDS = [
+    "check", "demo", "devices", "diagram", "evaluate", "explain", "live", "recover", "register", "replay", "run", "sources",
+    "study",
+]  # fmt: skip
 
 
 def test_help_lists_every_command():
@@ -31,7 +34,7 @@ def test_every_command_explains_itself(command):
 
 
 def test_help_loads_nothing_heavy():
-    code = "import sys, haptigraph.cli; print(*(m for m in ('numpy', 'cv2', 'matplotlib', 'rich', 'mcap', 'starlette', 'uvicorn') if m in sys.modules))"
+    code = "import sys, haptigraph.cli; print(*(m for m in ('numpy', 'cv2', 'matplotlib', 'rich', 'mcap', 'starlette', 'uvicorn', 'pydicom', 'pyrealsense2', 'cyclonedds', 'pylsl', 'foxglove', 'sqlalchemy', 'pandas', 'distributed', 'pyarrow') if m in sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
 
@@ -127,7 +130,42 @@ def test_check_explains_a_procedure():
     result = call("check", "subretinal_injection")
     assert result.exit_code == 0
     assert "misaligned_retinal_approach" in result.output
-    assert "no errors" in result.output
+    assert "all 17 claims proved: looked at all 34 possible graphs" in result.output
+    assert "z3" in call("check", "--prover", "z3").output
+
+
+def test_check_shows_the_smallest_graph_that_breaks_a_claim_and_exits_with_one(procedure, tmp_path):
+    file, picture = tmp_path / "p.toml", tmp_path / "broken.png"
+    file.write_text(procedure.text.replace("above = 1.7", "above = 1.9"))
+    result = call("check", file, "--picture", picture)
+    assert result.exit_code == 1
+    assert "where 1.7 < theta_deg <= 1.9, neither <needle_line, aligned, retina_target>" in result.output
+    assert "no rule fits this graph" in result.output
+    assert "needle_tip ──inside──▶ eye_globe" in result.output
+    assert "VIOLATED" in result.output and "claims proved" not in result.output
+    assert picture.stat().st_size > 20_000
+    assert "exists already" in refuse("check", file, "--picture", picture)
+    assert "valid endings: .png, .svg, .pdf" in refuse("check", file, "--picture", tmp_path / "p.xyz")
+    assert "cannot be read" in refuse("check", tmp_path / "none.toml")
+
+
+def test_explain_tells_rule_triplets_runner_up_and_how_far_it_is(recording):
+    told = call("explain", recording, "--at", 3)
+    assert told.exit_code == 0
+    assert "fired by" in told.output and "runner-up" in told.output and "graph: " in told.output
+    as_json = json.loads(call("explain", recording, "--at", 3, "--json").output)
+    assert f"{as_json['time_s']:.2f} s  {as_json['state']}, rule {as_json['priority']}" in told.output
+    assert as_json["runner_up"]["state"] != as_json["state"]
+    for wrong in (-1, 500):
+        assert f"has no step at {wrong} s; valid: 0 to " in refuse("explain", recording, "--at", wrong)
+
+
+def test_diagram_writes_an_svg_and_overwrites_none(tmp_path):
+    file = tmp_path / "states.svg"
+    assert call("diagram", "-o", file).exit_code == 0
+    assert file.read_text().startswith("<svg")
+    assert "exists already" in refuse("diagram", "-o", file)
+    assert "valid ending: .svg" in refuse("diagram", "-o", tmp_path / "states.png")
 
 
 def test_recover_makes_a_torn_recording_whole(recording, tmp_path):
@@ -163,6 +201,21 @@ def test_demo_runs_records_replays_and_draws(quick, tmp_path):
     assert str(tmp_path / "demo.png") in result.output
     assert (tmp_path / "demo.png").stat().st_size > 50_000
     assert RunReader(tmp_path / "demo.mcap").is_whole
+
+
+def test_sources_tells_what_to_type_and_what_an_extra_would_add(monkeypatch):
+    from haptigraph.sources import present
+
+    result = call("sources")
+    assert result.exit_code == 0
+    for spelled in ("phantom:SCENARIO", "camera:N", "realsense[:SERIAL]", "FILE.dcm", "FILE.mcap", "FOLDER"):
+        assert re.search(rf"^{re.escape(spelled)} .*\w", result.output, re.MULTILINE)
+    monkeypatch.setattr(present, "find_spec", lambda name: None)
+    monkeypatch.setattr(present, "present_cameras", lambda: [("camera:2", "Microscope")])
+    poor = call("sources").output
+    assert "pip install 'haptigraph[dicom]'" in poor
+    assert poor.count("pip install 'haptigraph[realsense]'") == 2
+    assert re.search(r"plugged in now\ncamera:2 +Microscope\n$", poor)
 
 
 # --- bad input: one sentence, exit code 2, nothing overwritten
@@ -230,6 +283,35 @@ def test_no_camera_and_no_clip_are_one_sentence(tmp_path, registration_toml):
     assert "registration.toml: cannot be read" in refuse("evaluate", tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("module", "extra", "source"),
+    [
+        ("pyrealsense2", "realsense", "realsense"),
+        ("pyrealsense2", "realsense", "run.db3"),
+        ("pydicom", "dicom", "scan.dcm"),
+    ],
+)
+def test_a_missing_extra_is_named_in_one_sentence(
+    monkeypatch, tmp_path, registration_toml, module, extra, source
+):
+    eye, file = tmp_path / "eye.toml", tmp_path / source
+    eye.write_text(registration_toml)
+    file.write_bytes(b"something")
+    monkeypatch.setitem(sys.modules, module, None)
+    message = refuse("run", source if source == "realsense" else file, "--registration", eye)
+    assert message.endswith(f"install it with: pip install 'haptigraph[{extra}]'")
+
+
+def test_the_phantom_runs_without_any_extra(quick_uri):
+    extras = ("pyrealsense2", "pydicom", "cyclonedds", "pylsl", "foxglove", "serial", "sdl2", "sounddevice")
+    hidden = (*extras, "pyigtl", "z3", "networkx", "av")
+    code = f"import sys; sys.modules.update(dict.fromkeys({hidden})); from haptigraph.cli import main; main()"
+    command = [sys.executable, "-c", code, "run", quick_uri, "--fast"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "source ended" in done.stdout
+
+
 def test_nothing_is_overwritten(quick_uri, tmp_path):
     for option, name in (("--record", "run.mcap"), ("--device", "touch.csv")):
         file = tmp_path / name
@@ -272,7 +354,7 @@ def test_check_takes_no_text_of_the_user_for_markup(procedure, tmp_path):
         .replace('\ntitle = "S', '\n# "S', 1)
     )
     result = call("check", file)
-    assert result.exit_code == 0
+    assert result.exit_code == 1  # the state on top fits everything
     assert "[/red]x :smile:" in result.output
     assert "[bold]x[/red]" in result.output
 

@@ -4,14 +4,19 @@ import re
 from pathlib import Path
 
 import pytest
+from helpers import call
 
 from haptigraph import assemble
+from haptigraph.analysis.diagram import diagram_svg
 from haptigraph.cli import main
 from haptigraph.config import Config
 from haptigraph.perception.registration import parse_registration
+from haptigraph.proof.prove import prove
 from haptigraph.recording.schema import TOPICS
 from haptigraph.scene.relations import MEASURES
 from haptigraph.sim.scenario import scenario_names
+from haptigraph.study.dictionary import MEASURES as MEASURES_OF_TRIALS
+from haptigraph.study.protocol import Asked, Condition, Stop, StudyTable, Target, Texts, Training, Trials
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -60,6 +65,17 @@ def test_every_setting_stands_in_the_conventions():
             assert f"`{table}.{key}`" in text, f"{table}.{key}"
 
 
+def test_every_key_of_a_protocol_and_every_measure_stands_in_the_page_on_studies():
+    text = read("docs/study.md")
+    tables = {"study": StudyTable, "condition": Condition, "training": Training, "trials": Trials}
+    tables |= {"target": Target, "questionnaire": Asked, "stop": Stop, "texts": Texts}
+    for table, struct in tables.items():
+        for key in struct.__struct_fields__:
+            assert f"`{table}.{key}`" in text, f"{table}.{key}"
+    for field in MEASURES_OF_TRIALS:
+        assert f"`{field.name}`" in text
+
+
 def test_every_measure_and_pattern_kind_stands_in_the_procedures_page():
     text = read("docs/procedures.md")
     for name in MEASURES:
@@ -68,9 +84,60 @@ def test_every_measure_and_pattern_kind_stands_in_the_procedures_page():
         assert f'`"{kind}"`' in text
 
 
-def test_the_procedure_taught_in_the_docs_loads():
-    (procedure,) = [block for block in blocks(read("docs/procedures.md"), "toml") if "[procedure]" in block]
-    assert assemble.parse_procedure(procedure, "docs/procedures.md").name == "touch_and_go"
+GOLDEN = ROOT / "tests" / "replay" / "golden" / "wrong_place_then_hit.mcap"
+
+
+def test_the_procedure_taught_in_the_docs_is_sound():
+    (text,) = [block for block in blocks(read("docs/procedures.md"), "toml") if "[procedure]" in block]
+    procedure = assemble.parse_procedure(text, "docs/procedures.md")
+    assert procedure.name == "touch_and_go"
+    assert prove(procedure).violations == []
+
+
+@pytest.mark.parametrize("part", ["invariant", "gap", "overlap", "temporal"])
+def test_parts_of_procedures_taught_in_the_docs_are_what_they_say(part, procedure):
+    page = blocks(read("docs/procedures.md"), "toml")
+    (text,) = [block for block in page if "[procedure]" not in block and block.startswith(f"[[{part}]]")]
+    whole = procedure.text
+    if part == "gap":  # it is the one that ships
+        assert text in whole
+        whole = whole.replace(text, "")
+        assert not prove(assemble.parse_procedure(whole, "p.toml")).holds
+    if part == "overlap":
+        misled = whole.replace("at_most = 1.7", "at_most = 1.7\nrelease = 2.0")
+        told = [one.sentence for one in prove(assemble.parse_procedure(misled, "p.toml")).violations]
+        assert any("misaligned_intraocular_navigation', which feels 'low'" in sentence for sentence in told)
+        whole = whole.replace("at_most = 0.7", "at_most = 0.7\nrelease = 0.8", 1)
+        assert not prove(assemble.parse_procedure(whole, "p.toml")).holds
+    assert prove(assemble.parse_procedure(whole + "\n" + text, "p.toml")).violations == []
+
+
+def test_commands_on_procedures_say_what_the_docs_say(tmp_path, monkeypatch):
+    page = read("docs/procedures.md")
+    (text,) = [block for block in blocks(page, "toml") if "[procedure]" in block]
+    (tmp_path / "touch_and_go.toml").write_text(text)
+    free = text[text.index('[[state]]\nname = "free"') : text.index("[[invariant]]")]
+    (tmp_path / "without_free.toml").write_text(text.replace(free, ""))
+    (tmp_path / "run.mcap").write_bytes(GOLDEN.read_bytes())
+    monkeypatch.chdir(tmp_path)
+    transcripts = blocks(page, "text")
+    assert len(transcripts) == 4
+    for transcript in transcripts:
+        command, *lines = transcript.strip().splitlines()
+        output = call(*command.removeprefix("$ haptigraph ").split()).output
+        for line in lines:
+            assert line.strip() in output, (command, line)
+
+
+def test_the_state_diagram_in_the_docs_is_the_one_that_is_drawn(procedure):
+    assert read("docs/images/states.svg") == diagram_svg(procedure)
+
+
+def test_the_pattern_that_follows_can_be_felt():
+    (lean,) = [block for block in blocks(read("docs/procedures.md"), "toml") if "[[pattern.follow]]" in block]
+    shipped = assemble.load_procedure("subretinal_injection_continuous").text
+    start, end = shipped.index('[[pattern]]\nname = "lean"'), shipped.index('[[pattern]]\nname = "near"')
+    assert assemble.parse_procedure(shipped[:start] + lean + shipped[end:], "docs/procedures.md").patterns
 
 
 def test_the_registration_taught_in_the_docs_loads():

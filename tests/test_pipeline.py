@@ -147,6 +147,17 @@ def test_a_stale_image_is_unknown_and_silent(procedure, registration, tips):
     assert sink.steps[2].stamp_ns - sink.steps[1].stamp_ns == 100 * MS
 
 
+def test_an_image_that_comes_after_it_was_missed_does_not_turn_time_back(procedure, registration, tips):
+    clock = VirtualClock()
+    late = [Capture(0, 10 * MS, IMAGE), None, Capture(1, 60 * MS, IMAGE), Capture(2, 120 * MS, IMAGE)]
+    source = ListSource(late, is_live=True, clock=clock)
+    loop, _, sink = loop_of(
+        pipeline_of(procedure, ScriptedPerceiver(registration, tips)), source, clock=clock
+    )
+    loop.run()
+    assert [step.stamp_ns for step in sink.steps[:4]] == [10 * MS, 100 * MS, 100 * MS, 120 * MS]
+
+
 def test_a_lost_camera_is_a_fault_and_the_loop_goes_on(procedure, registration, tips):
     source = ListSource([*captures(1), SourceLost("camera:0 is gone"), *captures(1, 1)], is_live=True)
     loop, _, sink = loop_of(pipeline_of(procedure, ScriptedPerceiver(registration, [tips[0]])), source)

@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 from msgspec import Struct
 
-from haptigraph.geometry import Circle, Geometry, ImageGeometry, Point, Polyline, Segment, Vec
+from haptigraph.geometry import Circle, Geometry, ImageGeometry, Phase, Point, Polyline, Segment, Vec
 
 __all__ = ["CompressedImage", "ImageAnnotations", "Log", "Time", "annotations", "foxglove_schema"]
 
@@ -128,7 +128,7 @@ def annotations(
                 circles.append(_circle(time, shape, image, color))
             else:
                 lines.append(_line(time, _around(shape), image, color))
-        else:
+        elif not isinstance(shape, Phase):
             places = shape.points_mm if isinstance(shape, Polyline) else _ends(shape)
             lines.append(_line(time, places, image, color))
     text = TextAnnotation(time, Point2(12.0, 12.0), caption, 20.0, Color(1.0, 1.0, 1.0), Color(0, 0, 0, 0.6))

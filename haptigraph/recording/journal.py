@@ -91,18 +91,20 @@ def is_being_written(path: Path) -> bool:
 
 
 @contextmanager
-def not_being_written(path: Path) -> Iterator[None]:
-    """Keep a recording for oneself.
+def not_being_written(
+    path: Path, otherwise: str = "is still being written; end that run first"
+) -> Iterator[None]:
+    """Keep a recording, or another file, for oneself.
 
     Raises:
-        BadInput: If it is still being written.
+        BadInput: If someone else has it, in the words of `otherwise`.
     """
     if fcntl is None:
         yield
         return
     with path.open("rb") as file:
         if not _lock(file.fileno(), "LOCK_EX", "LOCK_NB"):
-            raise BadInput("is still being written; end that run first", path)
+            raise BadInput(otherwise, path)
         yield
 
 

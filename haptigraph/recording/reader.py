@@ -100,8 +100,18 @@ class RunReader:
             image = decode(data) if data is not None and decodes else None
         except ValueError as error:
             raise BadInput(f"image cannot be decoded: {error}", self.path, f"step {sequence}") from None
-        hand = messages.get("/teleop")
-        capture = Capture(record.index, record.stamp_ns, image, data, record.faults, record.truth, hand)
+        capture = Capture(
+            record.index,
+            record.stamp_ns,
+            image,
+            data,
+            record.faults,
+            record.truth,
+            messages.get("/teleop"),
+            record.camera,
+            record.phase,
+            record.phase_s,
+        )
         step = Step(
             record.index,
             record.stamp_ns,

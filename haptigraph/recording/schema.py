@@ -8,7 +8,16 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 from msgspec import Struct
 
 from haptigraph.graph import SceneGraph
-from haptigraph.messages import Conclusion, Fault, HandState, HapticCommand, Observation, Timing, Truth
+from haptigraph.messages import (
+    CameraStamp,
+    Conclusion,
+    Fault,
+    HandState,
+    HapticCommand,
+    Observation,
+    Timing,
+    Truth,
+)
 from haptigraph.recording.foxglove import CompressedImage, ImageAnnotations, Log, foxglove_schema
 
 __all__ = ["FORMAT", "TOPICS", "CaptureRecord", "Kept", "RunInfo", "Topic", "mcap_schema"]
@@ -51,6 +60,9 @@ class CaptureRecord(Struct, frozen=True):
     """Dropped: perception saw an image that the recorder had no time to keep."""
     faults: tuple[Fault, ...] = ()
     truth: Truth | None = None
+    camera: CameraStamp | None = None
+    phase: str = ""
+    phase_s: float = 0.0
 
 
 class Topic(NamedTuple):
@@ -83,8 +95,8 @@ TOPICS = (
         "/capture",
         CaptureRecord,
         "haptigraph.Capture",
-        "ns, px, mm, deg",
-        "stamp, faults from outside, simulator's truth",
+        "ns, px, mm, deg, s",
+        "stamp, the camera's own stamp, faults from outside, simulator's truth, phase",
     ),
     Topic(
         "/teleop",

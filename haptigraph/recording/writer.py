@@ -18,10 +18,9 @@ from mcap.writer import CompressionType, Writer
 from haptigraph.errors import BadInput
 from haptigraph.geometry import ImageGeometry
 from haptigraph.messages import Capture, Step
-from haptigraph.recording.codec import encode_png, format_of
-from haptigraph.recording.foxglove import WARNING, CompressedImage, Log, Time, annotations
+from haptigraph.recording.entries import entries
 from haptigraph.recording.journal import Journal, complete_records, is_whole, not_being_written
-from haptigraph.recording.schema import TOPICS, CaptureRecord, Kept, RunInfo, mcap_schema
+from haptigraph.recording.schema import TOPICS, RunInfo, mcap_schema
 
 __all__ = ["METADATA", "Progress", "RunWriter", "compact", "recover"]
 
@@ -78,24 +77,11 @@ class RunWriter:
         Raises:
             OSError: If the disk does not take it.
         """
-        time = Time.from_ns(step.stamp_ns + self._info.utc_offset_ns)
-        kept: Kept = "dropped" if dropped else "none" if capture.image is None else "recorded"
-        record = CaptureRecord(capture.index, capture.stamp_ns, kept, capture.faults, capture.truth)
-        self._add("/capture", step.stamp_ns, record)
-        if capture.hand is not None:
-            self._add("/teleop", step.stamp_ns, capture.hand)
-        if kept == "recorded":
-            self._add("/camera/image", step.stamp_ns, _compressed(time, capture))
-        drawing = annotations(time, step.observation.found, self._image, step.conclusion.state)
-        self._add("/camera/annotations", step.stamp_ns, drawing)
-        self._add("/observation", step.stamp_ns, step.observation)
-        self._add("/graph", step.stamp_ns, step.graph)
-        self._add("/state", step.stamp_ns, step.conclusion)
-        self._add("/command", step.stamp_ns, step.command)
-        for fault in step.faults:
-            self._add("/log", step.stamp_ns, Log(time, WARNING, fault.message, fault.where))
-        if step.timing is not None:  # last: a step is complete when its timing is there
-            self._add("/timing", step.stamp_ns, step.timing)
+        utc_offset_ns = self._info.utc_offset_ns
+        for topic, message in entries(
+            capture, step, image=self._image, utc_offset_ns=utc_offset_ns, dropped=dropped
+        ):
+            self._add(topic, step.stamp_ns, message)
         self._sequence += 1
 
     def close(self, progress: Progress | None = None) -> None:
@@ -222,11 +208,3 @@ def _copy(record: McapRecord, writer: Writer, ids: dict[tuple[str, int], int]) -
         )
         return 1
     return 0
-
-
-def _compressed(time: Time, capture: Capture) -> CompressedImage:
-    if capture.encoded is not None:
-        return CompressedImage(time, "camera", capture.encoded, format_of(capture.encoded))
-    if capture.image is None:
-        raise ValueError("a capture without image has none to compress")
-    return CompressedImage(time, "camera", encode_png(capture.image), "png")

@@ -15,6 +15,7 @@ __all__ = ["Recorder"]
 
 MOST_IMAGES = 24  # under a second at 30 images/s, so that a killed process loses no more than that
 MOST_STEPS = 3000
+WAKE_S = 0.5
 
 
 class Recorder:
@@ -72,12 +73,19 @@ class Recorder:
             self._fail(error)
 
     def _drain(self) -> None:
-        while (item := self._queue.get()) is not None:
+        while (item := self._next()) is not None:
             capture, step, dropped = item
             if not (self._wrote(capture, step, dropped) or dropped):
                 self._unwritten += 1
             if capture.image is not None:
                 self._images.release()
+
+    def _next(self) -> tuple[Capture, Step, bool] | None:
+        while True:
+            try:
+                return self._queue.get(timeout=WAKE_S)
+            except queue.Empty:  # or Ctrl-C came between the item and the call that wakes this thread
+                continue
 
     def _wrote(self, capture: Capture, step: Step, dropped: bool) -> bool:
         if self._failed.is_set():

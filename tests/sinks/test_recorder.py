@@ -128,3 +128,14 @@ def test_a_disk_that_fills_while_compacting_costs_nothing(writer):
     recorder.close()
     (fault,) = recorder.take_faults()
     assert fault.message == "run.mcap is complete but not compacted (No space left on device)"
+
+
+def test_an_interrupt_that_swallows_a_wake_up_call_does_not_hold_up_the_end(writer):
+    """Ctrl-C may come after an item was queued and before the thread was told: it finds it by itself."""
+    recorder = Recorder(writer, waits=False)
+    write(recorder, 3)
+    recorder._queue.queue.append(None)
+    recorder._thread.join(10)
+    assert not recorder._thread.is_alive()
+    assert len(writer.written) == 3
+    recorder.close()

@@ -1,0 +1,61 @@
+"""Turn one step into the messages of the table in `schema`: what is recorded, and seen live."""
+
+from collections.abc import Iterator
+
+from msgspec import Struct
+
+from haptigraph.geometry import ImageGeometry
+from haptigraph.messages import Capture, Step
+from haptigraph.recording.codec import encode_png, format_of
+from haptigraph.recording.foxglove import WARNING, CompressedImage, Log, Time, annotations
+from haptigraph.recording.schema import CaptureRecord, Kept
+
+__all__ = ["entries"]
+
+
+def entries(
+    capture: Capture, step: Step, *, image: ImageGeometry, utc_offset_ns: int, dropped: bool = False
+) -> Iterator[tuple[str, Struct]]:
+    """Yield topic and message, in the order in which they are to be written.
+
+    Args:
+        capture: What the step was made of.
+        step: The step.
+        image: Where the eye frame lies in the images, for the drawings.
+        utc_offset_ns: Nanoseconds since 1970 minus stamp_ns.
+        dropped: True if there was an image but it is not kept.
+    """
+    time = Time.from_ns(step.stamp_ns + utc_offset_ns)
+    kept: Kept = "dropped" if dropped else "none" if capture.image is None else "recorded"
+    record = CaptureRecord(
+        capture.index,
+        capture.stamp_ns,
+        kept,
+        capture.faults,
+        capture.truth,
+        capture.camera,
+        capture.phase,
+        capture.phase_s,
+    )
+    yield "/capture", record
+    if capture.hand is not None:
+        yield "/teleop", capture.hand
+    if kept == "recorded":
+        yield "/camera/image", _compressed(time, capture)
+    yield "/camera/annotations", annotations(time, step.observation.found, image, step.conclusion.state)
+    yield "/observation", step.observation
+    yield "/graph", step.graph
+    yield "/state", step.conclusion
+    yield "/command", step.command
+    for fault in step.faults:
+        yield "/log", Log(time, WARNING, fault.message, fault.where)
+    if step.timing is not None:  # last: a step is complete when its timing is there
+        yield "/timing", step.timing
+
+
+def _compressed(time: Time, capture: Capture) -> CompressedImage:
+    if capture.encoded is not None:
+        return CompressedImage(time, "camera", capture.encoded, format_of(capture.encoded))
+    if capture.image is None:
+        raise ValueError("a capture without image has none to compress")
+    return CompressedImage(time, "camera", encode_png(capture.image), "png")

@@ -1,0 +1,58 @@
+"""Say once what a run is: the header of its recording, which bridges tell others too."""
+
+import datetime
+import time
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from haptigraph.clock import Clock, offset_ns
+from haptigraph.config import Config
+from haptigraph.recording.schema import RunInfo
+from haptigraph.stages import Source
+
+if TYPE_CHECKING:
+    from haptigraph.inference.procedure import Procedure
+    from haptigraph.perception.registered import Registered
+
+__all__ = ["run_info", "run_info_at"]
+
+
+def run_info(
+    config: Config,
+    source: Source,
+    registration: "Registered",
+    procedure: "Procedure",
+    clock: Clock,
+    version: str,
+) -> RunInfo:
+    """Return the header of a run that begins now; `version` is haptigraph's."""
+    utc_offset_ns = offset_ns(time.time_ns, clock)
+    started = datetime.datetime.fromtimestamp((clock.now_ns() + utc_offset_ns) / 1e9, datetime.UTC)
+    return run_info_at(started, utc_offset_ns, config, source.rate_hz, registration, procedure, version)
+
+
+def run_info_at(
+    started: datetime.datetime,
+    utc_offset_ns: int,
+    config: Config,
+    rate_hz: float,
+    registration: "Registered",
+    procedure: "Procedure",
+    version: str,
+) -> RunInfo:
+    """Return the header of a run that began at a given moment; its clock is `utc_offset_ns` behind UTC."""
+    return RunInfo(
+        version=version,
+        started_utc=started.isoformat(),
+        utc_offset_ns=utc_offset_ns,
+        source=config.source.uri,
+        rate_hz=rate_hz,
+        config=msgspec.json.encode(config).decode(),
+        registration=registration.text,
+        registration_sha256=registration.sha256,
+        procedure=procedure.text,
+        procedure_sha256=procedure.sha256,
+        participant=config.trial.participant,
+        trial=config.trial.trial,
+    )
