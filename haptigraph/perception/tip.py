@@ -27,7 +27,9 @@ BEHIND_PX, AHEAD_PX = 12, 10  # how much of the needle, and of what follows, tel
 NEAR_PX, BLUNT_PX = 7, 2
 TIP_LEVEL = 0.35  # between beyond and behind: the point is thin and rounded, half is seen too early
 LEAST_FALL = 0.6  # what is beyond has less than this share of the contrast behind
+UNKNOWN_FALL = 0.4  # the same before a wall that was never seen without a needle
 BEYOND_PX = 4  # the blurred end of the tip
+WALL_PX = 2  # of the wall's edge
 FLOOR_PX = 0.1
 LEAST_HELD_PX = 2.0  # of tip inside, when the shaft is seen to enter the wall
 LEAST_FREE_MM = 0.8  # when it is not
@@ -131,9 +133,8 @@ def refine_tip(strip: Strip, reach: Reach, about_px: float, aside_px: float = 0.
     end, place, steepness, high = math.ceil(about_px - first_px), 0.0, 1.0, 0.0
     for behind_px in (BEHIND_PX, NEAR_PX):
         shaft = sorted(along[max(end - behind_px, 0) : max(end - BLUNT_PX, 1)])
-        beyond = sorted(along[end + BEYOND_PX :]) or [0.0]
-        high, low = shaft[len(shaft) // 2], beyond[len(beyond) // 2]
-        if low > LEAST_FALL * high:
+        high, low = shaft[len(shaft) // 2], _beyond(along[end:], is_sure[end:])
+        if low > (LEAST_FALL if all(is_sure[end:]) else UNKNOWN_FALL) * high:
             return None
         level = max(low + TIP_LEVEL * (high - low), LEAST_SNR * noise)
         end = _last_above(along, is_sure, level)
@@ -149,6 +150,21 @@ def refine_tip(strip: Strip, reach: Reach, about_px: float, aside_px: float = 0.
         deviation_px=math.hypot(FLOOR_PX, noise / steepness),
         contrast_grey=high,
     )
+
+
+def _beyond(along: list[float], is_sure: list[bool]) -> float:
+    """Return the contrast beyond a tip: a quartile, for a longer tip may reach in.
+
+    On unknown ground it is the least, for the wall has some, but not that at its blurred edge.
+
+    Args:
+        along: Contrast from the tip on.
+        is_sure: Where it means something.
+    """
+    sure = sorted(grey for grey, one in zip(along[BEYOND_PX:], is_sure[BEYOND_PX:], strict=True) if one)
+    if sure:
+        return sure[len(sure) // 4]
+    return 0.0 if all(is_sure) else min(along[:-WALL_PX], default=0.0)
 
 
 def _last_above(along: list[float], is_sure: list[bool], level: float) -> int:

@@ -38,11 +38,13 @@ AHEAD_OF_TIP_MM = 0.3  # not learned as background
 BEHIND_WALL_MM = 0.8
 BEHIND_MM = 14.0  # how much of the shaft is looked at
 GAP_MM = 0.65  # of unknown ground before the wall that is taken for the shaft
-AT_WALL_PX = 3.8  # blurred edge of the wall
+AT_WALL_PX = 3.0  # blurred edge of the wall
+ENDS_PX, EDGES_END_PX = 4.0, 9.0  # beyond a tip, until where a shaft and its edges may seem to go on
 MISS_MM = 1.5  # a needle passes the registered trocar no further off
 TRACKED_PX = 8.0  # between the expected and the real shaft
 LEAST_CONFIDENCE = 0.4
 DOUBTS = 15  # images with something like a needle that is none, until it counts as background
+NEAR_PX = 3.0  # between where the tip is expected and where it is, mostly
 OFF_PX = 3.0  # if the tip is further off the strip's middle, a second look is taken
 THICKEST_MM = 1.05
 LONGEST_STEP_S = 0.2
@@ -138,7 +140,7 @@ class Tracker:
             return None
         if sight.reach.tip_px > until_px - self._site.px_per_mm or sight.off_px > OFF_PX:
             sight = self._second_look(image, sight, from_px)
-        return self._refined(image, sight)
+        return self._refined(image, sight, depth_px)
 
     def _acquire(self, image: Image) -> _Sight | None:
         candidates = self._fan.search(image)
@@ -189,11 +191,11 @@ class Tracker:
         line = Line(expected.angle_rad + math.atan(fit.slope), expected.offset_px + fit.offset_px)
         return _Sight(glimpse, line, fit, glimpse.reach) if self._is_needle(line, fit) else None
 
-    def _refined(self, image: Image, sight: _Sight) -> _Sight:
+    def _refined(self, image: Image, sight: _Sight, expected_px: float = math.inf) -> _Sight:
         """Look at the tip closely, first where the shaft's edges end: the rest may be its shadow."""
-        return replace(sight, reach=self._refined_reach(image, sight))
+        return replace(sight, reach=self._refined_reach(image, sight, expected_px))
 
-    def _refined_reach(self, image: Image, sight: _Sight) -> Reach:
+    def _refined_reach(self, image: Image, sight: _Sight, expected_px: float = math.inf) -> Reach:
         strip, fit, reach = sight.glimpse.strip, sight.fit, sight.reach
         scale = self._site.px_per_mm
         edges_end_px = fit.end_px(float(strip.u_px[0]))
@@ -204,17 +206,32 @@ class Tracker:
         if reach.where == "hidden":
             before = replace(reach, where="outside")
             seen = self._fall(image, sight, before, min(edges_end_px, reach.tip_px))
-            gap_px = reach.tip_px - seen.tip_px if seen else 0.0
-            if seen is None or not AT_WALL_PX < gap_px <= GAP_MM * scale:
-                return reach
-            return reach if is_led_to(strip, seen.tip_px, 0.0) else seen
+            return seen if seen and self._is_free(strip, seen.tip_px, reach.tip_px, edges_end_px) else reach
         if reach.where == "inside":
             edges_end_px = fit.end_px(inner_px)
+        expected = (
+            self._fall(image, sight, reach, expected_px) if expected_px < reach.tip_px + NEAR_PX else None
+        )
+        if expected and abs(expected.tip_px - expected_px) < NEAR_PX:
+            return expected  # of two falls (a fainter point, a shadow) the one that was the tip before
         return (
             self._fall(image, sight, reach, min(reach.tip_px, edges_end_px))
             or self._fall(image, sight, reach, reach.tip_px)
             or reach
         )
+
+    def _is_free(self, strip: Strip, tip_px: float, reach_px: float, edges_end_px: float) -> bool:
+        """Tell whether a tip right before the wall is one, and not a faint place of a shaft that goes on.
+
+        On known ground the shaft must end there; on unknown ground, where the wall may look like a shaft, its
+        edges must if the wall is far.
+        """
+        gap_px = float(strip.u_px[strip.before.stop - 1]) - tip_px
+        if gap_px <= AT_WALL_PX:
+            return False
+        if is_led_to(strip, tip_px, 0.0):
+            return reach_px <= tip_px + ENDS_PX
+        return gap_px <= GAP_MM * self._site.px_per_mm or edges_end_px <= tip_px + EDGES_END_PX
 
     def _fall(self, image: Image, sight: _Sight, reach: Reach, about_px: float) -> Reach | None:
         u_px, at_hand = closeup_px(about_px), sight.glimpse.closeup
