@@ -55,6 +55,18 @@ def test_a_needle_is_followed_from_outside_through_the_wall(bench):
             assert turn_deg(bench, observation) < 0.5
 
 
+@pytest.mark.parametrize("depth_mm", [-2.4, -1.8, -1.5])
+def test_a_needle_right_before_the_wall_is_seen_before_ground_never_seen_without_it(bench, depth_mm):
+    first, *later = [bench.observe(bench.image(depth_mm, 3.0, number), number) for number in range(6)]
+    assert sum("needle_tip" in observation.found for observation in later) >= 4
+    assert all(miss_px(bench, seen) < 2.0 for seen in (first, *later) if "needle_tip" in seen.found)
+
+
+def test_a_needle_in_the_wall_from_the_first_image_on_has_no_tip(bench):
+    for number, depth_mm in enumerate((-0.7, -0.3, 0.0, 0.4, 0.7)):
+        assert "needle_tip" not in bench.observe(bench.image(depth_mm, 3.0, number), number).found
+
+
 def test_a_needle_that_leaves_is_gone_in_the_same_image(bench):
     bench.follow([10.0, 10.2, 10.4, 10.6])
     assert "needle_tip" not in bench.observe(bench.image(-12.0, 0.0, 4), 4).found
