@@ -109,7 +109,12 @@ class Camera:
         self._deviation = self._noise_deviation(self._still)
 
     def render(
-        self, tip_mm: Vec, direction: Vec, number: int, overlay: Callable[[Image], None] | None = None
+        self,
+        tip_mm: Vec,
+        direction: Vec,
+        number: int,
+        overlay: Callable[[Image], None] | None = None,
+        bend: Callable[[FloatImage, ImageGeometry], tuple[Box, FloatImage] | None] | None = None,
     ) -> Image:
         """Take one image.
 
@@ -118,10 +123,29 @@ class Camera:
             direction: From the shaft to the tip, length 1, eye frame.
             number: Of the image; chooses the noise.
             overlay: Draws what else moves into the straight picture, in front of the needle.
+            bend: Says which part of what stands still looks otherwise now, and how; behind the needle.
 
         Returns:
             (height, width, 3) BGR.
         """
+        bent = bend and bend(self._background, self.straight)
+        if not bent:
+            return self._render(tip_mm, direction, number, overlay)
+        box, scene = bent
+        stills = self._background, self._still, self._deviation
+        kept = [still[box].copy() for still in stills]
+        self._background[box] = scene
+        self._still[box] = cv2.convertScaleAbs(scene)
+        self._deviation[box] = self._noise_deviation(self._still[box])
+        try:
+            return self._render(tip_mm, direction, number, overlay)
+        finally:
+            for still, part in zip(stills, kept, strict=True):
+                still[box] = part
+
+    def _render(
+        self, tip_mm: Vec, direction: Vec, number: int, overlay: Callable[[Image], None] | None
+    ) -> Image:
         tip, along = self._in_straight(tip_mm, direction)
         box = self._needle_box(tip, along)
         image = self._still.copy()
