@@ -1,11 +1,21 @@
-"""Tell a run in the terminal: a line whenever the state changes or something goes wrong."""
+"""Tell a run in the terminal: a line whenever the state changes or something goes wrong.
+
+A thread of its own does the writing: a terminal that is stopped (Ctrl-S) or a pipe that nobody reads must not
+stop the hand.
+"""
 
 import sys
+from contextlib import suppress
+from queue import Full, Queue
+from threading import Thread
 from typing import TextIO
 
 from haptigraph.messages import Capture, Fault, Step
 
 __all__ = ["ConsoleSink"]
+
+MOST_WAITING = 1000  # texts
+LAST_WORDS_S = 1.0  # to write what waits when the run is over
 
 
 class ConsoleSink:
@@ -17,8 +27,6 @@ class ConsoleSink:
             speed, where nothing else moves.
     """
 
-    dropped = 0
-
     def __init__(self, stream: TextIO | None = None, *, shows_time: bool = False) -> None:
         self._stream: TextIO | None = stream or sys.stderr
         """None where there is nobody to tell: no terminal from the start, or one that went away."""
@@ -28,6 +36,11 @@ class ConsoleSink:
         self._start_ns: int | None = None
         self._state = ""
         self._faults: tuple[Fault, ...] = ()
+        self.dropped = 0
+        """Texts that were not written because those before them still waited."""
+        self._waiting: Queue[str | None] = Queue(MOST_WAITING)
+        self._thread = Thread(target=self._write_all, name="haptigraph-console", daemon=True)
+        self._thread.start()
 
     def write(self, capture: Capture, step: Step) -> None:
         """Print what is new in one step."""
@@ -42,26 +55,36 @@ class ConsoleSink:
             self._print(f"{time_s:7.2f} s  {self._state:34} {step.conclusion.because}")
         if self._shows_time and int(time_s) != self._second:
             self._second = int(time_s)
-            self._write(f"{self._clear}{time_s:7.2f} s  ...")
+            self._say(f"{self._clear}{time_s:7.2f} s  ...")
 
     def take_faults(self) -> tuple[Fault, ...]:
         """Return nothing: printing does not fail."""
         return ()
 
     def close(self) -> None:
-        """Wipe the line that shows the time."""
+        """Wipe the line that shows the time, and write what waits, if someone reads it."""
         if self._shows_time:
-            self._write(self._clear)
+            self._say(self._clear)
+        with suppress(Full):
+            self._waiting.put(None, timeout=LAST_WORDS_S)
+            self._thread.join(LAST_WORDS_S)
 
     def _print(self, line: str) -> None:
-        self._write(f"{self._clear}{line}\n")
+        self._say(f"{self._clear}{line}\n")
 
-    def _write(self, text: str) -> None:
-        """Write, or fall silent for good: a terminal that goes away must not end a run."""
-        if self._stream is None:
-            return
+    def _say(self, text: str) -> None:
         try:
-            self._stream.write(text)
-            self._stream.flush()
-        except (OSError, ValueError):  # gone, or closed
-            self._stream = None
+            self._waiting.put_nowait(text)
+        except Full:
+            self.dropped += 1
+
+    def _write_all(self) -> None:
+        """Write, or fall silent for good: a terminal that goes away must not end a run."""
+        while (text := self._waiting.get()) is not None:
+            if self._stream is None:
+                continue
+            try:
+                self._stream.write(text)
+                self._stream.flush()
+            except (OSError, ValueError):  # gone, or closed
+                self._stream = None

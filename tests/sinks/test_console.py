@@ -1,9 +1,10 @@
 import io
+import threading
 
 from helpers import MS, make_step
 
 from haptigraph.messages import Capture, Fault
-from haptigraph.sinks.console import ConsoleSink
+from haptigraph.sinks.console import MOST_WAITING, ConsoleSink
 
 
 def test_changes_and_new_faults_are_told_once():
@@ -67,6 +68,32 @@ def test_a_terminal_that_goes_away_is_told_no_more():
         sink.write(Capture(0, ms * MS, None), make_step(stamp_ns=ms * MS, state=state))
     sink.close()
     assert terminal.lines == 2
+
+
+class Stopped(io.StringIO):
+    """A terminal that is stopped with Ctrl-S."""
+
+    def __init__(self):
+        super().__init__()
+        self.goes_on = threading.Event()
+
+    def write(self, text):
+        self.goes_on.wait()
+        return super().write(text)
+
+
+def test_a_stopped_terminal_stops_nothing_and_what_is_lost_is_counted(monkeypatch):
+    monkeypatch.setattr("haptigraph.sinks.console.LAST_WORDS_S", 0.0)
+    terminal, lines = Stopped(), MOST_WAITING + 10
+    sink = ConsoleSink(terminal)
+    for number in range(lines):
+        sink.write(Capture(number, number * MS, None), make_step(stamp_ns=number * MS, state=str(number)))
+    sink.close()  # nor does the end wait for it
+    assert sink.dropped in (9, 10)  # the first text is already being written, or not yet
+    monkeypatch.setattr("haptigraph.sinks.console.LAST_WORDS_S", 30.0)
+    terminal.goes_on.set()
+    sink.close()
+    assert len(terminal.getvalue().splitlines()) == lines - sink.dropped
 
 
 def test_no_terminal_at_all_is_no_mistake(monkeypatch):
