@@ -68,7 +68,7 @@ class SoftRetina:
     def surface(self) -> Polyline:
         """Return where it is, in the order of the registered contour, eye frame."""
         told = self._is_coarse | (self._is_finer & (self._dent_mm > TOLD_MM))
-        told[self._dent_mm.argmax()] = True  # where the tip is
+        told[self._dent_mm.argmax()] = True  # the deepest place
         radius_mm, turns = self._rest_mm + self._dent_mm[told], self._turns[told]
         x_mm, y_mm = radius_mm * np.sin(turns), -radius_mm * np.cos(turns)
         return Polyline(tuple(zip(x_mm.tolist(), y_mm.tolist(), strict=True)))
