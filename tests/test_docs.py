@@ -10,11 +10,13 @@ from haptigraph import assemble
 from haptigraph.analysis.diagram import diagram_svg
 from haptigraph.cli import main
 from haptigraph.config import Config
+from haptigraph.document import Document
 from haptigraph.perception.registration import parse_registration
 from haptigraph.proof.prove import prove
 from haptigraph.recording.schema import TOPICS
 from haptigraph.scene.relations import MEASURES
-from haptigraph.sim.scenario import scenario_names
+from haptigraph.sim.scenario import Scenario, scenario_names
+from haptigraph.sim.tissue import TissueShape
 from haptigraph.study.dictionary import MEASURES as MEASURES_OF_TRIALS
 from haptigraph.study.protocol import Asked, Condition, Stop, StudyTable, Target, Texts, Training, Trials
 
@@ -143,6 +145,14 @@ def test_the_pattern_that_follows_can_be_felt():
 def test_the_registration_taught_in_the_docs_loads():
     (registration,) = [b for b in blocks(read("docs/conventions.md"), "toml") if "[[trocar]]" in b]
     assert parse_registration(registration, "docs/conventions.md").width_px == 1280
+
+
+def test_the_tissue_taught_in_the_docs_is_a_scenarios_and_names_the_defaults():
+    (text,) = [block for block in blocks(read("docs/conventions.md"), "toml") if "[tissue]" in block]
+    rest = '[scenario]\nsays = "x"\n[[move]]\nduration_s = 1\ndepth_mm = 0\ntheta_deg = 0\n'
+    assert Document(text + rest, "docs/conventions.md").convert(Scenario).tissue
+    for key in TissueShape.__struct_fields__:
+        assert re.search(rf"^{key} = .*\({getattr(TissueShape(), key):g}\)", text, re.MULTILINE), key
 
 
 def test_python_in_the_docs_is_python():

@@ -119,7 +119,7 @@ def true_rows(truths: Sequence[Truth], phantom: Phantom, procedure: Procedure) -
     build_scene, reason = SchemaSceneBuilder(procedure.schema), RuleEngine(procedure)
     rows = []
     for truth in truths:
-        found = dict(anatomy)
+        found = anatomy | truth.others
         if truth.visible:
             found |= {
                 "needle_tip": Point(truth.tip_mm),

@@ -6,19 +6,20 @@ Knows nothing of retina, states or touch.
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import cv2
 import numpy as np
-from msgspec import Struct
 from msgspec.structs import replace
+from numpy.typing import NDArray
 
 from haptigraph.geometry import ImageGeometry, Vec, norm, subtract
 from haptigraph.messages import Image
 from haptigraph.sim.distractors import Bubbles, Distractors, flicker_gain, paint_glints, paint_light_pipe
 from haptigraph.sim.eye import Eye
 from haptigraph.sim.needle import Box, NeedleShape, blurred, lay, needle_texture, within
+from haptigraph.sim.optics import CameraSettings, image_geometry, slant_of
 from haptigraph.sim.painter import FloatImage, Look, distance_map, paint_phantom, rim_geometry, vignette
-from haptigraph.slant import Slant
 
 __all__ = ["Camera", "CameraSettings", "NeedleShape", "image_geometry"]
 
@@ -26,34 +27,6 @@ NOISE_MARGIN_PX = 256
 NOISE_STRIP_PX = 36
 SHADOW_BLUR_PX = 15
 PIECES = 12
-
-
-class CameraSettings(Struct, frozen=True, forbid_unknown_fields=True):
-    """The [camera] table of a scenario."""
-
-    width_px: int = 1280
-    height_px: int = 720
-    center_px: Vec = (640.0, 402.0)
-    """Where the globe's centre appears."""
-    px_per_mm: float = 20.0
-    mirrored: bool = True
-    tilt_deg: Vec = (0.0, 0.0)
-    """How the section leans away from facing the camera, (right, down) part: that side is farther."""
-    distance_mm: float = 250.0
-    """From the camera to the section; it tells only where that leans, or where the wall stands before it."""
-    blur_px: float = 0.8
-    """Deviation of the lens's blur."""
-    exposure: float = 1.0
-    """Brightness of the whole scene; from about 1.3 on, white surfaces saturate."""
-    vignetting: float = 0.25
-    """Loss of light in the corners."""
-    read_noise_grey: float = 1.0
-    shot_noise_grey: float = 2.5
-    """Deviation at full white; it falls with the square root of the light."""
-    shadow: float = 0.15
-    """Light that the needle takes from the bowl behind it; 0: none."""
-    shadow_shift: Vec = (0.25, 0.3)
-    """How far the shadow falls, (right, down), over the depth of the bowl."""
 
 
 class Camera:
@@ -79,7 +52,7 @@ class Camera:
     ) -> None:
         self.settings = settings
         size_px = settings.width_px, settings.height_px
-        slant = _slant(settings)
+        slant = slant_of(settings)
         self._is_tilted = settings.tilt_deg != (0.0, 0.0)
         self._image_from_straight = slant.image_from_straight.matrix
         self.geometry = image_geometry(settings)
@@ -109,7 +82,12 @@ class Camera:
         self._deviation = self._noise_deviation(self._still)
 
     def render(
-        self, tip_mm: Vec, direction: Vec, number: int, overlay: Callable[[Image], None] | None = None
+        self,
+        tip_mm: Vec,
+        direction: Vec,
+        number: int,
+        overlay: Callable[[Image], None] | None = None,
+        bend: Callable[[FloatImage, ImageGeometry], tuple[Box, FloatImage] | None] | None = None,
     ) -> Image:
         """Take one image.
 
@@ -118,10 +96,29 @@ class Camera:
             direction: From the shaft to the tip, length 1, eye frame.
             number: Of the image; chooses the noise.
             overlay: Draws what else moves into the straight picture, in front of the needle.
+            bend: Says which part of what stands still looks otherwise now, and how; behind the needle.
 
         Returns:
             (height, width, 3) BGR.
         """
+        bent = bend and bend(self._background, self.straight)
+        if not bent:
+            return self._render(tip_mm, direction, number, overlay)
+        box, scene = bent
+        stills: tuple[NDArray[Any], ...] = (self._background, self._still, self._deviation)
+        kept = [still[box].copy() for still in stills]
+        self._background[box] = scene
+        self._still[box] = cv2.convertScaleAbs(scene)
+        self._deviation[box] = self._noise_deviation(self._still[box])
+        try:
+            return self._render(tip_mm, direction, number, overlay)
+        finally:
+            for still, part in zip(stills, kept, strict=True):
+                still[box] = part
+
+    def _render(
+        self, tip_mm: Vec, direction: Vec, number: int, overlay: Callable[[Image], None] | None
+    ) -> Image:
         tip, along = self._in_straight(tip_mm, direction)
         box = self._needle_box(tip, along)
         image = self._still.copy()
@@ -307,17 +304,3 @@ class Camera:
         y, x = np.mgrid[: distance.shape[0], : distance.shape[1]]
         right, down = self.settings.shadow_shift
         return (x - right * depth).astype(np.float32), (y - down * depth).astype(np.float32)
-
-
-def image_geometry(settings: CameraSettings) -> ImageGeometry:
-    """Return where the images of a camera show what; nothing is painted for it."""
-    straight_from_image = _slant(settings).straight_from_image if settings.tilt_deg != (0.0, 0.0) else None
-    center_px, mm_per_px = settings.center_px, 1 / settings.px_per_mm
-    return ImageGeometry(center_px, mm_per_px, settings.mirrored, straight_from_image)
-
-
-def _slant(settings: CameraSettings) -> Slant:
-    right, down = (math.radians(angle) for angle in settings.tilt_deg)
-    focal_px = settings.distance_mm * settings.px_per_mm
-    middle_px = (settings.width_px - 1) / 2, (settings.height_px - 1) / 2
-    return Slant(settings.center_px, (right, down), focal_px, middle_px)

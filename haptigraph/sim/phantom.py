@@ -16,6 +16,7 @@ from haptigraph.sim.operator import Operator, ScriptedOperator
 from haptigraph.sim.peeling import Peeling
 from haptigraph.sim.robot import Pose, Robot
 from haptigraph.sim.scenario import Scenario
+from haptigraph.sim.soft_retina import SoftRetina
 
 __all__ = ["Moment", "Phantom"]
 
@@ -54,6 +55,7 @@ class Phantom:
         self._peeling = scenario.forceps and Peeling(
             self.eye, scenario.forceps, scenario.membrane, self.camera, seed
         )
+        self._soft = scenario.tissue and SoftRetina(scenario.tissue, self.eye)
         images = self.operator.duration_s * scenario.about.rate_hz
         self.images = max(1, round(images)) if math.isfinite(images) else sys.maxsize
         """How many images one play has; `sys.maxsize` where there is no end."""
@@ -82,6 +84,8 @@ class Phantom:
         self._next = 0
         if self._peeling:
             self._peeling.restart()
+        if self._soft:
+            self._soft.restart()
 
     def advance(self, *, draws: bool = True) -> Moment | None:
         """Play on by one image; None when the operator is done.
@@ -101,9 +105,14 @@ class Phantom:
         time_s = number / self.scenario.about.rate_hz
         if number:
             self.operator.move(self._robot, time_s, 1 / self.scenario.about.rate_hz)
-        truth = self._truth()
-        if self.operator.is_away(time_s):
-            image = self.camera.render(AWAY_MM, (0.0, -1.0), number) if draws else BLANK
+        truth, is_away = self._truth(), self.operator.is_away(time_s)
+        bend = self._soft.bend if self._soft else None
+        if self._soft:
+            elapsed_s = 1 / self.scenario.about.rate_hz if number else 0.0
+            self._soft.advance(elapsed_s, None if is_away else truth.tip_mm)
+            truth = replace(truth, others={"retina_surface": self._soft.surface()})
+        if is_away:
+            image = self.camera.render(AWAY_MM, (0.0, -1.0), number, bend=bend) if draws else BLANK
             return Moment(time_s, image, replace(truth, visible=False, inside=False))
         direction = self._robot.direction()
         if self._peeling:
@@ -111,7 +120,7 @@ class Phantom:
             view = self._peeling.advance(truth.tip_mm, direction, tools)
             image = self.camera.render(view.hinge_mm, direction, number, view.draw) if draws else BLANK
             return Moment(time_s, image, replace(truth, others=view.found))
-        image = self.camera.render(truth.tip_mm, direction, number) if draws else BLANK
+        image = self.camera.render(truth.tip_mm, direction, number, bend=bend) if draws else BLANK
         return Moment(time_s, image, truth)
 
     def _truth(self) -> Truth:

@@ -18,6 +18,8 @@ from haptigraph.sim.membrane import MembraneShape
 from haptigraph.sim.operator import Hand, Move
 from haptigraph.sim.painter import Look
 from haptigraph.sim.robot import RobotLimits
+from haptigraph.sim.soft_retina import MOST_SHARE
+from haptigraph.sim.tissue import TissueShape
 
 __all__ = ["Scenario", "checked_moves", "load_scenario", "scenario_document", "scenario_names"]
 
@@ -71,6 +73,8 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     forceps: ForcepsShape | None = None
     """Where the instrument is no needle; a membrane to peel and a light pipe come with them."""
     membrane: MembraneShape = MembraneShape()
+    tissue: TissueShape | None = None
+    """How a retina that is a layer gives; None: it is rigid."""
 
 
 def scenario_names() -> list[str]:
@@ -134,6 +138,8 @@ def load_scenario(name: str, target_mm: float | None = None) -> Scenario:
     _check_bounds(document, scenario)
     _check_order(document, "operator", scenario.operator, "tremor_low_hz", "tremor_high_hz")
     _check_order(document, "robot", scenario.robot, "depth_min_mm", "depth_max_mm")
+    if scenario.tissue:
+        _check_tissue(document, scenario, scenario.tissue)
     return scenario
 
 
@@ -149,3 +155,23 @@ def _check_order(document: Document, table: str, values: Struct, low: str, high:
     if getattr(values, low) > getattr(values, high):
         problem = f"{low} {getattr(values, low):g} lies above {high} {getattr(values, high):g}"
         raise document.error(problem, f"{table}.{low}")
+
+
+def _check_tissue(document: Document, scenario: Scenario, tissue: TissueShape) -> None:
+    layer_mm = scenario.eye.retina_mm
+    if not layer_mm:
+        raise document.error(
+            "[tissue] needs a retina that is a layer, but eye.retina_mm is 0; set its thickness, or leave "
+            "[tissue] out for a rigid retina",
+            "tissue",
+        )
+    if scenario.forceps:
+        raise document.error(
+            "[tissue] is for a needle: the membrane of [forceps] would not follow it", "tissue"
+        )
+    if tissue.puncture_mm >= MOST_SHARE * layer_mm:
+        raise document.error(
+            f"tissue.puncture_mm: expected less than {MOST_SHARE * layer_mm:g}, as at most {MOST_SHARE:g} of "
+            f"eye.retina_mm can be pressed in, found {tissue.puncture_mm:g}",
+            "tissue.puncture_mm",
+        )

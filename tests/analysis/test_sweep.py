@@ -14,8 +14,8 @@ from haptigraph.analysis.evaluation_report import sweep_object, sweep_text
 from haptigraph.analysis.sweep import perceivers_to_compare, play, shaft_error_deg, sweep, true_rows
 from haptigraph.analysis.sweep_figure import sweep_figure
 from haptigraph.config import load_config
-from haptigraph.geometry import ImageGeometry
-from haptigraph.messages import Observation
+from haptigraph.geometry import ImageGeometry, Polyline
+from haptigraph.messages import Observation, Truth
 from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.scenes import DIFFICULTIES, random_scene
 
@@ -142,3 +142,14 @@ def test_the_object_is_json_and_the_text_has_a_line_per_difficulty(swept):
 def test_a_sweep_becomes_a_picture(swept, tmp_path):
     sweep_figure(swept, HELD, tmp_path / "sweep.png")
     assert cv2.imread(str(tmp_path / "sweep.png")).shape[1] > 1200
+
+
+def test_the_true_state_is_that_of_a_retina_that_was_pressed_in(procedure):
+    phantom = Phantom(random_scene(11, 3, size_px=SMALL).scenario)
+    x, y = phantom.eye.target_mm
+    near = Truth(True, True, (0.0, 0.0), (0.96 * x, 0.96 * y), 20.0, 0.0)
+    farther = Polyline(tuple((1.1 * x, 1.1 * y) for x, y in phantom.eye.retina_mm))
+    truths = [near, replace(near, others={"retina_surface": farther})]
+    states = [row.state for row in true_rows(truths, phantom, procedure)]
+    assert states[0] == "target_hit"
+    assert states[1].endswith("retinal_approach")

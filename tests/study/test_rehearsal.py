@@ -8,12 +8,14 @@ from msgspec.structs import replace
 
 from haptigraph.analysis.measures import RunMeasures, measure_run
 from haptigraph.analysis.touch_comparison import play_trial
+from haptigraph.geometry import distance_to_polyline
 from haptigraph.graph import Triplet
 from haptigraph.recording.reader import RunReader
 from haptigraph.recording.schema import RunInfo
 from haptigraph.recording.writer import RunWriter
 from haptigraph.sim.camera import CameraSettings
 from haptigraph.sim.participant import draw_participant
+from haptigraph.sim.tissue import TissueShape
 from haptigraph.sinks.recorder import Recorder
 from haptigraph.study.rehearsal import NO_TOUCH, SHIPPED, Rehearsal, draw_scenario
 
@@ -85,6 +87,19 @@ def test_the_needle_comes_in_at_right_angles_to_the_wall(who):
         inwards = -sum(a * (b - a) for a, b in zip(trocar_mm, truth.tip_mm, strict=True))
         assert inwards == pytest.approx(along)
         assert truth.inside
+
+
+def test_the_retina_may_give_under_a_simulated_hand(who):
+    scenario = draw_scenario(SEED)
+    eye = replace(scenario.eye, retina_mm=1.2)
+    soft = replace(scenario, eye=eye, tissue=TissueShape(puncture_mm=0.8))
+    rehearsal = Rehearsal(who, NO_TOUCH, soft, SEED)
+    truths = [rehearsal.loop.source.read(0.1).truth for _ in range(600)]
+    rehearsal.loop.close()
+    pressed = [truth for truth in truths if truth.inside and math.hypot(*truth.tip_mm) > 10.85]
+    assert pressed
+    for truth in pressed:
+        assert distance_to_polyline(truth.tip_mm, truth.others["retina_surface"]) < 0.01
 
 
 def test_drawn_images_and_the_tracker_do_too_and_the_recording_has_the_same_measures(who, tmp_path):
