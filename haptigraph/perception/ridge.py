@@ -36,6 +36,7 @@ FLANK = np.full(HALF_PX - FLANK_PX + 1, 1 / (HALF_PX - FLANK_PX + 1), np.float32
 LOOKS = ((3, 1), (1, 3))  # (px of the way, fits): first every third px, roughly
 LEAST_SAMPLES = 5
 MISS_PX = 1.5
+LONGEST_GAP_PX, SURE_PX = 24, 40  # of the ridge; so much of it before a gap is enough
 
 Strip = NDArray[np.floating[Any]]
 
@@ -188,11 +189,18 @@ def _sides(strip: Strip) -> tuple[Strip, Strip]:
     return strip[:, : HALF_PX - FLANK_PX + 1] @ FLANK, strip[:, HALF_PX + FLANK_PX :] @ FLANK
 
 
+def _unbroken(way: NDArray[np.intp], step_px: int) -> NDArray[np.intp]:
+    """Return the places before the first long gap, unless they are few: tissue beyond the tip is no shaft."""
+    gaps = np.flatnonzero(np.diff(way) * step_px > LONGEST_GAP_PX)
+    end = int(gaps[0]) + 1 if len(gaps) else len(way)
+    return way[:end] if end * step_px >= SURE_PX else way
+
+
 def _fitted(
     strip: Strip, core: Strip, side: Strip, is_ridge: NDArray[np.bool_], step_px: int, fits: int
 ) -> tuple[float, float, float] | None:
     """Return offset at the start, slope and its deviation of the ridge's middle; None if it is too short."""
-    way = np.flatnonzero(is_ridge)
+    way = _unbroken(np.flatnonzero(is_ridge), step_px)
     if len(way) * step_px < LEAST_SAMPLES * ALONG_PX:
         return None
     near = strip[way, HALF_PX - FLANK_PX : HALF_PX + FLANK_PX + 1]

@@ -39,6 +39,13 @@ def in_px(found, name, image):
     return np.array([image.to_px(place) for place in found[name].points_mm]).T
 
 
+def turn_deg(truth, seen, image):
+    """How far the shaft that was seen is turned from the true one."""
+    line = seen.found["needle_line"]
+    (x, y), (tip_x, tip_y) = image.to_px(line.start_mm), image.to_px(line.end_mm)
+    return abs(math.degrees(math.atan2(tip_y - y, tip_x - x)) - truth.needle.angle_deg)
+
+
 def own_parts(seen, name, x, image):
     """Which columns of a surface were seen themselves."""
     own = np.ones(len(x), bool)
@@ -88,14 +95,22 @@ def test_the_needle_is_where_it_is_and_none_is_invented(looked):
             continue
         if "needle_tip" not in seen.found:
             continue
-        line = seen.found["needle_line"]
-        (x, y), (tip_x, tip_y) = image.to_px(line.start_mm), image.to_px(line.end_mm)
-        angles.append(abs(math.degrees(math.atan2(tip_y - y, tip_x - x)) - truth.needle.angle_deg))
-        tips.append(math.dist((tip_x, tip_y), truth.needle.tip_px))
+        angles.append(turn_deg(truth, seen, image))
+        tips.append(math.dist(image.to_px(seen.found["needle_line"].end_mm), truth.needle.tip_px))
     needles = [truth for _, truth, _, _ in looked if truth.needle and truth.needle.tip_px[1] > 40]
     assert len(tips) >= len(needles) - 1
     assert np.percentile(angles, 95) <= 0.5
     assert np.median(tips) <= 3
+
+
+def test_tissue_in_line_with_a_short_shaft_does_not_turn_it():
+    turns = []
+    for number in (1, 4, 12, 18):
+        scene = random_scene(number, 23, vessels=8, vessel_db=14.0)
+        perceive, image = perceiver_of(scene)
+        scan = scene.take()
+        turns.append(turn_deg(scan.truth, perceive(Capture(0, 0, scan.image)), image))
+    assert max(turns) <= 0.5
 
 
 def test_inside_tissue_the_tip_is_told_as_less_certain(looked):
