@@ -18,7 +18,7 @@ from haptigraph.sources.phantom import PhantomSource
 
 HERE = Path(__file__).parent
 STEADY = str(HERE.parent / "data" / "steady.toml")
-PATIENCE_S = 30.0
+PATIENCE_S = 60.0
 DEADMAN_MS = 150
 # What a device may add to the dead-man's time: its longest wait for an answer, its least distance between
 # commands, or a buffer and a ramp; and 50 ms. How late the machine itself woke others meanwhile is added.
