@@ -23,9 +23,11 @@ def test_the_page_follows_the_loop(live, open_page):
 @pytest.mark.parametrize("size", [(1366, 768), (1366, 660), (1920, 1080)])
 def test_everything_is_on_one_screen(live, open_page, size):
     page = open_page(live.url, size=size)
-    assert page.evaluate(
-        "[document.documentElement.scrollWidth, document.documentElement.scrollHeight]"
-    ) == list(size)
+    extent = "[document.documentElement.scrollWidth, document.documentElement.scrollHeight]"
+    assert page.evaluate(extent) == list(size)
+    page.wait_for_selector("#health li")
+    worse = f"(document.querySelector('#health').append(' of a slow machine'.repeat(20)), {extent})"
+    assert page.evaluate(worse) == list(size)
     hidden = page.evaluate(
         """[...document.querySelectorAll('.panel, #state, #because, footer, #overlays, #feels')].filter((each) => {
              if (each.hidden) return false;
