@@ -214,11 +214,9 @@ class Tracker:
         )
         if expected and abs(expected.tip_px - expected_px) < NEAR_PX:
             return expected  # of two falls (a fainter point, a shadow) the one that was the tip before
-        return (
-            self._fall(image, sight, reach, min(reach.tip_px, edges_end_px))
-            or self._fall(image, sight, reach, reach.tip_px)
-            or reach
-        )
+        places_px = dict.fromkeys((min(reach.tip_px, edges_end_px), reach.tip_px))
+        falls = (self._fall(image, sight, reach, about_px) for about_px in places_px)
+        return next(filter(None, falls), reach)
 
     def _is_free(self, strip: Strip, tip_px: float, reach_px: float, edges_end_px: float) -> bool:
         """Tell whether a tip right before the wall is one, and not a faint place of a shaft that goes on.
