@@ -35,8 +35,8 @@ export class Controls {
 
   tune(change) { this.send({ type: "tune", ...change }); }
 
-  showSettings({ motion_scale, tremor_filter, added_tremor_mm }) {
-    const settings = this.settings = { motion_scale, tremor_filter, added_tremor_mm };
+  showSettings(settings) {
+    this.settings = settings;
     if (document.activeElement !== $("scale")) $("scale").value = settings.motion_scale;
     $("scale-value").textContent = `× ${settings.motion_scale.toFixed(2)}`;
     $("filter").checked = settings.tremor_filter;
