@@ -64,7 +64,7 @@ def test_a_board_plays_the_grammar_and_its_round_trip_is_told(tmp_path):
     assert "confirmed each one, so this is the round trip" in said
     felt = [value for _, _, value in board.edges if value]
     assert [value for value, _ in groupby(felt)] == [76, 255, 204]
-    assert felt.count(255) > 5  # a busy machine may miss a pulse, or break one in two
+    assert 5 < felt.count(255) <= 20  # a busy machine may miss a pulse of the 10, or break each in two
     assert not board.vibrates()
 
 
