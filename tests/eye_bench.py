@@ -4,9 +4,10 @@ from haptigraph.config import PerceptionConfig
 from haptigraph.messages import Capture, Image, Observation
 from haptigraph.perception.registration import parse_registration
 from haptigraph.perception.threshold import ThresholdPerceiver
-from haptigraph.sim.camera import Camera, CameraSettings
+from haptigraph.sim.camera import Camera
 from haptigraph.sim.eye import Eye, EyeShape, registration_text
 from haptigraph.sim.needle import NeedleShape
+from haptigraph.sim.optics import CameraSettings
 from haptigraph.sim.painter import Look
 from haptigraph.sim.robot import Pose, Robot, RobotLimits
 

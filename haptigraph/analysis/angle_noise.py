@@ -16,9 +16,10 @@ from haptigraph.geometry import Point, Segment, Vec
 from haptigraph.messages import Capture, Step
 from haptigraph.perception.registration import parse_registration
 from haptigraph.recording.writer import Progress
-from haptigraph.sim.camera import Camera, CameraSettings
+from haptigraph.sim.camera import Camera
 from haptigraph.sim.eye import Eye, EyeShape, registration_text
 from haptigraph.sim.needle import NeedleShape
+from haptigraph.sim.optics import CameraSettings
 from haptigraph.sim.painter import Look
 from haptigraph.sim.robot import Pose, Robot, RobotLimits
 

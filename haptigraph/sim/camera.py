@@ -21,7 +21,7 @@ from haptigraph.sim.needle import Box, NeedleShape, blurred, lay, needle_texture
 from haptigraph.sim.optics import CameraSettings, image_geometry, slant_of
 from haptigraph.sim.painter import FloatImage, Look, distance_map, paint_phantom, rim_geometry, vignette
 
-__all__ = ["Camera", "CameraSettings", "NeedleShape", "image_geometry"]
+__all__ = ["Camera", "NeedleShape"]
 
 NOISE_MARGIN_PX = 256
 NOISE_STRIP_PX = 36

@@ -10,9 +10,10 @@ from msgspec.structs import replace
 
 from haptigraph.geometry import angle_between_deg, norm, subtract
 from haptigraph.messages import Image, Truth
-from haptigraph.sim.camera import Camera, image_geometry
+from haptigraph.sim.camera import Camera
 from haptigraph.sim.eye import Eye, registration_text
 from haptigraph.sim.operator import Operator, ScriptedOperator
+from haptigraph.sim.optics import image_geometry
 from haptigraph.sim.peeling import Peeling
 from haptigraph.sim.robot import Pose, Robot
 from haptigraph.sim.scenario import Scenario

@@ -10,12 +10,13 @@ from msgspec.structs import replace
 
 from haptigraph.document import Document
 from haptigraph.errors import BadInput, unknown_name
-from haptigraph.sim.camera import CameraSettings, NeedleShape
+from haptigraph.sim.camera import NeedleShape
 from haptigraph.sim.distractors import Distractors
 from haptigraph.sim.eye import EyeShape, RegistrationError
 from haptigraph.sim.forceps import ForcepsShape
 from haptigraph.sim.membrane import MembraneShape
 from haptigraph.sim.operator import Hand, Move
+from haptigraph.sim.optics import CameraSettings
 from haptigraph.sim.painter import Look
 from haptigraph.sim.robot import RobotLimits
 from haptigraph.sim.soft_retina import MOST_SHARE

@@ -11,11 +11,11 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from haptigraph.geometry import Vec, norm, rotate, subtract, unit
-from haptigraph.sim.camera import CameraSettings
 from haptigraph.sim.distractors import Distractors
 from haptigraph.sim.eye import Eye, EyeShape, RegistrationError
 from haptigraph.sim.needle import NeedleShape
 from haptigraph.sim.operator import Hand, Move
+from haptigraph.sim.optics import CameraSettings
 from haptigraph.sim.painter import Look
 from haptigraph.sim.robot import Pose, Robot, RobotLimits
 from haptigraph.sim.scenario import About, Scenario

@@ -15,8 +15,8 @@ from haptigraph.geometry import Geometry, Point, Segment, rotate, subtract, unit
 from haptigraph.messages import Observation
 from haptigraph.perception.registration import Registration, parse_registration
 from haptigraph.sim.belief import ANGLES_DEG
-from haptigraph.sim.camera import CameraSettings, image_geometry
 from haptigraph.sim.eye import Eye, EyeShape, registration_text
+from haptigraph.sim.optics import CameraSettings, image_geometry
 from haptigraph.study.known import KnownNeedle
 
 __all__ = ["lesson"]

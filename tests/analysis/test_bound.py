@@ -4,9 +4,10 @@ from msgspec.structs import replace
 
 from haptigraph.analysis.bound import angle_bound
 from haptigraph.geometry import rotate, unit
-from haptigraph.sim.camera import Camera, CameraSettings
+from haptigraph.sim.camera import Camera
 from haptigraph.sim.eye import Eye, EyeShape
 from haptigraph.sim.needle import NeedleShape
+from haptigraph.sim.optics import CameraSettings
 from haptigraph.sim.painter import Look
 from haptigraph.sim.robot import Pose
 

@@ -8,7 +8,7 @@ from haptigraph.errors import BadInput
 from haptigraph.geometry import Point, angle_between_deg, norm, subtract
 from haptigraph.messages import Observation
 from haptigraph.perception.tracker import Tracker
-from haptigraph.sim.camera import CameraSettings
+from haptigraph.sim.optics import CameraSettings
 
 INWARDS = [-3.0, -2.6, -2.2, -1.8, -1.4, -0.6, 0.2, 1.3, 1.8, 2.3, 2.9, 3.5, 4.1, 4.7, 5.3, 5.9, 6.5, 7.1]
 

@@ -5,10 +5,11 @@ import pytest
 from msgspec.structs import replace
 
 from haptigraph.geometry import norm, rotate, subtract, unit
-from haptigraph.sim.camera import Camera, CameraSettings
+from haptigraph.sim.camera import Camera
 from haptigraph.sim.distractors import Distractors
 from haptigraph.sim.eye import Eye, EyeShape, RegistrationError, registration_text
 from haptigraph.sim.needle import NeedleShape
+from haptigraph.sim.optics import CameraSettings
 from haptigraph.sim.painter import Look
 
 SMALL = CameraSettings(

@@ -9,11 +9,12 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from haptigraph.geometry import ImageGeometry, angle_between_deg, norm, rotate, subtract
-from haptigraph.sim.camera import Camera, CameraSettings, NeedleShape
+from haptigraph.sim.camera import Camera, NeedleShape
 from haptigraph.sim.eye import Eye, EyeShape
 from haptigraph.sim.forceps import Forceps, ForcepsShape
 from haptigraph.sim.membrane import Membrane, MembraneShape
 from haptigraph.sim.operator import Tools
+from haptigraph.sim.optics import CameraSettings
 from haptigraph.sim.painter import Look
 from haptigraph.sim.peeling import Peeling
 from haptigraph.sim.phantom import Phantom

@@ -4,7 +4,8 @@ import pytest
 
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Vec
-from haptigraph.sim.camera import CameraSettings, NeedleShape
+from haptigraph.sim.camera import NeedleShape
+from haptigraph.sim.optics import CameraSettings
 from haptigraph.sim.painter import Look
 from haptigraph.sim.scenario import BOUNDS, load_scenario
 

@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Vec, angle_between_deg, norm, subtract, unit
 from haptigraph.perception.registration import parse_registration
-from haptigraph.sim.camera import Camera, CameraSettings, NeedleShape
+from haptigraph.sim.camera import Camera, NeedleShape
 from haptigraph.sim.eye import Eye, EyeShape
 from haptigraph.sim.operator import Hand, Move, ScriptedOperator
+from haptigraph.sim.optics import CameraSettings
 from haptigraph.sim.painter import Look
 from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.robot import Pose, Robot, RobotLimits

@@ -14,9 +14,9 @@ from msgspec.structs import replace
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Polyline, angle_between_deg, crosses_polyline, distance_to_polyline, norm
 from haptigraph.messages import Truth
-from haptigraph.sim.camera import CameraSettings
 from haptigraph.sim.eye import Eye, EyeShape
 from haptigraph.sim.operator import Hand, Move
+from haptigraph.sim.optics import CameraSettings
 from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.scenario import load_scenario
 from haptigraph.sim.soft_retina import MOST_SHARE, SoftRetina

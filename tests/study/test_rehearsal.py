@@ -13,7 +13,7 @@ from haptigraph.graph import Triplet
 from haptigraph.recording.reader import RunReader
 from haptigraph.recording.schema import RunInfo
 from haptigraph.recording.writer import RunWriter
-from haptigraph.sim.camera import CameraSettings
+from haptigraph.sim.optics import CameraSettings
 from haptigraph.sim.participant import draw_participant
 from haptigraph.sim.tissue import TissueShape
 from haptigraph.sinks.recorder import Recorder
