@@ -127,5 +127,5 @@ def until(page: Any, condition: str, within_s: float = 30, module: str = "") -> 
 def leave(page: Any) -> None:
     """Close a page whose server goes away: the browser logs that it has, and that is right."""
     page.close()
-    gone = ("WebSocket connection to", "net::ERR_CONNECTION")
+    gone = ("WebSocket connection to", "Failed to load resource: net::ERR_")
     page.problems[:] = [problem for problem in page.problems if not any(word in problem for word in gone)]
