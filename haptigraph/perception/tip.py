@@ -6,6 +6,7 @@ Nothing behind the wall can be seen: a needle whose tip is in there has none.
 """
 
 import math
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -13,9 +14,9 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from haptigraph.perception.pixels import FloatImage, Mask
-from haptigraph.perception.strip import STATION_PX, Strip
+from haptigraph.perception.strip import STATION_PX, Strip, median
 
-__all__ = ["Reach", "closeup_px", "find_reach", "is_led_to", "refine_tip"]
+__all__ = ["Reach", "closeup_px", "find_reach", "is_led_to", "refine_tip", "sharp_end"]
 
 CORE = np.full(5, 1 / 5, np.float32)  # lanes in the middle of a strip
 LEAST_GREY = 5.0
@@ -36,6 +37,15 @@ LEAST_FREE_MM = 0.8  # when it is not
 MOUTH_MM = 0.4  # of the hole, inside the wall, may look like a needle where it was never seen without one
 LEAST_OUTSIDE_MM = 1.0
 AT_WALL_MM = 0.22
+GROUP = 4  # stations in which something sharp is looked for together
+SPREAD = np.full((GROUP, 1), 1 / GROUP, np.float32)
+BESIDE_PX = 2  # from lane to lane: an edge or a point changes over so little, the edge of a shadow does not
+BESIDE = np.array((1, -4, 6, -4, 1), np.float32) / 6
+SHARP_NOISE = float(np.sqrt((BESIDE**2).sum()))
+POINT = 5  # groups
+SOFT_SHARE = 0.2  # a shadow is less sharp than this share of the point it goes on from
+LEAST_SOFT = 6  # groups
+SHARP_DEVIATION_PX = 1.0
 
 
 class Reach(Struct, frozen=True):
@@ -150,6 +160,54 @@ def refine_tip(strip: Strip, reach: Reach, about_px: float, aside_px: float = 0.
         deviation_px=math.hypot(FLOOR_PX, noise / steepness),
         contrast_grey=high,
     )
+
+
+def sharp_end(strip: Strip, reach: Reach) -> Reach | None:
+    """Find where the last sharp part of a shaft ends, if all that goes on from there is soft: its shadow.
+
+    Args:
+        strip: The straightened surroundings.
+        reach: With a tip inside.
+
+    Returns:
+        The reach, or None if there is something sharp right before its tip, or nowhere.
+    """
+    start, start_px = strip.inside.start, float(strip.u_px[strip.inside.start])
+    groups = int((reach.tip_px - start_px) / STATION_PX) + 2 - GROUP
+    seen = strip.excess[:, start : start + groups + GROUP - 1]
+    least = LEAST_SNR * SHARP_NOISE * strip.noise_grey / math.sqrt(GROUP)
+    if groups <= LEAST_SOFT or _sharpness(seen[:, -GROUP:] @ SPREAD)[0] >= least:
+        return None
+    sums = sum(seen[:, first : first + groups] for first in range(GROUP))
+    along = _sharpness(np.asarray(sums / GROUP, np.float32))
+    is_sharp = along >= least
+    pairs = (is_sharp[1:] & is_sharp[:-1]).nonzero()[0]
+    end = int(pairs[-1]) + 1 if len(pairs) else groups
+    if end > groups - LEAST_SOFT:
+        return None
+    high, low = median(along[max(end - POINT, 0) : end]), median(along[end + 2 :])
+    if _sharpness(seen[:, end + GROUP :].mean(axis=1, keepdims=True))[0] > SOFT_SHARE * high:
+        return None
+    level = max(low + TIP_LEVEL * (high - low), least)
+    end = int((along[: end + 1] >= level).nonzero()[0][-1])
+    share = (along[end] - level) / (along[end] - along[end + 1])
+    tip_px = start_px + STATION_PX * (end + float(share) + (GROUP - 1) / 2)
+    return replace(reach, tip_px=tip_px, deviation_px=SHARP_DEVIATION_PX, contrast_grey=0.0)
+
+
+def _sharpness(excess: FloatImage) -> FloatImage:
+    """Return how much the sharpest lane differs from those beside it, (n,) grey levels."""
+    return np.asarray(np.abs(_sharp(len(excess)) @ excess).max(axis=0), np.float32)
+
+
+@cache
+def _sharp(lanes: int) -> FloatImage:
+    """Return what takes from every lane the cubic through four lanes beside it, (lanes - 8, lanes)."""
+    last = BESIDE_PX * (len(BESIDE) - 1)
+    sharp = np.zeros((lanes - last, lanes), np.float32)
+    for lane in range(len(sharp)):
+        sharp[lane, lane : lane + last + 1 : BESIDE_PX] = BESIDE
+    return sharp
 
 
 def _beyond(along: list[float], is_sure: list[bool]) -> float:
