@@ -26,12 +26,14 @@ KNOWN_SHARE = 0.1  # of the contrast that the needle had before
 UNKNOWN_SHARE = 0.35
 BEHIND_PX, AHEAD_PX = 12, 10  # how much of the needle, and of what follows, tells where it ends
 NEAR_PX, BLUNT_PX = 7, 2
-TIP_LEVEL = 0.35  # between beyond and behind: the point is thin and rounded, half is seen too early
+TIP_LEVEL = 0.36  # between beyond and behind: the point is thin and rounded, half is seen too early
+FADING_LEVEL = 0.3  # of dark rims about a bright middle: where they are thin, blur takes one from the other
+ONE_TONE = 0.8  # share of the contrast that is of one sign, below which a point fades like that
 LEAST_FALL = 0.6  # what is beyond has less than this share of the contrast behind
 UNKNOWN_FALL = 0.4  # the same before a wall that was never seen without a needle
 BEYOND_PX = 4  # the blurred end of the tip
 WALL_PX = 2  # of the wall's edge
-FLOOR_PX = 0.1
+FLOOR_PX, FLOOR_GREY = 0.1, 1e-3
 LEAST_HELD_PX = 2.0  # of tip inside, when the shaft is seen to enter the wall
 LEAST_FREE_MM = 0.8  # when it is not
 MOUTH_MM = 0.4  # of the hole, inside the wall, may look like a needle where it was never seen without one
@@ -137,16 +139,19 @@ def refine_tip(strip: Strip, reach: Reach, about_px: float, aside_px: float = 0.
     core = slice(int(lane) - 1, int(lane) + 3)
     weights = np.array(((1 - share) / 3, 1 / 3, 1 / 3, share / 3), np.float32)
     along = _contrast(strip.excess[core, seen], strip.beside[core, seen], weights).tolist()
+    tones = (weights @ strip.excess[core, seen]).tolist()
     is_sure = strip.is_known[seen].tolist() if reach.where == "outside" else [True] * len(along)
     noise = strip.noise_grey / math.sqrt(3)
     first_px = float(strip.u_px[seen.start])
     end, place, steepness, high = math.ceil(about_px - first_px), 0.0, 1.0, 0.0
     for behind_px in (BEHIND_PX, NEAR_PX):
-        shaft = sorted(along[max(end - behind_px, 0) : max(end - BLUNT_PX, 1)])
+        behind = slice(max(end - behind_px, 0), max(end - BLUNT_PX, 1))
+        shaft = sorted(along[behind])
         high, low = shaft[len(shaft) // 2], _beyond(along[end:], is_sure[end:])
         if low > (LEAST_FALL if all(is_sure[end:]) else UNKNOWN_FALL) * high:
             return None
-        level = max(low + TIP_LEVEL * (high - low), LEAST_SNR * noise)
+        tone = abs(sum(tones[behind])) / max(sum(shaft), FLOOR_GREY)
+        level = max(low + _tip_level(tone) * (high - low), LEAST_SNR * noise)
         end = _last_above(along, is_sure, level)
         if end < 0 or (end == len(along) - 1 and seen.stop == last):
             return None
@@ -160,6 +165,12 @@ def refine_tip(strip: Strip, reach: Reach, about_px: float, aside_px: float = 0.
         deviation_px=math.hypot(FLOOR_PX, noise / steepness),
         contrast_grey=high,
     )
+
+
+def _tip_level(tone: float) -> float:
+    """Return where between beyond and behind a point ends of whose contrast some share is of one sign."""
+    share = min(max((tone - ONE_TONE) / (1 - ONE_TONE), 0.0), 1.0)
+    return FADING_LEVEL + share * (TIP_LEVEL - FADING_LEVEL)
 
 
 def sharp_end(strip: Strip, reach: Reach) -> Reach | None:
@@ -188,7 +199,7 @@ def sharp_end(strip: Strip, reach: Reach) -> Reach | None:
     high, low = median(along[max(end - POINT, 0) : end]), median(along[end + 2 :])
     if _sharpness(seen[:, end + GROUP :].mean(axis=1, keepdims=True))[0] > SOFT_SHARE * high:
         return None
-    level = max(low + TIP_LEVEL * (high - low), least)
+    level = max(low + FADING_LEVEL * (high - low), least)
     end = int((along[: end + 1] >= level).nonzero()[0][-1])
     share = (along[end] - level) / (along[end] - along[end + 1])
     tip_px = start_px + STATION_PX * (end + float(share) + (GROUP - 1) / 2)
