@@ -55,6 +55,20 @@ def test_a_dry_run_lists_what_would_go_and_leaves_it(folder):
     assert is_there(folder)
 
 
+def test_a_recording_that_another_station_has_is_named(folder):
+    with closing(Store(folder / "study.db")) as store:
+        session = open_session(Study(load_protocol(folder), store), "P01", "lab 2")
+        session.done("consent")
+        for item in session.study.protocol.questionnaire("demographics").items:
+            session.answer("questionnaire/demographics", item.key, item.choices[0] if item.choices else "30")
+        session.done("questionnaire/demographics")
+        session.begin_trial(session.next().stage.key)
+        session.close()
+    told = call("study", "erase", folder, "P01", "--dry-run").stdout
+    assert "not in recordings/P01 here; run this again at the station that has them\n" in told
+    assert "  recordings/P01/training-0-0-1-attempt1.mcap (station lab 2)\n" in told
+
+
 def test_where_nobody_can_be_asked_it_needs_yes(folder):
     told = refuse("study", "erase", folder, "P01")
     assert "erasing P01 cannot be undone, and nobody is here to be asked; give --yes" in told

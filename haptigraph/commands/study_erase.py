@@ -65,7 +65,7 @@ def _listed(participant: str, found: "Found") -> Iterator[str]:
     yield from (f"  {file}" for file in found.files)
     yield f"what stays: the pseudonym, which is not given again, and place {found.slot + 1} with its order"
     if found.elsewhere:
-        yield "not in this folder; run this again at the station that has them"
+        yield f"not in recordings/{participant} here; run this again at the station that has them"
         yield from (f"  {path}" for path in found.elsewhere)
     if found.made_of_all:
         yield "made of all participants; to be made anew"
