@@ -17,6 +17,7 @@ from haptigraph.commands.recordings import recover, replay
 from haptigraph.commands.running import demo, run
 from haptigraph.commands.scoring import evaluate
 from haptigraph.commands.study import study
+from haptigraph.commands.study_erase import erase
 from haptigraph.commands.study_report import study_report
 from haptigraph.commands.study_run import study_run
 from haptigraph.commands.study_simulated import simulate, sweep
@@ -72,5 +73,5 @@ for command in (
     demo,
 ):
     main.add_command(command)
-for command in (study_run, study_report, simulate, sweep):
+for command in (study_run, study_report, erase, simulate, sweep):
     study.add_command(command)

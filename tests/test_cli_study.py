@@ -32,7 +32,7 @@ def begin(folder):
 
 def test_help_lists_the_commands_of_a_study():
     text = call("study", "--help").output
-    for command in ("new", "run", "check", "status", "export", "import", "report"):
+    for command in ("new", "run", "check", "status", "export", "import", "report", "erase"):
         assert f"\n  {command} " in text
 
 

@@ -48,8 +48,10 @@ def protocol_tables(protocol: Protocol) -> Iterator[Table]:
 def status_table(protocol: Protocol, standings: "list[Standing]") -> Table:
     """Return a table of where everyone stands; orders are left out where everyone is blinded."""
     blind = protocol.study.blind == "everyone"
+    left, most = sum(each.left for each in standings), protocol.study.participants
+    withdrew = f", {left} withdrew" if left else ""
     table = _table(
-        f"{protocol.study.title}: {len(standings)} of {protocol.study.participants} participants",
+        f"{protocol.study.title}: {len(standings) - left} of {most} participants{withdrew}",
         "participant",
         *(() if blind else ("order",)),
         "done",

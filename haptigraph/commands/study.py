@@ -20,11 +20,13 @@ if TYPE_CHECKING:
 __all__ = [
     "STORE",
     "check",
+    "existing_store",
     "export",
     "export_measured",
     "folder_argument",
     "import_",
     "new",
+    "no_store",
     "status",
     "store_option",
     "study",
@@ -71,7 +73,8 @@ def new(folder: str) -> None:
 def check(folder: str, store: str | None) -> None:
     """Check protocol and recordings, tell who gets what.
 
-    Orders, targets, whether the protocol is frozen; exit code 1 if a recording is gone or was changed.
+    Orders, targets, whether the protocol is frozen, how many withdrew; exit code 1 if a recording is gone or
+    was changed, or is still there of someone who was erased.
     """
     from haptigraph.analysis.study_overview import protocol_tables
     from haptigraph.study.protocol import load_protocol
@@ -79,7 +82,7 @@ def check(folder: str, store: str | None) -> None:
     protocol = load_protocol(folder)
     wrong: list[str] = []
     state = "not frozen: no participant was taken in yet"
-    with _existing(folder, store) as kept:
+    with existing_store(folder, store) as kept:
         held = _study_in(kept, protocol) if kept else None
         frozen_utc = held.check_frozen() if held else ""
         if kept and held and frozen_utc:
@@ -87,7 +90,12 @@ def check(folder: str, store: str | None) -> None:
 
             trials = recorded_trials(kept, protocol.study.name)
             wrong = [problem for trial in trials if (problem := whats_wrong(trial, protocol.folder))]
-            sound = f"{len(trials) - len(wrong)} of {len(trials)} recordings are as they were recorded"
+            whole = len(trials) - len(wrong)
+            sound = f"{whole} of {len(trials)} recordings are as they were recorded"
+            left, erased, unfinished = _withdrawn(held)
+            wrong += unfinished
+            if left:
+                sound += f"\n{left} withdrew, {erased} of them with all data erased"
             whose = ", by SIMULATED participants" if held.simulated else ""
             state = f"frozen since {frozen_utc[:16].replace('T', ' ')} UTC{whose}\n{sound}"
     for table in protocol_tables(protocol):
@@ -109,7 +117,7 @@ def status(folder: str, store: str | None) -> None:
     from haptigraph.study.protocol import load_protocol
 
     protocol = load_protocol(folder)
-    with _existing(folder, store) as kept:
+    with existing_store(folder, store) as kept:
         held = _study_in(kept, protocol) if kept else None
         if held is None or not held.check_frozen():
             click.echo(f"{protocol.study.title}: no participant yet")
@@ -148,11 +156,9 @@ def export_measured(
 
         more["parquet"] = write_parquet
     protocol = load_protocol(folder)
-    with _existing(folder, store) as kept:
+    with existing_store(folder, store) as kept:
         if kept is None:
-            raise BadInput(
-                "is not there; a study is kept from its first participant on", Path(folder) / STORE
-            )
+            raise no_store(folder)
         from haptigraph.analysis.study_measures import measure_study
         from haptigraph.study.exchange import export_study
 
@@ -184,7 +190,7 @@ def import_(exported: str, store: str) -> None:
 
 
 @contextmanager
-def _existing(folder: str, store: str | None) -> Iterator["Store | None"]:
+def existing_store(folder: str, store: str | None) -> Iterator["Store | None"]:
     """Open the store; a file that is not there yet is not made."""
     where = store or str(Path(folder if Path(folder).is_dir() else Path(folder).parent) / STORE)
     if "://" not in where and not Path(where).exists():
@@ -198,10 +204,30 @@ def _existing(folder: str, store: str | None) -> Iterator["Store | None"]:
         yield kept
 
 
+def no_store(folder: str) -> BadInput:
+    """Return what there is to say where a store should be and is none."""
+    return BadInput("is not there; a study is kept from its first participant on", Path(folder) / STORE)
+
+
 def _study_in(store: "Store", protocol: "Protocol") -> "Study":
     from haptigraph.study.roster import study_in
 
     return study_in(store, protocol)
+
+
+def _withdrawn(study: "Study") -> tuple[int, int, list[str]]:
+    """Return how many have left, how many of them are erased, and what is still there of these."""
+    from haptigraph.study.erasure import remains
+    from haptigraph.study.tables import is_erased
+
+    people, folder = study.participants(), study.protocol.folder
+    erased = [row["participant"] for row in people if is_erased(row)]
+    wrong = [
+        f"{file} is still there of {name}, who was erased; run `study erase` again"
+        for name in erased
+        for file in remains(folder, name)
+    ]
+    return sum(row["withdrawn_utc"] is not None for row in people), len(erased), wrong
 
 
 def _print(table: Any) -> None:

@@ -120,8 +120,13 @@ COLUMNS: dict[str, list[Field]] = {
         ("order", "text", "", "conditions in the order met, joined by >"),
         ("consented_utc", "text", "ISO 8601", "when the participant agreed"),
         ("slot", "integer", "", "place in the balancing, from 0"),
-        ("enrolled_utc", "text", "ISO 8601", "when the participant was taken in"),
-        ("withdrawn_utc", "text", "ISO 8601", "when the participant left the study; empty: did not"),
+        ("enrolled_utc", "text", "ISO 8601", "when the participant was taken in; if erased, when that was"),
+        (
+            "withdrawn_utc",
+            "text",
+            "ISO 8601",
+            "when the participant left the study; empty: did not; the same as enrolled_utc: was erased",
+        ),
         ("simulated", "integer", "", "1: a simulated participant, 0: a person"),
     ),
     "sessions": _fields(

@@ -9,12 +9,13 @@ from contextlib import closing
 from datetime import UTC, datetime, timedelta
 
 from msgspec import Struct
-from sqlalchemy import delete, select, update
+from sqlalchemy import select, update
 
 import haptigraph
 from haptigraph.config import Config, SourceConfig
 from haptigraph.sim.participant import Participant, draw_participant
 from haptigraph.study.acts import act_of, answer_of, recorder_of, rehearse
+from haptigraph.study.erasure import forget
 from haptigraph.study.plan import Stage
 from haptigraph.study.progress import of_participant
 from haptigraph.study.protocol import Protocol, load_protocol
@@ -22,7 +23,7 @@ from haptigraph.study.rehearsal import KNOWN
 from haptigraph.study.roster import Study
 from haptigraph.study.runner import Session, open_session
 from haptigraph.study.store import Store
-from haptigraph.study.tables import ANSWERS, EVENTS, PARTICIPANTS, SESSIONS, STAGES, TRIALS
+from haptigraph.study.tables import PARTICIPANTS, TRIALS
 
 __all__ = ["Cast", "SessionTime", "play", "pseudonym"]
 
@@ -117,8 +118,7 @@ def _forget(study: Study, participant: str) -> None:
             path = study.protocol.folder / recording
             for file in (path, path.with_name(f"{path.name}.part")):
                 file.unlink(missing_ok=True)
-        for table in (EVENTS, TRIALS, ANSWERS, STAGES, SESSIONS):
-            connection.execute(delete(table).where(*of_participant(table, study.name, participant)))
+        forget(connection, study.name, participant)
         again = update(PARTICIPANTS).where(*of_participant(PARTICIPANTS, study.name, participant))
         connection.execute(again.values(consented_utc=None))
 

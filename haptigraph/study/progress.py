@@ -11,7 +11,7 @@ from sqlalchemy import ColumnElement, Connection, Table, select
 
 from haptigraph.study.plan import Stage
 from haptigraph.study.protocol import Protocol
-from haptigraph.study.tables import ANSWERS, EVENTS, PARTICIPANTS, STAGES, TRIALS
+from haptigraph.study.tables import ANSWERS, EVENTS, PARTICIPANTS, STAGES, TRIALS, is_erased
 
 __all__ = [
     "Attempt",
@@ -40,7 +40,8 @@ class Progress(Struct):
     """What the store holds of one participant."""
 
     consented_utc: str | None
-    withdrawn: bool
+    left: str
+    """In words; empty: they have not."""
     done: set[str]
     """Keys of stages other than trials."""
     answers: dict[tuple[str, int], dict[str, str]] = field(default_factory=dict)
@@ -106,9 +107,12 @@ def read_progress(connection: Connection, study: str, participant: str) -> Progr
     def mine(table: Table) -> list[ColumnElement[bool]]:
         return of_participant(table, study, participant)
 
-    row = connection.execute(select(PARTICIPANTS).where(*mine(PARTICIPANTS))).one()
+    row = connection.execute(select(PARTICIPANTS).where(*mine(PARTICIPANTS))).mappings().one()
     done = connection.scalars(select(STAGES.c.stage).where(*mine(STAGES)))
-    progress = Progress(row.consented_utc, row.withdrawn_utc is not None, set(done))
+    left = "the participant has left the study" if row["withdrawn_utc"] is not None else ""
+    if is_erased(row):
+        left = "the participant has withdrawn, everything was erased"
+    progress = Progress(row["consented_utc"], left, set(done))
     for answer in connection.execute(select(ANSWERS).where(*mine(ANSWERS))):
         sheet = progress.answers.setdefault((answer.questionnaire, answer.position), {})
         sheet[answer.item] = answer.answer
@@ -134,8 +138,8 @@ def next_of(plan: Sequence[Stage], progress: Progress, protocol: Protocol, now: 
     behind = next(
         (place for place, stage in enumerate(plan) if not _is_behind(stage, progress, most)), len(plan)
     )
-    if progress.withdrawn:
-        return Next(None, behind, len(plan), ended="the participant has left the study")
+    if progress.left:
+        return Next(None, behind, len(plan), ended=progress.left)
     if behind == len(plan):
         return Next(None, behind, len(plan), ended="all is done")
     stage, attempts = plan[behind], progress.of(plan[behind])

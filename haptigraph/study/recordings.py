@@ -11,7 +11,12 @@ from haptigraph.recording.journal import is_being_written, is_whole
 from haptigraph.study.store import Row, Store
 from haptigraph.study.tables import TRIALS
 
-__all__ = ["fingerprint", "make_room", "recorded_trials", "whats_wrong"]
+__all__ = ["fingerprint", "make_room", "place_of", "recorded_trials", "whats_wrong"]
+
+
+def place_of(participant: str) -> str:
+    """Return the folder of a participant's recordings, and of nothing else, from the study's folder."""
+    return f"recordings/{participant}"
 
 
 def fingerprint(path: Path, *, must_be_whole: bool = True) -> str | None:

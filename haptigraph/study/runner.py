@@ -28,11 +28,11 @@ from haptigraph.study.progress import (
     repeatable,
     trial_place,
 )
-from haptigraph.study.recordings import fingerprint, make_room
+from haptigraph.study.recordings import fingerprint, make_room, place_of
 from haptigraph.study.roster import Study
 from haptigraph.study.station import arrive, leave, open_row
 from haptigraph.study.store import to_json
-from haptigraph.study.tables import ANSWERS, EVENTS, PARTICIPANTS, STAGES, TRIALS
+from haptigraph.study.tables import ANSWERS, EVENTS, PARTICIPANTS, STAGES, TRIALS, is_erased
 
 __all__ = ["Measures", "Outcome", "Session", "open_session"]
 
@@ -259,7 +259,7 @@ class Session:
     def _recording(self, coming: Next) -> str:
         """Return where a trial is recorded, from the study's folder; it does not tell the condition."""
         key = coming.stage.key.replace("/", "-") if coming.stage else ""
-        return f"recordings/{self.participant}/{key}-attempt{coming.attempt}.mcap"
+        return f"{place_of(self.participant)}/{key}-attempt{coming.attempt}.mcap"
 
     def _next(self, progress: Progress) -> Next:
         now = datetime.fromisoformat(self.study.store.now_utc())
@@ -313,10 +313,12 @@ def open_session(study: Study, participant: str, station: str, *, take_over: boo
 
     Raises:
         BadInput: If there is no such participant, the protocol was changed, or another station has the
-            participant.
+            participant, or who was one is erased.
     """
     with study.store.begin() as connection:
         study.frozen(connection)
-        slot = study.participant(connection, participant)["slot"]
+        row = study.participant(connection, participant)
+        if is_erased(row):
+            raise BadInput(f"participant {participant} has withdrawn, and everything was erased")
         number = arrive(connection, study, participant, station, take_over=take_over)
-    return Session(study, participant, slot, number)
+    return Session(study, participant, row["slot"], number)

@@ -13,13 +13,19 @@ from haptigraph.study.progress import of_participant
 from haptigraph.study.roster import Study
 from haptigraph.study.tables import SESSIONS, TRIALS
 
-__all__ = ["arrive", "leave", "open_row"]
+__all__ = ["arrive", "leave", "open_row", "whereabouts"]
 
 
 def open_row(connection: Connection, study: Study, participant: str) -> Any:
     """Return the open session of a participant, None if there is none."""
     mine = of_participant(SESSIONS, study.name, participant)
     return connection.execute(select(SESSIONS).where(*mine, SESSIONS.c.closed_utc.is_(None))).first()
+
+
+def whereabouts(open_: Any) -> str:
+    """Say of an open session where that is, and since when."""
+    since = open_.opened_utc[:16].replace("T", " ")
+    return f"participant {open_.participant} is at station {open_.station} since {since} UTC"
 
 
 def arrive(connection: Connection, study: Study, participant: str, station: str, *, take_over: bool) -> int:
@@ -33,11 +39,7 @@ def arrive(connection: Connection, study: Study, participant: str, station: str,
     """
     before = open_row(connection, study, participant)
     if before is not None and before.station != station and not take_over:
-        since = before.opened_utc[:16].replace("T", " ")
-        raise BadInput(
-            f"participant {participant} is at station {before.station} since {since} UTC; close the session "
-            f"there, or take it over"
-        )
+        raise BadInput(f"{whereabouts(before)}; close the session there, or take it over")
     leave(connection, study, participant)
     mine = of_participant(SESSIONS, study.name, participant)
     number = (connection.scalar(select(func.max(SESSIONS.c.session)).where(*mine)) or 0) + 1

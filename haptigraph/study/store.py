@@ -20,6 +20,8 @@ try:
     from alembic.util.exc import CommandError
     from sqlalchemy import Connection, Engine, RowMapping, Select, event, func, select
     from sqlalchemy.exc import ArgumentError, DBAPIError
+
+    from haptigraph.study.tables import METADATA
 except ModuleNotFoundError:
     raise MissingExtra("the store of a study", "study") from None
 
@@ -76,13 +78,38 @@ class Store:
             with self._engine.begin() as connection:
                 yield connection
         except DBAPIError as error:
-            reason = " ".join(str(error.orig).split())
-            raise StoreFailed(f"the store does not take it ({reason})", self.name) from error
+            raise _failed(error.orig, self.name) from error
 
     def rows(self, query: "Select[Any]") -> list[Row]:
         """Return what a query finds."""
         with self.begin() as connection:
             return list(connection.execute(query).mappings())
+
+    def purge(self) -> None:
+        """Write the database anew, so that its files hold no byte of what was deleted.
+
+        Raises:
+            StoreFailed: If it does not do it now, with its reason.
+        """
+        raw = self._engine.raw_connection()
+        try:
+            database: Any = raw.driver_connection
+            if self._engine.dialect.name == "sqlite":
+                database.execute("VACUUM")
+                busy = database.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()[0]
+                if busy:
+                    raise StoreFailed("another program is reading it; end that first", self.name)
+            else:
+                database.autocommit = True
+                database.execute(f"VACUUM FULL {', '.join(METADATA.tables)}")
+        except self._engine.dialect.loaded_dbapi.Error as error:
+            raise _failed(error, self.name) from error
+        finally:
+            raw.invalidate()  # it is not as the others are
+
+
+def _failed(reason: object, name: str) -> StoreFailed:
+    return StoreFailed(f"the store does not take it ({' '.join(str(reason).split())})", name)
 
 
 def _engine(where: str) -> tuple[Engine, str]:
@@ -119,7 +146,7 @@ def _check_sqlite(path: Path) -> None:
 def _on_connect(raw: Any, _: Any) -> None:
     """Make every commit survive a power failure (WAL and FULL), and leave transactions to us."""
     raw.isolation_level = None
-    for pragma in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON"):
+    for pragma in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON", "secure_delete=ON"):
         raw.execute(f"PRAGMA {pragma}")
 
 

@@ -13,13 +13,24 @@ from sqlalchemy import (
     Index,
     Integer,
     MetaData,
+    RowMapping,
     String,
     Table,
     Text,
     text,
 )
 
-__all__ = ["ANSWERS", "EVENTS", "METADATA", "PARTICIPANTS", "SESSIONS", "STAGES", "STUDIES", "TRIALS"]
+__all__ = [
+    "ANSWERS",
+    "EVENTS",
+    "METADATA",
+    "PARTICIPANTS",
+    "SESSIONS",
+    "STAGES",
+    "STUDIES",
+    "TRIALS",
+    "is_erased",
+]
 
 METADATA = MetaData(
     naming_convention={
@@ -74,6 +85,7 @@ PARTICIPANTS = Table(
         postgresql_where=text("withdrawn_utc IS NULL"),
     ),
 )
+"""Who was taken in. Of who was erased the pseudonym and the place stay, and one time: when that was."""
 
 SESSIONS = Table(
     "sessions",
@@ -174,3 +186,8 @@ EVENTS = Table(
     _of_session(),
 )
 """Notes of the experimenter, trials to be repeated, sessions stopped, in order."""
+
+
+def is_erased(participant: RowMapping) -> bool:
+    """Tell of a row of `PARTICIPANTS` whether nothing is left but pseudonym and place."""
+    return bool(participant["enrolled_utc"] == participant["withdrawn_utc"])

@@ -37,13 +37,13 @@ def test_a_store_opens_again_as_it_is_and_one_of_a_newer_haptigraph_does_not(whe
         Store(where)
 
 
-def test_sqlite_commits_survive_a_power_failure(folder, store):
+def test_sqlite_commits_survive_a_power_failure_and_what_is_deleted_does_not(folder, store):
     with store.begin() as connection:
         told = [
             connection.exec_driver_sql(f"PRAGMA {name}").scalar()
-            for name in ("journal_mode", "synchronous", "foreign_keys")
+            for name in ("journal_mode", "synchronous", "foreign_keys", "secure_delete")
         ]
-    assert told == ["wal", 2, 1]
+    assert told == ["wal", 2, 1, 1]
 
 
 @pytest.mark.parametrize(

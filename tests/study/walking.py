@@ -8,7 +8,8 @@ def fill(session: Session, stage: Stage, upto: int | None = None) -> None:
     """Answer a questionnaire, or its first items."""
     sheet = session.study.protocol.questionnaire(stage.questionnaire)
     for item in sheet.items[:upto]:
-        session.answer(stage.key, item.key, {"scale": "4", "number": "30"}.get(item.kind) or item.choices[0])
+        given = {"scale": "4", "number": "30", "text": "words"}
+        session.answer(stage.key, item.key, given.get(item.kind) or item.choices[0])
 
 
 def do_next(session: Session, outcome: str = "hit") -> None:

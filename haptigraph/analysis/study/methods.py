@@ -130,7 +130,9 @@ def _missing(tables: StudyTables, results: StudyResults, traces: Traces) -> str:
     comparisons = [each for family in results.families for each in family.comparisons]
     gaps = sorted({f"{each.quantity.label}: {each.left_out}" for each in comparisons if each.left_out})
     left = f" Participants left out for want of a pair: {', '.join(gaps)}." if gaps else ""
-    gone = f" {len(tables.withdrawn)} participants withdrew and are left out." if tables.withdrawn else ""
+    erased = f", {len(tables.erased)} of them with all their data erased" if tables.erased else ""
+    count = len(tables.withdrawn)
+    gone = f" Participants who withdrew and are left out: {count}{erased}." if count else ""
     absent = f" Not recorded: {', '.join(results.absent)}." if results.absent else ""
     idle = (
         f" Nobody spent time in: {', '.join(words(state) for state in results.idle)}." if results.idle else ""

@@ -68,6 +68,14 @@ class StudyTables(Struct, frozen=True):
             return []
         return sorted(self.participants.loc[self.participants["withdrawn_utc"].notna(), "participant"])
 
+    @property
+    def erased(self) -> list[str]:
+        """Those of them of whom nothing was kept."""
+        people = self.participants
+        if not {"withdrawn_utc", "enrolled_utc"} <= set(people):
+            return []
+        return sorted(people.loc[people["withdrawn_utc"] == people["enrolled_utc"], "participant"])
+
 
 def read_tables(folder: str | Path) -> StudyTables:
     """Read the tables that a study was exported to.

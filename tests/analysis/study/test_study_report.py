@@ -137,3 +137,15 @@ def test_one_condition_is_no_comparison(tmp_path):
 def test_an_unknown_baseline_is_named(study, tmp_path):
     sentence = refuse("study", "report", study, "-o", tmp_path / "out", "--baseline", "visul")
     assert "did you mean 'visual'?" in sentence
+
+
+def test_the_methods_say_how_many_withdrew_and_of_how_many_all_was_erased(tmp_path):
+    made, when = simulated_study(8, trials=1), "2026-11-21T09:00:00+00:00"
+    people = made["participants"].assign(enrolled_utc=when, withdrawn_utc=None)
+    people.loc[people["participant"] == "S03", "withdrawn_utc"] = "2026-11-21T10:00:00+00:00"
+    people.loc[people["participant"] == "S05", "withdrawn_utc"] = when  # and nothing else is left
+    kept = {name: made[name][made[name]["participant"] != "S05"] for name in ("trials", "answers")}
+    folder = write_study(tmp_path / "study", {**kept, "participants": people})
+    write_report(folder, tmp_path / "out", Plan())
+    methods = (tmp_path / "out" / "methods.txt").read_text()
+    assert "withdrew and are left out: 2, 1 of them with all their data erased." in methods
