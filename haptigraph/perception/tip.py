@@ -150,7 +150,7 @@ def refine_tip(strip: Strip, reach: Reach, about_px: float, aside_px: float = 0.
         high, low = shaft[len(shaft) // 2], _beyond(along[end:], is_sure[end:])
         if low > (LEAST_FALL if all(is_sure[end:]) else UNKNOWN_FALL) * high:
             return None
-        tone = abs(sum(tones[behind])) / max(sum(shaft), FLOOR_GREY)
+        tone = abs(sum(tones[behind])) / max(sum(shaft), FLOOR_GREY) if reach.where == "inside" else 1.0
         level = max(low + _tip_level(tone) * (high - low), LEAST_SNR * noise)
         end = _last_above(along, is_sure, level)
         if end < 0 or (end == len(along) - 1 and seen.stop == last):
