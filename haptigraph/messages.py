@@ -85,6 +85,10 @@ class HandState(Struct, frozen=True):
     tremor_filter: bool
     added_tremor_mm: float
     """Strength (RMS) of the simulated tremor of the hand, per axis."""
+    apart_mm: float = 0.0
+    """How far thumb and finger of the hand went apart; 0 where the tool has no jaws."""
+    asked_apart_mm: float = 0.0
+    """Motion asked of the jaws: scaled, before the robot's limits."""
 
 
 class CameraStamp(Struct, frozen=True):

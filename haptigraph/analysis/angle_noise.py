@@ -29,7 +29,7 @@ DEPTHS_MM = (1.0, 1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 18.0)
 THETA_DEG = 5.0
 APPROACH_IMAGES, STEP_MM = 20, 0.3  # 9 mm/s at 30 images a second
 SETTLING_IMAGES = 5
-HELD_IMAGES = 40
+HELD_IMAGES = 100
 NEEDLE = NeedleShape(diameter_mm=0.5, taper_mm=4.0)
 PX_PER_MM_AT_720 = 20.0
 

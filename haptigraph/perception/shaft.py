@@ -24,13 +24,13 @@ LEAST_STEEP = 0.25  # of the shaft's edges: softer ones are its shadow's
 NARROWER_PX = 1.2
 WIDER_PX = 3.0
 MISS_PX = 3.0
-LEAST_MISS_PX = 0.6
+LEAST_MISS_PX = 0.45
 SIDE_PX = 0.2  # how far the light may shift the middle on one side of the wall as a whole
-ASIDE = 0.03  # the same, as a share of the width
+BRIGHT_ASIDE, DARK_ASIDE = 0.03, 0.015  # the same, as a share of a pair's width
 FIRST_SHARE, SHARE_CHANGE = 0.6, 0.01  # deviation of a highlight's share when first seen; added per image
 FINEST_PX = 2.4  # how wide the finest line looks through the lens and the slope filter
 SCALE_PX = 100.0  # keeps the normal equations well conditioned
-PRIOR = np.diag([1e-6, 1e-6, SIDE_PX**-2, SIDE_PX**-2, ASIDE**-2, ASIDE**-2])
+PRIOR = np.diag([1e-6, 1e-6, SIDE_PX**-2, SIDE_PX**-2, BRIGHT_ASIDE**-2, DARK_ASIDE**-2])
 
 
 class Highlight(Struct, frozen=True):

@@ -8,7 +8,6 @@ and no needle.
 
 import math
 from collections.abc import Sequence
-from functools import cached_property
 from typing import Any
 
 import cv2
@@ -52,7 +51,7 @@ BEYOND_MM = 0.5  # past the far wall: a tip may be pushed into the retina
 GAIN_RANGE = (0.5, 2.0)
 
 
-class Line(Struct, frozen=True, dict=True):
+class Line(Struct, frozen=True):
     """A directed line in the image, by the trocar."""
 
     angle_rad: float
@@ -60,12 +59,12 @@ class Line(Struct, frozen=True, dict=True):
     offset_px: float
     """At which it passes the registered trocar, along the normal (the direction turned by +90 degrees)."""
 
-    @cached_property
+    @property
     def direction(self) -> Vec:
         """Into the eye, length 1."""
         return math.cos(self.angle_rad), math.sin(self.angle_rad)
 
-    @cached_property
+    @property
     def normal(self) -> Vec:
         """Across the line, length 1."""
         dx, dy = self.direction

@@ -218,7 +218,9 @@ class Tracker:
         expected = (
             self._fall(image, sight, reach, expected_px) if expected_px < reach.tip_px + NEAR_PX else None
         )
-        if expected and abs(expected.tip_px - expected_px) < NEAR_PX:
+        if expected and (
+            abs(expected.tip_px - expected_px) < NEAR_PX or abs(expected.tip_px - edges_end_px) < EDGES_END_PX
+        ):
             return expected  # of two falls (a fainter point, a shadow) the one that was the tip before
         places_px = dict.fromkeys((min(reach.tip_px, edges_end_px), reach.tip_px))
         falls = (self._fall(image, sight, reach, about_px) for about_px in places_px)

@@ -102,9 +102,9 @@ class Forceps:
         Args:
             tip_mm: Middle between the jaws' tips, eye frame.
             direction: Of the shaft into the eye, length 1, eye frame.
-            opening_mm: Between the jaws' tips; closed jaws lie side by side.
+            opening_mm: Between the jaws' tips; closed jaws lie side by side, none opens beyond 90 degrees.
         """
-        half_mm = max(opening_mm, CLOSED_MM) / 2
+        half_mm = min(max(opening_mm, CLOSED_MM) / 2, self._jaw_mm)
         reach_mm = math.sqrt(self._jaw_mm**2 - half_mm**2)
         left = rotate(direction, 90)
         return JawPlaces(

@@ -10,7 +10,7 @@ from typing import Annotated, NamedTuple, Protocol
 import numpy as np
 from msgspec import Meta, Struct
 
-from haptigraph.sim.robot import Pose, Robot
+from haptigraph.sim.robot import JAWS_MOST_MM, Pose, Robot
 
 __all__ = ["Hand", "Move", "Operator", "ScriptedOperator", "Tools", "Tremor"]
 
@@ -53,7 +53,7 @@ class Move(Struct, frozen=True, forbid_unknown_fields=True):
     """Angle to the line trocar -> target, counter-clockwise."""
     away: bool = False
     """The needle is out of the picture meanwhile."""
-    jaws_mm: Annotated[float, Meta(ge=0, le=4)] = 0.0
+    jaws_mm: Annotated[float, Meta(ge=0, le=JAWS_MOST_MM)] = 0.0
     """Of forceps: between the tips of their jaws."""
     pipe_depth_mm: Annotated[float, Meta(ge=-100, le=24)] = -20.0
     """Of the other hand's light pipe: from its trocar to its tip."""
@@ -168,7 +168,7 @@ class ScriptedOperator:
         along_mm, across_mm = self.tremor_at(time_s)
         lever_mm = max(abs(depth_mm), 5.0)
         pitch_deg = self._target_pitch_deg + theta_deg + math.degrees(across_mm / lever_mm)
-        return Pose(depth_mm + along_mm, pitch_deg)
+        return Pose(depth_mm + along_mm, pitch_deg, self.tools_at(time_s).jaws_mm)
 
     def _number_at(self, time_s: float) -> int:
         return min(int(np.searchsorted(self._ends_s, time_s, side="right")), len(self._moves) - 1)

@@ -50,7 +50,7 @@ class Phantom:
         self.geometry = image_geometry(scenario.camera)
         first, limits = scenario.moves[0], scenario.robot
         aim_deg = Robot(self.eye.trocar_mm, limits, Pose(0.0, 0.0)).pitch_towards(self.eye.target_mm)
-        self._start = Pose(first.depth_mm, aim_deg + first.theta_deg)
+        self._start = Pose(first.depth_mm, aim_deg + first.theta_deg, first.jaws_mm)
         self._script = ScriptedOperator(scenario.moves, scenario.operator, limits.motion_scale, seed, aim_deg)
         self.operator: Operator = operator or self._script
         self._peeling = scenario.forceps and Peeling(
@@ -118,6 +118,7 @@ class Phantom:
         direction = self._robot.direction()
         if self._peeling:
             tools = self._script.tools_at(time_s if self.operator is self._script else 0.0)
+            tools = tools._replace(jaws_mm=self._robot.pose.jaws_mm)
             view = self._peeling.advance(truth.tip_mm, direction, tools)
             image = self.camera.render(view.hinge_mm, direction, number, view.draw) if draws else BLANK
             return Moment(time_s, image, replace(truth, others=view.found))

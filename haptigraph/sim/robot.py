@@ -1,6 +1,7 @@
 """The simulated robot: holds the needle in the trocar's remote centre of motion and moves it in the section.
 
-Two degrees of freedom, depth and pitch, with limits on both and on speed. Knows no eye but its pivot.
+Two degrees of freedom, depth and pitch, and the jaws where the instrument has some, with limits on all and on
+their speed. Knows no eye but its pivot.
 """
 
 import math
@@ -10,7 +11,11 @@ from msgspec import Meta, Struct
 
 from haptigraph.geometry import Vec, rotate, unit
 
-__all__ = ["Pose", "Robot", "RobotLimits"]
+__all__ = ["JAWS_MOST_MM", "JAWS_SPEED_MM_S", "Pose", "Robot", "RobotLimits"]
+
+JAWS_MOST_MM = 4.0
+"""Between the tips of jaws that are wide open."""
+JAWS_SPEED_MM_S = 4.0
 
 
 class RobotLimits(Struct, frozen=True, forbid_unknown_fields=True):
@@ -33,6 +38,8 @@ class Pose(Struct, frozen=True):
     """From the pivot to the tip; negative while the tip is outside."""
     pitch_deg: float
     """From the line pivot -> globe centre to the shaft, counter-clockwise."""
+    jaws_mm: float = 0.0
+    """Of forceps: between the tips of their jaws."""
 
 
 class Robot:
@@ -55,6 +62,7 @@ class Robot:
         self.pose = Pose(
             _towards(self.pose.depth_mm, wanted.depth_mm, self._limits.speed_limit_mm_s * step_s),
             _towards(self.pose.pitch_deg, wanted.pitch_deg, self._limits.turn_limit_deg_s * step_s),
+            _towards(self.pose.jaws_mm, wanted.jaws_mm, JAWS_SPEED_MM_S * step_s),
         )
         return self.pose
 
@@ -81,6 +89,7 @@ class Robot:
         return Pose(
             min(max(pose.depth_mm, limit.depth_min_mm), limit.depth_max_mm),
             min(max(pose.pitch_deg, -limit.pitch_limit_deg), limit.pitch_limit_deg),
+            min(max(pose.jaws_mm, 0.0), JAWS_MOST_MM),
         )
 
 

@@ -38,7 +38,8 @@ class TeleopSource:
             )
             raise BadInput(problem, name, "scenario.rate_hz")
         settings = TeleopSettings(motion_scale=scenario.robot.motion_scale)
-        self.teleop = Teleop(self.rate_hz, settings, scenario.about.seed)
+        has_jaws = scenario.forceps is not None
+        self.teleop = Teleop(self.rate_hz, settings, scenario.about.seed, has_jaws=has_jaws)
         """Where hand motion goes, and the settings; from any thread."""
         self._phantom = Phantom(scenario, self.teleop).paint()
         self._clock = clock

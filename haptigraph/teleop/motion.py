@@ -25,6 +25,8 @@ class HandMotion(Struct, frozen=True, forbid_unknown_fields=True):
     across_mm: Displacement = 0.0
     """Across the shaft, in the section: positive moves the tip to the surgeon's right (+x of the eye frame,
     for a needle from above; exactly: along the shaft's direction turned by +90 degrees)."""
+    apart_mm: Displacement = 0.0
+    """Thumb from finger: positive opens the jaws of forceps. Of a tool without jaws it moves nothing."""
 
     def __post_init__(self) -> None:
         _must_be_finite(self)

@@ -7,6 +7,7 @@ Knows no input device, no image and no clock but the phantom's.
 
 import math
 import threading
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -31,6 +32,7 @@ class Teleop:
         rate_hz: Images per second of the phantom; the hand's motion is looked at once per image.
         settings: To begin with.
         seed: Of the added tremor.
+        has_jaws: Whether the tool is forceps, which the hand opens and closes.
 
     Raises:
         ValueError: If the rate is too low for the tremor filter.
@@ -38,9 +40,12 @@ class Teleop:
 
     duration_s = math.inf
 
-    def __init__(self, rate_hz: float, settings: TeleopSettings | None = None, seed: int = 0) -> None:
+    def __init__(
+        self, rate_hz: float, settings: TeleopSettings | None = None, seed: int = 0, *, has_jaws: bool = False
+    ) -> None:
         self.settings = settings or TeleopSettings()
         """May be replaced at any time, from any thread; it holds from the next image on."""
+        self.has_jaws = has_jaws
         self._filter = BandStop(rate_hz)
         self._tremor = Tremor(1.0, *TREMOR_HZ, seed)
         self._lock = threading.Lock()
@@ -58,8 +63,12 @@ class Teleop:
         with self._lock:
             before = self._heard
             if motion.engaged and before is not None and before.engaged:
-                along_mm, across_mm = before.along_mm + motion.along_mm, before.across_mm + motion.across_mm
-                motion = HandMotion(True, along_mm, across_mm)
+                motion = HandMotion(
+                    True,
+                    before.along_mm + motion.along_mm,
+                    before.across_mm + motion.across_mm,
+                    before.apart_mm + motion.apart_mm,
+                )
             self._let_go |= not motion.engaged
             self._heard = motion
 
@@ -76,41 +85,44 @@ class Teleop:
         self.hand = _state(settings, engaged=self._engaged)
         if not self._engaged:
             return
-        hand_mm = np.array([heard.along_mm, heard.across_mm]) if heard else np.zeros(2)
+        hand_mm = np.zeros(3)
+        if heard:
+            hand_mm[:] = heard.along_mm, heard.across_mm, heard.apart_mm if self.has_jaws else 0.0
         trembled = np.subtract(self._tremor.at(time_s), self._tremor.at(time_s - elapsed_s))
-        wanted_mm = hand_mm + settings.added_tremor_mm * trembled
+        wanted_mm = hand_mm.copy()
+        wanted_mm[:2] += settings.added_tremor_mm * trembled  # a hand trembles; its fingers do so together
         if settings.tremor_filter:
-            wanted_mm = self._filter(wanted_mm)
+            wanted_mm[:2] = self._filter(wanted_mm[:2])
         asked_mm = settings.motion_scale * wanted_mm  # last, so that a scale of 0 stops at once
         robot.follow(_moved(robot.pose, *asked_mm.tolist()), elapsed_s)
-        self.hand = _state(settings, True, *hand_mm.tolist(), *asked_mm.tolist())
+        self.hand = _state(settings, True, hand_mm.tolist(), asked_mm.tolist())
 
     def is_away(self, time_s: float) -> bool:
         """Return False: a hand never takes the needle out of the picture, but along its shaft."""
         return False
 
 
-def _moved(pose: Pose, along_mm: float, across_mm: float) -> Pose:
-    """Return the pose after a motion of the tip; across becomes a turn about the pivot, by the lever."""
+def _moved(pose: Pose, along_mm: float, across_mm: float, apart_mm: float) -> Pose:
+    """Return the pose after a motion of tip and jaws; across becomes a turn about the pivot, by the lever."""
     turn = across_mm * pose.depth_mm / max(pose.depth_mm**2, LEVER_MM**2)
-    return Pose(pose.depth_mm + along_mm, pose.pitch_deg + math.degrees(turn))
+    return Pose(pose.depth_mm + along_mm, pose.pitch_deg + math.degrees(turn), pose.jaws_mm + apart_mm)
 
 
 def _state(
     settings: TeleopSettings,
     engaged: bool,
-    along_mm: float = 0.0,
-    across_mm: float = 0.0,
-    asked_along_mm: float = 0.0,
-    asked_across_mm: float = 0.0,
+    hand_mm: Sequence[float] = (0.0, 0.0, 0.0),
+    asked_mm: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> HandState:
     return HandState(
         engaged=engaged,
-        along_mm=along_mm,
-        across_mm=across_mm,
-        asked_along_mm=asked_along_mm,
-        asked_across_mm=asked_across_mm,
+        along_mm=hand_mm[0],
+        across_mm=hand_mm[1],
+        asked_along_mm=asked_mm[0],
+        asked_across_mm=asked_mm[1],
         motion_scale=settings.motion_scale,
         tremor_filter=settings.tremor_filter,
         added_tremor_mm=settings.added_tremor_mm,
+        apart_mm=hand_mm[2],
+        asked_apart_mm=asked_mm[2],
     )

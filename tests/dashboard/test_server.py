@@ -204,7 +204,7 @@ def nonsense(chance):
     """Return something that no page would send: text or bytes."""
     valid = [
         {"type": "ack", "number": 3},
-        {"type": "motion", "hand": {"engaged": True, "along_mm": 1.0, "across_mm": 0.0}},
+        {"type": "motion", "hand": {"engaged": True, "along_mm": 1.0, "across_mm": 0.0, "apart_mm": 0.1}},
         {"type": "tune", "motion_scale": 0.2, "tremor_filter": True},
         {"type": "ping", "time_ms": 1.0},
         {"type": "watch", "images": True},
@@ -233,6 +233,7 @@ def nonsense(chance):
         "engaged": chance.choice([1, "yes"]),
         "along_mm": chance.choice(bad),
         "across_mm": chance.choice(bad),
+        "apart_mm": chance.choice(bad),
     }
     return json.dumps({"type": "motion", "hand": hand})
 

@@ -1,6 +1,7 @@
 """Steering from the page: keyboard, controller, mouse; who holds the controls."""
 
 import math
+from pathlib import Path
 
 import pytest
 from live_bench import Live, look, until
@@ -31,8 +32,6 @@ def steered(open_page, steered_uri):
 @pytest.fixture(scope="session")
 def steered_uri(tmp_path_factory):
     """Small pictures for a hand to steer in: the needle stands outside."""
-    from pathlib import Path
-
     text = (Path(__file__).parents[1] / "data" / "steered.toml").read_text()
     path = tmp_path_factory.mktemp("steered") / "outside.toml"
     path.write_text(text.replace("depth_mm = 8.0", "depth_mm = -4.0"))
@@ -194,3 +193,72 @@ def test_a_page_that_goes_away_or_is_hidden_lets_go(steered, open_page):
     third.wait_for_selector("#holder:has-text('page 2')")
     other.close()
     third.wait_for_selector("#holder:has-text('Nobody')")
+
+
+# --- jaws
+
+
+@pytest.fixture
+def forceps(open_page):
+    """The page, steering forceps that point at the edge of a membrane."""
+    scenario = Path(__file__).parents[1] / "data" / "peeled.toml"
+    with Live(f"teleop:{scenario}", "--procedure", "membrane_peeling") as live:
+        page = open_page(live.url, pad=True)
+        page.wait_for_selector("#holder:has-text('You hold the controls')")
+        yield page
+        open_page.close_all()
+
+
+def press_until(page, keys, condition):
+    """Hold keys down until a condition of the measures `seen` or of the state holds, then let go."""
+    for key in keys:
+        page.keyboard.down(key)
+    until(page, f"((seen) => {condition})(page.header.measures)")
+    for key in keys:
+        page.keyboard.up(key)
+    until(page, "page.header.hand?.engaged === false")
+
+
+def test_the_keyboard_peels_a_membrane(forceps):
+    page = forceps
+    press_until(page, ["o"], "seen.opening_mm > 1.2")
+    press_until(page, ["ArrowDown"], "document.body.dataset.state === 'open_approach'")
+    press_until(page, ["Shift", "ArrowDown"], "seen.distance_to_edge_mm < 0.25")
+    wait_in_state(page, "edge_between_jaws")
+    index = look(page, "page.header.index")
+    press_until(page, ["c"], f"page.header.index > {index} + 30 && document.body.dataset.state === 'grasped'")
+    press_until(page, ["ArrowUp"], "document.body.dataset.state === 'peeling'")
+    assert page.inner_text("#state").lower() == "peeling"
+
+
+def test_shoulder_buttons_work_the_jaws_and_letting_go_holds_them(forceps):
+    page = forceps
+    page.evaluate("window.pad.buttons[5].value = 1")
+    until(page, "page.header.measures.opening_mm > 1")
+    page.evaluate("window.pad.buttons[5].value = 0")
+    until(page, "page.header.hand?.engaged === false")
+    index, before_mm = look(page, "page.header.index"), look(page, "page.header.measures.opening_mm")
+    until(page, f"page.header.index > {index} + 10")
+    assert look(page, "page.header.measures.opening_mm") == pytest.approx(before_mm, abs=0.15)
+    page.get_by_label("Needs clutch").check()
+    page.evaluate("window.pad.buttons[4].value = 1")
+    index = look(page, "page.header.index")
+    until(page, f"page.header.index > {index} + 10")
+    assert look(page, "page.header.hand.engaged") is False
+    page.evaluate("window.pad.buttons[7].value = 1")
+    until(page, "page.header.measures.opening_mm < 0.5")
+
+
+def test_only_where_there_are_jaws_is_it_told_how_to_work_them(forceps, open_page, steered_uri):
+    with Live(steered_uri) as live:
+        needle = open_page(live.url, pad=True)
+        for page, count in ((forceps, 2), (needle, 0)):
+            assert page.locator("#jaws").is_visible() is (count > 0)
+            page.click("#map")
+            assert page.locator("#actions tr:has-text('jaws')").count() == count
+            page.click("#mapping button.primary")
+        needle.keyboard.down("o")
+        index = look(needle, "page.header.index")
+        until(needle, f"page.header.index > {index} + 10")
+        assert look(needle, "page.header.hand.engaged") is False
+        open_page.close_all()

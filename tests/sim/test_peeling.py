@@ -55,6 +55,11 @@ def test_a_membrane_does_not_stretch_and_never_grows_on_again(way):
     assert membrane._flap_mm == MembraneShape().flap_mm
 
 
+def test_short_jaws_open_no_further_than_a_right_angle():
+    places = Forceps(ForcepsShape(jaw_mm=0.5), ImageGeometry((0.0, 0.0), 1.0, False), 0.0, 0).places
+    assert places((0.0, 0.0), DOWN, 4.0) == places((0.0, 0.0), DOWN, 1.0)
+
+
 def peeling() -> Peeling:
     camera = Camera(EYE, SMALL, NeedleShape(), Look(), 3)
     return Peeling(EYE, SHAPE, MembraneShape(), camera, 3)

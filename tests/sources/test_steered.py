@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from msgspec import Struct
 
 from haptigraph import assemble
 from haptigraph.analysis.replay import replay
@@ -16,12 +17,14 @@ from haptigraph.clock import VirtualClock
 from haptigraph.config import load_config
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Vec, norm, subtract, unit
-from haptigraph.messages import Step
+from haptigraph.messages import HandState, Step
 from haptigraph.recording.reader import RunReader
+from haptigraph.sim.robot import JAWS_MOST_MM, JAWS_SPEED_MM_S
 from haptigraph.sources.teleop import TeleopSource
 from haptigraph.teleop.motion import HandMotion, TeleopSettings
 
 SCALE = 0.2  # of the scenario's robot
+PEELED = str(Path(__file__).parents[1] / "data" / "peeled.toml")
 
 
 @pytest.fixture(scope="module")
@@ -242,7 +245,100 @@ def test_a_hand_that_sees_only_steps_hits_the_target_without_touching_the_retina
     ]
 
 
+def peel(*more: str) -> list[str]:
+    """Open the jaws, go to the membrane's edge, close them on it and pull; return the states in their order."""
+    loop = build(f"teleop:{PEELED}", "run.procedure=membrane_peeling", *more)
+    steps, states = loop.steps(), []
+
+    def hold(motion: HandMotion, is_done=lambda step: False, images: int = 200) -> None:
+        for step in islice(steps, images):
+            if states[-1:] != [step.conclusion.state]:
+                states.append(step.conclusion.state)
+            if is_done(step):
+                return
+            loop.source.teleop.put(motion)
+
+    hold(HandMotion(True, apart_mm=0.5), lambda step: step.graph.measures["opening_mm"] > 1.2)
+    hold(HandMotion(True, along_mm=0.5), lambda step: step.graph.measures["distance_to_edge_mm"] < 0.2)
+    hold(HandMotion(True, apart_mm=-0.5), images=20)
+    hold(HandMotion(True, along_mm=-0.5), lambda step: step.conclusion.state == "peeling")
+    loop.close()
+    return states
+
+
+def test_a_hand_that_sees_only_steps_peels_a_membrane():
+    told = ["navigation", "open_approach", "edge_between_jaws", "grasped", "peeling"]
+    assert [state for state in peel() if state in told] == told
+
+
+def test_jaws_move_as_fast_as_the_robot_can_and_hold_still_when_the_hand_lets_go():
+    source = TeleopSource(PEELED, VirtualClock())
+
+    def opening_mm(*heard: HandMotion) -> float:
+        for motion in heard:
+            source.teleop.put(motion)
+        places = source.read(1.0).truth.others
+        return math.dist(places["left_jaw"].at_mm, places["right_jaw"].at_mm)
+
+    shut_mm = opening_mm()
+    opened_mm = [opening_mm(HandMotion(True, apart_mm=500.0)) for _ in range(45)]
+    assert np.diff([0.0, *opened_mm]).max() <= JAWS_SPEED_MM_S / 30 + 0.01  # closed jaws lie side by side
+    assert opened_mm[-1] == pytest.approx(JAWS_MOST_MM)
+    closing_mm = opening_mm(HandMotion(True, apart_mm=-0.5))
+    assert closing_mm == pytest.approx(JAWS_MOST_MM - SCALE * 0.5)  # nothing wound up at the limit
+    assert opening_mm(HandMotion(True, apart_mm=-5.0), HandMotion(False)) == closing_mm
+    assert [opening_mm() for _ in range(10)] == [closing_mm] * 10
+    for _ in range(45):
+        opening_mm(HandMotion(True, apart_mm=-5.0))
+    assert opening_mm() == shut_mm
+
+
+def test_a_needle_has_no_jaws_to_move(name):
+    source = TeleopSource(name, VirtualClock())
+    first = source.read(1.0)
+    source.teleop.put(HandMotion(True, apart_mm=5.0))
+    after = source.read(1.0)
+    assert after.truth == first.truth
+    assert (after.hand.engaged, after.hand.apart_mm, after.hand.asked_apart_mm) == (True, 0.0, 0.0)
+
+
 # --- recording
+
+
+def test_what_the_jaws_did_is_in_the_recording_and_the_replay_is_identical(tmp_path):
+    path = tmp_path / "peeled.mcap"
+    assert peel(f'recording.path="{path}"')[-1] == "peeling"
+    hands = [capture.hand for capture, _ in RunReader(path).records(images=())]
+    assert {hand.apart_mm for hand in hands} == {0.0, 0.5, -0.5}
+    assert {hand.asked_apart_mm for hand in hands} == {0.0, 0.1, -0.1}
+    report = replay(path)
+    assert report.identical == report.steps == len(hands)
+
+
+def test_a_recording_from_before_there_were_jaws_is_read_and_replayed(uri, tmp_path, monkeypatch):
+    class HandBeforeJaws(Struct):
+        engaged: bool
+        along_mm: float
+        across_mm: float
+        asked_along_mm: float
+        asked_across_mm: float
+        motion_scale: float
+        tremor_filter: bool
+        added_tremor_mm: float
+
+    def before_jaws(*, apart_mm: float, asked_apart_mm: float, **others) -> HandBeforeJaws:
+        return HandBeforeJaws(**others)
+
+    path = tmp_path / "old.mcap"
+    monkeypatch.setattr("haptigraph.teleop.teleop.HandState", before_jaws)
+    steer_to_the_target(uri, TeleopSettings(), f'recording.path="{path}"')
+    with path.open("rb") as file:
+        told = next(message.data for _, _, message in make_reader(file).iter_messages(["/teleop"]))
+    assert b"asked_across_mm" in told and b"apart_mm" not in told
+    captures = [capture for capture, _ in RunReader(path).records(images=())]
+    assert {(type(capture.hand), capture.hand.apart_mm) for capture in captures} == {(HandState, 0.0)}
+    report = replay(path)
+    assert report.identical == report.steps == len(captures)
 
 
 def test_what_the_hand_did_is_in_the_recording_and_the_replay_is_identical(uri, tmp_path):

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from haptigraph.geometry import subtract
-from haptigraph.sim.robot import Pose, Robot, RobotLimits
+from haptigraph.sim.robot import JAWS_MOST_MM, JAWS_SPEED_MM_S, Pose, Robot, RobotLimits
 from haptigraph.teleop.motion import HandMotion, TeleopSettings
 from haptigraph.teleop.teleop import Teleop
 
@@ -18,7 +18,7 @@ LIMITS = RobotLimits()
 START = Pose(10.0, 0.0)
 
 moves_mm = st.floats(-1000, 1000)
-motions = st.builds(HandMotion, st.booleans(), moves_mm, moves_mm)
+motions = st.builds(HandMotion, st.booleans(), moves_mm, moves_mm, moves_mm)
 settings = st.builds(TeleopSettings, st.floats(0, 10), st.booleans(), st.floats(0, 10))
 
 
@@ -27,7 +27,7 @@ class Bench:
 
     def __init__(self, start: Pose = START, **settings) -> None:
         self.robot = Robot(PIVOT_MM, LIMITS, start)
-        self.teleop = Teleop(RATE_HZ, TeleopSettings(**settings))
+        self.teleop = Teleop(RATE_HZ, TeleopSettings(**settings), has_jaws=True)
         self.images = 0
 
     def image(self, *heard: HandMotion) -> Pose:
@@ -41,13 +41,13 @@ class Bench:
 # --- the clutch
 
 
-@given(st.lists(st.tuples(moves_mm, moves_mm), max_size=20), settings)
-def test_without_the_clutch_the_needle_stands_still(displacements, given_settings):
-    bench = Bench()
+@given(st.lists(st.tuples(moves_mm, moves_mm, moves_mm), max_size=20), settings)
+def test_without_the_clutch_needle_and_jaws_stand_still(displacements, given_settings):
+    bench = Bench(Pose(10.0, 0.0, 1.0))
     bench.teleop.settings = given_settings
     before = bench.robot.pose
-    for along_mm, across_mm in displacements:
-        assert bench.image(HandMotion(False, along_mm, across_mm)) == before
+    for displacement_mm in displacements:
+        assert bench.image(HandMotion(False, *displacement_mm)) == before
 
 
 @pytest.mark.parametrize("tremor_filter", [False, True])
@@ -124,6 +124,29 @@ def test_along_the_shaft_is_into_the_eye_by_the_scale():
     assert bench.robot.pose.pitch_deg == 0
 
 
+@pytest.mark.parametrize("tremor_filter", [False, True])
+def test_thumb_and_finger_move_the_jaws_by_the_scale_and_nothing_else(tremor_filter):
+    bench = Bench(motion_scale=0.1, tremor_filter=tremor_filter)
+    after = bench.image(HandMotion(True, apart_mm=0.5), HandMotion(True, apart_mm=0.25))
+    assert (after.depth_mm, after.pitch_deg) == (10.0, 0.0)
+    assert after.jaws_mm == pytest.approx(0.075)
+    assert bench.image(HandMotion(True)) == after
+    assert bench.image(HandMotion(True, apart_mm=-5.0)).jaws_mm == 0
+
+
+@given(st.booleans(), st.floats(0, 10))
+def test_a_trembling_hand_does_not_move_the_jaws(tremor_filter, added_tremor_mm):
+    bench = Bench(Pose(10.0, 0.0, 1.0), tremor_filter=tremor_filter, added_tremor_mm=added_tremor_mm)
+    assert {bench.image(HandMotion(True)).jaws_mm for _ in range(10)} == {1.0}
+
+
+def test_jaws_hold_still_when_the_hand_falls_silent():
+    bench = Bench()
+    opened = [bench.image(HandMotion(True, apart_mm=0.5)).jaws_mm for _ in range(5)]
+    assert [bench.image().jaws_mm for _ in range(20)] == opened[-1:] * 20
+    assert not bench.teleop.hand.engaged
+
+
 # --- limits
 
 
@@ -138,6 +161,8 @@ def test_limits_hold_whatever_the_hand_does_and_however_it_is_switched(images):
         assert abs(after.pitch_deg) <= LIMITS.pitch_limit_deg
         assert abs(after.depth_mm - before.depth_mm) <= LIMITS.speed_limit_mm_s / RATE_HZ + 1e-9
         assert abs(after.pitch_deg - before.pitch_deg) <= LIMITS.turn_limit_deg_s / RATE_HZ + 1e-9
+        assert 0 <= after.jaws_mm <= JAWS_MOST_MM
+        assert abs(after.jaws_mm - before.jaws_mm) <= JAWS_SPEED_MM_S / RATE_HZ + 1e-9
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -213,6 +238,16 @@ def test_a_slow_motion_arrives_whole_through_the_filter():
 # --- messages
 
 
+@given(motions)
+def test_a_hand_comes_back_from_the_wire(motion):
+    assert msgspec.json.decode(msgspec.json.encode(motion), type=HandMotion) == motion
+
+
+def test_a_hand_that_does_not_speak_of_jaws_leaves_them():
+    text = '{"engaged": true, "along_mm": 1, "across_mm": 2}'
+    assert msgspec.json.decode(text, type=HandMotion) == HandMotion(True, 1.0, 2.0, 0.0)
+
+
 @pytest.mark.parametrize(
     "text",
     [
@@ -222,6 +257,7 @@ def test_a_slow_motion_arrives_whole_through_the_filter():
         '{"engaged": true, "along_mm": 1e999}',
         '{"engaged": true, "across_mm": NaN}',
         '{"engaged": true, "across_mm": "1"}',
+        '{"engaged": true, "apart_mm": -1001}',
         '{"engaged": true, "depth_mm": 1}',
     ],
 )
@@ -247,7 +283,7 @@ def test_numbers_that_are_none_are_refused_from_python_too(number):
 def test_what_the_hand_did_is_told():
     bench = Bench(motion_scale=0.5, tremor_filter=False)
     assert not bench.teleop.hand.engaged
-    bench.image(HandMotion(True, 0.2, 0.1), HandMotion(True, 0.1))
+    bench.image(HandMotion(True, 0.2, 0.1, 0.4), HandMotion(True, 0.1))
     hand = bench.teleop.hand
     assert (hand.engaged, hand.motion_scale, hand.tremor_filter, hand.added_tremor_mm) == (
         True,
@@ -257,3 +293,4 @@ def test_what_the_hand_did_is_told():
     )
     assert (hand.along_mm, hand.across_mm) == pytest.approx((0.3, 0.1))
     assert (hand.asked_along_mm, hand.asked_across_mm) == pytest.approx((0.15, 0.05))
+    assert (hand.apart_mm, hand.asked_apart_mm) == pytest.approx((0.4, 0.2))

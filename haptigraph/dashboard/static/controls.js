@@ -27,8 +27,10 @@ export class Controls {
   }
 
   begin(hello) {
-    const { steerable } = hello;
+    const { steerable, has_jaws } = hello;
+    this.steering.begin(hello);
     $("steering").hidden = !steerable;
+    $("jaws").hidden = !has_jaws;
     document.querySelector("main").classList.toggle("steerable", steerable);
     if (steerable && !document.hidden) this.send({ type: "take" });
   }
@@ -72,8 +74,9 @@ export class Controls {
 
   fillDialog() {
     const { mapping } = this.controller;
+    const actions = Object.entries(ACTIONS).filter(([, { ofJaws }]) => !ofJaws || this.steering.hasJaws);  // jaws are last
     this.waits = null;
-    $("actions").replaceChildren(...Object.entries(ACTIONS).map(([action, { words, kind }]) => {
+    $("actions").replaceChildren(...actions.map(([action, { words, kind }]) => {
       const { index, sign } = mapping[action];
       const row = document.createElement("tr");
       const button = Object.assign(document.createElement("button"), { type: "button", textContent: "Change", ariaLabel: `Change ${words}` });

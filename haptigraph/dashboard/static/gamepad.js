@@ -6,10 +6,13 @@ export const ACTIONS = {
   clutch: { words: "clutch", kind: "button" },
   fine: { words: "fine motion", kind: "button" },
   filter: { words: "tremor filter on or off", kind: "button" },
+  open: { words: "open the jaws", kind: "button", ofJaws: true },
+  close: { words: "close the jaws", kind: "button", ofJaws: true },
 };
 const STANDARD = {
   along: { index: 1, sign: 1 }, across: { index: 0, sign: 1 },
   clutch: { index: 7 }, fine: { index: 6 }, filter: { index: 3 },
+  open: { index: 5 }, close: { index: 4 },
 };
 const DEAD = 0.12, PRESSED = 0.35;
 
@@ -25,7 +28,7 @@ export class Controller {
 
   /** Return what the controller wants now; all zero and false where there is none. */
   read(pad = this.pad()) {
-    const wants = { along: 0, across: 0, clutch: false, fine: false, filter: false };
+    const wants = { along: 0, across: 0, clutch: false, fine: false, filter: false, open: false, close: false };
     if (!pad) return wants;
     for (const [action, { kind }] of Object.entries(ACTIONS)) {
       const { index, sign } = this.mapping[action];

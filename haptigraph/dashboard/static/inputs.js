@@ -5,13 +5,15 @@ const KEYS = {
   ArrowRight: ["across", 1], KeyD: ["across", 1], ArrowLeft: ["across", -1], KeyA: ["across", -1],
   Space: ["clutch", 1],
 };
+const JAWS = { KeyO: ["apart", 1], KeyC: ["apart", -1] };
 export const MM_PER_PX = 0.25;
 
-/** Keys that are held: {along, across} in -1, 0, 1, clutch and fine. */
+/** Keys that are held: {along, across, apart} in -1, 0, 1, clutch and fine. */
 export class Keyboard {
   /** @param {() => boolean} counts whether keys steer now; otherwise they are the page's */
   constructor(counts) {
     this.counts = counts;
+    this.keys = KEYS;
     this.held = new Set();
     this.fine = false;
     addEventListener("keydown", (event) => this.press(event));
@@ -19,9 +21,15 @@ export class Keyboard {
     addEventListener("blur", () => this.letGo());
   }
 
+  /** Let keys open and close jaws where there are some; elsewhere they are the page's. */
+  begin(hasJaws) {
+    this.letGo();
+    this.keys = hasJaws ? { ...KEYS, ...JAWS } : KEYS;
+  }
+
   press(event) {
     this.fine = event.shiftKey;
-    if (!this.counts() || !KEYS[event.code] || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (!this.counts() || !this.keys[event.code] || event.ctrlKey || event.metaKey || event.altKey) return;
     if (isForTheField(event.target, event.code) || document.querySelector("dialog[open]")) return;
     event.preventDefault();
     this.held.add(event.code);
@@ -30,9 +38,10 @@ export class Keyboard {
   letGo() { this.held.clear(); this.fine = false; }
 
   read() {
-    const wants = { along: 0, across: 0, clutch: 0 };
-    for (const code of this.held) wants[KEYS[code][0]] += KEYS[code][1];
-    return { along: Math.sign(wants.along), across: Math.sign(wants.across), clutch: wants.clutch > 0, fine: this.fine };
+    const wants = { along: 0, across: 0, apart: 0, clutch: 0 };
+    for (const code of this.held) wants[this.keys[code][0]] += this.keys[code][1];
+    const { along, across, apart } = wants;
+    return { along: Math.sign(along), across: Math.sign(across), apart: Math.sign(apart), clutch: wants.clutch > 0, fine: this.fine };
   }
 }
 

@@ -18,6 +18,8 @@ export class Steering {
     this.isHolder = false;
     /** Whether a key or stick moves the needle only while the clutch is held. */
     this.needsClutch = false;
+    /** Whether the tool has jaws to open and close. */
+    this.hasJaws = false;
     this.engaged = false;
     this.then_ms = performance.now();
     this.filterWasDown = false;
@@ -26,11 +28,17 @@ export class Steering {
     setInterval(() => this.tick(), TICK_MS);
   }
 
+  /** Steer what a run is about. */
+  begin({ has_jaws }) {
+    this.hasJaws = has_jaws;
+    this.keyboard.begin(has_jaws);
+  }
+
   /** Let go: nothing more is sent until something is pressed anew. */
   letGo() {
     this.keyboard.letGo();
     this.mouse.isDown = false;
-    if (this.engaged) this.tell(false, 0, 0);
+    if (this.engaged) this.tell(false, 0, 0, 0);
   }
 
   tick(now_ms = performance.now()) {
@@ -43,13 +51,15 @@ export class Steering {
     const way_mm = SPEED_MM_S * elapsed_s * (keys.fine || stick.fine ? FINE : 1);
     const along_mm = (keys.along + stick.along) * way_mm + drag.along_mm;
     const across_mm = (keys.across + stick.across) * way_mm + drag.across_mm;
+    const apart_mm = this.hasJaws ? (keys.apart + stick.open - stick.close) * way_mm : 0;
     const clutch = keys.clutch || stick.clutch || drag.clutch;
-    const engaged = clutch || (!this.needsClutch && (along_mm !== 0 || across_mm !== 0));
-    if (engaged || this.engaged) this.tell(engaged, engaged ? along_mm : 0, engaged ? across_mm : 0);
+    const engaged = clutch || (!this.needsClutch && (along_mm !== 0 || across_mm !== 0 || apart_mm !== 0));
+    if (engaged) this.tell(true, along_mm, across_mm, apart_mm);
+    else if (this.engaged) this.tell(false, 0, 0, 0);
   }
 
-  tell(engaged, along_mm, across_mm) {
+  tell(engaged, along_mm, across_mm, apart_mm) {
     this.engaged = engaged;
-    this.send({ type: "motion", hand: { engaged, along_mm, across_mm } });
+    this.send({ type: "motion", hand: { engaged, along_mm, across_mm, apart_mm } });
   }
 }

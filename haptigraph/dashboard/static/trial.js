@@ -71,7 +71,11 @@ export class Trial {
     this.held(this.holder);
   }
 
-  hello(message) { this.view.begin(message); this.phases.begin(message); this.wish(); }
+  hello(message) {
+    for (const part of [this.view, this.phases, this.steering]) part.begin(message);
+    $("jaws").hidden = !message.has_jaws;
+    this.wish();
+  }
 
   image(header, picture) {
     if (picture) this.seen_ms = performance.now();
