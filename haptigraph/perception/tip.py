@@ -6,6 +6,7 @@ Nothing behind the wall can be seen: a needle whose tip is in there has none.
 """
 
 import math
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -13,9 +14,9 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from haptigraph.perception.pixels import FloatImage, Mask
-from haptigraph.perception.strip import STATION_PX, Strip
+from haptigraph.perception.strip import STATION_PX, Strip, median
 
-__all__ = ["Reach", "closeup_px", "find_reach", "is_led_to", "refine_tip"]
+__all__ = ["Reach", "closeup_px", "find_reach", "is_led_to", "refine_tip", "sharp_end"]
 
 CORE = np.full(5, 1 / 5, np.float32)  # lanes in the middle of a strip
 LEAST_GREY = 5.0
@@ -25,17 +26,28 @@ KNOWN_SHARE = 0.1  # of the contrast that the needle had before
 UNKNOWN_SHARE = 0.35
 BEHIND_PX, AHEAD_PX = 12, 10  # how much of the needle, and of what follows, tells where it ends
 NEAR_PX, BLUNT_PX = 7, 2
-TIP_LEVEL = 0.35  # between beyond and behind: the point is thin and rounded, half is seen too early
+TIP_LEVEL = 0.36  # between beyond and behind: the point is thin and rounded, half is seen too early
+FADING_LEVEL = 0.3  # of dark rims about a bright middle: where they are thin, blur takes one from the other
+ONE_TONE = 0.8  # share of the contrast that is of one sign, below which a point fades like that
 LEAST_FALL = 0.6  # what is beyond has less than this share of the contrast behind
 UNKNOWN_FALL = 0.4  # the same before a wall that was never seen without a needle
 BEYOND_PX = 4  # the blurred end of the tip
 WALL_PX = 2  # of the wall's edge
-FLOOR_PX = 0.1
+FLOOR_PX, FLOOR_GREY = 0.1, 1e-3
 LEAST_HELD_PX = 2.0  # of tip inside, when the shaft is seen to enter the wall
 LEAST_FREE_MM = 0.8  # when it is not
 MOUTH_MM = 0.4  # of the hole, inside the wall, may look like a needle where it was never seen without one
 LEAST_OUTSIDE_MM = 1.0
 AT_WALL_MM = 0.22
+GROUP = 4  # stations in which something sharp is looked for together
+SPREAD = np.full((GROUP, 1), 1 / GROUP, np.float32)
+BESIDE_PX = 2  # from lane to lane: an edge or a point changes over so little, the edge of a shadow does not
+BESIDE = np.array((1, -4, 6, -4, 1), np.float32) / 6
+SHARP_NOISE = float(np.sqrt((BESIDE**2).sum()))
+POINT = 5  # groups
+SOFT_SHARE = 0.2  # a shadow is less sharp than this share of the point it goes on from
+LEAST_SOFT = 6  # groups
+SHARP_DEVIATION_PX = 1.0
 
 
 class Reach(Struct, frozen=True):
@@ -127,16 +139,19 @@ def refine_tip(strip: Strip, reach: Reach, about_px: float, aside_px: float = 0.
     core = slice(int(lane) - 1, int(lane) + 3)
     weights = np.array(((1 - share) / 3, 1 / 3, 1 / 3, share / 3), np.float32)
     along = _contrast(strip.excess[core, seen], strip.beside[core, seen], weights).tolist()
+    tones = (weights @ strip.excess[core, seen]).tolist()
     is_sure = strip.is_known[seen].tolist() if reach.where == "outside" else [True] * len(along)
     noise = strip.noise_grey / math.sqrt(3)
     first_px = float(strip.u_px[seen.start])
     end, place, steepness, high = math.ceil(about_px - first_px), 0.0, 1.0, 0.0
     for behind_px in (BEHIND_PX, NEAR_PX):
-        shaft = sorted(along[max(end - behind_px, 0) : max(end - BLUNT_PX, 1)])
+        behind = slice(max(end - behind_px, 0), max(end - BLUNT_PX, 1))
+        shaft = sorted(along[behind])
         high, low = shaft[len(shaft) // 2], _beyond(along[end:], is_sure[end:])
         if low > (LEAST_FALL if all(is_sure[end:]) else UNKNOWN_FALL) * high:
             return None
-        level = max(low + TIP_LEVEL * (high - low), LEAST_SNR * noise)
+        tone = abs(sum(tones[behind])) / max(sum(shaft), FLOOR_GREY) if reach.where == "inside" else 1.0
+        level = max(low + _tip_level(tone) * (high - low), LEAST_SNR * noise)
         end = _last_above(along, is_sure, level)
         if end < 0 or (end == len(along) - 1 and seen.stop == last):
             return None
@@ -150,6 +165,60 @@ def refine_tip(strip: Strip, reach: Reach, about_px: float, aside_px: float = 0.
         deviation_px=math.hypot(FLOOR_PX, noise / steepness),
         contrast_grey=high,
     )
+
+
+def _tip_level(tone: float) -> float:
+    """Return where between beyond and behind a point ends of whose contrast some share is of one sign."""
+    share = min(max((tone - ONE_TONE) / (1 - ONE_TONE), 0.0), 1.0)
+    return FADING_LEVEL + share * (TIP_LEVEL - FADING_LEVEL)
+
+
+def sharp_end(strip: Strip, reach: Reach) -> Reach | None:
+    """Find where the last sharp part of a shaft ends, if all that goes on from there is soft: its shadow.
+
+    Args:
+        strip: The straightened surroundings.
+        reach: With a tip inside.
+
+    Returns:
+        The reach, or None if there is something sharp right before its tip, or nowhere.
+    """
+    start, start_px = strip.inside.start, float(strip.u_px[strip.inside.start])
+    groups = int((reach.tip_px - start_px) / STATION_PX) + 2 - GROUP
+    seen = strip.excess[:, start : start + groups + GROUP - 1]
+    least = LEAST_SNR * SHARP_NOISE * strip.noise_grey / math.sqrt(GROUP)
+    if groups <= LEAST_SOFT or _sharpness(seen[:, -GROUP:] @ SPREAD)[0] >= least:
+        return None
+    sums = sum(seen[:, first : first + groups] for first in range(GROUP))
+    along = _sharpness(np.asarray(sums / GROUP, np.float32))
+    is_sharp = along >= least
+    pairs = (is_sharp[1:] & is_sharp[:-1]).nonzero()[0]
+    end = int(pairs[-1]) + 1 if len(pairs) else groups
+    if end > groups - LEAST_SOFT:
+        return None
+    high, low = median(along[max(end - POINT, 0) : end]), median(along[end + 2 :])
+    if _sharpness(seen[:, end + GROUP :].mean(axis=1, keepdims=True))[0] > SOFT_SHARE * high:
+        return None
+    level = max(low + FADING_LEVEL * (high - low), least)
+    end = int((along[: end + 1] >= level).nonzero()[0][-1])
+    share = (along[end] - level) / (along[end] - along[end + 1])
+    tip_px = start_px + STATION_PX * (end + float(share) + (GROUP - 1) / 2)
+    return replace(reach, tip_px=tip_px, deviation_px=SHARP_DEVIATION_PX, contrast_grey=0.0)
+
+
+def _sharpness(excess: FloatImage) -> FloatImage:
+    """Return how much the sharpest lane differs from those beside it, (n,) grey levels."""
+    return np.asarray(np.abs(_sharp(len(excess)) @ excess).max(axis=0), np.float32)
+
+
+@cache
+def _sharp(lanes: int) -> FloatImage:
+    """Return what takes from every lane the cubic through four lanes beside it, (lanes - 8, lanes)."""
+    last = BESIDE_PX * (len(BESIDE) - 1)
+    sharp = np.zeros((lanes - last, lanes), np.float32)
+    for lane in range(len(sharp)):
+        sharp[lane, lane : lane + last + 1 : BESIDE_PX] = BESIDE
+    return sharp
 
 
 def _beyond(along: list[float], is_sure: list[bool]) -> float:

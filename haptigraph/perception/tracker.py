@@ -29,7 +29,7 @@ from haptigraph.perception.strip import (
     lay_straight,
     stations,
 )
-from haptigraph.perception.tip import Reach, closeup_px, find_reach, is_led_to, refine_tip
+from haptigraph.perception.tip import Reach, closeup_px, find_reach, is_led_to, refine_tip, sharp_end
 
 __all__ = ["Tracker"]
 
@@ -193,7 +193,13 @@ class Tracker:
 
     def _refined(self, image: Image, sight: _Sight, expected_px: float = math.inf) -> _Sight:
         """Look at the tip closely, first where the shaft's edges end: the rest may be its shadow."""
-        return replace(sight, reach=self._refined_reach(image, sight, expected_px))
+        reach = self._refined_reach(image, sight, expected_px)
+        seen = sight.glimpse
+        sharp = sharp_end(seen.strip, reach) if reach.where == "inside" else None
+        if sharp is None:
+            return replace(sight, reach=reach)
+        without_shadow = self._measured(replace(seen, reach=sharp), seen.strip.half_px)
+        return without_shadow or replace(sight, reach=sharp)
 
     def _refined_reach(self, image: Image, sight: _Sight, expected_px: float = math.inf) -> Reach:
         strip, fit, reach = sight.glimpse.strip, sight.fit, sight.reach

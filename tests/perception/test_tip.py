@@ -1,0 +1,68 @@
+import cv2
+import numpy as np
+import pytest
+
+from haptigraph.perception.strip import STATION_PX, Strip
+from haptigraph.perception.tip import Reach, refine_tip, sharp_end
+
+HALF_PX, NOISE_GREY, END_PX = 16, 2.0, 140.0
+LANES = np.arange(-HALF_PX, HALF_PX + 1)[:, None]
+U_PX = np.arange(-40, 300, STATION_PX, dtype=np.float32)
+SHADOW = np.exp(-((LANES / 9) ** 2))  # edges as soft as those of a lamp's shadow
+
+
+def strip(excess, u_px=U_PX):
+    noise = np.random.default_rng(7).normal(0, NOISE_GREY, excess.shape)
+    seen = (excess + noise).astype(np.float32)
+    first = int(u_px.searchsorted(8))
+    before, inside = slice(0, max(first - 14, 0)), slice(first, len(u_px))
+    return Strip(u_px, HALF_PX, seen, seen, np.ones(len(u_px), bool), before, inside, NOISE_GREY)
+
+
+def needle(half_width_px, until_px=END_PX, grey=-40.0):
+    across = np.clip(half_width_px + 0.5 - abs(LANES), 0, 1)
+    return grey * across * (until_px >= U_PX)
+
+
+@pytest.mark.parametrize("half_width_px", [1.5, 3.0, 8.0])
+@pytest.mark.parametrize("shadow_grey", [-20.0, -50.0])
+def test_a_shadow_that_goes_on_in_line_with_the_needle_is_cut_off(half_width_px, shadow_grey):
+    shaded = np.minimum(needle(half_width_px), shadow_grey * SHADOW * (U_PX <= 220))
+    shaded += needle(half_width_px, grey=-15.0)
+    end = sharp_end(strip(shaded), Reach("inside", 220.0, 200.0))
+    assert end is not None
+    assert end.tip_px == pytest.approx(END_PX, abs=4)
+
+
+@pytest.mark.parametrize("half_width_px", [1.5, 3.0, 8.0])
+def test_a_needle_that_is_sharp_up_to_its_tip_keeps_it(half_width_px):
+    assert sharp_end(strip(needle(half_width_px)), Reach("inside", END_PX, 100.0)) is None
+
+
+def test_a_shaft_of_which_nothing_is_sharp_keeps_its_tip():
+    blurred = -30 * np.exp(-((LANES / 6) ** 2)) * (END_PX >= U_PX)
+    assert sharp_end(strip(blurred), Reach("inside", END_PX, 100.0)) is None
+
+
+def test_a_needle_that_fades_in_the_noise_keeps_its_tip():
+    fading = needle(1.5) * np.clip((END_PX - U_PX) / 100, 0, 1)
+    assert sharp_end(strip(fading), Reach("inside", END_PX, 100.0)) is None
+
+
+@pytest.mark.parametrize("tip_px", [9.0, 12.0, 20.0])
+def test_a_tip_right_behind_the_wall_is_left_alone(tip_px):
+    assert sharp_end(strip(needle(3.0, tip_px)), Reach("inside", tip_px, 10.0)) is None
+
+
+@pytest.mark.parametrize("blur_px", [0.8, 1.5, 2.2])
+@pytest.mark.parametrize("shine_grey", [0.0, 140.0, 170.0, 300.0])
+def test_a_thin_point_ends_where_it_ends_whatever_shines_on_its_middle(blur_px, shine_grey):
+    u_px = np.arange(80, 160, dtype=np.float32)
+    half_px = np.where(u_px <= 120.3, 1.5 + (120.3 - u_px) / 12, 0)
+    across = np.clip(half_px + 0.5 - abs(LANES), 0, 1) * np.clip(120.8 - u_px, 0, 1)
+    shine = shine_grey * np.exp(-((LANES / np.maximum(half_px / 3, 0.5)) ** 2))
+    point = cv2.GaussianBlur(((shine - 80) * across).astype(np.float32), (0, 0), blur_px)
+    closeup = strip(point, u_px)
+    seen = refine_tip(closeup, Reach("inside", 122.0, 100.0), 122.0)
+    assert seen is not None
+    assert seen.tip_px == pytest.approx(120.3, abs=0.6)
