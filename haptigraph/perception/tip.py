@@ -29,6 +29,8 @@ NEAR_PX, BLUNT_PX = 7, 2
 TIP_LEVEL = 0.36  # between beyond and behind: the point is thin and rounded, half is seen too early
 FADING_LEVEL = 0.3  # of dark rims about a bright middle: where they are thin, blur takes one from the other
 ONE_TONE = 0.8  # share of the contrast that is of one sign, below which a point fades like that
+SHARP_FALL_PX, LONGEST_FALL_PX = 2.5, 7.5  # of a point in focus, and of one far out of it
+BLUR_SHARE = 0.08  # of a longer fall: blur takes the level beyond the point
 LEAST_FALL = 0.6  # what is beyond has less than this share of the contrast behind
 UNKNOWN_FALL = 0.4  # the same before a wall that was never seen without a needle
 BEYOND_PX = 4  # the blurred end of the tip
@@ -135,9 +137,9 @@ def refine_tip(strip: Strip, reach: Reach, about_px: float, aside_px: float = 0.
     seen = slice(max(middle - BEHIND_PX, part.start), min(last, part.stop))
     if seen.stop - seen.start < 2:
         return None
-    lane, share = divmod(strip.half_px + aside_px, 1)
+    lane, rest = divmod(strip.half_px + aside_px, 1)
     core = slice(int(lane) - 1, int(lane) + 3)
-    weights = np.array(((1 - share) / 3, 1 / 3, 1 / 3, share / 3), np.float32)
+    weights = np.array(((1 - rest) / 3, 1 / 3, 1 / 3, rest / 3), np.float32)
     along = _contrast(strip.excess[core, seen], strip.beside[core, seen], weights).tolist()
     tones = (weights @ strip.excess[core, seen]).tolist()
     is_sure = strip.is_known[seen].tolist() if reach.where == "outside" else [True] * len(along)
@@ -150,15 +152,17 @@ def refine_tip(strip: Strip, reach: Reach, about_px: float, aside_px: float = 0.
         high, low = shaft[len(shaft) // 2], _beyond(along[end:], is_sure[end:])
         if low > (LEAST_FALL if all(is_sure[end:]) else UNKNOWN_FALL) * high:
             return None
-        tone = abs(sum(tones[behind])) / max(sum(shaft), FLOOR_GREY) if reach.where == "inside" else 1.0
-        level = max(low + _tip_level(tone) * (high - low), LEAST_SNR * noise)
+        one_tone = _one_tone(tones[behind], shaft) if reach.where == "inside" else 1.0
+        share = FADING_LEVEL + one_tone * (TIP_LEVEL - FADING_LEVEL)
+        level = max(low + share * (high - low), LEAST_SNR * noise)
         end = _last_above(along, is_sure, level)
         if end < 0 or (end == len(along) - 1 and seen.stop == last):
             return None
         place = float(end)
         if end < len(along) - 1:
             steepness = max(along[end] - along[end + 1], 1.0)
-            place += (along[end] - level) / steepness
+            fall_px = min(max((high - low) / steepness, SHARP_FALL_PX), LONGEST_FALL_PX)
+            place += (along[end] - level) / steepness - BLUR_SHARE * one_tone * (fall_px - SHARP_FALL_PX)
     return replace(
         reach,
         tip_px=first_px + place,
@@ -167,10 +171,10 @@ def refine_tip(strip: Strip, reach: Reach, about_px: float, aside_px: float = 0.
     )
 
 
-def _tip_level(tone: float) -> float:
-    """Return where between beyond and behind a point ends of whose contrast some share is of one sign."""
-    share = min(max((tone - ONE_TONE) / (1 - ONE_TONE), 0.0), 1.0)
-    return FADING_LEVEL + share * (TIP_LEVEL - FADING_LEVEL)
+def _one_tone(tones: list[float], contrasts: list[float]) -> float:
+    """Return whether a shaft is darker or brighter throughout, 1, or its rims and its middle differ, 0."""
+    share = abs(sum(tones)) / max(sum(contrasts), FLOOR_GREY)
+    return min(max((share - ONE_TONE) / (1 - ONE_TONE), 0.0), 1.0)
 
 
 def sharp_end(strip: Strip, reach: Reach) -> Reach | None:

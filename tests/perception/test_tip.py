@@ -66,3 +66,16 @@ def test_a_thin_point_ends_where_it_ends_whatever_shines_on_its_middle(blur_px, 
     seen = refine_tip(closeup, Reach("inside", 122.0, 100.0), 122.0)
     assert seen is not None
     assert seen.tip_px == pytest.approx(120.3, abs=0.6)
+
+
+@pytest.mark.parametrize("grey", [-80.0, 80.0])
+def test_a_blunt_end_does_not_move_when_it_goes_out_of_focus(grey):
+    u_px = np.arange(80, 160, dtype=np.float32)
+    end = np.clip(3.5 - abs(LANES), 0, 1) * np.clip(120.8 - u_px, 0, 1) * grey
+    places_px = []
+    for blur_px in (0.8, 1.6, 2.4):
+        blurred = cv2.GaussianBlur(end.astype(np.float32), (0, 0), blur_px)
+        seen = refine_tip(strip(blurred, u_px), Reach("inside", 122.0, 100.0), 122.0)
+        assert seen is not None
+        places_px.append(seen.tip_px)
+    assert max(places_px) - min(places_px) < 0.3
