@@ -14,25 +14,30 @@ from haptigraph.clock import VirtualClock
 from haptigraph.config import load_config
 from haptigraph.errors import EndOfSource
 from haptigraph.messages import Capture
-from haptigraph.perception.registration import load_registration, parse_registration
+from haptigraph.perception.scan_registration import load_registered, parse_registered
 from haptigraph.pipeline import Durations, Pipeline
 
 CLIP = Path(__file__).parents[2] / "shared" / "clips" / "A_easy"
 PASSES = 5
+SCENARIOS = {"membrane_peeling": "membrane_peeling", "subretinal_injection_ioct": "ioct_approach"}
+"""Of procedures that a clip of a needle in a camera's view does not show."""
+
 STAGES = ("perceive", "build_scene", "reason", "render", "step")
 
 
 def load(procedure: str = "subretinal_injection") -> tuple[str, Pipeline, list[Capture]]:
     """Return what is measured, on what."""
-    if CLIP.is_dir():
-        registration = load_registration(CLIP / "registration.toml")
+    if procedure in SCENARIOS:
+        uri = f"phantom:{SCENARIOS[procedure]}"
+    elif CLIP.is_dir():
+        registration = load_registered(CLIP / "registration.toml")
         uri = str(CLIP / "clip.mp4")
     else:
         uri = "phantom:align_then_approach"
     config = load_config(None, (f'source.uri="{uri}"',))
     source = assemble.open_source(config, VirtualClock())
     if source.registration is not None:
-        registration = parse_registration(source.registration, uri)
+        registration = parse_registered(source.registration, uri)
     captures = []
     try:
         while True:
