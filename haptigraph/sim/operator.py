@@ -12,7 +12,7 @@ from msgspec import Meta, Struct
 
 from haptigraph.sim.robot import JAWS_MOST_MM, Pose, Robot
 
-__all__ = ["Hand", "Move", "Operator", "ScriptedOperator", "Tools", "Tremor"]
+__all__ = ["Hand", "LightPipe", "Move", "Operator", "ScriptedOperator", "Tremor"]
 
 SINES = 12
 MOTION_STEPS = 4  # a scripted robot moves in finer steps than the camera sees
@@ -63,10 +63,9 @@ class Move(Struct, frozen=True, forbid_unknown_fields=True):
     """The phase of the operation that the operator names; empty: as before."""
 
 
-class Tools(NamedTuple):
-    """What the hands do besides moving the robot; units and zeros as in `Move`."""
+class LightPipe(NamedTuple):
+    """Where the other hand holds the light pipe; units and zeros as in `Move`."""
 
-    jaws_mm: float
     pipe_depth_mm: float
     pipe_deg: float
 
@@ -120,33 +119,27 @@ class ScriptedOperator:
 
     def pose_at(self, time_s: float) -> tuple[float, float]:
         """Return the wanted (depth_mm, theta_deg) of the script, without tremor."""
-        before, move, blend = self._on_the_way(time_s)
-        depth_mm = before.depth_mm + blend * (move.depth_mm - before.depth_mm)
-        theta_deg = before.theta_deg + blend * (move.theta_deg - before.theta_deg)
-        return float(depth_mm), float(theta_deg)
+        depth_mm, theta_deg = self._between(time_s, "depth_mm", "theta_deg")
+        return depth_mm, theta_deg
 
-    def tools_at(self, time_s: float) -> Tools:
-        """Return what the hands do besides moving the robot."""
-        before, move, blend = self._on_the_way(time_s)
-        return Tools(
-            *(
-                float(getattr(before, name) + blend * (getattr(move, name) - getattr(before, name)))
-                for name in Tools._fields
-            )
-        )
+    def pipe_at(self, time_s: float) -> LightPipe:
+        """Return where the light pipe is held."""
+        return LightPipe(*self._between(time_s, *LightPipe._fields))
 
     def phase_at(self, time_s: float) -> str:
         """Return the phase that the operator named last."""
         named = [move.phase for move in self._moves[: self._number_at(time_s) + 1] if move.phase]
         return named[-1] if named else ""
 
-    def _on_the_way(self, time_s: float) -> tuple[Move, Move, float]:
-        """Return from which move to which, and how far."""
+    def _between(self, time_s: float, *names: str) -> list[float]:
+        """Return some numbers of the moves, on the way from the one before to the one that is being made."""
         number = self._number_at(time_s)
         move, before = self._moves[number], self._moves[max(number - 1, 0)]
         begun_s = self._ends_s[number] - move.duration_s
         share = min(max((time_s - begun_s) / move.duration_s, 0.0), 1.0) if move.duration_s > 0 else 1.0
-        return before, move, share**3 * (10 - 15 * share + 6 * share**2)
+        blend = share**3 * (10 - 15 * share + 6 * share**2)
+        ways = ((getattr(before, name), getattr(move, name)) for name in names)
+        return [float(start + blend * (end - start)) for start, end in ways]
 
     def is_away(self, time_s: float) -> bool:
         """Tell whether the needle is out of the picture."""
@@ -164,11 +157,11 @@ class ScriptedOperator:
 
     def wanted(self, time_s: float) -> Pose:
         """Return the pose the trembling hand asks the robot for, so long after the script began."""
-        depth_mm, theta_deg = self.pose_at(time_s)
+        depth_mm, theta_deg, jaws_mm = self._between(time_s, "depth_mm", "theta_deg", "jaws_mm")
         along_mm, across_mm = self.tremor_at(time_s)
         lever_mm = max(abs(depth_mm), 5.0)
         pitch_deg = self._target_pitch_deg + theta_deg + math.degrees(across_mm / lever_mm)
-        return Pose(depth_mm + along_mm, pitch_deg, self.tools_at(time_s).jaws_mm)
+        return Pose(depth_mm + along_mm, pitch_deg, jaws_mm)
 
     def _number_at(self, time_s: float) -> int:
         return min(int(np.searchsorted(self._ends_s, time_s, side="right")), len(self._moves) - 1)

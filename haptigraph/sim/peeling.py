@@ -13,7 +13,7 @@ from haptigraph.sim.eye import Eye
 from haptigraph.sim.forceps import Forceps, ForcepsShape, Instrument
 from haptigraph.sim.membrane import Membrane, MembraneShape
 from haptigraph.sim.needle import NeedleShape
-from haptigraph.sim.operator import Tools
+from haptigraph.sim.operator import LightPipe
 
 __all__ = ["Peeling", "PeelingView"]
 
@@ -62,24 +62,25 @@ class Peeling:
         self._was_shut = True
         self._holds = False
 
-    def advance(self, tip_mm: Vec, direction: Vec, tools: Tools) -> PeelingView:
+    def advance(self, tip_mm: Vec, direction: Vec, jaws_mm: float, pipe: LightPipe) -> PeelingView:
         """Move on to the next moment.
 
         Args:
             tip_mm: Middle between the jaws' tips, eye frame.
             direction: Of the forceps into the eye, length 1, eye frame.
-            tools: What the hands do.
+            jaws_mm: Between their tips.
+            pipe: Where the other hand holds the light pipe.
         """
-        is_shut = tools.jaws_mm <= SHUT_MM
+        is_shut = jaws_mm <= SHUT_MM
         if is_shut and not self._was_shut:
             self._holds = norm(subtract(self._membrane.edge_mm, tip_mm)) <= CATCH_MM
         self._holds, self._was_shut = self._holds and is_shut, is_shut
         if self._holds:
             self._membrane.pull(tip_mm)
-        at = self._forceps.places(tip_mm, direction, tools.jaws_mm)
+        at = self._forceps.places(tip_mm, direction, jaws_mm)
         pivot_mm = self._eye.other_trocar_mm
-        along = rotate(unit((-pivot_mm[0], -pivot_mm[1])), tools.pipe_deg)
-        pipe_mm = pivot_mm[0] + tools.pipe_depth_mm * along[0], pivot_mm[1] + tools.pipe_depth_mm * along[1]
+        along = rotate(unit((-pivot_mm[0], -pivot_mm[1])), pipe.pipe_deg)
+        pipe_mm = pivot_mm[0] + pipe.pipe_depth_mm * along[0], pivot_mm[1] + pipe.pipe_depth_mm * along[1]
         found: dict[str, Geometry] = {
             "forceps_tip": Point(tip_mm),
             "forceps_line": Segment(self._eye.trocar_mm, tip_mm),

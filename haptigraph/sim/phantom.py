@@ -117,9 +117,8 @@ class Phantom:
             return Moment(time_s, image, replace(truth, visible=False, inside=False))
         direction = self._robot.direction()
         if self._peeling:
-            tools = self._script.tools_at(time_s if self.operator is self._script else 0.0)
-            tools = tools._replace(jaws_mm=self._robot.pose.jaws_mm)
-            view = self._peeling.advance(truth.tip_mm, direction, tools)
+            pipe = self._script.pipe_at(time_s if self.operator is self._script else 0.0)
+            view = self._peeling.advance(truth.tip_mm, direction, self._robot.pose.jaws_mm, pipe)
             image = self.camera.render(view.hinge_mm, direction, number, view.draw) if draws else BLANK
             return Moment(time_s, image, replace(truth, others=view.found))
         image = self.camera.render(truth.tip_mm, direction, number, bend=bend) if draws else BLANK

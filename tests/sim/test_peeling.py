@@ -13,7 +13,7 @@ from haptigraph.sim.camera import Camera, NeedleShape
 from haptigraph.sim.eye import Eye, EyeShape
 from haptigraph.sim.forceps import Forceps, ForcepsShape
 from haptigraph.sim.membrane import Membrane, MembraneShape
-from haptigraph.sim.operator import Tools
+from haptigraph.sim.operator import LightPipe
 from haptigraph.sim.optics import CameraSettings
 from haptigraph.sim.painter import Look
 from haptigraph.sim.peeling import Peeling
@@ -66,7 +66,7 @@ def peeling() -> Peeling:
 
 
 def edge_after(scene: Peeling, tip_mm, jaws_mm):
-    return scene.advance(tip_mm, DOWN, Tools(jaws_mm, -20.0, 0.0)).found["membrane_edge"].at_mm
+    return scene.advance(tip_mm, DOWN, jaws_mm, LightPipe(-20.0, 0.0)).found["membrane_edge"].at_mm
 
 
 def test_only_jaws_that_close_on_the_edge_take_it_along():
@@ -87,7 +87,7 @@ def test_only_jaws_that_close_on_the_edge_take_it_along():
 def test_what_is_said_to_be_there_is_drawn_there(name):
     camera = Camera(EYE, SMALL, NeedleShape(), Look(), 3)
     scene = Peeling(EYE, SHAPE, MembraneShape(), camera, 3)
-    view = scene.advance((2.0, -3.0), DOWN, Tools(1.4, 9.0, 10.0))
+    view = scene.advance((2.0, -3.0), DOWN, 1.4, LightPipe(9.0, 10.0))
     blank = np.full((300, 300, 3), 200, np.uint8)
     image = blank.copy()
     view.draw(image)
