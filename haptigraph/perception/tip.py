@@ -203,7 +203,7 @@ def sharp_end(strip: Strip, reach: Reach) -> Reach | None:
     high, low = median(along[max(end - POINT, 0) : end]), median(along[end + 2 :])
     if _sharpness(seen[:, end + GROUP :].mean(axis=1, keepdims=True))[0] > SOFT_SHARE * high:
         return None
-    level = min(max(low + FADING_LEVEL * (high - low), least), float(along[end]))
+    level = max(min(low + FADING_LEVEL * (high - low), high), least)
     end = int((along[: end + 1] >= level).nonzero()[0][-1])
     share = (along[end] - level) / (along[end] - along[end + 1])
     tip_px = start_px + STATION_PX * (end + float(share) + (GROUP - 1) / 2)
