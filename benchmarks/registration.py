@@ -15,8 +15,10 @@ LIMITS_PX = {"center_px": 1.5, "radius_px": 1.5, "retina_px": 2.0}
 INVALID_EVERY = 8  # scenes
 
 
-def main(scenes: int = 40, seed: int = 1) -> None:
+def main() -> None:
     """Print one line per scene, then the distribution."""
+    scenes = int(sys.argv[1]) if len(sys.argv) > 1 else 40
+    seed = int(sys.argv[2]) if len(sys.argv) > 2 else 1
     groups: dict[str, list[list[float]]] = {}
     refused = 0
     for number in range(scenes):
@@ -72,4 +74,4 @@ def is_refused(image: np.ndarray, name: str) -> bool:
 
 
 if __name__ == "__main__":
-    main(*(int(text) for text in sys.argv[1:]))
+    main()
