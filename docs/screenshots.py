@@ -49,7 +49,7 @@ def in_state(state: str, wait_ms: int = 700) -> Callable[[Any, Live], None]:
 
 def lost(page: Any, live: Live) -> None:
     """Perception lost: no needle in the picture."""
-    page.wait_for_selector("#banner:has-text('No needle seen')")
+    page.wait_for_selector("#banner:has-text('No instrument seen')")
 
 
 def stale(page: Any, live: Live) -> None:

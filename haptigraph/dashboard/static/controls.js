@@ -61,7 +61,7 @@ export class Controls {
   show() {
     const pad = this.controller.pad();
     const engaged = this.steering.engaged;
-    $("clutch").textContent = engaged ? "● moving the needle" : "○ hand is off";
+    $("clutch").textContent = engaged ? "● moving the instrument" : "○ hand is off";
     $("clutch").classList.toggle("on", engaged);
     $("pad").textContent = pad ? `${shortName(pad.id)}${actuatorOf(pad) ? ", can vibrate" : ", cannot vibrate: switch on screen or sound"}` : "No controller: press one of its buttons to connect it";
     $("map").hidden = !pad;

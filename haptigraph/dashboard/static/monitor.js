@@ -33,7 +33,7 @@ export class Monitor {
     this.status.show(header);
     this.traces.add(header);
     this.view.show(header, picture);
-    const hand = header.hand && (header.hand.engaged ? "● the hand moves the needle" : "○ the hand is off");
+    const hand = header.hand && (header.hand.engaged ? "● the hand moves the instrument" : "○ the hand is off");
     if ($("hand").textContent !== (hand ?? "")) $("hand").textContent = hand ?? "";
   }
 

@@ -85,7 +85,7 @@ export function lostIn(header, hello) {
   const fault = header.faults.at(-1);
   if (!header.has_picture) return ["No image", `${fault ?? "the source delivers nothing"}. The hand is still.`, false];
   if (fault) return ["Perception failed", `${fault}. The hand is still.`, false];
-  return ["No needle seen", hello.steerable ? "Push it into the picture. The hand is still." : "The hand is still.", false];
+  return ["No instrument seen", hello.steerable ? "Push it into the picture. The hand is still." : "The hand is still.", false];
 }
 
 function felt(pattern) {

@@ -105,7 +105,7 @@ export class Trial {
     $("pad").textContent = pad ? `${pad.id}${actuatorOf(pad) ? ", can vibrate" : ", cannot vibrate: switch on screen or sound"}` : "No controller: press one of its buttons to connect it";
     const isOn = this.doing === "running";
     const others = this.holder && this.holder !== this.me ? "Another page holds the controls; close it." : "";
-    $("clutch").textContent = !isOn || !this.feed.hello?.steerable ? "" : others || (this.steering.engaged ? "● moving the needle" : "○ hand is off");
+    $("clutch").textContent = !isOn || !this.feed.hello?.steerable ? "" : others || (this.steering.engaged ? "● moving the instrument" : "○ hand is off");
     $("clutch").classList.toggle("on", this.steering.engaged);
     const stands = isOn && performance.now() - this.seen_ms > STANDS_MS;
     this.banner.update(stands ? ["The picture stands still", "Please wait a moment. The hand is still.", true] : null);

@@ -3,7 +3,7 @@
 import { toggle } from "./signs.js";
 import { ring, zoneOf } from "./zones.js";
 
-const OVERLAYS = { needle: "Needle", cone: "Cone", zone: "Zones", target: "Target" };
+const OVERLAYS = { needle: "Instrument", cone: "Cone", zone: "Zones", target: "Target" };
 const LINE = "#8fb4d3";
 
 export class View {
