@@ -181,7 +181,7 @@ class Loop:
         self._start_ns: int | None = None
         self._last_ns: int | None = None
         self._index = -1
-        self._closed = False
+        self._is_still = self._closed = False
 
     def run(self) -> RunReport:
         """Run until the source ends or Ctrl-C, and return how it went. See `steps`."""
@@ -190,6 +190,8 @@ class Loop:
                 pass
         except KeyboardInterrupt:
             self.report.ended = "interrupted"
+        finally:
+            self.close()
         return self.report
 
     def steps(self) -> Generator[Step, None, None]:
@@ -221,15 +223,22 @@ class Loop:
 
     def close(self) -> None:
         """Still the hand and close everything, whether the loop ran or not. May be called twice."""
+        try:
+            if not self._is_still:
+                self.hand.close()
+                self._is_still = True  # not if Ctrl-C cut it short
+        finally:
+            self._close_others()
+
+    def _close_others(self) -> None:
         if self._closed:
             return
         self._closed = True
-        with ExitStack() as stack:  # whatever one of them does, all are closed, the hand first
+        with ExitStack() as stack:  # whatever one of them does, all are closed
             stack.callback(lambda: self._count(self._take_faults()))
             for sink in reversed(self.sinks):
                 stack.callback(self._close_sink, sink)
             stack.callback(self.source.close)
-            stack.callback(self.hand.close)
 
     def _turn(self, capture: Capture) -> Step:
         """Make one step, let it be felt, hand it to the sinks."""

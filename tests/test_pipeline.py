@@ -1,3 +1,5 @@
+from unittest.mock import Mock
+
 import numpy as np
 import pytest
 from helpers import MS, ScriptedPerceiver, on_axis, pipeline_of
@@ -271,6 +273,20 @@ def test_all_are_closed_whatever_one_of_them_does(procedure, registration, tips)
     loop, hand, sink = loop_of(pipeline_of(procedure, ScriptedPerceiver(registration, tips)), source)
     with pytest.raises(KeyboardInterrupt):
         loop.close()
+    assert (source.closed, hand.closed, sink.closed) == (1, 1, 1)
+
+
+def test_a_hand_whose_stilling_was_cut_short_is_stilled_again(procedure, registration, tips):
+    source = ListSource(captures(2))
+    loop, hand, sink = loop_of(pipeline_of(procedure, ScriptedPerceiver(registration, tips)), source)
+    whole = hand.close
+    hand.close = Mock(side_effect=KeyboardInterrupt)
+    with pytest.raises(KeyboardInterrupt):
+        loop.close()
+    assert (source.closed, hand.closed, sink.closed) == (1, 0, 1)
+    hand.close = whole
+    loop.close()
+    loop.close()
     assert (source.closed, hand.closed, sink.closed) == (1, 1, 1)
 
 

@@ -1,6 +1,13 @@
-"""Drive a guard in real time, in a thread of its own: edges on time, and silence even if the loop stalls."""
+"""Drive a guard in real time, in a thread of its own: edges on time, and silence even if the loop stalls.
+
+Between the loop and this thread lie only queues that the interpreter works in one step. Ctrl-C strikes the
+loop anywhere, also between taking a lock and noting that it is held; then nobody could still the hand.
+"""
 
 import threading
+from collections import deque
+from contextlib import suppress
+from queue import Empty, SimpleQueue
 
 from haptigraph.clock import Clock
 from haptigraph.haptics.guard import Guard
@@ -25,36 +32,32 @@ class Player:
 
     def __init__(self, guard: Guard, clock: Clock) -> None:
         self._guard, self._clock = guard, clock
-        self._changed = threading.Condition()
-        self._newest: Step | None = None
-        self._closing = False
-        self._faults: list[Fault] = []
-        self._stilled = threading.Event()
+        self._steps: SimpleQueue[Step | None] = SimpleQueue()
+        self._closing = self._has_failed = False
+        self._faults: deque[Fault] = deque()
+        self._stilled: SimpleQueue[None] = SimpleQueue()
         self._thread = threading.Thread(target=self._play, name="haptigraph-player", daemon=True)
         self._thread.start()
 
     def send(self, step: Step, now_ns: int) -> None:
         """Hand over the newest step; returns at once."""
-        with self._changed:
-            self._newest = step
-            self._changed.notify()
+        self._steps.put(step)
 
     def take_faults(self) -> tuple[Fault, ...]:
         """Return what went wrong since last asked."""
-        with self._changed:
-            faults, self._faults = tuple(self._faults), []
-        return faults
+        return tuple(self._faults.popleft() for _ in range(len(self._faults)))
 
     def close(self) -> None:
         """Still the hand, release the device, end the thread."""
-        with self._changed:
-            self._closing = True
-            self._changed.notify()
-        if self._stilled.wait(STILL_TIMEOUT_S):
-            self._thread.join(CLOSE_TIMEOUT_S)
+        self._closing = True
+        self._steps.put(None)
+        try:
+            self._stilled.get(timeout=STILL_TIMEOUT_S)
+        except Empty:
+            self._faults.append(Fault("device", "does not answer; it may still vibrate"))
         else:
-            with self._changed:
-                self._faults.append(Fault("device", "does not answer; it may still vibrate"))
+            self._stilled.put(None)  # it may be asked again
+            self._thread.join(CLOSE_TIMEOUT_S)
 
     def _play(self) -> None:
         try:
@@ -65,39 +68,40 @@ class Player:
                     self._recover(error)
         finally:
             self._guard.still()
-            self._stilled.set()
+            self._stilled.put(None)
             self._guard.close()
-            self._collect()
+            self._faults.extend(self._guard.take_faults())
 
     def _turn(self) -> None:
         """Wait for a step or an edge, whichever comes first, and let the hand feel it."""
-        with self._changed:
-            if self._newest is None and not self._closing:
-                self._changed.wait(self._wait_s())
-            step, self._newest = self._newest, None
+        step = self._newest(self._wait_s())
         now_ns = self._clock.now_ns()
         if step is not None:
             self._guard.send(step, now_ns)
         else:
             self._guard.advance(now_ns)
-        self._collect()
+        self._faults.extend(self._guard.take_faults())
+
+    def _newest(self, wait_s: float) -> Step | None:
+        """Return the last of the steps that have come, waiting for one; None if none comes."""
+        step = None
+        with suppress(Empty):
+            step = self._steps.get(timeout=wait_s)
+            while True:
+                step = self._steps.get_nowait() or step
+        return step
 
     def _recover(self, error: BaseException) -> None:
         """Still the hand after a failure of the guard, and say so; the next step is felt again."""
+        self._has_failed = True
         self._guard.still()
-        with self._changed:
-            self._faults.append(Fault("guard", f"{type(error).__name__}: {error}; the hand was stilled"))
-            if self._newest is None and not self._closing:
-                self._changed.wait(LONGEST_WAIT_S)  # so that a failure that stays is not told too often
+        self._faults.append(Fault("guard", f"{type(error).__name__}: {error}; the hand was stilled"))
 
     def _wait_s(self) -> float:
+        if self._has_failed:  # a failure that stays is not told too often
+            self._has_failed = False
+            return LONGEST_WAIT_S
         edge_ns = self._guard.next_edge_ns()
         if edge_ns is None:
             return LONGEST_WAIT_S
         return min(LONGEST_WAIT_S, max(0.0, (edge_ns - self._clock.now_ns()) / 1e9))
-
-    def _collect(self) -> None:
-        faults = self._guard.take_faults()
-        if faults:
-            with self._changed:
-                self._faults.extend(faults)

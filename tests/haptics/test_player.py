@@ -1,4 +1,7 @@
+import sys
 import threading
+from functools import partial
+from itertools import count
 
 import pytest
 from helpers import LOW, make_step
@@ -120,3 +123,45 @@ def test_a_failure_of_the_guard_stills_the_hand_is_told_and_is_survived(device, 
         "guard",
         f"{type(error).__name__}: {error}; the hand was stilled",
     )
+
+
+def is_interrupted(moment, call):
+    """Press Ctrl-C at one moment of a call; return whether the call lasted until then."""
+    left, before = moment, sys.gettrace()
+
+    def press(frame, _event, _argument):
+        nonlocal left
+        frame.f_trace_opcodes = True
+        left -= 1
+        if left < 0:
+            sys.settrace(before)
+            raise KeyboardInterrupt
+        return press
+
+    sys.settrace(press)
+    try:
+        call()
+    except KeyboardInterrupt:
+        return True
+    finally:
+        sys.settrace(before)
+    return False
+
+
+@pytest.mark.parametrize(
+    "call", [Player.send, lambda player, *_: player.take_faults()], ids=("send", "faults")
+)
+def test_ctrl_c_at_any_moment_leaves_a_hand_that_can_be_stilled(call):
+    for moment in count():
+        device = Signalling()
+        player, clock = start(device, deadman_ms=1000)
+        step = make_step(LOW, stamp_ns=clock.now_ns())
+        player.send(step, clock.now_ns())
+        assert device.vibrates.wait(PATIENCE_S)
+        was_pressed = is_interrupted(moment, partial(call, player, step, step.stamp_ns))
+        player.close()
+        assert device.is_silent.is_set(), f"at moment {moment}"
+        assert device.is_closed.is_set(), f"at moment {moment}"
+        if not was_pressed:
+            break
+    assert moment > 5
