@@ -1,5 +1,7 @@
 """Small makers of messages for tests, and the command line."""
 
+import sys
+
 from click.testing import CliRunner
 
 from haptigraph.cli import main
@@ -110,3 +112,26 @@ def drain(source, timeout_s: float = 1.0) -> list[Capture]:
     except EndOfSource:
         source.close()
     return captures
+
+
+def is_interrupted(moment, call):
+    """Press Ctrl-C at one moment of a call; return whether the call lasted until then."""
+    left, before = moment, sys.gettrace()
+
+    def press(frame, _event, _argument):
+        nonlocal left
+        frame.f_trace_opcodes = True
+        left -= 1
+        if left < 0:
+            sys.settrace(before)
+            raise KeyboardInterrupt
+        return press
+
+    sys.settrace(press)
+    try:
+        call()
+    except KeyboardInterrupt:
+        return True
+    finally:
+        sys.settrace(before)
+    return False

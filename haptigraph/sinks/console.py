@@ -5,8 +5,7 @@ stop the hand.
 """
 
 import sys
-from contextlib import suppress
-from queue import Full, Queue
+from queue import SimpleQueue
 from threading import Thread
 from typing import TextIO
 
@@ -38,7 +37,7 @@ class ConsoleSink:
         self._faults: tuple[Fault, ...] = ()
         self.dropped = 0
         """Texts that were not written because those before them still waited."""
-        self._waiting: Queue[str | None] = Queue(MOST_WAITING)
+        self._waiting: SimpleQueue[str | None] = SimpleQueue()
         self._thread = Thread(target=self._write_all, name="haptigraph-console", daemon=True)
         self._thread.start()
 
@@ -65,17 +64,16 @@ class ConsoleSink:
         """Wipe the line that shows the time, and write what waits, if someone reads it."""
         if self._shows_time:
             self._say(self._clear)
-        with suppress(Full):
-            self._waiting.put(None, timeout=LAST_WORDS_S)
-            self._thread.join(LAST_WORDS_S)
+        self._waiting.put(None)
+        self._thread.join(LAST_WORDS_S)
 
     def _print(self, line: str) -> None:
         self._say(f"{self._clear}{line}\n")
 
     def _say(self, text: str) -> None:
-        try:
-            self._waiting.put_nowait(text)
-        except Full:
+        if self._waiting.qsize() < MOST_WAITING:
+            self._waiting.put(text)
+        else:
             self.dropped += 1
 
     def _write_all(self) -> None:

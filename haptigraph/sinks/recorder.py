@@ -3,19 +3,19 @@
 In real time what does not fit the queue loses its image and is counted; otherwise the loop waits.
 """
 
-import queue
 import threading
+from queue import SimpleQueue
 
 from msgspec.structs import replace
 
 from haptigraph.messages import Capture, Fault, Step
 from haptigraph.recording.writer import Progress, RunWriter
+from haptigraph.room import Room
 
 __all__ = ["Recorder"]
 
 MOST_IMAGES = 24  # under a second at 30 images/s, so that a killed process loses no more than that
 MOST_STEPS = 3000
-WAKE_S = 0.5
 
 
 class Recorder:
@@ -30,9 +30,10 @@ class Recorder:
     def __init__(self, writer: RunWriter, *, waits: bool, progress: Progress | None = None) -> None:
         self.dropped = 0
         self._unwritten = 0  # counted by the thread, told when it has ended
-        self._writer, self._waits, self._progress = writer, waits, progress
-        self._queue: queue.Queue[tuple[Capture, Step, bool] | None] = queue.Queue(MOST_STEPS)
-        self._images = threading.Semaphore(MOST_IMAGES)
+        self._writer, self._progress = writer, progress
+        self._patience_s = None if waits else 0.0
+        self._queue: SimpleQueue[tuple[Capture, Step, bool] | None] = SimpleQueue()
+        self._step_room, self._image_room = Room(MOST_STEPS), Room(MOST_IMAGES)
         self._faults: list[Fault] = []
         self._failed = threading.Event()
         self._thread = threading.Thread(target=self._drain, name="haptigraph-recorder", daemon=True)
@@ -43,16 +44,16 @@ class Recorder:
         if self._failed.is_set():
             self.dropped += 1
             return
-        dropped = capture.image is not None and not self._images.acquire(blocking=self._waits)
+        dropped = capture.image is not None and not self._image_room.take(self._patience_s)
         if dropped:
             self.dropped += 1
             capture = replace(capture, image=None, encoded=None)
-        try:
-            self._queue.put((capture, step, dropped), self._waits)
-        except queue.Full:
-            self.dropped += not dropped
-            if capture.image is not None:
-                self._images.release()
+        if self._step_room.take(self._patience_s):
+            self._queue.put((capture, step, dropped))
+            return
+        self.dropped += not dropped
+        if capture.image is not None:
+            self._image_room.give_back()
 
     def take_faults(self) -> tuple[Fault, ...]:
         """Return what went wrong since last asked."""
@@ -73,19 +74,13 @@ class Recorder:
             self._fail(error)
 
     def _drain(self) -> None:
-        while (item := self._next()) is not None:
+        while (item := self._queue.get()) is not None:
             capture, step, dropped = item
             if not (self._wrote(capture, step, dropped) or dropped):
                 self._unwritten += 1
+            self._step_room.give_back()
             if capture.image is not None:
-                self._images.release()
-
-    def _next(self) -> tuple[Capture, Step, bool] | None:
-        while True:
-            try:
-                return self._queue.get(timeout=WAKE_S)
-            except queue.Empty:  # or Ctrl-C came between the item and the call that wakes this thread
-                continue
+                self._image_room.give_back()
 
     def _wrote(self, capture: Capture, step: Step, dropped: bool) -> bool:
         if self._failed.is_set():

@@ -1,9 +1,10 @@
 """Make the next images while the loop works on this one: files and simulators on a second core."""
 
-import queue
 import threading
+from queue import Empty, SimpleQueue
 
 from haptigraph.messages import Capture
+from haptigraph.room import Room
 from haptigraph.stages import Source
 
 __all__ = ["ReadAhead"]
@@ -26,7 +27,8 @@ class ReadAhead:
         self.rate_hz, self.registration = source.rate_hz, source.registration
         self.notes = getattr(source, "notes", ())
         self._source, self._waits = source, waits
-        self._queue: queue.Queue[Capture | BaseException] = queue.Queue(DEPTH)
+        self._ready: SimpleQueue[Capture | BaseException] = SimpleQueue()
+        self._room = Room(DEPTH)
         self._ended: BaseException | None = None
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._read, name="haptigraph-read-ahead", daemon=True)
@@ -36,9 +38,10 @@ class ReadAhead:
         """Return the next capture, None if it is not ready in time, or raise what the source raised."""
         if self._ended is None:
             try:
-                item = self._queue.get(timeout=None if self._waits else timeout_s)
-            except queue.Empty:
+                item = self._ready.get(timeout=None if self._waits else timeout_s)
+            except Empty:
                 return None
+            self._room.give_back()
             if isinstance(item, Capture):
                 return item
             self._ended = item
@@ -62,7 +65,5 @@ class ReadAhead:
 
     def _put(self, item: Capture | BaseException) -> None:
         while not self._closing.is_set():
-            try:
-                return self._queue.put(item, timeout=POLL_S)
-            except queue.Full:
-                continue
+            if self._room.take(POLL_S):
+                return self._ready.put(item)

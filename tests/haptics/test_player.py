@@ -1,10 +1,9 @@
-import sys
 import threading
 from functools import partial
 from itertools import count
 
 import pytest
-from helpers import LOW, make_step
+from helpers import LOW, is_interrupted, make_step
 
 from haptigraph.clock import MonotonicClock
 from haptigraph.config import HapticsConfig
@@ -123,29 +122,6 @@ def test_a_failure_of_the_guard_stills_the_hand_is_told_and_is_survived(device, 
         "guard",
         f"{type(error).__name__}: {error}; the hand was stilled",
     )
-
-
-def is_interrupted(moment, call):
-    """Press Ctrl-C at one moment of a call; return whether the call lasted until then."""
-    left, before = moment, sys.gettrace()
-
-    def press(frame, _event, _argument):
-        nonlocal left
-        frame.f_trace_opcodes = True
-        left -= 1
-        if left < 0:
-            sys.settrace(before)
-            raise KeyboardInterrupt
-        return press
-
-    sys.settrace(press)
-    try:
-        call()
-    except KeyboardInterrupt:
-        return True
-    finally:
-        sys.settrace(before)
-    return False
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,10 @@
 import threading
+from functools import partial
+from itertools import count
 
 import numpy as np
 import pytest
-from helpers import make_step
+from helpers import is_interrupted, make_step
 
 from haptigraph.messages import Capture
 from haptigraph.sinks import recorder as recorder_module
@@ -130,12 +132,16 @@ def test_a_disk_that_fills_while_compacting_costs_nothing(writer):
     assert fault.message == "run.mcap is complete but not compacted (No space left on device)"
 
 
-def test_an_interrupt_that_swallows_a_wake_up_call_does_not_hold_up_the_end(writer):
-    """Ctrl-C may come after an item was queued and before the thread was told: it finds it by itself."""
-    recorder = Recorder(writer, waits=False)
-    write(recorder, 3)
-    recorder._queue.queue.append(None)
-    recorder._thread.join(10)
-    assert not recorder._thread.is_alive()
-    assert len(writer.written) == 3
-    recorder.close()
+@pytest.mark.parametrize("waits", [True, False])
+def test_ctrl_c_at_any_moment_does_not_hold_up_the_end(waits):
+    for moment in count():
+        writer = Writer()
+        recorder = Recorder(writer, waits=waits)
+        write(recorder, 1)
+        was_pressed = is_interrupted(moment, partial(write, recorder, 1))
+        recorder.close()
+        assert writer.closed == 1
+        assert len(writer.written) >= 1
+        if not was_pressed:
+            break
+    assert moment > 5
