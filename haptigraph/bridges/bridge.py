@@ -1,12 +1,15 @@
 """The sink behind every bridge: a short queue and a thread, so that no network can hold up the loop.
 
 What does not fit the queue is dropped, the oldest first, and counted. A link that fails is told once, and
-tried again with the next step.
+tried again with the next step. The queue has no lock that Ctrl-C could leave held by the loop: the thread
+that stills the hand writes to it too.
 """
 
 import threading
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
+from queue import Empty, SimpleQueue
 from typing import Protocol
 
 from msgspec import Struct
@@ -68,9 +71,8 @@ class Bridge:
     def __init__(self, name: str, link: Link) -> None:
         self.dropped = 0
         self._name, self._link = name, link
-        self._changed = threading.Condition()
-        self._items: deque[Callable[[Link], None]] = deque()
-        self._faults: list[Fault] = []
+        self._items: SimpleQueue[Callable[[Link], None] | None] = SimpleQueue()
+        self._faults: deque[Fault] = deque()
         self._told: set[str] = set()
         self._closing = False
         self._thread = threading.Thread(target=self._run, name=f"haptigraph-{name}", daemon=True)
@@ -88,32 +90,28 @@ class Bridge:
         """Return what went wrong since last asked; each problem is told once."""
         for problem in self._link.take_problems():
             self._tell(problem)
-        with self._changed:
-            faults, self._faults = tuple(self._faults), []
-        return faults
+        return tuple(self._faults.popleft() for _ in range(len(self._faults)))
 
     def close(self) -> None:
         """Send what is queued and leave the network, in bounded time. May be called twice."""
-        with self._changed:
-            if self._closing:
-                return
-            self._closing = True
-            self._changed.notify()
+        if self._closing:
+            return
+        self._closing = True
+        self._items.put(None)
         self._thread.join(CLOSE_TIMEOUT_S)
         if self._thread.is_alive():
             self._tell("does not answer; it was left behind")
 
     def _put(self, item: Callable[[Link], None]) -> None:
-        with self._changed:
-            if len(self._items) == MOST_ITEMS:
-                self._items.popleft()
+        if self._items.qsize() >= MOST_ITEMS and not self._closing:
+            with suppress(Empty):
+                self._items.get_nowait()
                 self.dropped += 1
-            self._items.append(item)
-            self._changed.notify()
+        self._items.put(item)
 
     def _run(self) -> None:
         try:
-            while (item := self._next()) is not None:
+            while (item := self._items.get()) is not None:
                 try:
                     item(self._link)
                 except (
@@ -124,15 +122,8 @@ class Bridge:
         finally:
             self._link.close()
 
-    def _next(self) -> Callable[[Link], None] | None:
-        with self._changed:
-            while not self._items and not self._closing:
-                self._changed.wait()
-            return self._items.popleft() if self._items else None
-
     def _tell(self, problem: str) -> None:
         """Keep a fault for the loop, once each, and not without end if all differ."""
-        with self._changed:
-            if problem not in self._told and len(self._told) < MOST_TOLD:
-                self._told.add(problem)
-                self._faults.append(Fault("bridge", f"{self._name}: {problem}"))
+        if problem not in self._told and len(self._told) < MOST_TOLD:
+            self._told.add(problem)
+            self._faults.append(Fault("bridge", f"{self._name}: {problem}"))

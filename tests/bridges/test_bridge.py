@@ -1,7 +1,9 @@
 import threading
+from functools import partial
+from itertools import count
 
 import pytest
-from helpers import LOW, make_step
+from helpers import LOW, is_interrupted, make_step
 from ros_network import until
 
 from haptigraph.bridges import bridge as bridge_module
@@ -139,3 +141,21 @@ def test_a_port_in_use_is_told(run, free_port):
         with pytest.raises(BadInput, match=f"bridge {name} cannot listen at 127.0.0.1:{free_port} "):
             open_bridges([f"{name}:{free_port}"], run)
     first.close()
+
+
+@pytest.mark.parametrize("call", [write, lambda bridge, _: bridge.take_faults()], ids=("write", "faults"))
+def test_ctrl_c_at_any_moment_holds_up_neither_touch_nor_the_end(call):
+    for moment in count():
+        link = Link()
+        bridge = Bridge("any", link)
+        write(bridge, range(MOST_ITEMS))
+        was_pressed = is_interrupted(moment, partial(call, bridge, [99]))
+        touch = threading.Thread(target=bridge.felt, args=(3, 0.5, 80.0), daemon=True)
+        touch.start()
+        touch.join(10)
+        assert not touch.is_alive(), f"at moment {moment}"
+        bridge.close()
+        assert link.closed.is_set(), f"at moment {moment}"
+        if not was_pressed:
+            break
+    assert moment > 5
