@@ -41,6 +41,8 @@ class Player:
 
     def send(self, step: Step, now_ns: int) -> None:
         """Hand over the newest step; returns at once."""
+        with suppress(Empty):  # it takes the place of one that still waits for a device that blocks
+            self._steps.get_nowait()
         self._steps.put(step)
 
     def take_faults(self) -> tuple[Fault, ...]:
@@ -74,22 +76,15 @@ class Player:
 
     def _turn(self) -> None:
         """Wait for a step or an edge, whichever comes first, and let the hand feel it."""
-        step = self._newest(self._wait_s())
+        step = None
+        with suppress(Empty):
+            step = self._steps.get(timeout=self._wait_s())
         now_ns = self._clock.now_ns()
         if step is not None:
             self._guard.send(step, now_ns)
         else:
             self._guard.advance(now_ns)
         self._faults.extend(self._guard.take_faults())
-
-    def _newest(self, wait_s: float) -> Step | None:
-        """Return the last of the steps that have come, waiting for one; None if none comes."""
-        step = None
-        with suppress(Empty):
-            step = self._steps.get(timeout=wait_s)
-            while True:
-                step = self._steps.get_nowait() or step
-        return step
 
     def _recover(self, error: BaseException) -> None:
         """Still the hand after a failure of the guard, and say so; the next step is felt again."""

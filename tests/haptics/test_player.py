@@ -1,3 +1,4 @@
+import sys
 import threading
 from functools import partial
 from itertools import count
@@ -79,6 +80,19 @@ def test_a_device_that_blocks_does_not_block_the_loop(device, monkeypatch):
     assert "may still vibrate" in player.take_faults()[-1].message
     device.gate.set()
     assert device.is_closed.wait(PATIENCE_S)
+
+
+def test_steps_do_not_pile_up_before_a_device_that_blocks(device):
+    device.gate.clear()
+    player, clock = start(device)
+    steps = [make_step(LOW, stamp_ns=clock.now_ns()) for _ in range(100)]
+    before = list(map(sys.getrefcount, steps))
+    for step in steps:
+        player.send(step, step.stamp_ns)
+    kept = sum(now > then for now, then in zip(map(sys.getrefcount, steps), before, strict=True))
+    device.gate.set()
+    player.close()
+    assert 1 <= kept <= 4  # felt now, next, and last looked at
 
 
 def test_faults_of_the_device_come_out(device):
