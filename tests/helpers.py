@@ -1,5 +1,6 @@
 """Small makers of messages for tests, and the command line."""
 
+import gc
 import sys
 
 from click.testing import CliRunner
@@ -127,6 +128,7 @@ def is_interrupted(moment, call):
             raise KeyboardInterrupt
         return press
 
+    gc.disable()  # or Ctrl-C is pressed in what others have hung on it
     sys.settrace(press)
     try:
         call()
@@ -134,4 +136,5 @@ def is_interrupted(moment, call):
         return True
     finally:
         sys.settrace(before)
+        gc.enable()
     return False
