@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow  # they load all cores, and others here keep time
+
 FOLDER = Path(__file__).parents[1] / "benchmarks"
 START = """
 import sys

@@ -3,14 +3,13 @@
 Turns colour frames of the SDK's playback into captures, all of them, at whatever pace they are read.
 """
 
+import queue
 import threading
 from pathlib import Path
-from queue import Empty, SimpleQueue
 from typing import Any, TypeAlias
 
 from haptigraph.errors import BadInput, EndOfSource
 from haptigraph.messages import CameraStamp, Capture, Image
-from haptigraph.room import Room
 from haptigraph.sources.realsense_sdk import colour_stream, image_of, sdk, stamp_of
 
 __all__ = ["RealsenseFile"]
@@ -43,8 +42,7 @@ class RealsenseFile:
         if not self._path.is_file():
             raise BadInput("no such file", path)
         rs = sdk()
-        self._ready: SimpleQueue[Item] = SimpleQueue()
-        self._room = Room(AHEAD)
+        self._ready: queue.Queue[Item] = queue.Queue(AHEAD)
         self._closed, self._ended = threading.Event(), False
         self._index, self._first_ns = -1, 0
         try:
@@ -64,9 +62,8 @@ class RealsenseFile:
         """Return the next image, or None if the SDK has not decoded it in time."""
         try:
             item = None if self._ended else self._ready.get(timeout=timeout_s)
-        except Empty:
+        except queue.Empty:
             return None
-        self._room.give_back()
         if item is None:
             self._ended = True
             raise EndOfSource
@@ -101,5 +98,7 @@ class RealsenseFile:
     def _put(self, item: Item) -> None:
         """Hold the SDK up while the loop is behind."""
         while not self._closed.is_set():
-            if self._room.take(POLL_S):
-                return self._ready.put(item)
+            try:
+                return self._ready.put(item, timeout=POLL_S)
+            except queue.Full:
+                continue
