@@ -4,6 +4,8 @@ Runs on the labelled clip A_easy where it lies beside the checkout, and else on 
 """
 
 import time
+from collections.abc import Callable, Iterator
+from itertools import islice
 from pathlib import Path
 
 import cv2
@@ -18,6 +20,7 @@ from haptigraph.perception.scan_registration import load_registered, parse_regis
 from haptigraph.pipeline import Durations, Pipeline
 
 CLIP = Path(__file__).parents[2] / "shared" / "clips" / "A_easy"
+IMAGES = 300
 PASSES = 5
 SCENARIOS = {"membrane_peeling": "membrane_peeling", "subretinal_injection_ioct": "ioct_approach"}
 """Of procedures that a clip of a needle in a camera's view does not show."""
@@ -38,16 +41,21 @@ def load(procedure: str = "subretinal_injection") -> tuple[str, Pipeline, list[C
     source = assemble.open_source(config, VirtualClock())
     if source.registration is not None:
         registration = parse_registered(source.registration, uri)
-    captures = []
+    captures = [replace(capture, encoded=None) for capture in islice(read(source.read), IMAGES)]
+    source.close()
+    pipeline = assemble.build_pipeline(config, registration, assemble.load_procedure(procedure))
+    return uri, pipeline, captures
+
+
+def read(take: Callable[[float], Capture | None]) -> Iterator[Capture]:
+    """Yield every image of a source."""
     try:
         while True:
-            capture = source.read(1.0)
+            capture = take(1.0)
             if capture is not None and capture.image is not None:
-                captures.append(replace(capture, encoded=None))
+                yield capture
     except EndOfSource:
-        source.close()
-    pipeline = assemble.build_pipeline(config, registration, assemble.load_procedure(procedure))
-    return uri, pipeline, captures[:300]
+        return
 
 
 def main() -> None:

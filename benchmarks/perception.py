@@ -7,18 +7,18 @@ Then each sees all images by itself, as it does in a run, where nothing empties 
 
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from itertools import islice, product
 from pathlib import Path
 
 import cv2
 import numpy as np
+from loop import read
 from msgspec.structs import replace
 
 from haptigraph import assemble
 from haptigraph.clock import VirtualClock
 from haptigraph.config import Config, load_config
-from haptigraph.errors import EndOfSource
 from haptigraph.messages import Capture, Image
 from haptigraph.perception.registration import Registration, load_registration, parse_registration
 
@@ -64,17 +64,6 @@ def load(folder: Path | None) -> tuple[Registration, list[Capture]]:
     captures = [replace(capture, encoded=None) for capture in islice(read(source.read), IMAGES)]
     source.close()
     return registration, captures
-
-
-def read(take: Callable[[float], Capture | None]) -> Iterator[Capture]:
-    """Yield every image of a source."""
-    try:
-        while True:
-            capture = take(1.0)
-            if capture is not None and capture.image is not None:
-                yield capture
-    except EndOfSource:
-        return
 
 
 def contestants(registration: Registration) -> dict[str, Callable[[Capture], object]]:

@@ -2,6 +2,8 @@
 
 import gc
 import sys
+from functools import partial
+from itertools import count
 
 from click.testing import CliRunner
 
@@ -115,8 +117,17 @@ def drain(source, timeout_s: float = 1.0) -> list[Capture]:
     return captures
 
 
-def is_interrupted(moment, call):
-    """Press Ctrl-C at one moment of a call; return whether the call lasted until then."""
+def every_moment():
+    """Yield what makes a call and presses Ctrl-C at its first moment, its second, ... until one is not reached."""
+    for moment in count():
+        was_pressed = []
+        yield partial(_press_ctrl_c, moment, was_pressed)
+        if not was_pressed.pop():
+            break
+    assert moment > 5, "hardly a moment in which Ctrl-C could be pressed"
+
+
+def _press_ctrl_c(moment, was_pressed, call):
     left, before = moment, sys.gettrace()
 
     def press(frame, _event, _argument):
@@ -132,9 +143,9 @@ def is_interrupted(moment, call):
     sys.settrace(press)
     try:
         call()
+        was_pressed.append(False)
     except KeyboardInterrupt:
-        return True
+        was_pressed.append(True)
     finally:
         sys.settrace(before)
         gc.enable()
-    return False

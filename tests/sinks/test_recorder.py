@@ -1,10 +1,9 @@
 import threading
 from functools import partial
-from itertools import count
 
 import numpy as np
 import pytest
-from helpers import is_interrupted, make_step
+from helpers import every_moment, make_step
 
 from haptigraph.messages import Capture
 from haptigraph.sinks import recorder as recorder_module
@@ -134,14 +133,11 @@ def test_a_disk_that_fills_while_compacting_costs_nothing(writer):
 
 @pytest.mark.parametrize("waits", [True, False])
 def test_ctrl_c_at_any_moment_does_not_hold_up_the_end(waits):
-    for moment in count():
+    for pressing_ctrl_c in every_moment():
         writer = Writer()
         recorder = Recorder(writer, waits=waits)
         write(recorder, 1)
-        was_pressed = is_interrupted(moment, partial(write, recorder, 1))
+        pressing_ctrl_c(partial(write, recorder, 1))
         recorder.close()
         assert writer.closed == 1
         assert len(writer.written) >= 1
-        if not was_pressed:
-            break
-    assert moment > 5
