@@ -19,9 +19,9 @@ from haptigraph.graph import Names, SceneGraph
 from haptigraph.inference.engine import RuleEngine
 from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import UNKNOWN
-from haptigraph.pipeline import Durations
 from haptigraph.proof.prove import prove
 from haptigraph.proof.space import Space
+from haptigraph.run_report import Durations
 
 ROUNDS = 300
 

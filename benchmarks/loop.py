@@ -17,7 +17,8 @@ from haptigraph.config import load_config
 from haptigraph.errors import EndOfSource
 from haptigraph.messages import Capture
 from haptigraph.perception.scan_registration import load_registered, parse_registered
-from haptigraph.pipeline import Durations, Pipeline
+from haptigraph.pipeline import Pipeline
+from haptigraph.run_report import Durations
 
 CLIP = Path(__file__).parents[2] / "shared" / "clips" / "A_easy"
 IMAGES = 300

@@ -8,7 +8,7 @@ from haptigraph.sim.camera import Camera
 from haptigraph.sim.eye import Eye, EyeShape, registration_text
 from haptigraph.sim.needle import NeedleShape
 from haptigraph.sim.optics import CameraSettings
-from haptigraph.sim.painter import Look
+from haptigraph.sim.palette import Look
 from haptigraph.sim.robot import Pose, Robot, RobotLimits
 
 SETTINGS = CameraSettings(width_px=640, height_px=360, center_px=(320.0, 200.0), px_per_mm=11.0, blur_px=0.6)

@@ -27,7 +27,7 @@ from haptigraph.messages import (
     Pattern,
     Step,
 )
-from haptigraph.pipeline import Durations
+from haptigraph.run_report import Durations
 from haptigraph.stages import Device
 
 __all__ = ["Trial", "actuators", "play_grammar"]

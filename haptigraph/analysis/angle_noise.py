@@ -20,7 +20,7 @@ from haptigraph.sim.camera import Camera
 from haptigraph.sim.eye import Eye, EyeShape, registration_text
 from haptigraph.sim.needle import NeedleShape
 from haptigraph.sim.optics import CameraSettings
-from haptigraph.sim.painter import Look
+from haptigraph.sim.palette import Look
 from haptigraph.sim.robot import Pose, Robot, RobotLimits
 
 __all__ = ["HeldDepth", "angle_noise"]

@@ -4,7 +4,6 @@ A clip is a folder with clip.mp4, registration.toml and truth.csv; docs/conventi
 defines every figure. Knows the perceiver only by its steps.
 """
 
-import csv
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -15,9 +14,10 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from haptigraph import assemble
+from haptigraph.analysis.truth import TruthRow, load_truth
 from haptigraph.clock import VirtualClock
 from haptigraph.config import Config
-from haptigraph.errors import BadInput, EndOfSource, unknown_name
+from haptigraph.errors import BadInput, EndOfSource
 from haptigraph.geometry import ImageGeometry, Point, Vec
 from haptigraph.messages import UNKNOWN, Step
 from haptigraph.perception.registration import load_registration
@@ -26,12 +26,10 @@ from haptigraph.recording.writer import Progress
 __all__ = [
     "Errors",
     "Evaluation",
-    "TruthRow",
     "angle_spreads",
     "errors_of",
     "evaluate_clip",
     "lag_images",
-    "load_truth",
     "score",
     "share",
     "spread",
@@ -41,17 +39,6 @@ LEAST_DEPTH_MM = 2.0
 SHALLOW_MM = (1.0, 3.0)
 WALL_MM = 2.0  # a tip that vanishes this close to the pivot is in the wall
 CONTACT, HIT = "retinal_contact", "target_hit"
-
-
-class TruthRow(Struct, frozen=True):
-    """The truth of one image; numbers are None where the tip cannot be seen."""
-
-    visible: bool
-    inside: bool
-    tip_px: Vec | None
-    depth_mm: float | None
-    theta_deg: float | None
-    state: str
 
 
 class Evaluation(Struct, frozen=True):
@@ -100,32 +87,6 @@ def evaluate_clip(folder: str | Path, config: Config, progress: Progress | None 
     named = {"clip": folder.resolve().name, "perceiver": config.perception.perceiver}
     scores = score(steps, truth, registration.image)
     return Evaluation({**named, **scores}, lag_images(steps, truth, registration.image))
-
-
-def load_truth(path: Path, states: Sequence[str] = ()) -> list[TruthRow]:
-    """Read a truth.csv.
-
-    Args:
-        path: The file.
-        states: The states there are; none: any.
-
-    Raises:
-        BadInput: If it cannot be read or a row makes no sense.
-    """
-    rows = []
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            for row in csv.DictReader(file, strict=True):
-                rows.append(_truth_row(row, states))
-    except OSError as error:
-        raise BadInput(f"cannot be read ({error.strerror})", path) from None
-    except UnicodeDecodeError:
-        raise BadInput("not UTF-8 text", path) from None
-    except KeyError as error:
-        raise BadInput(f"column {error} is missing", path) from None
-    except (ValueError, csv.Error) as error:
-        raise BadInput(str(error), path, f"line {len(rows) + 2}") from None
-    return rows
 
 
 class Errors(Struct, frozen=True):
@@ -240,43 +201,6 @@ def lag_images(steps: Sequence[Step], truth: Sequence[TruthRow], image: ImageGeo
 
 def _with_source(config: Config, clip: Path) -> Config:
     return replace(config, source=replace(config.source, uri=str(clip), loop=False))
-
-
-def _truth_row(row: dict[str, str], states: Sequence[str]) -> TruthRow:
-    """Read one row.
-
-    Raises:
-        ValueError: If it makes no sense.
-        KeyError: If a column is missing.
-    """
-    if None in row or None in row.values():  # as csv tells of it
-        raise ValueError(f"{'more' if None in row else 'fewer'} values than there are columns")
-    if states and row["state"] not in states:
-        raise ValueError(unknown_name("state", row["state"], states))
-
-    def flag(name: str) -> bool:
-        if row[name] not in ("0", "1"):
-            raise ValueError(f"{name}: expected 0 or 1, found {row[name]!r}")
-        return row[name] == "1"
-
-    def number(name: str) -> float | None:
-        try:
-            value = float(row[name]) if row[name] else None
-        except ValueError:
-            value = math.nan
-        if value is not None and not math.isfinite(value):
-            raise ValueError(f"{name}: not a finite number: {row[name]!r}")
-        return value
-
-    x, y = number("tip_x_px"), number("tip_y_px")
-    return TruthRow(
-        visible=flag("visible"),
-        inside=flag("inside"),
-        tip_px=(x, y) if x is not None and y is not None else None,
-        depth_mm=number("depth_mm"),
-        theta_deg=number("theta_deg"),
-        state=row["state"],
-    )
 
 
 def _tip_px(step: Step, image: ImageGeometry) -> Vec | None:

@@ -3,7 +3,7 @@
 from haptigraph.analysis.measures import RunMeasures
 from haptigraph.analysis.temporal import claim_lines
 from haptigraph.graph import Triplet
-from haptigraph.pipeline import STAGES, RunReport
+from haptigraph.run_report import STAGES, RunReport
 
 __all__ = ["summary"]
 

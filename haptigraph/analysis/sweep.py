@@ -12,7 +12,8 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from haptigraph import assemble
-from haptigraph.analysis.evaluation import Errors, TruthRow, angle_spreads, errors_of, share, spread
+from haptigraph.analysis.evaluation import Errors, angle_spreads, errors_of, share, spread
+from haptigraph.analysis.truth import TruthRow
 from haptigraph.config import Config
 from haptigraph.geometry import ImageGeometry, Point, Segment, Vec, angle_between_deg, subtract
 from haptigraph.inference.engine import RuleEngine

@@ -19,7 +19,15 @@ from haptigraph.sim.distractors import Bubbles, Distractors, flicker_gain, paint
 from haptigraph.sim.eye import Eye
 from haptigraph.sim.needle import Box, NeedleShape, blurred, lay, needle_texture, within
 from haptigraph.sim.optics import CameraSettings, image_geometry, slant_of
-from haptigraph.sim.painter import FloatImage, Look, distance_map, paint_phantom, rim_geometry, vignette
+from haptigraph.sim.painter import (
+    FloatImage,
+    distance_map,
+    paint_phantom,
+    rim_geometry,
+    shading_places,
+    vignette,
+)
+from haptigraph.sim.palette import Look
 
 __all__ = ["Camera", "NeedleShape"]
 
@@ -69,7 +77,7 @@ class Camera:
         self._in_bowl = np.clip(self._radius_px - distance, 0, 1)
         self.in_view = self._needle_in_view(eye, rim)
         """Where instruments are seen, 0 to 1, (h, w)."""
-        self._shaded_by = self._shading_places(distance)
+        self._shaded_by = shading_places(distance, self._radius_px, settings.shadow_shift)
         self._tone, self._cover = needle_texture(needle, settings.px_per_mm, settings.blur_px, seed)
         self._distractors = distractors or Distractors()
         self._bubbles = self._paint_distractors(eye)
@@ -294,13 +302,3 @@ class Camera:
         outer = inner + eye.shape.wall_mm / rim.mm_per_px
         seen = np.maximum(np.clip(inner - distance + 0.5, 0, 1), np.clip(distance - outer + 0.5, 0, 1))
         return blurred(seen, settings.blur_px)
-
-    def _shading_places(self, distance: FloatImage) -> tuple[FloatImage, FloatImage]:
-        """Return, for each pixel of the bowl, the place (x, y) whose needle would shade it.
-
-        The bowl is a hemisphere behind the section, so a shadow lies the further off the deeper it falls.
-        """
-        depth = np.sqrt(np.clip(self._radius_px**2 - distance**2, 0, None))
-        y, x = np.mgrid[: distance.shape[0], : distance.shape[1]]
-        right, down = self.settings.shadow_shift
-        return (x - right * depth).astype(np.float32), (y - down * depth).astype(np.float32)

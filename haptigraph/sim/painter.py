@@ -4,79 +4,21 @@ Every region is a signed distance, so that edges are smooth at any scale. Knows 
 """
 
 import math
-from typing import Literal, TypeAlias
+from typing import TypeAlias
 
 import cv2
 import numpy as np
-from msgspec import Struct
 from numpy.typing import NDArray
 
 from haptigraph.geometry import ImageGeometry, Vec, subtract, unit
 from haptigraph.sim.eye import Eye
+from haptigraph.sim.palette import BLOOD, LAYER, PALETTES, Color, Look, Palette
 
-__all__ = ["FloatImage", "Look", "distance_map", "paint_phantom", "rim_geometry", "vignette"]
+__all__ = ["FloatImage", "distance_map", "paint_phantom", "rim_geometry", "shading_places", "vignette"]
 
 FloatImage: TypeAlias = NDArray[np.float32]
-Color: TypeAlias = tuple[float, float, float]
-"""Blue, green, red, each 0 to 255."""
 
-
-class Look(Struct, frozen=True, forbid_unknown_fields=True):
-    """The [look] table of a scenario."""
-
-    style: Literal["light", "dark"] = "light"
-    """Light: a white print, the needle is darker. Dark: a painted fundus, the needle is brighter."""
-    texture: float = 1.0
-    """Strength of print lines and stains; 0: smooth surfaces."""
-
-
-LAYER = (150, 160, 214)
-BLOOD = (24, 18, 150)
 HEMORRHAGE_HEIGHT = 0.5  # over half its width
-
-
-class Palette(Struct, frozen=True):
-    """Colours of one style."""
-
-    skin: Color
-    recess: Color
-    ledge: Color
-    tube: Color
-    wall: Color
-    bowl: Color
-    bowl_shade: float
-    """Brightness of the bowl's top relative to its bottom."""
-    fundus: Color | None
-    vessel: Color
-    hole: Color
-
-
-PALETTES = {
-    "light": Palette(
-        skin=(104, 122, 142),
-        recess=(62, 72, 84),
-        ledge=(112, 132, 158),
-        tube=(98, 106, 90),
-        wall=(200, 205, 205),
-        bowl=(184, 196, 197),
-        bowl_shade=0.82,
-        fundus=None,
-        vessel=(0, 0, 0),
-        hole=(92, 104, 112),
-    ),
-    "dark": Palette(
-        skin=(128, 148, 176),
-        recess=(52, 58, 66),
-        ledge=(140, 164, 196),
-        tube=(168, 92, 120),
-        wall=(190, 184, 178),
-        bowl=(72, 68, 66),
-        bowl_shade=0.55,
-        fundus=(40, 52, 96),
-        vessel=(38, 52, 128),
-        hole=(150, 150, 148),
-    ),
-}
 
 
 class _Canvas:
@@ -129,6 +71,21 @@ def vignette(size_px: tuple[int, int], loss: float) -> FloatImage:
         1 - loss * ((x - middle[0]) ** 2 + (y - middle[1]) ** 2) / corner**2
     ).astype(np.float32)
     return light
+
+
+def shading_places(distance: FloatImage, radius_px: float, shift: Vec) -> tuple[FloatImage, FloatImage]:
+    """Return, for each pixel of the bowl, the place (x, y) whose needle would shade it.
+
+    The bowl is a hemisphere behind the section, so a shadow lies the further off the deeper it falls.
+
+    Args:
+        distance: Of every pixel from the bowl's centre [px], (h, w).
+        radius_px: Of the bowl.
+        shift: To the right and down, per depth.
+    """
+    depth = np.sqrt(np.clip(radius_px**2 - distance**2, 0, None))
+    y, x = np.mgrid[: distance.shape[0], : distance.shape[1]]
+    return (x - shift[0] * depth).astype(np.float32), (y - shift[1] * depth).astype(np.float32)
 
 
 def rim_geometry(section: ImageGeometry, foot_px: Vec, share: float) -> ImageGeometry:

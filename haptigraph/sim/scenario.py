@@ -17,7 +17,7 @@ from haptigraph.sim.forceps import ForcepsShape
 from haptigraph.sim.membrane import MembraneShape
 from haptigraph.sim.operator import Hand, Move
 from haptigraph.sim.optics import CameraSettings
-from haptigraph.sim.painter import Look
+from haptigraph.sim.palette import Look
 from haptigraph.sim.robot import RobotLimits
 from haptigraph.sim.soft_retina import MOST_SHARE
 from haptigraph.sim.tissue import TissueShape

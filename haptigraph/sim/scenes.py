@@ -16,7 +16,7 @@ from haptigraph.sim.eye import Eye, EyeShape, RegistrationError
 from haptigraph.sim.needle import NeedleShape
 from haptigraph.sim.operator import Hand, Move
 from haptigraph.sim.optics import CameraSettings
-from haptigraph.sim.painter import Look
+from haptigraph.sim.palette import Look
 from haptigraph.sim.robot import Pose, Robot, RobotLimits
 from haptigraph.sim.scenario import About, Scenario
 

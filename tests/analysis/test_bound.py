@@ -8,7 +8,7 @@ from haptigraph.sim.camera import Camera
 from haptigraph.sim.eye import Eye, EyeShape
 from haptigraph.sim.needle import NeedleShape
 from haptigraph.sim.optics import CameraSettings
-from haptigraph.sim.painter import Look
+from haptigraph.sim.palette import Look
 from haptigraph.sim.robot import Pose
 
 EYE = Eye(EyeShape())

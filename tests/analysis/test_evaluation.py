@@ -2,13 +2,8 @@ import pytest
 from helpers import MS, make_step, needle
 from msgspec.structs import replace
 
-from haptigraph.analysis.evaluation import (
-    TruthRow,
-    evaluate_clip,
-    lag_images,
-    load_truth,
-    score,
-)
+from haptigraph.analysis.evaluation import evaluate_clip, lag_images, score
+from haptigraph.analysis.truth import TruthRow
 from haptigraph.config import load_config
 from haptigraph.errors import BadInput
 from haptigraph.geometry import ImageGeometry
@@ -144,19 +139,6 @@ def test_the_reference_method_on_the_clips(clip):
     assert abs(evaluation.lag_images) < 0.1
 
 
-def test_truth_that_makes_no_sense_is_told_with_its_line(tmp_path):
-    file = tmp_path / "truth.csv"
-    with pytest.raises(BadInput, match="cannot be read"):
-        load_truth(file)
-    header = "image,time_s,visible,inside,tip_x_px,tip_y_px,depth_mm,theta_deg,state\n"
-    file.write_text(header + "0,0,1,1,1,2,3,4,a\n1,0,1,1,one,2,3,4,a\n")
-    with pytest.raises(BadInput, match="line 3: tip_x_px: not a finite number: 'one'"):
-        load_truth(file)
-    file.write_text("image,visible\n0,1\n")
-    with pytest.raises(BadInput, match=r"column '.*' is missing"):
-        load_truth(file)
-
-
 def test_an_image_of_another_size_is_named(tmp_path, registration_toml):
     import cv2
     import numpy as np
@@ -178,27 +160,3 @@ def test_truth_of_another_length_is_refused(clip, tmp_path):
     (tmp_path / "truth.csv").write_text("\n".join(lines[:10]))
     with pytest.raises(BadInput, match=r"has 9 rows, but the clip has \d+ images"):
         evaluate_clip(tmp_path, load_config())
-
-
-@pytest.mark.parametrize(
-    ("line", "told"),
-    [
-        (b"0,0,1,1,nan,2,3,4,a", "line 3: tip_x_px: not a finite number: 'nan'"),
-        (b"0,0,1,1,1,2,3,-inf,a", "line 3: theta_deg: not a finite number: '-inf'"),
-        (b"0,0,yes,1,1,2,3,4,a", "line 3: visible: expected 0 or 1, found 'yes'"),
-        (b"0,0,1,,1,2,3,4,a", "line 3: inside: expected 0 or 1, found ''"),
-        (b"0,0,1,1,1,2,3,4,aa", "line 3: unknown state 'aa'; did you mean 'a'? valid: a, b"),
-        (b"0,0,1,1,1,2,3,4", "line 3: fewer values than there are columns"),
-        (b"0,0,1,1,1,2,3,4,a,5", "line 3: more values than there are columns"),
-        (b'0,0,1,1,1,2,3,4,"a', "line 3: unexpected end of data"),
-        (b"0,0,1,1,1,2,3,4,\xe9", "not UTF-8 text"),
-    ],
-)
-def test_a_truth_that_makes_no_sense_is_one_sentence(tmp_path, line, told):
-    file = tmp_path / "truth.csv"
-    header = b"image,time_s,visible,inside,tip_x_px,tip_y_px,depth_mm,theta_deg,state\n"
-    file.write_bytes(header + b"0,0,0,0,,,,,b\n" + line)
-    with pytest.raises(BadInput) as refused:
-        load_truth(file, ["a", "b"])
-    assert told in str(refused.value)
-    assert str(refused.value).startswith(str(file))

@@ -6,7 +6,7 @@ from haptigraph.analysis.measures import RunMeasures, measure_run
 from haptigraph.analysis.summary import summary
 from haptigraph.graph import SceneGraph, Schema, Triplet
 from haptigraph.messages import Fault
-from haptigraph.pipeline import RunReport
+from haptigraph.run_report import RunReport
 
 INSIDE = Triplet("needle_tip", "inside", "eye_globe")
 

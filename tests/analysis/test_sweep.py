@@ -9,10 +9,10 @@ from msgspec.structs import replace
 from haptigraph import assemble
 from haptigraph.analysis.angle_noise import HeldDepth
 from haptigraph.analysis.bound import AngleBound
-from haptigraph.analysis.evaluation import TruthRow
 from haptigraph.analysis.evaluation_report import sweep_object, sweep_text
 from haptigraph.analysis.sweep import perceivers_to_compare, play, shaft_error_deg, sweep, true_rows
 from haptigraph.analysis.sweep_figure import sweep_figure
+from haptigraph.analysis.truth import TruthRow
 from haptigraph.config import load_config
 from haptigraph.geometry import ImageGeometry, Polyline
 from haptigraph.messages import Observation, Truth

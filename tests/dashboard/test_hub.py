@@ -20,7 +20,7 @@ from haptigraph.dashboard.viewer import MOST_IN_FLIGHT, Viewer
 from haptigraph.inference.claims import Temporal
 from haptigraph.messages import OFF, Capture
 from haptigraph.perception.ioct import IoctView
-from haptigraph.pipeline import RunReport
+from haptigraph.run_report import RunReport
 from haptigraph.sources.phased import PhasedSource
 from haptigraph.sources.teleop import TeleopSource
 from haptigraph.teleop.motion import HandMotion, TeleopSettings

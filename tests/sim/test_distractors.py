@@ -10,7 +10,7 @@ from haptigraph.sim.distractors import Distractors
 from haptigraph.sim.eye import Eye, EyeShape, RegistrationError, registration_text
 from haptigraph.sim.needle import NeedleShape
 from haptigraph.sim.optics import CameraSettings
-from haptigraph.sim.painter import Look
+from haptigraph.sim.palette import Look
 
 SMALL = CameraSettings(
     width_px=480,

@@ -15,7 +15,7 @@ from haptigraph.sim.forceps import Forceps, ForcepsShape
 from haptigraph.sim.membrane import Membrane, MembraneShape
 from haptigraph.sim.operator import LightPipe
 from haptigraph.sim.optics import CameraSettings
-from haptigraph.sim.painter import Look
+from haptigraph.sim.palette import Look
 from haptigraph.sim.peeling import Peeling
 from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.scenario import load_scenario

@@ -13,7 +13,7 @@ from haptigraph.sim.camera import Camera, NeedleShape
 from haptigraph.sim.eye import Eye, EyeShape
 from haptigraph.sim.operator import Hand, Move, ScriptedOperator
 from haptigraph.sim.optics import CameraSettings
-from haptigraph.sim.painter import Look
+from haptigraph.sim.palette import Look
 from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.robot import Pose, Robot, RobotLimits
 from haptigraph.sim.scenario import load_scenario, scenario_document, scenario_names

@@ -1,0 +1,90 @@
+"""The truth of a labelled clip: one row of truth.csv per image, checked on the way in.
+
+docs/conventions.md describes the columns. Knows no perceiver.
+"""
+
+import csv
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from msgspec import Struct
+
+from haptigraph.errors import BadInput, unknown_name
+from haptigraph.geometry import Vec
+
+__all__ = ["TruthRow", "load_truth"]
+
+
+class TruthRow(Struct, frozen=True):
+    """The truth of one image; numbers are None where the tip cannot be seen."""
+
+    visible: bool
+    inside: bool
+    tip_px: Vec | None
+    depth_mm: float | None
+    theta_deg: float | None
+    state: str
+
+
+def load_truth(path: Path, states: Sequence[str] = ()) -> list[TruthRow]:
+    """Read a truth.csv.
+
+    Args:
+        path: The file.
+        states: The states there are; none: any.
+
+    Raises:
+        BadInput: If it cannot be read or a row makes no sense.
+    """
+    rows = []
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            for row in csv.DictReader(file, strict=True):
+                rows.append(_truth_row(row, states))
+    except OSError as error:
+        raise BadInput(f"cannot be read ({error.strerror})", path) from None
+    except UnicodeDecodeError:
+        raise BadInput("not UTF-8 text", path) from None
+    except KeyError as error:
+        raise BadInput(f"column {error} is missing", path) from None
+    except (ValueError, csv.Error) as error:
+        raise BadInput(str(error), path, f"line {len(rows) + 2}") from None
+    return rows
+
+
+def _truth_row(row: dict[str, str], states: Sequence[str]) -> TruthRow:
+    """Read one row.
+
+    Raises:
+        ValueError: If it makes no sense.
+        KeyError: If a column is missing.
+    """
+    if None in row or None in row.values():  # as csv tells of it
+        raise ValueError(f"{'more' if None in row else 'fewer'} values than there are columns")
+    if states and row["state"] not in states:
+        raise ValueError(unknown_name("state", row["state"], states))
+
+    def flag(name: str) -> bool:
+        if row[name] not in ("0", "1"):
+            raise ValueError(f"{name}: expected 0 or 1, found {row[name]!r}")
+        return row[name] == "1"
+
+    def number(name: str) -> float | None:
+        try:
+            value = float(row[name]) if row[name] else None
+        except ValueError:
+            value = math.nan
+        if value is not None and not math.isfinite(value):
+            raise ValueError(f"{name}: not a finite number: {row[name]!r}")
+        return value
+
+    x, y = number("tip_x_px"), number("tip_y_px")
+    return TruthRow(
+        visible=flag("visible"),
+        inside=flag("inside"),
+        tip_px=(x, y) if x is not None and y is not None else None,
+        depth_mm=number("depth_mm"),
+        theta_deg=number("theta_deg"),
+        state=row["state"],
+    )

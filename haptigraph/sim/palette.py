@@ -1,0 +1,67 @@
+"""What the phantom is painted with: the colours of each style."""
+
+from typing import Literal, TypeAlias
+
+from msgspec import Struct
+
+__all__ = ["BLOOD", "LAYER", "PALETTES", "Color", "Look", "Palette"]
+
+Color: TypeAlias = tuple[float, float, float]
+"""Blue, green, red, each 0 to 255."""
+
+
+class Look(Struct, frozen=True, forbid_unknown_fields=True):
+    """The [look] table of a scenario."""
+
+    style: Literal["light", "dark"] = "light"
+    """Light: a white print, the needle is darker. Dark: a painted fundus, the needle is brighter."""
+    texture: float = 1.0
+    """Strength of print lines and stains; 0: smooth surfaces."""
+
+
+LAYER: Color = (150, 160, 214)
+BLOOD: Color = (24, 18, 150)
+
+
+class Palette(Struct, frozen=True):
+    """Colours of one style."""
+
+    skin: Color
+    recess: Color
+    ledge: Color
+    tube: Color
+    wall: Color
+    bowl: Color
+    bowl_shade: float
+    """Brightness of the bowl's top relative to its bottom."""
+    fundus: Color | None
+    vessel: Color
+    hole: Color
+
+
+PALETTES = {
+    "light": Palette(
+        skin=(104, 122, 142),
+        recess=(62, 72, 84),
+        ledge=(112, 132, 158),
+        tube=(98, 106, 90),
+        wall=(200, 205, 205),
+        bowl=(184, 196, 197),
+        bowl_shade=0.82,
+        fundus=None,
+        vessel=(0, 0, 0),
+        hole=(92, 104, 112),
+    ),
+    "dark": Palette(
+        skin=(128, 148, 176),
+        recess=(52, 58, 66),
+        ledge=(140, 164, 196),
+        tube=(168, 92, 120),
+        wall=(190, 184, 178),
+        bowl=(72, 68, 66),
+        bowl_shade=0.55,
+        fundus=(40, 52, 96),
+        vessel=(38, 52, 128),
+        hole=(150, 150, 148),
+    ),
+}
