@@ -11,12 +11,20 @@ import numpy as np
 from msgspec import Struct
 
 from haptigraph.analysis.registration_draft import Draft, Opened, data_of, sound_registration
-from haptigraph.analysis.registration_report import WALL_MM, in_px_and_mm, rim_line, tilt_line, wall_mm
+from haptigraph.analysis.registration_report import (
+    WALL_MM,
+    along_text,
+    in_px_and_mm,
+    rim_line,
+    tilt_line,
+    wall_mm,
+)
 from haptigraph.analysis.registration_wishes import SNAP_MM
 from haptigraph.errors import BadInput
 from haptigraph.geometry import ImageGeometry, Polyline, Vec, distance_to_polyline, nearest_on_polyline, norm
 from haptigraph.perception.anatomy import Anatomy, FoundTrocar
 from haptigraph.perception.pixels import Floats
+from haptigraph.perception.retarget import angle_rad
 
 __all__ = ["Checked", "Row", "check_draft"]
 
@@ -122,7 +130,7 @@ def _retina(anatomy: Anatomy | None, image: ImageGeometry, retina: Polyline, see
     if anatomy is None or seen_mm is None:
         return Row("Retina", where, note="no edge was found to compare with")
     angles = np.arctan2(seen_mm[:, 0], -seen_mm[:, 1])
-    low, high = sorted(math.atan2(x, -y) for x, y in (retina.points_mm[0], retina.points_mm[-1]))
+    low, high = sorted(angle_rad(place_mm) for place_mm in (retina.points_mm[0], retina.points_mm[-1]))
     beside = seen_mm[(low < angles) & (angles < high)][::EVERY]
     if not len(beside):
         return Row("Retina", where, note="no edge was seen along it")
@@ -151,10 +159,9 @@ def _how(anatomy: Anatomy, found: FoundTrocar, mm_per_px: float) -> str:
 
 
 def _target(draft: Draft, image: ImageGeometry, retina: Polyline) -> Row:
-    x, y = image.to_mm(draft.target_px)
-    along_mm = math.atan2(x, -y) * draft.diameter_mm / 2
-    where = f"{round(along_mm, 2) + 0.0:+.2f} mm along the retina from its bottom"
-    return _row("Target", where, distance_to_polyline((x, y), retina), image, "off the retina")
+    place_mm = image.to_mm(draft.target_px)
+    where = f"{along_text(place_mm, draft.diameter_mm / 2)} from its bottom"
+    return _row("Target", where, distance_to_polyline(place_mm, retina), image, "off the retina")
 
 
 def _scale(anatomy: Anatomy | None, draft: Draft, image: ImageGeometry) -> Row:

@@ -4,11 +4,13 @@ import math
 from pathlib import Path
 
 from haptigraph.analysis.registration_wishes import Wishes, named_trocars
+from haptigraph.geometry import Vec
 from haptigraph.perception.anatomy import Anatomy, FoundTrocar
 from haptigraph.perception.registration import Registration
+from haptigraph.perception.retarget import angle_rad
 from haptigraph.registration_text import AnatomyPx, TrocarPx
 
-__all__ = ["WALL_MM", "in_px_and_mm", "report_lines", "rim_line", "tilt_line", "wall_mm"]
+__all__ = ["WALL_MM", "along_text", "in_px_and_mm", "report_lines", "rim_line", "tilt_line", "wall_mm"]
 
 WALL_MM = (0.3, 4.0)  # plausible thickness
 RIM_BY = {"needle": "by where the needle pivots", "mouths": "by the mouths of holes"}
@@ -46,14 +48,18 @@ def report_lines(
     for (name, trocar), kept in zip(named_trocars(anatomy, wishes.mirrored), found.trocars, strict=False):
         if kept.name == name:
             lines.append(_trocar_line(anatomy, trocar, kept, registration))
-    x_mm, y_mm = registration.target.at_mm
     default = wishes.target is None and wishes.target_mm is None
     lines.append(
         f"target     ({found.target_px[0]:.1f}, {found.target_px[1]:.1f}) px, "
-        f"{math.atan2(x_mm, -y_mm) * registration.globe.radius_mm:+.2f} mm along the retina"
+        f"{along_text(registration.target.at_mm, registration.globe.radius_mm)}"
         + (" (not given: its bottom; --target or --target-mm moves it)" if default else "")
     )
     return [*lines, f"written    {files[0]}\npicture    {files[1]}"]
+
+
+def along_text(place_mm: Vec, radius_mm: float) -> str:
+    """Say how far along the retina a place lies."""
+    return f"{round(angle_rad(place_mm) * radius_mm, 2) + 0.0:+.2f} mm along the retina"  # never -0.00
 
 
 def tilt_line(anatomy: Anatomy, mm_per_px: float) -> str:

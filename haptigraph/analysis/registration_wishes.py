@@ -13,7 +13,7 @@ from haptigraph.errors import BadInput
 from haptigraph.geometry import ImageGeometry, Polyline, Vec, nearest_on_polyline
 from haptigraph.perception.anatomy import Anatomy, FoundTrocar
 from haptigraph.perception.registration import DIAMETER_RANGE_MM
-from haptigraph.perception.retarget import along_retina
+from haptigraph.perception.retarget import along_retina, angle_rad
 from haptigraph.registration_text import AnatomyPx, TrocarPx
 
 __all__ = ["Wishes", "check_wishes", "named_trocars", "settled"]
@@ -130,7 +130,7 @@ def _target_mm(retina: Polyline, image: ImageGeometry, wishes: Wishes, source: s
     wanted_mm = wishes.target_mm or 0.0
     place_mm = along_retina(retina, wishes.diameter_mm / 2, wanted_mm)
     if place_mm is None:
-        reach_mm = max(math.atan2(x, -y) for x, y in retina.points_mm) * wishes.diameter_mm / 2
+        reach_mm = max(angle_rad(place_mm) for place_mm in retina.points_mm) * wishes.diameter_mm / 2
         raise BadInput(
             f"--target-mm {wanted_mm:g} is beyond the retina, which reaches {reach_mm:.1f} mm either way"
         )

@@ -14,7 +14,15 @@ from haptigraph.perception.registered import Registered
 from haptigraph.perception.registration import Registration, anatomy_px, parse_registration
 from haptigraph.registration_text import registration_text
 
-__all__ = ["along_retina", "with_target"]
+__all__ = ["along_retina", "angle_rad", "with_target"]
+
+
+def angle_rad(place_mm: Vec) -> float:
+    """Return at which angle about the globe's centre a place lies, eye frame; 0 at the lowest point.
+
+    Positive to the surgeon's right; times the globe's radius it is how far along the retina that is.
+    """
+    return math.atan2(place_mm[0], -place_mm[1])
 
 
 def along_retina(retina: Polyline, radius_mm: float, along_mm: float) -> Vec | None:
@@ -26,7 +34,7 @@ def along_retina(retina: Polyline, radius_mm: float, along_mm: float) -> Vec | N
         along_mm: From the lowest point, positive to the surgeon's right.
     """
     angle = along_mm / radius_mm
-    ends = [math.atan2(x, -y) for x, y in (retina.points_mm[0], retina.points_mm[-1])]
+    ends = [angle_rad(place_mm) for place_mm in (retina.points_mm[0], retina.points_mm[-1])]
     if not math.isfinite(angle) or not min(ends) <= angle <= max(ends):
         return None
     far = 2 * radius_mm * math.sin(angle), -2 * radius_mm * math.cos(angle)

@@ -87,7 +87,7 @@ def test_without_needle_the_user_says_which_trocar(picture, tmp_path):
     assert "left at (" in message and "right at (" in message
     given = call(picture, "-o", tmp_path / "eye.toml", "--trocar", "300,65")
     assert given.exit_code == 0, given.output
-    assert "target " in given.stdout and "not given: its bottom" in given.stdout
+    assert "px, +0.00 mm along the retina (not given: its bottom" in given.stdout
 
 
 def test_nothing_is_overwritten_unless_forced(picture, tmp_path):
