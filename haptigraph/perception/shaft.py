@@ -141,7 +141,8 @@ def _robust_line(edges: Edges, miss_px: float, highlight: Highlight | None) -> L
         return None
     scatter = float((trust * is_on) @ np.square(miss)) / max(int(np.count_nonzero(is_on)) - 2, 1)
     steepness = edges.steepness.ravel()
-    is_steep = (np.abs(miss) <= NEAR_PX) & (steepness > LEAST_STEEP * median(steepness[is_on])) & (trust > 0)
+    least = LEAST_STEEP * _usual_steepness(edges, is_on)
+    is_steep = (np.abs(miss) <= NEAR_PX) & (steepness > least) & (trust > 0)
     share_deviation = math.sqrt(covariance[4, 4] * max(scatter, 1))
     (offset_px2, both), (_, slope2) = covariance[:2, :2].tolist()
     spread = max(scatter, LEAST_SCATTER)
@@ -155,6 +156,20 @@ def _robust_line(edges: Edges, miss_px: float, highlight: Highlight | None) -> L
         is_on_line,
         _has_one(is_steep & ~_too_wide(edges, is_steep)),
     )
+
+
+def _usual_steepness(edges: Edges, is_on: Mask) -> Floats:
+    """Return how steep edges on the line usually are where each pair lies, (2 n,).
+
+    Within the globe the ground may be nearly as bright as the needle: there they may be less steep.
+    """
+    inside = np.tile(np.arange(len(edges.u_px)) >= edges.outside, 2)
+    steepness = edges.steepness.ravel()
+    usual = np.full(len(steepness), median(steepness[is_on]))
+    inner = steepness[is_on & inside]
+    if len(inner) >= LEAST_BLOCKS:
+        usual[inside] = min(median(inner), usual[0])
+    return usual
 
 
 def _too_wide(edges: Edges, is_steep: Mask) -> Mask:

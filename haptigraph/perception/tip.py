@@ -38,7 +38,7 @@ WALL_PX = 2  # of the wall's edge
 FLOOR_PX, FLOOR_GREY = 0.1, 1e-3
 LEAST_HELD_PX = 2.0  # of tip inside, when the shaft is seen to enter the wall
 LEAST_FREE_MM = 0.8  # when it is not
-MOUTH_MM = 0.4  # of the hole, inside the wall, may look like a needle where it was never seen without one
+MOUTH_MM = 0.55  # of the hole, inside the wall, may look like a needle where it was never seen without one
 LEAST_OUTSIDE_MM = 1.0
 AT_WALL_MM = 0.22
 GROUP = 4  # stations in which something sharp is looked for together
@@ -88,7 +88,8 @@ def find_reach(
     outer_end, outer_sum = _farthest(_evidence(contrast[outer], is_sure[outer], noise, 0.0))
     inner_end, inner_sum = _farthest(_evidence(contrast[inner], is_sure[inner], noise, usual_grey or 0.0))
     is_outside = outer_sum >= LEAST_OUTSIDE_MM * px_per_mm
-    is_held = is_outside and outer_end >= strip.before.stop - AT_WALL_MM * px_per_mm / STATION_PX
+    gap = strip.is_known[outer_end : strip.before.stop]
+    is_held = is_outside and len(gap) <= AT_WALL_MM * px_per_mm / STATION_PX and np.count_nonzero(gap) < 2
     is_mouth_known = bool(strip.is_known[strip.inside][: math.ceil(MOUTH_MM * px_per_mm / STATION_PX)].all())
     held_px = LEAST_HELD_PX + (0 if is_mouth_known else MOUTH_MM * px_per_mm)
     if inner_sum >= (held_px if is_held else LEAST_FREE_MM * px_per_mm):

@@ -34,8 +34,8 @@ from haptigraph.perception.tip import Reach, closeup_px, find_reach, is_led_to, 
 __all__ = ["Tracker"]
 
 AHEAD_MM = 2.5  # how far the tip may be beyond where it is expected
+EXPOSED_MM = 2.0  # before the trocar: a tip seen there is the end, and the ground ahead is free
 AHEAD_OF_TIP_MM = 0.3  # not learned as background
-BEHIND_WALL_MM = 0.8
 BEHIND_MM = 14.0  # how much of the shaft is looked at
 GAP_MM = 0.65  # of unknown ground before the wall that is taken for the shaft
 AT_WALL_PX = 3.8  # blurred edge of the wall
@@ -205,7 +205,7 @@ class Tracker:
         strip, fit, reach = sight.glimpse.strip, sight.fit, sight.reach
         scale = self._site.px_per_mm
         edges_end_px = fit.end_px(float(strip.u_px[0]))
-        inner_px = float(strip.u_px[strip.inside.start]) if reach.where == "inside" else math.inf
+        inner_px = float(strip.u_px[strip.inside.start]) if reach.where == "inside" else -math.inf
         is_led = is_led_to(strip, edges_end_px, GAP_MM * scale) or fit.leads_through(inner_px)
         if reach.where == "inside" and not is_led:
             reach = replace(reach, where="outside", tip_px=edges_end_px)
@@ -215,16 +215,15 @@ class Tracker:
             return seen if seen and self._is_free(strip, seen.tip_px, reach.tip_px, edges_end_px) else reach
         if reach.where == "inside":
             edges_end_px = fit.end_px(inner_px)
-        expected = (
-            self._fall(image, sight, reach, expected_px) if expected_px < reach.tip_px + NEAR_PX else None
-        )
-        if expected and (
-            abs(expected.tip_px - expected_px) < NEAR_PX or abs(expected.tip_px - edges_end_px) < EDGES_END_PX
-        ):
-            return expected  # of two falls (a fainter point, a shadow) the one that was the tip before
+        rim_px = min(inner_px + AT_WALL_PX, reach.tip_px - EDGES_END_PX)  # a fall before it is the mouth's
+        if expected_px < reach.tip_px + NEAR_PX:  # of two falls the one that was the tip before
+            fall = self._fall(image, sight, reach, expected_px)
+            near = (expected_px, NEAR_PX), (edges_end_px, EDGES_END_PX)
+            if fall and fall.tip_px > rim_px and any(abs(fall.tip_px - px) < off for px, off in near):
+                return fall
         places_px = dict.fromkeys((min(reach.tip_px, edges_end_px), reach.tip_px))
         falls = (self._fall(image, sight, reach, about_px) for about_px in places_px)
-        return next(filter(None, falls), reach)
+        return next((fall for fall in falls if fall and fall.tip_px > rim_px), reach)
 
     def _is_free(self, strip: Strip, tip_px: float, reach_px: float, edges_end_px: float) -> bool:
         """Tell whether a tip right before the wall is one, and not a faint place of a shaft that goes on.
@@ -268,7 +267,9 @@ class Tracker:
                 before = now if self._usual_grey is None else self._usual_grey
                 self._usual_grey = before + CONTRAST_RATE * (now - before)
             scale = self._site.px_per_mm
-            until_px = max(sight.reach.tip_px + AHEAD_OF_TIP_MM * scale, BEHIND_WALL_MM * scale)
+            until_px = sight.reach.tip_px + AHEAD_OF_TIP_MM * scale
+            if not (sight.reach.contrast_grey and until_px > -EXPOSED_MM * scale):
+                until_px = max(until_px, 0.0)  # it may go on; in the wall nothing shows
             needle = (
                 sight.line.at_px(self._site.trocar_px, -2 * OUTSIDE_MM * scale),
                 sight.line.at_px(self._site.trocar_px, until_px),

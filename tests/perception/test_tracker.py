@@ -62,6 +62,21 @@ def test_a_needle_right_before_the_wall_is_seen_before_ground_never_seen_without
     assert all(miss_px(bench, seen) < 2.0 for seen in (first, *later) if "needle_tip" in seen.found)
 
 
+@pytest.mark.parametrize("outside_deg", [-6.0, 0.0, 6.0])
+@pytest.mark.parametrize("inside_deg", [-6.0, 0.0, 6.0])
+def test_a_needle_seen_outside_from_the_first_image_on_is_seen_as_soon_as_it_is_inside(
+    bench, outside_deg, inside_deg
+):
+    turns = np.interp(range(5), [0, 4], [outside_deg, inside_deg])
+    way = [*((-2.0, outside_deg),) * 4, *zip([-1.4, -0.6, 0.2, 1.3, 1.3], turns, strict=True)]
+    seen = [
+        "needle_tip" in bench.observe(bench.image(depth_mm, theta_deg, number), number).found
+        for number, (depth_mm, theta_deg) in enumerate(way)
+    ]
+    assert seen[:4] == [True] * 4
+    assert seen[-3:] == [False, True, True]
+
+
 def test_a_needle_in_the_wall_from_the_first_image_on_has_no_tip(bench):
     for number, depth_mm in enumerate((-0.7, -0.3, 0.0, 0.4, 0.7)):
         assert "needle_tip" not in bench.observe(bench.image(depth_mm, 3.0, number), number).found
