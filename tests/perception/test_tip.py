@@ -2,8 +2,9 @@ import cv2
 import numpy as np
 import pytest
 
+from haptigraph.perception.shaft import fit_line
 from haptigraph.perception.strip import STATION_PX, Strip
-from haptigraph.perception.tip import Reach, refine_tip, sharp_end
+from haptigraph.perception.tip import Reach, find_reach, refine_tip, sharp_end
 
 HALF_PX, NOISE_GREY, END_PX = 16, 2.0, 140.0
 LANES = np.arange(-HALF_PX, HALF_PX + 1)[:, None]
@@ -79,3 +80,23 @@ def test_a_blunt_end_does_not_move_when_it_goes_out_of_focus(grey):
         assert seen is not None
         places_px.append(seen.tip_px)
     assert max(places_px) - min(places_px) < 0.3
+
+
+@pytest.mark.parametrize(("gap", "where"), [(0, "inside"), (2, "outside")])
+def test_a_needle_before_known_ground_that_shows_nothing_does_not_enter_the_wall(gap, where):
+    u_px = np.arange(-240, 100, STATION_PX, dtype=np.float32)
+    seen = strip(np.zeros((len(LANES), len(u_px))), u_px)
+    end, rim = seen.before.stop - gap, seen.inside.start
+    for part in (slice(0, end), slice(rim, rim + 2)):  # at the rim it looks like a tip when the light changes
+        seen.excess[:, part] += 30.0 * (abs(LANES) <= 4)
+    reach = find_reach(seen, px_per_mm=20.0, usual_grey=None)
+    assert reach is not None
+    assert reach.where == where
+
+
+def test_edges_before_ground_nearly_as_bright_as_the_needle_reach_to_its_tip():
+    u_px = np.arange(-240, 100, STATION_PX, dtype=np.float32)
+    seen = strip(np.where(u_px < 0, 100.0, 20.0 * (u_px < 80)) * (abs(LANES) <= 4), u_px)
+    fit = fit_line(seen, tip_px=80.0, miss_px=5.0)
+    assert fit is not None
+    assert fit.end_px(float(u_px[seen.inside.start])) == pytest.approx(80, abs=7)
