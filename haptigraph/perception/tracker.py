@@ -205,7 +205,7 @@ class Tracker:
         strip, fit, reach = sight.glimpse.strip, sight.fit, sight.reach
         scale = self._site.px_per_mm
         edges_end_px = fit.end_px(float(strip.u_px[0]))
-        inner_px = float(strip.u_px[strip.inside.start]) if reach.where == "inside" else -math.inf
+        inner_px = float(strip.u_px[strip.inside.start]) if reach.where == "inside" else math.inf
         is_led = is_led_to(strip, edges_end_px, GAP_MM * scale) or fit.leads_through(inner_px)
         if reach.where == "inside" and not is_led:
             reach = replace(reach, where="outside", tip_px=edges_end_px)
@@ -213,9 +213,10 @@ class Tracker:
             before = replace(reach, where="outside")
             seen = self._fall(image, sight, before, min(edges_end_px, reach.tip_px))
             return seen if seen and self._is_free(strip, seen.tip_px, reach.tip_px, edges_end_px) else reach
+        rim_px = -math.inf
         if reach.where == "inside":
             edges_end_px = fit.end_px(inner_px)
-        rim_px = min(inner_px + AT_WALL_PX, reach.tip_px - EDGES_END_PX)  # a fall before it is the mouth's
+            rim_px = min(inner_px + AT_WALL_PX, reach.tip_px - EDGES_END_PX)  # before it is the mouth
         if expected_px < reach.tip_px + NEAR_PX:  # of two falls the one that was the tip before
             fall = self._fall(image, sight, reach, expected_px)
             near = (expected_px, NEAR_PX), (edges_end_px, EDGES_END_PX)
