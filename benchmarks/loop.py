@@ -4,7 +4,7 @@ Runs on the labelled clip A_easy where it lies beside the checkout, and else on 
 """
 
 import time
-from collections.abc import Callable, Iterator
+from contextlib import closing
 from itertools import islice
 from pathlib import Path
 
@@ -14,11 +14,11 @@ from msgspec.structs import replace
 from haptigraph import assemble
 from haptigraph.clock import VirtualClock
 from haptigraph.config import load_config
-from haptigraph.errors import EndOfSource
 from haptigraph.messages import Capture
 from haptigraph.perception.scan_registration import load_registered, parse_registered
 from haptigraph.pipeline import Pipeline
 from haptigraph.run_report import Durations
+from haptigraph.sources.played import played
 
 CLIP = Path(__file__).parents[2] / "shared" / "clips" / "A_easy"
 IMAGES = 300
@@ -42,21 +42,10 @@ def load(procedure: str = "subretinal_injection") -> tuple[str, Pipeline, list[C
     source = assemble.open_source(config, VirtualClock())
     if source.registration is not None:
         registration = parse_registered(source.registration, uri)
-    captures = [replace(capture, encoded=None) for capture in islice(read(source.read), IMAGES)]
-    source.close()
+    with closing(played(source)) as images:
+        captures = [replace(capture, encoded=None) for capture in islice(images, IMAGES)]
     pipeline = assemble.build_pipeline(config, registration, assemble.load_procedure(procedure))
     return uri, pipeline, captures
-
-
-def read(take: Callable[[float], Capture | None]) -> Iterator[Capture]:
-    """Yield every image of a source."""
-    try:
-        while True:
-            capture = take(1.0)
-            if capture is not None and capture.image is not None:
-                yield capture
-    except EndOfSource:
-        return
 
 
 def main() -> None:

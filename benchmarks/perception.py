@@ -8,12 +8,12 @@ Then each sees all images by itself, as it does in a run, where nothing empties 
 import sys
 import time
 from collections.abc import Callable, Iterable
+from contextlib import closing
 from itertools import islice, product
 from pathlib import Path
 
 import cv2
 import numpy as np
-from loop import read
 from msgspec.structs import replace
 
 from haptigraph import assemble
@@ -21,6 +21,7 @@ from haptigraph.clock import VirtualClock
 from haptigraph.config import Config, load_config
 from haptigraph.messages import Capture, Image
 from haptigraph.perception.registration import Registration, load_registration, parse_registration
+from haptigraph.sources.played import played
 
 SIMULATED = "phantom:align_then_approach"
 IMAGES = 300
@@ -61,8 +62,8 @@ def load(folder: Path | None) -> tuple[Registration, list[Capture]]:
         registration = load_registration(folder / "registration.toml")
     else:
         registration = parse_registration(source.registration or "", uri)
-    captures = [replace(capture, encoded=None) for capture in islice(read(source.read), IMAGES)]
-    source.close()
+    with closing(played(source)) as images:
+        captures = [replace(capture, encoded=None) for capture in islice(images, IMAGES)]
     return registration, captures
 
 

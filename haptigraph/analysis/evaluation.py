@@ -6,6 +6,7 @@ defines every figure. Knows the perceiver only by its steps.
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +18,12 @@ from haptigraph import assemble
 from haptigraph.analysis.truth import TruthRow, load_truth
 from haptigraph.clock import VirtualClock
 from haptigraph.config import Config
-from haptigraph.errors import BadInput, EndOfSource
+from haptigraph.errors import BadInput
 from haptigraph.geometry import ImageGeometry, Point, Vec
 from haptigraph.messages import UNKNOWN, Step
 from haptigraph.perception.registration import load_registration
 from haptigraph.recording.writer import Progress
+from haptigraph.sources.played import played
 
 __all__ = [
     "Errors",
@@ -70,18 +72,13 @@ def evaluate_clip(folder: str | Path, config: Config, progress: Progress | None 
     source = assemble.open_source(_with_source(config, folder / "clip.mp4"), VirtualClock())
     steps = []
     try:
-        while True:
-            capture = source.read(1.0)
-            if capture is not None and capture.image is not None:
+        with closing(played(source)) as captures:
+            for capture in captures:
                 steps.append(pipeline.step(capture))
                 if progress is not None:
                     progress("evaluating", len(steps), len(truth))
-    except EndOfSource:
-        pass
     except BadInput as error:
         raise BadInput(error.problem, error.file or folder / "clip.mp4", error.place) from None
-    finally:
-        source.close()
     if len(steps) != len(truth):
         raise BadInput(f"has {len(truth)} rows, but the clip has {len(steps)} images", folder / "truth.csv")
     named = {"clip": folder.resolve().name, "perceiver": config.perception.perceiver}

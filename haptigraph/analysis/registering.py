@@ -16,7 +16,7 @@ from haptigraph.analysis.registration_wishes import Wishes, check_wishes, settle
 from haptigraph.assemble import SOURCES, open_source
 from haptigraph.clock import VirtualClock
 from haptigraph.config import load_config
-from haptigraph.errors import BadInput, EndOfSource
+from haptigraph.errors import BadInput
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy import Anatomy, find_anatomy
 from haptigraph.perception.registration import parse_registration
@@ -24,12 +24,13 @@ from haptigraph.recording.codec import decode
 from haptigraph.recording.writer import Progress
 from haptigraph.registration_text import registration_text
 from haptigraph.sources.naming import CAMERAS, split_source
+from haptigraph.sources.played import played
 from haptigraph.stages import Source
 
 __all__ = [
     "all_images",
     "check_files",
-    "played",
+    "images_of",
     "register_source",
     "sound_anatomy",
     "spread_images",
@@ -155,20 +156,15 @@ def all_images(uri: str) -> Generator[Image, None, None]:
         return
     if split_source(uri, SOURCES)[0] in CAMERAS:
         raise BadInput(f"{uri} cannot be registered directly; record a short clip with it and give that")
-    yield from played(open_source(load_config(None, (f"source.uri={json.dumps(uri)}",)), VirtualClock()))
+    yield from images_of(open_source(load_config(None, (f"source.uri={json.dumps(uri)}",)), VirtualClock()))
 
 
-def played(source: Source) -> Generator[Image, None, None]:
-    """Yield everything that a source delivers, and close it."""
-    try:
-        while True:
-            capture = source.read(1.0)
-            if capture is not None and capture.image is not None:
+def images_of(source: Source) -> Generator[Image, None, None]:
+    """Yield every image that a source delivers, and close it."""
+    with closing(played(source)) as captures:
+        for capture in captures:
+            if capture.image is not None:
                 yield capture.image
-    except EndOfSource:
-        return
-    finally:
-        source.close()
 
 
 def _check_plausible(anatomy: Anatomy, mm_per_px: float, source: str) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from haptigraph.analysis.registering import check_files, played, spread_images, write_files
+from haptigraph.analysis.registering import check_files, images_of, spread_images, write_files
 from haptigraph.assemble import open_source
 from haptigraph.clock import VirtualClock
 from haptigraph.config import SourceConfig, load_config
@@ -67,7 +67,7 @@ def register_scans(
     config = load_config(None, (f"source.uri={json.dumps(source)}", *settings))
     opened = open_source(config, VirtualClock())
     notes, text = getattr(opened, "notes", ()), opened.registration or ""
-    with closing(played(opened)) as images:
+    with closing(images_of(opened)) as images:
         scans = [grey_of(image) for image in spread_images(images, source, most, None)]
     registration = parse_registered(text, f"registration of {source}")
     _check_contrast(scans, source)
