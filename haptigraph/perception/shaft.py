@@ -11,10 +11,10 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from haptigraph.perception.pixels import FloatImage, Floats, Mask
-from haptigraph.perception.shaft_edges import BLOCK_PX, LEAST_BLOCKS, Edges, find_edges
+from haptigraph.perception.shaft_edges import BLOCK_PX, LEAST_BLOCKS, Edges, at_feet, find_edges
 from haptigraph.perception.strip import Strip, median
 
-__all__ = ["Highlight", "LineFit", "fit_line"]
+__all__ = ["NEW", "LineFit", "Look", "fit_line"]
 
 TUKEY = 4.0
 ROUNDS = 3
@@ -29,6 +29,9 @@ SIDE_PX = 0.2  # how far the light may shift the middle on one side of the wall 
 BRIGHT_ASIDE, DARK_ASIDE = 0.03, 0.015  # the same, as a share of a pair's width
 FIRST_SHARE, SHARE_CHANGE = 0.6, 0.01  # deviation of a highlight's share when first seen; added per image
 FINEST_PX = 2.4  # how wide the finest line looks through the lens and the slope filter
+RETRY_IMAGES = 8  # after so many without feet they are tried as seldom
+BETTER, WORSE, FARTHER_OUT_PX = 0.8, 2.0, 1.5  # scatter by feet, over that by slopes
+LEAST_SHARE = 0.75  # of the blocks on the line
 SCALE_PX = 100.0  # keeps the normal equations well conditioned
 PRIOR = np.diag([1e-6, 1e-6, SIDE_PX**-2, SIDE_PX**-2, BRIGHT_ASIDE**-2, DARK_ASIDE**-2])
 
@@ -40,6 +43,19 @@ class Highlight(Struct, frozen=True):
     share_deviation: float
 
 
+class Look(Struct, frozen=True):
+    """What earlier images told of how a needle looks."""
+
+    highlight: Highlight | None = None
+    """None if no bright line within a darker shaft was ever seen."""
+    images: int = 0
+    """Since edges lay on a line better by their feet, or the needle came."""
+
+
+NEW = Look()
+"""Of a needle that has just come."""
+
+
 class LineFit(Struct, frozen=True, eq=False):
     """A straight line across a strip: v = offset_px + slope u."""
 
@@ -49,8 +65,9 @@ class LineFit(Struct, frozen=True, eq=False):
     """Of (offset_px, offset_px), (offset_px, slope) and (slope, slope)."""
     width_px: float
     """Of the shaft, a median."""
-    highlight: Highlight | None
-    """None if no bright line within a darker shaft was ever seen."""
+    look: Look
+    scatter: float
+    """Of residuals over expected deviations, squared."""
     u_px: FloatImage
     """Middle of every block along the strip, (n,)."""
     is_on_line: Mask
@@ -81,46 +98,63 @@ class LineFit(Struct, frozen=True, eq=False):
         return float(self.u_px[first + ends[-1] + 2]) + BLOCK_PX if len(ends) else from_px + BLOCK_PX
 
 
-def fit_line(
-    strip: Strip, tip_px: float, miss_px: float, highlight: Highlight | None = None
-) -> LineFit | None:
+def fit_line(strip: Strip, tip_px: float, miss_px: float, look: Look = NEW) -> LineFit | None:
     """Fit the shaft's middle line to all that is visible of it before the tip.
 
     Args:
         strip: The straightened surroundings.
         tip_px: Where the needle ends, roughly.
         miss_px: How far the shaft may be from the strip's middle.
-        highlight: Of this needle, where known from earlier images.
+        look: What earlier images told of this needle.
 
     Returns:
         The line, or None if too few blocks show two edges that lie on one.
     """
     edges = find_edges(strip, tip_px)
-    return _robust_line(edges, miss_px, highlight) if edges else None
+    if edges is None:
+        return None
+    fit = _robust_line(edges, miss_px, look)
+    if look.images >= RETRY_IMAGES and look.images % RETRY_IMAGES:
+        return fit
+    feet = at_feet(edges)
+    by_feet = _robust_line(feet, miss_px, None) if feet else None
+    return by_feet if fit is None or (by_feet and _is_better(by_feet, fit)) else fit
+
+
+def _is_better(feet: LineFit, slopes: LineFit) -> bool:
+    """Tell whether feet lie on one line better than the steepest places do.
+
+    If they are further out they may do so worse: then the steepest places are a highlight's.
+    """
+    is_wider = feet.width_px > slopes.width_px + FARTHER_OUT_PX
+    on_line, others = (int(np.count_nonzero(fit.is_on_line)) for fit in (feet, slopes))
+    return feet.scatter < (WORSE if is_wider else BETTER) * slopes.scatter and on_line >= LEAST_SHARE * others
 
 
 def _missing(width_px: Floats) -> Floats:
     """Return by how much each pair is narrower than the shaft must be there [px]; infinite if it is too wide.
 
-    Away from the tip it never gets narrower: a narrower place has lost an outer edge. A far wider one shows
-    something else's. A width counts for others once two neighbours have it.
+    Away from the tip it never gets narrower: a narrower place has lost an outer edge, and so has a dark pair
+    within a bright one. A far wider one shows something else's. A width counts for others once two neighbours
+    have it.
     """
     common = np.minimum(width_px[:, 1:], width_px[:, :-1])
     least = np.maximum.accumulate(common[:, ::-1], axis=1)[:, ::-1]
     missing = np.zeros_like(width_px)
     np.maximum(least[:, 1:] - NARROWER_PX - width_px[:, :-2], 0, out=missing[:, :-2])
     most = np.maximum(common[:, :-1], common[:, 1:]) + WIDER_PX
+    missing[1] = np.maximum(missing[1], np.where(width_px[1] > 0, width_px[0] - width_px[1], 0))
     missing[:, 1:-1][width_px[:, 1:-1] > most] = np.inf
     return missing
 
 
-def _robust_line(edges: Edges, miss_px: float, highlight: Highlight | None) -> LineFit | None:
+def _robust_line(edges: Edges, miss_px: float, look: Look | None) -> LineFit | None:
     """Fit by weighted least squares, leaving out pairs that are off the line (Tukey's weights).
 
     What is known of the light comes in as further unknowns with priors. It differs on the two sides of the
     wall: each side as a whole may be off by SIDE_PX. A highlight runs beside the axis, the further the
     thicker the shaft: the middle of a pair may be off by a share of its width, a larger one where a bright
-    pair was seen within a dark one.
+    pair was seen within a dark one. Where feet tell (no `look`), there is none.
     """
     missing = _missing(edges.width_px)
     has_pair = edges.width_px > 0
@@ -128,7 +162,9 @@ def _robust_line(edges: Edges, miss_px: float, highlight: Highlight | None) -> L
     usable = trust.nonzero()[0]
     if len(usable) < LEAST_BLOCKS:
         return None
-    highlight = highlight or _possible_highlight(edges.width_px, missing)
+    highlight = None
+    if look is not None:
+        highlight = look.highlight or _possible_highlight(edges.width_px, missing)
     prior, pull = PRIOR.copy(), np.zeros(6)
     if highlight:
         prior[4, 4] = highlight.share_deviation**-2
@@ -151,7 +187,11 @@ def _robust_line(edges: Edges, miss_px: float, highlight: Highlight | None) -> L
         float(answer[1]) / SCALE_PX,
         (spread * offset_px2, spread * both / SCALE_PX, spread * slope2 / SCALE_PX**2),
         median(edges.width_px.ravel()[is_on]),
-        highlight and Highlight(float(answer[4]), math.hypot(share_deviation, SHARE_CHANGE)),
+        Look(
+            highlight and Highlight(float(answer[4]), math.hypot(share_deviation, SHARE_CHANGE)),
+            look.images + 1 if look else 0,
+        ),
+        scatter,
         edges.u_px,
         is_on_line,
         _has_one(is_steep & ~_too_wide(edges, is_steep)),

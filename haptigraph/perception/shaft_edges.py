@@ -2,7 +2,9 @@
 
 Turns a strip into pairs of edges. Edges are maxima of the slope across the shaft; the middle of both does not
 care how the metal between them is lit. The two edges of one thing have slopes of opposite sign: a dark needle
-falls and rises, a bright one rises and falls. Knows no line: whether pairs lie on one is `shaft`'s to tell.
+falls and rises, a bright one rises and falls. The edge of a shaded side beside a highlight has no maximum of
+its own, but every edge has a foot, where the image begins to change, and all feet are equally far out. They
+suffer more from noise. Knows no line: whether pairs lie on one is `shaft`'s to tell.
 """
 
 import math
@@ -11,12 +13,13 @@ from typing import Any
 
 import numpy as np
 from msgspec import Struct
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from haptigraph.perception.pixels import FloatImage, Floats, Mask
 from haptigraph.perception.strip import STATION_PX, Strip, median
 
-__all__ = ["BLOCK_PX", "LEAST_BLOCKS", "UNSEEN_PX", "Edges", "find_edges"]
+__all__ = ["BLOCK_PX", "LEAST_BLOCKS", "UNSEEN_PX", "Edges", "at_feet", "find_edges"]
 
 BLOCK = round(6 / STATION_PX)  # stations
 BLOCK_PX = BLOCK * STATION_PX
@@ -40,6 +43,26 @@ SLOPE = (_BELL / (_BELL * _TAPS).sum()).astype(np.float32)
 SLOPE_NOISE = float((SLOPE**2).sum())
 CURVE_NOISE = float((np.diff(SLOPE, prepend=0, append=0) ** 2).sum())
 SPARE_PX = 4  # of a strip's half width is not searched for edges
+FOOT_PX = 1.4  # from an edge to its foot, through a focused lens and the slope filter
+FOOT_SHARE = 0.15  # of the sharpest bend of the same sign
+FOOT_SNR, USUAL_FOOT_SNR = 6.0, 12.0
+
+
+class Slopes(Struct, frozen=True, eq=False):
+    """Slopes across the shaft in n blocks."""
+
+    both: FloatImage
+    """Grey levels per px, and the same with the other sign, (lanes, 2, n)."""
+    noise_grey: float
+    """Standard deviation of a block's sum over its stations' number."""
+    about: FloatImage
+    """Where, from the second lane on, the steep places lie by and large, (n,)."""
+    half_px: int
+    """Lanes reach so far to either side."""
+
+    def is_near(self, lanes: FloatImage) -> Mask:
+        """Return which lanes, from the second one on, are near the steep places, (lanes, n)."""
+        return np.asarray(np.abs(lanes[:, None] - self.about) <= self.half_px - SPARE_PX, np.bool_)
 
 
 class Edges(Struct, frozen=True, eq=False):
@@ -57,6 +80,8 @@ class Edges(Struct, frozen=True, eq=False):
     """Between them, (2, n); UNSEEN_PX where there is no such pair."""
     steepness: FloatImage
     """Slope of the fainter one [grey levels per px], (2, n)."""
+    slopes: Slopes
+    """What they were found in."""
 
 
 def find_edges(strip: Strip, tip_px: float) -> Edges | None:
@@ -82,7 +107,8 @@ def find_edges(strip: Strip, tip_px: float) -> Edges | None:
     rising = _slopes(len(sums)) @ sums
     both = np.concatenate([rising, -rising], axis=1).reshape(len(rising), 2, -1)
     about = _rough_middle(rising, u_px)
-    is_edge = _is_edge(both, noise, about, strip.half_px - SPARE_PX)
+    slopes = Slopes(both, noise, about, strip.half_px)
+    is_edge = _is_edge(slopes)
     has_edge = np.logical_or.reduce(is_edge)
     ends = np.array([is_edge.argmax(axis=0), len(is_edge) - 1 - is_edge[::-1].argmax(axis=0)])
     shift_px, curvature, height = _peaks(both, ends)
@@ -97,6 +123,35 @@ def find_edges(strip: Strip, tip_px: float) -> Edges | None:
         variance_px2=(CURVE_NOISE * noise**2 / 4) * (left_px2 + right_px2) + floor_px2,
         width_px=np.where(is_pair, right_px - left_px, UNSEEN_PX),
         steepness=np.minimum(*_paired(height)),
+        slopes=slopes,
+    )
+
+
+def at_feet(edges: Edges) -> Edges | None:
+    """Return the same pairs with their edges where the outermost feet say; None if these drown in noise.
+
+    Pairs without two feet stay as they are.
+    """
+    slopes = edges.slopes
+    bend = np.diff(slopes.both, axis=0)
+    bends = np.stack([bend, -bend[:, ::-1]], axis=1)  # left, right; both have the sign of the left edge
+    most = bends.max(axis=0)
+    noise = slopes.noise_grey * math.sqrt(CURVE_NOISE)
+    if median(most) < USUAL_FOOT_SNR * noise:
+        return None
+    inner = bends[1:-1]  # its lanes, half-way between those of `both`, are counted from the second one on
+    is_foot = (inner > bends[2:]) & (inner >= bends[:-2])
+    is_foot &= inner >= np.maximum(FOOT_SHARE * most.max(axis=1, keepdims=True), FOOT_SNR * noise)
+    is_foot &= slopes.is_near(_moments(len(inner))[1] + np.float32(0.5))[:, None, None]
+    ends = np.array([is_foot[:, 0].argmax(axis=0), len(inner) - 1 - is_foot[::-1, 1].argmax(axis=0)])
+    left_px, right_px = ends + _peaks(bends, ends)[0] + 0.5
+    left_px, right_px = left_px + FOOT_PX, right_px - FOOT_PX
+    are_both = is_foot.any(axis=0).all(axis=0) & (edges.width_px > 0) & (right_px > left_px)
+    middle_px = (left_px + right_px) / 2 - (slopes.half_px - 1)
+    return replace(
+        edges,
+        middle_px=np.where(are_both, middle_px, edges.middle_px),
+        width_px=np.where(are_both, right_px - left_px, edges.width_px),
     )
 
 
@@ -140,15 +195,16 @@ def _moments(lanes: int) -> FloatImage:
     return np.stack([np.ones(lanes), np.arange(lanes)]).astype(np.float32)
 
 
-def _is_edge(both: FloatImage, noise_grey: float, about: FloatImage, reach_px: int) -> Mask:
+def _is_edge(slopes: Slopes) -> Mask:
     """Return where slopes are steepest and steep enough, not too far from the middle, (lanes - 2, 2, n)."""
+    both, noise_grey = slopes.both, slopes.noise_grey
     most = both.max(axis=0)
     least = np.maximum(STRONG * most, FAINT * most[::-1])
     least = np.maximum(least, max(LEAST_SNR * noise_grey * math.sqrt(SLOPE_NOISE), LEAST_SLOPE))
     inner = both[1:-1]  # lanes from here on are those of `inner`, one less than the strip's
     is_edge = (inner > both[2:]) & (inner >= both[:-2])
     is_edge &= inner >= least
-    is_edge &= (np.abs(_moments(len(inner))[1][:, None] - about) <= reach_px)[:, None]
+    is_edge &= slopes.is_near(_moments(len(inner))[1])[:, None]
     return np.asarray(is_edge, np.bool_)
 
 
@@ -168,7 +224,7 @@ def _rough_middle(rising: FloatImage, u_px: FloatImage) -> FloatImage:
 
 
 def _peaks(both: FloatImage, lanes: NDArray[np.int64]) -> tuple[FloatImage, FloatImage, FloatImage]:
-    """Return sub-pixel shifts, curvatures and heights of slope maxima, (2, 2, n) each.
+    """Return sub-pixel shifts, curvatures and heights of maxima on two sides, (2, 2, n) each.
 
     The noise of a maximum's place is the noise of the derivative there over the curvature.
     """

@@ -6,7 +6,6 @@ Nothing behind the wall can be seen: a needle whose tip is in there has none.
 """
 
 import math
-from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -14,9 +13,9 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from haptigraph.perception.pixels import FloatImage, Mask
-from haptigraph.perception.strip import STATION_PX, Strip, median
+from haptigraph.perception.strip import STATION_PX, Strip
 
-__all__ = ["Reach", "closeup_px", "find_reach", "is_led_to", "refine_tip", "sharp_end"]
+__all__ = ["CORE", "Reach", "closeup_px", "contrast_of", "find_reach", "is_led_to", "refine_tip"]
 
 CORE = np.full(5, 1 / 5, np.float32)  # lanes in the middle of a strip
 LEAST_GREY = 5.0
@@ -41,15 +40,6 @@ LEAST_FREE_MM = 0.8  # when it is not
 MOUTH_MM = 0.55  # of the hole, inside the wall, may look like a needle where it was never seen without one
 LEAST_OUTSIDE_MM = 1.0
 AT_WALL_MM = 0.22
-GROUP = 4  # stations in which something sharp is looked for together
-SPREAD = np.full((GROUP, 1), 1 / GROUP, np.float32)
-BESIDE_PX = 2  # from lane to lane: an edge or a point changes over so little, the edge of a shadow does not
-BESIDE = np.array((1, -4, 6, -4, 1), np.float32) / 6
-SHARP_NOISE = float(np.sqrt((BESIDE**2).sum()))
-POINT = 5  # groups
-SOFT_SHARE = 0.2  # a shadow is less sharp than this share of the point it goes on from
-LEAST_SOFT = 6  # groups
-SHARP_DEVIATION_PX = 1.0
 
 
 class Reach(Struct, frozen=True):
@@ -81,7 +71,7 @@ def find_reach(
         The reach, or None if there is no needle.
     """
     core = slice(strip.half_px - 2, strip.half_px + 3)
-    contrast = _contrast(strip.excess[core], strip.beside[core], CORE)
+    contrast = contrast_of(strip.excess[core], strip.beside[core], CORE)
     noise = LEAST_SNR * strip.noise_grey / math.sqrt(len(CORE))
     is_sure = strip.is_known | (strip.u_px <= followed_px)
     outer, inner = strip.before, strip.inside
@@ -120,7 +110,13 @@ def closeup_px(about_px: float, spare_px: int = 0) -> FloatImage:
     return np.arange(about - BEHIND_PX - spare_px, about + AHEAD_PX + spare_px + 1, dtype=np.float32)
 
 
-def refine_tip(strip: Strip, reach: Reach, about_px: float, aside_px: float = 0.0) -> Reach | None:
+def refine_tip(
+    strip: Strip,
+    reach: Reach,
+    about_px: float,
+    aside_px: float = 0.0,
+    behinds_px: tuple[int, ...] = (BEHIND_PX, NEAR_PX),
+) -> Reach | None:
     """Find the tip sub-pixel: where the contrast falls off from what it was just behind.
 
     Args:
@@ -128,6 +124,7 @@ def refine_tip(strip: Strip, reach: Reach, about_px: float, aside_px: float = 0.
         reach: Roughly.
         about_px: Where along the strip the tip is, to some pixels.
         aside_px: How far from the strip's middle the shaft lies there.
+        behinds_px: How much of the needle tells what its contrast is, from one look to the next.
 
     Returns:
         The reach, or None if the contrast does not fall there.
@@ -141,13 +138,13 @@ def refine_tip(strip: Strip, reach: Reach, about_px: float, aside_px: float = 0.
     lane, rest = divmod(strip.half_px + aside_px, 1)
     core = slice(int(lane) - 1, int(lane) + 3)
     weights = np.array(((1 - rest) / 3, 1 / 3, 1 / 3, rest / 3), np.float32)
-    along = _contrast(strip.excess[core, seen], strip.beside[core, seen], weights).tolist()
+    along = contrast_of(strip.excess[core, seen], strip.beside[core, seen], weights).tolist()
     tones = (weights @ strip.excess[core, seen]).tolist()
     is_sure = strip.is_known[seen].tolist() if reach.where == "outside" else [True] * len(along)
     noise = strip.noise_grey / math.sqrt(3)
     first_px = float(strip.u_px[seen.start])
     end, place, steepness, high = math.ceil(about_px - first_px), 0.0, 1.0, 0.0
-    for behind_px in (BEHIND_PX, NEAR_PX):
+    for behind_px in behinds_px:
         behind = slice(max(end - behind_px, 0), max(end - BLUNT_PX, 1))
         shaft = sorted(along[behind])
         high, low = shaft[len(shaft) // 2], _beyond(along[end:], is_sure[end:])
@@ -178,54 +175,6 @@ def _one_tone(tones: list[float], contrasts: list[float]) -> float:
     return min(max((share - ONE_TONE) / (1 - ONE_TONE), 0.0), 1.0)
 
 
-def sharp_end(strip: Strip, reach: Reach) -> Reach | None:
-    """Find where the last sharp part of a shaft ends, if all that goes on from there is soft: its shadow.
-
-    Args:
-        strip: The straightened surroundings.
-        reach: With a tip inside.
-
-    Returns:
-        The reach, or None if there is something sharp right before its tip, or nowhere.
-    """
-    start, start_px = strip.inside.start, float(strip.u_px[strip.inside.start])
-    groups = int((reach.tip_px - start_px) / STATION_PX) + 2 - GROUP
-    seen = strip.excess[:, start : start + groups + GROUP - 1]
-    least = LEAST_SNR * SHARP_NOISE * strip.noise_grey / math.sqrt(GROUP)
-    if groups <= LEAST_SOFT or _sharpness(seen[:, -GROUP:] @ SPREAD)[0] >= least:
-        return None
-    sums = sum(seen[:, first : first + groups] for first in range(GROUP))
-    along = _sharpness(np.asarray(sums / GROUP, np.float32))
-    is_sharp = along >= least
-    pairs = (is_sharp[1:] & is_sharp[:-1]).nonzero()[0]
-    end = int(pairs[-1]) + 1 if len(pairs) else groups
-    if end > groups - LEAST_SOFT:
-        return None
-    high, low = median(along[max(end - POINT, 0) : end]), median(along[end + 2 :])
-    if _sharpness(seen[:, end + GROUP :].mean(axis=1, keepdims=True))[0] > SOFT_SHARE * high:
-        return None
-    level = max(min(low + FADING_LEVEL * (high - low), high), least)
-    end = int((along[: end + 1] >= level).nonzero()[0][-1])
-    share = (along[end] - level) / (along[end] - along[end + 1])
-    tip_px = start_px + STATION_PX * (end + float(share) + (GROUP - 1) / 2)
-    return replace(reach, tip_px=tip_px, deviation_px=SHARP_DEVIATION_PX, contrast_grey=0.0)
-
-
-def _sharpness(excess: FloatImage) -> FloatImage:
-    """Return how much the sharpest lane differs from those beside it, (n,) grey levels."""
-    return np.asarray(np.abs(_sharp(len(excess)) @ excess).max(axis=0), np.float32)
-
-
-@cache
-def _sharp(lanes: int) -> FloatImage:
-    """Return what takes from every lane the cubic through four lanes beside it, (lanes - 8, lanes)."""
-    last = BESIDE_PX * (len(BESIDE) - 1)
-    sharp = np.zeros((lanes - last, lanes), np.float32)
-    for lane in range(len(sharp)):
-        sharp[lane, lane : lane + last + 1 : BESIDE_PX] = BESIDE
-    return sharp
-
-
 def _beyond(along: list[float], is_sure: list[bool]) -> float:
     """Return the contrast beyond a tip: a quartile, for a longer tip may reach in.
 
@@ -251,7 +200,7 @@ def _last_above(along: list[float], is_sure: list[bool], level: float) -> int:
     return max([*above[:joined], *(station for station in above[joined:] if is_sure[station])], default=-1)
 
 
-def _contrast(excess: FloatImage, beside: FloatImage, weights: FloatImage) -> FloatImage:
+def contrast_of(excess: FloatImage, beside: FloatImage, weights: FloatImage) -> FloatImage:
     """Return how much the shaft's middle differs from what is beside and was behind it [grey levels].
 
     It must differ from both: a stain that was always there is no needle, nor is a place that a needle has

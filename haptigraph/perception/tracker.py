@@ -19,7 +19,8 @@ from haptigraph.perception.fan import Fan
 from haptigraph.perception.pixels import FloatImage
 from haptigraph.perception.pose import PoseFilter
 from haptigraph.perception.registration import Registration
-from haptigraph.perception.shaft import Highlight, LineFit, fit_line
+from haptigraph.perception.shaft import NEW, LineFit, Look, fit_line
+from haptigraph.perception.sharp_end import LONGEST_DIM_PX, SHORTEST_DIM_PX, dim_end_px, sharp_end
 from haptigraph.perception.strip import (
     LARGEST_TURN_RAD,
     OUTSIDE_MM,
@@ -29,7 +30,7 @@ from haptigraph.perception.strip import (
     lay_straight,
     stations,
 )
-from haptigraph.perception.tip import Reach, closeup_px, find_reach, is_led_to, refine_tip, sharp_end
+from haptigraph.perception.tip import Reach, closeup_px, find_reach, is_led_to, refine_tip
 
 __all__ = ["Tracker"]
 
@@ -49,6 +50,7 @@ OFF_PX = 3.0  # if the tip is further off the strip's middle, a second look is t
 THICKEST_MM = 1.05
 LONGEST_STEP_S = 0.2
 CONTRAST_RATE = 0.1
+DIM_BEHIND_PX = 6  # of a dim point, tells its contrast
 CLOSEUP_SPARE_PX = 6  # beyond a close-up of the tip, for where the tip is may be expected wrongly
 
 
@@ -100,7 +102,7 @@ class Tracker:
         self._background.reset()
         self._pose.reset()
         self._usual_grey: float | None = None
-        self._highlight: Highlight | None = None
+        self._look: Look = NEW
         self._doubts = 0
         self._stamp_ns: int | None = None
 
@@ -116,9 +118,9 @@ class Tracker:
         found: dict[str, Geometry] = dict(self._registration.anatomy)
         if sight is None:
             self._pose.lose()
-            self._highlight = None
+            self._look = NEW
             return Observation(capture.stamp_ns, found)
-        reach, self._highlight = sight.reach, sight.fit.highlight
+        reach, self._look = sight.reach, sight.fit.look
         is_pivoting = reach.where != "outside"
         self._pose.update(sight.line, sight.fit.covariance, reach.tip_px, reach.deviation_px, is_pivoting)
         if reach.where == "hidden":
@@ -184,7 +186,7 @@ class Tracker:
 
     def _measured(self, glimpse: _Glimpse, miss_px: float) -> _Sight | None:
         """Fit the shaft's line; None if it is no needle."""
-        fit = fit_line(glimpse.strip, glimpse.reach.tip_px, miss_px, self._highlight)
+        fit = fit_line(glimpse.strip, glimpse.reach.tip_px, miss_px, self._look)
         if fit is None:
             return None
         expected = glimpse.expected
@@ -197,9 +199,21 @@ class Tracker:
         seen = sight.glimpse
         sharp = sharp_end(seen.strip, reach) if reach.where == "inside" else None
         if sharp is None:
-            return replace(sight, reach=reach)
+            return replace(sight, reach=self._dim_reach(image, sight, reach) or reach)
         without_shadow = self._measured(replace(seen, reach=sharp), seen.strip.half_px)
         return without_shadow or replace(sight, reach=sharp)
+
+    def _dim_reach(self, image: Image, sight: _Sight, reach: Reach) -> Reach | None:
+        """Return how far a point reaches that gets dim before its end, None if it does not."""
+        dim_px = sight.glimpse.reach.tip_px - reach.tip_px
+        if reach.where != "inside" or not SHORTEST_DIM_PX <= dim_px <= LONGEST_DIM_PX:
+            return None
+        places_px = closeup_px(reach.tip_px, LONGEST_DIM_PX)
+        strips = lay_straight(self._site, image, self._background.grey, sight.line, places_px)
+        end_px = dim_end_px(strips[0], reach) if strips else None
+        return (
+            refine_tip(strips[0], reach, end_px, behinds_px=(DIM_BEHIND_PX,)) if strips and end_px else None
+        )
 
     def _refined_reach(self, image: Image, sight: _Sight, expected_px: float = math.inf) -> Reach:
         strip, fit, reach = sight.glimpse.strip, sight.fit, sight.reach

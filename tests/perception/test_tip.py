@@ -3,8 +3,9 @@ import numpy as np
 import pytest
 
 from haptigraph.perception.shaft import fit_line
+from haptigraph.perception.sharp_end import dim_end_px, sharp_end
 from haptigraph.perception.strip import STATION_PX, Strip
-from haptigraph.perception.tip import Reach, find_reach, refine_tip, sharp_end
+from haptigraph.perception.tip import Reach, find_reach, refine_tip
 
 HALF_PX, NOISE_GREY, END_PX = 16, 2.0, 140.0
 LANES = np.arange(-HALF_PX, HALF_PX + 1)[:, None]
@@ -53,6 +54,48 @@ def test_a_needle_that_fades_in_the_noise_keeps_its_tip():
 @pytest.mark.parametrize("tip_px", [9.0, 12.0, 20.0])
 def test_a_tip_right_behind_the_wall_is_left_alone(tip_px):
     assert sharp_end(strip(needle(3.0, tip_px)), Reach("inside", tip_px, 10.0)) is None
+
+
+@pytest.mark.parametrize("half_width_px", [2.0, 4.0])
+@pytest.mark.parametrize("dim_px", [7, 12])
+@pytest.mark.parametrize("grey", [-60.0, 60.0])
+def test_a_point_that_gets_dim_before_its_end_is_followed_to_it(half_width_px, dim_px, grey):
+    u_px = np.arange(100, 170, dtype=np.float32)
+    across = np.clip(half_width_px + 0.5 - abs(LANES), 0, 1)
+    lit = np.where(u_px <= END_PX - dim_px, 1, 0.45) * (u_px <= END_PX)
+    seen = strip(cv2.GaussianBlur(grey * across * lit, (0, 0), 0.8), u_px)
+    reach = Reach("inside", END_PX - dim_px, 100.0, contrast_grey=60.0)
+    end_px = dim_end_px(seen, reach)
+    assert end_px == pytest.approx(END_PX, abs=1.5)
+    end = refine_tip(seen, reach, end_px, behinds_px=(6,))
+    assert end.tip_px == pytest.approx(END_PX, abs=1.2)
+
+
+@pytest.mark.parametrize("shadow_grey", [-15.0, -30.0])
+def test_a_shadow_is_no_dim_point(shadow_grey):
+    u_px = np.arange(100, 170, dtype=np.float32)
+    across = np.clip(3.5 - abs(LANES), 0, 1)
+    shaded = np.minimum(-60 * across * (u_px <= END_PX), shadow_grey * SHADOW * (u_px <= END_PX + 10))
+    reach = Reach("inside", END_PX, 100.0, contrast_grey=60.0)
+    assert dim_end_px(strip(shaded, u_px), reach) is None
+
+
+def test_what_ends_where_its_contrast_falls_is_no_dim_point():
+    reach = Reach("inside", END_PX, 100.0, contrast_grey=40.0)
+    assert dim_end_px(strip(needle(3.0)), reach) is None
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+@pytest.mark.parametrize("shade_grey", [40.0, 60.0])
+def test_the_axis_of_a_shaft_is_between_its_outer_edges_though_one_side_is_in_the_shade(side, shade_grey):
+    half_px = np.clip((END_PX + 60 - U_PX) / 20, 0.0, 5.0)
+    lit = np.clip(half_px + 0.5 - abs(LANES), 0, 1)
+    shone = np.clip(half_px * 0.4 + 0.5 - abs(side * LANES - half_px * 0.5), 0, 1)
+    seen = strip(cv2.GaussianBlur(shade_grey * lit + (130 - shade_grey) * shone, (0, 0), 0.8))
+    fit = fit_line(seen, END_PX, seen.half_px)
+    assert fit.width_px == pytest.approx(10, abs=2)
+    assert fit.offset_px == pytest.approx(0, abs=0.5)
+    assert fit.offset_px + fit.slope * END_PX == pytest.approx(0, abs=0.5)
 
 
 @pytest.mark.parametrize("blur_px", [0.8, 1.5, 2.2])

@@ -1,0 +1,107 @@
+"""Where a point ends of which no clear fall of contrast tells.
+
+Turns a strip and a reach into the tip's place along it, by what is sharp: the edges of metal are, however dim
+it gets in the shade of the wall or for what it mirrors; a shadow that goes on beyond the point is not.
+"""
+
+import math
+from functools import cache
+
+import numpy as np
+from msgspec.structs import replace
+
+from haptigraph.perception.pixels import FloatImage
+from haptigraph.perception.strip import STATION_PX, Strip, median
+from haptigraph.perception.tip import CORE, Reach, contrast_of
+
+__all__ = ["LONGEST_DIM_PX", "SHORTEST_DIM_PX", "dim_end_px", "sharp_end"]
+
+GROUP = 4  # stations in which something sharp is looked for together
+SPREAD = np.full((GROUP, 1), 1 / GROUP, np.float32)
+BESIDE_PX = 2  # from lane to lane: an edge or a point changes over so little, the edge of a shadow does not
+BESIDE = np.array((1, -4, 6, -4, 1), np.float32) / 6
+SHARP_NOISE = float(np.sqrt((BESIDE**2).sum()))
+POINT = 5  # groups
+SOFT_SHARE = 0.2  # a shadow is less sharp than this share of the point it goes on from
+LEAST_SOFT = 6  # groups
+SHARP_DEVIATION_PX = 1.0
+LEAST_SNR = 4.0
+FADING_LEVEL = 0.3  # between beyond and behind
+SHORTEST_DIM_PX, LONGEST_DIM_PX = 3, 14  # what is shorter is blurred
+LEAST_DIM = 0.1  # share of the contrast behind
+SHARP_SHARE = 0.3  # a dim point is sharper than this share of what is behind
+NEAR_PX = 6  # beside the shaft's middle
+
+
+def sharp_end(strip: Strip, reach: Reach) -> Reach | None:
+    """Find where the last sharp part of a shaft ends, if all that goes on from there is soft: its shadow.
+
+    Args:
+        strip: The straightened surroundings.
+        reach: With a tip inside.
+
+    Returns:
+        The reach, or None if there is something sharp right before its tip, or nowhere.
+    """
+    start, start_px = strip.inside.start, float(strip.u_px[strip.inside.start])
+    groups = int((reach.tip_px - start_px) / STATION_PX) + 2 - GROUP
+    seen = strip.excess[:, start : start + groups + GROUP - 1]
+    least = LEAST_SNR * SHARP_NOISE * strip.noise_grey / math.sqrt(GROUP)
+    if groups <= LEAST_SOFT or _sharpness(seen[:, -GROUP:] @ SPREAD)[0] >= least:
+        return None
+    sums = sum(seen[:, first : first + groups] for first in range(GROUP))
+    along = _sharpness(np.asarray(sums / GROUP, np.float32))
+    is_sharp = along >= least
+    pairs = (is_sharp[1:] & is_sharp[:-1]).nonzero()[0]
+    end = int(pairs[-1]) + 1 if len(pairs) else groups
+    if end > groups - LEAST_SOFT:
+        return None
+    high, low = median(along[max(end - POINT, 0) : end]), median(along[end + 2 :])
+    if _sharpness(seen[:, end + GROUP :].mean(axis=1, keepdims=True))[0] > SOFT_SHARE * high:
+        return None
+    level = max(min(low + FADING_LEVEL * (high - low), high), least)
+    end = int((along[: end + 1] >= level).nonzero()[0][-1])
+    share = (along[end] - level) / (along[end] - along[end + 1])
+    tip_px = start_px + STATION_PX * (end + float(share) + (GROUP - 1) / 2)
+    return replace(reach, tip_px=tip_px, deviation_px=SHARP_DEVIATION_PX, contrast_grey=0.0)
+
+
+def dim_end_px(strip: Strip, reach: Reach) -> float | None:
+    """Return where a point ends that gets dim before its end, and stays sharp.
+
+    Args:
+        strip: A close-up of the tip and what is beyond, the shaft in its middle.
+        reach: Where the contrast falls.
+
+    Returns:
+        The place along the strip, to a pixel, or None if nothing sharp goes on from the fall.
+    """
+    start = math.ceil(reach.tip_px - float(strip.u_px[0])) + 1
+    ahead = slice(start, strip.inside.stop)
+    core = slice(strip.half_px - len(CORE) // 2, strip.half_px + len(CORE) // 2 + 1)
+    along = contrast_of(strip.excess[core, ahead], strip.beside[core, ahead], CORE)
+    least = LEAST_SNR * strip.noise_grey / math.sqrt(len(CORE))
+    is_dim = along >= max(least, LEAST_DIM * reach.contrast_grey)
+    length = len(is_dim) if is_dim.all() else int(is_dim.argmin())
+    if not SHORTEST_DIM_PX <= length <= LONGEST_DIM_PX:
+        return None
+    near = strip.excess[strip.half_px - NEAR_PX : strip.half_px + NEAR_PX + 1]
+    parts = slice(max(start - 1 - length, 0), start - 1), slice(start, start + length)
+    behind, dim = (_sharpness(near[:, part].mean(axis=1, keepdims=True))[0] for part in parts)
+    least = LEAST_SNR * SHARP_NOISE * strip.noise_grey / math.sqrt(length)
+    return float(strip.u_px[start + length - 1]) if dim >= max(SHARP_SHARE * behind, least) else None
+
+
+def _sharpness(excess: FloatImage) -> FloatImage:
+    """Return how much the sharpest lane differs from those beside it, (n,) grey levels."""
+    return np.asarray(np.abs(_sharp(len(excess)) @ excess).max(axis=0), np.float32)
+
+
+@cache
+def _sharp(lanes: int) -> FloatImage:
+    """Return what takes from every lane the cubic through four lanes beside it, (lanes - 8, lanes)."""
+    last = BESIDE_PX * (len(BESIDE) - 1)
+    sharp = np.zeros((lanes - last, lanes), np.float32)
+    for lane in range(len(sharp)):
+        sharp[lane, lane : lane + last + 1 : BESIDE_PX] = BESIDE
+    return sharp
