@@ -30,7 +30,8 @@ BRIGHT_ASIDE, DARK_ASIDE = 0.03, 0.015  # the same, as a share of a pair's width
 FIRST_SHARE, SHARE_CHANGE = 0.6, 0.01  # deviation of a highlight's share when first seen; added per image
 FINEST_PX = 2.4  # how wide the finest line looks through the lens and the slope filter
 RETRY_IMAGES = 8  # after so many without feet they are tried as seldom
-BETTER, WORSE, FARTHER_OUT_PX = 0.8, 2.0, 1.5  # scatter by feet, over that by slopes
+BETTER, WORSE, FARTHER_OUT_PX = 0.5, 2.0, 1.5  # scatter by feet, over that by slopes
+NOISY = 0.2  # scatter that noise alone makes
 LEAST_SHARE = 0.75  # of the blocks on the line
 SCALE_PX = 100.0  # keeps the normal equations well conditioned
 PRIOR = np.diag([1e-6, 1e-6, SIDE_PX**-2, SIDE_PX**-2, BRIGHT_ASIDE**-2, DARK_ASIDE**-2])
@@ -124,11 +125,16 @@ def fit_line(strip: Strip, tip_px: float, miss_px: float, look: Look = NEW) -> L
 def _is_better(feet: LineFit, slopes: LineFit) -> bool:
     """Tell whether feet lie on one line better than the steepest places do.
 
-    If they are further out they may do so worse: then the steepest places are a highlight's.
+    If they are further out they may do so worse: then the steepest places are a highlight's. If not, they
+    must do so much better, and noise alone must not explain it.
     """
     is_wider = feet.width_px > slopes.width_px + FARTHER_OUT_PX
     on_line, others = (int(np.count_nonzero(fit.is_on_line)) for fit in (feet, slopes))
-    return feet.scatter < (WORSE if is_wider else BETTER) * slopes.scatter and on_line >= LEAST_SHARE * others
+    if on_line < LEAST_SHARE * others:
+        return False
+    if is_wider:
+        return feet.scatter < WORSE * slopes.scatter
+    return slopes.scatter > NOISY and feet.scatter < BETTER * slopes.scatter
 
 
 def _missing(width_px: Floats) -> Floats:
