@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from haptigraph.perception.shaft import fit_line
+from haptigraph.perception.shaft import Look, fit_line
 from haptigraph.perception.sharp_end import dim_end_px, sharp_end
 from haptigraph.perception.strip import STATION_PX, Strip
 from haptigraph.perception.tip import Reach, find_reach, refine_tip
@@ -85,17 +85,29 @@ def test_what_ends_where_its_contrast_falls_is_no_dim_point():
     assert dim_end_px(strip(needle(3.0)), reach) is None
 
 
-@pytest.mark.parametrize("side", [-1, 1])
-@pytest.mark.parametrize("shade_grey", [40.0, 60.0])
-def test_the_axis_of_a_shaft_is_between_its_outer_edges_though_one_side_is_in_the_shade(side, shade_grey):
+def shaded_shaft(side, shade_grey):
     half_px = np.clip((END_PX + 60 - U_PX) / 20, 0.0, 5.0)
     lit = np.clip(half_px + 0.5 - abs(LANES), 0, 1)
     shone = np.clip(half_px * 0.4 + 0.5 - abs(side * LANES - half_px * 0.5), 0, 1)
-    seen = strip(cv2.GaussianBlur(shade_grey * lit + (130 - shade_grey) * shone, (0, 0), 0.8))
+    return strip(cv2.GaussianBlur(shade_grey * lit + (130 - shade_grey) * shone, (0, 0), 0.8))
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+@pytest.mark.parametrize("shade_grey", [40.0, 60.0])
+def test_the_axis_of_a_shaft_is_between_its_outer_edges_though_one_side_is_in_the_shade(side, shade_grey):
+    seen = shaded_shaft(side, shade_grey)
     fit = fit_line(seen, END_PX, seen.half_px)
     assert fit.width_px == pytest.approx(10, abs=2)
     assert fit.offset_px == pytest.approx(0, abs=0.5)
     assert fit.offset_px + fit.slope * END_PX == pytest.approx(0, abs=0.5)
+
+
+@pytest.mark.parametrize(("images", "width_px"), [(0, 10), (7, 10), (9, 5), (15, 5), (16, 10)])
+def test_feet_are_tried_in_the_first_images_and_seldom_once_they_were_no_better(images, width_px):
+    seen = shaded_shaft(1, 40.0)
+    fit = fit_line(seen, END_PX, seen.half_px, Look(images=images))
+    assert fit.width_px == pytest.approx(width_px, abs=2)
+    assert fit.look.images == (0 if width_px == 10 else images + 1)
 
 
 @pytest.mark.parametrize("blur_px", [0.8, 1.5, 2.2])
