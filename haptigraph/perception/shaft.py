@@ -14,7 +14,7 @@ from haptigraph.perception.pixels import FloatImage, Floats, Mask
 from haptigraph.perception.shaft_edges import BLOCK_PX, LEAST_BLOCKS, Edges, at_feet, find_edges
 from haptigraph.perception.strip import Strip, median
 
-__all__ = ["NEW", "LineFit", "Look", "fit_line"]
+__all__ = ["NEW", "Highlight", "LineFit", "Look", "fit_line"]
 
 TUKEY = 4.0
 ROUNDS = 3

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from haptigraph.perception.pixels import FloatImage, Floats, Mask
 from haptigraph.perception.strip import STATION_PX, Strip, median
 
-__all__ = ["BLOCK_PX", "LEAST_BLOCKS", "UNSEEN_PX", "Edges", "at_feet", "find_edges"]
+__all__ = ["BLOCK_PX", "LEAST_BLOCKS", "UNSEEN_PX", "Edges", "Slopes", "at_feet", "find_edges"]
 
 BLOCK = round(6 / STATION_PX)  # stations
 BLOCK_PX = BLOCK * STATION_PX
