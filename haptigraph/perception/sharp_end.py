@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from haptigraph.perception.pixels import FloatImage
 from haptigraph.perception.strip import STATION_PX, Strip, median
-from haptigraph.perception.tip import CORE, Reach, contrast_of
+from haptigraph.perception.tip import FADING_LEVEL, LEAST_SNR, Reach, core_contrast
 
 __all__ = ["LONGEST_DIM_PX", "SHORTEST_DIM_PX", "dim_end_px", "sharp_end"]
 
@@ -25,8 +25,6 @@ POINT = 5  # groups
 SOFT_SHARE = 0.2  # a shadow is less sharp than this share of the point it goes on from
 LEAST_SOFT = 6  # groups
 SHARP_DEVIATION_PX = 1.0
-LEAST_SNR = 4.0
-FADING_LEVEL = 0.3  # between beyond and behind
 SHORTEST_DIM_PX, LONGEST_DIM_PX = 3, 14  # what is shorter is blurred
 LEAST_DIM = 0.1  # share of the contrast behind
 SHARP_SHARE = 0.3  # a dim point is sharper than this share of what is behind
@@ -77,11 +75,8 @@ def dim_end_px(strip: Strip, reach: Reach) -> float | None:
         The place along the strip, to a pixel, or None if nothing sharp goes on from the fall.
     """
     start = math.ceil(reach.tip_px - float(strip.u_px[0])) + 1
-    ahead = slice(start, strip.inside.stop)
-    core = slice(strip.half_px - len(CORE) // 2, strip.half_px + len(CORE) // 2 + 1)
-    along = contrast_of(strip.excess[core, ahead], strip.beside[core, ahead], CORE)
-    least = LEAST_SNR * strip.noise_grey / math.sqrt(len(CORE))
-    is_dim = along >= max(least, LEAST_DIM * reach.contrast_grey)
+    along, noise = core_contrast(strip, slice(start, strip.inside.stop))
+    is_dim = along >= max(noise, LEAST_DIM * reach.contrast_grey)
     length = len(is_dim) if is_dim.all() else int(is_dim.argmin())
     if not SHORTEST_DIM_PX <= length <= LONGEST_DIM_PX:
         return None

@@ -15,7 +15,16 @@ from msgspec.structs import replace
 from haptigraph.perception.pixels import FloatImage, Mask
 from haptigraph.perception.strip import STATION_PX, Strip
 
-__all__ = ["CORE", "Reach", "closeup_px", "contrast_of", "find_reach", "is_led_to", "refine_tip"]
+__all__ = [
+    "FADING_LEVEL",
+    "LEAST_SNR",
+    "Reach",
+    "closeup_px",
+    "core_contrast",
+    "find_reach",
+    "is_led_to",
+    "refine_tip",
+]
 
 CORE = np.full(5, 1 / 5, np.float32)  # lanes in the middle of a strip
 LEAST_GREY = 5.0
@@ -70,9 +79,7 @@ def find_reach(
     Returns:
         The reach, or None if there is no needle.
     """
-    core = slice(strip.half_px - 2, strip.half_px + 3)
-    contrast = contrast_of(strip.excess[core], strip.beside[core], CORE)
-    noise = LEAST_SNR * strip.noise_grey / math.sqrt(len(CORE))
+    contrast, noise = core_contrast(strip)
     is_sure = strip.is_known | (strip.u_px <= followed_px)
     outer, inner = strip.before, strip.inside
     outer_end, outer_sum = _farthest(_evidence(contrast[outer], is_sure[outer], noise, 0.0))
@@ -102,6 +109,13 @@ def is_led_to(strip: Strip, end_px: float, gap_px: float) -> bool:
     """
     gap = slice(int(strip.u_px.searchsorted(end_px)), strip.before.stop)
     return (gap.stop - gap.start) * STATION_PX <= gap_px or bool(strip.is_known[gap].all())
+
+
+def core_contrast(strip: Strip, part: slice = slice(None)) -> tuple[FloatImage, float]:
+    """Return the contrast of the middle lanes at some stations, (n,), and more than noise makes of it."""
+    core = slice(strip.half_px - 2, strip.half_px + 3)
+    contrast = _contrast(strip.excess[core, part], strip.beside[core, part], CORE)
+    return contrast, LEAST_SNR * strip.noise_grey / math.sqrt(len(CORE))
 
 
 def closeup_px(about_px: float, spare_px: int = 0) -> FloatImage:
@@ -138,7 +152,7 @@ def refine_tip(
     lane, rest = divmod(strip.half_px + aside_px, 1)
     core = slice(int(lane) - 1, int(lane) + 3)
     weights = np.array(((1 - rest) / 3, 1 / 3, 1 / 3, rest / 3), np.float32)
-    along = contrast_of(strip.excess[core, seen], strip.beside[core, seen], weights).tolist()
+    along = _contrast(strip.excess[core, seen], strip.beside[core, seen], weights).tolist()
     tones = (weights @ strip.excess[core, seen]).tolist()
     is_sure = strip.is_known[seen].tolist() if reach.where == "outside" else [True] * len(along)
     noise = strip.noise_grey / math.sqrt(3)
@@ -200,7 +214,7 @@ def _last_above(along: list[float], is_sure: list[bool], level: float) -> int:
     return max([*above[:joined], *(station for station in above[joined:] if is_sure[station])], default=-1)
 
 
-def contrast_of(excess: FloatImage, beside: FloatImage, weights: FloatImage) -> FloatImage:
+def _contrast(excess: FloatImage, beside: FloatImage, weights: FloatImage) -> FloatImage:
     """Return how much the shaft's middle differs from what is beside and was behind it [grey levels].
 
     It must differ from both: a stain that was always there is no needle, nor is a place that a needle has

@@ -211,9 +211,9 @@ class Tracker:
         places_px = closeup_px(reach.tip_px, LONGEST_DIM_PX)
         strips = lay_straight(self._site, image, self._background.grey, sight.line, places_px)
         end_px = dim_end_px(strips[0], reach) if strips else None
-        return (
-            refine_tip(strips[0], reach, end_px, behinds_px=(DIM_BEHIND_PX,)) if strips and end_px else None
-        )
+        if strips is None or end_px is None:
+            return None
+        return refine_tip(strips[0], reach, end_px, behinds_px=(DIM_BEHIND_PX,))
 
     def _refined_reach(self, image: Image, sight: _Sight, expected_px: float = math.inf) -> Reach:
         strip, fit, reach = sight.glimpse.strip, sight.fit, sight.reach
