@@ -66,6 +66,8 @@ class LineFit(Struct, frozen=True, eq=False):
     """Of (offset_px, offset_px), (offset_px, slope) and (slope, slope)."""
     width_px: float
     """Of the shaft, a median."""
+    blur_px: float
+    """Deviation of the blur across its edges, a median: of the lens, and of how round metal is lit."""
     look: Look
     scatter: float
     """Of residuals over expected deviations, squared."""
@@ -193,6 +195,7 @@ def _robust_line(edges: Edges, miss_px: float, look: Look | None) -> LineFit | N
         float(answer[1]) / SCALE_PX,
         (spread * offset_px2, spread * both / SCALE_PX, spread * slope2 / SCALE_PX**2),
         median(edges.width_px.ravel()[is_on]),
+        math.sqrt(max(median(edges.blur_px2.ravel()[is_on]), 0.0)),
         Look(
             highlight and Highlight(float(answer[4]), math.hypot(share_deviation, SHARE_CHANGE)),
             look.images + 1 if look else 0,

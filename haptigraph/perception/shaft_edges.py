@@ -42,6 +42,7 @@ _BELL = _TAPS * np.exp(-(_TAPS**2) / (2 * SIGMA_PX**2))
 SLOPE = (_BELL / (_BELL * _TAPS).sum()).astype(np.float32)
 SLOPE_NOISE = float((SLOPE**2).sum())
 CURVE_NOISE = float((np.diff(SLOPE, prepend=0, append=0) ** 2).sum())
+SLOPE_BLUR_PX2 = SIGMA_PX**2 + 0.25  # of the slope filter, and of a maximum's curvature by its neighbours
 SPARE_PX = 4  # of a strip's half width is not searched for edges
 FOOT_PX = 1.4  # from an edge to its foot, through a focused lens and the slope filter
 FOOT_SHARE = 0.15  # of the sharpest bend of the same sign
@@ -80,6 +81,8 @@ class Edges(Struct, frozen=True, eq=False):
     """Between them, (2, n); UNSEEN_PX where there is no such pair."""
     steepness: FloatImage
     """Slope of the fainter one [grey levels per px], (2, n)."""
+    blur_px2: FloatImage
+    """Variance of the blur of the sharper one, (2, n)."""
     slopes: Slopes
     """What they were found in."""
 
@@ -123,6 +126,7 @@ def find_edges(strip: Strip, tip_px: float) -> Edges | None:
         variance_px2=(CURVE_NOISE * noise**2 / 4) * (left_px2 + right_px2) + floor_px2,
         width_px=np.where(is_pair, right_px - left_px, UNSEEN_PX),
         steepness=np.minimum(*_paired(height)),
+        blur_px2=np.minimum(*_paired(height / curvature)) - SLOPE_BLUR_PX2,
         slopes=slopes,
     )
 

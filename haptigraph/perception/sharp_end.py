@@ -10,11 +10,12 @@ from functools import cache
 import numpy as np
 from msgspec.structs import replace
 
+from haptigraph.perception.closeup import FADING_LEVEL
 from haptigraph.perception.pixels import FloatImage
 from haptigraph.perception.strip import STATION_PX, Strip, median
-from haptigraph.perception.tip import FADING_LEVEL, LEAST_SNR, Reach, core_contrast
+from haptigraph.perception.tip import LEAST_SNR, Reach, core_contrast
 
-__all__ = ["LONGEST_DIM_PX", "SHORTEST_DIM_PX", "dim_end_px", "sharp_end"]
+__all__ = ["LONGEST_DIM_PX", "SHORTEST_DIM_PX", "dim_end_px", "goes_on", "sharp_end"]
 
 GROUP = 4  # stations in which something sharp is looked for together
 SPREAD = np.full((GROUP, 1), 1 / GROUP, np.float32)
@@ -24,6 +25,8 @@ SHARP_NOISE = float(np.sqrt((BESIDE**2).sum()))
 POINT = 5  # groups
 SOFT_SHARE = 0.2  # a shadow is less sharp than this share of the point it goes on from
 LEAST_SOFT = 6  # groups
+BEYOND, LONG = 2, 8  # stations: from a fall of contrast on; of what goes on from there, at least
+UNBROKEN = 0.75  # share of the groups that must be sharp
 SHARP_DEVIATION_PX = 1.0
 SHORTEST_DIM_PX, LONGEST_DIM_PX = 3, 14  # what is shorter is blurred
 LEAST_DIM = 0.1  # share of the contrast behind
@@ -47,8 +50,7 @@ def sharp_end(strip: Strip, reach: Reach) -> Reach | None:
     least = LEAST_SNR * SHARP_NOISE * strip.noise_grey / math.sqrt(GROUP)
     if groups <= LEAST_SOFT or _sharpness(seen[:, -GROUP:] @ SPREAD)[0] >= least:
         return None
-    sums = sum(seen[:, first : first + groups] for first in range(GROUP))
-    along = _sharpness(np.asarray(sums / GROUP, np.float32))
+    along = _along(strip, slice(start, start + groups + GROUP - 1))
     is_sharp = along >= least
     pairs = (is_sharp[1:] & is_sharp[:-1]).nonzero()[0]
     end = int(pairs[-1]) + 1 if len(pairs) else groups
@@ -62,6 +64,24 @@ def sharp_end(strip: Strip, reach: Reach) -> Reach | None:
     share = (along[end] - level) / (along[end] - along[end + 1])
     tip_px = start_px + STATION_PX * (end + float(share) + (GROUP - 1) / 2)
     return replace(reach, tip_px=tip_px, deviation_px=SHARP_DEVIATION_PX, contrast_grey=0.0)
+
+
+def goes_on(strip: Strip, from_px: float, to_px: float) -> bool:
+    """Tell whether a shaft goes on from one place along a strip to another, as sharp as before.
+
+    Args:
+        strip: The straightened surroundings.
+        from_px: Where it may end.
+        to_px: How far something like it reaches.
+    """
+    first, end = strip.inside.start, int(strip.u_px.searchsorted(from_px))
+    start, stop = end + BEYOND, int(strip.u_px.searchsorted(to_px))
+    if stop - start < LONG or end - first < GROUP:
+        return False
+    behind = median(_along(strip, slice(max(end - LONG, first), end)))
+    least = LEAST_SNR * SHARP_NOISE * strip.noise_grey / math.sqrt(GROUP)
+    is_sharp = _along(strip, slice(start, stop)) > max(least, SHARP_SHARE * behind)
+    return int(np.count_nonzero(is_sharp)) >= UNBROKEN * len(is_sharp)
 
 
 def dim_end_px(strip: Strip, reach: Reach) -> float | None:
@@ -85,6 +105,14 @@ def dim_end_px(strip: Strip, reach: Reach) -> float | None:
     behind, dim = (_sharpness(near[:, part].mean(axis=1, keepdims=True))[0] for part in parts)
     least = LEAST_SNR * SHARP_NOISE * strip.noise_grey / math.sqrt(length)
     return float(strip.u_px[start + length - 1]) if dim >= max(SHARP_SHARE * behind, least) else None
+
+
+def _along(strip: Strip, part: slice) -> FloatImage:
+    """Return how sharp every group of stations is, (groups,) grey levels."""
+    groups = part.stop - part.start - GROUP + 1
+    starts = range(part.start, part.start + GROUP)
+    sums = sum(strip.excess[:, start : start + groups] for start in starts)
+    return _sharpness(np.asarray(sums / GROUP, np.float32))
 
 
 def _sharpness(excess: FloatImage) -> FloatImage:

@@ -46,6 +46,7 @@ HALF_WIDTH_MM = 0.5  # of the thickest needle
 MARGIN_PX = 6
 FLANK_PX = 4
 RIM_PX = 1.5
+FAR_PX = 1.0  # beyond the far wall's edge a tip that touches it may still be seen
 WALL_MARGIN_MM = 0.1
 BEYOND_MM = 0.5  # past the far wall: a tip may be pushed into the retina
 GAIN_RANGE = (0.5, 2.0)
@@ -245,7 +246,7 @@ def _sides(u_px: FloatImage, wall_px: tuple[float, float, float]) -> tuple[slice
     step, (outer, inner, far) = float(u_px[1]) - first, wall_px
     outer_end = min(max(round((outer - first) / step), 0), count)
     inner_start = min(max(round((inner + RIM_PX - first) / step), 0), count)
-    inner_end = min(max(round((far - RIM_PX - first) / step), 0), count)
+    inner_end = min(max(round((far + FAR_PX - first) / step), 0), count)
     return slice(0, outer_end), slice(inner_start, inner_end)
 
 

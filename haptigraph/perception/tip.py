@@ -1,8 +1,8 @@
-"""How far the needle reaches: the tip as the step from needle to no needle along the shaft.
+"""How far the needle reaches, roughly: as far as there is contrast along the shaft.
 
-Turns a strip and the shaft's line into the tip's place along it. Evidence is summed from where the needle
-comes from, so that a gap (glare, debris) is bridged and a thing beyond a long gap is not the needle.
-Nothing behind the wall can be seen: a needle whose tip is in there has none.
+Turns a strip into the tip's place along it. Evidence is summed from where the needle comes from, so that a
+gap (glare, debris) is bridged and a thing beyond a long gap is not the needle. Nothing behind the wall can be
+seen: a needle whose tip is in there has none.
 """
 
 import math
@@ -10,20 +10,17 @@ from typing import Literal
 
 import numpy as np
 from msgspec import Struct
-from msgspec.structs import replace
 
 from haptigraph.perception.pixels import FloatImage, Mask
 from haptigraph.perception.strip import STATION_PX, Strip
 
 __all__ = [
-    "FADING_LEVEL",
     "LEAST_SNR",
     "Reach",
-    "closeup_px",
+    "contrast_along",
     "core_contrast",
     "find_reach",
     "is_led_to",
-    "refine_tip",
 ]
 
 CORE = np.full(5, 1 / 5, np.float32)  # lanes in the middle of a strip
@@ -32,18 +29,6 @@ UNKNOWN_GREY = 8.0
 LEAST_SNR = 4.0
 KNOWN_SHARE = 0.1  # of the contrast that the needle had before
 UNKNOWN_SHARE = 0.35
-BEHIND_PX, AHEAD_PX = 12, 10  # how much of the needle, and of what follows, tells where it ends
-NEAR_PX, BLUNT_PX = 7, 2
-TIP_LEVEL = 0.36  # between beyond and behind: the point is thin and rounded, half is seen too early
-FADING_LEVEL = 0.3  # of dark rims about a bright middle: where they are thin, blur takes one from the other
-ONE_TONE = 0.8  # share of the contrast that is of one sign, below which a point fades like that
-SHARP_FALL_PX, LONGEST_FALL_PX = 2.5, 7.5  # of a point in focus, and of one far out of it
-BLUR_SHARE = 0.08  # of a longer fall: blur takes the level beyond the point
-LEAST_FALL = 0.6  # what is beyond has less than this share of the contrast behind
-UNKNOWN_FALL = 0.4  # the same before a wall that was never seen without a needle
-BEYOND_PX = 4  # the blurred end of the tip
-WALL_PX = 2  # of the wall's edge
-FLOOR_PX, FLOOR_GREY = 0.1, 1e-3
 LEAST_HELD_PX = 2.0  # of tip inside, when the shaft is seen to enter the wall
 LEAST_FREE_MM = 0.8  # when it is not
 MOUTH_MM = 0.55  # of the hole, inside the wall, may look like a needle where it was never seen without one
@@ -114,112 +99,21 @@ def is_led_to(strip: Strip, end_px: float, gap_px: float) -> bool:
 def core_contrast(strip: Strip, part: slice = slice(None)) -> tuple[FloatImage, float]:
     """Return the contrast of the middle lanes at some stations, (n,), and more than noise makes of it."""
     core = slice(strip.half_px - 2, strip.half_px + 3)
-    contrast = _contrast(strip.excess[core, part], strip.beside[core, part], CORE)
+    contrast = contrast_along(strip.excess[core, part], strip.beside[core, part], CORE)
     return contrast, LEAST_SNR * strip.noise_grey / math.sqrt(len(CORE))
 
 
-def closeup_px(about_px: float, spare_px: int = 0) -> FloatImage:
-    """Return the places along a line at which a tip is looked at closely, (n,)."""
-    about = round(about_px)
-    return np.arange(about - BEHIND_PX - spare_px, about + AHEAD_PX + spare_px + 1, dtype=np.float32)
-
-
-def refine_tip(
-    strip: Strip,
-    reach: Reach,
-    about_px: float,
-    aside_px: float = 0.0,
-    behinds_px: tuple[int, ...] = (BEHIND_PX, NEAR_PX),
-) -> Reach | None:
-    """Find the tip sub-pixel: where the contrast falls off from what it was just behind.
-
-    Args:
-        strip: A close-up of the tip.
-        reach: Roughly.
-        about_px: Where along the strip the tip is, to some pixels.
-        aside_px: How far from the strip's middle the shaft lies there.
-        behinds_px: How much of the needle tells what its contrast is, from one look to the next.
-
-    Returns:
-        The reach, or None if the contrast does not fall there.
-    """
-    part = strip.inside if reach.where == "inside" else strip.before
-    middle = round(about_px) - round(float(strip.u_px[0]))
-    last = min(middle + AHEAD_PX + 1, len(strip.u_px))
-    seen = slice(max(middle - BEHIND_PX, part.start), min(last, part.stop))
-    if seen.stop - seen.start < 2:
-        return None
-    lane, rest = divmod(strip.half_px + aside_px, 1)
-    core = slice(int(lane) - 1, int(lane) + 3)
-    weights = np.array(((1 - rest) / 3, 1 / 3, 1 / 3, rest / 3), np.float32)
-    along = _contrast(strip.excess[core, seen], strip.beside[core, seen], weights).tolist()
-    tones = (weights @ strip.excess[core, seen]).tolist()
-    is_sure = strip.is_known[seen].tolist() if reach.where == "outside" else [True] * len(along)
-    noise = strip.noise_grey / math.sqrt(3)
-    first_px = float(strip.u_px[seen.start])
-    end, place, steepness, high = math.ceil(about_px - first_px), 0.0, 1.0, 0.0
-    for behind_px in behinds_px:
-        behind = slice(max(end - behind_px, 0), max(end - BLUNT_PX, 1))
-        shaft = sorted(along[behind])
-        high, low = shaft[len(shaft) // 2], _beyond(along[end:], is_sure[end:])
-        if low > (LEAST_FALL if all(is_sure[end:]) else UNKNOWN_FALL) * high:
-            return None
-        one_tone = _one_tone(tones[behind], shaft) if reach.where == "inside" else 1.0
-        share = FADING_LEVEL + one_tone * (TIP_LEVEL - FADING_LEVEL)
-        level = max(low + share * (high - low), LEAST_SNR * noise)
-        end = _last_above(along, is_sure, level)
-        if end < 0 or (end == len(along) - 1 and seen.stop == last):
-            return None
-        place = float(end)
-        if end < len(along) - 1:
-            steepness = max(along[end] - along[end + 1], 1.0)
-            fall_px = min(max((high - low) / steepness, SHARP_FALL_PX), LONGEST_FALL_PX)
-            place += (along[end] - level) / steepness - BLUR_SHARE * one_tone * (fall_px - SHARP_FALL_PX)
-    return replace(
-        reach,
-        tip_px=first_px + place,
-        deviation_px=math.hypot(FLOOR_PX, noise / steepness),
-        contrast_grey=high,
-    )
-
-
-def _one_tone(tones: list[float], contrasts: list[float]) -> float:
-    """Return whether a shaft is darker or brighter throughout, 1, or its rims and its middle differ, 0."""
-    share = abs(sum(tones)) / max(sum(contrasts), FLOOR_GREY)
-    return min(max((share - ONE_TONE) / (1 - ONE_TONE), 0.0), 1.0)
-
-
-def _beyond(along: list[float], is_sure: list[bool]) -> float:
-    """Return the contrast beyond a tip: a quartile, for a longer tip may reach in.
-
-    On unknown ground it is the least, for the wall has some, but not that at its blurred edge.
-
-    Args:
-        along: Contrast from the tip on.
-        is_sure: Where it means something.
-    """
-    sure = sorted(grey for grey, one in zip(along[BEYOND_PX:], is_sure[BEYOND_PX:], strict=True) if one)
-    if sure:
-        return sure[len(sure) // 4]
-    return 0.0 if all(is_sure) else min(along[:-WALL_PX], default=0.0)
-
-
-def _last_above(along: list[float], is_sure: list[bool], level: float) -> int:
-    """Return the last station with so much contrast, -1 if there is none.
-
-    After a gap, only sure ones count: the wall looks like a needle where it is not known.
-    """
-    above = [station for station, grey in enumerate(along) if grey >= level]
-    joined = next((n for n in range(1, len(above)) if above[n] > above[n - 1] + 1), len(above))
-    return max([*above[:joined], *(station for station in above[joined:] if is_sure[station])], default=-1)
-
-
-def _contrast(excess: FloatImage, beside: FloatImage, weights: FloatImage) -> FloatImage:
-    """Return how much the shaft's middle differs from what is beside and was behind it [grey levels].
+def contrast_along(excess: FloatImage, beside: FloatImage, weights: FloatImage) -> FloatImage:
+    """Return how much the shaft's middle differs from what is beside and was behind it [grey levels], (n,).
 
     It must differ from both: a stain that was always there is no needle, nor is a place that a needle has
     left. The root mean square counts, for a needle may be darker on one side and brighter on the other, and
     only its rims may show.
+
+    Args:
+        excess: Of the middle lanes of a strip, (lanes, n).
+        beside: The same.
+        weights: Of these lanes, (lanes,).
     """
     differs, stands_out = weights @ np.square(excess), weights @ np.square(beside)
     return np.asarray(np.sqrt(np.minimum(differs, 4 * stands_out)), np.float32)

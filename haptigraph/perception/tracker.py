@@ -15,12 +15,13 @@ from haptigraph.config import PerceptionConfig
 from haptigraph.geometry import Geometry, Point, Segment
 from haptigraph.messages import Capture, Certainty, Image, Observation
 from haptigraph.perception.background import Background
+from haptigraph.perception.closeup import closeup_px, refine_tip
 from haptigraph.perception.fan import Fan
 from haptigraph.perception.pixels import FloatImage
 from haptigraph.perception.pose import PoseFilter
 from haptigraph.perception.registration import Registration
 from haptigraph.perception.shaft import NEW, LineFit, Look, fit_line
-from haptigraph.perception.sharp_end import LONGEST_DIM_PX, SHORTEST_DIM_PX, dim_end_px, sharp_end
+from haptigraph.perception.sharp_end import LONGEST_DIM_PX, SHORTEST_DIM_PX, dim_end_px, goes_on, sharp_end
 from haptigraph.perception.strip import (
     LARGEST_TURN_RAD,
     OUTSIDE_MM,
@@ -30,7 +31,7 @@ from haptigraph.perception.strip import (
     lay_straight,
     stations,
 )
-from haptigraph.perception.tip import Reach, closeup_px, find_reach, is_led_to, refine_tip
+from haptigraph.perception.tip import Reach, find_reach, is_led_to
 
 __all__ = ["Tracker"]
 
@@ -213,7 +214,7 @@ class Tracker:
         end_px = dim_end_px(strips[0], reach) if strips else None
         if strips is None or end_px is None:
             return None
-        return refine_tip(strips[0], reach, end_px, behinds_px=(DIM_BEHIND_PX,))
+        return refine_tip(strips[0], reach, end_px, blur_px=sight.fit.blur_px, behinds_px=(DIM_BEHIND_PX,))
 
     def _refined_reach(self, image: Image, sight: _Sight, expected_px: float = math.inf) -> Reach:
         strip, fit, reach = sight.glimpse.strip, sight.fit, sight.reach
@@ -234,7 +235,8 @@ class Tracker:
         if expected_px < reach.tip_px + NEAR_PX:  # of two falls the one that was the tip before
             fall = self._fall(image, sight, reach, expected_px)
             near = (expected_px, NEAR_PX), (edges_end_px, EDGES_END_PX)
-            if fall and fall.tip_px > rim_px and any(abs(fall.tip_px - px) < off for px, off in near):
+            is_end = fall and fall.tip_px > rim_px and any(abs(fall.tip_px - px) < off for px, off in near)
+            if fall and is_end and not goes_on(strip, fall.tip_px, reach.tip_px):
                 return fall
         places_px = dict.fromkeys((min(reach.tip_px, edges_end_px), reach.tip_px))
         falls = (self._fall(image, sight, reach, about_px) for about_px in places_px)
@@ -258,9 +260,9 @@ class Tracker:
         if at_hand and at_hand.u_px[0] <= u_px[0] and u_px[-1] <= at_hand.u_px[-1]:
             aside_px = sight.fit.offset_px + sight.fit.slope * about_px
             if abs(aside_px) <= OFF_PX:
-                return refine_tip(at_hand, reach, about_px, aside_px)
+                return refine_tip(at_hand, reach, about_px, aside_px, sight.fit.blur_px)
         near = lay_straight(self._site, image, self._background.grey, sight.line, u_px)
-        return refine_tip(near[0], reach, about_px) if near else None
+        return refine_tip(near[0], reach, about_px, blur_px=sight.fit.blur_px) if near else None
 
     def _is_needle(self, line: Line, fit: LineFit) -> bool:
         scale = self._site.px_per_mm

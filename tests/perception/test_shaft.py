@@ -5,10 +5,11 @@ import numpy as np
 import pytest
 
 from haptigraph.perception.background import Background
+from haptigraph.perception.closeup import closeup_px, refine_tip
 from haptigraph.perception.fan import Fan
 from haptigraph.perception.shaft import fit_line
 from haptigraph.perception.strip import UNSEEN, Line, Site, Strip, lay_straight, stations
-from haptigraph.perception.tip import closeup_px, find_reach, refine_tip
+from haptigraph.perception.tip import find_reach
 
 GROUND, METAL = 150, 70
 
@@ -76,6 +77,16 @@ def test_a_tip_is_found_beside_the_middle_of_a_close_up(site, unknown, aside_px)
     reach = find_reach(wide, site.px_per_mm, None)
     tip = refine_tip(near, reach, 98.0, aside_px)
     assert (tip.where, tip.tip_px) == ("inside", pytest.approx(100.0, abs=1.0))
+
+
+def test_a_tip_is_seen_up_to_the_far_wall(site, unknown):
+    true = Line(site.inwards_rad + 0.1, 0.0)
+    far_px = site.wall_px(true)[2]
+    for beyond_px in (-3.0, -1.0, 0.0):
+        image = draw(site, true, far_px + beyond_px)
+        wide, near = lay_straight(site, image, unknown, true, stations(site, true), closeup_px(far_px))
+        tip = refine_tip(near, find_reach(wide, site.px_per_mm, None), far_px)
+        assert tip.tip_px == pytest.approx(far_px + beyond_px, abs=0.8)
 
 
 def test_plain_ground_shows_no_needle(site, unknown):

@@ -2,10 +2,11 @@ import cv2
 import numpy as np
 import pytest
 
+from haptigraph.perception.closeup import refine_tip
 from haptigraph.perception.shaft import Look, fit_line
-from haptigraph.perception.sharp_end import dim_end_px, sharp_end
+from haptigraph.perception.sharp_end import dim_end_px, goes_on, sharp_end
 from haptigraph.perception.strip import STATION_PX, Strip
-from haptigraph.perception.tip import Reach, find_reach, refine_tip
+from haptigraph.perception.tip import Reach, find_reach
 
 HALF_PX, NOISE_GREY, END_PX = 16, 2.0, 140.0
 LANES = np.arange(-HALF_PX, HALF_PX + 1)[:, None]
@@ -110,6 +111,20 @@ def test_feet_are_tried_in_the_first_images_and_seldom_once_they_were_no_better(
     assert fit.look.images == (0 if width_px == 10 else images + 1)
 
 
+def seen_blur_px(half_width_px, grey, blur_px):
+    """Blur across the edges of a shaft like this, as the line's fit tells it."""
+    shaft = cv2.GaussianBlur(needle(half_width_px, grey=grey), (0, 0), blur_px / STATION_PX, sigmaY=blur_px)
+    seen = strip(shaft)
+    return fit_line(seen, END_PX, seen.half_px).blur_px
+
+
+@pytest.mark.parametrize("half_width_px", [3.0, 5.0])
+@pytest.mark.parametrize("grey", [-80.0, 80.0])
+def test_the_blur_across_a_shaft_is_told(half_width_px, grey):
+    for blur_px in (0.8, 1.2, 1.6):
+        assert seen_blur_px(half_width_px, grey, blur_px) == pytest.approx(blur_px, abs=0.25)
+
+
 @pytest.mark.parametrize("blur_px", [0.8, 1.5, 2.2])
 @pytest.mark.parametrize("shine_grey", [0.0, 140.0, 170.0, 300.0])
 def test_a_thin_point_ends_where_it_ends_whatever_shines_on_its_middle(blur_px, shine_grey):
@@ -119,9 +134,42 @@ def test_a_thin_point_ends_where_it_ends_whatever_shines_on_its_middle(blur_px, 
     shine = shine_grey * np.exp(-((LANES / np.maximum(half_px / 3, 0.5)) ** 2))
     point = cv2.GaussianBlur(((shine - 80) * across).astype(np.float32), (0, 0), blur_px)
     closeup = strip(point, u_px)
-    seen = refine_tip(closeup, Reach("inside", 122.0, 100.0), 122.0)
+    shaft_blur_px = seen_blur_px(4.0, -80.0, blur_px)
+    seen = refine_tip(closeup, Reach("inside", 122.0, 100.0), 122.0, blur_px=shaft_blur_px)
     assert seen is not None
-    assert seen.tip_px == pytest.approx(120.3, abs=0.6)
+    assert seen.tip_px == pytest.approx(120.3, abs=0.7)
+
+
+def cone(taper_px, grey, share=1.0):
+    """A point in focus that gets thin, 7 px to 0.8 px at 120.3, and dim, to a share in the last 12 px."""
+    u_px = np.arange(80, 160, dtype=np.float32)
+    grey = grey * (1 - (1 - share) * np.clip((u_px - 108.3) / 12, 0, 1))
+    half_px = np.clip(0.4 + 3.1 * (120.3 - u_px) / taper_px, 0.4, 3.5)
+    covered = np.clip(half_px + 0.5 - abs(LANES), 0, 1) * np.clip(120.8 - u_px, 0, 1)
+    return cv2.GaussianBlur((grey * covered).astype(np.float32), (0, 0), 0.8), u_px
+
+
+@pytest.mark.parametrize("taper_px", [30, 50, 80])
+@pytest.mark.parametrize("grey", [-80.0, 80.0])
+@pytest.mark.parametrize("share", [0.3, 0.5, 1.0])
+def test_a_point_that_gets_thin_and_dim_is_followed_to_its_end(taper_px, grey, share):
+    point, u_px = cone(taper_px, grey, share)
+    seen = refine_tip(strip(point, u_px), Reach("inside", 118.0, 100.0), 118.0)
+    assert seen.tip_px == pytest.approx(120.3, abs=1.4)
+
+
+@pytest.mark.parametrize("beyond_grey", [-30.0, -90.0])
+def test_a_shaft_goes_on_where_its_contrast_changes_as_long_as_it_is_sharp(beyond_grey):
+    shaft = needle(3.0, 100.0) + needle(3.0, 200.0, beyond_grey) * (U_PX > 100)
+    assert goes_on(strip(shaft), 100.0, 200.0)
+
+
+def test_a_shaft_does_not_go_on_in_its_shadow_nor_beyond_free_ground():
+    shadow = -40.0 * SHADOW * ((U_PX > 100) & (U_PX <= 200))
+    bubble = needle(3.0, 200.0) * (U_PX > 140)
+    for beyond in (shadow, bubble):
+        assert not goes_on(strip(needle(3.0, 100.0) + beyond), 100.0, 200.0)
+    assert not goes_on(strip(needle(3.0, 100.0)), 100.0, 104.0)
 
 
 @pytest.mark.parametrize("grey", [-80.0, 80.0])
@@ -131,7 +179,8 @@ def test_a_blunt_end_does_not_move_when_it_goes_out_of_focus(grey):
     places_px = []
     for blur_px in (0.8, 1.6, 2.4):
         blurred = cv2.GaussianBlur(end.astype(np.float32), (0, 0), blur_px)
-        seen = refine_tip(strip(blurred, u_px), Reach("inside", 122.0, 100.0), 122.0)
+        shaft_blur_px = seen_blur_px(3.0, grey, blur_px)
+        seen = refine_tip(strip(blurred, u_px), Reach("inside", 122.0, 100.0), 122.0, blur_px=shaft_blur_px)
         assert seen is not None
         places_px.append(seen.tip_px)
     assert max(places_px) - min(places_px) < 0.3
