@@ -114,18 +114,21 @@ def play(phantom: Phantom) -> Iterator[tuple[Capture, Moment]]:
             yield Capture(number, round(moment.time_s * 1e9), moment.image), moment
 
 
-def true_rows(truths: Sequence[Truth], phantom: Phantom, procedure: Procedure) -> list[TruthRow]:
-    """Return the truth as labelled clips have it; states are what the procedure says of the true needle."""
-    anatomy = _true_registration(phantom).anatomy
+def true_rows(truths: Sequence[Truth], registration: Registration, procedure: Procedure) -> list[TruthRow]:
+    """Return the truth as labelled clips have it.
+
+    Args:
+        truths: Of every image; one that brings no needle_line has a tip that lies on the shaft.
+        registration: Where the anatomy really is.
+        procedure: Its rules say the states of the true needle.
+    """
     build_scene, reason = SchemaSceneBuilder(procedure.schema), RuleEngine(procedure)
     rows = []
     for truth in truths:
-        found = anatomy | truth.others
+        found = registration.anatomy | truth.others
         if truth.visible:
-            found |= {
-                "needle_tip": Point(truth.tip_mm),
-                "needle_line": Segment(phantom.eye.trocar_mm, truth.tip_mm),
-            }
+            found["needle_tip"] = Point(truth.tip_mm)
+            found.setdefault("needle_line", Segment(registration.trocar.at_mm, truth.tip_mm))
         state = reason(build_scene(Observation(0, found))).state
         seen = truth.visible
         rows.append(
@@ -170,7 +173,7 @@ def _errors_of_scene(
         for name in perceivers
     }
     steps, truths = _steps(phantom, pipelines)
-    rows = true_rows(truths, phantom, procedure)
+    rows = true_rows(truths, _true_registration(phantom), procedure)
     image, trocar_px = registration.image, phantom.camera.geometry.to_px(phantom.eye.trocar_mm)
 
     def angle_error_deg(step: Step, row: TruthRow) -> float | None:

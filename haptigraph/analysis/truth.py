@@ -1,4 +1,4 @@
-"""The truth of a labelled clip: one row of truth.csv per image, checked on the way in.
+"""The truth of a labelled clip: one row of truth.csv per image, written, and checked on the way in.
 
 docs/conventions.md describes the columns. Knows no perceiver.
 """
@@ -13,7 +13,10 @@ from msgspec import Struct
 from haptigraph.errors import BadInput, unknown_name
 from haptigraph.geometry import Vec
 
-__all__ = ["TruthRow", "load_truth"]
+__all__ = ["TruthRow", "load_truth", "truth_text"]
+
+COLUMNS = ("image", "time_s", "visible", "inside", "tip_x_px", "tip_y_px", "depth_mm", "theta_deg", "state")
+"""Those of `TruthRow`; a clip may have more."""
 
 
 class TruthRow(Struct, frozen=True):
@@ -51,6 +54,22 @@ def load_truth(path: Path, states: Sequence[str] = ()) -> list[TruthRow]:
     except (ValueError, csv.Error) as error:
         raise BadInput(str(error), path, f"line {len(rows) + 2}") from None
     return rows
+
+
+def truth_text(rows: Sequence[TruthRow], rate_hz: float) -> str:
+    """Return rows as the text of a truth.csv that `load_truth` reads.
+
+    Args:
+        rows: One of each image.
+        rate_hz: Of the images.
+    """
+    lines = [",".join(COLUMNS)]
+    for number, row in enumerate(rows):
+        x, y = (None, None) if row.tip_px is None else row.tip_px
+        numbers = ["" if value is None else f"{value:.3f}" for value in (x, y, row.depth_mm, row.theta_deg)]
+        flags = [str(int(flag)) for flag in (row.visible, row.inside)]
+        lines.append(",".join([str(number), f"{number / rate_hz:.4f}", *flags, *numbers, row.state]))
+    return "\n".join(lines) + "\n"
 
 
 def _truth_row(row: dict[str, str], states: Sequence[str]) -> TruthRow:

@@ -14,13 +14,18 @@ from haptigraph.analysis.sweep import perceivers_to_compare, play, shaft_error_d
 from haptigraph.analysis.sweep_figure import sweep_figure
 from haptigraph.analysis.truth import TruthRow
 from haptigraph.config import load_config
-from haptigraph.geometry import ImageGeometry, Polyline
+from haptigraph.geometry import ImageGeometry, Polyline, Segment
 from haptigraph.messages import Observation, Truth
+from haptigraph.perception.registration import parse_registration
 from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.scenes import DIFFICULTIES, random_scene
 
 SMALL = (480, 270)
 CONFIG = load_config(None, ("perception.alpha=1",))
+
+
+def true_registration(phantom):
+    return parse_registration(phantom.true_registration, "the true registration")
 
 
 class Certain:
@@ -103,7 +108,7 @@ def test_progress_is_told():
 def test_the_true_states_are_what_the_rules_say_of_the_true_needle(procedure):
     phantom = Phantom(random_scene(11, 3, size_px=SMALL).scenario)
     moments = [moment for _, moment in play(phantom)]
-    rows = true_rows([moment.truth for moment in moments], phantom, procedure)
+    rows = true_rows([moment.truth for moment in moments], true_registration(phantom), procedure)
     for row, moment in zip(rows, moments, strict=True):
         assert row.visible == moment.truth.visible
         assert (row.state == "unknown") == (not row.visible)
@@ -150,6 +155,16 @@ def test_the_true_state_is_that_of_a_retina_that_was_pressed_in(procedure):
     near = Truth(True, True, (0.0, 0.0), (0.96 * x, 0.96 * y), 20.0, 0.0)
     farther = Polyline(tuple((1.1 * x, 1.1 * y) for x, y in phantom.eye.retina_mm))
     truths = [near, replace(near, others={"retina_surface": farther})]
-    states = [row.state for row in true_rows(truths, phantom, procedure)]
+    states = [row.state for row in true_rows(truths, true_registration(phantom), procedure)]
     assert states[0] == "target_hit"
     assert states[1].endswith("retinal_approach")
+
+
+def test_a_shaft_that_the_tip_does_not_lie_on_counts_for_the_angle(procedure):
+    phantom = Phantom(random_scene(11, 3, size_px=SMALL).scenario)
+    trocar_mm, target_mm = phantom.eye.trocar_mm, phantom.eye.target_mm
+    axis_mm = tuple((start + end) / 2 for start, end in zip(trocar_mm, target_mm, strict=True))
+    beside = Truth(True, True, (0.0, 0.0), (axis_mm[0] + 0.5, axis_mm[1]), 12.0, 0.0)
+    truths = [beside, replace(beside, others={"needle_line": Segment(trocar_mm, axis_mm)})]
+    states = [row.state for row in true_rows(truths, true_registration(phantom), procedure)]
+    assert states == ["misaligned_intraocular_navigation", "aligned_intraocular_navigation"]

@@ -1,6 +1,6 @@
 import pytest
 
-from haptigraph.analysis.truth import load_truth
+from haptigraph.analysis.truth import TruthRow, load_truth, truth_text
 from haptigraph.errors import BadInput
 
 
@@ -39,3 +39,15 @@ def test_a_truth_that_makes_no_sense_is_one_sentence(tmp_path, line, told):
         load_truth(file, ["a", "b"])
     assert told in str(refused.value)
     assert str(refused.value).startswith(str(file))
+
+
+def test_what_is_written_is_read_again(tmp_path):
+    file = tmp_path / "truth.csv"
+    rows = [
+        TruthRow(False, False, None, None, None, "a"),
+        TruthRow(True, False, (1.25, -3.5), -2.125, 0.0, "b"),
+        TruthRow(True, True, (640.0, 359.5), 20.5, 1.75, "a"),
+    ]
+    file.write_text(truth_text(rows, 30))
+    assert load_truth(file, ["a", "b"]) == rows
+    assert file.read_text().splitlines()[3].startswith("2,0.0667,1,1,")
