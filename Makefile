@@ -1,8 +1,9 @@
 # Every target does its own set-up in .venv. Another Python: make PYTHON=python3.13 test
 PYTHON ?= python3
 BIN := .venv/bin
+SCENES ?= $(basename $(notdir $(wildcard rendering/scenes/*.toml)))
 
-.PHONY: setup demo live test test-slow fuzz check bench bench-live bench-oct bench-touch bench-sweep compare-touch rehearse screenshots soak golden train interop lock clean
+.PHONY: setup demo live test test-slow fuzz check bench bench-live bench-oct bench-touch bench-sweep compare-touch rehearse screenshots soak golden train render interop lock clean
 
 setup: .venv/ready
 
@@ -71,6 +72,17 @@ train: setup  ## learn the network of the perceiver segmentation anew, on simula
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --requirement training/requirements.txt
 	$(BIN)/python -m training.train
 
+.venv-rendering/ready: rendering/requirements.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11) and f"Blender needs CPython 3.11, found {sys.version.split()[0]}; try: make PYTHON=python3.11 render")'
+	$(PYTHON) -m venv .venv-rendering
+	.venv-rendering/bin/python -m pip install --quiet --disable-pip-version-check --requirement rendering/requirements.txt
+	@touch .venv-rendering/ready
+
+render: setup .venv-rendering/ready  ## labelled clips of rendered scenes into build/renderings; a quarter of an hour for each of SCENES
+	@for scene in $(SCENES); do \
+		.venv-rendering/bin/python -m rendering.render $$scene && $(BIN)/python -m rendering.pack $$scene || exit 1; \
+	done
+
 soak: setup  ## memory over 100,000 steps, then eight hours with random faults; takes hours
 	$(BIN)/python benchmarks/memory.py
 	$(BIN)/python benchmarks/soak.py
@@ -92,5 +104,5 @@ lock: setup  ## resolve the dependencies anew
 	$(BIN)/uv pip compile pyproject.toml --all-extras --group dev --universal --python-version 3.11 --generate-hashes --no-header --output-file requirements.lock
 
 clean:
-	rm -rf .venv .interop dist build .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf .venv .venv-rendering .interop dist build .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

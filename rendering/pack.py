@@ -1,0 +1,130 @@
+"""Pack the raw images of a scene into a labelled clip: `python -m rendering.pack NAME`, with haptigraph.
+
+Adds what a camera adds: a little blur, noise, and H.264. Knows nothing of Blender.
+"""
+
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+
+from haptigraph import assemble
+from haptigraph.analysis.truth import truth_text
+from haptigraph.errors import BadInput
+from haptigraph.messages import Image
+from rendering.labels import registration_of, truth_of
+from rendering.layout import HEIGHT_PX, WIDTH_PX, Layout
+from rendering.raw import EMPTY, raw_files
+from rendering.scene import asked_scene, output_folder
+
+__all__ = ["AWAY_IMAGES", "RATE_HZ", "Sensor", "main", "pack"]
+
+AWAY_IMAGES = 3
+"""So many images without needle come first."""
+RATE_HZ = 30
+QUALITY = "15"  # x264's constant rate factor
+BLUR_PX = 0.6
+NOISE_GREY = 1.3
+GREY_SHARE, COLOR_SHARE, DARK_SHARE = (
+    0.8,
+    0.5,
+    0.6,
+)  # of the noise: in all colours, in each, and where it is dark
+PROCEDURE = "subretinal_injection"
+
+
+def main() -> None:
+    """Pack one scene."""
+    name, scene = asked_scene(sys.argv[1:])
+    folder = output_folder(name)
+    try:
+        pack(Layout(scene), folder / "raw", folder)
+    except BadInput as error:
+        print(f"rendering: {error}", file=sys.stderr)
+        raise SystemExit(2) from None
+    print(f"{name}: packed into {folder}")
+
+
+def pack(layout: Layout, raw: Path, folder: Path) -> None:
+    """Write clip.mp4, empty.png, registration.toml and truth.csv.
+
+    Args:
+        layout: Of the scene.
+        raw: Where its raw images are.
+        folder: Where the clip goes.
+
+    Raises:
+        BadInput: If a raw image is missing.
+    """
+    files, sensor = raw_files(raw, layout.poses), Sensor(layout.scene.seed)
+    empty = _read(raw / EMPTY)
+    missing = [file for file in files if not file.exists()]
+    if missing:
+        raise _not_rendered(missing[0])
+    _write_clip(folder / "clip.mp4", (sensor(image) for image in _images(layout, empty, files)))
+    cv2.imwrite(str(folder / "empty.png"), sensor(empty))
+    truth = truth_of(layout, [None] * AWAY_IMAGES + list(layout.poses), assemble.load_procedure(PROCEDURE))
+    (folder / "registration.toml").write_text(registration_of(layout))
+    (folder / "truth.csv").write_text(truth_text(truth, RATE_HZ))
+
+
+class Sensor:
+    """What a camera's sensor makes of what it sees.
+
+    Args:
+        seed: Of the noise.
+    """
+
+    def __init__(self, seed: int) -> None:
+        self._random = np.random.default_rng(seed)
+
+    def __call__(self, seen: Image) -> Image:
+        """Return an image, blurred a little, with noise that grows with the light."""
+        blurred = cv2.GaussianBlur(seen, (0, 0), BLUR_PX).astype(np.float32)
+        grey = self._random.normal(0, GREY_SHARE, blurred.shape[:2])
+        colored = self._random.normal(0, COLOR_SHARE, blurred.shape)
+        noise = NOISE_GREY * (grey[..., None] + colored) * (DARK_SHARE + blurred / 255)
+        return np.clip(np.rint(blurred + noise), 0, 255).astype(np.uint8)
+
+
+def _images(layout: Layout, empty: Image, files: Sequence[Path]) -> Iterator[Image]:
+    """Yield what is seen: first no needle, then the rendered part of each image in the empty one."""
+    for _ in range(AWAY_IMAGES):
+        yield empty
+    left, top, right, bottom = layout.changing_px()
+    rendered = np.s_[top : bottom - 1, left + 1 : right - 1]  # Blender may round the part's edges inwards
+    for file in files:
+        image = empty.copy()
+        image[rendered] = _read(file)[rendered]
+        yield image
+
+
+def _read(file: Path) -> Image:
+    """Read a raw image, BGR."""
+    try:
+        with av.open(str(file)) as container:
+            (image,) = container.decode(video=0)
+            return np.asarray(image.to_ndarray(format="bgr24"), np.uint8)
+    except (av.FFmpegError, ValueError):
+        raise _not_rendered(file) from None
+
+
+def _not_rendered(file: Path) -> BadInput:
+    return BadInput("is no picture; delete it if it is there, and run: make render", file)
+
+
+def _write_clip(file: Path, images: Iterable[Image]) -> None:
+    """Encode BGR images as H.264."""
+    with av.open(str(file), "w") as container:
+        stream = container.add_stream("libx264", rate=RATE_HZ, options={"crf": QUALITY})
+        stream.width, stream.height, stream.pix_fmt = WIDTH_PX, HEIGHT_PX, "yuv420p"
+        for image in images:
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="bgr24")))
+        container.mux(stream.encode())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,63 @@
+"""In Blender, where `make render` has set it up."""
+
+import subprocess
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from rendering.layout import Layout
+from rendering.scene import load_scene, scene_file
+
+ROOT = Path(__file__).parents[2]
+BLENDER = ROOT / ".venv-rendering"
+NAME, NUMBER, PERCENT = "black_blunt", 28, 25
+SMALL = """
+import sys
+from pathlib import Path
+
+import bpy
+
+from rendering.layout import Layout
+from rendering.scene import load_scene, scene_file
+from rendering.stage import Stage
+
+name, number, percent, folder = sys.argv[1:]
+layout = Layout(load_scene(scene_file(name)))
+stage = Stage(layout)
+bpy.context.scene.render.resolution_percentage = int(percent)
+bpy.context.scene.cycles.samples = 2
+stage.render(Path(folder) / "empty.png", None)
+stage.render(Path(folder) / "needle.png", layout.poses[int(number)])
+"""
+
+
+def grey(image, at_px):
+    """Brightness of a small picture where the full one has a place."""
+    x, y = (round((value + 0.5) * PERCENT / 100 - 0.5) for value in at_px)
+    return float(image[y, x])
+
+
+@pytest.mark.skipif(
+    not (BLENDER / "ready").exists(), reason="no Blender in .venv-rendering; make render puts it there"
+)
+def test_blender_shows_the_needle_where_the_layout_has_it(tmp_path):
+    command = [BLENDER / "bin" / "python", "-c", SMALL, NAME, str(NUMBER), str(PERCENT), str(tmp_path)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=110)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == ""  # Blender's own lines are kept away
+    empty, needle = (
+        cv2.imread(str(tmp_path / f"{name}.png"), cv2.IMREAD_GRAYSCALE) for name in ("empty", "needle")
+    )
+    assert empty.shape == needle.shape == (180, 320)
+    layout = Layout(load_scene(scene_file(NAME)))
+    pose = layout.poses[NUMBER]
+    tip_mm, direction = layout.placed(pose).tip_mm, layout.placed(pose).direction
+    for ahead_mm, is_needle in ((-8.0, True), (-3.0, True), (-0.7, True), (0.7, False)):
+        at_px = layout.to_px(tuple(np.add(tip_mm, np.multiply(ahead_mm, direction))))
+        assert (grey(empty, at_px) - grey(needle, at_px) > 60) == is_needle, ahead_mm
+    left, _, right, bottom = (round(edge * PERCENT / 100) for edge in layout.changing_px())
+    for beyond in np.s_[:, : left - 1], np.s_[:, right + 1 :], np.s_[bottom + 1 :]:
+        assert needle[beyond].max() <= 1  # black, dithered
+        assert empty[beyond].max() > 60

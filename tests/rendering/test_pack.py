@@ -1,0 +1,153 @@
+"""Images drawn with OpenCV stand in for rendered ones."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+from helpers import call
+
+from haptigraph.analysis.truth import load_truth
+from haptigraph.errors import BadInput
+from rendering.layout import HEIGHT_PX, WALL_MM, WIDTH_PX, Layout
+from rendering.pack import AWAY_IMAGES, Sensor, pack
+from rendering.path import IMAGES
+from rendering.raw import EMPTY, begin, missing, raw_files
+from rendering.scene import load_scene, scene_file
+
+LAYOUT = Layout(load_scene(scene_file("black_blunt")))
+POSES = LAYOUT.poses
+GROUND, BOWL, RIM, NEEDLE = 100, 180, 220, 20
+
+
+def drawn(pose):
+    """An eye with a needle in it, as a rendering would show it."""
+    image = np.full((HEIGHT_PX, WIDTH_PX, 3), GROUND, np.uint8)
+    px_per_mm, center = LAYOUT.scene.camera.px_per_mm, tuple(map(round, LAYOUT.image.center_px))
+    outer, inner = (round(px_per_mm * (LAYOUT.eye.radius_mm + wall_mm)) for wall_mm in (WALL_MM, 0.0))
+    cv2.circle(image, center, inner, (BOWL,) * 3, cv2.FILLED)
+    if pose:
+        placed = LAYOUT.placed(pose)
+        way, half_mm = placed.direction, LAYOUT.scene.needle.width_mm / 2
+        outline_mm = [
+            (
+                placed.axis_mm[0] - back * way[0] - side * way[1],
+                placed.axis_mm[1] - back * way[1] + side * way[0],
+            )
+            for back, side in ((0, half_mm), (0, -half_mm), (60, -half_mm), (60, half_mm))
+        ]
+        outline_px = np.rint([np.multiply(16, LAYOUT.to_px(place_mm)) for place_mm in outline_mm])
+        cv2.fillPoly(image, [outline_px.astype(int)], (NEEDLE,) * 3, cv2.LINE_AA, shift=4)
+    cv2.circle(image, center, (outer + inner) // 2, (RIM,) * 3, outer - inner)
+    return image
+
+
+def draw_all(folder):
+    folder.mkdir()
+    for file, pose in missing(folder, POSES).items():
+        image = drawn(pose)
+        if pose:  # rendered is only what may change
+            left, top, right, bottom = LAYOUT.changing_px()
+            part, image = image[top:bottom, left:right], np.zeros_like(image)
+            image[top:bottom, left:right] = part
+        cv2.imwrite(str(file), image)
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("clips") / "drawn"
+    folder.mkdir()
+    draw_all(folder / "raw")
+    pack(LAYOUT, folder / "raw", folder)
+    return folder
+
+
+def test_evaluate_reads_the_clip_and_finds_the_needle_where_the_truth_has_it(clip):
+    scores = json.loads(call("evaluate", str(clip), "--json").output)
+    assert scores["images"] == IMAGES + AWAY_IMAGES
+    assert scores["detection_rate"] == 1.0
+    assert scores["false_detections"] == scores["wrong_contact_images"] == 0
+    assert scores["state_agreement"] > 0.95
+    assert scores["angle_error_deg"]["deep"]["p95"] < 0.3
+    assert scores["tip_error_px"]["median"] < 1
+    assert scores["final_state"] == "target_hit"
+
+
+def test_the_truth_begins_without_needle(clip):
+    rows = load_truth(clip / "truth.csv")
+    assert len(rows) == IMAGES + AWAY_IMAGES
+    assert not any(row.visible or row.inside for row in rows[:AWAY_IMAGES])
+    assert rows[AWAY_IMAGES].state == "outside_eye"
+
+
+def test_the_clip_is_h264_at_30_images_a_second(clip):
+    video = cv2.VideoCapture(str(clip / "clip.mp4"))
+    code = int(video.get(cv2.CAP_PROP_FOURCC)).to_bytes(4, "little")
+    assert code in (b"avc1", b"h264")
+    assert video.get(cv2.CAP_PROP_FPS) == 30
+    assert (video.get(cv2.CAP_PROP_FRAME_WIDTH), video.get(cv2.CAP_PROP_FRAME_HEIGHT)) == (1280, 720)
+    video.release()
+
+
+def test_what_was_not_rendered_is_taken_from_the_empty_image(clip):
+    video = cv2.VideoCapture(str(clip / "clip.mp4"))
+    for _ in range(20):
+        _, image = video.read()
+    video.release()
+    left, _, right, bottom = LAYOUT.changing_px()
+    for border in (image[:, left - 2 : left + 3], image[:, right - 3 : right + 2], image[bottom - 3 :]):
+        assert abs(float(border.mean()) - GROUND) < 5
+        assert border.min() > GROUND / 2  # no black from beyond the rendered part
+
+
+def test_the_empty_image_has_noise_but_no_needle(clip):
+    empty = cv2.imread(str(clip / "empty.png")).astype(float)
+    noise = empty - cv2.GaussianBlur(drawn(None), (0, 0), 0.6)
+    assert 0.8 < noise.std() < 2
+    assert abs(noise.mean()) < 0.05
+
+
+def test_the_same_seed_gives_the_same_noise():
+    image = drawn(None)
+    assert np.array_equal(Sensor(5)(image), Sensor(5)(image))
+    assert not np.array_equal(Sensor(5)(image), Sensor(6)(image))
+
+
+def test_what_is_not_rendered_yet_is_told_in_a_sentence(clip, tmp_path):
+    with pytest.raises(BadInput, match=r"empty\.png: .* run: make render"):
+        pack(LAYOUT, tmp_path, tmp_path)
+    raw = tmp_path / "raw"
+    raw.mkdir()
+    (raw / EMPTY).write_bytes((clip / "raw" / EMPTY).read_bytes())
+    with pytest.raises(BadInput, match=r"0000\.png: .* run: make render"):
+        pack(LAYOUT, raw, tmp_path)
+    assert not (tmp_path / "clip.mp4").exists()
+
+
+def test_a_file_that_is_no_picture_is_told_in_a_sentence(clip, tmp_path):
+    (tmp_path / EMPTY).write_text("no picture")
+    with pytest.raises(BadInput, match=r"empty\.png: is no picture"):
+        pack(LAYOUT, tmp_path, tmp_path)
+
+
+# --- which raw images there are
+
+
+def test_only_what_is_missing_is_to_be_rendered(tmp_path):
+    begin(tmp_path / "raw", b"scene")
+    assert len(missing(tmp_path / "raw", POSES)) == IMAGES + 1
+    third = raw_files(tmp_path / "raw", POSES)[2]
+    third.touch()
+    begin(tmp_path / "raw", b"scene")
+    left = missing(tmp_path / "raw", POSES)
+    assert len(left) == IMAGES
+    assert third not in left
+    assert left[tmp_path / "raw" / EMPTY] is None
+    assert left[tmp_path / "raw" / "0035.png"] == POSES[-1]
+
+
+def test_a_scene_that_has_changed_is_rendered_anew(tmp_path):
+    begin(tmp_path / "raw", b"scene")
+    (tmp_path / "raw" / "0002.png").touch()
+    begin(tmp_path / "raw", b"another")
+    assert len(missing(tmp_path / "raw", POSES)) == IMAGES + 1

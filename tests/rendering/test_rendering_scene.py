@@ -1,0 +1,94 @@
+import pytest
+
+from haptigraph.errors import BadInput
+from rendering.scene import asked_scene, load_scene, scene_file, scene_names
+
+GOOD = """
+says = "x"
+seed = 1
+trocar = "first"
+target_deg = 0
+start_deg = 6
+[camera]
+px_per_mm = 20
+globe_mm = [0.0, -2.0]
+[bowl]
+color = [0.5, 0.5, 0.5]
+rim_color = [0.5, 0.5, 0.5]
+[needle]
+point = "cone"
+width_mm = 0.5
+taper_mm = 5
+[[light]]
+towards = [0, -1, 1]
+size_mm = 20
+"""
+CONE = 'point = "cone"\nwidth_mm = 0.5\ntaper_mm = 5'
+
+
+@pytest.mark.parametrize("name", scene_names())
+def test_every_scene_is_valid_and_says_what_it_shows(name):
+    assert load_scene(scene_file(name)).says.endswith(".")
+
+
+def test_the_scenes_told_of_in_the_docs_are_there():
+    told = {"bright_bowl", "dark_bowl_bevel", "grey_bowl", "second_instrument", "black_blunt", "soft_picture"}
+    assert told <= set(scene_names())
+
+
+def test_no_two_scenes_have_the_same_noise():
+    seeds = [load_scene(scene_file(name)).seed for name in scene_names()]
+    assert len(set(seeds)) == len(seeds)
+
+
+@pytest.mark.parametrize(
+    ("was", "becomes", "told"),
+    [
+        ("width_mm = 0.5", "width_mm = 5", "line 15: needle.width_mm: expected `float` <= 1.0, found 5"),
+        ("width_mm = 0.5", "width = 0.5", "line 15: unknown key 'width'; did you mean 'width_mm'?"),
+        ("width_mm = 0.5", "", "needle: key 'width_mm' is missing"),
+        ('trocar = "first"', 'trocar = "third"', "line 4: unknown trocar 'third'; valid: first, second"),
+        ("taper_mm = 5", "", "line 14: needle: key 'taper_mm' is missing; point 'cone' needs it"),
+        ('point = "cone"', 'point = "blunt"', "line 16: needle.taper_mm: goes with point 'cone' only, found"),
+        (
+            CONE,
+            'point = "bevel"\nwidth_mm = 0.5',
+            "needle: key 'roll_deg' is missing; point 'bevel' needs it",
+        ),
+        ("[0.5, 0.5, 0.5]", "[0.5, 0.5, 1.5]", "bowl.color[2]: expected `float` <= 1.0, found 1.5"),
+        ("[0, -1, 1]", "[0, 0, 0]", "line 18: light[0].towards: expected a direction"),
+        ("seed = 1", "seed = ", "not valid TOML"),
+    ],
+)
+def test_a_bad_scene_is_one_sentence_with_its_place(tmp_path, was, becomes, told):
+    file = tmp_path / "scene.toml"
+    file.write_text(GOOD)
+    load_scene(file)
+    file.write_text(GOOD.replace(was, becomes, 1))
+    with pytest.raises(BadInput) as refused:
+        load_scene(file)
+    assert str(refused.value).startswith(f"{file}, ")
+    assert told.replace("`", "") in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_scene_without_light_is_refused(tmp_path):
+    file = tmp_path / "scene.toml"
+    file.write_text("light = []\n" + GOOD.partition("[[light]]")[0])
+    with pytest.raises(BadInput, match=r"line 1: light: found none; .* at least one \[\[light\]\]"):
+        load_scene(file)
+
+
+@pytest.mark.parametrize(
+    ("asked", "told"),
+    [
+        (["grey_bowel"], "unknown scene 'grey_bowel'; did you mean 'grey_bowl'?"),
+        ([], "expected the name of one scene, found 0"),
+        (["grey_bowl", "soft_picture"], "expected the name of one scene, found 2"),
+    ],
+)
+def test_asking_for_no_scene_ends_with_code_2_and_a_sentence(capsys, asked, told):
+    with pytest.raises(SystemExit) as ended:
+        asked_scene(asked)
+    assert ended.value.code == 2
+    assert told in capsys.readouterr().err
