@@ -72,7 +72,7 @@ def find_pivot(images: Sequence[Image], rim: Rim) -> Pivot | None:
         rim: Where the wall is.
 
     Returns:
-        None if no needle moves.
+        None if no needle moves, or lines of several things were taken for its shaft.
     """
     visible = _visible(rim, images[0].shape[1], images[0].shape[0]) & _moving(images, rim)
     lines = [line for image in images if (line := _shaft(image, visible, rim)) is not None]
@@ -261,6 +261,8 @@ def _meeting(lines: list[_Line], rim: Rim) -> Pivot | None:
     off = np.abs(normals @ point - offsets) / _spreads(lines, point)
     usual_px = max(1.48 * float(np.median(off[kept])), SUREST_PX)
     radial_sd = usual_px * alike * math.sqrt(float(outwards @ inverse @ outwards))
+    if radial_sd > NEAR_WALL * rim.inner.radius_px:  # they do not meet
+        return None
     return Pivot((float(point[0]), float(point[1])), int(kept.sum()), residual, radial_sd)
 
 

@@ -96,6 +96,17 @@ def test_a_single_image_gives_globe_and_holes():
     assert sorted(round(trocar.angle_deg) for trocar in found.trocars) == pytest.approx([-36, 36], abs=1)
 
 
+@pytest.mark.parametrize("step_px", [6, 18])
+def test_a_rod_that_passes_sideways_is_no_needle_that_pivots(step_px):
+    images = [still_scene() for _ in range(6)]
+    for number, image in enumerate(images):
+        x = 290 + step_px * number
+        cv2.line(image, (x, 60), (x, 260), (30, 30, 30), 7, cv2.LINE_AA)
+    found = find_anatomy(images)
+    assert found.pivot is None
+    assert {trocar.by for trocar in found.trocars} == {"hole"}
+
+
 def test_a_rim_before_the_section_is_told_by_the_pivot():
     """A wall seen 2 % larger than the section, as if it stood before the plane the needle moves in."""
     images, truth = play("dark", (319.5, 205.0), 10.0, 3)
