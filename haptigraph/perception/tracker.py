@@ -46,6 +46,7 @@ MISS_MM = 1.5  # a needle passes the registered trocar no further off
 TRACKED_PX = 8.0  # between the expected and the real shaft
 LEAST_CONFIDENCE = 0.4
 DOUBTS = 15  # images with something like a needle that is none, until it counts as background
+AGAIN_PX = 2.0  # between a line and what is found in a second look along it
 NEAR_PX = 3.0  # between where the tip is expected and where it is, mostly
 OFF_PX = 3.0  # if the tip is further off the strip's middle, a second look is taken
 THICKEST_MM = 1.05
@@ -159,7 +160,7 @@ class Tracker:
         """Look again where the needle was found to be; the first look was a little off."""
         near_px = closeup_px(sight.reach.tip_px, CLOSEUP_SPARE_PX)
         glimpse = self._glimpse(image, sight.line, from_px, near_px=near_px)
-        return (self._measured(glimpse, glimpse.strip.half_px) if glimpse else None) or sight
+        return (self._measured(glimpse, AGAIN_PX) if glimpse else None) or sight
 
     def _glimpse(
         self,
