@@ -29,7 +29,7 @@ BEYOND, LONG = 2, 8  # stations: from a fall of contrast on; of what goes on fro
 UNBROKEN = 0.75  # share of the groups that must be sharp
 SHARP_DEVIATION_PX = 1.0
 SHORTEST_DIM_PX, LONGEST_DIM_PX = 3, 14  # what is shorter is blurred
-LEAST_DIM = 0.1  # share of the contrast behind
+LEAST_DIM = 0.2  # share of the contrast behind
 SHARP_SHARE = 0.3  # a dim point is sharper than this share of what is behind
 NEAR_PX = 6  # beside the shaft's middle
 
