@@ -28,11 +28,8 @@ RATE_HZ = 30
 QUALITY = "15"  # x264's constant rate factor
 BLUR_PX = 0.6
 NOISE_GREY = 1.3
-GREY_SHARE, COLOR_SHARE, DARK_SHARE = (
-    0.8,
-    0.5,
-    0.6,
-)  # of the noise: in all colours, in each, and where it is dark
+GREY_SHARE, COLOR_SHARE = 0.8, 0.5  # of the noise: the same in all colours, and of each
+DARK_SHARE = 0.6  # of it where it is dark
 PROCEDURE = "subretinal_injection"
 
 

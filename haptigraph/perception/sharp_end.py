@@ -47,7 +47,7 @@ def sharp_end(strip: Strip, reach: Reach) -> Reach | None:
     start, start_px = strip.inside.start, float(strip.u_px[strip.inside.start])
     groups = int((reach.tip_px - start_px) / STATION_PX) + 2 - GROUP
     seen = strip.excess[:, start : start + groups + GROUP - 1]
-    least = LEAST_SNR * SHARP_NOISE * strip.noise_grey / math.sqrt(GROUP)
+    least = _least(strip, GROUP)
     if groups <= LEAST_SOFT or _sharpness(seen[:, -GROUP:] @ SPREAD)[0] >= least:
         return None
     along = _along(strip, slice(start, start + groups + GROUP - 1))
@@ -57,7 +57,7 @@ def sharp_end(strip: Strip, reach: Reach) -> Reach | None:
     if end > groups - LEAST_SOFT:
         return None
     high, low = median(along[max(end - POINT, 0) : end]), median(along[end + 2 :])
-    if _sharpness(seen[:, end + GROUP :].mean(axis=1, keepdims=True))[0] > SOFT_SHARE * high:
+    if _mean_sharpness(seen[:, end + GROUP :]) > SOFT_SHARE * high:
         return None
     level = max(min(low + FADING_LEVEL * (high - low), high), least)
     end = int((along[: end + 1] >= level).nonzero()[0][-1])
@@ -79,7 +79,7 @@ def goes_on(strip: Strip, from_px: float, to_px: float) -> bool:
     if stop - start < LONG or end - first < GROUP:
         return False
     behind = median(_along(strip, slice(max(end - LONG, first), end)))
-    least = LEAST_SNR * SHARP_NOISE * strip.noise_grey / math.sqrt(GROUP)
+    least = _least(strip, GROUP)
     is_sharp = _along(strip, slice(start, stop)) > max(least, SHARP_SHARE * behind)
     return int(np.count_nonzero(is_sharp)) >= UNBROKEN * len(is_sharp)
 
@@ -102,9 +102,19 @@ def dim_end_px(strip: Strip, reach: Reach) -> float | None:
         return None
     near = strip.excess[strip.half_px - NEAR_PX : strip.half_px + NEAR_PX + 1]
     parts = slice(max(start - 1 - length, 0), start - 1), slice(start, start + length)
-    behind, dim = (_sharpness(near[:, part].mean(axis=1, keepdims=True))[0] for part in parts)
-    least = LEAST_SNR * SHARP_NOISE * strip.noise_grey / math.sqrt(length)
-    return float(strip.u_px[start + length - 1]) if dim >= max(SHARP_SHARE * behind, least) else None
+    behind, dim = (_mean_sharpness(near[:, part]) for part in parts)
+    least = max(SHARP_SHARE * behind, _least(strip, length))
+    return float(strip.u_px[start + length - 1]) if dim >= least else None
+
+
+def _least(strip: Strip, stations: int) -> float:
+    """Return how sharp the mean of so many stations must be so that noise does not explain it."""
+    return LEAST_SNR * SHARP_NOISE * strip.noise_grey / math.sqrt(stations)
+
+
+def _mean_sharpness(excess: FloatImage) -> float:
+    """Return how sharp the mean of all stations is [grey levels]."""
+    return float(_sharpness(excess.mean(axis=1, keepdims=True))[0])
 
 
 def _along(strip: Strip, part: slice) -> FloatImage:

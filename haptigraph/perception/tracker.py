@@ -236,8 +236,12 @@ class Tracker:
         if expected_px < reach.tip_px + NEAR_PX:  # of two falls the one that was the tip before
             fall = self._fall(image, sight, reach, expected_px)
             near = (expected_px, NEAR_PX), (edges_end_px, EDGES_END_PX)
-            is_end = fall and fall.tip_px > rim_px and any(abs(fall.tip_px - px) < off for px, off in near)
-            if fall and is_end and not goes_on(strip, fall.tip_px, reach.tip_px):
+            if (
+                fall
+                and fall.tip_px > rim_px
+                and any(abs(fall.tip_px - px) < off for px, off in near)
+                and not goes_on(strip, fall.tip_px, reach.tip_px)
+            ):
                 return fall
         places_px = dict.fromkeys((min(reach.tip_px, edges_end_px), reach.tip_px))
         falls = (self._fall(image, sight, reach, about_px) for about_px in places_px)
