@@ -3,12 +3,14 @@ import math
 import cv2
 import numpy as np
 import pytest
+from drawn_strip import END_PX, LANES, U_PX, blurred, needle, seen_blur_px
+from drawn_strip import strip as drawn_strip
 
 from haptigraph.perception.background import Background
 from haptigraph.perception.closeup import closeup_px, refine_tip
 from haptigraph.perception.fan import Fan
-from haptigraph.perception.shaft import fit_line
-from haptigraph.perception.strip import UNSEEN, Line, Site, Strip, lay_straight, stations
+from haptigraph.perception.shaft import Look, fit_line
+from haptigraph.perception.strip import STATION_PX, UNSEEN, Line, Site, Strip, lay_straight, stations
 from haptigraph.perception.tip import find_reach
 
 GROUND, METAL = 150, 70
@@ -141,3 +143,45 @@ def test_the_background_is_learned_beside_the_needle_and_under_it_when_it_has_go
     assert (background.grey[site.box] >= 0).all()
     background.reset()
     assert (background.grey == UNSEEN).all()
+
+
+def shaded_shaft(side, shade_grey):
+    half_px = np.clip((END_PX + 60 - U_PX) / 20, 0.0, 5.0)
+    lit = np.clip(half_px + 0.5 - abs(LANES), 0, 1)
+    shone = np.clip(half_px * 0.4 + 0.5 - abs(side * LANES - half_px * 0.5), 0, 1)
+    return drawn_strip(cv2.GaussianBlur(shade_grey * lit + (130 - shade_grey) * shone, (0, 0), 0.8))
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+@pytest.mark.parametrize("shade_grey", [40.0, 60.0])
+def test_the_axis_of_a_shaft_is_between_its_outer_edges_though_one_side_is_in_the_shade(side, shade_grey):
+    seen = shaded_shaft(side, shade_grey)
+    fit = fit_line(seen, END_PX, seen.half_px)
+    assert fit.width_px == pytest.approx(10, abs=2)
+    assert fit.offset_px == pytest.approx(0, abs=0.5)
+    assert fit.offset_px + fit.slope * END_PX == pytest.approx(0, abs=0.5)
+
+
+@pytest.mark.parametrize(("images", "width_px"), [(0, 10), (7, 10), (9, 5), (15, 5), (16, 10)])
+def test_feet_are_tried_in_the_first_images_and_seldom_once_they_were_no_better(images, width_px):
+    seen = shaded_shaft(1, 40.0)
+    fit = fit_line(seen, END_PX, seen.half_px, Look(images=images))
+    assert fit.width_px == pytest.approx(width_px, abs=2)
+    assert fit.look.images == (0 if width_px == 10 else images + 1)
+
+
+@pytest.mark.parametrize("half_width_px", [3.0, 5.0])
+@pytest.mark.parametrize("grey", [-80.0, 80.0])
+def test_the_blur_across_a_shaft_is_told(half_width_px, grey):
+    for blur_px in (0.8, 1.2, 1.6):
+        assert seen_blur_px(blurred(needle(half_width_px, grey=grey), blur_px, STATION_PX)) == pytest.approx(
+            blur_px, abs=0.25
+        )
+
+
+def test_edges_before_ground_nearly_as_bright_as_the_needle_reach_to_its_tip():
+    u_px = np.arange(-240, 100, STATION_PX, dtype=np.float32)
+    seen = drawn_strip(np.where(u_px < 0, 100.0, 20.0 * (u_px < 80)) * (abs(LANES) <= 4), u_px)
+    fit = fit_line(seen, tip_px=80.0, miss_px=5.0)
+    assert fit is not None
+    assert fit.end_px(float(u_px[seen.inside.start])) == pytest.approx(80, abs=7)

@@ -1,0 +1,81 @@
+import cv2
+import numpy as np
+import pytest
+from drawn_strip import END_PX, LANES, SHADOW, U_PX, needle, strip
+
+from haptigraph.perception.closeup import refine_tip
+from haptigraph.perception.sharp_end import dim_end_px, goes_on, sharp_end
+from haptigraph.perception.tip import Reach
+
+
+@pytest.mark.parametrize("half_width_px", [1.5, 3.0, 8.0])
+@pytest.mark.parametrize("shadow_grey", [-20.0, -50.0])
+def test_a_shadow_that_goes_on_in_line_with_the_needle_is_cut_off(half_width_px, shadow_grey):
+    shaded = np.minimum(needle(half_width_px), shadow_grey * SHADOW * (U_PX <= 220))
+    shaded += needle(half_width_px, grey=-15.0)
+    end = sharp_end(strip(shaded), Reach("inside", 220.0, 200.0))
+    assert end is not None
+    assert end.tip_px == pytest.approx(END_PX, abs=4)
+
+
+@pytest.mark.parametrize("half_width_px", [1.5, 3.0, 8.0])
+def test_a_needle_that_is_sharp_up_to_its_tip_keeps_it(half_width_px):
+    assert sharp_end(strip(needle(half_width_px)), Reach("inside", END_PX, 100.0)) is None
+
+
+def test_a_shaft_of_which_nothing_is_sharp_keeps_its_tip():
+    blurred = -30 * np.exp(-((LANES / 6) ** 2)) * (END_PX >= U_PX)
+    assert sharp_end(strip(blurred), Reach("inside", END_PX, 100.0)) is None
+
+
+def test_a_needle_that_fades_in_the_noise_keeps_its_tip():
+    fading = needle(1.5) * np.clip((END_PX - U_PX) / 100, 0, 1)
+    assert sharp_end(strip(fading), Reach("inside", END_PX, 100.0)) is None
+
+
+@pytest.mark.parametrize("tip_px", [9.0, 12.0, 20.0])
+def test_a_tip_right_behind_the_wall_is_left_alone(tip_px):
+    assert sharp_end(strip(needle(3.0, tip_px)), Reach("inside", tip_px, 10.0)) is None
+
+
+@pytest.mark.parametrize("half_width_px", [2.0, 4.0])
+@pytest.mark.parametrize("dim_px", [7, 12])
+@pytest.mark.parametrize("grey", [-60.0, 60.0])
+def test_a_point_that_gets_dim_before_its_end_is_followed_to_it(half_width_px, dim_px, grey):
+    u_px = np.arange(100, 170, dtype=np.float32)
+    across = np.clip(half_width_px + 0.5 - abs(LANES), 0, 1)
+    lit = np.where(u_px <= END_PX - dim_px, 1, 0.45) * (u_px <= END_PX)
+    seen = strip(cv2.GaussianBlur(grey * across * lit, (0, 0), 0.8), u_px)
+    reach = Reach("inside", END_PX - dim_px, 100.0, contrast_grey=60.0)
+    end_px = dim_end_px(seen, reach)
+    assert end_px == pytest.approx(END_PX, abs=1.5)
+    end = refine_tip(seen, reach, end_px, behinds_px=(6,))
+    assert end.tip_px == pytest.approx(END_PX, abs=1.2)
+
+
+@pytest.mark.parametrize("shadow_grey", [-15.0, -30.0])
+def test_a_shadow_is_no_dim_point(shadow_grey):
+    u_px = np.arange(100, 170, dtype=np.float32)
+    across = np.clip(3.5 - abs(LANES), 0, 1)
+    shaded = np.minimum(-60 * across * (u_px <= END_PX), shadow_grey * SHADOW * (u_px <= END_PX + 10))
+    reach = Reach("inside", END_PX, 100.0, contrast_grey=60.0)
+    assert dim_end_px(strip(shaded, u_px), reach) is None
+
+
+def test_what_ends_where_its_contrast_falls_is_no_dim_point():
+    reach = Reach("inside", END_PX, 100.0, contrast_grey=40.0)
+    assert dim_end_px(strip(needle(3.0)), reach) is None
+
+
+@pytest.mark.parametrize("beyond_grey", [-30.0, -90.0])
+def test_a_shaft_goes_on_where_its_contrast_changes_as_long_as_it_is_sharp(beyond_grey):
+    shaft = needle(3.0, 100.0) + needle(3.0, 200.0, beyond_grey) * (U_PX > 100)
+    assert goes_on(strip(shaft), 100.0, 200.0)
+
+
+def test_a_shaft_does_not_go_on_in_its_shadow_nor_beyond_free_ground():
+    shadow = -40.0 * SHADOW * ((U_PX > 100) & (U_PX <= 200))
+    bubble = needle(3.0, 200.0) * (U_PX > 140)
+    for beyond in (shadow, bubble):
+        assert not goes_on(strip(needle(3.0, 100.0) + beyond), 100.0, 200.0)
+    assert not goes_on(strip(needle(3.0, 100.0)), 100.0, 104.0)
