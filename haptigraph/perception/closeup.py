@@ -11,6 +11,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from haptigraph.perception.pixels import FloatImage
+from haptigraph.perception.sharpness import SHARP_REACH_PX, least_sharpness, mean_sharpness
 from haptigraph.perception.strip import Strip
 from haptigraph.perception.tip import LEAST_SNR, Reach, contrast_along
 
@@ -26,10 +27,15 @@ BLUR_SHARE = 0.4  # of more blur than in focus: it takes the level beyond the po
 POINT_PX, POINT_ROUNDS = 4, 4  # how much of a point tells its contrast, and how often it is followed further
 FOLLOWED_PX = 4.0  # from where the contrast first fell
 LEAST_ONE_TONE = 0.2  # of a point that is followed: where rims and middle differ they end in different places
+FAINT_LEVEL = 0.12  # the same as TIP_LEVEL for the last, faint part of a point
+LONGEST_FAINT_PX = 6
+FAINT_SHARP = 0.65  # of its contrast: so much a narrow part differs from what is beside it, no wide one
+FAINT_BLUR_PX, FAINT_BLUR_RATE = 0.65, 2.5  # how far blur takes it beyond the point; more per px of blur
 LEAST_FALL = 0.6  # what is beyond has less than this share of the contrast behind
 UNKNOWN_FALL = 0.4  # the same before a wall that was never seen without a needle
 BEYOND_PX = 4  # the blurred end of the tip
 WALL_PX = 2  # of the wall's edge
+AROUND_PX = 6  # lanes to either side of a shaft's middle, that tell how narrow it is
 FLOOR_PX, FLOOR_GREY = 0.1, 1e-3
 
 
@@ -42,8 +48,16 @@ class _Profile(Struct, frozen=True, eq=False):
     is_sure: list[bool]
     """Where a contrast means something."""
     noise_grey: float
+    """Standard deviation of a pixel."""
     goes_on: bool
     """Whether there is more to see beyond its last station."""
+    around: FloatImage
+    """Difference from the empty eye in the lanes around the shaft's middle, (lanes, n)."""
+
+    @property
+    def contrast_noise_grey(self) -> float:
+        """Standard deviation of the contrast."""
+        return self.noise_grey / math.sqrt(3)
 
 
 class _Fall(Struct, frozen=True):
@@ -78,7 +92,7 @@ def refine_tip(
     """Find the tip sub-pixel: where the contrast falls off from what it was just behind.
 
     A point in focus that gets thin or dim towards its end is followed: what is just behind is looked at anew
-    from where the contrast fell, as long as that leads on.
+    from where the contrast fell, as long as that leads on, and what is left beyond, if it is sharp.
 
     Args:
         strip: A close-up of the tip.
@@ -104,11 +118,11 @@ def refine_tip(
         fall = fall and _fall(profile, fall.end, behind_px)
     if fall is None:
         return None
-    point = _followed(profile, fall) if blur_px < BLURRED_PX else fall
+    point = _faint_end(profile, _followed(profile, fall), blur_px) if blur_px < BLURRED_PX else fall
     return replace(
         reach,
         tip_px=first_px + point.place_px - BLUR_SHARE * point.one_tone * max(blur_px - FOCUSED_PX, 0.0),
-        deviation_px=math.hypot(FLOOR_PX, profile.noise_grey / point.slope),
+        deviation_px=math.hypot(FLOOR_PX, profile.contrast_noise_grey / point.slope),
         contrast_grey=fall.high_grey,
     )
 
@@ -126,18 +140,42 @@ def _followed(profile: _Profile, fall: _Fall) -> _Fall:
     return point
 
 
+def _faint_end(profile: _Profile, point: _Fall, blur_px: float) -> _Fall:
+    """Return where a point ends of which a faint part is left beyond where its contrast falls.
+
+    That part must be narrow: a blurred end, a shadow and a bubble are not.
+    """
+    along, start = profile.along, point.end + 1
+    high, low = _levels(profile, slice(max(point.end - POINT_PX, 0), max(point.end, 1)), point.end)
+    level = max(low + FAINT_LEVEL * (high - low), LEAST_SNR * profile.contrast_noise_grey)
+    stop = next((station for station in range(start, len(along)) if along[station] < level), len(along))
+    if not 0 < stop - start <= LONGEST_FAINT_PX or point.one_tone < LEAST_ONE_TONE:
+        return point
+    if stop == len(along) and profile.goes_on:
+        return point
+    faint = profile.around[:, start:stop].mean(axis=1, keepdims=True)
+    contrast = float(np.abs(faint[SHARP_REACH_PX:-SHARP_REACH_PX]).max())
+    noise = least_sharpness(profile.noise_grey, stop - start)
+    end_px, _ = _crossing(along, stop - 1, level)
+    end_px -= FAINT_BLUR_PX + FAINT_BLUR_RATE * max(blur_px - FOCUSED_PX, 0.0)
+    is_narrow = mean_sharpness(faint) >= max(FAINT_SHARP * contrast, noise)
+    return replace(point, place_px=end_px) if is_narrow and end_px > point.place_px else point
+
+
 def _profile(strip: Strip, reach: Reach, seen: slice, aside_px: float, goes_on: bool) -> _Profile:
     lane, rest = divmod(strip.half_px + aside_px, 1)
     core = slice(int(lane) - 1, int(lane) + 3)
     weights = np.array(((1 - rest) / 3, 1 / 3, 1 / 3, rest / 3), np.float32)
     along = contrast_along(strip.excess[core, seen], strip.beside[core, seen], weights).tolist()
     is_outside = reach.where == "outside"
+    around = slice(max(int(lane) - AROUND_PX, 0), int(lane) + 1 + AROUND_PX)
     return _Profile(
         along,
         None if is_outside else (weights @ strip.excess[core, seen]).tolist(),
         strip.is_known[seen].tolist() if is_outside else [True] * len(along),
-        strip.noise_grey / math.sqrt(3),
+        strip.noise_grey,
         goes_on,
+        strip.excess[around, seen],
     )
 
 
@@ -145,20 +183,30 @@ def _fall(profile: _Profile, end: int, behind_px: int, blunt_px: int = BLUNT_PX)
     """Return where, about a station, the contrast falls off from what it is behind; None if it does not."""
     along, is_sure = profile.along, profile.is_sure
     behind = slice(max(end - behind_px, 0), max(end - blunt_px, 1))
-    shaft = sorted(along[behind])
-    high, low = shaft[len(shaft) // 2], _beyond(along[end:], is_sure[end:])
+    high, low = _levels(profile, behind, end)
     if low > (LEAST_FALL if all(is_sure[end:]) else UNKNOWN_FALL) * high:
         return None
-    one_tone = _one_tone(profile.tones[behind], shaft) if profile.tones else 1.0
+    one_tone = _one_tone(profile.tones[behind], along[behind]) if profile.tones else 1.0
     share = FADING_LEVEL + one_tone * (TIP_LEVEL - FADING_LEVEL)
-    level = max(low + share * (high - low), LEAST_SNR * profile.noise_grey)
+    level = max(low + share * (high - low), LEAST_SNR * profile.contrast_noise_grey)
     end = _last_above(along, is_sure, level)
     if end < 0 or (end == len(along) - 1 and profile.goes_on):
         return None
+    return _Fall(end, *_crossing(along, end, level), high, one_tone)
+
+
+def _levels(profile: _Profile, behind: slice, end: int) -> tuple[float, float]:
+    """Return the contrast of what is behind a tip, a median, and beyond."""
+    shaft = sorted(profile.along[behind])
+    return shaft[len(shaft) // 2], _beyond(profile.along[end:], profile.is_sure[end:])
+
+
+def _crossing(along: list[float], end: int, level: float) -> tuple[float, float]:
+    """Return where, after a station, a contrast crosses a level, and its slope there [grey levels per px]."""
     if end == len(along) - 1:
-        return _Fall(end, float(end), 1.0, high, one_tone)
+        return float(end), 1.0
     slope = max(along[end] - along[end + 1], 1.0)
-    return _Fall(end, end + (along[end] - level) / slope, slope, high, one_tone)
+    return end + (along[end] - level) / slope, slope
 
 
 def _one_tone(tones: list[float], contrasts: list[float]) -> float:

@@ -5,23 +5,20 @@ it gets in the shade of the wall or for what it mirrors; a shadow that goes on b
 """
 
 import math
-from functools import cache
 
 import numpy as np
 from msgspec.structs import replace
 
 from haptigraph.perception.closeup import FADING_LEVEL
 from haptigraph.perception.pixels import FloatImage
+from haptigraph.perception.sharpness import least_sharpness, mean_sharpness, sharpness
 from haptigraph.perception.strip import STATION_PX, Strip, median
-from haptigraph.perception.tip import LEAST_SNR, Reach, core_contrast
+from haptigraph.perception.tip import Reach, core_contrast
 
 __all__ = ["LONGEST_DIM_PX", "SHORTEST_DIM_PX", "dim_end_px", "goes_on", "sharp_end"]
 
 GROUP = 4  # stations in which something sharp is looked for together
 SPREAD = np.full((GROUP, 1), 1 / GROUP, np.float32)
-BESIDE_PX = 2  # from lane to lane: an edge or a point changes over so little, the edge of a shadow does not
-BESIDE = np.array((1, -4, 6, -4, 1), np.float32) / 6
-SHARP_NOISE = float(np.sqrt((BESIDE**2).sum()))
 POINT = 5  # groups
 SOFT_SHARE = 0.2  # a shadow is less sharp than this share of the point it goes on from
 LEAST_SOFT = 6  # groups
@@ -47,8 +44,8 @@ def sharp_end(strip: Strip, reach: Reach) -> Reach | None:
     start, start_px = strip.inside.start, float(strip.u_px[strip.inside.start])
     groups = int((reach.tip_px - start_px) / STATION_PX) + 2 - GROUP
     seen = strip.excess[:, start : start + groups + GROUP - 1]
-    least = _least(strip, GROUP)
-    if groups <= LEAST_SOFT or _sharpness(seen[:, -GROUP:] @ SPREAD)[0] >= least:
+    least = least_sharpness(strip.noise_grey, GROUP)
+    if groups <= LEAST_SOFT or sharpness(seen[:, -GROUP:] @ SPREAD)[0] >= least:
         return None
     along = _along(strip, slice(start, start + groups + GROUP - 1))
     is_sharp = along >= least
@@ -57,7 +54,7 @@ def sharp_end(strip: Strip, reach: Reach) -> Reach | None:
     if end > groups - LEAST_SOFT:
         return None
     high, low = median(along[max(end - POINT, 0) : end]), median(along[end + 2 :])
-    if _mean_sharpness(seen[:, end + GROUP :]) > SOFT_SHARE * high:
+    if mean_sharpness(seen[:, end + GROUP :]) > SOFT_SHARE * high:
         return None
     level = max(min(low + FADING_LEVEL * (high - low), high), least)
     end = int((along[: end + 1] >= level).nonzero()[0][-1])
@@ -79,7 +76,7 @@ def goes_on(strip: Strip, from_px: float, to_px: float) -> bool:
     if stop - start < LONG or end - first < GROUP:
         return False
     behind = median(_along(strip, slice(max(end - LONG, first), end)))
-    least = _least(strip, GROUP)
+    least = least_sharpness(strip.noise_grey, GROUP)
     is_sharp = _along(strip, slice(start, stop)) > max(least, SHARP_SHARE * behind)
     return int(np.count_nonzero(is_sharp)) >= UNBROKEN * len(is_sharp)
 
@@ -102,19 +99,9 @@ def dim_end_px(strip: Strip, reach: Reach) -> float | None:
         return None
     near = strip.excess[strip.half_px - NEAR_PX : strip.half_px + NEAR_PX + 1]
     parts = slice(max(start - 1 - length, 0), start - 1), slice(start, start + length)
-    behind, dim = (_mean_sharpness(near[:, part]) for part in parts)
-    least = max(SHARP_SHARE * behind, _least(strip, length))
+    behind, dim = (mean_sharpness(near[:, part]) for part in parts)
+    least = max(SHARP_SHARE * behind, least_sharpness(strip.noise_grey, length))
     return float(strip.u_px[start + length - 1]) if dim >= least else None
-
-
-def _least(strip: Strip, stations: int) -> float:
-    """Return how sharp the mean of so many stations must be so that noise does not explain it."""
-    return LEAST_SNR * SHARP_NOISE * strip.noise_grey / math.sqrt(stations)
-
-
-def _mean_sharpness(excess: FloatImage) -> float:
-    """Return how sharp the mean of all stations is [grey levels]."""
-    return float(_sharpness(excess.mean(axis=1, keepdims=True))[0])
 
 
 def _along(strip: Strip, part: slice) -> FloatImage:
@@ -122,19 +109,4 @@ def _along(strip: Strip, part: slice) -> FloatImage:
     groups = part.stop - part.start - GROUP + 1
     starts = range(part.start, part.start + GROUP)
     sums = sum(strip.excess[:, start : start + groups] for start in starts)
-    return _sharpness(np.asarray(sums / GROUP, np.float32))
-
-
-def _sharpness(excess: FloatImage) -> FloatImage:
-    """Return how much the sharpest lane differs from those beside it, (n,) grey levels."""
-    return np.asarray(np.abs(_sharp(len(excess)) @ excess).max(axis=0), np.float32)
-
-
-@cache
-def _sharp(lanes: int) -> FloatImage:
-    """Return what takes from every lane the cubic through four lanes beside it, (lanes - 8, lanes)."""
-    last = BESIDE_PX * (len(BESIDE) - 1)
-    sharp = np.zeros((lanes - last, lanes), np.float32)
-    for lane in range(len(sharp)):
-        sharp[lane, lane : lane + last + 1 : BESIDE_PX] = BESIDE
-    return sharp
+    return sharpness(np.asarray(sums / GROUP, np.float32))

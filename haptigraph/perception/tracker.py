@@ -8,30 +8,29 @@ nothing of states.
 
 import math
 
-from msgspec import Struct
 from msgspec.structs import replace
 
 from haptigraph.config import PerceptionConfig
 from haptigraph.geometry import Geometry, Point, Segment
 from haptigraph.messages import Capture, Certainty, Image, Observation
 from haptigraph.perception.background import Background
-from haptigraph.perception.closeup import closeup_px, refine_tip
+from haptigraph.perception.closeup import closeup_px
+from haptigraph.perception.ending import OFF_PX, EndFinder, Glimpse, Sight
 from haptigraph.perception.fan import Fan
 from haptigraph.perception.pixels import FloatImage
 from haptigraph.perception.pose import PoseFilter
 from haptigraph.perception.registration import Registration
 from haptigraph.perception.shaft import NEW, LineFit, Look, fit_line
-from haptigraph.perception.sharp_end import LONGEST_DIM_PX, SHORTEST_DIM_PX, dim_end_px, goes_on, sharp_end
+from haptigraph.perception.sharp_end import sharp_end
 from haptigraph.perception.strip import (
     LARGEST_TURN_RAD,
     OUTSIDE_MM,
     Line,
     Site,
-    Strip,
     lay_straight,
     stations,
 )
-from haptigraph.perception.tip import Reach, find_reach, is_led_to
+from haptigraph.perception.tip import find_reach
 
 __all__ = ["Tracker"]
 
@@ -39,45 +38,15 @@ AHEAD_MM = 2.5  # how far the tip may be beyond where it is expected
 EXPOSED_MM = 2.0  # before the trocar: a tip seen there is the end, and the ground ahead is free
 AHEAD_OF_TIP_MM = 0.3  # not learned as background
 BEHIND_MM = 14.0  # how much of the shaft is looked at
-GAP_MM = 0.65  # of unknown ground before the wall that is taken for the shaft
-AT_WALL_PX = 3.8  # blurred edge of the wall
-ENDS_PX, EDGES_END_PX = 4.0, 9.0  # beyond a tip, until where a shaft and its edges may seem to go on
 MISS_MM = 1.5  # a needle passes the registered trocar no further off
 TRACKED_PX = 8.0  # between the expected and the real shaft
 LEAST_CONFIDENCE = 0.4
 DOUBTS = 15  # images with something like a needle that is none, until it counts as background
 AGAIN_PX = 2.0  # between a line and what is found in a second look along it
-NEAR_PX = 3.0  # between where the tip is expected and where it is, mostly
-OFF_PX = 3.0  # if the tip is further off the strip's middle, a second look is taken
 THICKEST_MM = 1.05
 LONGEST_STEP_S = 0.2
 CONTRAST_RATE = 0.1
-DIM_BEHIND_PX = 6  # of a dim point, tells its contrast
 CLOSEUP_SPARE_PX = 6  # beyond a close-up of the tip, for where the tip is may be expected wrongly
-
-
-class _Glimpse(Struct, frozen=True, eq=False):
-    """Something like a needle along an expected line."""
-
-    expected: Line
-    strip: Strip
-    closeup: Strip | None
-    """About where the tip was expected."""
-    reach: Reach
-
-
-class _Sight(Struct, frozen=True, eq=False):
-    """One needle as measured in one image."""
-
-    glimpse: _Glimpse
-    line: Line
-    fit: LineFit
-    reach: Reach
-
-    @property
-    def off_px(self) -> float:
-        """How far the tip was from where the strip expected it, across."""
-        return abs(self.fit.offset_px + self.fit.slope * self.reach.tip_px)
 
 
 class Tracker:
@@ -96,6 +65,7 @@ class Tracker:
         self._site = Site(registration)
         self._fan = Fan(self._site)
         self._background = Background(self._site.width_px, self._site.height_px, self._site.box)
+        self._find_end = EndFinder(self._site, self._background)
         self._pose = PoseFilter(self._site.px_per_mm)
         self.reset()
 
@@ -129,7 +99,7 @@ class Tracker:
             return Observation(capture.stamp_ns, found)
         return Observation(capture.stamp_ns, found | self._needle(), certainty=self._certainty(sight))
 
-    def _track(self, image: Image, stamp_ns: int) -> _Sight | None:
+    def _track(self, image: Image, stamp_ns: int) -> Sight | None:
         before_ns, self._stamp_ns = self._stamp_ns, stamp_ns
         if before_ns is None or not self._pose.is_tracking:
             return None
@@ -146,7 +116,7 @@ class Tracker:
             sight = self._second_look(image, sight, from_px)
         return self._refined(image, sight, depth_px)
 
-    def _acquire(self, image: Image) -> _Sight | None:
+    def _acquire(self, image: Image) -> Sight | None:
         candidates = self._fan.search(image)
         self._doubts = self._doubts + 1 if candidates else DOUBTS
         glimpses = [seen for line in candidates if (seen := self._glimpse(image, line)) is not None]
@@ -156,7 +126,7 @@ class Tracker:
                 return self._refined(image, self._second_look(image, sight))
         return None
 
-    def _second_look(self, image: Image, sight: _Sight, from_px: float = -math.inf) -> _Sight:
+    def _second_look(self, image: Image, sight: Sight, from_px: float = -math.inf) -> Sight:
         """Look again where the needle was found to be; the first look was a little off."""
         near_px = closeup_px(sight.reach.tip_px, CLOSEUP_SPARE_PX)
         glimpse = self._glimpse(image, sight.line, from_px, near_px=near_px)
@@ -170,7 +140,7 @@ class Tracker:
         until_px: float = math.inf,
         near_px: FloatImage | None = None,
         followed_px: float = -math.inf,
-    ) -> _Glimpse | None:
+    ) -> Glimpse | None:
         """Look along an expected line for something like a needle, and how far it reaches, roughly."""
         u_px = stations(self._site, expected, from_px, until_px)
         if u_px is None:
@@ -181,93 +151,29 @@ class Tracker:
             return None
         reach = find_reach(strips[0], self._site.px_per_mm, self._usual_grey, followed_px)
         return (
-            _Glimpse(expected, strips[0], strips[-1] if near_px is not None else None, reach)
+            Glimpse(expected, strips[0], strips[-1] if near_px is not None else None, reach)
             if reach
             else None
         )
 
-    def _measured(self, glimpse: _Glimpse, miss_px: float) -> _Sight | None:
+    def _measured(self, glimpse: Glimpse, miss_px: float) -> Sight | None:
         """Fit the shaft's line; None if it is no needle."""
         fit = fit_line(glimpse.strip, glimpse.reach.tip_px, miss_px, self._look)
         if fit is None:
             return None
         expected = glimpse.expected
         line = Line(expected.angle_rad + math.atan(fit.slope), expected.offset_px + fit.offset_px)
-        return _Sight(glimpse, line, fit, glimpse.reach) if self._is_needle(line, fit) else None
+        return Sight(glimpse, line, fit, glimpse.reach) if self._is_needle(line, fit) else None
 
-    def _refined(self, image: Image, sight: _Sight, expected_px: float = math.inf) -> _Sight:
+    def _refined(self, image: Image, sight: Sight, expected_px: float = math.inf) -> Sight:
         """Look at the tip closely, first where the shaft's edges end: the rest may be its shadow."""
-        reach = self._refined_reach(image, sight, expected_px)
+        reach = self._find_end(image, sight, expected_px)
         seen = sight.glimpse
         sharp = sharp_end(seen.strip, reach) if reach.where == "inside" else None
         if sharp is None:
-            return replace(sight, reach=self._dim_reach(image, sight, reach) or reach)
+            return replace(sight, reach=self._find_end.dim_point(image, sight, reach) or reach)
         without_shadow = self._measured(replace(seen, reach=sharp), seen.strip.half_px)
         return without_shadow or replace(sight, reach=sharp)
-
-    def _dim_reach(self, image: Image, sight: _Sight, reach: Reach) -> Reach | None:
-        """Return how far a point reaches that gets dim before its end, None if it does not."""
-        dim_px = sight.glimpse.reach.tip_px - reach.tip_px
-        if reach.where != "inside" or not SHORTEST_DIM_PX <= dim_px <= LONGEST_DIM_PX:
-            return None
-        places_px = closeup_px(reach.tip_px, LONGEST_DIM_PX)
-        strips = lay_straight(self._site, image, self._background.grey, sight.line, places_px)
-        end_px = dim_end_px(strips[0], reach) if strips else None
-        if strips is None or end_px is None:
-            return None
-        return refine_tip(strips[0], reach, end_px, blur_px=sight.fit.blur_px, behinds_px=(DIM_BEHIND_PX,))
-
-    def _refined_reach(self, image: Image, sight: _Sight, expected_px: float = math.inf) -> Reach:
-        strip, fit, reach = sight.glimpse.strip, sight.fit, sight.reach
-        scale = self._site.px_per_mm
-        edges_end_px = fit.end_px(float(strip.u_px[0]))
-        inner_px = float(strip.u_px[strip.inside.start]) if reach.where == "inside" else math.inf
-        is_led = is_led_to(strip, edges_end_px, GAP_MM * scale) or fit.leads_through(inner_px)
-        if reach.where == "inside" and not is_led:
-            reach = replace(reach, where="outside", tip_px=edges_end_px)
-        if reach.where == "hidden":
-            before = replace(reach, where="outside")
-            seen = self._fall(image, sight, before, min(edges_end_px, reach.tip_px))
-            return seen if seen and self._is_free(strip, seen.tip_px, reach.tip_px, edges_end_px) else reach
-        rim_px = -math.inf
-        if reach.where == "inside":
-            edges_end_px = fit.end_px(inner_px)
-            rim_px = min(inner_px + AT_WALL_PX, reach.tip_px - EDGES_END_PX)  # before it is the mouth
-        if expected_px < reach.tip_px + NEAR_PX:  # of two falls the one that was the tip before
-            fall = self._fall(image, sight, reach, expected_px)
-            near = (expected_px, NEAR_PX), (edges_end_px, EDGES_END_PX)
-            if (
-                fall
-                and fall.tip_px > rim_px
-                and any(abs(fall.tip_px - px) < off for px, off in near)
-                and not goes_on(strip, fall.tip_px, reach.tip_px)
-            ):
-                return fall
-        places_px = dict.fromkeys((min(reach.tip_px, edges_end_px), reach.tip_px))
-        falls = (self._fall(image, sight, reach, about_px) for about_px in places_px)
-        return next((fall for fall in falls if fall and fall.tip_px > rim_px), reach)
-
-    def _is_free(self, strip: Strip, tip_px: float, reach_px: float, edges_end_px: float) -> bool:
-        """Tell whether a tip right before the wall is one, and not a faint place of a shaft that goes on.
-
-        On known ground the shaft must end there; on unknown ground, where the wall may look like a shaft, its
-        edges must if the wall is far.
-        """
-        gap_px = float(strip.u_px[strip.before.stop - 1]) - tip_px
-        if gap_px <= AT_WALL_PX:
-            return False
-        if is_led_to(strip, tip_px, 0.0):
-            return reach_px <= tip_px + ENDS_PX
-        return gap_px <= GAP_MM * self._site.px_per_mm or edges_end_px <= tip_px + EDGES_END_PX
-
-    def _fall(self, image: Image, sight: _Sight, reach: Reach, about_px: float) -> Reach | None:
-        u_px, at_hand = closeup_px(about_px), sight.glimpse.closeup
-        if at_hand and at_hand.u_px[0] <= u_px[0] and u_px[-1] <= at_hand.u_px[-1]:
-            aside_px = sight.fit.offset_px + sight.fit.slope * about_px
-            if abs(aside_px) <= OFF_PX:
-                return refine_tip(at_hand, reach, about_px, aside_px, sight.fit.blur_px)
-        near = lay_straight(self._site, image, self._background.grey, sight.line, u_px)
-        return refine_tip(near[0], reach, about_px, blur_px=sight.fit.blur_px) if near else None
 
     def _is_needle(self, line: Line, fit: LineFit) -> bool:
         scale = self._site.px_per_mm
@@ -279,7 +185,7 @@ class Tracker:
             and fit.width_px <= THICKEST_MM * scale
         )
 
-    def _learn(self, image: Image, sight: _Sight | None) -> None:
+    def _learn(self, image: Image, sight: Sight | None) -> None:
         if sight is None and self._background.is_new and self._doubts < DOUBTS:
             return  # what may be a needle must not become background
         needle = None
@@ -305,7 +211,7 @@ class Tracker:
         entry = to_mm(line.at_px(self._site.trocar_px, start_px))
         return {"needle_tip": Point(tip), "needle_line": Segment(entry, tip)}
 
-    def _certainty(self, sight: _Sight) -> Certainty:
+    def _certainty(self, sight: Sight) -> Certainty:
         return Certainty(
             confidence=sight.fit.confidence,
             tip_deviation_mm=self._pose.tip_deviation_px() / self._site.px_per_mm,

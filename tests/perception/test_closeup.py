@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from drawn_strip import END_PX, LANES, U_PX, blurred, needle, seen_blur_px, strip
+from drawn_strip import END_PX, LANES, SHADOW, U_PX, blurred, needle, seen_blur_px, strip
 
 from haptigraph.perception.closeup import refine_tip
 from haptigraph.perception.strip import STATION_PX
@@ -55,3 +55,31 @@ def test_a_blunt_end_does_not_move_when_it_goes_out_of_focus(grey):
         assert seen is not None
         places_px.append(seen.tip_px)
     assert max(places_px) - min(places_px) < 0.3
+
+
+def with_faint_end(grey, length_px, faint):
+    """A point in focus, 3 px thick, and beyond it a faint part that ends at 120.3."""
+    u_px = np.arange(80, 160, dtype=np.float32)
+    shaft = np.clip(2.0 - abs(LANES), 0, 1) * np.clip(120.8 - length_px - u_px, 0, 1)
+    return strip(blurred(grey * np.maximum(shaft, faint * np.clip(120.8 - u_px, 0, 1)), 0.8), u_px)
+
+
+@pytest.mark.parametrize("grey", [-80.0, 80.0])
+@pytest.mark.parametrize("length_px", [4.0, 5.0, 6.0])
+def test_the_last_part_of_a_point_is_seen_though_it_is_faint_but_no_shadow_beyond_it(grey, length_px):
+    reach = Reach("inside", 118.0, 100.0)
+    one_px_wide = 0.6 * np.clip(1.0 - abs(LANES), 0, 1)
+    seen = refine_tip(with_faint_end(grey, length_px, one_px_wide), reach, 118.0)
+    assert seen.tip_px == pytest.approx(120.3, abs=1.0)
+    for wide in (0.25 * SHADOW, 0.25 * np.exp(-((LANES / 2.5) ** 2))):
+        seen = refine_tip(with_faint_end(grey, length_px, wide), reach, 118.0)
+        assert seen.tip_px == pytest.approx(120.3 - length_px, abs=1.3)
+
+
+@pytest.mark.parametrize("grey", [-80.0, 80.0])
+def test_what_is_seen_beyond_a_gap_is_no_part_of_the_point(grey):
+    u_px = np.arange(80, 160, dtype=np.float32)
+    covered = np.clip(120.8 - u_px, 0, 1) + 0.25 * ((u_px > 123) & (u_px < 126))
+    closeup = strip(blurred(grey * np.clip(2.0 - abs(LANES), 0, 1) * covered, 0.8), u_px)
+    seen = refine_tip(closeup, Reach("inside", 120.0, 100.0), 120.0)
+    assert seen.tip_px == pytest.approx(120.3, abs=0.6)
