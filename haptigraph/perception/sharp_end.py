@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from haptigraph.perception.closeup import FADING_LEVEL
 from haptigraph.perception.pixels import FloatImage
-from haptigraph.perception.sharpness import least_sharpness, mean_sharpness, sharpness
+from haptigraph.perception.sharpness import least_sharpness, sharpness
 from haptigraph.perception.strip import STATION_PX, Strip, median
 from haptigraph.perception.tip import Reach, core_contrast
 
@@ -54,7 +54,7 @@ def sharp_end(strip: Strip, reach: Reach) -> Reach | None:
     if end > groups - LEAST_SOFT:
         return None
     high, low = median(along[max(end - POINT, 0) : end]), median(along[end + 2 :])
-    if mean_sharpness(seen[:, end + GROUP :]) > SOFT_SHARE * high:
+    if _mean_sharpness(seen[:, end + GROUP :]) > SOFT_SHARE * high:
         return None
     level = max(min(low + FADING_LEVEL * (high - low), high), least)
     end = int((along[: end + 1] >= level).nonzero()[0][-1])
@@ -99,9 +99,14 @@ def dim_end_px(strip: Strip, reach: Reach) -> float | None:
         return None
     near = strip.excess[strip.half_px - NEAR_PX : strip.half_px + NEAR_PX + 1]
     parts = slice(max(start - 1 - length, 0), start - 1), slice(start, start + length)
-    behind, dim = (mean_sharpness(near[:, part]) for part in parts)
+    behind, dim = (_mean_sharpness(near[:, part]) for part in parts)
     least = max(SHARP_SHARE * behind, least_sharpness(strip.noise_grey, length))
     return float(strip.u_px[start + length - 1]) if dim >= least else None
+
+
+def _mean_sharpness(excess: FloatImage) -> float:
+    """Return how sharp the mean of all stations is [grey levels]."""
+    return float(sharpness(excess.mean(axis=1, keepdims=True))[0])
 
 
 def _along(strip: Strip, part: slice) -> FloatImage:

@@ -12,7 +12,7 @@ import numpy as np
 from haptigraph.perception.pixels import FloatImage
 from haptigraph.perception.tip import LEAST_SNR
 
-__all__ = ["SHARP_REACH_PX", "least_sharpness", "mean_sharpness", "sharpness"]
+__all__ = ["SHARP_REACH_PX", "least_sharpness", "sharpness"]
 
 BESIDE_PX = 2  # from lane to lane: an edge or a point changes over so little, the edge of a shadow does not
 BESIDE = np.array((1, -4, 6, -4, 1), np.float32) / 6
@@ -28,11 +28,6 @@ def sharpness(excess: FloatImage) -> FloatImage:
         excess: Lanes across the shaft, (lanes, n), more than twice SHARP_REACH_PX.
     """
     return np.asarray(np.abs(_sharp(len(excess)) @ excess).max(axis=0), np.float32)
-
-
-def mean_sharpness(excess: FloatImage) -> float:
-    """Return how sharp the mean of all stations is [grey levels]."""
-    return float(sharpness(excess.mean(axis=1, keepdims=True))[0])
 
 
 def least_sharpness(noise_grey: float, stations: int) -> float:

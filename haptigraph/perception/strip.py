@@ -73,11 +73,8 @@ class Line(Struct, frozen=True):
 
     def at_px(self, trocar_px: Vec, along_px: float) -> Vec:
         """Return the place so far along the line from the trocar's foot."""
-        (dx, dy), (nx, ny) = self.direction, self.normal
-        return (
-            trocar_px[0] + self.offset_px * nx + along_px * dx,
-            trocar_px[1] + self.offset_px * ny + along_px * dy,
-        )
+        (x, y), (dx, dy) = trocar_px, self.direction
+        return x - self.offset_px * dy + along_px * dx, y + self.offset_px * dx + along_px * dy
 
 
 class Site:
