@@ -118,7 +118,9 @@ def refine_tip(
         fall = fall and _fall(profile, fall.end, behind_px)
     if fall is None:
         return None
-    point = _faint_end(profile, _followed(profile, fall), blur_px) if blur_px < BLURRED_PX else fall
+    point = _followed(profile, fall) if blur_px < BLURRED_PX else fall
+    if blur_px < BLURRED_PX and reach.where == "inside":  # outside there is more to see on the ground
+        point = _faint_end(profile, point, blur_px)
     return replace(
         reach,
         tip_px=first_px + point.place_px - BLUR_SHARE * point.one_tone * max(blur_px - FOCUSED_PX, 0.0),
