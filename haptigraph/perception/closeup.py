@@ -11,7 +11,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from haptigraph.perception.pixels import FloatImage
-from haptigraph.perception.sharpness import SHARP_REACH_PX, least_sharpness, sharpness
+from haptigraph.perception.sharpness import AROUND_PX, SHARP_REACH_PX, least_sharpness, sharpness
 from haptigraph.perception.strip import Strip
 from haptigraph.perception.tip import LEAST_SNR, Reach, contrast_along
 
@@ -35,7 +35,6 @@ LEAST_FALL = 0.6  # what is beyond has less than this share of the contrast behi
 UNKNOWN_FALL = 0.4  # the same before a wall that was never seen without a needle
 BEYOND_PX = 4  # the blurred end of the tip
 WALL_PX = 2  # of the wall's edge
-AROUND_PX = 6  # lanes to either side of a shaft's middle, that tell how narrow it is
 FLOOR_PX, FLOOR_GREY = 0.1, 1e-3
 
 
@@ -118,9 +117,11 @@ def refine_tip(
         fall = fall and _fall(profile, fall.end, behind_px)
     if fall is None:
         return None
-    point = _followed(profile, fall) if blur_px < BLURRED_PX else fall
-    if blur_px < BLURRED_PX and reach.where == "inside":  # outside there is more to see on the ground
-        point = _faint_end(profile, point, blur_px)
+    point = fall
+    if blur_px < BLURRED_PX:
+        point = _followed(profile, fall)
+        if reach.where == "inside":  # outside there is more to see on the ground
+            point = _faint_end(profile, point, blur_px)
     return replace(
         reach,
         tip_px=first_px + point.place_px - BLUR_SHARE * point.one_tone * max(blur_px - FOCUSED_PX, 0.0),
@@ -148,7 +149,7 @@ def _faint_end(profile: _Profile, point: _Fall, blur_px: float) -> _Fall:
     That part must be narrow: a blurred end, a shadow and a bubble are not.
     """
     along, start = profile.along, point.end + 1
-    high, low = _levels(profile, slice(max(point.end - POINT_PX, 0), max(point.end, 1)), point.end)
+    high, low = _levels(profile, _behind(point.end, POINT_PX, 0), point.end)
     level = max(low + FAINT_LEVEL * (high - low), LEAST_SNR * profile.contrast_noise_grey)
     stop = next((station for station in range(start, len(along)) if along[station] < level), len(along))
     if not 0 < stop - start <= LONGEST_FAINT_PX or point.one_tone < LEAST_ONE_TONE:
@@ -184,7 +185,7 @@ def _profile(strip: Strip, reach: Reach, seen: slice, aside_px: float, goes_on: 
 def _fall(profile: _Profile, end: int, behind_px: int, blunt_px: int = BLUNT_PX) -> _Fall | None:
     """Return where, about a station, the contrast falls off from what it is behind; None if it does not."""
     along, is_sure = profile.along, profile.is_sure
-    behind = slice(max(end - behind_px, 0), max(end - blunt_px, 1))
+    behind = _behind(end, behind_px, blunt_px)
     high, low = _levels(profile, behind, end)
     if low > (LEAST_FALL if all(is_sure[end:]) else UNKNOWN_FALL) * high:
         return None
@@ -195,6 +196,11 @@ def _fall(profile: _Profile, end: int, behind_px: int, blunt_px: int = BLUNT_PX)
     if end < 0 or (end == len(along) - 1 and profile.goes_on):
         return None
     return _Fall(end, *_crossing(along, end, level), high, one_tone)
+
+
+def _behind(end: int, behind_px: int, blunt_px: int) -> slice:
+    """Return the stations that tell the contrast of what is behind one, but for a blunt end."""
+    return slice(max(end - behind_px, 0), max(end - blunt_px, 1))
 
 
 def _levels(profile: _Profile, behind: slice, end: int) -> tuple[float, float]:

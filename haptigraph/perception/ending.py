@@ -76,8 +76,8 @@ class EndFinder:
         strip, fit, reach = sight.glimpse.strip, sight.fit, sight.reach
         edges_end_px = fit.end_px(float(strip.u_px[0]))
         inner_px = float(strip.u_px[strip.inside.start]) if reach.where == "inside" else math.inf
-        gap_px = GAP_MM * self._site.px_per_mm
-        is_led = is_led_to(strip, edges_end_px, gap_px) or fit.leads_through(inner_px)
+        most_gap_px = GAP_MM * self._site.px_per_mm
+        is_led = is_led_to(strip, edges_end_px, most_gap_px) or fit.leads_through(inner_px)
         if reach.where == "inside" and not is_led:
             reach = replace(reach, where="outside", tip_px=edges_end_px)
         if reach.where == "hidden":
@@ -107,10 +107,9 @@ class EndFinder:
             return None
         fall = self._fall(image, sight, reach, expected_px)
         near = (expected_px, NEAR_PX), (edges_end_px, EDGES_END_PX)
-        is_near = fall and any(abs(fall.tip_px - px) < off for px, off in near)
-        return (
-            fall if fall and is_near and not goes_on(sight.glimpse.strip, fall.tip_px, reach.tip_px) else None
-        )
+        if fall is None or not any(abs(fall.tip_px - px) < off for px, off in near):
+            return None
+        return None if goes_on(sight.glimpse.strip, fall.tip_px, reach.tip_px) else fall
 
     def _is_free(self, strip: Strip, tip_px: float, reach_px: float, edges_end_px: float) -> bool:
         """Tell whether a tip right before the wall is one, and not a faint place of a shaft that goes on.

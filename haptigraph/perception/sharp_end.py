@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from haptigraph.perception.closeup import FADING_LEVEL
 from haptigraph.perception.pixels import FloatImage
-from haptigraph.perception.sharpness import least_sharpness, sharpness
+from haptigraph.perception.sharpness import AROUND_PX, least_sharpness, sharpness
 from haptigraph.perception.strip import STATION_PX, Strip, median
 from haptigraph.perception.tip import Reach, core_contrast
 
@@ -28,7 +28,6 @@ SHARP_DEVIATION_PX = 1.0
 SHORTEST_DIM_PX, LONGEST_DIM_PX = 3, 14  # what is shorter is blurred
 LEAST_DIM = 0.2  # share of the contrast behind
 SHARP_SHARE = 0.3  # a dim point is sharper than this share of what is behind
-NEAR_PX = 6  # beside the shaft's middle
 
 
 def sharp_end(strip: Strip, reach: Reach) -> Reach | None:
@@ -97,7 +96,7 @@ def dim_end_px(strip: Strip, reach: Reach) -> float | None:
     length = len(is_dim) if is_dim.all() else int(is_dim.argmin())
     if not SHORTEST_DIM_PX <= length <= LONGEST_DIM_PX:
         return None
-    near = strip.excess[strip.half_px - NEAR_PX : strip.half_px + NEAR_PX + 1]
+    near = strip.excess[strip.half_px - AROUND_PX : strip.half_px + AROUND_PX + 1]
     parts = slice(max(start - 1 - length, 0), start - 1), slice(start, start + length)
     behind, dim = (_mean_sharpness(near[:, part]) for part in parts)
     least = max(SHARP_SHARE * behind, least_sharpness(strip.noise_grey, length))

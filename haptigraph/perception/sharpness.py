@@ -12,13 +12,16 @@ import numpy as np
 from haptigraph.perception.pixels import FloatImage
 from haptigraph.perception.tip import LEAST_SNR
 
-__all__ = ["SHARP_REACH_PX", "least_sharpness", "sharpness"]
+__all__ = ["AROUND_PX", "SHARP_REACH_PX", "least_sharpness", "sharpness"]
 
 BESIDE_PX = 2  # from lane to lane: an edge or a point changes over so little, the edge of a shadow does not
 BESIDE = np.array((1, -4, 6, -4, 1), np.float32) / 6
 SHARP_NOISE = float(np.sqrt((BESIDE**2).sum()))
 SHARP_REACH_PX = BESIDE_PX * (len(BESIDE) // 2)
 """To either side of a lane, that tells how sharp it is."""
+
+AROUND_PX = 6
+"""To either side of a shaft's middle, that tells how sharp its point is."""
 
 
 def sharpness(excess: FloatImage) -> FloatImage:
