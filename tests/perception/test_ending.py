@@ -1,0 +1,41 @@
+import cv2
+import numpy as np
+import pytest
+
+from haptigraph.perception.background import Background
+from haptigraph.perception.ending import EndFinder, Glimpse, Sight
+from haptigraph.perception.shaft import fit_line
+from haptigraph.perception.strip import Line, Site, lay_straight, stations
+from haptigraph.perception.tip import find_reach
+
+GROUND, METAL, END_PX = 150.0, 80.0, 100.0
+FADES_PX, FAINTEST = (
+    25.0,
+    0.15,
+)  # the last part of a point, and the share of its contrast that is left at its end
+
+
+def fading_needle(site: Site, line: Line) -> np.ndarray:
+    """A dark needle of 5 px that fades towards its end, on plain ground, in focus."""
+    y, x = np.mgrid[: site.height_px, : site.width_px]
+    (x0, y0), (dx, dy) = line.at_px(site.trocar_px, 0.0), line.direction
+    along, across = (x - x0) * dx + (y - y0) * dy, (y - y0) * dx - (x - x0) * dy
+    left = np.clip((END_PX - along) / FADES_PX, 0, 1) * (1 - FAINTEST) + FAINTEST
+    covered = np.clip(3.0 - abs(across), 0, 1) * np.clip(END_PX + 0.5 - along, 0, 1)
+    image = cv2.GaussianBlur(GROUND - METAL * left * covered, (0, 0), 0.7)
+    return np.clip(image + np.random.default_rng(1).normal(0, 1.0, image.shape), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize("short_px", [0.0, 8.0, 12.0, 16.0])
+def test_a_tip_is_found_though_it_was_expected_far_behind(registration, short_px):
+    site = Site(registration)
+    line = Line(site.inwards_rad + 0.1, 0.0)
+    background = Background(site.width_px, site.height_px, site.box)
+    background.learn(np.full((site.height_px, site.width_px), round(GROUND), np.uint8), None, 20)
+    image = fading_needle(site, line)
+    (strip,) = lay_straight(site, image, background.grey, line, stations(site, line))
+    reach = find_reach(strip, site.px_per_mm, None)
+    fit = fit_line(strip, reach.tip_px, strip.half_px)
+    sight = Sight(Glimpse(line, strip, None, reach), line, fit, reach)
+    end = EndFinder(site, background)(image, sight, END_PX - short_px)
+    assert (end.where, end.tip_px) == ("inside", pytest.approx(END_PX, abs=1.5))
