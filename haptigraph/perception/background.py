@@ -2,6 +2,7 @@
 
 Turns images and where the needle was in them into the grey picture behind the needle. Pixels that were never
 seen without the needle are marked UNSEEN. Learns a band of rows per image, so that it costs next to nothing.
+Tells in which grey to look: orange ground may be as bright as metal in the shade, but it is not as blue.
 """
 
 from itertools import pairwise
@@ -12,27 +13,29 @@ from numpy.typing import NDArray
 
 from haptigraph.geometry import Vec, unit
 from haptigraph.messages import Image
-from haptigraph.perception.pixels import FloatImage, grey_of
-from haptigraph.perception.strip import UNSEEN
+from haptigraph.perception.pixels import FloatImage, Mask, grey_of, grey_with_chroma
+from haptigraph.perception.strip import UNSEEN, Site
 
 __all__ = ["Background"]
 
 BANDS = 16
 RATE = 0.25
+EVERY_PX = 8  # a pixel tells the ground's colour
+LEAST_BLUE = 0.9  # of the ground's brightness: with less, metal is told by its colour as well
+CHROMA_RATE, MOST_CHROMA = 2.5, 0.4
 
 
 class Background:
     """A slowly adapting picture of the empty eye.
 
     Args:
-        width_px: Of the image.
-        height_px: Of the image.
-        box: Rows and columns of the image that are worth knowing.
+        site: Where the globe is, and which part of the image is worth knowing.
     """
 
-    def __init__(self, width_px: int, height_px: int, box: tuple[slice, slice]) -> None:
-        self._size = height_px, width_px
-        rows, self._columns = box
+    def __init__(self, site: Site) -> None:
+        self._size = site.height_px, site.width_px
+        self._is_inside = site.is_inside()
+        rows, self._columns = site.box
         edges = [rows.start + band * (rows.stop - rows.start) // BANDS for band in range(BANDS + 1)]
         self._bands = [slice(*ends) for ends in pairwise(edges)]
         self.reset()
@@ -40,6 +43,8 @@ class Background:
     def reset(self) -> None:
         """Forget everything."""
         self.grey: FloatImage = np.full(self._size, UNSEEN, np.float32)
+        self.chroma_share = 0.0
+        """How much of blue less red the grey within the globe has in it."""
         self._band = 0
         self.is_new = True
         self._is_whole = [False] * BANDS
@@ -52,6 +57,10 @@ class Background:
             needle: The two ends of what the needle may cover [px]; None if there is no needle.
             width_px: How wide a stripe about it to leave out.
         """
+        if self.is_new:
+            self.chroma_share = _chroma_share(
+                image[::EVERY_PX, ::EVERY_PX], self._is_inside[::EVERY_PX, ::EVERY_PX]
+            )
         bands = range(BANDS) if self.is_new else (self._band,)
         for band in bands:
             self._learn_band(image, band, needle, width_px)
@@ -60,7 +69,8 @@ class Background:
 
     def _learn_band(self, image: Image, band: int, needle: tuple[Vec, Vec] | None, width_px: int) -> None:
         rows, columns = self._bands[band], self._columns
-        grey, kept = grey_of(image[rows, columns]), self.grey[rows, columns]
+        grey = grey_with_chroma(image[rows, columns], self.chroma_share, self._is_inside[rows, columns])
+        kept = self.grey[rows, columns]
         free = np.full(grey.shape, 255, np.uint8)
         if needle is not None:
             cv2.fillConvexPoly(free, _stripe(needle, width_px, (columns.start, rows.start)), 0, shift=4)
@@ -71,6 +81,15 @@ class Background:
             free[unseen] = 0
             self._is_whole[band] = bool((kept >= 0).all())
         cv2.accumulateWeighted(grey, kept, RATE, free)
+
+
+def _chroma_share(image: Image, is_inside: Mask) -> float:
+    """Return how much of blue less red tells metal from the ground: the more, the less blue the ground is."""
+    if image.ndim == 2 or not is_inside.any():
+        return 0.0
+    ground = np.median(image[is_inside], axis=0).astype(np.uint8)
+    lack = LEAST_BLUE - float(ground[0]) / max(float(grey_of(ground[None, None])[0, 0]), 1.0)
+    return min(max(CHROMA_RATE * lack, 0.0), MOST_CHROMA)
 
 
 def _stripe(ends: tuple[Vec, Vec], width_px: int, corner_px: Vec) -> NDArray[np.int32]:

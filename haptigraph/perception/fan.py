@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from haptigraph.messages import Image
-from haptigraph.perception.pixels import FloatImage, grey_of
+from haptigraph.perception.pixels import FloatImage, grey_with_chroma
 from haptigraph.perception.strip import LARGEST_TURN_RAD, OUTSIDE_MM, Line, Site
 
 __all__ = ["Fan"]
@@ -45,7 +45,9 @@ class Fan:
             x.astype(np.float32), y.astype(np.float32), cv2.CV_16SC2, nninterpolation=True
         )
         self._cells = len(self._angles), len(radii) // CELL, CELL
-        radius = np.hypot(x - site.center_px[0], y - site.center_px[1]).reshape(self._cells)
+        radius = np.hypot(x - site.center_px[0], y - site.center_px[1])
+        self._is_inside = radius < site.outer_px
+        radius = radius.reshape(self._cells)
         in_image = (x >= 0) & (y >= 0) & (x < site.width_px) & (y < site.height_px)
         cell_px = radii.reshape(-1, CELL).mean(axis=1)
         self._trocar = int(cell_px.searchsorted(0))
@@ -59,10 +61,17 @@ class Fan:
             np.clip(row + side * apart, 0, len(row) - 1) * self._cells[1] + column for side in (-1, 1)
         ]
 
-    def search(self, image: Image) -> list[Line]:
-        """Return the lines through the trocar most like a needle, best first."""
+    def search(self, image: Image, chroma_share: float = 0.0) -> list[Line]:
+        """Return the lines through the trocar most like a needle, best first.
+
+        Args:
+            image: (h, w, 3) BGR or (h, w) grey.
+            chroma_share: Of blue less red in the grey within the globe.
+        """
         unrolled = cv2.remap(image, self._map, self._none, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)
-        grey = grey_of(np.asarray(unrolled, np.uint8)).astype(np.float32)
+        grey = grey_with_chroma(np.asarray(unrolled, np.uint8), chroma_share, self._is_inside).astype(
+            np.float32
+        )
         cells = np.asarray(cv2.resize(grey, self._cells[1::-1], interpolation=cv2.INTER_AREA), np.float32)
         evidence = np.minimum(self._contrast(cells) * np.float32(1 / CONTRAST_GREY) - 1, 1)
         within = (evidence[:, self._trocar :] * self._inside).cumsum(axis=1).max(axis=1)

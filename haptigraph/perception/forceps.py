@@ -48,7 +48,7 @@ class ForcepsPerceiver:
         self._stains = Stains(registration)
         site = Site(registration)
         self._px_per_mm, self._globe = site.px_per_mm, (site.center_px, site.inner_px)
-        self._background = Background(site.width_px, site.height_px, site.box)
+        self._background = Background(site)
 
     def reset(self) -> None:
         """Forget earlier images."""
@@ -89,6 +89,7 @@ class ForcepsPerceiver:
             self._ends_px(line)[1],
             px_per_mm=self._px_per_mm,
             globe=self._globe,
+            chroma_share=self._background.chroma_share,
             other=self._ends_px(pipe) if isinstance(pipe, Segment) else None,
         )
         if jaws is None:

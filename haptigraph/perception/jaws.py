@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from haptigraph.geometry import Vec, norm, subtract, unit
 from haptigraph.messages import Image
-from haptigraph.perception.pixels import FloatImage, Mask, grey_of
+from haptigraph.perception.pixels import FloatImage, Mask, grey_with_chroma
 from haptigraph.perception.strip import median
 
 __all__ = ["Jaws", "find_jaws"]
@@ -83,6 +83,7 @@ def find_jaws(
     *,
     px_per_mm: float,
     globe: tuple[Vec, float],
+    chroma_share: float = 0.0,
     other: tuple[Vec, Vec] | None = None,
 ) -> Jaws | None:
     """Find the jaws of one pair of forceps.
@@ -94,6 +95,7 @@ def find_jaws(
         seen_to_px: Another place on its middle line; up to there it is surely seen.
         px_per_mm: Scale.
         globe: Centre and inner radius [px].
+        chroma_share: Of blue less red in the grey of `empty`.
         other: The two ends of another instrument [px], which is left out.
 
     Returns:
@@ -107,7 +109,7 @@ def find_jaws(
         return None
     reach_px = middle + math.sqrt(radius_px**2 - aside**2)
     patch = _Patch(entry_px, along, (max(round(reach_px), 1), 2 * round(HALF_WIDTH_MM * px_per_mm) + 1))
-    metal = _metal(image, empty, patch, seen_px, px_per_mm)
+    metal = _metal(image, empty, patch, seen_px, px_per_mm, chroma_share)
     if metal is None:
         return None
     stations, lanes = patch.size
@@ -119,9 +121,12 @@ def find_jaws(
     return _ends(_of_shaft(metal, patch.half), patch, px_per_mm)
 
 
-def _metal(image: Image, empty: FloatImage, patch: _Patch, seen_px: float, px_per_mm: float) -> Mask | None:
+def _metal(
+    image: Image, empty: FloatImage, patch: _Patch, seen_px: float, px_per_mm: float, chroma_share: float
+) -> Mask | None:
     """Return what differs from the empty eye about as much as the shaft does, and has no colour."""
-    now, then = patch.lay(grey_of(image)).astype(np.float32), patch.lay(empty)
+    seen, then = patch.lay(image), patch.lay(empty)
+    now = grey_with_chroma(seen, chroma_share, np.True_).astype(np.float32)
     flank = max(round(FLANK_MM * px_per_mm), 2)
     beside = np.concatenate([now[:flank], now[-flank:]])
     is_known = then >= 0
@@ -137,7 +142,7 @@ def _metal(image: Image, empty: FloatImage, patch: _Patch, seen_px: float, px_pe
         return None
     metal = differs >= max(LEVEL * contrast, LEAST_GREY)
     if image.ndim == 3:
-        blue, green, red = cv2.split(patch.lay(image))
+        blue, green, red = cv2.split(seen)
         strongest, weakest = cv2.max(cv2.max(blue, green), red), cv2.min(cv2.min(blue, green), red)
         metal &= cv2.subtract(strongest, weakest) < COLORED_GREY
     return np.asarray(metal, np.bool_)

@@ -8,16 +8,36 @@ from numpy.typing import NDArray
 
 from haptigraph.messages import Image
 
-__all__ = ["FloatImage", "Floats", "Mask", "grey_of", "top_shift"]
+__all__ = ["FloatImage", "Floats", "Mask", "grey_of", "grey_with_chroma", "top_shift"]
 
 FloatImage: TypeAlias = NDArray[np.float32]
 Floats: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
 
+GREY = 0.114, 0.587, 0.299  # shares of blue, green and red (ITU-R BT.601), as OpenCV has them
+
 
 def grey_of(image: Image) -> Image:
     """Return an image in grey."""
     return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
+
+
+def grey_with_chroma(image: Image, chroma_share: float, where: Mask | np.bool_) -> Image:
+    """Return an image in grey, in some places with what is more blue than red brighter.
+
+    White and grey stay as bright as they are.
+
+    Args:
+        image: (h, w, 3) BGR or (h, w) grey, which stays as it is.
+        chroma_share: How much of blue less red is added.
+        where: The places, as the image broadcasts.
+    """
+    grey = grey_of(image)
+    if image.ndim == 2 or not chroma_share:
+        return grey
+    weights = np.array([GREY]) + chroma_share * np.array([[1.0, 0.0, -1.0]])
+    bluer = np.asarray(cv2.transform(image, weights), np.uint8).reshape(grey.shape)
+    return np.where(where, bluer, grey)
 
 
 def top_shift(before: Floats, at: Floats, after: Floats) -> Floats:

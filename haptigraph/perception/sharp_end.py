@@ -18,7 +18,7 @@ from haptigraph.perception.tip import Reach, core_contrast
 __all__ = ["LONGEST_DIM_PX", "SHORTEST_DIM_PX", "dim_end_px", "goes_on", "sharp_end"]
 
 GROUP = 4  # stations in which something sharp is looked for together
-SPREAD = np.full((GROUP, 1), 1 / GROUP, np.float32)
+SPREAD = np.kron(np.eye(2, dtype=np.float32), np.full((GROUP, 1), 1 / GROUP, np.float32))  # of two groups
 POINT = 5  # groups
 SOFT_SHARE = 0.2  # a shadow is less sharp than this share of the point it goes on from
 LEAST_SOFT = 6  # groups
@@ -44,10 +44,10 @@ def sharp_end(strip: Strip, reach: Reach) -> Reach | None:
     groups = int((reach.tip_px - start_px) / STATION_PX) + 2 - GROUP
     seen = strip.excess[:, start : start + groups + GROUP - 1]
     least = least_sharpness(strip.noise_grey, GROUP)
-    if groups <= LEAST_SOFT or sharpness(seen[:, -GROUP:] @ SPREAD)[0] >= least:
+    if groups <= LEAST_SOFT or _is_sharp_to_end(seen, least):
         return None
     along = _along(strip, slice(start, start + groups + GROUP - 1))
-    is_sharp = along >= least
+    is_sharp = along >= max(least, SOFT_SHARE * median(along))
     pairs = (is_sharp[1:] & is_sharp[:-1]).nonzero()[0]
     end = int(pairs[-1]) + 1 if len(pairs) else groups
     if end > groups - LEAST_SOFT:
@@ -60,6 +60,14 @@ def sharp_end(strip: Strip, reach: Reach) -> Reach | None:
     share = (along[end] - level) / (along[end] - along[end + 1])
     tip_px = start_px + STATION_PX * (end + float(share) + (GROUP - 1) / 2)
     return replace(reach, tip_px=tip_px, deviation_px=SHARP_DEVIATION_PX, contrast_grey=0.0)
+
+
+def _is_sharp_to_end(seen: FloatImage, least: float) -> bool:
+    """Tell whether the last stations are sharp, compared to those in the middle, and to noise."""
+    middle = seen.shape[1] // 2
+    groups = np.concatenate([seen[:, middle : middle + GROUP], seen[:, -GROUP:]], axis=1)
+    usual, last = sharpness(groups @ SPREAD)
+    return bool(last >= max(SOFT_SHARE * usual, least))
 
 
 def goes_on(strip: Strip, from_px: float, to_px: float) -> bool:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from haptigraph.geometry import Vec, norm, subtract
 from haptigraph.messages import Image
-from haptigraph.perception.pixels import FloatImage, Mask, grey_of
+from haptigraph.perception.pixels import FloatImage, Mask, grey_of, grey_with_chroma
 from haptigraph.perception.registration import Registration
 
 __all__ = [
@@ -123,6 +123,12 @@ class Site:
         x, y = zip(*places, strict=True)
         return _span(y, self.half_px, self.height_px), _span(x, self.half_px, self.width_px)
 
+    def is_inside(self) -> Mask:
+        """Return which pixels lie within the globe's outer wall, (height_px, width_px)."""
+        y, x = np.ogrid[: self.height_px, : self.width_px]
+        (center_x, center_y), radius = self.center_px, self.outer_px
+        return np.asarray((x - center_x) ** 2 + (y - center_y) ** 2 < radius**2, np.bool_)
+
     def wall_px(self, line: Line) -> tuple[float, float, float] | None:
         """Return where a line enters and leaves the wall and meets the far side; None if it misses."""
         (dx, dy), foot = line.direction, line.at_px(self.trocar_px, 0.0)
@@ -196,7 +202,12 @@ def stations(
 
 
 def lay_straight(
-    site: Site, image: Image, empty: FloatImage, line: Line, *runs_px: FloatImage
+    site: Site,
+    image: Image,
+    empty: FloatImage,
+    line: Line,
+    *runs_px: FloatImage,
+    chroma_share: float = 0.0,
 ) -> list[Strip] | None:
     """Lay the surroundings of one or more parts of a line straight, all at once.
 
@@ -206,6 +217,7 @@ def lay_straight(
         empty: The eye without needle, (h, w) grey; negative where not known.
         line: The line.
         runs_px: Evenly spaced places along it, (n,) each, two at least.
+        chroma_share: Of blue less red in the grey within the globe, which `empty` has in it as well.
 
     Returns:
         A strip of each run, or None if the line misses the globe.
@@ -216,7 +228,7 @@ def lay_straight(
     (nx, ny), (dx, dy), (x, y) = line.normal, line.direction, line.at_px(site.trocar_px, 0.0)
     u_px = runs_px[0] if len(runs_px) == 1 else np.concatenate(runs_px)
     place = np.add.outer(site.lanes_px * nx + x, u_px * dx), np.add.outer(site.lanes_px * ny + y, u_px * dy)
-    now = site.level @ grey_of(_sampled(image, place)).astype(np.float32)
+    now = site.level @ _grey(_sampled(image, place), chroma_share, u_px, wall).astype(np.float32)
     without = _sampled(empty, place)
     is_known = without.min(axis=0) >= 0
     without = site.level @ without
@@ -235,6 +247,13 @@ def lay_straight(
         )
         start = part.stop
     return strips
+
+
+def _grey(seen: Image, chroma_share: float, u_px: FloatImage, wall_px: tuple[float, float, float]) -> Image:
+    if not chroma_share:
+        return grey_of(seen)
+    outer, inner, far = wall_px
+    return grey_with_chroma(seen, chroma_share, (u_px > outer) & (u_px < far + inner - outer))
 
 
 def _sides(u_px: FloatImage, wall_px: tuple[float, float, float]) -> tuple[slice, slice]:

@@ -64,7 +64,7 @@ class Tracker:
         self._registration = registration
         self._site = Site(registration)
         self._fan = Fan(self._site)
-        self._background = Background(self._site.width_px, self._site.height_px, self._site.box)
+        self._background = Background(self._site)
         self._find_end = EndFinder(self._site, self._background)
         self._pose = PoseFilter(self._site.px_per_mm)
         self.reset()
@@ -117,7 +117,7 @@ class Tracker:
         return self._refined(image, sight, depth_px)
 
     def _acquire(self, image: Image) -> Sight | None:
-        candidates = self._fan.search(image)
+        candidates = self._fan.search(image, self._background.chroma_share)
         self._doubts = self._doubts + 1 if candidates else DOUBTS
         glimpses = [seen for line in candidates if (seen := self._glimpse(image, line)) is not None]
         for glimpse in sorted(glimpses, key=lambda seen: -seen.reach.evidence_px):
@@ -146,7 +146,8 @@ class Tracker:
         if u_px is None:
             return None
         runs = (u_px,) if near_px is None else (u_px, near_px)
-        strips = lay_straight(self._site, image, self._background.grey, expected, *runs)
+        empty = self._background
+        strips = lay_straight(self._site, image, empty.grey, expected, *runs, chroma_share=empty.chroma_share)
         if strips is None:
             return None
         reach = find_reach(strips[0], self._site.px_per_mm, self._usual_grey, followed_px)

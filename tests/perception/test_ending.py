@@ -30,7 +30,7 @@ def fading_needle(site: Site, line: Line) -> np.ndarray:
 def test_a_tip_is_found_though_it_was_expected_far_behind(registration, short_px):
     site = Site(registration)
     line = Line(site.inwards_rad + 0.1, 0.0)
-    background = Background(site.width_px, site.height_px, site.box)
+    background = Background(site)
     background.learn(np.full((site.height_px, site.width_px), round(GROUND), np.uint8), None, 20)
     image = fading_needle(site, line)
     (strip,) = lay_straight(site, image, background.grey, line, stations(site, line))

@@ -6,7 +6,6 @@ import pytest
 from drawn_strip import END_PX, LANES, U_PX, blurred, needle, seen_blur_px
 from drawn_strip import strip as drawn_strip
 
-from haptigraph.perception.background import Background
 from haptigraph.perception.closeup import closeup_px, refine_tip
 from haptigraph.perception.fan import Fan
 from haptigraph.perception.shaft import Look, fit_line
@@ -126,23 +125,6 @@ def test_a_line_that_misses_the_globe_has_no_strip(site, unknown):
     aside = Line(site.inwards_rad + math.pi / 2, 0.0)
     assert stations(site, aside) is None
     assert lay_straight(site, image, unknown, aside, closeup_px(50.0)) is None
-
-
-def test_the_background_is_learned_beside_the_needle_and_under_it_when_it_has_gone(site):
-    background = Background(site.width_px, site.height_px, site.box)
-    line = Line(site.inwards_rad, 0.0)
-    place = tuple(round(value) for value in line.at_px(site.trocar_px, 40.0))
-    image, empty = draw(site, line, 100.0, noise=0), draw(site, line, -900.0, noise=0)
-    ends = line.at_px(site.trocar_px, -200.0), line.at_px(site.trocar_px, 103.0)
-    background.learn(image, ends, 20)
-    assert background.grey[place[1], place[0]] == UNSEEN
-    assert (background.grey[site.box][:, :20] == GROUND).all()
-    for _ in range(16):
-        background.learn(empty, None, 20)
-    assert background.grey[place[1], place[0]] == GROUND
-    assert (background.grey[site.box] >= 0).all()
-    background.reset()
-    assert (background.grey == UNSEEN).all()
 
 
 def shaded_shaft(side, shade_grey):

@@ -1,10 +1,11 @@
 import cv2
 import numpy as np
 import pytest
-from drawn_strip import END_PX, LANES, SHADOW, U_PX, needle, strip
+from drawn_strip import END_PX, LANES, SHADOW, U_PX, blurred, needle, strip
 
 from haptigraph.perception.closeup import refine_tip
 from haptigraph.perception.sharp_end import dim_end_px, goes_on, sharp_end
+from haptigraph.perception.strip import STATION_PX
 from haptigraph.perception.tip import Reach
 
 
@@ -14,6 +15,15 @@ def test_a_shadow_that_goes_on_in_line_with_the_needle_is_cut_off(half_width_px,
     shaded = np.minimum(needle(half_width_px), shadow_grey * SHADOW * (U_PX <= 220))
     shaded += needle(half_width_px, grey=-15.0)
     end = sharp_end(strip(shaded), Reach("inside", 220.0, 200.0))
+    assert end is not None
+    assert end.tip_px == pytest.approx(END_PX, abs=4)
+
+
+@pytest.mark.parametrize("edge_px", [1.6, 1.7, 1.8])
+def test_a_shadow_is_cut_off_though_noise_alone_is_softer_than_its_edges(edge_px):
+    shadow = blurred(needle(6.0, 220.0, -70.0), edge_px, STATION_PX)
+    shaded = np.minimum(blurred(needle(4.0, grey=-200.0), 0.8, STATION_PX), shadow)
+    end = sharp_end(strip(shaded), Reach("inside", 216.0, 200.0))
     assert end is not None
     assert end.tip_px == pytest.approx(END_PX, abs=4)
 

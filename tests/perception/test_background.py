@@ -1,0 +1,90 @@
+import cv2
+import numpy as np
+import pytest
+
+from haptigraph.config import PerceptionConfig
+from haptigraph.geometry import norm, subtract
+from haptigraph.messages import Capture
+from haptigraph.perception.background import Background
+from haptigraph.perception.pixels import grey_of
+from haptigraph.perception.strip import UNSEEN, Line, Site, lay_straight, stations
+from haptigraph.perception.tracker import Tracker
+
+GREY_GROUND, ORANGE_GROUND = (150, 150, 150), (69, 101, 148)
+SHADED_METAL = 111  # as bright as that orange is
+DEPTH_PX = 100.0
+
+
+@pytest.fixture
+def site(registration) -> Site:
+    return Site(registration)
+
+
+def eye(site: Site, ground: tuple[int, int, int], depth_px: float | None = None, noise: float = 1.0):
+    """An eye of one colour on a dark table, with or without a needle as grey as metal in its shade."""
+    image = np.full((site.height_px, site.width_px, 3), 50, np.uint8)
+    center_px = tuple(round(value) for value in site.center_px)
+    cv2.circle(image, center_px, round(site.outer_px), ground, -1)
+    if depth_px is not None:
+        line = Line(site.inwards_rad, 0.0)
+        ends = (line.at_px(site.trocar_px, along) for along in (-90.0, depth_px - 2.5))
+        places = [tuple(round(16 * value) for value in end) for end in ends]
+        cv2.line(image, *places, (SHADED_METAL,) * 3, 5, cv2.LINE_AA, shift=4)
+    soft = cv2.GaussianBlur(image.astype(np.float32), (0, 0), 0.7)
+    return np.clip(soft + np.random.default_rng(1).normal(0, noise, soft.shape), 0, 255).astype(np.uint8)
+
+
+def test_the_background_is_learned_beside_the_needle_and_under_it_when_it_has_gone(site):
+    background = Background(site)
+    line = Line(site.inwards_rad, 0.0)
+    x, y = (round(value) for value in line.at_px(site.trocar_px, 40.0))
+    ends = line.at_px(site.trocar_px, -200.0), line.at_px(site.trocar_px, 103.0)
+    background.learn(eye(site, GREY_GROUND, DEPTH_PX, noise=0), ends, 20)
+    assert background.grey[y, x] == UNSEEN
+    assert background.grey[y, x + 40] == GREY_GROUND[0]
+    for _ in range(16):
+        background.learn(eye(site, GREY_GROUND, noise=0), None, 20)
+    assert background.grey[y, x] == GREY_GROUND[0]
+    assert (background.grey[site.box] >= 0).all()
+    background.reset()
+    assert (background.grey == UNSEEN).all()
+
+
+def test_colour_counts_as_far_as_the_ground_is_short_of_blue(site):
+    def share(ground) -> float:
+        background = Background(site)
+        background.learn(eye(site, ground), None, 20)
+        return background.chroma_share
+
+    assert share(GREY_GROUND) == share((180, 150, 120)) == share((130, 140, 145)) == 0
+    assert 0 < share((57, 65, 85)) < share(ORANGE_GROUND)
+    background = Background(site)
+    background.learn(grey_of(eye(site, ORANGE_GROUND)), None, 20)
+    assert background.chroma_share == 0
+
+
+def test_an_eye_that_is_empty_shows_no_difference_from_itself_in_any_colour(site):
+    background = Background(site)
+    background.learn(eye(site, ORANGE_GROUND, noise=0), None, 20)
+    line = Line(site.inwards_rad + 0.1, 0.0)
+    (strip,) = lay_straight(
+        site,
+        eye(site, ORANGE_GROUND, noise=0),
+        background.grey,
+        line,
+        stations(site, line),
+        chroma_share=background.chroma_share,
+    )
+    seen = np.concatenate([strip.excess[:, strip.before], strip.excess[:, strip.inside]], axis=1)
+    assert np.abs(seen).max() < 1
+
+
+def test_a_needle_as_bright_as_orange_ground_is_found(site, registration):
+    perceive = Tracker(registration, PerceptionConfig())
+    true_px = Line(site.inwards_rad, 0.0).at_px(site.trocar_px, DEPTH_PX)
+    for number in range(3):
+        depth_px = DEPTH_PX if number else None
+        seen = perceive(Capture(number, number * 33_000_000, eye(site, ORANGE_GROUND, depth_px)))
+        assert ("needle_tip" in seen.found) == (depth_px is not None)
+    tip_px = registration.image.to_px(seen.found["needle_tip"].at_mm)
+    assert norm(subtract(tip_px, true_px)) < 1
