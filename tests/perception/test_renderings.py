@@ -17,7 +17,7 @@ MOST = {  # tip px p50, p95, angle p95 in degrees at 1 to 3 mm and beyond
     "dark_bowl_bevel": (0.35, 2.8, 0.4, 0.2),
     "dark_bowl_long": (0.4, 0.95, 0.15, 0.15),
     "golden_thin": (0.45, 2.6, 0.1, 0.1),
-    "orange_bowl": (2.3, 11.0, 0.2, 0.25),
+    "orange_bowl": (2.3, 11.0, 0.35, 0.25),
     "second_instrument": (0.8, 3.6, 0.2, 0.3),
 }
 
