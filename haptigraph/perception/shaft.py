@@ -26,6 +26,8 @@ WIDER_PX = 3.0
 MISS_PX = 3.0
 LEAST_MISS_PX = 0.45
 SIDE_PX = 0.2  # how far the light may shift the middle on one side of the wall as a whole
+LEAST_LEAN_PX2 = 0.25  # of edges in the same light, one of them blurrier
+LEAN_RATE, MOST_LEAN_PX = 0.35, 0.35  # shift of the middle away from an edge that fades, per px2; at most
 BRIGHT_ASIDE, DARK_ASIDE = 0.03, 0.015  # the same, as a share of a pair's width
 FIRST_SHARE, SHARE_CHANGE = 0.6, 0.01  # deviation of a highlight's share when first seen; added per image
 FINEST_PX = 2.4  # how wide the finest line looks through the lens and the slope filter
@@ -160,9 +162,10 @@ def _robust_line(edges: Edges, miss_px: float, look: Look | None) -> LineFit | N
     """Fit by weighted least squares, leaving out pairs that are off the line (Tukey's weights).
 
     What is known of the light comes in as further unknowns with priors. It differs on the two sides of the
-    wall: each side as a whole may be off by SIDE_PX. A highlight runs beside the axis, the further the
-    thicker the shaft: the middle of a pair may be off by a share of its width, a larger one where a bright
-    pair was seen within a dark one. Where feet tell (no `look`), there is none.
+    wall: each side as a whole may be off by SIDE_PX, and is where one edge fades into the shade. A highlight
+    runs beside the axis, the further the thicker the shaft: the middle of a pair may be off by a share of its
+    width, a larger one where a bright pair was seen within a dark one. Where feet tell (no `look`), there is
+    no highlight.
     """
     missing = _missing(edges.width_px)
     has_pair = edges.width_px > 0
@@ -174,6 +177,7 @@ def _robust_line(edges: Edges, miss_px: float, look: Look | None) -> LineFit | N
     if look is not None:
         highlight = look.highlight or _possible_highlight(edges.width_px, missing)
     prior, pull = PRIOR.copy(), np.zeros(6)
+    pull[2:4] = SIDE_PX**-2 * _shaded_px(edges, trust)
     if highlight:
         prior[4, 4] = highlight.share_deviation**-2
         pull[4] = prior[4, 4] * highlight.share
@@ -277,6 +281,23 @@ def _design(edges: Edges) -> Floats:
     aside = np.maximum(edges.width_px - FINEST_PX, 0)
     design[4, 0], design[5, 1] = aside
     return design.reshape(6, -1)
+
+
+def _shaded_px(edges: Edges, trust: Floats) -> Floats:
+    """Return how far off the middle is before the wall and inside, for one edge fades into the shade, (2,).
+
+    That edge is blurrier, and found where it begins to fade: the axis lies nearer to it. Beside a dark shaft
+    an edge may be blurred by the shaft's shadow just as well.
+    """
+    shifts_px = np.zeros(2)
+    for side, part in enumerate((slice(0, edges.outside), slice(edges.outside, None))):
+        is_bright, is_dark = trust.reshape(edges.width_px.shape)[:, part] > 0
+        bright, dark = int(np.count_nonzero(is_bright)), int(np.count_nonzero(is_dark))
+        if bright >= max(dark, LEAST_BLOCKS):
+            lean = median(edges.lean_px2[0, part][is_bright])
+            shift_px = LEAN_RATE * max(abs(lean) - LEAST_LEAN_PX2, 0.0)
+            shifts_px[side] = -math.copysign(min(shift_px, MOST_LEAN_PX), lean)
+    return shifts_px
 
 
 def _possible_highlight(width_px: Floats, missing: Floats) -> Highlight | None:

@@ -83,6 +83,8 @@ class Edges(Struct, frozen=True, eq=False):
     """Slope of the fainter one [grey levels per px], (2, n)."""
     blur_px2: FloatImage
     """Variance of the blur of the sharper one, (2, n)."""
+    lean_px2: FloatImage
+    """How much more that of the right one is than that of the left one, (2, n)."""
     slopes: Slopes
     """What they were found in."""
 
@@ -118,6 +120,7 @@ def find_edges(strip: Strip, tip_px: float) -> Edges | None:
     left_px, right_px = _paired(ends + shift_px)
     left_px2, right_px2 = _paired(curvature**-2)
     is_pair = has_edge & has_edge[::-1] & (left_px < about) & (right_px > about)
+    left_blur_px2, right_blur_px2 = _paired(height / curvature)
     floor_px2 = np.where(is_known, np.float32(FLOOR_PX**2), np.float32(UNKNOWN_FLOOR_PX**2))
     return Edges(
         u_px,
@@ -126,7 +129,8 @@ def find_edges(strip: Strip, tip_px: float) -> Edges | None:
         variance_px2=(CURVE_NOISE * noise**2 / 4) * (left_px2 + right_px2) + floor_px2,
         width_px=np.where(is_pair, right_px - left_px, UNSEEN_PX),
         steepness=np.minimum(*_paired(height)),
-        blur_px2=np.minimum(*_paired(height / curvature)) - SLOPE_BLUR_PX2,
+        blur_px2=np.minimum(left_blur_px2, right_blur_px2) - SLOPE_BLUR_PX2,
+        lean_px2=right_blur_px2 - left_blur_px2,
         slopes=slopes,
     )
 

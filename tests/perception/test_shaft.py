@@ -144,6 +144,24 @@ def test_the_axis_of_a_shaft_is_between_its_outer_edges_though_one_side_is_in_th
     assert fit.offset_px + fit.slope * END_PX == pytest.approx(0, abs=0.5)
 
 
+def matt_shaft(side, aside_deg, radius_px=5.0, grey=120.0):
+    """A bright cylinder on black ground that scatters light from so far aside of the camera (Lambert)."""
+    fine_px = (np.arange(10 * len(LANES)) + 0.5) / 10 - len(LANES) / 2
+    surface_rad = np.arcsin(np.clip(side * fine_px / radius_px, -1, 1))
+    light = np.cos(surface_rad + math.radians(aside_deg)).clip(0) * (abs(fine_px) < radius_px)
+    lanes = light.reshape(-1, 10).mean(axis=1)[:, None]
+    return drawn_strip(blurred(grey * lanes * (U_PX <= END_PX), 0.8, STATION_PX))
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+@pytest.mark.parametrize(("aside_deg", "off_px"), [(0, 0.05), (20, 0.5), (30, 0.8)])
+def test_the_axis_is_nearer_to_the_edge_that_fades_into_the_shade(side, aside_deg, off_px):
+    seen = matt_shaft(side, aside_deg)
+    fit = fit_line(seen, END_PX, seen.half_px)
+    assert abs(fit.offset_px) < off_px
+    assert abs(fit.offset_px + fit.slope * END_PX) < off_px
+
+
 @pytest.mark.parametrize(("images", "width_px"), [(0, 10), (7, 10), (9, 5), (15, 5), (16, 10)])
 def test_feet_are_tried_in_the_first_images_and_seldom_once_they_were_no_better(images, width_px):
     seen = shaded_shaft(1, 40.0)
