@@ -14,7 +14,7 @@ from haptigraph.perception.background import Background
 from haptigraph.perception.closeup import closeup_px, refine_tip
 from haptigraph.perception.pixels import FloatImage
 from haptigraph.perception.shaft import LineFit
-from haptigraph.perception.sharp_end import LONGEST_DIM_PX, SHORTEST_DIM_PX, dim_end_px, goes_on
+from haptigraph.perception.sharp_end import LONGEST_DIM_PX, SHORTEST_DIM_PX, dim_end_px, goes_on, sharp_end
 from haptigraph.perception.strip import Line, Site, Strip, lay_straight
 from haptigraph.perception.tip import Reach, is_led_to
 
@@ -24,6 +24,7 @@ GAP_MM = 0.65  # of unknown ground before the wall that is taken for the shaft
 AT_WALL_PX = 3.8  # blurred edge of the wall
 ENDS_PX, EDGES_END_PX = 4.0, 9.0  # beyond a tip, until where a shaft and its edges may seem to go on
 NEAR_PX = 3.0  # between where the tip is expected and where it is, mostly
+SHARP_END_PX = 2.5  # between the end of what is sharp and the fall of contrast there, if it has one
 CENTRED_PX = 2.0  # a tip further beyond the middle of its close-up is looked at anew
 OFF_PX = 3.0
 """If a tip is further off the strip's middle, it has to be looked at in a strip of its own."""
@@ -140,6 +141,14 @@ class EndFinder:
                 return refine_tip(at_hand, reach, about_px, aside_px, sight.fit.blur_px)
         near = self._laid(image, sight.line, u_px)
         return refine_tip(near[0], reach, about_px, blur_px=sight.fit.blur_px) if near else None
+
+    def before_shadow(self, image: Image, sight: Sight, reach: Reach) -> Reach | None:
+        """Return where a shaft ends that goes on as its shadow, None if it does not."""
+        sharp = sharp_end(sight.glimpse.strip, reach) if reach.where == "inside" else None
+        if sharp is None:
+            return None
+        fall = self._fall(image, sight, sharp, sharp.tip_px)
+        return fall if fall and abs(fall.tip_px - sharp.tip_px) < SHARP_END_PX else sharp
 
     def dim_point(self, image: Image, sight: Sight, reach: Reach) -> Reach | None:
         """Return how far a point reaches that gets dim before its end, None if it does not."""

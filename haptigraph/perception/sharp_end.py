@@ -22,7 +22,7 @@ SPREAD = np.kron(np.eye(2, dtype=np.float32), np.full((GROUP, 1), 1 / GROUP, np.
 POINT = 5  # groups
 SOFT_SHARE = 0.2  # a shadow is less sharp than this share of the point it goes on from
 LEAST_SOFT = 6  # groups
-BEYOND, LONG = 2, 8  # stations: from a fall of contrast on; of what goes on from there, at least
+BEYOND, BEHIND = 2, 8  # stations: from a fall of contrast on; before it, that tell how sharp a shaft is
 UNBROKEN = 0.75  # share of the groups that must be sharp
 SHARP_DEVIATION_PX = 1.0
 SHORTEST_DIM_PX, LONGEST_DIM_PX = 3, 14  # what is shorter is blurred
@@ -78,11 +78,12 @@ def goes_on(strip: Strip, from_px: float, to_px: float) -> bool:
         from_px: Where it may end.
         to_px: How far something like it reaches.
     """
-    first, end = strip.inside.start, int(strip.u_px.searchsorted(from_px))
-    start, stop = end + BEYOND, int(strip.u_px.searchsorted(to_px))
-    if stop - start < LONG or end - first < GROUP:
+    end, start = (int(strip.u_px.searchsorted(from_px)) + further for further in (0, BEYOND))
+    part = strip.inside if end >= strip.inside.start else strip.before
+    stop = min(int(strip.u_px.searchsorted(to_px)), part.stop)
+    if min(stop - start, end - part.start) < GROUP:
         return False
-    behind = median(_along(strip, slice(max(end - LONG, first), end)))
+    behind = median(_along(strip, slice(max(end - BEHIND, part.start), end)))
     least = least_sharpness(strip.noise_grey, GROUP)
     is_sharp = _along(strip, slice(start, stop)) > max(least, SHARP_SHARE * behind)
     return int(np.count_nonzero(is_sharp)) >= UNBROKEN * len(is_sharp)

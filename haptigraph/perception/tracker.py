@@ -21,7 +21,6 @@ from haptigraph.perception.pixels import FloatImage
 from haptigraph.perception.pose import PoseFilter
 from haptigraph.perception.registration import Registration
 from haptigraph.perception.shaft import NEW, LineFit, Look, fit_line
-from haptigraph.perception.sharp_end import sharp_end
 from haptigraph.perception.strip import (
     LARGEST_TURN_RAD,
     OUTSIDE_MM,
@@ -169,12 +168,11 @@ class Tracker:
     def _refined(self, image: Image, sight: Sight, expected_px: float = math.inf) -> Sight:
         """Look at the tip closely, first where the shaft's edges end: the rest may be its shadow."""
         reach = self._find_end(image, sight, expected_px)
-        seen = sight.glimpse
-        sharp = sharp_end(seen.strip, reach) if reach.where == "inside" else None
-        if sharp is None:
+        end = self._find_end.before_shadow(image, sight, reach)
+        if end is None:
             return replace(sight, reach=self._find_end.dim_point(image, sight, reach) or reach)
-        without_shadow = self._measured(replace(seen, reach=sharp), seen.strip.half_px)
-        return without_shadow or replace(sight, reach=sharp)
+        without_shadow = self._measured(replace(sight.glimpse, reach=end), sight.glimpse.strip.half_px)
+        return without_shadow or replace(sight, reach=end)
 
     def _is_needle(self, line: Line, fit: LineFit) -> bool:
         scale = self._site.px_per_mm

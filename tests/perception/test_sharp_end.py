@@ -78,9 +78,10 @@ def test_what_ends_where_its_contrast_falls_is_no_dim_point():
 
 
 @pytest.mark.parametrize("beyond_grey", [-30.0, -90.0])
-def test_a_shaft_goes_on_where_its_contrast_changes_as_long_as_it_is_sharp(beyond_grey):
-    shaft = needle(3.0, 100.0) + needle(3.0, 200.0, beyond_grey) * (U_PX > 100)
-    assert goes_on(strip(shaft), 100.0, 200.0)
+@pytest.mark.parametrize("end_px", [114.0, 200.0])
+def test_a_shaft_goes_on_where_its_contrast_changes_as_long_as_it_is_sharp(beyond_grey, end_px):
+    shaft = needle(3.0, 100.0) + needle(3.0, end_px, beyond_grey) * (U_PX > 100)
+    assert goes_on(strip(shaft), 100.0, end_px)
 
 
 def test_a_shaft_does_not_go_on_in_its_shadow_nor_beyond_free_ground():
