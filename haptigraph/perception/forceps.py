@@ -64,8 +64,10 @@ class ForcepsPerceiver:
             BadInput: If the image is not of the registered size.
         """
         image = self._registration.checked(capture.image)
+        tissue, undyed = self._stains(image)
+        found: dict[str, Geometry] = dict(self._registration.anatomy) | tissue
+        capture = replace(capture, image=undyed)
         shaft = self._shaft(capture)
-        found: dict[str, Geometry] = dict(self._registration.anatomy) | self._stains(image)
         pipe = self._pipe(capture).found if self._pipe else {}
         if "needle_line" in pipe:
             found |= {"light_pipe_tip": pipe["needle_tip"], "light_pipe_line": pipe["needle_line"]}

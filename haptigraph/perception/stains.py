@@ -1,7 +1,8 @@
 """Tissue that is told by its colour: a blue-stained membrane and its loose edge, and blood on the retina.
 
-Turns an image (px) into places (eye frame, mm). Every image by itself; what is hidden is not reported. Knows
-no instrument.
+Turns an image (px) into places (eye frame, mm), and into an image without the dye: a dyed membrane that is
+pulled goes on from the jaws like a shaft. Every image by itself; what is hidden is not reported. Knows no
+instrument.
 """
 
 import cv2
@@ -21,6 +22,8 @@ LEAST_BLOOD_MM2 = 0.5
 SPECK_MM2 = 0.02
 TOP_MM = 0.12  # what lies so near to the highest place of the membrane is its edge
 RIM_MM = 0.1
+SPREAD_PX = 5  # how wide the edge of what is coloured is: cameras and codecs see colour less sharply
+FILL_MM = 2.0  # width of the ground about dye that tells what is behind it
 
 
 class Stains:
@@ -43,19 +46,28 @@ class Stains:
         self._above_mm = (radius_mm - np.hypot(column - x, row - y) * image.mm_per_px).astype(np.float32)
         self._inside = self._above_mm > RIM_MM
 
-    def __call__(self, image: Image) -> dict[str, Geometry]:
-        """Return what was found: `membrane_edge` (point), `hemorrhage` (circle, as wide as the blood)."""
+    def __call__(self, image: Image) -> tuple[dict[str, Geometry], Image]:
+        """Look at one image.
+
+        Args:
+            image: (h, w, 3) BGR or (h, w) grey, in which no tissue is found.
+
+        Returns:
+            `membrane_edge` (point) and `hemorrhage` (circle, as wide as the blood), where they are seen; and
+            the image with the ground about it in place of the dye.
+        """
         if image.ndim == 2:
-            return {}
+            return {}, image
         blue, green, red = cv2.split(image[self._box])
         found: dict[str, Geometry] = {}
         dye = self._clean(cv2.subtract(blue, cv2.max(green, red)) > BLUE_GREY)
         if self._area_mm2(dye) >= LEAST_DYE_MM2:
             found["membrane_edge"] = self._edge(dye)
+            image = self._without(image, dye)
         blood = self._clean(cv2.subtract(red, cv2.max(green, blue)) > RED_GREY)
         if self._area_mm2(blood) >= LEAST_BLOOD_MM2:
             found["hemorrhage"] = self._region(blood)
-        return found
+        return found, image
 
     def _clean(self, stained: Mask) -> Mask:
         """Leave out what is beyond the globe, and specks."""
@@ -68,6 +80,22 @@ class Stains:
             is_large[0] = False
             part &= is_large[parts]
         return stained
+
+    def _without(self, image: Image, dye: Mask) -> Image:
+        """Return an image with what is about the dye in its place."""
+        cleaned, width = image.copy(), max(round(FILL_MM * self._px_per_mm), SPREAD_PX) | 1
+        x, y, columns, rows = cv2.boundingRect(dye.view(np.uint8))
+        about = slice(max(y - width, 0), y + rows + width), slice(max(x - width, 0), x + columns + width)
+        ground = cleaned[self._box][about]
+        covered = cv2.dilate(dye[about].view(np.uint8), np.ones((SPREAD_PX, SPREAD_PX), np.uint8))
+        free = np.where(covered, np.float32(0), np.float32(1))
+        seen = cv2.blur(free, (width, width))
+        fill = (
+            cv2.blur(ground * free[..., None], (width, width)) / np.maximum(seen, np.float32(1e-3))[..., None]
+        )
+        is_filled = (covered > 0) & (seen > 0)
+        ground[is_filled] = fill[is_filled]
+        return cleaned
 
     def _area_mm2(self, part: Mask) -> float:
         return float(np.count_nonzero(part)) / self._px_per_mm**2
