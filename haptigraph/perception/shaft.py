@@ -8,6 +8,7 @@ import math
 import cv2
 import numpy as np
 from msgspec import Struct
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from haptigraph.perception.pixels import FloatImage, Floats, Mask
@@ -28,6 +29,7 @@ LEAST_MISS_PX = 0.45
 SIDE_PX = 0.2  # how far the light may shift the middle on one side of the wall as a whole
 LEAST_LEAN_PX2 = 0.25  # of edges in the same light, one of them blurrier
 LEAN_RATE, MOST_LEAN_PX = 0.35, 0.35  # shift of the middle away from an edge that fades, per px2; at most
+SHADE_RATE = 0.1  # of what one image tells of that shift
 BRIGHT_ASIDE, DARK_ASIDE = 0.03, 0.015  # the same, as a share of a pair's width
 FIRST_SHARE, SHARE_CHANGE = 0.6, 0.01  # deviation of a highlight's share when first seen; added per image
 FINEST_PX = 2.4  # how wide the finest line looks through the lens and the slope filter
@@ -53,6 +55,8 @@ class Look(Struct, frozen=True):
     """None if no bright line within a darker shaft was ever seen."""
     images: int = 0
     """Since edges lay on a line better by their feet, or the needle came."""
+    shaded_px: tuple[float | None, float | None] = (None, None)
+    """How far off the middle is before the wall and inside, for one edge fades; None if never told."""
 
 
 NEW = Look()
@@ -118,11 +122,16 @@ def fit_line(strip: Strip, tip_px: float, miss_px: float, look: Look = NEW) -> L
     edges = find_edges(strip, tip_px)
     if edges is None:
         return None
+    sides = slice(0, edges.outside), slice(edges.outside, None)
+    outside_px, inside_px = (
+        _shaded_px(edges, side, px) for side, px in zip(sides, look.shaded_px, strict=True)
+    )
+    look = replace(look, shaded_px=(outside_px, inside_px))
     fit = _robust_line(edges, miss_px, look)
     if look.images >= RETRY_IMAGES and look.images % RETRY_IMAGES:
         return fit
     feet = at_feet(edges)
-    by_feet = _robust_line(feet, miss_px, None) if feet else None
+    by_feet = _robust_line(feet, miss_px, look, are_feet=True) if feet else None
     return by_feet if fit is None or (by_feet and _is_better(by_feet, fit)) else fit
 
 
@@ -158,14 +167,13 @@ def _missing(width_px: Floats) -> Floats:
     return missing
 
 
-def _robust_line(edges: Edges, miss_px: float, look: Look | None) -> LineFit | None:
+def _robust_line(edges: Edges, miss_px: float, look: Look, are_feet: bool = False) -> LineFit | None:
     """Fit by weighted least squares, leaving out pairs that are off the line (Tukey's weights).
 
     What is known of the light comes in as further unknowns with priors. It differs on the two sides of the
     wall: each side as a whole may be off by SIDE_PX, and is where one edge fades into the shade. A highlight
     runs beside the axis, the further the thicker the shaft: the middle of a pair may be off by a share of its
-    width, a larger one where a bright pair was seen within a dark one. Where feet tell (no `look`), there is
-    no highlight.
+    width, a larger one where a bright pair was seen within a dark one. Where feet tell, there is none.
     """
     missing = _missing(edges.width_px)
     has_pair = edges.width_px > 0
@@ -174,10 +182,10 @@ def _robust_line(edges: Edges, miss_px: float, look: Look | None) -> LineFit | N
     if len(usable) < LEAST_BLOCKS:
         return None
     highlight = None
-    if look is not None:
+    if not are_feet:
         highlight = look.highlight or _possible_highlight(edges.width_px, missing)
     prior, pull = PRIOR.copy(), np.zeros(6)
-    pull[2:4] = SIDE_PX**-2 * _shaded_px(edges, trust)
+    pull[2:4] = [SIDE_PX**-2 * (px or 0.0) for px in look.shaded_px]
     if highlight:
         prior[4, 4] = highlight.share_deviation**-2
         pull[4] = prior[4, 4] * highlight.share
@@ -202,7 +210,8 @@ def _robust_line(edges: Edges, miss_px: float, look: Look | None) -> LineFit | N
         math.sqrt(max(median(edges.blur_px2.ravel()[is_on]), 0.0)),
         Look(
             highlight and Highlight(float(answer[4]), math.hypot(share_deviation, SHARE_CHANGE)),
-            look.images + 1 if look else 0,
+            0 if are_feet else look.images + 1,
+            look.shaded_px,
         ),
         scatter,
         edges.u_px,
@@ -283,21 +292,20 @@ def _design(edges: Edges) -> Floats:
     return design.reshape(6, -1)
 
 
-def _shaded_px(edges: Edges, trust: Floats) -> Floats:
-    """Return how far off the middle is before the wall and inside, for one edge fades into the shade, (2,).
+def _shaded_px(edges: Edges, side: slice, before_px: float | None) -> float | None:
+    """Return how far off the middle is on one side of the wall, for one edge fades into the shade.
 
     That edge is blurrier, and found where it begins to fade: the axis lies nearer to it. Beside a dark shaft
-    an edge may be blurred by the shaft's shadow just as well.
+    an edge may be blurred by the shaft's shadow just as well. One image tells it badly.
     """
-    shifts_px = np.zeros(2)
-    for side, part in enumerate((slice(0, edges.outside), slice(edges.outside, None))):
-        is_bright, is_dark = trust.reshape(edges.width_px.shape)[:, part] > 0
-        bright, dark = int(np.count_nonzero(is_bright)), int(np.count_nonzero(is_dark))
-        if bright >= max(dark, LEAST_BLOCKS):
-            lean = median(edges.lean_px2[0, part][is_bright])
-            shift_px = LEAN_RATE * max(abs(lean) - LEAST_LEAN_PX2, 0.0)
-            shifts_px[side] = -math.copysign(min(shift_px, MOST_LEAN_PX), lean)
-    return shifts_px
+    is_bright, is_dark = edges.width_px[:, side] > 0
+    bright, dark = int(np.count_nonzero(is_bright)), int(np.count_nonzero(is_dark))
+    if max(bright, dark) < LEAST_BLOCKS:
+        return before_px
+    lean = median(edges.lean_px2[0, side][is_bright]) if bright >= dark else 0.0
+    shift_px = min(LEAN_RATE * max(abs(lean) - LEAST_LEAN_PX2, 0.0), MOST_LEAN_PX)
+    now_px = -math.copysign(shift_px, lean)
+    return now_px if before_px is None else before_px + SHADE_RATE * (now_px - before_px)
 
 
 def _possible_highlight(width_px: Floats, missing: Floats) -> Highlight | None:
