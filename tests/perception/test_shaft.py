@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from drawn_strip import END_PX, LANES, U_PX, blurred, needle, seen_blur_px
 from drawn_strip import strip as drawn_strip
+from msgspec.structs import replace
 
 from haptigraph.perception.closeup import closeup_px, refine_tip
 from haptigraph.perception.fan import Fan
@@ -160,6 +161,20 @@ def test_the_axis_is_nearer_to_the_edge_that_fades_into_the_shade(side, aside_de
     fit = fit_line(seen, END_PX, seen.half_px)
     assert abs(fit.offset_px) < off_px
     assert abs(fit.offset_px + fit.slope * END_PX) < off_px
+
+
+def test_which_edge_fades_is_told_from_many_images():
+    seen = matt_shaft(1, 30)
+    _, at_first_px = fit_line(seen, END_PX, seen.half_px).look.shaded_px
+    _, then_px = fit_line(seen, END_PX, seen.half_px, Look(shaded_px=(None, 0.0))).look.shaded_px
+    assert at_first_px < -0.2
+    assert then_px == pytest.approx(0.1 * at_first_px)
+
+
+def test_a_side_that_is_not_seen_keeps_what_was_told_of_its_shade():
+    seen = matt_shaft(1, 30)
+    inside = replace(seen, before=slice(0, 0))
+    assert fit_line(inside, END_PX, seen.half_px, Look(shaded_px=(0.3, 0.0))).look.shaded_px[0] == 0.3
 
 
 @pytest.mark.parametrize(("images", "width_px"), [(0, 10), (7, 10), (9, 5), (15, 5), (16, 10)])
