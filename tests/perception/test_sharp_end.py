@@ -84,6 +84,12 @@ def test_a_shaft_goes_on_where_its_contrast_changes_as_long_as_it_is_sharp(beyon
     assert goes_on(strip(shaft), 100.0, end_px)
 
 
+def test_a_shaft_goes_on_before_the_wall_as_well():
+    seen = strip(needle(3.0, 0.0))
+    assert goes_on(seen, float(U_PX[4]), float(U_PX[seen.before.stop]))
+    assert not goes_on(strip(needle(3.0, float(U_PX[4]))), float(U_PX[4]), float(U_PX[seen.before.stop]))
+
+
 def test_a_shaft_does_not_go_on_in_its_shadow_nor_beyond_free_ground():
     shadow = -40.0 * SHADOW * ((U_PX > 100) & (U_PX <= 200))
     bubble = needle(3.0, 200.0) * (U_PX > 140)
