@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from haptigraph.geometry import Vec, unit
 from haptigraph.messages import Image
 from haptigraph.perception.pixels import FloatImage, Mask, grey_of, grey_with_chroma
-from haptigraph.perception.strip import UNSEEN, Site
+from haptigraph.perception.strip import UNSEEN, Line, Site, Strip, lay_straight
 
 __all__ = ["Background"]
 
@@ -33,7 +33,7 @@ class Background:
     """
 
     def __init__(self, site: Site) -> None:
-        self._size = site.height_px, site.width_px
+        self._site = site
         self._is_inside = site.is_inside()
         rows, self._columns = site.box
         edges = [rows.start + band * (rows.stop - rows.start) // BANDS for band in range(BANDS + 1)]
@@ -42,7 +42,7 @@ class Background:
 
     def reset(self) -> None:
         """Forget everything."""
-        self.grey: FloatImage = np.full(self._size, UNSEEN, np.float32)
+        self.grey: FloatImage = np.full((self._site.height_px, self._site.width_px), UNSEEN, np.float32)
         self.chroma_share = 0.0
         """How much of blue less red the grey within the globe has in it."""
         self._band = 0
@@ -66,6 +66,10 @@ class Background:
             self._learn_band(image, band, needle, width_px)
         self._band = (self._band + 1) % BANDS
         self.is_new = False
+
+    def strips(self, image: Image, line: Line, *runs_px: FloatImage) -> list[Strip] | None:
+        """Lay one or more parts of a line straight, with the empty eye taken away (`lay_straight`)."""
+        return lay_straight(self._site, image, self.grey, line, *runs_px, chroma_share=self.chroma_share)
 
     def _learn_band(self, image: Image, band: int, needle: tuple[Vec, Vec] | None, width_px: int) -> None:
         rows, columns = self._bands[band], self._columns

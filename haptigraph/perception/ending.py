@@ -12,10 +12,9 @@ from msgspec.structs import replace
 from haptigraph.messages import Image
 from haptigraph.perception.background import Background
 from haptigraph.perception.closeup import closeup_px, refine_tip
-from haptigraph.perception.pixels import FloatImage
 from haptigraph.perception.shaft import LineFit
 from haptigraph.perception.sharp_end import LONGEST_DIM_PX, SHORTEST_DIM_PX, dim_end_px, goes_on, sharp_end
-from haptigraph.perception.strip import Line, Site, Strip, lay_straight
+from haptigraph.perception.strip import Line, Site, Strip
 from haptigraph.perception.tip import Reach, is_led_to
 
 __all__ = ["OFF_PX", "EndFinder", "Glimpse", "Sight"]
@@ -139,7 +138,7 @@ class EndFinder:
             aside_px = sight.fit.offset_px + sight.fit.slope * about_px
             if abs(aside_px) <= OFF_PX:
                 return refine_tip(at_hand, reach, about_px, aside_px, sight.fit.blur_px)
-        near = self._laid(image, sight.line, u_px)
+        near = self._background.strips(image, sight.line, u_px)
         return refine_tip(near[0], reach, about_px, blur_px=sight.fit.blur_px) if near else None
 
     def before_shadow(self, image: Image, sight: Sight, reach: Reach) -> Reach | None:
@@ -156,12 +155,8 @@ class EndFinder:
         if reach.where != "inside" or not SHORTEST_DIM_PX <= dim_px <= LONGEST_DIM_PX:
             return None
         places_px = closeup_px(reach.tip_px, LONGEST_DIM_PX)
-        strips = self._laid(image, sight.line, places_px)
+        strips = self._background.strips(image, sight.line, places_px)
         end_px = dim_end_px(strips[0], reach) if strips else None
         if strips is None or end_px is None:
             return None
         return refine_tip(strips[0], reach, end_px, blur_px=sight.fit.blur_px, behinds_px=(DIM_BEHIND_PX,))
-
-    def _laid(self, image: Image, line: Line, u_px: FloatImage) -> list[Strip] | None:
-        empty = self._background
-        return lay_straight(self._site, image, empty.grey, line, u_px, chroma_share=empty.chroma_share)

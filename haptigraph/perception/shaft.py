@@ -122,10 +122,9 @@ def fit_line(strip: Strip, tip_px: float, miss_px: float, look: Look = NEW) -> L
     edges = find_edges(strip, tip_px)
     if edges is None:
         return None
-    sides = slice(0, edges.outside), slice(edges.outside, None)
-    outside_px, inside_px = (
-        _shaded_px(edges, side, px) for side, px in zip(sides, look.shaded_px, strict=True)
-    )
+    outside_px, inside_px = look.shaded_px
+    outside_px = _shaded_px(edges, slice(0, edges.outside), outside_px)
+    inside_px = _shaded_px(edges, slice(edges.outside, None), inside_px)
     look = replace(look, shaded_px=(outside_px, inside_px))
     fit = _robust_line(edges, miss_px, look)
     if look.images >= RETRY_IMAGES and look.images % RETRY_IMAGES:

@@ -78,9 +78,9 @@ def goes_on(strip: Strip, from_px: float, to_px: float) -> bool:
         from_px: Where it may end.
         to_px: How far something like it reaches.
     """
-    end, start = (int(strip.u_px.searchsorted(from_px)) + further for further in (0, BEYOND))
+    end = int(strip.u_px.searchsorted(from_px))
     part = strip.inside if end >= strip.inside.start else strip.before
-    stop = min(int(strip.u_px.searchsorted(to_px)), part.stop)
+    start, stop = end + BEYOND, min(int(strip.u_px.searchsorted(to_px)), part.stop)
     if min(stop - start, end - part.start) < GROUP:
         return False
     behind = median(_along(strip, slice(max(end - BEHIND, part.start), end)))

@@ -88,12 +88,11 @@ class Stains:
         about = slice(max(y - width, 0), y + rows + width), slice(max(x - width, 0), x + columns + width)
         ground = cleaned[self._box][about]
         covered = cv2.dilate(dye[about].view(np.uint8), np.ones((SPREAD_PX, SPREAD_PX), np.uint8))
-        free = np.where(covered, np.float32(0), np.float32(1))
-        seen = cv2.blur(free, (width, width))
-        fill = (
-            cv2.blur(ground * free[..., None], (width, width)) / np.maximum(seen, np.float32(1e-3))[..., None]
-        )
-        is_filled = (covered > 0) & (seen > 0)
+        free = (covered == 0).astype(np.float32)
+        share = cv2.blur(free, (width, width))
+        light = cv2.blur(ground * free[..., None], (width, width))
+        fill = light / np.maximum(share, np.float32(1e-3))[..., None]
+        is_filled = (covered > 0) & (share > 0)
         ground[is_filled] = fill[is_filled]
         return cleaned
 

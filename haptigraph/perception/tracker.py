@@ -26,7 +26,6 @@ from haptigraph.perception.strip import (
     OUTSIDE_MM,
     Line,
     Site,
-    lay_straight,
     stations,
 )
 from haptigraph.perception.tip import find_reach
@@ -145,8 +144,7 @@ class Tracker:
         if u_px is None:
             return None
         runs = (u_px,) if near_px is None else (u_px, near_px)
-        empty = self._background
-        strips = lay_straight(self._site, image, empty.grey, expected, *runs, chroma_share=empty.chroma_share)
+        strips = self._background.strips(image, expected, *runs)
         if strips is None:
             return None
         reach = find_reach(strips[0], self._site.px_per_mm, self._usual_grey, followed_px)

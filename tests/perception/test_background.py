@@ -7,7 +7,7 @@ from haptigraph.geometry import norm, subtract
 from haptigraph.messages import Capture
 from haptigraph.perception.background import Background
 from haptigraph.perception.pixels import grey_of
-from haptigraph.perception.strip import UNSEEN, Line, Site, lay_straight, stations
+from haptigraph.perception.strip import UNSEEN, Line, Site, stations
 from haptigraph.perception.tracker import Tracker
 
 GREY_GROUND, ORANGE_GROUND = (150, 150, 150), (69, 101, 148)
@@ -67,14 +67,7 @@ def test_an_eye_that_is_empty_shows_no_difference_from_itself_in_any_colour(site
     background = Background(site)
     background.learn(eye(site, ORANGE_GROUND, noise=0), None, 20)
     line = Line(site.inwards_rad + 0.1, 0.0)
-    (strip,) = lay_straight(
-        site,
-        eye(site, ORANGE_GROUND, noise=0),
-        background.grey,
-        line,
-        stations(site, line),
-        chroma_share=background.chroma_share,
-    )
+    (strip,) = background.strips(eye(site, ORANGE_GROUND, noise=0), line, stations(site, line))
     seen = np.concatenate([strip.excess[:, strip.before], strip.excess[:, strip.inside]], axis=1)
     assert np.abs(seen).max() < 1
 

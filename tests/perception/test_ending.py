@@ -5,14 +5,11 @@ import pytest
 from haptigraph.perception.background import Background
 from haptigraph.perception.ending import EndFinder, Glimpse, Sight
 from haptigraph.perception.shaft import fit_line
-from haptigraph.perception.strip import Line, Site, lay_straight, stations
+from haptigraph.perception.strip import Line, Site, stations
 from haptigraph.perception.tip import find_reach
 
 GROUND, METAL, END_PX = 150.0, 80.0, 100.0
-FADES_PX, FAINTEST = (
-    25.0,
-    0.15,
-)  # the last part of a point, and the share of its contrast that is left at its end
+FADES_PX, FAINTEST = 25.0, 0.15  # length of a point's last part; share of its contrast left at the end
 
 
 def fading_needle(site: Site, line: Line) -> np.ndarray:
@@ -33,7 +30,7 @@ def test_a_tip_is_found_though_it_was_expected_far_behind(registration, short_px
     background = Background(site)
     background.learn(np.full((site.height_px, site.width_px), round(GROUND), np.uint8), None, 20)
     image = fading_needle(site, line)
-    (strip,) = lay_straight(site, image, background.grey, line, stations(site, line))
+    (strip,) = background.strips(image, line, stations(site, line))
     reach = find_reach(strip, site.px_per_mm, None)
     fit = fit_line(strip, reach.tip_px, strip.half_px)
     sight = Sight(Glimpse(line, strip, None, reach), line, fit, reach)
