@@ -97,7 +97,7 @@ def test_a_participant_goes_through_the_whole_study_and_crashes_cost_nothing(fol
         assert person.inner_text("#trial-condition") == "condition 1"  # blinded
         begin(person)
         until(lab, "document.querySelector('#plan .now').textContent.includes('Sight and touch')")
-        until(lab, "page.header?.index > 5")
+        until(lab, "page.header?.index > 30")  # the recorder may lag behind the page on a busy machine
         die(station)  # in the middle of a trial, and the browser with it
     leave(lab)
     leave(person)
