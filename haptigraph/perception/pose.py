@@ -14,8 +14,8 @@ from haptigraph.perception.strip import Line
 
 __all__ = ["PoseFilter"]
 
-TURNING_RAD_S2 = 6.0  # deviation of the acceleration that a hand's tremor and moves reach
-MOVING_MM_S2 = 400.0
+TURNING_RAD_S2 = 5.2  # deviation of the acceleration that a hand's tremor and moves reach
+MOVING_MM_S2 = 346.0
 PIVOT_MM = 0.15  # registration error and play of the trocar
 PIVOT_MEMORY = 0.9995  # per image; the rest goes back to the registered place
 OFFSET_FLOOR_PX, ANGLE_FLOOR_RAD = 0.1, 0.0003  # what light and shape of the metal do to the edges
@@ -55,14 +55,14 @@ class PoseFilter:
         """Move on in time; return the expected line and the tip's depth along it [px]."""
         angle, rate, x, y = self._state
         self._state = [angle + elapsed_s * rate, rate, PIVOT_MEMORY * x, PIVOT_MEMORY * y]
-        turned, sped = TURNING_RAD_S2 * elapsed_s**2 / 2, TURNING_RAD_S2 * elapsed_s
+        angle_rad2, both, rate2 = _unsteady(TURNING_RAD_S2, elapsed_s)
         forgotten = (1 - PIVOT_MEMORY**2) * self._free_px2
         rows = [_moved(row, elapsed_s) for row in self._covariance]
         columns = [_moved(column, elapsed_s) for column in zip(*rows, strict=True)]
-        columns[0][0] += turned**2
-        columns[0][1] += turned * sped
-        columns[1][0] += turned * sped
-        columns[1][1] += sped**2
+        columns[0][0] += angle_rad2
+        columns[0][1] += both
+        columns[1][0] += both
+        columns[1][1] += rate2
         columns[2][2] += forgotten
         columns[3][3] += forgotten
         self._covariance = columns
@@ -152,6 +152,16 @@ def _moved(row: Row, elapsed_s: float) -> list[float]:
     return [row[0] + elapsed_s * row[1], row[1], PIVOT_MEMORY * row[2], PIVOT_MEMORY * row[3]]
 
 
+def _unsteady(acceleration: float, elapsed_s: float) -> tuple[float, float, float]:
+    """Return what unsteady motion adds to the (co)variances of a place, of both, and of its rate.
+
+    Acceleration is white noise: it may change at any moment. Were it the same from one image to the next, a
+    sharp measurement would tell it, and with it a rate that swings from side to side after every sudden move.
+    """
+    rate2 = (acceleration * elapsed_s) ** 2
+    return rate2 * elapsed_s**2 / 3, rate2 * elapsed_s / 2, rate2
+
+
 class _Depth:
     """How far in the tip is, and how fast it moves: the same filter, for two numbers.
 
@@ -166,11 +176,11 @@ class _Depth:
         self._rate, self._both, self._rate_variance = 0.0, 0.0, (START_MM_S * px_per_mm) ** 2
 
     def predict(self, elapsed_s: float) -> None:
-        moved, sped = self._moving_px_s2 * elapsed_s**2 / 2, self._moving_px_s2 * elapsed_s
+        depth_px2, both, rate2 = _unsteady(self._moving_px_s2, elapsed_s)
         self.px += elapsed_s * self._rate
-        self.variance_px2 += elapsed_s * (2 * self._both + elapsed_s * self._rate_variance) + moved**2
-        self._both += elapsed_s * self._rate_variance + moved * sped
-        self._rate_variance += sped**2
+        self.variance_px2 += elapsed_s * (2 * self._both + elapsed_s * self._rate_variance) + depth_px2
+        self._both += elapsed_s * self._rate_variance + both
+        self._rate_variance += rate2
 
     def update(self, seen_px: float, deviation_px: float) -> None:
         surprise, variance = seen_px - self.px, self.variance_px2 + deviation_px**2

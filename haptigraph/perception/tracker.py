@@ -83,11 +83,13 @@ class Tracker:
             BadInput: If the image is not of the registered size.
         """
         image = self._registration.checked(capture.image)
-        sight = self._track(image, capture.stamp_ns) or self._acquire(image)
+        sight = self._track(image, capture.stamp_ns)
+        if sight is None:
+            self._pose.lose()
+            sight = self._acquire(image)
         self._learn(image, sight)
         found: dict[str, Geometry] = dict(self._registration.anatomy)
         if sight is None:
-            self._pose.lose()
             self._look = NEW
             return Observation(capture.stamp_ns, found)
         reach, self._look = sight.reach, sight.fit.look

@@ -26,6 +26,18 @@ def test_a_sharp_measurement_is_taken_as_it_is():
     assert pose.depth_px == pytest.approx(113.0, abs=0.1)
 
 
+def test_after_a_sudden_move_a_needle_held_still_is_soon_expected_where_it_is():
+    pose = PoseFilter(20.0)
+    held(pose, SHARP, 5)
+    expected = []
+    for _ in range(8):
+        expected.append(pose.predict(STEP_S))
+        pose.update(Line(1.6, 0.0), SHARP, 360.0, 0.1, is_pivoting=True)
+    for line, depth_px in expected[5:]:
+        assert depth_px == pytest.approx(360.0, abs=10.0)
+        assert line.angle_rad == pytest.approx(1.6, abs=0.01)
+
+
 def test_knowing_the_pivot_sharpens_the_angle_of_a_short_shaft():
     fresh, knowing = PoseFilter(20.0), PoseFilter(20.0)
     held(knowing, SHARP, 30)
