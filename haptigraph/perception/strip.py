@@ -49,6 +49,8 @@ RIM_PX = 1.5
 FAR_PX = 1.0  # beyond the far wall's edge a tip that touches it may still be seen
 WALL_MARGIN_MM = 0.1
 BEYOND_MM = 0.5  # past the far wall: a tip may be pushed into the retina
+APART_GREY, APART_NOISE = 10.0, 3.0  # between the flanks of known ground, where one shows something else
+EVEN_SHARE = 0.33  # of that: the other flank differs less from the empty eye
 GAIN_RANGE = (0.5, 2.0)
 
 
@@ -107,10 +109,11 @@ class Site:
         ends = np.zeros((2, lanes), np.float32)
         ends[0, :FLANK_PX] = ends[1, -FLANK_PX:] = 1 / FLANK_PX
         ramp = np.linspace(0, 1, lanes, dtype=np.float32)
-        level = np.eye(lanes, dtype=np.float32) - np.stack([1 - ramp, ramp]).T @ ends
-        self.level = np.concatenate([level, ends.sum(axis=0)[None]])
-        """Takes from a station the straight ramp between its two ends, and puts their sum behind it,
-        (lanes + 1, lanes)."""
+        self.ramps = np.stack([1 - ramp, ramp]).T
+        """What each end of a station has in the straight ramp between both, (lanes, 2)."""
+        self.level = np.concatenate([np.eye(lanes, dtype=np.float32) - self.ramps @ ends, ends])
+        """Takes from a station the straight ramp between its two ends, and puts both behind it,
+        (lanes + 2, lanes)."""
 
     @property
     def box(self) -> tuple[slice, slice]:
@@ -232,9 +235,10 @@ def lay_straight(
     without = _sampled(empty, place)
     is_known = without.min(axis=0) >= 0
     without = site.level @ without
-    without *= is_known * _gain(now[-1], without[-1], is_known)
-    excess, beside = now[:-1] - without[:-1], now[:-1]
+    without *= is_known * _gain(now[-2:], without[-2:], is_known)
+    excess, beside = now - without, now[:-2]
     noise_grey = _noise(excess[FLANK_PX : 2 * FLANK_PX])
+    excess = _level_with_one_end(site.ramps, excess, is_known, noise_grey)
     strips, start = [], 0
     for run_px in runs_px:
         part = slice(start, start + len(run_px))
@@ -270,10 +274,36 @@ def _sampled(image: NDArray[Any], place: tuple[FloatImage, FloatImage]) -> NDArr
     return cv2.remap(image, *place, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
 
 
+def _level_with_one_end(
+    ramps: FloatImage, excess: FloatImage, is_known: Mask, noise_grey: float
+) -> FloatImage:
+    """Return the excess without its two ends, level with one of them where the other shows something else.
+
+    A bubble or another instrument that reaches into one flank would put the ramp between both off in the
+    middle as well.
+
+    Args:
+        ramps: What each end has in the ramp, (lanes, 2).
+        excess: Less that ramp, and both ends, (lanes + 2, n).
+        is_known: Where the empty eye is known, (n,).
+        noise_grey: Standard deviation of a pixel.
+    """
+    left, right = excess[-2:]
+    apart = right - left
+    off_grey = np.abs(apart)
+    is_off = is_known & (off_grey > max(APART_GREY, APART_NOISE * noise_grey))
+    is_off &= np.minimum(np.abs(left), np.abs(right)) < EVEN_SHARE * off_grey
+    excess = excess[:-2]
+    if is_off.any():
+        is_left_even = np.abs(left[is_off]) < np.abs(right[is_off])
+        excess[:, is_off] += apart[is_off] * np.where(is_left_even, ramps[:, 1:], -ramps[:, :1])
+    return excess
+
+
 def _gain(now: FloatImage, then: FloatImage, is_known: Mask) -> np.float32:
     """Estimate how much brighter the light is than it was for the empty eye, from sums of the flanks."""
     known = is_known.astype(np.float32)
-    now_sum, then_sum = float(now @ known), float(then @ known)
+    now_sum, then_sum = float((now @ known).sum()), float((then @ known).sum())
     return np.float32(min(max(now_sum / then_sum, GAIN_RANGE[0]), GAIN_RANGE[1]) if then_sum > 0 else 1.0)
 
 

@@ -91,6 +91,23 @@ def test_a_tip_is_seen_up_to_the_far_wall(site, unknown):
         assert tip.tip_px == pytest.approx(far_px + beyond_px, abs=0.8)
 
 
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_bubble_beside_the_tip_does_not_make_it_longer(site, side):
+    true = Line(site.inwards_rad + 0.1, 0.0)
+    empty = draw(site, true, -900.0)
+    image = draw(site, true, 100.0)
+    nx, ny = true.normal
+    x, y = true.at_px(site.trocar_px, 108.0)
+    aside_px = side * (site.half_px + 2)
+    cv2.circle(image, (round(x + aside_px * nx), round(y + aside_px * ny)), 7, 255, cv2.FILLED)
+    strip, near = lay_straight(
+        site, image, empty.astype(np.float32), true, stations(site, true), closeup_px(100.0)
+    )
+    reach = find_reach(strip, site.px_per_mm, None)
+    assert reach.tip_px == pytest.approx(100.0, abs=2 * STATION_PX)
+    assert refine_tip(near, reach, 100.0).tip_px == pytest.approx(100.0, abs=1.0)
+
+
 def test_plain_ground_shows_no_needle(site, unknown):
     image = draw(site, Line(site.inwards_rad, 0.0), -900.0)
     strip = strip_of(site, image, unknown, Line(site.inwards_rad, 0.0))
