@@ -206,7 +206,7 @@ def _robust_line(edges: Edges, miss_px: float, look: Look, are_feet: bool = Fals
         float(answer[1]) / SCALE_PX,
         (spread * offset_px2, spread * both / SCALE_PX, spread * slope2 / SCALE_PX**2),
         median(edges.width_px.ravel()[is_on]),
-        math.sqrt(max(median(edges.blur_px2.ravel()[is_on]), 0.0)),
+        edges.usual_blur_px(is_on),
         Look(
             highlight and Highlight(float(answer[4]), math.hypot(share_deviation, SHARE_CHANGE)),
             0 if are_feet else look.images + 1,
@@ -301,7 +301,8 @@ def _shaded_px(edges: Edges, side: slice, before_px: float | None) -> float | No
     bright, dark = int(np.count_nonzero(is_bright)), int(np.count_nonzero(is_dark))
     if max(bright, dark) < LEAST_BLOCKS:
         return before_px
-    lean = median(edges.lean_px2[0, side][is_bright]) if bright >= dark else 0.0
+    left_px2, right_px2 = (blur[0, side][is_bright] for blur in edges.blurs_px2)
+    lean = median(right_px2 - left_px2) if bright >= dark else 0.0
     shift_px = min(LEAN_RATE * max(abs(lean) - LEAST_LEAN_PX2, 0.0), MOST_LEAN_PX)
     now_px = -math.copysign(shift_px, lean)
     return now_px if before_px is None else before_px + SHADE_RATE * (now_px - before_px)

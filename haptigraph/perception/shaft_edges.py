@@ -81,12 +81,15 @@ class Edges(Struct, frozen=True, eq=False):
     """Between them, (2, n); UNSEEN_PX where there is no such pair."""
     steepness: FloatImage
     """Slope of the fainter one [grey levels per px], (2, n)."""
-    blur_px2: FloatImage
-    """Variance of the blur of the sharper one, (2, n)."""
-    lean_px2: FloatImage
-    """How much more that of the right one is than that of the left one, (2, n)."""
+    blurs_px2: tuple[FloatImage, FloatImage]
+    """Variance of the blur of the left and of the right one, the slope filter's with it, (2, n) each."""
     slopes: Slopes
     """What they were found in."""
+
+    def usual_blur_px(self, is_pair: Mask) -> float:
+        """Return the usual deviation of the blur of some pairs' edges, (2 n,), on the sharper side."""
+        sharper_px2 = min(median(blur.ravel()[is_pair]) for blur in self.blurs_px2)
+        return math.sqrt(max(sharper_px2 - SLOPE_BLUR_PX2, 0.0))
 
 
 def find_edges(strip: Strip, tip_px: float) -> Edges | None:
@@ -120,7 +123,6 @@ def find_edges(strip: Strip, tip_px: float) -> Edges | None:
     left_px, right_px = _paired(ends + shift_px)
     left_px2, right_px2 = _paired(curvature**-2)
     is_pair = has_edge & has_edge[::-1] & (left_px < about) & (right_px > about)
-    left_blur_px2, right_blur_px2 = _paired(height / curvature)
     floor_px2 = np.where(is_known, np.float32(FLOOR_PX**2), np.float32(UNKNOWN_FLOOR_PX**2))
     return Edges(
         u_px,
@@ -129,8 +131,7 @@ def find_edges(strip: Strip, tip_px: float) -> Edges | None:
         variance_px2=(CURVE_NOISE * noise**2 / 4) * (left_px2 + right_px2) + floor_px2,
         width_px=np.where(is_pair, right_px - left_px, UNSEEN_PX),
         steepness=np.minimum(*_paired(height)),
-        blur_px2=np.minimum(left_blur_px2, right_blur_px2) - SLOPE_BLUR_PX2,
-        lean_px2=right_blur_px2 - left_blur_px2,
+        blurs_px2=_paired(height / curvature),
         slopes=slopes,
     )
 

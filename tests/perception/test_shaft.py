@@ -211,6 +211,11 @@ def test_the_blur_across_a_shaft_is_told(half_width_px, grey):
         )
 
 
+@pytest.mark.parametrize("grey", [-25.0, 25.0])
+def test_noise_does_not_make_edges_look_sharper(grey):
+    assert seen_blur_px(blurred(needle(5.0, grey=grey), 1.6, STATION_PX)) == pytest.approx(1.6, abs=0.1)
+
+
 def test_edges_before_ground_nearly_as_bright_as_the_needle_reach_to_its_tip():
     u_px = np.arange(-240, 100, STATION_PX, dtype=np.float32)
     seen = drawn_strip(np.where(u_px < 0, 100.0, 20.0 * (u_px < 80)) * (abs(LANES) <= 4), u_px)
