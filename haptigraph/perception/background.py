@@ -2,7 +2,8 @@
 
 Turns images and where the needle was in them into the grey picture behind the needle. Pixels that were never
 seen without the needle are marked UNSEEN. Learns a band of rows per image, so that it costs next to nothing.
-Tells in which grey to look: orange ground may be as bright as metal in the shade, but it is not as blue.
+Tells in which grey to look: orange ground may be as bright as metal in the shade, but it is not as blue; and
+how much brighter all would be in good light.
 """
 
 from itertools import pairwise
@@ -13,16 +14,18 @@ from numpy.typing import NDArray
 
 from haptigraph.geometry import Vec, unit
 from haptigraph.messages import Image
-from haptigraph.perception.pixels import FloatImage, Mask, grey_of, grey_with_chroma
+from haptigraph.perception.pixels import FloatImage, grey_of, grey_with_chroma
 from haptigraph.perception.strip import UNSEEN, Line, Site, Strip, lay_straight
 
 __all__ = ["Background"]
 
 BANDS = 16
 RATE = 0.25
-EVERY_PX = 8  # a pixel tells the ground's colour
+EVERY_PX = 8  # a pixel tells the ground's colour, and the light
 LEAST_BLUE = 0.9  # of the ground's brightness: with less, metal is told by its colour as well
 CHROMA_RATE, MOST_CHROMA = 2.5, 0.4
+BRIGHTEST = 99  # percent of the globe and its wall are no brighter than what tells the light
+LIT_GREY, DARK_GREY = 128, 32  # of that: so bright in good light; darker, there is nothing to see
 
 
 class Background:
@@ -45,9 +48,20 @@ class Background:
         self.grey: FloatImage = np.full((self._site.height_px, self._site.width_px), UNSEEN, np.float32)
         self.chroma_share = 0.0
         """How much of blue less red the grey within the globe has in it."""
+        self.light = 1.0
+        """How many times brighter the eye would be in good light; 1 where it is bright enough."""
         self._band = 0
         self.is_new = True
         self._is_whole = [False] * BANDS
+
+    def look(self, image: Image) -> None:
+        """Tell in which grey to look, and how much brighter, until something was learned."""
+        if not self.is_new:
+            return
+        is_inside = self._is_inside[::EVERY_PX, ::EVERY_PX]
+        seen = image[::EVERY_PX, ::EVERY_PX][is_inside]
+        if len(seen):
+            self.chroma_share, self.light = _chroma_share(seen), _light(seen)
 
     def learn(self, image: Image, needle: tuple[Vec, Vec] | None, width_px: int) -> None:
         """Take in what is visible of the empty eye.
@@ -57,10 +71,7 @@ class Background:
             needle: The two ends of what the needle may cover [px]; None if there is no needle.
             width_px: How wide a stripe about it to leave out.
         """
-        if self.is_new:
-            self.chroma_share = _chroma_share(
-                image[::EVERY_PX, ::EVERY_PX], self._is_inside[::EVERY_PX, ::EVERY_PX]
-            )
+        self.look(image)
         bands = range(BANDS) if self.is_new else (self._band,)
         for band in bands:
             self._learn_band(image, band, needle, width_px)
@@ -69,7 +80,9 @@ class Background:
 
     def strips(self, image: Image, line: Line, *runs_px: FloatImage) -> list[Strip] | None:
         """Lay one or more parts of a line straight, with the empty eye taken away (`lay_straight`)."""
-        return lay_straight(self._site, image, self.grey, line, *runs_px, chroma_share=self.chroma_share)
+        return lay_straight(
+            self._site, image, self.grey, line, *runs_px, chroma_share=self.chroma_share, light=self.light
+        )
 
     def _learn_band(self, image: Image, band: int, needle: tuple[Vec, Vec] | None, width_px: int) -> None:
         rows, columns = self._bands[band], self._columns
@@ -87,13 +100,19 @@ class Background:
         cv2.accumulateWeighted(grey, kept, RATE, free)
 
 
-def _chroma_share(image: Image, is_inside: Mask) -> float:
+def _chroma_share(seen: Image) -> float:
     """Return how much of blue less red tells metal from the ground: the more, the less blue the ground is."""
-    if image.ndim == 2 or not is_inside.any():
+    if seen.ndim == 1:
         return 0.0
-    ground = np.median(image[is_inside], axis=0).astype(np.uint8)
+    ground = np.median(seen, axis=0).astype(np.uint8)
     lack = LEAST_BLUE - float(ground[0]) / max(float(grey_of(ground[None, None])[0, 0]), 1.0)
     return min(max(CHROMA_RATE * lack, 0.0), MOST_CHROMA)
+
+
+def _light(seen: Image) -> float:
+    """Return how many times brighter it would be in good light: what is faint is taken for texture."""
+    brightest = float(np.percentile(seen if seen.ndim == 1 else grey_of(seen[None]), BRIGHTEST))
+    return max(LIT_GREY / brightest, 1.0) if brightest >= DARK_GREY else 1.0
 
 
 def _stripe(ends: tuple[Vec, Vec], width_px: int, corner_px: Vec) -> NDArray[np.int32]:

@@ -61,19 +61,20 @@ class Fan:
             np.clip(row + side * apart, 0, len(row) - 1) * self._cells[1] + column for side in (-1, 1)
         ]
 
-    def search(self, image: Image, chroma_share: float = 0.0) -> list[Line]:
+    def search(self, image: Image, chroma_share: float = 0.0, light: float = 1.0) -> list[Line]:
         """Return the lines through the trocar most like a needle, best first.
 
         Args:
             image: (h, w, 3) BGR or (h, w) grey.
             chroma_share: Of blue less red in the grey within the globe.
+            light: How many times brighter the image would be in good light.
         """
         unrolled = cv2.remap(image, self._map, self._none, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)
         grey = grey_with_chroma(np.asarray(unrolled, np.uint8), chroma_share, self._is_inside).astype(
             np.float32
         )
         cells = np.asarray(cv2.resize(grey, self._cells[1::-1], interpolation=cv2.INTER_AREA), np.float32)
-        evidence = np.minimum(self._contrast(cells) * np.float32(1 / CONTRAST_GREY) - 1, 1)
+        evidence = np.minimum(self._contrast(cells) * np.float32(light / CONTRAST_GREY) - 1, 1)
         within = (evidence[:, self._trocar :] * self._inside).cumsum(axis=1).max(axis=1)
         before = (evidence[:, : self._trocar] * self._outside).cumsum(axis=1).max(axis=1)
         score = np.maximum(within, 0) + np.maximum(before, 0)

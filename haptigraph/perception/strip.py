@@ -211,6 +211,7 @@ def lay_straight(
     line: Line,
     *runs_px: FloatImage,
     chroma_share: float = 0.0,
+    light: float = 1.0,
 ) -> list[Strip] | None:
     """Lay the surroundings of one or more parts of a line straight, all at once.
 
@@ -221,6 +222,7 @@ def lay_straight(
         line: The line.
         runs_px: Evenly spaced places along it, (n,) each, two at least.
         chroma_share: Of blue less red in the grey within the globe, which `empty` has in it as well.
+        light: How many times brighter the strips are than the image.
 
     Returns:
         A strip of each run, or None if the line misses the globe.
@@ -235,7 +237,9 @@ def lay_straight(
     without = _sampled(empty, place)
     is_known = without.min(axis=0) >= 0
     without = site.level @ without
-    without *= is_known * _gain(now[-2:], without[-2:], is_known)
+    without *= is_known * (light * _gain(now[-2:], without[-2:], is_known))
+    if light != 1:
+        now *= light
     excess, beside = now - without, now[:-2]
     noise_grey = _noise(excess[FLANK_PX : 2 * FLANK_PX])
     excess = _level_with_one_end(site.ramps, excess, is_known, noise_grey)

@@ -81,3 +81,31 @@ def test_a_needle_as_bright_as_orange_ground_is_found(site, registration):
         assert ("needle_tip" in seen.found) == (depth_px is not None)
     tip_px = registration.image.to_px(seen.found["needle_tip"].at_mm)
     assert norm(subtract(tip_px, true_px)) < 1
+
+
+def test_a_needle_in_the_very_first_image_is_found_by_its_colour(site, registration):
+    perceive = Tracker(registration, PerceptionConfig())
+    seen = perceive(Capture(0, 0, eye(site, ORANGE_GROUND, DEPTH_PX)))
+    assert "needle_tip" in seen.found
+
+
+@pytest.mark.parametrize("light", [0.35, 1.0])
+def test_a_needle_is_found_in_dim_light_as_well(site, registration, light):
+    perceive = Tracker(registration, PerceptionConfig())
+    for number in range(3):
+        image = eye(site, (138, 138, 138), DEPTH_PX if number else None, noise=0)
+        grain = np.random.default_rng(number).normal(0, 0.4, image.shape[:2])[..., None]
+        dim = np.clip(np.rint(light * image + grain), 0, 255).astype(np.uint8)
+        seen = perceive(Capture(number, number * 33_000_000, dim))
+        assert ("needle_tip" in seen.found) == bool(number)
+
+
+def test_light_is_told_by_what_is_brightest_and_not_in_the_dark(site):
+    def light(share: float) -> float:
+        background = Background(site)
+        background.look((share * eye(site, GREY_GROUND, noise=0)).astype(np.uint8))
+        return background.light
+
+    assert light(1.0) == 1
+    assert light(0.5) == pytest.approx(128 / 75, abs=0.05)
+    assert light(0.1) == light(0.0) == 1
