@@ -107,10 +107,10 @@ class EndFinder:
         if expected_px >= reach.tip_px + NEAR_PX:
             return None
         fall = self._fall(image, sight, reach, expected_px)
-        near = (expected_px, NEAR_PX), (edges_end_px, EDGES_END_PX)
-        if fall is None or not any(abs(fall.tip_px - px) < off for px, off in near):
-            return None
-        return None if goes_on(sight.glimpse.strip, fall.tip_px, reach.tip_px) else fall
+        if fall is None or abs(fall.tip_px - edges_end_px) < EDGES_END_PX:
+            return fall  # what is beyond, a bead or a bubble, has edges that are not in line with the shaft's
+        is_near = abs(fall.tip_px - expected_px) < NEAR_PX
+        return fall if is_near and not goes_on(sight.glimpse.strip, fall.tip_px, reach.tip_px) else None
 
     def _is_free(self, strip: Strip, tip_px: float, reach_px: float, edges_end_px: float) -> bool:
         """Tell whether a tip right before the wall is one, and not a faint place of a shaft that goes on.
