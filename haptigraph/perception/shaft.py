@@ -301,8 +301,10 @@ def _shaded_px(edges: Edges, side: slice, before_px: float | None) -> float | No
     bright, dark = int(np.count_nonzero(is_bright)), int(np.count_nonzero(is_dark))
     if max(bright, dark) < LEAST_BLOCKS:
         return before_px
-    left_px2, right_px2 = (blur[0, side][is_bright] for blur in edges.blurs_px2)
-    lean = median(right_px2 - left_px2) if bright >= dark else 0.0
+    lean = 0.0
+    if bright >= dark:
+        left_px2, right_px2 = (blur[0, side][is_bright] for blur in edges.blurs_px2)
+        lean = median(right_px2 - left_px2)
     shift_px = min(LEAN_RATE * max(abs(lean) - LEAST_LEAN_PX2, 0.0), MOST_LEAN_PX)
     now_px = -math.copysign(shift_px, lean)
     return now_px if before_px is None else before_px + SHADE_RATE * (now_px - before_px)

@@ -293,14 +293,14 @@ def _level_with_one_end(
         noise_grey: Standard deviation of a pixel.
     """
     left, right = excess[-2:]
-    apart = right - left
+    excess, apart = excess[:-2], right - left
     off_grey = np.abs(apart)
     is_off = is_known & (off_grey > max(APART_GREY, APART_NOISE * noise_grey))
+    if not is_off.any():
+        return excess
     is_off &= np.minimum(np.abs(left), np.abs(right)) < EVEN_SHARE * off_grey
-    excess = excess[:-2]
-    if is_off.any():
-        is_left_even = np.abs(left[is_off]) < np.abs(right[is_off])
-        excess[:, is_off] += apart[is_off] * np.where(is_left_even, ramps[:, 1:], -ramps[:, :1])
+    is_left_even = np.abs(left[is_off]) < np.abs(right[is_off])
+    excess[:, is_off] += apart[is_off] * np.where(is_left_even, ramps[:, 1:], -ramps[:, :1])
     return excess
 
 
