@@ -55,13 +55,13 @@ class Background:
         self._is_whole = [False] * BANDS
 
     def look(self, image: Image) -> None:
-        """Tell in which grey to look, and how much brighter, until something was learned."""
-        if not self.is_new:
+        """Tell how bright the light is, and until something was learned, in which grey to look."""
+        seen = image[::EVERY_PX, ::EVERY_PX][self._is_inside[::EVERY_PX, ::EVERY_PX]]
+        if not len(seen):
             return
-        is_inside = self._is_inside[::EVERY_PX, ::EVERY_PX]
-        seen = image[::EVERY_PX, ::EVERY_PX][is_inside]
-        if len(seen):
-            self.chroma_share, self.light = _chroma_share(seen), _light(seen)
+        self.light = _light(seen)
+        if self.is_new:
+            self.chroma_share = _chroma_share(seen)
 
     def learn(self, image: Image, needle: tuple[Vec, Vec] | None, width_px: int) -> None:
         """Take in what is visible of the empty eye.
@@ -71,7 +71,8 @@ class Background:
             needle: The two ends of what the needle may cover [px]; None if there is no needle.
             width_px: How wide a stripe about it to leave out.
         """
-        self.look(image)
+        if self.is_new:
+            self.look(image)
         bands = range(BANDS) if self.is_new else (self._band,)
         for band in bands:
             self._learn_band(image, band, needle, width_px)

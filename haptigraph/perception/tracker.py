@@ -83,7 +83,6 @@ class Tracker:
             BadInput: If the image is not of the registered size.
         """
         image = self._registration.checked(capture.image)
-        self._background.look(image)
         sight = self._track(image, capture.stamp_ns)
         if sight is None:
             self._pose.lose()
@@ -118,6 +117,7 @@ class Tracker:
         return self._refined(image, sight, depth_px)
 
     def _acquire(self, image: Image) -> Sight | None:
+        self._background.look(image)
         candidates = self._fan.search(image, self._background.chroma_share, self._background.light)
         self._doubts = self._doubts + 1 if candidates else DOUBTS
         glimpses = [seen for line in candidates if (seen := self._glimpse(image, line)) is not None]
