@@ -111,7 +111,7 @@ def _chroma_share(seen: Image) -> float:
 
 
 def _light(seen: Image) -> float:
-    """Return how many times brighter it would be in good light: what is faint is taken for texture."""
+    """Return how many times brighter it would be in good light; 1 where it is lit well, or all is dark."""
     brightest = float(np.percentile(seen if seen.ndim == 1 else grey_of(seen[None]), BRIGHTEST))
     return max(LIT_GREY / brightest, 1.0) if brightest >= DARK_GREY else 1.0
 

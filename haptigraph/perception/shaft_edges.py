@@ -87,7 +87,11 @@ class Edges(Struct, frozen=True, eq=False):
     """What they were found in."""
 
     def usual_blur_px(self, is_pair: Mask) -> float:
-        """Return the usual deviation of the blur of some pairs' edges, (2 n,), on the sharper side."""
+        """Return the usual deviation of the blur of some pairs' edges, on the sharper side.
+
+        Args:
+            is_pair: Which pairs, (2 n,).
+        """
         sharper_px2 = min(median(blur.ravel()[is_pair]) for blur in self.blurs_px2)
         return math.sqrt(max(sharper_px2 - SLOPE_BLUR_PX2, 0.0))
 

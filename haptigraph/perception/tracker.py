@@ -21,13 +21,7 @@ from haptigraph.perception.pixels import FloatImage
 from haptigraph.perception.pose import PoseFilter
 from haptigraph.perception.registration import Registration
 from haptigraph.perception.shaft import NEW, LineFit, Look, fit_line
-from haptigraph.perception.strip import (
-    LARGEST_TURN_RAD,
-    OUTSIDE_MM,
-    Line,
-    Site,
-    stations,
-)
+from haptigraph.perception.strip import LARGEST_TURN_RAD, OUTSIDE_MM, Line, Site, stations
 from haptigraph.perception.tip import find_reach
 
 __all__ = ["Tracker"]
