@@ -2,10 +2,12 @@
 
 Turns an image into a few candidate lines. The image is unrolled about the trocar (angle x radius), where
 every needle is a straight row; a row counts that differs from both its sides without a gap, inwards from
-the wall or from the far end of the shaft towards it. Knows nothing of earlier images, and does not decide.
+the wall or from the far end of the shaft towards it. Before it is in there a needle may point beside it: such
+lines are searched in the same way. Knows nothing of earlier images, and does not decide.
 """
 
 import math
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
@@ -28,23 +30,32 @@ APART = 6  # rows of the fan between two candidates
 
 
 class Fan:
-    """The unrolled image about one trocar.
+    """The image unrolled about one trocar.
 
     Args:
         site: Where trocar and globe are.
+        offsets_mm: At which the lines pass the trocar.
+        until_mm: How far beyond it they are looked at.
     """
 
-    def __init__(self, site: Site) -> None:
+    def __init__(
+        self, site: Site, offsets_mm: Sequence[float] = (0.0,), until_mm: float = LONGEST_MM
+    ) -> None:
         reach = round(math.degrees(LARGEST_TURN_RAD) / STEP_DEG)
         self._angles = site.inwards_rad + np.radians(STEP_DEG) * np.arange(-reach, reach + 1)
-        radii = np.arange(-OUTSIDE_MM * site.px_per_mm, LONGEST_MM * site.px_per_mm, STEP_PX)
+        self._offsets_px = site.px_per_mm * np.array(offsets_mm)
+        radii = np.arange(-OUTSIDE_MM * site.px_per_mm, until_mm * site.px_per_mm, STEP_PX)
         radii = radii[: len(radii) // CELL * CELL]
-        x = site.trocar_px[0] + radii * np.cos(self._angles)[:, None]
-        y = site.trocar_px[1] + radii * np.sin(self._angles)[:, None]
+        rows = len(self._offsets_px) * len(self._angles)
+        offset, angle = (
+            part.reshape(-1, 1) for part in np.meshgrid(self._offsets_px, self._angles, indexing="ij")
+        )
+        x = site.trocar_px[0] + radii * np.cos(angle) - offset * np.sin(angle)
+        y = site.trocar_px[1] + radii * np.sin(angle) + offset * np.cos(angle)
         self._map, self._none = cv2.convertMaps(
             x.astype(np.float32), y.astype(np.float32), cv2.CV_16SC2, nninterpolation=True
         )
-        self._cells = len(self._angles), len(radii) // CELL, CELL
+        self._cells = rows, len(radii) // CELL, CELL
         radius = np.hypot(x - site.center_px[0], y - site.center_px[1])
         self._is_inside = radius < site.outer_px
         radius = radius.reshape(self._cells)
@@ -57,12 +68,14 @@ class Fan:
         apart_rad = FLANK_MM * site.px_per_mm / np.maximum(np.abs(cell_px), 8.0)
         apart = np.rint(np.clip(apart_rad / math.radians(STEP_DEG), 1, 2 * APART)).astype(int)
         row, column = np.mgrid[: self._cells[0], : self._cells[1]]
+        first = row // len(self._angles) * len(self._angles)
+        last = first + len(self._angles) - 1
         self._flanks = [
-            np.clip(row + side * apart, 0, len(row) - 1) * self._cells[1] + column for side in (-1, 1)
+            np.clip(row + side * apart, first, last) * self._cells[1] + column for side in (-1, 1)
         ]
 
     def search(self, image: Image, chroma_share: float = 0.0, light: float = 1.0) -> list[Line]:
-        """Return the lines through the trocar most like a needle, best first.
+        """Return the lines most like a needle, best first.
 
         Args:
             image: (h, w, 3) BGR or (h, w) grey.
@@ -75,19 +88,24 @@ class Fan:
         )
         cells = np.asarray(cv2.resize(grey, self._cells[1::-1], interpolation=cv2.INTER_AREA), np.float32)
         evidence = np.minimum(self._contrast(cells) * np.float32(light / CONTRAST_GREY) - 1, 1)
-        within = (evidence[:, self._trocar :] * self._inside).cumsum(axis=1).max(axis=1)
-        before = (evidence[:, : self._trocar] * self._outside).cumsum(axis=1).max(axis=1)
-        score = np.maximum(within, 0) + np.maximum(before, 0)
+        score = _longest(evidence[:, : self._trocar] * self._outside)
+        score += _longest(evidence[:, self._trocar :] * self._inside)
+        score = score.reshape(len(self._offsets_px), len(self._angles))
         found = []
         for _ in range(CANDIDATES):
-            best = int(score.argmax())
-            if score[best] < LEAST_CELLS:
+            offset, angle = divmod(int(score.argmax()), len(self._angles))
+            if score[offset, angle] < LEAST_CELLS:
                 break
-            found.append(Line(float(self._angles[best]), 0.0))
-            score[max(best - APART, 0) : best + APART + 1] = 0
+            found.append(Line(float(self._angles[angle]), float(self._offsets_px[offset])))
+            score[:, max(angle - APART, 0) : angle + APART + 1] = 0
         return found
 
     def _contrast(self, cells: FloatImage) -> FloatImage:
         """Return by how much every cell differs from both its sides in the same sense [grey levels]."""
         one, other = (cells - cells.take(flank) for flank in self._flanks)
         return np.asarray(np.maximum(np.minimum(one, other), -np.maximum(one, other)).clip(0), np.float32)
+
+
+def _longest(evidence: FloatImage) -> FloatImage:
+    """Return how much evidence there is from the first cell of every row on, up to where it is most."""
+    return np.asarray(evidence.cumsum(axis=1).max(axis=1, initial=0), np.float32)

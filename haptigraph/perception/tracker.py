@@ -31,11 +31,12 @@ EXPOSED_MM = 2.0  # before the trocar: a tip seen there is the end, and the grou
 AHEAD_OF_TIP_MM = 0.3  # not learned as background
 BEHIND_MM = 14.0  # how much of the shaft is looked at
 MISS_MM = 1.5  # a needle passes the registered trocar no further off
+BESIDE_MM = -1.2, -0.8, -0.4, 0.4, 0.8, 1.2  # where lines beside it pass that are searched
 TRACKED_PX = 8.0  # between the expected and the real shaft
-LEAST_CONFIDENCE = 0.4
+LEAST_CONFIDENCE, BESIDE_CONFIDENCE = 0.4, 0.7
 DOUBTS = 15  # images with something like a needle that is none, until it counts as background
 AGAIN_PX = 2.0  # between a line and what is found in a second look along it
-THICKEST_MM = 1.05
+THICKEST_MM = 1.0
 LONGEST_STEP_S = 0.2
 CONTRAST_RATE = 0.1
 CLOSEUP_SPARE_PX = 6  # beyond a close-up of the tip, for where the tip is may be expected wrongly
@@ -56,6 +57,7 @@ class Tracker:
         self._registration = registration
         self._site = Site(registration)
         self._fan = Fan(self._site)
+        self._fan_beside = Fan(self._site, BESIDE_MM, until_mm=0.0)
         self._background = Background(self._site)
         self._find_end = EndFinder(self._site, self._background)
         self._pose = PoseFilter(self._site.px_per_mm)
@@ -112,8 +114,20 @@ class Tracker:
 
     def _acquire(self, image: Image) -> Sight | None:
         self._background.look(image)
-        candidates = self._fan.search(image, self._background.chroma_share, self._background.light)
+        candidates = self._candidates(self._fan, image)
         self._doubts = self._doubts + 1 if candidates else DOUBTS
+        return self._best(image, candidates) or self._acquire_beside(image)
+
+    def _acquire_beside(self, image: Image) -> Sight | None:
+        """Find a needle that points beside its trocar; of what reaches the wall there, none is."""
+        sight = self._best(image, self._candidates(self._fan_beside, image))
+        is_sure = sight and sight.reach.where == "outside" and sight.fit.confidence >= BESIDE_CONFIDENCE
+        return sight if is_sure else None
+
+    def _candidates(self, fan: Fan, image: Image) -> list[Line]:
+        return fan.search(image, self._background.chroma_share, self._background.light)
+
+    def _best(self, image: Image, candidates: list[Line]) -> Sight | None:
         glimpses = [seen for line in candidates if (seen := self._glimpse(image, line)) is not None]
         for glimpse in sorted(glimpses, key=lambda seen: -seen.reach.evidence_px):
             sight = self._measured(glimpse, glimpse.strip.half_px)
