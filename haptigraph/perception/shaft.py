@@ -4,6 +4,7 @@ Turns the edges in a strip into a line with its covariance. Knows no trocar and 
 """
 
 import math
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -26,6 +27,9 @@ NARROWER_PX = 1.2
 WIDER_PX = 3.0
 MISS_PX = 3.0
 LEAST_MISS_PX = 0.45
+MESSY = 3.0  # scatter: the line may run between two things
+COMMON_PX, FROM_COMMON_PX = 0.75, 1.5  # from the line most pairs are on: those that are, those that may be
+LEAST_APART_PX, MOST_TRIED = 30.0, 40  # of the pairs it is drawn through
 SIDE_PX = 0.2  # how far the light may shift the middle on one side of the wall as a whole
 BRIGHT_ASIDE, DARK_ASIDE = 0.03, 0.015  # the same, as a share of a pair's width
 LEAST_LEAN_PX2 = 0.25  # how much blurrier one edge may be than the other in the same light
@@ -127,11 +131,14 @@ def fit_line(strip: Strip, tip_px: float, miss_px: float, look: Look = NEW) -> L
     inside_px = _shaded_px(edges, slice(edges.outside, None), inside_px)
     look = replace(look, shaded_px=(outside_px, inside_px))
     fit = _robust_line(edges, miss_px, look)
-    if look.images >= RETRY_IMAGES and look.images % RETRY_IMAGES:
-        return fit
-    feet = at_feet(edges)
-    by_feet = _robust_line(feet, miss_px, look, are_feet=True) if feet else None
-    return by_feet if fit is None or (by_feet and _is_better(by_feet, fit)) else fit
+    if look.images < RETRY_IMAGES or look.images % RETRY_IMAGES == 0:
+        feet = at_feet(edges)
+        by_feet = _robust_line(feet, miss_px, look, are_feet=True) if feet else None
+        if by_feet and (fit is None or _is_better(by_feet, fit)):
+            return by_feet
+    if fit and fit.scatter > MESSY:
+        return _robust_line(edges, miss_px, look, is_messy=True) or fit
+    return fit
 
 
 def _is_better(feet: LineFit, slopes: LineFit) -> bool:
@@ -166,13 +173,22 @@ def _missing(width_px: Floats) -> Floats:
     return missing
 
 
-def _robust_line(edges: Edges, miss_px: float, look: Look, are_feet: bool = False) -> LineFit | None:
+def _robust_line(
+    edges: Edges, miss_px: float, look: Look, are_feet: bool = False, is_messy: bool = False
+) -> LineFit | None:
     """Fit by weighted least squares, leaving out pairs that are off the line (Tukey's weights).
 
     What is known of the light comes in as further unknowns with priors. It differs on the two sides of the
     wall: each side as a whole may be off by SIDE_PX, and is where one edge fades into the shade. A highlight
     runs beside the axis, the further the thicker the shaft: the middle of a pair may be off by a share of its
     width, a larger one where a bright pair was seen within a dark one. Where feet tell, there is none.
+
+    Args:
+        edges: Both edges, block by block.
+        miss_px: How far the shaft may be from the strip's middle.
+        look: What earlier images told of this needle.
+        are_feet: Whether the edges are where feet say.
+        is_messy: Whether to begin with the line that most pairs are on.
     """
     missing = _missing(edges.width_px)
     has_pair = edges.width_px > 0
@@ -183,18 +199,15 @@ def _robust_line(edges: Edges, miss_px: float, look: Look, are_feet: bool = Fals
     highlight = None
     if not are_feet:
         highlight = look.highlight or _possible_highlight(edges.width_px, missing)
-    prior, pull = PRIOR.copy(), np.zeros(6)
-    pull[2:4] = [SIDE_PX**-2 * (px or 0.0) for px in look.shaded_px]
-    if highlight:
-        prior[4, 4] = highlight.share_deviation**-2
-        pull[4] = prior[4, 4] * highlight.share
+    light = _light(look.shaded_px, highlight)
     design, v = _design(edges), edges.middle_px.ravel()
-    answer, covariance, closeness, miss = _solved(design, v, trust, usable, miss_px, prior, pull)
-    is_on = (closeness > 0) & (trust > 0)
+    off_px, reach_px = v, miss_px
+    if is_messy:
+        off_px, reach_px = _off_common_line(np.tile(edges.u_px, 2), v, usable), FROM_COMMON_PX
+    answer, covariance, is_on, miss, scatter = _solved(design, v, trust, usable, light, off_px, reach_px)
     is_on_line = _has_one(is_on)
     if np.count_nonzero(is_on_line) < LEAST_BLOCKS:
         return None
-    scatter = float((trust * is_on) @ np.square(miss)) / max(int(np.count_nonzero(is_on)) - 2, 1)
     steepness = edges.steepness.ravel()
     least = LEAST_STEEP * _usual_steepness(edges, is_on)
     is_steep = (np.abs(miss) <= NEAR_PX) & (steepness > least) & (trust > 0)
@@ -253,26 +266,80 @@ def _has_one(is_pair: Mask) -> Mask:
     return np.asarray(is_pair[:middle] | is_pair[middle:], np.bool_)
 
 
+class _Solution(NamedTuple):
+    """Unknowns that explain where pairs lie."""
+
+    answer: Floats
+    covariance: Floats
+    is_on: Mask
+    """Pairs that agree with it, (2 n,)."""
+    miss_px: Floats
+    """Of every pair, (2 n,)."""
+    scatter: float
+
+
 def _solved(
     design: Floats,
     v: Floats,
     trust: Floats,
     usable: NDArray[np.int64],
-    miss_px: float,
-    prior: Floats,
-    pull: Floats,
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return the unknowns, their covariance, how close each pair is, 0 (off the line) to 1, its miss."""
-    miss, reach = v, miss_px
+    light: tuple[Floats, Floats],
+    miss_px: Floats,
+    reach_px: float,
+) -> _Solution:
+    """Solve for the unknowns.
+
+    Args:
+        design: What each of them does to every pair, (6, 2 n).
+        v: Where the pairs lie, (2 n,).
+        trust: One over their variances, (2 n,).
+        usable: Those that are there.
+        light: What is known of the unknowns before.
+        miss_px: How far the pairs are off the line it begins with, (2 n,).
+        reach_px: How far those that are on it may be off that line.
+    """
+    prior, pull = light
     for number in range(ROUNDS):
         if number:
-            reach = min(max(TUKEY * 1.4826 * median(np.abs(miss[usable])), LEAST_MISS_PX), MISS_PX)
-        closeness = np.maximum(1 - np.square(miss * (1 / reach)), 0)
+            reach_px = min(max(TUKEY * 1.4826 * median(np.abs(miss_px[usable])), LEAST_MISS_PX), MISS_PX)
+        closeness = np.maximum(1 - np.square(miss_px * (1 / reach_px)), 0)
         weighed = design * (trust * closeness * closeness)
         covariance = cv2.invert(weighed @ design.T + prior, flags=cv2.DECOMP_CHOLESKY)[1]  # 4 times as fast
         answer = covariance @ (weighed @ v + pull)
-        miss = v - answer @ design
-    return answer, covariance, closeness, miss
+        miss_px = v - answer @ design
+    is_on = (closeness > 0) & (trust > 0)
+    scatter = float((trust * is_on) @ np.square(miss_px)) / max(int(np.count_nonzero(is_on)) - 2, 1)
+    return _Solution(answer, covariance, is_on, miss_px, scatter)
+
+
+def _off_common_line(u_px: FloatImage, v: Floats, usable: NDArray[np.int64]) -> Floats:
+    """Return how far every pair is off the line that most of them are on, (2 n,).
+
+    Least squares trust a few wide pairs, as a bubble beside the shaft makes, more than all narrow ones.
+    """
+    tried = usable[:: len(usable) // MOST_TRIED + 1]
+    one, other = (tried[index] for index in np.triu_indices(len(tried), 1))
+    along_px = u_px[other] - u_px[one]
+    is_apart = np.abs(along_px) >= LEAST_APART_PX
+    if not is_apart.any():
+        return v
+    slope = (v[other] - v[one])[is_apart] / along_px[is_apart]
+    offset_px = v[one][is_apart] - slope * u_px[one][is_apart]
+    off_px = v[usable] - offset_px[:, None] - slope[:, None] * u_px[usable]
+    best = int(np.maximum(1 - np.square(off_px / COMMON_PX), 0).sum(axis=1).argmax())
+    return np.asarray(v - offset_px[best] - slope[best] * u_px, np.float64)
+
+
+def _light(
+    shaded_px: tuple[float | None, float | None], highlight: Highlight | None
+) -> tuple[Floats, Floats]:
+    """Return what is known of the unknowns before: one over variances, (6, 6); that times them, (6,)."""
+    prior, pull = PRIOR.copy(), np.zeros(6)
+    pull[2:4] = [SIDE_PX**-2 * (px or 0.0) for px in shaded_px]
+    if highlight:
+        prior[4, 4] = highlight.share_deviation**-2
+        pull[4] = prior[4, 4] * highlight.share
+    return prior, pull
 
 
 def _design(edges: Edges) -> Floats:

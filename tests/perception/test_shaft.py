@@ -7,11 +7,17 @@ from drawn_strip import END_PX, LANES, U_PX, blurred, needle, seen_blur_px
 from drawn_strip import strip as drawn_strip
 from msgspec.structs import replace
 
+from haptigraph.config import PerceptionConfig
+from haptigraph.geometry import ImageGeometry
+from haptigraph.messages import Capture
 from haptigraph.perception.closeup import closeup_px, refine_tip
 from haptigraph.perception.fan import Fan
+from haptigraph.perception.registration import Registration, parse_registration
 from haptigraph.perception.shaft import Look, fit_line
 from haptigraph.perception.strip import STATION_PX, UNSEEN, Line, Site, Strip, lay_straight, stations
 from haptigraph.perception.tip import find_reach
+from haptigraph.perception.tracker import BESIDE_MM, Tracker
+from haptigraph.sim.eye import Eye, EyeShape, registration_text
 
 GROUND, METAL = 150, 70
 
@@ -123,6 +129,34 @@ def test_the_fan_finds_the_angle_of_a_needle(site, turn_deg):
     assert math.degrees(found[0].angle_rad - true.angle_rad) == pytest.approx(0, abs=1.5)
 
 
+@pytest.fixture
+def large() -> Registration:
+    """An eye with room for a shaft before it."""
+    geometry = ImageGeometry(center_px=(400.0, 420.0), mm_per_px=1 / 16, mirrored=True)
+    return parse_registration(registration_text(Eye(EyeShape()), geometry, 800, 640), "large.toml")
+
+
+@pytest.mark.parametrize("turn_deg", [-25.0, 0.0, 18.0])
+@pytest.mark.parametrize("beside_mm", [-1.1, -0.5, 0.8])
+def test_the_fan_finds_a_needle_that_points_beside_its_trocar(large, turn_deg, beside_mm):
+    site = Site(large)
+    true = Line(site.inwards_rad + math.radians(turn_deg), beside_mm * site.px_per_mm)
+    fan = Fan(site, BESIDE_MM, until_mm=0.0)
+    found = fan.search(draw(site, true, -3.5 * site.px_per_mm))[0]
+    assert math.degrees(found.angle_rad - true.angle_rad) == pytest.approx(0, abs=3)
+    assert found.offset_px == pytest.approx(true.offset_px, abs=0.5 * site.px_per_mm)
+
+
+@pytest.mark.parametrize("beside_mm", [-1.1, 0.8])
+def test_a_needle_that_points_beside_its_trocar_is_seen_in_the_first_image(large, beside_mm):
+    site = Site(large)
+    true = Line(site.inwards_rad + 0.1, beside_mm * site.px_per_mm)
+    depth_px = -3.5 * site.px_per_mm
+    observation = Tracker(large, PerceptionConfig())(Capture(0, 0, draw(site, true, depth_px)))
+    tip_px = large.image.to_px(observation.found["needle_tip"].at_mm)
+    assert math.dist(tip_px, true.at_px(site.trocar_px, depth_px)) < 1.0
+
+
 def test_what_was_always_there_is_no_needle(site):
     line = Line(site.inwards_rad, 0.0)
     stain = draw(site, line, 100.0)
@@ -192,6 +226,17 @@ def test_a_side_that_is_not_seen_keeps_what_was_told_of_its_shade():
     seen = matt_shaft(1, 30)
     inside = replace(seen, before=slice(0, 0))
     assert fit_line(inside, END_PX, seen.half_px, Look(shaded_px=(0.3, 0.0))).look.shaded_px[0] == 0.3
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+@pytest.mark.parametrize("grey", [-80.0, 80.0])
+def test_a_bubble_that_touches_a_shaft_does_not_turn_its_line(side, grey):
+    is_bubble = (abs(U_PX - END_PX + 30) <= 6) & (LANES * side > 0) & (LANES * side <= 12)
+    picture = grey * ((abs(LANES) <= 3) & (U_PX <= END_PX) | is_bubble)
+    seen = drawn_strip(blurred(picture, 0.8, STATION_PX))
+    fit = fit_line(seen, END_PX, seen.half_px)
+    assert fit.offset_px == pytest.approx(0, abs=0.2)
+    assert fit.offset_px + fit.slope * END_PX == pytest.approx(0, abs=0.3)
 
 
 @pytest.mark.parametrize(("images", "width_px"), [(0, 10), (7, 10), (9, 5), (15, 5), (16, 10)])
