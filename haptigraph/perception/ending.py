@@ -13,7 +13,14 @@ from haptigraph.messages import Image
 from haptigraph.perception.background import Background
 from haptigraph.perception.closeup import closeup_px, refine_tip
 from haptigraph.perception.shaft import LineFit
-from haptigraph.perception.sharp_end import LONGEST_DIM_PX, SHORTEST_DIM_PX, dim_end_px, goes_on, sharp_end
+from haptigraph.perception.sharp_end import (
+    LONGEST_DIM_PX,
+    SHORTEST_DIM_PX,
+    dim_end_px,
+    goes_on,
+    is_plain_end,
+    sharp_end,
+)
 from haptigraph.perception.strip import Line, Site, Strip
 from haptigraph.perception.tip import Reach, is_led_to
 
@@ -22,7 +29,10 @@ __all__ = ["OFF_PX", "EndFinder", "Glimpse", "Sight"]
 GAP_MM = 0.65  # of unknown ground before the wall that is taken for the shaft
 AT_WALL_PX = 3.8  # blurred edge of the wall
 ENDS_PX, EDGES_END_PX = 4.0, 9.0  # beyond a tip, until where a shaft and its edges may seem to go on
-NEAR_PX = 3.0  # between where the tip is expected and where it is, mostly
+NEAR_PX, PLAIN_PX = (
+    3.0,
+    8.0,
+)  # between where a tip is expected and where it is, mostly; where it is plain to see
 SHARP_END_PX = 2.5  # between the end of what is sharp and the fall of contrast there, if it has one
 CENTRED_PX = 2.0  # a tip further beyond the middle of its close-up is looked at anew
 OFF_PX = 3.0
@@ -109,8 +119,9 @@ class EndFinder:
         fall = self._fall(image, sight, reach, expected_px)
         if fall is None or abs(fall.tip_px - edges_end_px) < EDGES_END_PX:
             return fall  # what is beyond, a bead or a bubble, has edges that are not in line with the shaft's
-        is_near = abs(fall.tip_px - expected_px) < NEAR_PX
-        return fall if is_near and not goes_on(sight.glimpse.strip, fall.tip_px, reach.tip_px) else None
+        strip, off_px = sight.glimpse.strip, abs(fall.tip_px - expected_px)
+        is_free = off_px < NEAR_PX and not goes_on(strip, fall.tip_px, reach.tip_px)
+        return fall if is_free or (off_px < PLAIN_PX and is_plain_end(strip, fall, reach.tip_px)) else None
 
     def _is_free(self, strip: Strip, tip_px: float, reach_px: float, edges_end_px: float) -> bool:
         """Tell whether a tip right before the wall is one, and not a faint place of a shaft that goes on.

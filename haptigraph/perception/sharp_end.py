@@ -15,7 +15,7 @@ from haptigraph.perception.sharpness import AROUND_PX, least_sharpness, sharpnes
 from haptigraph.perception.strip import STATION_PX, Strip, median
 from haptigraph.perception.tip import Reach, core_contrast
 
-__all__ = ["LONGEST_DIM_PX", "SHORTEST_DIM_PX", "dim_end_px", "goes_on", "sharp_end"]
+__all__ = ["LONGEST_DIM_PX", "SHORTEST_DIM_PX", "dim_end_px", "goes_on", "is_plain_end", "sharp_end"]
 
 GROUP = 4  # stations in which something sharp is looked for together
 SPREAD = np.kron(np.eye(2, dtype=np.float32), np.full((GROUP, 1), 1 / GROUP, np.float32))  # of two groups
@@ -25,6 +25,9 @@ LEAST_SOFT = 6  # groups
 BEYOND, BEHIND = 2, 8  # stations: from a fall of contrast on; before it, that tell how sharp a shaft is
 UNBROKEN = 0.75  # share of the groups that must be sharp
 SHARP_DEVIATION_PX = 1.0
+STEADY, STEADY_BEHIND = 0.1, 20  # deviation of the contrast, as a share of it; stations that tell
+BLURRED = 3  # stations, at a tip out of focus
+MOST_SHADOW = 0.4  # contrast of a shadow, as a share of its shaft's
 SHORTEST_DIM_PX, LONGEST_DIM_PX = 3, 14  # what is shorter is blurred
 LEAST_DIM = 0.2  # share of the contrast behind
 SHARP_SHARE = 0.3  # a dim point is sharper than this share of what is behind
@@ -87,6 +90,27 @@ def goes_on(strip: Strip, from_px: float, to_px: float) -> bool:
     least = least_sharpness(strip.noise_grey, GROUP)
     is_sharp = _along(strip, slice(start, stop)) > max(least, SHARP_SHARE * behind)
     return int(np.count_nonzero(is_sharp)) >= UNBROKEN * len(is_sharp)
+
+
+def is_plain_end(strip: Strip, fall: Reach, to_px: float) -> bool:
+    """Tell whether a contrast that is the same all along a shaft falls to much less: that of its shadow.
+
+    However sharp that is: out of focus a shaft is not much sharper. The contrast of what mirrors its
+    surroundings is never the same for long.
+
+    Args:
+        strip: The straightened surroundings.
+        fall: Where the shaft may end, inside.
+        to_px: How far something like it reaches.
+    """
+    end = int(strip.u_px.searchsorted(fall.tip_px))
+    behind = slice(max(end - BLURRED - STEADY_BEHIND, strip.inside.start), end - BLURRED)
+    beyond = slice(end + BLURRED, int(strip.u_px.searchsorted(to_px)))
+    if behind.stop - behind.start < STEADY_BEHIND // 2 or beyond.stop - beyond.start < 2:
+        return False
+    high, low = (core_contrast(strip, part)[0] for part in (behind, beyond))
+    usual = median(high)
+    return median(np.abs(high - usual)) < STEADY * usual and median(low) < MOST_SHADOW * usual
 
 
 def dim_end_px(strip: Strip, reach: Reach) -> float | None:

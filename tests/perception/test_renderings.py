@@ -67,6 +67,10 @@ def with_beads(image: np.ndarray, number: int) -> np.ndarray:
     return image
 
 
+def soft(image: np.ndarray, number: int) -> np.ndarray:
+    return cv2.GaussianBlur(image, (0, 0), 1.3)
+
+
 SPOILT = {dim: 1.2, noisy: 0.6, flickering: 0.5, with_beads: 0.6}  # tip px p50
 
 
@@ -98,3 +102,9 @@ def test_a_rendered_needle_is_seen_in_spoilt_images(how, name, tmp_path):
     assert scores["wrong_contact_images"] == 0
     assert scores["state_agreement"] >= 0.96
     assert scores["tip_error_px"]["median"] <= SPOILT[how]
+
+
+def test_a_hard_shadow_out_of_focus_is_no_needle(tmp_path):
+    scores = evaluate_clip(spoil(RENDERINGS / "black_round", tmp_path / "soft", soft), load_config()).scores
+    assert scores["state_agreement"] >= 0.96
+    assert scores["tip_error_px"]["p95"] <= 1.2

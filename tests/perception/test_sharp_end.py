@@ -4,7 +4,7 @@ import pytest
 from drawn_strip import END_PX, LANES, SHADOW, U_PX, blurred, needle, strip
 
 from haptigraph.perception.closeup import refine_tip
-from haptigraph.perception.sharp_end import dim_end_px, goes_on, sharp_end
+from haptigraph.perception.sharp_end import dim_end_px, goes_on, is_plain_end, sharp_end
 from haptigraph.perception.strip import STATION_PX
 from haptigraph.perception.tip import Reach
 
@@ -96,3 +96,23 @@ def test_a_shaft_does_not_go_on_in_its_shadow_nor_beyond_free_ground():
     for beyond in (shadow, bubble):
         assert not goes_on(strip(needle(3.0, 100.0) + beyond), 100.0, 200.0)
     assert not goes_on(strip(needle(3.0, 100.0)), 100.0, 104.0)
+
+
+def shaft_before_its_shadow(shadow_grey, along=1.0):
+    shadow = blurred(needle(4.0, 180.0, shadow_grey), 1.7, STATION_PX)
+    return strip(np.minimum(blurred(along * needle(4.0, grey=-100.0), 1.7, STATION_PX), shadow))
+
+
+@pytest.mark.parametrize(("shadow_grey", "is_end"), [(-15.0, True), (-30.0, True), (-50.0, False)])
+def test_an_even_shaft_ends_where_only_its_shadow_goes_on_however_sharp(shadow_grey, is_end):
+    fall = Reach("inside", END_PX, 140.0)
+    assert is_plain_end(shaft_before_its_shadow(shadow_grey), fall, 180.0) == is_end
+
+
+def test_a_shaft_that_mirrors_its_surroundings_does_not_plainly_end_where_it_gets_dim():
+    uneven = shaft_before_its_shadow(-15.0, along=0.7 + 0.3 * np.sin(U_PX / 8))
+    assert not is_plain_end(uneven, Reach("inside", END_PX, 140.0), 180.0)
+
+
+def test_too_little_of_a_shaft_does_not_tell_whether_it_is_even():
+    assert not is_plain_end(shaft_before_its_shadow(-15.0), Reach("inside", 20.0, 20.0), 180.0)
