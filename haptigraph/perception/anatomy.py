@@ -35,6 +35,7 @@ RIM_BEFORE = 0.015  # likely size of how much larger the rim is seen
 RIM_HEIGHT = 0.08  # and of how far before the section it stands, of the radius
 PIVOT_OFF = 0.004  # of the radius: a trocar need not sit exactly in the middle of the wall
 MOUTH_OFF_PX = 0.7
+WHITE_GREY, MOST_WHITE = 250, 0.5  # all colours reach it; of what lies within a single edge
 
 
 class FoundTrocar(Struct, frozen=True):
@@ -100,7 +101,7 @@ def find_anatomy(images: Sequence[Image]) -> Anatomy:
         rim = find_rim(still)
     foot_x, foot_y = slant.foot_px if slant else middle_px
     pivot = find_pivot(images, rim) if len(images) > 1 else None
-    _check_which_edge(rim, pivot)
+    _check_which_edge(rim, pivot, still)
     mouths = find_mouths(still, rim.inner)
     before, doubt, rim_by = _rim_before(rim, pivot, mouths, slant, (foot_x, foot_y))
     rim_ratio = 1 + before
@@ -126,16 +127,31 @@ def find_anatomy(images: Sequence[Image]) -> Anatomy:
     )
 
 
-def _check_which_edge(rim: Rim, pivot: Pivot | None) -> None:
+def _check_which_edge(rim: Rim, pivot: Pivot | None, still: Image) -> None:
     """Refuse a single edge that may be the wall's outer one: a needle pivots outside the inner edge."""
     if rim.outer is not None:
         return
+    white = _white_share(rim, still)
+    if white > MOST_WHITE:
+        raise BadInput(
+            f"the eye is overexposed: {white:.0%} of it is white, and only one edge of its wall can be seen; "
+            "less light or a shorter exposure would show the other"
+        )
     is_inner = pivot is not None and math.dist(pivot.point_px, rim.inner.center_px) > rim.inner.radius_px
     if not is_inner:
         raise BadInput(
             "only one edge of the globe's wall can be seen, and nothing shows that it is the inner one; "
             "more light, a sharper image or a clip with a moving needle would"
         )
+
+
+def _white_share(rim: Rim, still: Image) -> float:
+    """Return how much of what lies within the edge is as bright as can be."""
+    y, x = np.ogrid[: still.shape[0], : still.shape[1]]
+    (center_x, center_y), radius_px = rim.inner.center_px, rim.inner.radius_px
+    within = still[(x - center_x) ** 2 + (y - center_y) ** 2 < radius_px**2]
+    darkest = within if within.ndim == 1 else within.min(axis=1)
+    return float(np.mean(darkest >= WHITE_GREY))
 
 
 def _rim_before(

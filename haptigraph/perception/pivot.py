@@ -28,9 +28,13 @@ STATION = 0.02  # of the globe's radius, between places where the shaft's middle
 EDGE_STEP_PX = 0.25
 CLEAR_EDGE = 0.4  # of the steepest place on the same side of the shaft
 LEAST_LINES = 3
-NEAR_WALL = 0.18  # of the globe's radius, that a pivot may lie off the inner edge
+NEAR_WALL, WITHIN_WALL = (
+    0.18,
+    0.05,
+)  # of the globe's radius, that a pivot may lie outside the inner edge, inside
 EXPECTED_SD = 0.02  # of the globe's radius: how far from the middle of the visible wall a pivot may well lie
 SUREST_PX = 0.06  # no line is known better
+SURER = 0.3  # share of the doubt, if what is always there is left out
 INDEPENDENT_LINES = 6  # errors of many images of one clip are alike
 
 
@@ -75,8 +79,23 @@ def find_pivot(images: Sequence[Image], rim: Rim) -> Pivot | None:
         None if no needle moves, or lines of several things were taken for its shaft.
     """
     visible = _visible(rim, images[0].shape[1], images[0].shape[0]) & _moving(images, rim)
-    lines = [line for image in images if (line := _shaft(image, visible, rim)) is not None]
+    still = grey_of(still_picture(images))
+    where_new = [visible & (_stands_out(grey_of(image), still) > LEAST_CHANGE_GREY) for image in images]
+    pivot, of_new = _pivot(images, [visible] * len(images), rim), _pivot(images, where_new, rim)
+    # What is always there may be taken for a shaft, as a vessel is; or be the part of it that hardly moves.
+    is_surer = of_new and (pivot is None or of_new.radial_sd_px < SURER * pivot.radial_sd_px)
+    return of_new if is_surer else pivot
+
+
+def _pivot(images: Sequence[Image], places: Sequence[NDArray[np.bool_]], rim: Rim) -> Pivot | None:
+    """Find where the shaft lines meet that are seen in some places of each image."""
+    lines = [line for pair in zip(images, places, strict=True) if (line := _shaft(*pair, rim)) is not None]
     return _meeting(lines, rim) if len(lines) >= LEAST_LINES else None
+
+
+def _stands_out(grey: Image, around: Image) -> Image:
+    """Return how much an image in grey differs from another one, (h, w)."""
+    return np.asarray(cv2.blur(cv2.absdiff(grey, around), (3, 3)), np.uint8)
 
 
 def _moving(images: Sequence[Image], rim: Rim) -> NDArray[np.bool_]:
@@ -108,8 +127,8 @@ def _shaft(image: Image, visible: NDArray[np.bool_], rim: Rim) -> _Line | None:
     """Fit the straight thin thing that stands out from what lies around it."""
     radius_px = rim.inner.radius_px
     grey = grey_of(image)
-    around = cv2.medianBlur(grey, 2 * round(1.5 * LINE_WIDTH * radius_px) + 1)
-    size = np.asarray(cv2.blur(cv2.absdiff(grey, around), (3, 3)), np.uint8)
+    around = np.asarray(cv2.medianBlur(grey, 2 * round(1.5 * LINE_WIDTH * radius_px) + 1), np.uint8)
+    size = _stands_out(grey, around)
     points = _places(size, visible, LEAST_CHANGE_GREY)
     if len(points) < 50:
         return None
@@ -253,7 +272,8 @@ def _meeting(lines: list[_Line], rim: Rim) -> Pivot | None:
     kept = off < max(5 * float(np.median(off)), 0.5)
     outwards = point - np.array(rim.inner.center_px)
     distance_px = float(np.hypot(*outwards))
-    if kept.sum() < LEAST_LINES or abs(distance_px / rim.inner.radius_px - 1) > NEAR_WALL:
+    beyond = distance_px / rim.inner.radius_px - 1
+    if kept.sum() < LEAST_LINES or not -WITHIN_WALL <= beyond <= NEAR_WALL:
         return None
     residual = float(np.sqrt(np.mean((normals[kept] @ point - offsets[kept]) ** 2)))
     outwards /= distance_px

@@ -1,6 +1,7 @@
 """The finder against the simulator's truth, on scenes of this file only."""
 
 import math
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -11,7 +12,7 @@ from haptigraph.errors import BadInput
 from haptigraph.geometry import Circle, Polyline, distance_to_polyline
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy import find_anatomy
-from haptigraph.perception.registration import Registration, parse_registration
+from haptigraph.perception.registration import Registration, load_registration, parse_registration
 from haptigraph.perception.rim import find_rim
 from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.scenario import load_scenario
@@ -107,6 +108,19 @@ def test_a_rod_that_passes_sideways_is_no_needle_that_pivots(step_px):
     assert {trocar.by for trocar in found.trocars} == {"hole"}
 
 
+def test_vessels_are_no_needle_that_pivots():
+    folder = Path(__file__).parents[1] / "data" / "renderings" / "orange_bowl"
+    video = cv2.VideoCapture(str(folder / "clip.mp4"))
+    images = []
+    while (seen := video.read())[0]:
+        images.append(seen[1])
+    video.release()
+    truth = load_registration(folder / "registration.toml")
+    found = find_anatomy(images)
+    assert found.pivot is not None
+    assert math.dist(found.pivot.point_px, truth.image.to_px(truth.trocar.at_mm)) < 2
+
+
 def test_a_rim_before_the_section_is_told_by_the_pivot():
     """A wall seen 2 % larger than the section, as if it stood before the plane the needle moves in."""
     images, truth = play("dark", (319.5, 205.0), 10.0, 3)
@@ -148,6 +162,7 @@ BAD = {
         cv2.circle(np.full((360, 640, 3), 90, np.uint8), (320, 180), 120, (200, 200, 200), -1),
         "only one edge",
     ),
+    "overexposed": (cv2.convertScaleAbs(still_scene(), alpha=1.9), "overexposed: [6-9][0-9]% of it is white"),
     "small": (cv2.resize(still_scene(), None, fx=0.4, fy=0.4, interpolation=cv2.INTER_AREA), "no eye|small"),
 }
 
