@@ -13,11 +13,23 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from haptigraph.perception.pixels import FloatImage, Floats, Mask
-from haptigraph.perception.shaft_edges import BLOCK_PX, LEAST_BLOCKS, Edges, at_feet, find_edges
+from haptigraph.perception.shaft_edges import (
+    BLOCK,
+    BLOCK_PX,
+    LEAST_BLOCKS,
+    NOISY_GREY,
+    Edges,
+    at_feet,
+    find_edges,
+)
 from haptigraph.perception.strip import Strip, median
 
 __all__ = ["NEW", "Highlight", "LineFit", "Look", "fit_line"]
 
+CLEAR_CONFIDENCE, LONG_BLOCK = (
+    0.6,
+    3 * BLOCK,
+)  # noise hides edges: less, and more stations are looked at together
 TUKEY = 4.0
 ROUNDS = 3
 LEAST_SCATTER = 0.05  # of residuals over expected deviations, squared
@@ -123,7 +135,15 @@ def fit_line(strip: Strip, tip_px: float, miss_px: float, look: Look = NEW) -> L
     Returns:
         The line, or None if too few blocks show two edges that lie on one.
     """
-    edges = find_edges(strip, tip_px)
+    fit = _fit_line(strip, tip_px, miss_px, look, BLOCK)
+    if strip.noise_grey > NOISY_GREY and (fit is None or fit.confidence < CLEAR_CONFIDENCE):
+        longer = _fit_line(strip, tip_px, miss_px, look, LONG_BLOCK)
+        return longer if fit is None or (longer and longer.confidence > fit.confidence) else fit
+    return fit
+
+
+def _fit_line(strip: Strip, tip_px: float, miss_px: float, look: Look, block: int) -> LineFit | None:
+    edges = find_edges(strip, tip_px, block)
     if edges is None:
         return None
     outside_px, inside_px = look.shaded_px

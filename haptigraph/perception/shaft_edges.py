@@ -19,9 +19,21 @@ from numpy.typing import NDArray
 from haptigraph.perception.pixels import FloatImage, Floats, Mask
 from haptigraph.perception.strip import STATION_PX, Strip, median
 
-__all__ = ["BLOCK_PX", "LEAST_BLOCKS", "UNSEEN_PX", "Edges", "Slopes", "at_feet", "find_edges"]
+__all__ = [
+    "BLOCK",
+    "BLOCK_PX",
+    "LEAST_BLOCKS",
+    "NOISY_GREY",
+    "UNSEEN_PX",
+    "Edges",
+    "Slopes",
+    "at_feet",
+    "find_edges",
+]
 
-BLOCK = round(6 / STATION_PX)  # stations
+BLOCK = round(6 / STATION_PX)
+"""Stations that are looked at together."""
+
 BLOCK_PX = BLOCK * STATION_PX
 """From block to block."""
 
@@ -43,6 +55,9 @@ SLOPE = (_BELL / (_BELL * _TAPS).sum()).astype(np.float32)
 SLOPE_NOISE = float((SLOPE**2).sum())
 CURVE_NOISE = float((np.diff(SLOPE, prepend=0, append=0) ** 2).sum())
 SLOPE_BLUR_PX2 = SIGMA_PX**2 + 0.25  # of the slope filter, and of a maximum's curvature by its neighbours
+NOISY_GREY = LEAST_SLOPE * math.sqrt(BLOCK / SLOPE_NOISE) / LEAST_SNR
+"""With more noise an edge must be steeper to be told from it than to be told from a shadow's."""
+
 SPARE_PX = 4  # of a strip's half width is not searched for edges
 FOOT_PX = 1.4  # from an edge to its foot, through a focused lens and the slope filter
 FOOT_SHARE = 0.15  # of the sharpest bend of the same sign
@@ -96,27 +111,28 @@ class Edges(Struct, frozen=True, eq=False):
         return math.sqrt(max(sharper_px2 - SLOPE_BLUR_PX2, 0.0))
 
 
-def find_edges(strip: Strip, tip_px: float) -> Edges | None:
+def find_edges(strip: Strip, tip_px: float, block: int = BLOCK) -> Edges | None:
     """Find the outermost edge of either sign on either side of where the steep places lie.
 
     Args:
         strip: The straightened surroundings of the shaft.
         tip_px: Where along it the needle ends, roughly.
+        block: How many stations are looked at together.
 
     Returns:
         The edges, or None if too little of the shaft is visible.
     """
     last = max(math.floor((tip_px - float(strip.u_px[0])) / STATION_PX), 0)
-    parts = [_whole_blocks(part, last) for part in (strip.before, strip.inside)]
-    outside, inside = ((part.stop - part.start) // BLOCK for part in parts)
+    parts = [_whole_blocks(part, last, block) for part in (strip.before, strip.inside)]
+    outside, inside = ((part.stop - part.start) // block for part in parts)
     if outside + inside < LEAST_BLOCKS:
         return None
-    middles = [slice(part.start + BLOCK // 2, part.stop, BLOCK) for part in parts]
+    middles = [slice(part.start + block // 2, part.stop, block) for part in parts]
     u_px = np.concatenate([strip.u_px[middle] for middle in middles])
     is_known = np.concatenate([strip.is_known[middle] for middle in middles])
-    noise = strip.noise_grey / math.sqrt(BLOCK)
-    sums = np.concatenate([_sums(strip.excess, part) for part in parts], axis=1)
-    rising = _slopes(len(sums)) @ sums
+    noise = strip.noise_grey / math.sqrt(block)
+    sums = np.concatenate([_sums(strip.excess, part, block) for part in parts], axis=1)
+    rising = _slopes(len(sums), block) @ sums
     both = np.concatenate([rising, -rising], axis=1).reshape(len(rising), 2, -1)
     about = _rough_middle(rising, u_px)
     slopes = Slopes(both, noise, about, strip.half_px)
@@ -168,15 +184,15 @@ def at_feet(edges: Edges) -> Edges | None:
     )
 
 
-def _whole_blocks(part: slice, last: int) -> slice:
+def _whole_blocks(part: slice, last: int, block: int) -> slice:
     """Return the stations of all whole blocks of a part before some station."""
     stop = min(part.stop, last)
-    return slice(part.start, max(stop - (stop - part.start) % BLOCK, part.start))
+    return slice(part.start, max(stop - (stop - part.start) % block, part.start))
 
 
-def _sums(excess: FloatImage, part: slice) -> FloatImage:
+def _sums(excess: FloatImage, part: slice, block: int) -> FloatImage:
     """Return every block's sum, (lanes, blocks)."""
-    first, *others = (excess[:, part.start + station : part.stop : BLOCK] for station in range(BLOCK))
+    first, *others = (excess[:, part.start + station : part.stop : block] for station in range(block))
     for other in others:
         first = first + other
     return first
@@ -192,13 +208,13 @@ def _paired(values: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
 
 
 @cache
-def _slopes(lanes: int) -> FloatImage:
-    """Return what makes slopes across from sums of lanes, (lanes, lanes); the outermost go on beyond."""
+def _slopes(lanes: int, block: int) -> FloatImage:
+    """Return what makes slopes across from blocks' sums, (lanes, lanes); the outermost lanes go on."""
     reach = len(SLOPE) // 2
     slopes = np.zeros((lanes, lanes), np.float32)
     for lane in range(lanes):
         for tap, weight in enumerate(SLOPE, lane - reach):
-            slopes[lane, min(max(tap, 0), lanes - 1)] += weight / BLOCK
+            slopes[lane, min(max(tap, 0), lanes - 1)] += weight / block
     return slopes
 
 
