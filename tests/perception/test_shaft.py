@@ -261,6 +261,19 @@ def test_noise_does_not_make_edges_look_sharper(grey):
     assert seen_blur_px(blurred(needle(5.0, grey=grey), 1.6, STATION_PX)) == pytest.approx(1.6, abs=0.1)
 
 
+@pytest.mark.parametrize("grey", [-28.0, 28.0])
+def test_a_shaft_whose_edges_drown_in_noise_block_by_block_is_found_all_the_same(grey):
+    u_px = np.arange(-240, 100, STATION_PX, dtype=np.float32)
+    across = np.clip(3.5 - abs(LANES - 2), 0, 1)
+    picture = blurred(grey * across * (u_px <= 80), 0.8, STATION_PX)
+    noise = np.random.default_rng(3).normal(0, 7, picture.shape)
+    seen = replace(drawn_strip(picture + noise, u_px), noise_grey=7.3)
+    fit = fit_line(seen, tip_px=80.0, miss_px=5.0)
+    assert fit.confidence > 0.6
+    for along_px in (-200.0, 80.0):
+        assert fit.offset_px + fit.slope * along_px == pytest.approx(2, abs=0.5)
+
+
 def test_edges_before_ground_nearly_as_bright_as_the_needle_reach_to_its_tip():
     u_px = np.arange(-240, 100, STATION_PX, dtype=np.float32)
     seen = drawn_strip(np.where(u_px < 0, 100.0, 20.0 * (u_px < 80)) * (abs(LANES) <= 4), u_px)
