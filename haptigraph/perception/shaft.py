@@ -4,15 +4,13 @@ Turns the edges in a strip into a line with its covariance. Knows no trocar and 
 """
 
 import math
-from typing import NamedTuple
 
-import cv2
 import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
-from numpy.typing import NDArray
 
 from haptigraph.perception.pixels import FloatImage, Floats, Mask
+from haptigraph.perception.robust_line import FROM_COMMON_PX, off_common_line, solved
 from haptigraph.perception.shaft_edges import (
     BLOCK,
     BLOCK_PX,
@@ -26,22 +24,14 @@ from haptigraph.perception.strip import Strip, median
 
 __all__ = ["NEW", "Highlight", "LineFit", "Look", "fit_line"]
 
-CLEAR_CONFIDENCE, LONG_BLOCK = (
-    0.6,
-    3 * BLOCK,
-)  # noise hides edges: less, and more stations are looked at together
-TUKEY = 4.0
-ROUNDS = 3
+CLEAR_CONFIDENCE = 0.6  # with less in noise,
+LONG_BLOCK = 3 * BLOCK  # so many stations are looked at together
 LEAST_SCATTER = 0.05  # of residuals over expected deviations, squared
 NEAR_PX = 3.0
 LEAST_STEEP = 0.25  # of the shaft's edges: softer ones are its shadow's
 NARROWER_PX = 1.2
 WIDER_PX = 3.0
-MISS_PX = 3.0
-LEAST_MISS_PX = 0.45
 MESSY = 3.0  # scatter: the line may run between two things
-COMMON_PX, FROM_COMMON_PX = 0.75, 1.5  # from the line most pairs are on: those that are, those that may be
-LEAST_APART_PX, MOST_TRIED = 30.0, 40  # of the pairs it is drawn through
 SIDE_PX = 0.2  # how far the light may shift the middle on one side of the wall as a whole
 BRIGHT_ASIDE, DARK_ASIDE = 0.03, 0.015  # the same, as a share of a pair's width
 LEAST_LEAN_PX2 = 0.25  # how much blurrier one edge may be than the other in the same light
@@ -196,7 +186,7 @@ def _missing(width_px: Floats) -> Floats:
 def _robust_line(
     edges: Edges, miss_px: float, look: Look, are_feet: bool = False, is_messy: bool = False
 ) -> LineFit | None:
-    """Fit by weighted least squares, leaving out pairs that are off the line (Tukey's weights).
+    """Fit the line by what pairs can be trusted.
 
     What is known of the light comes in as further unknowns with priors. It differs on the two sides of the
     wall: each side as a whole may be off by SIDE_PX, and is where one edge fades into the shade. A highlight
@@ -223,8 +213,8 @@ def _robust_line(
     design, v = _design(edges), edges.middle_px.ravel()
     off_px, reach_px = v, miss_px
     if is_messy:
-        off_px, reach_px = _off_common_line(np.tile(edges.u_px, 2), v, usable), FROM_COMMON_PX
-    answer, covariance, is_on, miss, scatter = _solved(design, v, trust, usable, light, off_px, reach_px)
+        off_px, reach_px = off_common_line(np.tile(edges.u_px, 2), v, usable), FROM_COMMON_PX
+    answer, covariance, is_on, miss, scatter = solved(design, v, trust, usable, light, off_px, reach_px)
     is_on_line = _has_one(is_on)
     if np.count_nonzero(is_on_line) < LEAST_BLOCKS:
         return None
@@ -284,70 +274,6 @@ def _has_one(is_pair: Mask) -> Mask:
     """Return which blocks have one of some pairs, (n,)."""
     middle = len(is_pair) // 2
     return np.asarray(is_pair[:middle] | is_pair[middle:], np.bool_)
-
-
-class _Solution(NamedTuple):
-    """Unknowns that explain where pairs lie."""
-
-    answer: Floats
-    covariance: Floats
-    is_on: Mask
-    """Pairs that agree with it, (2 n,)."""
-    miss_px: Floats
-    """Of every pair, (2 n,)."""
-    scatter: float
-
-
-def _solved(
-    design: Floats,
-    v: Floats,
-    trust: Floats,
-    usable: NDArray[np.int64],
-    light: tuple[Floats, Floats],
-    miss_px: Floats,
-    reach_px: float,
-) -> _Solution:
-    """Solve for the unknowns.
-
-    Args:
-        design: What each of them does to every pair, (6, 2 n).
-        v: Where the pairs lie, (2 n,).
-        trust: One over their variances, (2 n,).
-        usable: Those that are there.
-        light: What is known of the unknowns before.
-        miss_px: How far the pairs are off the line it begins with, (2 n,).
-        reach_px: How far those that are on it may be off that line.
-    """
-    prior, pull = light
-    for number in range(ROUNDS):
-        if number:
-            reach_px = min(max(TUKEY * 1.4826 * median(np.abs(miss_px[usable])), LEAST_MISS_PX), MISS_PX)
-        closeness = np.maximum(1 - np.square(miss_px * (1 / reach_px)), 0)
-        weighed = design * (trust * closeness * closeness)
-        covariance = cv2.invert(weighed @ design.T + prior, flags=cv2.DECOMP_CHOLESKY)[1]  # 4 times as fast
-        answer = covariance @ (weighed @ v + pull)
-        miss_px = v - answer @ design
-    is_on = (closeness > 0) & (trust > 0)
-    scatter = float((trust * is_on) @ np.square(miss_px)) / max(int(np.count_nonzero(is_on)) - 2, 1)
-    return _Solution(answer, covariance, is_on, miss_px, scatter)
-
-
-def _off_common_line(u_px: FloatImage, v: Floats, usable: NDArray[np.int64]) -> Floats:
-    """Return how far every pair is off the line that most of them are on, (2 n,).
-
-    Least squares trust a few wide pairs, as a bubble beside the shaft makes, more than all narrow ones.
-    """
-    tried = usable[:: len(usable) // MOST_TRIED + 1]
-    one, other = (tried[index] for index in np.triu_indices(len(tried), 1))
-    along_px = u_px[other] - u_px[one]
-    is_apart = np.abs(along_px) >= LEAST_APART_PX
-    if not is_apart.any():
-        return v
-    slope = (v[other] - v[one])[is_apart] / along_px[is_apart]
-    offset_px = v[one][is_apart] - slope * u_px[one][is_apart]
-    off_px = v[usable] - offset_px[:, None] - slope[:, None] * u_px[usable]
-    best = int(np.maximum(1 - np.square(off_px / COMMON_PX), 0).sum(axis=1).argmax())
-    return np.asarray(v - offset_px[best] - slope[best] * u_px, np.float64)
 
 
 def _light(
