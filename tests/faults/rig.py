@@ -199,6 +199,16 @@ class Rig:
                 self.lines.append(line)
                 self.changed.notify_all()
 
+    def until_felt(self):
+        """Wait until the hand feels something."""
+        try:
+            self.ear.until(vibrates=True)
+        except AssertionError as error:
+            said = "".join(self.lines)
+            raise AssertionError(
+                f"nothing is felt, exit code {self.process.poll()}: {error}\n{said}"
+            ) from None
+
     def until_recorded(self):
         """Wait until some steps are on disk."""
         give_up_ns = time.monotonic_ns() + round(PATIENCE_S * 1e9)

@@ -29,7 +29,7 @@ BUSY_MS = 100  # a machine so late may well keep a board's answers back as well
 @pytest.fixture
 def rig(request, tmp_path):
     with Rig(tmp_path, getattr(request, "param", "serial")) as rig:
-        rig.ear.until(vibrates=True)
+        rig.until_felt()
         yield rig
 
 
