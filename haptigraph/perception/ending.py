@@ -29,10 +29,8 @@ __all__ = ["OFF_PX", "EndFinder", "Glimpse", "Sight"]
 GAP_MM = 0.65  # of unknown ground before the wall that is taken for the shaft
 AT_WALL_PX = 3.8  # blurred edge of the wall
 ENDS_PX, EDGES_END_PX = 4.0, 9.0  # beyond a tip, until where a shaft and its edges may seem to go on
-NEAR_PX, PLAIN_PX = (
-    3.0,
-    8.0,
-)  # between where a tip is expected and where it is, mostly; where it is plain to see
+NEAR_PX = 3.0  # between where the tip is expected and where it is, mostly
+PLAIN_PX = 8.0  # the same where it is plain to see
 SHARP_END_PX = 2.5  # between the end of what is sharp and the fall of contrast there, if it has one
 CENTRED_PX = 2.0  # a tip further beyond the middle of its close-up is looked at anew
 OFF_PX = 3.0

@@ -28,10 +28,8 @@ STATION = 0.02  # of the globe's radius, between places where the shaft's middle
 EDGE_STEP_PX = 0.25
 CLEAR_EDGE = 0.4  # of the steepest place on the same side of the shaft
 LEAST_LINES = 3
-NEAR_WALL, WITHIN_WALL = (
-    0.18,
-    0.05,
-)  # of the globe's radius, that a pivot may lie outside the inner edge, inside
+NEAR_WALL = 0.18  # of the globe's radius, that a pivot may lie outside the inner edge
+WITHIN_WALL = 0.05  # and inside it
 EXPECTED_SD = 0.02  # of the globe's radius: how far from the middle of the visible wall a pivot may well lie
 SUREST_PX = 0.06  # no line is known better
 SURER = 0.3  # share of the doubt, if what is always there is left out
