@@ -17,7 +17,7 @@ from haptigraph.errors import BadInput
 from haptigraph.geometry import Vec, subtract, unit
 from haptigraph.messages import Image
 from haptigraph.perception.edge import Edge
-from haptigraph.perception.mouth import APART_DEG, MOST_MOUTHS, Mouth, find_mouths
+from haptigraph.perception.mouth import APART_DEG, MOST_MOUTHS, WHITE_GREY, Mouth, find_mouths
 from haptigraph.perception.pivot import Pivot, find_pivot, still_picture
 from haptigraph.perception.rim import Rim, find_rim
 from haptigraph.perception.straightening import straightened
@@ -35,7 +35,7 @@ RIM_BEFORE = 0.015  # likely size of how much larger the rim is seen
 RIM_HEIGHT = 0.08  # and of how far before the section it stands, of the radius
 PIVOT_OFF = 0.004  # of the radius: a trocar need not sit exactly in the middle of the wall
 MOUTH_OFF_PX = 0.7
-WHITE_GREY, MOST_WHITE = 250, 0.5  # all colours reach it; of what lies within a single edge
+MOST_WHITE = 0.5  # share of what lies within a single edge
 
 
 class FoundTrocar(Struct, frozen=True):
@@ -100,7 +100,7 @@ def find_anatomy(images: Sequence[Image]) -> Anatomy:
         still, images = straightened(still, way), [straightened(image, way) for image in images]
         rim = find_rim(still)
     foot_x, foot_y = slant.foot_px if slant else middle_px
-    pivot = find_pivot(images, rim) if len(images) > 1 else None
+    pivot = find_pivot(images, still, rim) if len(images) > 1 else None
     _check_which_edge(rim, pivot, still)
     mouths = find_mouths(still, rim.inner)
     before, doubt, rim_by = _rim_before(rim, pivot, mouths, slant, (foot_x, foot_y))

@@ -14,7 +14,7 @@ from haptigraph.messages import Image
 from haptigraph.perception.edge import Edge
 from haptigraph.perception.pixels import Floats, Mask
 
-__all__ = ["APART_DEG", "MOST_MOUTHS", "Mouth", "find_mouths"]
+__all__ = ["APART_DEG", "MOST_MOUTHS", "WHITE_GREY", "Mouth", "find_mouths"]
 
 HALF_DEG = 80.0  # from the top
 STEP_DEG = 0.25
@@ -25,7 +25,9 @@ AROUND_DEG = 10.0
 APART_DEG = 14.0
 CLEAR = 4.5  # times the usual variation
 ALIKE = 0.25  # of the clearest one's contrast: holes of one eye look alike
-GLINT_GREY = 250  # where all colours reach it, a reflection is seen
+WHITE_GREY = 250
+"""Where all colours reach it, the camera sees no colour: a reflection, or too much light."""
+
 LEAST_GREY = 4.0
 MOST_MOUTHS = 3
 THICKEST = 0.05  # of the radius: what reaches further inwards is no mouth
@@ -66,7 +68,7 @@ def _angles_deg(color: Image, edge: Edge) -> list[float]:
     away = cv2.blur(tone - around, (1, round(WIDE_DEG / STEP_DEG)))
     size = np.hypot(np.hypot(away[:, 0], away[:, 1]), away[:, 2]) / math.sqrt(3)
     usual = max(float(np.median(size)), LEAST_GREY / CLEAR)
-    glints = np.maximum(band, bowl).min(axis=2).max(axis=1) >= GLINT_GREY
+    glints = np.maximum(band, bowl).min(axis=2).max(axis=1) >= WHITE_GREY
     reach = np.ones(round(WIDE_DEG / STEP_DEG))
     size[(np.abs(angles_deg) > HALF_DEG) | (np.convolve(glints, reach, "same") > 0)] = 0
     found: list[float] = []

@@ -66,29 +66,33 @@ def still_picture(images: Sequence[Image]) -> Image:
     return np.asarray(np.stack(rows), np.uint8)
 
 
-def find_pivot(images: Sequence[Image], rim: Rim) -> Pivot | None:
+def find_pivot(images: Sequence[Image], still: Image, rim: Rim) -> Pivot | None:
     """Find where the shaft lines of a moving needle meet, in the wall's upper half.
 
     Args:
         images: Of one clip, at different times.
+        still: What most of them show.
         rim: Where the wall is.
 
     Returns:
         None if no needle moves, or lines of several things were taken for its shaft.
     """
     visible = _visible(rim, images[0].shape[1], images[0].shape[0]) & _moving(images, rim)
-    still = grey_of(still_picture(images))
-    where_new = [visible & (_stands_out(grey_of(image), still) > LEAST_CHANGE_GREY) for image in images]
-    pivot, of_new = _pivot(images, [visible] * len(images), rim), _pivot(images, where_new, rim)
+    greys, still_grey = [grey_of(image) for image in images], grey_of(still)
+    sizes = [_stands_out(grey, _around(grey, rim)) for grey in greys]
+    where_new = [visible & (_stands_out(grey, still_grey) > LEAST_CHANGE_GREY) for grey in greys]
+    pivot, of_new = (
+        _meeting([_shaft(*seen, rim) for seen in zip(greys, sizes, places, strict=True)], rim)
+        for places in ([visible] * len(greys), where_new)
+    )
     # What is always there may be taken for a shaft, as a vessel is; or be the part of it that hardly moves.
     is_surer = of_new and (pivot is None or of_new.radial_sd_px < SURER * pivot.radial_sd_px)
     return of_new if is_surer else pivot
 
 
-def _pivot(images: Sequence[Image], places: Sequence[NDArray[np.bool_]], rim: Rim) -> Pivot | None:
-    """Find where the shaft lines meet that are seen in some places of each image."""
-    lines = [line for pair in zip(images, places, strict=True) if (line := _shaft(*pair, rim)) is not None]
-    return _meeting(lines, rim) if len(lines) >= LEAST_LINES else None
+def _around(grey: Image, rim: Rim) -> Image:
+    """Return what a shaft stands out from, (h, w)."""
+    return np.asarray(cv2.medianBlur(grey, 2 * round(1.5 * LINE_WIDTH * rim.inner.radius_px) + 1), np.uint8)
 
 
 def _stands_out(grey: Image, around: Image) -> Image:
@@ -121,12 +125,16 @@ def _visible(rim: Rim, width_px: int, height_px: int) -> NDArray[np.bool_]:
     return np.asarray(((distance < inner.radius_px * 0.97) | outside) & whole)
 
 
-def _shaft(image: Image, visible: NDArray[np.bool_], rim: Rim) -> _Line | None:
-    """Fit the straight thin thing that stands out from what lies around it."""
+def _shaft(grey: Image, size: Image, visible: NDArray[np.bool_], rim: Rim) -> _Line | None:
+    """Fit the straight thin thing that stands out from what lies around it.
+
+    Args:
+        grey: The image, (h, w).
+        size: How much it stands out there, (h, w).
+        visible: Where it is looked for, (h, w).
+        rim: Where the wall is.
+    """
     radius_px = rim.inner.radius_px
-    grey = grey_of(image)
-    around = np.asarray(cv2.medianBlur(grey, 2 * round(1.5 * LINE_WIDTH * radius_px) + 1), np.uint8)
-    size = _stands_out(grey, around)
     points = _places(size, visible, LEAST_CHANGE_GREY)
     if len(points) < 50:
         return None
@@ -254,11 +262,14 @@ def _fitted(line: _Line, along: Floats, across: Floats, length_px: float) -> _Li
     return _Line(point, direction / np.hypot(*direction), length_px)
 
 
-def _meeting(lines: list[_Line], rim: Rim) -> Pivot | None:
+def _meeting(seen: Sequence[_Line | None], rim: Rim) -> Pivot | None:
     """Return the place nearest to all lines, by least squares without outliers.
 
     Where they hardly turn they leave its depth open; then it lies about in the middle of the wall.
     """
+    lines = [line for line in seen if line is not None]
+    if len(lines) < LEAST_LINES:
+        return None
     normals = np.array([line.normal for line in lines])
     offsets = np.array([normal @ line.point_px for normal, line in zip(normals, lines, strict=True)])
     point = _on_the_wall(lines, rim)

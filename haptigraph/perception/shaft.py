@@ -127,8 +127,8 @@ def fit_line(strip: Strip, tip_px: float, miss_px: float, look: Look = NEW) -> L
     """
     fit = _fit_line(strip, tip_px, miss_px, look, BLOCK)
     if strip.noise_grey > NOISY_GREY and (fit is None or fit.confidence < CLEAR_CONFIDENCE):
-        longer = _fit_line(strip, tip_px, miss_px, look, LONG_BLOCK)
-        return longer if fit is None or (longer and longer.confidence > fit.confidence) else fit
+        fits = fit, _fit_line(strip, tip_px, miss_px, look, LONG_BLOCK)
+        return max(filter(None, fits), key=lambda fit: fit.confidence, default=None)
     return fit
 
 

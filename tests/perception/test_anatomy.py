@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from haptigraph.analysis.registering import all_images
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Circle, Polyline, distance_to_polyline
 from haptigraph.messages import Image
@@ -110,13 +111,8 @@ def test_a_rod_that_passes_sideways_is_no_needle_that_pivots(step_px):
 
 def test_vessels_are_no_needle_that_pivots():
     folder = Path(__file__).parents[1] / "data" / "renderings" / "orange_bowl"
-    video = cv2.VideoCapture(str(folder / "clip.mp4"))
-    images = []
-    while (seen := video.read())[0]:
-        images.append(seen[1])
-    video.release()
     truth = load_registration(folder / "registration.toml")
-    found = find_anatomy(images)
+    found = find_anatomy(list(all_images(str(folder / "clip.mp4"))))
     assert found.pivot is not None
     assert math.dist(found.pivot.point_px, truth.image.to_px(truth.trocar.at_mm)) < 2
 

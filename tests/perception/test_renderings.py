@@ -5,7 +5,7 @@ needles do not.
 """
 
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from haptigraph.analysis.evaluation import evaluate_clip
+from haptigraph.analysis.registering import all_images
 from haptigraph.config import load_config
 
 RENDERINGS = Path(__file__).parents[1] / "data" / "renderings"
@@ -74,21 +75,14 @@ def soft(image: np.ndarray, number: int) -> np.ndarray:
 SPOILT = {dim: 1.2, noisy: 0.6, flickering: 0.5, with_beads: 0.6}  # tip px p50
 
 
-def images_of(clip: Path) -> Iterator[np.ndarray]:
-    video = cv2.VideoCapture(str(clip))
-    while (seen := video.read())[0]:
-        yield seen[1].astype(np.float32)
-    video.release()
-
-
 def spoil(folder: Path, spoilt: Path, how: Callable[[np.ndarray, int], np.ndarray]) -> Path:
     shutil.copytree(folder, spoilt, ignore=shutil.ignore_patterns("clip.mp4"))
     writer = None
-    for number, image in enumerate(images_of(folder / "clip.mp4")):
+    for number, image in enumerate(all_images(str(folder / "clip.mp4"))):
         if writer is None:
             size_px = image.shape[1::-1]
             writer = cv2.VideoWriter(str(spoilt / "clip.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), 30, size_px)
-        writer.write(np.clip(np.rint(how(image, number)), 0, 255).astype(np.uint8))
+        writer.write(np.clip(np.rint(how(image.astype(np.float32), number)), 0, 255).astype(np.uint8))
     writer.release()
     return spoilt
 
