@@ -31,7 +31,7 @@ PWM = 3
 
 BOOT_S = 6.0  # an Arduino starts anew when its port is opened, and waits two seconds for a new sketch
 ASK_AGAIN_S = 0.5
-LEARN_S = 2.0  # a Mega says 700 bytes
+LEARN_S = 2.0  # a Mega says 700 bytes, and before anything vibrates a busy machine may take its time
 ANSWER_S = 0.1  # 20 bytes at 57,600 baud take 4 ms
 OPTIONS = {"pin": 9, "baud": 57_600}
 
@@ -63,6 +63,8 @@ class FirmataDevice:
             self._connect()
         except DeviceError as error:
             raise BadInput(str(error), f"serial:{argument}") from None
+        except OSError as error:
+            raise BadInput(self._lost(error), f"serial:{argument}") from None
         self.capabilities = replace(self.capabilities, amplitude_levels=self._top)
 
     @staticmethod
@@ -79,13 +81,13 @@ class FirmataDevice:
         try:
             if self._serial is None:
                 self._connect()
-            self._write(round(amplitude * self._top))
+            self._write(round(amplitude * self._top), ANSWER_S)
         except DeviceError:
             self._disconnect()
             raise
         except OSError as error:  # pyserial's errors are of this kind
             self._disconnect()
-            raise DeviceError(f"{self._port} is lost ({error.strerror or error})") from None
+            raise DeviceError(self._lost(error)) from None
 
     def close(self) -> None:
         """Set the pin to 0 and release the port."""
@@ -103,7 +105,7 @@ class FirmataDevice:
             raise MissingExtra("device serial", "serial") from None
         try:
             self._serial = serial.Serial(
-                self._port, self._baud, timeout=ASK_AGAIN_S, write_timeout=ANSWER_S, exclusive=True
+                self._port, self._baud, timeout=ASK_AGAIN_S, write_timeout=LEARN_S, exclusive=True
             )
         except (OSError, ValueError) as error:
             number = getattr(error, "errno", None)
@@ -114,7 +116,8 @@ class FirmataDevice:
             self._send(SET_PIN_MODE, self._pin, PWM)
             self._send(*_analog(self._pin, 0))
             self._top = self._learn()
-            self._write(0)
+            self._write(0, LEARN_S)
+            self._serial.write_timeout = ANSWER_S
         except BaseException:
             self._disconnect()
             raise
@@ -146,11 +149,11 @@ class FirmataDevice:
             )
         return int((1 << pins[self._pin][PWM]) - 1)
 
-    def _write(self, value: int) -> None:
+    def _write(self, value: int, within_s: float) -> None:
         """Set the pin and ask what it stands at."""
         self._send(*_analog(self._pin, value))
         self._send_sysex(STATE_QUERY, self._pin)
-        answer = self._answer(STATE, ANSWER_S)
+        answer = self._answer(STATE, within_s)
         if answer is None:
             raise DeviceError(f"the board on {self._port} does not answer")
         pin, mode, *bits = answer
@@ -175,6 +178,9 @@ class FirmataDevice:
 
     def _send(self, *message: int) -> None:
         self._serial.write(bytes(message))
+
+    def _lost(self, error: OSError) -> str:
+        return f"{self._port} is lost ({error.strerror or error})"
 
     def _disconnect(self) -> None:
         """Let go of the port; a board that hears but does not answer is stilled all the same."""

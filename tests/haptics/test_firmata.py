@@ -88,6 +88,23 @@ def test_a_board_that_stops_answering_is_told_and_found_again(board):
     device.close()
 
 
+def test_before_anything_vibrates_a_board_may_take_its_time(board, monkeypatch):
+    monkeypatch.setattr(firmata, "ANSWER_S", 0.0)
+    device = FirmataDevice(f"{board.link}")
+    with pytest.raises(DeviceError, match="does not answer"):
+        device.set(1.0, 0.0, 0)
+    device.close()
+
+
+def test_a_port_that_is_lost_while_it_is_opened_is_told(board, monkeypatch):
+    def unplugged(device):
+        raise OSError(5, "Input/output error")
+
+    monkeypatch.setattr(FirmataDevice, "_learn", unplugged)
+    with pytest.raises(BadInput, match=r"serial:.*tty is lost \(Input/output error\)"):
+        FirmataDevice(f"{board.link}")
+
+
 def test_a_board_that_was_reset_is_noticed_and_set_up_again(board):
     device = FirmataDevice(f"{board.link}")
     device.set(1.0, 0.0, 0)
