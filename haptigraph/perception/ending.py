@@ -11,6 +11,7 @@ from msgspec.structs import replace
 
 from haptigraph.messages import Image
 from haptigraph.perception.background import Background
+from haptigraph.perception.bevel import Bevel
 from haptigraph.perception.closeup import closeup_px, refine_tip
 from haptigraph.perception.shaft import LineFit
 from haptigraph.perception.sharp_end import (
@@ -69,10 +70,11 @@ class EndFinder:
     Args:
         site: Where things are.
         background: The empty eye, as far as it is known when a needle is looked at.
+        bevel: How far beside the axis the tip lies, as far as that is known.
     """
 
-    def __init__(self, site: Site, background: Background) -> None:
-        self._site, self._background = site, background
+    def __init__(self, site: Site, background: Background, bevel: Bevel) -> None:
+        self._site, self._background, self._bevel = site, background, bevel
 
     def __call__(self, image: Image, sight: Sight, expected_px: float = math.inf) -> Reach:
         """Look at a tip closely.
@@ -143,12 +145,13 @@ class EndFinder:
 
     def _fall_near(self, image: Image, sight: Sight, reach: Reach, about_px: float) -> Reach | None:
         u_px, at_hand = closeup_px(about_px), sight.glimpse.closeup
+        bevel_px = self._bevel.aside_px if reach.where == "inside" else 0.0
         if at_hand and at_hand.u_px[0] <= u_px[0] and u_px[-1] <= at_hand.u_px[-1]:
             aside_px = sight.fit.offset_px + sight.fit.slope * about_px
             if abs(aside_px) <= OFF_PX:
-                return refine_tip(at_hand, reach, about_px, aside_px, sight.fit.blur_px)
+                return refine_tip(at_hand, reach, about_px, aside_px + bevel_px, sight.fit.blur_px)
         near = self._background.strips(image, sight.line, u_px)
-        return refine_tip(near[0], reach, about_px, blur_px=sight.fit.blur_px) if near else None
+        return refine_tip(near[0], reach, about_px, bevel_px, sight.fit.blur_px) if near else None
 
     def before_shadow(self, image: Image, sight: Sight, reach: Reach) -> Reach | None:
         """Return where a shaft ends that goes on as its shadow, None if it does not."""

@@ -14,6 +14,7 @@ from haptigraph.config import PerceptionConfig
 from haptigraph.geometry import Geometry, Point, Segment
 from haptigraph.messages import Capture, Certainty, Image, Observation
 from haptigraph.perception.background import Background
+from haptigraph.perception.bevel import Bevel
 from haptigraph.perception.closeup import closeup_px
 from haptigraph.perception.ending import OFF_PX, EndFinder, Glimpse, Sight
 from haptigraph.perception.fan import Fan
@@ -59,7 +60,8 @@ class Tracker:
         self._fan = Fan(self._site)
         self._fan_beside = Fan(self._site, BESIDE_MM, until_mm=0.0)
         self._background = Background(self._site)
-        self._find_end = EndFinder(self._site, self._background)
+        self._bevel = Bevel()
+        self._find_end = EndFinder(self._site, self._background, self._bevel)
         self._pose = PoseFilter(self._site.px_per_mm)
         self.reset()
 
@@ -67,6 +69,7 @@ class Tracker:
         """Forget earlier images."""
         self._background.reset()
         self._pose.reset()
+        self._bevel.reset()
         self._usual_grey: float | None = None
         self._look: Look = NEW
         self._doubts = 0
@@ -87,7 +90,9 @@ class Tracker:
         found: dict[str, Geometry] = dict(self._registration.anatomy)
         if sight is None:
             self._look = NEW
+            self._bevel.reset()
             return Observation(capture.stamp_ns, found)
+        self._learn_bevel(sight)
         reach, self._look = sight.reach, sight.fit.look
         is_pivoting = reach.where != "outside"
         self._pose.update(sight.line, sight.fit.covariance, reach.tip_px, reach.deviation_px, is_pivoting)
@@ -212,12 +217,21 @@ class Tracker:
             )
         self._background.learn(image, needle, 2 * self._site.half_px)
 
+    def _learn_bevel(self, sight: Sight) -> None:
+        strip, closeup = sight.glimpse.strip, sight.glimpse.closeup
+        if closeup is not None and sight.reach.where == "inside":
+            self._bevel.learn(strip, closeup, sight.reach.tip_px, sight.fit)
+
     def _needle(self) -> dict[str, Geometry]:
         line, to_mm = self._pose.line, self._registration.image.to_mm
-        tip = to_mm(line.at_px(self._site.trocar_px, self._pose.depth_px))
+        (x, y), (nx, ny) = line.at_px(self._site.trocar_px, self._pose.depth_px), line.normal
+        aside_px = self._bevel.aside_px
         start_px = 0.0 if self._pose.depth_px > 0 else self._pose.depth_px - self._site.px_per_mm
         entry = to_mm(line.at_px(self._site.trocar_px, start_px))
-        return {"needle_tip": Point(tip), "needle_line": Segment(entry, tip)}
+        return {
+            "needle_tip": Point(to_mm((x + aside_px * nx, y + aside_px * ny))),
+            "needle_line": Segment(entry, to_mm((x, y))),
+        }
 
     def _certainty(self, sight: Sight) -> Certainty:
         return Certainty(

@@ -3,6 +3,7 @@ import numpy as np
 import pytest
 
 from haptigraph.perception.background import Background
+from haptigraph.perception.bevel import Bevel
 from haptigraph.perception.ending import EndFinder, Glimpse, Sight
 from haptigraph.perception.shaft import fit_line
 from haptigraph.perception.strip import Line, Site, stations
@@ -31,7 +32,7 @@ def end_of(site: Site, line: Line, image: np.ndarray, expected_px: float) -> tup
     reach = find_reach(strip, site.px_per_mm, None)
     fit = fit_line(strip, reach.tip_px, strip.half_px)
     sight = Sight(Glimpse(line, strip, None, reach), line, fit, reach)
-    return reach, EndFinder(site, background)(image, sight, expected_px)
+    return reach, EndFinder(site, background, Bevel())(image, sight, expected_px)
 
 
 @pytest.mark.parametrize("short_px", [0.0, 8.0, 12.0, 16.0])

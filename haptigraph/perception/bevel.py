@@ -1,0 +1,91 @@
+"""How far beside its shaft's axis a needle's tip lies: a bevel's does, by up to half the needle's width.
+
+Turns a shaft and a close-up of its tip, image by image, into one offset. The last bit of a point is narrow,
+so where its middle lies does not depend on how the metal is lit. That of a blunt end does, and so does that
+of the shaft behind: where both are alike, there is no bevel. Knows no line but the one that was fitted.
+"""
+
+import math
+
+import numpy as np
+
+from haptigraph.perception.shaft import LineFit
+from haptigraph.perception.sharpness import SHARP_REACH_PX, least_sharpness, sharpness
+from haptigraph.perception.strip import Strip
+
+__all__ = ["Bevel"]
+
+POINT = 2  # stations before the tip, that tell
+BEHIND = 5.0, 3.0  # widths behind the tip, from where to where the shaft is whole
+LEAST_BEHIND = 3  # stations
+SPARE_PX = 1.0  # of blur beside the shaft
+NOISE = 2.0  # what is no more than so many deviations does not count
+SHARP_SHARE = 0.2  # of its contrast: a shadow beside the tip is less sharp
+RATE, DOUBT_RATE = 0.2, 0.05  # of what one image tells, if it tells of a bevel, and if not
+LEAST_PX = 1.0  # beside the axis, and beside the middle of what is behind
+
+
+class Bevel:
+    """Where the tip of one needle lies, learned while it is looked at."""
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the needle."""
+        self._seen_px = 0.0
+
+    @property
+    def aside_px(self) -> float:
+        """How far off the axis, along the normal; 0 if it is not clearly beside it."""
+        return self._seen_px if abs(self._seen_px) >= LEAST_PX else 0.0
+
+    def learn(self, strip: Strip, closeup: Strip, tip_px: float, fit: LineFit) -> None:
+        """Take in one image.
+
+        Args:
+            strip: The straightened surroundings of the shaft.
+            closeup: Of its tip, along the same line, a station per pixel.
+            tip_px: Where that is along both.
+            fit: The shaft's line.
+        """
+        end = round(tip_px - float(closeup.u_px[0]))
+        if not POINT <= end <= len(closeup.u_px):
+            return
+        tip = slice(end - POINT, end)
+        aside_px = _middle_px(closeup, tip, fit)
+        if abs(aside_px) >= LEAST_PX and _is_sharp(closeup, tip):
+            behind_px = _behind_px(strip, tip_px, fit)
+            if behind_px is not None and math.copysign(1, aside_px) * (aside_px - behind_px) >= LEAST_PX:
+                self._seen_px += RATE * (aside_px - self._seen_px)
+                return
+        self._seen_px -= DOUBT_RATE * self._seen_px
+
+
+def _behind_px(strip: Strip, tip_px: float, fit: LineFit) -> float | None:
+    """Return how far from the line the shaft's middle lies before its point; None if that is not inside."""
+    farthest, nearest = (tip_px - widths * fit.width_px for widths in BEHIND)
+    start = max(int(strip.u_px.searchsorted(farthest)), strip.inside.start)
+    stop = int(strip.u_px.searchsorted(nearest))
+    return _middle_px(strip, slice(start, stop), fit) if stop - start >= LEAST_BEHIND else None
+
+
+def _is_sharp(strip: Strip, part: slice) -> bool:
+    """Tell whether there is more than a shadow and noise."""
+    seen = strip.excess[:, part].mean(axis=1, keepdims=True)
+    contrast = float(np.abs(seen[SHARP_REACH_PX:-SHARP_REACH_PX]).max())
+    least = max(SHARP_SHARE * contrast, least_sharpness(strip.noise_grey, part.stop - part.start))
+    return float(sharpness(seen)[0]) >= least
+
+
+def _middle_px(strip: Strip, part: slice, fit: LineFit) -> float:
+    """Return how far from the line the middle of what differs lies, across the shaft; 0 if nothing does."""
+    count = part.stop - part.start
+    along_px = (float(strip.u_px[part.start]) + float(strip.u_px[part.stop - 1])) / 2
+    axis, reach_px = strip.half_px + fit.offset_px + fit.slope * along_px, fit.width_px / 2 + SPARE_PX
+    first = max(round(axis - reach_px), 0)
+    sums = np.abs(np.add.reduce(strip.excess[first : round(axis + reach_px) + 1, part], axis=1))
+    contrast = np.maximum(sums - NOISE * strip.noise_grey * math.sqrt(count), 0)
+    total = float(np.add.reduce(contrast))
+    moment = float(contrast @ np.arange(len(contrast), dtype=np.float32))
+    return first + moment / total - axis if total else 0.0
