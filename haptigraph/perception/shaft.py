@@ -238,7 +238,7 @@ def _robust_line(
         scatter,
         edges.u_px,
         is_on_line,
-        _has_one(is_steep & ~_too_wide(edges, is_steep)),
+        _has_one(is_steep),
     )
 
 
@@ -254,20 +254,6 @@ def _usual_steepness(edges: Edges, is_on: Mask) -> Floats:
     if len(inner) >= LEAST_BLOCKS:
         usual[inside] = min(median(inner), usual[0])
     return usual
-
-
-def _too_wide(edges: Edges, is_steep: Mask) -> Mask:
-    """Return pairs within the globe that are wider than two nearer to the wall, (2 n,).
-
-    No needle gets wider towards its tip: a shadow or a bubble does.
-    """
-    width_px = edges.width_px
-    seen_px = np.where(is_steep.reshape(width_px.shape), width_px, np.inf)
-    seen_px[:, : edges.outside] = np.inf
-    common = np.maximum(seen_px[:, 1:], seen_px[:, :-1])
-    too_wide = np.zeros(width_px.shape, bool)
-    too_wide[:, 2:] = width_px[:, 2:] > np.minimum.accumulate(common, axis=1)[:, :-1] + WIDER_PX
-    return too_wide.ravel()
 
 
 def _has_one(is_pair: Mask) -> Mask:
