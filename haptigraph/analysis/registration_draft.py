@@ -21,7 +21,7 @@ from haptigraph.errors import BadInput
 from haptigraph.geometry import Homography, Vec
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy import Anatomy
-from haptigraph.perception.pivot import still_picture
+from haptigraph.perception.moving_shaft import still_picture
 from haptigraph.perception.registration import Registration, anatomy_px, parse_registration
 from haptigraph.registration_text import AnatomyPx, TrocarPx, registration_text
 

@@ -18,8 +18,10 @@ from haptigraph.geometry import Vec, subtract, unit
 from haptigraph.messages import Image
 from haptigraph.perception.edge import Edge
 from haptigraph.perception.mouth import APART_DEG, MOST_MOUTHS, WHITE_GREY, Mouth, find_mouths
-from haptigraph.perception.pivot import Pivot, find_pivot, still_picture
+from haptigraph.perception.moving_shaft import find_pivot, still_picture
+from haptigraph.perception.pivot import Pivot
 from haptigraph.perception.rim import Rim, find_rim
+from haptigraph.perception.sighted_pivot import sighted_pivot
 from haptigraph.perception.straightening import straightened
 from haptigraph.perception.tilt import find_slant
 from haptigraph.slant import Slant
@@ -101,6 +103,8 @@ def find_anatomy(images: Sequence[Image]) -> Anatomy:
         rim = find_rim(still)
     foot_x, foot_y = slant.foot_px if slant else middle_px
     pivot = find_pivot(images, still, rim) if len(images) > 1 else None
+    if pivot is not None:
+        pivot = pivot.and_again(sighted_pivot(images, rim, pivot.point_px))
     _check_which_edge(rim, pivot, still)
     mouths = find_mouths(still, rim.inner)
     before, doubt, rim_by = _rim_before(rim, pivot, mouths, slant, (foot_x, foot_y))

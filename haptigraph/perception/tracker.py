@@ -81,24 +81,28 @@ class Tracker:
         Raises:
             BadInput: If the image is not of the registered size.
         """
-        image = self._registration.checked(capture.image)
-        sight = self._track(image, capture.stamp_ns)
+        sight = self.look(self._registration.checked(capture.image), capture.stamp_ns)
+        found: dict[str, Geometry] = dict(self._registration.anatomy)
+        if sight is None or sight.reach.where == "hidden":
+            return Observation(capture.stamp_ns, found)
+        return Observation(capture.stamp_ns, found | self._needle(), certainty=self._certainty(sight))
+
+    def look(self, image: Image, stamp_ns: int) -> Sight | None:
+        """Take in one image; return what was measured in it alone, None if there is no needle."""
+        sight = self._track(image, stamp_ns)
         if sight is None:
             self._pose.lose()
             sight = self._acquire(image)
         self._learn(image, sight)
-        found: dict[str, Geometry] = dict(self._registration.anatomy)
         if sight is None:
             self._look = NEW
             self._bevel.reset()
-            return Observation(capture.stamp_ns, found)
+            return None
         self._learn_bevel(sight)
         reach, self._look = sight.reach, sight.fit.look
         is_pivoting = reach.where != "outside"
         self._pose.update(sight.line, sight.fit.covariance, reach.tip_px, reach.deviation_px, is_pivoting)
-        if reach.where == "hidden":
-            return Observation(capture.stamp_ns, found)
-        return Observation(capture.stamp_ns, found | self._needle(), certainty=self._certainty(sight))
+        return sight
 
     def _track(self, image: Image, stamp_ns: int) -> Sight | None:
         before_ns, self._stamp_ns = self._stamp_ns, stamp_ns

@@ -13,10 +13,13 @@ from haptigraph.errors import BadInput
 from haptigraph.geometry import Circle, Polyline, distance_to_polyline
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy import find_anatomy
+from haptigraph.perception.pivot import Pivot
 from haptigraph.perception.registration import Registration, load_registration, parse_registration
 from haptigraph.perception.rim import find_rim
 from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.scenario import load_scenario
+
+RENDERINGS = Path(__file__).parents[1] / "data" / "renderings"
 
 SCENES = [
     ("light", (331.0, 190.0), 9.0, 5),
@@ -109,12 +112,22 @@ def test_a_rod_that_passes_sideways_is_no_needle_that_pivots(step_px):
     assert {trocar.by for trocar in found.trocars} == {"hole"}
 
 
-def test_vessels_are_no_needle_that_pivots():
-    folder = Path(__file__).parents[1] / "data" / "renderings" / "orange_bowl"
+@pytest.mark.parametrize("name", ["black_round", "dark_bowl_long", "orange_bowl", "second_instrument"])
+def test_a_rendered_needle_pivots_where_it_does_among_vessels_and_highlights(name):
+    folder = RENDERINGS / name
     truth = load_registration(folder / "registration.toml")
     found = find_anatomy(list(all_images(str(folder / "clip.mp4"))))
     assert found.pivot is not None
-    assert math.dist(found.pivot.point_px, truth.image.to_px(truth.trocar.at_mm)) < 2
+    assert math.dist(found.pivot.point_px, truth.image.to_px(truth.trocar.at_mm)) < 0.8
+    assert found.radius_px == pytest.approx(truth.globe.radius_mm / truth.image.mm_per_px, abs=0.6)
+
+
+def test_of_two_measurements_of_a_pivot_the_surer_counts_more():
+    sure, vague = Pivot((100.0, 50.0), 9, 0.1, 0.5), Pivot((105.0, 40.0), 8, 0.4, 2.0)
+    for both in (vague.and_again(sure), sure.and_again(vague)):
+        assert both.point_px == pytest.approx((100 + 5 / 17, 50 - 10 / 17))
+        assert (both.lines, both.radial_sd_px) == (9, 0.5)
+    assert sure.and_again(None) is sure
 
 
 def test_a_rim_before_the_section_is_told_by_the_pivot():
