@@ -1,10 +1,10 @@
 """Find the static anatomy by itself: globe, retina and trocars in images of one set-up [px].
 
-The wall's rim comes from `rim`, the needle's pivot from `pivot`. The rim that is seen may stand before the
-plane in which the needle moves, and is then seen larger than the globe's section there; what lies in that
-plane tells by how much: the pivot, in the middle of the wall, and the mouths of the holes (`mouth`). How the
-camera looks at the rim comes from `tilt`; all else is found in the straightened picture. Knows neither files
-nor millimetres.
+The wall's rim comes from `rim`, the needle's pivot from `moving_shaft` and again from `sighted_pivot`. The
+rim that is seen may stand before the plane in which the needle moves, and is then seen larger than the
+globe's section there; what lies in that plane tells by how much: the pivot, in the middle of the wall, and
+the mouths of the holes (`mouth`). How the camera looks at the rim comes from `tilt`; all else is found in the
+straightened picture. Knows neither files nor millimetres.
 """
 
 import math
