@@ -13,7 +13,7 @@ from haptigraph.bridges.address import listening_at
 from haptigraph.bridges.bridge import Run
 from haptigraph.bridges.igtl_messages import Matrix, string, transform
 from haptigraph.errors import BadInput
-from haptigraph.geometry import Segment
+from haptigraph.geometry import Geometry, Point, Segment
 from haptigraph.messages import Capture, Step
 
 __all__ = ["OpenIgtLink", "needle_matrix"]
@@ -56,9 +56,10 @@ class OpenIgtLink:
             return
         utc_ns = step.stamp_ns + self._utc_offset_ns
         data = string(STATE, utc_ns, step.conclusion.state)
-        line = step.observation.found.get("needle_line")
+        found = step.observation.found
+        line = found.get("needle_line")
         if isinstance(line, Segment):
-            data += transform(NEEDLE, utc_ns, needle_matrix(line))
+            data += transform(NEEDLE, utc_ns, needle_matrix(line, found.get("needle_tip")))
         self._keep(client for client in self._clients if client.tell(data))
 
     def felt(self, stamp_ns: int, amplitude: float, frequency_hz: float) -> None:
@@ -136,11 +137,12 @@ class _Client:
         return True
 
 
-def needle_matrix(line: Segment) -> Matrix:
+def needle_matrix(line: Segment, tip: Geometry | None = None) -> Matrix:
     """Return where the needle is: origin in its tip, z along the shaft towards the tip, as SlicerIGT's model.
 
     Args:
-        line: The visible shaft, ending in the tip; eye frame.
+        line: The visible shaft; eye frame.
+        tip: Its tip, where that is not the line's end: a bevel's lies beside it.
     """
     (x0, y0), (x1, y1) = line.start_mm, line.end_mm
     length_mm = math.hypot(x1 - x0, y1 - y0)
@@ -148,4 +150,5 @@ def needle_matrix(line: Segment) -> Matrix:
         x, y = 0.0, -1.0
     else:
         x, y = (x1 - x0) / length_mm, (y1 - y0) / length_mm
-    return (y, 0.0, x, x1), (-x, 0.0, y, y1), (0.0, -1.0, 0.0, 0.0)
+    at_x, at_y = tip.at_mm if isinstance(tip, Point) else line.end_mm
+    return (y, 0.0, x, at_x), (-x, 0.0, y, at_y), (0.0, -1.0, 0.0, 0.0)

@@ -13,16 +13,17 @@ from ros_network import running, until
 from haptigraph.bridges import openigtlink
 from haptigraph.bridges.igtl_messages import HEADER, crc64, string, transform
 from haptigraph.bridges.openigtlink import OpenIgtLink, needle_matrix
-from haptigraph.geometry import Segment
+from haptigraph.geometry import Point, Segment
 from haptigraph.messages import Capture
 
 LINE = Segment((2.0, 10.0), (1.0, -4.0))
 places = st.tuples(st.floats(-20, 20), st.floats(-20, 20))
 
 
-def step_with(line, stamp_ns=0):
+def step_with(line, stamp_ns=0, **found):
     step = make_step(stamp_ns=stamp_ns)
-    return replace(step, observation=replace(step.observation, found={"needle_line": line} if line else {}))
+    found |= {"needle_line": line} if line else {}
+    return replace(step, observation=replace(step.observation, found=found))
 
 
 def messages(data):
@@ -72,6 +73,13 @@ def test_the_needle_is_a_rotation_and_its_tip(start, end):
         assert np.allclose(matrix @ [0, 0, -length_mm, 1], (*start, 0.0), atol=1e-6)
 
 
+def test_the_needle_of_a_bevel_is_at_its_tip_and_turned_as_its_shaft():
+    straight, bevelled = (np.array(needle_matrix(LINE, tip)) for tip in (None, Point((1.3, -4.0))))
+    assert (straight[:, :3] == bevelled[:, :3]).all()
+    assert tuple(straight[:, 3]) == (1.0, -4.0, 0.0)
+    assert tuple(bevelled[:, 3]) == (1.3, -4.0, 0.0)
+
+
 @pytest.fixture
 def link(run):
     link = OpenIgtLink("0", run)
@@ -109,6 +117,13 @@ def test_state_and_needle_are_told_and_no_needle_is_no_transform(link):
         link.send(Capture(0, 0, None), step_with(None))
         link.send(Capture(0, 0, None), step_with(None))
         assert [kind for kind, _, _, _ in read(client, 2)] == ["STRING", "STRING"]
+
+
+def test_a_tip_beside_its_shaft_is_where_the_needle_is(link):
+    step = step_with(LINE, needle_tip=Point((1.3, -4.0)))
+    with client_of(link) as client:
+        until(lambda: link.send(Capture(0, 0, None), step) or link._clients, "nobody came")
+        assert struct.unpack(">12f", read(client, 2)[1][3])[9:] == pytest.approx((1.3, -4.0, 0.0))
 
 
 def test_what_a_client_says_is_not_listened_to(link):
