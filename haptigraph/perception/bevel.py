@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from haptigraph.perception.shaft import LineFit
-from haptigraph.perception.sharpness import SHARP_REACH_PX, least_sharpness, sharpness
+from haptigraph.perception.sharpness import is_sharp
 from haptigraph.perception.strip import Strip
 
 __all__ = ["Bevel"]
@@ -54,7 +54,7 @@ class Bevel:
             return
         tip = slice(end - POINT, end)
         aside_px = _middle_px(closeup, tip, fit)
-        if abs(aside_px) >= LEAST_PX and _is_sharp(closeup, tip):
+        if abs(aside_px) >= LEAST_PX and is_sharp(closeup.excess[:, tip], SHARP_SHARE, closeup.noise_grey):
             behind_px = _behind_px(strip, tip_px, fit)
             if behind_px is not None and math.copysign(1, aside_px) * (aside_px - behind_px) >= LEAST_PX:
                 self._seen_px += RATE * (aside_px - self._seen_px)
@@ -68,14 +68,6 @@ def _behind_px(strip: Strip, tip_px: float, fit: LineFit) -> float | None:
     start = max(int(strip.u_px.searchsorted(farthest)), strip.inside.start)
     stop = int(strip.u_px.searchsorted(nearest))
     return _middle_px(strip, slice(start, stop), fit) if stop - start >= LEAST_BEHIND else None
-
-
-def _is_sharp(strip: Strip, part: slice) -> bool:
-    """Tell whether there is more than a shadow and noise."""
-    seen = strip.excess[:, part].mean(axis=1, keepdims=True)
-    contrast = float(np.abs(seen[SHARP_REACH_PX:-SHARP_REACH_PX]).max())
-    least = max(SHARP_SHARE * contrast, least_sharpness(strip.noise_grey, part.stop - part.start))
-    return float(sharpness(seen)[0]) >= least
 
 
 def _middle_px(strip: Strip, part: slice, fit: LineFit) -> float:

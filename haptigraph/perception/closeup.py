@@ -11,7 +11,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from haptigraph.perception.pixels import FloatImage
-from haptigraph.perception.sharpness import AROUND_PX, SHARP_REACH_PX, least_sharpness, sharpness
+from haptigraph.perception.sharpness import AROUND_PX, is_sharp
 from haptigraph.perception.strip import Strip
 from haptigraph.perception.tip import LEAST_SNR, Reach, contrast_along
 
@@ -156,12 +156,9 @@ def _faint_end(profile: _Profile, point: _Fall, blur_px: float) -> _Fall:
         return point
     if stop == len(along) and profile.goes_on:
         return point
-    faint = profile.around[:, start:stop] @ np.full((stop - start, 1), 1 / (stop - start), np.float32)
-    contrast = float(np.abs(faint[SHARP_REACH_PX:-SHARP_REACH_PX]).max())
-    noise = least_sharpness(profile.noise_grey, stop - start)
     end_px, _ = _crossing(along, stop - 1, level)
     end_px -= FAINT_BLUR_PX + FAINT_BLUR_RATE * max(blur_px - FOCUSED_PX, 0.0)
-    is_narrow = float(sharpness(faint)[0]) >= max(FAINT_SHARP * contrast, noise)
+    is_narrow = is_sharp(profile.around[:, start:stop], FAINT_SHARP, profile.noise_grey)
     return replace(point, place_px=end_px) if is_narrow and end_px > point.place_px else point
 
 

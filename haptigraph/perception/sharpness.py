@@ -12,14 +12,12 @@ import numpy as np
 from haptigraph.perception.pixels import FloatImage
 from haptigraph.perception.tip import LEAST_SNR
 
-__all__ = ["AROUND_PX", "SHARP_REACH_PX", "least_sharpness", "sharpness"]
+__all__ = ["AROUND_PX", "is_sharp", "least_sharpness", "sharpness"]
 
 BESIDE_PX = 2  # from lane to lane: an edge or a point changes over so little, the edge of a shadow does not
 BESIDE = np.array((1, -4, 6, -4, 1), np.float32) / 6
 SHARP_NOISE = float(np.sqrt((BESIDE**2).sum()))
-SHARP_REACH_PX = BESIDE_PX * (len(BESIDE) // 2)
-"""To either side of a lane, that tells how sharp it is."""
-
+SHARP_REACH_PX = BESIDE_PX * (len(BESIDE) // 2)  # to either side of a lane, that tells how sharp it is
 AROUND_PX = 6
 """To either side of a shaft's middle, that tells how sharp its point is."""
 
@@ -31,6 +29,20 @@ def sharpness(excess: FloatImage) -> FloatImage:
         excess: Lanes across the shaft, (lanes, n), more than twice SHARP_REACH_PX.
     """
     return np.asarray(np.abs(_sharp(len(excess)) @ excess).max(axis=0), np.float32)
+
+
+def is_sharp(excess: FloatImage, share: float, noise_grey: float) -> bool:
+    """Tell whether the mean of all stations is sharper than noise, and than a share of its own contrast.
+
+    Args:
+        excess: Lanes across the shaft, (lanes, n), more than twice SHARP_REACH_PX.
+        share: Of the contrast.
+        noise_grey: Standard deviation of a pixel.
+    """
+    stations = excess.shape[1]
+    mean = excess @ np.full((stations, 1), 1 / stations, np.float32)
+    contrast = float(np.abs(mean[SHARP_REACH_PX:-SHARP_REACH_PX]).max())
+    return float(sharpness(mean)[0]) >= max(share * contrast, least_sharpness(noise_grey, stations))
 
 
 def least_sharpness(noise_grey: float, stations: int) -> float:

@@ -91,7 +91,7 @@ def test_a_killed_run_is_silent_and_its_recording_readable(rig):
 
 def test_a_killed_run_hands_no_sound_card_any_samples(tmp_path):
     with Rig(tmp_path, "audio") as rig:
-        rig.ear.until(vibrates=True)
+        rig.until_felt()
         rig.until_recorded()
         rig.signal(signal.SIGKILL)
         end(rig, code=-signal.SIGKILL, whole=False)  # who would fill a buffer is gone
@@ -186,7 +186,7 @@ def test_nonsense_from_the_network_changes_nothing(tmp_path):
     chance = random.Random(5)
     with Rig(tmp_path, "serial", "--recordings", str(tmp_path), command="live") as rig:
         address = rig.until_told(r"the page is at http://(\S+?)/")[1]
-        rig.ear.until(vibrates=True)
+        rig.until_felt()
         for _ in range(3):
             try:
                 with connect(f"ws://{address}/live", origin=f"http://{address}", close_timeout=0.1) as line:
