@@ -125,9 +125,11 @@ def _to_its_end(loop: "Loop", measures: "RunMeasures") -> HaptigraphError | None
 
 
 def _outlast(page: "LivePage", ended: str) -> None:
-    """Tell viewers how the run ended; after a file's end the page stays, to be looked at."""
-    page.end(ended)
-    if ended == "source ended":
-        tell("haptigraph: the source has ended; the page stays until Ctrl-C")
-        with suppress(KeyboardInterrupt):
+    """Tell viewers how the run ended; after a file's end the page stays, to be looked at, until Ctrl-C."""
+    stays = ended == "source ended"
+    with suppress(KeyboardInterrupt):  # from here on: who sees the end may press it at once
+        if stays:
+            tell("haptigraph: the source has ended; the page stays until Ctrl-C")
+        page.end(ended)
+        if stays:
             page.wait()

@@ -331,3 +331,20 @@ def test_when_a_file_has_ended_the_page_stays_and_says_so(quick_uri, tmp_path):
     assert live.process.returncode == 0
     assert "the page stays until Ctrl-C" in told
     assert "target hit after" in told
+
+
+def test_ctrl_c_in_the_moment_a_file_ends_is_no_failure(quick_uri, tmp_path, monkeypatch):
+    from haptigraph.dashboard.live import LivePage
+
+    record = tmp_path / "run.mcap"
+    assert call("run", quick_uri, "--fast", "--record", record).exit_code == 0
+    end = LivePage.end
+
+    def seen_at_once(self, reason):
+        end(self, reason)
+        signal.raise_signal(signal.SIGTERM)
+
+    monkeypatch.setattr(LivePage, "end", seen_at_once)
+    result = call("live", record)
+    assert result.exit_code == 0
+    assert "target hit after" in result.stdout
