@@ -32,6 +32,7 @@ LEAST_STEEP = 0.25  # of the shaft's edges: softer ones are its shadow's
 NARROWER_PX = 1.2
 WIDER_PX = 3.0
 MESSY = 3.0  # scatter: the line may run between two things
+SURPRISING_PX = 3.0  # off where it was expected: it may run along something else
 SIDE_PX = 0.2  # how far the light may shift the middle on one side of the wall as a whole
 BRIGHT_ASIDE, DARK_ASIDE = 0.03, 0.015  # the same, as a share of a pair's width
 LEAST_LEAN_PX2 = 0.25  # how much blurrier one edge may be than the other in the same light
@@ -95,6 +96,12 @@ class LineFit(Struct, frozen=True, eq=False):
         """Share of the blocks that show both edges on the line."""
         return int(np.count_nonzero(self.is_on_line)) / len(self.is_on_line)
 
+    @property
+    def most_off_px(self) -> float:
+        """How far the line leaves the strip's middle, at either end of what was looked at."""
+        ends_px = (abs(self.offset_px + self.slope * float(u_px)) for u_px in self.u_px[[0, -1]])
+        return max(ends_px)
+
     def leads_through(self, wall_px: float) -> bool:
         """Tell whether edges lie by the line right before the wall, or enough of them beyond it."""
         beyond = int(self.u_px.searchsorted(wall_px))
@@ -144,11 +151,18 @@ def _fit_line(strip: Strip, tip_px: float, miss_px: float, look: Look, block: in
     if look.images < RETRY_IMAGES or look.images % RETRY_IMAGES == 0:
         feet = at_feet(edges)
         by_feet = _robust_line(feet, miss_px, look, are_feet=True) if feet else None
-        if by_feet and (fit is None or _is_better(by_feet, fit)):
-            return by_feet
-    if fit and fit.scatter > MESSY:
-        return _robust_line(edges, miss_px, look, is_messy=True) or fit
-    return fit
+        if feet and by_feet and (fit is None or _is_better(by_feet, fit)):
+            return _checked(by_feet, feet, miss_px, look, are_feet=True)
+    return fit and _checked(fit, edges, miss_px, look)
+
+
+def _checked(fit: LineFit, edges: Edges, miss_px: float, look: Look, are_feet: bool = False) -> LineFit:
+    """Return a line, or the one that most pairs are on where it may run along something else."""
+    is_messy = fit.scatter > MESSY
+    if not is_messy and fit.most_off_px <= SURPRISING_PX:
+        return fit
+    common = _robust_line(edges, miss_px, look, are_feet, is_messy=True)
+    return common if common and (is_messy or common.confidence > fit.confidence) else fit
 
 
 def _is_better(feet: LineFit, slopes: LineFit) -> bool:

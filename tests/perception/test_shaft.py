@@ -239,6 +239,19 @@ def test_a_bubble_that_touches_a_shaft_does_not_turn_its_line(side, grey):
     assert fit.offset_px + fit.slope * END_PX == pytest.approx(0, abs=0.3)
 
 
+@pytest.mark.parametrize("side", [-1, 1])
+@pytest.mark.parametrize("from_px", [90, 110])
+@pytest.mark.parametrize("grey", [-40.0, 40.0])
+def test_a_vessel_along_a_shaft_is_not_taken_for_it(side, from_px, grey):
+    is_vessel = (abs(U_PX - from_px - 14) <= 14) & (LANES * side > 0) & (LANES * side <= 12)
+    picture = grey * ((abs(LANES) <= 3) & (U_PX <= END_PX) | is_vessel)
+    seen = drawn_strip(blurred(picture, 0.8, STATION_PX))
+    fit = fit_line(seen, END_PX, seen.half_px)
+    assert fit.offset_px == pytest.approx(0, abs=0.4)
+    assert fit.offset_px + fit.slope * END_PX == pytest.approx(0, abs=0.3)
+    assert fit.confidence > 0.6
+
+
 @pytest.mark.parametrize(("images", "width_px"), [(0, 10), (7, 10), (9, 5), (15, 5), (16, 10)])
 def test_feet_are_tried_in_the_first_images_and_seldom_once_they_were_no_better(images, width_px):
     seen = shaded_shaft(1, 40.0)
