@@ -99,8 +99,7 @@ class LineFit(Struct, frozen=True, eq=False):
     @property
     def most_off_px(self) -> float:
         """How far the line leaves the strip's middle, at either end of what was looked at."""
-        ends_px = (abs(self.offset_px + self.slope * float(u_px)) for u_px in self.u_px[[0, -1]])
-        return max(ends_px)
+        return max(abs(self.offset_px + self.slope * float(u_px)) for u_px in self.u_px[[0, -1]])
 
     def leads_through(self, wall_px: float) -> bool:
         """Tell whether edges lie by the line right before the wall, or enough of them beyond it."""
@@ -159,10 +158,11 @@ def _fit_line(strip: Strip, tip_px: float, miss_px: float, look: Look, block: in
 def _checked(fit: LineFit, edges: Edges, miss_px: float, look: Look, are_feet: bool = False) -> LineFit:
     """Return a line, or the one that most pairs are on where it may run along something else."""
     is_messy = fit.scatter > MESSY
-    if not is_messy and fit.most_off_px <= SURPRISING_PX:
-        return fit
-    common = _robust_line(edges, miss_px, look, are_feet, is_messy=True)
-    return common if common and (is_messy or common.confidence > fit.confidence) else fit
+    if is_messy or fit.most_off_px > SURPRISING_PX:
+        common = _robust_line(edges, miss_px, look, are_feet, is_messy=True)
+        if common and (is_messy or (common.confidence, fit.scatter) > (fit.confidence, common.scatter)):
+            return common
+    return fit
 
 
 def _is_better(feet: LineFit, slopes: LineFit) -> bool:

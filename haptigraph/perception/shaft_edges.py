@@ -47,8 +47,7 @@ SIGMA_PX = 1.0  # of the slope filter: about the blur of a focused lens
 LEAST_SNR = 5.0
 LEAST_SLOPE = 3.0  # grey levels per px: softer is shadow or texture
 FAINT, STRONG = 0.08, 0.5  # shares of the steepest slope of any sign, of the same sign
-FLOOR_PX = 0.12  # what light on the metal does to an edge, however little noise there is
-UNKNOWN_FLOOR_PX = 0.3  # what an unknown background does to it: it may hide a side of the shaft
+FLOOR_PX = 0.3  # what light on metal, and ground as bright, do to an edge, however little noise there is
 _TAPS = np.arange(-3, 4, dtype=np.float64)
 _BELL = _TAPS * np.exp(-(_TAPS**2) / (2 * SIGMA_PX**2))
 SLOPE = (_BELL / (_BELL * _TAPS).sum()).astype(np.float32)
@@ -129,7 +128,6 @@ def find_edges(strip: Strip, tip_px: float, block: int = BLOCK) -> Edges | None:
         return None
     middles = [slice(part.start + block // 2, part.stop, block) for part in parts]
     u_px = np.concatenate([strip.u_px[middle] for middle in middles])
-    is_known = np.concatenate([strip.is_known[middle] for middle in middles])
     noise = strip.noise_grey / math.sqrt(block)
     sums = np.concatenate([_sums(strip.excess, part, block) for part in parts], axis=1)
     rising = _slopes(len(sums), block) @ sums
@@ -143,12 +141,11 @@ def find_edges(strip: Strip, tip_px: float, block: int = BLOCK) -> Edges | None:
     left_px, right_px = _paired(ends + shift_px)
     left_px2, right_px2 = _paired(curvature**-2)
     is_pair = has_edge & has_edge[::-1] & (left_px < about) & (right_px > about)
-    floor_px2 = np.where(is_known, np.float32(FLOOR_PX**2), np.float32(UNKNOWN_FLOOR_PX**2))
     return Edges(
         u_px,
         outside,
         middle_px=(left_px + right_px) / 2 - (strip.half_px - 1),
-        variance_px2=(CURVE_NOISE * noise**2 / 4) * (left_px2 + right_px2) + floor_px2,
+        variance_px2=(CURVE_NOISE * noise**2 / 4) * (left_px2 + right_px2) + FLOOR_PX**2,
         width_px=np.where(is_pair, right_px - left_px, UNSEEN_PX),
         steepness=np.minimum(*_paired(height)),
         blurs_px2=_paired(height / curvature),
