@@ -3,6 +3,9 @@
 Pixels in, text out; the checks are made when it is read. Used by whoever knows an anatomy.
 """
 
+import base64
+from textwrap import wrap
+
 from msgspec import Struct
 
 from haptigraph.geometry import Homography, Vec
@@ -19,6 +22,7 @@ __all__ = [
 
 FORMAT = 1
 """Version of the file."""
+BASE64_COLUMNS = 100
 AXIAL_MM_PER_PX, LATERAL_MM_PER_PX = (0.0005, 0.02), (0.0005, 0.06)
 """Plausible size of a B-scan's pixel: that of the scanners there are."""
 
@@ -46,6 +50,8 @@ class AnatomyPx(Struct, frozen=True):
     trocars: tuple[TrocarPx, ...]
     straight_from_image: Homography | None = None
     """To the straightened image, where the camera looks at a slant."""
+    empty_webp: bytes = b""
+    """Picture of the eye without needle; transparent where it was never seen so."""
 
 
 def registration_text(anatomy: AnatomyPx, title: str) -> str:
@@ -74,7 +80,7 @@ contour_px = [{contour}]
 
 [target]
 point_px = {_px(anatomy.target_px)}
-{trocars}{_slant(anatomy.straight_from_image)}"""
+{trocars}{_slant(anatomy.straight_from_image)}{_empty(anatomy.empty_webp)}"""
 
 
 def scan_registration_text(
@@ -114,6 +120,13 @@ def _slant(straight_from_image: Homography | None) -> str:
         return ""
     rows = ",\n  ".join(str([float(f"{value:.9g}") for value in row]) for row in straight_from_image.rows)
     return f"\n[homography]\nstraight_from_image = [\n  {rows},\n]\n"
+
+
+def _empty(webp: bytes) -> str:
+    if not webp:
+        return ""
+    lines = "\n".join(wrap(base64.b64encode(webp).decode(), BASE64_COLUMNS))
+    return f'\n[empty]  # the eye without needle; may be left out\nwebp = """\n{lines}\n"""\n'
 
 
 def _px(at_px: Vec) -> str:

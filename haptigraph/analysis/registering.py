@@ -10,6 +10,8 @@ from collections.abc import Generator, Iterable, Sequence
 from contextlib import closing
 from pathlib import Path
 
+from msgspec.structs import replace
+
 from haptigraph.analysis.registration_picture import registration_picture
 from haptigraph.analysis.registration_report import WALL_MM, in_px_and_mm, report_lines, wall_mm
 from haptigraph.analysis.registration_wishes import Wishes, check_wishes, settled
@@ -19,6 +21,7 @@ from haptigraph.config import load_config
 from haptigraph.errors import BadInput
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy import Anatomy, find_anatomy
+from haptigraph.perception.empty_finder import find_empty_eye
 from haptigraph.perception.registration import parse_registration
 from haptigraph.recording.codec import decode
 from haptigraph.recording.writer import Progress
@@ -76,8 +79,11 @@ def register_source(
     mm_per_px = wishes.diameter_mm / (2 * anatomy.radius_px)
     found = settled(anatomy, wishes, mm_per_px, source)
     doubt = f"globe and retina uncertain by {in_px_and_mm(anatomy.rim_doubt_px, mm_per_px)}"
+    registration = parse_registration(registration_text(found, ""), f"registration found in {source}")
+    empty = find_empty_eye(images, anatomy.still, registration)
+    if empty is not None:
+        found = replace(found, empty_webp=empty.webp)
     text = registration_text(found, f"Registration found by haptigraph in {Path(source).name}; {doubt}.")
-    registration = parse_registration(text, f"registration found in {source}")
     drawn = registration_picture(anatomy.still, registration, found, doubt, anatomy)
     write_files(files, (text.encode(), drawn))
     return "\n".join(report_lines(anatomy, found, registration, wishes, files))

@@ -21,6 +21,7 @@ from haptigraph.errors import BadInput
 from haptigraph.geometry import Homography, Vec
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy import Anatomy
+from haptigraph.perception.empty_finder import find_empty_eye
 from haptigraph.perception.moving_shaft import still_picture
 from haptigraph.perception.registration import Registration, anatomy_px, parse_registration
 from haptigraph.registration_text import AnatomyPx, TrocarPx, registration_text
@@ -87,6 +88,8 @@ class Opened(Struct, frozen=True, eq=False):
     """To begin with."""
     note: str
     """What `register` could not find or tell, in a sentence; empty: nothing."""
+    empty_webp: bytes = b""
+    """Picture of the eye without needle, if one was seen to move."""
 
 
 def open_images(images: Sequence[Image], source: str, *, mirrored: bool, diameter_mm: float) -> Opened:
@@ -106,7 +109,12 @@ def open_images(images: Sequence[Image], source: str, *, mirrored: bool, diamete
         draft = _guessed(still.shape[1], still.shape[0], wishes)
         return Opened(source, still, None, draft, error.problem)
     draft, note = _found(anatomy, wishes, source)
-    return Opened(source, anatomy.still, anatomy, draft, note)
+    opened = Opened(source, anatomy.still, anatomy, draft, note)
+    try:
+        empty = find_empty_eye(images, anatomy.still, sound_registration(opened, draft))
+    except BadInput:  # what was found must be corrected first
+        return opened
+    return replace(opened, empty_webp=empty.webp) if empty else opened
 
 
 def data_of(opened: Opened, draft: Draft) -> AnatomyPx:
@@ -122,7 +130,8 @@ def data_of(opened: Opened, draft: Draft) -> AnatomyPx:
             raise BadInput(f"({x:g}, {y:g}) px lies far outside the {width_px} x {height_px} px image")
     trocars = tuple(TrocarPx(trocar.name, trocar.point_px, trocar.used) for trocar in draft.trocars)
     same = {name: each for name, each in asdict(draft).items() if name != "file"}
-    return AnatomyPx(width_px=width_px, height_px=height_px, **{**same, "trocars": trocars})
+    more = {"trocars": trocars, "empty_webp": opened.empty_webp}
+    return AnatomyPx(width_px=width_px, height_px=height_px, **{**same, **more})
 
 
 def draft_from(registration: Registration, file: str, opened: Opened) -> Draft:

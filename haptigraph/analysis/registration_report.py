@@ -54,6 +54,7 @@ def report_lines(
         f"{along_text(registration.target.at_mm, registration.globe.radius_mm)}"
         + (" (not given: its bottom; --target or --target-mm moves it)" if default else "")
     )
+    lines.append(_empty_line(bool(found.empty_webp)))
     return [*lines, f"written    {files[0]}\npicture    {files[1]}"]
 
 
@@ -89,6 +90,16 @@ def rim_line(anatomy: Anatomy, mm_per_px: float) -> str:
     return (
         "rim        taken to lie in the section; if it stands before it, globe and retina are off by "
         f"{doubt} or so: a clip with a needle that turns would tell"
+    )
+
+
+def _empty_line(is_kept: bool) -> str:
+    """Say whether the eye without needle was seen: a run may then begin with the needle in it."""
+    if is_kept:
+        return "empty eye  seen behind the needle, and kept: a run may begin with the needle inside"
+    return (
+        "empty eye  not kept, for no needle was seen to move; let runs begin with the needle out of the eye, "
+        "or give a clip in which it moves"
     )
 
 

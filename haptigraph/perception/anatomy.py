@@ -20,9 +20,9 @@ from haptigraph.perception.edge import Edge
 from haptigraph.perception.mouth import APART_DEG, MOST_MOUTHS, WHITE_GREY, Mouth, find_mouths
 from haptigraph.perception.moving_shaft import find_pivot, still_picture
 from haptigraph.perception.pivot import Pivot
+from haptigraph.perception.pixels import straightened
 from haptigraph.perception.rim import Rim, find_rim
 from haptigraph.perception.sighted_pivot import sighted_pivot
-from haptigraph.perception.straightening import straightened
 from haptigraph.perception.tilt import find_slant
 from haptigraph.slant import Slant
 

@@ -8,10 +8,9 @@ import numpy as np
 
 from haptigraph.geometry import Vec
 from haptigraph.messages import Image
-from haptigraph.perception.pixels import grey_of
+from haptigraph.perception.pixels import grey_of, straightened
 from haptigraph.perception.registered import VIEW_MARGIN, Registered
 from haptigraph.perception.registration import Registration
-from haptigraph.perception.straightening import straightened
 
 __all__ = ["IoctView"]
 

@@ -6,9 +6,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from haptigraph.geometry import Homography
 from haptigraph.messages import Image
 
-__all__ = ["FloatImage", "Floats", "Mask", "grey_of", "grey_with_chroma", "top_shift"]
+__all__ = ["FloatImage", "Floats", "Mask", "grey_of", "grey_with_chroma", "straightened", "top_shift"]
 
 FloatImage: TypeAlias = NDArray[np.float32]
 Floats: TypeAlias = NDArray[np.float64]
@@ -38,6 +39,17 @@ def grey_with_chroma(image: Image, chroma_share: float, where: Mask | np.bool_) 
     weights = np.array([GREY]) + chroma_share * np.array([[1.0, 0.0, -1.0]])
     bluer = np.asarray(cv2.transform(image, weights), np.uint8).reshape(grey.shape)
     return np.where(where, bluer, grey)
+
+
+def straightened(image: Image, straight_from_image: Homography) -> Image:
+    """Return an image of the same size without slant, (h, w, 3) or (h, w)."""
+    height, width = image.shape[:2]
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    back = straight_from_image.inverse.matrix
+    return np.asarray(
+        cv2.warpPerspective(image, back, (width, height), flags=flags, borderMode=cv2.BORDER_REPLICATE),
+        np.uint8,
+    )
 
 
 def top_shift(before: Floats, at: Floats, after: Floats) -> Floats:

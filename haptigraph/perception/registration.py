@@ -3,6 +3,7 @@
 Knows nothing of needles. The format is described in docs/conventions.md.
 """
 
+import base64
 import math
 from itertools import pairwise
 from pathlib import Path
@@ -25,6 +26,7 @@ from haptigraph.geometry import (
     norm,
     subtract,
 )
+from haptigraph.perception.empty_eye import EmptyEye
 from haptigraph.perception.registered import VIEW_MARGIN, Registered
 from haptigraph.registration_text import FORMAT, AnatomyPx, TrocarPx
 
@@ -80,6 +82,10 @@ class _Homography(Struct, frozen=True, forbid_unknown_fields=True):
     straight_from_image: tuple[Row, Row, Row]
 
 
+class _Empty(Struct, frozen=True, forbid_unknown_fields=True):
+    webp: str
+
+
 class _File(Struct, frozen=True, forbid_unknown_fields=True):
     format: int
     image: _Image
@@ -88,6 +94,7 @@ class _File(Struct, frozen=True, forbid_unknown_fields=True):
     target: _Target
     trocars: tuple[_Trocar, ...] = field(name="trocar")
     homography: _Homography | None = None
+    empty: _Empty | None = None
 
 
 class Registration(Registered, frozen=True):
@@ -100,6 +107,8 @@ class Registration(Registered, frozen=True):
     """The trocar in use, the needle's pivot."""
     other_trocars: tuple[Point, ...]
     """Those that another instrument may go through."""
+    empty: EmptyEye | None = None
+    """What the camera saw of the eye without needle, if that is known."""
 
     @property
     def anatomy(self) -> dict[str, Geometry]:
@@ -119,7 +128,9 @@ class Registration(Registered, frozen=True):
     @property
     def straight(self) -> "Registration":
         """The same for straightened images: with no slant."""
-        return replace(self, image=replace(self.image, straight_from_image=None))
+        way = self.image.straight_from_image
+        empty = self.empty.straightened(way) if self.empty and way else self.empty
+        return replace(self, image=replace(self.image, straight_from_image=None), empty=empty)
 
 
 def load_registration(path: str | Path) -> Registration:
@@ -150,6 +161,7 @@ def anatomy_px(registration: Registration) -> AnatomyPx:
         target_px=data.target.point_px,
         trocars=tuple(TrocarPx(each.name, each.point_px, each.used) for each in data.trocars),
         straight_from_image=registration.image.straight_from_image,
+        empty_webp=_webp(data),
     )
 
 
@@ -190,6 +202,7 @@ def registration_of(document: Document) -> Registration:
             Point(geometry.to_mm(trocar.point_px)) for trocar in data.trocars if not trocar.used
         ),
         text=document.text,
+        empty=_empty_eye(document, data),
     )
 
 
@@ -237,6 +250,27 @@ def _straight_from_image(document: Document, data: _File) -> Homography | None:
             path,
         )
     return given
+
+
+def _empty_eye(document: Document, data: _File) -> EmptyEye | None:
+    """Return the picture of the eye without needle, if there is one, and it is of the images' size."""
+    if data.empty is None:
+        return None
+    try:
+        empty = EmptyEye.of_webp(_webp(data))
+    except ValueError:
+        empty = None
+    if empty is None:
+        raise document.error("empty.webp: expected a WebP picture in base64, found none", "empty.webp")
+    (height, width), size = empty.is_known.shape, data.image
+    if (width, height) != (size.width, size.height):
+        problem = f"empty.webp: is {width} x {height} px, but the images are {size.width} x {size.height} px"
+        raise document.error(problem, "empty.webp")
+    return empty
+
+
+def _webp(data: _File) -> bytes:
+    return base64.b64decode("".join(data.empty.webp.split()), validate=True) if data.empty else b""
 
 
 def _check_retina(document: Document, retina: Polyline, globe: Circle) -> None:

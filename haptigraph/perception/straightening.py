@@ -3,27 +3,15 @@
 The one place where a slant is taken away: perceivers behind it know nothing of it.
 """
 
-import cv2
-import numpy as np
 from msgspec.structs import replace
 
 from haptigraph.geometry import Homography
-from haptigraph.messages import Capture, Image, Observation
+from haptigraph.messages import Capture, Observation
+from haptigraph.perception.pixels import straightened
 from haptigraph.perception.registration import Registration
 from haptigraph.stages import Perceiver
 
-__all__ = ["StraightenedPerceiver", "straightened"]
-
-
-def straightened(image: Image, straight_from_image: Homography) -> Image:
-    """Return an image of the same size without slant, (h, w, 3) or (h, w)."""
-    height, width = image.shape[:2]
-    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    back = straight_from_image.inverse.matrix
-    return np.asarray(
-        cv2.warpPerspective(image, back, (width, height), flags=flags, borderMode=cv2.BORDER_REPLICATE),
-        np.uint8,
-    )
+__all__ = ["StraightenedPerceiver"]
 
 
 class StraightenedPerceiver:

@@ -59,7 +59,7 @@ class Tracker:
         self._site = Site(registration)
         self._fan = Fan(self._site)
         self._fan_beside = Fan(self._site, BESIDE_MM, until_mm=0.0)
-        self._background = Background(self._site)
+        self._background = Background(self._site, registration.empty)
         self._bevel = Bevel()
         self._find_end = EndFinder(self._site, self._background, self._bevel)
         self._pose = PoseFilter(self._site.px_per_mm)

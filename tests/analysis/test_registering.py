@@ -43,6 +43,16 @@ def picture(quick, tmp_path_factory) -> Path:
     return path
 
 
+@pytest.fixture(scope="module")
+def clean_eye(quick) -> np.ndarray:
+    """The simulated eye in the first image in which the needle cannot be seen within it."""
+    phantom = Phantom(load_scenario(quick))
+    moments = iter(phantom.advance, None)
+    return next(
+        moment.image for moment in moments if moment.truth.depth_mm is None or moment.truth.depth_mm < 0
+    )
+
+
 def test_a_source_becomes_a_registration_and_a_picture(quick_uri, tmp_path):
     out = tmp_path / "eye.toml"
     result = call(quick_uri, "-o", out, "--target-mm", "1.885")
@@ -57,6 +67,31 @@ def test_a_source_becomes_a_registration_and_a_picture(quick_uri, tmp_path):
     drawn = cv2.imread(str(tmp_path / "eye.png"))
     assert drawn is not None and drawn.shape == (270, 480, 3)
     assert sorted(file.name for file in tmp_path.iterdir()) == ["eye.png", "eye.toml"]
+
+
+def test_where_a_needle_moves_the_eye_behind_it_is_kept_and_runs_with_it_replay_identically(
+    quick_uri, tmp_path, clean_eye
+):
+    out, record = tmp_path / "eye.toml", tmp_path / "run.mcap"
+    assert "empty eye  seen behind the needle" in call(quick_uri, "-o", out).stdout
+    empty = load_registration(out).empty
+    assert np.abs(empty.image.astype(int) - clean_eye)[empty.is_known].mean() < 3
+    assert empty.is_known[60:230, 160:320].mean() > 0.97
+    run = CliRunner().invoke(
+        main, ["run", quick_uri, "--registration", str(out), "--fast", "--record", str(record)]
+    )
+    assert run.exit_code == 0, run.output
+    replayed = CliRunner().invoke(main, ["replay", str(record)])
+    assert replayed.exit_code == 0 and "117 of 117" in replayed.output
+
+
+def test_a_single_picture_shows_no_eye_behind_a_needle(picture, tmp_path):
+    out = tmp_path / "eye.toml"
+    assert (
+        "empty eye  not kept, for no needle was seen to move"
+        in call(picture, "-o", out, "--trocar", "left").stdout
+    )
+    assert load_registration(out).empty is None
 
 
 def test_a_target_in_pixels_is_moved_onto_the_retina(picture, tmp_path):

@@ -174,6 +174,17 @@ def test_drafts_and_what_is_said_of_them_can_be_written_as_json(which, request):
     assert msgspec.json.decode(written, type=tuple[Draft, Checked, Checked])[0] == opened.draft
 
 
+def test_the_eye_behind_a_needle_that_moves_is_saved_however_the_draft_is_corrected(quick):
+    phantom = Phantom(load_scenario(quick))
+    images = [moment.image for moment in iter(phantom.advance, None)][::6]
+    opened = open_images(images, "clip.mp4", mirrored=True, diameter_mm=24.0)
+    saved = sound_registration(opened, shifted(opened.draft, (1.25, 0.5)))
+    assert saved.empty.webp == sound_registration(opened, opened.draft).empty.webp
+    assert saved.empty.is_known[60:230, 160:320].mean() > 0.95
+    still = open_images(images[:1], "image.png", mirrored=True, diameter_mm=24.0)
+    assert sound_registration(still, still.draft).empty is None
+
+
 @pytest.mark.parametrize("which", ["opened", "slanted", "refused"])
 def test_what_was_saved_is_read_as_it_was(which, request):
     opened = request.getfixturevalue(which)

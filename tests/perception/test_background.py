@@ -1,11 +1,13 @@
 import cv2
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from haptigraph.config import PerceptionConfig
 from haptigraph.geometry import norm, subtract
 from haptigraph.messages import Capture
 from haptigraph.perception.background import Background
+from haptigraph.perception.empty_eye import EmptyEye
 from haptigraph.perception.pixels import grey_of
 from haptigraph.perception.strip import UNSEEN, Line, Site, stations
 from haptigraph.perception.tracker import Tracker
@@ -112,3 +114,71 @@ def test_light_is_told_by_what_is_brightest_and_not_in_the_dark(site):
     assert light(1.0) == 1
     assert light(0.5) == pytest.approx(128 / 75, abs=0.05)
     assert light(0.1) == light(0.0) == 1
+
+
+def registered(image, hidden=slice(0, 0)) -> EmptyEye:
+    is_known = np.ones(image.shape[:2], bool)
+    is_known[hidden] = False
+    return EmptyEye(image, is_known)
+
+
+def with_vessels(site, image):
+    """Dark vessels that run across and along the needle's way."""
+    drawn = image.copy()
+    for along_px, turn_rad in ((60.0, 1.2), (130.0, 0.1)):
+        at_px = Line(site.inwards_rad, 0.0).at_px(site.trocar_px, along_px)
+        ends = [Line(site.inwards_rad + turn_rad, 0.0).at_px(at_px, along) for along in (-30.0, 30.0)]
+        cv2.line(
+            drawn, *(tuple(round(value) for value in end) for end in ends), (60, 60, 100), 3, cv2.LINE_AA
+        )
+    return drawn
+
+
+@pytest.mark.parametrize("light", [0.7, 1.0, 1.2])
+def test_what_a_needle_hides_from_the_first_image_on_is_as_it_was_registered(site, light):
+    empty = registered(eye(site, GREY_GROUND, noise=0), slice(0, 1))
+    background = Background(site, empty)
+    now = np.clip(light * eye(site, GREY_GROUND, DEPTH_PX, noise=0), 0, 255).astype(np.uint8)
+    line = Line(site.inwards_rad, 0.0)
+    x, y = (round(value) for value in line.at_px(site.trocar_px, 40.0))
+    background.learn(now, (line.at_px(site.trocar_px, -200.0), line.at_px(site.trocar_px, 103.0)), 20)
+    assert background.grey[y, x] == pytest.approx(light * GREY_GROUND[0], rel=0.01)
+    assert background.grey[y, x + 40] == now[y, x + 40, 0]  # what is seen counts for more
+    background.learn(now, None, 20)
+    for _ in range(15):
+        background.learn(now, None, 20)
+    assert background.grey[y, x] == now[y, x, 0]
+    background.reset()
+    assert (background.grey == UNSEEN).all()
+    background.look(now)
+    assert background.grey[y, x] == pytest.approx(light * GREY_GROUND[0], rel=0.01)
+    assert background.grey[0, 0] == UNSEEN
+
+
+@pytest.mark.parametrize("change", ["moved", "lit from the side", "another size of eye"])
+def test_an_eye_that_looks_different_by_now_is_not_remembered(site, change):
+    before = eye(site, GREY_GROUND, noise=0)
+    height, width = before.shape[:2]
+    now = {
+        "moved": np.roll(before, 60, axis=1),
+        "lit from the side": before * np.linspace(0.4, 1.6, width)[:, None],
+        "another size of eye": cv2.resize(before, None, fx=1.5, fy=1.5)[:height, :width],
+    }[change]
+    background = Background(site, registered(before))
+    background.look(np.clip(now, 0, 255).astype(np.uint8))
+    assert (background.grey == UNSEEN).all()
+
+
+def test_a_run_may_begin_with_the_needle_in_an_eye_that_was_registered_empty(site, registration):
+    clean = with_vessels(site, eye(site, GREY_GROUND, noise=0))
+    seen = eye(site, GREY_GROUND, DEPTH_PX)
+    image = np.where(seen < 140, seen, with_vessels(site, seen))
+    true_px = Line(site.inwards_rad, 0.0).at_px(site.trocar_px, DEPTH_PX)
+
+    def miss_px(empty: EmptyEye | None) -> float:
+        perceive = Tracker(replace(registration, empty=empty), PerceptionConfig())
+        tip = perceive(Capture(0, 0, image)).found["needle_tip"]
+        return norm(subtract(registration.image.to_px(tip.at_mm), true_px))
+
+    assert miss_px(registered(clean)) < 1
+    assert miss_px(None) > 10  # a vessel along its way is taken for a part of it

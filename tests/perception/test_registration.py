@@ -1,10 +1,14 @@
 import re
 
+import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from haptigraph.errors import BadInput
 from haptigraph.geometry import distance_to_polyline, norm
-from haptigraph.perception.registration import load_registration, parse_registration
+from haptigraph.perception.empty_eye import EmptyEye
+from haptigraph.perception.registration import anatomy_px, load_registration, parse_registration
+from haptigraph.registration_text import registration_text
 
 
 def changed(text: str, pattern: str, replacement: str) -> str:
@@ -111,3 +115,37 @@ def test_a_homography_of_no_camera_is_refused(registration_toml, text, told):
     message = refuse(registration_toml + text)
     assert told in message
     assert "\n" not in message
+
+
+def with_empty_eye(text: str, width: int = 320, height: int = 240) -> str:
+    image = np.full((height, width, 3), 120, np.uint8)
+    is_known = np.ones((height, width), bool)
+    is_known[:40] = False
+    anatomy = replace(anatomy_px(parse_registration(text, "eye")), empty_webp=EmptyEye(image, is_known).webp)
+    return registration_text(anatomy, "Registration.")
+
+
+def test_the_eye_without_needle_is_kept_and_may_be_left_out(registration_toml):
+    text = with_empty_eye(registration_toml)
+    read = parse_registration(text, "eye.toml")
+    assert read.empty.is_known.mean() == pytest.approx(200 / 240)
+    assert max(len(line) for line in text.split("[empty]")[1].splitlines()) <= 100
+    assert registration_text(anatomy_px(read), "Registration.") == text
+    assert read.straight.empty is read.empty
+    without = text[: text.index("[empty]")]
+    assert parse_registration(without, "eye.toml").empty is None
+    assert "empty" not in registration_text(anatomy_px(parse_registration(without, "eye.toml")), "eye")
+
+
+def test_a_picture_that_is_none_or_of_another_size_is_refused(registration_toml):
+    text = with_empty_eye(registration_toml)
+    line = text[: text.index("webp =")].count("\n") + 1
+    for broken in (
+        text.replace("UklG", "VklG"),
+        text.replace("UklG", "Ukl!"),
+        changed(text, "^UklG", "UklGR"),
+    ):
+        told = f"eye.toml, line {line}: empty.webp: expected a WebP picture in base64"
+        assert refuse(broken).startswith(told)
+    told = "empty.webp: is 160 x 240 px, but the images are 320 x 240 px"
+    assert told in refuse(with_empty_eye(registration_toml, width=160))

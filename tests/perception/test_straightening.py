@@ -13,8 +13,8 @@ from haptigraph.errors import BadInput
 from haptigraph.geometry import Point
 from haptigraph.messages import Capture
 from haptigraph.perception.ioct import IoctView
+from haptigraph.perception.pixels import straightened
 from haptigraph.perception.registration import parse_registration
-from haptigraph.perception.straightening import straightened
 from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.scenario import load_scenario
 
