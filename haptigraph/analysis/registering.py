@@ -79,13 +79,12 @@ def register_source(
     mm_per_px = wishes.diameter_mm / (2 * anatomy.radius_px)
     found = settled(anatomy, wishes, mm_per_px, source)
     doubt = f"globe and retina uncertain by {in_px_and_mm(anatomy.rim_doubt_px, mm_per_px)}"
-    registration = parse_registration(registration_text(found, ""), f"registration found in {source}")
+    title = f"Registration found by haptigraph in {Path(source).name}; {doubt}."
+    registration = parse_registration(registration_text(found, title), f"registration found in {source}")
     empty = find_empty_eye(images, anatomy.still, registration)
-    if empty is not None:
-        found = replace(found, empty_webp=empty.webp)
-    text = registration_text(found, f"Registration found by haptigraph in {Path(source).name}; {doubt}.")
+    found = replace(found, empty_webp=empty.webp if empty else b"")
     drawn = registration_picture(anatomy.still, registration, found, doubt, anatomy)
-    write_files(files, (text.encode(), drawn))
+    write_files(files, (registration_text(found, title).encode(), drawn))
     return "\n".join(report_lines(anatomy, found, registration, wishes, files))
 
 

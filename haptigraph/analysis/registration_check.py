@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from msgspec import Struct
+from msgspec.structs import replace
 
 from haptigraph.analysis.registration_draft import Draft, Opened, data_of, sound_registration
 from haptigraph.analysis.registration_report import (
@@ -71,7 +72,7 @@ def check_draft(opened: Opened, draft: Draft) -> Checked:
         straight_from_image=slant,
     )
     try:
-        sound_registration(opened, draft)
+        sound_registration(replace(opened, empty_webp=b""), draft)  # told at every drag: not read anew
         problem = ""
     except BadInput as error:
         problem = error.problem

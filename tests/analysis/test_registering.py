@@ -137,6 +137,14 @@ def test_nothing_is_overwritten_unless_forced(picture, tmp_path):
         load_registration(out)
 
 
+def test_nothing_is_written_that_could_not_be_read_again(picture, tmp_path):
+    named = tmp_path / "two\nlines.png"
+    named.write_bytes(picture.read_bytes())
+    result = call(named, "-o", tmp_path / "eye.toml", "--trocar", "left")
+    assert result.exit_code == 2 and "not valid TOML" in result.stderr
+    assert list(tmp_path.iterdir()) == [named]
+
+
 def test_nothing_is_written_where_nothing_is_found(tmp_path):
     empty = tmp_path / "wall.png"
     grain = np.random.default_rng(0).integers(90, 160, (270, 480, 3), np.uint8)
