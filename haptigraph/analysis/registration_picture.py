@@ -9,6 +9,7 @@ import numpy as np
 from haptigraph.geometry import Vec
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy import Anatomy
+from haptigraph.perception.pixels import colored
 from haptigraph.perception.registration import Registration
 from haptigraph.registration_text import AnatomyPx
 
@@ -38,9 +39,7 @@ def registration_picture(
         doubt: Written into it.
         anatomy: What was seen in the image, if anything: the wall's outer edge.
     """
-    canvas = (
-        still.copy() if still.ndim == 3 else np.asarray(cv2.cvtColor(still, cv2.COLOR_GRAY2BGR), np.uint8)
-    )
+    canvas = colored(still).copy()
     if anatomy is not None and anatomy.rim.outer is not None:
         outer = anatomy.rim.outer
         _chain(canvas, [anatomy.seen_px(at) for at in _around(outer.center_px, outer.radius_px)], WALL, 1)

@@ -17,9 +17,9 @@ from haptigraph.geometry import Vec, unit
 from haptigraph.messages import Image
 from haptigraph.perception.empty_eye import EmptyEye
 from haptigraph.perception.pixels import FloatImage, grey_of, grey_with_chroma
-from haptigraph.perception.strip import UNSEEN, Line, Site, Strip, lay_straight
+from haptigraph.perception.strip import OUTSIDE_MM, UNSEEN, Line, Site, Strip, lay_straight
 
-__all__ = ["Background", "stripe"]
+__all__ = ["Background", "covered_ends", "stripe"]
 
 BANDS = 16
 RATE = 0.25
@@ -147,6 +147,12 @@ def _light(seen: Image) -> float:
     """Return how many times brighter it would be in good light; 1 where it is lit well, or all is dark."""
     brightest = float(np.percentile(seen if seen.ndim == 1 else grey_of(seen[None]), BRIGHTEST))
     return max(LIT_GREY / brightest, 1.0) if brightest >= DARK_GREY else 1.0
+
+
+def covered_ends(site: Site, line: Line, until_px: float) -> tuple[Vec, Vec]:
+    """Return the two ends of what a needle may cover that ends so far along a line [px]."""
+    from_px = -2 * OUTSIDE_MM * site.px_per_mm
+    return line.at_px(site.trocar_px, from_px), line.at_px(site.trocar_px, until_px)
 
 
 def stripe(ends: tuple[Vec, Vec], width_px: int, corner_px: Vec) -> NDArray[np.int32]:

@@ -9,19 +9,17 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from haptigraph.config import PerceptionConfig
 from haptigraph.messages import Image
-from haptigraph.perception.background import stripe
+from haptigraph.perception.background import covered_ends, stripe
 from haptigraph.perception.empty_eye import EmptyEye
 from haptigraph.perception.ending import Sight
-from haptigraph.perception.pixels import straightened
+from haptigraph.perception.pixels import colored, straightened
 from haptigraph.perception.registration import Registration
-from haptigraph.perception.strip import OUTSIDE_MM, Site
-from haptigraph.perception.tracker import Tracker
+from haptigraph.perception.strip import Site
+from haptigraph.perception.tracker import sights_in
 
 __all__ = ["find_empty_eye"]
 
-PERIOD_NS = 33_000_000  # images lie far apart: a needle that is not where it was is searched
 LEAST_LOOKS = 3  # at a pixel, of which one may be wrong
 LEAST_SIGHTS = 3  # of the needle: a needle that is not seen would be taken for the eye
 BEYOND_MM = 1.0  # the tip may reach so much further than it is told
@@ -38,21 +36,18 @@ def find_empty_eye(images: Sequence[Image], still: Image, registration: Registra
     Returns:
         None if no needle is seen in enough of them: one that lies still would be taken for the eye.
     """
-    tracker = Tracker(registration.straight, PerceptionConfig())
-    site, way = Site(registration.straight), registration.image.straight_from_image
-    is_free = np.ones((len(images), *still.shape[:2]), np.bool_)
-    sights = 0
-    for number, image in enumerate(images):
-        sight = tracker.look(straightened(image, way) if way else image, number * PERIOD_NS)
+    way, straight = registration.image.straight_from_image, registration.straight
+    sights = sights_in((straightened(image, way) for image in images) if way else images, straight)
+    if len(sights) - sights.count(None) < LEAST_SIGHTS:
+        return None
+    site, is_free = Site(straight), np.ones((len(images), *still.shape[:2]), np.bool_)
+    for number, sight in enumerate(sights):
         if sight is not None:
-            sights += 1
             hidden = _hidden(site, sight)
             is_free[number] = (straightened(hidden, way.inverse) if way else hidden) == 0
-    if sights < LEAST_SIGHTS:
-        return None
     looks = np.count_nonzero(is_free, axis=0)
-    picture, is_some = _colored(still).copy(), (looks >= LEAST_LOOKS) & (looks < len(images))
-    seen = np.stack([_colored(image)[is_some] for image in images]).astype(np.float32)
+    picture, is_some = colored(still).copy(), (looks >= LEAST_LOOKS) & (looks < len(images))
+    seen = np.stack([colored(image)[is_some] for image in images]).astype(np.float32)
     seen[~is_free[:, is_some]] = np.inf
     seen.sort(axis=0)
     middle = (looks[is_some] - 1) // 2
@@ -62,12 +57,7 @@ def find_empty_eye(images: Sequence[Image], still: Image, registration: Registra
 
 def _hidden(site: Site, sight: Sight) -> Image:
     """Return what a needle may hide, (h, w): 255 there."""
-    ends_px = -2 * OUTSIDE_MM * site.px_per_mm, sight.reach.tip_px + BEYOND_MM * site.px_per_mm
-    ends = [sight.line.at_px(site.trocar_px, along_px) for along_px in ends_px]
+    ends = covered_ends(site, sight.line, sight.reach.tip_px + BEYOND_MM * site.px_per_mm)
     hidden = np.zeros((site.height_px, site.width_px), np.uint8)
-    cv2.fillConvexPoly(hidden, stripe((ends[0], ends[1]), 2 * site.half_px, (0.0, 0.0)), 255, shift=4)
+    cv2.fillConvexPoly(hidden, stripe(ends, 2 * site.half_px, (0.0, 0.0)), 255, shift=4)
     return hidden
-
-
-def _colored(image: Image) -> Image:
-    return np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), np.uint8) if image.ndim == 2 else image

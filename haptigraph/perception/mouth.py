@@ -12,7 +12,7 @@ from msgspec import Struct
 
 from haptigraph.messages import Image
 from haptigraph.perception.edge import Edge
-from haptigraph.perception.pixels import Floats, Mask
+from haptigraph.perception.pixels import Floats, Mask, colored
 
 __all__ = ["APART_DEG", "MOST_MOUTHS", "WHITE_GREY", "Mouth", "find_mouths"]
 
@@ -54,7 +54,7 @@ def find_mouths(still: Image, edge: Edge) -> list[Mouth]:
         still: The picture without needle.
         edge: The wall's inner edge.
     """
-    color = np.asarray(still if still.ndim == 3 else cv2.cvtColor(still, cv2.COLOR_GRAY2BGR), np.uint8)
+    color = colored(still)
     return [Mouth(angle, _inside_px(color, edge, angle)) for angle in _angles_deg(color, edge)]
 
 

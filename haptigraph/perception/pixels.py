@@ -9,7 +9,16 @@ from numpy.typing import NDArray
 from haptigraph.geometry import Homography
 from haptigraph.messages import Image
 
-__all__ = ["FloatImage", "Floats", "Mask", "grey_of", "grey_with_chroma", "straightened", "top_shift"]
+__all__ = [
+    "FloatImage",
+    "Floats",
+    "Mask",
+    "colored",
+    "grey_of",
+    "grey_with_chroma",
+    "straightened",
+    "top_shift",
+]
 
 FloatImage: TypeAlias = NDArray[np.float32]
 Floats: TypeAlias = NDArray[np.float64]
@@ -21,6 +30,11 @@ GREY = 0.114, 0.587, 0.299  # shares of blue, green and red (ITU-R BT.601), as O
 def grey_of(image: Image) -> Image:
     """Return an image in grey."""
     return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
+
+
+def colored(image: Image) -> Image:
+    """Return an image with three colours, (h, w, 3) BGR."""
+    return image if image.ndim == 3 else np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), np.uint8)
 
 
 def grey_with_chroma(image: Image, chroma_share: float, where: Mask | np.bool_) -> Image:

@@ -15,7 +15,7 @@ from haptigraph.errors import BadInput
 from haptigraph.geometry import Vec
 from haptigraph.messages import Image
 from haptigraph.perception.edge import FAINTEST_GREY, SMOOTHING_PX, Edge, edge_near, rays_from
-from haptigraph.perception.pixels import Floats
+from haptigraph.perception.pixels import Floats, colored
 
 __all__ = ["Rim", "find_rim"]
 
@@ -52,7 +52,7 @@ def find_rim(image: Image) -> Rim:
     Raises:
         BadInput: If there is no eye, or it is cut off or blurred; it says which.
     """
-    color = np.asarray(image if image.ndim == 3 else cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), np.uint8)
+    color = colored(image)
     bright = _brightened(color)
     _check_sharpness(bright)
     picture = np.asarray(cv2.GaussianBlur(bright, (0, 0), SMOOTHING_PX), np.float32)

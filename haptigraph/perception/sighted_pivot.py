@@ -8,7 +8,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from haptigraph.config import PerceptionConfig
 from haptigraph.geometry import Circle, ImageGeometry, Point, Polyline, Vec
 from haptigraph.messages import Image
 from haptigraph.perception.ending import Sight
@@ -16,12 +15,11 @@ from haptigraph.perception.pivot import Pivot, ShaftLine, meeting
 from haptigraph.perception.registration import Registration
 from haptigraph.perception.rim import Rim
 from haptigraph.perception.shaft_edges import BLOCK_PX
-from haptigraph.perception.tracker import Tracker
+from haptigraph.perception.tracker import sights_in
 
 __all__ = ["sighted_pivot"]
 
 RADIUS_MM = 12.0  # of a usual eye: the tracker's limits are in millimetres
-PERIOD_NS = 33_000_000  # images lie far apart: a needle that is not where it was is searched
 
 
 def sighted_pivot(images: Sequence[Image], rim: Rim, about_px: Vec) -> Pivot | None:
@@ -35,9 +33,7 @@ def sighted_pivot(images: Sequence[Image], rim: Rim, about_px: Vec) -> Pivot | N
     Returns:
         None if too few lines are seen, or they do not meet in the wall.
     """
-    registration = _provisional(images[0], rim, about_px)
-    tracker = Tracker(registration, PerceptionConfig())
-    sights = [tracker.look(image, number * PERIOD_NS) for number, image in enumerate(images)]
+    sights = sights_in(images, _provisional(images[0], rim, about_px))
     lines = [_line(sight, about_px) for sight in sights if sight and sight.reach.where == "inside"]
     return meeting(lines, rim)
 

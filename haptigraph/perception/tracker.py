@@ -7,13 +7,14 @@ nothing of states.
 """
 
 import math
+from collections.abc import Iterable
 
 from msgspec.structs import replace
 
 from haptigraph.config import PerceptionConfig
 from haptigraph.geometry import Geometry, Point, Segment
 from haptigraph.messages import Capture, Certainty, Image, Observation
-from haptigraph.perception.background import Background
+from haptigraph.perception.background import Background, covered_ends
 from haptigraph.perception.bevel import Bevel
 from haptigraph.perception.closeup import closeup_px
 from haptigraph.perception.ending import OFF_PX, EndFinder, Glimpse, Sight
@@ -22,10 +23,10 @@ from haptigraph.perception.pixels import FloatImage
 from haptigraph.perception.pose import PoseFilter
 from haptigraph.perception.registration import Registration
 from haptigraph.perception.shaft import NEW, LineFit, Look, fit_line
-from haptigraph.perception.strip import LARGEST_TURN_RAD, OUTSIDE_MM, Line, Site, stations
+from haptigraph.perception.strip import LARGEST_TURN_RAD, Line, Site, stations
 from haptigraph.perception.tip import find_reach
 
-__all__ = ["Tracker"]
+__all__ = ["Tracker", "sights_in"]
 
 AHEAD_MM = 2.5  # how far the tip may be beyond where it is expected
 EXPOSED_MM = 2.0  # before the trocar: a tip seen there is the end, and the ground ahead is free
@@ -40,6 +41,7 @@ AGAIN_PX = 2.0  # between a line and what is found in a second look along it
 THICKEST_MM = 1.0
 LONGEST_STEP_S = 0.2
 CONTRAST_RATE = 0.1
+APART_NS = 33_000_000  # of images picked from a clip: a needle that is not where it was is searched
 CLOSEUP_SPARE_PX = 6  # beyond a close-up of the tip, for where the tip is may be expected wrongly
 
 
@@ -215,10 +217,7 @@ class Tracker:
             until_px = sight.reach.tip_px + AHEAD_OF_TIP_MM * scale
             if not (sight.reach.contrast_grey and until_px > -EXPOSED_MM * scale):
                 until_px = max(until_px, 0.0)  # it may go on; in the wall nothing shows
-            needle = (
-                sight.line.at_px(self._site.trocar_px, -2 * OUTSIDE_MM * scale),
-                sight.line.at_px(self._site.trocar_px, until_px),
-            )
+            needle = covered_ends(self._site, sight.line, until_px)
         self._background.learn(image, needle, 2 * self._site.half_px)
 
     def _learn_bevel(self, sight: Sight) -> None:
@@ -243,3 +242,14 @@ class Tracker:
             tip_deviation_mm=self._pose.tip_deviation_px() / self._site.px_per_mm,
             theta_deviation_deg=math.degrees(self._pose.angle_deviation_rad),
         )
+
+
+def sights_in(images: Iterable[Image], registration: Registration) -> list[Sight | None]:
+    """Return what a tracker measures in each of some images of one clip, in order.
+
+    Args:
+        images: Without slant; they may lie far apart.
+        registration: Where the anatomy lies in them.
+    """
+    tracker = Tracker(registration, PerceptionConfig())
+    return [tracker.look(image, number * APART_NS) for number, image in enumerate(images)]
