@@ -112,9 +112,9 @@ class FirmataDevice:
             reason = os.strerror(number) if number else error
             raise DeviceError(f"{self._port} cannot be opened ({reason})") from None
         try:
+            self._send(*_analog(self._pin, 0))  # it may vibrate still, for one who is gone
             self._await_board()
             self._send(SET_PIN_MODE, self._pin, PWM)
-            self._send(*_analog(self._pin, 0))
             self._top = self._learn()
             self._write(0, LEARN_S)
             self._serial.write_timeout = ANSWER_S

@@ -73,6 +73,13 @@ class Ear:
                 since_ns = stamp_ns
             return since_ns
 
+    def until_silent_once(self, after_ns):
+        """Wait for the first silence after a moment, however short; return when it began [ns]."""
+        with self.changed:
+            silences = lambda: (at_ns for at_ns, level in self.edges if at_ns >= after_ns and not level)  # noqa: E731
+            assert self.changed.wait_for(lambda: any(silences()), PATIENCE_S), self.edges[-5:]
+            return next(silences())
+
     @property
     def vibrates(self):
         return bool(self.edges and self.edges[-1][1])
@@ -237,16 +244,18 @@ class Rig:
         self.process.send_signal(number)
         return now_ns
 
-    def stilled_in_time(self, row, since_ns, but_ms=0.0):
-        """Check that the hand is silent in time, and keep the figure."""
-        still_ns = self.ear.until(vibrates=False)
+    def stilled_in_time(self, row, since_ns):
+        """Check that the hand is silent in time, and stays so, and keep the figure."""
+        self.in_time(row, since_ns, self.ear.until(vibrates=False), DEADMAN_MS + PERIOD_MS[self.device])
+
+    def in_time(self, row, since_ns, still_ns, promised_ms):
+        """Check that a silence came in time, and keep the figure."""
         late_ms = (still_ns - since_ns) / 1e6
         path = os.environ.get("HAPTIGRAPH_FAULTS")
         if path:
             with open(path, "a") as file:
                 file.write(json.dumps([row, self.device, round(late_ms, 1)]) + "\n")
         machine_ms = self.beat.late_ms(since_ns, still_ns)
-        promised_ms = but_ms or DEADMAN_MS + PERIOD_MS[self.device]
         assert late_ms <= promised_ms + machine_ms, (row, late_ms, machine_ms, self.ear.edges[-6:])
 
     def finish(self):

@@ -70,6 +70,16 @@ def test_what_vibrated_before_is_stilled_when_the_port_is_opened(board):
     second.close()
 
 
+def test_a_board_is_stilled_before_it_is_asked_anything(board, monkeypatch):
+    first = FirmataDevice(f"{board.link}")
+    first.set(1.0, 0.0, 0)
+    first._serial.close()
+    monkeypatch.setattr(
+        FirmataDevice, "_await_board", lambda device: board.until(lambda board: not board.vibrates())
+    )
+    FirmataDevice(f"{board.link}").close()
+
+
 def test_closing_stills_the_pin(board):
     device = FirmataDevice(f"{board.link}")
     device.set(1.0, 0.0, 0)
