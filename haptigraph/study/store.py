@@ -4,6 +4,8 @@ Turns a file or URL into transactions on the tables of `tables`. Knows no protoc
 """
 
 import json
+import sqlite3
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
@@ -29,6 +31,7 @@ __all__ = ["Row", "Store", "to_json", "utc_now"]
 
 Row: TypeAlias = RowMapping
 BUSY_S = 30
+RETRY_S = 0.01
 LOCK = 7_203_945_118  # any number, the same on all stations
 
 
@@ -146,8 +149,22 @@ def _check_sqlite(path: Path) -> None:
 def _on_connect(raw: Any, _: Any) -> None:
     """Make every commit survive a power failure (WAL and FULL), and leave transactions to us."""
     raw.isolation_level = None
-    for pragma in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON", "secure_delete=ON"):
+    _write_ahead(raw, time.monotonic() + BUSY_S)
+    for pragma in ("synchronous=FULL", "foreign_keys=ON", "secure_delete=ON"):
         raw.execute(f"PRAGMA {pragma}")
+
+
+def _write_ahead(raw: Any, give_up_s: float) -> None:
+    """Turn on the write-ahead log; for that alone SQLite does not wait for others who are at the file."""
+    while True:
+        try:
+            raw.execute("PRAGMA journal_mode=WAL")
+            return
+        except sqlite3.OperationalError as error:
+            is_busy = error.sqlite_errorcode & 0xFF == sqlite3.SQLITE_BUSY
+            if not is_busy or time.monotonic() >= give_up_s:
+                raise
+        time.sleep(RETRY_S)
 
 
 def _on_begin(connection: Connection) -> None:

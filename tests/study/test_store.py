@@ -11,7 +11,7 @@ from sqlalchemy import select, text
 from walking import do_next
 
 from haptigraph.analysis.study_measures import measure_study
-from haptigraph.errors import BadInput, MissingExtra
+from haptigraph.errors import BadInput, MissingExtra, StoreFailed
 from haptigraph.recording.reader import RunReader
 from haptigraph.study import store as stores
 from haptigraph.study.roster import Study
@@ -60,6 +60,22 @@ def test_a_place_that_cannot_be_a_store_is_refused_and_no_password_told(where, t
     with pytest.raises((BadInput, MissingExtra), match=told) as refusal:
         Store(where)
     assert "secret" not in str(refusal.value)
+
+
+def test_a_store_that_another_station_is_just_making_is_waited_for(tmp_path, monkeypatch):
+    with closing(sqlite3.connect(tmp_path / "new.db", isolation_level=None)) as other:
+        other.execute("BEGIN IMMEDIATE")
+        monkeypatch.setattr(stores.time, "sleep", lambda _: other.rollback())
+        with closing(Store(tmp_path / "new.db")) as store:
+            assert store.rows(select(TRIALS)) == []
+
+
+def test_a_store_that_another_program_never_lets_go_of_is_told(tmp_path, monkeypatch):
+    monkeypatch.setattr(stores, "BUSY_S", 0)
+    with closing(sqlite3.connect(tmp_path / "new.db", isolation_level=None)) as other:
+        other.execute("BEGIN IMMEDIATE")
+        with pytest.raises(StoreFailed, match=r"new\.db: the store does not take it \(database is locked\)"):
+            Store(tmp_path / "new.db")
 
 
 def test_a_file_that_is_no_store_is_refused_and_left_alone(tmp_path):
