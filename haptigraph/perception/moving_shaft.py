@@ -1,8 +1,10 @@
 """Find a needle that moves, and with it the trocar: all its shaft lines meet where it pivots [px].
 
-Images of one clip in, their still picture and the pivot out. Knows nothing of retina or millimetres.
+Images of one clip in, their still picture and the pivot out. Light that changes does not count as movement.
+Knows nothing of retina or millimetres.
 """
 
+import math
 from collections.abc import Sequence
 
 import cv2
@@ -25,6 +27,11 @@ STATION = 0.02  # of the globe's radius, between places where the shaft's middle
 EDGE_STEP_PX = 0.25
 CLEAR_EDGE = 0.4  # of the steepest place on the same side of the shaft
 SURER = 0.3  # share of the doubt, if what is always there is left out
+ELSEWHERE = 0.1  # of the globe's radius, between where shafts meet and where those do that are new
+OLD_SHARE, STATIONS = 0.3, 40  # that is new of what was always there; where that is looked up
+EVEN_LIGHT = 0.7  # of the globe's radius, over which light changes alike
+CELL_PX = 8  # in which light is measured
+STEPS, UNCHANGED, STEADY_STEPS = 100, 128, 3  # of log brightness in a byte; none; and too few to matter
 
 
 def still_picture(images: Sequence[Image]) -> Image:
@@ -46,17 +53,55 @@ def find_pivot(images: Sequence[Image], still: Image, rim: Rim) -> Pivot | None:
     Returns:
         None if no needle moves, or lines of several things were taken for its shaft.
     """
+    images = [_in_light_of(still, image, rim) for image in images]
     visible = _visible(rim, images[0].shape[1], images[0].shape[0]) & _moving(images, rim)
     greys, still_grey = [grey_of(image) for image in images], grey_of(still)
     sizes = [_stands_out(grey, _around(grey, rim)) for grey in greys]
     where_new = [visible & (_stands_out(grey, still_grey) > LEAST_CHANGE_GREY) for grey in greys]
-    pivot, of_new = (
-        meeting([_shaft(*seen, rim) for seen in zip(greys, sizes, places, strict=True)], rim)
+    lines, new_lines = (
+        [_shaft(*seen, rim) for seen in zip(greys, sizes, places, strict=True)]
         for places in ([visible] * len(greys), where_new)
     )
+    pivot, of_new = meeting(lines, rim), meeting(new_lines, rim)
+    if pivot is None or of_new is None:
+        return pivot or of_new
     # What is always there may be taken for a shaft, as a vessel is; or be the part of it that hardly moves.
-    is_surer = of_new and (pivot is None or of_new.radial_sd_px < SURER * pivot.radial_sd_px)
-    return of_new if is_surer else pivot
+    is_elsewhere = math.dist(pivot.point_px, of_new.point_px) > ELSEWHERE * rim.inner.radius_px
+    if is_elsewhere and _new_share(lines, where_new) < OLD_SHARE:
+        return of_new
+    return of_new if of_new.radial_sd_px < SURER * pivot.radial_sd_px else pivot
+
+
+def _new_share(lines: Sequence[ShaftLine | None], where_new: Sequence[NDArray[np.bool_]]) -> float:
+    """Return how much of shafts, one or none for every image, was not always there: a median."""
+    shares = []
+    for line, is_new in zip(lines, where_new, strict=True):
+        if line is not None:
+            along = np.linspace(-line.length_px / 2, line.length_px / 2, STATIONS)[:, None]
+            x, y = np.rint(line.point_px + along * line.along).astype(int).T
+            height, width = is_new.shape
+            shares.append(is_new[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)].mean())
+    return float(np.median(shares))
+
+
+def _in_light_of(still: Image, image: Image, rim: Rim) -> Image:
+    """Return an image as it would be in the light of the still picture: cameras and lamps are not steady."""
+    change = np.log(_cells(still) / _cells(image))
+    side = 2 * round(EVEN_LIGHT * rim.inner.radius_px / CELL_PX / 2) + 1
+    stepped = np.clip(np.rint(STEPS * change) + UNCHANGED, 0, 255).astype(np.uint8)
+    usual = cv2.medianBlur(stepped, side).astype(np.float32) - UNCHANGED
+    if np.abs(usual).max() <= STEADY_STEPS:
+        return image
+    gain = np.exp(cv2.resize(cv2.blur(usual, (side, side)), image.shape[1::-1]) / STEPS)
+    gain = gain if image.ndim == 2 else gain[..., None]
+    return np.asarray(np.clip(np.rint(image * gain), 0, 255), np.uint8)
+
+
+def _cells(image: Image) -> Floats:
+    """Return how bright an image is in the mean, cell by cell."""
+    height, width = image.shape[:2]
+    size = -(-width // CELL_PX), -(-height // CELL_PX)
+    return cv2.resize(grey_of(image), size, interpolation=cv2.INTER_AREA).astype(float) + 1.0
 
 
 def _around(grey: Image, rim: Rim) -> Image:

@@ -1,0 +1,59 @@
+import math
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from haptigraph.analysis.registering import all_images
+from haptigraph.perception.moving_shaft import find_pivot, still_picture
+from haptigraph.perception.registration import load_registration
+from haptigraph.perception.rim import find_rim
+
+RENDERING = Path(__file__).parents[1] / "data" / "renderings" / "golden_thin"
+
+
+@pytest.fixture(scope="module")
+def images():
+    return list(all_images(str(RENDERING / "clip.mp4")))
+
+
+def off_px(images):
+    """How far from the truth the needle's pivot is found."""
+    truth = load_registration(RENDERING / "registration.toml")
+    still = still_picture(images)
+    return math.dist(
+        find_pivot(images, still, find_rim(still)).point_px, truth.image.to_px(truth.trocar.at_mm)
+    )
+
+
+def lit(image, light):
+    return np.clip(np.rint(image * light), 0, 255).astype(np.uint8)
+
+
+def test_where_a_needle_pivots_is_found(images):
+    assert off_px(images) < 2
+
+
+def test_an_exposure_that_changes_does_not_count_as_movement(images):
+    chance = np.random.default_rng(3)
+    assert off_px([lit(image, chance.uniform(0.7, 1.25)) for image in images]) < 2
+
+
+def test_a_shadow_that_sweeps_over_the_eye_does_not_count_as_movement(images):
+    x = np.linspace(0, 1, images[0].shape[1])[None, :, None]
+    sweeps = np.linspace(-0.3, 1.3, len(images))
+    lights = [1 - 0.6 * np.exp(-(((x - at) / 0.15) ** 2)) for at in sweeps]
+    assert off_px([lit(image, light) for image, light in zip(images, lights, strict=True)]) < 2
+
+
+def test_a_bar_that_is_always_there_is_not_the_needle_even_if_it_flickers(images):
+    chance = np.random.default_rng(4)
+    truth = load_registration(RENDERING / "registration.toml")
+    (x, y), radius_px = truth.image.center_px, find_rim(still_picture(images)).inner.radius_px
+    ends = [(round(x + at * radius_px), round(y + up * radius_px)) for at, up in ((-1.3, -0.5), (1.3, -0.5))]
+    barred = []
+    for image in images:
+        grey = chance.integers(20, 44)
+        barred.append(cv2.line(image.copy(), *ends, (int(grey),) * 3, 9, cv2.LINE_AA))
+    assert off_px(barred) < 2
