@@ -23,7 +23,8 @@ from haptigraph.analysis.registration_report import (
 from haptigraph.analysis.registration_wishes import SNAP_MM
 from haptigraph.errors import BadInput
 from haptigraph.geometry import ImageGeometry, Polyline, Vec, distance_to_polyline, nearest_on_polyline, norm
-from haptigraph.perception.anatomy import Anatomy, FoundTrocar
+from haptigraph.perception.anatomy import Anatomy
+from haptigraph.perception.pivot import Pivot
 from haptigraph.perception.pixels import Floats
 from haptigraph.perception.retarget import angle_rad
 
@@ -149,14 +150,14 @@ def _trocar(anatomy: Anatomy | None, draft: Draft, image: ImageGeometry, number:
     at_px = anatomy.straight_px(trocar.point_px)
     found = min(anatomy.trocars, key=lambda each: math.dist(each.point_px, at_px))
     off_mm = math.dist(found.point_px, at_px) * image.mm_per_px
-    return _row(what, where, off_mm, image, _how(anatomy, found, image.mm_per_px))
+    return _row(what, where, off_mm, image, _how(found.pivot, image.mm_per_px))
 
 
-def _how(anatomy: Anatomy, found: FoundTrocar, mm_per_px: float) -> str:
-    if found.by != "needle" or anatomy.pivot is None:
+def _how(pivot: Pivot | None, mm_per_px: float) -> str:
+    if pivot is None:
         return "from its hole's mouth"
-    left = in_px_and_mm(anatomy.pivot.residual_px, mm_per_px)
-    return f"from the pivot of {anatomy.pivot.lines} shaft lines, which miss it by {left}"
+    left = in_px_and_mm(pivot.residual_px, mm_per_px)
+    return f"from the pivot of {pivot.lines} shaft lines, which miss it by {left}"
 
 
 def _target(draft: Draft, image: ImageGeometry, retina: Polyline) -> Row:

@@ -16,7 +16,7 @@ from msgspec.structs import asdict, replace
 from haptigraph.analysis.registering import sound_anatomy
 from haptigraph.analysis.registration_picture import registration_picture
 from haptigraph.analysis.registration_report import in_px_and_mm
-from haptigraph.analysis.registration_wishes import Wishes, named_trocars, settled
+from haptigraph.analysis.registration_wishes import Wishes, named_trocars, settled, unclear_trocar
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Homography, Vec
 from haptigraph.messages import Image
@@ -210,8 +210,8 @@ def _found(anatomy: Anatomy, wishes: Wishes, source: str) -> tuple[Draft, str]:
         )
     else:
         wish = named[0][0]
-        if named[0][1].by != "needle" and len(named) > 1:
-            note = "no needle moves to show which trocar is in use; choose it"
+        unclear = unclear_trocar(named)
+        note = f"{unclear}; choose it" if unclear else ""
     mm_per_px = wishes.diameter_mm / (2 * anatomy.radius_px)
     data = settled(anatomy, replace(wishes, trocar=wish), mm_per_px, source)
     trocars = tuple(

@@ -107,8 +107,8 @@ def _trocar_line(anatomy: Anatomy, trocar: FoundTrocar, kept: TrocarPx, registra
     mm = registration.image.mm_per_px
     out_mm = math.dist(trocar.point_px, anatomy.center_px) * mm - registration.globe.radius_mm
     how = "by the hole's mouth"
-    if trocar.by == "needle" and anatomy.pivot is not None:
-        how = f"by {anatomy.pivot.lines} shaft lines, residual {in_px_and_mm(anatomy.pivot.residual_px, mm)}"
+    if trocar.pivot is not None:
+        how = f"by {trocar.pivot.lines} shaft lines, residual {in_px_and_mm(trocar.pivot.residual_px, mm)}"
     used = ", in use" if kept.used else ""
     x, y = trocar.point_px
     return (

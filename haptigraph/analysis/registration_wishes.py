@@ -16,7 +16,7 @@ from haptigraph.perception.registration import DIAMETER_RANGE_MM
 from haptigraph.perception.retarget import along_retina, angle_rad
 from haptigraph.registration_text import AnatomyPx, TrocarPx
 
-__all__ = ["Wishes", "check_wishes", "named_trocars", "settled"]
+__all__ = ["Wishes", "check_wishes", "named_trocars", "settled", "unclear_trocar"]
 
 SNAP_MM = 1.5  # so far off the retina a target given in pixels may lie
 
@@ -85,6 +85,14 @@ def named_trocars(anatomy: Anatomy, mirrored: bool) -> list[tuple[str, FoundTroc
     return named
 
 
+def unclear_trocar(named: Sequence[tuple[str, FoundTrocar]]) -> str:
+    """Say why it is open which of some trocars the needle goes through; empty: it does not."""
+    moving = [name for name, trocar in named if trocar.pivot is not None]
+    if len(moving) > 1:
+        return f"something moves in more than one trocar ({', '.join(moving)}) and may be the needle"
+    return "" if moving or len(named) < 2 else "no needle moves to show which trocar is in use"
+
+
 def _with_used(
     named: Sequence[tuple[str, FoundTrocar]], anatomy: Anatomy, wish: str | None, source: str
 ) -> tuple[TrocarPx, ...]:
@@ -107,10 +115,10 @@ def _with_used(
             "give a clip with a moving needle, or --trocar X,Y",
             source,
         )
-    elif named[0][1].by == "needle" or len(named) == 1:
-        used = named[0][0]
+    elif unclear := unclear_trocar(named):
+        raise BadInput(f"{unclear}; give --trocar: {told}", source)
     else:
-        raise BadInput(f"no needle moves to show which trocar is in use; give --trocar: {told}", source)
+        used = named[0][0]
     return tuple(TrocarPx(name, trocar.point_px, name == used) for name, trocar in named)
 
 

@@ -17,7 +17,9 @@ __all__ = ["check", "register"]
 @click.option("-o", "--output", metavar="FILE", required=True, help="The registration to write (TOML).")
 @click.option("--target", metavar="X,Y", help="The target, in pixels of the image as stored.")
 @click.option("--target-mm", type=float, help="Or from the retina's bottom, to the surgeon's right.  [0]")
-@click.option("--trocar", metavar="left|right|X,Y", help="The trocar in use, if no needle moves to show it.")
+@click.option(
+    "--trocar", metavar="left|right|X,Y", help="The trocar in use, if it is not clear from what moves."
+)
 @click.option("--mirrored/--not-mirrored", default=True, help="Seen through a mirror, or not.  [mirrored]")
 @click.option("--diameter-mm", default=24.0, show_default=True, help="Inner diameter of the globe.")
 @click.option("--picture", metavar="FILE", help="The PNG to draw; beside the registration if not given.")

@@ -18,7 +18,7 @@ from haptigraph.geometry import Vec, subtract, unit
 from haptigraph.messages import Image
 from haptigraph.perception.edge import Edge
 from haptigraph.perception.mouth import APART_DEG, MOST_MOUTHS, WHITE_GREY, Mouth, find_mouths
-from haptigraph.perception.moving_shaft import find_pivot, still_picture
+from haptigraph.perception.moving_shaft import find_pivots, still_picture
 from haptigraph.perception.pivot import Pivot
 from haptigraph.perception.pixels import straightened
 from haptigraph.perception.rim import Rim, find_rim
@@ -47,8 +47,8 @@ class FoundTrocar(Struct, frozen=True):
     """Middle of the wall, in the plane of the section."""
     angle_deg: float
     """From the top, positive to the image's right."""
-    by: str
-    """"needle" or "hole": what it was found by."""
+    pivot: Pivot | None
+    """Where something like a needle turned in it; None if only its hole was seen."""
 
 
 class Anatomy(Struct, frozen=True, eq=False):
@@ -67,7 +67,7 @@ class Anatomy(Struct, frozen=True, eq=False):
     refined: int
     """How many of its points were seen themselves; the others lie on the fitted curve."""
     trocars: tuple[FoundTrocar, ...]
-    pivot: Pivot | None
+    """First those in which something moves."""
     rim_ratio: float
     """How many times larger than the section the rim is seen."""
     rim_doubt_px: float
@@ -102,12 +102,11 @@ def find_anatomy(images: Sequence[Image]) -> Anatomy:
         still, images = straightened(still, way), [straightened(image, way) for image in images]
         rim = find_rim(still)
     foot_x, foot_y = slant.foot_px if slant else middle_px
-    pivot = find_pivot(images, still, rim) if len(images) > 1 else None
-    if pivot is not None:
-        pivot = pivot.and_again(sighted_pivot(images, rim, pivot.point_px))
-    _check_which_edge(rim, pivot, still)
+    rough = find_pivots(images, still, rim) if len(images) > 1 else ()
+    pivots = [pivot.and_again(sighted_pivot(images, rim, pivot.point_px)) for pivot in rough]
+    _check_which_edge(rim, pivots, still)
     mouths = find_mouths(still, rim.inner)
-    before, doubt, rim_by = _rim_before(rim, pivot, mouths, slant, (foot_x, foot_y))
+    before, doubt, rim_by = _rim_before(rim, pivots, mouths, slant, (foot_x, foot_y))
     rim_ratio = 1 + before
 
     def section(at_px: Vec) -> Vec:
@@ -122,8 +121,7 @@ def find_anatomy(images: Sequence[Image]) -> Anatomy:
         radius_px=rim.inner.radius_px / rim_ratio,
         contour_px=tuple(section(point) for point in contour),
         refined=refined,
-        trocars=_trocars(mouths, pivot, section(rim.inner.center_px), rim.middle_px / rim_ratio),
-        pivot=pivot,
+        trocars=_trocars(mouths, pivots, section(rim.inner.center_px), rim.middle_px / rim_ratio),
         rim_ratio=rim_ratio,
         rim_doubt_px=doubt
         * math.hypot(rim.inner.radius_px, *subtract(rim.inner.center_px, (foot_x, foot_y))),
@@ -131,7 +129,7 @@ def find_anatomy(images: Sequence[Image]) -> Anatomy:
     )
 
 
-def _check_which_edge(rim: Rim, pivot: Pivot | None, still: Image) -> None:
+def _check_which_edge(rim: Rim, pivots: Sequence[Pivot], still: Image) -> None:
     """Refuse a single edge that may be the wall's outer one: a needle pivots outside the inner edge."""
     if rim.outer is not None:
         return
@@ -141,8 +139,8 @@ def _check_which_edge(rim: Rim, pivot: Pivot | None, still: Image) -> None:
             f"the eye is overexposed: {white:.0%} of it is white, and only one edge of its wall can be seen; "
             "less light or a shorter exposure would show the other"
         )
-    is_inner = pivot is not None and math.dist(pivot.point_px, rim.inner.center_px) > rim.inner.radius_px
-    if not is_inner:
+    away_px = [math.dist(pivot.point_px, rim.inner.center_px) for pivot in pivots]
+    if min(away_px, default=0.0) <= rim.inner.radius_px:
         raise BadInput(
             "only one edge of the globe's wall can be seen, and nothing shows that it is the inner one; "
             "more light, a sharper image or a clip with a moving needle would"
@@ -159,7 +157,7 @@ def _white_share(rim: Rim, still: Image) -> float:
 
 
 def _rim_before(
-    rim: Rim, pivot: Pivot | None, mouths: Sequence[Mouth], slant: Slant | None, foot_px: Vec
+    rim: Rim, pivots: Sequence[Pivot], mouths: Sequence[Mouth], slant: Slant | None, foot_px: Vec
 ) -> tuple[float, float, tuple[str, ...]]:
     """Tell by what share larger than the section the rim is seen, its deviation, and what told it.
 
@@ -168,17 +166,18 @@ def _rim_before(
     """
     center, radius_px = rim.inner.center_px, rim.inner.radius_px
     usual = min(RIM_BEFORE, RIM_HEIGHT * radius_px / slant.focal_px) if slant else RIM_BEFORE
-    known, by = [(0.0, usual)], []
+    known: list[tuple[float, float]] = [(0.0, usual)]
+    by: list[str] = []
 
     def told_by(place: Vec, circle_px: float, doubt_px: float) -> tuple[float, float]:
         outwards, away = unit(subtract(place, center)), subtract(place, foot_px)
         lever_px = max(abs(away[0] * outwards[0] + away[1] * outwards[1]), 1.0)
         return _before(place, circle_px, center, foot_px), doubt_px / lever_px
 
-    if pivot is not None and rim.outer is not None:
+    for pivot in pivots if rim.outer is not None else ():
         doubt_px = math.hypot(pivot.radial_sd_px, PIVOT_OFF * radius_px)
         known.append(told_by(pivot.point_px, rim.middle_px, doubt_px))
-        by += ["needle"] if known[-1][1] < usual else []
+        by += ["needle"] if known[-1][1] < usual and not by else []
     told = [
         told_by(_around(center, radius_px - mouth.inside_px, mouth.angle_deg), radius_px, MOUTH_OFF_PX)
         for mouth in mouths
@@ -231,15 +230,15 @@ def _contour(edge: Edge) -> tuple[list[Vec], int]:
 
 
 def _trocars(
-    mouths: Sequence[Mouth], pivot: Pivot | None, center_px: Vec, middle_px: float
+    mouths: Sequence[Mouth], pivots: Sequence[Pivot], center_px: Vec, middle_px: float
 ) -> tuple[FoundTrocar, ...]:
     """Return the trocar the needle moves in, then those whose holes are seen, clearest first."""
     found: list[FoundTrocar] = []
-    if pivot is not None:
+    for pivot in pivots:
         right, down = pivot.point_px[0] - center_px[0], pivot.point_px[1] - center_px[1]
-        found.append(FoundTrocar(pivot.point_px, math.degrees(math.atan2(right, -down)), "needle"))
+        found.append(FoundTrocar(pivot.point_px, math.degrees(math.atan2(right, -down)), pivot))
     for mouth in mouths:
         if all(abs(other.angle_deg - mouth.angle_deg) > APART_DEG for other in found):
             place = _around(center_px, middle_px, mouth.angle_deg)
-            found.append(FoundTrocar(place, mouth.angle_deg, "hole"))
+            found.append(FoundTrocar(place, mouth.angle_deg, None))
     return tuple(found[:MOST_MOUTHS])

@@ -1,22 +1,24 @@
 """Find a needle that moves, and with it the trocar: all its shaft lines meet where it pivots [px].
 
-Images of one clip in, their still picture and the pivot out. Light that changes does not count as movement.
-Knows nothing of retina or millimetres.
+Images of one clip in, their still picture and the pivot out; two, if something else moves that looks like a
+needle. Light that changes does not count as movement. Knows nothing of retina or millimetres.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from itertools import repeat
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from haptigraph.messages import Image
+from haptigraph.perception.light import lit_as
 from haptigraph.perception.pivot import Pivot, ShaftLine, meeting
 from haptigraph.perception.pixels import Floats, grey_of, top_shift
 from haptigraph.perception.rim import Rim
 
-__all__ = ["find_pivot", "still_picture"]
+__all__ = ["find_pivots", "still_picture"]
 
 LEAST_CHANGE_GREY = 14.0
 MOST_POINTS = 4000
@@ -27,11 +29,10 @@ STATION = 0.02  # of the globe's radius, between places where the shaft's middle
 EDGE_STEP_PX = 0.25
 CLEAR_EDGE = 0.4  # of the steepest place on the same side of the shaft
 SURER = 0.3  # share of the doubt, if what is always there is left out
-ELSEWHERE = 0.1  # of the globe's radius, between where shafts meet and where those do that are new
+APART = 0.1  # of the globe's radius, between two pivots
 OLD_SHARE, STATIONS = 0.3, 40  # that is new of what was always there; where that is looked up
-EVEN_LIGHT = 0.7  # of the globe's radius, over which light changes alike
-CELL_PX = 8  # in which light is measured
-STEPS, UNCHANGED, STEADY_STEPS = 100, 128, 3  # of log brightness in a byte; none; and too few to matter
+OFTEN = 0.5  # of the images in which one needle is seen, if something else is taken for one
+LIGHT = 0.7  # of the globe's radius, over which light changes alike
 
 
 def still_picture(images: Sequence[Image]) -> Image:
@@ -42,7 +43,7 @@ def still_picture(images: Sequence[Image]) -> Image:
     return np.asarray(np.stack(rows), np.uint8)
 
 
-def find_pivot(images: Sequence[Image], still: Image, rim: Rim) -> Pivot | None:
+def find_pivots(images: Sequence[Image], still: Image, rim: Rim) -> tuple[Pivot, ...]:
     """Find where the shaft lines of a moving needle meet, in the wall's upper half.
 
     Args:
@@ -51,25 +52,43 @@ def find_pivot(images: Sequence[Image], still: Image, rim: Rim) -> Pivot | None:
         rim: Where the wall is.
 
     Returns:
-        None if no needle moves, or lines of several things were taken for its shaft.
+        Its pivot; nothing if no needle moves, or lines of several things were taken for its shaft; a second
+        one if what moves elsewhere may be the needle as well.
     """
-    images = [_in_light_of(still, image, rim) for image in images]
+    images = [lit_as(still, image, LIGHT * rim.inner.radius_px) for image in images]
     visible = _visible(rim, images[0].shape[1], images[0].shape[0]) & _moving(images, rim)
     greys, still_grey = [grey_of(image) for image in images], grey_of(still)
     sizes = [_stands_out(grey, _around(grey, rim)) for grey in greys]
     where_new = [visible & (_stands_out(grey, still_grey) > LEAST_CHANGE_GREY) for grey in greys]
-    lines, new_lines = (
-        [_shaft(*seen, rim) for seen in zip(greys, sizes, places, strict=True)]
-        for places in ([visible] * len(greys), where_new)
-    )
+
+    def shafts_in(places: Iterable[NDArray[np.bool_]]) -> list[ShaftLine | None]:
+        return [_shaft(*seen, rim) for seen in zip(greys, sizes, places, strict=True)]
+
+    lines, new_lines = shafts_in([visible] * len(greys)), shafts_in(where_new)
     pivot, of_new = meeting(lines, rim), meeting(new_lines, rim)
-    if pivot is None or of_new is None:
-        return pivot or of_new
+    if of_new is None:
+        return (pivot,) if pivot else ()
     # What is always there may be taken for a shaft, as a vessel is; or be the part of it that hardly moves.
-    is_elsewhere = math.dist(pivot.point_px, of_new.point_px) > ELSEWHERE * rim.inner.radius_px
-    if is_elsewhere and _new_share(lines, where_new) < OLD_SHARE:
-        return of_new
-    return of_new if of_new.radial_sd_px < SURER * pivot.radial_sd_px else pivot
+    is_old = pivot and _are_apart(pivot, of_new, rim) and _new_share(lines, where_new) < OLD_SHARE
+    if pivot is None or is_old or of_new.radial_sd_px < SURER * pivot.radial_sd_px:
+        pivot = of_new
+    beside = meeting(shafts_in(map(_beside, where_new, new_lines, repeat(rim))), rim)
+    others = [each for each in (of_new, beside) if each and _are_apart(each, pivot, rim)]
+    return pivot, *(each for each in others[:1] if each.lines >= OFTEN * pivot.lines)
+
+
+def _are_apart(one: Pivot, other: Pivot, rim: Rim) -> bool:
+    return math.dist(one.point_px, other.point_px) > APART * rim.inner.radius_px
+
+
+def _beside(places: NDArray[np.bool_], line: ShaftLine | None, rim: Rim) -> NDArray[np.bool_]:
+    """Return those of some places that are not on a shaft, (h, w)."""
+    if line is None:
+        return places
+    y, x = np.ogrid[: places.shape[0], : places.shape[1]]
+    (at_x, at_y), (across_x, across_y) = line.point_px, line.normal
+    off_px = np.abs((x - at_x) * across_x + (y - at_y) * across_y)
+    return np.asarray(places & (off_px > LINE_WIDTH * rim.inner.radius_px))
 
 
 def _new_share(lines: Sequence[ShaftLine | None], where_new: Sequence[NDArray[np.bool_]]) -> float:
@@ -82,26 +101,6 @@ def _new_share(lines: Sequence[ShaftLine | None], where_new: Sequence[NDArray[np
             height, width = is_new.shape
             shares.append(is_new[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)].mean())
     return float(np.median(shares))
-
-
-def _in_light_of(still: Image, image: Image, rim: Rim) -> Image:
-    """Return an image as it would be in the light of the still picture: cameras and lamps are not steady."""
-    change = np.log(_cells(still) / _cells(image))
-    side = 2 * round(EVEN_LIGHT * rim.inner.radius_px / CELL_PX / 2) + 1
-    stepped = np.clip(np.rint(STEPS * change) + UNCHANGED, 0, 255).astype(np.uint8)
-    usual = cv2.medianBlur(stepped, side).astype(np.float32) - UNCHANGED
-    if np.abs(usual).max() <= STEADY_STEPS:
-        return image
-    gain = np.exp(cv2.resize(cv2.blur(usual, (side, side)), image.shape[1::-1]) / STEPS)
-    gain = gain if image.ndim == 2 else gain[..., None]
-    return np.asarray(np.clip(np.rint(image * gain), 0, 255), np.uint8)
-
-
-def _cells(image: Image) -> Floats:
-    """Return how bright an image is in the mean, cell by cell."""
-    height, width = image.shape[:2]
-    size = -(-width // CELL_PX), -(-height // CELL_PX)
-    return cv2.resize(grey_of(image), size, interpolation=cv2.INTER_AREA).astype(float) + 1.0
 
 
 def _around(grey: Image, rim: Rim) -> Image:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from haptigraph.analysis.registering import all_images
-from haptigraph.perception.moving_shaft import find_pivot, still_picture
+from haptigraph.perception.moving_shaft import find_pivots, still_picture
 from haptigraph.perception.registration import load_registration
 from haptigraph.perception.rim import find_rim
 
@@ -18,13 +18,16 @@ def images():
     return list(all_images(str(RENDERING / "clip.mp4")))
 
 
+def pivots_of(images):
+    still = still_picture(images)
+    return find_pivots(images, still, find_rim(still))
+
+
 def off_px(images):
     """How far from the truth the needle's pivot is found."""
     truth = load_registration(RENDERING / "registration.toml")
-    still = still_picture(images)
-    return math.dist(
-        find_pivot(images, still, find_rim(still)).point_px, truth.image.to_px(truth.trocar.at_mm)
-    )
+    (pivot,) = pivots_of(images)
+    return math.dist(pivot.point_px, truth.image.to_px(truth.trocar.at_mm))
 
 
 def lit(image, light):
@@ -57,3 +60,20 @@ def test_a_bar_that_is_always_there_is_not_the_needle_even_if_it_flickers(images
         grey = chance.integers(20, 44)
         barred.append(cv2.line(image.copy(), *ends, (int(grey),) * 3, 9, cv2.LINE_AA))
     assert off_px(barred) < 2
+
+
+def test_two_things_that_turn_may_both_be_the_needle(images):
+    truth = load_registration(RENDERING / "registration.toml")
+    (x, y), wall_px = truth.image.center_px, 1.07 * truth.globe.radius_mm / truth.image.mm_per_px
+    other = x - wall_px * math.sin(math.radians(36)), y - wall_px * math.cos(math.radians(36))
+    both = []
+    for number, image in enumerate(images):
+        turn = math.radians(20 + 12 * math.sin(number / 5))
+        ends = [
+            (round(16 * (other[0] + along * math.sin(turn))), round(16 * (other[1] + along * math.cos(turn))))
+            for along in (-250, 150)
+        ]
+        both.append(cv2.line(image.copy(), *ends, (35, 35, 35), 9, cv2.LINE_AA, shift=4))
+    one, another = sorted(pivots_of(both), key=lambda pivot: pivot.point_px)
+    assert math.dist(one.point_px, other) < 3
+    assert math.dist(another.point_px, truth.image.to_px(truth.trocar.at_mm)) < 3
