@@ -31,7 +31,7 @@ CLEAR_EDGE = 0.4  # of the steepest place on the same side of the shaft
 SURER = 0.3  # share of the doubt, if what is always there is left out
 APART = 0.1  # of the globe's radius, between two pivots
 OLD_SHARE, STATIONS = 0.3, 40  # that is new of what was always there; where that is looked up
-OFTEN = 0.5  # of the images in which one needle is seen, if something else is taken for one
+OFTEN, TURNS = 0.5, 0.0013  # of the images in which a needle is seen; of the globe's radius, off its pivot
 LIGHT = 0.7  # of the globe's radius, over which light changes alike
 
 
@@ -73,8 +73,14 @@ def find_pivots(images: Sequence[Image], still: Image, rim: Rim) -> tuple[Pivot,
     if pivot is None or is_old or of_new.radial_sd_px < SURER * pivot.radial_sd_px:
         pivot = of_new
     beside = meeting(shafts_in(map(_beside, where_new, new_lines, repeat(rim))), rim)
-    others = [each for each in (of_new, beside) if each and _are_apart(each, pivot, rim)]
-    return pivot, *(each for each in others[:1] if each.lines >= OFTEN * pivot.lines)
+    others = [each for each in (of_new, beside) if each and _is_rival(each, pivot, rim)]
+    return pivot, *others[:1]
+
+
+def _is_rival(other: Pivot, pivot: Pivot, rim: Rim) -> bool:
+    """Tell whether what moves elsewhere may be the needle: bubbles and debris do not turn about one place."""
+    is_straight = other.residual_px <= TURNS * rim.inner.radius_px
+    return is_straight and other.lines >= OFTEN * pivot.lines and _are_apart(other, pivot, rim)
 
 
 def _are_apart(one: Pivot, other: Pivot, rim: Rim) -> bool:
