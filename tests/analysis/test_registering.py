@@ -125,6 +125,41 @@ def test_without_needle_the_user_says_which_trocar(picture, tmp_path):
     assert "px, +0.00 mm along the retina (not given: its bottom" in given.stdout
 
 
+@pytest.fixture
+def two_needles(picture, tmp_path) -> Path:
+    """Pictures of an eye in which something turns in either trocar."""
+    folder, image = tmp_path / "images", cv2.imread(str(picture))
+    folder.mkdir()
+    for number in range(12):
+        seen = image.copy()
+        for side, step in ((-1, 2.0), (1, 1.3)):
+            turn = math.radians(18 + 12 * math.sin(step * number))
+            trocar = 240 + side * 102 * math.sin(math.radians(36)), 148 - 102 * math.cos(math.radians(36))
+            ends = [
+                tuple(round(16 * (place + along * way)) for place, way in zip(trocar, towards, strict=True))
+                for towards in [(-side * math.sin(turn), math.cos(turn))]
+                for along in (-40, 80)
+            ]
+            cv2.line(seen, *ends, (30, 30, 30), 4, cv2.LINE_AA, shift=4)
+        cv2.imwrite(str(folder / f"{number:02d}.png"), seen)
+    return folder
+
+
+def test_if_two_things_move_the_user_says_which_is_the_needle(two_needles, tmp_path):
+    out = tmp_path / "eye.toml"
+    message = refuse(two_needles, "-o", out)
+    assert "something moves in more than one trocar (" in message
+    assert "and may be the needle; give --trocar: " in message
+    assert "left at (" in message and "right at (" in message
+    assert not out.exists()
+    for side in ("left", "right"):
+        told = call(two_needles, "-o", out, "--trocar", side, "--not-mirrored", "--force")
+        assert told.exit_code == 0, told.output
+        assert told.stdout.count("shaft lines") == 2
+        x, _ = load_registration(out).image.to_px(load_registration(out).trocar.at_mm)
+        assert (x < 240) == (side == "left")
+
+
 def test_nothing_is_overwritten_unless_forced(picture, tmp_path):
     for name in ("eye.toml", "eye.png"):
         folder = tmp_path / name.replace(".", "_")
