@@ -1,10 +1,12 @@
-"""Small makers of messages for tests, and the command line."""
+"""Small makers of messages and pictures for tests, and the command line."""
 
 import gc
+import math
 import sys
 from functools import partial
 from itertools import count
 
+import cv2
 from click.testing import CliRunner
 
 from haptigraph.cli import main
@@ -44,6 +46,15 @@ def on_axis(anatomy: dict[str, Geometry], depth_mm: float, theta_deg: float = 0.
     assert isinstance(trocar, Point) and isinstance(target, Point)
     along = rotate(unit(subtract(target.at_mm, trocar.at_mm)), theta_deg)
     return trocar.at_mm[0] + depth_mm * along[0], trocar.at_mm[1] + depth_mm * along[1]
+
+
+def draw_rod(image, pivot_px, turn_rad, ends_px, width_px):
+    """A dark straight thing through a place; turned from straight down, positive to the image's right."""
+    way = math.sin(turn_rad), math.cos(turn_rad)
+    ends = [
+        [round(16 * (at + along * step)) for at, step in zip(pivot_px, way, strict=True)] for along in ends_px
+    ]
+    cv2.line(image, *ends, (15, 15, 15), width_px, cv2.LINE_AA, shift=4)
 
 
 def make_step(

@@ -98,7 +98,7 @@ class FirmataDevice:
             self._disconnect()
 
     def _connect(self) -> None:
-        """Open the port, wait for the board, still the pin, learn what it can."""
+        """Open the port, still the pin, wait for the board, learn what it can."""
         try:
             import serial  # noqa: PLC0415 - an extra
         except ModuleNotFoundError:

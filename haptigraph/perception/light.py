@@ -1,7 +1,9 @@
 """Light that changes from image to image, as cameras and lamps that are not steady make it.
 
-Turns an image and another of the same scene into the image as it would be in the other's light. Knows no eye.
+Turns images of one scene into the same in one light, that of their still picture. Knows no eye.
 """
+
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
@@ -9,23 +11,27 @@ import numpy as np
 from haptigraph.messages import Image
 from haptigraph.perception.pixels import Floats, grey_of
 
-__all__ = ["lit_as"]
+__all__ = ["evenly_lit"]
 
 CELL_PX = 8  # in which light is measured
 STEPS, UNCHANGED = 100, 128  # of log brightness in a byte; no change
 STEADY_STEPS = 3  # make no difference
 
 
-def lit_as(other: Image, image: Image, width_px: float) -> Image:
-    """Return an image in the light of another, by the median change in the surroundings of every place.
+def evenly_lit(images: Sequence[Image], still: Image, width_px: float) -> list[Image]:
+    """Return images in one light, by the median change in the surroundings of every place.
 
     Args:
-        other: Of the same scene, but for thin things that move.
-        image: (h, w, 3) BGR or (h, w) grey; returned itself if the light is the same.
+        images: (h, w, 3) BGR or (h, w) grey each; the same where the light is that of `still`.
+        still: Of the same scene, without the thin things that move.
         width_px: Of the surroundings: light changes alike over so much.
     """
-    change = np.log(_cells(other) / _cells(image))
-    side = 2 * round(width_px / CELL_PX / 2) + 1
+    usual, side = _cells(still), 2 * round(width_px / CELL_PX / 2) + 1
+    return [_lit(image, np.log(usual / _cells(image)), side) for image in images]
+
+
+def _lit(image: Image, change: Floats, side: int) -> Image:
+    """Return an image in other light, given how many times brighter that is in every cell, as a logarithm."""
     stepped = np.clip(np.rint(STEPS * change) + UNCHANGED, 0, 255).astype(np.uint8)
     usual = cv2.medianBlur(stepped, side).astype(np.float32) - UNCHANGED
     if np.abs(usual).max() <= STEADY_STEPS:

@@ -6,14 +6,13 @@ needle. Light that changes does not count as movement. Knows nothing of retina o
 
 import math
 from collections.abc import Iterable, Sequence
-from itertools import repeat
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from haptigraph.messages import Image
-from haptigraph.perception.light import lit_as
+from haptigraph.perception.light import evenly_lit
 from haptigraph.perception.pivot import Pivot, ShaftLine, meeting
 from haptigraph.perception.pixels import Floats, grey_of, top_shift
 from haptigraph.perception.rim import Rim
@@ -55,7 +54,7 @@ def find_pivots(images: Sequence[Image], still: Image, rim: Rim) -> tuple[Pivot,
         Its pivot; nothing if no needle moves, or lines of several things were taken for its shaft; a second
         one if what moves elsewhere may be the needle as well.
     """
-    images = [lit_as(still, image, LIGHT * rim.inner.radius_px) for image in images]
+    images = evenly_lit(images, still, LIGHT * rim.inner.radius_px)
     visible = _visible(rim, images[0].shape[1], images[0].shape[0]) & _moving(images, rim)
     greys, still_grey = [grey_of(image) for image in images], grey_of(still)
     sizes = [_stands_out(grey, _around(grey, rim)) for grey in greys]
@@ -72,7 +71,7 @@ def find_pivots(images: Sequence[Image], still: Image, rim: Rim) -> tuple[Pivot,
     is_old = pivot and _are_apart(pivot, of_new, rim) and _new_share(lines, where_new) < OLD_SHARE
     if pivot is None or is_old or of_new.radial_sd_px < SURER * pivot.radial_sd_px:
         pivot = of_new
-    beside = meeting(shafts_in(map(_beside, where_new, new_lines, repeat(rim))), rim)
+    beside = meeting(shafts_in(_beside(*each, rim) for each in zip(where_new, new_lines, strict=True)), rim)
     others = [each for each in (of_new, beside) if each and _is_rival(each, pivot, rim)]
     return pivot, *others[:1]
 

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from helpers import draw_rod
 
 from haptigraph.analysis.registering import sound_anatomy
 from haptigraph.analysis.registration_sweep import errors_px, invalid_pictures, random_view
@@ -132,15 +133,10 @@ def two_needles(picture, tmp_path) -> Path:
     folder.mkdir()
     for number in range(12):
         seen = image.copy()
-        for side, step in ((-1, 2.0), (1, 1.3)):
+        for side, step, inside_px in ((-1, 2.0, 110), (1, 1.3, 70)):
             turn = math.radians(18 + 12 * math.sin(step * number))
             trocar = 240 + side * 102 * math.sin(math.radians(36)), 148 - 102 * math.cos(math.radians(36))
-            ends = [
-                tuple(round(16 * (place + along * way)) for place, way in zip(trocar, towards, strict=True))
-                for towards in [(-side * math.sin(turn), math.cos(turn))]
-                for along in (-40, 80)
-            ]
-            cv2.line(seen, *ends, (30, 30, 30), 4, cv2.LINE_AA, shift=4)
+            draw_rod(seen, trocar, -side * turn, (-40, inside_px), 4)
         cv2.imwrite(str(folder / f"{number:02d}.png"), seen)
     return folder
 

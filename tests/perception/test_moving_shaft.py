@@ -4,6 +4,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from helpers import draw_rod
 
 from haptigraph.analysis.registering import all_images
 from haptigraph.perception.moving_shaft import find_pivots, still_picture
@@ -11,6 +12,7 @@ from haptigraph.perception.registration import load_registration
 from haptigraph.perception.rim import find_rim
 
 RENDERING = Path(__file__).parents[1] / "data" / "renderings" / "golden_thin"
+TRUTH = load_registration(RENDERING / "registration.toml")
 
 
 @pytest.fixture(scope="module")
@@ -25,9 +27,8 @@ def pivots_of(images):
 
 def off_px(images):
     """How far from the truth the needle's pivot is found."""
-    truth = load_registration(RENDERING / "registration.toml")
     (pivot,) = pivots_of(images)
-    return math.dist(pivot.point_px, truth.image.to_px(truth.trocar.at_mm))
+    return math.dist(pivot.point_px, TRUTH.image.to_px(TRUTH.trocar.at_mm))
 
 
 def lit(image, light):
@@ -52,8 +53,7 @@ def test_a_shadow_that_sweeps_over_the_eye_does_not_count_as_movement(images):
 
 def test_a_bar_that_is_always_there_is_not_the_needle_even_if_it_flickers(images):
     chance = np.random.default_rng(4)
-    truth = load_registration(RENDERING / "registration.toml")
-    (x, y), radius_px = truth.image.center_px, find_rim(still_picture(images)).inner.radius_px
+    (x, y), radius_px = TRUTH.image.center_px, find_rim(still_picture(images)).inner.radius_px
     ends = [(round(x + at * radius_px), round(y + up * radius_px)) for at, up in ((-1.3, -0.5), (1.3, -0.5))]
     barred = []
     for image in images:
@@ -63,17 +63,12 @@ def test_a_bar_that_is_always_there_is_not_the_needle_even_if_it_flickers(images
 
 
 def test_two_things_that_turn_may_both_be_the_needle(images):
-    truth = load_registration(RENDERING / "registration.toml")
-    (x, y), wall_px = truth.image.center_px, 1.07 * truth.globe.radius_mm / truth.image.mm_per_px
+    (x, y), wall_px = TRUTH.image.center_px, 1.07 * TRUTH.globe.radius_mm / TRUTH.image.mm_per_px
     other = x - wall_px * math.sin(math.radians(36)), y - wall_px * math.cos(math.radians(36))
     both = []
     for number, image in enumerate(images):
-        turn = math.radians(20 + 12 * math.sin(number / 5))
-        ends = [
-            (round(16 * (other[0] + along * math.sin(turn))), round(16 * (other[1] + along * math.cos(turn))))
-            for along in (-250, 150)
-        ]
-        both.append(cv2.line(image.copy(), *ends, (35, 35, 35), 9, cv2.LINE_AA, shift=4))
+        both.append(image.copy())
+        draw_rod(both[-1], other, math.radians(20 + 12 * math.sin(number / 5)), (-250, 150), 9)
     one, another = sorted(pivots_of(both), key=lambda pivot: pivot.point_px)
     assert math.dist(one.point_px, other) < 3
-    assert math.dist(another.point_px, truth.image.to_px(truth.trocar.at_mm)) < 3
+    assert math.dist(another.point_px, TRUTH.image.to_px(TRUTH.trocar.at_mm)) < 3
