@@ -1,16 +1,23 @@
 # Every target does its own set-up in .venv. Another Python: make PYTHON=python3.13 test
 PYTHON ?= python3
 BIN := .venv/bin
+NATIVE := haptigraph/perception/native
+WATCHED := build/watched
 SCENES ?= $(basename $(notdir $(wildcard rendering/scenes/*.toml)))
 
-.PHONY: setup demo live test test-slow fuzz check bench bench-live bench-oct bench-touch bench-sweep compare-touch rehearse screenshots soak golden train render interop lock clean
+.PHONY: setup demo live test test-slow test-native fuzz check bench bench-live bench-oct bench-touch bench-sweep compare-touch rehearse screenshots soak golden train render interop lock clean
 
 setup: .venv/ready
 
-.venv/ready: requirements.lock pyproject.toml
+.venv/locked: requirements.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "haptigraph needs Python 3.11 or newer; try: make PYTHON=python3.11 setup")'
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --requirement requirements.lock
+	@touch .venv/locked
+
+# The folder too, for a source that goes. Zig where there is no C compiler.
+.venv/ready: .venv/locked pyproject.toml hatch_build.py $(NATIVE) $(wildcard $(NATIVE)/*.[ch])
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check $$($(BIN)/python -c 'import hatchling.build; print(*hatchling.build.get_requires_for_build_editable())')
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	@touch .venv/ready
 
@@ -29,11 +36,19 @@ test-slow: setup  ## the long suites: thousands of broken procedures, and the li
 fuzz: setup  ## the property tests on thousands of new examples
 	$(BIN)/python -m pytest -n auto -m hypothesis --hypothesis-profile=fuzz
 
-check: setup  ## format, lint, types, layers
+test-native: setup  ## the tests of perception on a copy whose C ends at its first error of memory or arithmetic; needs gcc, Linux
+	rm -rf $(WATCHED) && mkdir -p $(WATCHED) && cp -R haptigraph $(WATCHED)
+	CC=gcc $(BIN)/python hatch_build.py $(WATCHED)/$(NATIVE)/native.library -g -fsanitize=address,undefined -fno-sanitize-recover=all
+	LD_PRELOAD="$$(gcc -print-file-name=libasan.so) $$(gcc -print-file-name=libstdc++.so.6)" ASAN_OPTIONS=detect_leaks=0 \
+		$(BIN)/python -m pytest -n auto -s -o pythonpath="$(WATCHED) . tests tests/proof" tests/perception
+
+check: setup  ## format, lint, types, layers, warnings of the C compiler
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
+	$(BIN)/clang-format --dry-run --Werror $(NATIVE)/*.[ch]
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	mkdir -p build && $(BIN)/python hatch_build.py build/strict.library -Wall -Wextra -Werror
 
 bench: setup  ## time of every stage; perceivers against the paper's; rules against NetworkX and CLIPS
 	$(BIN)/python benchmarks/loop.py
@@ -104,5 +119,6 @@ lock: setup  ## resolve the dependencies anew
 	$(BIN)/uv pip compile pyproject.toml --all-extras --group dev --universal --python-version 3.11 --generate-hashes --no-header --output-file requirements.lock
 
 clean:
+	rm -f $(NATIVE)/native.library
 	rm -rf .venv .venv-rendering .interop dist build .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -7,6 +7,7 @@ They know nothing of how it is shown; `cli` prints it and exits with code 2.
     ├── BadInput        a file, key or argument that cannot be used
     │   └── StoreFailed a database that does not do what it is asked (it may later)
     ├── MissingExtra    an optional library that is not installed
+    ├── NotCompiled     the part in C is missing, or not what this version needs
     ├── SourceLost      a camera that went away (the loop goes on)
     ├── DeviceError     an actuator that does not obey (the loop goes on)
     └── PerceiverBroken perception failed several times in a row (the run stops)
@@ -24,6 +25,7 @@ __all__ = [
     "HaptigraphError",
     "MissingExtra",
     "NeedsRegistration",
+    "NotCompiled",
     "PerceiverBroken",
     "SourceLost",
     "StoreFailed",
@@ -66,6 +68,14 @@ class MissingExtra(HaptigraphError):
 
     def __init__(self, feature: str, extra: str) -> None:
         super().__init__(f"{feature} needs an extra; install it with: pip install 'haptigraph[{extra}]'")
+
+
+class NotCompiled(HaptigraphError):
+    """The compiled part of perception cannot be used."""
+
+    def __init__(self, file: Path, found: str) -> None:
+        make_it = "make it with: pip install . (in a checkout: make setup)"
+        super().__init__(f"the compiled part of perception, {file}, {found}; {make_it}")
 
 
 class SourceLost(HaptigraphError):

@@ -5,10 +5,10 @@ so where its middle lies does not depend on how the metal is lit. That of a blun
 of the shaft behind: where both are alike, there is no bevel. Knows no line but the one that was fitted.
 """
 
+import ctypes
 import math
 
-import numpy as np
-
+from haptigraph.perception.native.library import function
 from haptigraph.perception.shaft import LineFit
 from haptigraph.perception.sharpness import is_sharp
 from haptigraph.perception.strip import Strip
@@ -19,10 +19,11 @@ POINT = 2  # stations before the tip, that tell
 BEHIND = 5.0, 3.0  # widths behind the tip, from where to where the shaft is whole
 LEAST_BEHIND = 3  # stations
 SPARE_PX = 1.0  # of blur beside the shaft
-NOISE = 2.0  # what is no more than so many deviations does not count
 SHARP_SHARE = 0.2  # of its contrast: a shadow beside the tip is less sharp
 RATE, DOUBT_RATE = 0.2, 0.05  # of what one image tells, if it tells of a bevel, and if not
 LEAST_PX = 1.0  # beside the axis, and beside the middle of what is behind
+
+_middle_lane = function("middle_lane", "piiii", ctypes.c_double)
 
 
 class Bevel:
@@ -72,12 +73,7 @@ def _behind_px(strip: Strip, tip_px: float, fit: LineFit) -> float | None:
 
 def _middle_px(strip: Strip, part: slice, fit: LineFit) -> float:
     """Return how far from the line the middle of what differs lies, across the shaft; 0 if nothing does."""
-    count = part.stop - part.start
     along_px = (float(strip.u_px[part.start]) + float(strip.u_px[part.stop - 1])) / 2
     axis, reach_px = strip.half_px + fit.offset_px + fit.slope * along_px, fit.width_px / 2 + SPARE_PX
-    first = max(round(axis - reach_px), 0)
-    sums = np.abs(np.add.reduce(strip.excess[first : round(axis + reach_px) + 1, part], axis=1))
-    contrast = np.maximum(sums - NOISE * strip.noise_grey * math.sqrt(count), 0)
-    total = float(np.add.reduce(contrast))
-    moment = float(contrast @ np.arange(len(contrast), dtype=np.float32))
-    return first + moment / total - axis if total else 0.0
+    lane = _middle_lane(strip.native, round(axis - reach_px), round(axis + reach_px), part.start, part.stop)
+    return 0.0 if math.isnan(lane) else lane - axis

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from haptigraph.messages import Image
 from haptigraph.perception.background import Background
 from haptigraph.perception.bevel import Bevel
-from haptigraph.perception.closeup import closeup_px, refine_tip
+from haptigraph.perception.closeup import closeup_px, refine_tip, shows
 from haptigraph.perception.shaft import LineFit
 from haptigraph.perception.sharp_end import (
     LONGEST_DIM_PX,
@@ -144,13 +144,11 @@ class EndFinder:
         return fall
 
     def _fall_near(self, image: Image, sight: Sight, reach: Reach, about_px: float) -> Reach | None:
-        u_px, at_hand = closeup_px(about_px), sight.glimpse.closeup
-        bevel_px = self._bevel.aside_px if reach.where == "inside" else 0.0
-        if at_hand and at_hand.u_px[0] <= u_px[0] and u_px[-1] <= at_hand.u_px[-1]:
-            aside_px = sight.fit.offset_px + sight.fit.slope * about_px
-            if abs(aside_px) <= OFF_PX:
-                return refine_tip(at_hand, reach, about_px, aside_px + bevel_px, sight.fit.blur_px)
-        near = self._background.strips(image, sight.line, u_px)
+        at_hand, bevel_px = sight.glimpse.closeup, self._bevel.aside_px if reach.where == "inside" else 0.0
+        aside_px = sight.fit.offset_px + sight.fit.slope * about_px
+        if at_hand and shows(at_hand, about_px) and abs(aside_px) <= OFF_PX:
+            return refine_tip(at_hand, reach, about_px, aside_px + bevel_px, sight.fit.blur_px)
+        near = self._background.strips(image, sight.line, closeup_px(about_px))
         return refine_tip(near[0], reach, about_px, bevel_px, sight.fit.blur_px) if near else None
 
     def before_shadow(self, image: Image, sight: Sight, reach: Reach) -> Reach | None:

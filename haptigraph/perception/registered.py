@@ -6,6 +6,7 @@ What it says of the anatomy depends on its kind: an eye before a camera (`regist
 
 import hashlib
 
+import numpy as np
 from msgspec import Struct
 
 from haptigraph.errors import BadInput
@@ -48,7 +49,7 @@ class Registered(Struct, frozen=True):
         return VIEW_MARGIN * norm(self.image.to_mm((0.0, 0.0)))
 
     def checked(self, image: Image | None) -> Image:
-        """Return an image if it is of the registered size.
+        """Return an image if it is of the registered size, of 8 bits, grey or BGR.
 
         Raises:
             BadInput: If not.
@@ -58,4 +59,7 @@ class Registered(Struct, frozen=True):
             raise BadInput(
                 f"image is {found}, but the registration is for {self.width_px} x {self.height_px} px"
             )
+        if image.dtype != np.uint8 or image.shape[2:] not in ((), (3,)):
+            found = f"{image.dtype} values in {' x '.join(map(str, image.shape))}"
+            raise BadInput(f"expected an image of 8 bits, grey or BGR, found {found}")
         return image

@@ -11,14 +11,13 @@ from msgspec.structs import replace
 
 from haptigraph.perception.closeup import FADING_LEVEL
 from haptigraph.perception.pixels import FloatImage
-from haptigraph.perception.sharpness import AROUND_PX, least_sharpness, sharpness
+from haptigraph.perception.sharpness import AROUND_PX, least_sharpness, mean_sharpness, sharpness
 from haptigraph.perception.strip import STATION_PX, Strip, median
 from haptigraph.perception.tip import Reach, core_contrast
 
 __all__ = ["LONGEST_DIM_PX", "SHORTEST_DIM_PX", "dim_end_px", "goes_on", "is_plain_end", "sharp_end"]
 
 GROUP = 4  # stations in which something sharp is looked for together
-SPREAD = np.kron(np.eye(2, dtype=np.float32), np.full((GROUP, 1), 1 / GROUP, np.float32))  # of two groups
 POINT = 5  # groups
 SOFT_SHARE = 0.2  # a shadow is less sharp than this share of the point it goes on from
 LEAST_SOFT = 6  # groups
@@ -56,7 +55,7 @@ def sharp_end(strip: Strip, reach: Reach) -> Reach | None:
     if end > groups - LEAST_SOFT:
         return None
     high, low = median(along[max(end - POINT, 0) : end]), median(along[end + 2 :])
-    if _mean_sharpness(seen[:, end + GROUP :]) > SOFT_SHARE * high:
+    if mean_sharpness(seen[:, end + GROUP :]) > SOFT_SHARE * high:
         return None
     level = max(min(low + FADING_LEVEL * (high - low), high), least)
     end = int((along[: end + 1] >= level).nonzero()[0][-1])
@@ -68,9 +67,8 @@ def sharp_end(strip: Strip, reach: Reach) -> Reach | None:
 def _is_sharp_to_end(seen: FloatImage, least: float) -> bool:
     """Tell whether the last stations are sharp, compared to those in the middle, and to noise."""
     middle = seen.shape[1] // 2
-    groups = np.concatenate([seen[:, middle : middle + GROUP], seen[:, -GROUP:]], axis=1)
-    usual, last = sharpness(groups @ SPREAD)
-    return bool(last >= max(SOFT_SHARE * usual, least))
+    usual, last = mean_sharpness(seen[:, middle : middle + GROUP]), mean_sharpness(seen[:, -GROUP:])
+    return last >= max(SOFT_SHARE * usual, least)
 
 
 def goes_on(strip: Strip, from_px: float, to_px: float) -> bool:
@@ -131,14 +129,9 @@ def dim_end_px(strip: Strip, reach: Reach) -> float | None:
         return None
     near = strip.excess[strip.half_px - AROUND_PX : strip.half_px + AROUND_PX + 1]
     parts = slice(max(start - 1 - length, 0), start - 1), slice(start, start + length)
-    behind, dim = (_mean_sharpness(near[:, part]) for part in parts)
+    behind, dim = (mean_sharpness(near[:, part]) for part in parts)
     least = max(SHARP_SHARE * behind, least_sharpness(strip.noise_grey, length))
     return float(strip.u_px[start + length - 1]) if dim >= least else None
-
-
-def _mean_sharpness(excess: FloatImage) -> float:
-    """Return how sharp the mean of all stations is [grey levels]."""
-    return float(sharpness(excess.mean(axis=1, keepdims=True))[0])
 
 
 def _along(strip: Strip, part: slice) -> FloatImage:

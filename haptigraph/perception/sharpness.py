@@ -4,57 +4,56 @@ Turns lanes across a shaft into how much the sharpest one differs from those bes
 a thin point are sharp; the edge of a shadow, a bubble and what is out of focus are not. Knows no tip.
 """
 
-import math
-from functools import cache
+import ctypes
 
 import numpy as np
 
+from haptigraph.perception.native.library import address, function, rows
 from haptigraph.perception.pixels import FloatImage
-from haptigraph.perception.tip import LEAST_SNR
 
-__all__ = ["AROUND_PX", "is_sharp", "least_sharpness", "sharpness"]
+__all__ = ["AROUND_PX", "is_sharp", "least_sharpness", "mean_sharpness", "sharpness"]
 
-BESIDE_PX = 2  # from lane to lane: an edge or a point changes over so little, the edge of a shadow does not
-BESIDE = np.array((1, -4, 6, -4, 1), np.float32) / 6
-SHARP_NOISE = float(np.sqrt((BESIDE**2).sum()))
-SHARP_REACH_PX = BESIDE_PX * (len(BESIDE) // 2)  # to either side of a lane, that tells how sharp it is
 AROUND_PX = 6
 """To either side of a shaft's middle, that tells how sharp its point is."""
+
+_sharpness = function("sharpness", "pniip")
+_mean_sharpness = function("mean_sharpness", "pnii", ctypes.c_double)
+_is_sharp = function("is_sharp", "pniidd", ctypes.c_int)
+_least_sharpness = function("least_sharpness", "di", ctypes.c_double)
 
 
 def sharpness(excess: FloatImage) -> FloatImage:
     """Return how much the sharpest lane differs from those beside it, (n,) grey levels.
 
     Args:
-        excess: Lanes across the shaft, (lanes, n), more than twice SHARP_REACH_PX.
+        excess: Lanes across the shaft, (lanes, n), nine at least.
     """
-    return np.asarray(np.abs(_sharp(len(excess)) @ excess).max(axis=0), np.float32)
+    lanes, stations = excess.shape
+    sharpness_grey = np.empty(stations, np.float32)
+    _sharpness(*rows(excess), lanes, stations, address(sharpness_grey))
+    return sharpness_grey
+
+
+def mean_sharpness(excess: FloatImage) -> float:
+    """Return how much the sharpest lane of the mean of all stations differs from those beside it [grey].
+
+    Args:
+        excess: Lanes across the shaft, (lanes, n), nine at least.
+    """
+    return float(_mean_sharpness(*rows(excess), *excess.shape))
 
 
 def is_sharp(excess: FloatImage, share: float, noise_grey: float) -> bool:
     """Tell whether the mean of all stations is sharper than noise, and than a share of its own contrast.
 
     Args:
-        excess: Lanes across the shaft, (lanes, n), more than twice SHARP_REACH_PX.
+        excess: Lanes across the shaft, (lanes, n), nine at least.
         share: Of the contrast.
         noise_grey: Standard deviation of a pixel.
     """
-    stations = excess.shape[1]
-    mean = excess @ np.full((stations, 1), 1 / stations, np.float32)
-    contrast = float(np.abs(mean[SHARP_REACH_PX:-SHARP_REACH_PX]).max())
-    return float(sharpness(mean)[0]) >= max(share * contrast, least_sharpness(noise_grey, stations))
+    return bool(_is_sharp(*rows(excess), *excess.shape, share, noise_grey))
 
 
 def least_sharpness(noise_grey: float, stations: int) -> float:
     """Return how sharp the mean of so many stations must be so that noise does not explain it."""
-    return LEAST_SNR * SHARP_NOISE * noise_grey / math.sqrt(stations)
-
-
-@cache
-def _sharp(lanes: int) -> FloatImage:
-    """Return what takes from every lane the cubic through four lanes beside it, (lanes - 8, lanes)."""
-    last = 2 * SHARP_REACH_PX
-    sharp = np.zeros((lanes - last, lanes), np.float32)
-    for lane in range(len(sharp)):
-        sharp[lane, lane : lane + last + 1 : BESIDE_PX] = BESIDE
-    return sharp
+    return float(_least_sharpness(noise_grey, stations))

@@ -14,7 +14,7 @@ from haptigraph.perception.ending import Sight
 from haptigraph.perception.pivot import Pivot, ShaftLine, meeting
 from haptigraph.perception.registration import Registration
 from haptigraph.perception.rim import Rim
-from haptigraph.perception.shaft_edges import BLOCK_PX
+from haptigraph.perception.shaft import BLOCK_PX
 from haptigraph.perception.tracker import sights_in
 
 __all__ = ["sighted_pivot"]

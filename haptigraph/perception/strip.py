@@ -6,18 +6,22 @@ station, for most sums run across and NumPy is fast at those. Knows at which sta
 and no needle.
 """
 
+import ctypes
 import math
+import struct
 from collections.abc import Sequence
 from typing import Any
 
 import cv2
 import numpy as np
 from msgspec import Struct
+from msgspec.structs import force_setattr
 from numpy.typing import NDArray
 
 from haptigraph.geometry import Vec, norm, subtract
 from haptigraph.messages import Image
-from haptigraph.perception.pixels import FloatImage, Mask, grey_of, grey_with_chroma
+from haptigraph.perception.native.library import address, function, rows
+from haptigraph.perception.pixels import FloatImage, Mask
 from haptigraph.perception.registration import Registration
 
 __all__ = [
@@ -44,14 +48,14 @@ LARGEST_TURN_RAD = math.radians(46)
 OUTSIDE_MM = 12.0  # how far beyond the trocar the shaft is looked at
 HALF_WIDTH_MM = 0.5  # of the thickest needle
 MARGIN_PX = 6
-FLANK_PX = 4
 RIM_PX = 1.5
 FAR_PX = 1.0  # beyond the far wall's edge a tip that touches it may still be seen
 WALL_MARGIN_MM = 0.1
 BEYOND_MM = 0.5  # past the far wall: a tip may be pushed into the retina
-APART_GREY, APART_NOISE = 10.0, 3.0  # between the flanks of known ground, where one shows something else
-EVEN_SHARE = 0.33  # of that: the other flank differs less from the empty eye
-GAIN_RANGE = (0.5, 2.0)
+
+_pack = struct.Struct("PniiPniiPPdiii").pack
+_place_strip = function("place_strip", "ipiffffffpp")
+_level_strip = function("level_strip", "piiipdddfppp", ctypes.c_double)
 
 
 class Line(Struct, frozen=True):
@@ -103,17 +107,6 @@ class Site:
             self.center_px[1] - self.trocar_px[1], self.center_px[0] - self.trocar_px[0]
         )
         self.half_px = math.ceil(HALF_WIDTH_MM * self.px_per_mm) + MARGIN_PX
-        lanes = 2 * self.half_px + 1
-        self.lanes_px = np.arange(-self.half_px, self.half_px + 1, dtype=np.float32)
-        """Of a strip, from its line, (lanes,)."""
-        ends = np.zeros((2, lanes), np.float32)
-        ends[0, :FLANK_PX] = ends[1, -FLANK_PX:] = 1 / FLANK_PX
-        ramp = np.linspace(0, 1, lanes, dtype=np.float32)
-        self.ramps = np.stack([1 - ramp, ramp]).T
-        """What each end of a station has in the straight ramp between both, (lanes, 2)."""
-        self.level = np.concatenate([np.eye(lanes, dtype=np.float32) - self.ramps @ ends, ends])
-        """Takes from a station the straight ramp between its two ends, and puts both behind it,
-        (lanes + 2, lanes)."""
 
     @property
     def box(self) -> tuple[slice, slice]:
@@ -178,6 +171,22 @@ class Strip(Struct, frozen=True, eq=False):
     """Stations within the globe; those in the wall are in neither."""
     noise_grey: float
     """Standard deviation of a pixel of `excess` without needle."""
+    native: bytes = b""
+    """The same as C has it; always made from the rest."""
+
+    def __post_init__(self) -> None:
+        (lanes, stations), ends = self.excess.shape, (self.before.stop, self.inside.start, self.inside.stop)
+        along = self.u_px, self.is_known
+        if self.beside.shape != self.excess.shape or any(len(values) != stations for values in along):
+            raise ValueError(f"not everything has the {stations} stations of the excess")
+        if self.u_px.dtype != np.float32 or self.is_known.dtype != np.bool_ or max(ends) > stations:
+            raise ValueError("places are float32, what is known is bool, and parts end within the strip")
+        native = _pack(
+            *(*rows(self.excess), lanes, stations, *rows(self.beside), lanes, stations),
+            *(address(self.u_px), address(self.is_known), self.noise_grey),
+            *(self.before.stop, self.inside.start, self.inside.stop),
+        )
+        force_setattr(self, "native", native)
 
 
 def stations(
@@ -230,19 +239,16 @@ def lay_straight(
     wall = site.wall_px(line)
     if wall is None:
         return None
-    (nx, ny), (dx, dy), (x, y) = line.normal, line.direction, line.at_px(site.trocar_px, 0.0)
     u_px = runs_px[0] if len(runs_px) == 1 else np.concatenate(runs_px)
-    place = np.add.outer(site.lanes_px * nx + x, u_px * dx), np.add.outer(site.lanes_px * ny + y, u_px * dy)
-    now = site.level @ _grey(_sampled(image, place), chroma_share, u_px, wall).astype(np.float32)
-    without = _sampled(empty, place)
-    is_known = without.min(axis=0) >= 0
-    without = site.level @ without
-    without *= is_known * (light * _gain(now[-2:], without[-2:], is_known))
-    if light != 1:
-        now *= light
-    excess, beside = now - without, now[:-2]
-    noise_grey = _noise(excess[FLANK_PX : 2 * FLANK_PX])
-    excess = _level_with_one_end(site.ramps, excess, is_known, noise_grey)
+    places = _places(site, line, u_px)
+    seen, excess = (_sampled(picture, places) for picture in (image, empty))
+    beside, is_known = np.empty(excess.shape, np.float32), np.empty(len(u_px), np.bool_)
+    outer, inner, far = wall
+    noise_grey = _level_strip(
+        *(address(seen), seen.size // beside.size, *beside.shape, address(u_px)),
+        *(chroma_share, outer, far + inner - outer, light),
+        *(address(excess), address(beside), address(is_known)),
+    )
     strips, start = [], 0
     for run_px in runs_px:
         part = slice(start, start + len(run_px))
@@ -257,11 +263,19 @@ def lay_straight(
     return strips
 
 
-def _grey(seen: Image, chroma_share: float, u_px: FloatImage, wall_px: tuple[float, float, float]) -> Image:
-    if not chroma_share:
-        return grey_of(seen)
-    outer, inner, far = wall_px
-    return grey_with_chroma(seen, chroma_share, (u_px > outer) & (u_px < far + inner - outer))
+def _places(site: Site, line: Line, u_px: FloatImage) -> tuple[NDArray[np.int16], NDArray[np.uint16]]:
+    """Return where the pixels of a strip lie in the image, as OpenCV has it: whole pixels, and the rest."""
+    shape = 2 * site.half_px + 1, len(u_px)
+    whole, rest = np.empty((*shape, 2), np.int16), np.empty(shape, np.uint16)
+    _place_strip(
+        *(site.half_px, address(u_px), len(u_px), *line.at_px(site.trocar_px, 0.0)),
+        *(*line.normal, *line.direction, address(whole), address(rest)),
+    )
+    return whole, rest
+
+
+def _sampled(image: NDArray[Any], places: tuple[NDArray[np.int16], NDArray[np.uint16]]) -> NDArray[Any]:
+    return cv2.remap(image, *places, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
 
 
 def _sides(u_px: FloatImage, wall_px: tuple[float, float, float]) -> tuple[slice, slice]:
@@ -272,53 +286,6 @@ def _sides(u_px: FloatImage, wall_px: tuple[float, float, float]) -> tuple[slice
     inner_start = min(max(round((inner + RIM_PX - first) / step), 0), count)
     inner_end = min(max(round((far + FAR_PX - first) / step), 0), count)
     return slice(0, outer_end), slice(inner_start, inner_end)
-
-
-def _sampled(image: NDArray[Any], place: tuple[FloatImage, FloatImage]) -> NDArray[Any]:
-    return cv2.remap(image, *place, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-
-
-def _level_with_one_end(
-    ramps: FloatImage, excess: FloatImage, is_known: Mask, noise_grey: float
-) -> FloatImage:
-    """Return the excess without its two ends, level with one of them where the other shows something else.
-
-    A bubble or another instrument that reaches into one flank would put the ramp between both off in the
-    middle as well.
-
-    Args:
-        ramps: What each end has in the ramp, (lanes, 2).
-        excess: Less that ramp, and both ends, (lanes + 2, n).
-        is_known: Where the empty eye is known, (n,).
-        noise_grey: Standard deviation of a pixel.
-    """
-    left, right = excess[-2:]
-    excess, apart = excess[:-2], right - left
-    off_grey = np.abs(apart)
-    is_off = is_known & (off_grey > max(APART_GREY, APART_NOISE * noise_grey))
-    if not is_off.any():
-        return excess
-    is_off &= np.minimum(np.abs(left), np.abs(right)) < EVEN_SHARE * off_grey
-    is_left_even = np.abs(left[is_off]) < np.abs(right[is_off])
-    excess[:, is_off] += apart[is_off] * np.where(is_left_even, ramps[:, 1:], -ramps[:, :1])
-    return excess
-
-
-def _gain(now: FloatImage, then: FloatImage, is_known: Mask) -> np.float32:
-    """Estimate how much brighter the light is than it was for the empty eye, from sums of the flanks."""
-    known = is_known.astype(np.float32)
-    now_sum, then_sum = float((now @ known).sum()), float((then @ known).sum())
-    return np.float32(min(max(now_sum / then_sum, GAIN_RANGE[0]), GAIN_RANGE[1]) if then_sum > 0 else 1.0)
-
-
-def _noise(values: FloatImage) -> float:
-    """Return a robust standard deviation of the noise, at least that of rounding.
-
-    From the difference of neighbours along the shaft: its own edges and its shadow's run that way.
-    """
-    paired = values.shape[1] // 3 * 3
-    change = values[:, 1:paired:3] - values[:, 0:paired:3]
-    return max(0.5, 1.4826 / math.sqrt(2) * median(np.abs(change))) if change.size else 3.0
 
 
 def median(values: NDArray[Any]) -> float:

@@ -1,45 +1,35 @@
 """How far the needle reaches, roughly: as far as there is contrast along the shaft.
 
-Turns a strip into the tip's place along it. Evidence is summed from where the needle comes from, so that a
-gap (glare, debris) is bridged and a thing beyond a long gap is not the needle. Nothing behind the wall can be
-seen: a needle whose tip is in there has none.
+Turns a strip into the tip's place along it, by the contrast of its middle (`native/reach.c`). Nothing behind
+the wall can be seen: a needle whose tip is in there has none.
 """
 
+import ctypes
 import math
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 from msgspec import Struct
 
-from haptigraph.perception.pixels import FloatImage, Mask
+from haptigraph.perception.native.library import address, function
+from haptigraph.perception.pixels import FloatImage
 from haptigraph.perception.strip import STATION_PX, Strip
 
-__all__ = [
-    "LEAST_SNR",
-    "Reach",
-    "contrast_along",
-    "core_contrast",
-    "find_reach",
-    "is_led_to",
-]
+__all__ = ["Reach", "core_contrast", "find_reach", "is_led_to"]
 
-CORE = np.full(5, 1 / 5, np.float32)  # lanes in the middle of a strip
-LEAST_GREY = 5.0
-UNKNOWN_GREY = 8.0
-LEAST_SNR = 4.0
-KNOWN_SHARE = 0.1  # of the contrast that the needle had before
-UNKNOWN_SHARE = 0.35
-LEAST_HELD_PX = 2.0  # of tip inside, when the shaft is seen to enter the wall
-LEAST_FREE_MM = 0.8  # when it is not
-MOUTH_MM = 0.55  # of the hole, inside the wall, may look like a needle where it was never seen without one
-LEAST_OUTSIDE_MM = 1.0
-AT_WALL_MM = 0.22
+Where: TypeAlias = Literal["outside", "hidden", "inside"]
+
+WHERE: tuple[Where, ...] = ("outside", "hidden", "inside")  # as C numbers them, from 1 on
+
+_Told = ctypes.c_double * 2
+_find_reach = function("find_reach", "pdddp", ctypes.c_int)
+_core_contrast = function("core_contrast", "piip", ctypes.c_double)
 
 
 class Reach(Struct, frozen=True):
     """How far a needle was seen to reach."""
 
-    where: Literal["outside", "hidden", "inside"]
+    where: Where
     """Where its tip is: before the wall, in it, or in the globe."""
     tip_px: float
     """Along the strip; of a hidden tip, where the shaft vanishes."""
@@ -64,22 +54,12 @@ def find_reach(
     Returns:
         The reach, or None if there is no needle.
     """
-    contrast, noise = core_contrast(strip)
-    is_sure = strip.is_known | (strip.u_px <= followed_px)
-    outer, inner = strip.before, strip.inside
-    outer_end, outer_sum = _farthest(_evidence(contrast[outer], is_sure[outer], noise, 0.0))
-    inner_end, inner_sum = _farthest(_evidence(contrast[inner], is_sure[inner], noise, usual_grey or 0.0))
-    is_outside = outer_sum >= LEAST_OUTSIDE_MM * px_per_mm
-    gap = strip.is_known[outer_end : strip.before.stop]
-    is_held = is_outside and len(gap) <= AT_WALL_MM * px_per_mm / STATION_PX and np.count_nonzero(gap) < 2
-    is_mouth_known = bool(strip.is_known[strip.inside][: math.ceil(MOUTH_MM * px_per_mm / STATION_PX)].all())
-    held_px = LEAST_HELD_PX + (0 if is_mouth_known else MOUTH_MM * px_per_mm)
-    if inner_sum >= (held_px if is_held else LEAST_FREE_MM * px_per_mm):
-        tip_px = float(strip.u_px[strip.inside.start + inner_end - 1])
-        return Reach("inside", tip_px, inner_sum + outer_sum)
-    if is_outside:
-        return Reach("hidden" if is_held else "outside", float(strip.u_px[outer_end - 1]), outer_sum)
-    return None
+    told = _Told()
+    where = _find_reach(strip.native, usual_grey or 0.0, followed_px, px_per_mm, told)
+    if not where:
+        return None
+    last, evidence_px = told
+    return Reach(WHERE[where - 1], float(strip.u_px[int(last)]), evidence_px)
 
 
 def is_led_to(strip: Strip, end_px: float, gap_px: float) -> bool:
@@ -96,41 +76,20 @@ def is_led_to(strip: Strip, end_px: float, gap_px: float) -> bool:
     return (gap.stop - gap.start) * STATION_PX <= gap_px or bool(strip.is_known[gap].all())
 
 
-def core_contrast(strip: Strip, part: slice = slice(None)) -> tuple[FloatImage, float]:
-    """Return the contrast of the middle lanes at some stations, (n,), and more than noise makes of it."""
-    core = slice(strip.half_px - 2, strip.half_px + 3)
-    contrast = contrast_along(strip.excess[core, part], strip.beside[core, part], CORE)
-    return contrast, LEAST_SNR * strip.noise_grey / math.sqrt(len(CORE))
+def core_contrast(strip: Strip, part: slice) -> tuple[FloatImage, float]:
+    """Return how much the middle lanes differ from what is beside and was behind them, and than noise makes.
 
-
-def contrast_along(excess: FloatImage, beside: FloatImage, weights: FloatImage) -> FloatImage:
-    """Return how much the shaft's middle differs from what is beside and was behind it [grey levels], (n,).
-
-    It must differ from both: a stain that was always there is no needle, nor is a place that a needle has
+    They must differ from both: a stain that was always there is no needle, nor is a place that a needle has
     left. The root mean square counts, for a needle may be darker on one side and brighter on the other, and
     only its rims may show.
 
     Args:
-        excess: Of the middle lanes of a strip, (lanes, n).
-        beside: The same.
-        weights: Of these lanes, (lanes,).
+        strip: The straightened surroundings.
+        part: Of its stations.
+
+    Returns:
+        The contrast of every one [grey levels], (n,), and more than noise makes of it.
     """
-    differs, stands_out = weights @ np.square(excess), weights @ np.square(beside)
-    return np.asarray(np.sqrt(np.minimum(differs, 4 * stands_out)), np.float32)
-
-
-def _evidence(contrast: FloatImage, is_sure: Mask, noise_grey: float, usual_grey: float) -> FloatImage:
-    """Return how much every station looks like a needle, -1 to 1."""
-    sure = max(LEAST_GREY, noise_grey, KNOWN_SHARE * usual_grey)
-    unsure = max(UNKNOWN_GREY, noise_grey, UNKNOWN_SHARE * usual_grey)
-    share = contrast * np.where(is_sure, np.float32(1 / sure), np.float32(1 / unsure))
-    return np.asarray(np.minimum(share, 2) - 1, np.float32)
-
-
-def _farthest(evidence: FloatImage) -> tuple[int, float]:
-    """Return where the summed evidence is greatest (stations from the start) and how great it is."""
-    if not len(evidence):
-        return 0, 0.0
-    total = np.cumsum(evidence)
-    end = int(total.argmax())
-    return (end + 1, STATION_PX * float(total[end])) if total[end] > 0 else (0, 0.0)
+    start, stop, _ = part.indices(len(strip.u_px))
+    contrast = np.empty(max(stop - start, 0), np.float32)
+    return contrast, _core_contrast(strip.native, start, stop, address(contrast))

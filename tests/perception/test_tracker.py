@@ -142,6 +142,19 @@ def test_an_image_of_another_size_is_refused(bench):
         bench.observe(np.zeros((360, 640, 3), np.uint8))
 
 
+@pytest.mark.parametrize(
+    ("image", "found"),
+    [
+        (np.zeros((720, 1280, 4), np.uint8), "uint8 values in 720 x 1280 x 4"),
+        (np.zeros((720, 1280), np.uint16), "uint16 values in 720 x 1280"),
+    ],
+    ids=["four channels", "16 bits"],
+)
+def test_an_image_of_another_kind_is_refused(bench, image, found):
+    with pytest.raises(BadInput, match=f"expected an image of 8 bits, grey or BGR, found {found}"):
+        bench.observe(image)
+
+
 def test_noise_of_the_angle_is_small_when_little_is_inside(bench):
     depths = [*np.arange(-3.0, 2.0, 0.25), *[2.0] * 20]
     held = bench.follow([float(depth) for depth in depths], 3.0)[-15:]

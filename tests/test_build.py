@@ -1,0 +1,158 @@
+import shutil
+import sys
+import tarfile
+import zipfile
+from ctypes import POINTER, c_double, c_int
+from pathlib import Path
+
+import hatchling.build
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import hatch_build
+from haptigraph.perception.native import library
+
+ROOT = Path(__file__).parents[1]
+MEDIAN_OF = '#include "native.h"\nEXPORT double median_of(double *v, int n) { return median(v, n); }\n'
+
+
+@pytest.fixture
+def programs(tmp_path, monkeypatch):
+    """The only folder on PATH, without a C compiler; a function puts programs into it."""
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.setenv("PATH", str(tmp_path))
+
+    def add(name: str) -> Path:
+        program = tmp_path / (f"{name}.exe" if sys.platform == "win32" else name)
+        program.touch(mode=0o755)
+        return program
+
+    return add
+
+
+@pytest.fixture
+def sources(tmp_path, monkeypatch):
+    """A folder of its own with C sources, which are compiled instead."""
+    folder = tmp_path / "native"
+    folder.mkdir()
+    for name in ("native.h", "median.c", "sources.c"):
+        shutil.copy(hatch_build.FOLDER / name, folder)
+    monkeypatch.setattr(hatch_build, "FOLDER", folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def checkout(tmp_path_factory):
+    """A copy of what makes the package, without what was compiled."""
+    folder = tmp_path_factory.mktemp("checkout")
+    for name in ("pyproject.toml", "hatch_build.py", "README.md", "LICENSE", ".gitignore"):
+        shutil.copy(ROOT / name, folder)
+    ignored = shutil.ignore_patterns("__pycache__", "*.library")
+    shutil.copytree(ROOT / "haptigraph", folder / "haptigraph", ignore=ignored)
+    return folder
+
+
+def test_cc_names_the_compiler(programs, monkeypatch):
+    programs("cc")
+    monkeypatch.setenv("CC", "ccache gcc -m64")
+    assert hatch_build.compiler() == ["ccache", "gcc", "-m64"]
+
+
+def test_cc_may_be_a_path_with_spaces(programs, monkeypatch):
+    path = str(programs("my cc"))
+    monkeypatch.setenv("CC", path)
+    assert hatch_build.compiler() == [path]
+
+
+def test_else_it_is_the_first_on_path(programs):
+    programs("clang")
+    assert hatch_build.compiler() == ["clang"]
+    programs("gcc")
+    assert hatch_build.compiler() == ["gcc"]
+
+
+def test_zig_is_asked_for_only_where_there_is_no_compiler(programs, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    asked = (hatchling.build.get_requires_for_build_wheel, hatchling.build.get_requires_for_build_editable)
+    assert all("ziglang" in "".join(ask()) for ask in asked)
+    assert hatchling.build.get_requires_for_build_sdist() == []
+    programs("cc")
+    assert not any("ziglang" in "".join(ask()) for ask in asked)
+
+
+def test_without_any_compiler_a_sentence_says_what_would_help(programs, monkeypatch):
+    monkeypatch.setattr(hatch_build, "find_spec", lambda name: None)
+    with pytest.raises(SystemExit, match=r"no C compiler: CC is not set, .*; install gcc or clang"):
+        hatch_build.compile_native()
+
+
+def test_a_compiler_that_does_not_exist_is_named(sources, monkeypatch):
+    monkeypatch.setenv("CC", "no-such-cc")
+    with pytest.raises(SystemExit, match=r"No such file.*no-such-cc; install gcc or clang, or name"):
+        hatch_build.compile_native(sources / "native.library")
+
+
+def test_what_cannot_be_compiled_leaves_the_old_library(sources, capfd):
+    (sources / "native.library").write_text("old")
+    (sources / "broken.c").write_text("int broken(")
+    with pytest.raises(SystemExit, match=r"could not compile .*native \(see above\)"):
+        hatch_build.compile_native(sources / "native.library")
+    assert "broken.c:1" in capfd.readouterr().err
+    assert (sources / "native.library").read_text() == "old"
+    assert {path.suffix for path in sources.iterdir()} == {".c", ".h", ".library"}
+
+
+def test_warnings_stop_only_those_who_ask(sources):
+    (sources / "unused.c").write_text("static int unused;")
+    hatch_build.compile_native(sources / "native.library")
+    with pytest.raises(SystemExit, match="could not compile"):
+        hatch_build.compile_native(sources / "native.library", "-Wall", "-Werror")
+
+
+def test_the_median_in_c_is_the_upper_one(sources):
+    (sources / "exported.c").write_text(MEDIAN_OF)
+    hatch_build.compile_native(sources / "native.library")
+    median_of = library._load(sources / "native.library").median_of
+    median_of.argtypes, median_of.restype = [POINTER(c_double), c_int], c_double
+
+    @given(st.lists(st.floats(allow_nan=False), min_size=1, max_size=60))
+    def is_the_upper_one(values):
+        assert median_of((c_double * len(values))(*values), len(values)) == np.sort(values)[len(values) // 2]
+
+    is_the_upper_one()
+
+
+def test_a_wheel_is_for_every_python_of_the_platform(checkout, tmp_path, monkeypatch):
+    monkeypatch.chdir(checkout)
+    name = hatchling.build.build_wheel(str(tmp_path))
+    assert "-py3-none-" in name
+    assert not name.endswith("-any.whl")
+    with zipfile.ZipFile(tmp_path / name) as wheel:
+        native = {Path(entry).name for entry in wheel.namelist() if "/native/" in entry}
+        (about,) = (entry for entry in wheel.namelist() if entry.endswith("/WHEEL"))
+        assert b"Root-Is-Purelib: false" in wheel.read(about)
+    assert native == {"__init__.py", "library.py", "native.library"}
+
+
+def test_an_editable_installation_compiles_in_place(checkout, tmp_path, monkeypatch):
+    compiled = checkout / "haptigraph/perception/native/native.library"
+    compiled.unlink(missing_ok=True)
+    monkeypatch.chdir(checkout)
+    with zipfile.ZipFile(tmp_path / hatchling.build.build_editable(str(tmp_path))) as wheel:
+        assert not any("native" in entry for entry in wheel.namelist())
+    library._load(compiled)
+
+
+def test_the_sdist_has_the_sources_and_what_compiles_them(checkout, tmp_path, monkeypatch):
+    (checkout / "haptigraph/perception/native/native.library").touch()
+    monkeypatch.chdir(checkout)
+    with tarfile.open(tmp_path / hatchling.build.build_sdist(str(tmp_path))) as archive:
+        names = [name.partition("/")[2] for name in archive.getnames()]
+    assert {
+        "hatch_build.py",
+        "haptigraph/perception/native/median.c",
+        "haptigraph/perception/native/native.h",
+    } <= {*names}
+    assert not any(name.endswith(".library") for name in names)
