@@ -42,6 +42,8 @@ class Background:
     def __init__(self, site: Site, empty: EmptyEye | None = None) -> None:
         self._site, self._empty = site, empty
         self._is_inside = site.is_inside()
+        row, column = (EVERY_PX * part for part in self._is_inside[::EVERY_PX, ::EVERY_PX].nonzero())
+        self._told = row * site.width_px + column  # numbers of the pixels that tell ground and light
         rows, self._columns = site.box
         edges = [rows.start + band * (rows.stop - rows.start) // BANDS for band in range(BANDS + 1)]
         self._bands = [slice(*ends) for ends in pairwise(edges)]
@@ -61,9 +63,9 @@ class Background:
 
     def look(self, image: Image) -> None:
         """Tell how bright the light is, and until something was learned, in which grey to look."""
-        seen = image[::EVERY_PX, ::EVERY_PX][self._is_inside[::EVERY_PX, ::EVERY_PX]]
-        if not len(seen):
+        if not len(self._told):
             return
+        seen = image.reshape(-1, *image.shape[2:]).take(self._told, axis=0)  # an eighth of the time of a mask
         self.light = _light(seen)
         if self.is_new:
             self.chroma_share = _chroma_share(seen)
@@ -145,7 +147,8 @@ def _gain_since(empty: EmptyEye, image: Image) -> float | None:
 
 def _light(seen: Image) -> float:
     """Return how many times brighter it would be in good light; 1 where it is lit well, or all is dark."""
-    brightest = float(np.percentile(seen if seen.ndim == 1 else grey_of(seen[None]), BRIGHTEST))
+    grey, rank = seen if seen.ndim == 1 else grey_of(seen[None])[0], len(seen) * BRIGHTEST // 100
+    brightest = float(np.partition(grey, rank)[rank])
     return max(LIT_GREY / brightest, 1.0) if brightest >= DARK_GREY else 1.0
 
 

@@ -7,13 +7,15 @@ lines are searched in the same way. Knows nothing of earlier images, and does no
 """
 
 import math
+import struct
 from collections.abc import Sequence
 
-import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from haptigraph.messages import Image
-from haptigraph.perception.pixels import FloatImage, grey_with_chroma
+from haptigraph.perception.native.library import address, function
+from haptigraph.perception.pixels import Floats, Mask
 from haptigraph.perception.strip import LARGEST_TURN_RAD, OUTSIDE_MM, Line, Site
 
 __all__ = ["Fan"]
@@ -23,10 +25,12 @@ STEP_PX = 2.0
 CELL = 4
 LONGEST_MM = 25.0
 FLANK_MM = 0.6
-CONTRAST_GREY = 6.0
 LEAST_CELLS = 2.0
 CANDIDATES = 3
 APART = 6  # rows of the fan between two candidates
+
+_pack = struct.Struct("PPPPPiiii").pack
+_score_fan = function("score_fan", "ppiddpp")
 
 
 class Fan:
@@ -52,27 +56,24 @@ class Fan:
         )
         x = site.trocar_px[0] + radii * np.cos(angle) - offset * np.sin(angle)
         y = site.trocar_px[1] + radii * np.sin(angle) + offset * np.cos(angle)
-        self._map, self._none = cv2.convertMaps(
-            x.astype(np.float32), y.astype(np.float32), cv2.CV_16SC2, nninterpolation=True
-        )
-        self._cells = rows, len(radii) // CELL, CELL
-        radius = np.hypot(x - site.center_px[0], y - site.center_px[1])
-        self._is_inside = radius < site.outer_px
-        radius = radius.reshape(self._cells)
-        in_image = (x >= 0) & (y >= 0) & (x < site.width_px) & (y < site.height_px)
+        cells = rows, len(radii) // CELL, CELL
         cell_px = radii.reshape(-1, CELL).mean(axis=1)
-        self._trocar = int(cell_px.searchsorted(0))
-        self._inside = (radius.max(axis=2) < site.inner_px - STEP_PX)[:, self._trocar :]
-        self._outside = (radius.min(axis=2) > site.outer_px) & in_image.reshape(self._cells).all(axis=2)
-        self._outside = self._outside[:, : self._trocar]
-        apart_rad = FLANK_MM * site.px_per_mm / np.maximum(np.abs(cell_px), 8.0)
-        apart = np.rint(np.clip(apart_rad / math.radians(STEP_DEG), 1, 2 * APART)).astype(int)
-        row, column = np.mgrid[: self._cells[0], : self._cells[1]]
-        first = row // len(self._angles) * len(self._angles)
-        last = first + len(self._angles) - 1
-        self._flanks = [
-            np.clip(row + side * apart, first, last) * self._cells[1] + column for side in (-1, 1)
-        ]
+        trocar = int(cell_px.searchsorted(0))
+        is_told = _told(site, x.reshape(cells), y.reshape(cells), np.arange(len(cell_px)) < trocar)
+        flanks = _flanks(site, cell_px, rows, len(self._angles))
+        is_sampled = is_told.copy()
+        is_sampled.ravel()[flanks[:, is_told]] = True
+        columns, rows_px = (
+            np.rint(part).clip(0, size - 1).reshape(cells)[is_sampled].astype(np.int32)
+            for part, size in ((x, site.width_px), (y, site.height_px))
+        )
+        pixels = (rows_px * site.width_px + columns).ravel()
+        order = pixels.argsort(kind="stable")
+        cell = np.flatnonzero(is_sampled).astype(np.int32).repeat(CELL)
+        is_bluer = np.hypot(columns - site.center_px[0], rows_px - site.center_px[1]).ravel() < site.outer_px
+        self._kept = pixels[order], cell[order], is_bluer[order], flanks, is_told
+        self._layout = _pack(*(address(array) for array in self._kept), len(order), *is_told.shape, trocar)
+        self._grey, self._score = np.empty(is_told.shape, np.float32), np.empty(rows, np.float32)
 
     def search(self, image: Image, chroma_share: float = 0.0, light: float = 1.0) -> list[Line]:
         """Return the lines most like a needle, best first.
@@ -82,15 +83,13 @@ class Fan:
             chroma_share: Of blue less red in the grey within the globe.
             light: How many times brighter the image would be in good light.
         """
-        unrolled = cv2.remap(image, self._map, self._none, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)
-        grey = grey_with_chroma(np.asarray(unrolled, np.uint8), chroma_share, self._is_inside).astype(
-            np.float32
+        image = np.ascontiguousarray(image)
+        channels = 1 if image.ndim == 2 else image.shape[2]
+        _score_fan(
+            *(self._layout, address(image), channels, chroma_share, light),
+            *(address(self._grey), address(self._score)),
         )
-        cells = np.asarray(cv2.resize(grey, self._cells[1::-1], interpolation=cv2.INTER_AREA), np.float32)
-        evidence = np.minimum(self._contrast(cells) * np.float32(light / CONTRAST_GREY) - 1, 1)
-        score = _longest(evidence[:, : self._trocar] * self._outside)
-        score += _longest(evidence[:, self._trocar :] * self._inside)
-        score = score.reshape(len(self._offsets_px), len(self._angles))
+        score = self._score.reshape(len(self._offsets_px), len(self._angles))
         found = []
         for _ in range(CANDIDATES):
             offset, angle = divmod(int(score.argmax()), len(self._angles))
@@ -100,12 +99,35 @@ class Fan:
             score[:, max(angle - APART, 0) : angle + APART + 1] = 0
         return found
 
-    def _contrast(self, cells: FloatImage) -> FloatImage:
-        """Return by how much every cell differs from both its sides in the same sense [grey levels]."""
-        one, other = (cells - cells.take(flank) for flank in self._flanks)
-        return np.asarray(np.maximum(np.minimum(one, other), -np.maximum(one, other)).clip(0), np.float32)
+
+def _told(site: Site, x_px: Floats, y_px: Floats, is_before: Mask) -> Mask:
+    """Return which cells tell something: those that are whole before the wall, or within it.
+
+    Args:
+        site: Where things are.
+        x_px: Of every sample in the image, (rows, cells, CELL).
+        y_px: The same.
+        is_before: Cells before the trocar, (cells,).
+    """
+    radius_px = np.hypot(x_px - site.center_px[0], y_px - site.center_px[1])
+    in_image = (x_px >= 0) & (y_px >= 0) & (x_px < site.width_px) & (y_px < site.height_px)
+    is_inside = radius_px.max(axis=2) < site.inner_px - STEP_PX
+    is_outside = (radius_px.min(axis=2) > site.outer_px) & in_image.all(axis=2)
+    return np.asarray(np.where(is_before, is_outside, is_inside), np.bool_)
 
 
-def _longest(evidence: FloatImage) -> FloatImage:
-    """Return how much evidence there is from the first cell of every row on, up to where it is most."""
-    return np.asarray(evidence.cumsum(axis=1).max(axis=1, initial=0), np.float32)
+def _flanks(site: Site, cell_px: Floats, rows: int, angles: int) -> NDArray[np.int32]:
+    """Return the numbers of the cells on either side of every one, (2, rows, cells).
+
+    Args:
+        site: Where things are.
+        cell_px: How far from the trocar cells are, (cells,).
+        rows: How many.
+        angles: How many of them belong to lines that pass the trocar at one place.
+    """
+    apart_rad = FLANK_MM * site.px_per_mm / np.maximum(np.abs(cell_px), 8.0)
+    apart = np.rint(np.clip(apart_rad / math.radians(STEP_DEG), 1, 2 * APART)).astype(int)
+    row, column = np.mgrid[:rows, : len(cell_px)]
+    first = row // angles * angles
+    beside = [np.clip(row + side * apart, first, first + angles - 1) for side in (-1, 1)]
+    return np.array([side * len(cell_px) + column for side in beside], np.int32)

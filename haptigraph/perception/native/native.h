@@ -42,6 +42,21 @@ static inline double largest(double one, double other) { return one > other ? on
 static inline double least(double one, double other) { return one < other ? one : other; }
 static inline double square(double value) { return value * value; }
 
+/* Grey as OpenCV has it (ITU-R BT.601), in so many parts of a grey level: whole numbers are faster. */
+#define WHOLE 65536
+#define BLUE 7471
+#define GREEN 38470
+#define RED 19595
+
+static inline int whole_share(double share) { return (int)(WHOLE * share); }
+
+/* Return the grey of a pixel of BGR, with so much of blue less red in it. */
+static inline int grey_of(const uint8_t *pixel, int more) {
+    const int grey = (BLUE + more) * pixel[0] + GREEN * pixel[1] + (RED - more) * pixel[2],
+              most = 255 * WHOLE;
+    return grey < 0 ? 0 : grey > most ? most : grey;
+}
+
 /* Return the (upper) median of some values; their order is lost. */
 double median(double *values, int count);
 

@@ -15,10 +15,6 @@
 #define MOST_GAIN 2.0
 #define LEAST_NOISE_GREY 0.5 /* that of rounding */
 #define UNTOLD_NOISE_GREY 3.0
-#define WHOLE 65536 /* whole numbers are faster: of so many parts, grey has */
-#define BLUE 7471   /* (ITU-R BT.601) */
-#define GREEN 38470
-#define RED 19595
 
 /* Put where the pixels of a strip lie in the image into `whole` (x, y) and `part`, as `cv2.remap` takes them.
 
@@ -58,16 +54,13 @@ static void measure(const float *pixels, int lanes, int n, Flanks flanks) {
 /* Turn a strip of BGR into grey, between two places with what is more blue than red brighter. */
 static void to_grey(const uint8_t *seen, int lanes, const float *u_px, int n, double chroma_share,
                     double from_px, double to_px, float *grey) {
-    int blue[n], red[n];
+    int more[n];
     for (int station = 0; station < n; station++) {
-        const int more = u_px[station] > from_px && u_px[station] < to_px ? (int)(WHOLE * chroma_share) : 0;
-        blue[station] = BLUE + more, red[station] = RED - more;
+        more[station] = u_px[station] > from_px && u_px[station] < to_px ? whole_share(chroma_share) : 0;
     }
     for (int lane = 0; lane < lanes; lane++) {
         for (int station = 0; station < n; station++, seen += 3) {
-            const int sum = blue[station] * seen[0] + GREEN * seen[1] + red[station] * seen[2];
-            const int most = 255 * WHOLE;
-            grey[lane * n + station] = (float)(sum < 0 ? 0 : sum > most ? most : sum) / WHOLE;
+            grey[lane * n + station] = (float)grey_of(seen, more[station]) / WHOLE;
         }
     }
 }
