@@ -48,6 +48,7 @@ class Fan:
         reach = round(math.degrees(LARGEST_TURN_RAD) / STEP_DEG)
         self._angles = site.inwards_rad + np.radians(STEP_DEG) * np.arange(-reach, reach + 1)
         self._offsets_px = site.px_per_mm * np.array(offsets_mm)
+        self._size = site.height_px, site.width_px
         radii = np.arange(-OUTSIDE_MM * site.px_per_mm, until_mm * site.px_per_mm, STEP_PX)
         radii = radii[: len(radii) // CELL * CELL]
         rows = len(self._offsets_px) * len(self._angles)
@@ -71,8 +72,8 @@ class Fan:
         order = pixels.argsort(kind="stable")
         cell = np.flatnonzero(is_sampled).astype(np.int32).repeat(CELL)
         is_bluer = np.hypot(columns - site.center_px[0], rows_px - site.center_px[1]).ravel() < site.outer_px
-        self._kept = pixels[order], cell[order], is_bluer[order], flanks, is_told
-        self._layout = _pack(*(address(array) for array in self._kept), len(order), *is_told.shape, trocar)
+        self._layout = pixels[order], cell[order], is_bluer[order], flanks, is_told
+        self._ends = len(order), *is_told.shape, trocar
         self._grey, self._score = np.empty(is_told.shape, np.float32), np.empty(rows, np.float32)
 
     def search(self, image: Image, chroma_share: float = 0.0, light: float = 1.0) -> list[Line]:
@@ -82,11 +83,17 @@ class Fan:
             image: (h, w, 3) BGR or (h, w) grey.
             chroma_share: Of blue less red in the grey within the globe.
             light: How many times brighter the image would be in good light.
+
+        Raises:
+            ValueError: If the image is not of the registered size.
         """
+        if image.shape[:2] != self._size:
+            raise ValueError(f"expected an image of {self._size}, found {image.shape}")
         image = np.ascontiguousarray(image)
         channels = 1 if image.ndim == 2 else image.shape[2]
         _score_fan(
-            *(self._layout, address(image), channels, chroma_share, light),
+            _pack(*(address(array) for array in self._layout), *self._ends),
+            *(address(image), channels, chroma_share, light),
             *(address(self._grey), address(self._score)),
         )
         score = self._score.reshape(len(self._offsets_px), len(self._angles))

@@ -2,8 +2,7 @@
 
 Turns an image (px) and an expected line through the trocar into stations along the shaft (`u_px`, from the
 trocar's foot, into the eye) and lanes across it (`v_px`): one row of the strip is a lane, one column a
-station, for most sums run across and NumPy is fast at those. Knows at which stations a needle could be seen,
-and no needle.
+station. Knows at which stations a needle could be seen, and no needle.
 """
 
 import ctypes

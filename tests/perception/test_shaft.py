@@ -129,6 +129,26 @@ def test_the_fan_finds_the_angle_of_a_needle(site, turn_deg):
     assert math.degrees(found[0].angle_rad - true.angle_rad) == pytest.approx(0, abs=1.5)
 
 
+def test_the_fan_takes_colour_as_grey_and_no_other_size(site):
+    image = draw(site, Line(site.inwards_rad + 0.1, 0.0), 90.0)
+    fan = Fan(site)
+    found = fan.search(image)
+    assert fan.search(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)) == found != []
+    with pytest.raises(ValueError, match="expected an image of"):
+        fan.search(image[:, :-1])
+
+
+def test_the_fan_sees_what_is_bluer_within_the_globe_alone(site):
+    drawn = draw(site, Line(site.inwards_rad + 0.1, 0.0), 90.0).astype(int)
+    bluer = (GROUND - drawn) // 4
+    image = np.dstack([GROUND + bluer, np.full_like(drawn, GROUND), GROUND - bluer]).clip(0, 255)
+    image = image.astype(np.uint8)
+    assert Fan(site).search(image) == []
+    assert Fan(site).search(image, chroma_share=0.4)[0].angle_rad == pytest.approx(
+        site.inwards_rad + 0.1, abs=math.radians(1)
+    )
+
+
 @pytest.fixture
 def large() -> Registration:
     """An eye with room for a shaft before it."""

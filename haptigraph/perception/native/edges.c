@@ -138,8 +138,7 @@ static Peak peak(double before, double at, double after, int lane) {
     return found;
 }
 
-/* Find the outermost maximum, from `start` by `step` up to `end`; `sign` turns slopes. Return its lane, or
- * -1. */
+/* Return the lane of the first maximum from `start` by `step` up to `end`, or -1; `sign` turns slopes. */
 static int outermost(const double *slopes, int n, double sign, double at_least, int start, int end,
                      int step) {
     for (int lane = start; step > 0 ? lane <= end : lane >= end; lane += step) {
@@ -235,8 +234,7 @@ static void step_out(const Edges *edges, int block, double noise, double *middle
     const int start = (int)largest(ceil(about_px - 0.5 - (half_px - SPARE_PX)), 0);
     const int end = (int)least(floor(about_px - 0.5 + (half_px - SPARE_PX)), bends - 3);
     for (int pair = 0; pair < 2; pair++) {
-        const double *both =
-            pair ? falls : rises; /* the foot of the right edge bends as that of the left one */
+        const double *both = pair ? falls : rises; /* the foot of a right edge bends as that of a left one */
         const int left = outermost(both, 1, 1, at_least, start, end, 1);
         const int right = outermost(both, 1, 1, at_least, end, start, -1);
         const int at = pair * n + block;

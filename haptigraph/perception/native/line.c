@@ -49,8 +49,7 @@ static double median_of(const double *values, const uint8_t *is_one, int count) 
     return number ? median(chosen, number) : 0;
 }
 
-/* Put by how much each pair is narrower than the shaft must be there into `missing`; infinite if it is too
-   wide.
+/* Put by how much pairs are narrower than the shaft must be there into `missing`; infinite if too wide.
 
    Away from the tip it never gets narrower: a narrower place has lost an outer edge, and so has a dark pair
    within a bright one. A far wider one shows something else's. A width counts for others once two neighbours
@@ -85,8 +84,7 @@ static int shows_highlight(const double *width_px, const double *missing, int n)
     return within >= LEAST_BLOCKS;
 }
 
-/* Return how far off the middle is on one side of the wall, for one edge fades into the shade; NaN if never
-   told.
+/* Return how far off the middle is on one side of the wall, for one edge fades into the shade, or NaN.
 
    That edge is blurrier, and found where it begins to fade: the axis lies nearer to it. Beside a dark shaft
    an edge may be blurred by the shaft's shadow just as well. One image tells it badly. */
@@ -96,8 +94,8 @@ static double shaded_px(const Edges *edges, int start, int stop, double before_p
     int bright = 0, dark = 0;
     for (int block = start; block < stop; block++) {
         dark += edges->width_px[n + block] > 0;
-        if (edges->width_px[block] > 0)
-            leans[bright++] = edges->blur_px2[1][block] - edges->blur_px2[0][block];
+        if (edges->width_px[block] <= 0) continue;
+        leans[bright++] = edges->blur_px2[1][block] - edges->blur_px2[0][block];
     }
     if (bright < LEAST_BLOCKS && dark < LEAST_BLOCKS) return before_px;
     const double lean = bright >= dark ? median(leans, bright) : 0;
@@ -178,10 +176,9 @@ static int fit_pairs(const Pairs *pairs, double miss_px, Look look, int is_messy
     Solution found;
     find_missing(pairs->width_px, n, missing);
     if (weigh(pairs, missing, trust) < LEAST_BLOCKS) return 0;
-    const double had_share = look.share;
     if (pairs->are_feet) {
         look.share = NAN;
-    } else if (isnan(had_share) && shows_highlight(pairs->width_px, missing, n)) {
+    } else if (isnan(look.share) && shows_highlight(pairs->width_px, missing, n)) {
         look.share = 0, look.share_deviation = FIRST_SHARE;
     }
     memcpy(off_px, pairs->middle_px, sizeof off_px);
@@ -208,8 +205,8 @@ static int is_better(const Fit *feet, const Fit *slopes) {
     return slopes->scatter > NOISY && feet->scatter < BETTER * slopes->scatter;
 }
 
-/* Tell whether the line that most pairs are on is to be preferred, where the other may run along something
- * else. */
+/* Tell whether the line that most pairs are on is to be preferred to one that may run along something else.
+ */
 static int is_common_better(const Fit *common, const Fit *fit) {
     return fit->scatter > MESSY || common->on_line > fit->on_line ||
            (common->on_line == fit->on_line && fit->scatter > common->scatter);
@@ -243,8 +240,8 @@ static int fit_edges(const Edges *edges, double miss_px, Look look, Fit *fit) {
         }
     }
     if (is_fit && (fit->scatter > MESSY || fit->most_off_px > SURPRISING_PX)) {
-        if (fit_pairs(&pairs, miss_px, look, 1, &other) && is_common_better(&other, fit))
-            copy_fit(&other, fit);
+        const int is_other = fit_pairs(&pairs, miss_px, look, 1, &other);
+        if (is_other && is_common_better(&other, fit)) copy_fit(&other, fit);
     }
     return is_fit;
 }

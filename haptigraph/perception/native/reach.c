@@ -48,8 +48,7 @@ static int count_known(const uint8_t *is_known, int start, int stop) {
 
    usual_grey: contrast that this needle had inside before; 0 where not known.
    followed_px: how far it reached just before: up to there less shows that it still does.
-   told: the last station of the reach, and how much longer what shows a needle is than what shows none [px],
-   (2).
+   told: the last station of the reach, and the length that shows a needle less that that shows none [px].
 
    Return where the tip is: 0 nowhere, 1 before the wall, 2 in it, 3 inside. */
 EXPORT int find_reach(const Strip *strip, double usual_grey, double followed_px, double px_per_mm,

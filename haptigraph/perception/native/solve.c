@@ -85,8 +85,8 @@ static void invert(double matrix[UNKNOWNS][UNKNOWNS]) {
 
 /* Put what each unknown does to the middle of a pair into `design`. */
 static void explain(const Pairs *pairs, int pair, double design[UNKNOWNS]) {
-    const int n = pairs->edges->blocks, block = pair % n, is_dark = pair >= n,
-              is_inside = block >= pairs->edges->outside;
+    const int n = pairs->edges->blocks, block = pair % n;
+    const int is_dark = pair >= n, is_inside = block >= pairs->edges->outside;
     const double aside_px = largest(pairs->width_px[pair] - FINEST_PX, 0);
     design[0] = 1;
     design[1] = pairs->edges->u_px[block] / SCALE_PX;
