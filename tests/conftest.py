@@ -12,6 +12,7 @@ from haptigraph.assemble import load_procedure
 from haptigraph.geometry import ImageGeometry
 from haptigraph.inference.procedure import Procedure
 from haptigraph.perception.registration import Registration, parse_registration
+from haptigraph.perception.strip import Site
 from haptigraph.sim.eye import Eye, EyeShape, registration_text
 
 # The same examples on every machine; `make fuzz` looks for new ones.
@@ -59,6 +60,11 @@ def registration_toml() -> str:
 @pytest.fixture(scope="session")
 def registration(registration_toml: str) -> Registration:
     return parse_registration(registration_toml, "registration.toml")
+
+
+@pytest.fixture
+def site(registration: Registration) -> Site:
+    return Site(registration)
 
 
 @pytest.fixture(params=["A_easy", "B_dark"])

@@ -1,10 +1,10 @@
-"""Strips drawn for tests: a shaft along the middle, lanes across it, and a camera's noise."""
+"""Strips for tests: drawn, with a shaft along the middle, lanes across it and a camera's noise, or of an image."""
 
 import cv2
 import numpy as np
 
 from haptigraph.perception.shaft import fit_line
-from haptigraph.perception.strip import STATION_PX, Strip
+from haptigraph.perception.strip import STATION_PX, Line, Site, Strip, lay_straight, stations
 
 HALF_PX, NOISE_GREY, END_PX = 16, 2.0, 140.0
 LANES = np.arange(-HALF_PX, HALF_PX + 1)[:, None]
@@ -34,3 +34,9 @@ def seen_blur_px(shaft):
     """Blur across the edges of a shaft on `U_PX` that reaches to `END_PX`, as the line's fit tells it."""
     seen = strip(shaft)
     return fit_line(seen, END_PX, seen.half_px).blur_px
+
+
+def strip_of(site: Site, image: np.ndarray, empty: np.ndarray, line: Line, **seen: float) -> Strip:
+    """All of an image along a line."""
+    (whole,) = lay_straight(site, image, empty, line, stations(site, line), **seen)
+    return whole

@@ -16,8 +16,9 @@ from haptigraph.perception.strip import STATION_PX, Strip
 
 __all__ = ["BLOCK_PX", "NEW", "LineFit", "Look", "fit_line"]
 
-BLOCK_PX = 3 * STATION_PX
-"""From block to block: so much of the shaft is looked at together."""
+BLOCK = 3  # stations that are looked at together, as in edges.h
+BLOCK_PX = BLOCK * STATION_PX
+"""From block to block."""
 
 RUN = b"\1\1\1"  # fewer blocks in a row tell nothing
 
@@ -87,7 +88,7 @@ def fit_line(strip: Strip, tip_px: float, miss_px: float, look: Look = NEW) -> L
     Returns:
         The line, or None if too few blocks show two edges that lie on one.
     """
-    most = len(strip.u_px) // len(RUN) + 1
+    most = len(strip.u_px) // BLOCK + 1
     u_px, masks, told = np.empty(most, np.float32), np.empty((2, most), np.bool_), _Told()
     of_masks = address(masks)
     blocks = _fit_line(

@@ -182,8 +182,7 @@ class Strip(Struct, frozen=True, eq=False):
             raise ValueError("places are float32, what is known is bool, and parts end within the strip")
         native = _pack(
             *(*rows(self.excess), lanes, stations, *rows(self.beside), lanes, stations),
-            *(address(self.u_px), address(self.is_known), self.noise_grey),
-            *(self.before.stop, self.inside.start, self.inside.stop),
+            *(address(self.u_px), address(self.is_known), self.noise_grey, *ends),
         )
         force_setattr(self, "native", native)
 

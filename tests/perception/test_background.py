@@ -17,11 +17,6 @@ SHADED_METAL = 111  # as bright as that orange is
 DEPTH_PX = 100.0
 
 
-@pytest.fixture
-def site(registration) -> Site:
-    return Site(registration)
-
-
 def eye(site: Site, ground: tuple[int, int, int], depth_px: float | None = None, noise: float = 1.0):
     """An eye of one colour on a dark table, with or without a needle as grey as metal in its shade."""
     image = np.full((site.height_px, site.width_px, 3), 50, np.uint8)

@@ -3,7 +3,7 @@ import math
 import cv2
 import numpy as np
 import pytest
-from drawn_strip import END_PX, LANES, U_PX, blurred, needle, seen_blur_px
+from drawn_strip import END_PX, LANES, U_PX, blurred, needle, seen_blur_px, strip_of
 from drawn_strip import strip as drawn_strip
 from msgspec.structs import replace
 
@@ -14,7 +14,7 @@ from haptigraph.perception.closeup import closeup_px, refine_tip
 from haptigraph.perception.fan import Fan
 from haptigraph.perception.registration import Registration, parse_registration
 from haptigraph.perception.shaft import Look, fit_line
-from haptigraph.perception.strip import STATION_PX, UNSEEN, Line, Site, Strip, lay_straight, stations
+from haptigraph.perception.strip import STATION_PX, UNSEEN, Line, Site, lay_straight, stations
 from haptigraph.perception.tip import find_reach
 from haptigraph.perception.tracker import BESIDE_MM, Tracker
 from haptigraph.sim.eye import Eye, EyeShape, registration_text
@@ -39,16 +39,6 @@ def draw(site: Site, line: Line, depth_px: float, *, metal: int = METAL, noise: 
     )
     soft = cv2.GaussianBlur(small, (0, 0), 0.7)
     return np.clip(soft + np.random.default_rng(1).normal(0, noise, soft.shape), 0, 255).astype(np.uint8)
-
-
-def strip_of(site: Site, image: np.ndarray, empty: np.ndarray, line: Line) -> Strip:
-    (strip,) = lay_straight(site, image, empty, line, stations(site, line))
-    return strip
-
-
-@pytest.fixture
-def site(registration) -> Site:
-    return Site(registration)
 
 
 @pytest.fixture

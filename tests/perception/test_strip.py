@@ -3,6 +3,7 @@ import math
 import numpy as np
 import pytest
 from drawn_strip import strip as drawn_strip
+from drawn_strip import strip_of
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -10,13 +11,8 @@ from msgspec.structs import replace
 
 from haptigraph.perception.closeup import refine_tip
 from haptigraph.perception.shaft import Look, fit_line
-from haptigraph.perception.strip import STATION_PX, UNSEEN, Line, Site, lay_straight, stations
+from haptigraph.perception.strip import STATION_PX, UNSEEN, Line, lay_straight
 from haptigraph.perception.tip import find_reach
-
-
-@pytest.fixture
-def site(registration) -> Site:
-    return Site(registration)
 
 
 def slope_of_grey(site, grey):
@@ -31,7 +27,7 @@ def test_nothing_is_left_of_an_empty_eye_in_other_light(site, turn_rad, share):
     ground = slope_of_grey(site, 90)
     image = np.clip(share * ground, 0, 255).astype(np.uint8)
     line = Line(site.inwards_rad + turn_rad, 1.5)
-    (strip,) = lay_straight(site, image, ground.astype(np.float32), line, stations(site, line))
+    strip = strip_of(site, image, ground.astype(np.float32), line)
     assert np.abs(strip.excess).max() < 1.0
     assert np.abs(strip.beside).max() < 1.0
     assert strip.is_known.all()
@@ -42,7 +38,7 @@ def test_where_the_empty_eye_is_not_known_what_is_seen_stays(site):
     ground[:, : site.width_px // 2] = UNSEEN
     image = np.full(ground.shape, 100, np.uint8)
     line = Line(site.inwards_rad, 0.0)
-    (strip,) = lay_straight(site, image, ground, line, stations(site, line))
+    strip = strip_of(site, image, ground, line)
     assert np.array_equal(strip.excess[:, ~strip.is_known], strip.beside[:, ~strip.is_known])
 
 
@@ -56,13 +52,12 @@ def test_beyond_its_border_an_image_goes_on(site):
 
 def test_grey_with_chroma_is_brighter_where_it_is_bluer_within_the_globe_alone(site):
     line = Line(site.inwards_rad, 0.0)
-    u_px = stations(site, line)
     image = np.full((site.height_px, site.width_px, 3), 100, np.uint8)
     (x, y), (dx, dy) = site.trocar_px, line.direction
     rows, columns = np.mgrid[: site.height_px, : site.width_px]
     image[np.abs((columns - x) * dy - (rows - y) * dx) < 3] = 120, 100, 80
     unknown = np.full(image.shape[:2], UNSEEN, np.float32)
-    (strip,) = lay_straight(site, image, unknown, line, u_px, chroma_share=0.4)
+    strip = strip_of(site, image, unknown, line, chroma_share=0.4)
     middle = strip.beside[site.half_px]
     assert middle[strip.inside] == pytest.approx(12.3, abs=0.6)
     assert middle[strip.before] == pytest.approx(-3.7, abs=0.6)

@@ -218,8 +218,8 @@ static void add_tones(Profile *profile, Rows core, const float *weights) {
 /* Look at the lanes about the shaft's middle; return whether they are all there. */
 static int look(const Strip *strip, const Closeup *closeup, Profile *profile) {
     const double middle = closeup->middle;
-    const int lane = middle >= 1 && middle < strip->excess.lanes - 2 ? (int)middle : 0,
-              start = closeup->start;
+    const int lane = middle >= 1 && middle < strip->excess.lanes - 2 ? (int)middle : 0;
+    const int start = closeup->start;
     const float third = 1.0f / WIDTH_PX, rest = (float)(middle - lane);
     const float weights[CORE] = {(1 - rest) / WIDTH_PX, third, third, rest / WIDTH_PX};
     if (!lane) return 0;

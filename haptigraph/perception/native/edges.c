@@ -8,6 +8,8 @@
 
 #include "edges.h"
 
+#include <string.h>
+
 #define UNSEEN_PX (-100.0) /* width of a pair of edges that is not there */
 #define LEAST_SNR 5.0
 #define LEAST_SLOPE 3.0 /* grey levels per px: softer is shadow or texture */
@@ -132,10 +134,12 @@ static void lie_about(Edges *edges) {
     }
 }
 
-static Peak peak(double before, double at, double after, int lane) {
-    const double curvature = largest(2 * at - before - after, LEAST_CURVATURE);
-    const Peak found = {lane + (after - before) / (2 * curvature), curvature, at};
-    return found;
+/* Return the maximum about the lane after one; `sign` turns slopes, which are n apart from lane to lane. */
+static Peak peak_at(const double *slopes, int n, double sign, int lane) {
+    const double *at = slopes + lane * n;
+    const double before = sign * at[0], here = sign * at[n], after = sign * at[2 * n];
+    const double curvature = largest(2 * here - before - after, LEAST_CURVATURE);
+    return (Peak){lane + (after - before) / (2 * curvature), curvature, here};
 }
 
 /* Return the lane of the first maximum from `start` by `step` up to `end`, or -1; `sign` turns slopes. */
@@ -169,9 +173,7 @@ static void find_pairs(const Edges *edges, int block) {
                        outermost(slopes, n, sign, at_least, end, start, -1)};
         has_edge[falls] = ends[0] >= 0;
         for (int side = 0; side < 2; side++) {
-            const int lane = ends[side] < 0 ? 0 : ends[side];
-            const double *at = slopes + lane * n;
-            (side ? right : left)[falls] = peak(sign * at[0], sign * at[n], sign * at[2 * n], lane);
+            (side ? right : left)[falls] = peak_at(slopes, n, sign, ends[side] < 0 ? 0 : ends[side]);
         }
     }
     for (int falls = 0; falls < 2; falls++) {
@@ -207,40 +209,38 @@ void find_edges(const Strip *strip, Blocks blocks, double *memory, Edges *edges)
     for (int block = 0; block < n; block++) find_pairs(edges, block);
 }
 
-/* Bends of one block's slopes, as those of a left edge that rises, or of a right one, or the same falling. */
-static void bend(const Edges *edges, int block, double sign, double *bends) {
+/* Put the bends of one block's slopes into `bends`; of those that fall they have the other sign. */
+static void bend(const Edges *edges, int block, double *bends) {
     const double *slopes = edges->rising + block;
     const int n = edges->blocks;
     for (int lane = 0; lane < edges->lanes - 1; lane++) {
-        bends[lane] = sign * (slopes[(lane + 1) * n] - slopes[lane * n]);
+        bends[lane] = slopes[(lane + 1) * n] - slopes[lane * n];
     }
 }
 
-static double most_of(const double *values, int count) {
+static double most_of(const double *values, int count, double sign) {
     double most = -INFINITY;
-    for (int number = 0; number < count; number++) most = largest(most, values[number]);
+    for (int number = 0; number < count; number++) most = largest(most, sign * values[number]);
     return most;
 }
 
 /* Put the pairs of one block where its outermost feet say. */
 static void step_out(const Edges *edges, int block, double noise, double *middle_px, double *width_px) {
-    const int bends = edges->lanes - 1, half_px = edges->lanes / 2, n = edges->blocks;
-    double rises[bends], falls[bends];
-    bend(edges, block, 1, rises);
-    bend(edges, block, -1, falls);
-    const double most = largest(most_of(rises, bends), most_of(falls, bends));
+    const int count = edges->lanes - 1, half_px = edges->lanes / 2, n = edges->blocks;
+    double bends[count];
+    bend(edges, block, bends);
+    const double most = largest(most_of(bends, count, 1), most_of(bends, count, -1));
     const double at_least = largest(FOOT_SHARE * most, FOOT_SNR * noise), about_px = edges->about_px[block];
     /* Their lanes lie half-way between those of slopes. */
     const int start = (int)largest(ceil(about_px - 0.5 - (half_px - SPARE_PX)), 0);
-    const int end = (int)least(floor(about_px - 0.5 + (half_px - SPARE_PX)), bends - 3);
-    for (int pair = 0; pair < 2; pair++) {
-        const double *both = pair ? falls : rises; /* the foot of a right edge bends as that of a left one */
-        const int left = outermost(both, 1, 1, at_least, start, end, 1);
-        const int right = outermost(both, 1, 1, at_least, end, start, -1);
-        const int at = pair * n + block;
+    const int end = (int)least(floor(about_px - 0.5 + (half_px - SPARE_PX)), count - 3);
+    for (int falls = 0; falls < 2; falls++) {
+        const double sign = falls ? -1 : 1; /* the foot of a right edge bends as that of a left one */
+        const int left = outermost(bends, 1, sign, at_least, start, end, 1);
+        const int right = outermost(bends, 1, sign, at_least, end, start, -1);
+        const int at = falls * n + block;
         if (left < 0 || edges->width_px[at] <= 0) continue;
-        const Peak one = peak(both[left], both[left + 1], both[left + 2], left);
-        const Peak other = peak(both[right], both[right + 1], both[right + 2], right);
+        const Peak one = peak_at(bends, 1, sign, left), other = peak_at(bends, 1, sign, right);
         const double left_px = one.lane + 0.5 + FOOT_PX, right_px = other.lane + 0.5 - FOOT_PX;
         if (right_px <= left_px) continue;
         middle_px[at] = (left_px + right_px) / 2 - (half_px - 1);
@@ -252,15 +252,16 @@ static void step_out(const Edges *edges, int block, double noise, double *middle
 
    Return 0 if feet drown in noise. Pairs without two feet stay as they are. */
 int at_feet(const Edges *edges, double *middle_px, double *width_px) {
-    const int n = edges->blocks, bends = edges->lanes - 1;
+    const int n = edges->blocks, count = edges->lanes - 1;
     const double noise = edges->noise_grey * sqrt(CURVE_NOISE);
-    double most[2 * n], bent[bends];
-    for (int pair = 0; pair < 2 * n; pair++) {
-        bend(edges, pair % n, pair < n ? 1 : -1, bent);
-        most[pair] = most_of(bent, bends);
-        middle_px[pair] = edges->middle_px[pair];
-        width_px[pair] = edges->width_px[pair];
+    double most[2 * n], bends[count];
+    for (int block = 0; block < n; block++) {
+        bend(edges, block, bends);
+        most[block] = most_of(bends, count, 1);
+        most[n + block] = most_of(bends, count, -1);
     }
+    memcpy(middle_px, edges->middle_px, 2 * n * sizeof *middle_px);
+    memcpy(width_px, edges->width_px, 2 * n * sizeof *width_px);
     if (median(most, 2 * n) < USUAL_FOOT_SNR * noise) return 0;
     for (int block = 0; block < n; block++) step_out(edges, block, noise, middle_px, width_px);
     return 1;

@@ -20,8 +20,7 @@ typedef struct {
     double *variance_px2; /* of that, (2 n) */
     double *width_px;     /* between them, (2 n); negative where there is no such pair */
     double *steepness;    /* slope of the fainter one [grey levels per px], (2 n) */
-    double
-        *blur_px2[2]; /* variance of the blur of the left and of the right one, the slope filter's with it */
+    double *blur_px2[2];  /* variance of the blur of the left and the right one, the slope filter's too */
 } Edges;
 
 /* Whole blocks before a tip. */

@@ -2,7 +2,7 @@
 
 #include "native.h"
 
-#define CELL 4 /* samples along a line that are looked at together */
+#define CELL 4 /* samples along a line that are looked at together, as in fan.py */
 #define CONTRAST_GREY 6.0
 #define AHEAD 64 /* samples */
 

@@ -52,8 +52,8 @@ static inline int whole_share(double share) { return (int)(WHOLE * share); }
 
 /* Return the grey of a pixel of BGR, with so much of blue less red in it. */
 static inline int grey_of(const uint8_t *pixel, int more) {
-    const int grey = (BLUE + more) * pixel[0] + GREEN * pixel[1] + (RED - more) * pixel[2],
-              most = 255 * WHOLE;
+    const int most = 255 * WHOLE;
+    const int grey = (BLUE + more) * pixel[0] + GREEN * pixel[1] + (RED - more) * pixel[2];
     return grey < 0 ? 0 : grey > most ? most : grey;
 }
 
@@ -70,7 +70,7 @@ void contrast_along(const Strip *strip, int lane, const float *weights, int coun
 EXPORT double core_contrast(const Strip *strip, int start, int stop, float *contrast_grey);
 
 /* Return more than noise makes of a mean of so many values [grey levels]. */
-EXPORT double above_noise_grey(double noise_grey, int count);
+double above_noise_grey(double noise_grey, int count);
 
 /* Tell whether the mean of all stations is sharper across the shaft than noise, and than a share of its own
    contrast. */

@@ -38,11 +38,11 @@ static double mean(const float *values, int count) {
 }
 
 /* Return how much the sharpest lane of the mean of all stations differs from those beside it [grey levels];
-   its greatest contrast goes to `contrast_grey`. */
+   its greatest contrast goes to `contrast_grey`. Return -1 if there is too little to tell. */
 static double sharpest(Rows excess, double *contrast_grey) {
     double means[2 * REACH_PX + 1] = {0}, most = 0;
     *contrast_grey = 0;
-    if (excess.lanes <= 2 * REACH_PX || excess.stations < 1) return 0;
+    if (excess.lanes <= 2 * REACH_PX || excess.stations < 1) return -1;
     for (int lane = 0; lane < excess.lanes; lane++) {
         memmove(means, means + 1, sizeof means - sizeof *means);
         means[2 * REACH_PX] = mean(excess.first + lane * excess.stride, excess.stations);
@@ -54,17 +54,15 @@ static double sharpest(Rows excess, double *contrast_grey) {
     return most;
 }
 
-/* Return how much the sharpest lane of the mean of all stations differs from those beside it [grey levels].
- */
+/* The same, 0 if there is too little to tell. */
 EXPORT double mean_sharpness(const float *excess, ptrdiff_t stride, int lanes, int stations) {
     double contrast_grey;
-    return sharpest((Rows){excess, stride, lanes, stations}, &contrast_grey);
+    return largest(sharpest((Rows){excess, stride, lanes, stations}, &contrast_grey), 0);
 }
 
 int is_sharp(const float *excess, ptrdiff_t stride, int lanes, int stations, double share,
              double noise_grey) {
     double contrast_grey;
     const double most = sharpest((Rows){excess, stride, lanes, stations}, &contrast_grey);
-    if (lanes <= 2 * REACH_PX || stations < 1) return 0;
     return most >= largest(share * contrast_grey, least_sharpness(noise_grey, stations));
 }
