@@ -40,7 +40,7 @@ test-native: setup  ## the tests of perception on a copy whose C ends at its fir
 	rm -rf $(WATCHED) && mkdir -p $(WATCHED) && cp -R haptigraph $(WATCHED)
 	CC=gcc $(BIN)/python hatch_build.py $(WATCHED)/$(NATIVE)/native.library -g -fsanitize=address,undefined -fno-sanitize-recover=all
 	LD_PRELOAD="$$(gcc -print-file-name=libasan.so) $$(gcc -print-file-name=libstdc++.so.6)" ASAN_OPTIONS=detect_leaks=0 \
-		$(BIN)/python -m pytest -n auto -s -o pythonpath="$(WATCHED) . tests tests/proof" tests/perception
+		$(BIN)/python -m pytest -n auto -s -o pythonpath="$(WATCHED) . tests/support" tests/perception
 
 check: setup  ## format, lint, types, layers, warnings of the C compiler
 	$(BIN)/ruff format --check .

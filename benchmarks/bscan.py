@@ -20,10 +20,10 @@ from haptigraph import assemble
 from haptigraph.config import PerceptionConfig
 from haptigraph.geometry import Point, Polyline, Segment
 from haptigraph.messages import Capture, Observation
-from haptigraph.perception.registered import Registered
-from haptigraph.perception.scan_registration import ScanRegistration, parse_registered
-from haptigraph.sim.bscan import BscanTruth
-from haptigraph.sim.bscan_scenes import BscanScene, random_scene
+from haptigraph.registration.oct import ScanRegistration, parse_registered
+from haptigraph.registration.registered import Registered
+from haptigraph.sim.oct.bscan import BscanTruth
+from haptigraph.sim.oct.scenes import BscanScene, random_scene
 from haptigraph.stages import Perceiver
 
 IMAGES, PASSES, SEED = 60, 5, 3

@@ -19,12 +19,12 @@ from haptigraph import assemble
 from haptigraph.config import Config
 from haptigraph.geometry import Geometry, Point, Polyline, Segment, Vec, height_on_polyline
 from haptigraph.messages import Capture, Observation, Step
-from haptigraph.perception.scan_registration import parse_registered
 from haptigraph.pipeline import Pipeline
-from haptigraph.sim.bscan import BscanCamera
-from haptigraph.sim.bscan_scenes import random_scene
-from haptigraph.sim.bscan_tissue import Retina, Surfaces
-from haptigraph.sim.operator import Tremor
+from haptigraph.registration.oct import parse_registered
+from haptigraph.sim.oct.bscan import BscanCamera
+from haptigraph.sim.oct.retina import Retina, Surfaces
+from haptigraph.sim.oct.scenes import random_scene
+from haptigraph.sim.robot.operator import Tremor
 
 SPEED_MM_S = 0.4  # along the shaft: the most that the published controller of Arikan et al. 2025 allows
 RATE_HZ = 25.0

@@ -24,7 +24,7 @@ import cv2
 from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.scenario import load_scenario
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 from live_bench import PAD, Live, chromium, leave, look, until
 
 PRESSES = 100

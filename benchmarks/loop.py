@@ -15,8 +15,8 @@ from haptigraph import assemble
 from haptigraph.clock import VirtualClock
 from haptigraph.config import load_config
 from haptigraph.messages import Capture
-from haptigraph.perception.scan_registration import load_registered, parse_registered
 from haptigraph.pipeline import Pipeline
+from haptigraph.registration.oct import load_registered, parse_registered
 from haptigraph.run_report import Durations
 from haptigraph.sources.played import played
 

@@ -3,13 +3,169 @@
 `python benchmarks/registration.py [SCENES [SEED]]`; 40 scenes take some minutes.
 """
 
+import math
 import sys
+from collections.abc import Iterator
 
+import cv2
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
-from haptigraph.analysis.registering import sound_anatomy
-from haptigraph.analysis.registration_sweep import errors_px, invalid_pictures, random_view
+from haptigraph.analysis.registering.registering import sound_anatomy
 from haptigraph.errors import BadInput
+from haptigraph.geometry import ImageGeometry, Vec
+from haptigraph.messages import Image
+from haptigraph.perception.anatomy.anatomy import Anatomy
+from haptigraph.sim.phantom import Phantom
+from haptigraph.sim.scenes import random_scene
+
+MOST_TILT_DEG = 15.0
+DISTANCE_MM = (50.0, 1000.0)
+RIM_MM = (0.2, 0.8)
+EVERY = 4  # so many images of a scene for one that is used
+
+
+class View(Struct, frozen=True, eq=False):
+    """One scene to register."""
+
+    says: str
+    images: tuple[Image, ...]
+    truth: ImageGeometry
+    radius_mm: float
+    trocars_mm: tuple[Vec, ...]
+    """The one in use, then the other."""
+    group: str
+    """What can be known: the rim lies in the section, or before it, with or without a needle in view."""
+
+
+class ViewErrors(Struct, frozen=True):
+    """How far off one registration is [px]."""
+
+    center_px: float
+    radius_px: float
+    retina_px: float
+    """The worst point of the contour, across it."""
+    trocar_px: float
+    """The worst trocar found, against the nearest true one; nan if none was found."""
+
+
+def random_view(number: int, seed: int = 0) -> View:
+    """Draw one scene; the same number and seed give the same."""
+    rng = np.random.default_rng((seed, 11, number))
+    scene = random_scene(number, seed)
+    turn, tilt_deg = rng.uniform(0, 2 * math.pi), rng.uniform(2, MOST_TILT_DEG) * (number % 3 > 0)
+    distance_mm = float(np.exp(rng.uniform(*np.log(DISTANCE_MM))))
+    rim_mm = rng.uniform(*RIM_MM) * min(1.0, distance_mm / 100) if number % 4 == 3 else 0.0
+    scenario = scene.scenario
+    phantom = Phantom(
+        replace(
+            scenario,
+            eye=replace(scenario.eye, rim_mm=rim_mm),
+            camera=replace(
+                scenario.camera,
+                tilt_deg=(tilt_deg * math.cos(turn), tilt_deg * math.sin(turn)),
+                distance_mm=distance_mm,
+            ),
+        )
+    )
+    has_needle = not all(move.away for move in scenario.moves)
+    moments = []
+    while (moment := phantom.advance()) is not None:
+        moments.append(moment.image)
+    is_still = number % 5 == 4
+    if is_still:
+        bare = replace(scenario.moves[0], away=True)
+        phantom = Phantom(replace(phantom.scenario, moves=(bare,)))
+        first = phantom.advance()
+        moments = [first.image] if first else []
+    needless = is_still or not has_needle
+    says = f"{scene.difficulty}, {'still' if is_still else 'needle' if has_needle else 'no needle'}"
+    return View(
+        says=f"{says}, tilt {tilt_deg:.0f} deg, from {distance_mm:.0f} mm, rim {rim_mm:.1f} mm before",
+        images=tuple(moments[::EVERY]),
+        truth=phantom.camera.geometry,
+        radius_mm=phantom.eye.radius_mm,
+        trocars_mm=(phantom.eye.trocar_mm, phantom.eye.other_trocar_mm),
+        group="rim in the section" if not rim_mm else f"rim before it, {'no ' * needless}needle",
+    )
+
+
+def errors_px(anatomy: Anatomy, view: View) -> ViewErrors:
+    """Compare what was found with the truth, in the image as the camera took it."""
+    truth, radius_px = view.truth, view.radius_mm / view.truth.mm_per_px
+    trocars = [truth.to_px(place) for place in view.trocars_mm]
+    found = [anatomy.seen_px(trocar.point_px) for trocar in anatomy.trocars]
+    off_retina = [
+        abs(math.hypot(*truth.to_mm(anatomy.seen_px(place))) - view.radius_mm) / truth.mm_per_px
+        for place in anatomy.contour_px
+    ]
+    return ViewErrors(
+        center_px=math.dist(anatomy.seen_px(anatomy.center_px), truth.to_px((0.0, 0.0))),
+        radius_px=abs(anatomy.radius_px - radius_px),
+        retina_px=max(off_retina),
+        trocar_px=max((min(math.dist(a, b) for b in trocars) for a in found), default=math.nan),
+    )
+
+
+def invalid_pictures(number: int, seed: int = 0) -> Iterator[tuple[str, Image]]:
+    """Yield pictures in which no globe can be measured, and what they show: eyes spoilt, and no eyes."""
+    view = random_view(number, seed)
+    eye, (x, y) = view.images[0], view.truth.to_px((0.0, 0.0))
+    radius_px = view.radius_mm / view.truth.mm_per_px
+    height, width = eye.shape[:2]
+    rng = np.random.default_rng((seed, 12, number))
+    part = rng.uniform(0.3, 0.9)
+    yield "cut off on the right", np.ascontiguousarray(eye[:, : round(x + part * radius_px)])
+    yield "cut off on the left", np.ascontiguousarray(eye[:, round(x - part * radius_px) :])
+    yield "cut off below", np.ascontiguousarray(eye[: round(y + part * radius_px)])
+    yield "cut off above", np.ascontiguousarray(eye[round(y - part * radius_px) :])
+    yield (
+        "blurred away",
+        np.asarray(cv2.GaussianBlur(eye, (0, 0), rng.uniform(0.07, 0.2) * radius_px), np.uint8),
+    )
+    yield (
+        "far away",
+        np.asarray(cv2.resize(eye, None, fx=0.2, fy=0.2, interpolation=cv2.INTER_AREA), np.uint8),
+    )
+    yield "overexposed", np.asarray(cv2.convertScaleAbs(eye, alpha=20), np.uint8)
+    yield "lens cap", np.asarray(cv2.convertScaleAbs(eye, alpha=0.01), np.uint8)
+    yield "one colour", np.full_like(eye, rng.integers(0, 256))
+    yield "noise", rng.integers(0, 256, eye.shape, np.uint8)
+    cells = (int(rng.integers(20, 200)), int(rng.integers(20, 200)))
+    grain = cv2.resize(
+        rng.uniform(60, 200, cells).astype(np.float32), (width, height), interpolation=cv2.INTER_CUBIC
+    )
+    yield "wood", np.asarray(cv2.merge([np.clip(grain, 0, 255).astype(np.uint8)] * 3), np.uint8)
+    yield "ball", _disc(eye, rng)
+    yield "box", _boxes(eye, rng)
+
+
+def _disc(eye: Image, rng: np.random.Generator) -> Image:
+    """Return one round thing with a single edge."""
+    canvas = np.full_like(eye, 90)
+    place = round(canvas.shape[1] * rng.uniform(0.4, 0.6)), canvas.shape[0] // 2
+    cv2.circle(
+        canvas,
+        place,
+        round(canvas.shape[0] * rng.uniform(0.2, 0.4)),
+        (200, 190, 180),
+        cv2.FILLED,
+        cv2.LINE_AA,
+    )
+    return canvas
+
+
+def _boxes(eye: Image, rng: np.random.Generator) -> Image:
+    """Return a heap of things that are not round."""
+    canvas = np.full_like(eye, 70)
+    for _ in range(40):
+        corners = rng.uniform((0, 0), eye.shape[1::-1]) + rng.uniform(-200, 200, (4, 2))
+        cv2.fillConvexPoly(
+            canvas, cv2.convexHull(corners.astype(np.int32)), rng.uniform(0, 255, 3).tolist(), cv2.LINE_AA
+        )
+    return canvas
+
 
 LIMITS_PX = {"center_px": 1.5, "radius_px": 1.5, "retina_px": 2.0}
 INVALID_EVERY = 8  # scenes

@@ -22,10 +22,10 @@ from haptigraph.clock import Clock
 from haptigraph.config import PerceptionConfig, load_config
 from haptigraph.errors import DeviceError, EndOfSource, SourceLost
 from haptigraph.messages import UNKNOWN, Capabilities, Capture, Observation
-from haptigraph.perception.registration import Registration
-from haptigraph.perception.tracker import Tracker
+from haptigraph.perception.needle.tracker import Tracker
 from haptigraph.recording.codec import decode, encode_jpeg
 from haptigraph.recording.reader import RunReader
+from haptigraph.registration.camera import Registration
 from haptigraph.sources.phantom import PhantomSource
 
 SCENARIO = str(Path(__file__).parents[1] / "tests" / "data" / "quick.toml")

@@ -18,8 +18,8 @@ import dask
 from distributed import Client, LocalCluster
 from msgspec.structs import replace
 
-from haptigraph.analysis.cluster import NO_PROFILER
-from haptigraph.analysis.study_sweep import Sweep, run_sweep
+from haptigraph.analysis.study_sweep.cluster import NO_PROFILER
+from haptigraph.analysis.study_sweep.study_sweep import Sweep, run_sweep
 from haptigraph.study.protocol import load_protocol
 
 WORKERS = (1, 2)

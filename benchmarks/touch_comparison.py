@@ -6,20 +6,177 @@ images.
 """
 
 import argparse
+import csv
 import re
 import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from haptigraph.analysis.touch_comparison import compare_touch, paired_tests
-from haptigraph.analysis.touch_report import (
-    results_table,
-    tests_table,
-    touch_figure,
-    traits_table,
-    variations_table,
-    write_trials,
+import numpy as np
+from matplotlib.figure import Figure
+from touch_trials import MEASURES, PairedTest, TouchTrial, compare_touch, paired_tests, participant_values
+
+from haptigraph.commands.terminal import progress_bar
+from haptigraph.study.simulated.participant import TRAITS, Variation
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+VARIATIONS = (
+    Variation("as drawn"),
+    Variation("see the angle four times worse", {"glance_deviation_deg": 4, "misjudgement_deg": 4}),
+    Variation("see the angle four times better", {"glance_deviation_deg": 0.25, "misjudgement_deg": 0.25}),
+    Variation("align nothing at once", values={"align_share": 0.0}),
+    Variation("align everything at once", values={"align_share": 1.0}),
+    Variation("attend to touch half as often", {"notices_share": 0.5}),
+    Variation("answer to touch half a second later", values={"busy_delay_s": 0.63}),
+    Variation("tell strengths four times better", {"strength_share": 0.25}),
+    Variation("twice as quick", {"pace_mm_s": 2, "pace_deg_s": 2}),
+    Variation("turn four times as quick", {"pace_deg_s": 4}),
+    Variation("no tremor", values={"tremor_mm": 0.0}),
 )
-from haptigraph.terminal import progress_bar
+"""What the result may depend on."""
+COLORS = ("#8a8a8a", "#e08a2e", "#2f6fb3")
+SHOWN = ("theta_deg", "completion_s", "near_misaligned_s", "far_aligned_s", "vibrating_s", "changes_per_min")
+
+
+def write_trials(rows: Sequence[TouchTrial], path: str | Path) -> None:
+    """Write one line per trial, with a header."""
+    with Path(path).open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(TouchTrial.__struct_fields__)
+        for row in rows:
+            writer.writerow([_cell(getattr(row, name)) for name in TouchTrial.__struct_fields__])
+
+
+def results_table(rows: Sequence[TouchTrial]) -> str:
+    """Return mean and standard deviation over participants, a line per measure, as Markdown."""
+    conditions = _conditions(rows)
+    lines = [_line(["simulated operators", *conditions]), _line(["---"] * (len(conditions) + 1))]
+    for measure, (title, unit, digits) in MEASURES.items():
+        cells = []
+        for condition in conditions:
+            values = participant_values(rows, measure, condition)
+            cells.append(f"{np.mean(values):.{digits}f} ± {np.std(values, ddof=1):.{digits}f}")
+        lines.append(_line([f"{title} ({unit})", *cells]))
+    missed = [str(sum(not row.hit for row in rows if row.condition == condition)) for condition in conditions]
+    lines.append(_line(["Trials in which the target was not hit in time", *missed]))
+    return "\n".join(lines)
+
+
+def tests_table(tests: Sequence[PairedTest]) -> str:
+    """Return the tests, a line each, as Markdown."""
+    head = [
+        "measure",
+        "compared",
+        "mean difference",
+        "rank-biserial r",
+        "p",
+        "p (Holm)",
+        "Wilcoxon signed-rank",
+    ]
+    lines = [_line(head), _line(["---"] * len(head))]
+    for test in tests:
+        title, unit, digits = MEASURES[test.measure]
+        result = test.result
+        zeros = f", zeros dropped: {result.zeros}" if result.zeros else ""
+        lines.append(
+            _line(
+                [
+                    title,
+                    f"{test.first} → {test.second}",
+                    f"{result.mean_difference:+.{digits}f} {unit}",
+                    f"{result.effect:+.2f}",
+                    _p(result.p),
+                    _p(test.holm_p),
+                    f"{result.variant}{zeros}",
+                ]
+            )
+        )
+    return "\n".join(lines)
+
+
+def variations_table(of: Callable[[Variation], Sequence[TouchTrial]]) -> str:
+    """Return how mean theta and completion time depend on what operators are like, as Markdown.
+
+    Args:
+        of: Plays the trials of a variation.
+    """
+    lines: list[str] = []
+    for variation in VARIATIONS:
+        rows = of(variation)
+        conditions = _conditions(rows)
+        if not lines:
+            lines = [_line(["simulated operators", *conditions]), _line(["---"] * (len(conditions) + 1))]
+        cells = [
+            " / ".join(
+                f"{np.mean(participant_values(rows, measure, condition)):.{MEASURES[measure][2]}f}"
+                for measure in ("theta_deg", "completion_s", "changes_per_min")
+            )
+            for condition in conditions
+        ]
+        lines.append(_line([variation.says, *cells]))
+    return "\n".join(lines)
+
+
+def traits_table() -> str:
+    """Return every parameter of a simulated operator with its source, as Markdown."""
+    lines = [_line(["parameter", "is", "unit", "drawn", "source"]), _line(["---"] * 5)]
+    for name, trait in TRAITS.items():
+        lines.append(_line([f"`{name}`", trait.says, trait.unit, trait.spread, trait.source]))
+    return "\n".join(lines)
+
+
+def touch_figure(rows: Sequence[TouchTrial], output: str | Path) -> None:
+    """Draw a panel per measure: a line per simulated operator over the conditions, their means on top."""
+    conditions = _conditions(rows)
+    figure = Figure(figsize=(11, 6.6), layout="constrained")
+    for axes, measure in zip(figure.subplots(2, 3).flat, SHOWN, strict=True):
+        _draw(axes, rows, measure, conditions)
+    first = rows[0]
+    people = len({row.participant for row in rows})
+    trials = len({row.repetition for row in rows})
+    seen = "ground truth with the tracker's noise" if first.perceiver == "known" else first.perceiver
+    figure.suptitle(
+        f"Simulated operators, not people: N = {people}, {trials} trials per condition, seed {first.seed}\n"
+        f"perception: {seen}; a line is one operator, a bar the mean"
+    )
+    figure.savefig(output, dpi=110)
+
+
+def _draw(axes: "Axes", rows: Sequence[TouchTrial], measure: str, conditions: Sequence[str]) -> None:
+    title, unit, _ = MEASURES[measure]
+    values = np.array([participant_values(rows, measure, condition) for condition in conditions])
+    places = np.arange(len(conditions))
+    axes.plot(places, values, color="#b5b5b5", linewidth=0.8, zorder=1)
+    for place, row, color in zip(places, values, COLORS, strict=False):
+        axes.scatter(np.full(len(row), place), row, s=16, color=color, edgecolor="none", zorder=2)
+        axes.plot([place - 0.22, place + 0.22], [row.mean()] * 2, color=color, linewidth=3.5, zorder=3)
+    axes.set(title=title, ylabel=unit, xlim=(-0.5, len(conditions) - 0.5))
+    axes.set_ylim(bottom=0)
+    axes.set_xticks(places, labels=conditions)
+    axes.grid(axis="y", color="#e4e4e4", linewidth=0.7)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def _conditions(rows: Sequence[TouchTrial]) -> list[str]:
+    return list(dict.fromkeys(row.condition for row in rows))
+
+
+def _line(cells: Sequence[str]) -> str:
+    return "| " + " | ".join(cells) + " |"
+
+
+def _cell(value: object) -> str:
+    return str(int(value)) if isinstance(value, bool) else str(value)
+
+
+def _p(value: float) -> str:
+    return "< 0.001" if value < 0.001 else f"{value:.3f}"
+
 
 DOCS = Path(__file__).parents[1] / "docs"
 NAME = "simulated_comparison"

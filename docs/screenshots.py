@@ -19,7 +19,7 @@ from haptigraph.assemble import build, load_procedure
 from haptigraph.config import load_config
 
 ROOT = Path(__file__).parents[1]
-sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "tests" / "study")]
+sys.path[:0] = [str(ROOT / "tests" / "support"), str(ROOT / "tests" / "study")]
 from live_bench import PAD, Live, chromium, leave, until  # noqa: E402
 from walking import do_next, go_to  # noqa: E402
 
@@ -127,11 +127,11 @@ def study_pages(page: Any) -> tuple[Any, Any, str]:
     """Open a study at the participant who is to begin a trial; both pages, and the address of the server."""
     given = ("--source", "teleop:wrong_place_then_hit", "--station", "lab 1", "--set", "run.stale_ms=2000")
     own = page.more.enter_context(Live(study_folder(page), *given, command=("study", "run")))
-    page.module = "/static/study.js"
+    page.module = "/static/study/study.js"
     page.goto(own.url)
     page.click("#roster button:has-text('Resume')")
     person = page.context.new_page()
-    person.module = "/static/participant.js"
+    person.module = "/static/study/participant.js"
     person.goto(f"{own.url}participant")
     person.wait_for_selector("#begin")
     return page, person, own.url
@@ -159,7 +159,7 @@ def study_participant(page: Any, live: Live) -> None:
     """The participant's page in the same moment."""
     _, person, url = study_pages(page)
     person.close()
-    page.module = "/static/participant.js"
+    page.module = "/static/study/participant.js"
     page.goto(f"{url}participant")
     page.wait_for_selector("#begin")
     steer_aside(page)

@@ -15,14 +15,14 @@ from pathlib import Path
 
 import pandas as pd
 
+from haptigraph.analysis.study.measures import measure_study
 from haptigraph.analysis.study.report import write_report
-from haptigraph.analysis.study_measures import measure_study
+from haptigraph.commands.terminal import progress_bar
 from haptigraph.study.exchange import export_study
-from haptigraph.study.player import Cast
 from haptigraph.study.protocol import load_protocol
-from haptigraph.study.simulation import simulate
+from haptigraph.study.simulated.player import Cast
+from haptigraph.study.simulated.simulation import simulate
 from haptigraph.study.store import Store
-from haptigraph.terminal import progress_bar
 
 DOCS = Path(__file__).parent
 sys.path.insert(0, str(DOCS.parent / "benchmarks"))

@@ -18,16 +18,16 @@ Research software, not a medical device.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from haptigraph.version import __version__
+
 if TYPE_CHECKING:
     from haptigraph.assemble import build, load_procedure
     from haptigraph.config import Config, load_config
     from haptigraph.errors import HaptigraphError
     from haptigraph.graph import SceneGraph, Triplet
     from haptigraph.messages import Capture, Step
-    from haptigraph.perception.registration import load_registration
     from haptigraph.recording.reader import RunReader
-
-__version__ = "0.1.0"
+    from haptigraph.registration.camera import load_registration
 
 __all__ = [
     "Capture",
@@ -55,7 +55,7 @@ _HOMES = {
     "build": "assemble",
     "load_config": "config",
     "load_procedure": "assemble",
-    "load_registration": "perception.registration",
+    "load_registration": "registration.camera",
 }
 
 
@@ -64,3 +64,8 @@ def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    """List the public names, loaded or not, for Tab completion."""
+    return __all__

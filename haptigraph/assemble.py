@@ -9,21 +9,21 @@ from importlib import import_module, resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import haptigraph
 from haptigraph.clock import Clock, MonotonicClock, VirtualClock
 from haptigraph.config import Config
 from haptigraph.errors import BadInput, NeedsRegistration, unknown_name
+from haptigraph.haptics.observed_device import Listener, TappedDevice
 from haptigraph.haptics.pattern import beyond
-from haptigraph.haptics.tap import Listener, TappedDevice
 from haptigraph.pipeline import Hand, Loop, Pipeline
 from haptigraph.recording.writer import Progress, RunWriter
 from haptigraph.run_header import run_info
 from haptigraph.sources.naming import CAMERAS, MADE_NOW, SETTLED, camera_size_px, split_source
 from haptigraph.stages import Device, Perceiver, Sink, Source
+from haptigraph.version import __version__
 
 if TYPE_CHECKING:
     from haptigraph.inference.procedure import Procedure
-    from haptigraph.perception.registered import Registered
+    from haptigraph.registration.registered import Registered
 
 __all__ = [
     "DEVICES",
@@ -41,11 +41,11 @@ __all__ = [
 ]
 
 PERCEIVERS = {
-    "tracker": "haptigraph.perception.tracker:Tracker",
-    "bscan": "haptigraph.perception.bscan:BscanPerceiver",
-    "forceps": "haptigraph.perception.forceps:ForcepsPerceiver",
-    "segmentation": "haptigraph.perception.segmentation:SegmentationPerceiver",
-    "threshold": "haptigraph.perception.threshold:ThresholdPerceiver",
+    "tracker": "haptigraph.perception.needle.tracker:Tracker",
+    "bscan": "haptigraph.perception.oct.bscan:BscanPerceiver",
+    "forceps": "haptigraph.perception.forceps.forceps:ForcepsPerceiver",
+    "segmentation": "haptigraph.perception.oct.segmentation:SegmentationPerceiver",
+    "threshold": "haptigraph.perception.baseline.threshold:ThresholdPerceiver",
 }
 DEVICES = {
     "audio": "haptigraph.haptics.audio:AudioDevice",
@@ -58,15 +58,15 @@ DEVICES = {
 WARDED = ("gamepad", "ros2", "serial")  # devices that would go on if the run died
 MOVES = (*WARDED, "audio")  # devices that someone feels
 SOURCES = {
-    "camera": "haptigraph.sources.camera:CameraSource",
-    "dicom": "haptigraph.sources.dicom:DicomSource",
+    "camera": "haptigraph.sources.cameras.uvc:CameraSource",
+    "dicom": "haptigraph.sources.oct.dicom:DicomSource",
     "images": "haptigraph.sources.images:ImagesSource",
-    "oct": "haptigraph.sources.oct:OctSource",
+    "oct": "haptigraph.sources.oct.oct:OctSource",
     "phantom": "haptigraph.sources.phantom:PhantomSource",
-    "realsense": "haptigraph.sources.realsense:RealsenseSource",
-    "realsense-file": "haptigraph.sources.realsense_file:RealsenseFile",
+    "realsense": "haptigraph.sources.cameras.realsense:RealsenseSource",
+    "realsense-file": "haptigraph.sources.cameras.realsense_file:RealsenseFile",
     "recording": "haptigraph.sources.recording:RecordingSource",
-    "ros2": "haptigraph.sources.ros2:Ros2Source",
+    "ros2": "haptigraph.sources.cameras.ros2:Ros2Source",
     "teleop": "haptigraph.sources.teleop:TeleopSource",
     "video": "haptigraph.sources.video:VideoSource",
 }
@@ -94,7 +94,7 @@ def build(
     clock: Clock = MonotonicClock() if is_realtime(config) else VirtualClock()
     procedure = load_procedure(config.run.procedure)
     config = config.with_perceiver(perceiver_name(config, procedure))  # a recording says which it was
-    load_registered = _load("haptigraph.perception.scan_registration:load_registered")
+    load_registered = _load("haptigraph.registration.oct:load_registered")
     given = load_registered(config.source.registration) if config.source.registration else None
     with ExitStack() as undo:
         source = open_source(config, clock, (given.width_px, given.height_px) if given else None)
@@ -104,11 +104,11 @@ def build(
         )
         registration = given or _own_registration(source, config)
         if config.source.target_mm is not None:
-            registration = _load("haptigraph.perception.retarget:with_target")(
+            registration = _load("haptigraph.registration.retarget:with_target")(
                 registration, config.source.target_mm
             )
         pipeline = build_pipeline(config, registration, procedure)
-        info = run_info(config, source, registration, procedure, clock, haptigraph.__version__)
+        info = run_info(config, source, registration, procedure, clock, __version__)
         measures = procedure.schema.measure_names
         writer: RunWriter | None = None
         if config.recording.path:
@@ -220,11 +220,13 @@ def open_source(config: Config, clock: Clock, size_px: tuple[int, int] | None = 
     }
     source: Source = _load(SOURCES[kind])(argument, **options.get(kind, {}))
     if asked.crop_px and kind != "oct":  # which cuts by itself
-        source = _load("haptigraph.sources.crop:CropSource")(source, asked.crop_px, asked.uri)
+        source = _load("haptigraph.sources.oct.crop:CropSource")(source, asked.crop_px, asked.uri)
     if kind in MADE_NOW and config.source.jpeg_quality:
         source = _load("haptigraph.sources.jpeg:JpegSource")(source, config.source.jpeg_quality)
     if kind in SETTLED:
-        source = _load("haptigraph.sources.ahead:ReadAhead")(source, waits=isinstance(clock, VirtualClock))
+        source = _load("haptigraph.sources.read_ahead:ReadAhead")(
+            source, waits=isinstance(clock, VirtualClock)
+        )
     return source
 
 
@@ -236,7 +238,7 @@ def open_device(name: str) -> Device:
     """
     kind, _, argument = name.partition(":")
     if kind in WARDED:
-        return _load("haptigraph.haptics.warden:WardedDevice")(DEVICES[kind], argument)  # type: ignore[no-any-return]
+        return _load("haptigraph.haptics.watchdog:WardedDevice")(DEVICES[kind], argument)  # type: ignore[no-any-return]
     return _named(DEVICES, "device", kind)(argument)  # type: ignore[no-any-return]
 
 
@@ -278,7 +280,7 @@ def _measure_shapes() -> dict[str, tuple[tuple[str, str], ...]]:
 def _perceiver(config: Config, registration: "Registered", procedure: "Procedure") -> Perceiver:
     name = perceiver_name(config, procedure)
     perceiver = _named(PERCEIVERS, "perceiver", name)
-    _load("haptigraph.perception.scan_registration:check_fits")(name, perceiver, registration)
+    _load("haptigraph.registration.oct:check_fits")(name, perceiver, registration)
     perceive: Perceiver = perceiver(registration.straight, config.perception)
     if (slant := registration.image.straight_from_image) is not None:
         straightened = _load("haptigraph.perception.straightening:StraightenedPerceiver")
@@ -288,7 +290,7 @@ def _perceiver(config: Config, registration: "Registered", procedure: "Procedure
 
 
 def _own_registration(source: Source, config: Config) -> "Registered":
-    from haptigraph.perception.scan_registration import parse_registered
+    from haptigraph.registration.oct import parse_registered
 
     if source.registration is not None:
         return parse_registered(source.registration, f"registration of {config.source.uri}")

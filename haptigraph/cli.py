@@ -7,7 +7,6 @@ from typing import Any
 
 import click
 
-import haptigraph
 from haptigraph.commands.actuators import devices
 from haptigraph.commands.explaining import diagram, explain
 from haptigraph.commands.live import live
@@ -21,8 +20,9 @@ from haptigraph.commands.study_erase import erase
 from haptigraph.commands.study_report import study_report
 from haptigraph.commands.study_run import study_run
 from haptigraph.commands.study_simulated import simulate, sweep
+from haptigraph.commands.terminal import tell
 from haptigraph.errors import HaptigraphError
-from haptigraph.terminal import tell
+from haptigraph.version import __version__
 
 __all__ = ["main"]
 
@@ -49,7 +49,7 @@ class Commands(click.Group):
 
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
-@click.version_option(haptigraph.__version__, prog_name="haptigraph")
+@click.version_option(__version__, prog_name="haptigraph")
 def main() -> None:
     """Turn pictures of an instrument inside the eye into touch.
 

@@ -10,8 +10,8 @@ from typing import Annotated, Any, Literal, get_type_hints
 from msgspec import Meta, Struct
 from msgspec.structs import replace
 
-from haptigraph.document import Document, convert
 from haptigraph.errors import BadInput
+from haptigraph.toml_document import Document, convert
 
 __all__ = [
     "Config",

@@ -13,7 +13,7 @@ from haptigraph.stages import Source
 
 if TYPE_CHECKING:
     from haptigraph.inference.procedure import Procedure
-    from haptigraph.perception.registered import Registered
+    from haptigraph.registration.registered import Registered
 
 __all__ = ["run_info", "run_info_at"]
 

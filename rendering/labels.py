@@ -5,13 +5,13 @@ Labels come from the geometry and the rules, never from the images.
 
 from collections.abc import Sequence
 
-from haptigraph.analysis.sweep import true_rows
-from haptigraph.analysis.truth import TruthRow
+from haptigraph.analysis.evaluation.ground_truth import TruthRow
+from haptigraph.analysis.evaluation.sweep import true_rows
 from haptigraph.geometry import Segment
 from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import Truth
-from haptigraph.perception.registration import parse_registration
-from haptigraph.registration_text import AnatomyPx, TrocarPx, registration_text
+from haptigraph.registration.camera import parse_registration
+from haptigraph.registration.text import AnatomyPx, TrocarPx, registration_text
 from rendering.layout import HEIGHT_PX, WIDTH_PX, Layout
 from rendering.path import Pose
 

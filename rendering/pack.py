@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from haptigraph import assemble
-from haptigraph.analysis.truth import truth_text
+from haptigraph.analysis.evaluation.ground_truth import truth_text
 from haptigraph.errors import BadInput
 from haptigraph.messages import Image
 from rendering.labels import registration_of, truth_of

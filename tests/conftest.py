@@ -7,13 +7,14 @@ from pathlib import Path
 import pytest
 import ros_network as ros_network_module
 from hypothesis import settings
+from paths import DATA, SHARED
 
 from haptigraph.assemble import load_procedure
 from haptigraph.geometry import ImageGeometry
 from haptigraph.inference.procedure import Procedure
-from haptigraph.perception.registration import Registration, parse_registration
-from haptigraph.perception.strip import Site
-from haptigraph.sim.eye import Eye, EyeShape, registration_text
+from haptigraph.perception.needle.rectify import Site
+from haptigraph.registration.camera import Registration, parse_registration
+from haptigraph.sim.eye.eye import Eye, EyeShape, registration_text
 
 # The same examples on every machine; `make fuzz` looks for new ones.
 settings.register_profile("haptigraph", deadline=None, derandomize=True)
@@ -25,8 +26,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 if hasattr(signal, "SIGHUP"):
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
-DATA = Path(__file__).parent / "data"
-CLIPS = Path(__file__).parents[2] / "shared" / "clips"
+CLIPS = SHARED / "clips"
 
 
 @pytest.fixture(scope="session")

@@ -57,7 +57,7 @@ def test_public_names_are_complete_and_sorted(name):
 
 PRIVATE = {
     "haptigraph.cli": ("Commands",),
-    "haptigraph.sim.painter": ("Palette",),
+    "haptigraph.sim.eye.painter": ("Palette",),
     "haptigraph.sim.scenario": ("About",),
     "haptigraph.scene.relations": (
         "distance_mm", "radial_mm", "theta_deg", "wall_mm", "clearance_mm", "aside_mm", "elapsed_s",

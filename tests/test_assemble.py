@@ -112,7 +112,7 @@ def test_what_a_device_cannot_is_noted(quick_uri, monkeypatch):
 
 def test_an_interrupt_at_the_very_end_of_assembly_leaves_nothing_behind(quick_uri, tmp_path, monkeypatch):
     closed = []
-    monkeypatch.setattr("haptigraph.sources.ahead.ReadAhead.close", lambda self: closed.append("source"))
+    monkeypatch.setattr("haptigraph.sources.read_ahead.ReadAhead.close", lambda self: closed.append("source"))
     monkeypatch.setattr("haptigraph.haptics.guard.Guard.close", lambda self: closed.append("hand"))
 
     def interrupted(*arguments, **options):

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from paths import ROOT
 
 import hatch_build
 from haptigraph.perception.native import library
 
-ROOT = Path(__file__).parents[1]
 MEDIAN_OF = '#include "native.h"\nEXPORT double median_of(double *v, int n) { return median(v, n); }\n'
 
 
@@ -37,7 +37,7 @@ def sources(tmp_path, monkeypatch):
     """A folder of its own with C sources, which are compiled instead."""
     folder = tmp_path / "native"
     folder.mkdir()
-    for name in ("native.h", "median.c", "sources.c"):
+    for name in ("native.h", "median.c", "checksum.c"):
         shutil.copy(hatch_build.FOLDER / name, folder)
     monkeypatch.setattr(hatch_build, "FOLDER", folder)
     return folder

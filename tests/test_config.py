@@ -1,8 +1,8 @@
 import pytest
 
 from haptigraph.config import Config, load_config
-from haptigraph.document import Document
 from haptigraph.errors import BadInput
+from haptigraph.toml_document import Document
 
 
 def refuse(*settings: str) -> str:

@@ -1,26 +1,25 @@
 """What the documents say is so."""
 
 import re
-from pathlib import Path
 
 import pytest
 from helpers import call
+from paths import GOLDEN, ROOT
 
 from haptigraph import assemble
-from haptigraph.analysis.diagram import diagram_svg
+from haptigraph.analysis.plots.diagram import diagram_svg
 from haptigraph.cli import main
 from haptigraph.config import Config
-from haptigraph.document import Document
-from haptigraph.perception.registration import parse_registration
 from haptigraph.proof.prove import prove
 from haptigraph.recording.schema import TOPICS
+from haptigraph.registration.camera import parse_registration
 from haptigraph.scene.relations import MEASURES
 from haptigraph.sim.scenario import Scenario, scenario_names
 from haptigraph.sim.tissue import TissueShape
-from haptigraph.study.dictionary import MEASURES as MEASURES_OF_TRIALS
+from haptigraph.study.data_dictionary import MEASURES as MEASURES_OF_TRIALS
 from haptigraph.study.protocol import Asked, Condition, Stop, StudyTable, Target, Texts, Training, Trials
+from haptigraph.toml_document import Document
 
-ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
@@ -86,7 +85,7 @@ def test_every_measure_and_pattern_kind_stands_in_the_procedures_page():
         assert f'`"{kind}"`' in text
 
 
-GOLDEN = ROOT / "tests" / "replay" / "golden" / "wrong_place_then_hit.mcap"
+CONTACT = GOLDEN / "wrong_place_then_hit.mcap"
 
 
 def test_the_procedure_taught_in_the_docs_is_sound():
@@ -120,7 +119,7 @@ def test_commands_on_procedures_say_what_the_docs_say(tmp_path, monkeypatch):
     (tmp_path / "touch_and_go.toml").write_text(text)
     free = text[text.index('[[state]]\nname = "free"') : text.index("[[invariant]]")]
     (tmp_path / "without_free.toml").write_text(text.replace(free, ""))
-    (tmp_path / "run.mcap").write_bytes(GOLDEN.read_bytes())
+    (tmp_path / "run.mcap").write_bytes(CONTACT.read_bytes())
     monkeypatch.chdir(tmp_path)
     transcripts = blocks(page, "text")
     assert len(transcripts) == 4

@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from haptigraph.sim.bscan import CLASSES
-from haptigraph.sim.bscan_scenes import random_scene
+from haptigraph.sim.oct.bscan import CLASSES
+from haptigraph.sim.oct.scenes import random_scene
 
 __all__ = ["SIDE_PX", "SIMULATED_PX", "Example", "batches", "draw", "simulate"]
 

@@ -9,8 +9,8 @@ import matplotlib
 import numpy as np
 
 from haptigraph.messages import Image
-from haptigraph.perception.onnx_model import OnnxModel
-from haptigraph.sim.bscan import CLASSES
+from haptigraph.perception.oct.onnx_model import OnnxModel
+from haptigraph.sim.oct.bscan import CLASSES
 from training.score import SCORING_SEED, Scored, Totals, model_size_mb, score, totals
 
 __all__ = ["Made", "write_report"]

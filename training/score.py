@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptigraph.messages import Image
-from haptigraph.perception.onnx_model import OnnxModel
-from haptigraph.perception.scan_places import Layers, Shaft
-from haptigraph.perception.segmentation import segments_of
-from haptigraph.sim.bscan import CLASSES, Bscan
-from haptigraph.sim.bscan_scenes import random_scene
+from haptigraph.perception.oct.onnx_model import OnnxModel
+from haptigraph.perception.oct.scan_geometry import Layers, Shaft
+from haptigraph.perception.oct.segmentation import segments_of
+from haptigraph.sim.oct.bscan import CLASSES, Bscan
+from haptigraph.sim.oct.scenes import random_scene
 
 __all__ = ["SCORING_SEED", "Scored", "Totals", "score", "totals"]
 

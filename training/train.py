@@ -13,7 +13,7 @@ import onnx
 import torch
 from torch import nn
 
-from haptigraph.sim.bscan import CLASSES
+from haptigraph.sim.oct.bscan import CLASSES
 from training.data import SIDE_PX, Example, batches, draw, simulate
 from training.report import Made, write_report
 from training.unet import SmallUNet

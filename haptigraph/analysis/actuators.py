@@ -15,8 +15,8 @@ from haptigraph.config import HapticsConfig
 from haptigraph.errors import HaptigraphError, MissingExtra
 from haptigraph.graph import SceneGraph
 from haptigraph.haptics.guard import Guard
+from haptigraph.haptics.observed_device import PAGE_CONTROLLER
 from haptigraph.haptics.pattern import beyond, duration_ns
-from haptigraph.haptics.tap import PAGE_CONTROLLER
 from haptigraph.messages import (
     OFF,
     Capabilities,

@@ -5,7 +5,7 @@ import sys
 import click
 
 from haptigraph.commands.options import procedure_option
-from haptigraph.terminal import terminable
+from haptigraph.commands.terminal import terminable
 
 __all__ = ["devices", "devices_test"]
 

@@ -16,7 +16,7 @@ def explain(recording: str, at_s: float, as_json: bool) -> None:
     """
     import msgspec
 
-    from haptigraph.analysis.moment import explain_moment, explanation_text
+    from haptigraph.analysis.metrics.moment import explain_moment, explanation_text
 
     explanation = explain_moment(recording, at_s)
     click.echo(msgspec.json.encode(explanation).decode() if as_json else explanation_text(explanation))
@@ -31,7 +31,7 @@ def diagram(procedure: str, output: str) -> None:
     Misaligned states stand on the left, aligned ones on the right. A line joins states between which one
     measure's crossing one threshold can lead.
     """
-    from haptigraph.analysis.diagram import write_diagram
+    from haptigraph.analysis.plots.diagram import write_diagram
     from haptigraph.assemble import load_procedure
 
     write_diagram(load_procedure(procedure), output)

@@ -6,8 +6,8 @@ import click
 
 from haptigraph.commands.options import page_options, page_token, run_options, run_settings
 from haptigraph.commands.running import run_loop
+from haptigraph.commands.terminal import tell, terminable
 from haptigraph.errors import NeedsRegistration
-from haptigraph.terminal import tell, terminable
 
 __all__ = ["live"]
 
@@ -34,8 +34,8 @@ def live(
     from msgspec.structs import replace
 
     from haptigraph.config import load_config
-    from haptigraph.dashboard.live import LivePage
-    from haptigraph.dashboard.server import listen
+    from haptigraph.dashboard.live.live import LivePage
+    from haptigraph.dashboard.server.server import listen
     from haptigraph.errors import BadInput
 
     if not Path(recordings).is_dir():

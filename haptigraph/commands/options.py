@@ -58,7 +58,7 @@ def page_token(host: str, token: str | None) -> str:
     """Return what visitors of a page must know; empty: nothing, where only this machine reaches it."""
     import secrets
 
-    from haptigraph.dashboard.door import LOOPBACK
+    from haptigraph.dashboard.server.access import LOOPBACK
 
     return token or ("" if host in LOOPBACK else secrets.token_urlsafe(12))
 

@@ -6,8 +6,8 @@ from typing import Any, Literal
 import click
 
 from haptigraph.commands.options import set_option
+from haptigraph.commands.terminal import progress_bar
 from haptigraph.errors import BadInput
-from haptigraph.terminal import progress_bar
 
 __all__ = ["check", "register"]
 
@@ -35,9 +35,9 @@ def register(
     Of B-scans (oct:PATH) scale and crop are checked instead, given by --set source.axial_mm_per_px=...,
     source.lateral_mm_per_px=... and source.crop_px=[LEFT,TOP,WIDTH,HEIGHT].
     """
-    from haptigraph.analysis.registering import register_source
-    from haptigraph.analysis.registration_wishes import Wishes
-    from haptigraph.analysis.scan_registering import brings_scans, register_scans
+    from haptigraph.analysis.registering.oct import brings_scans, register_scans
+    from haptigraph.analysis.registering.overrides import Wishes
+    from haptigraph.analysis.registering.registering import register_source
 
     if brings_scans(source):
         click.echo(register_scans(source, output, settings, picture, force=force, most=wishes["images"]))
@@ -65,15 +65,15 @@ def check(procedure: str, prover: Literal["auto", "exhaustive", "z3"], picture: 
     from rich.console import Console
     from rich.text import Text
 
-    from haptigraph.analysis.explanation import explain
-    from haptigraph.analysis.proof_text import claims_table, told
+    from haptigraph.analysis.plots.explanation import explain
+    from haptigraph.analysis.plots.proof_text import claims_table, told
     from haptigraph.assemble import load_procedure
     from haptigraph.proof.prove import prove
 
     loaded = load_procedure(procedure)
     proof = prove(loaded, prover)
     if picture:
-        from haptigraph.analysis.proof_figure import proof_figure
+        from haptigraph.analysis.plots.proof_figure import proof_figure
 
         proof_figure(proof, picture)
     # No markup: what looks like it is the user's. Where nobody looks, nothing is broken into lines.

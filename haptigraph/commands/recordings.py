@@ -5,7 +5,7 @@ import sys
 import click
 
 from haptigraph.commands.options import procedure_option
-from haptigraph.terminal import progress_bar
+from haptigraph.commands.terminal import progress_bar
 
 __all__ = ["recover", "replay"]
 
@@ -18,9 +18,9 @@ def replay(recording: str, procedure: str | None) -> None:
 
     With --procedure: what would have happened under another procedure. Without: exit code 1 if steps differ.
     """
-    from haptigraph.analysis.replay import replay as run_again
-    from haptigraph.analysis.summary import summary
-    from haptigraph.analysis.temporal import claim_lines
+    from haptigraph.analysis.metrics.replay import replay as run_again
+    from haptigraph.analysis.metrics.summary import summary
+    from haptigraph.analysis.metrics.temporal import claim_lines
 
     with progress_bar() as progress:
         report = run_again(recording, procedure, progress)

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import click
 
 from haptigraph.commands.options import run_options, run_settings, settings_of
+from haptigraph.commands.terminal import progress_bar, tell, terminable
 from haptigraph.errors import BadInput, HaptigraphError
-from haptigraph.terminal import progress_bar, tell, terminable
 
 if TYPE_CHECKING:
-    from haptigraph.analysis.measures import RunMeasures
+    from haptigraph.analysis.metrics.run import RunMeasures
     from haptigraph.config import Config
-    from haptigraph.dashboard.live import LivePage
+    from haptigraph.dashboard.live.live import LivePage
     from haptigraph.pipeline import Loop
     from haptigraph.stages import Sink
 
@@ -45,8 +45,8 @@ def run(config: str | None, realtime: bool | None, **given: object) -> None:
 @click.option("--realtime/--fast", default=True, help="In real time, or as fast as possible.")
 def demo(scenario: str, output: str | None, realtime: bool) -> None:
     """See the whole loop in half a minute: simulated eye, needle, operator; recorded, replayed, drawn."""
-    from haptigraph.analysis.figures import run_figure
-    from haptigraph.analysis.replay import replay as run_again
+    from haptigraph.analysis.metrics.replay import replay as run_again
+    from haptigraph.analysis.plots.figures import run_figure
     from haptigraph.config import load_config
     from haptigraph.sim.scenario import load_scenario
 
@@ -77,8 +77,8 @@ def run_loop(config: "Config", page: "LivePage | None" = None) -> bool:
         config: What to run.
         page: Watches the run, if any, and outlasts it until Ctrl-C.
     """
-    from haptigraph.analysis.measures import RunMeasures
-    from haptigraph.analysis.summary import summary
+    from haptigraph.analysis.metrics.run import RunMeasures
+    from haptigraph.analysis.metrics.summary import summary
     from haptigraph.assemble import build, is_realtime, load_procedure
     from haptigraph.sinks.console import ConsoleSink
 

@@ -3,8 +3,8 @@
 import click
 
 from haptigraph.commands.options import config_option, procedure_option, set_option, settings_of
+from haptigraph.commands.terminal import progress_bar
 from haptigraph.errors import BadInput
-from haptigraph.terminal import progress_bar
 
 __all__ = ["evaluate"]
 
@@ -48,11 +48,11 @@ def evaluate(
         raise BadInput("--seed and --figure go with --simulated N")
     with progress_bar() as progress:
         if clip_dir is not None:
-            from haptigraph.analysis.evaluation_report import report_clip
+            from haptigraph.analysis.evaluation.report import report_clip
 
             report = report_clip(clip_dir, load_config(config, given), progress)
         else:
-            from haptigraph.analysis.accuracy import report_simulated
+            from haptigraph.analysis.evaluation.accuracy import report_simulated
 
             settled = load_config(config, ("perception.alpha=1", *given))
             report = report_simulated(

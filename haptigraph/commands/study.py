@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from haptigraph.commands.terminal import progress_bar, tell
 from haptigraph.errors import BadInput
-from haptigraph.terminal import progress_bar, tell
 
 if TYPE_CHECKING:
     from haptigraph.recording.writer import Progress
@@ -76,7 +76,7 @@ def check(folder: str, store: str | None) -> None:
     Orders, targets, whether the protocol is frozen, how many withdrew; exit code 1 if a recording is gone or
     was changed, or is still there of someone who was erased.
     """
-    from haptigraph.analysis.study_overview import protocol_tables
+    from haptigraph.analysis.study.overview import protocol_tables
     from haptigraph.study.protocol import load_protocol
 
     protocol = load_protocol(folder)
@@ -113,7 +113,7 @@ def check(folder: str, store: str | None) -> None:
 @store_option
 def status(folder: str, store: str | None) -> None:
     """Show how far every participant is."""
-    from haptigraph.analysis.study_overview import status_table
+    from haptigraph.analysis.study.overview import status_table
     from haptigraph.study.protocol import load_protocol
 
     protocol = load_protocol(folder)
@@ -159,7 +159,7 @@ def export_measured(
     with existing_store(folder, store) as kept:
         if kept is None:
             raise no_store(folder)
-        from haptigraph.analysis.study_measures import measure_study
+        from haptigraph.analysis.study.measures import measure_study
         from haptigraph.study.exchange import export_study
 
         if Path(output).exists():

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import click
 
 from haptigraph.commands.study import export_measured, store_option
+from haptigraph.commands.terminal import progress_bar
 from haptigraph.errors import MissingExtra
-from haptigraph.terminal import progress_bar
 
 if TYPE_CHECKING:
     from haptigraph.recording.writer import Progress

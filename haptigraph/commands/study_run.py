@@ -15,8 +15,8 @@ from haptigraph.commands.options import (
     set_option,
 )
 from haptigraph.commands.study import STORE, folder_argument, store_option
+from haptigraph.commands.terminal import tell, terminable
 from haptigraph.errors import BadInput
-from haptigraph.terminal import tell, terminable
 
 if TYPE_CHECKING:
     from haptigraph.config import Config
@@ -58,7 +58,7 @@ def study_run(
     are recorded into the study's folder. Started again after a crash it goes on where it stopped.
     """
     from haptigraph.config import load_config
-    from haptigraph.dashboard.server import listen
+    from haptigraph.dashboard.server.server import listen
     from haptigraph.study.protocol import load_protocol
     from haptigraph.study.store import Store  # before all that needs the extra: it says which one
 
@@ -69,9 +69,9 @@ def study_run(
     begin = () if config else ("source.uri=teleop",)
     base = load_config(config, (*begin, *run_settings({**given, "procedure": None, "record": None}, True)))
     _try_out(base, protocol)
-    from haptigraph.dashboard.study_desk import StudyDesk
-    from haptigraph.dashboard.study_site import StudySite
-    from haptigraph.dashboard.study_trial import run_trials
+    from haptigraph.dashboard.study.session import StudyDesk
+    from haptigraph.dashboard.study.site import StudySite
+    from haptigraph.dashboard.study.trial import run_trials
     from haptigraph.study.roster import study_in
 
     with (
@@ -98,8 +98,8 @@ def _try_out(base: "Config", protocol: "Protocol") -> None:
     from msgspec.structs import replace
 
     from haptigraph.assemble import build
-    from haptigraph.perception.registration import load_registration
-    from haptigraph.perception.retarget import with_target
+    from haptigraph.registration.camera import load_registration
+    from haptigraph.registration.retarget import with_target
 
     for target in protocol.targets if base.source.registration else ():
         with_target(load_registration(base.source.registration), target.along_mm)

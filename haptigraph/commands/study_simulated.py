@@ -7,8 +7,8 @@ from pathlib import Path
 import click
 
 from haptigraph.commands.study import STORE, folder_argument, store_option
+from haptigraph.commands.terminal import progress_bar, terminable
 from haptigraph.errors import MissingExtra
-from haptigraph.terminal import progress_bar, terminable
 
 __all__ = ["simulate", "sweep"]
 
@@ -50,9 +50,9 @@ def simulate(
     FOLDER is a study's. Use a copy: a study has people or simulated participants, never both. The same seed
     gives the same store and the same recordings. Killed, it goes on where it was when run again.
     """
-    from haptigraph.study.player import Cast
     from haptigraph.study.protocol import load_protocol
-    from haptigraph.study.simulation import simulate as play_all
+    from haptigraph.study.simulated.player import Cast
+    from haptigraph.study.simulated.simulation import simulate as play_all
 
     protocol = load_protocol(folder)
     where = store or str(protocol.folder / STORE)
@@ -101,10 +101,10 @@ def sweep(
     FOLDER is a study's; nothing in it changes. OUT gets trials.csv, summary.csv and summary.md: how large the
     difference is, and how many people it would take. Killed, it goes on where it was when run again.
     """
-    from haptigraph.analysis.study_sweep import Sweep, run_sweep, variations_of
+    from haptigraph.analysis.study_sweep.study_sweep import Sweep, run_sweep, variations_of
 
     try:
-        from haptigraph.analysis.sweep_summary import markdown, sweep_summary, trials_table
+        from haptigraph.analysis.study_sweep.summary import markdown, sweep_summary, trials_table
     except ModuleNotFoundError:
         raise MissingExtra("study sweep", "cluster") from None
     from haptigraph.study.protocol import load_protocol

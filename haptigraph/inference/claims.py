@@ -9,9 +9,9 @@ from typing import Annotated
 
 from msgspec import Meta, Struct
 
-from haptigraph.document import Document
 from haptigraph.errors import unknown_name
 from haptigraph.graph import Names, Schema, Triplet
+from haptigraph.toml_document import Document
 
 __all__ = ["Gap", "Invariant", "Overlap", "Temporal", "check_claims", "check_temporal"]
 

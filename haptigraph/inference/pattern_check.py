@@ -5,10 +5,10 @@ Knows no state.
 
 from collections.abc import Iterable
 
-from haptigraph.document import Document
 from haptigraph.errors import unknown_name
 from haptigraph.graph import Schema
 from haptigraph.messages import Pattern
+from haptigraph.toml_document import Document
 
 __all__ = ["check_known", "check_pattern"]
 

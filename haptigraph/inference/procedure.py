@@ -11,13 +11,13 @@ from typing import Annotated, TypeAlias
 
 from msgspec import Meta, Struct, field
 
-from haptigraph.document import Document
 from haptigraph.errors import BadInput
 from haptigraph.graph import Entity, Names, Relation, Schema, Triplet
 from haptigraph.inference.claims import Gap, Invariant, Overlap, Temporal, check_claims, check_temporal
 from haptigraph.inference.pattern_check import check_known, check_pattern
 from haptigraph.inference.span import RunSpan, check_span
 from haptigraph.messages import UNKNOWN, Pattern
+from haptigraph.toml_document import Document
 
 __all__ = ["MeasureShapes", "Procedure", "State", "load_procedure", "parse_procedure"]
 

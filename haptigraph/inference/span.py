@@ -5,9 +5,9 @@ Knows no measure and no step; running a procedure needs none of it.
 
 from msgspec import Struct
 
-from haptigraph.document import Document
 from haptigraph.graph import Names, Schema, Triplet
 from haptigraph.inference.pattern_check import check_known
+from haptigraph.toml_document import Document
 
 __all__ = ["RunSpan", "check_span"]
 

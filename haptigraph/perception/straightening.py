@@ -6,9 +6,9 @@ The one place where a slant is taken away: perceivers behind it know nothing of 
 from msgspec.structs import replace
 
 from haptigraph.geometry import Homography
+from haptigraph.imaging import straightened
 from haptigraph.messages import Capture, Observation
-from haptigraph.perception.pixels import straightened
-from haptigraph.perception.registration import Registration
+from haptigraph.registration.camera import Registration
 from haptigraph.stages import Perceiver
 
 __all__ = ["StraightenedPerceiver"]

@@ -10,14 +10,14 @@ from msgspec.structs import replace
 
 from haptigraph.geometry import angle_between_deg, norm, subtract
 from haptigraph.messages import Image, Truth
-from haptigraph.sim.camera import Camera
-from haptigraph.sim.eye import Eye, registration_text
-from haptigraph.sim.operator import Operator, ScriptedOperator
-from haptigraph.sim.optics import image_geometry
-from haptigraph.sim.peeling import Peeling
-from haptigraph.sim.robot import Pose, Robot
+from haptigraph.sim.eye.camera import Camera
+from haptigraph.sim.eye.eye import Eye, registration_text
+from haptigraph.sim.eye.optics import image_geometry
+from haptigraph.sim.eye.peeling import Peeling
+from haptigraph.sim.eye.soft_retina import SoftRetina
+from haptigraph.sim.robot.operator import Operator, ScriptedOperator
+from haptigraph.sim.robot.robot import Pose, Robot
 from haptigraph.sim.scenario import Scenario
-from haptigraph.sim.soft_retina import SoftRetina
 
 __all__ = ["Moment", "Phantom"]
 

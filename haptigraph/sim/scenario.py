@@ -8,19 +8,19 @@ from typing import Annotated
 from msgspec import Meta, Struct, field
 from msgspec.structs import replace
 
-from haptigraph.document import Document
 from haptigraph.errors import BadInput, unknown_name
-from haptigraph.sim.camera import NeedleShape
-from haptigraph.sim.distractors import Distractors
-from haptigraph.sim.eye import EyeShape, RegistrationError
-from haptigraph.sim.forceps import ForcepsShape
-from haptigraph.sim.membrane import MembraneShape
-from haptigraph.sim.operator import Hand, Move
-from haptigraph.sim.optics import CameraSettings
-from haptigraph.sim.palette import Look
-from haptigraph.sim.robot import RobotLimits
-from haptigraph.sim.soft_retina import MOST_SHARE
+from haptigraph.sim.eye.camera import NeedleShape
+from haptigraph.sim.eye.distractors import Distractors
+from haptigraph.sim.eye.eye import EyeShape, RegistrationError
+from haptigraph.sim.eye.forceps import ForcepsShape
+from haptigraph.sim.eye.membrane import MembraneShape
+from haptigraph.sim.eye.optics import CameraSettings
+from haptigraph.sim.eye.palette import Look
+from haptigraph.sim.eye.soft_retina import MOST_SHARE
+from haptigraph.sim.robot.operator import Hand, Move
+from haptigraph.sim.robot.robot import RobotLimits
 from haptigraph.sim.tissue import TissueShape
+from haptigraph.toml_document import Document
 
 __all__ = ["Scenario", "checked_moves", "load_scenario", "scenario_document", "scenario_names"]
 

@@ -11,13 +11,13 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from haptigraph.geometry import Vec, norm, rotate, subtract, unit
-from haptigraph.sim.distractors import Distractors
-from haptigraph.sim.eye import Eye, EyeShape, RegistrationError
-from haptigraph.sim.needle import NeedleShape
-from haptigraph.sim.operator import Hand, Move
-from haptigraph.sim.optics import CameraSettings
-from haptigraph.sim.palette import Look
-from haptigraph.sim.robot import Pose, Robot, RobotLimits
+from haptigraph.sim.eye.distractors import Distractors
+from haptigraph.sim.eye.eye import Eye, EyeShape, RegistrationError
+from haptigraph.sim.eye.needle import NeedleShape
+from haptigraph.sim.eye.optics import CameraSettings
+from haptigraph.sim.eye.palette import Look
+from haptigraph.sim.robot.operator import Hand, Move
+from haptigraph.sim.robot.robot import Pose, Robot, RobotLimits
 from haptigraph.sim.scenario import About, Scenario
 
 __all__ = ["DIFFICULTIES", "Scene", "random_scene"]

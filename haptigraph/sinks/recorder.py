@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from haptigraph.messages import Capture, Fault, Step
 from haptigraph.recording.writer import Progress, RunWriter
-from haptigraph.room import Room
+from haptigraph.semaphore import Room
 
 __all__ = ["Recorder"]
 

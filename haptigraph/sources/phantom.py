@@ -2,7 +2,7 @@
 
 from haptigraph.errors import EndOfSource
 from haptigraph.messages import Capture
-from haptigraph.sim.ioct import open_phantom
+from haptigraph.sim.oct.phantom import open_phantom
 
 __all__ = ["PhantomSource"]
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from haptigraph.errors import HaptigraphError
-from haptigraph.sources.realsense_sdk import info_of, sdk
+from haptigraph.sources.cameras.realsense_sdk import info_of, sdk
 
 __all__ = ["Kind", "kinds", "present_cameras"]
 

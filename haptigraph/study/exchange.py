@@ -16,7 +16,7 @@ from msgspec import Struct
 from sqlalchemy import Table, select
 
 from haptigraph.errors import BadInput
-from haptigraph.study.dictionary import COLUMNS, MEASURES, Field, check_measures, fields_of, time_field
+from haptigraph.study.data_dictionary import COLUMNS, MEASURES, Field, check_measures, fields_of, time_field
 from haptigraph.study.roster import canonical, refuse_names
 from haptigraph.study.store import Row, Store, to_json
 from haptigraph.study.tables import ANSWERS, EVENTS, PARTICIPANTS, SESSIONS, STAGES, STUDIES, TRIALS

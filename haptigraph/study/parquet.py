@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from haptigraph.errors import MissingExtra
-from haptigraph.study.dictionary import Field
+from haptigraph.study.data_dictionary import Field
 
 try:
     import pyarrow

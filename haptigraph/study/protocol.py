@@ -11,10 +11,10 @@ from typing import Annotated, Literal, TypeVar
 from msgspec import Meta, Struct, field
 
 from haptigraph.assemble import load_procedure
-from haptigraph.document import Document
 from haptigraph.errors import BadInput, unknown_name
 from haptigraph.study.conditions import Order
 from haptigraph.study.questionnaire import Questionnaire, load_questionnaire
+from haptigraph.toml_document import Document
 
 __all__ = [
     "FILE",

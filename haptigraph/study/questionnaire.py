@@ -9,8 +9,8 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, Struct, field
 
-from haptigraph.document import Document
 from haptigraph.errors import BadInput, unknown_name
+from haptigraph.toml_document import Document
 
 __all__ = ["Item", "Questionnaire", "load_questionnaire", "questionnaire_names"]
 

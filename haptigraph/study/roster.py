@@ -9,12 +9,12 @@ from typing import Any
 from msgspec import Struct, json
 from sqlalchemy import Connection, func, select, update
 
-import haptigraph
 from haptigraph.errors import BadInput
 from haptigraph.study.plan import conditions_of
 from haptigraph.study.protocol import Protocol
 from haptigraph.study.store import Row, Store, to_json
 from haptigraph.study.tables import PARTICIPANTS, STUDIES
+from haptigraph.version import __version__
 
 __all__ = ["Study", "canonical", "refuse_names", "study_in"]
 
@@ -153,7 +153,7 @@ class Study(Struct, frozen=True):
                 simulated=int(self.simulated),
                 protocol_sha256=self.protocol.sha256,
                 parts=to_json(self.protocol.parts),
-                software=haptigraph.__version__,
+                software=__version__,
                 frozen_utc=self.store.now_utc(),
             )
         )

@@ -13,10 +13,9 @@ from typing import Any, Literal, TypeAlias
 from msgspec.structs import replace
 from sqlalchemy import Connection, delete, func, select, update
 
-import haptigraph
 from haptigraph.config import Config
 from haptigraph.errors import BadInput
-from haptigraph.study.dictionary import check_measures
+from haptigraph.study.data_dictionary import check_measures
 from haptigraph.study.plan import Stage, plan_of
 from haptigraph.study.progress import (
     Attempt,
@@ -33,6 +32,7 @@ from haptigraph.study.roster import Study
 from haptigraph.study.station import arrive, leave, open_row
 from haptigraph.study.store import to_json
 from haptigraph.study.tables import ANSWERS, EVENTS, PARTICIPANTS, STAGES, TRIALS, is_erased
+from haptigraph.version import __version__
 
 __all__ = ["Measures", "Outcome", "Session", "open_session"]
 
@@ -153,7 +153,7 @@ class Session:
                 "started_utc": self.study.store.now_utc(),
                 "recording": self._recording(coming) if records else None,
                 "procedure_sha256": hashlib.sha256(text.encode()).hexdigest(),
-                "software": haptigraph.__version__,
+                "software": __version__,
             }
             connection.execute(TRIALS.insert().values(row))
         return replace(coming, running=True)

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from haptigraph.messages import HandState
-from haptigraph.sim.operator import Tremor
-from haptigraph.sim.robot import Pose, Robot
+from haptigraph.sim.robot.operator import Tremor
+from haptigraph.sim.robot.robot import Pose, Robot
 from haptigraph.teleop.band_stop import TREMOR_HZ, BandStop
 from haptigraph.teleop.motion import HandMotion, TeleopSettings
 

@@ -7,7 +7,7 @@ from firmata_board import Board
 
 from haptigraph import assemble
 from haptigraph.errors import BadInput
-from haptigraph.haptics.tap import PAGE_CONTROLLER, TappedDevice
+from haptigraph.haptics.observed_device import PAGE_CONTROLLER, TappedDevice
 from haptigraph.messages import Capabilities
 from haptigraph.stages import Device
 

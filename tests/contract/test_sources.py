@@ -10,14 +10,14 @@ import pytest
 from streaming import StreamingCamera
 
 from haptigraph import assemble
-from haptigraph.analysis.replay import replay
+from haptigraph.analysis.metrics.replay import replay
 from haptigraph.clock import MonotonicClock, VirtualClock
 from haptigraph.config import load_config
 from haptigraph.errors import EndOfSource, SourceLost
 from haptigraph.messages import Capture
 from haptigraph.recording.codec import encode_jpeg, encode_png
 from haptigraph.recording.reader import RunReader
-from haptigraph.sources import live
+from haptigraph.sources.cameras import reconnect as live
 from haptigraph.stages import Source
 
 FILES = ["dicom", "images", "oct", "phantom", "realsense-file", "recording", "video"]
@@ -202,8 +202,8 @@ def realsense_camera(images, monkeypatch):
             if not silent.is_set():
                 camera.push(number, 5000 + 20.0 * number, images[number % len(images)])
 
-    monkeypatch.setattr("haptigraph.sources.realsense.find_device", lambda serial: camera.device)
-    monkeypatch.setattr("haptigraph.sources.realsense.NEXT_MS", 100)
+    monkeypatch.setattr("haptigraph.sources.cameras.realsense.find_device", lambda serial: camera.device)
+    monkeypatch.setattr("haptigraph.sources.cameras.realsense.NEXT_MS", 100)
     thread = threading.Thread(target=feed)
     thread.start()
     try:

@@ -52,7 +52,7 @@ def phantom_images(request, perceiver_class):
 
 @pytest.fixture
 def perceiver(perceiver_class, phantom_images):
-    from haptigraph.perception.scan_registration import parse_registered
+    from haptigraph.registration.oct import parse_registered
 
     try:
         return perceiver_class(parse_registered(phantom_images[0], "phantom"), Config().perception)

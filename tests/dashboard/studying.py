@@ -12,7 +12,7 @@ from haptigraph.study.store import Store
 
 __all__ = ["PARTICIPANT", "STUDY", "Station", "answer_all", "ask_at", "rows_of", "study_at"]
 
-STUDY, PARTICIPANT = "/static/study.js", "/static/participant.js"
+STUDY, PARTICIPANT = "/static/study/study.js", "/static/study/participant.js"
 PROTOCOL = """
 [study]
 name = "short"

@@ -19,9 +19,9 @@ import numpy as np
 from haptigraph import assemble
 from haptigraph.cli import main
 from haptigraph.errors import EndOfSource
-from haptigraph.perception.tracker import Tracker
+from haptigraph.perception.needle.tracker import Tracker
 from haptigraph.recording.writer import RunWriter
-from haptigraph.sources.camera import CameraSource
+from haptigraph.sources.cameras.uvc import CameraSource
 from haptigraph.sources.phantom import PhantomSource
 
 SHOWN, KEPT = 36, 8  # images that are drawn; so many of the last ones go round

@@ -8,7 +8,7 @@ from realsense_device import SoftwareCamera
 
 from haptigraph.cli import main
 from haptigraph.recording.codec import decode
-from haptigraph.sources import realsense
+from haptigraph.sources.cameras import realsense
 
 
 def feed(camera, image, silent):

@@ -38,7 +38,9 @@ class Run:
     def __init__(self, folder, program, uri, eye, *options):
         self.trace, self.recording = folder / "touch.csv", folder / "run.mcap"
         command = [*program, "run", uri, "--registration", eye, "--device", f"trace:{self.trace}"]
-        path = os.pathsep.join([str(HERE.parent), *os.environ.get("PYTHONPATH", "").split(os.pathsep)])
+        path = os.pathsep.join(
+            [str(HERE.parent / "support"), *os.environ.get("PYTHONPATH", "").split(os.pathsep)]
+        )
         self.process = subprocess.Popen(
             [sys.executable, *map(str, command), "--record", str(self.recording), *options],
             stdin=subprocess.PIPE,

@@ -11,10 +11,10 @@ from haptigraph import assemble
 from haptigraph.config import load_config
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Point
+from haptigraph.imaging import straightened
 from haptigraph.messages import Capture
-from haptigraph.perception.ioct import IoctView
-from haptigraph.perception.pixels import straightened
-from haptigraph.perception.registration import parse_registration
+from haptigraph.perception.eye_view import IoctView
+from haptigraph.registration.camera import parse_registration
 from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.scenario import load_scenario
 

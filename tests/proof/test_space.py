@@ -1,8 +1,8 @@
 """What the proofs call possible is what relations and the scene builder really do."""
 
 import math
-from pathlib import Path
 
+import paths
 import pytest
 from helpers import needle
 from hypothesis import given
@@ -20,7 +20,7 @@ from haptigraph.recording.reader import RunReader
 from haptigraph.scene.builder import SchemaSceneBuilder
 from haptigraph.scene.relations import MEASURES
 
-GOLDEN = sorted((Path(__file__).parents[1] / "replay" / "golden").glob("*.mcap"))
+GOLDEN = sorted(paths.GOLDEN.glob("*.mcap"))
 ENTITIES = (Entity("a", "instrument", "point"), Entity("b", "anatomy", "point"))
 GRID = st.integers(0, 8).map(lambda half: half / 2)
 

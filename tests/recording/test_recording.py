@@ -16,13 +16,13 @@ from haptigraph.config import Config, load_config
 from haptigraph.errors import BadInput, EndOfSource
 from haptigraph.geometry import ImageGeometry
 from haptigraph.messages import Capture, Fault, Truth
-from haptigraph.perception.registration import parse_registration
 from haptigraph.recording.codec import decode, encode_jpeg, encode_png, format_of
 from haptigraph.recording.foxglove import CompressedImage, ImageAnnotations, foxglove_schema
 from haptigraph.recording.journal import Journal
 from haptigraph.recording.reader import RunReader
 from haptigraph.recording.schema import TOPICS, RunInfo, mcap_schema
 from haptigraph.recording.writer import RunWriter
+from haptigraph.registration.camera import parse_registration
 
 GEOMETRY = ImageGeometry((10.0, 10.0), 0.1, mirrored=False)
 INFO = RunInfo("0", "2026-01-01T00:00:00+00:00", 10**18, "test", 30.0, "{}", "r", "rr", "p", "pp")

@@ -6,7 +6,7 @@ import pytest
 
 from haptigraph.geometry import Circle, ImageGeometry
 from haptigraph.recording.foxglove import Time, annotations
-from haptigraph.slant import Slant
+from haptigraph.registration.slant import Slant
 
 SLANT = Slant((320.0, 200.0), (0.1, -0.2), 2000.0, (319.5, 179.5))
 

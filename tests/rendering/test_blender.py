@@ -1,16 +1,15 @@
 """In Blender, where `make render` has set it up."""
 
 import subprocess
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from paths import ROOT
 
 from rendering.layout import Layout
 from rendering.scene import load_scene, scene_file
 
-ROOT = Path(__file__).parents[2]
 BLENDER = ROOT / ".venv-rendering"
 NAME, NUMBER, PERCENT = "black_blunt", 28, 25
 SMALL = """

@@ -3,7 +3,7 @@ from itertools import groupby
 import pytest
 from msgspec.structs import replace
 
-from haptigraph.perception.registration import parse_registration
+from haptigraph.registration.camera import parse_registration
 from rendering.labels import registration_of, truth_of
 from rendering.layout import Layout
 from rendering.path import Pose

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from helpers import call
 
-from haptigraph.analysis.truth import load_truth
+from haptigraph.analysis.evaluation.ground_truth import load_truth
 from haptigraph.errors import BadInput
 from rendering.layout import HEIGHT_PX, WALL_MM, WIDTH_PX, Layout
 from rendering.pack import AWAY_IMAGES, Sensor, pack

@@ -10,10 +10,10 @@ from msgspec.structs import replace
 
 from haptigraph import assemble
 from haptigraph.config import load_config
-from haptigraph.document import Document
-from haptigraph.sim import ioct
 from haptigraph.sim import scenario as scenario_module
+from haptigraph.sim.oct import phantom as ioct
 from haptigraph.sim.scenario import load_scenario, scenario_names
+from haptigraph.toml_document import Document
 
 GOLDEN = Path("tests/replay/golden")  # relative: recordings keep the path they were given
 SETTINGS = ("run.realtime=false",)

@@ -3,16 +3,15 @@
 Other processors may round differently, so places and measures may differ by a millionth; nothing else may.
 """
 
-from pathlib import Path
-
+import paths
 import pytest
 from msgspec import to_builtins
 
-from haptigraph.analysis.replay import replay_steps
+from haptigraph.analysis.metrics.replay import replay_steps
 from haptigraph.recording.reader import RunReader
 from haptigraph.sim.scenario import scenario_names
 
-GOLDEN = sorted((Path(__file__).parent / "golden").glob("*.mcap"))
+GOLDEN = sorted(paths.GOLDEN.glob("*.mcap"))
 TOLERANCE = 1e-4
 
 

@@ -4,9 +4,9 @@ import pytest
 
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Vec
-from haptigraph.sim.camera import NeedleShape
-from haptigraph.sim.optics import CameraSettings
-from haptigraph.sim.palette import Look
+from haptigraph.sim.eye.camera import NeedleShape
+from haptigraph.sim.eye.optics import CameraSettings
+from haptigraph.sim.eye.palette import Look
 from haptigraph.sim.scenario import BOUNDS, load_scenario
 
 MOVE = "[[move]]\nduration_s = 1\ndepth_mm = 0\ntheta_deg = 0\n"

@@ -4,8 +4,8 @@ from itertools import pairwise
 import pytest
 
 from haptigraph.geometry import norm, rotate, subtract, unit
-from haptigraph.perception.registration import parse_registration
-from haptigraph.sim.eye import Eye, RegistrationError
+from haptigraph.registration.camera import parse_registration
+from haptigraph.sim.eye.eye import Eye, RegistrationError
 from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.scenes import DIFFICULTIES, POLARITIES, random_scene
 

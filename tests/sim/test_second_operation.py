@@ -1,21 +1,19 @@
 """Membrane peeling, and injection with phases, end to end: what is felt is what the truth calls for."""
 
 from itertools import pairwise
-from pathlib import Path
 
 import pytest
+from paths import GOLDEN
 
-from haptigraph.analysis.measures import RunMeasures
-from haptigraph.analysis.summary import summary
+from haptigraph.analysis.metrics.run import RunMeasures
+from haptigraph.analysis.metrics.summary import summary
 from haptigraph.assemble import load_procedure, parse_procedure
 from haptigraph.geometry import Phase, Polyline
 from haptigraph.inference.engine import RuleEngine
 from haptigraph.messages import Observation
-from haptigraph.perception.registration import parse_registration
 from haptigraph.recording.reader import RunReader
+from haptigraph.registration.camera import parse_registration
 from haptigraph.scene.builder import SchemaSceneBuilder
-
-GOLDEN = Path(__file__).parents[1] / "replay" / "golden"
 
 
 def records(name):

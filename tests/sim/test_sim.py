@@ -8,14 +8,14 @@ from hypothesis import strategies as st
 
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Vec, angle_between_deg, norm, subtract, unit
-from haptigraph.perception.registration import parse_registration
-from haptigraph.sim.camera import Camera, NeedleShape
-from haptigraph.sim.eye import Eye, EyeShape
-from haptigraph.sim.operator import Hand, Move, ScriptedOperator
-from haptigraph.sim.optics import CameraSettings
-from haptigraph.sim.palette import Look
+from haptigraph.registration.camera import parse_registration
+from haptigraph.sim.eye.camera import Camera, NeedleShape
+from haptigraph.sim.eye.eye import Eye, EyeShape
+from haptigraph.sim.eye.optics import CameraSettings
+from haptigraph.sim.eye.palette import Look
 from haptigraph.sim.phantom import Phantom
-from haptigraph.sim.robot import Pose, Robot, RobotLimits
+from haptigraph.sim.robot.operator import Hand, Move, ScriptedOperator
+from haptigraph.sim.robot.robot import Pose, Robot, RobotLimits
 from haptigraph.sim.scenario import load_scenario, scenario_document, scenario_names
 
 SMALL = CameraSettings(width_px=480, height_px=270, center_px=(240.0, 148.0), px_per_mm=8.0, blur_px=0.5)

@@ -1,7 +1,8 @@
 import pytest
 
 from haptigraph.assemble import SOURCES
-from haptigraph.sources import present, realsense_sdk
+from haptigraph.sources import present
+from haptigraph.sources.cameras import realsense_sdk
 from haptigraph.sources.present import kinds, present_cameras
 
 

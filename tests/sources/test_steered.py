@@ -4,27 +4,27 @@ import math
 import re
 import threading
 from itertools import islice
-from pathlib import Path
 
 import numpy as np
 import pytest
 from mcap.reader import make_reader
 from msgspec import Struct
+from paths import DATA, ROOT
 
 from haptigraph import assemble
-from haptigraph.analysis.replay import replay
+from haptigraph.analysis.metrics.replay import replay
 from haptigraph.clock import VirtualClock
 from haptigraph.config import load_config
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Vec, norm, subtract, unit
 from haptigraph.messages import HandState, Step
 from haptigraph.recording.reader import RunReader
-from haptigraph.sim.robot import JAWS_MOST_MM, JAWS_SPEED_MM_S
+from haptigraph.sim.robot.robot import JAWS_MOST_MM, JAWS_SPEED_MM_S
 from haptigraph.sources.teleop import TeleopSource
 from haptigraph.teleop.motion import HandMotion, TeleopSettings
 
 SCALE = 0.2  # of the scenario's robot
-PEELED = str(Path(__file__).parents[1] / "data" / "peeled.toml")
+PEELED = str(DATA / "peeled.toml")
 
 
 @pytest.fixture(scope="module")
@@ -183,7 +183,7 @@ def test_it_is_noted_that_someone_must_steer(uri, quick_uri):
 
 
 def test_the_program_in_the_docs_steers(name):
-    text = (Path(__file__).parents[2] / "docs" / "teleoperation.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "teleoperation.md").read_text(encoding="utf-8")
     (program,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     names: dict = {}
     exec(program.replace("align_then_approach", name), names)

@@ -1,13 +1,13 @@
 import builtins
 import re
-from pathlib import Path
 
 from helpers import call
+from paths import ROOT
 
 from haptigraph.study.roster import Study
 from haptigraph.study.standing import standings
 
-PAGE = Path(__file__).parents[2] / "docs" / "study.md"
+PAGE = ROOT / "docs" / "study.md"
 
 
 def test_the_program_in_the_page_leads_a_participant_through_the_papers_study(tmp_path, monkeypatch):

@@ -8,7 +8,7 @@ from sqlalchemy import select, update
 from walking import do_next, fill, go_to
 
 from haptigraph.errors import BadInput
-from haptigraph.study.dictionary import COLUMNS, MEASURES
+from haptigraph.study.data_dictionary import COLUMNS, MEASURES
 from haptigraph.study.exchange import export_study, import_study, read_export, tidy_tables
 from haptigraph.study.runner import open_session
 from haptigraph.study.store import Store

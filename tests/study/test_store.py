@@ -10,7 +10,7 @@ from alembic.migration import MigrationContext
 from sqlalchemy import select, text
 from walking import do_next
 
-from haptigraph.analysis.study_measures import measure_study
+from haptigraph.analysis.study.measures import measure_study
 from haptigraph.errors import BadInput, MissingExtra, StoreFailed
 from haptigraph.recording.reader import RunReader
 from haptigraph.study import store as stores

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from haptigraph.geometry import subtract
-from haptigraph.sim.robot import JAWS_MOST_MM, JAWS_SPEED_MM_S, Pose, Robot, RobotLimits
+from haptigraph.sim.robot.robot import JAWS_MOST_MM, JAWS_SPEED_MM_S, Pose, Robot, RobotLimits
 from haptigraph.teleop.motion import HandMotion, TeleopSettings
 from haptigraph.teleop.teleop import Teleop
 

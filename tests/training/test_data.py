@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from haptigraph.sim.bscan import CLASSES
-from haptigraph.sim.bscan_scenes import random_scene
+from haptigraph.sim.oct.bscan import CLASSES
+from haptigraph.sim.oct.scenes import random_scene
 from training.data import SIDE_PX, Example, batches, draw, simulate
 
 

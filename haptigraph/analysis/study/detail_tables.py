@@ -5,10 +5,10 @@ from collections.abc import Iterator
 import msgspec
 import pandas as pd
 
-from haptigraph.analysis.study.comparison import Comparison
+from haptigraph.analysis.study.figures.states import transitions
 from haptigraph.analysis.study.results import StudyResults
-from haptigraph.analysis.study.state_figures import transitions
-from haptigraph.analysis.study.sus import adjective, grade
+from haptigraph.analysis.study.statistics.comparison import Comparison
+from haptigraph.analysis.study.statistics.sus import adjective, grade
 
 __all__ = ["detail_tables", "sus_summary"]
 

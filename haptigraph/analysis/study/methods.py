@@ -3,12 +3,12 @@
 import platform
 from importlib.metadata import version
 
-import haptigraph
-from haptigraph.analysis.study.effects import RESAMPLES
 from haptigraph.analysis.study.quantities import words
 from haptigraph.analysis.study.results import StudyResults
+from haptigraph.analysis.study.statistics.effects import RESAMPLES
 from haptigraph.analysis.study.tables import StudyTables
 from haptigraph.analysis.study.traces import Traces
+from haptigraph.version import __version__
 
 __all__ = ["SIMULATED", "methods"]
 
@@ -157,6 +157,6 @@ def _software(tables: StudyTables, results: StudyResults) -> str:
     )
     digests = "; ".join(f"{name} {digest}" for name, digest in sorted(tables.sha256.items()))
     return (
-        f"Analysed by haptigraph {haptigraph.__version__} with Python {platform.python_version()}, "
+        f"Analysed by haptigraph {__version__} with Python {platform.python_version()}, "
         f"{libraries}; seed {results.plan.seed}.{by} SHA-256 of the tables: {digests}."
     )

@@ -6,20 +6,20 @@ import pandas as pd
 from matplotlib.figure import Figure
 from msgspec import Struct
 
-import haptigraph
 from haptigraph.analysis.study.detail_tables import detail_tables
-from haptigraph.analysis.study.figure_style import rendered, styled
+from haptigraph.analysis.study.figures.motion import alignment_figure, cone_figure, learning_figure
+from haptigraph.analysis.study.figures.states import box_figure, sequence_figure
+from haptigraph.analysis.study.figures.style import rendered, styled
 from haptigraph.analysis.study.methods import SIMULATED, methods
-from haptigraph.analysis.study.motion_figures import alignment_figure, cone_figure, learning_figure
 from haptigraph.analysis.study.page import Picture, page
 from haptigraph.analysis.study.quantities import words
 from haptigraph.analysis.study.results import Plan, StudyResults, analyse
 from haptigraph.analysis.study.results_table import latex, markdown, result_tables
-from haptigraph.analysis.study.state_figures import box_figure, sequence_figure
 from haptigraph.analysis.study.tables import StudyTables, read_tables
 from haptigraph.analysis.study.traces import Traces, read_traces
 from haptigraph.errors import BadInput
 from haptigraph.recording.writer import Progress
+from haptigraph.version import __version__
 
 __all__ = ["Written", "write_report"]
 
@@ -154,7 +154,7 @@ def _facts(results: StudyResults) -> str:
     kind = "within-subject" if results.is_within else "between-subject"
     names = " · ".join(words(name) for name in results.conditions)
     runs = f"{len(results.runs)} runs of {results.participants} participants"
-    return f"{runs}, {kind}: {names} · haptigraph {haptigraph.__version__}, seed {results.plan.seed}"
+    return f"{runs}, {kind}: {names} · haptigraph {__version__}, seed {results.plan.seed}"
 
 
 def _csv(table: pd.DataFrame) -> str:

@@ -6,10 +6,7 @@ import pandas as pd
 from msgspec import Struct
 from statsmodels.stats.multitest import multipletests
 
-from haptigraph.analysis.study.comparison import Comparison, compare, omnibus
-from haptigraph.analysis.study.order_effects import MixedModel, order_effects
 from haptigraph.analysis.study.quantities import FAMILIES, QUANTITIES, Quantity, state_of, state_quantities
-from haptigraph.analysis.study.rank_tests import Zeros
 from haptigraph.analysis.study.runs import (
     cells,
     condition_names,
@@ -18,7 +15,10 @@ from haptigraph.analysis.study.runs import (
     missing_data,
     values_of,
 )
-from haptigraph.analysis.study.sus import sus_scores
+from haptigraph.analysis.study.statistics.comparison import Comparison, compare, omnibus
+from haptigraph.analysis.study.statistics.order_effects import MixedModel, order_effects
+from haptigraph.analysis.study.statistics.rank_tests import Zeros
+from haptigraph.analysis.study.statistics.sus import sus_scores
 from haptigraph.analysis.study.tables import StudyTables
 from haptigraph.errors import BadInput, unknown_name
 

@@ -6,9 +6,9 @@ from itertools import combinations
 
 from msgspec import Struct
 
-from haptigraph.analysis.study.comparison import Comparison, Sample
 from haptigraph.analysis.study.quantities import words
 from haptigraph.analysis.study.results import Family, StudyResults
+from haptigraph.analysis.study.statistics.comparison import Comparison, Sample
 
 __all__ = ["Table", "latex", "markdown", "number", "p_text", "result_tables"]
 

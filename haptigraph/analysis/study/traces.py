@@ -9,7 +9,7 @@ import pandas as pd
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from haptigraph.analysis.measures import RunMeasures
+from haptigraph.analysis.metrics.run import RunMeasures
 from haptigraph.assemble import parse_procedure
 from haptigraph.errors import BadInput
 from haptigraph.graph import Schema

@@ -4,7 +4,7 @@
    is lit. The two edges of one thing have slopes of opposite sign: a dark needle falls and rises, a bright
    one rises and falls. The edge of a shaded side beside a highlight has no maximum of its own, but every edge
    has a foot, where the image begins to change, and all feet are equally far out. They suffer more from
-   noise. Knows no line: whether pairs lie on one is line.c's to tell. */
+   noise. Knows no line: whether pairs lie on one is shaft_line.c's to tell. */
 
 #include "edges.h"
 

@@ -1,4 +1,4 @@
-/* Edges of a shaft, as `edges.c` finds them and `line.c` lays a line through them. */
+/* Edges of a shaft, as `edges.c` finds them and `shaft_line.c` lays a line through them. */
 
 #ifndef HAPTIGRAPH_EDGES_H
 #define HAPTIGRAPH_EDGES_H

@@ -3,9 +3,8 @@ import shutil
 from pathlib import Path
 
 import pytest
+from paths import GOLDEN
 from study_tables import simulated_study, write_study
-
-GOLDEN = Path(__file__).parents[2] / "replay" / "golden"
 
 
 @pytest.fixture

@@ -1,0 +1,1 @@
+"""Score perception and surgical states against ground truth, on labelled clips and simulated scenes."""

@@ -1,0 +1,199 @@
+"""Score perceivers on many random simulated scenes: the same images for all, results per difficulty.
+
+The angle's error is that of the shaft's direction in the image, so that a registration that is wrong by some
+pixels does not count against the perceiver; tip errors are in the image too. States are compared in scenes
+with a right registration only. Knows perceivers by their names.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from msgspec import Struct, field
+from msgspec.structs import replace
+
+from haptigraph import assemble
+from haptigraph.analysis.evaluation.evaluation import Errors, angle_spreads, errors_of, share, spread
+from haptigraph.analysis.evaluation.ground_truth import TruthRow
+from haptigraph.config import Config
+from haptigraph.geometry import ImageGeometry, Point, Segment, Vec, angle_between_deg, subtract
+from haptigraph.inference.engine import RuleEngine
+from haptigraph.inference.procedure import Procedure
+from haptigraph.messages import Capture, Observation, Step, Truth
+from haptigraph.pipeline import Pipeline
+from haptigraph.recording.writer import Progress
+from haptigraph.registration.camera import Registration, parse_registration
+from haptigraph.scene.builder import SchemaSceneBuilder
+from haptigraph.sim.phantom import Moment, Phantom
+from haptigraph.sim.scenes import DIFFICULTIES, Scene, random_scene
+
+__all__ = ["Sweep", "perceivers_to_compare", "play", "shaft_error_deg", "sweep", "true_rows"]
+
+COMPARED = ("threshold", "tracker")
+ALL = "all"
+
+
+class Sweep(Struct, frozen=True):
+    """What came out, by perceiver."""
+
+    scenes: int
+    seed: int
+    errors: dict[str, dict[str, list[Errors]]] = field(default_factory=dict)
+    """Of each scene, by perceiver and difficulty."""
+
+    def scores(self) -> dict[str, dict[str, dict[str, Any]]]:
+        """Return figures by perceiver and difficulty, "all" first."""
+        return {
+            perceiver: {
+                ALL: _pooled([errors for scenes in by_difficulty.values() for errors in scenes]),
+                **{name: _pooled(scenes) for name, scenes in by_difficulty.items()},
+            }
+            for perceiver, by_difficulty in self.errors.items()
+        }
+
+
+def perceivers_to_compare() -> list[str]:
+    """Return the perceivers a comparison is made of, as far as there are such."""
+    return [name for name in COMPARED if name in assemble.PERCEIVERS]
+
+
+def sweep(
+    scenes: int,
+    perceivers: Sequence[str],
+    config: Config,
+    *,
+    seed: int = 0,
+    size_px: tuple[int, int] = (1280, 720),
+    progress: Progress | None = None,
+) -> Sweep:
+    """Play random scenes to perceivers and compare what they say with the truth.
+
+    Args:
+        scenes: How many.
+        perceivers: Their names.
+        config: Their settings, and the procedure.
+        seed: Of all scenes.
+        size_px: Of the images, (width, height).
+        progress: Told how far it is.
+    """
+    procedure = assemble.load_procedure(config.run.procedure)
+    result = Sweep(scenes, seed)
+    for perceiver in perceivers:
+        result.errors[perceiver] = {name: [] for name in DIFFICULTIES[:scenes]}
+    for number in range(scenes):
+        if progress is not None:
+            progress("playing scenes", number, scenes)
+        scene = random_scene(number, seed, size_px=size_px)
+        for perceiver, errors in _errors_of_scene(scene, perceivers, config, procedure).items():
+            result.errors[perceiver][scene.difficulty].append(errors)
+    if progress is not None:
+        progress("playing scenes", scenes, scenes)
+    return result
+
+
+def _pooled(scenes: Sequence[Errors]) -> dict[str, Any]:
+    """Return the scores over all images of some scenes."""
+    angles_deg = [pair for errors in scenes for pair in errors.angles_deg]
+    return {
+        "scenes": len(scenes),
+        "images": sum(errors.images for errors in scenes),
+        "detection_rate": share([hit for errors in scenes for hit in errors.expected]),
+        "false_detections": sum(errors.false_detections for errors in scenes),
+        "tip_error_px": spread([error for errors in scenes for _, error in errors.tips_px]),
+        "angle_error_deg": angle_spreads(angles_deg),
+        "state_agreement": share([hit for errors in scenes for hit in errors.agreed]),
+        "wrong_contact_images": sum(errors.wrong_contact_images for errors in scenes),
+    }
+
+
+def play(phantom: Phantom) -> Iterator[tuple[Capture, Moment]]:
+    """Play a phantom from its beginning, as raw captures (no JPEG)."""
+    phantom.restart()
+    for number in range(phantom.images):
+        moment = phantom.advance()
+        if moment is not None:
+            yield Capture(number, round(moment.time_s * 1e9), moment.image), moment
+
+
+def true_rows(truths: Sequence[Truth], registration: Registration, procedure: Procedure) -> list[TruthRow]:
+    """Return the truth as labelled clips have it.
+
+    Args:
+        truths: Of every image; one that brings no needle_line has a tip that lies on the shaft.
+        registration: Where the anatomy really is.
+        procedure: Its rules say the states of the true needle.
+    """
+    build_scene, reason = SchemaSceneBuilder(procedure.schema), RuleEngine(procedure)
+    rows = []
+    for truth in truths:
+        found = registration.anatomy | truth.others
+        if truth.visible:
+            found["needle_tip"] = Point(truth.tip_mm)
+            found.setdefault("needle_line", Segment(registration.trocar.at_mm, truth.tip_mm))
+        state = reason(build_scene(Observation(0, found))).state
+        seen = truth.visible
+        rows.append(
+            TruthRow(
+                visible=seen,
+                inside=truth.inside,
+                tip_px=truth.tip_px if seen else None,
+                depth_mm=truth.depth_mm if seen else None,
+                theta_deg=truth.theta_deg if seen else None,
+                state=state,
+            )
+        )
+    return rows
+
+
+def shaft_error_deg(step: Step, row: TruthRow, reported: ImageGeometry, true_trocar_px: Vec) -> float | None:
+    """Return the angle [deg] between the reported and the true shaft in the image; None if either is missing.
+
+    Args:
+        step: What was reported.
+        row: The truth.
+        reported: Geometry of the registration that the perceiver was given.
+        true_trocar_px: Where the needle really pivots.
+    """
+    line = step.observation.found.get("needle_line")
+    if not isinstance(line, Segment) or row.tip_px is None:
+        return None
+    seen = subtract(reported.to_px(line.end_mm), reported.to_px(line.start_mm))
+    true = subtract(row.tip_px, true_trocar_px)
+    if row.depth_mm is not None and row.depth_mm < 0:
+        true = -true[0], -true[1]
+    return angle_between_deg(seen, true)
+
+
+def _errors_of_scene(
+    scene: Scene, perceivers: Sequence[str], config: Config, procedure: Procedure
+) -> dict[str, Errors]:
+    phantom = Phantom(scene.scenario)
+    registration = parse_registration(phantom.registration, "the scene's registration")
+    pipelines = {
+        name: assemble.build_pipeline(config.with_perceiver(name), registration, procedure)
+        for name in perceivers
+    }
+    steps, truths = _steps(phantom, pipelines)
+    rows = true_rows(truths, _true_registration(phantom), procedure)
+    image, trocar_px = registration.image, phantom.camera.geometry.to_px(phantom.eye.trocar_mm)
+
+    def angle_error_deg(step: Step, row: TruthRow) -> float | None:
+        return shaft_error_deg(step, row, image, trocar_px)
+
+    errors = {name: errors_of(steps[name], rows, image, angle_error_deg) for name in perceivers}
+    if scene.has_registration_error:
+        return {name: replace(each, agreed=[], wrong_contact_images=0) for name, each in errors.items()}
+    return errors
+
+
+def _steps(phantom: Phantom, pipelines: dict[str, Pipeline]) -> tuple[dict[str, list[Step]], list[Truth]]:
+    steps: dict[str, list[Step]] = {name: [] for name in pipelines}
+    truths = []
+    for capture, moment in play(phantom):
+        truths.append(moment.truth)
+        for name, pipeline in pipelines.items():
+            steps[name].append(pipeline.step(capture))
+    return steps, truths
+
+
+def _true_registration(phantom: Phantom) -> Registration:
+    return parse_registration(phantom.true_registration, "the true registration")

@@ -1,0 +1,1 @@
+"""Metrics of runs and trials, from steps or recordings."""

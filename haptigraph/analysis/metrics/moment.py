@@ -1,0 +1,195 @@
+"""One moment of a run explained: which rule fired, by which triplets, and what would have to be otherwise.
+
+Reads recordings; a moment is judged by the procedure that was recorded with it.
+"""
+
+from pathlib import Path
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from haptigraph.analysis.plots.explanation import felt
+from haptigraph.assemble import parse_procedure
+from haptigraph.errors import BadInput
+from haptigraph.graph import SceneGraph, Triplet
+from haptigraph.inference.engine import RuleEngine
+from haptigraph.inference.procedure import Procedure, State
+from haptigraph.proof.nearest import Change, Nearest
+from haptigraph.proof.subject import bounds_of
+from haptigraph.recording.reader import RunReader
+
+__all__ = ["Explanation", "Held", "Reason", "explain_graph", "explain_moment", "explanation_text"]
+
+
+class Reason(Struct, frozen=True):
+    """One part of a rule, and how it stood."""
+
+    says: str
+    """As people say it: "<a, b, c>", "not <a, b, c>", "no a"."""
+    holds: bool
+    because: str
+    """The measure and its bounds: "theta_deg 5.12, bounds theta_deg > 1.7"; empty if there is none."""
+
+
+class Held(Struct, frozen=True):
+    """A state that stayed though the graph was another."""
+
+    state: str
+    feel: str
+    because: str
+
+
+class Explanation(Struct, frozen=True):
+    """Why a state, and what is near it. As JSON, it is what a page needs to show it."""
+
+    time_s: float
+    """Since the first step of the run; 0 for a graph without a run."""
+    state: str
+    feel: str
+    priority: int
+    because: str
+    fired_by: tuple[Reason, ...]
+    not_fired: dict[str, tuple[Reason, ...]]
+    """Rules that come first but did not fit: what they lacked."""
+    measures: dict[str, float]
+    runner_up: Change | None
+    """The other state that the smallest change leads to."""
+    others: tuple[Change, ...]
+    """All further ones, nearest first."""
+    faults: tuple[str, ...] = ()
+    held: Held | None = None
+    """What was concluded instead, where a state outlasted its graph (`hold_ms`)."""
+    touch: str = ""
+    """What the hand was told to feel; numbers that follow a measure as they were then."""
+
+
+def explain_moment(path: str | Path, at_s: float) -> Explanation:
+    """Explain the step of a recording that held at a moment.
+
+    Args:
+        path: The recording.
+        at_s: Since its first step.
+
+    Raises:
+        BadInput: If the recording cannot be read or has no such moment.
+    """
+    reader = RunReader(path)
+    procedure = parse_procedure(reader.info.procedure, f"procedure in {path}")
+    first_ns = last_ns = None
+    found = None
+    for _, step in reader.places():
+        first_ns = step.stamp_ns if first_ns is None else first_ns
+        last_ns = step.stamp_ns
+        if (step.stamp_ns - first_ns) / 1e9 > at_s + 1e-9 and found is not None:
+            break
+        found = step
+    if found is None or first_ns is None or last_ns is None:
+        raise BadInput("has no complete step to explain", path)
+    time_s = (found.stamp_ns - first_ns) / 1e9
+    if at_s < 0 or at_s > (last_ns - first_ns) / 1e9 + 1:
+        raise BadInput(f"has no step at {at_s:g} s; valid: 0 to {time_s:.2f} s", path)
+    faults = tuple(f"{fault.where}: {fault.message}" for fault in found.faults)
+    explanation = explain_graph(procedure, found.graph, time_s, faults)
+    then, pattern = found.conclusion, found.command.pattern
+    held = Held(then.state, then.feel, then.because) if then.state != explanation.state else None
+    return replace(explanation, held=held, touch=f"{pattern.name!r}: {felt(pattern)}")
+
+
+def explain_graph(
+    procedure: Procedure, graph: SceneGraph, time_s: float = 0.0, faults: tuple[str, ...] = ()
+) -> Explanation:
+    """Explain what a procedure makes of a graph."""
+    conclusion = RuleEngine(procedure)(graph)
+    nearest = Nearest(procedure)
+    changes = nearest.changes(nearest.mask(graph), graph.measures)
+    states = procedure.states
+    fired = states[conclusion.priority : conclusion.priority + 1]
+    return Explanation(
+        time_s=time_s,
+        state=conclusion.state,
+        feel=conclusion.feel,
+        priority=conclusion.priority,
+        because=conclusion.because,
+        fired_by=tuple(reason for state in fired for reason in _reasons(procedure, state, graph)),
+        not_fired={
+            state.name: tuple(reason for reason in _reasons(procedure, state, graph) if not reason.holds)
+            for state in states[: conclusion.priority]
+        },
+        measures=dict(graph.measures),
+        runner_up=changes[0] if changes else None,
+        others=tuple(changes[1:]),
+        faults=faults,
+    )
+
+
+def explanation_text(explanation: Explanation) -> str:
+    """Return an explanation as a few lines for people."""
+    one = explanation
+    graph_is = f"{one.state}, rule {one.priority}, feels {one.feel!r}: {one.because}"
+    lines = [
+        f"{one.time_s:.2f} s  {graph_is}"
+        if one.held is None
+        else f"{one.time_s:.2f} s  {one.held.state}, feels {one.held.feel!r}: {one.held.because}",
+        *_listed("told", [one.touch] if one.touch else []),
+        *_listed("by itself", [graph_is] if one.held is not None else []),
+        *(f"  fault      {fault}" for fault in one.faults),
+        *_listed("fired by", [_reason_text(reason) for reason in one.fired_by] or ["no rule"]),
+    ]
+    before = [
+        f"{state}: " + "; ".join(_lacked(reason) for reason in reasons)
+        for state, reasons in one.not_fired.items()
+    ]
+    lines += _listed("before it", before)
+    if one.runner_up is not None:
+        lines += _listed("runner-up", _change_text(one.runner_up))
+    for change in one.others:
+        lines += _listed("or", _change_text(change))
+    return "\n".join(lines)
+
+
+def _reasons(procedure: Procedure, state: State, graph: SceneGraph) -> list[Reason]:
+    category = {node.id: node.category for node in graph.nodes}
+    edges = {(category[edge.subject], edge.predicate, category[edge.object]) for edge in graph.edges}
+    relations = {relation.names: relation for relation in procedure.schema.relations}
+
+    def measured(names: tuple[str, str, str]) -> str:
+        name = procedure.schema.measure_name(relations[names])
+        value = f"{graph.measures[name]:.4g}" if name in graph.measures else "not there"
+        return f"{name} {value}, bounds {bounds_of(relations[names]).said(name)}"
+
+    reasons = [Reason(str(Triplet(*names)), names in edges, measured(names)) for names in state.when]
+    reasons += [
+        Reason(f"not {Triplet(*names)}", names not in edges, measured(names)) for names in state.unless
+    ]
+    return reasons + [Reason(f"no {name}", name not in category.values(), "") for name in state.absent]
+
+
+def _reason_text(reason: Reason) -> str:
+    return f"{reason.says}  ({reason.because})" if reason.because else reason.says
+
+
+def _lacked(reason: Reason) -> str:
+    """Say what a rule lacked: "no <a, b, c>", or what was there that should not."""
+    if reason.says.startswith("<"):
+        return f"no {reason.says}"
+    return f"there is {reason.says.split(' ', 1)[1]}"
+
+
+def _change_text(change: Change) -> list[str]:
+    head = f"{change.state} (rule {change.priority}, feels {change.feel!r})"
+    lines = [f"{head}, which fits too but comes later" if change.fits_already else head]
+    for move in change.moves:
+        if move.value is None or move.way is None:
+            lines.append(f"  if {move.to}")
+        else:
+            unit = move.measure.rpartition("_")[2]
+            way = f"{abs(move.way):.3g} {unit} {'less' if move.way < 0 else 'more'}"
+            lines.append(
+                f"  if {move.to}: it is {move.value:.4g}, {way if move.way else 'the very threshold'}"
+            )
+    changed = [f"+ {name}" for name in change.appear] + [f"- {name}" for name in change.vanish]
+    return [*lines, f"  graph: {'  '.join(changed)}"]
+
+
+def _listed(heading: str, lines: list[str]) -> list[str]:
+    return [f"  {heading if not number else '':11}{line}" for number, line in enumerate(lines)]

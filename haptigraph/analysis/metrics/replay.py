@@ -1,0 +1,123 @@
+"""Run a recording again and compare step by step: the same, or what another procedure makes of it."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import msgspec
+from msgspec import Struct
+
+from haptigraph import assemble
+from haptigraph.analysis.metrics.run import RunMeasures
+from haptigraph.config import Config
+from haptigraph.errors import BadInput
+from haptigraph.inference.procedure import Procedure
+from haptigraph.messages import Step
+from haptigraph.recording.reader import RunReader
+from haptigraph.recording.writer import Progress
+from haptigraph.registration.oct import parse_registered
+
+__all__ = ["Difference", "ReplayReport", "replay", "replay_steps"]
+
+COMPARED = ("observation", "graph", "conclusion", "command")
+
+
+class Difference(Struct, frozen=True):
+    """The first step that came out differently."""
+
+    step: int
+    time_s: float
+    message: str
+    """Which message of the step differs."""
+    recorded: str
+    replayed: str
+
+
+class ReplayReport(Struct):
+    """What a replay found."""
+
+    steps: int = 0
+    identical: int = 0
+    first: Difference | None = None
+    dropped_images: int = 0
+    """Images that perception saw but the recording does not have; what depends on them must differ."""
+    is_whole: bool = True
+    is_being_written: bool = False
+    recorded: RunMeasures = msgspec.field(default_factory=RunMeasures)
+    replayed: RunMeasures = msgspec.field(default_factory=RunMeasures)
+
+
+def replay(
+    path: str | Path,
+    procedure: str | None = None,
+    progress: Progress | None = None,
+    watch: Callable[[Step, Step], None] | None = None,
+) -> ReplayReport:
+    """Replay a recording.
+
+    Args:
+        path: The recording.
+        procedure: Another procedure to judge it by; None: the one it was recorded with.
+        progress: Told how far it is.
+        watch: Given every step, as recorded and as replayed.
+
+    Raises:
+        BadInput: If recording or procedure cannot be used.
+    """
+    reader = RunReader(path)
+    steps, dropped_images = reader.count()
+    report = ReplayReport(
+        dropped_images=dropped_images,
+        is_whole=reader.is_whole,
+        is_being_written=reader.is_being_written,
+        recorded=RunMeasures.under(_procedure(reader, None)),
+        replayed=RunMeasures.under(_procedure(reader, procedure)),
+    )
+    start_ns = None
+    for recorded, replayed in replay_steps(reader, procedure):
+        start_ns = recorded.stamp_ns if start_ns is None else start_ns
+        difference = _compare(report.steps, (recorded.stamp_ns - start_ns) / 1e9, recorded, replayed)
+        report.steps += 1
+        report.identical += difference is None
+        report.first = report.first or difference
+        report.recorded.add(recorded)
+        report.replayed.add(replayed)
+        if watch is not None:
+            watch(recorded, replayed)
+        if progress is not None:
+            progress("replaying", report.steps, steps)
+    return report
+
+
+def replay_steps(reader: RunReader, procedure: str | None = None) -> Iterator[tuple[Step, Step]]:
+    """Yield every recorded step with what the pipeline makes of the same capture now."""
+    info = reader.info
+    config = msgspec.json.decode(info.config, type=Config)
+    perceiver = config.perception.perceiver
+    if perceiver not in (
+        *assemble.PERCEIVERS,
+        "auto",
+    ):  # a simulated participant's, of whom nothing was drawn
+        raise BadInput(
+            f"was made without images (perceiver {perceiver}); there is nothing to replay", reader.path
+        )
+    pipeline = assemble.build_pipeline(
+        config,
+        parse_registered(info.registration, f"registration in {reader.path}"),
+        _procedure(reader, procedure),
+    )
+    for capture, recorded in reader.records():
+        yield recorded, pipeline.step(capture)
+
+
+def _procedure(reader: RunReader, name: str | None) -> Procedure:
+    if name:
+        return assemble.load_procedure(name)
+    return assemble.parse_procedure(reader.info.procedure, f"procedure in {reader.path}")
+
+
+def _compare(number: int, time_s: float, recorded: Step, replayed: Step) -> Difference | None:
+    for message in COMPARED:
+        then, now = (msgspec.json.encode(getattr(step, message)) for step in (recorded, replayed))
+        if then != now:
+            return Difference(number, time_s, message, then.decode(), now.decode())
+    return None

@@ -1,0 +1,55 @@
+"""The summary of a run in plain text: what the surgeon did, and how the loop did."""
+
+from haptigraph.analysis.metrics.run import RunMeasures
+from haptigraph.analysis.metrics.temporal import claim_lines
+from haptigraph.graph import Triplet
+from haptigraph.run_report import STAGES, RunReport
+
+__all__ = ["summary"]
+
+
+def summary(measures: RunMeasures, report: RunReport | None = None) -> str:
+    """Return the summary, several lines.
+
+    Args:
+        measures: Of the run.
+        report: Of the loop, where there was one.
+    """
+    lines = [*_run_lines(measures), ""]
+    lines[-1:] = [*claim_lines(measures.claims, measures.first_ns), ""]
+    lines += [f"{'state':36}{'in run':>9}{'in all':>9}"]
+    for state, seconds in sorted(measures.all_state_s.items(), key=lambda item: -item[1]):
+        lines.append(f"{state:36}{measures.state_s.get(state, 0.0):7.2f} s{seconds:7.2f} s")
+    if report is not None:
+        lines += ["", *_loop_lines(report)]
+    return "\n".join(lines)
+
+
+def _run_lines(measures: RunMeasures) -> list[str]:
+    begins, goal = Triplet(*measures.span.begins), measures.span.ends_in.replace("_", " ")
+    if not measures.has_start:
+        return [f"run             none: this procedure knows no {begins}; its [run] says where a run begins"]
+    if measures.started_ns is None:
+        return [f"run             none: {begins} was never seen"]
+    completion_s, theta_deg = measures.completion_s, measures.mean_theta_deg
+    told = f"no {goal}" if completion_s is None else f"{goal} after {completion_s:.2f} s"
+    return [
+        f"run             {told}",
+        f"mean theta      {theta_deg:.2f} deg" if theta_deg is not None else "mean theta      -",
+        f"contacts        {measures.contacts} unintended, {max(len(measures.order) - 1, 0)} state changes",
+    ]
+
+
+def _loop_lines(report: RunReport) -> list[str]:
+    rate = f"{report.rate_hz:.1f} steps/s"
+    lines = [
+        f"loop            {report.steps} steps in {report.wall_s:.1f} s, {rate}, {report.ended}",
+        f"overruns        {report.overruns} late, {report.skipped} skipped, {report.dropped} not recorded",
+        f"{'stage':16}{'p50':>9}{'p99':>12}",
+    ]
+    for name in STAGES:
+        durations = report.stages[name]
+        lines.append(f"{name:16}{durations.percentile_ms(50):6.2f} ms{durations.percentile_ms(99):9.2f} ms")
+    for fault, count in report.faults.most_common(10):
+        lines.append(f"fault           {count} x {fault}")
+    return lines

@@ -1,0 +1,1 @@
+"""Figures, diagrams and tables of runs, procedures and proofs."""

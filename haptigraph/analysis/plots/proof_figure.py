@@ -1,0 +1,59 @@
+"""The graphs that break the claims about a procedure, drawn side by side."""
+
+import textwrap
+from pathlib import Path
+
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+from haptigraph.analysis.evaluation.sweep_figure import check_output
+from haptigraph.analysis.plots.colors import ink_on, state_color
+from haptigraph.analysis.plots.drawing import draw_graph
+from haptigraph.errors import BadInput
+from haptigraph.proof.report import Proof
+
+__all__ = ["proof_figure"]
+
+MOST = 12
+"""Graphs in one picture; the text tells all."""
+
+
+def proof_figure(proof: Proof, output: str | Path) -> None:
+    """Draw every violated claim with its graph, to a new PNG, SVG or PDF; one sentence if none is violated.
+
+    Raises:
+        BadInput: If the file exists, or its name says no format that can be drawn.
+    """
+    path = Path(output)
+    check_output(path)
+    if path.exists():
+        raise BadInput("exists already; no picture is overwritten", path)
+    shown = [
+        (claim, violation)
+        for claim in proof.claims
+        for violation in claim.violations
+        if violation.graph is not None
+    ][:MOST]
+    columns = min(len(shown), 2) or 1
+    rows = -(-len(shown) // columns) or 1
+    layout = ConstrainedLayoutEngine(hspace=0.08, h_pad=0.15)
+    figure = Figure(figsize=(6.4 * columns, 4.6 * rows if shown else 1.2), layout=layout)
+    all_axes = figure.subplots(rows, columns, squeeze=False).ravel().tolist()
+    for axes in all_axes:
+        axes.axis("off")
+    if not shown:
+        told = f"all {len(proof.claims)} claims proved" if proof.holds else "no graph to show"
+        all_axes[0].set_title(f"{proof.procedure}: {told}")
+    for axes, (claim, violation) in zip(all_axes, shown, strict=False):
+        graph = violation.graph
+        if graph is not None:
+            draw_graph(axes, graph)
+        parts = (f"{claim.name}: {claim.says}", violation.sentence)
+        title = "\n".join(line for part in parts for line in textwrap.wrap(part, 84))
+        axes.set_title(title, fontsize=8.5, loc="left")
+        label = violation.state.replace("_", " ") if violation.is_possible else "cannot be"
+        axes.text(
+            0.5, 0.0, label, transform=axes.transAxes, ha="center", fontsize=9, color=ink_on(violation.state),
+            bbox={"boxstyle": "round", "facecolor": state_color(violation.state), "edgecolor": "#555"},
+        )  # fmt: skip
+    figure.savefig(path, dpi=120)

@@ -1,0 +1,1 @@
+"""Create, check and correct registrations: what `register` and the registration page do."""

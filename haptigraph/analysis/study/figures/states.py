@@ -1,0 +1,245 @@
+"""Figures of surgical states: how long, and in which order, by condition. Read the tables only."""
+
+from collections import Counter
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
+
+from haptigraph.analysis.plots.colors import ink_on, state_color
+from haptigraph.analysis.study.figures.style import INK, condition_legend, looks, new_figure, quiet
+from haptigraph.analysis.study.quantities import state_of, words
+from haptigraph.analysis.study.results import StudyResults
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from numpy.typing import NDArray
+
+    _Vector = NDArray[np.float64]
+
+__all__ = ["box_figure", "sequence_figure", "transitions"]
+
+PLACES = {
+    "misaligned_intraocular_navigation": (1.0, 1.0),
+    "aligned_intraocular_navigation": (1.0, 0.0),
+    "misaligned_retinal_approach": (2.0, 1.0),
+    "aligned_retinal_approach": (2.0, 0.0),
+    "retinal_contact": (3.0, 1.0),
+    "target_hit": (3.0, 0.0),
+}
+CONTACT = "retinal_contact"
+"""As a run goes: deeper to the right, misaligned above."""
+START = "start"
+BOX = (0.66, 0.38)
+POINT: dict[str, Any] = {
+    "color": INK, "alpha": 0.65, "markersize": 2.6, "linewidth": 0, "clip_on": False, "zorder": 4,
+}  # fmt: skip
+RARE = 0.05  # transitions per run that are not worth a line, unless they touch the retina
+
+
+def box_figure(results: StudyResults, note: str) -> Figure | None:
+    """Draw the time spent in each state, by condition: one point per participant.
+
+    None where no time is known.
+    """
+    order = list(PLACES)
+    names = [name for name in results.values if state_of(name) and state_of(name) not in results.idle]
+    names.sort(key=lambda name: order.index(state_of(name)) if state_of(name) in order else len(order))
+    if not names:
+        return None
+    figure = new_figure(max(6.0, 1.9 * len(names)), 4.2, "Time in each surgical state", note)
+    axes = figure.subplots()
+    styles, spread = looks(results.conditions), 0.76 / len(results.conditions)
+    for place, name in enumerate(names):
+        axes.axvspan(place - 0.5, place + 0.5, color=state_color(state_of(name)), alpha=0.6, linewidth=0)
+        for number, condition in enumerate(results.conditions):
+            values = results.values[name][condition].dropna().to_numpy(float)
+            at = place + (number - (len(results.conditions) - 1) / 2) * spread
+            look = styles[condition]
+            axes.boxplot(
+                [values],
+                positions=[at],
+                widths=0.82 * spread,
+                patch_artist=True,
+                showfliers=False,
+                boxprops={"facecolor": "white", "edgecolor": look.color, "hatch": look.hatch},
+                whiskerprops={"color": look.color},
+                capprops={"color": look.color},
+                medianprops={"color": "black", "linewidth": 2},
+                manage_ticks=False,
+            )
+            aside = np.linspace(-0.22, 0.22, max(len(values), 2))[: len(values)] * spread
+            axes.plot(at + aside, values, look.marker, **POINT)
+    labels = [words(state_of(name)).replace(" ", "\n") for name in names]
+    axes.set(xticks=range(len(names)), xlim=(-0.5, len(names) - 0.5), ylim=(0, None), ylabel="time [s]")
+    axes.set_xticklabels(labels)
+    quiet(axes)
+    condition_legend(axes, results.conditions, loc="upper right")
+    return figure
+
+
+def transitions(results: StudyResults) -> pd.DataFrame:
+    """Count how often one state followed another; the first state of a run follows `start`.
+
+    Returns:
+        condition, before, after, count, per_run (mean), share (of the runs in which it occurred), runs; the
+        most frequent first.
+    """
+    rows: list[tuple[str, str, str, int, float, float, int]] = []
+    for condition in results.conditions:
+        runs = results.runs
+        orders = (
+            runs.loc[runs["condition"] == condition, "state_order"].dropna() if "state_order" in runs else []
+        )
+        counts, within = Counter[tuple[str, str]](), Counter[tuple[str, str]]()
+        for order in orders:
+            states = [START, *str(order).split(">")]
+            steps = list(pairwise(states))
+            counts.update(steps)
+            within.update(set(steps))
+        total = len(orders)
+        for pair, count in sorted(counts.items(), key=lambda item: (-item[1], item[0])):
+            rows.append((condition, *pair, count, count / total, within[pair] / total, total))
+    columns = ["condition", "before", "after", "count", "per_run", "share", "runs"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def sequence_figure(results: StudyResults, note: str) -> Figure | None:
+    """Draw which state follows which, one diagram per condition; None where no order is known.
+
+    A line is as wide as its transition is frequent; dark are those that occur in at least half of the runs.
+    """
+    table = transitions(results)
+    if table.empty:
+        return None
+    shown = [condition for condition in results.conditions if (table["condition"] == condition).any()]
+    figure = new_figure(8.8, 2.9 * len(shown) + 0.4, "Order of surgical states: transitions per run", note)
+    places = _places(set(table["before"]) | set(table["after"]))
+    most = float(table["per_run"].max())
+    for axes, condition in zip(np.ravel(figure.subplots(len(shown), 1)), shown, strict=True):
+        here = table[table["condition"] == condition]
+        _draw_sequence(axes, here, places, most)
+        title = f"{words(condition)}  ({here['runs'].iloc[0]} runs)"
+        axes.set_title(title, loc="left", fontweight="bold", pad=2)
+    figure.supxlabel(
+        f"solid: in at least half of the runs; dashed: in fewer; rarer than {RARE:g} per run: not drawn, "
+        "unless the retina is touched",
+        fontsize=8,
+        color="#555555",
+    )
+    return figure
+
+
+def _places(states: set[str]) -> dict[str, tuple[float, float]]:
+    others = sorted(states - set(PLACES) - {START})
+    below = {state: (1.0 + number, -1.0) for number, state in enumerate(others)}
+    return {START: (0.22, 1.0), **PLACES, **below}
+
+
+def _draw_sequence(
+    axes: "Axes", table: pd.DataFrame, places: dict[str, tuple[float, float]], most: float
+) -> None:
+    axes.set(xlim=(0.1, 3.0 + BOX[0] / 2 + 0.05), ylim=(min(y for _, y in places.values()) - 0.25, 1.25))
+    axes.axis("off")
+    reached = set(table["before"]) | set(table["after"])
+    axes.plot(*places[START], "o", color=INK, markersize=11, zorder=3)
+    axes.text(places[START][0], places[START][1] + 0.14, "entry", ha="center", fontsize=8, color=INK)
+    for state, place in places.items():
+        if state != START:
+            _draw_state(axes, state, place, reached=state in reached)
+    for row in table[::-1].to_dict("records"):
+        before, after = str(row["before"]), str(row["after"])
+        if row["per_run"] >= RARE or CONTACT in (before, after):
+            way = _way(places[before], places[after])
+            _draw_transition(axes, way, row["per_run"], most, leads=row["share"] >= 0.5)
+
+
+def _draw_state(axes: "Axes", state: str, place: tuple[float, float], *, reached: bool) -> None:
+    corner = place[0] - BOX[0] / 2, place[1] - BOX[1] / 2
+    box = FancyBboxPatch(
+        corner,
+        *BOX,
+        boxstyle="round,pad=0,rounding_size=0.05",
+        facecolor=state_color(state),
+        edgecolor=INK if reached else "#bbbbbb",
+        linewidth=1.0,
+        alpha=1.0 if reached else 0.3,
+        zorder=3,
+    )
+    axes.add_patch(box)
+    *head, last = words(state).split(" ")
+    ink = ink_on(state) if reached else "#666666"
+    axes.text(
+        *place,
+        f"{' '.join(head)}\n{last}" if head else last,
+        ha="center",
+        va="center",
+        fontsize=8,
+        color=ink,
+        zorder=4,
+    )
+
+
+def _draw_transition(axes: "Axes", way: "_Way", rate: float, most: float, *, leads: bool) -> None:
+    arrow = FancyArrowPatch(
+        way.tail,
+        way.head,
+        arrowstyle="-|>",
+        mutation_scale=9 + 5 * rate / most,
+        linewidth=0.7 + 5.3 * rate / most,
+        linestyle="-" if leads else (0, (3, 1.5)),
+        color=INK if leads else "#8a8a8a",
+        shrinkA=0,
+        shrinkB=0,
+        zorder=2,
+    )
+    axes.add_patch(arrow)
+    ink, weight = (INK, "bold") if leads else ("#555555", "normal")
+    axes.text(
+        *way.label,
+        f"{rate:.2f}",
+        fontsize=8,
+        color=ink,
+        fontweight=weight,
+        ha="center",
+        va="center",
+        zorder=5,
+    )
+
+
+class _Way(NamedTuple):
+    tail: tuple[float, float]
+    head: tuple[float, float]
+    label: tuple[float, float]
+
+
+def _way(start: tuple[float, float], end: tuple[float, float]) -> _Way:
+    """Lead an arrow from the edge of a box to that of another, keeping left, so that it and its return pass.
+
+    Its number stands on its left, outside the pair.
+    """
+    is_entry = start[0] < 1
+    towards = np.subtract(end, start)
+    length = float(np.hypot(*towards)) or 1.0
+    left = np.array((-towards[1], towards[0])) / length
+    aside = left * np.array((0.07, 0.07)) * (not is_entry)
+    tail = np.add(start, aside) + (0.05 if is_entry else _to_edge(aside, towards)) * towards
+    head = np.add(end, aside) - _to_edge(aside, -towards) * towards
+    label = (
+        tail + (0.66 if towards[0] and towards[1] else 0.45) * (head - tail) + left * np.array((0.10, 0.12))
+    )
+    return _Way(*((float(x), float(y)) for x, y in (tail, head, label)))
+
+
+def _to_edge(aside: "_Vector", towards: "_Vector") -> float:
+    """Return which share of `towards` leads from a point beside the middle of a box to its edge."""
+    halves = np.array((BOX[0] / 2, BOX[1] / 2))
+    shares = [
+        (half * np.sign(part) - off) / part
+        for half, off, part in zip(halves, aside, towards, strict=True)
+        if part
+    ]
+    return float(min(shares, default=0.0))

@@ -1,0 +1,1 @@
+"""A study's statistics: rank tests, effect sizes, mixed models, sensitivity, SUS."""

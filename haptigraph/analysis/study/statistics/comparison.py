@@ -1,0 +1,138 @@
+"""Compare one quantity between two conditions: rank test, effect, and what stands beside them."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from msgspec import Struct
+from scipy import stats
+
+from haptigraph.analysis.study.quantities import Quantity
+from haptigraph.analysis.study.statistics.effects import Effect, paired_effect, unpaired_effect
+from haptigraph.analysis.study.statistics.rank_tests import (
+    RankTest,
+    Zeros,
+    every_rank_sum,
+    every_signed_rank,
+    rank_sum,
+    signed_rank,
+)
+from haptigraph.analysis.study.statistics.sensitivity import (
+    Normality,
+    Power,
+    TTest,
+    normality,
+    paired_power,
+    paired_t,
+    unpaired_power,
+    welch_t,
+)
+
+__all__ = ["Comparison", "Sample", "compare", "omnibus"]
+
+
+class Sample(Struct, frozen=True):
+    """One value per participant, summed up."""
+
+    n: int
+    mean: float
+    sd: float
+    median: float
+    lower: float
+    """Quartile."""
+    upper: float
+
+    @classmethod
+    def of(cls, values: Sequence[float]) -> "Sample":
+        """Sum up values; NaN where there are too few."""
+        if not values:
+            return cls(0, *[math.nan] * 5)
+        lower, median, upper = (float(part) for part in np.percentile(values, (25, 50, 75)))
+        sd = float(np.std(values, ddof=1)) if len(values) > 1 else math.nan
+        return cls(len(values), float(np.mean(values)), sd, median, lower, upper)
+
+
+class Comparison(Struct, frozen=True):
+    """One hypothesis: that a quantity is the same in both conditions."""
+
+    quantity: Quantity
+    first: str
+    second: str
+    is_paired: bool
+    samples: tuple[Sample, Sample]
+    left_out: int
+    """Participants without a value in one of the conditions."""
+    test: RankTest
+    variants: list[RankTest]
+    effect: Effect
+    normality: list[Normality]
+    """Of the differences; unpaired: of each sample."""
+    t: TTest
+    power: Power
+
+
+def compare(
+    quantity: Quantity,
+    names: tuple[str, str],
+    values: tuple[Sequence[float], Sequence[float]],
+    *,
+    paired: bool,
+    seed: int,
+    alpha: float = 0.05,
+    zeros: Zeros = "dropped",
+    left_out: int = 0,
+) -> Comparison | None:
+    """Compare two conditions; None where one has no value.
+
+    Args:
+        quantity: What is compared.
+        names: Of the conditions; the effect is positive where the second has more.
+        values: Of each condition; paired: same participants in the same order.
+        paired: Whether the same participants met both.
+        seed: Of the bootstrap.
+        alpha: Level of significance, for the power.
+        zeros: What becomes of pairs without a difference.
+        left_out: Told along with the result.
+    """
+    first, second = values
+    if not first or not second:
+        return None
+    samples = (Sample.of(first), Sample.of(second))
+    told = (quantity, *names, paired, samples, left_out)
+    if paired:
+        t = paired_t(first, second)
+        return Comparison(
+            *told,
+            signed_rank(first, second, zeros=zeros),
+            every_signed_rank(first, second),
+            paired_effect(first, second, seed),
+            [normality(np.asarray(second) - np.asarray(first))],
+            t,
+            paired_power(t.d, len(first), alpha),
+        )
+    t = welch_t(first, second)
+    return Comparison(
+        *told,
+        rank_sum(first, second),
+        every_rank_sum(first, second),
+        unpaired_effect(first, second, seed),
+        [normality(first), normality(second)],
+        t,
+        unpaired_power(t.d, len(first), len(second), alpha),
+    )
+
+
+def omnibus(samples: Sequence[Sequence[float]], *, paired: bool) -> tuple[str, float, float]:
+    """Test three or more conditions at once: the name of the test, its statistic and p.
+
+    Args:
+        samples: Per condition; paired: the same participants in the same order.
+        paired: Friedman's test, with ties corrected; otherwise that of Kruskal and Wallis.
+    """
+    name = "Friedman" if paired else "Kruskal-Wallis"
+    name += ", chi-square approximation with tie correction"
+    everything = np.concatenate([np.asarray(sample, np.float64) for sample in samples])
+    if min(len(sample) for sample in samples) < 2 or np.ptp(everything) == 0:
+        return f"{name}: no test", math.nan, math.nan
+    tested = stats.friedmanchisquare(*samples) if paired else stats.kruskal(*samples)
+    return name, float(tested.statistic), float(tested.pvalue)

@@ -1,0 +1,85 @@
+"""The page beside a loop: what to watch it by, and a server for as long as it is watched."""
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from queue import SimpleQueue
+from socket import socket
+
+from haptigraph.analysis.metrics.run import RunMeasures
+from haptigraph.clock import MonotonicClock
+from haptigraph.config import Config
+from haptigraph.dashboard.server.access import LOOPBACK
+from haptigraph.dashboard.server.controls import Controls
+from haptigraph.dashboard.server.health import Health
+from haptigraph.dashboard.server.hub import Hub
+from haptigraph.dashboard.server.introduction import introduce
+from haptigraph.dashboard.server.server import REGISTRATION, Server, address, make_app
+from haptigraph.dashboard.server.site import Site
+from haptigraph.pipeline import Loop
+from haptigraph.sources.phased import PhasedSource
+
+__all__ = ["LivePage"]
+
+
+class LivePage:
+    """Everything a run needs to be watched: give `hub` to the loop as a sink, `hub.felt` as its listener.
+
+    Args:
+        config: Of the run.
+        listener: The socket to serve on.
+        host: The address it listens on.
+        token: What visitors must know; empty: nothing.
+        recordings: Folder of recordings to show.
+    """
+
+    def __init__(self, config: Config, listener: socket, *, host: str, token: str, recordings: Path) -> None:
+        self.hub = Hub(MonotonicClock())
+        self._config, self._listener, self._host, self._token = config, listener, host, token
+        self._recordings = recordings
+
+    @property
+    def address(self) -> str:
+        """What to open in a browser."""
+        return address(self._listener, self._host, self._token)
+
+    @contextmanager
+    def served(self, loop: Loop, measures: RunMeasures) -> Iterator[None]:
+        """Serve the page while the context lasts.
+
+        Args:
+            loop: What is watched.
+            measures: Of its run, kept by whoever takes its steps.
+
+        Raises:
+            BadInput: If procedure or registration cannot be used.
+        """
+        introduce(self._config, loop, self.hub)()
+        phased = loop.source if isinstance(loop.source, PhasedSource) else None
+        site = self._site(Controls(self.hub, getattr(loop.source, "teleop", None), phased))
+        app = make_app(site, Health(loop, self.hub, measures), host=self._host, token=self._token)
+        with Server(app, self._listener):
+            yield
+
+    def registered_first(self) -> str:
+        """Serve the registration page alone until somebody saves there; return the file's path."""
+        saved: SimpleQueue[str] = SimpleQueue()
+        controls = Controls(self.hub, None)
+        site = self._site(controls, saved.put)
+        app = make_app(site, dict, host=self._host, token=self._token, pages=(REGISTRATION,))
+        with Server(app, self._listener.dup()):
+            return saved.get()
+
+    def _site(self, controls: Controls, on_registration: Callable[[str], None] | None = None) -> Site:
+        is_local = self._host in LOOPBACK
+        asked = self._config.source
+        return Site(self.hub, controls, asked.uri, self._recordings, is_local, on_registration, asked)
+
+    def end(self, reason: str) -> None:
+        """Tell the viewers that the run has ended, and why."""
+        self.hub.tell_from_outside("ended", reason=reason)
+
+    def wait(self) -> None:
+        """Wait until Ctrl-C."""
+        threading.Event().wait()

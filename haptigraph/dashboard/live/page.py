@@ -1,0 +1,103 @@
+"""The live page's own route: one WebSocket per page, over which it watches and steers."""
+
+import asyncio
+from collections.abc import Sequence
+from contextlib import suppress
+from itertools import count
+from typing import Any
+
+from starlette.routing import BaseRoute, WebSocketRoute
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from haptigraph.dashboard.server.controls import Controls
+from haptigraph.dashboard.server.hub import Hub
+from haptigraph.dashboard.server.protocol import (
+    Ack,
+    Enter,
+    Heard,
+    Motion,
+    Ping,
+    Release,
+    Take,
+    Tune,
+    Watch,
+    heard,
+    told,
+)
+from haptigraph.dashboard.server.site import Site
+from haptigraph.dashboard.server.viewer import Viewer
+
+__all__ = ["routes"]
+
+MOST_VIEWERS = 16
+
+
+def routes(site: Site) -> Sequence[BaseRoute]:
+    """Return the routes of the live page."""
+    hub, controls, numbers = site.hub, site.controls, count(1)
+
+    async def talk(websocket: WebSocket) -> None:
+        await websocket.accept()
+        if len(hub.viewers) >= MOST_VIEWERS:
+            await websocket.close(1013, f"{MOST_VIEWERS} pages watch already; close one")
+            return
+        viewer = Viewer(f"page {next(numbers)}")
+        viewer.tell(told("you", name=viewer.name))
+        hub.join(viewer)
+        sender = asyncio.create_task(_send(websocket, viewer))
+        try:
+            await _listen(websocket, viewer, hub, controls)
+        finally:
+            controls.release(viewer)
+            hub.leave(viewer)
+            sender.cancel()
+            await asyncio.gather(sender, return_exceptions=True)
+
+    return [WebSocketRoute("/live", talk)]
+
+
+async def _send(websocket: WebSocket, viewer: Viewer) -> None:
+    while True:
+        message = await viewer.next()
+        if isinstance(message, bytes):
+            await websocket.send_bytes(message)
+        else:
+            await websocket.send_text(message)
+
+
+async def _listen(websocket: WebSocket, viewer: Viewer, hub: Hub, controls: Controls) -> None:
+    while (received := await websocket.receive())["type"] == "websocket.receive":
+        try:
+            message = heard(_text(received))
+        except ValueError as error:
+            # Sent from here, so that who sends nonsense waits until it has read the answer.
+            with suppress(WebSocketDisconnect, RuntimeError):  # it has left; starlette has two ways to say so
+                await websocket.send_text(told("error", message=f"not understood: {error}"))
+        else:
+            _obey(message, viewer, hub, controls)
+
+
+def _text(received: Any) -> str:
+    text = received.get("text")
+    if not isinstance(text, str):
+        raise ValueError("binary data; a page sends JSON text")
+    return text
+
+
+def _obey(message: Heard, viewer: Viewer, hub: Hub, controls: Controls) -> None:
+    if isinstance(message, Motion):
+        controls.move(viewer, message.hand)
+    elif isinstance(message, Ack):
+        viewer.acknowledge(message.number)
+    elif isinstance(message, Watch):
+        viewer.wants_images = message.images
+    elif isinstance(message, Ping):
+        viewer.tell(told("pong", time_ms=message.time_ms, now_ms=hub.now_ms()))
+    elif isinstance(message, Take):
+        controls.take(viewer)
+    elif isinstance(message, Tune):
+        controls.tune(viewer, message.changes())
+    elif isinstance(message, Release):
+        controls.release(viewer)
+    elif isinstance(message, Enter):
+        controls.enter(viewer, message.phase)

@@ -1,0 +1,1 @@
+"""The web server, access control, and what all pages share."""

@@ -1,0 +1,218 @@
+"""Serve pages beside the loop, in a thread of its own: files, routes, and the door in front.
+
+To add a page: put NAME.html and its modules into `static/`, write a Python module with a function that
+takes the `Site` and returns routes, and name both in `PAGES`. Navigation and addresses follow from there.
+"""
+
+import asyncio
+import contextlib
+import html
+import mimetypes
+import socket
+import threading
+from collections.abc import AsyncIterator, Callable, Sequence
+from importlib import import_module, resources
+from typing import Any, NamedTuple
+from urllib.parse import quote
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, PlainTextResponse, RedirectResponse, Response
+from starlette.routing import BaseRoute, Route
+
+from haptigraph.dashboard.server.access import Door
+from haptigraph.dashboard.server.site import Site
+from haptigraph.errors import BadInput
+
+__all__ = ["LIVE", "PAGES", "REGISTRATION", "STUDY_PAGES", "Page", "Server", "address", "listen", "make_app"]
+
+STATIC = resources.files("haptigraph.dashboard").joinpath("static")
+MOST_MESSAGE_BYTES = 65_536
+STOP_S = 3.0
+
+
+class Page(NamedTuple):
+    """One page of the site."""
+
+    title: str
+    """Its word in the navigation."""
+    path: str
+    file: str
+    """Its HTML in `static/`; `<nav></nav>` in it is filled in."""
+    routes: str
+    """"module:function"; the function takes the `Site` and returns routes."""
+
+
+LIVE = Page("Live", "/", "live/live.html", "haptigraph.dashboard.live.page:routes")
+REGISTRATION = Page(
+    "Registration",
+    "/registration",
+    "registration/registration.html",
+    "haptigraph.dashboard.registration.page:routes",
+)
+RECORDINGS = Page(
+    "Recordings", "/recordings", "recordings/recordings.html", "haptigraph.dashboard.recordings.page:routes"
+)
+PAGES = (LIVE, REGISTRATION, RECORDINGS)
+STUDY_PAGES = (
+    Page("Study", "/", "study/study.html", "haptigraph.dashboard.study.experimenter_page:routes"),
+    Page(
+        "Participant",
+        "/participant",
+        "study/participant.html",
+        "haptigraph.dashboard.study.participant_page:routes",
+    ),
+)
+
+
+def make_app(
+    site: Site,
+    health: Callable[[], dict[str, Any]],
+    *,
+    host: str,
+    token: str,
+    pages: Sequence[Page] = PAGES,
+) -> Door:
+    """Return the ASGI app of pages.
+
+    Args:
+        site: What routes may use.
+        health: Says how the loop is, for the live page.
+        host: The address that is listened on.
+        token: What visitors must know; empty: nothing.
+        pages: What is served; "/" leads to the first.
+    """
+
+    @contextlib.asynccontextmanager
+    async def pumping(app: Starlette) -> AsyncIterator[None]:
+        task = asyncio.create_task(site.hub.pump(health))
+        yield
+        task.cancel()
+
+    found: list[BaseRoute] = [route for page in pages for route in _routes_of(page, site)]
+    shown = [Route(page.path, _html_of(page, pages)) for page in pages]
+    shown += [Route("/", _to(pages[0].path))] if pages[0].path != "/" else []
+    files = Route("/static/{room}/{name}", _file)
+    every = [*shown, files, *found]
+    app = Starlette(routes=every, lifespan=pumping, exception_handlers={404: _nothing})
+    return Door(app, host=host, token=token)
+
+
+def _routes_of(page: Page, site: Site) -> Sequence[BaseRoute]:
+    module, _, name = page.routes.partition(":")
+    routes: Sequence[BaseRoute] = getattr(import_module(module), name)(site)
+    return routes
+
+
+def _to(path: str) -> Callable[[Request], Any]:
+    async def answer(request: Request) -> Response:
+        return RedirectResponse(path, status_code=303)
+
+    return answer
+
+
+def _html_of(page: Page, pages: Sequence[Page]) -> Callable[[Request], Any]:
+    links = "".join(
+        f'<a href="{other.path}"{" aria-current=page" * (other is page)}>{html.escape(other.title)}</a>'
+        for other in pages
+    )
+    text = STATIC.joinpath(page.file).read_text(encoding="utf-8")
+    text = text.replace("<nav></nav>", f'<nav aria-label="Pages">{links}</nav>')
+
+    async def answer(request: Request) -> Response:
+        return HTMLResponse(text)
+
+    return answer
+
+
+async def _nothing(request: Request, error: Exception) -> Response:
+    return PlainTextResponse(f"haptigraph: there is no page {request.url.path}\n", status_code=404)
+
+
+async def _file(request: Request) -> Response:
+    """Serve a file of `static/`: only names that are listed there."""
+    room, name = request.path_params["room"], request.path_params["name"]
+    for folder in STATIC.iterdir():
+        for file in folder.iterdir() if folder.name == room else ():
+            if file.name == name:
+                kind = mimetypes.guess_type(name)[0] or "application/octet-stream"
+                kind = "text/javascript" if name.endswith(".js") else kind  # some systems guess text/plain
+                return Response(file.read_bytes(), media_type=kind)
+    return PlainTextResponse(f"haptigraph: no such file: {room}/{name}\n", status_code=404)
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """Return a listening socket.
+
+    Args:
+        host: Address to listen on.
+        port: 0: any free one.
+
+    Raises:
+        BadInput: If that is not possible.
+    """
+    try:
+        (family, kind, protocol, _, address), *_ = socket.getaddrinfo(
+            host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )
+        listener = socket.socket(family, kind, protocol)
+    except (OSError, UnicodeError):
+        raise BadInput(f"--host {host!r} is no address of this machine; 127.0.0.1 is the usual one") from None
+    try:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind(address)
+        listener.listen(100)
+    except OSError as error:
+        listener.close()
+        hint = "; without --port a free one is found" if port else ""
+        raise BadInput(f"cannot listen on {host}, port {port} ({error.strerror}){hint}") from None
+    return listener
+
+
+def address(listener: socket.socket, host: str, token: str, path: str = "/") -> str:
+    """Return what to open in a browser."""
+    name = f"[{host}]" if ":" in host else host
+    secret = f"?token={quote(token)}" if token else ""
+    return f"http://{name}:{listener.getsockname()[1]}{path}{secret}"
+
+
+class Server:
+    """Run an app in a thread; a context manager.
+
+    Args:
+        app: The ASGI app.
+        listener: Its socket; closed at the end.
+    """
+
+    def __init__(self, app: Door, listener: socket.socket) -> None:
+        self._listener = listener
+        config = uvicorn.Config(
+            app,
+            ws="websockets-sansio",
+            http="h11",
+            loop="asyncio",
+            lifespan="on",
+            log_config=None,
+            access_log=False,
+            server_header=False,
+            ws_max_size=MOST_MESSAGE_BYTES,
+            ws_ping_interval=5.0,
+            ws_ping_timeout=5.0,
+            ws_per_message_deflate=False,
+            timeout_graceful_shutdown=1,
+        )
+        self._server = uvicorn.Server(config)
+        self._thread = threading.Thread(target=self._run, name="haptigraph-server", daemon=True)
+
+    def __enter__(self) -> "Server":
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._server.should_exit = True
+        self._thread.join(STOP_S)
+        self._listener.close()
+
+    def _run(self) -> None:
+        self._server.run(sockets=[self._listener])

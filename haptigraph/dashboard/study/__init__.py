@@ -1,0 +1,1 @@
+"""The study's pages: one for the experimenter, one for the participant."""

@@ -1,0 +1,93 @@
+"""The pages of a study and their server; what they show while a trial runs."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from socket import socket
+from typing import Any
+
+from haptigraph.analysis.metrics.run import RunMeasures
+from haptigraph.clock import MonotonicClock
+from haptigraph.config import Config
+from haptigraph.dashboard.server.access import LOOPBACK
+from haptigraph.dashboard.server.controls import Controls
+from haptigraph.dashboard.server.health import Health
+from haptigraph.dashboard.server.hub import Hub
+from haptigraph.dashboard.server.introduction import introduce
+from haptigraph.dashboard.server.server import STUDY_PAGES, Server, address, make_app
+from haptigraph.dashboard.study.session import StationSite, StudyDesk
+from haptigraph.pipeline import Loop
+from haptigraph.sources.phased import PhasedSource
+
+__all__ = ["StudySite"]
+
+
+class StudySite:
+    """Everything that shows a study.
+
+    Args:
+        desk: Whom it is about.
+        base: The station's configuration.
+        listener: The socket to serve on.
+        host: The address it listens on.
+        token: What visitors must know; empty: nothing.
+    """
+
+    def __init__(self, desk: StudyDesk, base: Config, listener: socket, *, host: str, token: str) -> None:
+        self.hub = Hub(MonotonicClock())
+        """Give it to the loop of a trial as a sink, and `hub.felt` as its listener."""
+        self._desk, self._base, self._listener, self._host, self._token = desk, base, listener, host, token
+        self._controls = Controls(self.hub, None)
+        self._health: Health | None = None
+
+    def address(self, path: str = "/") -> str:
+        """Return what to open in a browser."""
+        return address(self._listener, self._host, self._token, path)
+
+    @contextmanager
+    def served(self) -> Iterator[None]:
+        """Serve the pages while the context lasts."""
+        folder = self._desk.study.protocol.folder / "recordings"
+        site = StationSite(
+            self.hub,
+            self._controls,
+            self._base.source.uri,
+            folder,
+            self._host in LOOPBACK,
+            asked=self._base.source,
+            desk=self._desk,
+        )
+        self._desk.on_change = self._changed
+        app = make_app(site, self._healths, host=self._host, token=self._token, pages=STUDY_PAGES)
+        with Server(app, self._listener):
+            yield
+
+    def shown(self, config: Config, loop: Loop, measures: RunMeasures) -> Callable[[], None]:
+        """Return what lets the pages show a loop; call it before the loop's first step.
+
+        Raises:
+            BadInput: If procedure or registration cannot be used.
+        """
+        begin = introduce(config, loop, self.hub)
+        phased = loop.source if isinstance(loop.source, PhasedSource) else None
+        teleop = getattr(loop.source, "teleop", None)
+
+        def show() -> None:
+            self._health = Health(loop, self.hub, measures)
+            self.hub.from_outside(begin)
+            self.hub.from_outside(lambda: self._controls.begin(teleop, phased))
+
+        return show
+
+    def ended(self) -> None:
+        """Let the pages know that the loop has ended."""
+        self._health = None
+        self.hub.from_outside(lambda: self._controls.begin(None))
+        self.hub.tell_from_outside("ended", reason="The trial is over.")
+
+    def _changed(self) -> None:
+        version = self._desk.version
+        self.hub.from_outside(lambda: self.hub.tell("study", version=version))
+
+    def _healths(self) -> dict[str, Any]:
+        health = self._health
+        return health() if health else {}

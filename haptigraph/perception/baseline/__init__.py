@@ -1,0 +1,1 @@
+"""The paper's own perception: adaptive threshold and exponential moving average."""

@@ -1,0 +1,1 @@
+"""Perception of the second operation: forceps, a second instrument and stained tissue."""

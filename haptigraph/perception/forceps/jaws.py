@@ -1,0 +1,187 @@
+"""The jaws at the end of a forceps' shaft: what belongs to the shaft, and how far it reaches on either side.
+
+Turns an image and the shaft's line into the tips of two jaws (px). What is metal differs from the empty eye
+and has no colour, so that stained tissue between the jaws is not taken for them. Knows no time.
+"""
+
+import math
+from typing import Any
+
+import cv2
+import numpy as np
+from msgspec import Struct
+from numpy.typing import NDArray
+
+from haptigraph.geometry import Vec, norm, subtract, unit
+from haptigraph.imaging import FloatImage, Mask, grey_with_chroma
+from haptigraph.messages import Image
+from haptigraph.perception.needle.rectify import median
+
+__all__ = ["Jaws", "find_jaws"]
+
+HALF_WIDTH_MM = 1.7  # jaws open no wider than twice this
+FLANK_MM = 0.25
+SHAFT_MM = 0.15  # half the width of what is surely shaft
+SHAFT_WIDEST_MM = 0.7
+LEVEL = 0.45  # of the shaft's contrast: its shadow has less
+LEAST_GREY = 12.0
+COLORED_GREY = 28  # between the strongest and the weakest colour: tissue and dye, not metal
+END_STATIONS = 3
+UNEQUAL_MM = 0.7
+LEAST_MM = 0.6  # of metal beyond the wall
+RIM_PX = 2.0
+OTHER_MM = 1.0  # width of another instrument, with what the lens makes of it
+
+
+class Jaws(Struct, frozen=True):
+    """The tips of two jaws [px], the shaft seen from its entry into the eye."""
+
+    one_px: Vec
+    """On the side of the direction turned by +90 degrees (x towards y)."""
+    other_px: Vec
+
+
+class _Patch(Struct, frozen=True, eq=False):
+    """A part of the image laid straight: stations along the shaft, lanes across it, a pixel each."""
+
+    entry_px: Vec
+    along: Vec
+    size: tuple[int, int]
+    """(stations, lanes)."""
+
+    @property
+    def half(self) -> int:
+        """The lane of the shaft's line."""
+        return self.size[1] // 2
+
+    def lay(self, image: NDArray[Any]) -> NDArray[Any]:
+        """Return the part of an image, (lanes, stations, ...)."""
+        (dx, dy), (x, y) = self.along, self.entry_px
+        place = np.array([[dx, -dy, x + self.half * dy], [dy, dx, y - self.half * dx]])
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        return cv2.warpAffine(image, place, self.size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
+
+    def to_image(self, station_px: float, lane_px: float) -> Vec:
+        """Return where in the image a place of the patch is [px]."""
+        (dx, dy), across = self.along, lane_px - self.half
+        return (
+            self.entry_px[0] + station_px * dx - across * dy,
+            self.entry_px[1] + station_px * dy + across * dx,
+        )
+
+    def to_patch(self, at_px: Vec) -> Vec:
+        """Return (station, lane) of a place in the image."""
+        (dx, dy), (x, y) = self.along, subtract(at_px, self.entry_px)
+        return x * dx + y * dy, y * dx - x * dy + self.half
+
+
+def find_jaws(
+    image: Image,
+    empty: FloatImage,
+    entry_px: Vec,
+    seen_to_px: Vec,
+    *,
+    px_per_mm: float,
+    globe: tuple[Vec, float],
+    chroma_share: float = 0.0,
+    other: tuple[Vec, Vec] | None = None,
+) -> Jaws | None:
+    """Find the jaws of one pair of forceps.
+
+    Args:
+        image: (h, w, 3) BGR or (h, w) grey.
+        empty: The eye without instruments, (h, w) grey; negative where not known.
+        entry_px: Where the shaft comes out of the wall.
+        seen_to_px: Another place on its middle line; up to there it is surely seen.
+        px_per_mm: Scale.
+        globe: Centre and inner radius [px].
+        chroma_share: Of blue less red in the grey of `empty`.
+        other: The two ends of another instrument [px], which is left out.
+
+    Returns:
+        The jaws, or None if no metal lies along the line.
+    """
+    (center_px, radius_px), inwards = globe, subtract(globe[0], entry_px)
+    along, seen_px = unit(subtract(seen_to_px, entry_px)), norm(subtract(seen_to_px, entry_px))
+    middle = inwards[0] * along[0] + inwards[1] * along[1]
+    aside = abs(inwards[0] * along[1] - inwards[1] * along[0])
+    if aside >= radius_px:
+        return None
+    reach_px = middle + math.sqrt(radius_px**2 - aside**2)
+    patch = _Patch(entry_px, along, (max(round(reach_px), 1), 2 * round(HALF_WIDTH_MM * px_per_mm) + 1))
+    metal = _metal(image, empty, patch, seen_px, px_per_mm, chroma_share)
+    if metal is None:
+        return None
+    stations, lanes = patch.size
+    x, y = patch.to_patch(center_px)
+    lane, station = np.ogrid[:lanes, :stations]
+    metal &= np.hypot(station - x, lane - y) < radius_px - RIM_PX
+    if other is not None:
+        _erase(metal, patch, other, px_per_mm)
+    return _ends(_of_shaft(metal, patch.half), patch, px_per_mm)
+
+
+def _metal(
+    image: Image, empty: FloatImage, patch: _Patch, seen_px: float, px_per_mm: float, chroma_share: float
+) -> Mask | None:
+    """Return what differs from the empty eye about as much as the shaft does, and has no colour."""
+    seen, then = patch.lay(image), patch.lay(empty)
+    now = grey_with_chroma(seen, chroma_share, np.True_).astype(np.float32)
+    flank = max(round(FLANK_MM * px_per_mm), 2)
+    beside = np.concatenate([now[:flank], now[-flank:]])
+    is_known = then >= 0
+    if not is_known.all():
+        then = np.where(is_known, then, np.median(beside, axis=0))
+    known = np.concatenate([then[:flank], then[-flank:]])
+    then *= median(beside) / max(median(known), 1.0)
+    differs = np.abs(now - then)
+    core = max(round(SHAFT_MM * px_per_mm), 1)
+    shaft = differs[patch.half - core : patch.half + core + 1]
+    contrast = median(shaft[:, : max(round(seen_px), 1)].mean(axis=0))
+    if contrast < LEAST_GREY:
+        return None
+    metal = differs >= max(LEVEL * contrast, LEAST_GREY)
+    if image.ndim == 3:
+        blue, green, red = cv2.split(seen)
+        strongest, weakest = cv2.max(cv2.max(blue, green), red), cv2.min(cv2.min(blue, green), red)
+        metal &= cv2.subtract(strongest, weakest) < COLORED_GREY
+    return np.asarray(metal, np.bool_)
+
+
+def _erase(metal: Mask, patch: _Patch, ends: tuple[Vec, Vec], px_per_mm: float) -> None:
+    """Leave out another instrument, but where the shaft itself may be."""
+    stripe = np.zeros(metal.shape, np.uint8)
+    one, two = (tuple(round(value) for value in patch.to_patch(end)) for end in ends)
+    cv2.line(stripe, one, two, 1, max(round(OTHER_MM * px_per_mm), 1))
+    kept = round(SHAFT_WIDEST_MM / 2 * px_per_mm)
+    stripe[patch.half - kept : patch.half + kept + 1] = 0
+    metal &= stripe == 0
+
+
+def _of_shaft(metal: Mask, half: int) -> Mask:
+    """Return the connected part that has the most of the shaft's line."""
+    closed = cv2.morphologyEx(metal.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
+    _, parts = cv2.connectedComponents(closed)
+    on_line = parts[half - 1 : half + 2]
+    counts = np.bincount(on_line.ravel(), minlength=2)
+    counts[0] = 0
+    return np.asarray((parts == counts.argmax()) & (parts > 0) if counts.any() else np.zeros_like(metal))
+
+
+def _ends(part: Mask, patch: _Patch, px_per_mm: float) -> Jaws | None:
+    """Return where a part ends on either side of the line.
+
+    Jaws are equally long: where only one side reaches that far, they are closed and lie beside the line.
+    """
+    sides = [slice(patch.half, None), slice(None, patch.half + 1)]
+    stations = [np.flatnonzero(part[side].any(axis=0)) for side in sides]
+    reach = [int(each[-1]) if len(each) else 0 for each in stations]
+    if max(reach) < LEAST_MM * px_per_mm:
+        return None
+    if abs(reach[0] - reach[1]) > UNEQUAL_MM * px_per_mm:
+        sides, reach = [sides[int(np.argmax(reach))]] * 2, [max(reach)] * 2
+    tips = []
+    for side, last in zip(sides, reach, strict=True):
+        lanes = np.nonzero(part[side, max(last - END_STATIONS + 1, 0) : last + 1])[0]
+        tips.append(patch.to_image(last + 0.5, float(lanes.mean()) + (side.start or 0)))
+    return Jaws(*tips)

@@ -1,0 +1,1 @@
+"""The needle tracker, one stage a module; `tracker` calls them in order."""

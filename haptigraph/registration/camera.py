@@ -1,0 +1,319 @@
+"""Registration: where the static anatomy lies in the image; read from TOML, checked, put into the eye frame.
+
+Knows nothing of needles. The format is described in docs/conventions.md.
+"""
+
+import base64
+import math
+from itertools import pairwise
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+from msgspec import Struct, field
+from msgspec.structs import replace
+
+from haptigraph.geometry import (
+    Circle,
+    Geometry,
+    Homography,
+    ImageGeometry,
+    Point,
+    Polyline,
+    Vec,
+    distance_to_polyline,
+    norm,
+    subtract,
+)
+from haptigraph.registration.background import EmptyEye
+from haptigraph.registration.registered import VIEW_MARGIN, Registered
+from haptigraph.registration.text import FORMAT, AnatomyPx, TrocarPx
+from haptigraph.toml_document import Document
+
+__all__ = [
+    "Registration",
+    "anatomy_px",
+    "load_registration",
+    "parse_registration",
+    "registration_of",
+]
+
+DIAMETER_RANGE_MM = (15.0, 35.0)  # eyes of children, adults, pigs and their phantoms
+SMALLEST_RADIUS_PX = 60.0  # below, the 0.7 mm zones are under 4 px wide
+TARGET_TOLERANCE_MM = 0.35  # half the touching distance
+CONTOUR_TOLERANCE_MM = 0.5
+WALL_RANGE_MM = (
+    -0.7,
+    3.0,
+)  # a trocar sits anywhere in the wall, measured outwards from the globe's inner side
+SHORTEST_AXIS_MM = 5.0
+STRAIGHTENED_SCALE = (0.5, 2.0)  # by so much a straightened image may be stretched at the globe's centre
+
+Row: TypeAlias = tuple[float, float, float]
+
+
+class _Image(Struct, frozen=True, forbid_unknown_fields=True):
+    width: int
+    height: int
+    mirrored: bool
+
+
+class _Globe(Struct, frozen=True, forbid_unknown_fields=True):
+    center_px: Vec
+    radius_px: float
+    diameter_mm: float
+
+
+class _Retina(Struct, frozen=True, forbid_unknown_fields=True):
+    contour_px: tuple[Vec, ...]
+
+
+class _Target(Struct, frozen=True, forbid_unknown_fields=True):
+    point_px: Vec
+
+
+class _Trocar(Struct, frozen=True, forbid_unknown_fields=True):
+    name: str
+    point_px: Vec
+    used: bool
+
+
+class _Homography(Struct, frozen=True, forbid_unknown_fields=True):
+    straight_from_image: tuple[Row, Row, Row]
+
+
+class _Empty(Struct, frozen=True, forbid_unknown_fields=True):
+    webp: str
+
+
+class _File(Struct, frozen=True, forbid_unknown_fields=True):
+    format: int
+    image: _Image
+    globe: _Globe
+    retina: _Retina
+    target: _Target
+    trocars: tuple[_Trocar, ...] = field(name="trocar")
+    homography: _Homography | None = None
+    empty: _Empty | None = None
+
+
+class Registration(Registered, frozen=True):
+    """The static anatomy of one set-up."""
+
+    globe: Circle
+    retina: Polyline
+    target: Point
+    trocar: Point
+    """The trocar in use, the needle's pivot."""
+    other_trocars: tuple[Point, ...]
+    """Those that another instrument may go through."""
+    empty: EmptyEye | None = None
+    """What the camera saw of the eye without needle, if that is known."""
+
+    @property
+    def anatomy(self) -> dict[str, Geometry]:
+        """The static entities by name, eye frame."""
+        return {
+            "eye_globe": self.globe,
+            "retina_surface": self.retina,
+            "retina_target": self.target,
+            "trocar": self.trocar,
+        }
+
+    @property
+    def view_half_mm(self) -> float:
+        """From the globe's centre to the edge of a square picture of it."""
+        return self.globe.radius_mm * VIEW_MARGIN
+
+    @property
+    def straight(self) -> "Registration":
+        """The same for straightened images: with no slant."""
+        way = self.image.straight_from_image
+        empty = self.empty.straightened(way) if self.empty and way else self.empty
+        return replace(self, image=replace(self.image, straight_from_image=None), empty=empty)
+
+
+def load_registration(path: str | Path) -> Registration:
+    """Read and check a registration file.
+
+    Raises:
+        BadInput: With file, line and reason, if it cannot be read or makes no sense.
+    """
+    return registration_of(Document.read(path))
+
+
+def parse_registration(text: str, file: str) -> Registration:
+    """Read and check a registration from text, for example from a recording; `file` names it in errors."""
+    return registration_of(Document(text, file))
+
+
+def anatomy_px(registration: Registration) -> AnatomyPx:
+    """Return a registration as its file has it, in pixels, with all its trocars."""
+    data = Document(registration.text, "registration").convert(_File)
+    return AnatomyPx(
+        width_px=data.image.width,
+        height_px=data.image.height,
+        mirrored=data.image.mirrored,
+        center_px=data.globe.center_px,
+        radius_px=data.globe.radius_px,
+        diameter_mm=data.globe.diameter_mm,
+        contour_px=data.retina.contour_px,
+        target_px=data.target.point_px,
+        trocars=tuple(TrocarPx(each.name, each.point_px, each.used) for each in data.trocars),
+        straight_from_image=registration.image.straight_from_image,
+        empty_webp=_webp(data),
+    )
+
+
+def registration_of(document: Document) -> Registration:
+    """Check a registration that was read."""
+    data = document.convert(_File)
+    if data.format != FORMAT:
+        raise document.error(
+            f"format {data.format} is not known; this version reads format {FORMAT}", "format"
+        )
+    _check_image_and_globe(document, data)
+    straight = _straight_from_image(document, data)
+    geometry = ImageGeometry(
+        center_px=straight(data.globe.center_px) if straight else data.globe.center_px,
+        mm_per_px=data.globe.diameter_mm / (2 * data.globe.radius_px),
+        mirrored=data.image.mirrored,
+        straight_from_image=straight,
+    )
+    globe = Circle((0.0, 0.0), data.globe.diameter_mm / 2)
+    retina = Polyline(tuple(geometry.to_mm(point) for point in data.retina.contour_px))
+    target = geometry.to_mm(data.target.point_px)
+    _check_retina(document, retina, globe)
+    off_mm = distance_to_polyline(target, retina)
+    if off_mm > TARGET_TOLERANCE_MM:
+        raise document.error(
+            f"the target lies {off_mm:.2f} mm off the retina; at most {TARGET_TOLERANCE_MM} mm is plausible",
+            "target.point_px",
+        )
+    return Registration(
+        width_px=data.image.width,
+        height_px=data.image.height,
+        image=geometry,
+        globe=globe,
+        retina=retina,
+        target=Point(target),
+        trocar=Point(_used_trocar(document, data, geometry, globe, target)),
+        other_trocars=tuple(
+            Point(geometry.to_mm(trocar.point_px)) for trocar in data.trocars if not trocar.used
+        ),
+        text=document.text,
+        empty=_empty_eye(document, data),
+    )
+
+
+def _check_image_and_globe(document: Document, data: _File) -> None:
+    image, globe = data.image, data.globe
+    if image.width < 1 or image.height < 1:
+        raise document.error(f"image size {image.width} x {image.height} px is not a size", "image.width")
+    low, high = DIAMETER_RANGE_MM
+    if not low <= globe.diameter_mm <= high:
+        raise document.error(
+            f"a globe of {globe.diameter_mm:g} mm is not an eye; {low:g} to {high:g} mm is plausible",
+            "globe.diameter_mm",
+        )
+    largest_px = math.hypot(image.width, image.height) / 2
+    if not SMALLEST_RADIUS_PX <= globe.radius_px <= largest_px:
+        raise document.error(
+            f"a globe radius of {globe.radius_px:g} px gives an implausible scale; in such an image "
+            f"{SMALLEST_RADIUS_PX:g} to {largest_px:.0f} px is plausible",
+            "globe.radius_px",
+        )
+    x, y = globe.center_px
+    if not (0 <= x < image.width and 0 <= y < image.height):
+        raise document.error(
+            f"the globe's centre ({x:g}, {y:g}) px lies outside the {image.width} x {image.height} px image",
+            "globe.center_px",
+        )
+
+
+def _straight_from_image(document: Document, data: _File) -> Homography | None:
+    """Return the homography if it is one of a camera before the eye."""
+    if data.homography is None:
+        return None
+    path, given = "homography.straight_from_image", Homography(data.homography.straight_from_image)
+    corners = np.array([(x, y, 1) for x in (0, data.image.width) for y in (0, data.image.height)])
+    if not (corners @ given.matrix[2] > 0).all():
+        raise document.error("the homography sends a part of the image to infinity", path)
+    x, y = data.globe.center_px
+    (px, py), (rx, ry), (dx, dy) = (given(place) for place in ((x, y), (x + 1, y), (x, y + 1)))
+    area = (rx - px) * (dy - py) - (ry - py) * (dx - px)
+    low, high = STRAIGHTENED_SCALE
+    if not low**2 <= area <= high**2:
+        raise document.error(
+            f"the homography makes areas {area:.3g} times as large at the globe's centre; "
+            f"{low**2:g} to {high**2:g} is plausible",
+            path,
+        )
+    return given
+
+
+def _empty_eye(document: Document, data: _File) -> EmptyEye | None:
+    """Return the picture of the eye without needle, if there is one, and it is of the images' size."""
+    if data.empty is None:
+        return None
+    try:
+        empty = EmptyEye.of_webp(_webp(data))
+    except ValueError:
+        empty = None
+    if empty is None:
+        raise document.error("empty.webp: expected a WebP picture in base64, found none", "empty.webp")
+    (height, width), size = empty.is_known.shape, data.image
+    if (width, height) != (size.width, size.height):
+        problem = f"empty.webp: is {width} x {height} px, but the images are {size.width} x {size.height} px"
+        raise document.error(problem, "empty.webp")
+    return empty
+
+
+def _webp(data: _File) -> bytes:
+    return base64.b64decode("".join(data.empty.webp.split()), validate=True) if data.empty else b""
+
+
+def _check_retina(document: Document, retina: Polyline, globe: Circle) -> None:
+    path = "retina.contour_px"
+    if len(retina.points_mm) < 3:
+        raise document.error(f"a contour of {len(retina.points_mm)} points; at least 3 are needed", path)
+    for number, point in enumerate(retina.points_mm):
+        beyond_mm = norm(point) - globe.radius_mm
+        if beyond_mm > CONTOUR_TOLERANCE_MM:
+            raise document.error(
+                f"contour point {number} lies {beyond_mm:.2f} mm outside the globe; all must lie inside", path
+            )
+    turns = [a[0] * b[1] - a[1] * b[0] for a, b in pairwise(retina.points_mm)]
+    if not (all(turn > 0 for turn in turns) or all(turn < 0 for turn in turns)):
+        wrong = next(number for number, turn in enumerate(turns, 1) if turn * turns[0] <= 0)
+        raise document.error(
+            f"contour point {wrong} goes back; points must follow the retina in one direction",
+            path,
+        )
+
+
+def _used_trocar(document: Document, data: _File, geometry: ImageGeometry, globe: Circle, target: Vec) -> Vec:
+    low, high = WALL_RANGE_MM
+    for number, trocar in enumerate(data.trocars):
+        outwards_mm = norm(geometry.to_mm(trocar.point_px)) - globe.radius_mm
+        if not low <= outwards_mm <= high:
+            side = "inside" if outwards_mm < 0 else "outside"
+            raise document.error(
+                f"trocar {trocar.name!r} lies {abs(outwards_mm):.2f} mm {side} the globe's inner wall; "
+                f"it must sit in the wall, at most {-low:g} mm inside or {high:g} mm outside",
+                f"trocar[{number}].point_px",
+            )
+    used = [trocar for trocar in data.trocars if trocar.used]
+    if len(used) != 1:
+        raise document.error(
+            f"{len(used)} of {len(data.trocars)} trocars are marked used; exactly one must be", "trocar"
+        )
+    point = geometry.to_mm(used[0].point_px)
+    length_mm = norm(subtract(target, point))
+    if length_mm < SHORTEST_AXIS_MM:
+        raise document.error(
+            f"trocar {used[0].name!r} is {length_mm:.1f} mm from the target; "
+            f"{SHORTEST_AXIS_MM:g} mm or more is plausible",
+            "target.point_px",
+        )
+    return point

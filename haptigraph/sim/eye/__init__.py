@@ -1,0 +1,1 @@
+"""The simulated eye as a camera sees it."""

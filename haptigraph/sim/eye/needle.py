@@ -1,0 +1,117 @@
+"""A straight instrument as a texture, lying along x, and how to lay it into an image at any pose.
+
+Knows no eye, no light but its own shine.
+"""
+
+import math
+from typing import Annotated, TypeAlias
+
+import cv2
+import numpy as np
+from msgspec import Meta, Struct
+
+from haptigraph.geometry import Vec
+from haptigraph.sim.eye.painter import FloatImage
+
+__all__ = ["Box", "NeedleShape", "blurred", "lay", "needle_texture", "within"]
+
+TEXTURE_FINER = 4
+TEXTURE_PAD_PX = 3
+
+Box: TypeAlias = tuple[slice, slice]
+"""Rows and columns of an image."""
+
+
+class NeedleShape(Struct, frozen=True, forbid_unknown_fields=True):
+    """The [needle] table of a scenario."""
+
+    diameter_mm: float = 0.8
+    tip_diameter_mm: float = 0.12
+    taper_mm: float = 9.0
+    """Length of the cone behind the tip."""
+    length_mm: float = 60.0
+    brightness: float = 0.44
+    """Of the metal, in [0, 1]."""
+    highlight: float = 0.05
+    """Added brightness of the reflection along its middle."""
+    tilt_deg: Annotated[float, Meta(gt=-80, lt=80)] = 0.0
+    """Angle out of the plane of the section: lengths along the shaft appear shorter by its cosine. Depth and
+    tip stay those seen in the plane."""
+
+
+def needle_texture(
+    needle: NeedleShape, px_per_mm: float, blur_px: float, seed: int
+) -> tuple[FloatImage, FloatImage]:
+    """Draw an instrument once, lying along x with its tip at the left.
+
+    Args:
+        needle: Its shape and brightness.
+        px_per_mm: Scale of the image.
+        blur_px: Deviation of the lens's blur.
+        seed: Of the metal's grain.
+
+    Returns:
+        Brightness, 0 to 255, and coverage, 0 to 1; (h, w) each.
+    """
+    scale, seen = px_per_mm, math.cos(math.radians(needle.tilt_deg))
+    length = math.ceil(needle.length_mm * seen * scale) + TEXTURE_PAD_PX
+    half = math.ceil(needle.diameter_mm * scale / 2) + TEXTURE_PAD_PX
+    rows, columns = (2 * half + 1) * TEXTURE_FINER, length * TEXTURE_FINER
+    along_px = (np.arange(columns) + 0.5) / TEXTURE_FINER - 0.5 - TEXTURE_PAD_PX
+    across_px = (np.arange(rows) + 0.5) / TEXTURE_FINER - 0.5 - half
+    share = np.clip(along_px / (needle.taper_mm * seen * scale), 0, 1)
+    tip, shaft = needle.tip_diameter_mm / 2, needle.diameter_mm / 2
+    radius_px = scale * (tip + (shaft - tip) * share)
+    covered = (np.abs(across_px)[:, None] <= radius_px) & (along_px >= 0)
+    height = np.clip(across_px[:, None] / radius_px, -1, 1)
+    lit = 0.72 + 0.28 * np.sqrt(1 - height**2) - 0.07 * height
+    shine = np.exp(-(((height + 0.15) / 0.3) ** 2))
+    rng = np.random.default_rng((seed, 5))
+    grain = cv2.resize(rng.standard_normal((rows // 3, columns // 8)).astype(np.float32), (columns, rows))
+    tone = needle.brightness * lit * (1 + 0.06 * grain) + needle.highlight * shine
+    size = (length, 2 * half + 1)
+    color = cv2.resize((255 * np.clip(tone, 0, 1)).astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    cover = cv2.resize(covered.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    cover = blurred(np.asarray(cover, np.float32), blur_px)
+    return np.asarray(color, np.float32), cover
+
+
+def lay(texture: FloatImage, tip_px: Vec, along: Vec, box: Box) -> FloatImage:
+    """Lay a texture (tip at its left edge's middle) into a box of the image.
+
+    Args:
+        texture: Of `needle_texture`.
+        tip_px: Where the tip is, in the image.
+        along: From the shaft to the tip, length 1, in the image.
+        box: The part of the image to draw.
+
+    Returns:
+        The box's pixels, 0 beside the texture.
+    """
+    rows, columns = box
+    middle = (texture.shape[0] - 1) / 2
+    x, y = tip_px[0] - columns.start, tip_px[1] - rows.start
+    # Columns of the texture run from the tip back along the shaft, rows run across it.
+    box_from_texture = np.array(
+        [
+            [-along[0], -along[1], x + TEXTURE_PAD_PX * along[0] + middle * along[1]],
+            [-along[1], along[0], y + TEXTURE_PAD_PX * along[1] - middle * along[0]],
+        ]
+    )
+    size = columns.stop - columns.start, rows.stop - rows.start
+    warped = cv2.warpAffine(texture, box_from_texture, size, flags=cv2.INTER_LINEAR)
+    return np.asarray(warped, np.float32)
+
+
+def blurred(image: FloatImage, deviation_px: float) -> FloatImage:
+    """Blur an image by a Gaussian; 0 leaves it as it is."""
+    return np.asarray(cv2.GaussianBlur(image, (0, 0), deviation_px), np.float32) if deviation_px else image
+
+
+def within(inner: Box, outer: Box) -> Box:
+    """Return a box as seen from the corner of another that holds it."""
+    rows, columns = (
+        slice(part.start - whole.start, part.stop - whole.start)
+        for part, whole in zip(inner, outer, strict=True)
+    )
+    return rows, columns

@@ -1,0 +1,53 @@
+"""The simulated camera's settings, and where its images show what; nothing is painted for it."""
+
+import math
+
+from msgspec import Struct
+
+from haptigraph.geometry import ImageGeometry, Vec
+from haptigraph.registration.slant import Slant
+
+__all__ = ["CameraSettings", "image_geometry", "slant_of"]
+
+
+class CameraSettings(Struct, frozen=True, forbid_unknown_fields=True):
+    """The [camera] table of a scenario."""
+
+    width_px: int = 1280
+    height_px: int = 720
+    center_px: Vec = (640.0, 402.0)
+    """Where the globe's centre appears."""
+    px_per_mm: float = 20.0
+    mirrored: bool = True
+    tilt_deg: Vec = (0.0, 0.0)
+    """How the section leans away from facing the camera, (right, down) part: that side is farther."""
+    distance_mm: float = 250.0
+    """From the camera to the section; it tells only where that leans, or where the wall stands before it."""
+    blur_px: float = 0.8
+    """Deviation of the lens's blur."""
+    exposure: float = 1.0
+    """Brightness of the whole scene; from about 1.3 on, white surfaces saturate."""
+    vignetting: float = 0.25
+    """Loss of light in the corners."""
+    read_noise_grey: float = 1.0
+    shot_noise_grey: float = 2.5
+    """Deviation at full white; it falls with the square root of the light."""
+    shadow: float = 0.15
+    """Light that the needle takes from the bowl behind it; 0: none."""
+    shadow_shift: Vec = (0.25, 0.3)
+    """How far the shadow falls, (right, down), over the depth of the bowl."""
+
+
+def image_geometry(settings: CameraSettings) -> ImageGeometry:
+    """Return where the images of a camera show what."""
+    straight_from_image = slant_of(settings).straight_from_image if settings.tilt_deg != (0.0, 0.0) else None
+    center_px, mm_per_px = settings.center_px, 1 / settings.px_per_mm
+    return ImageGeometry(center_px, mm_per_px, settings.mirrored, straight_from_image)
+
+
+def slant_of(settings: CameraSettings) -> Slant:
+    """Return how the section leans away from facing a camera."""
+    right, down = (math.radians(angle) for angle in settings.tilt_deg)
+    focal_px = settings.distance_mm * settings.px_per_mm
+    middle_px = (settings.width_px - 1) / 2, (settings.height_px - 1) / 2
+    return Slant(settings.center_px, (right, down), focal_px, middle_px)

@@ -1,0 +1,1 @@
+"""Simulated intraoperative OCT: B-scans of a needle at the retina."""

@@ -1,0 +1,1 @@
+"""Live images: UVC and network cameras, RealSense, ROS 2 topics."""

@@ -1,0 +1,1 @@
+"""B-scans from OCT files, DICOM or a monitor."""

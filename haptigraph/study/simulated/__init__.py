@@ -1,0 +1,1 @@
+"""Simulated participants, and the rehearsal of a whole study with them."""

@@ -1,0 +1,162 @@
+import pytest
+from helpers import MS, make_step, needle
+from msgspec.structs import replace
+
+from haptigraph.analysis.evaluation.evaluation import evaluate_clip, lag_images, score
+from haptigraph.analysis.evaluation.ground_truth import TruthRow
+from haptigraph.config import load_config
+from haptigraph.errors import BadInput
+from haptigraph.geometry import ImageGeometry
+from haptigraph.graph import SceneGraph
+from haptigraph.messages import Observation
+
+IMAGE = ImageGeometry((0.0, 0.0), 0.1, mirrored=False)
+NAV, APPROACH = "aligned_intraocular_navigation", "aligned_retinal_approach"
+
+
+def row(state=NAV, depth_mm=10.0, tip_px=(100.0, 100.0), theta_deg=1.0, *, visible=True, inside=True):
+    if not visible:
+        return TruthRow(False, inside, None, None, None, state)
+    return TruthRow(True, inside, tip_px, depth_mm, theta_deg, state)
+
+
+def seen(state=NAV, tip_px=(100.0, 100.0), theta_deg=1.0):
+    found = {} if tip_px is None else needle((0.0, 0.0), IMAGE.to_mm(tip_px))
+    graph = SceneGraph(0, (), (), {} if tip_px is None else {"theta_deg": theta_deg})
+    return replace(make_step(stamp_ns=MS, state=state), observation=Observation(0, found), graph=graph)
+
+
+def test_a_perfect_run_scores_perfectly():
+    scores = score([seen()] * 5, [row()] * 5, IMAGE)
+    assert scores["images"] == 5
+    assert scores["detection_rate"] == 1.0
+    assert scores["tip_error_px"] == {"median": pytest.approx(0, abs=1e-9), "p95": pytest.approx(0, abs=1e-9)}
+    assert scores["angle_error_deg"]["deep"]["median"] == 0
+    assert scores["angle_error_deg"]["shallow"]["median"] is None
+    assert scores["state_agreement"] == 1.0
+    assert scores["state_changes"] == {"run": 0, "truth": 0}
+    assert scores["final_state"] == NAV
+
+
+def test_detection_counts_visible_tips_at_least_two_mm_deep():
+    truth = [row(depth_mm=1.9), row(depth_mm=2.0), row(depth_mm=9.0), row(inside=False, depth_mm=5.0)]
+    steps = [seen(tip_px=None), seen(), seen(tip_px=None), seen(tip_px=None)]
+    assert score(steps, truth, IMAGE)["detection_rate"] == 0.5
+
+
+def test_tip_errors_are_in_pixels_and_millimetres_of_visible_tips_inside():
+    truth = [row(), row(), row(inside=False, depth_mm=-3.0)]
+    steps = [seen(tip_px=(103.0, 104.0)), seen(), seen(tip_px=(500.0, 500.0))]
+    scores = score(steps, truth, IMAGE)
+    assert scores["tip_error_px"]["median"] == pytest.approx(2.5)
+    assert scores["tip_error_mm"]["median"] == pytest.approx(0.25)
+
+
+def test_angle_errors_are_told_apart_by_depth():
+    truth = [row(depth_mm=0.5), row(depth_mm=1.0), row(depth_mm=3.0), row(depth_mm=3.1)]
+    steps = [seen(theta_deg=t) for t in (90.0, 2.0, 4.0, 1.25)]
+    angle = score(steps, truth, IMAGE)["angle_error_deg"]
+    assert angle["shallow"] == {"median": 2.0, "p95": pytest.approx(2.9)}
+    assert angle["deep"]["median"] == 0.25
+
+
+def test_false_detections_do_not_count_the_wall_nor_a_hidden_tip_inside():
+    outside = row("outside_eye", depth_mm=-5.0, inside=False)
+    at_wall = row("outside_eye", depth_mm=-0.9, inside=False)
+    gone = row("unknown", visible=False, inside=False)
+    truth = [gone, outside, at_wall, gone, row(depth_mm=0.9), row("unknown", visible=False, inside=True)]
+    assert score([seen()] * 6, truth, IMAGE)["false_detections"] == 1
+
+
+def test_state_agreement_spares_one_image_either_side_of_a_change():
+    truth = [row(NAV)] * 4 + [row(APPROACH)] * 4
+    late = [seen(NAV)] * 5 + [seen(APPROACH)] * 3
+    assert score(late, truth, IMAGE)["state_agreement"] == 1.0
+    later = [seen(NAV)] * 6 + [seen(APPROACH)] * 2
+    assert score(later, truth, IMAGE)["state_agreement"] == pytest.approx(5 / 6)
+
+
+def test_state_agreement_spares_images_hidden_in_the_wall():
+    hidden = row("unknown", visible=False, inside=False)
+    truth = [row("outside_eye", depth_mm=-0.5, inside=False), *[hidden] * 5, row(NAV, depth_mm=1.0)]
+    steps = [seen("outside_eye"), *[seen("target_hit")] * 5, seen(NAV)]
+    assert score(steps, truth, IMAGE)["state_agreement"] is None  # all are spared
+    never = [row("unknown", visible=False, inside=False)] * 5
+    assert score([seen("target_hit")] * 5, never, IMAGE)["state_agreement"] == 0.0
+
+
+def test_wrong_contacts_are_those_far_from_any_true_one():
+    truth = [row(NAV)] * 3 + [row("retinal_contact")] + [row(NAV)] * 3 + [row("target_hit")]
+    steps = [seen("retinal_contact")] * 8
+    assert score(steps, truth, IMAGE)["wrong_contact_images"] == 3  # images 0, 1 and 5
+
+
+def test_changes_and_final_state_are_counted_over_all_images():
+    truth = [row(NAV), row(APPROACH), row(APPROACH)]
+    steps = [seen(NAV), seen(APPROACH), seen(NAV)]
+    scores = score(steps, truth, IMAGE)
+    assert scores["state_changes"] == {"run": 2, "truth": 1}
+    assert scores["final_state"] == NAV
+
+
+def test_the_lag_is_told_in_images():
+    truth = [row(tip_px=(100.0 + 4 * n, 100.0)) for n in range(50)]
+    behind = [seen(tip_px=(100.0 + 4 * n - 6, 100.0)) for n in range(50)]
+    assert lag_images(behind, truth, IMAGE) == pytest.approx(1.5)
+    assert lag_images([seen()] * 50, [row()] * 50, IMAGE) is None  # nothing moved
+
+
+KEYS = {
+    "clip": str,
+    "perceiver": str,
+    "images": int,
+    "detection_rate": float,
+    "false_detections": int,
+    "tip_error_px": dict,
+    "tip_error_mm": dict,
+    "angle_error_deg": dict,
+    "state_agreement": float,
+    "wrong_contact_images": int,
+    "state_changes": dict,
+    "final_state": str,
+}
+
+
+def test_the_reference_method_on_the_clips(clip):
+    """Bounds, not figures: the README and the notes state what came out."""
+    evaluation = evaluate_clip(
+        clip, load_config(None, ("perception.alpha=1", "perception.perceiver=threshold"))
+    )
+    scores = evaluation.scores
+    assert {name: type(value) for name, value in scores.items()} == KEYS
+    assert scores["clip"] == clip.name
+    assert scores["detection_rate"] >= 0.98
+    assert scores["false_detections"] == 0
+    assert scores["tip_error_px"]["median"] <= 1.0
+    assert scores["angle_error_deg"]["deep"]["median"] <= 0.3
+    assert scores["wrong_contact_images"] == 0
+    assert scores["final_state"] == "target_hit"
+    assert abs(evaluation.lag_images) < 0.1
+
+
+def test_an_image_of_another_size_is_named(tmp_path, registration_toml):
+    import cv2
+    import numpy as np
+
+    (tmp_path / "registration.toml").write_text(registration_toml)
+    (tmp_path / "truth.csv").write_text("image\n")
+    video = cv2.VideoWriter(str(tmp_path / "clip.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), 25.0, (64, 48))
+    video.write(np.zeros((48, 64, 3), np.uint8))
+    video.release()
+    with pytest.raises(BadInput) as refused:
+        evaluate_clip(tmp_path, load_config())
+    assert str(refused.value).startswith(f"{tmp_path / 'clip.mp4'}, image 0: image is 64 x 48 px")
+
+
+def test_truth_of_another_length_is_refused(clip, tmp_path):
+    for name in ("clip.mp4", "registration.toml"):
+        (tmp_path / name).symlink_to(clip / name)
+    lines = (clip / "truth.csv").read_text().splitlines()
+    (tmp_path / "truth.csv").write_text("\n".join(lines[:10]))
+    with pytest.raises(BadInput, match=r"has 9 rows, but the clip has \d+ images"):
+        evaluate_clip(tmp_path, load_config())

@@ -1,0 +1,176 @@
+import json
+
+import cv2
+import msgspec
+import pytest
+from helpers import make_step, needle
+from msgspec.structs import replace
+
+from haptigraph import assemble
+from haptigraph.analysis.evaluation.angle_noise import HeldDepth
+from haptigraph.analysis.evaluation.cramer_rao import AngleBound
+from haptigraph.analysis.evaluation.ground_truth import TruthRow
+from haptigraph.analysis.evaluation.report import sweep_object, sweep_text
+from haptigraph.analysis.evaluation.sweep import (
+    perceivers_to_compare,
+    play,
+    shaft_error_deg,
+    sweep,
+    true_rows,
+)
+from haptigraph.analysis.evaluation.sweep_figure import sweep_figure
+from haptigraph.config import load_config
+from haptigraph.geometry import ImageGeometry, Polyline, Segment
+from haptigraph.messages import Observation, Truth
+from haptigraph.registration.camera import parse_registration
+from haptigraph.sim.phantom import Phantom
+from haptigraph.sim.scenes import DIFFICULTIES, random_scene
+
+SMALL = (480, 270)
+CONFIG = load_config(None, ("perception.alpha=1",))
+
+
+def true_registration(phantom):
+    return parse_registration(phantom.true_registration, "the true registration")
+
+
+class Certain:
+    """Sees a needle always, and always the same one."""
+
+    def __init__(self, registration, config):
+        self._anatomy = registration.anatomy
+
+    def __call__(self, capture):
+        return Observation(capture.stamp_ns, self._anatomy | needle((5.0, 10.0), (0.0, 0.0)))
+
+    def reset(self):
+        pass
+
+
+class Blind(Certain):
+    def __call__(self, capture):
+        return Observation(capture.stamp_ns, dict(self._anatomy))
+
+
+@pytest.fixture(scope="module")
+def swept():
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("Certain", "Blind"):
+            patch.setitem(assemble.PERCEIVERS, name.lower(), f"{__name__}:{name}")
+        return sweep(len(DIFFICULTIES), ["threshold", "certain", "blind"], CONFIG, seed=3, size_px=SMALL)
+
+
+HELD = [
+    HeldDepth(
+        depth,
+        {"threshold": noise, "certain": 0.01, "blind": None},
+        AngleBound(0.1 / depth, free, 0.01, 0.02),
+        {"threshold": 0.01, "certain": 0.0, "blind": None},
+    )
+    for depth, noise, free in ((1.0, None, float("inf")), (5.0, 0.2, 0.1), (12.0, 0.1, 0.02))
+]
+
+
+def test_every_difficulty_is_scored_and_all_of_them_together(swept):
+    scores = swept.scores()
+    assert list(scores) == ["threshold", "certain", "blind"]
+    for rows in scores.values():
+        assert list(rows) == ["all", *DIFFICULTIES]
+        assert rows["all"]["images"] == sum(rows[name]["images"] for name in DIFFICULTIES)
+        assert rows["registration"]["state_agreement"] is None
+
+
+def test_who_always_sees_a_needle_is_wrong_without_one(swept):
+    scores = swept.scores()["certain"]["all"]
+    assert scores["detection_rate"] == 1.0
+    assert scores["false_detections"] > 30
+    assert scores["tip_error_px"]["median"] > 5
+
+
+def test_who_never_sees_one_is_never_wrong_but_misses_all(swept):
+    scores = swept.scores()["blind"]["all"]
+    assert scores["detection_rate"] == 0.0
+    assert scores["false_detections"] == scores["wrong_contact_images"] == 0
+    assert scores["tip_error_px"] == {"median": None, "p95": None}
+
+
+def test_the_reference_method_finds_most_needles(swept):
+    scores = swept.scores()["threshold"]["all"]
+    assert scores["detection_rate"] > 0.8
+    assert scores["angle_error_deg"]["deep"]["median"] < 1.0
+
+
+def test_the_same_seed_gives_the_same_scores():
+    one, other = (sweep(2, ["threshold"], CONFIG, seed=5, size_px=SMALL) for _ in range(2))
+    assert one == other
+
+
+def test_progress_is_told():
+    told = []
+    sweep(1, ["threshold"], CONFIG, size_px=SMALL, progress=lambda *now: told.append(now))
+    assert told == [("playing scenes", 0, 1), ("playing scenes", 1, 1)]
+
+
+def test_the_true_states_are_what_the_rules_say_of_the_true_needle(procedure):
+    phantom = Phantom(random_scene(11, 3, size_px=SMALL).scenario)
+    moments = [moment for _, moment in play(phantom)]
+    rows = true_rows([moment.truth for moment in moments], true_registration(phantom), procedure)
+    for row, moment in zip(rows, moments, strict=True):
+        assert row.visible == moment.truth.visible
+        assert (row.state == "unknown") == (not row.visible)
+        assert (row.state == "outside_eye") == (row.visible and not row.inside)
+
+
+def test_the_shaft_is_compared_in_the_image():
+    image = ImageGeometry((100.0, 100.0), 0.1, mirrored=False)
+    moved = replace(image, center_px=(103.0, 98.0))  # a wrong registration does not turn the shaft
+    found = needle(moved.to_mm((50.0, 50.0)), moved.to_mm((50.0, 90.0)))
+    step = replace(make_step(stamp_ns=0), observation=Observation(0, found))
+    row = TruthRow(True, True, (50.0, 90.0), 4.0, 0.0, "any")
+    assert shaft_error_deg(step, row, moved, (50.0, 50.0)) == pytest.approx(0.0, abs=1e-9)
+    assert shaft_error_deg(step, row, moved, (40.0, 50.0)) == pytest.approx(14.036, abs=0.001)
+    assert shaft_error_deg(step, replace(row, tip_px=None), moved, (40.0, 50.0)) is None
+    unseen = replace(step, observation=Observation(0, {}))
+    assert shaft_error_deg(unseen, row, moved, (40.0, 50.0)) is None
+
+
+def test_compared_are_those_that_there_are(monkeypatch):
+    assert "threshold" in perceivers_to_compare()
+    monkeypatch.setitem(assemble.PERCEIVERS, "tracker", "some:Tracker")
+    assert perceivers_to_compare() == ["threshold", "tracker"]
+
+
+def test_the_object_is_json_and_the_text_has_a_line_per_difficulty(swept):
+    told = json.loads(msgspec.json.encode(sweep_object(swept, HELD)))
+    assert set(told) == {"scenes", "seed", "perceivers", "angle_noise"}
+    assert told["angle_noise"][0]["bound_deg"]["inside_pivot_free"] is None
+    assert told["angle_noise"][1]["noise_deg"]["threshold"] == 0.2
+    lines = sweep_text(swept, HELD).splitlines()
+    for name in (*DIFFICULTIES, "5 mm"):
+        assert any(line.strip().startswith(name) for line in lines), name
+
+
+def test_a_sweep_becomes_a_picture(swept, tmp_path):
+    sweep_figure(swept, HELD, tmp_path / "sweep.png")
+    assert cv2.imread(str(tmp_path / "sweep.png")).shape[1] > 1200
+
+
+def test_the_true_state_is_that_of_a_retina_that_was_pressed_in(procedure):
+    phantom = Phantom(random_scene(11, 3, size_px=SMALL).scenario)
+    x, y = phantom.eye.target_mm
+    near = Truth(True, True, (0.0, 0.0), (0.96 * x, 0.96 * y), 20.0, 0.0)
+    farther = Polyline(tuple((1.1 * x, 1.1 * y) for x, y in phantom.eye.retina_mm))
+    truths = [near, replace(near, others={"retina_surface": farther})]
+    states = [row.state for row in true_rows(truths, true_registration(phantom), procedure)]
+    assert states[0] == "target_hit"
+    assert states[1].endswith("retinal_approach")
+
+
+def test_a_shaft_that_the_tip_does_not_lie_on_counts_for_the_angle(procedure):
+    phantom = Phantom(random_scene(11, 3, size_px=SMALL).scenario)
+    trocar_mm, target_mm = phantom.eye.trocar_mm, phantom.eye.target_mm
+    axis_mm = tuple((start + end) / 2 for start, end in zip(trocar_mm, target_mm, strict=True))
+    beside = Truth(True, True, (0.0, 0.0), (axis_mm[0] + 0.5, axis_mm[1]), 12.0, 0.0)
+    truths = [beside, replace(beside, others={"needle_line": Segment(trocar_mm, axis_mm)})]
+    states = [row.state for row in true_rows(truths, true_registration(phantom), procedure)]
+    assert states == ["misaligned_intraocular_navigation", "aligned_intraocular_navigation"]

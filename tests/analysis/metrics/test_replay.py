@@ -1,0 +1,47 @@
+from pathlib import Path
+
+import pytest
+
+from haptigraph import assemble
+from haptigraph.analysis.metrics.replay import replay
+from haptigraph.config import load_config
+from haptigraph.errors import BadInput
+
+
+@pytest.fixture(scope="module")
+def recording(quick_uri, tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("replay") / "r.mcap"
+    settings = (f"source.uri={quick_uri}", "run.realtime=false", f'recording.path="{path}"')
+    assemble.build(load_config(None, settings)).run()
+    return path
+
+
+def test_a_replay_is_identical_step_by_step(recording):
+    report = replay(recording)
+    assert report.steps == report.identical == 117
+    assert report.first is None
+    assert report.recorded.completion_s == report.replayed.completion_s > 1
+    assert (report.is_whole, report.dropped_images) == (True, 0)
+
+
+def test_another_procedure_tells_what_would_have_happened(recording, procedure, tmp_path):
+    strict = tmp_path / "strict.toml"
+    strict.write_text(procedure.text.replace("at_most = 5.5", "at_most = 9.0"))
+    report = replay(recording, str(strict))
+    assert 0 < report.identical < report.steps
+    assert report.first.message == "graph"
+    assert "approaching" in report.first.replayed
+    assert "approaching" not in report.first.recorded
+    near = "misaligned_retinal_approach"
+    assert report.replayed.state_s[near] > report.recorded.state_s[near]
+
+
+def test_a_change_of_touch_alone_shows_in_the_command(recording, procedure, tmp_path):
+    loud = tmp_path / "loud.toml"
+    loud.write_text(procedure.text.replace("amplitude = 0.3", "amplitude = 0.9"))
+    assert replay(recording, str(loud)).first.message == "command"
+
+
+def test_a_replay_under_a_bad_procedure_is_told(recording):
+    with pytest.raises(BadInput, match="unknown procedure"):
+        replay(recording, "nothing")

@@ -1,0 +1,113 @@
+import pytest
+from helpers import MS, make_step
+from msgspec.structs import replace
+
+from haptigraph.analysis.metrics.run import RunMeasures, measure_run
+from haptigraph.analysis.metrics.summary import summary
+from haptigraph.graph import SceneGraph, Schema, Triplet
+from haptigraph.messages import Fault
+from haptigraph.run_report import RunReport
+
+INSIDE = Triplet("needle_tip", "inside", "eye_globe")
+
+
+def step(ms, state, theta_deg=None, *, inside=True, faults=()):
+    measures = {} if theta_deg is None else {"theta_deg": theta_deg}
+    graph = SceneGraph(ms * MS, (), (INSIDE,) if inside else (), measures)
+    return replace(make_step(stamp_ns=ms * MS, state=state, faults=faults), graph=graph)
+
+
+@pytest.fixture
+def run():
+    """Outside, in, off course, contact twice, on course, hit, held."""
+    return [
+        step(0, "outside_eye", inside=False),
+        step(1000, "misaligned_intraocular_navigation", 6.0),
+        step(3000, "retinal_contact", 6.0),
+        step(3500, "misaligned_retinal_approach", 4.0),
+        step(4000, "retinal_contact", 4.0),
+        step(4100, "unknown"),
+        step(4200, "aligned_retinal_approach", 1.0),
+        step(6200, "target_hit", 0.0),
+        step(9000, "target_hit", 0.0),
+        step(9500, "unknown", inside=False, faults=(Fault("source", "ended"),)),
+    ]
+
+
+def test_a_run_lasts_from_first_inside_to_first_hit(run):
+    measures = measure_run(run)
+    assert measures.completion_s == pytest.approx(5.2)
+    assert measures.contacts == 2
+    assert measures.state_s == pytest.approx(
+        {
+            "misaligned_intraocular_navigation": 2.0,
+            "retinal_contact": 0.6,
+            "misaligned_retinal_approach": 0.5,
+            "unknown": 0.1,
+            "aligned_retinal_approach": 2.0,
+        }
+    )
+    assert sum(measures.state_s.values()) == pytest.approx(measures.completion_s)
+    assert measures.all_state_s["target_hit"] == pytest.approx(3.3)
+    assert measures.all_state_s["outside_eye"] == pytest.approx(1.0)
+    assert measures.order == [
+        "misaligned_intraocular_navigation",
+        "retinal_contact",
+        "misaligned_retinal_approach",
+        "retinal_contact",
+        "unknown",
+        "aligned_retinal_approach",
+        "target_hit",
+    ]
+    assert measures.last_state == "target_hit"
+
+
+def test_mean_theta_is_weighted_by_time_where_the_needle_was_seen(run):
+    seen_s = 2.0 + 0.5 + 0.5 + 0.1 + 2.0
+    expected = (2.0 * 6 + 0.5 * 6 + 0.5 * 4 + 0.1 * 4 + 2.0 * 1) / seen_s
+    assert measure_run(run).mean_theta_deg == pytest.approx(expected)
+
+
+def test_what_happens_after_the_hit_does_not_count(run):
+    later = [*run[:-1], step(9600, "retinal_contact", 9.0), step(9900, "unknown")]
+    assert measure_run(later).contacts == 2
+    assert measure_run(later).completion_s == pytest.approx(5.2)
+
+
+def test_a_run_that_never_hits_has_no_completion(run):
+    measures = measure_run(run[:5])
+    assert measures.completion_s is None
+    assert measures.is_running
+    assert "no target hit" in summary(measures)
+
+
+def test_a_needle_that_never_entered_makes_no_run():
+    measures = measure_run([step(0, "outside_eye", inside=False), step(100, "unknown", inside=False)])
+    assert (measures.completion_s, measures.mean_theta_deg, measures.contacts) == (None, None, 0)
+    assert "none: <needle_tip, inside, eye_globe> was never seen" in summary(measures)
+    assert RunMeasures().completion_s is None
+
+
+def test_the_summary_says_what_surgeon_and_loop_did(run):
+    report = RunReport(steps=10, wall_s=2.0, overruns=3, skipped=1, dropped=2)
+    report.faults["source: gone"] += 4
+    report.stages["perceive"].add(7_000_000)
+    text = summary(measure_run(run), report)
+    for told in (
+        "target hit after 5.20 s",
+        "contacts        2 unintended, 6 state changes",
+        "10 steps in 2.0 s, 5.0 steps/s, source ended",
+        "3 late, 1 skipped, 2 not recorded",
+        "perceive          7.0",
+        "4 x source: gone",
+    ):
+        assert told in text
+
+
+def test_a_procedure_that_does_not_tell_inside_from_outside_is_named_as_the_reason(procedure):
+    relations = [relation for relation in procedure.schema.relations if relation.predicate != "inside"]
+    measures = RunMeasures.under(
+        replace(procedure, schema=Schema(procedure.schema.entities, tuple(relations)))
+    )
+    assert "none: this procedure knows no <needle_tip, inside, eye_globe>" in summary(measures)
+    assert "was never seen" in summary(RunMeasures.under(procedure))

@@ -1,0 +1,58 @@
+"""A run as columns: nothing of what was felt, seen or faulty is lost."""
+
+import math
+from itertools import pairwise
+
+from helpers import LOW, MS, PULSE, SUCCESS, make_step
+from hypothesis import given
+from hypothesis import strategies as st
+
+from haptigraph.analysis.metrics.timeline import Timeline
+from haptigraph.haptics.pattern import amplitude_at
+from haptigraph.messages import OFF, Fault
+
+
+@st.composite
+def runs(draw):
+    """Steps at uneven moments, whose patterns begin when they are first commanded."""
+    steps, stamp_ns, since_ns, before = [], 0, 0, None
+    for _ in range(draw(st.integers(1, 20))):
+        pattern = draw(st.sampled_from((OFF, LOW, PULSE, SUCCESS)))
+        since_ns = since_ns if pattern is before else stamp_ns
+        steps.append(make_step(pattern, stamp_ns=stamp_ns, since_ns=since_ns))
+        stamp_ns, before = stamp_ns + draw(st.integers(1, 400)) * MS, pattern
+    return steps
+
+
+@given(runs())
+def test_edges_are_what_the_commands_say_at_every_moment(steps):
+    timeline = Timeline((), ())
+    for step in steps:
+        timeline.add(step)
+    edges = list(zip(timeline.edge_ms, timeline.edge_amplitude, strict=True))
+    for step, later in pairwise(steps):
+        for stamp_ns in range(step.stamp_ns, later.stamp_ns, 5 * MS):
+            felt = [amplitude for at_ms, amplitude in edges if at_ms <= stamp_ns / MS]
+            assert math.isclose(felt[-1] if felt else 0.0, amplitude_at(step.command, stamp_ns), abs_tol=1e-6)
+
+
+def test_states_measures_and_patterns_stand_in_columns():
+    timeline = Timeline(("unknown",), ("theta_deg",))
+    for stamp_ns, pattern, state in ((5 * MS, OFF, "unknown"), (40 * MS, LOW, "new")):
+        timeline.add(make_step(pattern, stamp_ns=stamp_ns, state=state))
+    assert list(timeline.time_ms) == [0.0, 35.0]
+    assert [timeline.states[place] for place in timeline.state] == ["unknown", "new"]
+    assert [timeline.patterns[place] for place in timeline.plays] == ["off", "low"]
+    assert all(math.isnan(value) for value in timeline.measures["theta_deg"])
+
+
+def test_a_fault_that_goes_on_is_one():
+    timeline = Timeline((), ())
+    stale, lost = Fault("source", "stale image"), Fault("device", "gone")
+    for number, faults in enumerate(((), (stale,), (stale, lost), (), (stale,))):
+        timeline.add(make_step(stamp_ns=number * MS, faults=faults))
+    assert [(span.first, span.last, span.message) for span in timeline.faults] == [
+        (1, 2, "stale image"),
+        (2, 2, "gone"),
+        (4, 4, "stale image"),
+    ]

@@ -1,0 +1,149 @@
+import numpy as np
+import pytest
+from helpers import LOW, call
+from msgspec.structs import replace
+
+from haptigraph.analysis.metrics.run import measure_run
+from haptigraph.analysis.metrics.trial import measure_recording, measure_trial
+from haptigraph.errors import BadInput
+from haptigraph.geometry import Point
+from haptigraph.graph import SceneGraph, Triplet
+from haptigraph.messages import OFF, Conclusion, HapticCommand, Observation, Step
+from haptigraph.recording.reader import RunReader
+from haptigraph.study.data_dictionary import MEASURES, check_measures
+
+INSIDE = Triplet("needle_tip", "inside", "eye_globe")
+NEAR = Triplet("needle_tip", "approaching", "retina_surface")
+RATE_HZ = 30
+
+
+def steps_of(
+    seconds,
+    theta_deg,
+    *,
+    tip_mm=None,
+    near=lambda s: False,
+    cue=lambda s: False,
+    seen=lambda s: True,
+    hit=True,
+):
+    """A run of so many seconds, described by functions of time."""
+    made, since_ns, pattern = [], 0, OFF
+    count = round(seconds * RATE_HZ)
+    for number in range(count + 1):
+        s = number / RATE_HZ
+        stamp_ns = round(s * 1e9)
+        wanted = LOW if cue(s) else OFF
+        if wanted != pattern:
+            pattern, since_ns = wanted, stamp_ns
+        at_mm = tip_mm(s) if tip_mm else (0.0, -s)
+        found = {"needle_tip": Point(at_mm)} if seen(s) else {}
+        measures = {"theta_deg": theta_deg(s), "distance_to_retina_mm": 12 + at_mm[1]} if seen(s) else {}
+        edges = (INSIDE, NEAR) if near(s) else (INSIDE,)
+        state = "target_hit" if hit and number == count else "navigating" if seen(s) else "unknown"
+        made.append(
+            Step(
+                number,
+                stamp_ns,
+                Observation(stamp_ns, found),
+                SceneGraph(stamp_ns, (), edges, measures),
+                Conclusion(stamp_ns, state, 1, pattern.name, "because"),
+                HapticCommand(stamp_ns, pattern, since_ns),
+            )
+        )
+    return made
+
+
+def test_a_straight_steady_run_measures_as_it_was_made():
+    measures = measure_trial(steps_of(8, lambda s: 2.0), ["navigating", "retinal_contact"])
+    assert measures["completion_s"] == pytest.approx(8.0)
+    assert measures["mean_theta_deg"] == pytest.approx(2.0)
+    assert measures["path_mm"] == pytest.approx(8.0, rel=0.01)
+    assert measures["time_navigating_s"] == pytest.approx(8.0)
+    assert measures["time_retinal_contact_s"] == 0.0
+    assert measures["contacts"] == 0
+    assert measures["vibrating_s"] == 0.0
+    assert measures["state_order"] == "navigating>target_hit"
+    assert measures["tremor_power_mm2"] == pytest.approx(0.0, abs=1e-9)
+    assert "reaction_ms" not in measures and "approach_speed_mm_s" not in measures
+
+
+@pytest.mark.parametrize("delay_s", [0.2, 0.35, 0.8])
+def test_the_reaction_to_a_cue_is_the_delay_of_its_correction(delay_s):
+    def theta_deg(s):
+        return 6.0 - 4.0 * np.clip(s - 3 - delay_s, 0, 1)
+
+    measures = measure_trial(steps_of(6, theta_deg, cue=lambda s: s >= 3))
+    assert measures["reaction_ms"] == pytest.approx(1000 * delay_s, abs=70)
+    assert measures["vibrating_s"] == pytest.approx(3.0, abs=0.04)
+
+
+@pytest.mark.parametrize("begins_s", [2.0, 3.02, 5.5])
+def test_corrections_under_way_too_soon_or_too_late_are_no_reactions(begins_s):
+    theta = lambda s: 9.0 - 3.0 * np.clip(s - begins_s, 0, 2)  # noqa: E731
+    assert "reaction_ms" not in measure_trial(steps_of(8, theta, cue=lambda s: s >= 3))
+
+
+def test_where_touch_is_off_nothing_vibrates_but_cues_are_reacted_to_alike():
+    steps = steps_of(6, lambda s: 6.0 - 4.0 * np.clip(s - 3.4, 0, 1), cue=lambda s: s >= 3)
+    felt, unfelt = measure_trial(steps), measure_trial(steps, touch=False)
+    assert unfelt["vibrating_s"] == 0.0 < felt["vibrating_s"]
+    assert unfelt["reaction_ms"] == felt["reaction_ms"]
+
+
+def test_the_speed_of_approach_counts_near_the_retina_only():
+    def tip_mm(s):
+        return 0.0, -3.0 * s if s < 2 else -6.0 - 1.5 * (s - 2)
+
+    measures = measure_trial(steps_of(5, lambda s: 1.0, tip_mm=tip_mm, near=lambda s: s > 2.6))
+    assert measures["approach_speed_mm_s"] == pytest.approx(1.5, rel=0.05)
+    back = measure_trial(steps_of(5, lambda s: 1.0, tip_mm=lambda s: (0.0, -9.0 + s), near=lambda s: True))
+    assert back["approach_speed_mm_s"] == 0.0
+
+
+def test_short_gaps_are_bridged_and_long_ones_break_the_movement():
+    short = measure_trial(steps_of(8, lambda s: 1.0, seen=lambda s: not 3 < s < 3.4))
+    assert short["path_mm"] == pytest.approx(8.0, rel=0.01) and "sparc" in short
+    long = measure_trial(steps_of(8, lambda s: 1.0, seen=lambda s: not 3 < s < 5))
+    assert long["path_mm"] == pytest.approx(6.0, rel=0.02)
+    assert "sparc" not in long and "log_jerk" not in long
+    assert long["time_unknown_s"] == pytest.approx(1.97, abs=0.05)
+
+
+def test_a_trial_without_hit_is_measured_to_its_end_and_one_without_needle_not_at_all():
+    missed = measure_trial(steps_of(4, lambda s: 2.0, hit=False))
+    assert "completion_s" not in missed and missed["path_mm"] == pytest.approx(4.0, rel=0.02)
+    outside = [
+        replace(step, graph=SceneGraph(step.stamp_ns)) for step in steps_of(4, lambda s: 2.0, hit=False)
+    ]
+    assert measure_trial(outside) == {}
+    assert measure_trial([]) == {}
+    unseen = measure_trial(steps_of(2, lambda s: 2.0, seen=lambda s: False))
+    assert unseen["time_unknown_s"] == pytest.approx(2.0) and "path_mm" not in unseen
+
+
+@pytest.fixture(scope="module")
+def recording(quick_uri, tmp_path_factory):
+    path = tmp_path_factory.mktemp("trial") / "run.mcap"
+    assert call("run", quick_uri, "--fast", "--record", path).exit_code == 0
+    return path
+
+
+def test_a_recorded_run_measures_as_the_paper_does_and_the_store_takes_it_all(recording):
+    measures = measure_recording(recording)
+    run = measure_run(step for _, step in RunReader(recording).records(images=()))
+    assert measures["completion_s"] == run.completion_s
+    assert measures["mean_theta_deg"] == run.mean_theta_deg
+    assert measures["contacts"] == run.contacts == 1
+    times = {name: value for name, value in measures.items() if name.startswith("time_")}
+    assert sum(times.values()) == pytest.approx(run.completion_s)
+    assert len(times) == 8
+    assert check_measures(measures) == measures
+    assert {field.name for field in MEASURES} - measures.keys() <= {"reaction_ms", "tremor_power_mm2"}
+
+
+def test_a_half_written_recording_is_no_trial(recording, tmp_path):
+    half = tmp_path / "half.mcap"
+    half.write_bytes(recording.read_bytes()[:-2000])
+    with pytest.raises(BadInput, match=r"half\.mcap: was interrupted, so it is no trial"):
+        measure_recording(half)

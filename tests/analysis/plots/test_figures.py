@@ -1,0 +1,64 @@
+import io
+
+import cv2
+import pytest
+
+from haptigraph import assemble
+from haptigraph.analysis.plots.colors import STATE_COLORS, ink_on, state_color
+from haptigraph.analysis.plots.drawing import graph_figure
+from haptigraph.analysis.plots.explanation import explain
+from haptigraph.analysis.plots.figures import run_figure
+from haptigraph.config import load_config
+from haptigraph.graph import Node, SceneGraph, Triplet
+
+
+def test_a_run_becomes_a_picture(quick_uri, tmp_path):
+    path = tmp_path / "r.mcap"
+    settings = (f"source.uri={quick_uri}", "run.realtime=false", f'recording.path="{path}"')
+    assemble.build(load_config(None, (*settings, "trial.participant=P1"))).run()
+    run_figure(path, tmp_path / "run.png")
+    picture = cv2.imread(str(tmp_path / "run.png"))
+    assert picture.shape[0] > 800
+    red = cv2.inRange(picture, (50, 50, 200), (65, 65, 215))  # retinal contact has its band
+    assert red.any()
+
+
+@pytest.mark.parametrize(
+    "graph",
+    [
+        SceneGraph(0),
+        SceneGraph(0, (Node("a", "a", "anatomy"),)),
+        SceneGraph(
+            0,
+            (Node("tip", "needle_tip", "instrument"), Node("retina", "retina_surface", "anatomy")),
+            (Triplet("tip", "touching", "retina"), Triplet("tip", "approaching", "retina")),
+        ),
+    ],
+)
+def test_any_graph_becomes_a_drawing(graph, tmp_path):
+    graph_figure(graph, tmp_path / "graph.svg")
+    drawing = (tmp_path / "graph.svg").read_text()
+    assert "<svg" in drawing
+
+
+def test_every_state_has_a_colour_one_can_write_on(procedure):
+    assert {state.name for state in procedure.states} == set(STATE_COLORS)
+    assert state_color("some_other_state").startswith("#")
+    assert ink_on("aligned_retinal_approach") == "#ffffff"
+    assert ink_on("outside_eye") == "#222222"
+
+
+def test_a_procedure_is_explained_whole(procedure):
+    from rich.console import Console
+
+    console = Console(width=200, record=True, file=io.StringIO())
+    for table in explain(procedure):
+        console.print(table)
+    text = console.export_text()
+    for relation in procedure.schema.relations:
+        assert f"<{', '.join(relation.names)}>" in text
+    for state in procedure.states:
+        assert state.name in text
+    assert "radial_mm <= 0.7 and <needle_tip, touching, retina_surface>" in text
+    assert "not <needle_tip, touching, retina_target>" in text
+    assert "2 x 100 ms on, 100 ms off, once (300 ms)" in text

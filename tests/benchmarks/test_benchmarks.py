@@ -1,0 +1,83 @@
+"""Every benchmark still runs and prints figures, on next to nothing; what the figures are is not asked here."""
+
+import re
+import subprocess
+import sys
+
+import pytest
+from paths import ROOT
+
+pytestmark = pytest.mark.slow  # they load all cores, and others here keep time
+
+FOLDER = ROOT / "benchmarks"
+START = """
+import sys
+_, folder, name, *arguments = sys.argv
+sys.path.insert(0, folder)
+benchmark = __import__(name)
+sys.argv = [name, *arguments]
+sys.modules["__main__"] = benchmark
+for constant, value in {constants}.items():
+    getattr(benchmark, constant)  # it must be there
+    setattr(benchmark, constant, value)
+benchmark.main()
+"""
+LEAST = {
+    "bridges": [((), {"COUNT": 5, "STOPS": 1})],
+    "bscan": [
+        (("speed",), {"IMAGES": 3, "PASSES": 1}),
+        (("speed", "--perceiver", "segmentation"), {"IMAGES": 3, "PASSES": 1}),
+        (("sweep", "1"), {}),
+    ],
+    "bscan_approaches": [(("2", "--images", "1"), {})],
+    "chatter": [((), {"IMAGES": 60, "APPROACHES": 2})],
+    "inference": [(("subretinal_injection_ioct",), {"ROUNDS": 2})],
+    "loop": [((), {"PASSES": 1})],
+    "memory": [(("100",), {})],
+    "perception": [((), {"IMAGES": 40, "PASSES": 1})],
+    "registration": [(("1", "3"), {})],
+    "soak": [(("0.0006",), {"FILE_S": 2})],
+    "sweep": [(("--participants", "2", "--block", "1"), {})],
+    "touch": [(("1",), {})],
+    "touch_comparison": [(("--participants", "2", "--repetitions", "1", "--output", "{folder}"), {})],
+}
+"""Of each benchmark: what it is asked, and constants to make smaller."""
+IN_A_BROWSER = [
+    (("load",), {"LOAD_S": 1, "ROUNDS": 1}),
+    (("latency",), {"PRESSES": 2, "TURNS": 1}),
+    (("memory", "40"), {}),
+]
+
+
+def run(name, arguments, constants, folder):
+    told = subprocess.run(
+        [sys.executable, "-W", "error", "-c", START.format(constants=constants), str(FOLDER), name]
+        + [argument.format(folder=folder) for argument in arguments],
+        capture_output=True,
+        text=True,
+    )
+    assert told.returncode == 0, told.stderr
+    assert re.search(r"\d", told.stdout), told.stderr
+
+
+def test_every_benchmark_is_run_here():
+    assert {path.stem for path in FOLDER.glob("*.py")} == {*LEAST, "live", "touch_trials"}
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "constants"),
+    [
+        pytest.param(name, *case, id=" ".join((name, *case[0])))
+        for name, cases in LEAST.items()
+        for case in cases
+    ],
+)
+def test_it_runs(name, arguments, constants, tmp_path):
+    run(name, arguments, constants, tmp_path)
+
+
+@pytest.mark.browser
+@pytest.mark.xdist_group("browser")
+@pytest.mark.parametrize(("arguments", "constants"), IN_A_BROWSER, ids=("load", "latency", "memory"))
+def test_it_runs_in_a_browser(arguments, constants, tmp_path):
+    run("live", arguments, constants, tmp_path)

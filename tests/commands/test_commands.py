@@ -1,0 +1,375 @@
+import csv
+import json
+import os
+import re
+import subprocess
+import sys
+from functools import partial
+from pathlib import Path
+
+import pytest
+from helpers import call, refuse
+
+from haptigraph.recording.journal import Journal
+from haptigraph.recording.reader import RunReader
+
+COMMANDS = [
+    "check", "demo", "devices", "diagram", "evaluate", "explain", "live", "recover", "register", "replay", "run", "sources",
+    "study",
+]  # fmt: skip
+
+
+def test_help_lists_every_command():
+    text = call("--help").output
+    assert "not a medical device" in text
+    for command in COMMANDS:
+        assert re.search(rf"^  {command} ", text, re.MULTILINE)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_explains_itself(command):
+    result = call(command, "--help")
+    assert result.exit_code == 0
+    assert len(result.output.splitlines()) > 5
+
+
+def test_help_loads_nothing_heavy():
+    code = "import sys, haptigraph.cli; print(*(m for m in ('numpy', 'cv2', 'matplotlib', 'rich', 'mcap', 'starlette', 'uvicorn', 'pydicom', 'pyrealsense2', 'cyclonedds', 'pylsl', 'foxglove', 'sqlalchemy', 'pandas', 'distributed', 'pyarrow') if m in sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""
+
+
+@pytest.fixture(scope="module")
+def recording(quick_uri, tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("cli") / "run.mcap"
+    result = call("run", quick_uri, "--fast", "--record", path)
+    assert result.exit_code == 0
+    return path
+
+
+def test_run_tells_states_and_ends_with_its_summary(quick_uri, tmp_path):
+    trace = tmp_path / "touch.csv"
+    result = call("run", quick_uri, "--fast", "--device", f"trace:{trace}", "--set", "trial.participant=P1")
+    assert result.exit_code == 0
+    assert "retinal_contact" in result.stderr
+    for told in (
+        "target hit after",
+        "mean theta",
+        "contacts        1 unintended",
+        "overruns",
+        "p50",
+        "source ended",
+    ):
+        assert told in result.stdout
+    with trace.open() as file:
+        amplitudes = {float(row["amplitude"]) for row in csv.DictReader(file)}
+    assert amplitudes == {0.0, 0.3, 0.8, 1.0}
+    assert trace.with_suffix(".png").exists()
+
+
+def test_replay_finds_every_step_identical(recording):
+    result = call("replay", recording)
+    assert result.exit_code == 0
+    assert "117 of 117 steps identical" in result.output
+
+
+def test_replay_under_another_procedure_tells_both_stories(recording, procedure, tmp_path):
+    other = tmp_path / "other.toml"
+    other.write_text(procedure.text.replace("at_most = 5.5", "at_most = 9.0"))
+    result = call("replay", recording, "--procedure", other)
+    assert result.exit_code == 0
+    assert "first difference: step" in result.output
+    assert "as recorded" in result.output
+    assert f"as {other}" in result.output
+
+
+def test_replay_that_differs_exits_with_one(recording, monkeypatch):
+    from haptigraph.haptics.renderer import GrammarRenderer
+    from haptigraph.messages import OFF, HapticCommand
+
+    monkeypatch.setattr(GrammarRenderer, "__call__", lambda self, c: HapticCommand(c.stamp_ns, OFF, 0))
+    result = call("replay", recording)
+    assert result.exit_code == 1
+    assert "command" in result.output
+
+
+def test_evaluate_prints_a_table_or_one_json_object(clip):
+    text = call("evaluate", clip, "--perceiver", "threshold", "--set", "perception.alpha=1").output
+    assert "detection_rate" in text
+    assert re.search(r"lag +-?0\.0\d images behind the truth \(alpha 1\)", text)
+    scores = json.loads(call("evaluate", clip, "--json").output)
+    assert scores["clip"] == clip.name
+    assert set(scores["angle_error_deg"]) == {"shallow", "deep"}
+
+
+def test_evaluate_scores_simulated_scenes(monkeypatch, tmp_path):
+    from haptigraph.analysis.evaluation import accuracy
+
+    small = {"size_px": (480, 270)}
+    monkeypatch.setattr(accuracy, "sweep", partial(accuracy.sweep, **small))
+    monkeypatch.setattr(accuracy, "angle_noise", partial(accuracy.angle_noise, depths_mm=(5.0,), **small))
+    picture = tmp_path / "sweep.png"
+    options = ("evaluate", "--simulated", 2, "--perceiver", "threshold", "--seed", 3)
+    told = json.loads(call(*options, "--json", "--figure", picture).output)
+    assert told["seed"] == 3
+    assert told["scenes"] == told["perceivers"]["threshold"]["all"]["scenes"] == 2
+    assert picture.stat().st_size > 10_000
+    assert "Cramer-Rao" in call(*options).output
+
+
+def test_evaluate_takes_a_clip_or_simulated_scenes(tmp_path):
+    for wrong in ((), (tmp_path, "--simulated", 3)):
+        assert "either CLIP_DIR or --simulated N" in refuse("evaluate", *wrong)
+    assert "--seed and --figure go with --simulated" in refuse("evaluate", tmp_path, "--seed", 1)
+    assert "unknown perceiver 'none'" in refuse("evaluate", "--simulated", 1, "--perceiver", "none")
+    for wrong, why in (("none/a.png", "no such folder"), ("a.xyz", "valid endings: .png, .svg, .pdf")):
+        assert why in refuse("evaluate", "--simulated", 1, "--figure", tmp_path / wrong)
+
+
+def test_check_explains_a_procedure():
+    result = call("check", "subretinal_injection")
+    assert result.exit_code == 0
+    assert "misaligned_retinal_approach" in result.output
+    assert "all 17 claims proved: looked at all 34 possible graphs" in result.output
+    assert "z3" in call("check", "--prover", "z3").output
+
+
+def test_check_shows_the_smallest_graph_that_breaks_a_claim_and_exits_with_one(procedure, tmp_path):
+    file, picture = tmp_path / "p.toml", tmp_path / "broken.png"
+    file.write_text(procedure.text.replace("above = 1.7", "above = 1.9"))
+    result = call("check", file, "--picture", picture)
+    assert result.exit_code == 1
+    assert "where 1.7 < theta_deg <= 1.9, neither <needle_line, aligned, retina_target>" in result.output
+    assert "no rule fits this graph" in result.output
+    assert "needle_tip ──inside──▶ eye_globe" in result.output
+    assert "VIOLATED" in result.output and "claims proved" not in result.output
+    assert picture.stat().st_size > 20_000
+    assert "exists already" in refuse("check", file, "--picture", picture)
+    assert "valid endings: .png, .svg, .pdf" in refuse("check", file, "--picture", tmp_path / "p.xyz")
+    assert "cannot be read" in refuse("check", tmp_path / "none.toml")
+
+
+def test_explain_tells_rule_triplets_runner_up_and_how_far_it_is(recording):
+    told = call("explain", recording, "--at", 3)
+    assert told.exit_code == 0
+    assert "fired by" in told.output and "runner-up" in told.output and "graph: " in told.output
+    as_json = json.loads(call("explain", recording, "--at", 3, "--json").output)
+    assert f"{as_json['time_s']:.2f} s  {as_json['state']}, rule {as_json['priority']}" in told.output
+    assert as_json["runner_up"]["state"] != as_json["state"]
+    for wrong in (-1, 500):
+        assert f"has no step at {wrong} s; valid: 0 to " in refuse("explain", recording, "--at", wrong)
+
+
+def test_diagram_writes_an_svg_and_overwrites_none(tmp_path):
+    file = tmp_path / "states.svg"
+    assert call("diagram", "-o", file).exit_code == 0
+    assert file.read_text().startswith("<svg")
+    assert "exists already" in refuse("diagram", "-o", file)
+    assert "valid ending: .svg" in refuse("diagram", "-o", tmp_path / "states.png")
+
+
+def test_recover_makes_a_torn_recording_whole(recording, tmp_path):
+    torn = tmp_path / "torn.mcap"
+    torn.write_bytes(recording.read_bytes()[:-5000])
+    result = call("recover", torn)
+    assert result.exit_code == 0
+    assert "is whole again:" in result.output
+    assert RunReader(torn).is_whole
+    assert "is whole\n" in call("recover", torn).output
+    assert "steps identical" in call("replay", torn).output
+
+
+def test_an_interrupted_recording_is_named_as_such(recording, tmp_path):
+    torn = tmp_path / "torn.mcap"
+    torn.write_bytes(recording.read_bytes()[:-5000])
+    assert "was interrupted; `haptigraph recover` makes it whole" in call("replay", torn).output
+
+
+def test_a_recording_that_goes_on_is_replayed_as_far_as_it_is_but_not_recovered(recording, tmp_path):
+    live = tmp_path / "live.mcap"
+    journal = Journal(os.open(live, os.O_WRONLY | os.O_CREAT))
+    journal.write(recording.read_bytes()[:-5000])
+    assert "the recording is still being written" in call("replay", live).output
+    assert refuse("recover", live) == f"haptigraph: {live}: is still being written; end that run first"
+    journal.close()
+
+
+def test_demo_runs_records_replays_and_draws(quick, tmp_path):
+    result = call("demo", "--fast", "--scenario", quick, "--output", tmp_path)
+    assert result.exit_code == 0
+    assert "replayed        117 of 117 steps identical" in result.output
+    assert str(tmp_path / "demo.png") in result.output
+    assert (tmp_path / "demo.png").stat().st_size > 50_000
+    assert RunReader(tmp_path / "demo.mcap").is_whole
+
+
+def test_sources_tells_what_to_type_and_what_an_extra_would_add(monkeypatch):
+    from haptigraph.sources import present
+
+    result = call("sources")
+    assert result.exit_code == 0
+    for spelled in ("phantom:SCENARIO", "camera:N", "realsense[:SERIAL]", "FILE.dcm", "FILE.mcap", "FOLDER"):
+        assert re.search(rf"^{re.escape(spelled)} .*\w", result.output, re.MULTILINE)
+    monkeypatch.setattr(present, "find_spec", lambda name: None)
+    monkeypatch.setattr(present, "present_cameras", lambda: [("camera:2", "Microscope")])
+    poor = call("sources").output
+    assert "pip install 'haptigraph[dicom]'" in poor
+    assert poor.count("pip install 'haptigraph[realsense]'") == 2
+    assert re.search(r"plugged in now\ncamera:2 +Microscope\n$", poor)
+
+
+# --- bad input: one sentence, exit code 2, nothing overwritten
+
+
+def test_a_bad_registration_is_one_sentence(quick_uri, tmp_path):
+    file = tmp_path / "eye.toml"
+    file.write_text("format = 1\n[image]\nwidth = 10\n")
+    message = refuse("run", quick_uri, "--registration", file)
+    assert message == f"haptigraph: {file}, line 2: image: key 'height' is missing"
+
+
+def test_a_bad_procedure_is_one_sentence(quick_uri, procedure, tmp_path):
+    file = tmp_path / "p.toml"
+    file.write_text(procedure.text.replace('feel = "pulse"', 'feel = "plse"'))
+    for command in (("check", file), ("run", quick_uri, "--procedure", file)):
+        assert "unknown pattern 'plse'; did you mean 'pulse'?" in refuse(*command)
+
+
+def test_a_bad_configuration_is_one_sentence(quick_uri, tmp_path):
+    file = tmp_path / "lab.toml"
+    file.write_text("[haptics]\ndeadman = 100\n")
+    message = refuse("run", quick_uri, "--config", file)
+    assert message.startswith(
+        f"haptigraph: {file}, line 2: unknown key 'deadman'; did you mean 'deadman_ms'?"
+    )
+    assert "--set: perception.alpha: expected float <= 1.0, found 9" in refuse(
+        "run", quick_uri, "--set", "perception.alpha=9"
+    )
+
+
+def test_a_bad_video_is_one_sentence(tmp_path, registration_toml):
+    file, eye = tmp_path / "clip.mp4", tmp_path / "eye.toml"
+    file.write_bytes(b"no video")
+    eye.write_text(registration_toml)
+    command = [sys.executable, "-m", "haptigraph", "run", str(file), "--registration", str(eye)]
+    done = subprocess.run(command, capture_output=True, text=True)  # apart, for OpenCV's chatter
+    assert done.returncode == 2
+    assert re.fullmatch(r"haptigraph: .*clip\.mp4: not a video that OpenCV can read.*\n", done.stderr)
+    assert "no such source" in refuse("run", tmp_path / "gone.mp4", "--registration", eye)
+
+
+def test_images_that_do_not_fit_the_registration_are_one_sentence(quick_uri, tmp_path, registration_toml):
+    eye = tmp_path / "eye.toml"
+    eye.write_text(registration_toml)
+    record = tmp_path / "run.mcap"
+    result = call("run", quick_uri, "--fast", "--registration", eye, "--record", record)
+    assert result.exit_code == 2
+    assert "image is 480 x 270 px, but the registration is for 320 x 240 px" in result.stderr
+    assert not record.exists()
+
+
+def test_a_bad_recording_is_one_sentence(tmp_path):
+    file = tmp_path / "run.mcap"
+    file.write_bytes(b"nothing")
+    for command in ("replay", "recover", "run"):
+        assert "run.mcap: not a recording" in refuse(command, file)
+    assert file.read_bytes() == b"nothing"
+
+
+def test_no_camera_and_no_clip_are_one_sentence(tmp_path, registration_toml):
+    eye = tmp_path / "eye.toml"
+    eye.write_text(registration_toml)
+    assert "camera:9 cannot be opened" in refuse("run", "camera:9", "--registration", eye)
+    assert "registration.toml: cannot be read" in refuse("evaluate", tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("module", "extra", "source"),
+    [
+        ("pyrealsense2", "realsense", "realsense"),
+        ("pyrealsense2", "realsense", "run.db3"),
+        ("pydicom", "dicom", "scan.dcm"),
+    ],
+)
+def test_a_missing_extra_is_named_in_one_sentence(
+    monkeypatch, tmp_path, registration_toml, module, extra, source
+):
+    eye, file = tmp_path / "eye.toml", tmp_path / source
+    eye.write_text(registration_toml)
+    file.write_bytes(b"something")
+    monkeypatch.setitem(sys.modules, module, None)
+    message = refuse("run", source if source == "realsense" else file, "--registration", eye)
+    assert message.endswith(f"install it with: pip install 'haptigraph[{extra}]'")
+
+
+def test_the_phantom_runs_without_any_extra(quick_uri):
+    extras = ("pyrealsense2", "pydicom", "cyclonedds", "pylsl", "foxglove", "serial", "sdl2", "sounddevice")
+    hidden = (*extras, "pyigtl", "z3", "networkx", "av")
+    code = f"import sys; sys.modules.update(dict.fromkeys({hidden})); from haptigraph.cli import main; main()"
+    command = [sys.executable, "-c", code, "run", quick_uri, "--fast"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "source ended" in done.stdout
+
+
+def test_nothing_is_overwritten(quick_uri, tmp_path):
+    for option, name in (("--record", "run.mcap"), ("--device", "touch.csv")):
+        file = tmp_path / name
+        file.write_text("precious")
+        value = f"trace:{file}" if option == "--device" else file
+        assert "exists already" in refuse("run", quick_uri, "--fast", option, value)
+        assert file.read_text() == "precious"
+
+
+def test_the_demo_overwrites_no_picture_and_a_wrong_scenario_leaves_no_folder(quick, tmp_path):
+    assert "unknown scenario 'nothing'" in refuse(
+        "demo", "--scenario", "nothing", "--output", tmp_path / "new"
+    )
+    assert list(tmp_path.iterdir()) == []
+    picture = tmp_path / "demo.png"
+    picture.write_text("precious")
+    message = refuse("demo", "--fast", "--scenario", quick, "--output", tmp_path)
+    assert message == f"haptigraph: {picture}: exists already; the demo never overwrites a file"
+    assert list(tmp_path.iterdir()) == [picture]
+
+
+@pytest.mark.parametrize("command", ["replay", "recover"])
+def test_stopping_other_work_is_told(recording, monkeypatch, command):
+    def interrupted(*arguments, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(RunReader, "_groups", interrupted)
+    monkeypatch.setattr("haptigraph.recording.writer.is_whole", interrupted)
+    result = call(command, recording)
+    assert (result.exit_code, result.stderr) == (130, "haptigraph: stopped\n")
+
+
+def test_check_takes_no_text_of_the_user_for_markup(procedure, tmp_path):
+    file = tmp_path / "p.toml"
+    file.write_text(
+        procedure.text.replace(
+            "[[state]]", '[[state]]\nname = "[bold]x[/red]"\nfeel = "low"\nbecause = ""\n[[state]]', 1
+        )
+        .replace('name = "subretinal_injection"', 'name = "p"\ntitle = "[/red]x :smile:"', 1)
+        .replace('\ntitle = "S', '\n# "S', 1)
+    )
+    result = call("check", file)
+    assert result.exit_code == 1  # the state on top fits everything
+    assert "[/red]x :smile:" in result.output
+    assert "[bold]x[/red]" in result.output
+
+
+def test_check_cuts_no_names_where_nobody_looks(procedure, tmp_path):
+    file, name = tmp_path / "p.toml", "contact_" + 20 * "very_" + "near_the_retina"
+    file.write_text(procedure.text.replace('"retinal_contact"', f'"{name}"'))
+    assert name in call("check", file).output
+
+
+def test_a_damaged_recording_is_not_called_whole(recording, tmp_path):
+    data = bytearray(recording.read_bytes())
+    data[len(data) // 2] ^= 0xFF
+    damaged = tmp_path / "damaged.mcap"
+    damaged.write_bytes(data)
+    for command in ("replay", "recover"):
+        assert "damaged.mcap, byte" in refuse(command, damaged)
+    assert damaged.read_bytes() == data

@@ -1,0 +1,125 @@
+"""A study is simulated, reported and swept by one command each."""
+
+import csv
+import sys
+from pathlib import Path
+
+import pytest
+from helpers import call, refuse
+
+from haptigraph.study import exchange
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    """Two simulated participants of the paper's protocol; trials are over as soon as the tip is under way."""
+    return simulated(tmp_path_factory.mktemp("cli") / "mine", workers=1)
+
+
+def simulated(folder, workers):
+    assert call("study", "new", folder).exit_code == 0
+    file = folder / "study.toml"
+    text = file.read_text().replace("timeout_s = 300", "timeout_s = 4")
+    file.write_text(text.replace("failed_trials = 2", "failed_trials = 0"))
+    result = call("study", "simulate", folder, "--participants", "2", "--workers", workers)
+    assert result.exit_code == 0
+    assert "2 SIMULATED participants, 2 of them now: 6 trials" in result.output
+    assert f"haptigraph study report {folder}" in result.output
+    return folder
+
+
+def reported(study, output):
+    result = call("study", "report", study, "-o", output)
+    assert result.exit_code == 0
+    assert "SIMULATED: no people took part" in result.output
+    files = [path for path in output.rglob("*") if path.is_file()]
+    return {str(path.relative_to(output)): path.read_bytes() for path in files}
+
+
+def test_the_report_of_a_simulated_study_says_so_everywhere(study, tmp_path):
+    files = reported(study, tmp_path / "report")
+    page = files["report.html"].decode()
+    assert "<h1>Does touch help to align a needle?</h1>" in page
+    assert "their answers are made up" in page
+    for name in ("results.tex", "results.md", "methods.txt"):
+        assert "simulated" in files[name].decode().lower()
+    for name in files:
+        if name.endswith(".svg"):
+            assert b"SIMULATED" in files[name], name
+    assert "tables/study.json" in files
+    checked = call("study", "check", study)
+    assert checked.exit_code == 0  # recordings are as they were recorded
+    assert "by SIMULATED participants" in checked.output
+    assert "simulated participants" in call("study", "status", study).output
+
+
+@pytest.mark.slow
+def test_two_simulations_come_to_the_same_report(study, tmp_path):
+    other = simulated(tmp_path / "other", workers=2)
+    assert reported(study, tmp_path / "one") == reported(other, tmp_path / "two")
+
+
+def test_an_export_has_the_same_tables_as_parquet(study, tmp_path):
+    pandas = pytest.importorskip("pandas")
+    assert call("study", "export", study, "-o", tmp_path / "out", "--parquet").exit_code == 0
+    for name in exchange.TABLES:
+        table = pandas.read_parquet(tmp_path / "out" / f"{name}.parquet")
+        with (tmp_path / "out" / f"{name}.csv").open(newline="") as file:
+            rows = list(csv.DictReader(file))
+        assert list(table.columns) == list(rows[0]) if rows else table.empty
+        for column in table:
+            for value, text in zip(table[column], (row[column] for row in rows), strict=True):
+                assert (text == "") if pandas.isna(value) else (value == type(value)(text)), (name, column)
+
+
+def test_a_report_of_a_study_without_participants_leaves_nothing_behind(tmp_path):
+    assert call("study", "new", tmp_path / "mine").exit_code == 0
+    told = refuse("study", "report", tmp_path / "mine", "-o", tmp_path / "report")
+    assert "kept from its first participant on" in told
+    assert [path.name for path in tmp_path.iterdir()] == ["mine"]
+
+
+def test_a_sweep_writes_its_tables(study, tmp_path, monkeypatch):
+    def spread(work, tasks, **_):
+        return ((task, work(task)) for task in tasks)
+
+    monkeypatch.setattr(
+        "haptigraph.analysis.study_sweep.study_sweep.spread", spread
+    )  # processes: tests/analysis
+    before = {path: path.stat().st_mtime_ns for path in Path(study).iterdir()}
+    asked = (
+        "study",
+        "sweep",
+        study,
+        "-o",
+        tmp_path / "out",
+        "--participants",
+        "3",
+        "--vary",
+        "tremor_mm=0,x2",
+    )
+    result = call(*asked)
+    assert result.exit_code == 0
+    assert "12 trials of 6 participants" in result.output and "6 of them were played now" in result.output
+    with (tmp_path / "out" / "trials.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["variation"] for row in rows] == ["tremor_mm=0"] * 6 + ["tremor_mm=x2"] * 6
+    assert {row["simulated"] for row in rows} == {"1"}
+    power = [float(row["tremor_power_mm2"]) for row in rows]
+    assert sum(power[:6]) < sum(power[6:])
+    assert "SIMULATED" in (tmp_path / "out" / "summary.md").read_text()
+    assert "0 of them were played now" in call(*asked).output
+    assert {path: path.stat().st_mtime_ns for path in Path(study).iterdir()} == before
+    assert "unknown trait" in refuse(*asked[:-1], "tremor=0")
+
+
+def test_without_dask_a_sweep_names_the_extra(study, tmp_path, monkeypatch):
+    for name in [
+        name for name in sys.modules if name.startswith("haptigraph.analysis.study_sweep.study_sweep")
+    ]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.delitem(sys.modules, "haptigraph.analysis.study_sweep.cluster", raising=False)
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    told = refuse("study", "sweep", study, "-o", tmp_path / "out")
+    assert "pip install 'haptigraph[cluster]'" in told
+    assert not (tmp_path / "out").exists()

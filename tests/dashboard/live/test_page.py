@@ -1,0 +1,153 @@
+"""The live page in a real browser, against the real server."""
+
+import re
+
+import pytest
+from live_bench import Live, hide, leave, look, show, until
+from paths import ROOT
+
+from haptigraph.recording.reader import RunReader
+
+pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
+
+
+def test_the_page_follows_the_loop(live, open_page):
+    page = open_page(live.url)
+    until(page, "document.body.dataset.index > 20")
+    assert page.inner_text("nav a[aria-current=page]") == "Live"
+    assert "not a medical device" in page.inner_text("body")
+    until(page, "document.querySelector('#health').textContent.includes('images/s')")
+    assert page.inner_text("#source").startswith("phantom:")
+
+
+@pytest.mark.parametrize("size", [(1366, 768), (1366, 660), (1920, 1080)])
+def test_everything_is_on_one_screen(live, open_page, size):
+    page = open_page(live.url, size=size)
+    extent = "[document.documentElement.scrollWidth, document.documentElement.scrollHeight]"
+    assert page.evaluate(extent) == list(size)
+    page.wait_for_selector("#health li")
+    worse = f"(document.querySelector('#health').append(' of a slow machine'.repeat(20)), {extent})"
+    assert page.evaluate(worse) == list(size)
+    hidden = page.evaluate(
+        """[...document.querySelectorAll('.panel, #state, #because, footer, #overlays, #feels')].filter((each) => {
+             if (each.hidden) return false;
+             const box = each.getBoundingClientRect();
+             return box.width === 0 || box.bottom > innerHeight + 1 || box.right > innerWidth + 1 || each.scrollWidth > each.clientWidth + 1;
+           }).map((each) => each.id || each.className)"""
+    )
+    assert hidden == []
+
+
+def test_every_state_of_the_procedure_is_drawn_and_the_current_one_lit(live, open_page, procedure):
+    page = open_page(live.url)
+    assert page.locator("#diagram .node").count() == len(procedure.states)
+    until(page, "document.querySelector('#diagram .node.on')")
+    for name in ("misaligned_retinal_approach", "aligned_retinal_approach"):
+        until(page, f"document.body.dataset.state === '{name}'")
+        label = name.replace("_", " ")
+        lit = page.locator("#diagram .node.on")
+        assert label in lit.locator("title").text_content()
+        place, middle = lit.bounding_box(), page.locator("#diagram").bounding_box()
+        is_left = place["x"] + place["width"] / 2 < middle["x"] + middle["width"] / 2
+        assert is_left == name.startswith("misaligned")
+
+
+def test_edges_of_the_graph_appear_and_vanish(live, open_page):
+    page = open_page(live.url)
+    shown = (
+        "[...document.querySelectorAll('#graph .relation.holds text')].map((each) => each.textContent).join()"
+    )
+    until(page, f"{shown}.includes('touching')")
+    until(page, f"!{shown}.includes('touching')")
+    until(page, f"{shown}.includes('aligned')")
+
+
+def test_overlays_can_be_switched(live, open_page):
+    page = open_page(live.url)
+    until(page, "document.body.dataset.state === 'misaligned_retinal_approach'")
+    zone = page.get_by_label("Zones")
+    zone.uncheck()
+    assert page.evaluate("localStorage.getItem('overlay-zone')") == "0"
+    page.reload()
+    assert not page.get_by_label("Zones").is_checked()
+
+
+def test_the_state_shown_is_the_state_recorded(quick_uri, open_page, tmp_path):
+    record = tmp_path / "run.mcap"
+    with Live(quick_uri, "--record", record) as live:
+        page = open_page(live.url)
+        page.evaluate(
+            """() => { window.shown = {}; const note = () => {
+                 window.shown[document.body.dataset.index] = document.getElementById('state').textContent;
+                 requestAnimationFrame(note); }; note(); }"""
+        )
+        until(page, "document.body.dataset.state === 'target_hit'")
+        until(page, "document.body.dataset.state === 'outside_eye'")
+        shown = page.evaluate("window.shown")
+        page.close()
+        live.stop()
+        leave(page)
+    recorded: dict[str, set[str]] = {}  # a stale image's step has the number of the image before it
+    for _, step in RunReader(record).records():
+        recorded.setdefault(str(step.index), set()).add(step.conclusion.state.replace("_", " "))
+    wrong = {number: label for number, label in shown.items() if label not in recorded.get(number, {label})}
+    assert wrong == {}
+    assert len(shown.keys() & recorded.keys()) > 20
+    assert {"target hit", "retinal contact"} & set(shown.values())
+
+
+def test_another_procedure_is_drawn_as_well(quick_uri, open_page, tmp_path):
+    docs = (ROOT / "docs" / "procedures.md").read_text(encoding="utf-8")
+    (text,) = [block for block in re.findall(r"```toml\n(.*?)```", docs, re.DOTALL) if "[procedure]" in block]
+    procedure = tmp_path / "other.toml"
+    procedure.write_text(text)
+    with Live(quick_uri, "--procedure", procedure) as live:
+        page = open_page(live.url)
+        states = look(page, "page.hello.procedure.states.map((state) => state.label)")
+        assert page.locator("#diagram .node").count() == len(states)
+        page.wait_for_selector("#diagram .node.on")
+        until(page, f"new Set({states}).has(document.getElementById('state').textContent)")
+        until(page, "document.querySelector('#graph .relation.holds')")
+        leave(page)
+
+
+def test_a_sentence_says_why(live, open_page):
+    page = open_page(live.url)
+    until(page, "document.body.dataset.state === 'misaligned_intraocular_navigation'")
+    until(
+        page,
+        "document.getElementById('because').textContent.match(/needle is in the eye and \\d+\\.\\d degrees off/)",
+    )
+
+
+def test_a_lost_server_is_told_in_large_letters(quick_uri, open_page):
+    with Live(quick_uri) as live:
+        page = open_page(live.url)
+        live.process.kill()
+        page.wait_for_selector("#banner:has-text('Connection lost')")
+    leave(page)
+
+
+def test_a_page_finds_a_server_that_comes_back(quick_uri, open_page):
+    with Live(quick_uri) as live:
+        page, port = open_page(live.url), live.url.rpartition(":")[2].strip("/")
+        live.process.kill()
+        page.wait_for_selector("#banner:has-text('Connection lost')")
+    with Live(quick_uri, "--port", port):
+        page.wait_for_selector("#banner", state="hidden")
+        until(page, "page.isOpen && page.header && page.header.index >= 0")
+    leave(page)
+
+
+def test_a_hidden_page_is_sent_no_images(live, open_page):
+    page = open_page(live.url)
+    hide(page)
+    number = "page.header.number"
+    # What was under way may still arrive; then the same number is there after a full second of health messages.
+    page.evaluate(
+        "() => { window.seen = []; import('/static/live/live.js').then(({ page }) => setInterval(() => window.seen.push(page.header.number), 200)); }"
+    )
+    until(page, "window.seen.length > 8 && new Set(window.seen.slice(-5)).size === 1")
+    stood = look(page, number)
+    show(page)
+    until(page, f"page.header.number > {stood} + 5")

@@ -1,0 +1,150 @@
+"""The routes of the page of recordings as others meet them, and the folder behind them."""
+
+import http.client
+import json
+import os
+from pathlib import Path
+from urllib.parse import urlencode
+
+import numpy as np
+import pytest
+from helpers import refuse
+from hypothesis import given
+from hypothesis import strategies as st
+from live_bench import Live
+
+from haptigraph.analysis.metrics.timeline import Timeline
+from haptigraph.assemble import procedure_names
+from haptigraph.dashboard.recordings.folder import RecordingFolder
+from haptigraph.errors import BadInput
+from haptigraph.recording.reader import RunReader
+
+pytestmark = pytest.mark.xdist_group("server")
+
+
+def get(live, path, method="GET", **parameters):
+    connection = http.client.HTTPConnection(live.url.removeprefix("http://").partition("/")[0], timeout=60)
+    connection.request(method, f"{path}?{urlencode(parameters)}")
+    answer = connection.getresponse()
+    data = answer.read()
+    connection.close()
+    return answer.status, data
+
+
+def frames(data):
+    while data:
+        length = int.from_bytes(data[:4], "big")
+        content = json.loads(data[4 : 4 + length])
+        end = 4 + length + content["bytes"]
+        yield content, data[4 + length : end]
+        data = data[end:]
+
+
+def test_a_timeline_comes_in_columns_and_its_steps_one_by_one(archive, recordings):
+    (*_, (content, data)) = frames(get(archive, "/recordings/timeline", name="p08/again.mcap")[1])
+    assert content["type"] == "timeline"
+    records = list(RunReader(recordings / "p08" / "again.mcap").records(images=()))
+    timeline = Timeline(
+        content["states"], [name[8:] for name, *_ in content["columns"] if "measure:" in name]
+    )
+    for _, step in records:
+        timeline.add(step)
+    expected = {"time_ms": timeline.time_ms, "edge_ms": timeline.edge_ms, "state": timeline.state}
+    expected |= {"plays": timeline.plays, "edge_amplitude": timeline.edge_amplitude}
+    expected |= {f"measure:{name}": column for name, column in timeline.measures.items()}
+    at = 0
+    for name, kind, length in content["columns"]:
+        column = np.frombuffer(data, f"<{kind}", length, at)
+        assert np.array_equal(column, np.asarray(expected.pop(name)), equal_nan=kind[0] == "f")
+        at += column.nbytes
+    assert (at, expected) == (len(data), {})
+    status, data = get(archive, "/recordings/step", name="p08/again.mcap", number=40)
+    length = int.from_bytes(data[:4], "big")
+    header = json.loads(data[4 : 4 + length])
+    capture, step = list(RunReader(recordings / "p08" / "again.mcap").records())[40]
+    assert (status, header["state"], header["index"]) == (200, step.conclusion.state, step.index)
+    assert data[4 + length :] == capture.encoded  # as it was recorded, to the last byte
+
+
+@pytest.mark.parametrize("number", ["-1", "117", "1e3", "nan", "", "9" * 40])
+def test_a_step_that_is_not_there_is_one_sentence(archive, number):
+    get(archive, "/recordings/timeline", name="quick.mcap")
+    status, data = get(archive, "/recordings/step", name="quick.mcap", number=number)
+    assert status == 422
+    assert json.loads(data)["problem"].startswith("quick.mcap: ")
+
+
+@pytest.mark.parametrize(
+    "name", ["../quick.mcap", "/etc/passwd", "link.mcap", "", "p08/../../x", "a\0b", "none"]
+)
+@pytest.mark.parametrize("job", ["timeline", "compare", "csv", "png"])
+def test_nothing_outside_the_folder_is_opened(archive, job, name):
+    ((content, _),) = frames(get(archive, f"/recordings/{job}", name=name)[1])
+    assert content["type"] == "problem"
+    assert "recordings" in content["problem"] or "is not there" in content["problem"]
+
+
+@pytest.mark.parametrize(
+    ("given_name", "sentence"),
+    [
+        ("nothing", "unknown procedure"),
+        ("../x.toml", "not in the folder"),
+        ("quick.mcap", "unknown procedure"),
+    ],
+)
+def test_a_procedure_that_cannot_be_used_is_told(archive, given_name, sentence):
+    (*_, (content, _)) = frames(
+        get(archive, "/recordings/compare", name="quick.mcap", procedure=given_name)[1]
+    )
+    assert content["type"] == "problem"
+    assert sentence in content["problem"]
+
+
+def test_the_door_is_the_same_for_all_pages(archive, quick_uri, recordings):
+    assert get(archive, "/recordings/list", method="POST")[0] == 403
+    assert get(archive, "/recordings/nothing")[0] == 404
+    with Live(quick_uri, "--recordings", recordings, "--token", "secret") as live:
+        for path in ("/recordings", "/recordings/list", "/recordings/step", "/recordings/timeline"):
+            assert get(live, path, name="quick.mcap")[0] == 403
+
+
+def test_the_list_goes_by_headers_and_survives_what_is_in_the_folder(recordings):
+    found = RecordingFolder(recordings).listed()
+    rows = {row["name"]: row for row in found["runs"]}
+    assert rows.keys() == {"quick.mcap", "killed.mcap", "damaged.mcap", "notes.mcap", "p08/again.mcap"}
+    assert rows["quick.mcap"]["length_s"] == pytest.approx(7.7, abs=0.1)
+    assert (rows["quick.mcap"]["participant"], rows["quick.mcap"]["trial"]) == ("P07", "3")
+    assert (rows["killed.mcap"]["is_whole"], rows["killed.mcap"]["length_s"]) == (False, None)
+    assert rows["notes.mcap"]["problem"].startswith("not a recording")
+    assert found["procedures"] == [*procedure_names(), "wide.toml"]
+
+
+@given(name=st.text(st.sampled_from("./\\~ab\0%é"), max_size=12))
+def test_no_name_leads_out_of_the_folder(recordings, name):
+    folder = RecordingFolder(recordings)
+    try:
+        path = folder.path_of(name)
+    except BadInput:
+        return
+    assert path.is_relative_to(recordings.resolve())
+
+
+def test_steps_of_a_file_that_was_replaced_are_refused(recordings, tmp_path):
+    path = tmp_path / "run.mcap"
+    path.write_bytes((recordings / "quick.mcap").read_bytes())
+    folder = RecordingFolder(tmp_path)
+    folder.keep("run.mcap", [place for place, _ in RunReader(path).places()])
+    assert folder.step("run.mcap", 5)
+    other = tmp_path / "other"
+    other.write_bytes((recordings / "killed.mcap").read_bytes())
+    os.replace(other, path)
+    with pytest.raises(BadInput, match="has changed meanwhile"):
+        folder.step("run.mcap", 5)
+    with pytest.raises(BadInput, match="not open any more"):
+        RecordingFolder(tmp_path).step("run.mcap", 5)
+
+
+def test_a_folder_that_is_none_is_refused(quick, tmp_path):
+    for folder in (quick, tmp_path / "none"):
+        line = refuse("live", "--recordings", folder)
+        assert "is no folder" in line and str(Path(folder)) in line

@@ -1,0 +1,286 @@
+"""The registration page in a real browser: found, dragged, saved, and taken by a run."""
+
+import math
+import re
+
+import cv2
+import pytest
+from helpers import call
+from live_bench import Live
+from playwright.sync_api import expect
+from registering import write_clip, write_eye, write_grain
+
+from haptigraph.registration.camera import anatomy_px, load_registration
+
+pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
+
+OPENS_MS = 90_000
+GOOD = re.compile(r"A run would take this: 0\.\d{5} mm/px\.")
+
+
+@pytest.fixture
+def page(chromium, live):
+    """The page of a server that runs something else meanwhile."""
+    problems = []
+    context = chromium.new_context(viewport={"width": 1366, "height": 768})
+    page = context.new_page()
+    page.on("pageerror", lambda error: problems.append(str(error)))
+    page.goto(f"{live.url}registration")
+    expect(page.locator("#source")).not_to_have_value("")
+    yield page
+    context.close()
+    assert problems == []
+
+
+def open_source(page, source):
+    page.fill("#source", str(source))
+    page.click("text=Find the eye")
+    expect(page.locator("#verdict")).to_have_text(GOOD, timeout=OPENS_MS)
+
+
+def at(page, key):
+    """Where a handle is, in pixels of the image."""
+    label = page.locator(f'[data-key="{key}"]').get_attribute("aria-label")
+    return tuple(float(number) for number in re.search(r"(-?[\d.]+), (-?[\d.]+) px$", label).groups())
+
+
+def middle(page, key):
+    box = page.locator(f'[data-key="{key}"] .area').bounding_box()
+    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+
+def drag(page, key, step_px, *, drops=True):
+    """Drag a handle by so much in the image."""
+    scale = page.evaluate("document.getElementById('overlay').getScreenCTM().a")
+    x, y = middle(page, key)
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + step_px[0] * scale, y + step_px[1] * scale, steps=5)
+    if drops:
+        page.mouse.up()
+
+
+def off_px(page, what):
+    """The residual that the table shows."""
+    return float(page.locator("#rows tr", has_text=re.compile(f"^{what}")).locator("td").nth(1).inner_text())
+
+
+def save(page, path, *, picture=True):
+    page.fill("#path", str(path))
+    page.set_checked("#picture", picture)
+    page.click("#save-button")
+
+
+def test_a_registration_made_by_dragging_is_taken_by_a_run(page, quick, quick_uri, tmp_path):
+    open_source(page, write_eye(tmp_path, quick))
+    expect(page.locator("#note")).to_have_text(re.compile("which trocar is in use"))
+    assert off_px(page, "Globe") < 0.5
+    page.get_by_label("The needle is in right").check()
+    before = at(page, "target")
+    drag(page, "target", (-15, -4))
+    expect(page.locator("#verdict")).to_have_text(GOOD)
+    drag(page, "trocar 0", (2, 1))
+    expect(page.locator("#rows")).to_contain_text("from its hole's mouth")
+    expect(page.locator("#verdict")).to_have_text(GOOD)
+    dragged = at(page, "target")
+    assert math.dist(before, dragged) == pytest.approx(15, abs=1.5)
+    out = tmp_path / "made.toml"
+    save(page, out)
+    drawn = out.with_suffix(".png")
+    expect(page.locator("#verdict")).to_have_text(f"Saved: {out} and {drawn}. Use it with --registration.")
+    assert cv2.imread(str(drawn)).shape == (270, 480, 3)
+    saved = load_registration(out)
+    assert saved.image.to_px(saved.target.at_mm) == pytest.approx(dragged, abs=0.06)
+    assert saved.trocar.at_mm[0] > 0
+    result = call("run", quick_uri, "--registration", out, "--fast")
+    assert result.exit_code == 0, result.output
+    assert "source ended" in result.output or "steps" in result.output
+
+
+def test_a_newcomer_gets_from_a_source_to_the_running_loop(chromium, quick, tmp_path):
+    write_clip(tmp_path, quick)
+    with Live(tmp_path, "--set", "source.rate_hz=2") as live:
+        page = chromium.new_page()
+        page.goto(live.url)
+        assert page.url.endswith("/registration")
+        expect(page.locator("#verdict")).to_have_text(GOOD, timeout=OPENS_MS)
+        expect(page.locator("#note")).to_be_hidden()
+        assert "shaft lines" in page.inner_text("#rows")
+        save(page, tmp_path / "made.toml", picture=False)
+        page.wait_for_url(live.url, timeout=30_000)
+        expect(page.locator("nav a[aria-current=page]")).to_have_text("Live")
+        expect(page.locator("#state")).not_to_have_text("connecting", timeout=30_000)
+        expect(page.locator("nav a")).to_have_text(["Live", "Registration", "Recordings"])
+        page.close()
+        said = live.stop()
+    assert "Traceback" not in said
+    load_registration(tmp_path / "made.toml")
+    assert not (tmp_path / "made.png").exists()
+
+
+def test_trocars_are_added_named_chosen_and_removed(page, quick, tmp_path):
+    open_source(page, write_eye(tmp_path, quick))
+    names = page.locator("#trocars input[type=text]")
+    expect(names).to_have_count(2)
+    page.click("text=Add trocar")
+    expect(names).to_have_count(3)
+    assert page.evaluate("document.activeElement.dataset.key") == "trocar 2"
+    handles = page.locator(".handle").evaluate_all("(all) => all.map((each) => each.dataset.key)")
+    assert handles[:3] == ["center", "radius east", "radius west"]
+    assert handles[-4:] == ["trocar 0", "trocar 1", "trocar 2", "target"]
+    page.keyboard.press("ArrowDown")
+    expect(page.locator("#verdict")).to_have_text(GOOD)
+    names.nth(2).fill(names.nth(0).input_value())
+    assert names.nth(2).evaluate("(it) => it.validationMessage") == "Another trocar has this name."
+    names.nth(2).fill("temporal ü")
+    page.get_by_label("The needle is in temporal ü").check()
+    expect(page.locator("#rows")).to_contain_text("Trocar temporal ü, in use")
+    page.get_by_label("Remove left").click()
+    expect(names).to_have_count(2)
+    page.click("#undo")
+    expect(names).to_have_count(3)
+    page.locator('[data-key="trocar 0"]').focus()
+    page.keyboard.press("Delete")
+    expect(names).to_have_count(2)
+    expect(page.locator("#verdict")).to_have_text(GOOD)
+    out = tmp_path / "made.toml"
+    save(page, out)
+    expect(page.locator("#verdict")).to_have_text(re.compile("^Saved: "))
+    saved = anatomy_px(load_registration(out))
+    assert [(each.name, each.used) for each in saved.trocars][-1] == ("temporal ü", True)
+    page.get_by_role("button", name=re.compile("^Remove (left|right)")).click()
+    expect(page.get_by_role("button", name=re.compile("^Remove"))).to_be_disabled()
+
+
+def test_a_file_is_loaded_corrected_and_can_be_undone(page, quick, tmp_path):
+    open_source(page, write_eye(tmp_path, quick))
+    found = at(page, "target")
+    drag(page, "target", (20, -4))
+    expect(page.locator("#verdict")).to_have_text(GOOD)
+    out = tmp_path / "made.toml"
+    save(page, out)
+    expect(page.locator("#verdict")).to_have_text(re.compile("^Saved: "))
+    dragged = at(page, "target")
+    page.click("#again")
+    assert at(page, "target") == pytest.approx(found, abs=0.06)
+    page.click("#load")
+    expect(page.locator("#note")).to_have_text(re.compile("^Loaded: made.toml"))
+    assert at(page, "target") == pytest.approx(dragged, abs=0.06)
+    expect(page.locator("#verdict")).to_have_text(GOOD)
+    page.click("#undo")
+    assert at(page, "target") == pytest.approx(found, abs=0.06)
+    out.write_text(out.read_text().replace("width = 480", "width = 640"))
+    page.click("#load")
+    expect(page.locator("#note")).to_have_text(
+        f"{out}: is for images of 640 x 270 px, but this one is 480 x 270 px"
+    )
+    out.write_text("format = [")
+    page.click("#load")
+    expect(page.locator("#note")).to_have_text(re.compile(f"^{out}, .*: not valid TOML: "))
+    assert at(page, "target") == pytest.approx(found, abs=0.06)
+
+
+def test_keys_move_half_a_pixel_or_five_and_can_be_undone(page, quick, tmp_path):
+    open_source(page, write_eye(tmp_path, quick))
+    x, y = at(page, "target")
+    page.locator('[data-key="target"]').focus()
+    page.keyboard.press("ArrowRight")
+    assert at(page, "target") == pytest.approx((x + 0.5, y), abs=0.11)
+    expect(page.locator("#loupe")).to_be_visible()
+    page.keyboard.press("Shift+ArrowLeft")
+    assert at(page, "target") == pytest.approx((x - 4.5, y), abs=0.11)
+    page.keyboard.press("Control+z")
+    assert at(page, "target") == pytest.approx((x, y), abs=0.11)
+    page.click("#redo")
+    assert at(page, "target") == pytest.approx((x - 4.5, y), abs=0.11)
+    page.click("#again")
+    assert at(page, "target") == pytest.approx((x, y), abs=0.11)
+    page.locator("#source").focus()
+    page.keyboard.press("Tab")
+    page.keyboard.press("Tab")
+    assert page.evaluate("document.activeElement.dataset.key") == "center"
+    x, y = at(page, "center")
+    page.keyboard.press("ArrowDown")
+    assert at(page, "center") == pytest.approx((x, y + 0.5), abs=0.11)
+
+
+def test_the_residual_follows_the_drag_and_the_loupe_shows_it(page, quick, tmp_path):
+    open_source(page, write_eye(tmp_path, quick))
+    drag(page, "center", (8, 0), drops=False)
+    expect(page.locator("#loupe")).to_be_visible()
+    expect(page.locator("#rows")).to_contain_text("RMS")
+    page.mouse.up()
+    expect(page.locator("#loupe")).to_be_hidden()
+    expect(page.locator("#rows td").nth(1)).to_have_text(re.compile(r"5\.[5-8]\d"))  # 8 / sqrt 2
+    page.click("#undo")  # the whole drag
+    expect(page.locator("#rows td").nth(1)).to_have_text(re.compile(r"0\.\d\d"))
+    expect(page.locator("#undo")).to_be_disabled()
+    radius = "radius east"
+    drag(page, radius, (6, 0))
+    expect(page.locator("#rows td").nth(1)).to_have_text(re.compile(r"[56]\.\d\d"))
+
+
+def test_what_a_run_would_refuse_cannot_be_saved_and_says_why(page, quick, tmp_path):
+    open_source(page, write_eye(tmp_path, quick))
+    drag(page, "retina 0", (0, 30))
+    expect(page.locator("#verdict")).to_have_text(
+        re.compile(r"contour point \d+ (lies .* mm outside|goes back)")
+    )
+    expect(page.locator("#save-button")).to_be_disabled()
+    page.click("#undo")
+    expect(page.locator("#verdict")).to_have_text(GOOD)
+    expect(page.locator("#save-button")).to_be_enabled()
+
+
+def test_where_register_refuses_everything_is_placed_by_hand(page, tmp_path):
+    open_source(page, write_grain(tmp_path))
+    expect(page.locator("#note")).to_have_text(
+        re.compile("Register refuses: no eye in the picture: .* You can place everything by hand")
+    )
+    before = at(page, "center")
+    drag(page, "center", (-30, 10))
+    drag(page, "radius east", (-12, 0))
+    drag(page, "trocar 0", (2, 2))
+    expect(page.locator("#verdict")).to_have_text(GOOD)
+    out = tmp_path / "hand.toml"
+    save(page, out)
+    expect(page.locator("#verdict")).to_have_text(re.compile("^Saved: "))
+    saved = load_registration(out)
+    assert saved.image.center_px == pytest.approx((before[0] - 30, before[1] + 10), abs=0.6)
+    assert 12 / saved.image.mm_per_px == pytest.approx(0.36 * 270 - 12, abs=0.6)
+
+
+def test_what_cannot_be_opened_is_told_and_what_was_open_stays(page, quick, tmp_path):
+    open_source(page, write_eye(tmp_path, quick))
+    page.fill("#source", str(tmp_path / "gone.mp4"))
+    page.click("text=Find the eye")
+    expect(page.locator("#note")).to_have_text(re.compile("gone.mp4: no such source; valid: "))
+    assert page.locator('[data-key="target"]').count() == 1
+    expect(page.locator("#save-button")).to_be_enabled()
+
+
+def test_an_existing_file_is_overwritten_only_when_asked(page, quick, tmp_path):
+    open_source(page, write_eye(tmp_path, quick))
+    out = tmp_path / "made.toml"
+    out.write_text("precious")
+    save(page, out)
+    expect(page.locator("#exists-title")).to_have_text(f"{out}: exists already.")
+    page.click("text=Keep it")
+    expect(page.locator("#exists")).to_be_hidden()
+    assert out.read_text() == "precious"
+    page.click("#save-button")
+    page.click("text=Overwrite")
+    expect(page.locator("#verdict")).to_have_text(re.compile("^Saved: "))
+    load_registration(out)
+
+
+@pytest.mark.parametrize("size", [(1366, 660), (1366, 768), (1920, 1080)])
+def test_everything_is_on_one_screen(page, quick, tmp_path, size):
+    page.set_viewport_size({"width": size[0], "height": size[1]})
+    open_source(page, write_eye(tmp_path, quick))
+    assert page.evaluate(
+        "[document.documentElement.scrollWidth, document.documentElement.scrollHeight]"
+    ) == list(size)
+    for name in ("#save-button", "#verdict", "#setup", "#undo"):
+        box = page.locator(name).bounding_box()
+        assert box["x"] + box["width"] <= size[0] and box["y"] + box["height"] <= size[1], name

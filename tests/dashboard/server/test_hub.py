@@ -1,0 +1,269 @@
+"""The hub between loop and viewers: newest only, never waits, tells latecomers what lasts."""
+
+import asyncio
+import json
+import threading
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from event_loop import run_apart
+from helpers import LOW, MS, make_step
+
+from haptigraph.analysis.metrics.run import RunMeasures
+from haptigraph.analysis.metrics.temporal import Monitor
+from haptigraph.clock import VirtualClock
+from haptigraph.dashboard.server.controls import Controls
+from haptigraph.dashboard.server.health import Health
+from haptigraph.dashboard.server.hub import Hub
+from haptigraph.dashboard.server.viewer import MOST_IN_FLIGHT, Viewer
+from haptigraph.inference.claims import Temporal
+from haptigraph.messages import OFF, Capture
+from haptigraph.perception.eye_view import IoctView
+from haptigraph.run_report import RunReport
+from haptigraph.sources.phased import PhasedSource
+from haptigraph.sources.teleop import TeleopSource
+from haptigraph.teleop.motion import HandMotion, TeleopSettings
+from haptigraph.teleop.teleop import Teleop
+
+
+def capture(index=0):
+    return Capture(index, index * MS, np.zeros((240, 320, 3), np.uint8))
+
+
+@pytest.fixture
+def hub(registration):
+    hub = Hub(VirtualClock())
+    hub.introduce('{"type":"hello"}', IoctView(registration, 64), frozenset())
+    return hub
+
+
+def pumped(hub, act):
+    """Run `await act()` while the hub is pumped."""
+
+    async def main():
+        pump = asyncio.create_task(hub.pump(lambda: {"steps": 1}))
+        await asyncio.sleep(0)
+        try:
+            return await asyncio.wait_for(act(), 10)
+        finally:
+            pump.cancel()
+            await asyncio.gather(pump, return_exceptions=True)
+
+    return run_apart(main())
+
+
+async def next_image(viewer):
+    while isinstance(message := await viewer.next(), str):
+        continue
+    length = int.from_bytes(message[:4], "big")
+    return json.loads(message[4 : 4 + length])
+
+
+async def next_text(viewer, kind):
+    while True:
+        message = await viewer.next()
+        if isinstance(message, str) and json.loads(message)["type"] == kind:
+            return json.loads(message)
+
+
+def test_claims_about_time_that_broke_are_told(hub):
+    claim = Temporal("calm", most_changes=2, in_ms=1000)
+    measures = RunMeasures(monitors=[Monitor(claim)])
+    health = Health(
+        SimpleNamespace(report=RunReport(), source=SimpleNamespace(rate_hz=30), sinks=()), hub, measures
+    )
+    for index in range(3):
+        measures.add(make_step(stamp_ns=index * MS, pattern=(LOW, OFF)[index % 2]))
+    assert health()["broken"] == []
+    for index in range(3, 6):
+        measures.add(make_step(stamp_ns=index * MS, pattern=(LOW, OFF)[index % 2]))
+    assert health()["broken"] == [{"claim": "calm", "times": 1, "most": 5, "unit": "changes"}]
+
+
+def test_a_viewer_gets_the_newest_step_and_none_in_between(hub):
+    async def act():
+        viewer = Viewer("page 1")
+        hub.join(viewer)
+        for index in range(100):  # in one turn of the server's thread: only the last can be sent
+            hub.write(capture(index), make_step(stamp_ns=index * MS))
+        return await next_image(viewer)
+
+    assert pumped(hub, act)["time_ms"] == 99.0
+
+
+def test_a_viewer_that_does_not_acknowledge_holds_up_nobody(hub):
+    async def act():
+        slow, eager = Viewer("slow"), Viewer("eager")
+        hub.join(slow)
+        hub.join(eager)
+        seen = []
+        for index in range(20):
+            hub.write(capture(index), make_step(stamp_ns=index * MS))
+            header = await next_image(eager)
+            eager.acknowledge(header["number"])
+            seen.append(header["time_ms"])
+            if slow.is_ready:
+                await next_image(slow)
+        return seen, slow.is_ready
+
+    seen, is_ready = pumped(hub, act)
+    assert seen == [float(index) for index in range(20)]
+    assert not is_ready
+
+
+def test_a_viewer_may_have_so_many_images_under_way():
+    async def act():
+        viewer = Viewer("page 1")
+        for number in range(1, MOST_IN_FLIGHT + 1):
+            assert viewer.is_ready
+            viewer.show(number, b"image")
+            assert await viewer.next() == b"image"
+        assert not viewer.is_ready
+        viewer.acknowledge(1)
+        assert viewer.is_ready
+        viewer.wants_images = False
+        assert not viewer.is_ready
+
+    run_apart(act())
+
+
+def test_without_viewers_nothing_is_encoded(hub, monkeypatch):
+    from haptigraph.dashboard.server import hub as module
+
+    encoded = []
+    monkeypatch.setattr(module, "encode_jpeg", lambda *_: encoded.append(1) or b"")
+
+    async def act():
+        for index in range(10):
+            hub.write(capture(index), make_step(stamp_ns=index * MS))
+            await asyncio.sleep(0)
+        viewer = Viewer("page 1")
+        hub.join(viewer)
+        hub.write(capture(10), make_step(stamp_ns=10 * MS))
+        await next_image(viewer)
+
+    pumped(hub, act)
+    assert len(encoded) == 1
+
+
+def test_every_edge_of_touch_is_told_in_order_even_from_another_thread(hub):
+    async def act():
+        viewer = Viewer("page 1")
+        hub.join(viewer)
+        edges = [(index * MS, index % 2 * 0.5, 80.0) for index in range(200)]
+        thread = threading.Thread(target=lambda: [hub.felt(*edge) for edge in edges])
+        thread.start()
+        told = []
+        while len(told) < len(edges):
+            told += (await next_text(viewer, "touch"))["edges"]
+        thread.join()
+        return told
+
+    assert pumped(hub, act) == [[float(index), index % 2 * 0.5, 80.0] for index in range(200)]
+
+
+def test_a_step_without_image_is_told_too(hub):
+    async def act():
+        viewer = Viewer("page 1")
+        hub.join(viewer)
+        hub.write(Capture(3, 5 * MS, None), make_step(LOW, stamp_ns=5 * MS, state="unknown"))
+        return await next_image(viewer)
+
+    header = pumped(hub, act)
+    assert header["has_picture"] is False
+    assert header["state"] == "unknown"
+
+
+def test_latecomers_are_told_what_lasts_and_no_more(hub):
+    async def act():
+        hub.tell("passing", number=1)
+        hub.tell("controls", lasts=True, holder="page 1")
+        hub.tell("controls", lasts=True, holder="page 2")
+        viewer = Viewer("page 3")
+        hub.join(viewer)
+        return [json.loads(await viewer.next()) for _ in range(2)]
+
+    assert run_apart(act()) == [{"type": "hello"}, {"type": "controls", "holder": "page 2"}]
+
+
+def test_steps_after_the_server_has_gone_are_no_error(hub):
+    async def act():
+        hub.join(Viewer("page 1"))
+
+    pumped(hub, act)
+    hub.write(capture(), make_step())
+    hub.felt(0, 1.0, 80.0)
+    hub.close()
+
+
+def test_a_phase_is_entered_by_whoever_holds_the_controls_or_by_anyone_if_nobody_does(hub):
+    first, second = Viewer("page 1"), Viewer("page 2")
+    phased = PhasedSource(TeleopSource("align_then_approach", VirtualClock()), ("approach", "injection"))
+    named = []
+
+    async def act():
+        controls = Controls(hub, Teleop(30.0), phased)
+        for viewer, phase in ((first, "injection"), (second, "lunch")):
+            controls.enter(viewer, phase)
+            named.append(phased.named)
+        controls.take(first)
+        for viewer in (second, first):
+            controls.enter(viewer, "approach")
+            named.append(phased.named)
+
+    run_apart(act())
+    assert named == ["injection", "injection", "injection", "approach"]
+
+
+def test_controls_belong_to_one_viewer_until_it_lets_go(hub):
+    teleop = Teleop(30.0)
+
+    async def act():
+        controls = Controls(hub, teleop)
+        first, second = Viewer("page 1"), Viewer("page 2")
+        controls.take(first)
+        controls.take(second)
+        controls.tune(second, {"motion_scale": 1.0})
+        assert teleop.settings.motion_scale == 0.2
+        controls.tune(first, {"tremor_filter": True})
+        controls.tune(first, {"motion_scale": 0.5})
+        assert teleop.settings == TeleopSettings(motion_scale=0.5, tremor_filter=True)
+        controls.release(second)
+        controls.take(second)
+        controls.tune(second, {"motion_scale": 1.0})
+        assert teleop.settings.motion_scale == 0.5
+        controls.release(first)
+        controls.take(second)
+        controls.tune(second, {"motion_scale": 1.0})
+        assert teleop.settings.motion_scale == 1.0
+
+    run_apart(act())
+
+
+def test_letting_go_of_the_controls_lets_go_of_the_needle(hub):
+    moved = []
+
+    class Steered(Teleop):
+        def put(self, motion):
+            moved.append(motion)
+
+    async def act():
+        controls, viewer = Controls(hub, Steered(30.0)), Viewer("page 1")
+        controls.move(viewer, HandMotion(True, 1.0))  # not its holder: nothing
+        controls.take(viewer)
+        controls.move(viewer, HandMotion(True, 2.0))
+        controls.release(viewer)
+
+    run_apart(act())
+    assert moved == [HandMotion(True, 2.0), HandMotion(False)]
+
+
+def test_where_nothing_can_be_steered_nobody_holds_the_controls(hub):
+    async def act():
+        controls, viewer = Controls(hub, None), Viewer("page 1")
+        hub.join(viewer)
+        controls.take(viewer)
+        return [await viewer.next(), await viewer.next()]
+
+    assert json.loads(run_apart(act())[1]) == {"type": "controls", "holder": ""}

@@ -1,0 +1,359 @@
+"""The server as others meet it: who may come in, nonsense on the socket, bad arguments, how it ends."""
+
+import http.client
+import json
+import random
+import signal
+import socket
+import string
+from contextlib import contextmanager
+
+import pytest
+from helpers import call, refuse
+from live_bench import Live
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
+
+pytestmark = pytest.mark.xdist_group("server")
+
+FUZZ = 10_000
+
+
+def address(live):
+    return live.url.removeprefix("http://").partition("/")[0]
+
+
+def get(live, path="/", method="GET", **headers):
+    connection = http.client.HTTPConnection(address(live), timeout=10)
+    connection.request(
+        method, path, headers={name.replace("_", "-"): value for name, value in headers.items()}
+    )
+    answer = connection.getresponse()
+    text = answer.read().decode()
+    connection.close()
+    return answer.status, text, answer.headers
+
+
+@contextmanager
+def watching(live, **options):
+    """Open the socket as the page does."""
+    origin = options.pop("origin", f"http://{address(live)}")
+    with connect(f"ws://{address(live)}/live", origin=origin, open_timeout=10, **options) as line:
+        yield line
+
+
+def next_text(line, kind):
+    """Return the next text message of a kind, acknowledging images on the way as a page does."""
+    while True:
+        message = line.recv(timeout=10)
+        if isinstance(message, bytes):
+            acknowledge(line, message)
+        elif (content := json.loads(message))["type"] == kind:
+            return content
+
+
+def next_image(line):
+    while isinstance(message := line.recv(timeout=10), str):
+        continue
+    return acknowledge(line, message)
+
+
+def acknowledge(line, message):
+    length = int.from_bytes(message[:4], "big")
+    header = json.loads(message[4 : 4 + length])
+    line.send(json.dumps({"type": "ack", "number": header["number"]}))
+    return header, message[4 + length :]
+
+
+def test_a_page_is_served_with_headers_that_keep_it_to_itself(live):
+    status, text, headers = get(live)
+    assert status == 200
+    assert "<nav aria-label" in text
+    policy = headers["Content-Security-Policy"]
+    assert "default-src 'none'" in policy and "script-src 'self'" in policy
+    assert headers["X-Content-Type-Options"] == "nosniff"
+    assert get(live, "/static/live/live.js")[2]["Content-Type"].startswith("text/javascript")
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/static/server/../../server/server.py",
+        "/static/server/%2e%2e%2fserver.py",
+        "/static/../server.py",
+        "/static/%2e%2e/server.py",
+        "/static/server/none.js",
+        "/static/none.js",
+        "/x",
+    ],
+)
+def test_only_the_pages_files_are_served(live, path):
+    status, text, _ = get(live, path)
+    assert status == 404 and text.startswith("haptigraph: ") and text.count("\n") == 1
+
+
+def test_nothing_in_the_page_points_elsewhere():
+    from haptigraph.dashboard.server.server import STATIC
+
+    for file in STATIC.rglob("*.*"):
+        text = file.read_text(encoding="utf-8").replace("http://www.w3.org/2000/svg", "")
+        assert "http://" not in text and "https://" not in text, file.name
+        assert len(text.splitlines()) <= 250, file.name
+
+
+def test_the_page_is_for_this_machine_only(live):
+    status, text, _ = get(live, Host="evil.example:80")
+    assert status == 403
+    assert text == "haptigraph: this page is for 127.0.0.1 only, not for evil.example\n"
+
+
+def test_pages_from_elsewhere_may_not_talk_to_the_socket(live):
+    for origin in ("http://evil.example", "null", None):
+        with pytest.raises(InvalidStatus) as refused, watching(live, origin=origin):
+            pass
+        assert refused.value.response.status_code == 403
+
+
+def test_pages_from_elsewhere_may_not_post(live):
+    assert get(live, method="POST", Origin="http://evil.example")[0] == 403
+    assert get(live, method="POST")[0] == 403
+
+
+@pytest.fixture(scope="module")
+def guarded(quick_uri):
+    with Live(quick_uri, "--host", "0.0.0.0", "--token", "open sesame") as running:
+        yield running
+
+
+def test_another_host_demands_the_token(guarded):
+    assert guarded.url.endswith("/?token=open%20sesame")
+    for path in ("/", "/static/live/live.js", "/?token=wrong"):
+        status, text, _ = get(guarded, path)
+        assert status == 403
+        word = "wrong" if "wrong" in path else "no"
+        assert text == f"haptigraph: {word} token; open the address that haptigraph printed\n"
+    with pytest.raises(InvalidStatus), watching(guarded):
+        pass
+
+
+def test_the_token_moves_into_a_cookie(guarded):
+    status, _, headers = get(guarded, "/?token=open%20sesame")
+    assert (status, headers["Location"]) == (303, "/")
+    assert "HttpOnly" in headers["Set-Cookie"] and "strict" in headers["Set-Cookie"].lower()
+    cookie = headers["Set-Cookie"].partition(";")[0]
+    assert get(guarded, Cookie=cookie)[0] == 200
+    with watching(guarded, additional_headers={"Cookie": cookie}) as line:
+        assert next_text(line, "hello")["procedure"]["name"] == "subretinal_injection"
+
+
+def test_without_a_token_of_ones_own_one_is_made_up(quick_uri):
+    with Live(quick_uri, "--host", "0.0.0.0") as live:
+        assert len(live.url.partition("?token=")[2]) >= 16
+
+
+def test_messages_are_as_documented(live, procedure):
+    with watching(live) as line:
+        assert next_text(line, "you")["name"].startswith("page ")
+        hello = next_text(line, "hello")
+        assert [state["name"] for state in hello["procedure"]["states"]] == [s.name for s in procedure.states]
+        assert {state["name"]: state["sign"] for state in hello["procedure"]["states"]} == {
+            "unknown": "lost",
+            "retinal_contact": "alarm",
+            "target_hit": "done",
+            "misaligned_retinal_approach": "warn",
+            "aligned_retinal_approach": "calm",
+            "misaligned_intraocular_navigation": "warn",
+            "aligned_intraocular_navigation": "calm",
+            "outside_eye": "idle",
+        }
+        assert {state["name"]: state["column"] for state in hello["procedure"]["states"]}[
+            "target_hit"
+        ] == "middle"
+        header, picture = next_image(line)
+        assert header["has_picture"] and picture[:2] == b"\xff\xd8"
+        line.send(json.dumps({"type": "ping", "time_ms": 12.5}))
+        pong = next_text(line, "pong")
+        assert pong["time_ms"] == 12.5
+        assert pong["now_ms"] >= header["time_ms"]
+
+
+def test_who_does_not_acknowledge_is_sent_two_images_and_no_more(live):
+    with watching(live) as lazy, watching(live) as eager:
+        seen = 0
+        while seen < 20:
+            next_image(eager)
+            seen += 1
+        images = 0
+        while True:
+            try:
+                images += isinstance(lazy.recv(timeout=0), bytes)
+            except TimeoutError:
+                break
+        assert images == 2
+
+
+def test_a_late_viewer_is_told_who_holds_the_controls(quick, tmp_path):
+    with open(quick) as file:
+        scenario = file.read().replace("rate_hz = 15", "rate_hz = 30")
+    (tmp_path / "fast.toml").write_text(scenario)
+    with Live(f"teleop:{tmp_path / 'fast.toml'}") as live, watching(live) as first:
+        first.send('{"type": "take"}')
+        name = next_text(first, "you")["name"]
+        while next_text(first, "controls")["holder"] != name:
+            pass
+        with watching(live) as second:
+            assert next_text(second, "controls")["holder"] == name
+            assert next_text(second, "settings")["tremor_filter"] is False
+            second.send('{"type": "take"}')  # in vain
+            first.send('{"type": "release"}')
+            assert next_text(second, "controls")["holder"] == ""
+
+
+def nonsense(chance):
+    """Return something that no page would send: text or bytes."""
+    valid = [
+        {"type": "ack", "number": 3},
+        {"type": "motion", "hand": {"engaged": True, "along_mm": 1.0, "across_mm": 0.0, "apart_mm": 0.1}},
+        {"type": "tune", "motion_scale": 0.2, "tremor_filter": True},
+        {"type": "ping", "time_ms": 1.0},
+        {"type": "watch", "images": True},
+    ]
+    text = json.dumps(chance.choice(valid))
+    bad = [-1, 1e300, "x", None, [], {}, [[]] * 5, "é" * 1000, 2**70]
+    kind = chance.randrange(8)
+    if kind == 0:
+        return bytes(chance.randrange(256) for _ in range(chance.randrange(200)))
+    if kind == 1:
+        return "".join(chance.choices(string.printable + "äöü漢字\u0000", k=chance.randrange(300)))
+    if kind == 2:
+        return text[: chance.randrange(len(text) - 1)]
+    if kind == 3:
+        content = chance.choice(valid)
+        return json.dumps({**content, chance.choice(["extra", "type"]): chance.choice(bad)})
+    if kind == 4:
+        return json.dumps({"type": chance.choice(["take!", "hello", "", "image", 7, None])})
+    if kind == 5:
+        return chance.choice(["[", '{"type":', '{"a":[']) * chance.randrange(1, 8000)
+    if kind == 6:
+        return chance.choice(
+            ['{"type":"ping","time_ms":NaN}', '{"type":"ping","time_ms":1e999}', "null", "[]", "7"]
+        )
+    hand = {
+        "engaged": chance.choice([1, "yes"]),
+        "along_mm": chance.choice(bad),
+        "across_mm": chance.choice(bad),
+        "apart_mm": chance.choice(bad),
+    }
+    return json.dumps({"type": "motion", "hand": hand})
+
+
+def test_nonsense_on_the_socket_is_answered_and_disturbs_nobody(quick_uri):
+    chance = random.Random(4)
+    with Live(quick_uri) as live, watching(live) as clean, watching(live) as fuzzed:
+        before, _ = next_image(clean)
+        for _ in range(FUZZ // 50):
+            for _ in range(50):
+                fuzzed.send(nonsense(chance))
+            for _ in range(50):
+                assert next_text(fuzzed, "error")["message"].startswith("not understood: ")
+            after, _ = next_image(clean)
+        assert after["index"] > before["index"]
+        health = next_text(clean, "health")
+        assert health["dropped"] == 0
+        assert set(health["faults"]) <= {
+            "source"
+        }  # on a loaded machine an image may come late, nonsense or not
+        told = live.stop()
+    assert live.process.returncode == 0
+    assert "Traceback" not in told and "interrupted" in told
+
+
+def test_a_message_beyond_all_size_costs_only_its_own_line(live):
+    with watching(live) as clean, watching(live) as greedy:
+        greedy.send("x" * 1_000_000)
+        with pytest.raises(ConnectionClosed):
+            while True:
+                greedy.recv(timeout=10)
+        next_image(clean)
+
+
+def test_a_stranger_on_the_port_disturbs_nothing(live):
+    host, _, port = address(live).partition(":")
+    with watching(live) as clean:
+        for words in (
+            b"\x00\xff" * 100,
+            b"GET / HTTP/1.1\r\n\r\n",
+            b"GET /live HTTP/1.1\r\nUpgrade: websocket\r\n\r\n",
+        ):
+            with socket.create_connection((host, int(port)), timeout=10) as stranger:
+                stranger.sendall(words)
+                stranger.recv(1000)
+        next_image(clean)
+
+
+def test_bad_arguments_are_one_sentence(quick_uri, live):
+    port = live.url.rpartition(":")[2].strip("/")
+    for arguments, sentence in (
+        (("nowhere.mp4",), "haptigraph: nowhere.mp4: no such source"),
+        (
+            (quick_uri, "--port", port),
+            f"haptigraph: cannot listen on 127.0.0.1, port {port} (Address already in use)",
+        ),
+        (
+            (quick_uri, "--host", "no.such.host.invalid"),
+            "'no.such.host.invalid' is no address of this machine",
+        ),
+        ((quick_uri, "--host", "192.0.2.7"), "cannot listen on 192.0.2.7"),
+        ((quick_uri, "--device", "hammer"), "unknown device 'hammer'"),
+        ((quick_uri, "--procedure", "dance"), "unknown procedure 'dance'"),
+    ):
+        assert sentence in refuse("live", *arguments)
+    assert call("live", quick_uri, "--port", "70000").exit_code == 2
+
+
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_ends_loop_and_server_with_viewers_watching(quick_uri, tmp_path, ending):
+    from haptigraph.recording.reader import RunReader
+
+    record, trace = tmp_path / "run.mcap", tmp_path / "touch.csv"
+    with Live(quick_uri, "--record", record, "--device", f"trace:{trace}") as live, watching(live) as line:
+        header, _ = next_image(line)
+        while header["state"] != "misaligned_intraocular_navigation":
+            header, _ = next_image(line)
+        live.process.send_signal(ending)
+        assert next_text(line, "ended")["reason"] == "interrupted"
+        out, err = live.process.communicate(timeout=30)
+    assert live.process.returncode == 0
+    assert "interrupted" in out and "Traceback" not in err
+    assert RunReader(record).is_whole
+    assert trace.read_text().splitlines()[-1].split(",")[1] == "0.0"
+
+
+def test_when_a_file_has_ended_the_page_stays_and_says_so(quick_uri, tmp_path):
+    record = tmp_path / "run.mcap"
+    assert call("run", quick_uri, "--fast", "--record", record).exit_code == 0
+    with Live(record) as live, watching(live) as line:
+        assert next_text(line, "ended")["reason"] == "source ended"
+        with watching(live) as later:
+            assert next_text(later, "ended")["reason"] == "source ended"
+        told = live.stop()
+    assert live.process.returncode == 0
+    assert "the page stays until Ctrl-C" in told
+    assert "target hit after" in told
+
+
+def test_ctrl_c_in_the_moment_a_file_ends_is_no_failure(quick_uri, tmp_path, monkeypatch):
+    from haptigraph.dashboard.live.live import LivePage
+
+    record = tmp_path / "run.mcap"
+    assert call("run", quick_uri, "--fast", "--record", record).exit_code == 0
+    end = LivePage.end
+
+    def seen_at_once(self, reason):
+        end(self, reason)
+        signal.raise_signal(signal.SIGTERM)
+
+    monkeypatch.setattr(LivePage, "end", seen_at_once)
+    result = call("live", record)
+    assert result.exit_code == 0
+    assert "target hit after" in result.stdout

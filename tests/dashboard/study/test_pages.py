@@ -1,0 +1,232 @@
+"""A participant is led through a whole study in real browsers; server and browser are killed on the way."""
+
+import re
+import signal
+
+import pytest
+from live_bench import leave, look, until
+from paths import DATA
+from playwright.sync_api import Error
+from studying import PARTICIPANT, PROTOCOL, STUDY, Station, answer_all, rows_of
+
+from haptigraph.recording.reader import RunReader
+from haptigraph.study.protocol import load_protocol
+from haptigraph.study.recordings import recorded_trials, whats_wrong
+from haptigraph.study.store import Store
+from haptigraph.study.tables import ANSWERS, EVENTS, PARTICIPANTS, SESSIONS, STAGES, TRIALS
+
+pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser"), pytest.mark.timeout(300)]
+
+SUS = "document.querySelectorAll('.item.is-kept').length"
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "study.toml").write_text(PROTOCOL)
+    return tmp_path
+
+
+@pytest.fixture
+def source(tmp_path):
+    """Small pictures for a hand to steer in: the needle stands inside and points at the target."""
+    text = (DATA / "steered.toml").read_text()
+    path = tmp_path / "aligned.toml"
+    path.write_text(
+        text.replace("theta_deg = -6.0", "theta_deg = 0.0").replace("depth_mm = 8.0", "depth_mm = 14.0")
+    )
+    return f"teleop:{path}"
+
+
+def experimenter_at(station, open_page):
+    return open_page(station.url, module=STUDY, ready="page.now")
+
+
+def participant_at(station, open_page):
+    page = open_page(f"{station.url}participant", module=PARTICIPANT, ready="page.now && page.isOpen")
+    return page
+
+
+def wait_for_stage(page, key):
+    until(page, f"document.body.dataset.stage === '{key}'")
+
+
+def begin(page):
+    page.click("#begin")
+    until(page, "page.now.doing === 'running' && page.header?.index > 3")
+
+
+def push_to_the_target(page):
+    """Press until it is hit; again where the page fell silent, as on a busy machine, and the needle stopped."""
+    for patience_s in (10, 20, 30):
+        page.keyboard.down("ArrowDown")
+        try:
+            return until(page, "page.header.state === 'target_hit'", patience_s)
+        except Error:
+            told = look(page, "page.header")
+        finally:
+            page.keyboard.up("ArrowDown")
+    raise AssertionError(told)
+
+
+def die(station):
+    station.process.send_signal(signal.SIGKILL)
+    station.process.wait()
+
+
+def test_a_participant_goes_through_the_whole_study_and_crashes_cost_nothing(folder, source, open_page):
+    with Station(folder, source) as station:
+        port = station.port
+        lab, person = experimenter_at(station, open_page), participant_at(station, open_page)
+        assert person.is_visible("#wait")
+        lab.click("#enrol button")
+        wait_for_stage(person, "briefing")
+        assert person.locator("#words-text p").all_inner_texts() == ["Steer the needle.", "Hit the target."]
+        person.keyboard.press("Tab")  # from the heading, which has the focus
+        person.keyboard.press("Enter")
+        person.click("text=I agree")
+        wait_for_stage(person, "questionnaire/demographics")
+
+        person.click("text=Hand in")
+        until(person, "document.activeElement.closest('.item')?.dataset.item === 'age_years'")
+        person.keyboard.type("7")
+        person.keyboard.press("Tab")
+        person.wait_for_selector("[data-item=age_years].is-wrong:has-text('a number from 18 to 99')")
+        answer_all(person)
+        person.click("text=Hand in")
+        wait_for_stage(person, "training/0/0/1")
+        begin(person)
+        lab.wait_for_selector("#stage:has-text('Training · Sight and touch')")
+        person.keyboard.down("ArrowDown")
+        until(person, "page.header.hand?.engaged")
+        person.keyboard.up("ArrowDown")
+        person.click("#finish")
+
+        wait_for_stage(person, "trial/1/1/1")
+        assert person.inner_text("#trial-condition") == "condition 1"  # blinded
+        begin(person)
+        until(lab, "document.querySelector('#plan .now').textContent.includes('Sight and touch')")
+        until(lab, "page.header?.index > 30")  # the recorder may lag behind the page on a busy machine
+        die(station)  # in the middle of a trial, and the browser with it
+    leave(lab)
+    leave(person)
+    open_page.close_all()
+
+    with Station(folder, source, "--port", port) as station:
+        lab, person = experimenter_at(station, open_page), participant_at(station, open_page)
+        assert person.is_visible("#wait")
+        lab.click("#roster button:has-text('Resume')")
+        wait_for_stage(person, "trial/1/1/1")
+        assert look(person, "page.now.stage.attempt") == 2
+        lab.wait_for_selector("#plan .now:has-text('does not count (interrupted)')")
+        begin(person)
+        push_to_the_target(person)
+
+        wait_for_stage(person, "questionnaire/sus/1")
+        for number in (1, 2, 3):
+            person.click(f"[data-item='{number}'] label:has-text('2')")
+        until(person, f"{SUS} === 3")
+        die(station)  # in the middle of a questionnaire
+        until(person, "!page.isOpen")
+        person.click("[data-item='4'] label:has-text('5')")
+        person.wait_for_selector("[data-item='4']:has-text('not kept yet')")
+    assert len(rows_of(folder, ANSWERS, "item")) == 8 + 3
+
+    with Station(folder, source, "--port", port) as station:  # the pages find it by themselves
+        person.wait_for_selector("#wait:visible")
+        lab.click("#roster button:has-text('Resume')")
+        person.wait_for_selector("[data-item='4'].is-kept")
+        leave(person)  # and now the browser
+        person = participant_at(station, open_page)
+        until(person, f"{SUS} === 4")
+        answer_all(person)
+        person.click("text=Hand in")
+        wait_for_stage(person, "break/2")
+        person.click("text=Go on")
+        wait_for_stage(person, "trial/2/1/1")
+        begin(person)
+        lab.click("#abort")
+        lab.fill("#reason", "the phone rang")
+        lab.click("#sure")
+        lab.wait_for_selector("#plan .now:has-text('the phone rang')")
+        until(person, "page.now.doing === '' && page.now.stage.attempt === 2")
+        lab.fill("#text", "asked what the cross is")
+        lab.keyboard.press("Enter")
+        lab.wait_for_selector("#notes li:has-text('asked what')")
+        begin(person)
+        leave(person)  # the browser alone, in the middle of a trial
+        person = participant_at(station, open_page)
+        until(person, "page.now.doing === 'running' && page.header?.index > 3")
+        push_to_the_target(person)
+        wait_for_stage(person, "questionnaire/sus/2")
+        answer_all(person)
+        person.click("text=Hand in")
+        wait_for_stage(person, "thanks")
+        person.click("text=Finish")
+        lab.wait_for_selector("#stage:has-text('all is done')")
+        leave(lab)
+        leave(person)
+        open_page.close_all()
+        station.stop()
+    check(folder)
+
+
+def check(folder):
+    """Compare the store with what was done above: all of it is there, once."""
+    done = ["briefing", "consent", "questionnaire/demographics", "questionnaire/sus/1", "break/2"]
+    stages = [stage for (stage,) in rows_of(folder, STAGES, "stage")]
+    assert stages == sorted([*done, "questionnaire/sus/2", "thanks"])
+    trials = rows_of(
+        folder, TRIALS, "phase", "position", "attempt", "condition", "outcome", "void", "session"
+    )
+    assert trials == [
+        ("training", 0, 1, "felt", "timeout", None, 1),
+        ("trial", 1, 1, "felt", "aborted", "interrupted", 1),
+        ("trial", 1, 2, "felt", "hit", None, 2),
+        ("trial", 2, 1, "seen", "aborted", "the phone rang", 3),
+        ("trial", 2, 2, "seen", "hit", None, 3),
+    ]
+    answers = rows_of(folder, ANSWERS, "position", "questionnaire", "item", "answer", "session")
+    assert len(answers) == 8 + 10 + 10
+    first = {item: (answer, session) for at, _, item, answer, session in answers if at == 1}
+    assert {item: first[item] for item in "1234"} == dict.fromkeys("123", ("2", 2)) | {"4": ("5", 3)}
+    assert {answer for at, _, _, answer, _ in answers if at == 2} == {"5"}
+    assert ("age_years", "33") in {(item, answer) for _, _, item, answer, _ in answers}
+    assert rows_of(folder, EVENTS, "kind", "text") == [("note", "asked what the cross is")]
+    assert len(rows_of(folder, PARTICIPANTS, "participant")) == 1
+    closed = [closed_utc is not None for _, closed_utc in rows_of(folder, SESSIONS, "session", "closed_utc")]
+    assert closed == [True, True, True]  # the last by the end of the program
+
+    store = Store(folder / "study.db")
+    recorded = recorded_trials(store, "short")
+    store.close()
+    assert len(recorded) == 4  # all but the one that was cut off
+    assert [problem for trial in recorded if (problem := whats_wrong(trial, folder))] == []
+    hit = next(trial for trial in recorded if trial["position"] == 2 and trial["outcome"] == "hit")
+    run = RunReader(folder / hit["recording"])
+    assert (run.info.participant, run.info.trial) == ("P01", "trial/2/1/1/2")
+    assert any(step.conclusion.state == "target_hit" for _, step in run.records())
+    assert load_protocol(folder).target(hit["target"]).along_mm in (-2, 3)
+    cut_off = RunReader(folder / "recordings" / "P01" / "trial-1-1-1-attempt1.mcap")
+    assert not cut_off.is_whole and sum(1 for _ in cut_off.records()) > 3  # as far as it was written
+
+
+def test_where_everyone_is_blinded_the_pages_tell_no_condition(folder, source, open_page):
+    text = (
+        (folder / "study.toml").read_text().replace('order = "fixed"', 'order = "fixed"\nblind = "everyone"')
+    )
+    (folder / "study.toml").write_text(re.sub(r"\[training\][^\[]*|\[\[questionnaire\]\][^\[]*", "", text))
+    with Station(folder, source) as station:
+        lab, person = experimenter_at(station, open_page), participant_at(station, open_page)
+        lab.click("#enrol button")
+        person.click("text=Go on")
+        person.click("text=I agree")
+        wait_for_stage(person, "trial/1/1/1")
+        wait_for_stage(lab, "trial/1/1/1")
+        assert lab.inner_text("#stage") == "Trial · condition 1"
+        for page in (lab, person):
+            assert "Sight" not in page.inner_text("body")
+        for told in ("#state", "#feels", "#amplitude", "#traces", "#overlays", "#procedure"):
+            assert lab.is_hidden(told)
+        assert lab.is_visible("#view")
+        leave(lab)
+        leave(person)

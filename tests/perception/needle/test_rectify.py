@@ -1,0 +1,98 @@
+import math
+
+import numpy as np
+import pytest
+from drawn_strip import strip as drawn_strip
+from drawn_strip import strip_of
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from msgspec.structs import replace
+
+from haptigraph.perception.needle.coarse_tip import find_reach
+from haptigraph.perception.needle.rectify import STATION_PX, UNSEEN, Line, lay_straight
+from haptigraph.perception.needle.shaft_line import Look, fit_line
+from haptigraph.perception.needle.subpixel_tip import refine_tip
+
+
+def slope_of_grey(site, grey):
+    """Ground that gets brighter to the right and darker downwards."""
+    y, x = np.mgrid[: site.height_px, : site.width_px]
+    return grey + 0.1 * x - 0.05 * y
+
+
+@pytest.mark.parametrize("turn_rad", [-0.3, 0.0, 0.4])
+@pytest.mark.parametrize("share", [0.8, 1.0, 1.2])
+def test_nothing_is_left_of_an_empty_eye_in_other_light(site, turn_rad, share):
+    ground = slope_of_grey(site, 90)
+    image = np.clip(share * ground, 0, 255).astype(np.uint8)
+    line = Line(site.inwards_rad + turn_rad, 1.5)
+    strip = strip_of(site, image, ground.astype(np.float32), line)
+    assert np.abs(strip.excess).max() < 1.0
+    assert np.abs(strip.beside).max() < 1.0
+    assert strip.is_known.all()
+
+
+def test_where_the_empty_eye_is_not_known_what_is_seen_stays(site):
+    ground = slope_of_grey(site, 90).astype(np.float32)
+    ground[:, : site.width_px // 2] = UNSEEN
+    image = np.full(ground.shape, 100, np.uint8)
+    line = Line(site.inwards_rad, 0.0)
+    strip = strip_of(site, image, ground, line)
+    assert np.array_equal(strip.excess[:, ~strip.is_known], strip.beside[:, ~strip.is_known])
+
+
+def test_beyond_its_border_an_image_goes_on(site):
+    line = Line(site.inwards_rad, 0.0)
+    far_px = np.arange(3000, 3100, STATION_PX, dtype=np.float32)
+    image = np.random.default_rng(0).integers(0, 255, (site.height_px, site.width_px, 3), np.uint8)
+    (strip,) = lay_straight(site, image, np.full(image.shape[:2], UNSEEN, np.float32), line, far_px)
+    assert np.ptp(strip.beside, axis=1).max() < 1e-3
+
+
+def test_grey_with_chroma_is_brighter_where_it_is_bluer_within_the_globe_alone(site):
+    line = Line(site.inwards_rad, 0.0)
+    image = np.full((site.height_px, site.width_px, 3), 100, np.uint8)
+    (x, y), (dx, dy) = site.trocar_px, line.direction
+    rows, columns = np.mgrid[: site.height_px, : site.width_px]
+    image[np.abs((columns - x) * dy - (rows - y) * dx) < 3] = 120, 100, 80
+    unknown = np.full(image.shape[:2], UNSEEN, np.float32)
+    strip = strip_of(site, image, unknown, line, chroma_share=0.4)
+    middle = strip.beside[site.half_px]
+    assert middle[strip.inside] == pytest.approx(12.3, abs=0.6)
+    assert middle[strip.before] == pytest.approx(-3.7, abs=0.6)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"is_known": np.ones(3, bool)}, "not everything has the 170 stations"),
+        ({"u_px": np.arange(170.0)}, "places are float32"),
+        ({"inside": slice(20, 171)}, "parts end within the strip"),
+        ({"excess": np.zeros((33, 170))}, "of float64"),
+    ],
+    ids=["short", "doubles", "too long", "pixels of doubles"],
+)
+def test_a_strip_whose_parts_do_not_fit_is_refused(change, told):
+    with pytest.raises(ValueError, match=told):
+        replace(drawn_strip(np.zeros((33, 170))), **change)
+
+
+@given(
+    arrays(np.float32, (33, 170), elements=st.floats(-255, 255, width=32), fill=st.floats(-9, 9, width=32)),
+    st.integers(0, 170),
+    st.integers(0, 170),
+    st.floats(-60, 400),
+)
+def test_whatever_a_strip_shows_what_is_told_of_it_can_be(excess, one, other, about_px):
+    before, inside = slice(0, min(one, other)), slice(min(one, other), max(one, other))
+    strip = replace(drawn_strip(np.zeros((33, 170))), excess=excess, before=before, inside=inside)
+    reach = find_reach(strip, 20.0, None)
+    assert reach is None or strip.u_px[0] <= reach.tip_px <= strip.u_px[-1]
+    fit = fit_line(strip, about_px, 16.0, Look(highlight=(0.1, 0.2), shaded_px=(None, 0.1)))
+    if fit is not None:
+        assert math.isfinite(fit.offset_px + fit.slope + sum(fit.covariance) + fit.width_px + fit.blur_px)
+        assert 0 < fit.confidence <= 1
+        assert len(fit.u_px) == len(fit.is_on_line) == len(fit.is_steep)
+    tip = reach and refine_tip(strip, reach, about_px)
+    assert tip is None or math.isfinite(tip.tip_px + tip.deviation_px + tip.contrast_grey)

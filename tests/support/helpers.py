@@ -1,0 +1,162 @@
+"""Small makers of messages and pictures for tests, and the command line."""
+
+import gc
+import math
+import sys
+from functools import partial
+from itertools import count
+
+import cv2
+from click.testing import CliRunner
+
+from haptigraph.cli import main
+from haptigraph.errors import EndOfSource
+from haptigraph.geometry import Geometry, Point, Segment, Vec, rotate, subtract, unit
+from haptigraph.graph import SceneGraph
+from haptigraph.haptics.renderer import GrammarRenderer
+from haptigraph.inference.engine import RuleEngine
+from haptigraph.inference.procedure import Procedure
+from haptigraph.messages import OFF, Capture, Conclusion, Fault, HapticCommand, Observation, Pattern, Step
+from haptigraph.pipeline import Pipeline
+from haptigraph.registration.camera import Registration
+from haptigraph.scene.builder import SchemaSceneBuilder
+
+MS = 1_000_000
+LOW = Pattern("low", "continuous", amplitude=0.3, frequency_hz=80)
+PULSE = Pattern("pulse", "pulses", amplitude=1.0, frequency_hz=160, on_ms=80, off_ms=80)
+SUCCESS = Pattern("success", "bursts", amplitude=0.8, frequency_hz=160, on_ms=100, off_ms=100, count=2)
+
+
+def needle(entry_mm: Vec, tip_mm: Vec) -> dict[str, Geometry]:
+    return {"needle_tip": Point(tip_mm), "needle_line": Segment(entry_mm, tip_mm)}
+
+
+def observe(anatomy: dict[str, Geometry], tip_mm: Vec | None, stamp_ns: int = 0) -> Observation:
+    """An observation with a needle from the trocar to a tip, or with none."""
+    if tip_mm is None:
+        return Observation(stamp_ns, anatomy)
+    trocar = anatomy["trocar"]
+    assert isinstance(trocar, Point)
+    return Observation(stamp_ns, {**anatomy, **needle(trocar.at_mm, tip_mm)})
+
+
+def on_axis(anatomy: dict[str, Geometry], depth_mm: float, theta_deg: float = 0.0) -> Vec:
+    """The tip of a needle so deep in the trocar and so far off the target."""
+    trocar, target = anatomy["trocar"], anatomy["retina_target"]
+    assert isinstance(trocar, Point) and isinstance(target, Point)
+    along = rotate(unit(subtract(target.at_mm, trocar.at_mm)), theta_deg)
+    return trocar.at_mm[0] + depth_mm * along[0], trocar.at_mm[1] + depth_mm * along[1]
+
+
+def draw_rod(image, pivot_px, turn_rad, ends_px, width_px):
+    """A dark straight thing through a place; turned from straight down, positive to the image's right."""
+    way = math.sin(turn_rad), math.cos(turn_rad)
+    ends = [
+        [round(16 * (at + along * step)) for at, step in zip(pivot_px, way, strict=True)] for along in ends_px
+    ]
+    cv2.line(image, *ends, (15, 15, 15), width_px, cv2.LINE_AA, shift=4)
+
+
+def make_step(
+    pattern: Pattern = OFF,
+    *,
+    stamp_ns: int = 0,
+    since_ns: int | None = None,
+    state: str = "some_state",
+    faults: tuple[Fault, ...] = (),
+) -> Step:
+    """A step that commands a pattern."""
+    return Step(
+        index=0,
+        stamp_ns=stamp_ns,
+        observation=Observation(stamp_ns, {}, faults),
+        graph=SceneGraph(stamp_ns),
+        conclusion=Conclusion(stamp_ns, state, 1, pattern.name, "because"),
+        command=HapticCommand(stamp_ns, pattern, stamp_ns if since_ns is None else since_ns),
+    )
+
+
+class ScriptedPerceiver:
+    """Report what a list says, image by image: a tip, None, or an exception."""
+
+    def __init__(self, registration: Registration, script: list[Vec | Exception | None]) -> None:
+        self.anatomy, self.script, self.resets = registration.anatomy, list(script), 0
+
+    def __call__(self, capture: Capture) -> Observation:
+        item = self.script[capture.index % len(self.script)]
+        if isinstance(item, Exception):
+            raise item
+        return observe(self.anatomy, item, capture.stamp_ns)
+
+    def reset(self) -> None:
+        self.resets += 1
+
+
+def pipeline_of(procedure: Procedure, perceiver: ScriptedPerceiver) -> Pipeline:
+    return Pipeline(
+        perceive=perceiver,
+        build_scene=SchemaSceneBuilder(procedure.schema),
+        reason=RuleEngine(procedure),
+        render=GrammarRenderer(procedure.patterns),
+    )
+
+
+def call(*arguments: str):
+    result = CliRunner().invoke(main, [str(argument) for argument in arguments])
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result
+
+
+def refuse(*arguments: str) -> str:
+    result = call(*arguments)
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    lines = result.stderr.strip().splitlines()
+    assert len(lines) == 1, result.stderr
+    return lines[0]
+
+
+def drain(source, timeout_s: float = 1.0) -> list[Capture]:
+    """All captures of a source, which is closed at its end."""
+    captures = []
+    try:
+        while True:
+            captures.append(source.read(timeout_s))
+    except EndOfSource:
+        source.close()
+    return captures
+
+
+def every_moment():
+    """Yield what makes a call and presses Ctrl-C at its first moment, its second, ... until one is not reached."""
+    for moment in count():
+        was_pressed = []
+        yield partial(_press_ctrl_c, moment, was_pressed)
+        if not was_pressed.pop():
+            break
+    assert moment > 5, "hardly a moment in which Ctrl-C could be pressed"
+
+
+def _press_ctrl_c(moment, was_pressed, call):
+    left, before = moment, sys.gettrace()
+
+    def press(frame, _event, _argument):
+        nonlocal left
+        frame.f_trace_opcodes = True
+        left -= 1
+        if left < 0:
+            sys.settrace(before)
+            raise KeyboardInterrupt
+        return press
+
+    gc.disable()  # or Ctrl-C is pressed in what others have hung on it
+    sys.settrace(press)
+    try:
+        call()
+        was_pressed.append(False)
+    except KeyboardInterrupt:
+        was_pressed.append(True)
+    finally:
+        sys.settrace(before)
+        gc.enable()
