@@ -187,11 +187,12 @@ def main() -> None:
             continue
         errors = errors_px(anatomy, view)
         row = [errors.center_px, errors.radius_px, errors.retina_px, errors.trocar_px]
-        groups.setdefault(view.group, []).append([*row, anatomy.rim_doubt_px])
+        groups.setdefault(view.group, []).append([*row, anatomy.rim_uncertainty_px])
         wrong = "" if all(getattr(errors, name) <= most for name, most in LIMITS_PX.items()) else "  OVER"
         told = "  ".join(f"{value:5.2f}" for value in row)
         print(
-            f"{number:3d}  {told}  {view.says}; uncertain by {anatomy.rim_doubt_px:.1f} px{wrong}", flush=True
+            f"{number:3d}  {told}  {view.says}; uncertain by {anatomy.rim_uncertainty_px:.1f} px{wrong}",
+            flush=True,
         )
     for title, found in sorted(groups.items(), reverse=True):
         report(title, np.array(found))

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 VARIATIONS = (
     Variation("as drawn"),
-    Variation("see the angle four times worse", {"glance_deviation_deg": 4, "misjudgement_deg": 4}),
-    Variation("see the angle four times better", {"glance_deviation_deg": 0.25, "misjudgement_deg": 0.25}),
+    Variation("see the angle four times worse", {"glance_sd_deg": 4, "misjudgement_deg": 4}),
+    Variation("see the angle four times better", {"glance_sd_deg": 0.25, "misjudgement_deg": 0.25}),
     Variation("align nothing at once", values={"align_share": 0.0}),
     Variation("align everything at once", values={"align_share": 1.0}),
     Variation("attend to touch half as often", {"notices_share": 0.5}),

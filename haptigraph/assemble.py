@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from haptigraph.clock import Clock, MonotonicClock, VirtualClock
 from haptigraph.config import Config
 from haptigraph.errors import BadInput, NeedsRegistration, unknown_name
-from haptigraph.haptics.observed_device import Listener, TappedDevice
+from haptigraph.haptics.observed_device import Listener, ObservedDevice
 from haptigraph.haptics.pattern import beyond
 from haptigraph.pipeline import Hand, Loop, Pipeline
 from haptigraph.recording.writer import Progress, RunWriter
@@ -55,8 +55,8 @@ DEVICES = {
     "serial": "haptigraph.haptics.firmata:FirmataDevice",
     "trace": "haptigraph.haptics.trace:TraceDevice",
 }
-WARDED = ("gamepad", "ros2", "serial")  # devices that would go on if the run died
-MOVES = (*WARDED, "audio")  # devices that someone feels
+WATCHED = ("gamepad", "ros2", "serial")  # devices that would go on if the run died
+MOVES = (*WATCHED, "audio")  # devices that someone feels
 SOURCES = {
     "camera": "haptigraph.sources.cameras.uvc:CameraSource",
     "dicom": "haptigraph.sources.oct.dicom:DicomSource",
@@ -122,7 +122,7 @@ def build(
         device = open_device(config.haptics.device)
         undo.callback(device.close)
         for hears in (*(bridge.felt for bridge in bridges), *((listener,) if listener else ())):
-            device = TappedDevice(device, hears)
+            device = ObservedDevice(device, hears)
         hand = _hand(device, config, clock)
         undo.callback(hand.close)
         recorders: list[Sink] = []
@@ -237,8 +237,8 @@ def open_device(name: str) -> Device:
         BadInput: If there is none of that name.
     """
     kind, _, argument = name.partition(":")
-    if kind in WARDED:
-        return _load("haptigraph.haptics.watchdog:WardedDevice")(DEVICES[kind], argument)  # type: ignore[no-any-return]
+    if kind in WATCHED:
+        return _load("haptigraph.haptics.watchdog:WatchedDevice")(DEVICES[kind], argument)  # type: ignore[no-any-return]
     return _named(DEVICES, "device", kind)(argument)  # type: ignore[no-any-return]
 
 
@@ -281,10 +281,10 @@ def _perceiver(config: Config, registration: "Registered", procedure: "Procedure
     name = perceiver_name(config, procedure)
     perceiver = _named(PERCEIVERS, "perceiver", name)
     _load("haptigraph.registration.oct:check_fits")(name, perceiver, registration)
-    perceive: Perceiver = perceiver(registration.straight, config.perception)
-    if (slant := registration.image.straight_from_image) is not None:
-        straightened = _load("haptigraph.perception.straightening:StraightenedPerceiver")
-        perceive = straightened(perceive, registration, slant)
+    perceive: Perceiver = perceiver(registration.frontal, config.perception)
+    if (tilt := registration.image.frontal_from_image) is not None:
+        tilt_corrected = _load("haptigraph.perception.tilt_correction:TiltCorrectedPerceiver")
+        perceive = tilt_corrected(perceive, registration, tilt)
     phased = _load("haptigraph.perception.phase:PhasedPerceiver")
     return phased(perceive, phases) if (phases := procedure.schema.phases) else perceive
 

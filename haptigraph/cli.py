@@ -3,6 +3,7 @@
 Each command parses, assembles and calls; everything heavy is imported when a command needs it.
 """
 
+import warnings
 from typing import Any
 
 import click
@@ -21,7 +22,7 @@ from haptigraph.commands.study_report import study_report
 from haptigraph.commands.study_run import study_run
 from haptigraph.commands.study_simulated import simulate, sweep
 from haptigraph.commands.terminal import tell
-from haptigraph.errors import HaptigraphError
+from haptigraph.errors import HaptigraphError, RenamedKey
 from haptigraph.version import __version__
 
 __all__ = ["main"]
@@ -33,7 +34,10 @@ class Commands(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         """Run the chosen command."""
         try:
-            return super().invoke(ctx)
+            with warnings.catch_warnings():
+                warnings.simplefilter("once", RenamedKey)
+                warnings.showwarning = _show
+                return super().invoke(ctx)
         except HaptigraphError as error:
             tell(f"haptigraph: {error}")
             ctx.exit(2)
@@ -46,6 +50,11 @@ class Commands(click.Group):
         except KeyboardInterrupt:
             tell("haptigraph: stopped")
             ctx.exit(130)
+
+
+def _show(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
+    kind = "" if issubclass(category, RenamedKey) else f"{category.__name__}: "
+    tell(f"haptigraph: {kind}{message}")
 
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})

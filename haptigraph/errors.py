@@ -12,6 +12,7 @@ They know nothing of how it is shown; `cli` prints it and exits with code 2.
     ├── DeviceError     an actuator that does not obey (the loop goes on)
     └── PerceiverBroken perception failed several times in a row (the run stops)
     EndOfSource         not an error: a file has no more images
+    RenamedKey          a warning: a file uses a key by the name it had in an earlier version
 """
 
 from collections.abc import Iterable
@@ -27,6 +28,7 @@ __all__ = [
     "NeedsRegistration",
     "NotCompiled",
     "PerceiverBroken",
+    "RenamedKey",
     "SourceLost",
     "StoreFailed",
     "unknown_name",
@@ -92,6 +94,10 @@ class PerceiverBroken(HaptigraphError):
 
 class EndOfSource(Exception):
     """The source has delivered its last image."""
+
+
+class RenamedKey(FutureWarning):
+    """A file uses a key by the name it had in an earlier version; it was read, and the new name is given."""
 
 
 def unknown_name(what: str, name: str, valid: Iterable[str]) -> str:

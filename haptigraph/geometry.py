@@ -230,15 +230,15 @@ class ImageGeometry(Struct, frozen=True):
     mm_per_px: float
     mirrored: bool
     """Whether the image as stored is left-right mirrored (seen through one mirror)."""
-    straight_from_image: Homography | None = None
+    frontal_from_image: Homography | None = None
     """From the image as stored to the one a camera that looks straight at the section would take."""
     axial_mm_per_px: float | None = None
     """Down the image, where that differs from `mm_per_px`: the pixels of a B-scan are not square."""
 
     def to_mm(self, at_px: Vec) -> Vec:
         """Turn a pixel position into the eye frame [mm]."""
-        if self.straight_from_image is not None:
-            at_px = self.straight_from_image(at_px)
+        if self.frontal_from_image is not None:
+            at_px = self.frontal_from_image(at_px)
         right = (at_px[0] - self.center_px[0]) * self.mm_per_px
         return -right if self.mirrored else right, (self.center_px[1] - at_px[1]) * self._down_mm_per_px
 
@@ -249,7 +249,7 @@ class ImageGeometry(Struct, frozen=True):
             self.center_px[0] + right / self.mm_per_px,
             self.center_px[1] - at_mm[1] / self._down_mm_per_px,
         )
-        return self.straight_from_image.inverse(at_px) if self.straight_from_image else at_px
+        return self.frontal_from_image.inverse(at_px) if self.frontal_from_image else at_px
 
     @property
     def _down_mm_per_px(self) -> float:

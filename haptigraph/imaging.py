@@ -16,7 +16,7 @@ __all__ = [
     "colored",
     "grey_of",
     "grey_with_chroma",
-    "straightened",
+    "tilt_corrected",
     "top_shift",
 ]
 
@@ -55,11 +55,11 @@ def grey_with_chroma(image: Image, chroma_share: float, where: Mask | np.bool_) 
     return np.where(where, bluer, grey)
 
 
-def straightened(image: Image, straight_from_image: Homography) -> Image:
+def tilt_corrected(image: Image, frontal_from_image: Homography) -> Image:
     """Return an image of the same size without slant, (h, w, 3) or (h, w)."""
     height, width = image.shape[:2]
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    back = straight_from_image.inverse.matrix
+    back = frontal_from_image.inverse.matrix
     return np.asarray(
         cv2.warpPerspective(image, back, (width, height), flags=flags, borderMode=cv2.BORDER_REPLICATE),
         np.uint8,

@@ -132,9 +132,9 @@ class Certainty(Struct, frozen=True):
 
     confidence: float
     """Share of the visible shaft, up to its tip, that shows both edges on one line."""
-    tip_deviation_mm: float
+    tip_sd_mm: float
     """Standard deviation of the tip."""
-    theta_deviation_deg: float
+    theta_sd_deg: float
     """Standard deviation of the shaft's angle."""
 
 
@@ -232,7 +232,7 @@ class Capabilities(Struct, frozen=True):
     vibrates until told otherwise."""
     answers: bool = False
     """Whether it confirms what it was told, so that telling it takes one round trip."""
-    otherwise: str = ""
+    limitations: str = ""
     """What it does with what it cannot, in one sentence."""
 
 

@@ -131,7 +131,7 @@ class Loop:
         self._start_ns: int | None = None
         self._last_ns: int | None = None
         self._index = -1
-        self._is_still = self._closed = False
+        self._is_silent = self._closed = False
 
     def run(self) -> RunReport:
         """Run until the source ends or Ctrl-C, and return how it went. See `steps`."""
@@ -174,9 +174,9 @@ class Loop:
     def close(self) -> None:
         """Still the hand and close everything, whether the loop ran or not. May be called twice."""
         try:
-            if not self._is_still:
+            if not self._is_silent:
                 self.hand.close()
-                self._is_still = True  # not if Ctrl-C cut it short
+                self._is_silent = True  # not if Ctrl-C cut it short
         finally:
             self._close_others()
 

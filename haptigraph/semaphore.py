@@ -7,10 +7,10 @@ interpreter works it in one step. Knows no queue.
 
 from queue import Empty, SimpleQueue
 
-__all__ = ["Room"]
+__all__ = ["InterruptSafeSemaphore"]
 
 
-class Room:
+class InterruptSafeSemaphore:
     """Places that are taken and given back, by anyone.
 
     Args:

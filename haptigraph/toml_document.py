@@ -7,13 +7,14 @@ struct is, and nothing of what the files say.
 import math
 import re
 import tomllib
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 import msgspec
 
-from haptigraph.errors import BadInput, unknown_name
+from haptigraph.errors import BadInput, RenamedKey, unknown_name
 
 __all__ = ["Blame", "Document", "convert"]
 
@@ -119,11 +120,22 @@ def _check_names(value: Any, type_: Any, path: str, error: Blame) -> None:
             return
         names = dict(zip(struct.__struct_encode_fields__, struct.__struct_fields__, strict=True))
         hints = get_type_hints(struct, include_extras=False)
-        for key, item in value.items():
+        for key, item in list(value.items()):
             inner_path = f"{path}.{key}" if path else key
+            if (new := getattr(struct, "OLD_KEYS", {}).get(key)) is not None:
+                key = _renamed(value, key, new, inner_path, error)
             if key not in names:
                 raise error(unknown_name("key", key, names), inner_path)
             _check_names(item, hints[names[key]], inner_path, error)
+
+
+def _renamed(table: dict[str, Any], old: str, new: str, path: str, error: Blame) -> str:
+    """Move a value from the name that its key had in an earlier version to today's, with a warning."""
+    if new in table:
+        raise error(f"both {old!r} and {new!r}, which is its new name; keep {new!r}", path)
+    table[new] = table.pop(old)
+    warnings.warn(str(error(f"key {old!r} is now called {new!r}", path)), RenamedKey, stacklevel=2)
+    return new
 
 
 def _value_at(data: Any, path: str) -> Any:

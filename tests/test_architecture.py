@@ -22,7 +22,7 @@ UNITLESS = {
     "max_amplitude", "contrast", "a", "b", "x", "y", "r", "g", "most", "wanted", "diameter", "thickness",
     "font_size", "theta_integral", "offset_grey", "mm_per_px", "px_per_mm", "left", "top", "right", "bottom",
     "low", "high", "rim_ratio", "reach_ratio", "support_ratio", "half_width", "radius", "inner", "scale",
-    "lag_images", "mm_s", "deg_s", "flicker", "confidence", "slope", "share", "share_deviation", "scatter", "one_tone",
+    "lag_images", "mm_s", "deg_s", "flicker", "confidence", "slope", "share", "share_sd", "scatter", "one_tone",
     "least", "way",
     "curve", "dead_band", "statistic", "p", "holm_p", "effect", "mean_difference", "strength", "faintest",
     "distance_share", "motor_share", "strength_share", "notices_share", "align_share", "changes_per_min",

@@ -125,8 +125,8 @@ def test_the_nearest_place_lies_on_the_line_at_the_distance(point):
 
 @given(vector, st.floats(-3e-4, 3e-4), st.floats(-3e-4, 3e-4))
 def test_a_slanted_view_leads_there_and_back(at_mm, right, down):
-    slant = Homography(((0.98, 0.01, 4.0), (0.02, 1.03, -7.0), (right, down, 1.0)))
-    image = ImageGeometry((320.0, 200.0), 0.1, mirrored=True, straight_from_image=slant)
+    tilt = Homography(((0.98, 0.01, 4.0), (0.02, 1.03, -7.0), (right, down, 1.0)))
+    image = ImageGeometry((320.0, 200.0), 0.1, mirrored=True, frontal_from_image=tilt)
     assert image.to_mm(image.to_px(at_mm)) == pytest.approx(at_mm, abs=1e-6)
 
 

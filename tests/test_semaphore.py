@@ -1,8 +1,8 @@
-from haptigraph.semaphore import Room
+from haptigraph.semaphore import InterruptSafeSemaphore
 
 
 def test_there_are_so_many_places_and_no_more():
-    room = Room(2)
+    room = InterruptSafeSemaphore(2)
     assert [room.take(0.0) for _ in range(3)] == [True, True, False]
     room.give_back()
     assert room.take(None)

@@ -54,7 +54,7 @@ def actuators() -> tuple[Table, list[str]]:
             here[f"{kind}:..."] = f"cannot be used: {error}"
         here = here or {f"{kind}:...": "none found"}
         table.add_row("\n".join(here), "\n".join(here.values()), *_told(cls.capabilities))
-        rest.append(f"{kind:8} {cls.capabilities.otherwise}")
+        rest.append(f"{kind:8} {cls.capabilities.limitations}")
     table.add_row("-", "a controller on the page: haptigraph live", *_told(PAGE_CONTROLLER))
     return table, rest
 

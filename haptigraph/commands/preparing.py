@@ -27,7 +27,7 @@ __all__ = ["check", "register"]
 @click.option("--force", is_flag=True, help="Overwrite files that exist.")
 @set_option
 def register(
-    source: str, output: str, picture: str | None, force: bool, settings: tuple[str, ...], **wishes: Any
+    source: str, output: str, picture: str | None, force: bool, settings: tuple[str, ...], **overrides: Any
 ) -> None:
     """Find eye, retina and trocars in SOURCE by itself, and write the registration.
 
@@ -36,16 +36,18 @@ def register(
     source.lateral_mm_per_px=... and source.crop_px=[LEFT,TOP,WIDTH,HEIGHT].
     """
     from haptigraph.analysis.registering.oct import brings_scans, register_scans
-    from haptigraph.analysis.registering.overrides import Wishes
+    from haptigraph.analysis.registering.overrides import Overrides
     from haptigraph.analysis.registering.registering import register_source
 
     if brings_scans(source):
-        click.echo(register_scans(source, output, settings, picture, force=force, most=wishes["images"]))
+        click.echo(register_scans(source, output, settings, picture, force=force, most=overrides["images"]))
         return
     if settings:
         raise BadInput(f"--set is for B-scans (oct:PATH), not for {source}")
     with progress_bar() as progress:
-        click.echo(register_source(source, output, Wishes(**wishes), picture, force=force, progress=progress))
+        click.echo(
+            register_source(source, output, Overrides(**overrides), picture, force=force, progress=progress)
+        )
 
 
 @click.command()

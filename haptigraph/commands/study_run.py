@@ -69,7 +69,7 @@ def study_run(
     begin = () if config else ("source.uri=teleop",)
     base = load_config(config, (*begin, *run_settings({**given, "procedure": None, "record": None}, True)))
     _try_out(base, protocol)
-    from haptigraph.dashboard.study.session import StudyDesk
+    from haptigraph.dashboard.study.service import StudyService
     from haptigraph.dashboard.study.site import StudySite
     from haptigraph.dashboard.study.trial import run_trials
     from haptigraph.study.roster import study_in
@@ -81,16 +81,16 @@ def study_run(
     ):
         held = study_in(kept, protocol)
         held.check_frozen()
-        desk = StudyDesk(Path(folder), held, name)
-        site = StudySite(desk, base, listener, host=host, token=page_token(host, token))
+        service = StudyService(Path(folder), held, name)
+        site = StudySite(service, base, listener, host=host, token=page_token(host, token))
         with site.served():
             tell(f"haptigraph: study {held.name}{' (simulated)' * held.simulated}, station {name}")
             tell(f"haptigraph: the page is at {site.address()} for the experimenter")
             tell(f"haptigraph: and at {site.address('/participant')} for the participant; Ctrl-C ends both")
             try:
-                run_trials(desk, site, base, tell)
+                run_trials(service, site, base, tell)
             finally:
-                desk.close()
+                service.close()
 
 
 def _try_out(base: "Config", protocol: "Protocol") -> None:

@@ -38,7 +38,7 @@ class AudioDevice:
         frequency_range_hz=(20.0, 1000.0),
         shortest_on_ms=10.0,
         holds_ms=HOLDS_MS,
-        otherwise="Ramps of 5 ms keep it from clicking; a pattern without frequency sounds at 160 Hz.",
+        limitations="Ramps of 5 ms keep it from clicking; a pattern without frequency sounds at 160 Hz.",
     )
 
     def __init__(self, argument: str = "") -> None:

@@ -26,7 +26,7 @@ class ConsoleDevice:
         amplitude_levels=WIDTH,
         frequency_range_hz=(0.0, 1000.0),
         shortest_on_ms=0.0,
-        otherwise="Amplitudes are rounded to the next step of the bar.",
+        limitations="Amplitudes are rounded to the next step of the bar.",
     )
 
     def __init__(self, argument: str = "", stream: TextIO | None = None) -> None:

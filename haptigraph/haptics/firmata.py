@@ -52,7 +52,7 @@ class FirmataDevice:
         frequency_range_hz=None,
         shortest_on_ms=50.0,
         answers=True,
-        otherwise="A motor spins faster when told stronger; its frequency cannot be chosen.",
+        limitations="A motor spins faster when told stronger; its frequency cannot be chosen.",
     )
 
     def __init__(self, argument: str) -> None:

@@ -39,7 +39,7 @@ class GamepadDevice:
         shortest_on_ms=50.0,
         max_rate_hz=20.0,
         holds_ms=HOLDS_MS,
-        otherwise="Below 120 Hz the slow motor turns, else both; changes wait for their turn, silence never.",
+        limitations="Below 120 Hz only the slow motor turns, else both. Changes are queued, silence never.",
     )
 
     def __init__(self, argument: str = "") -> None:

@@ -16,7 +16,7 @@ from haptigraph.stages import Device
 __all__ = ["Guard"]
 
 RETRY_NS = 1_000_000_000  # a failed device is tried again once a second,
-STILL_RETRY_NS = 50_000_000  # and much sooner when it was to fall silent
+SILENCE_RETRY_NS = 50_000_000  # and much sooner when it was to fall silent
 
 
 class Guard:
@@ -105,7 +105,7 @@ class Guard:
         faults, self._faults = tuple(self._faults), []
         return faults
 
-    def still(self) -> None:
+    def silence(self) -> None:
         """Silence, until another step is sent."""
         self._received_ns, self._command = None, HapticCommand(0, OFF, 0)
         self._on_since_ns = None
@@ -116,7 +116,7 @@ class Guard:
         if self._closed:
             return
         self._closed = True
-        self.still()
+        self.silence()
         try:
             self._device.close()
         except Exception as error:
@@ -173,7 +173,7 @@ class Guard:
             if self._retry_at_ns is None:
                 self._report(str(error) or type(error).__name__)
             self._told, self._failed_on = None, amplitude > 0
-            self._retry_at_ns = now_ns + (RETRY_NS if amplitude else STILL_RETRY_NS)
+            self._retry_at_ns = now_ns + (RETRY_NS if amplitude else SILENCE_RETRY_NS)
         else:
             self._told, self._retry_at_ns = (amplitude, frequency_hz), None
 

@@ -6,7 +6,7 @@ from typing import TypeAlias
 from haptigraph.messages import Capabilities
 from haptigraph.stages import Device
 
-__all__ = ["PAGE_CONTROLLER", "Listener", "TappedDevice"]
+__all__ = ["PAGE_CONTROLLER", "Listener", "ObservedDevice"]
 
 Listener: TypeAlias = Callable[[int, float, float], None]
 """Told (stamp_ns, amplitude, frequency_hz) of every change; must return at once and never raise."""
@@ -17,12 +17,12 @@ PAGE_CONTROLLER = Capabilities(
     shortest_on_ms=50.0,
     max_rate_hz=20.0,
     holds_ms=150.0,
-    otherwise="Below 120 Hz the strong motor turns, else both; changes wait for their turn, silence never.",
+    limitations="Below 120 Hz only the strong motor turns, else both. Changes are queued, silence never.",
 )
 """What a game controller does that listens through the live page; `static/live/rumble.js` plays it."""
 
 
-class TappedDevice:
+class ObservedDevice:
     """Pass everything on to a device, and tell a listener.
 
     The listener hears a change even if the device fails: it may be the only one that the hand feels.

@@ -16,7 +16,7 @@ from haptigraph.messages import Fault, Step
 __all__ = ["Player"]
 
 LONGEST_WAIT_S = 0.05
-STILL_TIMEOUT_S = 1.0
+SILENCE_TIMEOUT_S = 1.0
 CLOSE_TIMEOUT_S = 10.0  # a device may have a file to finish
 
 
@@ -54,7 +54,7 @@ class Player:
         self._closing = True
         self._steps.put(None)
         try:
-            self._stilled.get(timeout=STILL_TIMEOUT_S)
+            self._stilled.get(timeout=SILENCE_TIMEOUT_S)
         except Empty:
             self._faults.append(Fault("device", "does not answer; it may still vibrate"))
         else:
@@ -69,7 +69,7 @@ class Player:
                 except BaseException as error:  # without this thread nobody would still the hand
                     self._recover(error)
         finally:
-            self._guard.still()
+            self._guard.silence()
             self._stilled.put(None)
             self._guard.close()
             self._faults.extend(self._guard.take_faults())
@@ -89,7 +89,7 @@ class Player:
     def _recover(self, error: BaseException) -> None:
         """Still the hand after a failure of the guard, and say so; the next step is felt again."""
         self._has_failed = True
-        self._guard.still()
+        self._guard.silence()
         self._faults.append(Fault("guard", f"{type(error).__name__}: {error}; the hand was stilled"))
 
     def _wait_s(self) -> float:

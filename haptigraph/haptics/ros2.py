@@ -34,7 +34,7 @@ class Ros2Device:
         shortest_on_ms=50.0,
         max_rate_hz=20.0,
         holds_ms=1000.0,
-        otherwise="The subscriber chooses the frequency; the joy node turns both motors alike.",
+        limitations="The subscriber chooses the frequency; the joy node turns both motors alike.",
     )
 
     def __init__(self, topic: str = "") -> None:

@@ -27,7 +27,7 @@ class TraceDevice:
         amplitude_levels=65535,
         frequency_range_hz=(0.0, 1000.0),
         shortest_on_ms=0.0,
-        otherwise="All is written as it was told.",
+        limitations="All is written as it was told.",
     )
 
     def __init__(self, path: str | Path) -> None:

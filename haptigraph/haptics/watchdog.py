@@ -25,7 +25,7 @@ from haptigraph.errors import BadInput, DeviceError, HaptigraphError
 from haptigraph.messages import Capabilities
 from haptigraph.stages import Device
 
-__all__ = ["Answer", "Order", "Ward", "WardedDevice", "main"]
+__all__ = ["Answer", "Order", "Ward", "WatchedDevice", "main"]
 
 HOLDS_MS = 150.0
 ANSWER_S = 0.25
@@ -50,7 +50,7 @@ class Answer(Struct, array_like=True):
     capabilities: Capabilities | None = None
 
 
-class WardedDevice:
+class WatchedDevice:
     """Pass everything on to a device in a process of its own.
 
     Args:

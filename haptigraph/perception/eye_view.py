@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from haptigraph.geometry import Vec
-from haptigraph.imaging import grey_of, straightened
+from haptigraph.imaging import grey_of, tilt_corrected
 from haptigraph.messages import Image
 from haptigraph.registration.camera import Registration
 from haptigraph.registration.registered import VIEW_MARGIN, Registered
@@ -30,9 +30,9 @@ class IoctView:
         corners_mm = [self._to_mm(corner) for corner in ((0, 0), (size_px, 0), (0, size_px))]
         self._image_from_view = cv2.getAffineTransform(
             np.array(((0, 0), (size_px, 0), (0, size_px)), np.float32),
-            np.array([registration.straight.image.to_px(corner) for corner in corners_mm], np.float32),
+            np.array([registration.frontal.image.to_px(corner) for corner in corners_mm], np.float32),
         )
-        self._slant = registration.image.straight_from_image
+        self._slant = registration.image.frontal_from_image
         y, x = np.ogrid[:size_px, :size_px]
         center = (size_px - 1) / 2
         reach = size_px / 2 / VIEW_MARGIN if isinstance(registration, Registration) else size_px
@@ -42,7 +42,7 @@ class IoctView:
         """Return the picture, (size, size) grey."""
         grey = grey_of(image)
         view = cv2.warpAffine(
-            straightened(grey, self._slant) if self._slant else grey,
+            tilt_corrected(grey, self._slant) if self._slant else grey,
             self._image_from_view,
             (self.size_px, self.size_px),
             flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,

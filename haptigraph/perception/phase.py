@@ -26,7 +26,7 @@ class PhasedPerceiver:
         self._perceiver, self._phases = perceiver, frozenset(phases)
 
     def __call__(self, capture: Capture) -> Observation:
-        """Look at one image."""
+        """Appearance at one image."""
         observation = self._perceiver(capture)
         if capture.phase not in self._phases:
             return observation

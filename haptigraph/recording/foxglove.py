@@ -124,7 +124,7 @@ def annotations(
         if isinstance(shape, Point):
             circles.append(_circle(time, Circle(shape.at_mm, DOT_MM), image, color))
         elif isinstance(shape, Circle):
-            if image.straight_from_image is None:
+            if image.frontal_from_image is None:
                 circles.append(_circle(time, shape, image, color))
             else:
                 lines.append(_line(time, _around(shape), image, color))

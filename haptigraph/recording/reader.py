@@ -12,7 +12,7 @@ from haptigraph.messages import Capture, Step
 from haptigraph.recording.codec import decode
 from haptigraph.recording.foxglove import CompressedImage
 from haptigraph.recording.journal import complete_records, is_being_written, is_whole, records_between
-from haptigraph.recording.schema import FORMAT, TOPICS, CaptureRecord, RunInfo
+from haptigraph.recording.schema import READABLE, TOPICS, CaptureRecord, RunInfo
 from haptigraph.recording.writer import METADATA
 
 __all__ = ["Place", "RunReader"]
@@ -22,6 +22,11 @@ STEP = {"/capture", "/observation", "/graph", "/state", "/command"}  # what make
 DECODERS: dict[str, msgspec.json.Decoder[Any]] = {
     topic.name: msgspec.json.Decoder(topic.type) for topic in TOPICS if topic.name not in FOR_VIEWERS
 }
+RENAMED = (
+    (b'"tip_deviation_mm":', b'"tip_sd_mm":'),
+    (b'"theta_deviation_deg":', b'"theta_sd_deg":'),
+)
+"""Keys of /observation in format 1, and since."""
 
 
 class Place(NamedTuple):
@@ -150,8 +155,12 @@ class RunReader:
             yield Place(sequence, start, last), messages
 
     def _decoded(self, topic: str, record: Message) -> Any:
+        data = record.data
+        if topic == "/observation":  # named otherwise in format 1
+            for old, new in RENAMED:
+                data = data.replace(old, new)
         try:
-            return DECODERS[topic].decode(record.data)
+            return DECODERS[topic].decode(data)
         except msgspec.DecodeError as error:
             raise BadInput(f"{topic} cannot be read: {error}", self.path, f"step {record.sequence}") from None
 
@@ -174,6 +183,8 @@ class RunReader:
             info = msgspec.convert(record.metadata, RunInfo, strict=False)
         except msgspec.ValidationError as error:
             raise BadInput(f"header cannot be read: {error}", self.path) from None
-        if info.format != FORMAT:
-            raise BadInput(f"recording format {info.format!r}; this version reads {FORMAT!r}", self.path)
+        if info.format not in READABLE:
+            raise BadInput(
+                f"recording format {info.format!r}; this version reads {', '.join(READABLE)}", self.path
+            )
         return info

@@ -20,9 +20,11 @@ from haptigraph.messages import (
 )
 from haptigraph.recording.foxglove import CompressedImage, ImageAnnotations, Log, foxglove_schema
 
-__all__ = ["FORMAT", "TOPICS", "CaptureRecord", "Kept", "RunInfo", "Topic", "mcap_schema"]
+__all__ = ["FORMAT", "READABLE", "TOPICS", "CaptureRecord", "Kept", "RunInfo", "Topic", "mcap_schema"]
 
-FORMAT = "1"
+FORMAT = "2"
+READABLE = ("1", FORMAT)
+"""Format 1 called the standard deviations in /observation `..._deviation_...`."""
 
 Kept: TypeAlias = Literal["recorded", "dropped", "none"]
 

@@ -9,15 +9,15 @@ import numpy as np
 from msgspec import Struct
 
 from haptigraph.geometry import Homography
-from haptigraph.imaging import Mask, straightened
+from haptigraph.imaging import Mask, tilt_corrected
 from haptigraph.messages import Image
 
-__all__ = ["EmptyEye"]
+__all__ = ["BackgroundImage"]
 
 QUALITY = 90  # of WebP's 100; which pixels are known it keeps exactly
 
 
-class EmptyEye(Struct, frozen=True, eq=False):
+class BackgroundImage(Struct, frozen=True, eq=False):
     """An eye without needle, as the camera takes it."""
 
     image: Image
@@ -26,7 +26,7 @@ class EmptyEye(Struct, frozen=True, eq=False):
     """Where no needle ever hid it, (h, w)."""
 
     @classmethod
-    def of_webp(cls, data: bytes) -> "EmptyEye | None":
+    def of_webp(cls, data: bytes) -> "BackgroundImage | None":
         """Return what `webp` wrote, None if that is not what it is."""
         read = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
         if read is None or read.ndim != 3 or read.dtype != np.uint8:
@@ -43,7 +43,7 @@ class EmptyEye(Struct, frozen=True, eq=False):
         whole = np.dstack([self.image * self.is_known[..., None], alpha])
         return cv2.imencode(".webp", whole, [cv2.IMWRITE_WEBP_QUALITY, QUALITY])[1].tobytes()
 
-    def straightened(self, straight_from_image: Homography) -> "EmptyEye":
+    def tilt_corrected(self, frontal_from_image: Homography) -> "BackgroundImage":
         """Return the same for a camera that looks straight at the section."""
-        known = straightened(self.is_known.astype(np.uint8) * 255, straight_from_image) == 255
-        return EmptyEye(straightened(self.image, straight_from_image), known)
+        known = tilt_corrected(self.is_known.astype(np.uint8) * 255, frontal_from_image) == 255
+        return BackgroundImage(tilt_corrected(self.image, frontal_from_image), known)

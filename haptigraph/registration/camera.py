@@ -25,7 +25,7 @@ from haptigraph.geometry import (
     norm,
     subtract,
 )
-from haptigraph.registration.background import EmptyEye
+from haptigraph.registration.background import BackgroundImage
 from haptigraph.registration.registered import VIEW_MARGIN, Registered
 from haptigraph.registration.text import FORMAT, AnatomyPx, TrocarPx
 from haptigraph.toml_document import Document
@@ -47,7 +47,7 @@ WALL_RANGE_MM = (
     3.0,
 )  # a trocar sits anywhere in the wall, measured outwards from the globe's inner side
 SHORTEST_AXIS_MM = 5.0
-STRAIGHTENED_SCALE = (0.5, 2.0)  # by so much a straightened image may be stretched at the globe's centre
+FRONTAL_SCALE = (0.5, 2.0)  # by so much a straightened image may be stretched at the globe's centre
 
 Row: TypeAlias = tuple[float, float, float]
 
@@ -79,7 +79,7 @@ class _Trocar(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class _Homography(Struct, frozen=True, forbid_unknown_fields=True):
-    straight_from_image: tuple[Row, Row, Row]
+    frontal_from_image: tuple[Row, Row, Row]
 
 
 class _Empty(Struct, frozen=True, forbid_unknown_fields=True):
@@ -107,7 +107,7 @@ class Registration(Registered, frozen=True):
     """The trocar in use, the needle's pivot."""
     other_trocars: tuple[Point, ...]
     """Those that another instrument may go through."""
-    empty: EmptyEye | None = None
+    empty: BackgroundImage | None = None
     """What the camera saw of the eye without needle, if that is known."""
 
     @property
@@ -126,11 +126,11 @@ class Registration(Registered, frozen=True):
         return self.globe.radius_mm * VIEW_MARGIN
 
     @property
-    def straight(self) -> "Registration":
+    def frontal(self) -> "Registration":
         """The same for straightened images: with no slant."""
-        way = self.image.straight_from_image
-        empty = self.empty.straightened(way) if self.empty and way else self.empty
-        return replace(self, image=replace(self.image, straight_from_image=None), empty=empty)
+        way = self.image.frontal_from_image
+        empty = self.empty.tilt_corrected(way) if self.empty and way else self.empty
+        return replace(self, image=replace(self.image, frontal_from_image=None), empty=empty)
 
 
 def load_registration(path: str | Path) -> Registration:
@@ -160,8 +160,8 @@ def anatomy_px(registration: Registration) -> AnatomyPx:
         contour_px=data.retina.contour_px,
         target_px=data.target.point_px,
         trocars=tuple(TrocarPx(each.name, each.point_px, each.used) for each in data.trocars),
-        straight_from_image=registration.image.straight_from_image,
-        empty_webp=_webp(data),
+        frontal_from_image=registration.image.frontal_from_image,
+        background_webp=_webp(data),
     )
 
 
@@ -173,12 +173,12 @@ def registration_of(document: Document) -> Registration:
             f"format {data.format} is not known; this version reads format {FORMAT}", "format"
         )
     _check_image_and_globe(document, data)
-    straight = _straight_from_image(document, data)
+    frontal = _frontal_from_image(document, data)
     geometry = ImageGeometry(
-        center_px=straight(data.globe.center_px) if straight else data.globe.center_px,
+        center_px=frontal(data.globe.center_px) if frontal else data.globe.center_px,
         mm_per_px=data.globe.diameter_mm / (2 * data.globe.radius_px),
         mirrored=data.image.mirrored,
-        straight_from_image=straight,
+        frontal_from_image=frontal,
     )
     globe = Circle((0.0, 0.0), data.globe.diameter_mm / 2)
     retina = Polyline(tuple(geometry.to_mm(point) for point in data.retina.contour_px))
@@ -202,7 +202,7 @@ def registration_of(document: Document) -> Registration:
             Point(geometry.to_mm(trocar.point_px)) for trocar in data.trocars if not trocar.used
         ),
         text=document.text,
-        empty=_empty_eye(document, data),
+        empty=_background_image(document, data),
     )
 
 
@@ -231,18 +231,18 @@ def _check_image_and_globe(document: Document, data: _File) -> None:
         )
 
 
-def _straight_from_image(document: Document, data: _File) -> Homography | None:
+def _frontal_from_image(document: Document, data: _File) -> Homography | None:
     """Return the homography if it is one of a camera before the eye."""
     if data.homography is None:
         return None
-    path, given = "homography.straight_from_image", Homography(data.homography.straight_from_image)
+    path, given = "homography.frontal_from_image", Homography(data.homography.frontal_from_image)
     corners = np.array([(x, y, 1) for x in (0, data.image.width) for y in (0, data.image.height)])
     if not (corners @ given.matrix[2] > 0).all():
         raise document.error("the homography sends a part of the image to infinity", path)
     x, y = data.globe.center_px
     (px, py), (rx, ry), (dx, dy) = (given(place) for place in ((x, y), (x + 1, y), (x, y + 1)))
     area = (rx - px) * (dy - py) - (ry - py) * (dx - px)
-    low, high = STRAIGHTENED_SCALE
+    low, high = FRONTAL_SCALE
     if not low**2 <= area <= high**2:
         raise document.error(
             f"the homography makes areas {area:.3g} times as large at the globe's centre; "
@@ -252,12 +252,12 @@ def _straight_from_image(document: Document, data: _File) -> Homography | None:
     return given
 
 
-def _empty_eye(document: Document, data: _File) -> EmptyEye | None:
+def _background_image(document: Document, data: _File) -> BackgroundImage | None:
     """Return the picture of the eye without needle, if there is one, and it is of the images' size."""
     if data.empty is None:
         return None
     try:
-        empty = EmptyEye.of_webp(_webp(data))
+        empty = BackgroundImage.of_webp(_webp(data))
     except ValueError:
         empty = None
     if empty is None:

@@ -39,7 +39,7 @@ class Registered(Struct, frozen=True):
         return {}
 
     @property
-    def straight(self) -> "Registered":
+    def frontal(self) -> "Registered":
         """The same for images without slant."""
         return self
 

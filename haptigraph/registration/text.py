@@ -48,9 +48,9 @@ class AnatomyPx(Struct, frozen=True):
     contour_px: tuple[Vec, ...]
     target_px: Vec
     trocars: tuple[TrocarPx, ...]
-    straight_from_image: Homography | None = None
+    frontal_from_image: Homography | None = None
     """To the straightened image, where the camera looks at a slant."""
-    empty_webp: bytes = b""
+    background_webp: bytes = b""
     """Picture of the eye without needle; transparent where it was never seen so."""
 
 
@@ -80,7 +80,7 @@ contour_px = [{contour}]
 
 [target]
 point_px = {_px(anatomy.target_px)}
-{trocars}{_slant(anatomy.straight_from_image)}{_empty(anatomy.empty_webp)}"""
+{trocars}{_slant(anatomy.frontal_from_image)}{_empty(anatomy.background_webp)}"""
 
 
 def scan_registration_text(
@@ -115,10 +115,10 @@ depth_share = {depth_share:g}
 """
 
 
-def _slant(straight_from_image: Homography | None) -> str:
-    if straight_from_image is None:
+def _slant(frontal_from_image: Homography | None) -> str:
+    if frontal_from_image is None:
         return ""
-    rows = ",\n  ".join(str([float(f"{value:.9g}") for value in row]) for row in straight_from_image.rows)
+    rows = ",\n  ".join(str([float(f"{value:.9g}") for value in row]) for row in frontal_from_image.rows)
     return f"\n[homography]\nstraight_from_image = [\n  {rows},\n]\n"
 
 

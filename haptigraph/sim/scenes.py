@@ -202,13 +202,13 @@ def _make_harder(name: str, setting: _Setting, rng: Rng, eye: Eye, rest_mm: Vec)
 
 def _with_light_pipe(others: Distractors, rng: Rng, eye: Eye, rest_mm: Vec) -> Distractors:
     """Add a second instrument that may cross the needle, but not where its tip comes to rest."""
-    pivot = eye.other_trocar_mm
+    rcm = eye.other_trocar_mm
     brightness = rng.uniform(0.2, 0.8)
     pipe = replace(others.light_pipe, brightness=brightness, diameter_mm=rng.uniform(0.5, 0.9))
     while True:
         depth_mm, pitch_deg = rng.uniform(4, 14), rng.uniform(-35, 35)
-        along = rotate(unit(subtract((0.0, 0.0), pivot)), pitch_deg)
-        offset = subtract(rest_mm, pivot)
+        along = rotate(unit(subtract((0.0, 0.0), rcm)), pitch_deg)
+        offset = subtract(rest_mm, rcm)
         at = min(max(offset[0] * along[0] + offset[1] * along[1], 0), depth_mm)
         if norm(subtract(offset, (at * along[0], at * along[1]))) > PIPE_MISS_MM:
             return replace(others, light_pipe_mm=depth_mm, light_pipe_deg=pitch_deg, light_pipe=pipe)

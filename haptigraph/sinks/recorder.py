@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from haptigraph.messages import Capture, Fault, Step
 from haptigraph.recording.writer import Progress, RunWriter
-from haptigraph.semaphore import Room
+from haptigraph.semaphore import InterruptSafeSemaphore
 
 __all__ = ["Recorder"]
 
@@ -33,7 +33,10 @@ class Recorder:
         self._writer, self._progress = writer, progress
         self._patience_s = None if waits else 0.0
         self._queue: SimpleQueue[tuple[Capture, Step, bool] | None] = SimpleQueue()
-        self._step_room, self._image_room = Room(MOST_STEPS), Room(MOST_IMAGES)
+        self._step_room, self._image_room = (
+            InterruptSafeSemaphore(MOST_STEPS),
+            InterruptSafeSemaphore(MOST_IMAGES),
+        )
         self._faults: list[Fault] = []
         self._failed = threading.Event()
         self._thread = threading.Thread(target=self._drain, name="haptigraph-recorder", daemon=True)

@@ -4,7 +4,7 @@ import threading
 from queue import Empty, SimpleQueue
 
 from haptigraph.messages import Capture
-from haptigraph.semaphore import Room
+from haptigraph.semaphore import InterruptSafeSemaphore
 from haptigraph.stages import Source
 
 __all__ = ["ReadAhead"]
@@ -28,7 +28,7 @@ class ReadAhead:
         self.notes = getattr(source, "notes", ())
         self._source, self._waits = source, waits
         self._ready: SimpleQueue[Capture | BaseException] = SimpleQueue()
-        self._room = Room(DEPTH)
+        self._room = InterruptSafeSemaphore(DEPTH)
         self._ended: BaseException | None = None
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._read, name="haptigraph-read-ahead", daemon=True)

@@ -74,9 +74,9 @@ def test_the_needle_is_a_rotation_and_its_tip(start, end):
 
 
 def test_the_needle_of_a_bevel_is_at_its_tip_and_turned_as_its_shaft():
-    straight, bevelled = (np.array(needle_matrix(LINE, tip)) for tip in (None, Point((1.3, -4.0))))
-    assert (straight[:, :3] == bevelled[:, :3]).all()
-    assert tuple(straight[:, 3]) == (1.0, -4.0, 0.0)
+    frontal, bevelled = (np.array(needle_matrix(LINE, tip)) for tip in (None, Point((1.3, -4.0))))
+    assert (frontal[:, :3] == bevelled[:, :3]).all()
+    assert tuple(frontal[:, 3]) == (1.0, -4.0, 0.0)
     assert tuple(bevelled[:, 3]) == (1.3, -4.0, 0.0)
 
 

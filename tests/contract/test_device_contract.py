@@ -7,7 +7,7 @@ from firmata_board import Board
 
 from haptigraph import assemble
 from haptigraph.errors import BadInput
-from haptigraph.haptics.observed_device import PAGE_CONTROLLER, TappedDevice
+from haptigraph.haptics.observed_device import PAGE_CONTROLLER, ObservedDevice
 from haptigraph.messages import Capabilities
 from haptigraph.stages import Device
 
@@ -30,7 +30,7 @@ def check_capabilities(can: Capabilities):
     assert can.shortest_on_ms >= 0
     assert can.max_rate_hz is None or can.max_rate_hz > 0
     assert can.holds_ms is None or can.holds_ms > 0
-    assert can.otherwise.endswith(".")
+    assert can.limitations.endswith(".")
 
 
 @pytest.fixture(params=assemble.DEVICES)
@@ -77,7 +77,7 @@ def test_a_device_closes_twice_also_while_it_vibrates(device):
 
 
 def test_who_listens_in_changes_no_capability(device):
-    assert TappedDevice(device, lambda *edge: None).capabilities == device.capabilities
+    assert ObservedDevice(device, lambda *edge: None).capabilities == device.capabilities
 
 
 def test_the_pages_controller_says_what_it_can():

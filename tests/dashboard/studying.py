@@ -38,11 +38,11 @@ timeout_s = 300
 
 [[condition]]
 name = "felt"
-title = "Sight and touch"
+title = "Detection and touch"
 
 [[condition]]
 name = "seen"
-title = "Sight alone"
+title = "Detection alone"
 touch = false
 display = "overlays"
 

@@ -3,7 +3,7 @@
 import pytest
 
 from haptigraph.errors import DeviceError
-from haptigraph.haptics.observed_device import TappedDevice
+from haptigraph.haptics.observed_device import ObservedDevice
 from haptigraph.messages import Capabilities
 from haptigraph.stages import Device
 
@@ -25,7 +25,7 @@ class Actuator:
 
 def test_the_listener_hears_what_the_device_is_told():
     actuator, heard = Actuator(), []
-    tapped = TappedDevice(actuator, lambda *edge: heard.append(edge))
+    tapped = ObservedDevice(actuator, lambda *edge: heard.append(edge))
     assert isinstance(tapped, Device)
     assert tapped.capabilities == actuator.capabilities
     tapped.set(0.5, 80.0, 1)

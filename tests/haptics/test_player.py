@@ -70,7 +70,7 @@ def test_closing_stills_the_hand_and_releases_the_device(device):
 
 
 def test_a_device_that_blocks_does_not_block_the_loop(device, monkeypatch):
-    monkeypatch.setattr(player_module, "STILL_TIMEOUT_S", 0.05)
+    monkeypatch.setattr(player_module, "SILENCE_TIMEOUT_S", 0.05)
     device.gate.clear()
     player, clock = start(device)
     for _ in range(100):

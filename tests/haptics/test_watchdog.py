@@ -10,14 +10,14 @@ import pytest
 from firmata_board import Board
 
 from haptigraph.errors import BadInput, DeviceError
-from haptigraph.haptics.watchdog import HOLDS_MS, WardedDevice
+from haptigraph.haptics.watchdog import HOLDS_MS, WatchedDevice
 
 pytest.importorskip("serial")
 FIRMATA = "haptigraph.haptics.firmata:FirmataDevice"
 RUN = """
 import signal
-from haptigraph.haptics.watchdog import WardedDevice
-device = WardedDevice({path!r}, {argument!r})
+from haptigraph.haptics.watchdog import WatchedDevice
+device = WatchedDevice({path!r}, {argument!r})
 device.set(1.0, 80.0, 0)
 {then}
 """
@@ -31,7 +31,7 @@ def board(tmp_path):
 
 @pytest.fixture
 def device(board):
-    device = WardedDevice(FIRMATA, str(board.link))
+    device = WatchedDevice(FIRMATA, str(board.link))
     yield device
     device.close()
 
@@ -75,7 +75,7 @@ def test_it_is_started_again_if_it_is_killed_itself(board, device):
 @pytest.mark.parametrize("argument", ["/dev/nothing-here", "{port}?pin=4"])
 def test_what_cannot_be_opened_is_one_sentence(board, argument):
     with pytest.raises(BadInput, match=r"cannot be opened|pin 4 has no PWM"):
-        WardedDevice(FIRMATA, argument.format(port=board.link))
+        WatchedDevice(FIRMATA, argument.format(port=board.link))
 
 
 @pytest.mark.parametrize("ending", ["SIGKILL", "SIGSTOP", "SIGINT", "SIGTERM"])

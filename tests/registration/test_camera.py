@@ -6,7 +6,7 @@ from msgspec.structs import replace
 
 from haptigraph.errors import BadInput
 from haptigraph.geometry import distance_to_polyline, norm
-from haptigraph.registration.background import EmptyEye
+from haptigraph.registration.background import BackgroundImage
 from haptigraph.registration.camera import anatomy_px, load_registration, parse_registration
 from haptigraph.registration.text import registration_text
 
@@ -94,7 +94,7 @@ def test_a_homography_leads_into_the_straightened_image(registration_toml, regis
         registration_toml + SLANT.format("0.0").replace("1.02, 0.0, -3.0", "1.0, 0.0, 0.0"), "eye.toml"
     )
     assert slanted.target == registration.target
-    assert slanted.straight.image == registration.image
+    assert slanted.frontal.image == registration.image
     stretched = parse_registration(registration_toml + SLANT.format("1e-5"), "eye.toml")
     assert stretched.image.to_mm((160.0, 120.0)) == pytest.approx((0.0, 0.0), abs=1e-9)
     # 1.02 / (1 + 0.0016), and once more where the straightened pixels lie closer
@@ -108,7 +108,7 @@ def test_a_homography_leads_into_the_straightened_image(registration_toml, regis
         (SLANT.format("0.0").replace("1.02", "-1.02"), "0.25 to 4 is plausible"),
         (SLANT.format("0.0").replace("1.02", "9.0"), "makes areas 9 times as large"),
         (SLANT.format("0.0").replace("1.02", "nan"), "nan"),
-        (SLANT.format("0.0").replace("[1.02, 0.0, -3.0], ", ""), "homography.straight_from_image"),
+        (SLANT.format("0.0").replace("[1.02, 0.0, -3.0], ", ""), "homography.frontal_from_image"),
     ],
 )
 def test_a_homography_of_no_camera_is_refused(registration_toml, text, told):
@@ -121,7 +121,9 @@ def with_empty_eye(text: str, width: int = 320, height: int = 240) -> str:
     image = np.full((height, width, 3), 120, np.uint8)
     is_known = np.ones((height, width), bool)
     is_known[:40] = False
-    anatomy = replace(anatomy_px(parse_registration(text, "eye")), empty_webp=EmptyEye(image, is_known).webp)
+    anatomy = replace(
+        anatomy_px(parse_registration(text, "eye")), background_webp=BackgroundImage(image, is_known).webp
+    )
     return registration_text(anatomy, "Registration.")
 
 
@@ -131,7 +133,7 @@ def test_the_eye_without_needle_is_kept_and_may_be_left_out(registration_toml):
     assert read.empty.is_known.mean() == pytest.approx(200 / 240)
     assert max(len(line) for line in text.split("[empty]")[1].splitlines()) <= 100
     assert registration_text(anatomy_px(read), "Registration.") == text
-    assert read.straight.empty is read.empty
+    assert read.frontal.empty is read.empty
     without = text[: text.index("[empty]")]
     assert parse_registration(without, "eye.toml").empty is None
     assert "empty" not in registration_text(anatomy_px(parse_registration(without, "eye.toml")), "eye")

@@ -35,8 +35,8 @@ def test_every_scene_is_the_whole_way_from_away_to_the_target(name, procedure):
 def test_states_of_a_bevel_are_those_of_its_shaft(roll_deg, procedure):
     scene = load_scene(scene_file("wide_bevel"))
     layout = Layout(replace(scene, needle=replace(scene.needle, roll_deg=roll_deg)))
-    straight, tilted = truth_of(layout, [Pose(3.0, 0.5), Pose(3.0, 4.0)], procedure)
-    assert straight.state == "aligned_intraocular_navigation"
+    frontal, tilted = truth_of(layout, [Pose(3.0, 0.5), Pose(3.0, 4.0)], procedure)
+    assert frontal.state == "aligned_intraocular_navigation"
     assert tilted.state == "misaligned_intraocular_navigation"
 
 

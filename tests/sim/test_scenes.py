@@ -95,10 +95,10 @@ def test_the_second_instrument_stays_away_from_where_the_tip_rests():
         axis = unit(subtract(eye.target_mm, eye.trocar_mm))
         along = rotate(axis, last.theta_deg)
         tip = tuple(c + last.depth_mm * a for c, a in zip(eye.trocar_mm, along, strict=True))
-        pivot = eye.other_trocar_mm
-        pipe = rotate(unit((-pivot[0], -pivot[1])), others.light_pipe_deg)
+        rcm = eye.other_trocar_mm
+        pipe = rotate(unit((-rcm[0], -rcm[1])), others.light_pipe_deg)
         reach = [
-            math.dist(tip, (pivot[0] + s * pipe[0], pivot[1] + s * pipe[1]))
+            math.dist(tip, (rcm[0] + s * pipe[0], rcm[1] + s * pipe[1]))
             for s in (others.light_pipe_mm * step / 200 for step in range(201))
         ]
         assert min(reach) > 1.4

@@ -54,10 +54,10 @@ def test_every_scenario_brings_a_sound_registration_and_its_truth(name):
 
 @given(st.floats(-40, 40), st.floats(-15, 30))
 def test_the_shaft_always_passes_the_pivot(pitch_deg, depth_mm):
-    pivot = (5.0, 11.0)
-    robot = Robot(pivot, RobotLimits(), Pose(depth_mm, pitch_deg))
+    rcm = (5.0, 11.0)
+    robot = Robot(rcm, RobotLimits(), Pose(depth_mm, pitch_deg))
     tip, along = robot.tip_mm(), robot.direction()
-    offset = subtract(tip, pivot)
+    offset = subtract(tip, rcm)
     assert abs(offset[0] * along[1] - offset[1] * along[0]) < 1e-9
     assert norm(offset) == pytest.approx(abs(robot.pose.depth_mm))
 
@@ -70,10 +70,10 @@ def test_pitching_towards_a_place_points_the_shaft_at_it(place: Vec):
 
 
 @given(st.lists(st.tuples(st.floats(-100, 100), st.floats(-180, 180)), max_size=30), st.floats(0.001, 0.1))
-def test_the_robot_keeps_its_limits_whatever_is_asked(wishes, step_s):
+def test_the_robot_keeps_its_limits_whatever_is_asked(overrides, step_s):
     limits = RobotLimits()
     robot = Robot((7.0, 10.0), limits, Pose(0.0, 0.0))
-    for depth_mm, pitch_deg in wishes:
+    for depth_mm, pitch_deg in overrides:
         before = robot.pose
         after = robot.follow(Pose(depth_mm, pitch_deg), step_s)
         assert limits.depth_min_mm <= after.depth_mm <= limits.depth_max_mm

@@ -189,8 +189,8 @@ def test_the_program_in_the_docs_steers(name):
     exec(program.replace("align_then_approach", name), names)
     assert names["teleop"].hand.along_mm == 0.5
     tip_mm = names["step"].observation.found["needle_tip"].at_mm
-    pivot_mm = names["step"].observation.found["trocar"].at_mm
-    assert math.dist(tip_mm, pivot_mm) == pytest.approx(8 + 89 * 0.1, abs=0.5)  # a fifth of 0.5 mm per image
+    rcm_mm = names["step"].observation.found["trocar"].at_mm
+    assert math.dist(tip_mm, rcm_mm) == pytest.approx(8 + 89 * 0.1, abs=0.5)  # a fifth of 0.5 mm per image
 
 
 # --- closed loop
@@ -203,9 +203,9 @@ def next_motion(step: Step, hand_mm: float) -> HandMotion:
         return HandMotion(True)
     tip_mm, line = found["needle_tip"].at_mm, found["needle_line"]
     shaft = unit(subtract(line.end_mm, line.start_mm))
-    pivot_mm, target_mm = found["trocar"].at_mm, found["retina_target"].at_mm
-    off = angle_to(shaft, subtract(target_mm, pivot_mm))
-    across_mm = off * norm(subtract(tip_mm, pivot_mm))
+    rcm_mm, target_mm = found["trocar"].at_mm, found["retina_target"].at_mm
+    off = angle_to(shaft, subtract(target_mm, rcm_mm))
+    across_mm = off * norm(subtract(tip_mm, rcm_mm))
     along_mm = hand_mm if abs(math.degrees(off)) < 0.8 else 0.0
     return HandMotion(True, along_mm, min(max(across_mm, -hand_mm), hand_mm))
 

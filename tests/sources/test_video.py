@@ -101,10 +101,10 @@ def test_a_file_cut_short_says_so(tmp_path, name, codec, pixels, begin_ms):
 
 def test_images_are_turned_as_the_container_says(tmp_path):
     path = write(tmp_path / "phone.mp4")
-    straight = struct.pack(">9i", 0x10000, 0, 0, 0, 0x10000, 0, 0, 0, 0x40000000)
+    frontal = struct.pack(">9i", 0x10000, 0, 0, 0, 0x10000, 0, 0, 0, 0x40000000)
     turned = struct.pack(">9i", 0, 0x10000, 0, -0x10000, 0, 0, SIZE_PX[1] << 16, 0, 0x40000000)
     data = path.read_bytes()
-    place = data.index(straight, data.index(b"tkhd"))
+    place = data.index(frontal, data.index(b"tkhd"))
     path.write_bytes(data[:place] + turned + data[place + len(turned) :])
     image = drain(VideoSource(path))[9].image
     assert image.shape == (SIZE_PX[0], SIZE_PX[1], 3)

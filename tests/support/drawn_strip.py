@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from haptigraph.perception.needle.rectify import STATION_PX, Line, Site, Strip, lay_straight, stations
+from haptigraph.perception.needle.rectify import STATION_PX, Line, RectifiedStrip, Site, rectify, stations
 from haptigraph.perception.needle.shaft_line import fit_line
 
 HALF_PX, NOISE_GREY, END_PX = 16, 2.0, 140.0
@@ -17,7 +17,7 @@ def strip(excess, u_px=U_PX):
     seen = (excess + noise).astype(np.float32)
     first = int(u_px.searchsorted(8))
     before, inside = slice(0, max(first - 14, 0)), slice(first, len(u_px))
-    return Strip(u_px, HALF_PX, seen, seen, np.ones(len(u_px), bool), before, inside, NOISE_GREY)
+    return RectifiedStrip(u_px, HALF_PX, seen, seen, np.ones(len(u_px), bool), before, inside, NOISE_GREY)
 
 
 def needle(half_width_px, until_px=END_PX, grey=-40.0):
@@ -36,7 +36,7 @@ def seen_blur_px(shaft):
     return fit_line(seen, END_PX, seen.half_px).blur_px
 
 
-def strip_of(site: Site, image: np.ndarray, empty: np.ndarray, line: Line, **seen: float) -> Strip:
+def strip_of(site: Site, image: np.ndarray, empty: np.ndarray, line: Line, **seen: float) -> RectifiedStrip:
     """All of an image along a line."""
-    (whole,) = lay_straight(site, image, empty, line, stations(site, line), **seen)
+    (whole,) = rectify(site, image, empty, line, stations(site, line), **seen)
     return whole

@@ -15,7 +15,7 @@ values = "{values}"
 width_px = {width}
 height_px = {height}
 mean_grey = {mean}
-deviation_grey = {deviation}
+sd_grey = {deviation}
 
 [entity.needle]
 class = 1

@@ -57,13 +57,13 @@ class Peer:
         return publisher
 
 
-def until(holds, otherwise, timeout_s=PEER_TIMEOUT_S):
+def until(holds, limitations, timeout_s=PEER_TIMEOUT_S):
     tick = threading.Event()
     for _ in range(timeout_s * 100):
         if holds():
             return
         tick.wait(0.01)
-    raise AssertionError(otherwise)
+    raise AssertionError(limitations)
 
 
 @contextmanager

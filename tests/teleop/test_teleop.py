@@ -12,7 +12,7 @@ from haptigraph.sim.robot.robot import JAWS_MOST_MM, JAWS_SPEED_MM_S, Pose, Robo
 from haptigraph.teleop.motion import HandMotion, TeleopSettings
 from haptigraph.teleop.teleop import Teleop
 
-PIVOT_MM = (7.5, 10.4)
+RCM_MM = (7.5, 10.4)
 RATE_HZ = 30.0
 LIMITS = RobotLimits()
 START = Pose(10.0, 0.0)
@@ -26,7 +26,7 @@ class Bench:
     """A hand and its robot, image by image."""
 
     def __init__(self, start: Pose = START, **settings) -> None:
-        self.robot = Robot(PIVOT_MM, LIMITS, start)
+        self.robot = Robot(RCM_MM, LIMITS, start)
         self.teleop = Teleop(RATE_HZ, TeleopSettings(**settings), has_jaws=True)
         self.images = 0
 

@@ -85,8 +85,8 @@ def angle_noise(
                 step = pipeline.step(capture)
                 angles[name].append(_angle_deg(step))
                 tips[name].append(_tip_mm(step))
-        noise_deg = {name: _deviation(told[-HELD_IMAGES:]) for name, told in angles.items()}
-        tip_mm = {name: _tip_deviation(told[-HELD_IMAGES:]) for name, told in tips.items()}
+        noise_deg = {name: _sd(told[-HELD_IMAGES:]) for name, told in angles.items()}
+        tip_mm = {name: _tip_sd(told[-HELD_IMAGES:]) for name, told in tips.items()}
         bound = angle_bound(camera, eye, _pose(eye, depth_mm))
         held.append(HeldDepth(depth_mm, noise_deg, bound, tip_mm))
     if progress is not None:
@@ -134,11 +134,11 @@ def _tip_mm(step: Step) -> Vec | None:
     return tip.at_mm if isinstance(tip, Point) else None
 
 
-def _tip_deviation(tips_mm: Sequence[Vec | None]) -> float | None:
-    both = [_deviation([tip and tip[axis] for tip in tips_mm]) for axis in (0, 1)]
+def _tip_sd(tips_mm: Sequence[Vec | None]) -> float | None:
+    both = [_sd([tip and tip[axis] for tip in tips_mm]) for axis in (0, 1)]
     return max((one for one in both if one is not None), default=None)
 
 
-def _deviation(angles_deg: Sequence[float | None]) -> float | None:
+def _sd(angles_deg: Sequence[float | None]) -> float | None:
     found = [angle for angle in angles_deg if angle is not None]
     return float(np.std(found, ddof=1)) if len(found) >= max(len(angles_deg) / 2, 2) else None

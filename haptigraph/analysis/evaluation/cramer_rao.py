@@ -27,11 +27,11 @@ class AngleBound(Struct, frozen=True):
 
     inside_deg: float
     """Only the inside of the globe is looked at, and where the needle pivots is known exactly."""
-    inside_pivot_free_deg: float
+    inside_rcm_free_deg: float
     """Only the inside, and the pivot may lie anywhere across the shaft."""
     both_deg: float
     """Both sides of the wall, pivot known."""
-    both_pivot_free_deg: float
+    both_rcm_free_deg: float
     """Both sides, pivot unknown."""
 
 
@@ -50,10 +50,10 @@ def angle_bound(camera: Camera, eye: Eye, pose: Pose) -> AngleBound:
     inside = _information(camera, eye, pose, is_inside, STEP_PX / px_per_mm / reach_mm)
     outside = _information(camera, eye, pose, ~is_inside, STEP_PX / px_per_mm / OUTSIDE_MM)
     return AngleBound(
-        inside_deg=_deviation_deg(inside, pivot_known=True),
-        inside_pivot_free_deg=_deviation_deg(inside, pivot_known=False),
-        both_deg=_deviation_deg(inside + outside, pivot_known=True),
-        both_pivot_free_deg=_deviation_deg(inside + outside, pivot_known=False),
+        inside_deg=_sd_deg(inside, rcm_known=True),
+        inside_rcm_free_deg=_sd_deg(inside, rcm_known=False),
+        both_deg=_sd_deg(inside + outside, rcm_known=True),
+        both_rcm_free_deg=_sd_deg(inside + outside, rcm_known=False),
     )
 
 
@@ -85,9 +85,9 @@ def _information(
     return information
 
 
-def _deviation_deg(information: NDArray[np.float64], *, pivot_known: bool) -> float:
+def _sd_deg(information: NDArray[np.float64], *, rcm_known: bool) -> float:
     """Return the least deviation of the angle; infinite if the image tells nothing of it."""
-    known = information[:2, :2] if pivot_known else information
+    known = information[:2, :2] if rcm_known else information
     if np.linalg.matrix_rank(known) < len(known):
         return float("inf")
     return float(np.degrees(np.sqrt(np.linalg.inv(known)[0, 0])))

@@ -87,9 +87,9 @@ def _draw_noise(axes: "Axes", name: str, color: str, held: Sequence[HeldDepth]) 
 
 def _draw_bounds(axes: "Axes", held: Sequence[HeldDepth]) -> None:
     depths_mm = [each.depth_mm for each in held]
-    free = [each.bound.inside_pivot_free_deg for each in held]
+    free = [each.bound.inside_rcm_free_deg for each in held]
     known = [each.bound.inside_deg for each in held]
-    both = [each.bound.both_pivot_free_deg for each in held]
+    both = [each.bound.both_rcm_free_deg for each in held]
     for bound_deg, line, says in (
         (free, ":", "inside, pivot unknown"),
         (known, "-", "inside, pivot known"),

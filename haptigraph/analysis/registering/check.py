@@ -25,7 +25,7 @@ from haptigraph.errors import BadInput
 from haptigraph.geometry import ImageGeometry, Polyline, Vec, distance_to_polyline, nearest_on_polyline, norm
 from haptigraph.imaging import Floats
 from haptigraph.perception.anatomy.anatomy import Anatomy
-from haptigraph.perception.anatomy.rcm import Pivot
+from haptigraph.perception.anatomy.rcm import Rcm
 from haptigraph.registration.retarget import angle_rad
 
 __all__ = ["Checked", "Row", "check_draft"]
@@ -65,15 +65,15 @@ def check_draft(opened: Opened, draft: Draft) -> Checked:
     Raises:
         BadInput: If a place lies far outside the image.
     """
-    slant = data_of(opened, draft).straight_from_image
+    tilt = data_of(opened, draft).frontal_from_image
     image = ImageGeometry(
-        center_px=slant(draft.center_px) if slant else draft.center_px,
+        center_px=tilt(draft.center_px) if tilt else draft.center_px,
         mm_per_px=draft.diameter_mm / (2 * draft.radius_px),
         mirrored=draft.mirrored,
-        straight_from_image=slant,
+        frontal_from_image=tilt,
     )
     try:
-        sound_registration(replace(opened, empty_webp=b""), draft)  # told at every drag: not read anew
+        sound_registration(replace(opened, background_webp=b""), draft)  # told at every drag: not read anew
         problem = ""
     except BadInput as error:
         problem = error.problem
@@ -111,8 +111,8 @@ def _edge_mm(anatomy: Anatomy, image: ImageGeometry) -> Floats:
     right = anatomy.center_px[0] + radii * np.sin(edge.angles)
     down = anatomy.center_px[1] + radii * np.cos(edge.angles)
     places: list[Vec] = list(zip(right.tolist(), down.tolist(), strict=True))
-    if anatomy.slant is not None:
-        places = list(map(anatomy.slant.image_from_straight, places))
+    if anatomy.tilt is not None:
+        places = list(map(anatomy.tilt.image_from_frontal, places))
     return np.array([image.to_mm(place) for place in places])
 
 
@@ -147,17 +147,17 @@ def _trocar(anatomy: Anatomy | None, draft: Draft, image: ImageGeometry, number:
     where = f"{abs(out_mm):.2f} mm {'outside' if out_mm >= 0 else 'inside'} the inner edge"
     if anatomy is None or not anatomy.trocars:
         return Row(what, where, note="placed by hand")
-    at_px = anatomy.straight_px(trocar.point_px)
+    at_px = anatomy.frontal_px(trocar.point_px)
     found = min(anatomy.trocars, key=lambda each: math.dist(each.point_px, at_px))
     off_mm = math.dist(found.point_px, at_px) * image.mm_per_px
-    return _row(what, where, off_mm, image, _how(found.pivot, image.mm_per_px))
+    return _row(what, where, off_mm, image, _how(found.rcm, image.mm_per_px))
 
 
-def _how(pivot: Pivot | None, mm_per_px: float) -> str:
-    if pivot is None:
+def _how(rcm: Rcm | None, mm_per_px: float) -> str:
+    if rcm is None:
         return "from its hole's mouth"
-    left = in_px_and_mm(pivot.residual_px, mm_per_px)
-    return f"from the pivot of {pivot.lines} shaft lines, which miss it by {left}"
+    left = in_px_and_mm(rcm.residual_px, mm_per_px)
+    return f"from the pivot of {rcm.lines} shaft lines, which miss it by {left}"
 
 
 def _target(draft: Draft, image: ImageGeometry, retina: Polyline) -> Row:

@@ -13,7 +13,7 @@ import msgspec
 from msgspec import Meta, Struct
 from msgspec.structs import asdict, replace
 
-from haptigraph.analysis.registering.overrides import Wishes, named_trocars, settled, unclear_trocar
+from haptigraph.analysis.registering.overrides import Overrides, named_trocars, settled, unclear_trocar
 from haptigraph.analysis.registering.picture import registration_picture
 from haptigraph.analysis.registering.registering import sound_anatomy
 from haptigraph.analysis.registering.report import in_px_and_mm
@@ -21,7 +21,7 @@ from haptigraph.errors import BadInput
 from haptigraph.geometry import Homography, Vec
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy.anatomy import Anatomy
-from haptigraph.perception.anatomy.background_image import find_empty_eye
+from haptigraph.perception.anatomy.background_image import find_background_image
 from haptigraph.perception.anatomy.moving_shaft import still_picture
 from haptigraph.registration.camera import Registration, anatomy_px, parse_registration
 from haptigraph.registration.text import AnatomyPx, TrocarPx, registration_text
@@ -70,7 +70,7 @@ class Draft(Struct, frozen=True, forbid_unknown_fields=True):
     contour_px: Annotated[tuple[Place, ...], Meta(min_length=2, max_length=1000)]
     target_px: Place
     trocars: Annotated[tuple[DraftTrocar, ...], Meta(min_length=1, max_length=8)]
-    straight_from_image: Homography | None = None
+    frontal_from_image: Homography | None = None
     """Where the camera looks at a slant; nobody drags it."""
     file: NameOrNone = ""
     """Name of the file it was read from, if any."""
@@ -88,7 +88,7 @@ class Opened(Struct, frozen=True, eq=False):
     """To begin with."""
     note: str
     """What `register` could not find or tell, in a sentence; empty: nothing."""
-    empty_webp: bytes = b""
+    background_webp: bytes = b""
     """Picture of the eye without needle, if one was seen to move."""
 
 
@@ -101,20 +101,20 @@ def open_images(images: Sequence[Image], source: str, *, mirrored: bool, diamete
         mirrored: Whether they are seen through a mirror.
         diameter_mm: Inner diameter of the globe.
     """
-    wishes = Wishes(mirrored=mirrored, diameter_mm=diameter_mm)
+    overrides = Overrides(mirrored=mirrored, diameter_mm=diameter_mm)
     try:
         anatomy = sound_anatomy(images, diameter_mm, source)
     except BadInput as error:
         still = still_picture(images)
-        draft = _guessed(still.shape[1], still.shape[0], wishes)
+        draft = _guessed(still.shape[1], still.shape[0], overrides)
         return Opened(source, still, None, draft, error.problem)
-    draft, note = _found(anatomy, wishes, source)
+    draft, note = _found(anatomy, overrides, source)
     opened = Opened(source, anatomy.still, anatomy, draft, note)
     try:
-        empty = find_empty_eye(images, anatomy.still, sound_registration(opened, draft))
+        empty = find_background_image(images, anatomy.still, sound_registration(opened, draft))
     except BadInput:  # what was found must be corrected first
         return opened
-    return replace(opened, empty_webp=empty.webp) if empty else opened
+    return replace(opened, background_webp=empty.webp) if empty else opened
 
 
 def data_of(opened: Opened, draft: Draft) -> AnatomyPx:
@@ -130,7 +130,7 @@ def data_of(opened: Opened, draft: Draft) -> AnatomyPx:
             raise BadInput(f"({x:g}, {y:g}) px lies far outside the {width_px} x {height_px} px image")
     trocars = tuple(TrocarPx(trocar.name, trocar.point_px, trocar.used) for trocar in draft.trocars)
     same = {name: each for name, each in asdict(draft).items() if name != "file"}
-    more = {"trocars": trocars, "empty_webp": opened.empty_webp}
+    more = {"trocars": trocars, "background_webp": opened.background_webp}
     return AnatomyPx(width_px=width_px, height_px=height_px, **{**same, **more})
 
 
@@ -190,14 +190,14 @@ def _how(opened: Opened, draft: Draft, where: str = "") -> str:
     if opened.anatomy is None:
         return f"placed by hand{where}"
     by_hand = "" if draft == opened.draft else ", corrected by hand"
-    doubt = in_px_and_mm(opened.anatomy.rim_doubt_px, draft.diameter_mm / (2 * draft.radius_px))
+    doubt = in_px_and_mm(opened.anatomy.rim_uncertainty_px, draft.diameter_mm / (2 * draft.radius_px))
     return f"found by haptigraph{where}{by_hand}; globe and retina were uncertain by {doubt}"
 
 
-def _found(anatomy: Anatomy, wishes: Wishes, source: str) -> tuple[Draft, str]:
+def _found(anatomy: Anatomy, overrides: Overrides, source: str) -> tuple[Draft, str]:
     """Return what was found as a draft, and what must still be told."""
-    named = named_trocars(anatomy, wishes.mirrored)
-    side = "right" if wishes.mirrored else "left"  # of the surgeon, for the image's left
+    named = named_trocars(anatomy, overrides.mirrored)
+    side = "right" if overrides.mirrored else "left"  # of the surgeon, for the image's left
     note = ""
     if not named:
         x, y = anatomy.seen_px(
@@ -212,8 +212,8 @@ def _found(anatomy: Anatomy, wishes: Wishes, source: str) -> tuple[Draft, str]:
         wish = named[0][0]
         unclear = unclear_trocar(named)
         note = f"{unclear}; choose it" if unclear else ""
-    mm_per_px = wishes.diameter_mm / (2 * anatomy.radius_px)
-    data = settled(anatomy, replace(wishes, trocar=wish), mm_per_px, source)
+    mm_per_px = overrides.diameter_mm / (2 * anatomy.radius_px)
+    data = settled(anatomy, replace(overrides, trocar=wish), mm_per_px, source)
     trocars = tuple(
         DraftTrocar(trocar.name if named else side, trocar.point_px, trocar.used) for trocar in data.trocars
     )
@@ -229,24 +229,24 @@ def _draft(data: AnatomyPx, trocars: tuple[DraftTrocar, ...]) -> Draft:
         contour_px=data.contour_px,
         target_px=data.target_px,
         trocars=trocars,
-        straight_from_image=data.straight_from_image,
+        frontal_from_image=data.frontal_from_image,
     )
 
 
-def _guessed(width_px: int, height_px: int, wishes: Wishes) -> Draft:
+def _guessed(width_px: int, height_px: int, overrides: Overrides) -> Draft:
     """Return an eye in the middle of the image, to be dragged to where it is."""
     center = (width_px - 1) / 2, (height_px - 1) / 2
     radius = GUESSED_RADIUS * min(width_px, height_px)
     steps = [2 * number / (GUESSED_POINTS - 1) - 1 for number in range(GUESSED_POINTS)]
     trocar = _around(center, WALL_MIDDLE * radius, GUESSED_TROCAR_DEG - 180)
     return Draft(
-        mirrored=wishes.mirrored,
-        diameter_mm=wishes.diameter_mm,
+        mirrored=overrides.mirrored,
+        diameter_mm=overrides.diameter_mm,
         center_px=center,
         radius_px=radius,
         contour_px=tuple(_around(center, radius, step * GUESSED_RETINA_DEG) for step in steps),
         target_px=_around(center, radius, 0.0),
-        trocars=(DraftTrocar("right" if wishes.mirrored else "left", trocar, used=True),),
+        trocars=(DraftTrocar("right" if overrides.mirrored else "left", trocar, used=True),),
     )
 
 

@@ -25,7 +25,7 @@ from haptigraph.sources.naming import OCT_FILES
 
 __all__ = ["brings_scans", "register_scans"]
 
-LEAST_DEVIATION_GREY = 4.0  # even the noise of a B-scan has more
+MIN_SD_GREY = 4.0  # even the noise of a B-scan has more
 LEAST_SEEN = 0.2  # share of the columns: with tissue in fewer, someone should look why
 BARS_MM = (1.0, 0.5, 0.2, 0.1, 0.05)
 MARGIN_PX, TALLEST_PX = 16, 900
@@ -100,10 +100,10 @@ def _whose(asked: SourceConfig, name: str) -> str:
 
 
 def _check_contrast(scans: Sequence[Image], source: str) -> None:
-    deviation_grey = max(float(scan.std()) for scan in scans)
-    if deviation_grey < LEAST_DEVIATION_GREY:
+    sd_grey = max(float(scan.std()) for scan in scans)
+    if sd_grey < MIN_SD_GREY:
         raise BadInput(
-            f"there is nothing in its B-scans: grey varies by {deviation_grey:.1f} only; is the crop right?",
+            f"there is nothing in its B-scans: grey varies by {sd_grey:.1f} only; is the crop right?",
             source,
         )
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from haptigraph.analysis.registering.overrides import Wishes, check_wishes, settled
+from haptigraph.analysis.registering.overrides import Overrides, check_overrides, settled
 from haptigraph.analysis.registering.picture import registration_picture
 from haptigraph.analysis.registering.report import WALL_MM, in_px_and_mm, report_lines, wall_mm
 from haptigraph.assemble import SOURCES, open_source
@@ -21,7 +21,7 @@ from haptigraph.config import load_config
 from haptigraph.errors import BadInput
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy.anatomy import Anatomy, find_anatomy
-from haptigraph.perception.anatomy.background_image import find_empty_eye
+from haptigraph.perception.anatomy.background_image import find_background_image
 from haptigraph.recording.codec import decode
 from haptigraph.recording.writer import Progress
 from haptigraph.registration.camera import parse_registration
@@ -48,7 +48,7 @@ MOST_OUT_OF_ROUND_MM = 0.1  # of what is left after straightening
 def register_source(
     source: str,
     output: str | Path,
-    wishes: Wishes,
+    overrides: Overrides,
     picture: str | Path | None = None,
     *,
     force: bool = False,
@@ -59,7 +59,7 @@ def register_source(
     Args:
         source: An image, or anything `run` takes but a camera.
         output: The TOML to write.
-        wishes: Target, trocar, scale.
+        overrides: Target, trocar, scale.
         picture: The PNG to write; beside the TOML if None.
         force: Whether existing files may be overwritten.
         progress: Told how far reading is.
@@ -71,21 +71,21 @@ def register_source(
         BadInput: If something cannot be found or used; nothing is written then.
     """
     files = Path(output), Path(picture) if picture else Path(output).with_suffix(".png")
-    check_wishes(wishes)
+    check_overrides(overrides)
     check_files(files, source, force=force)
     with closing(all_images(source)) as read:
-        images = spread_images(read, source, wishes.images, progress)
-    anatomy = sound_anatomy(images, wishes.diameter_mm, source)
-    mm_per_px = wishes.diameter_mm / (2 * anatomy.radius_px)
-    found = settled(anatomy, wishes, mm_per_px, source)
-    doubt = f"globe and retina uncertain by {in_px_and_mm(anatomy.rim_doubt_px, mm_per_px)}"
+        images = spread_images(read, source, overrides.images, progress)
+    anatomy = sound_anatomy(images, overrides.diameter_mm, source)
+    mm_per_px = overrides.diameter_mm / (2 * anatomy.radius_px)
+    found = settled(anatomy, overrides, mm_per_px, source)
+    doubt = f"globe and retina uncertain by {in_px_and_mm(anatomy.rim_uncertainty_px, mm_per_px)}"
     title = f"Registration found by haptigraph in {Path(source).name}; {doubt}."
     registration = parse_registration(registration_text(found, title), f"registration found in {source}")
-    empty = find_empty_eye(images, anatomy.still, registration)
-    found = replace(found, empty_webp=empty.webp if empty else b"")
+    empty = find_background_image(images, anatomy.still, registration)
+    found = replace(found, background_webp=empty.webp if empty else b"")
     drawn = registration_picture(anatomy.still, registration, found, doubt, anatomy)
     write_files(files, (registration_text(found, title).encode(), drawn))
-    return "\n".join(report_lines(anatomy, found, registration, wishes, files))
+    return "\n".join(report_lines(anatomy, found, registration, overrides, files))
 
 
 def sound_anatomy(images: Sequence[Image], diameter_mm: float, source: str) -> Anatomy:
@@ -173,9 +173,9 @@ def images_of(source: Source) -> Generator[Image, None, None]:
 
 
 def _check_plausible(anatomy: Anatomy, mm_per_px: float, source: str) -> None:
-    if anatomy.slant is not None and anatomy.slant.angle_deg > MOST_TILT_DEG:
+    if anatomy.tilt is not None and anatomy.tilt.angle_deg > MOST_TILT_DEG:
         raise BadInput(
-            f"the camera looks at the globe at a slant of {anatomy.slant.angle_deg:.0f} deg, at most "
+            f"the camera looks at the globe at a slant of {anatomy.tilt.angle_deg:.0f} deg, at most "
             f"{MOST_TILT_DEG:g} deg is handled; turn it to look straight at the section",
             source,
         )

@@ -3,7 +3,7 @@
 import math
 from pathlib import Path
 
-from haptigraph.analysis.registering.overrides import Wishes, named_trocars
+from haptigraph.analysis.registering.overrides import Overrides, named_trocars
 from haptigraph.geometry import Vec
 from haptigraph.perception.anatomy.anatomy import Anatomy, FoundTrocar
 from haptigraph.registration.camera import Registration
@@ -23,7 +23,11 @@ def wall_mm(anatomy: Anatomy, mm_per_px: float) -> float:
 
 
 def report_lines(
-    anatomy: Anatomy, found: AnatomyPx, registration: Registration, wishes: Wishes, files: tuple[Path, Path]
+    anatomy: Anatomy,
+    found: AnatomyPx,
+    registration: Registration,
+    overrides: Overrides,
+    files: tuple[Path, Path],
 ) -> list[str]:
     """Return the report, line by line."""
     mm, inner, outer = registration.image.mm_per_px, anatomy.rim.inner, anatomy.rim.outer
@@ -45,16 +49,16 @@ def report_lines(
     lines.append(
         f"retina     {len(found.contour_px)} points, {anatomy.refined} of them where the edge was seen"
     )
-    for (name, trocar), kept in zip(named_trocars(anatomy, wishes.mirrored), found.trocars, strict=False):
+    for (name, trocar), kept in zip(named_trocars(anatomy, overrides.mirrored), found.trocars, strict=False):
         if kept.name == name:
             lines.append(_trocar_line(anatomy, trocar, kept, registration))
-    default = wishes.target is None and wishes.target_mm is None
+    default = overrides.target is None and overrides.target_mm is None
     lines.append(
         f"target     ({found.target_px[0]:.1f}, {found.target_px[1]:.1f}) px, "
         f"{along_text(registration.target.at_mm, registration.globe.radius_mm)}"
         + (" (not given: its bottom; --target or --target-mm moves it)" if default else "")
     )
-    lines.append(_empty_line(bool(found.empty_webp)))
+    lines.append(_background_line(bool(found.background_webp)))
     return [*lines, f"written    {files[0]}\npicture    {files[1]}"]
 
 
@@ -66,23 +70,23 @@ def along_text(place_mm: Vec, radius_mm: float) -> str:
 def tilt_line(anatomy: Anatomy, mm_per_px: float) -> str:
     """Say how the camera looks at the globe."""
     left = f"radius varies by {in_px_and_mm(anatomy.rim.inner.out_of_round_px, mm_per_px)} either way"
-    if anatomy.slant is None:
+    if anatomy.tilt is None:
         return f"tilt       none seen; {left}"
-    right, down = (math.degrees(part) for part in anatomy.slant.tilt_rad)
+    right, down = (math.degrees(part) for part in anatomy.tilt.tilt_rad)
     sides = [
         name
         for name, part in (("right", right), ("left", -right), ("lower", down), ("upper", -down))
-        if part > 0.35 * anatomy.slant.angle_deg
+        if part > 0.35 * anatomy.tilt.angle_deg
     ]
     return (
-        f"tilt       {anatomy.slant.angle_deg:.1f} deg, the image's {' and '.join(sides)} side farther; "
+        f"tilt       {anatomy.tilt.angle_deg:.1f} deg, the image's {' and '.join(sides)} side farther; "
         f"a homography is written; after it, {left}"
     )
 
 
 def rim_line(anatomy: Anatomy, mm_per_px: float) -> str:
     """Say where the rim stands, and how uncertain that leaves globe and retina."""
-    doubt = in_px_and_mm(anatomy.rim_doubt_px, mm_per_px)
+    doubt = in_px_and_mm(anatomy.rim_uncertainty_px, mm_per_px)
     if anatomy.rim_by:
         by = " and ".join(RIM_BY[name] for name in anatomy.rim_by)
         larger = f"{anatomy.rim_ratio - 1:.1%} larger than the section, {by}"
@@ -93,7 +97,7 @@ def rim_line(anatomy: Anatomy, mm_per_px: float) -> str:
     )
 
 
-def _empty_line(is_kept: bool) -> str:
+def _background_line(is_kept: bool) -> str:
     """Say whether the eye without needle was seen: a run may then begin with the needle in it."""
     if is_kept:
         return "empty eye  seen behind the needle, and kept: a run may begin with the needle inside"
@@ -107,8 +111,8 @@ def _trocar_line(anatomy: Anatomy, trocar: FoundTrocar, kept: TrocarPx, registra
     mm = registration.image.mm_per_px
     out_mm = math.dist(trocar.point_px, anatomy.center_px) * mm - registration.globe.radius_mm
     how = "by the hole's mouth"
-    if trocar.pivot is not None:
-        how = f"by {trocar.pivot.lines} shaft lines, residual {in_px_and_mm(trocar.pivot.residual_px, mm)}"
+    if trocar.rcm is not None:
+        how = f"by {trocar.rcm.lines} shaft lines, residual {in_px_and_mm(trocar.rcm.residual_px, mm)}"
     used = ", in use" if kept.used else ""
     x, y = trocar.point_px
     return (

@@ -11,7 +11,7 @@ from starlette.routing import BaseRoute, Route
 
 from haptigraph.analysis.registering.check import check_draft
 from haptigraph.analysis.registering.draft import Draft
-from haptigraph.dashboard.registration.session import Desk, ExistsAlready
+from haptigraph.dashboard.registration.service import ExistsAlready, RegistrationService
 from haptigraph.dashboard.server.answers import as_json, asked, telling
 from haptigraph.dashboard.server.site import Site
 from haptigraph.recording.codec import encode_png
@@ -56,18 +56,18 @@ class Save(Struct, frozen=True, forbid_unknown_fields=True):
 
 def routes(site: Site) -> Sequence[BaseRoute]:
     """Return the routes of the registration page."""
-    desk = Desk(site)
+    service = RegistrationService(site)
 
     async def start(request: Request) -> Response:
         return as_json({"source": site.source, "starts": site.on_registration is not None})
 
     async def progress(request: Request) -> Response:
-        return as_json({"progress": desk.progress})
+        return as_json({"progress": service.progress})
 
     async def open_source(request: Request) -> Response:
         wish = await asked(request, Open)
-        number = await desk.open(wish.source, mirrored=wish.mirrored, diameter_mm=wish.diameter_mm)
-        opened = desk.opened(number)
+        number = await service.open(wish.source, mirrored=wish.mirrored, diameter_mm=wish.diameter_mm)
+        opened = service.opened(number)
         height_px, width_px = opened.still.shape[:2]
         return as_json(
             {
@@ -77,27 +77,27 @@ def routes(site: Site) -> Sequence[BaseRoute]:
                 "draft": opened.draft,
                 "is_found": opened.anatomy is not None,
                 "note": opened.note,
-                "path": desk.place(wish.source),
+                "path": service.place(wish.source),
             }
         )
 
     async def picture(request: Request) -> Response:
-        still = desk.opened(request.path_params["number"]).still
+        still = service.opened(request.path_params["number"]).still
         return Response(await run_in_threadpool(encode_png, still), media_type="image/png")
 
     async def check(request: Request) -> Response:
         wish = await asked(request, Check)
-        return as_json(await run_in_threadpool(check_draft, desk.opened(wish.number), wish.draft))
+        return as_json(await run_in_threadpool(check_draft, service.opened(wish.number), wish.draft))
 
     async def load(request: Request) -> Response:
         wish = await asked(request, Load)
-        return as_json({"draft": await run_in_threadpool(desk.load, wish.number, wish.path)})
+        return as_json({"draft": await run_in_threadpool(service.load, wish.number, wish.path)})
 
     async def save(request: Request) -> Response:
         wish = await asked(request, Save)
         flags = {"picture": wish.picture, "overwrite": wish.overwrite}
         try:
-            paths = await run_in_threadpool(desk.save, wish.number, wish.draft, wish.path, **flags)
+            paths = await run_in_threadpool(service.save, wish.number, wish.draft, wish.path, **flags)
         except ExistsAlready as error:
             return as_json({"problem": str(error), "exists": True}, 409)
         if site.on_registration is not None:

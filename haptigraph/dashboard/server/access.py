@@ -11,7 +11,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import PlainTextResponse, RedirectResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-__all__ = ["LOOPBACK", "Door"]
+__all__ = ["LOOPBACK", "AccessControl"]
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 COOKIE = "haptigraph_token"
@@ -22,7 +22,7 @@ POLICY = (
 )
 
 
-class Door:
+class AccessControl:
     """Let through to an app only who is meant to get in.
 
     Args:

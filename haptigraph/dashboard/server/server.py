@@ -21,7 +21,7 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.routing import BaseRoute, Route
 
-from haptigraph.dashboard.server.access import Door
+from haptigraph.dashboard.server.access import AccessControl
 from haptigraph.dashboard.server.site import Site
 from haptigraph.errors import BadInput
 
@@ -73,7 +73,7 @@ def make_app(
     host: str,
     token: str,
     pages: Sequence[Page] = PAGES,
-) -> Door:
+) -> AccessControl:
     """Return the ASGI app of pages.
 
     Args:
@@ -96,7 +96,7 @@ def make_app(
     files = Route("/static/{room}/{name}", _file)
     every = [*shown, files, *found]
     app = Starlette(routes=every, lifespan=pumping, exception_handlers={404: _nothing})
-    return Door(app, host=host, token=token)
+    return AccessControl(app, host=host, token=token)
 
 
 def _routes_of(page: Page, site: Site) -> Sequence[BaseRoute]:
@@ -185,7 +185,7 @@ class Server:
         listener: Its socket; closed at the end.
     """
 
-    def __init__(self, app: Door, listener: socket.socket) -> None:
+    def __init__(self, app: AccessControl, listener: socket.socket) -> None:
         self._listener = listener
         config = uvicorn.Config(
             app,

@@ -8,8 +8,8 @@ from starlette.routing import BaseRoute
 
 from haptigraph.dashboard.live import page as live_page
 from haptigraph.dashboard.server.answers import acting, asking
-from haptigraph.dashboard.study.session import StationSite
-from haptigraph.dashboard.study.views import told_to_experimenter
+from haptigraph.dashboard.study.service import StationSite
+from haptigraph.dashboard.study.views import experimenter_view
 
 __all__ = ["At", "Ended", "Enrol", "Open", "Saying", "routes"]
 
@@ -54,35 +54,39 @@ class Ended(Struct, frozen=True, forbid_unknown_fields=True):
 
 def routes(site: StationSite) -> Sequence[BaseRoute]:
     """Return the experimenter's routes, and those of the live view."""
-    desk = site.desk
+    service = site.service
 
     def enrol(wish: Enrol) -> None:
-        desk.open(desk.enrol(wish.participant.strip() or None), take_over=False)
+        service.open(service.enrol(wish.participant.strip() or None), take_over=False)
 
     def note(wish: Saying) -> None:
-        with desk.acting(wish.participant) as session:
+        with service.acting(wish.participant) as session:
             session.note(wish.text)
 
     def stop(wish: Saying) -> None:
-        with desk.acting(wish.participant) as session:
+        with service.acting(wish.participant) as session:
             session.stop(wish.text)
 
     def repeat(wish: Ended) -> None:
-        with desk.acting(wish.participant) as session:
+        with service.acting(wish.participant) as session:
             session.repeat_trial(wish.key, wish.reason)
 
     def now() -> dict[str, Any]:
-        return told_to_experimenter(desk)
+        return experimenter_view(service)
 
     return [
         *live_page.routes(site),
         asking("/study/now", now),
         acting("/study/enrol", Enrol, enrol, now),
-        acting("/study/open", Open, lambda wish: desk.open(wish.participant, take_over=wish.take_over), now),
-        acting("/study/leave", At, lambda wish: desk.leave(wish.participant), now),
-        acting("/study/withdraw", At, lambda wish: desk.withdraw(wish.participant), now),
+        acting(
+            "/study/open", Open, lambda wish: service.open(wish.participant, take_over=wish.take_over), now
+        ),
+        acting("/study/leave", At, lambda wish: service.leave(wish.participant), now),
+        acting("/study/withdraw", At, lambda wish: service.withdraw(wish.participant), now),
         acting("/study/note", Saying, note, now),
         acting("/study/stop", Saying, stop, now),
         acting("/study/repeat", Ended, repeat, now),
-        acting("/study/abort", Ended, lambda wish: desk.abort(wish.participant, wish.key, wish.reason), now),
+        acting(
+            "/study/abort", Ended, lambda wish: service.abort(wish.participant, wish.key, wish.reason), now
+        ),
     ]

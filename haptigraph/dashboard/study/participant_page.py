@@ -11,8 +11,8 @@ from msgspec import Meta, Struct
 from starlette.routing import BaseRoute
 
 from haptigraph.dashboard.server.answers import acting, asking
-from haptigraph.dashboard.study.session import StationSite
-from haptigraph.dashboard.study.views import told_to_participant
+from haptigraph.dashboard.study.service import StationSite
+from haptigraph.dashboard.study.views import participant_view
 
 __all__ = ["Answer", "Here", "routes"]
 
@@ -37,26 +37,26 @@ class Answer(Struct, frozen=True, forbid_unknown_fields=True):
 
 def routes(site: StationSite) -> Sequence[BaseRoute]:
     """Return the participant's routes."""
-    desk = site.desk
+    service = site.service
 
     def answer(wish: Answer) -> None:
-        with desk.acting(wish.participant) as session:
+        with service.acting(wish.participant) as session:
             if wish.answer.strip():
                 session.answer(wish.key, wish.item, wish.answer)
             else:
                 session.take_back(wish.key, wish.item)
 
     def done(wish: Here) -> None:
-        with desk.acting(wish.participant) as session:
+        with service.acting(wish.participant) as session:
             session.done(wish.key)
 
     def now() -> dict[str, Any]:
-        return told_to_participant(desk)
+        return participant_view(service)
 
     return [
         asking("/participant/now", now),
         acting("/participant/answer", Answer, answer, now),
         acting("/participant/done", Here, done, now),
-        acting("/participant/begin", Here, lambda wish: desk.begin(wish.participant, wish.key), now),
-        acting("/participant/ready", Here, lambda wish: desk.ready(wish.participant, wish.key), now),
+        acting("/participant/begin", Here, lambda wish: service.begin(wish.participant, wish.key), now),
+        acting("/participant/ready", Here, lambda wish: service.ready(wish.participant, wish.key), now),
     ]

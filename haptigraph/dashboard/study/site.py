@@ -14,7 +14,7 @@ from haptigraph.dashboard.server.health import Health
 from haptigraph.dashboard.server.hub import Hub
 from haptigraph.dashboard.server.introduction import introduce
 from haptigraph.dashboard.server.server import STUDY_PAGES, Server, address, make_app
-from haptigraph.dashboard.study.session import StationSite, StudyDesk
+from haptigraph.dashboard.study.service import StationSite, StudyService
 from haptigraph.pipeline import Loop
 from haptigraph.sources.phased import PhasedSource
 
@@ -25,17 +25,25 @@ class StudySite:
     """Everything that shows a study.
 
     Args:
-        desk: Whom it is about.
+        service: Whom it is about.
         base: The station's configuration.
         listener: The socket to serve on.
         host: The address it listens on.
         token: What visitors must know; empty: nothing.
     """
 
-    def __init__(self, desk: StudyDesk, base: Config, listener: socket, *, host: str, token: str) -> None:
+    def __init__(
+        self, service: StudyService, base: Config, listener: socket, *, host: str, token: str
+    ) -> None:
         self.hub = Hub(MonotonicClock())
         """Give it to the loop of a trial as a sink, and `hub.felt` as its listener."""
-        self._desk, self._base, self._listener, self._host, self._token = desk, base, listener, host, token
+        self._service, self._base, self._listener, self._host, self._token = (
+            service,
+            base,
+            listener,
+            host,
+            token,
+        )
         self._controls = Controls(self.hub, None)
         self._health: Health | None = None
 
@@ -46,7 +54,7 @@ class StudySite:
     @contextmanager
     def served(self) -> Iterator[None]:
         """Serve the pages while the context lasts."""
-        folder = self._desk.study.protocol.folder / "recordings"
+        folder = self._service.study.protocol.folder / "recordings"
         site = StationSite(
             self.hub,
             self._controls,
@@ -54,9 +62,9 @@ class StudySite:
             folder,
             self._host in LOOPBACK,
             asked=self._base.source,
-            desk=self._desk,
+            service=self._service,
         )
-        self._desk.on_change = self._changed
+        self._service.on_change = self._changed
         app = make_app(site, self._healths, host=self._host, token=self._token, pages=STUDY_PAGES)
         with Server(app, self._listener):
             yield
@@ -85,7 +93,7 @@ class StudySite:
         self.hub.tell_from_outside("ended", reason="The trial is over.")
 
     def _changed(self) -> None:
-        version = self._desk.version
+        version = self._service.version
         self.hub.from_outside(lambda: self.hub.tell("study", version=version))
 
     def _healths(self) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from contextlib import closing, suppress
 from haptigraph.analysis.metrics.run import RunMeasures
 from haptigraph.assemble import build, load_procedure
 from haptigraph.config import Config
-from haptigraph.dashboard.study.session import StudyDesk
+from haptigraph.dashboard.study.service import StudyService
 from haptigraph.dashboard.study.site import StudySite
 from haptigraph.errors import BadInput, HaptigraphError, StoreFailed
 from haptigraph.messages import Step
@@ -52,29 +52,29 @@ class TrialEnd:
         return step.stamp_ns - measures.first_ns >= self._stage.timeout_s * 1e9
 
 
-def run_trials(desk: StudyDesk, site: StudySite, base: Config, tell: Callable[[str], None]) -> None:
+def run_trials(service: StudyService, site: StudySite, base: Config, tell: Callable[[str], None]) -> None:
     """Run one trial after the other, until Ctrl-C.
 
     Args:
-        desk: Says which.
+        service: Says which.
         site: Shows them.
         base: The station's configuration: source, registration, device.
         tell: Told in a line how each one went.
     """
     while True:
-        session, stage = desk.wait()
+        session, stage = service.wait()
         problem = ""
         try:
-            _run(desk, site, base, session, stage, tell)
+            _run(service, site, base, session, stage, tell)
         except (HaptigraphError, OSError) as error:  # before it began: that has cost no attempt
             problem = f"the trial did not begin: {error}"
         if problem:
             tell(f"haptigraph: {problem}")
-            desk.now("", problem)
+            service.now("", problem)
 
 
 def _run(
-    desk: StudyDesk,
+    service: StudyService,
     site: StudySite,
     base: Config,
     session: Session,
@@ -90,31 +90,31 @@ def _run(
         attempt = session.begin_trial(stage.key).attempt
         shown()
         try:
-            outcome, void = _played(loop, end, desk)
+            outcome, void = _played(loop, end, service)
         except KeyboardInterrupt as pressed:
             outcome, void, stopped = "aborted", "haptigraph was stopped", pressed
         except HaptigraphError as error:
             outcome, void = "aborted", str(error)
-        desk.now("ending")
+        service.now("ending")
     site.ended()
     problem = _kept(session, outcome, void)
-    if outcome == "aborted" and desk.ending is None:  # by no page
+    if outcome == "aborted" and service.ending is None:  # by no page
         problem = problem or f"the trial was aborted: {void}"
     tell(f"{session.participant}  {stage.key}, attempt {attempt}: {problem or outcome}")
-    desk.now("", problem)
+    service.now("", problem)
     if stopped is not None:
         raise stopped
 
 
-def _played(loop: Loop, end: TrialEnd, desk: StudyDesk) -> tuple[Outcome, str]:
+def _played(loop: Loop, end: TrialEnd, service: StudyService) -> tuple[Outcome, str]:
     """Play a trial to its end; return its outcome, and why it does not count if it does not."""
     with closing(loop.steps()) as steps:
         for step in steps:
-            if not desk.begun_ns:
-                desk.now("running", begun_ns=time.monotonic_ns())
+            if not service.begun_ns:
+                service.now("running", begun_ns=time.monotonic_ns())
             is_over = end.add(step)
-            if desk.ending is not None:
-                how, reason = desk.ending
+            if service.ending is not None:
+                how, reason = service.ending
                 return ("aborted", reason) if how == "aborted" else (end.outcome, "")
             if is_over:
                 return end.outcome, ""

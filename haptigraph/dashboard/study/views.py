@@ -8,26 +8,26 @@ from typing import Any, Literal, TypeAlias
 
 from msgspec import to_builtins
 
-from haptigraph.dashboard.study.session import StudyDesk
+from haptigraph.dashboard.study.service import StudyService
 from haptigraph.study.plan import Stage, condition_title
 from haptigraph.study.progress import Next, Progress, read_progress, repeatable
 from haptigraph.study.protocol import Protocol
 from haptigraph.study.runner import Session
 from haptigraph.study.standing import Standing, events_of, standings
 
-__all__ = ["told_to_experimenter", "told_to_participant"]
+__all__ = ["experimenter_view", "participant_view"]
 
 Reader: TypeAlias = Literal["participant", "experimenter"]
 TITLES = {"briefing": "Briefing", "consent": "Consent", "break": "Break", "thanks": "Thanks"}
 
 
-def told_to_participant(desk: StudyDesk) -> dict[str, Any]:
+def participant_view(service: StudyService) -> dict[str, Any]:
     """Return what the participant's page shows: who, the stage that comes next, and what its trial does."""
-    session = desk.here()
-    content: dict[str, Any] = {**_about(desk), "participant": session.participant if session else ""}
+    session = service.here()
+    content: dict[str, Any] = {**_about(service), "participant": session.participant if session else ""}
     if session is None:
         return content
-    coming, protocol = session.next(), desk.study.protocol
+    coming, protocol = session.next(), service.study.protocol
     content |= {"done": coming.done, "of": coming.of, "ended": coming.ended, "thanks": protocol.texts.thanks}
     if coming.stage is not None:
         content["stage"] = _stage(protocol, coming.stage, coming, "participant") | _shown(
@@ -36,35 +36,35 @@ def told_to_participant(desk: StudyDesk) -> dict[str, Any]:
     return content
 
 
-def told_to_experimenter(desk: StudyDesk) -> dict[str, Any]:
+def experimenter_view(service: StudyService) -> dict[str, Any]:
     """Return what the experimenter's page shows: who is here and how far, and where all others stand."""
-    session, study = desk.here(), desk.study
+    session, study = service.here(), service.study
     is_open = study.protocol.study.blind != "everyone"
     return {
-        **_about(desk),
+        **_about(service),
         "name": study.name,
-        "station": desk.station,
+        "station": service.station,
         "most": study.protocol.study.participants,
         "shows_all": is_open,
-        "problem": desk.problem,
-        "elapsed_s": (time.monotonic_ns() - desk.begun_ns) / 1e9 if desk.begun_ns else None,
-        "here": _here(desk, session) if session else None,
+        "problem": service.problem,
+        "elapsed_s": (time.monotonic_ns() - service.begun_ns) / 1e9 if service.begun_ns else None,
+        "here": _here(service, session) if session else None,
         "participants": [_standing(study.protocol, each, is_open) for each in standings(study)],
     }
 
 
-def _about(desk: StudyDesk) -> dict[str, Any]:
+def _about(service: StudyService) -> dict[str, Any]:
     return {
-        "version": desk.version,
-        "title": desk.study.protocol.study.title,
-        "simulated": desk.study.simulated,
-        "doing": desk.doing,
-        "trouble": bool(desk.problem),
+        "version": service.version,
+        "title": service.study.protocol.study.title,
+        "simulated": service.study.simulated,
+        "doing": service.doing,
+        "trouble": bool(service.problem),
     }
 
 
-def _here(desk: StudyDesk, session: Session) -> dict[str, Any]:
-    study = desk.study
+def _here(service: StudyService, session: Session) -> dict[str, Any]:
+    study = service.study
     with study.store.begin() as connection:
         progress = read_progress(connection, study.name, session.participant)
     coming = session.next()

@@ -1,10 +1,10 @@
 """Find the static anatomy by itself: globe, retina and trocars in images of one set-up [px].
 
-The wall's rim comes from `rim`, the needle's pivot from `moving_shaft` and again from `sighted_pivot`. The
+The wall's rim comes from `rim`, the needle's pivot from `moving_shaft` and again from `tracked_rcm`. The
 rim that is seen may stand before the plane in which the needle moves, and is then seen larger than the
 globe's section there; what lies in that plane tells by how much: the pivot, in the middle of the wall, and
-the mouths of the holes (`mouth`). How the camera looks at the rim comes from `tilt`; all else is found in the
-straightened picture. Knows neither files nor millimetres.
+the port openings (`port_opening`). The camera's tilt comes from the rim (`camera_tilt`); all else is found in
+the frontal view. Knows neither files nor millimetres.
 """
 
 import math
@@ -15,16 +15,22 @@ from msgspec import Struct
 
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Vec, subtract, unit
-from haptigraph.imaging import straightened
+from haptigraph.imaging import tilt_corrected
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy.camera_tilt import find_slant
 from haptigraph.perception.anatomy.edge import Edge
-from haptigraph.perception.anatomy.moving_shaft import find_pivots, still_picture
-from haptigraph.perception.anatomy.port_opening import APART_DEG, MOST_MOUTHS, WHITE_GREY, Mouth, find_mouths
-from haptigraph.perception.anatomy.rcm import Pivot
+from haptigraph.perception.anatomy.moving_shaft import find_rcms, still_picture
+from haptigraph.perception.anatomy.port_opening import (
+    APART_DEG,
+    MOST_OPENINGS,
+    WHITE_GREY,
+    PortOpening,
+    find_port_openings,
+)
+from haptigraph.perception.anatomy.rcm import Rcm
 from haptigraph.perception.anatomy.rim import Rim, find_rim
-from haptigraph.perception.anatomy.tracked_rcm import sighted_pivot
-from haptigraph.registration.slant import Slant
+from haptigraph.perception.anatomy.tracked_rcm import tracked_rcm
+from haptigraph.registration.tilt import Slant
 
 __all__ = ["Anatomy", "FoundTrocar", "find_anatomy"]
 
@@ -35,8 +41,8 @@ REFINE_LEAST = 6
 REFINE_MOST_PX = 3.0
 RIM_BEFORE = 0.015  # likely size of how much larger the rim is seen
 RIM_HEIGHT = 0.08  # and of how far before the section it stands, of the radius
-PIVOT_OFF = 0.004  # of the radius: a trocar need not sit exactly in the middle of the wall
-MOUTH_OFF_PX = 0.7
+RCM_OFF = 0.004  # of the radius: a trocar need not sit exactly in the middle of the wall
+OPENING_OFF_PX = 0.7
 MOST_WHITE = 0.5  # share of what lies within a single edge
 
 
@@ -47,7 +53,7 @@ class FoundTrocar(Struct, frozen=True):
     """Middle of the wall, in the plane of the section."""
     angle_deg: float
     """From the top, positive to the image's right."""
-    pivot: Pivot | None
+    rcm: Rcm | None
     """Where something like a needle turned in it; None if only its hole was seen."""
 
 
@@ -56,7 +62,7 @@ class Anatomy(Struct, frozen=True, eq=False):
 
     still: Image
     """The picture it was found in, as the camera took it."""
-    slant: Slant | None
+    tilt: Slant | None
     """How the camera looks at the section; None: straight, as far as can be told."""
     rim: Rim
     center_px: Vec
@@ -70,18 +76,18 @@ class Anatomy(Struct, frozen=True, eq=False):
     """First those in which something moves."""
     rim_ratio: float
     """How many times larger than the section the rim is seen."""
-    rim_doubt_px: float
+    rim_uncertainty_px: float
     """Standard deviation of what that makes of globe and retina at worst."""
     rim_by: tuple[str, ...]
-    """What told it: "needle", "mouths" or nothing."""
+    """What told it: "needle", "port_openings" or nothing."""
 
-    def seen_px(self, straight_px: Vec) -> Vec:
+    def seen_px(self, frontal_px: Vec) -> Vec:
         """Return where the camera sees a place of the straightened picture."""
-        return self.slant.image_from_straight(straight_px) if self.slant else straight_px
+        return self.tilt.image_from_frontal(frontal_px) if self.tilt else frontal_px
 
-    def straight_px(self, seen_px: Vec) -> Vec:
+    def frontal_px(self, seen_px: Vec) -> Vec:
         """Return where a place that the camera sees lies in the straightened picture."""
-        return self.slant.straight_from_image(seen_px) if self.slant else seen_px
+        return self.tilt.frontal_from_image(seen_px) if self.tilt else seen_px
 
 
 def find_anatomy(images: Sequence[Image]) -> Anatomy:
@@ -96,17 +102,17 @@ def find_anatomy(images: Sequence[Image]) -> Anatomy:
     taken = still = still_picture(images)
     middle_px = (still.shape[1] - 1) / 2, (still.shape[0] - 1) / 2
     rim = find_rim(still)
-    slant = find_slant(rim, middle_px)
-    if slant is not None:
-        way = slant.straight_from_image
-        still, images = straightened(still, way), [straightened(image, way) for image in images]
+    tilt = find_slant(rim, middle_px)
+    if tilt is not None:
+        way = tilt.frontal_from_image
+        still, images = tilt_corrected(still, way), [tilt_corrected(image, way) for image in images]
         rim = find_rim(still)
-    foot_x, foot_y = slant.foot_px if slant else middle_px
-    rough = find_pivots(images, still, rim) if len(images) > 1 else ()
-    pivots = [pivot.and_again(sighted_pivot(images, rim, pivot.point_px)) for pivot in rough]
-    _check_which_edge(rim, pivots, still)
-    mouths = find_mouths(still, rim.inner)
-    before, doubt, rim_by = _rim_before(rim, pivots, mouths, slant, (foot_x, foot_y))
+    foot_x, foot_y = tilt.foot_px if tilt else middle_px
+    rough = find_rcms(images, still, rim) if len(images) > 1 else ()
+    rcms = [rcm.and_again(tracked_rcm(images, rim, rcm.point_px)) for rcm in rough]
+    _check_which_edge(rim, rcms, still)
+    port_openings = find_port_openings(still, rim.inner)
+    before, doubt, rim_by = _rim_before(rim, rcms, port_openings, tilt, (foot_x, foot_y))
     rim_ratio = 1 + before
 
     def section(at_px: Vec) -> Vec:
@@ -115,21 +121,21 @@ def find_anatomy(images: Sequence[Image]) -> Anatomy:
     contour, refined = _contour(rim.inner)
     return Anatomy(
         still=taken,
-        slant=slant,
+        tilt=tilt,
         rim=rim,
         center_px=section(rim.inner.center_px),
         radius_px=rim.inner.radius_px / rim_ratio,
         contour_px=tuple(section(point) for point in contour),
         refined=refined,
-        trocars=_trocars(mouths, pivots, section(rim.inner.center_px), rim.middle_px / rim_ratio),
+        trocars=_trocars(port_openings, rcms, section(rim.inner.center_px), rim.middle_px / rim_ratio),
         rim_ratio=rim_ratio,
-        rim_doubt_px=doubt
+        rim_uncertainty_px=doubt
         * math.hypot(rim.inner.radius_px, *subtract(rim.inner.center_px, (foot_x, foot_y))),
         rim_by=rim_by,
     )
 
 
-def _check_which_edge(rim: Rim, pivots: Sequence[Pivot], still: Image) -> None:
+def _check_which_edge(rim: Rim, rcms: Sequence[Rcm], still: Image) -> None:
     """Refuse a single edge that may be the wall's outer one: a needle pivots outside the inner edge."""
     if rim.outer is not None:
         return
@@ -139,7 +145,7 @@ def _check_which_edge(rim: Rim, pivots: Sequence[Pivot], still: Image) -> None:
             f"the eye is overexposed: {white:.0%} of it is white, and only one edge of its wall can be seen; "
             "less light or a shorter exposure would show the other"
         )
-    away_px = [math.dist(pivot.point_px, rim.inner.center_px) for pivot in pivots]
+    away_px = [math.dist(rcm.point_px, rim.inner.center_px) for rcm in rcms]
     if min(away_px, default=0.0) <= rim.inner.radius_px:
         raise BadInput(
             "only one edge of the globe's wall can be seen, and nothing shows that it is the inner one; "
@@ -157,31 +163,35 @@ def _white_share(rim: Rim, still: Image) -> float:
 
 
 def _rim_before(
-    rim: Rim, pivots: Sequence[Pivot], mouths: Sequence[Mouth], slant: Slant | None, foot_px: Vec
+    rim: Rim, rcms: Sequence[Rcm], port_openings: Sequence[PortOpening], tilt: Slant | None, foot_px: Vec
 ) -> tuple[float, float, tuple[str, ...]]:
     """Tell by what share larger than the section the rim is seen, its deviation, and what told it.
 
-    Known from places of the section, the needle's pivot and the holes' mouths, weighed by how sure each is.
+    Estimated from the needle's RCM and the port openings, weighted by their uncertainty.
     Never less than 0: the wall hides the needle.
     """
     center, radius_px = rim.inner.center_px, rim.inner.radius_px
-    usual = min(RIM_BEFORE, RIM_HEIGHT * radius_px / slant.focal_px) if slant else RIM_BEFORE
+    usual = min(RIM_BEFORE, RIM_HEIGHT * radius_px / tilt.focal_px) if tilt else RIM_BEFORE
     known: list[tuple[float, float]] = [(0.0, usual)]
     by: list[str] = []
 
-    def told_by(place: Vec, circle_px: float, doubt_px: float) -> tuple[float, float]:
+    def told_by(place: Vec, circle_px: float, uncertainty_px: float) -> tuple[float, float]:
         outwards, away = unit(subtract(place, center)), subtract(place, foot_px)
         lever_px = max(abs(away[0] * outwards[0] + away[1] * outwards[1]), 1.0)
-        return _before(place, circle_px, center, foot_px), doubt_px / lever_px
+        return _before(place, circle_px, center, foot_px), uncertainty_px / lever_px
 
-    for pivot in pivots if rim.outer is not None else ():
-        doubt_px = math.hypot(pivot.radial_sd_px, PIVOT_OFF * radius_px)
-        known.append(told_by(pivot.point_px, rim.middle_px, doubt_px))
+    for rcm in rcms if rim.outer is not None else ():
+        uncertainty_px = math.hypot(rcm.radial_sd_px, RCM_OFF * radius_px)
+        known.append(told_by(rcm.point_px, rim.middle_px, uncertainty_px))
         by += ["needle"] if known[-1][1] < usual and not by else []
     told = [
-        told_by(_around(center, radius_px - mouth.inside_px, mouth.angle_deg), radius_px, MOUTH_OFF_PX)
-        for mouth in mouths
-        if mouth.inside_px is not None
+        told_by(
+            _around(center, radius_px - port_opening.inside_px, port_opening.angle_deg),
+            radius_px,
+            OPENING_OFF_PX,
+        )
+        for port_opening in port_openings
+        if port_opening.inside_px is not None
     ]
     # A reflection or another instrument may look like a mouth, but not like two that agree.
     agreeing = [
@@ -192,7 +202,7 @@ def _rim_before(
         )
     ]
     known += agreeing
-    by += ["mouths"] if agreeing else []
+    by += ["port_openings"] if agreeing else []
     weights = [1 / doubt**2 for _, doubt in known]
     before = sum(weight * seen for weight, (seen, _) in zip(weights, known, strict=True)) / sum(weights)
     return min(max(before, 0.0), 3 * usual), 1 / math.sqrt(sum(weights)), tuple(by)
@@ -230,15 +240,15 @@ def _contour(edge: Edge) -> tuple[list[Vec], int]:
 
 
 def _trocars(
-    mouths: Sequence[Mouth], pivots: Sequence[Pivot], center_px: Vec, middle_px: float
+    port_openings: Sequence[PortOpening], rcms: Sequence[Rcm], center_px: Vec, middle_px: float
 ) -> tuple[FoundTrocar, ...]:
     """Return the trocar the needle moves in, then those whose holes are seen, clearest first."""
     found: list[FoundTrocar] = []
-    for pivot in pivots:
-        right, down = pivot.point_px[0] - center_px[0], pivot.point_px[1] - center_px[1]
-        found.append(FoundTrocar(pivot.point_px, math.degrees(math.atan2(right, -down)), pivot))
-    for mouth in mouths:
-        if all(abs(other.angle_deg - mouth.angle_deg) > APART_DEG for other in found):
-            place = _around(center_px, middle_px, mouth.angle_deg)
-            found.append(FoundTrocar(place, mouth.angle_deg, None))
-    return tuple(found[:MOST_MOUTHS])
+    for rcm in rcms:
+        right, down = rcm.point_px[0] - center_px[0], rcm.point_px[1] - center_px[1]
+        found.append(FoundTrocar(rcm.point_px, math.degrees(math.atan2(right, -down)), rcm))
+    for port_opening in port_openings:
+        if all(abs(other.angle_deg - port_opening.angle_deg) > APART_DEG for other in found):
+            place = _around(center_px, middle_px, port_opening.angle_deg)
+            found.append(FoundTrocar(place, port_opening.angle_deg, None))
+    return tuple(found[:MOST_OPENINGS])

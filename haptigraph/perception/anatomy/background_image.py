@@ -9,23 +9,25 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from haptigraph.imaging import colored, straightened
+from haptigraph.imaging import colored, tilt_corrected
 from haptigraph.messages import Image
-from haptigraph.perception.needle.background import covered_ends, stripe
+from haptigraph.perception.needle.background import occluded_ends, stripe
 from haptigraph.perception.needle.rectify import Site
-from haptigraph.perception.needle.tip_selection import Sight
-from haptigraph.perception.needle.tracker import sights_in
-from haptigraph.registration.background import EmptyEye
+from haptigraph.perception.needle.tip_selection import Detection
+from haptigraph.perception.needle.tracker import detections_in
+from haptigraph.registration.background import BackgroundImage
 from haptigraph.registration.camera import Registration
 
-__all__ = ["find_empty_eye"]
+__all__ = ["find_background_image"]
 
 LEAST_LOOKS = 3  # at a pixel, of which one may be wrong
-LEAST_SIGHTS = 3  # of the needle: a needle that is not seen would be taken for the eye
+LEAST_DETECTIONS = 3  # of the needle: a needle that is not seen would be taken for the eye
 BEYOND_MM = 1.0  # the tip may reach so much further than it is told
 
 
-def find_empty_eye(images: Sequence[Image], still: Image, registration: Registration) -> EmptyEye | None:
+def find_background_image(
+    images: Sequence[Image], still: Image, registration: Registration
+) -> BackgroundImage | None:
     """Return the eye without needle.
 
     Args:
@@ -36,15 +38,15 @@ def find_empty_eye(images: Sequence[Image], still: Image, registration: Registra
     Returns:
         None if no needle is seen in enough of them: one that lies still would be taken for the eye.
     """
-    way, straight = registration.image.straight_from_image, registration.straight
-    sights = sights_in((straightened(image, way) for image in images) if way else images, straight)
-    if len(sights) - sights.count(None) < LEAST_SIGHTS:
+    way, frontal = registration.image.frontal_from_image, registration.frontal
+    sights = detections_in((tilt_corrected(image, way) for image in images) if way else images, frontal)
+    if len(sights) - sights.count(None) < LEAST_DETECTIONS:
         return None
-    site, is_free = Site(straight), np.ones((len(images), *still.shape[:2]), np.bool_)
+    site, is_free = Site(frontal), np.ones((len(images), *still.shape[:2]), np.bool_)
     for number, sight in enumerate(sights):
         if sight is not None:
             hidden = _hidden(site, sight)
-            is_free[number] = (straightened(hidden, way.inverse) if way else hidden) == 0
+            is_free[number] = (tilt_corrected(hidden, way.inverse) if way else hidden) == 0
     looks = np.count_nonzero(is_free, axis=0)
     picture, is_some = colored(still).copy(), (looks >= LEAST_LOOKS) & (looks < len(images))
     seen = np.stack([colored(image)[is_some] for image in images]).astype(np.float32)
@@ -52,12 +54,12 @@ def find_empty_eye(images: Sequence[Image], still: Image, registration: Registra
     seen.sort(axis=0)
     middle = (looks[is_some] - 1) // 2
     picture[is_some] = np.take_along_axis(seen, middle[None, :, None], axis=0)[0]
-    return EmptyEye(picture, looks >= LEAST_LOOKS)
+    return BackgroundImage(picture, looks >= LEAST_LOOKS)
 
 
-def _hidden(site: Site, sight: Sight) -> Image:
+def _hidden(site: Site, sight: Detection) -> Image:
     """Return what a needle may hide, (h, w): 255 there."""
-    ends = covered_ends(site, sight.line, sight.reach.tip_px + BEYOND_MM * site.px_per_mm)
+    ends = occluded_ends(site, sight.line, sight.reach.tip_px + BEYOND_MM * site.px_per_mm)
     hidden = np.zeros((site.height_px, site.width_px), np.uint8)
     cv2.fillConvexPoly(hidden, stripe(ends, 2 * site.half_px, (0.0, 0.0)), 255, shift=4)
     return hidden

@@ -12,7 +12,7 @@ from haptigraph.geometry import Vec
 from haptigraph.imaging import Floats
 from haptigraph.perception.anatomy.edge import Edge
 from haptigraph.perception.anatomy.rim import Rim
-from haptigraph.registration.slant import Slant
+from haptigraph.registration.tilt import Slant
 
 __all__ = ["find_slant"]
 
@@ -106,12 +106,12 @@ def _fitted(start: Floats, places: tuple[Floats, Floats], middle_px: Vec) -> tup
 def _off(values: Floats, places: tuple[Floats, Floats], middle_px: Vec) -> Floats:
     """Return how far the places lie off their circles in the straight picture [standard deviations]."""
     x, y, radius, right, down, closeness, wall = values
-    slant = Slant((x, y), (right, down), radius / closeness, middle_px)
-    matrix = slant.straight_from_image.matrix
+    tilt = Slant((x, y), (right, down), radius / closeness, middle_px)
+    matrix = tilt.frontal_from_image.matrix
     usual, spread = CLOSENESS
     parts = [np.array([(closeness - usual) / spread])]
     for seen, circle in zip(places, (radius, wall * radius), strict=True):
-        straight = seen @ matrix[:, :2].T + matrix[:, 2]
-        away = straight[:, :2] / straight[:, 2:] - (x, y)
+        frontal = seen @ matrix[:, :2].T + matrix[:, 2]
+        away = frontal[:, :2] / frontal[:, 2:] - (x, y)
         parts.append((np.hypot(away[:, 0], away[:, 1]) - circle) / EDGE_SD_PX)
     return np.concatenate(parts)

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from haptigraph.imaging import Floats, grey_of, top_shift
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy.illumination import evenly_lit
-from haptigraph.perception.anatomy.rcm import Pivot, ShaftLine, meeting
+from haptigraph.perception.anatomy.rcm import Rcm, ShaftLine, meeting
 from haptigraph.perception.anatomy.rim import Rim
 
-__all__ = ["find_pivots", "still_picture"]
+__all__ = ["find_rcms", "still_picture"]
 
 LEAST_CHANGE_GREY = 14.0
 MOST_POINTS = 4000
@@ -42,7 +42,7 @@ def still_picture(images: Sequence[Image]) -> Image:
     return np.asarray(np.stack(rows), np.uint8)
 
 
-def find_pivots(images: Sequence[Image], still: Image, rim: Rim) -> tuple[Pivot, ...]:
+def find_rcms(images: Sequence[Image], still: Image, rim: Rim) -> tuple[Rcm, ...]:
     """Find where the shaft lines of a moving needle meet, in the wall's upper half.
 
     Args:
@@ -64,25 +64,25 @@ def find_pivots(images: Sequence[Image], still: Image, rim: Rim) -> tuple[Pivot,
         return [_shaft(*seen, rim) for seen in zip(greys, sizes, places, strict=True)]
 
     lines, new_lines = shafts_in([visible] * len(greys)), shafts_in(where_new)
-    pivot, of_new = meeting(lines, rim), meeting(new_lines, rim)
+    rcm, of_new = meeting(lines, rim), meeting(new_lines, rim)
     if of_new is None:
-        return (pivot,) if pivot else ()
+        return (rcm,) if rcm else ()
     # What is always there may be taken for a shaft, as a vessel is; or be the part of it that hardly moves.
-    is_old = pivot and _are_apart(pivot, of_new, rim) and _new_share(lines, where_new) < OLD_SHARE
-    if pivot is None or is_old or of_new.radial_sd_px < SURER * pivot.radial_sd_px:
-        pivot = of_new
+    is_old = rcm and _are_apart(rcm, of_new, rim) and _new_share(lines, where_new) < OLD_SHARE
+    if rcm is None or is_old or of_new.radial_sd_px < SURER * rcm.radial_sd_px:
+        rcm = of_new
     beside = meeting(shafts_in(_beside(*each, rim) for each in zip(where_new, new_lines, strict=True)), rim)
-    others = [each for each in (of_new, beside) if each and _is_rival(each, pivot, rim)]
-    return pivot, *others[:1]
+    others = [each for each in (of_new, beside) if each and _is_rival(each, rcm, rim)]
+    return rcm, *others[:1]
 
 
-def _is_rival(other: Pivot, pivot: Pivot, rim: Rim) -> bool:
+def _is_rival(other: Rcm, rcm: Rcm, rim: Rim) -> bool:
     """Tell whether what moves elsewhere may be the needle: bubbles and debris do not turn about one place."""
     is_straight = other.residual_px <= TURNS * rim.inner.radius_px
-    return is_straight and other.lines >= OFTEN * pivot.lines and _are_apart(other, pivot, rim)
+    return is_straight and other.lines >= OFTEN * rcm.lines and _are_apart(other, rcm, rim)
 
 
-def _are_apart(one: Pivot, other: Pivot, rim: Rim) -> bool:
+def _are_apart(one: Rcm, other: Rcm, rim: Rim) -> bool:
     return math.dist(one.point_px, other.point_px) > APART * rim.inner.radius_px
 
 

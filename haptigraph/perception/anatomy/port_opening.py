@@ -1,4 +1,4 @@
-"""Find the mouths of the trocar holes just inside the wall, and how far inside each one lies [px].
+"""Find the port_openings of the trocar holes just inside the wall, and how far inside each one lies [px].
 
 A hole is drilled in the section's plane, so the middle of its mouth lies on the section's circle; a rim that
 stands before that plane is seen larger, and leaves a gap to the mouth. Knows no needle and no millimetres.
@@ -14,12 +14,12 @@ from haptigraph.imaging import Floats, Mask, colored
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy.edge import Edge
 
-__all__ = ["APART_DEG", "MOST_MOUTHS", "WHITE_GREY", "Mouth", "find_mouths"]
+__all__ = ["APART_DEG", "MOST_OPENINGS", "WHITE_GREY", "PortOpening", "find_port_openings"]
 
 HALF_DEG = 80.0  # from the top
 STEP_DEG = 0.25
-BAND = (0.968, 0.992)  # of the inner edge's radius, where mouths are seen
-BOWL = (0.92, 0.945)  # and where the bowl behind them is: stains and print lines go on, mouths do not
+BAND = (0.968, 0.992)  # of the inner edge's radius, where port_openings are seen
+BOWL = (0.92, 0.945)  # and where the bowl behind them is: stains and print lines go on, port_openings do not
 WIDE_DEG = 3.0
 AROUND_DEG = 10.0
 APART_DEG = 14.0
@@ -29,7 +29,7 @@ WHITE_GREY = 250
 """Where all colours reach it, the camera sees no colour: a reflection, or too much light."""
 
 LEAST_GREY = 4.0
-MOST_MOUTHS = 3
+MOST_OPENINGS = 3
 THICKEST = 0.05  # of the radius: what reaches further inwards is no mouth
 PROFILE = (-0.08, 0.03)  # of the radius, from the inner edge outwards
 PROFILE_STEP_PX = 0.5
@@ -38,7 +38,7 @@ BESIDE_DEG = (6.5, 10.0)
 GAP_PX, GAP_BLUR = 0.8, 0.5  # a mouth so far off the edge, or so many times its blur, is seen whole
 
 
-class Mouth(Struct, frozen=True):
+class PortOpening(Struct, frozen=True):
     """One mouth."""
 
     angle_deg: float
@@ -47,15 +47,15 @@ class Mouth(Struct, frozen=True):
     """How far inside the inner edge its middle lies; None: it is not seen whole, the rim may hide a part."""
 
 
-def find_mouths(still: Image, edge: Edge) -> list[Mouth]:
-    """Return the mouths in the upper half, clearest first.
+def find_port_openings(still: Image, edge: Edge) -> list[PortOpening]:
+    """Return the port_openings in the upper half, clearest first.
 
     Args:
         still: The picture without needle.
         edge: The wall's inner edge.
     """
     color = colored(still)
-    return [Mouth(angle, _inside_px(color, edge, angle)) for angle in _angles_deg(color, edge)]
+    return [PortOpening(angle, _inside_px(color, edge, angle)) for angle in _angles_deg(color, edge)]
 
 
 def _angles_deg(color: Image, edge: Edge) -> list[float]:
@@ -73,7 +73,7 @@ def _angles_deg(color: Image, edge: Edge) -> list[float]:
     size[(np.abs(angles_deg) > HALF_DEG) | (np.convolve(glints, reach, "same") > 0)] = 0
     found: list[float] = []
     least = max(CLEAR * usual, ALIKE * float(size.max()))
-    while len(found) < MOST_MOUTHS and size.max() >= least:
+    while len(found) < MOST_OPENINGS and size.max() >= least:
         at = float(angles_deg[size.argmax()])
         weight = size * (np.abs(angles_deg - at) < APART_DEG / 2)
         found.append(float((angles_deg * weight).sum() / weight.sum()))

@@ -14,7 +14,7 @@ from haptigraph.geometry import Vec
 from haptigraph.imaging import Floats
 from haptigraph.perception.anatomy.rim import Rim
 
-__all__ = ["Pivot", "ShaftLine", "meeting"]
+__all__ = ["Rcm", "ShaftLine", "meeting"]
 
 LEAST_LINES = 3
 NEAR_WALL = 0.18  # of the globe's radius, that a pivot may lie outside the inner edge
@@ -24,7 +24,7 @@ SUREST_PX = 0.06  # no line is known better
 INDEPENDENT_LINES = 6  # errors of many images of one clip are alike
 
 
-class Pivot(Struct, frozen=True, eq=False):
+class Rcm(Struct, frozen=True, eq=False):
     """Where shaft lines meet."""
 
     point_px: Vec
@@ -34,11 +34,11 @@ class Pivot(Struct, frozen=True, eq=False):
     radial_sd_px: float
     """Its standard deviation along the globe's radius; lines that hardly turn leave it open."""
 
-    def and_again(self, other: "Pivot | None") -> "Pivot":
+    def and_again(self, other: "Rcm | None") -> "Rcm":
         """Return the mean of two measurements in the same images, each by how sure it is."""
         if other is None:
             return self
-        surer = min(self, other, key=lambda pivot: pivot.radial_sd_px)
+        surer = min(self, other, key=lambda rcm: rcm.radial_sd_px)
         one, another = self.radial_sd_px**-2, other.radial_sd_px**-2
         point = (np.array(self.point_px) * one + np.array(other.point_px) * another) / (one + another)
         return replace(surer, point_px=(float(point[0]), float(point[1])))
@@ -60,7 +60,7 @@ class ShaftLine(Struct, eq=False):
         return np.array([-self.along[1], self.along[0]])
 
 
-def meeting(seen: Sequence[ShaftLine | None], rim: Rim) -> Pivot | None:
+def meeting(seen: Sequence[ShaftLine | None], rim: Rim) -> Rcm | None:
     """Return the place nearest to all lines, by least squares without outliers.
 
     Where they hardly turn they leave its depth open; then it lies about in the middle of the wall.
@@ -97,7 +97,7 @@ def meeting(seen: Sequence[ShaftLine | None], rim: Rim) -> Pivot | None:
     radial_sd = usual_px * alike * math.sqrt(float(outwards @ inverse @ outwards))
     if radial_sd > NEAR_WALL * rim.inner.radius_px:  # they do not meet
         return None
-    return Pivot((float(point[0]), float(point[1])), int(kept.sum()), residual, radial_sd)
+    return Rcm((float(point[0]), float(point[1])), int(kept.sum()), residual, radial_sd)
 
 
 def _spreads(lines: list[ShaftLine], point: Floats) -> Floats:

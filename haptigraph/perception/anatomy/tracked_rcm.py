@@ -10,19 +10,19 @@ import numpy as np
 
 from haptigraph.geometry import Circle, ImageGeometry, Point, Polyline, Vec
 from haptigraph.messages import Image
-from haptigraph.perception.anatomy.rcm import Pivot, ShaftLine, meeting
+from haptigraph.perception.anatomy.rcm import Rcm, ShaftLine, meeting
 from haptigraph.perception.anatomy.rim import Rim
 from haptigraph.perception.needle.shaft_line import BLOCK_PX
-from haptigraph.perception.needle.tip_selection import Sight
-from haptigraph.perception.needle.tracker import sights_in
+from haptigraph.perception.needle.tip_selection import Detection
+from haptigraph.perception.needle.tracker import detections_in
 from haptigraph.registration.camera import Registration
 
-__all__ = ["sighted_pivot"]
+__all__ = ["tracked_rcm"]
 
 RADIUS_MM = 12.0  # of a usual eye: the tracker's limits are in millimetres
 
 
-def sighted_pivot(images: Sequence[Image], rim: Rim, about_px: Vec) -> Pivot | None:
+def tracked_rcm(images: Sequence[Image], rim: Rim, about_px: Vec) -> Rcm | None:
     """Measure where the shaft's lines meet.
 
     Args:
@@ -33,7 +33,7 @@ def sighted_pivot(images: Sequence[Image], rim: Rim, about_px: Vec) -> Pivot | N
     Returns:
         None if too few lines are seen, or they do not meet in the wall.
     """
-    sights = sights_in(images, _provisional(images[0], rim, about_px))
+    sights = detections_in(images, _provisional(images[0], rim, about_px))
     lines = [_line(sight, about_px) for sight in sights if sight and sight.reach.where == "inside"]
     return meeting(lines, rim)
 
@@ -55,7 +55,7 @@ def _provisional(image: Image, rim: Rim, trocar_px: Vec) -> Registration:
     )
 
 
-def _line(sight: Sight, trocar_px: Vec) -> ShaftLine:
+def _line(sight: Detection, trocar_px: Vec) -> ShaftLine:
     seen_px = sight.fit.u_px[sight.fit.is_on_line]
     middle_px = sight.line.at_px(trocar_px, float(seen_px.mean()))
     return ShaftLine(np.array(middle_px), np.array(sight.line.direction), len(seen_px) * BLOCK_PX)

@@ -77,7 +77,7 @@ class ThresholdPerceiver:
         self._searched = self._inside * (_distances(self._trocar, size) > HOLE_MM / image.mm_per_px)
 
     def __call__(self, capture: Capture) -> Observation:
-        """Look at one image.
+        """Appearance at one image.
 
         Raises:
             BadInput: If the image is not of the registered size.

@@ -58,7 +58,7 @@ class ForcepsPerceiver:
                 tracker.reset()
 
     def __call__(self, capture: Capture) -> Observation:
-        """Look at one image.
+        """Appearance at one image.
 
         Raises:
             BadInput: If the image is not of the registered size.

@@ -27,7 +27,7 @@ FILL_MM = 2.0  # width of the ground about dye that tells what is behind it
 
 
 class Stains:
-    """Look for coloured tissue in images of one registration.
+    """Appearance for coloured tissue in images of one registration.
 
     Args:
         registration: Where globe and retina are.
@@ -47,7 +47,7 @@ class Stains:
         self._inside = self._above_mm > RIM_MM
 
     def __call__(self, image: Image) -> tuple[dict[str, Geometry], Image]:
-        """Look at one image.
+        """Appearance at one image.
 
         Args:
             image: (h, w, 3) BGR or (h, w) grey, in which no tissue is found.

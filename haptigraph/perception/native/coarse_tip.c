@@ -1,4 +1,4 @@
-/* How far a needle reaches, roughly: as far as there is contrast along the shaft (`tip.find_reach`).
+/* How far a needle reaches, roughly: as far as there is contrast along the shaft (`tip.estimate_coarse_tip`).
 
    Evidence is summed from where the needle comes from, so that a gap (glare, debris) is bridged and a thing
    beyond a long gap is not the needle. Nothing behind the wall can be seen: a needle whose tip is in there
@@ -51,7 +51,7 @@ static int count_known(const uint8_t *is_known, int start, int stop) {
    told: the last station of the reach, and the length that shows a needle less that that shows none [px].
 
    Return where the tip is: 0 nowhere, 1 before the wall, 2 in it, 3 inside. */
-EXPORT int find_reach(const Strip *strip, double usual_grey, double followed_px, double px_per_mm,
+EXPORT int estimate_coarse_tip(const Strip *strip, double usual_grey, double followed_px, double px_per_mm,
                       double *told) {
     const int stations = strip->excess.stations, start = strip->inside_start;
     float contrast_grey[stations];

@@ -97,7 +97,7 @@ static void explain(const Pairs *pairs, int pair, double design[UNKNOWNS]) {
 }
 
 /* Begin the normal equations with what is known before; `pull` is that times one over its variance. */
-static void begin(const Look *look, double matrix[UNKNOWNS][UNKNOWNS], double pull[UNKNOWNS]) {
+static void begin(const Appearance *look, double matrix[UNKNOWNS][UNKNOWNS], double pull[UNKNOWNS]) {
     const double variances[UNKNOWNS] = {
         1e6, 1e6, square(SIDE_PX), square(SIDE_PX), square(BRIGHT_ASIDE), square(DARK_ASIDE)};
     memset(matrix, 0, sizeof(double[UNKNOWNS][UNKNOWNS]));
@@ -106,13 +106,13 @@ static void begin(const Look *look, double matrix[UNKNOWNS][UNKNOWNS], double pu
         pull[2 + side] = isnan(look->shaded_px[side]) ? 0 : matrix[2][2] * look->shaded_px[side];
     }
     if (!isnan(look->share)) {
-        matrix[4][4] = 1 / square(look->share_deviation);
+        matrix[4][4] = 1 / square(look->share_sd);
         pull[4] = matrix[4][4] * look->share;
     }
 }
 
 /* Solve for the unknowns by least squares once; pairs further than `reach_px` off the line do not count. */
-static void solve_once(const Pairs *pairs, const Look *look, double reach_px, Weighed *weighed,
+static void solve_once(const Pairs *pairs, const Appearance *look, double reach_px, Weighed *weighed,
                        Solution *found) {
     double design[UNKNOWNS], pull[UNKNOWNS];
     begin(look, found->covariance, pull);
@@ -149,7 +149,7 @@ static void solve_once(const Pairs *pairs, const Look *look, double reach_px, We
 }
 
 /* Solve for the unknowns, leaving out pairs that are off the line; `miss_px` is that it begins with. */
-void solve(const Pairs *pairs, const Look *look, double reach_px, Weighed *weighed, Solution *found) {
+void solve(const Pairs *pairs, const Appearance *look, double reach_px, Weighed *weighed, Solution *found) {
     double off_px[weighed->pairs];
     for (int round = 0; round < ROUNDS; round++) {
         if (round) {

@@ -8,12 +8,12 @@
 #define UNKNOWNS 6     /* place, slope, a shift on either side of the wall, one by the width of either pair */
 #define SCALE_PX 100.0 /* of the slope: keeps the normal equations well conditioned */
 
-/* What earlier images told of how a needle looks (`shaft.Look`); NaN for what is not known. */
+/* What earlier images told of how a needle looks (`shaft.Appearance`); NaN for what is not known. */
 typedef struct {
-    double share, share_deviation; /* of the highlight */
+    double share, share_sd; /* of the highlight */
     double images;
     double shaded_px[2];
-} Look;
+} Appearance;
 
 /* Pairs as the line is laid through them: edges, or their feet. */
 typedef struct {
@@ -36,6 +36,6 @@ typedef struct {
 } Solution;
 
 void miss_common_line(const Pairs *pairs, const double *trust, double *miss_px);
-void solve(const Pairs *pairs, const Look *look, double reach_px, Weighed *weighed, Solution *found);
+void solve(const Pairs *pairs, const Appearance *look, double reach_px, Weighed *weighed, Solution *found);
 
 #endif

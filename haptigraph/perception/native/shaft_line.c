@@ -34,7 +34,7 @@
 /* A straight line across a strip: v = offset_px + slope u (`shaft.LineFit`). */
 typedef struct {
     double offset_px, slope, covariance[3], width_px, blur_px, scatter;
-    Look look;
+    Appearance look;
     uint8_t *is_on_line, *is_steep; /* of every block, (n) */
     int blocks, on_line;
     double most_off_px; /* how far it leaves the strip's middle at either end */
@@ -141,7 +141,7 @@ static void mark_steep(const Pairs *pairs, const Weighed *weighed, uint8_t *is_s
 }
 
 /* Put what was solved into a fit. */
-static void conclude(const Pairs *pairs, const Look *look, const Weighed *weighed, const Solution *found,
+static void conclude(const Pairs *pairs, const Appearance *look, const Weighed *weighed, const Solution *found,
                      Fit *fit) {
     const int n = pairs->edges->blocks;
     const double spread = largest(found->scatter, LEAST_SCATTER);
@@ -157,7 +157,7 @@ static void conclude(const Pairs *pairs, const Look *look, const Weighed *weighe
     fit->look = *look;
     if (!isnan(look->share)) {
         fit->look.share = found->answer[4];
-        fit->look.share_deviation =
+        fit->look.share_sd =
             hypot(sqrt(found->covariance[4][4] * largest(found->scatter, 1)), SHARE_CHANGE);
     }
     const double first_px = fit->offset_px + fit->slope * pairs->edges->u_px[0];
@@ -168,7 +168,7 @@ static void conclude(const Pairs *pairs, const Look *look, const Weighed *weighe
 
 /* Fit the line by what pairs can be trusted, those within `miss_px` of the strip's middle, or, where it
    `is_messy`, of the line that most of them are on. Return 0 if too few blocks are on it. */
-static int fit_pairs(const Pairs *pairs, double miss_px, Look look, int is_messy, Fit *fit) {
+static int fit_pairs(const Pairs *pairs, double miss_px, Appearance look, int is_messy, Fit *fit) {
     const int n = pairs->edges->blocks;
     double missing[2 * n], trust[2 * n], off_px[2 * n];
     uint8_t is_on[2 * n];
@@ -179,7 +179,7 @@ static int fit_pairs(const Pairs *pairs, double miss_px, Look look, int is_messy
     if (pairs->are_feet) {
         look.share = NAN;
     } else if (isnan(look.share) && shows_highlight(pairs->width_px, missing, n)) {
-        look.share = 0, look.share_deviation = FIRST_SHARE;
+        look.share = 0, look.share_sd = FIRST_SHARE;
     }
     memcpy(off_px, pairs->middle_px, sizeof off_px);
     if (is_messy) miss_common_line(pairs, trust, off_px);
@@ -221,7 +221,7 @@ static void copy_fit(const Fit *from, Fit *to) {
 }
 
 /* Fit a line to edges, or to their feet where these are better. Return 0 if there is none. */
-static int fit_edges(const Edges *edges, double miss_px, Look look, Fit *fit) {
+static int fit_edges(const Edges *edges, double miss_px, Appearance look, Fit *fit) {
     const int n = edges->blocks;
     double middle_px[2 * n], width_px[2 * n];
     uint8_t masks[2 * n];
@@ -248,7 +248,7 @@ static int fit_edges(const Edges *edges, double miss_px, Look look, Fit *fit) {
 
 /* Fit a line to blocks of so many stations; put their places into `u_px`. Return 0 if there is none, -1
    without memory. */
-static int fit_blocks(const Strip *strip, double tip_px, double miss_px, const Look *look, int size, Fit *fit,
+static int fit_blocks(const Strip *strip, double tip_px, double miss_px, const Appearance *look, int size, Fit *fit,
                       float *u_px) {
     const Blocks blocks = blocks_before(strip, tip_px, size);
     if (blocks.outside + blocks.inside < LEAST_BLOCKS) return 0;
@@ -270,7 +270,7 @@ static void write(const Fit *fit, double *told) {
         fit->covariance[0],     fit->covariance[1],
         fit->covariance[2],     fit->width_px,
         fit->blur_px,           confidence(fit),
-        fit->look.share,        fit->look.share_deviation,
+        fit->look.share,        fit->look.share_sd,
         fit->look.images,       fit->look.shaded_px[0],
         fit->look.shaded_px[1],
     };
@@ -288,7 +288,7 @@ static void write(const Fit *fit, double *told) {
    Return how many blocks there are; 0 if too few show two edges that lie on one line, -1 without memory. */
 EXPORT int fit_line(const Strip *strip, double tip_px, double miss_px, const double *seen, double *told,
                     float *blocks_px, uint8_t *is_on_line, uint8_t *is_steep) {
-    const Look look = {seen[0], seen[1], seen[2], {seen[3], seen[4]}};
+    const Appearance look = {seen[0], seen[1], seen[2], {seen[3], seen[4]}};
     Fit fit = {.is_on_line = is_on_line, .is_steep = is_steep};
     int is_fit = fit_blocks(strip, tip_px, miss_px, &look, BLOCK, &fit, blocks_px);
     if (is_noisy(strip->noise_grey) && is_fit >= 0 && !(is_fit && confidence(&fit) >= CLEAR_CONFIDENCE)) {

@@ -215,7 +215,7 @@ static void add_tones(Profile *profile, Rows core, const float *weights) {
             profile->tones[n] += (double)weights[lane] * core.first[lane * core.stride + n];
 }
 
-/* Look at the lanes about the shaft's middle; return whether they are all there. */
+/* Appearance at the lanes about the shaft's middle; return whether they are all there. */
 static int look(const Strip *strip, const Closeup *closeup, Profile *profile) {
     const double middle = closeup->middle;
     const int lane = middle >= 1 && middle < strip->excess.lanes - 2 ? (int)middle : 0;

@@ -1,7 +1,7 @@
 """The empty eye as the camera sees it, learned while the needle is elsewhere.
 
 Turns images and where the needle was in them into the grey picture behind the needle. Pixels that were never
-seen without the needle are as they were when the eye was registered, or UNSEEN. Learns a band of rows per
+seen without the needle are as they were when the eye was registered, or UNOBSERVED. Learns a band of rows per
 image, so that it costs next to nothing.
 Tells in which grey to look: orange ground may be as bright as metal in the shade, but it is not as blue; and
 how much brighter all would be in good light.
@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from haptigraph.geometry import Vec, unit
 from haptigraph.imaging import FloatImage, grey_of, grey_with_chroma
 from haptigraph.messages import Image
-from haptigraph.perception.needle.rectify import OUTSIDE_MM, UNSEEN, Line, Site, Strip, lay_straight
-from haptigraph.registration.background import EmptyEye
+from haptigraph.perception.needle.rectify import OUTSIDE_MM, UNOBSERVED, Line, RectifiedStrip, Site, rectify
+from haptigraph.registration.background import BackgroundImage
 
-__all__ = ["Background", "covered_ends", "stripe"]
+__all__ = ["Background", "occluded_ends", "stripe"]
 
 BANDS = 16
 RATE = 0.25
@@ -39,7 +39,7 @@ class Background:
         empty: What was seen of the empty eye before, if anything; what is seen now counts for more.
     """
 
-    def __init__(self, site: Site, empty: EmptyEye | None = None) -> None:
+    def __init__(self, site: Site, empty: BackgroundImage | None = None) -> None:
         self._site, self._empty = site, empty
         self._is_inside = site.is_inside()
         row, column = (EVERY_PX * part for part in self._is_inside[::EVERY_PX, ::EVERY_PX].nonzero())
@@ -51,7 +51,7 @@ class Background:
 
     def reset(self) -> None:
         """Forget everything."""
-        self.grey: FloatImage = np.full((self._site.height_px, self._site.width_px), UNSEEN, np.float32)
+        self.grey: FloatImage = np.full((self._site.height_px, self._site.width_px), UNOBSERVED, np.float32)
         self.chroma_share = 0.0
         """How much of blue less red the grey within the globe has in it."""
         self.light = 1.0
@@ -94,9 +94,9 @@ class Background:
         self._band = (self._band + 1) % BANDS
         self.is_new = False
 
-    def strips(self, image: Image, line: Line, *runs_px: FloatImage) -> list[Strip] | None:
-        """Lay one or more parts of a line straight, with the empty eye taken away (`lay_straight`)."""
-        return lay_straight(
+    def strips(self, image: Image, line: Line, *runs_px: FloatImage) -> list[RectifiedStrip] | None:
+        """Lay one or more parts of a line straight, with the empty eye taken away (`rectify`)."""
+        return rectify(
             self._site, image, self.grey, line, *runs_px, chroma_share=self.chroma_share, light=self.light
         )
 
@@ -126,7 +126,7 @@ def _chroma_share(seen: Image) -> float:
     return min(max(CHROMA_RATE * lack, 0.0), MOST_CHROMA)
 
 
-def _gain_since(empty: EmptyEye, image: Image) -> float | None:
+def _gain_since(empty: BackgroundImage, image: Image) -> float | None:
     """Return how many times brighter an eye is than when it was registered.
 
     None if it looks different: it has moved, or is lit from elsewhere. A needle that came hides too little to
@@ -152,7 +152,7 @@ def _light(seen: Image) -> float:
     return max(LIT_GREY / brightest, 1.0) if brightest >= DARK_GREY else 1.0
 
 
-def covered_ends(site: Site, line: Line, until_px: float) -> tuple[Vec, Vec]:
+def occluded_ends(site: Site, line: Line, until_px: float) -> tuple[Vec, Vec]:
     """Return the two ends of what a needle may cover that ends so far along a line [px]."""
     from_px = -2 * OUTSIDE_MM * site.px_per_mm
     return line.at_px(site.trocar_px, from_px), line.at_px(site.trocar_px, until_px)

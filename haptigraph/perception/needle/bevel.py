@@ -9,7 +9,7 @@ import ctypes
 import math
 
 from haptigraph.perception.native.library import function
-from haptigraph.perception.needle.rectify import Strip
+from haptigraph.perception.needle.rectify import RectifiedStrip
 from haptigraph.perception.needle.shaft_line import LineFit
 from haptigraph.perception.needle.sharpness import is_sharp
 
@@ -41,7 +41,7 @@ class Bevel:
         """How far off the axis, along the normal; 0 if it is not clearly beside it."""
         return self._seen_px if abs(self._seen_px) >= LEAST_PX else 0.0
 
-    def learn(self, strip: Strip, closeup: Strip, tip_px: float, fit: LineFit) -> None:
+    def learn(self, strip: RectifiedStrip, closeup: RectifiedStrip, tip_px: float, fit: LineFit) -> None:
         """Take in one image.
 
         Args:
@@ -63,7 +63,7 @@ class Bevel:
         self._seen_px -= DOUBT_RATE * self._seen_px
 
 
-def _behind_px(strip: Strip, tip_px: float, fit: LineFit) -> float | None:
+def _behind_px(strip: RectifiedStrip, tip_px: float, fit: LineFit) -> float | None:
     """Return how far from the line the shaft's middle lies before its point; None if that is not inside."""
     farthest, nearest = (tip_px - widths * fit.width_px for widths in BEHIND)
     start = max(int(strip.u_px.searchsorted(farthest)), strip.inside.start)
@@ -71,7 +71,7 @@ def _behind_px(strip: Strip, tip_px: float, fit: LineFit) -> float | None:
     return _middle_px(strip, slice(start, stop), fit) if stop - start >= LEAST_BEHIND else None
 
 
-def _middle_px(strip: Strip, part: slice, fit: LineFit) -> float:
+def _middle_px(strip: RectifiedStrip, part: slice, fit: LineFit) -> float:
     """Return how far from the line the middle of what differs lies, across the shaft; 0 if nothing does."""
     along_px = (float(strip.u_px[part.start]) + float(strip.u_px[part.stop - 1])) / 2
     axis, reach_px = strip.half_px + fit.offset_px + fit.slope * along_px, fit.width_px / 2 + SPARE_PX

@@ -13,20 +13,20 @@ from msgspec import Struct
 
 from haptigraph.imaging import FloatImage
 from haptigraph.perception.native.library import address, function
-from haptigraph.perception.needle.rectify import STATION_PX, Strip
+from haptigraph.perception.needle.rectify import STATION_PX, RectifiedStrip
 
-__all__ = ["Reach", "core_contrast", "find_reach", "is_led_to"]
+__all__ = ["TipEstimate", "core_contrast", "estimate_coarse_tip", "is_led_to"]
 
 Where: TypeAlias = Literal["outside", "hidden", "inside"]
 
 WHERE: tuple[Where, ...] = ("outside", "hidden", "inside")  # as C numbers them, from 1 on
 
 _Told = ctypes.c_double * 2
-_find_reach = function("find_reach", "pdddp", ctypes.c_int)
+_estimate_coarse_tip = function("estimate_coarse_tip", "pdddp", ctypes.c_int)
 _core_contrast = function("core_contrast", "piip", ctypes.c_double)
 
 
-class Reach(Struct, frozen=True):
+class TipEstimate(Struct, frozen=True):
     """How far a needle was seen to reach."""
 
     where: Where
@@ -35,14 +35,14 @@ class Reach(Struct, frozen=True):
     """Along the strip; of a hidden tip, where the shaft vanishes."""
     evidence_px: float
     """Length that shows a needle less length that shows none."""
-    deviation_px: float = 5.0
+    sd_px: float = 5.0
     contrast_grey: float = 0.0
     """Of the needle behind its tip; 0 where it was not measured."""
 
 
-def find_reach(
-    strip: Strip, px_per_mm: float, usual_grey: float | None, followed_px: float = -math.inf
-) -> Reach | None:
+def estimate_coarse_tip(
+    strip: RectifiedStrip, px_per_mm: float, usual_grey: float | None, followed_px: float = -math.inf
+) -> TipEstimate | None:
     """Find how far the needle reaches, roughly.
 
     Args:
@@ -55,14 +55,14 @@ def find_reach(
         The reach, or None if there is no needle.
     """
     told = _Told()
-    where = _find_reach(strip.native, usual_grey or 0.0, followed_px, px_per_mm, told)
+    where = _estimate_coarse_tip(strip.native, usual_grey or 0.0, followed_px, px_per_mm, told)
     if not where:
         return None
     last, evidence_px = told
-    return Reach(WHERE[where - 1], float(strip.u_px[int(last)]), evidence_px)
+    return TipEstimate(WHERE[where - 1], float(strip.u_px[int(last)]), evidence_px)
 
 
-def is_led_to(strip: Strip, end_px: float, gap_px: float) -> bool:
+def is_led_to(strip: RectifiedStrip, end_px: float, gap_px: float) -> bool:
     """Tell whether a shaft that ends somewhere may reach the wall all the same.
 
     Where the empty eye is not known, the wall itself and the hole's mouth look like a needle.
@@ -76,7 +76,7 @@ def is_led_to(strip: Strip, end_px: float, gap_px: float) -> bool:
     return (gap.stop - gap.start) * STATION_PX <= gap_px or bool(strip.is_known[gap].all())
 
 
-def core_contrast(strip: Strip, part: slice) -> tuple[FloatImage, float]:
+def core_contrast(strip: RectifiedStrip, part: slice) -> tuple[FloatImage, float]:
     """Return how much the middle lanes differ from what is beside and was behind them, and than noise makes.
 
     They must differ from both: a stain that was always there is no needle, nor is a place that a needle has

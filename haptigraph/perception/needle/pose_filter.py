@@ -16,8 +16,8 @@ __all__ = ["PoseFilter"]
 
 TURNING_RAD_S2 = 5.2  # deviation of the acceleration that a hand's tremor and moves reach
 MOVING_MM_S2 = 346.0
-PIVOT_MM = 0.15  # registration error and play of the trocar
-PIVOT_MEMORY = 0.9995  # per image; the rest goes back to the registered place
+RCM_MM = 0.15  # registration error and play of the trocar
+RCM_MEMORY = 0.9995  # per image; the rest goes back to the registered place
 OFFSET_FLOOR_PX, ANGLE_FLOOR_RAD = 0.1, 0.0003  # what light and shape of the metal do to the edges
 START_RAD, START_RAD_S, START_MM, START_MM_S = 0.5, 0.5, 20.0, 30.0  # deviations when first seen
 
@@ -33,7 +33,7 @@ class PoseFilter:
 
     def __init__(self, px_per_mm: float) -> None:
         self._px_per_mm = px_per_mm
-        self._free_px2 = (PIVOT_MM * px_per_mm) ** 2  # of a pivot that no needle has shown yet
+        self._free_px2 = (RCM_MM * px_per_mm) ** 2  # of a pivot that no needle has shown yet
         self.reset()
 
     def reset(self) -> None:
@@ -48,15 +48,15 @@ class PoseFilter:
     def lose(self) -> None:
         """Forget the needle, but not where it pivots."""
         self.is_tracking = False
-        _, _, *pivot = self._covariance
-        self._covariance = [[0.0] * 4, [0.0] * 4, *([0.0, 0.0, *row[2:]] for row in pivot)]
+        _, _, *rcm = self._covariance
+        self._covariance = [[0.0] * 4, [0.0] * 4, *([0.0, 0.0, *row[2:]] for row in rcm)]
 
     def predict(self, elapsed_s: float) -> tuple[Line, float]:
         """Move on in time; return the expected line and the tip's depth along it [px]."""
         angle, rate, x, y = self._state
-        self._state = [angle + elapsed_s * rate, rate, PIVOT_MEMORY * x, PIVOT_MEMORY * y]
+        self._state = [angle + elapsed_s * rate, rate, RCM_MEMORY * x, RCM_MEMORY * y]
         angle_rad2, both, rate2 = _unsteady(TURNING_RAD_S2, elapsed_s)
-        forgotten = (1 - PIVOT_MEMORY**2) * self._free_px2
+        forgotten = (1 - RCM_MEMORY**2) * self._free_px2
         rows = [_moved(row, elapsed_s) for row in self._covariance]
         columns = [_moved(column, elapsed_s) for column in zip(*rows, strict=True)]
         columns[0][0] += angle_rad2
@@ -74,7 +74,7 @@ class PoseFilter:
         line: Line,
         line_covariance: tuple[float, float, float],
         depth_px: float,
-        depth_deviation_px: float,
+        depth_sd_px: float,
         is_pivoting: bool,
     ) -> None:
         """Take in a measurement.
@@ -83,12 +83,12 @@ class PoseFilter:
             line: The fitted line.
             line_covariance: Of (offset_px, offset_px), (offset_px, angle_rad) and (angle_rad, angle_rad).
             depth_px: The tip along the line.
-            depth_deviation_px: Of it.
+            depth_sd_px: Of it.
             is_pivoting: Whether the needle is in the trocar; before, it may pass it anywhere.
         """
         if not self.is_tracking:
             self._begin(line.angle_rad, depth_px)
-        self._depth.update(depth_px, depth_deviation_px)
+        self._depth.update(depth_px, depth_sd_px)
         offset_px2, both, angle_rad2 = line_covariance
         offset_px2, angle_rad2 = offset_px2 + OFFSET_FLOOR_PX**2, angle_rad2 + ANGLE_FLOOR_RAD**2
         self._take((1.0, 0.0, 0.0, 0.0), line.angle_rad, angle_rad2)
@@ -131,11 +131,11 @@ class PoseFilter:
         return self._depth.px
 
     @property
-    def angle_deviation_rad(self) -> float:
+    def angle_sd_rad(self) -> float:
         """Standard deviation of the angle."""
         return math.sqrt(self._covariance[0][0])
 
-    def tip_deviation_px(self) -> float:
+    def tip_sd_px(self) -> float:
         """Standard deviation of the tip: along and across the shaft together."""
         nx, ny = (0.0, 0.0) if self._free is not None else self.line.normal
         across = self._depth.px, 0.0, nx, ny
@@ -149,7 +149,7 @@ def _dot(one: Row, other: Row) -> float:
 
 def _moved(row: Row, elapsed_s: float) -> list[float]:
     """Return what becomes of one row or column of the covariance."""
-    return [row[0] + elapsed_s * row[1], row[1], PIVOT_MEMORY * row[2], PIVOT_MEMORY * row[3]]
+    return [row[0] + elapsed_s * row[1], row[1], RCM_MEMORY * row[2], RCM_MEMORY * row[3]]
 
 
 def _unsteady(acceleration: float, elapsed_s: float) -> tuple[float, float, float]:
@@ -182,8 +182,8 @@ class _Depth:
         self._both += elapsed_s * self._rate_variance + both
         self._rate_variance += rate2
 
-    def update(self, seen_px: float, deviation_px: float) -> None:
-        surprise, variance = seen_px - self.px, self.variance_px2 + deviation_px**2
+    def update(self, seen_px: float, sd_px: float) -> None:
+        surprise, variance = seen_px - self.px, self.variance_px2 + sd_px**2
         gain, rate_gain = self.variance_px2 / variance, self._both / variance
         self.px += gain * surprise
         self._rate += rate_gain * surprise

@@ -26,16 +26,16 @@ from haptigraph.registration.camera import Registration
 __all__ = [
     "LARGEST_TURN_RAD",
     "STATION_PX",
-    "UNSEEN",
+    "UNOBSERVED",
     "Line",
+    "RectifiedStrip",
     "Site",
-    "Strip",
-    "lay_straight",
     "median",
+    "rectify",
     "stations",
 ]
 
-UNSEEN = -1e5
+UNOBSERVED = -1e5
 """Marks pixels of the empty eye that were never seen without a needle."""
 
 STATION_PX = 2.0
@@ -151,7 +151,7 @@ def _span(places_px: Sequence[float], margin_px: int, size_px: int) -> slice:
     return slice(max(first, 0), min(last, size_px))
 
 
-class Strip(Struct, frozen=True, eq=False):
+class RectifiedStrip(Struct, frozen=True, eq=False):
     """Straightened pixels along an expected line."""
 
     u_px: FloatImage
@@ -211,7 +211,7 @@ def stations(
     return np.arange(first, last, STATION_PX, dtype=np.float32)
 
 
-def lay_straight(
+def rectify(
     site: Site,
     image: Image,
     empty: FloatImage,
@@ -219,7 +219,7 @@ def lay_straight(
     *runs_px: FloatImage,
     chroma_share: float = 0.0,
     light: float = 1.0,
-) -> list[Strip] | None:
+) -> list[RectifiedStrip] | None:
     """Lay the surroundings of one or more parts of a line straight, all at once.
 
     Args:
@@ -252,7 +252,7 @@ def lay_straight(
         part = slice(start, start + len(run_px))
         before, inside = _sides(run_px, wall)
         strips.append(
-            Strip(
+            RectifiedStrip(
                 *(run_px, site.half_px, excess[:, part], beside[:, part]),
                 *(is_known[part], before, inside, noise_grey),
             )

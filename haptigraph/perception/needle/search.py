@@ -18,7 +18,7 @@ from haptigraph.messages import Image
 from haptigraph.perception.native.library import address, function
 from haptigraph.perception.needle.rectify import LARGEST_TURN_RAD, OUTSIDE_MM, Line, Site
 
-__all__ = ["Fan"]
+__all__ = ["PolarSearch"]
 
 STEP_DEG = 0.75
 STEP_PX = 2.0
@@ -33,7 +33,7 @@ _pack = struct.Struct("PPPPPiiii").pack
 _score_fan = function("score_fan", "ppiddpp")
 
 
-class Fan:
+class PolarSearch:
     """The image unrolled about one trocar.
 
     Args:

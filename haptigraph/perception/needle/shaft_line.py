@@ -12,9 +12,9 @@ from msgspec import Struct
 
 from haptigraph.imaging import FloatImage, Mask
 from haptigraph.perception.native.library import address, function
-from haptigraph.perception.needle.rectify import STATION_PX, Strip
+from haptigraph.perception.needle.rectify import STATION_PX, RectifiedStrip
 
-__all__ = ["BLOCK_PX", "NEW", "LineFit", "Look", "fit_line"]
+__all__ = ["BLOCK_PX", "NEW", "Appearance", "LineFit", "fit_line"]
 
 BLOCK = 3  # stations that are looked at together, as in edges.h
 BLOCK_PX = BLOCK * STATION_PX
@@ -26,7 +26,7 @@ _Seen, _Told = ctypes.c_double * 5, ctypes.c_double * 13
 _fit_line = function("fit_line", "pddppppp", ctypes.c_int)
 
 
-class Look(Struct, frozen=True):
+class Appearance(Struct, frozen=True):
     """What earlier images told of how a needle looks."""
 
     highlight: tuple[float, float] | None = None
@@ -38,7 +38,7 @@ class Look(Struct, frozen=True):
     """How far off the middle is before the wall and inside, for one edge fades; None if never told."""
 
 
-NEW = Look()
+NEW = Appearance()
 """Of a needle that has just come."""
 
 
@@ -55,7 +55,7 @@ class LineFit(Struct, frozen=True, eq=False):
     """Deviation of the blur across its edges, a median: of the lens, and of how round metal is lit."""
     confidence: float
     """Share of the blocks that show both edges on the line."""
-    look: Look
+    look: Appearance
     u_px: FloatImage
     """Middle of every block along the strip, (n,)."""
     is_on_line: Mask
@@ -76,7 +76,7 @@ class LineFit(Struct, frozen=True, eq=False):
         return (from_px if run < 0 else float(self.u_px[run + len(RUN) - 1])) + BLOCK_PX
 
 
-def fit_line(strip: Strip, tip_px: float, miss_px: float, look: Look = NEW) -> LineFit | None:
+def fit_line(strip: RectifiedStrip, tip_px: float, miss_px: float, look: Appearance = NEW) -> LineFit | None:
     """Fit the shaft's middle line to all that is visible of it before the tip.
 
     Args:
@@ -106,14 +106,14 @@ def fit_line(strip: Strip, tip_px: float, miss_px: float, look: Look = NEW) -> L
     )
 
 
-def _numbers(look: Look) -> list[float]:
+def _numbers(look: Appearance) -> list[float]:
     """Return a look as C has it, (5,): with nan for None."""
     highlight = look.highlight or (math.nan, math.nan)
     return [*highlight, look.images, *(math.nan if px is None else px for px in look.shaded_px)]
 
 
-def _look(numbers: list[float]) -> Look:
-    share, share_deviation, images, *shaded_px = numbers
+def _look(numbers: list[float]) -> Appearance:
+    share, share_sd, images, *shaded_px = numbers
     outside_px, inside_px = (None if math.isnan(px) else px for px in shaded_px)
-    highlight = None if math.isnan(share) else (share, share_deviation)
-    return Look(highlight, int(images), (outside_px, inside_px))
+    highlight = None if math.isnan(share) else (share, share_sd)
+    return Appearance(highlight, int(images), (outside_px, inside_px))

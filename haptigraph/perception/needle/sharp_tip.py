@@ -10,8 +10,8 @@ import numpy as np
 from msgspec.structs import replace
 
 from haptigraph.imaging import FloatImage
-from haptigraph.perception.needle.coarse_tip import Reach, core_contrast
-from haptigraph.perception.needle.rectify import STATION_PX, Strip, median
+from haptigraph.perception.needle.coarse_tip import TipEstimate, core_contrast
+from haptigraph.perception.needle.rectify import STATION_PX, RectifiedStrip, median
 from haptigraph.perception.needle.sharpness import AROUND_PX, least_sharpness, mean_sharpness, sharpness
 from haptigraph.perception.needle.subpixel_tip import FADING_LEVEL
 
@@ -23,7 +23,7 @@ SOFT_SHARE = 0.2  # a shadow is less sharp than this share of the point it goes 
 LEAST_SOFT = 6  # groups
 BEYOND, BEHIND = 2, 8  # stations: from a fall of contrast on; before it, that tell how sharp a shaft is
 UNBROKEN = 0.75  # share of the groups that must be sharp
-SHARP_DEVIATION_PX = 1.0
+SHARP_SD_PX = 1.0
 STEADY, STEADY_BEHIND = 0.1, 20  # deviation of the contrast, as a share of it; stations that tell
 BLURRED = 3  # stations, at a tip out of focus
 MOST_SHADOW = 0.4  # contrast of a shadow, as a share of its shaft's
@@ -32,7 +32,7 @@ LEAST_DIM = 0.2  # share of the contrast behind
 SHARP_SHARE = 0.3  # a dim point is sharper than this share of what is behind
 
 
-def sharp_end(strip: Strip, reach: Reach) -> Reach | None:
+def sharp_end(strip: RectifiedStrip, reach: TipEstimate) -> TipEstimate | None:
     """Find where the last sharp part of a shaft ends, if all that goes on from there is soft: its shadow.
 
     Args:
@@ -61,7 +61,7 @@ def sharp_end(strip: Strip, reach: Reach) -> Reach | None:
     end = int((along[: end + 1] >= level).nonzero()[0][-1])
     share = (along[end] - level) / (along[end] - along[end + 1])
     tip_px = start_px + STATION_PX * (end + float(share) + (GROUP - 1) / 2)
-    return replace(reach, tip_px=tip_px, deviation_px=SHARP_DEVIATION_PX, contrast_grey=0.0)
+    return replace(reach, tip_px=tip_px, sd_px=SHARP_SD_PX, contrast_grey=0.0)
 
 
 def _is_sharp_to_end(seen: FloatImage, least: float) -> bool:
@@ -71,7 +71,7 @@ def _is_sharp_to_end(seen: FloatImage, least: float) -> bool:
     return last >= max(SOFT_SHARE * usual, least)
 
 
-def goes_on(strip: Strip, from_px: float, to_px: float) -> bool:
+def goes_on(strip: RectifiedStrip, from_px: float, to_px: float) -> bool:
     """Tell whether a shaft goes on from one place along a strip to another, as sharp as before.
 
     Args:
@@ -90,7 +90,7 @@ def goes_on(strip: Strip, from_px: float, to_px: float) -> bool:
     return int(np.count_nonzero(is_sharp)) >= UNBROKEN * len(is_sharp)
 
 
-def is_plain_end(strip: Strip, fall: Reach, to_px: float) -> bool:
+def is_plain_end(strip: RectifiedStrip, fall: TipEstimate, to_px: float) -> bool:
     """Tell whether a contrast that is the same all along a shaft falls to much less: that of its shadow.
 
     However sharp that is: out of focus a shaft is not much sharper. The contrast of what mirrors its
@@ -111,7 +111,7 @@ def is_plain_end(strip: Strip, fall: Reach, to_px: float) -> bool:
     return median(np.abs(high - usual)) < STEADY * usual and median(low) < MOST_SHADOW * usual
 
 
-def dim_end_px(strip: Strip, reach: Reach) -> float | None:
+def dim_end_px(strip: RectifiedStrip, reach: TipEstimate) -> float | None:
     """Return where a point ends that gets dim before its end, and stays sharp.
 
     Args:
@@ -134,7 +134,7 @@ def dim_end_px(strip: Strip, reach: Reach) -> float | None:
     return float(strip.u_px[start + length - 1]) if dim >= least else None
 
 
-def _along(strip: Strip, part: slice) -> FloatImage:
+def _along(strip: RectifiedStrip, part: slice) -> FloatImage:
     """Return how sharp every group of stations is, (groups,) grey levels."""
     groups = part.stop - part.start - GROUP + 1
     starts = range(part.start, part.start + GROUP)

@@ -14,11 +14,11 @@ from msgspec.structs import replace
 
 from haptigraph.imaging import FloatImage
 from haptigraph.perception.native.library import function
-from haptigraph.perception.needle.coarse_tip import Reach
-from haptigraph.perception.needle.rectify import Strip
+from haptigraph.perception.needle.coarse_tip import TipEstimate
+from haptigraph.perception.needle.rectify import RectifiedStrip
 from haptigraph.perception.needle.sharpness import AROUND_PX
 
-__all__ = ["FADING_LEVEL", "closeup_px", "refine_tip", "shows"]
+__all__ = ["FADING_LEVEL", "refine_tip", "shows", "tip_patch_px"]
 
 BEHIND_PX, AHEAD_PX = 12, 10  # how much of the needle, and of what follows, tells where it ends
 NEAR_PX = 7
@@ -30,26 +30,26 @@ _pack = struct.Struct("ddd8i").pack  # as C has it; four times as fast as so man
 _refine_tip = function("refine_tip", "pppip", ctypes.c_int)
 
 
-def closeup_px(about_px: float, spare_px: int = 0) -> FloatImage:
+def tip_patch_px(about_px: float, spare_px: int = 0) -> FloatImage:
     """Return the places along a line at which a tip is looked at closely, (n,)."""
     about = round(about_px)
     return np.arange(about - BEHIND_PX - spare_px, about + AHEAD_PX + spare_px + 1, dtype=np.float32)
 
 
-def shows(closeup: Strip, about_px: float) -> bool:
+def shows(closeup: RectifiedStrip, about_px: float) -> bool:
     """Tell whether a close-up shows a tip about a place closely."""
     about, u_px = round(about_px), closeup.u_px
     return bool(u_px[0] <= about - BEHIND_PX and about + AHEAD_PX <= u_px[-1])
 
 
 def refine_tip(
-    strip: Strip,
-    reach: Reach,
+    strip: RectifiedStrip,
+    reach: TipEstimate,
     about_px: float,
     aside_px: float = 0.0,
     blur_px: float = FOCUSED_PX,
     behinds_px: tuple[int, ...] = (BEHIND_PX, NEAR_PX),
-) -> Reach | None:
+) -> TipEstimate | None:
     """Find the tip sub-pixel: where the contrast falls off from what it was just behind.
 
     A point in focus that gets thin or dim towards its end is followed: what is just behind is looked at anew
@@ -81,8 +81,8 @@ def refine_tip(
     )
     if not _refine_tip(strip.native, closeup, _ints(behinds_px), len(behinds_px), tip):
         return None
-    place_px, deviation_px, contrast_grey = tip[:]
-    return replace(reach, tip_px=first_px + place_px, deviation_px=deviation_px, contrast_grey=contrast_grey)
+    place_px, sd_px, contrast_grey = tip[:]
+    return replace(reach, tip_px=first_px + place_px, sd_px=sd_px, contrast_grey=contrast_grey)
 
 
 @cache

@@ -12,8 +12,8 @@ from msgspec.structs import replace
 from haptigraph.messages import Image
 from haptigraph.perception.needle.background import Background
 from haptigraph.perception.needle.bevel import Bevel
-from haptigraph.perception.needle.coarse_tip import Reach, is_led_to
-from haptigraph.perception.needle.rectify import Line, Site, Strip
+from haptigraph.perception.needle.coarse_tip import TipEstimate, is_led_to
+from haptigraph.perception.needle.rectify import Line, RectifiedStrip, Site
 from haptigraph.perception.needle.shaft_line import LineFit
 from haptigraph.perception.needle.sharp_tip import (
     LONGEST_DIM_PX,
@@ -23,9 +23,9 @@ from haptigraph.perception.needle.sharp_tip import (
     is_plain_end,
     sharp_end,
 )
-from haptigraph.perception.needle.subpixel_tip import closeup_px, refine_tip, shows
+from haptigraph.perception.needle.subpixel_tip import refine_tip, shows, tip_patch_px
 
-__all__ = ["OFF_PX", "EndFinder", "Glimpse", "Sight"]
+__all__ = ["OFF_PX", "Candidate", "Detection", "TipSelector"]
 
 GAP_MM = 0.65  # of unknown ground before the wall that is taken for the shaft
 AT_WALL_PX = 3.8  # blurred edge of the wall
@@ -40,23 +40,23 @@ OFF_PX = 3.0
 DIM_BEHIND_PX = 6  # of a dim point, tells its contrast
 
 
-class Glimpse(Struct, frozen=True, eq=False):
+class Candidate(Struct, frozen=True, eq=False):
     """Something like a needle along an expected line."""
 
     expected: Line
-    strip: Strip
-    closeup: Strip | None
+    strip: RectifiedStrip
+    closeup: RectifiedStrip | None
     """About where the tip was expected."""
-    reach: Reach
+    reach: TipEstimate
 
 
-class Sight(Struct, frozen=True, eq=False):
+class Detection(Struct, frozen=True, eq=False):
     """One needle as measured in one image."""
 
-    glimpse: Glimpse
+    glimpse: Candidate
     line: Line
     fit: LineFit
-    reach: Reach
+    reach: TipEstimate
 
     @property
     def off_px(self) -> float:
@@ -64,7 +64,7 @@ class Sight(Struct, frozen=True, eq=False):
         return abs(self.fit.offset_px + self.fit.slope * self.reach.tip_px)
 
 
-class EndFinder:
+class TipSelector:
     """Find where needles end.
 
     Args:
@@ -76,8 +76,8 @@ class EndFinder:
     def __init__(self, site: Site, background: Background, bevel: Bevel) -> None:
         self._site, self._background, self._bevel = site, background, bevel
 
-    def __call__(self, image: Image, sight: Sight, expected_px: float = math.inf) -> Reach:
-        """Look at a tip closely.
+    def __call__(self, image: Image, sight: Detection, expected_px: float = math.inf) -> TipEstimate:
+        """Appearance at a tip closely.
 
         Args:
             image: (h, w, 3) BGR or (h, w) grey.
@@ -104,15 +104,17 @@ class EndFinder:
         falls = (self._fall(image, sight, reach, about_px) for about_px in places_px)
         return next((fall for fall in falls if fall and fall.tip_px > rim_px), reach)
 
-    def _before_wall(self, image: Image, sight: Sight, reach: Reach, edges_end_px: float) -> Reach | None:
+    def _before_wall(
+        self, image: Image, sight: Detection, reach: TipEstimate, edges_end_px: float
+    ) -> TipEstimate | None:
         """Return the tip that is seen before the wall though something like a shaft reaches it."""
         strip, before = sight.glimpse.strip, replace(reach, where="outside")
         seen = self._fall(image, sight, before, min(edges_end_px, reach.tip_px))
         return seen if seen and self._is_free(strip, seen.tip_px, reach.tip_px, edges_end_px) else None
 
     def _expected_fall(
-        self, image: Image, sight: Sight, reach: Reach, expected_px: float, edges_end_px: float
-    ) -> Reach | None:
+        self, image: Image, sight: Detection, reach: TipEstimate, expected_px: float, edges_end_px: float
+    ) -> TipEstimate | None:
         """Return, of several falls, the one that was the tip before."""
         if expected_px >= reach.tip_px + NEAR_PX:
             return None
@@ -123,7 +125,7 @@ class EndFinder:
         is_free = off_px < NEAR_PX and not goes_on(strip, fall.tip_px, reach.tip_px)
         return fall if is_free or (off_px < PLAIN_PX and is_plain_end(strip, fall, reach.tip_px)) else None
 
-    def _is_free(self, strip: Strip, tip_px: float, reach_px: float, edges_end_px: float) -> bool:
+    def _is_free(self, strip: RectifiedStrip, tip_px: float, reach_px: float, edges_end_px: float) -> bool:
         """Tell whether a tip right before the wall is one, and not a faint place of a shaft that goes on.
 
         On known ground the shaft must end there; on unknown ground, where the wall may look like a shaft, its
@@ -136,22 +138,26 @@ class EndFinder:
             return reach_px <= tip_px + ENDS_PX
         return gap_px <= GAP_MM * self._site.px_per_mm or edges_end_px <= tip_px + EDGES_END_PX
 
-    def _fall(self, image: Image, sight: Sight, reach: Reach, about_px: float) -> Reach | None:
-        """Look closely for the tip about a place, and about where it is if that is well beyond."""
+    def _fall(
+        self, image: Image, sight: Detection, reach: TipEstimate, about_px: float
+    ) -> TipEstimate | None:
+        """Appearance closely for the tip about a place, and about where it is if that is well beyond."""
         fall = self._fall_near(image, sight, reach, about_px)
         if fall and fall.tip_px > about_px + CENTRED_PX:
             return self._fall_near(image, sight, reach, fall.tip_px) or fall
         return fall
 
-    def _fall_near(self, image: Image, sight: Sight, reach: Reach, about_px: float) -> Reach | None:
+    def _fall_near(
+        self, image: Image, sight: Detection, reach: TipEstimate, about_px: float
+    ) -> TipEstimate | None:
         at_hand, bevel_px = sight.glimpse.closeup, self._bevel.aside_px if reach.where == "inside" else 0.0
         aside_px = sight.fit.offset_px + sight.fit.slope * about_px
         if at_hand and shows(at_hand, about_px) and abs(aside_px) <= OFF_PX:
             return refine_tip(at_hand, reach, about_px, aside_px + bevel_px, sight.fit.blur_px)
-        near = self._background.strips(image, sight.line, closeup_px(about_px))
+        near = self._background.strips(image, sight.line, tip_patch_px(about_px))
         return refine_tip(near[0], reach, about_px, bevel_px, sight.fit.blur_px) if near else None
 
-    def before_shadow(self, image: Image, sight: Sight, reach: Reach) -> Reach | None:
+    def before_shadow(self, image: Image, sight: Detection, reach: TipEstimate) -> TipEstimate | None:
         """Return where a shaft ends that goes on as its shadow, None if it does not."""
         sharp = sharp_end(sight.glimpse.strip, reach) if reach.where == "inside" else None
         if sharp is None:
@@ -159,12 +165,12 @@ class EndFinder:
         fall = self._fall(image, sight, sharp, sharp.tip_px)
         return fall if fall and abs(fall.tip_px - sharp.tip_px) < SHARP_END_PX else sharp
 
-    def dim_point(self, image: Image, sight: Sight, reach: Reach) -> Reach | None:
+    def dim_point(self, image: Image, sight: Detection, reach: TipEstimate) -> TipEstimate | None:
         """Return how far a point reaches that gets dim before its end, None if it does not."""
         dim_px = sight.glimpse.reach.tip_px - reach.tip_px
         if reach.where != "inside" or not SHORTEST_DIM_PX <= dim_px <= LONGEST_DIM_PX:
             return None
-        places_px = closeup_px(reach.tip_px, LONGEST_DIM_PX)
+        places_px = tip_patch_px(reach.tip_px, LONGEST_DIM_PX)
         strips = self._background.strips(image, sight.line, places_px)
         end_px = dim_end_px(strips[0], reach) if strips else None
         if strips is None or end_px is None:

@@ -15,18 +15,18 @@ from haptigraph.config import PerceptionConfig
 from haptigraph.geometry import Geometry, Point, Segment
 from haptigraph.imaging import FloatImage
 from haptigraph.messages import Capture, Certainty, Image, Observation
-from haptigraph.perception.needle.background import Background, covered_ends
+from haptigraph.perception.needle.background import Background, occluded_ends
 from haptigraph.perception.needle.bevel import Bevel
-from haptigraph.perception.needle.coarse_tip import find_reach
+from haptigraph.perception.needle.coarse_tip import estimate_coarse_tip
 from haptigraph.perception.needle.pose_filter import PoseFilter
 from haptigraph.perception.needle.rectify import LARGEST_TURN_RAD, Line, Site, stations
-from haptigraph.perception.needle.search import Fan
-from haptigraph.perception.needle.shaft_line import NEW, LineFit, Look, fit_line
-from haptigraph.perception.needle.subpixel_tip import closeup_px
-from haptigraph.perception.needle.tip_selection import OFF_PX, EndFinder, Glimpse, Sight
+from haptigraph.perception.needle.search import PolarSearch
+from haptigraph.perception.needle.shaft_line import NEW, Appearance, LineFit, fit_line
+from haptigraph.perception.needle.subpixel_tip import tip_patch_px
+from haptigraph.perception.needle.tip_selection import OFF_PX, Candidate, Detection, TipSelector
 from haptigraph.registration.camera import Registration
 
-__all__ = ["Tracker", "sights_in"]
+__all__ = ["Tracker", "detections_in"]
 
 AHEAD_MM = 2.5  # how far the tip may be beyond where it is expected
 EXPOSED_MM = 2.0  # before the trocar: a tip seen there is the end, and the ground ahead is free
@@ -59,11 +59,11 @@ class Tracker:
     def __init__(self, registration: Registration, config: PerceptionConfig) -> None:
         self._registration = registration
         self._site = Site(registration)
-        self._fan = Fan(self._site)
-        self._fan_beside = Fan(self._site, BESIDE_MM, until_mm=0.0)
+        self._search = PolarSearch(self._site)
+        self._search_off_axis = PolarSearch(self._site, BESIDE_MM, until_mm=0.0)
         self._background = Background(self._site, registration.empty)
         self._bevel = Bevel()
-        self._find_end = EndFinder(self._site, self._background, self._bevel)
+        self._select_tip = TipSelector(self._site, self._background, self._bevel)
         self._pose = PoseFilter(self._site.px_per_mm)
         self.reset()
 
@@ -73,12 +73,12 @@ class Tracker:
         self._pose.reset()
         self._bevel.reset()
         self._usual_grey: float | None = None
-        self._look: Look = NEW
+        self._look: Appearance = NEW
         self._doubts = 0
         self._stamp_ns: int | None = None
 
     def __call__(self, capture: Capture) -> Observation:
-        """Look at one image.
+        """Appearance at one image.
 
         Raises:
             BadInput: If the image is not of the registered size.
@@ -89,7 +89,7 @@ class Tracker:
             return Observation(capture.stamp_ns, found)
         return Observation(capture.stamp_ns, found | self._needle(), certainty=self._certainty(sight))
 
-    def look(self, image: Image, stamp_ns: int) -> Sight | None:
+    def look(self, image: Image, stamp_ns: int) -> Detection | None:
         """Take in one image; return what was measured in it alone, None if there is no needle."""
         sight = self._track(image, stamp_ns)
         if sight is None:
@@ -103,10 +103,10 @@ class Tracker:
         self._learn_bevel(sight)
         reach, self._look = sight.reach, sight.fit.look
         is_pivoting = reach.where != "outside"
-        self._pose.update(sight.line, sight.fit.covariance, reach.tip_px, reach.deviation_px, is_pivoting)
+        self._pose.update(sight.line, sight.fit.covariance, reach.tip_px, reach.sd_px, is_pivoting)
         return sight
 
-    def _track(self, image: Image, stamp_ns: int) -> Sight | None:
+    def _track(self, image: Image, stamp_ns: int) -> Detection | None:
         before_ns, self._stamp_ns = self._stamp_ns, stamp_ns
         if before_ns is None or not self._pose.is_tracking:
             return None
@@ -114,7 +114,7 @@ class Tracker:
         expected, depth_px = self._pose.predict(seconds)
         until_px = depth_px + AHEAD_MM * self._site.px_per_mm
         from_px = depth_px - BEHIND_MM * self._site.px_per_mm
-        near_px = closeup_px(depth_px, CLOSEUP_SPARE_PX)
+        near_px = tip_patch_px(depth_px, CLOSEUP_SPARE_PX)
         glimpse = self._glimpse(image, expected, from_px, until_px, near_px, depth_px)
         sight = self._measured(glimpse, TRACKED_PX) if glimpse else None
         if sight is None:
@@ -123,22 +123,22 @@ class Tracker:
             sight = self._second_look(image, sight, from_px)
         return self._refined(image, sight, depth_px)
 
-    def _acquire(self, image: Image) -> Sight | None:
+    def _acquire(self, image: Image) -> Detection | None:
         self._background.look(image)
-        candidates = self._candidates(self._fan, image)
+        candidates = self._candidates(self._search, image)
         self._doubts = self._doubts + 1 if candidates else DOUBTS
-        return self._best(image, candidates) or self._acquire_beside(image)
+        return self._best(image, candidates) or self._acquire_off_axis(image)
 
-    def _acquire_beside(self, image: Image) -> Sight | None:
+    def _acquire_off_axis(self, image: Image) -> Detection | None:
         """Find a needle that points beside its trocar; of what reaches the wall there, none is."""
-        sight = self._best(image, self._candidates(self._fan_beside, image))
+        sight = self._best(image, self._candidates(self._search_off_axis, image))
         is_sure = sight and sight.reach.where == "outside" and sight.fit.confidence >= BESIDE_CONFIDENCE
         return sight if is_sure else None
 
-    def _candidates(self, fan: Fan, image: Image) -> list[Line]:
+    def _candidates(self, fan: PolarSearch, image: Image) -> list[Line]:
         return fan.search(image, self._background.chroma_share, self._background.light)
 
-    def _best(self, image: Image, candidates: list[Line]) -> Sight | None:
+    def _best(self, image: Image, candidates: list[Line]) -> Detection | None:
         glimpses = [seen for line in candidates if (seen := self._glimpse(image, line)) is not None]
         for glimpse in sorted(glimpses, key=lambda seen: -seen.reach.evidence_px):
             sight = self._measured(glimpse, glimpse.strip.half_px)
@@ -146,9 +146,9 @@ class Tracker:
                 return self._refined(image, self._second_look(image, sight))
         return None
 
-    def _second_look(self, image: Image, sight: Sight, from_px: float = -math.inf) -> Sight:
-        """Look again where the needle was found to be; the first look was a little off."""
-        near_px = closeup_px(sight.reach.tip_px, CLOSEUP_SPARE_PX)
+    def _second_look(self, image: Image, sight: Detection, from_px: float = -math.inf) -> Detection:
+        """Appearance again where the needle was found to be; the first look was a little off."""
+        near_px = tip_patch_px(sight.reach.tip_px, CLOSEUP_SPARE_PX)
         glimpse = self._glimpse(image, sight.line, from_px, near_px=near_px)
         return (self._measured(glimpse, AGAIN_PX) if glimpse else None) or sight
 
@@ -160,8 +160,8 @@ class Tracker:
         until_px: float = math.inf,
         near_px: FloatImage | None = None,
         followed_px: float = -math.inf,
-    ) -> Glimpse | None:
-        """Look along an expected line for something like a needle, and how far it reaches, roughly."""
+    ) -> Candidate | None:
+        """Appearance along an expected line for something like a needle, and how far it reaches, roughly."""
         u_px = stations(self._site, expected, from_px, until_px)
         if u_px is None:
             return None
@@ -169,28 +169,28 @@ class Tracker:
         strips = self._background.strips(image, expected, *runs)
         if strips is None:
             return None
-        reach = find_reach(strips[0], self._site.px_per_mm, self._usual_grey, followed_px)
+        reach = estimate_coarse_tip(strips[0], self._site.px_per_mm, self._usual_grey, followed_px)
         return (
-            Glimpse(expected, strips[0], strips[-1] if near_px is not None else None, reach)
+            Candidate(expected, strips[0], strips[-1] if near_px is not None else None, reach)
             if reach
             else None
         )
 
-    def _measured(self, glimpse: Glimpse, miss_px: float) -> Sight | None:
+    def _measured(self, glimpse: Candidate, miss_px: float) -> Detection | None:
         """Fit the shaft's line; None if it is no needle."""
         fit = fit_line(glimpse.strip, glimpse.reach.tip_px, miss_px, self._look)
         if fit is None:
             return None
         expected = glimpse.expected
         line = Line(expected.angle_rad + math.atan(fit.slope), expected.offset_px + fit.offset_px)
-        return Sight(glimpse, line, fit, glimpse.reach) if self._is_needle(line, fit) else None
+        return Detection(glimpse, line, fit, glimpse.reach) if self._is_needle(line, fit) else None
 
-    def _refined(self, image: Image, sight: Sight, expected_px: float = math.inf) -> Sight:
-        """Look at the tip closely, first where the shaft's edges end: the rest may be its shadow."""
-        reach = self._find_end(image, sight, expected_px)
-        end = self._find_end.before_shadow(image, sight, reach)
+    def _refined(self, image: Image, sight: Detection, expected_px: float = math.inf) -> Detection:
+        """Appearance at the tip closely, first where the shaft's edges end: the rest may be its shadow."""
+        reach = self._select_tip(image, sight, expected_px)
+        end = self._select_tip.before_shadow(image, sight, reach)
         if end is None:
-            return replace(sight, reach=self._find_end.dim_point(image, sight, reach) or reach)
+            return replace(sight, reach=self._select_tip.dim_point(image, sight, reach) or reach)
         without_shadow = self._measured(replace(sight.glimpse, reach=end), sight.glimpse.strip.half_px)
         return without_shadow or replace(sight, reach=end)
 
@@ -204,7 +204,7 @@ class Tracker:
             and fit.width_px <= THICKEST_MM * scale
         )
 
-    def _learn(self, image: Image, sight: Sight | None) -> None:
+    def _learn(self, image: Image, sight: Detection | None) -> None:
         if sight is None and self._background.is_new and self._doubts < DOUBTS:
             return  # what may be a needle must not become background
         needle = None
@@ -217,10 +217,10 @@ class Tracker:
             until_px = sight.reach.tip_px + AHEAD_OF_TIP_MM * scale
             if not (sight.reach.contrast_grey and until_px > -EXPOSED_MM * scale):
                 until_px = max(until_px, 0.0)  # it may go on; in the wall nothing shows
-            needle = covered_ends(self._site, sight.line, until_px)
+            needle = occluded_ends(self._site, sight.line, until_px)
         self._background.learn(image, needle, 2 * self._site.half_px)
 
-    def _learn_bevel(self, sight: Sight) -> None:
+    def _learn_bevel(self, sight: Detection) -> None:
         strip, closeup = sight.glimpse.strip, sight.glimpse.closeup
         if closeup is not None and sight.reach.where == "inside":
             self._bevel.learn(strip, closeup, sight.reach.tip_px, sight.fit)
@@ -236,15 +236,15 @@ class Tracker:
             "needle_line": Segment(entry, to_mm((x, y))),
         }
 
-    def _certainty(self, sight: Sight) -> Certainty:
+    def _certainty(self, sight: Detection) -> Certainty:
         return Certainty(
             confidence=sight.fit.confidence,
-            tip_deviation_mm=self._pose.tip_deviation_px() / self._site.px_per_mm,
-            theta_deviation_deg=math.degrees(self._pose.angle_deviation_rad),
+            tip_sd_mm=self._pose.tip_sd_px() / self._site.px_per_mm,
+            theta_sd_deg=math.degrees(self._pose.angle_sd_rad),
         )
 
 
-def sights_in(images: Iterable[Image], registration: Registration) -> list[Sight | None]:
+def detections_in(images: Iterable[Image], registration: Registration) -> list[Detection | None]:
     """Return what a tracker measures in each of some images of one clip, in order.
 
     Args:

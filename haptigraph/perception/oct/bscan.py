@@ -40,7 +40,7 @@ class BscanPerceiver:
         """Forget earlier images: there is nothing to forget."""
 
     def __call__(self, capture: Capture) -> Observation:
-        """Look at one image.
+        """Appearance at one image.
 
         Raises:
             BadInput: If it is no B-scan of the registered size.
@@ -52,7 +52,7 @@ class BscanPerceiver:
             np.arange(width), surfaces.x_px, np.where(surfaces.ilm_seen, surfaces.ilm_px, height)
         )
         dark_grey = surfaces.dark_grey + max(DARK_GREY, DARK_SHARE * surfaces.tissue_grey)
-        ridges = find_ridges(image, ilm_px, dark_grey, surfaces.deviation_grey)
+        ridges = find_ridges(image, ilm_px, dark_grey, surfaces.sd_grey)
         lines = lines_of(ridges, surfaces)
         surfaces = off_ridges(surfaces, lines)
         needle = find_needle(image, lines, surfaces)
@@ -60,8 +60,8 @@ class BscanPerceiver:
             tip_px=needle.tip_px,
             start_px=needle.ridge.start_px,
             along_px=needle.ridge.along_px,
-            deviation_px=needle.deviation_px,
-            angle_deviation_deg=needle.ridge.angle_deviation_deg,
+            sd_px=needle.sd_px,
+            angle_sd_deg=needle.ridge.angle_sd_deg,
             confidence=needle.confidence,
         )
         return self._places(capture.stamp_ns, Layers(*surfaces[:5]), shaft)

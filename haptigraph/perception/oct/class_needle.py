@@ -35,9 +35,9 @@ class NeedleFit(Struct, frozen=True):
     tip_px: Vec
     entry_px: Vec
     """Where the line enters the image, or is first seen."""
-    tip_deviation_px: float
+    tip_sd_px: float
     """Along the shaft."""
-    angle_deviation_deg: float
+    angle_sd_deg: float
     confidence: float
     """Mean probability along the line."""
 
@@ -101,7 +101,7 @@ class _Line(NamedTuple):
     """Length 1, downwards."""
     from_px: float
     to_px: float
-    angle_deviation_rad: float
+    angle_sd_rad: float
 
     def off(self, x: Numbers, y: Numbers) -> Numbers:
         """Return how far places are beside the line."""
@@ -167,8 +167,8 @@ def _measured(on: FloatImage, line: _Line, scaling: Scaling, least_confidence: f
     return NeedleFit(
         tip_px=tip_px,
         entry_px=entry_px,
-        tip_deviation_px=max(0.5, soft_px / 2)
+        tip_sd_px=max(0.5, soft_px / 2)
         * math.hypot(line.along[0] * scaling.across, line.along[1] * scaling.down),
-        angle_deviation_deg=math.degrees(line.angle_deviation_rad),
+        angle_sd_deg=math.degrees(line.angle_sd_rad),
         confidence=float(profile[run[0] : last + 1].mean()),
     )

@@ -45,7 +45,7 @@ class Needle(NamedTuple):
     tip_px: Vec
     is_inside: bool
     """Whether the tip is below the ILM."""
-    deviation_px: Vec
+    sd_px: Vec
     """Of the tip: across the image and down it."""
     confidence: float
     """Share of the way, up to where the line ends, that shows a ridge."""

@@ -42,7 +42,7 @@ class InputSpec(Struct, frozen=True, forbid_unknown_fields=True):
     width_px: Pixels
     height_px: Pixels
     mean_grey: float = 0.0
-    deviation_grey: Annotated[float, Meta(gt=0)] = 255.0
+    sd_grey: Annotated[float, Meta(gt=0)] = 255.0
 
 
 class NeedleClass(Struct, frozen=True, forbid_unknown_fields=True):
@@ -127,7 +127,7 @@ class OnnxModel:
                 cv2.resize(grey, size_px, interpolation=cv2.INTER_AREA if smaller else cv2.INTER_LINEAR),
                 np.uint8,
             )
-        scaled = (grey.astype(np.float32) - np.float32(wanted.mean_grey)) / np.float32(wanted.deviation_grey)
+        scaled = (grey.astype(np.float32) - np.float32(wanted.mean_grey)) / np.float32(wanted.sd_grey)
         return self._run(scaled)
 
     def _run(self, scaled: FloatImage) -> FloatImage:

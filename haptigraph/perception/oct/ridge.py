@@ -51,7 +51,7 @@ class Ridge(NamedTuple):
     """How much brighter it is than its sides, at each px of the way, (n,)."""
     side_grey: Strip
     """Its brighter side, (n,)."""
-    angle_deviation_deg: float
+    angle_sd_deg: float
 
     def at_px(self, way_px: float) -> Vec:
         """Return the place so far along."""
@@ -62,7 +62,7 @@ class Ridge(NamedTuple):
         return (x_px - self.start_px[0]) / self.along_px[0]
 
 
-def find_ridges(image: Image, ilm_px: Floats, dark_grey: float, deviation_grey: float) -> list[Ridge]:
+def find_ridges(image: Image, ilm_px: Floats, dark_grey: float, sd_grey: float) -> list[Ridge]:
     """Return what may be shafts, those with most evidence first.
 
     Args:
@@ -70,13 +70,13 @@ def find_ridges(image: Image, ilm_px: Floats, dark_grey: float, deviation_grey: 
         ilm_px: Row of the ILM in each column, the image's height where there is none, (w,); only what lies
             above counts.
         dark_grey: The most that lies beside a needle.
-        deviation_grey: Of the noise of a single pixel.
+        sd_grey: Of the noise of a single pixel.
     """
     height, width = image.shape
     size = width // COARSE, height // COARSE
     middles = tuple(slice(COARSE // 2, COARSE * length, COARSE) for length in size[::-1])
     small = np.asarray(cv2.blur(image, (COARSE, COARSE))[middles], np.uint8, order="C")  # resizes, quicker
-    mask = _ridge_mask(small, dark_grey, deviation_grey)
+    mask = _ridge_mask(small, dark_grey, sd_grey)
     limit = (ilm_px[: COARSE * mask.shape[1] : COARSE] + BELOW_ILM_PX) / COARSE
     mask[np.arange(mask.shape[0])[:, None] > limit] = 0
     ridges: list[Ridge] = []
@@ -89,7 +89,7 @@ def find_ridges(image: Image, ilm_px: Floats, dark_grey: float, deviation_grey: 
             for rho, theta in (() if lines is None else lines[:LOOKED_AT, 0])
         )
         tried = islice((line for line in entering if line is not None), TRIED)
-        ridge = next(filter(None, (_followed(image, *line, deviation_grey) for line in tried)), None)
+        ridge = next(filter(None, (_followed(image, *line, sd_grey) for line in tried)), None)
         if ridge is None:
             break
         ridges.append(ridge)
@@ -106,10 +106,10 @@ def _erase(mask: Image, ridge: Ridge) -> None:
     cv2.line(mask, start, end, 0, ERASED_PX)
 
 
-def _ridge_mask(small: Image, dark_grey: float, deviation_grey: float) -> Image:
+def _ridge_mask(small: Image, dark_grey: float, sd_grey: float) -> Image:
     """Return where an image is brighter than on both sides, to the left and right or above and below."""
     core, side = cv2.blur(small, (2, 2)), cv2.blur(small, (3, 3))
-    least = max(LEAST_GREY, LEAST_DEVIATIONS * deviation_grey / (2 * COARSE))
+    least = max(LEAST_GREY, LEAST_DEVIATIONS * sd_grey / (2 * COARSE))
     mask = np.zeros_like(small)
     s = SIDE_PX
     beside = cv2.max(side[:, : -2 * s], side[:, 2 * s :])
@@ -135,9 +135,9 @@ def _entering(rho_px: float, theta: float, size_px: tuple[int, int]) -> tuple[Ve
     return (start_px, (dx, dy)) if start_px[1] < size_px[1] else None
 
 
-def _followed(image: Image, start_px: Vec, along_px: Vec, deviation_grey: float) -> Ridge | None:
+def _followed(image: Image, start_px: Vec, along_px: Vec, sd_grey: float) -> Ridge | None:
     """Return the ridge along a line, laid through its middle; None if there is too little of it."""
-    least = max(LEAST_GREY, LEAST_DEVIATIONS * deviation_grey / (ALONG_PX * (2 * CORE_PX + 1)) ** 0.5)
+    least = max(LEAST_GREY, LEAST_DEVIATIONS * sd_grey / (ALONG_PX * (2 * CORE_PX + 1)) ** 0.5)
     for step_px, fits in LOOKS:
         strip = _strip(image, start_px, along_px, step_px)
         if strip is None:

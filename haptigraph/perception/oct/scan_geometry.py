@@ -47,9 +47,9 @@ class Shaft(NamedTuple):
     """Where its line enters the image, or is first seen."""
     along_px: Vec
     """Direction, length 1; it points down."""
-    deviation_px: Vec
+    sd_px: Vec
     """Of the tip: across the image and down it."""
-    angle_deviation_deg: float
+    angle_sd_deg: float
     """In the image, whose pixels are not square."""
     confidence: float
 
@@ -142,14 +142,14 @@ class ScanPlaces:
 
     def _certainty(self, shaft: Shaft) -> Certainty:
         lateral_mm, axial_mm = self._registration.image.mm_per_px, self._axial_mm
-        across_px, down_px = shaft.deviation_px
+        across_px, down_px = shaft.sd_px
         dx, dy = shaft.along_px
         right, down = dx * lateral_mm, dy * axial_mm
         turn = lateral_mm * axial_mm / (right * right + down * down)  # of the angle in mm, by that in px
         return Certainty(
             confidence=shaft.confidence,
-            tip_deviation_mm=math.hypot(across_px * lateral_mm, down_px * axial_mm),
-            theta_deviation_deg=turn * shaft.angle_deviation_deg,
+            tip_sd_mm=math.hypot(across_px * lateral_mm, down_px * axial_mm),
+            theta_sd_deg=turn * shaft.angle_sd_deg,
         )
 
 

@@ -60,7 +60,7 @@ class SegmentationPerceiver:
         """Forget earlier images: there is nothing to forget."""
 
     def __call__(self, capture: Capture) -> Observation:
-        """Look at one image.
+        """Appearance at one image.
 
         Raises:
             BadInput: If it is no B-scan of the registered size.
@@ -137,8 +137,8 @@ def _as_shaft(fit: NeedleFit) -> Shaft:
         tip_px=fit.tip_px,
         start_px=fit.entry_px,
         along_px=(dx, dy),
-        deviation_px=(max(abs(dx) * fit.tip_deviation_px, 1.0), max(abs(dy) * fit.tip_deviation_px, 1.0)),
-        angle_deviation_deg=fit.angle_deviation_deg,
+        sd_px=(max(abs(dx) * fit.tip_sd_px, 1.0), max(abs(dy) * fit.tip_sd_px, 1.0)),
+        angle_sd_deg=fit.angle_sd_deg,
         confidence=fit.confidence,
     )
 
@@ -156,14 +156,14 @@ def _with_tip(shaft: Shaft, tissue: FloatImage, layers: Layers, scaling: Scaling
     if edge_x is None:
         is_told = y < ilm_y - NEAR_ILM_PX
         unseen_px = UNSEEN_DEVIATION_PX, UNSEEN_DEVIATION_PX * slope
-        return shaft if is_told else shaft._replace(deviation_px=unseen_px)
+        return shaft if is_told else shaft._replace(sd_px=unseen_px)
     further_px = side * (edge_x - x)
     is_inside = y + further_px * slope > ilm_y
     if not LEAST_FURTHER_PX < further_px < (math.inf if is_inside else BEVEL_PX):
         return shaft
     return shaft._replace(
         tip_px=(edge_x, y + further_px * slope),
-        deviation_px=(EDGE_DEVIATION_PX, EDGE_DEVIATION_PX * slope),
+        sd_px=(EDGE_DEVIATION_PX, EDGE_DEVIATION_PX * slope),
     )
 
 

@@ -47,7 +47,7 @@ class Surfaces(NamedTuple):
     rpe_seen: Mask
     dark_grey: float
     """Of what scatters nothing."""
-    deviation_grey: float
+    sd_grey: float
     """Of the noise of a single pixel of it."""
     tissue_grey: float
     """How much brighter tissue is, where it is seen."""
@@ -93,7 +93,7 @@ class _Columns:
         self._grey, self._mm_per_row = grey, mm_per_row
         self._numbers = np.arange(len(grey))
         self.dark_grey, lowest = _quantiles(grey[::3, ::3], 0.25, 0.04)
-        self._deviation_grey = max(self.dark_grey - lowest, 1.0)
+        self._sd_grey = max(self.dark_grey - lowest, 1.0)
         self.tissue_grey = 0.0
 
     def find_ilm(self) -> Floats:
@@ -113,7 +113,7 @@ class _Columns:
         rows = np.clip(np.rint(ilm).astype(np.intp), 0, self._grey.shape[1] - 1)
         rise = self._rise[self._numbers, rows]
         (usual,) = _quantiles(rise, 0.9)
-        noise_grey = self._deviation_grey / self._rows(DEEP_MM) ** 0.5
+        noise_grey = self._sd_grey / self._rows(DEEP_MM) ** 0.5
         seen = without_specks(rise >= max(LEAST_GREY, LEAST_DEVIATIONS * noise_grey, LEAST_SHARE * usual))
         self.tissue_grey = _quantiles(rise[seen], 0.5)[0] if seen.any() else 0.0
         return seen
@@ -131,7 +131,7 @@ class _Columns:
         reward[~seen] = 0
         path = best_path(reward, _cost(RPE_STEP_GREY))
         wide, rise, fall = rise, rise[self._numbers, path], fall[self._numbers, path]
-        least = max(0.1 * self.tissue_grey, 2 * self._deviation_grey / band**0.5)
+        least = max(0.1 * self.tissue_grey, 2 * self._sd_grey / band**0.5)
         is_band = (rise > least) & (fall > least) & (first + path < most - 2 * band)
         return _refined(wide, path, RPE_SMOOTH) + first, without_specks(seen & is_band)
 

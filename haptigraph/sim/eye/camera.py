@@ -60,15 +60,15 @@ class Camera:
     ) -> None:
         self.settings = settings
         size_px = settings.width_px, settings.height_px
-        slant = slant_of(settings)
+        tilt = slant_of(settings)
         self._is_tilted = settings.tilt_deg != (0.0, 0.0)
-        self._image_from_straight = slant.image_from_straight.matrix
+        self._image_from_frontal = tilt.image_from_frontal.matrix
         self.geometry = image_geometry(settings)
-        self.straight = replace(self.geometry, straight_from_image=None)
+        self.frontal = replace(self.geometry, frontal_from_image=None)
         """Of the picture before it is seen at a slant."""
         self._seed = seed
-        rim = rim_geometry(self.straight, slant.foot_px, eye.shape.rim_mm / settings.distance_mm)
-        painted = paint_phantom(eye, self.straight, rim, size_px, look, seed)
+        rim = rim_geometry(self.frontal, tilt.foot_px, eye.shape.rim_mm / settings.distance_mm)
+        painted = paint_phantom(eye, self.frontal, rim, size_px, look, seed)
         self.light = settings.exposure * vignette(size_px, settings.vignetting)
         """That reaches each pixel, (h, w)."""
         self._background = blurred(painted, settings.blur_px) * self.light[..., None]
@@ -86,8 +86,8 @@ class Camera:
         tile = settings.height_px + NOISE_MARGIN_PX, settings.width_px + NOISE_MARGIN_PX
         self._noise = rng.standard_normal(tile, np.float32)
         grey = np.arange(256, dtype=np.float32)
-        self._deviation_of = np.sqrt(settings.read_noise_grey**2 + settings.shot_noise_grey**2 * grey / 255)
-        self._deviation = self._noise_deviation(self._still)
+        self._sd_of = np.sqrt(settings.read_noise_grey**2 + settings.shot_noise_grey**2 * grey / 255)
+        self._sd = self._noise_sd(self._still)
 
     def render(
         self,
@@ -109,15 +109,15 @@ class Camera:
         Returns:
             (height, width, 3) BGR.
         """
-        bent = bend and bend(self._background, self.straight)
+        bent = bend and bend(self._background, self.frontal)
         if not bent:
             return self._render(tip_mm, direction, number, overlay)
         box, scene = bent
-        stills: tuple[NDArray[Any], ...] = (self._background, self._still, self._deviation)
+        stills: tuple[NDArray[Any], ...] = (self._background, self._still, self._sd)
         kept = [still[box].copy() for still in stills]
         self._background[box] = scene
         self._still[box] = cv2.convertScaleAbs(scene)
-        self._deviation[box] = self._noise_deviation(self._still[box])
+        self._sd[box] = self._noise_sd(self._still[box])
         try:
             return self._render(tip_mm, direction, number, overlay)
         finally:
@@ -127,7 +127,7 @@ class Camera:
     def _render(
         self, tip_mm: Vec, direction: Vec, number: int, overlay: Callable[[Image], None] | None
     ) -> Image:
-        tip, along = self._in_straight(tip_mm, direction)
+        tip, along = self._in_frontal(tip_mm, direction)
         box = self._needle_box(tip, along)
         image = self._still.copy()
         if box is not None:
@@ -136,13 +136,13 @@ class Camera:
             overlay(image)
         if overlay or self._distractors.bubbles or self._distractors.flicker or self._is_tilted:
             image = self._tilted(self._disturbed(image, number))
-            return self._with_noise(image, self._noise_deviation(image), number)
+            return self._with_noise(image, self._noise_sd(image), number)
         if box is None:
-            return self._with_noise(image, self._deviation, number)
-        bare = self._deviation[box].copy()
-        self._deviation[box] = self._noise_deviation(image[box])
-        image = self._with_noise(image, self._deviation, number)
-        self._deviation[box] = bare
+            return self._with_noise(image, self._sd, number)
+        bare = self._sd[box].copy()
+        self._sd[box] = self._noise_sd(image[box])
+        image = self._with_noise(image, self._sd, number)
+        self._sd[box] = bare
         return image
 
     def expect(self, tip_mm: Vec, direction: Vec) -> tuple[FloatImage, FloatImage]:
@@ -158,7 +158,7 @@ class Camera:
             Grey, 0 to 255, and the deviation of the sensor's noise in grey levels, which is the same in all
             three colours; (height, width) each.
         """
-        tip, along = self._in_straight(tip_mm, direction)
+        tip, along = self._in_frontal(tip_mm, direction)
         box = self._needle_box(tip, along)
         scene = self._background.copy()
         if box is not None:
@@ -175,7 +175,7 @@ class Camera:
                 self._background,
                 given,
                 eye,
-                self.straight,
+                self.frontal,
                 self.in_view,
                 light=self.light,
                 blur_px=settings.blur_px,
@@ -183,10 +183,10 @@ class Camera:
             )
         if given.glints:
             self._background = paint_glints(
-                self._background, given.glints, self.straight, eye.radius_mm, self._seed
+                self._background, given.glints, self.frontal, eye.radius_mm, self._seed
             )
         largest_px = given.bubble_mm * settings.px_per_mm
-        return Bubbles(given.bubbles, largest_px, self.straight, eye.radius_mm, self._seed)
+        return Bubbles(given.bubbles, largest_px, self.frontal, eye.radius_mm, self._seed)
 
     def _disturbed(self, image: Image, number: int) -> Image:
         """Put bubbles into an image and change its light."""
@@ -199,13 +199,13 @@ class Camera:
         if not self._is_tilted:
             return image
         size, border = (self.settings.width_px, self.settings.height_px), cv2.BORDER_REPLICATE
-        seen = cv2.warpPerspective(image, self._image_from_straight, size, borderMode=border)
+        seen = cv2.warpPerspective(image, self._image_from_frontal, size, borderMode=border)
         return np.asarray(seen, np.uint8)
 
-    def _in_straight(self, tip_mm: Vec, direction: Vec) -> tuple[Vec, Vec]:
+    def _in_frontal(self, tip_mm: Vec, direction: Vec) -> tuple[Vec, Vec]:
         """Return tip [px] and direction (length 1) in the straight picture."""
-        tip = self.straight.to_px(tip_mm)
-        ahead = subtract(self.straight.to_px((tip_mm[0] + direction[0], tip_mm[1] + direction[1])), tip)
+        tip = self.frontal.to_px(tip_mm)
+        ahead = subtract(self.frontal.to_px((tip_mm[0] + direction[0], tip_mm[1] + direction[1])), tip)
         return tip, (ahead[0] / norm(ahead), ahead[1] / norm(ahead))
 
     def _draw(self, tip: Vec, along: Vec, box: Box) -> FloatImage:
@@ -243,9 +243,9 @@ class Camera:
         part = within(bowl, box)
         scene[part] = cv2.multiply(scene[part], cv2.merge([light] * 3))
 
-    def _noise_deviation(self, image: Image) -> FloatImage:
+    def _noise_sd(self, image: Image) -> FloatImage:
         """Return the deviation of the sensor's noise for what it sees, (h, w) grey levels."""
-        return np.asarray(cv2.LUT(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), self._deviation_of), np.float32)
+        return np.asarray(cv2.LUT(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), self._sd_of), np.float32)
 
     def _with_noise(self, image: Image, deviation: FloatImage, number: int) -> Image:
         """Add the sensor's noise, in place, the same in all three colours (JPEG keeps hardly more)."""

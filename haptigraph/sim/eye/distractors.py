@@ -69,10 +69,10 @@ def paint_light_pipe(
         blur_px: Deviation of the lens's blur.
         seed: Of the metal's grain.
     """
-    pivot = eye.other_trocar_mm
-    along_mm = rotate(unit((-pivot[0], -pivot[1])), distractors.light_pipe_deg)
+    rcm = eye.other_trocar_mm
+    along_mm = rotate(unit((-rcm[0], -rcm[1])), distractors.light_pipe_deg)
     reach = distractors.light_pipe_mm
-    tip_px = geometry.to_px((pivot[0] + reach * along_mm[0], pivot[1] + reach * along_mm[1]))
+    tip_px = geometry.to_px((rcm[0] + reach * along_mm[0], rcm[1] + reach * along_mm[1]))
     along = -along_mm[0] if geometry.mirrored else along_mm[0], -along_mm[1]
     whole = slice(0, background.shape[0]), slice(0, background.shape[1])
     tone, cover = needle_texture(distractors.light_pipe, 1 / geometry.mm_per_px, blur_px, seed + 1)

@@ -107,7 +107,7 @@ def registration_text(
                 TrocarPx("first", px(eye.trocar_mm, error.trocar_px), used=True),
                 TrocarPx("second", px(eye.other_trocar_mm, error.trocar_px), used=False),
             ),
-            straight_from_image=image.straight_from_image,
+            frontal_from_image=image.frontal_from_image,
         ),
         "Registration of a simulated eye.",
     )

@@ -103,9 +103,9 @@ def lay(texture: FloatImage, tip_px: Vec, along: Vec, box: Box) -> FloatImage:
     return np.asarray(warped, np.float32)
 
 
-def blurred(image: FloatImage, deviation_px: float) -> FloatImage:
+def blurred(image: FloatImage, sd_px: float) -> FloatImage:
     """Blur an image by a Gaussian; 0 leaves it as it is."""
-    return np.asarray(cv2.GaussianBlur(image, (0, 0), deviation_px), np.float32) if deviation_px else image
+    return np.asarray(cv2.GaussianBlur(image, (0, 0), sd_px), np.float32) if sd_px else image
 
 
 def within(inner: Box, outer: Box) -> Box:

@@ -5,7 +5,7 @@ import math
 from msgspec import Struct
 
 from haptigraph.geometry import ImageGeometry, Vec
-from haptigraph.registration.slant import Slant
+from haptigraph.registration.tilt import Slant
 
 __all__ = ["CameraSettings", "image_geometry", "slant_of"]
 
@@ -40,9 +40,9 @@ class CameraSettings(Struct, frozen=True, forbid_unknown_fields=True):
 
 def image_geometry(settings: CameraSettings) -> ImageGeometry:
     """Return where the images of a camera show what."""
-    straight_from_image = slant_of(settings).straight_from_image if settings.tilt_deg != (0.0, 0.0) else None
+    frontal_from_image = slant_of(settings).frontal_from_image if settings.tilt_deg != (0.0, 0.0) else None
     center_px, mm_per_px = settings.center_px, 1 / settings.px_per_mm
-    return ImageGeometry(center_px, mm_per_px, settings.mirrored, straight_from_image)
+    return ImageGeometry(center_px, mm_per_px, settings.mirrored, frontal_from_image)
 
 
 def slant_of(settings: CameraSettings) -> Slant:

@@ -51,8 +51,8 @@ class Peeling:
     ) -> None:
         self._eye, self._camera = eye, camera
         blur_px = camera.settings.blur_px
-        self._forceps = Forceps(forceps, camera.straight, blur_px, seed)
-        self._pipe = Instrument(PIPE, camera.straight, blur_px, seed + 1)
+        self._forceps = Forceps(forceps, camera.frontal, blur_px, seed)
+        self._pipe = Instrument(PIPE, camera.frontal, blur_px, seed + 1)
         self._membrane = Membrane(membrane, eye)
         self.restart()
 
@@ -78,16 +78,16 @@ class Peeling:
         if self._holds:
             self._membrane.pull(tip_mm)
         at = self._forceps.places(tip_mm, direction, jaws_mm)
-        pivot_mm = self._eye.other_trocar_mm
-        along = rotate(unit((-pivot_mm[0], -pivot_mm[1])), pipe.pipe_deg)
-        pipe_mm = pivot_mm[0] + pipe.pipe_depth_mm * along[0], pivot_mm[1] + pipe.pipe_depth_mm * along[1]
+        rcm_mm = self._eye.other_trocar_mm
+        along = rotate(unit((-rcm_mm[0], -rcm_mm[1])), pipe.pipe_deg)
+        pipe_mm = rcm_mm[0] + pipe.pipe_depth_mm * along[0], rcm_mm[1] + pipe.pipe_depth_mm * along[1]
         found: dict[str, Geometry] = {
             "forceps_tip": Point(tip_mm),
             "forceps_line": Segment(self._eye.trocar_mm, tip_mm),
             "left_jaw": Point(at.left_mm),
             "right_jaw": Point(at.right_mm),
             "light_pipe_tip": Point(pipe_mm),
-            "light_pipe_line": Segment(pivot_mm, pipe_mm),
+            "light_pipe_line": Segment(rcm_mm, pipe_mm),
             "membrane_edge": Point(self._membrane.edge_mm),
         }
         if self._eye.shape.hemorrhage_mm:
@@ -95,7 +95,7 @@ class Peeling:
         camera = self._camera
 
         def draw(image: Image) -> None:
-            self._membrane.draw(image, camera.straight, camera.light, camera.settings.blur_px)
+            self._membrane.draw(image, camera.frontal, camera.light, camera.settings.blur_px)
             self._pipe.draw(image, pipe_mm, along, camera.light, camera.in_view)
             self._forceps.draw(image, at, camera.light, camera.in_view)
 

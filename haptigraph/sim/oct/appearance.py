@@ -19,7 +19,7 @@ from haptigraph.messages import Image
 __all__ = [
     "TABLE_FROM",
     "TABLE_SPAN",
-    "BscanLook",
+    "BscanAppearance",
     "FieldBank",
     "Level",
     "grey_from_field",
@@ -45,7 +45,7 @@ TABLE_FROM, TABLE_SPAN, TABLE_STEPS = 0.2, 4.0, 2048
 DARK_DB = -60.0
 
 
-class BscanLook(Struct, frozen=True, forbid_unknown_fields=True):
+class BscanAppearance(Struct, frozen=True, forbid_unknown_fields=True):
     """The [look] table of a B-scan's scenario."""
 
     signal_db: Annotated[float, Meta(ge=-15, le=10)] = 0.0
@@ -87,7 +87,7 @@ class FieldBank:
         seed: Of the fields.
     """
 
-    def __init__(self, size_px: tuple[int, int], look: BscanLook, seed: int) -> None:
+    def __init__(self, size_px: tuple[int, int], look: BscanAppearance, seed: int) -> None:
         width, height = size_px
         rng = np.random.default_rng((seed, 22))
         shape = (height + BANK_EXTRA_PX, width + BANK_EXTRA_PX, 2)
@@ -114,7 +114,7 @@ def intensity(db: Level | float) -> Level:
     return np.exp(np.minimum(np.asarray(db, np.float32), MOST_DB) * np.float32(np.log(10) / 10))
 
 
-def tissue_db(look: BscanLook, layers_mm: float) -> Level:
+def tissue_db(look: BscanAppearance, layers_mm: float) -> Level:
     """Return a table of how strongly tissue scatters, above the noise, by depth.
 
     Args:
@@ -131,7 +131,7 @@ def tissue_db(look: BscanLook, layers_mm: float) -> Level:
     return np.asarray(np.maximum(db, DARK_DB), np.float32)
 
 
-def grey_from_field(fields: list[Level], floor: Level, look: BscanLook) -> Image:
+def grey_from_field(fields: list[Level], floor: Level, look: BscanAppearance) -> Image:
     """Turn complex fields into a log-compressed picture.
 
     Args:

@@ -6,7 +6,7 @@ where they are; all else is new in every image. Knows neither needle nor truth.
 
 import numpy as np
 
-from haptigraph.sim.oct.appearance import BscanLook, Level, intensity
+from haptigraph.sim.oct.appearance import BscanAppearance, Level, intensity
 
 __all__ = ["Defects"]
 
@@ -28,7 +28,7 @@ class Defects:
 
     def __init__(
         self,
-        look: BscanLook,
+        look: BscanAppearance,
         axial_mm_per_px: float,
         lateral_mm_per_px: float,
         size_px: tuple[int, int],

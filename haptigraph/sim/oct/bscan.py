@@ -1,6 +1,6 @@
 """Simulated intraoperative B-scans: pictures of a needle at the retina, with the truth beside each.
 
-    camera = BscanCamera(ScanSettings(), BscanLook(), BscanNeedle(), seed=3)
+    camera = BscanCamera(ScanSettings(), BscanAppearance(), BscanNeedle(), seed=3)
     retina = Retina(RetinaShape(), camera.x_mm, seed=3)
     scan = camera.render(retina.advance(0.0, 0.0, tip_mm), tip_mm, direction, number=0)
     scan.image                       # (h, w) uint8, grey, log-compressed
@@ -28,7 +28,7 @@ from haptigraph.messages import Image
 from haptigraph.sim.oct.appearance import (
     TABLE_FROM,
     TABLE_SPAN,
-    BscanLook,
+    BscanAppearance,
     FieldBank,
     Level,
     grey_from_field,
@@ -90,7 +90,7 @@ class BscanCamera:
         seed: Of all chance.
     """
 
-    def __init__(self, settings: ScanSettings, look: BscanLook, needle: BscanNeedle, seed: int) -> None:
+    def __init__(self, settings: ScanSettings, look: BscanAppearance, needle: BscanNeedle, seed: int) -> None:
         self.settings, self.look, self.needle = settings, look, needle
         self.geometry = scan_geometry(settings)
         columns = np.arange(settings.width_px, dtype=np.float64)

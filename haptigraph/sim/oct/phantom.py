@@ -17,7 +17,7 @@ from haptigraph.errors import BadInput
 from haptigraph.geometry import Geometry, Polyline, Vec
 from haptigraph.messages import Truth
 from haptigraph.registration.text import scan_registration_text
-from haptigraph.sim.oct.appearance import BscanLook
+from haptigraph.sim.oct.appearance import BscanAppearance
 from haptigraph.sim.oct.bscan import BscanCamera, ScanSettings
 from haptigraph.sim.oct.needle import BscanNeedle
 from haptigraph.sim.oct.retina import Retina, RetinaShape, Surfaces
@@ -52,7 +52,7 @@ class ScanScenario(Struct, frozen=True, forbid_unknown_fields=True):
     moves: tuple[Move, ...] = field(name="move")
     approach: Approach = Approach()
     retina: RetinaShape = RetinaShape()
-    look: BscanLook = BscanLook()
+    look: BscanAppearance = BscanAppearance()
     needle: BscanNeedle = BscanNeedle()
     operator: Hand = Hand()
 

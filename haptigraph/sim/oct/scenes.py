@@ -10,7 +10,7 @@ import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
-from haptigraph.sim.oct.appearance import BscanLook
+from haptigraph.sim.oct.appearance import BscanAppearance
 from haptigraph.sim.oct.bscan import Bscan, BscanCamera, ScanSettings
 from haptigraph.sim.oct.needle import BscanNeedle
 from haptigraph.sim.oct.retina import Retina, RetinaShape
@@ -29,7 +29,7 @@ class BscanScene(Struct, frozen=True):
 
     scan: ScanSettings
     retina: RetinaShape
-    look: BscanLook
+    look: BscanAppearance
     needle: BscanNeedle
     place: str
     """One of `PLACES`."""
@@ -137,11 +137,11 @@ def _retina(rng: Rng, scan: ScanSettings) -> RetinaShape:
     )
 
 
-def _look(rng: Rng) -> BscanLook:
+def _look(rng: Rng) -> BscanAppearance:
     def sometimes(chance: float, usual: Any, drawn: Any) -> Any:
         return drawn if rng.random() < chance else usual
 
-    return BscanLook(
+    return BscanAppearance(
         signal_db=rng.uniform(-5, 3),
         contrast_db=rng.uniform(-1.5, 3),
         attenuation_db_per_mm=rng.uniform(2, 14),

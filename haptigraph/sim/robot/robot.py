@@ -46,14 +46,14 @@ class Robot:
     """A needle holder that pivots about the trocar.
 
     Args:
-        pivot_mm: The remote centre of motion, eye frame.
+        rcm_mm: The remote centre of motion, eye frame.
         limits: What it can do.
         start: Where it begins.
     """
 
-    def __init__(self, pivot_mm: Vec, limits: RobotLimits, start: Pose) -> None:
-        self._pivot_mm, self._limits = pivot_mm, limits
-        self._inwards = unit((-pivot_mm[0], -pivot_mm[1]))
+    def __init__(self, rcm_mm: Vec, limits: RobotLimits, start: Pose) -> None:
+        self._pivot_mm, self._limits = rcm_mm, limits
+        self._inwards = unit((-rcm_mm[0], -rcm_mm[1]))
         self.pose = self._within(start)
 
     def follow(self, wanted: Pose, step_s: float) -> Pose:

@@ -15,7 +15,7 @@ ANGLES_DEG: FloatArray = np.linspace(-40, 40, 401)
 """Signed angles between shaft and line trocar -> target, counter-clockwise positive."""
 STEP_DEG = 0.2
 BIASES = np.linspace(-2.5, 2.5, 11)  # in deviations
-FIRST_DEVIATION_DEG = 15.0
+INITIAL_SD_DEG = 15.0
 LAPSE = 0.02  # of what is felt, so much could be anything
 ROOT_OF_TWO_PI = float(np.sqrt(2 * np.pi))
 
@@ -44,18 +44,18 @@ class Belief:
 
     def __init__(self, bias_deg: float) -> None:
         self._biases_deg = bias_deg * BIASES
-        first = np.exp(-0.5 * (ANGLES_DEG / FIRST_DEVIATION_DEG) ** 2)
+        first = np.exp(-0.5 * (ANGLES_DEG / INITIAL_SD_DEG) ** 2)
         self._weights = _normal(np.outer(first, np.exp(-0.5 * BIASES**2)))
 
-    def look(self, seen_deg: float, expected_deg: FloatArray, deviation_deg: float) -> None:
+    def look(self, seen_deg: float, expected_deg: FloatArray, sd_deg: float) -> None:
         """Take a look.
 
         Args:
             seen_deg: What was seen.
             expected_deg: What would be, without bias, at each of `ANGLES_DEG`.
-            deviation_deg: Of a look.
+            sd_deg: Of a look.
         """
-        miss = (seen_deg - expected_deg[:, None] - self._biases_deg) / deviation_deg
+        miss = (seen_deg - expected_deg[:, None] - self._biases_deg) / sd_deg
         self._weights = _normal(self._weights * (np.exp(-0.5 * miss**2) + 1e-6))
 
     def feel(self, strength: float, expected: FloatArray, share: float) -> None:
@@ -75,13 +75,13 @@ class Belief:
             likely = np.where(is_on, 0.0, 1.0)
         self._weights = _normal(self._weights * ((1 - LAPSE) * likely + LAPSE)[:, None])
 
-    def turned(self, turn_deg: float, deviation_deg: float) -> None:
+    def turned(self, turn_deg: float, sd_deg: float) -> None:
         """Take a turn of the shaft that was asked for, and how uncertain it was."""
         moved = np.array(
             [np.interp(ANGLES_DEG - turn_deg, ANGLES_DEG, column, 0.0, 0.0) for column in self._weights.T]
         )
         width = np.arange(-15, 16) * STEP_DEG
-        kernel = np.exp(-0.5 * (width / max(deviation_deg, STEP_DEG / 2)) ** 2)
+        kernel = np.exp(-0.5 * (width / max(sd_deg, STEP_DEG / 2)) ** 2)
         blurred = [np.convolve(column, kernel / kernel.sum(), mode="same") for column in moved]
         self._weights = _normal(np.array(blurred).T + 1e-12)
 

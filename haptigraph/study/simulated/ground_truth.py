@@ -13,7 +13,7 @@ from haptigraph.geometry import Geometry, Point, Segment, rotate, subtract, unit
 from haptigraph.messages import Capture, Observation
 from haptigraph.registration.camera import Registration
 
-__all__ = ["KnownNeedle"]
+__all__ = ["GroundTruthPerceiver"]
 
 # docs/accuracy.md, perceiver `tracker`, 66 simulated scenes.
 NOISE_DEPTHS_MM = (1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 18.0)
@@ -24,7 +24,7 @@ MEDIAN_OF_NORMAL, MEDIAN_OF_RAYLEIGH = 0.6745, 1.1774  # over their deviation
 SHALLOWEST_MM = 1.0  # nearer to the pivot the tip is in the wall, or hardly out of it
 
 
-class KnownNeedle:
+class GroundTruthPerceiver:
     """Report the true needle, a little wrong.
 
     The angle has an error that stays and noise from image to image, both as large as the tracker's, by depth.

@@ -76,7 +76,7 @@ TRAITS: dict[str, Trait] = {
         "added to it while steering",
         "Bao et al. 2019, PLOS ONE 14(8):e0219737: a second task costs more than 130 ms (cited)",
     ),
-    "glance_deviation_deg": Trait(
+    "glance_sd_deg": Trait(
         "deg", "uniform", 1.2, 2.4,
         "of the seen angle between shaft and target, per look",
         "0.6 deg at the cardinal directions ('Recognition of stimulus orientation', Vision Res. 30, 1990; "
@@ -170,7 +170,7 @@ class Participant(Struct, frozen=True):
     actuator_delay_s: float
     touch_delay_s: float
     busy_delay_s: float
-    glance_deviation_deg: float
+    glance_sd_deg: float
     misjudgement_deg: float
     distance_share: float
     pace_mm_s: float

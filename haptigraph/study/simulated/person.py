@@ -180,9 +180,9 @@ class SimulatedPerson:
         who = self.participant
         turned_deg = self._meant_deg - seen.meant_deg
         angle_deg = seen_angle_deg(np.array(seen.theta_deg), seen.depth_mm, self._axis_mm)
-        seen_deg = float(angle_deg) + self._bias_deg + who.glance_deviation_deg * glance
+        seen_deg = float(angle_deg) + self._bias_deg + who.glance_sd_deg * glance
         expected_deg = seen_angle_deg(ANGLES_DEG - turned_deg, seen.depth_mm, self._axis_mm)
-        self._belief.look(seen_deg, expected_deg, who.glance_deviation_deg)
+        self._belief.look(seen_deg, expected_deg, who.glance_sd_deg)
 
     def _attend(self, felt: Felt, then_s: float, factor: float) -> None:
         """Let what was felt count for the angle of now; only guidance and silence tell of it."""

@@ -1,8 +1,8 @@
 """One trial of a simulated participant: person, hand, robot, eye and the real pipeline in a closed loop.
 
 Turns participant, condition and seed into the steps of a run and what the hand felt. Graph, rules, touch,
-guard and teleoperation are those of any run; perception is a perceiver on drawn images, or `KnownNeedle`. All
-runs on a virtual clock, so the same seed gives the same steps, bit for bit. Knows no measure, no statistics.
+guard and teleoperation are those of any run; perception runs on rendered images, or is the ground truth with
+noise. All runs on a virtual clock: the same seed gives the same steps, bit for bit. Knows no statistics.
 """
 
 import math
@@ -27,7 +27,7 @@ from haptigraph.sim.robot.robot import Pose, Robot, RobotLimits
 from haptigraph.sim.scenario import About, Scenario
 from haptigraph.sources.jpeg import JpegSource
 from haptigraph.stages import Sink, Source
-from haptigraph.study.simulated.ground_truth import KnownNeedle
+from haptigraph.study.simulated.ground_truth import GroundTruthPerceiver
 from haptigraph.study.simulated.participant import Participant
 from haptigraph.study.simulated.person import SimulatedPerson
 from haptigraph.study.simulated.training import lesson
@@ -112,7 +112,7 @@ class Rehearsal:
         axis_mm = math.dist(eye.trocar_mm, eye.target_mm)
         source = _SteeredSource(scenario, perceiver != KNOWN, limit_s)
         self.registration = parse_registration(source.registration or "", "the simulated eye")
-        known = KnownNeedle(self.registration, (*seed, 1)) if perceiver == KNOWN else None
+        known = GroundTruthPerceiver(self.registration, (*seed, 1)) if perceiver == KNOWN else None
         taught = lesson(self.procedure.text, condition.max_amplitude)
         self.person = SimulatedPerson(participant, taught, axis_mm, (*seed, 2))
         source.begin(self.person)

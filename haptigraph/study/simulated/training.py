@@ -17,11 +17,11 @@ from haptigraph.registration.camera import Registration, parse_registration
 from haptigraph.sim.eye.eye import Eye, EyeShape, registration_text
 from haptigraph.sim.eye.optics import CameraSettings, image_geometry
 from haptigraph.study.simulated.belief import ANGLES_DEG
-from haptigraph.study.simulated.ground_truth import KnownNeedle
+from haptigraph.study.simulated.ground_truth import GroundTruthPerceiver
 
 __all__ = ["lesson"]
 
-LESSON_DEPTH_MM = 12.0
+TRAINING_DEPTH_MM = 12.0
 
 
 @lru_cache
@@ -36,7 +36,7 @@ def lesson(procedure_text: str, max_amplitude: float) -> NDArray[np.float64]:
     eye, image = Eye(EyeShape()), CameraSettings()
     text = registration_text(eye, image_geometry(image), image.width_px, image.height_px)
     registration = parse_registration(text, "the eye of the training")
-    still = KnownNeedle(registration, (0,))  # never asked: the poses are given
+    still = GroundTruthPerceiver(registration, (0,))  # never asked: the poses are given
     pipeline = assemble.build_pipeline(config, registration, procedure, still)
     amplitudes = []
     for number, theta_deg in enumerate(ANGLES_DEG):
@@ -50,5 +50,5 @@ def lesson(procedure_text: str, max_amplitude: float) -> NDArray[np.float64]:
 def _needle_at(registration: Registration, theta_deg: float) -> dict[str, Geometry]:
     trocar_mm, target_mm = registration.trocar.at_mm, registration.target.at_mm
     along = rotate(unit(subtract(target_mm, trocar_mm)), theta_deg)
-    tip_mm = trocar_mm[0] + LESSON_DEPTH_MM * along[0], trocar_mm[1] + LESSON_DEPTH_MM * along[1]
+    tip_mm = trocar_mm[0] + TRAINING_DEPTH_MM * along[0], trocar_mm[1] + TRAINING_DEPTH_MM * along[1]
     return registration.anatomy | {"needle_tip": Point(tip_mm), "needle_line": Segment(trocar_mm, tip_mm)}

@@ -45,8 +45,8 @@ def test_a_deeper_needle_tells_its_angle_better():
 
 def test_to_see_more_or_know_more_never_harms():
     told = bound(Pose(4.0, 4.0))
-    assert told.both_deg < told.inside_deg < told.inside_pivot_free_deg
-    assert told.both_deg < told.both_pivot_free_deg < told.inside_pivot_free_deg
+    assert told.both_deg < told.inside_deg < told.inside_rcm_free_deg
+    assert told.both_deg < told.both_rcm_free_deg < told.inside_rcm_free_deg
 
 
 def test_a_needle_that_is_not_inside_tells_nothing_there():

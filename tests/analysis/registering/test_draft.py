@@ -146,7 +146,7 @@ def test_the_title_stays_one_comment_and_says_whose_work_it_is(opened):
 
 
 def test_with_a_slant_places_are_dragged_in_the_image_as_seen(slanted):
-    assert slanted.anatomy.slant is not None
+    assert slanted.anatomy.tilt is not None
     checked = check_draft(slanted, slanted.draft)
     assert checked.problem == ""
     assert row(checked, "Globe").off_px < 0.7
@@ -157,7 +157,7 @@ def test_with_a_slant_places_are_dragged_in_the_image_as_seen(slanted):
     snapped = check_draft(slanted, replace(slanted.draft, target_px=target)).target_on_retina_px
     assert snapped is not None and math.dist(snapped, target) < 24
     registration = sound_registration(slanted, replace(slanted.draft, target_px=snapped))
-    assert registration.image.straight_from_image is not None
+    assert registration.image.frontal_from_image is not None
     assert registration.image.to_px(registration.target.at_mm) == pytest.approx(snapped, abs=1e-2)
     assert distance_to_polyline(registration.target.at_mm, registration.retina) < 1e-3
     for name, placed in (("center", registration.image.to_px((0.0, 0.0))),):

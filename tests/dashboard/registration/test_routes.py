@@ -10,7 +10,7 @@ from live_bench import Live
 from registering import ask, eye_image, write_eye, write_grain
 
 from haptigraph.clock import MonotonicClock
-from haptigraph.dashboard.registration.session import Desk, ExistsAlready
+from haptigraph.dashboard.registration.service import ExistsAlready, RegistrationService
 from haptigraph.dashboard.server.controls import Controls
 from haptigraph.dashboard.server.hub import Hub
 from haptigraph.dashboard.server.site import Site
@@ -209,11 +209,11 @@ def test_a_file_is_overwritten_only_on_request(live, found, tmp_path):
 
 def desk_for(source, *, is_local):
     hub = Hub(MonotonicClock())
-    return hub, Desk(Site(hub, Controls(hub, None), source, Path(), is_local))
+    return hub, RegistrationService(Site(hub, Controls(hub, None), source, Path(), is_local))
 
 
-def opened_by(desk, source):
-    return run_apart(desk.open(source, mirrored=True, diameter_mm=24.0))
+def opened_by(service, source):
+    return run_apart(service.open(source, mirrored=True, diameter_mm=24.0))
 
 
 def test_other_machines_read_and_write_in_the_working_folder_only(quick, tmp_path, monkeypatch):
@@ -223,7 +223,7 @@ def test_other_machines_read_and_write_in_the_working_folder_only(quick, tmp_pat
         write_eye(folder, quick)
     (inside / "way").symlink_to(outside)
     monkeypatch.chdir(inside)
-    _, desk = desk_for("phantom:align_then_approach", is_local=False)
+    _, service = desk_for("phantom:align_then_approach", is_local=False)
     for source in (
         str(outside / "eye.png"),
         "../outside/eye.png",
@@ -233,28 +233,28 @@ def test_other_machines_read_and_write_in_the_working_folder_only(quick, tmp_pat
         "~",
     ):
         with pytest.raises(BadInput, match=r"only files in the folder|no such source"):
-            opened_by(desk, source)
-    number = opened_by(desk, "eye.png")
-    assert desk.place("eye.png") == "registration.toml"
-    draft = desk.opened(number).draft
+            opened_by(service, source)
+    number = opened_by(service, "eye.png")
+    assert service.place("eye.png") == "registration.toml"
+    draft = service.opened(number).draft
     for path in (str(outside / "eye.toml"), "../outside/eye.toml", "way/eye.toml"):
         with pytest.raises(BadInput, match="only files in the folder"):
-            desk.save(number, draft, path, picture=False, overwrite=True)
+            service.save(number, draft, path, picture=False, overwrite=True)
         with pytest.raises(BadInput, match="only files in the folder"):
-            desk.load(number, path)
-    assert desk.save(number, draft, "eye.toml", picture=False, overwrite=False) == ["eye.toml"]
+            service.load(number, path)
+    assert service.save(number, draft, "eye.toml", picture=False, overwrite=False) == ["eye.toml"]
     with pytest.raises(ExistsAlready):
-        desk.save(number, draft, "eye.toml", picture=False, overwrite=False)
+        service.save(number, draft, "eye.toml", picture=False, overwrite=False)
     assert [file.name for file in outside.iterdir()] == ["eye.png"]
 
 
 def test_what_is_live_is_taken_from_the_loop(quick, monkeypatch):
-    monkeypatch.setattr("haptigraph.dashboard.registration.session.LOOK_S", 0.3)
-    hub, desk = desk_for("camera:0", is_local=True)
+    monkeypatch.setattr("haptigraph.dashboard.registration.service.LOOK_S", 0.3)
+    hub, service = desk_for("camera:0", is_local=True)
     with pytest.raises(BadInput, match="camera:0: the loop gets no images from it just now"):
-        opened_by(desk, "camera:0")
+        opened_by(service, "camera:0")
     hub.newest_capture = Capture(0, 0, eye_image(quick))
-    opened = desk.opened(opened_by(desk, "camera:0"))
+    opened = service.opened(opened_by(service, "camera:0"))
     assert opened.anatomy is not None
     assert (opened.still == eye_image(quick)).all()
 

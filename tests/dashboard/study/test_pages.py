@@ -95,7 +95,7 @@ def test_a_participant_goes_through_the_whole_study_and_crashes_cost_nothing(fol
         person.click("text=Hand in")
         wait_for_stage(person, "training/0/0/1")
         begin(person)
-        lab.wait_for_selector("#stage:has-text('Training · Sight and touch')")
+        lab.wait_for_selector("#stage:has-text('Training · Detection and touch')")
         person.keyboard.down("ArrowDown")
         until(person, "page.header.hand?.engaged")
         person.keyboard.up("ArrowDown")
@@ -104,7 +104,7 @@ def test_a_participant_goes_through_the_whole_study_and_crashes_cost_nothing(fol
         wait_for_stage(person, "trial/1/1/1")
         assert person.inner_text("#trial-condition") == "condition 1"  # blinded
         begin(person)
-        until(lab, "document.querySelector('#plan .now').textContent.includes('Sight and touch')")
+        until(lab, "document.querySelector('#plan .now').textContent.includes('Detection and touch')")
         until(lab, "page.header?.index > 30")  # the recorder may lag behind the page on a busy machine
         die(station)  # in the middle of a trial, and the browser with it
     leave(lab)
@@ -224,7 +224,7 @@ def test_where_everyone_is_blinded_the_pages_tell_no_condition(folder, source, o
         wait_for_stage(lab, "trial/1/1/1")
         assert lab.inner_text("#stage") == "Trial · condition 1"
         for page in (lab, person):
-            assert "Sight" not in page.inner_text("body")
+            assert "Detection" not in page.inner_text("body")
         for told in ("#state", "#feels", "#amplitude", "#traces", "#overlays", "#procedure"):
             assert lab.is_hidden(told)
         assert lab.is_visible("#view")

@@ -11,10 +11,10 @@ from haptigraph.analysis.metrics.run import RunMeasures
 from haptigraph.assemble import build
 from haptigraph.config import load_config
 from haptigraph.dashboard.server.server import listen
-from haptigraph.dashboard.study.session import StudyDesk
+from haptigraph.dashboard.study.service import StudyService
 from haptigraph.dashboard.study.site import StudySite
 from haptigraph.dashboard.study.trial import FELT_NS, TrialEnd, run_trials
-from haptigraph.dashboard.study.views import told_to_experimenter, told_to_participant
+from haptigraph.dashboard.study.views import experimenter_view, participant_view
 from haptigraph.errors import BadInput, StoreFailed
 from haptigraph.study.plan import Stage
 from haptigraph.study.runner import open_session
@@ -63,20 +63,20 @@ def test_free_training_goes_on_after_a_hit_and_says_that_there_was_one(steps, pr
 
 
 @pytest.fixture
-def desk(tmp_path):
+def service(tmp_path):
     (tmp_path / "study.toml").write_text(PROTOCOL)
     with closing(Store(tmp_path / "study.db")) as store:
-        desk = StudyDesk(tmp_path, study_at(tmp_path, store), "lab 1")
-        desk.open(desk.enrol(None), take_over=False)
-        yield desk
+        service = StudyService(tmp_path, study_at(tmp_path, store), "lab 1")
+        service.open(service.enrol(None), take_over=False)
+        yield service
 
 
-def go_to_the_training(desk):
-    session = desk.session
+def go_to_the_training(service):
+    session = service.session
     while not session.next().stage.is_trial:
         stage = session.next().stage
         if stage.kind == "questionnaire":
-            for item in desk.study.protocol.questionnaire(stage.questionnaire).items:
+            for item in service.study.protocol.questionnaire(stage.questionnaire).items:
                 session.answer(stage.key, item.key, item.choices[0] if item.choices else "30")
         session.done(stage.key)
     return session.next().stage
@@ -86,20 +86,20 @@ class Over(Exception):
     """There is no other trial to wait for."""
 
 
-def run_one(desk, monkeypatch, base, meanwhile=lambda: None):
+def run_one(service, monkeypatch, base, meanwhile=lambda: None):
     """Run the trial that is asked for, here; do something while it runs. What was told of it."""
     told = []
-    wishes = iter([desk.wait()])
+    overrides = iter([service.wait()])
 
     def wait():
-        for wish in wishes:
+        for wish in overrides:
             return wish
         raise Over
 
-    monkeypatch.setattr(desk, "wait", wait)
-    monkeypatch.setattr(desk, "on_change", lambda: meanwhile() if desk.doing == "running" else None)
+    monkeypatch.setattr(service, "wait", wait)
+    monkeypatch.setattr(service, "on_change", lambda: meanwhile() if service.doing == "running" else None)
     with closing(listen("127.0.0.1", 0)) as listener, pytest.raises(Over):
-        run_trials(desk, StudySite(desk, base, listener, host="127.0.0.1", token=""), base, told.append)
+        run_trials(service, StudySite(service, base, listener, host="127.0.0.1", token=""), base, told.append)
     return told
 
 
@@ -107,78 +107,81 @@ def base(quick_uri, *more):
     return load_config(None, (f"source.uri={quick_uri}", "run.realtime=false", *more))
 
 
-def test_what_does_not_open_costs_no_attempt_and_is_told(desk, monkeypatch):
-    stage = go_to_the_training(desk)
-    desk.begin("P01", stage.key)
-    (told,) = run_one(desk, monkeypatch, base("phantom:nowhere"))
+def test_what_does_not_open_costs_no_attempt_and_is_told(service, monkeypatch):
+    stage = go_to_the_training(service)
+    service.begin("P01", stage.key)
+    (told,) = run_one(service, monkeypatch, base("phantom:nowhere"))
     assert "the trial did not begin: unknown scenario 'nowhere'" in told
-    assert (desk.doing, desk.session.next().attempt) == ("", 1)
-    assert "unknown scenario" in told_to_experimenter(desk)["problem"]
-    assert told_to_participant(desk)["trouble"] is True  # but not why
-    assert "nowhere" not in str(told_to_participant(desk))
+    assert (service.doing, service.session.next().attempt) == ("", 1)
+    assert "unknown scenario" in experimenter_view(service)["problem"]
+    assert participant_view(service)["trouble"] is True  # but not why
+    assert "nowhere" not in str(participant_view(service))
 
 
 def test_a_source_that_ends_before_the_trial_does_makes_an_attempt_that_does_not_count(
-    desk, monkeypatch, quick_uri
+    service, monkeypatch, quick_uri
 ):
-    stage = go_to_the_training(desk)
-    desk.begin("P01", stage.key)
-    (told,) = run_one(desk, monkeypatch, base(quick_uri))
+    stage = go_to_the_training(service)
+    service.begin("P01", stage.key)
+    (told,) = run_one(service, monkeypatch, base(quick_uri))
     assert told == "P01  training/0/0/1, attempt 1: the trial was aborted: the source has ended"
-    coming = desk.session.next()
+    coming = service.session.next()
     assert (coming.stage.key, coming.attempt, coming.running) == (stage.key, 2, False)
 
 
-def test_who_is_taken_over_in_the_middle_of_a_trial_keeps_nothing_of_it(desk, monkeypatch, quick_uri):
-    stage = go_to_the_training(desk)
-    desk.begin("P01", stage.key)
+def test_who_is_taken_over_in_the_middle_of_a_trial_keeps_nothing_of_it(service, monkeypatch, quick_uri):
+    stage = go_to_the_training(service)
+    service.begin("P01", stage.key)
     (told,) = run_one(
-        desk, monkeypatch, base(quick_uri), lambda: open_session(desk.study, "P01", "lab 2", take_over=True)
+        service,
+        monkeypatch,
+        base(quick_uri),
+        lambda: open_session(service.study, "P01", "lab 2", take_over=True),
     )
     assert "the trial is not kept: participant P01 is at lab 2 now" in told
-    rows = desk.study.store.rows(TRIALS.select())
+    rows = service.study.store.rows(TRIALS.select())
     assert [(row["attempt"], row["outcome"], row["void"]) for row in rows] == [(1, "aborted", "interrupted")]
-    assert desk.here() is None and desk.doing == ""
+    assert service.here() is None and service.doing == ""
 
 
 @pytest.mark.parametrize(("failures", "told"), [(3, "hit"), (99, "the trial is not kept: the store fails")])
-def test_a_store_that_fails_is_asked_again_for_a_while(desk, monkeypatch, quick_uri, failures, told):
-    stage = go_to_the_training(desk)
+def test_a_store_that_fails_is_asked_again_for_a_while(service, monkeypatch, quick_uri, failures, told):
+    stage = go_to_the_training(service)
     waited = []
     monkeypatch.setattr("haptigraph.dashboard.study.trial.time.sleep", waited.append)
     monkeypatch.setattr("haptigraph.dashboard.study.trial._played", lambda *_: ("hit", ""))
-    end_trial = desk.session.end_trial
+    end_trial = service.session.end_trial
 
     def fails(outcome, void):
         if len(waited) < failures:
             raise StoreFailed("the store does not take it (server closed the connection)", "store")
         end_trial(outcome, void=void)
 
-    monkeypatch.setattr(desk.session, "end_trial", fails)
-    desk.begin("P01", stage.key)
-    (line,) = run_one(desk, monkeypatch, base(quick_uri))
-    assert told in line and desk.doing == ""
-    assert (desk.session.next().running, waited) == (failures == 99, [0, 1, 2, 4, 8][:failures])
+    monkeypatch.setattr(service.session, "end_trial", fails)
+    service.begin("P01", stage.key)
+    (line,) = run_one(service, monkeypatch, base(quick_uri))
+    assert told in line and service.doing == ""
+    assert (service.session.next().running, waited) == (failures == 99, [0, 1, 2, 4, 8][:failures])
 
 
-def test_a_refused_participant_does_not_cost_the_one_who_is_here(desk):
+def test_a_refused_participant_does_not_cost_the_one_who_is_here(service):
     with pytest.raises(BadInput, match="has no participant 'P05'"):
-        desk.open("P05", take_over=False)
-    assert desk.here().participant == "P01"
-    second = desk.enrol(None)
-    desk.open(second, take_over=False)
-    assert desk.here().participant == second
-    assert [each["station"] for each in told_to_experimenter(desk)["participants"]] == ["", "lab 1"]
+        service.open("P05", take_over=False)
+    assert service.here().participant == "P01"
+    second = service.enrol(None)
+    service.open(second, take_over=False)
+    assert service.here().participant == second
+    assert [each["station"] for each in experimenter_view(service)["participants"]] == ["", "lab 1"]
 
 
 @pytest.mark.parametrize("blind", ["nobody", "participant", "everyone"])
-def test_who_is_blinded_is_told_no_condition(desk, blind):
-    go_to_the_training(desk)
-    protocol = replace(desk.study.protocol, study=replace(desk.study.protocol.study, blind=blind))
-    desk.study = replace(desk.study, protocol=protocol)
-    person, lab = told_to_participant(desk), told_to_experimenter(desk)
-    assert ("Sight" in str(person)) is (blind == "nobody")
-    assert ("Sight" in str(lab)) is (blind != "everyone")
+def test_who_is_blinded_is_told_no_condition(service, blind):
+    go_to_the_training(service)
+    protocol = replace(service.study.protocol, study=replace(service.study.protocol.study, blind=blind))
+    service.study = replace(service.study, protocol=protocol)
+    person, lab = participant_view(service), experimenter_view(service)
+    assert ("Detection" in str(person)) is (blind == "nobody")
+    assert ("Detection" in str(lab)) is (blind != "everyone")
     assert lab["shows_all"] is (blind != "everyone")
     assert lab["here"]["is_felt"] is True  # so it is, and so it is said where nobody may know
 
@@ -188,8 +191,8 @@ def test_pages_say_when_a_study_is_simulated(tmp_path):
     with closing(Store(tmp_path / "study.db")) as store:
         study = study_at(tmp_path, store)
         study = type(study)(study.protocol, store, simulated=True)
-        desk = StudyDesk(tmp_path, study, "lab 1")
-        desk.open(desk.enrol(None), take_over=False)
-        assert told_to_experimenter(desk)["simulated"] is told_to_participant(desk)["simulated"] is True
+        service = StudyService(tmp_path, study, "lab 1")
+        service.open(service.enrol(None), take_over=False)
+        assert experimenter_view(service)["simulated"] is participant_view(service)["simulated"] is True
         with pytest.raises(BadInput, match="has simulated participants; people need a study of another name"):
-            StudyDesk(tmp_path, study_at(tmp_path, store), "lab 1").enrol(None)
+            StudyService(tmp_path, study_at(tmp_path, store), "lab 1").enrol(None)

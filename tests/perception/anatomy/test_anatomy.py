@@ -13,7 +13,7 @@ from haptigraph.errors import BadInput
 from haptigraph.geometry import Circle, Polyline, distance_to_polyline
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy.anatomy import find_anatomy
-from haptigraph.perception.anatomy.rcm import Pivot
+from haptigraph.perception.anatomy.rcm import Rcm
 from haptigraph.perception.anatomy.rim import find_rim
 from haptigraph.registration.camera import Registration, load_registration, parse_registration
 from haptigraph.sim.phantom import Phantom
@@ -74,9 +74,9 @@ def test_everything_is_found_on_simulated_scenes(scene):
     assert furthest_px(found.contour_px, truth) < 1.5
     assert found.refined > 80
     used = found.trocars[0]
-    assert used.pivot is not None
+    assert used.rcm is not None
     assert math.dist(used.point_px, truth.image.to_px(truth.trocar.at_mm)) < 1.5
-    assert [trocar.pivot for trocar in found.trocars[1:]] == [None]
+    assert [trocar.rcm for trocar in found.trocars[1:]] == [None]
 
 
 def furthest_px(contour_px: tuple[tuple[float, float], ...], truth: Registration) -> float:
@@ -95,7 +95,7 @@ def test_a_single_image_gives_globe_and_holes():
     found = find_anatomy([still_scene("dark")])
     assert math.dist(found.center_px, (320, 200)) < 1.0
     assert found.radius_px == pytest.approx(120, abs=1.0)
-    assert all(trocar.pivot is None for trocar in found.trocars)
+    assert all(trocar.rcm is None for trocar in found.trocars)
     assert sorted(round(trocar.angle_deg) for trocar in found.trocars) == pytest.approx([-36, 36], abs=1)
 
 
@@ -106,7 +106,7 @@ def test_a_rod_that_passes_sideways_is_no_needle_that_pivots(step_px):
         x = 290 + step_px * number
         cv2.line(image, (x, 60), (x, 260), (30, 30, 30), 7, cv2.LINE_AA)
     found = find_anatomy(images)
-    assert {trocar.pivot for trocar in found.trocars} == {None}
+    assert {trocar.rcm for trocar in found.trocars} == {None}
 
 
 @pytest.mark.parametrize("name", ["black_round", "dark_bowl_long", "orange_bowl", "second_instrument"])
@@ -114,14 +114,14 @@ def test_a_rendered_needle_pivots_where_it_does_among_vessels_and_highlights(nam
     folder = RENDERINGS / name
     truth = load_registration(folder / "registration.toml")
     found = find_anatomy(list(all_images(str(folder / "clip.mp4"))))
-    pivot = found.trocars[0].pivot
-    assert pivot is not None
-    assert math.dist(pivot.point_px, truth.image.to_px(truth.trocar.at_mm)) < 0.8
+    rcm = found.trocars[0].rcm
+    assert rcm is not None
+    assert math.dist(rcm.point_px, truth.image.to_px(truth.trocar.at_mm)) < 0.8
     assert found.radius_px == pytest.approx(truth.globe.radius_mm / truth.image.mm_per_px, abs=0.6)
 
 
 def test_of_two_measurements_of_a_pivot_the_surer_counts_more():
-    sure, vague = Pivot((100.0, 50.0), 9, 0.1, 0.5), Pivot((105.0, 40.0), 8, 0.4, 2.0)
+    sure, vague = Rcm((100.0, 50.0), 9, 0.1, 0.5), Rcm((105.0, 40.0), 8, 0.4, 2.0)
     for both in (vague.and_again(sure), sure.and_again(vague)):
         assert both.point_px == pytest.approx((100 + 5 / 17, 50 - 10 / 17))
         assert (both.lines, both.radial_sd_px) == (9, 0.5)

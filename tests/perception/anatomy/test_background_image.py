@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from haptigraph.perception.anatomy.background_image import find_empty_eye
+from haptigraph.perception.anatomy.background_image import find_background_image
 from haptigraph.perception.anatomy.moving_shaft import still_picture
 from haptigraph.perception.needle.rectify import Line, Site
-from haptigraph.registration.slant import Slant
+from haptigraph.registration.tilt import Slant
 
 TURNS_DEG = -14, -10, -6, -2, 2, 6, 10, 14
 
@@ -44,7 +44,7 @@ def test_a_needle_that_turns_shows_the_whole_eye(registration, empty, is_grey):
     if is_grey:
         images = [cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in images]
         empty = np.repeat(cv2.cvtColor(empty, cv2.COLOR_BGR2GRAY)[..., None], 3, axis=2)
-    found = find_empty_eye(images, still_picture(images), registration)
+    found = find_background_image(images, still_picture(images), registration)
     assert np.abs(found.image.astype(int) - empty)[found.is_known].max() <= 5
     x, y = site.center_px
     assert found.is_known[round(y) - 30 : round(y) + 60, round(x) - 60 : round(x) + 60].all()
@@ -55,7 +55,7 @@ def test_a_needle_that_turns_shows_the_whole_eye(registration, empty, is_grey):
 def test_what_a_needle_always_hides_stays_unknown(registration, empty):
     site = Site(registration)
     images = noisy([with_needle(site, empty, 3.0, depth_px) for depth_px in (60, 80, 100, 100, 80, 60)])
-    found = find_empty_eye(images, still_picture(images), registration)
+    found = find_background_image(images, still_picture(images), registration)
     line = Line(site.inwards_rad + math.radians(3), 0.0)
     hidden, seen = (
         tuple(round(value) for value in line.at_px(site.trocar_px, along_px)) for along_px in (40.0, 130.0)
@@ -66,22 +66,22 @@ def test_what_a_needle_always_hides_stays_unknown(registration, empty):
 def test_without_a_needle_that_is_seen_nothing_is_known_of_what_it_hides(registration, empty):
     site = Site(registration)
     for images in ([empty], noisy([empty] * 8), [with_needle(site, empty, 5.0)]):
-        assert find_empty_eye(images, still_picture(images), registration) is None
+        assert find_background_image(images, still_picture(images), registration) is None
 
 
 def test_with_a_slant_the_picture_is_as_the_camera_takes_it(registration, empty):
     site = Site(registration)
     middle_px = (site.width_px - 1) / 2, (site.height_px - 1) / 2
-    slant = Slant(middle_px, (math.radians(8), 0.0), 900.0, middle_px)
+    tilt = Slant(middle_px, (math.radians(8), 0.0), 900.0, middle_px)
     taken = [
         cv2.warpPerspective(
-            with_needle(site, empty, turn_deg), slant.image_from_straight.matrix, empty.shape[1::-1]
+            with_needle(site, empty, turn_deg), tilt.image_from_frontal.matrix, empty.shape[1::-1]
         )
         for turn_deg in TURNS_DEG
     ]
-    image = replace(registration.image, straight_from_image=slant.straight_from_image)
-    found = find_empty_eye(taken, still_picture(taken), replace(registration, image=image))
-    as_taken = cv2.warpPerspective(empty, slant.image_from_straight.matrix, empty.shape[1::-1])
+    image = replace(registration.image, frontal_from_image=tilt.frontal_from_image)
+    found = find_background_image(taken, still_picture(taken), replace(registration, image=image))
+    as_taken = cv2.warpPerspective(empty, tilt.image_from_frontal.matrix, empty.shape[1::-1])
     inside = np.s_[80:180, 100:220]
     assert found.is_known[inside].mean() > 0.95
     assert np.abs(found.image.astype(int) - as_taken)[inside][found.is_known[inside]].max() <= 5

@@ -28,16 +28,16 @@ def seen(quick: str, tilt_deg: tuple[float, float], distance_mm: float):
     [((6.0, 0.0), 60.0), ((-4.0, 9.0), 150.0), ((0.0, -15.0), 300.0), ((10.0, 10.0), 2000.0)],
 )
 def test_tilt_and_centre_are_found(quick, tilt_deg, distance_mm):
-    slant, truth = seen(quick, tilt_deg, distance_mm)
-    assert [math.degrees(part) for part in slant.tilt_rad] == pytest.approx(tilt_deg, abs=0.4)
-    assert math.dist(slant.about_px, truth.to_px((0.0, 0.0))) < 0.8
+    tilt, truth = seen(quick, tilt_deg, distance_mm)
+    assert [math.degrees(part) for part in tilt.tilt_rad] == pytest.approx(tilt_deg, abs=0.4)
+    assert math.dist(tilt.about_px, truth.to_px((0.0, 0.0))) < 0.8
     # Every place of the section comes out where it is, whatever distance was found.
     for angle in range(0, 360, 15):
         place = 12 * math.cos(math.radians(angle)), 12 * math.sin(math.radians(angle))
-        straight = slant.straight_from_image(truth.to_px(place))
-        assert math.dist(straight, slant.about_px) == pytest.approx(12 * 16.0, abs=1.0)
+        frontal = tilt.frontal_from_image(truth.to_px(place))
+        assert math.dist(frontal, tilt.about_px) == pytest.approx(12 * 16.0, abs=1.0)
 
 
 def test_a_straight_view_has_none(quick):
-    slant, _ = seen(quick, (0.0, 0.0), 60.0)
-    assert slant is None
+    tilt, _ = seen(quick, (0.0, 0.0), 60.0)
+    assert tilt is None

@@ -7,7 +7,7 @@ from helpers import draw_rod
 from paths import RENDERINGS
 
 from haptigraph.analysis.registering.registering import all_images
-from haptigraph.perception.anatomy.moving_shaft import find_pivots, still_picture
+from haptigraph.perception.anatomy.moving_shaft import find_rcms, still_picture
 from haptigraph.perception.anatomy.rim import find_rim
 from haptigraph.registration.camera import load_registration
 
@@ -22,13 +22,13 @@ def images():
 
 def pivots_of(images):
     still = still_picture(images)
-    return find_pivots(images, still, find_rim(still))
+    return find_rcms(images, still, find_rim(still))
 
 
 def off_px(images):
     """How far from the truth the needle's pivot is found."""
-    (pivot,) = pivots_of(images)
-    return math.dist(pivot.point_px, TRUTH.image.to_px(TRUTH.trocar.at_mm))
+    (rcm,) = pivots_of(images)
+    return math.dist(rcm.point_px, TRUTH.image.to_px(TRUTH.trocar.at_mm))
 
 
 def lit(image, light):
@@ -69,6 +69,6 @@ def test_two_things_that_turn_may_both_be_the_needle(images):
     for number, image in enumerate(images):
         both.append(image.copy())
         draw_rod(both[-1], other, math.radians(20 + 12 * math.sin(number / 5)), (-250, 150), 9)
-    one, another = sorted(pivots_of(both), key=lambda pivot: pivot.point_px)
+    one, another = sorted(pivots_of(both), key=lambda rcm: rcm.point_px)
     assert math.dist(one.point_px, other) < 3
     assert math.dist(another.point_px, TRUTH.image.to_px(TRUTH.trocar.at_mm)) < 3

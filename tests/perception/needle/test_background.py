@@ -8,9 +8,9 @@ from haptigraph.geometry import norm, subtract
 from haptigraph.imaging import grey_of
 from haptigraph.messages import Capture
 from haptigraph.perception.needle.background import Background
-from haptigraph.perception.needle.rectify import UNSEEN, Line, Site, stations
+from haptigraph.perception.needle.rectify import UNOBSERVED, Line, Site, stations
 from haptigraph.perception.needle.tracker import Tracker
-from haptigraph.registration.background import EmptyEye
+from haptigraph.registration.background import BackgroundImage
 
 GREY_GROUND, ORANGE_GROUND = (150, 150, 150), (69, 101, 148)
 SHADED_METAL = 111  # as bright as that orange is
@@ -37,14 +37,14 @@ def test_the_background_is_learned_beside_the_needle_and_under_it_when_it_has_go
     x, y = (round(value) for value in line.at_px(site.trocar_px, 40.0))
     ends = line.at_px(site.trocar_px, -200.0), line.at_px(site.trocar_px, 103.0)
     background.learn(eye(site, GREY_GROUND, DEPTH_PX, noise=0), ends, 20)
-    assert background.grey[y, x] == UNSEEN
+    assert background.grey[y, x] == UNOBSERVED
     assert background.grey[y, x + 40] == GREY_GROUND[0]
     for _ in range(16):
         background.learn(eye(site, GREY_GROUND, noise=0), None, 20)
     assert background.grey[y, x] == GREY_GROUND[0]
     assert (background.grey[site.box] >= 0).all()
     background.reset()
-    assert (background.grey == UNSEEN).all()
+    assert (background.grey == UNOBSERVED).all()
 
 
 def test_colour_counts_as_far_as_the_ground_is_short_of_blue(site):
@@ -111,10 +111,10 @@ def test_light_is_told_by_what_is_brightest_and_not_in_the_dark(site):
     assert light(0.1) == light(0.0) == 1
 
 
-def registered(image, hidden=slice(0, 0)) -> EmptyEye:
+def registered(image, hidden=slice(0, 0)) -> BackgroundImage:
     is_known = np.ones(image.shape[:2], bool)
     is_known[hidden] = False
-    return EmptyEye(image, is_known)
+    return BackgroundImage(image, is_known)
 
 
 def with_vessels(site, image):
@@ -144,10 +144,10 @@ def test_what_a_needle_hides_from_the_first_image_on_is_as_it_was_registered(sit
         background.learn(now, None, 20)
     assert background.grey[y, x] == now[y, x, 0]
     background.reset()
-    assert (background.grey == UNSEEN).all()
+    assert (background.grey == UNOBSERVED).all()
     background.look(now)
     assert background.grey[y, x] == pytest.approx(light * GREY_GROUND[0], rel=0.01)
-    assert background.grey[0, 0] == UNSEEN
+    assert background.grey[0, 0] == UNOBSERVED
 
 
 @pytest.mark.parametrize("change", ["moved", "lit from the side", "another size of eye"])
@@ -161,7 +161,7 @@ def test_an_eye_that_looks_different_by_now_is_not_remembered(site, change):
     }[change]
     background = Background(site, registered(before))
     background.look(np.clip(now, 0, 255).astype(np.uint8))
-    assert (background.grey == UNSEEN).all()
+    assert (background.grey == UNOBSERVED).all()
 
 
 def test_a_run_may_begin_with_the_needle_in_an_eye_that_was_registered_empty(site, registration):
@@ -170,7 +170,7 @@ def test_a_run_may_begin_with_the_needle_in_an_eye_that_was_registered_empty(sit
     image = np.where(seen < 140, seen, with_vessels(site, seen))
     true_px = Line(site.inwards_rad, 0.0).at_px(site.trocar_px, DEPTH_PX)
 
-    def miss_px(empty: EmptyEye | None) -> float:
+    def miss_px(empty: BackgroundImage | None) -> float:
         perceive = Tracker(replace(registration, empty=empty), PerceptionConfig())
         tip = perceive(Capture(0, 0, image)).found["needle_tip"]
         return norm(subtract(registration.image.to_px(tip.at_mm), true_px))

@@ -44,8 +44,8 @@ def test_knowing_the_pivot_sharpens_the_angle_of_a_short_shaft():
     knowing.lose()
     for pose in (fresh, knowing):
         pose.update(Line(1.5, 0.0), SHALLOW, 120.0, 0.1, is_pivoting=True)
-    assert knowing.angle_deviation_rad < 0.8 * math.sqrt(SHALLOW[2])
-    assert knowing.angle_deviation_rad < fresh.angle_deviation_rad
+    assert knowing.angle_sd_rad < 0.8 * math.sqrt(SHALLOW[2])
+    assert knowing.angle_sd_rad < fresh.angle_sd_rad
 
 
 def test_losing_the_needle_keeps_the_pivot_and_reset_forgets_it():
@@ -68,7 +68,7 @@ def test_a_needle_outside_need_not_pass_the_trocar():
 def test_uncertainty_grows_while_nothing_is_seen():
     pose = PoseFilter(20.0)
     held(pose, SHARP, 10)
-    before = pose.angle_deviation_rad, pose.tip_deviation_px()
+    before = pose.angle_sd_rad, pose.tip_sd_px()
     pose.predict(0.1)
-    assert pose.angle_deviation_rad > before[0]
-    assert pose.tip_deviation_px() > before[1]
+    assert pose.angle_sd_rad > before[0]
+    assert pose.tip_sd_px() > before[1]

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from msgspec.structs import replace
 
-from haptigraph.perception.needle.coarse_tip import find_reach
-from haptigraph.perception.needle.rectify import STATION_PX, UNSEEN, Line, lay_straight
-from haptigraph.perception.needle.shaft_line import Look, fit_line
+from haptigraph.perception.needle.coarse_tip import estimate_coarse_tip
+from haptigraph.perception.needle.rectify import STATION_PX, UNOBSERVED, Line, rectify
+from haptigraph.perception.needle.shaft_line import Appearance, fit_line
 from haptigraph.perception.needle.subpixel_tip import refine_tip
 
 
@@ -35,7 +35,7 @@ def test_nothing_is_left_of_an_empty_eye_in_other_light(site, turn_rad, share):
 
 def test_where_the_empty_eye_is_not_known_what_is_seen_stays(site):
     ground = slope_of_grey(site, 90).astype(np.float32)
-    ground[:, : site.width_px // 2] = UNSEEN
+    ground[:, : site.width_px // 2] = UNOBSERVED
     image = np.full(ground.shape, 100, np.uint8)
     line = Line(site.inwards_rad, 0.0)
     strip = strip_of(site, image, ground, line)
@@ -46,7 +46,7 @@ def test_beyond_its_border_an_image_goes_on(site):
     line = Line(site.inwards_rad, 0.0)
     far_px = np.arange(3000, 3100, STATION_PX, dtype=np.float32)
     image = np.random.default_rng(0).integers(0, 255, (site.height_px, site.width_px, 3), np.uint8)
-    (strip,) = lay_straight(site, image, np.full(image.shape[:2], UNSEEN, np.float32), line, far_px)
+    (strip,) = rectify(site, image, np.full(image.shape[:2], UNOBSERVED, np.float32), line, far_px)
     assert np.ptp(strip.beside, axis=1).max() < 1e-3
 
 
@@ -56,7 +56,7 @@ def test_grey_with_chroma_is_brighter_where_it_is_bluer_within_the_globe_alone(s
     (x, y), (dx, dy) = site.trocar_px, line.direction
     rows, columns = np.mgrid[: site.height_px, : site.width_px]
     image[np.abs((columns - x) * dy - (rows - y) * dx) < 3] = 120, 100, 80
-    unknown = np.full(image.shape[:2], UNSEEN, np.float32)
+    unknown = np.full(image.shape[:2], UNOBSERVED, np.float32)
     strip = strip_of(site, image, unknown, line, chroma_share=0.4)
     middle = strip.beside[site.half_px]
     assert middle[strip.inside] == pytest.approx(12.3, abs=0.6)
@@ -87,12 +87,12 @@ def test_a_strip_whose_parts_do_not_fit_is_refused(change, told):
 def test_whatever_a_strip_shows_what_is_told_of_it_can_be(excess, one, other, about_px):
     before, inside = slice(0, min(one, other)), slice(min(one, other), max(one, other))
     strip = replace(drawn_strip(np.zeros((33, 170))), excess=excess, before=before, inside=inside)
-    reach = find_reach(strip, 20.0, None)
+    reach = estimate_coarse_tip(strip, 20.0, None)
     assert reach is None or strip.u_px[0] <= reach.tip_px <= strip.u_px[-1]
-    fit = fit_line(strip, about_px, 16.0, Look(highlight=(0.1, 0.2), shaded_px=(None, 0.1)))
+    fit = fit_line(strip, about_px, 16.0, Appearance(highlight=(0.1, 0.2), shaded_px=(None, 0.1)))
     if fit is not None:
         assert math.isfinite(fit.offset_px + fit.slope + sum(fit.covariance) + fit.width_px + fit.blur_px)
         assert 0 < fit.confidence <= 1
         assert len(fit.u_px) == len(fit.is_on_line) == len(fit.is_steep)
     tip = reach and refine_tip(strip, reach, about_px)
-    assert tip is None or math.isfinite(tip.tip_px + tip.deviation_px + tip.contrast_grey)
+    assert tip is None or math.isfinite(tip.tip_px + tip.sd_px + tip.contrast_grey)

@@ -10,11 +10,11 @@ from msgspec.structs import replace
 from haptigraph.config import PerceptionConfig
 from haptigraph.geometry import ImageGeometry
 from haptigraph.messages import Capture
-from haptigraph.perception.needle.coarse_tip import find_reach
-from haptigraph.perception.needle.rectify import STATION_PX, UNSEEN, Line, Site, lay_straight, stations
-from haptigraph.perception.needle.search import Fan
-from haptigraph.perception.needle.shaft_line import Look, fit_line
-from haptigraph.perception.needle.subpixel_tip import closeup_px, refine_tip
+from haptigraph.perception.needle.coarse_tip import estimate_coarse_tip
+from haptigraph.perception.needle.rectify import STATION_PX, UNOBSERVED, Line, Site, rectify, stations
+from haptigraph.perception.needle.search import PolarSearch
+from haptigraph.perception.needle.shaft_line import Appearance, fit_line
+from haptigraph.perception.needle.subpixel_tip import refine_tip, tip_patch_px
 from haptigraph.perception.needle.tracker import BESIDE_MM, Tracker
 from haptigraph.registration.camera import Registration, parse_registration
 from haptigraph.sim.eye.eye import Eye, EyeShape, registration_text
@@ -43,7 +43,7 @@ def draw(site: Site, line: Line, depth_px: float, *, metal: int = METAL, noise: 
 
 @pytest.fixture
 def unknown(site) -> np.ndarray:
-    return np.full((site.height_px, site.width_px), UNSEEN, np.float32)
+    return np.full((site.height_px, site.width_px), UNOBSERVED, np.float32)
 
 
 @pytest.mark.parametrize("metal", [METAL, 230])
@@ -53,14 +53,14 @@ def test_line_and_tip_of_a_plain_needle_are_found_sub_pixel(site, unknown, metal
     image = draw(site, true, 100.0, metal=metal)
     expected = Line(true.angle_rad - math.radians(turn_deg) / 2, 0.0)
     strip = strip_of(site, image, unknown, expected)
-    reach = find_reach(strip, site.px_per_mm, None)
+    reach = estimate_coarse_tip(strip, site.px_per_mm, None)
     fit = fit_line(strip, reach.tip_px, strip.half_px)
     assert expected.angle_rad + math.atan(fit.slope) == pytest.approx(true.angle_rad, abs=math.radians(0.2))
     assert expected.offset_px + fit.offset_px == pytest.approx(true.offset_px, abs=0.3)
     assert fit.confidence > 0.8
     found = Line(expected.angle_rad + math.atan(fit.slope), expected.offset_px + fit.offset_px)
     about_px = min(fit.end_px(0.0), reach.tip_px)
-    (near,) = lay_straight(site, image, unknown, found, closeup_px(about_px))
+    (near,) = rectify(site, image, unknown, found, tip_patch_px(about_px))
     tip = refine_tip(near, reach, about_px)
     assert (tip.where, tip.tip_px) == ("inside", pytest.approx(100.0, abs=1.0))
 
@@ -69,10 +69,10 @@ def test_line_and_tip_of_a_plain_needle_are_found_sub_pixel(site, unknown, metal
 def test_a_tip_is_found_beside_the_middle_of_a_close_up(site, unknown, aside_px):
     true = Line(site.inwards_rad + 0.1, aside_px)
     image = draw(site, true, 100.0)
-    wide, near = lay_straight(
-        site, image, unknown, Line(true.angle_rad, 0.0), stations(site, true), closeup_px(98.0, 6)
+    wide, near = rectify(
+        site, image, unknown, Line(true.angle_rad, 0.0), stations(site, true), tip_patch_px(98.0, 6)
     )
-    reach = find_reach(wide, site.px_per_mm, None)
+    reach = estimate_coarse_tip(wide, site.px_per_mm, None)
     tip = refine_tip(near, reach, 98.0, aside_px)
     assert (tip.where, tip.tip_px) == ("inside", pytest.approx(100.0, abs=1.0))
 
@@ -82,8 +82,8 @@ def test_a_tip_is_seen_up_to_the_far_wall(site, unknown):
     far_px = site.wall_px(true)[2]
     for beyond_px in (-3.0, -1.0, 0.0):
         image = draw(site, true, far_px + beyond_px)
-        wide, near = lay_straight(site, image, unknown, true, stations(site, true), closeup_px(far_px))
-        tip = refine_tip(near, find_reach(wide, site.px_per_mm, None), far_px)
+        wide, near = rectify(site, image, unknown, true, stations(site, true), tip_patch_px(far_px))
+        tip = refine_tip(near, estimate_coarse_tip(wide, site.px_per_mm, None), far_px)
         assert tip.tip_px == pytest.approx(far_px + beyond_px, abs=0.8)
 
 
@@ -96,10 +96,10 @@ def test_a_bubble_beside_the_tip_does_not_make_it_longer(site, side):
     x, y = true.at_px(site.trocar_px, 108.0)
     aside_px = side * (site.half_px + 2)
     cv2.circle(image, (round(x + aside_px * nx), round(y + aside_px * ny)), 7, 255, cv2.FILLED)
-    strip, near = lay_straight(
-        site, image, empty.astype(np.float32), true, stations(site, true), closeup_px(100.0)
+    strip, near = rectify(
+        site, image, empty.astype(np.float32), true, stations(site, true), tip_patch_px(100.0)
     )
-    reach = find_reach(strip, site.px_per_mm, None)
+    reach = estimate_coarse_tip(strip, site.px_per_mm, None)
     assert reach.tip_px == pytest.approx(100.0, abs=2 * STATION_PX)
     assert refine_tip(near, reach, 100.0).tip_px == pytest.approx(100.0, abs=1.0)
 
@@ -107,21 +107,21 @@ def test_a_bubble_beside_the_tip_does_not_make_it_longer(site, side):
 def test_plain_ground_shows_no_needle(site, unknown):
     image = draw(site, Line(site.inwards_rad, 0.0), -900.0)
     strip = strip_of(site, image, unknown, Line(site.inwards_rad, 0.0))
-    assert find_reach(strip, site.px_per_mm, None) is None
+    assert estimate_coarse_tip(strip, site.px_per_mm, None) is None
     assert fit_line(strip, 150.0, strip.half_px) is None
-    assert Fan(site).search(image) == []
+    assert PolarSearch(site).search(image) == []
 
 
 @pytest.mark.parametrize("turn_deg", [-30.0, -4.0, 11.0, 35.0])
 def test_the_fan_finds_the_angle_of_a_needle(site, turn_deg):
     true = Line(site.inwards_rad + math.radians(turn_deg), 0.0)
-    found = Fan(site).search(draw(site, true, 90.0))
+    found = PolarSearch(site).search(draw(site, true, 90.0))
     assert math.degrees(found[0].angle_rad - true.angle_rad) == pytest.approx(0, abs=1.5)
 
 
 def test_the_fan_takes_colour_as_grey_and_no_other_size(site):
     image = draw(site, Line(site.inwards_rad + 0.1, 0.0), 90.0)
-    fan = Fan(site)
+    fan = PolarSearch(site)
     found = fan.search(image)
     assert fan.search(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)) == found != []
     with pytest.raises(ValueError, match="expected an image of"):
@@ -133,8 +133,8 @@ def test_the_fan_sees_what_is_bluer_within_the_globe_alone(site):
     bluer = (GROUND - drawn) // 4
     image = np.dstack([GROUND + bluer, np.full_like(drawn, GROUND), GROUND - bluer]).clip(0, 255)
     image = image.astype(np.uint8)
-    assert Fan(site).search(image) == []
-    assert Fan(site).search(image, chroma_share=0.4)[0].angle_rad == pytest.approx(
+    assert PolarSearch(site).search(image) == []
+    assert PolarSearch(site).search(image, chroma_share=0.4)[0].angle_rad == pytest.approx(
         site.inwards_rad + 0.1, abs=math.radians(1)
     )
 
@@ -151,7 +151,7 @@ def large() -> Registration:
 def test_the_fan_finds_a_needle_that_points_beside_its_trocar(large, turn_deg, beside_mm):
     site = Site(large)
     true = Line(site.inwards_rad + math.radians(turn_deg), beside_mm * site.px_per_mm)
-    fan = Fan(site, BESIDE_MM, until_mm=0.0)
+    fan = PolarSearch(site, BESIDE_MM, until_mm=0.0)
     found = fan.search(draw(site, true, -3.5 * site.px_per_mm))[0]
     assert math.degrees(found.angle_rad - true.angle_rad) == pytest.approx(0, abs=3)
     assert found.offset_px == pytest.approx(true.offset_px, abs=0.5 * site.px_per_mm)
@@ -172,7 +172,7 @@ def test_what_was_always_there_is_no_needle(site):
     stain = draw(site, line, 100.0)
     strip = strip_of(site, stain, stain.astype(np.float32), line)
     assert strip.is_known.all()
-    assert find_reach(strip, site.px_per_mm, None) is None
+    assert estimate_coarse_tip(strip, site.px_per_mm, None) is None
 
 
 def test_a_brighter_light_is_no_needle(site):
@@ -186,7 +186,7 @@ def test_a_line_that_misses_the_globe_has_no_strip(site, unknown):
     image = draw(site, Line(site.inwards_rad, 0.0), -900.0)
     aside = Line(site.inwards_rad + math.pi / 2, 0.0)
     assert stations(site, aside) is None
-    assert lay_straight(site, image, unknown, aside, closeup_px(50.0)) is None
+    assert rectify(site, image, unknown, aside, tip_patch_px(50.0)) is None
 
 
 def shaded_shaft(side, shade_grey):
@@ -227,7 +227,7 @@ def test_the_axis_is_nearer_to_the_edge_that_fades_into_the_shade(side, aside_de
 def test_which_edge_fades_is_told_from_many_images():
     seen = matt_shaft(1, 30)
     _, at_first_px = fit_line(seen, END_PX, seen.half_px).look.shaded_px
-    _, then_px = fit_line(seen, END_PX, seen.half_px, Look(shaded_px=(None, 0.0))).look.shaded_px
+    _, then_px = fit_line(seen, END_PX, seen.half_px, Appearance(shaded_px=(None, 0.0))).look.shaded_px
     assert at_first_px < -0.2
     assert then_px == pytest.approx(0.1 * at_first_px)
 
@@ -235,7 +235,7 @@ def test_which_edge_fades_is_told_from_many_images():
 def test_a_side_that_is_not_seen_keeps_what_was_told_of_its_shade():
     seen = matt_shaft(1, 30)
     inside = replace(seen, before=slice(0, 0))
-    assert fit_line(inside, END_PX, seen.half_px, Look(shaded_px=(0.3, 0.0))).look.shaded_px[0] == 0.3
+    assert fit_line(inside, END_PX, seen.half_px, Appearance(shaded_px=(0.3, 0.0))).look.shaded_px[0] == 0.3
 
 
 @pytest.mark.parametrize("side", [-1, 1])
@@ -265,7 +265,7 @@ def test_a_vessel_along_a_shaft_is_not_taken_for_it(side, from_px, grey):
 @pytest.mark.parametrize(("images", "width_px"), [(0, 10), (7, 10), (9, 5), (15, 5), (16, 10)])
 def test_feet_are_tried_in_the_first_images_and_seldom_once_they_were_no_better(images, width_px):
     seen = shaded_shaft(1, 40.0)
-    fit = fit_line(seen, END_PX, seen.half_px, Look(images=images))
+    fit = fit_line(seen, END_PX, seen.half_px, Appearance(images=images))
     assert fit.width_px == pytest.approx(width_px, abs=2)
     assert fit.look.images == (0 if width_px == 10 else images + 1)
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from drawn_strip import END_PX, LANES, SHADOW, U_PX, blurred, needle, seen_blur_px, strip
 
-from haptigraph.perception.needle.coarse_tip import Reach
+from haptigraph.perception.needle.coarse_tip import TipEstimate
 from haptigraph.perception.needle.rectify import STATION_PX
 from haptigraph.perception.needle.subpixel_tip import refine_tip
 
@@ -20,7 +20,7 @@ def test_a_thin_point_ends_where_it_ends_whatever_shines_on_its_middle(blur_px, 
     u_px = np.arange(80, 160, dtype=np.float32)
     closeup = strip(blurred(thin_point(u_px, 120.3, shine_grey), blur_px), u_px)
     shaft_blur_px = seen_blur_px(blurred(thin_point(U_PX, END_PX, shine_grey), blur_px, STATION_PX))
-    seen = refine_tip(closeup, Reach("inside", 122.0, 100.0), 122.0, blur_px=shaft_blur_px)
+    seen = refine_tip(closeup, TipEstimate("inside", 122.0, 100.0), 122.0, blur_px=shaft_blur_px)
     assert seen is not None
     assert seen.tip_px == pytest.approx(120.3, abs=0.6)
 
@@ -39,7 +39,7 @@ def cone(taper_px, grey, share=1.0):
 @pytest.mark.parametrize("share", [0.3, 0.5, 1.0])
 def test_a_point_that_gets_thin_and_dim_is_followed_to_its_end(taper_px, grey, share):
     point, u_px = cone(taper_px, grey, share)
-    seen = refine_tip(strip(point, u_px), Reach("inside", 118.0, 100.0), 118.0)
+    seen = refine_tip(strip(point, u_px), TipEstimate("inside", 118.0, 100.0), 118.0)
     assert seen.tip_px == pytest.approx(120.3, abs=1.4)
 
 
@@ -51,7 +51,7 @@ def test_a_blunt_end_does_not_move_when_it_goes_out_of_focus(grey):
     for blur_px in (0.8, 1.6, 2.4):
         shaft_blur_px = seen_blur_px(blurred(needle(3.0, grey=grey), blur_px, STATION_PX))
         closeup = strip(blurred(end, blur_px), u_px)
-        seen = refine_tip(closeup, Reach("inside", 122.0, 100.0), 122.0, blur_px=shaft_blur_px)
+        seen = refine_tip(closeup, TipEstimate("inside", 122.0, 100.0), 122.0, blur_px=shaft_blur_px)
         assert seen is not None
         places_px.append(seen.tip_px)
     assert max(places_px) - min(places_px) < 0.3
@@ -67,7 +67,7 @@ def with_faint_end(grey, length_px, faint):
 @pytest.mark.parametrize("grey", [-80.0, 80.0])
 @pytest.mark.parametrize("length_px", [4.0, 5.0, 6.0])
 def test_the_last_part_of_a_point_is_seen_though_it_is_faint_but_no_shadow_beyond_it(grey, length_px):
-    reach = Reach("inside", 118.0, 100.0)
+    reach = TipEstimate("inside", 118.0, 100.0)
     one_px_wide = 0.6 * np.clip(1.0 - abs(LANES), 0, 1)
     seen = refine_tip(with_faint_end(grey, length_px, one_px_wide), reach, 118.0)
     assert seen.tip_px == pytest.approx(120.3, abs=1.0)
@@ -81,5 +81,5 @@ def test_what_is_seen_beyond_a_gap_is_no_part_of_the_point(grey):
     u_px = np.arange(80, 160, dtype=np.float32)
     covered = np.clip(120.8 - u_px, 0, 1) + 0.25 * ((u_px > 123) & (u_px < 126))
     closeup = strip(blurred(grey * np.clip(2.0 - abs(LANES), 0, 1) * covered, 0.8), u_px)
-    seen = refine_tip(closeup, Reach("inside", 120.0, 100.0), 120.0)
+    seen = refine_tip(closeup, TipEstimate("inside", 120.0, 100.0), 120.0)
     assert seen.tip_px == pytest.approx(120.3, abs=0.6)

@@ -4,10 +4,10 @@ import pytest
 
 from haptigraph.perception.needle.background import Background
 from haptigraph.perception.needle.bevel import Bevel
-from haptigraph.perception.needle.coarse_tip import Reach, find_reach
+from haptigraph.perception.needle.coarse_tip import TipEstimate, estimate_coarse_tip
 from haptigraph.perception.needle.rectify import Line, Site, stations
 from haptigraph.perception.needle.shaft_line import fit_line
-from haptigraph.perception.needle.tip_selection import EndFinder, Glimpse, Sight
+from haptigraph.perception.needle.tip_selection import Candidate, Detection, TipSelector
 
 GROUND, METAL, END_PX = 150.0, 80.0, 100.0
 FADES_PX, FAINTEST = 25.0, 0.15  # length of a point's last part; share of its contrast left at the end
@@ -24,15 +24,15 @@ def fading_needle(site: Site, line: Line, fades_px: float = FADES_PX) -> np.ndar
     return np.clip(image + np.random.default_rng(1).normal(0, 1.0, image.shape), 0, 255).astype(np.uint8)
 
 
-def end_of(site: Site, line: Line, image: np.ndarray, expected_px: float) -> tuple[Reach, Reach]:
+def end_of(site: Site, line: Line, image: np.ndarray, expected_px: float) -> tuple[TipEstimate, TipEstimate]:
     """How far the needle reaches on known ground, roughly and closely."""
     background = Background(site)
     background.learn(np.full((site.height_px, site.width_px), round(GROUND), np.uint8), None, 20)
     (strip,) = background.strips(image, line, stations(site, line))
-    reach = find_reach(strip, site.px_per_mm, None)
+    reach = estimate_coarse_tip(strip, site.px_per_mm, None)
     fit = fit_line(strip, reach.tip_px, strip.half_px)
-    sight = Sight(Glimpse(line, strip, None, reach), line, fit, reach)
-    return reach, EndFinder(site, background, Bevel())(image, sight, expected_px)
+    sight = Detection(Candidate(line, strip, None, reach), line, fit, reach)
+    return reach, TipSelector(site, background, Bevel())(image, sight, expected_px)
 
 
 @pytest.mark.parametrize("short_px", [0.0, 8.0, 12.0, 16.0])

@@ -112,7 +112,7 @@ def test_certainty_is_about_as_large_as_the_error(bench):
     for number, depth_mm in enumerate(np.linspace(3, 20, 40)):
         observation = bench.observe(bench.image(float(depth_mm), 2.0, number), number)
         errors.append(turn_deg(bench, observation))
-        deviations.append(observation.certainty.theta_deviation_deg)
+        deviations.append(observation.certainty.theta_sd_deg)
         assert 0.4 <= observation.certainty.confidence <= 1
     assert np.median(errors) < 3 * np.median(deviations)
     assert np.median(deviations) < 0.2
@@ -181,4 +181,4 @@ def test_whatever_it_is_shown_it_neither_fails_nor_reports_nonsense(bench):
         assert (tip is None) == (certainty is None)
         if tip is not None:
             assert norm(tip.at_mm) < 40
-            assert 0 < certainty.tip_deviation_mm < 10 and 0 < certainty.theta_deviation_deg < 90
+            assert 0 < certainty.tip_sd_mm < 10 and 0 < certainty.theta_sd_deg < 90

@@ -117,7 +117,7 @@ def test_inside_tissue_the_tip_is_told_as_less_certain(looked):
     deviations = {"above": [], "inside": []}
     for scene, _, seen, _ in looked:
         if seen.certainty and scene.place in deviations:
-            deviations[scene.place].append(seen.certainty.tip_deviation_mm / scene.scan.axial_mm_per_px)
+            deviations[scene.place].append(seen.certainty.tip_sd_mm / scene.scan.axial_mm_per_px)
     assert np.median(deviations["inside"]) > 1.3 * np.median(deviations["above"])
 
 

@@ -49,7 +49,7 @@ def test_a_soft_end_is_known_less_well():
     sharp = needle_map((120.0, 160.0), 60.0)
     fade = np.clip((170 - np.arange(256)) / 40, 0, 1).astype(np.float32)[:, None]
     soft = fit_needle(sharp * fade, SAME, 0.5)
-    assert soft.tip_deviation_px > 2 * fit_needle(sharp, SAME, 0.5).tip_deviation_px
+    assert soft.tip_sd_px > 2 * fit_needle(sharp, SAME, 0.5).tip_sd_px
 
 
 def test_places_are_those_of_the_image():

@@ -108,7 +108,7 @@ def test_a_missing_or_torn_network_is_told(tmp_path):
         ("between = [0, 2]", "", "either between"),
         ("between = [0, 2]", "between = [0, 2]\nline = 3", "either between"),
         ("[entity.needle]\nclass = 1", "", ""),
-        ("deviation_grey = 255.0", "deviation_grey = 0.0", "deviation_grey"),
+        ("sd_grey = 255.0", "sd_grey = 0.0", "sd_grey"),
         ("width_px = 64", "", "'width_px' is missing"),
         ("[entity.ilm]", "[entity.ILM]", "unknown key 'ILM'; valid: ilm, needle, rpe"),
     ],

@@ -89,7 +89,7 @@ def test_in_tissue_the_tip_is_where_the_shadow_begins_and_known_less_well(percei
         (144.5 - 127.5) * LATERAL_MM, abs=2.5 * LATERAL_MM
     )
     assert seen.found["needle_tip"].at_mm[1] < (95.5 - 122) * AXIAL_MM  # below the ILM
-    assert seen.certainty.tip_deviation_mm > above.certainty.tip_deviation_mm
+    assert seen.certainty.tip_sd_mm > above.certainty.tip_sd_mm
 
 
 def test_a_ghost_that_hides_nothing_is_no_needle(perceive):

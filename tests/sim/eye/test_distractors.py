@@ -47,9 +47,9 @@ def test_the_second_instrument_comes_through_the_other_trocar_and_stands_still()
     plain, piped = camera(), camera(light_pipe_mm=10.0, light_pipe_deg=5.0)
     changed = np.abs(piped.render(*AWAY, 0).astype(int) - plain.render(*AWAY, 0)).max(axis=2) > 15
     rows, columns = np.nonzero(changed)
-    pivot = EYE.other_trocar_mm
-    along = rotate(unit((-pivot[0], -pivot[1])), 5.0)
-    tip_px = plain.geometry.to_px((pivot[0] + 10 * along[0], pivot[1] + 10 * along[1]))
+    rcm = EYE.other_trocar_mm
+    along = rotate(unit((-rcm[0], -rcm[1])), 5.0)
+    tip_px = plain.geometry.to_px((rcm[0] + 10 * along[0], rcm[1] + 10 * along[1]))
     lowest = rows.argmax()
     assert math.dist((columns[lowest], rows[lowest]), tip_px) < 4
     assert np.array_equal(piped.render(*AWAY, 0), piped.render(*AWAY, 1))

@@ -91,7 +91,7 @@ def test_what_is_said_to_be_there_is_drawn_there(name):
     blank = np.full((300, 300, 3), 200, np.uint8)
     image = blank.copy()
     view.draw(image)
-    x, y = (round(value) for value in camera.straight.to_px(view.found[name].at_mm))
+    x, y = (round(value) for value in camera.frontal.to_px(view.found[name].at_mm))
     around = np.s_[y - 3 : y + 4, x - 3 : x + 4]
     assert np.abs(image[around].astype(int) - blank[around]).max() > 40
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from haptigraph.sim.oct.appearance import EXPONENTIAL_DB, BscanLook, FieldBank, grey_from_field
+from haptigraph.sim.oct.appearance import EXPONENTIAL_DB, BscanAppearance, FieldBank, grey_from_field
 from haptigraph.sim.oct.bscan import CLASSES, BscanCamera, ScanSettings
 from haptigraph.sim.oct.needle import BscanNeedle
 from haptigraph.sim.oct.retina import Retina, RetinaShape
@@ -14,7 +14,7 @@ from haptigraph.sim.oct.scenes import PLACES, random_bscan, random_scene
 
 X_MM = np.linspace(-2, 2, 401)
 STILL = RetinaShape(breathing_mm=0, heartbeat_mm=0, waves_mm=0, tilt_deg=0)
-PLAIN = BscanLook(vessels=0, floaters=0, vitreous_db=-20)
+PLAIN = BscanAppearance(vessels=0, floaters=0, vitreous_db=-20)
 
 
 def decibels(image, look):
@@ -24,7 +24,7 @@ def decibels(image, look):
 @pytest.mark.parametrize("field", [0, 1], ids=["speckle", "noise"])
 def test_fully_developed_speckle_is_exponential_in_intensity(field):
     """Its logarithm deviates by 5.57 dB, whatever its strength; its amplitude is Rayleigh distributed."""
-    look = BscanLook(lateral_grain_px=1.0, grey_per_db=2.5, noise_grey=110.0)
+    look = BscanAppearance(lateral_grain_px=1.0, grey_per_db=2.5, noise_grey=110.0)
     part = FieldBank((256, 256), look, 1).cut(np.random.default_rng(2))[field]
     intensity = np.einsum("ijk,ijk->ij", part, part)
     assert intensity.mean() == pytest.approx(1.0, abs=0.05)
@@ -40,7 +40,9 @@ def test_fully_developed_speckle_is_exponential_in_intensity(field):
 
 
 def test_speckle_has_grains_and_noise_has_none():
-    grains, noise = FieldBank((200, 200), BscanLook(lateral_grain_px=1.5), 3).cut(np.random.default_rng(1))
+    grains, noise = FieldBank((200, 200), BscanAppearance(lateral_grain_px=1.5), 3).cut(
+        np.random.default_rng(1)
+    )
 
     def neighbours(field):
         return float((field[:, 1:] * field[:, :-1]).mean() / (field**2).mean())

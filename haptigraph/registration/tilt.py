@@ -34,7 +34,7 @@ class Slant(Struct, frozen=True):
         return math.degrees(math.hypot(*self.tilt_rad))
 
     @property
-    def image_from_straight(self) -> Homography:
+    def image_from_frontal(self) -> Homography:
         """From the straight picture to the one the camera takes."""
         tilt, angle = np.array(self.tilt_rad), math.hypot(*self.tilt_rad)
         about, middle = np.array(self.about_px), np.array(self.middle_px)
@@ -51,9 +51,9 @@ class Slant(Struct, frozen=True):
         return Homography(tuple(tuple(row) for row in (matrix / matrix[2, 2]).tolist()))
 
     @property
-    def straight_from_image(self) -> Homography:
+    def frontal_from_image(self) -> Homography:
         """The way back."""
-        return self.image_from_straight.inverse
+        return self.image_from_frontal.inverse
 
     @property
     def foot_px(self) -> Vec:

@@ -20,7 +20,7 @@ from haptigraph.study.roster import Study
 from haptigraph.study.runner import Session, open_session
 from haptigraph.study.station import open_row
 
-__all__ = ["Doing", "Ending", "StationSite", "StudyDesk"]
+__all__ = ["Doing", "Ending", "StationSite", "StudyService"]
 
 Doing: TypeAlias = Literal["", "preparing", "running", "ending"]
 """What a trial is doing here; empty: there is none."""
@@ -28,7 +28,7 @@ Ending: TypeAlias = tuple[Literal["ready", "aborted"], str]
 """How somebody ends a trial, and why."""
 
 
-class StudyDesk:
+class StudyService:
     """A station.
 
     Args:
@@ -233,4 +233,4 @@ class StudyDesk:
 class StationSite(Site):
     """What the routes of a study's pages may use."""
 
-    desk: StudyDesk
+    service: StudyService

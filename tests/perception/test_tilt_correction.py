@@ -11,7 +11,7 @@ from haptigraph import assemble
 from haptigraph.config import load_config
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Point
-from haptigraph.imaging import straightened
+from haptigraph.imaging import tilt_corrected
 from haptigraph.messages import Capture
 from haptigraph.perception.eye_view import IoctView
 from haptigraph.registration.camera import parse_registration
@@ -49,17 +49,17 @@ def test_tips_are_right_in_millimetres(phantom, procedure, perceiver):
 
 
 def test_a_slanted_picture_is_made_straight(quick):
-    tilted, straight = (
+    tilted, frontal = (
         slanted(quick, tilt_deg, read_noise_grey=0.0, shot_noise_grey=0.0)
         for tilt_deg in ((0.0, 12.0), (0.0, 0.0))
     )
     registration = parse_registration(tilted.registration, "truth")
-    image, expected = tilted.advance().image, straight.advance().image
-    found = straightened(image, registration.image.straight_from_image)
+    image, expected = tilted.advance().image, frontal.advance().image
+    found = tilt_corrected(image, registration.image.frontal_from_image)
     eye = np.s_[60:236, 150:330]
     off, off_before = (cv2.norm(each[eye], expected[eye], cv2.NORM_L1) for each in (found, image))
     assert off < 0.4 * off_before
-    view, plain = IoctView(registration, 200), IoctView(registration.straight, 200)
+    view, plain = IoctView(registration, 200), IoctView(registration.frontal, 200)
     assert cv2.norm(view(image), plain(expected), cv2.NORM_L1) / 200**2 < 3
 
 

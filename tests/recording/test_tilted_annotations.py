@@ -6,21 +6,21 @@ import pytest
 
 from haptigraph.geometry import Circle, ImageGeometry
 from haptigraph.recording.foxglove import Time, annotations
-from haptigraph.registration.slant import Slant
+from haptigraph.registration.tilt import Slant
 
 SLANT = Slant((320.0, 200.0), (0.1, -0.2), 2000.0, (319.5, 179.5))
 
 
 def test_a_circle_seen_at_a_slant_is_drawn_as_it_is_seen():
-    image = ImageGeometry((320.0, 200.0), 0.1, mirrored=False, straight_from_image=SLANT.straight_from_image)
+    image = ImageGeometry((320.0, 200.0), 0.1, mirrored=False, frontal_from_image=SLANT.frontal_from_image)
     drawn = annotations(Time(0, 0), {"eye_globe": Circle((0.0, 0.0), 12.0)}, image, "")
     assert drawn.circles == ()
     (line,) = drawn.points
     assert (line.points[0].x, line.points[0].y) == pytest.approx((line.points[-1].x, line.points[-1].y))
     for point in line.points:
         assert math.hypot(*image.to_mm((point.x, point.y))) == pytest.approx(12.0, abs=1e-6)
-    straight = annotations(
+    frontal = annotations(
         Time(0, 0), {"eye_globe": Circle((0.0, 0.0), 12.0)}, ImageGeometry((320.0, 200.0), 0.1, False), ""
     )
-    assert len(straight.circles) == 1
-    assert straight.points == ()
+    assert len(frontal.circles) == 1
+    assert frontal.points == ()

@@ -27,7 +27,7 @@ from haptigraph.messages import Image
 from haptigraph.registration.camera import load_registration
 from haptigraph.sources.naming import CAMERAS, split_source
 
-__all__ = ["Desk", "ExistsAlready"]
+__all__ = ["ExistsAlready", "RegistrationService"]
 
 LIVE = (*CAMERAS, "teleop")  # what has no end, and cannot be opened twice
 MOST_OPENED = 4
@@ -38,7 +38,7 @@ class ExistsAlready(BadInput):
     """A file stands where another is to be written."""
 
 
-class Desk:
+class RegistrationService:
     """Keep the sources that were opened last, by number.
 
     Args:

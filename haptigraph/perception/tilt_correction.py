@@ -6,38 +6,38 @@ The one place where a slant is taken away: perceivers behind it know nothing of 
 from msgspec.structs import replace
 
 from haptigraph.geometry import Homography
-from haptigraph.imaging import straightened
+from haptigraph.imaging import tilt_corrected
 from haptigraph.messages import Capture, Observation
 from haptigraph.registration.camera import Registration
 from haptigraph.stages import Perceiver
 
-__all__ = ["StraightenedPerceiver"]
+__all__ = ["TiltCorrectedPerceiver"]
 
 
-class StraightenedPerceiver:
+class TiltCorrectedPerceiver:
     """Let a perceiver look at straightened images.
 
     Args:
-        perceiver: It has been given `registration.straight`.
+        perceiver: It has been given `registration.frontal`.
         registration: Says how the camera looks at the section.
-        straight_from_image: Its homography.
+        frontal_from_image: Its homography.
     """
 
     def __init__(
-        self, perceiver: Perceiver, registration: Registration, straight_from_image: Homography
+        self, perceiver: Perceiver, registration: Registration, frontal_from_image: Homography
     ) -> None:
         self._perceiver = perceiver
         self._registration = registration
-        self._straight_from_image = straight_from_image
+        self._frontal_from_image = frontal_from_image
 
     def __call__(self, capture: Capture) -> Observation:
-        """Look at one image.
+        """Appearance at one image.
 
         Raises:
             BadInput: If the image is not of the registered size.
         """
         image = self._registration.checked(capture.image)
-        return self._perceiver(replace(capture, image=straightened(image, self._straight_from_image)))
+        return self._perceiver(replace(capture, image=tilt_corrected(image, self._frontal_from_image)))
 
     def reset(self) -> None:
         """Forget earlier images."""
