@@ -33,7 +33,16 @@ UNITLESS = {
 }  # fmt: skip
 
 
-def test_layers_and_the_simulators_innocence_are_kept():
+def test_no_folder_holds_more_than_a_reader_can_take_in():
+    tests = ROOT.parent / "tests"
+    folders = {path.parent for root in (ROOT, tests) for path in root.rglob("*.*")} - {ROOT}
+    for folder in folders:
+        for suffix in (".py", ".c", ".js"):
+            modules = [path for path in folder.glob(f"*{suffix}") if path.name != "__init__.py"]
+            assert len(modules) <= 16, f"{folder}: {len(modules)} {suffix}"
+
+
+def test_the_layers_of_all_rooms_are_kept_and_no_import_goes_in_a_circle():
     assert lint_imports(config_filename=str(ROOT.parent / "pyproject.toml"), no_cache=True) == 0
 
 
