@@ -7,5 +7,5 @@ for step in loop.steps():  # image in, touch out
     if step.conclusion.state != state:
         state = step.conclusion.state
         print(f"{step.stamp_ns / 1e9:5.1f} s  {state}: {step.conclusion.because}")
-        print(f"         the hand feels {step.command.pattern.name!r}")
+        print(f"         haptic output: {step.command.pattern.name!r}")
 print(f"{loop.report.rate_hz:.0f} images/s")

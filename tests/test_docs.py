@@ -1,6 +1,7 @@
-"""What the documents say is so."""
+"""The documentation matches the code."""
 
 import re
+from pathlib import Path
 
 import pytest
 from helpers import call
@@ -31,42 +32,56 @@ def blocks(text: str, language: str) -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL)
 
 
-def test_the_program_in_the_readme_runs_and_is_the_example(quick_uri, capsys):
+def test_readme_program_runs_and_equals_the_example(quick_uri, capsys):
     (program,) = blocks(read("README.md"), "python")
     assert program == read("examples/states_and_touch.py")
     assert len(program.strip().splitlines()) <= 13
     exec(program.replace("phantom:align_then_approach", quick_uri), {})
-    told = capsys.readouterr().out
-    assert "target_hit" in told
-    assert "images/s" in told
+    output = capsys.readouterr().out
+    assert "target_hit" in output
+    assert "images/s" in output
+
+
+def anchors(page: Path) -> set[str]:
+    """Return the anchors of a page's headings, as GitHub makes them."""
+    prose = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    headings = re.findall(r"^#+ (.*)$", prose, re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_links_and_pictures_lead_somewhere(page):
-    for target in re.findall(r"\]\(([^)#\s]+)", page.read_text(encoding="utf-8")):
+def test_links_pictures_and_anchors_exist(page):
+    for target, anchor in re.findall(r"\]\(([^)#\s]*)#?([^)\s]*)\)", page.read_text(encoding="utf-8")):
         if not target.startswith("http"):
-            assert (page.parent / target).exists(), target
+            linked = page.parent / target if target else page
+            assert linked.exists(), target
+            assert not anchor or anchor in anchors(linked), f"{target}#{anchor}"
 
 
-def test_every_command_stands_in_the_readme():
+def test_paths_in_the_architecture_exist():
+    for path in re.findall(r"`([\w*]+/[\w/*]+(?:\.\w+|/))`", read("docs/architecture.md")):
+        assert [*ROOT.glob(path), *(ROOT / "haptigraph").glob(path)], path
+
+
+def test_readme_lists_every_command():
     for command in main.commands:
         assert f"haptigraph {command}" in read("README.md")
 
 
-def test_the_table_of_topics_is_the_published_one():
+def test_recordings_page_lists_every_topic():
     text = read("docs/recordings.md")
     for topic in TOPICS:
         assert f"| `{topic.name}` | `{topic.schema}` | {topic.unit or '-'} | {topic.says} |" in text
 
 
-def test_every_setting_stands_in_the_conventions():
+def test_conventions_page_lists_every_setting():
     text = read("docs/conventions.md")
     for table in Config.__struct_fields__:
         for key in getattr(Config(), table).__struct_fields__:
             assert f"`{table}.{key}`" in text, f"{table}.{key}"
 
 
-def test_every_key_of_a_protocol_and_every_measure_stands_in_the_page_on_studies():
+def test_study_page_lists_every_protocol_key_and_measure():
     text = read("docs/study.md")
     tables = {"study": StudyTable, "condition": Condition, "training": Training, "trials": Trials}
     tables |= {"target": Target, "questionnaire": Asked, "stop": Stop, "texts": Texts}
@@ -77,7 +92,7 @@ def test_every_key_of_a_protocol_and_every_measure_stands_in_the_page_on_studies
         assert f"`{field.name}`" in text
 
 
-def test_every_measure_and_pattern_kind_stands_in_the_procedures_page():
+def test_procedures_page_lists_every_measure_and_pattern_kind():
     text = read("docs/procedures.md")
     for name in MEASURES:
         assert f"`{name}`" in text
@@ -88,7 +103,7 @@ def test_every_measure_and_pattern_kind_stands_in_the_procedures_page():
 CONTACT = GOLDEN / "wrong_place_then_hit.mcap"
 
 
-def test_the_procedure_taught_in_the_docs_is_sound():
+def test_example_procedure_is_valid():
     (text,) = [block for block in blocks(read("docs/procedures.md"), "toml") if "[procedure]" in block]
     procedure = assemble.parse_procedure(text, "docs/procedures.md")
     assert procedure.name == "touch_and_go"
@@ -96,7 +111,7 @@ def test_the_procedure_taught_in_the_docs_is_sound():
 
 
 @pytest.mark.parametrize("part", ["invariant", "gap", "overlap", "temporal"])
-def test_parts_of_procedures_taught_in_the_docs_are_what_they_say(part, procedure):
+def test_example_parts_of_procedures_are_valid(part, procedure):
     page = blocks(read("docs/procedures.md"), "toml")
     (text,) = [block for block in page if "[procedure]" not in block and block.startswith(f"[[{part}]]")]
     whole = procedure.text
@@ -106,14 +121,16 @@ def test_parts_of_procedures_taught_in_the_docs_are_what_they_say(part, procedur
         assert not prove(assemble.parse_procedure(whole, "p.toml")).holds
     if part == "overlap":
         misled = whole.replace("at_most = 1.7", "at_most = 1.7\nrelease = 2.0")
-        told = [one.sentence for one in prove(assemble.parse_procedure(misled, "p.toml")).violations]
-        assert any("misaligned_intraocular_navigation', which feels 'low'" in sentence for sentence in told)
+        sentences = [one.sentence for one in prove(assemble.parse_procedure(misled, "p.toml")).violations]
+        assert any(
+            "misaligned_intraocular_navigation', which feels 'low'" in sentence for sentence in sentences
+        )
         whole = whole.replace("at_most = 0.7", "at_most = 0.7\nrelease = 0.8", 1)
         assert not prove(assemble.parse_procedure(whole, "p.toml")).holds
     assert prove(assemble.parse_procedure(whole + "\n" + text, "p.toml")).violations == []
 
 
-def test_commands_on_procedures_say_what_the_docs_say(tmp_path, monkeypatch):
+def test_transcripts_match_the_commands(tmp_path, monkeypatch):
     page = read("docs/procedures.md")
     (text,) = [block for block in blocks(page, "toml") if "[procedure]" in block]
     (tmp_path / "touch_and_go.toml").write_text(text)
@@ -130,23 +147,23 @@ def test_commands_on_procedures_say_what_the_docs_say(tmp_path, monkeypatch):
             assert line.strip() in output, (command, line)
 
 
-def test_the_state_diagram_in_the_docs_is_the_one_that_is_drawn(procedure):
+def test_state_diagram_is_current(procedure):
     assert read("docs/images/states.svg") == diagram_svg(procedure)
 
 
-def test_the_pattern_that_follows_can_be_felt():
+def test_example_pattern_that_follows_a_measure_loads():
     (lean,) = [block for block in blocks(read("docs/procedures.md"), "toml") if "[[pattern.follow]]" in block]
     shipped = assemble.load_procedure("subretinal_injection_continuous").text
     start, end = shipped.index('[[pattern]]\nname = "lean"'), shipped.index('[[pattern]]\nname = "near"')
     assert assemble.parse_procedure(shipped[:start] + lean + shipped[end:], "docs/procedures.md").patterns
 
 
-def test_the_registration_taught_in_the_docs_loads():
+def test_example_registration_loads():
     (registration,) = [b for b in blocks(read("docs/conventions.md"), "toml") if "[[trocar]]" in b]
     assert parse_registration(registration, "docs/conventions.md").width_px == 1280
 
 
-def test_the_tissue_taught_in_the_docs_is_a_scenarios_and_names_the_defaults():
+def test_example_tissue_loads_and_states_the_defaults():
     (text,) = [block for block in blocks(read("docs/conventions.md"), "toml") if "[tissue]" in block]
     rest = '[scenario]\nsays = "x"\n[[move]]\nduration_s = 1\ndepth_mm = 0\ntheta_deg = 0\n'
     assert Document(text + rest, "docs/conventions.md").convert(Scenario).tissue
@@ -154,13 +171,13 @@ def test_the_tissue_taught_in_the_docs_is_a_scenarios_and_names_the_defaults():
         assert re.search(rf"^{key} = .*\({getattr(TissueShape(), key):g}\)", text, re.MULTILINE), key
 
 
-def test_python_in_the_docs_is_python():
+def test_python_blocks_compile():
     for page in PAGES:
         for block in blocks(page.read_text(encoding="utf-8"), "python"):
             compile(block, page.name, "exec")
 
 
-def test_reading_a_recording_as_the_docs_say(quick_uri, tmp_path, monkeypatch, capsys):
+def test_recording_example_runs(quick_uri, tmp_path, monkeypatch, capsys):
     from haptigraph.config import load_config
 
     monkeypatch.chdir(tmp_path)
@@ -171,11 +188,11 @@ def test_reading_a_recording_as_the_docs_say(quick_uri, tmp_path, monkeypatch, c
     assert "target_hit" in capsys.readouterr().out
 
 
-def test_scenarios_stand_in_the_readme():
+def test_readme_lists_every_scenario():
     for name in scenario_names():
         assert name in read("README.md")
 
 
-def test_it_is_said_that_this_is_no_medical_device():
+def test_disclaimer_is_present():
     for name in ("README.md", "docs/safety.md"):
         assert "not a medical device" in read(name)
