@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from haptigraph.messages import Image
 from haptigraph.perception.oct.onnx_model import OnnxModel
 from haptigraph.perception.oct.scan_geometry import Layers, Shaft
-from haptigraph.perception.oct.segmentation import layers_and_shaft
+from haptigraph.perception.oct.segmentation import interpret
 from haptigraph.sim.oct.bscan import CLASSES, Bscan
 from haptigraph.sim.oct.scenes import random_scene
 
@@ -56,7 +56,7 @@ def score(model: OnnxModel, count: int, seed: int = SCORING_SEED) -> Iterator[Sc
         camera = scene.camera()
         scan = scene.take(camera)
         maps = model(scan.image)
-        found, shaft = layers_and_shaft(maps, model.spec, (scan.image.shape[1], scan.image.shape[0]))
+        found, shaft = interpret(maps, model.spec, (scan.image.shape[1], scan.image.shape[0]))
         truth = scan.truth
         surfaces = {
             "ILM": (_rows(found.x_px, found.ilm_px, found.ilm_seen), truth.ilm_px, truth.ilm_lit),
@@ -70,16 +70,13 @@ def score(model: OnnxModel, count: int, seed: int = SCORING_SEED) -> Iterator[Sc
             shaft=shaft,
             confusion=_confusion(camera.classes(truth), maps),
             errors_px={
-                name: (reported - true)[_away_from_edges(lit) & _inside(true)]
-                for name, (reported, true, lit) in surfaces.items()
+                name: (row - true)[_eroded(lit) & _inside(true)]
+                for name, (row, true, lit) in surfaces.items()
             },
             false_columns={
-                name: int(np.isfinite(reported[_away_from_edges(~lit)]).sum())
-                for name, (reported, _, lit) in surfaces.items()
+                name: int(np.isfinite(row[_eroded(~lit)]).sum()) for name, (row, _, lit) in surfaces.items()
             },
-            shadow_columns={
-                name: int(_away_from_edges(~lit).sum()) for name, (_, _, lit) in surfaces.items()
-            },
+            shadow_columns={name: int(_eroded(~lit).sum()) for name, (_, _, lit) in surfaces.items()},
             angle_error_deg=angle,
             tip_error_px=tip,
         )
@@ -94,7 +91,7 @@ def _rows(x_px: Floats, row_px: Floats, is_seen: NDArray[np.bool_]) -> Floats:
     return np.where(is_seen[nearest], np.interp(columns, x_px[is_seen], row_px[is_seen]), np.nan)
 
 
-def _away_from_edges(is_column: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _eroded(is_column: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Exclude columns close to the border between lit and shadowed ones."""
     return cv2.erode(is_column.astype(np.uint8)[None], np.ones((1, 2 * EDGE_PX + 1), np.uint8))[0] > 0
 

@@ -71,15 +71,8 @@ class Phantom:
     @cached_property
     def camera(self) -> Camera:
         """The camera; its background is painted on first use."""
-        scenario = self.scenario
-        return Camera(
-            self.eye,
-            scenario.camera,
-            scenario.needle,
-            scenario.appearance,
-            scenario.about.seed,
-            scenario.distractors,
-        )
+        given, seed = self.scenario, self.scenario.about.seed
+        return Camera(self.eye, given.camera, given.needle, given.appearance, seed, given.distractors)
 
     def paint(self) -> "Phantom":
         """Paint the static background, so that the first image is as quick as the others; return self."""

@@ -173,7 +173,7 @@ def _check_tissue(document: Document, scenario: Scenario, tissue: TissueShape) -
         )
     if scenario.forceps:
         raise document.error(
-            "[tissue] cannot be combined with [forceps], whose membrane would not follow it; remove one",
+            "[tissue] cannot be combined with [forceps], whose membrane would not follow; remove one",
             "tissue",
         )
     if tissue.puncture_mm >= MAX_DENT_SHARE * layer_mm:

@@ -43,7 +43,7 @@ DEPTH_MM = (1.0, 23.0)
 APPROACH_MM = (5.0, 8.0)
 MARGIN_MM = 0.2  # between the deepest tip and the retina
 PIPE_CLEARANCE_MM = 1.5  # between the second instrument and the needle tip's final position
-PEAK_OVER_MEAN_SPEED = 1.875  # of a minimum-jerk move
+PEAK_RATIO = 1.875  # of a minimum-jerk move
 SPEED_MM_S, TURN_DEG_S = 18.0, 27.0  # leaves room for tremor within the robot's 20 mm/s and 30 deg/s
 WITHOUT_NEEDLE, LEAVING = 0.12, 0.12  # shares of the scenes
 MAX_ERROR_PX = 3.0
@@ -150,15 +150,11 @@ def _moves(rng: Rng, eye: Eye, depth_share: float) -> tuple[tuple[Move, ...], Ve
     # More shallow scenes than deep ones, because a short visible shaft makes the angle hard to estimate.
     drawn_mm = DEPTH_MM[0] + (DEPTH_MM[1] - DEPTH_MM[0]) * depth_share**1.5
     depth_mm = min(drawn_mm, _chord_mm(eye.trocar_mm, along, eye.radius_mm) - MARGIN_MM)
-    start_depth_mm = max(depth_mm - rng.uniform(*APPROACH_MM), rng.uniform(-4.0, -2.0))
+    start_mm = max(depth_mm - rng.uniform(*APPROACH_MM), rng.uniform(-4.0, -2.0))
     turn_deg = rng.uniform(-8, 8)
     turn_deg = float(np.clip(theta_deg + turn_deg, -45 - axis_deg, 45 - axis_deg)) - theta_deg
-    needed_s = PEAK_OVER_MEAN_SPEED * max(
-        (depth_mm - start_depth_mm) / SPEED_MM_S, abs(turn_deg) / TURN_DEG_S
-    )
-    start = Move(
-        0.1, start_depth_mm, theta_deg + turn_deg, away=bool(start_depth_mm > -1 or rng.random() < 0.5)
-    )
+    needed_s = PEAK_RATIO * max((depth_mm - start_mm) / SPEED_MM_S, abs(turn_deg) / TURN_DEG_S)
+    start = Move(0.1, start_mm, theta_deg + turn_deg, away=bool(start_mm > -1 or rng.random() < 0.5))
     rest = Move(needed_s + 0.03, depth_mm, theta_deg)
     moves = [start, rest, replace(rest, duration_s=0.2)]
     outcome = rng.random()

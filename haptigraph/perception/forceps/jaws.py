@@ -122,16 +122,11 @@ def find_jaws(
 
 
 def _metal(
-    image: Image,
-    background: FloatImage,
-    patch: _Patch,
-    visible_px: float,
-    px_per_mm: float,
-    chroma_share: float,
+    image: Image, background: FloatImage, patch: _Patch, visible_px: float, px_per_mm: float, chroma: float
 ) -> Mask | None:
     """Return the pixels that differ from the background about as much as the shaft and are achromatic."""
     rectified, expected = patch.rectify(image), patch.rectify(background)
-    grey = grey_with_chroma(rectified, chroma_share, np.True_).astype(np.float32)
+    grey = grey_with_chroma(rectified, chroma, np.True_).astype(np.float32)
     flank = max(round(FLANK_MM * px_per_mm), 2)
     beside = np.concatenate([grey[:flank], grey[-flank:]])
     is_known = expected >= 0

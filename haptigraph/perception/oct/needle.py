@@ -17,23 +17,12 @@ from haptigraph.messages import Image
 from haptigraph.perception.oct.ridge import Ridge
 from haptigraph.perception.oct.surfaces import Surfaces
 
-__all__ = [
-    "BEVEL_PX",
-    "EDGE_SD_PX",
-    "SHADOW_MARGIN_PX",
-    "Candidate",
-    "Needle",
-    "find_needle",
-    "needle_candidates",
-    "row_at",
-    "without_ridge_columns",
-]
+__all__ = ["Candidate", "Needle", "find_needle", "needle_candidates", "row_at", "without_ridge_columns"]
 
 MIN_CONTRAST_GREY = 22.0  # of a ridge against its sides
 MIN_LENGTH_PX, MAX_GAP_PX, MAX_START_PX = 24, 12, 60  # a ghost and its needle meet at the border
 MIN_RIDGE_SHARE = 0.6  # of a candidate's length
-SHADOW_MARGIN_PX = 14.0
-"""Width of the shadow's soft edge beside tip and shaft."""
+SHADOW_MARGIN_PX = 14.0  # width of the shadow's soft edge beside tip and shaft
 MAX_TISSUE_SHARE = 0.25  # of visible tissue in a shadow
 SLOPE_COLUMNS, MAX_EXTRAPOLATION_PX = 6, 20.0  # for extrapolating a surface: columns used, rows at most
 EDGE_LEVEL = 0.62  # between dark and bright, in decibels, where half of the light passes each way
@@ -45,11 +34,8 @@ ON_RIDGE_PX = 25.0
 MIN_RUN_PX, RISE_SHARE = 8, 0.8
 SMOOTH = np.full(5, 0.2)
 MAX_EDGE_DISTANCE_PX = 200.0  # from the end of the continuous line to the visible tissue below it
-BEVEL_PX = 64.0
-"""Largest distance of the tip beyond the end of the continuous line."""
-EDGE_SD_PX = 2.5
-"""Standard deviation of the shadow's edge."""
-VISIBLE_TIP_SD_PX, RIDGE_END_SD_PX = 1.5, 4.0
+BEVEL_PX = 64.0  # largest distance of the tip beyond the end of the continuous line
+VISIBLE_TIP_SD_PX, EDGE_SD_PX, RIDGE_END_SD_PX = 1.5, 2.5, 4.0
 
 
 class Needle(NamedTuple):
@@ -187,49 +173,44 @@ def _typical_height(candidate: Candidate) -> float:
 
 
 def _shadow_edge(
-    image: Image,
-    candidate: Candidate,
-    surfaces: Surfaces,
-    row_px: Floats,
-    visible: Mask,
-    rows_px: tuple[int, int],
+    image: Image, needle: Candidate, surfaces: Surfaces, row_px: Floats, seen: Mask, rows_px: tuple[int, int]
 ) -> float | None:
     """Return the column of the shadow's edge, sub-pixel; None if it is not near the line's end.
 
     Args:
         image: (h, w) grey.
-        candidate: The needle.
+        needle: The needle.
         surfaces: ILM and RPE.
         row_px: Rows of one of them in their columns.
-        visible: Where this surface is visible.
+        seen: Where this surface is visible.
         rows_px: Range of rows below the surface to evaluate.
     """
-    end_x = candidate.ridge.at_px(candidate.end_px)[0]
-    lit = np.flatnonzero(visible & (candidate.side * (surfaces.x_px - end_x) > -SHADOW_MARGIN_PX))
+    end_x = needle.ridge.at_px(needle.end_px)[0]
+    lit = np.flatnonzero(seen & (needle.side * (surfaces.x_px - end_x) > -SHADOW_MARGIN_PX))
     if not len(lit):
         return None
-    first = int(lit[0] if candidate.side > 0 else lit[-1])
+    first = int(lit[0] if needle.side > 0 else lit[-1])
     about_x, row = float(surfaces.x_px[first]), float(row_px[first])
-    if candidate.side * (about_x - end_x) > MAX_EDGE_DISTANCE_PX:
+    if needle.side * (about_x - end_x) > MAX_EDGE_DISTANCE_PX:
         return None
-    ends = about_x - WINDOW_PX, about_x + WINDOW_PX, end_x - candidate.side * SHADOW_MARGIN_PX
+    ends = about_x - WINDOW_PX, about_x + WINDOW_PX, end_x - needle.side * SHADOW_MARGIN_PX
     left, right = max(round(min(ends)), 0), min(round(max(ends)), image.shape[1])
     if right - left < WINDOW_PX:
         return None
     columns = np.arange(left, right)
-    behind = lit[:SLOPE_COLUMNS] if candidate.side > 0 else lit[-SLOPE_COLUMNS:]
+    behind = lit[:SLOPE_COLUMNS] if needle.side > 0 else lit[-SLOPE_COLUMNS:]
     slope = _slope(surfaces.x_px[behind], row_px[behind])
     course = row + np.clip(slope * (columns - about_x), -MAX_EXTRAPOLATION_PX, MAX_EXTRAPOLATION_PX)
     rows = np.rint(course).astype(np.intp) + np.arange(*rows_px)[:, None]
     rows = np.clip(rows, 0, image.shape[0] - 1)
     profile = image[rows, columns].mean(axis=0)
-    if candidate.side < 0:
+    if needle.side < 0:
         profile = profile[::-1]
     at = _first_rise(np.convolve(profile, SMOOTH, "valid"))
     if at is None:
         return None
     at += len(SMOOTH) // 2
-    return left + at if candidate.side > 0 else right - 1 - at
+    return left + at if needle.side > 0 else right - 1 - at
 
 
 def _first_rise(profile: Floats) -> float | None:

@@ -22,7 +22,7 @@ from haptigraph.perception.oct.scan_geometry import ENTITIES, Layers, Observatio
 from haptigraph.perception.oct.surfaces import without_specks
 from haptigraph.registration.oct import ScanRegistration
 
-__all__ = ["SegmentationPerceiver", "layers_and_shaft"]
+__all__ = ["SegmentationPerceiver", "interpret"]
 
 COLUMNS = 128  # largest number of columns in which surfaces are sampled
 ILM_MARGIN_PX = 8.0  # nearer to the ILM than this, the needle may continue in tissue, where it is not visible
@@ -65,13 +65,11 @@ class SegmentationPerceiver:
         """
         image = self._registration.checked(capture.image)
         size_px = image.shape[1], image.shape[0]
-        layers, shaft = layers_and_shaft(self._model(image), self._model.spec, size_px)
+        layers, shaft = interpret(self._model(image), self._model.spec, size_px)
         return self._build_observation(capture.stamp_ns, layers, shaft)
 
 
-def layers_and_shaft(
-    maps: FloatImage, model: ModelFile, size_px: tuple[int, int]
-) -> tuple[Layers, Shaft | None]:
+def interpret(maps: FloatImage, model: ModelFile, size_px: tuple[int, int]) -> tuple[Layers, Shaft | None]:
     """Extract surfaces and needle from a network's output, in pixels of the image.
 
     Args:
@@ -95,16 +93,12 @@ def layers_and_shaft(
     return layers, _shaft(maps, model, layers, scaling)
 
 
-def _surface(maps: FloatImage, which: SurfaceClass | None, every: int, least_confidence: float) -> Rows:
+def _surface(maps: FloatImage, which: SurfaceClass | None, every: int, threshold: float) -> Rows:
     if which is None:
         count = maps.shape[2] // every
         return Rows(np.zeros(count), np.zeros(count, bool))
     coarse = [_coarser(maps[index], every) for index in which.indices]
-    return (
-        border_rows(coarse[0], coarse[1], least_confidence)
-        if which.between
-        else line_rows(coarse[0], least_confidence)
-    )
+    return border_rows(coarse[0], coarse[1], threshold) if which.between else line_rows(coarse[0], threshold)
 
 
 def _coarser(values: FloatImage, every: int) -> FloatImage:
@@ -128,9 +122,9 @@ def _shaft(maps: FloatImage, model: ModelFile, layers: Layers, scaling: Scaling)
 def _tissue(maps: FloatImage, entity: EntityClasses) -> FloatImage:
     """Return the probability of tissue that is visible only in the light, (h, w)."""
     rpe, ilm = entity.rpe, entity.ilm
-    is_inside_image = set() if rpe is None else set(rpe.indices)
-    is_inside_image |= {ilm.between[1]} if ilm is not None and ilm.between else set()
-    return np.asarray(sum((maps[index] for index in is_inside_image), np.zeros_like(maps[0])), np.float32)
+    inside = set() if rpe is None else set(rpe.indices)
+    inside |= {ilm.between[1]} if ilm is not None and ilm.between else set()
+    return np.asarray(sum((maps[index] for index in inside), np.zeros_like(maps[0])), np.float32)
 
 
 def _as_shaft(fit: NeedleFit) -> Shaft:
@@ -191,13 +185,11 @@ def _shadow_edge(
     columns = columns[(columns >= 0) & (columns < tissue.shape[1])].astype(np.intp)
     rpe_px = start + slope * ((columns + 0.5) * scaling.across - 0.5)
     rows = np.rint(rpe_px / scaling.down).astype(np.intp) + np.arange(*RPE_ROWS)[:, None]
-    is_inside_image = (rows[0] >= 0) & (
-        rows[-1] < len(tissue)
-    )  # the RPE may leave the image before the shadow begins
-    share = tissue[rows[:, is_inside_image], columns[is_inside_image]].mean(axis=0)
+    inside = (rows[0] >= 0) & (rows[-1] < len(tissue))  # the RPE may leave the image before the shadow begins
+    share = tissue[rows[:, inside], columns[inside]].mean(axis=0)
     dark = np.flatnonzero(share < HALF)
-    if not is_inside_image.any() or not len(dark) or not dark[0]:
+    if not inside.any() or not len(dark) or not dark[0]:
         return None
     last = int(dark[0])
     part = (share[last - 1] - HALF) / (share[last - 1] - share[last])
-    return (float(columns[is_inside_image][last - 1] - side * part) + 0.5) * scaling.across - 0.5
+    return (float(columns[inside][last - 1] - side * part) + 0.5) * scaling.across - 0.5

@@ -32,9 +32,7 @@ BODY_SHARE = 0.25
 HALF = 0.5  # rows are counted at edges between pixels
 NEIGHBOURS = 0.954  # median absolute difference of two standard normal variables
 NEAR_ROWS = 1
-SMOOTH, RPE_SMOOTH = (
-    np.hanning(n)[1:-1] / np.hanning(n).sum() for n in (7, 13)
-)  # the RPE is nearly straight
+SMOOTH, RPE_SMOOTH = (np.hanning(n)[1:-1] / np.hanning(n).sum() for n in (7, 13))  # the RPE is straighter
 
 
 class Surfaces(NamedTuple):
@@ -115,9 +113,8 @@ class _Columns:
         rise = self._rise[self._numbers, rows]
         (typical,) = _quantiles(rise, 0.9)
         noise_grey = self._sd_grey / self._rows(DEEP_MM) ** 0.5
-        visible = without_specks(
-            rise >= max(MIN_CONTRAST_GREY, MIN_CONTRAST_SD * noise_grey, MIN_RISE_SHARE * typical)
-        )
+        min_grey = max(MIN_CONTRAST_GREY, MIN_CONTRAST_SD * noise_grey, MIN_RISE_SHARE * typical)
+        visible = without_specks(rise >= min_grey)
         self.tissue_grey = _quantiles(rise[visible], 0.5)[0] if visible.any() else 0.0
         return visible
 

@@ -240,7 +240,7 @@ class Camera:
             max(cy - radius, rows.start),
             min(cx + radius, columns.stop - 1),
             min(cy + radius, rows.stop - 1),
-            self._static.shape,
+            self._sd.shape,
         )
         if bowl is None:
             return
@@ -278,9 +278,7 @@ class Camera:
                 (tip[0] - s * along[0], tip[1] - s * along[1]) for s in (number * step, (number + 1) * step)
             ]
             (left, right), (top, bottom) = (sorted(values) for values in zip(*ends, strict=True))
-            boxes.append(
-                clipped_box(left - half, top - half, right + half, bottom + half, self._static.shape)
-            )
+            boxes.append(clipped_box(left - half, top - half, right + half, bottom + half, self._sd.shape))
         return [box for box in boxes if box is not None]
 
     def _needle_box(self, tip: Vec, along: Vec) -> Box | None:
@@ -296,7 +294,7 @@ class Camera:
             min(rows.start for rows, _ in pieces) + min(down, 0),
             max(columns.stop for _, columns in pieces) + max(right, 0),
             max(rows.stop for rows, _ in pieces) + max(down, 0),
-            self._static.shape,
+            self._sd.shape,
         )
 
     def _needle_in_view(self, eye: Eye, rim: ImageGeometry) -> FloatImage:

@@ -74,12 +74,7 @@ class Eye:
         return radius_mm * math.sin(angle), -radius_mm * math.cos(angle)
 
     def second_instrument(self, depth_mm: float, pitch_deg: float) -> tuple[Vec, Vec]:
-        """Return tip [mm] and direction (length 1) of an instrument through the other trocar.
-
-        Args:
-            depth_mm: From the trocar to the tip.
-            pitch_deg: From the line trocar -> globe centre, counter-clockwise.
-        """
+        """Return tip [mm] and direction (length 1) of an instrument through the other trocar; see `Pose`."""
         x, y = self.other_trocar_mm
         along = rotate(unit((-x, -y)), pitch_deg)
         return (x + depth_mm * along[0], y + depth_mm * along[1]), along

@@ -41,17 +41,17 @@ class SoftRetina:
         coarse = len(eye.retina_mm) - 1
         substeps = math.ceil(2 * half * self._rest_mm / coarse / STEP_MM)
         # From the bottom, positive to the right.
-        self._angles_rad = np.linspace(-half, half, coarse * substeps + 1)
+        self._at_rad = np.linspace(-half, half, coarse * substeps + 1)
         self._is_coarse, self._is_fine = (
-            np.arange(len(self._angles_rad)) % every == 0 for every in (substeps, FINE_EVERY)
+            np.arange(len(self._at_rad)) % every == 0 for every in (substeps, FINE_EVERY)
         )
-        self._dent = Dent(shape, self._angles_rad * self._rest_mm)
+        self._dent = Dent(shape, self._at_rad * self._rest_mm)
         self.restart()
 
     def restart(self) -> None:
         """Return to the resting surface."""
         self._dent.restart()
-        self._dent_mm = np.zeros_like(self._angles_rad)
+        self._dent_mm = np.zeros_like(self._at_rad)
 
     def advance(self, elapsed_s: float, tip_mm: Vec | None) -> None:
         """Advance in time.
@@ -70,40 +70,33 @@ class SoftRetina:
         """Return the surface, in the order of the registered contour, eye frame."""
         is_reported = self._is_coarse | (self._is_fine & (self._dent_mm > MIN_FINE_DENT_MM))
         is_reported[self._dent_mm.argmax()] = True  # the deepest point
-        radius_mm, angles_rad = self._rest_mm + self._dent_mm[is_reported], self._angles_rad[is_reported]
-        x_mm, y_mm = radius_mm * np.sin(angles_rad), -radius_mm * np.cos(angles_rad)
+        radius_mm, at_rad = self._rest_mm + self._dent_mm[is_reported], self._at_rad[is_reported]
+        x_mm, y_mm = radius_mm * np.sin(at_rad), -radius_mm * np.cos(at_rad)
         return Polyline(tuple(zip(x_mm.tolist(), y_mm.tolist(), strict=True)))
 
-    def warp(self, background: FloatImage, geometry: ImageGeometry) -> tuple[Box, FloatImage] | None:
+    def warp(self, scene: FloatImage, geometry: ImageGeometry) -> tuple[Box, FloatImage] | None:
         """Return the part of an image that the dent changes, with its new content; None if there is none.
 
         The layer's inner edge moves outwards; the layer is compressed towards the wall, and the image in
         front of it is stretched.
 
         Args:
-            background: Static background with the retina at rest, (h, w, 3).
+            scene: Static background with the retina at rest, (h, w, 3).
             geometry: Geometry of the image.
         """
-        box = self._warped_box(background, geometry)
+        box = self._warped_box(scene, geometry)
         if box is None:
             return None
         rows, columns = box
         across = np.arange(columns.start, columns.stop) - geometry.center_px[0]
         down = (np.arange(rows.start, rows.stop) - geometry.center_px[1])[:, None]
         right = -across if geometry.mirrored else across
-        dent_px = (
-            np.interp(np.arctan2(right, down), self._angles_rad, self._dent_mm, 0, 0) / geometry.mm_per_px
-        )
+        dent_px = np.interp(np.arctan2(right, down), self._at_rad, self._dent_mm, 0, 0) / geometry.mm_per_px
         radius_px = np.hypot(across, down)
         share = self._rest_px(radius_px, dent_px, geometry.mm_per_px) / np.maximum(radius_px, 1)
         x, y = geometry.center_px[0] + share * across, geometry.center_px[1] + share * down
         warped = cv2.remap(
-            background,
-            x.astype(np.float32),
-            y.astype(np.float32),
-            cv2.INTER_CUBIC,
-            None,
-            cv2.BORDER_REPLICATE,
+            scene, x.astype(np.float32), y.astype(np.float32), cv2.INTER_CUBIC, None, cv2.BORDER_REPLICATE
         )
         return box, np.asarray(warped, np.float32)
 
@@ -119,17 +112,17 @@ class SoftRetina:
         rest_px = np.where(radius_px < pressed_px, before, within)
         return np.where((radius_px > from_px) & (radius_px < wall_px), rest_px, radius_px)
 
-    def _warped_box(self, background: FloatImage, geometry: ImageGeometry) -> Box | None:
+    def _warped_box(self, scene: FloatImage, geometry: ImageGeometry) -> Box | None:
         """Return the part of an image that differs from the one at rest."""
-        angles_rad = self._angles_rad[self._dent_mm > MIN_SHIFT_PX * geometry.mm_per_px]
-        if not len(angles_rad):
+        at_rad = self._at_rad[self._dent_mm > MIN_SHIFT_PX * geometry.mm_per_px]
+        if not len(at_rad):
             return None
         wall_mm = self._eye.radius_mm
         from_mm = self._rest_mm - STRETCHED_SHARE * self._eye.shape.retina_mm
         corners = [
             geometry.to_px((radius_mm * math.sin(angle_rad), -radius_mm * math.cos(angle_rad)))
             for radius_mm in (from_mm, wall_mm)
-            for angle_rad in (*angles_rad[:: max(1, len(angles_rad) // 32)].tolist(), angles_rad[-1])
+            for angle_rad in (*at_rad[:: max(1, len(at_rad) // 32)].tolist(), at_rad[-1])
         ]
         x, y = np.array(corners).T
-        return clipped_box(x.min(), y.min(), x.max(), y.max(), background.shape)
+        return clipped_box(x.min(), y.min(), x.max(), y.max(), scene.shape)

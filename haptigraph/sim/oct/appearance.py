@@ -83,11 +83,11 @@ class FieldBank:
 
     Args:
         size_px: (width, height) of the cut-outs.
-        appearance: Determines the size of speckle grains.
+        style: Determines the size of speckle grains.
         seed: Seed of the fields.
     """
 
-    def __init__(self, size_px: tuple[int, int], appearance: BscanAppearance, seed: int) -> None:
+    def __init__(self, size_px: tuple[int, int], style: BscanAppearance, seed: int) -> None:
         width, height = size_px
         rng = np.random.default_rng((seed, 22))
         shape = (height + BANK_EXTRA_PX, width + BANK_EXTRA_PX, 2)
@@ -96,8 +96,8 @@ class FieldBank:
         grains = cv2.GaussianBlur(
             rng.standard_normal(shape, np.float32),
             (0, 0),
-            appearance.lateral_grain_px,
-            sigmaY=appearance.axial_grain_px,
+            style.lateral_grain_px,
+            sigmaY=style.axial_grain_px,
         )
         self._grains = np.asarray(grains, np.float32)
         self._grains *= np.float32(np.sqrt(0.5) / self._grains.std())
@@ -117,35 +117,34 @@ def intensity(db: Level | float) -> Level:
     return np.exp(np.minimum(np.asarray(db, np.float32), MAX_DB) * np.float32(np.log(10) / 10))
 
 
-def tissue_db(appearance: BscanAppearance, layers_mm: float) -> Level:
+def tissue_db(style: BscanAppearance, layers_mm: float) -> Level:
     """Return the backscatter of tissue by depth [dB above the noise], as a table.
 
     Args:
-        appearance: Appearance of the tissue.
-        layers_mm: Distance from ILM to RPE, the unit of depth; the table covers `TABLE_SPAN` of it, starting
-            `TABLE_FROM` above the ILM.
+        style: Appearance of the tissue.
+        layers_mm: From ILM to RPE, the unit of depth; the table runs from `-TABLE_FROM` over `TABLE_SPAN`.
     """
     depth = np.linspace(-TABLE_FROM, TABLE_SPAN - TABLE_FROM, TABLE_STEPS)
     below_mm = (depth - 1) * layers_mm
-    db = np.interp(depth, *np.array(RETINA_DB).T) + appearance.signal_db
-    db += np.where(depth > 1, appearance.contrast_db, 0.0)
-    db -= appearance.attenuation_db_per_mm * np.clip(depth, 0, 1) * layers_mm
+    db = np.interp(depth, *np.array(RETINA_DB).T) + style.signal_db
+    db += np.where(depth > 1, style.contrast_db, 0.0)
+    db -= style.attenuation_db_per_mm * np.clip(depth, 0, 1) * layers_mm
     db -= np.maximum(below_mm - RPE_MM, 0) * CHOROID_DB_PER_MM
     db[depth < RETINA_DB[0][0]] = DARK_DB
     return np.asarray(np.maximum(db, DARK_DB), np.float32)
 
 
-def grey_from_field(fields: list[Level], floor: Level, appearance: BscanAppearance) -> Image:
+def grey_from_field(fields: list[Level], floor: Level, style: BscanAppearance) -> Image:
     """Turn complex fields into a log-compressed image.
 
     Args:
         fields: One for each averaged scan, (h, w, 2).
         floor: Added to the mean intensity, broadcast to (h, w); noise = 1.
-        appearance: Maps decibels to grey.
+        style: Maps decibels to grey.
     """
     power = sum(np.einsum("ijk,ijk->ij", field, field) for field in fields) / np.float32(len(fields))
     decibel = np.log(np.maximum(power + floor, MIN_INTENSITY)) * np.float32(10 / np.log(10))
-    grey = np.float32(appearance.grey_per_db) * (decibel - np.float32(EXPONENTIAL_DB)) + np.float32(
-        appearance.noise_grey
+    grey = np.float32(style.grey_per_db) * (decibel - np.float32(EXPONENTIAL_DB)) + np.float32(
+        style.noise_grey
     )
     return np.asarray(np.clip(np.rint(grey), 0, 255), np.uint8)

@@ -66,50 +66,47 @@ class NeedlePx(NamedTuple):
         return np.asarray(self.tip_px[1] + slope * (x_px - self.tip_px[0]), np.float64)
 
 
-def needle_light(needle: NeedlePx, appearance: BscanNeedle, size_px: tuple[int, int]) -> Level:
+def needle_light(needle: NeedlePx, style: BscanNeedle, size_px: tuple[int, int]) -> Level:
     """Return the share of light that the needle lets through to each pixel, 0 to 1, (h, w)."""
     width, height = size_px
     x, y = np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32)[:, None]
     side = math.copysign(1.0, needle.along_px[0])
-    free = _step(side * (x - np.float32(needle.tip_px[0])) / np.float32(appearance.edge_px))
-    below = needle.along_px[1] * side * (needle.x_at(y) - x) / np.float32(appearance.width_px)
+    free = _step(side * (x - np.float32(needle.tip_px[0])) / np.float32(style.edge_px))
+    below = needle.along_px[1] * side * (needle.x_at(y) - x) / np.float32(style.width_px)
     return np.asarray(np.maximum(free, _step(-below - 1)), np.float32)
 
 
-def needle_level(needle: NeedlePx, appearance: BscanNeedle, ilm_px: Level, size_px: tuple[int, int]) -> Level:
+def needle_level(needle: NeedlePx, style: BscanNeedle, ilm_px: Level, size_px: tuple[int, int]) -> Level:
     """Return the mean intensity that the needle scatters, noise = 1, (h, w).
 
     Args:
         needle: Its position.
-        appearance: Its appearance.
+        style: Its appearance.
         ilm_px: Row of the ILM in each column, (w,).
         size_px: (width, height) of the image.
     """
     x, y = np.arange(size_px[0], dtype=np.float32), np.arange(size_px[1], dtype=np.float32)[:, None]
     behind, across = needle.along_and_across(x, y)
-    db = _profile_db(behind, across, appearance) - appearance.tissue_loss_db * _step((y - ilm_px) / 4 - 1)
+    db = _profile_db(behind, across, style) - style.tissue_loss_db * _step((y - ilm_px) / 4 - 1)
     level = intensity(db)
-    if appearance.ghost_db < 60:
+    if style.ghost_db < 60:
         top_px = float(needle.x_at(np.zeros(1))[0])
         mirrored = needle.along_px[1] * (x - top_px) + needle.along_px[0] * y
-        faint_db = appearance.bright_db - appearance.ghost_db
-        ghost_db = faint_db * (1 - 2 * (mirrored / np.float32(1.6 * appearance.width_px)) ** 2)
+        faint_db = style.bright_db - style.ghost_db
+        ghost_db = faint_db * (1 - 2 * (mirrored / np.float32(1.6 * style.width_px)) ** 2)
         level = level + intensity(ghost_db)
     return np.asarray(level, np.float32)
 
 
-def _profile_db(behind: Level, across: Level, appearance: BscanNeedle) -> Level:
+def _profile_db(behind: Level, across: Level, style: BscanNeedle) -> Level:
     """Return the ridge's brightness [dB] by the distances behind the tip and across the shaft."""
-    sharp = np.float32(2 * appearance.bright_db / appearance.width_px**2)
-    line = appearance.bright_db - sharp * across**2 - 4 * np.maximum(appearance.bevel_px - behind, 0) ** 2 / 9
+    sharp = np.float32(2 * style.bright_db / style.width_px**2)
+    line = style.bright_db - sharp * across**2 - 4 * np.maximum(style.bevel_px - behind, 0) ** 2 / 9
     bevel = (
-        appearance.bright_db
-        - appearance.gap_db
-        - sharp * across**2
-        - 30 * ((behind < 0) | (behind > appearance.bevel_px))
+        style.bright_db - style.gap_db - sharp * across**2 - 30 * ((behind < 0) | (behind > style.bevel_px))
     )
-    radius_px = BLOB_RADIUS_SHARE * appearance.width_px  # the spot is half as bright at the tip
-    blob = appearance.bright_db * (1 - 0.5 * (across**2 + (behind - radius_px) ** 2) / radius_px**2)
+    radius_px = BLOB_RADIUS_SHARE * style.width_px  # the spot is half as bright at the tip
+    blob = style.bright_db * (1 - 0.5 * (across**2 + (behind - radius_px) ** 2) / radius_px**2)
     return np.asarray(np.maximum(np.maximum(line, bevel), blob), np.float32)
 
 
