@@ -141,7 +141,7 @@ def with_images(number: int) -> tuple[Outcome, list[tuple[float, Error]]]:
     """Play an approach with images; return too how high the tip was in each and what was wrong with it."""
     approach = Approach(number)
     scene, errors = approach.scene, []
-    camera = BscanCamera(scene.scan, scene.look, scene.needle, scene.seed)
+    camera = BscanCamera(scene.scan, scene.appearance, scene.needle, scene.seed)
     run = pipeline(approach)
 
     def step(moment: Moment) -> Step:

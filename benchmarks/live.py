@@ -131,7 +131,9 @@ def image_to_rumble(browser: Any, folder: Path) -> None:
         for theta_deg in (0.0, -5.0)
         for duration_s in (0.05, TURNS_S)
     )
-    turns.write_text(f'[scenario]\nsays = "Aligned, misaligned, and again."\n[look]\nstyle = "dark"\n{moves}')
+    turns.write_text(
+        f'[scenario]\ndescription = "Aligned, misaligned, repeated."\n[appearance]\nstyle = "dark"\n{moves}'
+    )
     with Live(f"phantom:{turns}") as live:
         page = opened(browser, live)
         page.evaluate(CHANGES)

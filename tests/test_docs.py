@@ -165,7 +165,7 @@ def test_example_registration_loads():
 
 def test_example_tissue_loads_and_states_the_defaults():
     (text,) = [block for block in blocks(read("docs/conventions.md"), "toml") if "[tissue]" in block]
-    rest = '[scenario]\nsays = "x"\n[[move]]\nduration_s = 1\ndepth_mm = 0\ntheta_deg = 0\n'
+    rest = '[scenario]\ndescription = "x"\n[[move]]\nduration_s = 1\ndepth_mm = 0\ntheta_deg = 0\n'
     assert Document(text + rest, "docs/conventions.md").convert(Scenario).tissue
     for key in TissueShape.__struct_fields__:
         assert re.search(rf"^{key} = .*\({getattr(TissueShape(), key):g}\)", text, re.MULTILINE), key

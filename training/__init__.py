@@ -1,1 +1,1 @@
-"""How the network of the perceiver `segmentation` is made: `make train`. Not part of the package."""
+"""Training of the network of the perceiver `segmentation`: `make train`. Not part of the package."""

@@ -1,4 +1,4 @@
-"""The report of a trained network: a page of Markdown with two pictures, docs/segmentation_report.md."""
+"""The report of a trained network: a Markdown page with two figures, docs/segmentation_report.md."""
 
 import argparse
 from pathlib import Path
@@ -13,52 +13,52 @@ from haptigraph.perception.oct.onnx_model import OnnxModel
 from haptigraph.sim.oct.bscan import CLASSES
 from training.score import SCORING_SEED, Scored, Totals, model_size_mb, score, totals
 
-__all__ = ["Made", "write_report"]
+__all__ = ["TrainingRun", "write_report"]
 
 DOCS = Path(__file__).parent.parent / "docs"
 SCORED = 400
 EXAMPLES = 8
-FOUND = {"ilm_px": (80, 220, 80), "rpe_px": (80, 120, 255)}
+ILM, RPE = (80, 220, 80), (80, 120, 255)
 TRUE = (255, 255, 255)
 NEEDLE = (60, 220, 255)
 
 
-class Made(NamedTuple):
-    """How a network was made."""
+class TrainingRun(NamedTuple):
+    """How a network was trained."""
 
     examples: int
-    """B-scans it learnt from."""
+    """Number of B-scans."""
     steps: int
-    """Batches it learnt from."""
+    """Number of batches."""
     minutes: float
-    """How long simulating and learning took."""
+    """Duration of simulation and training."""
     busy_minutes: float
-    """Time of the processor in it."""
+    """Processor time."""
 
 
-def write_report(toml: Path, made: Made, folder: Path = DOCS) -> None:
-    """Score a network and write its page and pictures.
+def write_report(toml: Path, run: TrainingRun, folder: Path = DOCS) -> None:
+    """Score a network and write its page and figures.
 
     Args:
-        toml: Of the network.
-        made: How it was made.
-        folder: Where the page goes; pictures go to its images/.
+        toml: TOML file of the network.
+        run: How it was trained.
+        folder: Folder of the page; figures go to its images/.
     """
     scored = list(score(OnnxModel(str(toml)), SCORED))
     summed = totals(scored)
     (folder / "images").mkdir(parents=True, exist_ok=True)
     _draw_errors(summed, folder / "images" / "segmentation-errors.png")
     cv2.imwrite(str(folder / "images" / "segmentation-examples.jpg"), _draw_examples(scored))
-    page = _page(summed, made, model_size_mb(toml))
+    page = _page(summed, run, model_size_mb(toml))
     (folder / "segmentation_report.md").write_text(page, encoding="utf-8")
     print(page, flush=True)
 
 
-def _page(summed: Totals, made: Made, size_mb: float) -> str:
+def _page(summed: Totals, run: TrainingRun, size_mb: float) -> str:
     rows = "\n".join(
         f"| {name} | {np.median(np.abs(error)):.2f} | {np.percentile(np.abs(error), 95):.2f} | "
-        f"{error.mean():+.2f} | {100 * summed.seen_share[name]:.1f} % | "
-        f"{100 * summed.invented_share[name]:.1f} % |"
+        f"{error.mean():+.2f} | {100 * summed.found_share[name]:.1f} % | "
+        f"{100 * summed.false_share[name]:.1f} % |"
         for name, error in summed.errors_px.items()
     )
     needles = "\n".join(
@@ -77,26 +77,26 @@ def _page(summed: Totals, made: Made, size_mb: float) -> str:
         for name, value in zip(CLASSES, _overlaps(summed), strict=True)
     )
     heads = " | ".join(name.replace("_", ", ") for name in CLASSES)
-    return f"""# The shipped segmentation model, scored
+    return f"""# Evaluation of the shipped segmentation model
 
-Written by `make train`; do not edit. What the model is for: [segmentation](segmentation.md).
+Written by `make train`; do not edit. How to use the model: [segmentation](segmentation.md).
 
-A U-Net of {size_mb:.2f} MB that saw {made.examples} simulated B-scans in {made.steps} batches of 8.
-Simulating and learning took {made.minutes:.0f} minutes on one thread, {made.busy_minutes:.0f} of them
-computing, the rest waiting for other work on the machine. It never saw a real B-scan. Scored on {SCORED}
-other simulated ones (seed {SCORING_SEED}) of 512 x 512 px, random in eye, needle, noise, tilt, shadow and
-defects. All errors are in pixels of the full image. The tip's are as the perceiver reports it: where its
-class ends, or, further on, where the shadow begins.
+A U-Net of {size_mb:.2f} MB, trained on {run.examples} simulated B-scans in {run.steps} batches of 8.
+Simulation and training took {run.minutes:.0f} minutes on one thread of a shared machine,
+{run.busy_minutes:.0f} of them processor time. No real B-scan was used. It is evaluated on {SCORED} other
+simulated B-scans (seed {SCORING_SEED}) of 512 x 512 px with random retina, needle, noise, tilt,
+shadows and artefacts. All errors are in pixels of the full image. The tip is the one that the perceiver
+reports: the end of the needle class or, further along the shaft, the edge of its shadow.
 
 ## Surfaces
 
-Where the tissue is lit, four columns from the shadow's edge and more; absolute error.
+Absolute error in lit columns, at least four columns from the shadow's edge.
 
-| | median px | p95 px | mean (signed) px | columns found | columns invented in the shadow |
+| | median px | p95 px | mean (signed) px | columns found | false columns in the shadow |
 |---|---|---|---|---|---|
 {rows}
 
-![How far off the surfaces, the angle and the tip are](images/segmentation-errors.png)
+![Errors of surfaces, angle and tip](images/segmentation-errors.png)
 
 ## Needle
 
@@ -109,7 +109,7 @@ Angle and tip: median / p95. Without a needle, one was reported in {summed.false
 
 ## Confusion
 
-Rows: what a pixel shows; columns: what the network says. Intersection over union: {overlap}.
+Rows: true class; columns: predicted class. Intersection over union: {overlap}.
 
 | | {heads} |
 |---|{"---|" * len(CLASSES)}
@@ -117,8 +117,8 @@ Rows: what a pixel shows; columns: what the network says. Intersection over unio
 
 ## Examples
 
-White: the truth. Green: ILM found, red: RPE found, yellow: needle found. Above: the first {EXAMPLES // 2} of
-all. Below: the worst surfaces, then the worst tips, {EXAMPLES // 4} of each.
+White: ground truth. Green, red and yellow: detected ILM, RPE and needle. Top: the first {EXAMPLES // 2}
+B-scans. Bottom: the {EXAMPLES // 4} worst surfaces, then the {EXAMPLES // 4} worst tips.
 
 ![Examples](images/segmentation-examples.jpg)
 """
@@ -169,24 +169,24 @@ def _cumulative(axis: "matplotlib.axes.Axes", errors: object, edges: object, lab
 def _draw_examples(scored: list[Scored]) -> Image:
     surfaces = sorted(scored, key=lambda one: -one.worst_px)[: EXAMPLES // 4]
     tips = sorted(scored, key=lambda one: -np.nan_to_num(one.tip_error_px))[: EXAMPLES // 4]
-    drawn = [_drawn(one) for one in (*scored[: EXAMPLES // 2], *surfaces, *tips)]
+    drawn = [_draw_one(one) for one in (*scored[: EXAMPLES // 2], *surfaces, *tips)]
     half = EXAMPLES // 2
     whole = np.vstack([np.hstack(drawn[:half]), np.hstack(drawn[half:])])
     return np.asarray(cv2.resize(whole, None, fx=0.7, fy=0.7, interpolation=cv2.INTER_AREA), np.uint8)
 
 
-def _drawn(one: Scored) -> Image:
+def _draw_one(one: Scored) -> Image:
     canvas = cv2.cvtColor(one.scan.image, cv2.COLOR_GRAY2BGR)
     truth, columns = one.scan.truth, np.arange(one.scan.image.shape[1])
     for row, lit in ((truth.ilm_px, truth.ilm_lit), (truth.rpe_px, truth.rpe_lit)):
         _dots(canvas, columns[lit][::6], row[lit][::6], TRUE)
-    for name, color in FOUND.items():
-        seen = getattr(one.found, name.replace("_px", "_seen"))
-        _dots(canvas, np.rint(one.found.x_px[seen]), getattr(one.found, name)[seen], color)
+    found = one.found
+    for row, visible, color in ((found.ilm_px, found.ilm_seen, ILM), (found.rpe_px, found.rpe_seen, RPE)):
+        _dots(canvas, np.rint(found.x_px[visible]), row[visible], color)
     if truth.needle is not None:
-        cv2.circle(canvas, _whole(truth.needle.tip_px), 8, TRUE, 1, cv2.LINE_AA)
+        cv2.circle(canvas, _rounded(truth.needle.tip_px), 8, TRUE, 1, cv2.LINE_AA)
     if one.shaft is not None:
-        ends = _whole(one.shaft.start_px), _whole(one.shaft.tip_px)
+        ends = _rounded(one.shaft.start_px), _rounded(one.shaft.tip_px)
         cv2.line(canvas, *ends, NEEDLE, 1, cv2.LINE_AA)
         cv2.drawMarker(canvas, ends[1], NEEDLE, cv2.MARKER_CROSS, 12, 1)
     cv2.putText(
@@ -206,20 +206,20 @@ def _dots(canvas: object, columns: object, rows: object, color: tuple[int, int, 
         cv2.circle(canvas, (int(x), int(y)), 1, color, -1)
 
 
-def _whole(at_px: tuple[float, float]) -> tuple[int, int]:
+def _rounded(at_px: tuple[float, float]) -> tuple[int, int]:
     return round(at_px[0]), round(at_px[1])
 
 
 def main() -> None:
-    """Score the shipped model anew, without training."""
+    """Score a trained model again."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("toml", type=Path)
     parser.add_argument("--examples", type=int, required=True)
     parser.add_argument("--steps", type=int, required=True)
     parser.add_argument("--minutes", type=float, required=True)
     parser.add_argument("--busy-minutes", type=float, required=True)
-    asked = parser.parse_args()
-    write_report(asked.toml, Made(asked.examples, asked.steps, asked.minutes, asked.busy_minutes))
+    args = parser.parse_args()
+    write_report(args.toml, TrainingRun(args.examples, args.steps, args.minutes, args.busy_minutes))
 
 
 if __name__ == "__main__":

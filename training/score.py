@@ -1,4 +1,4 @@
-"""Score a network on simulated B-scans that nothing was learnt from: confusion, surfaces, needle."""
+"""Score a network on simulated B-scans that were not used for training: confusion, surfaces, needle."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,52 +11,52 @@ from numpy.typing import NDArray
 from haptigraph.messages import Image
 from haptigraph.perception.oct.onnx_model import OnnxModel
 from haptigraph.perception.oct.scan_geometry import Layers, Shaft
-from haptigraph.perception.oct.segmentation import segments_of
+from haptigraph.perception.oct.segmentation import interpret
 from haptigraph.sim.oct.bscan import CLASSES, Bscan
 from haptigraph.sim.oct.scenes import random_scene
 
 __all__ = ["SCORING_SEED", "Scored", "Totals", "score", "totals"]
 
 SCORING_SEED = 300
-EDGE_PX = 4  # columns next to the shadow's edge, where half the light is missing, are not scored
+EDGE_PX = 4  # columns next to the shadow's soft edge, not scored
 
 Floats = NDArray[np.float64]
 
 
 class Scored(NamedTuple):
-    """One B-scan, what was found, and how wrong it was; pixels of the full image."""
+    """One B-scan, the detections in it and their errors, in pixels of the full image."""
 
     place: str
     scan: Bscan
     found: Layers
     shaft: Shaft | None
     confusion: NDArray[np.int64]
-    """(true, found) counts of the network's pixels."""
+    """Counts of the network's pixels by (true, predicted) class."""
     errors_px: dict[str, Floats]
-    """Found less true row, by surface, where the tissue is lit; nan where nothing was found."""
-    invented: dict[str, int]
-    """Columns in the needle's shadow in which a surface was said to be seen."""
-    shadowed: dict[str, int]
-    """Columns in the shadow."""
+    """Detected less true row, by surface, where the tissue is lit; nan where it was not detected."""
+    false_columns: dict[str, int]
+    """Number of columns in the needle's shadow in which a surface was reported."""
+    shadow_columns: dict[str, int]
+    """Number of columns in the shadow."""
     angle_error_deg: float
-    """nan without a needle, true or found."""
+    """nan without a true or a detected needle."""
     tip_error_px: float
 
     @property
     def worst_px(self) -> float:
-        """The surfaces' largest error that is not the worst twentieth's."""
+        """95th percentile of the surfaces' absolute errors."""
         both = np.concatenate([np.abs(error) for error in self.errors_px.values()])
         return float(np.nanpercentile(both, 95)) if np.isfinite(both).any() else 0.0
 
 
 def score(model: OnnxModel, count: int, seed: int = SCORING_SEED) -> Iterator[Scored]:
-    """Yield as many scored B-scans."""
+    """Yield `count` scored B-scans."""
     for number in range(count):
         scene = random_scene(number, seed)
         camera = scene.camera()
         scan = scene.take(camera)
         maps = model(scan.image)
-        found, shaft = segments_of(maps, model.spec, (scan.image.shape[1], scan.image.shape[0]))
+        found, shaft = interpret(maps, model.spec, (scan.image.shape[1], scan.image.shape[0]))
         truth = scan.truth
         surfaces = {
             "ILM": (_rows(found.x_px, found.ilm_px, found.ilm_seen), truth.ilm_px, truth.ilm_lit),
@@ -70,19 +70,20 @@ def score(model: OnnxModel, count: int, seed: int = SCORING_SEED) -> Iterator[Sc
             shaft=shaft,
             confusion=_confusion(camera.classes(truth), maps),
             errors_px={
-                name: (got - true)[_clear(lit) & _inside(true)] for name, (got, true, lit) in surfaces.items()
+                name: (row - true)[_eroded(lit) & _inside(true)]
+                for name, (row, true, lit) in surfaces.items()
             },
-            invented={
-                name: int(np.isfinite(got[_clear(~lit)]).sum()) for name, (got, _, lit) in surfaces.items()
+            false_columns={
+                name: int(np.isfinite(row[_eroded(~lit)]).sum()) for name, (row, _, lit) in surfaces.items()
             },
-            shadowed={name: int(_clear(~lit).sum()) for name, (_, _, lit) in surfaces.items()},
+            shadow_columns={name: int(_eroded(~lit).sum()) for name, (_, _, lit) in surfaces.items()},
             angle_error_deg=angle,
             tip_error_px=tip,
         )
 
 
 def _rows(x_px: Floats, row_px: Floats, is_seen: NDArray[np.bool_]) -> Floats:
-    """Return the row at every column of the image; nan where the nearest place was not seen."""
+    """Return the row in every column of the image; nan where the nearest column is not visible."""
     columns = np.arange(512)
     if not is_seen.any():
         return np.full(len(columns), np.nan)
@@ -90,18 +91,18 @@ def _rows(x_px: Floats, row_px: Floats, is_seen: NDArray[np.bool_]) -> Floats:
     return np.where(is_seen[nearest], np.interp(columns, x_px[is_seen], row_px[is_seen]), np.nan)
 
 
-def _clear(are: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which columns are so far from where lit and shadowed ones meet."""
-    return cv2.erode(are.astype(np.uint8)[None], np.ones((1, 2 * EDGE_PX + 1), np.uint8))[0] > 0
+def _eroded(is_column: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Exclude columns close to the border between lit and shadowed ones."""
+    return cv2.erode(is_column.astype(np.uint8)[None], np.ones((1, 2 * EDGE_PX + 1), np.uint8))[0] > 0
 
 
 def _inside(row_px: Floats) -> NDArray[np.bool_]:
     return (row_px > 8) & (row_px < 512 - 8)
 
 
-def _confusion(shown: Image, maps: NDArray[np.float32]) -> NDArray[np.int64]:
+def _confusion(true_classes: Image, maps: NDArray[np.float32]) -> NDArray[np.int64]:
     size = maps.shape[2], maps.shape[1]
-    true = cv2.resize(shown, size, interpolation=cv2.INTER_NEAREST)
+    true = cv2.resize(true_classes, size, interpolation=cv2.INTER_NEAREST)
     pairs = true.astype(np.int64) * len(CLASSES) + maps.argmax(axis=0)
     return np.bincount(pairs.ravel(), minlength=len(CLASSES) ** 2).reshape(len(CLASSES), len(CLASSES))
 
@@ -116,39 +117,39 @@ def _needle_errors(found: Shaft | None, scan: Bscan) -> tuple[float, float]:
 
 
 class Totals(NamedTuple):
-    """Everything that a report says of many B-scans."""
+    """Scores of many B-scans."""
 
     confusion: NDArray[np.int64]
     errors_px: dict[str, Floats]
-    seen_share: dict[str, float]
-    invented_share: dict[str, float]
+    found_share: dict[str, float]
+    false_share: dict[str, float]
     needles: dict[str, tuple[int, int, Floats, Floats]]
-    """By place: how many, how many found, angle errors, tip errors."""
+    """By position of the tip: number, number detected, angle errors, tip errors."""
     false_needles: int
     without_needle: int
 
 
 def totals(scored: list[Scored]) -> Totals:
-    """Sum up."""
+    """Pool the scores."""
     errors = {name: np.concatenate([one.errors_px[name] for one in scored]) for name in scored[0].errors_px}
     needles = {}
     for place in ("above", "touching", "inside"):
-        these = [one for one in scored if one.place == place]
-        got = [one for one in these if one.shaft is not None]
+        scored_here = [one for one in scored if one.place == place]
+        reported = [one for one in scored_here if one.shaft is not None]
         needles[place] = (
-            len(these),
-            len(got),
-            np.abs([one.angle_error_deg for one in got]),
-            np.array([one.tip_error_px for one in got]),
+            len(scored_here),
+            len(reported),
+            np.abs([one.angle_error_deg for one in reported]),
+            np.array([one.tip_error_px for one in reported]),
         )
     without = [one for one in scored if one.scan.truth.needle is None]
     return Totals(
         confusion=np.sum([one.confusion for one in scored], axis=0),
         errors_px={name: error[np.isfinite(error)] for name, error in errors.items()},
-        seen_share={name: float(np.isfinite(error).mean()) for name, error in errors.items()},
-        invented_share={
-            name: sum(one.invented[name] for one in scored)
-            / max(sum(one.shadowed[name] for one in scored), 1)
+        found_share={name: float(np.isfinite(error).mean()) for name, error in errors.items()},
+        false_share={
+            name: sum(one.false_columns[name] for one in scored)
+            / max(sum(one.shadow_columns[name] for one in scored), 1)
             for name in errors
         },
         needles=needles,

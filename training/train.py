@@ -1,7 +1,7 @@
 """Train the U-Net that ships with haptigraph, export it to ONNX, and write its report: `make train`.
 
-Everything is seeded; on the same machine with the same libraries the same network comes out. The images are
-simulated, those of training, of choosing and of scoring with different seeds.
+Everything is seeded: the same machine with the same libraries gives the same network. Images for training,
+validation and scoring are simulated with different seeds.
 """
 
 import argparse
@@ -15,58 +15,58 @@ from torch import nn
 
 from haptigraph.sim.oct.bscan import CLASSES
 from training.data import SIDE_PX, Example, batches, draw, simulate
-from training.report import Made, write_report
+from training.report import TrainingRun, write_report
 from training.unet import SmallUNet
 
 MODELS = Path(__file__).parent.parent / "haptigraph" / "models"
 SEED = 8
-TRAINING_SEED, CHOOSING_SEED = 100, 200
+TRAINING_SEED, VALIDATION_SEED = 100, 200
 BATCH, RATE = 8, 4e-3
 
 
 def main() -> None:
     """Train, export, score."""
-    asked = arguments()
+    args = parse_arguments()
     torch.manual_seed(SEED)
-    torch.set_num_threads(1)  # more threads gain little on images so small, and add in another order
+    torch.set_num_threads(1)  # more threads gain little on small images, and change the order of sums
     torch.use_deterministic_algorithms(True)
-    begun_s = time.monotonic()
-    examples = [simulate(number, TRAINING_SEED) for number in range(asked.examples)]
-    choosing = [simulate(number, CHOOSING_SEED) for number in range(asked.examples // 20 + 1)]
-    print(f"{len(examples)} B-scans simulated in {time.monotonic() - begun_s:.0f} s", flush=True)
-    file = asked.output / "bscan_unet.onnx"
-    net = train(examples, choosing, asked.steps, file)
+    start_s = time.monotonic()
+    examples = [simulate(number, TRAINING_SEED) for number in range(args.examples)]
+    validation = [simulate(number, VALIDATION_SEED) for number in range(args.examples // 20 + 1)]
+    print(f"{len(examples)} B-scans simulated in {time.monotonic() - start_s:.0f} s", flush=True)
+    file = args.output / "bscan_unet.onnx"
+    net = train(examples, validation, args.steps, file)
     export(net, file)
-    minutes = (time.monotonic() - begun_s) / 60
+    minutes = (time.monotonic() - start_s) / 60
     busy_minutes = time.process_time() / 60
-    print(f"trained in {minutes:.1f} minutes, {busy_minutes:.1f} of them computing", flush=True)
-    if not asked.no_report:
-        facts = Made(len(examples), asked.steps, minutes, busy_minutes)
-        write_report(asked.output / "bscan_unet.toml", facts)
+    print(f"trained in {minutes:.1f} minutes, {busy_minutes:.1f} of them processor time", flush=True)
+    if not args.no_report:
+        run = TrainingRun(len(examples), args.steps, minutes, busy_minutes)
+        write_report(args.output / "bscan_unet.toml", run)
 
 
-def arguments() -> argparse.Namespace:
-    """Read the command line."""
+def parse_arguments() -> argparse.Namespace:
+    """Parse the command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--examples", type=int, default=700, help="B-scans to simulate")
-    parser.add_argument("--steps", type=int, default=1800, help="batches to learn from")
+    parser.add_argument("--steps", type=int, default=1800, help="batches to train on")
     parser.add_argument("--output", type=Path, default=MODELS, help="folder of the network and its TOML")
     parser.add_argument("--no-report", action="store_true")
     return parser.parse_args()
 
 
-def train(examples: list[Example], choosing: list[Example], steps: int, file: Path) -> SmallUNet:
-    """Return the network after so many batches; what it is on the way there is left in a file."""
+def train(examples: list[Example], validation: list[Example], steps: int, file: Path) -> SmallUNet:
+    """Train a network for `steps` batches, exporting it to `file` along the way."""
     rng = np.random.default_rng(SEED)
     net = SmallUNet(len(CLASSES)).to(memory_format=torch.channels_last)
     print(f"{sum(weights.numel() for weights in net.parameters())} weights", flush=True)
-    loss_of = nn.CrossEntropyLoss()  # not weighted, so that its probabilities mean what they say
+    loss_function = nn.CrossEntropyLoss()  # not weighted, so that probabilities are calibrated
     optimizer = torch.optim.AdamW(net.parameters(), lr=RATE, weight_decay=1e-4)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, RATE, total_steps=steps, pct_start=0.1)
-    total, begun_s = 0.0, time.monotonic()
+    total, start_s = 0.0, time.monotonic()
     for number, (images, shares) in enumerate(batches(examples, BATCH, steps, rng), 1):
         optimizer.zero_grad()
-        loss = loss_of(
+        loss = loss_function(
             net(torch.from_numpy(images).contiguous(memory_format=torch.channels_last)),
             torch.from_numpy(shares),
         )
@@ -75,30 +75,30 @@ def train(examples: list[Example], choosing: list[Example], steps: int, file: Pa
         schedule.step()
         total += loss.item()
         if number % 100 == 0:
-            took_s = time.monotonic() - begun_s
-            print(f"{number:5} batches, loss {total / 100:.4f}, {took_s:.0f} s", flush=True)
+            elapsed_s = time.monotonic() - start_s
+            print(f"{number:5} batches, loss {total / 100:.4f}, {elapsed_s:.0f} s", flush=True)
             total = 0.0
         if number % 500 == 0 or number == steps:
-            print(f"      on other images: {loss_on(net, choosing, loss_of):.4f}", flush=True)
+            print(f"      validation loss: {validation_loss(net, validation, loss_function):.4f}", flush=True)
             export(net, file)
     return net
 
 
-def loss_on(net: SmallUNet, examples: list[Example], loss_of: nn.Module) -> float:
-    """Return the mean loss on images that nothing was learnt from."""
+def validation_loss(net: SmallUNet, examples: list[Example], loss_function: nn.Module) -> float:
+    """Return the mean loss on validation images."""
     net.eval()
     rng = np.random.default_rng(SEED)
     losses = []
     with torch.no_grad():
         for example in examples:
             image, shares = (torch.from_numpy(part)[None] for part in draw(example, rng))
-            losses.append(loss_of(net(image), shares).item())
+            losses.append(loss_function(net(image), shares).item())
     net.train()
     return float(np.mean(losses))
 
 
 def export(net: SmallUNet, file: Path) -> None:
-    """Write the network as ONNX, its weights inside the one file."""
+    """Write the network as one ONNX file, including its weights."""
     file.parent.mkdir(parents=True, exist_ok=True)
     net.eval()
     image = torch.zeros(1, 1, SIDE_PX, SIDE_PX)
@@ -107,12 +107,12 @@ def export(net: SmallUNet, file: Path) -> None:
     )
     net.train()
     program.save(str(file), external_data=False)
-    file.write_bytes(without_traces(onnx.load(str(file))).SerializeToString())
+    file.write_bytes(without_metadata(onnx.load(str(file))).SerializeToString())
     print(f"{file}: {file.stat().st_size / 1e6:.2f} MB", flush=True)
 
 
-def without_traces(model: onnx.ModelProto) -> onnx.ModelProto:
-    """Return a network without what the exporter notes of this machine: where which line of code lay."""
+def without_metadata(model: onnx.ModelProto) -> onnx.ModelProto:
+    """Remove the exporter's metadata from a network, such as paths of source files on this machine."""
     parts = (model, model.graph, *model.graph.node, *model.graph.value_info)
     for part in (*parts, *model.graph.input, *model.graph.output, *model.graph.initializer):
         part.ClearField("doc_string")

@@ -1,4 +1,4 @@
-"""The network: a small U-Net that works at half its input's size, and rearranges its channels into pixels."""
+"""The network: a small U-Net that works at half its input's size and rearranges its channels into pixels."""
 
 from itertools import pairwise
 
@@ -8,21 +8,21 @@ from torch import Tensor, nn
 __all__ = ["SmallUNet"]
 
 WIDTHS = (12, 16, 24, 32)
-"""Channels at a half, a quarter, an eighth and a sixteenth of the image's size."""
+"""Channels at 1/2, 1/4, 1/8 and 1/16 of the image's size."""
 
 
-def convolution(inside: int, out: int, stride: int = 1) -> nn.Sequential:
-    """Return one layer; its normalisation is folded into it on export."""
+def conv_block(n_in: int, n_out: int, stride: int = 1) -> nn.Sequential:
+    """Return one convolutional layer; its normalisation is folded in on export."""
     return nn.Sequential(
-        nn.Conv2d(inside, out, 3, stride, 1, bias=False), nn.BatchNorm2d(out), nn.ReLU(inplace=True)
+        nn.Conv2d(n_in, n_out, 3, stride, 1, bias=False), nn.BatchNorm2d(n_out), nn.ReLU(inplace=True)
     )
 
 
 class SmallUNet(nn.Module):
-    """Grey image (n, 1, h, w) in [0, 1] to logits, (n, classes, h, w); h and w are multiples of 16.
+    """Map grey images (n, 1, h, w) in [0, 1] to logits (n, classes, h, w); h and w are multiples of 16.
 
     Args:
-        classes: How many.
+        classes: Number of classes.
     """
 
     def __init__(self, classes: int) -> None:
@@ -30,11 +30,11 @@ class SmallUNet(nn.Module):
         self.gather, self.spread = nn.PixelUnshuffle(2), nn.PixelShuffle(2)
         self.larger = nn.Upsample(scale_factor=2, mode="nearest")
         self.down = nn.ModuleList(
-            nn.Sequential(convolution(inside, out, 1 if inside == 4 else 2), convolution(out, out))
-            for inside, out in zip((4, *WIDTHS[:-1]), WIDTHS, strict=True)
+            nn.Sequential(conv_block(n_in, n_out, 1 if n_in == 4 else 2), conv_block(n_out, n_out))
+            for n_in, n_out in zip((4, *WIDTHS[:-1]), WIDTHS, strict=True)
         )
         upwards = WIDTHS[::-1]
-        self.up = nn.ModuleList(convolution(deep + skip, skip) for deep, skip in pairwise(upwards))
+        self.up = nn.ModuleList(conv_block(deep + skip, skip) for deep, skip in pairwise(upwards))
         self.last = nn.Conv2d(WIDTHS[0], 4 * classes, 1)
 
     def forward(self, image: Tensor) -> Tensor:

@@ -1,1 +1,1 @@
-"""Networks that ship with haptigraph: ONNX files, each with the TOML that says what its classes are."""
+"""Networks that ship with haptigraph: ONNX files, each with the TOML file that describes it."""

@@ -1,1 +1,1 @@
-"""The simulator: eye, robot, operator, camera of a phantom. Never imports perception, scene or inference."""
+"""The simulator: eye, robot, operator and camera. It never imports perception, scene or inference."""

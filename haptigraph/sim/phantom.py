@@ -1,4 +1,4 @@
-"""The phantom: eye, robot, operator and camera of one scenario, played image by image, with the truth."""
+"""The phantom: play a scenario's eye, robot, operator and camera image by image, with the ground truth."""
 
 import math
 import sys
@@ -21,18 +21,18 @@ from haptigraph.sim.scenario import Scenario
 
 __all__ = ["Moment", "Phantom"]
 
-AWAY_MM = (0.0, 200.0)  # no part of any needle is in view
+AWAY_MM = (0.0, 200.0)  # so far that no part of any needle is in view
 BLANK: Image = np.zeros((1, 1, 3), np.uint8)  # in place of an image that was not drawn
 
 
 class Moment(Struct, frozen=True, eq=False):
-    """One image of the phantom and what it shows."""
+    """One image of the phantom with its ground truth."""
 
     time_s: float
     image: Image
     truth: Truth
     phase: str = ""
-    """Of the operation, as the script names it."""
+    """Phase of the operation, as named by the script."""
 
 
 class Phantom:
@@ -40,7 +40,7 @@ class Phantom:
 
     Args:
         scenario: The scenario.
-        operator: Who moves the robot; None: the scenario's script. Either begins where the script does.
+        operator: Moves the robot, from the script's first pose on; None: the scenario's script.
     """
 
     def __init__(self, scenario: Scenario, operator: Operator | None = None) -> None:
@@ -59,28 +59,28 @@ class Phantom:
         self._soft = scenario.tissue and SoftRetina(scenario.tissue, self.eye)
         images = self.operator.duration_s * scenario.about.rate_hz
         self.images = max(1, round(images)) if math.isfinite(images) else sys.maxsize
-        """How many images one play has; `sys.maxsize` where there is no end."""
+        """Number of images in one run; `sys.maxsize` if it has no end."""
         settings = scenario.camera
         size_px = settings.width_px, settings.height_px
         self.true_registration = registration_text(self.eye, self.geometry, *size_px)
-        """Where everything is."""
+        """Registration of the true anatomy."""
         self.registration = registration_text(self.eye, self.geometry, *size_px, scenario.registration_error)
-        """What perception is told."""
+        """Registration given to perception, with the scenario's errors."""
         self.restart()
 
     @cached_property
     def camera(self) -> Camera:
-        """The camera; it is painted by `paint`, or when the first image is drawn."""
-        about = self.scenario
-        return Camera(self.eye, about.camera, about.needle, about.look, about.about.seed, about.distractors)
+        """The camera; its background is painted on first use."""
+        given, seed = self.scenario, self.scenario.about.seed
+        return Camera(self.eye, given.camera, given.needle, given.appearance, seed, given.distractors)
 
     def paint(self) -> "Phantom":
-        """Paint what stands still, so that the first image is as quick as the others; return itself."""
+        """Paint the static background, so that the first image is as quick as the others; return self."""
         _ = self.camera
         return self
 
     def restart(self) -> None:
-        """Go back to the scenario's beginning."""
+        """Return to the start of the scenario."""
         self._robot = Robot(self.eye.trocar_mm, self.scenario.robot, self._start)
         self._next = 0
         if self._peeling:
@@ -89,10 +89,10 @@ class Phantom:
             self._soft.restart()
 
     def advance(self, *, draws: bool = True) -> Moment | None:
-        """Play on by one image; None when the operator is done.
+        """Advance by one image; return None once the operator is done.
 
         Args:
-            draws: Whether the image is drawn; it is one black pixel if not.
+            draws: Whether to draw the image; otherwise it is one black pixel.
         """
         moment = self._advance(draws)
         if moment is None or self.operator is not self._script:
@@ -107,13 +107,13 @@ class Phantom:
         if number:
             self.operator.move(self._robot, time_s, 1 / self.scenario.about.rate_hz)
         truth, is_away = self._truth(), self.operator.is_away(time_s)
-        bend = self._soft.bend if self._soft else None
+        warp = self._soft.warp if self._soft else None
         if self._soft:
             elapsed_s = 1 / self.scenario.about.rate_hz if number else 0.0
             self._soft.advance(elapsed_s, None if is_away else truth.tip_mm)
             truth = replace(truth, others={"retina_surface": self._soft.surface()})
         if is_away:
-            image = self.camera.render(AWAY_MM, (0.0, -1.0), number, bend=bend) if draws else BLANK
+            image = self.camera.render(AWAY_MM, (0.0, -1.0), number, warp=warp) if draws else BLANK
             return Moment(time_s, image, replace(truth, visible=False, inside=False))
         direction = self._robot.direction()
         if self._peeling:
@@ -121,7 +121,7 @@ class Phantom:
             view = self._peeling.advance(truth.tip_mm, direction, self._robot.pose.jaws_mm, pipe)
             image = self.camera.render(view.hinge_mm, direction, number, view.draw) if draws else BLANK
             return Moment(time_s, image, replace(truth, others=view.found))
-        image = self.camera.render(truth.tip_mm, direction, number, bend=bend) if draws else BLANK
+        image = self.camera.render(truth.tip_mm, direction, number, warp=warp) if draws else BLANK
         return Moment(time_s, image, truth)
 
     def _truth(self) -> Truth:

@@ -3,7 +3,7 @@
 import math
 from importlib import resources
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from msgspec import Meta, Struct, field
 from msgspec.structs import replace
@@ -15,8 +15,8 @@ from haptigraph.sim.eye.eye import EyeShape, RegistrationError
 from haptigraph.sim.eye.forceps import ForcepsShape
 from haptigraph.sim.eye.membrane import MembraneShape
 from haptigraph.sim.eye.optics import CameraSettings
-from haptigraph.sim.eye.palette import Look
-from haptigraph.sim.eye.soft_retina import MOST_SHARE
+from haptigraph.sim.eye.palette import Appearance
+from haptigraph.sim.eye.soft_retina import MAX_DENT_SHARE
 from haptigraph.sim.robot.operator import Hand, Move
 from haptigraph.sim.robot.robot import RobotLimits
 from haptigraph.sim.tissue import TissueShape
@@ -38,7 +38,7 @@ BOUNDS = {
     "camera.shot_noise_grey": (0, 100),
     "camera.shadow": (0, 1),
     "camera.shadow_shift": (-2, 2),
-    "look.texture": (0, 10),
+    "appearance.texture": (0, 10),
     "needle.diameter_mm": (0.01, 3),
     "needle.tip_diameter_mm": (0.01, 3),
     "needle.taper_mm": (0.01, 100),
@@ -46,36 +46,40 @@ BOUNDS = {
     "needle.brightness": (0, 1),
     "needle.highlight": (0, 1),
 }
-"""What can be drawn, in reasonable time and memory."""
+"""Limits of what can be drawn in reasonable time and memory."""
 
 
 class About(Struct, frozen=True, forbid_unknown_fields=True):
     """The [scenario] table."""
 
-    says: str
+    OLD_KEYS: ClassVar[dict[str, str]] = {"says": "description"}
+
+    description: str
     """One sentence on what happens."""
     seed: Annotated[int, Meta(ge=0, le=2**32 - 1)] = 0
     rate_hz: Annotated[float, Meta(ge=0.1, le=1000)] = 30.0
 
 
 class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
-    """One scenario."""
+    """One scenario of the camera phantom."""
+
+    OLD_KEYS: ClassVar[dict[str, str]] = {"look": "appearance"}
 
     about: About = field(name="scenario")
     moves: tuple[Move, ...] = field(name="move")
     eye: EyeShape = EyeShape()
     camera: CameraSettings = CameraSettings()
-    look: Look = Look()
+    appearance: Appearance = Appearance()
     needle: NeedleShape = NeedleShape()
     robot: RobotLimits = RobotLimits()
     operator: Hand = Hand()
     distractors: Distractors = Distractors()
     registration_error: RegistrationError = RegistrationError()
     forceps: ForcepsShape | None = None
-    """Where the instrument is no needle; a membrane to peel and a light pipe come with them."""
+    """If given, the instrument is a pair of forceps, with a membrane to peel and a light pipe."""
     membrane: MembraneShape = MembraneShape()
     tissue: TissueShape | None = None
-    """How a retina that is a layer gives; None: it is rigid."""
+    """How a retina that is a layer deforms; None: it is rigid."""
 
 
 def scenario_names() -> list[str]:
@@ -85,10 +89,10 @@ def scenario_names() -> list[str]:
 
 
 def scenario_document(name: str) -> Document:
-    """Read a scenario by its name, or from a path that ends in .toml, not checked yet.
+    """Read a scenario by its name, or from a path that ends in .toml, without checking it.
 
     Raises:
-        BadInput: If there is none of that name.
+        BadInput: If no scenario has that name.
     """
     if name.endswith(".toml"):
         return Document.read(Path(name))
@@ -105,11 +109,12 @@ def checked_moves(document: Document, moves: tuple[Move, ...]) -> None:
         BadInput: If it has no moves, or one that takes no time.
     """
     if not moves:
-        raise document.error("no [[move]]; the script needs at least one", "scenario")
+        raise document.error("no [[move]]; add at least one", "scenario")
     for number, move in enumerate(moves):
         if move.duration_s < 0 or (number == 0 and move.duration_s == 0):
             raise document.error(
-                f"a move of {move.duration_s:g} s; duration_s must be positive", f"move[{number}].duration_s"
+                f"duration_s: expected a positive number, found {move.duration_s:g}",
+                f"move[{number}].duration_s",
             )
 
 
@@ -118,17 +123,17 @@ def load_scenario(name: str, target_mm: float | None = None) -> Scenario:
 
     Args:
         name: The name or path.
-        target_mm: Where the target lies instead, along the retina from its lowest point, positive to the
+        target_mm: Overrides the target's position: along the retina from its lowest point, positive to the
             surgeon's right.
 
     Raises:
-        BadInput: If there is none of that name, or the file makes no sense.
+        BadInput: If no scenario has that name, or the file is not valid.
     """
     document = scenario_document(name)
     if "scan" in document.data:
         raise BadInput(
-            "shows B-scans, which only `haptigraph run phantom:...` plays so far, with --procedure "
-            "subretinal_injection_ioct",
+            "B-scan scenarios are not supported here; play them with `haptigraph run phantom:...` and "
+            "--procedure subretinal_injection_ioct",
             document.file,
         )
     scenario = document.convert(Scenario)
@@ -154,7 +159,7 @@ def _check_bounds(document: Document, scenario: Scenario) -> None:
 
 def _check_order(document: Document, table: str, values: Struct, low: str, high: str) -> None:
     if getattr(values, low) > getattr(values, high):
-        problem = f"{low} {getattr(values, low):g} lies above {high} {getattr(values, high):g}"
+        problem = f"{low} {getattr(values, low):g} is above {high} {getattr(values, high):g}; swap them"
         raise document.error(problem, f"{table}.{low}")
 
 
@@ -162,17 +167,18 @@ def _check_tissue(document: Document, scenario: Scenario, tissue: TissueShape) -
     layer_mm = scenario.eye.retina_mm
     if not layer_mm:
         raise document.error(
-            "[tissue] needs a retina that is a layer, but eye.retina_mm is 0; set its thickness, or leave "
-            "[tissue] out for a rigid retina",
+            "[tissue] needs a retina that is a layer, but eye.retina_mm is 0; set eye.retina_mm to its "
+            "thickness, or remove [tissue] for a rigid retina",
             "tissue",
         )
     if scenario.forceps:
         raise document.error(
-            "[tissue] is for a needle: the membrane of [forceps] would not follow it", "tissue"
+            "[tissue] cannot be combined with [forceps], whose membrane would not follow; remove one",
+            "tissue",
         )
-    if tissue.puncture_mm >= MOST_SHARE * layer_mm:
+    if tissue.puncture_mm >= MAX_DENT_SHARE * layer_mm:
         raise document.error(
-            f"tissue.puncture_mm: expected less than {MOST_SHARE * layer_mm:g}, as at most {MOST_SHARE:g} of "
-            f"eye.retina_mm can be pressed in, found {tissue.puncture_mm:g}",
+            f"tissue.puncture_mm: expected less than {MAX_DENT_SHARE * layer_mm:g} "
+            f"({MAX_DENT_SHARE:g} of eye.retina_mm), found {tissue.puncture_mm:g}",
             "tissue.puncture_mm",
         )

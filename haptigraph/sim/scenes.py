@@ -1,7 +1,7 @@
-"""Random scenes for measuring perception: short scenarios, each with a difficulty of its own.
+"""Random scenes for evaluating perception: short scenarios, each with its own nuisance condition.
 
 A scene is an ordinary scenario: about 30 images in which the needle is away or outside, moves in, and holds.
-The same number and seed give the same scene. Knows nothing of who looks at it.
+The same number and seed give the same scene.
 """
 
 import math
@@ -15,7 +15,7 @@ from haptigraph.sim.eye.distractors import Distractors
 from haptigraph.sim.eye.eye import Eye, EyeShape, RegistrationError
 from haptigraph.sim.eye.needle import NeedleShape
 from haptigraph.sim.eye.optics import CameraSettings
-from haptigraph.sim.eye.palette import Look
+from haptigraph.sim.eye.palette import Appearance
 from haptigraph.sim.robot.operator import Hand, Move
 from haptigraph.sim.robot.robot import Pose, Robot, RobotLimits
 from haptigraph.sim.scenario import About, Scenario
@@ -35,18 +35,18 @@ DIFFICULTIES = (
     "tilt",
     "mixture",
 )
-"""What makes a scene hard; a mixture has three of them, but no registration error."""
+"""Nuisance conditions: "glare" is specular highlights, "mixture" three others but no registration error."""
 POLARITIES = ("dark", "bright", "mixed")
 
-GOLDEN = (math.sqrt(5) - 1) / 2  # its multiples fill the unit interval evenly, however many scenes there are
+GOLDEN = (math.sqrt(5) - 1) / 2  # its multiples fill the unit interval evenly for any number of scenes
 DEPTH_MM = (1.0, 23.0)
-WAY_MM = (5.0, 8.0)  # of the approach
+APPROACH_MM = (5.0, 8.0)
 MARGIN_MM = 0.2  # between the deepest tip and the retina
-PIPE_MISS_MM = 1.5  # the second instrument stays so far from where the needle's tip comes to rest
-PEAK = 1.875  # speed of a minimum-jerk move over its mean
-SPEED_MM_S, TURN_DEG_S = 18.0, 27.0  # tremor takes the rest, up to the robot's 20 mm/s and 30 deg/s
+PIPE_CLEARANCE_MM = 1.5  # between the second instrument and the needle tip's final position
+PEAK_RATIO = 1.875  # of a minimum-jerk move
+SPEED_MM_S, TURN_DEG_S = 18.0, 27.0  # leaves room for tremor within the robot's 20 mm/s and 30 deg/s
 WITHOUT_NEEDLE, LEAVING = 0.12, 0.12  # shares of the scenes
-MOST_ERROR_PX = 3.0
+MAX_ERROR_PX = 3.0
 
 Rng = np.random.Generator
 
@@ -61,12 +61,12 @@ class Scene(Struct, frozen=True):
 
     @property
     def has_registration_error(self) -> bool:
-        """Whether perception is told wrong places."""
+        """Whether perception receives a registration with errors."""
         return self.scenario.registration_error != RegistrationError()
 
 
 class _Setting(Struct):
-    """The parts of a scenario that a difficulty changes."""
+    """The parts of a scenario that a nuisance condition changes."""
 
     camera: CameraSettings
     needle: NeedleShape
@@ -78,8 +78,8 @@ def random_scene(number: int, seed: int = 0, *, size_px: tuple[int, int] = (1280
     """Draw one scene.
 
     Args:
-        number: Of the scene; the difficulty goes round with it, and depths spread evenly over the numbers.
-        seed: Of all scenes.
+        number: Number of the scene; nuisance conditions cycle with it, and depths are spread evenly over it.
+        seed: Seed of all scenes.
         size_px: (width, height) of the images; the eye scales with the height.
     """
     rng = np.random.default_rng((seed, 6, number))
@@ -93,14 +93,14 @@ def random_scene(number: int, seed: int = 0, *, size_px: tuple[int, int] = (1280
     setting = _Setting(
         _camera(rng, polarity, size_px), _needle(rng, polarity), Distractors(), RegistrationError()
     )
-    for name in _mixed(rng) if difficulty == "mixture" else (difficulty,):
-        _make_harder(name, setting, rng, eye, rest_mm)
+    for name in _mixture(rng) if difficulty == "mixture" else (difficulty,):
+        _apply_nuisance(name, setting, rng, eye, rest_mm)
     scenario = Scenario(
-        about=About(says=f"A random scene: {difficulty}.", seed=int(rng.integers(2**31))),
+        about=About(description=f"A random scene: {difficulty}.", seed=int(rng.integers(2**31))),
         moves=moves,
         eye=shape,
         camera=setting.camera,
-        look=Look("light" if polarity == "dark" else "dark", texture=rng.uniform(0.5, 1.5)),
+        appearance=Appearance("light" if polarity == "dark" else "dark", texture=rng.uniform(0.5, 1.5)),
         needle=setting.needle,
         operator=Hand(tremor_rms_mm=rng.uniform(0.1, 0.4)),
         distractors=setting.distractors,
@@ -109,9 +109,9 @@ def random_scene(number: int, seed: int = 0, *, size_px: tuple[int, int] = (1280
     return Scene(difficulty, polarity, scenario)
 
 
-def _mixed(rng: Rng) -> list[str]:
-    harder = [name for name in DIFFICULTIES if name not in ("plain", "mixture", "registration")]
-    return [str(name) for name in rng.choice(harder, 3, replace=False)]
+def _mixture(rng: Rng) -> list[str]:
+    single = [name for name in DIFFICULTIES if name not in ("plain", "mixture", "registration")]
+    return [str(name) for name in rng.choice(single, 3, replace=False)]
 
 
 def _camera(rng: Rng, polarity: str, size_px: tuple[int, int]) -> CameraSettings:
@@ -141,40 +141,40 @@ def _needle(rng: Rng, polarity: str) -> NeedleShape:
 
 
 def _moves(rng: Rng, eye: Eye, depth_share: float) -> tuple[tuple[Move, ...], Vec]:
-    """Return the script, and where the tip comes to rest [mm]."""
+    """Return the script and the tip's final position [mm]."""
     robot = Robot(eye.trocar_mm, RobotLimits(), Pose(0.0, 0.0))
     axis_deg = robot.pitch_towards(eye.target_mm)
     theta_deg = float(np.clip(rng.uniform(-12, 12), -45 - axis_deg, 45 - axis_deg))
     inwards = unit(subtract((0.0, 0.0), eye.trocar_mm))
     along = rotate(inwards, axis_deg + theta_deg)
-    # More scenes shallow than deep: that is where the angle is hard.
-    wanted_mm = DEPTH_MM[0] + (DEPTH_MM[1] - DEPTH_MM[0]) * depth_share**1.5
-    depth_mm = min(wanted_mm, _chord_mm(eye.trocar_mm, along, eye.radius_mm) - MARGIN_MM)
-    begin_mm = max(depth_mm - rng.uniform(*WAY_MM), rng.uniform(-4.0, -2.0))
+    # More shallow scenes than deep ones, because a short visible shaft makes the angle hard to estimate.
+    drawn_mm = DEPTH_MM[0] + (DEPTH_MM[1] - DEPTH_MM[0]) * depth_share**1.5
+    depth_mm = min(drawn_mm, _chord_mm(eye.trocar_mm, along, eye.radius_mm) - MARGIN_MM)
+    start_mm = max(depth_mm - rng.uniform(*APPROACH_MM), rng.uniform(-4.0, -2.0))
     turn_deg = rng.uniform(-8, 8)
     turn_deg = float(np.clip(theta_deg + turn_deg, -45 - axis_deg, 45 - axis_deg)) - theta_deg
-    needed_s = PEAK * max((depth_mm - begin_mm) / SPEED_MM_S, abs(turn_deg) / TURN_DEG_S)
-    begin = Move(0.1, begin_mm, theta_deg + turn_deg, away=bool(begin_mm > -1 or rng.random() < 0.5))
+    needed_s = PEAK_RATIO * max((depth_mm - start_mm) / SPEED_MM_S, abs(turn_deg) / TURN_DEG_S)
+    start = Move(0.1, start_mm, theta_deg + turn_deg, away=bool(start_mm > -1 or rng.random() < 0.5))
     rest = Move(needed_s + 0.03, depth_mm, theta_deg)
-    moves = [begin, rest, replace(rest, duration_s=0.2)]
-    fate = rng.random()
-    if fate < WITHOUT_NEEDLE:
-        moves = [replace(begin, duration_s=0.8, away=True)]
-    elif fate < WITHOUT_NEEDLE + LEAVING:
+    moves = [start, rest, replace(rest, duration_s=0.2)]
+    outcome = rng.random()
+    if outcome < WITHOUT_NEEDLE:
+        moves = [replace(start, duration_s=0.8, away=True)]
+    elif outcome < WITHOUT_NEEDLE + LEAVING:
         moves.append(replace(rest, duration_s=0.17, away=True))
     x, y = eye.trocar_mm
     return tuple(moves), (x + depth_mm * along[0], y + depth_mm * along[1])
 
 
 def _chord_mm(start_mm: Vec, along: Vec, radius_mm: float) -> float:
-    """Return how far a straight way leads from a place outside a circle to its far side."""
+    """Return the distance along a line from a point outside a circle to the circle's far side."""
     middle = -(start_mm[0] * along[0] + start_mm[1] * along[1])
     miss_squared = norm(start_mm) ** 2 - middle**2
     return middle + math.sqrt(max(radius_mm**2 - miss_squared, 0.0))
 
 
-def _make_harder(name: str, setting: _Setting, rng: Rng, eye: Eye, rest_mm: Vec) -> None:
-    """Put one difficulty into a setting."""
+def _apply_nuisance(name: str, setting: _Setting, rng: Rng, eye: Eye, rest_mm: Vec) -> None:
+    """Apply one nuisance condition to a setting, in place."""
     camera, needle, others = setting.camera, setting.needle, setting.distractors
     if name == "noise":
         factor = rng.uniform(2, 3)
@@ -182,7 +182,7 @@ def _make_harder(name: str, setting: _Setting, rng: Rng, eye: Eye, rest_mm: Vec)
     elif name == "blur":
         setting.camera = replace(camera, blur_px=rng.uniform(1.5, 2.5))
     elif name == "glare":
-        setting.distractors = replace(others, glints=int(rng.integers(6, 15)))
+        setting.distractors = replace(others, specular_highlights=int(rng.integers(6, 15)))
         setting.needle = replace(needle, highlight=needle.highlight + rng.uniform(0.3, 0.6))
     elif name == "shadow":
         setting.camera = replace(camera, shadow=rng.uniform(0.3, 0.5))
@@ -191,7 +191,7 @@ def _make_harder(name: str, setting: _Setting, rng: Rng, eye: Eye, rest_mm: Vec)
             others, bubbles=int(rng.integers(4, 10)), bubble_mm=rng.uniform(0.4, 1.2)
         )
     elif name == "second_instrument":
-        setting.distractors = _with_light_pipe(others, rng, eye, rest_mm)
+        setting.distractors = _with_second_instrument(others, rng, eye, rest_mm)
     elif name == "flicker":
         setting.distractors = replace(others, flicker=rng.uniform(0.05, 0.15))
     elif name == "registration":
@@ -200,23 +200,22 @@ def _make_harder(name: str, setting: _Setting, rng: Rng, eye: Eye, rest_mm: Vec)
         setting.needle = replace(needle, tilt_deg=rng.uniform(15, 45))
 
 
-def _with_light_pipe(others: Distractors, rng: Rng, eye: Eye, rest_mm: Vec) -> Distractors:
-    """Add a second instrument that may cross the needle, but not where its tip comes to rest."""
-    rcm = eye.other_trocar_mm
+def _with_second_instrument(others: Distractors, rng: Rng, eye: Eye, rest_mm: Vec) -> Distractors:
+    """Add a second instrument that may cross the needle, but not near its tip's final position."""
     brightness = rng.uniform(0.2, 0.8)
     pipe = replace(others.light_pipe, brightness=brightness, diameter_mm=rng.uniform(0.5, 0.9))
     while True:
         depth_mm, pitch_deg = rng.uniform(4, 14), rng.uniform(-35, 35)
-        along = rotate(unit(subtract((0.0, 0.0), rcm)), pitch_deg)
-        offset = subtract(rest_mm, rcm)
+        _, along = eye.second_instrument(depth_mm, pitch_deg)
+        offset = subtract(rest_mm, eye.other_trocar_mm)
         at = min(max(offset[0] * along[0] + offset[1] * along[1], 0), depth_mm)
-        if norm(subtract(offset, (at * along[0], at * along[1]))) > PIPE_MISS_MM:
+        if norm(subtract(offset, (at * along[0], at * along[1]))) > PIPE_CLEARANCE_MM:
             return replace(others, light_pipe_mm=depth_mm, light_pipe_deg=pitch_deg, light_pipe=pipe)
 
 
 def _registration_error(rng: Rng, scale: float) -> RegistrationError:
     def shift() -> Vec:
-        turn, reach = rng.uniform(0, 2 * math.pi), MOST_ERROR_PX * scale * math.sqrt(rng.uniform(0.1, 1))
+        turn, reach = rng.uniform(0, 2 * math.pi), MAX_ERROR_PX * scale * math.sqrt(rng.uniform(0.1, 1))
         return reach * math.cos(turn), reach * math.sin(turn)
 
     return RegistrationError(shift(), shift(), shift())

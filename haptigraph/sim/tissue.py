@@ -1,12 +1,12 @@
-"""Tissue that a tip presses in and that springs back: one law for both phantoms.
+"""Viscoelastic deformation of tissue under a tip: one model for both phantoms.
 
-Turns time and the tip's place along a surface into how deep that is pressed in. Each place is a standard
-linear solid (Zener 1948, Elasticity and Anelasticity of Metals): a spring beside a spring and a dashpot in
-series, so that a released surface jumps back in part and creeps back for the rest. How far a dent reaches is
-a stretched membrane on a bed of springs (Winkler 1867): it falls off exponentially from the tip. That the
-retina is viscoelastic: Ferrara et al. 2021, Eye 35(7). How much the retina gives before the tip goes through,
-and the time constant, differ between eyes and are set by a scenario: nobody measured them in a living eye.
-Knows no images and no force.
+Turns the tip's position over time into the depth of the dent along a surface. Each point is a standard
+linear solid (Zener 1948, Elasticity and Anelasticity of Metals): a spring in parallel with a spring and a
+dashpot in series, so that a released surface recovers in part at once and creeps back for the rest. Laterally
+the surface is a stretched membrane on a bed of springs (Winkler 1867): the dent decays exponentially from the
+tip. The retina is viscoelastic: Ferrara et al. 2021, Eye 35(7). The puncture depth and the time constant
+differ between eyes and are set by the scenario; neither has been measured in a living eye. Forces are not
+modelled.
 """
 
 import math
@@ -14,64 +14,63 @@ from typing import Annotated, TypeAlias
 
 import numpy as np
 from msgspec import Meta, Struct
-from numpy.typing import NDArray
 
 from haptigraph.geometry import Vec
+from haptigraph.imaging import Floats
 
-__all__ = ["Columns", "Dent", "Share", "TissueShape"]
+__all__ = ["Dent", "Share", "TissueShape"]
 
-Columns: TypeAlias = NDArray[np.float64]
 Share: TypeAlias = Annotated[float, Meta(ge=0, le=1)]
 
 
 class TissueShape(Struct, frozen=True, forbid_unknown_fields=True):
-    """How tissue gives: the [tissue] table of a scenario; of B-scans, part of their [retina] table."""
+    """How tissue deforms: a scenario's [tissue] table; in a B-scan scenario, part of [retina]."""
 
     dent_mm: Annotated[float, Meta(ge=0.05, le=3)] = 0.45
-    """A dent is 1/e as deep so far beside the tip."""
+    """Lateral distance at which a dent is 1/e as deep as at the tip."""
     puncture_mm: Annotated[float, Meta(ge=0, le=1)] = 0.08
-    """The tip goes through when it has pushed the surface in so deep."""
+    """Depth of the dent at which the tip punctures the surface."""
     drag_share: Share = 0.3
-    """Of the tip's depth below the resting surface: what that stays pushed in by once the tip is through."""
+    """After puncture, depth of the dent as a share of the tip's depth below the resting surface."""
     prompt_share: Share = 0.6
-    """Of a dent: what springs back at once when it is released."""
+    """Share of a dent that recovers at once on release."""
     relax_s: Annotated[float, Meta(ge=0.01, le=60)] = 0.6
     """Time constant of the dashpot."""
 
 
 class Dent:
-    """What a tip does to one surface.
+    """The dent of one surface under a tip.
 
     Args:
-        shape: How it gives.
-        along_mm: Places along the surface at rest, rising, (n,).
+        shape: How the tissue deforms.
+        along_mm: Points along the resting surface, ascending, (n,).
     """
 
-    def __init__(self, shape: TissueShape, along_mm: Columns) -> None:
+    def __init__(self, shape: TissueShape, along_mm: Floats) -> None:
         self._shape, self._along_mm = shape, along_mm
         self.restart()
 
     def restart(self) -> None:
-        """Lie at rest."""
+        """Return to the resting surface."""
         self._crept_mm = np.zeros_like(self._along_mm)
         self.is_pierced = False
-        """Whether the tip is through the surface."""
+        """Whether the tip has punctured the surface."""
 
-    def advance(self, elapsed_s: float, tip_mm: Vec | None) -> Columns:
-        """Move on, and return how deep every place is pressed in [mm], (n,).
+    def advance(self, elapsed_s: float, tip_mm: Vec | None) -> Floats:
+        """Advance in time and return the depth of the dent at every point [mm], (n,).
 
         Args:
-            elapsed_s: Since the moment before.
-            tip_mm: The tip now: (along the surface, below its rest); None: there is none near.
+            elapsed_s: Time since the last call.
+            tip_mm: The tip now: (along the surface, below the resting surface); None: no tip is near.
         """
-        held_mm = self._held_mm(tip_mm)
+        pressed_mm = self._pressed_mm(tip_mm)
         free_mm = (1 - self._shape.prompt_share) * self._crept_mm
-        dent_mm = np.maximum(free_mm, held_mm)
+        dent_mm = np.maximum(free_mm, pressed_mm)
         self._crept_mm += (dent_mm - self._crept_mm) * -math.expm1(-elapsed_s / self._shape.relax_s)
         return dent_mm
 
-    def _held_mm(self, tip_mm: Vec | None) -> Columns:
-        """Return how deep the tip holds each place down."""
+    def _pressed_mm(self, tip_mm: Vec | None) -> Floats:
+        """Return the depth to which the tip presses each point, (n,)."""
         if tip_mm is None or not self._along_mm[0] <= tip_mm[0] <= self._along_mm[-1]:
             self.is_pierced = False
             return np.zeros_like(self._along_mm)

@@ -1,4 +1,4 @@
-"""Record the golden runs anew, from the repository's root: `make golden`. Read what changed before committing.
+"""Record the golden runs again, from the repository's root: `make golden`. Review the changes before committing.
 
 python tests/replay/make_golden.py [SCENARIO ...]
 """
@@ -17,18 +17,18 @@ from haptigraph.toml_document import Document
 
 GOLDEN = Path("tests/replay/golden")  # relative: recordings keep the path they were given
 SETTINGS = ("run.realtime=false",)
-OF_ITS_OWN = {
+OPTIONS = {
     "membrane_peeling": ("membrane_peeling", 75),
     "injection_with_phases": ("subretinal_injection_phases", 85),
     "ioct_approach": ("subretinal_injection_ioct", 50),
 }
-"""Procedure and quality of JPEG, where they are not the usual ones."""
+"""Procedure and JPEG quality by scenario, where they differ from the defaults."""
 
 
 def small(name: str, target_mm: float | None = None) -> scenario_module.Scenario:
-    """A shipped scenario in small pictures, five a second."""
+    """A shipped scenario with small images, five a second."""
     scenario = load_scenario(name, target_mm)
-    if scenario.forceps:  # jaws are thin: nearer
+    if scenario.forceps:  # jaws are thin: magnify
         size, center_px, px_per_mm, rate_hz = (260, 260), (130.0, 135.0), 8.8, 4.0
     else:
         size, center_px, px_per_mm, rate_hz = (320, 180), (160.0, 98.0), 5.6, 5.0
@@ -44,7 +44,7 @@ def small(name: str, target_mm: float | None = None) -> scenario_module.Scenario
 
 
 def small_scans(document: Document, load=ioct.load_scan_scenario) -> ioct.ScanScenario:
-    """The same for B-scans, two a second."""
+    """A shipped B-scan scenario with small images, two a second."""
     scenario = load(document)
     scan = replace(
         scenario.scan, width_px=288, height_px=288, axial_mm_per_px=0.0059, lateral_mm_per_px=0.0139
@@ -59,14 +59,14 @@ def main() -> None:
     for name in sys.argv[1:] or scenario_names():
         path = GOLDEN / f"{name}.mcap"
         path.unlink(missing_ok=True)
-        procedure, quality = OF_ITS_OWN.get(name, ("subretinal_injection", 85))
-        told = (
+        procedure, quality = OPTIONS.get(name, ("subretinal_injection", 85))
+        overrides = (
             f"source.jpeg_quality={quality}",
             f"source.uri=phantom:{name}",
             f"run.procedure={procedure}",
             f'recording.path="{path}"',
         )
-        report = assemble.build(load_config(None, (*SETTINGS, *told))).run()
+        report = assemble.build(load_config(None, (*SETTINGS, *overrides))).run()
         print(f"{path.name}: {report.steps} steps, {path.stat().st_size / 1e3:.0f} kB")
 
 

@@ -1,4 +1,4 @@
-"""The whole system against the simulator's truth, in small pictures."""
+"""The whole system against the simulator's ground truth, with small images."""
 
 import math
 
@@ -12,7 +12,7 @@ from haptigraph.inference.engine import RuleEngine
 from haptigraph.scene.builder import SchemaSceneBuilder
 
 
-class Keeper:
+class RecordingSink:
     dropped = 0
 
     def __init__(self):
@@ -31,20 +31,20 @@ class Keeper:
 
 @pytest.fixture(scope="module", params=["threshold", "tracker"])
 def pairs(request, quick_uri):
-    keeper = Keeper()
+    sink = RecordingSink()
     settings = (
         f"source.uri={quick_uri}",
         "run.realtime=false",
         f"perception.perceiver={request.param}",
         "perception.alpha=1",
     )
-    build(load_config(None, settings), sinks=[keeper]).run()
-    return keeper.pairs
+    build(load_config(None, settings), sinks=[sink]).run()
+    return sink.pairs
 
 
 @pytest.fixture(scope="module")
 def true_states(pairs, quick_uri, procedure):
-    """What the same rules say of the true needle."""
+    """The states that the same rules give for the true needle."""
     from haptigraph.registration.camera import parse_registration
     from haptigraph.sources.phantom import PhantomSource
 
@@ -56,19 +56,19 @@ def true_states(pairs, quick_uri, procedure):
     ]
 
 
-def test_a_needle_well_inside_is_always_seen(pairs):
+def test_a_needle_well_inside_is_always_detected(pairs):
     deep = [step for truth, step in pairs if truth.visible and truth.inside and truth.depth_mm > 3]
     assert len(deep) > 80
     assert all("needle_tip" in step.observation.found for step in deep)
 
 
-def test_a_needle_outside_is_never_claimed_inside(pairs):
+def test_a_needle_outside_is_never_reported_inside(pairs):
     outside = [step for truth, step in pairs if not truth.inside]
     assert outside
     assert not any(Triplet("needle_tip", "inside", "eye_globe") in step.graph for step in outside)
 
 
-def test_tip_and_angle_are_near_the_truth(pairs):
+def test_tip_and_angle_are_accurate(pairs):
     for truth, step in pairs:
         if truth.visible and truth.inside and truth.depth_mm > 5:
             tip = step.observation.found["needle_tip"]
@@ -76,7 +76,7 @@ def test_tip_and_angle_are_near_the_truth(pairs):
             assert abs(step.graph.measures["theta_deg"] - truth.theta_deg) < 1.0
 
 
-def test_states_are_those_of_the_truth_but_for_the_edges(pairs, true_states):
+def test_states_agree_with_the_ground_truth_except_at_transitions(pairs, true_states):
     counted = agreed = 0
     for row in range(1, len(pairs) - 1):
         around = set(true_states[row - 1 : row + 2])
@@ -88,7 +88,7 @@ def test_states_are_those_of_the_truth_but_for_the_edges(pairs, true_states):
     assert agreed >= 0.97 * counted
 
 
-def test_the_story_is_felt_as_it_happens(pairs):
+def test_haptic_patterns_follow_the_script(pairs):
     felt = []
     for _, step in pairs:
         if not felt or felt[-1] != step.command.pattern.name:
@@ -96,7 +96,7 @@ def test_the_story_is_felt_as_it_happens(pairs):
     assert felt == ["off", "low", "pulse", "low", "off", "success", "off"]
 
 
-def test_no_alarm_without_contact_and_no_contact_without_alarm(pairs, true_states):
+def test_the_alarm_coincides_with_contact(pairs, true_states):
     for row in range(1, len(pairs) - 1):
         nearby = set(true_states[row - 1 : row + 2])
         alarmed = pairs[row][1].command.pattern.name == "pulse"

@@ -14,9 +14,9 @@ SMALL = (480, 270)
 
 
 def rest(scene):
-    """Depth [mm] and place [mm] where a scene's needle comes to rest; None without one."""
-    shown = [move for move in scene.scenario.moves if not move.away]
-    return shown[-1] if shown else None
+    """The last move with the needle in view; None without a needle."""
+    visible = [move for move in scene.scenario.moves if not move.away]
+    return visible[-1] if visible else None
 
 
 def test_a_scene_is_a_function_of_number_and_seed():
@@ -25,14 +25,14 @@ def test_a_scene_is_a_function_of_number_and_seed():
     assert random_scene(7, 1) != random_scene(18, 1)
 
 
-def test_difficulties_go_round_and_every_one_has_all_polarities():
+def test_nuisance_conditions_cycle_and_each_has_all_polarities():
     assert [scene.difficulty for scene in MANY[:11]] == list(DIFFICULTIES)
     for name in DIFFICULTIES:
         found = {scene.polarity for scene in MANY if scene.difficulty == name}
         assert found == set(POLARITIES)
 
 
-def test_depths_fill_the_range_and_some_scenes_have_no_needle():
+def test_depths_cover_the_range_and_some_scenes_have_no_needle():
     depths = [rest(scene).depth_mm for scene in MANY if rest(scene)]
     assert min(depths) < 1.5
     assert max(depths) > 20
@@ -42,7 +42,7 @@ def test_depths_fill_the_range_and_some_scenes_have_no_needle():
     assert 5 < len(leaving) < 35
 
 
-def test_every_scene_begins_without_a_needle_inside_and_ends_short_of_the_retina():
+def test_scenes_start_with_an_empty_globe_and_end_short_of_the_retina():
     for scene in MANY:
         first, last = scene.scenario.moves[0], rest(scene)
         assert first.away or first.depth_mm < 0
@@ -58,7 +58,7 @@ def test_every_scene_begins_without_a_needle_inside_and_ends_short_of_the_retina
 
 
 @pytest.mark.parametrize("number", range(len(DIFFICULTIES)))
-def test_needles_move_no_faster_than_hands_do(number):
+def test_needles_respect_the_speed_limits(number):
     scene = random_scene(number + 11, 4, size_px=SMALL)
     phantom = Phantom(scene.scenario)
     truths = []
@@ -72,7 +72,7 @@ def test_needles_move_no_faster_than_hands_do(number):
     assert moment is None
 
 
-def test_a_wrong_registration_is_wrong_by_at_most_three_pixels_and_still_sound():
+def test_registration_errors_are_at_most_three_pixels_and_remain_valid():
     for scene in MANY:
         assert scene.has_registration_error == (scene.difficulty == "registration")
         error = scene.scenario.registration_error
@@ -81,13 +81,13 @@ def test_a_wrong_registration_is_wrong_by_at_most_three_pixels_and_still_sound()
         small = random_scene(number, 4, size_px=SMALL)
         assert small.scenario.registration_error != RegistrationError()
         phantom = Phantom(small.scenario)
-        told = parse_registration(phantom.registration, "told")
+        given = parse_registration(phantom.registration, "given")
         true = parse_registration(phantom.true_registration, "true")
-        assert math.dist(told.image.center_px, true.image.center_px) > 0.1
-        assert told.image.mm_per_px == true.image.mm_per_px
+        assert math.dist(given.image.center_px, true.image.center_px) > 0.1
+        assert given.image.mm_per_px == true.image.mm_per_px
 
 
-def test_the_second_instrument_stays_away_from_where_the_tip_rests():
+def test_the_second_instrument_keeps_clear_of_the_final_tip():
     for scene in MANY:
         others, last, eye = scene.scenario.distractors, rest(scene), Eye(scene.scenario.eye)
         if not others.light_pipe_mm or last is None:

@@ -1,4 +1,4 @@
-"""Membrane peeling, and injection with phases, end to end: what is felt is what the truth calls for."""
+"""Membrane peeling and injection with phases, end to end: the haptic output matches the ground truth."""
 
 from itertools import pairwise
 
@@ -21,23 +21,23 @@ def records(name):
     return reader, [(c, s) for c, s in reader.records(images=()) if c.truth is not None]
 
 
-def story(steps):
-    """The states in their order, without those of a single image."""
+def state_order(steps):
+    """The states in order, without those that last for a single image."""
     states = [step.conclusion.state for step in steps]
     lasting = [one for one, next_ in pairwise(states) if one == next_]
     return [state for at, state in enumerate(lasting) if at == 0 or lasting[at - 1] != state]
 
 
-def test_peeling_is_told_as_it_happens():
+def test_peeling_goes_through_its_states_in_order():
     _, pairs = records("membrane_peeling")
-    told = ("over_hemorrhage", "retinal_contact", "grasped", "peeling", "tool_collision")
-    states = story(step for _, step in pairs)
-    assert [state for state in states if state in told] == [*told, "peeling"]
+    expected = ("over_hemorrhage", "retinal_contact", "grasped", "peeling", "tool_collision")
+    states = state_order(step for _, step in pairs)
+    assert [state for state in states if state in expected] == [*expected, "peeling"]
     assert states[0] == "unknown"
     assert states[-1] == "navigation"
 
 
-def test_its_run_is_measured_from_the_forceps_coming_in_to_the_first_lifting():
+def test_a_peeling_run_is_measured_from_entry_to_the_first_lifting():
     _, pairs = records("membrane_peeling")
     measures = RunMeasures.under(load_procedure("membrane_peeling"))
     for _, step in pairs:
@@ -47,7 +47,7 @@ def test_its_run_is_measured_from_the_forceps_coming_in_to_the_first_lifting():
     assert measures.contacts == 1
 
 
-def test_states_are_those_of_the_truth():
+def test_states_agree_with_the_ground_truth():
     reader, pairs = records("membrane_peeling")
     procedure = parse_procedure(reader.info.procedure, "run")
     scene, reason = SchemaSceneBuilder(procedure.schema), RuleEngine(procedure)
@@ -68,7 +68,7 @@ def test_states_are_those_of_the_truth():
     assert {"retinal_contact", "tool_collision", "over_hemorrhage", "grasped", "peeling"} <= set(true_states)
 
 
-def test_pulling_is_felt_the_stronger_the_higher_the_edge_is():
+def test_the_pull_increases_with_the_height_of_the_edge():
     _, pairs = records("membrane_peeling")
     pulls = [
         (step.graph.measures["lift_mm"], step.command.pattern.amplitude)
@@ -90,7 +90,7 @@ def test_pulling_is_felt_the_stronger_the_higher_the_edge_is():
         (None, "retinal_contact", "pulse"),
     ],
 )
-def test_the_same_contact_means_something_else_in_every_phase(registration, phase, state, feel):
+def test_the_state_of_the_same_contact_depends_on_the_phase(registration, phase, state, feel):
     from helpers import needle
 
     procedure = load_procedure("subretinal_injection_phases")
@@ -104,7 +104,7 @@ def test_the_same_contact_means_something_else_in_every_phase(registration, phas
     assert [node.id for node in graph.nodes if node.group == "phase"] == ([phase] if phase else [])
 
 
-def test_phases_are_recorded_and_what_is_below_the_surface_is_felt():
+def test_phases_are_recorded_and_depth_below_the_surface_triggers_pulses():
     _, pairs = records("injection_with_phases")
     order = list(dict.fromkeys(capture.phase for capture, _ in pairs if capture.phase))
     assert order == ["insertion", "approach", "injection", "withdrawal"]

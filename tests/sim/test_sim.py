@@ -12,7 +12,7 @@ from haptigraph.registration.camera import parse_registration
 from haptigraph.sim.eye.camera import Camera, NeedleShape
 from haptigraph.sim.eye.eye import Eye, EyeShape
 from haptigraph.sim.eye.optics import CameraSettings
-from haptigraph.sim.eye.palette import Look
+from haptigraph.sim.eye.palette import Appearance
 from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.robot.operator import Hand, Move, ScriptedOperator
 from haptigraph.sim.robot.robot import Pose, Robot, RobotLimits
@@ -25,7 +25,7 @@ angles = st.floats(-60, 60)
 
 
 @given(st.floats(-30, 30), angles.filter(lambda a: abs(a) > 5))
-def test_an_eye_is_where_its_angles_say(target_deg, trocar_deg):
+def test_the_anatomy_follows_from_the_angles(target_deg, trocar_deg):
     eye = Eye(EyeShape(target_deg=target_deg, trocar_deg=trocar_deg))
     assert norm(eye.target_mm) == pytest.approx(12.0)
     assert norm(eye.trocar_mm) == pytest.approx(12.85)
@@ -33,11 +33,11 @@ def test_an_eye_is_where_its_angles_say(target_deg, trocar_deg):
     assert eye.target_mm[1] < 0 < eye.trocar_mm[1]
 
 
-BEFORE_A_CAMERA = [name for name in scenario_names() if "scan" not in scenario_document(name).data]
+CAMERA_SCENARIOS = [name for name in scenario_names() if "scan" not in scenario_document(name).data]
 
 
-@pytest.mark.parametrize("name", BEFORE_A_CAMERA)
-def test_every_scenario_brings_a_sound_registration_and_its_truth(name):
+@pytest.mark.parametrize("name", CAMERA_SCENARIOS)
+def test_every_scenario_has_a_valid_registration_and_ground_truth(name):
     scenario = load_scenario(name)
     phantom = Phantom(scenario)
     registration = parse_registration(phantom.registration, name)
@@ -53,7 +53,7 @@ def test_every_scenario_brings_a_sound_registration_and_its_truth(name):
 
 
 @given(st.floats(-40, 40), st.floats(-15, 30))
-def test_the_shaft_always_passes_the_pivot(pitch_deg, depth_mm):
+def test_the_shaft_always_passes_through_the_rcm(pitch_deg, depth_mm):
     rcm = (5.0, 11.0)
     robot = Robot(rcm, RobotLimits(), Pose(depth_mm, pitch_deg))
     tip, along = robot.tip_mm(), robot.direction()
@@ -63,14 +63,14 @@ def test_the_shaft_always_passes_the_pivot(pitch_deg, depth_mm):
 
 
 @given(st.tuples(st.floats(-8, 8), st.floats(-12, 0)))
-def test_pitching_towards_a_place_points_the_shaft_at_it(place: Vec):
+def test_the_pitch_towards_a_point_aims_the_shaft_at_it(point: Vec):
     robot = Robot((7.0, 10.0), RobotLimits(), Pose(0.0, 0.0))
-    robot.pose = Pose(10.0, robot.pitch_towards(place))
-    assert angle_between_deg(robot.direction(), subtract(place, (7.0, 10.0))) == pytest.approx(0, abs=1e-6)
+    robot.pose = Pose(10.0, robot.pitch_towards(point))
+    assert angle_between_deg(robot.direction(), subtract(point, (7.0, 10.0))) == pytest.approx(0, abs=1e-6)
 
 
 @given(st.lists(st.tuples(st.floats(-100, 100), st.floats(-180, 180)), max_size=30), st.floats(0.001, 0.1))
-def test_the_robot_keeps_its_limits_whatever_is_asked(overrides, step_s):
+def test_the_robot_respects_its_limits_for_any_command(overrides, step_s):
     limits = RobotLimits()
     robot = Robot((7.0, 10.0), limits, Pose(0.0, 0.0))
     for depth_mm, pitch_deg in overrides:
@@ -91,21 +91,21 @@ def operator(tremor_rms_mm=0.0, seed=1, scale=1.0):
 
 
 def test_moves_are_minimum_jerk():
-    plan = operator()
-    assert plan.duration_s == 4.0
-    assert plan.pose_at(0.5) == (0.0, 0.0)
-    assert plan.pose_at(2.0) == (5.0, -2.0)  # half way at half time
-    assert plan.pose_at(1.0 + 0.5)[0] == pytest.approx(10 * (10 * 0.25**3 - 15 * 0.25**4 + 6 * 0.25**5))
-    assert plan.pose_at(3.5) == plan.pose_at(99.0) == (10.0, -4.0)
-    speeds = np.diff([plan.pose_at(t)[0] for t in np.linspace(1, 3, 201)])
+    script = operator()
+    assert script.duration_s == 4.0
+    assert script.pose_at(0.5) == (0.0, 0.0)
+    assert script.pose_at(2.0) == (5.0, -2.0)  # half way at half time
+    assert script.pose_at(1.0 + 0.5)[0] == pytest.approx(10 * (10 * 0.25**3 - 15 * 0.25**4 + 6 * 0.25**5))
+    assert script.pose_at(3.5) == script.pose_at(99.0) == (10.0, -4.0)
+    speeds = np.diff([script.pose_at(t)[0] for t in np.linspace(1, 3, 201)])
     assert speeds.argmax() in (99, 100)
     assert speeds[0] < 0.001 * speeds.max()
 
 
-def test_tremor_has_the_stated_strength_and_band():
-    plan = operator(tremor_rms_mm=0.2, scale=0.5)
+def test_tremor_has_the_specified_rms_and_band():
+    script = operator(tremor_rms_mm=0.2, scale=0.5)
     times = np.arange(0, 60, 1 / 200)
-    tremor = np.array([plan.tremor_at(t) for t in times])
+    tremor = np.array([script.tremor_at(t) for t in times])
     assert np.sqrt((tremor**2).mean(axis=0)) == pytest.approx([0.1, 0.1], rel=0.15)
     spectrum = np.abs(np.fft.rfft(tremor[:, 0])) ** 2
     frequencies = np.fft.rfftfreq(len(times), 1 / 200)
@@ -113,7 +113,7 @@ def test_tremor_has_the_stated_strength_and_band():
     assert spectrum[band].sum() > 0.99 * spectrum.sum()
 
 
-def test_tremor_follows_the_seed():
+def test_tremor_depends_on_the_seed():
     assert operator(0.1, seed=1).tremor_at(0.3) == operator(0.1, seed=1).tremor_at(0.3)
     assert operator(0.1, seed=1).tremor_at(0.3) != operator(0.1, seed=2).tremor_at(0.3)
 
@@ -125,11 +125,11 @@ def camera(style="dark", needle=None, **settings):
     from msgspec.structs import replace
 
     needle = needle or NeedleShape(brightness=0.9, taper_mm=4.0)
-    return Camera(Eye(EyeShape()), replace(SMALL, **settings), needle, Look(style=style), seed=3)
+    return Camera(Eye(EyeShape()), replace(SMALL, **settings), needle, Appearance(style=style), seed=3)
 
 
 @pytest.mark.parametrize("mirrored", [False, True])
-def test_the_drawn_tip_and_shaft_lie_where_the_geometry_says(mirrored):
+def test_tip_and_shaft_are_drawn_at_their_true_positions(mirrored):
     lens = camera(mirrored=mirrored, **QUIET)
     eye = Eye(EyeShape())
     direction = unit(subtract((-1.0, -4.0), eye.trocar_mm))
@@ -147,7 +147,7 @@ def test_the_drawn_tip_and_shaft_lie_where_the_geometry_says(mirrored):
     assert here.mean() == pytest.approx(bx, abs=1.0)
 
 
-def test_the_wall_hides_the_needle():
+def test_the_wall_occludes_the_needle():
     lens, eye = camera(**QUIET), Eye(EyeShape())
     direction = unit(subtract((0.0, 0.0), eye.trocar_mm))
     inside = lens.render((0.0, 0.0), direction, 0)
@@ -166,7 +166,7 @@ def test_a_shadow_darkens_the_bowl_beside_the_needle():
     assert (shaded - lit).max() <= 1
 
 
-def test_noise_grows_with_light_and_is_fresh_in_every_image():
+def test_noise_increases_with_light_and_is_new_in_every_image():
     lens = camera("light", shot_noise_grey=6.0, read_noise_grey=1.0)
     images = np.array([lens.render((0.0, 60.0), (0.0, -1.0), n)[..., 1] for n in range(60)], float)
     bright, dark = images[:, 70, 240], images[:, 40:60, 60:80]
@@ -181,21 +181,21 @@ def test_the_same_number_gives_the_same_pixels():
     assert np.array_equal(one.render((0.0, 0.0), (0.0, -1.0), 9), other.render((0.0, 0.0), (0.0, -1.0), 9))
 
 
-def test_corners_are_darker_by_the_vignetting():
+def test_vignetting_darkens_the_corners():
     plain, vignetted = (camera(vignetting=v, **QUIET).render((0.0, 60.0), (0.0, -1.0), 0) for v in (0.0, 0.5))
     assert vignetted[0, 0].sum() == pytest.approx(0.5 * plain[0, 0].sum(), rel=0.05)
     assert abs(int(vignetted[135, 240].sum()) - int(plain[135, 240].sum())) <= 6
 
 
-def test_exposure_brightens_everything():
+def test_exposure_scales_the_whole_image():
     dim, bright = (camera(exposure=e, **QUIET).render((0.0, 60.0), (0.0, -1.0), 0) for e in (0.5, 1.0))
     assert dim.mean() == pytest.approx(bright.mean() / 2, rel=0.02)
 
 
-def test_both_styles_differ_in_polarity():
+def test_the_styles_differ_in_polarity():
     for style, sign in (("light", 1), ("dark", -1)):
         scenario = load_scenario("align_then_approach" if style == "light" else "wrong_place_then_hit")
-        lens = Camera(Eye(EyeShape()), SMALL, scenario.needle, Look(style=style), seed=1)
+        lens = Camera(Eye(EyeShape()), SMALL, scenario.needle, Appearance(style=style), seed=1)
         eye = Eye(EyeShape())
         direction = unit(subtract((0.0, -2.0), eye.trocar_mm))
         image = cv2.cvtColor(lens.render((0.0, -2.0), direction, 0), cv2.COLOR_BGR2GRAY).astype(float)
@@ -208,7 +208,7 @@ def test_both_styles_differ_in_polarity():
 # --- phantom and scenarios
 
 
-def test_a_phantom_plays_the_same_again(quick):
+def test_a_restarted_phantom_repeats_its_images(quick):
     phantom = Phantom(load_scenario(quick))
     first = [phantom.advance() for _ in range(phantom.images)]
     assert phantom.advance() is None
@@ -219,7 +219,7 @@ def test_a_phantom_plays_the_same_again(quick):
         assert np.array_equal(again.image, moment.image)
 
 
-def test_the_truth_is_hidden_only_in_the_wall(quick):
+def test_the_tip_is_hidden_only_in_the_wall(quick):
     phantom = Phantom(load_scenario(quick))
     for _ in range(phantom.images):
         truth = phantom.advance().truth
@@ -229,27 +229,30 @@ def test_the_truth_is_hidden_only_in_the_wall(quick):
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
-        ("[scenario]\nsays = 'x'\n", "key 'move' is missing"),
-        ("move = []\n[scenario]\nsays = 'x'\n", "no [[move]]; the script needs at least one"),
+        ("[scenario]\ndescription = 'x'\n", "key 'move' is missing"),
+        ("move = []\n[scenario]\ndescription = 'x'\n", "no [[move]]; add at least one"),
         (
-            "[scenario]\nsays = 'x'\n[[move]]\nduration_s = 0\ndepth_mm = 1\ntheta_deg = 0\n",
-            "line 4: a move of 0 s",
+            "[scenario]\ndescription = 'x'\n[[move]]\nduration_s = 0\ndepth_mm = 1\ntheta_deg = 0\n",
+            "line 4: duration_s: expected a positive number, found 0",
         ),
-        ("[scenario]\nsay = 'x'\n", "unknown key 'say'; did you mean 'says'?"),
-        ("[scenario]\nsays = 'x'\n[look]\nstyle = 'red'\n", "unknown style 'red'; valid: dark, light"),
+        ("[scenario]\ndescriptoin = 'x'\n", "unknown key 'descriptoin'; did you mean 'description'?"),
+        (
+            "[scenario]\ndescription = 'x'\n[appearance]\nstyle = 'red'\n",
+            "unknown style 'red'; valid: dark, light",
+        ),
     ],
 )
-def test_a_bad_scenario_is_told(tmp_path, text, told):
+def test_an_invalid_scenario_is_refused(tmp_path, text, message):
     file = tmp_path / "s.toml"
     file.write_text(text)
     with pytest.raises(BadInput) as refused:
         load_scenario(str(file))
-    assert told in str(refused.value)
+    assert message in str(refused.value)
     assert str(file) in str(refused.value)
 
 
-def test_an_unknown_scenario_names_those_there_are():
+def test_an_unknown_name_lists_the_valid_scenarios():
     with pytest.raises(BadInput, match="unknown scenario 'align'; valid: align_then_approach"):
         load_scenario("align")

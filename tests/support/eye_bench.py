@@ -8,7 +8,7 @@ from haptigraph.sim.eye.camera import Camera
 from haptigraph.sim.eye.eye import Eye, EyeShape, registration_text
 from haptigraph.sim.eye.needle import NeedleShape
 from haptigraph.sim.eye.optics import CameraSettings
-from haptigraph.sim.eye.palette import Look
+from haptigraph.sim.eye.palette import Appearance
 from haptigraph.sim.robot.robot import Pose, Robot, RobotLimits
 
 SETTINGS = CameraSettings(width_px=640, height_px=360, center_px=(320.0, 200.0), px_per_mm=11.0, blur_px=0.6)
@@ -26,7 +26,7 @@ class Bench:
     ) -> None:
         eye = Eye(EyeShape())
         self.settings = settings
-        self.camera = Camera(eye, settings, STYLES[style], Look(style=style), seed=5)
+        self.camera = Camera(eye, settings, STYLES[style], Appearance(style=style), seed=5)
         text = registration_text(eye, self.camera.geometry, settings.width_px, settings.height_px)
         self.registration = parse_registration(text, "bench")
         self.robot = Robot(eye.trocar_mm, RobotLimits(), Pose(0.0, 0.0))

@@ -1,4 +1,4 @@
-"""Networks small enough to be written by hand, for the perceiver `segmentation`."""
+"""Minimal hand-written networks for the perceiver `segmentation`."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ values = "{values}"
 width_px = {width}
 height_px = {height}
 mean_grey = {mean}
-sd_grey = {deviation}
+sd_grey = {sd}
 
 [entity.needle]
 class = 1
@@ -26,13 +26,13 @@ between = [0, 2]
 [entity.rpe]
 between = [2, 3]
 """
-ASKED = {"classes": 4, "values": "logits", "width": 64, "height": 48, "mean": 0.0, "deviation": 255.0}
+DEFAULTS = {"classes": 4, "values": "logits", "width": 64, "height": 48, "mean": 0.0, "sd": 255.0}
 
 
 def grey_steps_net(levels: list[float], sharpness: float, channels: int = 1) -> onnx.ModelProto:
-    """A network whose class is the level that a pixel's grey value in [0, 1] is nearest to.
+    """A network whose class is the level nearest to a pixel's grey value in [0, 1].
 
-    -(g - l)^2 is linear in g but for what all classes share, so one 1 x 1 convolution does it.
+    -(g - l)^2 is linear in g except for a term that all classes share, so one 1 x 1 convolution suffices.
     """
     weights = np.zeros((len(levels), channels, 1, 1), np.float32)
     weights[:, 0, 0, 0] = [2 * sharpness * level for level in levels]
@@ -52,8 +52,8 @@ def network(weights: np.ndarray, bias: np.ndarray, shape: list[object]) -> onnx.
     return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9)
 
 
-def write_model(folder: Path, model: onnx.ModelProto, text: str = "", **asked: object) -> Path:
-    """Write a network and its TOML; return the TOML's path."""
+def write_model(folder: Path, model: onnx.ModelProto, text: str = "", **fields: object) -> Path:
+    """Write a network and its TOML file; return the path of the TOML file."""
     (folder / "net.onnx").write_bytes(model.SerializeToString())
-    (folder / "net.toml").write_text(text or TOML.format(**{**ASKED, **asked}))
+    (folder / "net.toml").write_text(text or TOML.format(**{**DEFAULTS, **fields}))
     return folder / "net.toml"

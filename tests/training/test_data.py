@@ -11,7 +11,7 @@ def examples():
     return [simulate(number, 500) for number in range(3)]
 
 
-def test_an_example_is_an_image_in_0_to_1_and_shares_that_sum_to_1(examples):
+def test_an_example_has_grey_from_0_to_1_and_shares_that_sum_to_1(examples):
     image, shares = draw(examples[0], np.random.default_rng(1))
     assert image.shape == (1, SIDE_PX, SIDE_PX)
     assert shares.shape == (len(CLASSES), SIDE_PX, SIDE_PX)
@@ -26,16 +26,18 @@ def test_the_same_seed_draws_the_same_batches(examples):
         assert np.array_equal(shares, same_shares)
 
 
-def test_every_example_comes_once_before_any_comes_twice(examples):
+def test_every_example_is_used_once_before_any_is_repeated(examples):
     marked = [
-        Example(np.full((512, 512), 60 * number, np.uint8), examples[0].shown) for number in range(1, 4)
+        Example(np.full((512, 512), 60 * number, np.uint8), examples[0].labels) for number in range(1, 4)
     ]
-    seen = [image.mean() for images, _ in batches(marked, 1, 3, np.random.default_rng(0)) for image in images]
-    assert len({round(10 * float(mean)) for mean in seen}) == 3
+    means = [
+        image.mean() for images, _ in batches(marked, 1, 3, np.random.default_rng(0)) for image in images
+    ]
+    assert len({round(10 * float(mean)) for mean in means}) == 3
 
 
-class WholeAndAsItIs:
-    """Chance that changes nothing: no flip, all of the image, no other light."""
+class NoAugmentation:
+    """A random generator that disables augmentation: no flip, no crop, no change of contrast."""
 
     def random(self):
         return 0.99
@@ -46,17 +48,17 @@ class WholeAndAsItIs:
     def integers(self, low, high):
         return low
 
-    def normal(self, mean, deviation):
+    def normal(self, mean, sd):
         return mean
 
 
-def test_shares_say_where_a_border_is_between_the_pixels():
+def test_shares_encode_the_sub_pixel_position_of_a_border():
     scene = random_scene(5, 500, place="none")
     camera = scene.camera()
     truth = (scan := scene.take(camera)).truth
-    _, shares = draw(Example(scan.image, camera.classes(truth)), WholeAndAsItIs())
+    _, shares = draw(Example(scan.image, camera.classes(truth)), NoAugmentation())
     above = shares[CLASSES.index("vitreous"), : SIDE_PX // 2 + 60]
     ilm_px = truth.ilm_px.reshape(-1, 2).mean(axis=1)
     inside = (ilm_px > 20) & (ilm_px < SIDE_PX)
-    rows_px = 2 * above.sum(axis=0) - 0.5  # of the full image: so many rows lie above
+    rows_px = 2 * above.sum(axis=0) - 0.5  # number of rows above the ILM, in the full image
     assert np.abs(np.median((rows_px - ilm_px)[inside])) < 0.2

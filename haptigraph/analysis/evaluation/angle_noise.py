@@ -20,7 +20,7 @@ from haptigraph.sim.eye.camera import Camera
 from haptigraph.sim.eye.eye import Eye, EyeShape, registration_text
 from haptigraph.sim.eye.needle import NeedleShape
 from haptigraph.sim.eye.optics import CameraSettings
-from haptigraph.sim.eye.palette import Look
+from haptigraph.sim.eye.palette import Appearance
 from haptigraph.sim.robot.robot import Pose, Robot, RobotLimits
 
 __all__ = ["HeldDepth", "angle_noise"]
@@ -104,7 +104,7 @@ def _setup(seed: int, size_px: tuple[int, int]) -> tuple[Eye, Camera]:
         shadow=0.0,
     )
     eye = Eye(EyeShape())
-    return eye, Camera(eye, settings, NEEDLE, Look(), seed)
+    return eye, Camera(eye, settings, NEEDLE, Appearance(), seed)
 
 
 def _pose(eye: Eye, depth_mm: float) -> Pose:

@@ -8,10 +8,10 @@ __all__ = ["MovingAverage"]
 class MovingAverage:
     """Smooth tip and direction: s_t = (1 - alpha) s_{t-1} + alpha x_t.
 
-    The first pose after `reset` is taken as it is. Costs about (1 - alpha) / alpha images of lag.
+    The first pose after `reset` is not smoothed. The lag is about (1 - alpha) / alpha images.
 
     Args:
-        alpha: Weight of the new pose, in (0, 1]; 1 smooths nothing.
+        alpha: Weight of the new pose, in (0, 1]; 1 disables smoothing.
     """
 
     def __init__(self, alpha: float) -> None:
@@ -27,7 +27,7 @@ class MovingAverage:
         return self._last
 
     def reset(self) -> None:
-        """Start anew, as after a needle was lost."""
+        """Restart, as after the needle was lost."""
         self._last = None
 
     def _mix(self, old: Vec, new: Vec) -> Vec:

@@ -1,7 +1,6 @@
-"""The paper's perception: adaptive Gaussian threshold, contours, line fit, moving average (section II-B).
+"""The perceiver `threshold`: adaptive Gaussian threshold, contours, line fit, moving average (paper, II-B).
 
-Sees only the inside of the globe: a needle outside it, or in the wall, is reported as not found.
-Knows nothing of states or touch.
+It searches only the inside of the globe: a needle outside it or in the wall is not detected.
 """
 
 import math
@@ -21,18 +20,16 @@ from haptigraph.registration.camera import Registration
 
 __all__ = ["ThresholdPerceiver"]
 
-SHORTEST_MM = 0.8  # shorter blobs have no direction
-LEAST_ELONGATION = 3.0  # length over width; texture and holes are rounder
-TROCAR_MISS_MM = 0.5  # a needle's line passes its trocar this closely
-START_MM = 2.5  # and its near end lies this close to it: wall and hole hide the first part
-RIM_PX = 1.5  # the wall's blurred edge is no part of the inside
-HOLE_MM = (
-    1.2  # around the trocar's pivot: its hole through the wall looks like a piece of needle, and is none
-)
+MIN_LENGTH_MM = 0.8  # shorter blobs have no reliable direction
+MIN_ELONGATION = 3.0  # length over width; texture and holes are rounder
+MAX_TROCAR_MISS_MM = 0.5  # of a needle's line from its trocar
+MAX_START_MM = 2.5  # of a needle's near end from its trocar: wall and hole occlude the first part
+RIM_PX = 1.5  # blurred edge of the wall, not searched
+PORT_RADIUS_MM = 1.2  # around the RCM, not searched: the trocar's hole through the wall resembles a needle
 
 
 class _Line(Struct, frozen=True):
-    """The axis of a blob, in pixels of the region; places along it are measured from its centre."""
+    """The axis of a blob, in pixels of the region; positions along it are measured from its centre."""
 
     center: Vec
     direction: Vec
@@ -40,12 +37,12 @@ class _Line(Struct, frozen=True):
     far_px: float
     width_px: float
     trocar_px: float
-    """Where the line passes the trocar."""
+    """Point of the line nearest to the trocar."""
     miss_px: float
-    """How far from it."""
+    """Distance of the line from the trocar."""
 
     def at(self, along_px: float) -> Vec:
-        """Return the place so far along."""
+        """Return the point at a position along the line."""
         return self.center[0] + along_px * self.direction[0], self.center[1] + along_px * self.direction[1]
 
 
@@ -53,7 +50,7 @@ class ThresholdPerceiver:
     """Find the needle as the strongest elongated blob that points at the trocar.
 
     Args:
-        registration: Where globe and trocar are.
+        registration: Geometry of globe and trocar.
         config: Polarity, block size, offset, alpha.
     """
 
@@ -74,10 +71,10 @@ class ThresholdPerceiver:
         center, size = self._in_region(image.center_px), (bottom - self._top, right - self._left)
         self._inside = (_distances(center, size) <= radius_px - RIM_PX).astype(np.float32)
         self._weight = np.maximum(self._blur(self._inside), 1e-3)
-        self._searched = self._inside * (_distances(self._trocar, size) > HOLE_MM / image.mm_per_px)
+        self._searched = self._inside * (_distances(self._trocar, size) > PORT_RADIUS_MM / image.mm_per_px)
 
     def __call__(self, capture: Capture) -> Observation:
-        """Appearance at one image.
+        """Process one image.
 
         Raises:
             BadInput: If the image is not of the registered size.
@@ -107,7 +104,7 @@ class ThresholdPerceiver:
         return np.asarray(cv2.GaussianBlur(image, size, 0, borderType=cv2.BORDER_CONSTANT), np.float32)
 
     def _detect(self, grey: FloatImage) -> _Line | None:
-        # The local mean is taken over the inside only: a bright wall must not hide a bright needle beside it.
+        # The local mean covers the inside only, so that a bright wall does not hide a bright needle near it.
         mean = self._blur(np.multiply(grey, self._inside, dtype=np.float32)) / self._weight
         above_mean = np.asarray((grey - mean) * self._searched, np.float32)
         signs = {"dark": (-1,), "bright": (1,), "auto": (-1, 1)}[self._config.polarity]
@@ -116,17 +113,17 @@ class ThresholdPerceiver:
         return strongest[1] if strongest else None
 
     def _blobs(self, strength: FloatImage) -> Iterator[tuple[float, _Line]]:
-        """Yield the line of every blob that may be a needle, with its contrast.
+        """Yield the line of every needle candidate, with its total contrast.
 
-        Contrast, the sum of the difference from the local mean, is what a needle has most of: the halo that
-        a bright needle leaves beside itself is as long but far fainter.
+        Total contrast, the summed difference from the local mean, is largest for a needle: the halo beside a
+        bright needle is as long but far fainter.
         """
         over = (strength > self._config.offset_grey).astype(np.uint8)
         contours, _ = cv2.findContours(over, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-        shortest_px = SHORTEST_MM / self._registration.image.mm_per_px
+        min_length_px = MIN_LENGTH_MM / self._registration.image.mm_per_px
         for contour in contours:
             left, top, width, height = cv2.boundingRect(contour)
-            if math.hypot(width, height) < shortest_px:
+            if math.hypot(width, height) < min_length_px:
                 continue
             line = self._fit_line(np.asarray(contour, np.int32))
             if line is not None and self._is_needle(line):
@@ -161,14 +158,14 @@ class ThresholdPerceiver:
         mm_per_px = self._registration.image.mm_per_px
         length_px = line.far_px - line.near_px
         return (
-            length_px * mm_per_px >= SHORTEST_MM
-            and length_px >= LEAST_ELONGATION * line.width_px
-            and line.miss_px * mm_per_px <= TROCAR_MISS_MM
-            and (line.near_px - line.trocar_px) * mm_per_px <= START_MM
+            length_px * mm_per_px >= MIN_LENGTH_MM
+            and length_px >= MIN_ELONGATION * line.width_px
+            and line.miss_px * mm_per_px <= MAX_TROCAR_MISS_MM
+            and (line.near_px - line.trocar_px) * mm_per_px <= MAX_START_MM
         )
 
     def _needle(self, line: _Line) -> dict[str, Geometry]:
-        """Turn the line into smoothed entities in the eye frame."""
+        """Convert the line to smoothed entities in the eye frame."""
         tip, entry = self._to_mm(line.at(line.far_px)), self._to_mm(line.at(line.trocar_px))
         shaft = subtract(tip, entry)
         length = norm(shaft)
@@ -180,7 +177,7 @@ class ThresholdPerceiver:
         return self._registration.image.to_mm((in_region[0] + self._left, in_region[1] + self._top))
 
 
-def _distances(place: Vec, size: tuple[int, int]) -> FloatImage:
-    """Return every pixel's distance from a place [px], (h, w)."""
+def _distances(point: Vec, size: tuple[int, int]) -> FloatImage:
+    """Return every pixel's distance from a point [px], (h, w)."""
     y, x = np.ogrid[: size[0], : size[1]]
-    return np.hypot(x - place[0], y - place[1]).astype(np.float32)
+    return np.hypot(x - point[0], y - point[1]).astype(np.float32)

@@ -1,7 +1,7 @@
-"""Forceps and a second instrument, each through a trocar of its own, and the tissue they work on.
+"""The perceiver `forceps`: forceps and a light pipe, each through its own trocar, and stained tissue.
 
-Turns an image (px) into where things are (eye frame, mm). Each shaft is followed by a `Tracker`; the jaws are
-looked for along it, the tissue by its colour. Knows nothing of states, and not what the jaws hold.
+Turns an image (px) into positions (eye frame, mm). A `Tracker` follows each shaft; the jaws are detected
+along the shaft, tissue by its colour. What the jaws hold is not detected.
 """
 
 from msgspec.structs import replace
@@ -18,24 +18,24 @@ from haptigraph.registration.camera import Registration
 
 __all__ = ["ForcepsPerceiver"]
 
-SEEN = (
+ENTITIES = (
     *("forceps_tip", "forceps_line", "forceps_jaws", "left_jaw", "right_jaw"),
     *("light_pipe_tip", "light_pipe_line", "membrane_edge", "hemorrhage"),
 )
-COVERED_MM = 4.0  # width about the shaft that is not learned as empty: jaws open no wider
-BEYOND_MM = 4.0  # of where the shaft seems to end: jaws are no longer
-JUST_IN_MM = 2.0  # of the trocar: no jaws can be seen yet
+OCCLUDED_WIDTH_MM = 4.0  # around the shaft, excluded from the background model: jaws open no wider
+BEYOND_MM = 4.0  # beyond the visible end of the shaft, excluded too: jaws are no longer
+MIN_JAW_DEPTH_MM = 2.0  # from the trocar; with less, jaws are not visible yet
 
 
 class ForcepsPerceiver:
     """Find forceps, light pipe, membrane edge and hemorrhage.
 
     Args:
-        registration: Where both trocars, globe and retina lie; the forceps go through the one in use.
+        registration: Geometry of trocars, globe and retina; the forceps enter through the trocar in use.
         config: Settings, passed on to the trackers.
     """
 
-    sees = frozenset(SEEN)
+    sees = frozenset(ENTITIES)
     """Entities it may report besides the registered anatomy."""
 
     def __init__(self, registration: Registration, config: PerceptionConfig) -> None:
@@ -58,7 +58,7 @@ class ForcepsPerceiver:
                 tracker.reset()
 
     def __call__(self, capture: Capture) -> Observation:
-        """Appearance at one image.
+        """Process one image.
 
         Raises:
             BadInput: If the image is not of the registered size.
@@ -82,7 +82,7 @@ class ForcepsPerceiver:
         line, tip = shaft.get("needle_line"), shaft.get("needle_tip")
         if not isinstance(line, Segment) or not isinstance(tip, Point):
             return {}
-        if self._depth_mm(tip) < JUST_IN_MM:
+        if self._depth_mm(tip) < MIN_JAW_DEPTH_MM:
             return {"forceps_tip": tip, "forceps_line": line}
         jaws = find_jaws(
             image,
@@ -96,7 +96,7 @@ class ForcepsPerceiver:
         )
         if jaws is None:
             return {}
-        one, other = (self._registration.image.to_mm(place) for place in (jaws.one_px, jaws.other_px))
+        one, other = (self._registration.image.to_mm(point) for point in (jaws.one_px, jaws.other_px))
         left, right = (one, other) if _is_left(one, line) else (other, one)
         middle = (left[0] + right[0]) / 2, (left[1] + right[1]) / 2
         return {
@@ -108,13 +108,13 @@ class ForcepsPerceiver:
         }
 
     def _depth_mm(self, tip: Point) -> float:
-        """Return how far a tip is from the trocar towards the globe's centre; negative outside."""
+        """Return the distance of a tip from the trocar towards the globe's centre; negative outside."""
         trocar_mm = self._registration.trocar.at_mm
         outwards, (x, y) = unit(trocar_mm), subtract(trocar_mm, tip.at_mm)
         return x * outwards[0] + y * outwards[1]
 
     def _entry_px(self, line: Segment) -> Vec:
-        """Return where a shaft comes out of the wall."""
+        """Return the point where a shaft emerges from the wall."""
         start_px, end_px = self._ends_px(line)
         (dx, dy), (center_px, radius_px) = unit(subtract(end_px, start_px)), self._globe
         x, y = subtract(center_px, start_px)
@@ -127,14 +127,14 @@ class ForcepsPerceiver:
         return to_px(line.start_mm), to_px(line.end_mm)
 
     def _learn(self, image: Image, shaft: dict[str, Geometry]) -> None:
-        """Learn the eye behind the jaws while they are elsewhere."""
-        line, covered = shaft.get("needle_line"), None
+        """Update the background model, except where the forceps occlude it."""
+        line, occluded = shaft.get("needle_line"), None
         if isinstance(line, Segment):
             start_px, end_px = self._ends_px(line)
             along = unit(subtract(end_px, start_px))
             beyond = BEYOND_MM * self._px_per_mm
-            covered = start_px, (end_px[0] + beyond * along[0], end_px[1] + beyond * along[1])
-        self._background.learn(image, covered, round(COVERED_MM * self._px_per_mm))
+            occluded = start_px, (end_px[0] + beyond * along[0], end_px[1] + beyond * along[1])
+        self._background.learn(image, occluded, round(OCCLUDED_WIDTH_MM * self._px_per_mm))
 
 
 def _is_left(place_mm: Vec, line: Segment) -> bool:

@@ -1,7 +1,7 @@
-"""The jaws at the end of a forceps' shaft: what belongs to the shaft, and how far it reaches on either side.
+"""The jaws at the end of a forceps' shaft: the metal connected to the shaft, and its end on either side.
 
-Turns an image and the shaft's line into the tips of two jaws (px). What is metal differs from the empty eye
-and has no colour, so that stained tissue between the jaws is not taken for them. Knows no time.
+Turns an image and the shaft's line into the tips of two jaws (px). Metal differs from the background and is
+achromatic, so that stained tissue between the jaws is not mistaken for them.
 """
 
 import math
@@ -19,30 +19,30 @@ from haptigraph.perception.needle.rectify import median
 
 __all__ = ["Jaws", "find_jaws"]
 
-HALF_WIDTH_MM = 1.7  # jaws open no wider than twice this
+HALF_WIDTH_MM = 1.7  # of the rectified patch; jaws open no wider
 FLANK_MM = 0.25
-SHAFT_MM = 0.15  # half the width of what is surely shaft
-SHAFT_WIDEST_MM = 0.7
-LEVEL = 0.45  # of the shaft's contrast: its shadow has less
-LEAST_GREY = 12.0
-COLORED_GREY = 28  # between the strongest and the weakest colour: tissue and dye, not metal
+SHAFT_MM = 0.15  # smallest half width of a shaft
+MAX_SHAFT_MM = 0.7
+LEVEL = 0.45  # of the shaft's contrast; its shadow has less
+MIN_CONTRAST_GREY = 12.0
+MAX_CHROMA_GREY = 28  # of metal, between the strongest and the weakest colour; tissue and dye have more
 END_STATIONS = 3
-UNEQUAL_MM = 0.7
-LEAST_MM = 0.6  # of metal beyond the wall
+MAX_DIFFERENCE_MM = 0.7
+MIN_LENGTH_MM = 0.6  # of metal inside the wall
 RIM_PX = 2.0
-OTHER_MM = 1.0  # width of another instrument, with what the lens makes of it
+OTHER_MM = 1.0  # width of another instrument including blur
 
 
 class Jaws(Struct, frozen=True):
-    """The tips of two jaws [px], the shaft seen from its entry into the eye."""
+    """The tips of two jaws [px]."""
 
     one_px: Vec
-    """On the side of the direction turned by +90 degrees (x towards y)."""
+    """On the side of the shaft's direction into the eye rotated by +90 degrees (x towards y)."""
     other_px: Vec
 
 
 class _Patch(Struct, frozen=True, eq=False):
-    """A part of the image laid straight: stations along the shaft, lanes across it, a pixel each."""
+    """A rectified part of the image: stations along the shaft, lanes across it, one pixel each."""
 
     entry_px: Vec
     along: Vec
@@ -54,15 +54,15 @@ class _Patch(Struct, frozen=True, eq=False):
         """The lane of the shaft's line."""
         return self.size[1] // 2
 
-    def lay(self, image: NDArray[Any]) -> NDArray[Any]:
-        """Return the part of an image, (lanes, stations, ...)."""
+    def rectify(self, image: NDArray[Any]) -> NDArray[Any]:
+        """Resample this part of an image, (lanes, stations, ...)."""
         (dx, dy), (x, y) = self.along, self.entry_px
-        place = np.array([[dx, -dy, x + self.half * dy], [dy, dx, y - self.half * dx]])
+        matrix = np.array([[dx, -dy, x + self.half * dy], [dy, dx, y - self.half * dx]])
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        return cv2.warpAffine(image, place, self.size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
+        return cv2.warpAffine(image, matrix, self.size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
 
     def to_image(self, station_px: float, lane_px: float) -> Vec:
-        """Return where in the image a place of the patch is [px]."""
+        """Convert a point of the patch to the image [px]."""
         (dx, dy), across = self.along, lane_px - self.half
         return (
             self.entry_px[0] + station_px * dx - across * dy,
@@ -70,16 +70,16 @@ class _Patch(Struct, frozen=True, eq=False):
         )
 
     def to_patch(self, at_px: Vec) -> Vec:
-        """Return (station, lane) of a place in the image."""
+        """Convert a point of the image [px] to (station, lane)."""
         (dx, dy), (x, y) = self.along, subtract(at_px, self.entry_px)
         return x * dx + y * dy, y * dx - x * dy + self.half
 
 
 def find_jaws(
     image: Image,
-    empty: FloatImage,
+    background: FloatImage,
     entry_px: Vec,
-    seen_to_px: Vec,
+    visible_to_px: Vec,
     *,
     px_per_mm: float,
     globe: tuple[Vec, float],
@@ -90,26 +90,26 @@ def find_jaws(
 
     Args:
         image: (h, w, 3) BGR or (h, w) grey.
-        empty: The eye without instruments, (h, w) grey; negative where not known.
-        entry_px: Where the shaft comes out of the wall.
-        seen_to_px: Another place on its middle line; up to there it is surely seen.
+        background: The eye without instruments, (h, w) grey; negative where unknown.
+        entry_px: Where the shaft emerges from the wall.
+        visible_to_px: Another point on its centre line, up to which it is certainly visible.
         px_per_mm: Scale.
         globe: Centre and inner radius [px].
-        chroma_share: Of blue less red in the grey of `empty`.
-        other: The two ends of another instrument [px], which is left out.
+        chroma_share: Weight of blue minus red in the grey of `background`.
+        other: The two ends of another instrument [px], which is ignored.
 
     Returns:
-        The jaws, or None if no metal lies along the line.
+        The jaws, or None if no metal is found along the line.
     """
     (center_px, radius_px), inwards = globe, subtract(globe[0], entry_px)
-    along, seen_px = unit(subtract(seen_to_px, entry_px)), norm(subtract(seen_to_px, entry_px))
+    along, visible_px = unit(subtract(visible_to_px, entry_px)), norm(subtract(visible_to_px, entry_px))
     middle = inwards[0] * along[0] + inwards[1] * along[1]
     aside = abs(inwards[0] * along[1] - inwards[1] * along[0])
     if aside >= radius_px:
         return None
     reach_px = middle + math.sqrt(radius_px**2 - aside**2)
     patch = _Patch(entry_px, along, (max(round(reach_px), 1), 2 * round(HALF_WIDTH_MM * px_per_mm) + 1))
-    metal = _metal(image, empty, patch, seen_px, px_per_mm, chroma_share)
+    metal = _metal(image, background, patch, visible_px, px_per_mm, chroma_share)
     if metal is None:
         return None
     stations, lanes = patch.size
@@ -118,48 +118,48 @@ def find_jaws(
     metal &= np.hypot(station - x, lane - y) < radius_px - RIM_PX
     if other is not None:
         _erase(metal, patch, other, px_per_mm)
-    return _ends(_of_shaft(metal, patch.half), patch, px_per_mm)
+    return _jaw_tips(_shaft_component(metal, patch.half), patch, px_per_mm)
 
 
 def _metal(
-    image: Image, empty: FloatImage, patch: _Patch, seen_px: float, px_per_mm: float, chroma_share: float
+    image: Image, background: FloatImage, patch: _Patch, visible_px: float, px_per_mm: float, chroma: float
 ) -> Mask | None:
-    """Return what differs from the empty eye about as much as the shaft does, and has no colour."""
-    seen, then = patch.lay(image), patch.lay(empty)
-    now = grey_with_chroma(seen, chroma_share, np.True_).astype(np.float32)
+    """Return the pixels that differ from the background about as much as the shaft and are achromatic."""
+    rectified, expected = patch.rectify(image), patch.rectify(background)
+    grey = grey_with_chroma(rectified, chroma, np.True_).astype(np.float32)
     flank = max(round(FLANK_MM * px_per_mm), 2)
-    beside = np.concatenate([now[:flank], now[-flank:]])
-    is_known = then >= 0
+    beside = np.concatenate([grey[:flank], grey[-flank:]])
+    is_known = expected >= 0
     if not is_known.all():
-        then = np.where(is_known, then, np.median(beside, axis=0))
-    known = np.concatenate([then[:flank], then[-flank:]])
-    then *= median(beside) / max(median(known), 1.0)
-    differs = np.abs(now - then)
+        expected = np.where(is_known, expected, np.median(beside, axis=0))
+    expected_beside = np.concatenate([expected[:flank], expected[-flank:]])
+    expected *= median(beside) / max(median(expected_beside), 1.0)
+    differs = np.abs(grey - expected)
     core = max(round(SHAFT_MM * px_per_mm), 1)
     shaft = differs[patch.half - core : patch.half + core + 1]
-    contrast = median(shaft[:, : max(round(seen_px), 1)].mean(axis=0))
-    if contrast < LEAST_GREY:
+    contrast = median(shaft[:, : max(round(visible_px), 1)].mean(axis=0))
+    if contrast < MIN_CONTRAST_GREY:
         return None
-    metal = differs >= max(LEVEL * contrast, LEAST_GREY)
+    metal = differs >= max(LEVEL * contrast, MIN_CONTRAST_GREY)
     if image.ndim == 3:
-        blue, green, red = cv2.split(seen)
+        blue, green, red = cv2.split(rectified)
         strongest, weakest = cv2.max(cv2.max(blue, green), red), cv2.min(cv2.min(blue, green), red)
-        metal &= cv2.subtract(strongest, weakest) < COLORED_GREY
+        metal &= cv2.subtract(strongest, weakest) < MAX_CHROMA_GREY
     return np.asarray(metal, np.bool_)
 
 
 def _erase(metal: Mask, patch: _Patch, ends: tuple[Vec, Vec], px_per_mm: float) -> None:
-    """Leave out another instrument, but where the shaft itself may be."""
+    """Erase another instrument, except where the shaft itself may be, in place."""
     stripe = np.zeros(metal.shape, np.uint8)
     one, two = (tuple(round(value) for value in patch.to_patch(end)) for end in ends)
     cv2.line(stripe, one, two, 1, max(round(OTHER_MM * px_per_mm), 1))
-    kept = round(SHAFT_WIDEST_MM / 2 * px_per_mm)
+    kept = round(MAX_SHAFT_MM / 2 * px_per_mm)
     stripe[patch.half - kept : patch.half + kept + 1] = 0
     metal &= stripe == 0
 
 
-def _of_shaft(metal: Mask, half: int) -> Mask:
-    """Return the connected part that has the most of the shaft's line."""
+def _shaft_component(metal: Mask, half: int) -> Mask:
+    """Return the connected component that covers most of the shaft's line."""
     closed = cv2.morphologyEx(metal.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
     _, parts = cv2.connectedComponents(closed)
     on_line = parts[half - 1 : half + 2]
@@ -168,17 +168,17 @@ def _of_shaft(metal: Mask, half: int) -> Mask:
     return np.asarray((parts == counts.argmax()) & (parts > 0) if counts.any() else np.zeros_like(metal))
 
 
-def _ends(part: Mask, patch: _Patch, px_per_mm: float) -> Jaws | None:
-    """Return where a part ends on either side of the line.
+def _jaw_tips(part: Mask, patch: _Patch, px_per_mm: float) -> Jaws | None:
+    """Return the ends of a component on either side of the line.
 
-    Jaws are equally long: where only one side reaches that far, they are closed and lie beside the line.
+    Jaws are equally long: if only one side extends that far, they are closed and beside the line.
     """
     sides = [slice(patch.half, None), slice(None, patch.half + 1)]
     stations = [np.flatnonzero(part[side].any(axis=0)) for side in sides]
     reach = [int(each[-1]) if len(each) else 0 for each in stations]
-    if max(reach) < LEAST_MM * px_per_mm:
+    if max(reach) < MIN_LENGTH_MM * px_per_mm:
         return None
-    if abs(reach[0] - reach[1]) > UNEQUAL_MM * px_per_mm:
+    if abs(reach[0] - reach[1]) > MAX_DIFFERENCE_MM * px_per_mm:
         sides, reach = [sides[int(np.argmax(reach))]] * 2, [max(reach)] * 2
     tips = []
     for side, last in zip(sides, reach, strict=True):

@@ -1,8 +1,8 @@
-"""Tissue that is told by its colour: a blue-stained membrane and its loose edge, and blood on the retina.
+"""Tissue detected by its colour: a blue-stained membrane with its loose edge, and blood on the retina.
 
-Turns an image (px) into places (eye frame, mm), and into an image without the dye: a dyed membrane that is
-pulled goes on from the jaws like a shaft. Every image by itself; what is hidden is not reported. Knows no
-instrument.
+Turns an image (px) into positions (eye frame, mm), and into an image without the dye, because a stained
+membrane that is pulled looks like a continuation of the shaft. Every image is processed independently;
+occluded tissue is not reported.
 """
 
 import cv2
@@ -15,22 +15,22 @@ from haptigraph.registration.camera import Registration
 
 __all__ = ["Stains"]
 
-BLUE_GREY = 22  # by which blue exceeds the other colours in dye
-RED_GREY = 60  # and red in blood; a fundus and its vessels have less
-LEAST_DYE_MM2 = 0.25
-LEAST_BLOOD_MM2 = 0.5
+BLUE_GREY = 22  # excess of blue over the other colours in dye
+RED_GREY = 60  # excess of red in blood; a fundus and its vessels have less
+MIN_DYE_MM2 = 0.25
+MIN_BLOOD_MM2 = 0.5
 SPECK_MM2 = 0.02
-TOP_MM = 0.12  # what lies so near to the highest place of the membrane is its edge
+TOP_MM = 0.12  # extent of the edge below the membrane's highest point
 RIM_MM = 0.1
-SPREAD_PX = 5  # how wide the edge of what is coloured is: cameras and codecs see colour less sharply
-FILL_MM = 2.0  # width of the ground about dye that tells what is behind it
+SPREAD_PX = 5  # blur of coloured regions: cameras and codecs resolve colour less finely
+FILL_MM = 2.0  # width of the surroundings from which dye is filled
 
 
 class Stains:
-    """Appearance for coloured tissue in images of one registration.
+    """Detect coloured tissue in images of one registration.
 
     Args:
-        registration: Where globe and retina are.
+        registration: Geometry of globe and retina.
     """
 
     def __init__(self, registration: Registration) -> None:
@@ -47,30 +47,30 @@ class Stains:
         self._inside = self._above_mm > RIM_MM
 
     def __call__(self, image: Image) -> tuple[dict[str, Geometry], Image]:
-        """Appearance at one image.
+        """Process one image.
 
         Args:
-            image: (h, w, 3) BGR or (h, w) grey, in which no tissue is found.
+            image: (h, w, 3) BGR or (h, w) grey, in which no tissue is detected.
 
         Returns:
-            `membrane_edge` (point) and `hemorrhage` (circle, as wide as the blood), where they are seen; and
-            the image with the ground about it in place of the dye.
+            `membrane_edge` (point) and `hemorrhage` (circle, as wide as the blood), if they are visible; and
+            the image with the dye filled from its surroundings.
         """
         if image.ndim == 2:
             return {}, image
         blue, green, red = cv2.split(image[self._box])
         found: dict[str, Geometry] = {}
-        dye = self._clean(cv2.subtract(blue, cv2.max(green, red)) > BLUE_GREY)
-        if self._area_mm2(dye) >= LEAST_DYE_MM2:
+        dye = self._without_specks(cv2.subtract(blue, cv2.max(green, red)) > BLUE_GREY)
+        if self._area_mm2(dye) >= MIN_DYE_MM2:
             found["membrane_edge"] = self._edge(dye)
-            image = self._without(image, dye)
-        blood = self._clean(cv2.subtract(red, cv2.max(green, blue)) > RED_GREY)
-        if self._area_mm2(blood) >= LEAST_BLOOD_MM2:
+            image = self._without_dye(image, dye)
+        blood = self._without_specks(cv2.subtract(red, cv2.max(green, blue)) > RED_GREY)
+        if self._area_mm2(blood) >= MIN_BLOOD_MM2:
             found["hemorrhage"] = self._region(blood)
         return found, image
 
-    def _clean(self, stained: Mask) -> Mask:
-        """Leave out what is beyond the globe, and specks."""
+    def _without_specks(self, stained: Mask) -> Mask:
+        """Remove specks and everything outside the globe, in place."""
         stained &= self._inside
         x, y, width, height = cv2.boundingRect(stained.view(np.uint8))
         part = stained[y : y + height, x : x + width]
@@ -81,33 +81,33 @@ class Stains:
             part &= is_large[parts]
         return stained
 
-    def _without(self, image: Image, dye: Mask) -> Image:
-        """Return an image with what is about the dye in its place."""
+    def _without_dye(self, image: Image, dye: Mask) -> Image:
+        """Return an image with the dye filled from its surroundings."""
         cleaned, width = image.copy(), max(round(FILL_MM * self._px_per_mm), SPREAD_PX) | 1
         x, y, columns, rows = cv2.boundingRect(dye.view(np.uint8))
         about = slice(max(y - width, 0), y + rows + width), slice(max(x - width, 0), x + columns + width)
-        ground = cleaned[self._box][about]
-        covered = cv2.dilate(dye[about].view(np.uint8), np.ones((SPREAD_PX, SPREAD_PX), np.uint8))
-        free = (covered == 0).astype(np.float32)
+        part = cleaned[self._box][about]
+        dyed = cv2.dilate(dye[about].view(np.uint8), np.ones((SPREAD_PX, SPREAD_PX), np.uint8))
+        free = (dyed == 0).astype(np.float32)
         share = cv2.blur(free, (width, width))
-        light = cv2.blur(ground * free[..., None], (width, width))
+        light = cv2.blur(part * free[..., None], (width, width))
         fill = light / np.maximum(share, np.float32(1e-3))[..., None]
-        is_filled = (covered > 0) & (share > 0)
-        ground[is_filled] = fill[is_filled]
+        is_filled = (dyed > 0) & (share > 0)
+        part[is_filled] = fill[is_filled]
         return cleaned
 
     def _area_mm2(self, part: Mask) -> float:
         return float(np.count_nonzero(part)) / self._px_per_mm**2
 
     def _edge(self, dye: Mask) -> Point:
-        """Return the place that is highest above the retina."""
+        """Return the highest point above the retina."""
         rows, columns = np.nonzero(dye)
         height_mm = self._above_mm[rows, columns]
         is_top = height_mm >= height_mm.max() - TOP_MM
         return Point(self._to_mm(float(columns[is_top].mean()), float(rows[is_top].mean())))
 
     def _region(self, blood: Mask) -> Circle:
-        """Return the circle about the blood's middle on the retina that reaches as far as it does."""
+        """Return the circle around the blood's centre on the retina, as wide as the blood."""
         rows, columns = np.nonzero(blood)
         retina = self._registration.retina
         middle = nearest_on_polyline(self._to_mm(float(columns.mean()), float(rows.mean())), retina)

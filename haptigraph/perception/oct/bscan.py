@@ -1,7 +1,7 @@
-"""The perceiver of B-scans: two surfaces of the retina and a needle, anew in every image.
+"""The perceiver `bscan`: ILM, RPE and needle in a B-scan, by image processing.
 
-Turns an image (px) into where things are (eye frame, mm), by best paths, ridges and where the shadow begins.
-Knows nothing of states, and no image before.
+Turns an image (px) into positions (eye frame, mm), by shortest paths, ridges and the edge of the needle's
+shadow. Every image is processed independently.
 """
 
 import numpy as np
@@ -9,23 +9,23 @@ import numpy as np
 from haptigraph.config import PerceptionConfig
 from haptigraph.imaging import grey_of
 from haptigraph.messages import Capture, Observation
-from haptigraph.perception.oct.needle import find_needle, lines_of, off_ridges
+from haptigraph.perception.oct.needle import find_needle, needle_candidates, without_ridge_columns
 from haptigraph.perception.oct.ridge import find_ridges
-from haptigraph.perception.oct.scan_geometry import ENTITIES, Layers, ScanPlaces, Shaft
+from haptigraph.perception.oct.scan_geometry import ENTITIES, Layers, ObservationBuilder, Shaft
 from haptigraph.perception.oct.surfaces import find_surfaces
 from haptigraph.registration.oct import ScanRegistration
 
 __all__ = ["BscanPerceiver"]
 
-DARK_GREY, DARK_SHARE = 40.0, 0.75  # beside a needle it is no brighter; of tissue
+DARK_GREY, DARK_SHARE = 40.0, 0.75  # brightness limit beside a needle: absolute, and as a share of tissue
 
 
 class BscanPerceiver:
     """Find ILM, RPE and needle.
 
     Args:
-        registration: Size and scale of the B-scans, and how deep the target lies.
-        config: Settings; none is needed so far, but all perceivers are given them.
+        registration: Size and scale of the B-scans, and the depth of the target.
+        config: Settings; not used, but part of every perceiver's constructor.
     """
 
     takes_scans = True
@@ -34,16 +34,16 @@ class BscanPerceiver:
     def __init__(self, registration: ScanRegistration, config: PerceptionConfig) -> None:
         self._registration = registration
         self._axial_mm = registration.image.axial_mm_per_px or registration.image.mm_per_px
-        self._places = ScanPlaces(registration)
+        self._build_observation = ObservationBuilder(registration)
 
     def reset(self) -> None:
-        """Forget earlier images: there is nothing to forget."""
+        """Do nothing: every image is processed independently."""
 
     def __call__(self, capture: Capture) -> Observation:
-        """Appearance at one image.
+        """Process one image.
 
         Raises:
-            BadInput: If it is no B-scan of the registered size.
+            BadInput: If it is not a B-scan of the registered size.
         """
         image = grey_of(self._registration.checked(capture.image))
         height, width = image.shape
@@ -53,9 +53,9 @@ class BscanPerceiver:
         )
         dark_grey = surfaces.dark_grey + max(DARK_GREY, DARK_SHARE * surfaces.tissue_grey)
         ridges = find_ridges(image, ilm_px, dark_grey, surfaces.sd_grey)
-        lines = lines_of(ridges, surfaces)
-        surfaces = off_ridges(surfaces, lines)
-        needle = find_needle(image, lines, surfaces)
+        candidates = needle_candidates(ridges, surfaces)
+        surfaces = without_ridge_columns(surfaces, candidates)
+        needle = find_needle(image, candidates, surfaces)
         shaft = needle and Shaft(
             tip_px=needle.tip_px,
             start_px=needle.ridge.start_px,
@@ -64,4 +64,4 @@ class BscanPerceiver:
             angle_sd_deg=needle.ridge.angle_sd_deg,
             confidence=needle.confidence,
         )
-        return self._places(capture.stamp_ns, Layers(*surfaces[:5]), shaft)
+        return self._build_observation(capture.stamp_ns, Layers(*surfaces[:5]), shaft)

@@ -1,8 +1,7 @@
-"""From the probability of metal to the needle's line and tip.
+"""Needle candidates from the probability map of a network's needle class.
 
-Turns one class's map (px) into straight lines, those with most evidence first. Whether a line is a needle or
-a ghost, and whether it goes on inside tissue, is for the caller to say, who knows where light is missing.
-Knows no network and no millimetres.
+Turns the map (px) into straight lines with tips, those with most evidence first. The caller decides by their
+shadows which line is a needle and which a ghost, and whether it continues inside tissue.
 """
 
 import math
@@ -20,21 +19,21 @@ from haptigraph.perception.oct.class_maps import Scaling
 __all__ = ["NeedleFit", "fit_needles"]
 
 Numbers: TypeAlias = NDArray[Any]
-SHORTEST_PX = 16.0  # of the map
-OFF_LINE_PX = 3.0
-GAP_PX = 12.0  # between the end of the line and the bevel's last blob
-LEAST_RATIO = 3.0  # length over width of what is a line
-LEAST_SHARE = 0.3  # of a piece must be on its line: less, and it is a blob
+MIN_LENGTH_PX = 16.0  # in pixels of the map, like all lengths here
+ON_LINE_PX = 3.0
+GAP_PX = 12.0  # between the end of the line and the bevel's last bright spot
+MIN_ELONGATION = 3.0  # length over width of a line
+MIN_INLIER_SHARE = 0.3  # of a component; with fewer pixels on its line it is a blob
 TURN_RAD = math.radians(1.0)
-WITHIN_PX, MOST = (4.0, 3.0, 2.0, 2.0), 3
+INLIER_PX, MAX_NEEDLES = (4.0, 3.0, 2.0, 2.0), 3
 
 
 class NeedleFit(Struct, frozen=True):
-    """A needle in an image; pixels of the image."""
+    """A needle candidate; pixels of the image."""
 
     tip_px: Vec
     entry_px: Vec
-    """Where the line enters the image, or is first seen."""
+    """Where the line enters the image, or is first visible."""
     tip_sd_px: float
     """Along the shaft."""
     angle_sd_deg: float
@@ -42,55 +41,54 @@ class NeedleFit(Struct, frozen=True):
     """Mean probability along the line."""
 
 
-def fit_needles(on: FloatImage, scaling: Scaling, least_confidence: float) -> list[NeedleFit]:
-    """Return what may be a needle in its class's probability, (h, w)."""
-    left = on >= least_confidence
+def fit_needles(probability: FloatImage, scaling: Scaling, least_confidence: float) -> list[NeedleFit]:
+    """Return the needle candidates in a map of probabilities, (h, w)."""
+    remaining = probability >= least_confidence
     found: list[NeedleFit] = []
-    for _ in range(MOST):
-        piece = _largest(left)
-        if piece is None:
+    for _ in range(MAX_NEEDLES):
+        component = _largest_component(remaining)
+        if component is None:
             break
-        left &= ~piece
-        line = _followed(on, piece, least_confidence)
-        fit = line and _measured(on, line, scaling, least_confidence)
+        remaining &= ~component
+        line = _strongest_line(probability, component, least_confidence)
+        fit = line and _fit_needle(probability, line, scaling, least_confidence)
         if line and fit:
             found.append(fit)
-            y, x = np.nonzero(left)
-            near = np.abs(line.off(x, y)) <= 2 * OFF_LINE_PX
-            left[y[near], x[near]] = False
+            y, x = np.nonzero(remaining)
+            near = np.abs(line.distance_to(x, y)) <= 2 * ON_LINE_PX
+            remaining[y[near], x[near]] = False
     return found
 
 
-def _largest(mask: Mask) -> Mask | None:
-    """Return the largest connected piece; None if it is too small for a line."""
+def _largest_component(mask: Mask) -> Mask | None:
+    """Return the largest connected component; None if it is too small for a line."""
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
     areas = stats[1:, cv2.CC_STAT_AREA]
-    if count < 2 or areas.max() < SHORTEST_PX:
+    if count < 2 or areas.max() < MIN_LENGTH_PX:
         return None
     return np.asarray(labels == 1 + int(areas.argmax()))
 
 
-def _followed(on: FloatImage, piece: Mask, least_confidence: float) -> "_Line | None":
-    """Return the strongest line of a piece, through all of the class near it."""
-    y, x = np.nonzero(on >= least_confidence)
-    weights = on[y, x]
-    strongest = cv2.HoughLines(piece.astype(np.uint8), 1.0, TURN_RAD, int(SHORTEST_PX))
+def _strongest_line(probability: FloatImage, component: Mask, least_confidence: float) -> "_Line | None":
+    """Fit the strongest line of a component to all pixels of the class near it."""
+    y, x = np.nonzero(probability >= least_confidence)
+    weights = probability[y, x]
+    strongest = cv2.HoughLines(component.astype(np.uint8), 1.0, TURN_RAD, int(MIN_LENGTH_PX))
     if strongest is None:
         return None
     rho, theta = (float(value) for value in strongest[0, 0])
-    off = np.abs(x * math.cos(theta) + y * math.sin(theta) - rho)
+    distance = np.abs(x * math.cos(theta) + y * math.sin(theta) - rho)
     line = None
-    for (
-        within_px
-    ) in WITHIN_PX:  # ever nearer: a ghost that meets the needle, or a smear in tissue, must not turn it
-        near = off <= within_px
+    # Ever narrower, so that a ghost that meets the needle, or a smear in tissue, does not rotate the line.
+    for inlier_px in INLIER_PX:
+        near = distance <= inlier_px
         line = _line_through(x[near], y[near], weights[near])
         if line is None:
             return None
-        off = np.abs(line.off(x, y))
-    piece_y, piece_x = np.nonzero(piece)
-    is_on_it = np.abs(line.off(piece_x, piece_y)) <= OFF_LINE_PX if line else np.zeros(1)
-    return line if is_on_it.mean() >= LEAST_SHARE else None
+        distance = np.abs(line.distance_to(x, y))
+    component_y, component_x = np.nonzero(component)
+    is_on_it = np.abs(line.distance_to(component_x, component_y)) <= ON_LINE_PX if line else np.zeros(1)
+    return line if is_on_it.mean() >= MIN_INLIER_SHARE else None
 
 
 class _Line(NamedTuple):
@@ -103,17 +101,17 @@ class _Line(NamedTuple):
     to_px: float
     angle_sd_rad: float
 
-    def off(self, x: Numbers, y: Numbers) -> Numbers:
-        """Return how far places are beside the line."""
+    def distance_to(self, x: Numbers, y: Numbers) -> Numbers:
+        """Return the signed distances of points to the line."""
         return self.along[0] * (y - self.center[1]) - self.along[1] * (x - self.center[0])
 
     def at(self, along_px: float) -> Vec:
-        """Return a place on the line."""
+        """Return a point on the line."""
         return self.center[0] + along_px * self.along[0], self.center[1] + along_px * self.along[1]
 
 
 def _line_through(x: Numbers, y: Numbers, weight: Numbers) -> _Line | None:
-    if len(x) < SHORTEST_PX:
+    if len(x) < MIN_LENGTH_PX:
         return None
     total = float(weight.sum())
     center = float((weight * x).sum()) / total, float((weight * y).sum()) / total
@@ -122,25 +120,27 @@ def _line_through(x: Numbers, y: Numbers, weight: Numbers) -> _Line | None:
     (narrow, wide), axes = np.linalg.eigh(spread)
     along = (float(axes[0, 1]), float(axes[1, 1]))
     along = along if along[1] >= 0 else (-along[0], -along[1])
-    reach = along[0] * dx + along[1] * dy
-    length = float(reach.max() - reach.min())
-    if length < SHORTEST_PX or wide < LEAST_RATIO**2 * max(narrow, 1e-6):
+    along_line = along[0] * dx + along[1] * dy
+    length = float(along_line.max() - along_line.min())
+    if length < MIN_LENGTH_PX or wide < MIN_ELONGATION**2 * max(narrow, 1e-6):
         return None
-    # A pixel of a thin line is off it by chance, but its neighbours across share that chance.
-    deviation = math.sqrt(max(narrow, 0.05) / (length * max(wide, 1e-6)))
-    return _Line(center, along, float(reach.min()), float(reach.max()), deviation)
+    # The random offsets of neighbouring pixels across a thin line are correlated: count only its length.
+    angle_sd_rad = math.sqrt(max(narrow, 0.05) / (length * max(wide, 1e-6)))
+    return _Line(center, along, float(along_line.min()), float(along_line.max()), angle_sd_rad)
 
 
-def _measured(on: FloatImage, line: _Line, scaling: Scaling, least_confidence: float) -> NeedleFit | None:
-    """Follow the line to its tip: the last place where its class is as probable as not."""
-    height, width = on.shape
+def _fit_needle(
+    probability: FloatImage, line: _Line, scaling: Scaling, least_confidence: float
+) -> NeedleFit | None:
+    """Follow a line to its tip, where the probability of its class falls below the minimum."""
+    height, width = probability.shape
     far = math.hypot(height, width)
     steps = np.arange(line.from_px - 2, min(line.to_px + GAP_PX + 8, far), 0.5)
     xs, ys = (line.center[axis] + steps * line.along[axis] for axis in (0, 1))
     profile = np.max(
         [
             cv2.remap(
-                on,
+                probability,
                 (xs - shift * line.along[1]).astype(np.float32)[None],
                 (ys + shift * line.along[0]).astype(np.float32)[None],
                 cv2.INTER_LINEAR,
@@ -150,11 +150,11 @@ def _measured(on: FloatImage, line: _Line, scaling: Scaling, least_confidence: f
         ],
         axis=0,
     )
-    seen = np.nonzero(profile >= least_confidence)[0]
-    breaks = np.nonzero(np.diff(seen) * 0.5 > GAP_PX)[0]
-    runs = np.split(seen, breaks + 1)
-    run = max(runs, key=len, default=seen)
-    if len(run) * 0.5 < SHORTEST_PX:
+    visible = np.nonzero(profile >= least_confidence)[0]
+    breaks = np.nonzero(np.diff(visible) * 0.5 > GAP_PX)[0]
+    runs = np.split(visible, breaks + 1)
+    run = max(runs, key=len, default=visible)
+    if len(run) * 0.5 < MIN_LENGTH_PX:
         return None
     last = int(run[-1])
     after = float(profile[last + 1]) if last + 1 < len(profile) else 0.0

@@ -1,8 +1,8 @@
-"""The perceiver `segmentation`: ILM, RPE and needle of a B-scan, as a neural network sees them.
+"""The perceiver `segmentation`: ILM, RPE and needle of a B-scan, by a neural network.
 
-Turns an image (px) into where things are (eye frame, mm), by the classes of a network of any origin. What
-comes out is what the perceiver `bscan` gives, made by the same code. Knows nothing of states, and no image
-before.
+Turns an image (px) into positions (eye frame, mm), by the pixel classes of a network of any origin. Its
+observations are built by the same code as those of the perceiver `bscan`. Every image is processed
+independently.
 """
 
 import math
@@ -16,32 +16,30 @@ from haptigraph.imaging import FloatImage
 from haptigraph.messages import Capture, Observation
 from haptigraph.perception.oct.class_maps import Rows, Scaling, border_rows, line_rows
 from haptigraph.perception.oct.class_needle import NeedleFit, fit_needles
-from haptigraph.perception.oct.needle import row_at
+from haptigraph.perception.oct.needle import BEVEL_PX, EDGE_SD_PX, SHADOW_MARGIN_PX, row_at
 from haptigraph.perception.oct.onnx_model import EntityClasses, ModelFile, OnnxModel, SurfaceClass
-from haptigraph.perception.oct.scan_geometry import ENTITIES, Layers, ScanPlaces, Shaft, casts_shadow
+from haptigraph.perception.oct.scan_geometry import ENTITIES, Layers, ObservationBuilder, Shaft, casts_shadow
 from haptigraph.perception.oct.surfaces import without_specks
 from haptigraph.registration.oct import ScanRegistration
 
-__all__ = ["SegmentationPerceiver", "segments_of"]
+__all__ = ["SegmentationPerceiver", "interpret"]
 
-COLUMNS = 128  # surfaces are looked at so finely, at most
-NEAR_ILM_PX = 8.0  # a needle whose class ends no higher above the ILM may go on in tissue, unseen
-MARGIN_PX = 14.0  # the class ends no further beyond the shadow's edge
-LEAST_FURTHER_PX = 6.0  # so near to where the shadow begins, the end of the class says more
-BEVEL_PX = 64.0  # above tissue, the tip lies at most so far beyond the class's end
-SLOPE_COLUMNS, EDGE_COLUMNS = 8, 24  # that say how the RPE goes on into the shadow; that are looked at
-RPE_ROWS = -6, 3  # of the map, about the RPE
+COLUMNS = 128  # largest number of columns in which surfaces are sampled
+ILM_MARGIN_PX = 8.0  # nearer to the ILM than this, the needle may continue in tissue, where it is not visible
+MIN_SHIFT_PX = 6.0  # nearer to the shadow's edge than this, the end of the needle's class is more precise
+SLOPE_COLUMNS, EDGE_COLUMNS = 8, 24  # used to extrapolate the RPE into the shadow; searched for the edge
+RPE_ROWS = -6, 3  # of the map, around the RPE
 HALF = 0.5
-DEEPEST_PX = 220.0  # below that end the tip is not looked for
-EDGE_DEVIATION_PX, UNSEEN_DEVIATION_PX = 2.5, 12.0  # of the shadow's edge; of a tip that nothing shows
+MAX_DEPTH_PX = 220.0  # of the tip below the end of the needle's class
+HIDDEN_TIP_SD_PX = 12.0  # standard deviation of a tip that is not visible
 
 
 class SegmentationPerceiver:
     """Find ILM, RPE and needle.
 
     Args:
-        registration: Size and scale of the B-scans, and how deep the target lies.
-        config: `model` names the network.
+        registration: Size and scale of the B-scans, and the depth of the target.
+        config: `model` is the path of the network's TOML file.
 
     Raises:
         MissingExtra: If ONNX Runtime is not installed.
@@ -54,64 +52,64 @@ class SegmentationPerceiver:
     def __init__(self, registration: ScanRegistration, config: PerceptionConfig) -> None:
         self._registration = registration
         self._model = OnnxModel(config.model)
-        self._places = ScanPlaces(registration)
+        self._build_observation = ObservationBuilder(registration)
 
     def reset(self) -> None:
-        """Forget earlier images: there is nothing to forget."""
+        """Do nothing: every image is processed independently."""
 
     def __call__(self, capture: Capture) -> Observation:
-        """Appearance at one image.
+        """Process one image.
 
         Raises:
-            BadInput: If it is no B-scan of the registered size.
+            BadInput: If it is not a B-scan of the registered size.
         """
         image = self._registration.checked(capture.image)
         size_px = image.shape[1], image.shape[0]
-        layers, shaft = segments_of(self._model(image), self._model.spec, size_px)
-        return self._places(capture.stamp_ns, layers, shaft)
+        layers, shaft = interpret(self._model(image), self._model.spec, size_px)
+        return self._build_observation(capture.stamp_ns, layers, shaft)
 
 
-def segments_of(maps: FloatImage, model: ModelFile, size_px: tuple[int, int]) -> tuple[Layers, Shaft | None]:
-    """Return what a network saw, in pixels of the image.
+def interpret(maps: FloatImage, model: ModelFile, size_px: tuple[int, int]) -> tuple[Layers, Shaft | None]:
+    """Extract surfaces and needle from a network's output, in pixels of the image.
 
     Args:
         maps: Probability of each class, (classes, h, w).
-        model: Says which class is what.
+        model: Meaning of the classes.
         size_px: (width, height) of the image.
     """
     _, height, width = maps.shape
     scaling = Scaling(size_px[0] / width, size_px[1] / height)
     every = max(1, width // COLUMNS)
     columns = np.arange(width // every) * every + (every - 1) / 2
-    entity, least = model.entity, model.least_confidence
-    ilm, rpe = (_surface(maps, which, every, least) for which in (entity.ilm, entity.rpe))
+    entity, least_confidence = model.entity, model.least_confidence
+    ilm, rpe = (_surface(maps, which, every, least_confidence) for which in (entity.ilm, entity.rpe))
     layers = Layers(
         x_px=(columns + 0.5) * scaling.across - 0.5,
         ilm_px=(ilm.rows + 0.5) * scaling.down - 0.5,
-        ilm_seen=without_specks(ilm.is_seen),
+        ilm_seen=without_specks(ilm.is_visible),
         rpe_px=(rpe.rows + 0.5) * scaling.down - 0.5,
-        rpe_seen=without_specks(rpe.is_seen & (rpe.rows > ilm.rows)),
+        rpe_seen=without_specks(rpe.is_visible & (rpe.rows > ilm.rows)),
     )
     return layers, _shaft(maps, model, layers, scaling)
 
 
-def _surface(maps: FloatImage, which: SurfaceClass | None, every: int, least: float) -> Rows:
+def _surface(maps: FloatImage, which: SurfaceClass | None, every: int, threshold: float) -> Rows:
     if which is None:
         count = maps.shape[2] // every
         return Rows(np.zeros(count), np.zeros(count, bool))
     coarse = [_coarser(maps[index], every) for index in which.indices]
-    return border_rows(coarse[0], coarse[1], least) if which.between else line_rows(coarse[0], least)
+    return border_rows(coarse[0], coarse[1], threshold) if which.between else line_rows(coarse[0], threshold)
 
 
 def _coarser(values: FloatImage, every: int) -> FloatImage:
-    """Return the means of so many columns each."""
+    """Average groups of `every` columns."""
     height, width = values.shape
     kept = values[:, : width // every * every]
     return np.asarray(cv2.resize(kept, (width // every, height), interpolation=cv2.INTER_AREA), np.float32)
 
 
 def _shaft(maps: FloatImage, model: ModelFile, layers: Layers, scaling: Scaling) -> Shaft | None:
-    """Return the needle: the line with most evidence that hides what a needle would hide."""
+    """Return the needle: the line with most evidence among those that cast a shadow."""
     if model.entity.needle is None:
         return None
     for fit in fit_needles(maps[model.entity.needle.index], scaling, model.least_confidence):
@@ -122,11 +120,11 @@ def _shaft(maps: FloatImage, model: ModelFile, layers: Layers, scaling: Scaling)
 
 
 def _tissue(maps: FloatImage, entity: EntityClasses) -> FloatImage:
-    """Return the probability of what only light can show at the RPE, (h, w)."""
+    """Return the probability of tissue that is visible only in the light, (h, w)."""
     rpe, ilm = entity.rpe, entity.ilm
-    shown = set() if rpe is None else set(rpe.indices)
-    shown |= {ilm.between[1]} if ilm is not None and ilm.between else set()
-    return np.asarray(sum((maps[index] for index in shown), np.zeros_like(maps[0])), np.float32)
+    inside = set() if rpe is None else set(rpe.indices)
+    inside |= {ilm.between[1]} if ilm is not None and ilm.between else set()
+    return np.asarray(sum((maps[index] for index in inside), np.zeros_like(maps[0])), np.float32)
 
 
 def _as_shaft(fit: NeedleFit) -> Shaft:
@@ -144,38 +142,38 @@ def _as_shaft(fit: NeedleFit) -> Shaft:
 
 
 def _with_tip(shaft: Shaft, tissue: FloatImage, layers: Layers, scaling: Scaling) -> Shaft:
-    """Put the tip where the shadow begins, if that is beyond where metal is seen: in tissue it hardly is."""
+    """Move the tip to the shadow's edge if that is beyond the visible metal, as it often is in tissue."""
     (x, y), (dx, dy) = shaft.tip_px, shaft.along_px
     slope, side = dy / max(abs(dx), 1e-3), math.copysign(1.0, dx)
     ahead_px = side * (layers.x_px - x)
     lit = np.flatnonzero(
-        layers.rpe_seen & (ahead_px > -MARGIN_PX) & (ahead_px < DEEPEST_PX / max(slope, 1e-3))
+        layers.rpe_seen & (ahead_px > -SHADOW_MARGIN_PX) & (ahead_px < MAX_DEPTH_PX / max(slope, 1e-3))
     )
     ilm_y = row_at(layers.x_px, layers.ilm_px, layers.ilm_seen, x)
     edge_x = _shadow_edge(tissue, layers, lit if side > 0 else lit[::-1], side, scaling) if len(lit) else None
     if edge_x is None:
-        is_told = y < ilm_y - NEAR_ILM_PX
-        unseen_px = UNSEEN_DEVIATION_PX, UNSEEN_DEVIATION_PX * slope
-        return shaft if is_told else shaft._replace(sd_px=unseen_px)
+        is_observable = y < ilm_y - ILM_MARGIN_PX
+        hidden_px = HIDDEN_TIP_SD_PX, HIDDEN_TIP_SD_PX * slope
+        return shaft if is_observable else shaft._replace(sd_px=hidden_px)
     further_px = side * (edge_x - x)
     is_inside = y + further_px * slope > ilm_y
-    if not LEAST_FURTHER_PX < further_px < (math.inf if is_inside else BEVEL_PX):
+    if not MIN_SHIFT_PX < further_px < (math.inf if is_inside else BEVEL_PX):
         return shaft
     return shaft._replace(
         tip_px=(edge_x, y + further_px * slope),
-        sd_px=(EDGE_DEVIATION_PX, EDGE_DEVIATION_PX * slope),
+        sd_px=(EDGE_SD_PX, EDGE_SD_PX * slope),
     )
 
 
 def _shadow_edge(
     tissue: FloatImage, layers: Layers, lit: NDArray[np.intp], side: float, scaling: Scaling
 ) -> float | None:
-    """Return the column where the needle's shadow begins [px of the image]; None if the image does not tell.
+    """Return the column of the shadow's edge [px of the image]; None if it is not observable.
 
     Args:
-        tissue: Its probability, (h, w).
-        layers: Say where the RPE is.
-        lit: Columns of `layers` that show it, those next to the shadow first.
+        tissue: Probability of tissue, (h, w).
+        layers: Position of the RPE.
+        lit: Columns of `layers` in which the RPE is visible, those next to the shadow first.
         side: 1 if the shadow is to the left of them, -1 if to the right.
         scaling: From map to image.
     """
@@ -187,11 +185,11 @@ def _shadow_edge(
     columns = columns[(columns >= 0) & (columns < tissue.shape[1])].astype(np.intp)
     rpe_px = start + slope * ((columns + 0.5) * scaling.across - 0.5)
     rows = np.rint(rpe_px / scaling.down).astype(np.intp) + np.arange(*RPE_ROWS)[:, None]
-    shown = (rows[0] >= 0) & (rows[-1] < len(tissue))  # the RPE may leave the image before the shadow begins
-    share = tissue[rows[:, shown], columns[shown]].mean(axis=0)
+    inside = (rows[0] >= 0) & (rows[-1] < len(tissue))  # the RPE may leave the image before the shadow begins
+    share = tissue[rows[:, inside], columns[inside]].mean(axis=0)
     dark = np.flatnonzero(share < HALF)
-    if not shown.any() or not len(dark) or not dark[0]:
+    if not inside.any() or not len(dark) or not dark[0]:
         return None
     last = int(dark[0])
     part = (share[last - 1] - HALF) / (share[last - 1] - share[last])
-    return (float(columns[shown][last - 1] - side * part) + 0.5) * scaling.across - 0.5
+    return (float(columns[inside][last - 1] - side * part) + 0.5) * scaling.across - 0.5

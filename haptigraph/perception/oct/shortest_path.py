@@ -1,8 +1,8 @@
 """The best path through an image from left to right, by dynamic programming.
 
-Turns a reward per place into one row per column. The sum of rewards less the cost of steps is the largest
-there is (Bellman 1957), as layers of the retina are found in OCT: Chiu et al. 2010, Optics Express 18(18).
-It is looked for from both ends at once, which halves the number of steps. Knows no eye.
+Turns a reward per pixel into one row per column that maximizes the sum of rewards less the cost of steps
+(Bellman 1957), as for retinal layers in OCT: Chiu et al. 2010, Optics Express 18(18). The search runs from
+both ends at once, which halves the number of steps.
 """
 
 from typing import Any
@@ -15,27 +15,27 @@ from haptigraph.imaging import FloatImage
 
 __all__ = ["best_path"]
 
-NEVER = np.float32(-1e9)
+EXCLUDED = np.float32(-1e9)
 
 
 def best_path(reward: FloatImage, step_cost: FloatImage) -> NDArray[np.intp]:
     """Return the row of the best path in each column, (w,).
 
     Args:
-        reward: What each place is worth, (w, h), w at least 2: one row of the array per column of the image.
-        step_cost: What it costs to go up or down by so many rows to the next column, (k,), k odd and the same
-            both ways; further steps are not possible.
+        reward: Reward of each pixel, (w, h), w at least 2: one row of the array per column of the image.
+        step_cost: Cost of moving up or down by -(k // 2) to k // 2 rows to the next column, (k,), k odd, and
+            symmetric; larger steps are excluded.
     """
     width, height = reward.shape
     middle, half = width // 2, len(step_cost) // 2
-    first = middle - (width - 1 - middle)  # the way back has one column less where their number is even
-    # Both ways stand side by side in one long row, apart enough never to meet before the middle.
+    first = middle - (width - 1 - middle)  # for an even width, the backward pass has one column less
+    # Both passes share one long row, far enough apart not to interact.
     there, back = slice(0, height), slice(height + 2 * half, 2 * height + 2 * half)
     length = back.stop
-    gain = np.full((middle + 1, length), NEVER, np.float32)
+    gain = np.full((middle + 1, length), EXCLUDED, np.float32)
     gain[:, there], gain[:first, back] = reward[: middle + 1], 0
     gain[first:, back] = reward[middle:][::-1]
-    padded = np.full((middle + 1, length + 2 * half), NEVER, np.float32)
+    padded = np.full((middle + 1, length + 2 * half), EXCLUDED, np.float32)
     best = padded[:, half : half + length]
     windows: NDArray[Any] = sliding_window_view(padded, length, axis=1)  # (column, k, row)
     cost, choices = step_cost[:, None], np.empty((len(step_cost), length), np.float32)
@@ -51,7 +51,7 @@ def best_path(reward: FloatImage, step_cost: FloatImage) -> NDArray[np.intp]:
 
 
 def _traced(padded: FloatImage, step_cost: FloatImage, row: int, first: int) -> NDArray[np.intp]:
-    """Return the rows that led to a row in the last column, from column `first` to the last but one."""
+    """Trace back the rows that led to a row in the last column, from column `first` to the last but one."""
     half, rows = len(step_cost) // 2, []
     for column in range(len(padded) - 2, first - 1, -1):
         row += int((padded[column, row : row + 2 * half + 1] - step_cost).argmax()) - half

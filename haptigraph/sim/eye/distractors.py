@@ -1,27 +1,27 @@
-"""What is in the picture besides eye and needle: a second instrument, glints, bubbles, flickering light.
+"""Distractors beside eye and needle: second instrument, specular highlights, bubbles, flickering light.
 
-Static things are painted into the background once; bubbles and flicker change with the image's number. The
-same seed gives the same. Knows no needle and no noise.
+Static distractors are painted into the background once; bubbles and flicker depend on the image's number and
+the seed.
 """
 
 import math
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import cv2
 import numpy as np
 from msgspec import Meta, Struct
 
-from haptigraph.geometry import ImageGeometry, Vec, rotate, unit
+from haptigraph.geometry import ImageGeometry, Vec
+from haptigraph.imaging import FloatImage
 from haptigraph.messages import Image
 from haptigraph.sim.eye.eye import Eye
-from haptigraph.sim.eye.needle import Box, NeedleShape, lay, needle_texture
-from haptigraph.sim.eye.painter import FloatImage
+from haptigraph.sim.eye.needle import NeedleShape, clipped_box, needle_texture, warp_texture
 
-__all__ = ["Bubbles", "Distractors", "flicker_gain", "paint_glints", "paint_light_pipe"]
+__all__ = ["Bubbles", "Distractors", "flicker_gain", "paint_light_pipe", "paint_specular_highlights"]
 
 Count = Annotated[int, Meta(ge=0, le=100)]
 Share = Annotated[float, Meta(ge=0, le=1)]
-GLINT_MM = (0.15, 0.7)
+HIGHLIGHT_MM = (0.15, 0.7)
 DRIFT_PX = 1.2  # of a bubble, from image to image
 RING_PX = 1.3
 
@@ -29,16 +29,18 @@ RING_PX = 1.3
 class Distractors(Struct, frozen=True, forbid_unknown_fields=True):
     """The [distractors] table of a scenario; all are off by default."""
 
-    glints: Count = 0
-    """Saturated reflections on bowl and wall."""
+    OLD_KEYS: ClassVar[dict[str, str]] = {"glints": "specular_highlights"}
+
+    specular_highlights: Count = 0
+    """Number of saturated reflections on bowl and wall."""
     bubbles: Count = 0
-    """Drifting bubbles (bright rings) and debris (dark blobs), in turn, in front of the needle."""
+    """Number of drifting bubbles (bright rings) and debris particles (dark blobs), in front of the needle."""
     bubble_mm: Annotated[float, Meta(gt=0, le=5)] = 0.7
-    """Diameter of the largest."""
+    """Diameter of the largest one."""
     flicker: Share = 0.0
-    """Relative deviation of the light from image to image."""
+    """Relative standard deviation of the light from image to image."""
     light_pipe_mm: Annotated[float, Meta(ge=0, le=24)] = 0.0
-    """How deep a second instrument stands in the other trocar, behind the needle; 0: none."""
+    """Depth of a second instrument in the other trocar, behind the needle; 0: none."""
     light_pipe_deg: float = 0.0
     """Its pitch, from the line trocar -> globe centre, counter-clockwise."""
     light_pipe: NeedleShape = NeedleShape(
@@ -51,50 +53,48 @@ def paint_light_pipe(
     distractors: Distractors,
     eye: Eye,
     geometry: ImageGeometry,
-    visible: FloatImage,
+    in_view: FloatImage,
     *,
     light: FloatImage,
     blur_px: float,
     seed: int,
 ) -> FloatImage:
-    """Return a background with the second instrument before it.
+    """Return a background with the second instrument in front of it.
 
     Args:
         background: (h, w, 3).
-        distractors: Where it stands.
-        eye: Whose other trocar it goes through.
-        geometry: Of the image.
-        visible: Where instruments are seen, 0 to 1, (h, w).
-        light: That reaches each pixel, (h, w).
-        blur_px: Deviation of the lens's blur.
-        seed: Of the metal's grain.
+        distractors: Pose and shape of the instrument.
+        eye: The eye; the instrument enters through its other trocar.
+        geometry: Geometry of the image.
+        in_view: Where instruments are visible, 0 to 1, (h, w).
+        light: Light that reaches each pixel, (h, w).
+        blur_px: Standard deviation of the lens blur.
+        seed: Seed of the metal's grain.
     """
-    rcm = eye.other_trocar_mm
-    along_mm = rotate(unit((-rcm[0], -rcm[1])), distractors.light_pipe_deg)
-    reach = distractors.light_pipe_mm
-    tip_px = geometry.to_px((rcm[0] + reach * along_mm[0], rcm[1] + reach * along_mm[1]))
+    tip_mm, along_mm = eye.second_instrument(distractors.light_pipe_mm, distractors.light_pipe_deg)
+    tip_px = geometry.to_px(tip_mm)
     along = -along_mm[0] if geometry.mirrored else along_mm[0], -along_mm[1]
     whole = slice(0, background.shape[0]), slice(0, background.shape[1])
     tone, cover = needle_texture(distractors.light_pipe, 1 / geometry.mm_per_px, blur_px, seed + 1)
-    over = lay(cover, tip_px, along, whole) * visible
-    color = cv2.merge([lay(tone, tip_px, along, whole) * light] * 3)
+    over = warp_texture(cover, tip_px, along, whole) * in_view
+    color = cv2.merge([warp_texture(tone, tip_px, along, whole) * light] * 3)
     return np.asarray(cv2.blendLinear(color, background, over, 1 - over), np.float32)
 
 
-def paint_glints(
+def paint_specular_highlights(
     background: FloatImage, count: int, geometry: ImageGeometry, radius_mm: float, seed: int
 ) -> FloatImage:
-    """Return a background with saturated reflections, elongated at random, on the globe and its wall."""
+    """Return a background with randomly elongated specular highlights on the globe and its wall."""
     rng = np.random.default_rng((seed, 7))
-    shine = np.zeros(background.shape[:2], np.float32)
+    highlight = np.zeros(background.shape[:2], np.float32)
     for _ in range(count):
         turn, reach_mm = rng.uniform(0, 2 * math.pi), radius_mm * math.sqrt(rng.uniform(0, 1.2))
         at_px = geometry.to_px((reach_mm * math.cos(turn), reach_mm * math.sin(turn)))
-        axes_px = rng.uniform(*GLINT_MM, 2) / geometry.mm_per_px / 2
+        axes_px = rng.uniform(*HIGHLIGHT_MM, 2) / geometry.mm_per_px / 2
         angle_deg = rng.uniform(0, 180)
-        _ellipse(shine, at_px, (float(axes_px[0]), float(axes_px[1])), angle_deg, 1.0)
-    core = cv2.GaussianBlur(shine, (0, 0), 1.0)
-    halo = cv2.GaussianBlur(shine, (0, 0), 0.25 / geometry.mm_per_px)
+        _ellipse(highlight, at_px, (float(axes_px[0]), float(axes_px[1])), angle_deg, 1.0)
+    core = cv2.GaussianBlur(highlight, (0, 0), 1.0)
+    halo = cv2.GaussianBlur(highlight, (0, 0), 0.25 / geometry.mm_per_px)
     return np.asarray(background + (300 * core + 60 * halo)[..., None], np.float32)
 
 
@@ -103,10 +103,10 @@ class Bubbles:
 
     Args:
         count: How many.
-        largest_px: Diameter of the largest.
-        geometry: Of the image.
+        largest_px: Diameter of the largest one.
+        geometry: Geometry of the image.
         radius_mm: They stay within this distance of the globe's centre.
-        seed: Of their places and ways.
+        seed: Seed of their positions and drift.
     """
 
     def __init__(
@@ -125,11 +125,11 @@ class Bubbles:
 
         Args:
             image: (h, w, 3).
-            number: Of the image; says how far they have drifted.
+            number: Number of the image, which determines the drift.
         """
         for which, radius_px in enumerate(self._radii_px):
             x, y = self._start_px[which] + number * self._drift_px[which]
-            # A bubble that reaches the limit comes back from the other side.
+            # A bubble that reaches the limit re-enters on the opposite side.
             if math.hypot(x, y) > self._limit_px:
                 turns = 2 * self._limit_px
                 x, y = ((v + self._limit_px) % turns - self._limit_px for v in (x, y))
@@ -140,13 +140,16 @@ class Bubbles:
 
 
 def flicker_gain(flicker: float, seed: int, number: int) -> float:
-    """Return the light of one image relative to the mean; never below a fifth."""
+    """Return the light of one image relative to the mean, at least 0.2."""
     rng = np.random.default_rng((seed, 9, number))
     return max(1 + flicker * float(rng.standard_normal()), 0.2)
 
 
 def _blend_blob(image: Image, at_px: Vec, radius_px: float, *, is_bubble: bool) -> None:
-    box = _box_around(at_px, radius_px + 6, image.shape[:2])
+    (center_x, center_y), reach_px = at_px, radius_px + 6
+    box = clipped_box(
+        center_x - reach_px, center_y - reach_px, center_x + reach_px, center_y + reach_px, image.shape
+    )
     if box is None:
         return
     rows, columns = box
@@ -155,19 +158,12 @@ def _blend_blob(image: Image, at_px: Vec, radius_px: float, *, is_bubble: bool) 
     part = image[box].astype(np.float32)
     if is_bubble:
         ring = np.exp(-(((distance - radius_px) / RING_PX) ** 2))
-        glint = np.exp(-(((x - at_px[0] + radius_px / 3) ** 2 + (y - at_px[1] + radius_px / 3) ** 2) / 4))
-        part = part * (1 - 0.5 * ring[..., None]) + (150 * ring + 120 * glint)[..., None]
+        highlight = np.exp(-(((x - at_px[0] + radius_px / 3) ** 2 + (y - at_px[1] + radius_px / 3) ** 2) / 4))
+        part = part * (1 - 0.5 * ring[..., None]) + (150 * ring + 120 * highlight)[..., None]
     else:
         cover = np.clip(radius_px - distance + 0.5, 0, 1) * 0.6
         part = part * (1 - cover[..., None])
     image[box] = np.clip(np.rint(part), 0, 255).astype(np.uint8)
-
-
-def _box_around(at_px: Vec, reach_px: float, size: tuple[int, ...]) -> Box | None:
-    x, y = at_px
-    rows = slice(max(math.floor(y - reach_px), 0), min(math.ceil(y + reach_px) + 1, size[0]))
-    columns = slice(max(math.floor(x - reach_px), 0), min(math.ceil(x + reach_px) + 1, size[1]))
-    return (rows, columns) if rows.start < rows.stop and columns.start < columns.stop else None
 
 
 def _ellipse(mask: FloatImage, at_px: Vec, axes_px: Vec, angle_deg: float, value: float) -> None:

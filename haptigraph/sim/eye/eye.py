@@ -1,6 +1,6 @@
 """The simulated eye: a 24 mm globe cut open, its retina, target and trocars, in the eye frame.
 
-Written as a registration too, so that perception meets it as it meets any other set-up.
+It is also written as a registration, so that perception handles it like any other set-up.
 """
 
 import math
@@ -8,7 +8,7 @@ from typing import Annotated
 
 from msgspec import Meta, Struct
 
-from haptigraph.geometry import ImageGeometry, Vec
+from haptigraph.geometry import ImageGeometry, Vec, rotate, unit
 from haptigraph.registration.text import AnatomyPx, TrocarPx
 from haptigraph.registration.text import registration_text as write_text
 
@@ -18,41 +18,41 @@ RETINA_STEP_DEG = 1.5
 
 
 class EyeShape(Struct, frozen=True, forbid_unknown_fields=True):
-    """The [eye] table of a scenario. Angles are at the globe's centre, positive to the surgeon's right."""
+    """The [eye] table of a scenario; angles at the globe's centre, positive to the surgeon's right."""
 
     diameter_mm: Annotated[float, Meta(ge=15, le=35)] = 24.0
     wall_mm: Annotated[float, Meta(ge=0.1, le=5)] = 1.7
     retina_half_deg: Annotated[float, Meta(ge=5, le=120)] = 75.0
-    """The retina reaches so far to either side of the bottom."""
+    """Extent of the retina to either side of the bottom."""
     retina_mm: Annotated[float, Meta(ge=0, le=2)] = 0.0
-    """How thick a layer it is, that a tip can enter; 0: it is the wall's inner side."""
+    """Thickness of the retina as a layer that a tip can enter; 0: it is the wall's inner surface."""
     rim_mm: Annotated[float, Meta(ge=0, le=5)] = 0.0
-    """How far the cut wall stands before the section that the needle moves in."""
+    """Distance of the cut wall in front of the section that the needle moves in."""
     target_deg: Annotated[float, Meta(ge=-90, le=90)] = 9.0
     """From the bottom, along the retina."""
     trocar_deg: Annotated[float, Meta(ge=-90, le=90)] = 36.0
-    """From the top: the trocar in use; the other one sits opposite."""
+    """The trocar in use, from the top; the other one is opposite."""
     hemorrhage_deg: Annotated[float, Meta(ge=-90, le=90)] = 0.0
-    """From the bottom, along the retina: the middle of a bleeding."""
+    """Centre of a hemorrhage, from the bottom, along the retina."""
     hemorrhage_mm: Annotated[float, Meta(ge=0, le=6)] = 0.0
-    """How wide it is; 0: none."""
+    """Width of the hemorrhage; 0: none."""
 
 
 class RegistrationError(Struct, frozen=True, forbid_unknown_fields=True):
-    """The [registration_error] table of a scenario: how far off perception is told things are, (x, y) px."""
+    """The [registration_error] table of a scenario: offsets of the registered anatomy, (x, y) px."""
 
     globe_px: Vec = (0.0, 0.0)
-    """Of the globe with its retina."""
+    """Offset of the globe with its retina."""
     target_px: Vec = (0.0, 0.0)
     trocar_px: Vec = (0.0, 0.0)
-    """Of both trocars."""
+    """Offset of both trocars."""
 
 
 class Eye:
-    """Places of one eye [mm], eye frame.
+    """Positions of one eye's anatomy [mm], eye frame.
 
     Args:
-        shape: Its measures.
+        shape: Its dimensions.
     """
 
     def __init__(self, shape: EyeShape) -> None:
@@ -68,13 +68,19 @@ class Eye:
         )
 
     def on_retina(self, angle_deg: float, above_mm: float = 0.0) -> Vec:
-        """Return a place so far along the retina from the bottom, and so far above it."""
+        """Return the point at an angle along the retina from the bottom, at a height above it."""
         angle = math.radians(angle_deg)
         radius_mm = self.radius_mm - self.shape.retina_mm - above_mm
         return radius_mm * math.sin(angle), -radius_mm * math.cos(angle)
 
+    def second_instrument(self, depth_mm: float, pitch_deg: float) -> tuple[Vec, Vec]:
+        """Return tip [mm] and direction (length 1) of an instrument through the other trocar; see `Pose`."""
+        x, y = self.other_trocar_mm
+        along = rotate(unit((-x, -y)), pitch_deg)
+        return (x + depth_mm * along[0], y + depth_mm * along[1]), along
+
     def _in_wall(self, angle_deg: float) -> Vec:
-        """Return the middle of the wall, where a trocar lets the needle pivot."""
+        """Return the middle of the wall, where a trocar's remote centre of motion is."""
         angle, radius = math.radians(angle_deg), self.radius_mm + self.shape.wall_mm / 2
         return radius * math.sin(angle), radius * math.cos(angle)
 
@@ -86,7 +92,7 @@ def registration_text(
     height_px: int,
     error: RegistrationError | None = None,
 ) -> str:
-    """Write the registration of an eye seen through a camera, as TOML, wrong by an error if one is given."""
+    """Return the registration of an eye in a camera's images as TOML, offset by an error if one is given."""
     error = error or RegistrationError()
 
     def px(at_mm: Vec, off_px: Vec) -> Vec:

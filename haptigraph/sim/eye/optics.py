@@ -1,4 +1,4 @@
-"""The simulated camera's settings, and where its images show what; nothing is painted for it."""
+"""The simulated camera's settings, and the geometry of its images."""
 
 import math
 
@@ -16,37 +16,37 @@ class CameraSettings(Struct, frozen=True, forbid_unknown_fields=True):
     width_px: int = 1280
     height_px: int = 720
     center_px: Vec = (640.0, 402.0)
-    """Where the globe's centre appears."""
+    """Position of the globe's centre in the image."""
     px_per_mm: float = 20.0
     mirrored: bool = True
     tilt_deg: Vec = (0.0, 0.0)
-    """How the section leans away from facing the camera, (right, down) part: that side is farther."""
+    """Tilt of the section against the image plane, (right, down): the side that is farther away."""
     distance_mm: float = 250.0
-    """From the camera to the section; it tells only where that leans, or where the wall stands before it."""
+    """From the camera to the section; matters only with a tilt or with a wall in front of the section."""
     blur_px: float = 0.8
-    """Deviation of the lens's blur."""
+    """Standard deviation of the lens blur."""
     exposure: float = 1.0
     """Brightness of the whole scene; from about 1.3 on, white surfaces saturate."""
     vignetting: float = 0.25
     """Loss of light in the corners."""
     read_noise_grey: float = 1.0
     shot_noise_grey: float = 2.5
-    """Deviation at full white; it falls with the square root of the light."""
+    """Standard deviation at full white; proportional to the square root of the light."""
     shadow: float = 0.15
-    """Light that the needle takes from the bowl behind it; 0: none."""
+    """Share of light that the needle blocks from the bowl behind it; 0: none."""
     shadow_shift: Vec = (0.25, 0.3)
-    """How far the shadow falls, (right, down), over the depth of the bowl."""
+    """Displacement of the shadow, (right, down), per depth of the bowl."""
 
 
 def image_geometry(settings: CameraSettings) -> ImageGeometry:
-    """Return where the images of a camera show what."""
+    """Return the mapping between a camera's images and the eye frame."""
     frontal_from_image = slant_of(settings).frontal_from_image if settings.tilt_deg != (0.0, 0.0) else None
     center_px, mm_per_px = settings.center_px, 1 / settings.px_per_mm
     return ImageGeometry(center_px, mm_per_px, settings.mirrored, frontal_from_image)
 
 
 def slant_of(settings: CameraSettings) -> Slant:
-    """Return how the section leans away from facing a camera."""
+    """Return the tilt of the section as seen by a camera."""
     right, down = (math.radians(angle) for angle in settings.tilt_deg)
     focal_px = settings.distance_mm * settings.px_per_mm
     middle_px = (settings.width_px - 1) / 2, (settings.height_px - 1) / 2

@@ -1,28 +1,26 @@
-"""Paint the still part of the phantom: mask, recess, tube, the cut globe with bowl, retina and trocar holes.
+"""Paint the static background: mask, recess, tube, the cut globe with bowl, retina and trocar holes.
 
-Every region is a signed distance, so that edges are smooth at any scale. Knows no needle.
+Every region is a signed distance, so that edges are smooth at any scale.
 """
 
 import math
-from typing import TypeAlias
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from haptigraph.geometry import ImageGeometry, Vec, subtract, unit
+from haptigraph.imaging import FloatImage
 from haptigraph.sim.eye.eye import Eye
-from haptigraph.sim.eye.palette import BLOOD, LAYER, PALETTES, Color, Look, Palette
+from haptigraph.sim.eye.palette import BLOOD, LAYER, PALETTES, Appearance, Color, Palette
 
-__all__ = ["FloatImage", "distance_map", "paint_phantom", "rim_geometry", "shading_places", "vignette"]
+__all__ = ["FloatImage", "distance_map", "paint_phantom", "rim_geometry", "shading_positions", "vignette"]
 
-FloatImage: TypeAlias = NDArray[np.float32]
-
-HEMORRHAGE_HEIGHT = 0.5  # over half its width
+HEMORRHAGE_HEIGHT = 0.5  # as a share of half its width
 
 
 class _Canvas:
-    """A picture to paint on, region by region."""
+    """An image that is painted region by region."""
 
     def __init__(self, width_px: int, height_px: int, seed: int) -> None:
         y, x = np.mgrid[:height_px, :width_px]
@@ -31,7 +29,7 @@ class _Canvas:
         self.rng = np.random.default_rng((seed, 2))
 
     def fill(self, outside_px: FloatImage, color: Color, shade: FloatImage | float = 1.0) -> None:
-        """Paint a region in one colour times a shade.
+        """Fill a region with one colour times a shade.
 
         Args:
             outside_px: Signed distance from the region's edge, negative inside.
@@ -48,7 +46,7 @@ class _Canvas:
         self.pixels = np.asarray(cv2.multiply(self.pixels, cv2.merge([factor] * 3)), np.float32)
 
     def cloud(self, cell_px: tuple[float, float]) -> FloatImage:
-        """Return smooth random values of mean 0 and deviation 1, with cells of (width, height)."""
+        """Return smooth noise of mean 0 and standard deviation 1, with cells of (width, height)."""
         height, width = self.x.shape
         cells = max(4, round(height / cell_px[1])), max(4, round(width / cell_px[0]))
         coarse = self.rng.standard_normal(cells).astype(np.float32)
@@ -57,13 +55,13 @@ class _Canvas:
 
 
 def distance_map(width_px: int, height_px: int, center_px: Vec) -> FloatImage:
-    """Return every pixel's distance from a place [px]."""
+    """Return every pixel's distance from a point [px], (h, w)."""
     y, x = np.ogrid[:height_px, :width_px]
     return np.hypot(x - center_px[0], y - center_px[1]).astype(np.float32)
 
 
 def vignette(size_px: tuple[int, int], loss: float) -> FloatImage:
-    """Return the light that reaches each pixel, 1 in the middle."""
+    """Return the light that reaches each pixel, 1 in the middle, (h, w)."""
     y, x = np.ogrid[: size_px[1], : size_px[0]]
     middle = (size_px[0] - 1) / 2, (size_px[1] - 1) / 2
     corner = math.hypot(*middle)
@@ -73,15 +71,15 @@ def vignette(size_px: tuple[int, int], loss: float) -> FloatImage:
     return light
 
 
-def shading_places(distance: FloatImage, radius_px: float, shift: Vec) -> tuple[FloatImage, FloatImage]:
-    """Return, for each pixel of the bowl, the place (x, y) whose needle would shade it.
+def shading_positions(distance: FloatImage, radius_px: float, shift: Vec) -> tuple[FloatImage, FloatImage]:
+    """Return, for each pixel of the bowl, the position (x, y) at which a needle would shade it.
 
-    The bowl is a hemisphere behind the section, so a shadow lies the further off the deeper it falls.
+    The bowl is a hemisphere behind the section, so a shadow is displaced in proportion to the depth.
 
     Args:
-        distance: Of every pixel from the bowl's centre [px], (h, w).
-        radius_px: Of the bowl.
-        shift: To the right and down, per depth.
+        distance: Distance of every pixel from the bowl's centre [px], (h, w).
+        radius_px: Radius of the bowl.
+        shift: Displacement to the right and down, per depth.
     """
     depth = np.sqrt(np.clip(radius_px**2 - distance**2, 0, None))
     y, x = np.mgrid[: distance.shape[0], : distance.shape[1]]
@@ -89,12 +87,12 @@ def shading_places(distance: FloatImage, radius_px: float, shift: Vec) -> tuple[
 
 
 def rim_geometry(section: ImageGeometry, foot_px: Vec, share: float) -> ImageGeometry:
-    """Return where the cut wall is seen.
+    """Return the image geometry of the cut wall.
 
     Args:
-        section: Of the image.
-        foot_px: The place right under the camera.
-        share: Of the camera's distance, by which the wall stands before the section.
+        section: Image geometry of the section.
+        foot_px: The point on the section nearest to the camera.
+        share: Distance of the wall in front of the section, as a share of the camera's distance.
     """
     if not share:
         return section
@@ -104,25 +102,30 @@ def rim_geometry(section: ImageGeometry, foot_px: Vec, share: float) -> ImageGeo
 
 
 def paint_phantom(
-    eye: Eye, image: ImageGeometry, rim: ImageGeometry, size_px: tuple[int, int], look: Look, seed: int
+    eye: Eye,
+    image: ImageGeometry,
+    rim: ImageGeometry,
+    size_px: tuple[int, int],
+    appearance: Appearance,
+    seed: int,
 ) -> FloatImage:
     """Paint everything but the needle.
 
     Args:
         eye: The eye.
-        image: Where the eye frame lies in the image.
-        rim: Where the cut wall is seen, which may stand before the eye frame's plane.
+        image: Geometry of the image.
+        rim: Image geometry of the cut wall, which may be in front of the eye frame's plane.
         size_px: (width, height).
-        look: Style and texture.
-        seed: Of stains, print lines and vessels.
+        appearance: Style and texture.
+        seed: Seed of stains, print lines and vessels.
 
     Returns:
-        The picture, (height, width, 3) BGR, 0 to 255, without blur, vignetting and noise.
+        The background, (height, width, 3) BGR, 0 to 255, without blur, vignetting and noise.
     """
     canvas = _Canvas(*size_px, seed)
-    palette = PALETTES[look.style]
-    _paint_mask(canvas, palette, rim.center_px, eye.radius_mm / rim.mm_per_px, look.texture)
-    _paint_globe(canvas, palette, eye, rim, look.texture)
+    palette = PALETTES[appearance.style]
+    _paint_mask(canvas, palette, rim.center_px, eye.radius_mm / rim.mm_per_px, appearance.texture)
+    _paint_globe(canvas, palette, eye, rim, appearance.texture)
     if eye.shape.retina_mm:
         _paint_layer(canvas, eye, image)
     if eye.shape.hemorrhage_mm:
@@ -138,7 +141,7 @@ def _box(x: FloatImage, y: FloatImage, half_width: float, top: float, bottom: fl
 
 
 def _paint_mask(canvas: _Canvas, palette: Palette, center: Vec, radius: float, texture: float) -> None:
-    """Paint what surrounds the globe: forehead roll, recess with tube, ledge with screws, cheeks."""
+    """Paint the surroundings of the globe: forehead roll, recess with tube, ledge with screws, cheeks."""
     x, y = canvas.x - center[0], canvas.y - center[1]
     canvas.fill(np.full_like(x, -1), palette.skin, 0.86 + 0.00006 * (300 - y))
     cheeks = np.maximum(2.12 * radius - np.abs(x), np.abs(y + 0.7 * radius) - 0.6 * radius)
@@ -218,7 +221,7 @@ def _paint_fundus(
 
 
 def _paint_layer(canvas: _Canvas, eye: Eye, image: ImageGeometry) -> None:
-    """Paint a retina that is a layer before the wall, as far as it reaches."""
+    """Paint a retina that is a layer in front of the wall."""
     x, y = canvas.x - image.center_px[0], canvas.y - image.center_px[1]
     half, radius = math.radians(eye.shape.retina_half_deg), eye.radius_mm / image.mm_per_px
     distance, turn = np.hypot(x, y), np.abs(np.arctan2(x, y))
@@ -242,25 +245,25 @@ def _paint_hemorrhage(canvas: _Canvas, at_px: Vec, eye: Eye, image: ImageGeometr
 
 
 def _vessel(rng: np.random.Generator, inner: float) -> NDArray[np.float64]:
-    """Return a winding line in the lower half of the bowl, relative to its centre."""
+    """Return a winding curve in the lower half of the bowl, relative to its centre, (n, 2)."""
     steps = 60
     turn = np.cumsum(rng.normal(0, 0.18, steps)) + rng.uniform(0, 2 * math.pi)
     walk = np.stack([np.cumsum(np.cos(turn)), np.cumsum(np.sin(turn))], axis=1) * inner * 0.014
     start = np.array([rng.uniform(-0.7, 0.7), rng.uniform(0.15, 0.8)]) * inner
     points = start + walk
-    kept = points[(np.hypot(*points.T) < 0.93 * inner) & (points[:, 1] > 0.02 * inner)]
-    return np.asarray(kept, np.float64)
+    is_inside = (np.hypot(*points.T) < 0.93 * inner) & (points[:, 1] > 0.02 * inner)
+    return np.asarray(points[is_inside], np.float64)
 
 
 def _paint_hole(
     canvas: _Canvas, palette: Palette, trocar: Vec, eye: Eye, image: ImageGeometry, rim: ImageGeometry
 ) -> None:
-    """Paint the mouth of a trocar hole on the bowl.
+    """Paint a port opening on the bowl.
 
-    Its middle lies in the section, its height is how much smaller the bowl is seen from front to back.
+    Its centre is in the section; its height follows from how perspective foreshortens the bowl in depth.
     """
     center, scale, half_width_mm = image.center_px, 1 / image.mm_per_px, 0.6
-    before_mm, half_height_mm = 0.12, 0.16  # looks right where the wall is painted in the section
+    before_mm, half_height_mm = 0.12, 0.16  # chosen by eye for a wall in the plane of the section
     if eye.shape.rim_mm:
         distance_mm = eye.shape.rim_mm / (1 - rim.mm_per_px / image.mm_per_px)
         before_mm, half_height_mm = 0.0, eye.radius_mm * half_width_mm / distance_mm

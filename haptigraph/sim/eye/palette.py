@@ -1,20 +1,20 @@
-"""What the phantom is painted with: the colours of each style."""
+"""The phantom's appearance: its styles and their colours."""
 
 from typing import Literal, TypeAlias
 
 from msgspec import Struct
 
-__all__ = ["BLOOD", "LAYER", "PALETTES", "Color", "Look", "Palette"]
+__all__ = ["BLOOD", "LAYER", "PALETTES", "Appearance", "Color", "Palette"]
 
 Color: TypeAlias = tuple[float, float, float]
 """Blue, green, red, each 0 to 255."""
 
 
-class Look(Struct, frozen=True, forbid_unknown_fields=True):
-    """The [look] table of a scenario."""
+class Appearance(Struct, frozen=True, forbid_unknown_fields=True):
+    """The [appearance] table of a scenario."""
 
     style: Literal["light", "dark"] = "light"
-    """Light: a white print, the needle is darker. Dark: a painted fundus, the needle is brighter."""
+    """Light: a white print and a darker needle. Dark: a painted fundus and a brighter needle."""
     texture: float = 1.0
     """Strength of print lines and stains; 0: smooth surfaces."""
 
@@ -24,7 +24,7 @@ BLOOD: Color = (24, 18, 150)
 
 
 class Palette(Struct, frozen=True):
-    """Colours of one style."""
+    """The colours of one style."""
 
     skin: Color
     recess: Color

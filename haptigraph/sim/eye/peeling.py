@@ -1,12 +1,12 @@
-"""Membrane peeling in the phantom: forceps, a membrane and a light pipe, where they are and how they look.
+"""Membrane peeling in the phantom: positions and drawing of forceps, membrane and light pipe.
 
-Closed jaws take the membrane's edge along if they closed on it. Knows neither images nor touch beyond that.
+Jaws that close on the membrane's edge take it along until they open.
 """
 
 from collections.abc import Callable
 from typing import NamedTuple
 
-from haptigraph.geometry import Circle, Geometry, Point, Segment, Vec, norm, rotate, subtract, unit
+from haptigraph.geometry import Circle, Geometry, Point, Segment, Vec, norm, subtract
 from haptigraph.messages import Image
 from haptigraph.sim.eye.camera import Camera
 from haptigraph.sim.eye.eye import Eye
@@ -17,33 +17,33 @@ from haptigraph.sim.robot.operator import LightPipe
 
 __all__ = ["Peeling", "PeelingView"]
 
-CATCH_MM = 0.45  # the edge so near to closing jaws is between them
-SHUT_MM = 0.3
+GRASP_MM = 0.45  # closing jaws grasp an edge within this distance
+CLOSED_MM = 0.3
 PIPE = NeedleShape(
     diameter_mm=0.6, tip_diameter_mm=0.5, taper_mm=0.5, length_mm=45.0, brightness=0.3, highlight=0.2
 )
 
 
 class PeelingView(NamedTuple):
-    """One moment of it."""
+    """The scene at one moment."""
 
     hinge_mm: Vec
-    """Where the forceps' shaft ends."""
+    """End of the forceps' shaft."""
     found: dict[str, Geometry]
-    """The true places, by entity name, eye frame."""
+    """Ground truth by entity name, eye frame."""
     draw: Callable[[Image], None]
     """Draws what the camera does not: jaws, membrane, light pipe."""
 
 
 class Peeling:
-    """Everything of membrane peeling but the robot.
+    """Forceps, membrane and light pipe of one scenario.
 
     Args:
         eye: The eye.
-        forceps: Their shape.
-        membrane: Its shape.
-        camera: Takes the pictures.
-        seed: Of the metal's grain.
+        forceps: Shape of the forceps.
+        membrane: Shape of the membrane.
+        camera: Renders the images.
+        seed: Seed of the metal's grain.
     """
 
     def __init__(
@@ -57,37 +57,35 @@ class Peeling:
         self.restart()
 
     def restart(self) -> None:
-        """Let go, and lie as before."""
+        """Release the membrane and return it to its initial position."""
         self._membrane.restart()
-        self._was_shut = True
-        self._holds = False
+        self._was_closed = True
+        self._has_grasped = False
 
     def advance(self, tip_mm: Vec, direction: Vec, jaws_mm: float, pipe: LightPipe) -> PeelingView:
-        """Move on to the next moment.
+        """Advance to the next moment.
 
         Args:
-            tip_mm: Middle between the jaws' tips, eye frame.
-            direction: Of the forceps into the eye, length 1, eye frame.
-            jaws_mm: Between their tips.
-            pipe: Where the other hand holds the light pipe.
+            tip_mm: Midpoint between the tips of the jaws, eye frame.
+            direction: Direction of the forceps into the eye, length 1, eye frame.
+            jaws_mm: Distance between the tips of the jaws.
+            pipe: Pose of the light pipe in the other hand.
         """
-        is_shut = jaws_mm <= SHUT_MM
-        if is_shut and not self._was_shut:
-            self._holds = norm(subtract(self._membrane.edge_mm, tip_mm)) <= CATCH_MM
-        self._holds, self._was_shut = self._holds and is_shut, is_shut
-        if self._holds:
+        is_closed = jaws_mm <= CLOSED_MM
+        if is_closed and not self._was_closed:
+            self._has_grasped = norm(subtract(self._membrane.edge_mm, tip_mm)) <= GRASP_MM
+        self._has_grasped, self._was_closed = self._has_grasped and is_closed, is_closed
+        if self._has_grasped:
             self._membrane.pull(tip_mm)
-        at = self._forceps.places(tip_mm, direction, jaws_mm)
-        rcm_mm = self._eye.other_trocar_mm
-        along = rotate(unit((-rcm_mm[0], -rcm_mm[1])), pipe.pipe_deg)
-        pipe_mm = rcm_mm[0] + pipe.pipe_depth_mm * along[0], rcm_mm[1] + pipe.pipe_depth_mm * along[1]
+        at = self._forceps.positions(tip_mm, direction, jaws_mm)
+        pipe_mm, along = self._eye.second_instrument(pipe.pipe_depth_mm, pipe.pipe_deg)
         found: dict[str, Geometry] = {
             "forceps_tip": Point(tip_mm),
             "forceps_line": Segment(self._eye.trocar_mm, tip_mm),
             "left_jaw": Point(at.left_mm),
             "right_jaw": Point(at.right_mm),
             "light_pipe_tip": Point(pipe_mm),
-            "light_pipe_line": Segment(rcm_mm, pipe_mm),
+            "light_pipe_line": Segment(self._eye.other_trocar_mm, pipe_mm),
             "membrane_edge": Point(self._membrane.edge_mm),
         }
         if self._eye.shape.hemorrhage_mm:

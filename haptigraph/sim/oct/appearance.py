@@ -1,10 +1,10 @@
-"""How a simulated B-scan looks: what scatters how strongly, and the speckle and noise of its logarithm.
+"""Appearance of simulated B-scans: backscatter, speckle and noise under log compression.
 
-Decibels of mean intensity above the noise become grey. Where many scatterers share a pixel, the field is a
-sum of many random phases: complex Gaussian, so its amplitude is Rayleigh and its intensity exponential
-(Goodman 1976, JOSA 66(11); in OCT: Schmitt et al. 1999, J. Biomed. Opt. 4(1)). The logarithm of that
-deviates by 5.57 dB whatever the mean. Speckle grains have the size of the resolution, the detector's noise
-has the size of a pixel. Speckle is new in every image. Knows no places.
+Grey is linear in the decibels of mean intensity above the noise. Where many scatterers share a pixel, the
+field is a sum of many random phases: complex Gaussian, with Rayleigh amplitude and exponential intensity
+(Goodman 1976, JOSA 66(11); in OCT: Schmitt et al. 1999, J. Biomed. Opt. 4(1)). The standard deviation of its
+logarithm is 5.57 dB for any mean. Speckle grains have the size of the resolution, detector noise that of a
+pixel. Every image has new speckle.
 """
 
 from typing import Annotated, Any, TypeAlias
@@ -32,75 +32,78 @@ Level: TypeAlias = NDArray[np.floating[Any]]
 
 EXPONENTIAL_DB = -2.507  # mean of 10 log10 of an exponential variable of mean 1
 BANK_EXTRA_PX = 192
-LEAST = np.float32(1e-6)
-# (share of the way from ILM to RPE, dB above the noise): nerve fibres, ganglion cells, nuclei, and so on.
+MIN_INTENSITY = np.float32(1e-6)
+# (relative depth from ILM to RPE, dB above the noise): nerve fibres, ganglion cells, nuclei, and so on.
 RETINA_DB = (
     *((-0.02, 0.0), (0.02, 19.0), (0.08, 22.0), (0.34, 21.0), (0.38, 18.5), (0.5, 18.0)),
     *((0.54, 19.5), (0.6, 18.0), (0.66, 15.0), (0.93, 13.5), (0.985, 14.5), (1.015, 20.0), (1.06, 22.5)),
 )
-RPE_MM, CHOROID_DB_PER_MM = 0.05, 90.0  # the band's thickness, and the loss below it
-MOST_DB = np.float32(60.0)
+RPE_MM, CHOROID_DB_PER_MM = 0.05, 90.0  # thickness of the band, and attenuation below it
+MAX_DB = np.float32(60.0)
 TABLE_FROM, TABLE_SPAN, TABLE_STEPS = 0.2, 4.0, 2048
-"""`tissue_db` begins so far above the ILM, and so on."""
+"""Start, extent and length of the table of `tissue_db`, in units of the distance from ILM to RPE."""
 DARK_DB = -60.0
 
 
 class BscanAppearance(Struct, frozen=True, forbid_unknown_fields=True):
-    """The [look] table of a B-scan's scenario."""
+    """The [appearance] table of a B-scan scenario."""
 
     signal_db: Annotated[float, Meta(ge=-15, le=10)] = 0.0
-    """How much stronger tissue scatters than usual; negative: a noisier scan."""
+    """Backscatter of tissue relative to the default; negative: a noisier scan."""
     contrast_db: Annotated[float, Meta(ge=-15, le=10)] = 0.0
-    """How much brighter the RPE and the needle are than usual."""
+    """Added brightness of the RPE and everything below it."""
     attenuation_db_per_mm: Annotated[float, Meta(ge=0, le=60)] = 6.0
-    """Further loss below the ILM."""
+    """Additional attenuation below the ILM."""
     vitreous_db: Annotated[float, Meta(ge=-20, le=10)] = 0.0
-    """What scatters between image top and retina."""
+    """Backscatter of the vitreous, above the noise."""
     grey_per_db: Annotated[float, Meta(ge=1, le=20)] = 5.8
     noise_grey: Annotated[float, Meta(ge=5, le=150)] = 60.0
-    """Mean grey where there is noise only."""
+    """Mean grey of pure noise."""
     lateral_grain_px: Annotated[float, Meta(ge=0.3, le=6)] = 0.8
     axial_grain_px: Annotated[float, Meta(ge=0.3, le=6)] = 0.6
-    """Deviations of the point spread, which is also the speckle's grain."""
+    """Standard deviations of the point spread function, which also sets the size of speckle grains."""
     looks: Annotated[int, Meta(ge=1, le=16)] = 1
-    """Scans averaged in intensity; more have less speckle."""
+    """Number of scans averaged in intensity, which reduces speckle."""
     vessels: Annotated[int, Meta(ge=0, le=20)] = 2
     vessel_db: Annotated[float, Meta(ge=0, le=40)] = 8.0
-    """What light loses in a vessel, there and back."""
+    """Two-way loss of light in a vessel."""
     streaks: Annotated[int, Meta(ge=0, le=20)] = 0
-    """Thin horizontal lines of saturation, the first at the needle's bevel."""
+    """Number of thin horizontal saturated lines, the first at the needle's bevel."""
     columns: Annotated[int, Meta(ge=0, le=20)] = 0
-    """A-lines that are too bright from top to bottom."""
+    """Number of A-scans that are too bright over their whole depth."""
     haze_db: Annotated[float, Meta(ge=-20, le=20)] = -20.0
-    """The brightest part of a haze above the retina, above the noise."""
+    """Peak brightness of a haze above the retina, above the noise."""
     haze_mm: Annotated[float, Meta(ge=0.02, le=2)] = 0.2
-    """Its width, and about its height above the ILM."""
+    """Width of the haze, and its approximate height above the ILM."""
     floaters: Annotated[int, Meta(ge=0, le=50)] = 2
 
 
 class FieldBank:
-    """Random complex fields of strength 1, to be cut out anywhere: much cheaper than new ones.
+    """Random complex fields of unit power; a random cut-out is much cheaper than a new field.
 
     Args:
-        size_px: (width, height) of what is cut out.
-        look: Says how coarse the speckle is.
-        seed: Of the fields.
+        size_px: (width, height) of the cut-outs.
+        style: Determines the size of speckle grains.
+        seed: Seed of the fields.
     """
 
-    def __init__(self, size_px: tuple[int, int], look: BscanAppearance, seed: int) -> None:
+    def __init__(self, size_px: tuple[int, int], style: BscanAppearance, seed: int) -> None:
         width, height = size_px
         rng = np.random.default_rng((seed, 22))
         shape = (height + BANK_EXTRA_PX, width + BANK_EXTRA_PX, 2)
         self._size_px = size_px
         self._noise = (rng.standard_normal(shape, np.float32)) * np.float32(np.sqrt(0.5))
         grains = cv2.GaussianBlur(
-            rng.standard_normal(shape, np.float32), (0, 0), look.lateral_grain_px, sigmaY=look.axial_grain_px
+            rng.standard_normal(shape, np.float32),
+            (0, 0),
+            style.lateral_grain_px,
+            sigmaY=style.axial_grain_px,
         )
         self._grains = np.asarray(grains, np.float32)
         self._grains *= np.float32(np.sqrt(0.5) / self._grains.std())
 
     def cut(self, rng: np.random.Generator) -> tuple[Level, Level]:
-        """Return speckle and noise, (h, w, 2) each: real and imaginary part."""
+        """Return random cut-outs of speckle and noise, (h, w, 2) each: real and imaginary part."""
         return self._part(self._grains, rng), self._part(self._noise, rng)
 
     def _part(self, field: Level, rng: np.random.Generator) -> Level:
@@ -110,36 +113,38 @@ class FieldBank:
 
 
 def intensity(db: Level | float) -> Level:
-    """Return decibels as intensity."""
-    return np.exp(np.minimum(np.asarray(db, np.float32), MOST_DB) * np.float32(np.log(10) / 10))
+    """Convert decibels to intensity."""
+    return np.exp(np.minimum(np.asarray(db, np.float32), MAX_DB) * np.float32(np.log(10) / 10))
 
 
-def tissue_db(look: BscanAppearance, layers_mm: float) -> Level:
-    """Return a table of how strongly tissue scatters, above the noise, by depth.
+def tissue_db(style: BscanAppearance, layers_mm: float) -> Level:
+    """Return the backscatter of tissue by depth [dB above the noise], as a table.
 
     Args:
-        look: Of the tissue.
-        layers_mm: From ILM to RPE; depths are in units of it, from `-TABLE_FROM` on over `TABLE_SPAN`.
+        style: Appearance of the tissue.
+        layers_mm: From ILM to RPE, the unit of depth; the table runs from `-TABLE_FROM` over `TABLE_SPAN`.
     """
     depth = np.linspace(-TABLE_FROM, TABLE_SPAN - TABLE_FROM, TABLE_STEPS)
     below_mm = (depth - 1) * layers_mm
-    db = np.interp(depth, *np.array(RETINA_DB).T) + look.signal_db
-    db += np.where(depth > 1, look.contrast_db, 0.0)
-    db -= look.attenuation_db_per_mm * np.clip(depth, 0, 1) * layers_mm
+    db = np.interp(depth, *np.array(RETINA_DB).T) + style.signal_db
+    db += np.where(depth > 1, style.contrast_db, 0.0)
+    db -= style.attenuation_db_per_mm * np.clip(depth, 0, 1) * layers_mm
     db -= np.maximum(below_mm - RPE_MM, 0) * CHOROID_DB_PER_MM
     db[depth < RETINA_DB[0][0]] = DARK_DB
     return np.asarray(np.maximum(db, DARK_DB), np.float32)
 
 
-def grey_from_field(fields: list[Level], floor: Level, look: BscanAppearance) -> Image:
-    """Turn complex fields into a log-compressed picture.
+def grey_from_field(fields: list[Level], floor: Level, style: BscanAppearance) -> Image:
+    """Turn complex fields into a log-compressed image.
 
     Args:
-        fields: One per look, (h, w, 2).
+        fields: One for each averaged scan, (h, w, 2).
         floor: Added to the mean intensity, broadcast to (h, w); noise = 1.
-        look: Says how decibels become grey.
+        style: Maps decibels to grey.
     """
-    seen = sum(np.einsum("ijk,ijk->ij", field, field) for field in fields) / np.float32(len(fields))
-    decibel = np.log(np.maximum(seen + floor, LEAST)) * np.float32(10 / np.log(10))
-    grey = np.float32(look.grey_per_db) * (decibel - np.float32(EXPONENTIAL_DB)) + np.float32(look.noise_grey)
+    power = sum(np.einsum("ijk,ijk->ij", field, field) for field in fields) / np.float32(len(fields))
+    decibel = np.log(np.maximum(power + floor, MIN_INTENSITY)) * np.float32(10 / np.log(10))
+    grey = np.float32(style.grey_per_db) * (decibel - np.float32(EXPONENTIAL_DB)) + np.float32(
+        style.noise_grey
+    )
     return np.asarray(np.clip(np.rint(grey), 0, 255), np.uint8)

@@ -1,18 +1,18 @@
-"""Simulated intraoperative B-scans: pictures of a needle at the retina, with the truth beside each.
+"""Simulated intraoperative B-scans of a needle at the retina, each with its ground truth.
 
     camera = BscanCamera(ScanSettings(), BscanAppearance(), BscanNeedle(), seed=3)
     retina = Retina(RetinaShape(), camera.x_mm, seed=3)
     scan = camera.render(retina.advance(0.0, 0.0, tip_mm), tip_mm, direction, number=0)
     scan.image                       # (h, w) uint8, grey, log-compressed
-    scan.truth.ilm_px, .rpe_px       # (w,) true row of each surface, sub-pixel, also where nothing shows it
-    scan.truth.ilm_lit, .rpe_lit     # (w,) False where the needle's shadow lies upon the surface
-    scan.truth.needle                # None, or .tip_px and .along_px, the shaft's direction towards it
-    camera.classes(scan.truth)       # (h, w) uint8, indices into CLASSES; what lies in shadow is "shadow"
+    scan.truth.ilm_px, .rpe_px       # (w,) true row of each surface, sub-pixel, even where it is not visible
+    scan.truth.ilm_lit, .rpe_lit     # (w,) False where the needle shadows the surface
+    scan.truth.needle                # None, or .tip_px and .along_px, the shaft's direction towards the tip
+    camera.classes(scan.truth)       # (h, w) uint8, indices into CLASSES
 
-For random eyes, needles, looks and defects: `scene = bscan_scenes.random_scene(number, seed)`, then `camera
-= scene.camera()` and `scene.take(camera)`. Same numbers and seed, same picture. Places in pixels count from
-the centre of the top-left pixel; the eye frame's origin is the image's middle, x right, y up, mm. The RPE is
-the upper edge of its bright band. Knows nothing of who looks.
+For random retinas, needles, appearances and artefacts: `scene = oct.scenes.random_scene(number, seed)`, then
+`camera = scene.camera()` and `scene.take(camera)`. The same number and seed give the same image. Pixel
+coordinates start at the centre of the top-left pixel; the eye frame's origin is the centre of the image, x
+right, y up, mm. The RPE is the upper edge of its bright band.
 """
 
 import math
@@ -35,122 +35,124 @@ from haptigraph.sim.oct.appearance import (
     intensity,
     tissue_db,
 )
-from haptigraph.sim.oct.artefacts import Defects
+from haptigraph.sim.oct.artefacts import Artefacts
 from haptigraph.sim.oct.needle import BscanNeedle, NeedlePx, needle_level, needle_light
 from haptigraph.sim.oct.retina import Surfaces
 
 __all__ = ["CLASSES", "Bscan", "BscanCamera", "BscanTruth", "ScanSettings", "scan_geometry"]
 
 CLASSES = ("vitreous", "needle", "retina", "rpe_choroid", "shadow")
-"""What a pixel may show; `BscanCamera.classes` gives their places in this list."""
-LIT = 0.5  # of the light must reach tissue that is to be seen
-CHOROID_MM = 0.2  # what lies deeper shows nothing
-MOTTLE_DB, MOTTLE_PX = 2.0, 16  # tissue scatters unevenly, in patches
+"""Names of the pixel classes, by index."""
+MIN_LIGHT = 0.5  # pixels that receive a smaller share of the light are in shadow
+CHOROID_MM = 0.2  # visible depth below the RPE
+MOTTLE_DB, MOTTLE_PX = 2.0, 16  # uneven backscatter of tissue, in patches
 METAL_GRAIN = 0.4
 
 
 class ScanSettings(Struct, frozen=True, forbid_unknown_fields=True):
-    """The [scan] table of a scenario: size and scale of the B-scans. A pixel is not square."""
+    """The [scan] table of a scenario: size and scale of the B-scans, whose pixels are not square."""
 
     width_px: Annotated[int, Meta(ge=64, le=2048)] = 512
     height_px: Annotated[int, Meta(ge=64, le=2048)] = 512
     axial_mm_per_px: Annotated[float, Meta(ge=0.0005, le=0.05)] = 0.0033
-    """Down the image, in tissue: 3.379 mm over 1024 rows, as a Leica Enfocus has it."""
+    """In tissue; 3.379 mm over 1024 rows, as in a Leica Enfocus."""
     lateral_mm_per_px: Annotated[float, Meta(ge=0.0005, le=0.05)] = 0.0078
-    """Across: 4 mm over 512 columns."""
+    """4 mm over 512 columns."""
 
 
 class BscanTruth(Struct, frozen=True, eq=False):
-    """What a simulated B-scan shows; rows and flags by column, (w,)."""
+    """Ground truth of a simulated B-scan; rows and flags by column, (w,)."""
 
     ilm_px: NDArray[np.float64]
     rpe_px: NDArray[np.float64]
     ilm_lit: NDArray[np.bool_]
     rpe_lit: NDArray[np.bool_]
     needle: NeedlePx | None = None
-    """`tip_px`, the direction `along_px` of the shaft towards it, `angle_deg`; None: there is none."""
+    """None: no needle is in the image."""
     is_pierced: bool = False
-    """Whether the tip is through the ILM."""
+    """Whether the tip has punctured the ILM."""
 
 
 class Bscan(Struct, frozen=True, eq=False):
-    """One picture and its truth."""
+    """One image and its ground truth."""
 
     image: Image
     truth: BscanTruth
 
 
 class BscanCamera:
-    """Take B-scans.
+    """Render B-scans.
 
     Args:
         settings: Size and scale.
-        look: Of tissue, noise and defects.
-        needle: How the needle looks.
-        seed: Of all chance.
+        appearance: Appearance of tissue, noise and artefacts.
+        needle: Appearance of the needle.
+        seed: Random seed.
     """
 
-    def __init__(self, settings: ScanSettings, look: BscanAppearance, needle: BscanNeedle, seed: int) -> None:
-        self.settings, self.look, self.needle = settings, look, needle
+    def __init__(
+        self, settings: ScanSettings, appearance: BscanAppearance, needle: BscanNeedle, seed: int
+    ) -> None:
+        self.settings, self.appearance, self.needle = settings, appearance, needle
         self.geometry = scan_geometry(settings)
         columns = np.arange(settings.width_px, dtype=np.float64)
         self.x_mm = (columns - (settings.width_px - 1) / 2) * settings.lateral_mm_per_px
-        """Where the columns are, eye frame, (w,)."""
+        """Positions of the columns, eye frame, (w,)."""
         self._seed, self._size_px = seed, (settings.width_px, settings.height_px)
-        self._bank = FieldBank(self._size_px, look, seed)
+        self._bank = FieldBank(self._size_px, appearance, seed)
         self._tables: dict[float, Level] = {}
-        self._defects = Defects(
-            look, settings.axial_mm_per_px, settings.lateral_mm_per_px, self._size_px, seed
+        self._artefacts = Artefacts(
+            appearance, settings.axial_mm_per_px, settings.lateral_mm_per_px, self._size_px, seed
         )
 
     def render(
         self, surfaces: Surfaces, tip_mm: Vec | None, direction: Vec = (0.0, -1.0), number: int = 0
     ) -> Bscan:
-        """Take one.
+        """Render one B-scan.
 
         Args:
-            surfaces: The retina.
+            surfaces: Surfaces of the retina.
             tip_mm: The needle's tip, eye frame; None: there is no needle.
-            direction: Of the shaft towards the tip, eye frame; it must point down.
-            number: Of the image: another one has other speckle.
+            direction: Direction of the shaft towards the tip, eye frame; it must point down.
+            number: Number of the image; chooses the speckle.
         """
         rng = np.random.default_rng((self._seed, 24, number))
         ilm_px, rpe_px = (self._row(height).astype(np.float32) for height in surfaces[:2])
-        needle = None if tip_mm is None else self._placed(tip_mm, direction)
-        level = self._tissue_level(ilm_px, rpe_px, rng) * self._defects.vessel_light(ilm_px)
-        level += self._defects.haze_level(ilm_px, rng)
-        self._defects.add_floaters(level, ilm_px, rng)
+        needle = None if tip_mm is None else self._needle_px(tip_mm, direction)
+        level = self._tissue_level(ilm_px, rpe_px, rng) * self._artefacts.vessel_light(ilm_px)
+        level += self._artefacts.haze_level(ilm_px, rng)
+        self._artefacts.add_floaters(level, ilm_px, rng)
         metal: Level = np.zeros(1, np.float32)
         if needle is not None:
-            level *= needle_light(needle, self.needle, self._size_px) ** 2  # there and back
+            level *= needle_light(needle, self.needle, self._size_px) ** 2  # light passes twice
             metal = np.sqrt(needle_level(needle, self.needle, ilm_px, self._size_px))
         level = np.sqrt(level)
-        fields = [self._field(level, metal, rng) for _ in range(self.look.looks)]
-        floor = self._defects.streaks(needle.tip_px[1] if needle else None, rng)
+        fields = [self._field(level, metal, rng) for _ in range(self.appearance.looks)]
+        floor = self._artefacts.streaks(needle.tip_px[1] if needle else None, rng)
         truth = self._truth(
             self._row(surfaces.ilm_mm), self._row(surfaces.rpe_mm), needle, surfaces.is_pierced
         )
-        return Bscan(grey_from_field(fields, floor, self.look), truth)
+        return Bscan(grey_from_field(fields, floor, self.appearance), truth)
 
     def classes(self, truth: BscanTruth) -> Image:
-        """Return what every pixel of a picture shows, (h, w) indices into `CLASSES`."""
+        """Return the class of every pixel, (h, w) indices into `CLASSES`."""
         x, y = np.arange(float(self._size_px[0])), np.arange(float(self._size_px[1]))[:, None]
-        shown = np.zeros((self._size_px[1], self._size_px[0]), np.uint8)
+        classes = np.zeros((self._size_px[1], self._size_px[0]), np.uint8)
         deepest_px = truth.rpe_px + CHOROID_MM / self.settings.axial_mm_per_px
-        shown[(y >= truth.ilm_px) & (y < truth.rpe_px)] = CLASSES.index("retina")
-        shown[(y >= truth.rpe_px) & (y < deepest_px)] = CLASSES.index("rpe_choroid")
+        classes[(y >= truth.ilm_px) & (y < truth.rpe_px)] = CLASSES.index("retina")
+        classes[(y >= truth.rpe_px) & (y < deepest_px)] = CLASSES.index("rpe_choroid")
         if truth.needle is None:
-            return shown
-        shown[needle_light(truth.needle, self.needle, self._size_px) < LIT] = CLASSES.index("shadow")
+            return classes
+        classes[needle_light(truth.needle, self.needle, self._size_px) < MIN_LIGHT] = CLASSES.index("shadow")
         behind, across = truth.needle.along_and_across(x, y)
         is_metal = (np.abs(across) <= self.needle.width_px / 2) & (behind >= 0)
-        shown[is_metal] = CLASSES.index("needle")
-        return shown
+        classes[is_metal] = CLASSES.index("needle")
+        return classes
 
     def _row(self, height_mm: NDArray[np.float64]) -> NDArray[np.float64]:
         return self.geometry.center_px[1] - height_mm / self.settings.axial_mm_per_px
 
-    def _placed(self, tip_mm: Vec, direction: Vec) -> NeedlePx:
+    def _needle_px(self, tip_mm: Vec, direction: Vec) -> NeedlePx:
         right = direction[0] / self.settings.lateral_mm_per_px
         down = -direction[1] / self.settings.axial_mm_per_px
         return NeedlePx(self.geometry.to_px(tip_mm), unit((right, down)))
@@ -161,7 +163,7 @@ class BscanCamera:
         axial_mm, thick_px = self.settings.axial_mm_per_px, rpe_px - ilm_px
         layers_mm = round(float(thick_px.mean()) * axial_mm, 3)
         if layers_mm not in self._tables:
-            self._tables[layers_mm] = tissue_db(self.look, layers_mm)
+            self._tables[layers_mm] = tissue_db(self.appearance, layers_mm)
         table = self._tables[layers_mm]
         y = np.arange(height, dtype=np.float32)[:, None]
         share = np.minimum((y - ilm_px) / thick_px, 1) + np.maximum(y - rpe_px, 0) * np.float32(
@@ -173,7 +175,7 @@ class BscanCamera:
         return intensity(table[np.clip(index, 0, len(table) - 1)] + np.float32(MOTTLE_DB) * mottle)
 
     def _field(self, root_level: Level, metal: Level, rng: np.random.Generator) -> Level:
-        """Return one complex field: tissue and metal scatter, the detector adds noise."""
+        """Return one complex field: backscatter of tissue and metal, and detector noise."""
         grains, noise = self._bank.cut(rng)
         field = (root_level + np.float32(METAL_GRAIN) * metal)[..., None] * grains + noise
         field[..., 0] += metal
@@ -190,15 +192,15 @@ class BscanCamera:
             lit = np.ones(len(ilm_px), bool)
             return BscanTruth(ilm_px, rpe_px, lit, lit)
         x = np.arange(float(len(ilm_px)))
-        is_free = math.copysign(1.0, needle.along_px[0]) * (x - needle.tip_px[0]) > 0
+        is_lit = math.copysign(1.0, needle.along_px[0]) * (x - needle.tip_px[0]) > 0
         shaft_px = needle.y_at(x)
         return BscanTruth(
-            ilm_px, rpe_px, is_free | (ilm_px < shaft_px), is_free | (rpe_px < shaft_px), needle, is_pierced
+            ilm_px, rpe_px, is_lit | (ilm_px < shaft_px), is_lit | (rpe_px < shaft_px), needle, is_pierced
         )
 
 
 def scan_geometry(settings: ScanSettings) -> ImageGeometry:
-    """Return where the eye frame lies in a B-scan: its origin is the image's middle."""
+    """Return the geometry of B-scans: the eye frame's origin is the centre of the image."""
     middle_px = (settings.width_px - 1) / 2, (settings.height_px - 1) / 2
     return ImageGeometry(
         middle_px, settings.lateral_mm_per_px, False, axial_mm_per_px=settings.axial_mm_per_px

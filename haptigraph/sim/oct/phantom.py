@@ -1,13 +1,13 @@
-"""The phantom of an intraoperative OCT: a needle on its way into a retina, B-scan by B-scan, with the truth.
+"""The OCT phantom: play a needle's approach to a retina B-scan by B-scan, with the ground truth.
 
-A scenario with a [scan] table is played here. The needle moves along one straight line, by the script of
-minimum-jerk moves and with the trembling hand of the other phantom: `depth_mm` is from where the line meets
-the resting ILM, `theta_deg` is added to the line's lean. Knows neither perception nor touch.
+It plays scenarios that have a [scan] table. The needle moves along one straight line, with the scripted
+minimum-jerk moves and hand tremor of the camera phantom: `depth_mm` is measured from the line's intersection
+with the resting ILM, and `theta_deg` is added to `lean_deg`.
 """
 
 import math
 import sys
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from msgspec import Meta, Struct, field
@@ -28,40 +28,42 @@ from haptigraph.toml_document import Document
 
 __all__ = ["Approach", "ScanPhantom", "ScanScenario", "load_scan_scenario", "open_phantom"]
 
-TOLD_EVERY = 8  # columns between two points of the true surfaces
+TRUTH_EVERY = 8  # columns between two reported points of the true surfaces
 
 
 class Approach(Struct, frozen=True, forbid_unknown_fields=True):
-    """The [approach] table: the line that the needle moves on, and what it is to reach."""
+    """The [approach] table: the line that the needle moves on, and its target."""
 
     lean_deg: Annotated[float, Meta(ge=10, le=170)] = 35.0
-    """Of the shaft to the horizontal; over 90: the needle comes from the right."""
+    """Angle of the shaft to the horizontal; above 90 the needle comes from the right."""
     aim_mm: Annotated[float, Meta(ge=-4, le=4)] = 0.0
-    """Where the line meets the resting ILM, from the image's middle to the right."""
+    """Intersection of the line with the resting ILM, from the centre of the image to the right."""
     depth_share: Annotated[float, Meta(gt=0, lt=1)] = 0.6
-    """Of the way from ILM to RPE: the target."""
+    """Depth of the target, as a share of the distance from ILM to RPE."""
     motion_scale: Annotated[float, Meta(ge=0, le=10)] = 0.2
-    """Tool motion over hand motion; it shrinks the tremor."""
+    """Tool motion over hand motion; scales the tremor."""
 
 
 class ScanScenario(Struct, frozen=True, forbid_unknown_fields=True):
-    """One scenario of B-scans."""
+    """One B-scan scenario."""
+
+    OLD_KEYS: ClassVar[dict[str, str]] = {"look": "appearance"}
 
     about: About = field(name="scenario")
     scan: ScanSettings
     moves: tuple[Move, ...] = field(name="move")
     approach: Approach = Approach()
     retina: RetinaShape = RetinaShape()
-    look: BscanAppearance = BscanAppearance()
+    appearance: BscanAppearance = BscanAppearance()
     needle: BscanNeedle = BscanNeedle()
     operator: Hand = Hand()
 
 
 def load_scan_scenario(document: Document) -> ScanScenario:
-    """Check a scenario of B-scans.
+    """Convert and check a B-scan scenario.
 
     Raises:
-        BadInput: If the file makes no sense.
+        BadInput: If the file is not valid.
     """
     scenario = document.convert(ScanScenario)
     checked_moves(document, scenario.moves)
@@ -69,23 +71,21 @@ def load_scan_scenario(document: Document) -> ScanScenario:
 
 
 def open_phantom(name: str, target_mm: float | None = None) -> "Phantom | ScanPhantom":
-    """Open the phantom of a scenario, of either kind, ready for its first image.
+    """Open the phantom of a scenario of either kind, ready for its first image.
 
     Raises:
-        BadInput: If there is none of that name, the file makes no sense, or the target cannot be moved.
+        BadInput: If no scenario has that name, the file is not valid, or the target cannot be moved.
     """
     document = scenario_document(name)
     if "scan" not in document.data:
         return Phantom(load_scenario(name, target_mm)).paint()
     if target_mm is not None:
-        raise BadInput(
-            "source.target_mm is for eyes before a camera; B-scans have approach.depth_share", name
-        )
+        raise BadInput("source.target_mm does not apply to B-scan scenarios; set approach.depth_share", name)
     return ScanPhantom(load_scan_scenario(document))
 
 
 class ScanPhantom:
-    """Play a scenario of B-scans.
+    """Play a B-scan scenario.
 
     Args:
         scenario: The scenario.
@@ -94,27 +94,27 @@ class ScanPhantom:
     def __init__(self, scenario: ScanScenario) -> None:
         self.scenario = scenario
         seed = scenario.about.seed
-        self.camera = BscanCamera(scenario.scan, scenario.look, scenario.needle, seed)
+        self.camera = BscanCamera(scenario.scan, scenario.appearance, scenario.needle, seed)
         self._retina = Retina(scenario.retina, self.camera.x_mm, seed)
         approach = scenario.approach
         self._script = ScriptedOperator(scenario.moves, scenario.operator, approach.motion_scale, seed, 0.0)
         self.images = max(1, min(round(self._script.duration_s * scenario.about.rate_hz), sys.maxsize))
-        """How many images one play has."""
+        """Number of images in one run."""
         self._aim_mm = approach.aim_mm, self._retina.rest_mm(approach.aim_mm)
         self.registration = _registration_text(scenario)
-        """What perception is told: the scale, and how deep the target lies."""
+        """Registration given to perception: the scale and the depth of the target."""
         self.restart()
 
     def restart(self) -> None:
-        """Go back to the scenario's beginning."""
+        """Return to the start of the scenario."""
         self._next = 0
         self._retina.restart()
 
     def advance(self, *, draws: bool = True) -> Moment | None:
-        """Play on by one image; None when the operator is done.
+        """Advance by one image; return None once the operator is done.
 
         Args:
-            draws: Whether the image is drawn; it is one black pixel if not.
+            draws: Whether to draw the image; otherwise it is one black pixel.
         """
         if self._next >= self.images:
             return None
@@ -122,11 +122,11 @@ class ScanPhantom:
         elapsed_s = 1 / self.scenario.about.rate_hz
         time_s = number * elapsed_s
         tip_mm, direction = self._needle(time_s)
-        shown_mm = None if self._script.is_away(time_s) else tip_mm
-        surfaces = self._retina.advance(time_s, elapsed_s if number else 0.0, shown_mm)
-        image = self.camera.render(surfaces, shown_mm, direction, number).image if draws else BLANK
+        visible_tip_mm = None if self._script.is_away(time_s) else tip_mm
+        surfaces = self._retina.advance(time_s, elapsed_s if number else 0.0, visible_tip_mm)
+        image = self.camera.render(surfaces, visible_tip_mm, direction, number).image if draws else BLANK
         truth = self._truth(surfaces, tip_mm, direction)
-        if shown_mm is None:
+        if visible_tip_mm is None:
             truth = replace(truth, visible=False, inside=False)
         return Moment(time_s, image, truth)
 
@@ -145,7 +145,7 @@ class ScanPhantom:
         ilm_mm = float(np.interp(tip_mm[0], x_mm, surfaces.ilm_mm))
         tip_px = self.camera.geometry.to_px(tip_mm)
         others: dict[str, Geometry] = {
-            name: Polyline(tuple(zip(x_mm[::TOLD_EVERY].tolist(), row[::TOLD_EVERY].tolist(), strict=True)))
+            name: Polyline(tuple(zip(x_mm[::TRUTH_EVERY].tolist(), row[::TRUTH_EVERY].tolist(), strict=True)))
             for name, row in (("ilm", surfaces.ilm_mm), ("rpe", surfaces.rpe_mm))
         }
         return Truth(

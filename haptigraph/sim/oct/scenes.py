@@ -1,6 +1,6 @@
-"""Random B-scans for measuring and training: each with an eye, a needle, a look and defects of its own.
+"""Random B-scans for evaluation and training, each with its own retina, needle, appearance and artefacts.
 
-A scene is a B-scan's whole setting, drawn from a number and a seed; Knows nothing of who looks at them.
+A scene holds all parameters of a B-scan, drawn from a number and a seed.
 """
 
 import math
@@ -18,34 +18,34 @@ from haptigraph.sim.oct.retina import Retina, RetinaShape
 __all__ = ["PLACES", "BscanScene", "random_bscan", "random_scene"]
 
 PLACES = ("above", "touching", "inside", "none")
-"""Where the needle's tip may be, from the retina; "none": there is no needle."""
-SETTLE_S = 3.0  # a dent has crept as far as it will
+"""Positions of the tip relative to the retina; "none": there is no needle."""
+SETTLE_S = 3.0  # after which a dent no longer creeps
 
 Rng = np.random.Generator
 
 
 class BscanScene(Struct, frozen=True):
-    """The setting of one random B-scan."""
+    """The parameters of one random B-scan."""
 
     scan: ScanSettings
     retina: RetinaShape
-    look: BscanAppearance
+    appearance: BscanAppearance
     needle: BscanNeedle
     place: str
     """One of `PLACES`."""
     tip_x_mm: float
     tip_depth_mm: float
-    """Below the resting ILM there; negative above."""
+    """Below the resting ILM at `tip_x_mm`; negative above."""
     angle_deg: float
-    """Of the shaft to the horizontal, in millimetres; over 90: it comes from the right."""
+    """Angle of the shaft to the horizontal, in millimetres; above 90 it comes from the right."""
     seed: int
 
     def camera(self) -> BscanCamera:
         """Return the camera of the scene."""
-        return BscanCamera(self.scan, self.look, self.needle, self.seed)
+        return BscanCamera(self.scan, self.appearance, self.needle, self.seed)
 
     def take(self, camera: BscanCamera | None = None, number: int = 0) -> Bscan:
-        """Return its B-scan; `number` chooses the speckle."""
+        """Render the B-scan; `number` chooses the speckle."""
         camera = camera or self.camera()
         retina = Retina(self.retina, camera.x_mm, self.seed)
         if self.place == "none":
@@ -58,20 +58,21 @@ class BscanScene(Struct, frozen=True):
 
 
 def random_bscan(number: int, seed: int = 0, *, size_px: tuple[int, int] = (512, 512)) -> Bscan:
-    """Draw a random B-scan with its truth; same number and seed, same picture."""
+    """Draw a random B-scan with its ground truth; the same number and seed give the same image."""
     return random_scene(number, seed, size_px=size_px).take()
 
 
 def random_scene(
-    number: int, seed: int = 0, *, size_px: tuple[int, int] = (512, 512), **fixed: Any
+    number: int, seed: int = 0, *, size_px: tuple[int, int] = (512, 512), place: str = "", **fixed: Any
 ) -> BscanScene:
-    """Draw the setting of a random B-scan.
+    """Draw the parameters of a random B-scan.
 
     Args:
-        number: Of the scene; where the tip is goes round with it.
-        seed: Of all scenes.
+        number: Number of the scene.
+        seed: Seed of all scenes.
         size_px: (width, height) of the image.
-        fixed: Fields of `BscanScene`, and of its look, retina and needle, that are not left to chance.
+        place: Position of the tip, one of `PLACES`; empty: it cycles with the number.
+        fixed: Fields of `BscanScene`, and of its appearance, retina and needle, that are set and not drawn.
 
     Raises:
         TypeError: If there is no such field.
@@ -79,7 +80,7 @@ def random_scene(
     rng = np.random.default_rng((seed, 25, number))
     scan = _scan(rng, size_px)
     retina = _retina(rng, scan)
-    place = str(fixed.get("place", PLACES[(0, 0, 1, 2, 2, 3)[number % 6]]))
+    place = place or PLACES[(0, 0, 1, 2, 2, 3)[number % 6]]
     depth_mm = {
         "above": -rng.uniform(0.03, 0.5),
         "touching": rng.uniform(0.0, retina.puncture_mm),
@@ -89,7 +90,7 @@ def random_scene(
     scene = BscanScene(
         scan=scan,
         retina=retina,
-        look=_look(rng),
+        appearance=_appearance(rng),
         needle=_needle(rng),
         place=place,
         tip_x_mm=rng.uniform(-0.3, 0.3) * scan.width_px * scan.lateral_mm_per_px,
@@ -101,10 +102,10 @@ def random_scene(
 
 
 def _with(scene: BscanScene, fixed: dict[str, Any]) -> BscanScene:
-    """Return a scene with some of its fields, or of its parts' fields, set."""
+    """Return a scene with some of its fields, or its parts' fields, set."""
     for name, value in fixed.items():
         owner = next(
-            (part for part in ("look", "retina", "needle") if hasattr(getattr(scene, part), name)), None
+            (part for part in ("appearance", "retina", "needle") if hasattr(getattr(scene, part), name)), None
         )
         if owner is not None:
             scene = replace(scene, **{owner: replace(getattr(scene, owner), **{name: value})})
@@ -137,7 +138,7 @@ def _retina(rng: Rng, scan: ScanSettings) -> RetinaShape:
     )
 
 
-def _look(rng: Rng) -> BscanAppearance:
+def _appearance(rng: Rng) -> BscanAppearance:
     def sometimes(chance: float, usual: Any, drawn: Any) -> Any:
         return drawn if rng.random() < chance else usual
 

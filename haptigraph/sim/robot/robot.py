@@ -1,7 +1,6 @@
-"""The simulated robot: holds the needle in the trocar's remote centre of motion and moves it in the section.
+"""The simulated robot: moves the needle about the trocar's remote centre of motion, in the section.
 
-Two degrees of freedom, depth and pitch, and the jaws where the instrument has some, with limits on all and on
-their speed. Knows no eye but its pivot.
+It has two degrees of freedom, depth and pitch, plus the opening of jaws, with limits on range and speed.
 """
 
 import math
@@ -14,7 +13,7 @@ from haptigraph.geometry import Vec, rotate, unit
 __all__ = ["JAWS_MOST_MM", "JAWS_SPEED_MM_S", "Pose", "Robot", "RobotLimits"]
 
 JAWS_MOST_MM = 4.0
-"""Between the tips of jaws that are wide open."""
+"""Between the tips of fully open jaws."""
 JAWS_SPEED_MM_S = 4.0
 
 
@@ -24,7 +23,7 @@ class RobotLimits(Struct, frozen=True, forbid_unknown_fields=True):
     motion_scale: Annotated[float, Meta(ge=0, le=10)] = 0.2
     """Tool motion over hand motion."""
     pitch_limit_deg: Annotated[float, Meta(ge=0, le=90)] = 50.0
-    """To either side of the line pivot -> globe centre."""
+    """To either side of the line RCM -> globe centre."""
     depth_min_mm: Annotated[float, Meta(ge=-100, le=100)] = -12.0
     depth_max_mm: Annotated[float, Meta(ge=-100, le=100)] = 26.0
     speed_limit_mm_s: Annotated[float, Meta(gt=0, le=10_000)] = 20.0
@@ -32,37 +31,37 @@ class RobotLimits(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Pose(Struct, frozen=True):
-    """Where the needle is."""
+    """Pose of the instrument."""
 
     depth_mm: float
-    """From the pivot to the tip; negative while the tip is outside."""
+    """From the RCM to the tip; negative while the tip is outside."""
     pitch_deg: float
-    """From the line pivot -> globe centre to the shaft, counter-clockwise."""
+    """From the line RCM -> globe centre to the shaft, counter-clockwise."""
     jaws_mm: float = 0.0
-    """Of forceps: between the tips of their jaws."""
+    """Distance between the tips of the jaws, for forceps."""
 
 
 class Robot:
-    """A needle holder that pivots about the trocar.
+    """A needle holder that rotates about the trocar.
 
     Args:
         rcm_mm: The remote centre of motion, eye frame.
-        limits: What it can do.
-        start: Where it begins.
+        limits: Limits of its motion.
+        start: Initial pose.
     """
 
     def __init__(self, rcm_mm: Vec, limits: RobotLimits, start: Pose) -> None:
-        self._pivot_mm, self._limits = rcm_mm, limits
+        self._rcm_mm, self._limits = rcm_mm, limits
         self._inwards = unit((-rcm_mm[0], -rcm_mm[1]))
         self.pose = self._within(start)
 
-    def follow(self, wanted: Pose, step_s: float) -> Pose:
-        """Move towards a pose for some time, as fast as the limits allow, and return where that led."""
-        wanted = self._within(wanted)
+    def follow(self, target: Pose, step_s: float) -> Pose:
+        """Move towards a pose for some time, as fast as the limits allow, and return the new pose."""
+        target = self._within(target)
         self.pose = Pose(
-            _towards(self.pose.depth_mm, wanted.depth_mm, self._limits.speed_limit_mm_s * step_s),
-            _towards(self.pose.pitch_deg, wanted.pitch_deg, self._limits.turn_limit_deg_s * step_s),
-            _towards(self.pose.jaws_mm, wanted.jaws_mm, JAWS_SPEED_MM_S * step_s),
+            _towards(self.pose.depth_mm, target.depth_mm, self._limits.speed_limit_mm_s * step_s),
+            _towards(self.pose.pitch_deg, target.pitch_deg, self._limits.turn_limit_deg_s * step_s),
+            _towards(self.pose.jaws_mm, target.jaws_mm, JAWS_SPEED_MM_S * step_s),
         )
         return self.pose
 
@@ -74,13 +73,13 @@ class Robot:
         """Return the tip, eye frame."""
         along = self.direction()
         return (
-            self._pivot_mm[0] + self.pose.depth_mm * along[0],
-            self._pivot_mm[1] + self.pose.depth_mm * along[1],
+            self._rcm_mm[0] + self.pose.depth_mm * along[0],
+            self._rcm_mm[1] + self.pose.depth_mm * along[1],
         )
 
-    def pitch_towards(self, place_mm: Vec) -> float:
-        """Return the pitch [deg] at which the shaft points at a place."""
-        x, y = place_mm[0] - self._pivot_mm[0], place_mm[1] - self._pivot_mm[1]
+    def pitch_towards(self, point_mm: Vec) -> float:
+        """Return the pitch [deg] at which the shaft points at a point."""
+        x, y = point_mm[0] - self._rcm_mm[0], point_mm[1] - self._rcm_mm[1]
         u, v = self._inwards
         return math.degrees(math.atan2(u * y - v * x, u * x + v * y))
 
@@ -93,5 +92,5 @@ class Robot:
         )
 
 
-def _towards(value: float, wanted: float, most: float) -> float:
-    return value + min(max(wanted - value, -most), most)
+def _towards(value: float, target: float, max_change: float) -> float:
+    return value + min(max(target - value, -max_change), max_change)

@@ -160,7 +160,7 @@ def coming_in(shape: EyeShape, seed: int, *, rate_hz: float = 30.0) -> Scenario:
     """Return a scenario that begins with the needle just come in, at right angles to the wall."""
     eye, limits = Eye(shape), RobotLimits()
     aim_deg = Robot(eye.trocar_mm, limits, Pose(0.0, 0.0)).pitch_towards(eye.target_mm)
-    about = About(says="A trial of a simulated participant.", seed=seed, rate_hz=rate_hz)
+    about = About(description="A trial of a simulated participant.", seed=seed, rate_hz=rate_hz)
     return Scenario(about=about, moves=(Move(1.0, START_MM, -aim_deg),), eye=shape, robot=limits)
 
 

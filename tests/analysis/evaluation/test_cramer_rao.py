@@ -8,7 +8,7 @@ from haptigraph.sim.eye.camera import Camera
 from haptigraph.sim.eye.eye import Eye, EyeShape
 from haptigraph.sim.eye.needle import NeedleShape
 from haptigraph.sim.eye.optics import CameraSettings
-from haptigraph.sim.eye.palette import Look
+from haptigraph.sim.eye.palette import Appearance
 from haptigraph.sim.robot.robot import Pose
 
 EYE = Eye(EyeShape())
@@ -25,7 +25,7 @@ POSE = Pose(8.0, 4.0)
 
 
 def camera(**settings):
-    return Camera(EYE, replace(SMALL, **settings), NeedleShape(taper_mm=3.0), Look(), 2)
+    return Camera(EYE, replace(SMALL, **settings), NeedleShape(taper_mm=3.0), Appearance(), 2)
 
 
 def bound(pose=POSE, **settings):

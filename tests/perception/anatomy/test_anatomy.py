@@ -40,7 +40,7 @@ def play(style: str, center_px: tuple[float, float], px_per_mm: float, seed: int
                 px_per_mm=px_per_mm,
                 blur_px=0.6,
             ),
-            look=replace(scenario.look, style=style),
+            appearance=replace(scenario.appearance, style=style),
         )
     )
     pictures = []
@@ -59,7 +59,7 @@ def still_scene(style: str = "light", px_per_mm: float = 10.0) -> Image:
         px_per_mm=px_per_mm,
         blur_px=0.6,
     )
-    phantom = Phantom(replace(scenario, camera=camera, look=replace(scenario.look, style=style)))
+    phantom = Phantom(replace(scenario, camera=camera, appearance=replace(scenario.appearance, style=style)))
     moment = phantom.advance()
     assert moment is not None
     return moment.image

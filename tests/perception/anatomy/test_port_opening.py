@@ -19,7 +19,7 @@ def still(style: str, rim_mm: float, distance_mm: float):
             scenario,
             eye=replace(scenario.eye, rim_mm=rim_mm),
             camera=replace(scenario.camera, distance_mm=distance_mm),
-            look=replace(scenario.look, style=style),
+            appearance=replace(scenario.appearance, style=style),
         )
     )
     moment = phantom.advance()

@@ -16,7 +16,7 @@ def bench(request):
 
 @pytest.mark.parametrize("depth_mm", [4.0, 10.0, 18.0, 21.6])
 @pytest.mark.parametrize("theta_deg", [-6.0, 0.0, 5.0])
-def test_dark_and_bright_needles_are_found_where_they_are(bench, depth_mm, theta_deg):
+def test_dark_and_bright_needles_are_found_accurately(bench, depth_mm, theta_deg):
     found = bench.look(bench.image(depth_mm, theta_deg))
     tip, line = found["needle_tip"], found["needle_line"]
     assert isinstance(tip, Point) and isinstance(line, Segment)
@@ -32,12 +32,12 @@ def test_a_needle_outside_or_in_the_wall_is_not_found(bench, depth_mm):
     assert "needle_tip" not in bench.look(bench.image(depth_mm, 2.0))
 
 
-def test_an_empty_eye_has_no_needle_in_any_of_many_images(bench):
+def test_no_needle_is_detected_in_background_images(bench):
     for number in range(20):
         assert "needle_tip" not in bench.look(bench.image(-12.0, 0.0, number))
 
 
-def test_an_empty_eye_still_has_its_anatomy(bench):
+def test_a_background_image_still_has_its_anatomy(bench):
     assert set(bench.look(bench.image(-12.0, 0.0))) == set(bench.registration.anatomy)
 
 
@@ -48,18 +48,18 @@ def test_the_wrong_polarity_finds_no_needle_at_the_tip(style, polarity):
     assert tip is None or norm(subtract(tip.at_mm, bench.robot.tip_mm())) > 0.2
 
 
-def test_grey_images_give_the_same_as_coloured_ones(bench):
+def test_grey_and_colour_images_give_the_same_result(bench):
     grey = bench.image(12.0, 1.0)[..., 1].copy()
     coloured = np.repeat(grey[..., None], 3, axis=2)
     assert bench.look(grey) == bench.look(coloured)
 
 
-def test_the_same_image_gives_the_same_bits(bench):
+def test_the_same_image_gives_an_identical_result(bench):
     image = bench.image(12.0, 1.0)
     assert bench.look(image) == bench.look(image.copy())
 
 
-def test_smoothing_starts_anew_after_the_needle_was_lost():
+def test_smoothing_restarts_after_the_needle_was_lost():
     bench = Bench("dark")
     perceive = ThresholdPerceiver(bench.registration, PerceptionConfig(alpha=0.2))
     raw = bench.look(bench.image(16.0, 0.0))["needle_tip"]

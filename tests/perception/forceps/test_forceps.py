@@ -1,4 +1,4 @@
-"""Forceps, light pipe, membrane and blood, looked for in the images of the golden run; the truth lies beside."""
+"""Forceps, light pipe, membrane and blood in the images of the golden run, against its ground truth."""
 
 import math
 
@@ -19,38 +19,38 @@ COLLISION_S = (21.0, 24.0)
 
 
 @pytest.fixture(scope="module")
-def seen():
-    """Every capture with an image, and what was made of it."""
+def detections():
+    """Time, ground truth and detections of every capture with an image."""
     reader = RunReader(RUN)
     perceive = ForcepsPerceiver(parse_registration(reader.info.registration, "run"), PerceptionConfig())
     captures = [capture for capture, _ in reader.records() if capture.image is not None]
     first_ns = captures[0].stamp_ns
-    blind = [replace(capture, truth=None) for capture in captures]
-    looked = [perceive(capture) for capture in blind]
+    captures_without_truth = [replace(capture, truth=None) for capture in captures]
+    results = [perceive(capture) for capture in captures_without_truth]
     perceive.reset()
-    assert [perceive(capture) for capture in blind] == looked
-    return [((c.stamp_ns - first_ns) / 1e9, c.truth, o.found) for c, o in zip(captures, looked, strict=True)]
+    assert [perceive(capture) for capture in captures_without_truth] == results
+    return [((c.stamp_ns - first_ns) / 1e9, c.truth, o.found) for c, o in zip(captures, results, strict=True)]
 
 
-def errors_mm(seen, name: str, least_depth_mm: float = 4.0) -> list[float]:
+def errors_mm(detections, name: str, min_depth_mm: float = 4.0) -> list[float]:
     return [
         math.dist(found[name].at_mm, truth.others[name].at_mm) if name in found else math.inf
-        for time_s, truth, found in seen
-        if truth.depth_mm > least_depth_mm and not COLLISION_S[0] < time_s < COLLISION_S[1]
+        for time_s, truth, found in detections
+        if truth.depth_mm > min_depth_mm and not COLLISION_S[0] < time_s < COLLISION_S[1]
     ]
 
 
 @pytest.mark.parametrize("name", ["forceps_tip", "left_jaw", "right_jaw", "membrane_edge", "light_pipe_tip"])
-def test_tips_and_edge_are_found_within_three_pixels(seen, name):
-    errors = errors_mm(seen, name)
+def test_tips_and_edge_are_accurate_to_three_pixels(detections, name):
+    errors = errors_mm(detections, name)
     assert len(errors) > 70
     assert np.percentile(errors, 90) < 3 / 8.8
     assert np.median(errors) < 1 / 8.8
 
 
-def test_jaws_are_seen_to_open_and_close(seen):
+def test_opening_and_closing_of_the_jaws_is_detected(detections):
     counted = agreed = 0
-    for _, truth, found in seen:
+    for _, truth, found in detections:
         if "left_jaw" not in found or truth.depth_mm < 4:
             continue
         opening = [math.dist(at["left_jaw"].at_mm, at["right_jaw"].at_mm) for at in (truth.others, found)]
@@ -61,8 +61,8 @@ def test_jaws_are_seen_to_open_and_close(seen):
     assert agreed >= counted - 2
 
 
-def test_forceps_bring_tip_line_and_both_jaws_or_nothing(seen):
-    for _, truth, found in seen:
+def test_forceps_entities_are_reported_together_or_not_at_all(detections):
+    for _, truth, found in detections:
         assert ("forceps_tip" in found) == ("forceps_line" in found)
         assert ("left_jaw" in found) == ("right_jaw" in found) == ("forceps_jaws" in found)
         if "left_jaw" in found:
@@ -70,15 +70,15 @@ def test_forceps_bring_tip_line_and_both_jaws_or_nothing(seen):
             assert truth.inside
 
 
-def test_blood_lies_where_it_is_and_is_about_as_wide(seen):
-    for _, truth, found in seen:
+def test_position_and_width_of_blood_are_accurate(detections):
+    for _, truth, found in detections:
         blood = found["hemorrhage"]
         assert isinstance(blood, Circle)
         assert math.dist(blood.center_mm, truth.others["hemorrhage"].center_mm) < 0.25
         assert blood.radius_mm == pytest.approx(truth.others["hemorrhage"].radius_mm, abs=0.25)
 
 
-def test_without_colour_tissue_is_not_guessed_but_forceps_are_found():
+def test_grey_images_show_forceps_but_no_tissue():
     reader = RunReader(RUN)
     perceive = ForcepsPerceiver(parse_registration(reader.info.registration, "run"), PerceptionConfig())
     found = {}
@@ -92,7 +92,7 @@ def test_without_colour_tissue_is_not_guessed_but_forceps_are_found():
     assert not {"membrane_edge", "hemorrhage"} & set(found)
 
 
-def test_an_empty_eye_has_neither_forceps_nor_tissue(registration):
+def test_a_background_image_has_neither_forceps_nor_tissue(registration):
     perceive = ForcepsPerceiver(registration, PerceptionConfig())
     image = np.full((240, 320, 3), 180, np.uint8)
     for number in range(3):

@@ -12,27 +12,27 @@ RUN = GOLDEN / "membrane_peeling.mcap"
 
 @pytest.fixture(scope="module")
 def run():
-    """Every tenth image of an operation on a dyed membrane, and what looks at its tissue."""
+    """A detector of stained tissue, and every tenth image of an operation on a stained membrane."""
     reader = RunReader(RUN)
     images = [capture.image for capture, _ in reader.records() if capture.image is not None]
     return Stains(parse_registration(reader.info.registration, "run")), images[::10]
 
 
-def test_without_its_dye_an_image_has_no_membrane_and_the_same_blood(run):
-    look, images = run
+def test_removing_the_dye_removes_the_membrane_and_keeps_the_blood(run):
+    detect, images = run
     for image in images:
-        found, undyed = look(image)
+        found, undyed = detect(image)
         assert "membrane_edge" in found
-        again, _ = look(undyed)
+        again, _ = detect(undyed)
         assert "membrane_edge" not in again
         assert again["hemorrhage"] == found["hemorrhage"]
 
 
-def test_what_is_put_in_place_of_dye_is_as_bright_as_what_is_about_it(run):
-    look, images = run
+def test_filled_dye_is_as_bright_as_its_surroundings(run):
+    detect, images = run
     for image in images:
         before = image.copy()
-        undyed = look(image)[1]
+        undyed = detect(image)[1]
         assert (image == before).all()
         is_changed = (undyed != image).any(axis=2)
         assert 100 < np.count_nonzero(is_changed) < 0.1 * is_changed.size
@@ -41,9 +41,9 @@ def test_what_is_put_in_place_of_dye_is_as_bright_as_what_is_about_it(run):
         assert abs(np.median(grey[is_changed]) - np.median(grey[beside])) < 12
 
 
-def test_an_image_without_colour_has_no_tissue_and_stays_as_it_is(run):
-    look, images = run
+def test_a_grey_image_has_no_tissue_and_is_returned_unchanged(run):
+    detect, images = run
     grey = np.ascontiguousarray(images[0][..., 1])
-    found, same = look(grey)
+    found, same = detect(grey)
     assert found == {}
     assert same is grey

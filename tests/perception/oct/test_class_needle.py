@@ -17,7 +17,7 @@ def fit_needle(on, scaling, least_confidence):
 
 
 def needle_map(tip, angle_deg, length=300.0, width=5, size=(256, 256)):
-    """Probability of metal: a line drawn at four times the size, made smaller."""
+    """Probability of metal: a line drawn at four times the size and downsampled."""
     direction = math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))
     start = tip[0] - length * direction[0], tip[1] - length * direction[1]
     canvas = np.zeros((4 * size[0], 4 * size[1]), np.uint8)
@@ -45,20 +45,20 @@ def test_the_bevel_beyond_a_gap_still_belongs_to_the_needle():
     assert math.dist(found.tip_px, fit_needle(whole, SAME, 0.5).tip_px) < 0.5
 
 
-def test_a_soft_end_is_known_less_well():
+def test_a_soft_end_is_less_certain():
     sharp = needle_map((120.0, 160.0), 60.0)
     fade = np.clip((170 - np.arange(256)) / 40, 0, 1).astype(np.float32)[:, None]
     soft = fit_needle(sharp * fade, SAME, 0.5)
     assert soft.tip_sd_px > 2 * fit_needle(sharp, SAME, 0.5).tip_sd_px
 
 
-def test_places_are_those_of_the_image():
+def test_positions_are_in_pixels_of_the_image():
     found = fit_needle(needle_map((120.0, 160.0), 60.0), Scaling(2.0, 3.0), 0.5)
     same = fit_needle(needle_map((120.0, 160.0), 60.0), SAME, 0.5)
     assert found.tip_px == pytest.approx((2 * (same.tip_px[0] + 0.5) - 0.5, 3 * (same.tip_px[1] + 0.5) - 0.5))
 
 
-def test_what_is_no_line_is_no_needle():
+def test_shapes_that_are_not_lines_are_rejected():
     nothing = np.zeros((256, 256), np.float32)
     assert fit_needle(nothing, SAME, 0.5) is None
     blob = cv2.circle(nothing.copy(), (100, 100), 20, 1.0, -1)
@@ -67,7 +67,7 @@ def test_what_is_no_line_is_no_needle():
     assert fit_needle(specks, SAME, 0.5) is None
 
 
-def test_of_two_lines_the_one_with_more_of_its_class_comes_first():
+def test_candidates_are_ordered_by_evidence():
     both = np.maximum(needle_map((120.0, 200.0), 60.0), needle_map((160.0, 90.0), 120.0))
     found = fit_needles(both, SAME, 0.5)
     assert [

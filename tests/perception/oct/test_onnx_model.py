@@ -1,10 +1,13 @@
 import sys
+from importlib import resources
 
 import numpy as np
 import pytest
+from paths import DATA
 
-from haptigraph.errors import BadInput, MissingExtra
-from haptigraph.perception.oct.onnx_model import OnnxModel
+from haptigraph.errors import BadInput, MissingExtra, RenamedKey
+from haptigraph.perception.oct.onnx_model import SHIPPED, ModelFile, OnnxModel
+from haptigraph.toml_document import Document
 
 pytest.importorskip("onnxruntime", reason="needs ONNX Runtime", exc_type=ImportError)
 onnx_files = pytest.importorskip("onnx_files", reason="needs onnx", exc_type=ImportError)
@@ -18,8 +21,8 @@ def steps(sharpness=400.0, channels=1):
     return onnx_files.grey_steps_net(LEVELS, sharpness, channels)
 
 
-def refusal(folder, model=None, text="", **asked):
-    path = onnx_files.write_model(folder, model or steps(), text, **asked)
+def refusal(folder, model=None, text="", **values):
+    path = onnx_files.write_model(folder, model or steps(), text, **values)
     with pytest.raises(BadInput) as refused:
         OnnxModel(str(path))
     assert "\n" not in str(refused.value)
@@ -36,14 +39,14 @@ def test_classes_come_out_as_probabilities_at_the_size_of_the_input(tmp_path, ch
     assert np.array_equal(maps.argmax(axis=0)[:, 0], np.repeat([0, 1, 2, 3], 12))
 
 
-def test_other_sizes_and_colours_are_brought_to_what_the_network_takes(tmp_path):
+def test_images_are_resized_and_converted_to_the_networks_input(tmp_path):
     model = OnnxModel(str(onnx_files.write_model(tmp_path, steps())))
     colour = np.full((300, 500, 3), GREY[2], np.uint8)
     assert (model(colour).argmax(axis=0) == 2).all()
 
 
-def test_grey_is_shifted_and_scaled_as_the_toml_says(tmp_path):
-    path = onnx_files.write_model(tmp_path, steps(), mean=100.0, deviation=50.0)
+def test_grey_is_normalized_as_the_toml_specifies(tmp_path):
+    path = onnx_files.write_model(tmp_path, steps(), mean=100.0, sd=50.0)
     assert (OnnxModel(str(path))(np.full((48, 64), 120, np.uint8)).argmax(axis=0) == 2).all()
 
 
@@ -53,77 +56,89 @@ def test_the_same_image_gives_the_same_numbers(tmp_path):
     assert np.array_equal(OnnxModel(path)(image), OnnxModel(path)(image))
 
 
-def test_the_model_that_ships_is_small_and_runs():
+def test_the_shipped_model_runs():
     model = OnnxModel()
     maps = model(np.random.default_rng(1).integers(0, 256, (512, 512)).astype(np.uint8))
     assert maps.shape == (5, 256, 256)
 
 
-# --- what does not fit is told
+# --- networks and TOML files that do not match
 
 
-def test_a_network_with_other_classes_is_refused(tmp_path):
-    said = refusal(tmp_path, classes=5)
+def test_a_network_with_another_number_of_classes_is_refused(tmp_path):
+    message = refusal(tmp_path, classes=5)
     assert (
-        "net.toml, line 3: the network returns 1 x 4 x 48 x 64; 1 x 5 x height x width was expected" in said
+        "net.toml, line 3: the network returns 1 x 4 x 48 x 64; expected one map for each of the 5 classes"
+        in message
     )
 
 
-def test_a_class_that_the_network_has_not_is_refused(tmp_path):
-    text = onnx_files.TOML.format(**onnx_files.ASKED).replace("between = [2, 3]", "between = [2, 7]")
-    assert "entity.rpe: class 7 of 4; 0 to 3 are valid" in refusal(tmp_path, text=text)
+def test_a_class_index_out_of_range_is_refused(tmp_path):
+    text = onnx_files.TOML.format(**onnx_files.DEFAULTS).replace("between = [2, 3]", "between = [2, 7]")
+    assert "entity.rpe: expected a class from 0 to 3, found 7" in refusal(tmp_path, text=text)
 
 
-def test_a_network_of_another_shape_is_refused(tmp_path):
+def test_a_network_with_another_input_shape_is_refused(tmp_path):
     model = onnx_files.network(np.zeros((4, 1, 1, 1), np.float32), np.zeros(4, np.float32), [1, 1, 32, 32])
-    assert "takes tensor(float) of 1 x 1 x 32 x 32; tensor(float) of 1 x 1 x 48 x 64" in refusal(
-        tmp_path, model
+    message = refusal(tmp_path, model)
+    assert (
+        "takes tensor(float) of 1 x 1 x 32 x 32, but [input] specifies tensor(float) of 1 x 1 x 48 x 64"
+        in message
     )
     flat = onnx_files.network(np.zeros((4, 1, 1), np.float32), np.zeros(4, np.float32), ["n", 1, "w"])
     assert "takes tensor(float) of n x 1 x w" in refusal(tmp_path, flat)
 
 
-def test_logits_are_not_taken_for_probabilities(tmp_path):
-    assert 'values = "logits" if they are none' in refusal(tmp_path, values="probabilities")
+def test_logits_declared_as_probabilities_are_refused(tmp_path):
+    assert 'set values = "logits"' in refusal(tmp_path, values="probabilities")
 
 
-def test_a_missing_or_torn_network_is_told(tmp_path):
+def test_a_missing_or_damaged_network_is_refused(tmp_path):
     path = onnx_files.write_model(tmp_path, steps())
     (tmp_path / "net.onnx").write_bytes(b"not a network")
     with pytest.raises(BadInput, match=r"net.onnx: not a network that ONNX Runtime can run"):
         OnnxModel(str(path))
     (tmp_path / "net.onnx").unlink()
-    with pytest.raises(BadInput, match=r"line 2: no such file: .*; the network lies beside its TOML"):
+    with pytest.raises(BadInput, match=r"line 2: no such file: .*; put the network beside its TOML file"):
         OnnxModel(str(path))
     with pytest.raises(BadInput, match=r"gone.toml: cannot be read"):
         OnnxModel(str(tmp_path / "gone.toml"))
-    with pytest.raises(BadInput, match="is the network; give the TOML beside it"):
+    with pytest.raises(BadInput, match="this is the network; give the TOML file"):
         OnnxModel(str(tmp_path / "net.onnx"))
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
-        ("format = 1", "format = 2", "format 2 is not known"),
-        ("between = [0, 2]", "", "either between"),
-        ("between = [0, 2]", "between = [0, 2]\nline = 3", "either between"),
+        ("format = 1", "format = 2", "format 2 is not supported"),
+        ("between = [0, 2]", "", "expected either between"),
+        ("between = [0, 2]", "between = [0, 2]\nline = 3", "expected either between"),
         ("[entity.needle]\nclass = 1", "", ""),
         ("sd_grey = 255.0", "sd_grey = 0.0", "sd_grey"),
         ("width_px = 64", "", "'width_px' is missing"),
         ("[entity.ilm]", "[entity.ILM]", "unknown key 'ILM'; valid: ilm, needle, rpe"),
     ],
 )
-def test_a_toml_that_makes_no_sense_is_refused(tmp_path, old, new, said):
-    text = onnx_files.TOML.format(**onnx_files.ASKED).replace(old, new)
+def test_an_invalid_toml_file_is_refused(tmp_path, old, new, message):
+    text = onnx_files.TOML.format(**onnx_files.DEFAULTS).replace(old, new)
     path = onnx_files.write_model(tmp_path, steps(), text)
-    if not said:  # a model need not know needles
+    if not message:  # the needle class is optional
         assert OnnxModel(str(path)).spec.entity.needle is None
         return
-    with pytest.raises(BadInput, match=said):
+    with pytest.raises(BadInput, match=message):
         OnnxModel(str(path))
 
 
-def test_without_the_extra_it_is_named(tmp_path, monkeypatch):
+def test_a_missing_extra_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "onnxruntime", None)
     with pytest.raises(MissingExtra, match=r"haptigraph\[onnx\]"):
         OnnxModel(str(onnx_files.write_model(tmp_path, steps())))
+
+
+def test_a_toml_file_of_version_0_1_is_read_with_a_warning():
+    old_file = DATA / "v0_1" / "network.toml"
+    with pytest.warns(RenamedKey) as warned:
+        old = Document.read(old_file).convert(ModelFile)
+    (warning,) = warned
+    assert str(warning.message) == f"{old_file}, line 13: key 'deviation_grey' is now called 'sd_grey'"
+    assert old == Document.read(str(resources.files("haptigraph.models") / SHIPPED)).convert(ModelFile)

@@ -26,7 +26,7 @@ def registered(size_px, axial_mm=AXIAL_MM, lateral_mm=LATERAL_MM):
 
 @pytest.fixture
 def perceive(tmp_path):
-    """A perceiver whose network takes grey levels for classes, for images of 256 x 192 px."""
+    """A perceiver whose network classifies by grey level, for images of 256 x 192 px."""
     net = onnx_files.grey_steps_net(LEVELS, 400.0)
     toml = onnx_files.write_model(tmp_path, net, width=256, height=192)
     return SegmentationPerceiver(registered((256, 192)), PerceptionConfig(model=str(toml)))
@@ -44,57 +44,57 @@ def drawn(*, needle=True, surfaces=True):
 
 
 def test_surfaces_and_needle_are_reported_in_millimetres(perceive):
-    seen = perceive(drawn())
+    observation = perceive(drawn())
     middle_x, middle_y = 127.5, 95.5
-    rows_mm = {name: [y for _, y in seen.found[name].points_mm] for name in ("ilm", "rpe")}
+    rows_mm = {name: [y for _, y in observation.found[name].points_mm] for name in ("ilm", "rpe")}
     assert np.median(rows_mm["ilm"]) == pytest.approx((middle_y - 119.5) * AXIAL_MM, abs=0.3 * AXIAL_MM)
     assert np.median(rows_mm["rpe"]) == pytest.approx((middle_y - 159.5) * AXIAL_MM, abs=0.3 * AXIAL_MM)
-    tip_x, tip_y = seen.found["needle_tip"].at_mm
+    tip_x, tip_y = observation.found["needle_tip"].at_mm
     assert tip_x == pytest.approx((128 - middle_x) * LATERAL_MM, abs=2 * LATERAL_MM)
     assert tip_y == pytest.approx((middle_y - 110) * AXIAL_MM, abs=3 * AXIAL_MM)
-    line = seen.found["needle_line"]
+    line = observation.found["needle_line"]
     along = np.subtract(line.end_mm, line.start_mm)
     true = np.degrees(np.arctan2(-110 * AXIAL_MM, 88 * LATERAL_MM))
     assert np.degrees(np.arctan2(along[1], along[0])) == pytest.approx(true, abs=0.5)
-    assert line.end_mm == seen.found["needle_tip"].at_mm
-    assert 0.5 < seen.certainty.confidence <= 1
+    assert line.end_mm == observation.found["needle_tip"].at_mm
+    assert 0.5 < observation.certainty.confidence <= 1
 
 
-def test_what_is_not_there_is_not_reported(perceive):
+def test_absent_entities_are_not_reported(perceive):
     assert "needle_tip" not in perceive(drawn(needle=False)).found
     nothing = perceive(drawn(needle=False, surfaces=False))
     assert nothing.found == {}
     assert nothing.certainty is None
 
 
-def test_the_needles_shadow_is_bridged_and_said_to_be(perceive):
-    seen = perceive(drawn())
-    left_mm = min(x for x, _ in seen.found["ilm"].points_mm)
-    assert left_mm < (128 - 127.5) * LATERAL_MM  # on to below the tip
-    assert seen.interpolated["ilm"]
+def test_interpolation_in_the_needles_shadow_is_marked(perceive):
+    observation = perceive(drawn())
+    left_mm = min(x for x, _ in observation.found["ilm"].points_mm)
+    assert left_mm < (128 - 127.5) * LATERAL_MM  # extended below the tip
+    assert observation.interpolated["ilm"]
 
 
-def test_in_tissue_the_tip_is_where_the_shadow_begins_and_known_less_well(perceive):
+def test_in_tissue_the_tip_is_at_the_shadows_edge_and_less_certain(perceive):
     capture = drawn()
     image = capture.image
     image[120:160] = RETINA
     image[160:175] = RPE
-    for x in range(128):  # metal is seen down to the ILM only; it hides what lies below its line, to x = 144
+    for x in range(128):  # metal is visible down to the ILM only, but its line casts a shadow to x = 144
         image[max(120, round(1.25 * x)) :, x] = VITREOUS
     for x in range(128, 145):
         image[max(120, round(1.25 * x) - 40) :, x] = VITREOUS
     image[100:120, :100] = VITREOUS
-    seen, above = perceive(capture), perceive(drawn())
-    assert seen.found["needle_tip"].at_mm[0] == pytest.approx(
+    observation, above = perceive(capture), perceive(drawn())
+    assert observation.found["needle_tip"].at_mm[0] == pytest.approx(
         (144.5 - 127.5) * LATERAL_MM, abs=2.5 * LATERAL_MM
     )
-    assert seen.found["needle_tip"].at_mm[1] < (95.5 - 122) * AXIAL_MM  # below the ILM
-    assert seen.certainty.tip_sd_mm > above.certainty.tip_sd_mm
+    assert observation.found["needle_tip"].at_mm[1] < (95.5 - 122) * AXIAL_MM  # below the ILM
+    assert observation.certainty.tip_sd_mm > above.certainty.tip_sd_mm
 
 
-def test_a_ghost_that_hides_nothing_is_no_needle(perceive):
+def test_a_ghost_without_a_shadow_is_rejected(perceive):
     capture = drawn(needle=False)
-    cv2.line(capture.image, (40, 0), (128, 110), METAL, 4)  # the tissue below it is seen
+    cv2.line(capture.image, (40, 0), (128, 110), METAL, 4)  # the tissue below it is visible
     assert "needle_tip" not in perceive(capture).found
 
 
@@ -105,15 +105,15 @@ def test_an_image_of_another_size_is_refused(perceive):
         perceive(Capture(0, 0, np.zeros((4, 192, 256), np.uint8)))
 
 
-def test_bscan_stays_the_default_where_both_could_see():
+def test_bscan_is_the_default_for_b_scan_procedures():
     assert perceiver_name(Config(), load_procedure("subretinal_injection_ioct")) == "bscan"
 
 
 # --- the network that ships
 
 
-def test_the_shipped_network_sees_surfaces_and_needles_it_never_learnt():
-    """Scored at large in docs/segmentation_report.md; here a few, so that a broken network is noticed."""
+def test_the_shipped_network_generalizes_to_new_b_scans():
+    """A few B-scans, to notice a broken network; docs/segmentation_report.md has the full evaluation."""
     off_px = {"ilm": [], "rpe": []}
     angles_deg, tips_px = [], []
     for number in range(12):
@@ -125,16 +125,16 @@ def test_the_shipped_network_sees_surfaces_and_needles_it_never_learnt():
             ("ilm", truth.ilm_px, truth.ilm_lit),
             ("rpe", truth.rpe_px, truth.rpe_lit),
         ):
-            places = (
-                [registration.image.to_px(place) for place in found[name].points_mm] if name in found else []
+            points = (
+                [registration.image.to_px(point) for point in found[name].points_mm] if name in found else []
             )
-            x, y = np.array(places).reshape(-1, 2).T
+            x, y = np.array(points).reshape(-1, 2).T
             lit = is_lit[np.clip(np.rint(x), 0, 511).astype(int)]
             off_px[name] += np.abs(y - np.interp(x, np.arange(512), true_px))[lit].tolist()
         if truth.needle is not None and "needle_tip" in found:
             start, end = (
-                registration.image.to_px(place)
-                for place in (found["needle_line"].start_mm, found["needle_line"].end_mm)
+                registration.image.to_px(point)
+                for point in (found["needle_line"].start_mm, found["needle_line"].end_mm)
             )
             along = np.subtract(end, start)
             true = truth.needle.along_px
@@ -147,7 +147,7 @@ def test_the_shipped_network_sees_surfaces_and_needles_it_never_learnt():
     assert np.median(tips_px) <= 4
 
 
-def test_a_run_with_it_replays_identically(tmp_path):
+def test_a_segmentation_run_replays_identically(tmp_path):
     from haptigraph.analysis.metrics.replay import replay
 
     run = tmp_path / "run.mcap"

@@ -1,4 +1,4 @@
-"""The best path, held against trying every path."""
+"""The best path, compared with an exhaustive search."""
 
 from itertools import product
 
@@ -11,24 +11,24 @@ from haptigraph.perception.oct.shortest_path import best_path
 
 @settings(max_examples=40)
 @given(st.integers(2, 5), st.integers(0, 2**31), st.floats(0, 2))
-def test_no_other_path_is_worth_more(width, seed, cost):
+def test_no_other_path_has_a_larger_reward(width, seed, cost):
     reward = np.random.default_rng(seed).normal(size=(width, 4)).astype(np.float32)
     step_cost = (cost * np.arange(-1, 2) ** 2).astype(np.float32)
 
-    def worth(path) -> float:
+    def total_reward(path) -> float:
         steps = np.diff(path)
         if np.abs(steps).max(initial=0) > 1:
             return -np.inf
         return float(reward[np.arange(width), path].sum() - step_cost[steps + 1].sum())
 
-    found = worth(best_path(reward, step_cost))
+    found = total_reward(best_path(reward, step_cost))
     assert found > -np.inf
-    assert found >= max(worth(np.array(path)) for path in product(range(4), repeat=width)) - 1e-4
+    assert found >= max(total_reward(np.array(path)) for path in product(range(4), repeat=width)) - 1e-4
 
 
 @given(st.integers(2, 40), st.integers(0, 2**31))
-def test_it_reads_the_same_from_either_end(width, seed):
+def test_the_path_is_the_same_in_either_direction(width, seed):
     reward = np.random.default_rng(seed).normal(size=(width, 12)).astype(np.float32)
     step_cost = (0.3 * np.arange(-2, 3) ** 2).astype(np.float32)
-    there, back = best_path(reward, step_cost), best_path(np.ascontiguousarray(reward[::-1]), step_cost)
-    assert np.array_equal(there, back[::-1])
+    forward, backward = best_path(reward, step_cost), best_path(np.ascontiguousarray(reward[::-1]), step_cost)
+    assert np.array_equal(forward, backward[::-1])

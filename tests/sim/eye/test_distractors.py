@@ -10,7 +10,7 @@ from haptigraph.sim.eye.distractors import Distractors
 from haptigraph.sim.eye.eye import Eye, EyeShape, RegistrationError, registration_text
 from haptigraph.sim.eye.needle import NeedleShape
 from haptigraph.sim.eye.optics import CameraSettings
-from haptigraph.sim.eye.palette import Look
+from haptigraph.sim.eye.palette import Appearance
 
 SMALL = CameraSettings(
     width_px=480,
@@ -29,7 +29,7 @@ AWAY = (0.0, 200.0), (0.0, -1.0)
 
 def camera(needle=None, **distractors):
     needle = needle or NeedleShape(brightness=0.3)
-    return Camera(EYE, SMALL, needle, Look(), 3, Distractors(**distractors))
+    return Camera(EYE, SMALL, needle, Appearance(), 3, Distractors(**distractors))
 
 
 def in_bowl(camera, image):
@@ -37,13 +37,13 @@ def in_bowl(camera, image):
     return image[np.hypot(x - camera.settings.center_px[0], y - camera.settings.center_px[1]) < 90]
 
 
-def test_none_of_them_changes_nothing():
-    plain = Camera(EYE, SMALL, NeedleShape(), Look(), 3)
-    given = Camera(EYE, SMALL, NeedleShape(), Look(), 3, Distractors())
+def test_default_distractors_change_nothing():
+    plain = Camera(EYE, SMALL, NeedleShape(), Appearance(), 3)
+    given = Camera(EYE, SMALL, NeedleShape(), Appearance(), 3, Distractors())
     assert np.array_equal(plain.render(TIP_MM, ALONG, 5), given.render(TIP_MM, ALONG, 5))
 
 
-def test_the_second_instrument_comes_through_the_other_trocar_and_stands_still():
+def test_the_second_instrument_enters_through_the_other_trocar_and_is_static():
     plain, piped = camera(), camera(light_pipe_mm=10.0, light_pipe_deg=5.0)
     changed = np.abs(piped.render(*AWAY, 0).astype(int) - plain.render(*AWAY, 0)).max(axis=2) > 15
     rows, columns = np.nonzero(changed)
@@ -55,15 +55,15 @@ def test_the_second_instrument_comes_through_the_other_trocar_and_stands_still()
     assert np.array_equal(piped.render(*AWAY, 0), piped.render(*AWAY, 1))
 
 
-def test_glints_saturate_and_stand_still():
-    lens = camera(glints=12)
+def test_specular_highlights_saturate_and_are_static():
+    lens = camera(specular_highlights=12)
     image = lens.render(*AWAY, 0)
     assert in_bowl(lens, image).min(axis=1).max() == 255
     assert in_bowl(lens, camera().render(*AWAY, 0)).max() < 250
     assert np.array_equal(image, lens.render(*AWAY, 1))
 
 
-def test_bubbles_drift_slowly_and_are_the_same_for_the_same_number():
+def test_bubbles_drift_slowly_and_depend_only_on_the_image_number():
     lens, still = camera(bubbles=6), camera().render(*AWAY, 0).astype(int)
     first, second = (lens.render(*AWAY, number).astype(int) for number in (0, 1))
     assert np.array_equal(lens.render(*AWAY, 0), first)
@@ -81,7 +81,7 @@ def test_bubbles_are_still_in_the_bowl_after_an_hour():
     assert np.hypot(columns - SMALL.center_px[0], rows - SMALL.center_px[1]).max() < 12 * 8
 
 
-def test_flicker_changes_the_whole_image_by_its_deviation():
+def test_flicker_scales_the_whole_image_by_its_standard_deviation():
     lens, still = camera(flicker=0.1), camera().render(*AWAY, 0)
     gains = np.array([in_bowl(lens, lens.render(*AWAY, n)).mean() for n in range(60)])
     gains /= in_bowl(lens, still).mean()
@@ -89,7 +89,7 @@ def test_flicker_changes_the_whole_image_by_its_deviation():
     assert gains[7] == in_bowl(lens, lens.render(*AWAY, 7)).mean() / in_bowl(lens, still).mean()
 
 
-def test_a_tilted_needle_appears_shorter_but_its_tip_stays():
+def test_a_tilted_needle_is_foreshortened_towards_the_same_tip():
     shape = NeedleShape(brightness=0.2, taper_mm=8.0, diameter_mm=0.9)
     flat, tilted = camera(shape), camera(replace(shape, tilt_deg=60.0))
     bare = camera().render(*AWAY, 0).astype(int)
@@ -102,19 +102,19 @@ def test_a_tilted_needle_appears_shorter_but_its_tip_stays():
     assert widths[1] > 1.4 * widths[0]  # half as long a cone is twice as wide so near to the tip
 
 
-def test_the_expected_image_is_the_mean_of_images():
+def test_the_expected_image_is_the_mean_of_rendered_images():
     settings = replace(SMALL, read_noise_grey=2.0, shot_noise_grey=4.0)
-    lens = Camera(EYE, settings, NeedleShape(), Look(), 3)
+    lens = Camera(EYE, settings, NeedleShape(), Appearance(), 3)
     images = np.array([lens.render(TIP_MM, ALONG, n)[..., 1] for n in range(100)], np.float64)
-    colour = Camera(EYE, replace(SMALL), NeedleShape(), Look(), 3).render(TIP_MM, ALONG, 0)[..., 1]
-    grey, deviation = lens.expect(TIP_MM, ALONG)
+    colour = Camera(EYE, replace(SMALL), NeedleShape(), Appearance(), 3).render(TIP_MM, ALONG, 0)[..., 1]
+    grey, sd_grey = lens.expect(TIP_MM, ALONG)
     assert np.abs(images.mean(axis=0) - colour).mean() < 0.5
-    assert images.std(axis=0, ddof=1).mean() == pytest.approx(deviation.mean(), rel=0.05)
-    assert grey.shape == deviation.shape == colour.shape
+    assert images.std(axis=0, ddof=1).mean() == pytest.approx(sd_grey.mean(), rel=0.05)
+    assert grey.shape == sd_grey.shape == colour.shape
     assert np.abs(grey - colour).mean() < 12  # nearly without colour
 
 
-def test_a_wrong_registration_is_wrong_by_what_was_asked():
+def test_a_registration_error_shifts_the_registered_anatomy():
     image = camera().geometry
     right = registration_text(EYE, image, 480, 270)
     assert registration_text(EYE, image, 480, 270, RegistrationError()) == right

@@ -1,4 +1,4 @@
-"""Forceps, membrane and light pipe of the simulator: where they are, and that the picture shows them there."""
+"""Forceps, membrane and light pipe of the simulator: their positions, and their appearance in the image."""
 
 import math
 
@@ -14,7 +14,7 @@ from haptigraph.sim.eye.eye import Eye, EyeShape
 from haptigraph.sim.eye.forceps import Forceps, ForcepsShape
 from haptigraph.sim.eye.membrane import Membrane, MembraneShape
 from haptigraph.sim.eye.optics import CameraSettings
-from haptigraph.sim.eye.palette import Look
+from haptigraph.sim.eye.palette import Appearance
 from haptigraph.sim.eye.peeling import Peeling
 from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.robot.operator import LightPipe
@@ -26,13 +26,13 @@ SMALL = CameraSettings(
 )
 SHAPE = ForcepsShape()
 DOWN = (0.0, -1.0)
-places = st.tuples(st.floats(-8, 8), st.floats(-8, 8))
+points = st.tuples(st.floats(-8, 8), st.floats(-8, 8))
 
 
-@given(places, st.floats(-180, 180), st.floats(0, 4))
-def test_jaws_are_as_long_as_ever_and_open_evenly(tip_mm, turn_deg, opening_mm):
+@given(points, st.floats(-180, 180), st.floats(0, 4))
+def test_jaws_keep_their_length_and_open_symmetrically(tip_mm, turn_deg, opening_mm):
     along = rotate(DOWN, turn_deg)
-    at = Forceps(SHAPE, ImageGeometry((0.0, 0.0), 1.0, False), 0.0, 0).places(tip_mm, along, opening_mm)
+    at = Forceps(SHAPE, ImageGeometry((0.0, 0.0), 1.0, False), 0.0, 0).positions(tip_mm, along, opening_mm)
     for jaw_mm in (at.left_mm, at.right_mm):
         assert norm(subtract(jaw_mm, at.hinge_mm)) == pytest.approx(SHAPE.jaw_mm)
     assert norm(subtract(at.left_mm, at.right_mm)) == pytest.approx(max(opening_mm, 0.14))
@@ -41,27 +41,27 @@ def test_jaws_are_as_long_as_ever_and_open_evenly(tip_mm, turn_deg, opening_mm):
     )
 
 
-@given(st.lists(places, min_size=1, max_size=6))
-def test_a_membrane_does_not_stretch_and_never_grows_on_again(way):
+@given(st.lists(points, min_size=1, max_size=6))
+def test_a_membrane_does_not_stretch_and_never_reattaches(way):
     membrane = Membrane(MembraneShape(), EYE)
     before = membrane._flap_mm
-    for place in way:
-        membrane.pull(place)
+    for point in way:
+        membrane.pull(point)
         reach_mm = norm(subtract(membrane.edge_mm, membrane._front_mm()))
         assert membrane._flap_mm >= before
-        assert reach_mm <= membrane._flap_mm or not membrane._is_held()
+        assert reach_mm <= membrane._flap_mm or not membrane._is_attached()
         before = membrane._flap_mm
     membrane.restart()
     assert membrane._flap_mm == MembraneShape().flap_mm
 
 
-def test_short_jaws_open_no_further_than_a_right_angle():
-    places = Forceps(ForcepsShape(jaw_mm=0.5), ImageGeometry((0.0, 0.0), 1.0, False), 0.0, 0).places
-    assert places((0.0, 0.0), DOWN, 4.0) == places((0.0, 0.0), DOWN, 1.0)
+def test_each_jaw_opens_by_at_most_90_degrees():
+    positions = Forceps(ForcepsShape(jaw_mm=0.5), ImageGeometry((0.0, 0.0), 1.0, False), 0.0, 0).positions
+    assert positions((0.0, 0.0), DOWN, 4.0) == positions((0.0, 0.0), DOWN, 1.0)
 
 
 def peeling() -> Peeling:
-    camera = Camera(EYE, SMALL, NeedleShape(), Look(), 3)
+    camera = Camera(EYE, SMALL, NeedleShape(), Appearance(), 3)
     return Peeling(EYE, SHAPE, MembraneShape(), camera, 3)
 
 
@@ -69,23 +69,23 @@ def edge_after(scene: Peeling, tip_mm, jaws_mm):
     return scene.advance(tip_mm, DOWN, jaws_mm, LightPipe(-20.0, 0.0)).found["membrane_edge"].at_mm
 
 
-def test_only_jaws_that_close_on_the_edge_take_it_along():
+def test_only_jaws_that_close_on_the_edge_grasp_it():
     scene = peeling()
-    lies = edge_after(scene, (0.0, 0.0), 1.4)
-    above = lies[0], lies[1] + 3.0
-    assert edge_after(scene, above, 0.0) == lies  # closed elsewhere
-    assert edge_after(scene, lies, 0.0) == lies  # came closed
-    edge_after(scene, lies, 1.4)
-    assert edge_after(scene, lies, 0.0) == lies
+    initial = edge_after(scene, (0.0, 0.0), 1.4)
+    above = initial[0], initial[1] + 3.0
+    assert edge_after(scene, above, 0.0) == initial  # closed elsewhere
+    assert edge_after(scene, initial, 0.0) == initial  # came closed
+    edge_after(scene, initial, 1.4)
+    assert edge_after(scene, initial, 0.0) == initial
     assert edge_after(scene, above, 0.0) == above  # grasped, and lifted
     assert edge_after(scene, (0.0, 0.0), 1.4) == above  # let go
     scene.restart()
-    assert edge_after(scene, (0.0, 0.0), 0.0) == lies
+    assert edge_after(scene, (0.0, 0.0), 0.0) == initial
 
 
 @pytest.mark.parametrize("name", ["left_jaw", "right_jaw", "membrane_edge", "light_pipe_tip"])
-def test_what_is_said_to_be_there_is_drawn_there(name):
-    camera = Camera(EYE, SMALL, NeedleShape(), Look(), 3)
+def test_entities_are_drawn_at_their_true_positions(name):
+    camera = Camera(EYE, SMALL, NeedleShape(), Appearance(), 3)
     scene = Peeling(EYE, SHAPE, MembraneShape(), camera, 3)
     view = scene.advance((2.0, -3.0), DOWN, 1.4, LightPipe(9.0, 10.0))
     blank = np.full((300, 300, 3), 200, np.uint8)
@@ -96,8 +96,8 @@ def test_what_is_said_to_be_there_is_drawn_there(name):
     assert np.abs(image[around].astype(int) - blank[around]).max() > 40
 
 
-def test_blood_is_red_where_the_eye_has_it():
-    image = Camera(EYE, SMALL, NeedleShape(), Look(), 3).render((0.0, 200.0), DOWN, 0)
+def test_a_hemorrhage_is_red():
+    image = Camera(EYE, SMALL, NeedleShape(), Appearance(), 3).render((0.0, 200.0), DOWN, 0)
     x, y = SMALL.center_px
     mound = EYE.on_retina(22.0, 0.3)
     blue, green, red = image[round(y - 10 * mound[1]), round(x + 10 * mound[0])].astype(int)
@@ -110,7 +110,7 @@ def test_a_tip_can_enter_a_retina_that_is_a_layer():
     assert all(norm(point) == pytest.approx(10.8) for point in eye.retina_mm)
 
 
-def test_the_same_scenario_gives_the_same_pictures_and_tells_where_everything_is():
+def test_the_same_scenario_gives_the_same_images_and_ground_truth():
     phantom, played = Phantom(replace(load_scenario("membrane_peeling"), camera=SMALL)), []
     for _ in range(2):
         played.append([phantom.advance() for _ in range(3)])

@@ -1,4 +1,4 @@
-"""Simulated B-scans: the statistics of their speckle, what a needle hides, and a retina that gives."""
+"""Simulated B-scans: speckle statistics, the needle's shadow, and the deformable retina."""
 
 import numpy as np
 import pytest
@@ -13,19 +13,19 @@ from haptigraph.sim.oct.retina import Retina, RetinaShape
 from haptigraph.sim.oct.scenes import PLACES, random_bscan, random_scene
 
 X_MM = np.linspace(-2, 2, 401)
-STILL = RetinaShape(breathing_mm=0, heartbeat_mm=0, waves_mm=0, tilt_deg=0)
+STATIC = RetinaShape(breathing_mm=0, heartbeat_mm=0, waves_mm=0, tilt_deg=0)
 PLAIN = BscanAppearance(vessels=0, floaters=0, vitreous_db=-20)
 
 
-def decibels(image, look):
-    return (image.astype(float) - look.noise_grey) / look.grey_per_db
+def decibels(image, appearance):
+    return (image.astype(float) - appearance.noise_grey) / appearance.grey_per_db
 
 
 @pytest.mark.parametrize("field", [0, 1], ids=["speckle", "noise"])
 def test_fully_developed_speckle_is_exponential_in_intensity(field):
-    """Its logarithm deviates by 5.57 dB, whatever its strength; its amplitude is Rayleigh distributed."""
-    look = BscanAppearance(lateral_grain_px=1.0, grey_per_db=2.5, noise_grey=110.0)
-    part = FieldBank((256, 256), look, 1).cut(np.random.default_rng(2))[field]
+    """Its logarithm has an SD of 5.57 dB for any mean; its amplitude is Rayleigh distributed."""
+    appearance = BscanAppearance(lateral_grain_px=1.0, grey_per_db=2.5, noise_grey=110.0)
+    part = FieldBank((256, 256), appearance, 1).cut(np.random.default_rng(2))[field]
     intensity = np.einsum("ijk,ijk->ij", part, part)
     assert intensity.mean() == pytest.approx(1.0, abs=0.05)
     assert intensity.std() == pytest.approx(intensity.mean(), rel=0.06)
@@ -33,8 +33,8 @@ def test_fully_developed_speckle_is_exponential_in_intensity(field):
     amplitude = np.sqrt(intensity)
     assert amplitude.std() / amplitude.mean() == pytest.approx(np.sqrt(4 / np.pi - 1), rel=0.04)
     for strength in (1.0, 300.0):
-        grey = grey_from_field([np.float32(strength**0.5) * part], np.zeros((1, 1)), look)
-        shown = decibels(grey, look)
+        grey = grey_from_field([np.float32(strength**0.5) * part], np.zeros((1, 1)), appearance)
+        shown = decibels(grey, appearance)
         assert shown.std() == pytest.approx(5.57, abs=0.4)
     assert 10 * np.log10(intensity).mean() == pytest.approx(EXPONENTIAL_DB, abs=0.3)
 
@@ -57,7 +57,7 @@ def scan_of(place="above", **fixed):
     return camera, scene.take(camera)
 
 
-def test_the_same_number_is_the_same_picture():
+def test_the_same_number_gives_the_same_image():
     one, other = random_bscan(4, 2), random_bscan(4, 2)
     assert np.array_equal(one.image, other.image)
     assert one.truth.needle == other.truth.needle
@@ -65,7 +65,7 @@ def test_the_same_number_is_the_same_picture():
 
 
 @pytest.mark.parametrize("place", PLACES)
-def test_truth_is_where_the_picture_changes(place):
+def test_the_image_changes_at_the_true_surface(place):
     _, scan = scan_of(place, haze_db=-20.0, floaters=0, columns=0, streaks=0, signal_db=0.0, vessels=0)
     truth, image = scan.truth, scan.image.astype(float)
     columns = np.flatnonzero(truth.ilm_lit & (truth.ilm_px > 30) & (truth.ilm_px < 480))
@@ -76,11 +76,11 @@ def test_truth_is_where_the_picture_changes(place):
     assert truth.is_pierced == (place == "inside")
 
 
-def test_below_a_needle_there_is_nothing_but_noise():
+def test_the_needles_shadow_contains_only_noise():
     camera, scan = scan_of("above", ghost_db=60.0, streaks=0, columns=0, floaters=0, haze_db=-20.0, looks=1)
     classes = camera.classes(scan.truth)
-    dark = decibels(scan.image, camera.look)[classes == CLASSES.index("shadow")]
-    lit = decibels(scan.image, camera.look)[classes == CLASSES.index("retina")]
+    dark = decibels(scan.image, camera.appearance)[classes == CLASSES.index("shadow")]
+    lit = decibels(scan.image, camera.appearance)[classes == CLASSES.index("retina")]
     assert abs(np.median(dark)) < 3
     assert np.median(lit) > 8
     assert set(np.unique(classes)) <= set(range(len(CLASSES)))
@@ -89,7 +89,7 @@ def test_below_a_needle_there_is_nothing_but_noise():
 def test_a_ghost_is_fainter_and_of_opposite_slope():
     settings, needle = ScanSettings(), BscanNeedle(ghost_db=12.0)
     camera = BscanCamera(settings, PLAIN, needle, 1)
-    surfaces = Retina(STILL, camera.x_mm, 1).advance(0, 0, None)
+    surfaces = Retina(STATIC, camera.x_mm, 1).advance(0, 0, None)
     with_ghost = camera.render(surfaces, (0.3, 0.3), (0.7, -0.7)).image.astype(float)
     without = BscanCamera(settings, PLAIN, replace(needle, ghost_db=60.0), 1)
     added = with_ghost - without.render(surfaces, (0.3, 0.3), (0.7, -0.7)).image
@@ -105,8 +105,8 @@ def test_a_ghost_is_fainter_and_of_opposite_slope():
 
 
 @given(st.floats(0.0, 0.29), st.floats(-1.5, 1.5))
-def test_the_ilm_is_never_above_a_tip_that_has_not_gone_through(depth_mm, x_mm):
-    retina = Retina(replace(STILL, puncture_mm=0.3), X_MM, 1)
+def test_before_puncture_the_ilm_is_never_above_the_tip(depth_mm, x_mm):
+    retina = Retina(replace(STATIC, puncture_mm=0.3), X_MM, 1)
     tip = x_mm, retina.rest_mm(x_mm) - depth_mm
     surfaces = retina.advance(0.0, 0.1, tip)
     assert not surfaces.is_pierced
@@ -114,8 +114,8 @@ def test_the_ilm_is_never_above_a_tip_that_has_not_gone_through(depth_mm, x_mm):
     assert (surfaces.ilm_mm > surfaces.rpe_mm).all()
 
 
-def test_a_released_retina_jumps_back_in_part_and_creeps_back_for_the_rest():
-    shape = replace(STILL, prompt_share=0.6, relax_s=0.5, puncture_mm=0.5)
+def test_a_released_retina_recovers_in_part_at_once_and_creeps():
+    shape = replace(STATIC, prompt_share=0.6, relax_s=0.5, puncture_mm=0.5)
     retina = Retina(shape, X_MM, 1)
     rest = retina.advance(0, 0, None).ilm_mm
     tip = 0.0, retina.rest_mm(0.0) - 0.2
@@ -131,8 +131,8 @@ def test_a_released_retina_jumps_back_in_part_and_creeps_back_for_the_rest():
     assert rate == pytest.approx(np.full(len(rate), 0.6 / 0.5), rel=0.15)
 
 
-def test_a_retina_gives_until_it_is_pierced_and_then_springs_up_along_the_needle():
-    retina = Retina(replace(STILL, puncture_mm=0.08, drag_share=0.3), X_MM, 1)
+def test_a_retina_yields_until_puncture_and_then_recovers_along_the_needle():
+    retina = Retina(replace(STATIC, puncture_mm=0.08, drag_share=0.3), X_MM, 1)
     rest = retina.rest_mm(0.0)
     depths, dents = np.arange(0, 0.2, 0.01), []
     for number, depth in enumerate(depths):
@@ -145,8 +145,8 @@ def test_a_retina_gives_until_it_is_pierced_and_then_springs_up_along_the_needle
     assert dents[after[0]] < dents[after[0] - 1]
 
 
-def test_breath_and_heart_move_the_whole_retina():
-    shape = replace(STILL, breathing_mm=0.05, breathing_hz=0.25, heartbeat_mm=0.01, heartbeat_hz=1.0)
+def test_breathing_and_heartbeat_move_the_whole_retina():
+    shape = replace(STATIC, breathing_mm=0.05, breathing_hz=0.25, heartbeat_mm=0.01, heartbeat_hz=1.0)
     retina = Retina(shape, X_MM, 1)
     heights = np.array([retina.advance(t, 0.02, None).ilm_mm for t in np.arange(0, 8, 0.02)])
     assert np.ptp(heights, axis=0) == pytest.approx(np.ptp(heights[:, 0]))

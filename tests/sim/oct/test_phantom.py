@@ -1,4 +1,4 @@
-"""The phantom of an intraoperative OCT, through the same pipeline as every other source."""
+"""The OCT phantom, through the same pipeline as every other source."""
 
 import math
 
@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from helpers import refuse
 from msgspec import to_builtins
+from msgspec.structs import replace
+from paths import DATA
 
 from haptigraph import assemble
 from haptigraph.analysis.metrics.replay import replay
 from haptigraph.config import load_config
-from haptigraph.errors import BadInput
+from haptigraph.errors import BadInput, RenamedKey
 from haptigraph.geometry import Point, Polyline, height_on_polyline
 from haptigraph.recording.reader import RunReader
 from haptigraph.sim.oct.phantom import ScanPhantom, load_scan_scenario, open_phantom
@@ -24,8 +26,8 @@ IOCT = "subretinal_injection_ioct"
 def run(quick_scan, tmp_path_factory):
     """A recorded run of the short approach."""
     path = tmp_path_factory.mktemp("ioct") / "run.mcap"
-    told = (f"source.uri=phantom:{quick_scan}", f"run.procedure={IOCT}", "run.realtime=false")
-    assemble.build(load_config(None, (*told, f'recording.path="{path}"'))).run()
+    settings = (f"source.uri=phantom:{quick_scan}", f"run.procedure={IOCT}", "run.realtime=false")
+    assemble.build(load_config(None, (*settings, f'recording.path="{path}"'))).run()
     return path
 
 
@@ -35,7 +37,7 @@ def test_a_replay_is_identical(run):
     assert report.identical == report.steps
 
 
-def test_states_come_in_the_order_of_depth(run):
+def test_states_follow_the_depth(run):
     states = [step.conclusion.state for _, step in RunReader(run).records(images=())]
     order = list(dict.fromkeys(states))
     assert order[:6] == [
@@ -43,7 +45,7 @@ def test_states_come_in_the_order_of_depth(run):
     ]  # fmt: skip
 
 
-def test_depths_are_those_of_the_truth_while_the_retina_gives(run):
+def test_depths_agree_with_the_ground_truth_while_the_retina_deforms(run):
     errors, dents = [], []
     for capture, step in RunReader(run).records(images=()):
         truth, tip = capture.truth, step.observation.found.get("needle_tip")
@@ -59,7 +61,7 @@ def test_depths_are_those_of_the_truth_while_the_retina_gives(run):
     assert np.ptp(dents) > 0.05
 
 
-def test_the_alarm_comes_before_the_rpe_is_reached(run):
+def test_the_alarm_precedes_contact_with_the_rpe(run):
     alarm_above_um = None
     for capture, step in RunReader(run).records(images=()):
         truth = capture.truth
@@ -69,7 +71,7 @@ def test_the_alarm_comes_before_the_rpe_is_reached(run):
     assert 0.035 < alarm_above_um < 0.12
 
 
-def test_the_shipped_scenario_dents_the_retina_and_lets_it_spring_back():
+def test_in_the_shipped_scenario_the_dent_recovers():
     phantom = open_phantom("ioct_approach")
     assert isinstance(phantom, ScanPhantom)
     depths, dents, pierced = [], [], []
@@ -87,7 +89,7 @@ def test_the_shipped_scenario_dents_the_retina_and_lets_it_spring_back():
     assert dents[-1] == pytest.approx(dents[0], abs=0.01)
 
 
-def test_it_plays_the_same_again_after_a_restart(quick_scan):
+def test_a_restarted_scan_phantom_repeats_its_images(quick_scan):
     phantom = open_phantom(quick_scan)
     first = [phantom.advance() for _ in range(12)]
     phantom.restart()
@@ -98,22 +100,36 @@ def test_it_plays_the_same_again_after_a_restart(quick_scan):
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
-        ("[scenario]\nsays = 'x'\n[scan]\n", "missing"),
-        ("[scenario]\nsays = 'x'\nmove = []\n[scan]\n", "move"),
-        ("move = []\n[scenario]\nsays = 'x'\n[scan]\n", "no [[move]]"),
-        ("move = []\n[scenario]\nsays = 'x'\n[scan]\nwidth_px = 9\n", "width_px"),
-        ("move = []\n[scenario]\nsays = 'x'\n[scan]\n[retina]\nthicknes_mm = 0.2\n", "thickness_mm"),
+        ("[scenario]\ndescription = 'x'\n[scan]\n", "missing"),
+        ("[scenario]\ndescription = 'x'\nmove = []\n[scan]\n", "move"),
+        ("move = []\n[scenario]\ndescription = 'x'\n[scan]\n", "no [[move]]"),
+        ("move = []\n[scenario]\ndescription = 'x'\n[scan]\nwidth_px = 9\n", "width_px"),
+        ("move = []\n[scenario]\ndescription = 'x'\n[scan]\n[retina]\nthicknes_mm = 0.2\n", "thickness_mm"),
     ],
 )
-def test_a_bad_scenario_is_told(text, told):
+def test_an_invalid_scenario_is_refused(text, message):
     with pytest.raises(BadInput) as refused:
         load_scan_scenario(Document(text, "s.toml"))
-    assert told in str(refused.value)
+    assert message in str(refused.value)
     assert "s.toml" in str(refused.value)
 
 
-def test_a_needle_under_oct_is_not_steered_yet():
+def test_teleoperation_of_b_scan_scenarios_is_refused():
     assert "scan" in scenario_document("ioct_approach").data
-    assert "shows B-scans" in refuse("run", "teleop:ioct_approach")
+    assert "B-scan scenarios are not supported here" in refuse("run", "teleop:ioct_approach")
+
+
+def test_a_scenario_of_version_0_1_is_read_with_a_warning_for_each_renamed_key():
+    document = Document.read(DATA / "v0_1" / "scenarios" / "ioct_approach.toml")
+    with pytest.warns(RenamedKey) as warned:
+        old = load_scan_scenario(document)
+    assert sorted(str(warning.message) for warning in warned) == [
+        f"{document.file}, line 18: key 'look' is now called 'appearance'",
+        f"{document.file}, line 2: key 'says' is now called 'description'",
+    ]
+    new = load_scan_scenario(scenario_document("ioct_approach"))
+    assert replace(old, about=replace(old.about, description=new.about.description)) == new
+    before, after = (ScanPhantom(scenario).advance() for scenario in (old, new))
+    assert np.array_equal(before.image, after.image)
