@@ -127,6 +127,20 @@ def test_a_late_command_does_not_shorten_a_burst(spy):
     assert spy.edges() == [(60, 0.8), (160, 0.0), (260, 0.8), (360, 0.0)]
 
 
+def test_after_silence_nothing_is_played_or_due_until_the_next_step(spy):
+    guard = guard_of(spy, deadman_ms=1000, max_on_ms=500)
+    send(guard, LOW, 0)
+    guard.silence()
+    assert guard.next_edge_ns() is None  # the on-time has ended with the vibration
+    guard.advance(100 * MS)
+    assert spy.edges() == [(0, 0.3), (0, 0.0)]
+    send(guard, LOW, 400)
+    guard.advance(899 * MS)
+    assert spy.amplitude == 0.3
+    guard.advance(900 * MS)
+    assert spy.amplitude == 0.0
+
+
 def test_close_silences_for_good(spy):
     guard = guard_of(spy)
     send(guard, LOW, 0)

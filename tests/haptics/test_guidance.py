@@ -61,11 +61,25 @@ def test_a_resolved_pattern_has_no_follow_tables():
 def test_noise_within_the_dead_band_changes_nothing():
     guide = Guidance()
     first = guide(NEAR, {"distance_to_retina_mm": 3.0})
-    assert guide(NEAR, {"distance_to_retina_mm": 3.4}) == first
-    assert guide(NEAR, {"distance_to_retina_mm": 2.6}) == first
+    assert guide(NEAR, {"distance_to_retina_mm": 3.5}) == first
+    assert guide(NEAR, {"distance_to_retina_mm": 2.5}) == first
     assert guide(NEAR, {"distance_to_retina_mm": 2.4}) != first
     guide.reset()
     assert guide(NEAR, {"distance_to_retina_mm": 3.4}) != first
+
+
+def test_reset_of_the_renderer_forgets_the_followed_measure():
+    render = GrammarRenderer([OFF, NEAR])
+
+    def play(distance_mm: float) -> Pattern:
+        return render(
+            Conclusion(0, "near", 0, "near", "", measures={"distance_to_retina_mm": distance_mm})
+        ).pattern
+
+    first = play(3.0)
+    assert play(3.4) == first  # within the dead band
+    render.reset()
+    assert play(3.4) == Guidance()(NEAR, {"distance_to_retina_mm": 3.4}) != first
 
 
 def test_a_rate_sets_the_pauses():

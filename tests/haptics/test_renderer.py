@@ -124,3 +124,5 @@ def test_bursts_play_again_only_after_their_state_was_left_long_enough():
     assert play(1500, "hit") == OFF  # left for 900 ms only
     assert play(1600, "near") == OFF
     assert play(2600, "hit") == rare
+    render.reset()
+    assert play(2700, "hit") == rare
