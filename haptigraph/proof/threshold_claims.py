@@ -69,8 +69,8 @@ def _gaps(subject: Subject) -> Iterator[Violation]:
                 str(Triplet(*subject.procedure.schema.relations[at].names)) for at in scale.relations
             )
             sentence = (
-                f"where {interval.said(scale.name)}, neither {names} holds; move a threshold, or declare a "
-                "[[gap]]; here the state is {state}"
+                f"where {interval.said(scale.name)}, neither {names} holds; move a threshold, or declare "
+                "a [[gap]]; here the state is {state}"
             )
             yield subject.violation(sentence, f"measure {scale.name}", _world_at(subject, scale, cell))
     for gap, is_gap in is_confirmed.items():

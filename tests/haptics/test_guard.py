@@ -326,10 +326,10 @@ def test_vibration_of_a_device_that_falls_silent_by_itself_is_renewed_and_silenc
 def test_silence_and_renewals_are_in_time_and_changes_keep_their_minimum_interval(history, rate_hz, holds_ms):
     spy, guard = on_device(rate_hz, holds_ms)
     now_ms = 0
-    for wait_ms, pattern, known in history:
+    for wait_ms, pattern, is_known in history:
         now_ms += wait_ms
-        send(guard, pattern, now_ms, state="some_state" if known else UNKNOWN)
-        if not known:
+        send(guard, pattern, now_ms, state="some_state" if is_known else UNKNOWN)
+        if not is_known:
             assert spy.amplitude == 0
     guard.advance((now_ms + 150) * MS)
     assert spy.amplitude == 0

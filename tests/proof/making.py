@@ -342,10 +342,10 @@ def unused_pattern(rng: random.Random, made: Made, data: Data) -> tuple[str, ...
 
 
 def _add_radial(data: Data, **bounds: Any) -> None:
-    known = [entity["name"] for entity in data["entity"]]
-    wanted = ("retina_target", "trocar")
+    declared = [entity["name"] for entity in data["entity"]]
+    required = ("retina_target", "trocar")
     data["entity"] += [
-        one for one in deepcopy(ENTITIES) if one["name"] in wanted and one["name"] not in known
+        one for one in deepcopy(ENTITIES) if one["name"] in required and one["name"] not in declared
     ]
     names = {
         "subject": "needle_tip",
