@@ -1,10 +1,10 @@
 """The surgical scene graph G = (V, E, O, R, phi) of the paper, section II-C, and its schema.
 
 V are nodes, O entity categories, R predicates, E a set of <subject, predicate, object> triplets, phi the
-category of a node. A graph also carries the measures its edges were decided by. Knows no camera and no rule.
+category of a node. A graph also carries the measures that decided its edges.
 """
 
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, ClassVar, TypeAlias
 
 import msgspec
 from msgspec import Struct
@@ -33,22 +33,24 @@ class Triplet(Struct, frozen=True):
 
 
 class Entity(Struct, frozen=True, forbid_unknown_fields=True):
-    """One category of O: what may stand in a scene."""
+    """One category of O: an object that may occur in a scene."""
+
+    OLD_KEYS: ClassVar[dict[str, str]] = {"seen_with": "visible_with"}
 
     name: str
     group: str
-    """What it belongs to: "instrument", "anatomy", ..."""
+    """Its kind: "instrument", "anatomy", ..."""
     geometry: str
-    """The shape a perceiver reports for it: "point", "segment", "polyline", "circle", or "phase"."""
+    """The shape that a perceiver reports for it: "point", "segment", "polyline", "circle", or "phase"."""
     label: str = ""
     """Its everyday name, used in measure names (distance_to_<label>_mm) and drawings; `name` if empty."""
     fixed: bool = False
-    """Known beforehand, and so in every graph but the empty one of a missing image. Proofs count on it."""
-    seen_with: str = ""
-    """An entity, declared earlier, together with which it is always found or not. Proofs count on it."""
+    """Registered in advance, so present in every graph but that of a missing image. Proofs assume it."""
+    visible_with: str = ""
+    """An entity, declared earlier, that is always detected together with this one. Proofs assume it."""
 
     @property
-    def called(self) -> str:
+    def display_name(self) -> str:
         """The everyday name."""
         return self.label or self.name
 
@@ -56,15 +58,17 @@ class Entity(Struct, frozen=True, forbid_unknown_fields=True):
 class Relation(Struct, frozen=True, forbid_unknown_fields=True):
     """One relation that may hold between two entities, and the measure that decides it.
 
-    Holds when the measure satisfies every bound. With `release`, it once true stays true until the measure
-    has passed `release` too (hysteresis).
+    It holds when the measure satisfies every bound. With `release` (hysteresis), a relation that holds
+    continues to hold until the measure has passed `release` as well.
     """
+
+    OLD_KEYS: ClassVar[dict[str, str]] = {"called": "alias"}
 
     subject: str
     predicate: str
     object: str
     measure: str
-    """Name of a function in `scene.relations`; its suffix is the unit of the bounds."""
+    """Name of a function in `scene.relations`; its suffix gives the unit of the bounds."""
     at_most: float | None = None
     below: float | None = None
     at_least: float | None = None
@@ -72,16 +76,16 @@ class Relation(Struct, frozen=True, forbid_unknown_fields=True):
     release: float | None = None
     given: tuple[Names, ...] = ()
     """Relations, declared earlier, that must hold as well."""
-    called: str = ""
-    """What graphs and sentences call its measure, where the usual name would mean two things; the unit comes
-    last ("lift_mm")."""
+    alias: str = ""
+    """Name of its measure in graphs and sentences where the default would be ambiguous; ends in the unit
+    ("lift_mm")."""
     recorded_only: bool = False
-    """Kept in graphs and recordings for analysis; no rule asks for it."""
+    """Kept in graphs and recordings for analysis; no rule uses it."""
 
     def __post_init__(self) -> None:
         unit = self.measure.rpartition("_")[2]
-        if self.called and not (self.called.isidentifier() and self.called.endswith(f"_{unit}")):
-            raise ValueError(f"called must be a name that ends in _{unit}, found {self.called!r}")
+        if self.alias and not (self.alias.isidentifier() and self.alias.endswith(f"_{unit}")):
+            raise ValueError(f"alias must be a name that ends in _{unit}, found {self.alias!r}")
 
     @property
     def names(self) -> Names:
@@ -93,7 +97,7 @@ class Relation(Struct, frozen=True, forbid_unknown_fields=True):
 
         Args:
             value: The measure, in the unit of the bounds.
-            held: Whether it held in the image before.
+            held: Whether it held in the previous image.
         """
         small_enough = (self.at_most is None or value <= self.at_most) and (
             self.below is None or value < self.below
@@ -111,21 +115,21 @@ class Relation(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Schema(Struct, frozen=True):
-    """Which entities (O) and relations (R) may occur in a scene."""
+    """The entities (O) and relations (R) that may occur in a scene."""
 
     entities: tuple[Entity, ...]
     relations: tuple[Relation, ...]
 
     @property
     def phases(self) -> tuple[str, ...]:
-        """Names of the phases of the operation, in their order."""
+        """Names of the phases of the operation, in order."""
         return tuple(entity.name for entity in self.entities if entity.geometry == "phase")
 
     def entity(self, name: str) -> Entity:
-        """Return the entity of that name.
+        """Return the entity of a name.
 
         Raises:
-            KeyError: If the schema has none.
+            KeyError: If the schema has no such entity.
         """
         for entity in self.entities:
             if entity.name == name:
@@ -135,13 +139,13 @@ class Schema(Struct, frozen=True):
     def measure_name(self, relation: Relation) -> str:
         """Return the name under which a graph carries the measure of a relation.
 
-        Distances are told apart by what they lead to ("distance_to_retina_mm"); the others are unique, or are
-        `called` otherwise.
+        A distance is named after its object ("distance_to_retina_mm"); other measures are unique or have an
+        `alias`.
         """
-        if relation.called:
-            return relation.called
+        if relation.alias:
+            return relation.alias
         if relation.measure == "distance_mm":
-            return f"distance_to_{self.entity(relation.object).called}_mm"
+            return f"distance_to_{self.entity(relation.object).display_name}_mm"
         return relation.measure
 
     @property
@@ -171,13 +175,13 @@ class GraphDiff(Struct, frozen=True):
 
 
 class SceneGraph(Struct, frozen=True):
-    """The scene at one moment. Nodes and edges stand in the schema's order: equal scenes, equal bytes."""
+    """The scene at one moment. Nodes and edges are in schema order, so equal scenes give equal bytes."""
 
     stamp_ns: int
     nodes: tuple[Node, ...] = ()
     edges: tuple[Triplet, ...] = ()
     measures: dict[str, float] = {}
-    """The numbers the edges were decided by, by name with unit ("theta_deg", "distance_to_retina_mm")."""
+    """The numbers that decided the edges, by name with unit ("theta_deg", "distance_to_retina_mm")."""
 
     def __contains__(self, edge: Triplet) -> bool:
         return edge in self.edges
@@ -185,7 +189,7 @@ class SceneGraph(Struct, frozen=True):
     def find(
         self, subject: str | None = None, predicate: str | None = None, object: str | None = None
     ) -> tuple[Triplet, ...]:
-        """Return the edges that match every part given; none given matches all."""
+        """Return the edges that match every given part; all edges if none is given."""
         return tuple(
             edge
             for edge in self.edges
@@ -206,7 +210,7 @@ class SceneGraph(Struct, frozen=True):
         raise KeyError(node_id)
 
     def diff(self, later: "SceneGraph") -> GraphDiff:
-        """Return what appears and vanishes on the way from this graph to a later one."""
+        """Return what appears and vanishes between this graph and a later one."""
         here, there = ({node.id for node in graph.nodes} for graph in (self, later))
         return GraphDiff(
             nodes_appeared=tuple(node.id for node in later.nodes if node.id not in here),
@@ -216,7 +220,7 @@ class SceneGraph(Struct, frozen=True):
         )
 
     def to_json(self) -> bytes:
-        """Return the graph as JSON; the same graph gives the same bytes."""
+        """Return the graph as JSON; equal graphs give equal bytes."""
         return msgspec.json.encode(self, order="deterministic")
 
     @classmethod
@@ -229,7 +233,7 @@ class SceneGraph(Struct, frozen=True):
         return msgspec.json.decode(data, type=cls)
 
     def to_networkx(self) -> "networkx.MultiDiGraph[str]":
-        """Return a copy for NetworkX: node attributes category and group, edge keys are predicates.
+        """Return a copy for NetworkX; nodes have the attributes category and group, edge keys are predicates.
 
         Raises:
             MissingExtra: If NetworkX is not installed.

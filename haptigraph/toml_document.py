@@ -9,6 +9,7 @@ import re
 import tomllib
 import warnings
 from collections.abc import Callable
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
@@ -16,11 +17,13 @@ import msgspec
 
 from haptigraph.errors import BadInput, RenamedKey, unknown_name
 
-__all__ = ["Blame", "Document", "convert"]
+__all__ = ["WARN_OF_OLD_KEYS", "Blame", "Document", "convert"]
 
 T = TypeVar("T")
 Blame = Callable[[str, str], BadInput]
 """Make the error for (problem, path of keys)."""
+WARN_OF_OLD_KEYS = ContextVar("WARN_OF_OLD_KEYS", default=True)
+"""False while a text is read that nobody edits, such as that in a recording."""
 
 
 class Document:
@@ -134,7 +137,8 @@ def _renamed(table: dict[str, Any], old: str, new: str, path: str, error: Blame)
     if new in table:
         raise error(f"both {old!r} and {new!r}, which is its new name; keep {new!r}", path)
     table[new] = table.pop(old)
-    warnings.warn(str(error(f"key {old!r} is now called {new!r}", path)), RenamedKey, stacklevel=2)
+    if WARN_OF_OLD_KEYS.get():
+        warnings.warn(str(error(f"key {old!r} is now called {new!r}", path)), RenamedKey, stacklevel=2)
     return new
 
 

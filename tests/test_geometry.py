@@ -28,57 +28,57 @@ ARC = Polyline(tuple((12 * math.sin(a / 20), -12 * math.cos(a / 20)) for a in ra
 
 
 @given(vector, angle_deg)
-def test_rotation_keeps_length_and_turns_by_its_angle(v, angle):
-    turned = rotate(v, angle)
-    assert norm(turned) == pytest.approx(norm(v))
-    assert angle_between_deg(v, turned) == pytest.approx(abs(angle), abs=1e-6)
+def test_rotation_preserves_length_and_rotates_by_its_angle(v, angle):
+    rotated = rotate(v, angle)
+    assert norm(rotated) == pytest.approx(norm(v))
+    assert angle_between_deg(v, rotated) == pytest.approx(abs(angle), abs=1e-6)
 
 
 @given(vector, vector, vector, vector, st.floats(0, 1), st.floats(0, 1))
-def test_no_two_places_of_two_pieces_are_nearer_than_their_distance(a, b, c, d, share, other_share):
+def test_no_two_points_of_two_segments_are_nearer_than_their_distance(a, b, c, d, fraction, other_fraction):
     one, other = Segment(a, b), Segment(c, d)
-    at = a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
-    there = c[0] + other_share * (d[0] - c[0]), c[1] + other_share * (d[1] - c[1])
-    assert distance_between(one, other) <= norm(subtract(at, there)) + 1e-9
+    point = a[0] + fraction * (b[0] - a[0]), a[1] + fraction * (b[1] - a[1])
+    other_point = c[0] + other_fraction * (d[0] - c[0]), c[1] + other_fraction * (d[1] - c[1])
+    assert distance_between(one, other) <= norm(subtract(point, other_point)) + 1e-9
     assert distance_between(one, other) == distance_between(other, one)
 
 
 @given(vector, st.floats(1e-7, 1e-3))
-def test_small_angles_are_exact(v, angle):
+def test_small_angles_are_accurate(v, angle):
     assert angle_between_deg(v, rotate(v, angle)) == pytest.approx(angle, rel=1e-4)
 
 
 @given(vector, vector)
-def test_angle_is_symmetric_and_within_half_a_turn(u, v):
+def test_angle_is_symmetric_and_between_0_and_180_degrees(u, v):
     assert angle_between_deg(u, v) == pytest.approx(angle_between_deg(v, u))
     assert 0 <= angle_between_deg(u, v) <= 180
 
 
-def test_a_vector_without_length_has_no_direction():
+def test_a_zero_vector_has_no_direction():
     with pytest.raises(ValueError, match="no direction"):
         unit((0.0, 0.0))
 
 
 @given(vector, st.floats(-3, 3), st.floats(0, 5))
-def test_distance_to_a_line_ignores_where_along_it(direction, along, aside):
+def test_distance_to_a_line_is_independent_of_the_position_along_it(direction, along, across):
     u = unit(direction)
-    point = along * u[0] - aside * u[1], along * u[1] + aside * u[0]
-    assert distance_to_line(point, (0.0, 0.0), direction) == pytest.approx(aside, abs=1e-9)
+    point = along * u[0] - across * u[1], along * u[1] + across * u[0]
+    assert distance_to_line(point, (0.0, 0.0), direction) == pytest.approx(across, abs=1e-9)
 
 
 @given(st.floats(-50, 50), st.floats(0, 30))
-def test_distance_to_an_arc_is_the_difference_of_radii(angle, radius):
+def test_distance_to_an_arc_is_the_difference_of_the_radii(angle, radius):
     point = radius * math.sin(math.radians(angle)), -radius * math.cos(math.radians(angle))
     assert distance_to_polyline(point, ARC) == pytest.approx(abs(12 - radius), abs=0.02)
 
 
-def test_distance_past_the_open_end_is_to_the_end():
+def test_distance_beyond_the_end_of_a_polyline_is_to_its_end():
     line = Polyline(((0.0, 0.0), (1.0, 0.0), (2.0, 0.0)))
     assert distance_to_polyline((5.0, 4.0), line) == 5.0
 
 
 @given(st.floats(-65, 65), st.floats(0.01, 11.9), st.floats(12.05, 30))
-def test_a_way_crosses_an_arc_exactly_if_it_leaves_it(angle, near, far):
+def test_a_segment_crosses_an_arc_exactly_if_it_ends_outside(angle, near, far):
     direction = math.sin(math.radians(angle)), -math.cos(math.radians(angle))
     inside = near * direction[0], near * direction[1]
     outside = far * direction[0], far * direction[1]
@@ -86,7 +86,7 @@ def test_a_way_crosses_an_arc_exactly_if_it_leaves_it(angle, near, far):
     assert crosses_polyline((0.0, 0.0), outside, ARC)
 
 
-def test_a_way_through_a_vertex_crosses():
+def test_a_segment_through_a_vertex_crosses():
     line = Polyline(((-1.0, 0.0), (0.0, 0.0), (1.0, 0.0)))
     assert crosses_polyline((0.0, 1.0), (0.0, -1.0), line)
     assert not crosses_polyline((3.0, 1.0), (3.0, -1.0), line)
@@ -98,7 +98,7 @@ def test_a_way_through_a_vertex_crosses():
     st.booleans(),
     st.tuples(st.floats(-20, 20), st.floats(-20, 20)),
 )
-def test_pixels_and_millimetres_are_inverse(center, mm_per_px, mirrored, at_mm):
+def test_to_mm_and_to_px_are_inverse(center, mm_per_px, mirrored, at_mm):
     image = ImageGeometry(center, mm_per_px, mirrored)
     assert image.to_mm(image.to_px(at_mm)) == pytest.approx(at_mm, abs=1e-6)
 
@@ -111,25 +111,25 @@ def test_eye_frame_is_right_and_up_as_the_surgeon_sees_it():
 
 
 @given(vector, vector)
-def test_subtract_then_add_returns(a, b):
+def test_subtraction_inverts_addition(a, b):
     d = subtract(a, b)
     assert (b[0] + d[0], b[1] + d[1]) == pytest.approx(a)
 
 
 @given(vector)
-def test_the_nearest_place_lies_on_the_line_at_the_distance(point):
+def test_the_nearest_point_is_on_the_polyline_at_its_distance(point):
     nearest = nearest_on_polyline(point, ARC)
     assert distance_to_polyline(nearest, ARC) == pytest.approx(0, abs=1e-9)
     assert norm(subtract(point, nearest)) == pytest.approx(distance_to_polyline(point, ARC))
 
 
 @given(vector, st.floats(-3e-4, 3e-4), st.floats(-3e-4, 3e-4))
-def test_a_slanted_view_leads_there_and_back(at_mm, right, down):
+def test_to_mm_and_to_px_are_inverse_for_a_tilted_camera(at_mm, right, down):
     tilt = Homography(((0.98, 0.01, 4.0), (0.02, 1.03, -7.0), (right, down, 1.0)))
     image = ImageGeometry((320.0, 200.0), 0.1, mirrored=True, frontal_from_image=tilt)
     assert image.to_mm(image.to_px(at_mm)) == pytest.approx(at_mm, abs=1e-6)
 
 
-def test_a_homography_onto_a_line_has_no_inverse():
+def test_a_singular_homography_has_no_inverse():
     with pytest.raises(ValueError, match="no inverse"):
         _ = Homography(((1.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))).inverse

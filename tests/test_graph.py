@@ -1,3 +1,5 @@
+import math
+
 import msgspec
 import pytest
 from hypothesis import given
@@ -19,21 +21,21 @@ edges = st.lists(
 )
 
 
-def test_a_measure_that_would_mean_two_things_is_called_otherwise():
+def test_an_alias_names_a_measure_whose_default_name_would_be_ambiguous():
     entities = Entity("edge", "tissue", "point"), Entity("retina", "anatomy", "polyline")
     plain = Relation("edge", "on", "retina", "distance_mm", at_most=1.0)
-    called = Relation("edge", "above", "retina", "distance_mm", above=1.0, called="lift_mm")
-    schema = Schema(entities, (plain, called))
+    renamed = Relation("edge", "above", "retina", "distance_mm", above=1.0, alias="lift_mm")
+    schema = Schema(entities, (plain, renamed))
     assert [schema.measure_name(each) for each in schema.relations] == ["distance_to_retina_mm", "lift_mm"]
 
 
-@pytest.mark.parametrize("called", ["lift", "lift_deg", "lift off_mm"])
-def test_a_measure_keeps_its_unit_whatever_it_is_called(called):
-    with pytest.raises(ValueError, match="a name that ends in _mm"):
-        Relation("edge", "above", "retina", "distance_mm", above=1.0, called=called)
+@pytest.mark.parametrize("alias", ["lift", "lift_deg", "lift off_mm"])
+def test_an_alias_must_end_in_the_unit_of_the_measure(alias):
+    with pytest.raises(ValueError, match="alias must be a name that ends in _mm"):
+        Relation("edge", "above", "retina", "distance_mm", above=1.0, alias=alias)
 
 
-def test_phases_stand_in_their_order():
+def test_phases_are_in_the_order_of_the_schema():
     phases = tuple(Entity(name, "phase", "phase") for name in ("insertion", "approach"))
     assert Schema((Entity("tip", "instrument", "point"), *phases), ()).phases == ("insertion", "approach")
 
@@ -48,7 +50,7 @@ def test_edges_are_found_by_any_part():
     assert Triplet("tip", "aligned", "retina") not in GRAPH
 
 
-def test_phi_names_the_category():
+def test_phi_returns_the_category():
     assert GRAPH.phi("tip") == "needle_tip"
     with pytest.raises(KeyError):
         GRAPH.phi("forceps")
@@ -57,35 +59,35 @@ def test_phi_names_the_category():
 @given(edges, edges)
 def test_a_diff_leads_from_one_graph_to_the_other(before, after):
     diff = SceneGraph(0, (TIP,), tuple(before)).diff(SceneGraph(1, (TIP,), tuple(after)))
-    led = (set(before) - set(diff.edges_vanished)) | set(diff.edges_appeared)
-    assert led == set(after)
+    patched = (set(before) - set(diff.edges_vanished)) | set(diff.edges_appeared)
+    assert patched == set(after)
     assert bool(diff) == (set(before) != set(after))
 
 
-def test_a_diff_sees_nodes_come_and_go():
+def test_a_diff_lists_nodes_that_appear_and_vanish():
     diff = SceneGraph(0, (TIP, RETINA)).diff(SceneGraph(1, (RETINA, LINE)))
     assert diff.nodes_appeared == ("line",)
     assert diff.nodes_vanished == ("tip",)
 
 
 @given(edges)
-def test_json_brings_back_the_same_graph(some_edges):
+def test_json_round_trip_preserves_the_graph(some_edges):
     graph = SceneGraph(7, (TIP, LINE, RETINA), tuple(some_edges), {"a_mm": 0.1, "b_mm": 1 / 3})
     assert SceneGraph.from_json(graph.to_json()) == graph
 
 
-def test_json_reads_like_the_paper():
+def test_json_uses_the_terms_of_the_paper():
     data = msgspec.json.decode(GRAPH.to_json())
     assert data["edges"][0] == {"subject": "tip", "predicate": "touching", "object": "retina"}
     assert str(TOUCHING) == "<tip, touching, retina>"
 
 
-def test_json_of_something_else_is_refused():
+def test_json_that_is_not_a_graph_is_refused():
     with pytest.raises(msgspec.ValidationError):
         SceneGraph.from_json(b'{"stamp_ns": 1, "edges": [3]}')
 
 
-def test_networkx_gets_nodes_edges_and_measures():
+def test_the_networkx_copy_has_nodes_edges_and_measures():
     copy = GRAPH.to_networkx()
     assert copy.nodes["tip"] == {"category": "needle_tip", "group": "instrument"}
     assert list(copy.edges(keys=True)) == [("tip", "retina", "touching"), ("line", "retina", "aligned")]
@@ -101,28 +103,44 @@ def test_networkx_gets_nodes_edges_and_measures():
         ({"above": 0.7, "at_most": 5.5}, (0.71, 5.5), (0.7, 5.51)),
     ],
 )
-def test_bounds_are_open_and_closed_as_they_say(bounds, true, false):
+def test_at_most_and_at_least_include_the_threshold_and_below_and_above_do_not(bounds, true, false):
     relation = Relation("a", "r", "b", "distance_mm", **bounds)
     assert all(relation.holds(value) for value in true)
     assert not any(relation.holds(value) for value in false)
 
 
-def test_release_holds_on_beyond_the_upper_bound():
-    relation = Relation("a", "r", "b", "distance_mm", above=0.2, at_most=0.7, release=0.8)
+@pytest.mark.parametrize("upper", ["at_most", "below"])
+def test_release_extends_the_upper_bound_up_to_and_including_itself(upper):
+    relation = Relation("a", "r", "b", "distance_mm", above=0.2, release=0.8, **{upper: 0.7})
     assert not relation.holds(0.75)
+    assert not relation.holds(0.8)
     assert relation.holds(0.75, held=True)
-    assert not relation.holds(0.81, held=True)
-    assert not relation.holds(0.1, held=True)  # the other bound is not relaxed
+    assert relation.holds(0.8, held=True)
+    assert not relation.holds(math.nextafter(0.8, 1.0), held=True)
+    assert not relation.holds(0.2, held=True)  # the other bound is not relaxed
 
 
-def test_release_holds_on_beyond_the_lower_bound():
-    relation = Relation("a", "r", "b", "theta_deg", above=2.0, release=1.7)
+@pytest.mark.parametrize("lower", ["at_least", "above"])
+def test_release_extends_the_lower_bound_down_to_and_including_itself(lower):
+    relation = Relation("a", "r", "b", "theta_deg", at_most=5.0, release=1.7, **{lower: 2.0})
     assert not relation.holds(1.9)
+    assert not relation.holds(1.7)
     assert relation.holds(1.9, held=True)
-    assert not relation.holds(1.6, held=True)
+    assert relation.holds(1.7, held=True)
+    assert not relation.holds(math.nextafter(1.7, 1.0), held=True)
+    assert not relation.holds(math.nextafter(5.0, 6.0), held=True)  # the other bound is not relaxed
 
 
-def test_measures_are_named_after_what_they_lead_to():
+@pytest.mark.parametrize(
+    ("bound", "includes"), [("at_most", True), ("below", False), ("at_least", True), ("above", False)]
+)
+def test_a_release_at_the_bound_itself_includes_it_while_the_relation_holds(bound, includes):
+    relation = Relation("a", "r", "b", "distance_mm", release=0.7, **{bound: 0.7})
+    assert relation.holds(0.7) is includes
+    assert relation.holds(0.7, held=True)
+
+
+def test_distances_are_named_after_their_object():
     retina = Entity("retina_surface", "anatomy", "polyline", label="retina")
     forceps = Entity("forceps", "instrument", "point")
     schema = Schema((retina, forceps), ())

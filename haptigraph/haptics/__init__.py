@@ -1,1 +1,1 @@
-"""From states to touch: patterns, renderer, the guard that can always still the hand, and devices."""
+"""Haptic output: patterns, renderer, the guard that can always silence the actuator, and devices."""

@@ -1,7 +1,7 @@
-"""Drive a voice coil through an amplifier on the sound card, or keep what it would play in a WAV file.
+"""Drive a voice coil through an amplifier on the sound card, or write its signal to a WAV file.
 
-The sound card asks for samples from a thread of its own; the file is written up to the newest stamp. A run
-that dies leaves a sound card silent, for nobody hands it samples any more. Knows no pattern.
+The sound card requests samples from a thread of its own; the file is written up to the newest stamp. If the
+run dies, the sound card is silent because it receives no more samples.
 """
 
 import wave
@@ -25,8 +25,8 @@ class AudioDevice:
     """Play on the sound card, or into a file.
 
     Args:
-        argument: Path of a new .wav file, or the name or number of a sound card's output; the system's own if
-            empty.
+        argument: Path of a new .wav file, or the name or number of a sound card's output; the system default
+            if empty.
 
     Raises:
         BadInput: If the file or the sound card cannot be used.
@@ -38,7 +38,7 @@ class AudioDevice:
         frequency_range_hz=(20.0, 1000.0),
         shortest_on_ms=10.0,
         holds_ms=HOLDS_MS,
-        limitations="Ramps of 5 ms keep it from clicking; a pattern without frequency sounds at 160 Hz.",
+        limitations="Ramps of 5 ms prevent clicks; a pattern without frequency plays at 160 Hz.",
     )
 
     def __init__(self, argument: str = "") -> None:
@@ -47,24 +47,24 @@ class AudioDevice:
 
     @staticmethod
     def found() -> dict[str, str]:
-        """Return the outputs of the sound cards: what to give as device, and their names."""
+        """Return the outputs of the sound cards: the device argument and the name of each."""
         outputs = [card for card in _sounddevice().query_devices() if card["max_output_channels"]]
         return {f"audio:{card['index']}": card["name"] for card in outputs}
 
     def set(self, amplitude: float, frequency_hz: float, stamp_ns: int) -> None:
-        """Sound so from now on."""
+        """Play from now on."""
         self._player.set(amplitude, frequency_hz, stamp_ns)
 
     def close(self) -> None:
-        """Fall silent and release file or sound card."""
+        """Stop the sound and release the file or sound card."""
         self._player.close()
 
 
 class SoundCard:
-    """Hand samples to a sound card whenever it asks.
+    """Provide samples to a sound card on request.
 
     Args:
-        output: Name or number of the output; the system's own if empty.
+        output: Name or number of the output; the system default if empty.
     """
 
     def __init__(self, output: str) -> None:
@@ -89,8 +89,8 @@ class SoundCard:
         samples[:] = self._tone.samples(count)[:, None]
 
     def set(self, amplitude: float, frequency_hz: float, stamp_ns: int) -> None:
-        """Sound so from the next buffer on."""
-        self._tone.tell(amplitude, frequency_hz)
+        """Play from the next buffer on."""
+        self._tone.set(amplitude, frequency_hz)
         if not self._stream.active:
             try:
                 self._stream.start()
@@ -98,13 +98,13 @@ class SoundCard:
                 raise DeviceError(f"the sound card is lost ({error})") from None
 
     def close(self) -> None:
-        """Play no more."""
+        """Stop playing."""
         with suppress(self._error):
             self._stream.close()
 
 
 class SoundFile:
-    """Write what a sound card would play; the first stamp is the file's beginning.
+    """Write what a sound card would play; the first stamp is the beginning of the file.
 
     Args:
         path: The new file; never overwrites one.
@@ -118,25 +118,25 @@ class SoundFile:
         try:
             self._file = self._path.open("xb", buffering=0)
         except FileExistsError:
-            raise BadInput("exists already; no sound overwrites a file", path) from None
+            raise BadInput("exists already; choose the name of a new file", path) from None
         except OSError as error:
             raise BadInput(f"cannot be written ({error.strerror})", path) from None
 
     def set(self, amplitude: float, frequency_hz: float, stamp_ns: int) -> None:
-        """Write what sounded until now; a killed run leaves all of it readable."""
+        """Write the sound up to now; it remains readable if the run is killed."""
         if self._wave is None or self._start_ns is None:
             self._wave, self._start_ns = wave.Wave_write(self._file), stamp_ns
             self._wave.setparams((1, 2, RATE_HZ, 0, "NONE", "not compressed"))
         self._write_until(self._wave, round((stamp_ns - self._start_ns) * RATE_HZ / 1e9))
-        self._tone.tell(amplitude, frequency_hz)
+        self._tone.set(amplitude, frequency_hz)
 
     def close(self) -> None:
-        """End on a ramp to silence; what was told nothing leaves no file."""
+        """End with a ramp to silence; delete the file if nothing was played."""
         if self._file.closed:
             return
         try:
             if self._wave is not None:
-                self._tone.tell(0.0, 0.0)
+                self._tone.set(0.0, 0.0)
                 self._write_until(self._wave, self._written + RATE_HZ // 100)
         finally:
             with suppress(OSError):  # a full disk
@@ -148,7 +148,7 @@ class SoundFile:
                 self._path.unlink()
 
     def _write_until(self, sound: wave.Wave_write, end: int) -> None:
-        """Write on up to a sample, a second at a time."""
+        """Write up to a sample, one second at a time."""
         while self._written < end:
             count = min(end - self._written, RATE_HZ)
             samples = np.round(self._tone.samples(count) * 32767).astype("<i2")
@@ -165,6 +165,6 @@ def _sounddevice() -> Any:
     except ModuleNotFoundError:
         raise MissingExtra("device audio", "audio") from None
     except OSError:
-        problem = "needs the PortAudio library; on Debian: apt-get install libportaudio2"
+        problem = "the PortAudio library is missing; on Debian: apt-get install libportaudio2"
         raise BadInput(problem, "audio") from None
     return sounddevice

@@ -1,8 +1,8 @@
 """Let a game controller rumble, through SDL2.
 
-SDL ends a rumble only while it is pumped, and some controllers end one after seconds by themselves; so it is
-sent again while it lasts, never for longer than `HOLDS_MS`, and silence is always sent. `assemble` keeps this
-device in a `warden`, which stills it when the run dies. Knows no pattern.
+SDL ends a rumble only while its events are pumped, and some controllers end one by themselves after seconds.
+So a rumble is renewed while it lasts, for at most `HOLDS_MS` at a time, and silence is always sent.
+`assemble` runs this device in a watchdog process, which silences it when the run dies.
 """
 
 import warnings
@@ -14,9 +14,9 @@ from haptigraph.messages import Capabilities
 __all__ = ["GamepadDevice"]
 
 HOLDS_MS = 150
-HIGH_HZ = 120.0  # from here on the fast motor turns, too
+HIGH_HZ = 120.0  # from here on the fast motor turns as well
 HINTS = {
-    b"SDL_JOYSTICK_ALLOW_BACKGROUND_EVENTS": b"1",  # there is no window to have the focus
+    b"SDL_JOYSTICK_ALLOW_BACKGROUND_EVENTS": b"1",  # there is no window to receive the focus
     b"SDL_JOYSTICK_THREAD": b"1",
     b"SDL_NO_SIGNAL_HANDLERS": b"1",
 }
@@ -26,10 +26,10 @@ class GamepadDevice:
     """Rumble one controller.
 
     Args:
-        argument: Which one, from 0; the first if empty.
+        argument: Number of the controller, from 0; the first if empty.
 
     Raises:
-        BadInput: If it is not there or cannot rumble.
+        BadInput: If it is not connected or cannot rumble.
         MissingExtra: If PySDL2 is not installed.
     """
 
@@ -44,7 +44,7 @@ class GamepadDevice:
 
     def __init__(self, argument: str = "") -> None:
         if argument and not argument.isdecimal():
-            raise BadInput(f"gamepad:{argument} is no controller; gamepad:0 is the first")
+            raise BadInput(f"gamepad:{argument} is not a controller; use gamepad:0 for the first one")
         self._number, self._sdl, self._pad = int(argument or 0), _sdl(), None
         try:
             self._open()
@@ -53,7 +53,7 @@ class GamepadDevice:
 
     @staticmethod
     def found() -> dict[str, str]:
-        """Return the controllers that are connected: what to give as device, and their names."""
+        """Return the connected controllers: the device argument and the name of each."""
         sdl = _sdl()
         sdl.SDL_JoystickUpdate()
         names = [sdl.SDL_JoystickNameForIndex(number) for number in range(sdl.SDL_NumJoysticks())]
@@ -66,45 +66,45 @@ class GamepadDevice:
         """Turn the motors."""
         self._sdl.SDL_JoystickUpdate()
         if self._pad is None or not self._sdl.SDL_JoystickGetAttached(self._pad):
-            self._let_go()
+            self._release()
             self._open()
         slow = round(amplitude * 65535)
         fast = slow if frequency_hz >= HIGH_HZ else 0
         if self._sdl.SDL_JoystickRumble(self._pad, slow, fast, HOLDS_MS if slow else 0):
-            raise DeviceError(f"the controller does not rumble ({self._said()})")
+            raise DeviceError(f"the controller does not rumble ({self._sdl_error()})")
 
     def close(self) -> None:
         """Stop the motors and release the controller."""
         if self._pad is not None:
             self._sdl.SDL_JoystickRumble(self._pad, 0, 0, 0)
-            self._let_go()
+            self._release()
 
     def _open(self) -> None:
         count = self._sdl.SDL_NumJoysticks()
         if self._number >= count:
-            raise DeviceError(f"there is no controller {self._number}; {count} are connected")
+            raise DeviceError(f"controller {self._number} is not connected; {count} are")
         self._pad = self._sdl.SDL_JoystickOpen(self._number)
         if not self._pad or not self._sdl.SDL_JoystickHasRumble(self._pad):
-            why = "cannot rumble" if self._pad else f"cannot be opened ({self._said()})"
-            self._let_go()
-            raise DeviceError(f"controller {self._number} {why}")
+            problem = "cannot rumble" if self._pad else f"cannot be opened ({self._sdl_error()})"
+            self._release()
+            raise DeviceError(f"controller {self._number} {problem}")
 
-    def _let_go(self) -> None:
+    def _release(self) -> None:
         pad, self._pad = self._pad, None
         if pad:
             self._sdl.SDL_JoystickClose(pad)
 
-    def _said(self) -> str:
+    def _sdl_error(self) -> str:
         return str(self._sdl.SDL_GetError().decode(errors="replace"))
 
 
 def _sdl() -> Any:
-    """Return SDL, ready for controllers and nothing else."""
+    """Return SDL, initialised for controllers only."""
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # it warns that it found its own library
+            warnings.simplefilter("ignore")  # it warns that it found its bundled library
             import sdl2  # noqa: PLC0415 - an extra
-    except ImportError:  # also where the library of its own cannot be loaded
+    except ImportError:  # also if its bundled library cannot be loaded
         raise MissingExtra("device gamepad", "gamepad") from None
     for name, value in HINTS.items():
         sdl2.SDL_SetHint(name, value)

@@ -1,7 +1,7 @@
-"""The last instance before the hand: limits, dead-man timer, silence. Nothing bypasses it.
+"""The last stage before the actuator: limits, dead-man timer, silence. Nothing bypasses it.
 
-Turns commands into the amplitudes a device is told, edge by edge. It is told the time, and starts no thread;
-`player` drives it in real time. Knows nothing of states but that `unknown` is felt as silence.
+Turns commands into the amplitudes that a device is set to, edge by edge. The caller passes the time; `player`
+drives the guard in real time from a thread of its own.
 """
 
 import math
@@ -9,25 +9,25 @@ import math
 from msgspec.structs import replace
 
 from haptigraph.config import HapticsConfig
-from haptigraph.haptics.pattern import NS_PER_MS, amplitude_at, fitted, least_gap_ms, next_change_ns
+from haptigraph.haptics.pattern import NS_PER_MS, amplitude_at, fit_to_device, min_interval_ms, next_change_ns
 from haptigraph.messages import OFF, UNKNOWN, Fault, HapticCommand, Pattern, Step
 from haptigraph.stages import Device
 
 __all__ = ["Guard"]
 
-RETRY_NS = 1_000_000_000  # a failed device is tried again once a second,
-SILENCE_RETRY_NS = 50_000_000  # and much sooner when it was to fall silent
+RETRY_NS = 1_000_000_000  # a failed device is retried once a second,
+SILENCE_RETRY_NS = 50_000_000  # and much sooner if the failed command was silence
 
 
 class Guard:
-    """Stand between the loop and one device.
+    """Enforce all limits between the loop and one device.
 
-    The hand is still when no command came yet, when none came for `deadman_ms`, when the state is unknown,
-    while it rests after `max_on_ms` of vibration, and after `close`. A device that fails is reported once
-    and tried again; it never raises out of here.
+    The actuator is silent before the first command, when no command arrives for `deadman_ms`, when the state
+    is unknown, during the rest after `max_on_ms` of vibration, and after `close`. A device that fails is
+    reported once and retried; the guard does not raise its errors.
 
-    Patterns are fitted to what the device can do; changes wait until it takes them, silence never waits. A
-    device that falls silent by itself is told again in time.
+    Patterns are fitted to the capabilities of the device. Changes wait until the device accepts them; silence
+    never waits. For a device that falls silent by itself, the guard renews the command in time.
 
     Args:
         device: The actuator; only the guard calls it.
@@ -35,10 +35,10 @@ class Guard:
     """
 
     def __init__(self, device: Device, config: HapticsConfig) -> None:
-        self._device, self._can = device, device.capabilities
-        self._gap_ns = round(least_gap_ms(self._can) * NS_PER_MS)
-        half_ns = round((self._can.holds_ms or 0.0) * NS_PER_MS / 2)
-        self._renew_ns = max(half_ns, self._gap_ns) if half_ns else None
+        self._device, self._capabilities = device, device.capabilities
+        self._min_interval_ns = round(min_interval_ms(self._capabilities) * NS_PER_MS)
+        half_ns = round((self._capabilities.holds_ms or 0.0) * NS_PER_MS / 2)
+        self._renew_ns = max(half_ns, self._min_interval_ns) if half_ns else None
         self._max_amplitude = config.max_amplitude
         self._deadman_ns = round(config.deadman_ms * NS_PER_MS)
         self._max_on_ns = round(config.max_on_ms * NS_PER_MS)
@@ -46,18 +46,18 @@ class Guard:
         self._command = HapticCommand(0, OFF, 0)
         self._received_ns: int | None = None
         self._lag_ns = 0
-        self._at_ns = 0
-        self._told: tuple[float, float] | None = None
-        self._told_at_ns: int | None = None
+        self._now_ns = 0
+        self._output: tuple[float, float] | None = None
+        self._set_at_ns: int | None = None
         self._on_since_ns: int | None = None
         self._rest_until_ns: int | None = None
         self._retry_at_ns: int | None = None
-        self._failed_on = False
+        self._failed_while_on = False
         self._faults: list[Fault] = []
         self._closed = False
 
     def send(self, step: Step, now_ns: int) -> None:
-        """Take the newest step; what it commands is felt from now on.
+        """Take the newest step; its command is played from now on.
 
         Args:
             step: The step; silence if its state is unknown, whatever it commands.
@@ -65,54 +65,52 @@ class Guard:
         """
         self.advance(now_ns)
         command = step.command
-        if not _is_sound(command.pattern):
-            problem = (
-                f"pattern {command.pattern.name!r} has a number below 0 or not finite; the hand is still"
-            )
+        if not _is_valid(command.pattern):
+            problem = f"pattern {command.pattern.name!r} has a number below 0 or not finite; output silenced"
             self._faults.append(Fault("guard", problem))
             command = HapticCommand(command.stamp_ns, OFF, command.stamp_ns)
         if step.conclusion.state == UNKNOWN:
             command = HapticCommand(command.stamp_ns, OFF, command.stamp_ns)
-        command = replace(command, pattern=fitted(command.pattern, self._can))
+        command = replace(command, pattern=fit_to_device(command.pattern, self._capabilities))
         if command.pattern.name != self._command.pattern.name or command.since_ns == command.stamp_ns:
-            # A pattern starts when it arrives: the way here must not eat the beginning of a short burst.
+            # A pattern starts on arrival: latency must not shorten the beginning of a short burst.
             self._lag_ns = now_ns - command.since_ns
         self._command, self._received_ns = command, now_ns
         self._apply(now_ns)
 
     def advance(self, now_ns: int) -> None:
-        """Tell the device everything that was due up to now."""
+        """Apply every change that is due up to now."""
         while (edge_ns := self.next_edge_ns()) is not None and edge_ns <= now_ns:
             self._apply(edge_ns)
-        self._apply(max(now_ns, self._at_ns))
+        self._apply(max(now_ns, self._now_ns))
 
     def next_edge_ns(self) -> int | None:
-        """Return when something will next change if no command comes; None if nothing will."""
+        """Return when the output next changes if no command arrives; None if it does not."""
         edges = [self._retry_at_ns, self._rest_until_ns]
-        if self._told_at_ns is not None and self._retry_at_ns is None:
-            edges.append(self._told_at_ns + self._gap_ns)
+        if self._set_at_ns is not None and self._retry_at_ns is None:
+            edges.append(self._set_at_ns + self._min_interval_ns)
             edges.append(self._renewal_ns())
-        if self._received_ns is not None and self._at_ns < self._received_ns + self._deadman_ns:
+        if self._received_ns is not None and self._now_ns < self._received_ns + self._deadman_ns:
             edges.append(self._received_ns + self._deadman_ns)
-            change_ns = next_change_ns(self._command, self._at_ns - self._lag_ns)
+            change_ns = next_change_ns(self._command, self._now_ns - self._lag_ns)
             edges.append(None if change_ns is None else change_ns + self._lag_ns)
         if self._on_since_ns is not None:
             edges.append(self._on_since_ns + self._max_on_ns)
-        return min((edge for edge in edges if edge is not None and edge > self._at_ns), default=None)
+        return min((edge for edge in edges if edge is not None and edge > self._now_ns), default=None)
 
     def take_faults(self) -> tuple[Fault, ...]:
-        """Return what went wrong since last asked."""
+        """Return the faults since the previous call."""
         faults, self._faults = tuple(self._faults), []
         return faults
 
     def silence(self) -> None:
-        """Silence, until another step is sent."""
+        """Silence the actuator until the next step."""
         self._received_ns, self._command = None, HapticCommand(0, OFF, 0)
         self._on_since_ns = None
-        self._tell(0.0, 0.0, self._at_ns)
+        self._set_device(0.0, 0.0, self._now_ns)
 
     def close(self) -> None:
-        """Still the hand for good and release the device."""
+        """Silence the actuator for good and release the device."""
         if self._closed:
             return
         self._closed = True
@@ -123,9 +121,9 @@ class Guard:
             self._report(f"did not close: {error}")
 
     def _apply(self, now_ns: int) -> None:
-        """Bring the device to what is due at one moment."""
-        self._at_ns = now_ns
-        amplitude = self._due(now_ns)
+        """Bring the device to the output that is due at a time."""
+        self._now_ns = now_ns
+        amplitude = self._amplitude_due(now_ns)
         if amplitude == 0:
             self._on_since_ns = None
         elif self._on_since_ns is None:
@@ -133,29 +131,31 @@ class Guard:
         elif now_ns - self._on_since_ns >= self._max_on_ns:
             self._on_since_ns = None
             self._rest_until_ns = now_ns + self._rest_ns
-            self._faults.append(Fault("guard", f"hand rests: it vibrated for {self._max_on_ns / 1e9:g} s"))
+            problem = f"vibration paused for {self._rest_ns / 1e9:g} s: it lasted {self._max_on_ns / 1e9:g} s"
+            self._faults.append(Fault("guard", problem))
             amplitude = 0.0
         frequency_hz = self._command.pattern.frequency_hz if amplitude else 0.0
-        if self._is_news(amplitude, frequency_hz, now_ns):
-            self._tell(amplitude, frequency_hz, now_ns)
+        if self._is_set_due(amplitude, frequency_hz, now_ns):
+            self._set_device(amplitude, frequency_hz, now_ns)
 
-    def _is_news(self, amplitude: float, frequency_hz: float, now_ns: int) -> bool:
-        """Tell whether the device must be told: it does not know, or failed and is tried again."""
+    def _is_set_due(self, amplitude: float, frequency_hz: float, now_ns: int) -> bool:
+        """Return whether the device must be set: the output changed, needs renewal, or failed before."""
         if self._retry_at_ns is None:
-            if self._told != (amplitude, frequency_hz):
-                return not amplitude or self._told_at_ns is None or now_ns >= self._told_at_ns + self._gap_ns
+            if self._output != (amplitude, frequency_hz):
+                set_at_ns = self._set_at_ns
+                return not amplitude or set_at_ns is None or now_ns >= set_at_ns + self._min_interval_ns
             renewal_ns = self._renewal_ns()
             return renewal_ns is not None and now_ns >= renewal_ns
-        return now_ns >= self._retry_at_ns or (self._failed_on and not amplitude)
+        return now_ns >= self._retry_at_ns or (self._failed_while_on and not amplitude)
 
     def _renewal_ns(self) -> int | None:
-        """Return when a device that vibrates must be told again so that it goes on; None if never."""
-        if self._renew_ns is None or self._told_at_ns is None or not (self._told and self._told[0]):
+        """Return when a vibrating device must be set again so that it continues; None if never."""
+        if self._renew_ns is None or self._set_at_ns is None or not (self._output and self._output[0]):
             return None
-        return self._told_at_ns + self._renew_ns
+        return self._set_at_ns + self._renew_ns
 
-    def _due(self, now_ns: int) -> float:
-        """Return the amplitude the command and the limits allow at one moment, but for the on-time."""
+    def _amplitude_due(self, now_ns: int) -> float:
+        """Return the amplitude that the command and the limits, except the on-time, allow at a time."""
         if self._received_ns is None or now_ns - self._received_ns >= self._deadman_ns:
             return 0.0
         if self._rest_until_ns is not None:
@@ -165,23 +165,23 @@ class Guard:
         amplitude = min(amplitude_at(self._command, now_ns - self._lag_ns), self._max_amplitude)
         return amplitude if 0 <= amplitude <= self._max_amplitude else 0.0  # nan is neither
 
-    def _tell(self, amplitude: float, frequency_hz: float, now_ns: int) -> None:
-        self._told_at_ns = now_ns
+    def _set_device(self, amplitude: float, frequency_hz: float, now_ns: int) -> None:
+        self._set_at_ns = now_ns
         try:
             self._device.set(amplitude, frequency_hz, now_ns)
         except Exception as error:  # a device may be anyone's
             if self._retry_at_ns is None:
                 self._report(str(error) or type(error).__name__)
-            self._told, self._failed_on = None, amplitude > 0
+            self._output, self._failed_while_on = None, amplitude > 0
             self._retry_at_ns = now_ns + (RETRY_NS if amplitude else SILENCE_RETRY_NS)
         else:
-            self._told, self._retry_at_ns = (amplitude, frequency_hz), None
+            self._output, self._retry_at_ns = (amplitude, frequency_hz), None
 
     def _report(self, message: str) -> None:
         self._faults.append(Fault("device", message))
 
 
-def _is_sound(pattern: Pattern) -> bool:
-    """Tell whether every number of a pattern is one that a limit can hold: finite and not negative."""
+def _is_valid(pattern: Pattern) -> bool:
+    """Return whether every number of a pattern is finite and not negative, so that limits can apply."""
     numbers = pattern.amplitude, pattern.frequency_hz, pattern.on_ms, pattern.off_ms
     return all(math.isfinite(number * NS_PER_MS) and number >= 0 for number in numbers)

@@ -1,8 +1,7 @@
 """Continuous guidance: patterns whose amplitude, frequency or pulse rate follows a measure of the scene.
 
-Turns a pattern with `follow` tables and the measures of a moment into a pattern of plain numbers. Remembers
-the measure it last followed, so that noise within the dead band changes nothing. Knows no rule, and no limit
-but what the table says: the guard has the others.
+Turns a pattern with `follow` tables and the current measures into a pattern of plain numbers. Noise within
+the dead band of the last followed value changes nothing.
 """
 
 from collections.abc import Mapping
@@ -15,27 +14,27 @@ __all__ = ["Guidance", "followed"]
 
 
 def followed(follow: Follow, value: float) -> float:
-    """Return the number that goes with a value of the measure.
+    """Return the number of a pattern for a value of the measure.
 
     Args:
-        follow: What follows what.
-        value: Of the measure, in its unit.
+        follow: The mapping from measure to number.
+        value: The measure, in its unit.
     """
     (first, low), (last, high) = follow.start, follow.end
-    share = min(max((value - first) / (last - first), 0.0), 1.0)
-    return low + float(share**follow.curve) * (high - low)
+    fraction = min(max((value - first) / (last - first), 0.0), 1.0)
+    return low + float(fraction**follow.curve) * (high - low)
 
 
 class Guidance:
-    """Say what patterns with `follow` tables are at any moment."""
+    """Resolve the `follow` tables of patterns."""
 
     def __init__(self) -> None:
         self._followed: dict[Follow, float] = {}
 
     def __call__(self, pattern: Pattern, measures: Mapping[str, float]) -> Pattern:
-        """Return a pattern with the numbers that follow a measure as they are now.
+        """Return a pattern with the current values of the numbers that follow a measure.
 
-        A number whose measure is not known keeps what the pattern says.
+        A number whose measure is undefined keeps the value of the pattern.
         """
         if not pattern.follow:
             return pattern
@@ -47,11 +46,11 @@ class Guidance:
         return plain
 
     def reset(self) -> None:
-        """Forget what was followed."""
+        """Forget the followed values."""
         self._followed.clear()
 
     def _steady(self, follow: Follow, value: float) -> float:
-        """Return the measure without what lies within the dead band of what was followed last."""
+        """Return the last followed value if the measure is within its dead band, else the measure."""
         last = self._followed.get(follow)
         if last is None or abs(value - last) > follow.dead_band:
             self._followed[follow] = last = value

@@ -1,4 +1,4 @@
-"""Listen in on what a device is told, after the guard: what is shown is what is felt."""
+"""Observe the output of a device downstream of the guard, so that the page shows what the actuator does."""
 
 from collections.abc import Callable
 from typing import TypeAlias
@@ -9,7 +9,7 @@ from haptigraph.stages import Device
 __all__ = ["PAGE_CONTROLLER", "Listener", "ObservedDevice"]
 
 Listener: TypeAlias = Callable[[int, float, float], None]
-"""Told (stamp_ns, amplitude, frequency_hz) of every change; must return at once and never raise."""
+"""Called with (stamp_ns, amplitude, frequency_hz) at every change; must return at once and never raise."""
 
 PAGE_CONTROLLER = Capabilities(
     amplitude_levels=65535,
@@ -19,17 +19,17 @@ PAGE_CONTROLLER = Capabilities(
     holds_ms=150.0,
     limitations="Below 120 Hz only the strong motor turns, else both. Changes are queued, silence never.",
 )
-"""What a game controller does that listens through the live page; `static/live/rumble.js` plays it."""
+"""A game controller that the live page drives; `static/live/rumble.js` plays it."""
 
 
 class ObservedDevice:
-    """Pass everything on to a device, and tell a listener.
+    """Forward everything to a device and notify a listener.
 
-    The listener hears a change even if the device fails: it may be the only one that the hand feels.
+    The listener is notified even if the device fails, because it may drive the only working actuator.
 
     Args:
         device: The device.
-        listener: Who hears.
+        listener: The observer.
     """
 
     def __init__(self, device: Device, listener: Listener) -> None:
@@ -37,7 +37,7 @@ class ObservedDevice:
         self._device, self._listener = device, listener
 
     def set(self, amplitude: float, frequency_hz: float, stamp_ns: int) -> None:
-        """Tell listener and device."""
+        """Notify the listener and set the device."""
         self._listener(stamp_ns, amplitude, frequency_hz)
         self._device.set(amplitude, frequency_hz, stamp_ns)
 

@@ -1,7 +1,4 @@
-"""What a haptic command feels like at any moment: patterns as amplitude over time.
-
-Pure functions of time; they know no device and no clock.
-"""
+"""Haptic patterns as amplitude over time, and their fit to the capabilities of a device. Pure functions."""
 
 from msgspec.structs import replace
 
@@ -12,8 +9,8 @@ __all__ = [
     "amplitude_at",
     "beyond",
     "duration_ns",
-    "fitted",
-    "least_gap_ms",
+    "fit_to_device",
+    "min_interval_ms",
     "next_change_ns",
     "position_ns",
 ]
@@ -22,14 +19,14 @@ NS_PER_MS = 1_000_000
 
 
 def duration_ns(pattern: Pattern) -> int | None:
-    """Return how long a pattern lasts [ns]; None for those that go on until something else is felt."""
+    """Return the duration of a pattern [ns]; None if it continues until it is replaced."""
     if pattern.kind != "bursts":
         return None
     return pattern.count * _on_ns(pattern) + (pattern.count - 1) * _off_ns(pattern)
 
 
 def amplitude_at(command: HapticCommand, stamp_ns: int) -> float:
-    """Return the amplitude of a command at a moment, in [0, 1]."""
+    """Return the amplitude of a command at a time, in [0, 1]."""
     pattern = command.pattern
     age_ns = stamp_ns - command.since_ns
     if pattern.kind == "off" or age_ns < 0:
@@ -43,12 +40,12 @@ def amplitude_at(command: HapticCommand, stamp_ns: int) -> float:
 
 
 def position_ns(before: Pattern, after: Pattern, age_ns: int) -> int:
-    """Return where in its period a rhythm goes on when its numbers change; 0, its start, if that is over.
+    """Return where in its period a rhythm continues when its numbers change; 0, its start, if past the end.
 
     Args:
         before: The pattern so far.
-        after: The same with other numbers.
-        age_ns: Since its start.
+        after: The same pattern with other numbers.
+        age_ns: Time since its start.
     """
     period_ns = _period_ns(before)
     position = age_ns % period_ns if period_ns else 0
@@ -56,7 +53,7 @@ def position_ns(before: Pattern, after: Pattern, age_ns: int) -> int:
 
 
 def next_change_ns(command: HapticCommand, stamp_ns: int) -> int | None:
-    """Return the first moment after `stamp_ns` at which the amplitude may change; None if it stays."""
+    """Return the first time after `stamp_ns` at which the amplitude may change; None if it never does."""
     pattern = command.pattern
     if pattern.kind == "off":
         return None
@@ -73,37 +70,35 @@ def next_change_ns(command: HapticCommand, stamp_ns: int) -> int | None:
     return start_ns + on_ns if stamp_ns - start_ns < on_ns else start_ns + period_ns
 
 
-def least_gap_ms(capabilities: Capabilities) -> float:
-    """Return how far apart changes must lie for a device to take them; 0 if it takes all."""
+def min_interval_ms(capabilities: Capabilities) -> float:
+    """Return the minimum interval between changes that a device accepts; 0 if there is none."""
     return 1000.0 / capabilities.max_rate_hz if capabilities.max_rate_hz else 0.0
 
 
-def fitted(pattern: Pattern, capabilities: Capabilities) -> Pattern:
-    """Return a pattern as a device can play it: bursts it can make felt, changes as far apart as it takes.
+def fit_to_device(pattern: Pattern, capabilities: Capabilities) -> Pattern:
+    """Return a pattern as a device can play it: perceptible bursts, changes at intervals that it accepts.
 
-    Bursts begin when they did, as long as the pauses between them can still be felt; else the rhythm slows.
+    The onsets are kept as long as the pauses remain perceptible; otherwise the rhythm slows down.
     """
     if pattern.kind not in ("pulses", "bursts") or not pattern.on_ms:
         return pattern
-    gap_ms = least_gap_ms(capabilities)
-    on_ms = max(pattern.on_ms, capabilities.shortest_on_ms, gap_ms)
+    interval_ms = min_interval_ms(capabilities)
+    on_ms = max(pattern.on_ms, capabilities.shortest_on_ms, interval_ms)
     left_ms = pattern.on_ms + pattern.off_ms - on_ms
-    off_ms = max(left_ms, min(pattern.off_ms, capabilities.shortest_on_ms), gap_ms)
+    off_ms = max(left_ms, min(pattern.off_ms, capabilities.shortest_on_ms), interval_ms)
     return replace(pattern, on_ms=on_ms, off_ms=off_ms)
 
 
 def beyond(pattern: Pattern, capabilities: Capabilities) -> list[str]:
-    """Say, a sentence each, what of a pattern a device cannot do."""
+    """Return what a device cannot do of a pattern, one sentence each."""
     sentences = []
     if pattern.kind != "off" and capabilities.frequency_range_hz is None and pattern.frequency_hz:
-        sentences.append(f"{pattern.name}: {pattern.frequency_hz:g} Hz cannot be chosen")
+        sentences.append(f"{pattern.name}: {pattern.frequency_hz:g} Hz cannot be selected")
     if capabilities.frequency_range_hz is not None and pattern.frequency_hz:
         low, high = capabilities.frequency_range_hz
         if not low <= pattern.frequency_hz <= high:
-            sentences.append(
-                f"{pattern.name}: {pattern.frequency_hz:g} Hz lies outside {low:g} to {high:g} Hz"
-            )
-    played = fitted(pattern, capabilities)
+            sentences.append(f"{pattern.name}: {pattern.frequency_hz:g} Hz is outside {low:g} to {high:g} Hz")
+    played = fit_to_device(pattern, capabilities)
     if (played.on_ms, played.off_ms) != (pattern.on_ms, pattern.off_ms):
         sentences.append(
             f"{pattern.name}: {pattern.on_ms:g} ms on, {pattern.off_ms:g} ms off become "

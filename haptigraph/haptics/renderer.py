@@ -1,6 +1,6 @@
 """Turn surgical states into haptic commands by the procedure's grammar (paper, section II-D).
 
-Remembers what is playing, so that a steady state keeps its rhythm and a one-shot plays once. Knows no device.
+Keeps track of the current pattern, so that a steady state keeps its rhythm and a one-shot plays once.
 """
 
 from collections.abc import Iterable
@@ -15,9 +15,9 @@ __all__ = ["GrammarRenderer"]
 class GrammarRenderer:
     """Choose a pattern for every conclusion.
 
-    Numbers of a pattern may follow a measure; its rhythm goes on meanwhile. Bursts start when their state is
-    entered and play to their end, once, even if the state is left for a silent one; any other pattern, or
-    losing the needle, cuts them short.
+    Numbers of a pattern may follow a measure; its rhythm continues meanwhile. Bursts start when their state
+    is entered and play to the end, once, even if a silent state follows. Any other pattern, or the loss of
+    the needle, cuts them short.
 
     Args:
         patterns: The procedure's patterns; every `feel` of its states is among them.
@@ -30,33 +30,33 @@ class GrammarRenderer:
         self._left_ns: dict[str, int] = {}
 
     def __call__(self, conclusion: Conclusion) -> HapticCommand:
-        """Return what the hand feels from this moment on."""
+        """Return the haptic command from this time on."""
         now_ns = conclusion.stamp_ns
-        wanted = self._guidance(self._patterns[conclusion.feel], conclusion.measures)
-        entered = conclusion.state != self._state and self._is_armed(conclusion.state, wanted, now_ns)
+        pattern = self._guidance(self._patterns[conclusion.feel], conclusion.measures)
+        entered = conclusion.state != self._state and self._is_armed(conclusion.state, pattern, now_ns)
         self._state = conclusion.state
         self._left_ns[conclusion.state] = now_ns
         if self._burst_is_over(now_ns):
             self._play(OFF, now_ns)
         if conclusion.state == UNKNOWN:
             self._play(OFF, now_ns)
-        elif wanted.kind == "bursts":
+        elif pattern.kind == "bursts":
             if entered:
-                self._play(wanted, now_ns)
+                self._play(pattern, now_ns)
             elif self._playing.kind != "bursts":
                 self._play(OFF, now_ns)
-        elif wanted.kind != "off" or self._playing.kind != "bursts":
-            self._play(OFF if wanted.kind == "off" else wanted, now_ns)
+        elif pattern.kind != "off" or self._playing.kind != "bursts":
+            self._play(OFF if pattern.kind == "off" else pattern, now_ns)
         return HapticCommand(now_ns, self._playing, self._since_ns)
 
     def reset(self) -> None:
-        """Forget what is playing."""
+        """Forget the current pattern."""
         self._playing, self._since_ns, self._state = OFF, 0, UNKNOWN
         self._left_ns.clear()
         self._guidance.reset()
 
     def _is_armed(self, state: str, pattern: Pattern, now_ns: int) -> bool:
-        """Tell whether a state was left long enough for its bursts to play again."""
+        """Return whether a state was left long enough for its bursts to play again."""
         left_ns = self._left_ns.get(state)
         return left_ns is None or now_ns - left_ns >= pattern.rearm_ms * NS_PER_MS
 
@@ -65,11 +65,11 @@ class GrammarRenderer:
         return length_ns is not None and now_ns - self._since_ns >= length_ns
 
     def _play(self, pattern: Pattern, now_ns: int) -> None:
-        """Play a pattern from its start; one that goes on with other numbers keeps its rhythm."""
+        """Play a pattern from its start; one that continues with other numbers keeps its rhythm."""
         if pattern == self._playing:
             return
-        goes_on = pattern.name == self._playing.name
+        continues = pattern.name == self._playing.name
         self._since_ns = now_ns - (
-            position_ns(self._playing, pattern, now_ns - self._since_ns) if goes_on else 0
+            position_ns(self._playing, pattern, now_ns - self._since_ns) if continues else 0
         )
         self._playing = pattern

@@ -1,7 +1,7 @@
-"""A device at the other end of a ROS 2 network: sensor_msgs/JoyFeedback, as ROS's joy node takes it.
+"""A device at the other end of a ROS 2 network: sensor_msgs/JoyFeedback for the joy node of ROS.
 
-The joy node plays each message for one second on both motors, so the guard tells it again before that. A
-process of its own (`warden`) publishes silence when the run dies.
+The joy node plays each message for one second on both motors, so the guard renews it before that. A watchdog
+process publishes silence when the run dies.
 """
 
 import threading
@@ -13,18 +13,18 @@ from haptigraph.messages import Capabilities
 __all__ = ["Ros2Device"]
 
 DEFAULT_TOPIC = "joy/set_feedback"
-LOOK_S = 1.0  # subscribers make themselves known within this
+DISCOVERY_S = 1.0  # subscribers announce themselves within this time
 TICK_S = 0.02
 
 
 class Ros2Device:
-    """Publish every amplitude as the intensity of a rumble. Opening waits a moment for who subscribes.
+    """Publish every amplitude as the intensity of a rumble. Opening waits briefly for a subscriber.
 
     Args:
-        topic: Where to publish; joy/set_feedback if empty.
+        topic: The topic; joy/set_feedback if empty.
 
     Raises:
-        BadInput: If it is no topic, or the network cannot be joined.
+        BadInput: If it is not a valid topic, or the network cannot be joined.
         MissingExtra: If cyclonedds is not installed.
     """
 
@@ -38,7 +38,7 @@ class Ros2Device:
     )
 
     def __init__(self, topic: str = "") -> None:
-        # Here, so that what it can is known without the extra.
+        # Imported here, so that the capabilities are available without the extra.
         from haptigraph.ros2 import types  # noqa: PLC0415
         from haptigraph.ros2.node import Node  # noqa: PLC0415
 
@@ -47,31 +47,31 @@ class Ros2Device:
         self._node = Node()
         self._publisher = self._node.publisher(self._topic, types.JoyFeedback)
         tick = threading.Event()
-        for _ in range(round(LOOK_S / TICK_S)):  # or the first command would find nobody
+        for _ in range(round(DISCOVERY_S / TICK_S)):  # otherwise the first command would reach nobody
             if self._publisher.has_listeners:
                 break
             tick.wait(TICK_S)
 
     @staticmethod
     def found() -> dict[str, str]:
-        """Return who subscribes to touch on the network: what to give as device, and where."""
+        """Return the subscribers to haptic output: the device argument and the ROS domain of each."""
         from haptigraph.ros2.node import Node  # noqa: PLC0415
 
         node = Node()
-        threading.Event().wait(LOOK_S)
+        threading.Event().wait(DISCOVERY_S)
         subscribed = node.subscribed()
         node.close()
         where = f"subscribed to on ROS domain {node.domain}"
         return {f"ros2:{topic}": where for topic, kind in subscribed.items() if kind.endswith("JoyFeedback_")}
 
     def set(self, amplitude: float, frequency_hz: float, stamp_ns: int) -> None:
-        """Publish one amplitude, whether anybody listens or not.
+        """Publish one amplitude, even without subscribers.
 
         Raises:
-            DeviceError: If nobody listens, or it could not be published.
+            DeviceError: If nobody subscribes, or it could not be published.
         """
         try:
-            self._tell(amplitude)
+            self._publish(amplitude)
         except OSError as error:
             raise DeviceError(f"ros2:{self._topic} cannot be published ({error})") from None
         if not self._publisher.has_listeners:
@@ -79,9 +79,9 @@ class Ros2Device:
 
     def close(self) -> None:
         """Publish silence and leave the network."""
-        with suppress(OSError):  # it has left already
-            self._tell(0.0)
+        with suppress(OSError):  # already left
+            self._publish(0.0)
         self._node.close()
 
-    def _tell(self, amplitude: float) -> None:
+    def _publish(self, amplitude: float) -> None:
         self._publisher.send(self._types.JoyFeedback(self._types.RUMBLE, 0, amplitude))

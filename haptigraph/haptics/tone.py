@@ -1,6 +1,6 @@
-"""Turn amplitude and frequency into the samples of a sine, with short ramps against clicks.
+"""Turn amplitude and frequency into the samples of a sine, with short ramps to avoid clicks.
 
-What the sound card and a sound file have in common. Knows neither; its time is counted in samples.
+Shared by the sound card and the sound file; its time is counted in samples.
 """
 
 import math
@@ -13,44 +13,42 @@ __all__ = ["RATE_HZ", "Tone"]
 RATE_HZ = 48_000
 RAMP_S = 0.005
 DEFAULT_HZ = 160.0
-SILENCE = 1e-6  # rounding leaves less than this of a ramp
+SILENCE = 1e-6  # exceeds the rounding error at the end of a ramp
 
 
 class Tone:
-    """A sine whose amplitude follows what it is told.
-
-    Falls silent by itself when it was told nothing for a while.
+    """A sine whose amplitude follows the last setting, and that falls silent by itself.
 
     Args:
-        holds_ms: For how long.
+        holds_ms: Time after which it falls silent unless it is set again.
     """
 
     def __init__(self, holds_ms: float) -> None:
         self._holds = round(holds_ms / 1e3 * RATE_HZ)
         self._left = 0
-        self._amplitude, self._wanted, self._frequency_hz, self._turns = 0.0, 0.0, DEFAULT_HZ, 0.0
+        self._amplitude, self._target, self._frequency_hz, self._turns = 0.0, 0.0, DEFAULT_HZ, 0.0
 
-    def tell(self, amplitude: float, frequency_hz: float) -> None:
-        """Sound so from the next sample on; where a pattern names no frequency, 160 Hz."""
+    def set(self, amplitude: float, frequency_hz: float) -> None:
+        """Play from the next sample on; at 160 Hz if the frequency is 0."""
         if amplitude:
             self._frequency_hz = frequency_hz or DEFAULT_HZ
-        self._wanted, self._left = amplitude, self._holds
+        self._target, self._left = amplitude, self._holds
 
     def samples(self, count: int) -> NDArray[np.float32]:
         """Return the next samples in [-1, 1], (count,)."""
         sounding = min(self._left, count)
         self._left -= sounding
-        return np.concatenate([self._part(sounding, self._wanted), self._part(count - sounding, 0.0)])
+        return np.concatenate([self._part(sounding, self._target), self._part(count - sounding, 0.0)])
 
-    def _part(self, count: int, wanted: float) -> NDArray[np.float32]:
-        if not count or not (wanted or self._amplitude):
+    def _part(self, count: int, target: float) -> NDArray[np.float32]:
+        if not count or not (target or self._amplitude):
             return np.zeros(count, np.float32)
         steps = np.arange(1, count + 1) / (RAMP_S * RATE_HZ)
-        down = wanted < self._amplitude
+        down = target < self._amplitude
         envelope = (
-            np.maximum(self._amplitude - steps, wanted)
+            np.maximum(self._amplitude - steps, target)
             if down
-            else np.minimum(self._amplitude + steps, wanted)
+            else np.minimum(self._amplitude + steps, target)
         )
         turns = self._turns + np.arange(1, count + 1) * (self._frequency_hz / RATE_HZ)
         self._amplitude = float(envelope[-1]) if envelope[-1] > SILENCE else 0.0

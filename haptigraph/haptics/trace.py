@@ -1,4 +1,4 @@
-"""A device made of a file: every amplitude the hand would have felt, with its moment, and a plot of it."""
+"""A file device: the time and value of every change of amplitude, and a plot of them."""
 
 import csv
 from contextlib import suppress
@@ -14,7 +14,7 @@ DEFAULT = "touch.csv"
 
 
 class TraceDevice:
-    """Write stamp_ns, amplitude, frequency_hz at every change; plot the run beside the file on close.
+    """Write stamp_ns, amplitude, frequency_hz at every change; on close, plot the run next to the file.
 
     Args:
         path: The CSV file to write; touch.csv if empty.
@@ -27,21 +27,24 @@ class TraceDevice:
         amplitude_levels=65535,
         frequency_range_hz=(0.0, 1000.0),
         shortest_on_ms=0.0,
-        limitations="All is written as it was told.",
+        limitations="Every command is written unchanged.",
     )
 
     def __init__(self, path: str | Path) -> None:
         self._path = Path(path or DEFAULT)
-        self._picture = self._path.with_suffix(".png")
+        self._plot_path = self._path.with_suffix(".png")
         self._rows: list[tuple[int, float]] = []
         if self._path.suffix.lower() == ".png":
             raise BadInput("is the name of the trace's plot; give the trace another, for example x.csv", path)
-        if self._picture.exists():
-            raise BadInput("exists already; the plot of a trace never overwrites a file", self._picture)
+        if self._plot_path.exists():
+            problem = (
+                "exists already, and the trace's plot needs this name; choose another name for the trace"
+            )
+            raise BadInput(problem, self._plot_path)
         try:
             self._file = self._path.open("x", newline="", encoding="utf-8", buffering=1)
         except FileExistsError:
-            raise BadInput("exists already; a trace never overwrites a file", path) from None
+            raise BadInput("exists already; choose the name of a new file", path) from None
         except OSError as error:
             raise BadInput(f"cannot be written ({error.strerror})", path) from None
         try:
@@ -60,18 +63,18 @@ class TraceDevice:
         self._rows.append((stamp_ns, amplitude))
 
     def close(self) -> None:
-        """Close the file and plot it; a trace that was told nothing leaves no file."""
+        """Close the file and plot it; delete the file if the device was never set."""
         if self._file.closed:
             return
         if not self._rows:
             self._discard()
             return
         self._file.close()
-        with self._picture.open("xb") as picture:
+        with self._plot_path.open("xb") as file:
             try:
-                self._plot(picture)
+                self._plot(file)
             except BaseException:
-                self._picture.unlink()
+                self._plot_path.unlink()
                 raise
 
     def _discard(self) -> None:
@@ -79,7 +82,7 @@ class TraceDevice:
             self._file.close()
         self._path.unlink()
 
-    def _plot(self, picture: BinaryIO) -> None:
+    def _plot(self, file: BinaryIO) -> None:
         from matplotlib.figure import Figure  # noqa: PLC0415 - slow to import, needed once
 
         start_ns = self._rows[0][0]
@@ -92,6 +95,6 @@ class TraceDevice:
             color="#b5482a",
             linewidth=0,
         )
-        axes.set(xlabel="time [s]", ylabel="amplitude", ylim=(0, 1.05), title="What the hand felt")
+        axes.set(xlabel="time [s]", ylabel="amplitude", ylim=(0, 1.05), title="Haptic output")
         axes.spines[["top", "right"]].set_visible(False)
-        figure.savefig(picture, format="png", dpi=150)
+        figure.savefig(file, format="png", dpi=150)

@@ -1,9 +1,8 @@
-"""Keep a device in a process of its own, which stills it when the run dies, even by kill -9, or hangs.
+"""Run a device in a watchdog process, which silences it when the run dies (even by kill -9) or hangs.
 
-For actuators that go on until told otherwise. Run as a program this module is that process: it takes orders
-from its input, answers each, and stills the device when none came for `HOLDS_MS`, when the input ends, and on
-SIGTERM.
-Knows no device; which class to open comes from `assemble`.
+For actuators that hold their last output. Run as a program, this module is that process: it reads commands
+from its standard input, replies to each, and silences the device when none arrives for `HOLDS_MS`, at the end
+of the input, and on SIGTERM. `assemble` chooses the class of the device.
 """
 
 import os
@@ -25,16 +24,16 @@ from haptigraph.errors import BadInput, DeviceError, HaptigraphError
 from haptigraph.messages import Capabilities
 from haptigraph.stages import Device
 
-__all__ = ["Answer", "Order", "Ward", "WatchedDevice", "main"]
+__all__ = ["Command", "Reply", "WatchdogServer", "WatchedDevice", "main"]
 
 HOLDS_MS = 150.0
-ANSWER_S = 0.25
-START_S = 20.0  # imports, and a board that starts anew
+REPLY_S = 0.25
+START_S = 20.0  # imports, and a board that restarts
 CLOSE_S = 2.0
 
 
-class Order(Struct, array_like=True):
-    """What the device shall do."""
+class Command(Struct, array_like=True):
+    """One setting of the device."""
 
     number: int
     amplitude: float
@@ -42,8 +41,8 @@ class Order(Struct, array_like=True):
     stamp_ns: int
 
 
-class Answer(Struct, array_like=True):
-    """What came of an order; number 0 tells that the device is open."""
+class Reply(Struct, array_like=True):
+    """The result of a command; number 0 reports that the device is open."""
 
     number: int
     error: str = ""
@@ -51,82 +50,82 @@ class Answer(Struct, array_like=True):
 
 
 class WatchedDevice:
-    """Pass everything on to a device in a process of its own.
+    """Forward everything to a device in a watchdog process.
 
     Args:
         device: "module:Class" of the device.
-        argument: What it takes.
+        argument: The argument of the class.
 
     Raises:
-        BadInput: If it cannot be opened.
+        BadInput: If the device cannot be opened.
     """
 
     def __init__(self, device: str, argument: str) -> None:
-        self._command = [sys.executable, "-P", "-m", "haptigraph.haptics.watchdog", device, argument]
+        self._arguments = [sys.executable, "-P", "-m", "haptigraph.haptics.watchdog", device, argument]
         self._number = 0
-        self._process, self._answers = self._start()
-        opened = self._answer(0, START_S)
+        self._process, self._replies = self._start()
+        opened = self._reply(0, START_S)
         if opened is None or opened.capabilities is None:
             self._end()
             raise BadInput(opened.error if opened else f"device {argument} does not open")
         self.capabilities = replace(opened.capabilities, holds_ms=HOLDS_MS)
 
     def set(self, amplitude: float, frequency_hz: float, stamp_ns: int) -> None:
-        """Pass on and await the answer."""
+        """Send a command and wait for the reply."""
         if self._process.poll() is not None:
             self._end()
-            self._process, self._answers = self._start()
+            self._process, self._replies = self._start()
         self._number += 1
-        order = msgspec.json.encode(Order(self._number, amplitude, frequency_hz, stamp_ns))
-        stdin = _open_end(self._process.stdin)
+        command = msgspec.json.encode(Command(self._number, amplitude, frequency_hz, stamp_ns))
+        stdin = _open_pipe(self._process.stdin)
         with suppress(BrokenPipeError):
-            stdin.write(order + b"\n")
-        answer = self._answer(self._number, ANSWER_S)
-        if answer is None or answer.error:
-            raise DeviceError(answer.error if answer else "the device does not answer")
+            stdin.write(command + b"\n")
+        reply = self._reply(self._number, REPLY_S)
+        if reply is None or reply.error:
+            raise DeviceError(reply.error if reply else "the device does not respond")
 
     def close(self) -> None:
-        """Still and release the device, end its process."""
-        _open_end(self._process.stdin).close()
+        """Silence and release the device, end its process."""
+        _open_pipe(self._process.stdin).close()
         try:
             self._process.wait(CLOSE_S)
         except subprocess.TimeoutExpired:
             self._end()
-            raise DeviceError("the device does not answer; it may still vibrate") from None
+            raise DeviceError("the device does not respond; it may still vibrate") from None
 
-    def _start(self) -> tuple["subprocess.Popen[bytes]", "queue.SimpleQueue[Answer]"]:
+    def _start(self) -> tuple["subprocess.Popen[bytes]", "queue.SimpleQueue[Reply]"]:
         process = subprocess.Popen(
-            self._command,
+            self._arguments,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             bufsize=0,
             env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-            start_new_session=True,  # so that Ctrl-C, or a kill of the run's group, spares it
+            start_new_session=True,  # so that it survives Ctrl-C and a kill of the run's process group
         )
-        answers: queue.SimpleQueue[Answer] = queue.SimpleQueue()
-        end = _open_end(process.stdout)
+        replies: queue.SimpleQueue[Reply] = queue.SimpleQueue()
+        pipe = _open_pipe(process.stdout)
         threading.Thread(
-            target=_read_answers, args=(end, answers), name="haptigraph-warden", daemon=True
+            target=_read_replies, args=(pipe, replies), name="haptigraph-watchdog", daemon=True
         ).start()
-        return process, answers
+        return process, replies
 
     def _end(self) -> None:
         self._process.kill()
         self._process.wait()
-        _open_end(self._process.stdin).close()
+        _open_pipe(self._process.stdin).close()
 
-    def _answer(self, number: int, within_s: float) -> Answer | None:
+    def _reply(self, number: int, within_s: float) -> Reply | None:
         give_up_s = time.monotonic() + within_s
         with suppress(queue.Empty):
             while True:
-                answer = self._answers.get(timeout=max(give_up_s - time.monotonic(), 0))
-                if answer.number == number or (answer.number == 0 and answer.error):
-                    return answer
+                reply = self._replies.get(timeout=max(give_up_s - time.monotonic(), 0))
+                if reply.number == number or (reply.number == 0 and reply.error):
+                    return reply
         return None
 
 
-class Ward:
-    """The device's side: obey orders, and still the device when they stop.
+class WatchdogServer:
+    """The watchdog's side: execute commands, and silence the device when they stop.
 
     Args:
         device: The device.
@@ -134,82 +133,82 @@ class Ward:
 
     def __init__(self, device: Device) -> None:
         self._device = device
-        self._orders: queue.SimpleQueue[tuple[float, Order | None]] = queue.SimpleQueue()
+        self._commands: queue.SimpleQueue[tuple[float, Command | None]] = queue.SimpleQueue()
         self._vibrates = False
 
-    def serve(self, orders: IO[bytes], answers: IO[bytes]) -> None:
-        """Obey until the orders end; the device is still then."""
-        threading.Thread(target=self._read, args=(orders,), daemon=True).start()
+    def serve(self, commands: IO[bytes], replies: IO[bytes]) -> None:
+        """Execute commands until their stream ends; then the device is silent."""
+        threading.Thread(target=self._read, args=(commands,), daemon=True).start()
         try:
-            while (order := self._next()) is not None:
-                _say(answers, Answer(order.number, self._obey(order)))
+            while (command := self._next()) is not None:
+                _send(replies, Reply(command.number, self._execute(command)))
         finally:
             with suppress(Exception):
                 self._device.close()
 
-    def _next(self) -> Order | None:
-        """Return the newest order; none means the end. Still the device while none comes."""
+    def _next(self) -> Command | None:
+        """Return the newest command, silence if none arrives in time, None at the end."""
         try:
-            came_s, order = self._orders.get(timeout=HOLDS_MS / 1e3 if self._vibrates else None)
-            while not self._orders.empty():
-                came_s, order = self._orders.get()
+            received_s, command = self._commands.get(timeout=HOLDS_MS / 1e3 if self._vibrates else None)
+            while not self._commands.empty():
+                received_s, command = self._commands.get()
         except queue.Empty:
-            return Order(-1, 0.0, 0.0, 0)
-        if order is not None and time.monotonic() - came_s > HOLDS_MS / 1e3:
-            order = replace(order, amplitude=0.0)  # it waited for a device that did not answer
-        return order
+            return Command(-1, 0.0, 0.0, 0)
+        if command is not None and time.monotonic() - received_s > HOLDS_MS / 1e3:
+            command = replace(command, amplitude=0.0)  # outdated: the device was blocked meanwhile
+        return command
 
-    def _obey(self, order: Order) -> str:
-        self._vibrates = order.amplitude > 0
+    def _execute(self, command: Command) -> str:
+        self._vibrates = command.amplitude > 0
         try:
-            self._device.set(order.amplitude, order.frequency_hz, order.stamp_ns)
+            self._device.set(command.amplitude, command.frequency_hz, command.stamp_ns)
         except Exception as error:
-            self._vibrates = True  # who knows: so silence is tried again
+            self._vibrates = True  # unknown, so silence is tried again
             return str(error) or type(error).__name__
         return ""
 
-    def _read(self, orders: IO[bytes]) -> None:
-        decode = msgspec.json.Decoder(Order).decode
+    def _read(self, commands: IO[bytes]) -> None:
+        decode = msgspec.json.Decoder(Command).decode
         with suppress(OSError, msgspec.DecodeError):
-            while line := orders.readline():
-                self._orders.put((time.monotonic(), decode(line)))
-        self._orders.put((time.monotonic(), None))
+            while line := commands.readline():
+                self._commands.put((time.monotonic(), decode(line)))
+        self._commands.put((time.monotonic(), None))
 
 
-def _read_answers(end: IO[bytes], answers: "queue.SimpleQueue[Answer]") -> None:
-    decode = msgspec.json.Decoder(Answer).decode
-    while line := end.readline():
-        answers.put(decode(line))
-    end.close()
+def _read_replies(pipe: IO[bytes], replies: "queue.SimpleQueue[Reply]") -> None:
+    decode = msgspec.json.Decoder(Reply).decode
+    while line := pipe.readline():
+        replies.put(decode(line))
+    pipe.close()
 
 
-def _say(answers: IO[bytes], answer: Answer) -> None:
-    with suppress(OSError):  # whoever asked is gone
-        answers.write(msgspec.json.encode(answer) + b"\n")
+def _send(replies: IO[bytes], reply: Reply) -> None:
+    with suppress(OSError):  # the run is gone
+        replies.write(msgspec.json.encode(reply) + b"\n")
 
 
-def _open_end(end: IO[bytes] | None) -> IO[bytes]:
-    if end is None:
-        raise DeviceError("the device's process has no pipe")
-    return end
+def _open_pipe(pipe: IO[bytes] | None) -> IO[bytes]:
+    if pipe is None:
+        raise DeviceError("the watchdog process has no pipe")
+    return pipe
 
 
 def main() -> None:
-    """Open the device that the arguments name and serve it."""
+    """Open the device that the arguments specify and serve it."""
     for name in ("SIGINT", "SIGHUP"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
-    orders, answers = open(0, "rb", buffering=0, closefd=False), open(1, "wb", buffering=0, closefd=False)  # noqa: SIM115
+    commands, replies = open(0, "rb", buffering=0, closefd=False), open(1, "wb", buffering=0, closefd=False)  # noqa: SIM115
     path, argument = sys.argv[1:]
     module, _, name = path.partition(":")
     try:
         device = getattr(import_module(module), name)(argument)
     except HaptigraphError as error:
-        _say(answers, Answer(0, str(error)))
+        _send(replies, Reply(0, str(error)))
         return
-    _say(answers, Answer(0, "", device.capabilities))
-    Ward(device).serve(orders, answers)
+    _send(replies, Reply(0, "", device.capabilities))
+    WatchdogServer(device).serve(commands, replies)
 
 
 if __name__ == "__main__":

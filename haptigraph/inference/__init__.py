@@ -1,1 +1,1 @@
-"""From relations to the surgical state: procedures, rule engine, explanations."""
+"""From relations to the surgical state: procedures and the rule engine."""

@@ -1,8 +1,7 @@
 """Infer the surgical state: prioritised rules on bit masks (paper, section II-D).
 
 Every relation and every entity of the schema is one bit, a graph is an integer, a rule is a pair of masks;
-the first rule whose pattern fits wins. Remembers only how long ago a state with `hold_ms` fitted; knows
-nothing of millimetres.
+the first matching rule wins. The only memory is how long ago a state with `hold_ms` matched.
 """
 
 from typing import TypeAlias
@@ -10,7 +9,6 @@ from typing import TypeAlias
 from msgspec.structs import replace
 
 from haptigraph.graph import Node, SceneGraph, Triplet
-from haptigraph.inference.explain import because
 from haptigraph.inference.procedure import Procedure, State
 from haptigraph.messages import UNKNOWN, Conclusion
 
@@ -18,8 +16,20 @@ __all__ = ["RuleEngine"]
 
 Scene: TypeAlias = tuple[tuple[Node, ...], tuple[Triplet, ...]]
 NS_PER_MS = 1_000_000
-MOST_REMEMBERED = 4096
-"""Scenes whose rule is remembered; a procedure has far fewer, unless nodes are called ever anew."""
+MAX_CACHED_SCENES = 4096
+"""A procedure has far fewer scenes, unless node ids keep changing."""
+
+
+class _Missing:
+    """Stands in a sentence for a measure that the graph does not carry."""
+
+    def __format__(self, spec: str) -> str:
+        return "?"
+
+
+class _Measures(dict[str, object]):
+    def __missing__(self, name: str) -> object:
+        return _Missing()
 
 
 class RuleEngine:
@@ -38,27 +48,27 @@ class RuleEngine:
         }
         self._rules = [self._compile(state) for state in procedure.states]
         self._states = [(state, tuple(Triplet(*names) for names in state.when)) for state in procedure.states]
-        self._fits: dict[Scene, int] = {}
+        self._cache: dict[Scene, int] = {}
         self._last: tuple[Scene | None, int] = None, 0
-        follows = {
+        followed = {
             pattern.name: [follow.measure for follow in pattern.follow] for pattern in procedure.patterns
         }
-        self._follows = {state.name: follows[state.feel] for state in procedure.states}
+        self._followed = {state.name: followed[state.feel] for state in procedure.states}
         self._hold_ns = {
             state.name: round(state.hold_ms * NS_PER_MS) for state in procedure.states if state.hold_ms
         }
-        self._fitted: Conclusion | None = None
+        self._last_match: Conclusion | None = None
         unknown = next(state for state in procedure.states if state.name == UNKNOWN)
         self._unknown_feel = unknown.feel
 
     def __call__(self, graph: SceneGraph) -> Conclusion:
-        """Return the state of a graph; a graph that no rule fits is unknown."""
-        conclusion = self._first_that_fits(graph)
+        """Return the state of a graph; `unknown` if no rule matches."""
+        conclusion = self._first_match(graph)
         return self._held(conclusion, graph) if self._hold_ns else conclusion
 
-    def _first_that_fits(self, graph: SceneGraph) -> Conclusion:
+    def _first_match(self, graph: SceneGraph) -> Conclusion:
         scene = graph.nodes, graph.edges
-        if scene != self._last[0]:  # mostly it is, of the very same parts: seen sooner than hashed
+        if scene != self._last[0]:  # usually equal and of the same objects, which is faster than hashing
             self._last = scene, self._priority_of(scene, graph)
         priority = self._last[1]
         if priority == len(self._rules):
@@ -75,30 +85,30 @@ class RuleEngine:
             state=state.name,
             priority=priority,
             feel=state.feel,
-            because=because(state, graph),
+            because=_because(state, graph),
             evidence=evidence,
             measures=self._measures(state.name, graph),
         )
 
     def _priority_of(self, scene: Scene, graph: SceneGraph) -> int:
-        """Return the number of the first rule that fits a scene, remembered or found."""
-        priority = self._fits.get(scene)
+        """Return the index of the first rule that matches a scene, from the cache if possible."""
+        priority = self._cache.get(scene)
         if priority is None:
-            if len(self._fits) >= MOST_REMEMBERED:
-                self._fits.clear()
-            priority = self._fits[scene] = self._priority(self._mask(graph))
+            if len(self._cache) >= MAX_CACHED_SCENES:
+                self._cache.clear()
+            priority = self._cache[scene] = self._priority(self._mask(graph))
         return priority
 
     def _priority(self, mask: int) -> int:
-        """Return the number of the first rule that fits; the number of rules if none does."""
+        """Return the index of the first rule that matches; the number of rules if none does."""
         for priority, (require, forbid) in enumerate(self._rules):
             if mask & require == require and not mask & forbid:
                 return priority
         return len(self._rules)
 
     def _held(self, conclusion: Conclusion, graph: SceneGraph) -> Conclusion:
-        """Let the state before stay while it is held, unless one of higher priority fits, or none does."""
-        before = self._fitted
+        """Hold the previous state, unless a rule of higher priority or no rule matches."""
+        before = self._last_match
         if before is not None and before.priority < conclusion.priority and conclusion.state != UNKNOWN:
             age_ns = graph.stamp_ns - before.stamp_ns
             if age_ns < self._hold_ns.get(before.state, 0):
@@ -109,16 +119,16 @@ class RuleEngine:
                     evidence=(),
                     measures=self._measures(before.state, graph),
                 )
-        self._fitted = conclusion
+        self._last_match = conclusion
         return conclusion
 
     def _measures(self, state: str, graph: SceneGraph) -> dict[str, float]:
         """Return the measures that the pattern of a state follows."""
-        return {name: graph.measures[name] for name in self._follows[state] if name in graph.measures}
+        return {name: graph.measures[name] for name in self._followed[state] if name in graph.measures}
 
     def reset(self) -> None:
-        """Hold no state any more."""
-        self._fitted = None
+        """Forget the state that is held."""
+        self._last_match = None
 
     def _mask(self, graph: SceneGraph) -> int:
         category = {node.id: node.category for node in graph.nodes}
@@ -134,3 +144,11 @@ class RuleEngine:
         require = sum(self._edge_bits[names] for names in set(state.when))
         forbid = sum(self._edge_bits[names] for names in set(state.unless))
         return require, forbid | sum(self._entity_bits[name] for name in set(state.absent))
+
+
+def _because(state: State, graph: SceneGraph) -> str:
+    """Fill the measures of a graph into the sentence of a state."""
+    try:
+        return state.because.format_map(graph.measures)
+    except KeyError:
+        return state.because.format_map(_Measures(graph.measures))

@@ -1,6 +1,6 @@
 """A procedure: schema, rules and haptic grammar of one operation, loaded from one TOML file and checked.
 
-Knows no camera and no device. Every mistake is told with file, line, what was found and what would be valid.
+Every error gives file, line, what was found and what would be valid.
 """
 
 import hashlib
@@ -13,35 +13,35 @@ from msgspec import Meta, Struct, field
 
 from haptigraph.errors import BadInput
 from haptigraph.graph import Entity, Names, Relation, Schema, Triplet
+from haptigraph.inference.checks import check_name, check_pattern, check_relations
 from haptigraph.inference.claims import Gap, Invariant, Overlap, Temporal, check_claims, check_temporal
-from haptigraph.inference.pattern_check import check_known, check_pattern
 from haptigraph.inference.span import RunSpan, check_span
 from haptigraph.messages import UNKNOWN, Pattern
-from haptigraph.toml_document import Document
+from haptigraph.toml_document import WARN_OF_OLD_KEYS, Document
 
 __all__ = ["MeasureShapes", "Procedure", "State", "load_procedure", "parse_procedure"]
 
 MeasureShapes: TypeAlias = Mapping[str, tuple[tuple[str, str], ...]]
-"""The measures there are, and the (subject, object) geometries each is made for."""
+"""The available measures, each with the (subject, object) geometries that it supports."""
 
 GEOMETRIES = ("point", "segment", "polyline", "circle", "phase")
 
 
 class State(Struct, frozen=True, forbid_unknown_fields=True):
-    """One rule: the graph that makes a surgical state, and what it feels like."""
+    """One rule: the graphs that put the surgery in a state, and the haptic pattern of that state."""
 
     name: str
     feel: str
     because: str
     """One sentence; measures in braces are filled in ("{theta_deg:.1f}")."""
     when: tuple[Names, ...] = ()
-    """Edges that must be there."""
+    """Edges that must be present."""
     unless: tuple[Names, ...] = ()
-    """Edges that must not be there."""
+    """Edges that must be absent."""
     absent: tuple[str, ...] = ()
-    """Entities that must not be there."""
+    """Entities that must be absent."""
     hold_ms: Annotated[float, Meta(ge=0, le=10_000)] = 0.0
-    """For so long after its rule last fitted the state stays, unless one of higher priority fits."""
+    """How long the state persists after its rule last matched, unless a rule of higher priority matches."""
 
 
 class _Title(Struct, frozen=True, forbid_unknown_fields=True):
@@ -64,7 +64,7 @@ class _File(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Procedure(Struct, frozen=True):
-    """A checked procedure. States stand in order of priority, first wins."""
+    """A checked procedure. States are in order of priority; the first match wins."""
 
     name: str
     title: str
@@ -82,7 +82,7 @@ class Procedure(Struct, frozen=True):
 
     @property
     def sha256(self) -> str:
-        """Fingerprint of the file's text."""
+        """Hash of the file's text."""
         return hashlib.sha256(self.text.encode()).hexdigest()
 
 
@@ -90,14 +90,21 @@ def load_procedure(path: str | Path, measures: MeasureShapes) -> Procedure:
     """Read and check a procedure file.
 
     Raises:
-        BadInput: With file, line and reason, if it cannot be read or is not sound.
+        BadInput: With file, line and reason, if it cannot be read or is invalid.
     """
     return _procedure(Document.read(path), measures)
 
 
 def parse_procedure(text: str, file: str, measures: MeasureShapes) -> Procedure:
-    """Read and check a procedure from text, for example from a recording; `file` names it in errors."""
-    return _procedure(Document(text, file), measures)
+    """Read and check a procedure from text, such as that in a recording; `file` names it in errors.
+
+    Nobody edits the text in a recording or a frozen study, so a renamed key in it causes no warning.
+    """
+    before = WARN_OF_OLD_KEYS.set(False)
+    try:
+        return _procedure(Document(text, file), measures)
+    finally:
+        WARN_OF_OLD_KEYS.reset(before)
 
 
 def _procedure(document: Document, measures: MeasureShapes) -> Procedure:
@@ -144,7 +151,7 @@ def _procedure(document: Document, measures: MeasureShapes) -> Procedure:
 
 def _check_unique(document: Document, kind: str, names: list[str]) -> None:
     if not names:
-        raise document.error(f"no [[{kind}]] at all; at least one is needed", "procedure")
+        raise document.error(f"no [[{kind}]]; at least one is needed", "procedure")
     for number, name in enumerate(names):
         if not name.strip():
             raise document.error(f"a {kind} without a name", f"{kind}[{number}].name")
@@ -154,12 +161,13 @@ def _check_unique(document: Document, kind: str, names: list[str]) -> None:
 
 def _check_entities(document: Document, schema: Schema) -> None:
     for number, entity in enumerate(schema.entities):
-        check_known(document, "geometry", entity.geometry, GEOMETRIES, f"entity[{number}].geometry")
-        if entity.fixed and entity.seen_with:
-            raise document.error("both fixed and seen_with are given", f"entity[{number}].seen_with")
-        if entity.seen_with and entity.seen_with not in [other.name for other in schema.entities[:number]]:
-            problem = f"seen_with {entity.seen_with!r} is no entity declared before this one"
-            raise document.error(problem, f"entity[{number}].seen_with")
+        check_name(document, "geometry", entity.geometry, GEOMETRIES, f"entity[{number}].geometry")
+        path, earlier = f"entity[{number}].visible_with", [other.name for other in schema.entities[:number]]
+        if entity.fixed and entity.visible_with:
+            raise document.error("both fixed and visible_with are given; keep one of them", path)
+        if entity.visible_with and entity.visible_with not in earlier:
+            problem = f"visible_with {entity.visible_with!r} is no entity declared before this one"
+            raise document.error(problem, path)
 
 
 def _check_relations(document: Document, schema: Schema, measures: MeasureShapes) -> None:
@@ -167,9 +175,9 @@ def _check_relations(document: Document, schema: Schema, measures: MeasureShapes
     named: dict[str, Relation] = {}
     for number, relation in enumerate(schema.relations):
         path = f"relation[{number}]"
-        check_known(document, "entity", relation.subject, entities, f"{path}.subject")
-        check_known(document, "entity", relation.object, entities, f"{path}.object")
-        check_known(document, "measure", relation.measure, measures, f"{path}.measure")
+        check_name(document, "entity", relation.subject, entities, f"{path}.subject")
+        check_name(document, "entity", relation.object, entities, f"{path}.object")
+        check_name(document, "measure", relation.measure, measures, f"{path}.measure")
         shapes = (schema.entity(relation.subject).geometry, schema.entity(relation.object).geometry)
         if shapes not in measures[relation.measure]:
             valid = " or ".join(f"{subject} to {object_}" for subject, object_ in measures[relation.measure])
@@ -208,7 +216,7 @@ def _check_bounds(document: Document, relation: Relation, path: str) -> None:
         both = "at_most and below" if len(uppers) > 1 else "at_least and above"
         raise document.error(f"both {both} are given; one of them is enough", path)
     if uppers and lowers and lowers[0] >= uppers[0]:
-        raise document.error(f"nothing lies above {lowers[0]:g} and below {uppers[0]:g}", path)
+        raise document.error(f"no value is above {lowers[0]:g} and below {uppers[0]:g}", path)
     release = relation.release
     if release is None:
         return
@@ -216,33 +224,28 @@ def _check_bounds(document: Document, relation: Relation, path: str) -> None:
     too_tight = too_tight or (not uppers and release > lowers[0])
     if too_tight:
         raise document.error(
-            f"release {release:g} lies within the bounds; it must lie beyond one of them", f"{path}.release"
+            f"release {release:g} is within the bounds; it must be beyond one of them", f"{path}.release"
         )
 
 
 def _check_state(
     document: Document, state: State, path: str, schema: Schema, patterns: tuple[Pattern, ...]
 ) -> None:
-    relations = [relation.names for relation in schema.relations]
-    for key, wanted in (("when", state.when), ("unless", state.unless)):
-        for names in wanted:
-            if names not in relations:
-                valid = " ".join(str(Triplet(*relation)) for relation in relations)
-                raise document.error(f"{Triplet(*names)} is no relation; there are: {valid}", f"{path}.{key}")
+    check_relations(document, schema, state.when, f"{path}.when")
+    check_relations(document, schema, state.unless, f"{path}.unless")
     impossible = [names for names in state.when if names in state.unless or {*names[::2]} & {*state.absent}]
     if impossible:
-        problem = f"can never hold: {Triplet(*impossible[0])} is asked for and ruled out"
+        problem = f"can never hold: {Triplet(*impossible[0])} is both required and excluded"
         raise document.error(problem, f"{path}.when")
     for name in state.absent:
-        check_known(document, "entity", name, (entity.name for entity in schema.entities), f"{path}.absent")
-    check_known(document, "pattern", state.feel, (pattern.name for pattern in patterns), f"{path}.feel")
-    measures = {schema.measure_name(relation) for relation in schema.relations}
+        check_name(document, "entity", name, (entity.name for entity in schema.entities), f"{path}.absent")
+    check_name(document, "pattern", state.feel, (pattern.name for pattern in patterns), f"{path}.feel")
     try:
         for _, measure, spec, conversion in string.Formatter().parse(state.because):
             if conversion:
-                raise ValueError(f"a measure is a number; !{conversion} is not for numbers")
+                raise ValueError(f"a measure is a number; remove !{conversion}")
             if measure is not None:
-                check_known(document, "measure", measure, measures, f"{path}.because")
+                check_name(document, "measure", measure, schema.measure_names, f"{path}.because")
                 format(1.0, spec or "")
     except ValueError as error:
         raise document.error(f"because cannot be filled in ({error})", f"{path}.because") from None
@@ -254,10 +257,10 @@ def _check_unknown(document: Document, data: _File) -> None:
         if state.name == UNKNOWN:
             if state.feel not in silent:
                 raise document.error(
-                    f"{UNKNOWN!r} must feel a pattern of kind 'off', found {state.feel!r}",
+                    f"{UNKNOWN!r} must have a pattern of kind 'off', found {state.feel!r}",
                     f"state[{number}].feel",
                 )
             return
     raise BadInput(
-        f"no [[state]] named {UNKNOWN!r}; it says what holds when no needle is seen", document.file
+        f"no [[state]] named {UNKNOWN!r}; add the one that holds when no needle is detected", document.file
     )

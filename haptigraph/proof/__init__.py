@@ -1,1 +1,1 @@
-"""From a procedure to what is certain of it: claims proved over every possible graph, moments explained."""
+"""Verification of procedures: claims proved over every possible graph, and the changes nearest to a graph."""

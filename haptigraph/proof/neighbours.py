@@ -1,39 +1,39 @@
-"""Which states lie side by side: one measure crosses one threshold, and one becomes the other."""
+"""Find adjacent states: pairs between which one measure crosses one threshold."""
 
 from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import UNKNOWN
-from haptigraph.proof.exhaustive import MOST_WORLDS
-from haptigraph.proof.rules import cubes_of
+from haptigraph.proof.exhaustive_prover import MAX_WORLDS
+from haptigraph.proof.rules import rule_cubes
 from haptigraph.proof.space import Space
 
 __all__ = ["neighbours"]
 
 
 def neighbours(procedure: Procedure) -> list[tuple[str, str]]:
-    """Return pairs of states that are neighbours, in order of priority, without that of seeing no needle.
+    """Return pairs of adjacent states in order of priority, without the state of an undetected needle.
 
-    None for a procedure whose graphs are too many to be looked at.
+    Returns none for a procedure with too many graphs to enumerate.
     """
     space = Space(procedure.schema)
-    if space.count() > MOST_WORLDS:
+    if space.count() > MAX_WORLDS:
         return []
-    rules = cubes_of(procedure, space)
+    rules = rule_cubes(procedure, space)
     names = [state.name for state in procedure.states]
     number = [{cell: at for at, cell in enumerate(scale.cells)} for scale in space.scales]
-    beside: dict[tuple[object, ...], list[tuple[int, str]]] = {}
+    adjacent: dict[tuple[object, ...], list[tuple[int, str]]] = {}
     for world in space.worlds():
-        fired = next((at for at, rule in enumerate(rules) if rule.fits(world.mask)), None)
-        if fired is None or names[fired] == UNKNOWN:
+        matched = next((at for at, rule in enumerate(rules) if rule.matches(world.mask)), None)
+        if matched is None or names[matched] == UNKNOWN:
             continue
         present = world.mask & ~space.edges
-        for at, place in enumerate(world.places):
-            if place is not None:
-                others = (*world.places[:at], *world.places[at + 1 :])
+        for at, cell_state in enumerate(world.cell_states):
+            if cell_state is not None:
+                others = (*world.cell_states[:at], *world.cell_states[at + 1 :])
                 key = (present, at, others)
-                beside.setdefault(key, []).append((number[at][place.cell], names[fired]))
+                adjacent.setdefault(key, []).append((number[at][cell_state.cell], names[matched]))
     pairs = {
         (one, other)
-        for line in beside.values()
+        for line in adjacent.values()
         for at, one in line
         for to, other in line
         if abs(at - to) == 1 and names.index(one) < names.index(other)

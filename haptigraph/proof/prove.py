@@ -1,4 +1,4 @@
-"""Prove everything that is claimed of a procedure, by the house and by its author."""
+"""Prove the general claims about every procedure and those that its author makes."""
 
 from typing import Literal
 
@@ -13,11 +13,11 @@ __all__ = ["prove"]
 
 
 def prove(procedure: Procedure, prover: Literal["auto", "exhaustive", "z3"] = "auto") -> Proof:
-    """Hold every claim against every possible graph.
+    """Check every claim against every possible graph.
 
     Args:
         procedure: A checked procedure.
-        prover: Who proves; auto: by looking at every graph where there are few, else z3.
+        prover: The method; auto: enumerate the graphs if there are few, else z3.
 
     Raises:
         MissingExtra: If z3 is needed and not installed.
@@ -25,5 +25,5 @@ def prove(procedure: Procedure, prover: Literal["auto", "exhaustive", "z3"] = "a
     subject = Subject(procedure, prover)
     claims = (*rules_claims(subject), *threshold_claims(subject), *invariant_claims(subject))
     held_ms = {state.name: state.hold_ms for state in procedure.states if state.hold_ms}
-    watched = tuple(claim.name for claim in procedure.temporal)
-    return Proof(procedure.name, procedure.sha256, subject.prover.method, claims, watched, held_ms)
+    temporal = tuple(claim.name for claim in procedure.temporal)
+    return Proof(procedure.name, procedure.sha256, subject.prover.method, claims, temporal, held_ms)

@@ -1,4 +1,4 @@
-"""What a proof says: every claim, and where one is violated, the smallest graph that breaks it."""
+"""The result of a proof: all claims, each violated one with the smallest graph that violates it."""
 
 from msgspec import Struct
 
@@ -11,28 +11,28 @@ class Violation(Struct, frozen=True):
     """One claim that is not true."""
 
     sentence: str
-    """What is wrong, and what would mend it."""
+    """What is wrong, and how to correct it."""
     about: str
-    """What of the procedure it is about: "state outside_eye"."""
+    """The part of the procedure that is concerned: "state outside_eye"."""
     graph: SceneGraph | None = None
-    """A smallest possible graph that breaks the claim, with example measures. Where the claim is that
-    something can be, the graph that cannot be; None where there is none to show."""
+    """A smallest counterexample, with example measures. If the claim is that something is possible, the graph
+    that is not; None if there is none to show."""
     is_possible: bool = True
-    """Whether that graph can be seen at all."""
+    """Whether that graph can occur."""
     state: str = ""
-    """What the rule engine makes of it."""
+    """Its state according to the rule engine."""
     still_holding: tuple[str, ...] = ()
-    """Edges of it that hold only if they held in the image before (`release`)."""
+    """Edges of it that hold only if they held in the previous image (`release`)."""
 
 
 class Claim(Struct, frozen=True):
-    """One thing that is to be true of every possible graph by itself."""
+    """One statement that is to be true of every possible graph by itself."""
 
     name: str
     says: str
     violations: tuple[Violation, ...] = ()
     not_while_held: tuple[str, ...] = ()
-    """States that break it while they are held (`hold_ms`) though the graph is another by itself."""
+    """States that violate it while they are held (`hold_ms`) although the graph has changed."""
 
     @property
     def holds(self) -> bool:
@@ -49,7 +49,7 @@ class Proof(Struct, frozen=True):
     """How it was proved, and over how many graphs."""
     claims: tuple[Claim, ...]
     watched: tuple[str, ...] = ()
-    """Claims about time, which runs are watched for; nothing is proved of them."""
+    """Temporal claims: runs monitor them, nothing is proved about them."""
     held_ms: dict[str, float] = {}
     """States that outlast their graph, and how long. Claims are about graphs, not about time."""
 
@@ -60,5 +60,5 @@ class Proof(Struct, frozen=True):
 
     @property
     def violations(self) -> list[Violation]:
-        """All that is wrong."""
+        """All violations of all claims."""
         return [violation for claim in self.claims for violation in claim.violations]

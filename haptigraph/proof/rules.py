@@ -1,6 +1,6 @@
-"""The rules of a procedure, and questions about them, as bits: what must be there and what must not.
+"""The rules of a procedure, and queries about them, as bit masks of required and forbidden bits.
 
-Written a second time, beside the rule engine, so that one can be held against the other.
+Deliberately independent of the rule engine, so that tests can check one against the other.
 """
 
 from collections.abc import Iterable
@@ -12,42 +12,40 @@ from haptigraph.graph import Names
 from haptigraph.inference.procedure import Procedure
 from haptigraph.proof.space import Space, World
 
-__all__ = ["Cube", "Prover", "cube", "cubes_of"]
+__all__ = ["Cube", "Prover", "make_cube", "rule_cubes"]
 
 
 class Cube(Struct, frozen=True):
-    """All graphs that have some bits and do not have others."""
+    """All graphs in which some bits are set and others are not."""
 
     require: int = 0
     forbid: int = 0
 
-    def __and__(self, other: "Cube") -> "Cube":
-        return Cube(self.require | other.require, self.forbid | other.forbid)
-
-    def fits(self, mask: int) -> bool:
-        """Tell whether a graph is among them."""
+    def matches(self, mask: int) -> bool:
+        """Return whether a graph is in the cube."""
         return mask & self.require == self.require and not mask & self.forbid
 
 
 class Prover(Protocol):
-    """Answers questions about all possible graphs of one procedure."""
+    """Decide queries about all possible graphs of one procedure."""
 
     method: str
-    """In words, for people."""
+    """Description for people."""
 
-    def exists(self, wanted: Cube, fires: int | None = None) -> bool:
-        """Tell whether there is a possible graph.
+    def is_satisfiable(self, cube: Cube, first_match: int | None = None) -> bool:
+        """Return whether a possible graph satisfies a query.
 
         Args:
-            wanted: What must be there, and what not.
-            fires: The rule that is to be the first that fits; the number of rules: none; None: any.
+            cube: The graph must be in this cube.
+            first_match: This rule must be the first that matches; the number of rules: none may match;
+                None: any.
         """
 
-    def smallest(self, wanted: Cube, fires: int | None = None) -> World | None:
+    def smallest_witness(self, cube: Cube, first_match: int | None = None) -> World | None:
         """Return such a graph with the fewest edges and nodes, or None if there is none."""
 
 
-def cube(
+def make_cube(
     space: Space,
     *,
     when: Iterable[Names] = (),
@@ -55,7 +53,7 @@ def cube(
     present: Iterable[str] = (),
     absent: Iterable[str] = (),
 ) -> Cube:
-    """Return the graphs with some edges and entities, and without others."""
+    """Return the cube of the graphs with some edges and entities, and without others."""
     require = forbid = 0
     for names in when:
         require |= space.edge_bits[names]
@@ -68,8 +66,9 @@ def cube(
     return Cube(require, forbid)
 
 
-def cubes_of(procedure: Procedure, space: Space) -> list[Cube]:
-    """Return the graphs that each rule fits, in their order."""
+def rule_cubes(procedure: Procedure, space: Space) -> list[Cube]:
+    """Return the cube of each rule, in order of priority."""
     return [
-        cube(space, when=state.when, unless=state.unless, absent=state.absent) for state in procedure.states
+        make_cube(space, when=state.when, unless=state.unless, absent=state.absent)
+        for state in procedure.states
     ]

@@ -1,7 +1,7 @@
-"""The scale of one measure: its number line, cut into cells by the thresholds of all relations that share it.
+"""The scale of one measure: its number line, partitioned into cells by the thresholds of all relations on it.
 
-Relations of one measure are not free of each other: where one holds, another must, may or cannot. With
-`release` (hysteresis) it depends on the past; all pasts are followed, and measures may jump between images.
+Relations of one measure depend on each other: where one holds, another must, may or cannot. With `release`
+(hysteresis) they depend on the past as well. All pasts are followed; a measure may jump between images.
 """
 
 from collections.abc import Iterable, Mapping
@@ -11,21 +11,21 @@ from msgspec import Struct
 
 from haptigraph.graph import Relation, Schema
 from haptigraph.proof.intervals import Interval, atoms
-from haptigraph.scene.relations import Always, Measure
+from haptigraph.scene.relations import Limits, Measure
 
 __all__ = ["Cell", "Scale", "bits_of", "scales_of"]
 
 
 class Cell(Struct, frozen=True):
-    """A stretch of values on which the same relations hold."""
+    """An interval on which the same relations hold."""
 
     interval: Interval
     enter: int
-    """Relations that hold whatever was before, one bit each, as numbered in the schema."""
+    """Relations that hold whatever the past, one bit each, numbered as in the schema."""
     hold: int
     """Relations that hold if they held before."""
     masks: tuple[int, ...]
-    """Which relations can be seen to hold together here, `given` left aside."""
+    """The sets of relations that can hold together here, regardless of `given`."""
 
     def after(self, held: int) -> int:
         """Return the relations that hold in the image after one in which `held` did."""
@@ -33,7 +33,7 @@ class Cell(Struct, frozen=True):
 
 
 class Scale(Struct, frozen=True):
-    """One measure between one subject and one object, and all relations that are decided by it."""
+    """One measure between one subject and one object, and all relations that it decides."""
 
     name: str
     """As graphs carry it: "theta_deg"."""
@@ -41,30 +41,30 @@ class Scale(Struct, frozen=True):
     """As procedures name it."""
     subject: str
     object: str
-    always: Always
+    limits: Limits
     relations: tuple[int, ...]
-    """Numbers in the schema."""
+    """Indices in the schema."""
     cells: tuple[Cell, ...]
 
     @property
-    def needs(self) -> tuple[str, ...]:
-        """Entities without which there is no such measure."""
-        return (self.subject, self.object, *self.always.needs)
+    def requires(self) -> tuple[str, ...]:
+        """Entities without which the measure is undefined."""
+        return (self.subject, self.object, *self.limits.requires)
 
     @property
     def bits(self) -> int:
-        """All its relations."""
+        """The bits of all its relations."""
         return sum(1 << number for number in self.relations)
 
     def cell_at(self, value: float) -> Cell:
-        """Return the cell in which a value lies; the nearest where geometry says there is none."""
+        """Return the cell that contains a value; the nearest one if it is beyond the geometric limits."""
         return min(
-            self.cells, key=lambda cell: (value not in cell.interval, abs(cell.interval.way_from(value)))
+            self.cells, key=lambda cell: (value not in cell.interval, abs(cell.interval.offset_from(value)))
         )
 
 
 def bits_of(mask: int) -> list[int]:
-    """Return the numbers of the bits that are set."""
+    """Return the indices of the bits that are set."""
     return [number for number in range(mask.bit_length()) if mask >> number & 1]
 
 
@@ -79,21 +79,21 @@ def scales_of(schema: Schema, measures: Mapping[str, Measure]) -> tuple[Scale, .
 def _scale(schema: Schema, name: str, numbers: list[int], measures: Mapping[str, Measure]) -> Scale:
     first = schema.relations[numbers[0]]
     shapes = (schema.entity(first.subject).geometry, schema.entity(first.object).geometry)
-    always = measures[first.measure].shapes[shapes]
+    limits = measures[first.measure].shapes[shapes]
     relations = {number: schema.relations[number] for number in numbers}
     return Scale(
         name=name,
         measure=first.measure,
         subject=first.subject,
         object=first.object,
-        always=always,
+        limits=limits,
         relations=tuple(numbers),
-        cells=_with_pasts(_cells(relations, always), relations),
+        cells=_with_reachable_masks(_cells(relations, limits), relations),
     )
 
 
-def _cells(relations: Mapping[int, Relation], always: Always) -> list[Cell]:
-    """Cut the measure's range at every threshold, and put together what differs in nothing."""
+def _cells(relations: Mapping[int, Relation], limits: Limits) -> list[Cell]:
+    """Partition the range of a measure at every threshold; merge cells with the same relations."""
     bounds = {
         bound
         for relation in relations.values()
@@ -108,21 +108,21 @@ def _cells(relations: Mapping[int, Relation], always: Always) -> list[Cell]:
     }
     cells: list[Cell] = []
     for atom in atoms(
-        bounds, Interval(always.least, always.most, always.least > -1e300, always.most < 1e300)
+        bounds, Interval(limits.lower, limits.upper, limits.lower > -1e300, limits.upper < 1e300)
     ):
         value = atom.sample()
         enter = sum(1 << number for number, one in relations.items() if one.holds(value))
         hold = sum(1 << number for number, one in relations.items() if one.holds(value, held=True))
         if cells and (cells[-1].enter, cells[-1].hold) == (enter, hold):
-            atom = cells.pop().interval.joined(atom)
+            atom = cells.pop().interval.union(atom)
         cells.append(Cell(atom, enter, hold, ()))
     return cells
 
 
-def _with_pasts(cells: list[Cell], relations: Mapping[int, Relation]) -> tuple[Cell, ...]:
-    """Find which relations can hold together in each cell, whatever the images before were.
+def _with_reachable_masks(cells: list[Cell], relations: Mapping[int, Relation]) -> tuple[Cell, ...]:
+    """Find the sets of relations that can hold together in each cell after any sequence of images.
 
-    A relation with `given` may be lost at any image for reasons outside this measure.
+    A relation with `given` may cease to hold at any image for reasons outside this measure.
     """
     losable = sum(1 << number for number, relation in relations.items() if relation.given)
     reached = {0}

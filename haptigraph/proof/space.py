@@ -1,7 +1,7 @@
-"""Every graph that is possible under a schema: which entities are there, in which cell each measure lies.
+"""All graphs that are possible under a schema: the entities that are present, and the cell of each measure.
 
-Thresholds, `given`, `fixed`, `seen_with` and what geometry always says decide what is possible; nothing is
-known of how things move, so anything may follow anything. Knows no rule.
+Thresholds, `given`, `fixed`, `visible_with` and geometric limits decide what is possible. Motion is not
+modelled, so any graph may follow any other.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,34 +14,34 @@ from haptigraph.graph import Node, SceneGraph, Schema, Triplet
 from haptigraph.proof.scales import Cell, scales_of
 from haptigraph.scene.relations import MEASURES, Measure
 
-__all__ = ["Place", "Space", "World"]
+__all__ = ["CellState", "Space", "World"]
 
 
-class Place(Struct, frozen=True):
-    """Where one measure lies, and which of its relations hold there, `given` left aside."""
+class CellState(Struct, frozen=True):
+    """The cell of one measure, and which of its relations hold there, regardless of `given`."""
 
     cell: Cell
     mask: int
 
 
 class World(Struct, frozen=True):
-    """One possible graph, and where the measures lie that make it."""
+    """One possible graph, and the cells of the measures that produce it."""
 
     mask: int
     """Edges and entities, one bit each: the graph as rules see it."""
-    places: tuple[Place | None, ...]
-    """Of every scale; None where there is no such measure."""
+    cell_states: tuple[CellState | None, ...]
+    """One per scale; None where the measure is undefined."""
 
 
 class Space:
-    """What may be seen under a schema.
+    """The possible graphs of a schema.
 
-    Bits are numbered as in the rule engine: relations first, then entities. Behind them come entities that a
-    measure needs but the schema does not name: nothing is known of them, so they may be absent.
+    Bits are numbered as in the rule engine: relations first, then entities. Entities follow that a measure
+    requires but the schema does not declare: nothing is known about them, so they may be absent.
 
     Args:
         schema: Of a checked procedure.
-        measures: What geometry always says of the measures.
+        measures: The geometric limits of the measures.
     """
 
     def __init__(self, schema: Schema, measures: Mapping[str, Measure] = MEASURES) -> None:
@@ -49,24 +49,24 @@ class Space:
         self.scales = scales_of(schema, measures)
         self.edge_bits = {relation.names: 1 << number for number, relation in enumerate(schema.relations)}
         names = [entity.name for entity in schema.entities]
-        self.unnamed = tuple(
-            dict.fromkeys(name for scale in self.scales for name in scale.needs if name not in names)
+        self.undeclared = tuple(
+            dict.fromkeys(name for scale in self.scales for name in scale.requires if name not in names)
         )
         count = len(schema.relations)
-        self.entity_bits = {name: 1 << (count + at) for at, name in enumerate((*names, *self.unnamed))}
+        self.entity_bits = {name: 1 << (count + at) for at, name in enumerate((*names, *self.undeclared))}
         self.edges = (1 << count) - 1
         self.visible = (1 << (count + len(names))) - 1
-        """What a graph shows: all but the entities that the schema does not name."""
+        """The bits that a graph shows: all except undeclared entities."""
         self.fixed, self.clusters = self._clusters()
         at = {
             (scale.measure, scale.subject, scale.object): number for number, scale in enumerate(self.scales)
         }
-        above = [(scale.always.never_above, scale.subject, scale.object) for scale in self.scales]
+        above = [(scale.limits.never_above, scale.subject, scale.object) for scale in self.scales]
         self.never_above = {number: at[key] for number, key in enumerate(above) if key in at}
-        """By scale: the scale that it never exceeds."""
+        """For each scale: the scale that it never exceeds."""
 
-    def presences(self) -> Iterator[int]:
-        """Yield every set of entities that may be there, as bits, smallest first."""
+    def entity_sets(self) -> Iterator[int]:
+        """Yield every set of entities that can be present together, as bits, smallest first."""
         yield 0
         choices = chain.from_iterable(
             combinations(self.clusters, size) for size in range(len(self.clusters) + 1)
@@ -76,63 +76,67 @@ class Space:
                 yield bits
 
     def measured(self, present: int) -> list[bool]:
-        """Tell of every scale whether its measure is there."""
-        return [all(present & self.entity_bits[name] for name in scale.needs) for scale in self.scales]
+        """Return for every scale whether its measure is defined for a set of entities."""
+        return [all(present & self.entity_bits[name] for name in scale.requires) for scale in self.scales]
 
     def count(self) -> int:
-        """Count the worlds, those included that geometry then rules out."""
+        """Count the worlds, including those that geometry excludes."""
         sizes = [sum(len(cell.masks) for cell in scale.cells) for scale in self.scales]
         return sum(
-            prod(size for size, there in zip(sizes, self.measured(present), strict=True) if there)
-            for present in self.presences()
+            prod(size for size, is_defined in zip(sizes, self.measured(present), strict=True) if is_defined)
+            for present in self.entity_sets()
         )
 
     def worlds(self) -> Iterator[World]:
         """Yield every possible world."""
         choices = [
             [
-                Place(cell, mask)
-                for cell in sorted(scale.cells, key=lambda cell: cell.enter != cell.hold)  # plain ones first
+                CellState(cell, mask)
+                for cell in sorted(
+                    scale.cells, key=lambda cell: cell.enter != cell.hold
+                )  # no hysteresis first
                 for mask in cell.masks
             ]
             for scale in self.scales
         ]
-        for present in self.presences():
-            there = self.measured(present)
-            options = [some if here else [None] for some, here in zip(choices, there, strict=True)]
-            for places in product(*options):
-                if self.agree(places):
-                    yield self.world(present, places)
+        for present in self.entity_sets():
+            measured = self.measured(present)
+            options = [
+                some if is_defined else [None] for some, is_defined in zip(choices, measured, strict=True)
+            ]
+            for cell_states in product(*options):
+                if self.is_consistent(cell_states):
+                    yield self.world(present, cell_states)
 
-    def world(self, present: int, places: tuple[Place | None, ...]) -> World:
-        """Return the world of some entities and places."""
-        raw = sum(place.mask for place in places if place is not None)
-        return World(present | self.close(raw), places)
+    def world(self, present: int, cell_states: tuple[CellState | None, ...]) -> World:
+        """Return the world of a set of entities and the cells of their measures."""
+        raw = sum(state.mask for state in cell_states if state is not None)
+        return World(present | self.close(raw), cell_states)
 
     def close(self, raw: int) -> int:
-        """Take away the relations whose `given` do not hold."""
+        """Remove the relations whose `given` do not hold."""
         edges = 0
         for number, relation in enumerate(self.schema.relations):
             if raw >> number & 1 and all(edges & self.edge_bits[names] for names in relation.given):
                 edges |= 1 << number
         return edges
 
-    def agree(self, places: Sequence[Place | None]) -> bool:
-        """Tell whether measures can lie so at once, by what geometry always says of two of them."""
-        intervals = [place.cell.interval if place else None for place in places]
+    def is_consistent(self, cell_states: Sequence[CellState | None]) -> bool:
+        """Return whether the geometric limits allow these cells at once."""
+        intervals = [state.cell.interval if state else None for state in cell_states]
         for small, large in self.never_above.items():
             lower, upper = intervals[small], intervals[large]
-            if lower is not None and upper is not None and not lower.reaches(upper):
+            if lower is not None and upper is not None and not lower.can_be_at_most(upper):
                 return False
         return True
 
     def measures(self, world: World) -> dict[str, float]:
-        """Return example values that make a world what it is."""
-        intervals = {number: place.cell.interval for number, place in enumerate(world.places) if place}
+        """Return example values of the measures that produce a world."""
+        intervals = {number: state.cell.interval for number, state in enumerate(world.cell_states) if state}
         values = {number: interval.sample() for number, interval in intervals.items()}
         for small, large in self.never_above.items():
             if small in values and large in values and values[small] > values[large]:
-                values[small] = values[large] = intervals[small].met(intervals[large]).sample()
+                values[small] = values[large] = intervals[small].intersection(intervals[large]).sample()
         return {self.scales[number].name: value for number, value in values.items()}
 
     def graph(self, world: World) -> SceneGraph:
@@ -159,14 +163,14 @@ class Space:
         return mask
 
     def _clusters(self) -> tuple[int, list[int]]:
-        """Return the entities that are always there, and the sets that come and go together."""
+        """Return the entities that are always present, and the sets that appear and vanish together."""
         fixed, lead = 0, dict[str, str]()
         together: dict[str, int] = {}
         for entity in self.schema.entities:
-            lead[entity.name] = lead[entity.seen_with] if entity.seen_with else entity.name
+            lead[entity.name] = lead[entity.visible_with] if entity.visible_with else entity.name
             together[lead[entity.name]] = together.get(lead[entity.name], 0) | self.entity_bits[entity.name]
             if entity.fixed:
                 fixed |= self.entity_bits[entity.name]
         free = [bits for bits in together.values() if not bits & fixed]
         always = sum(bits for bits in together.values() if bits & fixed)
-        return always, [*free, *(self.entity_bits[name] for name in self.unnamed)]
+        return always, [*free, *(self.entity_bits[name] for name in self.undeclared)]

@@ -1,6 +1,6 @@
-"""A procedure on the bench: its rules as bits, what is possible under its schema, and who proves.
+"""A procedure under proof: its rules as bit masks, the possible graphs of its schema, and the prover.
 
-Makes worlds into violations that can be shown, each run through the real rule engine.
+Turns worlds into violations that can be shown; the real rule engine evaluates each of them.
 """
 
 from collections.abc import Iterable
@@ -10,30 +10,28 @@ from haptigraph.graph import Names, Node, Relation, SceneGraph, Triplet
 from haptigraph.inference.claims import Gap
 from haptigraph.inference.engine import RuleEngine
 from haptigraph.inference.procedure import Procedure
-from haptigraph.proof.by_z3 import BySolver
-from haptigraph.proof.exhaustive import MOST_BITS, MOST_WORLDS, Exhaustive
+from haptigraph.proof.exhaustive_prover import MAX_BITS, MAX_WORLDS, ExhaustiveProver
 from haptigraph.proof.intervals import Interval
 from haptigraph.proof.report import Violation
-from haptigraph.proof.rules import Cube, Prover, cubes_of
+from haptigraph.proof.rules import Cube, Prover, rule_cubes
 from haptigraph.proof.scales import bits_of
 from haptigraph.proof.space import Space, World
+from haptigraph.proof.z3_prover import Z3Prover
 
-__all__ = ["PROVERS", "Subject", "bounds_of"]
-
-PROVERS = ("auto", "exhaustive", "z3")
+__all__ = ["Subject", "bounds_of"]
 
 
 def bounds_of(part: Relation | Gap) -> Interval:
-    """Return the values between the bounds of a part of a procedure, `release` left aside."""
+    """Return the values between the bounds of a part of a procedure, ignoring `release`."""
     return Interval.between(at_most=part.at_most, below=part.below, at_least=part.at_least, above=part.above)
 
 
 class Subject:
-    """What is proved about.
+    """The procedure that claims are about.
 
     Args:
         procedure: A checked procedure.
-        prover: Who proves; auto: by looking at every graph where there are few, else z3.
+        prover: The method; auto: enumerate the graphs if there are few, else z3.
 
     Raises:
         MissingExtra: If z3 is needed and not installed.
@@ -42,15 +40,15 @@ class Subject:
     def __init__(self, procedure: Procedure, prover: Literal["auto", "exhaustive", "z3"] = "auto") -> None:
         self.procedure = procedure
         self.space = Space(procedure.schema)
-        self.rules = cubes_of(procedure, self.space)
+        self.rules = rule_cubes(procedure, self.space)
         self._engine = RuleEngine(procedure)
-        is_small = self.space.count() <= MOST_WORLDS and self.space.visible.bit_length() <= MOST_BITS
-        looks = prover == "exhaustive" or (prover == "auto" and is_small)
-        chosen = Exhaustive if looks else BySolver
+        is_small = self.space.count() <= MAX_WORLDS and self.space.visible.bit_length() <= MAX_BITS
+        is_enumerated = prover == "exhaustive" or (prover == "auto" and is_small)
+        chosen = ExhaustiveProver if is_enumerated else Z3Prover
         self.prover: Prover = chosen(self.space, self.rules)
 
     def violation(self, sentence: str, about: str, world: World) -> Violation:
-        """Return a violation with the possible graph that shows it, whose state "{state}" stands for."""
+        """Return a violation with its counterexample, whose state replaces "{state}" in the sentence."""
         graph = self.space.graph(world)
         state = self._state_of(graph)
         return Violation(
@@ -64,32 +62,32 @@ class Subject:
     def impossible(
         self, sentence: str, about: str, when: Iterable[Names], present: Iterable[str] = ()
     ) -> Violation:
-        """Return a violation with a graph that cannot be, but would have to."""
-        wanted = list(when)
-        there = {name for names in wanted for name in names[::2]} | set(present)
+        """Return a violation with the graph that would have to be possible but is not."""
+        edges = list(when)
+        entities = {name for names in edges for name in names[::2]} | set(present)
         graph = SceneGraph(
             stamp_ns=0,
             nodes=tuple(
                 Node(entity.name, entity.name, entity.group)
                 for entity in self.procedure.schema.entities
-                if entity.name in there
+                if entity.name in entities
             ),
-            edges=tuple(Triplet(*names) for names in wanted),
+            edges=tuple(Triplet(*names) for names in edges),
         )
         return Violation(sentence, about, graph, is_possible=False, state=self._state_of(graph))
 
-    def conflict(self, wanted: Cube) -> str:
-        """Say which few parts of an impossible wish cannot be together."""
-        require, forbid = wanted.require, wanted.forbid
+    def conflict(self, cube: Cube) -> str:
+        """Name a minimal set of parts of an unsatisfiable cube that exclude each other."""
+        require, forbid = cube.require, cube.forbid
         for bit in (1 << number for number in bits_of(require | forbid)):
-            if not self.prover.exists(Cube(require & ~bit, forbid & ~bit)):
+            if not self.prover.is_satisfiable(Cube(require & ~bit, forbid & ~bit)):
                 require, forbid = require & ~bit, forbid & ~bit
-        has = [self.named(bit) for bit in bits_of(require)]
-        lacks = [f"no {self.named(bit)}" for bit in bits_of(forbid)]
+        has = [self._describe(bit) for bit in bits_of(require)]
+        lacks = [f"no {self._describe(bit)}" for bit in bits_of(forbid)]
         return " with ".join([*has, *lacks])
 
-    def named(self, bit: int) -> str:
-        """Name a relation, with what decides it, or an entity."""
+    def _describe(self, bit: int) -> str:
+        """Name a relation with its condition, or an entity."""
         schema = self.procedure.schema
         if bit >= len(schema.relations):
             return schema.entities[bit - len(schema.relations)].name
@@ -97,11 +95,11 @@ class Subject:
         return f"{Triplet(*relation.names)} ({bounds_of(relation).said(schema.measure_name(relation))})"
 
     def _state_of(self, graph: SceneGraph) -> str:
-        """Return what a graph is by itself, whatever state is held."""
+        """Return the state of a graph by itself, whatever state is held."""
         self._engine.reset()
         return self._engine(graph).state
 
     def _still_holding(self, world: World) -> tuple[str, ...]:
-        held = sum(place.mask & ~place.cell.enter for place in world.places if place is not None)
+        held = sum(state.mask & ~state.cell.enter for state in world.cell_states if state is not None)
         relations = self.procedure.schema.relations
         return tuple(str(Triplet(*relations[bit].names)) for bit in bits_of(held & world.mask))

@@ -1,6 +1,6 @@
-"""Claims about thresholds: relations that share a measure cut its number line without overlap and gap.
+"""Claims about thresholds: relations on the same measure partition its number line without overlap and gap.
 
-A measure with one relation is no such cut: there the relation holds or does not.
+A measure with a single relation is not partitioned: the relation holds or it does not.
 """
 
 from collections.abc import Iterator
@@ -12,7 +12,7 @@ from haptigraph.proof.intervals import Interval
 from haptigraph.proof.report import Claim, Violation
 from haptigraph.proof.rules import Cube
 from haptigraph.proof.scales import Cell, Scale
-from haptigraph.proof.space import Place, World
+from haptigraph.proof.space import CellState, World
 from haptigraph.proof.subject import Subject, bounds_of
 
 __all__ = ["threshold_claims"]
@@ -32,7 +32,7 @@ def _overlaps(subject: Subject) -> Iterator[Violation]:
     found = set()
     for scale in subject.space.scales:
         for one, other in combinations(scale.relations, 2):
-            world = subject.prover.smallest(Cube(require=1 << one | 1 << other))
+            world = subject.prover.smallest_witness(Cube(require=1 << one | 1 << other))
             pair = frozenset((relations[one].names, relations[other].names))
             if world is None:
                 continue
@@ -40,7 +40,7 @@ def _overlaps(subject: Subject) -> Iterator[Violation]:
             if pair not in allowed:
                 first, second = (Triplet(*relations[number].names) for number in (one, other))
                 sentence = (
-                    f"{first} and {second} hold at once; move a threshold, or say so with [[overlap]]; "
+                    f"{first} and {second} hold at once; move a threshold, or declare an [[overlap]]; "
                     "here the state is {state}"
                 )
                 yield subject.violation(sentence, f"relation {second}", world)
@@ -55,63 +55,68 @@ def _overlaps(subject: Subject) -> Iterator[Violation]:
 
 
 def _gaps(subject: Subject) -> Iterator[Violation]:
-    left_out = {gap: False for gap in subject.procedure.gaps}
+    is_confirmed = {gap: False for gap in subject.procedure.gaps}
     for scale in subject.space.scales:
         found = _uncovered(scale) if len(scale.relations) > 1 else []
         for interval, cell in found:
-            declared = [gap for gap in left_out if gap.measure == scale.name and _same(gap, interval, scale)]
-            left_out |= dict.fromkeys(declared, True)
+            declared = [
+                gap for gap in is_confirmed if gap.measure == scale.name and _is_same(gap, interval, scale)
+            ]
+            is_confirmed |= dict.fromkeys(declared, True)
             if declared:
                 continue
             names = " nor ".join(
                 str(Triplet(*subject.procedure.schema.relations[at].names)) for at in scale.relations
             )
             sentence = (
-                f"where {interval.said(scale.name)}, neither {names} holds; move a threshold, or say so with "
-                "[[gap]]; here the state is {state}"
+                f"where {interval.said(scale.name)}, neither {names} holds; move a threshold, or declare "
+                "a [[gap]]; here the state is {state}"
             )
             yield subject.violation(sentence, f"measure {scale.name}", _world_at(subject, scale, cell))
-    for gap, is_one in left_out.items():
-        if not is_one:
-            told = bounds_of(gap).said(gap.measure)
-            yield Violation(f"[[gap]] {told}: this is not exactly what the relations leave out", "gap")
+    for gap, is_gap in is_confirmed.items():
+        if not is_gap:
+            condition = bounds_of(gap).said(gap.measure)
+            yield Violation(
+                f"[[gap]] {condition}: the relations do not leave out exactly these values", "gap"
+            )
 
 
 def _uncovered(scale: Scale) -> list[tuple[Interval, Cell]]:
-    """Return the stretches in which a relation may hold only because it held before, or none at all."""
+    """Return the intervals on which no relation holds, or only because it held before."""
     found: list[tuple[Interval, Cell]] = []
-    open_end = False
+    is_open = False
     for cell in scale.cells:
         if cell.enter:
-            open_end = False
-        elif open_end:
+            is_open = False
+        elif is_open:
             interval, first = found.pop()
-            found.append((interval.joined(cell.interval), first))
+            found.append((interval.union(cell.interval), first))
         else:
             found.append((cell.interval, cell))
-            open_end = True
+            is_open = True
     return found
 
 
-def _same(gap: Gap, interval: Interval, scale: Scale) -> bool:
-    """Tell whether a declared gap is just this stretch, as far as geometry lets the measure go."""
-    declared, whole = bounds_of(gap), scale.cells[0].interval.joined(scale.cells[-1].interval)
-    return declared.reaches(whole) and whole.reaches(declared) and declared.met(whole) == interval
+def _is_same(gap: Gap, interval: Interval, scale: Scale) -> bool:
+    """Return whether a declared gap equals this interval, within the geometric limits of the measure."""
+    declared, whole = bounds_of(gap), scale.cells[0].interval.union(scale.cells[-1].interval)
+    overlaps = declared.can_be_at_most(whole) and whole.can_be_at_most(declared)
+    return overlaps and declared.intersection(whole) == interval
 
 
 def _world_at(subject: Subject, scale: Scale, cell: Cell) -> World:
-    """Return a small world in which a measure lies in a cell where nothing holds."""
+    """Return a small world in which a measure is in a cell and none of its relations holds."""
     space = subject.space
     at = space.scales.index(scale)
-    present = next(present for present in space.presences() if space.measured(present)[at])
-    places: list[Place | None] = [None] * len(space.scales)
-    places[at] = Place(cell, 0)
-    for number, here in enumerate(space.measured(present)):
-        if not here or number == at:
+    present = next(present for present in space.entity_sets() if space.measured(present)[at])
+    cell_states: list[CellState | None] = [None] * len(space.scales)
+    cell_states[at] = CellState(cell, 0)
+    for number, is_defined in enumerate(space.measured(present)):
+        if not is_defined or number == at:
             continue
-        options = [Place(some, mask) for some in space.scales[number].cells for mask in some.masks]
-        for place in sorted(options, key=lambda option: option.mask.bit_count()):
-            places[number] = place
-            if space.agree(places):
+        options = [CellState(some, mask) for some in space.scales[number].cells for mask in some.masks]
+        for option in sorted(options, key=lambda option: option.mask.bit_count()):
+            cell_states[number] = option
+            if space.is_consistent(cell_states):
                 break
-    return space.world(present, tuple(places))
+    return space.world(present, tuple(cell_states))

@@ -1,1 +1,1 @@
-"""From places to relations: the measures and the builder of scene graphs."""
+"""The measures of a scene and the builder of scene graphs: from positions to relations."""

@@ -1,7 +1,4 @@
-"""Build the scene graph of one observation: which entities are there, which relations hold.
-
-Follows the schema of a procedure; knows no rule, no state and no touch.
-"""
+"""Build the scene graph of one observation: the entities that are present and the relations that hold."""
 
 from haptigraph.graph import Node, Relation, SceneGraph, Schema, Triplet
 from haptigraph.messages import Observation
@@ -11,10 +8,10 @@ __all__ = ["SchemaSceneBuilder"]
 
 
 class SchemaSceneBuilder:
-    """Evaluate every relation of a schema on what was found.
+    """Evaluate every relation of a schema on an observation.
 
     Args:
-        schema: Entities and relations; every measure it names is in `MEASURES`.
+        schema: Entities and relations; all their measures are in `MEASURES`.
     """
 
     def __init__(self, schema: Schema) -> None:

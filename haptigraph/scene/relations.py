@@ -1,7 +1,7 @@
-"""The measures that relations are decided by: one small function per kind of relation.
+"""The measures that decide relations: one small function per kind of relation.
 
 Each turns two shapes of an observation into one number, whose unit is the suffix of its name. A new kind of
-relation is a new function here and its name in a procedure's TOML. Knows no thresholds.
+relation is a new function here; procedures refer to it by name and set the thresholds.
 """
 
 from collections.abc import Callable, Mapping
@@ -25,49 +25,49 @@ from haptigraph.geometry import (
     subtract,
 )
 
-__all__ = ["MEASURES", "Always", "Found", "Measure"]
+__all__ = ["MEASURES", "Found", "Limits", "Measure"]
 
 UM_PER_MM = 1000.0
-BESIDE_MM = 0.1  # a surface's slope is taken so far to either side
+SLOPE_MM = 0.1  # the slope of a surface is taken between points this far to either side
 
 Found: TypeAlias = Mapping[str, Geometry]
 
 
-class Always(NamedTuple):
-    """What geometry says of a measure whatever the scene; `haptigraph check` proves with it."""
+class Limits(NamedTuple):
+    """Geometric limits of a measure that hold in every scene; `haptigraph check` uses them in proofs."""
 
-    least: float = -inf
-    most: float = inf
+    lower: float = -inf
+    upper: float = inf
     """Both in the measure's unit."""
-    needs: tuple[str, ...] = ()
-    """Entities that must be found besides subject and object."""
+    requires: tuple[str, ...] = ()
+    """Entities that must be detected besides subject and object."""
     never_above: str = ""
     """A measure of the same subject and object that this one never exceeds."""
 
 
 class Measure(NamedTuple):
-    """A function of (subject, object, all that was found), and the shapes it is made for.
+    """A function of (subject, object, all detected entities), and the shapes that it supports.
 
-    It returns None where something else that it needs was not found.
+    The function returns None if another entity that it requires was not detected.
     """
 
     function: Callable[[Geometry, Geometry, Found], float | None]
-    shapes: Mapping[tuple[str, str], Always]
+    shapes: Mapping[tuple[str, str], Limits]
     """By (subject, object) geometries as in the schema."""
 
 
 def distance_mm(subject: Geometry, object: Geometry, found: Found) -> float | None:
-    """Distance of a point to a point (Euclidean), or of a point or a chain of them to a surface, signed.
+    """Euclidean distance between two points, or signed distance from a point or polyline to a surface.
 
-    Of a chain the nearest point counts. It is negative where the straight way from the trocar to the point
-    crosses the surface: whatever went through stays beyond, however far it is pushed, and so never stops
-    being at most any positive distance.
+    Of a polyline the nearest vertex counts. The distance is negative if the segment from the trocar to the
+    point crosses the surface: a tip that went through the surface stays below any positive threshold, however
+    far it is pushed.
     """
     trocar = found.get("trocar")
     if isinstance(subject, Point) and isinstance(object, Point):
         return norm(subtract(subject.at_mm, object.at_mm))
     if isinstance(subject, Polyline):
-        gaps_mm = [distance_mm(Point(place), object, found) for place in subject.points_mm]
+        gaps_mm = [distance_mm(Point(vertex), object, found) for vertex in subject.points_mm]
         return min((gap_mm for gap_mm in gaps_mm if gap_mm is not None), default=None)
     if isinstance(subject, Point) and isinstance(object, Polyline) and isinstance(trocar, Point):
         gap_mm = distance_to_polyline(subject.at_mm, object)
@@ -76,7 +76,7 @@ def distance_mm(subject: Geometry, object: Geometry, found: Found) -> float | No
 
 
 def radial_mm(subject: Geometry, object: Geometry, found: Found) -> float | None:
-    """Distance of a point to the approach axis, the line trocar -> object (the paper's "radial d")."""
+    """Distance from a point to the approach axis, the line trocar -> object (the paper's "radial d")."""
     trocar = found.get("trocar")
     if isinstance(subject, Point) and isinstance(object, Point) and isinstance(trocar, Point):
         return distance_to_line(subject.at_mm, trocar.at_mm, object.at_mm)
@@ -93,33 +93,33 @@ def theta_deg(subject: Geometry, object: Geometry, found: Found) -> float | None
 
 
 def wall_mm(subject: Geometry, object: Geometry, found: Found) -> float | None:
-    """Distance of a point to the wall of a circle: positive inside, negative outside."""
+    """Distance from a point to the wall of a circle: positive inside, negative outside."""
     if isinstance(subject, Point) and isinstance(object, Circle):
         return object.radius_mm - norm(subtract(subject.at_mm, object.center_mm))
     return None
 
 
 def clearance_mm(subject: Geometry, object: Geometry, found: Found) -> float | None:
-    """Shortest distance between the middle lines of two shafts; 0 where they cross in the picture."""
+    """Shortest distance between the centre lines of two shafts; 0 if they cross in the image."""
     if isinstance(subject, Segment) and isinstance(object, Segment):
         return distance_between(subject, object)
     return None
 
 
 def aside_mm(subject: Geometry, object: Geometry, found: Found) -> float | None:
-    """How far beside a region of the retina a point is, seen from the globe's centre; at most 0 over it.
+    """Lateral distance from a point to a region of the retina, seen from the globe's centre; <= 0 above it.
 
-    The distance to the way from the centre to the region's middle, less the region's radius.
+    The distance to the segment from the globe's centre to the region's, minus the region's radius.
     """
     globe = found.get("eye_globe")
     if isinstance(subject, Point) and isinstance(object, Circle) and isinstance(globe, Circle):
-        way = Polyline((globe.center_mm, object.center_mm))
-        return distance_to_polyline(subject.at_mm, way) - object.radius_mm
+        axis = Polyline((globe.center_mm, object.center_mm))
+        return distance_to_polyline(subject.at_mm, axis) - object.radius_mm
     return None
 
 
 def gap_um(subject: Geometry, object: Geometry, found: Found) -> float | None:
-    """Distance of a point to a surface of a B-scan: positive above it, against the beam, negative below."""
+    """Distance from a point to a surface of a B-scan: positive above it, against the beam, negative below."""
     if isinstance(subject, Point) and isinstance(object, Polyline):
         gap_um = UM_PER_MM * distance_to_polyline(subject.at_mm, object)
         return gap_um if subject.at_mm[1] >= height_on_polyline(subject.at_mm[0], object) else -gap_um
@@ -127,10 +127,10 @@ def gap_um(subject: Geometry, object: Geometry, found: Found) -> float | None:
 
 
 def incidence_deg(subject: Geometry, object: Geometry, found: Found) -> float | None:
-    """Angle between a shaft and a surface below its tip: 0 along it, 90 straight into it."""
+    """Angle between a shaft and the surface below its tip: 0 parallel, 90 perpendicular."""
     if isinstance(subject, Segment) and isinstance(object, Polyline):
         shaft, x = subtract(subject.end_mm, subject.start_mm), subject.end_mm[0]
-        left, right = (x - BESIDE_MM, x + BESIDE_MM)
+        left, right = (x - SLOPE_MM, x + SLOPE_MM)
         along = right - left, height_on_polyline(right, object) - height_on_polyline(left, object)
         angle_deg = angle_between_deg(shaft, along)
         return min(angle_deg, 180 - angle_deg)
@@ -138,7 +138,7 @@ def incidence_deg(subject: Geometry, object: Geometry, found: Found) -> float | 
 
 
 def depth_percent(subject: Geometry, object: Geometry, found: Found) -> float | None:
-    """How far a point is on the way from a surface (0) down the beam to the RPE (100)."""
+    """Position of a point along the beam between a surface (0) and the RPE (100)."""
     rpe = found.get("rpe")
     if isinstance(subject, Point) and isinstance(object, Polyline) and isinstance(rpe, Polyline):
         x, y = subject.at_mm
@@ -148,7 +148,7 @@ def depth_percent(subject: Geometry, object: Geometry, found: Found) -> float | 
 
 
 def thickness_um(subject: Geometry, object: Geometry, found: Found) -> float | None:
-    """From one surface down the beam to another, in the column of the needle's tip."""
+    """Distance along the beam between two surfaces, in the column of the needle tip."""
     tip = found.get("needle_tip")
     if isinstance(subject, Polyline) and isinstance(object, Polyline) and isinstance(tip, Point):
         top, bottom = (height_on_polyline(tip.at_mm[0], surface) for surface in (subject, object))
@@ -157,7 +157,7 @@ def thickness_um(subject: Geometry, object: Geometry, found: Found) -> float | N
 
 
 def elapsed_s(subject: Geometry, object: Geometry, found: Found) -> float | None:
-    """How long a phase has been going on; whatever is found is found during it."""
+    """Time since the start of a phase; every detected entity is within it."""
     return object.elapsed_s if isinstance(object, Phase) else None
 
 
@@ -165,23 +165,23 @@ MEASURES: dict[str, Measure] = {
     "distance_mm": Measure(
         distance_mm,
         {
-            ("point", "point"): Always(least=0.0),
-            ("point", "polyline"): Always(needs=("trocar",)),
-            ("polyline", "polyline"): Always(needs=("trocar",)),
+            ("point", "point"): Limits(lower=0.0),
+            ("point", "polyline"): Limits(requires=("trocar",)),
+            ("polyline", "polyline"): Limits(requires=("trocar",)),
         },
     ),
     "radial_mm": Measure(
-        radial_mm,  # the line leads through the object, so it is never further away than the object
-        {("point", "point"): Always(least=0.0, needs=("trocar",), never_above="distance_mm")},
+        radial_mm,  # the axis passes through the object, so it is never further away than the object
+        {("point", "point"): Limits(lower=0.0, requires=("trocar",), never_above="distance_mm")},
     ),
-    "theta_deg": Measure(theta_deg, {("segment", "point"): Always(0.0, 180.0, needs=("trocar",))}),
-    "wall_mm": Measure(wall_mm, {("point", "circle"): Always()}),
-    "clearance_mm": Measure(clearance_mm, {("segment", "segment"): Always(least=0.0)}),
-    "aside_mm": Measure(aside_mm, {("point", "circle"): Always(needs=("eye_globe",))}),
-    "gap_um": Measure(gap_um, {("point", "polyline"): Always()}),
-    "incidence_deg": Measure(incidence_deg, {("segment", "polyline"): Always(0.0, 90.0)}),
-    "depth_percent": Measure(depth_percent, {("point", "polyline"): Always(needs=("rpe",))}),
-    "thickness_um": Measure(thickness_um, {("polyline", "polyline"): Always(needs=("needle_tip",))}),
-    "elapsed_s": Measure(elapsed_s, {("point", "phase"): Always(least=0.0)}),
+    "theta_deg": Measure(theta_deg, {("segment", "point"): Limits(0.0, 180.0, requires=("trocar",))}),
+    "wall_mm": Measure(wall_mm, {("point", "circle"): Limits()}),
+    "clearance_mm": Measure(clearance_mm, {("segment", "segment"): Limits(lower=0.0)}),
+    "aside_mm": Measure(aside_mm, {("point", "circle"): Limits(requires=("eye_globe",))}),
+    "gap_um": Measure(gap_um, {("point", "polyline"): Limits()}),
+    "incidence_deg": Measure(incidence_deg, {("segment", "polyline"): Limits(0.0, 90.0)}),
+    "depth_percent": Measure(depth_percent, {("point", "polyline"): Limits(requires=("rpe",))}),
+    "thickness_um": Measure(thickness_um, {("polyline", "polyline"): Limits(requires=("needle_tip",))}),
+    "elapsed_s": Measure(elapsed_s, {("point", "phase"): Limits(lower=0.0)}),
 }
-"""What a relation's `measure` may name."""
+"""The valid values of a relation's `measure`."""

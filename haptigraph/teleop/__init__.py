@@ -1,1 +1,1 @@
-"""Teleoperation: the motion of a hand becomes the motion of the simulated robot."""
+"""Teleoperation: operator input becomes motion of the simulated robot."""

@@ -1,6 +1,6 @@
-"""What a hand tells the robot, and how the robot takes it. Knows neither devices nor eyes.
+"""Messages of teleoperation: the motion of the operator's hand, and the settings that scale and filter it.
 
-Both come from outside (a page, a study), so every field is bounded and nothing else is let in.
+Both are external input (a page, a study), so every field is bounded and unknown fields are refused.
 """
 
 import math
@@ -16,39 +16,39 @@ TremorMm = Annotated[float, Meta(ge=0, le=10)]
 
 
 class HandMotion(Struct, frozen=True, forbid_unknown_fields=True):
-    """How far the hand has moved since its last message. No message: no motion."""
+    """The displacement of the hand since its previous message."""
 
     engaged: bool
-    """Whether the clutch holds: without it the hand moves and the needle does not."""
+    """Whether the clutch is engaged; otherwise the needle does not move."""
     along_mm: Displacement = 0.0
-    """Along the shaft, into the eye positive."""
+    """Along the shaft, positive into the eye."""
     across_mm: Displacement = 0.0
     """Across the shaft, in the section: positive moves the tip to the surgeon's right (+x of the eye frame,
-    for a needle from above; exactly: along the shaft's direction turned by +90 degrees)."""
+    for a needle from above; exactly: along the direction of the shaft rotated by +90 degrees)."""
     apart_mm: Displacement = 0.0
-    """Thumb from finger: positive opens the jaws of forceps. Of a tool without jaws it moves nothing."""
+    """Between thumb and finger: positive opens the jaws of forceps; no effect on a tool without jaws."""
 
     def __post_init__(self) -> None:
         _must_be_finite(self)
 
 
 class TeleopSettings(Struct, frozen=True, forbid_unknown_fields=True):
-    """How the motion of the hand becomes motion of the tool."""
+    """The mapping from hand motion to tool motion."""
 
     motion_scale: MotionScale = 0.2
     """Tool motion over hand motion."""
     tremor_filter: bool = False
-    """Whether motion of 8 to 12 Hz is taken out."""
+    """Whether motion of 8 to 12 Hz is removed."""
     added_tremor_mm: TremorMm = 0.0
-    """Simulated tremor of the hand, 8 to 12 Hz, RMS per axis, while it is engaged: for hands on a keyboard,
-    which do not tremble, to feel what the filter does."""
+    """Simulated tremor of the hand, 8 to 12 Hz, RMS per axis, while the clutch is engaged. It demonstrates
+    the filter to an operator at a keyboard, whose input has no tremor."""
 
     def __post_init__(self) -> None:
         _must_be_finite(self)
 
 
 def _must_be_finite(message: Struct) -> None:
-    """Refuse nan and infinity, which pass the bounds or come from Python, where bounds are not checked."""
+    """Refuse nan and infinity, which pass the bounds or come from Python, where bounds are unchecked."""
     for name in message.__struct_fields__:
         value = getattr(message, name)
         if not math.isfinite(value):

@@ -1,4 +1,4 @@
-"""Every device keeps the Device contract. A new device joins by getting an opener here."""
+"""Every device fulfils the Device contract. To add a new device, add an opener here."""
 
 from contextlib import ExitStack
 
@@ -11,7 +11,7 @@ from haptigraph.haptics.observed_device import PAGE_CONTROLLER, ObservedDevice
 from haptigraph.messages import Capabilities
 from haptigraph.stages import Device
 
-# What opens each device on a machine without any hardware: a name for `open_device`, given an empty folder.
+# The name with which `open_device` opens each device without hardware, given an empty folder.
 OPENERS = {
     "audio": lambda folder: f"audio:{folder / 'touch.wav'}",
     "console": lambda folder: "console",
@@ -22,21 +22,21 @@ OPENERS = {
 }
 
 
-def check_capabilities(can: Capabilities):
-    assert can.amplitude_levels >= 1
-    if can.frequency_range_hz is not None:
-        low, high = can.frequency_range_hz
+def check_capabilities(capabilities: Capabilities):
+    assert capabilities.amplitude_levels >= 1
+    if capabilities.frequency_range_hz is not None:
+        low, high = capabilities.frequency_range_hz
         assert 0 <= low <= high
-    assert can.shortest_on_ms >= 0
-    assert can.max_rate_hz is None or can.max_rate_hz > 0
-    assert can.holds_ms is None or can.holds_ms > 0
-    assert can.limitations.endswith(".")
+    assert capabilities.shortest_on_ms >= 0
+    assert capabilities.max_rate_hz is None or capabilities.max_rate_hz > 0
+    assert capabilities.holds_ms is None or capabilities.holds_ms > 0
+    assert capabilities.limitations.endswith(".")
 
 
 @pytest.fixture(params=assemble.DEVICES)
 def device(request, tmp_path, monkeypatch):
     with ExitStack() as stack:
-        if request.param == "ros2":  # it tells when nobody listens
+        if request.param == "ros2":  # it reports a missing subscriber
             peer = request.getfixturevalue("peer")
             from haptigraph.ros2.types import JoyFeedback
 
@@ -56,37 +56,37 @@ def test_all_devices_are_under_contract():
     assert set(OPENERS) == set(assemble.DEVICES)
 
 
-def test_a_device_says_what_it_can(device):
+def test_a_device_reports_its_capabilities(device):
     assert isinstance(device, Device)
     check_capabilities(device.capabilities)
 
 
-def test_a_device_takes_every_strength_and_silence_at_any_time(device):
-    can = device.capabilities
-    low, high = can.frequency_range_hz or (0.0, 250.0)
-    told = [(0.0, 0.0), (0.0, 0.0), (1.0, high), (1.0, high), (1e-6, low), (0.5, 80.0), (0.0, 0.0)]
-    for number, (amplitude, frequency_hz) in enumerate(told):
+def test_a_device_accepts_every_amplitude_and_silence_at_any_time(device):
+    capabilities = device.capabilities
+    low, high = capabilities.frequency_range_hz or (0.0, 250.0)
+    commands = [(0.0, 0.0), (0.0, 0.0), (1.0, high), (1.0, high), (1e-6, low), (0.5, 80.0), (0.0, 0.0)]
+    for number, (amplitude, frequency_hz) in enumerate(commands):
         device.set(amplitude, frequency_hz, number * 1_000_000)
 
 
-def test_a_device_closes_twice_also_while_it_vibrates(device):
+def test_a_device_can_be_closed_twice_even_while_it_vibrates(device):
     device.set(0.0, 0.0, 0)
     device.set(0.5, 80.0, 1)
     device.close()
     device.close()
 
 
-def test_who_listens_in_changes_no_capability(device):
+def test_an_observer_does_not_change_the_capabilities(device):
     assert ObservedDevice(device, lambda *edge: None).capabilities == device.capabilities
 
 
-def test_the_pages_controller_says_what_it_can():
+def test_the_controller_of_the_page_reports_its_capabilities():
     check_capabilities(PAGE_CONTROLLER)
 
 
 @pytest.mark.parametrize(("kind", "library"), [("gamepad", "sdl2"), ("serial", "serial")])
-def test_a_missing_extra_is_one_sentence_that_names_it(kind, library, tmp_path, monkeypatch):
-    """Also through the process that keeps the device."""
+def test_the_error_without_an_extra_names_it(kind, library, tmp_path, monkeypatch):
+    """Even through the watchdog process."""
     (tmp_path / f"{library}.py").write_text(f"raise ModuleNotFoundError({library!r})")
     monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(BadInput, match=rf"device {kind} needs an extra; .* 'haptigraph\[{kind}\]'"):

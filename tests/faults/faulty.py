@@ -1,9 +1,9 @@
-"""`haptigraph`, but what the tests name goes wrong in it when they say so.
+"""`haptigraph` with faults that tests inject on demand.
 
-Each line of its input is the name of a fault that begins now, and ends the one before; "none" only ends it. It
-answers on its error output with the moment. camera:0 shows the scenario that stands first among the arguments.
-The game controller is one that SDL simulates, the sound card one that asks for a buffer every 10 ms; what they
-feel goes to the file that the environment names. Everything else is haptigraph's own.
+Each line of standard input is the name of a fault that begins now and ends the previous one; "none" only ends it.
+The time is reported on standard error. camera:0 shows the scenario that is the first argument. SDL simulates the
+game controller; the simulated sound card requests a buffer every 10 ms. Both log their output to the file that the
+environment names. Everything else is the real program.
 """
 
 import ctypes
@@ -24,7 +24,7 @@ from haptigraph.recording.writer import RunWriter
 from haptigraph.sources.cameras.uvc import CameraSource
 from haptigraph.sources.phantom import PhantomSource
 
-SHOWN, KEPT = 36, 8  # images that are drawn; so many of the last ones go round
+RENDERED, REPEATED = 36, 8  # number of rendered images, and of the last ones that repeat
 BUFFER = 480
 HOUR_S = 3600
 
@@ -33,12 +33,12 @@ failures = 0
 
 
 def set_back(now, by):
-    """Return a wall clock that jumps while the fault lasts."""
+    """Return a wall clock that is set back while the fault lasts."""
     return lambda: now() - (by if fault == "wall clock jumps" else 0)
 
 
-def listen():
-    """Begin and end faults as told."""
+def read_faults():
+    """Begin and end faults on request."""
     global fault, failures
     for line in sys.stdin:
         failures, fault = 0, line.strip()
@@ -46,13 +46,13 @@ def listen():
 
 
 class Driver:
-    """A camera's driver, as OpenCV shows it."""
+    """The interface of OpenCV to a camera driver."""
 
     def __init__(self, scenario):
         source, images = PhantomSource(scenario), []
-        while len(images) < SHOWN:
+        while len(images) < RENDERED:
             images.append(source.read(1.0).image)
-        self.images = chain(images, cycle(images[-KEPT:]))
+        self.images = chain(images, cycle(images[-REPEATED:]))
         self.due_s = time.monotonic()
 
     def __call__(self, number):
@@ -99,7 +99,7 @@ class FaultyTracker(Tracker):
         global failures
         if fault == "perceiver stalls":
             threading.Event().wait()
-        if fault == "interpreter stalls":  # no thread of Python runs: the lock is not released
+        if fault == "interpreter stalls":  # no Python thread runs, because the GIL is not released
             ctypes.PyDLL(None).usleep(1_000_000)
         if (fault, failures) in {
             ("perceiver fails twice", 0),
@@ -111,7 +111,7 @@ class FaultyTracker(Tracker):
 
 
 class PortAudio(threading.Thread):
-    """Asks for buffers in real time, like a sound card, and says how loud each one is."""
+    """Request buffers in real time, like a sound card, and log the maximum of each."""
 
     PortAudioError = OSError
 
@@ -125,7 +125,7 @@ class PortAudio(threading.Thread):
         self.join()
 
     def run(self):
-        out = open(os.environ["HAPTIGRAPH_TEST_FELT"], "a", buffering=1)  # noqa: SIM115
+        out = open(os.environ["HAPTIGRAPH_TEST_OUTPUT"], "a", buffering=1)  # noqa: SIM115
         while self.active:
             samples = np.zeros((BUFFER, 2), np.float32)
             self.callback(samples, BUFFER, None, None)
@@ -136,7 +136,7 @@ class PortAudio(threading.Thread):
 def slow_disk(write):
     def slow(self, *arguments, **options):
         if fault == "slow disk":
-            time.sleep(1.0)  # far longer than the dead-man timer
+            time.sleep(1.0)  # much longer than the dead-man timer
         write(self, *arguments, **options)
 
     return slow
@@ -150,5 +150,5 @@ if __name__ == "__main__":
     sys.modules["sounddevice"] = PortAudio.__new__(PortAudio)
     RunWriter.write = slow_disk(RunWriter.write)
     time.time, time.time_ns = set_back(time.time, HOUR_S), set_back(time.time_ns, HOUR_S * 10**9)
-    threading.Thread(target=listen, daemon=True).start()
+    threading.Thread(target=read_faults, daemon=True).start()
     main()

@@ -1,4 +1,4 @@
-"""A real run in a process of its own, and an ear at the far end of its device."""
+"""A real run in a process of its own, and a monitor of its device's output."""
 
 import json
 import os
@@ -18,41 +18,41 @@ from haptigraph.sources.phantom import PhantomSource
 
 HERE = Path(__file__).parent
 STEADY = str(HERE.parent / "data" / "steady.toml")
-PATIENCE_S = 60.0
+TIMEOUT_S = 60.0
 DEADMAN_MS = 150
-# What a device may add to the dead-man's time: its longest wait for an answer, its least distance between
-# commands, or a buffer and a ramp; and 50 ms. How late the machine itself woke others meanwhile is added.
+# What a device may add to the dead-man time: its timeout of a response, its minimum interval between commands, or
+# a buffer and a ramp; and 50 ms. The scheduling latency of the machine meanwhile is added.
 PERIOD_MS = {"serial": 100 + 50, "gamepad": 50 + 50, "audio": 15 + 50, "ros2": 50 + 50}
 
 
-class Beat(threading.Thread):
-    """Wake every 5 ms and note how late: what a busy machine adds to everybody's time.
+class LatencyProbe(threading.Thread):
+    """Wake every 5 ms and log the delay: the scheduling latency that a busy machine adds to every thread.
 
     Attributes:
-        late: (stamp_ns, late_ns) of every wake.
+        late: (stamp_ns, late_ns) of every wake-up.
     """
 
     PERIOD_S = 0.005
 
     def __init__(self):
         super().__init__(daemon=True)
-        self.late, self.over = [], threading.Event()
+        self.late, self.is_stopped = [], threading.Event()
         self.start()
 
     def run(self):
         before_ns = time.monotonic_ns()
-        while not self.over.wait(self.PERIOD_S):
+        while not self.is_stopped.wait(self.PERIOD_S):
             now_ns = time.monotonic_ns()
             self.late.append((now_ns, now_ns - before_ns - round(self.PERIOD_S * 1e9)))
             before_ns = now_ns
 
     def late_ms(self, since_ns, until_ns):
-        """Return by how much it was late in all between two moments."""
+        """Return the total delay between two times."""
         return sum(late_ns for stamp_ns, late_ns in self.late if since_ns <= stamp_ns <= until_ns) / 1e6
 
 
-class Ear:
-    """Hear when a device vibrates; `edges` holds (stamp_ns, level) of every change."""
+class OutputMonitor:
+    """Monitor the output of a device; `edges` contains (stamp_ns, level) of every change."""
 
     def __init__(self):
         self.edges, self.changed = [], threading.Condition()
@@ -65,7 +65,7 @@ class Ear:
     def until(self, vibrates):
         """Wait until the device vibrates or is silent; return since when [ns]."""
         with self.changed:
-            assert self.changed.wait_for(lambda: self.vibrates == vibrates, PATIENCE_S), self.edges[-5:]
+            assert self.changed.wait_for(lambda: self.vibrates == vibrates, TIMEOUT_S), self.edges[-5:]
             since_ns = 0
             for stamp_ns, level in reversed(self.edges):
                 if bool(level) != vibrates:
@@ -74,10 +74,10 @@ class Ear:
             return since_ns
 
     def until_silent_once(self, after_ns):
-        """Wait for the first silence after a moment, however short; return when it began [ns]."""
+        """Wait for the first silence after a time, however short; return when it began [ns]."""
         with self.changed:
             silences = lambda: (at_ns for at_ns, level in self.edges if at_ns >= after_ns and not level)  # noqa: E731
-            assert self.changed.wait_for(lambda: any(silences()), PATIENCE_S), self.edges[-5:]
+            assert self.changed.wait_for(lambda: any(silences()), TIMEOUT_S), self.edges[-5:]
             return next(silences())
 
     @property
@@ -85,57 +85,57 @@ class Ear:
         return bool(self.edges and self.edges[-1][1])
 
 
-class PipeEar(Ear):
-    """Hears through a named pipe what a simulated controller or sound card writes.
+class PipeMonitor(OutputMonitor):
+    """Read the output of a simulated controller or sound card from a named pipe.
 
     Args:
-        path: Of the pipe.
-        starves_ms: A sound card that is handed no samples for so long is silent.
+        path: Path of the pipe.
+        starves_ms: A sound card that receives no samples for this time is silent.
     """
 
     def __init__(self, path, starves_ms=None):
         super().__init__()
         self.starves_s = None if starves_ms is None else starves_ms / 1e3
         os.mkfifo(path)
-        self.pipe = os.open(path, os.O_RDWR)  # both ways, so that no writer ends it
-        self.thread = threading.Thread(target=self.hear, daemon=True)
+        self.pipe = os.open(path, os.O_RDWR)  # for reading and writing, so that it does not end with a writer
+        self.thread = threading.Thread(target=self.listen, daemon=True)
         self.thread.start()
         self.path = path
 
-    def hear(self):
+    def listen(self):
         text = ""
         while text != "end":
             if select.select([self.pipe], [], [], self.starves_s)[0]:
                 *lines, text = (text + os.read(self.pipe, 4096).decode()).split("\n")
                 for stamp_ns, *levels in map(str.split, lines):
-                    self.hear_level(int(stamp_ns), max(map(float, levels)))
+                    self.note_level(int(stamp_ns), max(map(float, levels)))
             else:
-                self.hear_level(time.monotonic_ns(), 0.0)
+                self.note_level(time.monotonic_ns(), 0.0)
 
-    def hear_level(self, stamp_ns, level):
+    def note_level(self, stamp_ns, level):
         if not self.edges or level != self.edges[-1][1]:
             self.note(stamp_ns, level)
 
     def close(self):
         with open(self.path, "a") as pipe:
             pipe.write("end")
-        self.thread.join(PATIENCE_S)
+        self.thread.join(TIMEOUT_S)
         os.close(self.pipe)
 
 
-class BoardEar(Ear):
-    """Hears a board's pin 9."""
+class BoardMonitor(OutputMonitor):
+    """Monitor pin 9 of a simulated board."""
 
     def __init__(self, link):
         super().__init__()
-        self.board = Board(link, heard=lambda stamp_ns, pin, value: self.note(stamp_ns, value))
+        self.board = Board(link, on_change=lambda stamp_ns, pin, value: self.note(stamp_ns, value))
 
     def close(self):
         self.board.close()
 
 
-class RosEar(Ear):
-    """Hears what a subscriber on the network does."""
+class RosMonitor(OutputMonitor):
+    """Subscribe to the messages on the network."""
 
     def __init__(self):
         from haptigraph.ros2.node import Node
@@ -143,39 +143,39 @@ class RosEar(Ear):
 
         super().__init__()
         self.node, self.refused = Node(), []
-        self.node.subscribe("/joy/set_feedback", JoyFeedback, self.hear, self.refused.append)
+        self.node.subscribe("/joy/set_feedback", JoyFeedback, self.receive, self.refused.append)
 
-    def hear(self, message):
+    def receive(self, message):
         self.note(time.monotonic_ns(), message.intensity)
 
     def close(self):
         self.node.close()
 
 
-def ear_of(device, folder):
+def monitor_of(device, folder):
     if device == "ros2":
-        return RosEar()
+        return RosMonitor()
     if device == "serial":
-        return BoardEar(folder / "tty")
-    return PipeEar(folder / "felt", 30 if device == "audio" else None)
+        return BoardMonitor(folder / "tty")
+    return PipeMonitor(folder / "output", 30 if device == "audio" else None)
 
 
 class Rig:
-    """`haptigraph run camera:0` with one device, recorded, faults on demand.
+    """`haptigraph run camera:0` with one device and a recording, and faults on demand.
 
     Args:
-        folder: For everything that is written.
+        folder: Folder for all files.
         device: serial, gamepad, audio or ros2.
-        arguments: Further ones.
+        arguments: Further arguments of the command.
     """
 
     def __init__(self, folder, device, *arguments, command="run", **options):
         self.device, self.record = device, folder / "run.mcap"
         self.stack = ExitStack()
-        self.ear = ear_of(device, folder)
-        self.stack.callback(self.ear.close)
-        self.beat = Beat()
-        self.stack.callback(self.beat.over.set)
+        self.monitor = monitor_of(device, folder)
+        self.stack.callback(self.monitor.close)
+        self.probe = LatencyProbe()
+        self.stack.callback(self.probe.is_stopped.set)
         registration = folder / "registration.toml"
         registration.write_text(PhantomSource(STEADY).registration)
         uri = f"serial:{folder / 'tty'}" if device == "serial" else device
@@ -184,7 +184,7 @@ class Rig:
              "--registration", str(registration), "--record", str(self.record), *arguments],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, bufsize=1,
             env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
-                 "HAPTIGRAPH_TEST_FELT": str(folder / "felt")},
+                 "HAPTIGRAPH_TEST_OUTPUT": str(folder / "output")},
             **options,
         )  # fmt: skip
         self.lines, self.changed = [], threading.Condition()
@@ -206,34 +206,34 @@ class Rig:
                 self.lines.append(line)
                 self.changed.notify_all()
 
-    def until_felt(self):
-        """Wait until the hand feels something."""
+    def until_vibrating(self):
+        """Wait until the device vibrates."""
         try:
-            self.ear.until(vibrates=True)
+            self.monitor.until(vibrates=True)
         except AssertionError as error:
-            said = "".join(self.lines)
+            output = "".join(self.lines)
             raise AssertionError(
-                f"nothing is felt, exit code {self.process.poll()}: {error}\n{said}"
+                f"no vibration, exit code {self.process.poll()}: {error}\n{output}"
             ) from None
 
     def until_recorded(self):
         """Wait until some steps are on disk."""
-        give_up_ns = time.monotonic_ns() + round(PATIENCE_S * 1e9)
+        give_up_ns = time.monotonic_ns() + round(TIMEOUT_S * 1e9)
         while not (self.record.exists() and RunReader(self.record).count()[0]):
-            assert time.monotonic_ns() < give_up_ns, "nothing is recorded"
-            self.beat.over.wait(0.1)
+            assert time.monotonic_ns() < give_up_ns, "no step is recorded"
+            self.probe.is_stopped.wait(0.1)
 
-    def until_told(self, pattern):
-        """Wait until it says something; return the match."""
+    def until_output(self, pattern):
+        """Wait until standard error matches a pattern; return the match."""
         with self.changed:
             found = lambda: re.search(pattern, "".join(self.lines), re.MULTILINE)  # noqa: E731
-            assert self.changed.wait_for(found, PATIENCE_S), "".join(self.lines)
+            assert self.changed.wait_for(found, TIMEOUT_S), "".join(self.lines)
             return found()
 
     def begin(self, fault):
-        """Let a fault begin, and forget what was told before; return when it did [ns]."""
+        """Begin a fault and discard earlier output; return when it began [ns]."""
         self.process.stdin.write(f"{fault}\n")
-        match = self.until_told(rf"fault {fault} begins (\d+).*\n")
+        match = self.until_output(rf"fault {fault} begins (\d+).*\n")
         with self.changed:
             self.lines[:] = ["".join(self.lines)[match.end() :]]
         return int(match[1])
@@ -244,27 +244,27 @@ class Rig:
         self.process.send_signal(number)
         return now_ns
 
-    def stilled_in_time(self, row, since_ns):
-        """Check that the hand is silent in time, and stays so, and keep the figure."""
-        self.in_time(row, since_ns, self.ear.until(vibrates=False), DEADMAN_MS + PERIOD_MS[self.device])
+    def silent_in_time(self, row, since_ns):
+        """Check that the device is silent in time and stays so, and log the delay."""
+        self.in_time(row, since_ns, self.monitor.until(vibrates=False), DEADMAN_MS + PERIOD_MS[self.device])
 
-    def in_time(self, row, since_ns, still_ns, promised_ms):
-        """Check that a silence came in time, and keep the figure."""
-        late_ms = (still_ns - since_ns) / 1e6
+    def in_time(self, row, since_ns, silent_ns, promised_ms):
+        """Check that a silence came in time, and log the delay."""
+        late_ms = (silent_ns - since_ns) / 1e6
         path = os.environ.get("HAPTIGRAPH_FAULTS")
         if path:
             with open(path, "a") as file:
                 file.write(json.dumps([row, self.device, round(late_ms, 1)]) + "\n")
-        machine_ms = self.beat.late_ms(since_ns, still_ns)
-        assert late_ms <= promised_ms + machine_ms, (row, late_ms, machine_ms, self.ear.edges[-6:])
+        machine_ms = self.probe.late_ms(since_ns, silent_ns)
+        assert late_ms <= promised_ms + machine_ms, (row, late_ms, machine_ms, self.monitor.edges[-6:])
 
     def finish(self):
-        """Wait for the end; return exit code, output, and all that it said."""
+        """Wait for the end; return exit code, standard output and standard error."""
         try:
-            code = self.process.wait(PATIENCE_S)
+            code = self.process.wait(TIMEOUT_S)
         except subprocess.TimeoutExpired:
-            raise AssertionError("it does not end: " + "".join(self.lines)) from None
-        self.reader.join(PATIENCE_S)
+            raise AssertionError("the run does not end: " + "".join(self.lines)) from None
+        self.reader.join(TIMEOUT_S)
         out = "" if self.process.stdout.closed else self.process.stdout.read()
         for stream in (self.process.stdin, self.process.stdout, self.process.stderr):
             stream.close()

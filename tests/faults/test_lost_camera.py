@@ -1,6 +1,6 @@
-"""A real run whose camera goes away: the hand is still in time, and feels again when the camera is back.
+"""A real run that loses its camera: the output is silent in time, and resumes when the camera is back.
 
-The device is a trace file, read as it grows: what stands there has left the guard.
+The device is a trace file, read while it grows: it contains the output of the guard.
 """
 
 import csv
@@ -16,7 +16,7 @@ from pathlib import Path
 
 import cv2
 import pytest
-from rig import Beat
+from rig import LatencyProbe
 from streaming import StreamingCamera
 
 from haptigraph.clock import VirtualClock
@@ -27,13 +27,13 @@ from haptigraph.sources.teleop import TeleopSource
 pytestmark = pytest.mark.xdist_group("faults")
 
 HERE = Path(__file__).parent
-PATIENCE_S = 30.0
-LOOK_S = 0.002
+TIMEOUT_S = 30.0
+POLL_S = 0.002
 STALE_MS, DEADMAN_MS = 100, 150
 
 
 class Run:
-    """A process that runs the loop on a source, with a trace for a hand."""
+    """A process that runs the loop on a source, with a trace as its device."""
 
     def __init__(self, folder, program, uri, eye, *options):
         self.trace, self.recording = folder / "touch.csv", folder / "run.mcap"
@@ -50,49 +50,49 @@ class Run:
             env={**os.environ, "PYTHONPATH": path.strip(os.pathsep)},
         )
         self.lines: queue.Queue[str] = queue.Queue()
-        self.told: list[str] = []
-        self.listener = threading.Thread(target=self.listen)
-        self.listener.start()
+        self.output: list[str] = []
+        self.reader = threading.Thread(target=self.read)
+        self.reader.start()
 
-    def listen(self):
+    def read(self):
         for line in self.process.stderr:
             self.lines.put(line)
 
-    def hears(self, text):
-        """Wait until the run tells something."""
+    def await_message(self, text):
+        """Wait until the run reports something."""
         while True:
-            self.told.append(self.lines.get(timeout=PATIENCE_S))
-            if text in self.told[-1]:
+            self.output.append(self.lines.get(timeout=TIMEOUT_S))
+            if text in self.output[-1]:
                 return
 
-    def feels(self, vibrating):
-        """Wait until the hand vibrates, or is still; return when [ns]."""
-        end_s = time.monotonic() + PATIENCE_S
+    def await_output(self, vibrating):
+        """Wait until the device vibrates, or is silent; return when [ns]."""
+        end_s = time.monotonic() + TIMEOUT_S
         while time.monotonic() < end_s:
             now_ns = time.monotonic_ns()
             if self.trace.exists():
                 rows = self.trace.read_text().splitlines()[1:]
                 if rows and (float(rows[-1].split(",")[1]) > 0) is vibrating:
                     return now_ns
-            time.sleep(LOOK_S)
-        raise AssertionError(f"never; told: {self.told}")
+            time.sleep(POLL_S)
+        raise AssertionError(f"timeout; output: {self.output}")
 
     def end(self):
         self.process.send_signal(signal.SIGINT)
-        out, _ = self.process.communicate(timeout=PATIENCE_S)
-        self.listener.join()
-        self.told += list(self.lines.queue)
+        out, _ = self.process.communicate(timeout=TIMEOUT_S)
+        self.reader.join()
+        self.output += list(self.lines.queue)
         return out
 
     def stop(self):
         self.process.kill()
         self.process.communicate()
-        self.listener.join()
+        self.reader.join()
 
 
 @pytest.fixture
 def eye(quick, tmp_path):
-    """An image in which the hand is to vibrate, and the path of its registration."""
+    """An image that causes vibration, and the path of its registration."""
     source = TeleopSource(quick.replace("quick.toml", "steered.toml"), VirtualClock())
     file = tmp_path / "eye.toml"
     file.write_text(source.registration)
@@ -101,7 +101,7 @@ def eye(quick, tmp_path):
 
 @pytest.fixture(params=["unplugged", "hangs", "realsense"])
 def running(request, eye, tmp_path):
-    """A run, how its camera goes away, and how it comes back."""
+    """A run, and functions that disconnect and reconnect its camera."""
     image, registration = eye
     module = ["-m", "haptigraph"]
     if request.param == "realsense":
@@ -110,44 +110,44 @@ def running(request, eye, tmp_path):
         program = [HERE / "realsense_run.py", tmp_path / "image.png"]
         run = Run(tmp_path, program, "realsense", registration)
 
-        def say(word):
-            run.process.stdin.write(f"{word}\n")
+        def request(what):
+            run.process.stdin.write(f"{what}\n")
             run.process.stdin.flush()
 
-        yield run, lambda: say("silent"), lambda: say("speak")
+        yield run, lambda: request("stop"), lambda: request("resume")
         run.stop()
         return
     camera = StreamingCamera([encode_jpeg(image, 95)])
     run = Run(tmp_path, module, camera.uri, registration)
-    go, come = (
+    disconnect, reconnect = (
         (camera.unplug, camera.plug_in) if request.param == "unplugged" else (camera.hang, camera.go_on)
     )
-    yield run, go, come
+    yield run, disconnect, reconnect
     run.stop()
     camera.unplug()
 
 
-def test_a_hand_whose_camera_goes_away_is_still_in_time_and_feels_again_when_it_is_back(
+def test_a_lost_camera_silences_the_device_in_time_and_vibration_resumes_when_it_is_back(
     running, record_property
 ):
-    run, go, come = running
-    run.feels(vibrating=True)
-    beat = Beat()
-    gone_ns = time.monotonic_ns()
-    go()
-    silent_ns = run.feels(vibrating=False)
-    beat.over.set()
-    silent_ms = (silent_ns - gone_ns) / 1e6
+    run, disconnect, reconnect = running
+    run.await_output(vibrating=True)
+    probe = LatencyProbe()
+    lost_ns = time.monotonic_ns()
+    disconnect()
+    silent_ns = run.await_output(vibrating=False)
+    probe.is_stopped.set()
+    silent_ms = (silent_ns - lost_ns) / 1e6
     record_property("silent_ms", round(silent_ms))
-    assert silent_ms <= STALE_MS + DEADMAN_MS + beat.late_ms(gone_ns, silent_ns)
-    run.hears("delivers no images; trying to get it back")
+    assert silent_ms <= STALE_MS + DEADMAN_MS + probe.late_ms(lost_ns, silent_ns)
+    run.await_message("delivers no images; trying to get it back")
     assert run.process.poll() is None
-    come()
-    run.feels(vibrating=True)
+    reconnect()
+    run.await_output(vibrating=True)
     out = run.end()
     assert run.process.returncode == 0
     assert "interrupted" in out
-    assert "delivers no images" in "".join(run.told)
+    assert "delivers no images" in "".join(run.output)
     with run.trace.open() as file:
         assert float(list(csv.DictReader(file))[-1]["amplitude"]) == 0
     reader = RunReader(run.recording)
@@ -163,7 +163,7 @@ def test_a_hand_whose_camera_goes_away_is_still_in_time_and_feels_again_when_it_
     ]
 
 
-def test_a_hand_is_still_when_a_video_ends(eye, tmp_path):
+def test_the_end_of_a_video_silences_the_device(eye, tmp_path):
     image, registration = eye
     writer = cv2.VideoWriter(
         str(tmp_path / "v.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 30.0, image.shape[1::-1]
@@ -172,14 +172,14 @@ def test_a_hand_is_still_when_a_video_ends(eye, tmp_path):
         writer.write(image)
     writer.release()
     run = Run(tmp_path, ["-m", "haptigraph"], tmp_path / "v.avi", registration, "--realtime")
-    beat = Beat()
+    probe = LatencyProbe()
     try:
-        run.feels(vibrating=True)
-        out, _ = run.process.communicate(timeout=PATIENCE_S)
-        run.listener.join()
+        run.await_output(vibrating=True)
+        out, _ = run.process.communicate(timeout=TIMEOUT_S)
+        run.reader.join()
     finally:
         run.stop()
-        beat.over.set()
+        probe.is_stopped.set()
     assert run.process.returncode == 0
     assert "source ended" in out
     with run.trace.open() as file:
@@ -187,5 +187,7 @@ def test_a_hand_is_still_when_a_video_ends(eye, tmp_path):
     steps = [step for _, step in RunReader(run.recording).records(images=())]
     assert rows[-1][1] == 0
     assert steps[-1].conclusion.state == "unknown"
-    last_ns, still_ns = steps[-2].timing.commanded_ns, rows[-1][0]
-    assert (still_ns - last_ns) / 1e6 <= DEADMAN_MS + beat.late_ms(last_ns, still_ns + Beat.PERIOD_S * 1e9)
+    last_ns, silent_ns = steps[-2].timing.commanded_ns, rows[-1][0]
+    assert (silent_ns - last_ns) / 1e6 <= DEADMAN_MS + probe.late_ms(
+        last_ns, silent_ns + LatencyProbe.PERIOD_S * 1e9
+    )

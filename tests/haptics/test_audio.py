@@ -1,4 +1,4 @@
-"""What a voice coil would be driven with: looked at in the buffers a sound card asks for, and in the file."""
+"""The signal for a voice coil: in the buffers that a sound card requests, and in the file."""
 
 import sys
 import wave
@@ -25,53 +25,53 @@ def read_wav(path):
         return np.frombuffer(file.readframes(file.getnframes()), "<i2") / 32767
 
 
-def test_the_sine_has_the_patterns_frequency_and_amplitude():
+def test_the_sine_has_the_frequency_and_amplitude_that_are_set():
     tone = Tone(holds_ms=10_000)
-    tone.tell(0.5, 160.0)
+    tone.set(0.5, 160.0)
     samples = tone.samples(RATE_HZ)
     spectrum = np.abs(np.fft.rfft(samples))
-    assert np.argmax(spectrum) == 160  # Hz, for the second is whole
+    assert np.argmax(spectrum) == 160  # Hz: the samples last one second
     assert np.abs(samples).max() == pytest.approx(0.5, abs=1e-3)
 
 
-def test_a_pattern_without_frequency_still_sounds():
+def test_without_a_frequency_the_default_is_played():
     tone = Tone(holds_ms=1000)
-    tone.tell(0.5, 0.0)
-    assert np.argmax(np.abs(np.fft.rfft(tone.samples(RATE_HZ // 10)))) == 16  # of 10 Hz each
+    tone.set(0.5, 0.0)
+    assert np.argmax(np.abs(np.fft.rfft(tone.samples(RATE_HZ // 10)))) == 16  # bins of 10 Hz
 
 
-def test_silence_comes_within_five_ms_and_without_a_click():
+def test_silence_is_reached_within_5_ms_without_a_click():
     tone = Tone(holds_ms=1000)
-    tone.tell(1.0, 250.0)
+    tone.set(1.0, 250.0)
     before = tone.samples(RATE_HZ // 10)
-    tone.tell(0.0, 0.0)
+    tone.set(0.0, 0.0)
     after = tone.samples(RATE_HZ // 10)
     assert np.all(after[round(0.005 * RATE_HZ) :] == 0)
     steepest = 2 * np.pi * 250 / RATE_HZ + 1 / (0.005 * RATE_HZ)
     assert np.abs(np.diff(np.concatenate([before, after]))).max() <= steepest * 1.01
 
 
-def test_a_tone_that_is_told_nothing_more_ends_by_itself():
+def test_a_tone_that_is_not_set_again_ends_by_itself():
     tone = Tone(holds_ms=150)
-    tone.tell(1.0, 160.0)
+    tone.set(1.0, 160.0)
     samples = tone.samples(RATE_HZ)
     assert np.all(samples[round(0.155 * RATE_HZ) :] == 0)
     assert envelope(samples)[60:74].max() > 0.9
 
 
 @given(
-    told=st.lists(
+    settings=st.lists(
         st.tuples(st.floats(0, 1), st.floats(20, 1000), st.integers(1, 10_000)), min_size=1, max_size=6
     ),
     block=st.integers(97, 3000),
 )
-@example(told=[(1.0, 100.0, 300), (0.0, 100.0, 240), (1.0, 250.0, 400)], block=8)
-def test_buffers_of_any_size_make_the_same_sound_and_never_click(told, block):
+@example(settings=[(1.0, 100.0, 300), (0.0, 100.0, 240), (1.0, 250.0, 400)], block=8)
+def test_the_sound_does_not_depend_on_the_buffer_size_and_never_clicks(settings, block):
     whole, parts = Tone(150), Tone(150)
     one, many = [], []
-    for amplitude, frequency_hz, count in told:
-        whole.tell(amplitude, frequency_hz)
-        parts.tell(amplitude, frequency_hz)
+    for amplitude, frequency_hz, count in settings:
+        whole.set(amplitude, frequency_hz)
+        parts.set(amplitude, frequency_hz)
         one.append(whole.samples(count))
         many += [parts.samples(min(block, count - start)) for start in range(0, count, block)]
     one, many = np.concatenate(one), np.concatenate(many)
@@ -82,7 +82,7 @@ def test_buffers_of_any_size_make_the_same_sound_and_never_click(told, block):
 
 
 class FakePort:
-    """Stands where PortAudio would be: this machine has no sound card. Asks for buffers when told to."""
+    """Replaces PortAudio, because the machine may have no sound card; requests buffers on `request`."""
 
     PortAudioError = type("PortAudioError", (Exception,), {})
 
@@ -103,7 +103,7 @@ class FakePort:
     def close(self):
         self.active = False
 
-    def ask(self, count):
+    def request(self, count):
         samples = np.full((count, self.opened["channels"]), np.nan, np.float32)
         self.opened["callback"](samples, count, None, None)
         return samples
@@ -116,24 +116,24 @@ def port(monkeypatch):
     return port
 
 
-def test_the_sound_card_gets_the_tone_on_every_channel(port):
+def test_the_sound_card_receives_the_tone_on_every_channel(port):
     device = AudioDevice("")
     assert isinstance(device._player, SoundCard)
     assert port.active
     device.set(0.0, 0.0, 0)
-    assert np.all(port.ask(512) == 0)
+    assert np.all(port.request(512) == 0)
     device.set(1.0, 160.0, 1)
-    samples = port.ask(4800)
+    samples = port.request(4800)
     assert samples.max() == pytest.approx(1.0, abs=1e-3)
     assert np.array_equal(samples[:, 0], samples[:, 1])
     device.set(0.0, 0.0, 2)
-    assert np.all(port.ask(512)[240:] == 0)
+    assert np.all(port.request(512)[240:] == 0)
     device.close()
     device.close()
     assert not port.active
 
 
-def test_a_sound_card_that_stops_is_started_again_or_told(port):
+def test_a_stopped_sound_card_is_restarted_or_reported(port):
     device = AudioDevice("2")
     assert port.opened["device"] == 2
     port.active, port.lost = False, True
@@ -144,34 +144,34 @@ def test_a_sound_card_that_stops_is_started_again_or_told(port):
     assert port.active
 
 
-def test_a_sound_card_that_is_not_there_is_told(port):
+def test_a_missing_sound_card_is_reported(port):
     with pytest.raises(BadInput, match="audio:nowhere: cannot be opened"):
         AudioDevice("nowhere")
 
 
-def test_this_machines_real_portaudio_says_what_it_has():
+def test_portaudio_reports_a_machine_without_a_sound_card():
     try:
         sounddevice = pytest.importorskip("sounddevice", exc_type=ImportError)
     except OSError:
         pytest.skip("needs PortAudio: apt-get install libportaudio2")
     if sounddevice.query_devices():
-        pytest.skip("there is a sound card here, and nobody may be startled")
+        pytest.skip("the machine has a sound card; the test must not play on it")
     with pytest.raises(BadInput, match="audio: cannot be opened"):
         AudioDevice("")
 
 
-def test_without_the_extra_one_sentence_names_it(monkeypatch):
+def test_the_error_without_the_extra_names_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "sounddevice", None)
     with pytest.raises(MissingExtra, match=r"pip install 'haptigraph\[audio\]'"):
         AudioDevice("")
 
 
-def test_a_file_holds_what_was_felt_when_it_was_felt(tmp_path):
+def test_a_file_contains_every_amplitude_at_its_time(tmp_path):
     path = tmp_path / "touch.wav"
     device = AudioDevice(str(path))
     for ms, amplitude in [(0, 0.0), (100, 1.0), (175, 1.0), (180, 0.0), (260, 0.3), (300, 0.0)]:
         device.set(amplitude, 160.0, 7_000_000_000 + ms * MS)
-    readable = read_wav(path)  # before anything is closed, as after a kill
+    readable = read_wav(path)  # before it is closed, as after a kill
     assert len(readable) == round(0.3 * RATE_HZ)
     device.close()
     device.close()
@@ -183,19 +183,19 @@ def test_a_file_holds_what_was_felt_when_it_was_felt(tmp_path):
     assert np.all(read_wav(path)[-200:] == 0)
 
 
-def test_a_file_never_overwrites_and_one_that_was_told_nothing_is_gone(tmp_path):
+def test_an_existing_file_is_not_overwritten_and_an_unused_one_is_deleted(tmp_path):
     path = tmp_path / "touch.wav"
     AudioDevice(str(path)).close()
     assert not path.exists()
     path.write_text("precious")
-    with pytest.raises(BadInput, match="no sound overwrites a file"):
+    with pytest.raises(BadInput, match="exists already; choose the name of a new file"):
         AudioDevice(str(path))
     assert path.read_text() == "precious"
     with pytest.raises(BadInput, match="cannot be written"):
         AudioDevice(str(tmp_path / "no" / "x.wav"))
 
 
-def test_a_full_disk_is_told(tmp_path):
+def test_a_full_disk_is_reported(tmp_path):
     path = tmp_path / "full.wav"
     device = AudioDevice(str(path))
     device._player._file.close()

@@ -25,7 +25,7 @@ def test_the_console_draws_a_bar_in_a_terminal():
     device.close()
 
 
-def test_the_console_is_quiet_where_nobody_looks():
+def test_the_console_writes_nothing_without_a_terminal():
     stream = io.StringIO()
     device = ConsoleDevice(stream=stream)
     device.set(1.0, 80.0, 0)
@@ -33,7 +33,7 @@ def test_the_console_is_quiet_where_nobody_looks():
     assert stream.getvalue() == ""
 
 
-def test_a_trace_holds_every_change_and_is_plotted(tmp_path):
+def test_a_trace_contains_every_change_and_is_plotted(tmp_path):
     file = tmp_path / "touch.csv"
     device = TraceDevice(file)
     device.set(0.3, 80.0, 5 * MS)
@@ -53,52 +53,52 @@ def test_a_trace_survives_a_kill(tmp_path):
     file = tmp_path / "touch.csv"
     device = TraceDevice(file)
     device.set(0.3, 80.0, 5)
-    assert "5,0.3,80.0" in file.read_text()  # written before anything was closed
+    assert "5,0.3,80.0" in file.read_text()  # written before it is closed
     device.close()
 
 
-def test_a_trace_never_overwrites(tmp_path):
+def test_an_existing_trace_is_not_overwritten(tmp_path):
     file = tmp_path / "touch.csv"
     file.write_text("precious")
-    with pytest.raises(BadInput, match="exists already; a trace never overwrites a file"):
+    with pytest.raises(BadInput, match="exists already; choose the name of a new file"):
         TraceDevice(file)
     assert file.read_text() == "precious"
     with pytest.raises(BadInput, match="cannot be written"):
         TraceDevice(tmp_path / "no" / "such" / "folder.csv")
 
 
-def test_a_trace_never_overwrites_a_picture(tmp_path):
-    picture = tmp_path / "touch.png"
-    picture.write_text("precious")
-    with pytest.raises(BadInput, match=r"touch\.png: exists already; the plot of a trace never overwrites"):
+def test_an_existing_plot_is_not_overwritten(tmp_path):
+    plot = tmp_path / "touch.png"
+    plot.write_text("precious")
+    with pytest.raises(BadInput, match=r"touch\.png: exists already, and the trace's plot needs this name"):
         TraceDevice(tmp_path / "touch.csv")
-    assert picture.read_text() == "precious"
-    assert list(tmp_path.iterdir()) == [picture]
+    assert plot.read_text() == "precious"
+    assert list(tmp_path.iterdir()) == [plot]
 
 
-def test_a_picture_that_appeared_meanwhile_is_left_alone(tmp_path):
+def test_a_plot_that_appeared_meanwhile_is_not_overwritten(tmp_path):
     device = TraceDevice(tmp_path / "touch.csv")
     device.set(0.3, 80.0, 5)
-    picture = tmp_path / "touch.png"
-    picture.write_text("precious")
+    plot = tmp_path / "touch.png"
+    plot.write_text("precious")
     with pytest.raises(FileExistsError):
         device.close()
-    assert picture.read_text() == "precious"
+    assert plot.read_text() == "precious"
 
 
 @pytest.mark.parametrize("name", ["touch.png", "touch.PNG"])
-def test_a_trace_that_its_own_plot_would_replace_is_refused(tmp_path, name):
+def test_a_trace_with_the_name_of_its_own_plot_is_refused(tmp_path, name):
     with pytest.raises(BadInput, match="is the name of the trace's plot"):
         TraceDevice(tmp_path / name)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_trace_that_was_told_nothing_leaves_no_file(tmp_path):
+def test_an_unused_trace_leaves_no_file(tmp_path):
     TraceDevice(tmp_path / "touch.csv").close()
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_full_disk_is_told_with_the_file(tmp_path, monkeypatch):
+def test_a_full_disk_is_reported_with_the_file(tmp_path, monkeypatch):
     device = TraceDevice(tmp_path / "touch.csv")
 
     class Full:
@@ -111,7 +111,7 @@ def test_a_full_disk_is_told_with_the_file(tmp_path, monkeypatch):
     device.close()
 
 
-def test_the_console_needs_no_terminal_at_all(monkeypatch):
+def test_the_console_works_without_standard_error(monkeypatch):
     monkeypatch.setattr("sys.stderr", None)
     device = ConsoleDevice()
     device.set(0.3, 80.0, 0)

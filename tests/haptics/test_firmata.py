@@ -1,4 +1,4 @@
-"""Over a pseudo-terminal to a board whose decoder shares nothing with the device."""
+"""Over a pseudo-terminal to a simulated board whose decoder shares no code with the device."""
 
 import sys
 
@@ -35,19 +35,19 @@ def test_the_pin_follows_the_amplitude(board):
     device.close()
 
 
-def test_high_pins_and_fine_pwm_take_longer_messages(tmp_path):
+def test_high_pins_and_high_resolutions_use_longer_messages(tmp_path):
     with Board(tmp_path / "tty", {20: 16, 3: 14}) as board:
-        for pin, top in ((20, 65535), (3, 16383)):
+        for pin, maximum in ((20, 65535), (3, 16383)):
             device = FirmataDevice(f"{board.link}?pin={pin}")
-            assert device.capabilities.amplitude_levels == top
+            assert device.capabilities.amplitude_levels == maximum
             device.set(1.0, 0.0, 0)
             device.set(0.5, 0.0, 0)
-            assert values(board, pin) == [0, top, round(top / 2)]
+            assert values(board, pin) == [0, maximum, round(maximum / 2)]
             device.close()
 
 
 @given(st.integers(0, 127), st.integers(0, (1 << 28) - 1))
-def test_every_pin_and_value_survives_the_way(pin, value):
+def test_every_pin_and_value_is_decoded_unchanged(pin, value):
     from firmata_board import Decoder
 
     decoder = Decoder()
@@ -60,17 +60,17 @@ def test_every_pin_and_value_survives_the_way(pin, value):
         assert (command, data[0] | data[1] << 7) == (0xE0 | pin, value)
 
 
-def test_what_vibrated_before_is_stilled_when_the_port_is_opened(board):
+def test_opening_the_port_silences_an_earlier_vibration(board):
     first = FirmataDevice(f"{board.link}")
     first.set(1.0, 0.0, 0)
-    first._serial.close()  # dies without a word
+    first._serial.close()  # dies without a message
     assert board.vibrates()
     second = FirmataDevice(f"{board.link}")
     assert not board.vibrates()
     second.close()
 
 
-def test_a_board_is_stilled_before_it_is_asked_anything(board, monkeypatch):
+def test_a_board_is_silenced_before_any_query(board, monkeypatch):
     first = FirmataDevice(f"{board.link}")
     first.set(1.0, 0.0, 0)
     first._serial.close()
@@ -80,42 +80,42 @@ def test_a_board_is_stilled_before_it_is_asked_anything(board, monkeypatch):
     FirmataDevice(f"{board.link}").close()
 
 
-def test_closing_stills_the_pin(board):
+def test_closing_silences_the_pin(board):
     device = FirmataDevice(f"{board.link}")
     device.set(1.0, 0.0, 0)
     device.close()
     assert not board.vibrates()
 
 
-def test_a_board_that_stops_answering_is_told_and_found_again(board):
+def test_a_board_that_stops_responding_is_reported_and_recovers(board):
     device = FirmataDevice(f"{board.link}")
-    board.answers = False
-    with pytest.raises(DeviceError, match="does not answer"):
+    board.responds = False
+    with pytest.raises(DeviceError, match="does not respond"):
         device.set(1.0, 0.0, 0)
-    board.answers = True
+    board.responds = True
     device.set(0.5, 0.0, 0)
-    assert values(board)[-2:] == [0, 128]  # stilled first, then as told
+    assert values(board)[-2:] == [0, 128]  # silenced first, then as set
     device.close()
 
 
-def test_before_anything_vibrates_a_board_may_take_its_time(board, monkeypatch):
-    monkeypatch.setattr(firmata, "ANSWER_S", 0.0)
+def test_during_setup_a_board_may_be_slow(board, monkeypatch):
+    monkeypatch.setattr(firmata, "RESPONSE_S", 0.0)
     device = FirmataDevice(f"{board.link}")
-    with pytest.raises(DeviceError, match="does not answer"):
+    with pytest.raises(DeviceError, match="does not respond"):
         device.set(1.0, 0.0, 0)
     device.close()
 
 
-def test_a_port_that_is_lost_while_it_is_opened_is_told(board, monkeypatch):
+def test_a_port_that_is_lost_while_it_is_opened_is_reported(board, monkeypatch):
     def unplugged(device):
         raise OSError(5, "Input/output error")
 
-    monkeypatch.setattr(FirmataDevice, "_learn", unplugged)
+    monkeypatch.setattr(FirmataDevice, "_query_max_value", unplugged)
     with pytest.raises(BadInput, match=r"serial:.*tty is lost \(Input/output error\)"):
         FirmataDevice(f"{board.link}")
 
 
-def test_a_board_that_was_reset_is_noticed_and_set_up_again(board):
+def test_a_board_that_was_reset_is_detected_and_set_up_again(board):
     device = FirmataDevice(f"{board.link}")
     device.set(1.0, 0.0, 0)
     board.reset()
@@ -126,7 +126,7 @@ def test_a_board_that_was_reset_is_noticed_and_set_up_again(board):
     device.close()
 
 
-def test_a_board_that_is_unplugged_is_told_and_found_again(board):
+def test_an_unplugged_board_is_reported_and_recovers(board):
     device = FirmataDevice(f"{board.link}")
     device.set(1.0, 0.0, 0)
     board.unplug()
@@ -140,30 +140,30 @@ def test_a_board_that_is_unplugged_is_told_and_found_again(board):
     device.close()
 
 
-def test_a_port_without_a_board_is_told(board, monkeypatch):
+def test_a_port_without_a_board_is_reported(board, monkeypatch):
     monkeypatch.setattr(firmata, "BOOT_S", 0.2)
-    board.answers = False
+    board.responds = False
     with pytest.raises(BadInput, match="answers as Firmata at 57600 baud; upload the sketch StandardFirmata"):
         FirmataDevice(f"{board.link}")
 
 
 @pytest.mark.parametrize(
-    ("argument", "told"),
+    ("argument", "problem"),
     [
-        ("", "names no port"),
-        ("{port}?pin=4", "pin 4 has no PWM; pins that have: 3, 5, 6, 9, 10, 11, 20"),
+        ("", "no port is given; use serial:/dev/ttyACM0?pin=9"),
+        ("{port}?pin=4", "pin 4 does not support PWM; use one of 3, 5, 6, 9, 10, 11, 20"),
         ("{port}?pin=128", "pin 128 does not exist"),
-        ("{port}?pin=x", "found pin=x; valid behind the port"),
-        ("{port}?pins=3", "found pins=3; valid behind the port"),
+        ("{port}?pin=x", "found pin=x; valid after the port"),
+        ("{port}?pins=3", "found pins=3; valid after the port"),
         ("/dev/nothing-here", "/dev/nothing-here cannot be opened"),
     ],
 )
-def test_what_cannot_be_used_is_told(board, argument, told):
-    with pytest.raises(BadInput, match=told.replace("?", r"\?")):
+def test_an_unusable_argument_is_refused(board, argument, problem):
+    with pytest.raises(BadInput, match=problem.replace("?", r"\?")):
         FirmataDevice(argument.format(port=board.link))
 
 
-def test_without_the_extra_one_sentence_names_it(monkeypatch):
+def test_the_error_without_the_extra_names_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "serial", None)
     with pytest.raises(MissingExtra, match=r"pip install 'haptigraph\[serial\]'"):
         FirmataDevice("/dev/ttyACM0")

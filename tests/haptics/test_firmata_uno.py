@@ -1,6 +1,6 @@
-"""The stock sketch itself, as its authors compiled it for an Arduino Uno, on a simulated processor.
+"""The original sketch, as compiled by its authors for an Arduino Uno, on a simulated processor.
 
-Needs a C compiler, libsimavr and the sketch's .hex file, which the npm package avrgirl-arduino brings along:
+Needs a C compiler, libsimavr and the .hex file of the sketch, which the npm package avrgirl-arduino contains:
 
     apt-get install gcc libsimavr-dev libelf-dev && npm pack avrgirl-arduino@5.0.1 && tar xzf avrgirl-arduino-*.tgz
     HAPTIGRAPH_UNO_HEX=package/junk/hex/uno/StandardFirmata.cpp.hex pytest tests/haptics/test_firmata_uno.py
@@ -24,7 +24,9 @@ HEX = os.environ.get("HAPTIGRAPH_UNO_HEX")
 SOURCE = Path(__file__).parent / "uno" / "uno.c"
 
 pytest.importorskip("serial")
-pytestmark = pytest.mark.skipif(HEX is None, reason="needs HAPTIGRAPH_UNO_HEX; this file says how to get it")
+pytestmark = pytest.mark.skipif(
+    HEX is None, reason="needs HAPTIGRAPH_UNO_HEX; see the docstring of this file"
+)
 
 
 @pytest.fixture
@@ -37,24 +39,24 @@ def uno(tmp_path):
         [program, HEX], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
     ) as board:
         port = board.stdout.readline().strip()
-        hear = threading.Thread(target=lambda: levels.extend(int(line.split()[1]) for line in board.stdout))
-        hear.start()
+        reader = threading.Thread(target=lambda: levels.extend(int(line.split()[1]) for line in board.stdout))
+        reader.start()
         yield port, levels
         board.kill()
-        hear.join()
+        reader.join()
 
 
 @pytest.fixture(autouse=True)
 def patience(monkeypatch):
     """A simulated processor may be ten times slower than a real one."""
-    monkeypatch.setattr(firmata, "ANSWER_S", 5.0)
-    monkeypatch.setattr(firmata, "LEARN_S", 20.0)
+    monkeypatch.setattr(firmata, "RESPONSE_S", 5.0)
+    monkeypatch.setattr(firmata, "SETUP_S", 20.0)
     monkeypatch.setattr(firmata, "BOOT_S", 60.0)
 
 
 def test_the_stock_sketch_plays_the_grammar(uno):
     port, levels = uno
-    trial = play_grammar(FirmataDevice(port), (LOW, PULSE, SUCCESS), MonotonicClock(), lambda said: None)
+    trial = play_grammar(FirmataDevice(port), (LOW, PULSE, SUCCESS), MonotonicClock(), lambda line: None)
     assert trial.faults == []
     low, pulses, bursts = levels.index(255), levels.index(204), len(levels)
     assert levels[:low] == [76, 0]
@@ -63,7 +65,7 @@ def test_the_stock_sketch_plays_the_grammar(uno):
     assert levels[pulses:bursts] == [204, 0, 204, 0]
 
 
-def test_the_stock_sketch_says_which_pins_have_pwm(uno):
+def test_the_stock_sketch_reports_which_pins_support_pwm(uno):
     port, _ = uno
-    with pytest.raises(BadInput, match="pin 7 has no PWM; pins that have: 3, 5, 6, 9, 10, 11"):
+    with pytest.raises(BadInput, match="pin 7 does not support PWM; use one of 3, 5, 6, 9, 10, 11"):
         FirmataDevice(f"{port}?pin=7")

@@ -1,4 +1,4 @@
-"""A controller simulated by SDL itself: what its driver is told is what a motor would do."""
+"""A controller that SDL simulates: its driver receives the commands for the motors."""
 
 import sys
 
@@ -28,7 +28,7 @@ def device(pad):
     device.close()
 
 
-def test_the_slow_motor_turns_for_what_is_low_and_both_for_what_is_high(pad, device):
+def test_only_the_slow_motor_turns_at_low_frequency_and_both_at_high(pad, device):
     assert isinstance(device, Device)
     device.set(0.3, 80.0, 0)
     assert pad.motors() == (19660, 0)
@@ -38,19 +38,19 @@ def test_the_slow_motor_turns_for_what_is_low_and_both_for_what_is_high(pad, dev
     assert pad.motors() == (0, 0)
 
 
-def test_a_rumble_that_is_told_again_goes_on_and_one_that_is_not_ends_by_itself(pad, device):
-    """SDL's clock runs in real time: pump it as the guard would, then pump without telling."""
+def test_a_renewed_rumble_continues_and_another_ends_by_itself(pad, device):
+    """The clock of SDL runs in real time: renew as the guard would, then only pump."""
     device.set(1.0, 160.0, 0)
-    began_ns = pad.rumbles[-1][0]
+    start_ns = pad.rumbles[-1][0]
     for _ in range(4):
         pad.sdl.SDL_Delay(60)
         device.set(1.0, 160.0, 0)
         assert pad.motors() == (65535, 65535)
-    told_ns = began_ns + 240e6
+    renewed_ns = start_ns + 240e6
     while pad.motors() != (0, 0):
         pad.sdl.SDL_Delay(5)
         pad.sdl.SDL_JoystickUpdate()
-    assert pad.rumbles[-1][0] - told_ns >= 140e6
+    assert pad.rumbles[-1][0] - renewed_ns >= 140e6
 
 
 def test_closing_stops_the_motors(pad, device):
@@ -60,10 +60,10 @@ def test_closing_stops_the_motors(pad, device):
     assert pad.motors() == (0, 0)
 
 
-def test_a_controller_that_goes_away_is_told_and_found_again(pad, device):
+def test_a_disconnected_controller_is_reported_and_recovers(pad, device):
     device.set(1.0, 160.0, 0)
     pad.detach()
-    with pytest.raises(DeviceError, match=f"there is no controller {pad.number}"):
+    with pytest.raises(DeviceError, match=f"controller {pad.number} is not connected; 0 are"):
         device.set(1.0, 160.0, 1)
     from virtual_pad import VirtualPad
 
@@ -74,7 +74,7 @@ def test_a_controller_that_goes_away_is_told_and_found_again(pad, device):
     again.detach()
 
 
-def test_a_controller_that_refuses_is_told(pad, device):
+def test_a_failing_rumble_is_reported(pad, device):
     pad.fails = True
     with pytest.raises(DeviceError, match="the controller does not rumble"):
         device.set(1.0, 160.0, 0)
@@ -86,14 +86,14 @@ def test_controllers_have_names(pad):
     assert GamepadDevice.found()[f"gamepad:{pad.number}"] == "Virtual Pad"
 
 
-def test_what_is_no_controller_is_told():
-    with pytest.raises(BadInput, match="gamepad:x is no controller; gamepad:0 is the first"):
+def test_an_invalid_controller_is_refused():
+    with pytest.raises(BadInput, match="gamepad:x is not a controller; use gamepad:0 for the first one"):
         GamepadDevice("x")
-    with pytest.raises(BadInput, match="gamepad:99: there is no controller 99; 0 are connected"):
+    with pytest.raises(BadInput, match="gamepad:99: controller 99 is not connected; 0 are"):
         GamepadDevice("99")
 
 
-def test_a_controller_without_motors_is_told():
+def test_a_controller_without_motors_is_refused():
     from virtual_pad import VirtualPad
 
     pad = VirtualPad(can_rumble=False)
@@ -102,7 +102,7 @@ def test_a_controller_without_motors_is_told():
     pad.detach()
 
 
-def test_without_the_extra_one_sentence_names_it(monkeypatch):
+def test_the_error_without_the_extra_names_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "sdl2", None)
     with pytest.raises(MissingExtra, match=r"pip install 'haptigraph\[gamepad\]'"):
         GamepadDevice("0")

@@ -26,55 +26,69 @@ def follows(curve: float = 1.0):
 
 
 @given(follows(2.0), number)
-def test_what_follows_stays_between_its_ends(follow, value):
+def test_a_followed_number_stays_between_its_ends(follow, value):
     low, high = sorted((follow.start[1], follow.end[1]))
     assert low - 1e-9 <= followed(follow, value) <= high + 1e-9
 
 
 @given(follows(), number, number)
-def test_more_of_the_measure_is_never_less_of_what_follows(follow, one, other):
+def test_a_followed_number_is_monotonic_in_the_measure(follow, one, other):
     one, other = sorted((one, other))
     rises = (follow.end[1] - follow.start[1]) * (follow.end[0] - follow.start[0])
     change = followed(follow, other) - followed(follow, one)
     assert change * rises >= -1e-9
 
 
-def test_amplitude_grows_with_the_angle_and_stops_growing():
+def test_amplitude_grows_with_the_angle_up_to_its_end():
     guide = Guidance()
-    felt = [guide(LEAN, {"theta_deg": theta}).amplitude for theta in (0.0, 1.7, 5.85, 10.0, 40.0)]
-    assert felt == pytest.approx([0.2, 0.2, 0.4, 0.6, 0.6])
+    amplitudes = [guide(LEAN, {"theta_deg": theta}).amplitude for theta in (0.0, 1.7, 5.85, 10.0, 40.0)]
+    assert amplitudes == pytest.approx([0.2, 0.2, 0.4, 0.6, 0.6])
 
 
-def test_a_curve_of_two_is_slow_at_first():
+def test_a_curve_of_2_is_quadratic():
     slow = Follow("amplitude", "theta_deg", start=(0.0, 0.0), end=(10.0, 1.0), curve=2.0)
     assert followed(slow, 5.0) == 0.25
 
 
-def test_a_measure_that_is_not_known_leaves_what_the_pattern_says():
+def test_without_the_measure_the_number_of_the_pattern_is_kept():
     assert Guidance()(LEAN, {}).amplitude == 0.3
 
 
-def test_what_is_commanded_follows_nothing_any_more():
+def test_a_resolved_pattern_has_no_follow_tables():
     assert Guidance()(LEAN, {"theta_deg": 3.0}).follow == ()
 
 
 def test_noise_within_the_dead_band_changes_nothing():
     guide = Guidance()
     first = guide(NEAR, {"distance_to_retina_mm": 3.0})
-    assert guide(NEAR, {"distance_to_retina_mm": 3.4}) == first
-    assert guide(NEAR, {"distance_to_retina_mm": 2.6}) == first
+    assert guide(NEAR, {"distance_to_retina_mm": 3.5}) == first
+    assert guide(NEAR, {"distance_to_retina_mm": 2.5}) == first
     assert guide(NEAR, {"distance_to_retina_mm": 2.4}) != first
     guide.reset()
     assert guide(NEAR, {"distance_to_retina_mm": 3.4}) != first
 
 
-def test_a_rate_is_made_by_the_pauses():
+def test_reset_of_the_renderer_forgets_the_followed_measure():
+    render = GrammarRenderer([OFF, NEAR])
+
+    def play(distance_mm: float) -> Pattern:
+        return render(
+            Conclusion(0, "near", 0, "near", "", measures={"distance_to_retina_mm": distance_mm})
+        ).pattern
+
+    first = play(3.0)
+    assert play(3.4) == first  # within the dead band
+    render.reset()
+    assert play(3.4) == Guidance()(NEAR, {"distance_to_retina_mm": 3.4}) != first
+
+
+def test_a_rate_sets_the_pauses():
     pattern = Guidance()(NEAR, {"distance_to_retina_mm": 1.0})
     assert (pattern.on_ms, pattern.off_ms) == (100, 100)
 
 
 def commands(states, distances_mm):
-    """What is commanded at 30 images/s."""
+    """The commands at 30 images/s."""
     render = GrammarRenderer([OFF, NEAR])
     for index, (state, distance_mm) in enumerate(zip(states, distances_mm, strict=True)):
         feel = "near" if state == "near" else "off"
@@ -82,10 +96,10 @@ def commands(states, distances_mm):
         yield render(Conclusion(index * 33 * MS, state, 0, feel, "", measures=measures))
 
 
-def onsets_ms(felt: list[HapticCommand]) -> list[int]:
-    """When vibration begins, to the millisecond, each command felt until the next."""
+def onsets_ms(played: list[HapticCommand]) -> list[int]:
+    """The times at which vibration begins, to the millisecond; each command is played until the next."""
     onsets, before = [], 0.0
-    for command in felt:
+    for command in played:
         for ms in range(33):
             now = amplitude_at(command, command.stamp_ns + ms * MS)
             if now and not before:
@@ -94,7 +108,7 @@ def onsets_ms(felt: list[HapticCommand]) -> list[int]:
     return onsets
 
 
-def test_pulses_that_quicken_keep_their_rhythm():
+def test_pulses_of_increasing_rate_keep_their_rhythm():
     distances_mm = [5.0 - 0.04 * index for index in range(100)]
     onsets = onsets_ms(list(commands(["near"] * 100, distances_mm)))
     gaps = [later - earlier for earlier, later in pairwise(onsets)]
@@ -105,14 +119,14 @@ def test_pulses_that_quicken_keep_their_rhythm():
 
 
 @given(st.lists(st.floats(0.5, 6.0), min_size=60, max_size=60))
-def test_however_the_measure_jumps_no_pulse_is_longer_and_no_pause_shorter_than_the_ends_allow(distances_mm):
-    felt = list(commands(["near"] * 60, distances_mm))
-    levels = [amplitude_at(one, one.stamp_ns + ms * MS) > 0 for one in felt for ms in range(33)]
+def test_pulses_and_pauses_stay_within_the_ends_however_the_measure_jumps(distances_mm):
+    played = list(commands(["near"] * 60, distances_mm))
+    levels = [amplitude_at(one, one.stamp_ns + ms * MS) > 0 for one in played for ms in range(33)]
     edges = [ms for ms in range(1, len(levels)) if levels[ms] != levels[ms - 1]]
     for start, end in pairwise(edges):
         assert 99 <= end - start <= (101 if levels[start] else 901)
 
 
-def test_losing_the_needle_is_silence_whatever_followed():
-    felt = list(commands(["near", "near", UNKNOWN], [3.0, 2.0, 2.0]))
-    assert felt[-1].pattern == OFF
+def test_losing_the_needle_ends_guidance():
+    played = list(commands(["near", "near", UNKNOWN], [3.0, 2.0, 2.0]))
+    assert played[-1].pattern == OFF

@@ -1,4 +1,4 @@
-"""Who listens in on a device hears all it is told, also what it fails at."""
+"""The observer of a device is notified of every command, including those that fail."""
 
 import pytest
 
@@ -12,10 +12,10 @@ class Actuator:
     capabilities = Capabilities(3, None, 5.0)
 
     def __init__(self):
-        self.told, self.closed = [], 0
+        self.log, self.closed = [], 0
 
     def set(self, amplitude, frequency_hz, stamp_ns):
-        self.told.append((stamp_ns, amplitude, frequency_hz))
+        self.log.append((stamp_ns, amplitude, frequency_hz))
         if amplitude > 0.9:
             raise DeviceError("too strong")
 
@@ -23,15 +23,15 @@ class Actuator:
         self.closed += 1
 
 
-def test_the_listener_hears_what_the_device_is_told():
-    actuator, heard = Actuator(), []
-    tapped = ObservedDevice(actuator, lambda *edge: heard.append(edge))
-    assert isinstance(tapped, Device)
-    assert tapped.capabilities == actuator.capabilities
-    tapped.set(0.5, 80.0, 1)
+def test_the_listener_is_notified_of_every_command():
+    actuator, observed = Actuator(), []
+    device = ObservedDevice(actuator, lambda *edge: observed.append(edge))
+    assert isinstance(device, Device)
+    assert device.capabilities == actuator.capabilities
+    device.set(0.5, 80.0, 1)
     with pytest.raises(DeviceError):
-        tapped.set(1.0, 160.0, 2)
-    tapped.set(0.0, 0.0, 3)
-    tapped.close()
-    assert heard == actuator.told == [(1, 0.5, 80.0), (2, 1.0, 160.0), (3, 0.0, 0.0)]
+        device.set(1.0, 160.0, 2)
+    device.set(0.0, 0.0, 3)
+    device.close()
+    assert observed == actuator.log == [(1, 0.5, 80.0), (2, 1.0, 160.0), (3, 0.0, 0.0)]
     assert actuator.closed == 1

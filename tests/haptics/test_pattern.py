@@ -3,7 +3,7 @@ from helpers import LOW, MS, PULSE, SUCCESS
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptigraph.haptics.pattern import amplitude_at, beyond, duration_ns, fitted, next_change_ns
+from haptigraph.haptics.pattern import amplitude_at, beyond, duration_ns, fit_to_device, next_change_ns
 from haptigraph.messages import OFF, Capabilities, HapticCommand, Pattern
 
 patterns = st.sampled_from([OFF, LOW, PULSE, SUCCESS])
@@ -13,11 +13,11 @@ def at(pattern: Pattern, ms: float) -> float:
     return amplitude_at(HapticCommand(0, pattern, 0), round(ms * MS))
 
 
-def test_continuous_never_pauses():
+def test_a_continuous_pattern_never_pauses():
     assert [at(LOW, ms) for ms in (0, 1, 500, 100_000)] == [0.3] * 4
 
 
-def test_pulses_go_on_and_off():
+def test_pulses_alternate():
     assert [at(PULSE, ms) for ms in (0, 79, 80, 159, 160, 16_000)] == [1, 1, 0, 0, 1, 1]
 
 
@@ -37,14 +37,14 @@ def test_a_double_burst_plays_once():
 
 
 @given(patterns, st.integers(-(10**9), 10**10))
-def test_nothing_is_felt_before_the_beginning_and_never_more_than_the_amplitude(pattern, stamp_ns):
+def test_the_amplitude_is_0_before_the_start_and_never_exceeds_that_of_the_pattern(pattern, stamp_ns):
     amplitude = amplitude_at(HapticCommand(0, pattern, 0), stamp_ns)
     assert amplitude in (0.0, pattern.amplitude)
     assert amplitude == 0 or stamp_ns >= 0
 
 
 @given(patterns, st.integers(-(10**9), 10**9), st.integers(-(10**9), 2 * 10**9))
-def test_between_changes_the_amplitude_stays(pattern, since_ns, stamp_ns):
+def test_the_amplitude_is_constant_between_changes(pattern, since_ns, stamp_ns):
     command = HapticCommand(0, pattern, since_ns)
     change_ns = next_change_ns(command, stamp_ns)
     amplitude = amplitude_at(command, stamp_ns)
@@ -57,11 +57,11 @@ def test_between_changes_the_amplitude_stays(pattern, since_ns, stamp_ns):
 
 
 @pytest.mark.parametrize(
-    ("capabilities", "pattern", "told"),
+    ("capabilities", "pattern", "sentences"),
     [
         (Capabilities(100, (0.0, 400.0), 0.0), PULSE, []),
-        (Capabilities(100, None, 0.0), PULSE, ["pulse: 160 Hz cannot be chosen"]),
-        (Capabilities(100, (200.0, 400.0), 0.0), PULSE, ["pulse: 160 Hz lies outside 200 to 400 Hz"]),
+        (Capabilities(100, None, 0.0), PULSE, ["pulse: 160 Hz cannot be selected"]),
+        (Capabilities(100, (200.0, 400.0), 0.0), PULSE, ["pulse: 160 Hz is outside 200 to 400 Hz"]),
         (
             Capabilities(100, (0.0, 400.0), 100.0),
             PULSE,
@@ -76,21 +76,21 @@ def test_between_changes_the_amplitude_stays(pattern, since_ns, stamp_ns):
         (Capabilities(1, None, 500.0), OFF, []),
     ],
 )
-def test_a_device_says_what_it_cannot(capabilities, pattern, told):
-    assert beyond(pattern, capabilities) == told
+def test_what_a_device_cannot_play_is_listed(capabilities, pattern, sentences):
+    assert beyond(pattern, capabilities) == sentences
 
 
 @pytest.mark.parametrize(
     ("on_ms", "off_ms", "shortest_ms", "rate_hz", "played"),
     [
         (80, 80, 50, 20, (80, 80)),
-        (30, 70, 50, None, (50, 50)),  # begins when it did
-        (30, 40, 50, None, (50, 40)),  # a pause that is as short as that stays
+        (30, 70, 50, None, (50, 50)),  # the onsets are kept
+        (30, 40, 50, None, (50, 40)),  # a pause shorter than that is kept
         (30, 30, 0, 20, (50, 50)),
-        (0, 50, 50, 20, (0, 50)),  # never on stays never on
+        (0, 50, 50, 20, (0, 50)),  # a pattern that is never on stays so
     ],
 )
 def test_a_rhythm_is_fitted_to_the_device(on_ms, off_ms, shortest_ms, rate_hz, played):
     pattern = Pattern("p", "pulses", 1.0, 0.0, on_ms, off_ms)
-    fit = fitted(pattern, Capabilities(1, None, shortest_ms, rate_hz))
+    fit = fit_to_device(pattern, Capabilities(1, None, shortest_ms, rate_hz))
     assert (fit.on_ms, fit.off_ms) == played

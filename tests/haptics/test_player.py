@@ -16,7 +16,7 @@ PATIENCE_S = 10.0
 
 
 class Signalling:
-    """A device that signals what it is told."""
+    """A device that signals its output."""
 
     capabilities = Capabilities(100, None, 0.0)
 
@@ -49,7 +49,7 @@ def start(device, **settings):
     return Player(Guard(device, HapticsConfig(**settings)), clock), clock
 
 
-def test_the_hand_is_stilled_though_the_loop_sends_no_more(device):
+def test_the_actuator_is_silenced_when_the_loop_sends_no_more(device):
     player, clock = start(device, deadman_ms=50)
     sent_ns = clock.now_ns()
     player.send(make_step(LOW, stamp_ns=sent_ns), sent_ns)
@@ -59,7 +59,7 @@ def test_the_hand_is_stilled_though_the_loop_sends_no_more(device):
     player.close()
 
 
-def test_closing_stills_the_hand_and_releases_the_device(device):
+def test_closing_silences_the_actuator_and_releases_the_device(device):
     player, clock = start(device, deadman_ms=1000)
     player.send(make_step(LOW, stamp_ns=clock.now_ns()), clock.now_ns())
     assert device.vibrates.wait(PATIENCE_S)
@@ -76,12 +76,12 @@ def test_a_device_that_blocks_does_not_block_the_loop(device, monkeypatch):
     for _ in range(100):
         player.send(make_step(LOW, stamp_ns=clock.now_ns()), clock.now_ns())
     player.close()
-    assert "may still vibrate" in player.take_faults()[-1].message
+    assert "does not respond; it may still vibrate" in player.take_faults()[-1].message
     device.gate.set()
     assert device.is_closed.wait(PATIENCE_S)
 
 
-def test_steps_do_not_pile_up_before_a_device_that_blocks(device):
+def test_steps_do_not_accumulate_before_a_device_that_blocks(device):
     device.gate.clear()
     player, clock = start(device)
     steps = [make_step(LOW, stamp_ns=clock.now_ns()) for _ in range(100)]
@@ -91,10 +91,10 @@ def test_steps_do_not_pile_up_before_a_device_that_blocks(device):
     kept = sum(now > then for now, then in zip(map(sys.getrefcount, steps), before, strict=True))
     device.gate.set()
     player.close()
-    assert 1 <= kept <= 4  # felt now, next, and last looked at
+    assert 1 <= kept <= 4  # the current one, the next, and the last one taken
 
 
-def test_faults_of_the_device_come_out(device):
+def test_faults_of_the_device_are_reported(device):
     class Broken(Signalling):
         def set(self, amplitude, frequency_hz, stamp_ns):
             raise OSError("unplugged")
@@ -107,7 +107,7 @@ def test_faults_of_the_device_come_out(device):
 
 
 @pytest.mark.parametrize("error", [ValueError("odd"), SystemExit(3)])
-def test_a_failure_of_the_guard_stills_the_hand_is_told_and_is_survived(device, error):
+def test_a_failure_of_the_guard_silences_the_actuator_and_is_reported_and_survived(device, error):
     class Failing(Guard):
         fails = False
 
@@ -133,14 +133,14 @@ def test_a_failure_of_the_guard_stills_the_hand_is_told_and_is_survived(device, 
     (fault,) = player.take_faults()
     assert (fault.where, fault.message) == (
         "guard",
-        f"{type(error).__name__}: {error}; the hand was stilled",
+        f"{type(error).__name__}: {error}; output silenced",
     )
 
 
 @pytest.mark.parametrize(
     "call", [Player.send, lambda player, *_: player.take_faults()], ids=("send", "faults")
 )
-def test_ctrl_c_at_any_moment_leaves_a_hand_that_can_be_stilled(call):
+def test_after_ctrl_c_at_any_moment_the_actuator_can_be_silenced(call):
     for moment, pressing_ctrl_c in enumerate(every_moment()):
         device = Signalling()
         player, clock = start(device, deadman_ms=1000)

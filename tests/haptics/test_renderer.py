@@ -8,18 +8,18 @@ from haptigraph.haptics.renderer import GrammarRenderer
 from haptigraph.messages import OFF, UNKNOWN, Conclusion, Pattern
 
 CHIME = Pattern("chime", "bursts", amplitude=0.5, on_ms=50, off_ms=50, count=3)
-FEELS = {"contact": "pulse", "hit": "success", "off_course": "low", "on_course": "off", "also_off": "low"}
-FEELS |= {UNKNOWN: "off", "bell": "chime"}
+PATTERNS = {"contact": "pulse", "hit": "success", "off_course": "low", "on_course": "off", "also_off": "low"}
+PATTERNS |= {UNKNOWN: "off", "bell": "chime"}
 
 
 class Player:
-    """Say a state at a moment, get the command."""
+    """Return the command for a state at a time."""
 
     def __init__(self):
         self.render = GrammarRenderer([OFF, LOW, PULSE, SUCCESS, CHIME])
 
     def __call__(self, ms: float, state: str):
-        return self.render(Conclusion(round(ms * MS), state, 0, FEELS[state], ""))
+        return self.render(Conclusion(round(ms * MS), state, 0, PATTERNS[state], ""))
 
 
 @pytest.fixture
@@ -33,7 +33,7 @@ def test_a_steady_state_keeps_its_rhythm(play):
     assert play(66, "contact").pattern == PULSE
 
 
-def test_two_states_that_feel_alike_do_not_restart(play):
+def test_two_states_with_the_same_pattern_do_not_restart_it(play):
     play(0, "off_course")
     assert play(50, "also_off").since_ns == 0
 
@@ -51,20 +51,20 @@ def test_bursts_play_once_on_entry(play):
     assert play(1000, "hit").pattern == OFF
 
 
-def test_bursts_play_on_into_a_silent_state(play):
+def test_bursts_continue_in_a_silent_state(play):
     play(0, "hit")
     command = play(100, "on_course")
     assert (command.pattern, command.since_ns) == (SUCCESS, 0)
     assert play(300, "on_course").pattern == OFF
 
 
-def test_flicker_at_the_threshold_does_not_garble_bursts(play):
+def test_flicker_at_the_threshold_does_not_restart_bursts(play):
     play(0, "hit")
     play(33, "on_course")
     assert play(66, "hit").since_ns == 0
 
 
-def test_entering_again_later_plays_again(play):
+def test_bursts_play_again_when_their_state_is_entered_later(play):
     play(0, "hit")
     play(400, "on_course")
     assert play(500, "hit").since_ns == 500 * MS
@@ -76,26 +76,26 @@ def test_an_alarm_guidance_or_a_lost_needle_cut_bursts_short(play, state, patter
     assert play(50, state).pattern == pattern
 
 
-def test_after_an_alarm_inside_the_target_bursts_come_again(play):
+def test_after_an_alarm_inside_the_target_bursts_play_again(play):
     play(0, "hit")
     play(50, "contact")
     assert play(90, "hit").pattern == SUCCESS
 
 
-def test_other_bursts_replace_those_playing(play):
+def test_other_bursts_replace_the_current_ones(play):
     play(0, "hit")
     assert play(50, "bell").pattern == CHIME
 
 
-def test_reset_forgets(play):
+def test_reset_ends_the_current_pattern(play):
     play(0, "hit")
     play.render.reset()
     assert play(10, "on_course").pattern == OFF
     assert play(20, "hit").since_ns == 20 * MS
 
 
-@given(st.lists(st.tuples(st.integers(1, 400), st.sampled_from(sorted(FEELS))), max_size=60))
-def test_a_silent_or_unknown_state_never_vibrates_but_for_the_end_of_a_burst(sequence):
+@given(st.lists(st.tuples(st.integers(1, 400), st.sampled_from(sorted(PATTERNS))), max_size=60))
+def test_a_silent_or_unknown_state_never_vibrates_except_for_the_end_of_a_burst(sequence):
     play, now_ms, last_burst_ms = Player(), 0, -(10**6)
     for wait_ms, state in sequence:
         now_ms += wait_ms
@@ -124,3 +124,5 @@ def test_bursts_play_again_only_after_their_state_was_left_long_enough():
     assert play(1500, "hit") == OFF  # left for 900 ms only
     assert play(1600, "near") == OFF
     assert play(2600, "hit") == rare
+    render.reset()
+    assert play(2700, "hit") == rare

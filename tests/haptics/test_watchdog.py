@@ -1,4 +1,4 @@
-"""A device in a process of its own is still when the run dies, hangs or closes."""
+"""The watchdog process silences its device when the run dies, hangs or closes."""
 
 import os
 import signal
@@ -36,7 +36,7 @@ def device(board):
     device.close()
 
 
-def test_it_passes_on_what_it_is_told_and_what_the_device_can(board, device):
+def test_it_forwards_commands_and_capabilities(board, device):
     assert device.capabilities.amplitude_levels == 255
     assert device.capabilities.holds_ms == HOLDS_MS
     device.set(0.3, 80.0, 1)
@@ -45,16 +45,16 @@ def test_it_passes_on_what_it_is_told_and_what_the_device_can(board, device):
     assert not board.vibrates()
 
 
-def test_it_stills_a_device_that_is_told_nothing_more(board, device):
+def test_it_silences_a_device_without_further_commands(board, device):
     device.set(1.0, 80.0, 1)
-    told_ns = board.edges[-1][0]
-    stilled_ns = board.until(lambda board: not board.vibrates())
-    assert stilled_ns - told_ns >= HOLDS_MS * 1e6 - 1e6
-    device.set(1.0, 80.0, 1)  # and goes on when told again
+    set_ns = board.edges[-1][0]
+    silent_ns = board.until(lambda board: not board.vibrates())
+    assert silent_ns - set_ns >= HOLDS_MS * 1e6 - 1e6
+    device.set(1.0, 80.0, 1)  # and resumes with the next command
     assert board.vibrates()
 
 
-def test_it_passes_on_what_went_wrong(board, device):
+def test_it_forwards_errors(board, device):
     board.unplug()
     with pytest.raises(DeviceError, match=r"cannot be opened|is lost"):
         device.set(1.0, 80.0, 1)
@@ -63,18 +63,18 @@ def test_it_passes_on_what_went_wrong(board, device):
     assert board.vibrates()
 
 
-def test_it_is_started_again_if_it_is_killed_itself(board, device):
+def test_it_is_restarted_if_it_is_killed(board, device):
     device.set(1.0, 80.0, 1)
     device._process.kill()
     device._process.wait()
-    with suppress(DeviceError):  # it is not yet there
+    with suppress(DeviceError):  # it has not started yet
         device.set(0.0, 0.0, 1)
     board.until(lambda board: not board.vibrates())
 
 
 @pytest.mark.parametrize("argument", ["/dev/nothing-here", "{port}?pin=4"])
-def test_what_cannot_be_opened_is_one_sentence(board, argument):
-    with pytest.raises(BadInput, match=r"cannot be opened|pin 4 has no PWM"):
+def test_a_device_that_cannot_be_opened_is_one_sentence(board, argument):
+    with pytest.raises(BadInput, match=r"cannot be opened|pin 4 does not support PWM"):
         WatchedDevice(FIRMATA, argument.format(port=board.link))
 
 
@@ -88,9 +88,11 @@ def test_a_run_that_dies_or_hangs_leaves_no_vibration(board, ending):
         run.kill()
 
 
-def test_it_stills_its_device_when_it_is_ended_itself(board, device):
+def test_it_silences_its_device_when_it_is_terminated(board, device):
     device.set(1.0, 80.0, 1)
-    device._process.send_signal(signal.SIGINT)  # as Ctrl-C would, if it were in the terminal's group
+    device._process.send_signal(
+        signal.SIGINT
+    )  # as Ctrl-C would, if it were in the process group of the terminal
     device.set(1.0, 80.0, 1)
     device._process.terminate()
     device._process.wait(10)

@@ -16,7 +16,7 @@ def subsets(items):
 
 
 def every_graph(procedure: Procedure):
-    """All graphs the schema allows: any nodes, any relations between those that are there."""
+    """All graphs that the schema allows: any nodes, any relations between nodes that are present."""
     schema = procedure.schema
     for entities in subsets(schema.entities):
         names = {entity.name for entity in entities}
@@ -30,8 +30,8 @@ def every_graph(procedure: Procedure):
             yield SceneGraph(0, nodes, tuple(edges))
 
 
-def plain_reading(procedure: Procedure, graph: SceneGraph) -> str:
-    """The rules as a person reads them, top to bottom."""
+def expected_state(procedure: Procedure, graph: SceneGraph) -> str:
+    """The state by a direct reading of the rules, top to bottom."""
     present = {node.category for node in graph.nodes}
     holding = {(edge.subject, edge.predicate, edge.object) for edge in graph.edges}
     for state in procedure.states:
@@ -43,13 +43,13 @@ def plain_reading(procedure: Procedure, graph: SceneGraph) -> str:
 
 
 @pytest.mark.parametrize("name", procedure_names())
-def test_the_engine_reads_the_rules_as_a_person_does_on_every_possible_graph(name):
+def test_the_engine_agrees_with_a_direct_reading_of_the_rules_on_every_possible_graph(name):
     procedure = load_procedure(name)
     engine = RuleEngine(procedure)
     graphs = 0
     for graph in every_graph(procedure):
         engine.reset()
-        assert engine(graph).state == plain_reading(procedure, graph)
+        assert engine(graph).state == expected_state(procedure, graph)
         graphs += 1
     assert graphs > 1000
 
@@ -83,19 +83,19 @@ OFF = ("needle_line", "misaligned", "retina_target")
         ((), UNKNOWN, "off"),
     ],
 )
-def test_the_papers_states_and_touch(procedure, edges, state, feel):
+def test_the_papers_states_and_patterns(procedure, edges, state, feel):
     conclusion = RuleEngine(procedure)(graph_of(*edges))
     assert (conclusion.state, conclusion.feel) == (state, feel)
 
 
-def test_no_needle_is_unknown_whatever_else_is_there(procedure):
+def test_without_a_needle_the_state_is_unknown_whatever_else_is_present(procedure):
     nodes = (Node("eye_globe", "eye_globe", "anatomy"),)
     conclusion = RuleEngine(procedure)(SceneGraph(1, nodes))
     assert (conclusion.state, conclusion.priority) == (UNKNOWN, 0)
     assert conclusion.because == "no needle is seen"
 
 
-def test_a_conclusion_says_which_rule_and_why(procedure):
+def test_a_conclusion_gives_the_rule_and_the_reason(procedure):
     conclusion = RuleEngine(procedure)(graph_of(TOUCH, INSIDE, OFF, distance_to_target_mm=2.345))
     assert conclusion.stamp_ns == 42
     assert conclusion.priority == 1
@@ -103,17 +103,17 @@ def test_a_conclusion_says_which_rule_and_why(procedure):
     assert conclusion.because == "the tip touches the retina 2.3 mm from the target"
 
 
-def test_a_missing_measure_shows_in_the_sentence(procedure):
+def test_a_missing_measure_is_a_question_mark_in_the_sentence(procedure):
     assert "? mm from the target" in RuleEngine(procedure)(graph_of(TOUCH)).because
 
 
-def test_rules_speak_of_categories_not_of_node_ids(procedure):
+def test_rules_refer_to_categories_not_to_node_ids(procedure):
     nodes = (Node("needle_tip/2", "needle_tip", "instrument"), Node("globe", "eye_globe", "anatomy"))
     graph = SceneGraph(0, nodes, (Triplet("needle_tip/2", "outside", "globe"),))
     assert RuleEngine(procedure)(graph).state == "outside_eye"
 
 
-def test_edges_the_schema_does_not_know_are_ignored(procedure):
+def test_edges_that_are_not_in_the_schema_are_ignored(procedure):
     extra = ("needle_tip", "glows_at", "eye_globe")
     assert RuleEngine(procedure)(graph_of(extra, OUTSIDE)).state == "outside_eye"
 
@@ -127,46 +127,46 @@ def holding(procedure) -> RuleEngine:
     return RuleEngine(replace(procedure, states=states))
 
 
-def states_of(engine: RuleEngine, *moments) -> list[str]:
-    """States inferred from (ms, edges, ...)."""
-    return [engine(replace(graph_of(*edges), stamp_ns=ms * MS)).state for ms, *edges in moments]
+def states_of(engine: RuleEngine, *graphs) -> list[str]:
+    """The states inferred from graphs (ms, edge, ...)."""
+    return [engine(replace(graph_of(*edges), stamp_ns=ms * MS)).state for ms, *edges in graphs]
 
 
-def test_a_state_stays_for_its_hold_after_its_rule_last_fitted(holding):
-    moments = [(0, INSIDE, OFF), (50, INSIDE, OFF), (149, INSIDE, ALIGNED), (150, INSIDE, ALIGNED)]
+def test_a_state_is_held_for_hold_ms_after_its_rule_last_matched(holding):
+    graphs = [(0, INSIDE, OFF), (50, INSIDE, OFF), (149, INSIDE, ALIGNED), (150, INSIDE, ALIGNED)]
     off, on = "misaligned_intraocular_navigation", "aligned_intraocular_navigation"
-    assert states_of(holding, *moments) == [off, off, off, on]
+    assert states_of(holding, *graphs) == [off, off, off, on]
 
 
-def test_no_alarm_waits_for_a_hold(holding):
+def test_a_held_state_does_not_delay_an_alarm(holding):
     hit, contact = (TOUCH, HIT, INSIDE, ALIGNED), (TOUCH, INSIDE, ALIGNED)
     assert states_of(holding, (0, *hit), (33, *contact)) == ["target_hit", "retinal_contact"]
 
 
-def test_a_lost_needle_is_unknown_at_once_and_nothing_is_held_after_it(holding):
+def test_a_lost_needle_is_unknown_at_once_and_ends_the_hold(holding):
     assert states_of(holding, (0, INSIDE, OFF)) == ["misaligned_intraocular_navigation"]
     assert holding(SceneGraph(33 * MS, ())).state == UNKNOWN
     assert states_of(holding, (66, INSIDE, ALIGNED)) == ["aligned_intraocular_navigation"]
 
 
-def test_a_scene_that_no_rule_fits_is_not_held(holding):
+def test_a_state_is_not_held_when_no_rule_matches(holding):
     assert states_of(holding, (0, INSIDE, OFF), (33,)) == ["misaligned_intraocular_navigation", UNKNOWN]
 
 
-def test_a_held_state_says_since_when_its_rule_no_longer_fits(holding):
+def test_a_held_state_gives_the_time_since_its_rule_last_matched(holding):
     states_of(holding, (0, INSIDE, OFF))
     held = holding(replace(graph_of(INSIDE, ALIGNED), stamp_ns=66 * MS))
     assert held.because.startswith("held; 66 ms ago the needle is in the eye and")
     assert held.evidence == ()
 
 
-def test_reset_holds_nothing(holding):
+def test_reset_ends_the_hold(holding):
     states_of(holding, (0, INSIDE, OFF))
     holding.reset()
     assert states_of(holding, (33, INSIDE, ALIGNED)) == ["aligned_intraocular_navigation"]
 
 
-def test_a_conclusion_carries_the_measures_that_its_pattern_follows():
+def test_a_conclusion_contains_the_measures_that_its_pattern_follows():
     engine = RuleEngine(load_procedure("subretinal_injection_continuous"))
     near = engine(graph_of(NEAR, INSIDE, OFF, theta_deg=4.0, distance_to_retina_mm=3.0, wall_mm=2.0))
     assert near.measures == {"theta_deg": 4.0, "distance_to_retina_mm": 3.0}

@@ -1,9 +1,14 @@
 import re
 
+import paths
 import pytest
+from msgspec.structs import replace
 
 from haptigraph.assemble import load_procedure, parse_procedure, procedure_names
-from haptigraph.errors import BadInput
+from haptigraph.errors import BadInput, RenamedKey
+from haptigraph.inference.procedure import Procedure
+from haptigraph.proof.prove import prove
+from haptigraph.proof.report import Proof
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +52,7 @@ def test_the_papers_thresholds(procedure):
     assert bounds["misaligned", "retina_target"] == (1.7, None)
 
 
-def test_double_burst_onsets_can_be_told_apart(procedure):
+def test_the_onsets_of_the_double_burst_are_distinguishable(procedure):
     success = next(pattern for pattern in procedure.patterns if pattern.name == "success")
     assert success.count == 2
     assert success.on_ms == 100
@@ -55,36 +60,36 @@ def test_double_burst_onsets_can_be_told_apart(procedure):
 
 
 @pytest.mark.parametrize("name", procedure_names())
-def test_what_ships_is_sound_and_fingerprinted(name):
+def test_shipped_procedures_are_valid_and_have_a_hash(name):
     assert re.fullmatch("[0-9a-f]{64}", load_procedure(name).sha256)
 
 
-def test_procedures_load_from_a_path_too(text, tmp_path):
+def test_a_procedure_can_be_loaded_from_a_path(text, tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text(changed(text, 'name = "subretinal_injection"', 'name = "mine"'))
     assert load_procedure(str(file)).name == "mine"
 
 
-def test_an_unknown_procedure_names_those_there_are():
+def test_the_error_for_an_unknown_procedure_suggests_an_existing_one():
     with pytest.raises(BadInput, match="unknown procedure 'subretinal'; did you mean 'subretinal_injection'"):
         load_procedure("subretinal")
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "problem"),
     [
         ('feel = "pulse"', 'feel = "plse"', "unknown pattern 'plse'; did you mean 'pulse'?"),
         ('feel = "pulse"', 'feels = "pulse"', "unknown key 'feels'; did you mean 'feel'?"),
         ('feel = "pulse"', "feel = 3", "state[1].feel: expected str, got int, found 3"),
-        ('feel = "off"\nbecause = "no', 'feel = "low"\nbecause = "no', "'unknown' must feel a pattern of kind 'off'"),
+        ('feel = "off"\nbecause = "no', 'feel = "low"\nbecause = "no', "'unknown' must have a pattern of kind 'off'"),
         ('subject = "needle_tip"', 'subject = "needle_tp"', "unknown entity 'needle_tp'; did you mean 'needle_tip'"),
         ('measure = "distance_mm" ', 'measure = "gap_mm" ', "unknown measure 'gap_mm'"),
         ('measure = "distance_mm" ', 'measure = "theta_deg" ', "theta_deg measures segment to point, but needle_tip"),
         ("at_most = 0.7", "atmost = 0.7", "unknown key 'atmost'; did you mean 'at_most'?"),
         ("at_most = 0.7\n", "", "no bound; give at_most, below, at_least or above"),
         ("at_most = 0.7", "at_most = 0.7\nbelow = 1.0", "both at_most and below are given; one of them is enough"),
-        ("above = 0.7", "above = 6.7", "nothing lies above 6.7 and below 5.5"),
-        ("at_most = 0.7", "at_most = 0.7\nrelease = 0.6", "release 0.6 lies within the bounds"),
+        ("above = 0.7", "above = 6.7", "no value is above 6.7 and below 5.5"),
+        ("at_most = 0.7", "at_most = 0.7\nrelease = 0.6", "release 0.6 is within the bounds"),
         ('given = [["needle_tip", "touching"', 'given = [["needle_tip", "approaching"', ""),
         ('given = [["needle_tip", "touching", "retina_surface"]]', 'given = [["a", "b", "c"]]', "given <a, b, c> is no"),
         ('when = [["needle_tip", "touching", "retina_target"]]', 'when = [["needle_tip", "touching"]]', "of length 3"),
@@ -111,11 +116,12 @@ def test_an_unknown_procedure_names_those_there_are():
         ("[[entity]]", '[run]\nbegins = ["needle_tip", "in", "eye_globe"]\n[[entity]]', "<needle_tip, in, eye_globe> is no relation; there are: <"),
         ("[[entity]]", '[run]\nends_in = "hit"\n[[entity]]', "unknown state 'hit'"),
         ("{distance_to_target_mm:.1f}", "{distance_to_target_mm!r:.1f}", "because cannot be filled in (a measure is a number"),
-        ('unless = [["needle_tip", "touching", "retina_target"]]', 'unless = [["needle_tip", "touching", "retina_surface"]]', "can never hold: <needle_tip, touching, retina_surface> is asked for and ruled out"),
-        ('unless = [["needle_tip", "touching", "retina_target"]]', 'absent = ["needle_tip"]', "can never hold: <needle_tip, touching, retina_surface> is asked for and ruled out"),
+        ('unless = [["needle_tip", "touching", "retina_target"]]', 'unless = [["needle_tip", "touching", "retina_surface"]]', "can never hold: <needle_tip, touching, retina_surface> is both required and excluded"),
+        ('unless = [["needle_tip", "touching", "retina_target"]]', 'absent = ["needle_tip"]', "can never hold: <needle_tip, touching, retina_surface> is both required and excluded"),
         ('name = "target_hit"', 'name = " "', "a state without a name"),
-        ('seen_with = "needle_tip"', 'seen_with = "trocar"', "seen_with 'trocar' is no entity declared before this one"),
-        ('seen_with = "needle_tip"', 'seen_with = "needle_tip"\nfixed = true', "both fixed and seen_with are given"),
+        ('visible_with = "needle_tip"', 'visible_with = "trocar"', "visible_with 'trocar' is no entity declared before this one"),
+        ('visible_with = "needle_tip"', 'visible_with = "needle_tip"\nfixed = true', "both fixed and visible_with are given"),
+        ('visible_with = "needle_tip"', 'visible_with = "needle_tip"\nseen_with = "needle_tip"', "both 'seen_with' and 'visible_with', which is its new name; keep 'visible_with'"),
         ('feels = ["pulse"]', 'feels = ["plse"]', "unknown pattern 'plse'; did you mean 'pulse'?"),
         ('feels = ["pulse"]\nstates = ["retinal_contact"]', "", "claims nothing; give feels, never_feels, states or never_states"),
         ('states = ["retinal_contact"]', 'states = ["contact"]', "unknown state 'contact'"),
@@ -130,30 +136,30 @@ def test_an_unknown_procedure_names_those_there_are():
         ('within_ms = 50', "", "give either feels and within_ms, or most_changes and in_ms"),
         ('within_ms = 50', "within_ms = 50\nmost_changes = 3", "give either feels and within_ms, or most_changes and in_ms"),
         ('within_ms = 50', "within_ms = 0", "expected"),
-        ('feels = ["pulse"]\nwithin_ms', "within_ms", "within_ms needs feels, and something that comes true"),
-        ('absent = ["needle_tip"]\nfeels = ["off"]\nwithin_ms', 'feels = ["off"]\nwithin_ms', "within_ms needs feels, and something that comes true"),
-        ('most_changes = 6', 'most_changes = 6\nabsent = ["needle_tip"]', "most_changes goes alone"),
+        ('feels = ["pulse"]\nwithin_ms', "within_ms", "within_ms needs feels and a premise"),
+        ('absent = ["needle_tip"]\nfeels = ["off"]\nwithin_ms', 'feels = ["off"]\nwithin_ms', "within_ms needs feels and a premise"),
+        ('most_changes = 6', 'most_changes = 6\nabsent = ["needle_tip"]', "most_changes applies to every graph; remove feels"),
         ('absent = ["needle_tip"]\nfeels = ["off"]\nwithin_ms', 'absent = ["needle"]\nfeels = ["off"]\nwithin_ms', "unknown entity 'needle'; did you mean 'needle_tip'?"),
         ('name = "it is silent within 50 ms of losing the needle"', 'name = "the alarm is felt within 50 ms of contact"', "a second temporal 'the alarm is felt within"),
         ('[[gap]]', '[[overlap]]\nrelations = [["a", "b", "c"], ["needle_tip", "touching", "retina_target"]]\nbecause = ""\n[[gap]]', "<a, b, c> is no relation"),
     ],
 )  # fmt: skip
-def test_every_mistake_is_one_sentence_with_its_line(text, old, new, told):
+def test_every_mistake_is_one_sentence_with_its_line(text, old, new, problem):
     broken = changed(text, old, new)
-    if not told:  # a sound change: an approach may be asked for as well as a touch
+    if not problem:  # a valid change: `given` may be an approach as well as a touch
         parse_procedure(broken, "p.toml")
         return
     message = refuse(broken)
-    assert told in message
+    assert problem in message
     assert message.startswith("p.toml")
     assert "\n" not in message
-    if "named 'unknown'" not in told:
+    if "named 'unknown'" not in problem:
         line = int(re.search(r"line (\d+)", message)[1])
         wrong = broken.splitlines()[line - 1]
         assert wrong.strip() in broken and wrong.strip()
 
 
-def test_the_line_is_the_very_line_of_the_mistake(text):
+def test_the_line_is_that_of_the_mistake(text):
     broken = changed(text, 'feel = "pulse"', 'feel = "plse"')
     line = broken.splitlines().index('feel = "plse"') + 1
     assert refuse(broken).startswith(f"p.toml, line {line}: ")
@@ -164,23 +170,67 @@ def test_a_procedure_without_states_is_refused(text):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "problem"),
     [
         ('key = "rate_hz"', 'key = "on_ms"', "unknown key 'on_ms'; valid: amplitude, frequency_hz, rate_hz"),
         ('measure = "theta_deg"\nstart', 'measure = "theta"\nstart', "unknown measure 'theta'; did you mean 'theta_deg'?"),
         ("end = [10.0, 0.6]", "end = [1.7, 0.6]", "start and end are both at 1.7"),
         ("end = [10.0, 0.6]", "end = [10.0, 1.2]", "amplitude must be above 0 and at most 1, found 1.2"),
         ("end = [0.7, 4.0]", "end = [0.7, 9.0]", "rate_hz must be above 0 and at most 8.264, found 9"),
-        ('key = "amplitude"', 'key = "rate_hz"', "rate_hz cannot follow here; of continuous each of amplitude, frequency_hz once can"),
+        ('key = "amplitude"', 'key = "rate_hz"', "rate_hz cannot follow a measure here; continuous allows each of amplitude, frequency_hz once"),
         ("end = [10.0, 0.6]", "end = [10.0, 0.6]\ncurve = 0", "curve must be 0.1 to 10, found 0"),
-        ("dead_band = 0.1", "dead_band = -0.1", "dead_band is negative, found -0.1"),
+        ("dead_band = 0.1", "dead_band = -0.1", "dead_band must not be negative, found -0.1"),
         ("rearm_ms = 1000", "rearm_ms = -5", "rearm_ms"),
         ('feel = "lean"', 'feel = "lean"\nhold_ms = 20000', "hold_ms"),
     ],
 )  # fmt: skip
-def test_what_cannot_follow_or_be_held_is_told_with_its_line(old, new, told):
+def test_an_invalid_follow_table_or_hold_is_reported_with_its_line(old, new, problem):
     text = load_procedure("subretinal_injection_continuous").text
     message = refuse(changed(text, old, new))
-    assert told in message
+    assert problem in message
     assert message.startswith("p.toml")
     assert "line" in message
+
+
+# --- keys by the names that they had in version 0.1
+
+
+def content(procedure: Procedure) -> Procedure:
+    return replace(procedure, text="")
+
+
+def result(procedure: Procedure) -> Proof:
+    return replace(prove(procedure), sha256="")
+
+
+@pytest.mark.parametrize("name", procedure_names())
+def test_old_keys_give_the_same_procedure_the_same_proof_and_a_sentence_for_each(name, tmp_path):
+    new = load_procedure(name)
+    text, count = re.subn("^visible_with = ", "seen_with = ", new.text, flags=re.MULTILINE)
+    text, more = re.subn("^alias = ", "called = ", text, flags=re.MULTILINE)
+    file = tmp_path / "old.toml"
+    file.write_text(text)
+    with pytest.warns(RenamedKey) as warned:
+        old = load_procedure(str(file))
+    assert content(old) == content(new)
+    assert result(old) == result(new)
+    sentences = {str(warning.message) for warning in warned}
+    assert len(sentences) == count + more > 0
+    for sentence in sentences:
+        line = int(re.search(r"line (\d+)", sentence)[1])
+        key = text.splitlines()[line - 1].partition(" ")[0]
+        renamed = {"seen_with": "visible_with", "called": "alias"}[key]
+        assert sentence == f"{file}, line {line}: key {key!r} is now called {renamed!r}"
+
+
+@pytest.mark.parametrize(
+    "file", sorted((paths.DATA / "v0_1" / "procedures").glob("*.toml")), ids=lambda file: file.stem
+)
+def test_the_text_of_a_procedure_of_version_0_1_in_a_recording_causes_no_warning(file):
+    text = file.read_text()
+    old = parse_procedure(text, "procedure in a recording")
+    new = parse_procedure(text.replace("seen_with =", "visible_with =").replace("called =", "alias ="), "new")
+    assert old.text != new.text
+    assert content(old) == content(new)
+    assert result(old) == result(new)
+    assert result(old).holds

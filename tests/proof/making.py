@@ -1,12 +1,12 @@
-"""Sound procedures, made up by the dozen, and ways to break each so that a certain claim must fail.
+"""Generate sound procedures, and mutate each so that a certain claim must fail.
 
-A sound procedure cuts two measures, A and B, into cells. Its rules, first wins: no needle; the first cell of A
-(an alarm); the second of A with the first of B (narrow) before the second of A alone (broad); the second of B
-wherever A is (guidance); every other cell of A, alone or split over all of B. So the narrow rule must stand before
-the broad, the alarm overlaps the guidance, and without guidance every cell of A is still covered. For each rule an
-invariant says what is felt where it fits and one edge of every earlier rule is missing.
+A sound procedure partitions two measures, A and B, into cells. Its rules, in order of priority: no needle; the first
+cell of A (alarm); the second of A with the first of B (narrow) before the second of A alone (broad); the second of
+B for any A (guidance); every other cell of A, alone or split over all of B. So the narrow rule must precede the
+broad one, the alarm overlaps the guidance, and without guidance every cell of A is still covered. For each rule, an
+invariant states its pattern where it matches and one edge of every earlier rule is absent.
 
-Equivalent mutants cannot arise: a breaker changes only what this construction makes matter, and says why.
+No mutant is equivalent: a mutation changes only what matters in this construction, and its docstring gives the reason.
 """
 
 import json
@@ -20,7 +20,7 @@ from haptigraph.inference.procedure import Procedure
 
 ENTITIES = [
     {"name": "needle_tip", "group": "instrument", "geometry": "point", "label": "tip"},
-    {"name": "needle_line", "group": "instrument", "geometry": "segment", "seen_with": "needle_tip"},
+    {"name": "needle_line", "group": "instrument", "geometry": "segment", "visible_with": "needle_tip"},
     {"name": "retina_surface", "group": "anatomy", "geometry": "polyline", "label": "retina", "fixed": True},
     {"name": "retina_target", "group": "anatomy", "geometry": "point", "label": "target", "fixed": True},
     {"name": "eye_globe", "group": "anatomy", "geometry": "circle", "fixed": True},
@@ -37,16 +37,16 @@ Data = dict[str, Any]
 
 
 class Made(NamedTuple):
-    """A sound procedure as data, and the names of its parts."""
+    """A sound procedure as data, and the names of its relations."""
 
     data: Data
     a: list[list[str]]
-    """The relations that cut measure A, in order."""
+    """The relations that partition measure A, in order."""
     b: list[list[str]]
 
 
-class Broken(NamedTuple):
-    """A broken procedure, and the claims one of which must fail."""
+class Mutant(NamedTuple):
+    """A mutated procedure, and claims of which at least one must fail."""
 
     procedure: Procedure
     claims: tuple[str, ...]
@@ -65,8 +65,8 @@ def _table(kind: str, part: Data) -> str:
 def sound(seed: int) -> Made:
     rng = random.Random(seed)
     first, second = rng.sample(MEASURED, 2)
-    a, a_relations = _cut(rng, "a", first, rng.randint(3, 4))
-    b, b_relations = _cut(rng, "b", second, rng.randint(2, 3))
+    a, a_relations = _partition(rng, "a", first, rng.randint(3, 4))
+    b, b_relations = _partition(rng, "b", second, rng.randint(2, 3))
     overlaps = _released(rng, a_relations) if rng.random() < 0.5 else []
     states: list[Data] = [
         {"name": "alarm", "when": [a[0]], "feel": "pulse"},
@@ -80,16 +80,16 @@ def sound(seed: int) -> Made:
     for number, cell in enumerate(a[2:]):
         if (
             rng.random() < 0.5 or len(states) > 3
-        ):  # behind guidance, one rule a cell: a split might be shadowed
+        ):  # after guidance, one rule a cell: a split might be shadowed
             states.append({"name": f"rest{number}", "when": [cell], "feel": "off"})
         else:
             states += [
                 {"name": f"rest{number}_{at}", "when": [cell, other], "feel": "low" if at else "off"}
                 for at, other in enumerate(b)
             ]
-    asked = [names for state in states for names in state["when"]]
+    used = [names for state in states for names in state["when"]]
     for relation in (*a_relations, *b_relations):
-        relation["recorded_only"] = _names(relation) not in asked
+        relation["recorded_only"] = _names(relation) not in used
     named = {"needle_tip", *(names[at] for names in (*a, *b) for at in (0, 2))}
     if {first[3], second[3]} & {"distance_to_retina_mm", "theta_deg"}:
         named.add("trocar")
@@ -115,7 +115,7 @@ def sound(seed: int) -> Made:
     return Made(data, a, b)
 
 
-def _cut(
+def _partition(
     rng: random.Random, letter: str, measured: tuple[Any, ...], count: int
 ) -> tuple[list[Any], list[Data]]:
     subject, object_, measure, _, low, high = measured
@@ -140,12 +140,12 @@ def _cut(
 
 
 def _released(rng: random.Random, relations: list[Data]) -> list[Data]:
-    """Let the first relation hold on into the second, and say so."""
+    """Extend the first relation into the second by a release, and declare the overlap."""
     first, second = relations[0], relations[1]
     first["release"] = round(
         _bound(first, "upper") + 0.3 * (_bound(second, "upper") - _bound(first, "upper")), 3
     )
-    return [{"relations": [_names(first), _names(second)], "because": "the alarm goes on for a while"}]
+    return [{"relations": [_names(first), _names(second)], "because": "the alarm continues for a while"}]
 
 
 def _names(relation: Data) -> list[str]:
@@ -162,7 +162,7 @@ def _bound(relation: Data, side: str) -> float:
 
 
 def _invariants(states: Iterable[Data]) -> list[Data]:
-    """For every rule: where it fits and every earlier one lacks an edge, it decides."""
+    """For every rule: where it matches and every earlier one lacks an edge, it decides."""
     made: list[Data] = []
     earlier: list[Data] = []
     for state in states:
@@ -198,17 +198,17 @@ def _new_state(name: str, when: list[Any], **more: Any) -> Data:
     return {"name": name, "when": when, "feel": "off", "because": name, **more}
 
 
-Breaker = Callable[[random.Random, Made, Data], tuple[str, ...]]
+Mutation = Callable[[random.Random, Made, Data], tuple[str, ...]]
 
 
-def narrow_behind_broad(rng: random.Random, made: Made, data: Data) -> tuple[str, ...]:
-    """The broad rule fits wherever the narrow does, so the narrow is shadowed."""
+def narrow_after_broad(rng: random.Random, made: Made, data: Data) -> tuple[str, ...]:
+    """The broad rule matches wherever the narrow one does, so the narrow one is shadowed."""
     _swap(data, "narrow", "broad")
     return ("reachable",)
 
 
-def alarm_behind_guidance(rng: random.Random, made: Made, data: Data) -> tuple[str, ...]:
-    """Where A is in its first cell and B in its second, both fit; the alarm's invariant names no B."""
+def alarm_after_guidance(rng: random.Random, made: Made, data: Data) -> tuple[str, ...]:
+    """With A in its first cell and B in its second, both match; the invariant of the alarm ignores B."""
     if not any(state["name"] == "guidance" for state in data["state"]):
         data["state"].insert(1, _new_state("urge", [made.b[1]], feel="low"))
     else:
@@ -217,19 +217,19 @@ def alarm_behind_guidance(rng: random.Random, made: Made, data: Data) -> tuple[s
 
 
 def copy_of_a_rule(rng: random.Random, made: Made, data: Data) -> tuple[str, ...]:
-    """A rule that asks for more than an earlier one can never be first."""
+    """A rule that requires more than an earlier one can never be the first match."""
     data["state"].append(_new_state("again", [made.a[0], rng.choice(made.b)]))
     return ("reachable",)
 
 
 def rule_for_two_cells(rng: random.Random, made: Made, data: Data) -> tuple[str, ...]:
-    """The first and the last cell of A never hold at once: at least one whole cell lies between them."""
+    """The first and the last cell of A never hold at once: at least one whole cell is between them."""
     data["state"].insert(1, _new_state("both", [made.a[0], made.a[-1]]))
     return ("reachable",)
 
 
 def catch_all_first(rng: random.Random, made: Made, data: Data) -> tuple[str, ...]:
-    """A rule without condition fits everything."""
+    """A rule without a condition matches every graph."""
     data["state"].insert(rng.randrange(1, len(data["state"])), _new_state("always", []))
     return ("reachable",)
 
@@ -244,7 +244,7 @@ def gap_between(rng: random.Random, made: Made, data: Data) -> tuple[str, ...]:
     return ("gapless",)
 
 
-def gap_beyond(rng: random.Random, made: Made, data: Data) -> tuple[str, ...]:
+def gap_at_the_end(rng: random.Random, made: Made, data: Data) -> tuple[str, ...]:
     """The last cell of A had no end."""
     last = data["relation"][len(made.a) - 1]
     last["at_most"] = round(_bound(last, "lower") + rng.uniform(0.5, 3.0), 2)
@@ -252,7 +252,7 @@ def gap_beyond(rng: random.Random, made: Made, data: Data) -> tuple[str, ...]:
 
 
 def overlap(rng: random.Random, made: Made, data: Data) -> tuple[str, ...]:
-    """Two cells of B begin to share values; no [[overlap]] names B."""
+    """Two cells of B share values; no [[overlap]] is declared for B."""
     count = len(made.a)
     relation = data["relation"][count + rng.randrange(1, len(made.b))]
     relation[_key(relation, "lower")] -= 0.05 * rng.randint(1, 4)
@@ -260,20 +260,20 @@ def overlap(rng: random.Random, made: Made, data: Data) -> tuple[str, ...]:
 
 
 def undeclared_release(rng: random.Random, made: Made, data: Data) -> tuple[str, ...]:
-    """With a release, one cell of B goes on into the next."""
+    """With a release, one cell of B extends into the next."""
     relation = data["relation"][len(made.a)]
     relation["release"] = round(_bound(relation, "upper") + rng.uniform(0.05, 0.3), 3)
     return ("exclusive",)
 
 
 def needless_overlap(rng: random.Random, made: Made, data: Data) -> tuple[str, ...]:
-    """The first and the last cell of A share nothing."""
+    """The first and the last cell of A share no value."""
     data["overlap"].append({"relations": [made.a[0], made.a[-1]], "because": "by mistake"})
     return ("exclusive",)
 
 
 def needless_gap(rng: random.Random, made: Made, data: Data) -> tuple[str, ...]:
-    """The last cell of A has no end, so nothing is left out."""
+    """The last cell of A has no end, so no value is left out."""
     relation = data["relation"][len(made.a) - 1]
     name = next(
         row[3] for row in MEASURED if row[:3] == tuple(relation[k] for k in ("subject", "object", "measure"))
@@ -282,15 +282,15 @@ def needless_gap(rng: random.Random, made: Made, data: Data) -> tuple[str, ...]:
     return ("gapless",)
 
 
-def other_touch(rng: random.Random, made: Made, data: Data) -> tuple[str, ...]:
-    """Every state's touch is named by its invariant, which is no empty one."""
+def other_pattern(rng: random.Random, made: Made, data: Data) -> tuple[str, ...]:
+    """The invariant of every state fixes its pattern, and its premise is satisfiable."""
     state = rng.choice(data["state"][1:])
     state["feel"] = rng.choice([feel for feel in ("off", "low", "tick", "pulse") if feel != state["feel"]])
     return ("invariant",)
 
 
 def no_alarm(rng: random.Random, made: Made, data: Data) -> tuple[str, ...]:
-    """Without its rule, the first cell of A is felt otherwise than its invariant says, and has another state."""
+    """Without its rule, the first cell of A has another state and another pattern than its invariant requires."""
     data["state"] = [state for state in data["state"] if state["name"] != "alarm"]
     invariant = next(one for one in data["invariant"] if one["name"] == "alarm decides")
     del invariant["states"]
@@ -298,14 +298,14 @@ def no_alarm(rng: random.Random, made: Made, data: Data) -> tuple[str, ...]:
 
 
 def no_last_cell(rng: random.Random, made: Made, data: Data) -> tuple[str, ...]:
-    """In the last cell of A with the first of B, only its own rule fits."""
+    """In the last cell of A with the first of B, only its own rule matches."""
     data["state"] = [state for state in data["state"] if made.a[-1] not in state.get("when", [])]
     data["invariant"] = []
     return ("total",)
 
 
-def one_exception_more(rng: random.Random, made: Made, data: Data) -> tuple[str, ...]:
-    """What the last cell's rule now leaves out with the first cell of B, no rule takes."""
+def one_more_exception(rng: random.Random, made: Made, data: Data) -> tuple[str, ...]:
+    """No rule matches what the rule of the last cell now excludes, the first cell of B."""
     for state in data["state"]:
         if made.a[-1] in state.get("when", []) and made.b[0] not in state["when"]:
             state["unless"] = [made.b[0]]
@@ -317,35 +317,35 @@ def one_exception_more(rng: random.Random, made: Made, data: Data) -> tuple[str,
 
 
 def anatomy_may_be_absent(rng: random.Random, made: Made, data: Data) -> tuple[str, ...]:
-    """Without what A and B are measured to, a needle that is seen has no state."""
+    """Without the objects of A and B, a detected needle has no state."""
     for names in (made.a[0], made.b[0]):
         next(entity for entity in data["entity"] if entity["name"] == names[2])["fixed"] = False
     return ("total",)
 
 
 def contradicting_invariant(rng: random.Random, made: Made, data: Data) -> tuple[str, ...]:
-    """The first cell of A feels the alarm, whatever this invariant says."""
+    """The pattern of the first cell of A is the alarm, which this invariant excludes."""
     data["invariant"].append({"name": "never", "when": [made.a[0]], "never_feels": ["pulse"]})
     return ("invariant",)
 
 
-def empty_invariant(rng: random.Random, made: Made, data: Data) -> tuple[str, ...]:
-    """An invariant of a graph that cannot be says nothing."""
+def vacuous_invariant(rng: random.Random, made: Made, data: Data) -> tuple[str, ...]:
+    """No possible graph satisfies the premise."""
     data["invariant"].append({"name": "empty", "when": [made.a[0], made.a[-1]], "feels": ["pulse"]})
     return ("invariant",)
 
 
 def unused_pattern(rng: random.Random, made: Made, data: Data) -> tuple[str, ...]:
-    """Nothing feels a pattern that was just added."""
+    """No state uses a pattern that was just added."""
     data["pattern"].append({"name": "spare", "kind": "continuous", "amplitude": 0.5})
     return ("used",)
 
 
 def _add_radial(data: Data, **bounds: Any) -> None:
-    known = [entity["name"] for entity in data["entity"]]
-    wanted = ("retina_target", "trocar")
+    declared = [entity["name"] for entity in data["entity"]]
+    required = ("retina_target", "trocar")
     data["entity"] += [
-        one for one in deepcopy(ENTITIES) if one["name"] in wanted and one["name"] not in known
+        one for one in deepcopy(ENTITIES) if one["name"] in required and one["name"] not in declared
     ]
     names = {
         "subject": "needle_tip",
@@ -357,19 +357,19 @@ def _add_radial(data: Data, **bounds: Any) -> None:
 
 
 def unused_relation(rng: random.Random, made: Made, data: Data) -> tuple[str, ...]:
-    """No rule asks for a relation that was just added."""
+    """No rule uses a relation that was just added."""
     _add_radial(data, at_most=round(rng.uniform(0.3, 3.0), 2))
     return ("used",)
 
 
-def used_for_the_record(rng: random.Random, made: Made, data: Data) -> tuple[str, ...]:
-    """The alarm asks for the first cell of A."""
+def used_though_recorded_only(rng: random.Random, made: Made, data: Data) -> tuple[str, ...]:
+    """The alarm uses the first cell of A."""
     data["relation"][0]["recorded_only"] = True
     return ("used",)
 
 
 def unused_entity(rng: random.Random, made: Made, data: Data) -> tuple[str, ...]:
-    """Nothing names an entity that was just added."""
+    """Nothing uses an entity that was just added."""
     data["entity"].append({"name": "forceps", "group": "instrument", "geometry": "point"})
     return ("used",)
 
@@ -386,16 +386,17 @@ def relation_given_its_opposite(rng: random.Random, made: Made, data: Data) -> t
     return ("possible",)
 
 
-BREAKERS: list[Breaker] = [
-    narrow_behind_broad, alarm_behind_guidance, copy_of_a_rule, rule_for_two_cells, catch_all_first, gap_between,
-    gap_beyond, overlap, undeclared_release, needless_overlap, needless_gap, other_touch, no_alarm, no_last_cell,
-    one_exception_more, anatomy_may_be_absent, contradicting_invariant, empty_invariant, unused_pattern,
-    unused_relation, used_for_the_record, unused_entity, relation_below_zero, relation_given_its_opposite,
+MUTATIONS: list[Mutation] = [
+    narrow_after_broad, alarm_after_guidance, copy_of_a_rule, rule_for_two_cells, catch_all_first, gap_between,
+    gap_at_the_end, overlap, undeclared_release, needless_overlap, needless_gap, other_pattern, no_alarm,
+    no_last_cell, one_more_exception, anatomy_may_be_absent, contradicting_invariant, vacuous_invariant,
+    unused_pattern, unused_relation, used_though_recorded_only, unused_entity, relation_below_zero,
+    relation_given_its_opposite,
 ]  # fmt: skip
 
 
-def break_it(breaker: Breaker, seed: int) -> Broken:
+def mutate(mutation: Mutation, seed: int) -> Mutant:
     made = sound(seed)
     data = deepcopy(made.data)
-    claims = breaker(random.Random(seed), made, data)
-    return Broken(load(data), claims)
+    claims = mutation(random.Random(seed), made, data)
+    return Mutant(load(data), claims)

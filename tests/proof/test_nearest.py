@@ -1,4 +1,4 @@
-"""What would have to change for another state, checked by changing it."""
+"""The smallest change to another state, verified by applying it."""
 
 from itertools import product
 
@@ -17,7 +17,7 @@ NEAREST = Nearest(PROCEDURE)
 
 
 def graph_at(measures: dict[str, float], held: SceneGraph | None = None, schema=SCHEMA) -> SceneGraph:
-    """The graph of a needle that is measured so, as the builder decides it."""
+    """The graph for given measures, as the builder would make it."""
     nodes = tuple(Node(one.name, one.name, one.group) for one in schema.entities)
     before = {(edge.subject, edge.predicate, edge.object) for edge in held.edges} if held else set()
     edges: list[tuple[str, str, str]] = []
@@ -44,7 +44,7 @@ def changes(graph: SceneGraph):
     return {change.state: change for change in NEAREST.changes(NEAREST.mask(graph), graph.measures)}
 
 
-def test_near_the_retina_contact_is_a_millimetre_away_and_alignment_some_degrees():
+def test_near_the_retina_contact_is_a_millimetre_away_and_alignment_a_few_degrees():
     graph = graph_at(measured(retina=1.7, theta=6.3))
     near = changes(graph)
     assert next(iter(near)) == "retinal_contact"
@@ -59,7 +59,7 @@ def test_near_the_retina_contact_is_a_millimetre_away_and_alignment_some_degrees
     assert near["unknown"].vanish[-2:] == ("needle_tip", "needle_line")
 
 
-def test_without_a_needle_only_what_matters_is_asked_for():
+def test_without_a_needle_only_relevant_measures_are_listed():
     fixed = tuple(Node(one.name, one.name, one.group) for one in SCHEMA.entities if one.fixed)
     for graph in (SceneGraph(0, fixed), SceneGraph(0)):
         contact = changes(graph)["retinal_contact"]
@@ -67,7 +67,7 @@ def test_without_a_needle_only_what_matters_is_asked_for():
         assert all(move.value is None and move.way is None for move in contact.moves)
 
 
-def test_a_relation_that_holds_is_left_at_its_release_and_else_entered_at_its_bound():
+def test_a_relation_ends_at_its_release_and_begins_at_its_bound():
     relations = [
         replace(one, release=5.8) if one.names[1:] == ("approaching", "retina_surface") else one
         for one in SCHEMA.relations
@@ -89,7 +89,7 @@ some = st.floats(-1, 12).map(lambda value: round(value, 3))
 
 @example(0.0, 0.0, 0.0, 1.7, 0.0)
 @given(some, some.map(abs), some.map(abs), st.floats(0, 20).map(lambda value: round(value, 3)), some)
-def test_moving_as_told_leads_to_the_state_that_was_told_and_no_single_measure_leads_there_sooner(
+def test_a_change_leads_to_its_state_and_a_smaller_change_of_one_measure_does_not(
     retina, radial, beyond, theta, wall
 ):
     measures = measured(retina, radial, radial + beyond, theta, wall)
@@ -102,11 +102,13 @@ def test_moving_as_told_leads_to_the_state_that_was_told_and_no_single_measure_l
     for state, change in found.items():
         if state == "unknown":
             continue
-        least = [
+        smallest = [
             (1e-9,) if move.way > 0 else (-1e-9,) if move.way else (1e-9, -1e-9) for move in change.moves
         ]
         reached = set()
-        for nudges in product(*least):  # a measure on the very threshold has no way to go, but a side
+        for nudges in product(
+            *smallest
+        ):  # a measure exactly at the threshold has an offset of 0 to either side
             moved = dict(measures)
             for move, nudge in zip(change.moves, nudges, strict=True):
                 moved[move.measure] += move.way * (1 + 1e-9) + nudge

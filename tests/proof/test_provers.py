@@ -1,21 +1,21 @@
-"""Looking at every graph and asking z3 give the same answers; where z3 is missing, one sentence says so."""
+"""Enumeration and z3 give the same results; without z3, the error is one sentence."""
 
 import sys
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from making import BREAKERS, break_it, load, sound
+from making import MUTATIONS, load, mutate, sound
 from msgspec.structs import replace
 
 from haptigraph.assemble import load_procedure, parse_procedure
 from haptigraph.errors import MissingExtra
 from haptigraph.graph import Relation, Schema
-from haptigraph.proof.by_z3 import BySolver
-from haptigraph.proof.exhaustive import MOST_WORLDS, Exhaustive
+from haptigraph.proof.exhaustive_prover import MAX_WORLDS, ExhaustiveProver
 from haptigraph.proof.prove import prove
 from haptigraph.proof.rules import Cube
 from haptigraph.proof.space import Space
+from haptigraph.proof.z3_prover import Z3Prover
 
 SCHEMA = load_procedure("subretinal_injection").schema
 BITS = len(SCHEMA.relations) + len(SCHEMA.entities)
@@ -30,7 +30,7 @@ def cubes(draw) -> Cube:
 
 @st.composite
 def schemas(draw) -> Schema:
-    """The paper's schema with other thresholds, releases and givens, and entities that come and go."""
+    """The paper's schema with other thresholds, releases and givens, and entities that appear and vanish."""
     relations = []
     bound = st.integers(0, 6).map(lambda half: half / 2)
     for number, relation in enumerate(SCHEMA.relations):
@@ -50,34 +50,34 @@ def schemas(draw) -> Schema:
 
 @settings(max_examples=25)
 @given(schemas(), st.lists(cubes(), min_size=1, max_size=4), st.lists(cubes(), min_size=3, max_size=3))
-def test_both_provers_agree_on_any_question(schema, rules, questions):
+def test_both_provers_agree_on_any_query(schema, rules, queries):
     space = Space(schema)
-    looking, solving = Exhaustive(space, rules), BySolver(space, rules)
-    for wanted in (Cube(), *questions):
-        for fires in (None, *range(len(rules) + 1)):
-            seen, solved = looking.smallest(wanted, fires), solving.smallest(wanted, fires)
-            assert (seen is None) == (solved is None)
-            for world in (seen, solved):
+    enumeration, solver = ExhaustiveProver(space, rules), Z3Prover(space, rules)
+    for cube in (Cube(), *queries):
+        for first_match in (None, *range(len(rules) + 1)):
+            found, solved = (prover.smallest_witness(cube, first_match) for prover in (enumeration, solver))
+            assert (found is None) == (solved is None)
+            for world in (found, solved):
                 if world is not None:
-                    assert wanted.fits(world.mask)
-                    first = next((n for n, rule in enumerate(rules) if rule.fits(world.mask)), len(rules))
-                    assert fires in (None, first)
-            if seen is not None and solved is not None:
-                assert (seen.mask & space.visible).bit_count() == (solved.mask & space.visible).bit_count()
+                    assert cube.matches(world.mask)
+                    first = next((n for n, rule in enumerate(rules) if rule.matches(world.mask)), len(rules))
+                    assert first_match in (None, first)
+            if found is not None and solved is not None:
+                assert (found.mask & space.visible).bit_count() == (solved.mask & space.visible).bit_count()
 
 
-@pytest.mark.parametrize("breaker", [None, *BREAKERS], ids=lambda one: one.__name__ if one else "sound")
-def test_both_provers_find_the_same_claims_violated(breaker):
-    procedure = break_it(breaker, 3).procedure if breaker else load(sound(3).data)
-    looked, solved = prove(procedure, "exhaustive"), prove(procedure, "z3")
-    for one, other in zip(looked.claims, solved.claims, strict=True):
+@pytest.mark.parametrize("mutation", [None, *MUTATIONS], ids=lambda one: one.__name__ if one else "sound")
+def test_both_provers_find_the_same_violations(mutation):
+    procedure = mutate(mutation, 3).procedure if mutation else load(sound(3).data)
+    enumerated, solved = prove(procedure, "exhaustive"), prove(procedure, "z3")
+    for one, other in zip(enumerated.claims, solved.claims, strict=True):
         assert [violation.about for violation in one.violations] == [
             violation.about for violation in other.violations
         ]
 
 
 def many(points: int) -> str:
-    """A procedure whose graphs are too many to be looked at: so many instruments, three zones each."""
+    """A procedure with too many graphs to enumerate: many instruments with three zones each."""
     parts = ['[procedure]\nname = "many"\n']
     names = [f"tool{number}" for number in range(points)]
     for name in ("target", *names):
@@ -102,9 +102,9 @@ def many(points: int) -> str:
     return "\n".join(parts)
 
 
-def test_many_graphs_are_left_to_z3_and_a_hole_among_them_is_found():
+def test_z3_proves_a_space_that_is_too_large_to_enumerate_and_finds_a_hole_in_it():
     sound_one = parse_procedure(many(12), "many.toml")
-    assert Space(sound_one.schema).count() > MOST_WORLDS
+    assert Space(sound_one.schema).count() > MAX_WORLDS
     proof = prove(sound_one)
     assert proof.method.startswith("z3 ")
     assert proof.violations == []
@@ -119,14 +119,14 @@ def test_many_graphs_are_left_to_z3_and_a_hole_among_them_is_found():
     ]
 
 
-def test_without_z3_one_sentence_names_the_extra(monkeypatch):
+def test_the_error_without_z3_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "z3", None)
     with pytest.raises(MissingExtra, match=r"pip install 'haptigraph\[proof\]'"):
         prove(parse_procedure(many(12), "many.toml"))
     assert prove(load_procedure("subretinal_injection")).holds
 
 
-def test_a_state_that_is_held_is_told_beside_the_invariants_it_breaks_and_changes_no_proof(procedure):
+def test_invariants_list_the_held_states_that_violate_them_and_remain_proved(procedure):
     states = tuple(
         replace(one, hold_ms=200.0 if one.name in ("retinal_contact", "outside_eye") else 0.0)
         for one in procedure.states
@@ -135,13 +135,15 @@ def test_a_state_that_is_held_is_told_beside_the_invariants_it_breaks_and_change
         proof = prove(replace(procedure, states=states), prover)
         assert proof.holds
         assert proof.held_ms == {"retinal_contact": 200.0, "outside_eye": 200.0}
-        told = {claim.says: claim.not_while_held for claim in proof.claims if claim.name == "invariant"}
-        assert told["the alarm is felt at the retina only"] == ("retinal_contact",)
-        assert told["touching the retina away from the target always feels the alarm"] == ()
-        assert told["nothing vibrates when no needle is seen"] == ()
+        not_while_held = {
+            claim.says: claim.not_while_held for claim in proof.claims if claim.name == "invariant"
+        }
+        assert not_while_held["the alarm is felt at the retina only"] == ("retinal_contact",)
+        assert not_while_held["touching the retina away from the target always feels the alarm"] == ()
+        assert not_while_held["nothing vibrates when no needle is seen"] == ()
 
 
-def test_counterexamples_are_judged_by_themselves_whatever_was_held_before(procedure):
+def test_the_state_of_a_counterexample_does_not_depend_on_earlier_ones(procedure):
     states = tuple(replace(one, hold_ms=200.0) for one in procedure.states if one.name != "outside_eye")
     held, plain = (
         prove(replace(procedure, states=tuple(replace(one, hold_ms=hold) for one in states))).violations
@@ -150,7 +152,7 @@ def test_counterexamples_are_judged_by_themselves_whatever_was_held_before(proce
     assert held == plain != []
 
 
-def test_a_relation_whose_measure_is_followed_is_used():
+def test_a_relation_counts_as_used_if_a_pattern_follows_its_measure():
     text = load_procedure("subretinal_injection_continuous").text
     text = text.replace("recorded_only = true", "recorded_only = false").replace(
         'measure = "distance_to_retina_mm"\nstart', 'measure = "distance_to_target_mm"\nstart'
@@ -160,4 +162,4 @@ def test_a_relation_whose_measure_is_followed_is_used():
         'measure = "distance_to_target_mm"\nstart', 'measure = "distance_to_retina_mm"\nstart'
     )
     (violation,) = prove(parse_procedure(unused, "p.toml")).violations
-    assert "<needle_tip, approaching, retina_target> is asked for by no rule" in violation.sentence
+    assert "<needle_tip, approaching, retina_target> is used by no rule" in violation.sentence

@@ -1,4 +1,4 @@
-"""The shipped procedures, broken in every way of a kind: each rule dropped, each touch changed, each lifted over others."""
+"""All mutants of the shipped procedures of three kinds: a rule removed, a pattern changed, a rule moved up."""
 
 import pytest
 from msgspec.structs import replace
@@ -6,7 +6,7 @@ from msgspec.structs import replace
 from haptigraph.assemble import load_procedure, procedure_names
 from haptigraph.messages import UNKNOWN
 from haptigraph.proof.prove import prove
-from haptigraph.proof.rules import cubes_of
+from haptigraph.proof.rules import rule_cubes
 from haptigraph.proof.space import Space
 
 SHIPPED = [load_procedure(name) for name in procedure_names()]
@@ -17,14 +17,14 @@ def shipped(request):
     return request.param
 
 
-def test_without_any_of_its_rules_it_is_refused(shipped):
+def test_a_procedure_that_lacks_a_rule_is_refused(shipped):
     for at, state in enumerate(shipped.states):
         if state.name != UNKNOWN:
-            left = shipped.states[:at] + shipped.states[at + 1 :]
-            assert not prove(replace(shipped, states=left)).holds, state.name
+            others = shipped.states[:at] + shipped.states[at + 1 :]
+            assert not prove(replace(shipped, states=others)).holds, state.name
 
 
-def test_with_any_other_touch_in_any_state_it_is_refused(shipped):
+def test_a_procedure_with_another_pattern_in_a_state_is_refused(shipped):
     for at, state in enumerate(shipped.states):
         for pattern in shipped.patterns:
             if pattern.name != state.feel:
@@ -33,14 +33,14 @@ def test_with_any_other_touch_in_any_state_it_is_refused(shipped):
                 assert not prove(replace(shipped, states=states)).holds, (state.name, pattern.name)
 
 
-def test_any_rule_lifted_to_any_place_is_refused_just_where_that_changes_what_happens(shipped):
-    """Rules that no possible graph fits both can change places without effect: that is no defect."""
+def test_a_rule_of_higher_priority_is_refused_exactly_if_that_changes_a_state(shipped):
+    """Rules that never match the same graph can be swapped without effect: that is not a defect."""
     space = Space(shipped.schema)
-    rules = cubes_of(shipped, space)
+    rules = rule_cubes(shipped, space)
     masks = [world.mask for world in space.worlds()]
 
     def outcome(order: list[int], mask: int) -> int | None:
-        return next((rule for rule in order if rules[rule].fits(mask)), None)
+        return next((rule for rule in order if rules[rule].matches(mask)), None)
 
     plain = list(range(len(rules)))
     refused = 0

@@ -1,4 +1,4 @@
-"""What the proofs call possible is what relations and the scene builder really do."""
+"""The graphs that proofs consider possible are those that relations and the scene builder produce."""
 
 import math
 
@@ -27,7 +27,7 @@ GRID = st.integers(0, 8).map(lambda half: half / 2)
 
 @st.composite
 def relations(draw) -> tuple[Relation, ...]:
-    """Up to four relations of one distance, with any bounds and releases that the loader takes."""
+    """Up to four relations of one distance, with any bounds and releases that the loader accepts."""
     made = []
     for number in range(draw(st.integers(1, 4))):
         low, high = sorted(draw(st.lists(GRID, min_size=2, max_size=2, unique=True)))
@@ -46,13 +46,15 @@ def relations(draw) -> tuple[Relation, ...]:
 
 
 @given(relations())
-def test_cells_hold_exactly_what_relations_can_hold_after_any_past(cut):
-    """Every quarter and eighth millimetre, after every other: the masks of the cells, no more and no less."""
-    (scale,) = scales_of(Schema(ENTITIES, cut), MEASURES)
+def test_cells_have_exactly_the_sets_of_relations_that_can_hold_after_any_sequence(schema_relations):
+    """On a grid of 1/8 mm, every value after every other: the masks of the cells, no more and no less."""
+    (scale,) = scales_of(Schema(ENTITIES, schema_relations), MEASURES)
     values = [eighth / 8 for eighth in range(0, 100)]
 
     def after(value: float, held: int) -> int:
-        return sum(1 << at for at, one in enumerate(cut) if one.holds(value, held=bool(held >> at & 1)))
+        return sum(
+            1 << at for at, one in enumerate(schema_relations) if one.holds(value, held=bool(held >> at & 1))
+        )
 
     reached, fresh = {0}, [0]
     while fresh:
@@ -62,37 +64,35 @@ def test_cells_hold_exactly_what_relations_can_hold_after_any_past(cut):
             fresh.append(mask)
     for value in values:
         assert set(scale.cell_at(value).masks) == {after(value, held) for held in reached}
-    assert scale.cells[0].interval.low_in  # a distance of 0 can be
+    assert scale.cells[0].interval.has_low  # a distance of 0 is possible
 
 
 @given(st.lists(GRID, max_size=5), GRID)
-def test_atoms_cut_the_line_so_that_every_value_lies_in_one(bounds, value):
-    assert sum(value in piece for piece in atoms(bounds)) == 1
-    assert all(piece.sample() in piece for piece in atoms(bounds))
+def test_every_value_is_in_exactly_one_atom(bounds, value):
+    assert sum(value in atom for atom in atoms(bounds)) == 1
+    assert all(atom.sample() in atom for atom in atoms(bounds))
 
 
 @pytest.mark.parametrize(
-    ("interval", "said", "value", "way"),
+    ("interval", "condition", "value", "offset"),
     [
         (Interval(0.7, 5.5, False, True), "0.7 < d <= 5.5", 6.5, -1.0),
-        (Interval(high=1.7, high_in=True), "d <= 1.7", 1.0, 0.0),
+        (Interval(high=1.7, has_high=True), "d <= 1.7", 1.0, 0.0),
         (Interval(low=1.5), "d > 1.5", 1.0, 0.5),
         (Interval(2.0, 2.0, True, True), "d = 2", 3.0, -1.0),
         (Interval(), "any d", 3.0, 0.0),
     ],
 )
-def test_intervals_are_said_as_people_write_them(interval, said, value, way):
-    assert interval.said("d") == said
-    assert interval.way_from(value) == way
+def test_an_interval_gives_its_condition_and_the_offset_to_it(interval, condition, value, offset):
+    assert interval.said("d") == condition
+    assert interval.offset_from(value) == offset
 
 
-places = st.tuples(st.floats(-15, 15), st.floats(-15, 15))
+points = st.tuples(st.floats(-15, 15), st.floats(-15, 15))
 
 
-@given(st.lists(st.none() | st.tuples(places, places), min_size=1, max_size=6), st.booleans())
-def test_whatever_the_builder_makes_of_any_needle_is_among_the_possible_graphs(
-    registration, needles, releases
-):
+@given(st.lists(st.none() | st.tuples(points, points), min_size=1, max_size=6), st.booleans())
+def test_the_graph_of_any_needle_is_possible(registration, needles, releases):
     schema = load_procedure("subretinal_injection").schema
     if releases:
         ends = {
@@ -105,25 +105,25 @@ def test_whatever_the_builder_makes_of_any_needle_is_among_the_possible_graphs(
     space = Space(schema)
     possible = {world.mask for world in space.worlds()}
     build = SchemaSceneBuilder(schema)
-    for found in needles:
-        seen = dict(registration.anatomy)
-        if found is not None and math.dist(*found) > 0.1:
-            seen |= needle(*found)
-        graph = build(Observation(0, seen))
+    for ends in needles:
+        found = dict(registration.anatomy)
+        if ends is not None and math.dist(*ends) > 0.1:
+            found |= needle(*ends)
+        graph = build(Observation(0, found))
         assert space.mask(graph) in possible
     assert space.mask(build(Observation(0, {}))) in possible
 
 
 @pytest.mark.parametrize("path", GOLDEN, ids=lambda path: path.stem)
-def test_every_recorded_graph_is_among_the_possible_ones(path):
+def test_every_recorded_graph_is_possible(path):
     reader = RunReader(path)
     space = Space(parse_procedure(reader.info.procedure, path.name).schema)
     possible = {world.mask for world in space.worlds()}
     assert {space.mask(step.graph) for _, step in reader.places()} <= possible
 
 
-@given(places, places, places, st.tuples(places, places))
-def test_what_is_said_always_to_hold_of_measures_holds(tip, target, trocar, shaft):
+@given(points, points, points, st.tuples(points, points))
+def test_the_geometric_limits_of_measures_hold(tip, target, trocar, shaft):
     if math.dist(target, trocar) < 1e-3 or math.dist(*shaft) < 1e-3:
         return
     found = {"trocar": Point(trocar)}
@@ -133,23 +133,23 @@ def test_what_is_said_always_to_hold_of_measures_holds(tip, target, trocar, shaf
         "theta_deg": MEASURES["theta_deg"].function(Segment(*shaft), Point(target), found),
     }
     for name, value in values.items():
-        always = next(iter(MEASURES[name].shapes.values()))
-        assert always.least <= value <= always.most
-        if always.never_above:
-            assert value <= values[always.never_above] + 1e-9
+        limits = next(iter(MEASURES[name].shapes.values()))
+        assert limits.lower <= value <= limits.upper
+        if limits.never_above:
+            assert value <= values[limits.never_above] + 1e-9
 
 
-def test_of_three_measures_none_bounds_another_that_bounds_a_third():
-    """`Space.agree` looks at pairs, which is enough as long as there are no chains."""
-    bounding = {always.never_above for one in MEASURES.values() for always in one.shapes.values()} - {""}
-    assert not any(always.never_above for name in bounding for always in MEASURES[name].shapes.values())
+def test_no_measure_bounds_another_that_bounds_a_third():
+    """`Space.is_consistent` checks pairs, which is sufficient as long as there are no chains."""
+    bounding = {limits.never_above for one in MEASURES.values() for limits in one.shapes.values()} - {""}
+    assert not any(limits.never_above for name in bounding for limits in MEASURES[name].shapes.values())
 
 
 @pytest.mark.parametrize("missing", ["trocar"])
-def test_what_a_measure_needs_and_no_entity_names_may_be_absent(missing):
+def test_an_undeclared_entity_that_a_measure_requires_may_be_absent(missing):
     schema = load_procedure("subretinal_injection").schema
-    left = Schema(tuple(one for one in schema.entities if one.name != missing), schema.relations)
-    space = Space(left)
-    assert space.unnamed == (missing,)
+    others = Schema(tuple(one for one in schema.entities if one.name != missing), schema.relations)
+    space = Space(others)
+    assert space.undeclared == (missing,)
     tip = space.entity_bits["needle_tip"]
     assert any(world.mask & tip and not world.mask & space.edges & 0b110011 for world in space.worlds())

@@ -19,7 +19,7 @@ ALL_PREDICATES = {"touching", "approaching", "aligned", "misaligned", "inside", 
 
 @st.composite
 def eyes(draw) -> dict[str, Geometry]:
-    """Any plausible eye: globe, trocar in its wall, a retina of any curvature, a target anywhere on it."""
+    """Any plausible eye: a globe, a trocar in its wall, a retina of any curvature, a target anywhere on it."""
     radius = draw(st.floats(8, 15))
     side = draw(st.sampled_from([-1, 1]))
     trocar_angle = math.radians(draw(st.floats(5, 65))) * side
@@ -32,10 +32,10 @@ def eyes(draw) -> dict[str, Geometry]:
         distance = radius * (1 - lift - max(curl, -lift) * (step / 30) ** 2)
         points.append((distance * math.sin(angle), -distance * math.cos(angle)))
     retina = Polyline(tuple(points))
-    piece = draw(st.integers(0, len(points) - 2))
-    share = draw(st.floats(0, 1))
-    (x0, y0), (x1, y1) = points[piece], points[piece + 1]
-    target = Point((x0 + share * (x1 - x0), y0 + share * (y1 - y0)))
+    index = draw(st.integers(0, len(points) - 2))
+    fraction = draw(st.floats(0, 1))
+    (x0, y0), (x1, y1) = points[index], points[index + 1]
+    target = Point((x0 + fraction * (x1 - x0), y0 + fraction * (y1 - y0)))
     return {
         "eye_globe": Circle((0.0, 0.0), radius),
         "retina_surface": retina,
@@ -49,71 +49,71 @@ def axis_length(eye: dict[str, Geometry]) -> float:
 
 
 @given(eyes(), st.floats(0.01, 2.0), st.lists(st.floats(-0.999, 0.999), min_size=1, max_size=8))
-def test_an_approach_near_the_axis_ends_in_target_hit_without_retinal_contact(eye, step_mm, swerves):
-    """Whoever stays within asin(0.7 / L) of the axis and advances to the target hits it cleanly."""
+def test_an_approach_near_the_axis_ends_in_target_hit_without_retinal_contact(eye, step_mm, offsets):
+    """A tip that stays within asin(0.7 / L) of the axis and advances to the target hits it cleanly."""
     build, reason = SchemaSceneBuilder(PROCEDURE.schema), RuleEngine(PROCEDURE)
     length = axis_length(eye)
     limit_deg = math.degrees(math.asin(0.7 / length))
     depths = [*(k * step_mm for k in range(math.ceil(length / step_mm))), length]
     state = ""
     for number, depth_mm in enumerate(depths):
-        swerve = swerves[number * len(swerves) // len(depths)]
-        tip = on_axis(eye, depth_mm, swerve * limit_deg)
+        offset = offsets[number * len(offsets) // len(depths)]
+        tip = on_axis(eye, depth_mm, offset * limit_deg)
         state = reason(build(observe(eye, tip))).state
         assert state != "retinal_contact"
     assert state == "target_hit"
 
 
 @given(eyes(), st.integers(0, 59), st.floats(0.05, 0.6))
-def test_a_tip_pushed_through_the_retina_never_stops_touching_it(eye, piece, step_mm):
+def test_a_tip_pushed_through_the_retina_never_stops_touching_it(eye, index, step_mm):
     build = SchemaSceneBuilder(PROCEDURE.schema)
-    start, end = eye["retina_surface"].points_mm[piece : piece + 2]
+    start, end = eye["retina_surface"].points_mm[index : index + 2]
     trocar = eye["trocar"].at_mm
-    way = subtract(((start[0] + end[0]) / 2, (start[1] + end[1]) / 2), trocar)
-    # A way along the retina grazes it, and may leave it again; one that goes through may not.
-    assume(1 < angle_between_deg(way, subtract(end, start)) < 179)
-    reach_mm = norm(way)
-    for k in range(math.ceil((reach_mm + 15) / step_mm)):
-        share = k * step_mm / reach_mm
-        tip = trocar[0] + share * way[0], trocar[1] + share * way[1]
-        assert TOUCHING_RETINA in build(observe(eye, tip)) or share < 1
+    path = subtract(((start[0] + end[0]) / 2, (start[1] + end[1]) / 2), trocar)
+    # A path along the retina grazes it and may leave it again; one that goes through may not.
+    assume(1 < angle_between_deg(path, subtract(end, start)) < 179)
+    length_mm = norm(path)
+    for k in range(math.ceil((length_mm + 15) / step_mm)):
+        fraction = k * step_mm / length_mm
+        tip = trocar[0] + fraction * path[0], trocar[1] + fraction * path[1]
+        assert TOUCHING_RETINA in build(observe(eye, tip)) or fraction < 1
 
 
-def test_the_whole_table_of_the_paper_can_occur(procedure, registration):
+def test_every_relation_of_the_paper_can_occur(procedure, registration):
     build, anatomy = SchemaSceneBuilder(procedure.schema), registration.anatomy
-    seen = set()
+    edges = set()
     for depth_mm in (-3.0, 5.0, 19.0, 22.9):
         for theta_deg in (0.0, 5.0):
             graph = build(observe(anatomy, on_axis(anatomy, depth_mm, theta_deg)))
-            seen |= set(graph.edges)
-    assert {edge.predicate for edge in seen} == ALL_PREDICATES
-    assert seen == {Triplet(*relation.names) for relation in procedure.schema.relations}
+            edges |= set(graph.edges)
+    assert {edge.predicate for edge in edges} == ALL_PREDICATES
+    assert edges == {Triplet(*relation.names) for relation in procedure.schema.relations}
 
 
-def test_without_a_needle_there_is_only_anatomy(procedure, registration):
+def test_without_a_needle_the_graph_has_only_anatomy(procedure, registration):
     graph = SchemaSceneBuilder(procedure.schema)(observe(registration.anatomy, None))
     assert {node.group for node in graph.nodes} == {"anatomy"}
     assert graph.edges == ()
     assert graph.measures == {}
 
 
-def test_a_blind_observation_gives_an_empty_graph(procedure):
+def test_an_empty_observation_gives_an_empty_graph(procedure):
     graph = SchemaSceneBuilder(procedure.schema)(Observation(3))
     assert (graph.stamp_ns, graph.nodes, graph.edges) == (3, (), ())
 
 
-def test_near_the_target_off_the_retina_is_no_touch(procedure, registration):
+def test_a_tip_near_the_axis_but_off_the_retina_does_not_touch_the_target(procedure, registration):
     anatomy = registration.anatomy
     graph = SchemaSceneBuilder(procedure.schema)(observe(anatomy, on_axis(anatomy, 15.0)))
     assert graph.measures["radial_mm"] < 0.7
     assert TOUCHING_TARGET not in graph
 
 
-def test_the_shaft_decides_alignment_and_the_tip_distance(procedure, registration):
+def test_the_shaft_decides_alignment_and_the_tip_decides_distance(procedure, registration):
     anatomy = registration.anatomy
     trocar, tip = anatomy["trocar"].at_mm, on_axis(anatomy, 10.0)
-    bent = rotate(subtract(tip, trocar), 4.0)
-    entry = tip[0] - bent[0], tip[1] - bent[1]
+    shaft = rotate(subtract(tip, trocar), 4.0)
+    entry = tip[0] - shaft[0], tip[1] - shaft[1]
     graph = SchemaSceneBuilder(procedure.schema)(Observation(0, {**anatomy, **needle(entry, tip)}))
     assert graph.find(predicate="misaligned")
     assert graph.measures["radial_mm"] < 1e-6

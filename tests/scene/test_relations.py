@@ -44,19 +44,19 @@ def test_theta_is_between_shaft_and_axis():
     assert measure("theta_deg", shaft, Point((0.0, 0.0))) == pytest.approx(3.0)
 
 
-def test_of_a_chain_the_nearest_point_counts_beyond_the_surface_too():
+def test_the_distance_of_a_polyline_is_that_of_its_nearest_vertex_even_beyond_the_surface():
     assert measure("distance_mm", Polyline(((1.0, 3.0), (2.0, 2.0))), FLAT) == 2.0
     assert measure("distance_mm", Polyline(((1.0, 3.0), (2.0, -1.0))), FLAT) == -1.0
     assert measure("distance_mm", Polyline(((1.0, 3.0), (2.0, 2.0))), FLAT, {}) is None
 
 
-def test_clearance_is_between_shafts_and_0_where_they_cross():
+def test_clearance_is_between_shafts_and_0_if_they_cross():
     shaft = Segment((0.0, 5.0), (0.0, 0.0))
     assert measure("clearance_mm", shaft, Segment((2.0, 3.0), (1.0, 1.0))) == 1.0
     assert measure("clearance_mm", shaft, Segment((2.0, 3.0), (-1.0, 1.0))) == 0.0
 
 
-def test_over_a_region_is_on_the_way_from_the_centre_to_it():
+def test_aside_is_the_lateral_distance_to_a_region_seen_from_the_centre():
     found = {"eye_globe": Circle((0.0, 0.0), 12.0)}
     blood = Circle((0.0, -12.0), 1.5)
     assert measure("aside_mm", Point((1.0, -8.0)), blood, found) == -0.5
@@ -65,24 +65,24 @@ def test_over_a_region_is_on_the_way_from_the_centre_to_it():
     assert measure("aside_mm", Point((1.0, -8.0)), blood, {}) is None
 
 
-def test_whatever_is_found_is_found_during_a_phase():
+def test_every_entity_is_within_an_ongoing_phase():
     assert measure("elapsed_s", Point((1.0, 2.0)), Phase(3.5)) == 3.5
 
 
-def test_the_wall_is_positive_inside():
+def test_the_distance_to_the_wall_is_positive_inside():
     globe = Circle((0.0, 0.0), 12.0)
     assert measure("wall_mm", Point((0.0, 10.0)), globe) == 2.0
     assert measure("wall_mm", Point((0.0, 13.0)), globe) == -1.0
 
 
 @pytest.mark.parametrize("name", ["radial_mm", "theta_deg"])
-def test_without_a_trocar_there_is_no_axis(name):
+def test_measures_to_the_axis_are_undefined_without_a_trocar(name):
     subject = Segment((0.0, 2.0), (0.0, 1.0)) if name == "theta_deg" else Point((0.0, 1.0))
     assert measure(name, subject, Point((0.0, 0.0)), {}) is None
 
 
 @pytest.mark.parametrize("name", MEASURES)
-def test_shapes_a_measure_is_not_made_for_give_none(name):
+def test_a_measure_of_unsupported_shapes_is_undefined(name):
     assert measure(name, Circle((0.0, 0.0), 1.0), FLAT) is None
 
 
@@ -90,7 +90,7 @@ def test_every_measure_ends_in_its_unit():
     assert all(name.rpartition("_")[2] in ("mm", "um", "deg", "percent", "s") for name in MEASURES)
 
 
-def test_measures_agree_with_the_truth_of_clips(clip):
+def test_measures_agree_with_the_ground_truth_of_clips(clip):
     registration = load_registration(clip / "registration.toml")
     found = registration.anatomy
     with (clip / "truth.csv").open() as file:
@@ -112,7 +112,7 @@ RPE = Polyline(((-1.0, -0.2), (0.0, -0.3), (1.0, -0.2)))
 
 
 @given(st.floats(-0.9, 0.9), st.floats(-0.6, 0.6))
-def test_a_gap_is_a_distance_with_the_side_as_its_sign(x, y):
+def test_a_gap_is_a_distance_whose_sign_is_the_side(x, y):
     tip = Point((x, y))
     gap_um = MEASURES["gap_um"].function(tip, ILM, {})
     assert abs(gap_um) == pytest.approx(1e3 * distance_to_polyline((x, y), ILM))
@@ -120,30 +120,48 @@ def test_a_gap_is_a_distance_with_the_side_as_its_sign(x, y):
         assert (gap_um > 0) == (y > height_on_polyline(x, ILM))
 
 
+@given(st.floats(-1.0, 1.0))
+def test_a_point_on_a_layer_is_above_it(x):
+    """The gap is +0, never -0, so that "at_least = 0" and the sign in a sentence agree."""
+    flat = Polyline(((-1.0, 0.0), (1.0, 0.0)))
+    gap_um = measure("gap_um", Point((x, 0.0)), flat)
+    assert gap_um == 0
+    assert math.copysign(1, gap_um) == 1
+
+
 @given(st.floats(-0.9, 0.9), st.floats(0.0, 1.0))
-def test_depth_is_the_share_of_the_way_down_the_beam(x, share):
+def test_depth_is_the_fraction_of_the_distance_along_the_beam(x, fraction):
     top, bottom = height_on_polyline(x, ILM), height_on_polyline(x, RPE)
-    tip = Point((x, top + share * (bottom - top)))
+    tip = Point((x, top + fraction * (bottom - top)))
     found = {"needle_tip": tip, "ilm": ILM, "rpe": RPE}
-    assert MEASURES["depth_percent"].function(tip, ILM, found) == pytest.approx(100 * share, abs=1e-6)
+    assert MEASURES["depth_percent"].function(tip, ILM, found) == pytest.approx(100 * fraction, abs=1e-6)
     assert MEASURES["thickness_um"].function(ILM, RPE, found) == pytest.approx(300)
 
 
-def test_depth_and_thickness_need_what_they_are_measured_by():
+@pytest.mark.parametrize("above_mm", [0.0, -0.1])
+def test_depth_is_undefined_where_the_retina_has_no_thickness(above_mm):
+    tip = Point((0.0, 0.2))
+    surface = Polyline(tuple((x, y + above_mm) for x, y in RPE.points_mm))
+    found = {"needle_tip": tip, "ilm": surface, "rpe": RPE}
+    assert measure("depth_percent", tip, surface, found) is None
+    assert measure("thickness_um", surface, RPE, found) == pytest.approx(1e3 * above_mm)
+
+
+def test_depth_and_thickness_are_undefined_without_the_entities_that_they_require():
     tip = Point((0.0, 0.0))
     assert MEASURES["depth_percent"].function(tip, ILM, {"needle_tip": tip}) is None
     assert MEASURES["thickness_um"].function(ILM, RPE, {}) is None
 
 
-def test_a_surface_read_from_right_to_left_is_the_same():
-    turned = Polyline(ILM.points_mm[::-1])
+def test_the_direction_of_a_polyline_does_not_change_its_height():
+    reversed_ilm = Polyline(ILM.points_mm[::-1])
     for x in (-2.0, -0.5, 0.3, 2.0):
-        assert height_on_polyline(x, turned) == height_on_polyline(x, ILM)
+        assert height_on_polyline(x, reversed_ilm) == height_on_polyline(x, ILM)
 
 
 @pytest.mark.parametrize(("lean_deg", "incidence_deg"), [(0, 0), (35, 35), (90, 90), (145, 35)])
 def test_incidence_is_the_angle_to_the_surface(lean_deg, incidence_deg):
     flat = Polyline(((-1.0, 0.0), (1.0, 0.0)))
-    turn = math.radians(lean_deg)
-    shaft = Segment((-math.cos(turn), math.sin(turn)), (0.0, 0.0))
+    lean = math.radians(lean_deg)
+    shaft = Segment((-math.cos(lean), math.sin(lean)), (0.0, 0.0))
     assert MEASURES["incidence_deg"].function(shaft, flat, {}) == pytest.approx(incidence_deg, abs=1e-9)

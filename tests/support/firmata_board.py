@@ -1,7 +1,7 @@
-"""A board that speaks Firmata, at the far end of a pseudo-terminal: what it decodes is what a motor would feel.
+"""A simulated board with Firmata on a pseudo-terminal: it decodes the commands for a motor.
 
-Written from the protocol document (github.com/firmata/protocol 2.5) alone, for tests; it shares nothing with the
-device that it decodes. It notes when every change of a pin arrived.
+Written for tests from the protocol document alone (github.com/firmata/protocol 2.5), it shares no code with the
+device under test. It logs the arrival time of every change of a pin.
 """
 
 import os
@@ -25,7 +25,7 @@ LENGTHS = {0xE0: 2, 0x90: 2, 0xC0: 1, 0xD0: 1, PIN_MODE: 2, 0xF5: 2, PROTOCOL_VE
 
 
 class Decoder:
-    """Split what a host sends into messages: (command byte, data bytes)."""
+    """Split the bytes from a host into messages: (command byte, data bytes)."""
 
     def __init__(self):
         self.command, self.data, self.garbage = None, bytearray(), 0
@@ -55,21 +55,21 @@ class Decoder:
 
 
 class Board:
-    """Like an Uno with StandardFirmata; pins by number: bits of PWM, or None."""
+    """An Uno with StandardFirmata; `pins` maps the number of each PWM pin to its resolution in bits."""
 
-    def __init__(self, link: Path, pins=None, heard=lambda stamp_ns, pin, value: None):
-        self.link, self.heard = link, heard
+    def __init__(self, link: Path, pins=None, on_change=lambda stamp_ns, pin, value: None):
+        self.link, self.on_change = link, on_change
         self.pins = pins or {3: 8, 5: 8, 6: 8, 9: 8, 10: 8, 11: 8, 20: 8}
         self.edges: list[tuple[int, int, int]] = []  # stamp_ns, pin, value
         self.changed = threading.Condition()
-        self.orders = self.orders_at_edge = 0
-        self.answers = True  # False: reads, and says nothing
+        self.commands = self.commands_at_edge = 0
+        self.responds = True  # False: reads, but sends nothing
         self.master = self.slave = -1
         self.wake_read, self.wake_write = os.pipe()
         self.plug()
 
     def plug(self):
-        """Appear, with pins as after power-on."""
+        """Connect, with pins as after power-on."""
         self.modes, self.values, self.decoder = {}, {}, Decoder()
         self.master, self.slave = pty.openpty()
         tty.setraw(self.slave)
@@ -79,7 +79,7 @@ class Board:
         self.thread.start()
 
     def unplug(self):
-        """Go away, as when the cable is pulled: no power, no vibration."""
+        """Disconnect, as when the cable is pulled: no power, no vibration."""
         os.write(self.wake_write, b"x")
         self.thread.join(10)
         self.link.unlink()
@@ -89,7 +89,7 @@ class Board:
             self.note(pin, 0)
 
     def reset(self):
-        """Start anew while plugged in: brown-out, or the button."""
+        """Restart while connected: brown-out, or the button."""
         for pin in [pin for pin, value in self.values.items() if value]:
             self.note(pin, 0)
         self.modes, self.values, self.decoder = {}, {}, Decoder()
@@ -115,58 +115,58 @@ class Board:
             for byte in os.read(master, 4096):
                 message = self.decoder.feed(byte)
                 if message is not None:
-                    self.obey(master, *message)
+                    self.handle(master, *message)
 
-    def obey(self, master, command, data):
+    def handle(self, master, command, data):
         if command == PROTOCOL_VERSION:
-            self.say(master, bytes((PROTOCOL_VERSION, 2, 5)))
+            self.send(master, bytes((PROTOCOL_VERSION, 2, 5)))
         elif command == PIN_MODE:
             self.modes[data[0]] = data[1]
         elif command & 0xF0 == ANALOG_IO:
             self.write(command & 0x0F, data[0] | data[1] << 7)
         elif command == SYSEX:
-            self.obey_sysex(master, data[0], data[1:])
+            self.handle_sysex(master, data[0], data[1:])
 
-    def obey_sysex(self, master, command, data):
+    def handle_sysex(self, master, command, data):
         if command == 0x79:  # firmware: version, then the name with two bytes per character
             name = b"".join(bytes((ord(letter) & 0x7F, ord(letter) >> 7)) for letter in "StandardFirmata.ino")
-            self.say_sysex(master, 0x79, bytes((2, 5)) + name)
+            self.send_sysex(master, 0x79, bytes((2, 5)) + name)
         elif command == 0x6B:  # capabilities: mode and bits of each, 127 after every pin
             modes = [
                 bytes((0, 1, 1, 1)) + (bytes((3, self.pins[pin])) if pin in self.pins else b"")
                 for pin in range(21)
             ]
-            self.say_sysex(master, 0x6C, b"".join(mode + b"\x7f" for mode in modes))
+            self.send_sysex(master, 0x6C, b"".join(mode + b"\x7f" for mode in modes))
         elif command == 0x6D:  # state of a pin
             value = self.values.get(data[0], 0)
-            state = bytes(value >> place & 0x7F for place in range(0, max(value.bit_length(), 1), 7))
-            self.say_sysex(master, 0x6E, bytes((data[0], self.modes.get(data[0], 1))) + state)
+            state = bytes(value >> shift & 0x7F for shift in range(0, max(value.bit_length(), 1), 7))
+            self.send_sysex(master, 0x6E, bytes((data[0], self.modes.get(data[0], 1))) + state)
         elif command == 0x6F:  # extended analog
-            self.write(data[0], sum(bits << 7 * place for place, bits in enumerate(data[1:])))
+            self.write(data[0], sum(bits << 7 * index for index, bits in enumerate(data[1:])))
 
     def write(self, pin, value):
         with self.changed:
-            self.orders += 1
+            self.commands += 1
             self.changed.notify_all()
         if self.modes.get(pin) == 3 and self.values.get(pin) != value:
             self.note(pin, value)
 
     def note(self, pin, value):
         with self.changed:
-            self.values[pin], self.orders_at_edge = value, self.orders
+            self.values[pin], self.commands_at_edge = value, self.commands
             self.edges.append((time.monotonic_ns(), pin, value))
-            self.heard(*self.edges[-1])
+            self.on_change(*self.edges[-1])
             self.changed.notify_all()
 
-    def say_sysex(self, master, command, data):
-        self.say(master, bytes((SYSEX, command)) + data + bytes((SYSEX_END,)))
+    def send_sysex(self, master, command, data):
+        self.send(master, bytes((SYSEX, command)) + data + bytes((SYSEX_END,)))
 
-    def say(self, master, message):
-        if self.answers:
+    def send(self, master, message):
+        if self.responds:
             os.write(master, message)
 
     def until(self, condition, timeout_s=20.0):
-        """Wait until `condition(self)` holds after some change; return when that change came [ns]."""
+        """Wait until `condition(self)` holds after a change; return when the change arrived [ns]."""
         with self.changed:
             assert self.changed.wait_for(lambda: condition(self), timeout_s), self.edges[-5:]
             return self.edges[-1][0] if self.edges else time.monotonic_ns()
@@ -174,6 +174,6 @@ class Board:
     def vibrates(self, pin=9):
         return self.values.get(pin, 0) > 0
 
-    def goes_on(self):
-        """Tell whether it vibrates and was told so again: the host took its answers."""
-        return self.vibrates() and self.orders >= self.orders_at_edge + 3
+    def is_recovered(self):
+        """Return whether it vibrates and received further commands, so the host accepted its responses."""
+        return self.vibrates() and self.commands >= self.commands_at_edge + 3

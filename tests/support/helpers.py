@@ -1,4 +1,4 @@
-"""Small makers of messages and pictures for tests, and the command line."""
+"""Helpers for tests: messages, observations, images, the command line, and interrupts."""
 
 import gc
 import math
@@ -32,7 +32,7 @@ def needle(entry_mm: Vec, tip_mm: Vec) -> dict[str, Geometry]:
 
 
 def observe(anatomy: dict[str, Geometry], tip_mm: Vec | None, stamp_ns: int = 0) -> Observation:
-    """An observation with a needle from the trocar to a tip, or with none."""
+    """An observation with a needle from the trocar to a tip, or without a needle."""
     if tip_mm is None:
         return Observation(stamp_ns, anatomy)
     trocar = anatomy["trocar"]
@@ -41,18 +41,19 @@ def observe(anatomy: dict[str, Geometry], tip_mm: Vec | None, stamp_ns: int = 0)
 
 
 def on_axis(anatomy: dict[str, Geometry], depth_mm: float, theta_deg: float = 0.0) -> Vec:
-    """The tip of a needle so deep in the trocar and so far off the target."""
+    """The tip of a needle at a depth from the trocar, at an angle to the target."""
     trocar, target = anatomy["trocar"], anatomy["retina_target"]
     assert isinstance(trocar, Point) and isinstance(target, Point)
     along = rotate(unit(subtract(target.at_mm, trocar.at_mm)), theta_deg)
     return trocar.at_mm[0] + depth_mm * along[0], trocar.at_mm[1] + depth_mm * along[1]
 
 
-def draw_rod(image, pivot_px, turn_rad, ends_px, width_px):
-    """A dark straight thing through a place; turned from straight down, positive to the image's right."""
-    way = math.sin(turn_rad), math.cos(turn_rad)
+def draw_rod(image, center_px, rotation_rad, ends_px, width_px):
+    """Draw a dark rod through a point; 0 is vertical, positive rotates its lower end to the right."""
+    along = math.sin(rotation_rad), math.cos(rotation_rad)
     ends = [
-        [round(16 * (at + along * step)) for at, step in zip(pivot_px, way, strict=True)] for along in ends_px
+        [round(16 * (at + end_px * step)) for at, step in zip(center_px, along, strict=True)]
+        for end_px in ends_px
     ]
     cv2.line(image, *ends, (15, 15, 15), width_px, cv2.LINE_AA, shift=4)
 
@@ -77,7 +78,7 @@ def make_step(
 
 
 class ScriptedPerceiver:
-    """Report what a list says, image by image: a tip, None, or an exception."""
+    """Return or raise the items of a list, image by image: a tip, None, or an exception."""
 
     def __init__(self, registration: Registration, script: list[Vec | Exception | None]) -> None:
         self.anatomy, self.script, self.resets = registration.anatomy, list(script), 0
@@ -118,7 +119,7 @@ def refuse(*arguments: str) -> str:
 
 
 def drain(source, timeout_s: float = 1.0) -> list[Capture]:
-    """All captures of a source, which is closed at its end."""
+    """All captures of a source, which is then closed."""
     captures = []
     try:
         while True:
@@ -129,13 +130,13 @@ def drain(source, timeout_s: float = 1.0) -> list[Capture]:
 
 
 def every_moment():
-    """Yield what makes a call and presses Ctrl-C at its first moment, its second, ... until one is not reached."""
+    """Yield functions that make a call and raise Ctrl-C at its first opcode, its second, ... until its end."""
     for moment in count():
         was_pressed = []
         yield partial(_press_ctrl_c, moment, was_pressed)
         if not was_pressed.pop():
             break
-    assert moment > 5, "hardly a moment in which Ctrl-C could be pressed"
+    assert moment > 5, "the call has hardly any opcode at which Ctrl-C could occur"
 
 
 def _press_ctrl_c(moment, was_pressed, call):
@@ -150,7 +151,7 @@ def _press_ctrl_c(moment, was_pressed, call):
             raise KeyboardInterrupt
         return press
 
-    gc.disable()  # or Ctrl-C is pressed in what others have hung on it
+    gc.disable()  # otherwise Ctrl-C could occur in a callback of the garbage collector
     sys.settrace(press)
     try:
         call()

@@ -1,4 +1,4 @@
-"""A game controller that SDL itself simulates: its rumble callback sees what the motors would."""
+"""A game controller that SDL simulates: its rumble callback receives the commands for the motors."""
 
 import ctypes
 import os
@@ -8,13 +8,13 @@ from haptigraph.haptics.gamepad import GamepadDevice, _sdl
 
 
 class VirtualPad:
-    """Attach a controller; `rumbles` holds (stamp_ns, slow, fast) of every call of the driver."""
+    """Attach a controller; `rumbles` contains (stamp_ns, slow, fast) of every call of the driver."""
 
-    def __init__(self, *, can_rumble=True, heard=None):
+    def __init__(self, *, can_rumble=True, on_rumble=None):
         self.sdl = _sdl()
         self.rumbles = []
         self.fails = False
-        self.heard = heard or (lambda *edge: None)
+        self.on_rumble = on_rumble or (lambda *edge: None)
         kind = dict(self.sdl.SDL_VirtualJoystickDesc._fields_)["Rumble"]
         self.callback = kind(self.rumble)
         self.description = self.sdl.SDL_VirtualJoystickDesc(version=1, type=1, naxes=6, nbuttons=15)
@@ -29,7 +29,7 @@ class VirtualPad:
             return -1
         edge = (time.monotonic_ns(), slow, fast)
         self.rumbles.append(edge)
-        self.heard(*edge)
+        self.on_rumble(*edge)
         return 0
 
     def motors(self):
@@ -41,13 +41,13 @@ class VirtualPad:
 
 
 class VirtualGamepad(GamepadDevice):
-    """The gamepad device with a controller of its own; opened by name, so also in another process.
+    """The gamepad device with its own simulated controller; opened by name, so it works in another process too.
 
-    What the motors feel is appended to the file that the environment names, a line each.
+    Every rumble is appended as a line to the file that the environment names.
     """
 
     def __init__(self, argument=""):
-        path = os.environ.get("HAPTIGRAPH_TEST_FELT")
+        path = os.environ.get("HAPTIGRAPH_TEST_OUTPUT")
         file = open(path, "a", buffering=1) if path else None  # noqa: SIM115
-        self.pad = VirtualPad(heard=lambda *edge: file and print(*edge, file=file))
+        self.pad = VirtualPad(on_rumble=lambda *edge: file and print(*edge, file=file))
         super().__init__(argument)

@@ -23,15 +23,15 @@ settings = st.builds(TeleopSettings, st.floats(0, 10), st.booleans(), st.floats(
 
 
 class Bench:
-    """A hand and its robot, image by image."""
+    """A hand and its robot, stepped image by image."""
 
     def __init__(self, start: Pose = START, **settings) -> None:
         self.robot = Robot(RCM_MM, LIMITS, start)
         self.teleop = Teleop(RATE_HZ, TeleopSettings(**settings), has_jaws=True)
         self.images = 0
 
-    def image(self, *heard: HandMotion) -> Pose:
-        for motion in heard:
+    def image(self, *motions: HandMotion) -> Pose:
+        for motion in motions:
             self.teleop.put(motion)
         self.images += 1
         self.teleop.move(self.robot, self.images / RATE_HZ, 1 / RATE_HZ)
@@ -42,7 +42,7 @@ class Bench:
 
 
 @given(st.lists(st.tuples(moves_mm, moves_mm, moves_mm), max_size=20), settings)
-def test_without_the_clutch_needle_and_jaws_stand_still(displacements, given_settings):
+def test_needle_and_jaws_do_not_move_while_the_clutch_is_released(displacements, given_settings):
     bench = Bench(Pose(10.0, 0.0, 1.0))
     bench.teleop.settings = given_settings
     before = bench.robot.pose
@@ -51,22 +51,22 @@ def test_without_the_clutch_needle_and_jaws_stand_still(displacements, given_set
 
 
 @pytest.mark.parametrize("tremor_filter", [False, True])
-def test_letting_go_stops_the_needle_at_once(tremor_filter):
+def test_releasing_the_clutch_stops_the_needle_at_once(tremor_filter):
     bench = Bench(motion_scale=0.2, tremor_filter=tremor_filter)
-    moving = [bench.image(HandMotion(True, 1.0, 1.0)) for _ in range(10)]
-    assert moving[-1].depth_mm > 10.5
-    assert bench.image(HandMotion(True, 1.0, 1.0), HandMotion(False)) == moving[-1]
-    assert bench.image() == moving[-1]
+    poses = [bench.image(HandMotion(True, 1.0, 1.0)) for _ in range(10)]
+    assert poses[-1].depth_mm > 10.5
+    assert bench.image(HandMotion(True, 1.0, 1.0), HandMotion(False)) == poses[-1]
+    assert bench.image() == poses[-1]
     assert not bench.teleop.hand.engaged
 
 
-def test_what_is_engaged_again_within_an_image_starts_anew():
+def test_engaging_the_clutch_again_within_an_image_discards_earlier_motion():
     bench = Bench(motion_scale=0.1)
     bench.image(HandMotion(True, 3.0), HandMotion(False, 50.0), HandMotion(True, 2.0), HandMotion(True, 1.0))
     assert bench.robot.pose.depth_mm == pytest.approx(10.3)
 
 
-def test_a_hand_that_falls_silent_has_let_go():
+def test_the_clutch_is_released_when_messages_stop():
     bench = Bench(added_tremor_mm=0.2)
     bench.image(HandMotion(True))
     engaged = []
@@ -74,20 +74,20 @@ def test_a_hand_that_falls_silent_has_let_go():
         bench.image()
         engaged.append(bench.teleop.hand.engaged)
     assert engaged == [True] * 7 + [False] * 13  # 7 images are less than 0.25 s, 8 are more
-    still = bench.robot.pose
-    assert bench.image() == still
+    pose = bench.robot.pose
+    assert bench.image() == pose
 
 
-# --- scale and pivot
+# --- motion scale and RCM
 
 
 @given(st.lists(motions, max_size=20), st.booleans(), st.floats(0, 10))
-def test_with_a_scale_of_0_nothing_moves(heard, tremor_filter, added_tremor_mm):
+def test_with_a_motion_scale_of_0_nothing_moves(messages, tremor_filter, added_tremor_mm):
     bench = Bench(motion_scale=0.0, tremor_filter=tremor_filter, added_tremor_mm=added_tremor_mm)
-    assert bench.image(*heard) == bench.image() == Pose(10.0, 0.0)
+    assert bench.image(*messages) == bench.image() == Pose(10.0, 0.0)
 
 
-def test_a_scale_of_0_stops_a_filtered_motion_too():
+def test_a_motion_scale_of_0_stops_a_filtered_motion_as_well():
     bench = Bench(tremor_filter=True)
     before = bench.image(HandMotion(True, 2.0, 2.0))
     bench.teleop.settings = replace(bench.teleop.settings, motion_scale=0.0)
@@ -95,12 +95,14 @@ def test_a_scale_of_0_stops_a_filtered_motion_too():
 
 
 @given(st.floats(-11, 25), st.floats(-40, 40), st.floats(-2, 2), st.floats(0, 0.2))
-def test_the_tip_goes_where_the_hand_goes_and_never_further(depth_mm, pitch_deg, across_mm, scale):
-    """Through the pivot the sense stays that of the tip; in the pivot itself no turn can move it."""
+def test_the_tip_follows_the_direction_of_the_hand_and_never_moves_further(
+    depth_mm, pitch_deg, across_mm, scale
+):
+    """The direction is that of the tip on either side of the RCM; at the RCM no rotation moves the tip."""
     bench = Bench(Pose(depth_mm, pitch_deg), motion_scale=scale)
     before = bench.robot.tip_mm()
     shaft = bench.robot.direction()
-    right = -shaft[1], shaft[0]  # turned by +90 degrees: to the right, for a needle from above
+    right = -shaft[1], shaft[0]  # rotated by +90 degrees: to the right, for a needle from above
     bench.image(HandMotion(True, 0.0, across_mm))
     moved = subtract(bench.robot.tip_mm(), before)
     to_the_right_mm = moved[0] * right[0] + moved[1] * right[1]
@@ -118,14 +120,14 @@ def test_pushing_right_moves_the_tip_right_in_the_eye_frame(across_mm):
     assert (bench.robot.tip_mm()[0] - before[0]) * across_mm >= 0
 
 
-def test_along_the_shaft_is_into_the_eye_by_the_scale():
+def test_motion_along_the_shaft_is_scaled():
     bench = Bench(motion_scale=0.25)
     assert bench.image(HandMotion(True, 1.5), HandMotion(True, 0.5)).depth_mm == pytest.approx(10.5)
     assert bench.robot.pose.pitch_deg == 0
 
 
 @pytest.mark.parametrize("tremor_filter", [False, True])
-def test_thumb_and_finger_move_the_jaws_by_the_scale_and_nothing_else(tremor_filter):
+def test_motion_of_the_fingers_is_scaled_and_moves_only_the_jaws(tremor_filter):
     bench = Bench(motion_scale=0.1, tremor_filter=tremor_filter)
     after = bench.image(HandMotion(True, apart_mm=0.5), HandMotion(True, apart_mm=0.25))
     assert (after.depth_mm, after.pitch_deg) == (10.0, 0.0)
@@ -135,12 +137,12 @@ def test_thumb_and_finger_move_the_jaws_by_the_scale_and_nothing_else(tremor_fil
 
 
 @given(st.booleans(), st.floats(0, 10))
-def test_a_trembling_hand_does_not_move_the_jaws(tremor_filter, added_tremor_mm):
+def test_tremor_does_not_move_the_jaws(tremor_filter, added_tremor_mm):
     bench = Bench(Pose(10.0, 0.0, 1.0), tremor_filter=tremor_filter, added_tremor_mm=added_tremor_mm)
     assert {bench.image(HandMotion(True)).jaws_mm for _ in range(10)} == {1.0}
 
 
-def test_jaws_hold_still_when_the_hand_falls_silent():
+def test_the_jaws_stop_when_messages_stop():
     bench = Bench()
     opened = [bench.image(HandMotion(True, apart_mm=0.5)).jaws_mm for _ in range(5)]
     assert [bench.image().jaws_mm for _ in range(20)] == opened[-1:] * 20
@@ -151,12 +153,12 @@ def test_jaws_hold_still_when_the_hand_falls_silent():
 
 
 @given(st.lists(st.tuples(st.lists(motions, max_size=3), settings), max_size=25))
-def test_limits_hold_whatever_the_hand_does_and_however_it_is_switched(images):
+def test_the_limits_of_the_robot_hold_for_any_input_and_settings(images):
     bench = Bench()
-    for heard, given_settings in images:
+    for messages, given_settings in images:
         bench.teleop.settings = given_settings
         before = bench.robot.pose
-        after = bench.image(*heard)
+        after = bench.image(*messages)
         assert LIMITS.depth_min_mm <= after.depth_mm <= LIMITS.depth_max_mm
         assert abs(after.pitch_deg) <= LIMITS.pitch_limit_deg
         assert abs(after.depth_mm - before.depth_mm) <= LIMITS.speed_limit_mm_s / RATE_HZ + 1e-9
@@ -176,7 +178,7 @@ def test_nothing_winds_up_at_a_limit(sign):
     assert back.depth_mm == pytest.approx(at_the_limit.depth_mm - sign * 0.2)
 
 
-def test_motion_faster_than_the_robot_is_lost_not_made_up_for():
+def test_motion_faster_than_the_robot_is_lost():
     bench = Bench(motion_scale=1.0)
     fast = bench.image(HandMotion(True, 5.0))
     assert fast.depth_mm == pytest.approx(10 + LIMITS.speed_limit_mm_s / RATE_HZ)
@@ -184,13 +186,13 @@ def test_motion_faster_than_the_robot_is_lost_not_made_up_for():
 
 
 @given(st.lists(settings, min_size=2, max_size=8), st.floats(-5, 5), st.floats(-5, 5))
-def test_switching_moves_no_needle_whose_hand_is_still(switched, along_mm, across_mm):
+def test_a_change_of_settings_does_not_move_the_needle(changes, along_mm, across_mm):
     bench = Bench()
     for _ in range(5):
         bench.image(HandMotion(True, along_mm, across_mm))
     for _ in range(200):
         before = bench.image(HandMotion(True))
-    for given_settings in switched:
+    for given_settings in changes:
         bench.teleop.settings = replace(given_settings, added_tremor_mm=0.0)
         after = bench.image(HandMotion(True))
         assert after.depth_mm == pytest.approx(before.depth_mm, abs=1e-9)
@@ -201,32 +203,32 @@ def test_switching_moves_no_needle_whose_hand_is_still(switched, along_mm, acros
 
 
 def depths_mm(bench: Bench, frequency_hz: float) -> np.ndarray:
-    """Tremble by 0.2 mm for ten seconds, and return where the tool was once it had settled."""
-    places = 0.2 * np.sin(2 * math.pi * frequency_hz * np.arange(301) / RATE_HZ)
-    depths = [bench.image(HandMotion(True, step_mm)).depth_mm for step_mm in np.diff(places).tolist()]
+    """Return the depth of the tool for a tremor of 0.2 mm over ten seconds, after it has settled."""
+    positions = 0.2 * np.sin(2 * math.pi * frequency_hz * np.arange(301) / RATE_HZ)
+    depths = [bench.image(HandMotion(True, step_mm)).depth_mm for step_mm in np.diff(positions).tolist()]
     return np.array(depths[60:])
 
 
 @given(st.integers(80, 120))
-def test_the_filter_leaves_a_tenth_of_a_hands_tremor_at_the_tool(tenths_of_hz):
+def test_the_filter_reduces_tremor_of_the_tool_to_a_tenth(tenths_of_hz):
     without, with_filter = (
-        depths_mm(Bench(tremor_filter=switched), tenths_of_hz / 10).std() for switched in (False, True)
+        depths_mm(Bench(tremor_filter=is_on), tenths_of_hz / 10).std() for is_on in (False, True)
     )
     assert without > 0.02
     assert with_filter <= 0.105 * without
 
 
-def test_added_tremor_has_the_stated_strength_and_the_filter_takes_it_out():
-    strength_mm = {}
-    for switched in (False, True):
-        bench = Bench(tremor_filter=switched, added_tremor_mm=0.3)
+def test_added_tremor_has_the_specified_rms_and_the_filter_removes_it():
+    rms_mm = {}
+    for is_on in (False, True):
+        bench = Bench(tremor_filter=is_on, added_tremor_mm=0.3)
         depths = [bench.image(HandMotion(True)).depth_mm for _ in range(1800)]
-        strength_mm[switched] = np.std(depths[60:])
-    assert strength_mm[False] == pytest.approx(0.2 * 0.3, rel=0.15)
-    assert strength_mm[True] < 0.11 * strength_mm[False]
+        rms_mm[is_on] = np.std(depths[60:])
+    assert rms_mm[False] == pytest.approx(0.2 * 0.3, rel=0.15)
+    assert rms_mm[True] < 0.11 * rms_mm[False]
 
 
-def test_a_slow_motion_arrives_whole_through_the_filter():
+def test_the_filter_passes_the_whole_displacement_of_a_slow_motion():
     bench = Bench(motion_scale=0.5, tremor_filter=True)
     for _ in range(30):
         bench.image(HandMotion(True, 0.4))
@@ -239,11 +241,11 @@ def test_a_slow_motion_arrives_whole_through_the_filter():
 
 
 @given(motions)
-def test_a_hand_comes_back_from_the_wire(motion):
+def test_json_round_trip_preserves_hand_motion(motion):
     assert msgspec.json.decode(msgspec.json.encode(motion), type=HandMotion) == motion
 
 
-def test_a_hand_that_does_not_speak_of_jaws_leaves_them():
+def test_hand_motion_without_jaws_does_not_move_them():
     text = '{"engaged": true, "along_mm": 1, "across_mm": 2}'
     assert msgspec.json.decode(text, type=HandMotion) == HandMotion(True, 1.0, 2.0, 0.0)
 
@@ -261,26 +263,26 @@ def test_a_hand_that_does_not_speak_of_jaws_leaves_them():
         '{"engaged": true, "depth_mm": 1}',
     ],
 )
-def test_a_hand_that_makes_no_sense_is_refused(text):
+def test_invalid_hand_motion_is_refused(text):
     with pytest.raises(msgspec.DecodeError):
         msgspec.json.decode(text, type=HandMotion)
 
 
 @pytest.mark.parametrize("text", ['{"motion_scale": -1}', '{"motion_scale": 11}', '{"scale": 1}'])
-def test_settings_that_make_no_sense_are_refused(text):
+def test_invalid_settings_are_refused(text):
     with pytest.raises(msgspec.ValidationError):
         msgspec.json.decode(text, type=TeleopSettings)
 
 
 @pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf])
-def test_numbers_that_are_none_are_refused_from_python_too(number):
+def test_numbers_that_are_not_finite_are_refused_from_python_as_well(number):
     with pytest.raises(ValueError, match="along_mm must be a finite number"):
         HandMotion(True, number)
     with pytest.raises(ValueError, match="motion_scale must be a finite number"):
         TeleopSettings(number)
 
 
-def test_what_the_hand_did_is_told():
+def test_the_state_of_the_hand_is_reported():
     bench = Bench(motion_scale=0.5, tremor_filter=False)
     assert not bench.teleop.hand.engaged
     bench.image(HandMotion(True, 0.2, 0.1, 0.4), HandMotion(True, 0.1))

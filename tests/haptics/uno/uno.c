@@ -1,6 +1,6 @@
-/* An Arduino Uno whose flash holds what a .hex file says: UART0 on a pseudo-terminal, pin 9 watched.
+/* An Arduino Uno with the program of a .hex file: UART0 on a pseudo-terminal, pin 9 monitored.
  *
- * In real time, or slower where the machine is too busy for it (it takes most of a core).
+ * Runs in real time, or slower if the machine is too busy (it takes most of a core).
  * Prints the pseudo-terminal's path, then "stamp_ns level" (0 to 255) at every change of the duty cycle of pin 9.
  * cc uno.c -o uno -lsimavr -lelf    (Debian: apt-get install gcc libsimavr-dev libelf-dev)
  */
@@ -21,7 +21,7 @@
 
 enum { MHZ = 16, SLICE_US = 200, PORTB = 0x25, TCCR1A = 0x80, OCR1AL = 0x88 };
 
-static int master, takes = 1;
+static int master, is_ready = 1;
 
 static int64_t now_ns(void) {
     struct timespec now;
@@ -29,15 +29,15 @@ static int64_t now_ns(void) {
     return now.tv_sec * 1000000000LL + now.tv_nsec;
 }
 
-static void said(struct avr_irq_t *irq, uint32_t byte, void *param) {
+static void on_output(struct avr_irq_t *irq, uint32_t byte, void *param) {
     uint8_t out = byte;
     if (write(master, &out, 1) != 1) perror("pty");
 }
 
-static void ready(struct avr_irq_t *irq, uint32_t value, void *param) { takes = 1; }
-static void full(struct avr_irq_t *irq, uint32_t value, void *param) { takes = 0; }
+static void on_ready(struct avr_irq_t *irq, uint32_t value, void *param) { is_ready = 1; }
+static void on_full(struct avr_irq_t *irq, uint32_t value, void *param) { is_ready = 0; }
 
-/* analogWrite switches the timer's output off for 0 and 255 and drives the pin itself. */
+/* For 0 and 255, analogWrite disables the timer's output and drives the pin directly. */
 static int level(avr_t *avr) {
     if (avr->data[TCCR1A] & 0x80) return avr->data[OCR1AL];
     return avr->data[PORTB] & 2 ? 255 : 0;
@@ -54,9 +54,9 @@ static avr_t *uno(char *hex) {
     avr->pc = base;
     avr->codeend = avr->flashend;
     avr_ioctl(avr, AVR_IOCTL_UART_SET_FLAGS('0'), &flags); /* not to the terminal */
-    avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUTPUT), said, NULL);
-    avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUT_XON), ready, NULL);
-    avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUT_XOFF), full, NULL);
+    avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUTPUT), on_output, NULL);
+    avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUT_XON), on_ready, NULL);
+    avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUT_XOFF), on_full, NULL);
     return avr;
 }
 
@@ -69,7 +69,7 @@ int main(int count, char **arguments) {
     master = posix_openpt(O_RDWR | O_NOCTTY);
     grantpt(master);
     unlockpt(master);
-    int slave = open(ptsname(master), O_RDWR | O_NOCTTY); /* kept, so that no host's leaving hangs up */
+    int slave = open(ptsname(master), O_RDWR | O_NOCTTY); /* kept open, so that the terminal does not hang up when a host leaves */
     tcgetattr(slave, &raw);
     cfmakeraw(&raw);
     tcsetattr(slave, TCSANOW, &raw);
@@ -79,7 +79,7 @@ int main(int count, char **arguments) {
     for (;;) {
         uint64_t due = (uint64_t)(now_ns() - start_ns) * MHZ / 1000;
         for (int slice = 0; avr->cycle < due && slice < 50; slice++) {
-            if (at < have && takes) avr_raise_irq(input, waiting[at++]);
+            if (at < have && is_ready) avr_raise_irq(input, waiting[at++]);
             uint64_t end = avr->cycle + MHZ * 20;
             while (avr->cycle < end)
                 if (avr_run(avr) == cpu_Crashed) return 3;
@@ -88,7 +88,7 @@ int main(int count, char **arguments) {
                 fflush(stdout);
             }
         }
-        if (avr->cycle < due) start_ns += (due - avr->cycle) * 1000 / MHZ; /* too slow: time slips */
+        if (avr->cycle < due) start_ns += (due - avr->cycle) * 1000 / MHZ; /* too slow: shift the time base */
         struct pollfd ready_to_read = {master, POLLIN, 0};
         if (at == have && poll(&ready_to_read, 1, 0) == 1) {
             have = read(master, waiting, sizeof waiting);
