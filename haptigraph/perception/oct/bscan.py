@@ -28,8 +28,8 @@ class BscanPerceiver:
         config: Settings; none is needed so far, but all perceivers are given them.
     """
 
-    takes_scans = True
-    sees = ENTITIES
+    needs_scan = True
+    entities = ENTITIES
 
     def __init__(self, registration: ScanRegistration, config: PerceptionConfig) -> None:
         self._registration = registration
