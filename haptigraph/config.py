@@ -11,7 +11,7 @@ from msgspec import Meta, Struct
 from msgspec.structs import replace
 
 from haptigraph.errors import BadInput
-from haptigraph.toml_document import Document, convert
+from haptigraph.toml_document import Document, convert, warn_renamed
 
 __all__ = [
     "Config",
@@ -176,17 +176,21 @@ def _override(data: dict[str, Any], setting: str) -> None:
         value = tomllib.loads(f"value = {text}")["value"]
     except (tomllib.TOMLDecodeError, RecursionError):
         value = text
-    *parents, name = key.strip().split(".")
+    (*parents, name), type_ = _resolve(key.strip())
     for parent in parents:
         data = data.setdefault(parent, {})
         if not isinstance(data, dict):
             raise BadInput(f"{key!r}: {parent!r} is a value, not a table", "--set")
-    data[name] = value if isinstance(value, str) or not _is_string(key.strip()) else text
+    data[name] = text if type_ is str and not isinstance(value, str) else value  # trial.trial=3 means "3"
 
 
-def _is_string(key: str) -> bool:
-    """Return whether a setting is a string, so that trial.trial=3 means "3"."""
-    table: Any = Config
+def _resolve(key: str) -> tuple[list[str], Any]:
+    """Return the names in a setting's key, with those of earlier versions replaced, and the setting's type."""
+    names: list[str] = []
+    type_: Any = Config
     for name in key.split("."):
-        table = get_type_hints(table).get(name) if hasattr(table, "__struct_fields__") else None
-    return table is str
+        if (new := getattr(type_, "OLD_KEYS", {}).get(name)) is not None:
+            warn_renamed(name, new, key, lambda problem, _: BadInput(problem, "--set"))
+        names.append(new or name)
+        type_ = get_type_hints(type_).get(names[-1]) if hasattr(type_, "__struct_fields__") else None
+    return names, type_

@@ -15,7 +15,7 @@ import msgspec
 
 from haptigraph.errors import BadInput, RenamedKey, unknown_name
 
-__all__ = ["Blame", "Document", "convert"]
+__all__ = ["Blame", "Document", "convert", "warn_renamed"]
 
 T = TypeVar("T")
 Blame = Callable[[str, str], BadInput]
@@ -133,8 +133,13 @@ def _renamed(table: dict[str, Any], old: str, new: str, path: str, error: Blame)
     if new in table:
         raise error(f"both {old!r} and {new!r}, which is its new name; keep {new!r}", path)
     table[new] = table.pop(old)
-    warnings.warn(str(error(f"key {old!r} is now called {new!r}", path)), RenamedKey, stacklevel=2)
+    warn_renamed(old, new, path, error)
     return new
+
+
+def warn_renamed(old: str, new: str, path: str, error: Blame) -> None:
+    """Warn that a key has its name of an earlier version; `error` adds the location."""
+    warnings.warn(str(error(f"key {old!r} is now called {new!r}", path)), RenamedKey, stacklevel=3)
 
 
 def _value_at(data: Any, path: str) -> Any:

@@ -88,7 +88,7 @@ def test_a_ros_node_sends_images_and_receives_every_topic(ros, eye, capsys):
     arguments = ("ros2:/camera/image/compressed", "--registration", eye / "eye.toml")
     with running(*arguments, "--bridge", "ros2", "--device", "ros2") as process:
         met = answer(ros("camera", eye, COUNT))
-    assert len(met["round_trips_ms"]) == COUNT, process.told
+    assert len(met["round_trips_ms"]) == COUNT, process.output
     tell(capsys, f"{ros.name}: image to needle tip", met["round_trips_ms"])
     assert met["frame_id"] == "haptigraph_eye"
     assert all(abs(place) < 0.013 for place in met["tip_m"])
