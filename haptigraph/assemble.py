@@ -1,7 +1,4 @@
-"""Turn a configuration into running parts: the only place that knows class names.
-
-Classes are named by strings and imported when chosen, so that only what is used is loaded.
-"""
+"""Turn a configuration into running parts: the only place that knows class names, imported when chosen."""
 
 from collections.abc import Sequence
 from contextlib import ExitStack

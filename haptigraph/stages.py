@@ -86,7 +86,7 @@ class PerceiverClass(Protocol):
     """What `assemble.PERCEIVERS` lists: a class of perceivers, with what it says of all of them."""
 
     entities: frozenset[str]
-    """Entities it may report besides the registered anatomy; `auto` selects a perceiver by them."""
+    """Entities it may report besides the anatomy of a registration; `auto` selects a perceiver by them."""
     needs_scan: bool
     """True if it processes B-scans, False if it processes an eye before a camera."""
 
