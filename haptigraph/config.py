@@ -185,7 +185,7 @@ def _override(data: dict[str, Any], setting: str) -> None:
 
 
 def _resolve(key: str) -> tuple[list[str], Any]:
-    """Return the names in a setting's key, with those of earlier versions replaced, and the setting's type."""
+    """Return the names in a setting's key, those of earlier versions replaced, and the setting's type."""
     names: list[str] = []
     type_: Any = Config
     for name in key.split("."):

@@ -88,7 +88,9 @@ def environment(tmp_path_factory):
     checkout, environment = tmp_path_factory.mktemp("checkout"), tmp_path_factory.mktemp("environment")
     for name in ("pyproject.toml", "hatch_build.py", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, checkout)
-    shutil.copytree(ROOT / "haptigraph", checkout / "haptigraph", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(
+        ROOT / "haptigraph", checkout / "haptigraph", ignore=shutil.ignore_patterns("__pycache__")
+    )
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(checkout)
         wheel = checkout / hatchling.build.build_wheel(str(checkout))

@@ -45,8 +45,8 @@ class DeepDecoder:
             raise BadInput(f"has a pixel of {brightest}, which needs more bits than source.bits={bits}")
         if self._is_first and not self._bits and brightest < MIN_BRIGHTEST:
             raise BadInput(
-                f"has 16 bits per pixel, but none is brighter than {brightest} of 65535; set the number of used "
-                f"bits, probably --set source.bits={max(brightest.bit_length(), 8)}"
+                f"has 16 bits per pixel, but none is brighter than {brightest} of 65535; set how many bits "
+                f"are used, probably --set source.bits={max(brightest.bit_length(), 8)}"
             )
         self._is_first = False
         return np.asarray(np.rint(stored * (255 / (2**bits - 1))), np.uint8)
