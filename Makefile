@@ -1,42 +1,57 @@
-# Every target does its own set-up in .venv. Another Python: make PYTHON=python3.13 test
+# Every target does its own set-up in .venv. Another Python: make PYTHON=python3.13 VENV=.venv-3.13 test
 PYTHON ?= python3
-BIN := .venv/bin
+VENV ?= .venv
+BIN := $(VENV)/bin
+TESTS ?=
+OTHER_PYTHONS ?= 3.12 3.13
 NATIVE := haptigraph/perception/native
 WATCHED := build/watched
 SCENES ?= $(basename $(notdir $(wildcard rendering/scenes/*.toml)))
 
-.PHONY: setup demo live test test-slow test-native fuzz check bench bench-live bench-oct bench-touch bench-sweep compare-touch rehearse screenshots soak golden train render interop lock clean
+.PHONY: setup demo live test test-pythons test-slow test-native fuzz check bench bench-live bench-oct bench-touch bench-sweep compare-touch rehearse screenshots soak golden train render interop lock clean
 
-setup: .venv/ready
+setup: $(VENV)/ready
 
-.venv/locked: requirements.lock
+$(VENV)/locked: requirements.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "haptigraph needs Python 3.11 or newer; try: make PYTHON=python3.11 setup")'
-	$(PYTHON) -m venv .venv
+	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --requirement requirements.lock
-	@touch .venv/locked
+	@touch $(VENV)/locked
 
-# The folder too, for a source that goes. Zig where there is no C compiler.
-.venv/ready: .venv/locked pyproject.toml hatch_build.py $(NATIVE) $(wildcard $(NATIVE)/*.[ch])
+# The folder too, because a source may be removed. Zig if there is no C compiler.
+$(VENV)/ready: $(VENV)/locked pyproject.toml hatch_build.py $(NATIVE) $(wildcard $(NATIVE)/*.[ch])
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check $$($(BIN)/python -c 'import hatchling.build; print(*hatchling.build.get_requires_for_build_editable())')
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
-	@touch .venv/ready
+	@touch $(VENV)/ready
 
-demo: setup  ## half a minute of the whole loop, simulated; writes a recording and a picture
+demo: setup  ## the whole loop on a simulated eye, half a minute; writes a recording and a figure
 	$(BIN)/haptigraph demo
 
-live: setup  ## steer a simulated needle from a page in the browser, and feel it
+live: setup  ## steer a simulated needle from a page in the browser, with haptic feedback
 	$(BIN)/haptigraph live
 
-test: setup  ## all tests; those in the browser where Chromium is installed, one after the other
-	$(BIN)/python -m pytest -n auto --dist loadgroup
+test: setup  ## all tests, or TESTS=...; those of the pages need Chromium
+	$(BIN)/python -m pytest -n auto --dist loadgroup $(TESTS)
 
-test-slow: setup  ## the long suites: thousands of broken procedures, and the like
+test-pythons:  ## all tests, or TESTS=..., on OTHER_PYTHONS (on PATH or from pyenv), each in an environment of its own
+	@tested= missing= failed=; for version in $(OTHER_PYTHONS); do \
+		for python in python$$version $$HOME/.pyenv/versions/$$version.*/bin/python none; do \
+			test $$python = none || ! $$python -c "import venv" 2>/dev/null || break; \
+		done; \
+		if test $$python = none; then missing="$$missing $$version"; continue; fi; \
+		echo "== Python $$version: $$python"; tested="$$tested $$version"; \
+		$(MAKE) --no-print-directory PYTHON=$$python VENV=.venv-$$version test || failed="$$failed $$version"; \
+	done; \
+	echo "== tested on Python:$${tested:- none}; failed:$${failed:- none}; not found, so not tested:$${missing:- none}"; \
+	test -z "$$failed"
+
+test-slow: setup  ## the long suites, for instance thousands of mutated procedures
 	$(BIN)/python -m pytest -m slow
 
 fuzz: setup  ## the property tests on thousands of new examples
 	$(BIN)/python -m pytest -n auto -m hypothesis --hypothesis-profile=fuzz
 
-test-native: setup  ## the tests of perception on a copy whose C ends at its first error of memory or arithmetic; needs gcc, Linux
+test-native: setup  ## the tests of perception with the address and undefined-behaviour sanitizers; needs gcc, Linux
 	rm -rf $(WATCHED) && mkdir -p $(WATCHED) && cp -R haptigraph $(WATCHED)
 	CC=gcc $(BIN)/python hatch_build.py $(WATCHED)/$(NATIVE)/native.library -g -fsanitize=address,undefined -fno-sanitize-recover=all
 	LD_PRELOAD="$$(gcc -print-file-name=libasan.so) $$(gcc -print-file-name=libstdc++.so.6)" ASAN_OPTIONS=detect_leaks=0 \
@@ -58,32 +73,32 @@ bench: setup  ## time of every stage; perceivers against the paper's; rules agai
 	$(BIN)/python benchmarks/inference.py
 	$(BIN)/python benchmarks/chatter.py
 
-bench-live: setup  ## latency through a browser, load of viewers, memory of a page left open; needs Chromium
+bench-live: setup  ## latency through a browser, load of viewers, memory of an open page; needs Chromium
 	$(BIN)/python benchmarks/live.py latency
 	$(BIN)/python benchmarks/live.py load
 	$(BIN)/python benchmarks/live.py memory
 
-bench-touch: setup  ## how well a board on a serial port keeps the haptic grammar's time
+bench-touch: setup  ## timing accuracy of the haptic grammar on a board at a serial port
 	$(BIN)/python benchmarks/touch.py
 
 bench-sweep: setup  ## 1,000 simulated participants on a local Dask cluster, two workers against one
 	$(BIN)/python benchmarks/sweep.py
 
-compare-touch: setup  ## simulated operators without touch, with binary and continuous touch; renews docs/simulated_comparison.md
+compare-touch: setup  ## simulated operators without, with binary and with continuous haptic feedback; updates docs/simulated_comparison.md
 	$(BIN)/python benchmarks/touch_comparison.py
 	$(BIN)/python benchmarks/touch_comparison.py --vary --repetitions 1
 
-bench-oct: setup  ## errors of the perceiver of B-scans, and the alarm's lead in 1,000 simulated approaches
+bench-oct: setup  ## errors of the B-scan perceiver, and the lead time of the alarm in 1,000 simulated approaches
 	$(BIN)/python benchmarks/bscan.py sweep 20 --figure docs/images/bscan_accuracy.png
 	$(BIN)/python benchmarks/bscan_approaches.py --figure docs/images/bscan_lead.png
 
-rehearse: setup  ## two whole studies with simulated participants; renews docs/images/study-*.png and docs/simulated_comparison.md
+rehearse: setup  ## two complete studies with simulated participants; updates docs/images/study-*.png and docs/simulated_comparison.md
 	$(BIN)/python docs/study_pictures.py
 
-screenshots: setup  ## pictures of every page into docs/images; needs Chromium
+screenshots: setup  ## screenshots of every page into docs/images; needs Chromium
 	$(BIN)/python docs/screenshots.py
 
-train: setup  ## learn the network of the perceiver segmentation anew, on simulated B-scans, and write its report
+train: setup  ## train the network of the perceiver segmentation on simulated B-scans, and write its report
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --requirement training/requirements.txt
 	$(BIN)/python -m training.train
 
@@ -93,19 +108,19 @@ train: setup  ## learn the network of the perceiver segmentation anew, on simula
 	.venv-rendering/bin/python -m pip install --quiet --disable-pip-version-check --requirement rendering/requirements.txt
 	@touch .venv-rendering/ready
 
-render: setup .venv-rendering/ready  ## labelled clips of rendered scenes into build/renderings; a quarter of an hour for each of SCENES
+render: setup .venv-rendering/ready  ## labelled clips of rendered scenes into build/renderings; 15 minutes for each of SCENES
 	@for scene in $(SCENES); do \
 		.venv-rendering/bin/python -m rendering.render $$scene && $(BIN)/python -m rendering.pack $$scene || exit 1; \
 	done
 
-soak: setup  ## memory over 100,000 steps, then eight hours with random faults; takes hours
+soak: setup  ## memory over 100,000 steps, then eight hours of random faults; takes hours
 	$(BIN)/python benchmarks/memory.py
 	$(BIN)/python benchmarks/soak.py
 
-golden: setup  ## record the golden runs anew; read what changed before committing
+golden: setup  ## record the golden runs again; review the changes before committing
 	$(BIN)/python tests/replay/make_golden.py
 
-interop: setup  ## real ROS 2 nodes (Jazzy, Kilted) in environments of their own, and pyigtl; needs a C compiler
+interop: setup  ## real ROS 2 nodes (Jazzy, Kilted) in separate environments, and pyigtl; needs a C compiler
 	for ros in jazzy kilted; do \
 		test -x .interop/$$ros/bin/python || $(PYTHON) -m venv .interop/$$ros; \
 		.interop/$$ros/bin/python -m pip install --quiet --disable-pip-version-check --requirement tests/interop/$$ros.txt || exit 1; \
@@ -114,11 +129,11 @@ interop: setup  ## real ROS 2 nodes (Jazzy, Kilted) in environments of their own
 	$(BIN)/python -m pytest -m slow tests/interop
 	$(BIN)/python -m pytest tests/bridges
 
-lock: setup  ## resolve the dependencies anew
+lock: setup  ## resolve the dependencies again
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check uv
 	$(BIN)/uv pip compile pyproject.toml --all-extras --group dev --universal --python-version 3.11 --generate-hashes --no-header --output-file requirements.lock
 
 clean:
 	rm -f $(NATIVE)/native.library
-	rm -rf .venv .venv-rendering .interop dist build .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf .venv .venv-* .interop dist build .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

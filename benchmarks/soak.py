@@ -27,6 +27,7 @@ from haptigraph.recording.codec import decode, encode_jpeg
 from haptigraph.recording.reader import RunReader
 from haptigraph.registration.camera import Registration
 from haptigraph.sources.phantom import PhantomSource
+from haptigraph.stages import Source
 
 SCENARIO = str(Path(__file__).parents[1] / "tests" / "data" / "quick.toml")
 FILE_S = 600
@@ -34,7 +35,7 @@ PAGE = os.sysconf("SC_PAGE_SIZE")
 chance = random.Random(2)
 
 
-class ShakySource:
+class ShakySource(Source):
     """The images of a scenario, over and over; now and then none, or a loss."""
 
     is_live = False

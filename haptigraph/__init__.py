@@ -1,11 +1,11 @@
-"""haptigraph: every image becomes a scene graph, the graph a surgical state, the state touch.
+"""haptigraph: every image becomes a scene graph, the graph a surgical state, the state haptic feedback.
 
     import haptigraph
 
     config = haptigraph.load_config(settings=["source.uri=phantom:align_then_approach", "run.realtime=false"])
     loop = haptigraph.build(config)
     state = ""
-    for step in loop.steps():  # image in, touch out
+    for step in loop.steps():  # image in, haptic feedback out
         if step.conclusion.state != state:
             state = step.conclusion.state
             print(f"{step.stamp_ns / 1e9:5.1f} s  {state}: {step.conclusion.because}")
@@ -44,7 +44,7 @@ __all__ = [
     "load_registration",
 ]
 
-_HOMES = {
+_MODULES = {
     "Capture": "messages",
     "Config": "config",
     "HaptigraphError": "errors",
@@ -59,13 +59,15 @@ _HOMES = {
 }
 
 
-def __getattr__(name: str) -> Any:
-    """Import public names when they are used, so that the command line starts fast."""
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+if not TYPE_CHECKING:  # or else type checkers would accept any name
+
+    def __getattr__(name: str) -> Any:
+        """Import a public name on first use, so that the command line starts fast."""
+        if name not in _MODULES:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
 
 
 def __dir__() -> list[str]:
-    """List the public names, loaded or not, for Tab completion."""
+    """List the public names, loaded or not, for tab completion."""
     return __all__

@@ -1,6 +1,6 @@
-"""Let `python -m haptigraph` be the command line."""
+"""Make `python -m haptigraph` the command line."""
 
 from haptigraph.cli import main
 
-if __name__ == "__main__":  # not in the processes that the program starts itself
+if __name__ == "__main__":  # child processes import this module, too
     main()

@@ -1,7 +1,4 @@
-"""Turn a configuration into running parts: the only place that knows class names.
-
-Classes are named by strings and imported when chosen, so that nothing heavy loads unasked.
-"""
+"""Turn a configuration into running parts: the only place that knows class names, imported when chosen."""
 
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -14,11 +11,11 @@ from haptigraph.config import Config
 from haptigraph.errors import BadInput, NeedsRegistration, unknown_name
 from haptigraph.haptics.observed_device import Listener, ObservedDevice
 from haptigraph.haptics.pattern import beyond
-from haptigraph.pipeline import Hand, Loop, Pipeline
+from haptigraph.pipeline import HapticOutput, Loop, Pipeline
 from haptigraph.recording.writer import Progress, RunWriter
 from haptigraph.run_header import run_info
-from haptigraph.sources.naming import CAMERAS, MADE_NOW, SETTLED, camera_size_px, split_source
-from haptigraph.stages import Device, Perceiver, Sink, Source
+from haptigraph.sources.naming import CAMERAS, GENERATED, PREFETCHABLE, camera_size_px, split_source
+from haptigraph.stages import Device, Perceiver, PerceiverClass, Sink, Source, check_members
 from haptigraph.version import __version__
 
 if TYPE_CHECKING:
@@ -55,8 +52,8 @@ DEVICES = {
     "serial": "haptigraph.haptics.firmata:FirmataDevice",
     "trace": "haptigraph.haptics.trace:TraceDevice",
 }
-WATCHED = ("gamepad", "ros2", "serial")  # devices that would go on if the run died
-MOVES = (*WATCHED, "audio")  # devices that someone feels
+WATCHED = ("gamepad", "ros2", "serial")  # devices that would keep vibrating if the run died
+ACTUATORS = (*WATCHED, "audio")  # devices that a person feels
 SOURCES = {
     "camera": "haptigraph.sources.cameras.uvc:CameraSource",
     "dicom": "haptigraph.sources.oct.dicom:DicomSource",
@@ -79,21 +76,21 @@ def build(
     progress: Progress | None = None,
     listener: Listener | None = None,
 ) -> Loop:
-    """Assemble everything a configuration asks for.
+    """Assemble the loop that a configuration describes.
 
     Args:
         config: The configuration.
-        sinks: Further takers of steps.
-        progress: Told about work that takes long.
-        listener: Told every amplitude that the device is told.
+        sinks: Further consumers of steps.
+        progress: Reports the progress of slow work.
+        listener: Receives every output of the device.
 
     Raises:
         BadInput: If a name, a file or a device in the configuration cannot be used.
-        NeedsRegistration: If nothing says where the anatomy lies.
+        NeedsRegistration: If there is no registration of the anatomy.
     """
     clock: Clock = MonotonicClock() if is_realtime(config) else VirtualClock()
     procedure = load_procedure(config.run.procedure)
-    config = config.with_perceiver(perceiver_name(config, procedure))  # a recording says which it was
+    config = config.with_perceiver(perceiver_name(config, procedure))  # so that a recording names it
     load_registered = _load("haptigraph.registration.oct:load_registered")
     given = load_registered(config.source.registration) if config.source.registration else None
     with ExitStack() as undo:
@@ -103,10 +100,8 @@ def build(
             source, procedure.schema.phases, config.trial.phase
         )
         registration = given or _own_registration(source, config)
-        if config.source.target_mm is not None:
-            registration = _load("haptigraph.registration.retarget:with_target")(
-                registration, config.source.target_mm
-            )
+        if (target_mm := config.source.target_mm) is not None:
+            registration = _load("haptigraph.registration.retarget:with_target")(registration, target_mm)
         pipeline = build_pipeline(config, registration, procedure)
         info = run_info(config, source, registration, procedure, clock, __version__)
         measures = procedure.schema.measure_names
@@ -116,14 +111,15 @@ def build(
             undo.callback(writer.discard)
         bridges = []
         if config.run.bridges:
-            run = _load("haptigraph.bridges.bridge:Run")(info, registration.image, measures, clock, source)
+            context = _load("haptigraph.bridges.bridge:RunContext")
+            run = context(info, registration.image, measures, clock, source.teleop)
             bridges = _load("haptigraph.bridges.opening:open_bridges")(config.run.bridges, run)
             undo.callback(lambda: [bridge.close() for bridge in bridges])
         device = open_device(config.haptics.device)
         undo.callback(device.close)
-        for hears in (*(bridge.felt for bridge in bridges), *((listener,) if listener else ())):
-            device = ObservedDevice(device, hears)
-        hand = _hand(device, config, clock)
+        for observer in (*(bridge.send_output for bridge in bridges), *((listener,) if listener else ())):
+            device = ObservedDevice(device, observer)
+        hand = _output(device, config, clock)
         undo.callback(hand.close)
         recorders: list[Sink] = []
         if writer is not None:
@@ -144,18 +140,19 @@ def build(
 
 
 def is_realtime(config: Config) -> bool:
-    """Tell whether a run is paced by the clock: as the configuration says, or else as its source suggests.
+    """Return whether the clock paces a run: as configured, or else by the kind of source and device.
 
     Raises:
         BadInput: If a camera, an actuator or a bridge is to run at any other pace.
     """
     kind, _ = split_source(config.source.uri, SOURCES)
-    moves = config.haptics.device.partition(":")[0] in MOVES and not config.haptics.device.endswith(".wav")
-    suggested = moves or kind in MADE_NOW or bool(config.run.bridges)
-    realtime = suggested if config.run.realtime is None else config.run.realtime
-    if not realtime and (moves or kind in CAMERAS or config.run.bridges):
+    device = config.haptics.device
+    is_felt = device.partition(":")[0] in ACTUATORS and not device.endswith(".wav")
+    default = is_felt or kind in GENERATED or bool(config.run.bridges)
+    realtime = default if config.run.realtime is None else config.run.realtime
+    if not realtime and (is_felt or kind in CAMERAS or config.run.bridges):
         bridges = " ".join(f"--bridge {name}" for name in config.run.bridges)
-        which = config.haptics.device if moves else config.source.uri if kind in CAMERAS else bridges
+        which = device if is_felt else config.source.uri if kind in CAMERAS else bridges
         raise BadInput(f"{which} works in real time; --fast is for files, the phantom, console and trace")
     return realtime
 
@@ -167,9 +164,9 @@ def build_pipeline(
 
     Args:
         config: Names the perceiver.
-        registration: Where the anatomy lies.
-        procedure: Rules and touch.
-        perceive: Takes the place of the perceiver that the configuration names.
+        registration: Position of the anatomy in the images.
+        procedure: Rules and haptic patterns.
+        perceive: Replaces the configured perceiver.
 
     Raises:
         BadInput: If there is no such perceiver.
@@ -183,58 +180,57 @@ def build_pipeline(
 
 
 def perceiver_name(config: Config, procedure: "Procedure") -> str:
-    """Return which perceiver is used; "auto": the first that sees most of what a procedure speaks of."""
+    """Return the configured perceiver; for "auto" the first that finds most of the procedure's entities."""
     if config.perception.perceiver != "auto":
         return config.perception.perceiver
     wanted = {entity.name for entity in procedure.schema.entities}
-    return max(PERCEIVERS, key=lambda name: len(wanted & _load(PERCEIVERS[name]).sees))
+    return max(PERCEIVERS, key=lambda name: len(wanted & _perceiver_class(name).entities))
 
 
 def open_source(config: Config, clock: Clock, size_px: tuple[int, int] | None = None) -> Source:
     """Open the source of a configuration.
 
     Args:
-        config: Its [source] table counts.
-        clock: Stamps live images; with a virtual one, reading a file waits however long it takes.
-        size_px: Width and height to ask a camera for, as they were registered.
+        config: Its [source] table is used.
+        clock: Stamps live images; with a virtual clock, reading a file never times out.
+        size_px: Registered width and height, to request from a camera.
 
     Raises:
-        BadInput: If it cannot be opened.
-        NeedsRegistration: If it is a camera and its image size is not known.
+        BadInput: If the source cannot be opened or lacks a member of `Source`.
+        NeedsRegistration: If the source is a camera of unknown image size.
     """
     kind, argument = split_source(config.source.uri, SOURCES)
-    if config.source.loop and kind != "phantom":
-        raise BadInput(f"source.loop works with phantom:SCENARIO only, found {config.source.uri!r}")
-    asked = config.source
-    size_px = camera_size_px(asked, size_px) if kind in CAMERAS else None
-    camera = {"size_px": size_px, "rate_hz": asked.rate_hz, "clock": clock}
+    settings = config.source
+    if settings.loop and kind != "phantom":
+        raise BadInput(f"source.loop works with phantom:SCENARIO only, found {settings.uri!r}")
+    size_px = camera_size_px(settings, size_px) if kind in CAMERAS else None
+    camera = {"size_px": size_px, "rate_hz": settings.rate_hz, "clock": clock}
     options: dict[str, dict[str, Any]] = {
-        "camera": {**camera, "fourcc": asked.fourcc},
-        "dicom": {"rate_hz": asked.rate_hz},
-        "images": {"rate_hz": asked.rate_hz},
-        "oct": {"asked": asked},
-        "phantom": {"loop": asked.loop, "target_mm": asked.target_mm},
+        "camera": {**camera, "fourcc": settings.fourcc},
+        "dicom": {"rate_hz": settings.rate_hz},
+        "images": {"rate_hz": settings.rate_hz},
+        "oct": {"settings": settings},
+        "phantom": {"loop": settings.loop, "target_mm": settings.target_mm},
         "realsense": camera,
         "ros2": camera,
-        "teleop": {"clock": clock, "target_mm": asked.target_mm},
+        "teleop": {"clock": clock, "target_mm": settings.target_mm},
     }
     source: Source = _load(SOURCES[kind])(argument, **options.get(kind, {}))
-    if asked.crop_px and kind != "oct":  # which cuts by itself
-        source = _load("haptigraph.sources.oct.crop:CropSource")(source, asked.crop_px, asked.uri)
-    if kind in MADE_NOW and config.source.jpeg_quality:
-        source = _load("haptigraph.sources.jpeg:JpegSource")(source, config.source.jpeg_quality)
-    if kind in SETTLED:
-        source = _load("haptigraph.sources.read_ahead:ReadAhead")(
-            source, waits=isinstance(clock, VirtualClock)
-        )
+    check_members(source, Source, f"source {kind} ({SOURCES[kind]})")
+    if settings.crop_px and kind != "oct":  # which crops by itself
+        source = _load("haptigraph.sources.oct.crop:CropSource")(source, settings.crop_px, settings.uri)
+    if kind in GENERATED and settings.jpeg_quality:
+        source = _load("haptigraph.sources.jpeg:JpegSource")(source, settings.jpeg_quality)
+    if kind in PREFETCHABLE:
+        source = _load("haptigraph.sources.reading:ReadAhead")(source, waits=isinstance(clock, VirtualClock))
     return source
 
 
 def open_device(name: str) -> Device:
-    """Open a haptic device: its name, and behind a colon what it needs.
+    """Open a haptic device by NAME or NAME:ARGUMENT.
 
     Raises:
-        BadInput: If there is none of that name.
+        BadInput: If there is no such device.
     """
     kind, _, argument = name.partition(":")
     if kind in WATCHED:
@@ -252,7 +248,7 @@ def load_procedure(name: str) -> "Procedure":
     """Load a procedure by its name, or from a path that ends in .toml.
 
     Raises:
-        BadInput: If there is none, or it is not sound.
+        BadInput: If it does not exist or is not valid.
     """
     from haptigraph.inference.procedure import load_procedure
 
@@ -279,14 +275,20 @@ def _measure_shapes() -> dict[str, tuple[tuple[str, str], ...]]:
 
 def _perceiver(config: Config, registration: "Registered", procedure: "Procedure") -> Perceiver:
     name = perceiver_name(config, procedure)
-    perceiver = _named(PERCEIVERS, "perceiver", name)
-    _load("haptigraph.registration.oct:check_fits")(name, perceiver, registration)
+    perceiver = _perceiver_class(name)
+    _load("haptigraph.registration.oct:check_fits")(name, perceiver.needs_scan, registration)
     perceive: Perceiver = perceiver(registration.frontal, config.perception)
     if (tilt := registration.image.frontal_from_image) is not None:
         tilt_corrected = _load("haptigraph.perception.tilt_correction:TiltCorrectedPerceiver")
         perceive = tilt_corrected(perceive, registration, tilt)
     phased = _load("haptigraph.perception.phase:PhasedPerceiver")
     return phased(perceive, phases) if (phases := procedure.schema.phases) else perceive
+
+
+def _perceiver_class(name: str) -> PerceiverClass:
+    perceiver: PerceiverClass = _named(PERCEIVERS, "perceiver", name)
+    check_members(perceiver, PerceiverClass, f"perceiver {name} ({PERCEIVERS[name]})")
+    return perceiver
 
 
 def _own_registration(source: Source, config: Config) -> "Registered":
@@ -299,7 +301,7 @@ def _own_registration(source: Source, config: Config) -> "Registered":
     raise NeedsRegistration(config.source.uri, hint)
 
 
-def _hand(device: Device, config: Config, clock: Clock) -> Hand:
+def _output(device: Device, config: Config, clock: Clock) -> HapticOutput:
     guard = _load("haptigraph.haptics.guard:Guard")(device, config.haptics)
     if isinstance(clock, MonotonicClock):
         return _load("haptigraph.haptics.player:Player")(guard, clock)  # type: ignore[no-any-return]
@@ -307,11 +309,11 @@ def _hand(device: Device, config: Config, clock: Clock) -> Hand:
 
 
 def _notes(config: Config, source: Source, procedure: "Procedure", device: Device) -> list[str]:
-    beyonds = (note for pattern in procedure.patterns for note in beyond(pattern, device.capabilities))
-    notes = [*getattr(source, "notes", ()), *(f"{config.haptics.device}: {note}" for note in beyonds)]
+    limits = (note for pattern in procedure.patterns for note in beyond(pattern, device.capabilities))
+    notes = [*source.notes, *(f"{config.haptics.device}: {note}" for note in limits)]
     if split_source(config.source.uri, SOURCES)[0] == "teleop":
         notes.append(
-            "the needle stands still until a hand steers it: the page of `haptigraph live`, or --bridge ros2"
+            "the needle moves only if you steer it, on the page of `haptigraph live` or by --bridge ros2"
         )
     return notes
 

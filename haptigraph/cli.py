@@ -1,6 +1,6 @@
-"""The entry point: all commands in one group, and how they end on an error.
+"""The entry point: the group of all commands, and their error handling.
 
-Each command parses, assembles and calls; everything heavy is imported when a command needs it.
+Commands parse, assemble and call; they import heavy modules only when they run.
 """
 
 import warnings
@@ -8,14 +8,14 @@ from typing import Any
 
 import click
 
-from haptigraph.commands.actuators import devices
-from haptigraph.commands.explaining import diagram, explain
+from haptigraph.commands.devices import devices
+from haptigraph.commands.evaluate import evaluate
+from haptigraph.commands.explain import diagram, explain
 from haptigraph.commands.live import live
-from haptigraph.commands.looking import sources
 from haptigraph.commands.preparing import check, register
 from haptigraph.commands.recordings import recover, replay
 from haptigraph.commands.running import demo, run
-from haptigraph.commands.scoring import evaluate
+from haptigraph.commands.sources import sources
 from haptigraph.commands.study import study
 from haptigraph.commands.study_erase import erase
 from haptigraph.commands.study_report import study_report
@@ -29,20 +29,20 @@ __all__ = ["main"]
 
 
 class Commands(click.Group):
-    """A group whose commands end with one sentence and exit code 2 on an error the user can mend."""
+    """A group whose commands report a user's error in one sentence and exit with code 2."""
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the chosen command."""
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("once", RenamedKey)
-                warnings.showwarning = _show
+                warnings.showwarning = _show_warning
                 return super().invoke(ctx)
         except HaptigraphError as error:
             tell(f"haptigraph: {error}")
             ctx.exit(2)
         except BrokenPipeError:
-            raise  # whoever read the output has seen enough; click ends quietly
+            raise  # the reader of a pipe has closed it; click exits quietly
         except OSError as error:
             where = f"{error.filename}: " if error.filename else ""
             tell(f"haptigraph: {where}{error.strerror or error}")
@@ -52,7 +52,7 @@ class Commands(click.Group):
             ctx.exit(130)
 
 
-def _show(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
+def _show_warning(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
     kind = "" if issubclass(category, RenamedKey) else f"{category.__name__}: "
     tell(f"haptigraph: {kind}{message}")
 
@@ -60,7 +60,7 @@ def _show(message: Warning | str, category: type[Warning], *_: object, **__: obj
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
 @click.version_option(__version__, prog_name="haptigraph")
 def main() -> None:
-    """Turn pictures of an instrument inside the eye into touch.
+    """Turn images of an instrument inside the eye into haptic feedback.
 
     Research software, not a medical device.
     """

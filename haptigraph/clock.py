@@ -1,6 +1,6 @@
-"""Time, as the loop sees it: integer nanoseconds that never run backwards.
+"""The loop's time: monotonic integer nanoseconds.
 
-Knows nothing of dates; a recording keeps the one offset that turns stamps into wall-clock time.
+A recording stores the offset from these stamps to wall-clock time.
 """
 
 import time
@@ -11,10 +11,10 @@ __all__ = ["Clock", "MonotonicClock", "VirtualClock", "offset_ns"]
 
 
 class Clock(Protocol):
-    """Tell the time and wait for it."""
+    """Return the time and wait for it."""
 
     def now_ns(self) -> int:
-        """Return the present [ns]."""
+        """Return the current time [ns]."""
         ...
 
     def wait_until(self, stamp_ns: int) -> None:
@@ -26,7 +26,7 @@ class MonotonicClock:
     """The machine's monotonic clock, shared by all processes on it."""
 
     def now_ns(self) -> int:
-        """Return the present [ns]."""
+        """Return the current time [ns]."""
         return time.monotonic_ns()
 
     def wait_until(self, stamp_ns: int) -> None:
@@ -36,27 +36,27 @@ class MonotonicClock:
 
 
 class VirtualClock:
-    """A clock that jumps to whatever is waited for: runs as fast as possible, and tests."""
+    """A clock that jumps to whatever is waited for: for runs as fast as possible, and for tests."""
 
     def __init__(self, start_ns: int = 0) -> None:
         self._now_ns = start_ns
 
     def now_ns(self) -> int:
-        """Return the present [ns]."""
+        """Return the current time [ns]."""
         return self._now_ns
 
     def wait_until(self, stamp_ns: int) -> None:
-        """Jump to `stamp_ns` [ns]; never back."""
+        """Jump to `stamp_ns` [ns], but never back."""
         self._now_ns = max(self._now_ns, stamp_ns)
 
 
 def offset_ns(other_ns: Callable[[], int], clock: Clock) -> int:
-    """Measure how far another clock is ahead of a run's: what to add to a stamp to get the other's time.
+    """Measure how far another clock is ahead of a run's: add the result to a stamp for the other's time.
 
-    Takes the quickest of a few readings, so that being held up between two of them does no harm.
+    Uses the fastest of a few readings, so that preemption between two of them does no harm.
     """
     readings = []
     for _ in range(5):
-        before_ns, there_ns, after_ns = clock.now_ns(), other_ns(), clock.now_ns()
-        readings.append((after_ns - before_ns, there_ns - (before_ns + after_ns) // 2))
+        before_ns, reading_ns, after_ns = clock.now_ns(), other_ns(), clock.now_ns()
+        readings.append((after_ns - before_ns, reading_ns - (before_ns + after_ns) // 2))
     return min(readings)[1]

@@ -1,18 +1,18 @@
 """Every error a user can meet, each one sentence long.
 
-Errors take facts (file, place, what was found, what would be valid) and write the sentence themselves.
-They know nothing of how it is shown; `cli` prints it and exits with code 2.
+Errors take facts (file, place, what was found, what would be valid) and compose the sentence; `cli` prints it
+and exits with code 2.
 
     HaptigraphError
     ├── BadInput        a file, key or argument that cannot be used
-    │   └── StoreFailed a database that does not do what it is asked (it may later)
+    │   └── StoreFailed a database operation that failed and may succeed later
     ├── MissingExtra    an optional library that is not installed
-    ├── NotCompiled     the part in C is missing, or not what this version needs
-    ├── SourceLost      a camera that went away (the loop goes on)
-    ├── DeviceError     an actuator that does not obey (the loop goes on)
+    ├── NotCompiled     the C library is missing, or built for another version
+    ├── SourceLost      a camera that has disconnected (the loop goes on)
+    ├── DeviceError     an actuator that failed (the loop goes on)
     └── PerceiverBroken perception failed several times in a row (the run stops)
     EndOfSource         not an error: a file has no more images
-    RenamedKey          a warning: a file uses a key by the name it had in an earlier version
+    RenamedKey          a warning: a file uses a key's name from an earlier version
 """
 
 from collections.abc import Iterable
@@ -40,12 +40,12 @@ class HaptigraphError(Exception):
 
 
 class BadInput(HaptigraphError):
-    """Something the user gave cannot be used.
+    """A file, key or argument cannot be used.
 
     Args:
-        problem: What was found and what would be valid, without the place.
-        file: The file it was found in, if any.
-        place: Where in the file ("line 12, [[relation]] 3"), if known.
+        problem: What was found and what would be valid, without the location.
+        file: The file, if any.
+        place: Location in the file ("line 12, [[relation]] 3"), if known.
     """
 
     def __init__(self, problem: str, file: str | Path | None = None, place: str = "") -> None:
@@ -55,18 +55,18 @@ class BadInput(HaptigraphError):
 
 
 class StoreFailed(BadInput):
-    """A database does not do what it is asked; it may when it is asked again."""
+    """A database operation failed; it may succeed when repeated."""
 
 
 class NeedsRegistration(BadInput):
-    """A source brings no registration along, and none was given."""
+    """A source has no registration of its own, and none was given."""
 
     def __init__(self, source: str, hint: str = "") -> None:
         super().__init__(f"{source} needs a registration; give --registration FILE{hint}")
 
 
 class MissingExtra(HaptigraphError):
-    """A feature needs a library that the core install leaves out."""
+    """A feature needs a library that the core installation does not include."""
 
     def __init__(self, feature: str, extra: str) -> None:
         super().__init__(f"{feature} needs an extra; install it with: pip install 'haptigraph[{extra}]'")
@@ -81,11 +81,11 @@ class NotCompiled(HaptigraphError):
 
 
 class SourceLost(HaptigraphError):
-    """A live source delivers no images any more; it may come back."""
+    """A live source no longer delivers images; it may reconnect."""
 
 
 class DeviceError(HaptigraphError):
-    """A haptic device did not do what it was told."""
+    """A haptic device failed to execute a command."""
 
 
 class PerceiverBroken(HaptigraphError):
@@ -97,12 +97,12 @@ class EndOfSource(Exception):
 
 
 class RenamedKey(FutureWarning):
-    """A file uses a key by the name it had in an earlier version; it was read, and the new name is given."""
+    """A file uses a key's name from an earlier version; it was read, and the warning gives the new name."""
 
 
 def unknown_name(what: str, name: str, valid: Iterable[str]) -> str:
-    """Say that a name is not known, and which names are (the nearest one first, if one is near)."""
+    """Return the sentence for an unknown name: the most similar valid name, if any, and all valid names."""
     names = sorted(valid)
-    near = get_close_matches(name, names, n=1)
-    hint = f"did you mean {near[0]!r}? " if near else ""
+    similar = get_close_matches(name, names, n=1)
+    hint = f"did you mean {similar[0]!r}? " if similar else ""
     return f"unknown {what} {name!r}; {hint}valid: {', '.join(names)}"

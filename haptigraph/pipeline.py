@@ -1,7 +1,7 @@
-"""The main loop. `Pipeline.step` turns one capture into one step; `Loop.run` does so until the source ends.
+"""The main loop: `Pipeline.step` turns one capture into a step, `Loop.run` repeats it until the source ends.
 
 `step` is deterministic: the same captures give the same steps, bit for bit. `run` paces, stamps, counts and
-reports; what goes wrong on the way becomes a fault in a step. Knows every stage by its Protocol only.
+reports; anything that goes wrong becomes a fault in a step. Stages are known by their Protocols only.
 """
 
 import time
@@ -17,27 +17,27 @@ from haptigraph.messages import Capture, Fault, Observation, Step, Timing
 from haptigraph.run_report import RunReport
 from haptigraph.stages import Perceiver, Reasoner, Renderer, SceneBuilder, Sink, Source
 
-__all__ = ["Hand", "Loop", "Pipeline"]
+__all__ = ["HapticOutput", "Loop", "Pipeline"]
 
-MOST_PERCEIVER_FAULTS = 3
+MAX_PERCEIVER_FAULTS = 3  # in a row
 
 Input = TypeVar("Input", contravariant=True)
 Output = TypeVar("Output", covariant=True)
 
 
-class Hand(Protocol):
-    """Where commands go: the guard, alone or with its player."""
+class HapticOutput(Protocol):
+    """Receives the commands: the guard, alone or driven by its player."""
 
     def send(self, step: Step, now_ns: int) -> None:
         """Take the newest step."""
         ...
 
     def take_faults(self) -> tuple[Fault, ...]:
-        """Return what went wrong since last asked."""
+        """Return the faults since the last call."""
         ...
 
     def close(self) -> None:
-        """Still the hand for good."""
+        """Silence the actuator for good."""
         ...
 
 
@@ -55,7 +55,7 @@ class Pipeline:
         self, *, perceive: Perceiver, build_scene: SceneBuilder, reason: Reasoner, render: Renderer
     ) -> None:
         self.stage_ns: dict[str, int] = {}
-        """How long each stage took in the last step."""
+        """Duration of each stage in the last step."""
         self._perceiver = perceive
         self._stages = (perceive, build_scene, reason, render)
         self.perceive = self._timed("perceive", self._perceive)
@@ -65,10 +65,10 @@ class Pipeline:
 
     def step(self, capture: Capture) -> Step:
         """Turn one capture into one step."""
-        observation = self.perceive(capture)  # image (px) -> where things are (eye frame, mm)
+        observation = self.perceive(capture)  # image (px) -> positions (eye frame, mm), with uncertainty
         graph = self.build_scene(observation)  # -> which relations hold
         conclusion = self.reason(graph)  # -> surgical state, the rule that fired, why
-        command = self.render(conclusion)  # -> what the hand feels
+        command = self.render(conclusion)  # -> haptic pattern
         return Step(capture.index, capture.stamp_ns, observation, graph, conclusion, command)
 
     def reset(self) -> None:
@@ -77,7 +77,7 @@ class Pipeline:
             stage.reset()
 
     def _perceive(self, capture: Capture) -> Observation:
-        """Look at an image; see nothing where there is none or where the perceiver fails."""
+        """Perceive one image; observe nothing if there is no image or the perceiver raises."""
         faults = capture.faults
         if capture.image is not None:
             try:
@@ -86,7 +86,7 @@ class Pipeline:
                 raise BadInput(error.problem, error.file, f"image {capture.index}") from None
             except HaptigraphError:
                 raise
-            except Exception as error:  # a perceiver may be anyone's
+            except Exception as error:  # a perceiver may be third-party code
                 faults = (*faults, Fault("perceiver", f"{type(error).__name__}: {error}"))
         self._perceiver.reset()
         return Observation(capture.stamp_ns, {}, faults)
@@ -102,13 +102,13 @@ class Pipeline:
 
 
 class Loop:
-    """One assembled system, from source to hand.
+    """One assembled system, from the source to the haptic output.
 
     Args:
         pipeline: The stages.
-        source: Where images come from.
-        hand: Where commands go.
-        sinks: Who else sees every step.
+        source: Delivers the captures.
+        hand: Receives the commands.
+        sinks: Receive every step.
         clock: The run's clock; with a virtual one the loop runs as fast as it can.
         stale_ms: Without a new image for so long, the needle counts as lost.
         notes: What the user should know before the run, a sentence each.
@@ -119,7 +119,7 @@ class Loop:
         pipeline: Pipeline,
         *,
         source: Source,
-        hand: Hand,
+        hand: HapticOutput,
         sinks: Sequence[Sink] = (),
         clock: Clock,
         stale_ms: float = 100.0,
@@ -134,7 +134,7 @@ class Loop:
         self._is_silent = self._closed = False
 
     def run(self) -> RunReport:
-        """Run until the source ends or Ctrl-C, and return how it went. See `steps`."""
+        """Run until the source ends or Ctrl-C, and return the report. See `steps`."""
         try:
             for _ in self.steps():
                 pass
@@ -145,9 +145,9 @@ class Loop:
         return self.report
 
     def steps(self) -> Generator[Step, None, None]:
-        """Yield every step, after it was felt and recorded, until the source ends.
+        """Yield every step, after its output and recording, until the source ends.
 
-        The hand is stilled and everything closed on every way out.
+        However it ends, the actuator is silenced and everything closed.
 
         Raises:
             PerceiverBroken: If perception failed on three images in a row.
@@ -156,14 +156,14 @@ class Loop:
         begun_s, first_ns, broken_in_row = time.perf_counter(), None, 0
         try:
             for capture in self._captures():
-                step = self._turn(self._in_order(capture))
+                step = self._process(self._in_order(capture))
                 first_ns = step.stamp_ns if first_ns is None else first_ns
                 self.report.steps += 1
                 self.report.duration_s = (step.stamp_ns - first_ns) / 1e9
                 self.report.wall_s = time.perf_counter() - begun_s
                 failed = any(fault.where == "perceiver" for fault in step.faults)
                 broken_in_row = broken_in_row + 1 if failed else 0
-                if broken_in_row == MOST_PERCEIVER_FAULTS:
+                if broken_in_row == MAX_PERCEIVER_FAULTS:
                     raise PerceiverBroken(
                         f"perception failed on {broken_in_row} images in a row: {step.faults[-1].message}"
                     )
@@ -172,11 +172,11 @@ class Loop:
             self.close()
 
     def close(self) -> None:
-        """Still the hand and close everything, whether the loop ran or not. May be called twice."""
+        """Silence the actuator and close everything, whether the loop ran or not. May be called twice."""
         try:
             if not self._is_silent:
                 self.hand.close()
-                self._is_silent = True  # not if Ctrl-C cut it short
+                self._is_silent = True  # not if Ctrl-C interrupted it
         finally:
             self._close_others()
 
@@ -184,14 +184,14 @@ class Loop:
         if self._closed:
             return
         self._closed = True
-        with ExitStack() as stack:  # whatever one of them does, all are closed
+        with ExitStack() as stack:  # closes all of them, whatever one raises
             stack.callback(lambda: self._count(self._take_faults()))
             for sink in reversed(self.sinks):
                 stack.callback(self._close_sink, sink)
             stack.callback(self.source.close)
 
-    def _turn(self, capture: Capture) -> Step:
-        """Make one step, let it be felt, hand it to the sinks."""
+    def _process(self, capture: Capture) -> Step:
+        """Make one step and pass it to the output and the sinks."""
         begun_ns = time.perf_counter_ns()
         step = self.pipeline.step(capture)
         stage_ns = {**self.pipeline.stage_ns, "step": time.perf_counter_ns() - begun_ns}
@@ -206,7 +206,7 @@ class Loop:
         return step
 
     def _captures(self) -> Iterator[Capture]:
-        """Yield what the source delivers, and what goes wrong meanwhile outside the stages."""
+        """Yield the source's captures, with the faults outside the stages since the previous one."""
         while True:
             faults = self._take_faults()
             begun_ns = time.perf_counter_ns()
@@ -215,13 +215,13 @@ class Loop:
                 capture = self.source.read(self._stale_ms / 1e3)
             except EndOfSource:
                 self._clock.wait_until(self._clock.now_ns() + round(1e9 / self.source.rate_hz))
-                yield self._blank("ended", faults)
+                yield self._without_image("ended", faults)
                 return
             except SourceLost as error:
                 capture, lost = None, str(error)
             self.report.stages["read"].add(time.perf_counter_ns() - begun_ns)
             if capture is None:
-                yield self._blank(lost, faults)
+                yield self._without_image(lost, faults)
                 continue
             if not self.source.is_live:
                 capture = self._paced(capture)
@@ -230,14 +230,14 @@ class Loop:
             yield replace(capture, faults=(*capture.faults, *faults))
 
     def _in_order(self, capture: Capture) -> Capture:
-        """Let no stamp fall: an image that was missed may come after all, taken before that moment."""
+        """Keep stamps from decreasing: a late image may have been taken before the moment it was missed."""
         if self._last_ns is not None and capture.stamp_ns < self._last_ns:
             return replace(capture, stamp_ns=self._last_ns)
         self._last_ns = capture.stamp_ns
         return capture
 
-    def _blank(self, message: str, faults: tuple[Fault, ...]) -> Capture:
-        """Make the capture of a moment without image, so that a step says the needle is lost, and why."""
+    def _without_image(self, message: str, faults: tuple[Fault, ...]) -> Capture:
+        """Make a capture without image, whose step reports the needle as lost, and why."""
         faults = (*faults, Fault("source", message))
         return Capture(max(self._index, 0), self._clock.now_ns(), None, faults=faults)
 

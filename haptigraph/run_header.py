@@ -1,4 +1,4 @@
-"""Say once what a run is: the header of its recording, which bridges tell others too."""
+"""Describe a run: the header of its recording, which bridges publish too."""
 
 import datetime
 import time
@@ -26,7 +26,7 @@ def run_info(
     clock: Clock,
     version: str,
 ) -> RunInfo:
-    """Return the header of a run that begins now; `version` is haptigraph's."""
+    """Return the header of a run that starts now; `version` is haptigraph's."""
     utc_offset_ns = offset_ns(time.time_ns, clock)
     started = datetime.datetime.fromtimestamp((clock.now_ns() + utc_offset_ns) / 1e9, datetime.UTC)
     return run_info_at(started, utc_offset_ns, config, source.rate_hz, registration, procedure, version)
@@ -41,7 +41,7 @@ def run_info_at(
     procedure: "Procedure",
     version: str,
 ) -> RunInfo:
-    """Return the header of a run that began at a given moment; its clock is `utc_offset_ns` behind UTC."""
+    """Return the header of a run that started at a given time; its clock is `utc_offset_ns` behind UTC."""
     return RunInfo(
         version=version,
         started_utc=started.isoformat(),

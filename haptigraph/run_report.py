@@ -1,7 +1,4 @@
-"""How a run went, as a machine sees it: counts, faults, and how long every stage took.
-
-Turns durations into percentiles, in little memory however long the run is. Knows stages by name alone.
-"""
+"""Technical statistics of a run: counts, faults, and percentiles of the duration of every stage."""
 
 import math
 from collections import Counter
@@ -15,27 +12,27 @@ STAGES = ("read", "perceive", "build_scene", "reason", "render", "step")
 
 
 class Durations:
-    """Percentiles of many durations in little memory: a histogram with 1 % wide bins, 100 ns to 1000 s."""
+    """Percentiles of durations in constant memory: a histogram with 1 % wide bins, 100 ns to 1000 s."""
 
     def __init__(self) -> None:
         self._counts = np.zeros(2400, np.int64)
 
     def add(self, duration_ns: int) -> None:
         """Count one duration."""
-        place = int(math.log(max(duration_ns, 100) / 100, 1.01))
-        self._counts[min(place, len(self._counts) - 1)] += 1
+        index = int(math.log(max(duration_ns, 100) / 100, 1.01))
+        self._counts[min(index, len(self._counts) - 1)] += 1
 
     def percentile_ms(self, percent: float) -> float:
         """Return a percentile [ms]; nan if nothing was counted."""
         total = int(self._counts.sum())
         if total == 0:
             return float("nan")
-        place = int(np.searchsorted(np.cumsum(self._counts), total * percent / 100))
-        return float(100 * 1.01 ** (place + 0.5) / 1e6)
+        index = int(np.searchsorted(np.cumsum(self._counts), total * percent / 100))
+        return float(100 * 1.01 ** (index + 0.5) / 1e6)
 
 
 class RunReport(Struct):
-    """How a run went, as a machine sees it."""
+    """Technical statistics of a run."""
 
     steps: int = 0
     duration_s: float = 0.0
@@ -44,11 +41,11 @@ class RunReport(Struct):
     overruns: int = 0
     """Images that were due before the loop was ready for them."""
     skipped: int = 0
-    """Images of a live source that the loop was too slow to see."""
+    """Images of a live source that the loop was too slow to process."""
     dropped: int = 0
-    """Items that sinks could not keep."""
+    """Items that sinks had to drop."""
     faults: Counter[str] = field(default_factory=Counter)
-    """How often each fault came."""
+    """Number of occurrences of each fault."""
     stages: dict[str, Durations] = field(default_factory=lambda: {name: Durations() for name in STAGES})
     """Duration of reading an image, of each stage, and of the whole "step"."""
     ended: str = "source ended"

@@ -1,8 +1,7 @@
-"""Places in a queue between the loop and a thread, as many as may wait there.
+"""A counting semaphore that Ctrl-C cannot corrupt, for queues between the loop and a thread.
 
-Ctrl-C strikes the loop anywhere, also between taking a lock and noting that it is held, and then the thread
-waits for ever. Behind these places is `queue.SimpleQueue`, as it should be behind the queue itself: the
-interpreter works it in one step. Knows no queue.
+A KeyboardInterrupt may strike the loop between acquiring a lock and recording that it is held; the thread
+would then wait for ever. `queue.SimpleQueue` is atomic, so the semaphore is built on it, as the queues are.
 """
 
 from queue import Empty, SimpleQueue
@@ -11,25 +10,25 @@ __all__ = ["InterruptSafeSemaphore"]
 
 
 class InterruptSafeSemaphore:
-    """Places that are taken and given back, by anyone.
+    """Slots that any thread may acquire and release.
 
     Args:
-        places: How many there are.
+        slots: Their number.
     """
 
-    def __init__(self, places: int) -> None:
+    def __init__(self, slots: int) -> None:
         self._free: SimpleQueue[None] = SimpleQueue()
-        for _ in range(places):
+        for _ in range(slots):
             self._free.put(None)
 
-    def take(self, within_s: float | None) -> bool:
-        """Take a place, if one gets free in time; None: however long it takes."""
+    def acquire(self, timeout_s: float | None) -> bool:
+        """Acquire a slot and return True, or False if none becomes free in time; None waits for ever."""
         try:
-            self._free.get(timeout=within_s)
+            self._free.get(timeout=timeout_s)
         except Empty:
             return False
         return True
 
-    def give_back(self) -> None:
-        """Let another have a place."""
+    def release(self) -> None:
+        """Free a slot."""
         self._free.put(None)

@@ -1,11 +1,13 @@
-"""Every contract of the loop on one page. A stage is anything that fits its Protocol; none need import us.
+"""Every contract of the loop, one Protocol a stage.
 
-The four stages in the middle (perceive, build scene, reason, render) are deterministic: no clock, no I/O,
-no unseeded chance. What they remember, `reset` forgets. `assemble` chooses the classes.
+The four stages in the middle (perceive, build scene, reason, render) are deterministic: no clock, no I/O, no
+unseeded randomness; `reset` clears their state. `assemble` chooses the classes and checks that a source and a
+perceiver of your own have every member named here.
 """
 
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
+from haptigraph.errors import BadInput
 from haptigraph.graph import SceneGraph
 from haptigraph.messages import (
     Capabilities,
@@ -17,29 +19,46 @@ from haptigraph.messages import (
     Step,
 )
 
-__all__ = ["Device", "Perceiver", "Reasoner", "Renderer", "SceneBuilder", "Sink", "Source"]
+__all__ = [
+    "Device",
+    "Perceiver",
+    "PerceiverClass",
+    "Reasoner",
+    "Renderer",
+    "SceneBuilder",
+    "Sink",
+    "Source",
+    "check_members",
+]
 
 
 @runtime_checkable
 class Source(Protocol):
-    """Deliver images, oldest first."""
+    """Deliver images, oldest first.
+
+    A class that inherits from `Source` gets the defaults below; any other class must define every member.
+    """
 
     rate_hz: float
-    """Images per second, nominally."""
+    """Nominal images per second."""
     is_live: bool
-    """True if images come when they come (camera, steered robot); False if the run paces them (file)."""
-    registration: str | None
+    """True if the source sets the pace (camera, steered robot); False if the run does (file)."""
+    registration: str | None = None
     """TOML text of the registration that belongs to these images, where the source knows it."""
+    notes: tuple[str, ...] = ()
+    """What the user should know before the run, a sentence each."""
+    teleop: Any = None
+    """The `haptigraph.teleop.teleop.Teleop` that steers the simulated robot; None if there is none."""
 
     def read(self, timeout_s: float) -> Capture | None:
-        """Return the next capture, or None if none came in time.
+        """Return the next capture, or None if none arrived in time.
 
-        A live source stamps captures with the run's clock and returns only the newest; any other stamps
-        them with its own time from 0.
+        A live source stamps captures with the run's clock and returns only the newest; any other source
+        stamps them with its own time from 0.
 
         Raises:
             EndOfSource: After the last image.
-            SourceLost: If a live source went away; reading again tries to get it back.
+            SourceLost: If a live source has disconnected; reading again tries to reconnect.
             BadInput: If an image cannot be decoded.
         """
         ...
@@ -51,14 +70,28 @@ class Source(Protocol):
 
 @runtime_checkable
 class Perceiver(Protocol):
-    """Turn an image (px) into where things are (eye frame, mm)."""
+    """Turn an image (px) into the positions of entities (eye frame, mm)."""
 
     def __call__(self, capture: Capture) -> Observation:
-        """Look at one image; `capture.image` is never None. What is not found is left out."""
+        """Process one image; `capture.image` is never None. What is not found is left out."""
         ...
 
     def reset(self) -> None:
         """Forget earlier images."""
+        ...
+
+
+@runtime_checkable
+class PerceiverClass(Protocol):
+    """What `assemble.PERCEIVERS` lists: a class of perceivers, with what it says of all of them."""
+
+    entities: frozenset[str]
+    """Entities it may report besides the anatomy of a registration; `auto` selects a perceiver by them."""
+    needs_scan: bool
+    """True if it processes B-scans, False if it processes an eye before a camera."""
+
+    def __call__(self, registration: Any, config: Any) -> Perceiver:
+        """Make a perceiver from a registration, frontal to the eye, and the [perception] settings."""
         ...
 
 
@@ -90,7 +123,7 @@ class Reasoner(Protocol):
 
 @runtime_checkable
 class Renderer(Protocol):
-    """Turn a state into what the hand feels."""
+    """Turn a state into haptic output."""
 
     def __call__(self, conclusion: Conclusion) -> HapticCommand:
         """Choose the pattern and when it began."""
@@ -103,46 +136,66 @@ class Renderer(Protocol):
 
 @runtime_checkable
 class Device(Protocol):
-    """Make one actuator vibrate. Called only by the guard."""
+    """Drive one actuator. Called only by the guard."""
 
     capabilities: Capabilities
-    """What it can do; known once it is open."""
+    """What the device can do; known once it is open."""
 
     def set(self, amplitude: float, frequency_hz: float, stamp_ns: int) -> None:
-        """Vibrate so from now on, until told otherwise or `capabilities.holds_ms` have passed; 0 is silence.
+        """Vibrate like this until the next call or for `capabilities.holds_ms`; 0 is silence.
 
-        The first call is silence, so that whatever a device did before is over.
+        The first call is silence, which ends whatever the device did before.
 
         Args:
             amplitude: Strength in [0, 1].
             frequency_hz: Frequency, if the device can choose it.
-            stamp_ns: The moment this is meant for.
+            stamp_ns: When the output is due.
 
         Raises:
-            DeviceError: If the device does not obey.
+            DeviceError: If the device fails.
         """
         ...
 
     def close(self) -> None:
-        """Fall silent and release the device. May be called twice."""
+        """Silence and release the device. May be called twice."""
         ...
 
 
 @runtime_checkable
 class Sink(Protocol):
-    """Take every step away. Must not block in real time: what cannot be kept is dropped and counted."""
+    """Consume every step. Must not block in real time: what does not fit is dropped and counted."""
 
     dropped: int
     """Items lost so far."""
 
     def write(self, capture: Capture, step: Step) -> None:
-        """Take one step and the capture it came from."""
+        """Take one step and its capture."""
         ...
 
     def take_faults(self) -> tuple[Fault, ...]:
-        """Return what went wrong since last asked."""
+        """Return the faults since the last call."""
         ...
 
     def close(self) -> None:
         """Finish writing. May be called twice."""
         ...
+
+
+def check_members(part: object, contract: type, name: str) -> None:
+    """Check that an object has every member of one of the Protocols above.
+
+    Args:
+        part: The object; haptigraph's own always pass, a user's may not.
+        contract: The Protocol.
+        name: Of the object, for the error.
+
+    Raises:
+        BadInput: If it lacks any.
+    """
+    methods = {key for key, member in vars(contract).items() if callable(member)}
+    members = {key for key in methods | {*contract.__annotations__} if not key.startswith("_")}
+    lacking = sorted(key for key in members if not hasattr(part, key))
+    if lacking:
+        raise BadInput(
+            f"{name} lacks {', '.join(lacking)}; define what haptigraph.stages.{contract.__name__} lists"
+        )

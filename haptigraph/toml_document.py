@@ -1,7 +1,6 @@
-"""The TOML reader of all files.
+"""Read TOML files into structs.
 
-Every mistake becomes one sentence with file, line, what was found and what would be valid. Knows what a
-struct is, and nothing of what the files say.
+Every error becomes one sentence: the file, the line, what was found and what would be valid.
 """
 
 import math
@@ -17,17 +16,17 @@ import msgspec
 
 from haptigraph.errors import BadInput, RenamedKey, unknown_name
 
-__all__ = ["WARN_OF_OLD_KEYS", "Blame", "Document", "convert"]
+__all__ = ["WARN_OF_OLD_KEYS", "Blame", "Document", "convert", "warn_renamed"]
 
 T = TypeVar("T")
 Blame = Callable[[str, str], BadInput]
-"""Make the error for (problem, path of keys)."""
+"""Creates the error for (problem, key path)."""
 WARN_OF_OLD_KEYS = ContextVar("WARN_OF_OLD_KEYS", default=True)
 """False while a text is read that nobody edits, such as that in a recording."""
 
 
 class Document:
-    """A TOML text that can say where in it something is wrong.
+    """A parsed TOML text that can locate errors in it.
 
     Args:
         text: The TOML text.
@@ -56,14 +55,14 @@ class Document:
             BadInput: If it cannot be read or is not TOML.
         """
         try:
-            return cls(Path(path).read_text(encoding="utf-8-sig"), path)  # editors may put a mark in front
+            return cls(Path(path).read_text(encoding="utf-8-sig"), path)  # editors may add a byte order mark
         except OSError as error:
             raise BadInput(f"cannot be read ({error.strerror})", path) from None
         except UnicodeDecodeError as error:
             raise BadInput(f"not UTF-8 text (byte {error.start})", path) from None
 
     def error(self, problem: str, path: str) -> BadInput:
-        """Return the error that names the line of `path` ("state[2].feel")."""
+        """Return the error for a problem at a key path ("state[2].feel"), with its line."""
         line = _line_of(self.text, path)
         return BadInput(problem, self.file, f"line {line}" if line else "")
 
@@ -71,7 +70,7 @@ class Document:
         """Turn the document into a struct.
 
         Raises:
-            BadInput: At an unknown or missing key, a number that is not finite, a value of the wrong kind.
+            BadInput: At an unknown or missing key, a number that is not finite, or a value of the wrong type.
         """
         return convert(self.data, type_, self.error)
 
@@ -80,7 +79,7 @@ def convert(data: Any, type_: type[T], error: Blame) -> T:
     """Turn parsed TOML into a struct.
 
     Raises:
-        BadInput: As `error` makes it, at what is not valid.
+        BadInput: Made by `error`, at the first invalid key or value.
     """
     _check_finite(data, "", error)
     _check_names(data, type_, "", error)
@@ -94,23 +93,23 @@ def convert(data: Any, type_: type[T], error: Blame) -> T:
         missing = re.match(r"Object missing required field `(\w+)`", problem)
         if missing:
             raise error(f"{name}key {missing[1]!r} is missing", path) from None
-        told = "" if found is None or isinstance(found, dict) else f", found {found!r}"
+        value = "" if found is None or isinstance(found, dict) else f", found {found!r}"
         problem = problem.replace("`", "").replace("object", "table")
-        raise error(f"{name}{_lower_first(problem)}{told}", path) from None
+        raise error(f"{name}{_lower_first(problem)}{value}", path) from None
 
 
 def _check_finite(value: Any, path: str, error: Blame) -> None:
-    """Refuse nan and infinity, which pass every comparison that a check makes."""
+    """Reject nan and infinity, which later range checks may let pass."""
     if isinstance(value, float) and not math.isfinite(value):
         raise error(f"{path}: expected a finite number, found {value}", path)
     inner = enumerate(value) if isinstance(value, list) else value.items() if isinstance(value, dict) else ()
     for key, item in inner:
-        place = f"[{key}]" if isinstance(value, list) else f".{key}"
-        _check_finite(item, (path + place).lstrip("."), error)
+        part = f"[{key}]" if isinstance(value, list) else f".{key}"
+        _check_finite(item, (path + part).lstrip("."), error)
 
 
 def _check_names(value: Any, type_: Any, path: str, error: Blame) -> None:
-    """Refuse unknown keys and choices with the list of valid ones (msgspec would not list them)."""
+    """Reject unknown keys and choices with the list of valid ones (msgspec does not list them)."""
     if get_origin(type_) is Literal and isinstance(value, str) and value not in get_args(type_):
         raise error(unknown_name(path.rpartition(".")[2], value, get_args(type_)), path)
     if isinstance(value, list):
@@ -133,13 +132,18 @@ def _check_names(value: Any, type_: Any, path: str, error: Blame) -> None:
 
 
 def _renamed(table: dict[str, Any], old: str, new: str, path: str, error: Blame) -> str:
-    """Move a value from the name that its key had in an earlier version to today's, with a warning."""
+    """Move a value from its key's name in an earlier version to the current one, with a warning."""
     if new in table:
         raise error(f"both {old!r} and {new!r}, which is its new name; keep {new!r}", path)
     table[new] = table.pop(old)
-    if WARN_OF_OLD_KEYS.get():
-        warnings.warn(str(error(f"key {old!r} is now called {new!r}", path)), RenamedKey, stacklevel=2)
+    warn_renamed(old, new, path, error)
     return new
+
+
+def warn_renamed(old: str, new: str, path: str, error: Blame) -> None:
+    """Warn that a key has its name of an earlier version; `error` adds the location."""
+    if WARN_OF_OLD_KEYS.get():
+        warnings.warn(str(error(f"key {old!r} is now called {new!r}", path)), RenamedKey, stacklevel=3)
 
 
 def _value_at(data: Any, path: str) -> Any:
@@ -152,7 +156,7 @@ def _value_at(data: Any, path: str) -> Any:
 
 
 def _line_of(text: str, path: str) -> int | None:
-    """Find the line (from 1) of a key path like "state[2].feel"; its table's line if the key is inline."""
+    """Return the line (from 1) of a key path like "state[2].feel"; its table's line if the key is inline."""
     parts = re.findall(r"(\w+)(?:\[(\d+)\])?", path)
     if not parts:
         return None

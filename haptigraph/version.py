@@ -1,4 +1,4 @@
-"""The version of haptigraph, where recordings, studies and the build read it."""
+"""The version of haptigraph, read by recordings, studies and the build."""
 
 __all__ = ["__version__"]
 

@@ -1,30 +1,39 @@
+import sys
+from types import ModuleType
+
 import pytest
 
 from haptigraph import assemble
+from haptigraph.clock import MonotonicClock, VirtualClock
 from haptigraph.config import load_config
-from haptigraph.errors import BadInput
+from haptigraph.errors import BadInput, EndOfSource
+from haptigraph.messages import Observation
+from haptigraph.stages import Source
 
 
-def refuse(*settings: str) -> str:
-    with pytest.raises(BadInput) as refused:
+def error_of(*settings: str) -> str:
+    with pytest.raises(BadInput) as raised:
         assemble.build(load_config(None, settings))
-    return str(refused.value)
+    return str(raised.value)
 
 
 @pytest.mark.parametrize("registry", [assemble.PERCEIVERS, assemble.DEVICES, assemble.SOURCES])
-def test_every_class_that_is_named_exists(registry):
+def test_every_registered_class_exists(registry):
     for path in registry.values():
         assert isinstance(assemble._load(path), type)
 
 
 @pytest.mark.parametrize(
-    ("settings", "told"),
+    ("settings", "problem"),
     [
         (("source.uri=nowhere.mp4",), "nowhere.mp4: no such source; valid: phantom:SCENARIO"),
         (("source.uri=phantom:nothing",), "unknown scenario 'nothing'"),
-        (("source.uri=camera:first",), "camera:first is no camera; camera:0 is the first"),
-        (("source.uri=camera:²",), "camera:² is no camera; camera:0 is the first"),
-        ((f"source.uri=camera:{'9' * 5000}",), "is no camera; camera:0 is the first"),
+        (
+            ("source.uri=camera:first",),
+            "camera:first is no camera number, device path or URL; the first camera is camera:0",
+        ),
+        (("source.uri=camera:²",), "camera:² is no camera number"),
+        ((f"source.uri=camera:{'9' * 5000}",), "is no camera number, device path or URL; the first"),
         (("source.uri=video:",), "video:: no such source; valid: phantom:SCENARIO"),
         (('source.uri=""',), "'': no such source; valid: phantom:SCENARIO"),
         (("source.uri=camera:0", "run.realtime=false"), "camera:0 works in real time; --fast is for files"),
@@ -41,14 +50,14 @@ def test_every_class_that_is_named_exists(registry):
         (("source.registration=gone.toml",), "gone.toml: cannot be read"),
     ],
 )
-def test_what_cannot_be_assembled_is_one_sentence(settings, told):
-    message = refuse(*settings)
-    assert told in message
+def test_what_cannot_be_assembled_is_one_sentence(settings, problem):
+    message = error_of(*settings)
+    assert problem in message
     assert "\n" not in message
 
 
 @pytest.mark.parametrize(
-    ("procedure", "asked", "perceiver"),
+    ("procedure", "setting", "perceiver"),
     [
         ("subretinal_injection", "auto", "tracker"),
         ("subretinal_injection_phases", "auto", "tracker"),
@@ -56,18 +65,18 @@ def test_what_cannot_be_assembled_is_one_sentence(settings, told):
         ("membrane_peeling", "threshold", "threshold"),
     ],
 )
-def test_the_perceiver_is_the_one_that_sees_what_the_procedure_speaks_of(procedure, asked, perceiver):
-    config = load_config(None, (f"perception.perceiver={asked}",))
+def test_auto_chooses_the_perceiver_that_finds_the_procedures_entities(procedure, setting, perceiver):
+    config = load_config(None, (f"perception.perceiver={setting}",))
     assert assemble.perceiver_name(config, assemble.load_procedure(procedure)) == perceiver
 
 
-def test_a_video_without_registration_points_at_the_one_beside_it(clip):
-    message = refuse(f"source.uri={clip / 'clip.mp4'}")
+def test_a_missing_registration_beside_a_video_is_suggested(clip):
+    message = error_of(f"source.uri={clip / 'clip.mp4'}")
     assert "needs a registration; give --registration FILE; there is one beside it:" in message
 
 
 def test_only_the_phantom_loops(clip):
-    message = refuse(
+    message = error_of(
         f"source.uri={clip / 'clip.mp4'}",
         f"source.registration={clip / 'registration.toml'}",
         "source.loop=true",
@@ -76,21 +85,19 @@ def test_only_the_phantom_loops(clip):
 
 
 @pytest.mark.parametrize("fails", ["recording", "device", "perceiver"])
-def test_nothing_is_left_behind_when_assembly_fails(quick_uri, tmp_path, fails):
+def test_a_failed_assembly_leaves_no_files(quick_uri, tmp_path, fails):
     trace, record = tmp_path / "touch.csv", tmp_path / "run.mcap"
     settings = [f"source.uri={quick_uri}", f'haptics.device="trace:{trace}"', f'recording.path="{record}"']
     if fails == "perceiver":
         settings.append("perception.perceiver=magic")
     else:
         (record if fails == "recording" else trace).write_text("precious")
-    refuse(*settings)
-    left = {path.name: path.read_text() for path in tmp_path.iterdir()}
-    assert left in ({}, {"run.mcap": "precious"}, {"touch.csv": "precious"})
+    error_of(*settings)
+    files = {path.name: path.read_text() for path in tmp_path.iterdir()}
+    assert files in ({}, {"run.mcap": "precious"}, {"touch.csv": "precious"})
 
 
 def test_files_run_fast_and_the_phantom_in_real_time(quick_uri):
-    from haptigraph.clock import MonotonicClock, VirtualClock
-
     live = assemble.build(load_config(None, (f"source.uri={quick_uri}",)))
     fast = assemble.build(load_config(None, (f"source.uri={quick_uri}", "run.realtime=false")))
     assert isinstance(live._clock, MonotonicClock)
@@ -99,7 +106,7 @@ def test_files_run_fast_and_the_phantom_in_real_time(quick_uri):
         loop.close()
 
 
-def test_what_a_device_cannot_is_noted(quick_uri, monkeypatch):
+def test_patterns_beyond_a_device_are_noted(quick_uri, monkeypatch):
     from haptigraph.haptics.console import ConsoleDevice
     from haptigraph.messages import Capabilities
 
@@ -110,10 +117,10 @@ def test_what_a_device_cannot_is_noted(quick_uri, monkeypatch):
     assert "console: pulse: 80 ms on, 80 ms off become 90 on, 80 off; no shorter ones are felt" in loop.notes
 
 
-def test_an_interrupt_at_the_very_end_of_assembly_leaves_nothing_behind(quick_uri, tmp_path, monkeypatch):
+def test_an_interrupt_at_the_end_of_assembly_closes_everything(quick_uri, tmp_path, monkeypatch):
     closed = []
-    monkeypatch.setattr("haptigraph.sources.read_ahead.ReadAhead.close", lambda self: closed.append("source"))
-    monkeypatch.setattr("haptigraph.haptics.guard.Guard.close", lambda self: closed.append("hand"))
+    monkeypatch.setattr("haptigraph.sources.reading.ReadAhead.close", lambda self: closed.append("source"))
+    monkeypatch.setattr("haptigraph.haptics.guard.Guard.close", lambda self: closed.append("output"))
 
     def interrupted(*arguments, **options):
         raise KeyboardInterrupt
@@ -127,5 +134,65 @@ def test_an_interrupt_at_the_very_end_of_assembly_leaves_nothing_behind(quick_ur
     )
     with pytest.raises(KeyboardInterrupt):
         assemble.build(load_config(None, settings))
-    assert closed == ["hand", "source"]
+    assert closed == ["output", "source"]
     assert list(tmp_path.iterdir()) == []
+
+
+class MinimalSource:
+    """A user's source without the optional members, which it does not inherit either."""
+
+    rate_hz, is_live, registration = 30.0, False, None
+
+    def __init__(self, argument):
+        pass
+
+    def read(self, timeout_s):
+        raise EndOfSource
+
+    def close(self):
+        pass
+
+
+class InheritingSource(MinimalSource, Source):
+    pass
+
+
+class MinimalPerceiver:
+    def __init__(self, registration, config):
+        pass
+
+    def __call__(self, capture):
+        return Observation(capture.stamp_ns)
+
+    def reset(self):
+        pass
+
+
+@pytest.fixture
+def my_lab(monkeypatch):
+    module = ModuleType("my_lab")
+    for part in (MinimalSource, InheritingSource, MinimalPerceiver):
+        setattr(module, part.__name__, part)
+    monkeypatch.setitem(sys.modules, "my_lab", module)
+    monkeypatch.setitem(assemble.SOURCES, "minimal", "my_lab:MinimalSource")
+    monkeypatch.setitem(assemble.SOURCES, "inheriting", "my_lab:InheritingSource")
+
+
+def test_a_source_of_a_user_must_have_every_member(my_lab):
+    assert error_of("source.uri=minimal:x") == (
+        "source minimal (my_lab:MinimalSource) lacks notes, teleop; define what haptigraph.stages.Source lists"
+    )
+
+
+def test_a_source_of_a_user_inherits_the_optional_members(my_lab):
+    source = assemble.open_source(load_config(None, ("source.uri=inheriting:x",)), VirtualClock())
+    assert (source.notes, source.teleop, source.registration) == ((), None, None)
+
+
+def test_a_perceiver_of_a_user_must_have_every_member(my_lab, quick_uri, monkeypatch):
+    monkeypatch.setitem(assemble.PERCEIVERS, "minimal", "my_lab:MinimalPerceiver")
+    for setting in ("minimal", "auto"):
+        assert error_of(f"source.uri={quick_uri}", f"perception.perceiver={setting}") == (
+            "perceiver minimal (my_lab:MinimalPerceiver) lacks entities, needs_scan; "
+            "define what haptigraph.stages.PerceiverClass lists"
+        )

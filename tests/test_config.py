@@ -1,14 +1,15 @@
 import pytest
+from paths import DATA
 
 from haptigraph.config import Config, load_config
 from haptigraph.errors import BadInput
 from haptigraph.toml_document import Document
 
 
-def refuse(*settings: str) -> str:
-    with pytest.raises(BadInput) as refused:
+def error_of(*settings: str) -> str:
+    with pytest.raises(BadInput) as raised:
         load_config(None, settings)
-    return str(refused.value)
+    return str(raised.value)
 
 
 def test_defaults_need_no_file():
@@ -25,15 +26,24 @@ def test_settings_override_a_file(tmp_path):
     assert config.run.procedure == "a.toml"
 
 
+def test_a_settings_file_of_version_0_1_is_read():
+    config = load_config(DATA / "v0_1" / "settings.toml")
+    assert (config.source.jpeg_quality, config.perception.alpha, config.haptics.deadman_ms) == (
+        80,
+        1.0,
+        120.0,
+    )
+
+
 def test_an_unknown_key_names_the_valid_ones():
-    message = refuse("perception.alpa=1")
+    message = error_of("perception.alpa=1")
     assert "unknown key 'alpa'; did you mean 'alpha'?" in message
     assert "block_size_px" in message
-    assert "unknown key 'perceptio'" in refuse("perceptio.alpha=1")
+    assert "unknown key 'perceptio'" in error_of("perceptio.alpha=1")
 
 
 @pytest.mark.parametrize(
-    ("setting", "told"),
+    ("setting", "problem"),
     [
         ("perception.alpha=2", "perception.alpha: expected float <= 1.0, found 2"),
         ("perception.alpha=fast", "perception.alpha: expected float, got str, found 'fast'"),
@@ -54,11 +64,11 @@ def test_an_unknown_key_names_the_valid_ones():
         ("run.realtime=yes", "run.realtime: expected bool"),
     ],
 )
-def test_a_bad_setting_says_what_was_found_and_what_is_valid(setting, told):
-    assert told in refuse(setting)
+def test_an_invalid_setting_is_reported_with_what_is_valid(setting, problem):
+    assert problem in error_of(setting)
 
 
-def test_a_setting_below_a_value_is_refused(tmp_path):
+def test_a_setting_below_a_value_is_rejected(tmp_path):
     file = tmp_path / "lab.toml"
     file.write_text("[perception]\nalpha = 0.2\n")
     with pytest.raises(BadInput, match="'alpha' is a value, not a table"):
@@ -66,7 +76,7 @@ def test_a_setting_below_a_value_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "problem"),
     [
         ("[haptics]\ndeadman = 3\n", "line 2: unknown key 'deadman'; did you mean 'deadman_ms'?"),
         ("[perception]\n\nalpha = 'x'\n", "line 3: perception.alpha: expected float, got str, found 'x'"),
@@ -76,17 +86,17 @@ def test_a_setting_below_a_value_is_refused(tmp_path):
         ("[run]\nstale_ms = = 1\n", "line 2, column 12: not valid TOML: invalid value"),
     ],
 )
-def test_a_bad_file_is_told_with_its_line(tmp_path, text, told):
+def test_an_error_in_a_file_is_reported_with_its_line(tmp_path, text, problem):
     file = tmp_path / "lab.toml"
     file.write_text(text)
-    with pytest.raises(BadInput) as refused:
+    with pytest.raises(BadInput) as raised:
         load_config(file)
-    message = str(refused.value)
-    assert message.startswith(f"{file}, {told}" if told.startswith("line") else f"{file}: ")
-    assert told in message
+    message = str(raised.value)
+    assert message.startswith(f"{file}, {problem}" if problem.startswith("line") else f"{file}: ")
+    assert problem in message
 
 
-def test_a_mark_that_editors_put_in_front_is_no_mistake(tmp_path):
+def test_a_byte_order_mark_is_accepted(tmp_path):
     file = tmp_path / "lab.toml"
     file.write_bytes(b"\xef\xbb\xbf[perception]\nalpha = 0.25\n")
     assert load_config(file).perception.alpha == 0.25
@@ -94,12 +104,12 @@ def test_a_mark_that_editors_put_in_front_is_no_mistake(tmp_path):
 
 def test_numbers_that_are_not_finite_are_found_in_lists_of_tables():
     document = Document("[[move]]\nduration_s = 1\n\n[[move]]\npath = [1.0, [-inf]]\n", "s.toml")
-    with pytest.raises(BadInput) as refused:
+    with pytest.raises(BadInput) as raised:
         document.convert(dict)
-    assert str(refused.value) == "s.toml, line 5: move[1].path[1][0]: expected a finite number, found -inf"
+    assert str(raised.value) == "s.toml, line 5: move[1].path[1][0]: expected a finite number, found -inf"
 
 
-def test_a_file_that_cannot_be_read_is_told(tmp_path):
+def test_an_unreadable_file_is_an_error(tmp_path):
     with pytest.raises(BadInput, match=r"gone\.toml: cannot be read \(No such file or directory\)"):
         load_config(tmp_path / "gone.toml")
     latin = tmp_path / "latin.toml"

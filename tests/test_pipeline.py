@@ -9,15 +9,14 @@ from haptigraph.clock import VirtualClock
 from haptigraph.errors import BadInput, EndOfSource, PerceiverBroken, SourceLost
 from haptigraph.messages import Capture, Fault
 from haptigraph.pipeline import Loop
+from haptigraph.stages import Source
 
 IMAGE = np.zeros((4, 4), np.uint8)
 PERIOD_NS = 33_333_333
 
 
-class ListSource:
-    """Deliver a list: captures, None (nothing in time), or exceptions."""
-
-    registration = None
+class ListSource(Source):
+    """Deliver the items of a list: captures, None (timeout), or exceptions."""
 
     def __init__(self, items, *, is_live=False, rate_hz=30.0, clock=None):
         self.items, self.is_live, self.rate_hz, self.clock = list(items), is_live, rate_hz, clock
@@ -38,7 +37,7 @@ class ListSource:
 
 
 class Memory:
-    """A sink and a hand that remember."""
+    """A sink and an output that keep everything."""
 
     dropped = 0
 
@@ -74,18 +73,18 @@ def tips(registration):
 
 
 def loop_of(pipeline, source, **options):
-    hand, sink = Memory(), Memory()
+    output, sink = Memory(), Memory()
     clock = options.pop("clock", VirtualClock())
-    return Loop(pipeline, source=source, hand=hand, sinks=[sink], clock=clock, **options), hand, sink
+    return Loop(pipeline, source=source, hand=output, sinks=[sink], clock=clock, **options), output, sink
 
 
 def states(sink):
     return [step.conclusion.state for step in sink.steps]
 
 
-def test_a_run_goes_through_states_and_touch(procedure, registration, tips):
+def test_a_run_passes_through_states_and_patterns(procedure, registration, tips):
     pipeline = pipeline_of(procedure, ScriptedPerceiver(registration, tips))
-    loop, hand, sink = loop_of(pipeline, ListSource(captures(5)))
+    loop, output, sink = loop_of(pipeline, ListSource(captures(5)))
     report = loop.run()
     assert states(sink) == [
         "misaligned_intraocular_navigation",
@@ -107,7 +106,7 @@ def test_a_run_goes_through_states_and_touch(procedure, registration, tips):
     assert report.ended == "source ended"
     assert report.duration_s == pytest.approx(5 / 30)
     assert [step.index for step in sink.steps] == [0, 1, 2, 3, 4, 4]
-    assert [step for step, _ in hand.sent] == [replace(step, timing=None) for step in sink.steps]
+    assert [step for step, _ in output.sent] == [replace(step, timing=None) for step in sink.steps]
 
 
 def test_the_same_captures_give_the_same_steps(procedure, registration, tips):
@@ -131,10 +130,10 @@ def test_every_step_is_stamped_on_the_runs_clock_in_order(procedure, registratio
 
 def test_the_end_of_a_source_is_a_step_and_closes_everything(procedure, registration, tips):
     source = ListSource(captures(2))
-    loop, hand, sink = loop_of(pipeline_of(procedure, ScriptedPerceiver(registration, tips)), source)
+    loop, output, sink = loop_of(pipeline_of(procedure, ScriptedPerceiver(registration, tips)), source)
     loop.run()
     assert sink.steps[-1].faults == (Fault("source", "ended"),)
-    assert (source.closed, hand.closed, sink.closed) == (1, 1, 1)
+    assert (source.closed, output.closed, sink.closed) == (1, 1, 1)
 
 
 def test_a_stale_image_is_unknown_and_silent(procedure, registration, tips):
@@ -149,7 +148,7 @@ def test_a_stale_image_is_unknown_and_silent(procedure, registration, tips):
     assert sink.steps[2].stamp_ns - sink.steps[1].stamp_ns == 100 * MS
 
 
-def test_an_image_that_comes_after_it_was_missed_does_not_turn_time_back(procedure, registration, tips):
+def test_a_late_image_does_not_decrease_the_stamps(procedure, registration, tips):
     clock = VirtualClock()
     late = [Capture(0, 10 * MS, IMAGE), None, Capture(1, 60 * MS, IMAGE), Capture(2, 120 * MS, IMAGE)]
     source = ListSource(late, is_live=True, clock=clock)
@@ -168,57 +167,57 @@ def test_a_lost_camera_is_a_fault_and_the_loop_goes_on(procedure, registration, 
     assert states(sink)[1:3] == ["unknown", "misaligned_intraocular_navigation"]
 
 
-def test_a_raising_perceiver_is_a_fault_unknown_and_forgotten(procedure, registration, tips):
-    perceiver = ScriptedPerceiver(registration, [tips[0], ValueError("bad day"), tips[0]])
+def test_a_raising_perceiver_is_a_fault_the_state_unknown_and_is_reset(procedure, registration, tips):
+    perceiver = ScriptedPerceiver(registration, [tips[0], ValueError("singular"), tips[0]])
     loop, _, sink = loop_of(pipeline_of(procedure, perceiver), ListSource(captures(3)))
     loop.run()
     assert states(sink)[:3] == ["misaligned_intraocular_navigation", "unknown", states(sink)[0]]
-    assert sink.steps[1].faults == (Fault("perceiver", "ValueError: bad day"),)
+    assert sink.steps[1].faults == (Fault("perceiver", "ValueError: singular"),)
     assert perceiver.resets >= 1
 
 
 def test_three_failures_in_a_row_stop_the_run_with_the_reason(procedure, registration, tips):
     error = ZeroDivisionError("no light")
     perceiver = ScriptedPerceiver(registration, [error, error, tips[0], error, error, error, tips[0]])
-    loop, hand, sink = loop_of(pipeline_of(procedure, perceiver), ListSource(captures(7)))
+    loop, output, sink = loop_of(pipeline_of(procedure, perceiver), ListSource(captures(7)))
     with pytest.raises(PerceiverBroken, match="3 images in a row: ZeroDivisionError: no light"):
         loop.run()
     assert len(sink.steps) == 6
-    assert (hand.closed, sink.closed) == (1, 1)
+    assert (output.closed, sink.closed) == (1, 1)
 
 
-def test_a_mistake_of_the_user_is_no_fault_but_ends_the_run(procedure, registration):
+def test_an_error_of_the_user_ends_the_run(procedure, registration):
     perceiver = ScriptedPerceiver(registration, [BadInput("image is 3 x 3 px")])
-    loop, hand, _ = loop_of(pipeline_of(procedure, perceiver), ListSource(captures(1)))
+    loop, output, _ = loop_of(pipeline_of(procedure, perceiver), ListSource(captures(1)))
     with pytest.raises(BadInput):
         loop.run()
-    assert hand.closed == 1
+    assert output.closed == 1
 
 
 def test_ctrl_c_ends_cleanly(procedure, registration, tips):
     source = ListSource([*captures(2), KeyboardInterrupt(), *captures(2)])
-    loop, hand, sink = loop_of(pipeline_of(procedure, ScriptedPerceiver(registration, tips)), source)
+    loop, output, sink = loop_of(pipeline_of(procedure, ScriptedPerceiver(registration, tips)), source)
     report = loop.run()
     assert report.ended == "interrupted"
-    assert (len(sink.steps), hand.closed, sink.closed, source.closed) == (2, 1, 1, 1)
+    assert (len(sink.steps), output.closed, sink.closed, source.closed) == (2, 1, 1, 1)
 
 
-def test_faults_of_hand_and_sinks_come_into_the_next_step(procedure, registration, tips):
-    loop, hand, sink = loop_of(
+def test_faults_of_output_and_sinks_are_in_the_next_step(procedure, registration, tips):
+    loop, output, sink = loop_of(
         pipeline_of(procedure, ScriptedPerceiver(registration, tips)), ListSource(captures(2))
     )
-    hand.faults.append(Fault("device", "unplugged"))
+    output.faults.append(Fault("device", "unplugged"))
     steps = loop.steps()
     assert next(steps).faults == (Fault("device", "unplugged"),)
     sink.faults.append(Fault("recorder", "disk full"))
     assert next(steps).faults == (Fault("recorder", "disk full"),)
     steps.close()
-    assert hand.closed == 1
+    assert output.closed == 1
     assert loop.report.faults == {"device: unplugged": 1, "recorder: disk full": 1}
 
 
 class SlowClock(VirtualClock):
-    """A clock on which every look costs time."""
+    """A clock that advances at every reading."""
 
     def __init__(self, cost_ns):
         super().__init__()
@@ -233,12 +232,12 @@ def test_a_loop_that_is_late_counts_overruns_and_never_runs_backwards(procedure,
     pipeline = pipeline_of(procedure, ScriptedPerceiver(registration, tips))
     loop, _, sink = loop_of(pipeline, ListSource(captures(20)), clock=SlowClock(20 * MS))
     report = loop.run()
-    assert report.overruns == 19  # three looks an image are 60 ms, an image is 33 ms
+    assert report.overruns == 19  # three readings an image are 60 ms, an image is 33 ms
     stamps = [step.stamp_ns for step in sink.steps]
     assert stamps == sorted(stamps)
 
 
-def test_images_a_live_source_overwrote_are_counted(procedure, registration, tips):
+def test_skipped_images_of_a_live_source_are_counted(procedure, registration, tips):
     source = ListSource([*captures(1), *captures(1, start=4)], is_live=True)
     loop, _, _ = loop_of(pipeline_of(procedure, ScriptedPerceiver(registration, tips)), source)
     assert loop.run().skipped == 3
@@ -246,40 +245,40 @@ def test_images_a_live_source_overwrote_are_counted(procedure, registration, tip
 
 def test_a_loop_that_never_ran_can_be_closed(procedure, registration, tips):
     source = ListSource(captures(2))
-    loop, hand, sink = loop_of(pipeline_of(procedure, ScriptedPerceiver(registration, tips)), source)
+    loop, output, sink = loop_of(pipeline_of(procedure, ScriptedPerceiver(registration, tips)), source)
     loop.close()
     loop.close()
-    assert (source.closed, hand.closed, sink.closed) == (1, 1, 1)
+    assert (source.closed, output.closed, sink.closed) == (1, 1, 1)
 
 
-def test_all_are_closed_whatever_one_of_them_does(procedure, registration, tips):
+def test_everything_is_closed_even_if_one_of_them_raises(procedure, registration, tips):
     class Stuck(ListSource):
         def close(self):
             super().close()
             raise KeyboardInterrupt
 
     source = Stuck(captures(2))
-    loop, hand, sink = loop_of(pipeline_of(procedure, ScriptedPerceiver(registration, tips)), source)
+    loop, output, sink = loop_of(pipeline_of(procedure, ScriptedPerceiver(registration, tips)), source)
     with pytest.raises(KeyboardInterrupt):
         loop.close()
-    assert (source.closed, hand.closed, sink.closed) == (1, 1, 1)
+    assert (source.closed, output.closed, sink.closed) == (1, 1, 1)
 
 
-def test_a_hand_whose_stilling_was_cut_short_is_stilled_again(procedure, registration, tips):
+def test_an_interrupted_silencing_is_repeated(procedure, registration, tips):
     source = ListSource(captures(2))
-    loop, hand, sink = loop_of(pipeline_of(procedure, ScriptedPerceiver(registration, tips)), source)
-    whole = hand.close
-    hand.close = Mock(side_effect=KeyboardInterrupt)
+    loop, output, sink = loop_of(pipeline_of(procedure, ScriptedPerceiver(registration, tips)), source)
+    close = output.close
+    output.close = Mock(side_effect=KeyboardInterrupt)
     with pytest.raises(KeyboardInterrupt):
         loop.close()
-    assert (source.closed, hand.closed, sink.closed) == (1, 0, 1)
-    hand.close = whole
+    assert (source.closed, output.closed, sink.closed) == (1, 0, 1)
+    output.close = close
     loop.close()
     loop.close()
-    assert (source.closed, hand.closed, sink.closed) == (1, 1, 1)
+    assert (source.closed, output.closed, sink.closed) == (1, 1, 1)
 
 
-def test_an_image_that_cannot_be_used_is_named(procedure, registration, tips):
+def test_an_unusable_image_is_named(procedure, registration, tips):
     perceiver = ScriptedPerceiver(registration, [tips[0], BadInput("image is too small")])
     loop, _, _ = loop_of(pipeline_of(procedure, perceiver), ListSource(captures(5)))
     with pytest.raises(BadInput, match=r"^image 1: image is too small$"):

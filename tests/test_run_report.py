@@ -3,7 +3,7 @@ import pytest
 from haptigraph.run_report import Durations
 
 
-def test_percentiles_are_within_a_percent():
+def test_percentiles_are_accurate_to_a_percent():
     durations = Durations()
     for us in range(1, 1001):
         durations.add(us * 1000)

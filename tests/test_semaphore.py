@@ -1,9 +1,9 @@
 from haptigraph.semaphore import InterruptSafeSemaphore
 
 
-def test_there_are_so_many_places_and_no_more():
-    room = InterruptSafeSemaphore(2)
-    assert [room.take(0.0) for _ in range(3)] == [True, True, False]
-    room.give_back()
-    assert room.take(None)
-    assert not room.take(0.001)
+def test_the_number_of_slots_is_limited():
+    semaphore = InterruptSafeSemaphore(2)
+    assert [semaphore.acquire(0.0) for _ in range(3)] == [True, True, False]
+    semaphore.release()
+    assert semaphore.acquire(None)
+    assert not semaphore.acquire(0.001)

@@ -1,1 +1,1 @@
-"""Tell other systems live what a run sees, concludes and makes felt. A bridge never holds up the loop."""
+"""Publish a run live to other systems, without ever delaying the loop."""

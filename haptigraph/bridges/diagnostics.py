@@ -1,21 +1,21 @@
-"""Sum up a run once a second as ROS's diagnostics: is the loop well, how fast, what went wrong."""
+"""Summarise a run once a second as ROS diagnostics: health of the loop, rates, faults."""
 
 from collections import Counter
 
 from haptigraph.messages import Capture, Step
 from haptigraph.ros2.types import DiagnosticArray, DiagnosticStatus, Header, KeyValue, Time
 
-__all__ = ["Diagnosis"]
+__all__ = ["RunDiagnostics"]
 
 OK, WARN, ERROR = 0, 1, 2
 PERIOD_NS = 1_000_000_000
 
 
-class Diagnosis:
-    """Collect steps, and say once a second how they were.
+class RunDiagnostics:
+    """Collect steps and summarise them once a second.
 
     Args:
-        name: Of what is diagnosed.
+        name: Of the component in the diagnostics.
         utc_offset_ns: Nanoseconds since 1970 minus stamp_ns.
     """
 
@@ -26,7 +26,7 @@ class Diagnosis:
         self._faults: Counter[str] = Counter()
 
     def add(self, capture: Capture, step: Step) -> DiagnosticArray | None:
-        """Take one step; return the second it completes, if it does."""
+        """Add one step; return the summary if it completes a second."""
         if self._begun_ns is None:
             self._begun_ns = step.stamp_ns
         elapsed_ns = step.stamp_ns - self._begun_ns

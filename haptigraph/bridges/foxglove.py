@@ -1,10 +1,10 @@
-"""Serve a run to Foxglove live, over its websocket, with the very channels and schemas of a recording."""
+"""Serve a run live to Foxglove over its websocket, with the channels and schemas of a recording."""
 
 import msgspec
 from msgspec.structs import replace
 
-from haptigraph.bridges.address import listening_at
-from haptigraph.bridges.bridge import Run
+from haptigraph.bridges.bridge import RunContext
+from haptigraph.bridges.opening import parse_address
 from haptigraph.errors import BadInput, MissingExtra
 from haptigraph.messages import Capture, Step
 from haptigraph.recording.codec import encode_jpeg
@@ -20,26 +20,26 @@ __all__ = ["FoxgloveLink"]
 
 PORT = 8765
 BACKLOG = 64
-"""Messages kept for a slow viewer; then it misses the oldest."""
+"""Messages queued for a slow viewer before it misses the oldest."""
 JPEG_QUALITY = 80
 
 
 class FoxgloveLink:
-    """A server that any number of Foxglove viewers may connect to.
+    """A server for any number of Foxglove viewers.
 
     Args:
-        argument: PORT or HOST:PORT; 8765 on this machine if empty.
-        run: What is told.
+        argument: PORT or HOST:PORT; empty: 8765 on this machine.
+        run: The run to publish.
 
     Raises:
-        BadInput: If it cannot listen there.
+        BadInput: If it cannot listen at this address.
         MissingExtra: If foxglove-sdk is not installed.
     """
 
-    def __init__(self, argument: str, run: Run) -> None:
+    def __init__(self, argument: str, run: RunContext) -> None:
         self._image, self._utc_offset_ns = run.image, run.info.utc_offset_ns
-        host, port = listening_at(argument, "foxglove", PORT)
-        self._context = foxglove.Context()  # held, because the library forgets what nobody holds
+        host, port = parse_address(argument, "foxglove", PORT)
+        self._context = foxglove.Context()  # the library drops a context that is not referenced
         try:
             self._server = foxglove.start_server(
                 name=f"haptigraph: {run.info.source}",
@@ -48,7 +48,7 @@ class FoxgloveLink:
                 context=self._context,
                 message_backlog_size=BACKLOG,
             )
-        except Exception as error:  # of the library's own kinds
+        except Exception as error:  # the library raises types of its own
             raise BadInput(f"bridge foxglove cannot listen at {host}:{port} ({error})") from None
         self.port = self._server.port
         self._channels = {
@@ -66,8 +66,8 @@ class FoxgloveLink:
         }
         self._open = True
 
-    def send(self, capture: Capture, step: Step) -> None:
-        """Send one step to whoever watches; raw images as JPEG, for speed."""
+    def send_step(self, capture: Capture, step: Step) -> None:
+        """Send one step to all viewers; raw images as JPEG, for speed."""
         if not any(channel.has_sinks() for channel in self._channels.values()):
             return
         if capture.image is not None and capture.encoded is None:
@@ -76,15 +76,15 @@ class FoxgloveLink:
         for topic, message in entries(capture, step, image=self._image, utc_offset_ns=self._utc_offset_ns):
             self._channels[topic].log(msgspec.json.encode(message), log_time=utc_ns)
 
-    def felt(self, stamp_ns: int, amplitude: float, frequency_hz: float) -> None:
-        """Do nothing: the channels are those of a recording."""
+    def send_output(self, stamp_ns: int, amplitude: float, frequency_hz: float) -> None:
+        """Do nothing: a recording has no channel for it."""
 
     def take_problems(self) -> tuple[str, ...]:
-        """Return nothing: viewers come and go."""
+        """Return no problems: viewers may disconnect at any time."""
         return ()
 
     def close(self) -> None:
-        """Hang up."""
+        """Stop the server."""
         if self._open:
             self._open = False
             self._server.stop()

@@ -1,6 +1,6 @@
-"""Write OpenIGTLink messages, version 1: TRANSFORM and STRING, as 3D Slicer reads them.
+"""Encode OpenIGTLink messages, version 1: TRANSFORM and STRING, as 3D Slicer reads them.
 
-http://openigtlink.org/developers/spec: 58 bytes of header, then the body, all big-endian. Knows no socket.
+http://openigtlink.org/developers/spec: 58 bytes of header, then the body, all big-endian.
 """
 
 import struct
@@ -10,9 +10,9 @@ __all__ = ["Matrix", "crc64", "string", "transform"]
 
 HEADER = struct.Struct(">H12s20sQQQ")
 UTF8 = 106
-"""IANA's number of the encoding."""
+"""IANA's number of this encoding."""
 POLYNOMIAL = 0x42F0E1EBA9EA3693
-"""Of ECMA-182."""
+"""CRC-64 of ECMA-182."""
 ALL_BITS = (1 << 64) - 1
 
 Matrix = tuple[tuple[float, float, float, float], ...]
@@ -23,8 +23,8 @@ def transform(device: str, utc_ns: int, matrix: Matrix) -> bytes:
     """Return a TRANSFORM message.
 
     Args:
-        device: Name under which Slicer shows it, up to 20 letters.
-        utc_ns: When it was so, since 1970.
+        device: Name in Slicer, up to 20 letters.
+        utc_ns: Time stamp, nanoseconds since 1970.
         matrix: From the device's frame to RAS.
     """
     columns = [row[column] for column in range(4) for row in matrix]
@@ -38,7 +38,7 @@ def string(device: str, utc_ns: int, text: str) -> bytes:
 
 
 def crc64(data: bytes) -> int:
-    """Return the checksum of a message's body."""
+    """Return the checksum of a message body."""
     crc, table = 0, _crc_table()
     for byte in data:
         crc = table[(crc >> 56) ^ byte] ^ (crc << 8 & ALL_BITS)

@@ -1,7 +1,7 @@
-"""Serve needle and state over OpenIGTLink, so that 3D Slicer follows live.
+"""Serve needle and state over OpenIGTLink, live for 3D Slicer.
 
-Frame: RAS millimetres, Slicer's own. The eye frame becomes R = x (the surgeon at the head of a supine patient
-has the patient's right on the right), A = y (from the retina to the front), S = z (out of the picture).
+Frame: RAS in millimetres, as in Slicer. The eye frame becomes R = x (for a surgeon at the head of a supine
+patient, the patient's right is on the right), A = y (from the retina to the front), S = z (out of the image).
 """
 
 import math
@@ -9,9 +9,9 @@ import socket
 import time
 from collections.abc import Iterable
 
-from haptigraph.bridges.address import listening_at
-from haptigraph.bridges.bridge import Run
+from haptigraph.bridges.bridge import RunContext
 from haptigraph.bridges.igtl_messages import Matrix, string, transform
+from haptigraph.bridges.opening import parse_address
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Geometry, Point, Segment
 from haptigraph.messages import Capture, Step
@@ -20,24 +20,24 @@ __all__ = ["OpenIgtLink", "needle_matrix"]
 
 PORT = 18944
 NEEDLE, STATE = "NeedleToEye", "SurgicalState"
-STALLED_S = 5.0
-MOST_CLIENTS = 8
+STALL_TIMEOUT_S = 5.0
+MAX_CLIENTS = 8
 
 
 class OpenIgtLink:
-    """A server that any number of Slicers may connect to; a slow one misses steps, a stuck one is let go.
+    """A server for up to eight clients; a slow one misses steps, a stalled one is disconnected.
 
     Args:
-        argument: PORT or HOST:PORT; 18944 on this machine if empty.
-        run: What is told.
+        argument: PORT or HOST:PORT; empty: 18944 on this machine.
+        run: The run to publish.
 
     Raises:
-        BadInput: If it cannot listen there.
+        BadInput: If it cannot listen at this address.
     """
 
-    def __init__(self, argument: str, run: Run) -> None:
+    def __init__(self, argument: str, run: RunContext) -> None:
         self._utc_offset_ns = run.info.utc_offset_ns
-        host, port = listening_at(argument, "openigtlink", PORT)
+        host, port = parse_address(argument, "openigtlink", PORT)
         try:
             self._listener = socket.create_server(
                 (host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET
@@ -49,9 +49,9 @@ class OpenIgtLink:
         self._clients: list[_Client] = []
         self._problems: list[str] = []
 
-    def send(self, capture: Capture, step: Step) -> None:
-        """Tell every client the state, and where the needle is if there is one."""
-        self._welcome()
+    def send_step(self, capture: Capture, step: Step) -> None:
+        """Send every client the state, and the pose of the needle if it was detected."""
+        self._accept()
         if not self._clients:
             return
         utc_ns = step.stamp_ns + self._utc_offset_ns
@@ -60,23 +60,23 @@ class OpenIgtLink:
         line = found.get("needle_line")
         if isinstance(line, Segment):
             data += transform(NEEDLE, utc_ns, needle_matrix(line, found.get("needle_tip")))
-        self._keep(client for client in self._clients if client.tell(data))
+        self._keep(client for client in self._clients if client.send(data))
 
-    def felt(self, stamp_ns: int, amplitude: float, frequency_hz: float) -> None:
+    def send_output(self, stamp_ns: int, amplitude: float, frequency_hz: float) -> None:
         """Do nothing: Slicer has no use for it."""
 
     def take_problems(self) -> tuple[str, ...]:
-        """Return which clients were let go because they took nothing any more."""
+        """Return which clients were disconnected because they stalled."""
         problems, self._problems = tuple(self._problems), []
         return problems
 
     def close(self) -> None:
-        """Hang up."""
+        """Disconnect all clients and stop listening."""
         self._keep(())
         self._listener.close()
 
-    def _welcome(self) -> None:
-        while len(self._clients) < MOST_CLIENTS:
+    def _accept(self) -> None:
+        while len(self._clients) < MAX_CLIENTS:
             try:
                 connection, _ = self._listener.accept()
             except BlockingIOError:
@@ -89,43 +89,43 @@ class OpenIgtLink:
             if client not in kept:
                 client.close()
                 if client.is_stalled:
-                    self._problems.append(f"a client took nothing for {STALLED_S:g} s and was let go")
+                    self._problems.append(f"a client stalled for {STALL_TIMEOUT_S:g} s and was disconnected")
         self._clients = kept
 
 
 class _Client:
-    """One connection: never waited for, and never left in the middle of a message."""
+    """One non-blocking connection, which receives whole messages only."""
 
     def __init__(self, connection: socket.socket) -> None:
         connection.setblocking(False)
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._connection = connection
         self._unsent = memoryview(b"")
-        self._moved_s = time.monotonic()
+        self._progress_s = time.monotonic()
         self.is_stalled = False
 
-    def tell(self, data: bytes) -> bool:
-        """Send data, unless older data is still on its way; return whether the client is still there."""
-        if not self._is_there():
+    def send(self, data: bytes) -> bool:
+        """Send data, unless older data is still unsent; return whether to keep the client."""
+        if not self._is_connected():
             return False
         if not self._unsent:
             self._unsent = memoryview(data)
         try:
             while self._unsent:
                 self._unsent = self._unsent[self._connection.send(self._unsent) :]
-                self._moved_s = time.monotonic()
+                self._progress_s = time.monotonic()
         except BlockingIOError:
-            self.is_stalled = time.monotonic() - self._moved_s > STALLED_S
+            self.is_stalled = time.monotonic() - self._progress_s > STALL_TIMEOUT_S
         except OSError:
             return False
         return not self.is_stalled
 
     def close(self) -> None:
-        """Hang up."""
+        """Disconnect."""
         self._connection.close()
 
-    def _is_there(self) -> bool:
-        """Throw away what the client says, whatever it is; False if it has hung up."""
+    def _is_connected(self) -> bool:
+        """Discard what the client sends; False if it has disconnected."""
         try:
             for _ in range(16):
                 if not self._connection.recv(65536):
@@ -138,11 +138,11 @@ class _Client:
 
 
 def needle_matrix(line: Segment, tip: Geometry | None = None) -> Matrix:
-    """Return where the needle is: origin in its tip, z along the shaft towards the tip, as SlicerIGT's model.
+    """Return the needle's pose: origin at its tip, z along the shaft towards the tip, as SlicerIGT's model.
 
     Args:
         line: The visible shaft; eye frame.
-        tip: Its tip, where that is not the line's end: a bevel's lies beside it.
+        tip: Its tip, if it is not the line's end: that of a bevel is beside it.
     """
     (x0, y0), (x1, y1) = line.start_mm, line.end_mm
     length_mm = math.hypot(x1 - x0, y1 - y0)

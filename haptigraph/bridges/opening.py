@@ -1,13 +1,13 @@
-"""Open bridges by name: ros2, lsl, openigtlink:18944, ... The only place that knows them all."""
+"""Open bridges by name: ros2, lsl, openigtlink:18944, ..."""
 
 from collections.abc import Sequence
 from contextlib import ExitStack
 from importlib import import_module
 
-from haptigraph.bridges.bridge import Bridge, Run
+from haptigraph.bridges.bridge import Bridge, RunContext
 from haptigraph.errors import BadInput, unknown_name
 
-__all__ = ["BRIDGES", "open_bridges"]
+__all__ = ["BRIDGES", "open_bridges", "parse_address"]
 
 BRIDGES = {
     "foxglove": "haptigraph.bridges.foxglove:FoxgloveLink",
@@ -17,11 +17,11 @@ BRIDGES = {
 }
 
 
-def open_bridges(names: Sequence[str], run: Run) -> list[Bridge]:
-    """Open every bridge; each name may carry behind a colon what the bridge takes.
+def open_bridges(names: Sequence[str], run: RunContext) -> list[Bridge]:
+    """Open every bridge by NAME or NAME:ARGUMENT.
 
     Raises:
-        BadInput: If there is none of that name, or it cannot be opened; then none stays open.
+        BadInput: If there is no such bridge, or it cannot be opened; then all are closed.
         MissingExtra: If its library is not installed.
     """
     bridges = []
@@ -35,3 +35,25 @@ def open_bridges(names: Sequence[str], run: Run) -> list[Bridge]:
             undo.callback(bridges[-1].close)
         undo.pop_all()
     return bridges
+
+
+def parse_address(argument: str, bridge: str, port: int) -> tuple[str, int]:
+    """Return the host and port at which a bridge's server listens: this machine only, unless a host is given.
+
+    Args:
+        argument: PORT or HOST:PORT; may be empty.
+        bridge: Name of the bridge, for the error.
+        port: The default port.
+
+    Raises:
+        BadInput: If the argument is neither.
+    """
+    if not argument:
+        return "127.0.0.1", port
+    host, _, text = argument.rpartition(":")
+    if not text.isdecimal() or not 0 <= int(text) <= 65535:
+        raise BadInput(
+            f"bridge {bridge}:{argument}: expected {bridge}:PORT or {bridge}:HOST:PORT, for example "
+            f"{bridge}:{port} or {bridge}:0.0.0.0:{port}"
+        )
+    return host.strip("[]") or "127.0.0.1", int(text)

@@ -1,6 +1,6 @@
-"""Tell a ROS 2 network what a run sees and concludes, and let a joystick there steer the phantom.
+"""Publish a run to ROS 2, and let a joystick on that network steer the phantom.
 
-Stamps are when the image was taken, in wall-clock time; places and angles follow REP 103 (metres, radians).
+Stamps are the wall-clock time at which the image was taken; units follow REP 103 (metres, radians).
 """
 
 import math
@@ -8,10 +8,10 @@ from typing import Any
 
 import msgspec
 
-from haptigraph.bridges.bridge import Run
-from haptigraph.bridges.diagnostics import Diagnosis
+from haptigraph.bridges.bridge import RunContext
+from haptigraph.bridges.diagnostics import RunDiagnostics
 from haptigraph.bridges.joy import JoySteering
-from haptigraph.geometry import Point as Place
+from haptigraph.geometry import Point as EyePoint
 from haptigraph.messages import Capture, Step
 from haptigraph.ros2.node import Node, checked_topic
 from haptigraph.ros2.types import (
@@ -39,57 +39,59 @@ TOPICS: dict[str, Any] = {
     "theta": Float64,
     "touch": JoyFeedback,
 }
-"""Published below the namespace; /diagnostics besides."""
+"""Published below the namespace, besides /diagnostics."""
+
+MAX_PROBLEMS = 10
 
 
 class Ros2Link:
     """A ROS 2 node that publishes a run.
 
     Args:
-        namespace: Of the topics; haptigraph if empty.
-        run: What is told.
+        namespace: Of the topics; empty: haptigraph.
+        run: The run to publish.
 
     Raises:
-        BadInput: If the namespace is none, or the network cannot be joined.
+        BadInput: If the namespace is not valid, or the network cannot be joined.
         MissingExtra: If cyclonedds is not installed.
     """
 
-    def __init__(self, namespace: str, run: Run) -> None:
+    def __init__(self, namespace: str, run: RunContext) -> None:
         self._utc_offset_ns = run.info.utc_offset_ns
         self._problems: list[str] = []
-        space = checked_topic(namespace or "haptigraph")
+        root = checked_topic(namespace or "haptigraph")
         self._node = Node()
         self._publish = {
-            name: self._node.publisher(f"{space}/{name}", message_type)
+            name: self._node.publisher(f"{root}/{name}", message_type)
             for name, message_type in TOPICS.items()
         }
-        self._diagnosis = Diagnosis(space.strip("/"), self._utc_offset_ns)
+        self._run_diagnostics = RunDiagnostics(root.strip("/"), self._utc_offset_ns)
         self._diagnostics = self._node.publisher("/diagnostics", DiagnosticArray)
-        if (teleop := getattr(run.source, "teleop", None)) is not None:
-            self._node.subscribe("/joy", Joy, JoySteering(teleop.put, run.clock).take, self._refuse)
+        if run.teleop is not None:
+            self._node.subscribe("/joy", Joy, JoySteering(run.teleop.put, run.clock).take, self._reject)
 
-    def send(self, capture: Capture, step: Step) -> None:
-        """Publish one step; needle and theta only where there is one."""
+    def send_step(self, capture: Capture, step: Step) -> None:
+        """Publish one step; needle tip and theta only if they are known."""
         self._publish["state"].send(String(step.conclusion.state))
         self._publish["graph"].send(String(msgspec.json.encode(step.graph).decode()))
         tip = step.observation.found.get("needle_tip")
-        if isinstance(tip, Place):
+        if isinstance(tip, EyePoint):
             x_mm, y_mm = tip.at_mm
             header = Header(Time.from_ns(step.stamp_ns + self._utc_offset_ns), EYE_FRAME)
             self._publish["needle_tip"].send(PointStamped(header, Point(x_mm / 1e3, y_mm / 1e3, 0.0)))
         theta_deg = step.graph.measures.get("theta_deg")
         if theta_deg is not None:
             self._publish["theta"].send(Float64(math.radians(theta_deg)))
-        summary = self._diagnosis.add(capture, step)
+        summary = self._run_diagnostics.add(capture, step)
         if summary is not None:
             self._diagnostics.send(summary)
 
-    def felt(self, stamp_ns: int, amplitude: float, frequency_hz: float) -> None:
-        """Publish what the hand feels from now on."""
+    def send_output(self, stamp_ns: int, amplitude: float, frequency_hz: float) -> None:
+        """Publish the haptic output from now on."""
         self._publish["touch"].send(JoyFeedback(RUMBLE, 0, amplitude))
 
     def take_problems(self) -> tuple[str, ...]:
-        """Return what was wrong with messages that came."""
+        """Return the problems of received messages."""
         problems, self._problems = tuple(self._problems), []
         return problems
 
@@ -97,6 +99,6 @@ class Ros2Link:
         """Leave the network."""
         self._node.close()
 
-    def _refuse(self, problem: str) -> None:
-        if len(self._problems) < 10:
-            self._problems.append(f"refused from /joy: {problem}")
+    def _reject(self, problem: str) -> None:
+        if len(self._problems) < MAX_PROBLEMS:
+            self._problems.append(f"rejected a message on /joy: {problem}")

@@ -1,1 +1,1 @@
-"""The commands, grouped by what they are for; `cli` puts them together."""
+"""The commands, grouped by purpose; `cli` assembles them."""

@@ -1,4 +1,4 @@
-"""The command that shows the loop in a browser: live."""
+"""The command `live`, which shows the loop in a browser."""
 
 from contextlib import closing
 
@@ -16,17 +16,17 @@ __all__ = ["live"]
 @run_options
 @page_options
 @click.option(
-    "--recordings", metavar="FOLDER", default=".", help="Recordings to look at; where you are if not given."
+    "--recordings", metavar="FOLDER", default=".", help="Recordings to browse; default: the current folder."
 )
 def live(
     port: int | None, host: str, token: str | None, recordings: str, config: str | None, **given: object
 ) -> None:
-    """Run the loop on SOURCE in real time, with a page to watch it by.
+    """Run the loop on SOURCE in real time, and show it on a page in the browser.
 
-    SOURCE is what `run` takes; without one, you steer a simulated needle from the page. A scenario starts
-    again when it is over. Open the printed address. If SOURCE needs a registration and none is given, a page
-    to make one comes first.
-    The page is for this machine only; with another --host, only for those who know the token.
+    SOURCE is what `run` takes; without one, you steer a simulated needle from the page. Scenarios repeat.
+    Open the printed address. If SOURCE needs a registration and none is given, the page lets you create one
+    first.
+    The page is served to this machine only; with another --host, visitors need the token.
     """
     from functools import partial
     from pathlib import Path
@@ -39,7 +39,7 @@ def live(
     from haptigraph.errors import BadInput
 
     if not Path(recordings).is_dir():
-        raise BadInput("is no folder; --recordings names the folder of recordings to look at", recordings)
+        raise BadInput("is no folder; --recordings names the folder of recordings to browse", recordings)
     settings = run_settings(given, realtime=True)
     begin = () if config else ("source.uri=teleop",)
     settled = load_config(config, (*begin, *settings))
@@ -54,7 +54,7 @@ def live(
             return
         except NeedsRegistration as needed:
             tell(f"haptigraph: {needed}")
-        tell(f"haptigraph: or make one now: the page is at {page.address}")
+        tell(f"haptigraph: or create one now; the page is at {page.address}")
         with terminable():
             made = page.registered_first()
         settled = replace(settled, source=replace(settled.source, registration=made))

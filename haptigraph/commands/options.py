@@ -1,4 +1,4 @@
-"""Options that several commands share, and how they become settings."""
+"""Options shared by several commands, and their conversion to settings."""
 
 from collections.abc import Callable, Mapping
 from functools import reduce
@@ -20,15 +20,15 @@ __all__ = [
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 procedure_option = click.option(
-    "--procedure", metavar="NAME|FILE", help="Rules and touch; subretinal_injection if not given."
+    "--procedure", metavar="NAME|FILE", help="Rules and haptic patterns; default: subretinal_injection."
 )
-config_option = click.option("--config", metavar="FILE", help="Settings (TOML).")
+config_option = click.option("--config", metavar="FILE", help="Settings file (TOML).")
 set_option = click.option(
     "--set",
     "settings",
     multiple=True,
     metavar="KEY=VALUE",
-    help="One setting, e.g. perception.alpha=1; may be repeated.",
+    help="Override one setting, e.g. perception.alpha=1; repeatable.",
 )
 
 RUN = {
@@ -39,23 +39,21 @@ RUN = {
     "bridge": "run.bridges",
     "record": "recording.path",
 }
-"""Arguments of every command that runs the loop, and the settings they are short for."""
+"""Arguments of every command that runs the loop, and the settings they stand for."""
 
 
 def page_options(command: Command) -> Command:
-    """Give a command --port, --host and --token, for the page it serves."""
+    """Add --port, --host and --token to a command that serves a page."""
     decorators = (
-        click.option("--port", type=click.IntRange(1, 65535), help="Of the page; any free one if not given."),
+        click.option("--port", type=click.IntRange(1, 65535), help="Port of the page; default: a free one."),
         click.option("--host", default="127.0.0.1", show_default=True, help="Address to serve on."),
-        click.option(
-            "--token", metavar="TOKEN", help="What visitors must know; made up if --host needs one."
-        ),
+        click.option("--token", metavar="TOKEN", help="Secret for visitors; generated if --host needs one."),
     )
     return reduce(lambda made, decorator: decorator(made), reversed(decorators), command)
 
 
 def page_token(host: str, token: str | None) -> str:
-    """Return what visitors of a page must know; empty: nothing, where only this machine reaches it."""
+    """Return the secret for visitors of a page; empty if only this machine can reach the page."""
     import secrets
 
     from haptigraph.dashboard.server.access import LOOPBACK
@@ -64,19 +62,19 @@ def page_token(host: str, token: str | None) -> str:
 
 
 def run_options(command: Command) -> Command:
-    """Give a command the arguments of `RUN`, --config and --set."""
+    """Add the arguments in `RUN`, --config and --set to a command."""
     decorators = (
         click.argument("source", required=False),
-        click.option("--registration", metavar="FILE", help="Where the anatomy lies in the images (TOML)."),
+        click.option("--registration", metavar="FILE", help="Position of the anatomy in the images (TOML)."),
         procedure_option,
-        click.option("--device", metavar="DEVICE", help="What vibrates; `haptigraph devices` lists all."),
+        click.option("--device", metavar="DEVICE", help="Haptic device; `haptigraph devices` lists all."),
         click.option(
             "--bridge",
             multiple=True,
             metavar="BRIDGE",
-            help="Tell others live: ros2[:NAME], lsl, openigtlink[:PORT], foxglove[:PORT]; may be repeated.",
+            help="Publish live: ros2[:NAME], lsl, openigtlink[:PORT], foxglove[:PORT]; repeatable.",
         ),
-        click.option("--record", metavar="FILE", help="Keep the run in a new MCAP file."),
+        click.option("--record", metavar="FILE", help="Record the run to a new MCAP file."),
         config_option,
         set_option,
     )
@@ -87,8 +85,8 @@ def run_settings(given: Mapping[str, object], realtime: bool | None) -> tuple[st
     """Return the settings of a command with `run_options`.
 
     Args:
-        given: Its arguments; those of `RUN` count, after --set.
-        realtime: As `run.realtime`.
+        given: Its arguments; those in `RUN` override --set.
+        realtime: The setting `run.realtime`.
     """
     options = {**{key: given[name] for name, key in RUN.items()}, "run.realtime": realtime}
     settings: Any = given["settings"]
@@ -96,7 +94,7 @@ def run_settings(given: Mapping[str, object], realtime: bool | None) -> tuple[st
 
 
 def settings_of(options: Mapping[str, object]) -> tuple[str, ...]:
-    """Turn command-line options into settings; a text is quoted as TOML so that it stays a text."""
+    """Turn command-line options into settings; a string is quoted as TOML so that it stays a string."""
     import json
 
     return tuple(f"{key}={json.dumps(value)}" for key, value in options.items() if value not in (None, ()))

@@ -14,26 +14,26 @@ __all__ = ["check", "register"]
 
 @click.command()
 @click.argument("source")
-@click.option("-o", "--output", metavar="FILE", required=True, help="The registration to write (TOML).")
-@click.option("--target", metavar="X,Y", help="The target, in pixels of the image as stored.")
-@click.option("--target-mm", type=float, help="Or from the retina's bottom, to the surgeon's right.  [0]")
+@click.option("-o", "--output", metavar="FILE", required=True, help="Registration to write (TOML).")
+@click.option("--target", metavar="X,Y", help="Target in pixels of the stored image.")
+@click.option("--target-mm", type=float, help="Or in mm along the retina from its lowest point.  [0]")
+@click.option("--trocar", metavar="left|right|X,Y", help="Trocar in use, if motion does not show it.")
 @click.option(
-    "--trocar", metavar="left|right|X,Y", help="The trocar in use, if it is not clear from what moves."
+    "--mirrored/--not-mirrored", default=True, help="Whether a mirror flips the images.  [mirrored]"
 )
-@click.option("--mirrored/--not-mirrored", default=True, help="Seen through a mirror, or not.  [mirrored]")
 @click.option("--diameter-mm", default=24.0, show_default=True, help="Inner diameter of the globe.")
-@click.option("--picture", metavar="FILE", help="The PNG to draw; beside the registration if not given.")
-@click.option("--images", default=40, show_default=True, help="How many images of SOURCE to use, spread out.")
-@click.option("--force", is_flag=True, help="Overwrite files that exist.")
+@click.option("--picture", metavar="FILE", help="PNG to draw; default: beside the registration.")
+@click.option("--images", default=40, show_default=True, help="Number of images of SOURCE to use.")
+@click.option("--force", is_flag=True, help="Overwrite existing files.")
 @set_option
 def register(
     source: str, output: str, picture: str | None, force: bool, settings: tuple[str, ...], **overrides: Any
 ) -> None:
-    """Find eye, retina and trocars in SOURCE by itself, and write the registration.
+    """Find eye, retina and trocars in SOURCE automatically, and write the registration.
 
-    SOURCE is an image, or what `run` takes but a camera; best a clip in which the needle goes in and turns.
-    Of B-scans (oct:PATH) scale and crop are checked instead, given by --set source.axial_mm_per_px=...,
-    source.lateral_mm_per_px=... and source.crop_px=[LEFT,TOP,WIDTH,HEIGHT].
+    SOURCE is an image, or what `run` takes except a camera; best a clip in which the needle enters and turns.
+    For B-scans (oct:PATH) the command checks scale and crop instead, which you set with
+    --set source.axial_mm_per_px=..., source.lateral_mm_per_px=... and source.crop_px=[LEFT,TOP,WIDTH,HEIGHT].
     """
     from haptigraph.analysis.registering.oct import brings_scans, register_scans
     from haptigraph.analysis.registering.overrides import Overrides
@@ -56,13 +56,13 @@ def register(
     "--prover",
     type=click.Choice(["auto", "exhaustive", "z3"]),
     default="auto",
-    help="Look at every graph, or ask z3; auto: whichever fits.",
+    help="Enumerate every graph, or use z3; auto: whichever fits.",
 )
-@click.option("--picture", metavar="FILE", help="Draw the graphs that break a claim: PNG, SVG or PDF.")
+@click.option("--picture", metavar="FILE", help="Draw the graphs that violate a claim: PNG, SVG or PDF.")
 def check(procedure: str, prover: Literal["auto", "exhaustive", "z3"], picture: str | None) -> None:
     """Explain PROCEDURE in tables, and prove its claims over every possible graph.
 
-    Exit code 1 if a claim is violated; the smallest graph that breaks it is shown.
+    Exit code 1 if a claim is violated; the smallest graph that violates it is shown.
     """
     from rich.console import Console
     from rich.text import Text
@@ -78,7 +78,7 @@ def check(procedure: str, prover: Literal["auto", "exhaustive", "z3"], picture: 
         from haptigraph.analysis.plots.proof_figure import proof_figure
 
         proof_figure(proof, picture)
-    # No markup: what looks like it is the user's. Where nobody looks, nothing is broken into lines.
+    # No markup: square brackets belong to the user's text. No line breaks where no terminal needs them.
     console = Console(markup=False, emoji=False, width=None if sys.stdout.isatty() else 10_000)
     console.print(Text.assemble((loaded.title, "bold"), f"  {loaded.source}\nsha256 {loaded.sha256}"))
     for table in (*explain(loaded), claims_table(proof)):

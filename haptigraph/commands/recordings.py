@@ -14,9 +14,10 @@ __all__ = ["recover", "replay"]
 @click.argument("recording")
 @procedure_option
 def replay(recording: str, procedure: str | None) -> None:
-    """Run RECORDING again and compare every step.
+    """Replay RECORDING and compare every step.
 
-    With --procedure: what would have happened under another procedure. Without: exit code 1 if steps differ.
+    With --procedure, show what would have happened under another procedure. Without, exit with code 1 if
+    steps differ.
     """
     from haptigraph.analysis.metrics.replay import replay as run_again
     from haptigraph.analysis.metrics.summary import summary
@@ -25,9 +26,9 @@ def replay(recording: str, procedure: str | None) -> None:
     with progress_bar() as progress:
         report = run_again(recording, procedure, progress)
     if report.is_being_written:
-        click.echo("the recording is still being written; this is what there is so far")
+        click.echo("the recording is still being written; this is the replay so far")
     elif not report.is_whole:
-        click.echo("the recording was interrupted; `haptigraph recover` makes it whole")
+        click.echo("the recording was interrupted; `haptigraph recover` repairs it")
     if report.dropped_images:
         click.echo(f"{report.dropped_images} images were not recorded; steps that depend on them differ")
     click.echo(f"{report.identical} of {report.steps} steps identical")
@@ -46,12 +47,12 @@ def replay(recording: str, procedure: str | None) -> None:
 @click.command()
 @click.argument("recording")
 def recover(recording: str) -> None:
-    """Make an interrupted RECORDING whole, in its place."""
+    """Repair an interrupted RECORDING in place."""
     from haptigraph.recording.reader import RunReader
-    from haptigraph.recording.writer import recover as make_whole
+    from haptigraph.recording.writer import recover as repair
 
     reader = RunReader(recording)
     with progress_bar() as progress:
-        was_interrupted = make_whole(reader.path, progress)
-    steps, _ = RunReader(recording).count()  # reads all of it, and tells damage
-    click.echo(f"{recording} is whole" + (f" again: {steps} complete steps" if was_interrupted else ""))
+        was_interrupted = repair(reader.path, progress)
+    steps, _ = RunReader(recording).count()  # reads all of it, so that damage is an error
+    click.echo(f"{recording} is complete" + (f" again: {steps} steps" if was_interrupted else ""))

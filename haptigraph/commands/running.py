@@ -23,14 +23,14 @@ __all__ = ["demo", "run", "run_loop"]
 
 @click.command()
 @run_options
-@click.option("--realtime/--fast", default=None, help="Pace images by the clock, or go as fast as possible.")
+@click.option("--realtime/--fast", default=None, help="Pace images by the clock, or run as fast as possible.")
 def run(config: str | None, realtime: bool | None, **given: object) -> None:
-    """Run the loop on SOURCE: image in, touch out.
+    """Run the loop on SOURCE: images in, haptic feedback out.
 
     SOURCE is phantom:SCENARIO, camera:N, realsense[:SERIAL], ros2:TOPIC, or the path of a video, a DICOM
-    file, a folder of images or a recording; `haptigraph sources` lists them all. What a source can be asked
-    for are settings: --set source.rate_hz=60. Cameras and the phantom run in real time, files as fast as
-    possible. Ctrl-C ends the run with its summary.
+    file, a folder of images or a recording; `haptigraph sources` lists them all. Options of a source are
+    settings: --set source.rate_hz=60. Cameras and the phantom run in real time, files as fast as possible.
+    Ctrl-C ends the run and prints its summary.
     """
     from haptigraph.config import load_config
 
@@ -38,19 +38,22 @@ def run(config: str | None, realtime: bool | None, **given: object) -> None:
 
 
 @click.command()
-@click.option("--scenario", default="wrong_place_then_hit", show_default=True, help="What the operator does.")
 @click.option(
-    "--output", metavar="FOLDER", help="Where to put recording and picture; a new folder if not given."
+    "--scenario",
+    default="wrong_place_then_hit",
+    show_default=True,
+    help="Scenario of the simulated operator.",
 )
-@click.option("--realtime/--fast", default=True, help="In real time, or as fast as possible.")
+@click.option("--output", metavar="FOLDER", help="For the recording and its figure; default: a new folder.")
+@click.option("--realtime/--fast", default=True, help="Run in real time, or as fast as possible.")
 def demo(scenario: str, output: str | None, realtime: bool) -> None:
-    """See the whole loop in half a minute: simulated eye, needle, operator; recorded, replayed, drawn."""
+    """Demonstrate the whole loop in half a minute on a simulated eye: run, record, replay, plot."""
     from haptigraph.analysis.metrics.replay import replay as run_again
     from haptigraph.analysis.plots.figures import run_figure
     from haptigraph.config import load_config
     from haptigraph.sim.scenario import load_scenario
 
-    load_scenario(scenario)  # so that a wrong name leaves no folder behind
+    load_scenario(scenario)  # a wrong name must not create a folder
     folder = Path(output) if output else Path(tempfile.mkdtemp(prefix="haptigraph-demo-"))
     folder.mkdir(parents=True, exist_ok=True)
     recording, picture = folder / "demo.mcap", folder / "demo.png"
@@ -71,11 +74,11 @@ def demo(scenario: str, output: str | None, realtime: bool) -> None:
 
 
 def run_loop(config: "Config", page: "LivePage | None" = None) -> bool:
-    """Run a configuration and print the summary, also of a run that fails; False if it was interrupted.
+    """Run a configuration and print the summary, also if the run fails; return False if interrupted.
 
     Args:
-        config: What to run.
-        page: Watches the run, if any, and outlasts it until Ctrl-C.
+        config: The configuration.
+        page: The live page, if any; after the run it stays until Ctrl-C.
     """
     from haptigraph.analysis.metrics.run import RunMeasures
     from haptigraph.analysis.metrics.summary import summary
@@ -94,13 +97,13 @@ def run_loop(config: "Config", page: "LivePage | None" = None) -> bool:
             notes = [f"haptigraph: the page is at {page.address}"] if page else []
             for note in (*notes, *loop.notes):
                 tell(note)
-            failure = _to_its_end(loop, measures)
+            failure = _run_to_end(loop, measures)
             if loop.report.steps or failure is None:
                 click.echo(f"\n{summary(measures, loop.report)}")
             if config.recording.path and loop.report.steps:
                 click.echo(f"recording       {config.recording.path}")
             if page:
-                _outlast(page, str(failure or loop.report.ended))
+                _end_page(page, str(failure or loop.report.ended))
     if isinstance(failure, BadInput) and not failure.file:
         raise BadInput(failure.problem, config.source.uri, failure.place)
     if failure is not None:
@@ -108,14 +111,14 @@ def run_loop(config: "Config", page: "LivePage | None" = None) -> bool:
     return loop.report.ended != "interrupted"
 
 
-def _to_its_end(loop: "Loop", measures: "RunMeasures") -> HaptigraphError | None:
+def _run_to_end(loop: "Loop", measures: "RunMeasures") -> HaptigraphError | None:
     """Run a loop until its source, the user or an error ends it; return the error."""
     try:
         with closing(loop.steps()) as steps:
             for step in steps:
                 measures.add(step)
                 for claim in measures.just_broken:
-                    tell(f"{(step.stamp_ns - measures.first_ns) / 1e9:7.2f} s  ! broken: {claim}")
+                    tell(f"{(step.stamp_ns - measures.first_ns) / 1e9:7.2f} s  ! violated: {claim}")
     except KeyboardInterrupt:
         loop.report.ended = "interrupted"
     except HaptigraphError as error:
@@ -124,10 +127,10 @@ def _to_its_end(loop: "Loop", measures: "RunMeasures") -> HaptigraphError | None
     return None
 
 
-def _outlast(page: "LivePage", ended: str) -> None:
-    """Tell viewers how the run ended; after a file's end the page stays, to be looked at, until Ctrl-C."""
+def _end_page(page: "LivePage", ended: str) -> None:
+    """Show viewers how the run ended; after the end of a file the page stays until Ctrl-C."""
     stays = ended == "source ended"
-    with suppress(KeyboardInterrupt):  # from here on: who sees the end may press it at once
+    with suppress(KeyboardInterrupt):  # the user may press Ctrl-C as soon as the page shows the end
         if stays:
             tell("haptigraph: the source has ended; the page stays until Ctrl-C")
         page.end(ended)

@@ -1,4 +1,4 @@
-"""What all commands share of a terminal that may go away: words beside the output, progress, signals."""
+"""Terminal output that survives a closed terminal: status lines, progress bars, signals."""
 
 import signal
 from collections.abc import Iterator
@@ -15,21 +15,21 @@ __all__ = ["progress_bar", "tell", "terminable"]
 
 
 def tell(text: str) -> None:
-    """Say something beside the output, where there still is someone to hear it."""
+    """Print a status line to standard error, if it is still open."""
     with suppress(OSError):
         click.echo(text, err=True)
 
 
 @contextmanager
 def terminable() -> Iterator[None]:
-    """Let SIGTERM and a closed terminal end a run like Ctrl-C: the hand is stilled, the recording closed."""
+    """Make SIGTERM and a closed terminal end a run like Ctrl-C: vibration stops, the recording is closed."""
 
     def interrupt(number: int, frame: FrameType | None) -> None:
         raise KeyboardInterrupt
 
     endings = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
-    ours = [number for number in endings if signal.getsignal(number) is not signal.SIG_IGN]  # as under nohup
-    before = {number: signal.signal(number, interrupt) for number in ours}
+    handled = [number for number in endings if signal.getsignal(number) is not signal.SIG_IGN]  # as by nohup
+    before = {number: signal.signal(number, interrupt) for number in handled}
     try:
         yield
     finally:
@@ -39,7 +39,7 @@ def terminable() -> Iterator[None]:
 
 @contextmanager
 def progress_bar() -> Iterator["Progress"]:
-    """Show a bar for work that reports its progress, from its first report on, where someone is looking."""
+    """Show a progress bar in a terminal, from the first report of progress on."""
     from rich.console import Console
     from rich.progress import Progress as Bar
 
@@ -48,7 +48,7 @@ def progress_bar() -> Iterator["Progress"]:
     tasks: dict[str, Any] = {}
 
     def report(what: str, done: int, total: int) -> None:
-        with suppress(OSError):  # the terminal may go away; the work goes on
+        with suppress(OSError):  # the work continues if the terminal closes
             bar.start()
             if what not in tasks:
                 tasks[what] = bar.add_task(what, total=total)

@@ -1,4 +1,4 @@
-"""Images as bytes and back: JPEG and lossless PNG. Decoding the same bytes always gives the same pixels."""
+"""Encode images as JPEG or lossless PNG, and decode them deterministically."""
 
 from collections.abc import Sequence
 
@@ -9,7 +9,7 @@ from haptigraph.messages import Image
 
 __all__ = ["decode", "encode_jpeg", "encode_png", "format_of"]
 
-# Filtering by the row above and plain Huffman coding: half the time of OpenCV's default, hardly larger.
+# The "up" filter and plain Huffman coding: half the time of OpenCV's default, hardly larger files.
 PNG_PARAMETERS = (
     cv2.IMWRITE_PNG_COMPRESSION,
     1,
@@ -21,27 +21,27 @@ PNG_PARAMETERS = (
 
 
 def encode_png(image: Image) -> bytes:
-    """Compress an image without loss."""
+    """Compress an image losslessly."""
     return _encode(".png", image, PNG_PARAMETERS)
 
 
 def encode_jpeg(image: Image, quality: int) -> bytes:
-    """Compress an image as JPEG of a quality from 1 to 100."""
+    """Compress an image as JPEG, with a quality from 1 to 100."""
     return _encode(".jpg", image, (cv2.IMWRITE_JPEG_QUALITY, quality))
 
 
 def decode(data: bytes) -> Image:
-    """Return the image in JPEG or PNG bytes, grey or BGR as it was stored.
+    """Return the image in JPEG or PNG bytes, grey or BGR as stored.
 
     Raises:
-        ValueError: If the bytes are no image.
+        ValueError: If the bytes are not an 8-bit image.
     """
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_ANYCOLOR)
     except cv2.error:
         image = None
     if image is None or image.dtype != np.uint8:
-        raise ValueError(f"{len(data)} bytes that are no 8-bit image")
+        raise ValueError(f"{len(data)} bytes that are not an 8-bit image")
     return np.asarray(image, np.uint8)
 
 
@@ -51,7 +51,7 @@ def format_of(data: bytes) -> str:
 
 
 def _encode(suffix: str, image: Image, parameters: Sequence[int]) -> bytes:
-    done, data = cv2.imencode(suffix, image, parameters)
-    if not done:
+    succeeded, data = cv2.imencode(suffix, image, parameters)
+    if not succeeded:
         raise ValueError(f"an image of shape {image.shape} cannot be stored as {suffix}")
     return data.tobytes()

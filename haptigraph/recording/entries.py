@@ -1,4 +1,4 @@
-"""Turn one step into the messages of the table in `schema`: what is recorded, and seen live."""
+"""Turn one step into the messages of the table in `schema`, for recordings and live viewers."""
 
 from collections.abc import Iterator
 
@@ -16,14 +16,14 @@ __all__ = ["entries"]
 def entries(
     capture: Capture, step: Step, *, image: ImageGeometry, utc_offset_ns: int, dropped: bool = False
 ) -> Iterator[tuple[str, Struct]]:
-    """Yield topic and message, in the order in which they are to be written.
+    """Yield topics and messages in the order of writing.
 
     Args:
-        capture: What the step was made of.
+        capture: The capture of the step.
         step: The step.
-        image: Where the eye frame lies in the images, for the drawings.
+        image: Transformation between images and eye frame, for the annotations.
         utc_offset_ns: Nanoseconds since 1970 minus stamp_ns.
-        dropped: True if there was an image but it is not kept.
+        dropped: True if there was an image that is not recorded.
     """
     time = Time.from_ns(step.stamp_ns + utc_offset_ns)
     kept: Kept = "dropped" if dropped else "none" if capture.image is None else "recorded"
@@ -49,7 +49,7 @@ def entries(
     yield "/command", step.command
     for fault in step.faults:
         yield "/log", Log(time, WARNING, fault.message, fault.where)
-    if step.timing is not None:  # last: a step is complete when its timing is there
+    if step.timing is not None:  # last, so that its presence marks a complete step
         yield "/timing", step.timing
 
 
@@ -57,5 +57,5 @@ def _compressed(time: Time, capture: Capture) -> CompressedImage:
     if capture.encoded is not None:
         return CompressedImage(time, "camera", capture.encoded, format_of(capture.encoded))
     if capture.image is None:
-        raise ValueError("a capture without image has none to compress")
+        raise ValueError("the capture has no image to compress")
     return CompressedImage(time, "camera", encode_png(capture.image), "png")

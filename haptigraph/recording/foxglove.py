@@ -1,4 +1,4 @@
-"""The few Foxglove messages a recording uses, so that Foxglove shows images, drawings and faults unaided.
+"""The Foxglove messages of a recording, so that Foxglove shows images, annotations and faults as they are.
 
 Field names follow the published schemas (https://docs.foxglove.dev/docs/visualization/message-schemas).
 """
@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 from msgspec import Struct
 
-from haptigraph.geometry import Circle, Geometry, ImageGeometry, Phase, Point, Polyline, Segment, Vec
+from haptigraph.geometry import Circle, Geometry, ImageGeometry, Phase, Point, Polyline, Vec
 
 __all__ = ["CompressedImage", "ImageAnnotations", "Log", "Time", "annotations", "foxglove_schema"]
 
@@ -31,7 +31,7 @@ class Time(Struct, frozen=True):
 
 
 class Color(Struct, frozen=True):
-    """A colour, each part in [0, 1]."""
+    """A colour, each component in [0, 1]."""
 
     r: float
     g: float
@@ -40,7 +40,7 @@ class Color(Struct, frozen=True):
 
 
 class Point2(Struct, frozen=True):
-    """A place in an image [px]."""
+    """A position in an image [px]."""
 
     x: float
     y: float
@@ -117,7 +117,7 @@ DOT_MM = 0.35
 def annotations(
     time: Time, found: dict[str, Geometry], image: ImageGeometry, caption: str
 ) -> ImageAnnotations:
-    """Draw what was found over the image as stored."""
+    """Annotate the stored image with the detected geometry."""
     circles, lines = [], []
     for name, shape in found.items():
         color = INSTRUMENT if name.startswith("needle") else ANATOMY
@@ -127,19 +127,19 @@ def annotations(
             if image.frontal_from_image is None:
                 circles.append(_circle(time, shape, image, color))
             else:
-                lines.append(_line(time, _around(shape), image, color))
+                lines.append(_line(time, _outline(shape), image, color))
         elif not isinstance(shape, Phase):
-            places = shape.points_mm if isinstance(shape, Polyline) else _ends(shape)
-            lines.append(_line(time, places, image, color))
+            points = shape.points_mm if isinstance(shape, Polyline) else (shape.start_mm, shape.end_mm)
+            lines.append(_line(time, points, image, color))
     text = TextAnnotation(time, Point2(12.0, 12.0), caption, 20.0, Color(1.0, 1.0, 1.0), Color(0, 0, 0, 0.6))
     return ImageAnnotations(tuple(circles), tuple(lines), (text,))
 
 
 def foxglove_schema(type_: type, title: str) -> dict[str, Any]:
-    """Describe a message in the part of JSON Schema that Foxglove reads.
+    """Describe a message in the subset of JSON Schema that Foxglove reads.
 
-    That part knows objects, numbers, texts, and lists of these, spelled out in place. What it cannot say
-    (shapes of several kinds, lists of lists) is left out; it is in the message all the same.
+    The subset has objects, numbers, strings, and lists of these, without references. What it cannot describe
+    (unions, lists of lists) is left out of the schema, but not of the message.
     """
     components = msgspec.json.schema_components([type_])[1]
     schema = _plain({"$ref": f"#/$defs/{type_.__name__}"}, components)
@@ -153,24 +153,20 @@ def _circle(time: Time, circle: Circle, image: ImageGeometry, color: Color) -> C
     return CircleAnnotation(time, center, 2 * circle.radius_mm / image.mm_per_px, 2.0, CLEAR, color)
 
 
-def _line(time: Time, places_mm: Sequence[Vec], image: ImageGeometry, color: Color) -> PointsAnnotation:
-    points = tuple(Point2(*image.to_px(place)) for place in places_mm)
+def _line(time: Time, points_mm: Sequence[Vec], image: ImageGeometry, color: Color) -> PointsAnnotation:
+    points = tuple(Point2(*image.to_px(point)) for point in points_mm)
     return PointsAnnotation(time, LINE_STRIP, points, color, (), CLEAR, 2.0)
 
 
-def _around(circle: Circle) -> list[Vec]:
-    """Return places all round, for a circle that is seen as an ellipse."""
+def _outline(circle: Circle) -> list[Vec]:
+    """Return points on a circle that appears as an ellipse in the image."""
     (x, y), radius = circle.center_mm, circle.radius_mm
-    turns = [math.radians(angle_deg) for angle_deg in range(0, 361, 5)]
-    return [(x + radius * math.cos(turn), y + radius * math.sin(turn)) for turn in turns]
-
-
-def _ends(segment: Segment) -> tuple[tuple[float, float], ...]:
-    return segment.start_mm, segment.end_mm
+    angles = [math.radians(angle_deg) for angle_deg in range(0, 361, 5)]
+    return [(x + radius * math.cos(angle), y + radius * math.sin(angle)) for angle in angles]
 
 
 def _plain(schema: dict[str, Any], components: dict[str, Any]) -> dict[str, Any] | None:
-    """Spell out references and drop what Foxglove's reader refuses."""
+    """Resolve references and drop what Foxglove does not support."""
     if "$ref" in schema:
         return _plain(components[schema["$ref"].rpartition("/")[2]], components)
     if "anyOf" in schema:

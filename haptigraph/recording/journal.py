@@ -1,4 +1,4 @@
-"""MCAP files while a run is being written: appended record by record, whole up to the last one."""
+"""MCAP files during a run: appended record by record, and complete up to the last record at any time."""
 
 import os
 import struct
@@ -17,7 +17,7 @@ from haptigraph.errors import BadInput
 
 try:
     import fcntl
-except ImportError:  # Windows has no such locks, but lets nobody replace a file that is open
+except ImportError:  # Windows has no such locks, but does not let an open file be replaced
     fcntl = None  # type: ignore[assignment]
 
 __all__ = [
@@ -30,17 +30,17 @@ __all__ = [
 ]
 
 MAGIC = b"\x89MCAP0\r\n"
-HEAD = struct.Struct("<BQ")  # opcode, length
+RECORD_HEADER = struct.Struct("<BQ")  # opcode, length
 DAMAGE = (McapError, zstandard.ZstdError, struct.error, ValueError, OverflowError, MemoryError)
 
 
 class Journal:
-    """A file that hands every write to the operating system at once; a killed process loses nothing.
+    """A file that passes every write to the operating system at once, so that a killed process loses nothing.
 
-    Until it is closed the file is locked, where the system can: nobody shall take it for an interrupted one.
+    The file is locked until it is closed, if the system can, and so not mistaken for an interrupted one.
 
     Args:
-        descriptor: An open file descriptor; owned from here on.
+        descriptor: An open file descriptor; the journal owns it.
     """
 
     def __init__(self, descriptor: int) -> None:
@@ -54,28 +54,28 @@ class Journal:
         return self._descriptor is None
 
     def write(self, data: bytes) -> int:
-        """Write all of it.
+        """Write all bytes.
 
         Raises:
-            OSError: If the disk does not take it.
+            OSError: If they cannot be written.
         """
         if self._descriptor is None:
             raise ValueError("write to a closed journal")
-        left = memoryview(data)
-        while left:
-            left = left[os.write(self._descriptor, left) :]
+        unwritten = memoryview(data)
+        while unwritten:
+            unwritten = unwritten[os.write(self._descriptor, unwritten) :]
         self._written += len(data)
         return len(data)
 
     def tell(self) -> int:
-        """Return how many bytes were written."""
+        """Return the number of bytes written."""
         return self._written
 
     def flush(self) -> None:
-        """Do nothing: nothing is held back."""
+        """Do nothing: writes are not buffered."""
 
     def close(self) -> None:
-        """Bring the file to the disk and close it. May be called twice."""
+        """Sync the file to the disk and close it. May be called twice."""
         if self._descriptor is not None:
             descriptor, self._descriptor = self._descriptor, None
             try:
@@ -85,31 +85,31 @@ class Journal:
 
 
 def is_being_written(path: Path) -> bool:
-    """Tell whether a journal is still open somewhere; False where the system cannot tell."""
+    """Return whether a process still has the journal open; False if the system has no locks."""
     with path.open("rb") as file:
         return not _lock(file.fileno(), "LOCK_SH", "LOCK_NB")
 
 
 @contextmanager
 def not_being_written(
-    path: Path, otherwise: str = "is still being written; end that run first"
+    path: Path, problem: str = "is still being written; end that run first"
 ) -> Iterator[None]:
-    """Keep a recording, or another file, for oneself.
+    """Lock a recording, or another file, exclusively.
 
     Raises:
-        BadInput: If someone else has it, in the words of `otherwise`.
+        BadInput: If another process has locked it, with `problem` as the message.
     """
     if fcntl is None:
         yield
         return
     with path.open("rb") as file:
         if not _lock(file.fileno(), "LOCK_EX", "LOCK_NB"):
-            raise BadInput(otherwise, path)
+            raise BadInput(problem, path)
         yield
 
 
 def _lock(descriptor: int, *flags: str) -> bool:
-    """Lock an open file; False if someone else has. Systems and disks without locks lock nothing."""
+    """Lock an open file; False if another process has locked it. Without support for locks, do nothing."""
     try:
         if fcntl is not None:
             fcntl.flock(descriptor, sum(getattr(fcntl, flag) for flag in flags))
@@ -121,7 +121,7 @@ def _lock(descriptor: int, *flags: str) -> bool:
 
 
 def is_whole(path: Path) -> bool:
-    """Tell whether a recording was closed properly."""
+    """Return whether a recording was closed properly."""
     with path.open("rb") as file:
         file.seek(0, os.SEEK_END)
         if file.tell() < 2 * len(MAGIC):
@@ -131,7 +131,7 @@ def is_whole(path: Path) -> bool:
 
 
 def complete_records(path: Path) -> Iterator[tuple[int, McapRecord]]:
-    """Yield the records of a recording's data section, up to the last one that is complete.
+    """Yield the records of a recording's data section, up to the last complete one.
 
     Yields:
         (bytes read so far, record).
@@ -160,7 +160,7 @@ def complete_records(path: Path) -> Iterator[tuple[int, McapRecord]]:
 
 
 def records_between(path: Path, start: int, end: int) -> Iterator[tuple[int, McapRecord]]:
-    """Yield the records between two bytes at which records begin and end, as `complete_records` does.
+    """Yield the records between two byte offsets at record boundaries, like `complete_records`.
 
     Raises:
         BadInput: If they cannot be read.
@@ -181,13 +181,13 @@ def records_between(path: Path, start: int, end: int) -> Iterator[tuple[int, Mca
 
 
 def _end_of_complete_records(file: BinaryIO) -> int:
-    """Return where the last complete record ends; reads the lengths only."""
+    """Return the byte offset at which the last complete record ends; reads the lengths only."""
     size = os.fstat(file.fileno()).st_size
     end = len(MAGIC)
-    while end + HEAD.size <= size:
+    while end + RECORD_HEADER.size <= size:
         file.seek(end)
-        _, length = HEAD.unpack(file.read(HEAD.size))
-        if end + HEAD.size + length > size:
+        _, length = RECORD_HEADER.unpack(file.read(RECORD_HEADER.size))
+        if end + RECORD_HEADER.size + length > size:
             break
-        end += HEAD.size + length
+        end += RECORD_HEADER.size + length
     return end

@@ -1,4 +1,4 @@
-"""Read recordings back: the header, and captures and steps in order. Interrupted recordings read as well."""
+"""Read recordings, also interrupted ones: the header, and captures and steps in order."""
 
 from collections.abc import Container, Generator, Iterator
 from pathlib import Path
@@ -17,24 +17,24 @@ from haptigraph.recording.writer import METADATA
 
 __all__ = ["Place", "RunReader"]
 
-FOR_VIEWERS = ("/camera/annotations", "/log")
-STEP = {"/capture", "/observation", "/graph", "/state", "/command"}  # what makes a step complete
+VIEWER_TOPICS = ("/camera/annotations", "/log")
+STEP_TOPICS = {"/capture", "/observation", "/graph", "/state", "/command"}  # of a complete step
 DECODERS: dict[str, msgspec.json.Decoder[Any]] = {
-    topic.name: msgspec.json.Decoder(topic.type) for topic in TOPICS if topic.name not in FOR_VIEWERS
+    topic.name: msgspec.json.Decoder(topic.type) for topic in TOPICS if topic.name not in VIEWER_TOPICS
 }
-RENAMED = (
+RENAMED_KEYS = (
     (b'"tip_deviation_mm":', b'"tip_sd_mm":'),
     (b'"theta_deviation_deg":', b'"theta_sd_deg":'),
 )
-"""Keys of /observation in format 1, and since."""
+"""Keys of /observation in format 1 and in the current format."""
 
 
 class Place(NamedTuple):
-    """Where in a file a step is, so that it can be read without what stands before it."""
+    """Location of a step in a file, for random access."""
 
     sequence: int
     start: int
-    """Byte at which the record, or the chunk, with its first message begins."""
+    """Byte offset of the record, or the chunk, with its first message."""
     end: int
 
 
@@ -45,7 +45,7 @@ class RunReader:
         path: The MCAP file.
 
     Raises:
-        BadInput: If it cannot be read or is no recording of haptigraph.
+        BadInput: If it cannot be read or is not a recording of haptigraph.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -53,46 +53,48 @@ class RunReader:
         self._topics: dict[int, str] = {}
         self.info = self._read_info()
         self.is_whole = is_whole(self.path)
-        """False if the recording process was interrupted, or goes on."""
+        """False if the run was interrupted or is still being recorded."""
         self.is_being_written = not self.is_whole and is_being_written(self.path)
 
     def records(self, *, images: Container[int] | None = None) -> Generator[tuple[Capture, Step], None, None]:
-        """Yield every capture with the step that was made of it.
+        """Yield every capture with its step.
 
         Args:
-            images: Numbers of the steps whose images are decoded, counted from 0; None: all.
+            images: Numbers of the steps, from 0, whose images are decoded; None: all.
 
         Raises:
             BadInput: If a message cannot be decoded.
         """
         for place, messages in self._groups(images):
-            if messages.keys() >= STEP:
+            if messages.keys() >= STEP_TOPICS:
                 yield self._record(place.sequence, messages)
 
     def places(self) -> Generator[tuple[Place, Step], None, None]:
-        """Yield every step with its place in the file; no images.
+        """Yield every step, without its image, and its location in the file.
 
         Raises:
             BadInput: If a message cannot be decoded.
         """
         for place, messages in self._groups(()):
-            if messages.keys() >= STEP:
+            if messages.keys() >= STEP_TOPICS:
                 yield place, self._record(place.sequence, messages)[1]
 
     def record_at(self, place: Place) -> tuple[Capture, Step]:
-        """Return what is at a place: the capture with its image as stored, not decoded; and the step.
+        """Return the capture, with its image still encoded, and the step at a location.
 
         Raises:
-            BadInput: If it is not there any more.
+            BadInput: If the file has changed.
         """
         for _, messages in self._groups(None, place):
-            if messages.keys() >= STEP:
+            if messages.keys() >= STEP_TOPICS:
                 return self._record(place.sequence, messages, decodes=False)
-        raise BadInput("is not there any more; the file has changed", self.path, f"step {place.sequence}")
+        raise BadInput("has changed; open the recording again", self.path, f"step {place.sequence}")
 
     def count(self) -> tuple[int, int]:
-        """Count the steps, and the images that perception saw but the recorder had no time to keep."""
-        kept = [messages["/capture"].image for _, messages in self._groups(()) if messages.keys() >= STEP]
+        """Count the steps, and the images that perception processed but the recorder dropped."""
+        kept = [
+            messages["/capture"].image for _, messages in self._groups(()) if messages.keys() >= STEP_TOPICS
+        ]
         return len(kept), kept.count("dropped")
 
     def _record(
@@ -131,13 +133,13 @@ class RunReader:
     def _groups(
         self, images: Container[int] | None, place: Place | None = None
     ) -> Iterator[tuple[Place, dict[str, Any]]]:
-        """Gather the messages of each step, or of one, which share a sequence number and stand together."""
+        """Group the messages of each step, or of one; they are consecutive and share a sequence number."""
         sequence, messages = -1, dict[str, Any]()
-        start = last = before = at = 0
+        start = last = before = offset = 0
         records = records_between(self.path, *place[1:]) if place else complete_records(self.path)
         for end, record in records:
-            if end != at:
-                before, at = at, end
+            if end != offset:
+                before, offset = offset, end
             if isinstance(record, Channel):
                 self._topics[record.id] = record.topic
             if not isinstance(record, Message) or (place and record.sequence != place.sequence):
@@ -156,8 +158,8 @@ class RunReader:
 
     def _decoded(self, topic: str, record: Message) -> Any:
         data = record.data
-        if topic == "/observation":  # named otherwise in format 1
-            for old, new in RENAMED:
+        if topic == "/observation":
+            for old, new in RENAMED_KEYS:
                 data = data.replace(old, new)
         try:
             return DECODERS[topic].decode(data)
@@ -165,7 +167,7 @@ class RunReader:
             raise BadInput(f"{topic} cannot be read: {error}", self.path, f"step {record.sequence}") from None
 
     def _read_info(self) -> RunInfo:
-        """Read all that stands before the first message: the header, and which channel is which topic."""
+        """Read the records before the first message: the header, and the topic of each channel."""
         info = None
         for _, record in complete_records(self.path):
             if isinstance(record, Metadata) and record.name == METADATA:
@@ -175,7 +177,7 @@ class RunReader:
             elif isinstance(record, Message):
                 break
         if info is None:
-            raise BadInput("no recording of haptigraph (its header is missing)", self.path)
+            raise BadInput("not a recording of haptigraph (its header is missing)", self.path)
         return info
 
     def _info_in(self, record: Metadata) -> RunInfo:

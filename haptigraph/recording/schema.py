@@ -1,6 +1,6 @@
-"""What a recording contains: one table of topics, and the header that makes it replayable.
+"""The contents of a recording: the table of topics, and the header that makes it replayable.
 
-docs/recordings.md is written from this table; a test holds the two together.
+A test keeps docs/recordings.md consistent with this table.
 """
 
 from typing import Any, Literal, NamedTuple, TypeAlias
@@ -24,16 +24,16 @@ __all__ = ["FORMAT", "READABLE", "TOPICS", "CaptureRecord", "Kept", "RunInfo", "
 
 FORMAT = "2"
 READABLE = ("1", FORMAT)
-"""Format 1 called the standard deviations in /observation `..._deviation_...`."""
+"""In format 1 the standard deviations in /observation are named `..._deviation_...`."""
 
 Kept: TypeAlias = Literal["recorded", "dropped", "none"]
 
 
 class RunInfo(Struct, frozen=True):
-    """The header of a recording: all that a replay needs besides the images."""
+    """The header of a recording: everything that a replay needs besides the images."""
 
     version: str
-    """Version of haptigraph that recorded."""
+    """Version of haptigraph that wrote the recording."""
     started_utc: str
     """Date and time of the first stamp, ISO 8601."""
     utc_offset_ns: int
@@ -43,10 +43,10 @@ class RunInfo(Struct, frozen=True):
     config: str
     """The whole configuration, JSON."""
     registration: str
-    """The registration file, whole."""
+    """The complete registration file."""
     registration_sha256: str
     procedure: str
-    """The procedure file, whole."""
+    """The complete procedure file."""
     procedure_sha256: str
     participant: str = ""
     trial: str = ""
@@ -59,7 +59,7 @@ class CaptureRecord(Struct, frozen=True):
     index: int
     stamp_ns: int
     image: Kept
-    """Dropped: perception saw an image that the recorder had no time to keep."""
+    """Dropped: perception processed an image that the recorder had no time to write."""
     faults: tuple[Fault, ...] = ()
     truth: Truth | None = None
     camera: CameraStamp | None = None
@@ -68,7 +68,7 @@ class CaptureRecord(Struct, frozen=True):
 
 
 class Topic(NamedTuple):
-    """One line of the table."""
+    """One row of the table."""
 
     name: str
     type: type
@@ -76,6 +76,7 @@ class Topic(NamedTuple):
     unit: str
     """Units of its numbers."""
     says: str
+    """What it contains."""
 
 
 TOPICS = (
@@ -84,33 +85,39 @@ TOPICS = (
         CompressedImage,
         "foxglove.CompressedImage",
         "px",
-        "the JPEG or PNG bytes perception consumed",
+        "the JPEG or PNG bytes that perception consumed",
     ),
     Topic(
         "/camera/annotations",
         ImageAnnotations,
         "foxglove.ImageAnnotations",
         "px",
-        "what was found, drawn for viewers",
+        "the detected geometry, drawn for viewers",
     ),
     Topic(
         "/capture",
         CaptureRecord,
         "haptigraph.Capture",
         "ns, px, mm, deg, s",
-        "stamp, the camera's own stamp, faults from outside, simulator's truth, phase",
+        "stamp, the camera's own stamp, external faults, the simulator's ground truth, phase",
     ),
     Topic(
         "/teleop",
         HandState,
         "haptigraph.HandState",
         "mm",
-        "what a hand that steers did, asked for, and by which settings",
+        "motion of the operator's hand, motion requested of the tool, settings",
     ),
-    Topic("/observation", Observation, "haptigraph.Observation", "ns, mm", "where things are, eye frame"),
+    Topic(
+        "/observation",
+        Observation,
+        "haptigraph.Observation",
+        "ns, mm",
+        "geometry of the detected entities, eye frame",
+    ),
     Topic("/graph", SceneGraph, "haptigraph.SceneGraph", "ns, mm, deg", "nodes, edges, measures"),
     Topic("/state", Conclusion, "haptigraph.Conclusion", "ns", "surgical state and why"),
-    Topic("/command", HapticCommand, "haptigraph.HapticCommand", "ns, ms, Hz", "what the hand feels"),
+    Topic("/command", HapticCommand, "haptigraph.HapticCommand", "ns, ms, Hz", "the haptic output"),
     Topic("/timing", Timing, "haptigraph.Timing", "ns", "processed and commanded stamps, stage durations"),
     Topic("/log", Log, "foxglove.Log", "", "faults, for viewers"),
 )

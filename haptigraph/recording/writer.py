@@ -1,7 +1,7 @@
-"""Write runs to MCAP so that a killed process loses nothing that was written, and compact them when done.
+"""Write runs to MCAP so that a killed process loses nothing, and compact them at the end.
 
-A run is journalled unchunked, each record straight to the file descriptor; on a clean close it is rewritten
-with zstd chunks and an index. Knows nothing of threads; `sinks.recorder` keeps it off the loop.
+A run is written as an unchunked journal, each record straight to the file descriptor. On a clean close it is
+rewritten with zstd chunks and an index. `sinks.recorder` runs this in its own thread.
 """
 
 import itertools
@@ -27,7 +27,7 @@ __all__ = ["METADATA", "Progress", "RunWriter", "compact", "recover"]
 METADATA = "haptigraph"
 NEW_FILE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
 Progress: TypeAlias = Callable[[str, int, int], None]
-"""Called with (what is being done, bytes done, bytes in all)."""
+"""Called with (activity, bytes done, total bytes)."""
 
 
 class RunWriter:
@@ -36,8 +36,8 @@ class RunWriter:
     Args:
         path: The MCAP file; it must not exist.
         info: The header.
-        image: Where the eye frame lies in the images, for the drawings.
-        measures: Names of the measures the graphs carry.
+        image: Transformation between images and eye frame, for the annotations.
+        measures: Names of the measures in the graphs.
 
     Raises:
         BadInput: If the file exists or cannot be created.
@@ -55,7 +55,7 @@ class RunWriter:
         except OSError as error:
             raise BadInput(f"cannot be written ({error.strerror})", path) from None
         self.is_complete = False
-        """Whether all of the run is in the file, compacted or not."""
+        """Whether the file contains the complete run, compacted or not."""
         self._sequence = 0
         try:
             self._writer = Writer(cast(IO[bytes], self._file), use_chunking=False)
@@ -70,12 +70,12 @@ class RunWriter:
         """Append one step.
 
         Args:
-            capture: What the step was made of.
+            capture: The capture of the step.
             step: The step.
-            dropped: True if there was an image but it is not kept.
+            dropped: True if there was an image that is not recorded.
 
         Raises:
-            OSError: If the disk does not take it.
+            OSError: If it cannot be written.
         """
         utc_offset_ns = self._info.utc_offset_ns
         for topic, message in entries(
@@ -85,7 +85,7 @@ class RunWriter:
         self._sequence += 1
 
     def close(self, progress: Progress | None = None) -> None:
-        """Finish the file and compact it; a run without steps leaves no file. May be called twice."""
+        """Finish and compact the file, or remove it if it has no steps. May be called twice."""
         if self._file.closed:
             return
         if not self._sequence:
@@ -97,18 +97,18 @@ class RunWriter:
         compact(self.path, progress)
 
     def abandon(self) -> None:
-        """Close the file as it is, as after a disk error; `recover` reads what there is."""
-        with suppress(OSError):  # the disk was told already
+        """Close the file as it is, for instance after a disk error; `recover` can repair it."""
+        with suppress(OSError):  # the caller has reported the error
             self._file.close()
 
     def discard(self) -> None:
-        """Close the file and remove it, as after a run that never began; nothing once it is closed."""
+        """Close and remove the file of a run that never began; do nothing once it is closed."""
         if not self._file.closed:
             self.abandon()
             self.path.unlink(missing_ok=True)
 
     def _begin(self, measures: tuple[str, ...]) -> dict[str, int]:
-        """Write header, schemas and channels; return the channels' ids by topic."""
+        """Write header, schemas and channels; return the channel ids by topic."""
         self._writer.start(profile="", library=f"haptigraph {self._info.version}")
         header = {key: str(value) for key, value in msgspec.to_builtins(self._info).items()}
         self._writer.add_metadata(METADATA, header)
@@ -131,11 +131,11 @@ class RunWriter:
 
 
 def recover(path: Path, progress: Progress | None = None) -> bool:
-    """Make an interrupted recording whole, in its place; False if it was whole already.
+    """Repair an interrupted recording in place; return False if it was complete already.
 
     Raises:
         BadInput: If the file is not a recording, or is still being written.
-        OSError: If the disk does not take it.
+        OSError: If it cannot be written.
     """
     with not_being_written(path):
         if is_whole(path):
@@ -145,13 +145,13 @@ def recover(path: Path, progress: Progress | None = None) -> bool:
 
 
 def compact(path: Path, progress: Progress | None = None) -> int:
-    """Rewrite a recording with chunks, zstd and an index, in its place; return the number of messages.
+    """Rewrite a recording in place with chunks, zstd and an index; return the number of messages.
 
-    A record torn at the end is left out. The file is replaced only when its successor is whole.
+    An incomplete record at the end is left out. The file is replaced only after the new one is complete.
 
     Raises:
         BadInput: If the file is not a recording.
-        OSError: If the disk does not take it.
+        OSError: If it cannot be written.
     """
     part = _new_name_beside(path)
     output = part.open("xb")
@@ -181,7 +181,7 @@ def _compact_to(output: BinaryIO, path: Path, progress: Progress) -> int:
         try:
             messages += _copy(record, writer, ids)
         except KeyError:
-            raise BadInput("damaged (a message of no known topic)", path, f"byte {done}") from None
+            raise BadInput("damaged (a message of an unknown topic)", path, f"byte {done}") from None
         progress("compacting the recording", done, size)
     writer.finish()  # type: ignore[no-untyped-call]
     output.flush()
@@ -190,7 +190,7 @@ def _compact_to(output: BinaryIO, path: Path, progress: Progress) -> int:
 
 
 def _copy(record: McapRecord, writer: Writer, ids: dict[tuple[str, int], int]) -> int:
-    """Write one record again under the new file's ids; return how many messages it was."""
+    """Copy one record under the new file's ids; return the number of messages (0 or 1)."""
     if isinstance(record, Schema) and ("schema", record.id) not in ids:
         ids["schema", record.id] = writer.register_schema(record.name, record.encoding, record.data)
     elif isinstance(record, Channel) and ("channel", record.id) not in ids:

@@ -79,23 +79,23 @@ def parse_registered(text: str, file: str) -> Registered:
     return _registered(Document(text, file))
 
 
-def check_fits(name: str, perceiver: type, registration: Registered) -> None:
+def check_fits(name: str, needs_scan: bool, registration: Registered) -> None:
     """Check that a perceiver is made for the images that a registration is of.
 
     Args:
         name: Of the perceiver.
-        perceiver: The class; `takes_scans` says that it is made for B-scans.
+        needs_scan: Whether it processes B-scans.
         registration: What it is to be given.
 
     Raises:
         BadInput: If not.
     """
-    if getattr(perceiver, "takes_scans", False) and not isinstance(registration, ScanRegistration):
+    if needs_scan and not isinstance(registration, ScanRegistration):
         raise BadInput(
             f"perceiver {name} needs the scale of B-scans, a registration with [scale] axial_mm_per_px and "
             "lateral_mm_per_px; this one is of an eye before a camera"
         )
-    if not getattr(perceiver, "takes_scans", False) and isinstance(registration, ScanRegistration):
+    if not needs_scan and isinstance(registration, ScanRegistration):
         raise BadInput(
             f"perceiver {name} needs an eye before a camera, with globe and trocar; this registration is the "
             "scale of B-scans; try --procedure subretinal_injection_ioct"

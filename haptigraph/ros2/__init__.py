@@ -1,4 +1,4 @@
-"""ROS 2 without a ROS installation: its messages and names over plain DDS. Knows nothing of eyes or hands."""
+"""ROS 2 without a ROS installation: its messages and names over plain DDS."""
 
 from haptigraph.errors import MissingExtra
 

@@ -1,7 +1,7 @@
-"""Publish and subscribe as a ROS 2 node does, over plain DDS. Knows topics and messages, not what they mean.
+"""Publish and subscribe like a ROS 2 node, over plain DDS.
 
-ROS's own variables say which network: ROS_DOMAIN_ID the domain, CYCLONEDDS_URI how to reach it. They are read
-because every other ROS program of a lab reads them.
+The environment variables are those of other ROS programs: ROS_DOMAIN_ID selects the domain, CYCLONEDDS_URI
+configures the network.
 """
 
 import os
@@ -41,18 +41,18 @@ __all__ = ["Node", "Publisher", "checked_topic", "domain_id"]
 
 M = TypeVar("M", bound=IdlStruct)
 
-# eProsima's type objects hold what Cyclone refuses, so that types with sequences would not match
-# (https://github.com/eclipse-cyclonedds/cyclonedds/pull/2333). ROS agrees on types by their names anyway.
+# Cyclone rejects parts of eProsima's type objects, so that types with sequences would not match
+# (https://github.com/eclipse-cyclonedds/cyclonedds/pull/2333). ROS matches types by their names anyway.
 COMPATIBLE = (
     "<CycloneDDS><Domain><Compatibility><IgnoreTypeInformation>1.15</IgnoreTypeInformation>"
     "</Compatibility></Domain></CycloneDDS>"
 )
-MOST_DOMAIN = 232
-# Reliable, so that it matches every subscriber. cyclonedds holds Python's lock while a write waits for slow
-# readers, so it may not wait; with a short history it need not.
-SENT = Qos(Policy.Reliability.Reliable(duration(milliseconds=1)), Policy.History.KeepLast(10))
+MAX_DOMAIN = 232
+# Reliable, so that it matches every subscriber. cyclonedds holds the GIL while a write waits for slow
+# readers, so writes must not wait; with a short history they need not.
+PUBLISHER_QOS = Qos(Policy.Reliability.Reliable(duration(milliseconds=1)), Policy.History.KeepLast(10))
 DEPTH = 64
-LOOK_NS = duration(milliseconds=100)  # how often a subscriber looks whether it is to end
+WAIT_NS = duration(milliseconds=100)  # between a subscriber's checks whether to end
 CLOSE_TIMEOUT_S = 1.0
 
 
@@ -60,7 +60,7 @@ class Publisher:
     """Publish messages of one type on one topic.
 
     Args:
-        participant: Who publishes.
+        participant: The publishing participant.
         topic: ROS name of the topic.
         message_type: Type of its messages.
     """
@@ -68,14 +68,14 @@ class Publisher:
     def __init__(self, participant: DomainParticipant, topic: str, message_type: type[IdlStruct]) -> None:
         self._topic = checked_topic(topic)
         self._writer: DataWriter[Any] | None = DataWriter(
-            participant, Topic(participant, f"rt{self._topic}", message_type), qos=SENT
+            participant, Topic(participant, f"rt{self._topic}", message_type), qos=PUBLISHER_QOS
         )
 
     def send(self, message: IdlStruct) -> None:
         """Publish one message; returns within milliseconds.
 
         Raises:
-            OSError: If it could not be handed to the network.
+            OSError: If it could not be sent.
         """
         if self._writer is None:
             raise OSError(f"{self._topic} is closed")
@@ -86,11 +86,11 @@ class Publisher:
 
     @property
     def has_listeners(self) -> bool:
-        """Whether anybody subscribes at this moment."""
+        """Whether the topic has subscribers now."""
         return self._writer is not None and bool(self._writer.get_matched_subscriptions())
 
     def close(self) -> None:
-        """Publish no more. May be called twice."""
+        """Stop publishing. May be called twice."""
         self._writer = None
 
 
@@ -98,20 +98,20 @@ class Node:
     """One participant of a ROS 2 network.
 
     Args:
-        domain: The ROS domain; None: as ROS_DOMAIN_ID says, or else 0.
+        domain: The ROS domain; None: ROS_DOMAIN_ID, or else 0.
 
     Raises:
-        BadInput: If the domain or the network's settings cannot be used.
+        BadInput: If the domain or the network configuration is not valid.
     """
 
     def __init__(self, domain: int | None = None) -> None:
         self.domain = domain_id() if domain is None else domain
         try:
-            _begun(self.domain)
+            _configured(self.domain)
             self._participant: DomainParticipant | None = DomainParticipant(self.domain)
         except DDSException as error:
             raise BadInput(
-                f"DDS domain {self.domain} cannot be joined ({error.msg}); is CYCLONEDDS_URI right?"
+                f"DDS domain {self.domain} cannot be joined ({error.msg}); check CYCLONEDDS_URI"
             ) from None
         self._closing = threading.Event()
         self._threads: list[threading.Thread] = []
@@ -129,35 +129,35 @@ class Node:
         topic: str,
         message_type: type[M],
         take: Callable[[M], None],
-        refuse: Callable[[str], None],
+        reject: Callable[[str], None],
         *,
         depth: int = DEPTH,
     ) -> None:
-        """Have every message of a topic taken, in a thread of its own.
+        """Pass every message of a topic to a callback, in a thread of its own.
 
         Args:
             topic: ROS name of the topic.
             message_type: Type of its messages; others on the topic are not received.
             take: Called with every message.
-            refuse: Called with what is wrong with a message that cannot be decoded or taken.
-            depth: How many may wait to be taken; of more, the oldest are lost.
+            reject: Called with the problem of a message that cannot be decoded, or for which `take` raises.
+            depth: Length of the queue; if it is full, the oldest messages are lost.
         """
-        # Best effort, so that it matches every publisher; what is late is not worth having.
-        sensed = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(depth))
-        there = Topic(self._joined, f"rt{checked_topic(topic)}", message_type)
-        reader = DataReader(self._joined, there, qos=sensed)
+        # Best effort, so that it matches every publisher; late messages are not needed.
+        qos = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(depth))
+        dds_topic = Topic(self._joined, f"rt{checked_topic(topic)}", message_type)
+        reader = DataReader(self._joined, dds_topic, qos=qos)
         thread = threading.Thread(
-            target=self._receive, args=(reader, take, refuse), name=f"haptigraph-ros2-{topic}", daemon=True
+            target=self._receive, args=(reader, take, reject), name=f"haptigraph-ros2-{topic}", daemon=True
         )
         self._threads.append(thread)
         thread.start()
 
     def published(self) -> dict[str, str]:
-        """Return which topics are published on the network, by ROS name, and the DDS name of their types."""
+        """Return the published topics of the network: ROS name and DDS name of the type."""
         return self._publications.topics()
 
     def subscribed(self) -> dict[str, str]:
-        """Return which topics are subscribed to, as `published` does."""
+        """Return the subscribed topics of the network, like `published`."""
         return self._subscriptions.topics()
 
     def close(self) -> None:
@@ -169,7 +169,7 @@ class Node:
             publisher.close()
         self._publications.close()
         self._subscriptions.close()
-        self._participant = None  # cyclonedds lets go of what nobody holds
+        self._participant = None  # cyclonedds frees a participant that is not referenced
 
     @property
     def _joined(self) -> DomainParticipant:
@@ -178,27 +178,27 @@ class Node:
         return self._participant
 
     def _receive(
-        self, reader: DataReader[M], take: Callable[[M], None], refuse: Callable[[str], None]
+        self, reader: DataReader[M], take: Callable[[M], None], reject: Callable[[str], None]
     ) -> None:
         waitset = WaitSet(self._joined)
-        # Of any state: the last words of a node that has left are words, too.
-        fresh = ReadCondition(reader, ViewState.Any | InstanceState.Any | SampleState.NotRead)
-        waitset.attach(fresh)
+        # In any instance state, for the last messages of a node that has left.
+        unread = ReadCondition(reader, ViewState.Any | InstanceState.Any | SampleState.NotRead)
+        waitset.attach(unread)
         while not self._closing.is_set():
             try:
-                waitset.wait(LOOK_NS)
-                while not self._closing.is_set() and (messages := reader.take(N=1, condition=fresh)):
-                    if not isinstance(messages[0], InvalidSample):  # which tells of a node that has left
+                waitset.wait(WAIT_NS)
+                while not self._closing.is_set() and (messages := reader.take(N=1, condition=unread)):
+                    if not isinstance(messages[0], InvalidSample):  # which announces that a node has left
                         take(messages[0])
-            except Exception as error:  # whatever the network sends must not end this thread
-                refuse(str(error) or type(error).__name__)
+            except Exception as error:  # no message may end this thread
+                reject(str(error) or type(error).__name__)
 
 
 class _Endpoints:
-    """Who publishes, or subscribes to, what on the network."""
+    """The publications, or subscriptions, on the network."""
 
-    def __init__(self, participant: DomainParticipant, told_by: BuiltinTopic) -> None:
-        self._reader: BuiltinDataReader | None = BuiltinDataReader(participant, told_by)
+    def __init__(self, participant: DomainParticipant, topic: BuiltinTopic) -> None:
+        self._reader: BuiltinDataReader | None = BuiltinDataReader(participant, topic)
         self._seen: dict[Any, tuple[str, str]] = {}
 
     def topics(self) -> dict[str, str]:
@@ -218,11 +218,11 @@ def domain_id() -> int:
     """Return the ROS domain of this machine: ROS_DOMAIN_ID, or else 0.
 
     Raises:
-        BadInput: If it is no domain.
+        BadInput: If the variable is not a valid domain.
     """
     text = os.environ.get("ROS_DOMAIN_ID", "").strip() or "0"
-    if not text.isdecimal() or int(text) > MOST_DOMAIN:
-        raise BadInput(f"found {text!r}; expected a number from 0 to {MOST_DOMAIN}", "ROS_DOMAIN_ID")
+    if not text.isdecimal() or int(text) > MAX_DOMAIN:
+        raise BadInput(f"found {text!r}; expected a number from 0 to {MAX_DOMAIN}", "ROS_DOMAIN_ID")
     return int(text)
 
 
@@ -230,7 +230,7 @@ def checked_topic(name: str) -> str:
     """Return a topic's full ROS name, with a slash in front.
 
     Raises:
-        BadInput: If it is no name of a topic.
+        BadInput: If it is not a valid name.
     """
     full = name if name.startswith("/") else f"/{name}"
     if not re.fullmatch(r"(/[A-Za-z_][A-Za-z0-9_]*)+", full):
@@ -242,7 +242,7 @@ def checked_topic(name: str) -> str:
 
 
 @cache
-def _begun(domain: int) -> Domain:
-    """Configure a domain, once in a process: DDS has no second configuration of a domain, and no undoing."""
-    theirs = os.environ.get("CYCLONEDDS_URI", "")
-    return Domain(domain, f"{COMPATIBLE},{theirs}" if theirs else COMPATIBLE)
+def _configured(domain: int) -> Domain:
+    """Configure a domain, once per process: DDS cannot configure a domain again."""
+    user_settings = os.environ.get("CYCLONEDDS_URI", "")
+    return Domain(domain, f"{COMPATIBLE},{user_settings}" if user_settings else COMPATIBLE)

@@ -1,7 +1,7 @@
-"""The ROS 2 messages haptigraph exchanges, as DDS types: field by field what ROS's .msg files say.
+"""The ROS 2 messages that haptigraph exchanges, as DDS types with the fields of ROS's .msg files.
 
-ROS 2's own middlewares call `pkg/msg/X` by the DDS name `pkg::msg::dds_::X_`, and its fields are final
-with ids in sequence (https://design.ros2.org/articles/topic_and_service_names.html).
+ROS 2's own middlewares map `pkg/msg/X` to the DDS type `pkg::msg::dds_::X_`, final and with sequential member
+ids (https://design.ros2.org/articles/topic_and_service_names.html).
 """
 
 from dataclasses import dataclass, field
@@ -63,7 +63,7 @@ class Time(IdlStruct, typename="builtin_interfaces::msg::dds_::Time_"):
 @final
 @autoid("sequential")
 class Header(IdlStruct, typename="std_msgs::msg::dds_::Header_"):
-    """std_msgs/Header: when it was seen, and in which coordinate frame."""
+    """std_msgs/Header: time stamp and coordinate frame."""
 
     stamp: Time = field(default_factory=Time)
     frame_id: str = ""
@@ -202,7 +202,7 @@ class DiagnosticArray(IdlStruct, typename="diagnostic_msgs::msg::dds_::Diagnosti
 
 
 def _keep_bytes(image_type: type[IdlStruct]) -> None:
-    """Let `data` be bytes: as a list of numbers, which is cyclonedds' way, one image takes 100 ms."""
+    """Make `data` bytes; cyclonedds' default, a list of numbers, takes 100 ms for one image."""
     idl = image_type.__idl__
     idl.populate()
     for machine in (idl.v1_machine, idl.v2_machine):

@@ -1,1 +1,1 @@
-"""Where steps go: recorder and console."""
+"""Consumers of steps: recorder and console."""

@@ -1,7 +1,6 @@
-"""Tell a run in the terminal: a line whenever the state changes or something goes wrong.
+"""Print a line to the terminal whenever the state changes or a fault occurs.
 
-A thread of its own does the writing: a terminal that is stopped (Ctrl-S) or a pipe that nobody reads must not
-stop the hand.
+A thread does the writing: a stopped terminal (Ctrl-S) or an unread pipe must not stop the loop.
 """
 
 import sys
@@ -13,22 +12,22 @@ from haptigraph.messages import Capture, Fault, Step
 
 __all__ = ["ConsoleSink"]
 
-MOST_WAITING = 1000  # texts
-LAST_WORDS_S = 1.0  # to write what waits when the run is over
+MAX_QUEUED = 1000  # texts
+FLUSH_TIMEOUT_S = 1.0  # to write the queue at the end of the run
 
 
 class ConsoleSink:
     """Print state changes and new faults.
 
     Args:
-        stream: Where to print; standard error if None.
-        shows_time: Whether to show in a terminal how far the run is, second by second; for runs at full
-            speed, where nothing else moves.
+        stream: Output; standard error if None.
+        shows_time: Whether to show the run's time in a terminal, updated every second; for runs faster than
+            real time.
     """
 
     def __init__(self, stream: TextIO | None = None, *, shows_time: bool = False) -> None:
         self._stream: TextIO | None = stream or sys.stderr
-        """None where there is nobody to tell: no terminal from the start, or one that went away."""
+        """None if there is no terminal, or it was closed."""
         self._clear = "\r\033[K" if self._stream is not None and self._stream.isatty() else ""
         self._shows_time = shows_time and bool(self._clear)
         self._second = 0
@@ -36,13 +35,13 @@ class ConsoleSink:
         self._state = ""
         self._faults: tuple[Fault, ...] = ()
         self.dropped = 0
-        """Texts that were not written because those before them still waited."""
-        self._waiting: SimpleQueue[str | None] = SimpleQueue()
+        """Texts that were not written because the queue was full."""
+        self._queue: SimpleQueue[str | None] = SimpleQueue()
         self._thread = Thread(target=self._write_all, name="haptigraph-console", daemon=True)
         self._thread.start()
 
     def write(self, capture: Capture, step: Step) -> None:
-        """Print what is new in one step."""
+        """Print the changes in one step."""
         self._start_ns = step.stamp_ns if self._start_ns is None else self._start_ns
         time_s = (step.stamp_ns - self._start_ns) / 1e9
         for fault in step.faults:
@@ -54,35 +53,35 @@ class ConsoleSink:
             self._print(f"{time_s:7.2f} s  {self._state:34} {step.conclusion.because}")
         if self._shows_time and int(time_s) != self._second:
             self._second = int(time_s)
-            self._say(f"{self._clear}{time_s:7.2f} s  ...")
+            self._put(f"{self._clear}{time_s:7.2f} s  ...")
 
     def take_faults(self) -> tuple[Fault, ...]:
-        """Return nothing: printing does not fail."""
+        """Return no faults: printing never fails."""
         return ()
 
     def close(self) -> None:
-        """Wipe the line that shows the time, and write what waits, if someone reads it."""
+        """Clear the line with the time, and write the queue, if the terminal still accepts it."""
         if self._shows_time:
-            self._say(self._clear)
-        self._waiting.put(None)
-        self._thread.join(LAST_WORDS_S)
+            self._put(self._clear)
+        self._queue.put(None)
+        self._thread.join(FLUSH_TIMEOUT_S)
 
     def _print(self, line: str) -> None:
-        self._say(f"{self._clear}{line}\n")
+        self._put(f"{self._clear}{line}\n")
 
-    def _say(self, text: str) -> None:
-        if self._waiting.qsize() < MOST_WAITING:
-            self._waiting.put(text)
+    def _put(self, text: str) -> None:
+        if self._queue.qsize() < MAX_QUEUED:
+            self._queue.put(text)
         else:
             self.dropped += 1
 
     def _write_all(self) -> None:
-        """Write, or fall silent for good: a terminal that goes away must not end a run."""
-        while (text := self._waiting.get()) is not None:
+        """Write the queue; after an error write nothing more: a closed terminal must not end a run."""
+        while (text := self._queue.get()) is not None:
             if self._stream is None:
                 continue
             try:
                 self._stream.write(text)
                 self._stream.flush()
-            except (OSError, ValueError):  # gone, or closed
+            except (OSError, ValueError):  # disconnected, or closed
                 self._stream = None

@@ -1,6 +1,6 @@
-"""Keep a run in a file without holding up the loop: a bounded queue and a thread that writes.
+"""Record a run without delaying the loop: a bounded queue and a writer thread.
 
-In real time what does not fit the queue loses its image and is counted; otherwise the loop waits.
+In real time, steps that do not fit the queue lose their image and are counted; otherwise the loop waits.
 """
 
 import threading
@@ -14,8 +14,8 @@ from haptigraph.semaphore import InterruptSafeSemaphore
 
 __all__ = ["Recorder"]
 
-MOST_IMAGES = 24  # under a second at 30 images/s, so that a killed process loses no more than that
-MOST_STEPS = 3000
+MAX_IMAGES = 24  # less than a second at 30 images/s, which is the most that a killed process loses
+MAX_STEPS = 3000
 
 
 class Recorder:
@@ -23,20 +23,17 @@ class Recorder:
 
     Args:
         writer: The new recording.
-        waits: Whether the loop may wait for the disk: True where nothing is controlled in real time.
-        progress: Told how far the compaction at the end is.
+        waits: Whether the loop may wait for the disk: True if nothing is controlled in real time.
+        progress: Reports the progress of the final compaction.
     """
 
     def __init__(self, writer: RunWriter, *, waits: bool, progress: Progress | None = None) -> None:
         self.dropped = 0
-        self._unwritten = 0  # counted by the thread, told when it has ended
+        self._unwritten = 0  # counted by the thread, added to `dropped` after it has ended
         self._writer, self._progress = writer, progress
-        self._patience_s = None if waits else 0.0
+        self._timeout_s = None if waits else 0.0
         self._queue: SimpleQueue[tuple[Capture, Step, bool] | None] = SimpleQueue()
-        self._step_room, self._image_room = (
-            InterruptSafeSemaphore(MOST_STEPS),
-            InterruptSafeSemaphore(MOST_IMAGES),
-        )
+        self._step_slots, self._image_slots = map(InterruptSafeSemaphore, (MAX_STEPS, MAX_IMAGES))
         self._faults: list[Fault] = []
         self._failed = threading.Event()
         self._thread = threading.Thread(target=self._drain, name="haptigraph-recorder", daemon=True)
@@ -47,24 +44,24 @@ class Recorder:
         if self._failed.is_set():
             self.dropped += 1
             return
-        dropped = capture.image is not None and not self._image_room.take(self._patience_s)
+        dropped = capture.image is not None and not self._image_slots.acquire(self._timeout_s)
         if dropped:
             self.dropped += 1
             capture = replace(capture, image=None, encoded=None)
-        if self._step_room.take(self._patience_s):
+        if self._step_slots.acquire(self._timeout_s):
             self._queue.put((capture, step, dropped))
             return
         self.dropped += not dropped
         if capture.image is not None:
-            self._image_room.give_back()
+            self._image_slots.release()
 
     def take_faults(self) -> tuple[Fault, ...]:
-        """Return what went wrong since last asked."""
+        """Return the faults since the last call."""
         faults, self._faults = tuple(self._faults), []
         return faults
 
     def close(self) -> None:
-        """Write what is queued, finish and compact the file."""
+        """Write the queue, finish and compact the file."""
         if not self._thread.is_alive():
             return
         self._queue.put(None)
@@ -81,16 +78,16 @@ class Recorder:
             capture, step, dropped = item
             if not (self._wrote(capture, step, dropped) or dropped):
                 self._unwritten += 1
-            self._step_room.give_back()
+            self._step_slots.release()
             if capture.image is not None:
-                self._image_room.give_back()
+                self._image_slots.release()
 
     def _wrote(self, capture: Capture, step: Step, dropped: bool) -> bool:
         if self._failed.is_set():
             return False
         try:
             self._writer.write(capture, step, dropped=dropped)
-        except Exception as error:  # whatever it is, the loop must not wait for a dead thread
+        except Exception as error:  # the thread must survive, because the loop waits for it
             self._fail(error)
             return False
         return True
@@ -99,7 +96,7 @@ class Recorder:
         self._failed.set()
         self._writer.abandon()
         reason = error.strerror if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
-        told = f"incomplete ({reason}); it can be recovered"
+        result = f"incomplete ({reason}); it can be recovered"
         if self._writer.is_complete:
-            told = f"complete but not compacted ({reason})"
-        self._faults.append(Fault("recorder", f"{self._writer.path} is {told}"))
+            result = f"complete but not compacted ({reason})"
+        self._faults.append(Fault("recorder", f"{self._writer.path} is {result}"))

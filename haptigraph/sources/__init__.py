@@ -1,1 +1,1 @@
-"""Where images come from: camera, video, folder of images, recording, simulated phantom."""
+"""Sources of images: cameras, videos, folders, OCT files, recordings, the simulated phantom."""

@@ -1,4 +1,4 @@
-"""Pictures of 8 or 16 bit as the 8 bit that perception sees. Knows no file format but those of OpenCV."""
+"""Decode images of 8 or 16 bits per channel into the 8 bits that perception processes."""
 
 from pathlib import Path
 from typing import Any
@@ -12,11 +12,11 @@ from haptigraph.messages import Image
 
 __all__ = ["DeepDecoder", "pages"]
 
-LEAST_USED = 2**13  # a picture of 16 bit whose brightest pixel is below probably holds fewer bits
+MIN_BRIGHTEST = 2**13  # a 16-bit image whose brightest pixel is below probably uses fewer bits
 
 
 class DeepDecoder:
-    """Decode pictures; the scale from their depth to 8 bit is the same for all of them.
+    """Decode images, all with the same scale from their depth to 8 bits.
 
     Args:
         bits: How many bits a 16-bit file really uses; 0: all of them.
@@ -27,33 +27,33 @@ class DeepDecoder:
         self._is_first = True
 
     def __call__(self, data: bytes) -> Image:
-        """Return the picture in a file's bytes, grey or BGR.
+        """Return the image in a file's bytes, grey or BGR.
 
         Raises:
             ValueError: If OpenCV cannot read it.
-            BadInput: If its depth is none that is handled, or not the one that was said.
+            BadInput: If its depth is not supported, or contradicts `bits`.
         """
         stored = _decoded(data)
         if stored.dtype == np.uint8:
             if self._bits not in (0, 8):
-                raise BadInput(f"holds 8 bit, but source.bits says {self._bits}; leave source.bits out")
+                raise BadInput(f"has 8 bits per pixel, but source.bits is {self._bits}; remove source.bits")
             return np.asarray(stored, np.uint8)
         if stored.dtype != np.uint16:
-            raise BadInput(f"has pixels of kind {stored.dtype}; whole numbers of 8 or 16 bit are read")
-        most, bits = int(stored.max()), self._bits or 16
-        if most >= 2**bits:
-            raise BadInput(f"has a pixel of {most}, more than the {bits} bit that source.bits says can hold")
-        if self._is_first and not self._bits and most < LEAST_USED:
+            raise BadInput(f"has pixels of type {stored.dtype}; supported are 8 and 16 bits, unsigned")
+        brightest, bits = int(stored.max()), self._bits or 16
+        if brightest >= 2**bits:
+            raise BadInput(f"has a pixel of {brightest}, which needs more bits than source.bits={bits}")
+        if self._is_first and not self._bits and brightest < MIN_BRIGHTEST:
             raise BadInput(
-                f"is 16 bit, but nothing in it is brighter than {most} of 65535; say how many bits are used, "
-                f"probably --set source.bits={max(most.bit_length(), 8)}"
+                f"has 16 bits per pixel, but none is brighter than {brightest} of 65535; set how many bits "
+                f"are used, probably --set source.bits={max(brightest.bit_length(), 8)}"
             )
         self._is_first = False
         return np.asarray(np.rint(stored * (255 / (2**bits - 1))), np.uint8)
 
 
 def pages(file: Path) -> int:
-    """Return how many pictures a file holds; only TIFF can hold several."""
+    """Return the number of images in a file; only TIFF can hold several."""
     return cv2.imcount(str(file)) if file.suffix.lower() in (".tif", ".tiff") else 1
 
 
@@ -63,5 +63,5 @@ def _decoded(data: bytes) -> NDArray[Any]:
     except cv2.error:
         stored = None
     if stored is None:
-        raise ValueError(f"{len(data)} bytes that are no picture")
+        raise ValueError(f"{len(data)} bytes that are not an image")
     return stored

@@ -1,4 +1,4 @@
-"""Images from a folder, in the order of their names (numbers as numbers), at a rate of the user's choice."""
+"""Read images from a folder, in natural order of their names, at a configured rate."""
 
 import re
 from collections.abc import Callable
@@ -7,28 +7,28 @@ from pathlib import Path
 from haptigraph.errors import BadInput, EndOfSource
 from haptigraph.messages import Capture, Image
 from haptigraph.recording.codec import decode
+from haptigraph.stages import Source
 
 __all__ = ["SUFFIXES", "ImagesSource"]
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
-"""Of the images that are read."""
-KEPT = (".png", ".jpg", ".jpeg")  # what a recording can store as it is
+"""Suffixes of the images that are read."""
+RECORDABLE = (".png", ".jpg", ".jpeg")  # a recording stores these bytes unchanged
 
 
-class ImagesSource:
+class ImagesSource(Source):
     """Read a folder.
 
     Args:
-        folder: The folder; or one image.
+        folder: The folder, or a single image.
         rate_hz: Images per second.
-        decode: Turns a file's bytes into an image; raises ValueError where it cannot.
+        decode: Turns a file's bytes into an image, or raises ValueError.
 
     Raises:
-        BadInput: If it has no images.
+        BadInput: If the folder has no images.
     """
 
     is_live = False
-    registration: str | None = None
 
     def __init__(self, folder: str | Path, rate_hz: float, decode: Callable[[bytes], Image] = decode) -> None:
         self.rate_hz = rate_hz
@@ -38,7 +38,7 @@ class ImagesSource:
         files = (file for file in inside if file.suffix.lower() in SUFFIXES)
         self._files = sorted(files, key=lambda file: _natural(file.name))
         if not self._files:
-            raise BadInput(f"no images in the folder; {', '.join(SUFFIXES)} are read", folder)
+            raise BadInput(f"no images in the folder; supported are {', '.join(SUFFIXES)}", folder)
 
     def read(self, timeout_s: float) -> Capture | None:
         """Return the next image."""
@@ -56,7 +56,7 @@ class ImagesSource:
         except ValueError:
             raise BadInput("not an image that OpenCV can read", file) from None
         stamp_ns = round(self._index * 1e9 / self.rate_hz)
-        encoded = data if file.suffix.lower() in KEPT else None
+        encoded = data if file.suffix.lower() in RECORDABLE else None
         return Capture(self._index, stamp_ns, image, encoded)
 
     def close(self) -> None:

@@ -1,7 +1,6 @@
-"""What sources are called: turn what a user wrote into the kind of source and what it takes.
+"""Parse the name of a source into its kind and argument.
 
-"phantom:x" is a phantom, "clip.mp4" a video, "run.mcap" a recording. Knows no class and opens nothing but
-the first bytes of a file.
+"phantom:x" is a phantom, "clip.mp4" a video, "run.mcap" a recording. Opens at most the first bytes of a file.
 """
 
 import re
@@ -11,28 +10,36 @@ from pathlib import Path
 from haptigraph.config import SourceConfig
 from haptigraph.errors import BadInput, NeedsRegistration
 
-__all__ = ["CAMERAS", "MADE_NOW", "OCT_FILES", "SETTLED", "camera_device", "camera_size_px", "split_source"]
+__all__ = [
+    "CAMERAS",
+    "GENERATED",
+    "OCT_FILES",
+    "PREFETCHABLE",
+    "camera_device",
+    "camera_size_px",
+    "split_source",
+]
 
 CAMERAS = ("camera", "realsense", "ros2")
-"""Kinds that deliver in real time and at no other pace, and have no registration of their own."""
-MADE_NOW = (*CAMERAS, "phantom", "teleop")
-"""Kinds that make their images as they go."""
-SETTLED = ("dicom", "images", "oct", "phantom", "realsense-file", "recording", "video")
-"""Kinds whose next images nothing can change, so that they can be read ahead."""
+"""Kinds that deliver in real time only and bring no registration."""
+GENERATED = (*CAMERAS, "phantom", "teleop")
+"""Kinds that capture or draw their images during the run."""
+PREFETCHABLE = ("dicom", "images", "oct", "phantom", "realsense-file", "recording", "video")
+"""Kinds whose next images do not depend on the run, so that they can be read ahead."""
 OCT_FILES = (".vol", ".e2e", ".fda", ".eye")
-"""What can only be B-scans, by suffix."""
+"""Suffixes of files that can only be OCT."""
 
 DEFAULT_SCENARIO = "align_then_approach"
 REALSENSE_FILES = (".db3", ".bag")
-DICOM_MARK_AT, DICOM_MARK = 128, b"DICM"
+DICOM_MAGIC_OFFSET, DICOM_MAGIC = 128, b"DICM"
 
 
 def split_source(uri: str, kinds: Container[str]) -> tuple[str, str]:
-    """Return the kind of a source and what it takes: "phantom:x" -> ("phantom", "x").
+    """Return the kind and argument of a source: "phantom:x" -> ("phantom", "x").
 
     Args:
-        uri: What the user wrote.
-        kinds: Those there are.
+        uri: The name, as the user wrote it.
+        kinds: The kinds that exist.
 
     Raises:
         BadInput: If it is neither a known kind nor an existing path.
@@ -51,14 +58,14 @@ def split_source(uri: str, kinds: Container[str]) -> tuple[str, str]:
     path = Path(uri)
     if uri and path.is_dir():
         return "images", uri
-    by_name = {
+    kind_by_suffix = {
         ".mcap": "recording",
         **dict.fromkeys(OCT_FILES, "oct"),
         **dict.fromkeys(REALSENSE_FILES, "realsense-file"),
         ".dcm": "dicom",
     }
-    if path.suffix.lower() in by_name:
-        return by_name[path.suffix.lower()], uri
+    if path.suffix.lower() in kind_by_suffix:
+        return kind_by_suffix[path.suffix.lower()], uri
     if uri and path.exists():
         return "dicom" if _is_dicom(path) else "video", uri
     raise BadInput(
@@ -70,51 +77,51 @@ def split_source(uri: str, kinds: Container[str]) -> tuple[str, str]:
 
 
 def camera_device(which: str) -> int | str:
-    """Return what OpenCV opens for camera:WHICH: a number, the path of a device, or the address of a stream.
+    """Return what OpenCV opens for camera:WHICH: a number, the path of a device, or the URL of a stream.
 
     Raises:
-        BadInput: If it is none of them.
+        BadInput: If it is none of these.
     """
     if re.fullmatch("[0-9]{1,4}", which):
         return int(which)
     if "/" in which:
         return which
-    raise BadInput(f"camera:{which} is no camera; camera:0 is the first")
+    raise BadInput(f"camera:{which} is no camera number, device path or URL; the first camera is camera:0")
 
 
-def camera_size_px(asked: SourceConfig, registered_px: tuple[int, int] | None) -> tuple[int, int]:
-    """Return the size to ask of a camera: as the settings say, or else as registered.
+def camera_size_px(settings: SourceConfig, registered_px: tuple[int, int] | None) -> tuple[int, int]:
+    """Return the size to request from a camera: as configured, or else as registered.
 
     Args:
-        asked: The settings.
-        registered_px: Width and height of the registered images, or of their part that is used.
+        settings: The configured size and crop.
+        registered_px: Width and height of the registered images, after cropping.
 
     Raises:
         NeedsRegistration: If there is no registration.
-        BadInput: If settings and registration contradict each other, or leave it open.
+        BadInput: If settings and registration contradict each other, or do not determine the size.
     """
     if registered_px is None:
-        raise NeedsRegistration(asked.uri)
-    asked_px = asked.width_px, asked.height_px
-    if asked.crop_px and not all(asked_px):
+        raise NeedsRegistration(settings.uri)
+    size_px = settings.width_px, settings.height_px
+    if settings.crop_px and not all(size_px):
         raise BadInput(
-            "source.crop_px cuts a part out of a camera's image; say how large the whole one is with "
+            "source.crop_px crops a camera's images; set the size of the whole image with "
             "source.width_px and source.height_px"
         )
-    if not all(asked_px):
+    if not all(size_px):
         return registered_px
-    if registered_px != asked_px and not asked.crop_px:
-        asked_for, registered = ("{} x {} px".format(*size_px) for size_px in (asked_px, registered_px))
+    if registered_px != size_px and not settings.crop_px:
+        configured, registered = ("{} x {} px".format(*each_px) for each_px in (size_px, registered_px))
         raise BadInput(
-            f"source.width_px and source.height_px say {asked_for}, but the registration is for {registered}"
+            f"source.width_px and source.height_px are {configured}, but the registration is for {registered}"
         )
-    return asked_px
+    return size_px
 
 
 def _is_dicom(path: Path) -> bool:
-    """Tell DICOM by its mark; files from clinics often have no suffix."""
+    """Recognise DICOM by its magic bytes; files from clinics often have no suffix."""
     try:
         with path.open("rb") as file:
-            return file.read(DICOM_MARK_AT + len(DICOM_MARK))[DICOM_MARK_AT:] == DICOM_MARK
+            return file.read(DICOM_MAGIC_OFFSET + len(DICOM_MAGIC))[DICOM_MAGIC_OFFSET:] == DICOM_MAGIC
     except OSError:
-        return False  # whoever opens it will say why
+        return False  # opening the source reports the error

@@ -1,19 +1,20 @@
-"""Images of the simulated phantom, with the truth beside each."""
+"""Images of the simulated phantom, each with its ground truth."""
 
 from haptigraph.errors import EndOfSource
 from haptigraph.messages import Capture
 from haptigraph.sim.oct.phantom import open_phantom
+from haptigraph.stages import Source
 
 __all__ = ["PhantomSource"]
 
 
-class PhantomSource:
+class PhantomSource(Source):
     """Play a scenario.
 
     Args:
-        name: Of a scenario that ships with haptigraph, or the path of a .toml file.
-        loop: Whether to start again when it is over.
-        target_mm: Where the target lies along the retina; None: as the scenario says.
+        name: A scenario that ships with haptigraph, or the path of a .toml file.
+        loop: Whether to restart the scenario when it ends.
+        target_mm: Position of the target along the retina; None: the scenario's own.
 
     Raises:
         BadInput: If there is no such scenario.
@@ -26,7 +27,7 @@ class PhantomSource:
         self._loop = loop
         self._index = -1
         self.rate_hz = self._phantom.scenario.about.rate_hz
-        self.registration: str | None = self._phantom.registration
+        self.registration = self._phantom.registration
 
     def read(self, timeout_s: float) -> Capture | None:
         """Return the next image."""
@@ -41,4 +42,4 @@ class PhantomSource:
         return Capture(self._index, stamp_ns, moment.image, truth=moment.truth, phase=moment.phase)
 
     def close(self) -> None:
-        """Do nothing: nothing stays open."""
+        """Do nothing: the phantom holds no resources."""

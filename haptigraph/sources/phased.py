@@ -1,6 +1,6 @@
-"""Say with every image in which phase of the operation it was taken, as a person or a script says it.
+"""Label every capture with the phase of the operation that a person or a script has set.
 
-Nothing is inferred: a phase may silence an alarm, so somebody must have meant it.
+Phases are never inferred: a phase may silence an alarm, so somebody must have chosen it.
 """
 
 from collections.abc import Sequence
@@ -9,40 +9,42 @@ from msgspec.structs import replace
 
 from haptigraph.errors import BadInput, unknown_name
 from haptigraph.messages import Capture
+from haptigraph.sources.wrapper import SourceWrapper
 from haptigraph.stages import Source
 
 __all__ = ["PhasedSource", "phased"]
 
 
 def phased(source: Source, phases: Sequence[str], first: str) -> Source:
-    """Return a source that tells phases, if there are any; `first` is the one to begin in, if given.
+    """Return a source that labels phases, if the procedure has any.
+
+    Args:
+        source: The source.
+        phases: The procedure's phases, in order.
+        first: The initial phase; empty: the first one.
 
     Raises:
-        BadInput: If it is none of them.
+        BadInput: If `first` is not one of the phases.
     """
     if first and first not in phases:
         raise BadInput(unknown_name("phase", first, phases or ["none, for this procedure"]), "trial.phase")
     return PhasedSource(source, phases, first) if phases else source
 
 
-class PhasedSource:
-    """Wrap a source; where somebody names a phase that counts, else the source's own, else the first.
+class PhasedSource(SourceWrapper):
+    """Label captures with the phase set by a person, else by the source, else the initial one.
 
     Args:
         source: The source.
-        phases: Names of the phases, in their order.
-        first: The one to begin in; empty: the first of them.
+        phases: Names of the phases, in order.
+        first: The initial phase; empty: the first one.
     """
 
     def __init__(self, source: Source, phases: Sequence[str], first: str = "") -> None:
-        self._source, self.phases = source, tuple(phases)
+        super().__init__(source)
+        self.phases = tuple(phases)
         self.named = ""
-        """The phase that somebody named last, from any thread; empty: nobody has yet."""
-        self.rate_hz, self.is_live, self.registration = source.rate_hz, source.is_live, source.registration
-        self.teleop = getattr(source, "teleop", None)
-        """Where a hand steers the source, if it can be steered."""
-        self.notes = getattr(source, "notes", ())
-        """What a camera says of itself."""
+        """The phase that a person set last, from any thread; empty: none yet."""
         self._first = first or self.phases[0]
         self._now, self._since_ns = "", 0
 
@@ -55,7 +57,3 @@ class PhasedSource:
         if phase != self._now:
             self._now, self._since_ns = phase, capture.stamp_ns
         return replace(capture, phase=phase, phase_s=(capture.stamp_ns - self._since_ns) / 1e9)
-
-    def close(self) -> None:
-        """Close the source."""
-        self._source.close()

@@ -1,4 +1,4 @@
-"""Images from a recording: the very bytes that perception consumed then."""
+"""Images from a recording: the exact bytes that perception consumed during the run."""
 
 from pathlib import Path
 
@@ -7,18 +7,19 @@ from msgspec.structs import replace
 from haptigraph.errors import EndOfSource
 from haptigraph.messages import Capture
 from haptigraph.recording.reader import RunReader
+from haptigraph.stages import Source
 
 __all__ = ["RecordingSource"]
 
 
-class RecordingSource:
+class RecordingSource(Source):
     """Play the captures of a recording.
 
     Args:
         path: The MCAP file.
 
     Raises:
-        BadInput: If it is no recording.
+        BadInput: If it is not a recording.
     """
 
     is_live = False
@@ -26,7 +27,7 @@ class RecordingSource:
     def __init__(self, path: str | Path) -> None:
         reader = RunReader(path)
         self.rate_hz = reader.info.rate_hz
-        self.registration: str | None = reader.info.registration
+        self.registration = reader.info.registration
         self._records = reader.records()
         self._first_ns: int | None = None
 

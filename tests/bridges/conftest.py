@@ -3,7 +3,7 @@ import socket
 import pytest
 
 from haptigraph.assemble import load_procedure
-from haptigraph.bridges.bridge import Run
+from haptigraph.bridges.bridge import RunContext
 from haptigraph.clock import MonotonicClock
 from haptigraph.recording.schema import RunInfo
 
@@ -17,7 +17,7 @@ def free_port():
 
 @pytest.fixture
 def run(registration):
-    """What a bridge is told of a run whose source nobody can steer."""
+    """The context of a run whose source cannot be steered."""
     procedure = load_procedure("subretinal_injection")
     info = RunInfo(
         "0",
@@ -32,4 +32,4 @@ def run(registration):
         procedure.sha256,
     )
     measures = ("theta_deg", "distance_to_retina_mm")
-    return Run(info, registration.image, measures, MonotonicClock(), object())
+    return RunContext(info, registration.image, measures, MonotonicClock(), None)

@@ -1,4 +1,4 @@
-"""What extras bring costs nobody who lacks them, and whoever asks for it is told in one sentence."""
+"""Everything else works without the optional libraries, and a missing one is reported in one sentence."""
 
 import json
 import os
@@ -33,13 +33,13 @@ SOURCES = {
 }
 
 
-def run_bare(folder, program, told=""):
-    """Run a program for which no extra is installed, nor for the processes that it starts."""
+def run_bare(folder, program, stdin=""):
+    """Run a program, and the processes that it starts, as if no extra were installed."""
     for name in LIBRARIES:
         (folder / f"{name}.py").write_text(f"raise ModuleNotFoundError({name!r})")
     path = os.pathsep.join([str(folder), *filter(None, sys.path)])
     done = subprocess.run(
-        [sys.executable, "-c", program], input=told, cwd=folder, env={**os.environ, "PYTHONPATH": path},
+        [sys.executable, "-c", program], input=stdin, cwd=folder, env={**os.environ, "PYTHONPATH": path},
         capture_output=True, text=True, timeout=100,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
@@ -48,31 +48,31 @@ def run_bare(folder, program, told=""):
 
 @pytest.fixture(scope="module")
 def bare(tmp_path_factory, quick, quick_uri, registration_toml):
-    """What commands answer where no extra is installed: exit code, output, errors."""
+    """Exit code, output and errors of commands without extras."""
     folder = tmp_path_factory.mktemp("bare")
     (folder / "eye.toml").write_text(registration_toml)
     (folder / "scan.dcm").write_bytes(b"something")
     with open(quick) as file:
         (folder / "brief.toml").write_text("[[move]]".join(file.read().split("[[move]]")[:2]))
-    asked = {
+    commands = {
         **{key: ["run", quick_uri, "--record", "run.mcap", *key] for key in MISSING},
         **{uri: ["run", uri, "--registration", "eye.toml", "--record", "run.mcap"] for uri in SOURCES},
         "devices": ["devices"],
         "openigtlink": ["run", "phantom:brief.toml", "--bridge", "openigtlink:0"],
     }
-    answers = json.loads(run_bare(folder, PROGRAM, json.dumps([*asked.values()])))
+    results = json.loads(run_bare(folder, PROGRAM, json.dumps([*commands.values()])))
     assert not (folder / "run.mcap").exists()
-    return dict(zip(asked, answers, strict=True))
+    return dict(zip(commands, results, strict=True))
 
 
-@pytest.mark.parametrize("asked", [*MISSING, *SOURCES], ids=str)
-def test_a_missing_extra_is_one_sentence(bare, asked):
-    who, extra = {**MISSING, **SOURCES}[asked]
-    sentence = f"haptigraph: {who} needs an extra; install it with: pip install 'haptigraph[{extra}]'\n"
-    assert bare[asked] == [2, "", sentence]
+@pytest.mark.parametrize("option", [*MISSING, *SOURCES], ids=str)
+def test_a_missing_extra_is_one_sentence(bare, option):
+    feature, extra = {**MISSING, **SOURCES}[option]
+    sentence = f"haptigraph: {feature} needs an extra; install it with: pip install 'haptigraph[{extra}]'\n"
+    assert bare[option] == [2, "", sentence]
 
 
-def test_what_devices_can_is_listed_without_their_extras(bare):
+def test_capabilities_of_devices_are_listed_without_extras(bare):
     code, listed, _ = bare["devices"]
     assert code == 0
     for extra in ("audio", "gamepad", "ros", "serial"):
@@ -80,13 +80,13 @@ def test_what_devices_can_is_listed_without_their_extras(bare):
     assert "the joy node turns both motors alike" in listed
 
 
-def test_the_phantom_runs_and_slicer_is_told_with_no_extra_at_all(bare):
-    code, summary, told = bare["openigtlink"]
-    assert code == 0, told
+def test_the_phantom_runs_and_is_published_to_slicer_without_extras(bare):
+    code, summary, errors = bare["openigtlink"]
+    assert code == 0, errors
     assert "source ended" in summary
 
 
-def test_a_run_without_bridges_loads_none_of_their_libraries(tmp_path, quick_uri):
+def test_a_run_without_bridges_imports_none_of_their_libraries(tmp_path, quick_uri):
     program = (
         "import sys; from haptigraph import build, load_config\n"
         f"build(load_config(settings=['source.uri={quick_uri}'])).close()\n"

@@ -30,7 +30,7 @@ def joy(across=0.0, along=0.0, clutch=1):
     return Joy(Header(), [across, along], [0] * CLUTCH + [clutch])
 
 
-def test_a_stick_at_its_end_moves_at_full_speed(steering, clock, moved):
+def test_full_deflection_moves_at_full_speed(steering, clock, moved):
     for _ in range(20):
         clock.wait_until(clock.now_ns() + 50_000_000)
         steering.take(joy(along=-1.0))
@@ -38,13 +38,13 @@ def test_a_stick_at_its_end_moves_at_full_speed(steering, clock, moved):
     assert all(motion.across_mm == 0 for motion in moved)
 
 
-def test_right_on_the_stick_is_to_the_right_and_back_is_into_the_eye(steering, clock, moved):
+def test_right_moves_to_the_right_and_back_into_the_eye(steering, clock, moved):
     clock.wait_until(10_000_000)
     steering.take(joy(across=-1.0, along=-1.0))  # ROS: left and forward are positive
     assert moved[0].across_mm > 0 and moved[0].along_mm > 0
 
 
-def test_a_message_after_a_long_silence_stands_for_no_longer_than_a_tenth_of_a_second(steering, clock, moved):
+def test_a_message_after_a_long_silence_is_applied_for_a_tenth_of_a_second(steering, clock, moved):
     clock.wait_until(10_000_000_000)
     steering.take(joy(along=-1.0))
     assert moved[0].along_mm == pytest.approx(0.1 * SPEED_MM_S)
@@ -66,7 +66,7 @@ def test_without_the_clutch_nothing_moves(steering, clock, moved):
         Joy(Header(), [0.0, -math.inf], [1] * 12),
     ],
 )
-def test_a_message_that_cannot_be_used_lets_go(steering, moved, message):
+def test_an_invalid_message_releases_the_clutch(steering, moved, message):
     with pytest.raises(ValueError, match="joy has "):
         steering.take(message)
     assert [motion.engaged for motion in moved] == [False]
@@ -76,7 +76,7 @@ def test_a_message_that_cannot_be_used_lets_go(steering, moved, message):
     axes=st.lists(st.floats(width=32), max_size=4),
     buttons=st.lists(st.integers(-(2**31), 2**31 - 1), max_size=8),
 )
-def test_whatever_comes_moves_the_hand_by_no_more_than_its_speed(axes, buttons):
+def test_no_message_exceeds_the_maximum_speed(axes, buttons):
     clock, moved = VirtualClock(), []
     steering = JoySteering(moved.append, clock)
     clock.wait_until(50_000_000)
@@ -84,6 +84,6 @@ def test_whatever_comes_moves_the_hand_by_no_more_than_its_speed(axes, buttons):
         steering.take(Joy(Header(), axes, buttons))
     except ValueError:
         assert not moved[-1].engaged
-    way_mm = SPEED_MM_S * 0.05 + 1e-9
+    limit_mm = SPEED_MM_S * 0.05 + 1e-9
     assert len(moved) == 1
-    assert abs(moved[0].along_mm) <= way_mm and abs(moved[0].across_mm) <= way_mm
+    assert abs(moved[0].along_mm) <= limit_mm and abs(moved[0].across_mm) <= limit_mm

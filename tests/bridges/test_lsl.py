@@ -8,7 +8,7 @@ from haptigraph.recording.reader import RunReader
 
 pytestmark = [pytest.mark.timeout(180)]
 
-SAME_S = 1e-3  # two clocks are compared in the run and here; images are 67 ms apart
+TOLERANCE_S = 1e-3  # of comparing two clocks in two processes; images are 67 ms apart
 
 
 def inlet_of(pylsl, name):
@@ -17,7 +17,7 @@ def inlet_of(pylsl, name):
     return pylsl.StreamInlet(found[0])
 
 
-def test_an_inlet_receives_a_run_live_with_the_moments_of_its_recording(lsl_network, quick_uri, tmp_path):
+def test_an_inlet_receives_a_run_live_with_the_stamps_of_its_recording(lsl_network, quick_uri, tmp_path):
     import pylsl
 
     path = tmp_path / "run.mcap"
@@ -27,13 +27,13 @@ def test_an_inlet_receives_a_run_live_with_the_moments_of_its_recording(lsl_netw
             inlet.open_stream(timeout=30)
         offset_s = offset_ns(lambda: round(pylsl.local_clock() * 1e9), MonotonicClock()) / 1e9
         infos = {name: inlet.info(timeout=30) for name, inlet in inlets.items()}
-        kept = pulled(inlets)
+        samples = pull(inlets)
     steps = [step for _, step in RunReader(path).records(images=())]
-    assert "! bridge" not in process.told
+    assert "! bridge" not in process.output
 
     rows = []
-    for sample, stamp_s in kept["measures"][5:-5]:
-        (step,) = (step for step in steps if abs(step.stamp_ns / 1e9 - (stamp_s - offset_s)) < SAME_S)
+    for sample, stamp_s in samples["measures"][5:-5]:
+        (step,) = (step for step in steps if abs(step.stamp_ns / 1e9 - (stamp_s - offset_s)) < TOLERANCE_S)
         rows.append((step, sample))
     assert len(rows) >= 30
     names = channels(infos["measures"], "label")
@@ -46,37 +46,39 @@ def test_an_inlet_receives_a_run_live_with_the_moments_of_its_recording(lsl_netw
         for before, step in itertools.pairwise(steps)
         if step.conclusion.state != before.conclusion.state
     ]
-    for (state,), stamp_s in kept["state"][1:]:
-        assert any(state == name and abs(stamp_s - offset_s - at_s) < SAME_S for name, at_s in changes)
+    for (state,), stamp_s in samples["state"][1:]:
+        assert any(state == name and abs(stamp_s - offset_s - at_s) < TOLERANCE_S for name, at_s in changes)
     commanded = [(step.command.pattern.name, step.timing.commanded_ns / 1e9) for step in steps]
-    for (pattern,), stamp_s in kept["command"][1:]:
-        assert any(pattern == name and abs(stamp_s - offset_s - at_s) < SAME_S for name, at_s in commanded)
-    told = {pattern for (pattern,), _ in kept["command"]}
-    assert len(told) > 1 and told <= {step.command.pattern.name for step in steps}
+    for (pattern,), stamp_s in samples["command"][1:]:
+        assert any(
+            pattern == name and abs(stamp_s - offset_s - at_s) < TOLERANCE_S for name, at_s in commanded
+        )
+    patterns = {pattern for (pattern,), _ in samples["command"]}
+    assert len(patterns) > 1 and patterns <= {step.command.pattern.name for step in steps}
 
 
-def pulled(inlets):
-    kept = {name: [] for name in inlets}
-    while len(kept["command"]) < 2 or len(kept["measures"]) < 40:
+def pull(inlets):
+    samples = {name: [] for name in inlets}
+    while len(samples["command"]) < 2 or len(samples["measures"]) < 40:
         for name, inlet in inlets.items():
             sample, stamp_s = inlet.pull_sample(timeout=0.05)
             while sample is not None:
-                kept[name].append((sample, stamp_s))
+                samples[name].append((sample, stamp_s))
                 sample, stamp_s = inlet.pull_sample(timeout=0.0)
     for inlet in inlets.values():
         inlet.close_stream()
-    return kept
+    return samples
 
 
-def channels(info, what):
-    node, told = info.desc().child("channels").child("channel"), []
+def channels(info, key):
+    node, values = info.desc().child("channels").child("channel"), []
     while not node.empty():
-        told.append(node.child_value(what))
+        values.append(node.child_value(key))
         node = node.next_sibling("channel")
-    return told
+    return values
 
 
-def test_streams_say_what_they_hold(lsl_network, run):
+def test_streams_are_described(lsl_network, run):
     import pylsl
 
     from haptigraph.bridges.lsl import LslLink

@@ -1,4 +1,4 @@
-"""Two processes on one machine exchange every ROS 2 topic; the DDS library's own tools say which."""
+"""Two processes exchange every ROS 2 topic; the DDS library's tools verify names and types."""
 
 import math
 import os
@@ -34,7 +34,7 @@ from haptigraph.sources.phantom import PhantomSource
 
 pytestmark = [pytest.mark.timeout(240), pytest.mark.xdist_group("ros2")]
 
-WIRE = {
+DDS_TYPES = {
     "rt/haptigraph/state": "std_msgs::msg::dds_::String_",
     "rt/haptigraph/graph": "std_msgs::msg::dds_::String_",
     "rt/haptigraph/needle_tip": "geometry_msgs::msg::dds_::PointStamped_",
@@ -68,19 +68,19 @@ IDL = {
 def steered(ros_network):
     with running("teleop:tests/data/steered.toml", "--bridge", "ros2", "--device", "ros2") as process:
         yield process
-    assert "interrupted" in process.told
+    assert "interrupted" in process.output
 
 
-def cyclonedds(*arguments, wanted=lambda shown: True):
-    """What the DDS library's own tool shows, after looking longer and longer until that is wanted."""
+def cyclonedds(*arguments, is_complete=lambda output: True):
+    """The output of the DDS library's tool, with increasing runtimes until it is complete."""
     for runtime in ("1s", "4s", "12s"):
-        shown = looked(runtime, *arguments)
-        if wanted(shown):
+        output = run_tool(runtime, *arguments)
+        if is_complete(output):
             break
-    return shown
+    return output
 
 
-def looked(runtime, *arguments):
+def run_tool(runtime, *arguments):
     tool = [sys.executable, "-c", "from cyclonedds.tools.cli.main import cli; cli()", *arguments]
     tag = re.search("<Tag>(.*?)</Tag>", os.environ["CYCLONEDDS_URI"])[1]
     environment = {**os.environ, **loopback(tag, ignored="1.15"), "COLUMNS": "120"}
@@ -118,8 +118,8 @@ def test_every_topic_of_a_run_arrives_in_ros_units(steered, peer):
     assert abs(time.time_ns() - tip.header.stamp.ns) < 10e9
     assert 0.001 < math.hypot(tip.point.x, tip.point.y) < 0.015  # in an eye of 24 mm, in metres
     assert tip.point.z == 0.0
-    played = peer.next("/joy/set_feedback", lambda message: message.intensity > 0)
-    assert (played.type, played.id, played.intensity) == (1, 0, pytest.approx(0.3))
+    rumble = peer.next("/joy/set_feedback", lambda message: message.intensity > 0)
+    assert (rumble.type, rumble.id, rumble.intensity) == (1, 0, pytest.approx(0.3))
     (status,) = peer.next("/diagnostics", lambda message: message.status[0].level == 0).status
     assert (status.name, status.message) == ("haptigraph: loop", "ok")
     values = {pair.key: pair.value for pair in status.values}
@@ -127,7 +127,7 @@ def test_every_topic_of_a_run_arrives_in_ros_units(steered, peer):
     assert float(values["image_rate_hz"]) > 3
 
 
-def test_a_joystick_steers_the_needle_while_its_clutch_holds(steered, peer):
+def test_a_joystick_steers_the_needle_while_its_clutch_is_engaged(steered, peer):
     peer.hear("/haptigraph/needle_tip", PointStamped)
     before = peer.next("/haptigraph/needle_tip").point
     joy, moved = peer.say("/joy", Joy), 0.0
@@ -138,44 +138,44 @@ def test_a_joystick_steers_the_needle_while_its_clutch_holds(steered, peer):
         if moved > 0.002:
             break
     assert moved > 0.002
-    assert after.y < before.y  # back on the stick is down in the picture, into the eye
+    assert after.y < before.y  # back on the stick is down in the image, into the eye
 
 
-def test_what_the_hand_feels_is_told_as_it_changes(steered, peer):
+def test_every_change_of_the_haptic_output_is_published(steered, peer):
     peer.hear("/haptigraph/touch", JoyFeedback)
     peer.hear("/haptigraph/state", String)
     joy = peer.say("/joy", Joy)
-    for _ in range(600):  # on into the retina, where it pulses
+    for _ in range(600):  # into the retina, where the output pulses
         joy.send(Joy(Header(), [0.0, -1.0], [0, 0, 0, 0, 0, 1]))
         if peer.next("/haptigraph/state").data == "retinal_contact":
             break
     for level in (1.0, 0.0, 1.0):
-        peer.next("/haptigraph/touch", lambda touch, level=level: touch.intensity == level)
+        peer.next("/haptigraph/touch", lambda output, level=level: output.intensity == level)
 
 
-def topics(shown):
-    found = re.findall(r"(rt/\S+) ─.*?Typename\s+│\s+(\S+) ", shown, re.DOTALL)
-    return {name: kind for name, kind in found if name in WIRE}
+def topics(output):
+    found = re.findall(r"(rt/\S+) ─.*?Typename\s+│\s+(\S+) ", output, re.DOTALL)
+    return {name: kind for name, kind in found if name in DDS_TYPES}
 
 
 def test_the_dds_tools_show_ros_names_and_types(steered):
-    shown = cyclonedds("ls", wanted=lambda shown: topics(shown) == WIRE)
-    assert topics(shown) == WIRE
+    output = cyclonedds("ls", is_complete=lambda output: topics(output) == DDS_TYPES)
+    assert topics(output) == DDS_TYPES
 
 
-@pytest.mark.slow  # the tool looks around for seconds
+@pytest.mark.slow  # the tool runs for seconds
 @pytest.mark.parametrize("topic", IDL)
 def test_the_dds_tools_show_ros_fields(steered, topic):
-    idl = cyclonedds("typeof", topic, wanted=lambda shown: "struct" in shown)
+    idl = cyclonedds("typeof", topic, is_complete=lambda output: "struct" in output)
     assert "@final" in idl
-    package, _, kind = WIRE[topic].partition("::msg::dds_::")
+    package, _, kind = DDS_TYPES[topic].partition("::msg::dds_::")
     assert f"module {package}" in idl and f"struct {kind}" in idl
     for field in IDL[topic]:
         assert field in idl
 
 
 def stamped_images():
-    """Pictures of the phantom, in turn raw and compressed, with the stamp they are sent with."""
+    """Images of the phantom, alternately raw and compressed, stamped with the current time."""
     image = PhantomSource("tests/data/steered.toml").read(1.0).image
     height, width = image.shape[:2]
     encoded = encode_jpeg(image, 95)
@@ -193,57 +193,57 @@ def eye(tmp_path):
     return path
 
 
-def test_images_of_either_kind_come_back_as_the_place_of_the_needle(ros_network, peer, eye):
+def test_images_of_either_type_return_the_position_of_the_needle(ros_network, peer, eye):
     with running("ros2:/camera/image", "--registration", eye, "--bridge", "ros2:rig_b") as process:
         peer.hear("/rig_b/needle_tip", PointStamped)
-        say = {kind: peer.say("/camera/image", kind) for kind in (Image, CompressedImage)}
-        answered = {Image: 0, CompressedImage: 0}
+        publishers = {kind: peer.say("/camera/image", kind) for kind in (Image, CompressedImage)}
+        received = {Image: 0, CompressedImage: 0}
         for _, image in zip(range(100), stamped_images(), strict=False):
-            say[type(image)].send(image)
-            with suppress(queue.Empty):  # the first ones may find the run not ready
+            publishers[type(image)].send(image)
+            with suppress(queue.Empty):  # the run may miss the first ones
                 while True:
                     tip = peer.heard["/rig_b/needle_tip"].get(timeout=1.0)
-                    if tip.header.stamp.ns > image.header.stamp.ns - 1_000_000:  # later, if it was missed
+                    if tip.header.stamp.ns > image.header.stamp.ns - 1_000_000:  # of this image, or later
                         break
-                answered[type(image)] += 1
-            if min(answered.values()) == 10:
+                received[type(image)] += 1
+            if min(received.values()) == 10:
                 break
-        assert min(answered.values()) == 10
-    assert "refused" not in process.told
+        assert min(received.values()) == 10
+    assert "rejected" not in process.output
 
 
-def test_nonsense_on_the_network_disturbs_neither_loop_nor_images(ros_network, peer, eye):
+def test_invalid_messages_disturb_neither_loop_nor_images(ros_network, peer, eye):
     arguments = ("ros2:/camera/image", "--registration", eye, "--bridge", "ros2:rig_c")
     with running(*arguments) as process, broken_program():
         peer.hear("/rig_c/state", String)
-        say, images = peer.say("/camera/image", CompressedImage), stamped_images()
+        publisher, images = peer.say("/camera/image", CompressedImage), stamped_images()
         for _ in range(600):
             image = next(images)
             if isinstance(image, CompressedImage):
-                say.send(image)
+                publisher.send(image)
             state = peer.next("/rig_c/state").data
             if state == "misaligned_intraocular_navigation":
                 break
         assert state == "misaligned_intraocular_navigation"
         assert process.poll() is None
-    assert "! source: ros2:/camera/image: refused " in process.told
-    assert "Traceback" not in process.told
+    assert "! source: ros2:/camera/image: rejected " in process.output
+    assert "Traceback" not in process.output
 
 
-def test_nonsense_from_a_joystick_neither_steers_nor_disturbs(ros_network, peer):
-    said = ""
+def test_invalid_joystick_messages_neither_steer_nor_disturb(ros_network, peer):
+    diagnostics = ""
     with running("teleop:tests/data/steered.toml", "--bridge", "ros2:rig_e") as process:
         peer.hear("/rig_e/state", String)
         assert peer.next("/rig_e/state").data == "misaligned_intraocular_navigation"
         peer.hear("/diagnostics", DiagnosticArray)
-        refused = [
+        problems = [
             "joy has an axis at nan",
             "joy has 0 axes and 0 buttons; axes 0 and 1 and button 5 are used",
         ]
         with broken_program():
-            while not all(why in said for why in refused):
-                said += str(peer.next("/diagnostics").status)
+            while not all(problem in diagnostics for problem in problems):
+                diagnostics += str(peer.next("/diagnostics").status)
         for _ in range(10):
             assert peer.next("/rig_e/state").data == "misaligned_intraocular_navigation"
-    for why in refused:
-        assert process.told.count(f"! bridge: ros2: refused from /joy: {why}") == 1
+    for problem in problems:
+        assert process.output.count(f"! bridge: ros2: rejected a message on /joy: {problem}") == 1

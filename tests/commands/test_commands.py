@@ -33,7 +33,7 @@ def test_every_command_explains_itself(command):
     assert len(result.output.splitlines()) > 5
 
 
-def test_help_loads_nothing_heavy():
+def test_help_imports_nothing_heavy():
     code = "import sys, haptigraph.cli; print(*(m for m in ('numpy', 'cv2', 'matplotlib', 'rich', 'mcap', 'starlette', 'uvicorn', 'pydicom', 'pyrealsense2', 'cyclonedds', 'pylsl', 'foxglove', 'sqlalchemy', 'pandas', 'distributed', 'pyarrow') if m in sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
@@ -47,12 +47,12 @@ def recording(quick_uri, tmp_path_factory) -> Path:
     return path
 
 
-def test_run_tells_states_and_ends_with_its_summary(quick_uri, tmp_path):
+def test_run_prints_states_and_a_summary(quick_uri, tmp_path):
     trace = tmp_path / "touch.csv"
     result = call("run", quick_uri, "--fast", "--device", f"trace:{trace}", "--set", "trial.participant=P1")
     assert result.exit_code == 0
     assert "retinal_contact" in result.stderr
-    for told in (
+    for text in (
         "target hit after",
         "mean theta",
         "contacts        1 unintended",
@@ -60,7 +60,7 @@ def test_run_tells_states_and_ends_with_its_summary(quick_uri, tmp_path):
         "p50",
         "source ended",
     ):
-        assert told in result.stdout
+        assert text in result.stdout
     with trace.open() as file:
         amplitudes = {float(row["amplitude"]) for row in csv.DictReader(file)}
     assert amplitudes == {0.0, 0.3, 0.8, 1.0}
@@ -73,7 +73,7 @@ def test_replay_finds_every_step_identical(recording):
     assert "117 of 117 steps identical" in result.output
 
 
-def test_replay_under_another_procedure_tells_both_stories(recording, procedure, tmp_path):
+def test_replay_under_another_procedure_prints_both_summaries(recording, procedure, tmp_path):
     other = tmp_path / "other.toml"
     other.write_text(procedure.text.replace("at_most = 5.5", "at_most = 9.0"))
     result = call("replay", recording, "--procedure", other)
@@ -83,7 +83,7 @@ def test_replay_under_another_procedure_tells_both_stories(recording, procedure,
     assert f"as {other}" in result.output
 
 
-def test_replay_that_differs_exits_with_one(recording, monkeypatch):
+def test_a_replay_that_differs_exits_with_1(recording, monkeypatch):
     from haptigraph.haptics.renderer import GrammarRenderer
     from haptigraph.messages import OFF, HapticCommand
 
@@ -110,9 +110,9 @@ def test_evaluate_scores_simulated_scenes(monkeypatch, tmp_path):
     monkeypatch.setattr(accuracy, "angle_noise", partial(accuracy.angle_noise, depths_mm=(5.0,), **small))
     picture = tmp_path / "sweep.png"
     options = ("evaluate", "--simulated", 2, "--perceiver", "threshold", "--seed", 3)
-    told = json.loads(call(*options, "--json", "--figure", picture).output)
-    assert told["seed"] == 3
-    assert told["scenes"] == told["perceivers"]["threshold"]["all"]["scenes"] == 2
+    scores = json.loads(call(*options, "--json", "--figure", picture).output)
+    assert scores["seed"] == 3
+    assert scores["scenes"] == scores["perceivers"]["threshold"]["all"]["scenes"] == 2
     assert picture.stat().st_size > 10_000
     assert "Cramer-Rao" in call(*options).output
 
@@ -122,8 +122,8 @@ def test_evaluate_takes_a_clip_or_simulated_scenes(tmp_path):
         assert "either CLIP_DIR or --simulated N" in refuse("evaluate", *wrong)
     assert "--seed and --figure go with --simulated" in refuse("evaluate", tmp_path, "--seed", 1)
     assert "unknown perceiver 'none'" in refuse("evaluate", "--simulated", 1, "--perceiver", "none")
-    for wrong, why in (("none/a.png", "no such folder"), ("a.xyz", "valid endings: .png, .svg, .pdf")):
-        assert why in refuse("evaluate", "--simulated", 1, "--figure", tmp_path / wrong)
+    for wrong, problem in (("none/a.png", "no such folder"), ("a.xyz", "valid endings: .png, .svg, .pdf")):
+        assert problem in refuse("evaluate", "--simulated", 1, "--figure", tmp_path / wrong)
 
 
 def test_check_explains_a_procedure():
@@ -134,7 +134,7 @@ def test_check_explains_a_procedure():
     assert "z3" in call("check", "--prover", "z3").output
 
 
-def test_check_shows_the_smallest_graph_that_breaks_a_claim_and_exits_with_one(procedure, tmp_path):
+def test_check_shows_the_smallest_graph_that_violates_a_claim_and_exits_with_1(procedure, tmp_path):
     file, picture = tmp_path / "p.toml", tmp_path / "broken.png"
     file.write_text(procedure.text.replace("above = 1.7", "above = 1.9"))
     result = call("check", file, "--picture", picture)
@@ -149,12 +149,12 @@ def test_check_shows_the_smallest_graph_that_breaks_a_claim_and_exits_with_one(p
     assert "cannot be read" in refuse("check", tmp_path / "none.toml")
 
 
-def test_explain_tells_rule_triplets_runner_up_and_how_far_it_is(recording):
-    told = call("explain", recording, "--at", 3)
-    assert told.exit_code == 0
-    assert "fired by" in told.output and "runner-up" in told.output and "graph: " in told.output
+def test_explain_prints_rule_evidence_and_runner_up(recording):
+    text = call("explain", recording, "--at", 3)
+    assert text.exit_code == 0
+    assert "fired by" in text.output and "runner-up" in text.output and "graph: " in text.output
     as_json = json.loads(call("explain", recording, "--at", 3, "--json").output)
-    assert f"{as_json['time_s']:.2f} s  {as_json['state']}, rule {as_json['priority']}" in told.output
+    assert f"{as_json['time_s']:.2f} s  {as_json['state']}, rule {as_json['priority']}" in text.output
     assert as_json["runner_up"]["state"] != as_json["state"]
     for wrong in (-1, 500):
         assert f"has no step at {wrong} s; valid: 0 to " in refuse("explain", recording, "--at", wrong)
@@ -168,24 +168,24 @@ def test_diagram_writes_an_svg_and_overwrites_none(tmp_path):
     assert "valid ending: .svg" in refuse("diagram", "-o", tmp_path / "states.png")
 
 
-def test_recover_makes_a_torn_recording_whole(recording, tmp_path):
-    torn = tmp_path / "torn.mcap"
-    torn.write_bytes(recording.read_bytes()[:-5000])
-    result = call("recover", torn)
+def test_recover_repairs_a_truncated_recording(recording, tmp_path):
+    truncated = tmp_path / "truncated.mcap"
+    truncated.write_bytes(recording.read_bytes()[:-5000])
+    result = call("recover", truncated)
     assert result.exit_code == 0
-    assert "is whole again:" in result.output
-    assert RunReader(torn).is_whole
-    assert "is whole\n" in call("recover", torn).output
-    assert "steps identical" in call("replay", torn).output
+    assert "is complete again:" in result.output
+    assert RunReader(truncated).is_whole
+    assert "is complete\n" in call("recover", truncated).output
+    assert "steps identical" in call("replay", truncated).output
 
 
-def test_an_interrupted_recording_is_named_as_such(recording, tmp_path):
-    torn = tmp_path / "torn.mcap"
-    torn.write_bytes(recording.read_bytes()[:-5000])
-    assert "was interrupted; `haptigraph recover` makes it whole" in call("replay", torn).output
+def test_replay_reports_an_interrupted_recording(recording, tmp_path):
+    truncated = tmp_path / "truncated.mcap"
+    truncated.write_bytes(recording.read_bytes()[:-5000])
+    assert "was interrupted; `haptigraph recover` repairs it" in call("replay", truncated).output
 
 
-def test_a_recording_that_goes_on_is_replayed_as_far_as_it_is_but_not_recovered(recording, tmp_path):
+def test_a_recording_in_progress_is_replayed_so_far_but_not_recovered(recording, tmp_path):
     live = tmp_path / "live.mcap"
     journal = Journal(os.open(live, os.O_WRONLY | os.O_CREAT))
     journal.write(recording.read_bytes()[:-5000])
@@ -203,19 +203,19 @@ def test_demo_runs_records_replays_and_draws(quick, tmp_path):
     assert RunReader(tmp_path / "demo.mcap").is_whole
 
 
-def test_sources_tells_what_to_type_and_what_an_extra_would_add(monkeypatch):
-    from haptigraph.sources import present
+def test_sources_lists_syntax_and_missing_extras(monkeypatch):
+    from haptigraph.sources import available
 
     result = call("sources")
     assert result.exit_code == 0
-    for spelled in ("phantom:SCENARIO", "camera:N", "realsense[:SERIAL]", "FILE.dcm", "FILE.mcap", "FOLDER"):
-        assert re.search(rf"^{re.escape(spelled)} .*\w", result.output, re.MULTILINE)
-    monkeypatch.setattr(present, "find_spec", lambda name: None)
-    monkeypatch.setattr(present, "present_cameras", lambda: [("camera:2", "Microscope")])
-    poor = call("sources").output
-    assert "pip install 'haptigraph[dicom]'" in poor
-    assert poor.count("pip install 'haptigraph[realsense]'") == 2
-    assert re.search(r"plugged in now\ncamera:2 +Microscope\n$", poor)
+    for syntax in ("phantom:SCENARIO", "camera:N", "realsense[:SERIAL]", "FILE.dcm", "FILE.mcap", "FOLDER"):
+        assert re.search(rf"^{re.escape(syntax)} .*\w", result.output, re.MULTILINE)
+    monkeypatch.setattr(available, "find_spec", lambda name: None)
+    monkeypatch.setattr(available, "connected_cameras", lambda: [("camera:2", "Microscope")])
+    output = call("sources").output
+    assert "pip install 'haptigraph[dicom]'" in output
+    assert output.count("pip install 'haptigraph[realsense]'") == 2
+    assert re.search(r"connected cameras\ncamera:2 +Microscope\n$", output)
 
 
 # --- bad input: one sentence, exit code 2, nothing overwritten
@@ -252,13 +252,15 @@ def test_a_bad_video_is_one_sentence(tmp_path, registration_toml):
     file.write_bytes(b"no video")
     eye.write_text(registration_toml)
     command = [sys.executable, "-m", "haptigraph", "run", str(file), "--registration", str(eye)]
-    done = subprocess.run(command, capture_output=True, text=True)  # apart, for OpenCV's chatter
+    done = subprocess.run(
+        command, capture_output=True, text=True
+    )  # in another process, for OpenCV's log messages
     assert done.returncode == 2
     assert re.fullmatch(r"haptigraph: .*clip\.mp4: not a video that OpenCV can read.*\n", done.stderr)
     assert "no such source" in refuse("run", tmp_path / "gone.mp4", "--registration", eye)
 
 
-def test_images_that_do_not_fit_the_registration_are_one_sentence(quick_uri, tmp_path, registration_toml):
+def test_images_of_another_size_than_registered_are_one_sentence(quick_uri, tmp_path, registration_toml):
     eye = tmp_path / "eye.toml"
     eye.write_text(registration_toml)
     record = tmp_path / "run.mcap"
@@ -276,7 +278,7 @@ def test_a_bad_recording_is_one_sentence(tmp_path):
     assert file.read_bytes() == b"nothing"
 
 
-def test_no_camera_and_no_clip_are_one_sentence(tmp_path, registration_toml):
+def test_a_missing_camera_and_a_missing_clip_are_one_sentence(tmp_path, registration_toml):
     eye = tmp_path / "eye.toml"
     eye.write_text(registration_toml)
     assert "camera:9 cannot be opened" in refuse("run", "camera:9", "--registration", eye)
@@ -321,7 +323,7 @@ def test_nothing_is_overwritten(quick_uri, tmp_path):
         assert file.read_text() == "precious"
 
 
-def test_the_demo_overwrites_no_picture_and_a_wrong_scenario_leaves_no_folder(quick, tmp_path):
+def test_the_demo_overwrites_no_figure_and_a_wrong_scenario_creates_no_folder(quick, tmp_path):
     assert "unknown scenario 'nothing'" in refuse(
         "demo", "--scenario", "nothing", "--output", tmp_path / "new"
     )
@@ -334,7 +336,7 @@ def test_the_demo_overwrites_no_picture_and_a_wrong_scenario_leaves_no_folder(qu
 
 
 @pytest.mark.parametrize("command", ["replay", "recover"])
-def test_stopping_other_work_is_told(recording, monkeypatch, command):
+def test_interrupting_a_command_is_reported(recording, monkeypatch, command):
     def interrupted(*arguments, **options):
         raise KeyboardInterrupt
 
@@ -344,7 +346,7 @@ def test_stopping_other_work_is_told(recording, monkeypatch, command):
     assert (result.exit_code, result.stderr) == (130, "haptigraph: stopped\n")
 
 
-def test_check_takes_no_text_of_the_user_for_markup(procedure, tmp_path):
+def test_check_does_not_interpret_markup_in_user_text(procedure, tmp_path):
     file = tmp_path / "p.toml"
     file.write_text(
         procedure.text.replace(
@@ -354,18 +356,18 @@ def test_check_takes_no_text_of_the_user_for_markup(procedure, tmp_path):
         .replace('\ntitle = "S', '\n# "S', 1)
     )
     result = call("check", file)
-    assert result.exit_code == 1  # the state on top fits everything
+    assert result.exit_code == 1  # the first state matches everything
     assert "[/red]x :smile:" in result.output
     assert "[bold]x[/red]" in result.output
 
 
-def test_check_cuts_no_names_where_nobody_looks(procedure, tmp_path):
+def test_check_does_not_wrap_names_outside_a_terminal(procedure, tmp_path):
     file, name = tmp_path / "p.toml", "contact_" + 20 * "very_" + "near_the_retina"
     file.write_text(procedure.text.replace('"retinal_contact"', f'"{name}"'))
     assert name in call("check", file).output
 
 
-def test_a_damaged_recording_is_not_called_whole(recording, tmp_path):
+def test_a_damaged_recording_is_an_error(recording, tmp_path):
     data = bytearray(recording.read_bytes())
     data[len(data) // 2] ^= 0xFF
     damaged = tmp_path / "damaged.mcap"

@@ -1,4 +1,4 @@
-"""How runs end: by a signal, without a terminal, at a bad image."""
+"""Ends of runs: by a signal, without a terminal, at an unusable image."""
 
 import signal
 import subprocess
@@ -30,7 +30,7 @@ def test_a_signal_ends_a_run_cleanly_with_its_summary(quick_uri, tmp_path, endin
 
 
 def interrupt_after(monkeypatch, count):
-    """Press Ctrl-C when the console is told of step `count`."""
+    """Press Ctrl-C when the console receives step `count`."""
     from haptigraph.sinks.console import ConsoleSink
 
     write, steps = ConsoleSink.write, []
@@ -53,7 +53,7 @@ def test_an_interrupted_demo_ends_with_its_summary(quick, tmp_path, monkeypatch)
     assert [file.name for file in tmp_path.iterdir()] == ["demo.mcap"]
 
 
-def test_a_run_that_an_image_stops_ends_with_its_summary_and_names_the_recording(tmp_path, registration_toml):
+def test_a_run_ended_by_an_unusable_image_prints_summary_and_recording(tmp_path, registration_toml):
     import numpy as np
 
     from haptigraph.recording.codec import encode_png
@@ -71,7 +71,7 @@ def test_a_run_that_an_image_stops_ends_with_its_summary_and_names_the_recording
     assert RunReader(record).is_whole
 
 
-def test_a_reader_that_goes_away_ends_nothing_and_nobody_hears_of_it(quick_uri, tmp_path):
+def test_a_closed_pipe_does_not_end_the_run(quick_uri, tmp_path):
     record = tmp_path / "run.mcap"
     command = f"{sys.executable} -m haptigraph run {quick_uri} --fast --record {record} 2>&1 | true"
     done = subprocess.run(command, shell=True, capture_output=True, text=True, timeout=60)
@@ -81,7 +81,7 @@ def test_a_reader_that_goes_away_ends_nothing_and_nobody_hears_of_it(quick_uri, 
     assert reader.count()[0] == 117
 
 
-def test_a_run_under_nohup_outlives_its_terminal():
+def test_a_run_under_nohup_survives_its_terminal():
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
         with terminable():

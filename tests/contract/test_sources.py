@@ -1,4 +1,4 @@
-"""Every source keeps the Source contract. A new source joins by getting an opener here."""
+"""Every source fulfils the Source contract. A new source joins the lists below."""
 
 import itertools
 import threading
@@ -17,16 +17,16 @@ from haptigraph.errors import EndOfSource, SourceLost
 from haptigraph.messages import Capture
 from haptigraph.recording.codec import encode_jpeg, encode_png
 from haptigraph.recording.reader import RunReader
-from haptigraph.sources.cameras import reconnect as live
+from haptigraph.sources.cameras import reconnect
 from haptigraph.stages import Source
 
 FILES = ["dicom", "images", "oct", "phantom", "realsense-file", "recording", "video"]
 LIVE = ["camera", "realsense"]
-PATIENCE = 400  # reads of 50 ms
+MAX_READS = 400  # of 50 ms
 
 
 def images_of(quick_uri):
-    """The phantom's own images, so that every source shows an eye."""
+    """Images of the phantom, so that every source shows an eye."""
     source = assemble.open_source(load_config(None, (f"source.uri={quick_uri}",)), VirtualClock())
     images = []
     while len(images) < 30:
@@ -89,7 +89,7 @@ def uri(request, tmp_path, quick_uri):
 
 @pytest.fixture
 def eye(quick_uri, tmp_path):
-    """The path of a registration for the phantom's images."""
+    """Path of a registration of the phantom's images."""
     source = assemble.open_source(load_config(None, (f"source.uri={quick_uri}",)), VirtualClock())
     file = tmp_path / "eye.toml"
     file.write_text(source.registration)
@@ -110,20 +110,36 @@ def drain(source):
                 captures.append(capture)
     except EndOfSource:
         return captures
-    raise AssertionError("it never ends")
+    raise AssertionError("the source does not end")
 
 
-def test_all_sources_are_under_contract():
-    by_themselves = {"ros2", "teleop"}  # from a network, steered by a hand: tests of their own
-    assert {*FILES, *LIVE, *by_themselves} == set(assemble.SOURCES)
+def test_every_source_is_listed_and_inherits_the_defaults_of_optional_members():
+    tested_elsewhere = {"ros2", "teleop"}  # tests/sources/cameras/test_ros2.py, tests/sources/test_steered.py
+    assert {*FILES, *LIVE, *tested_elsewhere} == set(assemble.SOURCES)
+    for path in assemble.SOURCES.values():
+        assert Source in assemble._load(path).__mro__
+
+
+def check_members(source, *, is_live, teleop=None):
+    assert isinstance(source, Source)
+    assert source.is_live is is_live
+    assert source.rate_hz > 0
+    assert isinstance(source.notes, tuple) and all(isinstance(note, str) for note in source.notes)
+    assert source.registration is None or "format" in source.registration
+    assert source.teleop is teleop
+
+
+def test_the_steered_source_has_every_member():
+    source = assemble.open_source(load_config(None, ("source.uri=teleop",)), VirtualClock())
+    check_members(source, is_live=True, teleop=source._source.teleop)  # beneath the JPEG compression
+    assert source.teleop is not None
+    source.close()
 
 
 @pytest.mark.parametrize("uri", FILES, indirect=True)
 def test_a_source_delivers_ordered_captures_and_then_ends_for_good(uri):
     source = open_uri(uri)
-    assert isinstance(source, Source)
-    assert source.rate_hz > 0
-    assert source.is_live is False
+    check_members(source, is_live=False)
     captures = drain(source)
     assert len(captures) >= 5
     indices = [capture.index for capture in captures]
@@ -140,7 +156,7 @@ def test_a_source_delivers_ordered_captures_and_then_ends_for_good(uri):
 
 
 @pytest.mark.parametrize("uri", FILES, indirect=True)
-def test_opening_again_gives_the_same_images(uri):
+def test_opening_again_delivers_the_same_images(uri):
     first, second = open_uri(uri), open_uri(uri)
     for one, other in zip(drain(first), drain(second), strict=True):
         assert one.stamp_ns == other.stamp_ns
@@ -152,7 +168,7 @@ def test_opening_again_gives_the_same_images(uri):
 
 
 @pytest.mark.parametrize("uri", FILES, indirect=True)
-def test_a_file_closes_before_its_end(uri):
+def test_a_file_can_be_closed_before_its_end(uri):
     source = open_uri(uri)
     source.read(1.0)
     source.close()
@@ -160,7 +176,7 @@ def test_a_file_closes_before_its_end(uri):
 
 
 @pytest.mark.parametrize("uri", FILES, indirect=True)
-def test_a_recorded_run_replays_identically_and_keeps_the_cameras_stamps(uri, eye, tmp_path):
+def test_a_recorded_run_replays_identically_with_the_cameras_stamps(uri, eye, tmp_path):
     run = tmp_path / "run.mcap"
     settings = (
         f'source.uri="{uri}"',
@@ -170,8 +186,8 @@ def test_a_recorded_run_replays_identically_and_keeps_the_cameras_stamps(uri, ey
     )
     assemble.build(load_config(None, settings)).run()
     stamps = [capture.camera for capture in drain(open_uri(uri))]
-    kept = [capture.camera for capture, _ in RunReader(run).records(images=())]
-    assert kept[: len(stamps)] == stamps
+    recorded = [capture.camera for capture, _ in RunReader(run).records(images=())]
+    assert recorded[: len(stamps)] == stamps
     report = replay(run)
     assert report.identical == report.steps > 20
 
@@ -193,30 +209,30 @@ def camera_on_the_network(images):
 def realsense_camera(images, monkeypatch):
     device = pytest.importorskip("realsense_device", reason="needs pyrealsense2", exc_type=ImportError)
     height, width = images[0].shape[:2]
-    camera, over, silent = device.SoftwareCamera((width, height)), threading.Event(), threading.Event()
+    camera, ended, silent = device.SoftwareCamera((width, height)), threading.Event(), threading.Event()
 
     def feed():
         for number in itertools.count():
-            if over.wait(0.02):
+            if ended.wait(0.02):
                 return
             if not silent.is_set():
                 camera.push(number, 5000 + 20.0 * number, images[number % len(images)])
 
     monkeypatch.setattr("haptigraph.sources.cameras.realsense.find_device", lambda serial: camera.device)
-    monkeypatch.setattr("haptigraph.sources.cameras.realsense.NEXT_MS", 100)
+    monkeypatch.setattr("haptigraph.sources.cameras.realsense.IMAGE_TIMEOUT_MS", 100)
     thread = threading.Thread(target=feed)
     thread.start()
     try:
         yield "realsense", silent.set, silent.clear
     finally:
-        over.set()
+        ended.set()
         thread.join()
 
 
 @pytest.fixture
 def plugged(request, quick_uri, monkeypatch):
-    """A camera that runs: its name, how to unplug it, and how to plug it in again."""
-    monkeypatch.setattr(live, "RETRY_S", (0.02,))
+    """A running camera: its name, how to unplug it, and how to plug it in again."""
+    monkeypatch.setattr(reconnect, "RETRY_S", (0.02,))
     images = images_of(quick_uri)
     if request.param == "camera":
         opened = camera_on_the_network(images)
@@ -227,26 +243,24 @@ def plugged(request, quick_uri, monkeypatch):
 
 
 def read_until(source, wanted):
-    for _ in range(PATIENCE):
+    for _ in range(MAX_READS):
         try:
             result = source.read(0.05)
         except SourceLost as lost:
             result = lost
         if wanted(result):
             return result
-    raise AssertionError("it never came")
+    raise AssertionError("no result matched")
 
 
 @pytest.mark.parametrize("plugged", LIVE, indirect=True)
-def test_a_live_source_gives_its_newest_image_is_lost_and_found_again(plugged):
+def test_a_live_source_delivers_its_newest_image_and_reconnects(plugged):
     uri, unplug, plug_in, size_px = plugged
     clock = MonotonicClock()
     config = load_config(None, (f'source.uri="{uri}"', "source.jpeg_quality=0"))
     source = assemble.open_source(config, clock, size_px)
-    assert isinstance(source, Source)
-    assert source.is_live is True
-    assert source.rate_hz > 0
-    assert all(uri in note for note in source.notes)
+    check_members(source, is_live=True)
+    assert source.notes and all(uri in note for note in source.notes)
     captures = [read_until(source, lambda result: isinstance(result, Capture)) for _ in range(5)]
     for before, after in itertools.pairwise(captures):
         assert before.index < after.index
@@ -275,12 +289,12 @@ def test_a_live_run_that_loses_its_camera_replays_identically(plugged, eye, tmp_
         "source.rate_hz=30",
     )
     loop = assemble.build(load_config(None, settings))
-    seen, was_lost = 0, False
+    images, was_lost = 0, False
     for step in loop.steps():
-        seen += not step.faults
-        if seen == 10:
+        images += not step.faults
+        if images == 10:
             unplug()
-            seen += 1
+            images += 1
         if any("delivers no images" in fault.message for fault in step.faults):
             assert step.conclusion.state == "unknown"
             was_lost = True

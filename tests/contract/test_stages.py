@@ -1,4 +1,4 @@
-"""Every perceiver, sink and the other stages keep their contracts."""
+"""Every perceiver, a sink and the other stages fulfil their contracts."""
 
 import io
 
@@ -13,13 +13,14 @@ from haptigraph.geometry import Point, Segment
 from haptigraph.haptics.renderer import GrammarRenderer
 from haptigraph.inference.engine import RuleEngine
 from haptigraph.messages import Capture
+from haptigraph.registration.oct import parse_registered
 from haptigraph.scene.builder import SchemaSceneBuilder
 from haptigraph.sinks.console import ConsoleSink
 from haptigraph.sources.phantom import PhantomSource
-from haptigraph.stages import Perceiver, Reasoner, Renderer, SceneBuilder, Sink
+from haptigraph.stages import Perceiver, PerceiverClass, Reasoner, Renderer, SceneBuilder, Sink
 
 
-def played(name):
+def captures_of(name):
     source, captures = PhantomSource(name), []
     try:
         while True:
@@ -30,12 +31,12 @@ def played(name):
 
 @pytest.fixture(scope="module")
 def eye_images(quick):
-    return played(quick)
+    return captures_of(quick)
 
 
 @pytest.fixture(scope="module")
 def scan_images(quick_scan):
-    return played(quick_scan)
+    return captures_of(quick_scan)
 
 
 @pytest.fixture(params=assemble.PERCEIVERS)
@@ -45,22 +46,19 @@ def perceiver_class(request):
 
 @pytest.fixture
 def phantom_images(request, perceiver_class):
-    """Of the phantom that the perceiver is made for."""
-    takes_scans = getattr(perceiver_class, "takes_scans", False)
-    return request.getfixturevalue("scan_images" if takes_scans else "eye_images")
+    """Of the phantom that the perceiver is for."""
+    return request.getfixturevalue("scan_images" if perceiver_class.needs_scan else "eye_images")
 
 
 @pytest.fixture
 def perceiver(perceiver_class, phantom_images):
-    from haptigraph.registration.oct import parse_registered
-
     try:
         return perceiver_class(parse_registered(phantom_images[0], "phantom"), Config().perception)
     except MissingExtra as missing:
         pytest.skip(str(missing))
 
 
-def test_a_perceiver_never_guesses_and_repeats_itself(perceiver, phantom_images):
+def test_a_perceiver_is_deterministic_and_reports_tip_and_line_together(perceiver, phantom_images):
     _, captures = phantom_images
     assert isinstance(perceiver, Perceiver)
     first = [perceiver(capture) for capture in captures]
@@ -75,6 +73,15 @@ def test_a_perceiver_never_guesses_and_repeats_itself(perceiver, phantom_images)
             assert line.end_mm == tip.at_mm
 
 
+def test_a_perceiver_reports_only_the_entities_that_its_class_lists(perceiver, phantom_images, registration):
+    _, captures = phantom_images
+    assert isinstance(type(perceiver), PerceiverClass)
+    assert isinstance(perceiver.needs_scan, bool)
+    found = set().union(*(perceiver(capture).found for capture in captures[::10]))
+    assert found - set(registration.anatomy) <= perceiver.entities
+    assert found & perceiver.entities
+
+
 def test_a_perceiver_does_not_read_the_truth(perceiver, phantom_images):
     _, captures = phantom_images
     with_truth = [perceiver(capture) for capture in captures[30:60]]
@@ -83,14 +90,14 @@ def test_a_perceiver_does_not_read_the_truth(perceiver, phantom_images):
     assert [perceiver(capture) for capture in without] == with_truth
 
 
-def test_a_perceiver_leaves_the_image_alone(perceiver, phantom_images):
+def test_a_perceiver_does_not_change_the_image(perceiver, phantom_images):
     _, captures = phantom_images
     image = captures[60].image.copy()
     perceiver(captures[60])
     assert np.array_equal(image, captures[60].image)
 
 
-def test_the_stages_between_fit_their_protocols_and_repeat_themselves(procedure, registration):
+def test_the_other_stages_fulfil_their_protocols_and_are_deterministic(procedure, registration):
     stages = (
         SchemaSceneBuilder(procedure.schema),
         RuleEngine(procedure),

@@ -1,4 +1,4 @@
-"""Real ROS 2 nodes (Jazzy and Kilted, rclpy) and haptigraph understand each other. `make interop` sets it up."""
+"""Interoperability with real ROS 2 nodes (Jazzy and Kilted, rclpy); set up by `make interop`."""
 
 import json
 import os
@@ -28,12 +28,12 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(600), pytest.mark.xdist_grou
 
 @pytest.fixture(scope="module", params=["jazzy", "kilted"])
 def ros(request):
-    """Start a real node in a role; its answer comes when it ends."""
+    """Start a real node in a role; it prints its result when it ends."""
     python = ENVIRONMENTS / request.param / "bin" / "python"
     if not python.exists():
-        pytest.skip(f"ROS 2 {request.param} is not set up; `make interop` does it")
+        pytest.skip(f"ROS 2 {request.param} is not installed; run `make interop`")
     with pytest.MonkeyPatch.context() as patch:
-        for name, value in loopback(ignored="1.15").items():  # without a tag, which only Cyclone knows
+        for name, value in loopback(ignored="1.15").items():  # without a tag, which only Cyclone supports
             patch.setenv(name, value)
 
         started = []
@@ -59,15 +59,15 @@ def ros(request):
             process.communicate()
 
 
-def answer(node):
-    told, _ = node.communicate(timeout=300)
-    assert node.returncode == 0, told
-    return json.loads(told.splitlines()[-1])
+def result_of(node):
+    output, _ = node.communicate(timeout=300)
+    assert node.returncode == 0, output
+    return json.loads(output.splitlines()[-1])
 
 
 @pytest.fixture(scope="module")
 def eye(tmp_path_factory):
-    """A registration, and pictures of a needle inside the eye."""
+    """A registration, and images of a needle inside the eye."""
     folder = tmp_path_factory.mktemp("eye")
     source = PhantomSource("align_then_approach")
     (folder / "eye.toml").write_text(source.registration)
@@ -78,7 +78,7 @@ def eye(tmp_path_factory):
     return folder
 
 
-def tell(capsys, name, round_trips_ms):
+def report(capsys, name, round_trips_ms):
     p50, p99 = np.percentile(round_trips_ms, [50, 99])
     with capsys.disabled():
         sys.stdout.write(f"\n{name}: {len(round_trips_ms)} of {COUNT}, p50 {p50:.2f} ms, p99 {p99:.2f} ms\n")
@@ -87,40 +87,40 @@ def tell(capsys, name, round_trips_ms):
 def test_a_ros_node_sends_images_and_receives_every_topic(ros, eye, capsys):
     arguments = ("ros2:/camera/image/compressed", "--registration", eye / "eye.toml")
     with running(*arguments, "--bridge", "ros2", "--device", "ros2") as process:
-        met = answer(ros("camera", eye, COUNT))
-    assert len(met["round_trips_ms"]) == COUNT, process.told
-    tell(capsys, f"{ros.name}: image to needle tip", met["round_trips_ms"])
-    assert met["frame_id"] == "haptigraph_eye"
-    assert all(abs(place) < 0.013 for place in met["tip_m"])
-    assert "needle_tip" in {node.id for node in msgspec.json.decode(met["graph"], type=SceneGraph).nodes}
-    assert met["counts"]["/haptigraph/state"] >= COUNT
-    assert met["counts"]["/haptigraph/graph"] >= COUNT
-    assert met["counts"]["/haptigraph/theta"] >= COUNT
-    assert met["counts"]["/haptigraph/touch"] > 0
-    assert met["counts"]["/joy/set_feedback"] > 0
-    assert met["counts"]["/diagnostics"] > 0
-    assert met["level"] in (0, 1)
-    assert met["types"]["/haptigraph/needle_tip"] == ["geometry_msgs/msg/PointStamped"]
-    assert met["types"]["/diagnostics"] == ["diagnostic_msgs/msg/DiagnosticArray"]
+        received = result_of(ros("camera", eye, COUNT))
+    assert len(received["round_trips_ms"]) == COUNT, process.output
+    report(capsys, f"{ros.name}: image to needle tip", received["round_trips_ms"])
+    assert received["frame_id"] == "haptigraph_eye"
+    assert all(abs(place) < 0.013 for place in received["tip_m"])
+    assert "needle_tip" in {node.id for node in msgspec.json.decode(received["graph"], type=SceneGraph).nodes}
+    assert received["counts"]["/haptigraph/state"] >= COUNT
+    assert received["counts"]["/haptigraph/graph"] >= COUNT
+    assert received["counts"]["/haptigraph/theta"] >= COUNT
+    assert received["counts"]["/haptigraph/touch"] > 0
+    assert received["counts"]["/joy/set_feedback"] > 0
+    assert received["counts"]["/diagnostics"] > 0
+    assert received["level"] in (0, 1)
+    assert received["types"]["/haptigraph/needle_tip"] == ["geometry_msgs/msg/PointStamped"]
+    assert received["types"]["/diagnostics"] == ["diagnostic_msgs/msg/DiagnosticArray"]
 
 
-def test_a_ros_joystick_steers_and_no_message_is_lost(ros):
+def test_a_ros_joystick_steers_without_losing_messages(ros):
     peer = Peer()
     peer.hear("/joy", Joy)
     with running("teleop:tests/data/steered.toml", "--bridge", "ros2"):
-        moved_mm = answer(ros("stick", COUNT))["moved_mm"]
-    heard = [peer.heard["/joy"].get(timeout=1.0) for _ in range(COUNT)]
+        moved_mm = result_of(ros("stick", COUNT))["moved_mm"]
+    messages = [peer.heard["/joy"].get(timeout=1.0) for _ in range(COUNT)]
     peer.node.close()
-    assert [joy.header.stamp.sec for joy in heard] == list(range(COUNT))
-    assert (list(heard[0].axes), list(heard[0].buttons)) == ([0.0, 1.0, 0.5], [0, 0, 0, 0, 0, 1])
+    assert [joy.header.stamp.sec for joy in messages] == list(range(COUNT))
+    assert (list(messages[0].axes), list(messages[0].buttons)) == ([0.0, 1.0, 0.5], [0, 0, 0, 0, 0, 1])
     assert moved_mm > 2
 
 
-def test_touch_goes_to_a_ros_node_and_back(ros, capsys):
+def test_joy_feedback_is_exchanged_with_a_ros_node(ros, capsys):
     node, peer = ros("echo"), Peer()
     peer.hear("/back", JoyFeedback)
     forth = peer.say("/forth", JoyFeedback)
-    for _ in range(100):  # until the way back is known, too; not counted
+    for _ in range(100):  # until discovery is complete; not counted
         forth.send(JoyFeedback(1, 0, -1.0))
         try:
             peer.heard["/back"].get(timeout=0.2)
@@ -134,6 +134,6 @@ def test_touch_goes_to_a_ros_node_and_back(ros, capsys):
         peer.next("/back", lambda message, sent=intensity: message.intensity == pytest.approx(sent, abs=1e-6))
         round_trips_ms.append((time.perf_counter() - sent_s) * 1e3)
     forth.send(JoyFeedback(1, 0, 2.0))
-    assert answer(node)["heard"] == COUNT
+    assert result_of(node)["received"] == COUNT
     peer.node.close()
-    tell(capsys, f"{ros.name}: JoyFeedback there and back", round_trips_ms)
+    report(capsys, f"{ros.name}: JoyFeedback there and back", round_trips_ms)

@@ -17,7 +17,7 @@ def record(uri: str, path: Path, *settings: str) -> None:
 
 @pytest.fixture(scope="session")
 def recording_file(quick_uri, tmp_path_factory) -> Path:
-    """A whole recording of the quick scenario. Not to be changed."""
+    """A complete recording of the quick scenario. Read-only."""
     path = tmp_path_factory.mktemp("recording") / "quick.mcap"
     record(quick_uri, path, "trial.participant=P07", "trial.trial=3")
     return path
@@ -25,7 +25,7 @@ def recording_file(quick_uri, tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="session")
 def journal_file(quick_uri, tmp_path_factory) -> Path:
-    """The same as it lies on the disk before compaction. Not to be changed."""
+    """The same recording before compaction. Read-only."""
     path = tmp_path_factory.mktemp("journal") / "quick.mcap"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(writer_module, "compact", lambda path, progress: 0)

@@ -21,11 +21,26 @@ def test_a_journal_is_on_disk_before_it_is_closed(tmp_path):
         journal.write(b"d")
 
 
+def test_a_write_that_the_system_shortens_is_continued(tmp_path, monkeypatch):
+    write, sizes = os.write, []
+
+    def short_write(descriptor, data):
+        sizes.append(len(data))
+        return write(descriptor, data[:3])
+
+    monkeypatch.setattr(os, "write", short_write)
+    journal = Journal(os.open(tmp_path / "j", os.O_WRONLY | os.O_CREAT))
+    assert journal.write(b"0123456789") == 10
+    assert sizes == [10, 7, 4, 1]
+    assert (journal.tell(), (tmp_path / "j").read_bytes()) == (10, b"0123456789")
+    journal.close()
+
+
 def messages(path) -> int:
     return sum(isinstance(record, Message) for _, record in complete_records(path))
 
 
-def test_every_cut_leaves_all_records_before_it(journal_file, tmp_path):
+def test_truncation_at_any_byte_keeps_all_records_before_it(journal_file, tmp_path):
     data = journal_file.read_bytes()
     total = messages(journal_file)
     before = -1
@@ -38,7 +53,18 @@ def test_every_cut_leaves_all_records_before_it(journal_file, tmp_path):
     assert before > 0.9 * total
 
 
-def test_a_cut_file_is_compacted_to_a_whole_one(journal_file, tmp_path):
+def test_truncation_at_the_end_of_a_record_keeps_that_record(journal_file, tmp_path):
+    data = journal_file.read_bytes()
+    ends = [end for end, _ in complete_records(journal_file)]
+    cut = tmp_path / "cut.mcap"
+    for number in (1, 2, len(ends) // 2, len(ends) - 1, len(ends)):
+        cut.write_bytes(data[: ends[number - 1]])
+        assert len(list(complete_records(cut))) == number
+        cut.write_bytes(data[: ends[number - 1] - 1])
+        assert len(list(complete_records(cut))) == number - 1
+
+
+def test_a_truncated_file_is_compacted_to_a_complete_one(journal_file, tmp_path):
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(journal_file.read_bytes()[:-100_000])
     expected = messages(cut)
@@ -49,7 +75,7 @@ def test_a_cut_file_is_compacted_to_a_whole_one(journal_file, tmp_path):
     assert not (tmp_path / "cut.mcap.part").exists()
 
 
-def test_compacting_again_changes_nothing_but_the_bytes(journal_file, tmp_path):
+def test_compacting_again_keeps_all_messages(journal_file, tmp_path):
     copy = tmp_path / "copy.mcap"
     copy.write_bytes(journal_file.read_bytes())
     once = compact(copy)
@@ -58,7 +84,7 @@ def test_compacting_again_changes_nothing_but_the_bytes(journal_file, tmp_path):
 
 
 @pytest.mark.parametrize("content", [b"", b"hello", b"\x00" * 1000])
-def test_other_files_are_refused(tmp_path, content):
+def test_other_files_are_rejected(tmp_path, content):
     file = tmp_path / "x.mcap"
     file.write_bytes(content)
     with pytest.raises(BadInput, match="not a recording"):
@@ -66,12 +92,12 @@ def test_other_files_are_refused(tmp_path, content):
     assert not is_whole(file)
 
 
-def test_a_file_that_is_not_there_is_told(tmp_path):
+def test_a_missing_file_is_an_error(tmp_path):
     with pytest.raises(BadInput, match="cannot be read"):
         list(complete_records(tmp_path / "gone.mcap"))
 
 
-def test_damage_in_the_middle_is_told_with_its_place(journal_file, tmp_path):
+def test_damage_in_the_middle_is_reported_with_its_offset(journal_file, tmp_path):
     data = bytearray(journal_file.read_bytes())
     data[8 + 9 : 8 + 60] = b"\xff" * 51
     file = tmp_path / "damaged.mcap"
@@ -80,7 +106,7 @@ def test_damage_in_the_middle_is_told_with_its_place(journal_file, tmp_path):
         list(complete_records(file))
 
 
-def test_a_journal_that_is_still_being_written_is_left_alone(journal_file, tmp_path):
+def test_a_journal_that_is_still_being_written_is_not_recovered(journal_file, tmp_path):
     file = tmp_path / "live.mcap"
     journal = Journal(os.open(file, os.O_WRONLY | os.O_CREAT))
     journal.write(journal_file.read_bytes()[:-100_000])
@@ -96,7 +122,7 @@ def test_a_journal_that_is_still_being_written_is_left_alone(journal_file, tmp_p
     assert is_whole(file)
 
 
-def test_a_file_beside_it_is_never_overwritten(journal_file, tmp_path):
+def test_an_existing_part_file_is_never_overwritten(journal_file, tmp_path):
     file, precious = tmp_path / "run.mcap", tmp_path / "run.mcap.part"
     file.write_bytes(journal_file.read_bytes())
     precious.write_text("precious")
@@ -106,26 +132,26 @@ def test_a_file_beside_it_is_never_overwritten(journal_file, tmp_path):
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), OSError(28, "No space left on device")])
-def test_a_compaction_that_is_cut_short_leaves_the_file_as_it_was(journal_file, tmp_path, error):
+def test_an_interrupted_compaction_leaves_the_file_unchanged(journal_file, tmp_path, error):
     file = tmp_path / "run.mcap"
     file.write_bytes(journal_file.read_bytes())
 
-    def cut_short(what, done, size):
+    def interrupt(what, done, size):
         raise error
 
-    with pytest.raises(type(error)) as cut:
-        compact(file, cut_short)
+    with pytest.raises(type(error)) as raised:
+        compact(file, interrupt)
     assert list(tmp_path.iterdir()) == [file]
     assert file.read_bytes() == journal_file.read_bytes()
     if isinstance(error, OSError):
-        assert cut.value.filename == str(tmp_path / "run.mcap.part")
+        assert raised.value.filename == str(tmp_path / "run.mcap.part")
 
 
-@pytest.mark.parametrize("place", [0.2, 0.5])
+@pytest.mark.parametrize("share", [0.2, 0.5])
 @pytest.mark.parametrize("damage", [b"\xff" * 40, b"\x00", b"!"])
-def test_a_damaged_chunk_is_told(recording_file, tmp_path, place, damage):
+def test_a_damaged_chunk_is_reported(recording_file, tmp_path, share, damage):
     data = bytearray(recording_file.read_bytes())
-    start = int(place * len(data))
+    start = int(share * len(data))
     data[start : start + len(damage)] = damage
     file = tmp_path / "damaged.mcap"
     file.write_bytes(data)

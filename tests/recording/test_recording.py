@@ -29,7 +29,7 @@ INFO = RunInfo("0", "2026-01-01T00:00:00+00:00", 10**18, "test", 30.0, "{}", "r"
 IMAGE = np.arange(400, dtype=np.uint8).reshape(20, 20)
 
 
-def test_a_recording_carries_all_a_replay_needs(recording_file, quick_uri):
+def test_the_header_contains_everything_a_replay_needs(recording_file, quick_uri):
     info = RunReader(recording_file).info
     config = msgspec.json.decode(info.config, type=Config)
     assert config.source.uri == quick_uri
@@ -39,7 +39,7 @@ def test_a_recording_carries_all_a_replay_needs(recording_file, quick_uri):
     assert info.rate_hz == 15
 
 
-def test_replaying_the_images_gives_the_same_steps_bit_for_bit(recording_file, procedure):
+def test_replaying_the_images_gives_bit_identical_steps(recording_file, procedure):
     reader = RunReader(recording_file)
     config = msgspec.json.decode(reader.info.config, type=Config)
     pipeline = build_pipeline(config, parse_registration(reader.info.registration, "x"), procedure)
@@ -54,19 +54,19 @@ def test_replaying_the_images_gives_the_same_steps_bit_for_bit(recording_file, p
     assert count == 117  # 116 images and the end
 
 
-def test_the_recorded_bytes_are_those_perception_consumed(recording_file, quick_uri):
+def test_the_recorded_bytes_are_those_that_perception_consumed(recording_file, quick_uri):
     source = open_source(load_config(None, (f"source.uri={quick_uri}",)), VirtualClock())
     try:
         for capture, _ in islice(RunReader(recording_file).records(), 10):
-            seen = source.read(1.0)
-            assert capture.encoded == seen.encoded
-            assert np.array_equal(capture.image, seen.image)
-            assert capture.truth == seen.truth
+            original = source.read(1.0)
+            assert capture.encoded == original.encoded
+            assert np.array_equal(capture.image, original.image)
+            assert capture.truth == original.truth
     finally:
         source.close()
 
 
-def test_raw_images_are_kept_without_loss(quick_uri, tmp_path):
+def test_raw_images_are_recorded_losslessly(quick_uri, tmp_path):
     settings = (f"source.uri={quick_uri}", "run.realtime=false", "source.jpeg_quality=0")
     config = load_config(None, (*settings, f'recording.path="{tmp_path / "raw.mcap"}"'))
     build(config).run()
@@ -77,7 +77,7 @@ def test_raw_images_are_kept_without_loss(quick_uri, tmp_path):
     source.close()
 
 
-def test_foxglove_topics_and_schemas_are_the_published_table(recording_file):
+def test_topics_and_schemas_are_those_of_the_table(recording_file):
     with recording_file.open("rb") as file:
         summary = make_reader(file).get_summary()
     schemas = {channel.topic: summary.schemas[channel.schema_id] for channel in summary.channels.values()}
@@ -87,23 +87,23 @@ def test_foxglove_topics_and_schemas_are_the_published_table(recording_file):
     assert graph["properties"]["measures"]["properties"]["theta_deg"] == {"type": "number"}
 
 
-def plain(schema) -> None:
-    """Hold a schema against what Foxglove's JSON reader accepts."""
+def check_supported(schema) -> None:
+    """Check that Foxglove's JSON reader supports a schema."""
     kind = schema["type"]
     assert kind in ("object", "array", "string", "number", "integer", "boolean")
     if kind == "object":
         for field in schema["properties"].values():
-            plain(field)
+            check_supported(field)
     if kind == "array":
         assert schema["items"]["type"] != "array"
-        plain(schema["items"])
+        check_supported(schema["items"])
 
 
 @pytest.mark.parametrize("topic", TOPICS, ids=lambda topic: topic.name)
-def test_schemas_stay_in_the_part_of_json_schema_that_foxglove_reads(topic):
+def test_schemas_use_only_what_foxglove_supports(topic):
     schema = mcap_schema(topic, ("theta_deg",))
     assert schema["type"] == "object"
-    plain(schema)
+    check_supported(schema)
 
 
 def test_images_are_base64_for_foxglove():
@@ -113,7 +113,7 @@ def test_images_are_base64_for_foxglove():
     assert set(foxglove_schema(ImageAnnotations, "x")["properties"]) == {"circles", "points", "texts"}
 
 
-def test_a_schema_of_something_that_is_no_object_is_refused():
+def test_a_schema_must_be_of_an_object():
     with pytest.raises((TypeError, KeyError)):
         foxglove_schema(int, "x")
 
@@ -126,7 +126,7 @@ def test_log_times_are_wall_clock(recording_file):
     assert message.log_time > 1.7e18
 
 
-def test_without_images_captures_have_none(recording_file):
+def test_only_selected_images_are_decoded(recording_file):
     captures = [capture for capture, _ in islice(RunReader(recording_file).records(images={2}), 5)]
     assert [capture.image is not None for capture in captures] == [False, False, True, False, False]
 
@@ -139,7 +139,7 @@ def write(path, *items):
     return RunReader(path)
 
 
-def test_faults_truth_and_missing_images_come_back(tmp_path):
+def test_faults_truth_and_missing_images_are_read_back(tmp_path):
     fault = Fault("source", "stale image")
     truth = Truth(True, True, (1.0, 2.0), (0.1, 0.2), 3.0, 4.0)
     reader = write(
@@ -167,19 +167,19 @@ def test_a_recording_never_overwrites(tmp_path):
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), OSError(28, "No space left on device")])
-def test_a_recording_that_cannot_begin_leaves_no_file(tmp_path, monkeypatch, error):
+def test_a_recording_that_fails_to_start_leaves_no_file(tmp_path, monkeypatch, error):
     def fail(self, data):
         raise error
 
     monkeypatch.setattr(Journal, "write", fail)
-    with pytest.raises((KeyboardInterrupt, BadInput)) as failed:
+    with pytest.raises((KeyboardInterrupt, BadInput)) as raised:
         RunWriter(tmp_path / "a.mcap", INFO, GEOMETRY, ())
     if isinstance(error, OSError):
-        assert str(failed.value) == f"{tmp_path / 'a.mcap'}: cannot be written (No space left on device)"
+        assert str(raised.value) == f"{tmp_path / 'a.mcap'}: cannot be written (No space left on device)"
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_run_that_is_discarded_after_its_end_is_kept(tmp_path):
+def test_discarding_a_finished_recording_keeps_it(tmp_path):
     writer = RunWriter(tmp_path / "a.mcap", INFO, GEOMETRY, ())
     assert not writer.is_complete
     writer.write(Capture(0, 0, None), make_step())
@@ -196,26 +196,26 @@ def test_a_run_without_steps_leaves_no_file(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_recording_of_another_format_is_refused(tmp_path):
+def test_a_recording_of_a_future_format_is_rejected(tmp_path):
     writer = RunWriter(tmp_path / "b.mcap", msgspec.structs.replace(INFO, format="99"), GEOMETRY, ())
     writer.write(Capture(0, 0, None), make_step())
     writer.close()
-    with pytest.raises(BadInput, match="recording format '99'; this version reads '1'"):
+    with pytest.raises(BadInput, match="recording format '99'; this version reads 1, 2"):
         RunReader(tmp_path / "b.mcap")
 
 
-def test_an_mcap_of_someone_else_is_refused(tmp_path):
+def test_an_mcap_file_of_other_software_is_rejected(tmp_path):
     from mcap.writer import Writer
 
     with (tmp_path / "other.mcap").open("wb") as file:
         writer = Writer(file)
         writer.start()
         writer.finish()
-    with pytest.raises(BadInput, match="no recording of haptigraph"):
+    with pytest.raises(BadInput, match="not a recording of haptigraph"):
         RunReader(tmp_path / "other.mcap")
 
 
-def test_codecs_keep_what_they_promise():
+def test_png_is_lossless_and_other_bytes_are_rejected():
     colour = np.random.default_rng(0).integers(0, 255, (16, 16, 3)).astype(np.uint8)
     for image in (IMAGE, colour):
         assert np.array_equal(decode(encode_png(image)), image)
@@ -223,7 +223,7 @@ def test_codecs_keep_what_they_promise():
         assert format_of(jpeg) == "jpeg"
         assert decode(jpeg).shape == image.shape
     for garbage in (b"", b"not an image"):
-        with pytest.raises(ValueError, match="no 8-bit image"):
+        with pytest.raises(ValueError, match="not an 8-bit image"):
             decode(garbage)
 
 
@@ -237,7 +237,7 @@ for step in build(load_config(None, settings)).steps():
 """
 
 
-def test_kill_9_leaves_all_but_the_last_second(quick_uri, tmp_path):
+def test_kill_9_loses_at_most_one_second(quick_uri, tmp_path):
     file = tmp_path / "killed.mcap"
     with subprocess.Popen(
         [sys.executable, "-c", CHILD, quick_uri, str(file)], stdout=subprocess.PIPE, text=True
@@ -252,7 +252,7 @@ def test_kill_9_leaves_all_but_the_last_second(quick_uri, tmp_path):
     assert stamps[-1] - read_back[-1] <= 1e9
 
 
-def test_an_interrupted_recording_plays_as_a_source(journal_file, tmp_path):
+def test_an_interrupted_recording_can_be_a_source(journal_file, tmp_path):
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(journal_file.read_bytes()[:-200_000])
     source = open_source(load_config(None, (f'source.uri="{cut}"',)), VirtualClock())

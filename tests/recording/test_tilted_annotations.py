@@ -1,4 +1,4 @@
-"""Drawings over images that a slanted camera took."""
+"""Annotations of images from a tilted camera."""
 
 import math
 
@@ -11,7 +11,7 @@ from haptigraph.registration.tilt import Slant
 SLANT = Slant((320.0, 200.0), (0.1, -0.2), 2000.0, (319.5, 179.5))
 
 
-def test_a_circle_seen_at_a_slant_is_drawn_as_it_is_seen():
+def test_a_circle_in_a_tilted_image_is_annotated_as_an_ellipse():
     image = ImageGeometry((320.0, 200.0), 0.1, mirrored=False, frontal_from_image=SLANT.frontal_from_image)
     drawn = annotations(Time(0, 0), {"eye_globe": Circle((0.0, 0.0), 12.0)}, image, "")
     assert drawn.circles == ()

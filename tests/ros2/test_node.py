@@ -10,7 +10,7 @@ from haptigraph.ros2.node import Node, checked_topic, domain_id
 from haptigraph.ros2.types import Header, Image, Joy, String, Time
 
 
-def test_messages_arrive_whole_and_in_order(peer):
+def test_messages_arrive_complete_and_in_order(peer):
     peer.hear("/numbers", String)
     publisher = peer.say("/numbers", String)
     for number in range(20):
@@ -18,7 +18,7 @@ def test_messages_arrive_whole_and_in_order(peer):
         assert peer.next("/numbers").data == f"{number} \N{MICRO SIGN}m"
 
 
-def test_an_image_of_megabytes_arrives_as_the_bytes_it_was(peer):
+def test_an_image_of_megabytes_arrives_unchanged(peer):
     data = os.urandom(1280 * 720 * 3)
     peer.hear("/image", Image)
     publisher = peer.say("/image", Image)
@@ -28,56 +28,59 @@ def test_an_image_of_megabytes_arrives_as_the_bytes_it_was(peer):
     assert image.data == data
 
 
-def test_what_cannot_be_decoded_is_refused_and_the_next_is_heard(peer):
+def test_an_undecodable_message_is_rejected_and_the_next_is_received(peer):
     peer.hear("/text", String)
     peer.hear("/joy", Joy)
     with broken_program():
         assert peer.next("/text").data == "fine"
-        for _ in range(4):  # those that are well-formed, whatever they mean; the others do not come
+        for _ in range(4):  # only well-formed ones arrive
             assert len(peer.next("/joy").axes) < 10
-        until(lambda: any("can't decode byte 0xff" in told for told in peer.refused), "nothing was refused")
+        until(
+            lambda: any("can't decode byte 0xff" in problem for problem in peer.rejected),
+            "nothing was rejected",
+        )
 
 
-def test_who_takes_a_message_may_fail_and_hears_the_next(ros_network):
-    node, heard, refused = Node(), [], []
+def test_a_callback_that_raises_receives_the_next_message(ros_network):
+    node, received, rejected = Node(), [], []
 
     def take(message):
         if message.data == "bad":
             raise ValueError("no such thing")
-        heard.append(message.data)
+        received.append(message.data)
 
-    node.subscribe("/picky", String, take, refused.append)
+    node.subscribe("/picky", String, take, rejected.append)
     publisher = node.publisher("/picky", String)
-    until(lambda: publisher.has_listeners, "nobody listens")
+    until(lambda: publisher.has_listeners, "no subscriber")
     for text in ("bad", "good"):
         publisher.send(String(text))
-    until(lambda: heard, "nothing was heard")
+    until(lambda: received, "nothing was received")
     node.close()
-    assert (heard, refused) == (["good"], ["no such thing"])
+    assert (received, rejected) == (["good"], ["no such thing"])
 
 
-def test_topics_are_seen_with_their_types_and_gone_when_their_node_is(peer):
+def test_topics_are_discovered_with_their_types_and_disappear_with_their_node(peer):
     other = Node()
     other.publisher("/somewhere/text", String)
-    until(lambda: "/somewhere/text" in peer.node.published(), "the topic is not seen")
+    until(lambda: "/somewhere/text" in peer.node.published(), "the topic is not discovered")
     assert peer.node.published()["/somewhere/text"] == "std_msgs::msg::dds_::String_"
     other.close()
     until(lambda: "/somewhere/text" not in peer.node.published(), "the topic stays")
 
 
-def test_the_last_words_of_a_node_are_heard(peer):
+def test_the_last_message_of_a_node_is_received(peer):
     peer.hear("/will", String)
     for number in range(20):
         other = Node()
         publisher = other.publisher("/will", String)
-        until(lambda publisher=publisher: publisher.has_listeners, "nobody listens")
+        until(lambda publisher=publisher: publisher.has_listeners, "no subscriber")
         publisher.send(String(f"the end {number}"))
         other.close()
         assert peer.next("/will").data == f"the end {number}"
-    assert peer.refused == []
+    assert peer.rejected == []
 
 
-def test_a_closed_node_says_nothing_more(ros_network):
+def test_a_closed_node_cannot_publish(ros_network):
     node = Node()
     publisher = node.publisher("/silent", String)
     node.close()
@@ -88,23 +91,23 @@ def test_a_closed_node_says_nothing_more(ros_network):
 
 
 @pytest.mark.parametrize("name", ["", "/", "a//b", "a b", "1a", "a-b", "a/", "../a"])
-def test_what_is_no_topic_is_refused(name):
+def test_an_invalid_topic_name_is_rejected(name):
     with pytest.raises(BadInput, match="is no ROS topic; expected names of letters"):
         checked_topic(name)
 
 
-def test_a_topic_has_a_slash_in_front():
+def test_a_topic_name_gets_a_leading_slash():
     assert checked_topic("camera/image_raw") == checked_topic("/camera/image_raw") == "/camera/image_raw"
 
 
-@pytest.mark.parametrize(("told", "domain"), [("", 0), ("0", 0), (" 42 ", 42), ("232", 232)])
-def test_the_domain_is_ros_own(monkeypatch, told, domain):
-    monkeypatch.setenv("ROS_DOMAIN_ID", told)
+@pytest.mark.parametrize(("value", "domain"), [("", 0), ("0", 0), (" 42 ", 42), ("232", 232)])
+def test_the_domain_is_read_from_ros_domain_id(monkeypatch, value, domain):
+    monkeypatch.setenv("ROS_DOMAIN_ID", value)
     assert domain_id() == domain
 
 
-@pytest.mark.parametrize("told", ["-1", "233", "lab", "1.5"])
-def test_what_is_no_domain_is_refused(monkeypatch, told):
-    monkeypatch.setenv("ROS_DOMAIN_ID", told)
+@pytest.mark.parametrize("value", ["-1", "233", "lab", "1.5"])
+def test_an_invalid_domain_is_rejected(monkeypatch, value):
+    monkeypatch.setenv("ROS_DOMAIN_ID", value)
     with pytest.raises(BadInput, match="expected a number from 0 to 232"):
         domain_id()

@@ -4,10 +4,10 @@ import threading
 from helpers import MS, make_step
 
 from haptigraph.messages import Capture, Fault
-from haptigraph.sinks.console import MOST_WAITING, ConsoleSink
+from haptigraph.sinks.console import MAX_QUEUED, ConsoleSink
 
 
-def test_changes_and_new_faults_are_told_once():
+def test_changes_and_new_faults_are_printed_once():
     stream = io.StringIO()
     sink = ConsoleSink(stream)
     fault = Fault("source", "camera:0 is gone")
@@ -27,7 +27,7 @@ class Terminal(io.StringIO):
         return True
 
 
-def test_a_run_at_full_speed_shows_its_time_in_a_terminal():
+def test_a_run_faster_than_real_time_shows_its_time_in_a_terminal():
     terminal = Terminal()
     sink = ConsoleSink(terminal, shows_time=True)
     for ms in range(0, 3000, 500):
@@ -37,7 +37,7 @@ def test_a_run_at_full_speed_shows_its_time_in_a_terminal():
     assert terminal.getvalue().endswith("\r\033[K")
 
 
-def test_no_time_is_shown_where_nobody_looks():
+def test_no_time_is_shown_outside_a_terminal():
     stream = io.StringIO()
     sink = ConsoleSink(stream, shows_time=True)
     for ms in range(0, 3000, 500):
@@ -46,8 +46,8 @@ def test_no_time_is_shown_where_nobody_looks():
     assert "..." not in stream.getvalue()
 
 
-class Gone(io.StringIO):
-    """A terminal that goes away after its first line."""
+class Disconnected(io.StringIO):
+    """A terminal that disconnects after its first line."""
 
     lines = 0
 
@@ -61,8 +61,8 @@ class Gone(io.StringIO):
         return super().write(text)
 
 
-def test_a_terminal_that_goes_away_is_told_no_more():
-    terminal = Gone()
+def test_nothing_is_written_to_a_disconnected_terminal():
+    terminal = Disconnected()
     sink = ConsoleSink(terminal, shows_time=True)
     for ms, state in ((0, "a"), (1000, "b"), (2000, "c")):
         sink.write(Capture(0, ms * MS, None), make_step(stamp_ns=ms * MS, state=state))
@@ -75,28 +75,28 @@ class Stopped(io.StringIO):
 
     def __init__(self):
         super().__init__()
-        self.goes_on = threading.Event()
+        self.resumed = threading.Event()
 
     def write(self, text):
-        self.goes_on.wait()
+        self.resumed.wait()
         return super().write(text)
 
 
-def test_a_stopped_terminal_stops_nothing_and_what_is_lost_is_counted(monkeypatch):
-    monkeypatch.setattr("haptigraph.sinks.console.LAST_WORDS_S", 0.0)
-    terminal, lines = Stopped(), MOST_WAITING + 10
+def test_a_stopped_terminal_blocks_nothing_and_lost_texts_are_counted(monkeypatch):
+    monkeypatch.setattr("haptigraph.sinks.console.FLUSH_TIMEOUT_S", 0.0)
+    terminal, lines = Stopped(), MAX_QUEUED + 10
     sink = ConsoleSink(terminal)
     for number in range(lines):
         sink.write(Capture(number, number * MS, None), make_step(stamp_ns=number * MS, state=str(number)))
-    sink.close()  # nor does the end wait for it
-    assert sink.dropped in (9, 10)  # the first text is already being written, or not yet
-    monkeypatch.setattr("haptigraph.sinks.console.LAST_WORDS_S", 30.0)
-    terminal.goes_on.set()
+    sink.close()  # does not wait either
+    assert sink.dropped in (9, 10)  # depends on whether the first text is already being written
+    monkeypatch.setattr("haptigraph.sinks.console.FLUSH_TIMEOUT_S", 30.0)
+    terminal.resumed.set()
     sink.close()
     assert len(terminal.getvalue().splitlines()) == lines - sink.dropped
 
 
-def test_no_terminal_at_all_is_no_mistake(monkeypatch):
+def test_a_missing_terminal_is_no_error(monkeypatch):
     monkeypatch.setattr("sys.stderr", None)
     sink = ConsoleSink(shows_time=True)
     sink.write(Capture(0, 0, None), make_step())

@@ -13,7 +13,7 @@ IMAGE = np.zeros((2, 2), np.uint8)
 
 
 class Writer:
-    """A writer that can be held up or broken."""
+    """A writer that can be blocked or broken."""
 
     path, is_complete = "run.mcap", False
 
@@ -54,21 +54,21 @@ def test_all_steps_are_written_in_order(writer):
     assert (recorder.dropped, writer.closed) == (0, 1)
 
 
-def test_a_slow_disk_costs_images_but_never_holds_up_the_loop(writer):
+def test_a_slow_disk_drops_images_but_never_delays_the_loop(writer):
     writer.gate.clear()
     recorder = Recorder(writer, waits=False)
     write(recorder, 100)  # returns though nothing is written
     writer.gate.set()
     recorder.close()
-    assert recorder.dropped == 100 - recorder_module.MOST_IMAGES
-    assert len(writer.written) == 100  # every step is there, if without its image
+    assert recorder.dropped == 100 - recorder_module.MAX_IMAGES
+    assert len(writer.written) == 100  # every step, some without image
     kept = [not dropped for _, _, dropped in writer.written]
-    assert kept == [True] * recorder_module.MOST_IMAGES + [False] * recorder.dropped
+    assert kept == [True] * recorder_module.MAX_IMAGES + [False] * recorder.dropped
     assert all((capture.image is None) == dropped for capture, _, dropped in writer.written)
 
 
-def test_a_stuck_disk_costs_whole_steps_in_the_end(writer, monkeypatch):
-    monkeypatch.setattr(recorder_module, "MOST_STEPS", 10)
+def test_a_stalled_disk_eventually_drops_whole_steps(writer, monkeypatch):
+    monkeypatch.setattr(recorder_module, "MAX_STEPS", 10)
     writer.gate.clear()
     recorder = Recorder(writer, waits=False)
     write(recorder, 50)
@@ -79,7 +79,7 @@ def test_a_stuck_disk_costs_whole_steps_in_the_end(writer, monkeypatch):
     assert len(writer.written) <= 12
 
 
-def test_a_full_disk_is_told_once_and_the_file_is_left_to_be_recovered(writer):
+def test_a_full_disk_is_reported_once_and_the_file_can_be_recovered(writer):
     recorder = Recorder(writer, waits=True)
     write(recorder, 3)
     writer.error = OSError(28, "No space left on device")
@@ -91,7 +91,7 @@ def test_a_full_disk_is_told_once_and_the_file_is_left_to_be_recovered(writer):
     assert recorder.dropped + len(writer.written) == 33
 
 
-def test_any_other_failure_is_told_too_and_nothing_waits_for_it(writer):
+def test_any_other_error_is_reported_and_blocks_nothing(writer):
     writer.error = ValueError("odd image")
     recorder = Recorder(writer, waits=True)
     write(recorder, 100)
@@ -99,7 +99,7 @@ def test_any_other_failure_is_told_too_and_nothing_waits_for_it(writer):
     assert "incomplete (ValueError: odd image)" in recorder.take_faults()[0].message
 
 
-def test_a_disk_that_fills_at_the_very_end_is_told(writer):
+def test_a_disk_that_is_full_at_the_end_is_reported(writer):
     def full(progress):
         raise OSError(28, "No space left on device")
 
@@ -109,7 +109,7 @@ def test_a_disk_that_fills_at_the_very_end_is_told(writer):
     assert "No space left" in recorder.take_faults()[0].message
 
 
-def test_steps_that_are_queued_when_the_disk_fails_are_counted_once(writer):
+def test_queued_steps_are_counted_once_when_the_disk_fails(writer):
     writer.gate.clear()
     recorder = Recorder(writer, waits=False)
     write(recorder, 100)  # most without their image
@@ -119,7 +119,7 @@ def test_steps_that_are_queued_when_the_disk_fails_are_counted_once(writer):
     assert recorder.dropped + len(writer.written) == 100
 
 
-def test_a_disk_that_fills_while_compacting_costs_nothing(writer):
+def test_a_disk_that_is_full_while_compacting_loses_nothing(writer):
     def full(progress):
         writer.is_complete = True
         raise OSError(28, "No space left on device")
@@ -132,7 +132,7 @@ def test_a_disk_that_fills_while_compacting_costs_nothing(writer):
 
 
 @pytest.mark.parametrize("waits", [True, False])
-def test_ctrl_c_at_any_moment_does_not_hold_up_the_end(waits):
+def test_ctrl_c_at_any_moment_does_not_block_closing(waits):
     for pressing_ctrl_c in every_moment():
         writer = Writer()
         recorder = Recorder(writer, waits=waits)

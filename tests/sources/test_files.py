@@ -9,6 +9,7 @@ from haptigraph.recording.codec import encode_jpeg, encode_png
 from haptigraph.sources.images import ImagesSource
 from haptigraph.sources.jpeg import JpegSource
 from haptigraph.sources.video import VideoSource
+from haptigraph.stages import Source
 
 
 def picture(number: int) -> np.ndarray:
@@ -25,7 +26,7 @@ def video(tmp_path):
     return path
 
 
-def test_a_video_gives_its_images_by_its_own_time(video):
+def test_a_video_is_read_with_its_own_time_stamps(video):
     source = VideoSource(video)
     assert source.rate_hz == 25.0
     captures = drain(source)
@@ -36,7 +37,7 @@ def test_a_video_gives_its_images_by_its_own_time(video):
         source.read(1.0)
 
 
-def test_a_video_that_breaks_off_says_so(video):
+def test_a_truncated_video_is_reported(video):
     data = video.read_bytes()
     whole = len(drain(VideoSource(video)))
     short = video.with_name("short.avi")
@@ -44,21 +45,21 @@ def test_a_video_that_breaks_off_says_so(video):
     captures = drain(VideoSource(short))
     images = [capture for capture in captures if capture.image is not None]
     assert 0 < len(images) < whole
-    assert "breaks off after" in captures[-1].faults[0].message
+    assert "is truncated after" in captures[-1].faults[0].message
 
 
 @pytest.mark.parametrize(
-    ("content", "told"), [(None, "no such file"), (b"hello" * 99, "not a video that OpenCV")]
+    ("content", "problem"), [(None, "no such file"), (b"hello" * 99, "not a video that OpenCV")]
 )
-def test_a_bad_video_is_told(tmp_path, content, told):
+def test_an_unreadable_video_is_rejected(tmp_path, content, problem):
     path = tmp_path / "v.mp4"
     if content is not None:
         path.write_bytes(content)
-    with pytest.raises(BadInput, match=told):
+    with pytest.raises(BadInput, match=problem):
         VideoSource(path)
 
 
-def test_a_folder_gives_its_images_in_natural_order(tmp_path):
+def test_images_of_a_folder_come_in_natural_order(tmp_path):
     for number in (10, 2, 1):
         (tmp_path / f"image{number}.png").write_bytes(encode_png(picture(number)))
     (tmp_path / "notes.txt").write_text("not an image")
@@ -67,7 +68,7 @@ def test_a_folder_gives_its_images_in_natural_order(tmp_path):
     assert [capture.stamp_ns for capture in captures] == [0, 100_000_000, 200_000_000]
 
 
-def test_files_a_recording_can_hold_keep_their_bytes(tmp_path):
+def test_jpeg_and_png_files_keep_their_bytes(tmp_path):
     jpeg = encode_jpeg(picture(3), 90)
     (tmp_path / "1.jpg").write_bytes(jpeg)
     cv2.imwrite(str(tmp_path / "2.bmp"), picture(4))
@@ -77,16 +78,16 @@ def test_files_a_recording_can_hold_keep_their_bytes(tmp_path):
     assert np.array_equal(second.image, picture(4))
 
 
-def test_an_empty_folder_and_a_broken_image_are_told(tmp_path):
-    with pytest.raises(BadInput, match=r"no images in the folder; \.png"):
+def test_an_empty_folder_and_a_broken_image_are_rejected(tmp_path):
+    with pytest.raises(BadInput, match=r"no images in the folder; supported are \.png"):
         ImagesSource(tmp_path, rate_hz=30)
     (tmp_path / "1.png").write_bytes(b"broken")
     with pytest.raises(BadInput, match=r"1\.png: not an image that OpenCV can read"):
         ImagesSource(tmp_path, rate_hz=30).read(1.0)
 
 
-class OneCapture:
-    rate_hz, is_live, registration = 30.0, False, None
+class OneCapture(Source):
+    rate_hz, is_live = 30.0, False
 
     def __init__(self, capture):
         self.capture = capture
@@ -98,7 +99,7 @@ class OneCapture:
         pass
 
 
-def test_through_jpeg_perception_sees_what_is_recorded():
+def test_perception_processes_the_compressed_image():
     image = np.random.default_rng(0).integers(0, 255, (48, 64, 3)).astype(np.uint8)
     capture = JpegSource(OneCapture(Capture(0, 0, image)), quality=80).read(1.0)
     assert not np.array_equal(capture.image, image)
@@ -108,11 +109,11 @@ def test_through_jpeg_perception_sees_what_is_recorded():
 
 
 @pytest.mark.parametrize("capture", [None, Capture(0, 0, None), Capture(0, 0, picture(1), b"bytes")])
-def test_what_is_encoded_already_or_missing_passes_as_it_is(capture):
+def test_captures_already_encoded_or_without_image_pass_unchanged(capture):
     assert JpegSource(OneCapture(capture), quality=80).read(1.0) is capture
 
 
-def test_digits_that_are_no_numbers_do_not_disturb_the_order(tmp_path):
+def test_digits_that_are_not_decimal_do_not_break_the_order(tmp_path):
     for name in ("a²10.png", "a²9.png", "a2²1.png"):
         (tmp_path / name).write_bytes(encode_png(np.zeros((4, 4), np.uint8)))
     source = ImagesSource(tmp_path, 10.0)

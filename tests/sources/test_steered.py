@@ -1,4 +1,4 @@
-"""A phantom that a hand steers: through the source alone, and through the whole loop."""
+"""The teleoperated phantom, as a source alone and in the whole loop."""
 
 import math
 import re
@@ -41,7 +41,7 @@ def build(uri: str, *settings: str):
     return assemble.build(load_config(None, (f"source.uri={uri}", "run.realtime=false", *settings)))
 
 
-def test_nobody_steers_and_the_needle_stands_where_the_scenario_begins(name):
+def test_without_hand_motion_the_needle_stays_at_the_start_of_the_scenario(name):
     source = TeleopSource(name, VirtualClock())
     first, *others = [source.read(1.0) for _ in range(10)]
     assert first.truth.depth_mm == 8.0
@@ -51,7 +51,7 @@ def test_nobody_steers_and_the_needle_stands_where_the_scenario_begins(name):
     assert not others[-1].hand.engaged
 
 
-def test_an_image_shows_what_the_hand_did_until_it_was_read(name):
+def test_an_image_shows_the_hand_motion_until_it_was_read(name):
     source = TeleopSource(name, VirtualClock())
     before = source.read(1.0)
     source.teleop.put(HandMotion(True, 1.0))
@@ -61,7 +61,7 @@ def test_an_image_shows_what_the_hand_did_until_it_was_read(name):
     assert np.abs(after.image.astype(int) - before.image).max() > 50
 
 
-def test_an_image_shows_what_the_hand_did_until_it_was_due(name):
+def test_an_image_shows_the_hand_motion_until_it_was_due(name):
     class LateHand(VirtualClock):
         def wait_until(self, stamp_ns):
             super().wait_until(stamp_ns)
@@ -69,14 +69,11 @@ def test_an_image_shows_what_the_hand_did_until_it_was_due(name):
 
     source = TeleopSource(name, LateHand())
     source.read(1.0)
-    assert [source.read(1.0).hand.along_mm for _ in range(3)] == [
-        2.0,
-        1.0,
-        1.0,
-    ]  # the first image moves nothing
+    moved_mm = [source.read(1.0).hand.along_mm for _ in range(3)]
+    assert moved_mm == [2.0, 1.0, 1.0]  # the first image moves nothing
 
 
-def test_moments_that_have_passed_are_left_out(name):
+def test_overdue_images_are_skipped(name):
     clock = VirtualClock(start_ns=7)
     source = TeleopSource(name, clock)
     source.read(1.0)
@@ -86,14 +83,14 @@ def test_moments_that_have_passed_are_left_out(name):
     assert (after.index, after.stamp_ns) == (4, 7 + 133_333_333)
 
 
-def test_what_is_put_before_the_first_image_is_in_the_second(name):
+def test_motion_before_the_first_image_appears_in_the_second(name):
     source = TeleopSource(name, VirtualClock())
     source.teleop.put(HandMotion(True, 1.0))
     assert source.read(1.0).truth.depth_mm == 8.0
     assert source.read(1.0).truth.depth_mm == pytest.approx(8.0 + SCALE)
 
 
-def test_the_same_hand_gives_the_same_images(name):
+def test_the_same_hand_motion_gives_the_same_images(name):
     first, second = TeleopSource(name, VirtualClock()), TeleopSource(name, VirtualClock())
     rng = np.random.default_rng(0)
     for number in range(20):
@@ -108,7 +105,7 @@ def test_the_same_hand_gives_the_same_images(name):
         assert np.array_equal(one.image, other.image)
 
 
-def test_nothing_is_lost_between_threads(name):
+def test_no_motion_is_lost_between_threads(name):
     source = TeleopSource(name, VirtualClock())
 
     def push():
@@ -126,7 +123,7 @@ def test_nothing_is_lost_between_threads(name):
 
 
 @pytest.mark.parametrize("quality", [0, 95])
-def test_the_hand_reaches_the_source_through_the_assembled_loop_within_one_image(uri, quality):
+def test_hand_motion_appears_one_image_later_in_the_assembled_loop(uri, quality):
     loop = build(uri, f"source.jpeg_quality={quality}")
     pairs = zip(loop.steps(), range(6), strict=False)
     tips = []
@@ -138,17 +135,17 @@ def test_the_hand_reaches_the_source_through_the_assembled_loop_within_one_image
     moved_mm = [math.dist(tips[n + 1], tips[n]) for n in range(5)]
     assert moved_mm[0] < 0.1
     assert moved_mm[1] < 0.1
-    assert moved_mm[2] == pytest.approx(3 * SCALE, abs=0.1)  # put after image 2 was seen, seen in image 3
+    assert moved_mm[2] == pytest.approx(3 * SCALE, abs=0.1)  # put after image 2, visible in image 3
 
 
-def test_nothing_else_can_be_steered(quick_uri):
+def test_a_scripted_phantom_cannot_be_steered(quick_uri):
     config = load_config(None, (f"source.uri={quick_uri}", "source.jpeg_quality=95"))
     source = assemble.open_source(config, VirtualClock())
-    assert getattr(source, "teleop", None) is None
+    assert source.teleop is None
     source.close()
 
 
-def test_without_a_scenario_it_is_the_first_one():
+def test_the_default_scenario_is_steered_without_an_argument():
     config = load_config(None, ("source.uri=teleop",))
     assert assemble.is_realtime(config)
     source = assemble.open_source(config, VirtualClock())
@@ -157,27 +154,27 @@ def test_without_a_scenario_it_is_the_first_one():
 
 
 @pytest.mark.parametrize(
-    ("settings", "told"),
+    ("settings", "problem"),
     [
         (("source.uri=teleop:nothing",), "unknown scenario 'nothing'"),
         (("source.uri=teleop", "source.loop=true"), "source.loop works with phantom:SCENARIO only"),
     ],
 )
-def test_what_cannot_be_steered_is_one_sentence(settings, told):
-    with pytest.raises(BadInput, match=told):
+def test_settings_that_do_not_allow_teleoperation_are_rejected(settings, problem):
+    with pytest.raises(BadInput, match=problem):
         assemble.build(load_config(None, settings))
 
 
-def test_a_scenario_too_slow_for_the_tremor_filter_is_refused(quick):
-    with pytest.raises(BadInput) as refused:
+def test_a_rate_too_low_for_the_tremor_filter_is_rejected(quick):
+    with pytest.raises(BadInput) as raised:
         TeleopSource(quick, VirtualClock())
-    told = f"{quick}, scenario.rate_hz: rate_hz 15 is too slow to be steered; at least 25 is needed"
-    assert str(refused.value) == told
+    problem = "rate_hz 15 is too low to be steered; use at least 25"
+    assert str(raised.value) == f"{quick}, scenario.rate_hz: {problem}"
 
 
-def test_it_is_noted_that_someone_must_steer(uri, quick_uri):
-    for given, count in ((uri, 1), (quick_uri, 0)):
-        loop = build(given)
+def test_a_note_says_how_to_steer(uri, quick_uri):
+    for source_uri, count in ((uri, 1), (quick_uri, 0)):
+        loop = build(source_uri)
         loop.close()
         assert sum("haptigraph live" in note for note in loop.notes) == count
 
@@ -197,27 +194,27 @@ def test_the_program_in_the_docs_steers(name):
 
 
 def next_motion(step: Step, hand_mm: float) -> HandMotion:
-    """A hand that looks at what perception found: turns towards the target first, then goes there."""
+    """Control the hand by the observation: turn towards the target first, then advance."""
     found = step.observation.found
     if "needle_tip" not in found:
         return HandMotion(True)
     tip_mm, line = found["needle_tip"].at_mm, found["needle_line"]
     shaft = unit(subtract(line.end_mm, line.start_mm))
     rcm_mm, target_mm = found["trocar"].at_mm, found["retina_target"].at_mm
-    off = angle_to(shaft, subtract(target_mm, rcm_mm))
-    across_mm = off * norm(subtract(tip_mm, rcm_mm))
-    along_mm = hand_mm if abs(math.degrees(off)) < 0.8 else 0.0
+    error_rad = angle_to(shaft, subtract(target_mm, rcm_mm))
+    across_mm = error_rad * norm(subtract(tip_mm, rcm_mm))
+    along_mm = hand_mm if abs(math.degrees(error_rad)) < 0.8 else 0.0
     return HandMotion(True, along_mm, min(max(across_mm, -hand_mm), hand_mm))
 
 
-def angle_to(direction: Vec, way: Vec) -> float:
-    """Return the angle from a direction to a way [rad], counter-clockwise."""
-    cross = direction[0] * way[1] - direction[1] * way[0]
-    return math.atan2(cross, direction[0] * way[0] + direction[1] * way[1])
+def angle_to(direction: Vec, path: Vec) -> float:
+    """Return the angle from a direction to a path [rad], counter-clockwise."""
+    cross = direction[0] * path[1] - direction[1] * path[0]
+    return math.atan2(cross, direction[0] * path[0] + direction[1] * path[1])
 
 
 def steer_to_the_target(uri: str, settings: TeleopSettings, *more: str) -> list[str]:
-    """Steer until the state is target_hit or patience ends, and return the states in their order."""
+    """Steer until the state is target_hit, at most 400 images, and return the states in order."""
     loop = build(uri, "perception.alpha=1", *more)
     loop.source.teleop.settings = settings
     states: list[str] = []
@@ -236,7 +233,7 @@ def steer_to_the_target(uri: str, settings: TeleopSettings, *more: str) -> list[
     [TeleopSettings(0.2), TeleopSettings(1.0), TeleopSettings(0.2, True), TeleopSettings(0.2, True, 0.3)],
     ids=["fifth", "whole", "filtered", "trembling"],
 )
-def test_a_hand_that_sees_only_steps_hits_the_target_without_touching_the_retina(uri, settings):
+def test_steering_by_steps_alone_hits_the_target_without_touching_the_retina(uri, settings):
     assert steer_to_the_target(uri, settings) == [
         "misaligned_intraocular_navigation",
         "aligned_intraocular_navigation",
@@ -246,7 +243,7 @@ def test_a_hand_that_sees_only_steps_hits_the_target_without_touching_the_retina
 
 
 def peel(*more: str) -> list[str]:
-    """Open the jaws, go to the membrane's edge, close them on it and pull; return the states in their order."""
+    """Open the jaws, advance to the membrane's edge, close and pull; return the states in order."""
     loop = build(f"teleop:{PEELED}", "run.procedure=membrane_peeling", *more)
     steps, states = loop.steps(), []
 
@@ -266,16 +263,16 @@ def peel(*more: str) -> list[str]:
     return states
 
 
-def test_a_hand_that_sees_only_steps_peels_a_membrane():
-    told = ["navigation", "open_approach", "edge_between_jaws", "grasped", "peeling"]
-    assert [state for state in peel() if state in told] == told
+def test_steering_by_steps_alone_peels_a_membrane():
+    expected = ["navigation", "open_approach", "edge_between_jaws", "grasped", "peeling"]
+    assert [state for state in peel() if state in expected] == expected
 
 
-def test_jaws_move_as_fast_as_the_robot_can_and_hold_still_when_the_hand_lets_go():
+def test_jaws_keep_the_robots_speed_limit_and_stop_when_the_clutch_is_released():
     source = TeleopSource(PEELED, VirtualClock())
 
-    def opening_mm(*heard: HandMotion) -> float:
-        for motion in heard:
+    def opening_mm(*motions: HandMotion) -> float:
+        for motion in motions:
             source.teleop.put(motion)
         places = source.read(1.0).truth.others
         return math.dist(places["left_jaw"].at_mm, places["right_jaw"].at_mm)
@@ -293,7 +290,7 @@ def test_jaws_move_as_fast_as_the_robot_can_and_hold_still_when_the_hand_lets_go
     assert opening_mm() == shut_mm
 
 
-def test_a_needle_has_no_jaws_to_move(name):
+def test_a_needle_ignores_jaw_motion(name):
     source = TeleopSource(name, VirtualClock())
     first = source.read(1.0)
     source.teleop.put(HandMotion(True, apart_mm=5.0))
@@ -305,7 +302,7 @@ def test_a_needle_has_no_jaws_to_move(name):
 # --- recording
 
 
-def test_what_the_jaws_did_is_in_the_recording_and_the_replay_is_identical(tmp_path):
+def test_jaw_motion_is_recorded_and_the_replay_is_identical(tmp_path):
     path = tmp_path / "peeled.mcap"
     assert peel(f'recording.path="{path}"')[-1] == "peeling"
     hands = [capture.hand for capture, _ in RunReader(path).records(images=())]
@@ -315,7 +312,7 @@ def test_what_the_jaws_did_is_in_the_recording_and_the_replay_is_identical(tmp_p
     assert report.identical == report.steps == len(hands)
 
 
-def test_a_recording_from_before_there_were_jaws_is_read_and_replayed(uri, tmp_path, monkeypatch):
+def test_a_recording_without_jaw_motion_is_read_and_replayed(uri, tmp_path, monkeypatch):
     class HandBeforeJaws(Struct):
         engaged: bool
         along_mm: float
@@ -333,15 +330,15 @@ def test_a_recording_from_before_there_were_jaws_is_read_and_replayed(uri, tmp_p
     monkeypatch.setattr("haptigraph.teleop.teleop.HandState", before_jaws)
     steer_to_the_target(uri, TeleopSettings(), f'recording.path="{path}"')
     with path.open("rb") as file:
-        told = next(message.data for _, _, message in make_reader(file).iter_messages(["/teleop"]))
-    assert b"asked_across_mm" in told and b"apart_mm" not in told
+        data = next(message.data for _, _, message in make_reader(file).iter_messages(["/teleop"]))
+    assert b"asked_across_mm" in data and b"apart_mm" not in data
     captures = [capture for capture, _ in RunReader(path).records(images=())]
     assert {(type(capture.hand), capture.hand.apart_mm) for capture in captures} == {(HandState, 0.0)}
     report = replay(path)
     assert report.identical == report.steps == len(captures)
 
 
-def test_what_the_hand_did_is_in_the_recording_and_the_replay_is_identical(uri, tmp_path):
+def test_hand_motion_is_recorded_and_the_replay_is_identical(uri, tmp_path):
     path = tmp_path / "steered.mcap"
     states = steer_to_the_target(uri, TeleopSettings(0.2, True, 0.1), f'recording.path="{path}"')
     assert states[-1] == "target_hit"
@@ -359,7 +356,7 @@ def test_what_the_hand_did_is_in_the_recording_and_the_replay_is_identical(uri, 
     assert report.identical == report.steps == len(captures)
 
 
-def test_recordings_without_a_hand_have_none(quick_uri, tmp_path):
+def test_recordings_without_teleoperation_have_no_hand_motion(quick_uri, tmp_path):
     path = tmp_path / "scripted.mcap"
     loop = build(quick_uri, f'recording.path="{path}"')
     for _ in islice(loop.steps(), 5):

@@ -1,4 +1,4 @@
-"""What OpenCV makes of containers: the reason why no other library is needed to read them (decision 0011)."""
+"""OpenCV reads time stamps and rotation of video containers, so no other library is needed (decision 0011)."""
 
 import struct
 from fractions import Fraction
@@ -15,14 +15,14 @@ SIZE_PX = 128, 96
 
 
 def picture(number: int) -> np.ndarray:
-    """Dark but for a lower left quarter that tells its number."""
+    """A dark image whose lower left quarter encodes its number."""
     image = np.full((SIZE_PX[1], SIZE_PX[0], 3), 20, np.uint8)
     image[SIZE_PX[1] // 2 :, : SIZE_PX[0] // 2] = 20 * (number % 12)
     return image
 
 
 def write(path, codec="libx264", pixels="yuv420p", stamps_ms=VARYING_MS, rate=30, **options):
-    """Write pictures with these time stamps."""
+    """Write images with these time stamps."""
     base = {".ts": Fraction(1, 90_000), ".avi": Fraction(1, rate)}.get(path.suffix, Fraction(1, 1000))
     with av.open(str(path), "w") as container:
         stream = container.add_stream(codec, rate=rate, options={"x265-params": "log-level=none"} | options)
@@ -51,7 +51,7 @@ def write(path, codec="libx264", pixels="yuv420p", stamps_ms=VARYING_MS, rate=30
         ("a.mov", "prores_ks", "yuv422p10le"),
     ],
 )
-def test_images_of_a_varying_rate_are_stamped_by_the_container(tmp_path, name, codec, pixels):
+def test_images_at_a_variable_rate_have_the_stamps_of_the_container(tmp_path, name, codec, pixels):
     captures = drain(VideoSource(write(tmp_path / name, codec, pixels)))
     assert [round(capture.stamp_ns / 1e6) for capture in captures] == list(VARYING_MS)
     assert [capture.faults for capture in captures] == [()] * len(VARYING_MS)
@@ -61,19 +61,19 @@ def test_images_of_a_varying_rate_are_stamped_by_the_container(tmp_path, name, c
 
 
 @pytest.mark.parametrize("name", ["a.mp4", "a.mkv", "a.ts"])
-def test_time_begins_with_the_first_image(tmp_path, name):
+def test_time_starts_at_the_first_image(tmp_path, name):
     late = [5000 + stamp_ms for stamp_ms in VARYING_MS]
     captures = drain(VideoSource(write(tmp_path / name, stamps_ms=late)))
     assert [round(capture.stamp_ns / 1e6) for capture in captures] == list(VARYING_MS)
 
 
-def test_images_that_wait_for_later_ones_come_in_their_order(tmp_path):
+def test_b_frames_come_in_display_order(tmp_path):
     captures = drain(VideoSource(write(tmp_path / "b.mp4", bf="2", g="30")))
     assert [round(capture.stamp_ns / 1e6) for capture in captures] == list(VARYING_MS)
 
 
 @pytest.mark.parametrize("name", ["a.mp4", "a.mkv", "a.ts"])
-def test_an_image_that_stays_for_long_is_no_break(tmp_path, name):
+def test_an_image_shown_for_long_is_not_a_truncation(tmp_path, name):
     captures = drain(VideoSource(write(tmp_path / name, stamps_ms=[0, 33, 66, 2000, 2033, 2066, 4000, 4033])))
     assert len(captures) == 8
     assert not any(capture.faults for capture in captures)
@@ -88,7 +88,7 @@ def test_an_image_that_stays_for_long_is_no_break(tmp_path, name):
         ("a.avi", "mjpeg", "yuvj420p", 0),
     ],
 )
-def test_a_file_cut_short_says_so(tmp_path, name, codec, pixels, begin_ms):
+def test_a_truncated_file_is_reported(tmp_path, name, codec, pixels, begin_ms):
     steady = [begin_ms + 40 * number for number in range(50)]
     path = write(tmp_path / name, codec, pixels, steady, rate=25)
     assert not drain(VideoSource(path))[-1].faults
@@ -96,27 +96,27 @@ def test_a_file_cut_short_says_so(tmp_path, name, codec, pixels, begin_ms):
     captures = drain(VideoSource(path))
     assert 1 < len(captures) < 45
     assert captures[-1].image is None
-    assert f"breaks off after {len(captures) - 1} of" in captures[-1].faults[0].message
+    assert f"is truncated after {len(captures) - 1} of" in captures[-1].faults[0].message
 
 
-def test_images_are_turned_as_the_container_says(tmp_path):
+def test_images_are_rotated_as_the_container_states(tmp_path):
     path = write(tmp_path / "phone.mp4")
-    frontal = struct.pack(">9i", 0x10000, 0, 0, 0, 0x10000, 0, 0, 0, 0x40000000)
-    turned = struct.pack(">9i", 0, 0x10000, 0, -0x10000, 0, 0, SIZE_PX[1] << 16, 0, 0x40000000)
+    upright = struct.pack(">9i", 0x10000, 0, 0, 0, 0x10000, 0, 0, 0, 0x40000000)
+    rotated = struct.pack(">9i", 0, 0x10000, 0, -0x10000, 0, 0, SIZE_PX[1] << 16, 0, 0x40000000)
     data = path.read_bytes()
-    place = data.index(frontal, data.index(b"tkhd"))
-    path.write_bytes(data[:place] + turned + data[place + len(turned) :])
+    start = data.index(upright, data.index(b"tkhd"))
+    path.write_bytes(data[:start] + rotated + data[start + len(rotated) :])
     image = drain(VideoSource(path))[9].image
     assert image.shape == (SIZE_PX[0], SIZE_PX[1], 3)
     assert image[SIZE_PX[0] // 4, SIZE_PX[1] // 4].mean() > 150  # lower left has become upper left
     assert image[SIZE_PX[0] * 3 // 4, SIZE_PX[1] // 4].mean() < 60
 
 
-def test_images_without_any_stamp_come_at_the_files_rate(tmp_path):
+def test_images_without_stamps_come_at_the_rate_of_the_file(tmp_path):
     source = VideoSource(write(tmp_path / "raw.h264"))
     captures = drain(source)
     assert len(captures) == len(VARYING_MS)
-    between_ns = set(np.diff([capture.stamp_ns for capture in captures]).tolist())
-    assert between_ns == {round(1e9 / source.rate_hz)}
+    intervals_ns = set(np.diff([capture.stamp_ns for capture in captures]).tolist())
+    assert intervals_ns == {round(1e9 / source.rate_hz)}
     assert captures[0].stamp_ns == 0
     assert not any(capture.faults for capture in captures)

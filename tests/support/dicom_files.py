@@ -1,4 +1,4 @@
-"""DICOM files as cameras and OCT write them, in the few elements that matter for pixels and time."""
+"""DICOM files like those of cameras and OCT, with the elements that matter for pixels and time."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ from pydicom.uid import ExplicitVRLittleEndian, OphthalmicTomographyImageStorage
 
 
 def dicom(images: np.ndarray, kind: str = "MONOCHROME2", bits: int = 8, **elements) -> Dataset:
-    """A data set with images: (n, h, w) or (n, h, w, 3), stored as they are."""
+    """A data set with images, (n, h, w) or (n, h, w, 3), stored unchanged."""
     data = Dataset()
     data.file_meta = FileMetaDataset()
     data.file_meta.TransferSyntaxUID = ExplicitVRLittleEndian

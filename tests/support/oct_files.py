@@ -1,4 +1,4 @@
-"""Files as Heidelberg's devices write them, byte by byte, so that no reader is tested against itself."""
+"""Files in Heidelberg's format, written byte by byte, so that no reader is tested against itself."""
 
 import struct
 from pathlib import Path
@@ -12,7 +12,7 @@ BSCAN_HEADER = "<12sI4d2IfI6f168x"
 def heidelberg_vol(
     path: Path, scans: np.ndarray, axial_mm: float = 0.0039, lateral_mm: float = 0.0115
 ) -> Path:
-    """Write B-scans, (n, h, w) uint8, as a .vol file: one is a line scan, several a volume."""
+    """Write B-scans, (n, h, w) uint8, as a .vol file: one is a line scan, several are a volume."""
     count, height, width = scans.shape
     before = 256 + 4 * width
     parts = [
@@ -25,10 +25,10 @@ def heidelberg_vol(
         bytes(32 * 32),
     ]  # fmt: skip
     for number, grey in enumerate(scans):
-        place = 0.0, 0.1 * number, width * lateral_mm, 0.1 * number
-        parts.append(struct.pack(BSCAN_HEADER, b"HSF-BS-103", before, *place, 1, 256, 30.0, 0, *[0.0] * 6))
+        position = 0.0, 0.1 * number, width * lateral_mm, 0.1 * number
+        parts.append(struct.pack(BSCAN_HEADER, b"HSF-BS-103", before, *position, 1, 256, 30.0, 0, *[0.0] * 6))
         parts.append(np.zeros(width, np.float32).tobytes())
-        shown = grey.astype(np.float64) / 255  # the device stores reflectivity, viewers show its logarithm
+        shown = grey.astype(np.float64) / 255  # the device stores reflectivity, viewers display its logarithm
         parts.append((np.exp(shown * 8.285 - 8.3) - 2.44e-4).astype(np.float32).tobytes())
     path.write_bytes(b"".join(parts))
     return path

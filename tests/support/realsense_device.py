@@ -1,4 +1,4 @@
-"""A RealSense camera made of the SDK's software device: what a test pushes, the SDK delivers."""
+"""A RealSense camera based on the SDK's software device: the SDK delivers the images that a test pushes."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,7 +10,7 @@ SERIAL = "130322270000"
 
 
 class SoftwareCamera:
-    """A D405 as the SDK sees it: colour comes from the stereo module."""
+    """A D405 as the SDK presents it: colour comes from the stereo module."""
 
     def __init__(self, size_px=(128, 96), rate_hz=30, serial=SERIAL, colour=True, fmt=rs.format.bgr8):
         self.size_px, self.fmt = size_px, fmt
@@ -25,7 +25,7 @@ class SoftwareCamera:
         self.profile = self.sensor.add_video_stream(stream).as_video_stream_profile()
 
     def push(self, number, stamp_ms, image, domain=rs.timestamp_domain.global_time):
-        """Deliver one image as the camera would."""
+        """Deliver one image like the camera."""
         frame = rs.software_video_frame()
         frame.pixels, frame.bpp, frame.stride = image, 3, 3 * self.size_px[0]
         frame.timestamp, frame.domain, frame.frame_number, frame.profile = (
@@ -38,7 +38,7 @@ class SoftwareCamera:
 
 
 def record(path: Path, images: Sequence[np.ndarray], stamps_ms: Sequence[float], **options) -> None:
-    """Let the SDK record images to a file."""
+    """Record images to a file with the SDK."""
     height, width = images[0].shape[:2]
     camera = SoftwareCamera((width, height), **options)
     recorder = rs.recorder(str(path), camera.device)

@@ -1,4 +1,4 @@
-"""A program whose messages are not what they say: run it beside what must not be disturbed, and end it."""
+"""A program that publishes invalid messages, until it is killed."""
 
 import sys
 import threading
@@ -15,7 +15,7 @@ from haptigraph.ros2.types import CompressedImage, Header, Image, Joy, Time
 @final
 @autoid("sequential")
 class NotUtf8(IdlStruct, typename="std_msgs::msg::dds_::String_"):
-    """Says it is a String, and holds any bytes."""
+    """Declared as a String, with arbitrary bytes."""
 
     data: types.sequence[types.uint8]
 
@@ -24,7 +24,7 @@ class NotUtf8(IdlStruct, typename="std_msgs::msg::dds_::String_"):
 @final
 @autoid("sequential")
 class TooShort(IdlStruct, typename="sensor_msgs::msg::dds_::Joy_"):
-    """Says it is a Joy with billions of axes, and holds none."""
+    """Declared as a Joy with billions of axes, and without any."""
 
     header: Header
     axes: types.uint32
@@ -34,7 +34,7 @@ class TooShort(IdlStruct, typename="sensor_msgs::msg::dds_::Joy_"):
 @final
 @autoid("sequential")
 class Endless(IdlStruct, typename="sensor_msgs::msg::dds_::Image_"):
-    """Says it is an Image of gigabytes, and ends after its header."""
+    """Declared as an Image of gigabytes, and truncated after its header."""
 
     header: Header
     sizes: types.array[types.uint32, 2]
@@ -70,11 +70,11 @@ MESSAGES = {
 
 def main() -> None:
     node, tick = Node(), threading.Event()
-    said = [(node.publisher(topic, kind), messages) for (topic, kind), messages in MESSAGES.items()]
-    sys.stdout.write("saying\n")
+    publishers = [(node.publisher(topic, kind), messages) for (topic, kind), messages in MESSAGES.items()]
+    sys.stdout.write("publishing\n")
     sys.stdout.flush()
     while True:
-        for publisher, messages in said:
+        for publisher, messages in publishers:
             for message in messages:
                 publisher.send(message)
         tick.wait(0.02)

@@ -1,4 +1,4 @@
-"""A ROS 2 network of this machine alone: nobody else hears it, and two test runs never hear each other."""
+"""A ROS 2 network limited to this machine and to one test run."""
 
 import os
 import queue
@@ -11,7 +11,7 @@ from pathlib import Path
 
 PEER_TIMEOUT_S = 30
 
-# Type information is not compared, so that a peer may lie about what a message holds, as broken software does.
+# Type information is not compared, so that a peer may misdeclare its messages, as broken software does.
 SETTINGS = """<CycloneDDS><Domain>
 <General><Interfaces><NetworkInterface address="127.0.0.1"/></Interfaces><AllowMulticast>false</AllowMulticast></General>
 <Discovery>{tag}<Peers><Peer address="127.0.0.1"/></Peers><ParticipantIndex>auto</ParticipantIndex></Discovery>
@@ -20,9 +20,9 @@ SETTINGS = """<CycloneDDS><Domain>
 
 
 def loopback(tag: str | None = None, ignored: str = "1.15,1.16") -> dict[str, str]:
-    """The variables that keep DDS on this machine; with a tag, among those who know it."""
-    told = SETTINGS.format(tag=f"<Tag>{tag}</Tag>" if tag else "", ignored=ignored)
-    return {"ROS_DOMAIN_ID": str(1 + os.getpid() % 100), "CYCLONEDDS_URI": told.replace("\n", "")}
+    """The environment variables that keep DDS on this machine, and among participants with the same tag."""
+    settings = SETTINGS.format(tag=f"<Tag>{tag}</Tag>" if tag else "", ignored=ignored)
+    return {"ROS_DOMAIN_ID": str(1 + os.getpid() % 100), "CYCLONEDDS_URI": settings.replace("\n", "")}
 
 
 def tag() -> str:
@@ -30,45 +30,45 @@ def tag() -> str:
 
 
 class Peer:
-    """Another program on the network: hears topics, and says things on others."""
+    """Another participant: subscribes to topics and publishes on others."""
 
     def __init__(self):
         from haptigraph.ros2.node import Node
 
         self.node = Node()
         self.heard: dict[str, queue.Queue] = {}
-        self.refused = []
+        self.rejected = []
 
     def hear(self, topic, message_type):
         self.heard[topic] = queue.Queue()
-        self.node.subscribe(topic, message_type, self.heard[topic].put, self.refused.append)
+        self.node.subscribe(topic, message_type, self.heard[topic].put, self.rejected.append)
 
-    def next(self, topic, like=lambda message: True):
-        """The next message on a topic that is like what is looked for."""
+    def next(self, topic, matches=lambda message: True):
+        """The next message on a topic that matches."""
         while True:
             message = self.heard[topic].get(timeout=PEER_TIMEOUT_S)
-            if like(message):
+            if matches(message):
                 return message
 
     def say(self, topic, message_type):
-        """A publisher, once somebody hears it."""
+        """A publisher, once it has a subscriber."""
         publisher = self.node.publisher(topic, message_type)
-        until(lambda: publisher.has_listeners, f"nobody subscribes to {topic}")
+        until(lambda: publisher.has_listeners, f"no subscriber of {topic}")
         return publisher
 
 
-def until(holds, limitations, timeout_s=PEER_TIMEOUT_S):
+def until(holds, problem, timeout_s=PEER_TIMEOUT_S):
     tick = threading.Event()
     for _ in range(timeout_s * 100):
         if holds():
             return
         tick.wait(0.01)
-    raise AssertionError(limitations)
+    raise AssertionError(problem)
 
 
 @contextmanager
 def running(*arguments, **environment):
-    """`haptigraph run ...` in a process of its own; its output is in `process.told` once it was ended."""
+    """`haptigraph run ...` in another process; `process.output` is complete after the block."""
     process = subprocess.Popen(
         [sys.executable, "-m", "haptigraph", "run", *map(str, arguments)],
         stdout=subprocess.PIPE,
@@ -76,25 +76,25 @@ def running(*arguments, **environment):
         text=True,
         env={**os.environ, **environment},
     )
-    process.told = ""
+    process.output = ""
     try:
         yield process
     finally:
         process.terminate()
         try:
-            process.told += process.communicate(timeout=PEER_TIMEOUT_S)[0]
+            process.output += process.communicate(timeout=PEER_TIMEOUT_S)[0]
         finally:
             process.kill()
 
 
 @contextmanager
 def broken_program():
-    """A program on the network that says nonsense on /text, /joy and /camera/image."""
+    """A program that publishes invalid messages on /text, /joy and /camera/image."""
     process = subprocess.Popen(
         [sys.executable, str(Path(__file__).with_name("ros_broken.py"))], stdout=subprocess.PIPE
     )
     try:
-        assert process.stdout.readline() == b"saying\n"
+        assert process.stdout.readline() == b"publishing\n"
         yield
     finally:
         process.kill()

@@ -1,4 +1,4 @@
-"""A camera on the network: motion JPEG over HTTP, from a server that a test can unplug."""
+"""A network camera: motion JPEG over HTTP, from a server that a test can disconnect."""
 
 import threading
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -9,10 +9,10 @@ BOUNDARY = b"image"
 
 
 class StreamingCamera:
-    """Serve JPEG images at a rate until unplugged; plugged in again, on the same port.
+    """Serve JPEG images until unplugged; after plugging in again, on the same port.
 
     Args:
-        images: JPEG bytes, shown in turn.
+        images: JPEG bytes, served in turn.
         rate_hz: Images per second.
     """
 
@@ -44,7 +44,7 @@ class StreamingCamera:
             allow_reuse_address = True
 
             def handle_error(self, request, client_address):
-                pass  # a viewer that goes away
+                pass  # a viewer that disconnects
 
         self.server = Server(("127.0.0.1", self.port), Handler)
         self.port = self.server.server_address[1]
@@ -68,7 +68,7 @@ class StreamingCamera:
         self.server.server_close()
 
     def hang(self):
-        """Send nothing more, but stay connected."""
+        """Stop sending, but stay connected."""
         self.speaks.clear()
 
     def go_on(self):

@@ -66,7 +66,7 @@ def register_scans(
     check_files(files, source.removeprefix("oct:"), force=force)
     config = load_config(None, (f"source.uri={json.dumps(source)}", *settings))
     opened = open_source(config, VirtualClock())
-    notes, text = getattr(opened, "notes", ()), opened.registration or ""
+    notes, text = opened.notes, opened.registration or ""
     with closing(images_of(opened)) as images:
         scans = [grey_of(image) for image in spread_images(images, source, most, None)]
     registration = parse_registered(text, f"registration of {source}")

@@ -57,7 +57,7 @@ class LivePage:
         """
         introduce(self._config, loop, self.hub)()
         phased = loop.source if isinstance(loop.source, PhasedSource) else None
-        site = self._site(Controls(self.hub, getattr(loop.source, "teleop", None), phased))
+        site = self._site(Controls(self.hub, loop.source.teleop, phased))
         app = make_app(site, Health(loop, self.hub, measures), host=self._host, token=self._token)
         with Server(app, self._listener):
             yield

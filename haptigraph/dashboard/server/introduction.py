@@ -36,7 +36,7 @@ def introduce(config: Config, loop: Loop, hub: Hub) -> Callable[[], None]:
         registration = with_target(registration, config.source.target_mm)
     procedure, view = load_procedure(config.run.procedure), IoctView(registration, VIEW_PX)
     moving = frozenset(entity.name for entity in procedure.schema.entities) - set(registration.anatomy)
-    teleop = getattr(loop.source, "teleop", None)
+    teleop = loop.source.teleop
     steered = {"steerable": teleop is not None, "has_jaws": teleop is not None and teleop.has_jaws}
     hello = told("hello", **describe(config, procedure, registration, view), **steered)
     return lambda: hub.introduce(hello, view, moving)

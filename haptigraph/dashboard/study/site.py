@@ -77,7 +77,7 @@ class StudySite:
         """
         begin = introduce(config, loop, self.hub)
         phased = loop.source if isinstance(loop.source, PhasedSource) else None
-        teleop = getattr(loop.source, "teleop", None)
+        teleop = loop.source.teleop
 
         def show() -> None:
             self._health = Health(loop, self.hub, measures)

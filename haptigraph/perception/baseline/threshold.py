@@ -54,7 +54,8 @@ class ThresholdPerceiver:
         config: Polarity, block size, offset, alpha.
     """
 
-    sees = frozenset(("needle_tip", "needle_line"))
+    needs_scan = False
+    entities = frozenset(("needle_tip", "needle_line"))
     """Entities it may report besides the registered anatomy."""
 
     def __init__(self, registration: Registration, config: PerceptionConfig) -> None:

@@ -35,7 +35,8 @@ class ForcepsPerceiver:
         config: Settings, passed on to the trackers.
     """
 
-    sees = frozenset(ENTITIES)
+    needs_scan = False
+    entities = frozenset(ENTITIES)
     """Entities it may report besides the registered anatomy."""
 
     def __init__(self, registration: Registration, config: PerceptionConfig) -> None:

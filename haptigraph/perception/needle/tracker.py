@@ -53,7 +53,8 @@ class Tracker:
         config: Settings; none is needed so far, but all perceivers are given them.
     """
 
-    sees = frozenset(("needle_tip", "needle_line"))
+    needs_scan = False
+    entities = frozenset(("needle_tip", "needle_line"))
     """Entities it may report besides the registered anatomy."""
 
     def __init__(self, registration: Registration, config: PerceptionConfig) -> None:

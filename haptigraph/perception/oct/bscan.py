@@ -28,8 +28,8 @@ class BscanPerceiver:
         config: Settings; not used, but part of every perceiver's constructor.
     """
 
-    takes_scans = True
-    sees = ENTITIES
+    needs_scan = True
+    entities = ENTITIES
 
     def __init__(self, registration: ScanRegistration, config: PerceptionConfig) -> None:
         self._registration = registration

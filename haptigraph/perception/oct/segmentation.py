@@ -46,8 +46,8 @@ class SegmentationPerceiver:
         BadInput: If the network cannot be used.
     """
 
-    takes_scans = True
-    sees = ENTITIES
+    needs_scan = True
+    entities = ENTITIES
 
     def __init__(self, registration: ScanRegistration, config: PerceptionConfig) -> None:
         self._registration = registration

@@ -1,1 +1,1 @@
-"""Live images: UVC and network cameras, RealSense, ROS 2 topics."""
+"""Live sources (UVC and network cameras, RealSense, ROS 2 topics) and RealSense recordings."""

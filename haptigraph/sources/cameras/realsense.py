@@ -1,8 +1,8 @@
-"""Images from an Intel RealSense camera, stamped by the camera.
+"""Images from an Intel RealSense camera, with the camera's time stamps.
 
-Turns colour frames of the SDK into captures; depth is not read. The D405 of the paper has no colour sensor of
-its own: its colour comes from the depth imagers, so whoever changes depth's exposure changes the picture. A
-software device of the SDK is opened the same way as a real one.
+Reads the SDK's colour stream, not depth. The D405 of the paper has no separate colour sensor: its colour
+comes from the depth imagers, so the exposure of depth changes the image. A software device of the SDK opens
+like a real one.
 """
 
 from collections.abc import Callable
@@ -19,29 +19,29 @@ from haptigraph.sources.cameras.realsense_sdk import (
     sdk,
     stamp_of,
 )
-from haptigraph.sources.cameras.reconnect import LiveSource, Shot
+from haptigraph.sources.cameras.reconnect import CameraImage, LiveSource
 from haptigraph.sources.cameras.timebase import Timebase
 
 __all__ = ["RealsenseCamera", "RealsenseSource"]
 
-FIRST_MS = 5000  # a camera needs so long to start, at most
-NEXT_MS = 500
-QUEUED = 2  # so that the newest never waits behind older ones
+FIRST_IMAGE_TIMEOUT_MS = 5000  # a camera takes at most this long to start
+IMAGE_TIMEOUT_MS = 500
+QUEUE_SIZE = 2  # short, so that the newest image does not wait behind older ones
 
 
 class RealsenseSource(LiveSource):
     """Read a RealSense camera.
 
     Args:
-        serial: Its serial number; empty: the only one there is.
-        size_px: (width, height) of its colour images; the camera must have it.
-        rate_hz: Images per second; the camera must have it, too.
-        clock: The run's; arrivals are measured on it, and stamps are made from the camera's own.
-        find: Finds the device; other than on the bus in tests only.
+        serial: Its serial number; empty: the only connected camera.
+        size_px: (width, height) of its colour images; the camera must support it.
+        rate_hz: Images per second; the camera must support it.
+        clock: The run's clock, to which the camera's stamps are converted.
+        find: Finds the device; tests replace it.
 
     Raises:
         MissingExtra: If the SDK is not installed.
-        BadInput: If there is no such camera, or it has no such images.
+        BadInput: If there is no such camera, or it does not support this size and rate.
     """
 
     def __init__(
@@ -60,16 +60,16 @@ class RealsenseSource(LiveSource):
             try:
                 device = (find or find_device)(serial)
             except RuntimeError as error:
-                raise BadInput(f"{name} cannot be looked for ({error})") from None
+                raise BadInput(f"{name}: the search for cameras failed ({error})") from None
             camera = RealsenseCamera(name, device, size_px, rate_hz, clock, timebase)
-            serial = info_of(device, "serial_number")  # the same one again, should it go away
+            serial = info_of(device, "serial_number")  # to reconnect to the same camera
             return camera
 
         super().__init__(name, open_camera)
 
 
 class RealsenseCamera:
-    """An opened camera whose first image was seen. Arguments as for `RealsenseSource`."""
+    """An opened camera that has delivered its first image. Arguments as for `RealsenseSource`."""
 
     def __init__(
         self,
@@ -82,7 +82,7 @@ class RealsenseCamera:
     ) -> None:
         rs = sdk()
         self._clock, self._timebase = clock, timebase
-        self._frames = rs.frame_queue(QUEUED)
+        self._frames = rs.frame_queue(QUEUE_SIZE)
         self.rate_hz = rate_hz
         try:
             self._sensor, profile = colour_stream(name, device, size_px, rate_hz)
@@ -90,30 +90,31 @@ class RealsenseCamera:
                 self._sensor.set_option(rs.option.global_time_enabled, 1)
             self._sensor.open(profile)
             self._sensor.start(self._frames)
-            self._first: Any = self._frames.wait_for_frame(FIRST_MS)
+            self._first: Any = self._frames.wait_for_frame(FIRST_IMAGE_TIMEOUT_MS)
         except RuntimeError as error:
             self.close()
-            raise BadInput(f"{name} opens but gives no image ({error})") from None
+            raise BadInput(f"{name} opens but delivers no image ({error})") from None
         clock_name = CLOCKS[self._first.get_frame_timestamp_domain().name]
-        who = f"{info_of(device, 'name')}, serial number {info_of(device, 'serial_number')}"
-        asked = f"{size_px[0]} x {size_px[1]} px, {rate_hz:g} images/s, as asked"
-        self.notes: tuple[str, ...] = (f"{name} is {who}, and gives {asked}; its {clock_name} clock stamps",)
+        device_name = f"{info_of(device, 'name')}, serial number {info_of(device, 'serial_number')}"
+        delivers = f"{size_px[0]} x {size_px[1]} px, {rate_hz:g} images/s, as requested"
+        note = f"{name} is {device_name}; it delivers {delivers}, stamped by its {clock_name} clock"
+        self.notes: tuple[str, ...] = (note,)
 
-    def take(self) -> Shot | None:
-        """Wait for the next image; None if it does not come."""
+    def take(self) -> CameraImage | None:
+        """Wait for the next image; None after the timeout."""
         frame, self._first = self._first, None
         if frame is None:
-            there, frame = self._frames.try_wait_for_frame(NEXT_MS)
-            if not there:
+            has_frame, frame = self._frames.try_wait_for_frame(IMAGE_TIMEOUT_MS)
+            if not has_frame:
                 return None
         camera = stamp_of(frame, self._clock.now_ns())
-        return Shot(image_of(frame), self._timebase.on_run(camera), camera)
+        return CameraImage(image_of(frame), self._timebase.to_run_clock(camera), camera)
 
     def close(self) -> None:
-        """Give the camera back."""
+        """Release the camera."""
         self._first = None
         for part in ("stop", "close"):
             try:
                 getattr(self._sensor, part)()
-            except (AttributeError, RuntimeError):  # it never began, or is gone
+            except (AttributeError, RuntimeError):  # it never started, or is disconnected
                 continue

@@ -1,6 +1,6 @@
-"""Images from a file that the RealSense SDK recorded, with the stamps the camera gave them then.
+"""Images from a recording of the RealSense SDK, with the camera's time stamps.
 
-Turns colour frames of the SDK's playback into captures, all of them, at whatever pace they are read.
+Reads all colour images, however slowly they are consumed.
 """
 
 import queue
@@ -11,52 +11,52 @@ from typing import Any, TypeAlias
 from haptigraph.errors import BadInput, EndOfSource
 from haptigraph.messages import CameraStamp, Capture, Image
 from haptigraph.sources.cameras.realsense_sdk import colour_stream, image_of, sdk, stamp_of
+from haptigraph.stages import Source
 
 __all__ = ["RealsenseFile"]
 
 Item: TypeAlias = tuple[Image, CameraStamp] | Exception | None
-"""An image and its stamp, or why there is none, or None: the end."""
+"""An image and its stamp, an error, or None at the end."""
 
-AHEAD = 4
+QUEUE_SIZE = 4
 POLL_S = 0.1
 
 
-class RealsenseFile:
+class RealsenseFile(Source):
     """Read the colour images of a recording of the SDK: .db3, or .bag of versions before 2.59.
 
-    All images are read, whatever time it takes; stamps are the camera's own, from 0.
+    No image is dropped; stamps are the camera's own, from 0.
 
     Args:
         path: The file.
 
     Raises:
         MissingExtra: If the SDK is not installed.
-        BadInput: If it cannot be read or holds no colour images.
+        BadInput: If it cannot be read or contains no colour images.
     """
 
     is_live = False
-    registration = None
 
     def __init__(self, path: str | Path) -> None:
         self._path = Path(path)
         if not self._path.is_file():
             raise BadInput("no such file", path)
         rs = sdk()
-        self._ready: queue.Queue[Item] = queue.Queue(AHEAD)
+        self._ready: queue.Queue[Item] = queue.Queue(QUEUE_SIZE)
         self._closed, self._ended = threading.Event(), False
         self._index, self._first_ns = -1, 0
         try:
             self._context = rs.context()  # must outlive the device
             self._device = self._context.load_device(str(path))
             self._device.set_real_time(False)
-            self._device.set_status_changed_callback(self._heard)
+            self._device.set_status_changed_callback(self._on_status)
             self._sensor, profile = colour_stream(str(path), self._device)
             self.rate_hz = float(profile.fps())
             self._sensor.open(profile)
-            self._sensor.start(self._hand_over)
+            self._sensor.start(self._on_frame)
         except RuntimeError as error:
-            why = str(error).rpartition(": ")[2]
-            raise BadInput(f"not a file that the RealSense SDK can read ({why})", path) from None
+            reason = str(error).rpartition(": ")[2]
+            raise BadInput(f"not a file that the RealSense SDK can read ({reason})", path) from None
 
     def read(self, timeout_s: float) -> Capture | None:
         """Return the next image, or None if the SDK has not decoded it in time."""
@@ -83,20 +83,20 @@ class RealsenseFile:
         self._sensor.stop()
         self._sensor.close()
 
-    def _hand_over(self, frame: Any) -> None:
-        """Take one frame from the SDK's thread."""
+    def _on_frame(self, frame: Any) -> None:
+        """Receive one frame in the SDK's thread."""
         try:
             self._put((image_of(frame), stamp_of(frame)))
-        except Exception as error:  # the SDK would swallow it
+        except Exception as error:  # which the SDK would swallow
             self._put(error)
 
-    def _heard(self, status: Any) -> None:
-        """Take the end, which comes after the last frame was handed over."""
+    def _on_status(self, status: Any) -> None:
+        """Receive the end of the file, which follows the last frame."""
         if status == sdk().playback_status.stopped:
             self._put(None)
 
     def _put(self, item: Item) -> None:
-        """Hold the SDK up while the loop is behind."""
+        """Block the SDK while the queue is full."""
         while not self._closed.is_set():
             try:
                 return self._ready.put(item, timeout=POLL_S)

@@ -1,7 +1,7 @@
-"""What live cameras and files have in common in the RealSense SDK: devices, colour streams, pixels, stamps.
+"""Devices, colour streams, pixels and stamps of the RealSense SDK, for live cameras and for files.
 
-The sensor is chosen by what it streams, not by what it is: the D405 streams colour from its stereo module.
-Imports the SDK only when asked.
+A sensor is chosen by its streams, not by its type: the D405 streams colour from its stereo module. The SDK is
+imported on first use.
 """
 
 from collections.abc import Sequence
@@ -22,10 +22,10 @@ TO_BGR = {
     "yuyv": cv2.COLOR_YUV2BGR_YUYV,
     "uyvy": cv2.COLOR_YUV2BGR_UYVY,
 }
-"""How to make BGR of the formats that are read, the best first."""
+"""Conversion of each supported format to BGR, in order of preference."""
 
 CLOCKS = {"global_time": "global", "hardware_clock": "hardware", "system_time": "system"}
-"""What the SDK calls its time stamp domains, and what `CameraStamp` does."""
+"""The SDK's time stamp domains, and their names in `CameraStamp`."""
 
 
 def sdk() -> Any:
@@ -33,31 +33,31 @@ def sdk() -> Any:
 
     Raises:
         MissingExtra: If it is not installed.
-        BadInput: If the system lacks what it needs.
+        BadInput: If a system library is missing.
     """
     try:
         return import_module("pyrealsense2")
     except ModuleNotFoundError:
         raise MissingExtra("a RealSense camera", "realsense") from None
     except ImportError as error:
-        problem = f"pyrealsense2 cannot be loaded ({error}); Debian needs: apt-get install libusb-1.0-0"
+        problem = f"pyrealsense2 cannot be loaded ({error}); on Debian: apt-get install libusb-1.0-0"
         raise BadInput(problem) from None
 
 
 def find_device(serial: str) -> Any:
-    """Return the camera with a serial number, or the only one there is.
+    """Return the camera with a serial number, or the only connected one.
 
     Raises:
-        BadInput: If it is not there, or there are several to choose from.
+        BadInput: If it is not connected, or several are and none was chosen.
     """
     devices = {info_of(device, "serial_number"): device for device in sdk().context().query_devices()}
-    there = f"there is {', '.join(devices)}" if devices else "there is no RealSense camera on this machine"
+    connected = f"connected: {', '.join(devices)}" if devices else "no RealSense camera is connected"
     if serial and serial not in devices:
-        raise BadInput(f"no RealSense camera {serial}; {there}")
+        raise BadInput(f"no RealSense camera {serial}; {connected}")
     if not devices:
-        raise BadInput(there)
+        raise BadInput(f"{connected}; connect one")
     if not serial and len(devices) > 1:
-        raise BadInput(f"which RealSense camera? {there}; give realsense:SERIAL")
+        raise BadInput(f"several RealSense cameras are {connected}; choose one with realsense:SERIAL")
     return devices[serial or next(iter(devices))]
 
 
@@ -67,7 +67,7 @@ def colour_stream(
     """Return the sensor that streams colour images, and the stream.
 
     Raises:
-        BadInput: If there is none, or none of that size and rate.
+        BadInput: If there is none, or none of this size and rate.
     """
     found = _colour_streams(device)
     for sensor, profile in found:
@@ -75,12 +75,12 @@ def colour_stream(
             return sensor, profile
     if size_px is None or not found:
         raise BadInput(f"{name} has no colour images")
-    asked_px = f"{size_px[0]} x {size_px[1]} px at {rate_hz:g}/s"
-    raise BadInput(f"{name} has no colour images of {asked_px}; it has {_listed(found)}")
+    requested = f"{size_px[0]} x {size_px[1]} px at {rate_hz:g}/s"
+    raise BadInput(f"{name} has no colour images of {requested}; supported are {_formatted(found)}")
 
 
-def _listed(found: Sequence[tuple[Any, Any]]) -> str:
-    """Say which streams there are: "640 x 480 at 15, 30; 1280 x 720 at 5"."""
+def _formatted(found: Sequence[tuple[Any, Any]]) -> str:
+    """Format streams as "640 x 480 at 15, 30; 1280 x 720 at 5"."""
     rates: dict[tuple[int, int], set[int]] = {}
     for _, profile in found:
         rates.setdefault(_size_px(profile), set()).add(profile.fps())
@@ -91,7 +91,7 @@ def _listed(found: Sequence[tuple[Any, Any]]) -> str:
 
 
 def _colour_streams(device: Any) -> Sequence[tuple[Any, Any]]:
-    """Return sensors and their colour streams, those that need no conversion first."""
+    """Return sensors and their colour streams, those without conversion first."""
     rs = sdk()
     found = [
         (sensor, profile.as_video_stream_profile())
@@ -113,18 +113,18 @@ def image_of(frame: Any) -> Image:
     conversion = TO_BGR[frame.get_profile().format().name]
     if conversion is None:
         return np.array(pixels, np.uint8)
-    if pixels.ndim == 2:  # the SDK gives YUV as 16-bit pixels
+    if pixels.ndim == 2:  # the SDK delivers YUV as 16-bit pixels
         pixels = pixels.view(np.uint8).reshape(*pixels.shape, 2)
     return np.asarray(cv2.cvtColor(pixels, conversion), np.uint8)
 
 
 def stamp_of(frame: Any, arrived_ns: int | None = None) -> CameraStamp:
-    """Return what the camera says of when it took a frame."""
+    """Return the camera's time stamp of a frame."""
     clock = CLOCKS[frame.get_frame_timestamp_domain().name]
     return CameraStamp(clock, round(frame.get_timestamp() * 1e6), arrived_ns)
 
 
-def info_of(device: Any, what: str) -> str:
-    """Return what a device says of itself, such as its "serial_number"; empty if it does not say it."""
-    info = getattr(sdk().camera_info, what)
+def info_of(device: Any, key: str) -> str:
+    """Return a property of a device, such as its "serial_number"; empty if it has none."""
+    info = getattr(sdk().camera_info, key)
     return str(device.get_info(info)) if device.supports(info) else ""

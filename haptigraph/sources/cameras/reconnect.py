@@ -1,7 +1,7 @@
-"""Keep a camera going: always its newest image, and back again after it went away.
+"""Read the newest image of a camera, and reconnect after it disconnects.
 
-A thread takes images from the camera and hands over the newest; the loop never waits for a driver. A camera
-that delivers nothing is reported once, closed, and opened again, ever less often. Knows no driver.
+A thread reads the camera, so that the loop never waits for a driver. A camera that delivers nothing is
+reported once, closed, and reopened with increasing delays.
 """
 
 import threading
@@ -10,54 +10,54 @@ from typing import NamedTuple, Protocol
 
 from haptigraph.errors import SourceLost
 from haptigraph.messages import CameraStamp, Capture, Image
+from haptigraph.stages import Source
 
-__all__ = ["RETRY_S", "Camera", "LiveSource", "Shot"]
+__all__ = ["RETRY_S", "Camera", "CameraImage", "LiveSource"]
 
 RETRY_S = (0.5, 1.0, 2.0, 5.0)
 FAILURES_UNTIL_LOST = 3
 CLOSE_TIMEOUT_S = 2.0  # a driver may hang; the process must not
 
 
-class Shot(NamedTuple):
+class CameraImage(NamedTuple):
     """One image of a camera."""
 
     image: Image
     stamp_ns: int
     """When it was taken, on the run's clock."""
     camera: CameraStamp | None = None
-    """What the camera itself says about that."""
+    """The camera's own time stamp."""
 
 
 class Camera(Protocol):
     """An opened camera. Only one thread uses it."""
 
     rate_hz: float
-    """Images per second that it gives."""
+    """Images per second that it delivers."""
     notes: tuple[str, ...]
-    """What the user should know of it, a sentence each."""
+    """What the user should know about it, a sentence each."""
 
-    def take(self) -> Shot | None:
-        """Wait for the next image, at most some seconds; None if there was none. Any error means the same."""
+    def take(self) -> CameraImage | None:
+        """Wait for the next image, at most a few seconds; return None or raise any error if there is none."""
         ...
 
     def close(self) -> None:
-        """Give the camera back."""
+        """Release the camera."""
         ...
 
 
-class LiveSource:
-    """Read a camera through whatever opens it.
+class LiveSource(Source):
+    """Read a camera, and reopen it when it is lost.
 
     Args:
         name: For messages, as the user wrote it: "camera:0".
-        open_camera: Opens it, also again; raises BadInput where that does not work.
+        open_camera: Opens the camera, every time; raises BadInput if it cannot.
 
     Raises:
         BadInput: If it cannot be opened now.
     """
 
     is_live = True
-    registration = None
 
     def __init__(self, name: str, open_camera: Callable[[], Camera]) -> None:
         self._name, self._open = name, open_camera
@@ -69,7 +69,7 @@ class LiveSource:
         camera = open_camera()
         self.rate_hz, self.notes = camera.rate_hz, camera.notes
         self._thread = threading.Thread(
-            target=self._keep_going, args=(camera,), name="haptigraph-camera", daemon=True
+            target=self._keep_reading, args=(camera,), name="haptigraph-camera", daemon=True
         )
         self._thread.start()
 
@@ -77,7 +77,7 @@ class LiveSource:
         """Return the newest image that was not returned yet.
 
         Raises:
-            SourceLost: Once, when the camera has gone away.
+            SourceLost: Once, when the camera is lost.
         """
         with self._changed:
             if self._newest is None and not self._lost:
@@ -89,52 +89,52 @@ class LiveSource:
             return capture
 
     def close(self) -> None:
-        """Give the camera back."""
+        """Release the camera."""
         self._closing.set()
         self._thread.join(CLOSE_TIMEOUT_S)
 
-    def _keep_going(self, camera: Camera | None) -> None:
+    def _keep_reading(self, camera: Camera | None) -> None:
         while camera is not None:
-            why = self._hand_over(camera)
+            reason = self._read_until_lost(camera)
             self._close(camera)
             if self._closing.is_set():
                 return
-            self._report(f"{self._name} delivers no images{why}; trying to get it back")
-            camera = self._opened_again()
+            self._report(f"{self._name} delivers no images{reason}; trying to get it back")
+            camera = self._reopened()
 
-    def _hand_over(self, camera: Camera) -> str:
-        """Hand over images until the camera fails; return why, where it says so."""
-        failures, why = 0, ""
+    def _read_until_lost(self, camera: Camera) -> str:
+        """Read images until the camera fails; return the reason, if there is one."""
+        failures, reason = 0, ""
         while failures < FAILURES_UNTIL_LOST and not self._closing.is_set():
             try:
-                shot, why = camera.take(), ""
-            except Exception as error:  # a driver may do anything, and the loop must hear of it
-                shot, why = None, f" ({error})"
-            failures = 0 if shot else failures + 1
-            if shot:
-                self._put(shot)
-        return why
+                image, reason = camera.take(), ""
+            except Exception as error:  # a driver may raise anything; the loop reports it
+                image, reason = None, f" ({error})"
+            failures = 0 if image else failures + 1
+            if image:
+                self._put(image)
+        return reason
 
-    def _opened_again(self) -> Camera | None:
-        """Open the camera once it is back; None when the run ends before."""
+    def _reopened(self) -> Camera | None:
+        """Reopen the camera; None if the run ends first."""
         tries = 0
         while not self._closing.wait(RETRY_S[min(tries, len(RETRY_S) - 1)]):
             try:
                 return self._open()
-            except Exception:  # a driver may do anything while its camera comes back; it was told already
+            except Exception:  # a driver may raise anything; the loss is already reported
                 tries += 1
         return None
 
     def _close(self, camera: Camera) -> None:
         try:
             camera.close()
-        except Exception as error:  # one that is gone may not like to be closed
+        except Exception as error:  # closing a disconnected camera may fail
             self._report(f"{self._name} does not close ({error})")
 
-    def _put(self, shot: Shot) -> None:
+    def _put(self, image: CameraImage) -> None:
         with self._changed:
             self._index += 1
-            self._newest = Capture(self._index, shot.stamp_ns, shot.image, camera=shot.camera)
+            self._newest = Capture(self._index, image.stamp_ns, image.image, camera=image.camera)
             self._changed.notify()
 
     def _report(self, message: str) -> None:

@@ -1,10 +1,9 @@
-"""Turn a camera's own stamps into the run's clock. Knows no camera.
+"""Convert a camera's time stamps to the run's clock.
 
-A camera stamps images by a clock that began who knows when and goes a little fast or slow. What this machine
-can see is when an image arrives. No image arrives before it was taken, and the luckiest of many has hardly
-waited anywhere; so the offset between the clocks is the smallest (arrival - stamp) of the last images. The
-jitter of USB, driver and threads is gone from the stamps then; the way that every image must go (exposure,
-transfer) is not in them, and stays unknown here.
+A camera's clock has an unknown offset and a small drift; this machine observes only when an image arrives. No
+image arrives before it was taken, and the fastest of many was hardly delayed; so the offset between the
+clocks is estimated as the minimum of (arrival - stamp) over the last images. This removes the jitter of USB,
+driver and threads. The constant part of the latency (exposure, transfer) remains unknown.
 """
 
 from collections import deque
@@ -13,31 +12,32 @@ from haptigraph.messages import CameraStamp
 
 __all__ = ["Timebase"]
 
-WINDOW = 300  # images; at 30 images/s a crystal that is 50 ppm off makes 0.5 ms of that
-JUMP_NS = 500_000_000  # nothing waits so long: someone set the camera's clock
+WINDOW = 300  # images; at 30 images/s a drift of 50 ppm amounts to 0.5 ms
+MAX_DELAY_NS = 500_000_000  # a longer one means that the camera's clock was set
 
 
 class Timebase:
-    """The offset between one camera's clock and the run's, learnt as images arrive."""
+    """Running estimate of the offset between a camera's clock and the run's."""
 
     def __init__(self) -> None:
         self._clock = ""
         self._offsets_ns: deque[int] = deque(maxlen=WINDOW)
         self._last_ns: int | None = None
 
-    def on_run(self, camera: CameraStamp) -> int:
-        """Return when an image was taken [ns], on the run's clock; later than the one before.
+    def to_run_clock(self, camera: CameraStamp) -> int:
+        """Return when an image was taken [ns], on the run's clock; later than the previous one.
 
         Args:
-            camera: The image's stamp; `arrived_ns` must be known.
+            camera: The image's stamp, with `arrived_ns`.
 
         Raises:
-            ValueError: If it is not.
+            ValueError: If `arrived_ns` is None.
         """
         if camera.arrived_ns is None:
-            raise ValueError("a stamp without arrival says nothing of the run's clock")
+            raise ValueError("a stamp without arrival time cannot be converted to the run's clock")
         offset_ns = camera.arrived_ns - camera.stamp_ns
-        if camera.clock != self._clock or (self._offsets_ns and offset_ns - min(self._offsets_ns) > JUMP_NS):
+        was_set = self._offsets_ns and offset_ns - min(self._offsets_ns) > MAX_DELAY_NS
+        if camera.clock != self._clock or was_set:
             self._clock = camera.clock
             self._offsets_ns.clear()
         self._offsets_ns.append(offset_ns)

@@ -1,7 +1,7 @@
-"""Images from a UVC camera, or a network camera, through OpenCV, stamped when they were taken.
+"""Images from a UVC or network camera through OpenCV, stamped when they were taken.
 
-Turns grabs of cv2.VideoCapture into shots. On Linux the driver stamps images itself, on the very clock of the
-run; elsewhere an image is stamped when it is grabbed, before it is decoded. Knows no registration.
+On Linux the driver stamps images, on the run's own clock; elsewhere an image is stamped when it is grabbed,
+before it is decoded.
 """
 
 import sys
@@ -15,17 +15,17 @@ import numpy as np
 from haptigraph.clock import Clock
 from haptigraph.errors import BadInput
 from haptigraph.messages import CameraStamp, Image
-from haptigraph.sources.cameras.reconnect import LiveSource, Shot
+from haptigraph.sources.cameras.reconnect import CameraImage, LiveSource
 from haptigraph.sources.naming import camera_device
 from haptigraph.sources.opencv import open_capture
 
 __all__ = ["CameraSource", "Grabber", "UvcCamera"]
 
-OLDEST_NS = 500_000_000  # a driver's stamp that is older than this is on another clock
+MAX_AGE_NS = 500_000_000  # an older stamp of the driver is from another clock
 
 
 class Grabber(Protocol):
-    """The part of cv2.VideoCapture that is used."""
+    """The subset of cv2.VideoCapture that is used."""
 
     def isOpened(self) -> bool: ...  # noqa: N802, D102
     def getBackendName(self) -> str: ...  # noqa: N802, D102
@@ -40,16 +40,16 @@ class CameraSource(LiveSource):
     """Read a camera.
 
     Args:
-        which: Its number, 0 first; or the path of its device (/dev/v4l/by-id/...); or a stream's address
+        which: Its number, from 0; the path of its device (/dev/v4l/by-id/...); or the URL of a stream
             (http://..., rtsp://...).
-        size_px: (width, height) to ask for; what the camera gives instead is told in `notes`.
-        rate_hz: Images per second to ask for.
-        fourcc: Format to ask for, four letters ("MJPG"); empty: the driver's own choice.
+        size_px: Requested (width, height); `notes` states what the camera delivers instead.
+        rate_hz: Requested images per second.
+        fourcc: Requested pixel format, four letters ("MJPG"); empty: the driver's default.
         clock: Stamps the images.
-        open_camera: Opens it; other than OpenCV in tests only.
+        open_camera: Opens the camera; tests replace it.
 
     Raises:
-        BadInput: If there is no such camera, or it gives no image.
+        BadInput: If there is no such camera, or it delivers no image.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class CameraSource(LiveSource):
 
 
 class UvcCamera:
-    """An opened camera, of which one image was seen. Arguments as for `CameraSource`."""
+    """An opened camera that has delivered its first image. Arguments as for `CameraSource`."""
 
     def __init__(
         self, name: str, grabber: Grabber, size_px: tuple[int, int], rate_hz: float, fourcc: str, clock: Clock
@@ -80,53 +80,56 @@ class UvcCamera:
         is_stream = "://" in name
         try:
             if not grabber.isOpened():
-                raise BadInput(f"{name} cannot be opened; {_present(is_stream)}")
+                raise BadInput(f"{name} cannot be opened; {_advice(is_stream)}")
             if not is_stream:
-                _ask(grabber, size_px, rate_hz, fourcc)
+                _request(grabber, size_px, rate_hz, fourcc)
             first = self.take()
             if first is None:
-                raise BadInput(f"{name} opens but gives no image; is it used by another program?")
+                raise BadInput(f"{name} opens but delivers no image; close other programs that use it")
         except BaseException:
             grabber.release()
             raise
         height, width = first.image.shape[:2]
-        given_hz = 0.0 if is_stream else grabber.get(cv2.CAP_PROP_FPS)
-        self.rate_hz = given_hz if 1 <= given_hz <= 1000 else rate_hz
-        asked = _said(size_px, rate_hz, fourcc)
-        given = _said((width, height), given_hz, _letters(grabber.get(cv2.CAP_PROP_FOURCC)) if fourcc else "")
-        answer = f"gives {asked}, as asked" if given == asked else f"was asked for {asked} and gives {given}"
+        actual_hz = 0.0 if is_stream else grabber.get(cv2.CAP_PROP_FPS)
+        self.rate_hz = actual_hz if 1 <= actual_hz <= 1000 else rate_hz
+        actual_fourcc = _letters(grabber.get(cv2.CAP_PROP_FOURCC)) if fourcc else ""
+        requested = _formatted(size_px, rate_hz, fourcc)
+        actual = _formatted((width, height), actual_hz, actual_fourcc)
+        note = f"delivers {actual}, as requested"
         if is_stream:
-            answer = f"gives {width} x {height} px; a stream cannot be asked for anything else"
-        self.notes: tuple[str, ...] = (f"{name} {answer}",)
+            note = f"delivers {width} x {height} px; the format of a stream cannot be chosen"
+        elif actual != requested:
+            note = f"delivers {actual} instead of {requested}"
+        self.notes: tuple[str, ...] = (f"{name} {note}",)
 
-    def take(self) -> Shot | None:
+    def take(self) -> CameraImage | None:
         """Wait for the next image; None if the driver has none."""
         if not self._grabber.grab():
             return None
         arrived_ns = self._clock.now_ns()
         camera = self._driver_stamp(arrived_ns)
-        there, image = self._grabber.retrieve()
-        if not there or image is None:
+        has_image, image = self._grabber.retrieve()
+        if not has_image or image is None:
             return None
         stamp_ns = camera.stamp_ns if camera else arrived_ns
-        return Shot(np.asarray(image, np.uint8), stamp_ns, camera)
+        return CameraImage(np.asarray(image, np.uint8), stamp_ns, camera)
 
     def close(self) -> None:
-        """Give the camera back."""
+        """Release the camera."""
         self._grabber.release()
 
     def _driver_stamp(self, arrived_ns: int) -> CameraStamp | None:
-        """Return what Video4Linux says of the image just grabbed, if it is on this machine's clock."""
+        """Return Video4Linux's stamp of the image just grabbed, if it is from this machine's clock."""
         if self._grabber.getBackendName() != "V4L2":
             return None
         stamp_ns = round(self._grabber.get(cv2.CAP_PROP_POS_MSEC) * 1e6)
-        if not 0 <= arrived_ns - stamp_ns <= OLDEST_NS:
+        if not 0 <= arrived_ns - stamp_ns <= MAX_AGE_NS:
             return None
         return CameraStamp("driver", stamp_ns, arrived_ns)
 
 
-def _ask(grabber: Grabber, size_px: tuple[int, int], rate_hz: float, fourcc: str) -> None:
-    """Set what a driver can be asked for; the format first, since sizes depend on it."""
+def _request(grabber: Grabber, size_px: tuple[int, int], rate_hz: float, fourcc: str) -> None:
+    """Request a video mode from the driver; the format first, because sizes depend on it."""
     if fourcc:
         grabber.set(cv2.CAP_PROP_FOURCC, cv2.VideoWriter.fourcc(*fourcc))
     grabber.set(cv2.CAP_PROP_FRAME_WIDTH, size_px[0])
@@ -134,21 +137,21 @@ def _ask(grabber: Grabber, size_px: tuple[int, int], rate_hz: float, fourcc: str
     grabber.set(cv2.CAP_PROP_FPS, rate_hz)
 
 
-def _said(size_px: tuple[int, int], rate_hz: float, fourcc: str) -> str:
+def _formatted(size_px: tuple[int, int], rate_hz: float, fourcc: str) -> str:
     rate = f"{rate_hz:g} images/s" if rate_hz > 0 else "images at an unknown rate"
     return ", ".join(part for part in (f"{size_px[0]} x {size_px[1]} px", rate, fourcc) if part)
 
 
 def _letters(code: float) -> str:
-    """Return the four letters of OpenCV's number for a format."""
+    """Return the four letters of an OpenCV format code."""
     letters = int(code).to_bytes(4, "little", signed=True).decode("ascii", "replace")
     return letters if letters.isalnum() else "an unknown format"
 
 
-def _present(is_stream: bool) -> str:
+def _advice(is_stream: bool) -> str:
     if is_stream:
-        return "does something answer there?"
+        return "check that a server answers at this URL"
     if not sys.platform.startswith("linux"):
-        return "is it plugged in, and used by no other program?"
+        return "check that it is connected and not used by another program"
     devices = sorted(str(path) for path in Path("/dev").glob("video*"))
-    return f"there are {', '.join(devices)}" if devices else "there is no camera on this machine"
+    return f"connected: {', '.join(devices)}" if devices else "no camera is connected"

@@ -1,7 +1,4 @@
-"""A part of every image of another source: the B-scan in the picture of a monitor, without what is around it.
-
-Knows nothing of what the images show.
-"""
+"""Crop every image of another source, for instance to the B-scan in a video of a monitor."""
 
 from typing import TypeAlias
 
@@ -10,6 +7,7 @@ from msgspec.structs import replace
 
 from haptigraph.errors import BadInput
 from haptigraph.messages import Capture
+from haptigraph.sources.wrapper import SourceWrapper
 from haptigraph.stages import Source
 
 __all__ = ["Box", "CropSource"]
@@ -18,27 +16,25 @@ Box: TypeAlias = tuple[int, int, int, int]
 """Left, top, width, height [px]."""
 
 
-class CropSource:
-    """Cut every image of a source.
+class CropSource(SourceWrapper):
+    """Crop every image of a source.
 
     Args:
-        source: Whose images; it is closed with this one.
-        box: What remains of them.
+        source: The source.
+        box: The region to keep.
         name: Of the source, for errors.
     """
 
-    registration: str | None = None  # the source's own would be for the whole image
-
     def __init__(self, source: Source, box: Box, name: str) -> None:
-        self._source, self._box, self._name = source, box, name
-        self.rate_hz, self.is_live = source.rate_hz, source.is_live
-        self.notes: tuple[str, ...] = (*getattr(source, "notes", ()),)
+        super().__init__(source)
+        self.registration = None  # the source's own is for the whole image
+        self._box, self._name = box, name
 
     def read(self, timeout_s: float) -> Capture | None:
-        """Return the next image's part.
+        """Return the next capture, cropped.
 
         Raises:
-            BadInput: If the image is smaller than where the part would be.
+            BadInput: If the region exceeds the image.
         """
         capture = self._source.read(timeout_s)
         if capture is None or capture.image is None:
@@ -53,7 +49,3 @@ class CropSource:
             )
         part = np.ascontiguousarray(capture.image[top : top + height, left : left + width])
         return replace(capture, image=part, encoded=None)
-
-    def close(self) -> None:
-        """Close the source."""
-        self._source.close()

@@ -1,8 +1,8 @@
-"""Images from a DICOM file, single or many, grey or colour, by the file's own time.
+"""Images from a DICOM file, single- or multi-frame, grey or colour, with the file's time stamps.
 
-Turns stored values into what a viewer would show: rescaled, windowed, palettes looked up, 8 bit. The time of
-each image is the acquisition's, as far as the file tells it; a volume is played as if it were a film. Knows
-nothing of patients: of all that a DICOM file says, only pixels, their meaning and their time are read.
+Converts stored values to what a viewer displays: rescaled, windowed, palettes applied, 8 bits. Images are
+stamped by their acquisition time, if the file states it; a volume is played like a film. Only pixels, their
+interpretation and their times are read, no patient data.
 """
 
 import datetime
@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 
 from haptigraph.errors import BadInput, EndOfSource, MissingExtra
 from haptigraph.messages import Capture, Image
+from haptigraph.stages import Source
 
 __all__ = ["DicomSource"]
 
-VIDEO = ("MPEG", "HEVC", "SMPTE")  # transfer syntaxes that are films in a DICOM envelope
-VALUES = ("RescaleSlope", "RescaleIntercept", "WindowCenter", "WindowWidth", "VOILUTFunction")
-KINDS = (
+VIDEO = ("MPEG", "HEVC", "SMPTE")  # transfer syntaxes that encapsulate a video
+VALUE_KEYS = ("RescaleSlope", "RescaleIntercept", "WindowCenter", "WindowWidth", "VOILUTFunction")
+PHOTOMETRIC = (
     "MONOCHROME1",
     "MONOCHROME2",
     "PALETTE COLOR",
@@ -31,24 +32,23 @@ KINDS = (
     "YBR_ICT",
     "YBR_RCT",
 )
-NEEDED = ("Rows", "Columns", "BitsStored", "PixelRepresentation", "PhotometricInterpretation")
-GROUPS = ("PixelValueTransformationSequence", "FrameVOILUTSequence")
+REQUIRED = ("Rows", "Columns", "BitsStored", "PixelRepresentation", "PhotometricInterpretation")
+VALUE_SEQUENCES = ("PixelValueTransformationSequence", "FrameVOILUTSequence")
 
 
-class DicomSource:
+class DicomSource(Source):
     """Read a DICOM file with pydicom.
 
     Args:
         path: The file.
-        rate_hz: Images per second where the file tells no time.
+        rate_hz: Images per second if the file states no times.
 
     Raises:
         MissingExtra: If pydicom is not installed.
-        BadInput: If it is no DICOM file, has no images, or no decoder for them is installed.
+        BadInput: If the file is not DICOM, has no images, or no decoder for them is installed.
     """
 
     is_live = False
-    registration: str | None = None
 
     def __init__(self, path: str | Path, rate_hz: float) -> None:
         self._path = Path(path)
@@ -64,11 +64,11 @@ class DicomSource:
         except BadInput:
             raise
         except OSError as error:
-            raise self._bad(f"cannot be read ({error.strerror})") from None
-        except Exception as error:  # pydicom raises whatever a torn file makes of it
-            raise self._bad(f"not a DICOM file that makes sense ({error})") from None
-        between_ns = np.diff(self._stamps_ns)
-        self.rate_hz = 1e9 / float(np.median(between_ns)) if len(between_ns) else rate_hz
+            raise self._error(f"cannot be read ({error.strerror})") from None
+        except Exception as error:  # pydicom raises anything for a damaged file
+            raise self._error(f"not a valid DICOM file ({error})") from None
+        intervals_ns = np.diff(self._stamps_ns)
+        self.rate_hz = 1e9 / float(np.median(intervals_ns)) if len(intervals_ns) else rate_hz
         self._images: Generator[NDArray[Any], None, None] = self._dicom.pixels.iter_pixels(self._path)
         self._index = -1
 
@@ -79,9 +79,9 @@ class DicomSource:
         self._index += 1
         try:
             image = self._display(next(self._images))
-        except Exception as error:  # decoders are many, and so are their errors
-            told = str(error) or type(error).__name__
-            raise self._bad(f"cannot be decoded ({told})", f"image {self._index}") from None
+        except Exception as error:  # of whichever decoder
+            reason = str(error) or type(error).__name__
+            raise self._error(f"cannot be decoded ({reason})", f"image {self._index}") from None
         return Capture(self._index, self._stamps_ns[self._index], image)
 
     def close(self) -> None:
@@ -89,31 +89,31 @@ class DicomSource:
         self._images.close()
 
     def _check(self, header: Any) -> None:
-        """Refuse what has no images, and images that nothing installed can show."""
-        if any(key not in header for key in NEEDED) or "TransferSyntaxUID" not in header.file_meta:
-            what = getattr(header.get("SOPClassUID"), "name", "it says not what it is")
-            raise self._bad(f"holds no images ({what})")
-        if header.PhotometricInterpretation not in KINDS:
-            kind = f"colours of kind {header.PhotometricInterpretation!r}"
-            raise self._bad(f"has {kind}; {', '.join(KINDS)} are read")
+        """Reject files without images, and images that no installed decoder reads."""
+        if any(key not in header for key in REQUIRED) or "TransferSyntaxUID" not in header.file_meta:
+            kind = getattr(header.get("SOPClassUID"), "name", "of unknown type")
+            raise self._error(f"contains no images ({kind})")
+        if header.PhotometricInterpretation not in PHOTOMETRIC:
+            kind = f"photometric interpretation {header.PhotometricInterpretation!r}"
+            raise self._error(f"has {kind}; supported are {', '.join(PHOTOMETRIC)}")
         syntax = header.file_meta.TransferSyntaxUID
         try:
             decoder = self._dicom.pixels.get_decoder(syntax)
         except NotImplementedError:
-            film = any(word in syntax.name for word in VIDEO)
-            advice = "take the film out, and give that" if film else "convert it, for example with dcmdjpeg"
-            raise self._bad(f"is compressed as {syntax.name}; {advice}") from None
+            is_video = any(word in syntax.name for word in VIDEO)
+            advice = "extract the video and use that" if is_video else "convert it, for example with dcmdjpeg"
+            raise self._error(f"is compressed as {syntax.name}; {advice}") from None
         if not decoder.is_available:
             needs = " or ".join(entry.partition(" ")[0] for entry in decoder.missing_dependencies)
             advice = f"no decoder is installed; pip install one of: {needs}"
-            raise self._bad(f"is compressed as {syntax.name}, and {advice}")
+            raise self._error(f"is compressed as {syntax.name}, and {advice}")
 
-    def _bad(self, problem: str, place: str = "") -> BadInput:
-        return BadInput(" ".join(problem.split()), self._path, place)  # a torn file may hold line breaks
+    def _error(self, problem: str, place: str = "") -> BadInput:
+        return BadInput(" ".join(problem.split()), self._path, place)  # damaged files may add line breaks
 
 
 class _Display:
-    """From stored values to what is shown.
+    """Conversion of stored values to displayed ones.
 
     Args:
         header: The data set without its pixels.
@@ -126,7 +126,7 @@ class _Display:
         self._bits = int(header.BitsStored)
 
     def __call__(self, stored: NDArray[Any]) -> Image:
-        """Return one image, (h, w) grey or (h, w, 3) BGR; YBR was made RGB by the decoder."""
+        """Return one image, (h, w) grey or (h, w, 3) BGR; the decoder has converted YBR to RGB."""
         if self._kind == "PALETTE COLOR":
             colour = self._pixels.apply_color_lut(stored, self._header)
             bits = int(self._header.RedPaletteColorLookupTableDescriptor[2])
@@ -137,22 +137,16 @@ class _Display:
         return 255 - grey if self._kind == "MONOCHROME1" else grey
 
     def _grey(self, stored: NDArray[Any]) -> Image:
-        """Rescale, window, and spread the possible values over 8 bit, the same for every image."""
+        """Rescale, window, and map the range of possible values to 8 bits, the same for every image."""
         header = self._header
-        low, high = (
-            (0, 2**self._bits - 1)
-            if not header.PixelRepresentation
-            else (
-                -(2 ** (self._bits - 1)),
-                2 ** (self._bits - 1) - 1,
-            )
-        )
+        low = -(2 ** (self._bits - 1)) if header.PixelRepresentation else 0
+        high = low + 2**self._bits - 1
         ends = self._pixels.apply_modality_lut(np.array([low, high], stored.dtype), header)
-        shown = self._pixels.apply_voi_lut(self._pixels.apply_modality_lut(stored, header), header)
+        displayed = self._pixels.apply_voi_lut(self._pixels.apply_modality_lut(stored, header), header)
         first, last = sorted(float(end) for end in ends)
         if "VOILUTSequence" in header:
             first, last = 0.0, 2.0 ** int(header.VOILUTSequence[0].LUTDescriptor[2]) - 1
-        share = (np.asarray(shown, np.float64) - first) / (last - first)
+        share = (np.asarray(displayed, np.float64) - first) / (last - first)
         return np.asarray(np.rint(255 * np.clip(share, 0, 1)), np.uint8)
 
 
@@ -162,19 +156,19 @@ def _bgr(rgb: NDArray[Any], bits: int) -> Image:
 
 
 def _with_shared_values(header: Any) -> Any:
-    """Copy what enhanced files say of all images, or of the first, to where plain files have it."""
+    """Copy the values that enhanced files state for all images, or the first, to the top level."""
     for groups in ("SharedFunctionalGroupsSequence", "PerFrameFunctionalGroupsSequence"):
         for group in header.get(groups, [])[:1]:
-            for item in (found for name in GROUPS for found in group.get(name, [])[:1]):
-                for key in VALUES:
+            for item in (found for name in VALUE_SEQUENCES for found in group.get(name, [])[:1]):
+                for key in VALUE_KEYS:
                     if key in item and key not in header:
                         setattr(header, key, item[key].value)
     return header
 
 
 def _stamps_ns(header: Any, count: int, rate_hz: float) -> Sequence[int]:
-    """Return when each image was taken [ns], from 0, by the best that the file says of it."""
-    steps_ms = [float(step) for step in _several(header.get("FrameTimeVector"))]
+    """Return when each image was taken [ns], from 0, from the best information in the file."""
+    steps_ms = [float(step) for step in _values(header.get("FrameTimeVector"))]
     if len(steps_ms) == count and min(steps_ms[1:], default=1.0) > 0:
         return [round(1e6 * passed) for passed in np.cumsum([0.0, *steps_ms[1:]])]
     acquired = _acquired_ns(header)
@@ -182,8 +176,8 @@ def _stamps_ns(header: Any, count: int, rate_hz: float) -> Sequence[int]:
         return [stamp - acquired[0] for stamp in acquired]
     period_ms = float(header.get("FrameTime") or 0)
     rates = (header.get("CineRate"), header.get("RecommendedDisplayFrameRate"), rate_hz)
-    told_hz = next(float(rate) for rate in rates if rate and float(rate) > 0)
-    period_ns = 1e6 * period_ms if period_ms > 0 else 1e9 / told_hz
+    stated_hz = next(float(rate) for rate in rates if rate and float(rate) > 0)
+    period_ns = 1e6 * period_ms if period_ms > 0 else 1e9 / stated_hz
     return [round(number * period_ns) for number in range(count)]
 
 
@@ -193,15 +187,15 @@ def _acquired_ns(header: Any) -> list[int]:
     stamps = []
     for group in header.get("PerFrameFunctionalGroupsSequence", []):
         content = group.get("FrameContentSequence", [None])[0]
-        moment = valuerep.DT(content.get("FrameAcquisitionDateTime") or "") if content else None
-        if not moment:
+        acquired = valuerep.DT(content.get("FrameAcquisitionDateTime") or "") if content else None
+        if not acquired:
             return []
-        whole = int(moment.replace(microsecond=0, tzinfo=moment.tzinfo or datetime.UTC).timestamp())
-        stamps.append(whole * 1_000_000_000 + moment.microsecond * 1000)
+        seconds = int(acquired.replace(microsecond=0, tzinfo=acquired.tzinfo or datetime.UTC).timestamp())
+        stamps.append(seconds * 1_000_000_000 + acquired.microsecond * 1000)
     return stamps
 
 
-def _several(value: Any) -> Sequence[Any]:
+def _values(value: Any) -> Sequence[Any]:
     """Return the values of an element that may have none, one or several."""
     if value is None:
         return []

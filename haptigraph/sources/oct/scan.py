@@ -1,7 +1,7 @@
-"""What an OCT file says of its B-scans: their scale, and whether they are a film or a volume.
+"""Read from OCT files the scale of the B-scans, and whether they are a time series or a volume.
 
-Reads headers of DICOM files (pydicom) and whole files of Heidelberg and Topcon (eyepy). A scale that a file
-does not state is not guessed. Knows nothing of patients.
+Reads headers of DICOM files (pydicom) and whole files of Heidelberg and Topcon (eyepy), no patient data. A
+scale that a file does not state is not guessed.
 """
 
 import logging
@@ -15,6 +15,7 @@ from msgspec import Struct
 
 from haptigraph.errors import BadInput, EndOfSource, MissingExtra
 from haptigraph.messages import Capture
+from haptigraph.stages import Source
 
 __all__ = ["EYEPY_FILES", "EyepySource", "ScanFacts", "dicom_facts"]
 
@@ -25,27 +26,27 @@ EYEPY_FILES = {
     ".fda": "import_topcon_fda",
     ".eye": "EyeVolume",
 }
-"""What eyepy reads, by suffix, and how it calls it."""
+"""eyepy's readers, by suffix."""
 NOT_OCT = "Ophthalmic Photography", "Computed Tomography", "CT Image", "MR Image", "Ultrasound"
 
 
 class ScanFacts(Struct, frozen=True):
-    """What a file says of its B-scans."""
+    """What a file states about its B-scans."""
 
     axial_mm_per_px: float | None = None
-    """Height of a pixel; None: it does not say."""
+    """Pixel height; None: not stated."""
     lateral_mm_per_px: float | None = None
-    """Width of a pixel."""
-    volume: str = ""
-    """Why its images are no film; empty: they are one, or there is but one."""
+    """Pixel width; None: not stated."""
+    volume_reason: str = ""
+    """Why its images are a volume; empty: they are a time series, or a single image."""
 
 
 def dicom_facts(path: Path) -> ScanFacts:
-    """Read what a DICOM file says.
+    """Read the facts from the header of a DICOM file.
 
     Raises:
         MissingExtra: If pydicom is not installed.
-        BadInput: If it cannot be read, or holds pictures of something else.
+        BadInput: If the file cannot be read, or its images are not OCT.
     """
     try:
         pydicom = import_module("pydicom")
@@ -55,22 +56,22 @@ def dicom_facts(path: Path) -> ScanFacts:
         header = pydicom.dcmread(path, stop_before_pixels=True)
         kind = str(getattr(header.get("SOPClassUID"), "name", ""))
         if any(word in kind for word in NOT_OCT):
-            raise BadInput(f"holds no OCT but {kind.removesuffix(' Storage')}", path)
+            raise BadInput(f"contains {kind.removesuffix(' Storage')}, not OCT", path)
         if int(header.get("BitsAllocated") or 8) not in (8, 16):
-            raise BadInput(f"stores {header.BitsAllocated} bit per pixel; 8 or 16 are read", path)
+            raise BadInput(f"has {header.BitsAllocated} bits per pixel; supported are 8 and 16", path)
         axial_mm, lateral_mm = _spacing_mm(header)
-        return ScanFacts(axial_mm, lateral_mm, _why_volume(header))
+        return ScanFacts(axial_mm, lateral_mm, _volume_reason(header))
     except BadInput:
         raise
     except OSError as error:
         raise BadInput(f"cannot be read ({error.strerror})", path) from None
-    except Exception as error:  # pydicom raises whatever a torn file makes of it
-        told = " ".join(str(error).split())
-        raise BadInput(f"not a DICOM file that makes sense ({told})", path) from None
+    except Exception as error:  # pydicom raises anything for a damaged file
+        reason = " ".join(str(error).split())
+        raise BadInput(f"not a valid DICOM file ({reason})", path) from None
 
 
 def _spacing_mm(header: Any) -> tuple[float | None, float | None]:
-    """Return axial and lateral distance of pixels: PixelSpacing names that of the rows first."""
+    """Return axial and lateral pixel spacing: PixelSpacing states that of the rows first."""
     for item in (header, *_items(header, "PixelMeasuresSequence")):
         spacing = item.get("PixelSpacing")
         if spacing is not None and len(spacing) == 2:
@@ -78,11 +79,11 @@ def _spacing_mm(header: Any) -> tuple[float | None, float | None]:
     return None, None
 
 
-def _why_volume(header: Any) -> str:
+def _volume_reason(header: Any) -> str:
     count = int(header.get("NumberOfFrames") or 1)
     if count == 1:
         return ""
-    places = [
+    positions = [
         tuple(float(value) for value in item.get(key))
         for name, key in (
             ("OphthalmicFrameLocationSequence", "ReferenceCoordinates"),
@@ -91,27 +92,27 @@ def _why_volume(header: Any) -> str:
         for item in _items(header, name)
         if item.get(key)
     ]
-    if len(set(places)) > 1:
-        return f"it holds {count} B-scans of different places"
+    if len(set(positions)) > 1:
+        return f"it contains {count} B-scans of different positions"
     is_film = any(key in header for key in ("FrameTime", "FrameTimeVector", "CineRate"))
-    if places or is_film:
+    if positions or is_film:
         return ""
-    return f"it holds {count} B-scans and does not say that they show one place"
+    return f"it contains {count} B-scans and does not state that they show one position"
 
 
 def _items(header: Any, name: str) -> Iterator[Any]:
-    """Yield the items of a sequence that belongs to all images, and those that belong to one each."""
+    """Yield the items of a sequence, both those shared by all images and those of single images."""
     for groups in ("SharedFunctionalGroupsSequence", "PerFrameFunctionalGroupsSequence"):
         for group in header.get(groups) or ():
             yield from group.get(name) or ()
 
 
-class EyepySource:
-    """Read a file of an OCT's maker with eyepy; its B-scans in the order of the file.
+class EyepySource(Source):
+    """Read a vendor's OCT file with eyepy; the B-scans come in the order of the file.
 
     Args:
         path: The file.
-        rate_hz: Images per second: these files tell no time.
+        rate_hz: Images per second: these files state no times.
 
     Raises:
         MissingExtra: If eyepy is not installed.
@@ -119,7 +120,6 @@ class EyepySource:
     """
 
     is_live = False
-    registration: str | None = None
 
     def __init__(self, path: Path, rate_hz: float) -> None:
         self.rate_hz = rate_hz
@@ -130,12 +130,12 @@ class EyepySource:
             self._images = np.asarray(volume.data)
             in_mm = volume.scale_unit == "mm"
             axial_mm, lateral_mm = (float(volume.scale_y), float(volume.scale_x)) if in_mm else (None, None)
-        except Exception as error:  # eyepy computes lazily, and what is torn fails here
+        except Exception as error:  # eyepy computes lazily, so damaged files fail here
             raise _unreadable(path, error) from None
         if self._images.dtype != np.uint8 or self._images.shape != (count, height, width):
-            raise BadInput(f"eyepy shows it as {self._images.dtype}; B-scans of 8 bit were expected", path)
-        why = f"it holds {count} B-scans of different places" if count > 1 else ""
-        self.facts = ScanFacts(axial_mm, lateral_mm, why)
+            raise BadInput(f"eyepy reads it as {self._images.dtype}; expected B-scans of 8 bits", path)
+        reason = f"it contains {count} B-scans of different positions" if count > 1 else ""
+        self.facts = ScanFacts(axial_mm, lateral_mm, reason)
 
     def read(self, timeout_s: float) -> Capture | None:
         """Return the next B-scan."""
@@ -146,30 +146,30 @@ class EyepySource:
         return Capture(self._index, stamp_ns, np.ascontiguousarray(self._images[self._index]))
 
     def close(self) -> None:
-        """Do nothing: the file was read whole."""
+        """Do nothing: the file is already closed."""
 
 
 def _read(path: Path) -> Any:
     try:
         eyepy = import_module("eyepy")
     except ModuleNotFoundError:
-        raise MissingExtra(f"{path}: OCT as its maker stores it", "oct") from None
+        raise MissingExtra(f"{path}: OCT in a vendor's format", "oct") from None
     if not path.is_file():
         raise BadInput("no such file", path)
-    logging.getLogger("eyepy").setLevel(logging.ERROR)  # layers that a file lacks are nobody's business here
+    logging.getLogger("eyepy").setLevel(logging.ERROR)  # it logs layers that a file lacks
     reader = getattr(eyepy, EYEPY_FILES[path.suffix.lower()])
     try:
         return getattr(reader, "load", reader)(path)
     except ImportError:
         raise BadInput(
-            "Topcon's format needs oct-converter, which brings an OpenCV of its own; "
-            "export DICOM, or pip install 'oct-converter<0.7' into an environment of its own",
+            "Topcon's format needs oct-converter, which installs an OpenCV of its own; "
+            "export DICOM, or pip install 'oct-converter<0.7' into a separate environment",
             path,
         ) from None
-    except Exception as error:  # eyepy raises whatever a torn file makes of it
+    except Exception as error:  # eyepy raises anything for a damaged file
         raise _unreadable(path, error) from None
 
 
 def _unreadable(path: Path, error: Exception) -> BadInput:
-    told = " ".join(str(error).split())[:160] or type(error).__name__
-    return BadInput(f"not a file that eyepy can read ({told})", path)
+    reason = " ".join(str(error).split())[:160] or type(error).__name__
+    return BadInput(f"not a file that eyepy can read ({reason})", path)

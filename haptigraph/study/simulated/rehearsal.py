@@ -194,7 +194,7 @@ class _Steered:
         return False
 
 
-class _SteeredSource:
+class _SteeredSource(Source):
     """Images of the phantom, drawn or not, while the person steers."""
 
     is_live = False

@@ -1,4 +1,4 @@
-"""The SDK's own software device: through its recorder and playback, and live. No camera is needed."""
+"""RealSense sources with the SDK's software device, recorded and live; no camera is needed."""
 
 import itertools
 import sys
@@ -29,9 +29,9 @@ PATIENCE = 400  # reads of 50 ms
 
 
 @pytest.fixture(autouse=True)
-def impatient(monkeypatch):
+def short_timeouts(monkeypatch):
     monkeypatch.setattr(live, "RETRY_S", (0.01,))
-    monkeypatch.setattr(realsense, "NEXT_MS", 50)
+    monkeypatch.setattr(realsense, "IMAGE_TIMEOUT_MS", 50)
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +44,7 @@ def recorded(tmp_path_factory):
 # --- recorded and played back
 
 
-def test_what_the_sdk_recorded_comes_back_image_by_image_with_the_cameras_stamps(recorded):
+def test_all_recorded_images_are_read_with_the_cameras_stamps(recorded):
     source = RealsenseFile(recorded)
     assert source.rate_hz == 30.0
     captures = drain(source, 10.0)
@@ -56,10 +56,8 @@ def test_what_the_sdk_recorded_comes_back_image_by_image_with_the_cameras_stamps
     source.close()
 
 
-def test_a_reader_that_takes_its_time_gets_all_images(recorded, monkeypatch):
-    monkeypatch.setattr(
-        "haptigraph.sources.cameras.realsense_file.POLL_S", 0.001
-    )  # the SDK's thread tries again often
+def test_a_slow_reader_gets_all_images(recorded, monkeypatch):
+    monkeypatch.setattr("haptigraph.sources.cameras.realsense_file.POLL_S", 0.001)
     source = RealsenseFile(recorded)
     waited = threading.Event()
     captures = []
@@ -71,7 +69,7 @@ def test_a_reader_that_takes_its_time_gets_all_images(recorded, monkeypatch):
 
 
 @pytest.mark.parametrize("read", [0, 1, 40])
-def test_a_file_can_be_closed_at_any_place(recorded, read):
+def test_a_file_can_be_closed_at_any_image(recorded, read):
     source = RealsenseFile(recorded)
     for _ in range(read):
         source.read(1.0)
@@ -79,13 +77,13 @@ def test_a_file_can_be_closed_at_any_place(recorded, read):
     source.close()
 
 
-def test_rgb_becomes_bgr(tmp_path):
+def test_rgb_is_converted_to_bgr(tmp_path):
     record(tmp_path / "rgb.db3", IMAGES[:2], STAMPS_MS[:2], fmt=rs.format.rgb8)
     first, _ = drain(RealsenseFile(tmp_path / "rgb.db3"), 10.0)
     assert np.array_equal(first.image, IMAGES[0][..., ::-1])
 
 
-def test_yuv_becomes_bgr():
+def test_yuv_is_converted_to_bgr():
     class Frame:  # the software device streams no YUV to Python; its layout is the SDK's
         def get_data(self):
             return np.full((2, 4), 0x80B4, np.uint16)  # Y 180, U and V 128
@@ -102,37 +100,37 @@ def test_yuv_becomes_bgr():
     assert abs(int(image[0, 0, 0]) - round((180 - 16) * 255 / 219)) <= 1
 
 
-@pytest.mark.parametrize("spelled", ["{}", "realsense:{}"])
-def test_the_path_is_enough(recorded, spelled):
-    config = load_config(None, (f'source.uri="{spelled.format(recorded)}"',))
+@pytest.mark.parametrize("uri", ["{}", "realsense:{}"])
+def test_a_file_is_opened_by_its_path(recorded, uri):
+    config = load_config(None, (f'source.uri="{uri.format(recorded)}"',))
     assert not assemble.is_realtime(config)
     source = assemble.open_source(config, VirtualClock())
     assert np.array_equal(source.read(1.0).image, IMAGES[0])
     source.close()
 
 
-def test_a_bad_file_is_one_sentence(recorded, tmp_path):
+def test_a_bad_file_is_rejected_in_one_sentence(recorded, tmp_path):
     (tmp_path / "text.db3").write_text("hello" * 100)
     (tmp_path / "torn.db3").write_bytes(recorded.read_bytes()[:40_000])
     (tmp_path / "old.bag").write_text("hello" * 100)
     for name in ("text.db3", "torn.db3", "old.bag"):
-        with pytest.raises(BadInput) as refused:
+        with pytest.raises(BadInput) as raised:
             RealsenseFile(tmp_path / name)
-        assert str(refused.value).startswith(
+        assert str(raised.value).startswith(
             f"{tmp_path / name}: not a file that the RealSense SDK can read ("
         )
-        assert "\n" not in str(refused.value)
+        assert "\n" not in str(raised.value)
     with pytest.raises(BadInput, match=r"gone\.db3: no such file"):
         RealsenseFile(tmp_path / "gone.db3")
 
 
-def test_a_file_without_colour_is_told(tmp_path):
+def test_a_file_without_colour_is_rejected(tmp_path):
     record(tmp_path / "ir.db3", IMAGES[:2], STAMPS_MS[:2], colour=False)
     with pytest.raises(BadInput, match=r"ir\.db3 has no colour images"):
         RealsenseFile(tmp_path / "ir.db3")
 
 
-def test_a_recording_of_the_sdk_feeds_the_pipeline_and_its_stamps_reach_the_replay(
+def test_a_recording_of_the_sdk_runs_through_the_pipeline_and_keeps_its_stamps(
     tmp_path, quick_uri, registration_of_quick
 ):
     phantom = assemble.open_source(load_config(None, (f"source.uri={quick_uri}",)), VirtualClock())
@@ -151,8 +149,8 @@ def test_a_recording_of_the_sdk_feeds_the_pipeline_and_its_stamps_reach_the_repl
     captures = [capture for capture, _ in RunReader(run).records()]
     assert [capture.camera.stamp_ns for capture in captures[:-1]] == [round(ms * 1e6) for ms in stamps_ms]
     assert {capture.camera.clock for capture in captures[:-1]} == {"global"}
-    between_ns = np.diff([capture.stamp_ns for capture in captures[:-1]])
-    assert np.array_equal(between_ns, np.diff([round(ms * 1e6) for ms in stamps_ms]))
+    intervals_ns = np.diff([capture.stamp_ns for capture in captures[:-1]])
+    assert np.array_equal(intervals_ns, np.diff([round(ms * 1e6) for ms in stamps_ms]))
     assert all(np.array_equal(one.image, other) for one, other in zip(captures, images, strict=False))
     report = replay(run)
     assert report.identical == report.steps == len(images) + 1
@@ -171,7 +169,7 @@ def registration_of_quick(quick_uri, tmp_path):
 
 
 class Feeding:
-    """A camera that streams by itself, until it is told to be silent."""
+    """A camera that streams on its own until silenced."""
 
     def __init__(self, domain):
         self.camera, self.domain = SoftwareCamera(), domain
@@ -199,14 +197,14 @@ def feeding(request):
 
 
 def open_camera(feeding, **options):
-    asked = {
+    requested = {
         "size_px": (128, 96),
         "rate_hz": 30.0,
         "clock": MonotonicClock(),
         "find": feeding.find,
         **options,
     }
-    return RealsenseSource("", **asked)
+    return RealsenseSource("", **requested)
 
 
 def read_until(source, wanted):
@@ -217,14 +215,14 @@ def read_until(source, wanted):
             result = lost
         if wanted(result):
             return result
-    raise AssertionError("it never came")
+    raise AssertionError("no result matched")
 
 
 def is_image(result):
     return result is not None and not isinstance(result, SourceLost)
 
 
-def test_live_images_carry_the_cameras_stamp_and_one_on_the_runs_clock(feeding):
+def test_live_images_have_the_cameras_stamp_and_one_on_the_runs_clock(feeding):
     source = open_camera(feeding)
     captures = [read_until(source, is_image) for _ in range(20)]
     source.close()
@@ -238,12 +236,12 @@ def test_live_images_carry_the_cameras_stamp_and_one_on_the_runs_clock(feeding):
     number = (captures[-1].camera.stamp_ns - 5_000_000_000) // 10_000_000
     assert np.array_equal(captures[-1].image, IMAGES[number % 40])
     assert source.notes == (
-        f"realsense is Intel RealSense D405, serial number {SERIAL}, and gives 128 x 96 px, 30 images/s, as asked; "
-        f"its {clock} clock stamps",
+        f"realsense is Intel RealSense D405, serial number {SERIAL}; it delivers 128 x 96 px, 30 images/s, as requested, "
+        f"stamped by its {clock} clock",
     )
 
 
-def test_a_camera_that_falls_silent_is_told_once_and_comes_back(feeding):
+def test_a_silent_camera_is_reported_once_and_reconnects(feeding):
     source = open_camera(feeding)
     before = read_until(source, is_image)
     feeding.silent.set()
@@ -257,12 +255,12 @@ def test_a_camera_that_falls_silent_is_told_once_and_comes_back(feeding):
     source.close()
 
 
-def test_after_a_loss_the_same_camera_is_looked_for(feeding):
-    sought = []
+def test_after_a_loss_the_same_camera_is_reopened(feeding):
+    serials = []
 
     def find(serial):
-        sought.append(serial)
-        if len(sought) == 2:
+        serials.append(serial)
+        if len(serials) == 2:
             raise RuntimeError("the bus is being reset")
         return feeding.camera.device
 
@@ -272,27 +270,27 @@ def test_after_a_loss_the_same_camera_is_looked_for(feeding):
     feeding.silent.clear()
     read_until(source, is_image)
     source.close()
-    assert sought[:3] == ["", SERIAL, SERIAL]
+    assert serials[:3] == ["", SERIAL, SERIAL]
 
 
-def test_what_the_camera_cannot_is_told_with_what_it_can(feeding):
-    told = r"realsense has no colour images of 640 x 480 px at 15/s; it has 128 x 96 at 30"
-    with pytest.raises(BadInput, match=told):
+def test_an_unsupported_video_mode_is_rejected_with_the_supported_ones(feeding):
+    problem = r"realsense has no colour images of 640 x 480 px at 15/s; supported are 128 x 96 at 30"
+    with pytest.raises(BadInput, match=problem):
         open_camera(feeding, size_px=(640, 480), rate_hz=15.0)
 
 
-def test_a_camera_that_gives_nothing_is_told(feeding, monkeypatch):
-    monkeypatch.setattr(realsense, "FIRST_MS", 50)
+def test_a_camera_without_images_is_rejected(feeding, monkeypatch):
+    monkeypatch.setattr(realsense, "FIRST_IMAGE_TIMEOUT_MS", 50)
     feeding.silent.set()
-    with pytest.raises(BadInput, match="realsense opens but gives no image"):
+    with pytest.raises(BadInput, match="realsense opens but delivers no image"):
         open_camera(feeding)
 
 
-# --- what is on the bus
+# --- connected cameras
 
 
 class Bus:
-    """The SDK with cameras plugged in, as far as finding one needs it."""
+    """The part of the SDK that lists connected cameras."""
 
     camera_info = rs.camera_info
 
@@ -307,20 +305,20 @@ class Bus:
 
 
 @pytest.mark.parametrize(
-    ("there", "serial", "told"),
+    ("connected", "serial", "problem"),
     [
-        ((), "", "there is no RealSense camera on this machine"),
-        ((), "7", "no RealSense camera 7; there is no RealSense camera on this machine"),
-        (("1", "2"), "7", "no RealSense camera 7; there is 1, 2"),
-        (("1", "2"), "", "which RealSense camera? there is 1, 2; give realsense:SERIAL"),
+        ((), "", "no RealSense camera is connected; connect one"),
+        ((), "7", "no RealSense camera 7; no RealSense camera is connected"),
+        (("1", "2"), "7", "no RealSense camera 7; connected: 1, 2"),
+        (("1", "2"), "", "several RealSense cameras are connected: 1, 2; choose one with realsense:SERIAL"),
     ],
 )
-def test_a_camera_that_cannot_be_found_is_one_sentence(monkeypatch, there, serial, told):
-    bus = Bus(*there)
+def test_a_camera_that_is_not_found_is_reported_in_one_sentence(monkeypatch, connected, serial, problem):
+    bus = Bus(*connected)
     monkeypatch.setattr(realsense_sdk, "sdk", lambda: bus)
-    with pytest.raises(BadInput) as refused:
+    with pytest.raises(BadInput) as raised:
         realsense_sdk.find_device(serial)
-    assert str(refused.value) == told
+    assert str(raised.value) == problem
 
 
 def test_the_only_camera_needs_no_serial_number_and_one_of_several_does(monkeypatch):
@@ -331,18 +329,18 @@ def test_the_only_camera_needs_no_serial_number_and_one_of_several_does(monkeypa
     assert realsense_sdk.info_of(realsense_sdk.find_device("2"), "serial_number") == "2"
 
 
-def test_without_a_camera_the_real_bus_says_so():
+def test_a_camera_that_is_not_connected_is_reported_by_the_real_sdk():
     with pytest.raises(BadInput, match="no RealSense camera 0815"):
         realsense_sdk.find_device("0815")
 
 
-def test_without_the_extra_it_is_named(monkeypatch):
+def test_a_missing_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyrealsense2", None)
     with pytest.raises(MissingExtra, match=r"pip install 'haptigraph\[realsense\]'"):
         realsense_sdk.sdk()
 
 
-def test_without_libusb_debians_package_is_named(monkeypatch):
+def test_a_missing_libusb_is_reported_with_debians_package(monkeypatch):
     def broken(name):
         raise ImportError("libusb-1.0.so.0: cannot open shared object file")
 

@@ -20,7 +20,7 @@ from haptigraph.stages import Source
 
 SIZE_PX = (8, 6)
 PIXELS = np.random.default_rng(1).integers(0, 256, (6, 8, 4), np.uint8)
-HOW = {
+CONVERSIONS = {
     "bgr8": cv2.COLOR_BGRA2BGR,
     "8UC3": cv2.COLOR_BGRA2BGR,
     "rgb8": cv2.COLOR_BGRA2RGB,
@@ -36,8 +36,8 @@ def raw(encoding, *, padding=0, stamp_ns=0):
     pixels = PIXELS
     if CHANNELS[encoding] == 1:
         pixels = PIXELS[:, :, :1]
-    elif encoding in HOW:
-        pixels = cv2.cvtColor(PIXELS, HOW[encoding])
+    elif encoding in CONVERSIONS:
+        pixels = cv2.cvtColor(PIXELS, CONVERSIONS[encoding])
     rows = pixels.reshape(6, -1)
     data = np.hstack([rows, np.full((6, padding), 255, np.uint8)])
     return Image(header(stamp_ns), 6, 8, encoding, 0, data.shape[1], data.tobytes())
@@ -47,8 +47,8 @@ def raw(encoding, *, padding=0, stamp_ns=0):
 @pytest.mark.parametrize("padding", [0, 5])
 def test_every_encoding_becomes_the_same_pixels(encoding, padding):
     image = raw_image(raw(encoding, padding=padding), SIZE_PX)
-    wanted = PIXELS[:, :, 0] if CHANNELS[encoding] == 1 else PIXELS[:, :, :3]
-    assert np.array_equal(image, wanted)
+    expected = PIXELS[:, :, 0] if CHANNELS[encoding] == 1 else PIXELS[:, :, :3]
+    assert np.array_equal(image, expected)
     assert image.flags["C_CONTIGUOUS"]
 
 
@@ -59,32 +59,32 @@ def test_every_encoding_becomes_the_same_pixels(encoding, padding):
     encoding=st.sampled_from([*CHANNELS, "mono16", ""]),
     data=st.binary(max_size=300),
 )
-def test_a_raw_image_is_of_the_registered_size_or_refused(width, height, step, encoding, data):
+def test_a_raw_image_has_the_registered_size_or_is_rejected(width, height, step, encoding, data):
     try:
         image = raw_image(Image(header(), height, width, encoding, 0, step, data), SIZE_PX)
-    except ValueError as refused:
-        assert len(str(refused)) < 200
+    except ValueError as error:
+        assert len(str(error)) < 200
     else:
         assert image.shape[:2] == (6, 8)
 
 
 @pytest.mark.parametrize("encode", [encode_png, lambda image: encode_jpeg(image, 90)])
 @pytest.mark.parametrize("channels", [1, 3])
-def test_a_compressed_image_is_what_its_bytes_decode_to(encode, channels):
+def test_a_compressed_image_is_decoded(encode, channels):
     data = encode(PIXELS[:, :, 0] if channels == 1 else PIXELS[:, :, :3])
     assert np.array_equal(compressed_image(CompressedImage(header(), "any", data), SIZE_PX), decode(data))
-    with pytest.raises(ValueError, match="8 x 6 px; registered are 6 x 8"):
+    with pytest.raises(ValueError, match="an image of 8 x 6 px; the registration is for 6 x 8 px"):
         compressed_image(CompressedImage(header(), "any", data), (6, 8))
 
 
 @given(data=st.binary(max_size=400), start=st.sampled_from([b"", b"\xff\xd8", b"\x89PNG\r\n\x1a\n"]))
-def test_any_bytes_are_an_image_of_that_size_or_refused(data, start):
+def test_arbitrary_bytes_are_rejected(data, start):
     with pytest.raises(ValueError):
         compressed_image(CompressedImage(header(), "jpeg", start + data), SIZE_PX)
 
 
 @given(at=st.integers(2, 400), cut=st.integers(0, 400))
-def test_a_damaged_image_is_an_image_of_that_size_or_refused(at, cut):
+def test_a_damaged_image_has_the_registered_size_or_is_rejected(at, cut):
     data = bytearray(encode_jpeg(PIXELS[:, :, :3], 90))
     data[at % len(data)] ^= 0xFF
     try:
@@ -94,9 +94,9 @@ def test_a_damaged_image_is_an_image_of_that_size_or_refused(at, cut):
     assert image.shape[:2] == (6, 8)
 
 
-def test_a_few_bytes_cannot_ask_for_gigabytes():
+def test_a_few_bytes_cannot_allocate_gigabytes():
     bomb = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR" + (60_000).to_bytes(4, "big") * 2
-    with pytest.raises(ValueError, match="60000 x 60000 px; registered are 8 x 6"):
+    with pytest.raises(ValueError, match="an image of 60000 x 60000 px; the registration is for 8 x 6 px"):
         compressed_image(CompressedImage(header(), "png", bomb + bytes(100)), SIZE_PX)
 
 
@@ -110,9 +110,9 @@ def source(ros_network):
 
 def test_an_image_is_stamped_when_it_was_taken(source, peer):
     assert isinstance(source, Source)
-    say = peer.say("/camera/small", Image)
+    publisher = peer.say("/camera/small", Image)
     taken_ns, stamp_ns = time.monotonic_ns() - 200_000_000, time.time_ns() - 200_000_000
-    say.send(raw("bgr8", stamp_ns=stamp_ns))
+    publisher.send(raw("bgr8", stamp_ns=stamp_ns))
     capture = source.read(30.0)
     assert (capture.camera.clock, capture.camera.stamp_ns) == ("ros", stamp_ns)
     assert capture.stamp_ns <= capture.camera.arrived_ns <= time.monotonic_ns()
@@ -131,65 +131,69 @@ def test_a_compressed_image_keeps_its_bytes(source, peer):
 
 
 @pytest.mark.parametrize(
-    ("ahead_s", "told"),
-    [(-3600, "was stamped 3600.0 s ago"), (60, "was stamped 60.0 s ahead"), (None, "carries no stamp")],
+    ("ahead_s", "problem"),
+    [
+        (-3600, "is stamped 3600.0 s in the past"),
+        (60, "is stamped 60.0 s in the future"),
+        (None, "has no stamp"),
+    ],
 )
-def test_a_stamp_of_another_clock_is_told_once_and_arrival_counts(source, peer, ahead_s, told):
-    say, faults = peer.say("/camera/small", Image), []
+def test_an_implausible_stamp_is_reported_once_and_replaced_by_the_arrival(source, peer, ahead_s, problem):
+    publisher, faults = peer.say("/camera/small", Image), []
     for _ in range(3):
         before_ns = time.monotonic_ns()
-        say.send(raw("bgr8", stamp_ns=0 if ahead_s is None else time.time_ns() + ahead_s * 10**9))
+        publisher.send(raw("bgr8", stamp_ns=0 if ahead_s is None else time.time_ns() + ahead_s * 10**9))
         capture = source.read(30.0)
         assert before_ns <= capture.stamp_ns <= time.monotonic_ns()
         assert (capture.camera is None) == (ahead_s is None)
         faults += [fault.message for fault in capture.faults]
     assert len(faults) == 1
-    assert told in faults[0].replace("3599.9", "3600.0").replace("59.9", "60.0")
+    assert problem in faults[0].replace("3599.9", "3600.0").replace("59.9", "60.0")
 
 
-def test_the_newest_image_is_read_and_the_missed_are_counted(source, peer):
-    say = peer.say("/camera/small", Image)
+def test_the_newest_image_is_read_and_missed_ones_are_counted(source, peer):
+    publisher = peer.say("/camera/small", Image)
     for number in range(10):
-        say.send(raw("bgr8", stamp_ns=time.time_ns()))
+        publisher.send(raw("bgr8", stamp_ns=time.time_ns()))
         until(lambda number=number: source._index == number, "an image was lost")
     assert source.read(1.0).index == 9
 
 
-def test_an_image_that_comes_late_is_refused(source, peer):
-    say = peer.say("/camera/small", Image)
-    say.send(raw("bgr8", stamp_ns=time.time_ns()))
+def test_an_image_out_of_order_is_rejected(source, peer):
+    publisher = peer.say("/camera/small", Image)
+    publisher.send(raw("bgr8", stamp_ns=time.time_ns()))
     assert source.read(30.0).index == 0
-    say.send(raw("bgr8", stamp_ns=time.time_ns() - 500_000_000))
-    with pytest.raises(SourceLost, match="refused an image older than the one before it"):
+    publisher.send(raw("bgr8", stamp_ns=time.time_ns() - 500_000_000))
+    with pytest.raises(SourceLost, match="rejected an image older than the previous one"):
         source.read(30.0)
 
 
-def test_what_cannot_be_used_is_told_with_the_next_image_or_alone(source, peer):
-    say = peer.say("/camera/small", Image)
+def test_a_rejected_message_is_reported_with_the_next_image_or_alone(source, peer):
+    publisher = peer.say("/camera/small", Image)
     wrong = raw("bgr8")
     wrong.encoding = "mono16"
-    say.send(wrong)
+    publisher.send(wrong)
     with pytest.raises(
-        SourceLost, match="ros2:/camera/small: refused encoding 'mono16'; read are mono8, 8UC1, bgr8"
+        SourceLost, match="ros2:/camera/small: rejected encoding 'mono16'; supported are mono8, 8UC1, bgr8"
     ):
         source.read(30.0)
-    say.send(wrong)
-    say.send(raw("bgr8", stamp_ns=time.time_ns()))
-    until(lambda: source._newest and source._refused, "nothing came")
+    publisher.send(wrong)
+    publisher.send(raw("bgr8", stamp_ns=time.time_ns()))
+    until(lambda: source._newest and source._rejected, "nothing arrived")
     (fault,) = source.read(0.0).faults
-    assert "refused encoding 'mono16'" in fault.message
+    assert "rejected encoding 'mono16'" in fault.message
 
 
 @pytest.mark.parametrize("topic", ["", "camera image", "7"])
-def test_what_is_no_topic_is_refused(ros_network, topic):
+def test_an_invalid_topic_name_is_rejected(ros_network, topic):
     with pytest.raises(BadInput, match="is no ROS topic"):
         Ros2Source(topic, size_px=SIZE_PX, rate_hz=30.0, clock=MonotonicClock())
 
 
-def test_silence_is_told_once_with_what_there_is(source, peer):
+def test_silence_is_reported_once_with_the_topics_that_have_images(source, peer):
     peer.node.publisher("/camera/other", Image)
-    until(lambda: "/camera/other" in source._node.published(), "it is not seen")
-    source._heard_ns -= 2_000_000_000
+    until(lambda: "/camera/other" in source._node.published(), "the topic is not discovered")
+    source._arrived_ns -= 2_000_000_000
     with pytest.raises(SourceLost) as lost:
         source.read(0.0)
     assert "ros2:/camera/small (ROS domain " in str(lost.value)
@@ -197,12 +201,15 @@ def test_silence_is_told_once_with_what_there_is(source, peer):
     assert source.read(0.0) is None
 
 
-def test_a_topic_that_carries_no_images_is_told_with_those_that_do(source, peer):
+def test_a_topic_without_images_is_reported_with_those_that_have_images(source, peer):
     peer.node.publisher("/camera/small", Float64)
     peer.node.publisher("/camera/left", Image)
-    until(lambda: {"/camera/small", "/camera/left"} <= set(source._node.published()), "they are not seen")
-    source._heard_ns -= 2_000_000_000
+    until(
+        lambda: {"/camera/small", "/camera/left"} <= set(source._node.published()),
+        "the topics are not discovered",
+    )
+    source._arrived_ns -= 2_000_000_000
     with pytest.raises(SourceLost) as lost:
         source.read(0.0)
-    told = r"carries std_msgs::msg::dds_::Float64_, no images; images are published on .*/camera/left"
-    assert re.search(told, str(lost.value))
+    problem = r"has messages of type std_msgs::msg::dds_::Float64_, not images; images are published on .*/camera/left"
+    assert re.search(problem, str(lost.value))

@@ -15,14 +15,14 @@ MS = 1_000_000
 
 
 class FakeCamera:
-    """A driver whose images a test releases one by one, and which decodes slowly."""
+    """A driver whose images a test releases one by one, and that decodes slowly."""
 
-    def __init__(self, gives_px=(1280, 720), gives_hz=30.0, clock=None, stamps_ms=()):
+    def __init__(self, size_px=(1280, 720), rate_hz=30.0, clock=None, stamps_ms=()):
         self.opened, self.released = 0, 0
         self.is_there = True
         self.next = threading.Semaphore(0)
         self.settings: dict[int, float] = {}
-        self.gives_px, self.gives_hz, self.clock = gives_px, gives_hz, clock
+        self.size_px, self.rate_hz, self.clock = size_px, rate_hz, clock
         self.stamps_ms, self.backend = list(stamps_ms), "V4L2"
         self.stamp_ms = 0.0
 
@@ -43,7 +43,7 @@ class FakeCamera:
 
     def get(self, propId):
         if propId == cv2.CAP_PROP_FPS:
-            return self.gives_hz
+            return self.rate_hz
         if propId == cv2.CAP_PROP_POS_MSEC:
             return self.stamp_ms
         return self.settings.get(propId, 0.0)
@@ -58,14 +58,14 @@ class FakeCamera:
     def retrieve(self):
         if self.clock is not None:
             self.clock.wait_until(self.clock.now_ns() + 25 * MS)  # decoding
-        return True, np.zeros((self.gives_px[1], self.gives_px[0], 3), np.uint8)
+        return True, np.zeros((self.size_px[1], self.size_px[0], 3), np.uint8)
 
     def release(self):
         self.released += 1
 
 
 @pytest.fixture(autouse=True)
-def impatient(monkeypatch):
+def fast_retries(monkeypatch):
     monkeypatch.setattr(live, "RETRY_S", (0.01,))
 
 
@@ -76,7 +76,7 @@ def open_camera(fake, which="0", **options):
 
 
 def read_until(source, wanted):
-    """Read until a capture or loss that fits; a camera's thread takes its time."""
+    """Read until a capture or loss matches; the camera's thread is asynchronous."""
     for _ in range(1000):
         try:
             result = source.read(0.05)
@@ -84,10 +84,10 @@ def read_until(source, wanted):
             result = lost
         if wanted(result):
             return result
-    raise AssertionError("it never came")
+    raise AssertionError("no result matched")
 
 
-def test_the_newest_image_comes_once_stamped_on_the_runs_clock():
+def test_the_newest_image_is_returned_once_stamped_on_the_runs_clock():
     fake = FakeCamera()
     source = open_camera(fake)
     first = read_until(source, lambda result: result is not None)
@@ -99,7 +99,7 @@ def test_the_newest_image_comes_once_stamped_on_the_runs_clock():
     assert fake.released == 1
 
 
-def test_a_camera_that_goes_away_is_told_once_and_comes_back():
+def test_a_lost_camera_is_reported_once_and_reconnects():
     fake = FakeCamera()
     source = open_camera(fake)
     read_until(source, lambda result: result is not None)
@@ -114,7 +114,7 @@ def test_a_camera_that_goes_away_is_told_once_and_comes_back():
     source.close()
 
 
-def test_a_driver_that_raises_is_lost_and_comes_back_too():
+def test_a_camera_whose_driver_raises_is_lost_and_reconnects():
     fake = FakeCamera()
     source = open_camera(fake)
     fake.retrieve, retrieve = lambda: {}["no such buffer"], fake.retrieve
@@ -136,41 +136,41 @@ def test_an_image_is_stamped_when_it_is_grabbed_not_when_it_is_decoded():
     assert clock.now_ns() == 1050 * MS
 
 
-def test_where_the_driver_stamps_images_its_stamp_is_kept():
+def test_the_drivers_stamp_is_used():
     clock = VirtualClock(1000 * MS)
     fake = FakeCamera(clock=clock, stamps_ms=(980.0, 1011.25, 1044.0))
     camera = uvc(fake, clock)
-    shot = camera.take()
-    assert shot.stamp_ns == shot.camera.stamp_ns == 1011_250_000
-    assert (shot.camera.clock, shot.camera.arrived_ns) == ("driver", 1025 * MS)
+    image = camera.take()
+    assert image.stamp_ns == image.camera.stamp_ns == 1011_250_000
+    assert (image.camera.clock, image.camera.arrived_ns) == ("driver", 1025 * MS)
 
 
 @pytest.mark.parametrize(
     ("backend", "stamp_ms"), [("MSMF", 1020.0), ("V4L2", 0.0), ("V4L2", 1.7e12), ("V4L2", 1026.0)]
 )
-def test_a_stamp_that_cannot_be_on_this_machines_clock_is_not_believed(backend, stamp_ms):
+def test_a_stamp_that_is_not_from_this_machines_clock_is_ignored(backend, stamp_ms):
     clock = VirtualClock(1000 * MS)
     fake = FakeCamera(clock=clock, stamps_ms=(stamp_ms, stamp_ms))
     fake.backend = backend
-    shot = uvc(fake, clock).take()
-    assert (shot.stamp_ns, shot.camera) == (1025 * MS, None)
+    image = uvc(fake, clock).take()
+    assert (image.stamp_ns, image.camera) == (1025 * MS, None)
 
 
-def test_what_was_asked_and_what_the_camera_gives_is_one_sentence():
+def test_a_note_compares_the_requested_and_the_actual_video_mode():
     clock = VirtualClock()
-    as_asked = uvc(FakeCamera(clock=clock), clock, "MJPG")
-    assert as_asked.notes == ("camera:0 gives 1280 x 720 px, 30 images/s, MJPG, as asked",)
+    as_requested = uvc(FakeCamera(clock=clock), clock, "MJPG")
+    assert as_requested.notes == ("camera:0 delivers 1280 x 720 px, 30 images/s, MJPG, as requested",)
     other = FakeCamera((640, 480), 15.0, clock)
     camera = uvc(other, clock)
     assert camera.notes == (
-        "camera:0 was asked for 1280 x 720 px, 30 images/s and gives 640 x 480 px, 15 images/s",
+        "camera:0 delivers 640 x 480 px, 15 images/s instead of 1280 x 720 px, 30 images/s",
     )
     assert camera.rate_hz == 15.0
     assert cv2.CAP_PROP_FOURCC not in other.settings
-    assert uvc(FakeCamera(gives_hz=0.0, clock=clock), clock).rate_hz == 30.0
+    assert uvc(FakeCamera(rate_hz=0.0, clock=clock), clock).rate_hz == 30.0
 
 
-def test_a_camera_can_be_named_by_its_device():
+def test_a_camera_can_be_opened_by_its_device_path():
     fake = FakeCamera()
     open_camera(fake, "/dev/v4l/by-id/usb-microscope-video-index0").close()
     assert fake.device == "/dev/v4l/by-id/usb-microscope-video-index0"
@@ -178,28 +178,30 @@ def test_a_camera_can_be_named_by_its_device():
     assert fake.device == 3
 
 
-def test_where_there_is_no_camera_it_says_so(capfd):
+def test_a_missing_camera_is_reported(capfd):
     with pytest.raises(BadInput, match="camera:7 cannot be opened; "):
         open_camera(lambda device: cv2.VideoCapture(device), "7")
     fake = FakeCamera()
     fake.grab = lambda: False
-    with pytest.raises(BadInput, match="camera:0 opens but gives no image; is it used by another program"):
+    with pytest.raises(
+        BadInput, match="camera:0 opens but delivers no image; close other programs that use it"
+    ):
         open_camera(fake)
     assert fake.released == 1
 
 
-def test_opencv_does_not_chatter(capfd):
+def test_opencv_logs_nothing(capfd):
     with pytest.raises(BadInput, match="camera:7 cannot be opened; "):
         CameraSource("7", size_px=(1280, 720), rate_hz=30.0, clock=MonotonicClock())
     assert capfd.readouterr().err == ""
 
 
-def test_a_network_camera_is_read_lost_and_found_again_through_opencv_itself():
+def test_a_network_camera_is_read_lost_and_reconnected_through_opencv():
     images = [encode_jpeg(np.full((48, 64, 3), level, np.uint8), 95) for level in (20, 120, 220)]
     camera = StreamingCamera(images)
     uri = camera.uri
     source = CameraSource(uri.removeprefix("camera:"), size_px=(64, 48), rate_hz=30.0, clock=MonotonicClock())
-    assert source.notes == (f"{uri} gives 64 x 48 px; a stream cannot be asked for anything else",)
+    assert source.notes == (f"{uri} delivers 64 x 48 px; the format of a stream cannot be chosen",)
     captures = [read_until(source, lambda result: result is not None) for _ in range(4)]
     stamps = [capture.stamp_ns for capture in captures]
     assert stamps == sorted(set(stamps))
@@ -213,5 +215,7 @@ def test_a_network_camera_is_read_lost_and_found_again_through_opencv_itself():
     assert back.index > captures[-1].index
     source.close()
     camera.unplug()
-    with pytest.raises(BadInput, match=r"stream\.mjpg cannot be opened; does something answer there\?"):
+    with pytest.raises(
+        BadInput, match=r"stream\.mjpg cannot be opened; check that a server answers at this URL"
+    ):
         CameraSource(uri.removeprefix("camera:"), size_px=(64, 48), rate_hz=30.0, clock=MonotonicClock())

@@ -31,10 +31,10 @@ def scale_of(path, *settings):
     return scale["axial_mm_per_px"], scale["lateral_mm_per_px"]
 
 
-def refusal(path, *settings):
-    with pytest.raises(BadInput) as refused:
+def error_of(path, *settings):
+    with pytest.raises(BadInput) as raised:
         drain(opened(path, *settings))
-    message = str(refused.value)
+    message = str(raised.value)
     assert "\n" not in message
     return message
 
@@ -51,24 +51,24 @@ def folder(tmp_path):
 # --- folders and images
 
 
-def test_a_folder_of_b_scans_is_played_as_it_is(folder):
+def test_a_folder_of_b_scans_is_read_unchanged(folder):
     captures = drain(opened(folder, *SCALE, "source.rate_hz=10"))
     assert [capture.stamp_ns for capture in captures] == [0, 100_000_000, 200_000_000, 300_000_000]
     assert np.array_equal([capture.image for capture in captures], SCANS)
 
 
-def test_one_b_scan_is_a_source_too(folder):
+def test_a_single_b_scan_is_read(folder):
     (capture,) = drain(opened(folder / "2.png", *SCALE))
     assert np.array_equal(capture.image, SCANS[2])
 
 
-def test_a_scale_that_nobody_states_is_asked_for_by_its_option(folder):
-    assert "states no axial scale" in refusal(folder)
-    assert "--set source.axial_mm_per_px=" in refusal(folder)
-    assert "--set source.lateral_mm_per_px=" in refusal(folder, SCALE[0])
+def test_an_unknown_scale_is_an_error_that_names_the_setting(folder):
+    assert "states no axial scale" in error_of(folder)
+    assert "--set source.axial_mm_per_px=" in error_of(folder)
+    assert "--set source.lateral_mm_per_px=" in error_of(folder, SCALE[0])
 
 
-def test_a_registration_states_the_scale_as_well(folder, tmp_path):
+def test_a_registration_replaces_the_scale(folder, tmp_path):
     (tmp_path / "scan.toml").write_text("")
     source = opened(folder, f'source.registration="{tmp_path / "scan.toml"}"')
     assert source.registration is None
@@ -76,23 +76,23 @@ def test_a_registration_states_the_scale_as_well(folder, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("axial", "lateral", "said"),
+    ("axial", "lateral", "problem"),
     [(3.3, 0.0078, "3.3 mm per pixel, axial; 0.0005 to 0.02"), (0.0033, 7.8, "7.8 mm per pixel, lateral")],
 )
-def test_a_scale_in_micrometres_is_taken_for_the_slip_it_is(folder, axial, lateral, said):
+def test_a_scale_in_micrometres_is_rejected(folder, axial, lateral, problem):
     settings = f"source.axial_mm_per_px={axial}", f"source.lateral_mm_per_px={lateral}"
-    assert said in refusal(folder, *settings)
+    assert problem in error_of(folder, *settings)
 
 
-def test_a_crop_cuts_every_image_and_must_lie_inside(folder):
+def test_every_image_is_cropped_and_the_crop_must_be_inside(folder):
     captures = drain(opened(folder, *SCALE, "source.crop_px=[8, 4, 32, 40]"))
     assert np.array_equal([capture.image for capture in captures], SCANS[:, 4:44, 8:40])
-    assert "asks for 32 x 40 px from (40, 4), but the image is 64 x 48 px" in refusal(
+    assert "asks for 32 x 40 px from (40, 4), but the image is 64 x 48 px" in error_of(
         folder, *SCALE, "source.crop_px=[40, 4, 32, 40]"
     )
 
 
-def test_other_sources_are_cropped_too(folder):
+def test_other_sources_are_cropped(folder):
     config = load_config(None, (f'source.uri="{folder}"', "source.crop_px=[8, 4, 32, 40]"))
     captures = drain(open_source(config, VirtualClock()))
     assert np.array_equal([capture.image for capture in captures], SCANS[:, 4:44, 8:40])
@@ -107,28 +107,28 @@ def deep(tmp_path, bits, dtype=np.uint16):
     return path
 
 
-def test_sixteen_bit_is_spread_over_eight(tmp_path):
+def test_16_bits_are_scaled_to_8(tmp_path):
     (capture,) = drain(opened(deep(tmp_path, 16), *SCALE))
     assert np.abs(capture.image.astype(int) - SCANS[0]).max() <= 1
 
 
-def test_twelve_bit_in_sixteen_must_be_said(tmp_path):
+def test_12_bits_in_16_must_be_configured(tmp_path):
     path = deep(tmp_path, 12)
-    assert "nothing in it is brighter than 4095 of 65535" in refusal(path, *SCALE)
-    assert "--set source.bits=12" in refusal(path, *SCALE)
+    assert "none is brighter than 4095 of 65535" in error_of(path, *SCALE)
+    assert "--set source.bits=12" in error_of(path, *SCALE)
     (capture,) = drain(opened(path, *SCALE, "source.bits=12"))
     assert np.abs(capture.image.astype(int) - SCANS[0]).max() <= 1
 
 
-def test_a_depth_that_cannot_be_is_refused(tmp_path, folder):
-    assert "more than the 10 bit" in refusal(deep(tmp_path, 12), *SCALE, "source.bits=10")
-    assert "holds 8 bit, but source.bits says 12" in refusal(folder, *SCALE, "source.bits=12")
-    assert "pixels of kind float32" in refusal(deep(tmp_path, 1, np.float32), *SCALE)
+def test_a_contradictory_or_unsupported_depth_is_rejected(tmp_path, folder):
+    assert "needs more bits than source.bits=10" in error_of(deep(tmp_path, 12), *SCALE, "source.bits=10")
+    assert "has 8 bits per pixel, but source.bits is 12" in error_of(folder, *SCALE, "source.bits=12")
+    assert "pixels of type float32" in error_of(deep(tmp_path, 1, np.float32), *SCALE)
 
 
-def test_a_picture_of_many_pages_is_a_volume(tmp_path):
+def test_a_multi_page_image_is_a_volume(tmp_path):
     cv2.imwritemulti(str(tmp_path / "v.tif"), list(SCANS))
-    assert "a volume, not a B-scan: 4 pictures" in refusal(tmp_path / "v.tif", *SCALE)
+    assert "a volume, not a B-scan: 4 images" in error_of(tmp_path / "v.tif", *SCALE)
 
 
 # --- a monitor's video
@@ -146,81 +146,82 @@ def test_a_video_of_a_monitor_is_cropped_to_the_scan(tmp_path):
     assert [capture.image.shape for capture in captures] == [(64, 96, 3)] * 5
     assert all(capture.image.min() > 150 for capture in captures)
     assert captures[1].stamp_ns == 40_000_000
-    assert "states no axial scale" in refusal(path)
+    assert "states no axial scale" in error_of(path)
 
 
 # --- DICOM
 
 
-def dicom_file(tmp_path, images, *, spacing=(0.0039, 0.0115), places=None, **elements):
+def dicom_file(tmp_path, images, *, spacing=(0.0039, 0.0115), positions=None, **elements):
     files = pytest.importorskip("dicom_files", reason="needs pydicom", exc_type=ImportError)
     from pydicom.dataset import Dataset
 
-    def measured():
+    def spaced():
         group, measures = Dataset(), Dataset()
         measures.PixelSpacing = list(spacing)
         group.PixelMeasuresSequence = [measures]
         return group
 
-    def placed(place):
+    def positioned(position):
         group, location = Dataset(), Dataset()
-        location.ReferenceCoordinates = list(place)
+        location.ReferenceCoordinates = list(position)
         group.OphthalmicFrameLocationSequence = [location]
         return group
 
-    groups = {"SharedFunctionalGroupsSequence": [measured()]} if spacing else {}
-    if places:
-        groups["PerFrameFunctionalGroupsSequence"] = [placed(place) for place in places]
+    groups = {"SharedFunctionalGroupsSequence": [spaced()]} if spacing else {}
+    if positions:
+        groups["PerFrameFunctionalGroupsSequence"] = [positioned(position) for position in positions]
     return files.write(tmp_path / "oct.dcm", files.dicom(images, **groups, **elements))
 
 
-def test_dicom_states_its_scale_rows_first(tmp_path):
+def test_dicom_states_the_row_spacing_first(tmp_path):
     path = dicom_file(tmp_path, SCANS[:1])
     assert scale_of(path) == (0.0039, 0.0115)
     (capture,) = drain(opened(path))
     assert np.array_equal(capture.image, SCANS[0])
 
 
-def test_a_scale_that_the_user_gives_counts_and_the_contradiction_is_told(tmp_path):
+def test_a_configured_scale_overrides_the_file_with_a_note(tmp_path):
     path = dicom_file(tmp_path, SCANS[:1])
     source = opened(path, SCALE[1])
-    assert "the file states 0.0115 mm per pixel, lateral; source.lateral_mm_per_px=0.0078" in source.notes[0]
+    note = "source.lateral_mm_per_px=0.0078 overrides the lateral scale in the file, 0.0115"
+    assert note in source.notes[0]
     source.close()
     assert scale_of(path, SCALE[1]) == (0.0039, 0.0078)
 
 
-def test_dicom_without_a_scale_asks_for_it(tmp_path):
-    assert "states no axial scale" in refusal(dicom_file(tmp_path, SCANS[:1], spacing=None))
+def test_dicom_without_a_scale_is_an_error(tmp_path):
+    assert "states no axial scale" in error_of(dicom_file(tmp_path, SCANS[:1], spacing=None))
 
 
-def test_a_volume_is_refused_unless_it_is_to_be_played(tmp_path):
-    path = dicom_file(tmp_path, SCANS, places=[(row, 10, row, 90) for row in range(4)])
-    assert "a volume, not a B-scan: it holds 4 B-scans of different places" in refusal(path)
-    played = drain(opened(path, "source.volume_as_sequence=true"))
-    assert np.array_equal([capture.image for capture in played], SCANS)
+def test_a_volume_is_rejected_unless_configured_as_a_sequence(tmp_path):
+    path = dicom_file(tmp_path, SCANS, positions=[(row, 10, row, 90) for row in range(4)])
+    assert "a volume, not a B-scan: it contains 4 B-scans of different positions" in error_of(path)
+    captures = drain(opened(path, "source.volume_as_sequence=true"))
+    assert np.array_equal([capture.image for capture in captures], SCANS)
 
 
-def test_a_series_of_one_place_is_no_volume(tmp_path):
-    path = dicom_file(tmp_path, SCANS, places=[(7, 10, 7, 90)] * 4, FrameTime=50)
+def test_a_series_at_one_position_is_not_a_volume(tmp_path):
+    path = dicom_file(tmp_path, SCANS, positions=[(7, 10, 7, 90)] * 4, FrameTime=50)
     assert [capture.stamp_ns for capture in drain(opened(path))] == [0, 50_000_000, 100_000_000, 150_000_000]
 
 
-def test_many_images_of_nobody_knows_where_are_taken_for_a_volume(tmp_path):
-    assert "does not say that they show one place" in refusal(dicom_file(tmp_path, SCANS))
+def test_images_without_positions_are_a_volume(tmp_path):
+    assert "does not state that they show one position" in error_of(dicom_file(tmp_path, SCANS))
 
 
-def test_a_photograph_is_no_oct(tmp_path):
+def test_a_photograph_is_rejected(tmp_path):
     path = dicom_file(tmp_path, SCANS[:1], SOPClassUID="1.2.840.10008.5.1.4.1.1.77.1.5.1")
-    assert "holds no OCT but Ophthalmic Photography 8 Bit Image" in refusal(path)
+    assert "contains Ophthalmic Photography 8 Bit Image, not OCT" in error_of(path)
 
 
-def test_thirty_two_bit_is_refused(tmp_path):
+def test_32_bits_are_rejected(tmp_path):
     files = pytest.importorskip("dicom_files", reason="needs pydicom", exc_type=ImportError)
     path = files.write(tmp_path / "deep.dcm", files.dicom(SCANS[:1].astype(np.uint32), bits=32))
-    assert "stores 32 bit per pixel; 8 or 16 are read" in refusal(path, *SCALE)
+    assert "has 32 bits per pixel; supported are 8 and 16" in error_of(path, *SCALE)
 
 
-# --- makers' files
+# --- vendors' files
 
 
 def heidelberg(path, scans):
@@ -228,27 +229,27 @@ def heidelberg(path, scans):
     return heidelberg_vol(path, scans)
 
 
-def test_a_line_scan_of_heidelberg_brings_its_scale(tmp_path):
+def test_a_line_scan_of_heidelberg_has_its_scale(tmp_path):
     path = heidelberg(tmp_path / "one.vol", SCANS[:1])
     assert scale_of(path) == (0.0039, 0.0115)
     (capture,) = drain(opened(path))
     assert np.array_equal(capture.image, SCANS[0])
 
 
-def test_a_path_of_a_makers_file_is_enough(tmp_path):
+def test_a_vendors_file_is_opened_by_its_path(tmp_path):
     path = heidelberg(tmp_path / "one.vol", SCANS[:1])
     source = open_source(load_config(None, (f'source.uri="{path}"',)), VirtualClock())
     assert len(drain(source)) == 1
 
 
-def test_a_makers_volume_is_refused_unless_it_is_to_be_played(tmp_path):
+def test_a_vendors_volume_is_rejected_unless_configured_as_a_sequence(tmp_path):
     path = heidelberg(tmp_path / "cube.vol", SCANS)
-    assert "a volume, not a B-scan: it holds 4 B-scans of different places" in refusal(path)
-    played = drain(opened(path, "source.volume_as_sequence=true"))
-    assert np.array_equal([capture.image for capture in played], SCANS)
+    assert "a volume, not a B-scan: it contains 4 B-scans of different positions" in error_of(path)
+    captures = drain(opened(path, "source.volume_as_sequence=true"))
+    assert np.array_equal([capture.image for capture in captures], SCANS)
 
 
-def test_what_eyepy_saved_is_read(tmp_path):
+def test_a_file_saved_by_eyepy_is_read(tmp_path):
     eyepy = pytest.importorskip("eyepy", reason="needs eyepy", exc_type=ImportError)
     metas = [eyepy.EyeBscanMeta(start_pos=(0, z), end_pos=(6, z), pos_unit="mm") for z in range(len(SCANS))]
     sizes = {"scale_x": 0.0115, "scale_y": 0.0039, "scale_z": 0.12, "scale_unit": "mm"}
@@ -256,38 +257,38 @@ def test_what_eyepy_saved_is_read(tmp_path):
     assert scale_of(tmp_path / "v.eye", "source.volume_as_sequence=true") == (0.0039, 0.0115)
 
 
-def test_a_torn_makers_file_is_told(tmp_path):
+def test_a_truncated_vendors_file_is_rejected(tmp_path):
     pytest.importorskip("eyepy", reason="needs eyepy", exc_type=ImportError)
-    (tmp_path / "torn.vol").write_bytes(b"HSF-OCT-103" + bytes(500))
-    assert "torn.vol: not a file that eyepy can read" in refusal(tmp_path / "torn.vol")
-    assert "no such file" in refusal(tmp_path / "gone.e2e")
+    (tmp_path / "truncated.vol").write_bytes(b"HSF-OCT-103" + bytes(500))
+    assert "truncated.vol: not a file that eyepy can read" in error_of(tmp_path / "truncated.vol")
+    assert "no such file" in error_of(tmp_path / "gone.e2e")
 
 
 @pytest.mark.parametrize(("name", "library"), [("scan.vol", "eyepy"), ("scan.dcm", "pydicom")])
-def test_a_missing_library_is_one_sentence(tmp_path, monkeypatch, name, library):
+def test_a_missing_extra_is_named(tmp_path, monkeypatch, name, library):
     monkeypatch.setitem(sys.modules, library, None)
     (tmp_path / name).write_bytes(bytes(200))
     with pytest.raises(MissingExtra, match=r"pip install 'haptigraph\[oct\]'"):
         opened(tmp_path / name)
 
 
-def test_what_only_the_device_can_read_is_told(tmp_path):
+def test_proprietary_formats_are_rejected(tmp_path):
     (tmp_path / "cube.img").write_bytes(bytes(100))
-    assert "Zeiss's raw volume (.img) cannot be read; export DICOM" in refusal(tmp_path / "cube.img", *SCALE)
-    assert "no such file or folder" in refusal(tmp_path / "nothing", *SCALE)
+    assert "Zeiss's raw volume (.img) cannot be read; export DICOM" in error_of(tmp_path / "cube.img", *SCALE)
+    assert "no such file or folder" in error_of(tmp_path / "nothing", *SCALE)
 
 
-def test_topcons_files_need_a_library_of_their_own(tmp_path, monkeypatch):
+def test_topcons_format_needs_a_separate_library(tmp_path, monkeypatch):
     pytest.importorskip("eyepy", reason="needs eyepy", exc_type=ImportError)
     monkeypatch.setitem(sys.modules, "oct_converter", None)
     monkeypatch.setitem(sys.modules, "oct_converter.readers", None)
     (tmp_path / "x.fda").write_bytes(bytes(300))
-    assert "Topcon's format needs oct-converter" in refusal(tmp_path / "x.fda")
+    assert "Topcon's format needs oct-converter" in error_of(tmp_path / "x.fda")
 
 
-def test_a_camera_whose_images_are_cropped_must_be_asked_for_a_size():
+def test_a_camera_whose_images_are_cropped_needs_a_configured_size():
     crop = "source.crop_px=[0, 0, 640, 480]"
     whole = load_config(None, (crop, "source.width_px=1920", "source.height_px=1080")).source
     assert camera_size_px(whole, (640, 480)) == (1920, 1080)
-    with pytest.raises(BadInput, match=r"say how large the whole one is with source\.width_px"):
+    with pytest.raises(BadInput, match=r"set the size of the whole image with source\.width_px"):
         camera_size_px(load_config(None, (crop,)).source, (640, 480))

@@ -1,4 +1,4 @@
-"""The command that scores perception: evaluate."""
+"""The command `evaluate`, which scores perception."""
 
 import click
 
@@ -14,9 +14,9 @@ __all__ = ["evaluate"]
 @click.option(
     "--simulated", type=click.IntRange(min=1), metavar="N", help="Score N random simulated scenes instead."
 )
-@click.option("--perceiver", metavar="NAME", help="Which perceiver to score; simulated: all if not given.")
-@click.option("--seed", type=click.IntRange(min=0), help="Of the simulated scenes.")
-@click.option("--figure", metavar="FILE", help="Draw the simulated scenes' errors: PNG, SVG or PDF.")
+@click.option("--perceiver", metavar="NAME", help="Perceiver to score; with --simulated the default is all.")
+@click.option("--seed", type=click.IntRange(min=0), help="Random seed of the simulated scenes.")
+@click.option("--figure", metavar="FILE", help="Plot the errors on simulated scenes: PNG, SVG or PDF.")
 @procedure_option
 @config_option
 @set_option
@@ -34,8 +34,8 @@ def evaluate(
 ) -> None:
     """Score perception and states on a labelled clip, or on simulated scenes.
 
-    CLIP_DIR holds clip.mp4, registration.toml and truth.csv. With --simulated there is no moving average
-    (perception.alpha=1) unless --set says so.
+    CLIP_DIR contains clip.mp4, registration.toml and truth.csv. With --simulated the moving average is off
+    (perception.alpha=1) unless --set turns it on.
     """
     import msgspec
 

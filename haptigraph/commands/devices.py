@@ -1,4 +1,4 @@
-"""Commands for what vibrates: devices, devices test."""
+"""Commands for actuators: devices, devices test."""
 
 import sys
 
@@ -9,13 +9,13 @@ from haptigraph.commands.terminal import terminable
 
 __all__ = ["devices", "devices_test"]
 
-SAFETY = "Research software: never let it vibrate on anyone whom a vibration, or its absence, could harm."
+SAFETY = "Research software: never use it on anyone whom a vibration, or its absence, could harm."
 
 
 @click.group(invoke_without_command=True)
 @click.pass_context
 def devices(context: click.Context) -> None:
-    """List what can vibrate here, what each device can, and what an extra would add."""
+    """List the haptic devices on this machine, their capabilities, and what an extra would add."""
     if context.invoked_subcommand is not None:
         return
     from rich.console import Console
@@ -35,7 +35,7 @@ def devices(context: click.Context) -> None:
 @click.argument("device")
 @procedure_option
 def devices_test(device: str, procedure: str | None) -> None:
-    """Let DEVICE play every pattern of the haptic grammar, and measure its round trip where it answers."""
+    """Play every pattern of the haptic grammar on DEVICE, and measure the round trip if it confirms."""
     from haptigraph.analysis.actuators import play_grammar
     from haptigraph.assemble import load_procedure, open_device
     from haptigraph.clock import MonotonicClock
@@ -54,4 +54,4 @@ def devices_test(device: str, procedure: str | None) -> None:
     if trial.capabilities.answers:
         click.echo("the device confirmed each one, so this is the round trip")
     else:
-        click.echo("the device confirms nothing, so how late it vibrates is not known")
+        click.echo("the device confirms no command, so the delay until it vibrates is unknown")

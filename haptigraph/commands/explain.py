@@ -1,4 +1,4 @@
-"""Commands that explain: explain a moment of a run, draw the states of a procedure."""
+"""Commands that explain a moment of a run (explain) and the states of a procedure (diagram)."""
 
 import click
 
@@ -7,12 +7,12 @@ __all__ = ["diagram", "explain"]
 
 @click.command()
 @click.argument("recording")
-@click.option("--at", "at_s", type=float, required=True, metavar="SECONDS", help="Since the first step.")
+@click.option("--at", "at_s", type=float, required=True, metavar="SECONDS", help="Time since the first step.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def explain(recording: str, at_s: float, as_json: bool) -> None:
-    """Explain one moment of RECORDING: which rule fired, by what, and what was near.
+    """Explain one moment of RECORDING: the rule that fired, its evidence, and the nearest other state.
 
-    The runner-up is the other state to which the smallest change leads: in triplets, and in mm and degrees.
+    The runner-up is the state that the smallest change would lead to: in triplets, and in mm and degrees.
     """
     import msgspec
 
@@ -28,8 +28,8 @@ def explain(recording: str, at_s: float, as_json: bool) -> None:
 def diagram(procedure: str, output: str) -> None:
     """Draw the states of PROCEDURE with their priorities, as in the paper.
 
-    Misaligned states stand on the left, aligned ones on the right. A line joins states between which one
-    measure's crossing one threshold can lead.
+    Misaligned states are on the left, aligned ones on the right. A line joins two states if one measure
+    crossing one threshold can lead from one to the other.
     """
     from haptigraph.analysis.plots.diagram import write_diagram
     from haptigraph.assemble import load_procedure

@@ -1,34 +1,35 @@
-"""Make the next images while the loop works on this one: files and simulators on a second core."""
+"""Read sources faster than the loop: ahead of it in a second thread, or to the end without a loop."""
 
 import threading
+from collections.abc import Generator
 from queue import Empty, SimpleQueue
 
+from haptigraph.errors import EndOfSource
 from haptigraph.messages import Capture
 from haptigraph.semaphore import InterruptSafeSemaphore
+from haptigraph.sources.wrapper import SourceWrapper
 from haptigraph.stages import Source
 
-__all__ = ["ReadAhead"]
+__all__ = ["ReadAhead", "read_images"]
 
 DEPTH = 4
 POLL_S = 0.1
+READ_TIMEOUT_S = 1.0
 
 
-class ReadAhead:
+class ReadAhead(SourceWrapper):
     """Read another source in a thread, in order, a few captures ahead.
 
     Args:
-        source: A source that is not live; only the thread touches it.
-        waits: Whether reading waits however long it takes: True where nothing is controlled in real time.
+        source: A source that is not live; only the thread reads it.
+        waits: Whether `read` ignores its timeout: True where nothing is controlled in real time.
     """
 
-    is_live = False
-
     def __init__(self, source: Source, *, waits: bool) -> None:
-        self.rate_hz, self.registration = source.rate_hz, source.registration
-        self.notes = getattr(source, "notes", ())
-        self._source, self._waits = source, waits
+        super().__init__(source)
+        self._waits = waits
         self._ready: SimpleQueue[Capture | BaseException] = SimpleQueue()
-        self._room = InterruptSafeSemaphore(DEPTH)
+        self._slots = InterruptSafeSemaphore(DEPTH)
         self._ended: BaseException | None = None
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._read, name="haptigraph-read-ahead", daemon=True)
@@ -41,7 +42,7 @@ class ReadAhead:
                 item = self._ready.get(timeout=None if self._waits else timeout_s)
             except Empty:
                 return None
-            self._room.give_back()
+            self._slots.release()
             if isinstance(item, Capture):
                 return item
             self._ended = item
@@ -58,12 +59,25 @@ class ReadAhead:
         while not last and not self._closing.is_set():
             try:
                 item: Capture | BaseException | None = self._source.read(POLL_S)
-            except BaseException as error:  # whatever it is, it belongs to the loop
+            except BaseException as error:  # `read` raises it in the loop's thread
                 item, last = error, True
             if item is not None:
                 self._put(item)
 
     def _put(self, item: Capture | BaseException) -> None:
         while not self._closing.is_set():
-            if self._room.take(POLL_S):
+            if self._slots.acquire(POLL_S):
                 return self._ready.put(item)
+
+
+def read_images(source: Source) -> Generator[Capture, None, None]:
+    """Yield every capture that has an image, as fast as the source delivers, and close the source."""
+    try:
+        while True:
+            capture = source.read(READ_TIMEOUT_S)
+            if capture is not None and capture.image is not None:
+                yield capture
+    except EndOfSource:
+        return
+    finally:
+        source.close()

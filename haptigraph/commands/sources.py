@@ -1,0 +1,25 @@
+"""The command `sources`."""
+
+import click
+
+__all__ = ["sources"]
+
+
+@click.command()
+def sources() -> None:
+    """List the kinds of SOURCE, and the connected cameras.
+
+    Settings choose a camera's size, rate and format: --set source.rate_hz=60 --set source.width_px=640
+    --set source.height_px=480 --set source.fourcc=YUYV. The defaults are the registered size, 30 and MJPG.
+    """
+    from haptigraph.sources.available import connected_cameras, source_kinds
+
+    kinds = source_kinds()
+    width = max(len(kind.syntax) for kind in kinds)
+    for kind in kinds:
+        needs = f"; needs: pip install 'haptigraph[{kind.missing_extra}]'" if kind.missing_extra else ""
+        click.echo(f"{kind.syntax:{width}}  {kind.description}{needs}")
+    cameras = connected_cameras()
+    click.echo("\nconnected cameras" if cameras else "\nno camera is connected")
+    for uri, name in cameras:
+        click.echo(f"{uri:{width}}  {name}")
