@@ -8,7 +8,7 @@ NATIVE := haptigraph/perception/native
 WATCHED := build/watched
 SCENES ?= $(basename $(notdir $(wildcard rendering/scenes/*.toml)))
 
-.PHONY: setup demo live test test-pythons test-slow test-native fuzz check bench bench-live bench-oct bench-touch bench-sweep compare-touch rehearse screenshots soak golden train render interop lock clean
+.PHONY: setup demo live test test-pythons test-slow test-native mutants fuzz check bench bench-live bench-oct bench-touch bench-sweep compare-touch rehearse screenshots soak golden train render interop lock clean
 
 setup: $(VENV)/ready
 
@@ -47,6 +47,10 @@ test-pythons:  ## all tests, or TESTS=..., on OTHER_PYTHONS (on PATH or from pye
 
 test-slow: setup  ## the long suites, for instance thousands of mutated procedures
 	$(BIN)/python -m pytest -m slow
+
+mutants: setup  ## break the core on purpose, operator by operator: a test must fail, or tests/survivors.toml say why not
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'mutmut>=3.8,<4'
+	$(BIN)/python tests/mutants.py
 
 fuzz: setup  ## the property tests on thousands of new examples
 	$(BIN)/python -m pytest -n auto -m hypothesis --hypothesis-profile=fuzz
