@@ -94,8 +94,8 @@ def build(
     clock: Clock = MonotonicClock() if is_realtime(config) else VirtualClock()
     procedure = load_procedure(config.run.procedure)
     config = config.with_perceiver(perceiver_name(config, procedure))  # a recording says which it was
-    load_registered = _load("haptigraph.registration.oct:load_registered")
-    given = load_registered(config.source.registration) if config.source.registration else None
+    load_registration = _load("haptigraph.registration.loading:load_registration")
+    given = load_registration(config.source.registration) if config.source.registration else None
     with ExitStack() as undo:
         source = open_source(config, clock, (given.width_px, given.height_px) if given else None)
         undo.callback(source.close)
@@ -290,10 +290,10 @@ def _perceiver(config: Config, registration: "Registered", procedure: "Procedure
 
 
 def _own_registration(source: Source, config: Config) -> "Registered":
-    from haptigraph.registration.oct import parse_registered
+    from haptigraph.registration.loading import parse_registration
 
     if source.registration is not None:
-        return parse_registered(source.registration, f"registration of {config.source.uri}")
+        return parse_registration(source.registration, f"registration of {config.source.uri}")
     beside = Path(config.source.uri).parent / "registration.toml"
     hint = f"; there is one beside it: {beside}" if beside.is_file() else ""
     raise NeedsRegistration(config.source.uri, hint)

@@ -52,10 +52,10 @@ def phantom_images(request, perceiver_class):
 
 @pytest.fixture
 def perceiver(perceiver_class, phantom_images):
-    from haptigraph.registration.oct import parse_registered
+    from haptigraph.registration.loading import parse_registration
 
     try:
-        return perceiver_class(parse_registered(phantom_images[0], "phantom"), Config().perception)
+        return perceiver_class(parse_registration(phantom_images[0], "phantom"), Config().perception)
     except MissingExtra as missing:
         pytest.skip(str(missing))
 
