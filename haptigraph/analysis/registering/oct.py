@@ -167,5 +167,5 @@ def _with_bars(scan: Image, axial_mm: float, lateral_mm: float, title: str) -> I
 
 
 def _bar_mm(length_mm: float) -> float:
-    """Return the longest bar of at most a third of an axis."""
+    """Return the longest bar no longer than a third of an axis."""
     return next((bar_mm for bar_mm in BARS_MM if bar_mm <= length_mm / 3), BARS_MM[-1])
