@@ -34,7 +34,7 @@ def check_output(output: str | Path) -> None:
     if output.suffix not in FORMATS:
         raise BadInput(f"not a figure's name; valid endings: {', '.join(FORMATS)}", output)
     if not output.parent.is_dir():
-        raise BadInput("cannot be written; its folder does not exist", output)
+        raise BadInput("cannot be written; there is no such folder", output)
 
 
 def sweep_figure(sweep: Sweep, held: Sequence[HeldDepth], output: str | Path) -> None:

@@ -135,7 +135,7 @@ def anatomy_px_of(opened: Opened, draft: Draft) -> AnatomyPx:
     points = draft.center_px, draft.target_px, *draft.contour_px, *(t.point_px for t in draft.trocars)
     for x, y in points:
         if not (-width_px <= x <= 2 * width_px and -height_px <= y <= 2 * height_px):
-            raise BadInput(f"({x:g}, {y:g}) px is far outside the {width_px} x {height_px} px image")
+            raise BadInput(f"({x:g}, {y:g}) px lies far outside the {width_px} x {height_px} px image")
     trocars = tuple(TrocarPx(trocar.name, trocar.point_px, trocar.used) for trocar in draft.trocars)
     same = {name: each for name, each in asdict(draft).items() if name != "file"}
     more = {"trocars": trocars, "background_webp": opened.background_webp}

@@ -161,7 +161,7 @@ def all_images(uri: str) -> Generator[Image, None, None]:
         try:
             yield decode(file.read_bytes())
         except ValueError:
-            raise BadInput("is not an image that OpenCV can read", uri) from None
+            raise BadInput("not an image that OpenCV can read", uri) from None
         return
     if split_source(uri, SOURCES)[0] in CAMERAS:
         raise BadInput(f"{uri} cannot be registered directly; record a short clip with it and register that")
