@@ -20,7 +20,8 @@ from haptigraph import assemble
 from haptigraph.config import PerceptionConfig
 from haptigraph.geometry import Point, Polyline, Segment
 from haptigraph.messages import Capture, Observation
-from haptigraph.registration.oct import ScanRegistration, parse_registered
+from haptigraph.registration.loading import parse_registration
+from haptigraph.registration.oct import ScanRegistration
 from haptigraph.registration.registered import Registered
 from haptigraph.sim.oct.bscan import BscanTruth
 from haptigraph.sim.oct.scenes import BscanScene, random_scene
@@ -70,7 +71,7 @@ def prepared(scene: BscanScene, perceiver: type) -> Prepared:
         f"format = 1\n[image]\nwidth = {settings.width_px}\nheight = {settings.height_px}\n[scale]\n"
         f"axial_mm_per_px = {settings.axial_mm_per_px}\nlateral_mm_per_px = {settings.lateral_mm_per_px}\n"
     )
-    registration = parse_registered(text, "scene")
+    registration = parse_registration(text, "scene")
     assert isinstance(registration, ScanRegistration)  # noqa: S101 - for the type checker
     perceive = perceiver(registration, PerceptionConfig())
     return Prepared(perceive, registration, Capture(0, 0, scan.image), scan.truth)

@@ -20,7 +20,7 @@ from haptigraph.config import Config
 from haptigraph.geometry import Geometry, Point, Polyline, Segment, Vec, height_on_polyline
 from haptigraph.messages import Capture, Observation, Step
 from haptigraph.pipeline import Pipeline
-from haptigraph.registration.oct import parse_registered
+from haptigraph.registration.loading import parse_registration
 from haptigraph.sim.oct.bscan import BscanCamera
 from haptigraph.sim.oct.retina import Retina, Surfaces
 from haptigraph.sim.oct.scenes import random_scene
@@ -218,7 +218,7 @@ def pipeline(approach: Approach, perceive: Callable[[Capture], Observation] | No
     procedure = assemble.load_procedure("subretinal_injection_ioct")
     config = Config().with_perceiver("bscan")
     stub = None if perceive is None else Stub(perceive)
-    return assemble.build_pipeline(config, parse_registered(text, "scene"), procedure, stub)
+    return assemble.build_pipeline(config, parse_registration(text, "scene"), procedure, stub)
 
 
 class Stub:

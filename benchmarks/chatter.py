@@ -23,7 +23,7 @@ from haptigraph.graph import SceneGraph
 from haptigraph.inference.engine import RuleEngine
 from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import Observation
-from haptigraph.registration.camera import parse_registration
+from haptigraph.registration.loading import parse_registration
 from haptigraph.scene.builder import SchemaSceneBuilder
 from haptigraph.sim.eye.eye import Eye, EyeShape, registration_text
 

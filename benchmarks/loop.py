@@ -16,7 +16,7 @@ from haptigraph.clock import VirtualClock
 from haptigraph.config import load_config
 from haptigraph.messages import Capture
 from haptigraph.pipeline import Pipeline
-from haptigraph.registration.oct import load_registered, parse_registered
+from haptigraph.registration.loading import load_registration, parse_registration
 from haptigraph.run_report import Durations
 from haptigraph.sources.played import played
 
@@ -34,14 +34,14 @@ def load(procedure: str = "subretinal_injection") -> tuple[str, Pipeline, list[C
     if procedure in SCENARIOS:
         uri = f"phantom:{SCENARIOS[procedure]}"
     elif CLIP.is_dir():
-        registration = load_registered(CLIP / "registration.toml")
+        registration = load_registration(CLIP / "registration.toml")
         uri = str(CLIP / "clip.mp4")
     else:
         uri = "phantom:align_then_approach"
     config = load_config(None, (f'source.uri="{uri}"',))
     source = assemble.open_source(config, VirtualClock())
     if source.registration is not None:
-        registration = parse_registered(source.registration, uri)
+        registration = parse_registration(source.registration, uri)
     with closing(played(source)) as images:
         captures = [replace(capture, encoded=None) for capture in islice(images, IMAGES)]
     pipeline = assemble.build_pipeline(config, registration, assemble.load_procedure(procedure))

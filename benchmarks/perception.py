@@ -20,7 +20,8 @@ from haptigraph import assemble
 from haptigraph.clock import VirtualClock
 from haptigraph.config import Config, load_config
 from haptigraph.messages import Capture, Image
-from haptigraph.registration.camera import Registration, load_registration, parse_registration
+from haptigraph.registration.camera import Registration
+from haptigraph.registration.loading import load_registration, parse_registration
 from haptigraph.sources.played import played
 
 SIMULATED = "phantom:align_then_approach"

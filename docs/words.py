@@ -46,7 +46,9 @@ def found_in(text: str) -> list[tuple[int, str, str]]:
                 for match in re.finditer(rf"(?i)(?<![a-z])({pattern})(?![a-z])", line)
             ]
         found += [
-            (number, match[0], instead) for part, instead in PARTS.items() for match in re.finditer(part, line)
+            (number, match[0], instead)
+            for part, instead in PARTS.items()
+            for match in re.finditer(part, line)
         ]
     return found
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from haptigraph.graph import SceneGraph, Triplet
     from haptigraph.messages import Capture, Step
     from haptigraph.recording.reader import RunReader
-    from haptigraph.registration.camera import load_registration
+    from haptigraph.registration.loading import load_registration
 
 __all__ = [
     "Capture",
@@ -55,7 +55,7 @@ _MODULES = {
     "build": "assemble",
     "load_config": "config",
     "load_procedure": "assemble",
-    "load_registration": "registration.camera",
+    "load_registration": "registration.loading",
 }
 
 

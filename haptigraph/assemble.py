@@ -91,8 +91,8 @@ def build(
     clock: Clock = MonotonicClock() if is_realtime(config) else VirtualClock()
     procedure = load_procedure(config.run.procedure)
     config = config.with_perceiver(perceiver_name(config, procedure))  # so that a recording names it
-    load_registered = _load("haptigraph.registration.oct:load_registered")
-    given = load_registered(config.source.registration) if config.source.registration else None
+    load_registration = _load("haptigraph.registration.loading:load_registration")
+    given = load_registration(config.source.registration) if config.source.registration else None
     with ExitStack() as undo:
         source = open_source(config, clock, (given.width_px, given.height_px) if given else None)
         undo.callback(source.close)
@@ -292,10 +292,10 @@ def _perceiver_class(name: str) -> PerceiverClass:
 
 
 def _own_registration(source: Source, config: Config) -> "Registered":
-    from haptigraph.registration.oct import parse_registered
+    from haptigraph.registration.loading import parse_registration
 
     if source.registration is not None:
-        return parse_registered(source.registration, f"registration of {config.source.uri}")
+        return parse_registration(source.registration, f"registration of {config.source.uri}")
     beside = Path(config.source.uri).parent / "registration.toml"
     hint = f"; there is one beside it: {beside}" if beside.is_file() else ""
     raise NeedsRegistration(config.source.uri, hint)

@@ -1,7 +1,7 @@
-"""Bodies in Blender: the eye that was cut open, instruments, beads and what lies around.
+"""Bodies in Blender: the opened eye, instruments, beads and surroundings.
 
-Blender's world is the section seen by the camera: x right, y away from the camera, z up [mm], the image's
-middle at its origin; y is 0 in the section. Knows no light, and does not move anything.
+Blender's world frame: x right, y away from the camera, z up [mm]; origin at the image centre in the plane of
+the section (y = 0).
 """
 
 import math
@@ -33,7 +33,7 @@ Profile = Sequence[tuple[float, float]]
 
 
 def add_bowl(layout: Layout) -> Object:
-    """Add the eye: half a sphere with a wall, and a hole in it for each trocar."""
+    """Add the eye: a hemisphere with a wall and a port for each trocar."""
     bowl = _spun("bowl", _bowl_profile(layout.eye.radius_mm), "Y", BOWL_SEGMENTS)
     bowl.location = _center(layout)
     look = layout.scene.bowl
@@ -56,7 +56,7 @@ def add_bowl(layout: Layout) -> Object:
 
 
 def _bowl_profile(radius_mm: float) -> Profile:
-    """Return the wall's outline as (distance from the axis, towards the back), inner side first, closed."""
+    """Return the closed outline of the wall as (distance from the axis, depth), inner surface first."""
     outer_mm = radius_mm + WALL_MM
     inner_cut, outer_cut = math.asin(CUT_MM / radius_mm), math.asin(CUT_MM / outer_mm)
     inner = [
@@ -71,7 +71,7 @@ def _bowl_profile(radius_mm: float) -> Profile:
 
 
 def add_needle(needle: Needle) -> Object:
-    """Add the needle; `place` puts it somewhere."""
+    """Add the needle; `place` positions it."""
     profile = _needle_profile(needle.point, needle.width_mm / 2, needle.taper_mm)
     added = _spun("needle", profile, "Z", NEEDLE_SEGMENTS)
     added.data.materials.append(needle_material(needle))
@@ -81,7 +81,7 @@ def add_needle(needle: Needle) -> Object:
 
 
 def add_second_instrument(instrument: Instrument, end_mm: Vec, direction: Vec, layout: Layout) -> None:
-    """Add an instrument at rest."""
+    """Add a stationary instrument."""
     profile = _needle_profile("round", instrument.width_mm / 2)
     added = _spun("second", profile, "Z", NEEDLE_SEGMENTS)
     added.data.materials.append(
@@ -110,7 +110,7 @@ def _needle_profile(point: str, radius_mm: float, taper_mm: float | None = None)
 
 
 def _cut_bevel(needle: Object, radius_mm: float) -> None:
-    """Cut a needle at a slant, so that what is left of its end is the point on its local x axis."""
+    """Cut a bevel, so that the point of the needle is at its local +x side."""
     bevel = math.radians(BEVEL_DEG)
     mesh = bmesh.new()
     mesh.from_mesh(needle.data)
@@ -130,17 +130,17 @@ def _cut_bevel(needle: Object, radius_mm: float) -> None:
 
 
 def place(instrument: Object, layout: Layout, end_mm: Vec, direction: Vec, roll_deg: float = 0.0) -> None:
-    """Put an instrument where its end and its shaft's direction (towards the end) are given, eye frame."""
+    """Position an instrument by its end and its shaft's direction (towards the end), eye frame."""
     along = -_in_world(direction)
     away = Vector((0, 1, 0))
-    turned = Matrix((away.cross(along), away, along)).transposed().to_4x4()
-    placed = turned @ Matrix.Rotation(math.radians(roll_deg), 4, "Z")
-    placed.translation = _center(layout) + _in_world(end_mm)
-    instrument.matrix_world = placed
+    rotation = Matrix((away.cross(along), away, along)).transposed().to_4x4()
+    pose = rotation @ Matrix.Rotation(math.radians(roll_deg), 4, "Z")
+    pose.translation = _center(layout) + _in_world(end_mm)
+    instrument.matrix_world = pose
 
 
 def add_surroundings(layout: Layout, random: Random) -> None:
-    """Add a holder of wood before a dark ground, with a bar, a rod and two screws."""
+    """Add a wooden holder in front of a dark background, with a bar, a rod and two screws."""
     up_mm = layout.scene.camera.globe_mm[1]
     wood = wooden("wood", WOOD_COLOR)
     _add_box((-60, 60), (14.5, 16), (-60, 60), mottled("dark", DARK_COLOR, 0.8, share=0.1, per_mm=0.3))
@@ -160,7 +160,7 @@ def add_surroundings(layout: Layout, random: Random) -> None:
 
 
 def add_beads(layout: Layout, random: Random) -> None:
-    """Add beads that lie in the bowl or hang above it."""
+    """Add beads in the bowl or floating above it."""
     right_mm, up_mm = layout.scene.camera.globe_mm
     for _ in range(layout.scene.beads):
         x, z = random.uniform(-8, 8), random.uniform(-9, 6)
@@ -184,40 +184,40 @@ def _add_bar(
     radius_mm: float,
     length_mm: float,
     segments: int,
-    at_mm: tuple[float, float, float],
+    center_mm: tuple[float, float, float],
     slope_rad: float,
     material: Material,
 ) -> None:
-    """Add a cylinder that lies across the picture."""
+    """Add a cylinder across the image."""
     bpy.ops.mesh.primitive_cylinder_add(
         radius=radius_mm,
         depth=length_mm,
         vertices=segments,
-        location=at_mm,
+        location=center_mm,
         rotation=(0, math.pi / 2 + slope_rad, 0),
     )
     _finish(material)
 
 
 def _finish(material: Material) -> None:
-    """Give the body that was just added its material, and smooth it."""
+    """Assign a material to the active object, and shade it smooth."""
     bpy.context.object.data.materials.append(material)
     bpy.ops.object.shade_smooth()
 
 
 def _cut_out(body: Object, tool: Object) -> None:
-    """Take away from a body what lies in another, which is not seen itself."""
+    """Subtract an invisible tool from a body."""
     modifier = body.modifiers.new("cut", "BOOLEAN")
     modifier.operation, modifier.solver, modifier.object = "DIFFERENCE", "EXACT", tool
     tool.hide_render = tool.hide_viewport = True
 
 
 def _spun(name: str, profile: Profile, axis: str, segments: int) -> Object:
-    """Return the body that a profile sweeps when it is turned about an axis."""
+    """Return the solid of revolution of a profile about an axis."""
     is_upright = axis == "Z"
     outline = [(across, 0, along) if is_upright else (across, along, 0) for across, along in profile]
     mesh = bmesh.new()
-    vertices = [mesh.verts.new(place_mm) for place_mm in outline]
+    vertices = [mesh.verts.new(point_mm) for point_mm in outline]
     edges = [mesh.edges.new(pair) for pair in pairwise(vertices)]
     bmesh.ops.spin(
         mesh,
@@ -243,5 +243,5 @@ def _center(layout: Layout) -> Vector:
     return _in_world(layout.scene.camera.globe_mm)
 
 
-def _in_world(at_mm: Vec) -> Vector:
-    return Vector((at_mm[0], 0, at_mm[1]))
+def _in_world(point_mm: Vec) -> Vector:
+    return Vector((point_mm[0], 0, point_mm[1]))

@@ -1,6 +1,6 @@
-"""What is true of a rendered clip: the registration of its eye, and the truth of every image.
+"""Labels of a rendered clip: the registration of its eye, and the ground truth of every image.
 
-Labels come from the geometry and the rules, never from the images.
+They come from the geometry and the rules, never from the images.
 """
 
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from haptigraph.analysis.evaluation.sweep import true_rows
 from haptigraph.geometry import Segment
 from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import Truth
-from haptigraph.registration.camera import parse_registration
+from haptigraph.registration.loading import parse_registration
 from haptigraph.registration.text import AnatomyPx, TrocarPx, registration_text
 from rendering.layout import HEIGHT_PX, WIDTH_PX, Layout
 from rendering.path import Pose
@@ -32,7 +32,7 @@ def registration_of(layout: Layout) -> str:
         center_px=layout.image.center_px,
         radius_px=eye.radius_mm / layout.image.mm_per_px,
         diameter_mm=eye.shape.diameter_mm,
-        contour_px=tuple(layout.to_px(place_mm) for place_mm in eye.retina_mm),
+        contour_px=tuple(layout.to_px(point_mm) for point_mm in eye.retina_mm),
         target_px=layout.to_px(eye.target_mm),
         trocars=trocars,
     )
@@ -40,12 +40,12 @@ def registration_of(layout: Layout) -> str:
 
 
 def truth_of(layout: Layout, poses: Sequence[Pose | None], procedure: Procedure) -> list[TruthRow]:
-    """Return the truth of every image.
+    """Return the ground truth of every image.
 
     Args:
-        layout: Of the scene.
-        poses: Of the needle; None where it is away.
-        procedure: Whose rules say the states.
+        layout: Layout of the scene.
+        poses: Poses of the needle; None for images without needle.
+        procedure: The procedure whose rules determine the states.
     """
     registration = parse_registration(registration_of(layout), "the scene's registration")
     truths = [_truth(layout, pose) for pose in poses]

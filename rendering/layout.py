@@ -1,7 +1,7 @@
-"""Where everything lies: eye, trocars, target and needle in the eye frame, and where the camera sees them.
+"""Geometry of a scene: eye, trocars, target and needle in the eye frame, and their projection into the image.
 
-The eye frame is the section that the needle moves in; the camera looks at it straight from 200 mm away.
-`behind_mm` is how far beyond that section a place lies, away from the camera. Knows no Blender.
+The eye frame is the section in which the needle moves; the camera faces it at 200 mm. `behind_mm` is the
+distance of a point behind that section, away from the camera.
 """
 
 import math
@@ -21,27 +21,27 @@ DISTANCE_MM = 200.0
 """From the camera to the section."""
 WALL_MM = 1.8
 CUT_MM = 0.6
-"""How far the cut wall stands before the section."""
+"""Height of the cut wall in front of the section."""
 TROCARS_DEG = {"first": 36.0, "second": -37.0}
 """From the top."""
-MARGIN_MM = 4.0  # so far beside the eye the needle or its shadow may fall
+MARGIN_MM = 4.0  # around the eye, for the needle and its shadow
 
 
 class Placed(Struct, frozen=True):
-    """A needle in its place."""
+    """A needle in a pose."""
 
     axis_mm: Vec
-    """Where its axis ends, eye frame."""
+    """End of its axis, eye frame."""
     direction: Vec
     """Of the shaft, towards the tip."""
     tip_mm: Vec
-    """A bevel's tip lies beside the axis."""
+    """The tip; that of a bevel is beside the axis."""
     behind_mm: float
-    """The tip's."""
+    """Distance of the tip behind the section."""
 
 
 class Layout:
-    """The places of one scene.
+    """The geometry of one scene.
 
     Args:
         scene: The scene.
@@ -53,35 +53,35 @@ class Layout:
             name: Eye(EyeShape(wall_mm=WALL_MM, target_deg=scene.target_deg, trocar_deg=trocar_deg))
             for name, trocar_deg in TROCARS_DEG.items()
         }
-        """The same eye through either trocar."""
+        """The same eye, entered through either trocar."""
         self.eye = self.eyes[scene.trocar]
         self.axis_mm = subtract(self.eye.target_mm, self.eye.trocar_mm)
         """From the trocar to the target."""
 
     @cached_property
     def poses(self) -> tuple[Pose, ...]:
-        """The needle's, image by image."""
+        """Pose of the needle in every image."""
         return needle_path(norm(self.axis_mm), self.scene.start_deg)
 
     @cached_property
     def image(self) -> ImageGeometry:
-        """Where the section lies in the image."""
+        """Geometry of the section in the image."""
         middle_px, camera = _middle_px(), self.scene.camera
         right_mm, up_mm = camera.globe_mm
         center_px = middle_px[0] + right_mm * camera.px_per_mm, middle_px[1] - up_mm * camera.px_per_mm
         return ImageGeometry(center_px, 1 / camera.px_per_mm, mirrored=False)
 
-    def to_px(self, at_mm: Vec, behind_mm: float = 0.0) -> Vec:
-        """Return where the camera sees a place; what is further behind is nearer to the middle."""
-        shrunk = DISTANCE_MM / (DISTANCE_MM + behind_mm)
-        middle_px, at_px = _middle_px(), self.image.to_px(at_mm)
+    def to_px(self, point_mm: Vec, behind_mm: float = 0.0) -> Vec:
+        """Project a point into the image (perspective)."""
+        scale = DISTANCE_MM / (DISTANCE_MM + behind_mm)
+        middle_px, point_px = _middle_px(), self.image.to_px(point_mm)
         return (
-            middle_px[0] + shrunk * (at_px[0] - middle_px[0]),
-            middle_px[1] + shrunk * (at_px[1] - middle_px[1]),
+            middle_px[0] + scale * (point_px[0] - middle_px[0]),
+            middle_px[1] + scale * (point_px[1] - middle_px[1]),
         )
 
     def placed(self, pose: Pose) -> Placed:
-        """Return where the needle is in some pose."""
+        """Return the needle's tip and axis in a pose."""
         direction = rotate(unit(self.axis_mm), pose.theta_deg)
         axis_mm = _along(self.eye.trocar_mm, direction, pose.depth_mm)
         needle = self.scene.needle
@@ -92,15 +92,15 @@ class Layout:
         return Placed(axis_mm, direction, tip_mm, radius_mm * math.sin(roll))
 
     def is_visible(self, placed: Placed) -> bool:
-        """Tell whether the tip can be seen: not behind the cut wall. Beads and instruments are not asked."""
+        """Return whether the cut wall does not occlude the tip; ignores beads and other instruments."""
         inner_mm, outer_mm = (_rim_mm(self.eye.radius_mm + wall_mm) for wall_mm in (0.0, WALL_MM))
         return not inner_mm <= self._from_center_mm(placed) <= outer_mm
 
     def is_inside(self, placed: Placed) -> bool:
-        """Tell whether the tip is in the globe; one that was pushed into the retina still is."""
-        ahead_mm = subtract(self.eye.target_mm, placed.axis_mm)
-        is_across = norm(ahead_mm) < norm(self.axis_mm) / 2
-        return is_across or self._from_center_mm(placed) < self.eye.radius_mm
+        """Return whether the tip is inside the globe, or was pushed from there into the retina."""
+        to_target_mm = subtract(self.eye.target_mm, placed.axis_mm)
+        is_near_target = norm(to_target_mm) < norm(self.axis_mm) / 2
+        return is_near_target or self._from_center_mm(placed) < self.eye.radius_mm
 
     def second_instrument(self) -> tuple[Vec, Vec] | None:
         """Return end [mm] and direction of the second instrument."""
@@ -112,9 +112,9 @@ class Layout:
         return _along(other.trocar_mm, direction, instrument.depth_mm), direction
 
     def changing_px(self) -> tuple[int, int, int, int]:
-        """Return (left, top, right, bottom) of the part of the image in which the needle changes anything.
+        """Return (left, top, right, bottom) of the image region that the needle may change.
 
-        Right and bottom are the first column and row beyond it.
+        Right and bottom are exclusive.
         """
         (x, y), px_per_mm = self.image.center_px, self.scene.camera.px_per_mm
         outer_mm = self.eye.radius_mm + WALL_MM
@@ -136,5 +136,5 @@ def _along(start_mm: Vec, direction: Vec, length_mm: float) -> Vec:
 
 
 def _rim_mm(radius_mm: float) -> float:
-    """Return the radius of a sphere's cut edge as it appears in the section behind it."""
+    """Return the radius of a sphere's cut edge, projected onto the section behind it."""
     return math.sqrt(radius_mm**2 - CUT_MM**2) * DISTANCE_MM / (DISTANCE_MM - CUT_MM)

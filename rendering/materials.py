@@ -1,7 +1,4 @@
-"""Materials of what is in the picture: Blender's shader nodes, from colours and roughness.
-
-Knows no shapes and no light. Patterns lie in an object's own coordinates [mm].
-"""
+"""Materials as Blender shader nodes. Patterns are in object coordinates [mm]."""
 
 import bpy
 
@@ -9,16 +6,16 @@ from rendering.scene import Bowl, Color, Needle
 
 __all__ = ["Material", "bowl_material", "mottled", "needle_material", "plain", "wooden"]
 
-COLOR_A, COLOR_B, MIXED = 6, 7, 2  # of a Mix node; sockets of other kinds have the same names
+COLOR_A, COLOR_B, MIXED = 6, 7, 2  # sockets of a Mix node; names are ambiguous
 VESSEL_COLOR = (0.35, 0.05, 0.03)
-LOWER_BELOW_MM, LOWER_BORDER_MM = -4.0, 2.0  # where the bottom's colour begins, and how much that wavers
+LOWER_BELOW_MM, LOWER_BORDER_MM = -4.0, 2.0  # height of the bottom colour's border, and its irregularity
 
 Socket = bpy.types.NodeSocket
 Material = bpy.types.Material
 
 
 def plain(name: str, color: Color, roughness: float, *, is_metal: bool = False) -> Material:
-    """Return a material of one colour."""
+    """Return a material of uniform colour."""
     material = bpy.data.materials.new(name)
     material.use_nodes = True
     inputs = _shader(material).inputs
@@ -37,15 +34,15 @@ def mottled(
     per_mm: float,
     stretch: tuple[float, float, float] = (1, 1, 1),
 ) -> Material:
-    """Return a material whose colour varies from place to place.
+    """Return a material of mottled colour.
 
     Args:
         name: Its name.
-        color: In the mean.
-        roughness: Of the surface.
-        share: How far the colour goes up and down.
-        per_mm: How fine the pattern is.
-        stretch: The pattern is so much finer along x, y and z.
+        color: Mean colour.
+        roughness: Surface roughness.
+        share: Relative variation of the colour.
+        per_mm: Spatial frequency of the pattern.
+        stretch: Scale of that frequency along x, y and z.
     """
     material = plain(name, color, roughness)
     _mottle(material, color, share, per_mm, stretch)
@@ -53,7 +50,7 @@ def mottled(
 
 
 def wooden(name: str, color: Color) -> Material:
-    """Return wood: long grain that can be felt."""
+    """Return wood, with grain in colour and relief."""
     material = plain(name, color, 0.6)
     noise = _mottle(material, color, 0.12, 0.5, (0.15, 1, 2.2))
     _roughen(material, noise, 0.05)
@@ -61,7 +58,7 @@ def wooden(name: str, color: Color) -> Material:
 
 
 def needle_material(needle: Needle) -> Material:
-    """Return what a needle is made of: drawn, so that its grain runs along it."""
+    """Return a needle's material, with grain along the shaft."""
     material = plain("needle", needle.color, needle.roughness, is_metal=needle.is_metal)
     noise = _mottle(material, needle.color, 0.05, 6, (1, 1, 0.2))
     _roughen(material, noise, 0.03)
@@ -69,7 +66,7 @@ def needle_material(needle: Needle) -> Material:
 
 
 def bowl_material(bowl: Bowl) -> Material:
-    """Return what the eye is lined with: mottled, perhaps another colour at the bottom, perhaps vessels."""
+    """Return the lining of the eye: mottled, optionally with another colour at the bottom, and vessels."""
     material = plain("bowl", bowl.color, 0.7)
     noise = _mottle(material, bowl.color, bowl.mottle, 1.2, (0.4, 0.4, 2.0))
     if bowl.lower_color:
@@ -82,9 +79,9 @@ def bowl_material(bowl: Bowl) -> Material:
 def _mottle(
     material: Material, color: Color, share: float, per_mm: float, stretch: tuple[float, float, float]
 ) -> Socket:
-    """Let the colour vary, and return the noise that it follows."""
+    """Modulate the colour by noise, and return the noise."""
     mapping = _node(material, "ShaderNodeMapping", Scale=stretch)
-    _link(material, _place(material), mapping.inputs["Vector"])
+    _link(material, _coordinates(material), mapping.inputs["Vector"])
     noise = _node(material, "ShaderNodeTexNoise", Scale=per_mm, Detail=6)
     _link(material, mapping.outputs["Vector"], noise.inputs["Vector"])
     dark = [max(part * (1 - 2 * share), 0) for part in color]
@@ -96,36 +93,36 @@ def _mottle(
     return noise.outputs["Fac"]
 
 
-def _paint_over(material: Material, is_painted: Socket, color: Color) -> None:
-    """Put a colour on where a socket is 1, and leave what is there where it is 0."""
+def _paint_over(material: Material, mask: Socket, color: Color) -> None:
+    """Blend in a colour where the mask is 1."""
     base = _shader(material).inputs["Base Color"]
-    mix = _mix(material, is_painted)
+    mix = _mix(material, mask)
     _link(material, base.links[0].from_socket, mix.inputs[COLOR_A])
     mix.inputs[COLOR_B].default_value = (*color, 1)
     _link(material, mix.outputs[MIXED], base)
 
 
 def _is_low(material: Material, noise: Socket) -> Socket:
-    """Return 1 at the bottom, with a border that wavers with the noise."""
-    parts = _node(material, "ShaderNodeSeparateXYZ")
-    _link(material, _place(material), parts.inputs["Vector"])
-    wavering = _node(material, "ShaderNodeMath")
-    wavering.operation = "MULTIPLY_ADD"
-    _link(material, noise, wavering.inputs[0])
-    wavering.inputs[1].default_value = LOWER_BORDER_MM
-    _link(material, parts.outputs["Z"], wavering.inputs[2])
-    return _compared(material, wavering.outputs[0], "LESS_THAN", LOWER_BELOW_MM)
+    """Return a mask of the bottom, with a border that varies with the noise."""
+    axes = _node(material, "ShaderNodeSeparateXYZ")
+    _link(material, _coordinates(material), axes.inputs["Vector"])
+    height = _node(material, "ShaderNodeMath")
+    height.operation = "MULTIPLY_ADD"
+    _link(material, noise, height.inputs[0])
+    height.inputs[1].default_value = LOWER_BORDER_MM
+    _link(material, axes.outputs["Z"], height.inputs[2])
+    return _compared(material, height.outputs[0], "LESS_THAN", LOWER_BELOW_MM)
 
 
 def _is_vessel(material: Material) -> Socket:
-    """Return 1 along thin winding lines."""
+    """Return a mask of thin winding lines."""
     wave = _node(material, "ShaderNodeTexWave", Scale=0.12, Distortion=14, Detail=2)
-    _link(material, _place(material), wave.inputs["Vector"])
+    _link(material, _coordinates(material), wave.inputs["Vector"])
     return _compared(material, wave.outputs["Fac"], "GREATER_THAN", 0.985)
 
 
 def _roughen(material: Material, height: Socket, strength: float) -> None:
-    """Make the surface uneven."""
+    """Add a bump map."""
     bump = _node(material, "ShaderNodeBump", Strength=strength)
     _link(material, height, bump.inputs["Height"])
     _link(material, bump.outputs["Normal"], _shader(material).inputs["Normal"])
@@ -140,14 +137,14 @@ def _compared(material: Material, value: Socket, operation: str, limit: float) -
 
 
 def _mix(material: Material, factor: Socket) -> bpy.types.Node:
-    """Return a node that goes from one colour to another."""
+    """Return a node that blends two colours."""
     mix = _node(material, "ShaderNodeMix")
     mix.data_type = "RGBA"
     _link(material, factor, mix.inputs[0])
     return mix
 
 
-def _place(material: Material) -> Socket:
+def _coordinates(material: Material) -> Socket:
     return _node(material, "ShaderNodeTexCoord").outputs["Object"]
 
 

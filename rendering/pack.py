@@ -1,6 +1,6 @@
-"""Pack the raw images of a scene into a labelled clip: `python -m rendering.pack NAME`, with haptigraph.
+"""Pack the raw images of a scene into a labelled clip: `python -m rendering.pack NAME`.
 
-Adds what a camera adds: a little blur, noise, and H.264. Knows nothing of Blender.
+Adds a camera's blur, noise and H.264 compression.
 """
 
 import sys
@@ -17,25 +17,25 @@ from haptigraph.errors import BadInput
 from haptigraph.messages import Image
 from rendering.labels import registration_of, truth_of
 from rendering.layout import HEIGHT_PX, WIDTH_PX, Layout
-from rendering.raw import EMPTY, raw_files
-from rendering.scene import asked_scene, output_folder
+from rendering.raw import BACKGROUND, raw_files
+from rendering.scene import output_folder, scene_from_arguments
 
 __all__ = ["AWAY_IMAGES", "RATE_HZ", "Sensor", "main", "pack"]
 
 AWAY_IMAGES = 3
-"""So many images without needle come first."""
+"""Number of images without needle at the start."""
 RATE_HZ = 30
 QUALITY = "15"  # x264's constant rate factor
 BLUR_PX = 0.6
 NOISE_GREY = 1.3
-GREY_SHARE, COLOR_SHARE = 0.8, 0.5  # of the noise: the same in all colours, and of each
-DARK_SHARE = 0.6  # of it where it is dark
+GREY_SHARE, COLOR_SHARE = 0.8, 0.5  # of the noise: common to all colours, and independent
+DARK_SHARE = 0.6  # of the noise in black
 PROCEDURE = "subretinal_injection"
 
 
 def main() -> None:
     """Pack one scene."""
-    name, scene = asked_scene(sys.argv[1:])
+    name, scene = scene_from_arguments(sys.argv[1:])
     folder = output_folder(name)
     try:
         pack(Layout(scene), folder / "raw", folder)
@@ -49,52 +49,52 @@ def pack(layout: Layout, raw: Path, folder: Path) -> None:
     """Write clip.mp4, empty.png, registration.toml and truth.csv.
 
     Args:
-        layout: Of the scene.
-        raw: Where its raw images are.
-        folder: Where the clip goes.
+        layout: Layout of the scene.
+        raw: Folder of its raw images.
+        folder: Folder of the clip.
 
     Raises:
         BadInput: If a raw image is missing.
     """
     files, sensor = raw_files(raw, layout.poses), Sensor(layout.scene.seed)
-    empty = _read(raw / EMPTY)
+    background = _read(raw / BACKGROUND)
     missing = [file for file in files if not file.exists()]
     if missing:
         raise _not_rendered(missing[0])
-    _write_clip(folder / "clip.mp4", (sensor(image) for image in _images(layout, empty, files)))
-    cv2.imwrite(str(folder / "empty.png"), sensor(empty))
+    _write_clip(folder / "clip.mp4", (sensor(image) for image in _images(layout, background, files)))
+    cv2.imwrite(str(folder / BACKGROUND), sensor(background))
     truth = truth_of(layout, [None] * AWAY_IMAGES + list(layout.poses), assemble.load_procedure(PROCEDURE))
     (folder / "registration.toml").write_text(registration_of(layout))
     (folder / "truth.csv").write_text(truth_text(truth, RATE_HZ))
 
 
 class Sensor:
-    """What a camera's sensor makes of what it sees.
+    """Simulate a camera's blur and sensor noise.
 
     Args:
-        seed: Of the noise.
+        seed: Seed of the noise.
     """
 
     def __init__(self, seed: int) -> None:
         self._random = np.random.default_rng(seed)
 
-    def __call__(self, seen: Image) -> Image:
-        """Return an image, blurred a little, with noise that grows with the light."""
-        blurred = cv2.GaussianBlur(seen, (0, 0), BLUR_PX).astype(np.float32)
+    def __call__(self, image: Image) -> Image:
+        """Return an image, slightly blurred, with noise that increases with brightness."""
+        blurred = cv2.GaussianBlur(image, (0, 0), BLUR_PX).astype(np.float32)
         grey = self._random.normal(0, GREY_SHARE, blurred.shape[:2])
         colored = self._random.normal(0, COLOR_SHARE, blurred.shape)
         noise = NOISE_GREY * (grey[..., None] + colored) * (DARK_SHARE + blurred / 255)
         return np.clip(np.rint(blurred + noise), 0, 255).astype(np.uint8)
 
 
-def _images(layout: Layout, empty: Image, files: Sequence[Path]) -> Iterator[Image]:
-    """Yield what is seen: first no needle, then the rendered part of each image in the empty one."""
+def _images(layout: Layout, background: Image, files: Sequence[Path]) -> Iterator[Image]:
+    """Yield the background image several times, then with the rendered region of each image in it."""
     for _ in range(AWAY_IMAGES):
-        yield empty
+        yield background
     left, top, right, bottom = layout.changing_px()
-    rendered = np.s_[top : bottom - 1, left + 1 : right - 1]  # Blender may round the part's edges inwards
+    rendered = np.s_[top : bottom - 1, left + 1 : right - 1]  # Blender may round the region's edges inwards
     for file in files:
-        image = empty.copy()
+        image = background.copy()
         image[rendered] = _read(file)[rendered]
         yield image
 
@@ -110,7 +110,7 @@ def _read(file: Path) -> Image:
 
 
 def _not_rendered(file: Path) -> BadInput:
-    return BadInput("is no picture; delete it if it is there, and run: make render", file)
+    return BadInput("is not an image; delete it if it exists, and run: make render", file)
 
 
 def _write_clip(file: Path, images: Iterable[Image]) -> None:

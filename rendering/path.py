@@ -1,7 +1,6 @@
-"""The needle's path: how deep it is and where it points, image by image.
+"""The needle's path: depth and angle in every image.
 
-It comes in at an angle, turns towards the target, and is pushed on until it touches the retina, by a hand
-that trembles. Knows neither the eye nor the needle's shape.
+It enters at an angle, turns towards the target and advances until it touches the retina, with tremor.
 """
 
 import math
@@ -11,18 +10,18 @@ from msgspec import Struct
 __all__ = ["IMAGES", "Pose", "needle_path"]
 
 IMAGES = 36
-INCOMING = TURNING = 10  # images; the rest is the way to the retina
-FIRST_MM, STOP_MM, TURN_MM = -2.5, 4.0, 6.0  # where it begins, where it begins to turn, where it has turned
-BEYOND_MM = 0.05  # pushed so far into the retina
+INCOMING = TURNING = 10  # images; the others are the approach
+FIRST_MM, STOP_MM, TURN_MM = -2.5, 4.0, 6.0  # depth at the start, and at the start and end of the turn
+BEYOND_MM = 0.05  # final depth in the retina
 SWAY_DEG = 0.15
 TREMBLE_MM, TREMBLE_DEG = 0.03, 0.1
 
 
 class Pose(Struct, frozen=True):
-    """Where the needle is in one image."""
+    """Pose of the needle in one image."""
 
     depth_mm: float
-    """From the trocar's pivot to the tip, along the shaft; negative outside."""
+    """From the remote centre of motion to the tip, along the shaft; negative outside."""
     theta_deg: float
     """From the line trocar -> target to the shaft, counter-clockwise."""
 
@@ -31,15 +30,15 @@ def needle_path(trocar_to_target_mm: float, start_deg: float) -> tuple[Pose, ...
     """Return the pose in every image.
 
     Args:
-        trocar_to_target_mm: How far it is.
-        start_deg: Theta on the way in.
+        trocar_to_target_mm: Distance from the trocar to the target.
+        start_deg: Theta during entry.
     """
     last_mm = trocar_to_target_mm + BEYOND_MM
     return tuple(_trembling(number, _steady(number, last_mm, start_deg)) for number in range(IMAGES))
 
 
 def _steady(number: int, last_mm: float, start_deg: float) -> Pose:
-    """Return the pose of a hand that does not tremble."""
+    """Return the pose without tremor."""
     if number < INCOMING:
         return Pose(FIRST_MM + (STOP_MM - FIRST_MM) * number / INCOMING, start_deg)
     if number < INCOMING + TURNING:

@@ -1,7 +1,4 @@
-"""The raw images of a scene on disk: which there are to be, and whether those that there are still hold.
-
-Knows neither how they are rendered nor what becomes of them.
-"""
+"""The raw images of a scene on disk: their names, which are missing, and whether the scene has changed."""
 
 import shutil
 from collections.abc import Sequence
@@ -9,19 +6,19 @@ from pathlib import Path
 
 from rendering.path import Pose
 
-__all__ = ["EMPTY", "begin", "missing", "raw_files"]
+__all__ = ["BACKGROUND", "begin", "missing", "raw_files"]
 
-EMPTY = "empty.png"
+BACKGROUND = "empty.png"
 """The image without needle."""
 
 
 def raw_files(folder: Path, poses: Sequence[Pose]) -> list[Path]:
-    """Return the files of the images with the needle in these poses."""
+    """Return the files of the images with the needle, one per pose."""
     return [folder / f"{number:04d}.png" for number in range(len(poses))]
 
 
 def begin(folder: Path, scene: bytes) -> None:
-    """Make a folder ready for the images of a scene, as its file has it; those of another are deleted."""
+    """Prepare a folder for the images of a scene file; delete those of a different scene."""
     note = folder / "scene.toml"
     if not note.exists() or note.read_bytes() != scene:
         shutil.rmtree(folder, ignore_errors=True)
@@ -30,6 +27,6 @@ def begin(folder: Path, scene: bytes) -> None:
 
 
 def missing(folder: Path, poses: Sequence[Pose]) -> dict[Path, Pose | None]:
-    """Return the images that are still to be rendered, each with the needle's pose; None: without needle."""
-    wanted = {folder / EMPTY: None, **dict(zip(raw_files(folder, poses), poses, strict=True))}
+    """Return the images to render, each with the needle's pose; None: without needle."""
+    wanted = {folder / BACKGROUND: None, **dict(zip(raw_files(folder, poses), poses, strict=True))}
     return {file: pose for file, pose in wanted.items() if not file.exists()}

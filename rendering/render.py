@@ -1,7 +1,6 @@
-"""Render the raw images of a scene: `python -m rendering.render NAME`, in the Python that has Blender.
+"""Render the raw images of a scene: `python -m rendering.render NAME`, in the environment with Blender.
 
-An image that is there already is not rendered again, unless the scene's file has changed since. Whether this
-program has changed is not asked.
+Renders existing images again only if the scene's file has changed, not if this program has.
 """
 
 import sys
@@ -9,15 +8,15 @@ import time
 
 from rendering.layout import Layout
 from rendering.raw import begin, missing
-from rendering.scene import asked_scene, output_folder, scene_file
+from rendering.scene import output_folder, scene_file, scene_from_arguments
 from rendering.stage import Stage
 
 __all__ = ["main"]
 
 
 def main() -> None:
-    """Render what is missing of one scene."""
-    name, scene = asked_scene(sys.argv[1:])
+    """Render the missing images of one scene."""
+    name, scene = scene_from_arguments(sys.argv[1:])
     folder, layout = output_folder(name) / "raw", Layout(scene)
     begin(folder, scene_file(name).read_bytes())
     images = missing(folder, layout.poses)

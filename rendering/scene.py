@@ -1,7 +1,6 @@
-"""Scenes to render: everything a rendering depends on, one TOML file each in `scenes/`.
+"""Scenes to render: all parameters of a rendering, one TOML file each in `scenes/`.
 
-Knows what may be written, and nothing of how it is drawn. Angles at the globe's centre are from the bottom,
-positive to the surgeon's right; colours are linear red, green, blue.
+Angles about the globe's centre are from the bottom, positive to the surgeon's right; colours are linear RGB.
 """
 
 import sys
@@ -21,10 +20,10 @@ __all__ = [
     "Light",
     "Needle",
     "Scene",
-    "asked_scene",
     "load_scene",
     "output_folder",
     "scene_file",
+    "scene_from_arguments",
     "scene_names",
 ]
 
@@ -39,26 +38,26 @@ Width = Annotated[float, Meta(ge=0.1, le=1)]
 
 
 class Camera(Struct, frozen=True, forbid_unknown_fields=True):
-    """The [camera] table: how the eye is seen."""
+    """The [camera] table."""
 
     px_per_mm: Annotated[float, Meta(ge=5, le=25)]
     globe_mm: tuple[Offset, Offset]
-    """Where the globe's centre is, right of the image's middle and above it."""
+    """The globe's centre, right of the image centre and above it."""
     filter_px: Annotated[float, Meta(ge=0.5, le=10)] = 1.5
-    """How wide a piece of the picture one pixel gathers."""
+    """Width of the pixel filter."""
     exposure_stops: Annotated[float, Meta(ge=-5, le=5)] = 0.0
 
 
 class Bowl(Struct, frozen=True, forbid_unknown_fields=True):
-    """The [bowl] table: the eye that was cut open."""
+    """The [bowl] table: the opened eye."""
 
     color: Color
     rim_color: Color
     """Of the cut and of the outside."""
     lower_color: Color | None = None
-    """Of the bottom, where it differs."""
+    """Of the bottom, if it differs."""
     mottle: Annotated[float, Meta(ge=0, le=0.5)] = 0.06
-    """By what share the colour varies."""
+    """Relative variation of the colour."""
     vessels: bool = False
 
 
@@ -68,20 +67,20 @@ class Needle(Struct, frozen=True, forbid_unknown_fields=True):
     point: Literal["bevel", "blunt", "cone", "round"]
     width_mm: Width
     taper_mm: Annotated[float, Meta(ge=0.5, le=20)] | None = None
-    """How long the cone is."""
+    """Length of the cone."""
     roll_deg: Annotated[float, Meta(ge=-180, le=180)] | None = None
-    """How a bevel is turned about the shaft: at 0 its tip lies beside the axis, at 90 behind it."""
+    """Rotation of a bevel about the shaft: at 0 its tip is beside the axis, at 90 behind it."""
     color: Color = (0.6, 0.6, 0.6)
     roughness: Share = 0.35
     is_metal: bool = True
 
 
 class Instrument(Struct, frozen=True, forbid_unknown_fields=True):
-    """The [second_instrument] table: round at its end, at rest in the other trocar."""
+    """The [second_instrument] table: with a round end, stationary in the other trocar."""
 
     width_mm: Width
     aim_deg: Bearing
-    """The place on the retina it points at."""
+    """The point on the retina it points at."""
     depth_mm: Annotated[float, Meta(ge=0, le=24)]
     """From the trocar to its end."""
     color: Color = (0.5, 0.5, 0.5)
@@ -90,10 +89,10 @@ class Instrument(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Light(Struct, frozen=True, forbid_unknown_fields=True):
-    """A [[light]]: a lit square, 150 mm away."""
+    """A [[light]]: a square area light at 150 mm."""
 
     towards: tuple[float, float, float]
-    """Where it stands, seen from the globe: right, away from the camera, up."""
+    """Its direction from the globe: right, away from the camera, up."""
     size_mm: Annotated[float, Meta(ge=1, le=500)]
     strength: Annotated[float, Meta(ge=0, le=10)] = 1.0
 
@@ -101,26 +100,26 @@ class Light(Struct, frozen=True, forbid_unknown_fields=True):
 class Scene(Struct, frozen=True, forbid_unknown_fields=True):
     """One scene."""
 
-    says: str
-    """What is to be seen, in one line."""
+    description: str = field(name="says")
+    """The scene in one line."""
     seed: Annotated[int, Meta(ge=0, le=2**32 - 1)]
-    """Of the sensor's noise and of where surroundings and beads lie."""
+    """Of the sensor noise and of the positions of surroundings and beads."""
     trocar: Literal["first", "second"]
-    """The one that the needle goes through: first is on the right, second on the left."""
+    """The one the needle passes: first is on the right, second on the left."""
     target_deg: Bearing
     start_deg: Annotated[float, Meta(ge=-15, le=15)]
-    """How far off the line trocar -> target the needle comes in, counter-clockwise."""
+    """Angle from the line trocar -> target at entry, counter-clockwise."""
     camera: Camera
     bowl: Bowl
     needle: Needle
     lights: tuple[Light, ...] = field(name="light")
     second_instrument: Instrument | None = None
     beads: Annotated[int, Meta(ge=0, le=20)] = 0
-    """How many lie about in the bowl."""
+    """Number of beads in the bowl."""
     rod_color: Color = (0.1, 0.25, 0.6)
     """Of the rod behind the eye."""
     ambient: Annotated[float, Meta(ge=0, le=10)] = 0.35
-    """Strength of the light from everywhere."""
+    """Strength of the ambient light."""
 
 
 def scene_names() -> list[str]:
@@ -132,7 +131,7 @@ def scene_file(name: str) -> Path:
     """Return the file of a scene.
 
     Raises:
-        BadInput: If there is none of that name.
+        BadInput: If the name is unknown.
     """
     if name not in scene_names():
         raise BadInput(unknown_name("scene", name, scene_names()))
@@ -140,7 +139,7 @@ def scene_file(name: str) -> Path:
 
 
 def output_folder(name: str) -> Path:
-    """Return the folder that a scene's clip goes to."""
+    """Return the folder of a scene's clip."""
     return OUTPUT / name
 
 
@@ -148,7 +147,7 @@ def load_scene(path: Path) -> Scene:
     """Read a scene.
 
     Raises:
-        BadInput: With file, line, what was found and what would be valid, if it makes no sense.
+        BadInput: With file, line, what was found and what would be valid, if it is not valid.
     """
     document = Document.read(path)
     scene = document.convert(Scene)
@@ -164,7 +163,7 @@ def load_scene(path: Path) -> Scene:
 
 
 def _check_goes_with(document: Document, needle: Needle, key: str, point: str) -> None:
-    """Check that a key is given for the one point that it describes."""
+    """Check that a key is given if and only if the needle has the point it describes."""
     is_given = getattr(needle, key) is not None
     if needle.point == point and not is_given:
         raise document.error(f"needle: key {key!r} is missing; point {point!r} needs it", "needle.point")
@@ -173,8 +172,8 @@ def _check_goes_with(document: Document, needle: Needle, key: str, point: str) -
         raise document.error(f"needle.{key}: {problem}", f"needle.{key}")
 
 
-def asked_scene(arguments: list[str]) -> tuple[str, Scene]:
-    """Return name and scene that a command line asks for; end with code 2 and a sentence if there is none."""
+def scene_from_arguments(arguments: list[str]) -> tuple[str, Scene]:
+    """Return the name and scene given on the command line; exit with code 2 and a message if not valid."""
     try:
         if len(arguments) != 1:
             raise BadInput(f"expected the name of one scene, found {len(arguments)}")

@@ -1,7 +1,4 @@
-"""Everything before the camera: bodies, lights, the camera itself and how Blender's Cycles renders.
-
-Turns a scene into something that can be rendered, and renders it with the needle in a pose or without.
-"""
+"""Set up a scene in Blender (bodies, lights, camera, Cycles), and render it with or without the needle."""
 
 import math
 import os
@@ -26,10 +23,10 @@ SENSOR_MM = 36.0
 
 
 class Stage:
-    """A scene in Blender; there is one at a time.
+    """A scene in Blender; only one can exist at a time.
 
     Args:
-        layout: Where everything lies.
+        layout: Its geometry.
     """
 
     def __init__(self, layout: Layout) -> None:
@@ -50,13 +47,13 @@ class Stage:
         _set_up_cycles(scene.camera.filter_px, scene.camera.exposure_stops)
 
     def render(self, file: Path, pose: Pose | None) -> None:
-        """Render an image; of one with a needle only the part in which that may change anything.
+        """Render an image; of images with a needle only the region that it may change.
 
-        The image has its full size, and is black where it was not rendered.
+        The image has full size, black where it was not rendered.
 
         Args:
-            file: The PNG to write; it appears when it is complete.
-            pose: Of the needle; None: there is none.
+            file: The PNG file to write; it appears when it is complete.
+            pose: Pose of the needle; None: no needle.
         """
         settings = bpy.context.scene.render
         self._needle.hide_render = pose is None
@@ -113,7 +110,7 @@ def _set_up_cycles(filter_px: float, exposure_stops: float) -> None:
     scene.view_settings.view_transform, scene.view_settings.exposure = "Standard", exposure_stops
     settings = scene.render
     settings.engine = "CYCLES"
-    settings.use_persistent_data = True  # what does not move is prepared once
+    settings.use_persistent_data = True  # static objects are prepared once
     settings.resolution_x, settings.resolution_y = WIDTH_PX, HEIGHT_PX
     settings.image_settings.file_format, settings.image_settings.color_mode = "PNG", "RGB"
     cycles = scene.cycles
@@ -125,12 +122,12 @@ def _set_up_cycles(filter_px: float, exposure_stops: float) -> None:
 
 @contextmanager
 def _silence() -> Iterator[None]:
-    """Keep Blender from writing a line per tile, which it does past Python."""
-    kept, nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 1)
+    """Suppress Blender's line per tile, which bypasses Python's stdout."""
+    stdout, null = os.dup(1), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null, 1)
     try:
         yield
     finally:
-        os.dup2(kept, 1)
-        os.close(kept)
-        os.close(nowhere)
+        os.dup2(stdout, 1)
+        os.close(stdout)
+        os.close(null)

@@ -13,7 +13,8 @@ from haptigraph.assemble import load_procedure
 from haptigraph.geometry import ImageGeometry
 from haptigraph.inference.procedure import Procedure
 from haptigraph.perception.needle.rectify import Site
-from haptigraph.registration.camera import Registration, parse_registration
+from haptigraph.registration.camera import Registration
+from haptigraph.registration.loading import parse_registration
 from haptigraph.sim.eye.eye import Eye, EyeShape, registration_text
 
 # The same examples on every machine; `make fuzz` looks for new ones.

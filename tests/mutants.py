@@ -32,9 +32,7 @@ def changed(name: str) -> str:
     """Return a mutant as "module.Class.function: removed lines -> added lines"."""
     show = subprocess.run([sys.executable, "-m", "mutmut", "show", name], capture_output=True, text=True)
     lines = [line for line in show.stdout.splitlines() if not line.startswith(("---", "+++"))]
-    removed, added = (
-        " ".join(line[1:].strip() for line in lines if line.startswith(mark)) for mark in "-+"
-    )
+    removed, added = (" ".join(line[1:].strip() for line in lines if line.startswith(mark)) for mark in "-+")
     place = MADE.sub(r"\g<place>", name).removeprefix("haptigraph.")
     return f"{re.sub(r'x?ǁ', '.', place).replace('.x_', '.').replace('..', '.')}: {removed} -> {added}"
 

@@ -13,7 +13,7 @@ from haptigraph.cli import main
 from haptigraph.config import Config
 from haptigraph.proof.prove import prove
 from haptigraph.recording.schema import TOPICS
-from haptigraph.registration.camera import parse_registration
+from haptigraph.registration.loading import parse_registration
 from haptigraph.scene.relations import MEASURES
 from haptigraph.sim.scenario import Scenario, scenario_names
 from haptigraph.sim.tissue import TissueShape

@@ -1,1 +1,1 @@
-"""What recordings say: measures, scores against truth, figures."""
+"""Analysis: registrations, scores against ground truth, measures and figures of recordings."""

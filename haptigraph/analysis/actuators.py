@@ -1,6 +1,6 @@
-"""What could vibrate here, and how one device plays the haptic grammar.
+"""List the available haptic devices, and test one by playing the haptic grammar.
 
-Knows devices by their registry and Protocol; a class that can look for its hardware has a static `found()`.
+Device classes that can detect their hardware have a static method `found()`.
 """
 
 import time
@@ -30,40 +30,41 @@ from haptigraph.messages import (
 from haptigraph.run_report import Durations
 from haptigraph.stages import Device
 
-__all__ = ["Trial", "actuators", "play_grammar"]
+__all__ = ["DeviceTest", "actuators", "play_grammar"]
 
 ALWAYS = {"audio": "audio:FILE.wav", "console": "console", "trace": "trace:FILE.csv"}
-PLAYED_NS, PAUSE_NS, NEWS_NS = 1_500_000_000, 500_000_000, 33_000_000
+CONTINUOUS_NS, PAUSE_NS, IMAGE_NS = 1_500_000_000, 500_000_000, 33_000_000
 
 
 def actuators() -> tuple[Table, list[str]]:
-    """Return a table of all devices (what to give, what is there, what it can), and what each does else."""
+    """Return a table of all devices (URI, availability, capabilities), and their limitations, a line each."""
     table = Table(title="Haptic devices", title_justify="left")
-    for heading in ("device", "here", "strengths", "frequency", "shortest", "changes"):
+    for heading in ("device", "available", "levels", "frequency", "shortest pulse", "update rate"):
         table.add_column(heading, overflow="fold")
-    rest = []
+    limitations = []
     for kind, path in sorted(DEVICES.items()):
         module, _, name = path.partition(":")
         cls = getattr(import_module(module), name)
-        here = {ALWAYS[kind]: "always"} if kind in ALWAYS else {}
+        available = {ALWAYS[kind]: "always"} if kind in ALWAYS else {}
         try:
-            here |= getattr(cls, "found", dict)()
+            available |= getattr(cls, "found", dict)()
         except MissingExtra as missing:
-            here[f"{kind}:..."] = str(missing)
+            available[f"{kind}:..."] = str(missing)
         except HaptigraphError as error:
-            here[f"{kind}:..."] = f"cannot be used: {error}"
-        here = here or {f"{kind}:...": "none found"}
-        table.add_row("\n".join(here), "\n".join(here.values()), *_told(cls.capabilities))
-        rest.append(f"{kind:8} {cls.capabilities.limitations}")
-    table.add_row("-", "a controller on the page: haptigraph live", *_told(PAGE_CONTROLLER))
-    return table, rest
+            available[f"{kind}:..."] = f"cannot be used: {error}"
+        available = available or {f"{kind}:...": "none found"}
+        cells = _capability_cells(cls.capabilities)
+        table.add_row("\n".join(available), "\n".join(available.values()), *cells)
+        limitations.append(f"{kind:8} {cls.capabilities.limitations}")
+    table.add_row("-", "a controller on the page: haptigraph live", *_capability_cells(PAGE_CONTROLLER))
+    return table, limitations
 
 
-class Trial:
-    """What a device did with the grammar.
+class DeviceTest:
+    """A device that measures its commands during a test.
 
     Args:
-        device: The device; how long it takes to be told is measured, and that is a round trip if it answers.
+        device: The device; the duration of each command is measured, a round trip if the device confirms it.
     """
 
     def __init__(self, device: Device) -> None:
@@ -74,10 +75,10 @@ class Trial:
         self._device = device
 
     def set(self, amplitude: float, frequency_hz: float, stamp_ns: int) -> None:
-        """Tell the device."""
-        begun_ns = time.perf_counter_ns()
+        """Forward a command to the device and measure it."""
+        started_ns = time.perf_counter_ns()
         self._device.set(amplitude, frequency_hz, stamp_ns)
-        self.told.add(time.perf_counter_ns() - begun_ns)
+        self.told.add(time.perf_counter_ns() - started_ns)
         self.count += 1
 
     def close(self) -> None:
@@ -87,38 +88,38 @@ class Trial:
 
 def play_grammar(
     device: Device, patterns: Sequence[Pattern], clock: Clock, announce: Callable[[str], None]
-) -> Trial:
-    """Play every pattern through the guard; the hand is still on every way out.
+) -> DeviceTest:
+    """Play every pattern through the guard; the device is silent and closed on every exit.
 
     Args:
         device: The device; closed afterwards.
-        patterns: The grammar of a procedure.
-        clock: Paces it.
-        announce: Told, a line each, what comes.
+        patterns: The haptic grammar of a procedure.
+        clock: Paces the playback.
+        announce: Called with one line of text per pattern.
     """
-    trial = Trial(device)
-    guard = Guard(trial, HapticsConfig())
+    test = DeviceTest(device)
+    guard = Guard(test, HapticsConfig())
     try:
         for pattern in (pattern for pattern in patterns if pattern.kind != "off"):
             limits = "; ".join(note.partition(": ")[2] for note in beyond(pattern, device.capabilities))
-            announce(f"{pattern.name:10} {_asked(pattern)}" + (f"  ({limits})" if limits else ""))
-            _play(guard, pattern, duration_ns(pattern) or PLAYED_NS, clock)
+            announce(f"{pattern.name:10} {_pattern_text(pattern)}" + (f"  ({limits})" if limits else ""))
+            _play(guard, pattern, duration_ns(pattern) or CONTINUOUS_NS, clock)
             _play(guard, OFF, PAUSE_NS, clock)
     finally:
         guard.close()
-        trial.faults = list(guard.take_faults())
-    return trial
+        test.faults = list(guard.take_faults())
+    return test
 
 
 def _play(guard: Guard, pattern: Pattern, length_ns: int, clock: Clock) -> None:
-    """Send a pattern as often as images come, edge by edge in between."""
+    """Send a pattern at the image rate, and advance the guard at its edges in between."""
     since_ns = now_ns = clock.now_ns()
     while now_ns < since_ns + length_ns:
         guard.send(_step(pattern, now_ns, since_ns), now_ns)
-        news_ns = min(now_ns + NEWS_NS, since_ns + length_ns)
-        while (now_ns := clock.now_ns()) < news_ns:
+        next_image_ns = min(now_ns + IMAGE_NS, since_ns + length_ns)
+        while (now_ns := clock.now_ns()) < next_image_ns:
             edge_ns = guard.next_edge_ns()
-            clock.wait_until(news_ns if edge_ns is None else min(edge_ns, news_ns))
+            clock.wait_until(next_image_ns if edge_ns is None else min(edge_ns, next_image_ns))
             guard.advance(clock.now_ns())
 
 
@@ -128,18 +129,18 @@ def _step(pattern: Pattern, now_ns: int, since_ns: int) -> Step:
     return Step(0, now_ns, observation, graph, conclusion, HapticCommand(now_ns, pattern, since_ns))
 
 
-def _asked(pattern: Pattern) -> str:
+def _pattern_text(pattern: Pattern) -> str:
     frequency = f" at {pattern.frequency_hz:g} Hz" if pattern.frequency_hz else ""
     rhythm = f", {pattern.on_ms:g} ms on, {pattern.off_ms:g} ms off" if pattern.on_ms else ""
-    times = f", {pattern.count} times" if pattern.count else ""
-    return f"amplitude {pattern.amplitude:g}{frequency}{rhythm}{times}"
+    repeats = f", {pattern.count} times" if pattern.count else ""
+    return f"amplitude {pattern.amplitude:g}{frequency}{rhythm}{repeats}"
 
 
-def _told(can: Capabilities) -> tuple[str, ...]:
-    low, high = can.frequency_range_hz or (0.0, 0.0)
+def _capability_cells(capabilities: Capabilities) -> tuple[str, ...]:
+    low, high = capabilities.frequency_range_hz or (0.0, 0.0)
     return (
-        f"{can.amplitude_levels}",
-        f"{low:g} to {high:g} Hz" if can.frequency_range_hz else "its own",
-        f"{can.shortest_on_ms:g} ms",
-        f"{can.max_rate_hz:g}/s" if can.max_rate_hz else "any",
+        f"{capabilities.amplitude_levels}",
+        f"{low:g} to {high:g} Hz" if capabilities.frequency_range_hz else "fixed",
+        f"{capabilities.shortest_on_ms:g} ms",
+        f"{capabilities.max_rate_hz:g}/s" if capabilities.max_rate_hz else "unlimited",
     )

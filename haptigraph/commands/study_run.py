@@ -98,7 +98,7 @@ def _try_out(base: "Config", protocol: "Protocol") -> None:
     from msgspec.structs import replace
 
     from haptigraph.assemble import build
-    from haptigraph.registration.camera import load_registration
+    from haptigraph.registration.loading import load_registration
     from haptigraph.registration.retarget import with_target
 
     for target in protocol.targets if base.source.registration else ():

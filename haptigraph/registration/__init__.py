@@ -1,1 +1,1 @@
-"""Registrations: where the static anatomy lies in the image. File format, checks, camera and OCT kinds."""
+"""Registrations: where the static anatomy is in the image. File format, checks, camera and OCT kinds."""

@@ -1,12 +1,11 @@
-"""Registration: where the static anatomy lies in the image; read from TOML, checked, put into the eye frame.
+"""Registration of an eye before a camera: check the static anatomy in a TOML file, map it to the eye frame.
 
-Knows nothing of needles. The format is described in docs/conventions.md.
+docs/conventions.md describes the format.
 """
 
 import base64
 import math
 from itertools import pairwise
-from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
@@ -27,27 +26,19 @@ from haptigraph.geometry import (
 )
 from haptigraph.registration.background import BackgroundImage
 from haptigraph.registration.registered import VIEW_MARGIN, Registered
-from haptigraph.registration.text import FORMAT, AnatomyPx, TrocarPx
+from haptigraph.registration.text import AnatomyPx, TrocarPx, check_format
 from haptigraph.toml_document import Document
 
-__all__ = [
-    "Registration",
-    "anatomy_px",
-    "load_registration",
-    "parse_registration",
-    "registration_of",
-]
+__all__ = ["DIAMETER_RANGE_MM", "MIN_RADIUS_PX", "Registration", "anatomy_px", "camera_registration"]
 
 DIAMETER_RANGE_MM = (15.0, 35.0)  # eyes of children, adults, pigs and their phantoms
-SMALLEST_RADIUS_PX = 60.0  # below, the 0.7 mm zones are under 4 px wide
+MIN_RADIUS_PX = 60.0
+"""Of a globe; in a smaller one the 0.7 mm zones are less than 4 px wide."""
 TARGET_TOLERANCE_MM = 0.35  # half the touching distance
 CONTOUR_TOLERANCE_MM = 0.5
-WALL_RANGE_MM = (
-    -0.7,
-    3.0,
-)  # a trocar sits anywhere in the wall, measured outwards from the globe's inner side
-SHORTEST_AXIS_MM = 5.0
-FRONTAL_SCALE = (0.5, 2.0)  # by so much a straightened image may be stretched at the globe's centre
+WALL_RANGE_MM = (-0.7, 3.0)  # of a trocar, outwards from the inner surface of the globe's wall
+MIN_AXIS_MM = 5.0
+FRONTAL_SCALE = (0.5, 2.0)  # plausible scale of the homography at the globe's centre
 
 Row: TypeAlias = tuple[float, float, float]
 
@@ -79,10 +70,10 @@ class _Trocar(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class _Homography(Struct, frozen=True, forbid_unknown_fields=True):
-    frontal_from_image: tuple[Row, Row, Row]
+    frontal_from_image: tuple[Row, Row, Row] = field(name="straight_from_image")
 
 
-class _Empty(Struct, frozen=True, forbid_unknown_fields=True):
+class _BackgroundTable(Struct, frozen=True, forbid_unknown_fields=True):
     webp: str
 
 
@@ -94,21 +85,21 @@ class _File(Struct, frozen=True, forbid_unknown_fields=True):
     target: _Target
     trocars: tuple[_Trocar, ...] = field(name="trocar")
     homography: _Homography | None = None
-    empty: _Empty | None = None
+    background: _BackgroundTable | None = field(name="empty", default=None)
 
 
 class Registration(Registered, frozen=True):
-    """The static anatomy of one set-up."""
+    """The static anatomy of one camera set-up."""
 
     globe: Circle
     retina: Polyline
     target: Point
     trocar: Point
-    """The trocar in use, the needle's pivot."""
+    """The trocar in use: the needle's remote centre of motion (RCM)."""
     other_trocars: tuple[Point, ...]
     """Those that another instrument may go through."""
     empty: BackgroundImage | None = None
-    """What the camera saw of the eye without needle, if that is known."""
+    """Reference image without instrument, if the file has one."""
 
     @property
     def anatomy(self) -> dict[str, Geometry]:
@@ -122,33 +113,19 @@ class Registration(Registered, frozen=True):
 
     @property
     def view_half_mm(self) -> float:
-        """From the globe's centre to the edge of a square picture of it."""
+        """Half the side of a square view of the globe."""
         return self.globe.radius_mm * VIEW_MARGIN
 
     @property
     def frontal(self) -> "Registration":
-        """The same for straightened images: with no slant."""
-        way = self.image.frontal_from_image
-        empty = self.empty.tilt_corrected(way) if self.empty and way else self.empty
+        """The same registration for tilt-corrected (frontal) images."""
+        homography = self.image.frontal_from_image
+        empty = self.empty.tilt_corrected(homography) if self.empty and homography else self.empty
         return replace(self, image=replace(self.image, frontal_from_image=None), empty=empty)
 
 
-def load_registration(path: str | Path) -> Registration:
-    """Read and check a registration file.
-
-    Raises:
-        BadInput: With file, line and reason, if it cannot be read or makes no sense.
-    """
-    return registration_of(Document.read(path))
-
-
-def parse_registration(text: str, file: str) -> Registration:
-    """Read and check a registration from text, for example from a recording; `file` names it in errors."""
-    return registration_of(Document(text, file))
-
-
 def anatomy_px(registration: Registration) -> AnatomyPx:
-    """Return a registration as its file has it, in pixels, with all its trocars."""
+    """Return the content of a registration's file: the anatomy in pixels, with all trocars."""
     data = Document(registration.text, "registration").convert(_File)
     return AnatomyPx(
         width_px=data.image.width,
@@ -165,13 +142,14 @@ def anatomy_px(registration: Registration) -> AnatomyPx:
     )
 
 
-def registration_of(document: Document) -> Registration:
-    """Check a registration that was read."""
+def camera_registration(document: Document) -> Registration:
+    """Check the registration of an eye before a camera.
+
+    Raises:
+        BadInput: With file, line and reason, if it is not valid.
+    """
     data = document.convert(_File)
-    if data.format != FORMAT:
-        raise document.error(
-            f"format {data.format} is not known; this version reads format {FORMAT}", "format"
-        )
+    check_format(document, data.format)
     _check_image_and_globe(document, data)
     frontal = _frontal_from_image(document, data)
     geometry = ImageGeometry(
@@ -187,7 +165,7 @@ def registration_of(document: Document) -> Registration:
     off_mm = distance_to_polyline(target, retina)
     if off_mm > TARGET_TOLERANCE_MM:
         raise document.error(
-            f"the target lies {off_mm:.2f} mm off the retina; at most {TARGET_TOLERANCE_MM} mm is plausible",
+            f"the target is {off_mm:.2f} mm off the retina; at most {TARGET_TOLERANCE_MM} mm is plausible",
             "target.point_px",
         )
     return Registration(
@@ -209,79 +187,79 @@ def registration_of(document: Document) -> Registration:
 def _check_image_and_globe(document: Document, data: _File) -> None:
     image, globe = data.image, data.globe
     if image.width < 1 or image.height < 1:
-        raise document.error(f"image size {image.width} x {image.height} px is not a size", "image.width")
+        raise document.error(f"image size {image.width} x {image.height} px is not positive", "image.width")
     low, high = DIAMETER_RANGE_MM
     if not low <= globe.diameter_mm <= high:
         raise document.error(
-            f"a globe of {globe.diameter_mm:g} mm is not an eye; {low:g} to {high:g} mm is plausible",
+            f"a globe diameter of {globe.diameter_mm:g} mm is implausible; use {low:g} to {high:g} mm",
             "globe.diameter_mm",
         )
     largest_px = math.hypot(image.width, image.height) / 2
-    if not SMALLEST_RADIUS_PX <= globe.radius_px <= largest_px:
+    if not MIN_RADIUS_PX <= globe.radius_px <= largest_px:
         raise document.error(
-            f"a globe radius of {globe.radius_px:g} px gives an implausible scale; in such an image "
-            f"{SMALLEST_RADIUS_PX:g} to {largest_px:.0f} px is plausible",
+            f"a globe radius of {globe.radius_px:g} px gives an implausible scale; in an image of this size "
+            f"{MIN_RADIUS_PX:g} to {largest_px:.0f} px is plausible",
             "globe.radius_px",
         )
     x, y = globe.center_px
     if not (0 <= x < image.width and 0 <= y < image.height):
         raise document.error(
-            f"the globe's centre ({x:g}, {y:g}) px lies outside the {image.width} x {image.height} px image",
+            f"the globe's centre ({x:g}, {y:g}) px is outside the {image.width} x {image.height} px image",
             "globe.center_px",
         )
 
 
 def _frontal_from_image(document: Document, data: _File) -> Homography | None:
-    """Return the homography if it is one of a camera before the eye."""
+    """Return the homography, if there is one and a camera before the eye can have it."""
     if data.homography is None:
         return None
-    path, given = "homography.frontal_from_image", Homography(data.homography.frontal_from_image)
+    path, homography = "homography.straight_from_image", Homography(data.homography.frontal_from_image)
     corners = np.array([(x, y, 1) for x in (0, data.image.width) for y in (0, data.image.height)])
-    if not (corners @ given.matrix[2] > 0).all():
-        raise document.error("the homography sends a part of the image to infinity", path)
+    if not (corners @ homography.matrix[2] > 0).all():
+        raise document.error("the homography maps a part of the image to infinity", path)
     x, y = data.globe.center_px
-    (px, py), (rx, ry), (dx, dy) = (given(place) for place in ((x, y), (x + 1, y), (x, y + 1)))
+    (px, py), (rx, ry), (dx, dy) = (homography(point) for point in ((x, y), (x + 1, y), (x, y + 1)))
     area = (rx - px) * (dy - py) - (ry - py) * (dx - px)
     low, high = FRONTAL_SCALE
     if not low**2 <= area <= high**2:
         raise document.error(
-            f"the homography makes areas {area:.3g} times as large at the globe's centre; "
+            f"the homography scales areas by {area:.3g} at the globe's centre; "
             f"{low**2:g} to {high**2:g} is plausible",
             path,
         )
-    return given
+    return homography
 
 
 def _background_image(document: Document, data: _File) -> BackgroundImage | None:
-    """Return the picture of the eye without needle, if there is one, and it is of the images' size."""
-    if data.empty is None:
+    """Decode the reference image without instrument, if there is one, and check its size."""
+    if data.background is None:
         return None
     try:
-        empty = BackgroundImage.of_webp(_webp(data))
+        background = BackgroundImage.of_webp(_webp(data))
     except ValueError:
-        empty = None
-    if empty is None:
-        raise document.error("empty.webp: expected a WebP picture in base64, found none", "empty.webp")
-    (height, width), size = empty.is_known.shape, data.image
+        background = None
+    if background is None:
+        raise document.error("empty.webp: expected a colour image as WebP in base64", "empty.webp")
+    (height, width), size = background.is_known.shape, data.image
     if (width, height) != (size.width, size.height):
         problem = f"empty.webp: is {width} x {height} px, but the images are {size.width} x {size.height} px"
         raise document.error(problem, "empty.webp")
-    return empty
+    return background
 
 
 def _webp(data: _File) -> bytes:
-    return base64.b64decode("".join(data.empty.webp.split()), validate=True) if data.empty else b""
+    return base64.b64decode("".join(data.background.webp.split()), validate=True) if data.background else b""
 
 
 def _check_retina(document: Document, retina: Polyline, globe: Circle) -> None:
     path = "retina.contour_px"
     if len(retina.points_mm) < 3:
-        raise document.error(f"a contour of {len(retina.points_mm)} points; at least 3 are needed", path)
+        raise document.error(f"the contour has {len(retina.points_mm)} points; at least 3 are needed", path)
     for number, point in enumerate(retina.points_mm):
-        beyond_mm = norm(point) - globe.radius_mm
-        if beyond_mm > CONTOUR_TOLERANCE_MM:
+        outside_mm = norm(point) - globe.radius_mm
+        if outside_mm > CONTOUR_TOLERANCE_MM:
             raise document.error(
-                f"contour point {number} lies {beyond_mm:.2f} mm outside the globe; all must lie inside", path
+                f"contour point {number} lies {outside_mm:.2f} mm outside the globe; all must be inside", path
             )
     turns = [a[0] * b[1] - a[1] * b[0] for a, b in pairwise(retina.points_mm)]
     if not (all(turn > 0 for turn in turns) or all(turn < 0 for turn in turns)):
@@ -299,21 +277,21 @@ def _used_trocar(document: Document, data: _File, geometry: ImageGeometry, globe
         if not low <= outwards_mm <= high:
             side = "inside" if outwards_mm < 0 else "outside"
             raise document.error(
-                f"trocar {trocar.name!r} lies {abs(outwards_mm):.2f} mm {side} the globe's inner wall; "
-                f"it must sit in the wall, at most {-low:g} mm inside or {high:g} mm outside",
+                f"trocar {trocar.name!r} is {abs(outwards_mm):.2f} mm {side} the globe's inner wall; "
+                f"it must be in the wall, at most {-low:g} mm inside or {high:g} mm outside",
                 f"trocar[{number}].point_px",
             )
     used = [trocar for trocar in data.trocars if trocar.used]
     if len(used) != 1:
         raise document.error(
-            f"{len(used)} of {len(data.trocars)} trocars are marked used; exactly one must be", "trocar"
+            f"{len(used)} of {len(data.trocars)} trocars are marked as used; mark exactly one", "trocar"
         )
     point = geometry.to_mm(used[0].point_px)
     length_mm = norm(subtract(target, point))
-    if length_mm < SHORTEST_AXIS_MM:
+    if length_mm < MIN_AXIS_MM:
         raise document.error(
             f"trocar {used[0].name!r} is {length_mm:.1f} mm from the target; "
-            f"{SHORTEST_AXIS_MM:g} mm or more is plausible",
+            f"{MIN_AXIS_MM:g} mm or more is plausible",
             "target.point_px",
         )
     return point

@@ -1,7 +1,7 @@
-"""What every registration has: the size and geometry of its images, and the text it was read from.
+"""What all registrations share: size and geometry of the images, and the text of the file.
 
-What it says of the anatomy depends on its kind: an eye before a camera (`registration`), or a B-scan
-(`scan_registration`), whose anatomy is found anew in every image.
+`camera` adds the static anatomy of an eye before a camera; `oct` adds the target of B-scans, whose anatomy
+perception finds in every image.
 """
 
 import hashlib
@@ -16,17 +16,17 @@ from haptigraph.messages import Image
 __all__ = ["VIEW_MARGIN", "Registered"]
 
 VIEW_MARGIN = 1.03
-"""Half the side of a picture over the radius of what it shows."""
+"""Half the side of a square view, relative to the radius of what it shows."""
 
 
 class Registered(Struct, frozen=True):
-    """One set-up."""
+    """Base class of registrations: one set-up."""
 
     width_px: int
     height_px: int
     image: ImageGeometry
     text: str
-    """The file as read; recordings keep it."""
+    """The file as read; recordings store it."""
 
     @property
     def sha256(self) -> str:
@@ -35,24 +35,24 @@ class Registered(Struct, frozen=True):
 
     @property
     def anatomy(self) -> dict[str, Geometry]:
-        """What is known beforehand, by entity name, eye frame."""
+        """The static entities by name, eye frame."""
         return {}
 
     @property
     def frontal(self) -> "Registered":
-        """The same for images without slant."""
+        """The same registration for tilt-corrected (frontal) images."""
         return self
 
     @property
     def view_half_mm(self) -> float:
-        """From the middle of the eye frame to the edge of a square picture of the whole image."""
+        """Half the side of a square view of the whole image."""
         return VIEW_MARGIN * norm(self.image.to_mm((0.0, 0.0)))
 
     def checked(self, image: Image | None) -> Image:
-        """Return an image if it is of the registered size, of 8 bits, grey or BGR.
+        """Return an image if it has the registered size and 8 bits, grey or BGR.
 
         Raises:
-            BadInput: If not.
+            BadInput: If it does not.
         """
         if image is None or image.shape[:2] != (self.height_px, self.width_px):
             found = "no image" if image is None else f"{image.shape[1]} x {image.shape[0]} px"

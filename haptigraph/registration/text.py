@@ -1,7 +1,4 @@
-"""Write a registration file: where the static anatomy lies in the images, as TOML.
-
-Pixels in, text out; the checks are made when it is read. Used by whoever knows an anatomy.
-"""
+"""Write registrations as TOML: anatomy in pixels in, text out. Readers check it."""
 
 import base64
 from textwrap import wrap
@@ -9,22 +6,23 @@ from textwrap import wrap
 from msgspec import Struct
 
 from haptigraph.geometry import Homography, Vec
+from haptigraph.toml_document import Document
 
 __all__ = [
     "AXIAL_MM_PER_PX",
-    "FORMAT",
     "LATERAL_MM_PER_PX",
     "AnatomyPx",
     "TrocarPx",
+    "check_format",
     "registration_text",
     "scan_registration_text",
 ]
 
 FORMAT = 1
-"""Version of the file."""
+"""Version of the file format."""
 BASE64_COLUMNS = 100
 AXIAL_MM_PER_PX, LATERAL_MM_PER_PX = (0.0005, 0.02), (0.0005, 0.06)
-"""Plausible size of a B-scan's pixel: that of the scanners there are."""
+"""Plausible pixel size of B-scans, from existing scanners."""
 
 
 class TrocarPx(Struct, frozen=True):
@@ -43,19 +41,25 @@ class AnatomyPx(Struct, frozen=True):
     mirrored: bool
     center_px: Vec
     radius_px: float
-    """In the straightened image, if there is one."""
+    """In the frontal image, if there is a homography."""
     diameter_mm: float
     contour_px: tuple[Vec, ...]
     target_px: Vec
     trocars: tuple[TrocarPx, ...]
     frontal_from_image: Homography | None = None
-    """To the straightened image, where the camera looks at a slant."""
+    """To the frontal image, where the camera is tilted."""
     background_webp: bytes = b""
-    """Picture of the eye without needle; transparent where it was never seen so."""
+    """Reference image without instrument; transparent where the instrument always occludes the eye."""
+
+
+def check_format(document: Document, version: int) -> None:
+    """Refuse a registration file of another format version."""
+    if version != FORMAT:
+        raise document.error(f"unknown format {version}; this version reads format {FORMAT}", "format")
 
 
 def registration_text(anatomy: AnatomyPx, title: str) -> str:
-    """Return the file's text; `title` is its first line."""
+    """Return the text of a registration file; `title` is its first line, a comment."""
     contour = ", ".join(_px(point) for point in anatomy.contour_px)
     trocars = "".join(
         f'\n[[trocar]]\nname = "{trocar.name}"\npoint_px = {_px(trocar.point_px)}\n'
@@ -80,7 +84,7 @@ contour_px = [{contour}]
 
 [target]
 point_px = {_px(anatomy.target_px)}
-{trocars}{_slant(anatomy.frontal_from_image)}{_empty(anatomy.background_webp)}"""
+{trocars}{_homography_table(anatomy.frontal_from_image)}{_background_table(anatomy.background_webp)}"""
 
 
 def scan_registration_text(
@@ -94,10 +98,10 @@ def scan_registration_text(
 
     Args:
         size_px: (width, height).
-        axial_mm_per_px: Scale down the image.
-        lateral_mm_per_px: Scale across.
-        title: First line of the file.
-        depth_share: How deep the target lies, of the way from ILM to RPE.
+        axial_mm_per_px: Vertical scale.
+        lateral_mm_per_px: Horizontal scale.
+        title: First line of the file, a comment.
+        depth_share: Depth of the target between the ILM (0) and the RPE (1).
     """
     return f"""# {title}
 format = {FORMAT}
@@ -115,19 +119,19 @@ depth_share = {depth_share:g}
 """
 
 
-def _slant(frontal_from_image: Homography | None) -> str:
+def _homography_table(frontal_from_image: Homography | None) -> str:
     if frontal_from_image is None:
         return ""
     rows = ",\n  ".join(str([float(f"{value:.9g}") for value in row]) for row in frontal_from_image.rows)
     return f"\n[homography]\nstraight_from_image = [\n  {rows},\n]\n"
 
 
-def _empty(webp: bytes) -> str:
+def _background_table(webp: bytes) -> str:
     if not webp:
         return ""
     lines = "\n".join(wrap(base64.b64encode(webp).decode(), BASE64_COLUMNS))
-    return f'\n[empty]  # the eye without needle; may be left out\nwebp = """\n{lines}\n"""\n'
+    return f'\n[empty]  # reference image without instrument; optional\nwebp = """\n{lines}\n"""\n'
 
 
-def _px(at_px: Vec) -> str:
-    return f"[{at_px[0]:.3f}, {at_px[1]:.3f}]"
+def _px(point: Vec) -> str:
+    return f"[{point[0]:.3f}, {point[1]:.3f}]"

@@ -1,7 +1,4 @@
-"""How a plane looks to a camera that does not look straight at it: a pinhole camera with square pixels.
-
-Turns an angle and a focal length into maps between pictures [px]. Knows neither images nor eyes.
-"""
+"""Map between a tilted view of a plane and its frontal view [px]: a pinhole camera with square pixels."""
 
 import math
 
@@ -14,57 +11,57 @@ __all__ = ["Slant"]
 
 
 class Slant(Struct, frozen=True):
-    """A plane, turned about one of its places away from facing the camera.
+    """A plane rotated about one of its points, so that it no longer faces the camera.
 
-    The straight picture is the one before the turn: same camera, same place, plane parallel to the sensor.
+    The frontal view is the view before the rotation: same camera, same point, plane parallel to the sensor.
     """
 
     about_px: Vec
-    """The place, the same in both pictures."""
+    """Centre of rotation, the same point in both views."""
     tilt_rad: Vec
-    """(right, down) part of the angle: what lies on that side goes away from the camera."""
+    """(right, down) components of the angle; the plane recedes from the camera towards that side."""
     focal_px: float
     """Distance to the camera in pixels of the plane; infinite: parallel rays."""
-    middle_px: Vec
-    """Where the camera's axis meets the image."""
+    principal_px: Vec
+    """Principal point: where the optical axis meets the image."""
 
     @property
     def angle_deg(self) -> float:
-        """Between the plane and one that faces the camera."""
+        """Angle between the plane and the sensor."""
         return math.degrees(math.hypot(*self.tilt_rad))
 
     @property
     def image_from_frontal(self) -> Homography:
-        """From the straight picture to the one the camera takes."""
+        """Homography from the frontal view to the image."""
         tilt, angle = np.array(self.tilt_rad), math.hypot(*self.tilt_rad)
-        about, middle = np.array(self.about_px), np.array(self.middle_px)
-        # The place X away from `about` in the straight picture is seen at
-        # middle + (about - middle + flat X) / (1 + depth . X).
+        about, principal = np.array(self.about_px), np.array(self.principal_px)
+        # A point X away from `about` in the frontal view is imaged at
+        # principal + (about - principal + flat X) / (1 + depth . X).
         depth = tilt * np.sinc(angle / math.pi) / self.focal_px
         flat = np.eye(2) - np.outer(tilt, tilt) * np.sinc(angle / 2 / math.pi) ** 2 / 2
-        turned, back = np.eye(3), np.eye(3)
-        turned[:2, :2] = flat + np.outer(middle, depth)
-        turned[:2, 2] = about
-        turned[2, :2] = depth
-        back[:2, 2] = -about
-        matrix = turned @ back
+        rotation, shift = np.eye(3), np.eye(3)
+        rotation[:2, :2] = flat + np.outer(principal, depth)
+        rotation[:2, 2] = about
+        rotation[2, :2] = depth
+        shift[:2, 2] = -about
+        matrix = rotation @ shift
         return Homography(tuple(tuple(row) for row in (matrix / matrix[2, 2]).tolist()))
 
     @property
     def frontal_from_image(self) -> Homography:
-        """The way back."""
+        """Homography from the image to the frontal view."""
         return self.image_from_frontal.inverse
 
     @property
     def foot_px(self) -> Vec:
-        """The place in the straight picture right under the camera.
+        """Foot of the perpendicular from the camera to the plane, in the frontal view.
 
-        What stands before the plane is seen larger from there.
+        Parallel planes nearer to the camera appear enlarged about this point.
         """
-        off = self.about_px[0] - self.middle_px[0], self.about_px[1] - self.middle_px[1]
+        off = self.about_px[0] - self.principal_px[0], self.about_px[1] - self.principal_px[1]
         angle = math.hypot(*self.tilt_rad)
         if angle == 0:
-            return self.middle_px
+            return self.principal_px
         x, y = self.tilt_rad[0] / angle, self.tilt_rad[1] / angle
         up = (off[0] * x + off[1] * y) * math.cos(angle) + self.focal_px * math.sin(angle)
         across = off[1] * x - off[0] * y

@@ -1,4 +1,4 @@
-"""haptigraph devices: what is here, what an extra would add, and a device that plays the grammar."""
+"""haptigraph devices: the available devices, missing extras, and a device that plays the grammar."""
 
 import sys
 from itertools import groupby
@@ -17,16 +17,16 @@ class Actuator:
     capabilities = Capabilities(255, None, 100.0, answers=True)
 
     def __init__(self):
-        self.told, self.closed = [], 0
+        self.commands, self.closed = [], 0
 
     def set(self, amplitude, frequency_hz, stamp_ns):
-        self.told.append((stamp_ns / MS, amplitude))
+        self.commands.append((stamp_ns / MS, amplitude))
 
     def close(self):
         self.closed += 1
 
 
-def test_every_device_is_listed_with_what_it_can():
+def test_every_device_is_listed():
     listed = call("devices").stdout
     for kind, path in assemble.DEVICES.items():
         assert kind in listed, path
@@ -34,7 +34,7 @@ def test_every_device_is_listed_with_what_it_can():
     assert "Research software" in listed
 
 
-def test_what_an_extra_would_add_is_named(monkeypatch):
+def test_missing_extras_are_named(monkeypatch):
     for module in ("sdl2", "serial", "serial.tools", "sounddevice"):
         monkeypatch.setitem(sys.modules, module, None)
     listed = " ".join(call("devices").stdout.replace("│", " ").split())
@@ -43,37 +43,37 @@ def test_what_an_extra_would_add_is_named(monkeypatch):
 
 
 def test_a_device_plays_the_grammar_through_the_guard_and_is_closed():
-    actuator, said = Actuator(), []
-    trial = play_grammar(actuator, (OFF, LOW, PULSE, SUCCESS), VirtualClock(), said.append)
-    edges = [(ms, amplitude) for ms, amplitude in actuator.told if amplitude]
+    actuator, lines = Actuator(), []
+    test = play_grammar(actuator, (OFF, LOW, PULSE, SUCCESS), VirtualClock(), lines.append)
+    edges = [(ms, amplitude) for ms, amplitude in actuator.commands if amplitude]
     assert [amplitude for _, amplitude in edges] == [0.3] + 9 * [1.0] + 2 * [0.8]
-    assert edges[2][0] - edges[1][0] == 180  # 100 ms on, as short as it can, and the pause as it was
-    assert actuator.told[-1][1] == 0
+    assert edges[2][0] - edges[1][0] == 180  # 100 ms on, the device's shortest, and the original pause
+    assert actuator.commands[-1][1] == 0
     assert actuator.closed == 1
-    assert trial.count == len(actuator.told)
-    assert "80 ms on, 80 ms off become 100 on, 80 off" in said[1]
+    assert test.count == len(actuator.commands)
+    assert "80 ms on, 80 ms off become 100 on, 80 off" in lines[1]
 
 
-def test_a_board_plays_the_grammar_and_its_round_trip_is_told(tmp_path):
+def test_a_board_plays_the_grammar_and_its_round_trip_is_measured(tmp_path):
     pytest.importorskip("serial")
-    for _ in range(3):  # a busy machine may keep an answer back for too long
+    for _ in range(3):  # a busy machine may delay a reply for too long
         with Board(tmp_path / "tty") as board:
-            said = call("devices", "test", f"serial:{board.link}").stdout
-        if "round trip" in said:
+            output = call("devices", "test", f"serial:{board.link}").stdout
+        if "round trip" in output:
             break
-    assert "confirmed each one, so this is the round trip" in said
-    felt = [value for _, _, value in board.edges if value]
-    assert [value for value, _ in groupby(felt)] == [76, 255, 204]
-    assert 5 < felt.count(255) <= 20  # a busy machine may miss a pulse of the 10, or break each in two
+    assert "confirmed each one, so this is the round trip" in output
+    values = [value for _, _, value in board.edges if value]
+    assert [value for value, _ in groupby(values)] == [76, 255, 204]
+    assert 5 < values.count(255) <= 20  # a busy machine may miss one of the 10 pulses, or split each in two
     assert not board.vibrates()
 
 
-def test_what_does_not_open_is_one_sentence():
+def test_a_device_that_does_not_open_is_refused_in_one_sentence():
     assert "unknown device 'glove'" in refuse("devices", "test", "glove")
     assert "cannot be opened (No such file or directory)" in refuse("devices", "test", "serial:/dev/nowhere")
 
 
-def test_a_device_that_fails_is_told(tmp_path, monkeypatch):
+def test_a_device_that_fails_is_reported(tmp_path, monkeypatch):
     def set(self, amplitude, frequency_hz, stamp_ns):
         raise OSError("unplugged")
 

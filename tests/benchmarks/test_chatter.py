@@ -18,7 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from haptigraph.assemble import load_procedure
-from haptigraph.registration.camera import parse_registration
+from haptigraph.registration.loading import parse_registration
 
 PLAIN, STEADY = (load_procedure(name) for name in ("subretinal_injection", "subretinal_injection_steady"))
 PLACES = ("wall 0 mm", "theta 1.7 deg", "retina 5.5 mm", "retina 0.7 mm", "axis 0.7 mm")

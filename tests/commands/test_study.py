@@ -9,7 +9,7 @@ from helpers import call, refuse
 
 from haptigraph.config import load_config
 from haptigraph.recording.reader import RunReader
-from haptigraph.registration.camera import parse_registration
+from haptigraph.registration.loading import parse_registration
 from haptigraph.study.protocol import load_protocol
 from haptigraph.study.roster import Study
 from haptigraph.study.runner import open_session

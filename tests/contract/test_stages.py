@@ -13,7 +13,6 @@ from haptigraph.geometry import Point, Segment
 from haptigraph.haptics.renderer import GrammarRenderer
 from haptigraph.inference.engine import RuleEngine
 from haptigraph.messages import Capture
-from haptigraph.registration.oct import parse_registered
 from haptigraph.scene.builder import SchemaSceneBuilder
 from haptigraph.sinks.console import ConsoleSink
 from haptigraph.sources.phantom import PhantomSource
@@ -52,8 +51,10 @@ def phantom_images(request, perceiver_class):
 
 @pytest.fixture
 def perceiver(perceiver_class, phantom_images):
+    from haptigraph.registration.loading import parse_registration
+
     try:
-        return perceiver_class(parse_registered(phantom_images[0], "phantom"), Config().perception)
+        return perceiver_class(parse_registration(phantom_images[0], "phantom"), Config().perception)
     except MissingExtra as missing:
         pytest.skip(str(missing))
 

@@ -14,7 +14,7 @@ from haptigraph.geometry import Point
 from haptigraph.imaging import tilt_corrected
 from haptigraph.messages import Capture
 from haptigraph.perception.eye_view import IoctView
-from haptigraph.registration.camera import parse_registration
+from haptigraph.registration.loading import parse_registration
 from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.scenario import load_scenario
 

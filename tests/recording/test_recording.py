@@ -22,7 +22,7 @@ from haptigraph.recording.journal import Journal
 from haptigraph.recording.reader import RunReader
 from haptigraph.recording.schema import TOPICS, RunInfo, mcap_schema
 from haptigraph.recording.writer import RunWriter
-from haptigraph.registration.camera import parse_registration
+from haptigraph.registration.loading import parse_registration
 
 GEOMETRY = ImageGeometry((10.0, 10.0), 0.1, mirrored=False)
 INFO = RunInfo("0", "2026-01-01T00:00:00+00:00", 10**18, "test", 30.0, "{}", "r", "rr", "p", "pp")

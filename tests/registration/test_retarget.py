@@ -13,7 +13,7 @@ from haptigraph.sim.scenario import load_scenario
 
 @settings(max_examples=20)
 @given(st.floats(-12, 12))
-def test_a_moved_target_lies_on_the_retina_so_far_along_it_and_nothing_else_moves(registration, along_mm):
+def test_a_moved_target_is_on_the_retina_at_the_arc_length_and_nothing_else_moves(registration, along_mm):
     moved = with_target(registration, along_mm)
     x, y = moved.target.at_mm
     assert math.atan2(x, -y) * registration.globe.radius_mm == pytest.approx(along_mm, abs=0.01)
@@ -31,7 +31,7 @@ def test_a_target_beyond_the_retina_is_refused(registration):
 
 
 @pytest.mark.parametrize("along_mm", [-4.0, 0.0, 4.5])
-def test_a_phantom_has_its_target_where_a_registration_has_it(quick, along_mm):
+def test_a_phantom_places_its_target_at_the_same_arc_length(quick, along_mm):
     phantom = Phantom(load_scenario(quick, along_mm))
     x, y = phantom.eye.target_mm
     assert math.atan2(x, -y) * phantom.eye.radius_mm == pytest.approx(along_mm)

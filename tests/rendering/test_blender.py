@@ -1,4 +1,4 @@
-"""In Blender, where `make render` has set it up."""
+"""In Blender, if `make render` has installed it."""
 
 import subprocess
 
@@ -33,7 +33,7 @@ stage.render(Path(folder) / "needle.png", layout.poses[int(number)])
 
 
 def grey(image, at_px):
-    """Brightness of a small picture where the full one has a place."""
+    """Brightness of a reduced image at a point of the full one."""
     x, y = (round((value + 0.5) * PERCENT / 100 - 0.5) for value in at_px)
     return float(image[y, x])
 
@@ -41,22 +41,22 @@ def grey(image, at_px):
 @pytest.mark.skipif(
     not (BLENDER / "ready").exists(), reason="no Blender in .venv-rendering; make render puts it there"
 )
-def test_blender_shows_the_needle_where_the_layout_has_it(tmp_path):
+def test_blender_renders_the_needle_at_the_position_of_the_layout(tmp_path):
     command = [BLENDER / "bin" / "python", "-c", SMALL, NAME, str(NUMBER), str(PERCENT), str(tmp_path)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=110)
     assert done.returncode == 0, done.stderr
-    assert done.stdout == ""  # Blender's own lines are kept away
-    empty, needle = (
+    assert done.stdout == ""  # Blender's own lines are suppressed
+    background, needle = (
         cv2.imread(str(tmp_path / f"{name}.png"), cv2.IMREAD_GRAYSCALE) for name in ("empty", "needle")
     )
-    assert empty.shape == needle.shape == (180, 320)
+    assert background.shape == needle.shape == (180, 320)
     layout = Layout(load_scene(scene_file(NAME)))
     pose = layout.poses[NUMBER]
     tip_mm, direction = layout.placed(pose).tip_mm, layout.placed(pose).direction
     for ahead_mm, is_needle in ((-8.0, True), (-3.0, True), (-0.7, True), (0.7, False)):
         at_px = layout.to_px(tuple(np.add(tip_mm, np.multiply(ahead_mm, direction))))
-        assert (grey(empty, at_px) - grey(needle, at_px) > 60) == is_needle, ahead_mm
+        assert (grey(background, at_px) - grey(needle, at_px) > 60) == is_needle, ahead_mm
     left, _, right, bottom = (round(edge * PERCENT / 100) for edge in layout.changing_px())
     for beyond in np.s_[:, : left - 1], np.s_[:, right + 1 :], np.s_[bottom + 1 :]:
         assert needle[beyond].max() <= 1  # black, dithered
-        assert empty[beyond].max() > 60
+        assert background[beyond].max() > 60

@@ -3,29 +3,29 @@ from itertools import groupby
 import pytest
 from msgspec.structs import replace
 
-from haptigraph.registration.camera import parse_registration
+from haptigraph.registration.loading import parse_registration
 from rendering.labels import registration_of, truth_of
 from rendering.layout import Layout
 from rendering.path import Pose
 from rendering.scene import load_scene, scene_file, scene_names
 
-WHOLE_WAY = [
-    "unknown",  # away
+ALL_STATES = [
+    "unknown",  # no needle
     "outside_eye",
     "unknown",  # in the wall
     "misaligned_intraocular_navigation",
     "aligned_intraocular_navigation",
     "aligned_retinal_approach",
     "target_hit",
-    "unknown",  # in the retina, behind the wall's near edge
+    "unknown",  # in the retina, occluded by the wall's near edge
 ]
 
 
 @pytest.mark.parametrize("name", scene_names())
-def test_every_scene_is_the_whole_way_from_away_to_the_target(name, procedure):
+def test_every_scene_covers_all_states_from_no_needle_to_the_target(name, procedure):
     layout = Layout(load_scene(scene_file(name)))
     rows = truth_of(layout, [None, *layout.poses], procedure)
-    assert [state for state, _ in groupby(row.state for row in rows)] == WHOLE_WAY
+    assert [state for state, _ in groupby(row.state for row in rows)] == ALL_STATES
     assert not rows[0].visible and not rows[0].inside
     for row in rows:
         assert (row.tip_px is None) == (not row.visible)
@@ -41,10 +41,10 @@ def test_states_of_a_bevel_are_those_of_its_shaft(roll_deg, procedure):
 
 
 @pytest.mark.parametrize("theta_deg", [-5.0, 5.0])
-def test_the_retina_beside_the_target_is_a_contact(theta_deg, procedure):
+def test_touching_the_retina_beside_the_target_is_a_contact(theta_deg, procedure):
     layout = Layout(load_scene(scene_file("bright_bowl")))
-    way = [Pose(0.1 * tenths, theta_deg) for tenths in range(150, 235)]
-    states = [state for state, _ in groupby(row.state for row in truth_of(layout, way, procedure))]
+    poses = [Pose(0.1 * tenths, theta_deg) for tenths in range(150, 235)]
+    states = [state for state, _ in groupby(row.state for row in truth_of(layout, poses, procedure))]
     assert states[-3:] == ["misaligned_retinal_approach", "retinal_contact", "unknown"]
 
 

@@ -20,7 +20,7 @@ def bevel(roll_deg):
 
 
 @pytest.mark.parametrize("start_deg", [-7.0, 8.0])
-def test_the_path_comes_in_at_an_angle_turns_and_ends_in_the_retina(start_deg):
+def test_the_path_enters_at_an_angle_turns_and_ends_in_the_retina(start_deg):
     path = needle_path(22.0, start_deg)
     assert len(path) == IMAGES
     assert path[0].depth_mm == pytest.approx(-2.5, abs=0.05)
@@ -43,7 +43,7 @@ def test_a_needle_without_angle_ends_on_the_target(name):
     assert placed.axis_mm == pytest.approx(layout.eye.target_mm)
 
 
-def test_targets_and_trocars_lie_where_the_scene_says():
+def test_targets_and_trocars_are_where_the_scene_defines_them():
     layout = Layout(scene())  # the second trocar is on the left; the target 15 degrees left of the bottom
     assert layout.eye.trocar_mm[0] < 0 < layout.eye.trocar_mm[1]
     (x, y), radius_mm = layout.eye.target_mm, layout.eye.radius_mm
@@ -51,7 +51,7 @@ def test_targets_and_trocars_lie_where_the_scene_says():
     assert math.hypot(x, y) == pytest.approx(radius_mm)
 
 
-def test_what_lies_behind_the_section_is_nearer_to_the_middle():
+def test_points_behind_the_section_are_projected_nearer_to_the_middle():
     layout = Layout(scene())
     middle_px = (WIDTH_PX - 1) / 2, (HEIGHT_PX - 1) / 2
     for at_mm in ((10.0, 3.0), (-4.0, 10.0)):
@@ -59,7 +59,7 @@ def test_what_lies_behind_the_section_is_nearer_to_the_middle():
         assert math.dist(behind, middle_px) == pytest.approx(math.dist(here, middle_px) / 2)
 
 
-def test_the_tip_of_a_bevel_lies_half_a_width_off_the_axis_where_it_is_rolled_to():
+def test_the_tip_of_a_bevel_is_half_a_width_off_the_axis_in_the_direction_of_its_roll():
     pose, half_mm = Pose(10.0, 0.0), 0.2
     beside, behind = bevel(0).placed(pose), bevel(90).placed(pose)
     assert math.dist(beside.tip_mm, beside.axis_mm) == pytest.approx(half_mm)
@@ -68,15 +68,15 @@ def test_the_tip_of_a_bevel_lies_half_a_width_off_the_axis_where_it_is_rolled_to
     assert behind.behind_mm == pytest.approx(half_mm)
 
 
-def test_a_tip_is_hidden_by_the_cut_wall_and_nowhere_else():
+def test_only_the_cut_wall_occludes_a_tip():
     layout = Layout(scene())
     length_mm = norm(layout.axis_mm)
-    seen = {
+    flags = {
         depth_mm: (layout.is_visible(placed), layout.is_inside(placed))
         for depth_mm in (-2.0, -0.5, 0.0, 0.5, 2.0, 15.0, length_mm - 0.1, length_mm + 0.05)
         for placed in [layout.placed(Pose(depth_mm, 0.0))]
     }
-    assert seen == {
+    assert flags == {
         -2.0: (True, False),
         -0.5: (False, False),
         0.0: (False, False),
@@ -84,12 +84,12 @@ def test_a_tip_is_hidden_by_the_cut_wall_and_nowhere_else():
         2.0: (True, True),
         15.0: (True, True),
         length_mm - 0.1: (True, True),
-        length_mm + 0.05: (False, True),  # in the retina, behind the wall's near edge
+        length_mm + 0.05: (False, True),  # in the retina, occluded by the wall's near edge
     }
 
 
 @pytest.mark.parametrize("name", scene_names())
-def test_what_changes_lies_in_the_image_and_holds_the_way_of_the_tip(name):
+def test_the_changing_region_is_inside_the_image_and_contains_the_path_of_the_tip(name):
     layout = Layout(scene(name))
     left, top, right, bottom = layout.changing_px()
     assert 0 <= left < right <= WIDTH_PX
@@ -100,7 +100,7 @@ def test_what_changes_lies_in_the_image_and_holds_the_way_of_the_tip(name):
         assert top + 20 < y < bottom - 20
 
 
-def test_the_second_instrument_comes_through_the_other_trocar():
+def test_the_second_instrument_is_in_the_other_trocar():
     layout = Layout(scene("second_instrument"))
     end_mm, direction = layout.second_instrument()
     assert layout.eye.trocar_mm[0] > 0 > end_mm[0] > layout.eyes["second"].trocar_mm[0]

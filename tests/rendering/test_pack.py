@@ -1,4 +1,4 @@
-"""Images drawn with OpenCV stand in for rendered ones."""
+"""Packing of images drawn with OpenCV instead of rendered ones."""
 
 import json
 
@@ -12,7 +12,7 @@ from haptigraph.errors import BadInput
 from rendering.layout import HEIGHT_PX, WALL_MM, WIDTH_PX, Layout
 from rendering.pack import AWAY_IMAGES, Sensor, pack
 from rendering.path import IMAGES
-from rendering.raw import EMPTY, begin, missing, raw_files
+from rendering.raw import BACKGROUND, begin, missing, raw_files
 from rendering.scene import load_scene, scene_file
 
 LAYOUT = Layout(load_scene(scene_file("black_blunt")))
@@ -21,22 +21,22 @@ GROUND, BOWL, RIM, NEEDLE = 100, 180, 220, 20
 
 
 def drawn(pose):
-    """An eye with a needle in it, as a rendering would show it."""
+    """An eye with a needle, similar to a rendering."""
     image = np.full((HEIGHT_PX, WIDTH_PX, 3), GROUND, np.uint8)
     px_per_mm, center = LAYOUT.scene.camera.px_per_mm, tuple(map(round, LAYOUT.image.center_px))
     outer, inner = (round(px_per_mm * (LAYOUT.eye.radius_mm + wall_mm)) for wall_mm in (WALL_MM, 0.0))
     cv2.circle(image, center, inner, (BOWL,) * 3, cv2.FILLED)
     if pose:
         placed = LAYOUT.placed(pose)
-        way, half_mm = placed.direction, LAYOUT.scene.needle.width_mm / 2
+        (along_x, along_y), half_mm = placed.direction, LAYOUT.scene.needle.width_mm / 2
         outline_mm = [
             (
-                placed.axis_mm[0] - back * way[0] - side * way[1],
-                placed.axis_mm[1] - back * way[1] + side * way[0],
+                placed.axis_mm[0] - back * along_x - side * along_y,
+                placed.axis_mm[1] - back * along_y + side * along_x,
             )
             for back, side in ((0, half_mm), (0, -half_mm), (60, -half_mm), (60, half_mm))
         ]
-        outline_px = np.rint([np.multiply(16, LAYOUT.to_px(place_mm)) for place_mm in outline_mm])
+        outline_px = np.rint([np.multiply(16, LAYOUT.to_px(point_mm)) for point_mm in outline_mm])
         cv2.fillPoly(image, [outline_px.astype(int)], (NEEDLE,) * 3, cv2.LINE_AA, shift=4)
     cv2.circle(image, center, (outer + inner) // 2, (RIM,) * 3, outer - inner)
     return image
@@ -46,7 +46,7 @@ def draw_all(folder):
     folder.mkdir()
     for file, pose in missing(folder, POSES).items():
         image = drawn(pose)
-        if pose:  # rendered is only what may change
+        if pose:  # only the changing region is rendered
             left, top, right, bottom = LAYOUT.changing_px()
             part, image = image[top:bottom, left:right], np.zeros_like(image)
             image[top:bottom, left:right] = part
@@ -62,7 +62,7 @@ def clip(tmp_path_factory):
     return folder
 
 
-def test_evaluate_reads_the_clip_and_finds_the_needle_where_the_truth_has_it(clip):
+def test_evaluate_reads_the_clip_and_finds_the_needle_at_its_true_position(clip):
     scores = json.loads(call("evaluate", str(clip), "--json").output)
     assert scores["images"] == IMAGES + AWAY_IMAGES
     assert scores["detection_rate"] == 1.0
@@ -73,7 +73,7 @@ def test_evaluate_reads_the_clip_and_finds_the_needle_where_the_truth_has_it(cli
     assert scores["final_state"] == "target_hit"
 
 
-def test_the_truth_begins_without_needle(clip):
+def test_the_ground_truth_starts_without_needle(clip):
     rows = load_truth(clip / "truth.csv")
     assert len(rows) == IMAGES + AWAY_IMAGES
     assert not any(row.visible or row.inside for row in rows[:AWAY_IMAGES])
@@ -89,7 +89,7 @@ def test_the_clip_is_h264_at_30_images_a_second(clip):
     video.release()
 
 
-def test_what_was_not_rendered_is_taken_from_the_empty_image(clip):
+def test_what_was_not_rendered_comes_from_the_background_image(clip):
     video = cv2.VideoCapture(str(clip / "clip.mp4"))
     for _ in range(20):
         _, image = video.read()
@@ -100,9 +100,9 @@ def test_what_was_not_rendered_is_taken_from_the_empty_image(clip):
         assert border.min() > GROUND / 2  # no black from beyond the rendered part
 
 
-def test_the_empty_image_has_noise_but_no_needle(clip):
-    empty = cv2.imread(str(clip / "empty.png")).astype(float)
-    noise = empty - cv2.GaussianBlur(drawn(None), (0, 0), 0.6)
+def test_the_background_image_has_noise_but_no_needle(clip):
+    background = cv2.imread(str(clip / BACKGROUND)).astype(float)
+    noise = background - cv2.GaussianBlur(drawn(None), (0, 0), 0.6)
     assert 0.8 < noise.std() < 2
     assert abs(noise.mean()) < 0.05
 
@@ -113,27 +113,27 @@ def test_the_same_seed_gives_the_same_noise():
     assert not np.array_equal(Sensor(5)(image), Sensor(6)(image))
 
 
-def test_what_is_not_rendered_yet_is_told_in_a_sentence(clip, tmp_path):
+def test_missing_raw_images_are_refused_in_a_sentence(clip, tmp_path):
     with pytest.raises(BadInput, match=r"empty\.png: .* run: make render"):
         pack(LAYOUT, tmp_path, tmp_path)
     raw = tmp_path / "raw"
     raw.mkdir()
-    (raw / EMPTY).write_bytes((clip / "raw" / EMPTY).read_bytes())
+    (raw / BACKGROUND).write_bytes((clip / "raw" / BACKGROUND).read_bytes())
     with pytest.raises(BadInput, match=r"0000\.png: .* run: make render"):
         pack(LAYOUT, raw, tmp_path)
     assert not (tmp_path / "clip.mp4").exists()
 
 
-def test_a_file_that_is_no_picture_is_told_in_a_sentence(clip, tmp_path):
-    (tmp_path / EMPTY).write_text("no picture")
-    with pytest.raises(BadInput, match=r"empty\.png: is no picture"):
+def test_a_file_that_is_no_image_is_refused_in_a_sentence(clip, tmp_path):
+    (tmp_path / BACKGROUND).write_text("no image")
+    with pytest.raises(BadInput, match=r"empty\.png: is not an image"):
         pack(LAYOUT, tmp_path, tmp_path)
 
 
-# --- which raw images there are
+# --- raw images on disk
 
 
-def test_only_what_is_missing_is_to_be_rendered(tmp_path):
+def test_only_missing_images_are_rendered(tmp_path):
     begin(tmp_path / "raw", b"scene")
     assert len(missing(tmp_path / "raw", POSES)) == IMAGES + 1
     third = raw_files(tmp_path / "raw", POSES)[2]
@@ -142,11 +142,11 @@ def test_only_what_is_missing_is_to_be_rendered(tmp_path):
     left = missing(tmp_path / "raw", POSES)
     assert len(left) == IMAGES
     assert third not in left
-    assert left[tmp_path / "raw" / EMPTY] is None
+    assert left[tmp_path / "raw" / BACKGROUND] is None
     assert left[tmp_path / "raw" / "0035.png"] == POSES[-1]
 
 
-def test_a_scene_that_has_changed_is_rendered_anew(tmp_path):
+def test_a_changed_scene_is_rendered_again(tmp_path):
     begin(tmp_path / "raw", b"scene")
     (tmp_path / "raw" / "0002.png").touch()
     begin(tmp_path / "raw", b"another")

@@ -1,7 +1,7 @@
 import pytest
 
 from haptigraph.errors import BadInput
-from rendering.scene import asked_scene, load_scene, scene_file, scene_names
+from rendering.scene import load_scene, scene_file, scene_from_arguments, scene_names
 
 GOOD = """
 says = "x"
@@ -27,13 +27,20 @@ CONE = 'point = "cone"\nwidth_mm = 0.5\ntaper_mm = 5'
 
 
 @pytest.mark.parametrize("name", scene_names())
-def test_every_scene_is_valid_and_says_what_it_shows(name):
-    assert load_scene(scene_file(name)).says.endswith(".")
+def test_every_scene_is_valid_and_has_a_description(name):
+    assert load_scene(scene_file(name)).description.endswith(".")
 
 
-def test_the_scenes_told_of_in_the_docs_are_there():
-    told = {"bright_bowl", "dark_bowl_bevel", "grey_bowl", "second_instrument", "black_blunt", "soft_picture"}
-    assert told <= set(scene_names())
+def test_the_scenes_of_the_docs_exist():
+    names = {
+        "bright_bowl",
+        "dark_bowl_bevel",
+        "grey_bowl",
+        "second_instrument",
+        "black_blunt",
+        "soft_picture",
+    }
+    assert names <= set(scene_names())
 
 
 def test_no_two_scenes_have_the_same_noise():
@@ -42,7 +49,7 @@ def test_no_two_scenes_have_the_same_noise():
 
 
 @pytest.mark.parametrize(
-    ("was", "becomes", "told"),
+    ("was", "becomes", "expected"),
     [
         ("width_mm = 0.5", "width_mm = 5", "line 15: needle.width_mm: expected `float` <= 1.0, found 5"),
         ("width_mm = 0.5", "width = 0.5", "line 15: unknown key 'width'; did you mean 'width_mm'?"),
@@ -60,7 +67,7 @@ def test_no_two_scenes_have_the_same_noise():
         ("seed = 1", "seed = ", "not valid TOML"),
     ],
 )
-def test_a_bad_scene_is_one_sentence_with_its_place(tmp_path, was, becomes, told):
+def test_an_invalid_scene_is_refused_in_one_sentence_with_its_line(tmp_path, was, becomes, expected):
     file = tmp_path / "scene.toml"
     file.write_text(GOOD)
     load_scene(file)
@@ -68,7 +75,7 @@ def test_a_bad_scene_is_one_sentence_with_its_place(tmp_path, was, becomes, told
     with pytest.raises(BadInput) as refused:
         load_scene(file)
     assert str(refused.value).startswith(f"{file}, ")
-    assert told.replace("`", "") in str(refused.value)
+    assert expected.replace("`", "") in str(refused.value)
     assert "\n" not in str(refused.value)
 
 
@@ -80,15 +87,15 @@ def test_a_scene_without_light_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("asked", "told"),
+    ("arguments", "expected"),
     [
         (["grey_bowel"], "unknown scene 'grey_bowel'; did you mean 'grey_bowl'?"),
         ([], "expected the name of one scene, found 0"),
         (["grey_bowl", "soft_picture"], "expected the name of one scene, found 2"),
     ],
 )
-def test_asking_for_no_scene_ends_with_code_2_and_a_sentence(capsys, asked, told):
+def test_an_invalid_command_line_exits_with_code_2_and_a_sentence(capsys, arguments, expected):
     with pytest.raises(SystemExit) as ended:
-        asked_scene(asked)
+        scene_from_arguments(arguments)
     assert ended.value.code == 2
-    assert told in capsys.readouterr().err
+    assert expected in capsys.readouterr().err

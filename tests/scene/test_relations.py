@@ -14,7 +14,7 @@ from haptigraph.geometry import (
     distance_to_polyline,
     height_on_polyline,
 )
-from haptigraph.registration.camera import load_registration
+from haptigraph.registration.loading import load_registration
 from haptigraph.scene.relations import MEASURES
 
 FLAT = Polyline(((-10.0, 0.0), (0.0, 0.0), (10.0, 0.0)))

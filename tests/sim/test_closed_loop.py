@@ -45,7 +45,7 @@ def pairs(request, quick_uri):
 @pytest.fixture(scope="module")
 def true_states(pairs, quick_uri, procedure):
     """The states that the same rules give for the true needle."""
-    from haptigraph.registration.camera import parse_registration
+    from haptigraph.registration.loading import parse_registration
     from haptigraph.sources.phantom import PhantomSource
 
     text = PhantomSource(quick_uri.partition(":")[2]).registration

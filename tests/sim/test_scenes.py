@@ -4,7 +4,7 @@ from itertools import pairwise
 import pytest
 
 from haptigraph.geometry import norm, rotate, subtract, unit
-from haptigraph.registration.camera import parse_registration
+from haptigraph.registration.loading import parse_registration
 from haptigraph.sim.eye.eye import Eye, RegistrationError
 from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.scenes import DIFFICULTIES, POLARITIES, random_scene

@@ -12,7 +12,7 @@ from haptigraph.geometry import Phase, Polyline
 from haptigraph.inference.engine import RuleEngine
 from haptigraph.messages import Observation
 from haptigraph.recording.reader import RunReader
-from haptigraph.registration.camera import parse_registration
+from haptigraph.registration.loading import parse_registration
 from haptigraph.scene.builder import SchemaSceneBuilder
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Vec, angle_between_deg, norm, subtract, unit
-from haptigraph.registration.camera import parse_registration
+from haptigraph.registration.loading import parse_registration
 from haptigraph.sim.eye.camera import Camera, NeedleShape
 from haptigraph.sim.eye.eye import Eye, EyeShape
 from haptigraph.sim.eye.optics import CameraSettings

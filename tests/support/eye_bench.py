@@ -3,7 +3,7 @@
 from haptigraph.config import PerceptionConfig
 from haptigraph.messages import Capture, Image, Observation
 from haptigraph.perception.baseline.threshold import ThresholdPerceiver
-from haptigraph.registration.camera import parse_registration
+from haptigraph.registration.loading import parse_registration
 from haptigraph.sim.eye.camera import Camera
 from haptigraph.sim.eye.eye import Eye, EyeShape, registration_text
 from haptigraph.sim.eye.needle import NeedleShape

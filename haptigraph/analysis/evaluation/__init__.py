@@ -1,1 +1,1 @@
-"""Score perception and surgical states against ground truth, on labelled clips and simulated scenes."""
+"""Score perception and surgical states against ground truth: labelled clips and simulated scenes."""

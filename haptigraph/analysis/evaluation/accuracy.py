@@ -1,4 +1,7 @@
-"""The accuracy report: the sweep, the noise of held angles, and the figure of both. See docs/accuracy.md."""
+"""The accuracy report: scores on simulated scenes, angle noise at held poses, and a figure of both.
+
+See docs/accuracy.md.
+"""
 
 from pathlib import Path
 
@@ -24,15 +27,15 @@ def report_simulated(
     """Score perceivers on random simulated scenes.
 
     Args:
-        scenes: How many.
-        perceiver: Its name; None: all that are worth comparing.
+        scenes: Number of scenes.
+        perceiver: Its name; None: all that are compared by default.
         config: Settings of all perceivers, and the procedure.
-        seed: Of the scenes.
-        figure: The picture to write, if any.
-        progress: Told how far it is.
+        seed: Seed of the scenes.
+        figure: The figure to write, if any.
+        progress: Called with the progress.
 
     Raises:
-        BadInput: If there is no such perceiver or the figure could not be written.
+        BadInput: If the perceiver is unknown or the figure cannot be written.
     """
     if figure is not None:
         check_output(figure)

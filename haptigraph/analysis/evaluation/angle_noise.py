@@ -1,7 +1,7 @@
-"""How much the reported angle and tip tremble while the needle does not: deviation over images of one pose.
+"""Measure the noise of the reported angle and tip: their standard deviations over images of one pose.
 
-They differ by noise alone. The needle comes in and is held at a depth for many images; beside the deviation
-stands the Cramer-Rao bound of the same pose. There is no shadow, so that the bound is the shaft's alone.
+The images differ by noise alone: the needle enters and is held at a depth. The Cramer-Rao bound of the same
+pose is the reference. There is no shadow, so that the bound concerns the shaft alone.
 """
 
 from collections.abc import Iterator, Sequence
@@ -11,11 +11,12 @@ from msgspec import Struct
 
 from haptigraph import assemble
 from haptigraph.analysis.evaluation.cramer_rao import AngleBound, angle_bound
+from haptigraph.analysis.evaluation.evaluation import tip_mm
 from haptigraph.config import Config
-from haptigraph.geometry import Point, Segment, Vec
+from haptigraph.geometry import Segment, Vec
 from haptigraph.messages import Capture, Step
 from haptigraph.recording.writer import Progress
-from haptigraph.registration.camera import parse_registration
+from haptigraph.registration.loading import parse_camera_registration
 from haptigraph.sim.eye.camera import Camera
 from haptigraph.sim.eye.eye import Eye, EyeShape, registration_text
 from haptigraph.sim.eye.needle import NeedleShape
@@ -35,14 +36,14 @@ PX_PER_MM_AT_720 = 20.0
 
 
 class HeldDepth(Struct, frozen=True):
-    """One held pose."""
+    """Noise at one held pose."""
 
     depth_mm: float
     noise_deg: dict[str, float | None]
-    """Deviation of the reported angle by perceiver; None if fewer than half of the images had one."""
+    """Standard deviation of the reported angle by perceiver; None if under half of the images had one."""
     bound: AngleBound
     tip_noise_mm: dict[str, float | None]
-    """Likewise of the reported tip, in the worse of the two directions."""
+    """Standard deviation of the reported tip by perceiver, in the worse of the two directions."""
 
 
 def angle_noise(
@@ -57,16 +58,16 @@ def angle_noise(
     """Measure the noise of the reported angle at some depths.
 
     Args:
-        perceivers: Their names; all see the same images.
+        perceivers: Their names; all process the same images.
         config: Their settings.
-        seed: Of texture and noise.
-        depths_mm: Where the needle is held, measured from the pivot.
-        size_px: Of the images, (width, height).
-        progress: Told how far it is.
+        seed: Seed of texture and noise.
+        depths_mm: Depths at which the needle is held, measured from the RCM.
+        size_px: Image size, (width, height).
+        progress: Called with the progress.
     """
     eye, camera = _setup(seed, size_px)
     text = registration_text(eye, camera.geometry, *size_px)
-    registration = parse_registration(text, "the scene's registration")
+    registration = parse_camera_registration(text, "the scene's registration")
     procedure = assemble.load_procedure(config.run.procedure)
     pipelines = {
         name: assemble.build_pipeline(config.with_perceiver(name), registration, procedure)
@@ -75,7 +76,7 @@ def angle_noise(
     held = []
     for number, depth_mm in enumerate(depths_mm):
         if progress is not None:
-            progress("holding still", number, len(depths_mm))
+            progress("measuring noise", number, len(depths_mm))
         angles: dict[str, list[float | None]] = {name: [] for name in perceivers}
         tips: dict[str, list[Vec | None]] = {name: [] for name in perceivers}
         for pipeline in pipelines.values():
@@ -84,13 +85,13 @@ def angle_noise(
             for name, pipeline in pipelines.items():
                 step = pipeline.step(capture)
                 angles[name].append(_angle_deg(step))
-                tips[name].append(_tip_mm(step))
-        noise_deg = {name: _sd(told[-HELD_IMAGES:]) for name, told in angles.items()}
-        tip_mm = {name: _tip_sd(told[-HELD_IMAGES:]) for name, told in tips.items()}
+                tips[name].append(tip_mm(step))
+        noise_deg = {name: _sd(reported[-HELD_IMAGES:]) for name, reported in angles.items()}
+        tip_noise_mm = {name: _tip_sd(reported[-HELD_IMAGES:]) for name, reported in tips.items()}
         bound = angle_bound(camera, eye, _pose(eye, depth_mm))
-        held.append(HeldDepth(depth_mm, noise_deg, bound, tip_mm))
+        held.append(HeldDepth(depth_mm, noise_deg, bound, tip_noise_mm))
     if progress is not None:
-        progress("holding still", len(depths_mm), len(depths_mm))
+        progress("measuring noise", len(depths_mm), len(depths_mm))
     return held
 
 
@@ -113,10 +114,10 @@ def _pose(eye: Eye, depth_mm: float) -> Pose:
 
 
 def _captures(eye: Eye, camera: Camera, depth_mm: float, first: int) -> Iterator[Capture]:
-    """Yield images of an approach, and of the pose it leads to; `first` numbers them (and their noise)."""
+    """Yield images of an approach and of the held pose; their numbers, from `first`, seed the noise."""
     for number in range(APPROACH_IMAGES + SETTLING_IMAGES + HELD_IMAGES):
-        before = max(APPROACH_IMAGES - number, 0)
-        robot = Robot(eye.trocar_mm, RobotLimits(), _pose(eye, depth_mm - STEP_MM * before))
+        remaining = max(APPROACH_IMAGES - number, 0)
+        robot = Robot(eye.trocar_mm, RobotLimits(), _pose(eye, depth_mm - STEP_MM * remaining))
         image = camera.render(robot.tip_mm(), robot.direction(), first + number)
         yield Capture(first + number, round((first + number) * 1e9 / 30), image)
 
@@ -129,16 +130,11 @@ def _angle_deg(step: Step) -> float | None:
     return float(np.degrees(np.arctan2(along[1], along[0])))
 
 
-def _tip_mm(step: Step) -> Vec | None:
-    tip = step.observation.found.get("needle_tip")
-    return tip.at_mm if isinstance(tip, Point) else None
-
-
 def _tip_sd(tips_mm: Sequence[Vec | None]) -> float | None:
     both = [_sd([tip and tip[axis] for tip in tips_mm]) for axis in (0, 1)]
     return max((one for one in both if one is not None), default=None)
 
 
-def _sd(angles_deg: Sequence[float | None]) -> float | None:
-    found = [angle for angle in angles_deg if angle is not None]
-    return float(np.std(found, ddof=1)) if len(found) >= max(len(angles_deg) / 2, 2) else None
+def _sd(values: Sequence[float | None]) -> float | None:
+    found = [value for value in values if value is not None]
+    return float(np.std(found, ddof=1)) if len(found) >= max(len(values) / 2, 2) else None

@@ -1,7 +1,7 @@
-"""Score perception and states against the truth of a labelled clip.
+"""Score perception and states against the ground truth of a labelled clip.
 
 A clip is a folder with clip.mp4, registration.toml and truth.csv; docs/conventions.md describes them and
-defines every figure. Knows the perceiver only by its steps.
+defines every score.
 """
 
 import math
@@ -22,7 +22,7 @@ from haptigraph.errors import BadInput
 from haptigraph.geometry import ImageGeometry, Point, Vec
 from haptigraph.messages import UNKNOWN, Step
 from haptigraph.recording.writer import Progress
-from haptigraph.registration.camera import load_registration
+from haptigraph.registration.loading import load_camera_registration
 from haptigraph.sources.played import played
 
 __all__ = [
@@ -35,11 +35,12 @@ __all__ = [
     "score",
     "share",
     "spread",
+    "tip_mm",
 ]
 
-LEAST_DEPTH_MM = 2.0
+MIN_DEPTH_MM = 2.0
 SHALLOW_MM = (1.0, 3.0)
-WALL_MM = 2.0  # a tip that vanishes this close to the pivot is in the wall
+WALL_MM = 2.0  # a tip that disappears this close to the RCM is in the wall
 CONTACT, HIT = "retinal_contact", "target_hit"
 
 
@@ -47,9 +48,9 @@ class Evaluation(Struct, frozen=True):
     """The scores of one clip."""
 
     scores: dict[str, Any]
-    """As `score` returns them, with "clip" and "perceiver" in front."""
+    """As `score` returns them, preceded by "clip" and "perceiver"."""
     lag_images: float | None
-    """How many images the reported tip lags behind the true one."""
+    """Lag of the reported tip behind the true one, in images."""
 
 
 def evaluate_clip(folder: str | Path, config: Config, progress: Progress | None = None) -> Evaluation:
@@ -57,14 +58,14 @@ def evaluate_clip(folder: str | Path, config: Config, progress: Progress | None 
 
     Args:
         folder: The clip.
-        config: Chooses perceiver and procedure.
-        progress: Told how far it is.
+        config: Selects perceiver and procedure.
+        progress: Called with the progress.
 
     Raises:
-        BadInput: If a file is missing or makes no sense.
+        BadInput: If a file is missing or not valid.
     """
     folder = Path(folder)
-    registration = load_registration(folder / "registration.toml")
+    registration = load_camera_registration(folder / "registration.toml")
     procedure = assemble.load_procedure(config.run.procedure)
     truth = load_truth(folder / "truth.csv", [state.name for state in procedure.states])
     config = config.with_perceiver(assemble.perceiver_name(config, procedure))
@@ -87,23 +88,23 @@ def evaluate_clip(folder: str | Path, config: Config, progress: Progress | None 
 
 
 class Errors(Struct, frozen=True):
-    """What one sequence of steps got right and wrong, image by image; to be pooled with others."""
+    """Errors of one sequence of steps, image by image; sequences can be pooled."""
 
     images: int
     expected: list[bool]
-    """Found, of the images with at least 2 mm inside."""
+    """Whether the tip was detected, for images with at least 2 mm of needle inside."""
     false_detections: int
     tips_px: list[tuple[float, float]]
-    """(depth [mm], error [px]) of tips seen inside."""
+    """(depth [mm], error [px]) of tips detected inside."""
     angles_deg: list[tuple[float, float]]
-    """(depth [mm], absolute error [deg]) of shafts seen inside."""
+    """(depth [mm], absolute error [deg]) of shafts detected inside."""
     agreed: list[bool]
-    """State as the truth has it, of the images that count."""
+    """Whether the state agrees with the ground truth, for the images that count."""
     wrong_contact_images: int
 
 
 AngleError = Callable[[Step, TruthRow], float | None]
-"""Absolute error of a step's angle [deg]; None if there is none."""
+"""Absolute error of a step's angle [deg]; None if it has no angle."""
 
 
 def _theta_error_deg(step: Step, row: TruthRow) -> float | None:
@@ -118,23 +119,23 @@ def errors_of(
     image: ImageGeometry,
     angle_error_deg: AngleError = _theta_error_deg,
 ) -> Errors:
-    """Compare steps with the truth, image by image."""
+    """Compare steps with the ground truth, image by image."""
     tips = [_tip_px(step, image) for step in steps]
-    hidden = _hidden_in_wall(truth)
+    occluded = _occluded_by_wall(truth)
     states, true_states = [step.conclusion.state for step in steps], [row.state for row in truth]
     inside = [(row, number) for number, row in enumerate(truth) if row.visible and row.inside]
-    misses = [(row.depth_mm or 0.0, _miss(tips[number], row.tip_px)) for row, number in inside]
-    turns = [(_depth(row), angle_error_deg(steps[number], row)) for row, number in inside]
+    tip_errors = [(row.depth_mm or 0.0, _distance(tips[number], row.tip_px)) for row, number in inside]
+    angle_errors = [(_depth(row), angle_error_deg(steps[number], row)) for row, number in inside]
     return Errors(
         images=len(truth),
-        expected=[tips[number] is not None for row, number in inside if _depth(row) >= LEAST_DEPTH_MM],
+        expected=[tips[number] is not None for row, number in inside if _depth(row) >= MIN_DEPTH_MM],
         false_detections=sum(
             tip is not None and not row.visible and not row.inside and not in_wall
-            for tip, row, in_wall in zip(tips, truth, hidden, strict=True)
+            for tip, row, in_wall in zip(tips, truth, occluded, strict=True)
         ),
-        tips_px=[(depth, error) for depth, error in misses if error is not None],
-        angles_deg=[(depth, error) for depth, error in turns if error is not None],
-        agreed=_agreed(states, true_states, hidden),
+        tips_px=[(depth, error) for depth, error in tip_errors if error is not None],
+        angles_deg=[(depth, error) for depth, error in angle_errors if error is not None],
+        agreed=_agreement(states, true_states, occluded),
         wrong_contact_images=_wrong_contacts(states, true_states),
     )
 
@@ -149,7 +150,7 @@ def angle_spreads(angles_deg: Sequence[tuple[float, float]]) -> dict[str, dict[s
 
 
 def score(steps: Sequence[Step], truth: Sequence[TruthRow], image: ImageGeometry) -> dict[str, Any]:
-    """Score steps against the truth, image by image.
+    """Score steps against the ground truth, image by image.
 
     Returns:
         detection_rate, false_detections, tip_error_px, tip_error_mm, angle_error_deg, state_agreement,
@@ -173,27 +174,33 @@ def score(steps: Sequence[Step], truth: Sequence[TruthRow], image: ImageGeometry
 
 
 def share(hits: Sequence[bool]) -> float | None:
-    """Return the share of hits; None of nothing."""
+    """Return the share of hits; None if the sequence is empty."""
     return sum(hits) / len(hits) if hits else None
 
 
 def spread(errors: Sequence[float]) -> dict[str, float | None]:
-    """Return median and 95th percentile; None of nothing."""
+    """Return median and 95th percentile; None if the sequence is empty."""
     if not errors:
         return {"median": None, "p95": None}
     return {"median": float(np.median(errors)), "p95": float(np.percentile(errors, 95))}
 
 
 def lag_images(steps: Sequence[Step], truth: Sequence[TruthRow], image: ImageGeometry) -> float | None:
-    """Estimate the lag of the reported tip in images: least squares of its error on the true motion."""
-    against, motion = 0.0, 0.0
+    """Estimate the lag of the reported tip in images by least squares of its error on the true motion."""
+    projection, motion = 0.0, 0.0
     for row in range(1, len(truth)):
         before, now, tip = truth[row - 1].tip_px, truth[row].tip_px, _tip_px(steps[row], image)
         if before and now and tip and truth[row].inside:
             moved = now[0] - before[0], now[1] - before[1]
-            against -= (tip[0] - now[0]) * moved[0] + (tip[1] - now[1]) * moved[1]
+            projection -= (tip[0] - now[0]) * moved[0] + (tip[1] - now[1]) * moved[1]
             motion += moved[0] ** 2 + moved[1] ** 2
-    return against / motion if motion > 0 else None
+    return projection / motion if motion > 0 else None
+
+
+def tip_mm(step: Step) -> Vec | None:
+    """Return the reported tip, eye frame; None if there is none."""
+    tip = step.observation.found.get("needle_tip")
+    return tip.at_mm if isinstance(tip, Point) else None
 
 
 def _with_source(config: Config, clip: Path) -> Config:
@@ -201,8 +208,8 @@ def _with_source(config: Config, clip: Path) -> Config:
 
 
 def _tip_px(step: Step, image: ImageGeometry) -> Vec | None:
-    tip = step.observation.found.get("needle_tip")
-    return image.to_px(tip.at_mm) if isinstance(tip, Point) else None
+    tip = tip_mm(step)
+    return image.to_px(tip) if tip is not None else None
 
 
 def _depth(row: TruthRow) -> float:
@@ -210,30 +217,30 @@ def _depth(row: TruthRow) -> float:
     return row.depth_mm if row.visible and row.inside and row.depth_mm is not None else -math.inf
 
 
-def _miss(tip: Vec | None, true_tip: Vec | None) -> float | None:
+def _distance(tip: Vec | None, true_tip: Vec | None) -> float | None:
     return math.dist(tip, true_tip) if tip and true_tip else None
 
 
-def _hidden_in_wall(truth: Sequence[TruthRow]) -> list[bool]:
-    """Mark unseen images whose neighbours in time show the tip at the wall: it is passing through."""
-    hidden = [False] * len(truth)
+def _occluded_by_wall(truth: Sequence[TruthRow]) -> list[bool]:
+    """Mark images without a visible tip between images with the tip at the wall: it is passing through."""
+    occluded = [False] * len(truth)
     row = 0
     while row < len(truth):
         end = row
         while end < len(truth) and not truth[end].visible:
             end += 1
-        beside = [truth[other] for other in (row - 1, end) if 0 <= other < len(truth)]
-        at_wall = any(abs(seen.depth_mm) <= WALL_MM for seen in beside if seen.depth_mm is not None)
-        hidden[row:end] = [at_wall] * (end - row)
+        neighbours = [truth[other] for other in (row - 1, end) if 0 <= other < len(truth)]
+        at_wall = any(abs(each.depth_mm) <= WALL_MM for each in neighbours if each.depth_mm is not None)
+        occluded[row:end] = [at_wall] * (end - row)
         row = end + 1
-    return hidden
+    return occluded
 
 
-def _agreed(states: list[str], true_states: list[str], hidden: list[bool]) -> list[bool]:
+def _agreement(states: list[str], true_states: list[str], occluded: list[bool]) -> list[bool]:
     return [
         states[row] == true_states[row]
         for row in range(len(states))
-        if not hidden[row] and len(set(true_states[max(row - 1, 0) : row + 2])) == 1
+        if not occluded[row] and len(set(true_states[max(row - 1, 0) : row + 2])) == 1
     ]
 
 

@@ -1,6 +1,6 @@
-"""The truth of a labelled clip: one row of truth.csv per image, written, and checked on the way in.
+"""The ground truth of a labelled clip: read, check and write truth.csv, one row per image.
 
-docs/conventions.md describes the columns. Knows no perceiver.
+docs/conventions.md describes the columns.
 """
 
 import csv
@@ -16,11 +16,11 @@ from haptigraph.geometry import Vec
 __all__ = ["TruthRow", "load_truth", "truth_text"]
 
 COLUMNS = ("image", "time_s", "visible", "inside", "tip_x_px", "tip_y_px", "depth_mm", "theta_deg", "state")
-"""Those of `TruthRow`; a clip may have more."""
+"""The columns of `TruthRow`; a clip may have more."""
 
 
 class TruthRow(Struct, frozen=True):
-    """The truth of one image; numbers are None where the tip cannot be seen."""
+    """The ground truth of one image; numbers are None where the tip is not visible."""
 
     visible: bool
     inside: bool
@@ -35,10 +35,10 @@ def load_truth(path: Path, states: Sequence[str] = ()) -> list[TruthRow]:
 
     Args:
         path: The file.
-        states: The states there are; none: any.
+        states: The valid states; empty: any.
 
     Raises:
-        BadInput: If it cannot be read or a row makes no sense.
+        BadInput: If it cannot be read or a row is not valid.
     """
     rows = []
     try:
@@ -57,11 +57,11 @@ def load_truth(path: Path, states: Sequence[str] = ()) -> list[TruthRow]:
 
 
 def truth_text(rows: Sequence[TruthRow], rate_hz: float) -> str:
-    """Return rows as the text of a truth.csv that `load_truth` reads.
+    """Return the text of a truth.csv that `load_truth` reads.
 
     Args:
-        rows: One of each image.
-        rate_hz: Of the images.
+        rows: One row per image.
+        rate_hz: Image rate.
     """
     lines = [",".join(COLUMNS)]
     for number, row in enumerate(rows):
@@ -73,14 +73,14 @@ def truth_text(rows: Sequence[TruthRow], rate_hz: float) -> str:
 
 
 def _truth_row(row: dict[str, str], states: Sequence[str]) -> TruthRow:
-    """Read one row.
+    """Parse one row.
 
     Raises:
-        ValueError: If it makes no sense.
+        ValueError: If it is not valid.
         KeyError: If a column is missing.
     """
-    if None in row or None in row.values():  # as csv tells of it
-        raise ValueError(f"{'more' if None in row else 'fewer'} values than there are columns")
+    if None in row or None in row.values():  # the csv module's marks of a wrong length
+        raise ValueError(f"{'more' if None in row else 'fewer'} values than columns")
     if states and row["state"] not in states:
         raise ValueError(unknown_name("state", row["state"], states))
 

@@ -1,11 +1,10 @@
-"""What an evaluation came to: one object for other tools, tables for people."""
+"""The report of an evaluation: one JSON object for other tools, tables for people."""
 
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-import msgspec
 from msgspec import Struct
 
 from haptigraph.analysis.evaluation.angle_noise import HeldDepth
@@ -17,7 +16,7 @@ from haptigraph.recording.writer import Progress
 __all__ = ["Report", "report_clip", "sweep_object", "sweep_text"]
 
 COLUMNS = (
-    ("found >=2mm", 12),
+    ("found >=2mm", 12),  # detection rate at 2 mm depth or more
     ("false", 6),
     ("tip px p50/p95", 15),
     ("1-3mm deg p50/p95", 18),
@@ -25,14 +24,20 @@ COLUMNS = (
     ("state", 8),
     ("wrong contact", 14),
 )
-BOUNDS = ("inside", "inside_pivot_free", "both", "both_pivot_free")
+BOUNDS = {
+    "inside": "inside_deg",
+    "inside_pivot_free": "inside_rcm_free_deg",
+    "both": "both_deg",
+    "both_pivot_free": "both_rcm_free_deg",
+}
+"""Fields of `AngleBound` by JSON key."""
 
 
 class Report(Struct, frozen=True):
-    """What an evaluation came to."""
+    """The result of an evaluation."""
 
     scores: dict[str, Any]
-    """For other tools, as JSON can hold it."""
+    """For other tools; can be encoded as JSON."""
     text: str
     """For people."""
 
@@ -41,18 +46,18 @@ def report_clip(clip_dir: str | Path, config: Config, progress: Progress | None 
     """Score a labelled clip.
 
     Raises:
-        BadInput: If a file is missing or makes no sense.
+        BadInput: If a file is missing or not valid.
     """
     evaluation = evaluate_clip(clip_dir, config, progress)
     lines = [f"{name:34}{value}" for name, value in _flat(evaluation.scores)]
     lag, perception = evaluation.lag_images, config.perception
     average = f" (alpha {perception.alpha:g})" if perception.perceiver == "threshold" else ""
-    told = "-" if lag is None else f"{lag:.2f} images behind the truth{average}"
-    return Report(evaluation.scores, "\n".join([*lines, f"{'lag':34}{told}"]))
+    lag_text = "-" if lag is None else f"{lag:.2f} images behind the truth{average}"
+    return Report(evaluation.scores, "\n".join([*lines, f"{'lag':34}{lag_text}"]))
 
 
 def sweep_object(sweep: Sweep, held: Sequence[HeldDepth]) -> dict[str, Any]:
-    """Return everything as one object that JSON can hold; an infinite bound is None."""
+    """Return all results as one object that can be encoded as JSON; an infinite bound is None."""
     return {
         "scenes": sweep.scenes,
         "seed": sweep.seed,
@@ -65,7 +70,7 @@ def sweep_object(sweep: Sweep, held: Sequence[HeldDepth]) -> dict[str, Any]:
 
 
 def sweep_text(sweep: Sweep, held: Sequence[HeldDepth]) -> str:
-    """Return tables: scores by perceiver and difficulty, then the noise of the angle by depth."""
+    """Return tables: scores by perceiver and difficulty, then the angle noise by depth."""
     return "\n".join([*_score_lines(sweep), "", *_noise_lines(sweep, held)])
 
 
@@ -91,10 +96,9 @@ def _score_lines(sweep: Sweep) -> Iterator[str]:
 
 def _noise_lines(sweep: Sweep, held: Sequence[HeldDepth]) -> Iterator[str]:
     names = list(sweep.errors)
-    yield "noise of the angle [deg] of a needle held still, and the least possible (Cramer-Rao)"
-    head = "".join(f"{name:>12}" for name in names) + "".join(
-        f"{name.replace('_', ' '):>20}" for name in BOUNDS
-    )
+    yield "angle noise [deg] of a stationary needle, and its Cramer-Rao bound"
+    bounds = (name.removesuffix("_deg").replace("_", " ") for name in BOUNDS.values())
+    head = "".join(f"{name:>12}" for name in names) + "".join(f"{name:>20}" for name in bounds)
     yield f"{'depth':10}{head}"
     for each in held:
         noises = "".join(f"{_number(each.noise_deg[name]):>12}" for name in names)
@@ -104,8 +108,8 @@ def _noise_lines(sweep: Sweep, held: Sequence[HeldDepth]) -> Iterator[str]:
 
 
 def _bounds(held: HeldDepth) -> dict[str, float | None]:
-    told = msgspec.structs.asdict(held.bound)
-    return {name: told[f"{name}_deg"] if math.isfinite(told[f"{name}_deg"]) else None for name in BOUNDS}
+    values = {key: getattr(held.bound, field) for key, field in BOUNDS.items()}
+    return {key: value if math.isfinite(value) else None for key, value in values.items()}
 
 
 def _pair(errors: dict[str, float | None]) -> str:
@@ -121,7 +125,7 @@ def _percent(value: float | None) -> str:
 
 
 def _flat(scores: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
-    """Turn nested scores into (name, value) lines."""
+    """Flatten nested scores into (name, value) pairs."""
     for name, value in scores.items():
         if isinstance(value, dict):
             yield from _flat(value, f"{prefix}{name}.")

@@ -1,8 +1,7 @@
 """Score perceivers on many random simulated scenes: the same images for all, results per difficulty.
 
-The angle's error is that of the shaft's direction in the image, so that a registration that is wrong by some
-pixels does not count against the perceiver; tip errors are in the image too. States are compared in scenes
-with a right registration only. Knows perceivers by their names.
+Errors of angle and tip are measured in the image, so that a registration error does not count against the
+perceiver. States are compared only in scenes with a correct registration.
 """
 
 from collections.abc import Iterator, Sequence
@@ -21,7 +20,8 @@ from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import Capture, Observation, Step, Truth
 from haptigraph.pipeline import Pipeline
 from haptigraph.recording.writer import Progress
-from haptigraph.registration.camera import Registration, parse_registration
+from haptigraph.registration.camera import Registration
+from haptigraph.registration.loading import parse_camera_registration
 from haptigraph.scene.builder import SchemaSceneBuilder
 from haptigraph.sim.phantom import Moment, Phantom
 from haptigraph.sim.scenes import DIFFICULTIES, Scene, random_scene
@@ -33,15 +33,15 @@ ALL = "all"
 
 
 class Sweep(Struct, frozen=True):
-    """What came out, by perceiver."""
+    """The errors of perceivers on simulated scenes."""
 
     scenes: int
     seed: int
     errors: dict[str, dict[str, list[Errors]]] = field(default_factory=dict)
-    """Of each scene, by perceiver and difficulty."""
+    """For each scene, by perceiver and difficulty."""
 
     def scores(self) -> dict[str, dict[str, dict[str, Any]]]:
-        """Return figures by perceiver and difficulty, "all" first."""
+        """Return scores by perceiver and difficulty, "all" first."""
         return {
             perceiver: {
                 ALL: _pooled([errors for scenes in by_difficulty.values() for errors in scenes]),
@@ -52,7 +52,7 @@ class Sweep(Struct, frozen=True):
 
 
 def perceivers_to_compare() -> list[str]:
-    """Return the perceivers a comparison is made of, as far as there are such."""
+    """Return the perceivers that are compared by default, as far as they are available."""
     return [name for name in COMPARED if name in assemble.PERCEIVERS]
 
 
@@ -65,15 +65,15 @@ def sweep(
     size_px: tuple[int, int] = (1280, 720),
     progress: Progress | None = None,
 ) -> Sweep:
-    """Play random scenes to perceivers and compare what they say with the truth.
+    """Run perceivers on random scenes and compare their observations with the ground truth.
 
     Args:
-        scenes: How many.
+        scenes: Number of scenes.
         perceivers: Their names.
         config: Their settings, and the procedure.
-        seed: Of all scenes.
-        size_px: Of the images, (width, height).
-        progress: Told how far it is.
+        seed: Seed of all scenes.
+        size_px: Image size, (width, height).
+        progress: Called with the progress.
     """
     procedure = assemble.load_procedure(config.run.procedure)
     result = Sweep(scenes, seed)
@@ -91,7 +91,7 @@ def sweep(
 
 
 def _pooled(scenes: Sequence[Errors]) -> dict[str, Any]:
-    """Return the scores over all images of some scenes."""
+    """Return the scores over all images of several scenes."""
     angles_deg = [pair for errors in scenes for pair in errors.angles_deg]
     return {
         "scenes": len(scenes),
@@ -106,7 +106,7 @@ def _pooled(scenes: Sequence[Errors]) -> dict[str, Any]:
 
 
 def play(phantom: Phantom) -> Iterator[tuple[Capture, Moment]]:
-    """Play a phantom from its beginning, as raw captures (no JPEG)."""
+    """Yield all captures and moments of a phantom from its beginning, raw (no JPEG)."""
     phantom.restart()
     for number in range(phantom.images):
         moment = phantom.advance()
@@ -115,12 +115,12 @@ def play(phantom: Phantom) -> Iterator[tuple[Capture, Moment]]:
 
 
 def true_rows(truths: Sequence[Truth], registration: Registration, procedure: Procedure) -> list[TruthRow]:
-    """Return the truth as labelled clips have it.
+    """Convert a simulator's ground truth to the rows of a labelled clip.
 
     Args:
-        truths: Of every image; one that brings no needle_line has a tip that lies on the shaft.
-        registration: Where the anatomy really is.
-        procedure: Its rules say the states of the true needle.
+        truths: One per image; without a needle_line the tip is on the shaft's axis.
+        registration: The true anatomy.
+        procedure: Its rules determine the states of the true needle.
     """
     build_scene, reason = SchemaSceneBuilder(procedure.schema), RuleEngine(procedure)
     rows = []
@@ -130,44 +130,43 @@ def true_rows(truths: Sequence[Truth], registration: Registration, procedure: Pr
             found["needle_tip"] = Point(truth.tip_mm)
             found.setdefault("needle_line", Segment(registration.trocar.at_mm, truth.tip_mm))
         state = reason(build_scene(Observation(0, found))).state
-        seen = truth.visible
         rows.append(
             TruthRow(
-                visible=seen,
+                visible=truth.visible,
                 inside=truth.inside,
-                tip_px=truth.tip_px if seen else None,
-                depth_mm=truth.depth_mm if seen else None,
-                theta_deg=truth.theta_deg if seen else None,
+                tip_px=truth.tip_px if truth.visible else None,
+                depth_mm=truth.depth_mm if truth.visible else None,
+                theta_deg=truth.theta_deg if truth.visible else None,
                 state=state,
             )
         )
     return rows
 
 
-def shaft_error_deg(step: Step, row: TruthRow, reported: ImageGeometry, true_trocar_px: Vec) -> float | None:
+def shaft_error_deg(step: Step, row: TruthRow, image: ImageGeometry, true_trocar_px: Vec) -> float | None:
     """Return the angle [deg] between the reported and the true shaft in the image; None if either is missing.
 
     Args:
-        step: What was reported.
-        row: The truth.
-        reported: Geometry of the registration that the perceiver was given.
-        true_trocar_px: Where the needle really pivots.
+        step: The step with the reported shaft.
+        row: The ground truth.
+        image: Geometry of the registration that the perceiver used.
+        true_trocar_px: The true RCM.
     """
     line = step.observation.found.get("needle_line")
     if not isinstance(line, Segment) or row.tip_px is None:
         return None
-    seen = subtract(reported.to_px(line.end_mm), reported.to_px(line.start_mm))
+    reported = subtract(image.to_px(line.end_mm), image.to_px(line.start_mm))
     true = subtract(row.tip_px, true_trocar_px)
     if row.depth_mm is not None and row.depth_mm < 0:
         true = -true[0], -true[1]
-    return angle_between_deg(seen, true)
+    return angle_between_deg(reported, true)
 
 
 def _errors_of_scene(
     scene: Scene, perceivers: Sequence[str], config: Config, procedure: Procedure
 ) -> dict[str, Errors]:
     phantom = Phantom(scene.scenario)
-    registration = parse_registration(phantom.registration, "the scene's registration")
+    registration = parse_camera_registration(phantom.registration, "the scene's registration")
     pipelines = {
         name: assemble.build_pipeline(config.with_perceiver(name), registration, procedure)
         for name in perceivers
@@ -196,4 +195,4 @@ def _steps(phantom: Phantom, pipelines: dict[str, Pipeline]) -> tuple[dict[str, 
 
 
 def _true_registration(phantom: Phantom) -> Registration:
-    return parse_registration(phantom.true_registration, "the true registration")
+    return parse_camera_registration(phantom.true_registration, "the true registration")

@@ -1,1 +1,1 @@
-"""Metrics of runs and trials, from steps or recordings."""
+"""Measures of runs and trials, from steps or recordings."""

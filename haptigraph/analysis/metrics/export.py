@@ -1,4 +1,4 @@
-"""A recorded run as a table for other programs: one row per step. Reads recordings only."""
+"""Export a recorded run as a CSV table for other programs: one row per step."""
 
 import csv
 from collections.abc import Iterator
@@ -12,7 +12,7 @@ from haptigraph.haptics.pattern import amplitude_at
 from haptigraph.messages import Step
 from haptigraph.recording.reader import RunReader
 from haptigraph.recording.writer import Progress
-from haptigraph.registration.oct import parse_registered
+from haptigraph.registration.loading import parse_registration
 
 __all__ = ["run_csv"]
 
@@ -23,14 +23,14 @@ def run_csv(path: str | Path, output: str | Path, progress: Progress | None = No
     Args:
         path: The recording.
         output: The file to write; replaced if it exists.
-        progress: Told how many steps are written, and how many there are or 0.
+        progress: Called with the number of steps written.
 
     Raises:
         BadInput: If the recording cannot be read or the file cannot be written.
     """
     reader = RunReader(path)
     schema = parse_procedure(reader.info.procedure, f"procedure in {path}").schema
-    anatomy = parse_registered(reader.info.registration, f"registration in {path}").anatomy
+    anatomy = parse_registration(reader.info.registration, f"registration in {path}").anatomy
     measures = list(schema.measure_names)
     points = [
         entity.name for entity in schema.entities if entity.geometry == "point" and entity.name not in anatomy
@@ -43,16 +43,16 @@ def run_csv(path: str | Path, output: str | Path, progress: Progress | None = No
                 table.writerow(row)
                 if progress is not None:
                     progress("writing", number + 1, 0)
-    except OSError as error:  # a full disk does not say where
+    except OSError as error:  # that of a full disk does not name the file
         raise BadInput(f"cannot be written ({error.strerror})", output) from None
 
 
 def _header(measures: list[str], points: list[str]) -> list[str]:
-    places = [f"{name}_{axis}_mm" for name in points for axis in "xy"]
+    coordinates = [f"{name}_{axis}_mm" for name in points for axis in "xy"]
     return [
         *("step", "image", "time_s", "stamp_ns", "utc", "state", "feels", "plays", "amplitude"),
         *measures,
-        *places,
+        *coordinates,
         *("relations", "faults", "because"),
     ]
 
@@ -73,14 +73,14 @@ def _rows(reader: RunReader, measures: list[str], points: list[str]) -> Iterator
             step.command.pattern.name,
             amplitude_at(step.command, step.stamp_ns),
             *(step.graph.measures.get(name, "") for name in measures),
-            *_places(step, points),
+            *_coordinates(step, points),
             "; ".join(str(edge) for edge in step.graph.edges),
             "; ".join(f"{fault.where}: {fault.message}" for fault in step.faults),
             step.conclusion.because,
         ]
 
 
-def _places(step: Step, points: list[str]) -> Iterator[object]:
+def _coordinates(step: Step, points: list[str]) -> Iterator[object]:
     for name in points:
         shape = step.observation.found.get(name)
         yield from shape.at_mm if isinstance(shape, Point) else ("", "")

@@ -1,6 +1,6 @@
-"""One moment of a run explained: which rule fired, by which triplets, and what would have to be otherwise.
+"""Explain one moment of a run: the rule that fired, its triplets, and the nearest alternatives.
 
-Reads recordings; a moment is judged by the procedure that was recorded with it.
+Applies the procedure stored in the recording.
 """
 
 from pathlib import Path
@@ -8,7 +8,7 @@ from pathlib import Path
 from msgspec import Struct
 from msgspec.structs import replace
 
-from haptigraph.analysis.plots.explanation import felt
+from haptigraph.analysis.plots.explanation import pattern_text
 from haptigraph.assemble import parse_procedure
 from haptigraph.errors import BadInput
 from haptigraph.graph import SceneGraph, Triplet
@@ -22,17 +22,17 @@ __all__ = ["Explanation", "Held", "Reason", "explain_graph", "explain_moment", "
 
 
 class Reason(Struct, frozen=True):
-    """One part of a rule, and how it stood."""
+    """One condition of a rule, and whether it held."""
 
     says: str
-    """As people say it: "<a, b, c>", "not <a, b, c>", "no a"."""
+    """As text: "<a, b, c>", "not <a, b, c>", "no a"."""
     holds: bool
     because: str
     """The measure and its bounds: "theta_deg 5.12, bounds theta_deg > 1.7"; empty if there is none."""
 
 
 class Held(Struct, frozen=True):
-    """A state that stayed though the graph was another."""
+    """A state that was held although its graph had ended."""
 
     state: str
     feel: str
@@ -40,7 +40,7 @@ class Held(Struct, frozen=True):
 
 
 class Explanation(Struct, frozen=True):
-    """Why a state, and what is near it. As JSON, it is what a page needs to show it."""
+    """Why a state was concluded, and which changes would lead to another. Printed as JSON, too."""
 
     time_s: float
     """Since the first step of the run; 0 for a graph without a run."""
@@ -50,28 +50,28 @@ class Explanation(Struct, frozen=True):
     because: str
     fired_by: tuple[Reason, ...]
     not_fired: dict[str, tuple[Reason, ...]]
-    """Rules that come first but did not fit: what they lacked."""
+    """Unmet conditions of the rules with higher priority, by state."""
     measures: dict[str, float]
     runner_up: Change | None
-    """The other state that the smallest change leads to."""
+    """The smallest change that leads to another state."""
     others: tuple[Change, ...]
-    """All further ones, nearest first."""
+    """Changes to the remaining states, smallest first."""
     faults: tuple[str, ...] = ()
     held: Held | None = None
     """What was concluded instead, where a state outlasted its graph (`hold_ms`)."""
     touch: str = ""
-    """What the hand was told to feel; numbers that follow a measure as they were then."""
+    """The commanded pattern; values that follow a measure are those of this moment."""
 
 
 def explain_moment(path: str | Path, at_s: float) -> Explanation:
-    """Explain the step of a recording that held at a moment.
+    """Explain the step of a recording that was current at a moment.
 
     Args:
         path: The recording.
-        at_s: Since its first step.
+        at_s: Time since its first step.
 
     Raises:
-        BadInput: If the recording cannot be read or has no such moment.
+        BadInput: If the recording cannot be read or does not include the moment.
     """
     reader = RunReader(path)
     procedure = parse_procedure(reader.info.procedure, f"procedure in {path}")
@@ -90,15 +90,16 @@ def explain_moment(path: str | Path, at_s: float) -> Explanation:
         raise BadInput(f"has no step at {at_s:g} s; valid: 0 to {time_s:.2f} s", path)
     faults = tuple(f"{fault.where}: {fault.message}" for fault in found.faults)
     explanation = explain_graph(procedure, found.graph, time_s, faults)
-    then, pattern = found.conclusion, found.command.pattern
-    held = Held(then.state, then.feel, then.because) if then.state != explanation.state else None
-    return replace(explanation, held=held, touch=f"{pattern.name!r}: {felt(pattern)}")
+    recorded, pattern = found.conclusion, found.command.pattern
+    is_held = recorded.state != explanation.state
+    held = Held(recorded.state, recorded.feel, recorded.because) if is_held else None
+    return replace(explanation, held=held, touch=f"{pattern.name!r}: {pattern_text(pattern)}")
 
 
 def explain_graph(
     procedure: Procedure, graph: SceneGraph, time_s: float = 0.0, faults: tuple[str, ...] = ()
 ) -> Explanation:
-    """Explain what a procedure makes of a graph."""
+    """Explain what a procedure concludes from a graph."""
     conclusion = RuleEngine(procedure)(graph)
     nearest = Nearest(procedure)
     changes = nearest.changes(nearest.mask(graph), graph.measures)
@@ -123,27 +124,27 @@ def explain_graph(
 
 
 def explanation_text(explanation: Explanation) -> str:
-    """Return an explanation as a few lines for people."""
-    one = explanation
-    graph_is = f"{one.state}, rule {one.priority}, feels {one.feel!r}: {one.because}"
+    """Return an explanation as several lines of text."""
+    moment = explanation
+    by_graph = f"{moment.state}, rule {moment.priority}, feels {moment.feel!r}: {moment.because}"
     lines = [
-        f"{one.time_s:.2f} s  {graph_is}"
-        if one.held is None
-        else f"{one.time_s:.2f} s  {one.held.state}, feels {one.held.feel!r}: {one.held.because}",
-        *_listed("told", [one.touch] if one.touch else []),
-        *_listed("by itself", [graph_is] if one.held is not None else []),
-        *(f"  fault      {fault}" for fault in one.faults),
-        *_listed("fired by", [_reason_text(reason) for reason in one.fired_by] or ["no rule"]),
+        f"{moment.time_s:.2f} s  {by_graph}"
+        if moment.held is None
+        else f"{moment.time_s:.2f} s  {moment.held.state}, feels {moment.held.feel!r}: {moment.held.because}",
+        *_section("commanded", [moment.touch] if moment.touch else []),
+        *_section("by graph", [by_graph] if moment.held is not None else []),
+        *(f"  fault      {fault}" for fault in moment.faults),
+        *_section("fired by", [_reason_text(reason) for reason in moment.fired_by] or ["no rule"]),
     ]
-    before = [
-        f"{state}: " + "; ".join(_lacked(reason) for reason in reasons)
-        for state, reasons in one.not_fired.items()
+    not_fired = [
+        f"{state}: " + "; ".join(_missing_text(reason) for reason in reasons)
+        for state, reasons in moment.not_fired.items()
     ]
-    lines += _listed("before it", before)
-    if one.runner_up is not None:
-        lines += _listed("runner-up", _change_text(one.runner_up))
-    for change in one.others:
-        lines += _listed("or", _change_text(change))
+    lines += _section("not fired", not_fired)
+    if moment.runner_up is not None:
+        lines += _section("runner-up", _change_text(moment.runner_up))
+    for change in moment.others:
+        lines += _section("or", _change_text(change))
     return "\n".join(lines)
 
 
@@ -154,7 +155,7 @@ def _reasons(procedure: Procedure, state: State, graph: SceneGraph) -> list[Reas
 
     def measured(names: tuple[str, str, str]) -> str:
         name = procedure.schema.measure_name(relations[names])
-        value = f"{graph.measures[name]:.4g}" if name in graph.measures else "not there"
+        value = f"{graph.measures[name]:.4g}" if name in graph.measures else "missing"
         return f"{name} {value}, bounds {bounds_of(relations[names]).said(name)}"
 
     reasons = [Reason(str(Triplet(*names)), names in edges, measured(names)) for names in state.when]
@@ -168,8 +169,8 @@ def _reason_text(reason: Reason) -> str:
     return f"{reason.says}  ({reason.because})" if reason.because else reason.says
 
 
-def _lacked(reason: Reason) -> str:
-    """Say what a rule lacked: "no <a, b, c>", or what was there that should not."""
+def _missing_text(reason: Reason) -> str:
+    """Describe an unmet condition: a missing triplet, or one that should not be there."""
     if reason.says.startswith("<"):
         return f"no {reason.says}"
     return f"there is {reason.says.split(' ', 1)[1]}"
@@ -177,19 +178,17 @@ def _lacked(reason: Reason) -> str:
 
 def _change_text(change: Change) -> list[str]:
     head = f"{change.state} (rule {change.priority}, feels {change.feel!r})"
-    lines = [f"{head}, which fits too but comes later" if change.fits_already else head]
+    lines = [f"{head}, which fits, too, but has lower priority" if change.fits_already else head]
     for move in change.moves:
         if move.value is None or move.way is None:
             lines.append(f"  if {move.to}")
         else:
             unit = move.measure.rpartition("_")[2]
             way = f"{abs(move.way):.3g} {unit} {'less' if move.way < 0 else 'more'}"
-            lines.append(
-                f"  if {move.to}: it is {move.value:.4g}, {way if move.way else 'the very threshold'}"
-            )
+            lines.append(f"  if {move.to}: it is {move.value:.4g}, {way if move.way else 'at the threshold'}")
     changed = [f"+ {name}" for name in change.appear] + [f"- {name}" for name in change.vanish]
     return [*lines, f"  graph: {'  '.join(changed)}"]
 
 
-def _listed(heading: str, lines: list[str]) -> list[str]:
+def _section(heading: str, lines: list[str]) -> list[str]:
     return [f"  {heading if not number else '':11}{line}" for number, line in enumerate(lines)]

@@ -1,6 +1,6 @@
-"""How something moved, from evenly sampled places: length, smoothness, tremor. Arrays in, numbers out.
+"""Motion measures of evenly sampled positions: path length, smoothness, tremor.
 
-Knows no recording. Of each measure the formula and its source stand in its docstring.
+Docstrings state the formula of each measure and its source.
 """
 
 import numpy as np
@@ -19,22 +19,23 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 SMOOTH_HZ = 5.0
-"""Willed motion in such tasks lies below; noise of a tracked tip, and tremor, above."""
+"""Cut-off: voluntary motion in such tasks is slower; tremor and the noise of a tracked tip are faster."""
 TREMOR_HZ = (8.0, 12.0)
 """Band of surgeons' physiological tremor (PMC3989364)."""
-SPARC_HZ, SPARC_LEAST, SPARC_PADDING = 10.0, 0.05, 4
+MAX_SPARC_HZ, MIN_SPARC_MAGNITUDE, SPARC_PADDING = 10.0, 0.05, 4
 
 
 def low_passed(samples: Floats, rate_hz: float, cutoff_hz: float = SMOOTH_HZ) -> Floats:
-    """Return samples without what is faster than a cut-off, not delayed.
+    """Low-pass filter samples without delay.
 
-    A Butterworth filter of second order run forwards and backwards, done in the frequency domain:
-    gain 1 / (1 + (f / f_c)^4), which is 1/2 at the cut-off. The ends are mirrored through their points.
+    A second-order Butterworth filter applied forwards and backwards, computed in the frequency domain:
+    gain 1 / (1 + (f / f_c)^4), which is 1/2 at the cut-off. Padding is the point reflection of the samples
+    about each end.
 
     Args:
         samples: (n,) or (n, k), n at least 2.
-        rate_hz: Of the samples.
-        cutoff_hz: The cut-off f_c.
+        rate_hz: Sampling rate.
+        cutoff_hz: Cut-off frequency f_c.
     """
     before, after = 2 * samples[0] - samples[:0:-1], 2 * samples[-1] - samples[-2::-1]
     padded = np.concatenate([before, samples, after])
@@ -45,29 +46,29 @@ def low_passed(samples: Floats, rate_hz: float, cutoff_hz: float = SMOOTH_HZ) ->
     return smooth[len(before) : len(before) + len(samples)]
 
 
-def path_length(places: Floats) -> float:
-    """Return the length of a path, sum of |x_i+1 - x_i|, in the unit of its places (n, 2)."""
-    return float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
+def path_length(positions: Floats) -> float:
+    """Return the length of a path, sum of |x_i+1 - x_i|, in the unit of its positions (n, 2)."""
+    return float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
 
 
-def speed(places: Floats, rate_hz: float) -> Floats:
-    """Return the speed |dx/dt| (n,) at places (n, 2), by central differences."""
-    moved: Floats = np.gradient(places, 1 / rate_hz, axis=0)
-    speeds: Floats = np.linalg.norm(moved, axis=1)
+def speed(positions: Floats, rate_hz: float) -> Floats:
+    """Return the speed |dx/dt| (n,) at positions (n, 2), by central differences."""
+    velocity: Floats = np.gradient(positions, 1 / rate_hz, axis=0)
+    speeds: Floats = np.linalg.norm(velocity, axis=1)
     return speeds
 
 
 def sparc(speeds: Floats, rate_hz: float) -> float | None:
-    """Return the spectral arc length of a movement; None if there was none.
+    """Return the spectral arc length of a movement; None if nothing moved.
 
     SPARC = -integral_0^w_c sqrt((1 / w_c)^2 + (dV/dw)^2) dw, V the magnitude of the speed's spectrum over its
-    value at 0, w_c the last frequency up to 10 Hz at which V is at least 0.05. The longer and the more broken
-    the movement, the more negative. S. Balasubramanian et al.: On the analysis of movement smoothness,
-    J. NeuroEngineering Rehabil. 12:112, 2015; padding as in the authors' program.
+    value at 0, w_c the last frequency up to 10 Hz at which V is at least 0.05. The longer and the more
+    intermittent the movement, the more negative. S. Balasubramanian et al.: On the analysis of movement
+    smoothness, J. NeuroEngineering Rehabil. 12:112, 2015; padding as in the authors' program.
 
     Args:
         speeds: (n,)
-        rate_hz: Of the samples.
+        rate_hz: Sampling rate.
     """
     if len(speeds) < 2 or not np.any(speeds):
         return None
@@ -75,8 +76,8 @@ def sparc(speeds: Floats, rate_hz: float) -> float | None:
     magnitude = np.abs(np.fft.rfft(speeds, padded))
     magnitude = magnitude / magnitude.max()
     frequency_hz = np.fft.rfftfreq(padded, 1 / rate_hz)
-    within = frequency_hz <= SPARC_HZ
-    last = int(np.flatnonzero(within & (magnitude >= SPARC_LEAST))[-1])
+    within = frequency_hz <= MAX_SPARC_HZ
+    last = int(np.flatnonzero(within & (magnitude >= MIN_SPARC_MAGNITUDE))[-1])
     if last == 0:
         return None
     steps = np.diff(frequency_hz[: last + 1]) / frequency_hz[last]
@@ -84,14 +85,14 @@ def sparc(speeds: Floats, rate_hz: float) -> float | None:
 
 
 def log_dimensionless_jerk(speeds: Floats, rate_hz: float) -> float | None:
-    """Return the log dimensionless jerk of a movement; None if there was none.
+    """Return the log dimensionless jerk of a movement; None if nothing moved.
 
     LDLJ = -ln((T^3 / v_peak^2) integral |d^2v/dt^2|^2 dt), T the duration, v the speed. Balasubramanian et
     al. 2015, as `sparc`; second differences as in the authors' program.
 
     Args:
         speeds: (n,)
-        rate_hz: Of the samples.
+        rate_hz: Sampling rate.
     """
     if len(speeds) < 3 or not np.any(speeds):
         return None
@@ -101,32 +102,32 @@ def log_dimensionless_jerk(speeds: Floats, rate_hz: float) -> float | None:
     return -float(np.log(total)) if total > 0 else None
 
 
-def band_power(places: Floats, rate_hz: float, band_hz: tuple[float, float] = TREMOR_HZ) -> float | None:
-    """Return the power of a motion in a band: its variance there, both axes together.
+def band_power(positions: Floats, rate_hz: float, band_hz: tuple[float, float] = TREMOR_HZ) -> float | None:
+    """Return the power of a motion in a frequency band: its variance there, summed over both axes.
 
-    Welch's method: windows of 1 s (Hann) that overlap by half, a straight line taken out of each, one-sided
-    power spectral density, summed over the band with its ends. A sine of amplitude A in the band gives
-    A^2 / 2. P. D. Welch, IEEE Trans. Audio Electroacoust. 15(2), 1967.
+    Welch's method: Hann windows of 1 s with 50 % overlap, linearly detrended, one-sided power spectral
+    density, summed over the band including its ends. A sine of amplitude A in the band gives A^2 / 2.
+    P. D. Welch, IEEE Trans. Audio Electroacoust. 15(2), 1967.
 
     Args:
-        places: (n, 2).
-        rate_hz: Of the samples.
+        positions: (n, 2).
+        rate_hz: Sampling rate.
         band_hz: Lowest and highest frequency.
 
     Returns:
-        In the places' unit squared; None if the samples are too few or too slow for the band.
+        In the positions' unit squared; None if there are too few samples or the rate is too low for the band.
     """
     length = round(rate_hz)
-    if length < 2 * band_hz[1] or len(places) < length:
+    if length < 2 * band_hz[1] or len(positions) < length:
         return None
     window = np.hanning(length + 1)[:-1]
     time = np.arange(length) - (length - 1) / 2
     powers = []
-    for start in range(0, len(places) - length + 1, length // 2):
-        piece = places[start : start + length] - places[start : start + length].mean(axis=0)
-        piece = piece - np.outer(time, time @ piece) / (time @ time)
-        powers.append(np.abs(np.fft.rfft(piece * window[:, None], axis=0)) ** 2)
+    for start in range(0, len(positions) - length + 1, length // 2):
+        segment = positions[start : start + length] - positions[start : start + length].mean(axis=0)
+        segment = segment - np.outer(time, time @ segment) / (time @ time)
+        powers.append(np.abs(np.fft.rfft(segment * window[:, None], axis=0)) ** 2)
     frequency_hz = np.fft.rfftfreq(length, 1 / rate_hz)
-    inside = (frequency_hz >= band_hz[0]) & (frequency_hz <= band_hz[1])
+    is_in_band = (frequency_hz >= band_hz[0]) & (frequency_hz <= band_hz[1])
     per_bin = 2 * np.mean(powers, axis=0) / (length * (window**2).sum())
-    return float(per_bin[inside].sum())
+    return float(per_bin[is_in_band].sum())

@@ -1,4 +1,4 @@
-"""Run a recording again and compare step by step: the same, or what another procedure makes of it."""
+"""Replay a recording and compare it step by step, under its own procedure or another."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -14,7 +14,7 @@ from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import Step
 from haptigraph.recording.reader import RunReader
 from haptigraph.recording.writer import Progress
-from haptigraph.registration.oct import parse_registered
+from haptigraph.registration.loading import parse_registration
 
 __all__ = ["Difference", "ReplayReport", "replay", "replay_steps"]
 
@@ -22,24 +22,24 @@ COMPARED = ("observation", "graph", "conclusion", "command")
 
 
 class Difference(Struct, frozen=True):
-    """The first step that came out differently."""
+    """The first step that differs."""
 
     step: int
     time_s: float
     message: str
-    """Which message of the step differs."""
+    """The first message of the step that differs."""
     recorded: str
     replayed: str
 
 
 class ReplayReport(Struct):
-    """What a replay found."""
+    """The result of a replay."""
 
     steps: int = 0
     identical: int = 0
     first: Difference | None = None
     dropped_images: int = 0
-    """Images that perception saw but the recording does not have; what depends on them must differ."""
+    """Images that perception processed but the recorder dropped; steps that depend on them may differ."""
     is_whole: bool = True
     is_being_written: bool = False
     recorded: RunMeasures = msgspec.field(default_factory=RunMeasures)
@@ -56,9 +56,9 @@ def replay(
 
     Args:
         path: The recording.
-        procedure: Another procedure to judge it by; None: the one it was recorded with.
-        progress: Told how far it is.
-        watch: Given every step, as recorded and as replayed.
+        procedure: Another procedure to apply; None: the recorded one.
+        progress: Called with the progress.
+        watch: Called with every step, as recorded and as replayed.
 
     Raises:
         BadInput: If recording or procedure cannot be used.
@@ -89,20 +89,17 @@ def replay(
 
 
 def replay_steps(reader: RunReader, procedure: str | None = None) -> Iterator[tuple[Step, Step]]:
-    """Yield every recorded step with what the pipeline makes of the same capture now."""
+    """Yield every recorded step with the step that the pipeline now makes of the same capture."""
     info = reader.info
     config = msgspec.json.decode(info.config, type=Config)
     perceiver = config.perception.perceiver
-    if perceiver not in (
-        *assemble.PERCEIVERS,
-        "auto",
-    ):  # a simulated participant's, of whom nothing was drawn
+    if perceiver not in (*assemble.PERCEIVERS, "auto"):  # that of a simulated participant, without images
         raise BadInput(
-            f"was made without images (perceiver {perceiver}); there is nothing to replay", reader.path
+            f"was made without images (perceiver {perceiver}), so it cannot be replayed", reader.path
         )
     pipeline = assemble.build_pipeline(
         config,
-        parse_registered(info.registration, f"registration in {reader.path}"),
+        parse_registration(info.registration, f"registration in {reader.path}"),
         _procedure(reader, procedure),
     )
     for capture, recorded in reader.records():
@@ -117,7 +114,7 @@ def _procedure(reader: RunReader, name: str | None) -> Procedure:
 
 def _compare(number: int, time_s: float, recorded: Step, replayed: Step) -> Difference | None:
     for message in COMPARED:
-        then, now = (msgspec.json.encode(getattr(step, message)) for step in (recorded, replayed))
-        if then != now:
-            return Difference(number, time_s, message, then.decode(), now.decode())
+        before, after = (msgspec.json.encode(getattr(step, message)) for step in (recorded, replayed))
+        if before != after:
+            return Difference(number, time_s, message, before.decode(), after.decode())
     return None

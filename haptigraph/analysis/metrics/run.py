@@ -1,15 +1,14 @@
-"""What a run amounts to, as the paper measures it: time per state, completion, mean theta, contacts.
+"""Measures of a run as in the paper: time per state, completion time, mean theta, contacts.
 
 A run starts when the tip is first inside the globe and ends at the first Target Hit (paper, section III), or
-as its procedure says (`[run]`).
-Computed step by step in constant memory, live as well as from recordings.
+as its procedure defines (`[run]`). Computed step by step in constant memory, live and from recordings.
 """
 
 from collections.abc import Iterable
 
 from msgspec import Struct, field
 
-from haptigraph.analysis.metrics.temporal import Kept, Monitor
+from haptigraph.analysis.metrics.temporal import ClaimResult, Monitor
 from haptigraph.graph import Triplet
 from haptigraph.inference.procedure import Procedure
 from haptigraph.inference.span import RunSpan
@@ -17,14 +16,14 @@ from haptigraph.messages import Step
 
 __all__ = ["RunMeasures", "measure_run"]
 
-LONGEST_ORDER = 10_000
+MAX_ORDER = 10_000
 
 
 class RunMeasures(Struct):
-    """Measures of one run; feed it steps in order with `add`."""
+    """Measures of one run; `add` its steps in order."""
 
     started_ns: int | None = None
-    """When the edge that begins it was first there."""
+    """When the edge that starts it first appeared."""
     ended_ns: int | None = None
     """When the state that ends it was first entered."""
     state_s: dict[str, float] = field(default_factory=dict)
@@ -39,19 +38,19 @@ class RunMeasures(Struct):
     theta_integral: float = 0.0
     last: Step | None = None
     last_state: str = ""
-    """The last state in which there was an image."""
+    """State of the last step that had an image."""
     span: RunSpan = RunSpan()
     has_start: bool = True
-    """Whether the procedure has the edge that begins a run; without it none ever starts."""
+    """Whether the procedure defines the edge that starts a run; without it no run ever starts."""
     monitors: list[Monitor] = field(default_factory=list)
     first_ns: int = 0
     """Stamp of the first step."""
     just_broken: tuple[str, ...] = ()
-    """Claims about time that the last step broke."""
+    """Temporal claims that the last step broke."""
 
     @classmethod
     def under(cls, procedure: Procedure) -> "RunMeasures":
-        """Return empty measures of a run under a procedure."""
+        """Return empty measures for a run of a procedure."""
         return cls(
             span=procedure.span,
             has_start=procedure.span.is_told_by(procedure.schema),
@@ -59,20 +58,20 @@ class RunMeasures(Struct):
         )
 
     @property
-    def claims(self) -> list[Kept]:
-        """How the procedure's claims about time were kept, over all steps."""
-        return [monitor.kept for monitor in self.monitors]
+    def claims(self) -> list[ClaimResult]:
+        """Results of the procedure's temporal claims, over all steps."""
+        return [monitor.result for monitor in self.monitors]
 
     @property
     def completion_s(self) -> float | None:
-        """From start to end; None if it did not end."""
+        """Time from start to end; None if the run did not end."""
         if self.started_ns is None or self.ended_ns is None:
             return None
         return (self.ended_ns - self.started_ns) / 1e9
 
     @property
     def mean_theta_deg(self) -> float | None:
-        """Mean theta between start and end, weighted by time, where the needle was seen."""
+        """Time-weighted mean of theta between start and end, where the needle was detected."""
         return self.theta_integral / self.theta_s if self.theta_s > 0 else None
 
     @property
@@ -81,7 +80,7 @@ class RunMeasures(Struct):
         return self.started_ns is not None and self.ended_ns is None
 
     def add(self, step: Step) -> None:
-        """Take the next step; a state lasts until the step after it."""
+        """Process the next step; a state lasts until the following step."""
         if self.last is None:
             self.first_ns = step.stamp_ns
         else:
@@ -97,24 +96,24 @@ class RunMeasures(Struct):
             self.last_state = state
         self.last = step
         if self.monitors:
-            self.just_broken = tuple(one.claim.name for one in self.monitors if one.add(step))
+            self.just_broken = tuple(monitor.claim.name for monitor in self.monitors if monitor.add(step))
 
     def _enter(self, state: str) -> None:
         if self.order and self.order[-1] == state:
             return
-        if len(self.order) < LONGEST_ORDER:
+        if len(self.order) < MAX_ORDER:
             self.order.append(state)
         self.contacts += state == self.span.contact_in
 
-    def _account(self, step: Step, lasted_s: float) -> None:
+    def _account(self, step: Step, duration_s: float) -> None:
         state = step.conclusion.state
-        self.all_state_s[state] = self.all_state_s.get(state, 0.0) + lasted_s
+        self.all_state_s[state] = self.all_state_s.get(state, 0.0) + duration_s
         if self.is_running:
-            self.state_s[state] = self.state_s.get(state, 0.0) + lasted_s
+            self.state_s[state] = self.state_s.get(state, 0.0) + duration_s
             theta_deg = step.graph.measures.get("theta_deg")
             if theta_deg is not None:
-                self.theta_s += lasted_s
-                self.theta_integral += lasted_s * theta_deg
+                self.theta_s += duration_s
+                self.theta_integral += duration_s * theta_deg
 
 
 def measure_run(steps: Iterable[Step]) -> RunMeasures:

@@ -1,4 +1,4 @@
-"""The summary of a run in plain text: what the surgeon did, and how the loop did."""
+"""Summary of a run in plain text: the surgeon's measures, and the performance of the loop."""
 
 from haptigraph.analysis.metrics.run import RunMeasures
 from haptigraph.analysis.metrics.temporal import claim_lines
@@ -9,11 +9,11 @@ __all__ = ["summary"]
 
 
 def summary(measures: RunMeasures, report: RunReport | None = None) -> str:
-    """Return the summary, several lines.
+    """Return the summary, several lines of text.
 
     Args:
-        measures: Of the run.
-        report: Of the loop, where there was one.
+        measures: Measures of the run.
+        report: Report of the loop, if there was one.
     """
     lines = [*_run_lines(measures), ""]
     lines[-1:] = [*claim_lines(measures.claims, measures.first_ns), ""]
@@ -28,13 +28,15 @@ def summary(measures: RunMeasures, report: RunReport | None = None) -> str:
 def _run_lines(measures: RunMeasures) -> list[str]:
     begins, goal = Triplet(*measures.span.begins), measures.span.ends_in.replace("_", " ")
     if not measures.has_start:
-        return [f"run             none: this procedure knows no {begins}; its [run] says where a run begins"]
+        return [
+            f"run             none: the procedure has no {begins}; define the start of a run in its [run]"
+        ]
     if measures.started_ns is None:
-        return [f"run             none: {begins} was never seen"]
+        return [f"run             none: {begins} never occurred"]
     completion_s, theta_deg = measures.completion_s, measures.mean_theta_deg
-    told = f"no {goal}" if completion_s is None else f"{goal} after {completion_s:.2f} s"
+    outcome = f"no {goal}" if completion_s is None else f"{goal} after {completion_s:.2f} s"
     return [
-        f"run             {told}",
+        f"run             {outcome}",
         f"mean theta      {theta_deg:.2f} deg" if theta_deg is not None else "mean theta      -",
         f"contacts        {measures.contacts} unintended, {max(len(measures.order) - 1, 0)} state changes",
     ]

@@ -1,6 +1,6 @@
-"""A run as columns, small enough to be drawn whole: when, which state, which measures, what the hand felt.
+"""A run as columns for drawing: time, state, measures, commanded amplitude.
 
-Fed step by step; keeps about 40 bytes of each, and no image.
+Built step by step; stores about 40 bytes per step, and no images.
 """
 
 from array import array
@@ -16,7 +16,7 @@ __all__ = ["FaultSpan", "Timeline"]
 
 
 class FaultSpan(Struct):
-    """A fault, and the steps it went on for."""
+    """A fault, and the steps it lasted."""
 
     first: int
     last: int
@@ -28,8 +28,8 @@ class Timeline:
     """Columns of one run.
 
     Args:
-        states: Names that states are told by; others are added as they come.
-        measures: Names of the measures to keep.
+        states: Names of the states; others are added when they occur.
+        measures: Names of the measures to store.
     """
 
     def __init__(self, states: Iterable[str], measures: Iterable[str]) -> None:
@@ -38,13 +38,13 @@ class Timeline:
         self.time_ms = array("d")
         """Since the first step."""
         self.state = array("H")
-        """Place in `states`."""
+        """Index into `states`."""
         self.plays = array("H")
-        """Place in `patterns` of what is commanded."""
+        """Index into `patterns` of the commanded pattern."""
         self.measures = {name: array("f") for name in measures}
-        """nan where there is none."""
+        """nan where a measure is missing."""
         self.edge_ms = array("d")
-        """When the amplitude of the touch changes, as commanded: the guard may have felt otherwise."""
+        """When the commanded amplitude changes; the guard may have limited it."""
         self.edge_amplitude = array("f")
         self.faults: list[FaultSpan] = []
         self.start_ns = 0
@@ -56,31 +56,31 @@ class Timeline:
         return len(self.time_ms)
 
     def add(self, step: Step) -> None:
-        """Take the next step."""
+        """Append the next step."""
         number = len(self)
         if not number:
             self.start_ns = step.stamp_ns
-        self._feel_until(step.stamp_ns)
+        self._play_until(step.stamp_ns)
         self._command, self._last_ns = step.command, step.stamp_ns
-        self._feel(step.stamp_ns)
+        self._record_amplitude(step.stamp_ns)
         self.time_ms.append((step.stamp_ns - self.start_ns) / 1e6)
-        self.state.append(_place(self.states, step.conclusion.state))
-        self.plays.append(_place(self.patterns, step.command.pattern.name))
+        self.state.append(_index(self.states, step.conclusion.state))
+        self.plays.append(_index(self.patterns, step.command.pattern.name))
         for name, column in self.measures.items():
             column.append(step.graph.measures.get(name, nan))
         if step.faults or self._open:
-            self._note_faults(number, step)
+            self._record_faults(number, step)
 
-    def _feel_until(self, end_ns: int) -> None:
-        """Play the command before up to the next."""
+    def _play_until(self, end_ns: int) -> None:
+        """Record the amplitudes of the previous command until the next one."""
         if self._command is None:
             return
         stamp_ns = next_change_ns(self._command, self._last_ns)
         while stamp_ns is not None and stamp_ns < end_ns:
-            self._feel(stamp_ns)
+            self._record_amplitude(stamp_ns)
             stamp_ns = next_change_ns(self._command, stamp_ns)
 
-    def _feel(self, stamp_ns: int) -> None:
+    def _record_amplitude(self, stamp_ns: int) -> None:
         if self._command is None:
             return
         amplitude = amplitude_at(self._command, stamp_ns)
@@ -89,11 +89,11 @@ class Timeline:
             self.edge_ms.append((stamp_ns - self.start_ns) / 1e6)
             self.edge_amplitude.append(amplitude)
 
-    def _note_faults(self, number: int, step: Step) -> None:
-        """Note faults; one that goes on is one."""
-        now = {(fault.where, fault.message) for fault in step.faults}
-        self._open = {key: span for key, span in self._open.items() if key in now}
-        for where, message in sorted(now):
+    def _record_faults(self, number: int, step: Step) -> None:
+        """Record faults; consecutive steps with the same fault form one span."""
+        current = {(fault.where, fault.message) for fault in step.faults}
+        self._open = {key: span for key, span in self._open.items() if key in current}
+        for where, message in sorted(current):
             span = self._open.get((where, message))
             if span is None:
                 span = self._open[where, message] = FaultSpan(number, number, where, message)
@@ -101,7 +101,7 @@ class Timeline:
             span.last = number
 
 
-def _place(names: list[str], name: str) -> int:
+def _index(names: list[str], name: str) -> int:
     if name not in names:
         names.append(name)
     return names.index(name)

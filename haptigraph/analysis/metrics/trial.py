@@ -1,8 +1,8 @@
 """All measures of one trial, from its steps or its recording, by the names of the study's data dictionary.
 
-Measured over exactly the run: from the tip's first being inside the globe to the first Target Hit, or to the
-trial's end if there was none. What cannot be told is left out. Formulas that do not stand
-here stand in `measures` and `motion`.
+They cover exactly the run: from the tip's first entry into the globe to the first Target Hit, or to the end
+of the trial if there was none. Measures that cannot be determined are omitted. `run` and `motion` have the
+formulas that are not documented here.
 """
 
 from collections.abc import Iterable, Iterator
@@ -36,35 +36,35 @@ from haptigraph.recording.reader import RunReader
 __all__ = ["measure_recording", "measure_trial"]
 
 Floats = NDArray[np.float64]
-NEAR = (
+NEAR_RETINA = (
     Triplet("needle_tip", "approaching", "retina_surface"),
     Triplet("needle_tip", "touching", "retina_surface"),
 )
-BRIDGED_S = 0.5
-"""Gaps up to this are bridged by a straight line; longer ones break a movement in two."""
-SHORTEST = 4
-"""Samples that make a movement."""
-REACTION_DEG_S = 1.0
-"""Theta falls when it does so at least this fast ..."""
-LASTING_S = 0.1
-"""... for so long."""
-EARLIEST_S, LATEST_S = 0.1, 2.0
-"""What comes sooner after a cue was under way before it; what comes later is taken for something else."""
+MAX_GAP_S = 0.5
+"""Shorter gaps are interpolated linearly; longer ones split a movement in two."""
+MIN_SAMPLES = 4
+"""Of a movement."""
+MIN_FALL_DEG_S = 1.0
+"""A correction reduces theta at least this fast ..."""
+MIN_FALL_S = 0.1
+"""... for this long."""
+MIN_REACTION_S, MAX_REACTION_S = 0.1, 2.0
+"""An earlier correction began before the cue; a later one is not attributed to it."""
 
 
 class _Sample(Struct, frozen=True):
-    """What is needed of one step of the run."""
+    """The relevant part of one step of the run."""
 
     time_s: float
     tip_mm: tuple[float, float] | None
     theta_deg: float
     retina_mm: float
-    near: bool
+    is_near: bool
     command: HapticCommand
 
 
 class _Movement(Struct, frozen=True):
-    """A stretch in which the tip was seen, evenly sampled and low-passed but for `raw_mm`."""
+    """A movement with the tip visible, evenly sampled, and low-pass filtered except for `raw_mm`."""
 
     rate_hz: float
     time_s: Floats
@@ -72,7 +72,7 @@ class _Movement(Struct, frozen=True):
     tip_mm: Floats
     theta_deg: Floats
     retina_mm: Floats
-    near: NDArray[np.bool_]
+    is_near: NDArray[np.bool_]
 
 
 def measure_recording(path: str | Path) -> dict[str, float | int | str]:
@@ -83,7 +83,7 @@ def measure_recording(path: str | Path) -> dict[str, float | int | str]:
     """
     reader = RunReader(path)
     if not reader.is_whole:
-        raise BadInput("was interrupted, so it is no trial; `haptigraph recover` makes it whole", path)
+        raise BadInput("was interrupted, so it is no trial; complete it with `haptigraph recover`", path)
     procedure = parse_procedure(reader.info.procedure, f"procedure in {path}")
     config: dict[str, Any] = msgspec.json.decode(reader.info.config)
     touch = config.get("haptics", {}).get("max_amplitude", 1.0) > 0
@@ -97,19 +97,19 @@ def measure_trial(
     """Measure a trial.
 
     Args:
-        steps: All of it, in order.
-        states: Of the procedure; the time in one that did not occur is 0.
-        touch: Whether the hand felt anything at all.
-        span: From where to where it is measured; as in the paper if not given.
+        steps: All steps of the trial, in order.
+        states: States of the procedure; those that did not occur have a time of 0.
+        touch: Whether haptic output was enabled.
+        span: Start and end of the run; None: those of the paper.
 
     Returns:
-        Measures by name; empty if what begins a run was never there.
+        Measures by name; empty if no run started.
     """
     run, samples = RunMeasures(span=span or RunSpan()), list[_Sample]()
     for step in steps:
-        over = run.ended_ns is not None
+        has_ended = run.ended_ns is not None
         run.add(step)
-        if run.started_ns is not None and not over:
+        if run.started_ns is not None and not has_ended:
             samples.append(_sample(step))
     if not samples:
         return {}
@@ -137,73 +137,75 @@ def _sample(step: Step) -> _Sample:
         tip_mm=tip.at_mm if isinstance(tip, Point) else None,
         theta_deg=measures.get("theta_deg", np.nan),
         retina_mm=measures.get("distance_to_retina_mm", np.nan),
-        near=any(edge in step.graph for edge in NEAR),
+        is_near=any(edge in step.graph for edge in NEAR_RETINA),
         command=step.command,
     )
 
 
 def _movements(samples: list[_Sample]) -> Iterator[_Movement]:
-    """Cut a run where the tip was long unseen, and sample each piece evenly, at the run's median rate."""
-    seen = [sample for sample in samples if sample.tip_mm is not None]
+    """Split a run at long gaps in the tip's detection, and resample each part evenly at the median rate."""
+    detected = [sample for sample in samples if sample.tip_mm is not None]
     times_s = np.array([sample.time_s for sample in samples])
-    if len(seen) < SHORTEST:
+    if len(detected) < MIN_SAMPLES:
         return
     rate_hz = 1 / float(np.median(np.diff(times_s)))
-    cuts = np.flatnonzero(np.diff([sample.time_s for sample in seen]) > BRIDGED_S) + 1
-    for start, end in zip([0, *cuts], [*cuts, len(seen)], strict=True):
-        if end - start >= SHORTEST:
-            yield _movement(seen[start:end], rate_hz)
+    cuts = np.flatnonzero(np.diff([sample.time_s for sample in detected]) > MAX_GAP_S) + 1
+    for start, end in zip([0, *cuts], [*cuts, len(detected)], strict=True):
+        if end - start >= MIN_SAMPLES:
+            yield _movement(detected[start:end], rate_hz)
 
 
-def _movement(seen: list[_Sample], rate_hz: float) -> _Movement:
-    time_s = np.array([sample.time_s for sample in seen])
+def _movement(samples: list[_Sample], rate_hz: float) -> _Movement:
+    time_s = np.array([sample.time_s for sample in samples])
     even_s = np.arange(time_s[0], time_s[-1] + 0.5 / rate_hz, 1 / rate_hz)
 
-    def even(values: list[float]) -> Floats:
-        found: Floats = np.interp(even_s, time_s, values)
-        return found
+    def resampled(values: list[float]) -> Floats:
+        even: Floats = np.interp(even_s, time_s, values)
+        return even
 
     raw_mm = np.column_stack(
-        [even([sample.tip_mm[axis] for sample in seen if sample.tip_mm]) for axis in (0, 1)]
+        [resampled([sample.tip_mm[axis] for sample in samples if sample.tip_mm]) for axis in (0, 1)]
     )
     return _Movement(
         rate_hz=rate_hz,
         time_s=even_s,
         raw_mm=raw_mm,
         tip_mm=low_passed(raw_mm, rate_hz),
-        theta_deg=low_passed(even([sample.theta_deg for sample in seen]), rate_hz),
-        retina_mm=low_passed(even([sample.retina_mm for sample in seen]), rate_hz),
-        near=even([float(sample.near) for sample in seen]) > 0.5,
+        theta_deg=low_passed(resampled([sample.theta_deg for sample in samples]), rate_hz),
+        retina_mm=low_passed(resampled([sample.retina_mm for sample in samples]), rate_hz),
+        is_near=resampled([float(sample.is_near) for sample in samples]) > 0.5,
     )
 
 
 def _motion(movements: list[_Movement]) -> dict[str, float | None]:
-    """Return path, smoothness, tremor and speed of approach.
+    """Return path length, smoothness, tremor and approach speed.
 
-    Path and tremor are those of all stretches; smoothness is that of one movement, so there is none where the
-    tip was long unseen. Speed of approach is the greatest -d(distance to the retina)/dt while the tip is
+    Path length and tremor cover all movements. Smoothness is defined for a single movement, so it is None
+    after a long gap. Approach speed is the maximum of -d(distance to the retina)/dt while the tip is
     approaching or touching it, by the procedure's own relations; at least 0.
     """
     whole = movements[0] if len(movements) == 1 else None
     speeds = speed(whole.tip_mm, whole.rate_hz) if whole else np.empty(0)
     powers = [(band_power(each.raw_mm, each.rate_hz), len(each.time_s)) for each in movements]
-    known = [(power, count) for power, count in powers if power is not None]
+    measured = [(power, count) for power, count in powers if power is not None]
     towards = [
-        (-np.gradient(each.retina_mm, 1 / each.rate_hz)[each.near]).max(initial=0.0)
+        (-np.gradient(each.retina_mm, 1 / each.rate_hz)[each.is_near]).max(initial=0.0)
         for each in movements
-        if each.near.any() and np.isfinite(each.retina_mm).all()
+        if each.is_near.any() and np.isfinite(each.retina_mm).all()
     ]
     return {
         "path_mm": sum(path_length(each.tip_mm) for each in movements) if movements else None,
         "sparc": sparc(speeds, whole.rate_hz) if whole else None,
         "log_jerk": log_dimensionless_jerk(speeds, whole.rate_hz) if whole else None,
-        "tremor_power_mm2": sum(p * n for p, n in known) / sum(n for _, n in known) if known else None,
+        "tremor_power_mm2": sum(p * n for p, n in measured) / sum(n for _, n in measured)
+        if measured
+        else None,
         "approach_speed_mm_s": float(max(towards)) if towards else None,
     }
 
 
 def _vibrating_s(samples: list[_Sample]) -> float:
-    """Return for how long an amplitude above 0 was commanded; the guard may have let through less."""
+    """Return the time with a commanded amplitude above 0; the guard may have limited it."""
     total_ns = 0
     for sample, after in pairwise(samples):
         at_ns: int | None = sample.command.stamp_ns
@@ -217,13 +219,13 @@ def _vibrating_s(samples: list[_Sample]) -> float:
 
 
 def _reaction_ms(samples: list[_Sample], movements: list[_Movement]) -> float | None:
-    """Return the median time from a cue to the beginning of its correction.
+    """Return the median time from a cue to the onset of its correction.
 
-    A cue is a lasting vibration's onset out of silence, as the procedure commands it; where touch is off it
-    is the moment at which it would have begun, so that conditions compare. The correction begins when theta
-    falls by 1 deg/s or more for 0.1 s (a threshold on velocity, as is usual for movements' onsets). Left
-    out are cues at which theta was falling already or fell within 0.1 s, faster than people react (the limit
-    for false starts in athletics), and those without a fall within 2 s.
+    A cue is the onset of a continuous vibration after silence, as the procedure commands it; where haptic
+    output is off, it is the moment of that command, so that conditions are comparable. A correction starts
+    when theta decreases by 1 deg/s or more for 0.1 s (a velocity threshold, as usual for movement onsets).
+    Cues are excluded if theta was already decreasing or decreased within 0.1 s, faster than people react
+    (the limit for false starts in athletics), or did not decrease within 2 s.
     """
     reactions_s = []
     for before, sample in pairwise(samples):
@@ -236,13 +238,13 @@ def _reaction_ms(samples: list[_Sample], movements: list[_Movement]) -> float | 
 
 
 def _reaction_s(movement: _Movement, cue_s: float) -> float | None:
-    falls = np.gradient(movement.theta_deg, 1 / movement.rate_hz) <= -REACTION_DEG_S
-    lasting = max(1, round(LASTING_S * movement.rate_hz))
+    is_falling = np.gradient(movement.theta_deg, 1 / movement.rate_hz) <= -MIN_FALL_DEG_S
+    min_samples = max(1, round(MIN_FALL_S * movement.rate_hz))
     first = int(np.searchsorted(movement.time_s, cue_s))
-    for place in range(first, len(falls) - lasting + 1):
-        since_s = float(movement.time_s[place]) - cue_s
-        if since_s > LATEST_S:
+    for index in range(first, len(is_falling) - min_samples + 1):
+        since_s = float(movement.time_s[index]) - cue_s
+        if since_s > MAX_REACTION_S:
             return None
-        if falls[place : place + lasting].all():
-            return since_s if since_s >= EARLIEST_S else None
+        if is_falling[index : index + min_samples].all():
+            return since_s if since_s >= MIN_REACTION_S else None
     return None

@@ -1,4 +1,4 @@
-"""The colours of surgical states, in figures and on the live page. Knows no library that draws."""
+"""Colours of surgical states, in figures and on the live page."""
 
 import colorsys
 
@@ -19,7 +19,7 @@ OTHER_COLORS = {"near_rpe": "#d03a3a", "target_depth": "#3a9d5d"}
 
 
 def state_color(state: str) -> str:
-    """Return the colour of a state; one of its own for those the paper does not have."""
+    """Return the colour of a state; derived from its name if the paper does not define one."""
     if state in STATE_COLORS | OTHER_COLORS:
         return (STATE_COLORS | OTHER_COLORS)[state]
     hue = sum(state.encode()) % 20 / 20
@@ -27,7 +27,7 @@ def state_color(state: str) -> str:
 
 
 def ink_on(state: str) -> str:
-    """Return the text colour that can be read on a state's colour."""
+    """Return a text colour that is readable on a state's colour."""
     color = state_color(state)
     red, green, blue = (int(color[at : at + 2], 16) / 255 for at in (1, 3, 5))
     return "#ffffff" if 0.3 * red + 0.59 * green + 0.11 * blue < 0.55 else "#222222"

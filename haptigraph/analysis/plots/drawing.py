@@ -1,7 +1,4 @@
-"""Drawings of single moments: a scene graph, and what was found over the displayed picture.
-
-Everything is drawn into axes that the caller owns.
-"""
+"""Draw single moments into the caller's axes: a scene graph, and an observation over the displayed image."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -23,32 +20,32 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_graph", "draw_overlay", "graph_figure"]
 
-LABEL_AT = 0.38  # along an edge, off the middle, where edges cross
+LABEL_AT = 0.38  # share of an edge; edges cross in its middle
 
 
 def graph_figure(graph: SceneGraph, output: str | Path) -> None:
-    """Draw one scene graph to a PNG, SVG or PDF."""
+    """Draw one scene graph to a PNG, SVG or PDF file."""
     figure = Figure(figsize=(5, 4.2), layout="constrained")
     draw_graph(figure.subplots(), graph)
     figure.savefig(output, dpi=150)
 
 
 def draw_graph(axes: "Axes", graph: SceneGraph) -> None:
-    """Draw a scene graph: instruments on the left, what they relate to on the right, predicates between."""
+    """Draw a scene graph: instruments on the left, other nodes on the right, predicates between them."""
     groups = list(dict.fromkeys(node.group for node in graph.nodes))
-    places: dict[str, Vec] = {}
+    positions: dict[str, Vec] = {}
     for column, group in enumerate(groups):
         members = [node.id for node in graph.nodes if node.group == group]
         for row, name in enumerate(members):
-            places[name] = (2.4 * column, 1.0 - 2.0 * (row + 0.5) / len(members))
+            positions[name] = (2.4 * column, 1.0 - 2.0 * (row + 0.5) / len(members))
     for edge in graph.edges:
-        start, end = places[edge.subject], places[edge.object]
+        start, end = positions[edge.subject], positions[edge.object]
         arrow = FancyArrowPatch(
             start, end, arrowstyle="-|>", mutation_scale=12, shrinkA=13, shrinkB=13, color="#555"
         )
         axes.add_patch(arrow)
     for (subject, object_), names in _labels(graph).items():
-        start, end = places[subject], places[object_]
+        start, end = positions[subject], positions[object_]
         axes.annotate(
             names,
             (start[0] + LABEL_AT * (end[0] - start[0]), start[1] + LABEL_AT * (end[1] - start[1])),
@@ -58,7 +55,7 @@ def draw_graph(axes: "Axes", graph: SceneGraph) -> None:
             bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.9},
         )
     for node in graph.nodes:
-        x, y = places[node.id]
+        x, y = positions[node.id]
         color = "#f6d58a" if node.group == groups[0] else "#bcdcf2"
         axes.plot([x], [y], "o", markersize=19, color=color, markeredgecolor="#555", zorder=3)
         left = node.group == groups[0]
@@ -74,7 +71,7 @@ def draw_graph(axes: "Axes", graph: SceneGraph) -> None:
 
 
 def _labels(graph: SceneGraph) -> dict[tuple[str, str], str]:
-    """Return the predicates between each pair of nodes, one text a pair."""
+    """Return the predicates between each pair of nodes, as one text per pair."""
     labels: dict[tuple[str, str], str] = {}
     for edge in graph.edges:
         pair = edge.subject, edge.object
@@ -85,7 +82,7 @@ def _labels(graph: SceneGraph) -> dict[tuple[str, str], str]:
 def draw_overlay(
     axes: "Axes", view: IoctView, step: Step, registration: Registered, cone_deg: list[float]
 ) -> None:
-    """Draw what was found, and the cone in which a shaft counts as aligned."""
+    """Draw an observation, and the cone in which a shaft counts as aligned."""
     if isinstance(registration, Registration):
         trocar = registration.trocar.at_mm
         axis = subtract(registration.target.at_mm, trocar)

@@ -1,14 +1,14 @@
-"""A procedure as tables for people: relations with their thresholds, states by priority, touch."""
+"""A procedure as tables for people: relations with their thresholds, states by priority, haptic patterns."""
 
 from rich.table import Table
 
-from haptigraph.graph import Relation
+from haptigraph.graph import Relation, Triplet
 from haptigraph.haptics.pattern import duration_ns
 from haptigraph.inference.procedure import Procedure, State
 from haptigraph.messages import Follow, Pattern
 from haptigraph.proof.subject import bounds_of
 
-__all__ = ["explain", "felt"]
+__all__ = ["explain", "pattern_text"]
 
 
 def explain(procedure: Procedure) -> list[Table]:
@@ -17,40 +17,36 @@ def explain(procedure: Procedure) -> list[Table]:
     for heading in ("relation", "holds when"):
         relations.add_column(heading, overflow="fold")
     for relation in procedure.schema.relations:
-        relations.add_row(_triplet(relation.names), _condition(relation, procedure))
+        relations.add_row(str(Triplet(*relation.names)), _condition(relation, procedure))
     states = Table(title="States, first that fits wins", title_justify="left")
     for heading in ("", "state", "when", "feels"):
         states.add_column(heading, overflow="fold")
     for priority, state in enumerate(procedure.states):
         states.add_row(str(priority), state.name, _when(state), state.feel)
-    patterns = Table(title="Touch", title_justify="left")
-    for heading in ("pattern", "felt as"):
+    patterns = Table(title="Haptic patterns", title_justify="left")
+    for heading in ("pattern", "output"):
         patterns.add_column(heading, overflow="fold")
     for pattern in procedure.patterns:
-        patterns.add_row(pattern.name, felt(pattern))
+        patterns.add_row(pattern.name, pattern_text(pattern))
     return [relations, states, patterns]
 
 
-def _triplet(names: tuple[str, str, str]) -> str:
-    return f"<{', '.join(names)}>"
-
-
 def _condition(relation: Relation, procedure: Procedure) -> str:
-    told = [bounds_of(relation).said(procedure.schema.measure_name(relation))]
+    parts = [bounds_of(relation).said(procedure.schema.measure_name(relation))]
     if relation.release is not None:
-        told.append(f"released at {relation.release:g}")
-    return " and ".join([*told, *(_triplet(given) for given in relation.given)])
+        parts.append(f"released at {relation.release:g}")
+    return " and ".join([*parts, *(str(Triplet(*given)) for given in relation.given)])
 
 
 def _when(state: State) -> str:
-    told = [_triplet(names) for names in state.when]
-    told += [f"not {_triplet(names)}" for names in state.unless]
-    told += [f"no {name}" for name in state.absent]
-    return "\n".join(told) or "always"
+    conditions = [str(Triplet(*names)) for names in state.when]
+    conditions += [f"not {Triplet(*names)}" for names in state.unless]
+    conditions += [f"no {name}" for name in state.absent]
+    return "\n".join(conditions) or "always"
 
 
-def felt(pattern: Pattern) -> str:
-    """Say in words what a pattern feels like."""
+def pattern_text(pattern: Pattern) -> str:
+    """Describe a haptic pattern in words."""
     if pattern.kind == "off":
         return "silence"
     strength = f"amplitude {pattern.amplitude:g}"
@@ -58,8 +54,8 @@ def felt(pattern: Pattern) -> str:
         strength += f" at {pattern.frequency_hz:g} Hz"
     rhythm = f"{pattern.on_ms:g} ms on, {pattern.off_ms:g} ms off"
     how = {
-        "continuous": "without pause",
-        "pulses": f"{rhythm}, on and on",
+        "continuous": "continuous",
+        "pulses": f"{rhythm}, repeated",
         "bursts": f"{pattern.count} x {rhythm}, once ({(duration_ns(pattern) or 0) / 1e6:g} ms)",
     }[pattern.kind]
     follows = [_follows(follow) for follow in pattern.follow]

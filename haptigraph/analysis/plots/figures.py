@@ -1,7 +1,4 @@
-"""Figures of runs: what was seen, which graph it made, which state, and what the hand felt, over time.
-
-Reads recordings only.
-"""
+"""Figures of recorded runs: images, scene graphs, states, measures and haptic output over time."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,7 +17,7 @@ from haptigraph.messages import UNKNOWN, Image, Step
 from haptigraph.perception.eye_view import IoctView
 from haptigraph.recording.reader import RunReader
 from haptigraph.recording.writer import Progress
-from haptigraph.registration.oct import parse_registered
+from haptigraph.registration.loading import parse_registration
 from haptigraph.registration.registered import Registered
 
 if TYPE_CHECKING:
@@ -31,8 +28,8 @@ __all__ = ["run_figure"]
 DISTANCES = ("distance_to_retina_mm", "distance_to_target_mm", "radial_mm")
 DEPTHS = ("above_retina_um", "above_target_um", "above_rpe_um")  # of B-scans
 DISTANCE_COLORS = ("#444444", "#3a9d5d", "#8a5fb0")
-MOST_MOMENTS = 5
-TOUCH_COLOR = "#b5482a"
+MAX_MOMENTS = 5
+HAPTICS_COLOR = "#b5482a"
 
 
 class _Series(Struct):
@@ -45,21 +42,21 @@ class _Series(Struct):
     def bounds(self, measure: str) -> list[float]:
         """Return the thresholds that the procedure sets on a measure, smallest first."""
         relations = [other for other in self.schema.relations if self.schema.measure_name(other) == measure]
-        given = {
+        bounds = {
             bound
             for other in relations
             for bound in (other.at_most, other.below, other.at_least, other.above)
         }
-        return sorted(bound for bound in given if bound is not None)
+        return sorted(bound for bound in bounds if bound is not None)
 
 
 def run_figure(path: str | Path, output: str | Path, progress: Progress | None = None) -> None:
-    """Draw one recorded run to a PNG, SVG or PDF.
+    """Draw one recorded run to a PNG, SVG or PDF file.
 
     Args:
         path: The recording.
-        output: The picture to write.
-        progress: Told how far it is.
+        output: The file to write.
+        progress: Called with the progress.
 
     Raises:
         BadInput: If the recording cannot be read.
@@ -73,7 +70,7 @@ def run_figure(path: str | Path, output: str | Path, progress: Progress | None =
     records = reader.records(images=set(moments))
     images = {number: capture.image for number, (capture, _) in enumerate(records) if number in moments}
     report("drawing", 2, 3)
-    registration = parse_registered(reader.info.registration, f"registration in {path}")
+    registration = parse_registration(reader.info.registration, f"registration in {path}")
     figure = Figure(figsize=(14, 11), layout="constrained")
     top, bottom = np.ravel(np.asarray(figure.subfigures(2, 1, height_ratios=(0.95, 1))))
     if moments:
@@ -84,7 +81,7 @@ def run_figure(path: str | Path, output: str | Path, progress: Progress | None =
     figure.suptitle(f"haptigraph {reader.info.version} · {reader.info.source}{simulated}{who}")
     try:
         figure.savefig(output, dpi=110)
-    except OSError as error:  # a full disk does not say where
+    except OSError as error:  # that of a full disk does not name the file
         raise BadInput(f"cannot be written ({error.strerror})", output) from None
     report("drawing", 3, 3)
 
@@ -99,7 +96,7 @@ def _read_series(reader: RunReader) -> _Series:
 
 
 def _intervals(series: _Series) -> list[tuple[int, int, str]]:
-    """Return (first, end, state) of every stretch of one state."""
+    """Return (first, end, state) of every interval of one state."""
     states = [step.conclusion.state for step in series.steps]
     starts = [row for row in range(len(states)) if row == 0 or states[row] != states[row - 1]]
     return [
@@ -108,13 +105,13 @@ def _intervals(series: _Series) -> list[tuple[int, int, str]]:
 
 
 def _moments(series: _Series) -> list[int]:
-    """Choose the steps to show: the middle of the longest stretch of each state, in order of time."""
+    """Choose the steps to show: the middle of the longest interval of each state, in order of time."""
     longest: dict[str, tuple[int, int]] = {}
     for start, end, state in _intervals(series):
         if state != UNKNOWN and end - start > longest.get(state, (0, 0))[1] - longest.get(state, (0, 0))[0]:
             longest[state] = start, end
-    rarest_first = sorted(longest.values(), key=lambda stretch: stretch[1] - stretch[0])
-    return sorted((start + end) // 2 for start, end in rarest_first[:MOST_MOMENTS])
+    rarest_first = sorted(longest.values(), key=lambda interval: interval[1] - interval[0])
+    return sorted((start + end) // 2 for start, end in rarest_first[:MAX_MOMENTS])
 
 
 def _draw_moments(
@@ -144,7 +141,7 @@ def _draw_moments(
 
 def _draw_timeline(figure: "Figure", series: _Series) -> None:
     rows = figure.subplots(4, 1, sharex=True, height_ratios=(0.8, 1.2, 1.4, 0.8))
-    band, theta, distance, touch = rows
+    band, theta, distance, haptics = rows
     _draw_states(band, series)
     for axes in (theta, distance):
         for start, end, state in _intervals(series):
@@ -162,23 +159,27 @@ def _draw_timeline(figure: "Figure", series: _Series) -> None:
         distance.axhline(bound, color="#888", linewidth=0.8, linestyle="--")
     distance.set(ylabel=f"distance [{names[0][-2:]}]", ylim=(None if is_scan else -0.5, None))
     distance.legend(loc="upper center" if is_scan else "upper right", fontsize=8, frameon=False)
-    fine_s, amplitude = _felt(series)
-    touch.fill_between(fine_s, amplitude, step="post", color=TOUCH_COLOR, linewidth=0)
-    touch.set(ylabel="touch", ylim=(0, 1.05), xlabel="time [s]", xlim=(0, max(series.time_s[-1], 1e-3)))
+    fine_s, amplitude = _amplitudes(series)
+    haptics.fill_between(fine_s, amplitude, step="post", color=HAPTICS_COLOR, linewidth=0)
+    haptics.set(
+        ylabel="haptic output", ylim=(0, 1.05), xlabel="time [s]", xlim=(0, max(series.time_s[-1], 1e-3))
+    )
     for axes in rows:
         axes.spines[["top", "right"]].set_visible(False)
     figure.align_ylabels(rows)
 
 
 def _draw_states(axes: "Axes", series: _Series) -> None:
-    """Draw states as coloured bands, with their names where there is room."""
+    """Draw states as coloured bands, with their names where they fit."""
     total_s = max(series.time_s[-1], 1e-3)
     for start, end, state in _intervals(series):
         left, right = _span(series, start, end)
         axes.axvspan(left, right, color=state_color(state), linewidth=0)
         if right - left > 0.06 * total_s:
-            place, name = ((left + right) / 2, 0.5), state.replace("_", "\n")
-            axes.text(*place, name, ha="center", va="center", fontsize=7.5, color=ink_on(state))
+            name = state.replace("_", "\n")
+            axes.text(
+                (left + right) / 2, 0.5, name, ha="center", va="center", fontsize=7.5, color=ink_on(state)
+            )
     axes.set(yticks=[], ylabel="state", ylim=(0, 1))
 
 
@@ -190,8 +191,8 @@ def _column(series: _Series, measure: str) -> list[float]:
     return [step.graph.measures.get(measure, float("nan")) for step in series.steps]
 
 
-def _felt(series: _Series) -> tuple[list[float], list[float]]:
-    """Return the commanded amplitude, finely enough to show every pulse."""
+def _amplitudes(series: _Series) -> tuple[list[float], list[float]]:
+    """Return the commanded amplitude, sampled finely enough to show every pulse."""
     start_ns = series.steps[0].stamp_ns
     times, amplitudes = [], []
     for step, later in zip(series.steps, [*series.steps[1:], series.steps[-1]], strict=True):

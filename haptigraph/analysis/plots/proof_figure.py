@@ -1,4 +1,4 @@
-"""The graphs that break the claims about a procedure, drawn side by side."""
+"""Figure of the graphs that violate the claims about a procedure."""
 
 import textwrap
 from pathlib import Path
@@ -14,26 +14,26 @@ from haptigraph.proof.report import Proof
 
 __all__ = ["proof_figure"]
 
-MOST = 12
-"""Graphs in one picture; the text tells all."""
+MAX_GRAPHS = 12
+"""Graphs in one figure; the text report lists all."""
 
 
 def proof_figure(proof: Proof, output: str | Path) -> None:
-    """Draw every violated claim with its graph, to a new PNG, SVG or PDF; one sentence if none is violated.
+    """Draw every violated claim with its graph to a new PNG, SVG or PDF file; one sentence if there is none.
 
     Raises:
-        BadInput: If the file exists, or its name says no format that can be drawn.
+        BadInput: If the file exists, or the format is unknown.
     """
     path = Path(output)
     check_output(path)
     if path.exists():
-        raise BadInput("exists already; no picture is overwritten", path)
+        raise BadInput("exists already; delete it or give another name", path)
     shown = [
         (claim, violation)
         for claim in proof.claims
         for violation in claim.violations
         if violation.graph is not None
-    ][:MOST]
+    ][:MAX_GRAPHS]
     columns = min(len(shown), 2) or 1
     rows = -(-len(shown) // columns) or 1
     layout = ConstrainedLayoutEngine(hspace=0.08, h_pad=0.15)
@@ -42,8 +42,8 @@ def proof_figure(proof: Proof, output: str | Path) -> None:
     for axes in all_axes:
         axes.axis("off")
     if not shown:
-        told = f"all {len(proof.claims)} claims proved" if proof.holds else "no graph to show"
-        all_axes[0].set_title(f"{proof.procedure}: {told}")
+        outcome = f"all {len(proof.claims)} claims proved" if proof.holds else "no graph to show"
+        all_axes[0].set_title(f"{proof.procedure}: {outcome}")
     for axes, (claim, violation) in zip(all_axes, shown, strict=False):
         graph = violation.graph
         if graph is not None:
@@ -51,7 +51,7 @@ def proof_figure(proof: Proof, output: str | Path) -> None:
         parts = (f"{claim.name}: {claim.says}", violation.sentence)
         title = "\n".join(line for part in parts for line in textwrap.wrap(part, 84))
         axes.set_title(title, fontsize=8.5, loc="left")
-        label = violation.state.replace("_", " ") if violation.is_possible else "cannot be"
+        label = violation.state.replace("_", " ") if violation.is_possible else "impossible"
         axes.text(
             0.5, 0.0, label, transform=axes.transAxes, ha="center", fontsize=9, color=ink_on(violation.state),
             bbox={"boxstyle": "round", "facecolor": state_color(violation.state), "edgecolor": "#555"},

@@ -1,4 +1,4 @@
-"""A proof as text: its claims in a table, and every graph that breaks one, drawn in letters."""
+"""A proof as text: its claims in a table, and every graph that violates one, drawn with characters."""
 
 from rich.table import Table
 
@@ -9,62 +9,66 @@ __all__ = ["claims_table", "graph_text", "told"]
 
 
 def claims_table(proof: Proof) -> Table:
-    """Return the claims, each proved or violated, and those that only runs can keep."""
+    """Return the claims, each proved or violated, and the temporal ones, which are monitored during runs."""
     table = Table(title="Claims, over every possible graph", title_justify="left")
-    for heading in ("", "claim", "says"):
+    for heading in ("", "claim", "statement"):
         table.add_column(heading, overflow="fold")
     for claim in proof.claims:
-        but = f"\n(not while held: {', '.join(claim.not_while_held)})" if claim.not_while_held else ""
-        table.add_row("proved" if claim.holds else "VIOLATED", claim.name, claim.says + but)
+        exception = f"\n(not while held: {', '.join(claim.not_while_held)})" if claim.not_while_held else ""
+        table.add_row("proved" if claim.holds else "VIOLATED", claim.name, claim.says + exception)
     for name in proof.watched:
-        table.add_row("watched", "temporal", name)
+        table.add_row("monitored", "temporal", name)
     return table
 
 
 def told(proof: Proof) -> str:
-    """Say how a proof ended; violated claims with what breaks them."""
+    """Return the outcome of a proof, with the violations and their graphs."""
     parts = [
-        _told(f"{claim.name}: {claim.says}", violation)
+        _violation_text(f"{claim.name}: {claim.says}", violation)
         for claim in proof.claims
         for violation in claim.violations
     ]
     count = len(proof.violations)
-    ended = (
+    outcome = (
         f"all {len(proof.claims)} claims proved: {proof.method}"
         if proof.holds
         else f"{count} violation{'s' if count > 1 else ''} ({proof.method})"
     )
     if proof.held_ms:
         held = ", ".join(f"{state} by {ms:g} ms" for state, ms in proof.held_ms.items())
-        ended += f"\nclaims are about graphs, not about time: states that are held outlast theirs, {held}"
-    return "\n\n".join([*parts, ended])
+        outcome += f"\nclaims concern graphs, not time: states that are held outlast their graphs, {held}"
+    return "\n\n".join([*parts, outcome])
 
 
 def graph_text(graph: SceneGraph) -> str:
-    """Draw a scene graph in letters: a line an edge, then who else is there, then the measures."""
+    """Draw a scene graph with characters: one line per edge, then isolated nodes, then measures."""
     lines = []
-    longest = max((len(edge.predicate) for edge in graph.edges), default=0)
-    width = max((len(edge.subject) for edge in graph.edges), default=0)
-    before = ""
+    predicate_width = max((len(edge.predicate) for edge in graph.edges), default=0)
+    subject_width = max((len(edge.subject) for edge in graph.edges), default=0)
+    previous = ""
     for edge in sorted(graph.edges, key=lambda edge: edge.subject):
-        subject = edge.subject if edge.subject != before else ""
-        before = edge.subject
-        lines.append(f"{subject:>{width}} ──{edge.predicate:─<{longest}}──▶ {edge.object}")
-    joined = {name for edge in graph.edges for name in (edge.subject, edge.object)}
-    alone = [node.id for node in graph.nodes if node.id not in joined]
-    if alone:
-        lines.append(f"{'and ' if lines else ''}{', '.join(alone)}")
+        subject = edge.subject if edge.subject != previous else ""
+        previous = edge.subject
+        lines.append(f"{subject:>{subject_width}} ──{edge.predicate:─<{predicate_width}}──▶ {edge.object}")
+    connected = {name for edge in graph.edges for name in (edge.subject, edge.object)}
+    isolated = [node.id for node in graph.nodes if node.id not in connected]
+    if isolated:
+        lines.append(f"{'and ' if lines else ''}{', '.join(isolated)}")
     if graph.measures:
         values = ", ".join(f"{name} {value:.4g}" for name, value in graph.measures.items())
-        lines.append(f"for example where {values}")
-    return "\n".join(lines) or "(an empty graph: nothing is seen)"
+        lines.append(f"for example with {values}")
+    return "\n".join(lines) or "(an empty graph: nothing is detected)"
 
 
-def _told(claim: str, violation: Violation) -> str:
+def _violation_text(claim: str, violation: Violation) -> str:
     lines = [f"VIOLATED  {claim}", f"  {violation.sentence}"]
     if violation.graph is not None:
-        lines.append("  the smallest graph that breaks it:" if violation.is_possible else "  what cannot be:")
+        lines.append(
+            "  the smallest graph that breaks it:" if violation.is_possible else "  impossible graph:"
+        )
         lines += [f"    {line}" for line in graph_text(violation.graph).splitlines()]
     if violation.still_holding:
-        lines.append(f"    {' and '.join(violation.still_holding)} still from the image before (release)")
+        lines.append(
+            f"    {' and '.join(violation.still_holding)} held over from the previous image (release)"
+        )
     return "\n".join(lines)

@@ -1,7 +1,6 @@
-"""Say how well a draft of a registration fits the picture, in px and mm, and whether a run would take it.
+"""Measure how well a draft of a registration fits the image, in px and mm, and whether a run would accept it.
 
-A draft in, figures and sentences out. What was seen in the picture does not change while somebody drags: it
-is compared anew. Knows neither files nor pages.
+Compares a draft, while somebody drags it, with the edges and RCMs that were measured once in the images.
 """
 
 import math
@@ -11,69 +10,68 @@ import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
-from haptigraph.analysis.registering.draft import Draft, Opened, data_of, sound_registration
+from haptigraph.analysis.registering.draft import Draft, Opened, anatomy_px_of, sound_registration
 from haptigraph.analysis.registering.overrides import SNAP_MM
 from haptigraph.analysis.registering.report import (
     WALL_MM,
     along_text,
-    in_px_and_mm,
     rim_line,
     tilt_line,
+    trocar_evidence,
     wall_mm,
 )
 from haptigraph.errors import BadInput
 from haptigraph.geometry import ImageGeometry, Polyline, Vec, distance_to_polyline, nearest_on_polyline, norm
 from haptigraph.imaging import Floats
 from haptigraph.perception.anatomy.anatomy import Anatomy
-from haptigraph.perception.anatomy.rcm import Rcm
-from haptigraph.registration.retarget import angle_rad
+from haptigraph.registration.retarget import retina_angle_rad
 
 __all__ = ["Checked", "Row", "check_draft"]
 
 OUTLINE_STEPS = 120
-EVERY = 3  # of the places where the edge was seen, for the retina
+EVERY = 3  # the retina is compared with every third edge point
 
 
 class Row(Struct, frozen=True):
-    """One thing and how well it fits."""
+    """How well one part of a draft fits. The page reads it as JSON."""
 
     what: str
     where: str
     off_px: float | None = None
-    """RMS distance of the picture's edge from it, or its distance from where it was found or belongs."""
+    """RMS distance of the measured edge from it, or its distance from where it was found or belongs."""
     off_mm: float | None = None
     note: str = ""
     is_plausible: bool = True
 
 
 class Checked(Struct, frozen=True):
-    """What there is to know about a draft."""
+    """The result of checking a draft."""
 
     problem: str
-    """Why a run would refuse it; empty: it would not."""
+    """Why a run would refuse it; empty if it would not."""
     mm_per_px: float
     rows: tuple[Row, ...]
     outline_px: tuple[Vec, ...]
-    """The globe's inner circle as the camera sees it."""
+    """The globe's inner circle in the image as stored."""
     target_on_retina_px: Vec | None
-    """The place on the retina nearest to the target, if that is near."""
+    """The point on the retina nearest to the target; None if it is too far away."""
 
 
 def check_draft(opened: Opened, draft: Draft) -> Checked:
-    """Compare a draft with what was seen.
+    """Compare a draft with the measurements in the images.
 
     Raises:
-        BadInput: If a place lies far outside the image.
+        BadInput: If a point is far outside the image.
     """
-    tilt = data_of(opened, draft).frontal_from_image
+    homography = anatomy_px_of(opened, draft).frontal_from_image
     image = ImageGeometry(
-        center_px=tilt(draft.center_px) if tilt else draft.center_px,
+        center_px=homography(draft.center_px) if homography else draft.center_px,
         mm_per_px=draft.diameter_mm / (2 * draft.radius_px),
         mirrored=draft.mirrored,
-        frontal_from_image=tilt,
+        frontal_from_image=homography,
     )
-    try:
-        sound_registration(replace(opened, background_webp=b""), draft)  # told at every drag: not read anew
+    try:  # without the background image, which would be decoded at every drag
+        sound_registration(replace(opened, background_webp=b""), draft)
         problem = ""
     except BadInput as error:
         problem = error.problem
@@ -92,100 +90,92 @@ def check_draft(opened: Opened, draft: Draft) -> Checked:
 
 
 def _rows(anatomy: Anatomy | None, draft: Draft, image: ImageGeometry, retina: Polyline) -> list[Row]:
-    seen_mm = _edge_mm(anatomy, image) if anatomy else None
+    edge_mm = _edge_mm(anatomy, image) if anatomy else None
     return [
-        _globe(anatomy, draft, image, seen_mm),
+        _globe(anatomy, draft, image, edge_mm),
         _scale(anatomy, draft, image),
-        *([_told(anatomy, image, rim_line)] if anatomy else []),
-        _retina(anatomy, image, retina, seen_mm),
+        *([_report_row(anatomy, image, rim_line)] if anatomy else []),
+        _retina(anatomy, image, retina, edge_mm),
         _target(draft, image, retina),
         *(_trocar(anatomy, draft, image, number) for number in range(len(draft.trocars))),
-        *([_told(anatomy, image, tilt_line)] if anatomy else []),
+        *([_report_row(anatomy, image, tilt_line)] if anatomy else []),
     ]
 
 
 def _edge_mm(anatomy: Anatomy, image: ImageGeometry) -> Floats:
-    """Return where the rim was seen, moved into the section's plane, in the draft's eye frame, (n, 2)."""
+    """Return the measured points of the rim in the section's plane, in the draft's eye frame, (n, 2)."""
     edge = anatomy.rim.inner
     radii = (edge.radii_px(edge.angles) + edge.offsets_px) / anatomy.rim_ratio
     right = anatomy.center_px[0] + radii * np.sin(edge.angles)
     down = anatomy.center_px[1] + radii * np.cos(edge.angles)
-    places: list[Vec] = list(zip(right.tolist(), down.tolist(), strict=True))
+    points: list[Vec] = list(zip(right.tolist(), down.tolist(), strict=True))
     if anatomy.tilt is not None:
-        places = list(map(anatomy.tilt.image_from_frontal, places))
-    return np.array([image.to_mm(place) for place in places])
+        points = list(map(anatomy.tilt.image_from_frontal, points))
+    return np.array([image.to_mm(point) for point in points])
 
 
-def _globe(anatomy: Anatomy | None, draft: Draft, image: ImageGeometry, seen_mm: Floats | None) -> Row:
+def _globe(anatomy: Anatomy | None, draft: Draft, image: ImageGeometry, edge_mm: Floats | None) -> Row:
     x, y = draft.center_px
     where = f"centre ({x:.1f}, {y:.1f}) px, radius {draft.radius_px:.1f} px"
-    if anatomy is None or seen_mm is None:
+    if anatomy is None or edge_mm is None:
         return Row("Globe", where, note="no edge was found to compare with")
-    off_mm = _rms(np.hypot(seen_mm[:, 0], seen_mm[:, 1]) - draft.diameter_mm / 2)
-    return _row(
-        "Globe", where, off_mm, image, f"RMS of the edge seen on {anatomy.rim.inner.support_ratio:.0%} of it"
-    )
+    off_mm = _rms(np.hypot(edge_mm[:, 0], edge_mm[:, 1]) - draft.diameter_mm / 2)
+    support = anatomy.rim.inner.support_ratio
+    return _row("Globe", where, off_mm, image, f"RMS of the edge, which was found on {support:.0%} of it")
 
 
-def _retina(anatomy: Anatomy | None, image: ImageGeometry, retina: Polyline, seen_mm: Floats | None) -> Row:
+def _retina(anatomy: Anatomy | None, image: ImageGeometry, retina: Polyline, edge_mm: Floats | None) -> Row:
     where = f"{len(retina.points_mm)} points"
-    if anatomy is None or seen_mm is None:
+    if anatomy is None or edge_mm is None:
         return Row("Retina", where, note="no edge was found to compare with")
-    angles = np.arctan2(seen_mm[:, 0], -seen_mm[:, 1])
-    low, high = sorted(angle_rad(place_mm) for place_mm in (retina.points_mm[0], retina.points_mm[-1]))
-    beside = seen_mm[(low < angles) & (angles < high)][::EVERY]
-    if not len(beside):
-        return Row("Retina", where, note="no edge was seen along it")
-    off_mm = _rms([distance_to_polyline((float(x), float(y)), retina) for x, y in beside])
-    return _row("Retina", where, off_mm, image, "RMS of the edge seen along it")
+    angles = np.arctan2(edge_mm[:, 0], -edge_mm[:, 1])
+    low, high = sorted(retina_angle_rad(point_mm) for point_mm in (retina.points_mm[0], retina.points_mm[-1]))
+    nearby = edge_mm[(low < angles) & (angles < high)][::EVERY]
+    if not len(nearby):
+        return Row("Retina", where, note="no edge was found along it")
+    off_mm = _rms([distance_to_polyline((float(x), float(y)), retina) for x, y in nearby])
+    return _row("Retina", where, off_mm, image, "RMS of the edge along it")
 
 
 def _trocar(anatomy: Anatomy | None, draft: Draft, image: ImageGeometry, number: int) -> Row:
     trocar = draft.trocars[number]
     what = f"Trocar {trocar.name}{', in use' if trocar.used else ''}"
-    out_mm = norm(image.to_mm(trocar.point_px)) - draft.diameter_mm / 2
-    where = f"{abs(out_mm):.2f} mm {'outside' if out_mm >= 0 else 'inside'} the inner edge"
+    outside_mm = norm(image.to_mm(trocar.point_px)) - draft.diameter_mm / 2
+    where = f"{abs(outside_mm):.2f} mm {'outside' if outside_mm >= 0 else 'inside'} the inner edge"
     if anatomy is None or not anatomy.trocars:
         return Row(what, where, note="placed by hand")
-    at_px = anatomy.frontal_px(trocar.point_px)
-    found = min(anatomy.trocars, key=lambda each: math.dist(each.point_px, at_px))
-    off_mm = math.dist(found.point_px, at_px) * image.mm_per_px
-    return _row(what, where, off_mm, image, _how(found.rcm, image.mm_per_px))
-
-
-def _how(rcm: Rcm | None, mm_per_px: float) -> str:
-    if rcm is None:
-        return "from its hole's mouth"
-    left = in_px_and_mm(rcm.residual_px, mm_per_px)
-    return f"from the pivot of {rcm.lines} shaft lines, which miss it by {left}"
+    point_px = anatomy.frontal_px(trocar.point_px)
+    found = min(anatomy.trocars, key=lambda each: math.dist(each.point_px, point_px))
+    off_mm = math.dist(found.point_px, point_px) * image.mm_per_px
+    return _row(what, where, off_mm, image, f"from {trocar_evidence(found.rcm, image.mm_per_px)}")
 
 
 def _target(draft: Draft, image: ImageGeometry, retina: Polyline) -> Row:
-    place_mm = image.to_mm(draft.target_px)
-    where = f"{along_text(place_mm, draft.diameter_mm / 2)} from its bottom"
-    return _row("Target", where, distance_to_polyline(place_mm, retina), image, "off the retina")
+    point_mm = image.to_mm(draft.target_px)
+    where = f"{along_text(point_mm, draft.diameter_mm / 2)} from its bottom"
+    return _row("Target", where, distance_to_polyline(point_mm, retina), image, "off the retina")
 
 
 def _scale(anatomy: Anatomy | None, draft: Draft, image: ImageGeometry) -> Row:
     where = f"{image.mm_per_px:.5f} mm/px, from a diameter of {draft.diameter_mm:g} mm"
     if anatomy is None or anatomy.rim.outer is None:
         return Row(
-            "Scale", where, note="no wall seen to check it by: make sure that the inner edge is marked"
+            "Scale", where, note="not checked: no wall was found; verify that the inner edge is marked"
         )
-    thick_mm, (low, high) = wall_mm(anatomy, image.mm_per_px), WALL_MM
-    note = f"at this scale the wall is {thick_mm:.2f} mm thick (plausible: {low:g} to {high:g})"
-    return Row("Scale", where, note=note, is_plausible=low <= thick_mm <= high)
+    thickness_mm, (low, high) = wall_mm(anatomy, image.mm_per_px), WALL_MM
+    note = f"at this scale the wall is {thickness_mm:.2f} mm thick (plausible: {low:g} to {high:g})"
+    return Row("Scale", where, note=note, is_plausible=low <= thickness_mm <= high)
 
 
-def _told(anatomy: Anatomy, image: ImageGeometry, line: Callable[[Anatomy, float], str]) -> Row:
-    """Return what `register` says: a word, and behind it a sentence."""
-    word, _, said = line(anatomy, image.mm_per_px).partition(" ")
-    return Row(word.capitalize(), "", note=said.strip())
+def _report_row(anatomy: Anatomy, image: ImageGeometry, line: Callable[[Anatomy, float], str]) -> Row:
+    """Return a line of `register`'s report: its heading and its text."""
+    heading, _, text = line(anatomy, image.mm_per_px).partition(" ")
+    return Row(heading.capitalize(), "", note=text.strip())
 
 
 def _row(what: str, where: str, off_mm: float, image: ImageGeometry, note: str = "") -> Row:
     return Row(what, where, off_mm / image.mm_per_px, off_mm, note)
 
 
-def _rms(offs_mm: "Floats | Sequence[float]") -> float:
-    return float(np.sqrt(np.mean(np.square(offs_mm))))
+def _rms(values_mm: "Floats | Sequence[float]") -> float:
+    return float(np.sqrt(np.mean(np.square(values_mm))))

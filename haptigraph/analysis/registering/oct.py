@@ -1,7 +1,6 @@
-"""Register B-scans: check scale and crop, draw them to look at, and write them down.
+"""Register B-scans: check scale and crop, write the registration and a picture with scale bars, report.
 
-Everything but the scale is found anew in every image, so nothing is searched for here. A source goes in; a
-TOML, a picture with scale bars and some lines of text come out. Either both files are written or neither.
+Perception finds the anatomy in every image, so only the scale is registered. Writes both files or neither.
 """
 
 import json
@@ -12,6 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from haptigraph.analysis.registering.picture import BLACK, WHITE, draw_text
 from haptigraph.analysis.registering.registering import check_files, images_of, spread_images, write_files
 from haptigraph.assemble import open_source
 from haptigraph.clock import VirtualClock
@@ -20,20 +20,20 @@ from haptigraph.errors import BadInput
 from haptigraph.imaging import grey_of
 from haptigraph.messages import Image
 from haptigraph.perception.oct.surfaces import find_surfaces
-from haptigraph.registration.oct import parse_registered
+from haptigraph.recording.codec import encode_png
+from haptigraph.registration.loading import parse_registration
 from haptigraph.sources.naming import OCT_FILES
 
 __all__ = ["brings_scans", "register_scans"]
 
-MIN_SD_GREY = 4.0  # even the noise of a B-scan has more
-LEAST_SEEN = 0.2  # share of the columns: with tissue in fewer, someone should look why
+MIN_SD_GREY = 4.0  # even the noise of a B-scan has a higher standard deviation
+MIN_TISSUE_SHARE = 0.2  # of the columns; fewer with tissue deserve a look at the picture
 BARS_MM = (1.0, 0.5, 0.2, 0.1, 0.05)
-MARGIN_PX, TALLEST_PX = 16, 900
-INK, SHADE = (255, 255, 255), (0, 0, 0)
+MARGIN_PX, MAX_HEIGHT_PX = 16, 900
 
 
 def brings_scans(source: str) -> bool:
-    """Tell whether a source is one of B-scans."""
+    """Return whether a source delivers B-scans."""
     return source.startswith("oct:") or Path(source).suffix.lower() in OCT_FILES
 
 
@@ -49,18 +49,18 @@ def register_scans(
     """Check a source of B-scans, and write the registration and its picture.
 
     Args:
-        source: oct:PATH, or the path of a maker's file.
-        output: The TOML to write.
-        settings: "key=value" strings: scale, crop and what else the source needs.
-        picture: The PNG to write; beside the TOML if None.
-        force: Whether existing files may be overwritten.
-        most: How many B-scans to look at, spread out.
+        source: oct:PATH, or the path of a manufacturer's file.
+        output: The TOML file to write.
+        settings: "key=value" strings: scale, crop and other settings of the source.
+        picture: The PNG file to write; beside the TOML file if None.
+        force: Whether to overwrite existing files.
+        most: How many B-scans to examine, evenly spread.
 
     Returns:
-        The report, some lines of text.
+        The report, several lines of text.
 
     Raises:
-        BadInput: If scale or crop make no sense; nothing is written then.
+        BadInput: If scale or crop are not valid; then no file is written.
     """
     files = Path(output), Path(picture) if picture else Path(output).with_suffix(".png")
     check_files(files, source.removeprefix("oct:"), force=force)
@@ -69,13 +69,13 @@ def register_scans(
     notes, text = opened.notes, opened.registration or ""
     with closing(images_of(opened)) as images:
         scans = [grey_of(image) for image in spread_images(images, source, most, None)]
-    registration = parse_registered(text, f"registration of {source}")
+    registration = parse_registration(text, f"registration of {source}")
     _check_contrast(scans, source)
     axial_mm, lateral_mm = registration.image.axial_mm_per_px or 0.0, registration.image.mm_per_px
-    seen, thick_mm = _retina(scans, axial_mm)
+    tissue_share, thickness_mm = _retina(scans, axial_mm)
     write_files(files, (text.encode(), _picture(scans[len(scans) // 2], axial_mm, lateral_mm)))
     crop, size_px = config.source.crop_px, (registration.width_px, registration.height_px)
-    cut = "no crop" if crop is None else f"cut from ({crop[0]}, {crop[1]}) px of each image"
+    cropped = "not cropped" if crop is None else f"cropped from ({crop[0]}, {crop[1]}) px of each image"
     scales = (
         ("axial", axial_mm, size_px[1], "from top to bottom"),
         ("lateral", lateral_mm, size_px[0], "across"),
@@ -83,71 +83,72 @@ def register_scans(
     return "\n".join(
         [
             *(f"note       {note}" for note in notes),
-            f"B-scans    {size_px[0]} x {size_px[1]} px, {cut}; {len(scans)} looked at",
+            f"B-scans    {size_px[0]} x {size_px[1]} px, {cropped}; {len(scans)} examined",
             *(
-                f"{name:10} {scale:.6g} mm/px, {_whose(config.source, name)}: {length * scale:.2f} mm {way}"
-                for name, scale, length, way in scales
+                f"{name:10} {scale:.6g} mm/px, {_scale_origin(config.source, name)}: "
+                f"{length * scale:.2f} mm {direction}"
+                for name, scale, length, direction in scales
             ),
             f"check      a pixel is {lateral_mm / axial_mm:.2f} times as wide as high",
-            f"check      {_told(seen, thick_mm)}",
+            f"check      {_tissue_text(tissue_share, thickness_mm)}",
             f"written    {files[0]}\npicture    {files[1]}",
         ]
     )
 
 
-def _whose(asked: SourceConfig, name: str) -> str:
-    return "as the file says" if getattr(asked, f"{name}_mm_per_px") is None else "as given"
+def _scale_origin(config: SourceConfig, name: str) -> str:
+    return "from the file" if getattr(config, f"{name}_mm_per_px") is None else "as given"
 
 
 def _check_contrast(scans: Sequence[Image], source: str) -> None:
     sd_grey = max(float(scan.std()) for scan in scans)
     if sd_grey < MIN_SD_GREY:
         raise BadInput(
-            f"there is nothing in its B-scans: grey varies by {sd_grey:.1f} only; is the crop right?",
+            f"its B-scans are empty: grey levels vary by {sd_grey:.1f} (standard deviation); check the crop",
             source,
         )
 
 
 def _retina(scans: Sequence[Image], axial_mm_per_px: float) -> tuple[float, float]:
-    """Return the share of columns with tissue, and the median way from ILM to RPE [mm], nan if not seen."""
-    seen, thick_mm = [], []
+    """Return the share of columns with tissue, and the median distance from ILM to RPE [mm], or nan."""
+    tissue_share, thickness_mm = [], []
     for scan in scans:
         found = find_surfaces(scan, axial_mm_per_px)
-        seen.append(found.ilm_seen.mean())
-        thick_mm.append((found.rpe_px - found.ilm_px)[found.rpe_seen] * axial_mm_per_px)
-    thick = np.concatenate(thick_mm)
-    return float(np.mean(seen)), float(np.median(thick)) if len(thick) else float("nan")
+        tissue_share.append(found.ilm_seen.mean())
+        thickness_mm.append((found.rpe_px - found.ilm_px)[found.rpe_seen] * axial_mm_per_px)
+    thickness = np.concatenate(thickness_mm)
+    median_mm = float(np.median(thickness)) if len(thickness) else float("nan")
+    return float(np.mean(tissue_share)), median_mm
 
 
-def _told(seen: float, thick_mm: float) -> str:
-    if not seen >= LEAST_SEEN or np.isnan(thick_mm):
-        return f"tissue is seen in {seen:.0%} of the columns only: look at the picture, is this a retina?"
+def _tissue_text(tissue_share: float, thickness_mm: float) -> str:
+    if not tissue_share >= MIN_TISSUE_SHARE or np.isnan(thickness_mm):
+        return (
+            f"only {tissue_share:.0%} of the columns show tissue: verify in the picture that it is a retina"
+        )
     return (
-        f"ILM and RPE, as far as they are seen, lie {thick_mm:.2f} mm apart "
-        "(plausible: 0.15 to 0.45); if not, the axial scale is wrong"
+        f"ILM and RPE are {thickness_mm:.2f} mm apart where both are visible "
+        "(plausible: 0.15 to 0.45); otherwise the axial scale is wrong"
     )
 
 
 def _picture(scan: Image, axial_mm: float, lateral_mm: float) -> bytes:
-    """Return a PNG: the B-scan as stored, and beside it in true proportions; a scale bar for each axis."""
+    """Return a PNG: the B-scan as stored, and beside it in true proportions, each with scale bars."""
     height, width = scan.shape
-    fine = min(axial_mm, lateral_mm)
-    size_px = round(width * lateral_mm / fine), round(height * axial_mm / fine)
-    shrink = min(1.0, TALLEST_PX / size_px[1], 2 * TALLEST_PX / size_px[0])
-    shown_px = round(size_px[0] * shrink), round(size_px[1] * shrink)
-    true = np.asarray(cv2.resize(scan, shown_px, interpolation=cv2.INTER_AREA), np.uint8)
+    finest = min(axial_mm, lateral_mm)
+    size_px = round(width * lateral_mm / finest), round(height * axial_mm / finest)
+    scale = min(1.0, MAX_HEIGHT_PX / size_px[1], 2 * MAX_HEIGHT_PX / size_px[0])
+    scaled_px = round(size_px[0] * scale), round(size_px[1] * scale)
+    proportional = np.asarray(cv2.resize(scan, scaled_px, interpolation=cv2.INTER_AREA), np.uint8)
     parts = [
         _with_bars(scan, axial_mm, lateral_mm, "as stored"),
-        _with_bars(true, fine / shrink, fine / shrink, "in true proportions"),
+        _with_bars(proportional, finest / scale, finest / scale, "in true proportions"),
     ]
-    tallest = max(len(part) for part in parts)
-    filled = [
-        cv2.copyMakeBorder(part, 0, tallest - len(part), 0, MARGIN_PX, cv2.BORDER_CONSTANT) for part in parts
+    height = max(len(part) for part in parts)
+    padded = [
+        cv2.copyMakeBorder(part, 0, height - len(part), 0, MARGIN_PX, cv2.BORDER_CONSTANT) for part in parts
     ]
-    done, png = cv2.imencode(".png", np.hstack(filled))
-    if not done:
-        raise RuntimeError("OpenCV could not encode a PNG")
-    return png.tobytes()
+    return encode_png(np.hstack(padded))
 
 
 def _with_bars(scan: Image, axial_mm: float, lateral_mm: float, title: str) -> Image:
@@ -156,20 +157,15 @@ def _with_bars(scan: Image, axial_mm: float, lateral_mm: float, title: str) -> I
     left, bottom = MARGIN_PX, height - MARGIN_PX
     across_mm, down_mm = _bar_mm(width * lateral_mm), _bar_mm(height * axial_mm)
     right, top = left + round(across_mm / lateral_mm), bottom - round(down_mm / axial_mm)
-    for ink, thick in ((SHADE, 5), (INK, 2)):
-        cv2.line(canvas, (left, bottom), (right, bottom), ink, thick)
-        cv2.line(canvas, (left, bottom), (left, top), ink, thick)
-    _say(canvas, f"{across_mm:g} mm", (right + 6, bottom + 4))
-    _say(canvas, f"{down_mm:g} mm", (left - 6, top - 8))
-    _say(canvas, title, (left - 6, MARGIN_PX + 6))
+    for ink, thickness in ((BLACK, 5), (WHITE, 2)):
+        cv2.line(canvas, (left, bottom), (right, bottom), ink, thickness)
+        cv2.line(canvas, (left, bottom), (left, top), ink, thickness)
+    draw_text(canvas, f"{across_mm:g} mm", (right + 6, bottom + 4))
+    draw_text(canvas, f"{down_mm:g} mm", (left - 6, top - 8))
+    draw_text(canvas, title, (left - 6, MARGIN_PX + 6))
     return canvas
 
 
 def _bar_mm(length_mm: float) -> float:
-    """Return the longest bar that is no longer than a third of an axis."""
+    """Return the longest bar no longer than a third of an axis."""
     return next((bar_mm for bar_mm in BARS_MM if bar_mm <= length_mm / 3), BARS_MM[-1])
-
-
-def _say(canvas: Image, text: str, at_px: tuple[int, int]) -> None:
-    for ink, thick in ((SHADE, 3), (INK, 1)):
-        cv2.putText(canvas, text, at_px, cv2.FONT_HERSHEY_SIMPLEX, 0.5, ink, thick, cv2.LINE_AA)

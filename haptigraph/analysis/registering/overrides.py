@@ -1,7 +1,4 @@
-"""Join what was found with what the user says about the set-up: target, trocar in use, scale, mirror.
-
-Anatomy and wishes in, the registration's data out. Knows no files.
-"""
+"""Combine the anatomy found with the user's overrides: target, trocar in use, scale, mirror."""
 
 import math
 from collections.abc import Sequence
@@ -13,16 +10,18 @@ from haptigraph.errors import BadInput
 from haptigraph.geometry import ImageGeometry, Polyline, Vec, nearest_on_polyline
 from haptigraph.perception.anatomy.anatomy import Anatomy, FoundTrocar
 from haptigraph.registration.camera import DIAMETER_RANGE_MM
-from haptigraph.registration.retarget import along_retina, angle_rad
+from haptigraph.registration.retarget import point_on_retina, retina_angle_rad
 from haptigraph.registration.text import AnatomyPx, TrocarPx
 
-__all__ = ["Overrides", "check_overrides", "named_trocars", "settled", "unclear_trocar"]
+__all__ = ["Overrides", "apply_overrides", "check_overrides", "named_trocars", "unclear_trocar"]
 
-SNAP_MM = 1.5  # so far off the retina a target given in pixels may lie
+SNAP_MM = 1.5
+"""Maximum distance from the retina of a target given in pixels."""
+NO_TROCAR = "no trocar found: no needle moves, and no port opening is visible inside the wall"
 
 
 class Overrides(Struct, frozen=True):
-    """What the user says about the set-up."""
+    """The user's settings of the set-up; they take precedence over what is found."""
 
     target: str | None = None
     target_mm: float | None = None
@@ -33,35 +32,35 @@ class Overrides(Struct, frozen=True):
 
 
 def check_overrides(overrides: Overrides) -> None:
-    """Refuse wishes that make no sense whatever the image shows."""
+    """Refuse overrides that are invalid for any image."""
     if overrides.target is not None and overrides.target_mm is not None:
-        raise BadInput("--target and --target-mm say the same thing twice; give one")
+        raise BadInput("--target and --target-mm exclude each other; give one")
     if overrides.images < 1:
-        raise BadInput(f"--images {overrides.images}; at least 1 is needed")
+        raise BadInput(f"--images {overrides.images} is too few; use at least 1")
     low, high = DIAMETER_RANGE_MM
     if not low <= overrides.diameter_mm <= high:
         raise BadInput(
-            f"--diameter-mm {overrides.diameter_mm:g} is not an eye; {low:g} to {high:g} is plausible"
+            f"--diameter-mm {overrides.diameter_mm:g} is implausible for an eye; use {low:g} to {high:g}"
         )
     for option, text in (("--target", overrides.target), ("--trocar", overrides.trocar)):
         if text is not None and not (option == "--trocar" and text in ("left", "right")):
-            _place(option, text)
+            _parse_point(option, text)
 
 
-def settled(anatomy: Anatomy, overrides: Overrides, mm_per_px: float, source: str) -> AnatomyPx:
+def apply_overrides(anatomy: Anatomy, overrides: Overrides, mm_per_px: float, source: str) -> AnatomyPx:
     """Return the registration's data.
 
     Raises:
-        BadInput: If a wish does not fit what was found.
+        BadInput: If an override does not fit what was found.
     """
-    way = anatomy.tilt.frontal_from_image if anatomy.tilt else None
+    homography = anatomy.tilt.frontal_from_image if anatomy.tilt else None
     frontal = ImageGeometry(anatomy.center_px, mm_per_px, overrides.mirrored)
-    image = replace(frontal, frontal_from_image=way)
+    image = replace(frontal, frontal_from_image=homography)
     retina = Polyline(tuple(frontal.to_mm(point) for point in anatomy.contour_px))
     trocars = _with_used(named_trocars(anatomy, overrides.mirrored), anatomy, overrides.trocar, source)
     return AnatomyPx(
-        width_px=anatomy.still.shape[1],
-        height_px=anatomy.still.shape[0],
+        width_px=anatomy.reference_image.shape[1],
+        height_px=anatomy.reference_image.shape[0],
         mirrored=overrides.mirrored,
         center_px=anatomy.seen_px(anatomy.center_px),
         radius_px=anatomy.radius_px,
@@ -69,14 +68,14 @@ def settled(anatomy: Anatomy, overrides: Overrides, mm_per_px: float, source: st
         contour_px=tuple(
             anatomy.seen_px(point) for point in anatomy.contour_px[:: -1 if overrides.mirrored else 1]
         ),
-        target_px=image.to_px(_target_mm(retina, image, overrides, source)),
+        target_px=image.to_px(_target_point_mm(retina, image, overrides, source)),
         trocars=tuple(replace(trocar, point_px=anatomy.seen_px(trocar.point_px)) for trocar in trocars),
-        frontal_from_image=way,
+        frontal_from_image=homography,
     )
 
 
 def named_trocars(anatomy: Anatomy, mirrored: bool) -> list[tuple[str, FoundTrocar]]:
-    """Name trocars by the surgeon's side; a second one on the same side has a number."""
+    """Name trocars by the surgeon's side; number further ones on the same side."""
     named: list[tuple[str, FoundTrocar]] = []
     for trocar in anatomy.trocars:
         side = "right" if (trocar.angle_deg > 0) != mirrored else "left"
@@ -86,7 +85,7 @@ def named_trocars(anatomy: Anatomy, mirrored: bool) -> list[tuple[str, FoundTroc
 
 
 def unclear_trocar(named: Sequence[tuple[str, FoundTrocar]]) -> str:
-    """Say why it is open which of some trocars the needle goes through; empty: it does not."""
+    """Say why the trocar in use is ambiguous; empty if it is not."""
     moving = [name for name, trocar in named if trocar.rcm is not None]
     if len(moving) > 1:
         return f"something moves in more than one trocar ({', '.join(moving)}) and may be the needle"
@@ -94,64 +93,63 @@ def unclear_trocar(named: Sequence[tuple[str, FoundTrocar]]) -> str:
 
 
 def _with_used(
-    named: Sequence[tuple[str, FoundTrocar]], anatomy: Anatomy, wish: str | None, source: str
+    named: Sequence[tuple[str, FoundTrocar]], anatomy: Anatomy, requested: str | None, source: str
 ) -> tuple[TrocarPx, ...]:
-    """Settle which trocar is in use: the user's word, the moving needle, or the only hole."""
-    seen = [(name, anatomy.seen_px(t.point_px)) for name, t in named]
-    told = ", ".join(f"{name} at ({x:.0f}, {y:.0f}) px" for name, (x, y) in seen)
-    if wish and "," in wish:
-        place = anatomy.frontal_px(_place("--trocar", wish))
-        others = [(name, t) for name, t in named if math.dist(t.point_px, place) > 0.15 * anatomy.radius_px]
-        return TrocarPx("given", place, used=True), *(TrocarPx(n, t.point_px, used=False) for n, t in others)
-    if wish:
-        if wish not in dict(named):
+    """Determine the trocar in use: by the override, the moving needle, or because there is only one."""
+    points_px = [(name, anatomy.seen_px(t.point_px)) for name, t in named]
+    candidates = ", ".join(f"{name} at ({x:.0f}, {y:.0f}) px" for name, (x, y) in points_px)
+    if requested and "," in requested:
+        point = anatomy.frontal_px(_parse_point("--trocar", requested))
+        others = [(name, t) for name, t in named if math.dist(t.point_px, point) > 0.15 * anatomy.radius_px]
+        return TrocarPx("given", point, used=True), *(TrocarPx(n, t.point_px, used=False) for n, t in others)
+    if requested:
+        if requested not in dict(named):
             raise BadInput(
-                f"no trocar found on the {wish}; found: {told or 'none'}; give --trocar X,Y", source
+                f"no trocar found on the {requested}; found: {candidates or 'none'}; give --trocar X,Y",
+                source,
             )
-        used = wish
+        used = requested
     elif not named:
-        raise BadInput(
-            "no trocar found: no needle moves, and no hole is seen inside the wall; "
-            "give a clip with a moving needle, or --trocar X,Y",
-            source,
-        )
+        raise BadInput(f"{NO_TROCAR}; give a clip with a moving needle, or --trocar X,Y", source)
     elif unclear := unclear_trocar(named):
-        raise BadInput(f"{unclear}; give --trocar: {told}", source)
+        raise BadInput(f"{unclear}; give --trocar: {candidates}", source)
     else:
         used = named[0][0]
     return tuple(TrocarPx(name, trocar.point_px, name == used) for name, trocar in named)
 
 
-def _target_mm(retina: Polyline, image: ImageGeometry, overrides: Overrides, source: str) -> Vec:
-    """Return the target on the retina: the place nearest to the given one, or so far along it."""
+def _target_point_mm(retina: Polyline, image: ImageGeometry, overrides: Overrides, source: str) -> Vec:
+    """Return the target on the retina: the point nearest to the given one, or at the given arc length."""
     if overrides.target is not None:
-        place = image.to_mm(_place("--target", overrides.target))
-        nearest = nearest_on_polyline(place, retina)
-        off_mm = math.dist(nearest, place)
+        point = image.to_mm(_parse_point("--target", overrides.target))
+        nearest = nearest_on_polyline(point, retina)
+        off_mm = math.dist(nearest, point)
         if off_mm > SNAP_MM:
             raise BadInput(
-                f"--target {overrides.target} lies {off_mm:.1f} mm off the retina; "
-                f"at most {SNAP_MM} mm is moved onto it",
+                f"--target {overrides.target} is {off_mm:.1f} mm off the retina; "
+                f"at most {SNAP_MM} mm is corrected",
                 source,
             )
         return nearest
-    wanted_mm = overrides.target_mm or 0.0
-    place_mm = along_retina(retina, overrides.diameter_mm / 2, wanted_mm)
-    if place_mm is None:
-        reach_mm = max(angle_rad(place_mm) for place_mm in retina.points_mm) * overrides.diameter_mm / 2
-        raise BadInput(
-            f"--target-mm {wanted_mm:g} is beyond the retina, which reaches {reach_mm:.1f} mm either way"
+    along_mm = overrides.target_mm or 0.0
+    point_mm = point_on_retina(retina, overrides.diameter_mm / 2, along_mm)
+    if point_mm is None:
+        reach_mm = (
+            max(retina_angle_rad(point_mm) for point_mm in retina.points_mm) * overrides.diameter_mm / 2
         )
-    return place_mm
+        raise BadInput(
+            f"--target-mm {along_mm:g} is beyond the retina, which extends {reach_mm:.1f} mm either way"
+        )
+    return point_mm
 
 
-def _place(option: str, text: str) -> Vec:
-    """Read "x,y"."""
+def _parse_point(option: str, text: str) -> Vec:
+    """Parse "x,y"."""
     try:
         x, y = (float(part) for part in text.split(","))
     except ValueError:
         x = y = math.nan
     if not (math.isfinite(x) and math.isfinite(y)):
         names = "left, right or " if option == "--trocar" else ""
-        raise BadInput(f"{option} {text!r} is no place; {names}X,Y in pixels is valid, e.g. 602.5,641")
+        raise BadInput(f"{option} {text!r} is not a point; use {names}X,Y in pixels, e.g. 602.5,641")
     return x, y

@@ -1,6 +1,6 @@
-"""Make a registration: read images, find the anatomy, check it, draw it, write it, say how good it is.
+"""Register a source: read images, find and check the anatomy, write the registration and a picture, report.
 
-Either both files are written or neither.
+Writes both files or neither.
 """
 
 import json
@@ -12,7 +12,7 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from haptigraph.analysis.registering.overrides import Overrides, check_overrides, settled
+from haptigraph.analysis.registering.overrides import Overrides, apply_overrides, check_overrides
 from haptigraph.analysis.registering.picture import registration_picture
 from haptigraph.analysis.registering.report import WALL_MM, in_px_and_mm, report_lines, wall_mm
 from haptigraph.assemble import SOURCES, open_source
@@ -24,7 +24,7 @@ from haptigraph.perception.anatomy.anatomy import Anatomy, find_anatomy
 from haptigraph.perception.anatomy.background_image import find_background_image
 from haptigraph.recording.codec import decode
 from haptigraph.recording.writer import Progress
-from haptigraph.registration.camera import parse_registration
+from haptigraph.registration.loading import parse_camera_registration
 from haptigraph.registration.text import registration_text
 from haptigraph.sources.naming import CAMERAS, split_source
 from haptigraph.sources.played import played
@@ -41,8 +41,8 @@ __all__ = [
 ]
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
-MOST_TILT_DEG = 20.0
-MOST_OUT_OF_ROUND_MM = 0.1  # of what is left after straightening
+MAX_TILT_DEG = 20.0
+MAX_OUT_OF_ROUND_MM = 0.1  # after tilt correction
 
 
 def register_source(
@@ -54,45 +54,47 @@ def register_source(
     force: bool = False,
     progress: Progress | None = None,
 ) -> str:
-    """Register a source and write the file and its picture.
+    """Register a source and write the registration and its picture.
 
     Args:
-        source: An image, or anything `run` takes but a camera.
-        output: The TOML to write.
+        source: An image, or anything `run` takes except a camera.
+        output: The TOML file to write.
         overrides: Target, trocar, scale.
-        picture: The PNG to write; beside the TOML if None.
-        force: Whether existing files may be overwritten.
-        progress: Told how far reading is.
+        picture: The PNG file to write; beside the TOML file if None.
+        force: Whether to overwrite existing files.
+        progress: Called with the progress of reading.
 
     Returns:
-        The report, some lines of text.
+        The report, several lines of text.
 
     Raises:
-        BadInput: If something cannot be found or used; nothing is written then.
+        BadInput: If something cannot be found or used; then no file is written.
     """
     files = Path(output), Path(picture) if picture else Path(output).with_suffix(".png")
     check_overrides(overrides)
     check_files(files, source, force=force)
-    with closing(all_images(source)) as read:
-        images = spread_images(read, source, overrides.images, progress)
+    with closing(all_images(source)) as available:
+        images = spread_images(available, source, overrides.images, progress)
     anatomy = sound_anatomy(images, overrides.diameter_mm, source)
     mm_per_px = overrides.diameter_mm / (2 * anatomy.radius_px)
-    found = settled(anatomy, overrides, mm_per_px, source)
-    doubt = f"globe and retina uncertain by {in_px_and_mm(anatomy.rim_uncertainty_px, mm_per_px)}"
-    title = f"Registration found by haptigraph in {Path(source).name}; {doubt}."
-    registration = parse_registration(registration_text(found, title), f"registration found in {source}")
-    empty = find_background_image(images, anatomy.still, registration)
-    found = replace(found, background_webp=empty.webp if empty else b"")
-    drawn = registration_picture(anatomy.still, registration, found, doubt, anatomy)
-    write_files(files, (registration_text(found, title).encode(), drawn))
+    found = apply_overrides(anatomy, overrides, mm_per_px, source)
+    uncertainty = f"globe and retina uncertain by {in_px_and_mm(anatomy.rim_uncertainty_px, mm_per_px)}"
+    title = f"Registration found by haptigraph in {Path(source).name}; {uncertainty}."
+    registration = parse_camera_registration(
+        registration_text(found, title), f"registration found in {source}"
+    )
+    background = find_background_image(images, anatomy.reference_image, registration)
+    found = replace(found, background_webp=background.webp if background else b"")
+    png = registration_picture(anatomy.reference_image, registration, found, uncertainty, anatomy)
+    write_files(files, (registration_text(found, title).encode(), png))
     return "\n".join(report_lines(anatomy, found, registration, overrides, files))
 
 
 def sound_anatomy(images: Sequence[Image], diameter_mm: float, source: str) -> Anatomy:
-    """Find the anatomy, and refuse what is no eye.
+    """Find the anatomy, and refuse what is not a plausible eye.
 
     Raises:
-        BadInput: If something cannot be found or makes no sense; it names the source.
+        BadInput: If something cannot be found or is implausible; it names the source.
     """
     try:
         anatomy = find_anatomy(images)
@@ -103,51 +105,53 @@ def sound_anatomy(images: Sequence[Image], diameter_mm: float, source: str) -> A
 
 
 def check_files(files: tuple[Path, Path], source: str, *, force: bool) -> None:
-    """Refuse to write over something, or into nothing."""
+    """Refuse files that cannot be written or must not be overwritten."""
     if files[0] == files[1]:
-        raise BadInput("registration and picture cannot be the same file", files[0])
+        raise BadInput("registration and picture cannot be the same file; give --picture FILE", files[0])
     for file in files:
         if file.is_dir():
-            raise BadInput("is a folder; the name of a file is needed", file)
+            raise BadInput("is a folder; give the name of a file", file)
         if file.exists() and Path(source).exists() and file.samefile(source):
             raise BadInput("is the source itself; give --picture FILE or another name", file)
         if file.exists() and not force:
             raise BadInput("exists already; --force overwrites it", file)
         if not file.parent.is_dir():
-            raise BadInput("its folder does not exist", file)
+            raise BadInput("its folder does not exist; create it first", file)
 
 
-def spread_images(images: Iterable[Image], source: str, most: int, progress: Progress | None) -> list[Image]:
-    """Pick images spread evenly over a source of unknown length.
+def spread_images(
+    images: Iterable[Image], source: str, max_images: int, progress: Progress | None
+) -> list[Image]:
+    """Pick images evenly spread over a source of unknown length.
 
     Args:
-        images: All of them.
-        source: Named in errors.
-        most: How many to return at most.
-        progress: Told how far reading is.
+        images: All images of the source.
+        source: Its name in errors.
+        max_images: How many to return at most.
+        progress: Called with the progress of reading.
 
     Raises:
         BadInput: If there are none, or they differ in size.
     """
-    kept: list[Image] = []
+    picked: list[Image] = []
     step = 1
     for count, image in enumerate(images):
         if count % step == 0:
-            kept.append(image)
-        if len(kept) == 2 * most:
-            kept, step = kept[::2], 2 * step
+            picked.append(image)
+        if len(picked) == 2 * max_images:
+            picked, step = picked[::2], 2 * step
         if progress and count % 25 == 0:
             progress("reading", count, count + 25)
-    if not kept:
+    if not picked:
         raise BadInput("has no images", source)
-    if any(image.shape != kept[0].shape for image in kept):
-        raise BadInput("its images differ in size; all must come from one camera that stands still", source)
-    picks = range(min(most, len(kept)))
-    return [kept[round(number * (len(kept) - 1) / max(len(picks) - 1, 1))] for number in picks]
+    if any(image.shape != picked[0].shape for image in picked):
+        raise BadInput("its images differ in size; all must come from one camera at rest", source)
+    indices = range(min(max_images, len(picked)))
+    return [picked[round(index * (len(picked) - 1) / max(len(indices) - 1, 1))] for index in indices]
 
 
 def all_images(uri: str) -> Generator[Image, None, None]:
-    """Read an image file, or everything that a source but a camera delivers.
+    """Yield the image of a file, or all images of a source that is not a camera.
 
     Raises:
         BadInput: If it cannot be read.
@@ -160,12 +164,12 @@ def all_images(uri: str) -> Generator[Image, None, None]:
             raise BadInput("not an image that OpenCV can read", uri) from None
         return
     if split_source(uri, SOURCES)[0] in CAMERAS:
-        raise BadInput(f"{uri} cannot be registered directly; record a short clip with it and give that")
+        raise BadInput(f"{uri} cannot be registered directly; record a short clip with it and register that")
     yield from images_of(open_source(load_config(None, (f"source.uri={json.dumps(uri)}",)), VirtualClock()))
 
 
 def images_of(source: Source) -> Generator[Image, None, None]:
-    """Yield every image that a source delivers, and close it."""
+    """Yield all images of a source, and close it."""
     with closing(played(source)) as captures:
         for capture in captures:
             if capture.image is not None:
@@ -173,42 +177,42 @@ def images_of(source: Source) -> Generator[Image, None, None]:
 
 
 def _check_plausible(anatomy: Anatomy, mm_per_px: float, source: str) -> None:
-    if anatomy.tilt is not None and anatomy.tilt.angle_deg > MOST_TILT_DEG:
+    if anatomy.tilt is not None and anatomy.tilt.angle_deg > MAX_TILT_DEG:
         raise BadInput(
-            f"the camera looks at the globe at a slant of {anatomy.tilt.angle_deg:.0f} deg, at most "
-            f"{MOST_TILT_DEG:g} deg is handled; turn it to look straight at the section",
+            f"the camera is tilted by {anatomy.tilt.angle_deg:.0f} deg, at most {MAX_TILT_DEG:g} deg is "
+            "supported; point it perpendicularly at the section",
             source,
         )
     off_mm = anatomy.rim.inner.out_of_round_px * mm_per_px
-    if off_mm > MOST_OUT_OF_ROUND_MM:
+    if off_mm > MAX_OUT_OF_ROUND_MM:
         raise BadInput(
             f"the globe is not round: its radius varies by {off_mm:.2f} mm either way, at most "
-            f"{MOST_OUT_OF_ROUND_MM} mm is handled",
+            f"{MAX_OUT_OF_ROUND_MM} mm is supported",
             source,
         )
     if anatomy.rim.outer is None:
         return
-    thick_mm = wall_mm(anatomy, mm_per_px)
-    if not WALL_MM[0] <= thick_mm <= WALL_MM[1]:
+    thickness_mm = wall_mm(anatomy, mm_per_px)
+    if not WALL_MM[0] <= thickness_mm <= WALL_MM[1]:
         raise BadInput(
-            f"what looks like the globe has a wall of {thick_mm:.1f} mm; "
+            f"the globe's wall has an implausible thickness of {thickness_mm:.1f} mm; "
             f"{WALL_MM[0]:g} to {WALL_MM[1]:g} mm is plausible",
             source,
         )
 
 
 def write_files(files: Sequence[Path], contents: Sequence[bytes]) -> None:
-    """Write all files beside their places first, so that none is ever half there."""
-    ready: list[tuple[str, Path]] = []
+    """Write files atomically: all to temporary files first, then rename them."""
+    temporary: list[tuple[str, Path]] = []
     try:
         for file, content in zip(files, contents, strict=True):
             handle, name = tempfile.mkstemp(dir=file.parent, prefix=f".{file.name}.")
-            ready.append((name, file))
+            temporary.append((name, file))
             with os.fdopen(handle, "wb") as part:
                 part.write(content)
-        for name, file in ready:
+        for name, file in temporary:
             Path(name).chmod(0o644)
             Path(name).replace(file)
     finally:
-        for name, _ in ready:
+        for name, _ in temporary:
             Path(name).unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""Say in a few lines what was found, how well, and whether the scale is plausible."""
+"""The report of `register`: what was found, residuals and uncertainty, and whether the scale is plausible."""
 
 import math
 from pathlib import Path
@@ -6,18 +6,29 @@ from pathlib import Path
 from haptigraph.analysis.registering.overrides import Overrides, named_trocars
 from haptigraph.geometry import Vec
 from haptigraph.perception.anatomy.anatomy import Anatomy, FoundTrocar
+from haptigraph.perception.anatomy.rcm import Rcm
 from haptigraph.registration.camera import Registration
-from haptigraph.registration.retarget import angle_rad
+from haptigraph.registration.retarget import retina_angle_rad
 from haptigraph.registration.text import AnatomyPx, TrocarPx
 
-__all__ = ["WALL_MM", "along_text", "in_px_and_mm", "report_lines", "rim_line", "tilt_line", "wall_mm"]
+__all__ = [
+    "WALL_MM",
+    "along_text",
+    "in_px_and_mm",
+    "report_lines",
+    "rim_line",
+    "tilt_line",
+    "trocar_evidence",
+    "wall_mm",
+]
 
-WALL_MM = (0.3, 4.0)  # plausible thickness
-RIM_BY = {"needle": "by where the needle pivots", "mouths": "by the mouths of holes"}
+WALL_MM = (0.3, 4.0)
+"""Plausible thickness of the globe's wall."""
+RIM_EVIDENCE = {"needle": "the needle's remote centre of motion", "port_openings": "the port openings"}
 
 
 def wall_mm(anatomy: Anatomy, mm_per_px: float) -> float:
-    """Return the thickness of the wall; nan if its outer edge is not seen."""
+    """Return the thickness of the wall; nan if its outer edge was not found."""
     inner, outer = anatomy.rim.inner, anatomy.rim.outer
     return (outer.radius_px - inner.radius_px) / anatomy.rim_ratio * mm_per_px if outer else math.nan
 
@@ -31,10 +42,10 @@ def report_lines(
 ) -> list[str]:
     """Return the report, line by line."""
     mm, inner, outer = registration.image.mm_per_px, anatomy.rim.inner, anatomy.rim.outer
-    seen = inner.support_ratio
+    support = inner.support_ratio
     lines = [
         f"globe      centre ({found.center_px[0]:.1f}, {found.center_px[1]:.1f}) px, radius "
-        f"{found.radius_px:.1f} px; residual {in_px_and_mm(inner.residual_px, mm)} on {seen:.0%} of it",
+        f"{found.radius_px:.1f} px; residual {in_px_and_mm(inner.residual_px, mm)} on {support:.0%} of it",
         tilt_line(anatomy, mm),
         f"scale      {mm:.5f} mm/px, from a diameter of {found.diameter_mm:g} mm",
     ]
@@ -44,34 +55,36 @@ def report_lines(
             f"(plausible: {WALL_MM[0]:g} to {WALL_MM[1]:g})"
         )
     else:
-        lines.append("check      the wall's outer edge is not seen: make sure that the inner one was found")
+        lines.append("check      the wall's outer edge was not found: verify that the inner one was")
     lines.append(rim_line(anatomy, mm))
     lines.append(
-        f"retina     {len(found.contour_px)} points, {anatomy.refined} of them where the edge was seen"
+        f"retina     {len(found.contour_px)} points, {anatomy.measured_points} of them measured at the edge"
     )
-    for (name, trocar), kept in zip(named_trocars(anatomy, overrides.mirrored), found.trocars, strict=False):
-        if kept.name == name:
-            lines.append(_trocar_line(anatomy, trocar, kept, registration))
+    for (name, trocar), written in zip(
+        named_trocars(anatomy, overrides.mirrored), found.trocars, strict=False
+    ):
+        if written.name == name:
+            lines.append(_trocar_line(anatomy, trocar, written, registration))
     default = overrides.target is None and overrides.target_mm is None
     lines.append(
         f"target     ({found.target_px[0]:.1f}, {found.target_px[1]:.1f}) px, "
         f"{along_text(registration.target.at_mm, registration.globe.radius_mm)}"
-        + (" (not given: its bottom; --target or --target-mm moves it)" if default else "")
+        + (" (default: its bottom; set it with --target or --target-mm)" if default else "")
     )
     lines.append(_background_line(bool(found.background_webp)))
     return [*lines, f"written    {files[0]}\npicture    {files[1]}"]
 
 
-def along_text(place_mm: Vec, radius_mm: float) -> str:
-    """Say how far along the retina a place lies."""
-    return f"{round(angle_rad(place_mm) * radius_mm, 2) + 0.0:+.2f} mm along the retina"  # never -0.00
+def along_text(point_mm: Vec, radius_mm: float) -> str:
+    """Describe the position of a point along the retina."""
+    return f"{round(retina_angle_rad(point_mm) * radius_mm, 2) + 0.0:+.2f} mm along the retina"  # never -0.00
 
 
 def tilt_line(anatomy: Anatomy, mm_per_px: float) -> str:
-    """Say how the camera looks at the globe."""
-    left = f"radius varies by {in_px_and_mm(anatomy.rim.inner.out_of_round_px, mm_per_px)} either way"
+    """Describe the camera's tilt."""
+    out_of_round = f"radius varies by {in_px_and_mm(anatomy.rim.inner.out_of_round_px, mm_per_px)} either way"
     if anatomy.tilt is None:
-        return f"tilt       none seen; {left}"
+        return f"tilt       none measurable; {out_of_round}"
     right, down = (math.degrees(part) for part in anatomy.tilt.tilt_rad)
     sides = [
         name
@@ -80,43 +93,50 @@ def tilt_line(anatomy: Anatomy, mm_per_px: float) -> str:
     ]
     return (
         f"tilt       {anatomy.tilt.angle_deg:.1f} deg, the image's {' and '.join(sides)} side farther; "
-        f"a homography is written; after it, {left}"
+        f"a homography is written; after correction, {out_of_round}"
     )
 
 
 def rim_line(anatomy: Anatomy, mm_per_px: float) -> str:
-    """Say where the rim stands, and how uncertain that leaves globe and retina."""
-    doubt = in_px_and_mm(anatomy.rim_uncertainty_px, mm_per_px)
-    if anatomy.rim_by:
-        by = " and ".join(RIM_BY[name] for name in anatomy.rim_by)
-        larger = f"{anatomy.rim_ratio - 1:.1%} larger than the section, {by}"
-        return f"rim        seen {larger}; that leaves globe and retina uncertain by {doubt}"
+    """Describe the position of the rim, and the uncertainty of globe and retina due to it."""
+    uncertainty = in_px_and_mm(anatomy.rim_uncertainty_px, mm_per_px)
+    if anatomy.rim_evidence:
+        evidence = " and ".join(RIM_EVIDENCE[name] for name in anatomy.rim_evidence)
+        return (
+            f"rim        appears {anatomy.rim_ratio - 1:.1%} larger than the section, estimated from "
+            f"{evidence}; globe and retina are uncertain by {uncertainty}"
+        )
     return (
-        "rim        taken to lie in the section; if it stands before it, globe and retina are off by "
-        f"{doubt} or so: a clip with a needle that turns would tell"
+        "rim        assumed in the section; if it is in front of it, globe and retina are off by about "
+        f"{uncertainty}: a clip with a needle that turns resolves this"
     )
 
 
-def _background_line(is_kept: bool) -> str:
-    """Say whether the eye without needle was seen: a run may then begin with the needle in it."""
-    if is_kept:
-        return "empty eye  seen behind the needle, and kept: a run may begin with the needle inside"
+def _background_line(has_background: bool) -> str:
+    """Say whether the file has a reference image without instrument."""
+    if has_background:
+        return "reference  image without instrument stored: a run may begin with the needle inside"
     return (
-        "empty eye  not kept, for no needle was seen to move; let runs begin with the needle out of the eye, "
-        "or give a clip in which it moves"
+        "reference  image without instrument not stored, because no needle moves; begin runs with the needle "
+        "outside the eye, or register a clip in which it moves"
     )
 
 
-def _trocar_line(anatomy: Anatomy, trocar: FoundTrocar, kept: TrocarPx, registration: Registration) -> str:
+def trocar_evidence(rcm: Rcm | None, mm_per_px: float) -> str:
+    """Describe what a trocar was found by."""
+    if rcm is None:
+        return "its port opening"
+    return f"{rcm.lines} shaft lines, residual {in_px_and_mm(rcm.residual_px, mm_per_px)}"
+
+
+def _trocar_line(anatomy: Anatomy, trocar: FoundTrocar, written: TrocarPx, registration: Registration) -> str:
     mm = registration.image.mm_per_px
-    out_mm = math.dist(trocar.point_px, anatomy.center_px) * mm - registration.globe.radius_mm
-    how = "by the hole's mouth"
-    if trocar.rcm is not None:
-        how = f"by {trocar.rcm.lines} shaft lines, residual {in_px_and_mm(trocar.rcm.residual_px, mm)}"
-    used = ", in use" if kept.used else ""
+    outside_mm = math.dist(trocar.point_px, anatomy.center_px) * mm - registration.globe.radius_mm
+    used = ", in use" if written.used else ""
     x, y = trocar.point_px
     return (
-        f"trocar     {kept.name}{used}: ({x:.1f}, {y:.1f}) px, {out_mm:.2f} mm outside the inner edge, {how}"
+        f"trocar     {written.name}{used}: ({x:.1f}, {y:.1f}) px, {outside_mm:.2f} mm outside the inner "
+        f"edge, from {trocar_evidence(trocar.rcm, mm)}"
     )
 
 

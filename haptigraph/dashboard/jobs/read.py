@@ -15,7 +15,7 @@ from haptigraph.errors import BadInput, HaptigraphError
 from haptigraph.inference.procedure import Procedure
 from haptigraph.perception.eye_view import IoctView
 from haptigraph.recording.reader import Place, RunReader
-from haptigraph.registration.oct import parse_registered
+from haptigraph.registration.loading import parse_registration
 from haptigraph.registration.registered import Registered
 
 __all__ = ["empty_timeline", "outcomes", "read_run", "settings_of"]
@@ -65,7 +65,7 @@ def settings_of(reader: RunReader) -> tuple[Procedure, Registered]:
     name = reader.path.name
     return (
         parse_procedure(reader.info.procedure, f"procedure in {name}"),
-        parse_registered(reader.info.registration, f"registration in {name}"),
+        parse_registration(reader.info.registration, f"registration in {name}"),
     )
 
 

@@ -17,7 +17,7 @@ from haptigraph.assemble import parse_procedure, procedure_names
 from haptigraph.dashboard.server.protocol import packed, shown
 from haptigraph.errors import BadInput, HaptigraphError
 from haptigraph.recording.reader import Place, RunReader
-from haptigraph.registration.oct import parse_registered
+from haptigraph.registration.loading import parse_registration
 
 __all__ = ["Identity", "RecordingFolder"]
 
@@ -111,7 +111,7 @@ class RecordingFolder:
         path = self.path_of(name)
         identity, reader = Identity.of(path), RunReader(path)
         schema = parse_procedure(reader.info.procedure, f"procedure in {name}").schema
-        anatomy = parse_registered(reader.info.registration, f"registration in {name}").anatomy
+        anatomy = parse_registration(reader.info.registration, f"registration in {name}").anatomy
         moving = frozenset(entity.name for entity in schema.entities) - set(anatomy)
         start_ns = reader.record_at(places[0])[1].stamp_ns
         with self._lock:

@@ -24,7 +24,7 @@ from haptigraph.dashboard.jobs.register import LOOK_S
 from haptigraph.dashboard.server.site import Site
 from haptigraph.errors import BadInput
 from haptigraph.messages import Image
-from haptigraph.registration.camera import load_registration
+from haptigraph.registration.loading import load_camera_registration
 from haptigraph.sources.naming import CAMERAS, split_source
 
 __all__ = ["ExistsAlready", "RegistrationService"]
@@ -95,7 +95,7 @@ class RegistrationService:
         """
         opened, file = self.opened(number), self._file(path)
         try:
-            return draft_from(load_registration(file), file.name, opened)
+            return draft_from(load_camera_registration(file), file.name, opened)
         except BadInput as error:
             raise BadInput(error.problem, file, error.place) from None
 

@@ -9,7 +9,7 @@ from haptigraph.dashboard.server.hub import Hub
 from haptigraph.dashboard.server.protocol import told
 from haptigraph.perception.eye_view import IoctView
 from haptigraph.pipeline import Loop
-from haptigraph.registration.oct import load_registered, parse_registered
+from haptigraph.registration.loading import load_registration, parse_registration
 from haptigraph.registration.retarget import with_target
 
 __all__ = ["introduce"]
@@ -29,9 +29,9 @@ def introduce(config: Config, loop: Loop, hub: Hub) -> Callable[[], None]:
         BadInput: If procedure or registration cannot be used.
     """
     if config.source.registration:
-        registration = load_registered(config.source.registration)
+        registration = load_registration(config.source.registration)
     else:
-        registration = parse_registered(loop.source.registration or "", config.source.uri)
+        registration = parse_registration(loop.source.registration or "", config.source.uri)
     if config.source.target_mm is not None:
         registration = with_target(registration, config.source.target_mm)
     procedure, view = load_procedure(config.run.procedure), IoctView(registration, VIEW_PX)

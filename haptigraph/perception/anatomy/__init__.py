@@ -1,1 +1,1 @@
-"""Automatic registration: find globe, retina, trocars and camera tilt in images of one set-up."""
+"""Automatic registration: find the globe, retina, trocars and camera tilt in images of one set-up."""

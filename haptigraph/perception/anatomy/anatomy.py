@@ -1,10 +1,9 @@
-"""Find the static anatomy by itself: globe, retina and trocars in images of one set-up [px].
+"""Find the static anatomy automatically: globe, retina and trocars in images of one set-up [px].
 
-The wall's rim comes from `rim`, the needle's pivot from `moving_shaft` and again from `tracked_rcm`. The
-rim that is seen may stand before the plane in which the needle moves, and is then seen larger than the
-globe's section there; what lies in that plane tells by how much: the pivot, in the middle of the wall, and
-the port openings (`port_opening`). The camera's tilt comes from the rim (`camera_tilt`); all else is found in
-the frontal view. Knows neither files nor millimetres.
+`rim` finds the wall's rim, `camera_tilt` the camera's tilt from it; everything else is found in the frontal
+view. `moving_shaft` finds the needle's remote centre of motion (RCM), `tracked_rcm` refines it. A rim in
+front of the plane of the section appears larger than the globe's section in that plane. The RCM, in the
+middle of the wall, and the port openings (`port_opening`) lie in the plane and indicate by how much.
 """
 
 import math
@@ -17,12 +16,12 @@ from haptigraph.errors import BadInput
 from haptigraph.geometry import Vec, subtract, unit
 from haptigraph.imaging import tilt_corrected
 from haptigraph.messages import Image
-from haptigraph.perception.anatomy.camera_tilt import find_slant
+from haptigraph.perception.anatomy.camera_tilt import find_camera_tilt
 from haptigraph.perception.anatomy.edge import Edge
-from haptigraph.perception.anatomy.moving_shaft import find_rcms, still_picture
+from haptigraph.perception.anatomy.moving_shaft import find_rcms, median_image
 from haptigraph.perception.anatomy.port_opening import (
-    APART_DEG,
-    MOST_OPENINGS,
+    MAX_OPENINGS,
+    MIN_SEPARATION_DEG,
     WHITE_GREY,
     PortOpening,
     find_port_openings,
@@ -36,14 +35,14 @@ __all__ = ["Anatomy", "FoundTrocar", "find_anatomy"]
 
 RETINA_HALF_DEG = 75.0
 RETINA_STEP_DEG = 1.5
-REFINE_DEG = 3.0  # what was seen within so much either way counts for a contour point
-REFINE_LEAST = 6
-REFINE_MOST_PX = 3.0
-RIM_BEFORE = 0.015  # likely size of how much larger the rim is seen
-RIM_HEIGHT = 0.08  # and of how far before the section it stands, of the radius
-RCM_OFF = 0.004  # of the radius: a trocar need not sit exactly in the middle of the wall
-OPENING_OFF_PX = 0.7
-MOST_WHITE = 0.5  # share of what lies within a single edge
+REFINE_DEG = 3.0  # rays within this angle of a contour point refine it
+MIN_REFINE_RAYS = 6
+MAX_REFINE_PX = 3.0
+RIM_EXCESS_SD = 0.015  # prior of the rim's enlargement
+RIM_HEIGHT_RATIO = 0.08  # prior of the rim's height above the section, relative to the radius
+RCM_OFFSET_RATIO = 0.004  # of the radius: a trocar may be off the middle of the wall
+OPENING_SD_PX = 0.7
+MAX_WHITE_SHARE = 0.5  # of the area within a single edge
 
 
 class FoundTrocar(Struct, frozen=True):
@@ -54,201 +53,199 @@ class FoundTrocar(Struct, frozen=True):
     angle_deg: float
     """From the top, positive to the image's right."""
     rcm: Rcm | None
-    """Where something like a needle turned in it; None if only its hole was seen."""
+    """RCM of an instrument that moved in it; None if only the port opening was detected."""
 
 
 class Anatomy(Struct, frozen=True, eq=False):
-    """Everything found; places lie in the straightened picture, where there is a slant."""
+    """The anatomy found, in the frontal view where the camera is tilted."""
 
-    still: Image
-    """The picture it was found in, as the camera took it."""
+    reference_image: Image
+    """Median of the images, as the camera took them."""
     tilt: Slant | None
-    """How the camera looks at the section; None: straight, as far as can be told."""
+    """None if no tilt is measurable."""
     rim: Rim
     center_px: Vec
-    """Of the globe's section."""
+    """Centre of the globe's section."""
     radius_px: float
     contour_px: tuple[Vec, ...]
     """The retina, from the image's left over the bottom to its right."""
-    refined: int
-    """How many of its points were seen themselves; the others lie on the fitted curve."""
+    measured_points: int
+    """How many contour points were measured; the others are on the fitted curve."""
     trocars: tuple[FoundTrocar, ...]
-    """First those in which something moves."""
+    """Those in which an instrument moves come first."""
     rim_ratio: float
-    """How many times larger than the section the rim is seen."""
+    """Apparent size of the rim relative to the section."""
     rim_uncertainty_px: float
-    """Standard deviation of what that makes of globe and retina at worst."""
-    rim_by: tuple[str, ...]
-    """What told it: "needle", "port_openings" or nothing."""
+    """Standard deviation of globe and retina due to that of `rim_ratio`, at the worst point."""
+    rim_evidence: tuple[str, ...]
+    """What `rim_ratio` was estimated from: "needle", "port_openings" or nothing."""
 
     def seen_px(self, frontal_px: Vec) -> Vec:
-        """Return where the camera sees a place of the straightened picture."""
+        """Map a point from the frontal view to the image as stored."""
         return self.tilt.image_from_frontal(frontal_px) if self.tilt else frontal_px
 
-    def frontal_px(self, seen_px: Vec) -> Vec:
-        """Return where a place that the camera sees lies in the straightened picture."""
-        return self.tilt.frontal_from_image(seen_px) if self.tilt else seen_px
+    def frontal_px(self, point_px: Vec) -> Vec:
+        """Map a point from the image as stored to the frontal view."""
+        return self.tilt.frontal_from_image(point_px) if self.tilt else point_px
 
 
 def find_anatomy(images: Sequence[Image]) -> Anatomy:
     """Find globe, retina and trocars.
 
     Args:
-        images: At least one, all of one size, by a camera that stands still; with a moving needle at best.
+        images: At least one, all of one size, from a camera at rest; best with a moving needle.
 
     Raises:
         BadInput: If there is no eye, or it is cut off or blurred.
     """
-    taken = still = still_picture(images)
-    middle_px = (still.shape[1] - 1) / 2, (still.shape[0] - 1) / 2
-    rim = find_rim(still)
-    tilt = find_slant(rim, middle_px)
+    reference = frontal = median_image(images)
+    principal_px = (reference.shape[1] - 1) / 2, (reference.shape[0] - 1) / 2
+    rim = find_rim(reference)
+    tilt = find_camera_tilt(rim, principal_px)
     if tilt is not None:
-        way = tilt.frontal_from_image
-        still, images = tilt_corrected(still, way), [tilt_corrected(image, way) for image in images]
-        rim = find_rim(still)
-    foot_x, foot_y = tilt.foot_px if tilt else middle_px
-    rough = find_rcms(images, still, rim) if len(images) > 1 else ()
-    rcms = [rcm.and_again(tracked_rcm(images, rim, rcm.point_px)) for rcm in rough]
-    _check_which_edge(rim, rcms, still)
-    port_openings = find_port_openings(still, rim.inner)
-    before, doubt, rim_by = _rim_before(rim, rcms, port_openings, tilt, (foot_x, foot_y))
-    rim_ratio = 1 + before
+        homography = tilt.frontal_from_image
+        frontal = tilt_corrected(reference, homography)
+        images = [tilt_corrected(image, homography) for image in images]
+        rim = find_rim(frontal)
+    foot_x, foot_y = tilt.foot_px if tilt else principal_px
+    rough = find_rcms(images, frontal, rim) if len(images) > 1 else ()
+    rcms = [rcm.combined_with(tracked_rcm(images, rim, rcm.point_px)) for rcm in rough]
+    _check_edge_is_inner(rim, rcms, frontal)
+    port_openings = find_port_openings(frontal, rim.inner)
+    excess, excess_sd, rim_evidence = _rim_excess(rim, rcms, port_openings, tilt, (foot_x, foot_y))
+    rim_ratio = 1 + excess
 
-    def section(at_px: Vec) -> Vec:
-        return foot_x + (at_px[0] - foot_x) / rim_ratio, foot_y + (at_px[1] - foot_y) / rim_ratio
+    def section(rim_px: Vec) -> Vec:
+        return foot_x + (rim_px[0] - foot_x) / rim_ratio, foot_y + (rim_px[1] - foot_y) / rim_ratio
 
-    contour, refined = _contour(rim.inner)
+    contour, measured_points = _contour(rim.inner)
     return Anatomy(
-        still=taken,
+        reference_image=reference,
         tilt=tilt,
         rim=rim,
         center_px=section(rim.inner.center_px),
         radius_px=rim.inner.radius_px / rim_ratio,
         contour_px=tuple(section(point) for point in contour),
-        refined=refined,
+        measured_points=measured_points,
         trocars=_trocars(port_openings, rcms, section(rim.inner.center_px), rim.middle_px / rim_ratio),
         rim_ratio=rim_ratio,
-        rim_uncertainty_px=doubt
+        rim_uncertainty_px=excess_sd
         * math.hypot(rim.inner.radius_px, *subtract(rim.inner.center_px, (foot_x, foot_y))),
-        rim_by=rim_by,
+        rim_evidence=rim_evidence,
     )
 
 
-def _check_which_edge(rim: Rim, rcms: Sequence[Rcm], still: Image) -> None:
-    """Refuse a single edge that may be the wall's outer one: a needle pivots outside the inner edge."""
+def _check_edge_is_inner(rim: Rim, rcms: Sequence[Rcm], frontal: Image) -> None:
+    """Refuse a single edge that may be the wall's outer one; an RCM outside it proves that it is not."""
     if rim.outer is not None:
         return
-    white = _white_share(rim, still)
-    if white > MOST_WHITE:
+    white = _white_share(rim, frontal)
+    if white > MAX_WHITE_SHARE:
         raise BadInput(
-            f"the eye is overexposed: {white:.0%} of it is white, and only one edge of its wall can be seen; "
-            "less light or a shorter exposure would show the other"
+            f"the eye is overexposed: {white:.0%} of it is white, and only one edge of its wall is visible; "
+            "use less light or a shorter exposure to show the other"
         )
-    away_px = [math.dist(rcm.point_px, rim.inner.center_px) for rcm in rcms]
-    if min(away_px, default=0.0) <= rim.inner.radius_px:
+    distances_px = [math.dist(rcm.point_px, rim.inner.center_px) for rcm in rcms]
+    if min(distances_px, default=0.0) <= rim.inner.radius_px:
         raise BadInput(
-            "only one edge of the globe's wall can be seen, and nothing shows that it is the inner one; "
-            "more light, a sharper image or a clip with a moving needle would"
+            "only one edge of the globe's wall is visible, and it may be the outer one; "
+            "use more light, a sharper image or a clip with a moving needle"
         )
 
 
-def _white_share(rim: Rim, still: Image) -> float:
-    """Return how much of what lies within the edge is as bright as can be."""
-    y, x = np.ogrid[: still.shape[0], : still.shape[1]]
+def _white_share(rim: Rim, frontal: Image) -> float:
+    """Return the share of saturated pixels within the edge."""
+    y, x = np.ogrid[: frontal.shape[0], : frontal.shape[1]]
     (center_x, center_y), radius_px = rim.inner.center_px, rim.inner.radius_px
-    within = still[(x - center_x) ** 2 + (y - center_y) ** 2 < radius_px**2]
-    darkest = within if within.ndim == 1 else within.min(axis=1)
+    inside = frontal[(x - center_x) ** 2 + (y - center_y) ** 2 < radius_px**2]
+    darkest = inside if inside.ndim == 1 else inside.min(axis=1)
     return float(np.mean(darkest >= WHITE_GREY))
 
 
-def _rim_before(
+def _rim_excess(
     rim: Rim, rcms: Sequence[Rcm], port_openings: Sequence[PortOpening], tilt: Slant | None, foot_px: Vec
 ) -> tuple[float, float, tuple[str, ...]]:
-    """Tell by what share larger than the section the rim is seen, its deviation, and what told it.
+    """Estimate how much larger than the section the rim appears: (share, its standard deviation, evidence).
 
-    Estimated from the needle's RCM and the port openings, weighted by their uncertainty.
-    Never less than 0: the wall hides the needle.
+    Inverse-variance-weighted mean of a prior, the needle's RCM and the port openings. Never less than 0,
+    because the wall occludes the needle.
     """
     center, radius_px = rim.inner.center_px, rim.inner.radius_px
-    usual = min(RIM_BEFORE, RIM_HEIGHT * radius_px / tilt.focal_px) if tilt else RIM_BEFORE
-    known: list[tuple[float, float]] = [(0.0, usual)]
-    by: list[str] = []
+    prior_sd = min(RIM_EXCESS_SD, RIM_HEIGHT_RATIO * radius_px / tilt.focal_px) if tilt else RIM_EXCESS_SD
+    estimates: list[tuple[float, float]] = [(0.0, prior_sd)]
+    evidence: list[str] = []
 
-    def told_by(place: Vec, circle_px: float, uncertainty_px: float) -> tuple[float, float]:
-        outwards, away = unit(subtract(place, center)), subtract(place, foot_px)
-        lever_px = max(abs(away[0] * outwards[0] + away[1] * outwards[1]), 1.0)
-        return _before(place, circle_px, center, foot_px), uncertainty_px / lever_px
+    def estimate(point: Vec, circle_px: float, sd_px: float) -> tuple[float, float]:
+        outwards, lever = unit(subtract(point, center)), subtract(point, foot_px)
+        lever_px = max(abs(lever[0] * outwards[0] + lever[1] * outwards[1]), 1.0)
+        return _excess_through(point, circle_px, center, foot_px), sd_px / lever_px
 
     for rcm in rcms if rim.outer is not None else ():
-        uncertainty_px = math.hypot(rcm.radial_sd_px, RCM_OFF * radius_px)
-        known.append(told_by(rcm.point_px, rim.middle_px, uncertainty_px))
-        by += ["needle"] if known[-1][1] < usual and not by else []
-    told = [
-        told_by(
-            _around(center, radius_px - port_opening.inside_px, port_opening.angle_deg),
-            radius_px,
-            OPENING_OFF_PX,
-        )
-        for port_opening in port_openings
-        if port_opening.inside_px is not None
+        sd_px = math.hypot(rcm.radial_sd_px, RCM_OFFSET_RATIO * radius_px)
+        estimates.append(estimate(rcm.point_px, rim.middle_px, sd_px))
+        evidence += ["needle"] if estimates[-1][1] < prior_sd and not evidence else []
+    by_opening = [
+        estimate(_point_at(center, radius_px - each.inside_px, each.angle_deg), radius_px, OPENING_SD_PX)
+        for each in port_openings
+        if each.inside_px is not None
     ]
-    # A reflection or another instrument may look like a mouth, but not like two that agree.
-    agreeing = [
+    # A reflection or another instrument may look like one port opening, but not like two that agree.
+    consistent = [
         one
-        for number, one in enumerate(told)
+        for number, one in enumerate(by_opening)
         if any(
-            abs(one[0] - other[0]) < 2 * max(one[1], other[1]) for other in told[:number] + told[number + 1 :]
+            abs(one[0] - other[0]) < 2 * max(one[1], other[1])
+            for other in by_opening[:number] + by_opening[number + 1 :]
         )
     ]
-    known += agreeing
-    by += ["port_openings"] if agreeing else []
-    weights = [1 / doubt**2 for _, doubt in known]
-    before = sum(weight * seen for weight, (seen, _) in zip(weights, known, strict=True)) / sum(weights)
-    return min(max(before, 0.0), 3 * usual), 1 / math.sqrt(sum(weights)), tuple(by)
+    estimates += consistent
+    evidence += ["port_openings"] if consistent else []
+    weights = [1 / sd**2 for _, sd in estimates]
+    excess = sum(weight * share for weight, (share, _) in zip(weights, estimates, strict=True)) / sum(weights)
+    return min(max(excess, 0.0), 3 * prior_sd), 1 / math.sqrt(sum(weights)), tuple(evidence)
 
 
-def _before(at_px: Vec, radius_px: float, center_px: Vec, foot_px: Vec) -> float:
-    """Return by what share a circle must shrink towards the camera's foot to pass through a place."""
-    (ax, ay), (bx, by) = ((x - foot_px[0], y - foot_px[1]) for x, y in (at_px, center_px))
+def _excess_through(point_px: Vec, radius_px: float, center_px: Vec, foot_px: Vec) -> float:
+    """Return the share by which a circle must shrink towards `foot_px` to pass through a point."""
+    (ax, ay), (bx, by) = ((x - foot_px[0], y - foot_px[1]) for x, y in (point_px, center_px))
     square, along = ax * ax + ay * ay, ax * bx + ay * by
     inner = along * along - square * (bx * bx + by * by - radius_px * radius_px)
     root = math.sqrt(max(inner, 0.0))
     return min(((along + sign * root) / square - 1 for sign in (1, -1)), key=abs)
 
 
-def _around(center_px: Vec, radius_px: float, angle_deg: float) -> Vec:
-    """Return the place at an angle from the top."""
+def _point_at(center_px: Vec, radius_px: float, angle_deg: float) -> Vec:
+    """Return the point on a circle at an angle from the top."""
     angle = math.radians(angle_deg)
     return center_px[0] + radius_px * math.sin(angle), center_px[1] - radius_px * math.cos(angle)
 
 
 def _contour(edge: Edge) -> tuple[list[Vec], int]:
-    """Return the lower part of the inner edge, moved to where it was seen, and for how many points it was."""
+    """Return the lower part of the inner edge, refined by the rays, and the number of refined points."""
     steps = round(2 * RETINA_HALF_DEG / RETINA_STEP_DEG)
     angles = np.radians(np.linspace(-RETINA_HALF_DEG, RETINA_HALF_DEG, steps + 1))
     radii = edge.radii_px(angles)
-    apart = (edge.angles[None, :] - angles[:, None] + math.pi) % (2 * math.pi) - math.pi
-    refined = 0
-    for row, near in enumerate(np.abs(apart) < math.radians(REFINE_DEG)):
-        if near.sum() >= REFINE_LEAST:
-            refined += 1
-            radii[row] += np.clip(np.median(edge.offsets_px[near]), -REFINE_MOST_PX, REFINE_MOST_PX)
+    separation = (edge.angles[None, :] - angles[:, None] + math.pi) % (2 * math.pi) - math.pi
+    measured_points = 0
+    for row, near in enumerate(np.abs(separation) < math.radians(REFINE_DEG)):
+        if near.sum() >= MIN_REFINE_RAYS:
+            measured_points += 1
+            radii[row] += np.clip(np.median(edge.offsets_px[near]), -MAX_REFINE_PX, MAX_REFINE_PX)
     x = edge.center_px[0] + radii * np.sin(angles)
     y = edge.center_px[1] + radii * np.cos(angles)
-    return [(float(a), float(b)) for a, b in zip(x, y, strict=True)], refined
+    return [(float(a), float(b)) for a, b in zip(x, y, strict=True)], measured_points
 
 
 def _trocars(
     port_openings: Sequence[PortOpening], rcms: Sequence[Rcm], center_px: Vec, middle_px: float
 ) -> tuple[FoundTrocar, ...]:
-    """Return the trocar the needle moves in, then those whose holes are seen, clearest first."""
+    """Return the trocars with an RCM, then the other port openings, strongest contrast first."""
     found: list[FoundTrocar] = []
     for rcm in rcms:
         right, down = rcm.point_px[0] - center_px[0], rcm.point_px[1] - center_px[1]
         found.append(FoundTrocar(rcm.point_px, math.degrees(math.atan2(right, -down)), rcm))
     for port_opening in port_openings:
-        if all(abs(other.angle_deg - port_opening.angle_deg) > APART_DEG for other in found):
-            place = _around(center_px, middle_px, port_opening.angle_deg)
-            found.append(FoundTrocar(place, port_opening.angle_deg, None))
-    return tuple(found[:MOST_OPENINGS])
+        if all(abs(other.angle_deg - port_opening.angle_deg) > MIN_SEPARATION_DEG for other in found):
+            point_px = _point_at(center_px, middle_px, port_opening.angle_deg)
+            found.append(FoundTrocar(point_px, port_opening.angle_deg, None))
+    return tuple(found[:MAX_OPENINGS])

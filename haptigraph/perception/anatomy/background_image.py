@@ -1,7 +1,6 @@
-"""Find what a moving needle hides: the empty eye, pixel by pixel from the images in which it is elsewhere.
+"""Compose the background image of a clip: every pixel's median over images where no needle occludes it.
 
-Images of one clip and where its anatomy lies in, the picture without needle out. What it covers in all of
-them stays unknown.
+Pixels that the needle occludes in too many images stay unknown.
 """
 
 from collections.abc import Sequence
@@ -20,46 +19,48 @@ from haptigraph.registration.camera import Registration
 
 __all__ = ["find_background_image"]
 
-LEAST_LOOKS = 3  # at a pixel, of which one may be wrong
-LEAST_DETECTIONS = 3  # of the needle: a needle that is not seen would be taken for the eye
-BEYOND_MM = 1.0  # the tip may reach so much further than it is told
+MIN_UNOCCLUDED = 3  # images per pixel, of which one may be an outlier
+MIN_DETECTIONS = 3  # an undetected needle would become part of the background
+TIP_MARGIN_MM = 1.0  # beyond the estimated tip
 
 
 def find_background_image(
-    images: Sequence[Image], still: Image, registration: Registration
+    images: Sequence[Image], reference: Image, registration: Registration
 ) -> BackgroundImage | None:
-    """Return the eye without needle.
+    """Return the background image: the eye without needle.
 
     Args:
-        images: Of one clip, in order, (h, w, 3) BGR or (h, w) grey.
-        still: What most of them show.
-        registration: Where the anatomy lies in them.
+        images: Images of one clip, in order, (h, w, 3) BGR or (h, w) grey.
+        reference: Their median.
+        registration: Position of the anatomy in them.
 
     Returns:
-        None if no needle is seen in enough of them: one that lies still would be taken for the eye.
+        None if too few images have a needle detection: a needle at rest would become part of the background.
     """
-    way, frontal = registration.image.frontal_from_image, registration.frontal
-    sights = detections_in((tilt_corrected(image, way) for image in images) if way else images, frontal)
-    if len(sights) - sights.count(None) < LEAST_DETECTIONS:
+    homography, frontal = registration.image.frontal_from_image, registration.frontal
+    views = (tilt_corrected(image, homography) for image in images) if homography else images
+    detections = detections_in(views, frontal)
+    if len(detections) - detections.count(None) < MIN_DETECTIONS:
         return None
-    site, is_free = Site(frontal), np.ones((len(images), *still.shape[:2]), np.bool_)
-    for number, sight in enumerate(sights):
-        if sight is not None:
-            hidden = _hidden(site, sight)
-            is_free[number] = (tilt_corrected(hidden, way.inverse) if way else hidden) == 0
-    looks = np.count_nonzero(is_free, axis=0)
-    picture, is_some = colored(still).copy(), (looks >= LEAST_LOOKS) & (looks < len(images))
-    seen = np.stack([colored(image)[is_some] for image in images]).astype(np.float32)
-    seen[~is_free[:, is_some]] = np.inf
-    seen.sort(axis=0)
-    middle = (looks[is_some] - 1) // 2
-    picture[is_some] = np.take_along_axis(seen, middle[None, :, None], axis=0)[0]
-    return BackgroundImage(picture, looks >= LEAST_LOOKS)
+    site, is_free = Site(frontal), np.ones((len(images), *reference.shape[:2]), np.bool_)
+    for number, detection in enumerate(detections):
+        if detection is not None:
+            occluded = _occluded(site, detection)
+            is_free[number] = (tilt_corrected(occluded, homography.inverse) if homography else occluded) == 0
+    unoccluded = np.count_nonzero(is_free, axis=0)
+    background, is_known = colored(reference).copy(), unoccluded >= MIN_UNOCCLUDED
+    is_replaced = is_known & (unoccluded < len(images))
+    values = np.stack([colored(image)[is_replaced] for image in images]).astype(np.float32)
+    values[~is_free[:, is_replaced]] = np.inf
+    values.sort(axis=0)
+    median = (unoccluded[is_replaced] - 1) // 2
+    background[is_replaced] = np.take_along_axis(values, median[None, :, None], axis=0)[0]
+    return BackgroundImage(background, is_known)
 
 
-def _hidden(site: Site, sight: Detection) -> Image:
-    """Return what a needle may hide, (h, w): 255 there."""
-    ends = occluded_ends(site, sight.line, sight.reach.tip_px + BEYOND_MM * site.px_per_mm)
-    hidden = np.zeros((site.height_px, site.width_px), np.uint8)
-    cv2.fillConvexPoly(hidden, stripe(ends, 2 * site.half_px, (0.0, 0.0)), 255, shift=4)
-    return hidden
+def _occluded(site: Site, detection: Detection) -> Image:
+    """Return the region that a needle may occlude, (h, w): 255 inside."""
+    ends = occluded_ends(site, detection.line, detection.reach.tip_px + TIP_MARGIN_MM * site.px_per_mm)
+    occluded = np.zeros((site.height_px, site.width_px), np.uint8)
+    cv2.fillConvexPoly(occluded, stripe(ends, 2 * site.half_px, (0.0, 0.0)), 255, shift=4)
+    return occluded

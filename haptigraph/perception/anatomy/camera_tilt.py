@@ -1,7 +1,7 @@
-"""Tell from the two edges of the wall how the camera looks at the plane they lie in.
+"""Estimate the camera's tilt from the two edges of the wall [px].
 
-Two circles about one centre, seen at a slant, are two ellipses whose middles lie apart: by their shape and
-by that, a pinhole camera's angle and distance are fitted [px]. Knows neither images nor millimetres.
+A tilted view turns two concentric circles into two ellipses with different centres. Their shapes and the
+offset of their centres determine the angle and the distance of a pinhole camera.
 """
 
 import math
@@ -14,60 +14,60 @@ from haptigraph.perception.anatomy.edge import Edge
 from haptigraph.perception.anatomy.rim import Rim
 from haptigraph.registration.tilt import Slant
 
-__all__ = ["find_slant"]
+__all__ = ["find_camera_tilt"]
 
-LEAST_PX = 0.5  # below, a slant cannot be told from an edge's own faults
-CLOSENESS = (0.15, 0.1)  # radius over the camera's distance: usual, and how far from it usual cameras are
-MOST_CLOSENESS = 0.5
-EDGE_SD_PX = 1.0  # of one ray; neighbours err alike
-ROUNDS = 40
+MIN_DEVIATION_PX = 0.5  # from concentric circles; less may be irregularity of an edge
+CLOSENESS_PRIOR = (0.15, 0.1)  # mean and standard deviation of globe radius / camera distance
+MAX_CLOSENESS = 0.5
+EDGE_SD_PX = 1.0  # of one ray; the errors of neighbours are correlated
+MAX_ITERATIONS = 40
 
 
-def find_slant(rim: Rim, middle_px: Vec) -> Slant | None:
-    """Fit how the camera looks at the rim.
+def find_camera_tilt(rim: Rim, principal_px: Vec) -> Slant | None:
+    """Fit the camera's tilt to the rim.
 
     Args:
         rim: Both edges of the wall.
-        middle_px: Of the image, where the camera's axis is taken to be.
+        principal_px: The principal point, assumed at the image centre.
 
     Returns:
-        None if it looks straight, as far as can be told, or the wall's outer edge is not seen.
+        None if no tilt is measurable, or the outer edge of the wall was not detected.
     """
     if rim.outer is None:
         return None
     inner, outer = rim.inner, rim.outer
-    apart_px = math.dist(inner.center_px, outer.center_px)
-    if max(inner.out_of_round_px, outer.out_of_round_px, apart_px) < LEAST_PX:
+    offset_px = math.dist(inner.center_px, outer.center_px)
+    if max(inner.out_of_round_px, outer.out_of_round_px, offset_px) < MIN_DEVIATION_PX:
         return None
-    places = _places(inner), _places(outer)
-    fits = [_fitted(start, places, middle_px) for start in _starts(inner, outer)]
+    points = _edge_points(inner), _edge_points(outer)
+    fits = [_fit(start, points, principal_px) for start in _initial_guesses(inner, outer)]
     _, best = min(fits, key=lambda fit: fit[0])
     x, y, radius, right, down, closeness, _ = (float(value) for value in best)
-    return Slant((x, y), (right, down), radius / closeness, middle_px)
+    return Slant((x, y), (right, down), radius / closeness, principal_px)
 
 
-def _places(edge: Edge) -> Floats:
-    """Return where an edge was seen, (n, 2)."""
+def _edge_points(edge: Edge) -> Floats:
+    """Return the measured points of an edge, (n, 2)."""
     radii = edge.radii_px(edge.angles) + edge.offsets_px
-    way = np.stack([np.sin(edge.angles), np.cos(edge.angles)], axis=1)
-    return np.asarray(np.array(edge.center_px) + radii[:, None] * way)
+    directions = np.stack([np.sin(edge.angles), np.cos(edge.angles)], axis=1)
+    return np.asarray(np.array(edge.center_px) + radii[:, None] * directions)
 
 
-def _starts(inner: Edge, outer: Edge) -> list[Floats]:
-    """Return guesses: tilted either way along the ellipse's short axis."""
+def _initial_guesses(inner: Edge, outer: Edge) -> list[Floats]:
+    """Return initial parameters: tilted in either direction along the ellipse's minor axis."""
     radius = inner.radius_px + inner.out_of_round_px
-    # The long axis lies where the part of the radius with twice the angle is largest.
+    # The major axis is where the second harmonic of the radius has its maximum.
     _, _, _, a, b = inner.harmonics_px + outer.harmonics_px
-    short = math.atan2(b, a) / 2 + math.pi / 2
+    minor = math.atan2(b, a) / 2 + math.pi / 2
     angle = math.sqrt(max(4 * inner.out_of_round_px / radius, 0.05**2))
     return [
         np.array(
             [
                 *inner.center_px,
                 radius,
-                sign * angle * math.sin(short),
-                sign * angle * math.cos(short),
-                CLOSENESS[0],
+                sign * angle * math.sin(minor),
+                sign * angle * math.cos(minor),
+                CLOSENESS_PRIOR[0],
                 outer.radius_px / inner.radius_px,
             ]
         )
@@ -75,43 +75,41 @@ def _starts(inner: Edge, outer: Edge) -> list[Floats]:
     ]
 
 
-def _fitted(start: Floats, places: tuple[Floats, Floats], middle_px: Vec) -> tuple[float, Floats]:
-    """Return the least sum of squares and where it is, by damped Gauss-Newton steps."""
+def _fit(start: Floats, points: tuple[Floats, Floats], principal_px: Vec) -> tuple[float, Floats]:
+    """Minimise the sum of squares with damped Gauss-Newton steps; return it and the parameters."""
     values, damping = start, 1e-3
-    off = _off(values, places, middle_px)
+    residuals = _residuals(values, points, principal_px)
     steps = np.array([0.01, 0.01, 0.01, 1e-4, 1e-4, 1e-3, 1e-4])
-    for _ in range(ROUNDS):
-        slopes = np.stack(
-            [
-                (_off(values + step, places, middle_px) - _off(values - step, places, middle_px))
-                / (2 * step.sum())
-                for step in np.diag(steps)
-            ],
-            axis=1,
-        )
-        square = slopes.T @ slopes
-        change = np.linalg.solve(square + damping * np.diag(np.diag(square)), -slopes.T @ off)
-        tried = values + change
-        tried[5] = min(max(tried[5], 1e-4), MOST_CLOSENESS)
-        off_there = _off(tried, places, middle_px)
-        if off_there @ off_there < off @ off:
-            values, off, damping = tried, off_there, damping / 5
+
+    def slope(step: Floats) -> Floats:
+        after = _residuals(values + step, points, principal_px)
+        return np.asarray((after - _residuals(values - step, points, principal_px)) / (2 * step.sum()))
+
+    for _ in range(MAX_ITERATIONS):
+        jacobian = np.stack([slope(step) for step in np.diag(steps)], axis=1)
+        normal = jacobian.T @ jacobian
+        change = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), -jacobian.T @ residuals)
+        candidate = values + change
+        candidate[5] = min(max(candidate[5], 1e-4), MAX_CLOSENESS)
+        new_residuals = _residuals(candidate, points, principal_px)
+        if new_residuals @ new_residuals < residuals @ residuals:
+            values, residuals, damping = candidate, new_residuals, damping / 5
         else:
             damping *= 5
         if np.abs(change / steps).max() < 0.01:
             break
-    return float(off @ off), values
+    return float(residuals @ residuals), values
 
 
-def _off(values: Floats, places: tuple[Floats, Floats], middle_px: Vec) -> Floats:
-    """Return how far the places lie off their circles in the straight picture [standard deviations]."""
+def _residuals(values: Floats, points: tuple[Floats, Floats], principal_px: Vec) -> Floats:
+    """Return the distances of the points from their circles in the frontal view [standard deviations]."""
     x, y, radius, right, down, closeness, wall = values
-    tilt = Slant((x, y), (right, down), radius / closeness, middle_px)
+    tilt = Slant((x, y), (right, down), radius / closeness, principal_px)
     matrix = tilt.frontal_from_image.matrix
-    usual, spread = CLOSENESS
-    parts = [np.array([(closeness - usual) / spread])]
-    for seen, circle in zip(places, (radius, wall * radius), strict=True):
-        frontal = seen @ matrix[:, :2].T + matrix[:, 2]
-        away = frontal[:, :2] / frontal[:, 2:] - (x, y)
-        parts.append((np.hypot(away[:, 0], away[:, 1]) - circle) / EDGE_SD_PX)
+    prior_mean, prior_sd = CLOSENESS_PRIOR
+    parts = [np.array([(closeness - prior_mean) / prior_sd])]
+    for edge_points, circle in zip(points, (radius, wall * radius), strict=True):
+        frontal = edge_points @ matrix[:, :2].T + matrix[:, 2]
+        offset = frontal[:, :2] / frontal[:, 2:] - (x, y)
+        parts.append((np.hypot(offset[:, 0], offset[:, 1]) - circle) / EDGE_SD_PX)
     return np.concatenate(parts)

@@ -1,7 +1,4 @@
-"""Light that changes from image to image, as cameras and lamps that are not steady make it.
-
-Turns images of one scene into the same in one light, that of their still picture. Knows no eye.
-"""
+"""Equalise the illumination of images of one scene to that of a reference image."""
 
 from collections.abc import Sequence
 
@@ -11,38 +8,38 @@ import numpy as np
 from haptigraph.imaging import Floats, grey_of
 from haptigraph.messages import Image
 
-__all__ = ["evenly_lit"]
+__all__ = ["equalize_illumination"]
 
-CELL_PX = 8  # in which light is measured
-STEPS, UNCHANGED = 100, 128  # of log brightness in a byte; no change
-STEADY_STEPS = 3  # make no difference
+CELL_PX = 8  # side of the cells in which brightness is measured
+STEPS, NO_CHANGE = 100, 128  # encoding of log brightness ratios in a byte: steps per unit, value of ratio 1
+STEADY_STEPS = 3  # smaller changes are ignored
 
 
-def evenly_lit(images: Sequence[Image], still: Image, width_px: float) -> list[Image]:
-    """Return images in one light, by the median change in the surroundings of every place.
+def equalize_illumination(images: Sequence[Image], reference: Image, width_px: float) -> list[Image]:
+    """Scale the brightness of images by its median change in a neighbourhood of every pixel.
 
     Args:
-        images: (h, w, 3) BGR or (h, w) grey each; the same where the light is that of `still`.
-        still: Of the same scene, without the thin things that move.
-        width_px: Of the surroundings: light changes alike over so much.
+        images: (h, w, 3) BGR or (h, w) grey each; those lit like `reference` are returned unchanged.
+        reference: The same scene without the thin objects that move.
+        width_px: Width of the neighbourhood, over which the illumination changes uniformly.
     """
-    usual, side = _cells(still), 2 * round(width_px / CELL_PX / 2) + 1
-    return [_lit(image, np.log(usual / _cells(image)), side) for image in images]
+    typical, kernel = _cell_brightness(reference), 2 * round(width_px / CELL_PX / 2) + 1
+    return [_relit(image, np.log(typical / _cell_brightness(image)), kernel) for image in images]
 
 
-def _lit(image: Image, change: Floats, side: int) -> Image:
-    """Return an image in other light, given how many times brighter that is in every cell, as a logarithm."""
-    stepped = np.clip(np.rint(STEPS * change) + UNCHANGED, 0, 255).astype(np.uint8)
-    usual = cv2.medianBlur(stepped, side).astype(np.float32) - UNCHANGED
-    if np.abs(usual).max() <= STEADY_STEPS:
+def _relit(image: Image, change: Floats, kernel: int) -> Image:
+    """Apply to an image the logarithm of a brightness ratio, given per cell."""
+    stepped = np.clip(np.rint(STEPS * change) + NO_CHANGE, 0, 255).astype(np.uint8)
+    typical = cv2.medianBlur(stepped, kernel).astype(np.float32) - NO_CHANGE
+    if np.abs(typical).max() <= STEADY_STEPS:
         return image
-    gain = np.exp(cv2.resize(cv2.blur(usual, (side, side)), image.shape[1::-1]) / STEPS)
+    gain = np.exp(cv2.resize(cv2.blur(typical, (kernel, kernel)), image.shape[1::-1]) / STEPS)
     gain = gain if image.ndim == 2 else gain[..., None]
     return np.asarray(np.clip(np.rint(image * gain), 0, 255), np.uint8)
 
 
-def _cells(image: Image) -> Floats:
-    """Return how bright an image is in the mean, cell by cell; never 0."""
+def _cell_brightness(image: Image) -> Floats:
+    """Return the mean brightness of every cell, plus 1 to avoid log 0."""
     height, width = image.shape[:2]
     size = -(-width // CELL_PX), -(-height // CELL_PX)
     return cv2.resize(grey_of(image), size, interpolation=cv2.INTER_AREA).astype(float) + 1.0

@@ -1,7 +1,7 @@
-"""Measure the pivot of a moving needle anew, with the eyes that will follow it.
+"""Refine the remote centre of motion (RCM) of a moving needle with the shaft lines that the tracker measures.
 
-Images of one clip, the wall and about where the needle pivots in, the pivot out. The tracker's lines are
-mostly surer than those it was found by: it knows where to look, and how light shifts a shaft's edges.
+They are mostly more accurate than those of `moving_shaft`: the tracker predicts where the shaft is and
+corrects the effect of the illumination on its edges.
 """
 
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ import numpy as np
 
 from haptigraph.geometry import Circle, ImageGeometry, Point, Polyline, Vec
 from haptigraph.messages import Image
-from haptigraph.perception.anatomy.rcm import Rcm, ShaftLine, meeting
+from haptigraph.perception.anatomy.rcm import Rcm, ShaftLine, fit_rcm
 from haptigraph.perception.anatomy.rim import Rim
 from haptigraph.perception.needle.shaft_line import BLOCK_PX
 from haptigraph.perception.needle.tip_selection import Detection
@@ -19,23 +19,23 @@ from haptigraph.registration.camera import Registration
 
 __all__ = ["tracked_rcm"]
 
-RADIUS_MM = 12.0  # of a usual eye: the tracker's limits are in millimetres
+RADIUS_MM = 12.0  # of a typical eye: the tracker's limits are in millimetres
 
 
 def tracked_rcm(images: Sequence[Image], rim: Rim, about_px: Vec) -> Rcm | None:
-    """Measure where the shaft's lines meet.
+    """Measure the RCM.
 
     Args:
-        images: Of one clip, in order.
-        rim: Where the wall is.
-        about_px: Where the needle pivots, roughly.
+        images: Images of one clip, in order.
+        rim: The globe's wall.
+        about_px: The approximate RCM.
 
     Returns:
-        None if too few lines are seen, or they do not meet in the wall.
+        None if there are too few lines, or they do not meet in the wall.
     """
-    sights = detections_in(images, _provisional(images[0], rim, about_px))
-    lines = [_line(sight, about_px) for sight in sights if sight and sight.reach.where == "inside"]
-    return meeting(lines, rim)
+    detections = detections_in(images, _provisional(images[0], rim, about_px))
+    inside = [detection for detection in detections if detection and detection.reach.where == "inside"]
+    return fit_rcm([_line(detection, about_px) for detection in inside], rim)
 
 
 def _provisional(image: Image, rim: Rim, trocar_px: Vec) -> Registration:
@@ -55,7 +55,7 @@ def _provisional(image: Image, rim: Rim, trocar_px: Vec) -> Registration:
     )
 
 
-def _line(sight: Detection, trocar_px: Vec) -> ShaftLine:
-    seen_px = sight.fit.u_px[sight.fit.is_on_line]
-    middle_px = sight.line.at_px(trocar_px, float(seen_px.mean()))
-    return ShaftLine(np.array(middle_px), np.array(sight.line.direction), len(seen_px) * BLOCK_PX)
+def _line(detection: Detection, trocar_px: Vec) -> ShaftLine:
+    inlier_px = detection.fit.u_px[detection.fit.is_on_line]
+    middle_px = detection.line.at_px(trocar_px, float(inlier_px.mean()))
+    return ShaftLine(np.array(middle_px), np.array(detection.line.direction), len(inlier_px) * BLOCK_PX)

@@ -19,7 +19,7 @@ from haptigraph.errors import BadInput, EndOfSource
 from haptigraph.haptics.guard import Guard
 from haptigraph.messages import Capabilities, Capture, Step
 from haptigraph.pipeline import Loop
-from haptigraph.registration.camera import parse_registration
+from haptigraph.registration.loading import parse_camera_registration
 from haptigraph.sim.eye.eye import Eye, EyeShape
 from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.robot.operator import Move
@@ -111,7 +111,7 @@ class Rehearsal:
         eye = Eye(scenario.eye)
         axis_mm = math.dist(eye.trocar_mm, eye.target_mm)
         source = _SteeredSource(scenario, perceiver != KNOWN, limit_s)
-        self.registration = parse_registration(source.registration or "", "the simulated eye")
+        self.registration = parse_camera_registration(source.registration or "", "the simulated eye")
         known = GroundTruthPerceiver(self.registration, (*seed, 1)) if perceiver == KNOWN else None
         taught = lesson(self.procedure.text, condition.max_amplitude)
         self.person = SimulatedPerson(participant, taught, axis_mm, (*seed, 2))

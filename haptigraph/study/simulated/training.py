@@ -13,7 +13,8 @@ from haptigraph import assemble
 from haptigraph.config import Config
 from haptigraph.geometry import Geometry, Point, Segment, rotate, subtract, unit
 from haptigraph.messages import Observation
-from haptigraph.registration.camera import Registration, parse_registration
+from haptigraph.registration.camera import Registration
+from haptigraph.registration.loading import parse_camera_registration
 from haptigraph.sim.eye.eye import Eye, EyeShape, registration_text
 from haptigraph.sim.eye.optics import CameraSettings, image_geometry
 from haptigraph.study.simulated.belief import ANGLES_DEG
@@ -35,7 +36,7 @@ def lesson(procedure_text: str, max_amplitude: float) -> NDArray[np.float64]:
     config, procedure = Config(), assemble.parse_procedure(procedure_text, "the procedure of the training")
     eye, image = Eye(EyeShape()), CameraSettings()
     text = registration_text(eye, image_geometry(image), image.width_px, image.height_px)
-    registration = parse_registration(text, "the eye of the training")
+    registration = parse_camera_registration(text, "the eye of the training")
     still = GroundTruthPerceiver(registration, (0,))  # never asked: the poses are given
     pipeline = assemble.build_pipeline(config, registration, procedure, still)
     amplitudes = []

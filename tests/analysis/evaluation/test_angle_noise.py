@@ -9,8 +9,8 @@ from haptigraph.messages import Observation
 SMALL = (480, 270)
 
 
-class Trembling:
-    """Says its needle turned by 1 and -1 degree in turn."""
+class Noisy:
+    """Reports angles of 1 and -1 degree alternately."""
 
     def __init__(self, registration, config):
         pass
@@ -23,24 +23,24 @@ class Trembling:
         pass
 
 
-class Blind(Trembling):
+class Blind(Noisy):
     def __call__(self, capture):
         return Observation(capture.stamp_ns, {})
 
 
-def test_noise_is_the_deviation_of_the_reported_shaft(monkeypatch):
-    for name in ("Trembling", "Blind"):
+def test_noise_is_the_standard_deviation_of_the_reported_shaft(monkeypatch):
+    for name in ("Noisy", "Blind"):
         monkeypatch.setitem(assemble.PERCEIVERS, name.lower(), f"{__name__}:{name}")
-    names, told = ["trembling", "blind"], []
+    names, progress = ["noisy", "blind"], []
     (held,) = angle_noise(
-        names, load_config(), depths_mm=(6.0,), size_px=SMALL, progress=lambda *now: told.append(now)
+        names, load_config(), depths_mm=(6.0,), size_px=SMALL, progress=lambda *now: progress.append(now)
     )
     assert held.depth_mm == 6.0
-    assert held.noise_deg["trembling"] == pytest.approx(1.0, rel=0.03)
+    assert held.noise_deg["noisy"] == pytest.approx(1.0, rel=0.03)
     assert held.noise_deg["blind"] is None
-    assert held.tip_noise_mm["trembling"] == pytest.approx(0.17455, rel=0.03)
+    assert held.tip_noise_mm["noisy"] == pytest.approx(0.17455, rel=0.03)
     assert held.tip_noise_mm["blind"] is None
-    assert told[-1] == ("holding still", 1, 1)
+    assert progress[-1] == ("measuring noise", 1, 1)
 
 
 def test_the_reference_method_is_above_the_bound():

@@ -38,46 +38,46 @@ def test_half_the_noise_halves_every_bound():
         assert getattr(half, name) == pytest.approx(getattr(whole, name) / 2, rel=1e-5)
 
 
-def test_a_deeper_needle_tells_its_angle_better():
-    told = [bound(Pose(depth_mm, 4.0)).inside_deg for depth_mm in (3.0, 5.0, 9.0, 16.0)]
-    assert told == sorted(told, reverse=True)
+def test_the_bound_decreases_with_depth():
+    bounds = [bound(Pose(depth_mm, 4.0)).inside_deg for depth_mm in (3.0, 5.0, 9.0, 16.0)]
+    assert bounds == sorted(bounds, reverse=True)
 
 
-def test_to_see_more_or_know_more_never_harms():
-    told = bound(Pose(4.0, 4.0))
-    assert told.both_deg < told.inside_deg < told.inside_rcm_free_deg
-    assert told.both_deg < told.both_rcm_free_deg < told.inside_rcm_free_deg
+def test_more_information_lowers_the_bound():
+    bounds = bound(Pose(4.0, 4.0))
+    assert bounds.both_deg < bounds.inside_deg < bounds.inside_rcm_free_deg
+    assert bounds.both_deg < bounds.both_rcm_free_deg < bounds.inside_rcm_free_deg
 
 
-def test_a_needle_that_is_not_inside_tells_nothing_there():
+def test_a_needle_outside_carries_no_information_inside():
     assert bound(Pose(-2.0, 4.0)).inside_deg == float("inf")
 
 
-def test_brute_force_likelihood_comes_near_the_bound_and_not_below():
-    """The most likely (angle, depth) of many noisy images, by search on a grid over the inside."""
+def test_maximum_likelihood_estimates_reach_the_bound():
+    """The most likely (angle, depth) of many noisy images, by grid search over the inside."""
     lens = camera()
     limit_deg = angle_bound(lens, EYE, POSE).inside_deg
     y, x = np.mgrid[: SMALL.height_px, : SMALL.width_px]
     counted = np.hypot(x - SMALL.center_px[0], y - SMALL.center_px[1]) < 12 * 7.0
 
-    def place(turn_deg, deeper_mm):
+    def tip_and_direction(angle_deg, depth_step_mm):
         tx, ty = EYE.trocar_mm
-        along = rotate(unit((-tx, -ty)), POSE.pitch_deg + turn_deg)
-        depth_mm = POSE.depth_mm + deeper_mm
+        along = rotate(unit((-tx, -ty)), POSE.pitch_deg + angle_deg)
+        depth_mm = POSE.depth_mm + depth_step_mm
         return (tx + depth_mm * along[0], ty + depth_mm * along[1]), along
 
-    turns, depths = np.linspace(-0.6, 0.6, 9), np.linspace(-0.12, 0.12, 5)
-    grid = [(turn, depth) for turn in turns for depth in depths]
-    expected = np.array([lens.expect(*place(*node))[0][counted] for node in grid], np.float64)
-    grey, deviation = lens.expect(*place(0, 0))
+    angles, depths = np.linspace(-0.6, 0.6, 9), np.linspace(-0.12, 0.12, 5)
+    grid = [(angle, depth) for angle in angles for depth in depths]
+    expected = np.array([lens.expect(*tip_and_direction(*node))[0][counted] for node in grid], np.float64)
+    grey, noise_sd = lens.expect(*tip_and_direction(0, 0))
     rng = np.random.default_rng(1)
-    # chi2 about the truth is quadratic near its least: fit it over the grid, take the least.
+    # chi2 is quadratic near its minimum: fit it over the grid, and take the minimum of the fit.
     a, b = np.array(grid).T
     terms = np.stack([np.ones_like(a), a, b, a * a, a * b, b * b], axis=1)
     found_deg = []
     for _ in range(200):
-        seen = grey[counted] + deviation[counted] * rng.standard_normal(counted.sum())
-        chi2 = (((seen - expected) / deviation[counted]) ** 2).sum(axis=1)
+        noisy = grey[counted] + noise_sd[counted] * rng.standard_normal(counted.sum())
+        chi2 = (((noisy - expected) / noise_sd[counted]) ** 2).sum(axis=1)
         _, slope_a, slope_b, aa, ab, bb = np.linalg.lstsq(terms, chi2, rcond=None)[0]
         found_deg.append(np.linalg.solve([[2 * aa, ab], [ab, 2 * bb]], [-slope_a, -slope_b])[0])
     assert np.std(found_deg) == pytest.approx(limit_deg, rel=0.25)

@@ -20,14 +20,14 @@ def row(state=NAV, depth_mm=10.0, tip_px=(100.0, 100.0), theta_deg=1.0, *, visib
     return TruthRow(True, inside, tip_px, depth_mm, theta_deg, state)
 
 
-def seen(state=NAV, tip_px=(100.0, 100.0), theta_deg=1.0):
+def step(state=NAV, tip_px=(100.0, 100.0), theta_deg=1.0):
     found = {} if tip_px is None else needle((0.0, 0.0), IMAGE.to_mm(tip_px))
     graph = SceneGraph(0, (), (), {} if tip_px is None else {"theta_deg": theta_deg})
     return replace(make_step(stamp_ns=MS, state=state), observation=Observation(0, found), graph=graph)
 
 
 def test_a_perfect_run_scores_perfectly():
-    scores = score([seen()] * 5, [row()] * 5, IMAGE)
+    scores = score([step()] * 5, [row()] * 5, IMAGE)
     assert scores["images"] == 5
     assert scores["detection_rate"] == 1.0
     assert scores["tip_error_px"] == {"median": pytest.approx(0, abs=1e-9), "p95": pytest.approx(0, abs=1e-9)}
@@ -40,70 +40,70 @@ def test_a_perfect_run_scores_perfectly():
 
 def test_detection_counts_visible_tips_at_least_two_mm_deep():
     truth = [row(depth_mm=1.9), row(depth_mm=2.0), row(depth_mm=9.0), row(inside=False, depth_mm=5.0)]
-    steps = [seen(tip_px=None), seen(), seen(tip_px=None), seen(tip_px=None)]
+    steps = [step(tip_px=None), step(), step(tip_px=None), step(tip_px=None)]
     assert score(steps, truth, IMAGE)["detection_rate"] == 0.5
 
 
 def test_tip_errors_are_in_pixels_and_millimetres_of_visible_tips_inside():
     truth = [row(), row(), row(inside=False, depth_mm=-3.0)]
-    steps = [seen(tip_px=(103.0, 104.0)), seen(), seen(tip_px=(500.0, 500.0))]
+    steps = [step(tip_px=(103.0, 104.0)), step(), step(tip_px=(500.0, 500.0))]
     scores = score(steps, truth, IMAGE)
     assert scores["tip_error_px"]["median"] == pytest.approx(2.5)
     assert scores["tip_error_mm"]["median"] == pytest.approx(0.25)
 
 
-def test_angle_errors_are_told_apart_by_depth():
+def test_angle_errors_are_separated_by_depth():
     truth = [row(depth_mm=0.5), row(depth_mm=1.0), row(depth_mm=3.0), row(depth_mm=3.1)]
-    steps = [seen(theta_deg=t) for t in (90.0, 2.0, 4.0, 1.25)]
+    steps = [step(theta_deg=t) for t in (90.0, 2.0, 4.0, 1.25)]
     angle = score(steps, truth, IMAGE)["angle_error_deg"]
     assert angle["shallow"] == {"median": 2.0, "p95": pytest.approx(2.9)}
     assert angle["deep"]["median"] == 0.25
 
 
-def test_false_detections_do_not_count_the_wall_nor_a_hidden_tip_inside():
+def test_false_detections_do_not_count_the_wall_nor_an_occluded_tip_inside():
     outside = row("outside_eye", depth_mm=-5.0, inside=False)
     at_wall = row("outside_eye", depth_mm=-0.9, inside=False)
     gone = row("unknown", visible=False, inside=False)
     truth = [gone, outside, at_wall, gone, row(depth_mm=0.9), row("unknown", visible=False, inside=True)]
-    assert score([seen()] * 6, truth, IMAGE)["false_detections"] == 1
+    assert score([step()] * 6, truth, IMAGE)["false_detections"] == 1
 
 
-def test_state_agreement_spares_one_image_either_side_of_a_change():
+def test_state_agreement_ignores_one_image_on_either_side_of_a_change():
     truth = [row(NAV)] * 4 + [row(APPROACH)] * 4
-    late = [seen(NAV)] * 5 + [seen(APPROACH)] * 3
+    late = [step(NAV)] * 5 + [step(APPROACH)] * 3
     assert score(late, truth, IMAGE)["state_agreement"] == 1.0
-    later = [seen(NAV)] * 6 + [seen(APPROACH)] * 2
+    later = [step(NAV)] * 6 + [step(APPROACH)] * 2
     assert score(later, truth, IMAGE)["state_agreement"] == pytest.approx(5 / 6)
 
 
-def test_state_agreement_spares_images_hidden_in_the_wall():
-    hidden = row("unknown", visible=False, inside=False)
-    truth = [row("outside_eye", depth_mm=-0.5, inside=False), *[hidden] * 5, row(NAV, depth_mm=1.0)]
-    steps = [seen("outside_eye"), *[seen("target_hit")] * 5, seen(NAV)]
-    assert score(steps, truth, IMAGE)["state_agreement"] is None  # all are spared
+def test_state_agreement_ignores_images_with_the_tip_in_the_wall():
+    occluded = row("unknown", visible=False, inside=False)
+    truth = [row("outside_eye", depth_mm=-0.5, inside=False), *[occluded] * 5, row(NAV, depth_mm=1.0)]
+    steps = [step("outside_eye"), *[step("target_hit")] * 5, step(NAV)]
+    assert score(steps, truth, IMAGE)["state_agreement"] is None  # all are ignored
     never = [row("unknown", visible=False, inside=False)] * 5
-    assert score([seen("target_hit")] * 5, never, IMAGE)["state_agreement"] == 0.0
+    assert score([step("target_hit")] * 5, never, IMAGE)["state_agreement"] == 0.0
 
 
 def test_wrong_contacts_are_those_far_from_any_true_one():
     truth = [row(NAV)] * 3 + [row("retinal_contact")] + [row(NAV)] * 3 + [row("target_hit")]
-    steps = [seen("retinal_contact")] * 8
+    steps = [step("retinal_contact")] * 8
     assert score(steps, truth, IMAGE)["wrong_contact_images"] == 3  # images 0, 1 and 5
 
 
 def test_changes_and_final_state_are_counted_over_all_images():
     truth = [row(NAV), row(APPROACH), row(APPROACH)]
-    steps = [seen(NAV), seen(APPROACH), seen(NAV)]
+    steps = [step(NAV), step(APPROACH), step(NAV)]
     scores = score(steps, truth, IMAGE)
     assert scores["state_changes"] == {"run": 2, "truth": 1}
     assert scores["final_state"] == NAV
 
 
-def test_the_lag_is_told_in_images():
+def test_the_lag_is_measured_in_images():
     truth = [row(tip_px=(100.0 + 4 * n, 100.0)) for n in range(50)]
-    behind = [seen(tip_px=(100.0 + 4 * n - 6, 100.0)) for n in range(50)]
+    behind = [step(tip_px=(100.0 + 4 * n - 6, 100.0)) for n in range(50)]
     assert lag_images(behind, truth, IMAGE) == pytest.approx(1.5)
-    assert lag_images([seen()] * 50, [row()] * 50, IMAGE) is None  # nothing moved
+    assert lag_images([step()] * 50, [row()] * 50, IMAGE) is None  # nothing moved
 
 
 KEYS = {
@@ -123,7 +123,7 @@ KEYS = {
 
 
 def test_the_reference_method_on_the_clips(clip):
-    """Bounds, not figures: the README and the notes state what came out."""
+    """Loose bounds; the documentation states the measured figures."""
     evaluation = evaluate_clip(
         clip, load_config(None, ("perception.alpha=1", "perception.perceiver=threshold"))
     )
@@ -139,7 +139,7 @@ def test_the_reference_method_on_the_clips(clip):
     assert abs(evaluation.lag_images) < 0.1
 
 
-def test_an_image_of_another_size_is_named(tmp_path, registration_toml):
+def test_an_image_of_another_size_is_refused_with_its_number(tmp_path, registration_toml):
     import cv2
     import numpy as np
 
@@ -153,7 +153,7 @@ def test_an_image_of_another_size_is_named(tmp_path, registration_toml):
     assert str(refused.value).startswith(f"{tmp_path / 'clip.mp4'}, image 0: image is 64 x 48 px")
 
 
-def test_truth_of_another_length_is_refused(clip, tmp_path):
+def test_ground_truth_of_another_length_is_refused(clip, tmp_path):
     for name in ("clip.mp4", "registration.toml"):
         (tmp_path / name).symlink_to(clip / name)
     lines = (clip / "truth.csv").read_text().splitlines()

@@ -4,7 +4,7 @@ from haptigraph.analysis.evaluation.ground_truth import TruthRow, load_truth, tr
 from haptigraph.errors import BadInput
 
 
-def test_truth_that_makes_no_sense_is_told_with_its_line(tmp_path):
+def test_invalid_ground_truth_is_refused_with_its_line(tmp_path):
     file = tmp_path / "truth.csv"
     with pytest.raises(BadInput, match="cannot be read"):
         load_truth(file)
@@ -18,30 +18,30 @@ def test_truth_that_makes_no_sense_is_told_with_its_line(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("line", "told"),
+    ("line", "expected"),
     [
         (b"0,0,1,1,nan,2,3,4,a", "line 3: tip_x_px: not a finite number: 'nan'"),
         (b"0,0,1,1,1,2,3,-inf,a", "line 3: theta_deg: not a finite number: '-inf'"),
         (b"0,0,yes,1,1,2,3,4,a", "line 3: visible: expected 0 or 1, found 'yes'"),
         (b"0,0,1,,1,2,3,4,a", "line 3: inside: expected 0 or 1, found ''"),
         (b"0,0,1,1,1,2,3,4,aa", "line 3: unknown state 'aa'; did you mean 'a'? valid: a, b"),
-        (b"0,0,1,1,1,2,3,4", "line 3: fewer values than there are columns"),
-        (b"0,0,1,1,1,2,3,4,a,5", "line 3: more values than there are columns"),
+        (b"0,0,1,1,1,2,3,4", "line 3: fewer values than columns"),
+        (b"0,0,1,1,1,2,3,4,a,5", "line 3: more values than columns"),
         (b'0,0,1,1,1,2,3,4,"a', "line 3: unexpected end of data"),
         (b"0,0,1,1,1,2,3,4,\xe9", "not UTF-8 text"),
     ],
 )
-def test_a_truth_that_makes_no_sense_is_one_sentence(tmp_path, line, told):
+def test_an_invalid_row_is_refused_in_one_sentence(tmp_path, line, expected):
     file = tmp_path / "truth.csv"
     header = b"image,time_s,visible,inside,tip_x_px,tip_y_px,depth_mm,theta_deg,state\n"
     file.write_bytes(header + b"0,0,0,0,,,,,b\n" + line)
     with pytest.raises(BadInput) as refused:
         load_truth(file, ["a", "b"])
-    assert told in str(refused.value)
+    assert expected in str(refused.value)
     assert str(refused.value).startswith(str(file))
 
 
-def test_what_is_written_is_read_again(tmp_path):
+def test_written_rows_are_read_unchanged(tmp_path):
     file = tmp_path / "truth.csv"
     rows = [
         TruthRow(False, False, None, None, None, "a"),

@@ -22,7 +22,7 @@ from haptigraph.analysis.evaluation.sweep_figure import sweep_figure
 from haptigraph.config import load_config
 from haptigraph.geometry import ImageGeometry, Polyline, Segment
 from haptigraph.messages import Observation, Truth
-from haptigraph.registration.camera import parse_registration
+from haptigraph.registration.loading import parse_registration
 from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.scenes import DIFFICULTIES, random_scene
 
@@ -35,7 +35,7 @@ def true_registration(phantom):
 
 
 class Certain:
-    """Sees a needle always, and always the same one."""
+    """Reports the same needle in every image."""
 
     def __init__(self, registration, config):
         self._anatomy = registration.anatomy
@@ -71,7 +71,7 @@ HELD = [
 ]
 
 
-def test_every_difficulty_is_scored_and_all_of_them_together(swept):
+def test_every_difficulty_is_scored_and_all_are_pooled(swept):
     scores = swept.scores()
     assert list(scores) == ["threshold", "certain", "blind"]
     for rows in scores.values():
@@ -80,14 +80,14 @@ def test_every_difficulty_is_scored_and_all_of_them_together(swept):
         assert rows["registration"]["state_agreement"] is None
 
 
-def test_who_always_sees_a_needle_is_wrong_without_one(swept):
+def test_a_perceiver_that_always_reports_a_needle_has_false_detections(swept):
     scores = swept.scores()["certain"]["all"]
     assert scores["detection_rate"] == 1.0
     assert scores["false_detections"] > 30
     assert scores["tip_error_px"]["median"] > 5
 
 
-def test_who_never_sees_one_is_never_wrong_but_misses_all(swept):
+def test_a_perceiver_that_reports_no_needle_has_no_false_detections_but_misses_all(swept):
     scores = swept.scores()["blind"]["all"]
     assert scores["detection_rate"] == 0.0
     assert scores["false_detections"] == scores["wrong_contact_images"] == 0
@@ -105,13 +105,13 @@ def test_the_same_seed_gives_the_same_scores():
     assert one == other
 
 
-def test_progress_is_told():
-    told = []
-    sweep(1, ["threshold"], CONFIG, size_px=SMALL, progress=lambda *now: told.append(now))
-    assert told == [("playing scenes", 0, 1), ("playing scenes", 1, 1)]
+def test_progress_is_reported():
+    progress = []
+    sweep(1, ["threshold"], CONFIG, size_px=SMALL, progress=lambda *now: progress.append(now))
+    assert progress == [("playing scenes", 0, 1), ("playing scenes", 1, 1)]
 
 
-def test_the_true_states_are_what_the_rules_say_of_the_true_needle(procedure):
+def test_the_true_states_follow_from_the_rules_and_the_true_needle(procedure):
     phantom = Phantom(random_scene(11, 3, size_px=SMALL).scenario)
     moments = [moment for _, moment in play(phantom)]
     rows = true_rows([moment.truth for moment in moments], true_registration(phantom), procedure)
@@ -123,39 +123,40 @@ def test_the_true_states_are_what_the_rules_say_of_the_true_needle(procedure):
 
 def test_the_shaft_is_compared_in_the_image():
     image = ImageGeometry((100.0, 100.0), 0.1, mirrored=False)
-    moved = replace(image, center_px=(103.0, 98.0))  # a wrong registration does not turn the shaft
+    moved = replace(image, center_px=(103.0, 98.0))  # a registration error does not rotate the shaft
     found = needle(moved.to_mm((50.0, 50.0)), moved.to_mm((50.0, 90.0)))
     step = replace(make_step(stamp_ns=0), observation=Observation(0, found))
     row = TruthRow(True, True, (50.0, 90.0), 4.0, 0.0, "any")
     assert shaft_error_deg(step, row, moved, (50.0, 50.0)) == pytest.approx(0.0, abs=1e-9)
     assert shaft_error_deg(step, row, moved, (40.0, 50.0)) == pytest.approx(14.036, abs=0.001)
     assert shaft_error_deg(step, replace(row, tip_px=None), moved, (40.0, 50.0)) is None
-    unseen = replace(step, observation=Observation(0, {}))
-    assert shaft_error_deg(unseen, row, moved, (40.0, 50.0)) is None
+    without = replace(step, observation=Observation(0, {}))
+    assert shaft_error_deg(without, row, moved, (40.0, 50.0)) is None
 
 
-def test_compared_are_those_that_there_are(monkeypatch):
+def test_available_perceivers_are_compared(monkeypatch):
     assert "threshold" in perceivers_to_compare()
     monkeypatch.setitem(assemble.PERCEIVERS, "tracker", "some:Tracker")
     assert perceivers_to_compare() == ["threshold", "tracker"]
 
 
 def test_the_object_is_json_and_the_text_has_a_line_per_difficulty(swept):
-    told = json.loads(msgspec.json.encode(sweep_object(swept, HELD)))
-    assert set(told) == {"scenes", "seed", "perceivers", "angle_noise"}
-    assert told["angle_noise"][0]["bound_deg"]["inside_pivot_free"] is None
-    assert told["angle_noise"][1]["noise_deg"]["threshold"] == 0.2
+    decoded = json.loads(msgspec.json.encode(sweep_object(swept, HELD)))
+    assert set(decoded) == {"scenes", "seed", "perceivers", "angle_noise"}
+    bounds = decoded["angle_noise"][0]["bound_deg"]
+    assert bounds == {"inside": 0.1, "inside_pivot_free": None, "both": 0.01, "both_pivot_free": 0.02}
+    assert decoded["angle_noise"][1]["noise_deg"]["threshold"] == 0.2
     lines = sweep_text(swept, HELD).splitlines()
     for name in (*DIFFICULTIES, "5 mm"):
         assert any(line.strip().startswith(name) for line in lines), name
 
 
-def test_a_sweep_becomes_a_picture(swept, tmp_path):
+def test_a_sweep_is_drawn(swept, tmp_path):
     sweep_figure(swept, HELD, tmp_path / "sweep.png")
     assert cv2.imread(str(tmp_path / "sweep.png")).shape[1] > 1200
 
 
-def test_the_true_state_is_that_of_a_retina_that_was_pressed_in(procedure):
+def test_the_true_state_depends_on_a_deformed_retina(procedure):
     phantom = Phantom(random_scene(11, 3, size_px=SMALL).scenario)
     x, y = phantom.eye.target_mm
     near = Truth(True, True, (0.0, 0.0), (0.96 * x, 0.96 * y), 20.0, 0.0)
@@ -166,7 +167,7 @@ def test_the_true_state_is_that_of_a_retina_that_was_pressed_in(procedure):
     assert states[1].endswith("retinal_approach")
 
 
-def test_a_shaft_that_the_tip_does_not_lie_on_counts_for_the_angle(procedure):
+def test_the_angle_is_that_of_the_shaft_even_if_the_tip_is_beside_it(procedure):
     phantom = Phantom(random_scene(11, 3, size_px=SMALL).scenario)
     trocar_mm, target_mm = phantom.eye.trocar_mm, phantom.eye.target_mm
     axis_mm = tuple((start + end) / 2 for start, end in zip(trocar_mm, target_mm, strict=True))

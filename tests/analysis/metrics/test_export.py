@@ -17,7 +17,7 @@ def recording(quick_uri, tmp_path_factory):
     return path
 
 
-def test_a_table_has_a_row_per_step_and_leaves_empty_what_is_not_there(recording, tmp_path):
+def test_a_table_has_a_row_per_step_and_empty_cells_for_missing_values(recording, tmp_path):
     run_csv(recording, tmp_path / "run.csv")
     with (tmp_path / "run.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
@@ -33,6 +33,6 @@ def test_a_table_has_a_row_per_step_and_leaves_empty_what_is_not_there(recording
     assert {row["theta_deg"] == "" for row in rows} == {True, False}
 
 
-def test_a_folder_that_is_not_there_is_told(recording, tmp_path):
+def test_a_missing_folder_is_refused(recording, tmp_path):
     with pytest.raises(BadInput, match="cannot be written"):
         run_csv(recording, tmp_path / "none" / "run.csv")

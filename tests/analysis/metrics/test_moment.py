@@ -1,4 +1,4 @@
-"""Moments of recorded runs explained."""
+"""Explanations of moments of recorded runs."""
 
 from pathlib import Path
 
@@ -14,23 +14,23 @@ from haptigraph.recording.reader import RunReader
 
 
 @pytest.mark.parametrize("path", sorted(GOLDEN.glob("*.mcap")), ids=lambda path: path.stem)
-def test_every_moment_is_explained_as_it_was_concluded(path):
+def test_every_moment_is_explained_by_its_recorded_conclusion(path):
     steps = [step for _, step in RunReader(path).places()]
     start_ns = steps[0].stamp_ns
     for step in steps[:: len(steps) // 6]:
-        told = explain_moment(path, (step.stamp_ns - start_ns) / 1e9)
-        assert (told.state, told.feel, told.because) == (
+        explanation = explain_moment(path, (step.stamp_ns - start_ns) / 1e9)
+        assert (explanation.state, explanation.feel, explanation.because) == (
             step.conclusion.state,
             step.conclusion.feel,
             step.conclusion.because,
         )
-        assert all(reason.holds for reason in told.fired_by)
-        assert all(not reason.holds for reasons in told.not_fired.values() for reason in reasons)
-        assert all(reasons for reasons in told.not_fired.values())
-        assert told.runner_up is not None and told.runner_up.state != told.state
+        assert all(reason.holds for reason in explanation.fired_by)
+        assert all(not reason.holds for reasons in explanation.not_fired.values() for reason in reasons)
+        assert all(reasons for reasons in explanation.not_fired.values())
+        assert explanation.runner_up is not None and explanation.runner_up.state != explanation.state
 
 
-def test_the_text_names_triplets_thresholds_and_ways():
+def test_the_text_has_triplets_thresholds_and_changes():
     text = explanation_text(explain_moment(GOLDEN / "wrong_place_then_hit.mcap", 8.0))
     assert "<needle_line, misaligned, retina_target>  (theta_deg 6.3" in text
     assert "bounds theta_deg > 1.7)" in text
@@ -38,14 +38,14 @@ def test_the_text_names_triplets_thresholds_and_ways():
     assert "mm less" in text and "deg less" in text
 
 
-def test_a_graph_that_no_rule_fits_is_explained_too(procedure):
+def test_a_graph_that_fits_no_rule_is_explained(procedure):
     nodes = SceneGraph(0).nodes
-    told = explain_graph(procedure, SceneGraph(0, nodes), faults=("source: stale image",))
-    assert told.state == "unknown"
-    assert "fault      source: stale image" in explanation_text(told)
+    explanation = explain_graph(procedure, SceneGraph(0, nodes), faults=("source: stale image",))
+    assert explanation.state == "unknown"
+    assert "fault      source: stale image" in explanation_text(explanation)
 
 
-def test_a_moment_outside_the_run_is_told():
+def test_a_moment_outside_the_run_is_refused():
     with pytest.raises(BadInput, match=r"has no step at 99 s; valid: 0 to \d"):
         explain_moment(GOLDEN / "wrong_place_then_hit.mcap", 99)
 
@@ -62,7 +62,7 @@ def recorded(uri: str, procedure: str, path: Path) -> list:
     return [step for _, step in RunReader(path).places()]
 
 
-def test_a_moment_in_which_a_state_is_held_tells_both_it_and_what_the_graph_is_by_itself(quick_uri, tmp_path):
+def test_a_held_state_is_explained_together_with_the_state_of_its_graph(quick_uri, tmp_path):
     text = assemble.load_procedure("subretinal_injection").text
     held = text.replace(
         'name = "misaligned_intraocular_navigation"\n',
@@ -71,17 +71,19 @@ def test_a_moment_in_which_a_state_is_held_tells_both_it_and_what_the_graph_is_b
     (tmp_path / "held.toml").write_text(held)
     steps = recorded(quick_uri, str(tmp_path / "held.toml"), tmp_path / "run.mcap")
     step = next(one for one in steps if one.conclusion.because.startswith("held"))
-    told = explain_moment(tmp_path / "run.mcap", (step.stamp_ns - steps[0].stamp_ns) / 1e9)
-    assert told.held is not None and told.held.state == "misaligned_intraocular_navigation"
-    assert told.state != told.held.state and all(reason.holds for reason in told.fired_by)
-    head, *rest = explanation_text(told).splitlines()
+    explanation = explain_moment(tmp_path / "run.mcap", (step.stamp_ns - steps[0].stamp_ns) / 1e9)
+    assert explanation.held is not None and explanation.held.state == "misaligned_intraocular_navigation"
+    assert explanation.state != explanation.held.state and all(
+        reason.holds for reason in explanation.fired_by
+    )
+    head, *rest = explanation_text(explanation).splitlines()
     assert "misaligned_intraocular_navigation, feels 'low': held;" in head
-    assert any(line.startswith(f"  by itself  {told.state}, rule") for line in rest)
+    assert any(line.startswith(f"  by graph   {explanation.state}, rule") for line in rest)
 
 
-def test_numbers_that_follow_a_measure_are_told_as_they_were_then(quick_uri, tmp_path):
+def test_values_that_follow_a_measure_are_those_of_the_moment(quick_uri, tmp_path):
     steps = recorded(quick_uri, "subretinal_injection_continuous", tmp_path / "run.mcap")
     step = next(one for one in steps if one.conclusion.feel == "lean")
-    told = explain_moment(tmp_path / "run.mcap", (step.stamp_ns - steps[0].stamp_ns) / 1e9)
-    assert told.held is None
-    assert told.touch.startswith(f"'lean': amplitude {step.command.pattern.amplitude:g} at 80 Hz")
+    explanation = explain_moment(tmp_path / "run.mcap", (step.stamp_ns - steps[0].stamp_ns) / 1e9)
+    assert explanation.held is None
+    assert explanation.touch.startswith(f"'lean': amplitude {step.command.pattern.amplitude:g} at 80 Hz")

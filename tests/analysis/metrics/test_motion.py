@@ -16,23 +16,23 @@ RATE_HZ = 30.0
 TIME_S = np.arange(0, 20, 1 / RATE_HZ)
 
 
-def test_smoothness_is_that_of_the_authors_worked_example():
+def test_smoothness_equals_the_authors_worked_example():
     """S. Balasubramanian's smoothness.py (github.com/siva82kb/smoothness): sparc and log_dimensionless_jerk."""
     movement = np.exp(-5 * np.arange(-1, 1, 0.01) ** 2)
     assert sparc(movement, 100.0) == pytest.approx(-1.41403, abs=5e-6)
     assert log_dimensionless_jerk(movement, 100.0) == pytest.approx(-5.81636, abs=5e-6)
 
 
-def test_a_broken_movement_is_less_smooth_than_a_whole_one():
-    whole = np.exp(-5 * np.arange(-1, 1, 0.01) ** 2)
-    broken = np.concatenate([whole, np.zeros(50), whole])
-    assert sparc(broken, 100.0) < sparc(whole, 100.0) - 0.3
-    assert log_dimensionless_jerk(broken, 100.0) < log_dimensionless_jerk(whole, 100.0) - 1
+def test_an_intermittent_movement_is_less_smooth():
+    single = np.exp(-5 * np.arange(-1, 1, 0.01) ** 2)
+    intermittent = np.concatenate([single, np.zeros(50), single])
+    assert sparc(intermittent, 100.0) < sparc(single, 100.0) - 0.3
+    assert log_dimensionless_jerk(intermittent, 100.0) < log_dimensionless_jerk(single, 100.0) - 1
 
 
 @settings(max_examples=20)
 @given(st.floats(0.01, 100), st.floats(30, 200))
-def test_smoothness_has_no_unit(size, rate_hz):
+def test_smoothness_is_dimensionless(size, rate_hz):
     movement = np.exp(-5 * np.linspace(-1, 1, 200) ** 2)
     assert log_dimensionless_jerk(size * movement, rate_hz) == pytest.approx(
         log_dimensionless_jerk(movement, 100.0), rel=1e-6
@@ -40,7 +40,7 @@ def test_smoothness_has_no_unit(size, rate_hz):
     assert sparc(size * movement, 100.0) == pytest.approx(sparc(movement, 100.0), rel=1e-6)
 
 
-def test_what_does_not_move_has_no_smoothness():
+def test_without_motion_there_is_no_smoothness():
     assert sparc(np.zeros(100), RATE_HZ) is None
     assert log_dimensionless_jerk(np.zeros(100), RATE_HZ) is None
 
@@ -48,29 +48,29 @@ def test_what_does_not_move_has_no_smoothness():
 @settings(max_examples=20)
 @given(st.floats(8.5, 11.5), st.floats(0.01, 2))
 def test_the_power_of_a_tremor_is_half_its_squared_amplitude(frequency_hz, amplitude_mm):
-    place_mm = amplitude_mm * np.sin(2 * np.pi * frequency_hz * TIME_S)
-    drifting = np.column_stack([place_mm + 0.5 * TIME_S, 2 * TIME_S])
+    position_mm = amplitude_mm * np.sin(2 * np.pi * frequency_hz * TIME_S)
+    drifting = np.column_stack([position_mm + 0.5 * TIME_S, 2 * TIME_S])
     assert band_power(drifting, RATE_HZ) == pytest.approx(amplitude_mm**2 / 2, rel=0.1)
 
 
-def test_only_the_band_counts_and_slow_cameras_cannot_tell():
+def test_only_the_band_counts_and_low_rates_have_no_band_power():
     slow = np.column_stack([np.sin(2 * np.pi * 1.0 * TIME_S), TIME_S])
     assert band_power(slow, RATE_HZ) < 1e-6
     assert band_power(slow, 20.0) is None
     assert band_power(slow[:10], RATE_HZ) is None
 
 
-def test_the_low_pass_keeps_willed_motion_halves_its_cut_off_and_takes_tremor():
+def test_the_low_pass_has_the_specified_gain():
     middle = slice(150, -150)
     for frequency_hz, gain in ((0.5, 1.0), (5.0, 0.5), (12.0, 0.03)):
         wave = np.sin(2 * np.pi * frequency_hz * TIME_S)
-        kept = low_passed(wave, RATE_HZ)[middle].std() * np.sqrt(2)
-        assert kept == pytest.approx(gain, abs=0.02)
+        amplitude = low_passed(wave, RATE_HZ)[middle].std() * np.sqrt(2)
+        assert amplitude == pytest.approx(gain, abs=0.02)
     line = np.column_stack([TIME_S, 3 - 2 * TIME_S])
     assert low_passed(line, RATE_HZ) == pytest.approx(line, abs=0.01)
 
 
-def test_length_and_speed_of_a_known_path():
+def test_length_and_speed_of_a_circle():
     circle = 2.0 * np.column_stack([np.cos(TIME_S), np.sin(TIME_S)])
     assert path_length(circle) == pytest.approx(2.0 * TIME_S[-1], rel=1e-3)
     assert speed(circle, RATE_HZ)[1:-1] == pytest.approx(2.0, rel=1e-3)

@@ -24,7 +24,7 @@ def test_a_replay_is_identical_step_by_step(recording):
     assert (report.is_whole, report.dropped_images) == (True, 0)
 
 
-def test_another_procedure_tells_what_would_have_happened(recording, procedure, tmp_path):
+def test_another_procedure_leads_to_other_steps(recording, procedure, tmp_path):
     strict = tmp_path / "strict.toml"
     strict.write_text(procedure.text.replace("at_most = 5.5", "at_most = 9.0"))
     report = replay(recording, str(strict))
@@ -36,12 +36,12 @@ def test_another_procedure_tells_what_would_have_happened(recording, procedure, 
     assert report.replayed.state_s[near] > report.recorded.state_s[near]
 
 
-def test_a_change_of_touch_alone_shows_in_the_command(recording, procedure, tmp_path):
+def test_a_change_of_a_pattern_alone_differs_in_the_command(recording, procedure, tmp_path):
     loud = tmp_path / "loud.toml"
     loud.write_text(procedure.text.replace("amplitude = 0.3", "amplitude = 0.9"))
     assert replay(recording, str(loud)).first.message == "command"
 
 
-def test_a_replay_under_a_bad_procedure_is_told(recording):
+def test_an_unknown_procedure_is_refused(recording):
     with pytest.raises(BadInput, match="unknown procedure"):
         replay(recording, "nothing")

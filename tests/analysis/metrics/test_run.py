@@ -19,7 +19,7 @@ def step(ms, state, theta_deg=None, *, inside=True, faults=()):
 
 @pytest.fixture
 def run():
-    """Outside, in, off course, contact twice, on course, hit, held."""
+    """Outside, inside and misaligned, contact twice, aligned, hit, held."""
     return [
         step(0, "outside_eye", inside=False),
         step(1000, "misaligned_intraocular_navigation", 6.0),
@@ -62,9 +62,9 @@ def test_a_run_lasts_from_first_inside_to_first_hit(run):
     assert measures.last_state == "target_hit"
 
 
-def test_mean_theta_is_weighted_by_time_where_the_needle_was_seen(run):
-    seen_s = 2.0 + 0.5 + 0.5 + 0.1 + 2.0
-    expected = (2.0 * 6 + 0.5 * 6 + 0.5 * 4 + 0.1 * 4 + 2.0 * 1) / seen_s
+def test_mean_theta_is_weighted_by_time_where_the_needle_was_detected(run):
+    detected_s = 2.0 + 0.5 + 0.5 + 0.1 + 2.0
+    expected = (2.0 * 6 + 0.5 * 6 + 0.5 * 4 + 0.1 * 4 + 2.0 * 1) / detected_s
     assert measure_run(run).mean_theta_deg == pytest.approx(expected)
 
 
@@ -74,26 +74,26 @@ def test_what_happens_after_the_hit_does_not_count(run):
     assert measure_run(later).completion_s == pytest.approx(5.2)
 
 
-def test_a_run_that_never_hits_has_no_completion(run):
+def test_a_run_without_hit_has_no_completion(run):
     measures = measure_run(run[:5])
     assert measures.completion_s is None
     assert measures.is_running
     assert "no target hit" in summary(measures)
 
 
-def test_a_needle_that_never_entered_makes_no_run():
+def test_without_entry_there_is_no_run():
     measures = measure_run([step(0, "outside_eye", inside=False), step(100, "unknown", inside=False)])
     assert (measures.completion_s, measures.mean_theta_deg, measures.contacts) == (None, None, 0)
-    assert "none: <needle_tip, inside, eye_globe> was never seen" in summary(measures)
+    assert "none: <needle_tip, inside, eye_globe> never occurred" in summary(measures)
     assert RunMeasures().completion_s is None
 
 
-def test_the_summary_says_what_surgeon_and_loop_did(run):
+def test_the_summary_covers_surgeon_and_loop(run):
     report = RunReport(steps=10, wall_s=2.0, overruns=3, skipped=1, dropped=2)
     report.faults["source: gone"] += 4
     report.stages["perceive"].add(7_000_000)
     text = summary(measure_run(run), report)
-    for told in (
+    for message in (
         "target hit after 5.20 s",
         "contacts        2 unintended, 6 state changes",
         "10 steps in 2.0 s, 5.0 steps/s, source ended",
@@ -101,13 +101,13 @@ def test_the_summary_says_what_surgeon_and_loop_did(run):
         "perceive          7.0",
         "4 x source: gone",
     ):
-        assert told in text
+        assert message in text
 
 
-def test_a_procedure_that_does_not_tell_inside_from_outside_is_named_as_the_reason(procedure):
+def test_a_procedure_without_the_starting_edge_is_named_as_the_reason(procedure):
     relations = [relation for relation in procedure.schema.relations if relation.predicate != "inside"]
     measures = RunMeasures.under(
         replace(procedure, schema=Schema(procedure.schema.entities, tuple(relations)))
     )
-    assert "none: this procedure knows no <needle_tip, inside, eye_globe>" in summary(measures)
-    assert "was never seen" in summary(RunMeasures.under(procedure))
+    assert "none: the procedure has no <needle_tip, inside, eye_globe>" in summary(measures)
+    assert "never occurred" in summary(RunMeasures.under(procedure))

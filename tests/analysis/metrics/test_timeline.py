@@ -1,4 +1,4 @@
-"""A run as columns: nothing of what was felt, seen or faulty is lost."""
+"""A run as columns: it preserves commands, states, measures and faults."""
 
 import math
 from itertools import pairwise
@@ -14,7 +14,7 @@ from haptigraph.messages import OFF, Fault
 
 @st.composite
 def runs(draw):
-    """Steps at uneven moments, whose patterns begin when they are first commanded."""
+    """Steps at irregular times; patterns start when they are first commanded."""
     steps, stamp_ns, since_ns, before = [], 0, 0, None
     for _ in range(draw(st.integers(1, 20))):
         pattern = draw(st.sampled_from((OFF, LOW, PULSE, SUCCESS)))
@@ -25,28 +25,28 @@ def runs(draw):
 
 
 @given(runs())
-def test_edges_are_what_the_commands_say_at_every_moment(steps):
+def test_edges_reproduce_the_commanded_amplitude_at_every_moment(steps):
     timeline = Timeline((), ())
     for step in steps:
         timeline.add(step)
     edges = list(zip(timeline.edge_ms, timeline.edge_amplitude, strict=True))
     for step, later in pairwise(steps):
         for stamp_ns in range(step.stamp_ns, later.stamp_ns, 5 * MS):
-            felt = [amplitude for at_ms, amplitude in edges if at_ms <= stamp_ns / MS]
-            assert math.isclose(felt[-1] if felt else 0.0, amplitude_at(step.command, stamp_ns), abs_tol=1e-6)
+            past = [amplitude for at_ms, amplitude in edges if at_ms <= stamp_ns / MS]
+            assert math.isclose(past[-1] if past else 0.0, amplitude_at(step.command, stamp_ns), abs_tol=1e-6)
 
 
-def test_states_measures_and_patterns_stand_in_columns():
+def test_states_measures_and_patterns_are_columns():
     timeline = Timeline(("unknown",), ("theta_deg",))
     for stamp_ns, pattern, state in ((5 * MS, OFF, "unknown"), (40 * MS, LOW, "new")):
         timeline.add(make_step(pattern, stamp_ns=stamp_ns, state=state))
     assert list(timeline.time_ms) == [0.0, 35.0]
-    assert [timeline.states[place] for place in timeline.state] == ["unknown", "new"]
-    assert [timeline.patterns[place] for place in timeline.plays] == ["off", "low"]
+    assert [timeline.states[index] for index in timeline.state] == ["unknown", "new"]
+    assert [timeline.patterns[index] for index in timeline.plays] == ["off", "low"]
     assert all(math.isnan(value) for value in timeline.measures["theta_deg"])
 
 
-def test_a_fault_that_goes_on_is_one():
+def test_a_fault_that_persists_is_one_span():
     timeline = Timeline((), ())
     stale, lost = Fault("source", "stale image"), Fault("device", "gone")
     for number, faults in enumerate(((), (stale,), (stale, lost), (), (stale,))):

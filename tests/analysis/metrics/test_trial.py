@@ -24,10 +24,10 @@ def steps_of(
     tip_mm=None,
     near=lambda s: False,
     cue=lambda s: False,
-    seen=lambda s: True,
+    detected=lambda s: True,
     hit=True,
 ):
-    """A run of so many seconds, described by functions of time."""
+    """Steps of a run of some duration, described by functions of time."""
     made, since_ns, pattern = [], 0, OFF
     count = round(seconds * RATE_HZ)
     for number in range(count + 1):
@@ -37,10 +37,10 @@ def steps_of(
         if wanted != pattern:
             pattern, since_ns = wanted, stamp_ns
         at_mm = tip_mm(s) if tip_mm else (0.0, -s)
-        found = {"needle_tip": Point(at_mm)} if seen(s) else {}
-        measures = {"theta_deg": theta_deg(s), "distance_to_retina_mm": 12 + at_mm[1]} if seen(s) else {}
+        found = {"needle_tip": Point(at_mm)} if detected(s) else {}
+        measures = {"theta_deg": theta_deg(s), "distance_to_retina_mm": 12 + at_mm[1]} if detected(s) else {}
         edges = (INSIDE, NEAR) if near(s) else (INSIDE,)
-        state = "target_hit" if hit and number == count else "navigating" if seen(s) else "unknown"
+        state = "target_hit" if hit and number == count else "navigating" if detected(s) else "unknown"
         made.append(
             Step(
                 number,
@@ -54,7 +54,7 @@ def steps_of(
     return made
 
 
-def test_a_straight_steady_run_measures_as_it_was_made():
+def test_a_uniform_run_has_the_expected_measures():
     measures = measure_trial(steps_of(8, lambda s: 2.0), ["navigating", "retinal_contact"])
     assert measures["completion_s"] == pytest.approx(8.0)
     assert measures["mean_theta_deg"] == pytest.approx(2.0)
@@ -79,19 +79,19 @@ def test_the_reaction_to_a_cue_is_the_delay_of_its_correction(delay_s):
 
 
 @pytest.mark.parametrize("begins_s", [2.0, 3.02, 5.5])
-def test_corrections_under_way_too_soon_or_too_late_are_no_reactions(begins_s):
+def test_corrections_too_early_or_too_late_are_no_reactions(begins_s):
     theta = lambda s: 9.0 - 3.0 * np.clip(s - begins_s, 0, 2)  # noqa: E731
     assert "reaction_ms" not in measure_trial(steps_of(8, theta, cue=lambda s: s >= 3))
 
 
-def test_where_touch_is_off_nothing_vibrates_but_cues_are_reacted_to_alike():
+def test_without_haptic_output_nothing_vibrates_but_reactions_are_measured_alike():
     steps = steps_of(6, lambda s: 6.0 - 4.0 * np.clip(s - 3.4, 0, 1), cue=lambda s: s >= 3)
-    felt, unfelt = measure_trial(steps), measure_trial(steps, touch=False)
-    assert unfelt["vibrating_s"] == 0.0 < felt["vibrating_s"]
-    assert unfelt["reaction_ms"] == felt["reaction_ms"]
+    on, off = measure_trial(steps), measure_trial(steps, touch=False)
+    assert off["vibrating_s"] == 0.0 < on["vibrating_s"]
+    assert off["reaction_ms"] == on["reaction_ms"]
 
 
-def test_the_speed_of_approach_counts_near_the_retina_only():
+def test_the_approach_speed_counts_near_the_retina_only():
     def tip_mm(s):
         return 0.0, -3.0 * s if s < 2 else -6.0 - 1.5 * (s - 2)
 
@@ -101,16 +101,16 @@ def test_the_speed_of_approach_counts_near_the_retina_only():
     assert back["approach_speed_mm_s"] == 0.0
 
 
-def test_short_gaps_are_bridged_and_long_ones_break_the_movement():
-    short = measure_trial(steps_of(8, lambda s: 1.0, seen=lambda s: not 3 < s < 3.4))
+def test_short_gaps_are_interpolated_and_long_ones_split_the_movement():
+    short = measure_trial(steps_of(8, lambda s: 1.0, detected=lambda s: not 3 < s < 3.4))
     assert short["path_mm"] == pytest.approx(8.0, rel=0.01) and "sparc" in short
-    long = measure_trial(steps_of(8, lambda s: 1.0, seen=lambda s: not 3 < s < 5))
+    long = measure_trial(steps_of(8, lambda s: 1.0, detected=lambda s: not 3 < s < 5))
     assert long["path_mm"] == pytest.approx(6.0, rel=0.02)
     assert "sparc" not in long and "log_jerk" not in long
     assert long["time_unknown_s"] == pytest.approx(1.97, abs=0.05)
 
 
-def test_a_trial_without_hit_is_measured_to_its_end_and_one_without_needle_not_at_all():
+def test_a_trial_without_hit_is_measured_to_its_end_and_one_without_entry_not_at_all():
     missed = measure_trial(steps_of(4, lambda s: 2.0, hit=False))
     assert "completion_s" not in missed and missed["path_mm"] == pytest.approx(4.0, rel=0.02)
     outside = [
@@ -118,8 +118,8 @@ def test_a_trial_without_hit_is_measured_to_its_end_and_one_without_needle_not_a
     ]
     assert measure_trial(outside) == {}
     assert measure_trial([]) == {}
-    unseen = measure_trial(steps_of(2, lambda s: 2.0, seen=lambda s: False))
-    assert unseen["time_unknown_s"] == pytest.approx(2.0) and "path_mm" not in unseen
+    undetected = measure_trial(steps_of(2, lambda s: 2.0, detected=lambda s: False))
+    assert undetected["time_unknown_s"] == pytest.approx(2.0) and "path_mm" not in undetected
 
 
 @pytest.fixture(scope="module")
@@ -129,7 +129,7 @@ def recording(quick_uri, tmp_path_factory):
     return path
 
 
-def test_a_recorded_run_measures_as_the_paper_does_and_the_store_takes_it_all(recording):
+def test_a_recorded_run_is_measured_as_in_the_paper_and_the_store_accepts_it(recording):
     measures = measure_recording(recording)
     run = measure_run(step for _, step in RunReader(recording).records(images=()))
     assert measures["completion_s"] == run.completion_s
@@ -142,7 +142,7 @@ def test_a_recorded_run_measures_as_the_paper_does_and_the_store_takes_it_all(re
     assert {field.name for field in MEASURES} - measures.keys() <= {"reaction_ms", "tremor_power_mm2"}
 
 
-def test_a_half_written_recording_is_no_trial(recording, tmp_path):
+def test_an_interrupted_recording_is_no_trial(recording, tmp_path):
     half = tmp_path / "half.mcap"
     half.write_bytes(recording.read_bytes()[:-2000])
     with pytest.raises(BadInput, match=r"half\.mcap: was interrupted, so it is no trial"):

@@ -12,14 +12,14 @@ from haptigraph.config import load_config
 from haptigraph.graph import Node, SceneGraph, Triplet
 
 
-def test_a_run_becomes_a_picture(quick_uri, tmp_path):
+def test_a_run_is_drawn(quick_uri, tmp_path):
     path = tmp_path / "r.mcap"
     settings = (f"source.uri={quick_uri}", "run.realtime=false", f'recording.path="{path}"')
     assemble.build(load_config(None, (*settings, "trial.participant=P1"))).run()
     run_figure(path, tmp_path / "run.png")
-    picture = cv2.imread(str(tmp_path / "run.png"))
-    assert picture.shape[0] > 800
-    red = cv2.inRange(picture, (50, 50, 200), (65, 65, 215))  # retinal contact has its band
+    figure = cv2.imread(str(tmp_path / "run.png"))
+    assert figure.shape[0] > 800
+    red = cv2.inRange(figure, (50, 50, 200), (65, 65, 215))  # retinal contact has its band
     assert red.any()
 
 
@@ -35,20 +35,20 @@ def test_a_run_becomes_a_picture(quick_uri, tmp_path):
         ),
     ],
 )
-def test_any_graph_becomes_a_drawing(graph, tmp_path):
+def test_any_graph_is_drawn(graph, tmp_path):
     graph_figure(graph, tmp_path / "graph.svg")
     drawing = (tmp_path / "graph.svg").read_text()
     assert "<svg" in drawing
 
 
-def test_every_state_has_a_colour_one_can_write_on(procedure):
+def test_every_state_has_a_colour_with_readable_text(procedure):
     assert {state.name for state in procedure.states} == set(STATE_COLORS)
     assert state_color("some_other_state").startswith("#")
     assert ink_on("aligned_retinal_approach") == "#ffffff"
     assert ink_on("outside_eye") == "#222222"
 
 
-def test_a_procedure_is_explained_whole(procedure):
+def test_a_procedure_is_explained_completely(procedure):
     from rich.console import Console
 
     console = Console(width=200, record=True, file=io.StringIO())

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from helpers import call
 
-from haptigraph.registration.oct import load_registered
+from haptigraph.registration.loading import load_registration
 from haptigraph.sim.oct.scenes import random_scene
 
 SCALE = ("--set", "source.axial_mm_per_px=0.0033", "--set", "source.lateral_mm_per_px=0.0078")
@@ -11,7 +11,7 @@ SCALE = ("--set", "source.axial_mm_per_px=0.0033", "--set", "source.lateral_mm_p
 
 @pytest.fixture(scope="module")
 def monitor(tmp_path_factory):
-    """Two pictures of a monitor with a B-scan of 512 x 512 px in it, and its true scale."""
+    """Two screenshots of a monitor with a B-scan of 512 x 512 px, and its true scale."""
     folder = tmp_path_factory.mktemp("monitor")
     scene = random_scene(0, 4, place="none")
     for number in range(2):
@@ -29,24 +29,24 @@ def given_scale(axial_mm, lateral_mm):
     )
 
 
-def test_scale_and_crop_are_told_drawn_and_written(monitor, tmp_path):
+def test_scale_and_crop_are_reported_drawn_and_written(monitor, tmp_path):
     folder, axial_mm, lateral_mm = monitor
     output = tmp_path / "scan.toml"
     result = call("register", f"oct:{folder}", "-o", str(output), *given_scale(axial_mm, lateral_mm))
     assert result.exit_code == 0, result.output
-    assert "512 x 512 px, cut from (90, 40) px of each image; 2 looked at" in result.output
+    assert "512 x 512 px, cropped from (90, 40) px of each image; 2 examined" in result.output
     assert (
         f"axial      {axial_mm:.6g} mm/px, as given: {512 * axial_mm:.2f} mm from top to bottom"
         in result.output
     )
-    assert "ILM and RPE, as far as they are seen, lie 0." in result.output
-    registration = load_registered(output)
+    assert "ILM and RPE are 0." in result.output
+    registration = load_registration(output)
     assert (registration.width_px, registration.height_px) == (512, 512)
     assert registration.image.axial_mm_per_px == pytest.approx(axial_mm)
     assert registration.image.mm_per_px == pytest.approx(lateral_mm)
     picture = cv2.imread(str(output.with_suffix(".png")))
     assert picture.shape[0] >= 512
-    assert picture.shape[1] > 2 * 512  # as stored, and in true proportions beside it
+    assert picture.shape[1] > 2 * 512  # as stored, and in true proportions
 
 
 def refused(tmp_path, *arguments):
@@ -57,15 +57,15 @@ def refused(tmp_path, *arguments):
     return result.output
 
 
-def test_nonsense_is_refused_and_nothing_is_written(monitor, tmp_path):
+def test_invalid_scale_or_crop_is_refused_and_no_file_written(monitor, tmp_path):
     folder, axial_mm, lateral_mm = monitor
     assert "states no axial scale" in refused(tmp_path, f"oct:{folder}")
     assert "0.0005 to" in refused(tmp_path, f"oct:{folder}", *given_scale(1000 * axial_mm, lateral_mm))
     outside = "--set", "source.crop_px=[400, 40, 512, 512]"
     assert "but the image is 700 x 600 px" in refused(tmp_path, f"oct:{folder}", *SCALE, *outside)
-    empty = "--set", "source.crop_px=[0, 0, 80, 600]"
-    assert "is the crop right?" in refused(tmp_path, f"oct:{folder}", *SCALE, *empty)
+    blank = "--set", "source.crop_px=[0, 0, 80, 600]"
+    assert "its B-scans are empty" in refused(tmp_path, f"oct:{folder}", *SCALE, *blank)
 
 
-def test_an_eye_before_a_camera_has_no_such_settings(monitor, tmp_path):
+def test_images_of_an_eye_before_a_camera_take_no_settings(monitor, tmp_path):
     assert "--set is for B-scans" in refused(tmp_path, str(monitor[0]), *SCALE)

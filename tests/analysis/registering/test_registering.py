@@ -14,7 +14,7 @@ from registration import errors_px, invalid_pictures, random_view
 from haptigraph.analysis.registering.registering import sound_anatomy
 from haptigraph.cli import main
 from haptigraph.errors import BadInput
-from haptigraph.registration.camera import load_registration, parse_registration
+from haptigraph.registration.loading import load_registration, parse_registration
 from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.scenario import load_scenario
 
@@ -36,7 +36,7 @@ def refuse(*arguments: object) -> str:
 
 @pytest.fixture(scope="module")
 def picture(quick, tmp_path_factory) -> Path:
-    """One picture of the simulated eye, needle outside."""
+    """One image of the simulated eye, needle outside."""
     moment = Phantom(load_scenario(quick)).advance()
     assert moment is not None
     path = tmp_path_factory.mktemp("register") / "eye.png"
@@ -46,7 +46,7 @@ def picture(quick, tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def clean_eye(quick) -> np.ndarray:
-    """The simulated eye in the first image in which the needle cannot be seen within it."""
+    """The first image of the simulated eye without a needle inside."""
     phantom = Phantom(load_scenario(quick))
     moments = iter(phantom.advance, None)
     return next(
@@ -70,14 +70,14 @@ def test_a_source_becomes_a_registration_and_a_picture(quick_uri, tmp_path):
     assert sorted(file.name for file in tmp_path.iterdir()) == ["eye.png", "eye.toml"]
 
 
-def test_where_a_needle_moves_the_eye_behind_it_is_kept_and_runs_with_it_replay_identically(
+def test_where_a_needle_moves_the_background_is_stored_and_runs_with_it_replay_identically(
     quick_uri, tmp_path, clean_eye
 ):
     out, record = tmp_path / "eye.toml", tmp_path / "run.mcap"
-    assert "empty eye  seen behind the needle" in call(quick_uri, "-o", out).stdout
-    empty = load_registration(out).empty
-    assert np.abs(empty.image.astype(int) - clean_eye)[empty.is_known].mean() < 3
-    assert empty.is_known[60:230, 160:320].mean() > 0.97
+    assert "reference  image without instrument stored" in call(quick_uri, "-o", out).stdout
+    background = load_registration(out).empty
+    assert np.abs(background.image.astype(int) - clean_eye)[background.is_known].mean() < 3
+    assert background.is_known[60:230, 160:320].mean() > 0.97
     run = CliRunner().invoke(
         main, ["run", quick_uri, "--registration", str(out), "--fast", "--record", str(record)]
     )
@@ -86,12 +86,10 @@ def test_where_a_needle_moves_the_eye_behind_it_is_kept_and_runs_with_it_replay_
     assert replayed.exit_code == 0 and "117 of 117" in replayed.output
 
 
-def test_a_single_picture_shows_no_eye_behind_a_needle(picture, tmp_path):
+def test_a_single_image_has_no_background_image(picture, tmp_path):
     out = tmp_path / "eye.toml"
-    assert (
-        "empty eye  not kept, for no needle was seen to move"
-        in call(picture, "-o", out, "--trocar", "left").stdout
-    )
+    result = call(picture, "-o", out, "--trocar", "left")
+    assert "reference  image without instrument not stored, because no needle moves" in result.stdout
     assert load_registration(out).empty is None
 
 
@@ -105,43 +103,43 @@ def test_a_target_in_pixels_is_moved_onto_the_retina(picture, tmp_path):
     assert "mm off the retina; at most 1.5 mm" in far
 
 
-def test_sides_follow_the_mirror(picture, tmp_path):
+def test_sides_depend_on_the_mirror(picture, tmp_path):
     for mirror in ("--mirrored", "--not-mirrored"):
         out = tmp_path / f"{mirror}.toml"
-        told = call(picture, "-o", out, mirror, "--trocar", "right", "--target-mm", "4")
-        assert told.exit_code == 0
-        assert "not given" not in told.stdout
+        result = call(picture, "-o", out, mirror, "--trocar", "right", "--target-mm", "4")
+        assert result.exit_code == 0
+        assert "default" not in result.stdout
         found = load_registration(out)
         assert found.trocar.at_mm[0] > 5
         assert found.target.at_mm[0] > 3
         assert found.retina.points_mm[0][0] < 0 < found.retina.points_mm[-1][0]
 
 
-def test_without_needle_the_user_says_which_trocar(picture, tmp_path):
+def test_without_needle_the_user_chooses_the_trocar(picture, tmp_path):
     message = refuse(picture, "-o", tmp_path / "eye.toml")
     assert "no needle moves to show which trocar is in use; give --trocar: " in message
     assert "left at (" in message and "right at (" in message
     given = call(picture, "-o", tmp_path / "eye.toml", "--trocar", "300,65")
     assert given.exit_code == 0, given.output
-    assert "px, +0.00 mm along the retina (not given: its bottom" in given.stdout
+    assert "px, +0.00 mm along the retina (default: its bottom" in given.stdout
 
 
 @pytest.fixture
 def two_needles(picture, tmp_path) -> Path:
-    """Pictures of an eye in which something turns in either trocar."""
+    """Images of an eye with a turning rod in either trocar."""
     folder, image = tmp_path / "images", cv2.imread(str(picture))
     folder.mkdir()
     for number in range(12):
-        seen = image.copy()
+        drawn = image.copy()
         for side, step, inside_px in ((-1, 2.0, 110), (1, 1.3, 70)):
-            turn = math.radians(18 + 12 * math.sin(step * number))
+            angle = math.radians(18 + 12 * math.sin(step * number))
             trocar = 240 + side * 102 * math.sin(math.radians(36)), 148 - 102 * math.cos(math.radians(36))
-            draw_rod(seen, trocar, -side * turn, (-40, inside_px), 4)
-        cv2.imwrite(str(folder / f"{number:02d}.png"), seen)
+            draw_rod(drawn, trocar, -side * angle, (-40, inside_px), 4)
+        cv2.imwrite(str(folder / f"{number:02d}.png"), drawn)
     return folder
 
 
-def test_if_two_things_move_the_user_says_which_is_the_needle(two_needles, tmp_path):
+def test_if_two_instruments_move_the_user_chooses_the_trocar(two_needles, tmp_path):
     out = tmp_path / "eye.toml"
     message = refuse(two_needles, "-o", out)
     assert "something moves in more than one trocar (" in message
@@ -149,9 +147,9 @@ def test_if_two_things_move_the_user_says_which_is_the_needle(two_needles, tmp_p
     assert "left at (" in message and "right at (" in message
     assert not out.exists()
     for side in ("left", "right"):
-        told = call(two_needles, "-o", out, "--trocar", side, "--not-mirrored", "--force")
-        assert told.exit_code == 0, told.output
-        assert told.stdout.count("shaft lines") == 2
+        result = call(two_needles, "-o", out, "--trocar", side, "--not-mirrored", "--force")
+        assert result.exit_code == 0, result.output
+        assert result.stdout.count("shaft lines") == 2
         x, _ = load_registration(out).image.to_px(load_registration(out).trocar.at_mm)
         assert (x < 240) == (side == "left")
 
@@ -168,7 +166,7 @@ def test_nothing_is_overwritten_unless_forced(picture, tmp_path):
         load_registration(out)
 
 
-def test_nothing_is_written_that_could_not_be_read_again(picture, tmp_path):
+def test_no_file_is_written_that_cannot_be_read(picture, tmp_path):
     named = tmp_path / "two\nlines.png"
     named.write_bytes(picture.read_bytes())
     result = call(named, "-o", tmp_path / "eye.toml", "--trocar", "left")
@@ -176,14 +174,14 @@ def test_nothing_is_written_that_could_not_be_read_again(picture, tmp_path):
     assert list(tmp_path.iterdir()) == [named]
 
 
-def test_nothing_is_written_where_nothing_is_found(tmp_path):
-    empty = tmp_path / "wall.png"
+def test_no_file_is_written_if_nothing_is_found(tmp_path):
+    wall = tmp_path / "wall.png"
     grain = np.random.default_rng(0).integers(90, 160, (270, 480, 3), np.uint8)
-    cv2.imwrite(str(empty), grain)
+    cv2.imwrite(str(wall), grain)
     out = tmp_path / "out"
     out.mkdir()
-    message = refuse(empty, "-o", out / "eye.toml")
-    assert message.startswith(f"haptigraph: {empty}: no eye in the picture")
+    message = refuse(wall, "-o", out / "eye.toml")
+    assert message.startswith(f"haptigraph: {wall}: no eye in the picture")
     (tmp_path / "no.png").write_text("no picture")
     assert "not an image" in refuse(tmp_path / "no.png", "-o", out / "eye.toml")
     assert list(out.iterdir()) == []
@@ -192,43 +190,43 @@ def test_nothing_is_written_where_nothing_is_found(tmp_path):
 @pytest.mark.parametrize(
     ("options", "reason"),
     [
-        (("--target", "here"), "--target 'here' is no place"),
-        (("--target", "1,nan"), "is no place"),
-        (("--trocar", "top"), "--trocar 'top' is no place; left, right or X,Y"),
+        (("--target", "here"), "--target 'here' is not a point; use X,Y"),
+        (("--target", "1,nan"), "is not a point"),
+        (("--trocar", "top"), "--trocar 'top' is not a point; use left, right or X,Y"),
         (("--trocar", "240,150"), "inside the globe's inner wall"),
-        (("--trocar", "left", "--target-mm", "30"), "beyond the retina, which reaches 15."),
-        (("--target", "1,2", "--target-mm", "1"), "say the same thing twice"),
-        (("--diameter-mm", "3"), "not an eye"),
+        (("--trocar", "left", "--target-mm", "30"), "beyond the retina, which extends 15."),
+        (("--target", "1,2", "--target-mm", "1"), "exclude each other; give one"),
+        (("--diameter-mm", "3"), "implausible for an eye; use 15 to 35"),
         (("--images", "0"), "at least 1"),
     ],
 )
-def test_bad_wishes_are_one_sentence(picture, tmp_path, options, reason):
+def test_invalid_overrides_are_refused_in_one_sentence(picture, tmp_path, options, reason):
     assert reason in refuse(picture, "-o", tmp_path / "eye.toml", *options)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_camera_is_recorded_first(tmp_path):
+def test_a_camera_cannot_be_registered_directly(tmp_path):
     assert "record a short clip" in refuse("camera:0", "-o", tmp_path / "eye.toml")
 
 
-def test_a_slanted_camera_gets_a_homography(quick, tmp_path):
+def test_a_tilted_camera_has_a_homography(quick, tmp_path):
     scenario = Path(quick).read_text().replace("blur_px", "tilt_deg = [-6, 9]\ndistance_mm = 150\nblur_px")
     scenario = scenario.replace("width_px = 480\nheight_px = 270", "width_px = 960\nheight_px = 540")
     scenario = scenario.replace(
         "center_px = [240.0, 148.0]\npx_per_mm = 8.0", "center_px = [480, 296]\npx_per_mm = 16"
     )
-    (tmp_path / "slanted.toml").write_text(scenario)
+    (tmp_path / "tilted.toml").write_text(scenario)
     out = tmp_path / "eye.toml"
-    result = call(f"phantom:{tmp_path / 'slanted.toml'}", "-o", out, "--target-mm", "1.885", "--images", 12)
+    result = call(f"phantom:{tmp_path / 'tilted.toml'}", "-o", out, "--target-mm", "1.885", "--images", 12)
     assert result.exit_code == 0, result.output
     assert re.search(
         r"tilt       1[01]\.\d deg, the image's left and lower side farther; a homography", result.stdout
     )
     found = load_registration(out)
-    truth = parse_registration(Phantom(load_scenario(str(tmp_path / "slanted.toml"))).registration, "truth")
+    truth = parse_registration(Phantom(load_scenario(str(tmp_path / "tilted.toml"))).registration, "truth")
     assert math.dist(found.image.to_px((0.0, 0.0)), truth.image.to_px((0.0, 0.0))) < 1.5
-    for place in (*truth.retina.points_mm, truth.target.at_mm, truth.trocar.at_mm):
-        assert math.dist(found.image.to_px(place), truth.image.to_px(place)) < 2.0
+    for point in (*truth.retina.points_mm, truth.target.at_mm, truth.trocar.at_mm):
+        assert math.dist(found.image.to_px(point), truth.image.to_px(point)) < 2.0
 
 
 @pytest.mark.parametrize("number", [1, 4, 8, 13])
@@ -240,22 +238,22 @@ def test_random_views_are_registered(number):
     assert errors.retina_px < 2.0, view.says
 
 
-def test_what_is_no_eye_is_refused_with_the_reason():
+def test_images_without_a_valid_eye_are_refused_with_the_reason():
     for name, image in invalid_pictures(1, 77):
         with pytest.raises(BadInput, match=r"no eye|cut off|blurred|too small|only one edge"):
             sound_anatomy([image], 24.0, name)
 
 
-def test_a_steep_slant_is_refused(quick, tmp_path):
+def test_a_strong_tilt_is_refused(quick, tmp_path):
     scenario = Path(quick).read_text().replace("blur_px", "tilt_deg = [0, 26]\nblur_px")
-    (tmp_path / "slanted.toml").write_text(scenario)
-    message = refuse(f"phantom:{tmp_path / 'slanted.toml'}", "-o", tmp_path / "eye.toml", "--images", 4)
-    assert "at a slant of 2" in message and "at most 20 deg is handled" in message
+    (tmp_path / "tilted.toml").write_text(scenario)
+    message = refuse(f"phantom:{tmp_path / 'tilted.toml'}", "-o", tmp_path / "eye.toml", "--images", 4)
+    assert "the camera is tilted by 2" in message and "at most 20 deg is supported" in message
     assert not (tmp_path / "eye.toml").exists()
 
 
 @pytest.mark.slow
-def test_labelled_clips_are_found(clip, tmp_path):
+def test_labelled_clips_are_registered(clip, tmp_path):
     truth = load_registration(clip / "registration.toml")
     out = tmp_path / "eye.toml"
     assert call(clip / "clip.mp4", "-o", out).exit_code == 0

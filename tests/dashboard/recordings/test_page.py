@@ -15,7 +15,7 @@ from haptigraph.analysis.metrics.run import measure_run
 from haptigraph.analysis.plots.figures import run_figure
 from haptigraph.perception.eye_view import IoctView
 from haptigraph.recording.reader import RunReader
-from haptigraph.registration.camera import parse_registration
+from haptigraph.registration.loading import parse_registration
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
 

@@ -10,7 +10,8 @@ from live_bench import Live
 from playwright.sync_api import expect
 from registering import write_clip, write_eye, write_grain
 
-from haptigraph.registration.camera import anatomy_px, load_registration
+from haptigraph.registration.camera import anatomy_px
+from haptigraph.registration.loading import load_registration
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
 

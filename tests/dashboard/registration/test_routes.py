@@ -16,7 +16,7 @@ from haptigraph.dashboard.server.hub import Hub
 from haptigraph.dashboard.server.site import Site
 from haptigraph.errors import BadInput
 from haptigraph.messages import Capture
-from haptigraph.registration.camera import load_registration
+from haptigraph.registration.loading import load_registration
 
 pytestmark = pytest.mark.xdist_group("server")
 

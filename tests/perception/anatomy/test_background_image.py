@@ -6,7 +6,7 @@ import pytest
 from msgspec.structs import replace
 
 from haptigraph.perception.anatomy.background_image import find_background_image
-from haptigraph.perception.anatomy.moving_shaft import still_picture
+from haptigraph.perception.anatomy.moving_shaft import median_image
 from haptigraph.perception.needle.rectify import Line, Site
 from haptigraph.registration.tilt import Slant
 
@@ -14,7 +14,7 @@ TURNS_DEG = -14, -10, -6, -2, 2, 6, 10, 14
 
 
 @pytest.fixture
-def empty(registration) -> np.ndarray:
+def background(registration) -> np.ndarray:
     """An eye with a pattern on a dark table."""
     site = Site(registration)
     image = np.full((site.height_px, site.width_px, 3), 50, np.uint8)
@@ -28,8 +28,8 @@ def empty(registration) -> np.ndarray:
 def with_needle(site: Site, image: np.ndarray, turn_deg: float, depth_px: float = 110.0) -> np.ndarray:
     line = Line(site.inwards_rad + math.radians(turn_deg), 0.0)
     ends = (line.at_px(site.trocar_px, along_px) for along_px in (-90.0, depth_px))
-    places = [tuple(round(16 * value) for value in end) for end in ends]
-    return cv2.line(image.copy(), *places, (40, 40, 40), 5, cv2.LINE_AA, shift=4)
+    points = [tuple(round(16 * value) for value in end) for end in ends]
+    return cv2.line(image.copy(), *points, (40, 40, 40), 5, cv2.LINE_AA, shift=4)
 
 
 def noisy(images: list[np.ndarray]) -> list[np.ndarray]:
@@ -38,50 +38,49 @@ def noisy(images: list[np.ndarray]) -> list[np.ndarray]:
 
 
 @pytest.mark.parametrize("is_grey", [False, True])
-def test_a_needle_that_turns_shows_the_whole_eye(registration, empty, is_grey):
+def test_a_needle_that_turns_reveals_the_whole_background(registration, background, is_grey):
     site = Site(registration)
-    images = noisy([with_needle(site, empty, turn_deg) for turn_deg in TURNS_DEG])
+    images = noisy([with_needle(site, background, turn_deg) for turn_deg in TURNS_DEG])
     if is_grey:
         images = [cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in images]
-        empty = np.repeat(cv2.cvtColor(empty, cv2.COLOR_BGR2GRAY)[..., None], 3, axis=2)
-    found = find_background_image(images, still_picture(images), registration)
-    assert np.abs(found.image.astype(int) - empty)[found.is_known].max() <= 5
+        background = np.repeat(cv2.cvtColor(background, cv2.COLOR_BGR2GRAY)[..., None], 3, axis=2)
+    found = find_background_image(images, median_image(images), registration)
+    assert np.abs(found.image.astype(int) - background)[found.is_known].max() <= 5
     x, y = site.center_px
     assert found.is_known[round(y) - 30 : round(y) + 60, round(x) - 60 : round(x) + 60].all()
     x, y = (round(value) for value in site.trocar_px)
-    assert not found.is_known[y, x]  # the shaft is always there
+    assert not found.is_known[y, x]  # the shaft always occludes the trocar
 
 
-def test_what_a_needle_always_hides_stays_unknown(registration, empty):
+def test_a_region_that_is_always_occluded_stays_unknown(registration, background):
     site = Site(registration)
-    images = noisy([with_needle(site, empty, 3.0, depth_px) for depth_px in (60, 80, 100, 100, 80, 60)])
-    found = find_background_image(images, still_picture(images), registration)
+    images = noisy([with_needle(site, background, 3.0, depth_px) for depth_px in (60, 80, 100, 100, 80, 60)])
+    found = find_background_image(images, median_image(images), registration)
     line = Line(site.inwards_rad + math.radians(3), 0.0)
-    hidden, seen = (
+    occluded, visible = (
         tuple(round(value) for value in line.at_px(site.trocar_px, along_px)) for along_px in (40.0, 130.0)
     )
-    assert not found.is_known[hidden[::-1]] and found.is_known[seen[::-1]]
+    assert not found.is_known[occluded[::-1]] and found.is_known[visible[::-1]]
 
 
-def test_without_a_needle_that_is_seen_nothing_is_known_of_what_it_hides(registration, empty):
+def test_without_needle_detections_there_is_no_background_image(registration, background):
     site = Site(registration)
-    for images in ([empty], noisy([empty] * 8), [with_needle(site, empty, 5.0)]):
-        assert find_background_image(images, still_picture(images), registration) is None
+    for images in ([background], noisy([background] * 8), [with_needle(site, background, 5.0)]):
+        assert find_background_image(images, median_image(images), registration) is None
 
 
-def test_with_a_slant_the_picture_is_as_the_camera_takes_it(registration, empty):
+def test_with_a_tilted_camera_the_background_image_is_as_stored(registration, background):
     site = Site(registration)
     middle_px = (site.width_px - 1) / 2, (site.height_px - 1) / 2
     tilt = Slant(middle_px, (math.radians(8), 0.0), 900.0, middle_px)
-    taken = [
-        cv2.warpPerspective(
-            with_needle(site, empty, turn_deg), tilt.image_from_frontal.matrix, empty.shape[1::-1]
-        )
+    homography, size = tilt.image_from_frontal.matrix, background.shape[1::-1]
+    images = [
+        cv2.warpPerspective(with_needle(site, background, turn_deg), homography, size)
         for turn_deg in TURNS_DEG
     ]
     image = replace(registration.image, frontal_from_image=tilt.frontal_from_image)
-    found = find_background_image(taken, still_picture(taken), replace(registration, image=image))
-    as_taken = cv2.warpPerspective(empty, tilt.image_from_frontal.matrix, empty.shape[1::-1])
+    found = find_background_image(images, median_image(images), replace(registration, image=image))
+    as_stored = cv2.warpPerspective(background, homography, size)
     inside = np.s_[80:180, 100:220]
     assert found.is_known[inside].mean() > 0.95
-    assert np.abs(found.image.astype(int) - as_taken)[inside][found.is_known[inside]].max() <= 5
+    assert np.abs(found.image.astype(int) - as_stored)[inside][found.is_known[inside]].max() <= 5

@@ -1,17 +1,17 @@
-"""The slant found against the simulator's truth."""
+"""The camera tilt found against the simulator's ground truth."""
 
 import math
 
 import pytest
 from msgspec.structs import replace
 
-from haptigraph.perception.anatomy.camera_tilt import find_slant
+from haptigraph.perception.anatomy.camera_tilt import find_camera_tilt
 from haptigraph.perception.anatomy.rim import find_rim
 from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.scenario import load_scenario
 
 
-def seen(quick: str, tilt_deg: tuple[float, float], distance_mm: float):
+def found_tilt(quick: str, tilt_deg: tuple[float, float], distance_mm: float):
     scenario = load_scenario(quick)
     camera = replace(
         scenario.camera, tilt_deg=tilt_deg, distance_mm=distance_mm, width_px=960, height_px=540,
@@ -20,7 +20,7 @@ def seen(quick: str, tilt_deg: tuple[float, float], distance_mm: float):
     phantom = Phantom(replace(scenario, camera=camera))
     moment = phantom.advance()
     assert moment is not None
-    return find_slant(find_rim(moment.image), (479.5, 269.5)), phantom.camera.geometry
+    return find_camera_tilt(find_rim(moment.image), (479.5, 269.5)), phantom.camera.geometry
 
 
 @pytest.mark.parametrize(
@@ -28,16 +28,16 @@ def seen(quick: str, tilt_deg: tuple[float, float], distance_mm: float):
     [((6.0, 0.0), 60.0), ((-4.0, 9.0), 150.0), ((0.0, -15.0), 300.0), ((10.0, 10.0), 2000.0)],
 )
 def test_tilt_and_centre_are_found(quick, tilt_deg, distance_mm):
-    tilt, truth = seen(quick, tilt_deg, distance_mm)
+    tilt, truth = found_tilt(quick, tilt_deg, distance_mm)
     assert [math.degrees(part) for part in tilt.tilt_rad] == pytest.approx(tilt_deg, abs=0.4)
     assert math.dist(tilt.about_px, truth.to_px((0.0, 0.0))) < 0.8
-    # Every place of the section comes out where it is, whatever distance was found.
+    # The section is mapped correctly whatever distance was found.
     for angle in range(0, 360, 15):
-        place = 12 * math.cos(math.radians(angle)), 12 * math.sin(math.radians(angle))
-        frontal = tilt.frontal_from_image(truth.to_px(place))
+        point = 12 * math.cos(math.radians(angle)), 12 * math.sin(math.radians(angle))
+        frontal = tilt.frontal_from_image(truth.to_px(point))
         assert math.dist(frontal, tilt.about_px) == pytest.approx(12 * 16.0, abs=1.0)
 
 
-def test_a_straight_view_has_none(quick):
-    tilt, _ = seen(quick, (0.0, 0.0), 60.0)
+def test_a_frontal_view_has_no_tilt(quick):
+    tilt, _ = found_tilt(quick, (0.0, 0.0), 60.0)
     assert tilt is None

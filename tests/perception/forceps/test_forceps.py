@@ -12,7 +12,7 @@ from haptigraph.geometry import Circle, Point, Polyline
 from haptigraph.messages import Capture
 from haptigraph.perception.forceps.forceps import ForcepsPerceiver
 from haptigraph.recording.reader import RunReader
-from haptigraph.registration.camera import parse_registration
+from haptigraph.registration.loading import parse_registration
 
 RUN = GOLDEN / "membrane_peeling.mcap"
 COLLISION_S = (21.0, 24.0)

@@ -5,7 +5,7 @@ from paths import GOLDEN
 
 from haptigraph.perception.forceps.stained_tissue import Stains
 from haptigraph.recording.reader import RunReader
-from haptigraph.registration.camera import parse_registration
+from haptigraph.registration.loading import parse_registration
 
 RUN = GOLDEN / "membrane_peeling.mcap"
 

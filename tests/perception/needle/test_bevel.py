@@ -9,7 +9,7 @@ from haptigraph.geometry import ImageGeometry, subtract
 from haptigraph.messages import Capture
 from haptigraph.perception.needle.rectify import Line, Site
 from haptigraph.perception.needle.tracker import Tracker
-from haptigraph.registration.camera import parse_registration
+from haptigraph.registration.loading import parse_registration
 from haptigraph.sim.eye.eye import Eye, EyeShape, registration_text
 
 GEOMETRY = ImageGeometry(center_px=(320.0, 190.0), mm_per_px=1 / 14, mirrored=True)

@@ -16,7 +16,8 @@ from haptigraph.perception.needle.search import PolarSearch
 from haptigraph.perception.needle.shaft_line import Appearance, fit_line
 from haptigraph.perception.needle.subpixel_tip import refine_tip, tip_patch_px
 from haptigraph.perception.needle.tracker import BESIDE_MM, Tracker
-from haptigraph.registration.camera import Registration, parse_registration
+from haptigraph.registration.camera import Registration
+from haptigraph.registration.loading import parse_registration
 from haptigraph.sim.eye.eye import Eye, EyeShape, registration_text
 
 GROUND, METAL = 150, 70

@@ -12,7 +12,7 @@ from haptigraph.config import PerceptionConfig
 from haptigraph.errors import BadInput
 from haptigraph.messages import Capture
 from haptigraph.perception.oct.bscan import BscanPerceiver
-from haptigraph.registration.oct import parse_registered
+from haptigraph.registration.loading import parse_registration
 from haptigraph.sim.oct.scenes import random_scene
 
 REAL = SHARED / "ioct"
@@ -20,7 +20,7 @@ SCENES = 24
 
 
 def registration_of(width, height, axial_mm, lateral_mm, mirrored="false"):
-    return parse_registered(
+    return parse_registration(
         f"format = 1\n[image]\nwidth = {width}\nheight = {height}\nmirrored = {mirrored}\n[scale]\n"
         f"axial_mm_per_px = {axial_mm}\nlateral_mm_per_px = {lateral_mm}\n",
         "registration.toml",

@@ -6,7 +6,7 @@ from haptigraph.assemble import build, load_procedure, perceiver_name
 from haptigraph.config import Config, PerceptionConfig, load_config
 from haptigraph.errors import BadInput
 from haptigraph.messages import Capture
-from haptigraph.registration.oct import parse_registered
+from haptigraph.registration.loading import parse_registration
 from haptigraph.registration.text import scan_registration_text
 from haptigraph.sim.oct.scenes import random_scene
 
@@ -21,7 +21,7 @@ AXIAL_MM, LATERAL_MM = 0.004, 0.01
 
 
 def registered(size_px, axial_mm=AXIAL_MM, lateral_mm=LATERAL_MM):
-    return parse_registered(scan_registration_text(size_px, axial_mm, lateral_mm, "test"), "test")
+    return parse_registration(scan_registration_text(size_px, axial_mm, lateral_mm, "test"), "test")
 
 
 @pytest.fixture
