@@ -75,8 +75,8 @@ function compare(run, other) {
   const { procedure, steps, identical, state_differs, haptics_differ, dropped_images } = other.content;
   const dropped = dropped_images ? ` ${dropped_images} images were not recorded; what depends on them differs.` : "";
   showVerdict(state_differs + haptics_differ
-    ? `≠ With ${procedure} the state differs in ${state_differs} of ${steps} steps, the haptic output in ${haptics_differ}.${dropped}`
-    : `✓ With ${procedure} every step has the same state and haptic output; ${identical} of ${steps} are identical to the last bit.${dropped}`);
+    ? `≠ With ${procedure} the state differs in ${state_differs} of ${steps} steps, haptics in ${haptics_differ}.${dropped}`
+    : `✓ With ${procedure} every step has the same state and haptics; ${identical} of ${steps} are identical to the last bit.${dropped}`);
 }
 
 function showVerdict(/** @type {string} */ text) {
