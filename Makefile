@@ -61,12 +61,20 @@ test-native: setup  ## the tests of perception with the address and undefined-be
 	LD_PRELOAD="$$(gcc -print-file-name=libasan.so) $$(gcc -print-file-name=libstdc++.so.6)" ASAN_OPTIONS=detect_leaks=0 \
 		$(BIN)/python -m pytest -n auto -s -o pythonpath="$(WATCHED) . tests/support" tests/perception
 
-check: setup  ## format, lint, types, layers, warnings of the C compiler
+# npm and Node come from a wheel in .venv; Node's own programs expect it in PATH.
+node_modules/ready: .venv/locked package.json package-lock.json
+	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/npm ci --ignore-scripts --no-audit --no-fund --loglevel error || { \
+		echo "make check needs TypeScript and ESLint: npm could not install them (see above); check the connection to the npm registry" >&2; exit 1; }
+	@touch node_modules/ready
+
+check: setup node_modules/ready  ## format, lint, types, layers, JavaScript, warnings of the C compiler
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/clang-format --dry-run --Werror $(NATIVE)/*.[ch]
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/node node_modules/typescript/bin/tsc
+	$(BIN)/node node_modules/eslint/bin/eslint.js
 	mkdir -p build && $(BIN)/python hatch_build.py build/strict.library -Wall -Wextra -Werror
 
 bench: setup  ## time of every stage; perceivers against the paper's; rules against NetworkX and CLIPS
@@ -139,5 +147,5 @@ lock: setup  ## resolve the dependencies again
 
 clean:
 	rm -f $(NATIVE)/native.library
-	rm -rf .venv .venv-* .interop dist build .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf .venv .venv-* .interop node_modules mutants dist build .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,10 +1,10 @@
-"""Figures of the live page: latency through a real browser, load on the server, memory of a page left open.
+"""Benchmarks of the live page: latency through a real browser, load of viewers, memory of a page left open.
 
     python benchmarks/live.py latency   input -> displayed image, image -> rumble call (or one: input, rumble)
     python benchmarks/live.py load      server CPU and the loop's p99, without and with two viewers
-    python benchmarks/live.py memory    the page's heap over as many images as an hour has
+    python benchmarks/live.py memory    heap of the page over the images of an hour
 
-Needs Chromium and Linux. Run it on a quiet machine; the figures are of all that runs on it, browser included.
+Needs Chromium and Linux. Run it on an idle machine: the results include the browser's load.
 """
 
 import json
@@ -25,7 +25,7 @@ from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.scenario import load_scenario
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
-from live_bench import PAD, Live, chromium, leave, look, until
+from live_bench import PAD, Live, chromium, close_page, evaluate, until
 
 PRESSES = 100
 TURNS, TURNS_S = 60, 0.5
@@ -33,10 +33,10 @@ LOAD_S = 12
 ROUNDS = 4
 HOUR = 30 * 3600
 FAST_HZ = 45
-MISSED = 3  # times as many images are there: the page misses some
+SPARE = 3  # times as many images are provided, because the page misses some
 
 KEYS = """async () => {
-  const { page } = await import('/static/live.js');
+  const { page } = await import('/static/live/live.js');
   window.waits = [];
   let pressed = null;
   addEventListener('keydown', (event) => { if (!event.repeat) pressed = event.timeStamp; }, true);
@@ -46,10 +46,10 @@ KEYS = """async () => {
     pressed = null;
   };
 }"""
-"""Note how long it takes from a key to the first drawn image in which the key moves the needle."""
+"""Measure the time from a key to the first drawn image in which the key moves the needle."""
 
 CHANGES = """async () => {
-  const { page } = await import('/static/live.js');
+  const { page } = await import('/static/live/live.js');
   window.waits = { on: [], off: [] };
   let plays = page.header.plays, calls = window.rumble.length;
   page.onImage = (header) => {
@@ -57,14 +57,14 @@ CHANGES = """async () => {
     plays = header.plays;
     const [list, wanted] = plays === 'off' ? [window.waits.off, 'reset'] : [window.waits.on, 'dual-rumble'];
     const at = performance.timeOrigin + page.clock.page_ms(header.time_ms);
-    setTimeout(() => {  // the touch may come before or after the image that caused it
+    setTimeout(() => {  // the haptic level may come before or after its image
       const call = window.rumble.slice(calls).find((each) => each.type === wanted && each.at > at);
       if (call) list.push(call.at - at);
       calls = window.rumble.length;
     }, 250);
   };
 }"""
-"""Note how long it takes from the capture of an image that changes what is felt to the rumble call."""
+"""Measure the time from the capture of an image that changes the haptic output to the rumble call."""
 
 WATCHER = """
 import json, sys
@@ -80,16 +80,16 @@ with connect(f"ws://{host}/live", origin=f"http://{host}") as line:
 
 
 def percentiles(values: list[float]) -> str:
-    """Say how values [ms] are spread."""
+    """Format the distribution of values [ms]."""
     ordered = sorted(values)
     return (
         f"p50 {statistics.median(ordered):5.0f} ms   p99 {ordered[int(0.99 * (len(ordered) - 1))]:5.0f} ms   "
-        f"most {ordered[-1]:5.0f} ms   n {len(ordered)}"
+        f"max {ordered[-1]:5.0f} ms   n {len(ordered)}"
     )
 
 
-def opened(browser: Any, live: Live) -> Any:
-    """Open the live page with a test controller, and let it settle."""
+def open_page(browser: Any, live: Live) -> Any:
+    """Open the live page with a test controller, and wait until it runs steadily."""
     context = browser.new_context(viewport={"width": 1366, "height": 768})
     context.add_init_script(PAD)
     page = context.new_page()
@@ -100,16 +100,16 @@ def opened(browser: Any, live: Live) -> Any:
 
 
 def rate_hz(page: Any) -> float:
-    """Return how many images a second the page draws."""
-    first, begun_s = look(page, "page.drawn"), time.perf_counter()
+    """Return the images per second that the page draws."""
+    first, started_s = evaluate(page, "page.drawn"), time.perf_counter()
     time.sleep(5)
-    return float((look(page, "page.drawn") - first) / (time.perf_counter() - begun_s))
+    return float((evaluate(page, "page.drawn") - first) / (time.perf_counter() - started_s))
 
 
 def input_to_image(browser: Any) -> None:
-    """From a key's event to the first drawn image of a needle that the key moves."""
+    """Measure from a key event to the first drawn image of a needle that the key moves."""
     with Live("teleop:align_then_approach") as live:
-        page = opened(browser, live)
+        page = open_page(browser, live)
         until(page, "document.getElementById('holder').textContent.startsWith('You')")
         page.evaluate(KEYS)
         for number in range(PRESSES):
@@ -120,11 +120,11 @@ def input_to_image(browser: Any) -> None:
             until(page, "!page.header.hand.engaged")
         print(f"input -> displayed image   {percentiles(page.evaluate('window.waits'))}")
         print(f"                           drawn {rate_hz(page):.1f} images/s")
-        leave(page)
+        close_page(page)
 
 
 def image_to_rumble(browser: Any, folder: Path) -> None:
-    """From the capture of the image that changes the state to the page's rumble call."""
+    """Measure from the capture of an image that changes the state to the page's rumble call."""
     turns = folder / "turns.toml"
     moves = "\n".join(
         f"[[move]]\nduration_s = {duration_s}\ndepth_mm = 12.0\ntheta_deg = {theta_deg}\n"
@@ -135,24 +135,24 @@ def image_to_rumble(browser: Any, folder: Path) -> None:
         f'[scenario]\ndescription = "Aligned, misaligned, repeated."\n[appearance]\nstyle = "dark"\n{moves}'
     )
     with Live(f"phantom:{turns}") as live:
-        page = opened(browser, live)
+        page = open_page(browser, live)
         page.evaluate(CHANGES)
         until(page, f"Math.min(window.waits.on.length, window.waits.off.length) >= {TURNS}", 300)
         waits = page.evaluate("window.waits")
         print(f"image -> rumble begins     {percentiles(waits['on'])}")
         print(f"image -> rumble ends       {percentiles(waits['off'])}")
         print(f"                           drawn {rate_hz(page):.1f} images/s")
-        leave(page)
+        close_page(page)
 
 
 def cpu_s(pid: int) -> float:
-    """Return the processor time a process has used [s]."""
+    """Return the processor time of a process [s]."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def loaded(viewers: int) -> tuple[float, float, float]:
-    """Return CPU [share of a core], and the loop's p50 and p99 [ms], with so many viewers."""
+def measure_load(viewers: int) -> tuple[float, float, float]:
+    """Return CPU [share of a core] and the loop's p50 and p99 [ms] with a number of viewers."""
     with Live("phantom:align_then_approach") as live:
         host = live.url.removeprefix("http://").strip("/")
         watchers = [
@@ -160,42 +160,42 @@ def loaded(viewers: int) -> tuple[float, float, float]:
             for _ in range(viewers)
         ]
         time.sleep(2)
-        before_s, begun_s = cpu_s(live.process.pid), time.perf_counter()
+        before_s, started_s = cpu_s(live.process.pid), time.perf_counter()
         time.sleep(LOAD_S)
-        share = (cpu_s(live.process.pid) - before_s) / (time.perf_counter() - begun_s)
-        told = live.stop()
+        share = (cpu_s(live.process.pid) - before_s) / (time.perf_counter() - started_s)
+        output = live.stop()
         for watcher in watchers:
             watcher.terminate()
             watcher.wait()
-    step = re.search(r"^step +([\d.]+) ms +([\d.]+) ms", told, re.MULTILINE)
+    step = re.search(r"^step +([\d.]+) ms +([\d.]+) ms", output, re.MULTILINE)
     if step is None:
-        raise RuntimeError(told)
+        raise RuntimeError(output)
     return share, float(step[1]), float(step[2])
 
 
 def load() -> None:
-    """Compare a server that nobody watches with one that two viewers watch."""
-    print(f"{'viewers':10}{'CPU':>8}{'step p50':>12}{'step p99':>12}   (rounds of {LOAD_S} s, in turn)")
+    """Compare the server's load without viewers and with two."""
+    print(f"{'viewers':10}{'CPU':>8}{'step p50':>12}{'step p99':>12}   (rounds of {LOAD_S} s, alternating)")
     rows: dict[int, list[tuple[float, float, float]]] = {0: [], 2: []}
     for _ in range(ROUNDS):
         for viewers, results in rows.items():
-            results.append(loaded(viewers))
+            results.append(measure_load(viewers))
     for viewers, results in rows.items():
         share, p50_ms, p99_ms = (statistics.median(column) for column in zip(*results, strict=True))
-        told = ", ".join(f"{result[2]:.1f}" for result in results)
-        print(f"{viewers:<10}{share:8.0%}{p50_ms:9.2f} ms{p99_ms:9.2f} ms   p99 of each: {told}")
+        p99s = ", ".join(f"{result[2]:.1f}" for result in results)
+        print(f"{viewers:<10}{share:8.0%}{p50_ms:9.2f} ms{p99_ms:9.2f} ms   p99 of each: {p99s}")
 
 
 def memory(browser: Any, folder: Path, images: int) -> None:
-    """Let the page draw as many images as an hour has, faster than in an hour; small ones, read from files.
+    """Let the page draw the images of an hour in less time; small ones, read from files.
 
-    Tells the heap of its scripts after collecting garbage, and the private memory of its process: pictures
-    that are decoded lie outside the heap.
+    Prints the heap after garbage collection and the private memory of the page's process, because decoded
+    images are not in the heap.
     """
-    source = shots(folder, (1 + MISSED) * (images + FAST_HZ * 60))
+    source = write_images(folder, (1 + SPARE) * (images + FAST_HZ * 60))
     given = ("--registration", folder / "registration.toml", "--set", f"source.rate_hz={FAST_HZ}")
     with Live(source, *given) as live:
-        page = opened(browser, live)
+        page = open_page(browser, live)
         session = page.context.new_cdp_session(page)
         process = f"/proc/{renderer(browser)}/smaps_rollup"
 
@@ -205,24 +205,24 @@ def memory(browser: Any, folder: Path, images: int) -> None:
             own = re.findall(r"^Private_\w+: +(\d+) kB", Path(process).read_text(), re.MULTILINE)
             return heap_mb, sum(map(int, own)) * 1.024e-3
 
-        begun_s, begun = time.perf_counter(), look(page, "page.drawn")
+        started_s, drawn_before = time.perf_counter(), evaluate(page, "page.drawn")
         first: tuple[float, float] | None = None
         for share in (1 / 60, *(number / 20 for number in range(1, 21))):
-            until(page, f"page.ended || page.drawn >= {begun + share * images}", 7200)
-            if look(page, "page.ended"):
-                raise RuntimeError("too few images: the page missed most")
+            until(page, f"page.ended || page.drawn >= {drawn_before + share * images}", 7200)
+            if evaluate(page, "page.ended"):
+                raise RuntimeError("too few images: the page missed most of them")
             heap_mb, process_mb = used_mb()
             first = first or (heap_mb, process_mb)
-            drawn, passed_s = look(page, "page.drawn") - begun, time.perf_counter() - begun_s
-            told = f"heap {heap_mb:5.2f} MB, process {process_mb:6.1f} MB"
-            print(f"{drawn:7d} images drawn in {passed_s:5.0f} s: {told}", flush=True)
-        grown = f"heap {heap_mb - first[0]:+.2f} MB, process {process_mb - first[1]:+.1f} MB"
-        print(f"over the first minute's end: {grown}")
-        leave(page)
+            drawn, passed_s = evaluate(page, "page.drawn") - drawn_before, time.perf_counter() - started_s
+            memory_mb = f"heap {heap_mb:5.2f} MB, process {process_mb:6.1f} MB"
+            print(f"{drawn:7d} images drawn in {passed_s:5.0f} s: {memory_mb}", flush=True)
+        growth = f"heap {heap_mb - first[0]:+.2f} MB, process {process_mb - first[1]:+.1f} MB"
+        print(f"growth since the first minute: {growth}")
+        close_page(page)
 
 
-def shots(folder: Path, images: int) -> Path:
-    """Write images of a scenario and its registration; return a folder where they stand again and again."""
+def write_images(folder: Path, images: int) -> Path:
+    """Write images of a scenario and its registration; return a folder that links to them repeatedly."""
     phantom = Phantom(load_scenario(str(Path(__file__).parents[1] / "tests" / "data" / "quick.toml")))
     (folder / "registration.toml").write_text(phantom.registration)
     taken: list[Path] = []
@@ -237,7 +237,7 @@ def shots(folder: Path, images: int) -> Path:
 
 
 def renderer(browser: Any) -> int:
-    """Return the number of the process that holds the only page."""
+    """Return the process id of the only page's renderer."""
     processes = browser.new_browser_cdp_session().send("SystemInfo.getProcessInfo")["processInfo"]
     return int(
         max((each for each in processes if each["type"] == "renderer"), key=lambda each: each["cpuTime"])[
@@ -247,7 +247,7 @@ def renderer(browser: Any) -> int:
 
 
 def main() -> None:
-    """Measure what was asked for."""
+    """Run the benchmark that the command line names."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # so that server and browser end too
     what = sys.argv[1] if len(sys.argv) > 1 else "latency"
     print(json.dumps({"machine": f"{os.cpu_count()} cores", "load": os.getloadavg()}))

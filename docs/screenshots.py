@@ -1,4 +1,4 @@
-"""Make the pictures of all pages: `make screenshots`. Needs Chromium; look at them before you commit them.
+"""Take the screenshots of all pages: `make screenshots`. Needs Chromium; look at them before you commit them.
 
 python docs/screenshots.py [NAME ...]
 """
@@ -20,7 +20,7 @@ from haptigraph.config import load_config
 
 ROOT = Path(__file__).parents[1]
 sys.path[:0] = [str(ROOT / "tests" / "support"), str(ROOT / "tests" / "study")]
-from live_bench import PAD, Live, chromium, leave, until  # noqa: E402
+from live_bench import PAD, Live, chromium, close_page, until  # noqa: E402
 from walking import do_next, go_to  # noqa: E402
 
 from haptigraph.sim.phantom import Phantom  # noqa: E402
@@ -33,35 +33,35 @@ from haptigraph.study.store import Store  # noqa: E402
 IMAGES = ROOT / "docs" / "images"
 QUICK = "phantom:tests/data/quick.toml"
 ABSENT = "phantom:tests/data/absent.toml"
-PATIENCE_S = 240  # with machines that do other things as well
+TIMEOUT_S = 240  # for busy machines
 FREEZING = (str(ROOT / "tests" / "dashboard" / "freezing.py"),)
 
 
 def in_state(state: str, wait_ms: int = 700) -> Callable[[Any, Live], None]:
-    """Return what waits for a state, and a little more."""
+    """Return a function that waits for a state, and a little longer."""
 
-    def lead(page: Any, live: Live) -> None:
-        until(page, f"document.body.dataset.state === '{state}'", PATIENCE_S)
+    def wait(page: Any, live: Live) -> None:
+        until(page, f"document.body.dataset.state === '{state}'", TIMEOUT_S)
         page.wait_for_timeout(wait_ms)
 
-    return lead
+    return wait
 
 
 def lost(page: Any, live: Live) -> None:
-    """Perception lost: no needle in the picture."""
-    page.wait_for_selector("#banner:has-text('No instrument seen')")
+    """No needle in the picture."""
+    page.wait_for_selector("#banner:has-text('No instrument detected')")
 
 
 def stale(page: Any, live: Live) -> None:
-    """The image is stale: the source delivers nothing more."""
-    until(page, "document.body.dataset.state === 'misaligned_retinal_approach'", PATIENCE_S)
+    """A stale image: the source delivers nothing any more."""
+    until(page, "document.body.dataset.state === 'misaligned_retinal_approach'", TIMEOUT_S)
     live.process.send_signal(signal.SIGUSR1)
     page.wait_for_selector("#banner:has-text('No image')")
     page.wait_for_timeout(500)
 
 
 def mapping(page: Any, live: Live) -> None:
-    """The controller: what its sticks and buttons do, and how to change that."""
+    """The mapping of a controller's sticks and buttons."""
     page.evaluate(
         "window.pad.axes[1] = 0.7; window.pad.buttons[7].value = 1; window.pad.buttons[7].pressed = true"
     )
@@ -70,14 +70,14 @@ def mapping(page: Any, live: Live) -> None:
 
 
 def registration(page: Any, live: Live) -> None:
-    """The registration page, while somebody drags the target."""
+    """The registration page, while the target is dragged."""
     moment = Phantom(load_scenario("wrong_place_then_hit")).advance()
     eye = Path(gettempdir()) / "eye.png"
     cv2.imwrite(str(eye), moment.image if moment else None)
     page.goto(f"{live.url}registration")
-    page.fill("#source", str(eye))
+    page.fill("#source-input", str(eye))
     page.click("text=Find the eye")
-    page.wait_for_selector("#verdict:has-text('A run would take this')", timeout=PATIENCE_S * 1000)
+    page.wait_for_selector("#verdict:has-text('Valid registration')", timeout=TIMEOUT_S * 1000)
     eye.unlink()
     box = page.locator("[data-key=target] .area").bounding_box()
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
@@ -88,7 +88,7 @@ def registration(page: Any, live: Live) -> None:
 
 
 def recordings(page: Any, live: Live) -> None:
-    """One recorded run, and where a procedure with a wider cone differs; the page outlives its server."""
+    """One recorded run, compared with a procedure with a wider cone; the page outlives its server."""
     with TemporaryDirectory() as name:
         folder = Path(name)
         recorded = f'recording.path="{folder / "wrong_place.mcap"}"'
@@ -98,16 +98,16 @@ def recordings(page: Any, live: Live) -> None:
         (folder / "wider_cone.toml").write_text(text.replace("= 1.7", "= 3.5"))
         with Live("phantom:wrong_place_then_hit", "--recordings", folder) as own:
             page.goto(f"{own.url}recordings#wrong_place.mcap")
-            page.wait_for_selector("body[data-step='0']", timeout=PATIENCE_S * 1000)
+            page.wait_for_selector("body[data-step='0']", timeout=TIMEOUT_S * 1000)
             page.select_option("#other", "wider_cone.toml")
             page.click("#compare")
-            page.wait_for_selector("#verdict:not([hidden])", timeout=PATIENCE_S * 1000)
+            page.wait_for_selector("#verdict:not([hidden])", timeout=TIMEOUT_S * 1000)
             page.locator("#events button").last.click()
             page.wait_for_selector("#instead.differs")
 
 
 def study_folder(page: Any) -> Path:
-    """A study with one participant through it, one at another station, one who begins a trial."""
+    """Create a study: one participant has finished, one is at another station, one is about to begin."""
     folder = Path(page.more.enter_context(TemporaryDirectory()))
     text = files("haptigraph.study").joinpath("templates").joinpath("study.toml").read_text()
     (folder / "study.toml").write_text(text)
@@ -124,7 +124,7 @@ def study_folder(page: Any) -> Path:
 
 
 def study_pages(page: Any) -> tuple[Any, Any, str]:
-    """Open a study at the participant who is to begin a trial; both pages, and the address of the server."""
+    """Open a study whose participant is about to begin a trial; return both pages and the address."""
     given = ("--source", "teleop:wrong_place_then_hit", "--station", "lab 1", "--set", "run.stale_ms=2000")
     own = page.more.enter_context(Live(study_folder(page), *given, command=("study", "run")))
     page.module = "/static/study/study.js"
@@ -138,25 +138,25 @@ def study_pages(page: Any) -> tuple[Any, Any, str]:
 
 
 def steer_aside(person: Any) -> None:
-    """Push the needle in beside the target, until it nears the retina."""
+    """Insert the needle beside the target, until it approaches the retina."""
     person.click("#begin")
-    until(person, "page.now.doing === 'running' && page.header?.index > 3", PATIENCE_S)
+    until(person, "page.status.trial_status === 'running' && page.header?.index > 3", TIMEOUT_S)
     person.keyboard.down("ArrowDown")
-    until(person, "page.header.state === 'misaligned_retinal_approach'", PATIENCE_S)
+    until(person, "page.header.state === 'misaligned_retinal_approach'", TIMEOUT_S)
 
 
 def study_experimenter(page: Any, live: Live) -> None:
-    """The experimenter's page, while the participant nears the retina off course."""
+    """The experimenter's page, during a misaligned approach of the participant."""
     page, person, _ = study_pages(page)
-    page.fill("#text", "asked whether the cross moves")
+    page.fill("#note-text", "asked whether the cross moves")
     page.keyboard.press("Enter")
     steer_aside(person)
     page.bring_to_front()
-    until(page, "document.body.dataset.state === 'misaligned_retinal_approach'", PATIENCE_S)
+    until(page, "document.body.dataset.state === 'misaligned_retinal_approach'", TIMEOUT_S)
 
 
 def study_participant(page: Any, live: Live) -> None:
-    """The participant's page in the same moment."""
+    """The participant's page during the same approach."""
     _, person, url = study_pages(page)
     person.close()
     page.module = "/static/study/participant.js"
@@ -166,21 +166,21 @@ def study_participant(page: Any, live: Live) -> None:
 
 
 def study_questionnaire(page: Any, live: Live) -> None:
-    """A questionnaire, half answered."""
+    """A questionnaire, partly answered."""
     page, person, url = study_pages(page)
     person.close()
     page.click("#enrol button")
     page.wait_for_selector("#participant:has-text('P04')")
     page.goto(f"{url}participant")
-    page.click("#words-done")
+    page.click("#text-done")
     page.click("text=I agree")
     page.fill("[data-item=age_years] input", "31")
     page.click("[data-item=gender] label:has-text('female')")
     page.click("[data-item=handedness] label:has-text('left')")
-    page.wait_for_selector("[data-item=handedness].is-kept")
+    page.wait_for_selector("[data-item=handedness].is-saved")
 
 
-SHOTS: dict[str, tuple[str, tuple[str, ...], tuple[int, int], Callable[[Any, Live], None]]] = {
+SCREENSHOTS: dict[str, tuple[str, tuple[str, ...], tuple[int, int], Callable[[Any, Live], None]]] = {
     "live-contact": ("phantom:wrong_place_then_hit", (), (1366, 768), in_state("retinal_contact")),
     "live-hit": ("phantom:align_then_approach", (), (1920, 1080), in_state("target_hit")),
     "live-peeling": (
@@ -210,25 +210,25 @@ SHOTS: dict[str, tuple[str, tuple[str, ...], tuple[int, int], Callable[[Any, Liv
     "study-participant": (QUICK, (), (1366, 768), study_participant),
     "study-questionnaire": (QUICK, (), (1366, 768), study_questionnaire),
 }
-"""File name: what is served and how, by which program, how large, and what leads there."""
+"""By file name: arguments, program, size of the page, and the function that leads to the screenshot."""
 
 
 def main() -> None:
-    """Make the pictures that were asked for, or all."""
-    os.chdir(ROOT)  # so that no picture shows where it was made
+    """Take the screenshots that the command line names, or all."""
+    os.chdir(ROOT)  # so that no screenshot shows this folder
     with chromium() as browser:
-        for name in sys.argv[1:] or SHOTS:
-            source, program, (width, height), lead = SHOTS[name]
+        for name in sys.argv[1:] or SCREENSHOTS:
+            source, program, (width, height), prepare = SCREENSHOTS[name]
             with Live(*source.split(), program=program or ("-m", "haptigraph")) as live, ExitStack() as more:
                 context = browser.new_context(viewport={"width": width, "height": height})
                 context.add_init_script(PAD)
                 page = context.new_page()
-                page.problems, page.more = [], more  # other servers live until the picture is taken
+                page.problems, page.more = [], more  # other servers run until the screenshot is taken
                 page.goto(live.url)
                 until(page, "document.body.dataset.index > 5")
-                lead(page, live)
+                prepare(page, live)
                 page.screenshot(path=IMAGES / f"{name}.png")
-                leave(page)
+                close_page(page)
             print(IMAGES / f"{name}.png")
 
 

@@ -1,1 +1,1 @@
-"""The live page: a server beside the loop, and the pages it serves."""
+"""The web dashboard: the server beside the loop, its pages, and their jobs."""

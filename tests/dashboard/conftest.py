@@ -1,4 +1,4 @@
-"""One browser for all tests, a fresh page for each. Skipped, and told so, where Chromium is absent."""
+"""One browser for all tests, a fresh page for each; skipped without Chromium."""
 
 import re
 from pathlib import Path
@@ -22,7 +22,7 @@ def chromium():
 
 @pytest.fixture
 def open_page(chromium):
-    """Open pages, each in a browser context of its own; the test fails if one logs an error or looks elsewhere."""
+    """Open pages, each in a context of its own; the test fails if one logs an error or requests another host."""
     contexts, problems = [], []
 
     def open_one(
@@ -63,14 +63,14 @@ def _is_foreign(url: str) -> bool:
 
 @pytest.fixture(scope="module")
 def live(quick_uri):
-    """One server that plays a short scenario again and again, for tests that only watch."""
+    """One server that repeats a short scenario, for tests that only watch."""
     with Live(quick_uri) as running:
         yield running
 
 
 @pytest.fixture(scope="session")
 def recordings(quick_uri, procedure, tmp_path_factory) -> Path:
-    """A folder of recordings, good and bad, and another procedure. Not to be changed."""
+    """A read-only folder of recordings, valid and invalid, and another procedure."""
     folder = tmp_path_factory.mktemp("recordings")
     settings = (f"source.uri={quick_uri}", "run.realtime=false", "trial.participant=P07", "trial.trial=3")
     (folder / "p08").mkdir()
@@ -94,6 +94,6 @@ def recordings(quick_uri, procedure, tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def archive(quick_uri, recordings):
-    """One server beside that folder, for tests that only read."""
+    """One server of that folder, for tests that only read."""
     with Live(quick_uri, "--recordings", recordings) as running:
         yield running

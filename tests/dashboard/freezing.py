@@ -1,6 +1,6 @@
-"""`haptigraph`, but teleop:SCENARIO plays the scenario and delivers nothing more after SIGUSR1: a camera that hangs.
+"""`haptigraph`, but teleop:SCENARIO plays the scenario and delivers nothing after SIGUSR1, like a camera that hangs.
 
-It stands in for teleop because that is not read ahead, as a camera is not.
+It replaces teleop because that, like a camera, is not read ahead.
 """
 
 import signal

@@ -1,4 +1,4 @@
-"""What tests of the registration page share: pictures to open, and one `haptigraph live` that serves it."""
+"""Helpers of the tests of the registration page: images to open, and requests to its routes."""
 
 import http.client
 import json
@@ -21,19 +21,19 @@ def write_eye(folder, quick):
     return folder / "eye.png"
 
 
-def write_grain(folder):
-    grain = np.random.default_rng(0).integers(90, 160, (270, 480, 3), np.uint8)
-    cv2.imwrite(str(folder / "wall.png"), grain)
+def write_noise(folder):
+    noise = np.random.default_rng(0).integers(90, 160, (270, 480, 3), np.uint8)
+    cv2.imwrite(str(folder / "wall.png"), noise)
     return folder / "wall.png"
 
 
-def ask(live, path, content=None, **headers):
-    """Ask a route of the registration page."""
-    return ask_at(live, f"/registration/{path}", content, **headers)
+def send(live, path, content=None, **headers):
+    """Send a request to a route of the registration page."""
+    return send_to(live, f"/registration/{path}", content, **headers)
 
 
-def ask_at(live, path, content=None, **headers):
-    """Ask a route as the page's own script does; the status, and what was answered."""
+def send_to(live, path, content=None, **headers):
+    """Send a request as the page's script does; return status and content of the response."""
     address = live.url.removeprefix("http://").partition("/")[0]
     connection = http.client.HTTPConnection(address, timeout=60)
     body = content if isinstance(content, bytes | None) else json.dumps(content)
@@ -43,20 +43,20 @@ def ask_at(live, path, content=None, **headers):
         body=body,
         headers={"Origin": f"http://{address}", **headers},
     )
-    answer = connection.getresponse()
-    data = answer.read()
+    response = connection.getresponse()
+    data = response.read()
     connection.close()
-    if answer.headers["Content-Type"] != "application/json":
-        return answer.status, data
-    return answer.status, json.loads(data)
+    if response.headers["Content-Type"] != "application/json":
+        return response.status, data
+    return response.status, json.loads(data)
 
 
-def write_clip(folder, quick, most=16):
-    """A folder of images in which the needle goes in and turns."""
+def write_clip(folder, quick, count=16):
+    """Write a folder of images in which the needle enters and pivots."""
     phantom = Phantom(load_scenario(quick))
     images = []
     while (moment := phantom.advance()) is not None:
         images.append(moment.image)
-    for number, image in enumerate(images[:: len(images) // most]):
+    for number, image in enumerate(images[:: len(images) // count]):
         cv2.imwrite(str(folder / f"{number:03}.png"), image)
     return folder

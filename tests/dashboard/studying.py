@@ -1,16 +1,16 @@
-"""What tests of the study pages share: a short protocol, a station that serves it, and what its store holds."""
+"""Helpers of the tests of the study pages: a short protocol, a station that serves it, rows of its store."""
 
 from contextlib import closing
 
 from live_bench import Live
-from registering import ask_at
+from registering import send_to
 from sqlalchemy import select
 
 from haptigraph.study.protocol import load_protocol
 from haptigraph.study.roster import Study
 from haptigraph.study.store import Store
 
-__all__ = ["PARTICIPANT", "STUDY", "Station", "answer_all", "ask_at", "rows_of", "study_at"]
+__all__ = ["PARTICIPANT", "STUDY", "Station", "answer_all", "rows_of", "send_to", "study_at"]
 
 STUDY, PARTICIPANT = "/static/study/study.js", "/static/study/participant.js"
 PROTOCOL = """
@@ -81,15 +81,15 @@ def study_at(folder, store):
 
 
 def rows_of(folder, table, *columns):
-    """What the store holds now, looked at from outside; a row a tuple of the columns."""
+    """Return the rows of a table as tuples of columns, read from the store's file."""
     with closing(Store(folder / "study.db")) as store:
         rows = store.rows(select(table).order_by(*(table.c[name] for name in columns)))
         return [tuple(row[name] for name in columns) for row in rows]
 
 
 def answer_all(page):
-    """Answer what is not answered yet; the last choice of each."""
-    open_items = "[...document.querySelectorAll('.item:not(.is-kept)')].map((each) => each.dataset.item)"
+    """Answer all open items, with the last choice each."""
+    open_items = "[...document.querySelectorAll('.item:not(.is-saved)')].map((each) => each.dataset.item)"
     for item in page.evaluate(open_items):
         field = page.locator(f".item[data-item='{item}']")
         if field.locator("input[type=radio]").count():

@@ -1,12 +1,12 @@
-"""Run a coroutine whatever else runs in this thread: the browser's driver keeps an event loop of its own in it."""
+"""Run a coroutine in another thread, because the browser's driver has an event loop in this one."""
 
 import asyncio
 from concurrent.futures import ThreadPoolExecutor
 
-__all__ = ["run_apart"]
+__all__ = ["run_in_thread"]
 
 
-def run_apart(coroutine):
-    """Return what the coroutine returns, from an event loop in a thread of its own."""
+def run_in_thread(coroutine):
+    """Run a coroutine in an event loop of its own; return its result."""
     with ThreadPoolExecutor(1) as pool:
         return pool.submit(asyncio.run, coroutine).result()

@@ -1,4 +1,4 @@
-"""The real server in a process of its own, and Debian's Chromium to look at it: for tests, figures and pictures."""
+"""The real server in a process of its own, and Debian's Chromium: for tests, benchmarks and screenshots."""
 
 import re
 import shutil
@@ -20,7 +20,7 @@ FLAGS = [
     "--disable-sync",
 ]
 PAD = """
-window.rumble = [];  // every call, with the moment it was made [ms since 1970]
+window.rumble = [];  // every call, with its time [ms since 1970]
 window.pad = {
   id: "Test controller (STANDARD)", index: 0, connected: true, mapping: "standard",
   axes: [0, 0, 0, 0], buttons: Array.from({ length: 17 }, () => ({ value: 0, pressed: false })),
@@ -32,16 +32,16 @@ window.pad = {
 };
 navigator.getGamepads = () => [window.pad, null, null, null];
 """
-"""A game controller put into the browser, whose rumble is written down."""
+"""Script that simulates a game controller and logs its rumble."""
 
 
 class Live:
-    """A running `haptigraph live`; a context manager that ends it.
+    """A running `haptigraph live`; a context manager that kills it.
 
     Args:
-        arguments: What stands behind `haptigraph live`.
-        program: What is run instead of `python -m haptigraph`.
-        command: Another command that serves pages.
+        arguments: Of `haptigraph live`.
+        program: Python arguments that replace `-m haptigraph`.
+        command: Command that serves pages.
     """
 
     def __init__(
@@ -50,22 +50,24 @@ class Live:
         program: tuple[str, ...] = ("-m", "haptigraph"),
         command: tuple[str, ...] = ("live",),
     ) -> None:
-        whole = [sys.executable, *program, *command, *map(str, arguments)]
-        self.process = subprocess.Popen(whole, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        self.told: list[str] = []
+        command_line = [sys.executable, *program, *command, *map(str, arguments)]
+        self.process = subprocess.Popen(
+            command_line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        self.lines: list[str] = []
         self.url = ""
         for line in self.process.stderr or ():
-            self.told.append(line)
+            self.lines.append(line)
             if found := re.search(r"the page is at (http://\S+)", line):
                 self.url = found[1]
                 return
-        raise AssertionError("".join(self.told))
+        raise AssertionError("".join(self.lines))
 
     def stop(self, how: signal.Signals = signal.SIGTERM) -> str:
-        """End it and return all it said. (What a shell runs in its background ignores SIGINT.)"""
+        """Stop it and return all its output. (Background processes of a shell ignore SIGINT.)"""
         self.process.send_signal(how)
         out, err = self.process.communicate(timeout=30)
-        return "".join(self.told) + out + err
+        return "".join(self.lines) + out + err
 
     def __enter__(self) -> "Live":
         return self
@@ -78,7 +80,7 @@ class Live:
 
 @contextmanager
 def chromium() -> Iterator[Any]:
-    """Start Chromium without a window, with a profile of its own."""
+    """Start headless Chromium with a profile of its own."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
@@ -88,11 +90,11 @@ def chromium() -> Iterator[Any]:
 
 
 LIVE = "/static/live/live.js"
-"""The module whose `page` is looked at."""
+"""The module whose `page` expressions refer to."""
 
 
-def look(page: Any, expression: str, module: str = "") -> Any:
-    """Return the value of a JavaScript expression, in which `page` is what the page knows."""
+def evaluate(page: Any, expression: str, module: str = "") -> Any:
+    """Return the value of a JavaScript expression in which `page` is the page's state."""
     module = module or getattr(page, "module", LIVE)
     return page.evaluate(
         f"async () => {{ const {{ page }} = await import('{module}'); return {expression}; }}"
@@ -100,9 +102,9 @@ def look(page: Any, expression: str, module: str = "") -> Any:
 
 
 def until(page: Any, condition: str, within_s: float = 30, module: str = "") -> Any:
-    """Wait until a JavaScript expression, in which `page` is what the page knows, is true; return its value.
+    """Wait until a JavaScript expression in which `page` is the page's state is true; return its value.
 
-    Unlike Playwright's own `wait_for_function` it needs no eval, which the page's policy forbids.
+    Unlike Playwright's `wait_for_function` it needs no eval, which the page's policy forbids.
     """
     return page.evaluate(
         """(within_ms) => new Promise(async (resolve, reject) => {
@@ -124,11 +126,11 @@ def until(page: Any, condition: str, within_s: float = 30, module: str = "") -> 
     )
 
 
-def leave(page: Any) -> None:
-    """Close a page whose server goes away: the browser logs that it has, and that is right."""
+def close_page(page: Any) -> None:
+    """Close a page whose server stops, and drop the errors that the browser logs about it."""
     page.close()
-    gone = ("WebSocket connection to", "Failed to load resource: net::ERR_")
-    page.problems[:] = [problem for problem in page.problems if not any(word in problem for word in gone)]
+    expected = ("WebSocket connection to", "Failed to load resource: net::ERR_")
+    page.problems[:] = [problem for problem in page.problems if not any(word in problem for word in expected)]
 
 
 def hide(page):

@@ -2,39 +2,43 @@
 
 from haptigraph.analysis.metrics.replay import replay
 from haptigraph.assemble import load_procedure
-from haptigraph.dashboard.jobs.read import empty_timeline, settings_of
+from haptigraph.dashboard.jobs.read import empty_timeline, recorded_settings
 from haptigraph.dashboard.server.describe import describe_states
-from haptigraph.dashboard.server.frames import measures_told, progress, put_frame, timeline_told
+from haptigraph.dashboard.server.stream import (
+    encode_timeline,
+    measures_json,
+    progress_reporter,
+    send_message,
+)
 from haptigraph.messages import Step
 from haptigraph.recording.reader import RunReader
 
 __all__ = ["compare"]
 
 
-def compare(name: str, given: str) -> None:
-    """Answer with what a procedure makes of the recorded images; empty: the recorded one again."""
-    judging = load_procedure(given) if given else settings_of(RunReader(name))[0]
-    timeline = empty_timeline(judging)
-    touched = differs = 0
+def compare(name: str, procedure_name: str) -> None:
+    """Send the timeline of the recorded images under a procedure; empty: under the recorded one."""
+    procedure = load_procedure(procedure_name) if procedure_name else recorded_settings(RunReader(name))[0]
+    timeline = empty_timeline(procedure)
+    haptics_differ = state_differs = 0
 
-    def watch(then: Step, now: Step) -> None:
-        nonlocal touched, differs
-        timeline.add(now)
-        touched += then.command.pattern != now.command.pattern
-        differs += then.conclusion.state != now.conclusion.state
+    def watch(recorded: Step, replayed: Step) -> None:
+        nonlocal haptics_differ, state_differs
+        timeline.add(replayed)
+        haptics_differ += recorded.command.pattern != replayed.command.pattern
+        state_differs += recorded.conclusion.state != replayed.conclusion.state
 
-    told = progress("replaying", 0)
-    report = replay(name, given or None, lambda _, done, total: told(done, done, total), watch)
-    content, data = timeline_told(timeline)
+    progress = progress_reporter("replaying")
+    report = replay(name, procedure_name or None, lambda _, done, total: progress(done, done, total), watch)
+    content, data = encode_timeline(timeline)
     more = {
-        "described": describe_states(judging),
-        "procedure": given or judging.name,
-        "measures": measures_told(report.replayed, timeline.start_ns),
+        "state_descriptions": describe_states(procedure),
+        "procedure": procedure_name or procedure.name,
+        "measures": measures_json(report.replayed, timeline.start_ns),
         "steps": report.steps,
         "identical": report.identical,
-        "state_differs": differs,
-        "touch_differs": touched,
-        "first": report.first.step if report.first else None,
+        "state_differs": state_differs,
+        "haptics_differ": haptics_differ,
         "dropped_images": report.dropped_images,
     }
-    put_frame({"type": "comparison", **content, **more}, data)
+    send_message({"type": "comparison", **content, **more}, data)

@@ -1,29 +1,39 @@
-"""The job that writes a run as a table; and how files are sent."""
+"""The jobs that export a run: as a table, as a figure."""
 
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
 from haptigraph.analysis.metrics.export import run_csv
-from haptigraph.dashboard.server.frames import progress, put_frame
+from haptigraph.dashboard.server.stream import progress_reporter, send_message
 
-__all__ = ["export_csv", "send_file"]
+__all__ = ["export_csv", "export_png"]
 
 PART_BYTES = 1 << 18
 
 
 def export_csv(name: str) -> None:
-    """Answer with the run as a table."""
-    told = progress("writing", 0)
-    send_file(lambda output: run_csv(name, output, lambda _, done, total: told(done, done, total)), ".csv")
+    """Send a run as a table."""
+    progress = progress_reporter("writing")
+    _send_file(
+        lambda output: run_csv(name, output, lambda _, done, total: progress(done, done, total)), ".csv"
+    )
 
 
-def send_file(make: Callable[[str], None], suffix: str) -> None:
-    """Send a file once it is whole."""
+def export_png(name: str) -> None:
+    """Send the figure of a run."""
+    from haptigraph.analysis.plots.figures import run_figure  # noqa: PLC0415 - Matplotlib takes seconds
+
+    send_message({"type": "progress", "what": "drawing", "done": 0, "total": 0})
+    _send_file(lambda output: run_figure(name, output), ".png")
+
+
+def _send_file(write: Callable[[str], None], suffix: str) -> None:
+    """Send a file once it is complete."""
     with tempfile.TemporaryDirectory(prefix="haptigraph-") as folder:
         output = Path(folder) / f"run{suffix}"
-        make(str(output))
+        write(str(output))
         with output.open("rb") as file:
             while part := file.read(PART_BYTES):
-                put_frame({"type": "part"}, part)
-        put_frame({"type": "whole"})
+                send_message({"type": "part"}, part)
+        send_message({"type": "complete"})

@@ -1,9 +1,9 @@
-"""What takes seconds or longer, in a process of its own: read, replay, measure and export runs; find an eye.
+"""Run one job in a process of its own: read, replay, measure and export runs; find an eye.
 
-`python -m haptigraph.dashboard.jobs.main JOB FOLDER` does one job in a folder. What it is about comes pickled
-on stdin; it answers on stdout in frames (`frames.py`), the last of which may tell a problem. Knows nothing of
-HTTP. A process, not a thread, so that a loop beside it keeps its interpreter; it asks for little, and ends
-with its parent.
+`python -m haptigraph.dashboard.jobs.main JOB FOLDER` runs a job in a folder. Its arguments come pickled on
+stdin; its answer goes to stdout as a stream of messages (`server/stream.py`), of which the last may report a
+problem. A process rather than a thread, so that a loop beside it keeps the interpreter to itself. It runs
+with low priority and ends with its parent.
 """
 
 import os
@@ -16,47 +16,47 @@ from importlib import import_module
 import cv2
 import msgspec
 
-from haptigraph.dashboard.server.frames import put_frame
+from haptigraph.dashboard.server.stream import send_message
 from haptigraph.errors import HaptigraphError
 
 __all__ = ["JOBS", "main"]
 
 JOBS = {
     "timeline": ("haptigraph.dashboard.jobs.read:read_run", 15),
-    "outcomes": ("haptigraph.dashboard.jobs.read:outcomes", 15),
+    "outcomes": ("haptigraph.dashboard.jobs.read:measure_outcomes", 15),
     "compare": ("haptigraph.dashboard.jobs.compare:compare", 15),
     "csv": ("haptigraph.dashboard.jobs.export:export_csv", 15),
-    "png": ("haptigraph.dashboard.jobs.draw:export_png", 15),
-    "register": ("haptigraph.dashboard.jobs.register:look_at", 5),  # no run without it
+    "png": ("haptigraph.dashboard.jobs.export:export_png", 15),
+    "register": ("haptigraph.dashboard.jobs.register:find_eye", 5),  # a run may wait for it
 }
-"""What does them, imported when asked for (drawing alone takes seconds to load), and how nice it is."""
+"""Function, imported on demand because drawing takes seconds to load, and niceness of each job."""
 
 
 def main() -> None:
-    """Do one job and answer on stdout."""
+    """Run the job that the command line names."""
     job, folder = sys.argv[1:]
-    given = pickle.load(sys.stdin.buffer)
+    arguments = pickle.load(sys.stdin.buffer)
     path, nice = JOBS[job]
-    _ask_for_little(nice)
+    _lower_priority(nice)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     try:
         os.chdir(folder)
         module, _, name = path.partition(":")
-        getattr(import_module(module), name)(*given)
+        getattr(import_module(module), name)(*arguments)
     except HaptigraphError as error:
-        _problem(str(error))
+        _send_problem(str(error))
     except msgspec.MsgspecError as error:
-        _problem(f"{given[0]}: its settings cannot be read ({error})")
+        _send_problem(f"{arguments[0]}: its settings cannot be read ({error})")
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
-        _problem(f"{where}{error.strerror or error}")
+        _send_problem(f"{where}{error.strerror or error}")
 
 
-def _problem(sentence: str) -> None:
-    put_frame({"type": "problem", "problem": sentence})
+def _send_problem(sentence: str) -> None:
+    send_message({"type": "problem", "problem": sentence})
 
 
-def _ask_for_little(nice: int) -> None:
+def _lower_priority(nice: int) -> None:
     cv2.setNumThreads(1)
     if hasattr(os, "nice"):
         with suppress(OSError):
@@ -64,7 +64,7 @@ def _ask_for_little(nice: int) -> None:
 
 
 def _end_with_parent() -> None:
-    """End when the other side of stdin has gone, however it went."""
+    """Exit when the other end of stdin is closed, for whatever reason."""
     while os.read(sys.stdin.fileno(), 1):
         continue
     os._exit(1)

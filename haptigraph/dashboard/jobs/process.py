@@ -1,4 +1,4 @@
-"""Run jobs in processes of their own, and pass on what they answer. Knows no job."""
+"""Start jobs in processes of their own, and pass on their answers."""
 
 import asyncio
 import os
@@ -17,42 +17,42 @@ import haptigraph
 __all__ = ["Jobs"]
 
 MODULE = "haptigraph.dashboard.jobs.main"
-MOST_AT_ONCE = 2
+MAX_CONCURRENT = 2
 BELOW_NORMAL = getattr(subprocess, "BELOW_NORMAL_PRIORITY_CLASS", 0)
 
 
 class Jobs:
-    """Start jobs, a few at a time; the others wait.
+    """Run a few jobs at a time; the others wait.
 
     Args:
-        folder: Where they work.
+        folder: Their working folder.
     """
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._room = asyncio.Semaphore(MOST_AT_ONCE)
+        self._slots = asyncio.Semaphore(MAX_CONCURRENT)
 
-    async def frames(self, job: str, *given: Any) -> AsyncIterator[tuple[dict[str, Any], bytes]]:
-        """Yield what a job answers; who stops listening ends it.
+    async def run(self, job: str, *arguments: Any) -> AsyncIterator[tuple[dict[str, Any], bytes]]:
+        """Yield the messages of a job, as JSON and bytes; closing the generator kills it.
 
         Args:
-            job: One of `job_main.JOBS`.
-            given: What it is about; whatever can be pickled.
+            job: One of `main.JOBS`.
+            arguments: Of the job; anything that can be pickled.
         """
-        if self._room.locked():
-            yield {"type": "progress", "what": "waiting for other work", "done": 0, "total": 0}, b""
-        async with self._room:
+        if self._slots.locked():
+            yield {"type": "progress", "what": "waiting for other jobs", "done": 0, "total": 0}, b""
+        async with self._slots:
             process = await self._start(job)
             try:
                 if process.stdin is None or process.stdout is None:
                     return
-                process.stdin.write(pickle.dumps(given))
-                with suppress(ConnectionError):  # it has ended already, and how is told below
+                process.stdin.write(pickle.dumps(arguments))
+                with suppress(ConnectionError):  # it has ended already; reported below
                     await process.stdin.drain()
-                async for frame in _frames(process.stdout):
-                    yield frame
+                async for message in _messages(process.stdout):
+                    yield message
                 if code := await process.wait():
-                    problem = f"the work ended by itself (exit code {code}); the terminal may say why"
+                    problem = f"the job ended unexpectedly (exit code {code}); see the terminal"
                     yield {"type": "problem", "problem": problem}, b""
             finally:
                 if process.returncode is None:
@@ -60,7 +60,7 @@ class Jobs:
                     await process.wait()
 
     async def _start(self, job: str) -> asyncio.subprocess.Process:
-        """Start a job that finds the very package that runs here, and nothing in the working directory."""
+        """Start a job that imports the package that runs here, and nothing from the working directory."""
         package = str(Path(haptigraph.__file__).parents[1])
         paths = [package, *filter(None, [os.environ.get("PYTHONPATH")])]
         return await asyncio.create_subprocess_exec(
@@ -68,12 +68,12 @@ class Jobs:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
-            start_new_session=True,  # Ctrl-C is for the parent
+            start_new_session=True,  # Ctrl-C goes to the parent only
             creationflags=BELOW_NORMAL,
         )
 
 
-async def _frames(stream: asyncio.StreamReader) -> AsyncIterator[tuple[dict[str, Any], bytes]]:
+async def _messages(stream: asyncio.StreamReader) -> AsyncIterator[tuple[dict[str, Any], bytes]]:
     while True:
         try:
             length = int.from_bytes(await stream.readexactly(4), "big")

@@ -1,4 +1,4 @@
-"""The job that looks at a source and finds what a registration needs."""
+"""The job that reads images of a source and finds the anatomy that a registration needs."""
 
 import pickle
 import time
@@ -12,63 +12,65 @@ from haptigraph.analysis.registering.registering import all_images, spread_image
 from haptigraph.assemble import SOURCES, open_source
 from haptigraph.clock import MonotonicClock
 from haptigraph.config import Config, SourceConfig
-from haptigraph.dashboard.server.frames import put_frame
+from haptigraph.dashboard.server.stream import send_message
 from haptigraph.errors import BadInput, SourceLost
 from haptigraph.messages import Image
 from haptigraph.sources.naming import CAMERAS, split_source
 
-__all__ = ["LOOK_S", "look_at"]
+__all__ = ["OBSERVE_S", "find_eye"]
 
-MOST_IMAGES = 40
-LOOK_S = 4.0
-"""At what is live."""
-TRY_S = 0.1
-CAMERA_PX = 1280, 720  # to ask for; a camera delivers the nearest it can
+MAX_IMAGES = 40
+OBSERVE_S = 4.0
+"""Time to watch a live source."""
+TIMEOUT_S = 0.1
+CAMERA_PX = 1280, 720  # preferred; a camera delivers the nearest size it can
 
 
-def look_at(
-    source: str, asked: SourceConfig, seen: Sequence[Image], mirrored: bool, diameter_mm: float
+def find_eye(
+    source: str, source_config: SourceConfig, images: Sequence[Image], mirrored: bool, diameter_mm: float
 ) -> None:
-    """Answer with what was found, pickled.
+    """Send the opened source, pickled.
 
     Args:
-        source: What to read.
-        asked: What to ask of a camera.
-        seen: Images of it, if it cannot be read from here; else empty.
-        mirrored: Whether it is seen through a mirror.
+        source: The source to read.
+        source_config: Settings of a camera.
+        images: Images of a source that cannot be read from here; else empty.
+        mirrored: Whether the camera looks through a mirror.
         diameter_mm: Inner diameter of the globe.
     """
-    with closing(_images(source, asked, seen)) as images:
-        picked = spread_images(images, source, MOST_IMAGES, _tell)
-    _tell(f"looking for the eye in {len(picked)} images")
+    with closing(_images(source, source_config, images)) as found:
+        picked = spread_images(found, source, MAX_IMAGES, _send_progress)
+    _send_progress(f"finding the eye in {len(picked)} images")
     opened = open_images(picked, source, mirrored=mirrored, diameter_mm=diameter_mm)
-    put_frame({"type": "opened"}, pickle.dumps(opened))
+    send_message({"type": "opened"}, pickle.dumps(opened))
 
 
-def _tell(what: str, done: int = 0, total: int = 0) -> None:
-    put_frame({"type": "progress", "what": what, "done": done, "total": total})
+def _send_progress(what: str, done: int = 0, total: int = 0) -> None:
+    send_message({"type": "progress", "what": what, "done": done, "total": total})
 
 
-def _images(source: str, asked: SourceConfig, seen: Sequence[Image]) -> Generator[Image, None, None]:
-    kind = "" if seen else split_source(source, SOURCES)[0]
-    if seen:
-        yield from seen
+def _images(
+    source: str, source_config: SourceConfig, images: Sequence[Image]
+) -> Generator[Image, None, None]:
+    kind = "" if images else split_source(source, SOURCES)[0]
+    if images:
+        yield from images
     elif kind in CAMERAS:
-        yield from _from_camera(replace(asked, uri=source, loop=False))
+        yield from _camera_images(replace(source_config, uri=source, loop=False))
     elif kind == "teleop":
-        raise BadInput(f"{source} has no end; give phantom:SCENARIO")
+        raise BadInput(f"{source} has no end; use phantom:SCENARIO")
     else:
         yield from all_images(source)
 
 
-def _from_camera(asked: SourceConfig) -> Generator[Image, None, None]:
-    """Look through a camera for some seconds."""
-    size_px = (asked.width_px, asked.height_px) if asked.width_px else CAMERA_PX
-    with closing(open_source(Config(source=asked), MonotonicClock(), size_px)) as camera:
-        end_s = time.monotonic() + LOOK_S
+def _camera_images(source_config: SourceConfig) -> Generator[Image, None, None]:
+    """Yield a camera's images for some seconds."""
+    size_px = (source_config.width_px, source_config.height_px) if source_config.width_px else CAMERA_PX
+    with closing(open_source(Config(source=source_config), MonotonicClock(), size_px)) as camera:
+        end_s = time.monotonic() + OBSERVE_S
         while time.monotonic() < end_s:
             try:
-                capture = camera.read(TRY_S)
+                capture = camera.read(TIMEOUT_S)
             except SourceLost as error:
                 raise BadInput(str(error)) from None
             if capture is not None and capture.image is not None:

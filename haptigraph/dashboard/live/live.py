@@ -1,4 +1,4 @@
-"""The page beside a loop: what to watch it by, and a server for as long as it is watched."""
+"""The live page beside a loop: a hub to watch it and a server."""
 
 import threading
 from collections.abc import Callable, Iterator
@@ -12,9 +12,9 @@ from haptigraph.clock import MonotonicClock
 from haptigraph.config import Config
 from haptigraph.dashboard.server.access import LOOPBACK
 from haptigraph.dashboard.server.controls import Controls
+from haptigraph.dashboard.server.describe import announcement
 from haptigraph.dashboard.server.health import Health
 from haptigraph.dashboard.server.hub import Hub
-from haptigraph.dashboard.server.introduction import introduce
 from haptigraph.dashboard.server.server import REGISTRATION, Server, address, make_app
 from haptigraph.dashboard.server.site import Site
 from haptigraph.pipeline import Loop
@@ -24,13 +24,13 @@ __all__ = ["LivePage"]
 
 
 class LivePage:
-    """Everything a run needs to be watched: give `hub` to the loop as a sink, `hub.felt` as its listener.
+    """Serve a run: give `hub` to the loop as a sink and `hub.felt` as its listener.
 
     Args:
         config: Of the run.
         listener: The socket to serve on.
         host: The address it listens on.
-        token: What visitors must know; empty: nothing.
+        token: What visitors must present; empty: nothing.
         recordings: Folder of recordings to show.
     """
 
@@ -41,21 +41,21 @@ class LivePage:
 
     @property
     def address(self) -> str:
-        """What to open in a browser."""
+        """The address to open in a browser."""
         return address(self._listener, self._host, self._token)
 
     @contextmanager
     def served(self, loop: Loop, measures: RunMeasures) -> Iterator[None]:
-        """Serve the page while the context lasts.
+        """Serve the pages while the context lasts.
 
         Args:
-            loop: What is watched.
-            measures: Of its run, kept by whoever takes its steps.
+            loop: The loop to watch.
+            measures: Of its run, kept up to date by the consumer of its steps.
 
         Raises:
             BadInput: If procedure or registration cannot be used.
         """
-        introduce(self._config, loop, self.hub)()
+        announcement(self._config, loop, self.hub)()
         phased = loop.source if isinstance(loop.source, PhasedSource) else None
         site = self._site(Controls(self.hub, loop.source.teleop, phased))
         app = make_app(site, Health(loop, self.hub, measures), host=self._host, token=self._token)
@@ -63,7 +63,7 @@ class LivePage:
             yield
 
     def registered_first(self) -> str:
-        """Serve the registration page alone until somebody saves there; return the file's path."""
+        """Serve the registration page alone until a registration is saved there; return the file's path."""
         saved: SimpleQueue[str] = SimpleQueue()
         controls = Controls(self.hub, None)
         site = self._site(controls, saved.put)
@@ -72,13 +72,12 @@ class LivePage:
             return saved.get()
 
     def _site(self, controls: Controls, on_registration: Callable[[str], None] | None = None) -> Site:
-        is_local = self._host in LOOPBACK
-        asked = self._config.source
-        return Site(self.hub, controls, asked.uri, self._recordings, is_local, on_registration, asked)
+        is_local, source = self._host in LOOPBACK, self._config.source
+        return Site(self.hub, controls, source.uri, self._recordings, is_local, on_registration, source)
 
     def end(self, reason: str) -> None:
-        """Tell the viewers that the run has ended, and why."""
-        self.hub.tell_from_outside("ended", reason=reason)
+        """Notify the viewers that the run has ended, and why."""
+        self.hub.publish_threadsafe("ended", reason=reason)
 
     def wait(self) -> None:
         """Wait until Ctrl-C."""

@@ -1,4 +1,4 @@
-"""The live page's own route: one WebSocket per page, over which it watches and steers."""
+"""The live page's route: one WebSocket per page, over which it watches and steers."""
 
 import asyncio
 from collections.abc import Sequence
@@ -13,47 +13,47 @@ from haptigraph.dashboard.server.controls import Controls
 from haptigraph.dashboard.server.hub import Hub
 from haptigraph.dashboard.server.protocol import (
     Ack,
-    Enter,
-    Heard,
+    ClientMessage,
+    EnterPhase,
     Motion,
     Ping,
-    Release,
-    Take,
+    ReleaseControls,
+    TakeControls,
     Tune,
     Watch,
-    heard,
-    told,
+    parse_client_message,
+    text_message,
 )
 from haptigraph.dashboard.server.site import Site
 from haptigraph.dashboard.server.viewer import Viewer
 
 __all__ = ["routes"]
 
-MOST_VIEWERS = 16
+MAX_VIEWERS = 16
 
 
 def routes(site: Site) -> Sequence[BaseRoute]:
     """Return the routes of the live page."""
     hub, controls, numbers = site.hub, site.controls, count(1)
 
-    async def talk(websocket: WebSocket) -> None:
+    async def endpoint(websocket: WebSocket) -> None:
         await websocket.accept()
-        if len(hub.viewers) >= MOST_VIEWERS:
-            await websocket.close(1013, f"{MOST_VIEWERS} pages watch already; close one")
+        if len(hub.viewers) >= MAX_VIEWERS:
+            await websocket.close(1013, f"{MAX_VIEWERS} pages watch already; close one")
             return
         viewer = Viewer(f"page {next(numbers)}")
-        viewer.tell(told("you", name=viewer.name))
+        viewer.put_text(text_message("welcome", name=viewer.name))
         hub.join(viewer)
         sender = asyncio.create_task(_send(websocket, viewer))
         try:
-            await _listen(websocket, viewer, hub, controls)
+            await _receive(websocket, viewer, hub, controls)
         finally:
             controls.release(viewer)
             hub.leave(viewer)
             sender.cancel()
             await asyncio.gather(sender, return_exceptions=True)
 
-    return [WebSocketRoute("/live", talk)]
+    return [WebSocketRoute("/live", endpoint)]
 
 
 async def _send(websocket: WebSocket, viewer: Viewer) -> None:
@@ -65,16 +65,16 @@ async def _send(websocket: WebSocket, viewer: Viewer) -> None:
             await websocket.send_text(message)
 
 
-async def _listen(websocket: WebSocket, viewer: Viewer, hub: Hub, controls: Controls) -> None:
+async def _receive(websocket: WebSocket, viewer: Viewer, hub: Hub, controls: Controls) -> None:
     while (received := await websocket.receive())["type"] == "websocket.receive":
         try:
-            message = heard(_text(received))
+            message = parse_client_message(_text(received))
         except ValueError as error:
-            # Sent from here, so that who sends nonsense waits until it has read the answer.
-            with suppress(WebSocketDisconnect, RuntimeError):  # it has left; starlette has two ways to say so
-                await websocket.send_text(told("error", message=f"not understood: {error}"))
+            # Sent from here, so that a page that sends invalid messages waits until it has read the answer.
+            with suppress(WebSocketDisconnect, RuntimeError):  # disconnected; starlette raises either
+                await websocket.send_text(text_message("error", message=f"invalid message: {error}"))
         else:
-            _obey(message, viewer, hub, controls)
+            _handle(message, viewer, hub, controls)
 
 
 def _text(received: Any) -> str:
@@ -84,7 +84,7 @@ def _text(received: Any) -> str:
     return text
 
 
-def _obey(message: Heard, viewer: Viewer, hub: Hub, controls: Controls) -> None:
+def _handle(message: ClientMessage, viewer: Viewer, hub: Hub, controls: Controls) -> None:
     if isinstance(message, Motion):
         controls.move(viewer, message.hand)
     elif isinstance(message, Ack):
@@ -92,12 +92,12 @@ def _obey(message: Heard, viewer: Viewer, hub: Hub, controls: Controls) -> None:
     elif isinstance(message, Watch):
         viewer.wants_images = message.images
     elif isinstance(message, Ping):
-        viewer.tell(told("pong", time_ms=message.time_ms, now_ms=hub.now_ms()))
-    elif isinstance(message, Take):
+        viewer.put_text(text_message("pong", time_ms=message.time_ms, now_ms=hub.now_ms()))
+    elif isinstance(message, TakeControls):
         controls.take(viewer)
     elif isinstance(message, Tune):
         controls.tune(viewer, message.changes())
-    elif isinstance(message, Release):
+    elif isinstance(message, ReleaseControls):
         controls.release(viewer)
-    elif isinstance(message, Enter):
-        controls.enter(viewer, message.phase)
+    elif isinstance(message, EnterPhase):
+        controls.enter_phase(viewer, message.phase)

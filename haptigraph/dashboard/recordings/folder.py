@@ -1,4 +1,4 @@
-"""A folder of recordings: what is in it, told from headers alone; and single steps of those that were read.
+"""A folder of recordings: a list of runs, from their headers alone, and single steps of opened runs.
 
 Names are paths relative to the folder, at most one folder deep. Nothing outside the folder is ever opened.
 """
@@ -14,19 +14,19 @@ from mcap.exceptions import McapError
 from mcap.reader import SeekingReader
 
 from haptigraph.assemble import parse_procedure, procedure_names
-from haptigraph.dashboard.server.protocol import packed, shown
+from haptigraph.dashboard.server.protocol import image_header, pack
 from haptigraph.errors import BadInput, HaptigraphError
 from haptigraph.recording.reader import Place, RunReader
 from haptigraph.registration.loading import parse_registration
 
 __all__ = ["Identity", "RecordingFolder"]
 
-MOST_LISTED = 1000
-MOST_OPEN = 8
+MAX_LISTED = 1000
+MAX_OPEN = 8
 
 
 class Identity(NamedTuple):
-    """A file as it was; another size, date or place on the disk: another recording."""
+    """Identity of a file's content: a recording with another size, date or inode is another one."""
 
     device: int
     number: int
@@ -40,8 +40,8 @@ class Identity(NamedTuple):
         return cls(found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns)
 
 
-class _Open(NamedTuple):
-    """A run whose steps can be asked for."""
+class _OpenRun(NamedTuple):
+    """A run whose steps can be read."""
 
     reader: RunReader
     identity: Identity
@@ -51,39 +51,39 @@ class _Open(NamedTuple):
 
 
 class RecordingFolder:
-    """Everything the page may know of a folder. Its methods block, so call them from a thread; any thread.
+    """The page's access to a folder. Its methods block and are thread-safe.
 
     Args:
-        folder: Where the recordings are.
+        folder: Folder of recordings.
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder.resolve()
         self.outcomes: dict[Identity, dict[str, Any]] = {}
-        """Measures of runs, once known."""
+        """Measures of runs, as far as they have been computed."""
         self._headers: dict[Identity, dict[str, Any]] = {}
-        self._open: OrderedDict[str, _Open] = OrderedDict()
+        self._open: OrderedDict[str, _OpenRun] = OrderedDict()
         self._lock = threading.Lock()
 
     def path_of(self, name: str) -> Path:
         """Return the path of a file in the folder.
 
         Raises:
-            BadInput: If there is none of that name, or the name leads elsewhere.
+            BadInput: If there is none of that name, or the path leads out of the folder.
         """
         try:
             path = (self.folder / name).resolve()
-            inside = path.is_relative_to(self.folder) and "\0" not in name
+            is_inside = path.is_relative_to(self.folder) and "\0" not in name
         except (OSError, ValueError, RuntimeError):
-            inside = False
-        if not name or not inside:
-            raise BadInput(f"{name!r} is not in the folder of recordings; only what is in it is shown")
+            is_inside = False
+        if not name or not is_inside:
+            raise BadInput(f"{name!r} is not in the folder of recordings; choose one from the list")
         if not path.is_file():
-            raise BadInput("is not there (any more); load the list again", name)
+            raise BadInput("does not exist (any more); refresh the list", name)
         return path
 
-    def listed(self) -> dict[str, Any]:
-        """Return what is in the folder, newest first."""
+    def list_runs(self) -> dict[str, Any]:
+        """Return the runs and procedures of the folder, newest runs first."""
         try:
             paths = [*self.folder.glob("*.mcap"), *self.folder.glob("*/*.mcap")]
             procedures = sorted(path.name for path in self.folder.glob("*.toml") if _is_procedure(path))
@@ -93,17 +93,17 @@ class RecordingFolder:
         rows.sort(key=lambda row: row["started_utc"] or row["changed_utc"], reverse=True)
         return {
             "folder": str(self.folder),
-            "runs": rows[:MOST_LISTED],
-            "left_out": max(len(rows) - MOST_LISTED, 0),
+            "runs": rows[:MAX_LISTED],
+            "left_out": max(len(rows) - MAX_LISTED, 0),
             "procedures": [*procedure_names(), *procedures],
         }
 
-    def keep(self, name: str, places: list[Place]) -> None:
-        """Make the steps of a run available.
+    def open_run(self, name: str, places: list[Place]) -> None:
+        """Make the steps of a run available to `step`.
 
         Args:
             name: The recording.
-            places: Where its steps are.
+            places: Of its steps, in the file.
 
         Raises:
             BadInput: If it cannot be read.
@@ -115,13 +115,13 @@ class RecordingFolder:
         moving = frozenset(entity.name for entity in schema.entities) - set(anatomy)
         start_ns = reader.record_at(places[0])[1].stamp_ns
         with self._lock:
-            self._open[name] = _Open(reader, identity, places, moving, start_ns)
+            self._open[name] = _OpenRun(reader, identity, places, moving, start_ns)
             self._open.move_to_end(name)
-            while len(self._open) > MOST_OPEN:
+            while len(self._open) > MAX_OPEN:
                 self._open.popitem(last=False)
 
     def step(self, name: str, number: int) -> bytes:
-        """Return one step as the page is told it: header and image, which is sent as it was recorded.
+        """Return the image message of one step, with the image as it was recorded.
 
         Raises:
             BadInput: If there is no such step.
@@ -130,17 +130,17 @@ class RecordingFolder:
         with self._lock:
             run = self._open.get(name)
         if run is None:
-            raise BadInput("is not open any more; load the page again", name)
+            raise BadInput("is not open any more; reload the page", name)
         now = Identity.of(path)
-        # A run that is still recorded only grows.
+        # A run that is still being recorded only grows.
         if now[:2] != run.identity[:2] or now.size < run.places[-1].end:
-            raise BadInput("has changed meanwhile; load the page again", name)
+            raise BadInput("has changed since it was opened; reload the page", name)
         if not 0 <= number < len(run.places):
-            raise BadInput(f"has no step {number}; they go from 0 to {len(run.places) - 1}", name)
+            raise BadInput(f"has no step {number}; valid: 0 to {len(run.places) - 1}", name)
         capture, step = run.reader.record_at(run.places[number])
         time_ms = (step.stamp_ns - run.start_ns) / 1e6
         commanded_ns = step.timing.commanded_ns if step.timing else step.stamp_ns
-        header = shown(
+        header = image_header(
             step,
             run.moving,
             number=number,
@@ -149,10 +149,10 @@ class RecordingFolder:
             has_picture=capture.encoded is not None,
             hand=capture.hand,
         )
-        return packed(header, capture.encoded or b"")
+        return pack(header, capture.encoded or b"")
 
     def _row(self, path: Path) -> dict[str, Any] | None:
-        """Return one line of the list; None if the file went away meanwhile or leads elsewhere."""
+        """Return one row of the list; None if the file has gone or its path leads out of the folder."""
         name = path.relative_to(self.folder).as_posix()
         try:
             self.path_of(name)
@@ -171,7 +171,7 @@ class RecordingFolder:
 
 
 def _header(path: Path) -> dict[str, Any]:
-    """Tell a run from its header, or say why that cannot be."""
+    """Return the columns that a run's header has, or the problem if it cannot be read."""
     row: dict[str, Any] = {"started_utc": "", "problem": "", "note": "", "length_s": None}
     try:
         reader = RunReader(path)
@@ -188,7 +188,7 @@ def _header(path: Path) -> dict[str, Any]:
 
 
 def _length_s(path: Path) -> float | None:
-    """Return how long a run is from the statistics at the file's end; None if they are not there."""
+    """Return a run's length from the statistics at the end of its file; None if there are none."""
     with path.open("rb") as file:
         try:
             summary = SeekingReader(file).get_summary()

@@ -1,4 +1,4 @@
-"""The registration page's own routes: open a source, check what was dragged, load, save. JSON both ways."""
+"""The registration page's routes: open a source, check a dragged draft, load, save. JSON both ways."""
 
 from collections.abc import Sequence
 from typing import Annotated
@@ -11,8 +11,8 @@ from starlette.routing import BaseRoute, Route
 
 from haptigraph.analysis.registering.check import check_draft
 from haptigraph.analysis.registering.draft import Draft
-from haptigraph.dashboard.registration.service import ExistsAlready, RegistrationService
-from haptigraph.dashboard.server.answers import as_json, asked, telling
+from haptigraph.dashboard.registration.service import FileExists, RegistrationService
+from haptigraph.dashboard.server.json_routes import json_errors, json_response, read_json
 from haptigraph.dashboard.server.site import Site
 from haptigraph.recording.codec import encode_png
 
@@ -22,7 +22,7 @@ Text = Annotated[str, Meta(min_length=1, max_length=4096, pattern=r"^[^\x00]*$")
 
 
 class Open(Struct, frozen=True, forbid_unknown_fields=True):
-    """Look at a source."""
+    """Body: open a source."""
 
     source: Text
     mirrored: bool
@@ -30,7 +30,7 @@ class Open(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Check(Struct, frozen=True, forbid_unknown_fields=True):
-    """How well does this fit?"""
+    """Body: compare a draft with the images."""
 
     number: int
     """Of the opened source."""
@@ -38,14 +38,14 @@ class Check(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Load(Struct, frozen=True, forbid_unknown_fields=True):
-    """Read a file instead of what was found."""
+    """Body: read a draft from a file."""
 
     number: int
     path: Text
 
 
 class Save(Struct, frozen=True, forbid_unknown_fields=True):
-    """Write this."""
+    """Body: write a draft to a file."""
 
     number: int
     draft: Draft
@@ -59,17 +59,17 @@ def routes(site: Site) -> Sequence[BaseRoute]:
     service = RegistrationService(site)
 
     async def start(request: Request) -> Response:
-        return as_json({"source": site.source, "starts": site.on_registration is not None})
+        return json_response({"source": site.source, "starts_loop": site.on_registration is not None})
 
     async def progress(request: Request) -> Response:
-        return as_json({"progress": service.progress})
+        return json_response({"progress": service.progress})
 
     async def open_source(request: Request) -> Response:
-        wish = await asked(request, Open)
-        number = await service.open(wish.source, mirrored=wish.mirrored, diameter_mm=wish.diameter_mm)
+        body = await read_json(request, Open)
+        number = await service.open(body.source, mirrored=body.mirrored, diameter_mm=body.diameter_mm)
         opened = service.opened(number)
         height_px, width_px = opened.still.shape[:2]
-        return as_json(
+        return json_response(
             {
                 "number": number,
                 "width_px": width_px,
@@ -77,7 +77,7 @@ def routes(site: Site) -> Sequence[BaseRoute]:
                 "draft": opened.draft,
                 "is_found": opened.anatomy is not None,
                 "note": opened.note,
-                "path": service.place(wish.source),
+                "path": service.default_path(body.source),
             }
         )
 
@@ -86,30 +86,30 @@ def routes(site: Site) -> Sequence[BaseRoute]:
         return Response(await run_in_threadpool(encode_png, still), media_type="image/png")
 
     async def check(request: Request) -> Response:
-        wish = await asked(request, Check)
-        return as_json(await run_in_threadpool(check_draft, service.opened(wish.number), wish.draft))
+        body = await read_json(request, Check)
+        return json_response(await run_in_threadpool(check_draft, service.opened(body.number), body.draft))
 
     async def load(request: Request) -> Response:
-        wish = await asked(request, Load)
-        return as_json({"draft": await run_in_threadpool(service.load, wish.number, wish.path)})
+        body = await read_json(request, Load)
+        return json_response({"draft": await run_in_threadpool(service.load, body.number, body.path)})
 
     async def save(request: Request) -> Response:
-        wish = await asked(request, Save)
-        flags = {"picture": wish.picture, "overwrite": wish.overwrite}
+        body = await read_json(request, Save)
+        flags = {"picture": body.picture, "overwrite": body.overwrite}
         try:
-            paths = await run_in_threadpool(service.save, wish.number, wish.draft, wish.path, **flags)
-        except ExistsAlready as error:
-            return as_json({"problem": str(error), "exists": True}, 409)
+            paths = await run_in_threadpool(service.save, body.number, body.draft, body.path, **flags)
+        except FileExists as error:
+            return json_response({"problem": str(error), "exists": True}, 409)
         if site.on_registration is not None:
             site.on_registration(paths[0])
-        return as_json({"paths": paths})
+        return json_response({"paths": paths})
 
     return [
-        Route("/registration/start", telling(start)),
-        Route("/registration/progress", telling(progress)),
-        Route("/registration/picture/{number:int}", telling(picture)),
-        Route("/registration/open", telling(open_source), methods=["POST"]),
-        Route("/registration/check", telling(check), methods=["POST"]),
-        Route("/registration/load", telling(load), methods=["POST"]),
-        Route("/registration/save", telling(save), methods=["POST"]),
+        Route("/registration/start", json_errors(start)),
+        Route("/registration/progress", json_errors(progress)),
+        Route("/registration/picture/{number:int}", json_errors(picture)),
+        Route("/registration/open", json_errors(open_source), methods=["POST"]),
+        Route("/registration/check", json_errors(check), methods=["POST"]),
+        Route("/registration/load", json_errors(load), methods=["POST"]),
+        Route("/registration/save", json_errors(save), methods=["POST"]),
     ]

@@ -1,6 +1,6 @@
-"""Where registrations are made: reads sources, keeps what was found in them, writes files.
+"""The service behind the registration page: opens sources, holds the results, writes registration files.
 
-Knows no HTTP. Others than this machine may read and write in the working folder only.
+Clients of other machines may read and write in the working folder only.
 """
 
 import asyncio
@@ -20,78 +20,78 @@ from haptigraph.analysis.registering.draft import (
 from haptigraph.analysis.registering.registering import write_files
 from haptigraph.assemble import SOURCES
 from haptigraph.dashboard.jobs.process import Jobs
-from haptigraph.dashboard.jobs.register import LOOK_S
+from haptigraph.dashboard.jobs.register import OBSERVE_S
 from haptigraph.dashboard.server.site import Site
 from haptigraph.errors import BadInput
 from haptigraph.messages import Image
 from haptigraph.registration.loading import load_camera_registration
 from haptigraph.sources.naming import CAMERAS, split_source
 
-__all__ = ["ExistsAlready", "RegistrationService"]
+__all__ = ["FileExists", "RegistrationService"]
 
-LIVE = (*CAMERAS, "teleop")  # what has no end, and cannot be opened twice
-MOST_OPENED = 4
-GLANCE_S = 0.1
+LIVE = (*CAMERAS, "teleop")  # sources without an end, which cannot be opened twice
+MAX_OPENED = 4
+POLL_S = 0.1
 
 
-class ExistsAlready(BadInput):
-    """A file stands where another is to be written."""
+class FileExists(BadInput):
+    """A file exists and must not be overwritten."""
 
 
 class RegistrationService:
-    """Keep the sources that were opened last, by number.
+    """Hold the sources that were opened last, by number.
 
     Args:
-        site: Says what runs now, and who may come.
+        site: Context: what runs, and whether only this machine has access.
     """
 
     def __init__(self, site: Site) -> None:
         self.progress = ""
-        """What is being done, for people who wait."""
-        self._site, self._jobs, self._turn = site, Jobs(Path()), asyncio.Lock()
+        """Of the job that runs, for people who wait."""
+        self._site, self._jobs, self._lock = site, Jobs(Path()), asyncio.Lock()
         self._numbers = count(1)
         self._opened: dict[int, Opened] = {}
 
     async def open(self, source: str, *, mirrored: bool, diameter_mm: float) -> int:
-        """Look at a source; takes seconds. Returns its number.
+        """Read a source and find the eye in it, within seconds; return the source's number.
 
         Raises:
-            BadInput: If it cannot be read. That nothing is found in it is no error.
+            BadInput: If it cannot be read. It is no error that no eye is found.
         """
         source = source if self._site.is_local else self._permitted(source)
-        async with self._turn:  # one at a time: it takes all of a processor
+        async with self._lock:  # one at a time: each job uses a whole core
             self.progress = "opening"
             try:
-                opened = await self._looked_at(source, mirrored, diameter_mm)
+                opened = await self._find_eye(source, mirrored, diameter_mm)
             finally:
                 self.progress = ""
         number = next(self._numbers)
         self._opened[number] = opened
-        while len(self._opened) > MOST_OPENED:
+        while len(self._opened) > MAX_OPENED:
             del self._opened[min(self._opened)]
         return number
 
     def opened(self, number: int) -> Opened:
-        """Return what was found.
+        """Return an opened source.
 
         Raises:
-            BadInput: If it is not kept any more.
+            BadInput: If it has been dropped for newer ones.
         """
         if number not in self._opened:
-            raise BadInput("this picture is not kept any more; open its source again")
+            raise BadInput("this source has been closed; open it again")
         return self._opened[number]
 
-    def place(self, source: str) -> str:
-        """Return where a registration of a source is best saved."""
+    def default_path(self, source: str) -> str:
+        """Return the path that is proposed for a source's registration."""
         path = Path(source)
         folder = path.parent if self._site.is_local and path.exists() else Path()
         return str(folder / "registration.toml")
 
     def load(self, number: int, path: str) -> Draft:
-        """Return the draft that a registration file is, to correct it over an opened source.
+        """Read a registration file as a draft, to be corrected over an opened source.
 
         Raises:
-            BadInput: If it cannot be read, or is for other images.
+            BadInput: If it cannot be read, or is for images of another size.
         """
         opened, file = self.opened(number), self._file(path)
         try:
@@ -100,11 +100,11 @@ class RegistrationService:
             raise BadInput(error.problem, file, error.place) from None
 
     def save(self, number: int, draft: Draft, path: str, *, picture: bool, overwrite: bool) -> list[str]:
-        """Write a draft as a registration, and its picture beside it; return the paths.
+        """Write a draft as a registration, with a picture if wanted; return the paths.
 
         Raises:
-            ExistsAlready: If a file exists and may not be overwritten.
-            BadInput: If a run would refuse the draft, or it cannot be written; nothing is written then.
+            FileExists: If a file exists and `overwrite` is False.
+            BadInput: If the draft is invalid or cannot be written; nothing is written then.
         """
         opened = self.opened(number)
         file = self._file(path)
@@ -114,7 +114,7 @@ class RegistrationService:
         if picture:
             contents[file.with_suffix(".png")] = sound_picture(opened, draft)
         for each in contents:
-            _check_place(each, opened.source, overwrite=overwrite)
+            _check_writable(each, opened.source, overwrite=overwrite)
         try:
             write_files(tuple(contents), tuple(contents.values()))
         except OSError as error:
@@ -124,57 +124,57 @@ class RegistrationService:
     def _file(self, path: str) -> Path:
         return Path(path).expanduser() if self._site.is_local else Path(self._permitted(path))
 
-    async def _looked_at(self, source: str, mirrored: bool, diameter_mm: float) -> Opened:
-        seen = await self._seen(source)
-        job = self._jobs.frames("register", source, self._site.asked, seen, mirrored, diameter_mm)
+    async def _find_eye(self, source: str, mirrored: bool, diameter_mm: float) -> Opened:
+        images = await self._images_of_loop(source)
+        job = self._jobs.run("register", source, self._site.source_config, images, mirrored, diameter_mm)
         async for content, data in job:
             if content["type"] == "opened":
-                found: Opened = pickle.loads(data)
+                opened: Opened = pickle.loads(data)
             elif content["type"] == "progress":
-                self.progress = _words(content)
+                self.progress = _progress_text(content)
             else:
                 raise BadInput(content["problem"])
-        return found
+        return opened
 
-    async def _seen(self, source: str) -> list[Image]:
-        """Return what the loop sees for some seconds of a source that nobody else can look at meanwhile."""
-        runs = source == self._site.source and self._site.on_registration is None
-        if not runs or split_source(source, SOURCES)[0] not in LIVE:
+    async def _images_of_loop(self, source: str) -> list[Image]:
+        """Collect images from the loop for some seconds, if it uses a source that cannot be opened twice."""
+        is_used = source == self._site.source and self._site.on_registration is None
+        if not is_used or split_source(source, SOURCES)[0] not in LIVE:
             return []
-        seen: dict[int, Image] = {}
-        end_s = time.monotonic() + LOOK_S
+        images: dict[int, Image] = {}
+        end_s = time.monotonic() + OBSERVE_S
         while time.monotonic() < end_s:
             capture = self._site.hub.newest_capture
             if capture is not None and capture.image is not None:
-                seen[capture.index] = capture.image
-            await asyncio.sleep(GLANCE_S)
-        if not seen:
-            raise BadInput("the loop gets no images from it just now", source)
-        return list(seen.values())
+                images[capture.index] = capture.image
+            await asyncio.sleep(POLL_S)
+        if not images:
+            raise BadInput("the loop currently receives no images from it", source)
+        return list(images.values())
 
     def _permitted(self, path: str) -> str:
-        """Return a path that others than this machine may use."""
+        """Return a path if clients of other machines may use it."""
         folder = Path().resolve()
-        named = path.partition(":")[0] in SOURCES
-        if path == self._site.source or (not named and Path(path).resolve().is_relative_to(folder)):
+        has_scheme = path.partition(":")[0] in SOURCES
+        if path == self._site.source or (not has_scheme and Path(path).resolve().is_relative_to(folder)):
             return path
         raise BadInput(
-            "served to other machines, this page uses only files in the folder in which haptigraph runs, "
-            "and the source it runs on",
+            "served to other machines, this page uses only files in haptigraph's working folder, "
+            "and the source that haptigraph runs on",
             path,
         )
 
 
-def _check_place(file: Path, source: str, *, overwrite: bool) -> None:
+def _check_writable(file: Path, source: str, *, overwrite: bool) -> None:
     if file.is_dir():
-        raise BadInput("is a folder; the name of a file is needed", file)
+        raise BadInput("is a folder; give the name of a file", file)
     if not file.parent.is_dir():
         raise BadInput("its folder does not exist", file)
     if file.exists() and Path(source).exists() and file.samefile(source):
         raise BadInput("is the source itself; give the registration another name", file)
     if file.exists() and not overwrite:
-        raise ExistsAlready("exists already", file)
+        raise FileExists("already exists", file)
 
 
-def _words(progress: dict[str, Any]) -> str:
+def _progress_text(progress: dict[str, Any]) -> str:
     return f"{progress['what']}: {progress['done']} images" if progress["done"] else str(progress["what"])

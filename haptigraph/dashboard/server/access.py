@@ -1,6 +1,6 @@
-"""Who may come in: checks host, origin and token of every request; and the headers that keep pages to us.
+"""Access control: check host, origin and token of requests, and add security headers to responses.
 
-Knows no page. A page from elsewhere, opened in the same browser, can neither read nor steer.
+A page from elsewhere, open in the same browser, can neither read from this server nor steer.
 """
 
 import hmac
@@ -23,51 +23,51 @@ POLICY = (
 
 
 class AccessControl:
-    """Let through to an app only who is meant to get in.
+    """ASGI middleware that passes on permitted requests only.
 
     Args:
-        app: What is behind.
-        host: The address the server listens on; others than loopback need a token.
-        token: What visitors must know; empty: nothing.
+        app: The protected app.
+        host: The address that the server listens on; loopback addresses need no token.
+        token: What visitors must present; empty: nothing.
     """
 
     def __init__(self, app: ASGIApp, *, host: str, token: str) -> None:
         self._app, self._host, self._token = app, host, token
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer one request, or hand it on."""
+        """Refuse one request, or pass it on."""
         if scope["type"] == "lifespan":
             await self._app(scope, receive, send)
             return
         headers = Headers(scope=scope)
-        given = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])[0]
-        refusal = self._refusal(scope, headers, given)
+        token = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])[0]
+        refusal = self._refusal(scope, headers, token)
         if refusal:
             await _refuse(refusal, scope, receive, send)
-        elif given and self._token and scope["type"] == "http":
+        elif token and self._token and scope["type"] == "http":
             # The token moves from the address, which is shown and shared, into a cookie.
-            answer = RedirectResponse(scope["path"], status_code=303)
-            answer.set_cookie(COOKIE, self._token, httponly=True, samesite="strict")
-            await answer(scope, receive, send)
+            response = RedirectResponse(scope["path"], status_code=303)
+            response.set_cookie(COOKIE, self._token, httponly=True, samesite="strict")
+            await response(scope, receive, send)
         else:
             await self._app(scope, receive, _with_headers(send, headers.get("host", "")))
 
-    def _refusal(self, scope: Scope, headers: Headers, given: str) -> str:
-        """Say why somebody may not come in; empty if they may."""
+    def _refusal(self, scope: Scope, headers: Headers, token: str) -> str:
+        """Return why a request is refused; empty if it is permitted."""
         host = headers.get("host", "")
         name = host.rpartition(":")[0].strip("[]") if ":" in host else host
         if self._host in LOOPBACK and name not in LOOPBACK:
-            return f"this page is for {self._host} only, not for {name or 'a host without name'}"
+            return f"this server answers requests for {self._host} only, not for {name or 'an empty host'}"
         origin = headers.get("origin")
         is_safe = scope["type"] == "http" and scope["method"] in SAFE_METHODS
         if origin is not None and origin != f"http://{host}" and not is_safe:
-            return f"pages from {origin} may not talk to this one"
+            return f"requests from pages of {origin} are not permitted"
         if origin is None and not is_safe:
-            return "no origin; only this page's own scripts may do that"
+            return "request without Origin; only scripts of this server's own pages may send it"
         if self._token and not hmac.compare_digest(
-            (given or _cookie(headers)).encode(), self._token.encode()
+            (token or _cookie(headers)).encode(), self._token.encode()
         ):
-            what = "wrong token" if given or _cookie(headers) else "no token"
+            what = "wrong token" if token or _cookie(headers) else "no token"
             return f"{what}; open the address that haptigraph printed"
         return ""
 
@@ -78,7 +78,7 @@ def _cookie(headers: Headers) -> str:
 
 
 async def _refuse(reason: str, scope: Scope, receive: Receive, send: Send) -> None:
-    if scope["type"] == "websocket":  # the browser tells its page no more than that it was refused
+    if scope["type"] == "websocket":  # the browser does not pass the reason on to its page
         await receive()
         await send({"type": "websocket.close", "code": 1008, "reason": reason})
         return

@@ -1,4 +1,4 @@
-"""Who steers, and how: one page at a time, until it lets go or goes away. Everyone is told who it is."""
+"""Who steers: one page at a time, until it releases the controls or disconnects. All pages are notified."""
 
 from collections.abc import Mapping
 
@@ -14,68 +14,68 @@ __all__ = ["Controls"]
 
 
 class Controls:
-    """Know who holds the controls.
+    """Grant the controls to one viewer, and pass on its input.
 
     Args:
-        hub: Tells the viewers.
-        teleop: What is steered; None where nothing can be.
-        phased: Where the operation has phases: what is told which one it enters.
+        hub: Notifies the viewers.
+        teleop: What is steered; None if nothing can be.
+        phased: Source that is notified of the operation's phase; None if there are no phases.
     """
 
     def __init__(self, hub: Hub, teleop: Teleop | None, phased: PhasedSource | None = None) -> None:
         self._hub = hub
         self._holder: Viewer | None = None
-        self.begin(teleop, phased)
+        self.attach(teleop, phased)
 
-    def begin(self, teleop: Teleop | None, phased: PhasedSource | None = None) -> None:
-        """Steer something else from now on, or nothing; whoever holds the controls keeps them.
+    def attach(self, teleop: Teleop | None, phased: PhasedSource | None = None) -> None:
+        """Steer another run, or nothing; the holder keeps the controls.
 
         Args:
-            teleop: As when made.
-            phased: The same.
+            teleop: As in the constructor.
+            phased: As in the constructor.
         """
         self._teleop, self._phased = teleop, phased
-        self._tell_holder()
+        self._publish_holder()
         if teleop is not None:
-            self._tell_settings(teleop.settings)
+            self._publish_settings(teleop.settings)
 
     def move(self, viewer: Viewer, hand: HandMotion) -> None:
-        """Move the needle as the hand at a page did; of a page that does not hold the controls, nothing."""
+        """Move the instrument as the hand at a page moved; ignored unless the page holds the controls."""
         if self._teleop is not None and viewer is self._holder:
             self._teleop.put(hand)
 
     def tune(self, viewer: Viewer, changes: Mapping[str, float | bool]) -> None:
-        """Change how hand becomes tool, if the page holds the controls.
+        """Change how hand motion becomes tool motion; ignored unless the page holds the controls.
 
         Args:
             viewer: The page.
-            changes: Fields of `TeleopSettings` and their new values; the others stay.
+            changes: New values by field of `TeleopSettings`; other fields keep theirs.
         """
         if self._teleop is not None and viewer is self._holder:
             self._teleop.settings = structs.replace(self._teleop.settings, **changes)
-            self._tell_settings(self._teleop.settings)
+            self._publish_settings(self._teleop.settings)
 
-    def enter(self, viewer: Viewer, phase: str) -> None:
-        """Enter a phase of the operation, if there is such a one and no other page holds the controls."""
-        may = self._holder is None or self._holder is viewer
-        if may and self._phased is not None and phase in self._phased.phases:
+    def enter_phase(self, viewer: Viewer, phase: str) -> None:
+        """Enter a phase of the operation; ignored if it is unknown or another page holds the controls."""
+        is_permitted = self._holder is None or self._holder is viewer
+        if is_permitted and self._phased is not None and phase in self._phased.phases:
             self._phased.named = phase
 
     def take(self, viewer: Viewer) -> None:
-        """Give the controls to a page if they are free; nobody loses them to another."""
+        """Give the controls to a page if they are free."""
         if self._holder is None and self._teleop is not None:
             self._holder = viewer
-            self._tell_holder()
+            self._publish_holder()
 
     def release(self, viewer: Viewer) -> None:
-        """Free the controls if it is this page that holds them."""
+        """Free the controls if this page holds them."""
         if self._holder is viewer:
             self.move(viewer, HandMotion(engaged=False))
             self._holder = None
-            self._tell_holder()
+            self._publish_holder()
 
-    def _tell_holder(self) -> None:
-        self._hub.tell("controls", lasts=True, holder=self._holder.name if self._holder else "")
+    def _publish_holder(self) -> None:
+        self._hub.publish("controls", retain=True, holder=self._holder.name if self._holder else "")
 
-    def _tell_settings(self, settings: TeleopSettings) -> None:
-        self._hub.tell("settings", lasts=True, **to_builtins(settings))
+    def _publish_settings(self, settings: TeleopSettings) -> None:
+        self._hub.publish("settings", retain=True, **to_builtins(settings))

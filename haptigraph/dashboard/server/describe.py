@@ -1,30 +1,63 @@
-"""Say to a page, once, what it will see: the procedure, the anatomy, the view, and how to draw each state.
+"""The first message about a run: its procedure, anatomy and view, and how to draw each state.
 
-The page draws any procedure; nothing about this one is written in it.
+Pages draw any procedure from it; nothing about a particular one is written in them.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 from msgspec import to_builtins
 
 from haptigraph.analysis.plots.colors import ink_on, state_color
 from haptigraph.analysis.plots.diagram import column_of
+from haptigraph.assemble import load_procedure
 from haptigraph.config import Config
+from haptigraph.dashboard.server.hub import Hub
+from haptigraph.dashboard.server.protocol import text_message
 from haptigraph.inference.procedure import Procedure, State
 from haptigraph.messages import UNKNOWN
 from haptigraph.perception.eye_view import IoctView
+from haptigraph.pipeline import Loop
+from haptigraph.registration.loading import load_registration, parse_registration
 from haptigraph.registration.registered import Registered
+from haptigraph.registration.retarget import with_target
 
-__all__ = ["describe", "describe_states", "described_state"]
+__all__ = ["announcement", "describe_run", "describe_states"]
 
-SIGNS = {"pulses": "alarm", "bursts": "done", "continuous": "warn"}
-"""The shape that stands for a state, by the kind of pattern it feels like: colour is never the only sign."""
+VIEW_PX = 560
+ICONS = {"pulses": "alarm", "bursts": "done", "continuous": "warn"}
+"""Icon of a state by the kind of its pattern, so that states differ in more than colour."""
 
 
-def describe(
+def announcement(config: Config, loop: Loop, hub: Hub) -> Callable[[], None]:
+    """Return a function that makes a hub announce a loop; call it before the server starts or in its thread.
+
+    Args:
+        config: The loop's configuration.
+        loop: The loop to watch.
+        hub: Serves the pages.
+
+    Raises:
+        BadInput: If procedure or registration cannot be used.
+    """
+    if config.source.registration:
+        registration = load_registration(config.source.registration)
+    else:
+        registration = parse_registration(loop.source.registration or "", config.source.uri)
+    if config.source.target_mm is not None:
+        registration = with_target(registration, config.source.target_mm)
+    procedure, view = load_procedure(config.run.procedure), IoctView(registration, VIEW_PX)
+    moving = frozenset(entity.name for entity in procedure.schema.entities) - set(registration.anatomy)
+    teleop = loop.source.teleop
+    steering = {"steerable": teleop is not None, "has_jaws": teleop is not None and teleop.has_jaws}
+    hello = text_message("hello", **describe_run(config, procedure, registration, view), **steering)
+    return lambda: hub.announce(hello, view, moving)
+
+
+def describe_run(
     config: Config, procedure: Procedure, registration: Registered, view: IoctView
 ) -> dict[str, Any]:
-    """Return the page's first message, but for its type, as what JSON can hold."""
+    """Return the fields of a run's first message."""
     return {
         "procedure": {
             "name": procedure.name,
@@ -49,21 +82,14 @@ def describe(
 
 
 def describe_states(procedure: Procedure) -> list[dict[str, Any]]:
-    """Return how to draw the states of a procedure, in their order."""
+    """Return how to draw the states of a procedure, in order of priority."""
     kinds = {pattern.name: pattern.kind for pattern in procedure.patterns}
     return [
-        described_state(state, kinds[state.feel], priority) for priority, state in enumerate(procedure.states)
+        _describe_state(state, kinds[state.feel], priority) for priority, state in enumerate(procedure.states)
     ]
 
 
-def described_state(state: State, kind: str, priority: int) -> dict[str, Any]:
-    """Return how to draw a state.
-
-    Args:
-        state: The state.
-        kind: Of the pattern it feels like.
-        priority: Its place among the states, 0 first.
-    """
+def _describe_state(state: State, pattern_kind: str, priority: int) -> dict[str, Any]:
     column = column_of(state)
     silent = "calm" if column == "right" else "idle"
     return {
@@ -71,7 +97,7 @@ def described_state(state: State, kind: str, priority: int) -> dict[str, Any]:
         "priority": priority,
         "label": state.name.replace("_", " "),
         "column": column,
-        "sign": "lost" if state.name == UNKNOWN else SIGNS.get(kind, silent),
+        "icon": "lost" if state.name == UNKNOWN else ICONS.get(pattern_kind, silent),
         "color": state_color(state.name),
         "ink": ink_on(state.name),
     }

@@ -1,7 +1,4 @@
-"""What page and server say to each other. docs/dashboard.md describes every message.
-
-Knows how things are written down, not when they are sent.
-"""
+"""The messages between page and server, and their encoding; docs/dashboard.md describes each of them."""
 
 from typing import Annotated, Any, TypeAlias
 
@@ -15,19 +12,19 @@ from haptigraph.teleop.motion import HandMotion, MotionScale, TremorMm
 
 __all__ = [
     "Ack",
-    "Enter",
-    "Heard",
+    "ClientMessage",
+    "EnterPhase",
+    "ImageHeader",
     "Motion",
     "Ping",
-    "Release",
-    "Shown",
-    "Take",
+    "ReleaseControls",
+    "TakeControls",
     "Tune",
     "Watch",
-    "heard",
-    "packed",
-    "shown",
-    "told",
+    "image_header",
+    "pack",
+    "parse_client_message",
+    "text_message",
 ]
 
 Count = Annotated[int, Meta(ge=0, le=2**53)]
@@ -40,35 +37,35 @@ class Ack(Struct, tag="ack", frozen=True, forbid_unknown_fields=True):
 
 
 class Watch(Struct, tag="watch", frozen=True, forbid_unknown_fields=True):
-    """Whether images are wanted: not while the tab is hidden."""
+    """Whether the page wants images; a hidden tab does not."""
 
     images: bool
 
 
 class Ping(Struct, tag="ping", frozen=True, forbid_unknown_fields=True):
-    """What time is it? `time_ms` comes back as it was."""
+    """Request for the server's time; `time_ms` is returned unchanged."""
 
     time_ms: float
 
 
-class Take(Struct, tag="take", frozen=True, forbid_unknown_fields=True):
-    """Give me the controls."""
+class TakeControls(Struct, tag="take_controls", frozen=True, forbid_unknown_fields=True):
+    """Request for the controls."""
 
 
-class Release(Struct, tag="release", frozen=True, forbid_unknown_fields=True):
-    """Anyone else may have the controls."""
+class ReleaseControls(Struct, tag="release_controls", frozen=True, forbid_unknown_fields=True):
+    """The page gives up the controls."""
 
 
 class Motion(Struct, tag="motion", frozen=True, forbid_unknown_fields=True):
-    """What the hand did since the last such message."""
+    """Motion of the hand since the last such message."""
 
     hand: HandMotion
 
 
 class Tune(Struct, tag="tune", frozen=True, forbid_unknown_fields=True):
-    """How the motion of the hand shall become motion of the tool: what changes of `TeleopSettings`.
+    """Changes of `TeleopSettings`.
 
-    Only that, because a page that sent the rest as well would take back what it has not yet been told.
+    A page sends changes only: if it sent all settings, it could undo a change that it has not received yet.
     """
 
     motion_scale: MotionScale | UnsetType = UNSET
@@ -80,20 +77,20 @@ class Tune(Struct, tag="tune", frozen=True, forbid_unknown_fields=True):
         return {name: value for name, value in structs.asdict(self).items() if value is not UNSET}
 
 
-class Enter(Struct, tag="enter", frozen=True, forbid_unknown_fields=True):
+class EnterPhase(Struct, tag="enter_phase", frozen=True, forbid_unknown_fields=True):
     """The operation enters a phase."""
 
     phase: str
 
 
-Heard: TypeAlias = Ack | Watch | Ping | Take | Release | Motion | Tune | Enter
-"""What a page may say."""
+ClientMessage: TypeAlias = Ack | Watch | Ping | TakeControls | ReleaseControls | Motion | Tune | EnterPhase
+"""A message from a page."""
 
-_DECODER = msgspec.json.Decoder(Heard)
+_DECODER = msgspec.json.Decoder(ClientMessage)
 
 
-class Shown(Struct, frozen=True, tag="image"):
-    """One step, as the page needs it; travels in front of the picture."""
+class ImageHeader(Struct, frozen=True, tag="image"):
+    """One step for the page; precedes the picture."""
 
     number: int
     """Of this message, for the page's `ack`."""
@@ -101,13 +98,13 @@ class Shown(Struct, frozen=True, tag="image"):
     time_ms: float
     """When the image was captured, on the server's clock."""
     commanded_ms: float
-    """When the hand was told."""
+    """When the device was commanded."""
     state: str
     because: str
     feel: str
-    """The pattern the state asks for."""
+    """Pattern of the state."""
     plays: str
-    """The pattern that is commanded."""
+    """Pattern that is commanded."""
     evidence: tuple[Names, ...]
     nodes: tuple[str, ...]
     edges: tuple[Names, ...]
@@ -117,17 +114,17 @@ class Shown(Struct, frozen=True, tag="image"):
     faults: tuple[str, ...]
     has_picture: bool
     hand: HandState | None
-    """What the hand that steers did for this image."""
+    """Of the hand that steers, at this image."""
 
 
-def heard(text: str) -> Heard:
-    """Read what a page says.
+def parse_client_message(text: str) -> ClientMessage:
+    """Parse a message from a page.
 
     Raises:
-        ValueError: If it is no such message; the sentence says why.
+        ValueError: If it is invalid, with one sentence that says why.
     """
     try:
-        message: Heard = _DECODER.decode(text)
+        message: ClientMessage = _DECODER.decode(text)
     except msgspec.MsgspecError as error:
         raise ValueError(str(error)) from None
     except RecursionError:
@@ -135,27 +132,27 @@ def heard(text: str) -> Heard:
     return message
 
 
-def told(kind: str, **content: Any) -> str:
-    """Write a message that goes as text: {"type": kind, ...}."""
+def text_message(kind: str, **content: Any) -> str:
+    """Encode a text message: {"type": kind, ...}."""
     return msgspec.json.encode({"type": kind, **content}).decode()
 
 
-def packed(header: Shown, picture: bytes) -> bytes:
-    """Write an image message: length of the JSON (4 bytes, big-endian), JSON, JPEG."""
-    text = msgspec.json.encode(header)
-    return len(text).to_bytes(4, "big") + text + picture
+def pack(content: ImageHeader | dict[str, Any], data: bytes) -> bytes:
+    """Encode a binary message: length of the JSON (4 bytes, big-endian), JSON, data."""
+    text = msgspec.json.encode(content)
+    return len(text).to_bytes(4, "big") + text + data
 
 
-def shown(step: Step, moving: frozenset[str], **more: Any) -> Shown:
-    """Say a step as the page needs it.
+def image_header(step: Step, moving: frozenset[str], **more: Any) -> ImageHeader:
+    """Return the header of a step.
 
     Args:
         step: The step.
-        moving: Names of the entities to tell; the page knows the others.
-        more: The other fields of `Shown`.
+        moving: Names of the entities to include; the page has the others already.
+        more: The other fields of `ImageHeader`.
     """
     conclusion, graph = step.conclusion, step.graph
-    return Shown(
+    return ImageHeader(
         index=step.index,
         state=conclusion.state,
         because=conclusion.because,

@@ -1,7 +1,7 @@
-"""Serve pages beside the loop, in a thread of its own: files, routes, and the door in front.
+"""The web server beside the loop, in a thread of its own: static files, routes, access control.
 
-To add a page: put NAME.html and its modules into `static/`, write a Python module with a function that
-takes the `Site` and returns routes, and name both in `PAGES`. Navigation and addresses follow from there.
+To add a page: put NAME.html and its modules into a folder of `static/`, write a Python module with a function
+that takes the `Site` and returns routes, and add both to `PAGES`. Navigation and addresses follow from there.
 """
 
 import asyncio
@@ -28,7 +28,7 @@ from haptigraph.errors import BadInput
 __all__ = ["LIVE", "PAGES", "REGISTRATION", "STUDY_PAGES", "Page", "Server", "address", "listen", "make_app"]
 
 STATIC = resources.files("haptigraph.dashboard").joinpath("static")
-MOST_MESSAGE_BYTES = 65_536
+MAX_MESSAGE_BYTES = 65_536
 STOP_S = 3.0
 
 
@@ -36,10 +36,10 @@ class Page(NamedTuple):
     """One page of the site."""
 
     title: str
-    """Its word in the navigation."""
+    """In the navigation."""
     path: str
     file: str
-    """Its HTML in `static/`; `<nav></nav>` in it is filled in."""
+    """HTML in `static/`; its `<nav></nav>` is filled in."""
     routes: str
     """"module:function"; the function takes the `Site` and returns routes."""
 
@@ -74,45 +74,44 @@ def make_app(
     token: str,
     pages: Sequence[Page] = PAGES,
 ) -> AccessControl:
-    """Return the ASGI app of pages.
+    """Return the ASGI app.
 
     Args:
-        site: What routes may use.
-        health: Says how the loop is, for the live page.
-        host: The address that is listened on.
-        token: What visitors must know; empty: nothing.
-        pages: What is served; "/" leads to the first.
+        site: Context of the routes.
+        health: Returns the fields of the health message.
+        host: The address that the server listens on.
+        token: What visitors must present; empty: nothing.
+        pages: The pages; "/" redirects to the first.
     """
 
     @contextlib.asynccontextmanager
-    async def pumping(app: Starlette) -> AsyncIterator[None]:
+    async def lifespan(app: Starlette) -> AsyncIterator[None]:
         task = asyncio.create_task(site.hub.pump(health))
         yield
         task.cancel()
 
-    found: list[BaseRoute] = [route for page in pages for route in _routes_of(page, site)]
-    shown = [Route(page.path, _html_of(page, pages)) for page in pages]
-    shown += [Route("/", _to(pages[0].path))] if pages[0].path != "/" else []
-    files = Route("/static/{room}/{name}", _file)
-    every = [*shown, files, *found]
-    app = Starlette(routes=every, lifespan=pumping, exception_handlers={404: _nothing})
+    routes: list[BaseRoute] = [Route(page.path, _html(page, pages)) for page in pages]
+    routes += [Route("/", _redirect(pages[0].path))] if pages[0].path != "/" else []
+    routes += [Route("/static/{folder}/{name}", _static_file)]
+    routes += [route for page in pages for route in _page_routes(page, site)]
+    app = Starlette(routes=routes, lifespan=lifespan, exception_handlers={404: _not_found})
     return AccessControl(app, host=host, token=token)
 
 
-def _routes_of(page: Page, site: Site) -> Sequence[BaseRoute]:
+def _page_routes(page: Page, site: Site) -> Sequence[BaseRoute]:
     module, _, name = page.routes.partition(":")
     routes: Sequence[BaseRoute] = getattr(import_module(module), name)(site)
     return routes
 
 
-def _to(path: str) -> Callable[[Request], Any]:
-    async def answer(request: Request) -> Response:
+def _redirect(path: str) -> Callable[[Request], Any]:
+    async def endpoint(request: Request) -> Response:
         return RedirectResponse(path, status_code=303)
 
-    return answer
+    return endpoint
 
 
-def _html_of(page: Page, pages: Sequence[Page]) -> Callable[[Request], Any]:
+def _html(page: Page, pages: Sequence[Page]) -> Callable[[Request], Any]:
     links = "".join(
         f'<a href="{other.path}"{" aria-current=page" * (other is page)}>{html.escape(other.title)}</a>'
         for other in pages
@@ -120,26 +119,26 @@ def _html_of(page: Page, pages: Sequence[Page]) -> Callable[[Request], Any]:
     text = STATIC.joinpath(page.file).read_text(encoding="utf-8")
     text = text.replace("<nav></nav>", f'<nav aria-label="Pages">{links}</nav>')
 
-    async def answer(request: Request) -> Response:
+    async def endpoint(request: Request) -> Response:
         return HTMLResponse(text)
 
-    return answer
+    return endpoint
 
 
-async def _nothing(request: Request, error: Exception) -> Response:
-    return PlainTextResponse(f"haptigraph: there is no page {request.url.path}\n", status_code=404)
+async def _not_found(request: Request, error: Exception) -> Response:
+    return PlainTextResponse(f"haptigraph: no such page: {request.url.path}\n", status_code=404)
 
 
-async def _file(request: Request) -> Response:
-    """Serve a file of `static/`: only names that are listed there."""
-    room, name = request.path_params["room"], request.path_params["name"]
-    for folder in STATIC.iterdir():
-        for file in folder.iterdir() if folder.name == room else ():
+async def _static_file(request: Request) -> Response:
+    """Serve a file of `static/`; only names that are listed there, so that no path leads out of it."""
+    folder, name = request.path_params["folder"], request.path_params["name"]
+    for directory in STATIC.iterdir():
+        for file in directory.iterdir() if directory.name == folder else ():
             if file.name == name:
                 kind = mimetypes.guess_type(name)[0] or "application/octet-stream"
                 kind = "text/javascript" if name.endswith(".js") else kind  # some systems guess text/plain
                 return Response(file.read_bytes(), media_type=kind)
-    return PlainTextResponse(f"haptigraph: no such file: {room}/{name}\n", status_code=404)
+    return PlainTextResponse(f"haptigraph: no such file: {folder}/{name}\n", status_code=404)
 
 
 def listen(host: str, port: int) -> socket.socket:
@@ -147,10 +146,10 @@ def listen(host: str, port: int) -> socket.socket:
 
     Args:
         host: Address to listen on.
-        port: 0: any free one.
+        port: Port; 0: any free one.
 
     Raises:
-        BadInput: If that is not possible.
+        BadInput: If the address or port cannot be used.
     """
     try:
         (family, kind, protocol, _, address), *_ = socket.getaddrinfo(
@@ -158,20 +157,22 @@ def listen(host: str, port: int) -> socket.socket:
         )
         listener = socket.socket(family, kind, protocol)
     except (OSError, UnicodeError):
-        raise BadInput(f"--host {host!r} is no address of this machine; 127.0.0.1 is the usual one") from None
+        raise BadInput(
+            f"--host {host!r} is not an address of this machine; use 127.0.0.1 for this machine only"
+        ) from None
     try:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listener.bind(address)
         listener.listen(100)
     except OSError as error:
         listener.close()
-        hint = "; without --port a free one is found" if port else ""
+        hint = "; omit --port to use a free one" if port else ""
         raise BadInput(f"cannot listen on {host}, port {port} ({error.strerror}){hint}") from None
     return listener
 
 
 def address(listener: socket.socket, host: str, token: str, path: str = "/") -> str:
-    """Return what to open in a browser."""
+    """Return the address to open in a browser."""
     name = f"[{host}]" if ":" in host else host
     secret = f"?token={quote(token)}" if token else ""
     return f"http://{name}:{listener.getsockname()[1]}{path}{secret}"
@@ -182,7 +183,7 @@ class Server:
 
     Args:
         app: The ASGI app.
-        listener: Its socket; closed at the end.
+        listener: Its socket; closed on exit.
     """
 
     def __init__(self, app: AccessControl, listener: socket.socket) -> None:
@@ -196,7 +197,7 @@ class Server:
             log_config=None,
             access_log=False,
             server_header=False,
-            ws_max_size=MOST_MESSAGE_BYTES,
+            ws_max_size=MAX_MESSAGE_BYTES,
             ws_ping_interval=5.0,
             ws_ping_timeout=5.0,
             ws_per_message_deflate=False,

@@ -13,17 +13,17 @@ __all__ = ["Site"]
 
 @dataclass(frozen=True)
 class Site:
-    """What the routes of a page may use."""
+    """Context of a page's routes."""
 
     hub: Hub
     controls: Controls
     source: str
-    """What the loop runs on, or would."""
+    """Source of the loop that runs, or that waits for a registration."""
     recordings: Path
     """Folder of recordings."""
     is_local: bool
     """Whether only this machine can reach the pages."""
     on_registration: Callable[[str], None] | None = None
-    """Starts the loop with a registration, where it waits for one."""
-    asked: SourceConfig = field(default_factory=SourceConfig)
-    """What to ask of cameras that the pages open."""
+    """Starts a loop that waits for a registration, with the file's path; None if none waits."""
+    source_config: SourceConfig = field(default_factory=SourceConfig)
+    """Settings of cameras that pages open."""

@@ -1,63 +1,60 @@
-"""One page that watches: a mailbox that holds the texts it has not fetched, and only the newest image.
-
-Lives in the server's thread.
-"""
+"""One page that watches: a queue of texts, and only the newest image. Used in the server's thread."""
 
 import asyncio
 from collections import deque
 
 __all__ = ["Viewer"]
 
-MOST_IN_FLIGHT = 2  # images sent that the page has not acknowledged
-MOST_TEXTS = 256
+MAX_IN_FLIGHT = 2  # images sent that the page has not acknowledged
+MAX_TEXTS = 256
 
 
 class Viewer:
     """One page.
 
     Args:
-        name: What others call it.
+        name: Its name on other pages.
     """
 
     def __init__(self, name: str) -> None:
         self.name = name
         self.wants_images = True
         self.missed = 0
-        """Images it was too slow for."""
+        """Images that the page was too slow for."""
         self._in_flight: deque[int] = deque()
         self._image: tuple[int, bytes] | None = None
-        self._texts: deque[str] = deque(maxlen=MOST_TEXTS)
-        self._news = asyncio.Event()
+        self._texts: deque[str] = deque(maxlen=MAX_TEXTS)
+        self._wakeup = asyncio.Event()
 
     @property
     def is_ready(self) -> bool:
         """Whether another image may be sent."""
-        return self.wants_images and len(self._in_flight) < MOST_IN_FLIGHT
+        return self.wants_images and len(self._in_flight) < MAX_IN_FLIGHT
 
-    def show(self, number: int, image: bytes) -> None:
-        """Leave an image, in place of one that was not fetched."""
+    def put_image(self, number: int, message: bytes) -> None:
+        """Leave an image message; it replaces one that was not fetched."""
         self.missed += self._image is not None
-        self._image = number, image
-        self._news.set()
+        self._image = number, message
+        self._wakeup.set()
 
-    def tell(self, text: str) -> None:
-        """Leave a text."""
+    def put_text(self, text: str) -> None:
+        """Leave a text message."""
         self._texts.append(text)
-        self._news.set()
+        self._wakeup.set()
 
     def acknowledge(self, number: int) -> None:
-        """Note that the image of a number, and all before it, have arrived."""
+        """Note that an image, and all before it, have arrived."""
         while self._in_flight and self._in_flight[0] <= number:
             self._in_flight.popleft()
 
     async def next(self) -> str | bytes:
-        """Wait for what is to be sent next: texts in order, then the newest image."""
+        """Wait for the next message to send: texts in order, then the newest image."""
         while True:
             if self._texts:
                 return self._texts.popleft()
             if self._image is not None:
-                (number, image), self._image = self._image, None
+                (number, message), self._image = self._image, None
                 self._in_flight.append(number)
-                return image
-            self._news.clear()
-            await self._news.wait()
+                return message
+            self._wakeup.clear()
+            await self._wakeup.wait()

@@ -1,4 +1,4 @@
-"""The experimenter's routes: where everyone stands, and what only the experimenter does. JSON both ways."""
+"""The experimenter's routes: the status of the study, and the actions of the experimenter. JSON both ways."""
 
 from collections.abc import Sequence
 from typing import Annotated, Any
@@ -7,86 +7,88 @@ from msgspec import Meta, Struct
 from starlette.routing import BaseRoute
 
 from haptigraph.dashboard.live import page as live_page
-from haptigraph.dashboard.server.answers import acting, asking
+from haptigraph.dashboard.server.json_routes import get_route, post_route
 from haptigraph.dashboard.study.service import StationSite
-from haptigraph.dashboard.study.views import experimenter_view
+from haptigraph.dashboard.study.snapshots import experimenter_snapshot
 
-__all__ = ["At", "Ended", "Enrol", "Open", "Saying", "routes"]
+__all__ = ["Enrol", "Open", "Participant", "Remark", "TrialRemark", "routes"]
 
 Name = Annotated[str, Meta(max_length=80)]
-Words = Annotated[str, Meta(max_length=4000, pattern=r"^[^\x00]*$")]
+Text = Annotated[str, Meta(max_length=4000, pattern=r"^[^\x00]*$")]
 
 
 class Enrol(Struct, frozen=True, forbid_unknown_fields=True):
-    """Take someone in."""
+    """Body: enrol a participant."""
 
     participant: Name
-    """Empty: the next free pseudonym."""
+    """Empty: under the next free pseudonym."""
 
 
 class Open(Struct, frozen=True, forbid_unknown_fields=True):
-    """Bring a participant here."""
+    """Body: open a participant's session at this station."""
 
     participant: Name
     take_over: bool
 
 
-class At(Struct, frozen=True, forbid_unknown_fields=True):
-    """Whom it is about."""
+class Participant(Struct, frozen=True, forbid_unknown_fields=True):
+    """Body: a participant."""
 
     participant: Name
 
 
-class Saying(Struct, frozen=True, forbid_unknown_fields=True):
-    """Something about a participant, in words."""
+class Remark(Struct, frozen=True, forbid_unknown_fields=True):
+    """Body: a text about a participant."""
 
     participant: Name
-    text: Words
+    text: Text
 
 
-class Ended(Struct, frozen=True, forbid_unknown_fields=True):
-    """A trial that shall end, or be done again, and why."""
+class TrialRemark(Struct, frozen=True, forbid_unknown_fields=True):
+    """Body: a trial to abort or to repeat, and why."""
 
     participant: Name
     key: Name
-    reason: Words
+    reason: Text
 
 
 def routes(site: StationSite) -> Sequence[BaseRoute]:
     """Return the experimenter's routes, and those of the live view."""
     service = site.service
 
-    def enrol(wish: Enrol) -> None:
-        service.open(service.enrol(wish.participant.strip() or None), take_over=False)
+    def enrol(body: Enrol) -> None:
+        service.open(service.enrol(body.participant.strip() or None), take_over=False)
 
-    def note(wish: Saying) -> None:
-        with service.acting(wish.participant) as session:
-            session.note(wish.text)
+    def open_session(body: Open) -> None:
+        service.open(body.participant, take_over=body.take_over)
 
-    def stop(wish: Saying) -> None:
-        with service.acting(wish.participant) as session:
-            session.stop(wish.text)
+    def note(body: Remark) -> None:
+        with service.acting_on(body.participant) as session:
+            session.note(body.text)
 
-    def repeat(wish: Ended) -> None:
-        with service.acting(wish.participant) as session:
-            session.repeat_trial(wish.key, wish.reason)
+    def stop(body: Remark) -> None:
+        with service.acting_on(body.participant) as session:
+            session.stop(body.text)
 
-    def now() -> dict[str, Any]:
-        return experimenter_view(service)
+    def repeat(body: TrialRemark) -> None:
+        with service.acting_on(body.participant) as session:
+            session.repeat_trial(body.key, body.reason)
+
+    def abort(body: TrialRemark) -> None:
+        service.abort(body.participant, body.key, body.reason)
+
+    def status() -> dict[str, Any]:
+        return experimenter_snapshot(service)
 
     return [
         *live_page.routes(site),
-        asking("/study/now", now),
-        acting("/study/enrol", Enrol, enrol, now),
-        acting(
-            "/study/open", Open, lambda wish: service.open(wish.participant, take_over=wish.take_over), now
-        ),
-        acting("/study/leave", At, lambda wish: service.leave(wish.participant), now),
-        acting("/study/withdraw", At, lambda wish: service.withdraw(wish.participant), now),
-        acting("/study/note", Saying, note, now),
-        acting("/study/stop", Saying, stop, now),
-        acting("/study/repeat", Ended, repeat, now),
-        acting(
-            "/study/abort", Ended, lambda wish: service.abort(wish.participant, wish.key, wish.reason), now
-        ),
+        get_route("/study/status", status),
+        post_route("/study/enrol", Enrol, enrol, status),
+        post_route("/study/open", Open, open_session, status),
+        post_route("/study/leave", Participant, lambda body: service.leave(body.participant), status),
+        post_route("/study/withdraw", Participant, lambda body: service.withdraw(body.participant), status),
+        post_route("/study/note", Remark, note, status),
+        post_route("/study/stop", Remark, stop, status),
+        post_route("/study/repeat", TrialRemark, repeat, status),
+        post_route("/study/abort", TrialRemark, abort, status),
     ]

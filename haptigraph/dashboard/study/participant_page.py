@@ -1,7 +1,7 @@
-"""The participant's routes: the stage that comes next, and what the participant does in it. JSON both ways.
+"""The participant's routes: the next stage, and the participant's actions in it. JSON both ways.
 
-Every act names participant and stage on the screen; what does not come next is refused, so that neither a
-second click nor another participant's page does anything.
+Every request names the participant and the stage on the screen. If another stage comes next, it is refused,
+so that neither a second click nor another participant's page has an effect.
 """
 
 from collections.abc import Sequence
@@ -10,24 +10,24 @@ from typing import Annotated, Any
 from msgspec import Meta, Struct
 from starlette.routing import BaseRoute
 
-from haptigraph.dashboard.server.answers import acting, asking
+from haptigraph.dashboard.server.json_routes import get_route, post_route
 from haptigraph.dashboard.study.service import StationSite
-from haptigraph.dashboard.study.views import participant_view
+from haptigraph.dashboard.study.snapshots import participant_snapshot
 
-__all__ = ["Answer", "Here", "routes"]
+__all__ = ["Answer", "CurrentStage", "routes"]
 
 Name = Annotated[str, Meta(max_length=200)]
 
 
-class Here(Struct, frozen=True, forbid_unknown_fields=True):
-    """The stage on the screen."""
+class CurrentStage(Struct, frozen=True, forbid_unknown_fields=True):
+    """Body: the stage on the screen."""
 
     participant: Name
     key: Name
 
 
 class Answer(Struct, frozen=True, forbid_unknown_fields=True):
-    """An answer; empty: it is taken back."""
+    """Body: an answer to an item; an empty one removes it."""
 
     participant: Name
     key: Name
@@ -39,24 +39,30 @@ def routes(site: StationSite) -> Sequence[BaseRoute]:
     """Return the participant's routes."""
     service = site.service
 
-    def answer(wish: Answer) -> None:
-        with service.acting(wish.participant) as session:
-            if wish.answer.strip():
-                session.answer(wish.key, wish.item, wish.answer)
+    def answer(body: Answer) -> None:
+        with service.acting_on(body.participant) as session:
+            if body.answer.strip():
+                session.answer(body.key, body.item, body.answer)
             else:
-                session.take_back(wish.key, wish.item)
+                session.take_back(body.key, body.item)
 
-    def done(wish: Here) -> None:
-        with service.acting(wish.participant) as session:
-            session.done(wish.key)
+    def done(body: CurrentStage) -> None:
+        with service.acting_on(body.participant) as session:
+            session.done(body.key)
 
-    def now() -> dict[str, Any]:
-        return participant_view(service)
+    def begin(body: CurrentStage) -> None:
+        service.begin(body.participant, body.key)
+
+    def ready(body: CurrentStage) -> None:
+        service.ready(body.participant, body.key)
+
+    def status() -> dict[str, Any]:
+        return participant_snapshot(service)
 
     return [
-        asking("/participant/now", now),
-        acting("/participant/answer", Answer, answer, now),
-        acting("/participant/done", Here, done, now),
-        acting("/participant/begin", Here, lambda wish: service.begin(wish.participant, wish.key), now),
-        acting("/participant/ready", Here, lambda wish: service.ready(wish.participant, wish.key), now),
+        get_route("/participant/status", status),
+        post_route("/participant/answer", Answer, answer, status),
+        post_route("/participant/done", CurrentStage, done, status),
+        post_route("/participant/begin", CurrentStage, begin, status),
+        post_route("/participant/ready", CurrentStage, ready, status),
     ]

@@ -1,7 +1,7 @@
-"""One station of a study: whom it has, and what its trial is doing.
+"""The session service of one station: its participant's session, and the status of its trial.
 
-Pages act here from worker threads, the thread that runs trials takes them from here. What counts is in the
-store; what is here ends with the process, and nothing is lost by that.
+Pages call it from worker threads; the thread that runs trials takes them from here. Everything that counts is
+in the store: what is held here ends with the process without loss.
 """
 
 import threading
@@ -20,16 +20,16 @@ from haptigraph.study.roster import Study
 from haptigraph.study.runner import Session, open_session
 from haptigraph.study.station import open_row
 
-__all__ = ["Doing", "Ending", "StationSite", "StudyService"]
+__all__ = ["StationSite", "StudyService", "TrialEnding", "TrialStatus"]
 
-Doing: TypeAlias = Literal["", "preparing", "running", "ending"]
-"""What a trial is doing here; empty: there is none."""
-Ending: TypeAlias = tuple[Literal["ready", "aborted"], str]
-"""How somebody ends a trial, and why."""
+TrialStatus: TypeAlias = Literal["", "preparing", "running", "ending"]
+"""Status of this station's trial; empty: there is none."""
+TrialEnding: TypeAlias = tuple[Literal["ready", "aborted"], str]
+"""How a person ends a trial, and why."""
 
 
 class StudyService:
-    """A station.
+    """The service of one station.
 
     Args:
         path: The study's folder, or its protocol.
@@ -40,180 +40,180 @@ class StudyService:
     def __init__(self, path: Path, study: Study, station: str) -> None:
         self.study, self.station = study, station
         self.session: Session | None = None
-        """Of the participant who is here."""
-        self.doing: Doing = ""
+        """Of the participant at this station."""
+        self.trial_status: TrialStatus = ""
         self.problem = ""
-        """Why the last trial could not begin, or be kept; empty: all is well."""
-        self.ending: Ending | None = None
-        """Set by a page; the trial that runs looks at it with every image."""
-        self.begun_ns = 0
+        """Why the last trial could not begin or be saved; empty: no problem."""
+        self.ending: TrialEnding | None = None
+        """Set by a page; the trial that runs checks it with every image."""
+        self.started_ns = 0
         """When the trial that runs had its first image, on the monotonic clock."""
         self.version = 0
-        """Grows with every change, so that pages know an old answer when they see one."""
+        """Increases with every change, so that pages can discard answers that arrive late."""
         self.on_change: Callable[[], None] = lambda: None
         self._path = path
-        self._lock = threading.RLock()  # held while the store is asked, which may take long
-        self._moment = threading.Lock()  # never held for longer than a moment: the loop may wait for it
-        self._wishes: SimpleQueue[tuple[Session, Stage]] = SimpleQueue()
+        self._lock = threading.RLock()  # held during store access, which may take long
+        self._status_lock = threading.Lock()  # held for a moment only, because the loop may wait for it
+        self._requested: SimpleQueue[tuple[Session, Stage]] = SimpleQueue()
 
     # --- for the experimenter -------------------------------------------------------------------------
 
     def enrol(self, participant: str | None) -> str:
-        """Take a participant into the study; None: by the next free pseudonym.
+        """Enrol a participant; None: under the next free pseudonym.
 
         Raises:
-            BadInput: If the study does not take them, its protocol was changed, or a trial is going on here.
+            BadInput: If the study refuses them, its protocol was changed, or a trial is running here.
         """
         with self._changing():
-            self._must_be_idle()
-            self._read_protocol()
+            self._check_idle()
+            self._reload_protocol()
             return self.study.enrol(participant)
 
     def open(self, participant: str, *, take_over: bool) -> None:
-        """Bring a participant here; one who is here leaves, and may come back.
+        """Open a participant's session at this station; the present one is closed and may be opened again.
 
         Raises:
             BadInput: If there is none of that name, another station has them, the protocol was changed, or a
-                trial is going on here.
+                trial is running here.
         """
         with self._changing():
-            self._must_be_idle()
-            self._read_protocol()
-            before = self.session
+            self._check_idle()
+            self._reload_protocol()
+            previous = self.session
             self.session = open_session(self.study, participant, self.station, take_over=take_over)
             self.problem = ""
-            if before is not None and self._is_here(before):
-                before.close()
+            if previous is not None and self._is_here(previous):
+                previous.close()
 
     def leave(self, participant: str) -> None:
-        """Let the participant who is here go, to come back here or elsewhere.
+        """Close a participant's session at this station; it may be opened again, here or elsewhere.
 
         Raises:
-            BadInput: If another is here, or a trial is going on.
+            BadInput: If they are not at this station, or a trial is running.
         """
         with self._changing():
-            session = self.at_hand(participant)
-            self._must_be_idle()
+            session = self.session_of(participant)
+            self._check_idle()
             self.session, self.problem = None, ""
             session.close()
 
     def withdraw(self, participant: str) -> None:
-        """Note that a participant has left the study for good.
+        """Record that a participant has left the study for good.
 
         Raises:
-            BadInput: If there is none of that name, or their trial is going on.
+            BadInput: If there is none of that name, or their trial is running.
         """
         with self._changing():
             if self.session is not None and self.session.participant == participant:
-                self._must_be_idle()
+                self._check_idle()
             self.study.withdraw(participant)
 
     def abort(self, participant: str, key: str, reason: str) -> None:
-        """Give up the trial that runs.
+        """Abort the trial that runs.
 
         Raises:
             BadInput: If it does not run, or no reason is given.
         """
         if not reason.strip():
-            raise BadInput("a trial is not aborted without a reason; give one")
+            raise BadInput("a trial cannot be aborted without a reason; give one")
         self._end(participant, key, ("aborted", reason.strip()))
 
     def close(self) -> None:
-        """Let whoever is here go, at the end of all."""
+        """Close the present session when the program ends."""
         with self._lock:
-            session = self.here()
+            session = self.current_session()
             if session is not None:
                 session.close()
 
-    # --- for both -------------------------------------------------------------------------------------
+    # --- for both pages -------------------------------------------------------------------------------
 
-    def at_hand(self, participant: str) -> Session:
-        """Return the session of a participant who must be here.
+    def session_of(self, participant: str) -> Session:
+        """Return the session of a participant who must be at this station.
 
         Raises:
-            BadInput: If another is here, or nobody.
+            BadInput: If another participant is here, or none.
         """
-        session = self.here()
+        session = self.current_session()
         if session is None or session.participant != participant:
             who = f"{session.participant} is" if session else "nobody is"
             raise BadInput(f"participant {participant!r} is not at this station; {who}")
         return session
 
-    def here(self) -> Session | None:
-        """Return the session of the participant who is here, if no other station has taken them over."""
+    def current_session(self) -> Session | None:
+        """Return the session at this station, unless another station has taken it over."""
         session = self.session
         return session if session is not None and self._is_here(session) else None
 
     def begin(self, participant: str, key: str) -> None:
-        """Ask for the trial that comes next.
+        """Request the next trial.
 
         Raises:
-            BadInput: If it does not come next, one is going on, or the protocol was changed.
+            BadInput: If another stage comes next, a trial is running, or the protocol was changed.
         """
         with self._changing():
-            session = self.at_hand(participant)
-            self._must_be_idle()
-            self._read_protocol()
+            session = self.session_of(participant)
+            self._check_idle()
+            self._reload_protocol()
             coming = session.next()
             if coming.stage is None or coming.stage.key != key or not coming.stage.is_trial:
                 what = coming.stage.key if coming.stage else f"nothing more ({coming.ended})"
                 raise BadInput(f"participant {participant}: trial {key} does not come next, but {what}")
             self.ending = None
-            self.now("preparing")
-            self._wishes.put((session, coming.stage))
+            self.set_trial_status("preparing")
+            self._requested.put((session, coming.stage))
 
     def ready(self, participant: str, key: str) -> None:
         """End the free training that runs.
 
         Raises:
-            BadInput: If it does not run, or is not free.
+            BadInput: If it does not run, or is not free training.
         """
-        session = self.at_hand(participant)
+        session = self.session_of(participant)
         if not any(stage.key == key and stage.free for stage in session.plan):
-            raise BadInput(f"{key} is no free training; it ends by itself")
+            raise BadInput(f"{key} is not free training; it ends by itself")
         self._end(participant, key, ("ready", ""))
 
     @contextmanager
-    def acting(self, participant: str) -> Iterator[Session]:
-        """Let a page act on the session of the participant who is here, and tell all pages."""
+    def acting_on(self, participant: str) -> Iterator[Session]:
+        """Let a page change the session of a participant who must be here; notifies all pages."""
         with self._changing():
-            yield self.at_hand(participant)
+            yield self.session_of(participant)
 
     # --- for the thread that runs trials --------------------------------------------------------------
 
-    def wait(self) -> tuple[Session, Stage]:
-        """Wait until a trial is asked for."""
-        return self._wishes.get()
+    def next_trial(self) -> tuple[Session, Stage]:
+        """Wait until a trial is requested."""
+        return self._requested.get()
 
-    def now(self, doing: Doing, problem: str = "", begun_ns: int = 0) -> None:
-        """Note what the trial is doing now, and what went wrong."""
-        with self._moment:
-            self.doing, self.problem, self.begun_ns = doing, problem, begun_ns
-        self._tell()
+    def set_trial_status(self, status: TrialStatus, problem: str = "", started_ns: int = 0) -> None:
+        """Set the status of the trial, and what went wrong."""
+        with self._status_lock:
+            self.trial_status, self.problem, self.started_ns = status, problem, started_ns
+        self._notify()
 
-    def _end(self, participant: str, key: str, ending: Ending) -> None:
-        coming = self.at_hand(participant).next()
-        with self._moment:
-            if self.doing != "running" or coming.stage is None or coming.stage.key != key:
+    def _end(self, participant: str, key: str, ending: TrialEnding) -> None:
+        coming = self.session_of(participant).next()
+        with self._status_lock:
+            if self.trial_status != "running" or coming.stage is None or coming.stage.key != key:
                 raise BadInput(f"participant {participant}: trial {key} is not running")
-            self.ending, self.doing = ending, "ending"
-        self._tell()
+            self.ending, self.trial_status = ending, "ending"
+        self._notify()
 
-    def _must_be_idle(self) -> None:
-        if self.doing:
-            raise BadInput("a trial is going on at this station; let it end, or abort it")
+    def _check_idle(self) -> None:
+        if self.trial_status:
+            raise BadInput("a trial is running at this station; wait until it ends, or abort it")
 
     def _is_here(self, session: Session) -> bool:
         with self.study.store.begin() as connection:
             row = open_row(connection, self.study, session.participant)
         return row is not None and row.session == session.number
 
-    def _read_protocol(self) -> None:
-        """Read the protocol anew: until it is frozen an edit counts, afterwards it is refused."""
+    def _reload_protocol(self) -> None:
+        """Read the protocol again; edits apply until it is frozen and are refused afterwards."""
         study = Study(load_protocol(self._path), self.study.store, self.study.simulated)
         study.check_frozen()
         if study.name != self.study.name:
-            raise BadInput(f"the study's name is {study.name!r} now; start haptigraph anew", self._path)
+            raise BadInput(f"the study's name has changed to {study.name!r}; restart haptigraph", self._path)
         self.study = study
 
     @contextmanager
@@ -222,15 +222,15 @@ class StudyService:
             try:
                 yield
             finally:
-                self._tell()
+                self._notify()
 
-    def _tell(self) -> None:
+    def _notify(self) -> None:
         self.version += 1
         self.on_change()
 
 
 @dataclass(frozen=True, kw_only=True)
 class StationSite(Site):
-    """What the routes of a study's pages may use."""
+    """Context of the routes of a study's pages."""
 
     service: StudyService

@@ -1,4 +1,4 @@
-"""The pages of a study and their server; what they show while a trial runs."""
+"""The server of a study's pages, and what they show while a trial runs."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -10,9 +10,9 @@ from haptigraph.clock import MonotonicClock
 from haptigraph.config import Config
 from haptigraph.dashboard.server.access import LOOPBACK
 from haptigraph.dashboard.server.controls import Controls
+from haptigraph.dashboard.server.describe import announcement
 from haptigraph.dashboard.server.health import Health
 from haptigraph.dashboard.server.hub import Hub
-from haptigraph.dashboard.server.introduction import introduce
 from haptigraph.dashboard.server.server import STUDY_PAGES, Server, address, make_app
 from haptigraph.dashboard.study.service import StationSite, StudyService
 from haptigraph.pipeline import Loop
@@ -22,14 +22,14 @@ __all__ = ["StudySite"]
 
 
 class StudySite:
-    """Everything that shows a study.
+    """Serve a study's pages.
 
     Args:
-        service: Whom it is about.
+        service: The station's service.
         base: The station's configuration.
         listener: The socket to serve on.
         host: The address it listens on.
-        token: What visitors must know; empty: nothing.
+        token: What visitors must present; empty: nothing.
     """
 
     def __init__(
@@ -37,18 +37,13 @@ class StudySite:
     ) -> None:
         self.hub = Hub(MonotonicClock())
         """Give it to the loop of a trial as a sink, and `hub.felt` as its listener."""
-        self._service, self._base, self._listener, self._host, self._token = (
-            service,
-            base,
-            listener,
-            host,
-            token,
-        )
+        self._service, self._base, self._listener = service, base, listener
+        self._host, self._token = host, token
         self._controls = Controls(self.hub, None)
         self._health: Health | None = None
 
     def address(self, path: str = "/") -> str:
-        """Return what to open in a browser."""
+        """Return the address to open in a browser."""
         return address(self._listener, self._host, self._token, path)
 
     @contextmanager
@@ -61,41 +56,41 @@ class StudySite:
             self._base.source.uri,
             folder,
             self._host in LOOPBACK,
-            asked=self._base.source,
+            source_config=self._base.source,
             service=self._service,
         )
-        self._service.on_change = self._changed
-        app = make_app(site, self._healths, host=self._host, token=self._token, pages=STUDY_PAGES)
+        self._service.on_change = self._notify
+        app = make_app(site, self._read_health, host=self._host, token=self._token, pages=STUDY_PAGES)
         with Server(app, self._listener):
             yield
 
-    def shown(self, config: Config, loop: Loop, measures: RunMeasures) -> Callable[[], None]:
-        """Return what lets the pages show a loop; call it before the loop's first step.
+    def prepare(self, config: Config, loop: Loop, measures: RunMeasures) -> Callable[[], None]:
+        """Return a function that makes the pages show a loop; call it before the loop's first step.
 
         Raises:
             BadInput: If procedure or registration cannot be used.
         """
-        begin = introduce(config, loop, self.hub)
+        announce = announcement(config, loop, self.hub)
         phased = loop.source if isinstance(loop.source, PhasedSource) else None
         teleop = loop.source.teleop
 
         def show() -> None:
             self._health = Health(loop, self.hub, measures)
-            self.hub.from_outside(begin)
-            self.hub.from_outside(lambda: self._controls.begin(teleop, phased))
+            self.hub.call_threadsafe(announce)
+            self.hub.call_threadsafe(lambda: self._controls.attach(teleop, phased))
 
         return show
 
-    def ended(self) -> None:
-        """Let the pages know that the loop has ended."""
+    def end(self) -> None:
+        """Notify the pages that the loop has ended."""
         self._health = None
-        self.hub.from_outside(lambda: self._controls.begin(None))
-        self.hub.tell_from_outside("ended", reason="The trial is over.")
+        self.hub.call_threadsafe(lambda: self._controls.attach(None))
+        self.hub.publish_threadsafe("ended", reason="The trial is over.")
 
-    def _changed(self) -> None:
+    def _notify(self) -> None:
         version = self._service.version
-        self.hub.from_outside(lambda: self.hub.tell("study", version=version))
+        self.hub.call_threadsafe(lambda: self.hub.publish("study", version=version))
 
-    def _healths(self) -> dict[str, Any]:
+    def _read_health(self) -> dict[str, Any]:
         health = self._health
         return health() if health else {}

@@ -1,9 +1,9 @@
-"""The live page in a real browser, against the real server."""
+"""The live page in a real browser, with the real server."""
 
 import re
 
 import pytest
-from live_bench import Live, hide, leave, look, show, until
+from live_bench import Live, close_page, evaluate, hide, show, until
 from paths import ROOT
 
 from haptigraph.recording.reader import RunReader
@@ -38,21 +38,21 @@ def test_everything_is_on_one_screen(live, open_page, size):
     assert hidden == []
 
 
-def test_every_state_of_the_procedure_is_drawn_and_the_current_one_lit(live, open_page, procedure):
+def test_every_state_is_drawn_and_the_current_one_highlighted(live, open_page, procedure):
     page = open_page(live.url)
     assert page.locator("#diagram .node").count() == len(procedure.states)
     until(page, "document.querySelector('#diagram .node.on')")
     for name in ("misaligned_retinal_approach", "aligned_retinal_approach"):
         until(page, f"document.body.dataset.state === '{name}'")
         label = name.replace("_", " ")
-        lit = page.locator("#diagram .node.on")
-        assert label in lit.locator("title").text_content()
-        place, middle = lit.bounding_box(), page.locator("#diagram").bounding_box()
+        current = page.locator("#diagram .node.on")
+        assert label in current.locator("title").text_content()
+        place, middle = current.bounding_box(), page.locator("#diagram").bounding_box()
         is_left = place["x"] + place["width"] / 2 < middle["x"] + middle["width"] / 2
         assert is_left == name.startswith("misaligned")
 
 
-def test_edges_of_the_graph_appear_and_vanish(live, open_page):
+def test_edges_of_the_graph_appear_and_disappear(live, open_page):
     page = open_page(live.url)
     shown = (
         "[...document.querySelectorAll('#graph .relation.holds text')].map((each) => each.textContent).join()"
@@ -86,8 +86,8 @@ def test_the_state_shown_is_the_state_recorded(quick_uri, open_page, tmp_path):
         shown = page.evaluate("window.shown")
         page.close()
         live.stop()
-        leave(page)
-    recorded: dict[str, set[str]] = {}  # a stale image's step has the number of the image before it
+        close_page(page)
+    recorded: dict[str, set[str]] = {}  # a stale image's step has the index of the image before it
     for _, step in RunReader(record).records():
         recorded.setdefault(str(step.index), set()).add(step.conclusion.state.replace("_", " "))
     wrong = {number: label for number, label in shown.items() if label not in recorded.get(number, {label})}
@@ -96,22 +96,22 @@ def test_the_state_shown_is_the_state_recorded(quick_uri, open_page, tmp_path):
     assert {"target hit", "retinal contact"} & set(shown.values())
 
 
-def test_another_procedure_is_drawn_as_well(quick_uri, open_page, tmp_path):
+def test_another_procedure_is_drawn(quick_uri, open_page, tmp_path):
     docs = (ROOT / "docs" / "procedures.md").read_text(encoding="utf-8")
     (text,) = [block for block in re.findall(r"```toml\n(.*?)```", docs, re.DOTALL) if "[procedure]" in block]
     procedure = tmp_path / "other.toml"
     procedure.write_text(text)
     with Live(quick_uri, "--procedure", procedure) as live:
         page = open_page(live.url)
-        states = look(page, "page.hello.procedure.states.map((state) => state.label)")
+        states = evaluate(page, "page.hello.procedure.states.map((state) => state.label)")
         assert page.locator("#diagram .node").count() == len(states)
         page.wait_for_selector("#diagram .node.on")
         until(page, f"new Set({states}).has(document.getElementById('state').textContent)")
         until(page, "document.querySelector('#graph .relation.holds')")
-        leave(page)
+        close_page(page)
 
 
-def test_a_sentence_says_why(live, open_page):
+def test_the_reason_is_shown(live, open_page):
     page = open_page(live.url)
     until(page, "document.body.dataset.state === 'misaligned_intraocular_navigation'")
     until(
@@ -120,15 +120,15 @@ def test_a_sentence_says_why(live, open_page):
     )
 
 
-def test_a_lost_server_is_told_in_large_letters(quick_uri, open_page):
+def test_a_lost_server_raises_the_banner(quick_uri, open_page):
     with Live(quick_uri) as live:
         page = open_page(live.url)
         live.process.kill()
         page.wait_for_selector("#banner:has-text('Connection lost')")
-    leave(page)
+    close_page(page)
 
 
-def test_a_page_finds_a_server_that_comes_back(quick_uri, open_page):
+def test_a_page_reconnects_to_a_restarted_server(quick_uri, open_page):
     with Live(quick_uri) as live:
         page, port = open_page(live.url), live.url.rpartition(":")[2].strip("/")
         live.process.kill()
@@ -136,18 +136,18 @@ def test_a_page_finds_a_server_that_comes_back(quick_uri, open_page):
     with Live(quick_uri, "--port", port):
         page.wait_for_selector("#banner", state="hidden")
         until(page, "page.isOpen && page.header && page.header.index >= 0")
-    leave(page)
+    close_page(page)
 
 
-def test_a_hidden_page_is_sent_no_images(live, open_page):
+def test_a_hidden_page_gets_no_images(live, open_page):
     page = open_page(live.url)
     hide(page)
     number = "page.header.number"
-    # What was under way may still arrive; then the same number is there after a full second of health messages.
+    # Images in flight may still arrive; afterwards the number stays the same for a second.
     page.evaluate(
-        "() => { window.seen = []; import('/static/live/live.js').then(({ page }) => setInterval(() => window.seen.push(page.header.number), 200)); }"
+        "() => { window.numbers = []; import('/static/live/live.js').then(({ page }) => setInterval(() => window.numbers.push(page.header.number), 200)); }"
     )
-    until(page, "window.seen.length > 8 && new Set(window.seen.slice(-5)).size === 1")
-    stood = look(page, number)
+    until(page, "window.numbers.length > 8 && new Set(window.numbers.slice(-5)).size === 1")
+    last = evaluate(page, number)
     show(page)
-    until(page, f"page.header.number > {stood} + 5")
+    until(page, f"page.header.number > {last} + 5")

@@ -13,7 +13,7 @@ def phased(open_page, quick_uri):
         page.live = live
         page.wait_for_selector("#phases button[aria-pressed=true]")
         yield page
-        open_page.close_all()  # while the server is still there
+        open_page.close_all()  # while the server still runs
 
 
 def wait_in(page, phase):
@@ -22,7 +22,7 @@ def wait_in(page, phase):
     assert page.locator("#phases button[aria-pressed=true]").count() == 1
 
 
-def test_a_phase_is_entered_by_button_and_by_key_and_every_viewer_sees_it(phased, open_page):
+def test_a_phase_is_entered_by_button_and_by_key_and_shown_to_every_viewer(phased, open_page):
     other = open_page(phased.live.url)
     first, second, third, *_ = phased.locator("#phases button").all_inner_texts()
     wait_in(other, first)

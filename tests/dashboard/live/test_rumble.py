@@ -1,4 +1,4 @@
-"""Touch on a controller in the browser: follows the procedure's patterns, and is still when anything fails."""
+"""Haptic feedback on a controller in the browser: follows the patterns, and is silent when anything fails."""
 
 import re
 import signal
@@ -8,12 +8,12 @@ from itertools import groupby, pairwise
 from pathlib import Path
 
 import pytest
-from live_bench import Live, hide, leave, look, until
+from live_bench import Live, close_page, evaluate, hide, until
 from paths import ROOT
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
 
-STILL_WITHIN_MS = 200
+SILENT_WITHIN_MS = 200
 FREEZING = (str(ROOT / "tests" / "dashboard" / "freezing.py"),)
 
 
@@ -22,7 +22,7 @@ def calls(page):
 
 
 def rhythm(calls):
-    """Return what was played as letters, what is sent again once: low, pulse, success, other, - for silence."""
+    """Return the levels as letters without repetitions: low, pulse, success, other, - for silence."""
     letters = {(0.3, 0.0): "l", (1.0, 1.0): "p", (0.8, 0.8): "s"}
     played = [
         "-"
@@ -33,7 +33,7 @@ def rhythm(calls):
     return "".join(letter for letter, _ in groupby(played))
 
 
-def felt_until_ms(calls):
+def silent_from_ms(calls):
     """Return when the last effect ended [ms since 1970]."""
     end_ms = 0.0
     for call in calls:
@@ -43,26 +43,26 @@ def felt_until_ms(calls):
     return end_ms
 
 
-def test_rumble_follows_the_grammar(quick_uri, open_page):
-    """The scenario: in and misaligned, wrong contact, back, aligned, hit."""
+def test_rumble_follows_the_patterns(quick_uri, open_page):
+    """The scenario: misaligned, wrong contact, back, aligned, hit."""
     with Live(quick_uri) as live:
         page = open_page(live.url, pad=True)
         for state in ("outside_eye", "target_hit", "outside_eye"):
             until(page, f"document.body.dataset.state === '{state}'", 60)
         played = rhythm(calls(page))
-        leave(page)
+        close_page(page)
     assert re.search(r"(l-?)+(p-){3,}p?-?(l-?)+(s-){1,2}", played), played  # a busy page may miss the pause
     assert all(burst.count("s") <= 2 for burst in re.findall(r"(?:s-?)+", played)), played
     assert "o" not in played
     assert "sp" not in played and "ps" not in played
 
 
-def test_commands_keep_their_distance_and_never_outlast_the_news(quick_uri, open_page):
+def test_commands_keep_their_distance_and_end_with_the_data(quick_uri, open_page):
     with Live(quick_uri) as live:
         page = open_page(live.url, pad=True)
         until(page, "document.body.dataset.state === 'target_hit'")
         made = calls(page)
-        leave(page)
+        close_page(page)
     starts = [call["at"] for call in made if call["type"] == "dual-rumble"]
     assert len(starts) > 20
     assert min(after - before for before, after in pairwise(starts)) >= 49
@@ -72,7 +72,7 @@ def test_commands_keep_their_distance_and_never_outlast_the_news(quick_uri, open
 
 @pytest.fixture
 def vibrating(quick_uri, open_page, tmp_path):
-    """A page that vibrates steadily, and its server, whose source can be frozen by SIGUSR1."""
+    """A page that vibrates steadily, and its server, whose source SIGUSR1 freezes."""
     text = Path(quick_uri.partition(":")[2]).read_text().partition("[[move]]")[0]
     steady = tmp_path / "steady.toml"
     steady.write_text(text + "[[move]]\nduration_s = 600\ndepth_mm = 12.0\ntheta_deg = -6.0\n")
@@ -80,83 +80,83 @@ def vibrating(quick_uri, open_page, tmp_path):
         page = open_page(live.url, pad=True)
         until(page, "window.rumble.length > 5 && window.rumble.at(-1).strongMagnitude > 0")
         yield page, live
-        leave(page)
+        close_page(page)
 
 
-def assert_still(page, event_ms):
-    """Wait until half a second has passed without touch, and check when the last of it ended."""
+def assert_silent(page, event_ms):
+    """Wait until the controller has been silent for half a second, and check when the silence began."""
     until(
         page,
         f"performance.timeOrigin + performance.now() - Math.max({event_ms}, window.rumble.at(-1).at) > 500",
     )
-    assert felt_until_ms(calls(page)) - event_ms <= STILL_WITHIN_MS
+    assert silent_from_ms(calls(page)) - event_ms <= SILENT_WITHIN_MS
 
 
-def test_a_killed_server_stills_it(vibrating):
+def test_a_killed_server_silences_it(vibrating):
     page, live = vibrating
     event_ms = time.time() * 1000
     live.process.kill()
-    assert_still(page, event_ms)
+    assert_silent(page, event_ms)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
-def test_a_server_that_hangs_stills_it(vibrating):
+def test_a_hanging_server_silences_it(vibrating):
     page, live = vibrating
     event_ms = time.time() * 1000
     live.process.send_signal(signal.SIGSTOP)
     try:
-        assert_still(page, event_ms)
-        page.wait_for_selector("#banner:has-text('No news')")
+        assert_silent(page, event_ms)
+        page.wait_for_selector("#banner:has-text('No data received')")
     finally:
         live.process.send_signal(signal.SIGCONT)
 
 
-def test_a_frozen_source_stills_it_and_is_told(vibrating):
+def test_a_frozen_source_silences_it_and_raises_the_banner(vibrating):
     page, live = vibrating
     event_ms = time.time() * 1000
     live.process.send_signal(signal.SIGUSR1)
-    assert_still(page, event_ms)
+    assert_silent(page, event_ms)
     page.wait_for_selector("#banner:has-text('No image')")
     assert "stale image" in page.inner_text("#banner")
     assert page.inner_text("#state").lower() == "unknown"
 
 
-def test_a_hidden_page_is_still_at_once(vibrating):
+def test_a_hidden_page_is_silent_at_once(vibrating):
     page, _ = vibrating
     event_ms = time.time() * 1000
     hide(page)
-    assert_still(page, event_ms)
+    assert_silent(page, event_ms)
     assert calls(page)[-1]["type"] == "reset"
 
 
-def test_a_page_that_is_left_is_still_at_once(vibrating):
+def test_a_closed_page_is_silent_at_once(vibrating):
     page, _ = vibrating
     page.evaluate("dispatchEvent(new PageTransitionEvent('pagehide'))")
     assert page.evaluate("window.rumble.find((call, at) => call.type === 'reset' && at > 5)")
 
 
-def test_a_blocked_page_cannot_vibrate_on(vibrating):
-    """Effects end by themselves: while the page's only thread is busy, nobody could stop them."""
+def test_a_blocked_page_falls_silent(vibrating):
+    """Effects end by themselves, because a page whose thread is busy cannot stop them."""
     page, _ = vibrating
     event_ms = page.evaluate(
         """() => { const from = performance.timeOrigin + performance.now();
              while (performance.timeOrigin + performance.now() < from + 400); return from; }"""
     )
     before = [call for call in calls(page) if call["at"] <= event_ms]
-    assert felt_until_ms(before) - event_ms <= STILL_WITHIN_MS
+    assert silent_from_ms(before) - event_ms <= SILENT_WITHIN_MS
 
 
-def test_touch_on_the_controller_can_be_switched_off(vibrating):
+def test_the_controller_can_be_switched_off(vibrating):
     page, _ = vibrating
     page.locator("#outputs").get_by_label("controller").uncheck()
     count = len(calls(page))
     assert calls(page)[-1]["type"] == "reset"
-    index = look(page, "page.header.index")
+    index = evaluate(page, "page.header.index")
     until(page, f"page.header.index > {index} + 10")
     assert len(calls(page)) == count
 
 
-def test_the_stand_in_shows_and_sounds(vibrating):
+def test_border_and_tone_replace_a_controller(vibrating):
     page, _ = vibrating
     page.evaluate(
         """() => { window.tones = [];
@@ -165,15 +165,15 @@ def test_the_stand_in_shows_and_sounds(vibrating):
     )
     page.locator("#outputs").get_by_label("screen").check()
     page.locator("#outputs").get_by_label("sound").check()
-    until(page, "document.body.classList.contains('felt')")
+    until(page, "document.body.classList.contains('vibrating')")
     until(page, "window.tones.some((value) => Math.abs(value - 0.4 * 0.3) < 1e-6)")
     page.locator("#outputs").get_by_label("sound").uncheck()
     assert page.evaluate("window.tones.at(-1)") == 0
     page.locator("#outputs").get_by_label("screen").uncheck()
-    assert not page.evaluate("document.body.classList.contains('felt')")
+    assert not page.evaluate("document.body.classList.contains('vibrating')")
 
 
-def test_rumble_keeps_its_gap_for_any_rhythm(live, open_page):
+def test_rumble_keeps_its_gap_for_any_sequence_of_levels(live, open_page):
     page = open_page(live.url)
     gaps = page.evaluate(
         """async () => {

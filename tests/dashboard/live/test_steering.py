@@ -1,9 +1,9 @@
-"""Steering from the page: keyboard, controller, mouse; who holds the controls."""
+"""Steering from the page: keyboard, controller, mouse; who has the controls."""
 
 import math
 
 import pytest
-from live_bench import Live, look, until
+from live_bench import Live, evaluate, until
 from paths import DATA
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
@@ -16,22 +16,22 @@ OFF_AXIS_DEG = """
   const off = (angle(line.start_mm, line.end_mm) - angle(trocar, target)) * 180 / Math.PI;
   return (off + 540) % 360 - 180;
 """
-"""How far the shaft is turned from the line trocar -> target, counter-clockwise."""
+"""Angle of the shaft from the line trocar -> target, counter-clockwise."""
 
 
 @pytest.fixture
 def steered(open_page, steered_uri):
     with Live(steered_uri) as live:
         page = open_page(live.url, pad=True)
-        page.wait_for_selector("#holder:has-text('You hold the controls')")
+        page.wait_for_selector("#holder:has-text('You have the controls')")
         page.live = live
         yield page
-        open_page.close_all()  # while the server is still there
+        open_page.close_all()  # while the server still runs
 
 
 @pytest.fixture(scope="session")
 def steered_uri(tmp_path_factory):
-    """Small pictures for a hand to steer in: the needle stands outside."""
+    """A scenario with small images, in which the needle is outside."""
     text = (DATA / "steered.toml").read_text()
     path = tmp_path_factory.mktemp("steered") / "outside.toml"
     path.write_text(text.replace("depth_mm = 8.0", "depth_mm = -4.0"))
@@ -43,11 +43,11 @@ def wait_in_state(page, name):
 
 
 def off_axis_deg(page):
-    return look(page, f"await (async () => {{ {OFF_AXIS_DEG} }})()")
+    return evaluate(page, f"await (async () => {{ {OFF_AXIS_DEG} }})()")
 
 
 def hold_until(page, keys, condition):
-    """Hold keys down until a condition of the page's shaft angle `off` or state holds."""
+    """Hold keys down until a condition of the shaft angle `off` or of the state is true."""
     for key in keys:
         page.keyboard.down(key)
     until(
@@ -60,16 +60,20 @@ def hold_until(page, keys, condition):
 
 
 def align(page):
-    """Turn the shaft to the target with the arrow keys, finely."""
+    """Align the shaft with the target, by arrow keys in fine motion."""
     while abs(off := off_axis_deg(page) or 0.0) > 0.8:
         key, reached = ("ArrowLeft", "off < 0.3") if off > 0 else ("ArrowRight", "off > -0.3")
-        key = key if to_the_right(page) else {"ArrowLeft": "ArrowRight", "ArrowRight": "ArrowLeft"}[key]
+        key = (
+            key
+            if turns_counterclockwise(page)
+            else {"ArrowLeft": "ArrowRight", "ArrowRight": "ArrowLeft"}[key]
+        )
         hold_until(page, ["Shift", key], f"off !== null && {reached}")
 
 
-def to_the_right(page):
-    """Whether moving the tip to the right turns the shaft counter-clockwise, as it does for a needle from above."""
-    line = look(page, "page.header.found.needle_line")
+def turns_counterclockwise(page):
+    """Return whether moving the tip right turns the shaft counter-clockwise, as with a needle from above."""
+    line = evaluate(page, "page.header.found.needle_line")
     return line["end_mm"][1] < line["start_mm"][1]
 
 
@@ -82,40 +86,41 @@ def test_the_keyboard_drives_the_needle_from_outside_to_the_target(steered):
     wait_in_state(page, "aligned_intraocular_navigation")
     hold_until(page, ["ArrowDown"], "document.body.dataset.state === 'aligned_retinal_approach'")
     align(page)
-    while page.get_attribute("body", "data-state") != "target_hit":  # a first touch may be one image long
+    while (
+        page.get_attribute("body", "data-state") != "target_hit"
+    ):  # the first contact may last one image only
         hold_until(page, ["Shift", "ArrowDown"], "document.body.dataset.state === 'target_hit'")
     assert page.inner_text("#state").lower() == "target hit"
     assert math.isclose(off_axis_deg(page) or 0.0, 0.0, abs_tol=1.7)
 
 
-def test_a_stick_moves_the_needle_and_letting_go_stops_it(steered):
+def test_a_stick_moves_the_needle_until_it_is_released(steered):
     page = steered
     page.evaluate("window.pad.axes[1] = 1")
     wait_in_state(page, "misaligned_intraocular_navigation")
     assert "moving" in page.inner_text("#clutch")
     page.evaluate("window.pad.axes[1] = 0.05")  # within the dead zone
-    until(page, "document.getElementById('clutch').textContent.includes('off')")
+    until(page, "document.getElementById('clutch').textContent.includes('disengaged')")
     until(page, "page.header.hand?.engaged === false")
-    depth = "page.header.index"
-    first = look(page, depth)
-    before = look(page, "page.header.found.needle_tip.at_mm")
+    first = evaluate(page, "page.header.index")
+    before = evaluate(page, "page.header.found.needle_tip.at_mm")
     until(page, f"page.header.index > {first} + 10")
-    after = look(page, "page.header.found.needle_tip.at_mm")
+    after = evaluate(page, "page.header.found.needle_tip.at_mm")
     assert math.dist(before, after) < 0.3
 
 
-def hold_the_clutch_after_nothing_moved(page):
-    index = look(page, "page.header.index")
+def check_disengaged_then_hold_clutch(page):
+    index = evaluate(page, "page.header.index")
     until(page, f"page.header.index > {index} + 10")
-    assert look(page, "page.header.hand.engaged") is False
+    assert evaluate(page, "page.header.hand.engaged") is False
     page.evaluate("window.pad.buttons[7].value = 1")
 
 
-def test_with_a_clutch_the_stick_moves_nothing_until_the_trigger_is_held(steered):
+def test_a_required_clutch_blocks_the_stick_until_the_trigger_is_held(steered):
     page = steered
     page.get_by_label("Needs clutch").check()
     page.evaluate("window.pad.axes[1] = 1")
-    hold_the_clutch_after_nothing_moved(page)
+    check_disengaged_then_hold_clutch(page)
     until(page, "page.header.hand.engaged")
 
 
@@ -130,21 +135,21 @@ def test_dragging_in_the_picture_moves_the_needle(steered):
     until(page, "!page.header.hand.engaged")
 
 
-def test_a_control_can_be_mapped_to_another_axis_and_is_remembered(steered):
+def test_a_mapping_to_another_axis_is_remembered(steered):
     page = steered
     page.click("#map")
     page.click("button[aria-label='Change into the eye']")
     page.evaluate("window.pad.axes[3] = -1")
-    page.wait_for_selector("#actions tr:has-text('into the eye'):has-text('axis 3, turned round')")
+    page.wait_for_selector("#actions tr:has-text('into the eye'):has-text('axis 3, inverted')")
     page.evaluate("window.pad.axes[3] = 0")
     page.click("#mapping button.primary")
     page.reload()
-    page.wait_for_selector("#holder:has-text('You hold the controls')")
+    page.wait_for_selector("#holder:has-text('You have the controls')")
     page.evaluate("window.pad.axes[3] = -1")
     wait_in_state(page, "misaligned_intraocular_navigation")
 
 
-def test_scale_and_filter_are_switched_while_running_and_every_viewer_sees_it(steered, open_page):
+def test_scale_and_filter_change_at_run_time_for_every_viewer(steered, open_page):
     page, other = steered, open_page(steered.live.url)
     page.get_by_label("Tremor filter").check()
     page.locator("#scale").fill("0.5")
@@ -156,7 +161,7 @@ def test_scale_and_filter_are_switched_while_running_and_every_viewer_sees_it(st
     )
 
 
-def test_two_changes_before_the_first_is_answered_both_hold(steered):
+def test_two_changes_before_an_answer_both_apply(steered):
     steered.evaluate("""() => {
       const filter = document.getElementById("filter"), scale = document.getElementById("scale");
       filter.click();
@@ -164,25 +169,25 @@ def test_two_changes_before_the_first_is_answered_both_hold(steered):
       scale.dispatchEvent(new Event("input"));
     }""")
     until(steered, "page.header.hand.motion_scale === 0.5")
-    assert look(steered, "page.header.hand.tremor_filter") is True
+    assert evaluate(steered, "page.header.hand.tremor_filter") is True
 
 
-def test_one_page_holds_the_controls_and_the_others_say_who(steered, open_page):
+def test_one_page_has_the_controls_and_the_others_show_which(steered, open_page):
     page, other = steered, open_page(steered.live.url)
-    other.wait_for_selector("#holder:has-text('page 1 holds the controls')")
+    other.wait_for_selector("#holder:has-text('page 1 has the controls')")
     assert other.is_disabled("#hold")
     other.keyboard.down("ArrowDown")
-    index = look(other, "page.header.index")
+    index = evaluate(other, "page.header.index")
     until(other, f"page.header.index > {index} + 10")
-    assert look(other, "page.header.hand.engaged") is False
+    assert evaluate(other, "page.header.hand.engaged") is False
     other.keyboard.up("ArrowDown")
-    page.click("#hold")  # let go
+    page.click("#hold")  # release
     other.wait_for_selector("#holder:has-text('Nobody')")
     other.click("#hold")
-    page.wait_for_selector("#holder:has-text('page 2 holds the controls')")
+    page.wait_for_selector("#holder:has-text('page 2 has the controls')")
 
 
-def test_a_page_that_goes_away_or_is_hidden_lets_go(steered, open_page):
+def test_a_closed_or_hidden_page_releases_the_controls(steered, open_page):
     from live_bench import hide
 
     other = open_page(steered.live.url)
@@ -192,7 +197,7 @@ def test_a_page_that_goes_away_or_is_hidden_lets_go(steered, open_page):
     other.wait_for_selector("#holder:has-text('Nobody')")
     until(other, "!page.header.hand.engaged")
     other.click("#hold")
-    other.wait_for_selector("#holder:has-text('You hold')")
+    other.wait_for_selector("#holder:has-text('You have')")
     third = open_page(steered.live.url)
     third.wait_for_selector("#holder:has-text('page 2')")
     other.close()
@@ -204,20 +209,20 @@ def test_a_page_that_goes_away_or_is_hidden_lets_go(steered, open_page):
 
 @pytest.fixture
 def forceps(open_page):
-    """The page, steering forceps that point at the edge of a membrane."""
+    """A page that steers forceps, which point at the edge of a membrane."""
     scenario = DATA / "peeled.toml"
     with Live(f"teleop:{scenario}", "--procedure", "membrane_peeling") as live:
         page = open_page(live.url, pad=True)
-        page.wait_for_selector("#holder:has-text('You hold the controls')")
+        page.wait_for_selector("#holder:has-text('You have the controls')")
         yield page
         open_page.close_all()
 
 
 def press_until(page, keys, condition):
-    """Hold keys down until a condition of the measures `seen` or of the state holds, then let go."""
+    """Hold keys down until a condition of the measures or of the state is true."""
     for key in keys:
         page.keyboard.down(key)
-    until(page, f"((seen) => {condition})(page.header.measures)")
+    until(page, f"((measures) => {condition})(page.header.measures)")
     for key in keys:
         page.keyboard.up(key)
     until(page, "page.header.hand?.engaged === false")
@@ -228,46 +233,46 @@ BEYOND_EDGE = """(({forceps_line, membrane_edge}) => {
   const away = ([at_x, at_y]) => Math.hypot(at_x - x, at_y - y);
   return away(forceps_line.end_mm) > away(membrane_edge.at_mm);
 })(page.header.found)"""
-"""Whether the jaws are further in than the edge; both are seen."""
+"""Whether the jaws are beyond the edge; both are visible."""
 
 
 def bring_to_the_edge(page):
-    """Go down finely, and up again where a slow machine saw the jaws pass the edge too late."""
-    while look(page, "page.header.measures.distance_to_edge_mm") > 0.25:
-        is_beyond = look(page, BEYOND_EDGE)
+    """Move down in fine motion, and up if a slow machine noticed too late that the jaws passed the edge."""
+    while evaluate(page, "page.header.measures.distance_to_edge_mm") > 0.25:
+        is_beyond = evaluate(page, BEYOND_EDGE)
         passed = f"({BEYOND_EDGE}) !== {str(is_beyond).lower()}"
         key = "ArrowUp" if is_beyond else "ArrowDown"
-        press_until(page, ["Shift", key], f"seen.distance_to_edge_mm < 0.2 || {passed}")
+        press_until(page, ["Shift", key], f"measures.distance_to_edge_mm < 0.2 || {passed}")
 
 
 def test_the_keyboard_peels_a_membrane(forceps):
     page = forceps
-    press_until(page, ["o"], "seen.opening_mm > 1.2")
+    press_until(page, ["o"], "measures.opening_mm > 1.2")
     press_until(page, ["ArrowDown"], "document.body.dataset.state === 'open_approach'")
     bring_to_the_edge(page)
     wait_in_state(page, "edge_between_jaws")
-    index = look(page, "page.header.index")
+    index = evaluate(page, "page.header.index")
     press_until(page, ["c"], f"page.header.index > {index} + 30 && document.body.dataset.state === 'grasped'")
     press_until(page, ["ArrowUp"], "document.body.dataset.state === 'peeling'")
     assert page.inner_text("#state").lower() == "peeling"
 
 
-def test_shoulder_buttons_work_the_jaws_and_letting_go_holds_them(forceps):
+def test_shoulder_buttons_move_the_jaws_until_released(forceps):
     page = forceps
     page.evaluate("window.pad.buttons[5].value = 1")
     until(page, "page.header.measures.opening_mm > 1")
     page.evaluate("window.pad.buttons[5].value = 0")
     until(page, "page.header.hand?.engaged === false")
-    index, before_mm = look(page, "page.header.index"), look(page, "page.header.measures.opening_mm")
+    index, before_mm = evaluate(page, "page.header.index"), evaluate(page, "page.header.measures.opening_mm")
     until(page, f"page.header.index > {index} + 10")
-    assert look(page, "page.header.measures.opening_mm") == pytest.approx(before_mm, abs=0.15)
+    assert evaluate(page, "page.header.measures.opening_mm") == pytest.approx(before_mm, abs=0.15)
     page.get_by_label("Needs clutch").check()
     page.evaluate("window.pad.buttons[4].value = 1")
-    hold_the_clutch_after_nothing_moved(page)
+    check_disengaged_then_hold_clutch(page)
     until(page, "page.header.measures.opening_mm < 0.5")
 
 
-def test_only_where_there_are_jaws_is_it_told_how_to_work_them(forceps, open_page, steered_uri):
+def test_jaw_controls_are_shown_for_forceps_only(forceps, open_page, steered_uri):
     with Live(steered_uri) as live:
         needle = open_page(live.url, pad=True)
         for page, count in ((forceps, 2), (needle, 0)):
@@ -276,7 +281,7 @@ def test_only_where_there_are_jaws_is_it_told_how_to_work_them(forceps, open_pag
             assert page.locator("#actions tr:has-text('jaws')").count() == count
             page.click("#mapping button.primary")
         needle.keyboard.down("o")
-        index = look(needle, "page.header.index")
+        index = evaluate(needle, "page.header.index")
         until(needle, f"page.header.index > {index} + 10")
-        assert look(needle, "page.header.hand.engaged") is False
+        assert evaluate(needle, "page.header.hand.engaged") is False
         open_page.close_all()

@@ -1,4 +1,4 @@
-"""The routes of the page of recordings as others meet them, and the folder behind them."""
+"""The routes of the recordings page from outside, and the folder behind them."""
 
 import http.client
 import json
@@ -25,13 +25,13 @@ pytestmark = pytest.mark.xdist_group("server")
 def get(live, path, method="GET", **parameters):
     connection = http.client.HTTPConnection(live.url.removeprefix("http://").partition("/")[0], timeout=60)
     connection.request(method, f"{path}?{urlencode(parameters)}")
-    answer = connection.getresponse()
-    data = answer.read()
+    response = connection.getresponse()
+    data = response.read()
     connection.close()
-    return answer.status, data
+    return response.status, data
 
 
-def frames(data):
+def messages(data):
     while data:
         length = int.from_bytes(data[:4], "big")
         content = json.loads(data[4 : 4 + length])
@@ -40,8 +40,8 @@ def frames(data):
         data = data[end:]
 
 
-def test_a_timeline_comes_in_columns_and_its_steps_one_by_one(archive, recordings):
-    (*_, (content, data)) = frames(get(archive, "/recordings/timeline", name="p08/again.mcap")[1])
+def test_a_timeline_is_sent_in_columns_and_its_steps_singly(archive, recordings):
+    (*_, (content, data)) = messages(get(archive, "/recordings/timeline", name="p08/again.mcap")[1])
     assert content["type"] == "timeline"
     records = list(RunReader(recordings / "p08" / "again.mcap").records(images=()))
     timeline = Timeline(
@@ -63,11 +63,11 @@ def test_a_timeline_comes_in_columns_and_its_steps_one_by_one(archive, recording
     header = json.loads(data[4 : 4 + length])
     capture, step = list(RunReader(recordings / "p08" / "again.mcap").records())[40]
     assert (status, header["state"], header["index"]) == (200, step.conclusion.state, step.index)
-    assert data[4 + length :] == capture.encoded  # as it was recorded, to the last byte
+    assert data[4 + length :] == capture.encoded  # byte for byte as recorded
 
 
 @pytest.mark.parametrize("number", ["-1", "117", "1e3", "nan", "", "9" * 40])
-def test_a_step_that_is_not_there_is_one_sentence(archive, number):
+def test_an_invalid_step_number_is_refused(archive, number):
     get(archive, "/recordings/timeline", name="quick.mcap")
     status, data = get(archive, "/recordings/step", name="quick.mcap", number=number)
     assert status == 422
@@ -79,22 +79,22 @@ def test_a_step_that_is_not_there_is_one_sentence(archive, number):
 )
 @pytest.mark.parametrize("job", ["timeline", "compare", "csv", "png"])
 def test_nothing_outside_the_folder_is_opened(archive, job, name):
-    ((content, _),) = frames(get(archive, f"/recordings/{job}", name=name)[1])
+    ((content, _),) = messages(get(archive, f"/recordings/{job}", name=name)[1])
     assert content["type"] == "problem"
-    assert "recordings" in content["problem"] or "is not there" in content["problem"]
+    assert "recordings" in content["problem"] or "does not exist" in content["problem"]
 
 
 @pytest.mark.parametrize(
-    ("given_name", "sentence"),
+    ("compared", "sentence"),
     [
         ("nothing", "unknown procedure"),
         ("../x.toml", "not in the folder"),
         ("quick.mcap", "unknown procedure"),
     ],
 )
-def test_a_procedure_that_cannot_be_used_is_told(archive, given_name, sentence):
-    (*_, (content, _)) = frames(
-        get(archive, "/recordings/compare", name="quick.mcap", procedure=given_name)[1]
+def test_an_invalid_procedure_is_refused(archive, compared, sentence):
+    (*_, (content, _)) = messages(
+        get(archive, "/recordings/compare", name="quick.mcap", procedure=compared)[1]
     )
     assert content["type"] == "problem"
     assert sentence in content["problem"]
@@ -108,8 +108,8 @@ def test_the_door_is_the_same_for_all_pages(archive, quick_uri, recordings):
             assert get(live, path, name="quick.mcap")[0] == 403
 
 
-def test_the_list_goes_by_headers_and_survives_what_is_in_the_folder(recordings):
-    found = RecordingFolder(recordings).listed()
+def test_the_list_is_made_from_headers_and_includes_invalid_files(recordings):
+    found = RecordingFolder(recordings).list_runs()
     rows = {row["name"]: row for row in found["runs"]}
     assert rows.keys() == {"quick.mcap", "killed.mcap", "damaged.mcap", "notes.mcap", "p08/again.mcap"}
     assert rows["quick.mcap"]["length_s"] == pytest.approx(7.7, abs=0.1)
@@ -133,18 +133,18 @@ def test_steps_of_a_file_that_was_replaced_are_refused(recordings, tmp_path):
     path = tmp_path / "run.mcap"
     path.write_bytes((recordings / "quick.mcap").read_bytes())
     folder = RecordingFolder(tmp_path)
-    folder.keep("run.mcap", [place for place, _ in RunReader(path).places()])
+    folder.open_run("run.mcap", [place for place, _ in RunReader(path).places()])
     assert folder.step("run.mcap", 5)
     other = tmp_path / "other"
     other.write_bytes((recordings / "killed.mcap").read_bytes())
     os.replace(other, path)
-    with pytest.raises(BadInput, match="has changed meanwhile"):
+    with pytest.raises(BadInput, match="has changed since it was opened"):
         folder.step("run.mcap", 5)
     with pytest.raises(BadInput, match="not open any more"):
         RecordingFolder(tmp_path).step("run.mcap", 5)
 
 
-def test_a_folder_that_is_none_is_refused(quick, tmp_path):
+def test_a_missing_folder_is_refused(quick, tmp_path):
     for folder in (quick, tmp_path / "none"):
         line = refuse("live", "--recordings", folder)
         assert "is no folder" in line and str(Path(folder)) in line

@@ -1,4 +1,4 @@
-"""The page of recordings in a real browser, against the real server."""
+"""The recordings page in a real browser, with the real server."""
 
 import csv
 import io
@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from live_bench import Live, leave, look, until
+from live_bench import Live, close_page, evaluate, until
 
 from haptigraph.analysis.metrics.replay import replay
 from haptigraph.analysis.metrics.run import measure_run
@@ -20,7 +20,7 @@ from haptigraph.registration.loading import parse_registration
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
 
 MODULE = "/static/recordings/recordings.js"
-SMALL = 80  # side of the pictures that are compared [px]
+SMALL = 80  # side of the images that are compared [px]
 PIXELS = """(() => {
   const canvas = new OffscreenCanvas(80, 80), c = canvas.getContext("2d");
   c.imageSmoothingQuality = "high";
@@ -35,28 +35,28 @@ def records(recordings):
     return list(RunReader(recordings / "quick.mcap").records())
 
 
-def opened(open_page, live, name="quick.mcap", **options):
+def open_run(open_page, live, name="quick.mcap", **options):
     return open_page(
         f"{live.url}recordings#{name}", module=MODULE, ready="document.body.dataset.step === '0'", **options
     )
 
 
-def listed(open_page, live):
+def open_list(open_page, live):
     return open_page(
         f"{live.url}recordings", module=MODULE, ready="document.querySelector('#runs tr')", size=(1366, 768)
     )
 
 
-def shows(page, number):
+def wait_for_step(page, number):
     until(page, f"document.body.dataset.step === '{number}'", module=MODULE)
 
 
-def small(picture):
+def downscaled(picture):
     return cv2.resize(picture, (SMALL, SMALL), interpolation=cv2.INTER_AREA).astype(float)
 
 
-def test_recordings_are_listed_with_what_came_of_them(archive, open_page, recordings):
-    page = listed(open_page, archive)
+def test_recordings_are_listed_with_their_outcomes(archive, open_page, recordings):
+    page = open_list(open_page, archive)
     until(
         page,
         "[...document.querySelectorAll('#runs tr')].every((row) => !row.textContent.includes('…'))",
@@ -77,15 +77,13 @@ def test_recordings_are_listed_with_what_came_of_them(archive, open_page, record
     assert page.locator("#runs a:text-is('p08/again.mcap')").count() == 1
     assert page.locator("#runs :text('link.mcap')").count() == 0
     page.click("#runs a:text-is('quick.mcap')")
-    shows(page, 0)
+    wait_for_step(page, 0)
     page.go_back()
     page.wait_for_selector("#list:not([hidden])")
 
 
-def test_a_run_is_scrubbed_to_the_image_state_and_graph_of_the_recorded_step(
-    archive, open_page, recordings, records
-):
-    page = opened(open_page, archive)
+def test_seeking_shows_image_state_and_graph_of_the_recorded_step(archive, open_page, recordings, records):
+    page = open_run(open_page, archive)
     info = RunReader(recordings / "quick.mcap").info
     view = IoctView(parse_registration(info.registration, "registration"), 560)
     box = page.locator("#timeline").bounding_box()
@@ -95,7 +93,7 @@ def test_a_run_is_scrubbed_to_the_image_state_and_graph_of_the_recorded_step(
         for number, (_, step) in enumerate(records)
         if (step.stamp_ns - records[0][1].stamp_ns) / 1e9 <= middle_s
     )
-    ways = [
+    actions = [
         (lambda: [page.keyboard.press("ArrowRight") for _ in range(3)], 3),
         (lambda: page.keyboard.press("Shift+ArrowRight"), 18),
         (lambda: page.keyboard.press("ArrowLeft"), 17),
@@ -103,7 +101,7 @@ def test_a_run_is_scrubbed_to_the_image_state_and_graph_of_the_recorded_step(
         (lambda: page.keyboard.press("Home"), 0),
         (lambda: page.click("#events li:has-text('target hit') >> nth=0"), None),
     ]
-    for act, number in ways:
+    for act, number in actions:
         act()
         if number is None:
             number = next(n for n, (_, step) in enumerate(records) if step.conclusion.state == "target_hit")
@@ -119,69 +117,71 @@ def test_a_run_is_scrubbed_to_the_image_state_and_graph_of_the_recorded_step(
         assert f"step {number} of {len(records) - 1}" in page.inner_text("#now")
         predicates = [predicate for text in page.evaluate(HOLDS) for predicate in text.split(" · ")]
         assert sorted(predicates) == sorted(edge.predicate for edge in step.graph.edges)
-        shown = np.reshape(look(page, PIXELS, MODULE), (SMALL, SMALL))
-        assert np.abs(shown - small(view(capture.image))).mean() < 2
+        shown = np.reshape(evaluate(page, PIXELS, MODULE), (SMALL, SMALL))
+        assert np.abs(shown - downscaled(view(capture.image))).mean() < 2
         theta_deg = step.graph.measures.get("theta_deg")
-        drawn = look(page, f"page.run.measure('theta_deg')[{number}]", MODULE)
+        drawn = evaluate(page, f"page.run.measure('theta_deg')[{number}]", MODULE)
         assert drawn == pytest.approx(theta_deg, abs=1e-4) if theta_deg is not None else np.isnan(drawn)
 
 
-def test_the_image_is_that_of_the_step_and_not_of_another(archive, open_page, recordings, records):
-    page = opened(open_page, archive)
+def test_the_image_is_that_of_the_step(archive, open_page, recordings, records):
+    page = open_run(open_page, archive)
     info = RunReader(recordings / "quick.mcap").info
     view = IoctView(parse_registration(info.registration, "registration"), 560)
     for _ in range(2):
         page.keyboard.press("Shift+ArrowRight")
-    shows(page, 30)
-    shown = np.reshape(look(page, PIXELS, MODULE), (SMALL, SMALL))
-    apart = [
-        np.abs(shown - small(view(capture.image))).mean() if capture.image is not None else np.inf
+    wait_for_step(page, 30)
+    shown = np.reshape(evaluate(page, PIXELS, MODULE), (SMALL, SMALL))
+    distances = [
+        np.abs(shown - downscaled(view(capture.image))).mean() if capture.image is not None else np.inf
         for capture, _ in records
     ]
-    assert int(np.argmin(apart)) == 30
+    assert int(np.argmin(distances)) == 30
 
 
 def test_space_plays_in_real_time(archive, open_page, records):
-    page = opened(open_page, archive)
-    begun_ms = page.evaluate("performance.now()")
+    page = open_run(open_page, archive)
+    started_ms = page.evaluate("performance.now()")
     page.keyboard.press("Space")
     until(page, "page.player.number >= 20", module=MODULE)
-    took_ms = page.evaluate("performance.now()") - begun_ms
+    took_ms = page.evaluate("performance.now()") - started_ms
     page.keyboard.press("Space")
     assert "Play" in page.inner_text("#play")
-    number = look(page, "page.player.number", MODULE)
+    number = evaluate(page, "page.player.number", MODULE)
     played_ms = (records[number][1].stamp_ns - records[0][1].stamp_ns) / 1e6
     assert 1000 < played_ms <= took_ms + 1000  # never ahead of the clock
-    shows(page, number)
+    wait_for_step(page, number)
 
 
-def test_a_comparison_shows_where_another_procedure_differs(archive, open_page, recordings):
-    then, now = [], []
+def test_a_comparison_shows_differences_under_another_procedure(archive, open_page, recordings):
+    recorded, replayed = [], []
     path, wide = recordings / "quick.mcap", str(recordings / "wide.toml")
-    report = replay(path, wide, watch=lambda a, b: (then.append(a), now.append(b)))
-    apart = [
-        n for n, (a, b) in enumerate(zip(then, now, strict=True)) if a.conclusion.state != b.conclusion.state
+    report = replay(path, wide, watch=lambda a, b: (recorded.append(a), replayed.append(b)))
+    differing = [
+        n
+        for n, (a, b) in enumerate(zip(recorded, replayed, strict=True))
+        if a.conclusion.state != b.conclusion.state
     ]
-    assert 5 < len(apart) < report.steps
-    page = opened(open_page, archive)
+    assert 5 < len(differing) < report.steps
+    page = open_run(open_page, archive)
     page.select_option("#other", "wide.toml")
     page.click("#compare")
     page.wait_for_selector("#verdict:not([hidden])", timeout=60_000)
-    assert f"the state differs in {len(apart)} of {report.steps} steps" in page.inner_text("#verdict")
-    spans = look(page, "page.timeline.differences.filter((each) => each[2])", MODULE)
-    assert [number for first, end, _ in spans for number in range(first, end)] == apart
+    assert f"the state differs in {len(differing)} of {report.steps} steps" in page.inner_text("#verdict")
+    spans = evaluate(page, "page.timeline.differences.filter((each) => each[2])", MODULE)
+    assert [number for first, end, _ in spans for number in range(first, end)] == differing
     page.click("#events button >> nth=0")
-    shows(page, apart[0])
-    label = now[apart[0]].conclusion.state.replace("_", " ")
+    wait_for_step(page, differing[0])
+    label = replayed[differing[0]].conclusion.state.replace("_", " ")
     assert f"wide.toml: {label}" in page.inner_text("#instead.differs")
-    assert f"{report.replayed.mean_theta_deg:.2f}°" in page.inner_text("#facts")
+    assert f"{report.replayed.mean_theta_deg:.2f}°" in page.inner_text("#measures")
     page.select_option("#other", "")
     page.click("#compare")
     page.wait_for_selector("#verdict:has-text('117 of 117 are identical')", timeout=60_000)
 
 
 def test_a_comparison_can_be_stopped(archive, open_page):
-    page = opened(open_page, archive)
+    page = open_run(open_page, archive)
     page.click("#compare")
     page.wait_for_selector("#work:not([hidden])")
     page.click("#stop")
@@ -193,11 +193,11 @@ def test_a_comparison_can_be_stopped(archive, open_page):
             if not any(file.read_text().strip() for file in children.glob("*/children")):
                 return
             page.wait_for_timeout(50)
-        raise AssertionError("the work goes on")
+        raise AssertionError("the job goes on")
 
 
-def test_the_csv_says_what_the_recording_says(archive, open_page, records):
-    page = opened(open_page, archive)
+def test_the_csv_agrees_with_the_recording(archive, open_page, records):
+    page = open_run(open_page, archive)
     with page.expect_download() as download:
         page.click("#csv")
     assert download.value.suggested_filename == "quick.csv"
@@ -219,7 +219,7 @@ def test_the_csv_says_what_the_recording_says(archive, open_page, records):
 
 
 def test_the_png_is_the_figure_of_the_run(archive, open_page, recordings, tmp_path):
-    page = opened(open_page, archive)
+    page = open_run(open_page, archive)
     with page.expect_download(timeout=100_000) as download:
         page.click("#png")
     assert download.value.suggested_filename == "quick.png"
@@ -231,7 +231,7 @@ def test_the_png_is_the_figure_of_the_run(archive, open_page, recordings, tmp_pa
 
 @pytest.mark.parametrize("size", [(1366, 768), (1920, 1080)])
 def test_everything_is_on_one_screen(archive, open_page, size):
-    page = opened(open_page, archive, size=size)
+    page = open_run(open_page, archive, size=size)
     until(page, "!document.getElementById('tools').hidden", module=MODULE)
     assert page.evaluate(
         "[document.documentElement.scrollWidth, document.documentElement.scrollHeight]"
@@ -250,39 +250,39 @@ def test_everything_is_on_one_screen(archive, open_page, size):
     [
         ("notes.mcap", "notes.mcap: not a recording (an MCAP file begins otherwise)"),
         ("damaged.mcap", "damaged"),
-        ("none.mcap", "none.mcap: is not there (any more); load the list again"),
+        ("none.mcap", "none.mcap: does not exist (any more); refresh the list"),
         ("..%2F..%2Fetc%2Fpasswd", "is not in the folder of recordings"),
         ("link.mcap", "is not in the folder of recordings"),
     ],
 )
-def test_what_cannot_be_opened_is_told_and_the_next_run_opens(archive, open_page, name, sentence):
+def test_a_refused_recording_is_reported_and_the_next_opens(archive, open_page, name, sentence):
     page = open_page(
         f"{archive.url}recordings#{name}",
         module=MODULE,
         ready="!document.getElementById('problem').hidden",
     )
-    told = page.inner_text("#problem")
-    assert sentence in told and "\n" not in told and str(Path.home()) not in told
+    problem = page.inner_text("#problem")
+    assert sentence in problem and "\n" not in problem and str(Path.home()) not in problem
     page.evaluate("location.hash = '#quick.mcap'")
-    shows(page, 0)
+    wait_for_step(page, 0)
     assert page.is_hidden("#problem")
 
 
-def test_an_interrupted_run_opens_and_says_how_to_make_it_whole(archive, open_page, recordings):
-    page = opened(open_page, archive, "killed.mcap")
+def test_an_interrupted_run_opens_with_a_hint_to_repair_it(archive, open_page, recordings):
+    page = open_run(open_page, archive, "killed.mcap")
     assert "haptigraph recover killed.mcap" in page.inner_text("#notes")
     last = sum(1 for _ in RunReader(recordings / "killed.mcap").records(images=())) - 1
     page.keyboard.press("End")
-    shows(page, last)
+    wait_for_step(page, last)
 
 
-def test_a_recording_that_goes_away_is_told(quick_uri, open_page, recordings, tmp_path):
+def test_a_deleted_recording_is_reported(quick_uri, open_page, recordings, tmp_path):
     copy = tmp_path / "copy.mcap"
     copy.write_bytes((recordings / "quick.mcap").read_bytes())
     with Live(quick_uri, "--recordings", tmp_path) as live:
-        page = opened(open_page, live, "copy.mcap")
+        page = open_run(open_page, live, "copy.mcap")
         copy.unlink()
         page.keyboard.press("End")
-        page.wait_for_selector("#problem:has-text('copy.mcap: is not there (any more)')")
+        page.wait_for_selector("#problem:has-text('copy.mcap: does not exist (any more)')")
         page.problems.clear()  # the browser logs the refused request
-        leave(page)
+        close_page(page)

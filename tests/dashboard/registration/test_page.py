@@ -1,4 +1,4 @@
-"""The registration page in a real browser: found, dragged, saved, and taken by a run."""
+"""The registration page in a real browser: detect, drag, save, and use in a run."""
 
 import math
 import re
@@ -8,39 +8,39 @@ import pytest
 from helpers import call
 from live_bench import Live
 from playwright.sync_api import expect
-from registering import write_clip, write_eye, write_grain
+from registering import write_clip, write_eye, write_noise
 
 from haptigraph.registration.camera import anatomy_px
 from haptigraph.registration.loading import load_registration
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
 
-OPENS_MS = 90_000
-GOOD = re.compile(r"A run would take this: 0\.\d{5} mm/px\.")
+OPEN_TIMEOUT_MS = 90_000
+VALID = re.compile(r"Valid registration: 0\.\d{5} mm/px\.")
 
 
 @pytest.fixture
 def page(chromium, live):
-    """The page of a server that runs something else meanwhile."""
+    """The page of a server that runs a loop on another source."""
     problems = []
     context = chromium.new_context(viewport={"width": 1366, "height": 768})
     page = context.new_page()
     page.on("pageerror", lambda error: problems.append(str(error)))
     page.goto(f"{live.url}registration")
-    expect(page.locator("#source")).not_to_have_value("")
+    expect(page.locator("#source-input")).not_to_have_value("")
     yield page
     context.close()
     assert problems == []
 
 
 def open_source(page, source):
-    page.fill("#source", str(source))
+    page.fill("#source-input", str(source))
     page.click("text=Find the eye")
-    expect(page.locator("#verdict")).to_have_text(GOOD, timeout=OPENS_MS)
+    expect(page.locator("#verdict")).to_have_text(VALID, timeout=OPEN_TIMEOUT_MS)
 
 
 def at(page, key):
-    """Where a handle is, in pixels of the image."""
+    """Return the position of a handle in the image [px]."""
     label = page.locator(f'[data-key="{key}"]').get_attribute("aria-label")
     return tuple(float(number) for number in re.search(r"(-?[\d.]+), (-?[\d.]+) px$", label).groups())
 
@@ -51,7 +51,7 @@ def middle(page, key):
 
 
 def drag(page, key, step_px, *, drops=True):
-    """Drag a handle by so much in the image."""
+    """Drag a handle by a step in the image [px]."""
     scale = page.evaluate("document.getElementById('overlay').getScreenCTM().a")
     x, y = middle(page, key)
     page.mouse.move(x, y)
@@ -61,8 +61,8 @@ def drag(page, key, step_px, *, drops=True):
         page.mouse.up()
 
 
-def off_px(page, what):
-    """The residual that the table shows."""
+def error_px(page, what):
+    """Return the error that the table shows."""
     return float(page.locator("#rows tr", has_text=re.compile(f"^{what}")).locator("td").nth(1).inner_text())
 
 
@@ -72,17 +72,17 @@ def save(page, path, *, picture=True):
     page.click("#save-button")
 
 
-def test_a_registration_made_by_dragging_is_taken_by_a_run(page, quick, quick_uri, tmp_path):
+def test_a_dragged_registration_is_used_by_a_run(page, quick, quick_uri, tmp_path):
     open_source(page, write_eye(tmp_path, quick))
     expect(page.locator("#note")).to_have_text(re.compile("which trocar is in use"))
-    assert off_px(page, "Globe") < 0.5
+    assert error_px(page, "Globe") < 0.5
     page.get_by_label("The needle is in right").check()
     before = at(page, "target")
     drag(page, "target", (-15, -4))
-    expect(page.locator("#verdict")).to_have_text(GOOD)
+    expect(page.locator("#verdict")).to_have_text(VALID)
     drag(page, "trocar 0", (2, 1))
     expect(page.locator("#rows")).to_contain_text("from its hole's mouth")
-    expect(page.locator("#verdict")).to_have_text(GOOD)
+    expect(page.locator("#verdict")).to_have_text(VALID)
     dragged = at(page, "target")
     assert math.dist(before, dragged) == pytest.approx(15, abs=1.5)
     out = tmp_path / "made.toml"
@@ -98,13 +98,13 @@ def test_a_registration_made_by_dragging_is_taken_by_a_run(page, quick, quick_ur
     assert "source ended" in result.output or "steps" in result.output
 
 
-def test_a_newcomer_gets_from_a_source_to_the_running_loop(chromium, quick, tmp_path):
+def test_saving_a_registration_starts_the_loop(chromium, quick, tmp_path):
     write_clip(tmp_path, quick)
     with Live(tmp_path, "--set", "source.rate_hz=2") as live:
         page = chromium.new_page()
         page.goto(live.url)
         assert page.url.endswith("/registration")
-        expect(page.locator("#verdict")).to_have_text(GOOD, timeout=OPENS_MS)
+        expect(page.locator("#verdict")).to_have_text(VALID, timeout=OPEN_TIMEOUT_MS)
         expect(page.locator("#note")).to_be_hidden()
         assert "shaft lines" in page.inner_text("#rows")
         save(page, tmp_path / "made.toml", picture=False)
@@ -113,13 +113,13 @@ def test_a_newcomer_gets_from_a_source_to_the_running_loop(chromium, quick, tmp_
         expect(page.locator("#state")).not_to_have_text("connecting", timeout=30_000)
         expect(page.locator("nav a")).to_have_text(["Live", "Registration", "Recordings"])
         page.close()
-        said = live.stop()
-    assert "Traceback" not in said
+        output = live.stop()
+    assert "Traceback" not in output
     load_registration(tmp_path / "made.toml")
     assert not (tmp_path / "made.png").exists()
 
 
-def test_trocars_are_added_named_chosen_and_removed(page, quick, tmp_path):
+def test_trocars_are_added_renamed_selected_and_removed(page, quick, tmp_path):
     open_source(page, write_eye(tmp_path, quick))
     names = page.locator("#trocars input[type=text]")
     expect(names).to_have_count(2)
@@ -130,9 +130,9 @@ def test_trocars_are_added_named_chosen_and_removed(page, quick, tmp_path):
     assert handles[:3] == ["center", "radius east", "radius west"]
     assert handles[-4:] == ["trocar 0", "trocar 1", "trocar 2", "target"]
     page.keyboard.press("ArrowDown")
-    expect(page.locator("#verdict")).to_have_text(GOOD)
+    expect(page.locator("#verdict")).to_have_text(VALID)
     names.nth(2).fill(names.nth(0).input_value())
-    assert names.nth(2).evaluate("(it) => it.validationMessage") == "Another trocar has this name."
+    assert names.nth(2).evaluate("(input) => input.validationMessage") == "Another trocar has this name."
     names.nth(2).fill("temporal ü")
     page.get_by_label("The needle is in temporal ü").check()
     expect(page.locator("#rows")).to_contain_text("Trocar temporal ü, in use")
@@ -143,7 +143,7 @@ def test_trocars_are_added_named_chosen_and_removed(page, quick, tmp_path):
     page.locator('[data-key="trocar 0"]').focus()
     page.keyboard.press("Delete")
     expect(names).to_have_count(2)
-    expect(page.locator("#verdict")).to_have_text(GOOD)
+    expect(page.locator("#verdict")).to_have_text(VALID)
     out = tmp_path / "made.toml"
     save(page, out)
     expect(page.locator("#verdict")).to_have_text(re.compile("^Saved: "))
@@ -153,21 +153,21 @@ def test_trocars_are_added_named_chosen_and_removed(page, quick, tmp_path):
     expect(page.get_by_role("button", name=re.compile("^Remove"))).to_be_disabled()
 
 
-def test_a_file_is_loaded_corrected_and_can_be_undone(page, quick, tmp_path):
+def test_a_loaded_file_is_corrected_and_undone(page, quick, tmp_path):
     open_source(page, write_eye(tmp_path, quick))
     found = at(page, "target")
     drag(page, "target", (20, -4))
-    expect(page.locator("#verdict")).to_have_text(GOOD)
+    expect(page.locator("#verdict")).to_have_text(VALID)
     out = tmp_path / "made.toml"
     save(page, out)
     expect(page.locator("#verdict")).to_have_text(re.compile("^Saved: "))
     dragged = at(page, "target")
-    page.click("#again")
+    page.click("#restore")
     assert at(page, "target") == pytest.approx(found, abs=0.06)
     page.click("#load")
-    expect(page.locator("#note")).to_have_text(re.compile("^Loaded: made.toml"))
+    expect(page.locator("#note")).to_have_text(re.compile("^Loaded made.toml"))
     assert at(page, "target") == pytest.approx(dragged, abs=0.06)
-    expect(page.locator("#verdict")).to_have_text(GOOD)
+    expect(page.locator("#verdict")).to_have_text(VALID)
     page.click("#undo")
     assert at(page, "target") == pytest.approx(found, abs=0.06)
     out.write_text(out.read_text().replace("width = 480", "width = 640"))
@@ -181,7 +181,7 @@ def test_a_file_is_loaded_corrected_and_can_be_undone(page, quick, tmp_path):
     assert at(page, "target") == pytest.approx(found, abs=0.06)
 
 
-def test_keys_move_half_a_pixel_or_five_and_can_be_undone(page, quick, tmp_path):
+def test_keys_move_half_a_pixel_or_five_and_are_undone(page, quick, tmp_path):
     open_source(page, write_eye(tmp_path, quick))
     x, y = at(page, "target")
     page.locator('[data-key="target"]').focus()
@@ -194,9 +194,9 @@ def test_keys_move_half_a_pixel_or_five_and_can_be_undone(page, quick, tmp_path)
     assert at(page, "target") == pytest.approx((x, y), abs=0.11)
     page.click("#redo")
     assert at(page, "target") == pytest.approx((x - 4.5, y), abs=0.11)
-    page.click("#again")
+    page.click("#restore")
     assert at(page, "target") == pytest.approx((x, y), abs=0.11)
-    page.locator("#source").focus()
+    page.locator("#source-input").focus()
     page.keyboard.press("Tab")
     page.keyboard.press("Tab")
     assert page.evaluate("document.activeElement.dataset.key") == "center"
@@ -205,7 +205,7 @@ def test_keys_move_half_a_pixel_or_five_and_can_be_undone(page, quick, tmp_path)
     assert at(page, "center") == pytest.approx((x, y + 0.5), abs=0.11)
 
 
-def test_the_residual_follows_the_drag_and_the_loupe_shows_it(page, quick, tmp_path):
+def test_the_error_follows_a_drag_under_the_loupe(page, quick, tmp_path):
     open_source(page, write_eye(tmp_path, quick))
     drag(page, "center", (8, 0), drops=False)
     expect(page.locator("#loupe")).to_be_visible()
@@ -221,7 +221,7 @@ def test_the_residual_follows_the_drag_and_the_loupe_shows_it(page, quick, tmp_p
     expect(page.locator("#rows td").nth(1)).to_have_text(re.compile(r"[56]\.\d\d"))
 
 
-def test_what_a_run_would_refuse_cannot_be_saved_and_says_why(page, quick, tmp_path):
+def test_an_invalid_draft_cannot_be_saved(page, quick, tmp_path):
     open_source(page, write_eye(tmp_path, quick))
     drag(page, "retina 0", (0, 30))
     expect(page.locator("#verdict")).to_have_text(
@@ -229,20 +229,22 @@ def test_what_a_run_would_refuse_cannot_be_saved_and_says_why(page, quick, tmp_p
     )
     expect(page.locator("#save-button")).to_be_disabled()
     page.click("#undo")
-    expect(page.locator("#verdict")).to_have_text(GOOD)
+    expect(page.locator("#verdict")).to_have_text(VALID)
     expect(page.locator("#save-button")).to_be_enabled()
 
 
-def test_where_register_refuses_everything_is_placed_by_hand(page, tmp_path):
-    open_source(page, write_grain(tmp_path))
+def test_without_detection_everything_is_placed_by_hand(page, tmp_path):
+    open_source(page, write_noise(tmp_path))
     expect(page.locator("#note")).to_have_text(
-        re.compile("Register refuses: no eye in the picture: .* You can place everything by hand")
+        re.compile(
+            "Automatic registration failed: no eye in the picture: .* You can place everything by hand"
+        )
     )
     before = at(page, "center")
     drag(page, "center", (-30, 10))
     drag(page, "radius east", (-12, 0))
     drag(page, "trocar 0", (2, 2))
-    expect(page.locator("#verdict")).to_have_text(GOOD)
+    expect(page.locator("#verdict")).to_have_text(VALID)
     out = tmp_path / "hand.toml"
     save(page, out)
     expect(page.locator("#verdict")).to_have_text(re.compile("^Saved: "))
@@ -251,22 +253,22 @@ def test_where_register_refuses_everything_is_placed_by_hand(page, tmp_path):
     assert 12 / saved.image.mm_per_px == pytest.approx(0.36 * 270 - 12, abs=0.6)
 
 
-def test_what_cannot_be_opened_is_told_and_what_was_open_stays(page, quick, tmp_path):
+def test_a_refused_source_keeps_the_open_one(page, quick, tmp_path):
     open_source(page, write_eye(tmp_path, quick))
-    page.fill("#source", str(tmp_path / "gone.mp4"))
+    page.fill("#source-input", str(tmp_path / "gone.mp4"))
     page.click("text=Find the eye")
     expect(page.locator("#note")).to_have_text(re.compile("gone.mp4: no such source; valid: "))
     assert page.locator('[data-key="target"]').count() == 1
     expect(page.locator("#save-button")).to_be_enabled()
 
 
-def test_an_existing_file_is_overwritten_only_when_asked(page, quick, tmp_path):
+def test_an_existing_file_is_overwritten_after_confirmation(page, quick, tmp_path):
     open_source(page, write_eye(tmp_path, quick))
     out = tmp_path / "made.toml"
     out.write_text("precious")
     save(page, out)
-    expect(page.locator("#exists-title")).to_have_text(f"{out}: exists already.")
-    page.click("text=Keep it")
+    expect(page.locator("#exists-title")).to_have_text(f"{out}: already exists.")
+    page.click("text=Keep file")
     expect(page.locator("#exists")).to_be_hidden()
     assert out.read_text() == "precious"
     page.click("#save-button")
@@ -282,6 +284,6 @@ def test_everything_is_on_one_screen(page, quick, tmp_path, size):
     assert page.evaluate(
         "[document.documentElement.scrollWidth, document.documentElement.scrollHeight]"
     ) == list(size)
-    for name in ("#save-button", "#verdict", "#setup", "#undo"):
+    for name in ("#save-button", "#verdict", "#anatomy", "#undo"):
         box = page.locator(name).bounding_box()
         assert box["x"] + box["width"] <= size[0] and box["y"] + box["height"] <= size[1], name

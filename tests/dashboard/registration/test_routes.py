@@ -1,16 +1,16 @@
-"""The registration page's routes as anyone meets them: nonsense, what cannot be read, what may not be written."""
+"""The routes of the registration page: valid and invalid requests, files that cannot be read or written."""
 
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from event_loop import run_apart
+from event_loop import run_in_thread
 from live_bench import Live
-from registering import ask, eye_image, write_eye, write_grain
+from registering import eye_image, send, write_eye, write_noise
 
 from haptigraph.clock import MonotonicClock
-from haptigraph.dashboard.registration.service import ExistsAlready, RegistrationService
+from haptigraph.dashboard.registration.service import FileExists, RegistrationService
 from haptigraph.dashboard.server.controls import Controls
 from haptigraph.dashboard.server.hub import Hub
 from haptigraph.dashboard.server.site import Site
@@ -22,10 +22,10 @@ pytestmark = pytest.mark.xdist_group("server")
 
 
 def open_at(live, source, **more):
-    return ask(live, "open", {"source": str(source), "mirrored": True, "diameter_mm": 24.0, **more})
+    return send(live, "open", {"source": str(source), "mirrored": True, "diameter_mm": 24.0, **more})
 
 
-def saving(found, path):
+def save_body(found, path):
     return {
         "number": found["number"],
         "draft": found["draft"],
@@ -50,21 +50,21 @@ def found(live, eye):
 def test_a_source_is_opened_checked_and_saved(live, found, eye, tmp_path):
     assert (found["width_px"], found["height_px"], found["is_found"]) == (480, 270, True)
     assert found["path"] == str(eye.parent / "registration.toml")
-    status, png = ask(live, f"picture/{found['number']}")
+    status, png = send(live, f"picture/{found['number']}")
     picture = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
     assert status == 200 and (picture == cv2.imread(str(eye))).all()
-    status, checked = ask(live, "check", {"number": found["number"], "draft": found["draft"]})
+    status, checked = send(live, "check", {"number": found["number"], "draft": found["draft"]})
     assert status == 200 and checked["problem"] == "" and len(checked["outline_px"]) == 120
     out = tmp_path / "eye.toml"
-    wish = {**saving(found, out), "overwrite": False}
-    assert ask(live, "save", wish) == (200, {"paths": [str(out)]})
+    body = {**save_body(found, out), "overwrite": False}
+    assert send(live, "save", body) == (200, {"paths": [str(out)]})
     assert load_registration(out).width_px == 480
     assert [file.name for file in tmp_path.iterdir()] == ["eye.toml"]
-    assert ask(live, "load", {"number": found["number"], "path": str(out)})[1]["draft"]["file"] == "eye.toml"
+    assert send(live, "load", {"number": found["number"], "path": str(out)})[1]["draft"]["file"] == "eye.toml"
 
 
-def test_the_page_starts_from_what_runs(live, quick_uri):
-    assert ask(live, "start") == (200, {"source": quick_uri, "starts": False})
+def test_start_returns_the_source_that_runs(live, quick_uri):
+    assert send(live, "start") == (200, {"source": quick_uri, "starts_loop": False})
 
 
 @pytest.mark.parametrize(
@@ -73,17 +73,17 @@ def test_the_page_starts_from_what_runs(live, quick_uri):
         ("gone.mp4", "gone.mp4: no such source; valid: "),
         ("camera:7", "camera:7 cannot be opened; "),
         ("camera:x", "camera:x is no camera"),
-        ("teleop", "teleop has no end; give phantom:SCENARIO"),
+        ("teleop", "teleop has no end; use phantom:SCENARIO"),
         ("phantom:none", "unknown scenario 'none'"),
     ],
 )
-def test_what_cannot_be_opened_is_one_sentence(live, source, sentence):
+def test_a_source_that_cannot_be_opened_is_refused(live, source, sentence):
     status, answer = open_at(live, source)
     assert status == 422
     assert sentence in answer["problem"] and "\n" not in answer["problem"]
 
 
-def test_a_file_that_is_no_picture_is_one_sentence(live, tmp_path):
+def test_a_file_that_is_not_an_image_is_refused(live, tmp_path):
     (tmp_path / "no.png").write_text("no picture")
     assert (
         open_at(live, tmp_path / "no.png")[1]["problem"]
@@ -91,8 +91,8 @@ def test_a_file_that_is_no_picture_is_one_sentence(live, tmp_path):
     )
 
 
-def test_that_register_refuses_is_no_error(live, tmp_path):
-    status, answer = open_at(live, write_grain(tmp_path))
+def test_a_source_without_an_eye_is_opened(live, tmp_path):
+    status, answer = open_at(live, write_noise(tmp_path))
     assert status == 200 and not answer["is_found"]
     assert answer["note"].startswith("no eye in the picture")
     assert answer["draft"]["radius_px"] > 60
@@ -114,34 +114,34 @@ def test_that_register_refuses_is_no_error(live, tmp_path):
         ("load", {"number": 1, "path": ""}),
     ],
 )
-def test_nonsense_is_answered_with_one_sentence(live, path, content):
-    status, answer = ask(live, path, content)
+def test_an_invalid_request_is_refused(live, path, content):
+    status, answer = send(live, path, content)
     assert status == 400
-    assert answer["problem"].startswith("not understood: ") and "\n" not in answer["problem"]
+    assert answer["problem"].startswith("invalid request: ") and "\n" not in answer["problem"]
 
 
-def test_a_picture_that_was_never_opened_is_told(live, found):
-    status, answer = ask(live, "check", {"number": 999, "draft": found["draft"]})
-    assert (status, answer["problem"]) == (422, "this picture is not kept any more; open its source again")
-    assert ask(live, "picture/999")[0] == 422
+def test_a_source_that_was_never_opened_is_refused(live, found):
+    status, answer = send(live, "check", {"number": 999, "draft": found["draft"]})
+    assert (status, answer["problem"]) == (422, "this source has been closed; open it again")
+    assert send(live, "picture/999")[0] == 422
 
 
-def test_other_pages_may_not_ask(live, found):
-    wish = {"number": found["number"], "draft": found["draft"]}
-    assert ask(live, "check", wish, Origin="http://evil.example")[0] == 403
+def test_requests_of_other_origins_are_refused(live, found):
+    body = {"number": found["number"], "draft": found["draft"]}
+    assert send(live, "check", body, Origin="http://evil.example")[0] == 403
 
 
-def test_names_cannot_smuggle_toml(live, found):
+def test_names_cannot_inject_toml(live, found):
     trocars = [{**found["draft"]["trocars"][0], "name": 'x"\nused = true\n#'}]
     assert (
-        ask(live, "check", {"number": found["number"], "draft": {**found["draft"], "trocars": trocars}})[0]
+        send(live, "check", {"number": found["number"], "draft": {**found["draft"], "trocars": trocars}})[0]
         == 400
     )
 
 
-def test_places_far_outside_are_refused(live, found):
-    wish = {"number": found["number"], "draft": {**found["draft"], "target_px": [5000, 5]}}
-    status, answer = ask(live, "check", wish)
+def test_positions_far_outside_the_image_are_refused(live, found):
+    body = {"number": found["number"], "draft": {**found["draft"], "target_px": [5000, 5]}}
+    status, answer = send(live, "check", body)
     assert (status, answer["problem"]) == (422, "(5000, 5) px lies far outside the 480 x 270 px image")
 
 
@@ -150,33 +150,33 @@ def test_places_far_outside_are_refused(live, found):
     [
         ("eye.txt", "the name of a registration ends in .toml"),
         ("none/eye.toml", "its folder does not exist"),
-        ("folder.toml", "is a folder; the name of a file is needed"),
+        ("folder.toml", "is a folder; give the name of a file"),
     ],
 )
-def test_what_cannot_be_written_is_one_sentence(live, found, tmp_path, name, sentence):
+def test_a_file_that_cannot_be_written_is_refused(live, found, tmp_path, name, sentence):
     (tmp_path / "folder.toml").mkdir()
-    wish = saving(found, tmp_path / name)
-    assert ask(live, "save", wish) == (422, {"problem": f"{tmp_path / name}: {sentence}"})
+    body = save_body(found, tmp_path / name)
+    assert send(live, "save", body) == (422, {"problem": f"{tmp_path / name}: {sentence}"})
     assert [file.name for file in tmp_path.iterdir()] == ["folder.toml"]
 
 
-def test_what_a_run_would_refuse_is_not_written(live, found, tmp_path):
+def test_an_invalid_draft_is_not_written(live, found, tmp_path):
     draft = {**found["draft"], "target_px": found["draft"]["center_px"]}
-    wish = {**saving(found, tmp_path / "eye.toml"), "draft": draft}
-    status, answer = ask(live, "save", wish)
+    body = {**save_body(found, tmp_path / "eye.toml"), "draft": draft}
+    status, answer = send(live, "save", body)
     assert status == 422 and "mm off the retina; at most 0.35 mm is plausible" in answer["problem"]
     assert list(tmp_path.iterdir()) == []
 
 
-def test_file_and_picture_are_written_both_or_neither(live, found, eye, tmp_path):
-    wish = {**saving(found, tmp_path / "made.toml"), "picture": True, "overwrite": False}
+def test_registration_and_picture_are_written_together_or_not_at_all(live, found, eye, tmp_path):
+    body = {**save_body(found, tmp_path / "made.toml"), "picture": True, "overwrite": False}
     (tmp_path / "made.png").write_text("precious")
-    status, answer = ask(live, "save", wish)
-    assert (status, answer["problem"]) == (409, f"{tmp_path}/made.png: exists already")
+    status, answer = send(live, "save", body)
+    assert (status, answer["problem"]) == (409, f"{tmp_path}/made.png: already exists")
     assert [file.name for file in tmp_path.iterdir()] == ["made.png"]
-    assert ask(live, "save", {**wish, "overwrite": True})[0] == 200
+    assert send(live, "save", {**body, "overwrite": True})[0] == 200
     assert cv2.imread(str(tmp_path / "made.png")).shape == (270, 480, 3)
-    status, answer = ask(live, "save", {**saving(found, eye.with_suffix(".toml")), "picture": True})
+    status, answer = send(live, "save", {**save_body(found, eye.with_suffix(".toml")), "picture": True})
     assert status == 422 and answer["problem"].startswith(f"{eye}: is the source itself")
 
 
@@ -189,87 +189,87 @@ def test_file_and_picture_are_written_both_or_neither(live, found, eye, tmp_path
         (b"[[[", "not valid TOML"),
     ],
 )
-def test_what_cannot_be_loaded_is_one_sentence(live, found, tmp_path, content, sentence):
+def test_a_file_that_cannot_be_loaded_is_refused(live, found, tmp_path, content, sentence):
     file = tmp_path / "eye.toml"
     if content is not None:
         file.write_bytes(content)
-    status, answer = ask(live, "load", {"number": found["number"], "path": str(file)})
+    status, answer = send(live, "load", {"number": found["number"], "path": str(file)})
     assert status == 422 and str(file) in answer["problem"] and sentence in answer["problem"]
 
 
 def test_a_file_is_overwritten_only_on_request(live, found, tmp_path):
     out = tmp_path / "eye.toml"
     out.write_text("precious")
-    wish = {**saving(found, out), "overwrite": False}
-    assert ask(live, "save", wish) == (409, {"problem": f"{out}: exists already", "exists": True})
+    body = {**save_body(found, out), "overwrite": False}
+    assert send(live, "save", body) == (409, {"problem": f"{out}: already exists", "exists": True})
     assert out.read_text() == "precious"
-    assert ask(live, "save", {**wish, "overwrite": True})[0] == 200
+    assert send(live, "save", {**body, "overwrite": True})[0] == 200
     load_registration(out)
 
 
-def desk_for(source, *, is_local):
+def service_for(source, *, is_local):
     hub = Hub(MonotonicClock())
     return hub, RegistrationService(Site(hub, Controls(hub, None), source, Path(), is_local))
 
 
-def opened_by(service, source):
-    return run_apart(service.open(source, mirrored=True, diameter_mm=24.0))
+def open_with(service, source):
+    return run_in_thread(service.open(source, mirrored=True, diameter_mm=24.0))
 
 
-def test_other_machines_read_and_write_in_the_working_folder_only(quick, tmp_path, monkeypatch):
+def test_other_machines_have_access_to_the_working_folder_only(quick, tmp_path, monkeypatch):
     inside, outside = tmp_path / "inside", tmp_path / "outside"
     for folder in (inside, outside):
         folder.mkdir()
         write_eye(folder, quick)
-    (inside / "way").symlink_to(outside)
+    (inside / "link").symlink_to(outside)
     monkeypatch.chdir(inside)
-    _, service = desk_for("phantom:align_then_approach", is_local=False)
+    _, service = service_for("phantom:align_then_approach", is_local=False)
     for source in (
         str(outside / "eye.png"),
         "../outside/eye.png",
-        "way/eye.png",
+        "link/eye.png",
         f"video:{outside}/eye.png",
         "camera:0",
         "~",
     ):
-        with pytest.raises(BadInput, match=r"only files in the folder|no such source"):
-            opened_by(service, source)
-    number = opened_by(service, "eye.png")
-    assert service.place("eye.png") == "registration.toml"
+        with pytest.raises(BadInput, match=r"only files in haptigraph|no such source"):
+            open_with(service, source)
+    number = open_with(service, "eye.png")
+    assert service.default_path("eye.png") == "registration.toml"
     draft = service.opened(number).draft
-    for path in (str(outside / "eye.toml"), "../outside/eye.toml", "way/eye.toml"):
-        with pytest.raises(BadInput, match="only files in the folder"):
+    for path in (str(outside / "eye.toml"), "../outside/eye.toml", "link/eye.toml"):
+        with pytest.raises(BadInput, match="only files in haptigraph"):
             service.save(number, draft, path, picture=False, overwrite=True)
-        with pytest.raises(BadInput, match="only files in the folder"):
+        with pytest.raises(BadInput, match="only files in haptigraph"):
             service.load(number, path)
     assert service.save(number, draft, "eye.toml", picture=False, overwrite=False) == ["eye.toml"]
-    with pytest.raises(ExistsAlready):
+    with pytest.raises(FileExists):
         service.save(number, draft, "eye.toml", picture=False, overwrite=False)
     assert [file.name for file in outside.iterdir()] == ["eye.png"]
 
 
-def test_what_is_live_is_taken_from_the_loop(quick, monkeypatch):
-    monkeypatch.setattr("haptigraph.dashboard.registration.service.LOOK_S", 0.3)
-    hub, service = desk_for("camera:0", is_local=True)
-    with pytest.raises(BadInput, match="camera:0: the loop gets no images from it just now"):
-        opened_by(service, "camera:0")
+def test_images_of_a_live_source_come_from_the_loop(quick, monkeypatch):
+    monkeypatch.setattr("haptigraph.dashboard.registration.service.OBSERVE_S", 0.3)
+    hub, service = service_for("camera:0", is_local=True)
+    with pytest.raises(BadInput, match="camera:0: the loop currently receives no images from it"):
+        open_with(service, "camera:0")
     hub.newest_capture = Capture(0, 0, eye_image(quick))
-    opened = service.opened(opened_by(service, "camera:0"))
+    opened = service.opened(open_with(service, "camera:0"))
     assert opened.anatomy is not None
     assert (opened.still == eye_image(quick)).all()
 
 
-def test_a_source_without_registration_leads_to_the_page(quick, tmp_path):
+def test_a_source_without_registration_serves_the_page(quick, tmp_path):
     write_eye(tmp_path, quick)
     with Live(tmp_path) as live:
-        assert any("needs a registration; give --registration FILE" in line for line in live.told)
-        assert ask(live, "start") == (200, {"source": str(tmp_path), "starts": True})
-        said = live.stop()
-    assert "haptigraph: stopped" in said and "Traceback" not in said
+        assert any("needs a registration; give --registration FILE" in line for line in live.lines)
+        assert send(live, "start") == (200, {"source": str(tmp_path), "starts_loop": True})
+        output = live.stop()
+    assert "haptigraph: stopped" in output and "Traceback" not in output
     assert live.process.returncode == 130
 
 
-def test_a_camera_that_is_not_there_leads_to_the_page_which_says_so():
+def test_an_absent_camera_is_reported_on_the_page():
     with Live("camera:7") as live:
         status, answer = open_at(live, "camera:7")
         assert status == 422 and "camera:7 cannot be opened" in answer["problem"]

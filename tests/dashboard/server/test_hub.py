@@ -1,4 +1,4 @@
-"""The hub between loop and viewers: newest only, never waits, tells latecomers what lasts."""
+"""The hub between loop and viewers: newest image only, never waits, sends retained messages to late viewers."""
 
 import asyncio
 import json
@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from event_loop import run_apart
+from event_loop import run_in_thread
 from helpers import LOW, MS, make_step
 
 from haptigraph.analysis.metrics.run import RunMeasures
@@ -16,7 +16,7 @@ from haptigraph.clock import VirtualClock
 from haptigraph.dashboard.server.controls import Controls
 from haptigraph.dashboard.server.health import Health
 from haptigraph.dashboard.server.hub import Hub
-from haptigraph.dashboard.server.viewer import MOST_IN_FLIGHT, Viewer
+from haptigraph.dashboard.server.viewer import MAX_IN_FLIGHT, Viewer
 from haptigraph.inference.claims import Temporal
 from haptigraph.messages import OFF, Capture
 from haptigraph.perception.eye_view import IoctView
@@ -34,12 +34,12 @@ def capture(index=0):
 @pytest.fixture
 def hub(registration):
     hub = Hub(VirtualClock())
-    hub.introduce('{"type":"hello"}', IoctView(registration, 64), frozenset())
+    hub.announce('{"type":"hello"}', IoctView(registration, 64), frozenset())
     return hub
 
 
 def pumped(hub, act):
-    """Run `await act()` while the hub is pumped."""
+    """Run `await act()` while the hub serves its viewers."""
 
     async def main():
         pump = asyncio.create_task(hub.pump(lambda: {"steps": 1}))
@@ -50,7 +50,7 @@ def pumped(hub, act):
             pump.cancel()
             await asyncio.gather(pump, return_exceptions=True)
 
-    return run_apart(main())
+    return run_in_thread(main())
 
 
 async def next_image(viewer):
@@ -67,7 +67,7 @@ async def next_text(viewer, kind):
             return json.loads(message)
 
 
-def test_claims_about_time_that_broke_are_told(hub):
+def test_health_reports_broken_claims_about_time(hub):
     claim = Temporal("calm", most_changes=2, in_ms=1000)
     measures = RunMeasures(monitors=[Monitor(claim)])
     health = Health(
@@ -78,21 +78,21 @@ def test_claims_about_time_that_broke_are_told(hub):
     assert health()["broken"] == []
     for index in range(3, 6):
         measures.add(make_step(stamp_ns=index * MS, pattern=(LOW, OFF)[index % 2]))
-    assert health()["broken"] == [{"claim": "calm", "times": 1, "most": 5, "unit": "changes"}]
+    assert health()["broken"] == [{"claim": "calm", "times": 1, "worst": 5, "unit": "changes"}]
 
 
-def test_a_viewer_gets_the_newest_step_and_none_in_between(hub):
+def test_a_viewer_gets_the_newest_step_only(hub):
     async def act():
         viewer = Viewer("page 1")
         hub.join(viewer)
-        for index in range(100):  # in one turn of the server's thread: only the last can be sent
+        for index in range(100):  # without yielding to the server: only the last can be sent
             hub.write(capture(index), make_step(stamp_ns=index * MS))
         return await next_image(viewer)
 
     assert pumped(hub, act)["time_ms"] == 99.0
 
 
-def test_a_viewer_that_does_not_acknowledge_holds_up_nobody(hub):
+def test_a_viewer_that_does_not_acknowledge_delays_no_other(hub):
     async def act():
         slow, eager = Viewer("slow"), Viewer("eager")
         hub.join(slow)
@@ -112,12 +112,12 @@ def test_a_viewer_that_does_not_acknowledge_holds_up_nobody(hub):
     assert not is_ready
 
 
-def test_a_viewer_may_have_so_many_images_under_way():
+def test_images_in_flight_are_limited():
     async def act():
         viewer = Viewer("page 1")
-        for number in range(1, MOST_IN_FLIGHT + 1):
+        for number in range(1, MAX_IN_FLIGHT + 1):
             assert viewer.is_ready
-            viewer.show(number, b"image")
+            viewer.put_image(number, b"image")
             assert await viewer.next() == b"image"
         assert not viewer.is_ready
         viewer.acknowledge(1)
@@ -125,10 +125,10 @@ def test_a_viewer_may_have_so_many_images_under_way():
         viewer.wants_images = False
         assert not viewer.is_ready
 
-    run_apart(act())
+    run_in_thread(act())
 
 
-def test_without_viewers_nothing_is_encoded(hub, monkeypatch):
+def test_nothing_is_encoded_without_viewers(hub, monkeypatch):
     from haptigraph.dashboard.server import hub as module
 
     encoded = []
@@ -147,23 +147,23 @@ def test_without_viewers_nothing_is_encoded(hub, monkeypatch):
     assert len(encoded) == 1
 
 
-def test_every_edge_of_touch_is_told_in_order_even_from_another_thread(hub):
+def test_haptic_edges_are_published_in_order_from_another_thread(hub):
     async def act():
         viewer = Viewer("page 1")
         hub.join(viewer)
         edges = [(index * MS, index % 2 * 0.5, 80.0) for index in range(200)]
         thread = threading.Thread(target=lambda: [hub.felt(*edge) for edge in edges])
         thread.start()
-        told = []
-        while len(told) < len(edges):
-            told += (await next_text(viewer, "touch"))["edges"]
+        received = []
+        while len(received) < len(edges):
+            received += (await next_text(viewer, "haptics"))["edges"]
         thread.join()
-        return told
+        return received
 
     assert pumped(hub, act) == [[float(index), index % 2 * 0.5, 80.0] for index in range(200)]
 
 
-def test_a_step_without_image_is_told_too(hub):
+def test_a_step_without_image_is_sent(hub):
     async def act():
         viewer = Viewer("page 1")
         hub.join(viewer)
@@ -175,19 +175,19 @@ def test_a_step_without_image_is_told_too(hub):
     assert header["state"] == "unknown"
 
 
-def test_latecomers_are_told_what_lasts_and_no_more(hub):
+def test_late_viewers_get_retained_messages_only(hub):
     async def act():
-        hub.tell("passing", number=1)
-        hub.tell("controls", lasts=True, holder="page 1")
-        hub.tell("controls", lasts=True, holder="page 2")
+        hub.publish("passing", number=1)
+        hub.publish("controls", retain=True, holder="page 1")
+        hub.publish("controls", retain=True, holder="page 2")
         viewer = Viewer("page 3")
         hub.join(viewer)
         return [json.loads(await viewer.next()) for _ in range(2)]
 
-    assert run_apart(act()) == [{"type": "hello"}, {"type": "controls", "holder": "page 2"}]
+    assert run_in_thread(act()) == [{"type": "hello"}, {"type": "controls", "holder": "page 2"}]
 
 
-def test_steps_after_the_server_has_gone_are_no_error(hub):
+def test_steps_after_the_server_has_stopped_are_ignored(hub):
     async def act():
         hub.join(Viewer("page 1"))
 
@@ -197,7 +197,7 @@ def test_steps_after_the_server_has_gone_are_no_error(hub):
     hub.close()
 
 
-def test_a_phase_is_entered_by_whoever_holds_the_controls_or_by_anyone_if_nobody_does(hub):
+def test_a_phase_is_entered_by_the_holder_of_the_controls_or_by_anyone_without_a_holder(hub):
     first, second = Viewer("page 1"), Viewer("page 2")
     phased = PhasedSource(TeleopSource("align_then_approach", VirtualClock()), ("approach", "injection"))
     named = []
@@ -205,18 +205,18 @@ def test_a_phase_is_entered_by_whoever_holds_the_controls_or_by_anyone_if_nobody
     async def act():
         controls = Controls(hub, Teleop(30.0), phased)
         for viewer, phase in ((first, "injection"), (second, "lunch")):
-            controls.enter(viewer, phase)
+            controls.enter_phase(viewer, phase)
             named.append(phased.named)
         controls.take(first)
         for viewer in (second, first):
-            controls.enter(viewer, "approach")
+            controls.enter_phase(viewer, "approach")
             named.append(phased.named)
 
-    run_apart(act())
+    run_in_thread(act())
     assert named == ["injection", "injection", "injection", "approach"]
 
 
-def test_controls_belong_to_one_viewer_until_it_lets_go(hub):
+def test_controls_belong_to_one_viewer_until_it_releases_them(hub):
     teleop = Teleop(30.0)
 
     async def act():
@@ -238,10 +238,10 @@ def test_controls_belong_to_one_viewer_until_it_lets_go(hub):
         controls.tune(second, {"motion_scale": 1.0})
         assert teleop.settings.motion_scale == 1.0
 
-    run_apart(act())
+    run_in_thread(act())
 
 
-def test_letting_go_of_the_controls_lets_go_of_the_needle(hub):
+def test_releasing_the_controls_disengages(hub):
     moved = []
 
     class Steered(Teleop):
@@ -250,20 +250,20 @@ def test_letting_go_of_the_controls_lets_go_of_the_needle(hub):
 
     async def act():
         controls, viewer = Controls(hub, Steered(30.0)), Viewer("page 1")
-        controls.move(viewer, HandMotion(True, 1.0))  # not its holder: nothing
+        controls.move(viewer, HandMotion(True, 1.0))  # ignored: does not hold the controls
         controls.take(viewer)
         controls.move(viewer, HandMotion(True, 2.0))
         controls.release(viewer)
 
-    run_apart(act())
+    run_in_thread(act())
     assert moved == [HandMotion(True, 2.0), HandMotion(False)]
 
 
-def test_where_nothing_can_be_steered_nobody_holds_the_controls(hub):
+def test_without_teleoperation_nobody_holds_the_controls(hub):
     async def act():
         controls, viewer = Controls(hub, None), Viewer("page 1")
         hub.join(viewer)
         controls.take(viewer)
         return [await viewer.next(), await viewer.next()]
 
-    assert json.loads(run_apart(act())[1]) == {"type": "controls", "holder": ""}
+    assert json.loads(run_in_thread(act())[1]) == {"type": "controls", "holder": ""}

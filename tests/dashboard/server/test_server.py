@@ -1,4 +1,4 @@
-"""The server as others meet it: who may come in, nonsense on the socket, bad arguments, how it ends."""
+"""The server from outside: access control, invalid messages, bad arguments, shutdown."""
 
 import http.client
 import json
@@ -28,10 +28,10 @@ def get(live, path="/", method="GET", **headers):
     connection.request(
         method, path, headers={name.replace("_", "-"): value for name, value in headers.items()}
     )
-    answer = connection.getresponse()
-    text = answer.read().decode()
+    response = connection.getresponse()
+    text = response.read().decode()
     connection.close()
-    return answer.status, text, answer.headers
+    return response.status, text, response.headers
 
 
 @contextmanager
@@ -43,7 +43,7 @@ def watching(live, **options):
 
 
 def next_text(line, kind):
-    """Return the next text message of a kind, acknowledging images on the way as a page does."""
+    """Return the next text message of a type; acknowledge images in between, as a page does."""
     while True:
         message = line.recv(timeout=10)
         if isinstance(message, bytes):
@@ -65,7 +65,7 @@ def acknowledge(line, message):
     return header, message[4 + length :]
 
 
-def test_a_page_is_served_with_headers_that_keep_it_to_itself(live):
+def test_pages_are_served_with_security_headers(live):
     status, text, headers = get(live)
     assert status == 200
     assert "<nav aria-label" in text
@@ -78,43 +78,34 @@ def test_a_page_is_served_with_headers_that_keep_it_to_itself(live):
 @pytest.mark.parametrize(
     "path",
     [
-        "/static/server/../../server/server.py",
-        "/static/server/%2e%2e%2fserver.py",
+        "/static/common/../../server/server.py",
+        "/static/common/%2e%2e%2fserver.py",
         "/static/../server.py",
         "/static/%2e%2e/server.py",
-        "/static/server/none.js",
+        "/static/common/none.js",
         "/static/none.js",
         "/x",
     ],
 )
-def test_only_the_pages_files_are_served(live, path):
+def test_only_static_files_are_served(live, path):
     status, text, _ = get(live, path)
     assert status == 404 and text.startswith("haptigraph: ") and text.count("\n") == 1
 
 
-def test_nothing_in_the_page_points_elsewhere():
-    from haptigraph.dashboard.server.server import STATIC
-
-    for file in STATIC.rglob("*.*"):
-        text = file.read_text(encoding="utf-8").replace("http://www.w3.org/2000/svg", "")
-        assert "http://" not in text and "https://" not in text, file.name
-        assert len(text.splitlines()) <= 250, file.name
-
-
-def test_the_page_is_for_this_machine_only(live):
+def test_requests_for_another_host_are_refused(live):
     status, text, _ = get(live, Host="evil.example:80")
     assert status == 403
-    assert text == "haptigraph: this page is for 127.0.0.1 only, not for evil.example\n"
+    assert text == "haptigraph: this server answers requests for 127.0.0.1 only, not for evil.example\n"
 
 
-def test_pages_from_elsewhere_may_not_talk_to_the_socket(live):
+def test_sockets_of_other_origins_are_refused(live):
     for origin in ("http://evil.example", "null", None):
         with pytest.raises(InvalidStatus) as refused, watching(live, origin=origin):
             pass
         assert refused.value.response.status_code == 403
 
 
-def test_pages_from_elsewhere_may_not_post(live):
+def test_posts_of_other_origins_are_refused(live):
     assert get(live, method="POST", Origin="http://evil.example")[0] == 403
     assert get(live, method="POST")[0] == 403
 
@@ -125,13 +116,13 @@ def guarded(quick_uri):
         yield running
 
 
-def test_another_host_demands_the_token(guarded):
+def test_other_hosts_need_the_token(guarded):
     assert guarded.url.endswith("/?token=open%20sesame")
     for path in ("/", "/static/live/live.js", "/?token=wrong"):
         status, text, _ = get(guarded, path)
         assert status == 403
-        word = "wrong" if "wrong" in path else "no"
-        assert text == f"haptigraph: {word} token; open the address that haptigraph printed\n"
+        what = "wrong" if "wrong" in path else "no"
+        assert text == f"haptigraph: {what} token; open the address that haptigraph printed\n"
     with pytest.raises(InvalidStatus), watching(guarded):
         pass
 
@@ -146,17 +137,17 @@ def test_the_token_moves_into_a_cookie(guarded):
         assert next_text(line, "hello")["procedure"]["name"] == "subretinal_injection"
 
 
-def test_without_a_token_of_ones_own_one_is_made_up(quick_uri):
+def test_a_token_is_generated_if_none_is_given(quick_uri):
     with Live(quick_uri, "--host", "0.0.0.0") as live:
         assert len(live.url.partition("?token=")[2]) >= 16
 
 
-def test_messages_are_as_documented(live, procedure):
+def test_messages_have_the_documented_fields(live, procedure):
     with watching(live) as line:
-        assert next_text(line, "you")["name"].startswith("page ")
+        assert next_text(line, "welcome")["name"].startswith("page ")
         hello = next_text(line, "hello")
         assert [state["name"] for state in hello["procedure"]["states"]] == [s.name for s in procedure.states]
-        assert {state["name"]: state["sign"] for state in hello["procedure"]["states"]} == {
+        assert {state["name"]: state["icon"] for state in hello["procedure"]["states"]} == {
             "unknown": "lost",
             "retinal_contact": "alarm",
             "target_hit": "done",
@@ -177,7 +168,7 @@ def test_messages_are_as_documented(live, procedure):
         assert pong["now_ms"] >= header["time_ms"]
 
 
-def test_who_does_not_acknowledge_is_sent_two_images_and_no_more(live):
+def test_without_acknowledgement_two_images_are_sent(live):
     with watching(live) as lazy, watching(live) as eager:
         seen = 0
         while seen < 20:
@@ -192,25 +183,25 @@ def test_who_does_not_acknowledge_is_sent_two_images_and_no_more(live):
         assert images == 2
 
 
-def test_a_late_viewer_is_told_who_holds_the_controls(quick, tmp_path):
+def test_a_late_viewer_learns_who_has_the_controls(quick, tmp_path):
     with open(quick) as file:
         scenario = file.read().replace("rate_hz = 15", "rate_hz = 30")
     (tmp_path / "fast.toml").write_text(scenario)
     with Live(f"teleop:{tmp_path / 'fast.toml'}") as live, watching(live) as first:
-        first.send('{"type": "take"}')
-        name = next_text(first, "you")["name"]
+        first.send('{"type": "take_controls"}')
+        name = next_text(first, "welcome")["name"]
         while next_text(first, "controls")["holder"] != name:
             pass
         with watching(live) as second:
             assert next_text(second, "controls")["holder"] == name
             assert next_text(second, "settings")["tremor_filter"] is False
-            second.send('{"type": "take"}')  # in vain
-            first.send('{"type": "release"}')
+            second.send('{"type": "take_controls"}')  # ignored
+            first.send('{"type": "release_controls"}')
             assert next_text(second, "controls")["holder"] == ""
 
 
-def nonsense(chance):
-    """Return something that no page would send: text or bytes."""
+def invalid_message(chance):
+    """Return text or bytes that are not a valid message."""
     valid = [
         {"type": "ack", "number": 3},
         {"type": "motion", "hand": {"engaged": True, "along_mm": 1.0, "across_mm": 0.0, "apart_mm": 0.1}},
@@ -231,7 +222,7 @@ def nonsense(chance):
         content = chance.choice(valid)
         return json.dumps({**content, chance.choice(["extra", "type"]): chance.choice(bad)})
     if kind == 4:
-        return json.dumps({"type": chance.choice(["take!", "hello", "", "image", 7, None])})
+        return json.dumps({"type": chance.choice(["take_controls!", "hello", "", "image", 7, None])})
     if kind == 5:
         return chance.choice(["[", '{"type":', '{"a":[']) * chance.randrange(1, 8000)
     if kind == 6:
@@ -247,28 +238,26 @@ def nonsense(chance):
     return json.dumps({"type": "motion", "hand": hand})
 
 
-def test_nonsense_on_the_socket_is_answered_and_disturbs_nobody(quick_uri):
+def test_invalid_messages_are_answered_and_disturb_no_other_viewer(quick_uri):
     chance = random.Random(4)
     with Live(quick_uri) as live, watching(live) as clean, watching(live) as fuzzed:
         before, _ = next_image(clean)
         for _ in range(FUZZ // 50):
             for _ in range(50):
-                fuzzed.send(nonsense(chance))
+                fuzzed.send(invalid_message(chance))
             for _ in range(50):
-                assert next_text(fuzzed, "error")["message"].startswith("not understood: ")
+                assert next_text(fuzzed, "error")["message"].startswith("invalid message: ")
             after, _ = next_image(clean)
         assert after["index"] > before["index"]
         health = next_text(clean, "health")
         assert health["dropped"] == 0
-        assert set(health["faults"]) <= {
-            "source"
-        }  # on a loaded machine an image may come late, nonsense or not
-        told = live.stop()
+        assert set(health["faults"]) <= {"source"}  # on a loaded machine an image may be late
+        output = live.stop()
     assert live.process.returncode == 0
-    assert "Traceback" not in told and "interrupted" in told
+    assert "Traceback" not in output and "interrupted" in output
 
 
-def test_a_message_beyond_all_size_costs_only_its_own_line(live):
+def test_an_oversized_message_closes_only_its_own_connection(live):
     with watching(live) as clean, watching(live) as greedy:
         greedy.send("x" * 1_000_000)
         with pytest.raises(ConnectionClosed):
@@ -277,21 +266,21 @@ def test_a_message_beyond_all_size_costs_only_its_own_line(live):
         next_image(clean)
 
 
-def test_a_stranger_on_the_port_disturbs_nothing(live):
+def test_other_protocols_on_the_port_disturb_nothing(live):
     host, _, port = address(live).partition(":")
     with watching(live) as clean:
-        for words in (
+        for data in (
             b"\x00\xff" * 100,
             b"GET / HTTP/1.1\r\n\r\n",
             b"GET /live HTTP/1.1\r\nUpgrade: websocket\r\n\r\n",
         ):
-            with socket.create_connection((host, int(port)), timeout=10) as stranger:
-                stranger.sendall(words)
-                stranger.recv(1000)
+            with socket.create_connection((host, int(port)), timeout=10) as client:
+                client.sendall(data)
+                client.recv(1000)
         next_image(clean)
 
 
-def test_bad_arguments_are_one_sentence(quick_uri, live):
+def test_bad_arguments_are_refused(quick_uri, live):
     port = live.url.rpartition(":")[2].strip("/")
     for arguments, sentence in (
         (("nowhere.mp4",), "haptigraph: nowhere.mp4: no such source"),
@@ -301,7 +290,7 @@ def test_bad_arguments_are_one_sentence(quick_uri, live):
         ),
         (
             (quick_uri, "--host", "no.such.host.invalid"),
-            "'no.such.host.invalid' is no address of this machine",
+            "'no.such.host.invalid' is not an address of this machine",
         ),
         ((quick_uri, "--host", "192.0.2.7"), "cannot listen on 192.0.2.7"),
         ((quick_uri, "--device", "hammer"), "unknown device 'hammer'"),
@@ -312,7 +301,7 @@ def test_bad_arguments_are_one_sentence(quick_uri, live):
 
 
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_ends_loop_and_server_with_viewers_watching(quick_uri, tmp_path, ending):
+def test_a_signal_ends_loop_and_server_with_viewers(quick_uri, tmp_path, ending):
     from haptigraph.recording.reader import RunReader
 
     record, trace = tmp_path / "run.mcap", tmp_path / "touch.csv"
@@ -329,31 +318,31 @@ def test_a_signal_ends_loop_and_server_with_viewers_watching(quick_uri, tmp_path
     assert trace.read_text().splitlines()[-1].split(",")[1] == "0.0"
 
 
-def test_when_a_file_has_ended_the_page_stays_and_says_so(quick_uri, tmp_path):
+def test_the_page_outlasts_a_file_and_reports_its_end(quick_uri, tmp_path):
     record = tmp_path / "run.mcap"
     assert call("run", quick_uri, "--fast", "--record", record).exit_code == 0
     with Live(record) as live, watching(live) as line:
         assert next_text(line, "ended")["reason"] == "source ended"
         with watching(live) as later:
             assert next_text(later, "ended")["reason"] == "source ended"
-        told = live.stop()
+        output = live.stop()
     assert live.process.returncode == 0
-    assert "the page stays until Ctrl-C" in told
-    assert "target hit after" in told
+    assert "the page stays until Ctrl-C" in output
+    assert "target hit after" in output
 
 
-def test_ctrl_c_in_the_moment_a_file_ends_is_no_failure(quick_uri, tmp_path, monkeypatch):
+def test_ctrl_c_at_the_end_of_a_file_is_no_failure(quick_uri, tmp_path, monkeypatch):
     from haptigraph.dashboard.live.live import LivePage
 
     record = tmp_path / "run.mcap"
     assert call("run", quick_uri, "--fast", "--record", record).exit_code == 0
     end = LivePage.end
 
-    def seen_at_once(self, reason):
+    def end_with_signal(self, reason):
         end(self, reason)
         signal.raise_signal(signal.SIGTERM)
 
-    monkeypatch.setattr(LivePage, "end", seen_at_once)
+    monkeypatch.setattr(LivePage, "end", end_with_signal)
     result = call("live", record)
     assert result.exit_code == 0
     assert "target hit after" in result.stdout

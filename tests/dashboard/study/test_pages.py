@@ -1,10 +1,10 @@
-"""A participant is led through a whole study in real browsers; server and browser are killed on the way."""
+"""A participant completes a whole study in real browsers; server and browser are killed on the way."""
 
 import re
 import signal
 
 import pytest
-from live_bench import leave, look, until
+from live_bench import close_page, evaluate, until
 from paths import DATA
 from playwright.sync_api import Error
 from studying import PARTICIPANT, PROTOCOL, STUDY, Station, answer_all, rows_of
@@ -17,7 +17,7 @@ from haptigraph.study.tables import ANSWERS, EVENTS, PARTICIPANTS, SESSIONS, STA
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser"), pytest.mark.timeout(300)]
 
-SUS = "document.querySelectorAll('.item.is-kept').length"
+SUS = "document.querySelectorAll('.item.is-saved').length"
 
 
 @pytest.fixture
@@ -28,7 +28,7 @@ def folder(tmp_path):
 
 @pytest.fixture
 def source(tmp_path):
-    """Small pictures for a hand to steer in: the needle stands inside and points at the target."""
+    """A scenario with small images, in which the needle is inside and points at the target."""
     text = (DATA / "steered.toml").read_text()
     path = tmp_path / "aligned.toml"
     path.write_text(
@@ -38,11 +38,11 @@ def source(tmp_path):
 
 
 def experimenter_at(station, open_page):
-    return open_page(station.url, module=STUDY, ready="page.now")
+    return open_page(station.url, module=STUDY, ready="page.status")
 
 
 def participant_at(station, open_page):
-    page = open_page(f"{station.url}participant", module=PARTICIPANT, ready="page.now && page.isOpen")
+    page = open_page(f"{station.url}participant", module=PARTICIPANT, ready="page.status && page.isOpen")
     return page
 
 
@@ -52,47 +52,47 @@ def wait_for_stage(page, key):
 
 def begin(page):
     page.click("#begin")
-    until(page, "page.now.doing === 'running' && page.header?.index > 3")
+    until(page, "page.status.trial_status === 'running' && page.header?.index > 3")
 
 
 def push_to_the_target(page):
-    """Press until it is hit; again where the page fell silent, as on a busy machine, and the needle stopped."""
+    """Push the needle until it hits; again if it stopped because the page lost data on a busy machine."""
     for patience_s in (10, 20, 30):
         page.keyboard.down("ArrowDown")
         try:
             return until(page, "page.header.state === 'target_hit'", patience_s)
         except Error:
-            told = look(page, "page.header")
+            header = evaluate(page, "page.header")
         finally:
             page.keyboard.up("ArrowDown")
-    raise AssertionError(told)
+    raise AssertionError(header)
 
 
-def die(station):
+def kill(station):
     station.process.send_signal(signal.SIGKILL)
     station.process.wait()
 
 
-def test_a_participant_goes_through_the_whole_study_and_crashes_cost_nothing(folder, source, open_page):
+def test_a_participant_completes_the_study_and_crashes_lose_nothing(folder, source, open_page):
     with Station(folder, source) as station:
         port = station.port
         lab, person = experimenter_at(station, open_page), participant_at(station, open_page)
         assert person.is_visible("#wait")
         lab.click("#enrol button")
         wait_for_stage(person, "briefing")
-        assert person.locator("#words-text p").all_inner_texts() == ["Steer the needle.", "Hit the target."]
+        assert person.locator("#text-body p").all_inner_texts() == ["Steer the needle.", "Hit the target."]
         person.keyboard.press("Tab")  # from the heading, which has the focus
         person.keyboard.press("Enter")
         person.click("text=I agree")
         wait_for_stage(person, "questionnaire/demographics")
 
-        person.click("text=Hand in")
+        person.click("text=Submit")
         until(person, "document.activeElement.closest('.item')?.dataset.item === 'age_years'")
         person.keyboard.type("7")
         person.keyboard.press("Tab")
-        person.wait_for_selector("[data-item=age_years].is-wrong:has-text('a number from 18 to 99')")
+        person.wait_for_selector("[data-item=age_years].is-invalid:has-text('a number from 18 to 99')")
         answer_all(person)
-        person.click("text=Hand in")
+        person.click("text=Submit")
         wait_for_stage(person, "training/0/0/1")
         begin(person)
         lab.wait_for_selector("#stage:has-text('Training · Detection and touch')")
@@ -106,9 +106,9 @@ def test_a_participant_goes_through_the_whole_study_and_crashes_cost_nothing(fol
         begin(person)
         until(lab, "document.querySelector('#plan .now').textContent.includes('Detection and touch')")
         until(lab, "page.header?.index > 30")  # the recorder may lag behind the page on a busy machine
-        die(station)  # in the middle of a trial, and the browser with it
-    leave(lab)
-    leave(person)
+        kill(station)  # in the middle of a trial, and the browser with it
+    close_page(lab)
+    close_page(person)
     open_page.close_all()
 
     with Station(folder, source, "--port", port) as station:
@@ -116,7 +116,7 @@ def test_a_participant_goes_through_the_whole_study_and_crashes_cost_nothing(fol
         assert person.is_visible("#wait")
         lab.click("#roster button:has-text('Resume')")
         wait_for_stage(person, "trial/1/1/1")
-        assert look(person, "page.now.stage.attempt") == 2
+        assert evaluate(person, "page.status.stage.attempt") == 2
         lab.wait_for_selector("#plan .now:has-text('does not count (interrupted)')")
         begin(person)
         push_to_the_target(person)
@@ -125,53 +125,53 @@ def test_a_participant_goes_through_the_whole_study_and_crashes_cost_nothing(fol
         for number in (1, 2, 3):
             person.click(f"[data-item='{number}'] label:has-text('2')")
         until(person, f"{SUS} === 3")
-        die(station)  # in the middle of a questionnaire
+        kill(station)  # in the middle of a questionnaire
         until(person, "!page.isOpen")
         person.click("[data-item='4'] label:has-text('5')")
-        person.wait_for_selector("[data-item='4']:has-text('not kept yet')")
+        person.wait_for_selector("[data-item='4']:has-text('not saved yet')")
     assert len(rows_of(folder, ANSWERS, "item")) == 8 + 3
 
-    with Station(folder, source, "--port", port) as station:  # the pages find it by themselves
+    with Station(folder, source, "--port", port) as station:  # the pages reconnect by themselves
         person.wait_for_selector("#wait:visible")
         lab.click("#roster button:has-text('Resume')")
-        person.wait_for_selector("[data-item='4'].is-kept")
-        leave(person)  # and now the browser
+        person.wait_for_selector("[data-item='4'].is-saved")
+        close_page(person)  # and now the browser
         person = participant_at(station, open_page)
         until(person, f"{SUS} === 4")
         answer_all(person)
-        person.click("text=Hand in")
+        person.click("text=Submit")
         wait_for_stage(person, "break/2")
-        person.click("text=Go on")
+        person.click("text=Continue")
         wait_for_stage(person, "trial/2/1/1")
         begin(person)
         lab.click("#abort")
         lab.fill("#reason", "the phone rang")
-        lab.click("#sure")
+        lab.click("#confirm")
         lab.wait_for_selector("#plan .now:has-text('the phone rang')")
-        until(person, "page.now.doing === '' && page.now.stage.attempt === 2")
-        lab.fill("#text", "asked what the cross is")
+        until(person, "page.status.trial_status === '' && page.status.stage.attempt === 2")
+        lab.fill("#note-text", "asked what the cross is")
         lab.keyboard.press("Enter")
         lab.wait_for_selector("#notes li:has-text('asked what')")
         begin(person)
-        leave(person)  # the browser alone, in the middle of a trial
+        close_page(person)  # the browser alone, in the middle of a trial
         person = participant_at(station, open_page)
-        until(person, "page.now.doing === 'running' && page.header?.index > 3")
+        until(person, "page.status.trial_status === 'running' && page.header?.index > 3")
         push_to_the_target(person)
         wait_for_stage(person, "questionnaire/sus/2")
         answer_all(person)
-        person.click("text=Hand in")
+        person.click("text=Submit")
         wait_for_stage(person, "thanks")
         person.click("text=Finish")
         lab.wait_for_selector("#stage:has-text('all is done')")
-        leave(lab)
-        leave(person)
+        close_page(lab)
+        close_page(person)
         open_page.close_all()
         station.stop()
     check(folder)
 
 
 def check(folder):
-    """Compare the store with what was done above: all of it is there, once."""
+    """Check that the store holds everything that was done above, once."""
     done = ["briefing", "consent", "questionnaire/demographics", "questionnaire/sus/1", "break/2"]
     stages = [stage for (stage,) in rows_of(folder, STAGES, "stage")]
     assert stages == sorted([*done, "questionnaire/sus/2", "thanks"])
@@ -207,10 +207,10 @@ def check(folder):
     assert any(step.conclusion.state == "target_hit" for _, step in run.records())
     assert load_protocol(folder).target(hit["target"]).along_mm in (-2, 3)
     cut_off = RunReader(folder / "recordings" / "P01" / "trial-1-1-1-attempt1.mcap")
-    assert not cut_off.is_whole and sum(1 for _ in cut_off.records()) > 3  # as far as it was written
+    assert not cut_off.is_whole and sum(1 for _ in cut_off.records()) > 3  # up to the last write
 
 
-def test_where_everyone_is_blinded_the_pages_tell_no_condition(folder, source, open_page):
+def test_blinded_pages_show_no_condition(folder, source, open_page):
     text = (
         (folder / "study.toml").read_text().replace('order = "fixed"', 'order = "fixed"\nblind = "everyone"')
     )
@@ -218,15 +218,15 @@ def test_where_everyone_is_blinded_the_pages_tell_no_condition(folder, source, o
     with Station(folder, source) as station:
         lab, person = experimenter_at(station, open_page), participant_at(station, open_page)
         lab.click("#enrol button")
-        person.click("text=Go on")
+        person.click("text=Continue")
         person.click("text=I agree")
         wait_for_stage(person, "trial/1/1/1")
         wait_for_stage(lab, "trial/1/1/1")
         assert lab.inner_text("#stage") == "Trial · condition 1"
         for page in (lab, person):
             assert "Detection" not in page.inner_text("body")
-        for told in ("#state", "#feels", "#amplitude", "#traces", "#overlays", "#procedure"):
-            assert lab.is_hidden(told)
+        for selector in ("#state", "#feels", "#amplitude", "#traces", "#overlays", "#procedure"):
+            assert lab.is_hidden(selector)
         assert lab.is_visible("#view")
-        leave(lab)
-        leave(person)
+        close_page(lab)
+        close_page(person)

@@ -1,4 +1,4 @@
-"""Two stations, each a `haptigraph study run` of its own, lead participants at the same time."""
+"""Two stations, each a `haptigraph study run` of its own, serve participants at the same time."""
 
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
@@ -6,7 +6,7 @@ from contextlib import closing
 
 import postgres
 import pytest
-from studying import PROTOCOL, Station, ask_at, study_at
+from studying import PROTOCOL, Station, send_to, study_at
 
 from haptigraph.study.recordings import recorded_trials, whats_wrong
 from haptigraph.study.standing import standings
@@ -16,32 +16,32 @@ from haptigraph.study.tables import ANSWERS, TRIALS
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 
 
-def asked(station, path, **content):
-    status, answer = ask_at(station, path, content or None)
+def send(station, path, **content):
+    status, answer = send_to(station, path, content or None)
     assert status == 200, answer
     return answer
 
 
-def lead(station):
-    """Take someone in and lead them to the end, as the pages do; return who it was."""
-    name = asked(station, "/study/enrol", participant="")["here"]["participant"]
-    while stage := (now := asked(station, "/participant/now")).get("stage"):
+def complete_study(station):
+    """Enrol a participant and complete all stages, as the pages do; return their name."""
+    name = send(station, "/study/enrol", participant="")["current"]["participant"]
+    while stage := (status := send(station, "/participant/status")).get("stage"):
         here = {"participant": name, "key": stage["key"]}
-        if now["doing"]:
+        if status["trial_status"]:
             continue
         if "display" in stage:
-            asked(station, "/participant/begin", **here)
+            send(station, "/participant/begin", **here)
             continue
         for item in stage.get("items", ()):
             answer = item["choices"][0] if item["choices"] else "30" if item["kind"] == "number" else "4"
-            asked(station, "/participant/answer", **here, item=item["key"], answer=answer)
-        asked(station, "/participant/done", **here)
-    assert now["ended"] == "all is done"
+            send(station, "/participant/answer", **here, item=item["key"], answer=answer)
+        send(station, "/participant/done", **here)
+    assert status["ended"] == "all is done"
     return name
 
 
 def test_two_stations_at_one_postgresql_do_not_collide(quick_uri, tmp_path):
-    """Each with a folder of its own, as on two computers; both freeze the protocol and take in at once."""
+    """Each with a folder of its own, as on two computers; both freeze the protocol and enrol at once."""
     if postgres.BINARIES is None:
         pytest.skip("no PostgreSQL server here (apt-get install postgresql)")
     text = PROTOCOL.replace("timeout_s = 300", "timeout_s = 1").replace(
@@ -58,7 +58,7 @@ def test_two_stations_at_one_postgresql_do_not_collide(quick_uri, tmp_path):
             Station(folders[1], quick_uri, *more, station="lab 2") as two,
             ThreadPoolExecutor(2) as pool,
         ):
-            led = pool.map(lambda station: [lead(station), lead(station)], (one, two))
+            led = pool.map(lambda station: [complete_study(station), complete_study(station)], (one, two))
             names = [name for names in led for name in names]
             for station in (one, two):
                 assert "Traceback" not in station.stop()
@@ -81,4 +81,4 @@ def test_two_stations_at_one_postgresql_do_not_collide(quick_uri, tmp_path):
             ]
             assert len(wrong) == 12 and all(
                 "" in each and len(each) == 2 for each in wrong
-            )  # whole, at one of them
+            )  # complete at one of them

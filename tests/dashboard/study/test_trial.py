@@ -1,4 +1,4 @@
-"""When a trial ends, and how; what the desk does when the store or the source fails."""
+"""When and how a trial ends; what the service does when the store or the source fails."""
 
 from contextlib import closing
 from pathlib import Path
@@ -13,8 +13,8 @@ from haptigraph.config import load_config
 from haptigraph.dashboard.server.server import listen
 from haptigraph.dashboard.study.service import StudyService
 from haptigraph.dashboard.study.site import StudySite
-from haptigraph.dashboard.study.trial import FELT_NS, TrialEnd, run_trials
-from haptigraph.dashboard.study.views import experimenter_view, participant_view
+from haptigraph.dashboard.study.snapshots import experimenter_snapshot, participant_snapshot
+from haptigraph.dashboard.study.trial import AFTER_HIT_NS, TrialEnd, run_trials
 from haptigraph.errors import BadInput, StoreFailed
 from haptigraph.study.plan import Stage
 from haptigraph.study.runner import open_session
@@ -32,15 +32,15 @@ def steps(quick, tmp_path_factory):
 
 
 def ended(steps, procedure, **stage):
-    """How a trial of these steps ends, and after how many of them; all: it does not end before they do."""
+    """Return the outcome of a trial with these steps, and after how many it ends; all if it does not end."""
     end = TrialEnd(Stage("trial", **stage), RunMeasures.under(procedure))
     count = next((number for number, step in enumerate(steps, 1) if end.add(step)), len(steps))
     return end.outcome, count
 
 
-def test_a_trial_ends_when_its_hit_has_been_felt(steps, procedure):
+def test_a_trial_ends_some_time_after_the_hit(steps, procedure):
     hit = next(number for number, step in enumerate(steps) if step.conclusion.state == "target_hit")
-    last = next(n for n, step in enumerate(steps, 1) if step.stamp_ns - steps[hit].stamp_ns >= FELT_NS)
+    last = next(n for n, step in enumerate(steps, 1) if step.stamp_ns - steps[hit].stamp_ns >= AFTER_HIT_NS)
     assert ended(steps, procedure, timeout_s=60.0) == ("hit", last)
     assert ended(steps, procedure, timeout_s=(steps[hit].stamp_ns - steps[0].stamp_ns) / 1e9 + 0.1) == (
         "hit",
@@ -48,7 +48,7 @@ def test_a_trial_ends_when_its_hit_has_been_felt(steps, procedure):
     )
 
 
-def test_a_trial_ends_at_its_timeout_to_the_image(steps, procedure):
+def test_a_trial_ends_at_the_first_image_after_its_timeout(steps, procedure):
     outcome, count = ended(steps, procedure, timeout_s=2.0)
     assert outcome == "timeout"
     assert [(step.stamp_ns - steps[0].stamp_ns) / 1e9 >= 2.0 for step in steps[count - 2 : count]] == [
@@ -57,7 +57,7 @@ def test_a_trial_ends_at_its_timeout_to_the_image(steps, procedure):
     ]
 
 
-def test_free_training_goes_on_after_a_hit_and_says_that_there_was_one(steps, procedure):
+def test_free_training_continues_after_a_hit_and_reports_it(steps, procedure):
     assert ended(steps, procedure, timeout_s=60.0, free=True) == ("hit", len(steps))
     assert ended(steps[:30], procedure, timeout_s=60.0, free=True)[0] == "timeout"
 
@@ -83,73 +83,77 @@ def go_to_the_training(service):
 
 
 class Over(Exception):
-    """There is no other trial to wait for."""
+    """No other trial is requested."""
 
 
 def run_one(service, monkeypatch, base, meanwhile=lambda: None):
-    """Run the trial that is asked for, here; do something while it runs. What was told of it."""
-    told = []
-    overrides = iter([service.wait()])
+    """Run the requested trial in this thread, and call `meanwhile` while it runs; return the reported lines."""
+    lines = []
+    requested = iter([service.next_trial()])
 
-    def wait():
-        for wish in overrides:
-            return wish
+    def next_trial():
+        for trial in requested:
+            return trial
         raise Over
 
-    monkeypatch.setattr(service, "wait", wait)
-    monkeypatch.setattr(service, "on_change", lambda: meanwhile() if service.doing == "running" else None)
+    monkeypatch.setattr(service, "next_trial", next_trial)
+    monkeypatch.setattr(
+        service, "on_change", lambda: meanwhile() if service.trial_status == "running" else None
+    )
     with closing(listen("127.0.0.1", 0)) as listener, pytest.raises(Over):
-        run_trials(service, StudySite(service, base, listener, host="127.0.0.1", token=""), base, told.append)
-    return told
+        run_trials(
+            service, StudySite(service, base, listener, host="127.0.0.1", token=""), base, lines.append
+        )
+    return lines
 
 
 def base(quick_uri, *more):
     return load_config(None, (f"source.uri={quick_uri}", "run.realtime=false", *more))
 
 
-def test_what_does_not_open_costs_no_attempt_and_is_told(service, monkeypatch):
+def test_a_source_that_does_not_open_uses_up_no_attempt(service, monkeypatch):
     stage = go_to_the_training(service)
     service.begin("P01", stage.key)
-    (told,) = run_one(service, monkeypatch, base("phantom:nowhere"))
-    assert "the trial did not begin: unknown scenario 'nowhere'" in told
-    assert (service.doing, service.session.next().attempt) == ("", 1)
-    assert "unknown scenario" in experimenter_view(service)["problem"]
-    assert participant_view(service)["trouble"] is True  # but not why
-    assert "nowhere" not in str(participant_view(service))
+    (line,) = run_one(service, monkeypatch, base("phantom:nowhere"))
+    assert "the trial did not begin: unknown scenario 'nowhere'" in line
+    assert (service.trial_status, service.session.next().attempt) == ("", 1)
+    assert "unknown scenario" in experimenter_snapshot(service)["problem"]
+    assert participant_snapshot(service)["has_problem"] is True  # but not why
+    assert "nowhere" not in str(participant_snapshot(service))
 
 
-def test_a_source_that_ends_before_the_trial_does_makes_an_attempt_that_does_not_count(
-    service, monkeypatch, quick_uri
-):
+def test_a_source_that_ends_early_voids_the_attempt(service, monkeypatch, quick_uri):
     stage = go_to_the_training(service)
     service.begin("P01", stage.key)
-    (told,) = run_one(service, monkeypatch, base(quick_uri))
-    assert told == "P01  training/0/0/1, attempt 1: the trial was aborted: the source has ended"
+    (line,) = run_one(service, monkeypatch, base(quick_uri))
+    assert line == "P01  training/0/0/1, attempt 1: the trial was aborted: the source has ended"
     coming = service.session.next()
     assert (coming.stage.key, coming.attempt, coming.running) == (stage.key, 2, False)
 
 
-def test_who_is_taken_over_in_the_middle_of_a_trial_keeps_nothing_of_it(service, monkeypatch, quick_uri):
+def test_a_take_over_during_a_trial_voids_the_attempt(service, monkeypatch, quick_uri):
     stage = go_to_the_training(service)
     service.begin("P01", stage.key)
-    (told,) = run_one(
+    (line,) = run_one(
         service,
         monkeypatch,
         base(quick_uri),
         lambda: open_session(service.study, "P01", "lab 2", take_over=True),
     )
-    assert "the trial is not kept: participant P01 is at lab 2 now" in told
+    assert "the trial was not saved: participant P01 is at lab 2 now" in line
     rows = service.study.store.rows(TRIALS.select())
     assert [(row["attempt"], row["outcome"], row["void"]) for row in rows] == [(1, "aborted", "interrupted")]
-    assert service.here() is None and service.doing == ""
+    assert service.current_session() is None and service.trial_status == ""
 
 
-@pytest.mark.parametrize(("failures", "told"), [(3, "hit"), (99, "the trial is not kept: the store fails")])
-def test_a_store_that_fails_is_asked_again_for_a_while(service, monkeypatch, quick_uri, failures, told):
+@pytest.mark.parametrize(
+    ("failures", "result"), [(3, "hit"), (99, "the trial was not saved: the store fails")]
+)
+def test_a_failing_store_is_retried_for_a_while(service, monkeypatch, quick_uri, failures, result):
     stage = go_to_the_training(service)
     waited = []
     monkeypatch.setattr("haptigraph.dashboard.study.trial.time.sleep", waited.append)
-    monkeypatch.setattr("haptigraph.dashboard.study.trial._played", lambda *_: ("hit", ""))
+    monkeypatch.setattr("haptigraph.dashboard.study.trial._play", lambda *_: ("hit", ""))
     end_trial = service.session.end_trial
 
     def fails(outcome, void):
@@ -160,39 +164,41 @@ def test_a_store_that_fails_is_asked_again_for_a_while(service, monkeypatch, qui
     monkeypatch.setattr(service.session, "end_trial", fails)
     service.begin("P01", stage.key)
     (line,) = run_one(service, monkeypatch, base(quick_uri))
-    assert told in line and service.doing == ""
+    assert result in line and service.trial_status == ""
     assert (service.session.next().running, waited) == (failures == 99, [0, 1, 2, 4, 8][:failures])
 
 
-def test_a_refused_participant_does_not_cost_the_one_who_is_here(service):
+def test_a_refused_participant_leaves_the_current_session_open(service):
     with pytest.raises(BadInput, match="has no participant 'P05'"):
         service.open("P05", take_over=False)
-    assert service.here().participant == "P01"
+    assert service.current_session().participant == "P01"
     second = service.enrol(None)
     service.open(second, take_over=False)
-    assert service.here().participant == second
-    assert [each["station"] for each in experimenter_view(service)["participants"]] == ["", "lab 1"]
+    assert service.current_session().participant == second
+    assert [each["station"] for each in experimenter_snapshot(service)["participants"]] == ["", "lab 1"]
 
 
 @pytest.mark.parametrize("blind", ["nobody", "participant", "everyone"])
-def test_who_is_blinded_is_told_no_condition(service, blind):
+def test_blinded_snapshots_contain_no_condition(service, blind):
     go_to_the_training(service)
     protocol = replace(service.study.protocol, study=replace(service.study.protocol.study, blind=blind))
     service.study = replace(service.study, protocol=protocol)
-    person, lab = participant_view(service), experimenter_view(service)
+    person, lab = participant_snapshot(service), experimenter_snapshot(service)
     assert ("Detection" in str(person)) is (blind == "nobody")
     assert ("Detection" in str(lab)) is (blind != "everyone")
-    assert lab["shows_all"] is (blind != "everyone")
-    assert lab["here"]["is_felt"] is True  # so it is, and so it is said where nobody may know
+    assert lab["shows_conditions"] is (blind != "everyone")
+    assert lab["current"]["has_haptics"] is True  # also where blinding hides it
 
 
-def test_pages_say_when_a_study_is_simulated(tmp_path):
+def test_snapshots_mark_a_simulated_study(tmp_path):
     (tmp_path / "study.toml").write_text(PROTOCOL)
     with closing(Store(tmp_path / "study.db")) as store:
         study = study_at(tmp_path, store)
         study = type(study)(study.protocol, store, simulated=True)
         service = StudyService(tmp_path, study, "lab 1")
         service.open(service.enrol(None), take_over=False)
-        assert experimenter_view(service)["simulated"] is participant_view(service)["simulated"] is True
+        assert (
+            experimenter_snapshot(service)["simulated"] is participant_snapshot(service)["simulated"] is True
+        )
         with pytest.raises(BadInput, match="has simulated participants; people need a study of another name"):
             StudyService(tmp_path, study_at(tmp_path, store), "lab 1").enrol(None)

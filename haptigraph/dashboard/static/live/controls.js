@@ -1,116 +1,111 @@
-/** The panel of the controls: who holds them, how hand becomes tool, and what the controller does now. */
+/** The panel of the controls: who has them, how hand motion becomes tool motion, and the controller's input. */
 
-import { ACTIONS, moved } from "./gamepad.js";
-import { actuatorOf } from "./rumble.js";
-import { toggle } from "../server/signs.js";
+import { ACTIONS, movedInput } from "./gamepad.js";
+import { $, checkbox, make } from "../common/dom.js";
+import { controllerText } from "./rumble.js";
 
 const TREMOR_MM = 1.0;
-const $ = (id) => document.getElementById(id);
 
 export class Controls {
-  /**
-   * @param {(message: any) => void} send
-   * @param {import("./steering.js").Steering} steering
-   * @param {import("./gamepad.js").Controller} controller
-   */
+  me = ""; holder = "";
+  /** @type {TeleopSettings | null} */ settings = null;
+  /** The action that gets the input that moves next. @type {{ action: Action, kind: ActionInfo["kind"], rest: PadValues } | null} */
+  pending = null;
+
+  /** @param {Send} send @param {import("./steering.js").Steering} steering @param {import("./gamepad.js").Controller} controller */
   constructor(send, steering, controller) {
-    Object.assign(this, { send, steering, controller, me: "", holder: "", settings: null, waits: null });
-    $("hold").addEventListener("click", () => this.send({ type: this.holder === this.me ? "release" : "take" }));
+    this.send = send; this.steering = steering; this.controller = controller;
+    $("hold").addEventListener("click", () => send({ type: this.holder === this.me ? "release_controls" : "take_controls" }));
     $("scale").addEventListener("input", () => this.tune({ motion_scale: Number($("scale").value) }));
     $("scale").addEventListener("pointerup", () => $("scale").blur());  // so that the arrow keys steer again
     $("filter").addEventListener("change", () => this.tune({ tremor_filter: $("filter").checked }));
     $("tremor").addEventListener("change", () => this.tune({ added_tremor_mm: $("tremor").checked ? TREMOR_MM : 0 }));
-    $("switches").append(toggle("Needs clutch", false, (on) => { steering.needsClutch = on; }, "needs-clutch"));
+    $("switches").append(checkbox("Needs clutch", false, (isOn) => { steering.needsClutch = isOn; }, "needs-clutch"));
     $("map").addEventListener("click", () => { this.fillDialog(); $("mapping").showModal(); });
-    $("standard").addEventListener("click", () => { controller.standard(); this.fillDialog(); });
-    steering.onFilter = () => this.tune({ tremor_filter: !this.settings.tremor_filter });
+    $("standard").addEventListener("click", () => { controller.reset(); this.fillDialog(); });
+    steering.onFilter = () => this.tune({ tremor_filter: !this.settings?.tremor_filter });
   }
 
-  begin(hello) {
-    const { steerable, has_jaws } = hello;
+  begin(/** @type {Hello} */ hello) {
+    const { steerable = false, has_jaws = false } = hello;
     this.steering.begin(hello);
     $("steering").hidden = !steerable;
     $("jaws").hidden = !has_jaws;
-    document.querySelector("main").classList.toggle("steerable", steerable);
-    if (steerable && !document.hidden) this.send({ type: "take" });
+    document.querySelector("main")?.classList.toggle("steerable", steerable);
+    if (steerable && !document.hidden) this.send({ type: "take_controls" });
   }
 
-  tune(change) { this.send({ type: "tune", ...change }); }
+  tune(/** @type {Partial<TeleopSettings>} */ change) { this.send({ type: "tune", ...change }); }
 
-  showSettings(settings) {
+  showSettings(/** @type {TeleopSettings} */ settings) {
     this.settings = settings;
-    if (document.activeElement !== $("scale")) $("scale").value = settings.motion_scale;
+    if (document.activeElement !== $("scale")) $("scale").value = String(settings.motion_scale);
     $("scale-value").textContent = `× ${settings.motion_scale.toFixed(2)}`;
     $("filter").checked = settings.tremor_filter;
     $("tremor").checked = settings.added_tremor_mm > 0;
   }
 
-  showHolder(holder) {
+  showHolder(/** @type {string} */ holder) {
     const isMine = holder !== "" && holder === this.me;
     this.holder = holder;
-    if (this.steering.isHolder && !isMine) this.steering.letGo();
+    if (this.steering.isHolder && !isMine) this.steering.release();
     this.steering.isHolder = isMine;
-    $("holder").textContent = isMine ? "You hold the controls" : holder ? `${holder} holds the controls` : "Nobody holds the controls";
-    $("hold").textContent = isMine ? "Let go" : "Take";
+    $("holder").textContent = isMine ? "You have the controls" : holder ? `${holder} has the controls` : "Nobody has the controls";
+    $("hold").textContent = isMine ? "Release" : "Take";
     $("hold").disabled = holder !== "" && !isMine;
     $("hold").classList.toggle("primary", holder === "");
-    for (const id of ["scale", "filter", "tremor"]) $(id).disabled = !isMine;
+    for (const input of [$("scale"), $("filter"), $("tremor")]) input.disabled = !isMine;
   }
 
-  /** Show what the inputs do now; called with every drawn image. */
+  /** Show the present input; called with every drawing. */
   show() {
     const pad = this.controller.pad();
-    const engaged = this.steering.engaged;
-    $("clutch").textContent = engaged ? "● moving the instrument" : "○ hand is off";
+    const { engaged } = this.steering;
+    $("clutch").textContent = engaged ? "● moving the instrument" : "○ disengaged";
     $("clutch").classList.toggle("on", engaged);
-    $("pad").textContent = pad ? `${shortName(pad.id)}${actuatorOf(pad) ? ", can vibrate" : ", cannot vibrate: switch on screen or sound"}` : "No controller: press one of its buttons to connect it";
+    $("pad").textContent = controllerText(pad);
     $("map").hidden = !pad;
     if (!$("mapping").open) return;
     if (!pad) { $("mapping").close(); return; }
-    bars($("axes"), pad.axes.map((value) => ({ low: Math.min(value, 0), high: Math.max(value, 0), on: Math.abs(value) > 0.35 })), "axis");
-    bars($("buttons"), pad.buttons.map((button) => ({ low: 0, high: button.value, on: button.pressed })), "button");
-    this.listen(pad);
+    showBars($("axes"), pad.axes.map((value) => ({ low: Math.min(value, 0), high: Math.max(value, 0), isOn: Math.abs(value) > 0.35 })), "axis");
+    showBars($("buttons"), pad.buttons.map((button) => ({ low: 0, high: button.value, isOn: button.pressed })), "button");
+    const input = this.pending && movedInput(pad, this.pending.rest, this.pending.kind);
+    if (!input || !this.pending) return;
+    this.controller.assign(this.pending.action, input);
+    this.fillDialog();
   }
 
   fillDialog() {
-    const { mapping } = this.controller;
-    const actions = Object.entries(ACTIONS).filter(([, { ofJaws }]) => !ofJaws || this.steering.hasJaws);  // jaws are last
-    this.waits = null;
-    $("actions").replaceChildren(...actions.map(([action, { words, kind }]) => {
-      const { index, sign } = mapping[action];
-      const row = document.createElement("tr");
-      const button = Object.assign(document.createElement("button"), { type: "button", textContent: "Change", ariaLabel: `Change ${words}` });
-      button.addEventListener("click", () => this.wait(action, row, kind));
-      for (const cell of [words, `${kind} ${index}${sign === -1 ? ", turned round" : ""}`, button]) row.insertCell().append(cell);
-      return row;
+    const actions = /** @type {[Action, ActionInfo][]} */ (Object.entries(ACTIONS)).filter(([, { needsJaws }]) => !needsJaws || this.steering.hasJaws);
+    this.pending = null;
+    $("actions").replaceChildren(...actions.map(([action, { label, kind }]) => {
+      const { index, sign } = this.controller.mapping[action];
+      const button = make("button", { type: "button", textContent: "Change", ariaLabel: `Change ${label}` });
+      const mapped = make("td", {}, `${kind} ${index}${sign === -1 ? ", inverted" : ""}`);
+      button.addEventListener("click", () => this.listen(action));
+      return make("tr", {}, make("td", {}, label), mapped, make("td", {}, button));
     }));
   }
 
-  wait(action, row, kind) {
+  /** Map the input that moves next to an action. @param {Action} action */
+  listen(action) {
+    const pad = this.controller.pad(), { kind, label } = ACTIONS[action];
     this.fillDialog();
-    const pad = this.controller.pad();
-    this.waits = { action, kind, rest: { axes: [...pad.axes], buttons: pad.buttons.map((button) => button.value) } };
-    $("actions").rows[Object.keys(ACTIONS).indexOf(action)].cells[1].textContent = kind === "axis" ? `push the stick ${ACTIONS[action].words}` : "press a button";
-  }
-
-  listen(pad) {
-    const found = this.waits && moved(pad, this.waits.rest, this.waits.kind);
-    if (!found) return;
-    this.controller.assign(this.waits.action, found);
-    this.fillDialog();
+    if (!pad) return;
+    this.pending = { action, kind, rest: { axes: [...pad.axes], buttons: pad.buttons.map((button) => button.value) } };
+    // The rows are in the order of ACTIONS, in which the jaws are last.
+    $("actions").rows[Object.keys(ACTIONS).indexOf(action)].cells[1].textContent = kind === "axis" ? `push the stick ${label}` : "press a button";
   }
 }
 
-function bars(list, values, what) {
-  while (list.children.length > values.length) list.lastChild.remove();
-  values.forEach(({ low, high, on }, at) => {
-    const item = list.children[at] ?? list.appendChild(document.createElement("li"));
-    if (!item.firstChild) item.append(document.createElement("i"), `${at}`);
-    item.title = `${what} ${at}`;
-    item.classList.toggle("on", on);
-    item.firstChild.style.left = `${50 + 50 * low}%`;
-    item.firstChild.style.width = `${50 * (high - low)}%`;
+/** @param {HTMLElement} list @param {{ low: number, high: number, isOn: boolean }[]} values @param {string} what */
+function showBars(list, values, what) {
+  while (list.children.length > values.length) list.lastChild?.remove();
+  values.forEach(({ low, high, isOn }, at) => {
+    const item = list.children[at] ?? list.appendChild(make("li", { title: `${what} ${at}` }, make("i"), `${at}`));
+    item.classList.toggle("on", isOn);
+    const { style } = /** @type {HTMLElement} */ (item.firstChild);
+    style.left = `${50 + 50 * low}%`;
+    style.width = `${50 * (high - low)}%`;
   });
 }
-
-function shortName(id) { return id.replace(/\s*\(.*\)/, "").trim() || "Controller"; }

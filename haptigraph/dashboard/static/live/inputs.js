@@ -1,71 +1,73 @@
-/** Keyboard and mouse as inputs. They keep what is held and what was dragged; they send nothing. */
+/** Keyboard and mouse as inputs: which keys are held, how far the mouse was dragged. */
 
-const KEYS = {
+/** @type {KeyMap} */ const KEYS = {
   ArrowDown: ["along", 1], KeyS: ["along", 1], ArrowUp: ["along", -1], KeyW: ["along", -1],
   ArrowRight: ["across", 1], KeyD: ["across", 1], ArrowLeft: ["across", -1], KeyA: ["across", -1],
   Space: ["clutch", 1],
 };
-const JAWS = { KeyO: ["apart", 1], KeyC: ["apart", -1] };
-export const MM_PER_PX = 0.25;
+/** @type {KeyMap} */ const JAW_KEYS = { KeyO: ["apart", 1], KeyC: ["apart", -1] };
+const MM_PER_PX = 0.25;
 
-/** Keys that are held: {along, across, apart} in -1, 0, 1, clutch and fine. */
 export class Keyboard {
-  /** @param {() => boolean} counts whether keys steer now; otherwise they are the page's */
-  constructor(counts) {
-    this.counts = counts;
-    this.keys = KEYS;
-    this.held = new Set();
-    this.fine = false;
+  keys = KEYS;
+  /** @type {Set<string>} */ held = new Set();
+  fine = false;
+
+  /** @param {() => boolean} isActive whether keys steer; otherwise they keep their meaning on the page */
+  constructor(isActive) {
+    this.isActive = isActive;
     addEventListener("keydown", (event) => this.press(event));
     addEventListener("keyup", (event) => { this.held.delete(event.code); this.fine = event.shiftKey; });
-    addEventListener("blur", () => this.letGo());
+    addEventListener("blur", () => this.release());
   }
 
-  /** Let keys open and close jaws where there are some; elsewhere they are the page's. */
+  /** Steer another run. @param {boolean} hasJaws whether keys open and close jaws */
   begin(hasJaws) {
-    this.letGo();
-    this.keys = hasJaws ? { ...KEYS, ...JAWS } : KEYS;
+    this.release();
+    this.keys = hasJaws ? { ...KEYS, ...JAW_KEYS } : KEYS;
   }
 
-  press(event) {
+  press(/** @type {KeyboardEvent} */ event) {
     this.fine = event.shiftKey;
-    if (!this.counts() || !this.keys[event.code] || event.ctrlKey || event.metaKey || event.altKey) return;
-    if (isForTheField(event.target, event.code) || document.querySelector("dialog[open]")) return;
+    if (!this.isActive() || !this.keys[event.code] || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (isForElement(event.target, event.code) || document.querySelector("dialog[open]")) return;
     event.preventDefault();
     this.held.add(event.code);
   }
 
-  letGo() { this.held.clear(); this.fine = false; }
+  release() { this.held.clear(); this.fine = false; }
 
+  /** Return the keys' input: directions in -1, 0, 1; clutch and fine. */
   read() {
-    const wants = { along: 0, across: 0, apart: 0, clutch: 0 };
-    for (const code of this.held) wants[this.keys[code][0]] += this.keys[code][1];
-    const { along, across, apart } = wants;
-    return { along: Math.sign(along), across: Math.sign(across), apart: Math.sign(apart), clutch: wants.clutch > 0, fine: this.fine };
+    const sums = { along: 0, across: 0, apart: 0, clutch: 0 };
+    for (const [axis, value] of [...this.held].map((code) => this.keys[code])) sums[axis] += value;
+    const { along, across, apart, clutch } = sums;
+    return { along: Math.sign(along), across: Math.sign(across), apart: Math.sign(apart), clutch: clutch > 0, fine: this.fine };
   }
 }
 
-/** Dragging over the picture: the hand's way since last asked [mm], while a button is down. */
+/** Dragging over the picture. */
 export class Mouse {
-  /** @param {HTMLElement} surface */
-  constructor(surface) {
-    this.isDown = false;
-    this.x = this.y = 0;
+  isDown = false; x = 0; y = 0;
+
+  constructor(/** @type {HTMLElement} */ surface) {
     surface.style.touchAction = "none";
     surface.addEventListener("pointerdown", (event) => { this.isDown = true; surface.setPointerCapture(event.pointerId); });
     surface.addEventListener("pointermove", (event) => { if (this.isDown) { this.x += event.movementX; this.y += event.movementY; } });
     for (const end of ["pointerup", "pointercancel", "lostpointercapture"]) surface.addEventListener(end, () => { this.isDown = false; });
   }
 
+  /** Return the motion since the last call [mm], and whether a button is down. */
   read() {
-    const wants = { along_mm: this.y * MM_PER_PX, across_mm: this.x * MM_PER_PX, clutch: this.isDown };
+    const input = { along_mm: this.y * MM_PER_PX, across_mm: this.x * MM_PER_PX, clutch: this.isDown };
     this.x = this.y = 0;
-    return wants;
+    return input;
   }
 }
 
-/** Tell whether a key belongs to what has the focus: arrows to a slider, space to a button. */
-function isForTheField(target, code) {
-  if (target.matches?.("input[type=range], select, textarea, input[type=text], input[type=number]")) return true;
-  return code === "Space" && Boolean(target.matches?.("button, input, a, summary"));
+/** Return whether a key belongs to the focused element: arrows to a slider, space to a button. @param {EventTarget | null} target @param {string} code */
+function isForElement(target, code) {
+  if (!(target instanceof Element)) return false;
+  if (target.matches("input[type=range], select, textarea, input[type=text], input[type=number]")) return true;
+  return code === "Space" && target.matches("button, input, a, summary");
 }

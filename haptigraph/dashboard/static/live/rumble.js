@@ -1,44 +1,43 @@
-/** Touch on a game controller, through the browser's dual-rumble.
+/** Haptic feedback on a game controller, through the browser's dual-rumble.
  *
- * An effect never outlasts the news it came from, so that it ends by itself if this page dies. Commands keep
- * 50 ms apart, for there are controllers that crash otherwise; silence never waits.
+ * An effect ends when the data it is based on become stale, so that it ends by itself if this page dies. Commands
+ * are at least 50 ms apart, because some controllers crash otherwise; silence never waits.
  */
 
-export const LEAST_GAP_MS = 50, RESEND_MS = 60, HIGH_HZ = 120;
+const MIN_GAP_MS = 50, RESEND_MS = 60, HIGH_HZ = 120;
 
 export class Rumble {
+  isOn = true; problem = "";
+  /** @type {HapticLevel | null} */ playing = null;
+  /** @type {GamepadHapticActuator | null} */ actuator = null;
+  sent_ms = -Infinity; timer = 0;
+
   /** @param {() => (Gamepad | null)} find returns the controller to play on */
-  constructor(find) {
-    this.find = find;
-    this.isOn = true;
-    this.problem = "";
-    this.playing = null;
-    this.sent_ms = -Infinity;
-    this.timer = 0;
-  }
+  constructor(find) { this.find = find; }
 
-  /** Switch touch on the controller on or off. */
-  enable(isOn) { this.isOn = isOn; if (!isOn) this.stop(); }
+  enable(/** @type {boolean} */ isOn) { this.isOn = isOn; if (!isOn) this.stop(); }
 
+  /** @param {HapticLevel} level @param {number} until_ms @param {number} [now_ms] */
   play(level, until_ms, now_ms = performance.now()) {
     clearTimeout(this.timer);
     if (!level.amplitude || !this.isOn) { this.stop(); return; }
-    const changed = this.playing?.amplitude !== level.amplitude || this.playing?.frequency_hz !== level.frequency_hz;
-    const wait_ms = this.sent_ms + (changed ? LEAST_GAP_MS : RESEND_MS) - now_ms;
+    const hasChanged = this.playing?.amplitude !== level.amplitude || this.playing?.frequency_hz !== level.frequency_hz;
+    const wait_ms = this.sent_ms + (hasChanged ? MIN_GAP_MS : RESEND_MS) - now_ms;
     if (wait_ms > 0) {
-      if (changed) this.timer = setTimeout(() => this.play(level, until_ms), wait_ms);
+      if (hasChanged) this.timer = setTimeout(() => this.play(level, until_ms), wait_ms);
       return;
     }
     const duration = Math.floor(until_ms - now_ms);
     if (duration > 0) this.send(level, duration);
   }
 
+  /** @param {HapticLevel} level @param {number} duration [ms] */
   send(level, duration) {
     const actuator = actuatorOf(this.find());
     if (!actuator) return;
     this.playing = level;
     this.actuator = actuator;
-    const effect = { startDelay: 0, duration, ...motors(level) };
+    const effect = { startDelay: 0, duration, ...magnitudes(level) };
     Promise.resolve(actuator.playEffect("dual-rumble", effect)).then(() => { this.problem = ""; }, (error) => { this.problem = String(error); });
     this.sent_ms = performance.now();
   }
@@ -48,18 +47,25 @@ export class Rumble {
     if (!this.playing) return;
     this.playing = null;
     this.sent_ms = performance.now();
-    Promise.resolve(this.actuator.reset()).catch((error) => { this.problem = String(error); });
+    Promise.resolve(this.actuator?.reset()).catch((error) => { this.problem = String(error); });
   }
 }
 
-/** Return what can rumble in a controller, or null. */
-export function actuatorOf(gamepad) {
-  const actuator = gamepad?.vibrationActuator;
+/** Return the actuator of a controller, or null if it cannot rumble. @param {Gamepad | null} gamepad */
+function actuatorOf(gamepad) {
+  const actuator = /** @type {GamepadHapticActuator & { effects?: string[] } | null | undefined} */ (gamepad?.vibrationActuator);
   if (!actuator?.playEffect) return null;
   return !actuator.effects || actuator.effects.includes("dual-rumble") ? actuator : null;
 }
 
-/** Share a level between the motors: the large one for what is low, both for what is high. */
-export function motors({ amplitude, frequency_hz }) {
+/** Describe a controller in a line. @param {Gamepad | null} pad */
+export function controllerText(pad) {
+  if (!pad) return "No controller: press one of its buttons to connect it";
+  const name = pad.id.replace(/\s*\(.*\)/, "").trim() || "Controller";
+  return `${name}${actuatorOf(pad) ? ", can vibrate" : ", cannot vibrate: switch on screen or sound"}`;
+}
+
+/** Distribute a level over the motors: the large one for low frequencies, both for high ones. @param {HapticLevel} level */
+function magnitudes({ amplitude, frequency_hz }) {
   return { strongMagnitude: amplitude, weakMagnitude: frequency_hz >= HIGH_HZ ? amplitude : 0 };
 }

@@ -1,64 +1,66 @@
-/** Curves of a recorded run on a canvas. Of many steps in one column of pixels, least and most are kept. */
+/** Curves of a recorded run on a canvas; where several steps share a column of pixels, its extremes are drawn. */
 
 import { firstAfter } from "./run.js";
+import { drawBounds } from "../common/strips.js";
 
-const INK = "#e8edf1", QUIET = "#9aabb8", FAINT = "#2c3740", GAP_MS = 300;
+const INK = "#e8edf1", QUIET = "#9aabb8", FAINT = "#2c3740", MAX_GAP_MS = 300;
+const TICKS_S = [0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 1200, 3600];
 
-/** Draw a measure: its curve, and the bounds that the procedure decides by. */
+/** @typedef {import("./timeline.js").Timeline} Timeline */
+
+/** Draw a measure with its bounds. @param {CanvasRenderingContext2D} c @param {Timeline} timeline @param {StripBox} box */
 export function drawCurve(c, timeline, { strip, top, height }) {
-  const { run, x, room } = timeline, left = x(timeline.from_ms);
-  const y = (value) => top + height * (1 - Math.min(Math.max((value - strip.least) / (strip.most - strip.least), 0), 1));
-  c.fillStyle = "#5cc48422";
-  if (strip.band) c.fillRect(left, y(strip.band), room, y(0) - y(strip.band));
-  c.lineWidth = 1; c.strokeStyle = FAINT; c.textAlign = "right";
-  strip.bounds.forEach((bound, at) => {
-    c.beginPath(); c.moveTo(left, y(bound)); c.lineTo(left + room, y(bound)); c.stroke();
-    c.fillStyle = QUIET;
-    if (!strip.bounds.slice(0, at).some((other) => Math.abs(y(other) - y(bound)) < 11)) c.fillText(`${bound} ${strip.unit}`, left - 5, y(bound) + 4);
-  });
+  const { run, width } = timeline, left = timeline.x(timeline.from_ms);
+  c.textAlign = "right";
+  const y = drawBounds(c, strip, { left, width, top, height }, (text, bound_y) => c.fillText(`${text} ${strip.unit}`, left - 5, bound_y + 4));
   c.fillStyle = QUIET; c.textAlign = "left";
-  c.fillText(strip.words, 0, top + 10);
+  c.fillText(strip.label, 0, top + 10);
   c.strokeStyle = INK; c.lineWidth = 1.4; c.lineJoin = "round";
   c.beginPath();
-  for (const [moves, px, value] of points(run.time_ms, run.measure(strip.measure), timeline)) c[moves ? "moveTo" : "lineTo"](px, y(value));
+  for (const [isStart, x, value] of points(run.time_ms, run.measure(strip.measure), timeline)) c[isStart ? "moveTo" : "lineTo"](x, y(value));
   c.stroke();
 }
 
-/** Return [whether a gap stands before it, x, value]: every step, or first, least, most and last of every column. */
-function points(time_ms, values, { x, from_ms, to_ms, room }) {
+/** Return the points of a curve, and whether each starts a line: every step, or first, extremes and last of every column.
+ *  @param {ArrayLike<number>} time_ms @param {ArrayLike<number>} values @param {Timeline} timeline */
+function points(time_ms, values, timeline) {
+  const { from_ms, to_ms, width } = timeline;
   const first = Math.max(firstAfter(time_ms, from_ms) - 1, 0), end = Math.min(firstAfter(time_ms, to_ms) + 1, time_ms.length);
-  const isThin = end - first < 2 * room, left = x(from_ms), right = left + room, scale = room / (to_ms - from_ms), found = [];
-  let before_ms = -Infinity, column = null;
+  const isSparse = end - first < 2 * width, left = timeline.x(from_ms), right = left + width, scale = width / (to_ms - from_ms);
+  const found = /** @type {[isStart: boolean, x: number, value: number][]} */ ([]);
+  /** @type {PixelColumn | null} */ let column = null;
+  let before_ms = -Infinity;
   for (let number = first; number < end; number++) {
     const value = values[number], at_ms = time_ms[number];
-    if (value !== value) continue;  // nan
-    const px = Math.min(Math.max(left + (at_ms - from_ms) * scale, left), right), gap = at_ms - before_ms > GAP_MS;
+    if (Number.isNaN(value)) continue;
+    const x = Math.min(Math.max(left + (at_ms - from_ms) * scale, left), right), isStart = at_ms - before_ms > MAX_GAP_MS;
     before_ms = at_ms;
-    if (isThin) { found.push([gap, px, value]); continue; }
-    // Where a whole gap is less than a pixel it does not break the line.
-    if (column && Math.floor(px) === column.px) {
-      if (value < column.least) column.least = value;
-      if (value > column.most) column.most = value;
+    if (isSparse) { found.push([isStart, x, value]); continue; }
+    // A gap within a column of pixels does not interrupt the line.
+    if (column && Math.floor(x) === column.x) {
+      if (value < column.min) column.min = value;
+      if (value > column.max) column.max = value;
       column.last = value;
       continue;
     }
-    if (column) found.push(...ends(column));
-    column = { px: Math.floor(px), gap, first: value, least: value, most: value, last: value };
+    if (column) found.push(...pointsOf(column));
+    column = { x: Math.floor(x), isStart, first: value, min: value, max: value, last: value };
   }
-  if (column) found.push(...ends(column));
+  if (column) found.push(...pointsOf(column));
   return found;
 }
 
-function ends({ px, gap, first, least, most, last }) {
-  return [[gap, px, first], [false, px, least], [false, px, most], [false, px, last]];
+/** @param {PixelColumn} column @returns {[boolean, number, number][]} */
+function pointsOf({ x, isStart, first, min, max, last }) {
+  return [[isStart, x, first], [false, x, min], [false, x, max], [false, x, last]];
 }
 
-/** Draw the touch as it was commanded. */
-export function drawTouch(c, timeline, top, height) {
-  const { run, x, from_ms, to_ms, room } = timeline, { edge_ms, edge_amplitude } = run.columns;
-  const left = x(from_ms), right = left + room;
+/** Draw the commanded haptic level. @param {CanvasRenderingContext2D} c @param {Timeline} timeline @param {number} top @param {number} height */
+export function drawHaptics(c, timeline, top, height) {
+  const { run, from_ms, to_ms, width } = timeline, { edge_ms, edge_amplitude } = run.columns;
+  const left = timeline.x(from_ms), right = left + width;
   c.fillStyle = QUIET; c.textAlign = "left";
-  c.fillText("touch, as commanded", 0, top + 10);
+  c.fillText("haptics, as commanded", 0, top + 10);
   c.strokeStyle = FAINT; c.lineWidth = 1;
   c.beginPath(); c.moveTo(left, top + height + 0.5); c.lineTo(right, top + height + 0.5); c.stroke();
   c.fillStyle = "#f0a546";
@@ -66,23 +68,24 @@ export function drawTouch(c, timeline, top, height) {
   for (let at = Math.max(firstAfter(edge_ms, from_ms) - 1, 0); at < edge_ms.length && edge_ms[at] <= to_ms; at++) {
     const amplitude = edge_amplitude[at];
     if (!amplitude) continue;
-    const start = Math.max(x(edge_ms[at]), left), end = Math.min(at + 1 < edge_ms.length ? x(edge_ms[at + 1]) : x(run.end_ms), right);
-    if (end - drawn < 0.5 && amplitude <= drawnAmplitude) continue;  // less than a pixel, and beneath what is there
+    const start = Math.max(timeline.x(edge_ms[at]), left);
+    const end = Math.min(timeline.x(at + 1 < edge_ms.length ? edge_ms[at + 1] : run.end_ms), right);
+    if (end - drawn < 0.5 && amplitude <= drawnAmplitude) continue;  // less than a pixel, and hidden
     [drawn, drawnAmplitude] = [Math.max(end, start + 1), amplitude];
     if (end > left) c.fillRect(start, top + height * (1 - amplitude), Math.max(end - start, 1), height * amplitude);
   }
 }
 
-/** Draw the time: about ten marks at round numbers. */
-export function drawAxis(c, { x, from_ms, to_ms }, bottom) {
-  const wanted = (to_ms - from_ms) / 10_000;
-  const step_s = [0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 1200, 3600].find((each) => each >= wanted) ?? 7200;
-  const digits = step_s >= 1 ? 0 : step_s >= 0.1 ? 1 : 2;
+/** Draw the time axis: about ten ticks at round numbers. @param {CanvasRenderingContext2D} c @param {Timeline} timeline @param {number} bottom */
+export function drawAxis(c, timeline, bottom) {
+  const { from_ms, to_ms } = timeline;
+  const tick_s = TICKS_S.find((each) => each >= (to_ms - from_ms) / 10_000) ?? 7200;
+  const digits = tick_s >= 1 ? 0 : tick_s >= 0.1 ? 1 : 2;
   c.fillStyle = QUIET; c.textAlign = "center";
-  for (let at = Math.ceil(from_ms / 1000 / step_s); at * step_s * 1000 <= to_ms; at++) {
-    const time_s = at * step_s;
-    const text = time_s < 60 || step_s < 1 ? `${time_s.toFixed(digits)} s` : `${Math.floor(time_s / 60)}:${String(Math.round(time_s % 60)).padStart(2, "0")} min`;
-    c.fillText(text, Math.min(x(time_s * 1000), x(to_ms) - 8), bottom);
-    c.fillRect(x(time_s * 1000), bottom - 14, 1, 3);
+  for (let at = Math.ceil(from_ms / 1000 / tick_s); at * tick_s * 1000 <= to_ms; at++) {
+    const time_s = at * tick_s, x = timeline.x(time_s * 1000);
+    const text = time_s < 60 || tick_s < 1 ? `${time_s.toFixed(digits)} s` : `${Math.floor(time_s / 60)}:${String(Math.round(time_s % 60)).padStart(2, "0")} min`;
+    c.fillText(text, Math.min(x, timeline.x(to_ms) - 8), bottom);
+    c.fillRect(x, bottom - 14, 1, 3);
   }
 }

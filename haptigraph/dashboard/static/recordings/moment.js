@@ -1,36 +1,38 @@
-/** One moment of a run on the page: image, state, graph and touch of one recorded step, all at once. */
+/** One recorded step on the page: image, state, graph and haptic output. */
 
-import { asked } from "./frames.js";
-import { Graph } from "../server/graph.js";
-import { PictureMaker } from "./picture.js";
-import { unpacked } from "../server/socket.js";
-import { Status } from "../server/status.js";
-import { View } from "../server/view.js";
-
-const $ = (id) => document.getElementById(id);
+import { $, showOrHide } from "../common/dom.js";
+import { EyeCrop } from "./crop.js";
+import { Graph } from "../common/graph.js";
+import { unpack } from "../common/socket.js";
+import { StatePanel } from "../common/state_panel.js";
+import { get } from "./stream.js";
+import { View } from "../common/view.js";
 
 export class Moment {
-  /** @param {(error: Error) => void} onProblem */
-  constructor(onProblem) {
-    this.view = new View($("view"), $("overlays"));
-    this.graph = new Graph($("graph"), true);
-    this.status = new Status();
-    this.onProblem = onProblem;
-    this.wanted = this.run = this.other = null;
-    this.isBusy = false;
-  }
+  view = new View($("view"), $("overlays"));
+  graph = new Graph($("graph"), true);
+  panel = new StatePanel();
+  name = "";
+  /** @type {RecordedRun} */ run;
+  /** @type {ComparedRun | null} */ other = null;
+  /** @type {EyeCrop} */ crop;
+  /** @type {ImageHeader | null} */ header = null;
+  /** @type {number | null} */ wanted = null;
+  isBusy = false;
 
-  begin(name, run) {
+  constructor(/** @type {(error: unknown) => void} */ onProblem) { this.onProblem = onProblem; }
+
+  begin(/** @type {string} */ name, /** @type {RecordedRun} */ run) {
     const { hello, image_from_eye_px } = run.content;
     Object.assign(this, { name, run, other: null, header: null });
-    this.maker = new PictureMaker(hello.view, image_from_eye_px);
-    this.status.begin(hello);
+    this.crop = new EyeCrop(hello.view, image_from_eye_px);
+    this.panel.begin(hello);
     this.graph.begin(hello.procedure);
     this.view.begin(hello);
     delete document.body.dataset.step;
   }
 
-  /** Show a step; of those that are asked for while one is on its way, only the newest. */
+  /** Show a step; of those that are requested while one is loading, only the newest. @param {number} number */
   async show(number) {
     this.wanted = number;
     if (this.isBusy) return;
@@ -49,31 +51,29 @@ export class Moment {
     }
   }
 
-  async fetch(number, run) {
-    const answer = await asked("/recordings/step", { name: this.name, number });
-    const { header, picture } = unpacked(await answer.arrayBuffer());
-    const image = picture && await this.maker.make(picture);
-    if (run !== this.run) { image?.close(); return; }  // another run was opened meanwhile
+  async fetch(/** @type {number} */ number, /** @type {RecordedRun} */ run) {
+    const response = await get("/recordings/step", { name: this.name, number: String(number) });
+    const { header, picture } = unpack(await response.arrayBuffer());
+    const image = picture && await this.crop.crop(picture);
+    if (run !== this.run) { image?.close(); return; }  // another run has been opened
     await this.view.show(header, image);
     this.header = header;
-    this.status.show(header);
+    this.panel.show(header);
     this.graph.show(header);
     this.showMore();
-    document.body.dataset.step = number;
+    document.body.dataset.step = String(number);
   }
 
-  /** Say what an image cannot: faults, a missing image, what another procedure makes of it. */
+  /** Show what the image cannot: faults, that there is no image, the other procedure's state. */
   showMore() {
     const { header, run, other } = this;
     if (!header) return;
     $("no-picture").hidden = header.has_picture;
-    $("fault").hidden = !header.faults.length;
-    $("fault").textContent = header.faults.join("; ");
+    showOrHide($("fault"), header.faults.join("; "));
     $("instead").hidden = !other;
     if (!other) return;
-    const { number } = header, state = other.stateAt(number), plays = other.playsAt(number);
-    const label = other.described.find((each) => each.name === state)?.label ?? state;
-    $("instead").textContent = `${other.content.procedure}: ${label}, feels ${plays === "off" ? "nothing" : plays}`;
-    $("instead").classList.toggle("differs", state !== run.stateAt(number) || plays !== run.playsAt(number));
+    const { number } = header, state = other.stateAt(number), pattern = other.patternAt(number);
+    $("instead").textContent = `${other.content.procedure}: ${other.labelOf(state)}, feels ${pattern === "off" ? "nothing" : pattern}`;
+    $("instead").classList.toggle("differs", state !== run.stateAt(number) || pattern !== run.patternAt(number));
   }
 }

@@ -1,67 +1,66 @@
-/** Moves through a run: by keys, and in real time. Knows only numbers of steps. */
+/** Moves through a run: by keys, and in real time. */
 
 export class Player {
-  /**
-   * @param {(number: number) => void} onSeek
-   * @param {(isPlaying: boolean) => void} onPlay
-   */
-  constructor(onSeek, onPlay) {
-    Object.assign(this, { onSeek, onPlay, run: null, number: 0, begun: null });
-    document.addEventListener("keydown", (event) => this.press(event));
+  /** @type {import("./run.js").Run | null} */ run = null;
+  number = 0;
+  /** When playing began, on the page's clock, and at which time of the run. @type {{ now_ms: number, from_ms: number } | null} */ started = null;
+
+  constructor(/** @type {(number: number) => void} */ onSeek, /** @type {(isPlaying: boolean) => void} */ onPlay) {
+    this.onSeek = onSeek; this.onPlay = onPlay;
+    document.addEventListener("keydown", (event) => { if (this.run) this.press(event, this.run); });
   }
 
-  begin(run) { this.pause(); this.run = run; this.number = 0; }
+  begin(/** @type {import("./run.js").Run} */ run) { this.pause(); this.run = run; this.number = 0; }
 
-  /** Go to a step. */
+  /** Go to a step. @param {number} number */
   seek(number) {
+    if (!this.run) return;
     this.number = Math.min(Math.max(number, 0), this.run.length - 1);
     this.onSeek(this.number);
   }
 
-  /** Go to a moment, and on from there if it is playing. */
+  /** Go to a time, and continue to play from there. @param {number} time_ms */
   seekTime(time_ms) {
-    if (this.begun) this.begun = { now_ms: performance.now(), from_ms: time_ms };
-    this.seek(this.run.numberAt(time_ms));
+    if (this.started) this.started = { now_ms: performance.now(), from_ms: time_ms };
+    if (this.run) this.seek(this.run.numberAt(time_ms));
   }
 
-  toggle() { if (this.begun) this.pause(); else this.play(); }
+  toggle() { if (this.started) this.pause(); else this.play(); }
 
   play() {
+    if (!this.run) return;
     const isAtEnd = this.number === this.run.length - 1;
-    this.begun = { now_ms: performance.now(), from_ms: isAtEnd ? 0 : this.run.time_ms[this.number] };
+    this.started = { now_ms: performance.now(), from_ms: isAtEnd ? 0 : this.run.time_ms[this.number] };
     this.onPlay(true);
-    requestAnimationFrame(() => this.go());
+    requestAnimationFrame(() => this.advance());
   }
 
-  pause() {
-    this.begun = null;
-    this.onPlay(false);
-  }
+  pause() { this.started = null; this.onPlay(false); }
 
-  go() {
-    if (!this.begun) return;
-    const time_ms = this.begun.from_ms + performance.now() - this.begun.now_ms;
+  advance() {
+    if (!this.started || !this.run) return;
+    const time_ms = this.started.from_ms + performance.now() - this.started.now_ms;
     const number = this.run.numberAt(time_ms);
     if (number !== this.number) this.seek(number);
-    if (time_ms >= this.run.end_ms) this.pause(); else requestAnimationFrame(() => this.go());
+    if (time_ms >= this.run.end_ms) this.pause(); else requestAnimationFrame(() => this.advance());
   }
 
-  press(event) {
-    if (!this.run || event.ctrlKey || event.metaKey || event.altKey) return;
-    if (event.target.matches?.("input, select, textarea") || (event.code === "Space" && event.target.matches?.("button, a"))) return;
-    const now_ms = this.run.time_ms[this.number], far = event.shiftKey;
-    const act = {
-      ArrowLeft: () => (far ? this.jump(now_ms - 1000) : this.step(-1)),
-      ArrowRight: () => (far ? this.jump(now_ms + 1000) : this.step(1)),
-      Home: () => this.jump(0),
-      End: () => this.jump(this.run.end_ms),
+  press(/** @type {KeyboardEvent} */ event, /** @type {import("./run.js").Run} */ run) {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const target = event.target instanceof Element ? event.target : document.body;
+    if (target.matches("input, select, textarea") || (event.code === "Space" && target.matches("button, a"))) return;
+    const now_ms = run.time_ms[this.number], isFar = event.shiftKey;
+    const jump = (/** @type {number} */ time_ms) => this.seekTime(Math.min(Math.max(time_ms, 0), run.end_ms));
+    const step = (/** @type {number} */ by) => { this.pause(); this.seek(this.number + by); };
+    /** @type {Record<string, () => void>} */ const actions = {
+      ArrowLeft: () => (isFar ? jump(now_ms - 1000) : step(-1)),
+      ArrowRight: () => (isFar ? jump(now_ms + 1000) : step(1)),
+      Home: () => jump(0),
+      End: () => jump(run.end_ms),
       Space: () => this.toggle(),
-    }[event.code];
-    if (!act) return;
+    };
+    if (!actions[event.code]) return;
     event.preventDefault();
-    act();
+    actions[event.code]();
   }
-
-  step(by) { this.pause(); this.seek(this.number + by); }
-  jump(time_ms) { this.seekTime(Math.min(Math.max(time_ms, 0), this.run.end_ms)); }
 }

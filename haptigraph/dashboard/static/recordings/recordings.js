@@ -1,32 +1,31 @@
-/** The page of recordings: which run, which moment, which work is being done. */
+/** The recordings page: the run, the step and the job that it shows. */
 
-import { Events, showMeasures } from "./facts.js";
-import { frames } from "./frames.js";
+import { $, make, showOrHide } from "../common/dom.js";
+import { Events, showMeasures } from "./summary.js";
 import { Moment } from "./moment.js";
 import { Player } from "./player.js";
 import { Run } from "./run.js";
-import { RunList, date, seconds } from "./runlist.js";
+import { RunList, date, seconds } from "./run_list.js";
+import { isAbort, messages } from "./stream.js";
 import { Timeline } from "./timeline.js";
-
-const $ = (id) => document.getElementById(id);
 
 const list = new RunList();
 const moment = new Moment((error) => { player.pause(); complain(error); });
 const player = new Player(showStep, (isPlaying) => { $("play").textContent = isPlaying ? "❚❚ Pause" : "▶ Play"; });
 const timeline = new Timeline($("timeline"), $("lanes"), (time_ms) => player.seekTime(time_ms));
 const events = new Events((number) => { player.pause(); player.seek(number); });
-/** What this page knows; tests read it. */
-export const page = { run: null, other: null, moment, timeline, player };
-let work = null;  // ends what the server is doing for this page
+/** The page's state; tests read it. */
+export const page = { run: /** @type {RecordedRun | null} */ (null), moment, timeline, player };
+/** Aborts the job that runs for this page. @type {AbortController | null} */ let job = null;
 
 /** Show the run that the address names, or the list. */
-async function turn() {
-  work?.abort();
+async function navigate() {
+  job?.abort();
   complain(null);
   const name = decodeURIComponent(location.hash.slice(1));
   $("list").hidden = Boolean(name);
   $("run").hidden = !name;
-  page.run = page.other = player.run = null;
+  page.run = player.run = null;
   player.pause();
   delete document.body.dataset.step;
   if (name) { list.stop(); await open(name); return; }
@@ -35,132 +34,124 @@ async function turn() {
   await list.load().catch(complain);
 }
 
-async function open(name) {
+async function open(/** @type {string} */ name) {
   $("name").textContent = name;
-  for (const part of ["about", "verdict", "notes"]) $(part).textContent = "";
-  $("notes").hidden = true;
-  verdict("");
+  $("about").textContent = "";
+  showOrHide($("notes"), "");
+  showVerdict("");
   $("run").classList.add("empty");
   if (!list.procedures.length) list.load().catch(complain).finally(() => list.stop());
-  await doing("Reading the recording", "timeline", { name }, (content, bytes) => { begin(name, new Run(content, bytes)); });
+  await runJob("Reading the recording", "timeline", { name }, (content, bytes) => begin(name, new Run(content, bytes, content.hello.procedure.states)));
 }
 
-function begin(name, run) {
+function begin(/** @type {string} */ name, /** @type {RecordedRun} */ run) {
   const { run: info, notes } = run.content;
   page.run = run;
   $("run").classList.remove("empty");
   const who = [info.participant && `participant ${info.participant}`, info.trial && `trial ${info.trial}`].filter(Boolean);
   $("about").textContent = [date(info.started_utc), seconds(run.end_ms / 1000), ...who].join(" · ");
   $("about").title = `${run.length} steps, recorded by haptigraph ${info.version}`;
-  $("notes").hidden = !notes.length;
-  $("notes").textContent = notes.join("\n");
-  $("timeline").setAttribute("aria-valuemax", run.length - 1);
+  showOrHide($("notes"), notes.join("\n"));
+  $("timeline").setAttribute("aria-valuemax", String(run.length - 1));
   moment.begin(name, run);
   timeline.begin(run);
   player.begin(run);
-  lay(null);
-  offer(list.procedures);
+  compare(run, null);
+  const options = list.procedures.map((value) => make("option", { value, textContent: value }));
+  $("other").replaceChildren(make("option", { value: "", textContent: `${run.content.hello.procedure.name}, as recorded` }), ...options);
   player.seek(0);
 }
 
-/** Lay what another procedure makes of the run beside it; null: nothing. */
-function lay(other) {
-  page.other = moment.other = other;
+/** Compare the run with itself under another procedure. @param {RecordedRun} run @param {ComparedRun | null} other null: no comparison */
+function compare(run, other) {
+  moment.other = other;
   timeline.compare(other);
-  showMeasures(page.run, other);
-  events.begin(page.run, other, timeline.differences);
+  showMeasures(run, other);
+  events.begin(run, other, timeline.differences);
   moment.showMore();
   events.show(player.number);
-  verdict("");
+  showVerdict("");
   if (!other) return;
-  const { procedure, steps, identical, state_differs, touch_differs, dropped_images } = other.content;
+  const { procedure, steps, identical, state_differs, haptics_differ, dropped_images } = other.content;
   const dropped = dropped_images ? ` ${dropped_images} images were not recorded; what depends on them differs.` : "";
-  verdict(state_differs + touch_differs
-    ? `≠ Under ${procedure} the state differs in ${state_differs} of ${steps} steps, the touch in ${touch_differs}.${dropped}`
-    : `✓ Under ${procedure} every step has the same state and touch; ${identical} of ${steps} are identical to the last bit.${dropped}`);
+  showVerdict(state_differs + haptics_differ
+    ? `≠ With ${procedure} the state differs in ${state_differs} of ${steps} steps, haptics in ${haptics_differ}.${dropped}`
+    : `✓ With ${procedure} every step has the same state and haptics; ${identical} of ${steps} are identical to the last bit.${dropped}`);
 }
 
-function verdict(words) {
-  $("verdict").textContent = words;
-  $("verdict").hidden = !words;
-  $("help").hidden = Boolean(words);
+function showVerdict(/** @type {string} */ text) {
+  showOrHide($("verdict"), text);
+  $("help").hidden = Boolean(text);
 }
 
-function offer(procedures) {
-  const own = page.run.content.hello.procedure.name;
-  const options = procedures.map((value) => Object.assign(document.createElement("option"), { value, textContent: value }));
-  options.unshift(Object.assign(document.createElement("option"), { value: "", textContent: `${own}, as recorded` }));
-  $("other").replaceChildren(...options);
-}
-
-function showStep(number) {
-  const { run } = page, time_s = (run.time_ms[number] / 1000).toFixed(3);
-  const words = `${time_s} s of ${(run.end_ms / 1000).toFixed(1)} s · step ${number} of ${run.length - 1}`;
-  $("now").textContent = words;
-  $("timeline").setAttribute("aria-valuenow", number);
-  $("timeline").setAttribute("aria-valuetext", `${words}, ${run.stateAt(number).replaceAll("_", " ")}`);
+function showStep(/** @type {number} */ number) {
+  const { run } = page;
+  if (!run) return;
+  const text = `${(run.time_ms[number] / 1000).toFixed(3)} s of ${(run.end_ms / 1000).toFixed(1)} s · step ${number} of ${run.length - 1}`;
+  $("now").textContent = text;
+  $("timeline").setAttribute("aria-valuenow", String(number));
+  $("timeline").setAttribute("aria-valuetext", `${text}, ${run.stateAt(number).replaceAll("_", " ")}`);
   timeline.show(number);
   events.show(number);
   moment.show(number);
 }
 
-/** Let the server work, and show how far it is; `take` gets every frame that is not progress. */
-async function doing(words, job, parameters, take) {
-  work?.abort();
-  const own = work = new AbortController();
+/** Run a job on the server and show its progress.
+ *  @param {string} title @param {string} name @param {Record<string, string>} parameters
+ *  @param {(content: any, bytes: Uint8Array<ArrayBuffer>) => void} onMessage gets every message that is not progress */
+async function runJob(title, name, parameters, onMessage) {
+  job?.abort();
+  const own = job = new AbortController();
   complain(null);
   $("tools").hidden = true;
   $("work").hidden = false;
-  $("doing").textContent = `${words} …`;
+  $("doing").textContent = `${title} …`;
   $("done").removeAttribute("value");
   try {
-    for await (const [content, bytes] of frames(`/recordings/${job}`, parameters, own.signal)) {
+    for await (const [content, bytes] of messages(`/recordings/${name}`, parameters, own.signal)) {
       if (own.signal.aborted) return;
-      if (content.type !== "progress") { take(content, bytes); continue; }
+      if (content.type !== "progress") { onMessage(content, bytes); continue; }
       if (content.total) Object.assign($("done"), { max: content.total, value: content.done });
-      $("doing").textContent = content.total ? `${words}: ${Math.round(100 * content.done / content.total)} %` : `${words}: ${content.what} …`;
+      $("doing").textContent = content.total ? `${title}: ${Math.round(100 * content.done / content.total)} %` : `${title}: ${content.what} …`;
     }
   } catch (error) {
-    if (error.name !== "AbortError") complain(error);
+    if (!isAbort(error)) complain(error);
   } finally {
-    if (work === own) {
-      work = null;
+    if (job === own) {
+      job = null;
       $("work").hidden = true;
       $("tools").hidden = !page.run;
     }
   }
 }
 
-async function save(kind, type) {
-  const parts = [], { name } = moment;
-  await doing(`Making ${kind.toUpperCase()}`, kind, { name }, (content, bytes) => {
+async function save(/** @type {"csv" | "png"} */ kind, /** @type {string} */ type) {
+  const parts = /** @type {Uint8Array<ArrayBuffer>[]} */ ([]);
+  const { name } = moment;
+  await runJob(`Creating ${kind.toUpperCase()}`, kind, { name }, (content, bytes) => {
     if (content.type === "part") parts.push(bytes);
-    if (content.type !== "whole") return;
-    const link = Object.assign(document.createElement("a"), {
-      href: URL.createObjectURL(new Blob(parts, { type })), download: `${name.split("/").at(-1).replace(/\.mcap$/, "")}.${kind}`,
-    });
-    link.click();
-    setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
+    if (content.type !== "complete") return;
+    const href = URL.createObjectURL(new Blob(parts, { type })), stem = name.split("/").at(-1)?.replace(/\.mcap$/, "");
+    make("a", { href, download: `${stem}.${kind}` }).click();
+    setTimeout(() => URL.revokeObjectURL(href), 60_000);
   });
 }
 
-function complain(error) {
-  $("problem").hidden = !error;
-  $("problem").textContent = error?.message ?? "";
-}
+function complain(/** @type {unknown} */ error) { showOrHide($("problem"), error instanceof Error ? error.message : ""); }
 
-$("again").addEventListener("click", () => list.load().catch(complain));
+$("refresh").addEventListener("click", () => list.load().catch(complain));
 $("play").addEventListener("click", () => player.toggle());
 $("closer").addEventListener("click", () => timeline.zoom(0.5));
 $("wider").addEventListener("click", () => timeline.zoom(2));
-$("whole").addEventListener("click", () => timeline.look(0, Infinity));
-$("stop").addEventListener("click", () => work?.abort());
+$("whole").addEventListener("click", () => timeline.setRange(0, Infinity));
+$("stop").addEventListener("click", () => job?.abort());
 $("csv").addEventListener("click", () => save("csv", "text/csv"));
 $("png").addEventListener("click", () => save("png", "image/png"));
 $("compare").addEventListener("click", () => {
-  const procedure = $("other").value;
-  lay(null);
-  doing("Replaying", "compare", { name: moment.name, procedure }, (content, bytes) => lay(new Run(content, bytes)));
+  const { run } = page, procedure = $("other").value;
+  if (!run) return;
+  compare(run, null);
+  runJob("Replaying", "compare", { name: moment.name, procedure }, (content, bytes) => compare(run, new Run(content, bytes, content.state_descriptions)));
 });
-addEventListener("hashchange", turn);
-turn();
+addEventListener("hashchange", navigate);
+navigate();

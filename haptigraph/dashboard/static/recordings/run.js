@@ -1,41 +1,44 @@
-/** A recorded run as this page knows it: columns of numbers, and how to draw its states. Draws nothing. */
+/** A recorded run as columns of numbers, and the descriptions of its states. */
 
-import { columnsOf } from "./frames.js";
+import { columnsOf } from "./stream.js";
 
+/** @template {RunContent} [T=RunContent] */
 export class Run {
-  /** @param {any} content of a frame "timeline" or "comparison" @param {Uint8Array} bytes its columns */
-  constructor(content, bytes) {
+  /** @param {T} content of a timeline or a comparison @param {Uint8Array<ArrayBuffer>} bytes its columns @param {StateDescription[]} states */
+  constructor(content, bytes, states) {
     this.content = content;
     this.columns = columnsOf(content, bytes);
+    this.states = states;
     this.time_ms = this.columns.time_ms;
     this.length = this.time_ms.length;
     this.end_ms = this.time_ms[this.length - 1];
     this.spans = spansOf(this.columns.state);
-    this.described = content.hello?.procedure.states ?? content.described;
   }
 
-  measure(name) { return this.columns[`measure:${name}`]; }
-  stateAt(number) { return this.content.states[this.columns.state[number]]; }
-  playsAt(number) { return this.content.patterns[this.columns.plays[number]]; }
+  measure(/** @type {string} */ name) { return this.columns[`measure:${name}`]; }
+  stateAt(/** @type {number} */ number) { return this.content.states[this.columns.state[number]]; }
+  /** Return the label of a state that either run may have. @param {string} name @param {Run | null} [other] */
+  labelOf(name, other) { return [...this.states, ...(other?.states ?? [])].find((each) => each.name === name)?.label ?? name; }
+  patternAt(/** @type {number} */ number) { return this.content.patterns[this.columns.plays[number]]; }
 
-  /** Return the step that is shown at a moment: the last one before it. */
+  /** Return the step that is shown at a time: the last one before it. @param {number} time_ms */
   numberAt(time_ms) { return Math.max(firstAfter(this.time_ms, time_ms) - 1, 0); }
 }
 
-/** Return where runs differ: [first, end, whether the state does or only the touch]. */
+/** Return the steps in which runs differ. @param {Run} run @param {Run} other */
 export function differencesOf(run, other) {
-  const found = [];
+  const found = /** @type {Difference[]} */ ([]);
   for (let number = 0; number < Math.min(run.length, other.length); number++) {
-    const state = run.stateAt(number) !== other.stateAt(number);
-    if (!state && run.playsAt(number) === other.playsAt(number)) continue;
+    const isState = run.stateAt(number) !== other.stateAt(number);
+    if (!isState && run.patternAt(number) === other.patternAt(number)) continue;
     const last = found.at(-1);
-    if (last && last[1] === number && last[2] === state) last[1] = number + 1;
-    else found.push([number, number + 1, state]);
+    if (last && last[1] === number && last[2] === isState) last[1] = number + 1;
+    else found.push([number, number + 1, isState]);
   }
   return found;
 }
 
-/** Return the first place in a sorted column that is greater than a value. */
+/** Return the index of the first value of a sorted column that is greater than a value. @param {ArrayLike<number>} column @param {number} value */
 export function firstAfter(column, value) {
   let low = 0, high = column.length;
   while (low < high) {
@@ -45,9 +48,9 @@ export function firstAfter(column, value) {
   return low;
 }
 
-/** Return stretches of one value: [first, end, value]. */
+/** Return the stretches of equal values, end excluded. @param {ArrayLike<number>} column */
 function spansOf(column) {
-  const spans = [];
+  const spans = /** @type {[first: number, end: number, value: number][]} */ ([]);
   for (let number = 0; number < column.length; number++) {
     if (number === 0 || column[number] !== column[number - 1]) spans.push([number, number + 1, column[number]]);
     else spans[spans.length - 1][1] = number + 1;

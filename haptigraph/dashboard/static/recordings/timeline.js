@@ -1,183 +1,189 @@
-/** One run over time: a lane per state, differences, faults, distance, angle, touch; and the moment that is shown.
- *  What stands still is drawn once into a second canvas, so that moving the cursor costs nothing. */
+/** One run over time: a lane per state, differences, faults, measures, haptic output; and a cursor.
+ *  Everything but the cursor is drawn once into a second canvas, so that moving the cursor is cheap. */
 
-import { drawAxis, drawCurve, drawTouch } from "./curves.js";
+import { drawAxis, drawCurve, drawHaptics } from "./curves.js";
 import { differencesOf } from "./run.js";
-import { sign } from "../server/signs.js";
-import { stripsOf } from "../server/traces.js";
+import { make } from "../common/dom.js";
+import { icon } from "../common/icons.js";
+import { stripsOf } from "../common/strips.js";
 
-export const LEFT = 244, RIGHT = 14, LANE = 14;
-const QUIET = "#9aabb8", PANEL = "#161d23", NARROWEST_MS = 400;
+const LEFT = 244, RIGHT = 14, LANE = 14;
+const QUIET = "#9aabb8", PANEL = "#161d23", MIN_SPAN_MS = 400;
 
 export class Timeline {
-  /**
-   * @param {HTMLCanvasElement} canvas
-   * @param {HTMLElement} lanes takes the names of the states
-   * @param {(time_ms: number) => void} onSeek told when a moment is chosen
-   */
+  /** @type {RecordedRun} */ run;
+  /** @type {ComparedRun | null} */ other = null;
+  /** @type {Difference[]} */ differences = [];
+  /** @type {StateDescription[]} */ states = [];
+  /** @type {Map<string, number>} */ rows = new Map();
+  /** @type {Strip[]} */ strips = [];
+  /** @type {StripBox[]} */ boxes = [];
+  number = 0; from_ms = 0; to_ms = 1; width = 0; redrawing = 0;
+
+  /** @param {HTMLCanvasElement} canvas @param {HTMLElement} lanes takes the labels of the states
+   *  @param {(time_ms: number) => void} onSeek called with the time that is clicked */
   constructor(canvas, lanes, onSeek) {
-    Object.assign(this, { canvas, lanes, onSeek, run: null, other: null });
-    this.context = canvas.getContext("2d", { alpha: false });
-    this.still = new OffscreenCanvas(1, 1);
+    this.canvas = canvas; this.lanes = lanes; this.onSeek = onSeek;
+    this.context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d", { alpha: false }));
+    this.background = make("canvas");
     canvas.addEventListener("pointerdown", (event) => { canvas.setPointerCapture(event.pointerId); this.seek(event); });
     canvas.addEventListener("pointermove", (event) => { if (event.buttons) this.seek(event); });
     canvas.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
     new ResizeObserver(() => this.redraw()).observe(canvas);
   }
 
-  begin(run) {
+  begin(/** @type {RecordedRun} */ run) {
     this.run = run;
     this.number = 0;
     [this.from_ms, this.to_ms] = [0, Math.max(run.end_ms, 1)];
-    this.strips = stripsOf(run.content.hello.procedure.relations).map((strip) => ({ ...strip, most: mostOf(run.measure(strip.measure), strip) }));
+    this.strips = stripsOf(run.content.hello.procedure.relations).map((strip) => ({ ...strip, max: maxOf(run.measure(strip.measure), strip) }));
     this.compare(null);
   }
 
-  /** Lay another procedure's states beside the recorded ones; null: none. */
+  /** Show another procedure's states below the recorded ones. @param {ComparedRun | null} other null: no comparison */
   compare(other) {
     this.other = other;
     this.differences = other ? differencesOf(this.run, other) : [];
-    const described = [...this.run.described].reverse();
-    const known = new Set(described.map((state) => state.name));
-    if (other) described.push(...other.described.filter((state) => !known.has(state.name)));
-    this.states = described;
-    this.row = new Map(described.map((state, row) => [state.name, row]));
-    this.lanes.replaceChildren(...described.map(named));
+    const states = [...this.run.states].reverse();
+    const known = new Set(states.map((state) => state.name));
+    if (other) states.push(...other.states.filter((state) => !known.has(state.name)));
+    this.states = states;
+    this.rows = new Map(states.map((state, row) => [state.name, row]));
+    this.lanes.replaceChildren(...states.map((state) => make("li", {}, icon(state), state.label)));
     this.redraw();
     this.show(this.number);
   }
 
-  show(number) {
+  show(/** @type {number} */ number) {
     this.number = number;
     const state = this.run.stateAt(number);
-    [...this.lanes.children].forEach((item, row) => item.classList.toggle("on", this.row.get(state) === row));
+    [...this.lanes.children].forEach((item, row) => item.classList.toggle("on", this.rows.get(state) === row));
     const time_ms = this.run.time_ms[number], span_ms = this.to_ms - this.from_ms;
-    if (time_ms < this.from_ms || time_ms > this.to_ms) this.look(time_ms - span_ms / 2, span_ms);
+    if (time_ms < this.from_ms || time_ms > this.to_ms) this.setRange(time_ms - span_ms / 2, span_ms);
     this.draw();
   }
 
-  /** Show more (factor > 1) or less of the run about a moment. */
-  zoom(factor, about_ms = this.run.time_ms[this.number]) {
-    const span_ms = Math.max((this.to_ms - this.from_ms) * factor, NARROWEST_MS);
-    const share = (about_ms - this.from_ms) / (this.to_ms - this.from_ms);
-    this.look(about_ms - share * span_ms, span_ms);
+  /** Show more (factor > 1) or less of the run around a time. @param {number} factor @param {number} [center_ms] */
+  zoom(factor, center_ms = this.run.time_ms[this.number]) {
+    const span_ms = Math.max((this.to_ms - this.from_ms) * factor, MIN_SPAN_MS);
+    const share = (center_ms - this.from_ms) / (this.to_ms - this.from_ms);
+    this.setRange(center_ms - share * span_ms, span_ms);
   }
 
-  look(from_ms, span_ms) {
+  setRange(/** @type {number} */ from_ms, /** @type {number} */ span_ms) {
     const end_ms = Math.max(this.run.end_ms, 1), width_ms = Math.min(span_ms, end_ms);
     this.from_ms = Math.min(Math.max(from_ms, 0), end_ms - width_ms);
     this.to_ms = this.from_ms + width_ms;
-    cancelAnimationFrame(this.waiting);  // a wheel turns faster than a long run is drawn
-    this.waiting = requestAnimationFrame(() => this.redraw());
+    cancelAnimationFrame(this.redrawing);  // wheel events come faster than a long run is drawn
+    this.redrawing = requestAnimationFrame(() => this.redraw());
   }
 
-  wheel(event) {
+  wheel(/** @type {WheelEvent} */ event) {
     if (!this.run) return;
     event.preventDefault();
     const span_ms = this.to_ms - this.from_ms;
-    if (Math.abs(event.deltaX) > Math.abs(event.deltaY) || event.shiftKey) this.look(this.from_ms + (event.deltaX || event.deltaY) / 800 * span_ms, span_ms);
+    if (Math.abs(event.deltaX) > Math.abs(event.deltaY) || event.shiftKey) this.setRange(this.from_ms + (event.deltaX || event.deltaY) / 800 * span_ms, span_ms);
     else this.zoom(Math.exp(event.deltaY / 500), this.timeAt(event));
   }
 
-  seek(event) { if (this.run) this.onSeek(this.timeAt(event)); }
+  seek(/** @type {MouseEvent} */ event) { if (this.run) this.onSeek(this.timeAt(event)); }
 
-  timeAt(event) {
-    const share = (event.clientX - this.canvas.getBoundingClientRect().left - LEFT) / this.room;
+  timeAt(/** @type {MouseEvent} */ event) {
+    const share = (event.clientX - this.canvas.getBoundingClientRect().left - LEFT) / this.width;
     return this.from_ms + Math.min(Math.max(share, 0), 1) * (this.to_ms - this.from_ms);
   }
 
-  /** Draw all that stands still, then the cursor. */
+  x(/** @type {number} */ time_ms) { return LEFT + (time_ms - this.from_ms) / (this.to_ms - this.from_ms) * this.width; }
+
+  /** Draw the background, then the cursor. */
   redraw() {
     const ratio = devicePixelRatio || 1, width = this.canvas.clientWidth, height = this.canvas.clientHeight;
     if (!this.run || !width) return;
-    this.room = width - LEFT - RIGHT;
-    for (const each of [this.canvas, this.still]) Object.assign(each, { width: Math.round(width * ratio), height: Math.round(height * ratio) });
-    const c = this.still.getContext("2d", { alpha: false });
+    this.width = width - LEFT - RIGHT;
+    for (const each of [this.canvas, this.background]) Object.assign(each, { width: Math.round(width * ratio), height: Math.round(height * ratio) });
+    const c = /** @type {CanvasRenderingContext2D} */ (this.background.getContext("2d", { alpha: false }));
     c.setTransform(ratio, 0, 0, ratio, 0, 0);
     c.font = "12px " + getComputedStyle(document.body).fontFamily;
     c.fillStyle = PANEL;
     c.fillRect(0, 0, width, height);
-    this.x = (time_ms) => LEFT + (time_ms - this.from_ms) / (this.to_ms - this.from_ms) * this.room;
     let top = this.drawLanes(c);
     if (this.other) top = this.drawDifferences(c, top);
     if (this.run.content.faults.length) top = this.drawFaults(c, top);
     const each = (height - 18 - top) / (this.strips.length + 0.6);
-    this.places = this.strips.map((strip, at) => ({ strip, top: top + at * each + 5, height: each - 9 }));
-    for (const place of this.places) drawCurve(c, this, place);
-    drawTouch(c, this, top + this.strips.length * each + 4, each * 0.6 - 6);
+    this.boxes = this.strips.map((strip, at) => ({ strip, top: top + at * each + 5, height: each - 9 }));
+    for (const box of this.boxes) drawCurve(c, this, box);
+    drawHaptics(c, this, top + this.strips.length * each + 4, each * 0.6 - 6);
     drawAxis(c, this, height - 4);
     this.draw();
   }
 
-  /** Draw when each state held; with another procedure the upper half is the recorded one, the lower the other. */
+  /** Draw a lane per state; in a comparison its upper half is the recorded run, its lower the other. @param {CanvasRenderingContext2D} c */
   drawLanes(c) {
-    this.states.forEach((_, row) => { c.fillStyle = row % 2 ? PANEL : "#1b232a"; c.fillRect(LEFT, row * LANE, this.room, LANE); });
+    this.states.forEach((_, row) => { c.fillStyle = row % 2 ? PANEL : "#1b232a"; c.fillRect(LEFT, row * LANE, this.width, LANE); });
     const height = this.other ? LANE / 2 - 1 : LANE - 3;
     this.drawSpans(c, this.run, 1.5, height);
     if (this.other) this.drawSpans(c, this.other, 1.5 + height + 0.5, height, true);
     return this.states.length * LANE + 3;
   }
 
+  /** @param {CanvasRenderingContext2D} c @param {import("./run.js").Run} run @param {number} shift @param {number} height */
   drawSpans(c, run, shift, height, isHatched = false) {
     const colors = new Map(this.states.map((state) => [state.name, state.color]));
-    const drawn = [];  // how far each lane is
+    /** How far each lane is drawn. @type {number[]} */ const drawn = [];
     for (const [first, end, state] of run.spans) {
-      const name = run.content.states[state];
-      const place = this.place(first, end);
-      if (!place || place[0] + place[1] - 0.5 < drawn[state]) continue;
-      drawn[state] = place[0] + place[1];
+      const name = run.content.states[state], row = this.rows.get(name), span = this.span(first, end);
+      if (!span || row === undefined || span[0] + span[1] - 0.5 < drawn[state]) continue;
+      drawn[state] = span[0] + span[1];
       c.fillStyle = colors.get(name) ?? QUIET;
-      c.fillRect(place[0], this.row.get(name) * LANE + shift, place[1], height);
-      if (isHatched) hatch(c, place[0], this.row.get(name) * LANE + shift, place[1], height);
+      c.fillRect(span[0], row * LANE + shift, span[1], height);
+      if (isHatched) hatch(c, span[0], row * LANE + shift, span[1], height);
     }
   }
 
-  /** Return left and width of steps on the canvas; null if they are not in view. */
-  place(first, end) {
+  /** Return left and width of steps on the canvas; null if they are not in view. @param {number} first @param {number} end */
+  span(first, end) {
     const { time_ms } = this.run;
-    const start = time_ms[first], stop = end < time_ms.length ? time_ms[end] : time_ms[time_ms.length - 1];
-    if (stop < this.from_ms || start > this.to_ms) return null;
-    const left = Math.max(this.x(start), LEFT), right = Math.min(this.x(stop), LEFT + this.room);
+    const start_ms = time_ms[first], stop_ms = end < time_ms.length ? time_ms[end] : time_ms[time_ms.length - 1];
+    if (stop_ms < this.from_ms || start_ms > this.to_ms) return null;
+    const left = Math.max(this.x(start_ms), LEFT), right = Math.min(this.x(stop_ms), LEFT + this.width);
     return [left, Math.max(right - left, 1.5)];
   }
 
-  drawDifferences(c, top) {
-    this.words(c, "differs  ■ state  □ touch only", top + 10);
+  drawDifferences(/** @type {CanvasRenderingContext2D} */ c, /** @type {number} */ top) {
+    drawLabel(c, "differs  ■ state  □ haptics only", top + 10);
     for (const [first, end, isState] of this.differences) {
-      const place = this.place(first, end);
-      if (!place) continue;
+      const span = this.span(first, end);
+      if (!span) continue;
       c.fillStyle = c.strokeStyle = "#fff";
-      if (isState) c.fillRect(place[0], top + 2, place[1], 9); else c.strokeRect(place[0] + 0.5, top + 2.5, place[1], 8);
+      if (isState) c.fillRect(span[0], top + 2, span[1], 9); else c.strokeRect(span[0] + 0.5, top + 2.5, span[1], 8);
     }
     return top + 14;
   }
 
-  drawFaults(c, top) {
-    this.words(c, "faults", top + 10);
+  drawFaults(/** @type {CanvasRenderingContext2D} */ c, /** @type {number} */ top) {
+    drawLabel(c, "faults", top + 10);
     c.fillStyle = "#f0a546";
     for (const { first, last } of this.run.content.faults) {
-      const place = this.place(first, last + 1);
-      if (!place) continue;
-      c.fillRect(place[0], top + 9, place[1], 2);
+      const span = this.span(first, last + 1);
+      if (!span) continue;
+      c.fillRect(span[0], top + 9, span[1], 2);
       c.beginPath();
-      c.moveTo(place[0] - 4.5, top + 11); c.lineTo(place[0], top + 2); c.lineTo(place[0] + 4.5, top + 11);
+      c.moveTo(span[0] - 4.5, top + 11); c.lineTo(span[0], top + 2); c.lineTo(span[0] + 4.5, top + 11);
       c.fill();
     }
     return top + 14;
   }
 
-  words(c, text, y) { c.fillStyle = QUIET; c.textAlign = "left"; c.fillText(text, 0, y); }
-
   draw() {
     const { context: c, run } = this;
-    if (!run || !this.x) return;
+    if (!run || !this.width) return;
     c.resetTransform();
-    c.drawImage(this.still, 0, 0);
+    c.drawImage(this.background, 0, 0);
     const ratio = devicePixelRatio || 1, x = this.x(run.time_ms[this.number]);
     c.setTransform(ratio, 0, 0, ratio, 0, 0);
     c.font = "bold 13px " + getComputedStyle(document.body).fontFamily;
     c.fillStyle = "#e8edf1"; c.textAlign = "left";
-    for (const { strip, top } of this.places) {
+    for (const { strip, top } of this.boxes) {
       const value = run.measure(strip.measure)[this.number];
       c.fillText(Number.isNaN(value) ? "–" : `${value.toFixed(strip.digits)} ${strip.unit}`, 84, top + 10);
     }
@@ -187,14 +193,10 @@ export class Timeline {
   }
 }
 
-function named(state) {
-  const item = document.createElement("li"), box = document.createElementNS("http://www.w3.org/2000/svg", "svg");
-  box.setAttribute("viewBox", "0 0 48 48");
-  box.append(...sign(state));
-  item.append(box, state.label);
-  return item;
-}
+/** @param {CanvasRenderingContext2D} c @param {string} text @param {number} y */
+function drawLabel(c, text, y) { c.fillStyle = QUIET; c.textAlign = "left"; c.fillText(text, 0, y); }
 
+/** @param {CanvasRenderingContext2D} c @param {number} left @param {number} top @param {number} width @param {number} height */
 function hatch(c, left, top, width, height) {
   c.save();
   c.beginPath(); c.rect(left, top, width, height); c.clip();
@@ -204,9 +206,9 @@ function hatch(c, left, top, width, height) {
   c.restore();
 }
 
-/** Choose the top of a curve's scale: all of the run, but not more than ten times what is decided by. */
-function mostOf(column, strip) {
-  let most = 0;
-  for (const value of column) if (value > most) most = value;
-  return Math.min(Math.max(most * 1.05, ...strip.bounds, 1e-6), strip.most * 5);
+/** Choose the top of a curve's scale: the whole run, up to ten times the bounds. @param {ArrayLike<number>} column @param {Strip} strip */
+function maxOf(column, strip) {
+  let max = 0;
+  for (let at = 0; at < column.length; at++) if (column[at] > max) max = column[at];
+  return Math.min(Math.max(max * 1.05, ...strip.bounds, 1e-6), strip.max * 5);
 }

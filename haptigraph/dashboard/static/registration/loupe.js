@@ -1,31 +1,30 @@
-/** A magnifier beside the handle that is being moved: the picture's own pixels, and the lines over it. */
+/** A magnifier beside the handle that is being moved: the picture's pixels, with the lines over them. */
 
-const TIMES = 8, AWAY_PX = 120;
+const FACTOR = 8, DISTANCE_PX = 120;
 
 export class Loupe {
-  /** @param {HTMLCanvasElement} canvas @param {HTMLImageElement} image @param {SVGSVGElement} overlay */
-  constructor(canvas, image, overlay) {
-    Object.assign(this, { canvas, image, overlay });
-    this.context = canvas.getContext("2d", { alpha: false });
+  constructor(/** @type {HTMLCanvasElement} */ canvas, /** @type {HTMLImageElement} */ image, /** @type {SVGSVGElement} */ overlay) {
+    this.canvas = canvas; this.image = image; this.overlay = overlay;
+    this.context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d", { alpha: false }));
   }
 
-  /** Look at a place [px of the image]; null: no more. */
-  look(at, draft, outline_px) {
+  /** Magnify a position [px of the image]; null: hide the loupe. @param {Vec | null} at @param {Draft} draft @param {Vec[]} outline_px */
+  show(at, draft, outline_px) {
     this.canvas.hidden = at === null;
     if (at === null) return;
     const { context: c, canvas: { width } } = this;
-    const half = width / 2 / TIMES;
+    const half = width / 2 / FACTOR;
     c.imageSmoothingEnabled = false;
     c.fillStyle = "#000";
     c.fillRect(0, 0, width, width);
     c.save();
-    c.scale(TIMES, TIMES);
+    c.scale(FACTOR, FACTOR);
     c.translate(half - at[0], half - at[1]);
     c.drawImage(this.image, -0.5, -0.5);
-    const inks = getComputedStyle(this.overlay);
-    c.lineWidth = 1.5 / TIMES;
-    this.chain([...outline_px, outline_px[0]], inks.getPropertyValue("--globe"));
-    this.chain(draft.contour_px, inks.getPropertyValue("--retina"));
+    const colors = getComputedStyle(this.overlay);
+    c.lineWidth = 1.5 / FACTOR;
+    this.drawLine([...outline_px, ...outline_px.slice(0, 1)], colors.getPropertyValue("--globe"));
+    this.drawLine(draft.contour_px, colors.getPropertyValue("--retina"));
     c.restore();
     c.strokeStyle = "#fff";
     c.lineWidth = 1;
@@ -35,25 +34,24 @@ export class Loupe {
       c.lineTo(width / 2 + 22 * dx, width / 2 + 22 * dy);
     }
     c.stroke();
-    this.stand(at);
+    this.moveBeside(at);
   }
 
-  chain(places, ink) {
+  drawLine(/** @type {Vec[]} */ points, /** @type {string} */ color) {
     const c = this.context;
-    if (!places[0]) return;
-    c.strokeStyle = ink;
+    c.strokeStyle = color;
     c.beginPath();
-    places.forEach(([x, y], number) => (number ? c.lineTo(x, y) : c.moveTo(x, y)));
+    points.forEach(([x, y], number) => (number ? c.lineTo(x, y) : c.moveTo(x, y)));
     c.stroke();
   }
 
-  /** Stand beside the place, on the side where there is room. */
-  stand(at) {
-    const { x, y } = new DOMPoint(...at).matrixTransform(this.overlay.getScreenCTM());
-    const room = this.canvas.parentElement.getBoundingClientRect(), side = this.canvas.offsetWidth;
-    const right = x - room.left + AWAY_PX + side / 2 < room.width ? 1 : -1;
-    const down = y - room.top - AWAY_PX - side / 2 > 0 ? -1 : 1;
-    this.canvas.style.left = `${x - room.left + right * AWAY_PX - side / 2}px`;
-    this.canvas.style.top = `${y - room.top + down * AWAY_PX - side / 2}px`;
+  /** Move beside a position, to the side that has room. @param {Vec} at */
+  moveBeside(at) {
+    const { x, y } = new DOMPoint(...at).matrixTransform(this.overlay.getScreenCTM() ?? undefined);
+    const box = /** @type {Element} */ (this.canvas.parentElement).getBoundingClientRect(), side = this.canvas.offsetWidth;
+    const right = x - box.left + DISTANCE_PX + side / 2 < box.width ? 1 : -1;
+    const down = y - box.top - DISTANCE_PX - side / 2 > 0 ? -1 : 1;
+    this.canvas.style.left = `${x - box.left + right * DISTANCE_PX - side / 2}px`;
+    this.canvas.style.top = `${y - box.top + down * DISTANCE_PX - side / 2}px`;
   }
 }

@@ -1,234 +1,240 @@
-/** The registration page: opens a source, hands drags to the draft, shows what the server says of it, saves. */
+/** The registration page: opens a source, applies drags to the draft, shows the server's check of it, saves. */
 
-import * as desk from "./desk.js";
+import { Checker, call, loopStarts } from "./service.js";
+import { $, make, showOrHide } from "../common/dom.js";
 import { History, edits } from "./draft.js";
 import { Handles } from "./handles.js";
 import { Loupe } from "./loupe.js";
+import { RequestError } from "../common/request.js";
 import { Trocars } from "./trocars.js";
 
 const PROGRESS_MS = 500;
-const $ = (id) => document.getElementById(id);
 
-let opened = null;  // the source, as the server found it
-let history = null;
-let checked = null;  // the server's newest answer, and the draft it is about
-let savedDraft = null;
-let starts = false;
-let outline_px = [];
+/** The source, as the server opened it, and its drafts. @type {{ opened: OpenedSource, history: History } | null} */
+let session = null;
+/** The server's newest answer, and the draft it is about. @type {CheckedDraft & { draft: Draft } | null} */
+let checked = null;
+/** @type {Draft | null} */ let savedDraft = null;
+let startsLoop = false;
+let snapsTarget = false;  // as soon as the server has answered where to
+/** @type {Vec[]} */ let outline_px = [];
 
 const loupe = new Loupe($("loupe"), $("image"), $("overlay"));
 const handles = new Handles($("overlay"), move);
-handles.onLook = (at) => { if (history) loupe.look(at, history.now, outline_px); };
+handles.onMagnify = (at) => { if (session) loupe.show(at, session.history.present, outline_px); };
 handles.onDrop = ({ kind }) => {
   snapsTarget = kind === "target";
-  if (checked?.draft === history.now) snap();
-  history.settle();
+  if (session && checked?.draft === session.history.present) snap(session.history, checked);
+  session?.history.endEdit();
 };
 handles.onRemove = ({ kind, index }) => { if (kind === "trocar") removeTrocar(index); };
 const trocars = new Trocars($("trocars"), $("add"), {
-  used: (index) => put(edits.used(history.now, index), ""),
-  rename: (index, name) => put(edits.rename(history.now, index, name), `rename ${index}`),
+  used: (index) => edit((draft) => edits.used(draft, index)),
+  rename: (index, name) => edit((draft) => edits.rename(draft, index, name), `rename ${index}`),
   remove: removeTrocar,
   add() {
-    put(edits.addTrocar(history.now, outline_px), "");
-    handles.focus(`trocar ${history.now.trocars.length - 1}`);
+    edit((draft) => edits.addTrocar(draft, outline_px));
+    if (session) handles.focus(`trocar ${session.history.present.trocars.length - 1}`);
   },
 });
-let snapsTarget = false;  // as soon as the server has said where to
 
-const checker = new desk.Checker((answer, draft) => {
+const checker = new Checker((answer, draft) => {
+  if (!session) return;
+  const { history } = session;
   checked = { ...answer, draft };
-  if (draft === history.now) {
+  if (draft === history.present) {
     outline_px = answer.outline_px;
-    if (snapsTarget && !handles.dragged) return snap();
+    if (snapsTarget && !handles.dragged) { snap(history, checked); return; }
   }
-  handles.show(history.now, outline_px);
-  return showChecked();
-}, (sentence) => { checked = null; verdict(sentence, true); showButtons(); });
+  handles.show(history.present, outline_px);
+  showChecked(checked);
+}, (sentence) => { checked = null; showVerdict(sentence, true); showButtons(); });
 
-/** Move a target that was let go near the retina onto it, as a part of the drag. */
-function snap() {
-  if (snapsTarget && checked.target_on_retina_px) history.now = edits.targetTo(history.now, checked.target_on_retina_px);
+/** Move a target that was dropped near the retina onto it, as a part of the drag. @param {History} history @param {CheckedDraft} answer */
+function snap(history, { target_on_retina_px }) {
+  if (snapsTarget && target_on_retina_px) history.present = { ...history.present, target_px: target_on_retina_px };
   snapsTarget = false;
   show();
 }
 
-function move({ kind, index, at }, step, how) {
-  const draft = history.now, together = $("together").checked, what = `${kind} ${index ?? ""} ${how}`;
-  if (kind === "radius") {
-    const factor = scaleOf(at, step);
-    outline_px = outline_px.map(([x, y]) => [draft.center_px[0] + (x - draft.center_px[0]) * factor, draft.center_px[1] + (y - draft.center_px[1]) * factor]);
-    return put(edits.radius(draft, factor, together), what);
-  }
-  if (kind === "center") {
-    outline_px = outline_px.map(([x, y]) => [x + step[0], y + step[1]]);
-    return put(edits.center(draft, step, together), what);
-  }
-  if (kind === "target") return put(edits.target(draft, step), what);
-  return put(edits[kind](draft, index, step), what);
+function move(/** @type {Handle} */ { kind, index, at }, /** @type {Vec} */ step, /** @type {string} */ how) {
+  const together = $("together").checked;
+  edit((draft) => {
+    if (kind === "radius") {
+      const factor = scaleOf(draft.center_px, at, step), [cx, cy] = draft.center_px;
+      outline_px = outline_px.map(([x, y]) => [cx + (x - cx) * factor, cy + (y - cy) * factor]);
+      return edits.radius(draft, factor, together);
+    }
+    if (kind === "center") {
+      outline_px = outline_px.map(([x, y]) => [x + step[0], y + step[1]]);
+      return edits.center(draft, step, together);
+    }
+    return kind === "target" ? edits.target(draft, step) : edits[kind](draft, index, step);
+  }, `${kind} ${index} ${how}`);
 }
 
-function removeTrocar(index) {
-  if (history.now.trocars.length > 1) put(edits.removeTrocar(history.now, index), "");
+function removeTrocar(/** @type {number} */ index) {
+  edit((draft) => (draft.trocars.length > 1 ? edits.removeTrocar(draft, index) : draft));
 }
 
-/** How much larger the globe becomes when its edge moves so. */
-function scaleOf([x, y], [dx, dy]) {
-  const [cx, cy] = history.now.center_px;
+/** Return the factor by which the globe grows when its edge moves by a step. @param {Vec} center @param {Vec} at @param {Vec} step */
+function scaleOf([cx, cy], [x, y], [dx, dy]) {
   const before = Math.hypot(x - cx, y - cy);
   const along = ((x - cx) * dx + (y - cy) * dy) / before;
   return Math.max(before + along, 5) / before;
 }
 
-function put(draft, what) { history.put(draft, what); show(); }
+/** @param {(draft: Draft) => Draft} change @param {string} [what] for edits that are undone together */
+function edit(change, what = "") {
+  if (!session) return;
+  const { history } = session, draft = change(history.present);
+  if (draft === history.present) return;
+  history.put(draft, what);
+  show();
+}
 
-/** Show the present draft, and ask what there is to say of it. */
+/** Show the present draft, and request its check. */
 function show() {
-  const draft = history.now;
+  if (!session) return;
+  const draft = session.history.present;
   handles.show(draft, outline_px);
   trocars.show(draft);
-  if (document.activeElement !== $("diameter")) $("diameter").value = draft.diameter_mm;
+  if (document.activeElement !== $("diameter")) $("diameter").value = String(draft.diameter_mm);
   $("mirrored").checked = draft.mirrored;
-  checker.check(opened.number, draft);
+  checker.check(session.opened.number, draft);
   showButtons();
 }
 
 function showButtons() {
+  const history = session?.history;
   $("undo").disabled = !history?.past.length;
   $("redo").disabled = !history?.future.length;
-  $("again").disabled = !history || history.now === history.found;
+  $("restore").disabled = !history || history.present === history.detected;
   $("load").disabled = !history;
-  $("save-button").disabled = !checked || checked.draft !== history?.now || Boolean(checked.problem);
+  $("save-button").disabled = !checked || checked.draft !== history?.present || Boolean(checked.problem);
 }
 
-function showChecked() {
-  $("rows").replaceChildren(...checked.rows.flatMap(row));
-  if (checked.problem) verdict(checked.problem, true);
-  else if (savedDraft !== checked.draft) verdict(`A run would take this: ${checked.mm_per_px.toFixed(5)} mm/px.`);
+function showChecked(/** @type {CheckedDraft & { draft: Draft }} */ { rows, problem, draft, mm_per_px }) {
+  $("rows").replaceChildren(...rows.flatMap(tableRows));
+  if (problem) showVerdict(problem, true);
+  else if (savedDraft !== draft) showVerdict(`Valid registration: ${mm_per_px.toFixed(5)} mm/px.`);
   showButtons();
 }
 
-/** Return the two lines of the table that tell one thing. */
-function row({ what, where, off_px, off_mm, note, is_plausible }) {
-  const figures = document.createElement("tr"), words = document.createElement("tr");
-  const first = figures.insertCell(), said = words.insertCell();
-  const ink = { Globe: "globe", Retina: "retina", Target: "target", Trocar: "trocar" }[what.split(" ")[0]];
-  if (ink) { first.append(document.createElement("i")); first.firstChild.style.setProperty("--own", `var(--${ink})`); }
-  first.append(what);
-  figures.insertCell().textContent = off_px?.toFixed(2) ?? "";
-  figures.insertCell().textContent = off_mm?.toFixed(3) ?? "";
-  words.className = is_plausible ? "words" : "words bad";
-  said.colSpan = 3;
-  said.textContent = [where, note].filter(Boolean).join("; ");
-  return [figures, words];
+function tableRows(/** @type {DraftRow} */ { what, where, off_px, off_mm, note, is_plausible }) {
+  const kind = what.split(" ")[0].toLowerCase(), mark = ["globe", "retina", "target", "trocar"].includes(kind) && make("i");
+  if (mark) mark.style.setProperty("--own", `var(--${kind})`);
+  const texts = make("td", { colSpan: 3, textContent: [where, note].filter(Boolean).join("; ") });
+  return [
+    make("tr", {}, make("td", {}, mark, what), make("td", {}, off_px?.toFixed(2)), make("td", {}, off_mm?.toFixed(3))),
+    make("tr", { className: is_plausible ? "texts" : "texts bad" }, texts),
+  ];
 }
 
-function verdict(sentence, isBad = false) {
+function showVerdict(/** @type {string} */ sentence, isBad = false) {
   $("verdict").textContent = sentence;
   $("verdict").classList.toggle("bad", isBad);
 }
 
+/** @param {Event} [event] */
 async function open(event) {
   event?.preventDefault();
-  const button = $("open").querySelector("button"), panel = document.querySelector(".picture");
-  button.disabled = true;
-  panel.classList.add("busy");
+  const { mirrored, diameter_mm } = session?.history.present ?? { mirrored: true, diameter_mm: 24 };
+  $("find").disabled = true;
+  $("picture-panel").classList.add("busy");
   $("waiting").hidden = false;
   $("waiting").textContent = "Opening";
-  const asking = setInterval(async () => {
-    const { progress } = await desk.progress().catch(() => ({}));
-    if (button.disabled && progress) $("waiting").textContent = `${progress[0].toUpperCase()}${progress.slice(1)}`;
+  const polling = setInterval(async () => {
+    const progress = await call("progress").then((answer) => answer.progress, () => "");
+    if ($("find").disabled && progress) $("waiting").textContent = `${progress[0].toUpperCase()}${progress.slice(1)}`;
   }, PROGRESS_MS);
   try {
-    const { mirrored, diameter_mm } = history?.now ?? { mirrored: true, diameter_mm: 24 };
-    begin(await desk.open($("source").value.trim(), mirrored, diameter_mm));
+    begin(await call("open", { source: $("source-input").value.trim(), mirrored, diameter_mm }));
   } catch (error) {
-    if (!(error instanceof desk.Refused)) throw error;
-    $("waiting").textContent = opened ? "" : "No picture";
-    $("waiting").hidden = Boolean(opened);
-    note(error.message);
+    $("waiting").textContent = session ? "" : "No picture";
+    $("waiting").hidden = Boolean(session);
+    showNote(refusal(error).message);
   } finally {
-    clearInterval(asking);
-    button.disabled = false;
-    panel.classList.remove("busy");
+    clearInterval(polling);
+    $("find").disabled = false;
+    $("picture-panel").classList.remove("busy");
   }
 }
 
-function begin(found) {
-  opened = found;
-  history = new History(found.draft);
-  savedDraft = checked = null;
-  outline_px = [];
-  $("image").src = `/registration/picture/${found.number}`;
+function begin(/** @type {OpenedSource} */ opened) {
+  session = { opened, history: new History(opened.draft) };
+  savedDraft = checked = null; outline_px = [];
+  $("image").src = `/registration/picture/${opened.number}`;
   $("image").hidden = false;
   $("waiting").hidden = true;
-  $("setup").disabled = false;
-  $("path").value = found.path;
-  note(found.note && (found.is_found ? found.note : `Register refuses: ${found.note}. You can place everything by hand.`));
-  handles.begin(found.width_px, found.height_px);
+  $("anatomy").disabled = false;
+  $("path").value = opened.path;
+  showNote(opened.note && (opened.is_found ? opened.note : `Automatic registration failed: ${opened.note}. You can place everything by hand.`));
+  handles.begin(opened.width_px, opened.height_px);
   show();
 }
 
-function note(sentence) { $("note").textContent = sentence; $("note").hidden = !sentence; }
+function showNote(/** @type {string} */ sentence) { showOrHide($("note"), sentence); }
 
-/** Correct a file instead of what was found; a step that can be undone. */
+/** Return an error that the server answered with; throw any other. @param {unknown} error */
+function refusal(error) {
+  if (!(error instanceof RequestError)) throw error;
+  return error;
+}
+
+/** Correct a file instead of the detected draft; can be undone. */
 async function load() {
+  if (!session) return;
   try {
-    const { draft } = await desk.load(opened.number, $("path").value.trim());
-    put(draft, "");
-    note(`Loaded: ${draft.file}. The figures compare it with what is seen in this picture.`);
+    const { draft } = await call("load", { number: session.opened.number, path: $("path").value.trim() });
+    edit(() => draft);
+    showNote(`Loaded ${draft.file}. The table compares it with this picture.`);
   } catch (error) {
-    if (!(error instanceof desk.Refused)) throw error;
-    note(error.message);
+    showNote(refusal(error).message);
   }
 }
 
-async function save(event, overwrite = false) {
+async function save(/** @type {Event | null} */ event, overwrite = false) {
   event?.preventDefault();
-  const draft = history.now;
+  if (!session) return;
+  const draft = session.history.present;
   $("save-button").disabled = true;
   try {
-    const { paths } = await desk.save(opened.number, draft, $("path").value.trim(), $("picture").checked, overwrite);
+    const { paths } = await call("save", { number: session.opened.number, draft, path: $("path").value.trim(), picture: $("picture").checked, overwrite });
     savedDraft = draft;
-    verdict(`Saved: ${paths.join(" and ")}. ${starts ? "The loop starts." : "Use it with --registration."}`);
-    if (starts) await go();
+    showVerdict(`Saved: ${paths.join(" and ")}. ${startsLoop ? "Starting the loop." : "Use it with --registration."}`);
+    if (!startsLoop) return;
+    if (await loopStarts()) location.assign("/");
+    else showVerdict("The loop did not start; see the terminal.", true);
   } catch (error) {
-    if (!(error instanceof desk.Refused)) throw error;
-    if (error.exists) ask(error.message);
-    else verdict(error.message, true);
+    const { exists, message } = refusal(error);
+    $("exists-title").textContent = `${message}.`;
+    $("exists").returnValue = "";
+    if (exists) $("exists").showModal(); else showVerdict(message, true);
   } finally {
     showButtons();
   }
 }
 
-async function go() {
-  if (await desk.loopStarts()) location.assign("/");
-  else verdict("The loop did not start; the terminal says why.", true);
-}
-
-function ask(sentence) {
-  $("exists-title").textContent = `${sentence}.`;
-  $("exists").returnValue = "";
-  $("exists").showModal();
-}
+function travel(/** @type {"undo" | "redo" | "restore"} */ step) { session?.history[step](); show(); }
 
 $("exists").addEventListener("close", () => { if ($("exists").returnValue === "overwrite") save(null, true); });
 $("open").addEventListener("submit", open);
 $("save").addEventListener("submit", save);
 $("load").addEventListener("click", load);
-$("mirrored").addEventListener("change", () => put(edits.mirrored(history.now, $("mirrored").checked), ""));
-$("diameter").addEventListener("input", () => { const given = $("diameter").valueAsNumber; if (given > 0) put(edits.diameter(history.now, given), "diameter"); });
-for (const step of ["undo", "redo", "again"]) $(step).addEventListener("click", () => { history[step](); show(); });
+$("mirrored").addEventListener("change", () => edit((draft) => edits.mirrored(draft, $("mirrored").checked)));
+$("diameter").addEventListener("input", () => { const value = $("diameter").valueAsNumber; if (value > 0) edit((draft) => ({ ...draft, diameter_mm: value }), "diameter"); });
+for (const step of /** @type {const} */ (["undo", "redo", "restore"])) $(step).addEventListener("click", () => travel(step));
 addEventListener("keydown", (event) => {
-  if (!history || !(event.ctrlKey || event.metaKey) || event.target.matches("input:not([type=checkbox], [type=radio])")) return;
-  const step = { z: event.shiftKey ? "redo" : "undo", Z: "redo", y: "redo" }[event.key];
-  if (step) { event.preventDefault(); history[step](); show(); }
+  if (!session || !(event.ctrlKey || event.metaKey) || (event.target instanceof Element && event.target.matches("input:not([type=checkbox], [type=radio])"))) return;
+  const step = event.key === "z" && !event.shiftKey ? "undo" : ["z", "Z", "y"].includes(event.key) ? "redo" : null;
+  if (step) { event.preventDefault(); travel(step); }
 });
-addEventListener("beforeunload", (event) => { if (history && history.past.length && savedDraft !== history.now) event.preventDefault(); });
+addEventListener("beforeunload", (event) => { if (session?.history.past.length && savedDraft !== session.history.present) event.preventDefault(); });
 
-desk.start().then((told) => {
-  starts = told.starts;
-  if (starts) $("save-button").textContent = "Save and start";
-  $("source").value ||= told.source;  // unless somebody has been faster
-  if (starts) open();
-}).catch((error) => note(error.message));
+call("start").then(({ source, starts_loop }) => {
+  startsLoop = starts_loop;
+  if (startsLoop) $("save-button").textContent = "Save and start";
+  $("source-input").value ||= source;  // unless the user has typed one already
+  if (startsLoop) open();
+}).catch((error) => showNote(error.message));

@@ -1,54 +1,53 @@
-/** The list of trocars: which one the needle is in, their names, one more, one less. Knows no server. */
+/** The list of trocars: the one that the needle is in, their names, and buttons to add and remove. */
 
-import { MOST_TROCARS } from "./draft.js";
+import { make } from "../common/dom.js";
+import { MAX_TROCARS } from "./draft.js";
 
 export class Trocars {
-  /**
-   * @param {HTMLElement} list
-   * @param {HTMLButtonElement} more
-   * @param {{used: (index: number) => void, rename: (index: number, name: string) => void,
-   *          remove: (index: number) => void, add: () => void}} on what to call
-   */
-  constructor(list, more, on) {
-    Object.assign(this, { list, more, on, draft: null });
-    more.addEventListener("click", () => on.add());
+  /** @type {Draft} */ draft;
+  /** @type {TrocarRow[]} */ rows = [];
+
+  /** @param {HTMLElement} list @param {HTMLButtonElement} addButton
+   *  @param {{used: (index: number) => void, rename: (index: number, name: string) => void,
+   *           remove: (index: number) => void, add: () => void}} actions */
+  constructor(list, addButton, actions) {
+    this.list = list; this.addButton = addButton; this.actions = actions;
+    addButton.addEventListener("click", () => actions.add());
   }
 
-  show(draft) {
-    this.draft = draft;
+  show(/** @type {Draft} */ draft) {
     const { length } = draft.trocars;
-    while (this.list.children.length > length) this.list.lastChild.remove();
-    while (this.list.children.length < length) this.list.append(this.made(this.list.children.length));
+    this.draft = draft;
+    for (const { item } of this.rows.splice(length)) item.remove();
+    while (this.rows.length < length) this.rows.push(this.addRow(this.rows.length));
     draft.trocars.forEach(({ name, used }, index) => {
-      const [radio, text, remove] = this.list.children[index].querySelectorAll("input, button");
+      const { radio, text, remove } = this.rows[index];
       radio.checked = used;
-      radio.setAttribute("aria-label", `The needle is in ${name}`);
+      radio.ariaLabel = `The needle is in ${name}`;
       if (document.activeElement !== text) { text.value = name; text.setCustomValidity(""); }
       remove.disabled = length === 1;
-      remove.setAttribute("aria-label", `Remove ${name}`);
+      remove.ariaLabel = `Remove ${name}`;
     });
-    this.more.disabled = length >= MOST_TROCARS;
+    this.addButton.disabled = length >= MAX_TROCARS;
   }
 
-  made(index) {
-    const item = document.createElement("li"), label = document.createElement("label");
-    const radio = Object.assign(document.createElement("input"), { type: "radio", name: "used" });
-    const text = Object.assign(document.createElement("input"), { type: "text", maxLength: 40, required: true, pattern: String.raw`[^"\\]*`, title: "Any name without \" and \\", spellcheck: false, autocomplete: "off" });
-    const remove = Object.assign(document.createElement("button"), { type: "button", textContent: "Remove" });
-    text.setAttribute("aria-label", `Name of trocar ${index + 1}`);
-    label.append(radio, "needle in");
-    item.append(label, text, remove);
-    radio.addEventListener("change", () => this.on.used(index));
-    remove.addEventListener("click", () => this.on.remove(index));
+  /** @param {number} index @returns {TrocarRow} */
+  addRow(index) {
+    const radio = make("input", { type: "radio", name: "used" }), remove = make("button", { type: "button", textContent: "Remove" });
+    const text = make("input", { type: "text", maxLength: 40, required: true, pattern: String.raw`[^"\\]*`, title: "Any name without \" and \\", spellcheck: false, autocomplete: "off", ariaLabel: `Name of trocar ${index + 1}` });
+    const item = make("li", {}, make("label", {}, radio, "needle in"), text, remove);
+    radio.addEventListener("change", () => this.actions.used(index));
+    remove.addEventListener("click", () => this.actions.remove(index));
     text.addEventListener("input", () => this.rename(index, text));
-    text.addEventListener("blur", () => this.show(this.draft));  // what was no name gives way to the name
-    return item;
+    text.addEventListener("blur", () => this.show(this.draft));  // an invalid name is replaced by the last valid one
+    this.list.append(item);
+    return { item, radio, text, remove };
   }
 
-  /** Rename as somebody types, as long as it is a name, and no other trocar's. */
+  /** Rename during typing, as long as the name is valid and not another trocar's. @param {number} index @param {HTMLInputElement} text */
   rename(index, text) {
     const name = text.value.trim(), isTaken = this.draft.trocars.some((each, number) => number !== index && each.name === name);
     text.setCustomValidity(isTaken ? "Another trocar has this name." : "");
-    if (text.reportValidity() && name) this.on.rename(index, name);
+    if (text.reportValidity() && name) this.actions.rename(index, name);
   }
 }

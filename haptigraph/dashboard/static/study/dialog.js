@@ -1,23 +1,20 @@
-/** Ask the experimenter before something is done that cannot be undone. */
+/** Ask the experimenter to confirm an action that cannot be undone. */
 
-const $ = (id) => document.getElementById(id);
+import { $ } from "../common/dom.js";
 
-/**
- * Ask; null if the answer is no, else the reason (empty where none is asked for).
- *
- * @param {{question: string, consequence: string, sure: string, reason?: boolean}} words
- * @returns {Promise<string | null>}
- */
-export function confirmed({ question, consequence, sure, reason = false }) {
+/** Ask; null if the answer is no, else the reason (empty if none is needed).
+ *  @param {{question: string, consequence: string, confirm: string, needsReason?: boolean}} texts
+ *  @returns {Promise<string | null>} */
+export function confirmed({ question, consequence, confirm, needsReason = false }) {
   $("question").textContent = question;
   $("consequence").textContent = consequence;
-  $("sure").textContent = sure;
-  Object.assign($("reason"), { value: "", hidden: !reason, required: reason, placeholder: "Why? It is kept with the data." });
+  $("confirm").textContent = confirm;
+  Object.assign($("reason"), { value: "", hidden: !needsReason, required: needsReason, placeholder: "Reason; it is saved with the data" });
   $("ask").returnValue = "";
   $("ask").showModal();
-  (reason ? $("reason") : $("sure")).focus();
+  (needsReason ? $("reason") : $("confirm")).focus();
   return new Promise((resolve) => {
     $("cancel").onclick = () => $("ask").close();
-    $("ask").onclose = () => resolve($("ask").returnValue === "sure" ? $("reason").value : null);
+    $("ask").onclose = () => resolve($("ask").returnValue === "confirm" ? $("reason").value : null);
   });
 }

@@ -1,59 +1,60 @@
-/** The experimenter's live monitor: the parts of the live page that tell how a trial goes. Steers nothing. */
+/** The experimenter's live monitor: the parts of the live page that show how a trial goes. */
 
-import { every } from "../server/animate.js";
-import { Banner, Status } from "../server/status.js";
-import { Traces } from "../server/traces.js";
-import { View } from "../server/view.js";
+import { animate } from "../common/animate.js";
+import { $, setText } from "../common/dom.js";
+import { Banner, StatePanel } from "../common/state_panel.js";
+import { Traces } from "../common/traces.js";
+import { View } from "../common/view.js";
 
 const DRAW_MS = 1000 / 10;
-const $ = (id) => document.getElementById(id);
 
 export class Monitor {
-  /** @param {import("./feed.js").Feed} feed */
-  constructor(feed) {
-    Object.assign(this, { feed, isOn: false, title: "" });
-    this.view = new View($("view"), $("overlays"));
-    this.view.onDrawn = (header) => feed.wasDrawn(header);
-    this.status = new Status();
-    this.banner = new Banner();
+  isOn = false;
+  panel = new StatePanel();
+  banner = new Banner();
+  view = new View($("view"), $("overlays"));
+
+  constructor(/** @type {import("../common/feed.js").Feed} */ feed) {
+    this.feed = feed;
+    this.view.onDrawn = (header) => feed.noteDrawn(header);
     this.traces = new Traces($("traces"), feed.clock);
-    feed.touch.add({ play: (level) => this.status.amplitude(level.amplitude) });
-    every(() => DRAW_MS, () => this.draw());
+    feed.haptics.add({ play: ({ amplitude }) => this.panel.showAmplitude(amplitude) });
+    animate(() => DRAW_MS, () => this.draw());
   }
 
-  hello(message) {
+  begin(/** @type {Hello} */ hello) {
     const { title } = document;
-    this.status.begin(message);
+    this.panel.begin(hello);
     document.title = title;
-    this.view.begin(message);
-    this.traces.begin(message.procedure);
+    this.view.begin(hello);
+    this.traces.begin(hello.procedure);
   }
 
-  image(header, picture) {
-    this.status.show(header);
+  show(/** @type {ImageHeader} */ header, /** @type {Picture} */ picture) {
+    this.panel.show(header);
     this.traces.add(header);
     this.view.show(header, picture);
-    const hand = header.hand && (header.hand.engaged ? "● the hand moves the instrument" : "○ the hand is off");
-    if ($("hand").textContent !== (hand ?? "")) $("hand").textContent = hand ?? "";
+    setText($("hand"), header.hand ? (header.hand.engaged ? "● moving the instrument" : "○ disengaged") : "");
   }
 
-  health(message) { if (message.rate_hz === undefined) $("health").replaceChildren(); else this.status.health(message, this.feed.latency_ms); }
+  /** @param {Health} health empty between trials */
+  showHealth(health) { if (health.rate_hz === undefined) $("health").replaceChildren(); else this.panel.showHealth(health, this.feed.latency_ms); }
 
-  /** Take note of whether a trial runs, and whether its condition may be told by what is shown. */
-  now({ doing, shows_all }) {
-    this.isOn = doing === "running" || doing === "ending";
+  /** Show whether a trial runs, and no more than blinding permits. @param {ExperimenterStatus} status */
+  showStatus({ trial_status, shows_conditions }) {
+    this.isOn = trial_status === "running" || trial_status === "ending";
     $("idle").hidden = this.isOn;
-    $("idle").textContent = doing === "preparing" ? "The trial is being prepared …" : "No trial is running.";
+    $("idle").textContent = trial_status === "preparing" ? "Preparing the trial …" : "No trial is running.";
     $("monitor").classList.toggle("on", this.isOn);
     $("monitor").classList.toggle("empty", !this.feed.hello);
-    $("monitor").classList.toggle("blind", !shows_all);
-    $("procedure").hidden = !shows_all;
+    $("monitor").classList.toggle("blind", !shows_conditions);
+    $("procedure").hidden = !shows_conditions;
   }
 
   draw() {
-    const what = this.isOn && !this.feed.ended ? this.feed.lost() : null;
-    this.banner.update(what);
-    $("view").classList.toggle("lost", Boolean(what?.[2]) || this.feed.header?.has_picture === false);
+    const problem = this.isOn && !this.feed.ended ? this.feed.problem() : null;
+    this.banner.update(problem);
+    $("view").classList.toggle("lost", problem?.isCut || this.feed.header?.has_picture === false);
     this.traces.draw();
   }
 }

@@ -1,45 +1,47 @@
-/** The participant's page: shows the one stage that comes next, and passes on what is done in it. */
+/** The participant's page: shows the next stage, and sends what the participant does in it. */
 
-import { Feed } from "../server/feed.js";
-import { Refused } from "../server/ask.js";
-import { Sheet } from "./sheet.js";
-import { Sync } from "../server/sync.js";
-import { Touch } from "../server/touch.js";
+import { $, make, showOrHide } from "../common/dom.js";
+import { Feed } from "../common/feed.js";
+import { Haptics } from "../common/haptics.js";
+import { Questionnaire } from "./questionnaire.js";
+import { RequestError } from "../common/request.js";
+import { Sync } from "../common/sync.js";
 import { Trial } from "./trial.js";
 
-const $ = (id) => document.getElementById(id);
-const BUTTONS = { briefing: "Go on", consent: "I agree", break: "Go on", thanks: "Finish" };
-const SCREENS = ["wait", "words", "sheet", "trial"];
+/** @type {Record<string, string>} */
+const BUTTONS = { briefing: "Continue", consent: "I agree", break: "Continue", thanks: "Finish" };
+const SCREENS = /** @type {const} */ (["wait", "text", "questionnaire", "trial"]);
+const LOST = "The connection is lost. Please wait a moment.";
 
-const touch = new Touch(150);
-const sync = new Sync("/participant", show);
-/** What this page knows; tests read it. */
-export const page = new Feed(touch, {
-  hello(message) { trial.hello(message); },
-  image(header, picture) { trial.image(header, picture); },
-  controls({ holder }) { trial.held(holder); },
-  you({ name }) { trial.me = name; },
+const haptics = new Haptics(150);
+/** @type {Sync<ParticipantStatus>} */ const sync = new Sync("/participant", show);
+const feed = new Feed(haptics, {
+  hello(hello) { trial.beginRun(hello); },
+  image(header, picture) { trial.show(header, picture); },
+  controls({ holder }) { trial.setHolder(holder); },
+  welcome({ name }) { trial.me = name; },
   study() { sync.refresh(); },
-  opened() { sync.forget(); sync.refresh(); },
-  lost() { trial.held(""); complain("The connection is lost. Please wait a moment."); },
-  hidden() { trial.letGo(); sheet.keep(); },
+  opened() { sync.reset(); sync.refresh(); },
+  lost() { trial.setHolder(""); complain(LOST); },
+  hidden() { trial.release(); questionnaire.commit(); },
 });
-page.now = null;
+/** The page's state; tests read it. */
+export const page = Object.assign(feed, { status: /** @type {ParticipantStatus | null} */ (null) });
 const trial = new Trial(page, act);
-const sheet = new Sheet($("sheet"), (name, content) => sync.act(name, content), act, () => sync.refresh(),
-  ({ participant, key }) => page.now.participant === participant && page.now.stage?.key === key);
-let shown = "";  // whose stage is on the screen
-let refused = "";  // why the last act was refused
+const questionnaire = new Questionnaire($("questionnaire"), (content) => sync.act("answer", content), () => act("done"), () => sync.refresh(),
+  ({ participant, key }) => page.status?.participant === participant && page.status.stage?.key === key);
+let shown = "";  // the stage on the screen, and whose
+let refused = "";  // why the last action was refused
 
-/** Do something that the participant wants; what is refused is told. */
+/** Send an action of the participant, and show why it is refused. @param {string} name */
 async function act(name) {
-  const { participant, stage } = page.now;
+  const { participant, stage } = page.status ?? {};
   for (const button of document.querySelectorAll("button")) button.disabled = true;
   try {
     refused = "";
-    await sync.act(name, { participant, key: stage.key });
+    await sync.act(name, { participant, key: stage?.key });
   } catch (error) {
-    if (!(error instanceof Refused)) throw error;
+    if (!(error instanceof RequestError)) throw error;
     refused = error.message;
     complain(refused);
     sync.refresh();
@@ -48,52 +50,47 @@ async function act(name) {
   }
 }
 
-function complain(sentence) {
-  $("problem").hidden = !sentence;
-  $("problem").textContent = sentence;
-}
+function complain(/** @type {string} */ sentence) { showOrHide($("problem"), sentence); }
 
-/** Show how things are; the screen is made anew only when another stage comes. */
-function show(now) {
-  page.now = now;
-  const trouble = now.trouble ? "Something does not work. Please tell the experimenter." : refused;
-  complain(page.isOpen ? trouble : "The connection is lost. Please wait a moment.");
-  $("title").textContent = document.title = now.title;
-  $("simulated").hidden = !now.simulated;
-  $("who").textContent = now.participant;
-  $("way").hidden = !now.participant;
-  if (now.participant) {
-    $("progress").value = now.done / now.of;
-    $("steps").textContent = `${now.done} of ${now.of}`;
+/** Show the status; the screen is rebuilt only when another stage comes. @param {ParticipantStatus} status */
+function show(status) {
+  const { participant, stage } = page.status = status;
+  complain(!page.isOpen ? LOST : status.has_problem ? "Something went wrong. Please tell the experimenter." : refused);
+  $("title").textContent = document.title = status.title;
+  $("simulated").hidden = !status.simulated;
+  $("who").textContent = participant;
+  $("way").hidden = !participant;
+  if (participant) {
+    $("progress").value = status.done / status.total;
+    $("steps").textContent = `${status.done} of ${status.total}`;
   }
-  const { stage } = now;
-  const name = !now.participant ? "wait" : !stage || stage.text !== undefined ? "words" : stage.items ? "sheet" : "trial";
-  for (const each of SCREENS) $(each).hidden = each !== name;
-  document.body.dataset.screen = name;
+  const screen = !participant ? "wait" : !stage || "text" in stage ? "text" : "items" in stage ? "questionnaire" : "trial";
+  for (const each of SCREENS) $(each).hidden = each !== screen;
+  document.body.dataset.screen = screen;
   document.body.dataset.stage = stage?.key ?? "";
-  if (name === "trial") trial.now(now);
-  const place = now.participant && `${now.participant} ${stage?.key ?? now.ended} ${stage?.attempt ?? ""}`;
-  if (name === "sheet" && place === shown) sheet.flush();
-  if (name === "wait" || place === shown) return;
+  if (screen === "trial" && stage) trial.showStatus(status.trial_status, stage);
+  const place = participant && `${participant} ${stage?.key ?? status.ended} ${stage?.attempt ?? ""}`;
+  if (screen === "questionnaire" && place === shown) questionnaire.flush();
+  if (screen === "wait" || place === shown) return;
   shown = place;
   if (refused) complain(refused = "");
-  if (name === "words") showWords(now);
-  if (name === "sheet") sheet.begin(now.participant, stage);
-  if (name === "trial") trial.begin(stage, now.doing);
+  if (!stage || "text" in stage) showText(status, stage);
+  else if ("items" in stage) questionnaire.begin(participant, stage);
+  else trial.begin(stage, status.trial_status);
   scrollTo(0, 0);
-  $(name).parentElement.scrollTop = 0;
-  $(`${name}-title`).focus({ preventScroll: true });
+  /** @type {HTMLElement} */ ($(screen).parentElement).scrollTop = 0;
+  $(`${screen}-title`).focus({ preventScroll: true });
 }
 
-function showWords(now) {
-  const { stage } = now, isOver = !stage;
-  const text = isOver ? now.thanks : stage.text;
-  $("words-title").textContent = isOver ? "Thank you" : stage.kind === "thanks" ? "Thank you" : stage.title;
-  $("words-text").replaceChildren(...text.trim().split(/\n\s*\n/).map((words) => Object.assign(document.createElement("p"), { textContent: words })));
-  if (stage?.kind === "consent") $("words-text").append(Object.assign(document.createElement("p"), { className: "quiet", textContent: "If you do not agree, or have a question, tell the experimenter." }));
-  $("words-done").hidden = isOver;
-  $("words-done").textContent = BUTTONS[stage?.kind] ?? "";
+/** @param {ParticipantStatus} status @param {TextStage | undefined} stage undefined: all is over */
+function showText(status, stage) {
+  const paragraphs = (stage?.text ?? status.thanks).trim().split(/\n\s*\n/).map((textContent) => make("p", { textContent }));
+  if (stage?.kind === "consent") paragraphs.push(make("p", { className: "quiet", textContent: "If you do not agree, or have a question, tell the experimenter." }));
+  $("text-title").textContent = !stage || stage.kind === "thanks" ? "Thank you" : stage.title;
+  $("text-body").replaceChildren(...paragraphs);
+  $("text-done").hidden = !stage;
+  $("text-done").textContent = BUTTONS[stage?.kind ?? ""] ?? "";
 }
 
-$("words-done").addEventListener("click", () => act("done"));
+$("text-done").addEventListener("click", () => act("done"));
 sync.refresh();

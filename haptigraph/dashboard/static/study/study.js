@@ -1,155 +1,164 @@
-/** The experimenter's page: who is here and how far, what the trial does, and what the experimenter does about it. */
+/** The experimenter's page: the current session, its trial, and the experimenter's actions. */
 
-import { NoAnswer, Refused, ask } from "../server/ask.js";
+import { $, setText, showOrHide } from "../common/dom.js";
 import { confirmed } from "./dialog.js";
-import { Feed } from "../server/feed.js";
+import { Feed } from "../common/feed.js";
+import { Haptics } from "../common/haptics.js";
+import { showNotes, showPlan, showRoster } from "./lists.js";
 import { Monitor } from "./monitor.js";
-import { showNotes, showPlan, showRoster } from "./study_lists.js";
-import { Sync } from "../server/sync.js";
-import { Touch } from "../server/touch.js";
+import { NoResponse, RequestError, request } from "../common/request.js";
+import { Sync } from "../common/sync.js";
 
-const OTHERS_MS = 5000;
-const $ = (id) => document.getElementById(id);
+const REFRESH_MS = 5000;  // other stations change the study too
 
-const touch = new Touch(150);
-const sync = new Sync("/study", show);
-/** What this page knows; tests read it. */
-export const page = new Feed(touch, {
-  hello(message) { monitor.hello(message); },
-  image(header, picture) { monitor.image(header, picture); },
-  touch({ edges }) { monitor.traces.touch(edges); },
-  health(message) { monitor.health(message); },
+const haptics = new Haptics(150);
+/** @type {Sync<ExperimenterStatus>} */ const sync = new Sync("/study", show);
+const feed = new Feed(haptics, {
+  hello(hello) { monitor.begin(hello); },
+  image(header, picture) { monitor.show(header, picture); },
+  haptics({ edges }) { monitor.traces.addEdges(edges); },
+  health(health) { monitor.showHealth(health); },
   study() { sync.refresh(); },
-  opened() { sync.forget(); sync.refresh(); },
+  opened() { sync.reset(); sync.refresh(); },
   lost() { complain(); },
 });
-page.now = null;
+/** The page's state; tests read it. */
+export const page = Object.assign(feed, { status: /** @type {ExperimenterStatus | null} */ (null) });
 const monitor = new Monitor(page);
-let refused = "";  // why the last act was refused
-let begun_ms = null;  // when the trial that runs began, on this page's clock
+let refused = "";  // why the last action was refused
+/** When the trial that runs began, on this page's clock. @type {number | null} */ let started_ms = null;
 
-/** Do something; what is refused is told. True if it was done. */
-async function act(name, content) {
+/** Send an action; show why it is refused, return whether it succeeded. @param {string} name @param {object} body */
+async function act(name, body) {
   refused = "";
   try {
-    await sync.act(name, content);
+    await sync.act(name, body);
     return true;
   } catch (error) {
-    if (!(error instanceof Refused)) throw error;
+    if (!(error instanceof RequestError)) throw error;
     refused = error.message;
-    if (!(error instanceof NoAnswer)) sync.refresh();
+    if (!(error instanceof NoResponse)) sync.refresh();
     return false;
   } finally { complain(); }
 }
 
 function complain() {
-  const problem = page.isOpen ? refused || page.now?.problem : "The server does not answer. If it has ended, start haptigraph study run again: it goes on where it stopped.";
-  $("problem").hidden = !problem;
-  $("problem").textContent = problem ?? "";
+  const problem = page.isOpen ? refused || page.status?.problem : "The server does not respond. If it has stopped, start haptigraph study run again; it continues where it stopped.";
+  showOrHide($("problem"), problem ?? "");
 }
 
-function show(now) {
-  page.now = now;
-  const { here } = now;
-  $("title").textContent = $("title").title = now.title;
-  document.title = `${here ? `${here.participant} · ` : ""}${now.title}`;
-  $("simulated").hidden = !now.simulated;
-  $("station").textContent = `· station ${now.station}`;
-  begun_ms = now.elapsed_s === null ? null : performance.now() - now.elapsed_s * 1000;
-  showRoster(now, open);
-  showPlan(here);
-  showNotes(here);
-  showStage(now);
-  monitor.now(now);
+function show(/** @type {ExperimenterStatus} */ status) {
+  const { current } = page.status = status;
+  $("title").textContent = $("title").title = status.title;
+  document.title = `${current ? `${current.participant} · ` : ""}${status.title}`;
+  $("simulated").hidden = !status.simulated;
+  $("station").textContent = `· station ${status.station}`;
+  started_ms = status.elapsed_s === null ? null : performance.now() - status.elapsed_s * 1000;
+  showRoster(status, open);
+  showPlan(current);
+  showNotes(current);
+  showStage(status);
+  monitor.showStatus(status);
   complain();
-  document.body.dataset.doing = now.doing;
-  document.body.dataset.stage = here?.stage?.key ?? "";
+  document.body.dataset.trial = status.trial_status;
+  document.body.dataset.stage = current?.stage?.key ?? "";
 }
 
-function showStage({ here, doing, participants, station }) {
-  const stage = here?.stage;
-  const mine = participants.find((each) => each.station === station);
-  $("participant").textContent = here?.participant ?? "";
-  say($("stage"), stage ? [stage.title, stage.condition].filter(Boolean).join(" · ") : here ? here.ended : mine ? `${mine.participant} was here when the station stopped` : "Nobody is here");
-  const facts = here && [`stage ${Math.min(here.done + 1, here.of)} of ${here.of}`, stage && about(stage, doing), here.is_felt ? "" : "without touch"];
-  $("detail").textContent = here ? facts.filter(Boolean).join(" · ")
-    : mine ? "Resume on the left goes on exactly there; a trial that was cut off is done again." : "Take someone in, or bring one here from the list.";
-  $("begin").hidden = !(stage?.timeout_s && !doing);
-  $("finish").hidden = !["break", "thanks"].includes(stage?.kind);
-  $("abort").hidden = !doing;
-  $("abort").disabled = doing !== "running";
-  $("repeat").hidden = !here?.repeatable || Boolean(doing);
-  $("stop").hidden = !stage || Boolean(doing);
-  $("withdraw").hidden = $("leave").hidden = !here || Boolean(doing);
+function showStage(/** @type {ExperimenterStatus} */ { current, trial_status, participants, station }) {
+  const stage = current?.stage;
+  const interrupted = participants.find((each) => each.station === station);
+  $("participant").textContent = current?.participant ?? "";
+  if (current) {
+    setText($("stage"), stage ? [stage.title, stage.condition].filter(Boolean).join(" · ") : current.ended);
+    const facts = [`stage ${Math.min(current.done + 1, current.total)} of ${current.total}`, stage && stageText(stage, trial_status), !current.has_haptics && "without haptic feedback"];
+    $("detail").textContent = facts.filter(Boolean).join(" · ");
+  } else {
+    setText($("stage"), interrupted ? `${interrupted.participant} was here when the station stopped` : "No participant at this station");
+    $("detail").textContent = interrupted ? "Resume, on the left, continues there; an interrupted trial is repeated." : "Enrol a participant, or open one from the list.";
+  }
+  $("begin").hidden = !(stage?.timeout_s && !trial_status);
+  $("finish").hidden = stage?.kind !== "break" && stage?.kind !== "thanks";
+  $("abort").hidden = !trial_status;
+  $("abort").disabled = trial_status !== "running";
+  $("repeat").hidden = !current?.repeatable || Boolean(trial_status);
+  $("stop").hidden = !stage || Boolean(trial_status);
+  $("withdraw").hidden = $("leave").hidden = !current || Boolean(trial_status);
 }
 
-function about(stage, doing) {
-  if (stage.asked) return `${stage.answered} of ${stage.asked} answered`;
+function stageText(/** @type {StageSummary} */ stage, /** @type {TrialStatus} */ status) {
+  if (stage.item_count) return `${stage.answer_count} of ${stage.item_count} answered`;
   if (!stage.timeout_s) return "";
   const attempt = stage.attempt > 1 ? `attempt ${stage.attempt}, ` : "";
-  return attempt + ({ "": "waits for the participant to begin", preparing: "is being prepared", running: "runs", ending: "is being kept" }[doing]);
+  return attempt + { "": "waiting for the participant to begin", preparing: "preparing", running: "running", ending: "saving" }[status];
 }
 
-async function open(participant, elsewhere) {
-  const { here } = page.now;
-  const leaves = here && here.stage && here.done > 0 ? `${here.participant} leaves, and may come back. ` : "";
-  if (elsewhere || leaves) {
-    const sure = await confirmed({
-      question: `Bring ${participant} to this station?`, sure: elsewhere ? "Take over" : "Bring here",
-      consequence: leaves + (elsewhere ? `${participant} is at station ${elsewhere}, which is cut off; a trial that runs there is interrupted.` : ""),
+/** Open a participant at this station. @param {string} participant @param {string} otherStation that has the participant; empty: none */
+async function open(participant, otherStation) {
+  const current = page.status?.current;
+  const leaves = current?.stage && current.done > 0 ? `${current.participant} leaves this station and may come back. ` : "";
+  if (otherStation || leaves) {
+    const reason = await confirmed({
+      question: `Open ${participant} at this station?`, confirm: otherStation ? "Take over" : "Open",
+      consequence: leaves + (otherStation ? `${participant} is at station ${otherStation}, which is cut off; a trial that runs there is interrupted.` : ""),
     });
-    if (sure === null) return;
+    if (reason === null) return;
   }
-  await act("open", { participant, take_over: Boolean(elsewhere) });
+  await act("open", { participant, take_over: Boolean(otherStation) });
 }
 
-/** Let a button do something about the participant who is here, after a question. */
-function asking(id, name, words, content) {
-  $(id).addEventListener("click", async () => {
-    const { here } = page.now;
-    const reason = await confirmed(words(here));
-    if (reason !== null) await act(name, content(here, reason));
+/** Let a button do something with the current session, after a confirmation.
+ *  @param {"abort" | "repeat" | "stop" | "withdraw"} name of the button and of the action
+ *  @param {(current: CurrentSession) => Parameters<typeof confirmed>[0]} texts @param {(current: CurrentSession, reason: string) => object} body */
+function confirmFirst(name, texts, body) {
+  $(name).addEventListener("click", async () => {
+    const current = page.status?.current;
+    const reason = current ? await confirmed(texts(current)) : null;
+    if (current && reason !== null) await act(name, { participant: current.participant, ...body(current, reason) });
   });
 }
 
-asking("abort", "abort", () => ({ question: "Abort this trial?", consequence: "It does not count, and is begun again unless that was the last attempt.", sure: "Abort", reason: true }),
-  (here, reason) => ({ participant: here.participant, key: here.stage.key, reason }));
-asking("repeat", "repeat", (here) => ({ question: `Do ${here.plan[here.done - 1].title} again?`, consequence: "What was done stays in the data, but does not count.", sure: "Repeat", reason: true }),
-  (here, reason) => ({ participant: here.participant, key: here.repeatable, reason }));
-asking("stop", "stop", (here) => ({ question: `End the session of ${here.participant} for good?`, consequence: "What was done counts. Nothing more is asked; this cannot be undone.", sure: "End session", reason: true }),
-  (here, text) => ({ participant: here.participant, text }));
-asking("withdraw", "withdraw", (here) => ({ question: `Has ${here.participant} left the study?`, consequence: "What was done stays, and another participant gets the place. This cannot be undone.", sure: "Has left" }),
-  (here) => ({ participant: here.participant }));
+confirmFirst("abort", () => ({ question: "Abort this trial?", consequence: "It does not count, and is repeated unless this was the last attempt.", confirm: "Abort", needsReason: true }),
+  ({ stage }, reason) => ({ key: stage?.key, reason }));
+confirmFirst("repeat", (current) => ({ question: `Repeat ${current.plan[current.done - 1].title}?`, consequence: "The attempt stays in the data but does not count.", confirm: "Repeat", needsReason: true }),
+  ({ repeatable }, reason) => ({ key: repeatable, reason }));
+confirmFirst("stop", (current) => ({ question: `End the session of ${current.participant} for good?`, consequence: "Completed stages count, and no others follow. This cannot be undone.", confirm: "End session", needsReason: true }),
+  (_, text) => ({ text }));
+confirmFirst("withdraw", (current) => ({ question: `Has ${current.participant} left the study?`, consequence: "The data stay, and another participant gets the place. This cannot be undone.", confirm: "Withdraw" }),
+  () => ({}));
 
-$("leave").addEventListener("click", () => act("leave", { participant: page.now.here.participant }));
+$("leave").addEventListener("click", () => act("leave", { participant: page.status?.current?.participant }));
 $("enrol").addEventListener("submit", async (event) => {
   event.preventDefault();
   if (await act("enrol", { participant: $("pseudonym").value })) $("pseudonym").value = "";
 });
-$("note").addEventListener("submit", async (event) => {
+$("note-form").addEventListener("submit", async (event) => {
   event.preventDefault();
-  if (await act("note", { participant: page.now.here.participant, text: $("text").value })) $("text").value = "";
+  if (await act("note", { participant: page.status?.current?.participant, text: $("note-text").value })) $("note-text").value = "";
 });
-$("text").addEventListener("keydown", (event) => {
-  if (event.key === "Enter" && !event.shiftKey) { event.preventDefault(); $("note").requestSubmit(); }
+$("note-text").addEventListener("keydown", (event) => {
+  if (event.key === "Enter" && !event.shiftKey) { event.preventDefault(); $("note-form").requestSubmit(); }
 });
-for (const [id, name] of [["begin", "begin"], ["finish", "done"]]) $(id).addEventListener("click", () => forParticipant(name));
+$("begin").addEventListener("click", () => actAsParticipant("begin"));
+$("finish").addEventListener("click", () => actAsParticipant("done"));
 
-/** Do what the participant's page does. */
-async function forParticipant(name) {
-  const { participant, stage } = page.now.here;
-  try { await ask(`/participant/${name}`, { participant, key: stage.key }); refused = ""; } catch (error) { refused = error.message; }
+/** Do what the participant's page does. @param {string} name */
+async function actAsParticipant(name) {
+  const { participant, stage } = page.status?.current ?? {};
+  try {
+    await request(`/participant/${name}`, { participant, key: stage?.key });
+    refused = "";
+  } catch (error) {
+    if (!(error instanceof RequestError)) throw error;
+    refused = error.message;
+  }
   complain();
   sync.refresh();
 }
 
-function say(element, text) { if (element.textContent !== text) element.textContent = text; }
-
 setInterval(() => {
-  const limit = page.now?.here?.stage?.timeout_s;
-  const elapsed_s = begun_ms === null ? null : Math.floor((performance.now() - begun_ms) / 1000);
-  say($("clock"), elapsed_s === null ? "" : `${minutes(elapsed_s)} of ${minutes(limit)}`);
+  const limit_s = page.status?.current?.stage?.timeout_s ?? 0;
+  setText($("clock"), started_ms === null ? "" : `${minutes((performance.now() - started_ms) / 1000)} of ${minutes(limit_s)}`);
 }, 250);
-setInterval(() => { if (page.isOpen && !page.now?.doing && !document.hidden) sync.refresh(); }, OTHERS_MS);
+setInterval(() => { if (page.isOpen && !page.status?.trial_status && !document.hidden) sync.refresh(); }, REFRESH_MS);
 
-function minutes(seconds) { return `${Math.floor(seconds / 60)}:${String(Math.floor(seconds % 60)).padStart(2, "0")}`; }
+function minutes(/** @type {number} */ seconds) { return `${Math.floor(seconds / 60)}:${String(Math.floor(seconds % 60)).padStart(2, "0")}`; }

@@ -1,114 +1,102 @@
-/** A trial on the participant's page: the picture, steering, touch, and the words before it begins. */
+/** A trial on the participant's page: instructions, picture, steering and haptic feedback. */
 
-import { every } from "../server/animate.js";
+import { animate } from "../common/animate.js";
 import { Controller } from "../live/gamepad.js";
+import { $, checkbox } from "../common/dom.js";
+import { addOutputs } from "../live/outputs.js";
 import { Phases } from "../live/phases.js";
-import { Rumble, actuatorOf } from "../live/rumble.js";
-import { toggle } from "../server/signs.js";
-import { Frame, Tone } from "../live/standin.js";
-import { Banner } from "../server/status.js";
+import { controllerText } from "../live/rumble.js";
+import { Banner } from "../common/state_panel.js";
 import { Steering } from "../live/steering.js";
-import { View } from "../server/view.js";
+import { View } from "../common/view.js";
 
+/** @type {Record<TrialStage["display"], Overlay[]>} */
 const DISPLAYS = { ioct: ["target"], overlays: ["target", "needle", "cone", "zone"] };
-const DRAW_MS = 1000 / 20, STANDS_MS = 1000;
-const $ = (id) => document.getElementById(id);
+const DRAW_MS = 1000 / 20, FROZEN_MS = 1000;
 
 export class Trial {
-  /**
-   * @param {import("./feed.js").Feed} feed
-   * @param {(name: string) => Promise<void>} act
-   */
-  constructor(feed, act) {
-    Object.assign(this, { feed, me: "", doing: "", holder: "", seen_ms: 0 });
-    this.view = new View($("view"), null);
-    this.view.onDrawn = (header) => feed.wasDrawn(header);
-    this.banner = new Banner();
-    this.controller = new Controller();
+  me = ""; holder = "";
+  /** @type {TrialStatus} */ status = "";
+  picture_ms = 0;
+  view = new View($("view"), null);
+  banner = new Banner();
+  controller = new Controller();
+
+  constructor(/** @type {import("../common/feed.js").Feed} */ feed, /** @type {(name: string) => Promise<void>} */ act) {
+    this.feed = feed;
+    this.view.onDrawn = (header) => feed.noteDrawn(header);
     this.steering = new Steering(feed.send, this.controller, $("view"));
     this.phases = new Phases($("phases"), feed.send);
-    this.addOutputs(feed.touch);
+    addOutputs(feed.haptics, this.controller, $("outputs"));
+    $("outputs").append(checkbox("Needs clutch", false, (isOn) => { this.steering.needsClutch = isOn; }, "needs-clutch"));
     $("begin").addEventListener("click", () => act("begin"));
     $("finish").addEventListener("click", () => act("ready"));
-    document.addEventListener("visibilitychange", () => this.wish());
-    every(() => DRAW_MS, () => this.draw());
+    document.addEventListener("visibilitychange", () => this.takeControls());
+    animate(() => DRAW_MS, () => this.draw());
   }
 
-  addOutputs(touch) {
-    const rumble = new Rumble(() => this.controller.pad()), frame = new Frame(), tone = new Tone();
-    for (const output of [rumble, frame, tone]) touch.add(output);
-    $("outputs").append(
-      toggle("controller", true, (on) => rumble.enable(on), "touch-controller"),
-      toggle("screen", false, (on) => frame.enable(on), "touch-screen"),
-      toggle("sound", false, (on) => tone.enable(on)),
-      toggle("Needs clutch", false, (on) => { this.steering.needsClutch = on; }, "needs-clutch"),
-    );
-  }
-
-  /** Show what comes before a trial. */
-  begin(stage, doing) {
-    const most = stage.timeout_s >= 120 ? `${Math.round(stage.timeout_s / 60)} minutes` : `${stage.timeout_s} seconds`;
+  /** Show the instructions of a trial. @param {TrialStage} stage @param {TrialStatus} status */
+  begin(stage, status) {
+    const limit = stage.timeout_s >= 120 ? `${Math.round(stage.timeout_s / 60)} minutes` : `${stage.timeout_s} seconds`;
     $("trial-title").textContent = stage.title;
     $("trial-condition").textContent = stage.condition === stage.kind ? "" : stage.condition;
-    $("trial-words").textContent = stage.free
-      ? `Try everything out, as you like, for up to ${most}. When you have had enough, press “I am ready”.`
-      : `Bring the tip of the needle to the marked target. You have up to ${most}.`;
+    $("trial-text").textContent = stage.free
+      ? `Practise freely for up to ${limit}. When you want to go on, press “I am ready”.`
+      : `Bring the tip of the needle to the marked target. You have up to ${limit}.`;
     this.view.choose(DISPLAYS[stage.display]);
-    if (!doing) this.view.begin(null);  // what is left of the trial before
+    if (!status) this.view.begin(null);  // clears the picture of the trial before
   }
 
-  /** Show what the trial is doing. */
-  now({ doing, stage }) {
-    const isOn = doing === "running";
-    $("ready").hidden = doing !== "";
+  showStatus(/** @type {TrialStatus} */ status, /** @type {StageSummary} */ stage) {
+    const isOn = status === "running";
+    $("ready").hidden = status !== "";
     $("finish").hidden = !(isOn && stage.free);
-    $("doing").textContent = { "": "", preparing: "Just a moment …", running: stage.title, ending: "That was it. Just a moment …" }[doing];
-    if (isOn && this.doing !== "running") {
-      this.seen_ms = performance.now();
+    $("trial-status").textContent = { "": "", preparing: "One moment, please …", running: stage.title, ending: "Finished. One moment, please …" }[status];
+    if (isOn && this.status !== "running") {
+      this.picture_ms = performance.now();
       $("view").focus();  // so that the space bar is the clutch, and presses no button
     }
-    this.doing = isOn ? "running" : doing;
-    this.held(this.holder);
+    this.status = status;
+    this.setHolder(this.holder);
   }
 
-  hello(message) {
-    for (const part of [this.view, this.phases, this.steering]) part.begin(message);
-    $("jaws").hidden = !message.has_jaws;
-    this.wish();
+  beginRun(/** @type {Hello} */ hello) {
+    for (const part of [this.view, this.phases, this.steering]) part.begin(hello);
+    $("jaws").hidden = !hello.has_jaws;
+    this.takeControls();
   }
 
-  image(header, picture) {
-    if (picture) this.seen_ms = performance.now();
+  show(/** @type {ImageHeader} */ header, /** @type {Picture} */ picture) {
+    if (picture) this.picture_ms = performance.now();
     this.view.show(header, picture);
     this.phases.show(header);
   }
 
-  /** Take note of who holds the controls, and take them where they are free. */
-  held(holder) {
+  /** Note who has the controls, and take them if they are free. @param {string} holder */
+  setHolder(holder) {
     this.holder = holder;
-    const isMine = holder !== "" && holder === this.me && this.doing === "running";
-    if (this.steering.isHolder && !isMine) this.steering.letGo();
-    this.steering.isHolder = isMine;  // between trials keys are the page's
+    const isMine = holder !== "" && holder === this.me && this.status === "running";
+    if (this.steering.isHolder && !isMine) this.steering.release();
+    this.steering.isHolder = isMine;  // between trials keys keep their meaning on the page
     this.phases.allow(isMine || holder === "");
-    this.wish();
+    this.takeControls();
   }
 
-  wish() { if (this.holder === "" && this.feed.hello?.steerable && !document.hidden) this.feed.send({ type: "take" }); }
+  takeControls() { if (this.holder === "" && this.feed.hello?.steerable && !document.hidden) this.feed.send({ type: "take_controls" }); }
 
-  letGo() {
-    this.steering.letGo();
-    if (document.hidden) this.feed.send({ type: "release" });
+  release() {
+    this.steering.release();
+    if (document.hidden) this.feed.send({ type: "release_controls" });
   }
 
   draw() {
-    const pad = this.controller.pad();
-    $("pad").textContent = pad ? `${pad.id}${actuatorOf(pad) ? ", can vibrate" : ", cannot vibrate: switch on screen or sound"}` : "No controller: press one of its buttons to connect it";
-    const isOn = this.doing === "running";
-    const others = this.holder && this.holder !== this.me ? "Another page holds the controls; close it." : "";
-    $("clutch").textContent = !isOn || !this.feed.hello?.steerable ? "" : others || (this.steering.engaged ? "● moving the instrument" : "○ hand is off");
-    $("clutch").classList.toggle("on", this.steering.engaged);
-    const stands = isOn && performance.now() - this.seen_ms > STANDS_MS;
-    this.banner.update(stands ? ["The picture stands still", "Please wait a moment. The hand is still.", true] : null);
-    $("view").classList.toggle("lost", stands || !isOn);
+    const isOn = this.status === "running", { engaged } = this.steering;
+    const others = this.holder && this.holder !== this.me ? "Another page has the controls; close it." : "";
+    $("pad").textContent = controllerText(this.controller.pad());
+    $("clutch").textContent = !isOn || !this.feed.hello?.steerable ? "" : others || (engaged ? "● moving the instrument" : "○ disengaged");
+    $("clutch").classList.toggle("on", engaged);
+    const isFrozen = isOn && performance.now() - this.picture_ms > FROZEN_MS;
+    this.banner.update(isFrozen ? { title: "The picture is frozen", detail: "Please wait a moment. Haptic feedback is off.", isCut: true } : null);
+    $("view").classList.toggle("lost", isFrozen || !isOn);
   }
 }

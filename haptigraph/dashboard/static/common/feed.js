@@ -1,0 +1,65 @@
+/** The state of a live view: the connection, the newest messages, the server's clock, and what is wrong. */
+
+import { ServerClock } from "./clock.js";
+import { connect } from "./socket.js";
+import { perceptionProblem } from "./state_panel.js";
+
+const PING_MS = 2000;
+
+export class Feed {
+  clock = new ServerClock();
+  /** @type {Hello | null} */ hello = null;
+  /** @type {ImageHeader | null} */ header = null;
+  drawn = 0; received_ms = -Infinity; latency_ms = NaN; ended = ""; isOpen = false;
+
+  /** Tests and benchmarks read the fields, and may set `onImage` and `onDrawn`.
+   *  @param {import("./haptics.js").Haptics} haptics @param {FeedHandlers} handlers */
+  constructor(haptics, handlers) {
+    this.haptics = haptics;
+    this.onImage = this.onDrawn = (/** @type {ImageHeader} */ _header) => {};
+    /** @type {FeedHandlers} */ const own = {
+      hello: (hello) => { this.hello = hello; this.header = null; this.ended = ""; haptics.stale_ms = hello.deadman_ms; },
+      haptics: ({ edges }) => haptics.setLevel(edges),
+      pong: ({ time_ms, now_ms }) => this.clock.addPing(time_ms, now_ms),
+      ended: ({ reason }) => { this.ended = reason; haptics.silence(); },
+      error: ({ message }) => console.warn(message),
+      image: (header) => { this.header = header; this.received_ms = performance.now(); haptics.keepAlive(); this.onImage(header); },
+    };
+    const { send } = connect({
+      onText: (type, message) => { own[type]?.(message); handlers[type]?.(message); },
+      onImage: (header, picture) => { own.image(header, picture); handlers.image(header, picture); },
+      onOpen: () => { this.isOpen = true; this.clock.reset(); this.ping(); this.watch(); handlers.opened?.(); },
+      onLost: () => { this.isOpen = false; haptics.silence(); handlers.lost?.(); },
+    });
+    this.send = send;
+    setInterval(() => this.ping(), PING_MS);
+    for (const wait_ms of [50, 100, 200, 400]) setTimeout(() => this.ping(), wait_ms);
+    document.addEventListener("visibilitychange", () => {
+      if (document.hidden) { haptics.silence(); handlers.hidden?.(); }
+      this.received_ms = performance.now();
+      this.watch();
+    });
+    addEventListener("pagehide", () => { haptics.silence(); handlers.hidden?.(); });
+  }
+
+  /** Note that an image is on the screen. @param {ImageHeader} header */
+  noteDrawn(header) {
+    this.drawn += 1;
+    this.onDrawn(header);
+    const age_ms = this.clock.now_ms() - header.time_ms;
+    this.latency_ms = Number.isNaN(this.latency_ms) ? age_ms : this.latency_ms + 0.1 * (age_ms - this.latency_ms);
+  }
+
+  /** Return what makes the view unreliable at present, or null. @returns {Problem | null} */
+  problem() {
+    if (!this.isOpen) return { title: "Connection lost", detail: "The server does not respond; this view is out of date.", isCut: true };
+    if (this.ended) return { title: "The run has ended", detail: this.ended, isCut: true };
+    if (!this.header || !this.hello) return null;
+    const silent_ms = performance.now() - this.received_ms;
+    if (silent_ms > 200 + 2 * this.hello.stale_ms) return { title: "No data received", detail: `Nothing from the loop for ${(silent_ms / 1000).toFixed(1)} s.`, isCut: true };
+    return perceptionProblem(this.header, this.hello);
+  }
+
+  ping() { this.send({ type: "ping", time_ms: performance.now() }); }
+  watch() { this.send({ type: "watch", images: !document.hidden }); }
+}

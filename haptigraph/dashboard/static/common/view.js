@@ -1,0 +1,154 @@
+/** The eye as the surgeon sees it, overlaid with the detected shapes and the regions in which relations hold. */
+
+import { checkbox } from "./dom.js";
+import { circle, zoneOf } from "./zones.js";
+
+/** @type {Record<Overlay, string>} */ const OVERLAYS = { needle: "Instrument", cone: "Cone", zone: "Zones", target: "Target" };
+const LINE = "#8fb4d3";
+
+export class View {
+  /** Which overlays are drawn. @type {Partial<Record<Overlay, boolean>>} */ overlays = {};
+  /** @type {Hello | null} */ hello = null;
+  /** @type {ImageHeader | null} */ header = null;
+  /** @type {ImageBitmap | null} */ picture = null;
+  /** @type {{ relation: string, kind: "cone" | "zone", outline: Vec[] }[]} */ zones = [];
+  /** @type {Map<string, string>} */ colors = new Map();
+  /** The newest message that arrived while another was being decoded. @type {[ImageHeader, Picture] | null} */ waiting = null;
+  isDecoding = false; half_mm = 1;
+  /** Called with the header of every image that was drawn. @type {(header: ImageHeader) => void} */ onDrawn = () => {};
+
+  /** @param {HTMLCanvasElement} canvas @param {HTMLElement | null} fieldset for the switches of the overlays; null: no switches */
+  constructor(canvas, fieldset) {
+    this.canvas = canvas;
+    this.context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d", { alpha: false }));
+    for (const name of /** @type {Overlay[]} */ (fieldset ? Object.keys(OVERLAYS) : [])) {
+      fieldset?.append(checkbox(OVERLAYS[name], true, (isOn) => { this.overlays[name] = isOn; this.draw(); }, `overlay-${name}`));
+    }
+    new ResizeObserver(() => this.fit()).observe(canvas);
+  }
+
+  /** Show another run. @param {Hello | null} hello null: show nothing */
+  begin(hello) {
+    const { anatomy = {}, procedure: { relations, states } = { relations: [], states: [] } } = hello ?? {};
+    this.hello = hello;
+    this.half_mm = hello?.view.half_mm ?? 1;
+    this.zones = relations.flatMap((relation) => {
+      const zone = zoneOf(relation, anatomy);
+      return zone ? { ...zone, relation: String([relation.subject, relation.predicate, relation.object]) } : [];
+    });
+    this.colors = new Map(states.map((state) => [state.name, state.color]));
+    this.picture = this.header = null;
+    this.draw();
+  }
+
+  /** Show an image; of those that arrive during decoding, only the newest. @param {ImageHeader} header @param {Picture} picture */
+  async show(header, picture) {
+    if (this.isDecoding) { this.waiting = [header, picture]; return; }
+    this.isDecoding = true;
+    try {
+      if (picture) {
+        const bitmap = picture instanceof ImageBitmap ? picture : await createImageBitmap(new Blob([picture], { type: "image/jpeg" }));
+        this.picture?.close();
+        this.picture = bitmap;
+      }
+      this.header = header;
+      this.canvas.classList.toggle("lost", !picture);
+      this.draw();
+      this.onDrawn(header);
+    } finally {
+      this.isDecoding = false;
+      const next = this.waiting;
+      this.waiting = null;
+      if (next) this.show(...next);
+    }
+  }
+
+  /** Choose the overlays where there are no switches. @param {Overlay[]} names */
+  choose(names) { this.overlays = Object.fromEntries(names.map((name) => [name, true])); this.draw(); }
+
+  fit() {
+    const ratio = devicePixelRatio || 1;
+    const side = Math.round(Math.min(this.canvas.clientWidth, this.canvas.clientHeight) * ratio);
+    if (side > 0 && side !== this.canvas.width) { this.canvas.width = this.canvas.height = side; this.draw(); }
+  }
+
+  /** Convert mm of the eye frame to canvas pixels. @param {Vec} place @returns {Vec} */
+  toCanvas([x, y]) {
+    const scale = this.canvas.width / (2 * this.half_mm);
+    return [(x + this.half_mm) * scale, (this.half_mm - y) * scale];
+  }
+
+  /** Line widths and symbols grow with the canvas. */
+  get unit() { return Math.max(1, this.canvas.width / 560); }
+
+  draw() {
+    const { context: c, canvas: { width }, hello, header } = this;
+    c.fillStyle = "#000";
+    c.fillRect(0, 0, width, width);
+    if (!hello) return;
+    if (this.picture) c.drawImage(this.picture, 0, 0, width, width);
+    const held = new Set((header?.edges ?? []).map(String)), color = this.colors.get(header?.state ?? "") ?? LINE;
+    for (const { kind, outline, relation } of this.zones) if (this.overlays[kind]) this.drawZone(outline, held.has(relation), color);
+    if (this.overlays.target) this.drawTargets(hello);
+    if (this.overlays.needle && header) this.drawShapes(Object.values(header.found), color);
+  }
+
+  drawZone(/** @type {Vec[]} */ outline, /** @type {boolean} */ holds, /** @type {string} */ color) {
+    const c = this.context;
+    this.path(outline, true);
+    c.globalAlpha = holds ? 0.2 : 0.04;
+    c.fillStyle = holds ? color : LINE;
+    c.fill();
+    c.globalAlpha = holds ? 1 : 0.6;
+    c.setLineDash(holds ? [] : [5 * this.unit, 5 * this.unit]);
+    this.stroke(holds ? color : LINE, holds ? 2 : 1, holds ? 2 : 1.2);
+    c.setLineDash([]);
+    c.globalAlpha = 1;
+  }
+
+  drawTargets(/** @type {Hello} */ { anatomy, procedure }) {
+    const targets = procedure.entities.filter((e) => e.geometry === "point" && e.group === "anatomy" && e.name !== "trocar");
+    const c = this.context, arm = 11 * this.unit;
+    for (const { name } of targets) {
+      const shape = anatomy[name];
+      if (shape?.type !== "point") continue;
+      const [x, y] = this.toCanvas(shape.at_mm);
+      c.beginPath();
+      for (const [dx, dy] of [[1, 0], [-1, 0], [0, 1], [0, -1]]) {
+        c.moveTo(x + dx * arm * 0.4, y + dy * arm * 0.4);
+        c.lineTo(x + dx * arm, y + dy * arm);
+      }
+      this.stroke("#fff", 2);
+    }
+  }
+
+  drawShapes(/** @type {Shape[]} */ shapes, /** @type {string} */ color) {
+    const c = this.context;
+    for (const shape of shapes) {
+      if (shape.type === "segment") { this.path([shape.start_mm, shape.end_mm], false); this.stroke(color, 2.5); }
+      if (shape.type === "circle") { this.path(circle(shape.center_mm, shape.radius_mm), true); this.stroke(color, 2.5); }
+      if (shape.type === "polyline") { this.path(shape.points_mm, false); this.stroke(color, 2.5); }
+    }
+    for (const shape of shapes) {
+      if (shape.type !== "point") continue;
+      c.beginPath();
+      c.arc(...this.toCanvas(shape.at_mm), 6 * this.unit, 0, 2 * Math.PI);
+      this.stroke(color, 2.5);
+    }
+  }
+
+  path(/** @type {Vec[]} */ points, /** @type {boolean} */ isClosed) {
+    const c = this.context;
+    c.beginPath();
+    points.forEach((point, number) => (number ? c.lineTo(...this.toCanvas(point)) : c.moveTo(...this.toCanvas(point))));
+    if (isClosed) c.closePath();
+  }
+
+  /** Stroke a line with a dark edge, so that it is visible on any background. @param {string} color @param {number} width */
+  stroke(color, width, edge = 3) {
+    const c = this.context;
+    c.lineCap = "round";
+    c.strokeStyle = "#000a"; c.lineWidth = (width + edge) * this.unit; c.stroke();
+    c.strokeStyle = color; c.lineWidth = width * this.unit; c.stroke();
+  }
+}

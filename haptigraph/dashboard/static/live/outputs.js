@@ -1,0 +1,63 @@
+/** A page's outputs of haptic feedback: the controller, and as substitutes a border around the page and a tone. */
+
+import { checkbox } from "../common/dom.js";
+import { Rumble } from "./rumble.js";
+
+/** A border around the page, as opaque as the level is strong. */
+class ScreenBorder {
+  isOn = false;
+
+  enable(/** @type {boolean} */ isOn) { this.isOn = isOn; if (!isOn) this.show(0); }
+
+  play(/** @type {HapticLevel} */ level) { if (this.isOn) this.show(level.amplitude); }
+
+  show(/** @type {number} */ amplitude) {
+    const main = /** @type {HTMLElement} */ (document.querySelector("main")), { classList, style } = document.body;
+    classList.toggle("vibrating", amplitude > 0);
+    style.setProperty("--amplitude", String(amplitude));
+    style.setProperty("--border", getComputedStyle(main).getPropertyValue("--state"));
+  }
+}
+
+/** A tone, an octave above the vibration so that small loudspeakers can play it. */
+class Tone {
+  isOn = false;
+  /** @type {AudioContext | null} */ audio = null;
+  /** @type {GainNode} */ gain;
+  /** @type {OscillatorNode} */ voice;
+
+  /** Switch on or off; browsers play sound only after a click. @param {boolean} isOn */
+  enable(isOn) {
+    this.isOn = isOn;
+    if (isOn) (this.audio ??= this.build()).resume();
+    else if (this.audio) this.gain.gain.setTargetAtTime(0, this.audio.currentTime, 0.005);
+  }
+
+  build() {
+    const audio = new AudioContext();
+    this.gain = new GainNode(audio, { gain: 0 });
+    this.voice = new OscillatorNode(audio, { type: "triangle" });
+    this.voice.connect(this.gain).connect(audio.destination);
+    this.voice.start();
+    return audio;
+  }
+
+  play(/** @type {HapticLevel} */ level) {
+    if (!this.isOn || !this.audio) return;
+    const now = this.audio.currentTime;
+    if (level.amplitude) this.voice.frequency.setTargetAtTime(2 * level.frequency_hz, now, 0.002);
+    this.gain.gain.setTargetAtTime(0.4 * level.amplitude, now, 0.005);
+  }
+}
+
+/** Let a page play haptic feedback, with a switch for each output.
+ *  @param {import("../common/haptics.js").Haptics} haptics @param {import("./gamepad.js").Controller} controller @param {HTMLElement} fieldset */
+export function addOutputs(haptics, controller, fieldset) {
+  const rumble = new Rumble(() => controller.pad()), border = new ScreenBorder(), tone = new Tone();
+  for (const output of [rumble, border, tone]) haptics.add(output);
+  fieldset.append(
+    checkbox("controller", true, (isOn) => rumble.enable(isOn), "touch-controller"),
+    checkbox("screen", false, (isOn) => border.enable(isOn), "touch-screen"),
+    checkbox("sound", false, (isOn) => tone.enable(isOn)),
+  );
+}

@@ -1,0 +1,28 @@
+/** The elements that scripts find by id, by their type; `tests/dashboard/server/test_static.py` compares them with the HTML. */
+
+type PageElements =
+  & Record<"about" | "amplitude" | "answered" | "axes" | "banner" | "because" | "buttons" | "clock" | "clutch" |
+    "consequence" | "detail" | "doing" | "empty" | "events" | "exists-title" | "fault" | "feels" | "folder" |
+    "hand" | "health" | "help" | "holder" | "idle" | "instead" | "items" | "jaws" | "lanes" | "list" | "monitor"
+    | "name" | "no-picture" | "note" | "notes" | "now" | "pad" | "participant" | "picture-panel" | "places" |
+    "plan" | "problem" | "procedure" | "question" | "questionnaire-intro" | "questionnaire-source" |
+    "questionnaire-title" | "ready" | "roster" | "run" | "scale-value" | "simulated" | "source" | "stage" |
+    "state" | "station" | "steering" | "steps" | "switches" | "text" | "text-body" | "text-title" | "title" |
+    "tools" | "trial" | "trial-condition" | "trial-status" | "trial-text" | "trial-title" | "trocars" |
+    "verdict" | "wait" | "wait-title" | "waiting" | "way" | "who" | "work", HTMLElement>
+  & Record<"abort" | "add" | "begin" | "cancel" | "closer" | "compare" | "confirm" | "csv" | "find" | "finish" |
+    "hold" | "leave" | "load" | "map" | "note-save" | "play" | "png" | "redo" | "refresh" | "repeat" | "restore"
+    | "save-button" | "standard" | "stop" | "text-done" | "undo" | "whole" | "wider" | "withdraw",
+    HTMLButtonElement>
+  & Record<"loupe" | "timeline" | "traces" | "view", HTMLCanvasElement>
+  & Record<"ask" | "exists" | "mapping", HTMLDialogElement>
+  & Record<"anatomy" | "outputs" | "overlays" | "phases", HTMLFieldSetElement>
+  & Record<"enrol" | "note-form" | "open" | "questionnaire" | "save", HTMLFormElement>
+  & Record<"image", HTMLImageElement>
+  & Record<"diameter" | "filter" | "mirrored" | "path" | "picture" | "pseudonym" | "scale" | "source-input" |
+    "together" | "tremor", HTMLInputElement>
+  & Record<"done" | "progress", HTMLProgressElement>
+  & Record<"other" | "which", HTMLSelectElement>
+  & Record<"actions" | "measures" | "measures-head" | "rows" | "runs", HTMLTableSectionElement>
+  & Record<"note-text" | "reason", HTMLTextAreaElement>
+  & Record<"diagram" | "graph" | "icon" | "overlay", SVGSVGElement>;

@@ -1,0 +1,33 @@
+/** Types that modules of the pages share, beside the messages. */
+
+/** What makes a view unreliable; `isCut`: the page itself receives nothing. */
+interface Problem { title: string, detail: string, isCut: boolean }
+type Overlay = "needle" | "cone" | "zone" | "target";
+/** A JPEG, or an image that is decoded already. */
+type Picture = Uint8Array<ArrayBuffer> | ImageBitmap | null;
+/** A node of the scene graph on the page. */
+interface NodePosition { x: number, y: number, isLeft: boolean }
+/** A curve over time: a measure, the bounds that decide by it, and its scale. */
+interface Strip {
+  measure: string, label: string, unit: string, digits: number, bounds: number[], min: number, max: number, band: number,
+}
+interface StripBox { strip: Strip, top: number, height: number }
+/** The values of a curve within one column of pixels. */
+interface PixelColumn { x: number, isStart: boolean, first: number, min: number, max: number, last: number }
+type RecordedRun = import("../recordings/run.js").Run<RecordedContent>;
+type ComparedRun = import("../recordings/run.js").Run<ComparisonContent>;
+/** A step to jump to, with the icon of a state or a mark. */
+interface RunEvent { number: number, kind: "state" | "fault" | "difference", text: string, state?: StateDescription, mark?: string }
+
+/** What a controller can do: by moving an axis, or pressing a button. */
+type Action = "along" | "across" | "clutch" | "fine" | "filter" | "open" | "close";
+interface ActionInfo { label: string, kind: "axis" | "button", needsJaws?: boolean }
+/** An axis with a sign, or a button. */
+interface ControllerInput { index: number, sign?: number }
+type Mapping = Record<Action, ControllerInput>;
+interface PadValues { axes: number[], buttons: number[] }
+type KeyMap = Record<string, [axis: "along" | "across" | "apart" | "clutch", value: number]>;
+
+interface TrocarRow { item: HTMLLIElement, radio: HTMLInputElement, text: HTMLInputElement, remove: HTMLButtonElement }
+/** A questionnaire of a participant. */
+interface Place { participant: string, key: string }
