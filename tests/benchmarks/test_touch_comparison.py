@@ -97,4 +97,4 @@ def test_variations_change_what_they_say():
     who = draw_participant(1, 2)
     assert VARIATIONS[0](who) == who
     assert all(variation(who) != who for variation in VARIATIONS[1:])
-    assert VARIATIONS[1](who).misjudgement_deg == 4 * who.misjudgement_deg
+    assert VARIATIONS[1](who).visual_bias_sd_deg == 4 * who.visual_bias_sd_deg
