@@ -4,87 +4,22 @@ Simulates one row per trial, and tests each measure. A trial depends on its own 
 simulated anywhere and in any order.
 """
 
-import math
 from collections.abc import Callable, Iterable, Sequence
 from itertools import combinations, pairwise
 
 import numpy as np
 from msgspec import Struct
+from statsmodels.stats.multitest import multipletests
 
 from haptigraph.analysis.metrics.run import RunMeasures
+from haptigraph.analysis.study.statistics.effects import matched_rank_biserial
+from haptigraph.analysis.study.statistics.rank_tests import RankTest, signed_rank
 from haptigraph.config import Config, SourceConfig
-from haptigraph.errors import MissingExtra
 from haptigraph.messages import Step
 from haptigraph.recording.writer import Progress
 from haptigraph.study.simulated.ground_truth import GROUND_TRUTH
 from haptigraph.study.simulated.participant import Participant, draw_participant
 from haptigraph.study.simulated.rehearsal import SHIPPED, Condition, Rehearsal, draw_scenario
-
-EXACT_UP_TO = 50  # pairs without ties, for which SciPy tabulates the distribution
-ALL_SIGNS_UP_TO = 16  # pairs with ties: all 2 ** 16 sign patterns are enumerated
-
-
-class SignedRank(Struct, frozen=True):
-    """One Wilcoxon signed-rank test, two-sided (Wilcoxon 1945)."""
-
-    pairs: int
-    zeros: int
-    """Number of pairs without a difference, which are dropped (Wilcoxon 1945)."""
-    statistic: float
-    """The smaller rank sum; nan if no pair differs."""
-    p: float
-    """1 if no pair differs."""
-    variant: str
-    """The method of computing p."""
-    mean_difference: float
-    """Second minus first."""
-    effect: float
-    """Matched-pairs rank-biserial correlation (Kerby 2014), from -1 to 1."""
-
-
-def signed_rank(first: Sequence[float], second: Sequence[float]) -> SignedRank:
-    """Compare two paired samples.
-
-    Args:
-        first: Values under one condition, (n,).
-        second: Those of the same participants under another.
-
-    Raises:
-        MissingExtra: If SciPy is not installed.
-    """
-    try:
-        from scipy import stats
-    except ImportError:
-        raise MissingExtra("the comparison's statistics", "analysis") from None
-    difference = np.round(np.subtract(second, first, dtype=np.float64), 9)  # so that ties survive rounding
-    nonzero = difference[difference != 0]
-    mean = float(difference.mean())
-    zeros = len(difference) - len(nonzero)
-    if not len(nonzero):
-        return SignedRank(len(difference), zeros, math.nan, 1.0, "no pair differs", mean, 0.0)
-    ranks = stats.rankdata(np.abs(nonzero))
-    effect = float((ranks * np.sign(nonzero)).sum() / ranks.sum())
-    has_ties = len(np.unique(np.abs(nonzero))) < len(nonzero)
-    if not has_ties and len(nonzero) <= EXACT_UP_TO:
-        result, variant = stats.wilcoxon(nonzero, method="exact"), "exact"
-    elif len(nonzero) <= ALL_SIGNS_UP_TO:
-        every = stats.PermutationMethod(n_resamples=np.inf)
-        result, variant = stats.wilcoxon(nonzero, method=every), "exact over all signs, mid-ranks"
-    else:
-        result = stats.wilcoxon(nonzero, method="asymptotic", correction=True)
-        variant = "normal, mid-ranks, continuity corrected"
-    return SignedRank(
-        len(difference), zeros, float(result.statistic), float(result.pvalue), variant, mean, effect
-    )
-
-
-def holm(p_values: Sequence[float]) -> list[float]:
-    """Return p-values corrected for multiple testing (Holm 1979, Scand. J. Stat. 6), in the same order."""
-    adjusted, largest = [0.0] * len(p_values), 0.0
-    for rank, index in enumerate(np.argsort(p_values, kind="stable")):
-        largest = max(largest, min(1.0, (len(p_values) - rank) * p_values[index]))
-        adjusted[int(index)] = largest
-    return adjusted
 
 
 class TouchTrial(Struct, frozen=True):
@@ -132,7 +67,11 @@ class PairedTest(Struct, frozen=True):
     measure: str
     first: str
     second: str
-    result: SignedRank
+    result: RankTest
+    mean_difference: float
+    """Second minus first."""
+    effect: float
+    """Matched-pairs rank-biserial correlation."""
     holm_p: float
     """p corrected over the comparisons of the same measure."""
 
@@ -257,23 +196,18 @@ def participant_values(rows: Iterable[TouchTrial], measure: str, condition: str)
 
 
 def paired_tests(rows: Sequence[TouchTrial]) -> list[PairedTest]:
-    """Test every pair of conditions by every measure.
-
-    Raises:
-        MissingExtra: If SciPy is not installed.
-    """
+    """Test every pair of conditions by every measure."""
     names = list(dict.fromkeys(row.condition for row in rows))
     tests = []
     for measure in MEASURES:
         is_haptic = measure in HAPTIC_MEASURES
         pairs = [pair for pair in combinations(names, 2) if not (is_haptic and "no touch" in pair)]
-        results = [
-            signed_rank(*(participant_values(rows, measure, condition) for condition in pair))
-            for pair in pairs
-        ]
-        corrected = holm([result.p for result in results])
-        tests += [
-            PairedTest(measure, *pair, result, p)
-            for pair, result, p in zip(pairs, results, corrected, strict=True)
-        ]
+        values = {name: participant_values(rows, measure, name) for name in names}
+        # Time stamps have 9 decimals, so differences are tied if they agree in these.
+        pairwise_differences = [np.round(np.subtract(values[b], values[a]), 9) for a, b in pairs]
+        results = [signed_rank(np.zeros(len(each)), each) for each in pairwise_differences]
+        corrected = multipletests([result.p for result in results], method="holm")[1]
+        for pair, each, result, p in zip(pairs, pairwise_differences, results, corrected, strict=True):
+            mean, effect = float(each.mean()), float(matched_rank_biserial(each))
+            tests.append(PairedTest(measure, *pair, result, mean, effect, float(p)))
     return tests

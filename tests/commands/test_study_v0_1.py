@@ -77,7 +77,7 @@ def test_a_simulation_is_resumed(study, tmp_path):
     with closing(sqlite3.connect(study / "study.db")) as store:
         store.execute("DELETE FROM stages WHERE participant = 'S02' AND stage = 'thanks'")
         store.commit()
-    assert "was begun as 'simulated participant: seed 1, perceiver known" in refused_simulation(study)
+    assert "was started as 'simulated participant: seed 1, perceiver known" in refused_simulation(study)
     resumed = succeed("simulate", study, "--perceiver", "known")
     assert "2 SIMULATED participants, 1 of them now: 3 trials" in resumed.output
     assert "--perceiver: 'known' is now called 'ground-truth'" in resumed.stderr
@@ -128,6 +128,4 @@ def test_a_sweep_with_other_settings_is_not_resumed(study, tmp_path):
     out = shutil.copytree(V0_1 / "sweep", tmp_path / "sweep")
     file = study / "study.toml"
     file.write_text(file.read_text().replace("timeout_s = 3", "timeout_s = 2.5"))
-    assert (
-        "was begun otherwise: protocol_sha256 was 0b81bc" in call("study", "sweep", study, "-o", out).stderr
-    )
+    assert "has other settings: protocol_sha256 was 0b81bc" in call("study", "sweep", study, "-o", out).stderr

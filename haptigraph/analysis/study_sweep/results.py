@@ -53,9 +53,9 @@ class SweepResults:
         if changed and not (CHECKABLE.issuperset(changed) and self._reproduces(simulate)):
             self.close()
             change = f"{changed[0]} was {stored[changed[0]]}, is {about[changed[0]]} now"
-            raise BadInput(f"was begun otherwise: {change}; continue as it was begun, or elsewhere", path)
+            raise BadInput(f"has other settings: {change}; use the same settings, or another folder", path)
         if changed:
-            problem = f"{' and '.join(changed)} changed since the sweep was begun"
+            problem = f"{' and '.join(changed)} changed since the sweep was started"
             text = f"{path}: {problem}; continued, as {REPRODUCED} participants give the same trials"
             warnings.warn(text, stacklevel=2)
             with self._file:
@@ -101,13 +101,8 @@ def _is_same(one: Rows, other: Rows) -> bool:
     """Compare trials; numbers may differ by rounding on another machine, and the version does not count."""
     if [row.keys() for row in one] != [row.keys() for row in other]:
         return False
-    values = (
-        (a, row[name])
-        for each, row in zip(one, other, strict=True)
-        for name, a in each.items()
-        if name != "software"
-    )
+    pairs = [(a[name], b[name]) for a, b in zip(one, other, strict=True) for name in a if name != "software"]
     return all(
         math.isclose(a, b, rel_tol=1e-6) if isinstance(a, float) and isinstance(b, float) else a == b
-        for a, b in values
+        for a, b in pairs
     )

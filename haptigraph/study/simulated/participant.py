@@ -163,17 +163,12 @@ TRAITS: dict[str, Trait] = {
 }  # fmt: skip
 """All traits of a participant, in the order in which they are drawn."""
 OLD_TRAITS = {
-    "touch_delay_s": "reaction_time_s",
-    "busy_delay_s": "dual_task_delay_s",
-    "glance_deviation_deg": "glance_sd_deg",
-    "misjudgement_deg": "visual_bias_sd_deg",
-    "distance_share": "distance_sd_share",
-    "motor_share": "motor_sd_share",
-    "direction_deg": "direction_sd_deg",
-    "faintest": "absolute_threshold",
-    "strength_share": "weber_fraction",
-    "notices_share": "attention_probability",
-}
+    "touch_delay_s": "reaction_time_s", "busy_delay_s": "dual_task_delay_s",
+    "glance_deviation_deg": "glance_sd_deg", "misjudgement_deg": "visual_bias_sd_deg",
+    "distance_share": "distance_sd_share", "motor_share": "motor_sd_share",
+    "direction_deg": "direction_sd_deg", "faintest": "absolute_threshold",
+    "strength_share": "weber_fraction", "notices_share": "attention_probability",
+}  # fmt: skip
 """Today's names of traits by those of earlier versions, which are still read."""
 
 

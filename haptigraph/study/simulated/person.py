@@ -11,13 +11,12 @@ from bisect import bisect_right
 
 import numpy as np
 from msgspec import Struct
-from numpy.typing import NDArray
 
 from haptigraph.geometry import Vec, subtract
 from haptigraph.sim.robot.operator import Tremor
 from haptigraph.study.simulated.haptic_perception import NO_PERCEPT, TRAIN_S, HapticPerception, Percept
 from haptigraph.study.simulated.participant import Participant
-from haptigraph.study.simulated.posterior import ANGLES_DEG, AnglePosterior, visual_angle_deg
+from haptigraph.study.simulated.posterior import ANGLES_DEG, AnglePosterior, FloatArray, visual_angle_deg
 
 __all__ = ["Motion", "SimulatedPerson"]
 
@@ -79,7 +78,7 @@ class SimulatedPerson:
     """
 
     def __init__(
-        self, participant: Participant, trained: NDArray[np.float64], axis_mm: float, seed: tuple[int, ...]
+        self, participant: Participant, trained: FloatArray, axis_mm: float, seed: tuple[int, ...]
     ) -> None:
         self.participant = participant
         self._vision, self._haptics, self._hand = (np.random.default_rng((*seed, part)) for part in range(3))
@@ -157,10 +156,9 @@ class SimulatedPerson:
             return _rest(time_s, PAUSE_S)
         theta_deg = self._posterior.most_probable_deg()
         remaining_mm = self._axis_mm * math.cos(math.radians(theta_deg)) - self._depth_mm
+        remaining_mm *= 1 + traits.distance_sd_share * float(distance_noise)
         only_turns = percept.cue == "guidance"
-        advance_mm = (
-            0.0 if only_turns else remaining_mm * (1 + traits.distance_sd_share * float(distance_noise))
-        )
+        advance_mm = 0.0 if only_turns else remaining_mm
         return self._towards(time_s, advance_mm, -theta_deg, only_turns=only_turns, noise=motor_noise)
 
     def _withdrawal(self, time_s: float) -> _Submovement:
@@ -199,13 +197,7 @@ class SimulatedPerson:
         self._posterior.add_haptic_cue(percept.amplitude * factor, expected, weber_fraction)
 
     def _towards(
-        self,
-        time_s: float,
-        advance_mm: float,
-        turn_deg: float,
-        *,
-        only_turns: bool,
-        noise: NDArray[np.float64],
+        self, time_s: float, advance_mm: float, turn_deg: float, *, only_turns: bool, noise: FloatArray
     ) -> _Submovement:
         """Plan the first submovement of a straight path to the target, plus the immediate alignment."""
         traits = self.participant

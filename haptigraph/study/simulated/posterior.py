@@ -7,7 +7,7 @@ Fuses noisy visual and haptic cues into a maximum a posteriori angle. People wei
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ANGLES_DEG", "AnglePosterior", "visual_angle_deg"]
+__all__ = ["ANGLES_DEG", "AnglePosterior", "FloatArray", "visual_angle_deg"]
 
 FloatArray = NDArray[np.float64]
 

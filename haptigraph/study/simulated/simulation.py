@@ -118,9 +118,9 @@ def _check(protocol: Protocol, count: int) -> None:
 
 
 def _check_notes(study: Study, spec: SimulationSpec) -> None:
-    """Refuse to continue a simulation that was begun with other settings."""
+    """Refuse to continue a simulation that was started with other settings."""
     first = (EVENTS.c.study == study.name) & (EVENTS.c.number == 1)
     for row in study.store.rows(select(EVENTS.c.text).where(first)):
         if row["text"] not in spec.notes:
-            problem = f"was begun as {row['text']!r}, not as {spec.notes[0]!r}; continue it with the former"
+            problem = f"was started as {row['text']!r}, not as {spec.notes[0]!r}; continue it with the former"
             raise BadInput(f"{problem}, or simulate a copy", f"study {study.name}")

@@ -117,7 +117,7 @@ def test_results_of_different_sweeps_are_not_mixed(quick, tmp_path):
     path, sweep = tmp_path / "results.db", Sweep(quick, 1, 1)
     with results_of(sweep, path) as results:
         results.add("as drawn", 0, [{"a": 0.1}])
-    with pytest.raises(BadInput, match="was begun otherwise: seed was 1, is 2 now"):
+    with pytest.raises(BadInput, match="has other settings: seed was 1, is 2 now"):
         run_sweep(Sweep(quick, 1, 2), tmp_path)
     with results_of(sweep, path) as results:
         assert results.stored() == {("as drawn", 0)}
@@ -130,13 +130,13 @@ def test_a_sweep_of_another_version_or_wording_is_resumed_if_its_trials_are_repr
     with results_of(sweep, path) as results:
         results.add("as drawn", 0, [{**row, "software": "0.0.9"} for row in rows])
     reworded = replace(quick, parts={**quick.parts, "procedure subretinal_injection": "reworded"})
-    with pytest.warns(UserWarning, match="protocol_sha256 changed since the sweep was begun; continued"):
+    with pytest.warns(UserWarning, match="protocol_sha256 changed since the sweep was started; continued"):
         assert run_sweep(replace(sweep, protocol=reworded), tmp_path)[1] == 0
     assert run_sweep(replace(sweep, protocol=reworded), tmp_path)[1] == 0  # without a warning
     for changed in ({**rows[0], "path_mm": rows[0]["path_mm"] * 1.001}, {**rows[0], "other": 1}):
         with results_of(replace(sweep, protocol=reworded), path) as results:
             results.add("as drawn", 0, [changed, *rows[1:]])
-        with pytest.raises(BadInput, match="was begun otherwise: protocol_sha256 was "):
+        with pytest.raises(BadInput, match="has other settings: protocol_sha256 was "):
             run_sweep(sweep, tmp_path)
 
 

@@ -161,7 +161,7 @@ def test_a_study_with_people_is_not_simulated(folder):
 
 def test_a_simulation_is_resumed_with_the_same_settings_only(reference, monkeypatch):
     spec, file = reference[0], Path(reference[0].folder) / "study.toml"
-    with pytest.raises(BadInput, match=r"was begun as '.*seed 1.*', not as '.*seed 2"):
+    with pytest.raises(BadInput, match=r"was started as '.*seed 1.*', not as '.*seed 2"):
         simulate(replace(spec, seed=2), 3)
     file.write_text(QUICK + "# an afterthought\n")
     with pytest.raises(BadInput, match="was changed since"):
