@@ -3,7 +3,6 @@
 import signal
 import subprocess
 import sys
-import time
 from contextlib import closing
 from multiprocessing import active_children
 from pathlib import Path
@@ -92,22 +91,27 @@ def test_another_seed_gives_other_recordings_which_are_marked_as_simulated(refer
         replay(folder / min(others))
 
 
-SIMULATING = """
-import sys
-from haptigraph.study.simulated.player import SimulationSpec
-from haptigraph.study.simulated.simulation import simulate
-if __name__ == "__main__":
-    simulate(SimulationSpec(sys.argv[1], sys.argv[1] + "/study.db", 1), 2)
+KILLED = """
+import os, signal, sys
+from haptigraph.study.simulated import player, simulation
+
+
+def recorder_of(rehearsal, path, started, real=player.recorder_of):
+    recorder = real(rehearsal, path, started)
+    if "S02" in path:
+        recorder.write = lambda capture, step: os.kill(os.getpid(), signal.SIGKILL)
+    return recorder
+
+
+player.recorder_of = recorder_of
+simulation.simulate(player.SimulationSpec(sys.argv[1], sys.argv[1] + "/study.db", 1), 2)
 """
 
 
 def test_a_killed_simulation_is_resumed_with_the_same_results(reference, folder, tmp_path):
-    killed, second = spec_of(folder), folder / "recordings" / "S02"
-    with subprocess.Popen([sys.executable, "-c", SIMULATING, killed.folder]) as process:
-        while not (second.is_dir() and any(second.iterdir())):
-            assert process.poll() is None
-            time.sleep(0.01)
-        process.send_signal(signal.SIGKILL)
+    killed = spec_of(folder)
+    done = subprocess.run([sys.executable, "-c", KILLED, killed.folder])
+    assert done.returncode == -signal.SIGKILL
     with closing(Store(killed.store)) as store:
         begun = [tuple(row.values()) for row in store.rows(select(TRIALS.c.participant, TRIALS.c.outcome))]
     assert len([each for each in begun if each[0] == "S01"]) == 3
