@@ -1,8 +1,8 @@
-"""How fast and how exact a perceiver of B-scans is, on simulated ones with known truth.
+"""Speed and accuracy of a B-scan perceiver on simulated scans with ground truth.
 
 `python benchmarks/bscan.py speed`: time per image of 512 x 512, one thread. `sweep [N] [--figure FILE]`:
-errors of ILM, RPE, shaft and tip over N random scenes per setting of noise, tilt, shadows, tip and defects.
-`--perceiver segmentation` looks at that one instead of `bscan`.
+errors of ILM, RPE, shaft and tip over N random scenes per setting of noise, tilt, shadows, tip and artefacts.
+`--perceiver segmentation` selects that perceiver instead of `bscan`.
 """
 
 import argparse
@@ -28,14 +28,11 @@ from haptigraph.sim.oct.scenes import BscanScene, random_scene
 from haptigraph.stages import Perceiver
 
 IMAGES, PASSES, SEED = 60, 5, 3
-PUBLISHED_MS = 5.4  # the fastest needle tracker in iOCT on a CPU that we know of
-MARGIN_PX, BAND_PX = (
-    4,
-    16,
-)  # surfaces nearer to the image's border, or with less of the RPE in it, do not count
-SHORTEST_PX = 40  # of a shaft whose angle counts
+PUBLISHED_MS = 5.4  # the fastest published needle tracker in iOCT on a CPU that we know of
+MARGIN_PX, BAND_PX = 4, 16  # surfaces closer to the image's border, or with less of the RPE, are excluded
+MIN_SHAFT_PX = 40  # shorter shafts are excluded
 LIMITS = {"ilm_px": (1.5, 4.0), "rpe_px": (1.5, 4.0), "angle_deg": (None, 0.5), "tip_px": (3.0, None)}
-"""Median and 95th percentile that are asked for."""
+"""Required median and 95th percentile."""
 SETTINGS: dict[str, dict[str, dict[str, Any]]] = {
     "signal": {f"{db:+d} dB": {"signal_db": float(db)} for db in (3, 0, -3, -6)},
     "tilt": {f"{deg} deg": {"tilt_deg": float(deg)} for deg in (0, 6, 12)},
@@ -55,8 +52,8 @@ SETTINGS: dict[str, dict[str, dict[str, Any]]] = {
 }
 
 
-class Prepared(NamedTuple):
-    """One random B-scan, ready to be looked at."""
+class Sample(NamedTuple):
+    """One random B-scan with its perceiver and ground truth."""
 
     perceive: Perceiver
     registration: Registered
@@ -64,8 +61,8 @@ class Prepared(NamedTuple):
     truth: BscanTruth
 
 
-def prepared(scene: BscanScene, perceiver: type) -> Prepared:
-    """Take a scene's B-scan."""
+def prepare(scene: BscanScene, perceiver: type) -> Sample:
+    """Acquire a scene's B-scan."""
     scan, settings = scene.take(), scene.scan
     text = (
         f"format = 1\n[image]\nwidth = {settings.width_px}\nheight = {settings.height_px}\n[scale]\n"
@@ -74,23 +71,23 @@ def prepared(scene: BscanScene, perceiver: type) -> Prepared:
     registration = parse_registration(text, "scene")
     assert isinstance(registration, ScanRegistration)  # noqa: S101 - for the type checker
     perceive = perceiver(registration, PerceptionConfig())
-    return Prepared(perceive, registration, Capture(0, 0, scan.image), scan.truth)
+    return Sample(perceive, registration, Capture(0, 0, scan.image), scan.truth)
 
 
 def speed(perceiver: type) -> None:
-    """Print how long one image takes."""
-    looks = [prepared(random_scene(number, SEED), perceiver) for number in range(IMAGES)]
+    """Print the time per image."""
+    samples = [prepare(random_scene(number, SEED), perceiver) for number in range(IMAGES)]
     took_ms: dict[str, list[float]] = {"wall": [], "CPU": []}
     for turn in range(PASSES + 1):
-        for look in looks:
-            begun_ns = time.perf_counter_ns(), time.thread_time_ns()
-            look.perceive(look.capture)
-            ended_ns = time.perf_counter_ns(), time.thread_time_ns()
+        for sample in samples:
+            start_ns = time.perf_counter_ns(), time.thread_time_ns()
+            sample.perceive(sample.capture)
+            end_ns = time.perf_counter_ns(), time.thread_time_ns()
             if turn:  # the first pass warms up
-                for name, begun, ended in zip(took_ms, begun_ns, ended_ns, strict=True):
-                    took_ms[name].append((ended - begun) / 1e6)
+                for name, start, end in zip(took_ms, start_ns, end_ns, strict=True):
+                    took_ms[name].append((end - start) / 1e6)
     print(f"{perceiver.__name__}, {PASSES} x {IMAGES} B-scans of 512 x 512 px, one thread")
-    for name, times_ms in took_ms.items():  # they differ where others keep the machine busy
+    for name, times_ms in took_ms.items():  # they differ on a busy machine
         p50, p95, p99 = np.percentile(times_ms, (50, 95, 99))
         print(
             f"{name:5} p50 {p50:.2f} ms   p95 {p95:.2f} ms   p99 {p99:.2f} ms   (published: {PUBLISHED_MS})"
@@ -98,11 +95,7 @@ def speed(perceiver: type) -> None:
 
 
 class Errors:
-    """Errors of one setting, pooled over its scenes.
-
-    Args:
-        perceiver: Whose.
-    """
+    """Errors of a perceiver under one setting, pooled over its scenes."""
 
     def __init__(self, perceiver: type) -> None:
         self._perceiver = perceiver
@@ -111,51 +104,51 @@ class Errors:
         self.count: dict[str, int] = defaultdict(int)
 
     def add(self, scene: BscanScene) -> None:
-        """Look at one more scene."""
-        look = prepared(scene, self._perceiver)
-        seen, truth = look.perceive(look.capture), look.truth
-        self._add_surface("ilm", look, seen, truth.ilm_px, truth.ilm_lit)
-        self._add_surface("rpe", look, seen, truth.rpe_px, truth.rpe_lit)
-        self._add_needle(look, seen)
+        """Add the errors of one scene."""
+        sample = prepare(scene, self._perceiver)
+        observation, truth = sample.perceive(sample.capture), sample.truth
+        self._add_surface("ilm", sample, observation, truth.ilm_px, truth.ilm_lit)
+        self._add_surface("rpe", sample, observation, truth.rpe_px, truth.rpe_lit)
+        self._add_needle(sample, observation)
 
     def _add_surface(
         self,
         name: str,
-        look: Prepared,
-        seen: Observation,
+        sample: Sample,
+        observation: Observation,
         rows: NDArray[np.float64],
         lit: NDArray[np.bool_],
     ) -> None:
-        """Compare a surface with the truth, column by column, where it was seen itself."""
-        image, line = look.registration.image, seen.found.get(name)
-        lowest = look.registration.height_px - (BAND_PX if name == "rpe" else MARGIN_PX)
-        counts = lit & (rows > MARGIN_PX) & (rows < lowest)
-        self.count[f"{name} shown"] += int(counts.sum())
+        """Compare a surface with the truth, column by column, where it was detected, not interpolated."""
+        image, line = sample.registration.image, observation.found.get(name)
+        lowest = sample.registration.height_px - (BAND_PX if name == "rpe" else MARGIN_PX)
+        included = lit & (rows > MARGIN_PX) & (rows < lowest)
+        self.count[f"{name} visible"] += int(included.sum())
         if not isinstance(line, Polyline):
             return
         x, y = np.array([image.to_px(place) for place in line.points_mm]).T
         columns = np.arange(max(math.ceil(x[0]), 0), min(math.floor(x[-1]), len(rows) - 1) + 1)
-        for part in seen.interpolated.get(name, ()):
+        for part in observation.interpolated.get(name, ()):
             left, right = (image.to_px((end, 0.0))[0] for end in part)
             columns = columns[(columns <= left) | (columns >= right)]
         self.count[f"{name} false"] += int((~lit[columns]).sum())
-        columns = columns[counts[columns]]
-        self.count[f"{name} seen"] += len(columns)
+        columns = columns[included[columns]]
+        self.count[f"{name} detected"] += len(columns)
         self.of[f"{name}_px"] += np.abs(np.interp(columns, x, y) - rows[columns]).tolist()
 
-    def _add_needle(self, look: Prepared, seen: Observation) -> None:
-        needle, line = look.truth.needle, seen.found.get("needle_line")
+    def _add_needle(self, sample: Sample, observation: Observation) -> None:
+        needle, line = sample.truth.needle, observation.found.get("needle_line")
         if needle is None:
             self.count["needle false"] += line is not None
             return
-        if needle.tip_px[1] < SHORTEST_PX:
+        if needle.tip_px[1] < MIN_SHAFT_PX:
             return
-        self.count["needle shown"] += 1
-        tip = seen.found.get("needle_tip")
+        self.count["needle visible"] += 1
+        tip = observation.found.get("needle_tip")
         if not isinstance(line, Segment) or not isinstance(tip, Point):
             return
-        self.count["needle seen"] += 1
-        (x, y), (tip_x, tip_y) = (look.registration.image.to_px(at) for at in (line.start_mm, tip.at_mm))
+        self.count["needle detected"] += 1
+        (x, y), (tip_x, tip_y) = (sample.registration.image.to_px(at) for at in (line.start_mm, tip.at_mm))
         self.of["tip_px"].append(math.dist((tip_x, tip_y), needle.tip_px))
         self.of["angle_deg"].append(abs(math.degrees(math.atan2(tip_y - y, tip_x - x)) - needle.angle_deg))
 
@@ -165,16 +158,15 @@ class Errors:
         return float(np.median(values)), float(np.percentile(values, 95))
 
     def share(self, name: str) -> float:
-        """Return how much of what could be seen was seen."""
-        return self.count[f"{name} seen"] / max(self.count[f"{name} shown"], 1)
+        """Return the detected share of what was visible."""
+        return self.count[f"{name} detected"] / max(self.count[f"{name} visible"], 1)
 
 
 def sweep(perceiver: type, scenes: int, figure: str | None) -> None:
-    """Print errors by setting, median and 95th percentile."""
+    """Print median and 95th percentile of the errors by setting."""
     results: dict[tuple[str, str], Errors] = {}
-    print(
-        f"{'':24}{'ILM [px]':>14}{'RPE [px]':>14}{'angle [deg]':>16}{'tip [px]':>14}   seen: ILM, RPE, needle"
-    )
+    header = f"{'ILM [px]':>14}{'RPE [px]':>14}{'angle [deg]':>16}{'tip [px]':>14}"
+    print(f"{'':24}{header}   detected: ILM, RPE, needle")
     for group, settings in SETTINGS.items():
         for number, (name, fixed) in enumerate(settings.items()):
             errors = results[group, name] = Errors(perceiver)
@@ -196,12 +188,12 @@ def sweep(perceiver: type, scenes: int, figure: str | None) -> None:
 def _print_row(name: str, errors: Errors) -> None:
     cells = [errors.spread(key) for key in LIMITS]
     text = "".join(f"{median:8.2f} {p95:6.2f}" for median, p95 in cells)
-    seen = ", ".join(f"{100 * errors.share(what):.0f} %" for what in ("ilm", "rpe", "needle"))
-    print(f"{name:24}{text}   {seen}")
+    detected = ", ".join(f"{100 * errors.share(what):.0f} %" for what in ("ilm", "rpe", "needle"))
+    print(f"{name:24}{text}   {detected}")
 
 
 def draw(results: dict[tuple[str, str], Errors], pooled: Errors, perceiver: str, output: str) -> None:
-    """Draw median and 95th percentile of every setting, with what is asked for."""
+    """Draw median and 95th percentile of every setting, with the requirements."""
     from matplotlib.figure import Figure
 
     titles = {"ilm_px": "ILM [px]", "rpe_px": "RPE [px]", "angle_deg": "shaft [deg]", "tip_px": "tip [px]"}
@@ -222,7 +214,7 @@ def draw(results: dict[tuple[str, str], Errors], pooled: Errors, perceiver: str,
         axes.spines[["top", "right"]].set_visible(False)
     axes.invert_yaxis()
     axes.legend(loc="lower right", fontsize=8)
-    sheet.suptitle(f"{perceiver} on simulated B-scans; red: what is asked of median (full) and 95 % (dashed)")
+    sheet.suptitle(f"{perceiver} on simulated B-scans; red: required median (solid) and 95 % (dashed)")
     sheet.savefig(output, dpi=100)
 
 
@@ -233,14 +225,14 @@ def main() -> None:
     parser.add_argument("scenes", nargs="?", type=int, default=24)
     parser.add_argument("--figure")
     parser.add_argument("--perceiver", choices=("bscan", "segmentation"), default="bscan")
-    asked = parser.parse_args()
-    module, _, name = assemble.PERCEIVERS[asked.perceiver].partition(":")
+    options = parser.parse_args()
+    module, _, name = assemble.PERCEIVERS[options.perceiver].partition(":")
     perceiver = getattr(import_module(module), name)
     cv2.setNumThreads(1)
-    if asked.what == "speed":
+    if options.what == "speed":
         speed(perceiver)
     else:
-        sweep(perceiver, asked.scenes, asked.figure)
+        sweep(perceiver, options.scenes, options.figure)
 
 
 if __name__ == "__main__":

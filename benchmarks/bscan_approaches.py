@@ -1,10 +1,9 @@
-"""Does the alarm come before the RPE is reached? Simulated approaches that go too far, at clinical speed.
+"""Lead time of the alarm before the tip reaches the RPE, in simulated approaches at clinical speed.
 
 `python benchmarks/bscan_approaches.py [N] [--images M] [--figure FILE]`. Every approach has its own retina,
-needle angle, breath and heartbeat, and goes on at one speed until the tip is at the RPE. M of them are
-played with images and the perceiver. What it got wrong there, images without an answer included, is drawn at
-random for the N others, which need no images: each takes the errors of one of the M. All go through the
-pipeline of any run.
+needle angle, breathing and heartbeat, and constant speed until the tip is at the RPE. M approaches are
+simulated with images and the perceiver. The N others need no images: each resamples the errors of one of the
+M, missed detections included. All run through the actual pipeline.
 """
 
 import argparse
@@ -26,21 +25,21 @@ from haptigraph.sim.oct.retina import Retina, Surfaces
 from haptigraph.sim.oct.scenes import random_scene
 from haptigraph.sim.robot.operator import Tremor
 
-SPEED_MM_S = 0.4  # along the shaft: the most that the published controller of Arikan et al. 2025 allows
+SPEED_MM_S = 0.4  # along the shaft: the maximum of the published controller of Arikan et al. 2025
 RATE_HZ = 25.0
-ABOVE_MM = 0.15  # the ILM: there an approach begins
-BELOW_RPE_MM = 0.25  # of tissue and dark are in the scan at least
+ABOVE_MM = 0.15  # start of an approach above the ILM
+BELOW_RPE_MM = 0.25  # minimum depth of the scan below the RPE
 ALARM = "near_rpe"
 SUBRETINAL_SHARE, TARGET_SHARE = 0.9, 0.6
 SEED = 11
 
 Error = tuple[float, float] | None
-"""What an image got wrong: the tip's height above RPE and above ILM [mm]; None: no needle, or no RPE."""
-ALIKE = 8  # errors are drawn from so many images in which the tip was about as high above the RPE
+"""Errors of the tip's height above RPE and above ILM [mm]; None: needle, ILM or RPE was not detected."""
+NEIGHBOURS = 8  # errors are drawn from this number of images with the most similar height above the RPE
 
 
 class Moment(NamedTuple):
-    """One image of an approach, as it really is."""
+    """Ground truth of one image of an approach."""
 
     number: int
     tip_mm: Vec
@@ -51,20 +50,16 @@ class Moment(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """One approach."""
+    """The result of one approach."""
 
     lead_ms: float
-    """From the alarm until the tip is at the RPE; minus infinity: the alarm did not come before."""
+    """From the alarm until the tip is at the RPE; minus infinity: no alarm before that."""
     left_um: float
-    """How far above the RPE the tip really was at the alarm."""
+    """True height of the tip above the RPE at the alarm."""
 
 
 class Approach:
-    """One approach.
-
-    Args:
-        number: Draws everything about it.
-    """
+    """One approach; its number is the seed of all parameters."""
 
     def __init__(self, number: int) -> None:
         self.scene = scene = random_scene(number, SEED, place="inside")
@@ -85,7 +80,7 @@ class Approach:
         self._thickness_mm = shape.thickness_mm
 
     def moments(self) -> Iterator[Moment]:
-        """Yield image by image, until the tip is at the RPE; that one is the last."""
+        """Yield image by image, up to the one in which the tip is at the RPE."""
         angle = math.radians(self.scene.angle_deg)
         direction = math.cos(angle), -math.sin(angle)
         x, y = self.scene.tip_x_mm, self._retina.rest_mm(self.scene.tip_x_mm)
@@ -93,10 +88,10 @@ class Approach:
         while above_rpe_mm > 0:
             time_s = number / RATE_HZ
             along_mm, across_mm = self._tremor.at(time_s)
-            way_mm = SPEED_MM_S * time_s - ABOVE_MM / math.sin(angle) + along_mm
+            travel_mm = SPEED_MM_S * time_s - ABOVE_MM / math.sin(angle) + along_mm
             tip_mm = (
-                x + way_mm * direction[0] - across_mm * direction[1],
-                y + way_mm * direction[1] + across_mm * direction[0],
+                x + travel_mm * direction[0] - across_mm * direction[1],
+                y + travel_mm * direction[1] + across_mm * direction[0],
             )
             surfaces = self._retina.advance(time_s, 1 / RATE_HZ if number else 0.0, tip_mm)
             above_rpe_mm, above_ilm_mm = (
@@ -107,7 +102,7 @@ class Approach:
 
 
 def play(approach: Approach, step: Callable[[Moment], Step]) -> Outcome:
-    """Play an approach through a pipeline."""
+    """Run an approach through a pipeline."""
     alarm: Moment | None = None
     last = None
     for moment in approach.moments():
@@ -123,7 +118,7 @@ def play(approach: Approach, step: Callable[[Moment], Step]) -> Outcome:
 
 
 def chosen(first: int, count: int) -> list[int]:
-    """Return numbers of approaches whose scans show what is below the tip: as a surgeon sets them."""
+    """Return numbers of approaches whose scans include the tissue below the tip, as on a well-set OCT."""
     numbers: list[int] = []
     number = first
     while len(numbers) < count:
@@ -138,7 +133,7 @@ def chosen(first: int, count: int) -> list[int]:
 
 
 def with_images(number: int) -> tuple[Outcome, list[tuple[float, Error]]]:
-    """Play an approach with images; return too how high the tip was in each and what was wrong with it."""
+    """Simulate an approach with images; return the outcome, and the tip's height and error in each image."""
     approach = Approach(number)
     scene, errors = approach.scene, []
     camera = BscanCamera(scene.scan, scene.appearance, scene.needle, scene.seed)
@@ -153,9 +148,9 @@ def with_images(number: int) -> tuple[Outcome, list[tuple[float, Error]]]:
     return play(approach, step), errors
 
 
-def error_of(seen: Observation, moment: Moment) -> Error:
-    """Return what an image got wrong."""
-    tip, ilm, rpe = (seen.found.get(name) for name in ("needle_tip", "ilm", "rpe"))
+def error_of(observation: Observation, moment: Moment) -> Error:
+    """Return the errors in an image."""
+    tip, ilm, rpe = (observation.found.get(name) for name in ("needle_tip", "ilm", "rpe"))
     if not isinstance(tip, Point) or not isinstance(ilm, Polyline) or not isinstance(rpe, Polyline):
         return None
     x, y = tip.at_mm
@@ -166,14 +161,14 @@ def error_of(seen: Observation, moment: Moment) -> Error:
 
 
 def without_images(number: int, errors: list[tuple[float, Error]]) -> Outcome:
-    """Play an approach with the truth, made wrong by errors drawn at random."""
+    """Simulate an approach with the ground truth and randomly drawn errors."""
     approach, rng = Approach(number), np.random.default_rng((SEED, 7, number))
     current: list[Observation] = []
     run = pipeline(approach, lambda capture: current[-1])
 
     def step(moment: Moment) -> Step:
-        alike = sorted(errors, key=lambda one: abs(one[0] - moment.above_rpe_mm))[:ALIKE]
-        _, error = alike[int(rng.integers(len(alike)))]
+        nearest = sorted(errors, key=lambda one: abs(one[0] - moment.above_rpe_mm))[:NEIGHBOURS]
+        _, error = nearest[int(rng.integers(len(nearest)))]
         current.append(observation(approach, moment, error))
         return run.step(Capture(moment.number, stamp_ns(moment), np.zeros((1, 1), np.uint8)))
 
@@ -181,7 +176,7 @@ def without_images(number: int, errors: list[tuple[float, Error]]) -> Outcome:
 
 
 def observation(approach: Approach, moment: Moment, error: Error) -> Observation:
-    """Return what a perceiver reports that is wrong by an error."""
+    """Return the observation of a perceiver with an error."""
     if error is None:
         return Observation(stamp_ns(moment))
     x, ilm, rpe = approach.x_mm[::8], moment.surfaces.ilm_mm[::8], moment.surfaces.rpe_mm[::8]
@@ -203,7 +198,7 @@ def observation(approach: Approach, moment: Moment, error: Error) -> Observation
 
 
 def stamp_ns(moment: Moment) -> int:
-    """Return when an image is taken."""
+    """Return the time stamp of an image."""
     return round(moment.number * 1e9 / RATE_HZ)
 
 
@@ -222,29 +217,30 @@ def pipeline(approach: Approach, perceive: Callable[[Capture], Observation] | No
 
 
 class Stub:
-    """A perceiver that is told what to say."""
+    """A perceiver that calls a function."""
 
-    def __init__(self, says: Callable[[Capture], Observation]) -> None:
-        self._says = says
+    def __init__(self, perceive: Callable[[Capture], Observation]) -> None:
+        self._perceive = perceive
 
     def __call__(self, capture: Capture) -> Observation:
-        """Say it."""
-        return self._says(capture)
+        """Return the function's observation."""
+        return self._perceive(capture)
 
     def reset(self) -> None:
         """Do nothing."""
 
 
-def tell(name: str, outcomes: list[Outcome]) -> None:
-    """Print how often the alarm came in time, and by how much."""
+def print_outcomes(name: str, outcomes: list[Outcome]) -> None:
+    """Print how often the alarm came in time, and the distribution of its lead."""
     leads = np.array([outcome.lead_ms for outcome in outcomes])
     left = np.array([outcome.left_um for outcome in outcomes if outcome.lead_ms > 0])
     in_time = int((leads > 0).sum())
     print(f"{name}: alarm before the RPE in {in_time} of {len(outcomes)}")
     if in_time:
         ms, um = (np.percentile(values, (0, 1, 5, 50, 95)) for values in (leads[leads > 0], left))
-        print("  lead [ms]      least {:.0f}  1 % {:.0f}  5 % {:.0f}  median {:.0f}  95 % {:.0f}".format(*ms))
-        print("  left [um]      least {:.0f}  1 % {:.0f}  5 % {:.0f}  median {:.0f}  95 % {:.0f}".format(*um))
+        for label, values in (("lead [ms]", ms), ("left [um]", um)):
+            text = "min {:.0f}  1 % {:.0f}  5 % {:.0f}  median {:.0f}  95 % {:.0f}".format(*values)
+            print(f"  {label}      {text}")
 
 
 def draw(outcomes: list[Outcome], output: str) -> None:
@@ -257,7 +253,7 @@ def draw(outcomes: list[Outcome], output: str) -> None:
     lead.hist([outcome.lead_ms for outcome in outcomes], 40, color="#20507a")
     lead.set(xlabel="alarm before the tip is at the RPE [ms]", ylabel="approaches", xlim=(0, None))
     left.hist([outcome.left_um for outcome in outcomes], 40, color="#20507a")
-    left.set(xlabel="true way left at the alarm [um]", xlim=(0, None))
+    left.set(xlabel="true distance left at the alarm [um]", xlim=(0, None))
     for axes in (lead, left):
         axes.spines[["top", "right"]].set_visible(False)
     sheet.suptitle(
@@ -267,28 +263,28 @@ def draw(outcomes: list[Outcome], output: str) -> None:
 
 
 def main() -> None:
-    """Play, print and draw."""
+    """Simulate, print and draw."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("approaches", nargs="?", type=int, default=1000)
     parser.add_argument("--images", type=int, default=40)
     parser.add_argument("--figure")
-    asked = parser.parse_args()
+    options = parser.parse_args()
     cv2.setNumThreads(1)
-    numbers = chosen(0, asked.images + asked.approaches)
-    played = [with_images(number) for number in numbers[: asked.images]]
-    tell(f"with images ({asked.images})", [outcome for outcome, _ in played])
-    errors = [errors for _, errors in played]
+    numbers = chosen(0, options.images + options.approaches)
+    simulated = [with_images(number) for number in numbers[: options.images]]
+    print_outcomes(f"with images ({options.images})", [outcome for outcome, _ in simulated])
+    errors = [errors for _, errors in simulated]
     missed = [error is None for each in errors for _, error in each]
-    off_um = 1e3 * np.array([error[0] for each in errors for _, error in each if error])
-    spread = f"median {np.median(off_um):+.0f}, 95 % within {np.percentile(np.abs(off_um), 95):.0f}"
-    print(f"  error above the RPE [um]: {spread}; no answer in {100 * np.mean(missed):.1f} % of images")
+    error_um = 1e3 * np.array([error[0] for each in errors for _, error in each if error])
+    spread = f"median {np.median(error_um):+.0f}, 95 % within {np.percentile(np.abs(error_um), 95):.0f}"
+    print(f"  error above the RPE [um]: {spread}; not detected in {100 * np.mean(missed):.1f} % of images")
     rng = np.random.default_rng(SEED)
     outcomes = [
-        without_images(number, errors[int(rng.integers(len(errors)))]) for number in numbers[asked.images :]
+        without_images(number, errors[int(rng.integers(len(errors)))]) for number in numbers[options.images :]
     ]
-    tell(f"with such errors, without images ({asked.approaches})", outcomes)
-    if asked.figure:
-        draw(outcomes, asked.figure)
+    print_outcomes(f"with these errors, without images ({options.approaches})", outcomes)
+    if options.figure:
+        draw(outcomes, options.figure)
 
 
 if __name__ == "__main__":

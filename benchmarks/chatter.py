@@ -1,8 +1,7 @@
-"""How often states flicker at thresholds, with and without release and hold, and whether alarms come later.
+"""State changes at thresholds with and without release and hold, and the resulting delay of alarms.
 
-First the noise of the tracker is measured anew, on a needle that is held still in simulated images; then a
-needle rests for a minute on each threshold, and is pushed into the retina off the target 200 times.
-`--figure FILE` draws it instead.
+Measures the tracker's noise on a static needle in simulated images. Then a needle rests for a minute at each
+threshold, and is pushed into the retina beside the target 200 times. `--figure FILE` draws a figure instead.
 """
 
 import math
@@ -32,7 +31,7 @@ CONTACT = "retinal_contact"
 
 
 class Noise(NamedTuple):
-    """Deviation of what perception says, per image."""
+    """Standard deviation of perception, per image."""
 
     tip_mm: float
     """Of the tip, in each of two directions."""
@@ -41,11 +40,11 @@ class Noise(NamedTuple):
 
 
 NOISE = Noise(tip_mm=0.0065, theta_deg=0.04)
-"""The most that was measured of the tracker at any depth: `benchmarks/chatter.py` measures it anew."""
+"""The maximum of the tracker at any depth, as measured by this benchmark."""
 
 
 class Needle(NamedTuple):
-    """Where the needle is."""
+    """The pose of a needle."""
 
     depth_mm: float
     """From the trocar to the tip."""
@@ -56,19 +55,19 @@ class Needle(NamedTuple):
 def observe(
     anatomy: dict[str, Geometry], needles: Iterable[Needle], noise: Noise, seed: int
 ) -> Iterator[Observation]:
-    """Yield what perception says of a needle, image by image, 30 a second.
+    """Yield noisy observations of a needle at 30 images per second.
 
     Args:
-        anatomy: What a registration knows.
-        needles: Where the needle is in each image.
-        noise: Added to it.
+        anatomy: The registered anatomy.
+        needles: The pose of the needle in each image.
+        noise: Added to the pose.
         seed: Of the noise.
     """
     rng = np.random.default_rng(seed)
     for number, needle in enumerate(needles):
         x, y = _tip_mm(anatomy, needle)
-        off_x, off_y, turn = rng.standard_normal(3) * (noise.tip_mm, noise.tip_mm, noise.theta_deg)
-        tip_mm = float(x + off_x), float(y + off_y)
+        error_x, error_y, turn = rng.standard_normal(3) * (noise.tip_mm, noise.tip_mm, noise.theta_deg)
+        tip_mm = float(x + error_x), float(y + error_y)
         along = rotate(_axis(anatomy), needle.theta_deg + float(turn))
         entry_mm = tip_mm[0] - 10.0 * along[0], tip_mm[1] - 10.0 * along[1]
         found = {**anatomy, "needle_tip": Point(tip_mm), "needle_line": Segment(entry_mm, tip_mm)}
@@ -81,12 +80,12 @@ def conclude(procedure: Procedure, observations: Iterable[Observation]) -> list[
     return [reason(build_scene(observation)).state for observation in observations]
 
 
-def resting_places(anatomy: dict[str, Geometry], procedure: Procedure) -> dict[str, Needle]:
-    """Return a needle that rests on each threshold of the paper's procedure, by what it rests on."""
-    side = 4.0  # degrees: well off the target, but over the retina
+def resting_needles(anatomy: dict[str, Geometry], procedure: Procedure) -> dict[str, Needle]:
+    """Return a needle at each threshold of the paper's procedure, by the name of the threshold."""
+    side = 4.0  # degrees: clearly beside the target, but over the retina
 
-    def found(measure: str, value: float, theta_deg: float, low_mm: float, high_mm: float) -> Needle:
-        """Push the needle in until a measure has a value that lies between those at both depths."""
+    def needle_at(measure: str, value: float, theta_deg: float, low_mm: float, high_mm: float) -> Needle:
+        """Find by bisection the depth between two depths at which a measure has a value."""
         build_scene = SchemaSceneBuilder(procedure.schema)
 
         def measured(depth_mm: float) -> SceneGraph:
@@ -101,18 +100,18 @@ def resting_places(anatomy: dict[str, Geometry], procedure: Procedure) -> dict[s
         return Needle(low_mm, theta_deg)
 
     grazing_deg = math.degrees(math.asin(0.7 / 22.0))
-    touching = found("distance_to_retina_mm", 0.3, grazing_deg, 15.0, 25.0)
+    touching = needle_at("distance_to_retina_mm", 0.3, grazing_deg, 15.0, 25.0)
     return {
-        "wall 0 mm": found("wall_mm", 0.0, side, 0.0, 3.0),
+        "wall 0 mm": needle_at("wall_mm", 0.0, side, 0.0, 3.0),
         "theta 1.7 deg": Needle(10.0, 1.7),
-        "retina 5.5 mm": found("distance_to_retina_mm", 5.5, side, 10.0, 20.0),
-        "retina 0.7 mm": found("distance_to_retina_mm", 0.7, side, 15.0, 22.0),
+        "retina 5.5 mm": needle_at("distance_to_retina_mm", 5.5, side, 10.0, 20.0),
+        "retina 0.7 mm": needle_at("distance_to_retina_mm", 0.7, side, 15.0, 22.0),
         "axis 0.7 mm": Needle(touching.depth_mm, math.degrees(math.asin(0.7 / touching.depth_mm))),
     }
 
 
 def approaches(count: int, seed: int) -> Iterator[list[Needle]]:
-    """Yield needles that are pushed from 12 mm to beyond the retina, off the target, 1 to 20 mm/s."""
+    """Yield needles that are pushed from 12 mm to beyond the retina, beside the target, at 1 to 20 mm/s."""
     rng = np.random.default_rng(seed)
     for _ in range(count):
         theta_deg = float(rng.choice((-1.0, 1.0)) * rng.uniform(2.5, 12.0))
@@ -122,10 +121,10 @@ def approaches(count: int, seed: int) -> Iterator[list[Needle]]:
 
 
 def alarm_delays(plain: Procedure, steady: Procedure, observations: Sequence[Observation]) -> int:
-    """Return how many images later the alarm is raised under one procedure than under another.
+    """Return by how many images the alarm of one procedure is later than that of another.
 
     Raises:
-        ValueError: If one of them never raises it.
+        ValueError: If one of them raises no alarm.
     """
     return conclude(steady, observations).index(CONTACT) - conclude(plain, observations).index(CONTACT)
 
@@ -154,7 +153,7 @@ SHOWN_IMAGES = 150
 
 
 def anatomy() -> dict[str, Geometry]:
-    """Return what is registered of the simulated eye."""
+    """Return the registered anatomy of the simulated eye."""
     image = ImageGeometry(center_px=(640.0, 402.0), mm_per_px=1 / 20, mirrored=True)
     return parse_registration(registration_text(Eye(EyeShape()), image, 1280, 720), "the eye").anatomy
 
@@ -165,75 +164,75 @@ def changes(states: list[str]) -> int:
 
 
 def measured_noise() -> None:
-    """Print the tracker's noise beside what is simulated here."""
-    held = angle_noise(["tracker"], load_config(None, ("perception.alpha=1",)))
-    for title, told, unit_name, simulated in (
-        ("tip", [one.tip_noise_mm["tracker"] for one in held], "mm", NOISE.tip_mm),
-        ("angle", [one.noise_deg["tracker"] for one in held], "deg", NOISE.theta_deg),
+    """Print the tracker's noise and the simulated noise."""
+    static = angle_noise(["tracker"], load_config(None, ("perception.alpha=1",)))
+    for title, values, unit_name, simulated in (
+        ("tip", [one.tip_noise_mm["tracker"] for one in static], "mm", NOISE.tip_mm),
+        ("angle", [one.noise_deg["tracker"] for one in static], "deg", NOISE.theta_deg),
     ):
-        most = max(value for value in told if value is not None)
-        print(
-            f"deviation of the {title:6} at most {most:.4f} {unit_name} at any depth; simulated {simulated:g}"
-        )
+        maximum = max(value for value in values if value is not None)
+        print(f"SD of the {title:6} at most {maximum:.4f} {unit_name} at any depth; simulated {simulated:g}")
 
 
 def draw(plain: Procedure, steady: Procedure, path: str) -> None:
-    """Draw five seconds of a needle at rest on two of the thresholds."""
+    """Draw five seconds of a needle at rest at two of the thresholds."""
     eye = anatomy()
-    places = resting_places(eye, plain)
+    needles = resting_needles(eye, plain)
     figure = Figure(figsize=(9.0, 4.2), layout="constrained")
     columns = figure.subplots(3, len(SHOWN), sharex=True, height_ratios=(3, 0.55, 0.55))
     for number, (name, (measure, bound, release)) in enumerate(SHOWN.items()):
-        told, *strips = columns[:, number]
-        seen = list(observe(eye, [places[name]] * SHOWN_IMAGES, NOISE, seed=1))
-        seconds = [one.stamp_ns / 1e9 for one in seen]
-        told.plot(seconds, _measured(plain, seen, measure), ".-", color="#444", linewidth=0.6, markersize=3)
-        told.axhline(bound, color="#d03a3a", linewidth=1.2, label=f"threshold {bound:g}")
-        told.axhline(release, color="#d03a3a", linewidth=1.2, linestyle="--", label=f"release {release:g}")
-        told.set_title(f"{measure}, needle at rest", fontsize=10)
-        beside = (1.0, release + 0.25 * (bound - release))  # where the noise does not reach
-        told.legend(
-            fontsize=8, loc="center right", bbox_to_anchor=beside, bbox_transform=told.get_yaxis_transform()
+        top, *bands = columns[:, number]
+        observations = list(observe(eye, [needles[name]] * SHOWN_IMAGES, NOISE, seed=1))
+        seconds = [one.stamp_ns / 1e9 for one in observations]
+        values = _measured(plain, observations, measure)
+        top.plot(seconds, values, ".-", color="#444", linewidth=0.6, markersize=3)
+        top.axhline(bound, color="#d03a3a", linewidth=1.2, label=f"threshold {bound:g}")
+        top.axhline(release, color="#d03a3a", linewidth=1.2, linestyle="--", label=f"release {release:g}")
+        top.set_title(f"{measure}, needle at rest", fontsize=10)
+        anchor = (1.0, release + 0.25 * (bound - release))  # beyond the noise
+        top.legend(
+            fontsize=8, loc="center right", bbox_to_anchor=anchor, bbox_transform=top.get_yaxis_transform()
         )
-        for strip, procedure, title in zip(
-            strips, (plain, steady), ("as in the paper", "steadied"), strict=True
+        for band, procedure, title in zip(
+            bands, (plain, steady), ("as in the paper", "with hysteresis"), strict=True
         ):
-            states = conclude(procedure, seen)
+            states = conclude(procedure, observations)
             for at, state in zip(seconds, states, strict=True):
-                strip.axvspan(at, at + 1 / 30, color=state_color(state), linewidth=0)
-            strip.set_yticks([])
-            strip.set_title(f"{title}, changes of state: {changes(states)}", fontsize=9, loc="left")
-        strips[-1].set_xlabel("time [s]")
-        strips[-1].set_xlim(0, SHOWN_IMAGES / 30)
+                band.axvspan(at, at + 1 / 30, color=state_color(state), linewidth=0)
+            band.set_yticks([])
+            band.set_title(f"{title}, state changes: {changes(states)}", fontsize=9, loc="left")
+        bands[-1].set_xlabel("time [s]")
+        bands[-1].set_xlim(0, SHOWN_IMAGES / 30)
     figure.savefig(path, dpi=110)
 
 
-def _measured(procedure: Procedure, seen: list[Observation], measure: str) -> list[float]:
+def _measured(procedure: Procedure, observations: list[Observation], measure: str) -> list[float]:
     build_scene = SchemaSceneBuilder(procedure.schema)
-    return [build_scene(observation).measures[measure] for observation in seen]
+    return [build_scene(observation).measures[measure] for observation in observations]
 
 
 def main() -> None:
-    """Measure and print, and draw where that is asked."""
+    """Measure and print, or draw."""
     plain, steady = load_procedure("subretinal_injection"), load_procedure("subretinal_injection_steady")
     if "--figure" in sys.argv:
         draw(plain, steady, sys.argv[sys.argv.index("--figure") + 1])
         return
     measured_noise()
     eye = anatomy()
-    print(f"\n{'changes of state in a minute at':34}{'as in the paper':>16}{'steadied':>10}")
+    print(f"\n{'state changes in a minute at':34}{'as in the paper':>16}{'with hysteresis':>17}")
     sums = [0, 0]
-    for name, place in resting_places(eye, plain).items():
-        seen = list(observe(eye, [place] * IMAGES, NOISE, seed=1))
-        counts = [changes(conclude(procedure, seen)) for procedure in (plain, steady)]
+    for name, needle in resting_needles(eye, plain).items():
+        observations = list(observe(eye, [needle] * IMAGES, NOISE, seed=1))
+        counts = [changes(conclude(procedure, observations)) for procedure in (plain, steady)]
         sums = [before + count for before, count in zip(sums, counts, strict=True)]
-        print(f"  {name:32}{counts[0]:16}{counts[1]:10}")
-    print(f"  {'all':32}{sums[0]:16}{sums[1]:10}")
+        print(f"  {name:32}{counts[0]:16}{counts[1]:17}")
+    print(f"  {'all':32}{sums[0]:16}{sums[1]:17}")
     delays = [
         alarm_delays(plain, steady, list(observe(eye, needles, NOISE, seed)))
         for seed, needles in enumerate(approaches(APPROACHES, seed=0))
     ]
-    print(f"{APPROACHES} contacts: the alarm comes {min(delays)} to {max(delays)} images later when steadied")
+    delay = f"{min(delays)} to {max(delays)} images"
+    print(f"{APPROACHES} contacts: with hysteresis the alarm comes {delay} later")
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
-"""What inference costs per graph: the bit masks, the same rules over NetworkX, and in the rule engine CLIPS.
+"""Time of inference per graph: bit masks, the same rules on NetworkX graphs, and in the rule engine CLIPS.
 
-Measured on every possible graph of each shipped procedure, or of those whose names are given. All are first
-seen to agree on every one.
+Measured on every possible graph of each shipped procedure, or of the named ones, after checking that all
+engines agree on each graph.
 """
 
 import statistics
@@ -27,7 +27,7 @@ ROUNDS = 300
 
 
 class NetworkxRules:
-    """The rules asked of a NetworkX graph, one after the other."""
+    """The rules evaluated on a NetworkX graph, one after the other."""
 
     def __init__(self, procedure: Procedure) -> None:
         self.states = procedure.states
@@ -49,7 +49,7 @@ class NetworkxRules:
 
 
 class ClipsRules:
-    """The rules as CLIPS has them: salience is priority, the first that fires halts."""
+    """The rules in CLIPS: salience is priority, the first rule that fires halts."""
 
     def __init__(self, procedure: Procedure) -> None:
         self.clips = clips.Environment()
@@ -84,34 +84,34 @@ def _fact(names: Names) -> str:
 
 
 def measure(
-    name: str, graphs: Sequence[SceneGraph], deciders: Iterable[Callable[[SceneGraph], object]]
+    name: str, graphs: Sequence[SceneGraph], engines: Iterable[Callable[[SceneGraph], object]]
 ) -> None:
-    """Print median and 99th percentile over rounds of the time per graph; every round has its own decider."""
+    """Print median and 99th percentile over rounds of the time per graph; every round has its own engine."""
     rounds = []
-    for decide in deciders:
-        begun_ns = time.perf_counter_ns()
+    for decide in engines:
+        start_ns = time.perf_counter_ns()
         for graph in graphs:
             decide(graph)
-        rounds.append((time.perf_counter_ns() - begun_ns) / len(graphs) / 1e3)
+        rounds.append((time.perf_counter_ns() - start_ns) / len(graphs) / 1e3)
     high = statistics.quantiles(rounds, n=100)[98]
     print(f"  {name:42}{statistics.median(rounds):9.2f} us{high:11.2f} us")
 
 
 def compare(procedure: Procedure) -> None:
-    """See that all agree on every possible graph, then time them on it."""
+    """Check that all engines agree on every possible graph, then time them."""
     space = Space(procedure.schema)
     graphs = [space.graph(world) for world in {world.mask: world for world in space.worlds()}.values()]
     copies = {id(graph): graph.to_networkx() for graph in graphs}
     ours, over_networkx, over_clips = RuleEngine(procedure), NetworkxRules(procedure), ClipsRules(procedure)
     for graph in graphs:
-        ours.reset()  # the others hold no state
+        ours.reset()  # the others are stateless
         state = ours(graph).state
         if not state == over_networkx(copies[id(graph)]) == over_clips(graph):
             raise SystemExit(f"{procedure.name}: the engines do not agree on {graph}")
     holds = ", with release and hold" if any(state.hold_ms for state in procedure.states) else ""
     print(f"{procedure.name}, {len(graphs)} possible graphs{holds}\n{'p50 per graph':>57}{'p99':>14}")
-    measure("bit masks, sentence and evidence included", graphs, repeat(ours, ROUNDS))
-    measure("  each graph seen for the first time", graphs, [RuleEngine(procedure) for _ in range(ROUNDS)])
+    measure("bit masks, with sentence and evidence", graphs, repeat(ours, ROUNDS))
+    measure("  each graph for the first time", graphs, [RuleEngine(procedure) for _ in range(ROUNDS)])
 
     def prepared(graph: SceneGraph) -> str:
         return over_networkx(copies[id(graph)])
@@ -119,31 +119,31 @@ def compare(procedure: Procedure) -> None:
     def built(graph: SceneGraph) -> str:
         return over_networkx(graph.to_networkx())
 
-    measure("NetworkX, the graph built beforehand", graphs, repeat(prepared, ROUNDS))
-    measure("NetworkX, the graph built for it", graphs, repeat(built, ROUNDS))
-    # A new environment every round: CLIPS slows down as it goes on, eight times within 30,000 graphs.
+    measure("NetworkX, with prepared graphs", graphs, repeat(prepared, ROUNDS))
+    measure("NetworkX, including the graph's creation", graphs, repeat(built, ROUNDS))
+    # A new environment every round, as CLIPS slows down over time, by a factor of 8 within 30,000 graphs.
     measure(f"CLIPS (clipspy {clips.__version__})", graphs, (ClipsRules(procedure) for _ in range(ROUNDS)))
     for prover in ("exhaustive", "z3"):
-        begun = time.perf_counter()
+        start_s = time.perf_counter()
         proof = prove(procedure, prover)
-        print(f"  proved in {1e3 * (time.perf_counter() - begun):.0f} ms: {proof.method}")
+        print(f"  proved in {1e3 * (time.perf_counter() - start_s):.0f} ms: {proof.method}")
 
 
 def share_of_step(name: str) -> None:
-    """Print what reasoning takes of a whole step, on simulated images."""
+    """Print the share of inference in the time of a step, on simulated images."""
     _, pipeline, captures = load(name)
     durations = {stage: Durations() for stage in ("build_scene", "reason", "step")}
     for capture in captures * 3:
-        begun_ns = time.perf_counter_ns()
+        start_ns = time.perf_counter_ns()
         pipeline.step(capture)
-        durations["step"].add(time.perf_counter_ns() - begun_ns)
+        durations["step"].add(time.perf_counter_ns() - start_ns)
         for stage in ("build_scene", "reason"):
             durations[stage].add(pipeline.stage_ns[stage])
-    p50_us = {stage: 1e3 * some.percentile_ms(50) for stage, some in durations.items()}
+    p50_us = {stage: 1e3 * times.percentile_ms(50) for stage, times in durations.items()}
     share = 100 * p50_us["reason"] / p50_us["step"]
     print(
-        f"  in the loop: graph built in {p50_us['build_scene']:.0f} us, "
-        f"reasoned in {p50_us['reason']:.1f} us, {share:.2f} % of a step\n"
+        f"  in the loop: scene graph {p50_us['build_scene']:.0f} us, "
+        f"inference {p50_us['reason']:.1f} us, {share:.2f} % of a step\n"
     )
 
 

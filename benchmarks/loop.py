@@ -1,6 +1,6 @@
-"""How fast the loop is: steps/s and the time of every stage, one thread, images decoded beforehand.
+"""Speed of the loop: steps/s and the time of every stage, on one thread with images decoded beforehand.
 
-Runs on the labelled clip A_easy where it lies beside the checkout, and else on the simulated phantom.
+Uses the labelled clip A_easy if it exists beside the checkout, otherwise the simulated phantom.
 """
 
 import time
@@ -24,13 +24,13 @@ CLIP = Path(__file__).parents[2] / "shared" / "clips" / "A_easy"
 IMAGES = 300
 PASSES = 5
 SCENARIOS = {"membrane_peeling": "membrane_peeling", "subretinal_injection_ioct": "ioct_approach"}
-"""Of procedures that a clip of a needle in a camera's view does not show."""
+"""By procedure that the clip does not show."""
 
 STAGES = ("perceive", "build_scene", "reason", "render", "step")
 
 
 def load(procedure: str = "subretinal_injection") -> tuple[str, Pipeline, list[Capture]]:
-    """Return what is measured, on what."""
+    """Return the name of the source, a pipeline, and its captures."""
     if procedure in SCENARIOS:
         uri = f"phantom:{SCENARIOS[procedure]}"
     elif CLIP.is_dir():
@@ -55,7 +55,7 @@ def main() -> None:
     for capture in captures:
         pipeline.step(capture)  # warm up
     durations = {name: Durations() for name in STAGES}
-    begun_ns = time.perf_counter_ns()
+    start_ns = time.perf_counter_ns()
     for _ in range(PASSES):
         pipeline.reset()
         for capture in captures:
@@ -64,14 +64,14 @@ def main() -> None:
             durations["step"].add(time.perf_counter_ns() - step_ns)
             for name in STAGES[:-1]:
                 durations[name].add(pipeline.stage_ns[name])
-    seconds = (time.perf_counter_ns() - begun_ns) / 1e9
+    seconds = (time.perf_counter_ns() - start_ns) / 1e9
     count = PASSES * len(captures)
     print(f"{count} steps on {Path(uri).name if CLIP.is_dir() else uri}: {count / seconds:.0f} steps/s")
     print(f"{'stage':14}{'p50':>10}{'p99':>13}{'share':>9}")
-    whole_ms = durations["step"].percentile_ms(50)
+    total_ms = durations["step"].percentile_ms(50)
     for name in STAGES:
         p50, p99 = durations[name].percentile_ms(50), durations[name].percentile_ms(99)
-        print(f"{name:14}{p50:7.3f} ms{p99:10.3f} ms{100 * p50 / whole_ms:8.1f}%")
+        print(f"{name:14}{p50:7.3f} ms{p99:10.3f} ms{100 * p50 / total_ms:8.1f}%")
 
 
 if __name__ == "__main__":

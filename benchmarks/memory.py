@@ -1,4 +1,4 @@
-"""Whether the loop grows: resident memory over many steps of the looped simulator at full speed.
+"""Memory growth of the loop: resident memory over many steps of the looped simulator at full speed.
 
 Usage: python benchmarks/memory.py [STEPS]   (100,000 if not given; about an hour on two slow cores)
 """
@@ -14,7 +14,7 @@ PAGE = os.sysconf("SC_PAGE_SIZE")
 
 
 def resident_mb() -> float:
-    """Return the memory this process really holds [MB]."""
+    """Return the resident memory of this process [MB]."""
     return int(Path("/proc/self/statm").read_text().split()[1]) * PAGE / 1e6
 
 
@@ -27,11 +27,9 @@ def main() -> None:
     readings = {}
     for number, _ in enumerate(running, 1):
         if number % (steps // 10) == 0:
-            readings[100 * number // steps] = resident_mb()
-            print(
-                f"{100 * number // steps:4d} %  {number:7d} steps  {readings[100 * number // steps]:7.1f} MB",
-                flush=True,
-            )
+            percent = 100 * number // steps
+            readings[percent] = resident_mb()
+            print(f"{percent:4d} %  {number:7d} steps  {readings[percent]:7.1f} MB", flush=True)
         if number == steps:
             break
     running.close()

@@ -1,8 +1,8 @@
-"""How fast perception is, beside the paper's pipeline written plainly: one process, one thread, same images.
+"""Speed of perception compared with a plain OpenCV implementation of the paper's: one thread, equal images.
 
 Images come from the simulator, or from a labelled clip: `python benchmarks/perception.py CLIP_DIR`. First all
-contestants see each image before any sees the next, so that whatever slows the machine slows all of them.
-Then each sees all images by itself, as it does in a run, where nothing empties its caches in between.
+candidates process each image before the next one, so that other load affects all of them equally. Then each
+processes all images alone, as in a run, where its caches stay warm.
 """
 
 import sys
@@ -32,7 +32,7 @@ PLAIN = "plain OpenCV"
 
 
 class PlainOpenCV:
-    """The paper's pipeline (section II-B) on the full image, as one would write it first."""
+    """A straightforward implementation of the paper's pipeline (section II-B) on the full image."""
 
     def __init__(self, registration: Registration) -> None:
         image = registration.image
@@ -42,13 +42,13 @@ class PlainOpenCV:
         cv2.circle(self._mask, center, radius_px, 255, cv2.FILLED)
 
     def __call__(self, image: Image) -> object:
-        """Return the line through the largest dark blob inside the globe, as `cv2.fitLine` has it."""
+        """Return the line of `cv2.fitLine` through the largest dark blob inside the globe."""
         grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-        over = cv2.adaptiveThreshold(
+        dark = cv2.adaptiveThreshold(
             grey, 255, cv2.ADAPTIVE_THRESH_GAUSSIAN_C, cv2.THRESH_BINARY_INV, BLOCK_PX, OFFSET_GREY
         )
-        over = cv2.bitwise_and(over, self._mask)
-        contours, _ = cv2.findContours(over, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+        dark = cv2.bitwise_and(dark, self._mask)
+        contours, _ = cv2.findContours(dark, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
         if not contours:
             return None
         return cv2.fitLine(max(contours, key=cv2.contourArea), cv2.DIST_L2, 0, 0.01, 0.01)
@@ -68,8 +68,8 @@ def load(folder: Path | None) -> tuple[Registration, list[Capture]]:
     return registration, captures
 
 
-def contestants(registration: Registration) -> dict[str, Callable[[Capture], object]]:
-    """Return what is measured, by name, the plain pipeline first."""
+def candidates(registration: Registration) -> dict[str, Callable[[Capture], object]]:
+    """Return the measured functions by name, the plain pipeline first."""
     plain = PlainOpenCV(registration)
     procedure = assemble.load_procedure("subretinal_injection")
     pipelines = {
@@ -88,19 +88,19 @@ def contestants(registration: Registration) -> dict[str, Callable[[Capture], obj
 def timed(
     measured: dict[str, Callable[[Capture], object]], order: Callable[[], Iterable[tuple[str, Capture]]]
 ) -> dict[str, list[float]]:
-    """Return how long every contestant took for every image [ms]; the first pass warms up."""
+    """Return the times per candidate and image [ms]; the first pass warms up."""
     took_ms: dict[str, list[float]] = {name: [] for name in measured}
     for turn in range(PASSES + 1):
         for name, capture in order():
-            begun_ns = time.perf_counter_ns()
+            start_ns = time.perf_counter_ns()
             measured[name](capture)
             if turn:
-                took_ms[name].append((time.perf_counter_ns() - begun_ns) / 1e6)
+                took_ms[name].append((time.perf_counter_ns() - start_ns) / 1e6)
     return took_ms
 
 
-def tell(title: str, took_ms: dict[str, list[float]]) -> None:
-    """Print medians, tails, and the plain pipeline's median over them."""
+def print_times(title: str, took_ms: dict[str, list[float]]) -> None:
+    """Print percentiles, and the plain pipeline's median relative to them."""
     print(f"{title:20}{'p50':>9}{'p99':>12}{'plain p50 / p50':>20}{'plain p50 / p99':>18}")
     plain_ms = float(np.median(took_ms[PLAIN]))
     for name, times_ms in took_ms.items():
@@ -113,12 +113,11 @@ def main() -> None:
     cv2.setNumThreads(1)
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else None
     registration, captures = load(folder)
-    measured = contestants(registration)
+    measured = candidates(registration)
     print(f"{PASSES} x {len(captures)} images of {folder.name if folder else SIMULATED}, one thread")
-    tell(
-        "image by image", timed(measured, lambda: ((name, image) for image in captures for name in measured))
-    )
-    tell("each by itself", timed(measured, lambda: product(measured, captures)))
+    interleaved = timed(measured, lambda: ((name, image) for image in captures for name in measured))
+    print_times("interleaved", interleaved)
+    print_times("separately", timed(measured, lambda: product(measured, captures)))
 
 
 if __name__ == "__main__":

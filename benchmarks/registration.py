@@ -1,4 +1,4 @@
-"""How far off `haptigraph register` lands on random simulated scenes, and whether it refuses what is no eye.
+"""Errors of `haptigraph register` on random simulated scenes, and its refusal of invalid pictures.
 
 `python benchmarks/registration.py [SCENES [SEED]]`; 40 scenes take some minutes.
 """
@@ -20,10 +20,10 @@ from haptigraph.perception.anatomy.anatomy import Anatomy
 from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.scenes import random_scene
 
-MOST_TILT_DEG = 15.0
+MAX_TILT_DEG = 15.0
 DISTANCE_MM = (50.0, 1000.0)
 RIM_MM = (0.2, 0.8)
-EVERY = 4  # so many images of a scene for one that is used
+EVERY = 4  # only every fourth image of a scene is used
 
 
 class View(Struct, frozen=True, eq=False):
@@ -36,25 +36,25 @@ class View(Struct, frozen=True, eq=False):
     trocars_mm: tuple[Vec, ...]
     """The one in use, then the other."""
     group: str
-    """What can be known: the rim lies in the section, or before it, with or without a needle in view."""
+    """Difficulty: the rim is in the section, or in front of it with or without a visible needle."""
 
 
 class ViewErrors(Struct, frozen=True):
-    """How far off one registration is [px]."""
+    """Errors of one registration [px]."""
 
     center_px: float
     radius_px: float
     retina_px: float
-    """The worst point of the contour, across it."""
+    """Largest error of the contour, perpendicular to it."""
     trocar_px: float
-    """The worst trocar found, against the nearest true one; nan if none was found."""
+    """Largest distance of a detected trocar from the nearest true one; nan if none was detected."""
 
 
 def random_view(number: int, seed: int = 0) -> View:
-    """Draw one scene; the same number and seed give the same."""
+    """Draw one scene, which depends on number and seed only."""
     rng = np.random.default_rng((seed, 11, number))
     scene = random_scene(number, seed)
-    turn, tilt_deg = rng.uniform(0, 2 * math.pi), rng.uniform(2, MOST_TILT_DEG) * (number % 3 > 0)
+    turn, tilt_deg = rng.uniform(0, 2 * math.pi), rng.uniform(2, MAX_TILT_DEG) * (number % 3 > 0)
     distance_mm = float(np.exp(rng.uniform(*np.log(DISTANCE_MM))))
     rim_mm = rng.uniform(*RIM_MM) * min(1.0, distance_mm / 100) if number % 4 == 3 else 0.0
     scenario = scene.scenario
@@ -73,43 +73,45 @@ def random_view(number: int, seed: int = 0) -> View:
     moments = []
     while (moment := phantom.advance()) is not None:
         moments.append(moment.image)
-    is_still = number % 5 == 4
-    if is_still:
+    is_single = number % 5 == 4
+    if is_single:
         bare = replace(scenario.moves[0], away=True)
         phantom = Phantom(replace(phantom.scenario, moves=(bare,)))
         first = phantom.advance()
         moments = [first.image] if first else []
-    needless = is_still or not has_needle
-    says = f"{scene.difficulty}, {'still' if is_still else 'needle' if has_needle else 'no needle'}"
+    needle = "one image" if is_single else "needle" if has_needle else "no needle"
     return View(
-        says=f"{says}, tilt {tilt_deg:.0f} deg, from {distance_mm:.0f} mm, rim {rim_mm:.1f} mm before",
+        says=f"{scene.difficulty}, {needle}, tilt {tilt_deg:.0f} deg, camera at {distance_mm:.0f} mm, "
+        f"rim {rim_mm:.1f} mm in front",
         images=tuple(moments[::EVERY]),
         truth=phantom.camera.geometry,
         radius_mm=phantom.eye.radius_mm,
         trocars_mm=(phantom.eye.trocar_mm, phantom.eye.other_trocar_mm),
-        group="rim in the section" if not rim_mm else f"rim before it, {'no ' * needless}needle",
+        group=f"rim in front, {'' if needle == 'needle' else 'no '}needle"
+        if rim_mm
+        else "rim in the section",
     )
 
 
 def errors_px(anatomy: Anatomy, view: View) -> ViewErrors:
-    """Compare what was found with the truth, in the image as the camera took it."""
+    """Compare a registration with the ground truth, in the camera's image."""
     truth, radius_px = view.truth, view.radius_mm / view.truth.mm_per_px
-    trocars = [truth.to_px(place) for place in view.trocars_mm]
+    trocars = [truth.to_px(trocar_mm) for trocar_mm in view.trocars_mm]
     found = [anatomy.seen_px(trocar.point_px) for trocar in anatomy.trocars]
-    off_retina = [
-        abs(math.hypot(*truth.to_mm(anatomy.seen_px(place))) - view.radius_mm) / truth.mm_per_px
-        for place in anatomy.contour_px
+    retina_errors_px = [
+        abs(math.hypot(*truth.to_mm(anatomy.seen_px(point_px))) - view.radius_mm) / truth.mm_per_px
+        for point_px in anatomy.contour_px
     ]
     return ViewErrors(
         center_px=math.dist(anatomy.seen_px(anatomy.center_px), truth.to_px((0.0, 0.0))),
         radius_px=abs(anatomy.radius_px - radius_px),
-        retina_px=max(off_retina),
+        retina_px=max(retina_errors_px),
         trocar_px=max((min(math.dist(a, b) for b in trocars) for a in found), default=math.nan),
     )
 
 
 def invalid_pictures(number: int, seed: int = 0) -> Iterator[tuple[str, Image]]:
-    """Yield pictures in which no globe can be measured, and what they show: eyes spoilt, and no eyes."""
+    """Yield pictures in which no globe can be measured, with their names: degraded eyes and other objects."""
     view = random_view(number, seed)
     eye, (x, y) = view.images[0], view.truth.to_px((0.0, 0.0))
     radius_px = view.radius_mm / view.truth.mm_per_px
@@ -142,12 +144,12 @@ def invalid_pictures(number: int, seed: int = 0) -> Iterator[tuple[str, Image]]:
 
 
 def _disc(eye: Image, rng: np.random.Generator) -> Image:
-    """Return one round thing with a single edge."""
+    """Return a picture of a disc."""
     canvas = np.full_like(eye, 90)
-    place = round(canvas.shape[1] * rng.uniform(0.4, 0.6)), canvas.shape[0] // 2
+    center = round(canvas.shape[1] * rng.uniform(0.4, 0.6)), canvas.shape[0] // 2
     cv2.circle(
         canvas,
-        place,
+        center,
         round(canvas.shape[0] * rng.uniform(0.2, 0.4)),
         (200, 190, 180),
         cv2.FILLED,
@@ -157,7 +159,7 @@ def _disc(eye: Image, rng: np.random.Generator) -> Image:
 
 
 def _boxes(eye: Image, rng: np.random.Generator) -> Image:
-    """Return a heap of things that are not round."""
+    """Return a picture of overlapping quadrangles."""
     canvas = np.full_like(eye, 70)
     for _ in range(40):
         corners = rng.uniform((0, 0), eye.shape[1::-1]) + rng.uniform(-200, 200, (4, 2))
@@ -188,40 +190,36 @@ def main() -> None:
         errors = errors_px(anatomy, view)
         row = [errors.center_px, errors.radius_px, errors.retina_px, errors.trocar_px]
         groups.setdefault(view.group, []).append([*row, anatomy.rim_uncertainty_px])
-        wrong = "" if all(getattr(errors, name) <= most for name, most in LIMITS_PX.items()) else "  OVER"
-        told = "  ".join(f"{value:5.2f}" for value in row)
-        print(
-            f"{number:3d}  {told}  {view.says}; uncertain by {anatomy.rim_uncertainty_px:.1f} px{wrong}",
-            flush=True,
-        )
+        is_within = all(getattr(errors, name) <= limit for name, limit in LIMITS_PX.items())
+        text = "  ".join(f"{value:5.2f}" for value in row)
+        text += f"  {view.says}; uncertainty {anatomy.rim_uncertainty_px:.1f} px"
+        print(f"{number:3d}  {text}{'' if is_within else '  OVER'}", flush=True)
     for title, found in sorted(groups.items(), reverse=True):
         report(title, np.array(found))
     print(f"valid scenes refused: {refused} of {scenes}")
     pictures = [pair for number in range(0, scenes, INVALID_EVERY) for pair in invalid_pictures(number, seed)]
-    taken = [name for name, image in pictures if not is_refused(image, name)]
-    print(
-        f"invalid pictures taken for an eye: {len(taken)} of {len(pictures)} {sorted(taken) if taken else ''}"
-    )
+    accepted = sorted(name for name, image in pictures if not is_refused(image, name))
+    print(f"invalid pictures accepted: {len(accepted)} of {len(pictures)} {accepted or ''}")
 
 
 def report(title: str, found: np.ndarray) -> None:
-    """Print the distribution of (scenes, 5): errors and what is told of them."""
+    """Print the distribution of (scenes, 5): four errors and the reported uncertainty."""
     print(f"\n{title}: {len(found)} scenes")
     for name, column in zip(("centre", "radius", "retina", "trocars"), found.T, strict=False):
-        seen = column[np.isfinite(column)]
-        middle, p95, worst = np.quantile(seen, (0.5, 0.95, 1.0)) if len(seen) else (np.nan,) * 3
-        print(f"  {name:8} median {middle:.2f}  p95 {p95:.2f}  worst {worst:.2f} px")
+        detected = column[np.isfinite(column)]
+        median, p95, maximum = np.quantile(detected, (0.5, 0.95, 1.0)) if len(detected) else (np.nan,) * 3
+        print(f"  {name:8} median {median:.2f}  p95 {p95:.2f}  max {maximum:.2f} px")
     limits = np.array(list(LIMITS_PX.values()))
     share = np.mean((found[:, :3] <= limits).all(axis=1))
-    told = np.mean((found[:, :3] <= 2 * found[:, 4:]).all(axis=1))
+    covered = np.mean((found[:, :3] <= 2 * found[:, 4:]).all(axis=1))
     print(
         f"  within {' / '.join(f'{limit:g}' for limit in limits)} px: {share:.1%}; "
-        f"within twice the uncertainty told: {told:.1%}"
+        f"within twice the reported uncertainty: {covered:.1%}"
     )
 
 
 def is_refused(image: np.ndarray, name: str) -> bool:
-    """Tell whether a picture is refused, and print why."""
+    """Return whether a picture is refused, and print the reason."""
     try:
         sound_anatomy([image], 24.0, name)
     except BadInput as error:

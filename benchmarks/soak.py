@@ -1,14 +1,12 @@
-"""Hours of looped operation with random faults, as fast as possible: leaks, stuck actuators, lost records.
+"""Hours of operation with random faults, as fast as possible: leaks, stuck actuators, lost records.
 
-The whole loop under a virtual clock, recorded, ten minutes a file: the simulated operator at work, and at
-random moments images that are missing, a lost camera, a perceiver that raises, an actuator that fails. After
-every step without a needle the actuator must be silent, or be failing; every step must be found in the
-recording; memory must not grow.
+Runs and records the whole loop with the simulated operator on a virtual clock, ten minutes per file, with
+random gaps and losses of images and failures of perceiver and actuator. After every step without a needle the
+actuator must be silent or failing; the recording must contain every step; memory must not grow.
 
 Usage: python benchmarks/soak.py [HOURS]   (8 if not given, an hour takes about 20 minutes on a busy core)
 """
 
-import os
 import random
 import sys
 import tempfile
@@ -16,6 +14,8 @@ import time
 from contextlib import suppress
 from itertools import cycle
 from pathlib import Path
+
+from memory import resident_mb
 
 from haptigraph import assemble
 from haptigraph.clock import Clock
@@ -31,12 +31,11 @@ from haptigraph.stages import Source
 
 SCENARIO = str(Path(__file__).parents[1] / "tests" / "data" / "quick.toml")
 FILE_S = 600
-PAGE = os.sysconf("SC_PAGE_SIZE")
-chance = random.Random(2)
+rng = random.Random(2)
 
 
 class ShakySource(Source):
-    """The images of a scenario, over and over; now and then none, or a loss."""
+    """The looped images of a scenario, with random gaps and losses."""
 
     is_live = False
 
@@ -51,13 +50,13 @@ class ShakySource(Source):
         self._index, self._missing = -1, 0
 
     def read(self, timeout_s: float) -> Capture | None:
-        """Return the next image, or fail."""
+        """Return the next image, or simulate a fault."""
         if self._index >= FILE_S * self.rate_hz:
             raise EndOfSource
         self._index += 1
         encoded = next(self._images)
-        if self._missing or chance.random() < 0.002:
-            self._missing = (self._missing or chance.randrange(2, 30)) - 1
+        if self._missing or rng.random() < 0.002:
+            self._missing = (self._missing or rng.randrange(2, 30)) - 1
             if self._missing % 2:
                 raise SourceLost("camera:0 delivers no images")
             return None
@@ -68,15 +67,15 @@ class ShakySource(Source):
 
 
 class ShakyTracker(Tracker):
-    """The tracker, but that it raises now and then, at most twice in a row."""
+    """The tracker with random errors, at most two in a row."""
 
     def __init__(self, registration: Registration, config: PerceptionConfig) -> None:
         super().__init__(registration, config)
         self._failed = 0
 
     def __call__(self, capture: Capture) -> Observation:
-        """Look at one image, or raise."""
-        if self._failed < 2 and chance.random() < (0.5 if self._failed else 0.002):
+        """Process one image, or raise."""
+        if self._failed < 2 and rng.random() < (0.5 if self._failed else 0.002):
             self._failed += 1
             raise ValueError("injected")
         self._failed = 0
@@ -84,7 +83,7 @@ class ShakyTracker(Tracker):
 
 
 class ShakyDevice:
-    """An actuator that fails now and then, for up to a hundred orders."""
+    """An actuator with random failures of up to a hundred commands."""
 
     capabilities = Capabilities(100, None, 50.0, max_rate_hz=20.0, holds_ms=150.0)
     newest: "ShakyDevice"
@@ -94,25 +93,20 @@ class ShakyDevice:
         self.amplitude, self.failing, self.failed = 0.0, 0, False
 
     def set(self, amplitude: float, frequency_hz: float, stamp_ns: int) -> None:
-        """Obey, or fail."""
-        if self.failing or chance.random() < 0.001:
-            self.failing = (self.failing or chance.randrange(2, 100)) - 1
+        """Set the amplitude, or fail."""
+        if self.failing or rng.random() < 0.001:
+            self.failing = (self.failing or rng.randrange(2, 100)) - 1
             self.failed = True
             raise DeviceError("injected")
         self.amplitude, self.failed = amplitude, False
 
     def close(self) -> None:
-        """Fall silent."""
+        """Stop the vibration."""
         self.amplitude = 0.0
 
 
-def resident_mb() -> float:
-    """Return the memory this process really holds [MB]."""
-    return int(Path("/proc/self/statm").read_text().split()[1]) * PAGE / 1e6
-
-
 def run_file(path: Path) -> tuple[int, int, int, int]:
-    """Run ten minutes; return steps, faults, moments of an actuator that was stuck, and lost records."""
+    """Run ten minutes; return the numbers of steps, faults, steps with a stuck actuator, and lost records."""
     settings = (
         "source.uri=teleop:soak",
         "run.realtime=false",
@@ -133,18 +127,18 @@ def run_file(path: Path) -> tuple[int, int, int, int]:
 
 
 def main() -> None:
-    """Run and print a line for every file."""
+    """Run, and print a line per file."""
     hours = float(sys.argv[1]) if len(sys.argv) > 1 else 8.0
     assemble.SOURCES["teleop"] = "__main__:ShakySource"
     assemble.PERCEIVERS["tracker"] = "__main__:ShakyTracker"
     assemble.DEVICES["console"] = "__main__:ShakyDevice"
-    total, begun_s = [0, 0, 0, 0], time.perf_counter()
+    total, start_s = [0, 0, 0, 0], time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
         for number in range(1, round(hours * 3600 / FILE_S) + 1):
             counts = run_file(Path(folder) / f"{number}.mcap")
             total = [sum(pair) for pair in zip(total, counts, strict=True)]
             steps, faults, stuck, lost = total
-            rate_hz = steps / (time.perf_counter() - begun_s)
+            rate_hz = steps / (time.perf_counter() - start_s)
             print(
                 f"{number * FILE_S / 3600:5.2f} h  {steps:7d} steps  {faults:6d} faults  {stuck} stuck  "
                 f"{lost} lost  {resident_mb():7.1f} MB  {rate_hz:5.1f} steps/s",

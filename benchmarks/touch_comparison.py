@@ -1,8 +1,7 @@
-"""Simulated operators with no touch, binary and continuous touch: trials (CSV), tables (Markdown), a figure.
+"""Simulated operators with no, binary and continuous touch: trials (CSV), tables (Markdown), a figure.
 
-`python benchmarks/touch_comparison.py` renews docs/simulated_comparison.md and what it shows; with --output
-FOLDER all goes there instead. A minute on one core; far longer with --perceiver tracker, which gets drawn
-images.
+`python benchmarks/touch_comparison.py` updates docs/simulated_comparison.md and its figure; --output FOLDER
+writes to a folder instead. Takes a minute on one core; far longer on rendered images (--perceiver tracker).
 """
 
 import argparse
@@ -18,6 +17,7 @@ from matplotlib.figure import Figure
 from touch_trials import MEASURES, PairedTest, TouchTrial, compare_touch, paired_tests, participant_values
 
 from haptigraph.commands.terminal import progress_bar
+from haptigraph.study.simulated.ground_truth import GROUND_TRUTH, OLD_NAMES
 from haptigraph.study.simulated.participant import TRAITS, Variation
 
 if TYPE_CHECKING:
@@ -26,18 +26,18 @@ if TYPE_CHECKING:
 
 VARIATIONS = (
     Variation("as drawn"),
-    Variation("see the angle four times worse", {"glance_sd_deg": 4, "misjudgement_deg": 4}),
-    Variation("see the angle four times better", {"glance_sd_deg": 0.25, "misjudgement_deg": 0.25}),
-    Variation("align nothing at once", values={"align_share": 0.0}),
-    Variation("align everything at once", values={"align_share": 1.0}),
-    Variation("attend to touch half as often", {"notices_share": 0.5}),
-    Variation("answer to touch half a second later", values={"busy_delay_s": 0.63}),
-    Variation("tell strengths four times better", {"strength_share": 0.25}),
-    Variation("twice as quick", {"pace_mm_s": 2, "pace_deg_s": 2}),
-    Variation("turn four times as quick", {"pace_deg_s": 4}),
+    Variation("visual angle SD and bias times 4", {"glance_sd_deg": 4, "visual_bias_sd_deg": 4}),
+    Variation("visual angle SD and bias times 1/4", {"glance_sd_deg": 0.25, "visual_bias_sd_deg": 0.25}),
+    Variation("no immediate alignment", values={"align_share": 0.0}),
+    Variation("full immediate alignment", values={"align_share": 1.0}),
+    Variation("half the attention to haptic cues", {"attention_probability": 0.5}),
+    Variation("reaction to haptic cues 0.5 s later", values={"dual_task_delay_s": 0.63}),
+    Variation("Weber fraction times 1/4", {"weber_fraction": 0.25}),
+    Variation("twice the speed", {"pace_mm_s": 2, "pace_deg_s": 2}),
+    Variation("four times the turning speed", {"pace_deg_s": 4}),
     Variation("no tremor", values={"tremor_mm": 0.0}),
 )
-"""What the result may depend on."""
+"""Modifications of the operators, for a sensitivity analysis."""
 COLORS = ("#8a8a8a", "#e08a2e", "#2f6fb3")
 SHOWN = ("theta_deg", "completion_s", "near_misaligned_s", "far_aligned_s", "vibrating_s", "changes_per_min")
 
@@ -52,7 +52,7 @@ def write_trials(rows: Sequence[TouchTrial], path: str | Path) -> None:
 
 
 def results_table(rows: Sequence[TouchTrial]) -> str:
-    """Return mean and standard deviation over participants, a line per measure, as Markdown."""
+    """Return mean and standard deviation over participants, a row per measure, as Markdown."""
     conditions = _conditions(rows)
     lines = [_line(["simulated operators", *conditions]), _line(["---"] * (len(conditions) + 1))]
     for measure, (title, unit, digits) in MEASURES.items():
@@ -62,51 +62,32 @@ def results_table(rows: Sequence[TouchTrial]) -> str:
             cells.append(f"{np.mean(values):.{digits}f} ± {np.std(values, ddof=1):.{digits}f}")
         lines.append(_line([f"{title} ({unit})", *cells]))
     missed = [str(sum(not row.hit for row in rows if row.condition == condition)) for condition in conditions]
-    lines.append(_line(["Trials in which the target was not hit in time", *missed]))
+    lines.append(_line(["Trials without a hit", *missed]))
     return "\n".join(lines)
 
 
 def tests_table(tests: Sequence[PairedTest]) -> str:
-    """Return the tests, a line each, as Markdown."""
-    head = [
-        "measure",
-        "compared",
-        "mean difference",
-        "rank-biserial r",
-        "p",
-        "p (Holm)",
-        "Wilcoxon signed-rank",
-    ]
+    """Return the tests, a row each, as Markdown."""
+    head = ["measure", "compared", "mean difference", "rank-biserial r", "p", "p (Holm)", "signed-rank test"]
     lines = [_line(head), _line(["---"] * len(head))]
     for test in tests:
         title, unit, digits = MEASURES[test.measure]
-        result = test.result
-        zeros = f", zeros dropped: {result.zeros}" if result.zeros else ""
-        lines.append(
-            _line(
-                [
-                    title,
-                    f"{test.first} → {test.second}",
-                    f"{result.mean_difference:+.{digits}f} {unit}",
-                    f"{result.effect:+.2f}",
-                    _p(result.p),
-                    _p(test.holm_p),
-                    f"{result.variant}{zeros}",
-                ]
-            )
-        )
+        pair, difference = f"{test.first} → {test.second}", f"{test.mean_difference:+.{digits}f} {unit}"
+        variant = test.result.variant.removeprefix("Wilcoxon signed-rank, two-sided, ")
+        p = _p(test.result.p), _p(test.holm_p)
+        lines.append(_line([title, pair, difference, f"{test.effect:+.2f}", *p, variant]))
     return "\n".join(lines)
 
 
-def variations_table(of: Callable[[Variation], Sequence[TouchTrial]]) -> str:
-    """Return how mean theta and completion time depend on what operators are like, as Markdown.
+def variations_table(simulate: Callable[[Variation], Sequence[TouchTrial]]) -> str:
+    """Return theta, completion time and pattern changes under each variation, as Markdown.
 
     Args:
-        of: Plays the trials of a variation.
+        simulate: Simulates the trials of a variation.
     """
     lines: list[str] = []
     for variation in VARIATIONS:
-        rows = of(variation)
+        rows = simulate(variation)
         conditions = _conditions(rows)
         if not lines:
             lines = [_line(["simulated operators", *conditions]), _line(["---"] * (len(conditions) + 1))]
@@ -117,20 +98,20 @@ def variations_table(of: Callable[[Variation], Sequence[TouchTrial]]) -> str:
             )
             for condition in conditions
         ]
-        lines.append(_line([variation.says, *cells]))
+        lines.append(_line([variation.label, *cells]))
     return "\n".join(lines)
 
 
 def traits_table() -> str:
     """Return every parameter of a simulated operator with its source, as Markdown."""
-    lines = [_line(["parameter", "is", "unit", "drawn", "source"]), _line(["---"] * 5)]
+    lines = [_line(["parameter", "description", "unit", "distribution", "source"]), _line(["---"] * 5)]
     for name, trait in TRAITS.items():
-        lines.append(_line([f"`{name}`", trait.says, trait.unit, trait.spread, trait.source]))
+        lines.append(_line([f"`{name}`", trait.description, trait.unit, trait.spread, trait.source]))
     return "\n".join(lines)
 
 
 def touch_figure(rows: Sequence[TouchTrial], output: str | Path) -> None:
-    """Draw a panel per measure: a line per simulated operator over the conditions, their means on top."""
+    """Draw a panel per measure, with a line per simulated operator over the conditions, and the means."""
     conditions = _conditions(rows)
     figure = Figure(figsize=(11, 6.6), layout="constrained")
     for axes, measure in zip(figure.subplots(2, 3).flat, SHOWN, strict=True):
@@ -138,10 +119,11 @@ def touch_figure(rows: Sequence[TouchTrial], output: str | Path) -> None:
     first = rows[0]
     people = len({row.participant for row in rows})
     trials = len({row.repetition for row in rows})
-    seen = "ground truth with the tracker's noise" if first.perceiver == "known" else first.perceiver
+    is_truth = OLD_NAMES.get(first.perceiver, first.perceiver) == GROUND_TRUTH
+    perception = "ground truth with the tracker's noise" if is_truth else first.perceiver
     figure.suptitle(
         f"Simulated operators, not people: N = {people}, {trials} trials per condition, seed {first.seed}\n"
-        f"perception: {seen}; a line is one operator, a bar the mean"
+        f"perception: {perception}; lines: operators, bars: means"
     )
     figure.savefig(output, dpi=110)
 
@@ -183,26 +165,29 @@ NAME = "simulated_comparison"
 
 
 def main() -> None:
-    """Play, test, write, and say how fast it went."""
+    """Simulate, test, write, and print the speed."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--participants", type=int, default=16)
     parser.add_argument("--repetitions", type=int, default=3)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument(
-        "--perceiver", default="known", help="known (the truth with noise), tracker or threshold"
+        "--perceiver",
+        type=lambda name: OLD_NAMES.get(name, name),
+        default=GROUND_TRUTH,
+        help="ground-truth (with noise), tracker or threshold",
     )
-    parser.add_argument("--vary", action="store_true", help="how it depends on what the operators are like")
+    parser.add_argument("--vary", action="store_true", help="simulate under modifications of the operators")
     parser.add_argument("--output", type=Path, help="a folder; docs/ if not given")
     given = parser.parse_args()
     if given.vary:
         vary(given)
         return
-    begun_s, begun_cpu_s = time.perf_counter(), time.process_time()
+    start_s, start_cpu_s = time.perf_counter(), time.process_time()
     with progress_bar() as progress:
         rows = compare_touch(
             given.participants, given.repetitions, given.seed, perceiver=given.perceiver, progress=progress
         )
-    wall_s, cpu_s = time.perf_counter() - begun_s, time.process_time() - begun_cpu_s
+    wall_s, cpu_s = time.perf_counter() - start_s, time.process_time() - start_cpu_s
     simulated_s = sum(row.completion_s for row in rows)
     tables = {
         "results": results_table(rows),
@@ -221,13 +206,13 @@ def main() -> None:
             print(table, end="\n\n")
     print(
         f"{len(rows)} trials, {simulated_s / 60:.1f} simulated minutes in {wall_s:.0f} s "
-        f"({cpu_s:.0f} s of one core): {simulated_s / wall_s:.0f} simulated minutes per minute, "
-        f"{simulated_s / cpu_s:.0f} per minute of core"
+        f"({cpu_s:.0f} s of CPU time): {simulated_s / wall_s:.0f} simulated minutes per minute, "
+        f"{simulated_s / cpu_s:.0f} per minute of CPU time"
     )
 
 
 def vary(given: argparse.Namespace) -> None:
-    """Play everything again with operators who are other than drawn."""
+    """Simulate all variations of the operators."""
     table = variations_table(
         lambda variation: compare_touch(
             given.participants, given.repetitions, given.seed, perceiver=given.perceiver, change=variation
@@ -239,7 +224,7 @@ def vary(given: argparse.Namespace) -> None:
 
 
 def renew(page: Path, tables: dict[str, str], command: str = "make compare-touch") -> None:
-    """Put tables between their marks in a page; the marks name the command that makes them."""
+    """Replace the tables between their marks in a page; the marks name the generating command."""
     text = page.read_text(encoding="utf-8")
     for name, table in tables.items():
         marks = re.compile(rf"(<!-- {name}: made by {command} -->\n).*?(<!-- end -->)", re.DOTALL)

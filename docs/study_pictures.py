@@ -1,7 +1,7 @@
-"""Rehearse two studies and renew what the pages show of them: pictures, tables in simulated_comparison.md.
+"""Simulate two studies, and update the documentation's figures and the tables in simulated_comparison.md.
 
-The paper's protocol, and examples/three_touches. All participants are simulated. Takes some minutes; with
---folder FOLDER the studies and their reports stay there, and a run that was cut off goes on.
+The studies are the paper's protocol and examples/three_touches, with simulated participants only. Takes some
+minutes; with --folder FOLDER the studies and reports are kept, and an interrupted run is resumed.
 """
 
 import argparse
@@ -20,7 +20,7 @@ from haptigraph.analysis.study.report import write_report
 from haptigraph.commands.terminal import progress_bar
 from haptigraph.study.exchange import export_study
 from haptigraph.study.protocol import load_protocol
-from haptigraph.study.simulated.player import Cast
+from haptigraph.study.simulated.player import SimulationSpec
 from haptigraph.study.simulated.simulation import simulate
 from haptigraph.study.store import Store
 
@@ -32,22 +32,22 @@ PAPER = Path(str(resources.files("haptigraph.study"))) / "templates" / "study.to
 THREE = DOCS.parent / "examples" / "three_touches" / "study.toml"
 SHOWN = ("state_times", "state_sequence", "depth_theta")
 SEED = 1
-TOLD = {
+REPORTED = {
     "completion_s": ("completion time (s)", 1),
     "mean_theta_deg": ("mean theta (deg)", 1),
-    "sus": ("SUS (answers by chance)", 1),
+    "sus": ("SUS (random answers)", 1),
     "time_misaligned_retinal_approach_s": ("misaligned near the retina (s)", 1),
     "time_aligned_intraocular_navigation_s": ("aligned before the approach (s)", 1),
     "path_mm": ("path (mm)", 1),
     "vibrating_s": ("time vibrating (s)", 1),
 }
-"""By measure: how it is told, decimals."""
+"""Label and decimals by measure."""
 
 
 def main() -> None:
-    """Simulate, report, and put it into docs/."""
+    """Simulate, report, and update docs/."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--folder", type=Path, help="where studies and reports stay")
+    parser.add_argument("--folder", type=Path, help="a folder for studies and reports")
     folder = parser.parse_args().folder
     with tempfile.TemporaryDirectory() as place:
         folder = folder or Path(place)
@@ -66,9 +66,9 @@ def rehearse(folder: Path, protocol_file: Path) -> str:
     protocol, where = load_protocol(folder), str(folder / "study.db")
     with progress_bar() as progress:
         count = protocol.study.participants
-        cast = Cast(str(folder), where, SEED)
-        played = simulate(cast, count, workers=os.cpu_count() or 1, progress=progress)
-        print(f"{protocol.study.name}: {played.trials} trials, {played.steered_s / 60:.0f} simulated minutes")
+        spec = SimulationSpec(str(folder), where, SEED)
+        done = simulate(spec, count, workers=os.cpu_count() or 1, progress=progress)
+        print(f"{protocol.study.name}: {done.trials} trials, {done.steered_s / 60:.0f} simulated minutes")
         shutil.rmtree(folder / "tables", ignore_errors=True)
         with closing(Store(where)) as store:
             measure_study(store, protocol.study.name, folder, progress)
@@ -80,14 +80,14 @@ def rehearse(folder: Path, protocol_file: Path) -> str:
 
 
 def comparisons(path: Path) -> str:
-    """Return the comparisons of a report as Markdown, a line each."""
+    """Return the comparisons of a report as Markdown, a row each."""
     lines = [
         "| measure | compared | first | second | p | p (Holm) | r [95 %] |",
         "| --- | --- | --- | --- | --- | --- | --- |",
     ]
     found = pd.read_csv(path, keep_default_na=False)
-    for row in found[found["measure"].isin(TOLD)].to_dict("records"):
-        told, digits = TOLD[row["measure"]]
+    for row in found[found["measure"].isin(REPORTED)].to_dict("records"):
+        label, digits = REPORTED[row["measure"]]
         first, second = (
             f"{float(row[f'mean_{one}']):.{digits}f} ± {float(row[f'sd_{one}']):.{digits}f}"
             for one in ("first", "second")
@@ -95,7 +95,7 @@ def comparisons(path: Path) -> str:
         p, holm = (f"{value:.3f}" if value >= 0.001 else "< 0.001" for value in (row["p"], row["p_holm"]))
         effect = f"{row['r']:+.2f} [{float(row['r_low']):+.2f}, {float(row['r_high']):+.2f}]"
         pair = f"{row['first']} → {row['second']}".replace("_", " ")
-        lines.append(f"| {told} | {pair} | {first} | {second} | {p} | {holm} | {effect} |")
+        lines.append(f"| {label} | {pair} | {first} | {second} | {p} | {holm} | {effect} |")
     return "\n".join(lines)
 
 

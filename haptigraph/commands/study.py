@@ -25,8 +25,8 @@ __all__ = [
     "export_measured",
     "folder_argument",
     "import_",
+    "missing_store",
     "new",
-    "no_store",
     "status",
     "store_option",
     "study",
@@ -38,15 +38,15 @@ folder_argument = click.argument("folder", default=".")
 store_option = click.option(
     "--store",
     metavar="FILE|URL",
-    help="Where the study is kept: SQLite, or postgresql://...  [FOLDER/study.db]",
+    help="The study's store: an SQLite file, or postgresql://...  [FOLDER/study.db]",
 )
 
 
 @click.group()
 def study() -> None:
-    """Studies with people: make a protocol, check it, see how far it is, export what came out.
+    """Studies with people: write and check a protocol, show the progress, export the data.
 
-    FOLDER is the study's: it has study.toml, the recordings, and study.db unless --store says otherwise.
+    FOLDER is the study's: it contains study.toml, the recordings, and study.db unless --store is given.
     """
 
 
@@ -64,46 +64,46 @@ def new(folder: str) -> None:
             file.write(text)
     except FileExistsError:
         raise BadInput("exists already; a protocol is never overwritten", path) from None
-    click.echo(f"{path} is written; change it as you like, then: haptigraph study check {folder}")
+    click.echo(f"{path} was written; adapt it, then: haptigraph study check {folder}")
 
 
 @study.command()
 @folder_argument
 @store_option
 def check(folder: str, store: str | None) -> None:
-    """Check protocol and recordings, tell who gets what.
+    """Check protocol and recordings, list all assignments.
 
-    Orders, targets, whether the protocol is frozen, how many withdrew; exit code 1 if a recording is gone or
-    was changed, or is still there of someone who was erased.
+    Shows orders, targets, whether the protocol is frozen, and how many participants withdrew. Exit code 1 if
+    a recording is missing or was changed, or one of an erased participant still exists.
     """
     from haptigraph.analysis.study.overview import protocol_tables
     from haptigraph.study.protocol import load_protocol
 
     protocol = load_protocol(folder)
-    wrong: list[str] = []
-    state = "not frozen: no participant was taken in yet"
-    with existing_store(folder, store) as kept:
-        held = _study_in(kept, protocol) if kept else None
-        frozen_utc = held.check_frozen() if held else ""
-        if kept and held and frozen_utc:
+    problems: list[str] = []
+    state, sha256 = "not frozen: no participant is enrolled yet", protocol.sha256
+    with existing_store(folder, store) as opened:
+        stored = _study_in(opened, protocol) if opened else None
+        frozen = stored.check_frozen() if stored else None
+        if opened and stored and frozen:
             from haptigraph.study.recordings import recorded_trials, whats_wrong
 
-            trials = recorded_trials(kept, protocol.study.name)
-            wrong = [problem for trial in trials if (problem := whats_wrong(trial, protocol.folder))]
-            whole = len(trials) - len(wrong)
-            sound = f"{whole} of {len(trials)} recordings are as they were recorded"
-            left, erased, unfinished = _withdrawn(held)
-            wrong += unfinished
-            if left:
-                sound += f"\n{left} withdrew, {erased} of them with all data erased"
-            whose = ", by SIMULATED participants" if held.simulated else ""
-            state = f"frozen since {frozen_utc[:16].replace('T', ' ')} UTC{whose}\n{sound}"
+            trials = recorded_trials(opened, protocol.study.name)
+            problems = [problem for trial in trials if (problem := whats_wrong(trial, protocol.folder))]
+            summary = f"{len(trials) - len(problems)} of {len(trials)} recordings are unchanged"
+            withdrawn, erased, unfinished = _withdrawn(stored)
+            problems += unfinished
+            if withdrawn:
+                summary += f"\n{withdrawn} withdrew, {erased} of them with all data erased"
+            by = ", by SIMULATED participants" if stored.simulated else ""
+            state = f"frozen since {frozen['frozen_utc'][:16].replace('T', ' ')} UTC{by}\n{summary}"
+            sha256 = frozen["protocol_sha256"]
     for table in protocol_tables(protocol):
         _print(table)
-    click.echo(f"{state}\nsha256 {protocol.sha256}")
-    for problem in wrong:
+    click.echo(f"{state}\nsha256 {sha256}")
+    for problem in problems:
         tell(f"haptigraph: {problem}")
-    if wrong:
+    if problems:
         sys.exit(1)
     click.echo("no errors")
 
@@ -112,101 +112,97 @@ def check(folder: str, store: str | None) -> None:
 @folder_argument
 @store_option
 def status(folder: str, store: str | None) -> None:
-    """Show how far every participant is."""
+    """Show the progress of every participant."""
     from haptigraph.analysis.study.overview import status_table
     from haptigraph.study.protocol import load_protocol
 
     protocol = load_protocol(folder)
-    with existing_store(folder, store) as kept:
-        held = _study_in(kept, protocol) if kept else None
-        if held is None or not held.check_frozen():
+    with existing_store(folder, store) as opened:
+        stored = _study_in(opened, protocol) if opened else None
+        if stored is None or not stored.check_frozen():
             click.echo(f"{protocol.study.title}: no participant yet")
             return
         from haptigraph.study.standing import standings
 
-        if held.simulated:
+        if stored.simulated:
             click.echo("simulated participants")
-        _print(status_table(protocol, standings(held)))
+        _print(status_table(protocol, standings(stored)))
 
 
 @study.command()
 @folder_argument
-@click.option("-o", "--output", metavar="FOLDER", required=True, help="The folder to make.")
-@click.option("--parquet", is_flag=True, help="Write the tables as Parquet too; needs haptigraph[parquet].")
+@click.option("-o", "--output", metavar="FOLDER", required=True, help="The folder to create.")
+@click.option("--parquet", is_flag=True, help="Also write the tables as Parquet; needs haptigraph[parquet].")
 @store_option
 def export(folder: str, output: str, parquet: bool, store: str | None) -> None:
     """Write tidy CSV with a data dictionary.
 
-    Trials that are not measured yet are measured from their recordings first.
+    Measures that are missing are computed from the recordings first.
     """
     with progress_bar() as progress:
         export_measured(folder, store, output, progress, parquet=parquet)
-    click.echo(f"{output}  data_dictionary.csv says what every column means")
+    click.echo(f"{output}  data_dictionary.csv describes every column")
 
 
 def export_measured(
     folder: str, store: str | None, output: str, progress: "Progress", *, parquet: bool = False
 ) -> None:
-    """Measure what is not measured yet, and export; say which recordings could not be measured."""
+    """Compute missing measures, and export; list the recordings that could not be measured."""
     from haptigraph.study.protocol import load_protocol
 
-    more = {}
-    if parquet:
-        from haptigraph.study.parquet import write_parquet
-
-        more["parquet"] = write_parquet
     protocol = load_protocol(folder)
-    with existing_store(folder, store) as kept:
-        if kept is None:
-            raise no_store(folder)
+    with existing_store(folder, store) as opened:
+        if opened is None:
+            raise missing_store(folder)
         from haptigraph.analysis.study.measures import measure_study
-        from haptigraph.study.exchange import export_study
+        from haptigraph.study.exchange import export_study, parquet_writer
 
+        more = {"parquet": parquet_writer()} if parquet else {}
         if Path(output).exists():
             raise BadInput("exists already; an export never overwrites", output)
-        wrong = measure_study(kept, protocol.study.name, protocol.folder, progress)
-        export_study(kept, protocol.study.name, output, more)
-    for problem in wrong:
+        problems = measure_study(opened, protocol.study.name, protocol.folder, progress)
+        export_study(opened, protocol.study.name, output, more)
+    for problem in problems:
         tell(f"haptigraph: not measured: {problem}")
 
 
 @study.command(name="import")
 @click.argument("exported")
 @click.option(
-    "--store", metavar="FILE|URL", required=True, help="Where to keep it: SQLite, or postgresql://..."
+    "--store", metavar="FILE|URL", required=True, help="The store: an SQLite file, or postgresql://..."
 )
 def import_(exported: str, store: str) -> None:
-    """Read an export into a store that lacks the study.
+    """Import an export into a store that does not contain the study.
 
     EXPORTED is a folder that `study export` wrote.
     """
     from haptigraph.study.exchange import import_study, read_export
     from haptigraph.study.store import Store
 
-    found = read_export(exported)
-    with closing(Store(store)) as kept:
-        import_study(kept, found)
-        click.echo(f"study {found.about.study} is in {kept.name}")
+    read = read_export(exported)
+    with closing(Store(store)) as opened:
+        import_study(opened, read)
+        click.echo(f"study {read.about.study} is in {opened.name}")
 
 
 @contextmanager
 def existing_store(folder: str, store: str | None) -> Iterator["Store | None"]:
-    """Open the store; a file that is not there yet is not made."""
+    """Open the store; do not create a missing file."""
     where = store or str(Path(folder if Path(folder).is_dir() else Path(folder).parent) / STORE)
     if "://" not in where and not Path(where).exists():
         if store:
-            raise BadInput("is not there", store)
+            raise BadInput("does not exist", store)
         yield None
         return
     from haptigraph.study.store import Store
 
-    with closing(Store(where)) as kept:
-        yield kept
+    with closing(Store(where)) as opened:
+        yield opened
 
 
-def no_store(folder: str) -> BadInput:
-    """Return what there is to say where a store should be and is none."""
-    return BadInput("is not there; a study is kept from its first participant on", Path(folder) / STORE)
+def missing_store(folder: str) -> BadInput:
+    """Return the error for a missing store."""
+    return BadInput("does not exist; the first enrolment creates it", Path(folder) / STORE)
 
 
 def _study_in(store: "Store", protocol: "Protocol") -> "Study":
@@ -216,23 +212,23 @@ def _study_in(store: "Store", protocol: "Protocol") -> "Study":
 
 
 def _withdrawn(study: "Study") -> tuple[int, int, list[str]]:
-    """Return how many have left, how many of them are erased, and what is still there of these."""
-    from haptigraph.study.erasure import remains
+    """Count withdrawn and erased participants; list the remaining files of the erased."""
+    from haptigraph.study.erasure import remaining_files
     from haptigraph.study.tables import is_erased
 
     people, folder = study.participants(), study.protocol.folder
     erased = [row["participant"] for row in people if is_erased(row)]
-    wrong = [
-        f"{file} is still there of {name}, who was erased; run `study erase` again"
+    problems = [
+        f"{file} of {name}, whose data were erased, still exists; run `study erase` again"
         for name in erased
-        for file in remains(folder, name)
+        for file in remaining_files(folder, name)
     ]
-    return sum(row["withdrawn_utc"] is not None for row in people), len(erased), wrong
+    return sum(row["withdrawn_utc"] is not None for row in people), len(erased), problems
 
 
 def _print(table: Any) -> None:
     from rich.console import Console
 
-    # No markup: what looks like it is the user's. Where nobody looks, nothing is broken into lines.
+    # Without markup, as text may be the user's. Lines are wrapped on terminals only.
     console = Console(markup=False, emoji=False, width=None if sys.stdout.isatty() else 10_000)
     console.print(table)

@@ -1,4 +1,4 @@
-"""The command for a participant who withdraws consent: study erase."""
+"""The command that erases the data of a participant who withdraws consent: study erase."""
 
 import sys
 from collections.abc import Iterator
@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from haptigraph.commands.study import existing_store, no_store, store_option
+from haptigraph.commands.study import existing_store, missing_store, store_option
 from haptigraph.errors import BadInput
 
 if TYPE_CHECKING:
-    from haptigraph.study.erasure import Found
+    from haptigraph.study.erasure import ParticipantData
 
 __all__ = ["erase"]
 
@@ -18,56 +18,56 @@ __all__ = ["erase"]
 @click.command()
 @click.argument("folder")
 @click.argument("participant")
-@click.option("--yes", is_flag=True, help="Do not ask; for scripts.")
-@click.option("--dry-run", is_flag=True, help="List what would go, and leave it there.")
+@click.option("--yes", is_flag=True, help="Do not ask for confirmation; for scripts.")
+@click.option("--dry-run", is_flag=True, help="List what would be erased, without erasing it.")
 @store_option
 def erase(folder: str, participant: str, yes: bool, dry_run: bool, store: str | None) -> None:
-    """Erase a participant who withdraws consent.
+    """Erase the data of a participant who withdraws consent.
 
-    Answers, trials, sessions, notes and recordings of PARTICIPANT go for good, from the store and from the
-    study's FOLDER. Pseudonym and place in the balancing stay, so that the others' orders do not change. Run
-    it again where it was cut off, and at every station that keeps recordings of its own.
+    Permanently deletes answers, trials, sessions, notes and recordings of PARTICIPANT from the store and the
+    study's FOLDER. Pseudonym and slot stay, so that the others' orders do not change. Run it again after an
+    interruption, and at every station that stores recordings of its own.
     """
     from haptigraph.study.protocol import load_protocol
 
     protocol = load_protocol(folder)
-    with existing_store(folder, store) as kept:
-        if kept is None:
-            raise no_store(folder)
+    with existing_store(folder, store) as opened:
+        if opened is None:
+            raise missing_store(folder)
         from haptigraph.study import erasure
         from haptigraph.study.roster import study_in
 
-        study = study_in(kept, protocol)
-        found = erasure.find(study, participant)
-        goes = bool(found.rows or found.files or not found.erased_utc)
-        if goes and not (yes or dry_run or sys.stdin.isatty()):
+        study = study_in(opened, protocol)
+        data = erasure.find_data(study, participant)
+        has_data = bool(data.rows or data.files or not data.erased_utc)
+        if has_data and not (yes or dry_run or sys.stdin.isatty()):
             raise BadInput(
-                f"erasing {participant} cannot be undone, and nobody is here to be asked; give --yes to do "
-                f"it, --dry-run to see what would go"
+                f"erasing {participant} cannot be undone and needs confirmation at a terminal; give --yes to "
+                f"confirm, or --dry-run to list what would be erased"
             )
-        for line in _listed(participant, found) if goes else ():
+        for line in _listed(participant, data) if has_data else ():
             click.echo(line)
         if dry_run:
-            click.echo("nothing was erased" if goes else f"nothing of {participant} is left here")
+            click.echo("nothing was erased" if has_data else f"no data of {participant} are left here")
             return
-        if goes and not yes and not click.confirm(f"Erase {participant} for good?"):
+        if has_data and not yes and not click.confirm(f"Erase all data of {participant} permanently?"):
             click.echo("nothing was erased")
             sys.exit(1)
         erasure.erase(study, participant)
-    click.echo(f"{participant} is erased" if goes else f"nothing of {participant} is left here")
+    click.echo(f"{participant} is erased" if has_data else f"no data of {participant} are left here")
 
 
-def _listed(participant: str, found: "Found") -> Iterator[str]:
-    """Yield what goes, what stays, and what is not ours to erase."""
-    rows = ", ".join(f"{table} {count}" for table, count in found.rows.items()) or "none"
-    yield f"{participant}: what goes"
-    yield f"  rows of the store: {rows}" + ("" if found.erased_utc else "; times of taking in and consent")
-    yield from (f"  {file}" for file in found.files)
-    yield f"what stays: the pseudonym, which is not given again, and place {found.slot + 1} with its order"
-    if found.elsewhere:
+def _listed(participant: str, data: "ParticipantData") -> Iterator[str]:
+    """Yield what is erased, what stays, and what the user must delete or renew."""
+    rows = ", ".join(f"{table} {count}" for table, count in data.rows.items()) or "none"
+    yield f"{participant}: erased"
+    yield f"  rows of the store: {rows}" + ("" if data.erased_utc else "; times of enrolment and consent")
+    yield from (f"  {file}" for file in data.files)
+    yield f"retained: the pseudonym, which is not reused, and place {data.slot + 1} in the counterbalancing"
+    if data.elsewhere:
         yield f"not in recordings/{participant} here; run this again at the station that has them"
-        yield from (f"  {path}" for path in found.elsewhere)
-    if found.made_of_all:
-        yield "made of all participants; to be made anew"
-        yield from (f"  {folder}" for folder in found.made_of_all)
-    yield "exports, reports, copies and backups elsewhere are yours to make anew or delete"
+        yield from (f"  {path}" for path in data.elsewhere)
+    if data.aggregates:
+        yield "contain all participants; create them again"
+        yield from (f"  {folder}" for folder in data.aggregates)
+    yield "delete or renew exports, reports, copies and backups elsewhere yourself"

@@ -23,7 +23,7 @@ LIBRARIES = ("pandas", "scipy", "statsmodels", "patsy")
 
 @click.command("report")
 @click.argument("folder")
-@click.option("-o", "--output", required=True, metavar="OUT", help="The folder to write; made if absent.")
+@click.option("-o", "--output", required=True, metavar="OUT", help="The folder to write; created if missing.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the bootstrap.")
 @click.option(
     "--alpha",
@@ -37,12 +37,12 @@ LIBRARIES = ("pandas", "scipy", "statsmodels", "patsy")
     type=click.Choice(["dropped", "pratt"]),
     default="dropped",
     show_default=True,
-    help="What the signed-rank test does with pairs without a difference.",
+    help="Treatment of pairs without a difference in the signed-rank test.",
 )
 @click.option(
-    "--baseline", metavar="CONDITION", help="Compare the others with it; the protocol's first if not given."
+    "--baseline", metavar="CONDITION", help="The reference condition; the protocol's first if not given."
 )
-@click.option("--recordings", metavar="FOLDER", help="Where the recordings are, if not beside the tables.")
+@click.option("--recordings", metavar="FOLDER", help="Folder of the recordings, if not that of the tables.")
 @store_option
 def study_report(
     folder: str,
@@ -56,18 +56,18 @@ def study_report(
 ) -> None:
     """Analyse a study and write the report.
 
-    FOLDER is the study's, which is exported to OUT/tables first, or one that it was exported to. OUT gets
-    report.html, which stands alone, the figures as PDF, SVG and PNG, the tables in LaTeX, Markdown and CSV,
-    and the methods.
+    FOLDER is the study's, which is exported to OUT/tables first, or an export. OUT receives the
+    self-contained report.html, the figures as PDF, SVG and PNG, the tables in LaTeX, Markdown and CSV, and
+    the methods.
     """
     try:
         from haptigraph.analysis.study.report import write_report
-        from haptigraph.analysis.study.results import Plan
+        from haptigraph.analysis.study.results import AnalysisPlan
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] not in LIBRARIES:
             raise
         raise MissingExtra("study report", "study") from None
-    plan = Plan(seed, alpha, "pratt" if zeros == "pratt" else "dropped", baseline)
+    plan = AnalysisPlan(seed, alpha, "pratt" if zeros == "pratt" else "dropped", baseline)
     with progress_bar() as progress, _tables(folder, store, output, progress) as tables:
         written = write_report(tables, output, plan, recordings or folder, progress)
     click.echo(written.summary)
@@ -76,14 +76,14 @@ def study_report(
 
 @contextmanager
 def _tables(folder: str, store: str | None, output: str, progress: "Progress") -> Iterator[Path]:
-    """Give the tables of a study; those just exported are kept once the report is written."""
+    """Yield the folder of a study's tables; copy new exports to the output once the report is written."""
     if not (Path(folder) / "study.toml").is_file():
         yield Path(folder)
         return
-    with tempfile.TemporaryDirectory(prefix="haptigraph-") as place:
-        exported = Path(place) / "tables"
+    with tempfile.TemporaryDirectory(prefix="haptigraph-") as temporary:
+        exported = Path(temporary) / "tables"
         export_measured(folder, store, str(exported), progress)
         yield exported
-        kept = Path(output) / exported.name
-        shutil.rmtree(kept, ignore_errors=True)
-        shutil.copytree(exported, kept)
+        copy = Path(output) / exported.name
+        shutil.rmtree(copy, ignore_errors=True)
+        shutil.copytree(exported, copy)

@@ -1,4 +1,4 @@
-"""The command that runs a study with people, from pages in the browser: study run."""
+"""The command that runs a study with people from pages in the browser: study run."""
 
 import platform
 from contextlib import closing
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 __all__ = ["study_run"]
 
-LONGEST_NAME = 80
+MAX_NAME_LENGTH = 80
 
 
 @click.command("run")
@@ -32,12 +32,12 @@ LONGEST_NAME = 80
 @store_option
 @click.option("--station", metavar="NAME", help="This station's name; this machine's if not given.")
 @click.option(
-    "--source", metavar="SOURCE", help="A rig's images, as `run` takes; a simulated eye if not given."
+    "--source", metavar="SOURCE", help="Source of images, as for `run`; a simulated eye if not given."
 )
-@click.option("--registration", metavar="FILE", help="Where the anatomy lies in the images (TOML).")
-@click.option("--device", metavar="DEVICE", help="What vibrates, beside the participant's page.")
+@click.option("--registration", metavar="FILE", help="Registration of the anatomy in the images (TOML).")
+@click.option("--device", metavar="DEVICE", help="Haptic device, in addition to the participant's page.")
 @click.option(
-    "--bridge", multiple=True, metavar="BRIDGE", help="Tell others live, as `run` does; may be repeated."
+    "--bridge", multiple=True, metavar="BRIDGE", help="Publish live, as for `run`; may be repeated."
 )
 @config_option
 @set_option
@@ -52,23 +52,23 @@ def study_run(
     config: str | None,
     **given: object,
 ) -> None:
-    """Lead participants through a study, from two pages.
+    """Run a study with participants, from two pages.
 
-    One page is the experimenter's, one the participant's; open each on its own screen. Trials run here and
-    are recorded into the study's folder. Started again after a crash it goes on where it stopped.
+    One page is for the experimenter, one for the participant; open each on its own screen. Trials run here
+    and are recorded in the study's folder. Started again after a crash, it resumes where it stopped.
     """
     from haptigraph.config import load_config
     from haptigraph.dashboard.server.server import listen
     from haptigraph.study.protocol import load_protocol
-    from haptigraph.study.store import Store  # before all that needs the extra: it says which one
+    from haptigraph.study.store import Store  # first, as it names the missing extra
 
     protocol = load_protocol(folder)
     name = (station if station is not None else platform.node() or "station").strip()
-    if not 0 < len(name) <= LONGEST_NAME:
-        raise BadInput(f"--station {name[:90]!r}: a name has 1 to {LONGEST_NAME} characters")
-    begin = () if config else ("source.uri=teleop",)
-    base = load_config(config, (*begin, *run_settings({**given, "procedure": None, "record": None}, True)))
-    _try_out(base, protocol)
+    if not 0 < len(name) <= MAX_NAME_LENGTH:
+        raise BadInput(f"--station {name[:90]!r}: a name has 1 to {MAX_NAME_LENGTH} characters")
+    defaults = () if config else ("source.uri=teleop",)
+    base = load_config(config, (*defaults, *run_settings({**given, "procedure": None, "record": None}, True)))
+    _check_setup(base, protocol)
     from haptigraph.dashboard.study.service import StudyService
     from haptigraph.dashboard.study.site import StudySite
     from haptigraph.dashboard.study.trial import run_trials
@@ -77,14 +77,14 @@ def study_run(
     with (
         terminable(),
         closing(listen(host, port or 0)) as listener,
-        closing(Store(store or str(protocol.folder / STORE))) as kept,
+        closing(Store(store or str(protocol.folder / STORE))) as opened,
     ):
-        held = study_in(kept, protocol)
-        held.check_frozen()
-        service = StudyService(Path(folder), held, name)
+        stored = study_in(opened, protocol)
+        stored.check_frozen()
+        service = StudyService(Path(folder), stored, name)
         site = StudySite(service, base, listener, host=host, token=page_token(host, token))
         with site.served():
-            tell(f"haptigraph: study {held.name}{' (simulated)' * held.simulated}, station {name}")
+            tell(f"haptigraph: study {stored.name}{' (simulated)' * stored.simulated}, station {name}")
             tell(f"haptigraph: the page is at {site.address()} for the experimenter")
             tell(f"haptigraph: and at {site.address('/participant')} for the participant; Ctrl-C ends both")
             try:
@@ -93,8 +93,8 @@ def study_run(
                 service.close()
 
 
-def _try_out(base: "Config", protocol: "Protocol") -> None:
-    """Open source and device once, and look for all targets: what is wrong is found before anyone comes."""
+def _check_setup(base: "Config", protocol: "Protocol") -> None:
+    """Open source and device once, and locate all targets, to detect problems before a participant comes."""
     from msgspec.structs import replace
 
     from haptigraph.assemble import build

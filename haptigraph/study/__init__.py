@@ -1,1 +1,1 @@
-"""Studies: a protocol as data, who gets what in which order, store and runner; simulated participants."""
+"""Human-subject studies: protocol, counterbalancing, store and session runner; simulated participants."""

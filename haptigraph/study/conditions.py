@@ -1,89 +1,89 @@
-"""Who gets what in which order: conditions and targets, drawn from a seed, balanced over participants.
+"""Counterbalancing: the order of conditions and targets of each participant, from a seed.
 
-Pure functions of (seed, participant's place). Chance is SHA-256 of seed and place, not a generator, so that
-the same seed draws the same order with any version of Python and NumPy.
+Pure functions of seed and slot. Random numbers are SHA-256 hashes, not a generator's output, so that the same
+seed yields the same orders with any version of Python and NumPy.
 """
 
 import hashlib
 from collections.abc import Sequence
 from typing import Literal, TypeAlias, TypeVar
 
-__all__ = ["Order", "drawn", "order_of", "round_of", "shuffled", "targets_of", "williams"]
+__all__ = ["Order", "hashed_integer", "order_of", "round_of", "shuffled", "targets_of", "williams"]
 
 T = TypeVar("T")
 Order: TypeAlias = Literal["balanced", "random", "fixed"]
 
 
-def drawn(*what: object) -> int:
-    """Return a number in [0, 2^63) that anyone can draw again from the same words."""
-    digest = hashlib.sha256("/".join(str(word) for word in what).encode()).digest()
+def hashed_integer(*key: object) -> int:
+    """Return a pseudo-random number in [0, 2^63) that depends on the key alone."""
+    digest = hashlib.sha256("/".join(str(part) for part in key).encode()).digest()
     return int.from_bytes(digest[:8]) >> 1
 
 
-def shuffled(items: Sequence[T], *what: object) -> list[T]:
-    """Return items in an order drawn by the words `what`."""
-    places = sorted(range(len(items)), key=lambda place: drawn(*what, place))
-    return [items[place] for place in places]
+def shuffled(items: Sequence[T], *key: object) -> list[T]:
+    """Return items in a pseudo-random order that depends on the key alone."""
+    indices = sorted(range(len(items)), key=lambda index: hashed_integer(*key, index))
+    return [items[index] for index in indices]
 
 
 def round_of(count: int, slot: int) -> int:
-    """Return the full round of a balanced order of `count` treatments that a place (from 0) lies in."""
+    """Return the full round of a balanced order of `count` treatments to which a slot (from 0) belongs."""
     return slot // len(williams(count))
 
 
 def williams(count: int) -> list[tuple[int, ...]]:
     """Return the rows of a balanced Latin square for `count` treatments.
 
-    Every treatment stands equally often at every position and follows every other equally often. Even counts
+    Every treatment occurs equally often at every position and follows every other equally often. Even counts
     take `count` rows, odd ones the rows and their mirror images (E. J. Williams: Experimental designs
     balanced for the estimation of residual effects of treatments, Aust. J. Sci. Res. A 2, 1949).
     """
     first = [0]
     for step in range(1, count):
         first.append((step + 1) // 2 if step % 2 else count - step // 2)
-    rows = [tuple((place + shift) % count for place in first) for shift in range(count)]
+    rows = [tuple((treatment + shift) % count for treatment in first) for shift in range(count)]
     return rows if count % 2 == 0 or count == 1 else rows + [row[::-1] for row in rows]
 
 
-def order_of(items: Sequence[T], slot: int, seed: int, how: Order, what: str) -> list[T]:
+def order_of(items: Sequence[T], slot: int, seed: int, order: Order, purpose: str) -> list[T]:
     """Return the order in which one participant meets items.
 
     Args:
         items: In the protocol's order.
-        slot: The participant's place in the study, from 0.
-        seed: Of the study.
-        how: "balanced": rows of a Williams square, each of them once in every full round of participants, in
-            an order drawn per round; "random": drawn for each participant alone; "fixed": as they stand.
-        what: What is ordered; other words draw other orders.
+        slot: The participant's place in the counterbalancing, from 0.
+        seed: The study's seed.
+        order: "balanced": rows of a Williams square, each once per full round of participants, in an order
+            drawn per round; "random": drawn for each participant; "fixed": as given.
+        purpose: What is ordered; another purpose draws another order.
     """
-    if how == "fixed":
+    if order == "fixed":
         return list(items)
-    if how == "random":
-        return shuffled(items, seed, what, "random", slot)
+    if order == "random":
+        return shuffled(items, seed, purpose, "random", slot)
     rows = williams(len(items))
-    this_round, place = divmod(slot, len(rows))
-    row = shuffled(rows, seed, what, "balanced", this_round)[place]
+    this_round, index = divmod(slot, len(rows))
+    row = shuffled(rows, seed, purpose, "balanced", this_round)[index]
     return [items[number] for number in row]
 
 
 def targets_of(
-    names: Sequence[str], trials: int, slot: int, seed: int, how: Order, group: str = ""
+    names: Sequence[str], trials: int, slot: int, seed: int, order: Order, group: str = ""
 ) -> list[str]:
-    """Return the targets of one participant's trials: each once before any comes again, never twice running.
+    """Return the targets of one participant's trials: each once before any repeats, never twice in a row.
 
     Args:
-        names: Of the targets.
-        trials: How many are needed.
+        names: The targets' names.
+        trials: The number of trials.
         slot: The participant's place in the group, from 0.
-        seed: Of the study.
-        how: As for conditions.
-        group: Within which targets are balanced: participants with one order of conditions, so that
-            conditions and targets do not come to depend on each other.
+        seed: The study's seed.
+        order: As for conditions.
+        group: Participants within whom targets are balanced: those with the same order of conditions, so that
+            conditions and targets are not confounded.
     """
-    chosen: list[str] = []
-    while len(chosen) < trials:
-        deck = order_of(names, slot, seed, how, f"targets {group} {len(chosen) // len(names)}")
-        if chosen and len(deck) > 1 and deck[0] == chosen[-1]:
+    targets: list[str] = []
+    while len(targets) < trials:
+        deck = order_of(names, slot, seed, order, f"targets {group} {len(targets) // len(names)}")
+        if targets and len(deck) > 1 and deck[0] == targets[-1]:
             deck = [*deck[1:], deck[0]]
-        chosen += deck
-    return chosen[:trials]
+        targets += deck
+    return targets[:trials]

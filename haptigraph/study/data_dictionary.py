@@ -1,6 +1,6 @@
-"""The data dictionary: every column of an export, with unit, meaning and source. Exports are made by it.
+"""The data dictionary: every column of an export, with unit, meaning and source.
 
-Measures are named here and computed in `analysis`; a measure that is not here is refused by the store.
+It defines the exports. `analysis` computes the measures; the store refuses a measure that is not listed here.
 """
 
 import math
@@ -32,64 +32,49 @@ def _fields(
     return [Field(table, name, kind, unit, meaning, source) for name, kind, unit, meaning in rows]
 
 
-RUN = "between the tip's first being inside the globe and the first Target Hit, or the trial's end"
+RUN = "from the tip's first entry into the globe to the first Target Hit, or to the trial's end"
 MEASURES = _fields(
     "trials",
     "recording",
-    ("completion_s", "number", "s", "from the tip's first being inside the globe to the first Target Hit"),
-    (
-        "mean_theta_deg",
-        "number",
-        "deg",
-        f"mean angle between shaft and line trocar to target, weighted by time, {RUN}",
-    ),
+    ("completion_s", "number", "s", "from the tip's first entry into the globe to the first Target Hit"),
+    ("mean_theta_deg", "number", "deg", f"time-weighted mean angle from shaft to line trocar-target {RUN}"),
     ("contacts", "integer", "", f"entries into retinal_contact {RUN}"),
-    ("state_order", "text", "", f"states in the order they were traversed {RUN}, joined by >"),
-    ("path_mm", "number", "mm", f"length of the tip's path {RUN}, low-passed at 5 Hz"),
+    ("state_order", "text", "", f"states in the order of occurrence {RUN}, joined by >"),
+    ("path_mm", "number", "mm", f"length of the tip's path {RUN}, low-pass filtered at 5 Hz"),
     ("sparc", "number", "", f"spectral arc length of the tip's speed {RUN}; nearer 0 is smoother"),
     ("log_jerk", "number", "", f"log dimensionless jerk of the tip's speed {RUN}; nearer 0 is smoother"),
-    ("tremor_power_mm2", "number", "mm^2", f"variance of the tip in 8 to 12 Hz, both axes, {RUN}"),
-    ("vibrating_s", "number", "s", f"time with an amplitude above 0 commanded {RUN}"),
-    (
-        "reaction_ms",
-        "number",
-        "ms",
-        f"median time from a cue's onset to theta's falling {RUN}; cues without touch too",
-    ),
+    ("tremor_power_mm2", "number", "mm^2", f"variance of the tip position in 8 to 12 Hz, both axes, {RUN}"),
+    ("vibrating_s", "number", "s", f"time with a commanded amplitude above 0 {RUN}"),
+    ("reaction_ms", "number", "ms", f"median time from a cue, felt or not, to a decrease of theta {RUN}"),
     ("approach_speed_mm_s", "number", "mm/s", f"maximum speed towards the retina while approaching it {RUN}"),
 )
-"""Measures of a trial; and `time_<state>_s` for each state of the procedure."""
+"""Measures of a trial, besides `time_<state>_s` for each state of the procedure."""
 
 TRIAL = _fields(
     "trials",
     "protocol",
     ("study", "text", "", "the study's name"),
     ("participant", "text", "", "pseudonym"),
-    ("session", "integer", "", "stretch at a station in which the trial was begun, from 1"),
+    ("session", "integer", "", "session in which the trial began, from 1"),
     ("condition", "text", "", "name of the condition"),
     ("block", "integer", "", "from 1; empty in training"),
-    (
-        "position",
-        "integer",
-        "",
-        "place of the condition in the participant's order, from 1; empty before the first",
-    ),
+    ("position", "integer", "", "position of the condition in the order, from 1; empty before the first"),
     ("phase", "text", "", "training or trial"),
     ("trial", "integer", "", "within the block or training, from 1"),
-    ("attempt", "integer", "", "from 1; repeated trials have higher ones"),
+    ("attempt", "integer", "", "from 1; above 1 where the trial was repeated"),
     ("target", "text", "", "name of the target position"),
-    ("seed", "integer", "", "drawn for the trial, for whatever simulates"),
+    ("seed", "integer", "", "seed of the trial for simulations"),
 )
 RECORD = _fields(
     "trials",
     "runner",
     ("outcome", "text", "", "hit, timeout or aborted; empty: still running"),
     ("void", "text", "", "why the attempt does not count; empty: it does"),
-    ("started_utc", "text", "ISO 8601", "when the trial was begun"),
-    ("ended_utc", "text", "ISO 8601", "when it was ended"),
-    ("recording", "text", "", "path from the study's folder"),
-    ("recording_sha256", "text", "", "of the recording; empty: there is none, or not a whole one"),
-    ("procedure_sha256", "text", "", "of the procedure it ran under"),
+    ("started_utc", "text", "ISO 8601", "start of the trial"),
+    ("ended_utc", "text", "ISO 8601", "end of the trial"),
+    ("recording", "text", "", "path relative to the study's folder"),
+    ("recording_sha256", "text", "", "SHA-256 of the recording; empty: no recording, or an incomplete one"),
+    ("procedure_sha256", "text", "", "SHA-256 of the procedure that was run"),
     ("software", "text", "", "version of haptigraph"),
 )
 COLUMNS: dict[str, list[Field]] = {
@@ -99,33 +84,28 @@ COLUMNS: dict[str, list[Field]] = {
         "participant",
         ("study", "text", "", "the study's name"),
         ("participant", "text", "", "pseudonym"),
-        ("condition", "text", "", "name of the condition it is about; empty where asked once"),
-        (
-            "position",
-            "integer",
-            "",
-            "of that condition in the participant's order, from 1; empty where asked once",
-        ),
+        ("condition", "text", "", "condition that the answer is about; empty for one-off questionnaires"),
+        ("position", "integer", "", "position of that condition, from 1; empty for one-off questionnaires"),
         ("questionnaire", "text", "", "name of the questionnaire"),
         ("item", "text", "", "key of the item"),
         ("answer", "text", "", "as given"),
-        ("answered_utc", "text", "ISO 8601", "when it was last given"),
-        ("session", "integer", "", "stretch at a station in which it was given, from 1"),
+        ("answered_utc", "text", "ISO 8601", "when it was last changed"),
+        ("session", "integer", "", "session in which it was given, from 1"),
     ),
     "participants": _fields(
         "participants",
         "runner",
         ("study", "text", "", "the study's name"),
         ("participant", "text", "", "pseudonym"),
-        ("order", "text", "", "conditions in the order met, joined by >"),
-        ("consented_utc", "text", "ISO 8601", "when the participant agreed"),
-        ("slot", "integer", "", "place in the balancing, from 0"),
-        ("enrolled_utc", "text", "ISO 8601", "when the participant was taken in; if erased, when that was"),
+        ("order", "text", "", "conditions in the participant's order, joined by >"),
+        ("consented_utc", "text", "ISO 8601", "when the participant consented"),
+        ("slot", "integer", "", "place in the counterbalancing, from 0"),
+        ("enrolled_utc", "text", "ISO 8601", "when the participant enrolled; after erasure, when that was"),
         (
             "withdrawn_utc",
             "text",
             "ISO 8601",
-            "when the participant left the study; empty: did not; the same as enrolled_utc: was erased",
+            "time of withdrawal; empty: none; equal to enrolled_utc: data erased",
         ),
         ("simulated", "integer", "", "1: a simulated participant, 0: a person"),
     ),
@@ -134,19 +114,19 @@ COLUMNS: dict[str, list[Field]] = {
         "runner",
         ("study", "text", "", "the study's name"),
         ("participant", "text", "", "pseudonym"),
-        ("session", "integer", "", "stretch at a station, from 1"),
+        ("session", "integer", "", "uninterrupted period at one station, from 1"),
         ("station", "text", "", "name of the station"),
-        ("opened_utc", "text", "ISO 8601", "its beginning"),
-        ("closed_utc", "text", "ISO 8601", "its end; after a crash, when the next began"),
+        ("opened_utc", "text", "ISO 8601", "start of the session"),
+        ("closed_utc", "text", "ISO 8601", "end of the session; after a crash, the start of the next"),
     ),
     "stages": _fields(
         "stages",
         "runner",
         ("study", "text", "", "the study's name"),
         ("participant", "text", "", "pseudonym"),
-        ("stage", "text", "", "briefing, consent, questionnaire, break or thanks, with its place"),
-        ("session", "integer", "", "in which it was done"),
-        ("done_utc", "text", "ISO 8601", "when it was done"),
+        ("stage", "text", "", "briefing, consent, questionnaire, break or thanks, with its position"),
+        ("session", "integer", "", "session in which it was completed"),
+        ("done_utc", "text", "ISO 8601", "when it was completed"),
     ),
     "events": _fields(
         "events",
@@ -154,51 +134,51 @@ COLUMNS: dict[str, list[Field]] = {
         ("study", "text", "", "the study's name"),
         ("participant", "text", "", "pseudonym"),
         ("number", "integer", "", "from 1"),
-        ("session", "integer", "", "in which it was noted"),
-        ("kind", "text", "", "note, or stop: the session was ended early"),
-        ("text", "text", "", "in words"),
-        ("at_utc", "text", "ISO 8601", "when"),
+        ("session", "integer", "", "session in which it was noted"),
+        ("kind", "text", "", "note, or stop: the experimenter ended the session early"),
+        ("text", "text", "", "the experimenter's words"),
+        ("at_utc", "text", "ISO 8601", "when it was noted"),
     ),
 }
-"""Columns by table, in their order; the first three tables are for analysis, the rest completes them."""
+"""Columns by table, in order. The first three are for analysis; the others make an export complete."""
 
 
 def time_field(name: str) -> Field | None:
-    """Return the column of a time in a state; None if the name is none."""
+    """Return the column for the time in a state, or None if the name is not of that form."""
     state = TIME_IN_STATE.fullmatch(name)
     return Field("trials", name, "number", "s", f"time in {state[1]} {RUN}", "recording") if state else None
 
 
 def fields_of(table: str, names: Iterable[str] = ()) -> list[Field]:
-    """Return the columns of a table, with times in states among `names` after the number of contacts."""
+    """Return the columns of a table; those times in states that are in `names` follow the contacts."""
     fields = list(COLUMNS[table])
     times = [field for name in sorted(set(names)) if (field := time_field(name)) is not None]
     if table == "trials":
-        place = [field.name for field in fields].index("contacts") + 1
-        fields[place:place] = times
+        index = [field.name for field in fields].index("contacts") + 1
+        fields[index:index] = times
     return fields
 
 
 def check_measures(measures: Mapping[str, float | int | str | None]) -> dict[str, float | int | str]:
-    """Return measures as they are stored: the missing ones left out.
+    """Return measures in the stored form, without missing values.
 
     Raises:
-        BadInput: If one is not in the dictionary, or not of its kind, or not finite.
+        BadInput: If a measure is not in the dictionary, of the wrong type, or not finite.
     """
-    known = {field.name: field for field in MEASURES}
-    kept: dict[str, float | int | str] = {}
+    defined = {field.name: field for field in MEASURES}
+    checked: dict[str, float | int | str] = {}
     for name, value in measures.items():
-        field = known.get(name) or time_field(name)
+        field = defined.get(name) or time_field(name)
         if field is None:
-            raise BadInput(unknown_name("measure", name, [*known, "time_<state>_s"]))
+            raise BadInput(unknown_name("measure", name, [*defined, "time_<state>_s"]))
         if value is None or (isinstance(value, float) and math.isnan(value)):
             continue
         if field.kind == "number" and isinstance(value, int | float) and math.isfinite(value):
-            kept[name] = float(value)
+            checked[name] = float(value)
         elif (field.kind == "integer" and isinstance(value, int)) or (
             field.kind == "text" and isinstance(value, str)
         ):
-            kept[name] = value
+            checked[name] = value
         else:
             raise BadInput(f"measure {name}: expected a finite {field.kind}, found {value!r}")
-    return kept
+    return checked

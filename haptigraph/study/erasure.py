@@ -1,7 +1,7 @@
-"""Erase a participant who withdraws consent: rows and recordings go, pseudonym and place stay.
+"""Erase the data of a participant who withdraws consent; pseudonym and slot remain.
 
-First the rows, in one transaction; then the recordings; then what is left in the database's own files. Cut
-off in between, it is finished by doing it again.
+Deletes the rows in one transaction, then the recordings, then the remnants in the database's own files. After
+an interruption, a second call completes it.
 """
 
 import shutil
@@ -14,66 +14,66 @@ from sqlalchemy import Connection, Table, delete, func, select, update
 from haptigraph.errors import BadInput
 from haptigraph.recording.journal import is_being_written
 from haptigraph.study.progress import of_participant
-from haptigraph.study.recordings import place_of
+from haptigraph.study.recordings import recordings_folder
 from haptigraph.study.roster import Study
-from haptigraph.study.station import open_row, whereabouts
+from haptigraph.study.station import location, open_row
 from haptigraph.study.store import Row
 from haptigraph.study.tables import METADATA, PARTICIPANTS, SESSIONS, TRIALS, is_erased
 
-__all__ = ["Found", "erase", "find", "forget", "remains"]
+__all__ = ["ParticipantData", "delete_rows", "erase", "find_data", "remaining_files"]
 
-OF_PERSONS = [
+PARTICIPANT_TABLES = [
     table
     for table in reversed(METADATA.sorted_tables)
     if "participant" in table.c and table is not PARTICIPANTS
 ]
-"""In an order in which they can be emptied."""
-MADE_OF_ALL = ("participants.csv", "report.html")
-"""What an export and a report are known by."""
+"""In an order that respects foreign keys."""
+AGGREGATE_FILES = ("participants.csv", "report.html")
+"""Files that mark an export and a report."""
 
 
-class Found(Struct, frozen=True):
-    """What there is of a participant."""
+class ParticipantData(Struct, frozen=True):
+    """All data of one participant."""
 
     slot: int
-    """Place in the balancing, from 0."""
+    """Place in the counterbalancing, from 0."""
     erased_utc: str
-    """When the rows were erased, ISO 8601; empty: they are there."""
+    """When the rows were erased, ISO 8601; empty: not erased."""
     rows: dict[str, int]
-    """How many, by table."""
+    """Number of rows by table."""
     files: list[str]
-    """In the study's folder, as paths from there."""
+    """Paths relative to the study's folder."""
     elsewhere: list[str]
-    """Recordings that the store tells of and that are not among `files`, with their station."""
-    made_of_all: list[str]
-    """Folders in the study's folder with exports and reports, which are of everyone."""
+    """Recordings that the store lists and that are not among `files`, with their station."""
+    aggregates: list[str]
+    """Exports and reports of all participants in the study's folder."""
 
 
-def find(study: Study, participant: str) -> Found:
-    """Return what there is of a participant.
+def find_data(study: Study, participant: str) -> ParticipantData:
+    """Return all data of a participant.
 
     Raises:
-        BadInput: If there is none of that pseudonym, or they are at a station, or are being recorded.
+        BadInput: If the pseudonym is unknown, or the participant is at a station or being recorded.
     """
     with study.store.begin() as connection:
-        person = _absent(connection, study, participant)
-        rows = {table.name: _count(connection, table, study, participant) for table in OF_PERSONS}
-        told = dict(_recorded(connection, study, participant))
+        person = _participant_not_at_station(connection, study, participant)
+        rows = {table.name: _count(connection, table, study, participant) for table in PARTICIPANT_TABLES}
+        recordings = dict(_recordings(connection, study, participant))
     folder = study.protocol.folder
-    files = remains(folder, participant)
+    files = remaining_files(folder, participant)
     for file in files:
         if (folder / file).is_file() and is_being_written(folder / file):
             raise BadInput("is being written; end that run first", folder / file)
-    return Found(
+    return ParticipantData(
         slot=person["slot"],
         erased_utc=person["withdrawn_utc"] if is_erased(person) else "",
         rows={name: count for name, count in sorted(rows.items()) if count},
         files=files,
-        elsewhere=[f"{path} (station {at})" for path, at in sorted(told.items()) if path not in files],
-        made_of_all=sorted(
+        elsewhere=[f"{path} (station {at})" for path, at in sorted(recordings.items()) if path not in files],
+        aggregates=sorted(
             {
                 path.parent.relative_to(folder).as_posix()
-                for name in MADE_OF_ALL
+                for name in AGGREGATE_FILES
                 for path in folder.rglob(name)
             }
         ),
@@ -81,47 +81,46 @@ def find(study: Study, participant: str) -> Found:
 
 
 def erase(study: Study, participant: str) -> None:
-    """Erase a participant for good; the pseudonym is not given again, the place is free.
+    """Erase a participant's data permanently; the pseudonym stays reserved, the slot becomes free.
 
     Raises:
-        BadInput: If there is none of that pseudonym, or they are at a station.
-        StoreFailed: If the store does not take it; where the rows are gone, do it again.
+        BadInput: If the pseudonym is unknown, or the participant is at a station.
+        StoreFailed: If the store reports an error; if the rows are already gone, call it again.
     """
     with study.store.begin() as connection:
-        person = _absent(connection, study, participant)
-        forget(connection, study.name, participant)
+        person = _participant_not_at_station(connection, study, participant)
+        delete_rows(connection, study.name, participant)
         if not is_erased(person):
             now_utc = study.store.now_utc()
             stamps = {"enrolled_utc": now_utc, "consented_utc": None, "withdrawn_utc": now_utc}
             mine = of_participant(PARTICIPANTS, study.name, participant)
             connection.execute(update(PARTICIPANTS).where(*mine).values(stamps))
-    place = study.protocol.folder / place_of(participant)
-    if place.exists():
-        shutil.rmtree(place.resolve())
-    if place.is_symlink():
-        place.unlink()
+    recordings = study.protocol.folder / recordings_folder(participant)
+    if recordings.exists():
+        shutil.rmtree(recordings.resolve())
+    if recordings.is_symlink():
+        recordings.unlink()
     study.store.purge()
 
 
-def forget(connection: Connection, study: str, participant: str) -> None:
-    """Delete all rows of a participant but the one that says who has the place."""
-    for table in OF_PERSONS:
+def delete_rows(connection: Connection, study: str, participant: str) -> None:
+    """Delete all rows of a participant except the one that holds pseudonym and slot."""
+    for table in PARTICIPANT_TABLES:
         connection.execute(delete(table).where(*of_participant(table, study, participant)))
 
 
-def remains(folder: Path, participant: str) -> list[str]:
-    """Return the files of a participant in a study's folder, as paths from there."""
-    place = folder / place_of(participant)
-    files = (path for path in place.rglob("*") if path.is_symlink() or not path.is_dir())
+def remaining_files(folder: Path, participant: str) -> list[str]:
+    """Return the files of a participant in a study's folder, as paths relative to it."""
+    recordings = folder / recordings_folder(participant)
+    files = (path for path in recordings.rglob("*") if path.is_symlink() or not path.is_dir())
     return sorted(path.relative_to(folder).as_posix() for path in files)
 
 
-def _absent(connection: Connection, study: Study, participant: str) -> Row:
-    """Return a participant who is at no station."""
+def _participant_not_at_station(connection: Connection, study: Study, participant: str) -> Row:
     person = study.participant(connection, participant)
-    at = open_row(connection, study, participant)
-    if at is not None:
-        raise BadInput(f"{whereabouts(at)}; let them leave it (after a crash: resume, then leave)")
+    session = open_row(connection, study, participant)
+    if session is not None:
+        raise BadInput(f"{location(session)}; leave the station first (after a crash: resume, then leave)")
     return person
 
 
@@ -130,8 +129,8 @@ def _count(connection: Connection, table: Table, study: Study, participant: str)
     return connection.scalar(select(func.count()).select_from(table).where(*mine)) or 0
 
 
-def _recorded(connection: Connection, study: Study, participant: str) -> Iterator[tuple[str, str]]:
-    """Yield the recordings that the store tells of, with their stations."""
+def _recordings(connection: Connection, study: Study, participant: str) -> Iterator[tuple[str, str]]:
+    """Yield the recordings that the store lists, with their stations."""
     session = (TRIALS.c.study == SESSIONS.c.study) & (TRIALS.c.participant == SESSIONS.c.participant)
     session &= TRIALS.c.session == SESSIONS.c.session
     mine = (*of_participant(TRIALS, study.name, participant), TRIALS.c.recording.is_not(None))

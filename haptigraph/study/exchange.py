@@ -1,6 +1,6 @@
-"""A study out of a store as tidy CSV with its data dictionary, and back into one without loss.
+"""Export a study from a store as tidy CSV or Parquet with its data dictionary; import it without loss.
 
-What is exported of each table, and how it is read back, is the data dictionary's to say.
+The data dictionary defines the columns of every table and their types.
 """
 
 import csv
@@ -15,13 +15,13 @@ import msgspec
 from msgspec import Struct
 from sqlalchemy import Table, select
 
-from haptigraph.errors import BadInput
+from haptigraph.errors import BadInput, MissingExtra
 from haptigraph.study.data_dictionary import COLUMNS, MEASURES, Field, check_measures, fields_of, time_field
-from haptigraph.study.roster import canonical, refuse_names
+from haptigraph.study.roster import canonical, check_pseudonym
 from haptigraph.study.store import Row, Store, to_json
 from haptigraph.study.tables import ANSWERS, EVENTS, PARTICIPANTS, SESSIONS, STAGES, STUDIES, TRIALS
 
-__all__ = ["About", "Export", "export_study", "import_study", "read_export", "tidy_tables"]
+__all__ = ["About", "Export", "export_study", "import_study", "parquet_writer", "read_export", "tidy_tables"]
 
 TABLES = {
     "participants": PARTICIPANTS,
@@ -31,14 +31,14 @@ TABLES = {
     "trials": TRIALS,
     "events": EVENTS,
 }
-"""In an order in which they can be filled."""
-FROM_1 = ("position", "block")  # stored as 0 where there is none
+"""In an order that respects foreign keys."""
+FROM_1 = ("position", "block")  # stored as 0 where missing
 WriteTable: TypeAlias = Callable[[Path, Sequence[Field], Sequence[Mapping[str, Any]]], None]
 STUDY_FILE, DICTIONARY = "study.json", "data_dictionary.csv"
 
 
 class About(Struct, frozen=True, forbid_unknown_fields=True):
-    """The frozen study, as an export has it in `study.json`."""
+    """The frozen study: the content of an export's `study.json`."""
 
     study: str
     title: str
@@ -50,15 +50,15 @@ class About(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Export(Struct, frozen=True):
-    """An export as read."""
+    """An export that was read."""
 
     about: About
     rows: dict[str, list[dict[str, Any]]]
-    """As stored, by table."""
+    """In the stored form, by table."""
 
 
 def tidy_tables(store: Store, study: str) -> dict[str, tuple[list[Field], list[dict[str, Any]]]]:
-    """Return the tables of an export: columns, and rows with None where something is missing.
+    """Return the tables of an export: columns, and rows with None for missing values.
 
     Raises:
         BadInput: If the store has no such study.
@@ -71,11 +71,11 @@ def tidy_tables(store: Store, study: str) -> dict[str, tuple[list[Field], list[d
         rows = [_tidy(name, row) for row in sorted(found, key=lambda row: [row[part] for part in key])]
         tables[name] = (fields_of(name, (key for row in rows for key in row)), rows)
     fields, people = tables["participants"]
-    asked_once = [row for row in tables["answers"][1] if row["position"] is None]
-    fields += _demographics([field.name for field in fields], asked_once)
+    one_off = [row for row in tables["answers"][1] if row["position"] is None]
+    fields += _demographics(one_off)
     for person in people:
         person["simulated"] = about.simulated
-        for row in asked_once:
+        for row in one_off:
             if row["participant"] == person["participant"]:
                 person[_column(row, COLUMNS["participants"])] = row["answer"]
     return tables
@@ -89,8 +89,8 @@ def export_study(
     Args:
         store: The store.
         study: The study's name.
-        folder: The folder to make.
-        more: Other formats that the tables are written in too, by the ending of their files.
+        folder: The folder to create.
+        more: Writers of additional formats, by file extension.
 
     Raises:
         BadInput: If there is no such study, or the folder exists or cannot be written.
@@ -100,37 +100,60 @@ def export_study(
     if folder.exists():
         raise BadInput("exists already; an export never overwrites", folder)
     try:
-        making = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
+        temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
         try:
             for name, (fields, rows) in tables.items():
-                _write(making / f"{name}.csv", [field.name for field in fields], rows)
-                for ending, write in (more or {}).items():
-                    write(making / f"{name}.{ending}", fields, rows)
-            dictionary = [_said(field) for fields, _ in tables.values() for field in fields]
-            _write(making / DICTIONARY, list(dictionary[0]), dictionary)
-            (making / STUDY_FILE).write_bytes(
-                msgspec.json.format(msgspec.json.encode(about), indent=1) + b"\n"
-            )
-            making.chmod(0o755)
-            os.rename(making, folder)
+                _write(temporary / f"{name}.csv", [field.name for field in fields], rows)
+                for extension, write in (more or {}).items():
+                    write(temporary / f"{name}.{extension}", fields, rows)
+            dictionary = [_definition(field) for fields, _ in tables.values() for field in fields]
+            _write(temporary / DICTIONARY, list(dictionary[0]), dictionary)
+            json = msgspec.json.format(msgspec.json.encode(about), indent=1)
+            (temporary / STUDY_FILE).write_bytes(json + b"\n")
+            temporary.chmod(0o755)
+            os.rename(temporary, folder)
         except BaseException:
-            shutil.rmtree(making, ignore_errors=True)
+            shutil.rmtree(temporary, ignore_errors=True)
             raise
     except OSError as error:
         raise BadInput(f"cannot be written ({error.strerror})", folder) from None
+
+
+def parquet_writer() -> WriteTable:
+    """Return a writer of Parquet tables; their column metadata holds unit and meaning.
+
+    Raises:
+        MissingExtra: If pyarrow is not installed.
+    """
+    try:
+        import pyarrow as pa  # noqa: PLC0415
+        from pyarrow import parquet  # noqa: PLC0415
+    except ModuleNotFoundError:
+        raise MissingExtra("an export as Parquet", "parquet") from None
+    types = {"text": pa.string(), "integer": pa.int64(), "number": pa.float64()}
+
+    def write(path: Path, fields: Sequence[Field], rows: Sequence[Mapping[str, Any]]) -> None:
+        columns = [
+            pa.field(field.name, types[field.kind], metadata={"unit": field.unit, "meaning": field.meaning})
+            for field in fields
+        ]
+        table = [{field.name: row.get(field.name) for field in fields} for row in rows]
+        parquet.write_table(pa.Table.from_pylist(table, pa.schema(columns)), path)
+
+    return write
 
 
 def read_export(folder: str | Path) -> Export:
     """Read an export.
 
     Raises:
-        BadInput: If a file cannot be read or does not fit.
+        BadInput: If a file cannot be read, or its content is invalid.
     """
     folder = Path(folder)
     try:
         about = msgspec.json.decode((folder / STUDY_FILE).read_bytes(), type=About)
     except OSError as error:
-        raise BadInput(f"is no export of a study ({error.strerror}: {STUDY_FILE})", folder) from None
+        raise BadInput(f"is not an export of a study ({error.strerror}: {STUDY_FILE})", folder) from None
     except msgspec.MsgspecError as error:
         raise BadInput(f"is damaged ({error})", folder / STUDY_FILE) from None
     rows = {}
@@ -141,16 +164,16 @@ def read_export(folder: str | Path) -> Export:
 
 
 def import_study(store: Store, export: Export) -> None:
-    """Put an export into a store that does not have the study, all of it or nothing.
+    """Insert an export into a store that does not contain the study, in one transaction.
 
     Raises:
-        BadInput: If the store has it, or rows contradict each other.
+        BadInput: If the store contains the study, or rows contradict each other.
     """
     about = export.about
     with store.begin() as connection:
-        here = select(STUDIES.c.study).where(STUDIES.c.study == about.study)
-        if connection.execute(here).first() is not None:
-            raise BadInput(f"has study {about.study} already; nothing was imported", store.name)
+        existing = select(STUDIES.c.study).where(STUDIES.c.study == about.study)
+        if connection.execute(existing).first() is not None:
+            raise BadInput(f"already contains study {about.study}; nothing was imported", store.name)
         row = {**msgspec.structs.asdict(about), "parts": to_json(about.parts)}
         connection.execute(STUDIES.insert().values(row))
         for name, table in TABLES.items():
@@ -159,27 +182,27 @@ def import_study(store: Store, export: Export) -> None:
 
 
 def _check_participants(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    seen: dict[object, int] = {}
+    lines: dict[object, int] = {}
     for line, row in enumerate(rows, 2):
         name = row["participant"] or ""
         try:
-            refuse_names(name)
+            check_pseudonym(name)
         except BadInput as error:
             raise BadInput(error.problem, path, f"line {line}") from None
-        before = seen.setdefault(canonical(name), line)
-        if before != line:
-            raise BadInput(f"participant {name} stands in line {before} already", path, f"line {line}")
+        first = lines.setdefault(canonical(name), line)
+        if first != line:
+            raise BadInput(f"participant {name} is already in line {first}", path, f"line {line}")
 
 
 def _about(store: Store, study: str) -> About:
     row = next(iter(store.rows(select(STUDIES).where(STUDIES.c.study == study))), None)
     if row is None:
-        raise BadInput(f"has no study {study!r}; a study is kept from its first participant on", store.name)
+        raise BadInput(f"has no study {study!r}; the first enrolment stores a study", store.name)
     return About(**{**row, "parts": msgspec.json.decode(row["parts"])})
 
 
 def _tidy(table: str, row: Row) -> dict[str, Any]:
-    """Turn a stored row into an exported one."""
+    """Convert a stored row into an exported one."""
     tidy = {name: None if name in FROM_1 and value == 0 else value for name, value in row.items()}
     if table == "trials":
         tidy |= msgspec.json.decode(tidy.pop("measures") or "{}")
@@ -189,7 +212,7 @@ def _tidy(table: str, row: Row) -> dict[str, Any]:
 
 
 def _stored(table: str, row: dict[str, Any]) -> dict[str, Any]:
-    """Turn an exported row back into a stored one."""
+    """Convert an exported row back into a stored one."""
     stored = {name: 0 if name in FROM_1 and value is None else value for name, value in row.items()}
     if table == "trials":
         names = [name for name in stored if time_field(name) or name in {field.name for field in MEASURES}]
@@ -201,29 +224,29 @@ def _stored(table: str, row: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in stored.items() if name in columns.c}
 
 
-def _demographics(taken: Sequence[str], asked_once: Iterable[Mapping[str, Any]]) -> list[Field]:
-    said = {
-        _column(row, COLUMNS["participants"]): f"{row['questionnaire']}: {row['item']}" for row in asked_once
+def _demographics(answers: Iterable[Mapping[str, Any]]) -> list[Field]:
+    meanings = {
+        _column(row, COLUMNS["participants"]): f"{row['questionnaire']}: {row['item']}" for row in answers
     }
-    return [Field("participants", name, "text", "", meaning, "participant") for name, meaning in said.items()]
+    return [Field("participants", name, "text", "", text, "participant") for name, text in meanings.items()]
 
 
 def _column(row: Mapping[str, Any], fields: Sequence[Field]) -> str:
-    """Return the column of an answer that was given once."""
+    """Return the column for an answer to a one-off questionnaire."""
     item: str = row["item"]
     return f"{row['questionnaire']}_{item}" if item in [field.name for field in fields] else item
 
 
-def _said(field: Field) -> dict[str, Any]:
-    said = field._asdict()
-    return {"table": said.pop("table"), "column": said.pop("name"), **said}
+def _definition(field: Field) -> dict[str, Any]:
+    row = field._asdict()
+    return {"table": row.pop("table"), "column": row.pop("name"), **row}
 
 
 def _write(path: Path, names: list[str], rows: Iterable[Mapping[str, Any]]) -> None:
     with path.open("w", newline="", encoding="utf-8") as file:
         table = csv.DictWriter(file, names, restval="")
         table.writeheader()
-        table.writerows(rows)  # None becomes empty, floats are written so that they read back equal
+        table.writerows(rows)  # None becomes empty; floats read back equal
 
 
 def _read(path: Path, table: str, study: str) -> Iterable[dict[str, Any]]:
@@ -237,14 +260,14 @@ def _read(path: Path, table: str, study: str) -> Iterable[dict[str, Any]]:
             for row in reader:
                 place = f"line {reader.line_num}"
                 if None in row or None in row.values():
-                    raise BadInput("has not as many values as there are columns", path, place)
+                    raise BadInput("has a different number of values than columns", path, place)
                 if row["study"] != study:
-                    raise BadInput(f"is of study {row['study']!r}, not {study!r}", path, place)
+                    raise BadInput(f"belongs to study {row['study']!r}, not {study!r}", path, place)
                 yield {name: _value(fields[name], row[name], path, place) for name in fields}
     except OSError as error:
         raise BadInput(f"cannot be read ({error.strerror})", path) from None
     except (csv.Error, UnicodeDecodeError) as error:
-        raise BadInput(f"is no CSV in UTF-8 ({error})", path) from None
+        raise BadInput(f"is not CSV in UTF-8 ({error})", path) from None
 
 
 def _value(field: Field, text: str, path: Path, place: str) -> Any:

@@ -1,7 +1,7 @@
-"""A protocol and a participant's place in, everything that this participant goes through out, in order.
+"""The plan of one participant: all stages in order, from protocol and slot.
 
-Pure: the same protocol and place give the same plan on every station and after every crash. What has been
-done is the store's to say.
+Pure: the same protocol and slot give the same plan at every station and after every crash. The store holds
+which stages are done.
 """
 
 from collections.abc import Iterator
@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias
 
 from msgspec import Struct
 
-from haptigraph.study.conditions import drawn, order_of, round_of, targets_of
+from haptigraph.study.conditions import hashed_integer, order_of, round_of, targets_of
 from haptigraph.study.protocol import Protocol
 
 __all__ = ["Kind", "Stage", "condition_title", "conditions_of", "plan_of"]
@@ -18,28 +18,28 @@ Kind: TypeAlias = Literal["briefing", "consent", "questionnaire", "training", "t
 
 
 class Stage(Struct, frozen=True):
-    """One thing that a participant goes through."""
+    """One step of a participant's plan."""
 
     kind: Kind
     condition: str = ""
-    """Empty before the first and after the last."""
+    """Empty before the first and after the last condition."""
     position: int = 0
-    """Place of the condition in the participant's order, from 1; 0 outside."""
+    """Position of the condition in the participant's order, from 1; 0 outside conditions."""
     questionnaire: str = ""
     block: int = 0
-    """From 1; 0 where there is none, as in training."""
+    """From 1; 0 outside blocks, as in training."""
     trial: int = 0
-    """Within its block, or within training, from 1."""
+    """Number within its block, or within training, from 1."""
     target: str = ""
     seed: int = 0
-    """Of the trial, for whatever simulates."""
+    """Of the trial, for simulations."""
     timeout_s: float = 0.0
     free: bool = False
-    """Whether Target Hit does not end it."""
+    """Whether the trial continues after Target Hit."""
 
     @property
     def key(self) -> str:
-        """Its name within the participant's plan, as the store keeps it."""
+        """Name within the participant's plan, as stored."""
         if self.is_trial:
             return f"{self.kind}/{self.position}/{self.block}/{self.trial}"
         words = [self.kind, self.questionnaire, str(self.position) if self.position else ""]
@@ -47,18 +47,18 @@ class Stage(Struct, frozen=True):
 
     @property
     def is_trial(self) -> bool:
-        """Whether the needle is steered."""
+        """Whether it is a training or study trial."""
         return self.kind in ("training", "trial")
 
 
 def conditions_of(protocol: Protocol, slot: int) -> list[str]:
-    """Return the conditions that the participant of a place (from 0) meets, in order."""
+    """Return the conditions of the participant in a slot (from 0), in order."""
     order = _order(protocol, slot)
     return order if protocol.study.design == "within" else order[:1]
 
 
 def condition_title(protocol: Protocol, stage: Stage, reader: Literal["participant", "experimenter"]) -> str:
-    """Return a stage's condition as a reader may see it: by its title, or blinded by its position alone."""
+    """Return a stage's condition as shown to a reader: its title or, if blinded, its position."""
     blind = protocol.study.blind
     if not stage.condition:
         return ""
@@ -68,10 +68,10 @@ def condition_title(protocol: Protocol, stage: Stage, reader: Literal["participa
 
 
 def plan_of(protocol: Protocol, slot: int) -> list[Stage]:
-    """Return all stages of the participant of a place (from 0), in order."""
+    """Return all stages of the participant in a slot (from 0), in order."""
     order, trials = conditions_of(protocol, slot), protocol.trials
     targets = iter(_targets(protocol, slot, len(order) * trials.blocks * trials.repetitions))
-    plan = [Stage("briefing"), Stage("consent"), *_asked(protocol, "start")]
+    plan = [Stage("briefing"), Stage("consent"), *_questionnaires(protocol, "start")]
     plan += _training(
         protocol, slot, "study", (protocol.training and protocol.training.condition) or order[0], 0
     )
@@ -93,8 +93,8 @@ def plan_of(protocol: Protocol, slot: int) -> list[Stage]:
                         timeout_s=trials.timeout_s,
                     )
                 )
-        plan += _asked(protocol, "condition", condition, position)
-    return [*plan, *_asked(protocol, "end"), Stage("thanks")]
+        plan += _questionnaires(protocol, "condition", condition, position)
+    return [*plan, *_questionnaires(protocol, "end"), Stage("thanks")]
 
 
 def _order(protocol: Protocol, slot: int) -> list[str]:
@@ -112,10 +112,10 @@ def _targets(protocol: Protocol, slot: int, count: int) -> list[str]:
     return targets_of(names, count, slot, study.seed, protocol.trials.target_order, group)
 
 
-def _asked(protocol: Protocol, when: str, condition: str = "", position: int = 0) -> Iterator[Stage]:
-    for asked, sheet in protocol.asked:
-        if asked.when == when:
-            yield Stage("questionnaire", condition, position, questionnaire=sheet.name)
+def _questionnaires(protocol: Protocol, when: str, condition: str = "", position: int = 0) -> Iterator[Stage]:
+    for table, questionnaire in protocol.questionnaires:
+        if table.when == when:
+            yield Stage("questionnaire", condition, position, questionnaire=questionnaire.name)
 
 
 def _training(protocol: Protocol, slot: int, before: str, condition: str, position: int) -> Iterator[Stage]:
@@ -136,5 +136,5 @@ def _training(protocol: Protocol, slot: int, before: str, condition: str, positi
         )
 
 
-def _seed(protocol: Protocol, slot: int, *place: int) -> int:
-    return drawn(protocol.study.seed, "trial", slot, *place) % 2**31
+def _seed(protocol: Protocol, slot: int, *trial: int) -> int:
+    return hashed_integer(protocol.study.seed, "trial", slot, *trial) % 2**31

@@ -1,19 +1,22 @@
-"""A study's protocol: one TOML file, with the procedures and questionnaires it names, loaded and checked.
+"""A study's protocol: one TOML file with the procedures and questionnaires that it names, loaded and checked.
 
-Every mistake is told with file, line, what was found and what would be valid. Knows no store and no page.
+Every error reports file and line, what was found and what would be valid.
 """
 
 import hashlib
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
 from msgspec import Meta, Struct, field
+from msgspec.structs import replace
 
-from haptigraph.assemble import load_procedure
-from haptigraph.errors import BadInput, unknown_name
+from haptigraph.assemble import load_procedure, parse_procedure
+from haptigraph.errors import BadInput, RenamedKey, unknown_name
 from haptigraph.study.conditions import Order
-from haptigraph.study.questionnaire import Questionnaire, load_questionnaire
+from haptigraph.study.questionnaire import Questionnaire, load_questionnaire, parse_questionnaire
 from haptigraph.toml_document import Document
 
 __all__ = [
@@ -45,65 +48,65 @@ class StudyTable(Struct, frozen=True, forbid_unknown_fields=True):
     """Its key in the store."""
     title: str
     design: Literal["within", "between"]
-    """Every participant meets all conditions, or one."""
+    """Whether every participant meets all conditions or one."""
     participants: Annotated[int, Meta(ge=1, le=100_000)]
-    """How many; no more are taken."""
+    """Sample size; no more can be enrolled."""
     seed: Annotated[int, Meta(ge=0, le=2**32 - 1)]
-    """Of every order that is drawn."""
+    """Of every randomised order."""
     order: Order = "balanced"
-    """How the order of conditions is found, or with `between` who gets which."""
+    """How the conditions are ordered or, with `between`, assigned."""
     blind: Literal["nobody", "participant", "everyone"] = "participant"
-    """From whom the names of conditions are hidden; they see "condition 1", "condition 2", as they come."""
+    """To whom the conditions' names are hidden; they see "condition 1", "condition 2", in their order."""
 
 
 class Condition(Struct, frozen=True, forbid_unknown_fields=True):
-    """One condition: what is felt and what is seen."""
+    """One condition: its haptic output and its display."""
 
     name: Name
     title: str
     procedure: str = "subretinal_injection"
     """Name of a procedure that ships with haptigraph, or a path from the protocol's folder."""
     touch: bool = True
-    """Whether the hand feels anything."""
+    """Whether there is haptic output."""
     display: Literal["ioct", "overlays"] = "ioct"
-    """What the participant sees: the iOCT-like picture, or with what was found drawn over it."""
+    """What the participant sees: the iOCT-like image without or with detections drawn on it."""
 
 
 class Training(Struct, frozen=True, forbid_unknown_fields=True):
-    """The [training] table; without it there is none."""
+    """The [training] table; without it there is no training."""
 
     before: Literal["study", "condition"]
-    """Once before the first condition, or before each, under it."""
+    """Once before the first condition, or before and under each condition."""
     condition: str = ""
-    """The one that is trained, where training comes once."""
+    """The condition of the training that takes place once."""
     trials: Count = 1
     timeout_s: TimeoutS = 300.0
     free: bool = True
-    """Whether Target Hit does not end it."""
+    """Whether a trial continues after Target Hit."""
 
 
 class Trials(Struct, frozen=True, forbid_unknown_fields=True):
-    """The [trials] table: what is done under each condition."""
+    """The [trials] table: the trials under each condition."""
 
     repetitions: Count = 1
     """Trials in a block."""
     blocks: Count = 1
     timeout_s: TimeoutS = 300.0
     attempts: Count = 3
-    """How often a trial is begun, at most, if it is aborted or interrupted."""
+    """Maximum number of attempts at a trial that is aborted or interrupted."""
     target_order: Order = "balanced"
 
 
 class Target(Struct, frozen=True, forbid_unknown_fields=True):
-    """A place on the retina."""
+    """A target position on the retina."""
 
     name: Name
     along_mm: Annotated[float, Meta(ge=-15, le=15)]
-    """Along the retina from the globe's lowest point, positive to the surgeon's right."""
+    """Arc length along the retina from the globe's lowest point, positive to the surgeon's right."""
 
 
 class Asked(Struct, frozen=True, forbid_unknown_fields=True):
-    """When a questionnaire is asked."""
+    """One [[questionnaire]] table: which questionnaire is administered, and when."""
 
     file: str
     """Name of a questionnaire that ships with haptigraph, or a path from the protocol's folder."""
@@ -112,13 +115,13 @@ class Asked(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Stop(Struct, frozen=True, forbid_unknown_fields=True):
-    """The [stop] table: when a participant's session ends early; 0: never."""
+    """The [stop] table: when a participant's session ends early; 0 switches a rule off."""
 
     timeouts_in_a_row: Number = 0
     failed_trials: Number = 0
-    """Trials given up after all attempts."""
+    """Trials without a valid attempt."""
     session_min: Number = 0
-    """Minutes since the consent; no new trial begins after them."""
+    """Minutes since the consent after which no new trial begins."""
 
 
 class Texts(Struct, frozen=True, forbid_unknown_fields=True):
@@ -126,10 +129,10 @@ class Texts(Struct, frozen=True, forbid_unknown_fields=True):
 
     briefing: str
     consent: str
-    """What they agree to."""
+    """What they consent to."""
     thanks: str = "That was all. Thank you!"
     break_text: str = ""
-    """Between conditions; empty: no break."""
+    """Shown between conditions; empty: no break."""
 
 
 class _File(Struct, frozen=True, forbid_unknown_fields=True):
@@ -152,38 +155,51 @@ class Protocol(Struct, frozen=True):
     targets: tuple[Target, ...]
     trials: Trials
     training: Training | None
-    asked: tuple[tuple[Asked, Questionnaire], ...]
-    """Questionnaires, in the order of the file."""
+    questionnaires: tuple[tuple[Asked, Questionnaire], ...]
+    """In the order of the file."""
     stop: Stop
     procedures: dict[str, str]
     """Text of each procedure that a condition names."""
     parts: dict[str, str]
-    """Every text it consists of, by what it is; these are frozen together."""
+    """All texts of the protocol by name; they are frozen together."""
     folder: Path
-    """Where the file stands."""
+    """The folder that contains the file."""
 
     @property
     def sha256(self) -> str:
-        """Fingerprint of all parts."""
+        """SHA-256 of all parts."""
         return hashlib.sha256(
             "".join(f"{key}\0{self.parts[key]}\0" for key in sorted(self.parts)).encode()
         ).hexdigest()
 
     def condition(self, name: str) -> Condition:
-        """Return a condition that is known to be there."""
+        """Return an existing condition."""
         return next(condition for condition in self.conditions if condition.name == name)
 
     def target(self, name: str) -> Target:
-        """Return a target that is known to be there."""
+        """Return an existing target."""
         return next(target for target in self.targets if target.name == name)
 
     def questionnaire(self, name: str) -> Questionnaire:
-        """Return a questionnaire that is known to be there."""
-        return next(sheet for _, sheet in self.asked if sheet.name == name)
+        """Return an existing questionnaire."""
+        return next(found for _, found in self.questionnaires if found.name == name)
 
     def procedure_path(self, condition: Condition) -> str:
-        """Return a condition's procedure as `run.procedure` takes it."""
+        """Return a condition's procedure as a value of `run.procedure`."""
         return _from(self.folder, condition.procedure)
+
+    def changed_parts(self, frozen: Mapping[str, str]) -> list[str]:
+        """Return the names of the parts that differ from the frozen ones.
+
+        `study.toml` must be unchanged to the letter. Procedures and questionnaires may be worded differently,
+        as another version of haptigraph ships them, if they have the same content.
+        """
+        return sorted(
+            name
+            for name in frozen.keys() | self.parts.keys()
+            if frozen.get(name) != self.parts.get(name)
+            and _content(name, frozen.get(name)) != _content(name, self.parts.get(name))
+        )
 
 
 def load_protocol(path: str | Path) -> Protocol:
@@ -193,7 +209,7 @@ def load_protocol(path: str | Path) -> Protocol:
         path: The file, or the folder with `study.toml`.
 
     Raises:
-        BadInput: With file, line and reason, if it or what it names cannot be read or is not sound.
+        BadInput: If it or a file that it names cannot be read or is invalid, with file, line and reason.
     """
     path = Path(path)
     document = Document.read(path / FILE if path.is_dir() else path)
@@ -204,17 +220,17 @@ def load_protocol(path: str | Path) -> Protocol:
     parts = {FILE: document.text}
     procedures = {}
     for number, condition in enumerate(data.conditions):
-        place = f"condition[{number}].procedure"
-        loaded = _named(document, place, load_procedure, _from(folder, condition.procedure))
+        key = f"condition[{number}].procedure"
+        loaded = _load(document, key, load_procedure, _from(folder, condition.procedure))
         procedures[condition.procedure] = parts[f"procedure {condition.procedure}"] = loaded.text
-    asked: list[tuple[Asked, Questionnaire]] = []
-    for number, ask in enumerate(data.questionnaires):
-        place = f"questionnaire[{number}].file"
-        sheet = _named(document, place, load_questionnaire, _from(folder, ask.file))
-        if sheet.name in [other.name for _, other in asked]:
-            raise document.error(f"questionnaire {sheet.name!r} is asked twice; once is enough", place)
-        asked.append((ask, sheet))
-        parts[f"questionnaire {ask.file}"] = sheet.text
+    questionnaires: list[tuple[Asked, Questionnaire]] = []
+    for number, table in enumerate(data.questionnaires):
+        key = f"questionnaire[{number}].file"
+        found = _load(document, key, load_questionnaire, _from(folder, table.file))
+        if found.name in [other.name for _, other in questionnaires]:
+            raise document.error(f"questionnaire {found.name!r} occurs twice; remove one of them", key)
+        questionnaires.append((table, found))
+        parts[f"questionnaire {table.file}"] = found.text
     return Protocol(
         study=data.study,
         texts=data.texts,
@@ -222,7 +238,7 @@ def load_protocol(path: str | Path) -> Protocol:
         targets=data.targets,
         trials=data.trials,
         training=data.training,
-        asked=tuple(asked),
+        questionnaires=tuple(questionnaires),
         stop=data.stop,
         procedures=procedures,
         parts=parts,
@@ -234,14 +250,31 @@ def _from(folder: Path, name: str) -> str:
     return str(folder / name) if name.endswith(".toml") else name
 
 
-def _named(document: Document, place: str, load: Callable[[str], T], name: str) -> T:
-    """Load what a key names; if there is no such thing, the mistake is the protocol's."""
+def _load(document: Document, key: str, load: Callable[[str], T], name: str) -> T:
+    """Load the file that a key names; attribute a missing file to the protocol."""
     try:
         return load(name)
     except BadInput as error:
         if error.file and error.place:
-            raise  # the mistake is in that file
-        raise document.error(str(error), place) from None
+            raise  # the error is in that file
+        raise document.error(str(error), key) from None
+
+
+@lru_cache(maxsize=64)
+def _content(part: str, text: str | None) -> object:
+    """Parse a procedure or questionnaire, without comments and without prose that participants never see."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RenamedKey)
+            if text is not None and part.startswith("procedure "):
+                procedure = parse_procedure(text, part)
+                states = tuple(replace(state, because="") for state in procedure.states)
+                return replace(procedure, text="", title="", source="", states=states)
+            if text is not None and part.startswith("questionnaire "):
+                return replace(parse_questionnaire(text, part), text="")
+    except BadInput:  # of a version that is not compatible
+        pass
+    return text
 
 
 def _check_names(document: Document, data: _File) -> None:
@@ -250,13 +283,13 @@ def _check_names(document: Document, data: _File) -> None:
         ("target", [target.name for target in data.targets]),
     ):
         if not names:
-            raise document.error(f"no [[{kind}]] at all; at least one is needed", "study")
+            raise document.error(f"no [[{kind}]]; at least one is required", "study")
         for number, name in enumerate(names):
             if name in names[:number]:
                 raise document.error(f"a second {kind} {name!r}; names must differ", f"{kind}[{number}].name")
     for key in ("briefing", "consent"):
         if not getattr(data.texts, key).strip():
-            raise document.error(f"{key} is empty; participants must read one", f"texts.{key}")
+            raise document.error(f"{key} is empty; write the text for participants", f"texts.{key}")
 
 
 def _check_training(document: Document, data: _File) -> None:
@@ -266,12 +299,12 @@ def _check_training(document: Document, data: _File) -> None:
     names = [condition.name for condition in data.conditions]
     if training.before == "condition" and training.condition:
         raise document.error(
-            "training before each condition is under it; leave condition out", "training.condition"
+            "training before each condition uses that condition; remove the key", "training.condition"
         )
     if training.before == "study" and data.study.design == "between":
         if training.condition:
             raise document.error(
-                "with design between, training is under the participant's own condition; leave condition out",
+                "with design between, training uses the participant's own condition; remove the key",
                 "training.condition",
             )
     elif training.before == "study" and training.condition not in names:

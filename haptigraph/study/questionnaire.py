@@ -1,70 +1,72 @@
-"""A questionnaire: one TOML file of items in, checked answers out. Knows no page and no store.
+"""A questionnaire: a TOML file with items that validate their answers.
 
-Answers are texts, as they are stored and exported; an item says which texts are answers to it.
+Answers are strings, as stored and exported; each item defines which strings are valid.
 """
 
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from msgspec import Meta, Struct, field
 
 from haptigraph.errors import BadInput, unknown_name
 from haptigraph.toml_document import Document
 
-__all__ = ["Item", "Questionnaire", "load_questionnaire", "questionnaire_names"]
+__all__ = ["Item", "Questionnaire", "load_questionnaire", "parse_questionnaire", "questionnaire_names"]
 
-LONGEST_TEXT = 4000
+MAX_TEXT_LENGTH = 4000
 Key = Annotated[str, Meta(pattern="^[A-Za-z0-9][A-Za-z0-9_.-]{0,59}$")]
 
 
 class Item(Struct, frozen=True, forbid_unknown_fields=True):
-    """One question."""
+    """One questionnaire item."""
+
+    OLD_KEYS: ClassVar[dict[str, str]] = {"low_says": "low_label", "high_says": "high_label"}
 
     key: Key
-    """Its name in the data; unique in the questionnaire."""
+    """Name in the data; unique in the questionnaire."""
     text: str
-    """What is asked."""
+    """The question or statement."""
     kind: Literal["scale", "choice", "number", "text"]
-    """One of the whole numbers from `low` to `high`; one of `choices`; any number between them; words."""
+    """An integer from `low` to `high`; one of `choices`; any number between `low` and `high`; free text."""
     low: float | None = None
     high: float | None = None
-    low_says: str = ""
-    """What stands at the low end of a scale."""
-    high_says: str = ""
+    low_label: str = ""
+    """Label of the low end of a scale."""
+    high_label: str = ""
     choices: tuple[str, ...] = ()
     unit: str = ""
     required: bool = True
 
     def checked(self, answer: str) -> str:
-        """Return an answer as it is kept.
+        """Return an answer in the stored form.
 
         Raises:
-            BadInput: If it is none, saying what would be one.
+            BadInput: If it is invalid, with what would be valid.
         """
         answer = answer.strip()
-        if not self._takes(answer):
+        if not self._is_valid(answer):
             raise BadInput(f"item {self.key!r}: expected {self.valid}, found {answer[:60]!r}")
         return answer
 
     @property
     def valid(self) -> str:
-        """Say what an answer is."""
+        """Description of the valid answers."""
         if self.kind == "choice":
             return "one of " + ", ".join(self.choices)
         if self.kind == "text":
-            return f"1 to {LONGEST_TEXT} characters"
+            return f"1 to {MAX_TEXT_LENGTH} characters"
         what = "a whole number" if self.kind == "scale" else "a number"
         bounds = [
             f"{word} {end:g}" for word, end in (("from", self.low), ("to", self.high)) if end is not None
         ]
         return " ".join([what, *bounds])
 
-    def _takes(self, answer: str) -> bool:
+    def _is_valid(self, answer: str) -> bool:
         if self.kind == "choice":
             return answer in self.choices
         if self.kind == "text":
-            return 0 < len(answer) <= LONGEST_TEXT and "\0" not in answer
+            return 0 < len(answer) <= MAX_TEXT_LENGTH and "\0" not in answer
         try:
             number = int(answer) if self.kind == "scale" else float(answer)
         except ValueError:
@@ -91,9 +93,9 @@ class Questionnaire(Struct, frozen=True):
     name: str
     title: str
     source: str
-    """Where it is from."""
+    """Where it was published."""
     intro: str
-    """What is said before the items."""
+    """Shown before the items."""
     items: tuple[Item, ...]
     text: str
     """The file as read."""
@@ -102,7 +104,7 @@ class Questionnaire(Struct, frozen=True):
         """Return an item.
 
         Raises:
-            BadInput: If there is none of that key.
+            BadInput: If there is no item with that key.
         """
         for item in self.items:
             if item.key == key:
@@ -122,7 +124,7 @@ def load_questionnaire(name: str) -> Questionnaire:
     """Load a questionnaire by its name, or from a path that ends in .toml.
 
     Raises:
-        BadInput: If there is none, or it makes no sense.
+        BadInput: If there is no such questionnaire, or it is invalid.
     """
     if name.endswith(".toml"):
         return _questionnaire(Document.read(Path(name)))
@@ -130,13 +132,18 @@ def load_questionnaire(name: str) -> Questionnaire:
         valid = unknown_name("questionnaire", name, questionnaire_names())
         raise BadInput(f"{valid}, or the path of a .toml file")
     file = resources.files("haptigraph.study").joinpath("questionnaires").joinpath(f"{name}.toml")
-    return _questionnaire(Document(file.read_text(encoding="utf-8"), f"questionnaire {name}"))
+    return parse_questionnaire(file.read_text(encoding="utf-8"), f"questionnaire {name}")
+
+
+def parse_questionnaire(text: str, file: str) -> Questionnaire:
+    """Read and check a questionnaire from its text; `file` names it in errors."""
+    return _questionnaire(Document(text, file))
 
 
 def _questionnaire(document: Document) -> Questionnaire:
     data = document.convert(_File)
     if not data.items:
-        raise document.error("no [[item]] at all; at least one is needed", "questionnaire")
+        raise document.error("no [[item]]; at least one is required", "questionnaire")
     keys = [item.key for item in data.items]
     for number, item in enumerate(data.items):
         problem = _problem(item, keys[:number])
@@ -148,7 +155,7 @@ def _questionnaire(document: Document) -> Questionnaire:
 
 def _problem(item: Item, earlier: list[str]) -> str:
     if not item.text.strip():
-        return f"item {item.key!r} asks nothing; its text is empty"
+        return f"item {item.key!r}: the text is empty; write the question or statement"
     if item.key in earlier:
         return f"a second item {item.key!r}; keys must differ"
     if item.kind == "choice" and len(set(item.choices)) < 2:

@@ -1,4 +1,4 @@
-"""Recordings of a study's trials: their fingerprints, and whether they are still what was recorded."""
+"""Recordings of a study's trials: where they are, their SHA-256, and whether they are unchanged."""
 
 import hashlib
 from itertools import count
@@ -11,19 +11,19 @@ from haptigraph.recording.journal import is_being_written, is_whole
 from haptigraph.study.store import Row, Store
 from haptigraph.study.tables import TRIALS
 
-__all__ = ["fingerprint", "make_room", "place_of", "recorded_trials", "whats_wrong"]
+__all__ = ["fingerprint", "prepare_path", "recorded_trials", "recordings_folder", "whats_wrong"]
 
 
-def place_of(participant: str) -> str:
-    """Return the folder of a participant's recordings, and of nothing else, from the study's folder."""
+def recordings_folder(participant: str) -> str:
+    """Return the folder that holds a participant's recordings only, relative to the study's folder."""
     return f"recordings/{participant}"
 
 
 def fingerprint(path: Path, *, must_be_whole: bool = True) -> str | None:
-    """Return the SHA-256 of a recording; None if it was never made, or is not whole and need not be.
+    """Return the SHA-256 of a recording; None if it does not exist, or is incomplete and may be.
 
     Raises:
-        BadInput: If it must be whole and is not.
+        BadInput: If it is incomplete and `must_be_whole` is set.
     """
     if not path.exists() or not (must_be_whole or is_whole(path)):
         return None
@@ -31,15 +31,14 @@ def fingerprint(path: Path, *, must_be_whole: bool = True) -> str | None:
         raise BadInput(
             "is not closed; end the run, or `haptigraph recover` it, before the trial is ended", path
         )
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    return _sha256(path)
 
 
-def make_room(path: Path) -> None:
-    """Make the folder of a recording, and move aside what was recorded there without a trial's being begun.
+def prepare_path(path: Path) -> None:
+    """Create the folder of a recording; rename a recording that was left there without a trial.
 
     Raises:
-        BadInput: If it is being written.
+        BadInput: If that recording is being written.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     if not path.exists():
@@ -51,16 +50,20 @@ def make_room(path: Path) -> None:
 
 
 def recorded_trials(store: Store, study: str) -> list[Row]:
-    """Return the trials of which there is a whole recording, as the store has them."""
+    """Return the stored trials that have a complete recording."""
     here = (TRIALS.c.study == study) & TRIALS.c.recording_sha256.is_not(None)
     return store.rows(select(TRIALS).where(here).order_by(TRIALS.c.recording))
 
 
 def whats_wrong(trial: Row, folder: Path) -> str:
-    """Say what is wrong with the recording of a trial; empty if it is as it was recorded."""
+    """Describe the problem with a trial's recording; return "" if it is unchanged."""
     path = folder / trial["recording"]
     if not path.is_file():
-        return f"{trial['recording']} is not here"
+        return f"{trial['recording']} is missing"
+    is_same = _sha256(path) == trial["recording_sha256"]
+    return "" if is_same else f"{trial['recording']} was changed; its SHA-256 differs"
+
+
+def _sha256(path: Path) -> str:
     with path.open("rb") as file:
-        same = hashlib.file_digest(file, "sha256").hexdigest() == trial["recording_sha256"]
-    return "" if same else f"{trial['recording']} is not what was recorded; its SHA-256 differs"
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,6 +1,6 @@
-"""One study in a store: freezes its protocol, takes participants in, and says how far each is.
+"""One study in a store: freezes its protocol and enrols participants under pseudonyms.
 
-Turns a protocol and a store into participants with a place in the balancing. Pseudonyms only.
+Assigns each participant a slot in the counterbalancing.
 """
 
 import re
@@ -16,10 +16,9 @@ from haptigraph.study.store import Row, Store, to_json
 from haptigraph.study.tables import PARTICIPANTS, STUDIES
 from haptigraph.version import __version__
 
-__all__ = ["Study", "canonical", "refuse_names", "study_in"]
+__all__ = ["Study", "canonical", "check_pseudonym", "study_in"]
 
 PSEUDONYM = re.compile(r"([A-Z]{1,4})-?([0-9]{1,4})")
-PSEUDONYM_SAYS = "1 to 4 capital letters and 1 to 4 digits, for example P07"
 
 
 class Study(Struct, frozen=True):
@@ -28,28 +27,27 @@ class Study(Struct, frozen=True):
     protocol: Protocol
     store: Store
     simulated: bool = False
-    """Whether its participants are simulated; a study has people or simulated ones, never both."""
+    """Whether all participants are simulated; a study has people or simulated participants, never both."""
 
     @property
     def name(self) -> str:
-        """Its key in the store."""
+        """Key in the store."""
         return self.protocol.study.name
 
-    def check_frozen(self) -> str:
-        """Compare the protocol with the one that the study's first participant began with, if there is one.
+    def check_frozen(self) -> Row | None:
+        """Compare the protocol with the frozen one.
 
         Returns:
-            When it was frozen, ISO 8601; empty if it is not yet.
+            The frozen study, or None if no participant is enrolled.
 
         Raises:
-            BadInput: If they differ, saying in what, since when it is frozen and what to do.
+            BadInput: If they differ, with what changed, when the protocol was frozen, and what to do.
         """
         with self.store.begin() as connection:
-            row = self.frozen(connection)
-        return row["frozen_utc"] if row else ""
+            return self.frozen(connection)
 
     def enrol(self, participant: str | None = None) -> str:
-        """Take a participant in, at the lowest free place; the first one freezes the protocol.
+        """Enrol a participant in the lowest free slot; the first one freezes the protocol.
 
         Args:
             participant: The pseudonym; None: the next free one of P01, P02, ...
@@ -58,7 +56,7 @@ class Study(Struct, frozen=True):
             The pseudonym.
 
         Raises:
-            BadInput: If it is no pseudonym or taken, the study is full, or the protocol was changed.
+            BadInput: If the pseudonym is invalid or in use, the study is full, or the protocol was changed.
         """
         with self.store.begin() as connection:
             if self.frozen(connection) is None:
@@ -69,11 +67,11 @@ class Study(Struct, frozen=True):
                 )
             ).all()
             participant = self._pseudonym(participant, [row.participant for row in taken])
-            held = {row.slot for row in taken if row.withdrawn_utc is None}
-            most = self.protocol.study.participants
-            slot = next((slot for slot in range(most) if slot not in held), None)
+            occupied = {row.slot for row in taken if row.withdrawn_utc is None}
+            size = self.protocol.study.participants
+            slot = next((slot for slot in range(size) if slot not in occupied), None)
             if slot is None:
-                raise BadInput(f"study {self.name} is full: it has its {most} participants")
+                raise BadInput(f"study {self.name} is full: all {size} participants are enrolled")
             connection.execute(
                 PARTICIPANTS.insert().values(
                     study=self.name,
@@ -86,19 +84,19 @@ class Study(Struct, frozen=True):
         return participant
 
     def withdraw(self, participant: str) -> None:
-        """Note that a participant has left the study; what is recorded stays, the place becomes free.
+        """Mark a participant as withdrawn; the data stay, the slot becomes free.
 
         Raises:
-            BadInput: If there is none of that pseudonym, or left before.
+            BadInput: If the pseudonym is unknown, or the participant has already withdrawn.
         """
         with self.store.begin() as connection:
             if self.participant(connection, participant)["withdrawn_utc"] is not None:
-                raise BadInput(f"participant {participant} has left the study before")
+                raise BadInput(f"participant {participant} has already left the study")
             here = (PARTICIPANTS.c.study == self.name) & (PARTICIPANTS.c.participant == participant)
             connection.execute(update(PARTICIPANTS).where(here).values(withdrawn_utc=self.store.now_utc()))
 
     def participants(self) -> list[Row]:
-        """Return all participants, as the store has them, in the order they were taken in."""
+        """Return the rows of all participants, in the order of enrolment."""
         return self.store.rows(
             select(PARTICIPANTS)
             .where(PARTICIPANTS.c.study == self.name)
@@ -109,7 +107,7 @@ class Study(Struct, frozen=True):
         """Return a participant.
 
         Raises:
-            BadInput: If there is none of that pseudonym.
+            BadInput: If the pseudonym is unknown.
         """
         here = (PARTICIPANTS.c.study == self.name) & (PARTICIPANTS.c.participant == name)
         row = connection.execute(select(PARTICIPANTS).where(here)).mappings().first()
@@ -121,7 +119,7 @@ class Study(Struct, frozen=True):
         return row
 
     def frozen(self, connection: Connection) -> Row | None:
-        """Return the study as frozen, None if it is not yet.
+        """Return the frozen study, or None if no participant is enrolled.
 
         Raises:
             BadInput: If the protocol differs from the frozen one.
@@ -130,17 +128,15 @@ class Study(Struct, frozen=True):
         if row is None:
             return None
         if bool(row["simulated"]) != self.simulated:
-            has = ("people", "simulated participants")
-            problem = f"has {has[row['simulated']]}; {has[self.simulated]} need a study of another name"
+            kinds = ("people", "simulated participants")
+            problem = f"has {kinds[row['simulated']]}; {kinds[self.simulated]} need a study of another name"
             raise BadInput(problem, f"study {self.name}")
-        before: dict[str, str] = json.decode(row["parts"])
-        changed = _differing(before, self.protocol.parts)
+        changed = self.protocol.changed_parts(json.decode(row["parts"]))
         if changed:
             since = row["frozen_utc"][:16].replace("T", " ")
             raise BadInput(
-                f"frozen since its first participant was taken in ({since} UTC), but "
-                f"{changed[0]} is not what it was then; put it back (an export has it), or give the new "
-                f"study another name",
+                f"frozen since its first participant enrolled ({since} UTC), but {changed[0]} was changed "
+                f"since; restore it (an export contains it), or give the new study another name",
                 f"study {self.name}",
             )
         return row
@@ -158,39 +154,36 @@ class Study(Struct, frozen=True):
             )
         )
 
-    def _pseudonym(self, wanted: str | None, taken: list[str]) -> str:
-        alike = {canonical(name): name for name in taken}
-        if wanted is None:
-            return next(name for n in range(1, 10_000) if canonical(name := f"P{n:02}") not in alike)
-        refuse_names(wanted)
-        other = alike.get(canonical(wanted))
+    def _pseudonym(self, requested: str | None, taken: list[str]) -> str:
+        existing = {canonical(name): name for name in taken}
+        if requested is None:
+            return next(name for n in range(1, 10_000) if canonical(name := f"P{n:02}") not in existing)
+        check_pseudonym(requested)
+        other = existing.get(canonical(requested))
         if other is not None:
-            too_like = "" if other == wanted else f", and {wanted} would be taken for it"
-            raise BadInput(f"study {self.name} has a participant {other} already{too_like}")
-        return wanted
+            similar = "" if other == requested else f", which {requested} could be confused with"
+            raise BadInput(f"study {self.name} already has a participant {other}{similar}")
+        return requested
 
 
 def study_in(store: Store, protocol: Protocol) -> Study:
-    """Return a study with people or simulated participants, whichever the store has; people if none."""
+    """Return a study of people or of simulated participants, as in the store; of people if it is new."""
     simulated = select(STUDIES.c.simulated).where(STUDIES.c.study == protocol.study.name)
     return Study(protocol, store, any(row["simulated"] for row in store.rows(simulated)))
 
 
-def refuse_names(participant: str) -> None:
-    """Refuse what is no pseudonym.
+def check_pseudonym(participant: str) -> None:
+    """Refuse what is not a pseudonym, such as a name.
 
     Raises:
-        BadInput: Saying what would be one.
+        BadInput: With what would be valid.
     """
     if not PSEUDONYM.fullmatch(participant):
-        raise BadInput(f"participants go by a pseudonym: {PSEUDONYM_SAYS}; found {participant[:40]!r}")
+        valid = "1 to 4 capital letters and 1 to 4 digits, for example P07"
+        raise BadInput(f"participants go by a pseudonym: {valid}; found {participant[:40]!r}")
 
 
 def canonical(pseudonym: str) -> tuple[str, int]:
-    """Return the same for pseudonyms that would be taken for each other: P1 and P01."""
+    """Return the same value for pseudonyms that could be confused: P1 and P01."""
     found: Any = PSEUDONYM.fullmatch(pseudonym)
     return found[1], int(found[2])
-
-
-def _differing(before: dict[str, str], now: dict[str, str]) -> list[str]:
-    return sorted(name for name in before.keys() | now.keys() if before.get(name) != now.get(name))

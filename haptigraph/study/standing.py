@@ -1,4 +1,4 @@
-"""Where every participant of a study stands: how far, what next, at which station, what was noted."""
+"""The status of every participant of a study: progress, next stage, station, and the experimenter's notes."""
 
 from datetime import datetime
 
@@ -15,39 +15,39 @@ __all__ = ["Event", "Standing", "events_of", "standings"]
 
 
 class Standing(Struct, frozen=True):
-    """Where one participant stands."""
+    """The status of one participant."""
 
     participant: str
     order: str
     """Conditions, joined by ">"."""
     next: Next
     station: str
-    """Which has the participant; empty: none."""
+    """Where the participant is; empty: at none."""
     void: int
-    """Attempts at trials that do not count."""
+    """Number of attempts that do not count."""
     left: bool = False
-    """Whether they have left the study."""
+    """Whether the participant has withdrawn."""
 
 
 def standings(study: Study) -> list[Standing]:
-    """Return where all participants stand, in the order they were taken in."""
-    found = []
+    """Return the status of all participants, in the order of enrolment."""
+    statuses = []
     now = datetime.fromisoformat(study.store.now_utc())
     for row in study.participants():
         name = row["participant"]
         with study.store.begin() as connection:
             progress = read_progress(connection, study.name, name)
-            at = open_row(connection, study, name)
-        attempts = [attempt for each in progress.attempts.values() for attempt in each]
-        coming = next_of(plan_of(study.protocol, row["slot"]), progress, study.protocol, now)
-        void = sum(attempt.void is not None for attempt in attempts)
+            session = open_row(connection, study, name)
+        upcoming = next_of(plan_of(study.protocol, row["slot"]), progress, study.protocol, now)
+        station = session.station if session else ""
+        void = sum(attempt.void is not None for each in progress.attempts.values() for attempt in each)
         left = row["withdrawn_utc"] is not None
-        found.append(Standing(name, row["conditions"], coming, at.station if at else "", void, left))
-    return found
+        statuses.append(Standing(name, row["conditions"], upcoming, station, void, left))
+    return statuses
 
 
 class Event(Struct, frozen=True):
-    """What the experimenter noted."""
+    """An entry of the experimenter."""
 
     kind: str
     """note, or stop."""
@@ -56,7 +56,7 @@ class Event(Struct, frozen=True):
 
 
 def events_of(study: Study, participant: str) -> list[Event]:
-    """Return what was noted of a participant, in order."""
+    """Return the experimenter's entries on a participant, in order."""
     mine = of_participant(EVENTS, study.name, participant)
     rows = study.store.rows(select(EVENTS).where(*mine).order_by(EVENTS.c.number))
     return [Event(row["kind"], row["text"], row["at_utc"]) for row in rows]

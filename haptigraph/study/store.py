@@ -1,6 +1,6 @@
-"""Where studies are kept: SQLite by default, PostgreSQL by URL; every write is durable when its call returns.
+"""The store of studies: SQLite by default, PostgreSQL by URL; every write is durable when its call returns.
 
-Turns a file or URL into transactions on the tables of `tables`. Knows no protocol. Needs the extra `study`.
+Provides transactions on the tables of `tables`. Needs the extra `study`.
 """
 
 import json
@@ -32,23 +32,23 @@ __all__ = ["Row", "Store", "to_json", "utc_now"]
 Row: TypeAlias = RowMapping
 BUSY_S = 30
 RETRY_S = 0.01
-LOCK = 7_203_945_118  # any number, the same on all stations
+LOCK = 7_203_945_118  # arbitrary; the same at all stations
 
 
 def utc_now() -> datetime:
-    """Return the time by this machine's clock."""
+    """Return the time of this machine's clock."""
     return datetime.now(UTC)
 
 
 class Store:
-    """One database of studies, made or migrated when it is opened.
+    """One database of studies, created or migrated when it is opened.
 
     Args:
         where: The path of an SQLite file, or a URL (postgresql://user:password@host/database).
-        now: Tells the time.
+        now: Returns the time.
 
     Raises:
-        BadInput: If it cannot be opened or is no store, or one of a newer haptigraph.
+        BadInput: If it cannot be opened, is not a store, or was created by a newer version.
         MissingExtra: If the driver for the URL is not installed.
     """
 
@@ -63,19 +63,19 @@ class Store:
             raise
 
     def close(self) -> None:
-        """Let go of the database."""
+        """Close all connections to the database."""
         self._engine.dispose()
 
     def now_utc(self) -> str:
-        """Return the time as it is stored."""
+        """Return the time in the stored form."""
         return self._now().astimezone(UTC).isoformat(timespec="microseconds")
 
     @contextmanager
     def begin(self) -> Iterator[Connection]:
-        """Do several things at once, or none of them; durable when this ends.
+        """Open a transaction; it is durable when the context ends.
 
         Raises:
-            StoreFailed: If the database does not do it, with its reason.
+            StoreFailed: If the database reports an error.
         """
         try:
             with self._engine.begin() as connection:
@@ -84,15 +84,15 @@ class Store:
             raise _failed(error.orig, self.name) from error
 
     def rows(self, query: "Select[Any]") -> list[Row]:
-        """Return what a query finds."""
+        """Return the rows of a query."""
         with self.begin() as connection:
             return list(connection.execute(query).mappings())
 
     def purge(self) -> None:
-        """Write the database anew, so that its files hold no byte of what was deleted.
+        """Rewrite the database, so that its files contain no byte of deleted data.
 
         Raises:
-            StoreFailed: If it does not do it now, with its reason.
+            StoreFailed: If the database reports an error, for example because it is in use.
         """
         raw = self._engine.raw_connection()
         try:
@@ -108,21 +108,21 @@ class Store:
         except self._engine.dialect.loaded_dbapi.Error as error:
             raise _failed(error, self.name) from error
         finally:
-            raw.invalidate()  # it is not as the others are
+            raw.invalidate()  # its settings differ from those of the pool
 
 
 def _failed(reason: object, name: str) -> StoreFailed:
-    return StoreFailed(f"the store does not take it ({' '.join(str(reason).split())})", name)
+    return StoreFailed(f"the database reported an error ({' '.join(str(reason).split())})", name)
 
 
 def _engine(where: str) -> tuple[Engine, str]:
-    """Return the engine and the store's name without password."""
+    """Return the engine, and the store's name without the password."""
     try:
         url = sqlalchemy.make_url(where if "://" in where else f"sqlite:///{Path(where).absolute()}")
     except (ArgumentError, ValueError):
         url = None
     if url is None or url.get_backend_name() not in ("sqlite", "postgresql"):
-        problem = f"found {where!r}; expected the path of a file, or postgresql://USER:PASSWORD@HOST/DATABASE"
+        problem = f"found {where!r}; expected a file path or postgresql://USER:PASSWORD@HOST/DATABASE"
         raise BadInput(problem, "store")
     if url.drivername == "sqlite":
         name = url.database or ""
@@ -141,34 +141,34 @@ def _engine(where: str) -> tuple[Engine, str]:
 
 def _check_sqlite(path: Path) -> None:
     if not path.parent.is_dir():
-        raise BadInput("cannot be written, there is no such folder", path)
+        raise BadInput("cannot be written; its folder does not exist", path)
     if path.is_dir():
         raise BadInput("is a folder; expected the store's file", path)
 
 
 def _on_connect(raw: Any, _: Any) -> None:
-    """Make every commit survive a power failure (WAL and FULL), and leave transactions to us."""
+    """Make commits survive a power failure (WAL and FULL); disable the driver's implicit transactions."""
     raw.isolation_level = None
     _write_ahead(raw, time.monotonic() + BUSY_S)
     for pragma in ("synchronous=FULL", "foreign_keys=ON", "secure_delete=ON"):
         raw.execute(f"PRAGMA {pragma}")
 
 
-def _write_ahead(raw: Any, give_up_s: float) -> None:
-    """Turn on the write-ahead log; for that alone SQLite does not wait for others who are at the file."""
+def _write_ahead(raw: Any, deadline_s: float) -> None:
+    """Turn on the write-ahead log; SQLite's own busy timeout does not apply to that."""
     while True:
         try:
             raw.execute("PRAGMA journal_mode=WAL")
             return
         except sqlite3.OperationalError as error:
             is_busy = error.sqlite_errorcode & 0xFF == sqlite3.SQLITE_BUSY
-            if not is_busy or time.monotonic() >= give_up_s:
+            if not is_busy or time.monotonic() >= deadline_s:
                 raise
         time.sleep(RETRY_S)
 
 
 def _on_begin(connection: Connection) -> None:
-    """Let one transaction run at a time, on either database: none ever decides by what is about to change."""
+    """Serialise transactions on either database, so that none acts on data that is about to change."""
     if connection.dialect.name == "sqlite":
         connection.exec_driver_sql("BEGIN IMMEDIATE")
     else:
@@ -183,9 +183,9 @@ def _migrate(connection: Connection, name: str) -> None:
     try:
         command.upgrade(config, "head")
     except CommandError:
-        raise BadInput("was made by a newer haptigraph; update this one to open it", name) from None
+        raise BadInput("was created by a newer haptigraph; update haptigraph to open it", name) from None
 
 
 def to_json(value: Any) -> str:
-    """Write as stored: sorted, so that equal things are equal texts."""
+    """Return canonical JSON: equal values give equal texts."""
     return json.dumps(value, sort_keys=True, ensure_ascii=False, allow_nan=False)

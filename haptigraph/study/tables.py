@@ -1,6 +1,6 @@
-"""The tables of the store. Stamps are ISO 8601 in UTC; texts in JSON are said to be so.
+"""The tables of the store. Time stamps are ISO 8601 in UTC.
 
-Changed here, a table needs a migration in `migrations/versions`; a test holds the two together.
+A change here requires a migration in `migrations/versions`; a test compares the two.
 """
 
 from typing import Any
@@ -71,7 +71,7 @@ PARTICIPANTS = Table(
     METADATA,
     Column("study", NAME, ForeignKey("studies.study"), primary_key=True),
     _key("participant", NAME),
-    Column("slot", Integer, nullable=False),  # place in the balancing, from 0
+    Column("slot", Integer, nullable=False),  # place in the counterbalancing, from 0
     Column("conditions", Text, nullable=False),  # joined by ">"
     Column("enrolled_utc", STAMP, nullable=False),
     Column("consented_utc", STAMP),
@@ -85,7 +85,7 @@ PARTICIPANTS = Table(
         postgresql_where=text("withdrawn_utc IS NULL"),
     ),
 )
-"""Who was taken in. Of who was erased the pseudonym and the place stay, and one time: when that was."""
+"""Enrolled participants. After erasure only pseudonym, slot and the time of erasure remain."""
 
 SESSIONS = Table(
     "sessions",
@@ -106,7 +106,7 @@ SESSIONS = Table(
         postgresql_where=text("closed_utc IS NULL"),
     ),
 )
-"""Stretches in which a participant is at a station; after a crash the next one begins."""
+"""Uninterrupted periods of a participant at a station; after a crash a new one begins."""
 
 STAGES = Table(
     "stages",
@@ -118,7 +118,7 @@ STAGES = Table(
     Column("done_utc", STAMP, nullable=False),
     _of_session(),
 )
-"""Stages other than trials that are done."""
+"""Completed stages other than trials."""
 
 ANSWERS = Table(
     "answers",
@@ -126,7 +126,7 @@ ANSWERS = Table(
     _key("study", NAME),
     _key("participant", NAME),
     _key("questionnaire", NAME),
-    _key("position"),  # of the condition it is about; 0: asked once
+    _key("position"),  # of the condition to which it refers; 0: one-off questionnaire
     _key("item", NAME),
     Column("session", Integer, nullable=False),
     Column("condition", NAME),
@@ -153,7 +153,7 @@ TRIALS = Table(
     Column("ended_utc", STAMP),
     Column("outcome", String(10)),
     Column("void", Text),  # why it does not count; empty: it does
-    Column("recording", Text),  # path from the study's folder
+    Column("recording", Text),  # path relative to the study's folder
     Column("recording_sha256", String(64)),
     Column("procedure_sha256", String(64), nullable=False),
     Column("software", String(40), nullable=False),
@@ -171,7 +171,7 @@ TRIALS = Table(
         postgresql_where=text("outcome IS NULL"),
     ),
 )
-"""Trials begun, one row an attempt; `outcome` is empty while one goes on."""
+"""Trials that have begun, one row per attempt; `outcome` is empty while it is running."""
 
 EVENTS = Table(
     "events",
@@ -185,9 +185,9 @@ EVENTS = Table(
     Column("at_utc", STAMP, nullable=False),
     _of_session(),
 )
-"""Notes of the experimenter, trials to be repeated, sessions stopped, in order."""
+"""The experimenter's notes and stops, in order."""
 
 
 def is_erased(participant: RowMapping) -> bool:
-    """Tell of a row of `PARTICIPANTS` whether nothing is left but pseudonym and place."""
+    """Return whether a row of `PARTICIPANTS` contains only pseudonym and slot."""
     return bool(participant["enrolled_utc"] == participant["withdrawn_utc"])

@@ -1,4 +1,4 @@
-"""Every benchmark still runs and prints figures, on next to nothing; what the figures are is not asked here."""
+"""Every benchmark runs on minimal input and prints numbers, which are not checked here."""
 
 import re
 import subprocess
@@ -7,7 +7,7 @@ import sys
 import pytest
 from paths import ROOT
 
-pytestmark = pytest.mark.slow  # they load all cores, and others here keep time
+pytestmark = pytest.mark.slow  # they load all cores, which disturbs tests of timing
 
 FOLDER = ROOT / "benchmarks"
 START = """
@@ -18,11 +18,11 @@ benchmark = __import__(name)
 sys.argv = [name, *arguments]
 sys.modules["__main__"] = benchmark
 for constant, value in {constants}.items():
-    getattr(benchmark, constant)  # it must be there
+    getattr(benchmark, constant)  # it must exist
     setattr(benchmark, constant, value)
 benchmark.main()
 """
-LEAST = {
+SMALLEST = {
     "bridges": [((), {"COUNT": 5, "STOPS": 1})],
     "bscan": [
         (("speed",), {"IMAGES": 3, "PASSES": 1}),
@@ -41,7 +41,7 @@ LEAST = {
     "touch": [(("1",), {})],
     "touch_comparison": [(("--participants", "2", "--repetitions", "1", "--output", "{folder}"), {})],
 }
-"""Of each benchmark: what it is asked, and constants to make smaller."""
+"""By benchmark: its arguments, and the constants to reduce."""
 IN_A_BROWSER = [
     (("load",), {"LOAD_S": 1, "ROUNDS": 1}),
     (("latency",), {"PRESSES": 2, "TURNS": 1}),
@@ -50,34 +50,39 @@ IN_A_BROWSER = [
 
 
 def run(name, arguments, constants, folder):
-    told = subprocess.run(
+    done = subprocess.run(
         [sys.executable, "-W", "error", "-c", START.format(constants=constants), str(FOLDER), name]
         + [argument.format(folder=folder) for argument in arguments],
         capture_output=True,
         text=True,
     )
-    assert told.returncode == 0, told.stderr
-    assert re.search(r"\d", told.stdout), told.stderr
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"\d", done.stdout), done.stderr
 
 
-def test_every_benchmark_is_run_here():
-    assert {path.stem for path in FOLDER.glob("*.py")} == {*LEAST, "live", "touch_trials", "compare_commits"}
+def test_every_benchmark_is_tested():
+    assert {path.stem for path in FOLDER.glob("*.py")} == {
+        *SMALLEST,
+        "live",
+        "touch_trials",
+        "compare_commits",
+    }
 
 
 @pytest.mark.parametrize(
     ("name", "arguments", "constants"),
     [
         pytest.param(name, *case, id=" ".join((name, *case[0])))
-        for name, cases in LEAST.items()
+        for name, cases in SMALLEST.items()
         for case in cases
     ],
 )
-def test_it_runs(name, arguments, constants, tmp_path):
+def test_a_benchmark_runs(name, arguments, constants, tmp_path):
     run(name, arguments, constants, tmp_path)
 
 
 @pytest.mark.browser
 @pytest.mark.xdist_group("browser")
 @pytest.mark.parametrize(("arguments", "constants"), IN_A_BROWSER, ids=("load", "latency", "memory"))
-def test_it_runs_in_a_browser(arguments, constants, tmp_path):
+def test_a_benchmark_runs_in_a_browser(arguments, constants, tmp_path):
     run("live", arguments, constants, tmp_path)

@@ -40,15 +40,15 @@ def test_the_papers_protocol_is_written_once_and_checks(folder):
     before = (folder / "study.toml").read_bytes()
     assert "exists already" in refuse("study", "new", folder)
     assert (folder / "study.toml").read_bytes() == before
-    told = call("study", "check", folder).output
-    for words in ("visual_haptic > visual_only", "questionnaire/sus/2", "not frozen", "no errors"):
-        assert words in told
+    output = call("study", "check", folder).output
+    for text in ("visual_haptic > visual_only", "questionnaire/sus/2", "not frozen", "no errors"):
+        assert text in output
     assert "no participant yet" in call("study", "status", folder).output
     assert sorted(path.name for path in folder.iterdir()) == ["study.toml"]
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         (("--source", "phantom:none"), "unknown scenario 'none'"),
         (("--source", "camera:0"), "camera:0 needs a registration; give --registration FILE"),
@@ -57,19 +57,19 @@ def test_the_papers_protocol_is_written_once_and_checks(folder):
         (("--store", "mysql://lab"), "found 'mysql://lab'"),
     ],
 )
-def test_what_a_station_cannot_use_is_told_before_anyone_comes(folder, quick_uri, arguments, told):
-    assert told in refuse("study", "run", folder, "--source", quick_uri, *arguments)
+def test_an_unusable_setup_is_reported_when_the_station_starts(folder, quick_uri, arguments, message):
+    assert message in refuse("study", "run", folder, "--source", quick_uri, *arguments)
     assert sorted(path.name for path in folder.iterdir()) == ["study.toml"]
 
 
-def test_a_malformed_protocol_ends_with_one_sentence(folder):
+def test_an_invalid_protocol_is_refused_with_one_sentence(folder):
     file = folder / "study.toml"
     file.write_text(file.read_text().replace('design = "within"', 'design = "within-subject"'))
-    told = refuse("study", "check", folder)
-    assert "study.toml, line 9: unknown design 'within-subject'; did you mean 'within'?" in told
+    message = refuse("study", "check", folder)
+    assert "study.toml, line 9: unknown design 'within-subject'; did you mean 'within'?" in message
 
 
-def test_without_the_extra_a_protocol_is_checked_and_a_store_asks_for_it(folder):
+def test_without_the_extra_a_protocol_is_checked_and_a_store_names_it(folder):
     def without(*arguments):
         code = "import sys; sys.modules['sqlalchemy'] = None\nfrom haptigraph.cli import main\nmain(sys.argv[1:])"
         command = [sys.executable, "-c", code, "study", *map(str, arguments)]
@@ -83,20 +83,20 @@ def test_without_the_extra_a_protocol_is_checked_and_a_store_asks_for_it(folder)
         assert "pip install 'haptigraph[study]'" in done.stderr
 
 
-def test_status_and_check_tell_of_participants_and_of_an_edit(folder):
+def test_status_and_check_report_participants_and_an_edit(folder):
     session = begin(folder)
     session.study.store.close()
-    told = call("study", "status", folder).output
-    assert "1 of 16 participants" in told
-    assert "questionnaire/demographics" in told and "2 of 10" in told
+    output = call("study", "status", folder).output
+    assert "1 of 16 participants" in output
+    assert "questionnaire/demographics" in output and "2 of 10" in output
     assert "frozen since" in call("study", "check", folder).output
     file = folder / "study.toml"
     file.write_text(file.read_text() + "\n# a remark\n")
     for command in ("check", "status"):
-        assert "study.toml is not what it was then" in refuse("study", command, folder)
+        assert "study.toml was changed since" in refuse("study", command, folder)
 
 
-def test_a_recorded_trial_is_fingerprinted_measured_exported_and_imported(folder, quick_uri, tmp_path):
+def test_a_recorded_trial_is_hashed_measured_exported_and_imported(folder, quick_uri, tmp_path):
     import haptigraph
 
     session = begin(folder)
@@ -114,7 +114,7 @@ def test_a_recorded_trial_is_fingerprinted_measured_exported_and_imported(folder
     assert loop.report.steps == 117
     session.end_trial("hit")
     session.study.store.close()
-    assert "1 of 1 recordings are as they were recorded" in call("study", "check", folder).output
+    assert "1 of 1 recordings are unchanged" in call("study", "check", folder).output
 
     assert call("study", "export", folder, "-o", tmp_path / "out").exit_code == 0
     with (tmp_path / "out" / "trials.csv").open(newline="") as file:
@@ -125,9 +125,9 @@ def test_a_recorded_trial_is_fingerprinted_measured_exported_and_imported(folder
     assert 12 * math.atan2(x, -y) == pytest.approx(-4.0, abs=0.05)  # the target "left"
     assert (info.participant, info.trial) == ("P01", "training/0/0/1/1")
     assert len(trial["recording_sha256"]) == 64
-    told = call("study", "import", tmp_path / "out", "--store", tmp_path / "other.db").output
-    assert "study sight_and_touch is in" in told
-    assert "has study sight_and_touch already" in refuse(
+    output = call("study", "import", tmp_path / "out", "--store", tmp_path / "other.db").output
+    assert "study sight_and_touch is in" in output
+    assert "already contains study sight_and_touch" in refuse(
         "study", "import", tmp_path / "out", "--store", tmp_path / "other.db"
     )
     again = call("study", "export", folder, "-o", tmp_path / "again", "--store", tmp_path / "other.db")
@@ -138,10 +138,12 @@ def test_a_recorded_trial_is_fingerprinted_measured_exported_and_imported(folder
     recording.write_bytes(recording.read_bytes() + b"\0")
     result = call("study", "check", folder)
     assert result.exit_code == 1
-    assert f"{trial['recording']} is not what was recorded; its SHA-256 differs" in result.stderr
+    assert f"{trial['recording']} was changed; its SHA-256 differs" in result.stderr
 
 
-def test_an_export_without_participants_and_an_import_of_nothing_leave_nothing_behind(folder, tmp_path):
-    assert "kept from its first participant on" in refuse("study", "export", folder, "-o", tmp_path / "out")
-    assert "is no export of a study" in refuse("study", "import", folder, "--store", tmp_path / "other.db")
+def test_a_refused_export_or_import_creates_no_files(folder, tmp_path):
+    assert "the first enrolment creates it" in refuse("study", "export", folder, "-o", tmp_path / "out")
+    assert "is not an export of a study" in refuse(
+        "study", "import", folder, "--store", tmp_path / "other.db"
+    )
     assert sorted(path.name for path in tmp_path.iterdir()) == ["mine"]

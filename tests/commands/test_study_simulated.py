@@ -12,7 +12,7 @@ from haptigraph.study import exchange
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
-    """Two simulated participants of the paper's protocol; trials are over as soon as the tip is under way."""
+    """Two simulated participants of the paper's protocol with short trials."""
     return simulated(tmp_path_factory.mktemp("cli") / "mine", workers=1)
 
 
@@ -36,11 +36,11 @@ def reported(study, output):
     return {str(path.relative_to(output)): path.read_bytes() for path in files}
 
 
-def test_the_report_of_a_simulated_study_says_so_everywhere(study, tmp_path):
+def test_every_file_of_a_simulated_report_is_marked_as_simulated(study, tmp_path):
     files = reported(study, tmp_path / "report")
     page = files["report.html"].decode()
     assert "<h1>Does touch help to align a needle?</h1>" in page
-    assert "their answers are made up" in page
+    assert "their answers are random" in page
     for name in ("results.tex", "results.md", "methods.txt"):
         assert "simulated" in files[name].decode().lower()
     for name in files:
@@ -48,18 +48,18 @@ def test_the_report_of_a_simulated_study_says_so_everywhere(study, tmp_path):
             assert b"SIMULATED" in files[name], name
     assert "tables/study.json" in files
     checked = call("study", "check", study)
-    assert checked.exit_code == 0  # recordings are as they were recorded
+    assert checked.exit_code == 0  # recordings are unchanged
     assert "by SIMULATED participants" in checked.output
     assert "simulated participants" in call("study", "status", study).output
 
 
 @pytest.mark.slow
-def test_two_simulations_come_to_the_same_report(study, tmp_path):
+def test_two_simulations_give_the_same_report(study, tmp_path):
     other = simulated(tmp_path / "other", workers=2)
     assert reported(study, tmp_path / "one") == reported(other, tmp_path / "two")
 
 
-def test_an_export_has_the_same_tables_as_parquet(study, tmp_path):
+def test_an_export_as_parquet_has_the_same_tables(study, tmp_path):
     pandas = pytest.importorskip("pandas")
     assert call("study", "export", study, "-o", tmp_path / "out", "--parquet").exit_code == 0
     for name in exchange.TABLES:
@@ -72,10 +72,10 @@ def test_an_export_has_the_same_tables_as_parquet(study, tmp_path):
                 assert (text == "") if pandas.isna(value) else (value == type(value)(text)), (name, column)
 
 
-def test_a_report_of_a_study_without_participants_leaves_nothing_behind(tmp_path):
+def test_a_report_of_a_study_without_participants_creates_no_files(tmp_path):
     assert call("study", "new", tmp_path / "mine").exit_code == 0
-    told = refuse("study", "report", tmp_path / "mine", "-o", tmp_path / "report")
-    assert "kept from its first participant on" in told
+    output = refuse("study", "report", tmp_path / "mine", "-o", tmp_path / "report")
+    assert "the first enrolment creates it" in output
     assert [path.name for path in tmp_path.iterdir()] == ["mine"]
 
 
@@ -87,7 +87,7 @@ def test_a_sweep_writes_its_tables(study, tmp_path, monkeypatch):
         "haptigraph.analysis.study_sweep.study_sweep.spread", spread
     )  # processes: tests/analysis
     before = {path: path.stat().st_mtime_ns for path in Path(study).iterdir()}
-    asked = (
+    arguments = (
         "study",
         "sweep",
         study,
@@ -98,9 +98,10 @@ def test_a_sweep_writes_its_tables(study, tmp_path, monkeypatch):
         "--vary",
         "tremor_mm=0,x2",
     )
-    result = call(*asked)
+    result = call(*arguments)
     assert result.exit_code == 0
-    assert "12 trials of 6 participants" in result.output and "6 of them were played now" in result.output
+    assert "12 trials of 6 participants" in result.output
+    assert "; 6 participants were simulated now" in result.output
     with (tmp_path / "out" / "trials.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["variation"] for row in rows] == ["tremor_mm=0"] * 6 + ["tremor_mm=x2"] * 6
@@ -108,18 +109,18 @@ def test_a_sweep_writes_its_tables(study, tmp_path, monkeypatch):
     power = [float(row["tremor_power_mm2"]) for row in rows]
     assert sum(power[:6]) < sum(power[6:])
     assert "SIMULATED" in (tmp_path / "out" / "summary.md").read_text()
-    assert "0 of them were played now" in call(*asked).output
+    assert "; 0 participants were simulated now" in call(*arguments).output
     assert {path: path.stat().st_mtime_ns for path in Path(study).iterdir()} == before
-    assert "unknown trait" in refuse(*asked[:-1], "tremor=0")
+    assert "unknown trait" in refuse(*arguments[:-1], "tremor=0")
 
 
-def test_without_dask_a_sweep_names_the_extra(study, tmp_path, monkeypatch):
+def test_without_dask_the_error_of_a_sweep_names_the_extra(study, tmp_path, monkeypatch):
     for name in [
         name for name in sys.modules if name.startswith("haptigraph.analysis.study_sweep.study_sweep")
     ]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.delitem(sys.modules, "haptigraph.analysis.study_sweep.cluster", raising=False)
     monkeypatch.setitem(sys.modules, "distributed", None)
-    told = refuse("study", "sweep", study, "-o", tmp_path / "out")
-    assert "pip install 'haptigraph[cluster]'" in told
+    output = refuse("study", "sweep", study, "-o", tmp_path / "out")
+    assert "pip install 'haptigraph[cluster]'" in output
     assert not (tmp_path / "out").exists()

@@ -1,4 +1,4 @@
-"""A small protocol, a clock that ticks when asked, and stores on both databases."""
+"""A small protocol, a clock that advances on every call, and stores on both databases."""
 
 from collections.abc import Iterator
 from contextlib import closing
@@ -14,8 +14,8 @@ from haptigraph.study.roster import Study
 from haptigraph.study.store import Store
 
 
-class Ticking:
-    """A second passes each time it is asked."""
+class TickingClock:
+    """A clock that advances by one second on every call."""
 
     def __init__(self) -> None:
         self.at = datetime(2026, 11, 21, 9, tzinfo=UTC)
@@ -26,8 +26,8 @@ class Ticking:
 
 
 @pytest.fixture
-def clock() -> Ticking:
-    return Ticking()
+def clock() -> TickingClock:
+    return TickingClock()
 
 
 @pytest.fixture
@@ -42,7 +42,7 @@ def protocol(folder: Path) -> Protocol:
 
 
 @pytest.fixture
-def store(folder: Path, clock: Ticking) -> Iterator[Store]:
+def store(folder: Path, clock: TickingClock) -> Iterator[Store]:
     with closing(Store(folder / "study.db", clock)) as store:
         yield store
 
@@ -55,14 +55,14 @@ def study(protocol: Protocol, store: Store) -> Study:
 @pytest.fixture(scope="session")
 def server() -> Iterator[str]:
     if postgres.BINARIES is None:
-        pytest.skip("no PostgreSQL server here (apt-get install postgresql)")
+        pytest.skip("no PostgreSQL server is installed (apt-get install postgresql)")
     with postgres.postgres() as url:
         yield url
 
 
 @pytest.fixture(params=["sqlite", pytest.param("postgresql", marks=pytest.mark.xdist_group("postgresql"))])
 def where(request: pytest.FixtureRequest, tmp_path: Path) -> str:
-    """An empty place for a store, on either database."""
+    """Path or URL of an empty store, on either database."""
     if request.param == "sqlite":
         return str(tmp_path / "either.db")
     import psycopg

@@ -47,4 +47,4 @@ when = "condition"
 QUICK = SMALL.replace("repetitions = 2", "repetitions = 1\ntimeout_s = 3").replace(
     "timeout_s = 60", "timeout_s = 2"
 )
-"""The same with trials that are soon over, for simulated participants."""
+"""The same with short trials, for simulated participants."""

@@ -7,23 +7,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import haptigraph
-from haptigraph.study.conditions import drawn, order_of, shuffled, targets_of, williams
+from haptigraph.study.conditions import hashed_integer, order_of, shuffled, targets_of, williams
 from haptigraph.study.plan import condition_title, conditions_of, plan_of
 from haptigraph.study.protocol import load_protocol
 
-PAPERS = Path(haptigraph.__file__).parent / "study" / "templates"
+PAPER = Path(haptigraph.__file__).parent / "study" / "templates"
 SEEDS = st.integers(0, 2**32 - 1)
 
 
 @pytest.mark.parametrize("count", range(1, 10))
-def test_a_williams_square_balances_places_and_followers(count):
+def test_a_williams_square_balances_positions_and_successors(count):
     rows = williams(count)
     assert all(sorted(row) == list(range(count)) for row in rows)
-    for place in range(count):
-        assert len(set(Counter(row[place] for row in rows).values())) == 1
-    followers = Counter(pair for row in rows for pair in pairwise(row))
-    assert len(followers) == count * (count - 1)
-    assert len(set(followers.values())) <= 1
+    for position in range(count):
+        assert len(set(Counter(row[position] for row in rows).values())) == 1
+    successors = Counter(pair for row in rows for pair in pairwise(row))
+    assert len(successors) == count * (count - 1)
+    assert len(set(successors.values())) <= 1
 
 
 @given(SEEDS, st.integers(2, 6), st.integers(0, 20))
@@ -42,9 +42,9 @@ def test_every_full_round_of_participants_is_balanced(seed, count, round_):
     st.sampled_from(["balanced", "random", "fixed"]),
     st.integers(1, 30),
 )
-def test_targets_change_on_every_trial_and_all_come_before_any_comes_again(seed, count, slot, how, trials):
+def test_targets_change_on_every_trial_and_all_occur_before_any_repeats(seed, count, slot, order, trials):
     names = [f"t{number}" for number in range(count)]
-    targets = targets_of(names, trials, slot, seed, how)
+    targets = targets_of(names, trials, slot, seed, order)
     assert len(targets) == trials
     for start in range(0, trials - count + 1, count):
         assert sorted(targets[start : start + count]) == names
@@ -52,13 +52,13 @@ def test_targets_change_on_every_trial_and_all_come_before_any_comes_again(seed,
         assert all(a != b for a, b in pairwise(targets))
 
 
-def test_what_is_drawn_is_the_same_for_ever():
-    assert drawn(2026, "conditions") == 8710794228100117704  # as sha256sum says
+def test_hashed_numbers_never_change():
+    assert hashed_integer(2026, "conditions") == 8710794228100117704  # computed with sha256sum
     assert shuffled("abcdef", 1) == ["d", "a", "b", "f", "c", "e"]
 
 
-def test_the_papers_study_has_each_order_and_each_target_equally_often():
-    protocol = load_protocol(PAPERS)
+def test_the_papers_study_uses_each_order_and_each_target_equally_often():
+    protocol = load_protocol(PAPER)
     orders = Counter(tuple(conditions_of(protocol, slot)) for slot in range(16))
     assert set(orders.values()) == {8} and len(orders) == 2
     trials = [stage for slot in range(16) for stage in plan_of(protocol, slot) if stage.kind == "trial"]
@@ -66,8 +66,8 @@ def test_the_papers_study_has_each_order_and_each_target_equally_often():
     assert len({stage.seed for stage in trials}) == 32
 
 
-def test_the_papers_protocol_goes_as_in_the_paper():
-    protocol = load_protocol(PAPERS)
+def test_the_papers_protocol_has_the_stages_of_the_paper():
+    protocol = load_protocol(PAPER)
     kinds = [stage.kind for stage in plan_of(protocol, 0)]
     assert kinds == [
         "briefing",
@@ -85,20 +85,20 @@ def test_the_papers_protocol_goes_as_in_the_paper():
     assert [condition.touch for condition in protocol.conditions] == [False, True]
 
 
-def test_between_subjects_each_meets_one_condition_and_all_come_equally_often(folder, protocol):
+def test_between_subjects_each_completes_one_condition_and_all_occur_equally_often(folder, protocol):
     text = protocol.parts["study.toml"].replace('"within"', '"between"').replace('condition = "felt"\n', "")
     for order in ("balanced", "fixed"):
         (folder / "study.toml").write_text(text.replace("seed = 1", f'seed = 1\norder = "{order}"'))
         between = load_protocol(folder)
-        met = [conditions_of(between, slot) for slot in range(4)]
-        assert Counter(name for (name,) in met) == {"seen": 2, "felt": 2}
+        conditions = [conditions_of(between, slot) for slot in range(4)]
+        assert Counter(name for (name,) in conditions) == {"seen": 2, "felt": 2}
         training = [
             stage.condition
             for slot in range(4)
             for stage in plan_of(between, slot)
             if stage.kind == "training"
         ]
-        assert training == [name for (name,) in met]
+        assert training == [name for (name,) in conditions]
 
 
 @pytest.mark.parametrize(
@@ -109,7 +109,7 @@ def test_between_subjects_each_meets_one_condition_and_all_come_equally_often(fo
         ("everyone", "condition 1", "condition 1"),
     ],
 )
-def test_blinding_hides_the_name(folder, protocol, blind, participant, experimenter):
+def test_blinding_hides_the_condition(folder, protocol, blind, participant, experimenter):
     text = protocol.parts["study.toml"].replace("seed = 1", f'seed = 1\nblind = "{blind}"\norder = "fixed"')
     (folder / "study.toml").write_text(text)
     blinded = load_protocol(folder)

@@ -10,13 +10,13 @@ from haptigraph.study.standing import standings
 PAGE = ROOT / "docs" / "study.md"
 
 
-def test_the_program_in_the_page_leads_a_participant_through_the_papers_study(tmp_path, monkeypatch):
+def test_the_documented_program_takes_a_participant_through_the_papers_study(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert call("study", "new", "my-study").exit_code == 0
-    asked = []
+    prompts = []
 
     def answer(prompt: str) -> str:
-        asked.append(prompt)
+        prompts.append(prompt)
         choice = re.search(r"one of ([^,)]+)", prompt)
         return choice[1] if choice else "3" if "scale" in prompt or "whole number" in prompt else "20"
 
@@ -26,7 +26,7 @@ def test_the_program_in_the_page_leads_a_participant_through_the_papers_study(tm
     exec(program, names)
     study = names["study"]
     assert isinstance(study, Study)
-    (standing,) = standings(study)
+    (status,) = standings(study)
     study.store.close()
-    assert standing.next.ended == "all is done"
-    assert len(asked) == 8 + 3 + 20  # demographics, trials, SUS twice
+    assert status.next.ended == "all is done"
+    assert len(prompts) == 8 + 3 + 20  # demographics, trials, SUS twice

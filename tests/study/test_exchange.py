@@ -1,4 +1,5 @@
 import csv
+import sys
 from contextlib import closing
 
 import pytest
@@ -7,9 +8,9 @@ from hypothesis import strategies as st
 from sqlalchemy import select, update
 from walking import do_next, fill, go_to
 
-from haptigraph.errors import BadInput
+from haptigraph.errors import BadInput, MissingExtra
 from haptigraph.study.data_dictionary import COLUMNS, MEASURES
-from haptigraph.study.exchange import export_study, import_study, read_export, tidy_tables
+from haptigraph.study.exchange import export_study, import_study, parquet_writer, read_export, tidy_tables
 from haptigraph.study.runner import open_session
 from haptigraph.study.store import Store
 from haptigraph.study.tables import EVENTS, METADATA, TRIALS
@@ -17,7 +18,7 @@ from haptigraph.study.tables import EVENTS, METADATA, TRIALS
 
 @pytest.fixture
 def filled(study):
-    """One who is done, one in the middle of a questionnaire after a crash, one who left."""
+    """One participant who is done, one within a questionnaire after a crash, one who withdrew."""
     one = open_session(study, study.enrol(), "one")
     while one.next().stage is not None:
         do_next(one)
@@ -25,7 +26,7 @@ def filled(study):
     two = open_session(study, study.enrol(), "two")
     two.begin_trial(go_to(two, "trial").key)
     two = open_session(study, "P02", "two")
-    two.note('says: "it itches",\nthen nothing\r\nmore; \u00fcber\u00e4ngstlich')
+    two.note('reports: "it itches",\nthen nothing\r\nmore; \u00fcber\u00e4ngstlich')
     fill(two, go_to(two, "questionnaire"), upto=3)
     study.enrol()
     study.withdraw("P03")
@@ -44,7 +45,7 @@ def rows_of(store):
     }
 
 
-def test_an_export_comes_back_without_loss(filled, tmp_path, where):
+def test_an_export_is_imported_without_loss(filled, tmp_path, where):
     export_study(filled.store, "small", tmp_path / "out")
     with closing(Store(where)) as other:
         import_study(other, read_export(tmp_path / "out"))
@@ -52,7 +53,7 @@ def test_an_export_comes_back_without_loss(filled, tmp_path, where):
         export_study(other, "small", tmp_path / "again")
         for file in (tmp_path / "out").iterdir():
             assert (tmp_path / "again" / file.name).read_bytes() == file.read_bytes()
-        with pytest.raises(BadInput, match="has study small already; nothing was imported"):
+        with pytest.raises(BadInput, match="already contains study small; nothing was imported"):
             import_study(other, read_export(tmp_path / "out"))
 
 
@@ -61,11 +62,11 @@ def test_an_export_comes_back_without_loss(filled, tmp_path, where):
     st.text(st.characters(codec="utf-8", exclude_characters="\0"), min_size=1).filter(str.strip),
     st.floats(allow_nan=False, allow_infinity=False),
 )
-def test_any_words_and_any_number_come_back_as_they_were(filled, tmp_path_factory, words, number):
+def test_any_text_and_any_number_are_imported_unchanged(filled, tmp_path_factory, text, number):
     folder = tmp_path_factory.mktemp("export")
     store = filled.store
     with store.begin() as connection:
-        connection.execute(update(EVENTS).values(text=words))
+        connection.execute(update(EVENTS).values(text=text))
         connection.execute(
             update(TRIALS)
             .where(TRIALS.c.measures.is_not(None))
@@ -80,15 +81,15 @@ def test_any_words_and_any_number_come_back_as_they_were(filled, tmp_path_factor
 def test_the_tables_are_tidy_and_every_column_is_in_the_dictionary(filled, tmp_path):
     out = tmp_path / "out"
     export_study(filled.store, "small", out)
-    said = {(row["table"], row["column"]) for row in read(out / "data_dictionary.csv")}
+    defined = {(row["table"], row["column"]) for row in read(out / "data_dictionary.csv")}
     for table in COLUMNS:
         rows = read(out / f"{table}.csv")
         assert rows, table
-        assert {(table, name) for name in rows[0]} == {key for key in said if key[0] == table}
+        assert {(table, name) for name in rows[0]} == {key for key in defined if key[0] == table}
     assert all(row["meaning"] and row["source"] for row in read(out / "data_dictionary.csv"))
     trials = read(out / "trials.csv")
-    cut = [row for row in trials if row["void"]]
-    assert [(row["participant"], row["outcome"], row["void"], row["completion_s"]) for row in cut] == [
+    void = [row for row in trials if row["void"]]
+    assert [(row["participant"], row["outcome"], row["void"], row["completion_s"]) for row in void] == [
         ("P02", "aborted", "interrupted", "")
     ]
     training = [row for row in trials if row["phase"] == "training"]
@@ -113,7 +114,7 @@ def test_demographics_are_columns_of_participants(folder, store):
     assert (people[0]["age_years"], people[0]["gender"], people[0]["simulated"]) == ("30", "female", 0)
 
 
-def test_an_export_never_overwrites_and_leaves_nothing_half_written(filled, tmp_path):
+def test_an_export_never_overwrites_and_leaves_no_incomplete_files(filled, tmp_path):
     (tmp_path / "out").mkdir()
     with pytest.raises(BadInput, match="exists already"):
         export_study(filled.store, "small", tmp_path / "out")
@@ -132,52 +133,63 @@ def test_an_export_never_overwrites_and_leaves_nothing_half_written(filled, tmp_
 
 
 @pytest.mark.parametrize(
-    ("file", "sound", "wrong", "told"),
+    ("file", "valid", "invalid", "message"),
     [
         ("trials.csv", "2.5", "fast", r"trials.csv, line 2: completion_s: expected a number, found 'fast'"),
         ("trials.csv", "outcome", "result", r"trials.csv: column 'outcome' is missing"),
-        ("answers.csv", "small,P01", "other,P01", r"answers.csv, line 2: is of study 'other', not 'small'"),
-        ("answers.csv", "small,P01", "P01", r"answers.csv, line 2: has not as many values"),
+        (
+            "answers.csv",
+            "small,P01",
+            "other,P01",
+            r"answers.csv, line 2: belongs to study 'other', not 'small'",
+        ),
+        ("answers.csv", "small,P01", "P01", r"answers.csv, line 2: has a different number of values"),
         ("study.json", '"parts"', '"bits"', r"study.json: is damaged \(.*bits"),
     ],
 )
-def test_a_damaged_export_is_refused(filled, tmp_path, file, sound, wrong, told):
+def test_a_damaged_export_is_refused(filled, tmp_path, file, valid, invalid, message):
     export_study(filled.store, "small", tmp_path / "out")
     path = tmp_path / "out" / file
-    path.write_text(path.read_text().replace(sound, wrong, 1))
-    with pytest.raises(BadInput, match=told):
+    path.write_text(path.read_text().replace(valid, invalid, 1))
+    with pytest.raises(BadInput, match=message):
         read_export(tmp_path / "out")
-    with pytest.raises(BadInput, match="is no export of a study"):
+    with pytest.raises(BadInput, match="is not an export of a study"):
         read_export(tmp_path)
 
 
-def test_an_import_that_contradicts_itself_leaves_the_store_empty(filled, tmp_path):
+def test_an_inconsistent_import_leaves_the_store_empty(filled, tmp_path):
     export_study(filled.store, "small", tmp_path / "out")
     path = tmp_path / "out" / "events.csv"
     path.write_text(path.read_text().replace("small,P02", "small,P77", 1))
     with closing(Store(tmp_path / "other.db")) as other:
-        with pytest.raises(BadInput, match="the store does not take it"):
+        with pytest.raises(BadInput, match="the database reported an error"):
             import_study(other, read_export(tmp_path / "out"))
         assert not any(rows_of(other).values())
 
 
 @pytest.mark.parametrize(
-    ("row", "told"),
+    ("row", "message"),
     [
-        ("small,P1,", r"participants\.csv, line 5: participant P1 stands in line 2 already"),
+        ("small,P1,", r"participants\.csv, line 5: participant P1 is already in line 2"),
         (
             "small,Anna Meier,",
             r"participants\.csv, line 5: participants go by a pseudonym.*found 'Anna Meier'",
         ),
     ],
 )
-def test_an_export_with_a_doubled_or_named_participant_is_refused(filled, tmp_path, row, told):
+def test_an_export_with_a_duplicate_or_named_participant_is_refused(filled, tmp_path, row, message):
     export_study(filled.store, "small", tmp_path / "out")
     path = tmp_path / "out" / "participants.csv"
     text = path.read_text()
     path.write_text(text + text.splitlines()[1].replace("small,P01,", row) + "\n")
-    with pytest.raises(BadInput, match=told):
+    with pytest.raises(BadInput, match=message):
         read_export(tmp_path / "out")
+
+
+def test_without_pyarrow_the_error_names_the_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(MissingExtra, match=r"an export as Parquet needs an extra.*haptigraph\[parquet\]"):
+        parquet_writer()
 
 
 def test_measures_have_units_in_their_names():

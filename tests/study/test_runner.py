@@ -18,7 +18,7 @@ from haptigraph.study.standing import events_of, standings
 from haptigraph.study.store import Store
 from haptigraph.study.tables import ANSWERS, TRIALS
 
-WHOLE = [
+STAGES = [
     "briefing",
     "consent",
     "training/0/0/1",
@@ -38,19 +38,18 @@ def session(study):
     return open_session(study, study.enrol(), "one")
 
 
-def test_a_participant_goes_through_the_whole_protocol_at_one_station_or_at_many(folder, protocol, clock):
-    """After every single act the process is another one, which knows only the store."""
-    met = []
+def test_a_participant_completes_the_protocol_with_a_new_session_for_every_stage(folder, protocol, clock):
+    keys = []
     with closing(Store(folder / "study.db", clock)) as store:
         Study(protocol, store).enrol("P01")
-    for _ in range(len(WHOLE)):
+    for _ in range(len(STAGES)):
         with closing(Store(folder / "study.db", clock)) as store:
             session = open_session(Study(load_protocol(folder), store), "P01", "one")
-            met.append(session.next().stage.key)
+            keys.append(session.next().stage.key)
             do_next(session)
     with closing(Store(folder / "study.db", clock)) as store:
         session = open_session(Study(protocol, store), "P01", "one")
-        assert met == WHOLE
+        assert keys == STAGES
         assert (session.next().stage, session.next().ended) == (None, "all is done")
         trials = store.rows(select(TRIALS))
         assert [trial["session"] for trial in trials] == [3, 4, 5, 8, 9]
@@ -60,7 +59,7 @@ def test_a_participant_goes_through_the_whole_protocol_at_one_station_or_at_many
         assert len(store.rows(select(ANSWERS))) == 20
 
 
-def test_what_does_not_come_next_is_refused_so_that_a_second_click_does_nothing(session):
+def test_actions_on_other_stages_are_refused_so_that_a_double_click_does_nothing(session):
     session.done("briefing")
     with pytest.raises(BadInput, match="P01: briefing does not come next, but consent"):
         session.done("briefing")
@@ -72,18 +71,18 @@ def test_what_does_not_come_next_is_refused_so_that_a_second_click_does_nothing(
             act()
     with pytest.raises(BadInput, match="no trial is running"):
         session.end_trial("hit")
-    with pytest.raises(BadInput, match="no trial comes next that has not begun"):
+    with pytest.raises(BadInput, match="the next stage is not a trial yet to begin"):
         session.config(Config())
     assert session.next().stage.key == "consent"
 
 
-def test_a_trial_is_begun_once_and_ended_by_no_other_way(session):
+def test_a_trial_is_begun_once_and_not_completed_like_other_stages(session):
     stage = go_to(session, "training")
     session.begin_trial(stage.key)
     assert session.next().running
-    with pytest.raises(BadInput, match="has begun already"):
+    with pytest.raises(BadInput, match="has already begun"):
         session.begin_trial(stage.key)
-    with pytest.raises(BadInput, match="is a trial; it is begun and ended"):
+    with pytest.raises(BadInput, match="is a trial; begin and end it instead"):
         session.done(stage.key)
     with pytest.raises(BadInput, match="unknown measure 'speed'"):
         session.end_trial("hit", measures={"speed": 3.0})
@@ -95,7 +94,7 @@ def test_a_trial_is_begun_once_and_ended_by_no_other_way(session):
     assert row["measures"] == '{"contacts": 2, "time_unknown_s": 0.0}'
 
 
-def test_an_answer_is_kept_at_once_may_change_until_handed_in_and_never_doubles(session):
+def test_an_answer_is_stored_at_once_and_may_change_until_it_is_submitted(session):
     stage = go_to(session, "questionnaire")
     fill(session, stage, upto=4)
     session.answer(stage.key, "2", "1")
@@ -113,7 +112,7 @@ def test_an_answer_is_kept_at_once_may_change_until_handed_in_and_never_doubles(
     assert len(session.study.store.rows(select(ANSWERS))) == 10
 
 
-def test_an_answer_may_be_taken_back_until_the_questionnaire_is_handed_in(session):
+def test_an_answer_may_be_deleted_until_the_questionnaire_is_submitted(session):
     stage = go_to(session, "questionnaire")
     fill(session, stage)
     session.take_back(stage.key, "3")
@@ -127,12 +126,12 @@ def test_an_answer_may_be_taken_back_until_the_questionnaire_is_handed_in(sessio
     assert len(session.study.store.rows(select(ANSWERS))) == 10
 
 
-def test_a_trial_cut_off_by_a_crash_is_begun_again_and_the_cut_one_does_not_count(session):
+def test_a_trial_interrupted_by_a_crash_does_not_count_and_is_repeated(session):
     stage = go_to(session, "trial")
     session.begin_trial(stage.key)
     again = open_session(session.study, "P01", "one")
-    coming = again.next()
-    assert (coming.stage.key, coming.attempt, coming.running) == (stage.key, 2, False)
+    upcoming = again.next()
+    assert (upcoming.stage.key, upcoming.attempt, upcoming.running) == (stage.key, 2, False)
     do_next(again)
     rows = again.study.store.rows(select(TRIALS).where(TRIALS.c.phase == "trial").order_by(TRIALS.c.attempt))
     assert [(row["attempt"], row["outcome"], row["void"]) for row in rows] == [
@@ -142,7 +141,7 @@ def test_a_trial_cut_off_by_a_crash_is_begun_again_and_the_cut_one_does_not_coun
     assert rows[0]["recording"] != rows[1]["recording"]
 
 
-def test_a_trial_given_up_often_enough_is_left_and_told(session):
+def test_a_trial_is_skipped_after_the_maximum_number_of_attempts(session):
     stage = go_to(session, "trial")
     for attempt in (1, 2):
         assert session.next().attempt == attempt
@@ -151,7 +150,7 @@ def test_a_trial_given_up_often_enough_is_left_and_told(session):
     assert session.next().stage.key == "trial/1/1/2"
 
 
-def test_the_experimenter_lets_a_trial_be_repeated(session):
+def test_the_experimenter_can_repeat_the_preceding_trial(session):
     go_to(session, "trial")
     with pytest.raises(BadInput, match="not repeated without a reason"):
         session.repeat_trial("trial/1/1/1", " ")
@@ -177,11 +176,11 @@ def test_the_experimenter_lets_a_trial_be_repeated(session):
     ("rule", "outcome", "done", "ended"),
     [
         ("timeouts_in_a_row = 2", "timeout", 6, "stopped: 2 timeouts in a row"),
-        ("failed_trials = 1", "aborted", 4, "stopped: trials given up: 1"),
+        ("failed_trials = 1", "aborted", 4, "stopped: failed trials: 1"),
         ("session_min = 30", "hit", 3, "stopped: 30 minutes have passed"),
     ],
 )
-def test_stopping_rules_stop(folder, store, clock, rule, outcome, done, ended):
+def test_stopping_rules_end_the_session(folder, store, clock, rule, outcome, done, ended):
     file = folder / "study.toml"
     file.write_text(file.read_text().replace("timeout_s = 60", f"timeout_s = 60\n[stop]\n{rule}"))
     study = Study(load_protocol(folder), store)
@@ -194,17 +193,17 @@ def test_stopping_rules_stop(folder, store, clock, rule, outcome, done, ended):
     assert (session.next().ended, session.next().done) == (ended, done)
 
 
-def test_notes_are_kept_in_order_and_a_stop_ends_it_for_good(session):
+def test_notes_are_stored_in_order_and_a_stop_is_final(session):
     session.note("sits well")
     session.note("asks for a break")
     session.stop("feels sick")
     assert session.next().ended == "stopped: feels sick"
     assert open_session(session.study, "P01", "one").next().ended == "stopped: feels sick"
-    told = [(event.kind, event.text) for event in events_of(session.study, "P01")]
-    assert told == [("note", "sits well"), ("note", "asks for a break"), ("stop", "feels sick")]
+    events = [(event.kind, event.text) for event in events_of(session.study, "P01")]
+    assert events == [("note", "sits well"), ("note", "asks for a break"), ("stop", "feels sick")]
 
 
-def test_one_station_has_a_participant_and_another_must_take_over(session):
+def test_a_participant_is_at_one_station_and_another_must_take_over(session):
     with pytest.raises(BadInput, match=r"P01 is at station one since .* take it over"):
         open_session(session.study, "P01", "two")
     session.begin_trial(go_to(session, "trial").key)
@@ -216,23 +215,23 @@ def test_one_station_has_a_participant_and_another_must_take_over(session):
     assert open_session(session.study, "P01", "one").next().attempt == 2
 
 
-def test_pseudonyms_only_and_each_once(study):
+def test_only_pseudonyms_are_allowed_and_each_once(study):
     assert [study.enrol(), study.enrol("P03"), study.enrol()] == ["P01", "P03", "P02"]
-    with pytest.raises(BadInput, match=r"has a participant P01 already$"):
+    with pytest.raises(BadInput, match=r"already has a participant P01$"):
         study.enrol("P01")
-    with pytest.raises(BadInput, match="has a participant P01 already, and P1 would be taken for it"):
+    with pytest.raises(BadInput, match="already has a participant P01, which P1 could be confused with"):
         study.enrol("P1")
     for name in ("Anna Meier", "anna@example.org", "p4", "P", ""):
         with pytest.raises(BadInput, match="go by a pseudonym"):
             study.enrol(name)
     study.enrol()
-    with pytest.raises(BadInput, match="is full: it has its 4 participants"):
+    with pytest.raises(BadInput, match="is full: all 4 participants are enrolled"):
         study.enrol()
     with pytest.raises(BadInput, match="has no participant 'P09'; it has 4"):
         open_session(study, "P09", "one")
 
 
-def test_who_leaves_makes_room_for_one_who_takes_the_same_place(study):
+def test_the_slot_of_a_withdrawn_participant_is_reused(study):
     for _ in range(4):
         study.enrol()
     study.withdraw("P02")
@@ -240,25 +239,25 @@ def test_who_leaves_makes_room_for_one_who_takes_the_same_place(study):
     rows = {row["participant"]: row for row in study.participants()}
     assert rows["P05"]["slot"] == rows["P02"]["slot"] == 1
     assert rows["P05"]["conditions"] == rows["P02"]["conditions"]
-    with pytest.raises(BadInput, match="has left the study before"):
+    with pytest.raises(BadInput, match="has already left the study"):
         study.withdraw("P02")
     assert open_session(study, "P02", "one").next().ended == "the participant has left the study"
 
 
-def test_a_frozen_protocol_is_not_edited(folder, study, store):
-    assert study.check_frozen() == ""
+def test_a_frozen_protocol_must_not_change(folder, study, store):
+    assert study.check_frozen() is None
     study.enrol()
-    assert study.check_frozen().startswith("2026-11-21T09:")
+    assert study.check_frozen()["frozen_utc"].startswith("2026-11-21T09:")
     file = folder / "study.toml"
-    sound = file.read_text()
-    file.write_text(sound.replace("along_mm = 3", "along_mm = 4"))
+    text = file.read_text()
+    file.write_text(text.replace("along_mm = 3", "along_mm = 4"))
     changed = Study(load_protocol(folder), store)
     for act in (changed.check_frozen, changed.enrol, lambda: open_session(changed, "P01", "one")):
         with pytest.raises(
-            BadInput, match=r"study small: frozen since .*2026-11-21 09:.* but study\.toml is not what it was"
+            BadInput, match=r"study small: frozen since .*2026-11-21 09:.* but study\.toml was changed"
         ):
             act()
-    file.write_text(sound)
+    file.write_text(text)
     assert Study(load_protocol(folder), store).enrol() == "P02"
 
 
@@ -271,34 +270,34 @@ def test_people_and_simulated_participants_do_not_share_a_study(study):
 
 def test_a_trial_runs_under_its_condition(session, folder):
     base = Config()
-    seen = {}
+    configs = {}
     while (stage := session.next().stage) is not None:
         if stage.kind == "trial":
-            seen.setdefault(stage.condition, session.config(base))
+            configs.setdefault(stage.condition, session.config(base))
         do_next(session)
-    assert seen["seen"].haptics.max_amplitude == 0.0
-    assert seen["felt"].haptics == base.haptics
-    assert {config.source.target_mm for config in seen.values()} <= {-3.0, 3.0}
-    assert seen["felt"].trial.participant == "P01"
-    path = seen["felt"].recording.path
+    assert configs["seen"].haptics.max_amplitude == 0.0
+    assert configs["felt"].haptics == base.haptics
+    assert {config.source.target_mm for config in configs.values()} <= {-3.0, 3.0}
+    assert configs["felt"].trial.participant == "P01"
+    path = configs["felt"].recording.path
     assert path.startswith(str(folder / "recordings" / "P01")) and "felt" not in path.rpartition("/")[2]
 
 
-def test_a_recording_without_a_trial_is_moved_aside(session):
+def test_a_recording_without_a_trial_is_renamed(session):
     go_to(session, "trial")
     for _ in range(2):
         path = Path(session.config(Config()).recording.path)
-        path.write_bytes(b"left by a run that was never begun as a trial")
+        path.write_bytes(b"of a run that never began as a trial")
     assert sorted(each.name.split(".", 1)[1] for each in path.parent.iterdir()) == ["mcap", "unused1.mcap"]
     session.begin_trial("trial/1/1/1")
-    with pytest.raises(BadInput, match="that has not begun"):
+    with pytest.raises(BadInput, match="not a trial yet to begin"):
         session.config(Config())
     with pytest.raises(BadInput, match="is not closed; end the run"):
         session.end_trial("hit")
     session.end_trial("aborted", void="the recording broke")
 
 
-def test_standings_tell_how_far_everyone_is(study, session):
+def test_statuses_show_the_progress_of_all_participants(study, session):
     study.enrol()
     session.begin_trial(go_to(session, "trial").key)
     one, two = standings(study)
@@ -308,7 +307,7 @@ def test_standings_tell_how_far_everyone_is(study, session):
         "trial/1/1/1",
         True,
     )
-    assert (two.participant, two.station, two.next.done, two.next.of) == ("P02", "", 0, len(WHOLE))
+    assert (two.participant, two.station, two.next.done, two.next.of) == ("P02", "", 0, len(STAGES))
 
 
 ENROLLING = """
@@ -328,8 +327,8 @@ for _ in range(2):
 """
 
 
-def test_two_stations_at_one_store_do_not_collide(folder, protocol, where):
-    """Both make the tables, freeze the protocol and take participants in at the same time."""
+def test_two_stations_at_one_store_do_not_interfere(folder, protocol, where):
+    """Both create the tables, freeze the protocol and enrol participants at the same time."""
     here = str(__file__).rpartition("/")[0]
 
     def station(name):

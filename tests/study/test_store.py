@@ -20,49 +20,49 @@ from haptigraph.study.store import Store
 from haptigraph.study.tables import METADATA, TRIALS
 
 
-def test_the_migrations_make_the_very_tables(where):
+def test_the_migrations_create_the_declared_tables(where):
     with closing(Store(where)) as store, store.begin() as connection:
         context = MigrationContext.configure(connection, opts={"compare_type": True})
         assert compare_metadata(context, METADATA) == []
 
 
-def test_a_store_opens_again_as_it_is_and_one_of_a_newer_haptigraph_does_not(where, protocol):
+def test_a_store_is_opened_again_unchanged_and_one_of_a_newer_version_is_refused(where, protocol):
     with closing(Store(where)) as store:
         Study(protocol, store).enrol("P01")
     with closing(Store(where)) as store:
         assert [row["participant"] for row in Study(protocol, store).participants()] == ["P01"]
         with store.begin() as connection:
             connection.execute(text("UPDATE alembic_version SET version_num = '9999'"))
-    with pytest.raises(BadInput, match="made by a newer haptigraph"):
+    with pytest.raises(BadInput, match="created by a newer haptigraph"):
         Store(where)
 
 
-def test_sqlite_commits_survive_a_power_failure_and_what_is_deleted_does_not(folder, store):
+def test_sqlite_is_set_to_durable_commits_and_secure_deletion(folder, store):
     with store.begin() as connection:
-        told = [
+        settings = [
             connection.exec_driver_sql(f"PRAGMA {name}").scalar()
             for name in ("journal_mode", "synchronous", "foreign_keys", "secure_delete")
         ]
-    assert told == ["wal", 2, 1, 1]
+    assert settings == ["wal", 2, 1, 1]
 
 
 @pytest.mark.parametrize(
-    ("where", "told"),
+    ("where", "message"),
     [
-        ("no/such/folder/study.db", "no such folder"),
+        ("no/such/folder/study.db", "its folder does not exist"),
         (".", "is a folder"),
-        ("mysql://somewhere/study", "expected the path of a file, or postgresql://"),
-        ("nonsense://x", "expected the path of a file, or postgresql://"),
+        ("mysql://somewhere/study", "expected a file path or postgresql://"),
+        ("nonsense://x", "expected a file path or postgresql://"),
         ("postgresql://me:secret@127.0.0.1:1/none", r"postgresql.*me:\*\*\*@127.*refused"),
     ],
 )
-def test_a_place_that_cannot_be_a_store_is_refused_and_no_password_told(where, told):
-    with pytest.raises((BadInput, MissingExtra), match=told) as refusal:
+def test_an_unusable_path_is_refused_without_revealing_the_password(where, message):
+    with pytest.raises((BadInput, MissingExtra), match=message) as error:
         Store(where)
-    assert "secret" not in str(refusal.value)
+    assert "secret" not in str(error.value)
 
 
-def test_a_store_that_another_station_is_just_making_is_waited_for(tmp_path, monkeypatch):
+def test_opening_waits_for_a_store_that_another_station_is_creating(tmp_path, monkeypatch):
     with closing(sqlite3.connect(tmp_path / "new.db", isolation_level=None)) as other:
         other.execute("BEGIN IMMEDIATE")
         monkeypatch.setattr(stores.time, "sleep", lambda _: other.rollback())
@@ -70,18 +70,22 @@ def test_a_store_that_another_station_is_just_making_is_waited_for(tmp_path, mon
             assert store.rows(select(TRIALS)) == []
 
 
-def test_a_store_that_another_program_never_lets_go_of_is_told(tmp_path, monkeypatch):
+def test_a_store_that_stays_locked_is_reported(tmp_path, monkeypatch):
     monkeypatch.setattr(stores, "BUSY_S", 0)
     with closing(sqlite3.connect(tmp_path / "new.db", isolation_level=None)) as other:
         other.execute("BEGIN IMMEDIATE")
-        with pytest.raises(StoreFailed, match=r"new\.db: the store does not take it \(database is locked\)"):
+        with pytest.raises(
+            StoreFailed, match=r"new\.db: the database reported an error \(database is locked\)"
+        ):
             Store(tmp_path / "new.db")
 
 
-def test_a_file_that_is_no_store_is_refused_and_left_alone(tmp_path):
+def test_a_file_that_is_not_a_store_is_refused_and_not_modified(tmp_path):
     file = tmp_path / "notes.db"
     file.write_bytes(b"not a database" * 100)
-    with pytest.raises(BadInput, match=r"notes\.db: the store does not take it \(file is not a database\)"):
+    with pytest.raises(
+        BadInput, match=r"notes\.db: the database reported an error \(file is not a database\)"
+    ):
         Store(file)
     assert file.read_bytes() == b"not a database" * 100
 
@@ -108,7 +112,7 @@ for item in range(1, 11):
 """
 
 
-def test_every_answer_outlives_a_killed_process(folder, protocol, where):
+def test_every_answer_survives_a_killed_process(folder, protocol, where):
     command = [sys.executable, "-c", ANSWERING, str(folder), where]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         for line in process.stdout:
@@ -116,15 +120,15 @@ def test_every_answer_outlives_a_killed_process(folder, protocol, where):
                 break
         process.send_signal(signal.SIGKILL)
         last = [line for line in process.stdout if line.endswith("\n")]
-    told = {str(number) for number in range(1, 5 + len(last))}
+    confirmed = {str(number) for number in range(1, 5 + len(last))}
     with closing(Store(where)) as store:
         study = Study(protocol, store)
-        coming = open_session(study, "P01", "here").next()
-    assert coming.stage.key == "questionnaire/sus/1"
-    assert told <= coming.answers.keys() <= {str(number) for number in range(1, 6 + len(last))}
+        upcoming = open_session(study, "P01", "here").next()
+    assert upcoming.stage.key == "questionnaire/sus/1"
+    assert confirmed <= upcoming.answers.keys() <= {str(number) for number in range(1, 6 + len(last))}
 
 
-def test_a_full_or_broken_disk_is_one_sentence(folder, study):
+def test_a_damaged_store_is_reported_in_one_sentence(folder, study):
     study.enrol()
     study.store.close()
     raw = sqlite3.connect(folder / "study.db")
@@ -132,17 +136,19 @@ def test_a_full_or_broken_disk_is_one_sentence(folder, study):
     raw.commit()
     raw.close()
     session = open_session(study, "P01", "here")
-    with pytest.raises(BadInput, match=r"study\.db: the store does not take it \(no such table: events\)"):
+    with pytest.raises(
+        BadInput, match=r"study\.db: the database reported an error \(no such table: events\)"
+    ):
         session.note("something")
 
 
-def test_without_the_extra_the_store_names_it():
+def test_without_the_extra_the_error_names_it():
     code = "import sys; sys.modules['sqlalchemy'] = None\nimport haptigraph.study.protocol, haptigraph.study.plan\nimport haptigraph.study.store"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert "pip install 'haptigraph[study]'" in done.stderr
 
 
-def test_without_the_driver_the_store_names_it(monkeypatch):
+def test_without_the_driver_the_error_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "psycopg", None)
     with pytest.raises(MissingExtra, match=r"haptigraph\[postgresql\]"):
         stores.Store("postgresql://host/none")
@@ -169,7 +175,7 @@ for number, step in enumerate(loop.steps()):
 """
 
 
-def test_a_trial_outlives_a_killed_process_as_one_that_does_not_count(folder, protocol, quick_uri):
+def test_a_trial_in_a_killed_process_is_stored_as_interrupted(folder, protocol, quick_uri):
     command = [sys.executable, "-c", STEERING, str(folder), quick_uri]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout.readline() == "steering\n"

@@ -1,4 +1,4 @@
-"""Lead a participant through a study as a page would."""
+"""Advance a participant through a study as a page would."""
 
 from haptigraph.study.plan import Stage
 from haptigraph.study.runner import Session
@@ -6,14 +6,13 @@ from haptigraph.study.runner import Session
 
 def fill(session: Session, stage: Stage, upto: int | None = None) -> None:
     """Answer a questionnaire, or its first items."""
-    sheet = session.study.protocol.questionnaire(stage.questionnaire)
-    for item in sheet.items[:upto]:
+    for item in session.study.protocol.questionnaire(stage.questionnaire).items[:upto]:
         given = {"scale": "4", "number": "30", "text": "words"}
         session.answer(stage.key, item.key, given.get(item.kind) or item.choices[0])
 
 
 def do_next(session: Session, outcome: str = "hit") -> None:
-    """Do whatever comes next."""
+    """Complete the next stage."""
     stage = session.next().stage
     assert stage is not None
     if stage.is_trial:
@@ -27,7 +26,7 @@ def do_next(session: Session, outcome: str = "hit") -> None:
 
 
 def go_to(session: Session, kind: str, outcome: str = "hit") -> Stage:
-    """Go on until a stage of a kind comes next."""
+    """Complete stages until one of a kind comes next."""
     while (stage := session.next().stage) is not None and stage.kind != kind:
         do_next(session, outcome)
     assert stage is not None

@@ -1,6 +1,6 @@
-"""A small SIMULATED study, made by a seeded generator: no people, no phantom, only numbers of a likely size.
+"""Tables of a small SIMULATED study from a seeded generator: plausible numbers, neither people nor phantom.
 
-Its effects are put in by hand. It shows that tables become statistics and figures, and says nothing about touch.
+Its effects are chosen by hand. It tests statistics and figures, and is no evidence about haptic feedback.
 """
 
 from pathlib import Path
@@ -27,7 +27,7 @@ def simulated_study(
     rows, answers, people = [], [], []
     for number in range(1, participants + 1):
         name = f"S{number:02}"
-        order = [conditions[(number + place) % len(conditions)] for place in range(len(conditions))]
+        order = [conditions[(number + index) % len(conditions)] for index in range(len(conditions))]
         order = order if within else order[:1]
         people.append(dict(study="simulated study", participant=name, order=">".join(order), simulated=True))
         skill = rng.normal(0, 1)
@@ -35,7 +35,7 @@ def simulated_study(
             phases = [("training", 1), *(("trial", trial) for trial in range(1, trials + 1))]
             for phase, trial in phases:
                 rows.append(_run(rng, name, condition, position, phase, trial, skill))
-            answers += _sheet(rng, name, condition, position)
+            answers += _sus(rng, name, condition, position)
     return {
         "trials": pd.DataFrame(rows),
         "answers": pd.DataFrame(answers),
@@ -68,7 +68,7 @@ def _run(rng, name, condition, position, phase, trial, skill):
     }  # fmt: skip
 
 
-def _sheet(rng, name, condition, position):
+def _sus(rng, name, condition, position):
     mood = rng.normal(0.9 + 0.35 * condition.endswith("haptic"), 0.5)
     for item in range(1, 11):
         agrees = mood if item % 2 else -mood

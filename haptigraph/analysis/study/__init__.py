@@ -1,1 +1,1 @@
-"""What a study comes to: its tables and recordings become statistics, figures and one page. Extra `study`."""
+"""Study reports: statistics, figures and one page from tables and recordings. Needs the extra `study`."""

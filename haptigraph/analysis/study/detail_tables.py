@@ -1,4 +1,4 @@
-"""Results as data frames, for CSV and for the page: one row per test, variant, term, score."""
+"""Detailed results as data frames for the CSV files and the page: one row per test, variant, term, score."""
 
 from collections.abc import Iterator
 
@@ -14,7 +14,7 @@ __all__ = ["detail_tables", "sus_summary"]
 
 
 def detail_tables(results: StudyResults) -> dict[str, pd.DataFrame]:
-    """Return every table under the name of its file."""
+    """Return every table by the name of its file."""
     tables = {
         "comparisons": pd.DataFrame(list(_comparisons(results))),
         "rank_test_variants": pd.DataFrame(list(_variants(results))),
@@ -80,13 +80,13 @@ def _variants(results: StudyResults) -> Iterator[dict[str, object]]:
 def _omnibus(results: StudyResults) -> Iterator[dict[str, object]]:
     for family in results.families:
         for each in family.omnibus:
-            told = {"test": each.variant, "statistic": each.statistic, "p": each.p}
-            yield {"family": family.name, "measure": each.quantity.name, **told}
+            test = {"test": each.variant, "statistic": each.statistic, "p": each.p}
+            yield {"family": family.name, "measure": each.quantity.name, **test}
 
 
 def _terms(results: StudyResults) -> Iterator[dict[str, object]]:
     for model in results.order:
-        about = {
+        model_columns = {
             "measure": model.name,
             "formula": model.formula,
             "n": model.runs,
@@ -98,39 +98,33 @@ def _terms(results: StudyResults) -> Iterator[dict[str, object]]:
             "remark": model.remark,
         }
         for term in model.terms:
-            yield {**about, **msgspec.structs.asdict(term), **spread}
+            yield {**model_columns, **msgspec.structs.asdict(term), **spread}
 
 
 def _graded(scores: pd.DataFrame) -> pd.DataFrame:
-    known = scores["sus"].notna()
     graded = scores.assign(grade="", percentiles="", adjective="").astype({"grade": object})
-    for row, score in scores.loc[known, "sus"].items():
-        told = grade(score)
-        graded.loc[row, ["grade", "percentiles", "adjective"]] = [
-            told.letter,
-            told.percentiles,
-            adjective(score),
-        ]
+    for row, score in scores["sus"].dropna().items():
+        found = grade(score)
+        values = [found.letter, found.percentiles, adjective(score)]
+        graded.loc[row, ["grade", "percentiles", "adjective"]] = values
     return graded
 
 
 def sus_summary(results: StudyResults) -> pd.DataFrame:
-    """Return mean and grade of SUS by condition."""
+    """Return mean and grade of the SUS by condition."""
     rows = []
     for condition in results.conditions:
         scores = results.sus.loc[results.sus["condition"] == condition, "sus"].dropna()
         if len(scores):
-            mean, told = float(scores.mean()), grade(float(scores.mean()))
-            spread = float(scores.std(ddof=1)) if len(scores) > 1 else float("nan")
-            rows.append(
-                (condition, len(scores), mean, spread, told.letter, told.percentiles, adjective(mean))
-            )
+            mean, found = float(scores.mean()), grade(float(scores.mean()))
+            sd = float(scores.std(ddof=1)) if len(scores) > 1 else float("nan")
+            rows.append((condition, len(scores), mean, sd, found.letter, found.percentiles, adjective(mean)))
     columns = ["condition", "n", "mean", "sd", "grade", "percentiles", "adjective"]
     return pd.DataFrame(rows, columns=columns)
 
 
 def _long(results: StudyResults) -> pd.DataFrame:
-    """Return what entered the tests: participant, condition, measure, value."""
+    """Return the tested values: participant, condition, measure, value."""
     parts = [
         table.rename_axis(columns="condition")
         .reset_index(names="participant")

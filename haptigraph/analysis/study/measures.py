@@ -1,10 +1,12 @@
-"""Measures of recorded trials that have none yet, into the store. Reads recordings, writes only measures."""
+"""Compute the missing measures of recorded trials, and store them."""
 
+import warnings
 from pathlib import Path
 
 from sqlalchemy import update
 
 from haptigraph.analysis.metrics.trial import measure_recording
+from haptigraph.errors import RenamedKey
 from haptigraph.recording.writer import Progress
 from haptigraph.study.data_dictionary import check_measures
 from haptigraph.study.recordings import recorded_trials, whats_wrong
@@ -15,30 +17,31 @@ __all__ = ["measure_study"]
 
 
 def measure_study(store: Store, study: str, folder: Path, progress: Progress | None = None) -> list[str]:
-    """Measure trials that are not measured yet.
+    """Measure the trials that have no measures.
 
     Args:
         store: The store.
         study: The study's name.
-        folder: The study's folder, where recordings are.
-        progress: Told how far it is.
+        folder: The study's folder, with its recordings.
+        progress: Called with the progress.
 
     Returns:
-        A sentence for each recording that is not here or not what was recorded; it is not measured.
+        A sentence for each recording that could not be measured, because it is missing or was changed.
     """
     trials = [trial for trial in recorded_trials(store, study) if trial["measures"] is None]
-    wrong = []
+    problems = []
     for number, trial in enumerate(trials):
         if progress is not None:
             progress("measuring trials", number, len(trials))
         problem = whats_wrong(trial, folder)
         if problem:
-            wrong.append(problem)
+            problems.append(problem)
             continue
-        measures = check_measures(measure_recording(folder / trial["recording"]))
+        with warnings.catch_warnings(action="ignore", category=RenamedKey):  # in the recorded procedure
+            measures = check_measures(measure_recording(folder / trial["recording"]))
         if not measures:
-            continue  # the tip was never inside
+            continue  # the tip never entered the globe
         key = [column == trial[column.name] for column in TRIALS.primary_key]
         with store.begin() as connection:
             connection.execute(update(TRIALS).where(*key).values(measures=to_json(measures)))
-    return wrong
+    return problems

@@ -1,4 +1,4 @@
-"""The methods paragraph: every test with its variant, every version, every seed, and what is missing."""
+"""The methods section of a report: tests with their variants, versions, seeds and missing data."""
 
 import platform
 from importlib.metadata import version
@@ -17,11 +17,11 @@ LIBRARIES = ("numpy", "scipy", "statsmodels", "pandas", "matplotlib")
 
 
 def methods(tables: StudyTables, results: StudyResults, traces: Traces, *, simulated: bool) -> list[str]:
-    """Return the paragraphs, in the order of a paper's methods section."""
+    """Return the paragraphs of a paper's methods section."""
     parts = [
         _design(results, simulated=simulated),
         _tests(results),
-        _beside(results),
+        _sensitivity(results),
         _families(results),
         _order(results),
         _usability(results, simulated=simulated),
@@ -38,15 +38,15 @@ def _design(results: StudyResults, *, simulated: bool) -> str:
         else (f"{results.participants} participants")
     )
     kind = (
-        "met every condition (within-subject)"
+        "completed every condition (within-subject)"
         if results.is_within
-        else "met one condition each (between-subject)"
+        else "completed one condition each (between-subject)"
     )
     names = ", ".join(f"“{words(name)}”" for name in results.conditions)
     return (
-        f"{who} {kind}: {names}. A run counts from the tip's first entry into the globe to the first "
-        "target hit. Training is left out. Of a repeated trial the last attempt counts; aborted, "
-        "void and unfinished trials do not; a run without a hit has no completion time. The mean "
+        f"{who} {kind}: {names}. A run lasts from the tip's first entry into the globe to the first "
+        "target hit. Training is excluded. Of repeated trials the last attempt is used; aborted, "
+        "void and unfinished trials are excluded; a run without a hit has no completion time. The mean "
         "over a participant's runs in a condition is one observation."
     )
 
@@ -57,7 +57,7 @@ def _tests(results: StudyResults) -> str:
         variant: sorted({each.quantity.label for each in comparisons if each.test.variant == variant})
         for variant in sorted({each.test.variant for each in comparisons})
     }
-    told = "; ".join(f"{variant} ({', '.join(labels)})" for variant, labels in used.items())
+    tests = "; ".join(f"{variant} ({', '.join(labels)})" for variant, labels in used.items())
     zeros = (
         "dropped before ranking (Wilcoxon 1945)"
         if results.plan.zeros == "dropped"
@@ -65,35 +65,35 @@ def _tests(results: StudyResults) -> str:
     )
     pairs = f" Pairs without a difference are {zeros}." if results.is_within else ""
     return (
-        f"Conditions were compared by {told}.{pairs} Values that agree to 12 digits count as tied. All other "
+        f"Conditions were compared by {tests}.{pairs} Values that agree to 12 digits are ties. All other "
         "variants are listed in rank_test_variants.csv."
     )
 
 
-def _beside(results: StudyResults) -> str:
+def _sensitivity(results: StudyResults) -> str:
     r, t, of = (
         ("the matched-pairs rank-biserial correlation (Kerby 2014)", "a paired t test", "the differences")
         if results.is_within
         else ("the rank-biserial correlation", "Welch's t test", "each sample")
     )
     return (
-        f"Effect size is {r}, positive where the later named condition has the larger values, with a "
+        f"Effect size is {r}, positive where the second condition has the larger values, with a "
         "95 % bootstrap interval (bias-corrected and accelerated where the data allow, otherwise "
         f"percentile; {RESAMPLES} resamples, seed {results.plan.seed}). Normality of {of} was checked "
-        f"by Shapiro and Wilk's test; {t} stands beside as sensitivity analysis. Power is that of the "
+        f"by the Shapiro-Wilk test; {t} is reported as sensitivity analysis. Power is that of the "
         "t test with n multiplied by 3/π, the asymptotic relative efficiency of the rank test for a "
-        "normal parent; power at the observed effect repeats the p-value in other words, so the "
-        "smallest effect detectable with 80 % power is given with it."
+        "normal distribution; power at the observed effect is a function of the p-value, so the "
+        "smallest effect detectable with 80 % power is reported with it."
     )
 
 
 def _families(results: StudyResults) -> str:
-    told = ", ".join(f"{family.about} ({len(family.comparisons)} tests)" for family in results.families)
-    more = sorted({each.variant for family in results.families for each in family.omnibus})
-    whole = f" Three or more conditions were first compared at once: {'; '.join(more)}." if more else ""
+    families = ", ".join(f"{family.about} ({len(family.comparisons)} tests)" for family in results.families)
+    tests = sorted({each.variant for family in results.families for each in family.omnibus})
+    omnibus = f" Omnibus tests of three or more conditions came first: {'; '.join(tests)}." if tests else ""
     return (
         f"The level of significance is {results.plan.alpha:g}, two-sided; p-values were corrected by "
-        f"Holm's step-down method within each family: {told}.{whole}"
+        f"Holm's step-down method within each family: {families}.{omnibus}"
     )
 
 
@@ -101,27 +101,25 @@ def _order(results: StudyResults) -> str:
     if not results.is_within:
         return ""
     if not results.order:
-        return (
-            "Effects of order could not be told from those of the condition: all met them in the same order."
-        )
+        return "Order effects are confounded with those of the condition, as the order was the same for all."
     remarks = [f"{model.name}: {model.remark}" for model in results.order if model.remark]
-    told = f" ({'; '.join(remarks)})" if remarks else ""
+    listed = f" ({'; '.join(remarks)})" if remarks else ""
     return (
         "Order and learning: linear mixed models with condition, position of the condition in the "
         "session and, where there are several, trial as fixed effects and a random intercept per "
-        f"participant, fitted by REML; Wald tests with the normal distribution{told}."
+        f"participant, fitted by REML; Wald tests with the normal distribution{listed}."
     )
 
 
 def _usability(results: StudyResults, *, simulated: bool) -> str:
     if results.sus.empty:
         return ""
-    made_up = " Simulated participants have no opinion: their answers are made up." if simulated else ""
+    random = " Simulated participants have no opinion: their answers are random." if simulated else ""
     partial = int(results.sus["sus"].isna().sum())
     return (
         "SUS was scored after Brooke (1996); grades and percentiles are those of the curved grading "
         "scale of Sauro and Lewis (2016), adjectives those of Bangor, Kortum and Miller (2009). "
-        f"Incomplete questionnaires are not scored ({partial} of {len(results.sus)}).{made_up}"
+        f"Incomplete questionnaires are not scored ({partial} of {len(results.sus)}).{random}"
     )
 
 
@@ -129,21 +127,19 @@ def _missing(tables: StudyTables, results: StudyResults, traces: Traces) -> str:
     counts = results.missing[["trials", "timeout", "aborted", "repeated"]].sum()
     comparisons = [each for family in results.families for each in family.comparisons]
     gaps = sorted({f"{each.quantity.label}: {each.left_out}" for each in comparisons if each.left_out})
-    left = f" Participants left out for want of a pair: {', '.join(gaps)}." if gaps else ""
+    unpaired = f" Participants excluded for a missing pair: {', '.join(gaps)}." if gaps else ""
     erased = f", {len(tables.erased)} of them with all their data erased" if tables.erased else ""
     count = len(tables.withdrawn)
-    gone = f" Participants who withdrew and are left out: {count}{erased}." if count else ""
+    withdrawn = f" Participants who withdrew and are excluded: {count}{erased}." if count else ""
     absent = f" Not recorded: {', '.join(results.absent)}." if results.absent else ""
     idle = (
-        f" Nobody spent time in: {', '.join(words(state) for state in results.idle)}." if results.idle else ""
+        f" No time was spent in: {', '.join(words(state) for state in results.idle)}." if results.idle else ""
     )
-    runs = (
-        f" Recordings: {len(traces.runs)} runs read, {traces.absent} without a file." if traces.runs else ""
-    )
+    runs = f" Recordings: {len(traces.runs)} runs read, {traces.absent} files missing." if traces.runs else ""
     return (
-        f"Missing data: of {counts['trials']} trials {counts['timeout']} ended without a hit and "
+        f"Missing data: of {counts['trials']} trials, {counts['timeout']} ended without a hit and "
         f"{counts['aborted']} were aborted, void or unfinished; {counts['repeated']} attempts were "
-        f"repeated.{gone}{left}{absent}{idle}{runs} Nothing was imputed."
+        f"repeated.{withdrawn}{unpaired}{absent}{idle}{runs} No data were imputed."
     )
 
 

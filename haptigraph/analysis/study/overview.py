@@ -1,4 +1,4 @@
-"""A study's protocol and state as tables for people: who gets what in which order, how far everyone is."""
+"""A study's protocol and progress as printable tables: conditions, plans, orders and participants."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -16,12 +16,12 @@ __all__ = ["protocol_tables", "status_table"]
 
 
 def protocol_tables(protocol: Protocol) -> Iterator[Table]:
-    """Yield tables of conditions, of what the first participant goes through, and of the orders drawn."""
+    """Yield the tables of conditions, of the first participant's plan, of orders, and of targets."""
     table = _table("Conditions", "name", "title", "procedure", "touch", "display")
     for each in protocol.conditions:
         table.add_row(each.name, each.title, each.procedure, "on" if each.touch else "off", each.display)
     yield table
-    table = _table("What the first participant goes through", "stage", "condition", "target", "at most")
+    table = _table("Plan of the first participant", "stage", "condition", "target", "timeout")
     for stage in plan_of(protocol, 0):
         table.add_row(
             stage.key, stage.condition, stage.target, f"{stage.timeout_s:g} s" if stage.is_trial else ""
@@ -46,12 +46,12 @@ def protocol_tables(protocol: Protocol) -> Iterator[Table]:
 
 
 def status_table(protocol: Protocol, standings: "list[Standing]") -> Table:
-    """Return a table of where everyone stands; orders are left out where everyone is blinded."""
+    """Return a table of all participants' progress; without orders where everyone is blinded."""
     blind = protocol.study.blind == "everyone"
-    left, most = sum(each.left for each in standings), protocol.study.participants
+    left, size = sum(each.left for each in standings), protocol.study.participants
     withdrew = f", {left} withdrew" if left else ""
     table = _table(
-        f"{protocol.study.title}: {len(standings) - left} of {most} participants{withdrew}",
+        f"{protocol.study.title}: {len(standings) - left} of {size} participants{withdrew}",
         "participant",
         *(() if blind else ("order",)),
         "done",
@@ -71,7 +71,7 @@ def status_table(protocol: Protocol, standings: "list[Standing]") -> Table:
 def _next(standing: "Standing", stage: Stage | None) -> str:
     if stage is None:
         return standing.next.ended
-    return f"{stage.key} (runs)" if standing.next.running else stage.key
+    return f"{stage.key} (running)" if standing.next.running else stage.key
 
 
 def _table(title: str, *headings: str) -> Table:

@@ -1,4 +1,4 @@
-"""One HTML page that stands alone: no script, no outside resource, readable in light and in dark."""
+"""The report as one self-contained HTML page, without scripts and external resources, for light and dark."""
 
 import base64
 from collections.abc import Mapping, Sequence
@@ -16,7 +16,7 @@ STYLE = (resources.files("haptigraph.analysis.study") / "report.css").read_text(
 
 
 class Picture(Struct, frozen=True):
-    """A figure and what it says, also to those who cannot see it."""
+    """A figure with its caption, which is also its text alternative."""
 
     name: str
     svg: bytes
@@ -38,7 +38,7 @@ def page(
     Args:
         title: Of the study.
         facts: One line about it.
-        note: What must stand on top, such as that it was simulated; may be empty.
+        note: A prominent note at the top, such as that it was simulated; may be empty.
         tables: The paper's first.
         pictures: Of the study.
         paragraphs: Of the methods.
@@ -55,7 +55,7 @@ def page(
         "<h2>Methods</h2>",
         *(f"<p>{escape(paragraph)}</p>" for paragraph in paragraphs),
         "<h2>Details</h2>",
-        *(_details(told, frame) for told, frame in details.values()),
+        *(_details(heading, frame) for heading, frame in details.values()),
         f"<details><summary>LaTeX</summary><pre>{escape(tex)}</pre></details>",
         "<p class='quiet'>haptigraph is research software, not a medical device.</p>",
     ]

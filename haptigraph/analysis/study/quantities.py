@@ -1,4 +1,4 @@
-"""What a study measures of each run and participant: names, units, and which are tested together.
+"""The outcomes of a study: names, units, and the families in which they are tested.
 
 A family is a set of hypotheses corrected together (Holm). The first is the paper's table.
 """
@@ -17,10 +17,10 @@ FAMILIES = {
 
 
 class Quantity(Struct, frozen=True):
-    """One thing that is compared between conditions."""
+    """One outcome that is compared between conditions."""
 
     name: str
-    """Its column."""
+    """Name of its column."""
     label: str
     unit: str
     family: str
@@ -48,13 +48,13 @@ QUANTITIES = (
 
 
 def words(name: str) -> str:
-    """Return a name as people write it: `visual_only` as `Visual only`."""
+    """Return a name in prose: `visual_only` as `Visual only`."""
     text = name.replace("_", " ")
     return text[:1].upper() + text[1:]
 
 
 def state_of(column: str) -> str:
-    """Return the state of a column `time_<state>_s`, or nothing."""
+    """Return the state of a column `time_<state>_s`, otherwise ""."""
     is_time = column.startswith("time_") and column.endswith("_s")
     return column[len("time_") : -len("_s")] if is_time else ""
 

@@ -1,4 +1,4 @@
-"""Write all that a study comes to into one folder: page, figures, tables. The same bytes every time."""
+"""Write the report of a study into one folder: page, figures, tables; equal data give equal bytes."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from haptigraph.analysis.study.figures.style import rendered, styled
 from haptigraph.analysis.study.methods import SIMULATED, methods
 from haptigraph.analysis.study.page import Picture, page
 from haptigraph.analysis.study.quantities import words
-from haptigraph.analysis.study.results import Plan, StudyResults, analyse
+from haptigraph.analysis.study.results import AnalysisPlan, StudyResults, analyse
 from haptigraph.analysis.study.results_table import latex, markdown, result_tables
 from haptigraph.analysis.study.tables import StudyTables, read_tables
 from haptigraph.analysis.study.traces import Traces, read_traces
@@ -21,40 +21,28 @@ from haptigraph.errors import BadInput
 from haptigraph.recording.writer import Progress
 from haptigraph.version import __version__
 
-__all__ = ["Written", "write_report"]
+__all__ = ["WrittenReport", "write_report"]
 
-GROUND = "The ground has the colours of the states."
+COLORS = "Background colours indicate the states."
 CAPTIONS = {
-    "state_times": "Time in each surgical state by condition. Boxes: quartiles; whiskers: 1.5 times that "
-    f"range; points: participants. {GROUND}",
-    "state_sequence": "Order of surgical states by condition: transitions per run; wider is more frequent.",
-    "alignment": "Theta from entry to hit by condition: median and middle half of the participants.",
+    "state_times": "Time in each surgical state by condition. Boxes: quartiles; whiskers: 1.5 times the "
+    f"interquartile range; points: participants. {COLORS}",
+    "state_sequence": "Order of surgical states by condition: transitions per run; width shows frequency.",
+    "alignment": "Theta from entry to hit by condition: median and interquartile range of participants.",
     "depth_theta": "Distance to the retina against theta by condition. Thin: runs; thick: median of the "
-    f"participants at each moment of normalised time. {GROUND}",
+    f"participants over normalised time. {COLORS}",
     "learning": "Completion time and alignment over the trials, by the order of the conditions.",
 }
 TESTS = ["measure", "first", "second", "n_first", "n_second", "statistic", "p", "p_holm", "test", "effect"]
-BESIDE = [
-    *(
-        "measure",
-        "first",
-        "second",
-        "shapiro_p",
-        "t_t",
-        "t_df",
-        "t_p",
-        "t_difference",
-        "t_low",
-        "t_high",
-        "t_d",
-    ),
-    *("power_observed", "power_detectable_d", "power_needed"),
-]
+SENSITIVITY = [
+    "measure", "first", "second", "shapiro_p", "t_t", "t_df", "t_p", "t_difference", "t_low", "t_high", "t_d",
+    "power_observed", "power_detectable_d", "power_needed",
+]  # fmt: skip
 TITLES = {
     "tests": "All tests",
-    "beside": "Normality, t tests and power",
-    "rank_test_variants": "Every variant of the rank tests",
-    "omnibus": "Three or more conditions at once",
+    "sensitivity": "Normality, t tests and power",
+    "rank_test_variants": "All variants of the rank tests",
+    "omnibus": "Omnibus tests of three or more conditions",
     "order_effects": "Order and learning (mixed models)",
     "sus_summary": "SUS by condition",
     "sus": "SUS by participant",
@@ -63,8 +51,8 @@ TITLES = {
 }
 
 
-class Written(Struct, frozen=True):
-    """What was written."""
+class WrittenReport(Struct, frozen=True):
+    """The files of a report."""
 
     page: Path
     files: list[Path]
@@ -75,26 +63,26 @@ class Written(Struct, frozen=True):
 def write_report(
     folder: str | Path,
     output: str | Path,
-    plan: Plan | None = None,
+    plan: AnalysisPlan | None = None,
     recordings: str | Path | None = None,
     progress: Progress | None = None,
-) -> Written:
+) -> WrittenReport:
     """Analyse the tables of a study and write the report.
 
     Args:
-        folder: Holds the tables.
-        output: A folder, made if absent; files of the same name are replaced.
-        plan: How to analyse.
-        recordings: What the paths of the recordings are relative to; None: the folder of the tables.
-        progress: Told how far it is.
+        folder: Contains the tables.
+        output: A folder, created if missing; files of the same name are replaced.
+        plan: The options of the analysis.
+        recordings: The folder to which paths of recordings are relative; None: the folder of the tables.
+        progress: Called with the progress.
 
     Raises:
-        BadInput: If the tables, or a recording, make no sense; then nothing is written.
+        BadInput: If the tables or a recording are invalid; then nothing is written.
     """
     tables = read_tables(folder)
-    results = analyse(tables, plan or Plan())
+    results = analyse(tables, plan or AnalysisPlan())
     traces = read_traces(results.runs, Path(recordings or folder), progress)
-    simulated = tables.says_simulated or traces.is_simulated
+    simulated = tables.is_simulated or traces.is_simulated
     files = _files(tables, results, traces, simulated=simulated)
     output = Path(output)
     for name, content in files.items():
@@ -105,28 +93,29 @@ def write_report(
         except OSError as error:
             raise BadInput(f"cannot be written ({error.strerror})", path) from None
     summary = markdown(result_tables(results)[:1], SIMULATED if simulated else "")
-    return Written(output / "report.html", [output / name for name in files], summary)
+    return WrittenReport(output / "report.html", [output / name for name in files], summary)
 
 
 def _files(
     tables: StudyTables, results: StudyResults, traces: Traces, *, simulated: bool
 ) -> dict[str, bytes]:
-    """Return every file by its name in the folder."""
+    """Return the content of every file by its path in the folder."""
     note = SIMULATED if simulated else ""
-    told = result_tables(results)
+    summaries = result_tables(results)
     paragraphs = methods(tables, results, traces, simulated=simulated)
     details = detail_tables(results)
     drawn = _figures(results, traces, "SIMULATED" if simulated else "")
     pictures = [Picture(name, formats["svg"], CAPTIONS[name]) for name, formats in drawn.items()]
-    tex = latex(told, note)
+    tex = latex(summaries, note)
     comparisons = details["comparisons"]
-    pages = {**details, "tests": comparisons[TESTS], "beside": comparisons[BESIDE]}
-    shown = {name: (title, pages[name]) for name, title in TITLES.items() if name in pages}
-    html = page(tables.title or tables.study, _facts(results), note, told, pictures, paragraphs, shown, tex)
+    frames = {**details, "tests": comparisons[TESTS], "sensitivity": comparisons[SENSITIVITY]}
+    shown = {name: (title, frames[name]) for name, title in TITLES.items() if name in frames}
+    title = tables.title or tables.study
+    html = page(title, _facts(results), note, summaries, pictures, paragraphs, shown, tex)
     text = {
         "report.html": html,
         "results.tex": tex,
-        "results.md": markdown(told, note),
+        "results.md": markdown(summaries, note),
         "methods.txt": "\n\n".join(paragraphs) + "\n",
         **{f"csv/{name}.csv": _csv(table) for name, table in details.items()},
     }

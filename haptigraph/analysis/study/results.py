@@ -1,4 +1,4 @@
-"""Everything that the tables of a study say: families of comparisons, order effects, SUS, what is missing."""
+"""The analysis of a study's tables: families of comparisons, order effects, SUS, missing data."""
 
 from itertools import combinations
 
@@ -8,12 +8,12 @@ from statsmodels.stats.multitest import multipletests
 
 from haptigraph.analysis.study.quantities import FAMILIES, QUANTITIES, Quantity, state_of, state_quantities
 from haptigraph.analysis.study.runs import (
-    cells,
     condition_names,
+    condition_values,
     counted_runs,
     is_within,
     missing_data,
-    values_of,
+    participant_means,
 )
 from haptigraph.analysis.study.statistics.comparison import Comparison, compare, omnibus
 from haptigraph.analysis.study.statistics.order_effects import MixedModel, order_effects
@@ -22,21 +22,21 @@ from haptigraph.analysis.study.statistics.sus import sus_scores
 from haptigraph.analysis.study.tables import StudyTables
 from haptigraph.errors import BadInput, unknown_name
 
-__all__ = ["Family", "Omnibus", "Plan", "StudyResults", "analyse"]
+__all__ = ["AnalysisPlan", "Family", "Omnibus", "StudyResults", "analyse"]
 
 
-class Plan(Struct, frozen=True):
-    """How a study is analysed; all of it is told in the report."""
+class AnalysisPlan(Struct, frozen=True):
+    """The options of an analysis, all of which the report states."""
 
     seed: int = 0
     alpha: float = 0.05
     zeros: Zeros = "dropped"
     baseline: str | None = None
-    """The condition that the others are compared with; None: the protocol's first, or the first by name."""
+    """The reference condition; None: the protocol's first, or the first by name."""
 
 
 class Omnibus(Struct, frozen=True):
-    """A test of three or more conditions at once."""
+    """An omnibus test of three or more conditions."""
 
     quantity: Quantity
     variant: str
@@ -51,21 +51,21 @@ class Family(Struct, frozen=True):
     about: str
     comparisons: list[Comparison]
     holm: list[float]
-    """p by Holm's step-down method, one for each comparison."""
+    """p-values corrected by Holm's step-down method, one per comparison."""
     omnibus: list[Omnibus]
 
 
 class StudyResults(Struct, frozen=True):
-    """What came out."""
+    """The results of an analysis."""
 
-    plan: Plan
+    plan: AnalysisPlan
     conditions: list[str]
     is_within: bool
     participants: int
     runs: pd.DataFrame
-    """That count, one a row."""
+    """The included runs, one per row."""
     values: dict[str, pd.DataFrame]
-    """Of every quantity: one value per participant (rows) and condition (columns)."""
+    """By quantity: one value per participant (rows) and condition (columns)."""
     families: list[Family]
     order: list[MixedModel]
     sus: pd.DataFrame
@@ -73,18 +73,18 @@ class StudyResults(Struct, frozen=True):
     absent: list[str]
     """Quantities without any value."""
     idle: list[str]
-    """States in which nobody spent any time."""
+    """States in which no time was spent."""
 
 
-def analyse(tables: StudyTables, plan: Plan) -> StudyResults:
+def analyse(tables: StudyTables, plan: AnalysisPlan) -> StudyResults:
     """Analyse a study.
 
     Args:
-        tables: Of the study.
-        plan: How.
+        tables: The study's tables.
+        plan: The options.
 
     Raises:
-        BadInput: If there are not two conditions with runs that count.
+        BadInput: If fewer than two conditions have included runs.
     """
     trials = tables.trials[~tables.trials["participant"].isin(tables.withdrawn)]
     runs = counted_runs(trials)
@@ -93,9 +93,7 @@ def analyse(tables: StudyTables, plan: Plan) -> StudyResults:
         raise BadInput(unknown_name("condition", plan.baseline, conditions))
     if len(conditions) < 2:
         found = f"only {conditions[0]!r}" if conditions else "none"
-        raise BadInput(
-            f"a comparison needs two conditions with runs that count; found {found}", tables.folder
-        )
+        raise BadInput(f"a comparison needs two conditions with completed runs; found {found}", tables.folder)
     sus = sus_scores(tables.answers[~tables.answers["participant"].isin(tables.withdrawn)])
     values = _values(runs, sus, conditions)
     idle = [
@@ -126,9 +124,9 @@ def analyse(tables: StudyTables, plan: Plan) -> StudyResults:
 
 def _values(runs: pd.DataFrame, sus: pd.DataFrame, conditions: list[str]) -> dict[str, pd.DataFrame]:
     columns = [each.name for each in (*QUANTITIES, *state_quantities(runs.columns)) if each.name in runs]
-    tables = {name: cells(runs, name, conditions) for name in columns}
+    tables = {name: participant_means(runs, name, conditions) for name in columns}
     if not sus.empty:
-        tables["sus"] = cells(sus, "sus", conditions).reindex(sorted(set(runs["participant"])))
+        tables["sus"] = participant_means(sus, "sus", conditions).reindex(sorted(set(runs["participant"])))
     return {name: table for name, table in tables.items() if table.notna().any().any()}
 
 
@@ -139,13 +137,13 @@ def _family(
     values: dict[str, pd.DataFrame],
     conditions: list[str],
     within: bool,
-    plan: Plan,
+    plan: AnalysisPlan,
 ) -> Family:
     compared, tested = [], []
     for quantity in quantities:
         table = values[quantity.name]
         for first, second in combinations(conditions, 2):
-            pair = values_of(table, first, second, paired=within)
+            pair = condition_values(table, first, second, paired=within)
             left_out = int(table[[first, second]].isna().any(axis=1).sum()) if within else 0
             compared.append(
                 compare(

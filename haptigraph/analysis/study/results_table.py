@@ -1,4 +1,4 @@
-"""The paper's table, and the others, as rows of text: in LaTeX, Markdown, and for the page."""
+"""The result tables, the paper's first, in LaTeX and Markdown and for the page."""
 
 import math
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ NONE = "-"
 
 
 class Table(Struct, frozen=True):
-    """A table ready to be set."""
+    """A table with formatted cells."""
 
     caption: str
     head: list[str]
@@ -25,12 +25,12 @@ class Table(Struct, frozen=True):
 
 
 def number(value: float, decimals: int = 3) -> str:
-    """Return a number, or a dash where there is none."""
+    """Format a number; a dash stands for NaN and infinity."""
     return f"{value:.{decimals}f}" if math.isfinite(value) else NONE
 
 
 def p_text(p: float) -> str:
-    """Return p as papers print it."""
+    """Format a p-value."""
     if not math.isfinite(p):
         return NONE
     return "<0.001" if p < 0.0005 else f"{p:.3f}"
@@ -69,9 +69,9 @@ def _row(comparison: Comparison, holm: float, alpha: float) -> list[str]:
     p = comparison.test.p
     mark = ("*" if p < alpha else "") + ("†" if holm < alpha else "")
     effect = comparison.effect
-    told = f"{number(effect.r, 2)} [{number(effect.low, 2)}, {number(effect.high, 2)}]"
+    interval = f"{number(effect.r, 2)} [{number(effect.low, 2)}, {number(effect.high, 2)}]"
     sizes = "/".join(str(size) for size in sorted({sample.n for sample in comparison.samples}))
-    return [comparison.quantity.title, first, second, sizes, p_text(p) + mark, p_text(holm), told]
+    return [comparison.quantity.title, first, second, sizes, p_text(p) + mark, p_text(holm), interval]
 
 
 def _mean(sample: Sample, decimals: int) -> str:
@@ -91,7 +91,7 @@ def markdown(tables: Sequence[Table], note: str = "") -> str:
 
 
 def latex(tables: Sequence[Table], note: str = "") -> str:
-    """Return tables in LaTeX, with booktabs, as the paper sets them."""
+    """Return tables in LaTeX with booktabs, in the style of the paper."""
     return "\n".join(_latex(table, note) for table in tables)
 
 

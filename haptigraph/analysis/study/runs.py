@@ -1,17 +1,19 @@
-"""Which trials count, and what each participant did in each condition. Statistics see one value per cell."""
+"""Select the trials that are analysed, and average them to one value per participant and condition."""
 
 import pandas as pd
 
-__all__ = ["cells", "condition_names", "counted_runs", "is_within", "missing_data", "values_of"]
+__all__ = [
+    "condition_names", "condition_values", "counted_runs", "is_within", "missing_data", "participant_means",
+]  # fmt: skip
 
 RUN = ["participant", "condition", "block", "trial"]
 NO_RUN = "aborted"
 
 
 def counted_runs(trials: pd.DataFrame, phase: str = "trial") -> pd.DataFrame:
-    """Return the runs that count: of each trial the last attempt, unless aborted, void or unfinished.
+    """Return the last attempt at each trial, unless aborted, void or unfinished.
 
-    A run that ended without a hit has no completion time (NaN), whatever the clock said.
+    A run that ended without a hit has no completion time (NaN).
     """
     runs = _last_attempts(trials[trials["phase"] == phase])
     runs = runs[runs["outcome"] != NO_RUN].copy()
@@ -20,7 +22,7 @@ def counted_runs(trials: pd.DataFrame, phase: str = "trial") -> pd.DataFrame:
 
 
 def _last_attempts(trials: pd.DataFrame) -> pd.DataFrame:
-    """Return the last attempt of every trial; one that is void or has not ended counts as aborted."""
+    """Return the last attempt at every trial; a void or unfinished one counts as aborted."""
     keys = [key for key in RUN if key in trials]
     last = trials.sort_values([*keys, "attempt"], kind="stable").drop_duplicates(keys, keep="last").copy()
     void = last["void"].notna() if "void" in last else False
@@ -29,28 +31,28 @@ def _last_attempts(trials: pd.DataFrame) -> pd.DataFrame:
 
 
 def condition_names(trials: pd.DataFrame, listed: list[str], baseline: str | None = None) -> list[str]:
-    """Return the conditions: the baseline, those that the protocol lists in its order, others by name."""
-    places = {name: place for place, name in enumerate(listed)}
+    """Return the conditions: the baseline first, then in the protocol's order, others by name."""
+    index = {name: number for number, name in enumerate(listed)}
     names = set(trials["condition"])
-    return sorted(names, key=lambda name: (name != baseline, places.get(name, len(places)), name))
+    return sorted(names, key=lambda name: (name != baseline, index.get(name, len(index)), name))
 
 
 def is_within(trials: pd.DataFrame) -> bool:
-    """Whether participants met more than one condition."""
+    """Return whether any participant completed more than one condition."""
     return bool((trials.groupby("participant")["condition"].nunique() > 1).any())
 
 
-def cells(runs: pd.DataFrame, column: str, conditions: list[str]) -> pd.DataFrame:
-    """Return one value per participant (rows) and condition (columns): the mean of the runs that have one."""
-    known = runs.dropna(subset=[column])
-    table = known.pivot_table(index="participant", columns="condition", values=column, aggfunc="mean")
+def participant_means(runs: pd.DataFrame, column: str, conditions: list[str]) -> pd.DataFrame:
+    """Return the mean over the runs with a value, per participant (rows) and condition (columns)."""
+    valid = runs.dropna(subset=[column])
+    table = valid.pivot_table(index="participant", columns="condition", values=column, aggfunc="mean")
     return table.reindex(index=sorted(set(runs["participant"])), columns=conditions)
 
 
-def values_of(
+def condition_values(
     table: pd.DataFrame, first: str, second: str, *, paired: bool
 ) -> tuple[list[float], list[float]]:
-    """Return the values of two conditions; paired: only of participants who have both, in the same order."""
+    """Return the values of two conditions; if paired, of the participants with both, in the same order."""
     if paired:
         table = table[[first, second]].dropna()
         return [float(value) for value in table[first]], [float(value) for value in table[second]]
@@ -59,12 +61,12 @@ def values_of(
 
 
 def missing_data(trials: pd.DataFrame, conditions: list[str]) -> pd.DataFrame:
-    """Count, by condition: participants, trials, hits, timeouts, aborted for good, and repeated attempts."""
-    asked = trials[trials["phase"] == "trial"]
-    last = _last_attempts(asked)
+    """Count, by condition: participants, trials, hits, timeouts, aborted trials, and repeated attempts."""
+    attempts = trials[trials["phase"] == "trial"]
+    last = _last_attempts(attempts)
     rows = []
     for condition in conditions:
-        here, all_here = last[last["condition"] == condition], asked[asked["condition"] == condition]
+        here, all_here = last[last["condition"] == condition], attempts[attempts["condition"] == condition]
         outcomes = [int((here["outcome"] == outcome).sum()) for outcome in ("hit", "timeout", "aborted")]
         repeated = len(all_here) - len(here)
         rows.append((condition, here["participant"].nunique(), len(here), *outcomes, repeated))

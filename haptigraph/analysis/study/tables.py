@@ -1,4 +1,4 @@
-"""The tidy tables of a study, read and checked. Knows nothing of how they were made."""
+"""Read and check the tidy tables of a study."""
 
 import hashlib
 import tomllib
@@ -20,19 +20,19 @@ COLUMNS = {
     "answers": {"participant", "condition", "questionnaire", "item", "answer"},
     "participants": {"participant"},
 }
-WORDS = {
+TEXT_COLUMNS = {
     *("study", "participant", "condition", "phase", "target", "outcome", "state_order", "started_utc"),
     *("recording", "recording_sha256", "procedure_sha256", "software", "answered_utc", "questionnaire"),
     *("item", "answer", "order", "consented_utc", "void"),
 }
 CHOICES = {"phase": ("training", "trial"), "outcome": ("hit", "timeout", "aborted")}
-ONCE = {
+KEYS = {
     "trials": ("participant", "condition", "block", "phase", "trial", "attempt"),
     "answers": ("participant", "condition", "position", "questionnaire", "item"),
     "participants": ("participant",),
 }
-NUMERIC = ("_s", "_ms", "_mm", "_mm2", "_deg", "_mm_s")
-COUNTED = ("session", "block", "position", "trial", "attempt", "contacts", "sparc", "log_jerk")
+NUMERIC_SUFFIXES = ("_s", "_ms", "_mm", "_mm2", "_deg", "_mm_s")
+NUMERIC_COLUMNS = ("session", "block", "position", "trial", "attempt", "contacts", "sparc", "log_jerk")
 
 
 class StudyTables(Struct, frozen=True):
@@ -55,22 +55,22 @@ class StudyTables(Struct, frozen=True):
         return str(self.trials["study"].iloc[0])
 
     @property
-    def says_simulated(self) -> bool:
-        """Whether a column `simulated`, or the study's name, tells that no people took part."""
+    def is_simulated(self) -> bool:
+        """Whether a column `simulated` or the study's name indicates that no people took part."""
         columns = [table["simulated"] for table in (self.trials, self.participants) if "simulated" in table]
-        told = any(column.astype(str).str.lower().isin(("true", "1", "yes")).any() for column in columns)
-        return told or "simulated" in self.study.lower()
+        is_marked = any(column.astype(str).str.lower().isin(("true", "1", "yes")).any() for column in columns)
+        return is_marked or "simulated" in self.study.lower()
 
     @property
     def withdrawn(self) -> list[str]:
-        """Participants who left the study."""
+        """Participants who withdrew."""
         if "withdrawn_utc" not in self.participants:
             return []
         return sorted(self.participants.loc[self.participants["withdrawn_utc"].notna(), "participant"])
 
     @property
     def erased(self) -> list[str]:
-        """Those of them of whom nothing was kept."""
+        """Participants who withdrew and whose data were erased."""
         people = self.participants
         if not {"withdrawn_utc", "enrolled_utc"} <= set(people):
             return []
@@ -78,20 +78,20 @@ class StudyTables(Struct, frozen=True):
 
 
 def read_tables(folder: str | Path) -> StudyTables:
-    """Read the tables that a study was exported to.
+    """Read the tables of an exported study.
 
     Args:
-        folder: Holds trials.csv (or .parquet) and, where there were any, answers and participants.
+        folder: Contains trials.csv (or .parquet) and optionally answers and participants.
 
     Raises:
-        BadInput: If a table is missing, lacks a column, or holds what makes no sense.
+        BadInput: If a table is missing, lacks a column, or contains an invalid value.
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise BadInput("no such folder; give the one that the study was exported to", folder)
+        raise BadInput("no such folder; give the folder of an exported study", folder)
     paths = {name: path for name in COLUMNS if (path := _path_of(folder, name)) is not None}
     if "trials" not in paths:
-        raise BadInput("holds neither trials.csv nor trials.parquet; export the study first", folder)
+        raise BadInput("contains neither trials.csv nor trials.parquet; export the study first", folder)
     tables = {
         name: _read(paths[name], name) if name in paths else pd.DataFrame(columns=sorted(COLUMNS[name]))
         for name in COLUMNS
@@ -99,11 +99,11 @@ def read_tables(folder: str | Path) -> StudyTables:
     studies = sorted(set(tables["trials"]["study"].dropna()))
     if len(studies) != 1:
         found = ", ".join(studies) or "none"
-        raise BadInput(f"holds {len(studies)} studies ({found}); one at a time", paths["trials"])
+        raise BadInput(f"contains {len(studies)} studies ({found}); expected one", paths["trials"])
     digests = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in paths.values()}
     title, conditions = _protocol(folder / "study.json")
-    told = (tables["trials"], tables["answers"], tables["participants"])
-    return StudyTables(folder, *told, digests, conditions, title)
+    trials, answers, participants = (tables[name] for name in COLUMNS)
+    return StudyTables(folder, trials, answers, participants, digests, conditions, title)
 
 
 def _path_of(folder: Path, name: str) -> Path | None:
@@ -111,7 +111,7 @@ def _path_of(folder: Path, name: str) -> Path | None:
 
 
 def _protocol(path: Path) -> tuple[str, list[str]]:
-    """Return title and conditions of the frozen protocol, which an export keeps in `study.json`."""
+    """Return title and conditions of the frozen protocol in an export's `study.json`."""
     if not path.is_file():
         return "", []
     try:
@@ -135,21 +135,22 @@ def _read(path: Path, name: str) -> pd.DataFrame:
     if missing:
         raise BadInput(f"lacks the columns {', '.join(missing)}", path)
     if name == "trials" and table.empty:
-        raise BadInput("holds no trial", path)
-    for column in table.columns if name != "participants" else ():  # whose columns the study names itself
-        if column not in WORDS and (column.endswith(NUMERIC) or column in COUNTED):
+        raise BadInput("contains no trial", path)
+    for column in table.columns if name != "participants" else ():  # its columns are the study's items
+        is_number = column.endswith(NUMERIC_SUFFIXES) or column in NUMERIC_COLUMNS
+        if is_number and column not in TEXT_COLUMNS:
             table[column] = _numbers(table[column], path)
     for column in ("participant", *(("phase",) if name == "trials" else ())):
         _refuse_rows(table[column].isna(), f"{column} is empty", path)
     if name == "trials":
         _refuse_rows(table["condition"].isna() & (table["phase"] == "trial"), "condition is empty", path)
     for column, valid in CHOICES.items() if name == "trials" else ():
-        wrong = ~table[column].isin(valid) & table[column].notna()  # a trial that still runs has no outcome
-        _refuse_rows(wrong, f"{column} is none of {', '.join(valid)}", path)
+        wrong = ~table[column].isin(valid) & table[column].notna()  # a running trial has no outcome
+        _refuse_rows(wrong, f"{column} must be one of {', '.join(valid)}", path)
     if name == "trials":
         _refuse_rows(table["completion_s"] < 0, "completion_s is negative", path)
-    keys = [key for key in ONCE[name] if key in table]
-    _refuse_rows(table.duplicated(keys), f"the same {', '.join(keys)} stand twice", path)
+    keys = [key for key in KEYS[name] if key in table]
+    _refuse_rows(table.duplicated(keys), f"duplicate row with the same {', '.join(keys)}", path)
     return table
 
 
@@ -165,9 +166,7 @@ def _parse(path: Path) -> pd.DataFrame:
             encoding="utf-8",
         )
     except ImportError:
-        raise BadInput(
-            "Parquet is read by pyarrow, which is not installed; export CSV instead", path
-        ) from None
+        raise BadInput("Parquet needs pyarrow, which is not installed; export CSV instead", path) from None
     except (ValueError, OSError) as error:
         raise BadInput(f"cannot be read: {error}", path) from None
 
@@ -175,7 +174,7 @@ def _parse(path: Path) -> pd.DataFrame:
 def _numbers(column: pd.Series, path: Path) -> pd.Series:
     numbers = pd.to_numeric(column, errors="coerce").astype(float)
     infinite = numbers.abs() == float("inf")
-    _refuse_rows((numbers.isna() & column.notna()) | infinite, f"{column.name} is no number", path)
+    _refuse_rows((numbers.isna() & column.notna()) | infinite, f"{column.name} is not a number", path)
     return numbers
 
 

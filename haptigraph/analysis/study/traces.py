@@ -1,6 +1,7 @@
-"""How each counted run went, from its recording: theta and distance over normalised time."""
+"""Traces of the analysed runs, from their recordings: theta and distance over normalised time."""
 
 import hashlib
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,20 +12,22 @@ from numpy.typing import NDArray
 
 from haptigraph.analysis.metrics.run import RunMeasures
 from haptigraph.assemble import parse_procedure
-from haptigraph.errors import BadInput
+from haptigraph.errors import BadInput, RenamedKey
 from haptigraph.graph import Schema
+from haptigraph.inference.span import RunSpan
 from haptigraph.recording.reader import RunReader
 from haptigraph.recording.writer import Progress
 
 __all__ = ["GRID", "Trace", "Traces", "Zones", "read_traces"]
 
 GRID = np.linspace(0.0, 1.0, 201)
-"""Normalised time: 0 where the run starts, 1 at the hit."""
+"""Normalised time: 0 at the start of the run, 1 at the hit."""
 Floats = NDArray[np.float64]
+TRACED = ("theta_deg", "distance_to_retina_mm")
 
 
 class Trace(Struct, frozen=True):
-    """One run that ended in a hit, on `GRID`; where the needle was not seen, between its neighbours."""
+    """One run that ended in a hit, on `GRID`; interpolated where the needle was not detected."""
 
     participant: str
     condition: str
@@ -34,7 +37,7 @@ class Trace(Struct, frozen=True):
 
 
 class Zones(Struct, frozen=True):
-    """Where the procedure draws its lines; None: it draws none."""
+    """The thresholds of a procedure; None: it has no such threshold."""
 
     aligned_deg: float | None
     touching_mm: float | None
@@ -42,7 +45,7 @@ class Zones(Struct, frozen=True):
 
     @classmethod
     def under(cls, schema: Schema) -> "Zones":
-        """Return the bounds that a procedure sets."""
+        """Return the thresholds of a procedure's schema."""
         bounds = {relation.names: relation.at_most for relation in schema.relations}
         return cls(
             bounds.get(("needle_line", "aligned", "retina_target")),
@@ -52,24 +55,24 @@ class Zones(Struct, frozen=True):
 
 
 class Traces(Struct, frozen=True):
-    """All runs that could be read."""
+    """The traces of all runs with a recording."""
 
     runs: list[Trace]
     zones: Zones
     absent: int
-    """Counted runs without a recording in the folder."""
+    """Number of analysed runs without a recording in the folder."""
     is_simulated: bool
-    """Whether a source was the phantom with its simulated operator."""
+    """Whether any source was the phantom with its simulated operator."""
 
     def of(self, condition: str) -> list[Trace]:
-        """Return the runs of one condition."""
+        """Return the traces of one condition."""
         return [run for run in self.runs if run.condition == condition]
 
     def by_participant(self, condition: str, what: str) -> Floats:
-        """Return the mean run of each participant, (participants, len(GRID)).
+        """Return the mean trace of each participant, (participants, len(GRID)).
 
         Args:
-            condition: Which one.
+            condition: The condition.
             what: `theta_deg` or `distance_mm`.
         """
         runs = self.of(condition)
@@ -81,15 +84,15 @@ class Traces(Struct, frozen=True):
 
 
 def read_traces(runs: pd.DataFrame, folder: Path, progress: Progress | None = None) -> Traces:
-    """Read the recordings of the runs that count and ended in a hit.
+    """Read the recordings of the analysed runs that ended in a hit.
 
     Args:
-        runs: That count.
-        folder: What the paths in `recording` are relative to.
-        progress: Told how many are read.
+        runs: The analysed runs.
+        folder: The folder to which the paths in `recording` are relative.
+        progress: Called with the number of recordings read.
 
     Raises:
-        BadInput: If a recording is not the one that the table tells of, or cannot be read.
+        BadInput: If the SHA-256 of a recording differs from the table's, or it cannot be read.
     """
     report = progress or (lambda what, done, total: None)
     traces, absent, zones, simulated = [], 0, set(), False
@@ -102,10 +105,11 @@ def read_traces(runs: pd.DataFrame, folder: Path, progress: Progress | None = No
         _check(path, row.get("recording_sha256"))
         reader = RunReader(path)
         simulated |= reader.info.source.startswith("phantom:")
-        schema = parse_procedure(reader.info.procedure, f"procedure in {path}").schema
-        trace = _trace(reader, row)
+        with warnings.catch_warnings(action="ignore", category=RenamedKey):
+            procedure = parse_procedure(reader.info.procedure, f"procedure in {path}")
+        trace = _trace(reader, row, procedure.span)
         if trace is not None:
-            zones.add(Zones.under(schema))
+            zones.add(Zones.under(procedure.schema))
             traces.append(trace)
     report("reading recordings", len(runs), len(runs))
     return Traces(traces, zones.pop() if len(zones) == 1 else Zones(None, None, None), absent, simulated)
@@ -120,23 +124,17 @@ def _rows(runs: pd.DataFrame) -> Iterator[dict[str, object]]:
 def _check(path: Path, expected: object) -> None:
     found = hashlib.sha256(path.read_bytes()).hexdigest()
     if expected and found != expected:
-        raise BadInput(
-            f"is not this trial's recording (SHA-256 {found[:12]}..., in trials {str(expected)[:12]}...)",
-            path,
-        )
+        digests = f"SHA-256 {found[:12]}..., in trials {str(expected)[:12]}..."
+        raise BadInput(f"is not the recording of this trial ({digests})", path)
 
 
-def _trace(reader: RunReader, row: dict[str, object]) -> Trace | None:
-    """Return the run between its start and its hit."""
-    procedure = parse_procedure(reader.info.procedure, f"procedure of {row['participant']}")
-    measures, rows = RunMeasures(span=procedure.span), []
+def _trace(reader: RunReader, row: dict[str, object], span: RunSpan) -> Trace | None:
+    """Return the run from its start to its hit."""
+    measures, rows = RunMeasures(span=span), []
     for _, step in reader.records(images=()):
         measures.add(step)
         if measures.started_ns is not None:
-            told = step.graph.measures
-            rows.append(
-                (step.stamp_ns, told.get("theta_deg", np.nan), told.get("distance_to_retina_mm", np.nan))
-            )
+            rows.append((step.stamp_ns, *(step.graph.measures.get(name, np.nan) for name in TRACED)))
         if measures.ended_ns is not None:
             break
     if measures.ended_ns is None or measures.ended_ns == measures.started_ns:
@@ -148,5 +146,5 @@ def _trace(reader: RunReader, row: dict[str, object]) -> Trace | None:
 
 
 def _on_grid(time: Floats, values: Floats) -> Floats:
-    known = np.isfinite(values)
-    return np.interp(GRID, time[known], values[known]) if known.any() else np.full(len(GRID), np.nan)
+    valid = np.isfinite(values)
+    return np.interp(GRID, time[valid], values[valid]) if valid.any() else np.full(len(GRID), np.nan)

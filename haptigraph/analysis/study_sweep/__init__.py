@@ -1,1 +1,1 @@
-"""Thousands of simulated participants through one study, on this machine or on a Dask cluster."""
+"""Sweeps: a study's trials with thousands of simulated participants, on this machine or a Dask cluster."""

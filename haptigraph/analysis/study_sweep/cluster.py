@@ -1,7 +1,6 @@
-"""Spread work over the processes of this machine, or over the machines of a Dask cluster.
+"""Run a function in parallel, in processes on this machine or on the machines of a Dask cluster.
 
-Turns a function and its arguments into results, as they come. Work that was on a worker that died is done
-again elsewhere. Knows nothing of what the work is.
+Yields results as they are done. The task of a worker that died is repeated elsewhere.
 """
 
 import logging
@@ -22,51 +21,51 @@ __all__ = ["NO_PROFILER", "spread"]
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
-WAITS_S = 30
+TIMEOUT_S = 30
 NO_PROFILER = {"distributed.worker.profile.enabled": False}  # it takes a tenth of the time
-AHEAD = 8
-"""So many tasks a thread are handed out at once: none is idle, and few are lost with this program."""
+TASKS_PER_THREAD = 8
+"""Tasks submitted ahead: all threads stay busy, and little is lost when this program ends."""
 
 
 def spread(
     work: Callable[[Task], Result], tasks: Iterable[Task], *, workers: int = 1, scheduler: str = ""
 ) -> Iterator[tuple[Task, Result]]:
-    """Yield every task with its result, in the order in which they are done.
+    """Yield every task with its result, in the order of completion.
 
     Args:
-        work: Importable on every worker.
-        tasks: Must be picklable; taken as they are needed.
-        workers: Processes on this machine.
-        scheduler: Address of a cluster's scheduler, in place of this machine.
+        work: A function that every worker can import.
+        tasks: Must be picklable; consumed on demand.
+        workers: Number of processes on this machine.
+        scheduler: Address of a cluster's scheduler, instead of this machine.
 
     Raises:
-        BadInput: If no such cluster answers, or its workers lack haptigraph.
-        HaptigraphError: If workers died of a task again and again.
+        BadInput: If the scheduler does not answer, or its workers lack haptigraph.
+        HaptigraphError: If a task repeatedly killed its worker.
     """
     waiting = iter(tasks)
     with ExitStack() as stack:
         client = stack.enter_context(_client(stack, workers, scheduler))
-        doing: dict[str, Task] = {}
+        submitted: dict[str, Task] = {}
 
-        def hand_out(count: int) -> list[Any]:
+        def submit(count: int) -> list[Any]:
             futures = []
             for task in islice(waiting, count):
                 future = client.submit(work, task, pure=False)
-                doing[future.key] = task
+                submitted[future.key] = task
                 futures.append(future)
             return futures
 
-        done = as_completed(hand_out(AHEAD * sum(client.nthreads().values())), loop=client.loop)
+        done = as_completed(submit(TASKS_PER_THREAD * sum(client.nthreads().values())), loop=client.loop)
         for future in done:
             try:
                 result = future.result()
             except KilledWorker as error:
-                raise HaptigraphError(f"workers died again and again ({error}); out of memory?") from None
+                raise HaptigraphError(f"workers died repeatedly ({error}); out of memory?") from None
             except ModuleNotFoundError as error:
-                problem = f"its workers lack {error.name}; they need the same haptigraph as here"
+                problem = f"its workers lack {error.name}; install the same haptigraph there"
                 raise BadInput(problem, scheduler or "this machine") from None
-            yield doing.pop(future.key), result
-            for next_one in hand_out(1):
+            yield submitted.pop(future.key), result
+            for next_one in submit(1):
                 done.add(next_one)
 
 
@@ -83,12 +82,12 @@ def _client(stack: ExitStack, workers: int, scheduler: str) -> Client:
         )
         stack.enter_context(where)
     try:
-        client = Client(where, timeout=WAITS_S, set_as_default=False)
+        client = Client(where, timeout=TIMEOUT_S, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
-        raise BadInput(f"no scheduler answers there ({error})", scheduler) from None
+        raise BadInput(f"no scheduler responds ({error})", scheduler) from None
     try:
-        client.wait_for_workers(1, timeout=WAITS_S)
+        client.wait_for_workers(1, timeout=TIMEOUT_S)
     except TimeoutError:
         client.close()
-        raise BadInput("the scheduler has no worker", scheduler) from None
+        raise BadInput("the scheduler has no workers", scheduler) from None
     return client

@@ -1,8 +1,7 @@
-"""A study's trials by thousands of simulated participants, and by others than they were drawn.
+"""Simulate a study's trials with thousands of participants, also under variations of their traits.
 
-Turns a protocol, a seed and variations of the participants into measured trials. A participant needs nothing
-but its own `Part`, so parts can be played anywhere and in any order. No store, no recording: for looking
-around, and for how many people a study needs. All is simulated.
+Turns a protocol, a seed and variations into measured trials. A `SweepTask` is self-contained, so tasks run
+anywhere and in any order. For exploration and sample-size estimates; there is no store and no recording.
 """
 
 import math
@@ -17,48 +16,54 @@ from msgspec import Struct
 from haptigraph.analysis.metrics.trial import measure_trial
 from haptigraph.analysis.study_sweep.cluster import spread
 from haptigraph.analysis.study_sweep.results import SweepResults
-from haptigraph.errors import BadInput, unknown_name
+from haptigraph.errors import BadInput
 from haptigraph.recording.writer import Progress
 from haptigraph.study.plan import plan_of
 from haptigraph.study.protocol import Protocol
-from haptigraph.study.simulated.actions import Act, act_of, rehearse
-from haptigraph.study.simulated.participant import TRAITS, Variation, draw_participant
-from haptigraph.study.simulated.rehearsal import KNOWN, Rehearsal
+from haptigraph.study.simulated.actions import TrialSpec, rehearse, trial_spec
+from haptigraph.study.simulated.ground_truth import GROUND_TRUTH
+from haptigraph.study.simulated.participant import Variation, draw_participant, trait_name
+from haptigraph.study.simulated.rehearsal import Rehearsal
 from haptigraph.version import __version__
 
-__all__ = ["AS_DRAWN", "Part", "Sweep", "play_part", "run_sweep", "variations_of"]
+__all__ = ["AS_DRAWN", "Sweep", "SweepTask", "run_sweep", "run_task", "variations_of"]
 
 AS_DRAWN = Variation("as drawn")
 RESULTS = "results.db"
-NEVER_0 = ("pace_mm_s", "pace_deg_s", "throughput_bit_s", "plan_s")
-"""Who moves at no pace never arrives."""
+POSITIVE_TRAITS = ("pace_mm_s", "pace_deg_s", "throughput_bit_s", "plan_s")
+"""At 0 a participant would never reach the target."""
 
 
-class Part(Struct, frozen=True):
-    """All that one simulated participant of one variation does."""
+class SweepTask(Struct, frozen=True):
+    """All trials of one simulated participant under one variation."""
 
     study: str
     variation: Variation
     number: int
     seed: int
     perceiver: str
-    acts: tuple[Act, ...]
+    trials: tuple[TrialSpec, ...]
 
 
 class Sweep(Struct, frozen=True):
-    """What is to be played."""
+    """What is simulated."""
 
     protocol: Protocol
     participants: int
     seed: int
     variations: tuple[Variation, ...] = (AS_DRAWN,)
-    perceiver: str = KNOWN
+    perceiver: str = GROUND_TRUTH
 
-    def part(self, variation: Variation, number: int) -> Part:
-        """Return what one participant does; training is left out, as nobody learns from it."""
+    def task(self, variation: Variation, number: int) -> SweepTask:
+        """Return one participant's trials, without training, as simulated participants do not learn."""
         plan = plan_of(self.protocol, number)
-        acts = tuple(act_of(self.protocol, stage) for stage in plan if stage.kind == "trial")
-        return Part(self.protocol.study.name, variation, number, self.seed, self.perceiver, acts)
+        trials = tuple(trial_spec(self.protocol, stage) for stage in plan if stage.kind == "trial")
+        return SweepTask(self.protocol.study.name, variation, number, self.seed, self.perceiver, trials)
+
+    def simulate(self, label: str, number: int) -> list[dict[str, Any]]:
+        """Return the trials of one participant under the variation with a label."""
+        variation = AS_DRAWN if label == AS_DRAWN.label else variations_of(label.split())[0]
+        return run_task(self.task(variation, number))
 
     def about(self) -> dict[str, str]:
         """Return what every result depends on."""
@@ -71,108 +76,109 @@ class Sweep(Struct, frozen=True):
         }
 
 
-def variations_of(asked: Sequence[str]) -> tuple[Variation, ...]:
-    """Return every combination of what is asked, or participants as they are drawn.
+def variations_of(arguments: Sequence[str]) -> tuple[Variation, ...]:
+    """Return every combination of the given values, or participants as drawn.
 
     Args:
-        asked: TRAIT=VALUE,VALUE,... each; a value with an x before it multiplies what was drawn.
+        arguments: TRAIT=VALUE,VALUE,... each; a value with the prefix x multiplies the drawn one.
 
     Raises:
-        BadInput: If there is no such trait, or a value is no number.
+        BadInput: If there is no such trait, or a value is not a valid number.
     """
-    axes = [_axis(each) for each in asked]
+    axes = [_axis(argument) for argument in arguments]
     traits = [axis[0][0] for axis in axes]
     for trait in traits:
         if traits.count(trait) > 1:
             raise BadInput(f"{trait} is varied twice; give all its values at once", "--vary")
-    found = []
+    variations = []
     for choice in product(*axes):
         factors = {trait: number for trait, number, multiplies in choice if multiplies}
         values = {trait: number for trait, number, multiplies in choice if not multiplies}
-        says = " ".join(f"{trait}={'x' * multiplies}{number:g}" for trait, number, multiplies in choice)
-        found.append(Variation(says, factors, values) if choice else AS_DRAWN)
-    return tuple(found)
+        label = " ".join(f"{trait}={'x' * multiplies}{number:g}" for trait, number, multiplies in choice)
+        variations.append(Variation(label, factors, values) if choice else AS_DRAWN)
+    return tuple(variations)
 
 
-def play_part(part: Part) -> list[dict[str, Any]]:
-    """Play and measure all trials of one participant; the same part gives the same rows, bit for bit."""
-    who = part.variation(draw_participant(part.seed, part.number))
-    return [_row(part, act, rehearse(act, who, part.seed, part.perceiver)) for act in part.acts]
+def run_task(task: SweepTask) -> list[dict[str, Any]]:
+    """Simulate and measure all trials of one participant; the same task gives bit-identical rows."""
+    participant = task.variation(draw_participant(task.seed, task.number))
+    return [
+        _row(task, trial, rehearse(trial, participant, task.seed, task.perceiver)) for trial in task.trials
+    ]
 
 
 def run_sweep(
     sweep: Sweep, folder: Path, *, workers: int = 1, scheduler: str = "", progress: Progress | None = None
 ) -> tuple[list[dict[str, Any]], int]:
-    """Play whatever is missing in a folder of results.
+    """Simulate the participants whose results are missing in a folder.
 
     Args:
-        sweep: What is to be played.
-        folder: Keeps every result as soon as it is there; made if absent.
-        workers: Processes on this machine.
-        scheduler: Address of a Dask cluster's scheduler, in place of this machine.
-        progress: Told how many participants are through.
+        sweep: What is simulated.
+        folder: Stores every result at once; created if it does not exist.
+        workers: Number of processes on this machine.
+        scheduler: Address of a Dask cluster's scheduler, instead of this machine.
+        progress: Called with the number of complete participants.
 
     Returns:
-        All trials, in order; and how many participants were played now.
+        All trials, in order, and the number of participants simulated by this call.
 
     Raises:
-        BadInput: If the folder has results of something else.
+        BadInput: If the folder contains results of a different sweep.
     """
     report = progress or (lambda what, done, total: None)
     folder.mkdir(parents=True, exist_ok=True)
     total = len(sweep.variations) * sweep.participants
     with ExitStack() as stack:
-        results = stack.enter_context(closing(SweepResults(folder / RESULTS, sweep.about())))
-        there = results.there()
+        results = SweepResults(folder / RESULTS, sweep.about(), sweep.simulate)
+        stack.enter_context(closing(results))
+        stored = results.stored()
         missing = [
             (variation, number)
             for number in range(sweep.participants)
             for variation in sweep.variations
-            if (variation.says, number) not in there
+            if (variation.label, number) not in stored
         ]
         report("simulating participants", total - len(missing), total)
-        parts = (sweep.part(*each) for each in missing)
-        played = spread(play_part, parts, workers=workers, scheduler=scheduler) if missing else ()
-        for done, (part, trials) in enumerate(played, 1):
+        tasks = (sweep.task(*each) for each in missing)
+        finished = spread(run_task, tasks, workers=workers, scheduler=scheduler) if missing else ()
+        for done, (task, trials) in enumerate(finished, 1):
             _check_version(trials, scheduler)
-            results.keep(part.variation.says, part.number, trials)
+            results.add(task.variation.label, task.number, trials)
             report("simulating participants", total - len(missing) + done, total)
-        rows = [row for each in sweep.variations for row in results.trials(each.says, sweep.participants)]
+        rows = [row for each in sweep.variations for row in results.trials(each.label, sweep.participants)]
     return rows, len(missing)
 
 
-def _axis(asked: str) -> list[tuple[str, float, bool]]:
-    trait, equals, values = asked.partition("=")
-    if trait not in TRAITS:
-        raise BadInput(unknown_name("trait", trait, TRAITS), "--vary")
-    axis = []
+def _axis(argument: str) -> list[tuple[str, float, bool]]:
+    name, equals, values = argument.partition("=")
+    trait, axis = trait_name(name, "--vary"), []
     for value in values.split(",") if equals else ():
         multiplies = value.strip().startswith("x")
         try:
             number = float(value.strip().removeprefix("x"))
         except ValueError:
             number = math.nan
-        if not (math.isfinite(number) and number >= 0) or (number == 0 and trait in NEVER_0):
-            least = "above 0" if trait in NEVER_0 else "of at least 0"
-            problem = f"{trait}: expected a number {least}, or one with an x before it, found {value!r}"
+        if not (math.isfinite(number) and number >= 0) or (number == 0 and trait in POSITIVE_TRAITS):
+            valid = "above 0" if trait in POSITIVE_TRAITS else "of at least 0"
+            problem = f"{trait}: expected a number {valid}, or one with the prefix x, found {value!r}"
             raise BadInput(problem, "--vary")
         axis.append((trait, number, multiplies))
     if not axis:
-        raise BadInput(f"found {asked!r}; expected TRAIT=VALUE,VALUE,...", "--vary")
+        raise BadInput(f"found {argument!r}; expected TRAIT=VALUE,VALUE,...", "--vary")
     return list(dict.fromkeys(axis))
 
 
-def _row(part: Part, act: Act, rehearsal: Rehearsal) -> dict[str, Any]:
-    """Play a trial, and return a line of a study's table of trials, as an export has it."""
+def _row(task: SweepTask, trial: TrialSpec, rehearsal: Rehearsal) -> dict[str, Any]:
+    """Simulate a trial; return a row like those of an exported table of trials."""
     steps, procedure = list(rehearsal.steps()), rehearsal.procedure
-    states, touch = [state.name for state in procedure.states], act.condition.max_amplitude > 0
+    states, touch = [state.name for state in procedure.states], trial.condition.max_amplitude > 0
     measures = measure_trial(steps, states, touch=touch, span=procedure.span)
-    stage = act.stage
+    stage = trial.stage
     return {
-        "study": part.study,
-        "variation": part.variation.says,
+        "study": task.study,
+        "variation": task.variation.label,
         "simulated": 1,
-        "participant": f"S{part.number + 1:05}",
+        "participant": f"S{task.number + 1:05}",
         "condition": stage.condition,
         "position": stage.position,
         "block": stage.block,
@@ -193,5 +199,5 @@ def _row(part: Part, act: Act, rehearsal: Rehearsal) -> dict[str, Any]:
 def _check_version(trials: list[dict[str, Any]], scheduler: str) -> None:
     others = {str(row["software"]) for row in trials} - {__version__}
     if others:
-        problem = f"its workers have haptigraph {others.pop()}, here is {__version__}; use the same"
+        problem = f"its workers have haptigraph {others.pop()}, this is {__version__}; use the same version"
         raise BadInput(problem, scheduler)

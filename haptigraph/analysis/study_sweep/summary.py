@@ -1,7 +1,6 @@
-"""What a sweep comes to: the conditions beside each other, and how many people it takes to tell them apart.
+"""Summarise a sweep: compare conditions and estimate the sample size that a study needs.
 
-Turns trials into one table. No p-values: among thousands of simulated participants any difference has a
-small one.
+Reports no p-values: with thousands of simulated participants every difference is significant.
 """
 
 from collections.abc import Mapping, Sequence
@@ -10,7 +9,7 @@ from typing import Any
 import pandas as pd
 
 from haptigraph.analysis.study.quantities import QUANTITIES
-from haptigraph.analysis.study.runs import cells, counted_runs, is_within, values_of
+from haptigraph.analysis.study.runs import condition_values, counted_runs, is_within, participant_means
 from haptigraph.analysis.study.statistics.sensitivity import paired_power, paired_t, unpaired_power, welch_t
 
 __all__ = ["markdown", "sweep_summary", "trials_table"]
@@ -19,7 +18,7 @@ MEASURES = ("completion_s", "mean_theta_deg")
 
 
 def trials_table(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    """Return all trials as a table; what a trial does not have is missing."""
+    """Return all trials as a table; absent values are missing."""
     return pd.DataFrame(list(rows))
 
 
@@ -29,19 +28,19 @@ def sweep_summary(trials: pd.DataFrame, conditions: list[str], alpha: float = 0.
     Args:
         trials: As `trials_table` returns them.
         conditions: In the protocol's order.
-        alpha: Level of significance of the study that is planned.
+        alpha: Level of significance of the planned study.
 
     Returns:
-        A line per variation, measure and pair; `needed` are participants for 80 % power, as in a report.
+        A row per variation, measure and pair; `needed` is the sample size for 80 % power, as in a report.
     """
     lines = []
     for variation in dict.fromkeys(trials["variation"]):
         here = counted_runs(trials[trials["variation"] == variation])
         paired = is_within(here)
         for quantity in (each for each in QUANTITIES if each.name in MEASURES):
-            table = cells(here, quantity.name, conditions)
+            table = participant_means(here, quantity.name, conditions)
             for other in conditions[1:]:
-                first, second = values_of(table, conditions[0], other, paired=paired)
+                first, second = condition_values(table, conditions[0], other, paired=paired)
                 tested = (paired_t if paired else welch_t)(first, second)
                 power = (
                     paired_power(tested.d, len(first), alpha)
@@ -68,7 +67,7 @@ def sweep_summary(trials: pd.DataFrame, conditions: list[str], alpha: float = 0.
 
 
 def markdown(summary: pd.DataFrame) -> str:
-    """Return a summary for people."""
+    """Return a summary as Markdown."""
     head = ["variation", "measure", "compared", "n", "first", "second", "difference (95 %)", "d", "needed"]
     lines = ["SIMULATED: no people took part", "", _line(head), _line(["---"] * len(head))]
     for row in summary.to_dict("records"):

@@ -1,4 +1,4 @@
-"""Alembic's way in: migrate over the connection that the store gives, in its transaction."""
+"""Alembic's environment: migrate over the connection of the store, within its transaction."""
 
 from alembic import context
 

@@ -1,1 +1,1 @@
-"""Simulated participants, and the rehearsal of a whole study with them."""
+"""Simulated participants, and the simulation of a whole study with them."""

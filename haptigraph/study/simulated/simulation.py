@@ -1,7 +1,7 @@
-"""Simulated participants go through a study, several at once, each in a process.
+"""Simulate a study with several participants in parallel processes.
 
-Turns a study's folder, a seed and a count into a store that has them all. Who has been through stays; whoever
-is missing is played. What comes out depends on the seed alone.
+Participants who are complete stay; the others are simulated. The results depend on the seed only, not on the
+number of processes.
 """
 
 import signal
@@ -20,107 +20,107 @@ from haptigraph.recording.writer import Progress
 from haptigraph.study.plan import Stage
 from haptigraph.study.protocol import FILE, Protocol
 from haptigraph.study.roster import Study
-from haptigraph.study.simulated.actions import act_of, rehearse
+from haptigraph.study.simulated.actions import rehearse, trial_spec
 from haptigraph.study.simulated.participant import draw_participant
-from haptigraph.study.simulated.player import Cast, SessionTime, play, pseudonym
+from haptigraph.study.simulated.player import SessionClock, SimulationSpec, pseudonym, simulate_participant
 from haptigraph.study.standing import standings
 from haptigraph.study.store import Store
 from haptigraph.study.tables import EVENTS
 
-__all__ = ["Played", "simulate"]
+__all__ = ["Simulated", "simulate"]
 
 
-class Played(Struct):
-    """What was played."""
+class Simulated(Struct):
+    """What was simulated."""
 
     participants: int = 0
     trials: int = 0
     steered_s: float = 0.0
-    """Simulated."""
+    """Simulated time."""
 
 
-def simulate(cast: Cast, count: int, *, workers: int = 1, progress: Progress | None = None) -> Played:
-    """Lead simulated participants through a study; those who have been through before stay as they are.
+def simulate(
+    spec: SimulationSpec, count: int, *, workers: int = 1, progress: Progress | None = None
+) -> Simulated:
+    """Simulate the participants of a study who are not complete yet.
 
     Args:
-        cast: Who plays what.
-        count: How many participants there shall be in all.
-        workers: Processes at once; what comes out does not depend on it.
-        progress: Told how many are through.
+        spec: What is simulated.
+        count: The total number of participants.
+        workers: Number of parallel processes; the results do not depend on it.
+        progress: Called with the number of complete participants.
 
     Raises:
-        BadInput: If the study takes fewer, has people, or was begun otherwise, or is being simulated.
+        BadInput: If the protocol allows fewer, or the study has people, was simulated with other settings, or
+            is being simulated.
     """
-    elsewhere = "is being simulated by another program; wait for it, or end it"
-    with not_being_written(cast.protocol().folder / FILE, elsewhere):
-        missing, played = _take_in(cast, count), Played()
+    problem = "is being simulated by another program; wait for it, or end it"
+    with not_being_written(spec.protocol().folder / FILE, problem):
+        missing, done = _enrol(spec, count), Simulated()
         report = progress or (lambda what, done, total: None)
         report("simulating participants", count - len(missing), count)
-        for trials, steered_s in _played(cast, missing, workers):
-            played = Played(played.participants + 1, played.trials + trials, played.steered_s + steered_s)
-            report("simulating participants", count - len(missing) + played.participants, count)
-    return played
+        for trials, steered_s in _simulated(spec, missing, workers):
+            done = Simulated(done.participants + 1, done.trials + trials, done.steered_s + steered_s)
+            report("simulating participants", count - len(missing) + done.participants, count)
+    return done
 
 
-def _played(cast: Cast, numbers: list[int], workers: int) -> Iterator[tuple[int, float]]:
-    """Yield what each participant steered, as they come through."""
+def _simulated(spec: SimulationSpec, numbers: list[int], workers: int) -> Iterator[tuple[int, float]]:
+    """Yield number and duration of each participant's trials, in the order of completion."""
     if workers == 1 or len(numbers) < 2:
-        yield from (play(cast, number) for number in numbers)
+        yield from (simulate_participant(spec, number) for number in numbers)
         return
     context = get_context("spawn")
-    with ProcessPoolExecutor(min(workers, len(numbers)), context, _leave_ctrl_c) as pool:
+    with ProcessPoolExecutor(min(workers, len(numbers)), context, _ignore_ctrl_c) as pool:
         try:
-            for future in as_completed([pool.submit(play, cast, number) for number in numbers]):
+            futures = [pool.submit(simulate_participant, spec, number) for number in numbers]
+            for future in as_completed(futures):
                 yield future.result()
         except BrokenProcessPool:
-            raise HaptigraphError("a process was killed; run the same again, it goes on from there") from None
+            raise HaptigraphError("a worker process was killed; run the same again to resume") from None
         except BaseException:
             for process in active_children():
                 process.terminate()
             raise
 
 
-def _leave_ctrl_c() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the one who started us ends us
+def _ignore_ctrl_c() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent process ends its workers
 
 
-def _take_in(cast: Cast, count: int) -> list[int]:
-    """Take in who is not yet there; return the numbers of those who have not been through."""
-    protocol, time = cast.protocol(), SessionTime(0)
+def _enrol(spec: SimulationSpec, count: int) -> list[int]:
+    """Enrol missing participants; return the numbers of those who are not complete."""
+    protocol, clock = spec.protocol(), SessionClock(0)
     _check(protocol, count)
-    with closing(Store(cast.store, time)) as store:
+    with closing(Store(spec.store, clock)) as store:
         study = Study(protocol, store, simulated=True)
         study.check_frozen()
-        _check_notes(study, cast)
-        there = {row["participant"] for row in study.participants()}
+        _check_notes(study, spec)
+        enrolled = {row["participant"] for row in study.participants()}
         for number in range(count):
-            if pseudonym(number) not in there:
-                time.now = SessionTime(number).now
+            if pseudonym(number) not in enrolled:
+                clock.now = SessionClock(number).now
                 study.enrol(pseudonym(number))
-        through = {
+        complete = {
             each.participant for each in standings(study) if each.next.stage is None and not each.station
         }
-    return [number for number in range(count) if pseudonym(number) not in through]
+    return [number for number in range(count) if pseudonym(number) not in complete]
 
 
 def _check(protocol: Protocol, count: int) -> None:
-    most = protocol.study.participants
-    if count > most:
-        problem = (
-            f"the protocol takes {most} participants, found {count} to simulate; raise study.participants"
-        )
+    size = protocol.study.participants
+    if count > size:
+        problem = f"cannot simulate {count} of {size} participants; raise study.participants"
         raise BadInput(problem, protocol.folder)
     for condition in protocol.conditions:
         sample = Stage("trial", condition.name, target=protocol.targets[0].name, timeout_s=1.0)
-        rehearse(act_of(protocol, sample), draw_participant(0, 0), 0).loop.close()
+        rehearse(trial_spec(protocol, sample), draw_participant(0, 0), 0).loop.close()
 
 
-def _check_notes(study: Study, cast: Cast) -> None:
-    """Refuse to go on with what was begun otherwise."""
+def _check_notes(study: Study, spec: SimulationSpec) -> None:
+    """Refuse to continue a simulation that was started with other settings."""
     first = (EVENTS.c.study == study.name) & (EVENTS.c.number == 1)
     for row in study.store.rows(select(EVENTS.c.text).where(first)):
-        if row["text"] != cast.says:
-            problem = (
-                f"was begun as {row['text']!r}, not as {cast.says!r}; go on as it was begun, or elsewhere"
-            )
-            raise BadInput(problem, f"study {study.name}")
+        if row["text"] not in spec.notes:
+            problem = f"was started as {row['text']!r}, not as {spec.notes[0]!r}; continue it with the former"
+            raise BadInput(f"{problem}, or simulate a copy", f"study {study.name}")

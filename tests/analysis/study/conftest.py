@@ -9,7 +9,7 @@ from study_tables import simulated_study, write_study
 
 @pytest.fixture
 def study(tmp_path) -> Path:
-    """A small simulated study whose first two participants have recordings, of the simulated phantom."""
+    """A small simulated study whose first two participants have recordings of the phantom."""
     tables, folder = simulated_study(participants=8, trials=2), tmp_path / "study"
     trials = tables["trials"]
     trials["recording"], trials["recording_sha256"] = "", ""

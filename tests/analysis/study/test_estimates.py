@@ -30,14 +30,14 @@ BEFORE = [1.83, 0.50, 1.62, 2.48, 1.68, 1.88, 1.55, 3.06, 1.30]
 AFTER = [0.878, 0.647, 0.598, 2.05, 1.06, 1.29, 1.06, 3.14, 1.29]
 SLEEP_1 = [0.7, -1.6, -0.2, -1.2, -0.1, 3.4, 3.7, 0.8, 0.0, 2.0]
 SLEEP_2 = [1.9, 0.8, 1.1, 0.1, -0.1, 4.4, 5.5, 1.6, 4.6, 3.4]
-# ErgoStool: effort of nine subjects to rise from four stools; Pinheiro & Bates (2000), section 1.2.
+# ErgoStool: effort of nine subjects to arise from four stools; Pinheiro & Bates (2000), section 1.2.
 STOOLS = [
     (12, 15, 12, 10), (10, 14, 13, 12), (7, 14, 13, 9), (7, 11, 10, 9), (8, 11, 8, 7), (9, 11, 11, 10),
     (8, 12, 12, 11), (7, 11, 8, 7), (9, 13, 10, 8),
 ]  # fmt: skip
 
 
-def test_effect_is_the_difference_of_favourable_and_other_ranks():
+def test_effect_is_the_difference_of_positive_and_negative_rank_sums():
     assert matched_rank_biserial(np.subtract(AFTER, BEFORE)) == pytest.approx((5 - 40) / 45)
 
 
@@ -51,13 +51,13 @@ def test_matched_effect_follows_from_the_rank_sums(difference):
 @given(
     st.lists(st.integers(0, 9), min_size=1, max_size=7), st.lists(st.integers(0, 9), min_size=1, max_size=7)
 )
-def test_effect_of_two_samples_is_how_often_one_wins(first, second):
+def test_effect_of_two_samples_is_the_mean_sign_of_all_differences(first, second):
     wins = np.mean([np.sign(b - a) for a in first for b in second])
     assert rank_biserial(first, second) == pytest.approx(wins, abs=1e-12)
     assert 2 * rank_sum(first, second).statistic / (len(first) * len(second)) - 1 == pytest.approx(wins)
 
 
-def test_interval_is_that_of_its_seed_and_holds_the_effect():
+def test_interval_depends_on_the_seed_and_contains_the_effect():
     effect = paired_effect(SLEEP_1, SLEEP_2, 5)
     assert effect == paired_effect(SLEEP_1, SLEEP_2, 5)
     other = paired_effect(AFTER, BEFORE, 5)
@@ -65,13 +65,13 @@ def test_interval_is_that_of_its_seed_and_holds_the_effect():
     assert paired_effect(AFTER, BEFORE, 6).variant != other.variant
 
 
-def test_where_all_move_the_same_way_the_interval_is_a_percentile_one():
+def test_with_a_constant_effect_the_interval_is_a_percentile_interval():
     effect = paired_effect([0.0, 0.0, 0.0], [1.0, 2.0, 3.0], 1)
     assert (effect.r, effect.low, effect.high) == (1, 1, 1) and "(percentile" in effect.variant
     assert math.isnan(unpaired_effect([1.0], [2.0], 1).low)
 
 
-def test_t_tests_as_student_and_r_have_them():
+def test_t_tests_agree_with_r():
     paired = paired_t(SLEEP_1, SLEEP_2)  # R: t = 4.0621, df = 9, p-value = 0.002833, 0.7001142 to 2.4598858
     assert (paired.t, paired.df) == (pytest.approx(4.062127683382037), 9)
     assert paired.p == pytest.approx(0.002832890197384256, abs=1e-9)
@@ -83,20 +83,20 @@ def test_t_tests_as_student_and_r_have_them():
     assert welch.df == pytest.approx(17.776474, abs=1e-6) and welch.p == pytest.approx(0.07939414, abs=1e-6)
 
 
-def test_normality_as_scipys_reference_has_it():
+def test_normality_agrees_with_scipys_reference():
     men = [148, 154, 158, 160, 161, 162, 166, 170, 182, 195, 236]  # Shapiro & Wilk (1965): W = 0.79
     checked = normality(men)
     assert checked.w == pytest.approx(0.7888147, abs=1e-6) and checked.p == pytest.approx(0.0067038, abs=1e-6)
 
 
-def test_what_cannot_be_tested_is_told():
+def test_untestable_data_give_nan_and_no_test():
     assert math.isnan(normality([1, 2]).p) and math.isnan(normality([3, 3, 3, 3]).p)
     assert paired_t([1, 2], [2, 3]).variant == "paired t, two-sided: no test"
     assert welch_t([1], [2, 3]).variant == "Welch t, two-sided: no test"
     assert math.isnan(paired_power(float("nan"), 16, 0.05).observed)
 
 
-def test_power_as_rs_pwr_has_it():
+def test_power_agrees_with_rs_pwr():
     # R, in statsmodels' tests: pwr.t.test(d = 1, n = 30, sig.level = 0.05, type = "paired")
     assert paired_power(1.0, 30 / EFFICIENCY, 0.05).observed == pytest.approx(0.9995636009612725, abs=1e-6)
 
@@ -121,7 +121,7 @@ def stools() -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["participant", "type", "effort"])
 
 
-def test_mixed_model_as_pinheiro_and_bates_have_it():
+def test_mixed_model_agrees_with_pinheiro_and_bates():
     model = fit_mixed(stools(), "effort ~ type")
     estimates = [term.estimate for term in model.terms]
     assert estimates == pytest.approx([77 / 9, 35 / 9, 20 / 9, 6 / 9], abs=1e-6)
@@ -131,7 +131,7 @@ def test_mixed_model_as_pinheiro_and_bates_have_it():
     assert model.remark == "" and (model.runs, model.participants) == (36, 9)
 
 
-def test_with_two_conditions_the_model_says_what_the_paired_t_test_says():
+def test_with_two_conditions_the_model_agrees_with_the_paired_t_test():
     frame = stools()
     frame = frame[frame["type"].isin(["T1", "T3"])]
     term = fit_mixed(frame, "effort ~ type").terms[1]
@@ -139,7 +139,7 @@ def test_with_two_conditions_the_model_says_what_the_paired_t_test_says():
     assert term.estimate / term.error == pytest.approx(paired_t(first, second).t, rel=1e-5)
 
 
-def test_order_is_told_from_condition_only_where_it_was_balanced():
+def test_order_effects_are_estimated_only_where_the_order_was_balanced():
     rng = np.random.default_rng(3)
     rows = [
         (f"P{number}", condition, position, 10 + 3 * (position == 1) + rng.normal(0, 0.5) + number)
@@ -154,7 +154,7 @@ def test_order_is_told_from_condition_only_where_it_was_balanced():
     assert order_effects(frame.assign(position=float("nan")), QUANTITIES[0], ["a", "b"]) is None
 
 
-def test_a_comparison_holds_everything_and_none_needs_values():
+def test_a_comparison_has_all_statistics_and_is_none_without_values():
     found = compare(QUANTITIES[0], ("a", "b"), (SLEEP_1, SLEEP_2), paired=True, seed=1)
     assert found.t.d == pytest.approx(
         np.mean(np.subtract(SLEEP_2, SLEEP_1)) / np.std(np.subtract(SLEEP_2, SLEEP_1), ddof=1)
@@ -173,7 +173,7 @@ ROUNDING = [
 ]  # fmt: skip
 
 
-def test_three_conditions_at_once_as_published():
+def test_omnibus_test_agrees_with_published_values():
     name, statistic, p = omnibus(list(zip(*ROUNDING, strict=True)), paired=True)
     assert name.startswith("Friedman")
     assert (statistic, p) == (pytest.approx(78 / 7, abs=1e-9), pytest.approx(math.exp(-39 / 7), abs=1e-9))

@@ -28,33 +28,33 @@ R_Y = [133, 143, 119, 189, 112, 199, 198, 113, 115, 121, 142, 187]
 COUNTED = np.repeat(range(-4, 5), [1, 4, 16, 15, 8, 4, 5, 1, 2]).astype(float)
 
 
-def test_nine_pairs_as_published():
+def test_nine_pairs_agree_with_published_values():
     test = signed_rank(AFTER, BEFORE)
     assert (test.statistic, test.opposite) == (40.0, 5.0)
     assert test.p == pytest.approx(2 * 0.01953125, abs=1e-12)
     assert test.variant == "Wilcoxon signed-rank, two-sided, exact"
 
 
-def test_darwins_maize_as_published():
+def test_darwins_maize_agrees_with_published_values():
     test = signed_rank(np.zeros(15), MAIZE)
     assert min(test.statistic, test.opposite) == 24.0
     assert test.p == pytest.approx(0.041259765625, abs=1e-12)
 
 
 @pytest.mark.parametrize(("continuity", "p"), [(False, 0.6948866), (True, 0.7240817)])
-def test_approximation_as_r_has_it(continuity, p):
+def test_approximation_agrees_with_r(continuity, p):
     assert signed_rank(R_X, R_Y, exact=False, continuity=continuity).p == pytest.approx(p, abs=1e-6)
 
 
 @pytest.mark.parametrize(("continuity", "p"), [(False, 0.001565402), (True, 0.001904195)])
-def test_ties_as_r_has_them(continuity, p):
+def test_ties_agree_with_r(continuity, p):
     test = signed_rank(np.zeros(10), np.full(10, 0.1), exact=False, continuity=continuity)
     assert test.p == pytest.approx(p, abs=1e-6)
     assert test.ties == 10 and "tie correction (10 tied)" in test.variant
 
 
 @pytest.mark.parametrize(("zeros", "p"), [("pratt", 0.0031724568006762576), ("dropped", 0.00641346115861)])
-def test_zeros_as_scipys_reference_has_them(zeros, p):
+def test_zeros_agree_with_scipys_reference(zeros, p):
     test = signed_rank(np.zeros(len(COUNTED)), COUNTED, zeros=zeros, exact=False, continuity=False)
     assert test.p == pytest.approx(p, abs=1e-6)
     assert test.zeros == 8
@@ -62,14 +62,16 @@ def test_zeros_as_scipys_reference_has_them(zeros, p):
 
 def test_a_zero_and_a_tie_among_ten_pairs_in_every_variant():
     variants = {test.variant: test.p for test in every_signed_rank(SLEEP_1, SLEEP_2)}
-    named = "normal approximation with continuity correction, tie correction (2 tied), 1 zero dropped"
-    assert variants[f"Wilcoxon signed-rank, two-sided, {named}"] == pytest.approx(0.009090698, abs=1e-6)
+    approximation = "normal approximation with continuity correction, tie correction (2 tied), 1 zero dropped"
+    assert variants[f"Wilcoxon signed-rank, two-sided, {approximation}"] == pytest.approx(
+        0.009090698, abs=1e-6
+    )
     exact = [p for variant, p in variants.items() if "exact over mid-ranks (2 tied)" in variant]
     assert exact == [pytest.approx(2 / 2**9)] * 2  # all nine rise: one sign pattern of 512, and its mirror
     assert len(variants) == 6 and sum("Pratt" in variant for variant in variants) == 3
 
 
-def test_differences_that_only_rounding_tells_apart_are_tied():
+def test_differences_that_differ_only_by_rounding_are_tied():
     test = signed_rank([0.1, 0.2, 0.5], [0.3, 0.4, 0.1])  # 0.3 - 0.1 is not 0.4 - 0.2
     assert test.ties == 2
 
@@ -80,7 +82,7 @@ def test_no_difference_is_no_evidence():
 
 
 def enumerated(difference: list[int], zeros: str) -> float:
-    """Two-sided p by going through all sign patterns."""
+    """Return the two-sided p by enumerating all sign patterns."""
     moved = np.array([each for each in difference if each], float)
     ranks = (
         stats.rankdata(np.abs(difference))[np.array(difference) != 0]
@@ -111,7 +113,7 @@ def test_swapping_the_conditions_swaps_the_sums_and_keeps_p(difference):
     )
 
 
-def test_two_samples_as_published():
+def test_two_samples_agree_with_published_values():
     # Hollander & Wolfe (1973), permeability of the placenta; R's ?wilcox.test: W = 35, one-sided p = 0.1272.
     term = [0.80, 0.83, 1.89, 1.04, 1.45, 1.38, 1.91, 1.64, 0.73, 1.46]
     early = [1.15, 0.88, 0.90, 0.74, 1.21]
@@ -120,7 +122,7 @@ def test_two_samples_as_published():
     assert test.p == pytest.approx(2 * 382 / 3003, abs=1e-12)  # 0.1272061 of choose(15, 5)
 
 
-def test_diabetes_in_scipys_documentation():
+def test_diabetes_example_agrees_with_scipys_documentation():
     males, females = [19, 22, 16, 29, 24], [20, 11, 17, 12]
     exact, corrected, _ = every_rank_sum(females, males)
     assert exact.statistic == 17.0 and exact.p == pytest.approx(0.1111111111111111, abs=1e-12)
@@ -140,7 +142,7 @@ def test_exact_p_of_two_samples_counts_every_choice(first, second):
     )
 
 
-def test_many_values_are_approximated_and_say_so():
+def test_large_samples_use_the_named_approximation():
     rng = np.random.default_rng(1)
     first, second = rng.normal(size=60), rng.normal(0.3, size=60)
     assert "normal approximation with continuity correction" in signed_rank(first, second).variant

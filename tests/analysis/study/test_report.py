@@ -8,7 +8,7 @@ from study_tables import simulated_study, write_study
 from haptigraph.analysis.study.figures.motion import alignment_figure
 from haptigraph.analysis.study.figures.states import transitions
 from haptigraph.analysis.study.report import write_report
-from haptigraph.analysis.study.results import Plan, analyse
+from haptigraph.analysis.study.results import AnalysisPlan, analyse
 from haptigraph.analysis.study.results_table import latex, result_tables
 from haptigraph.analysis.study.runs import counted_runs
 from haptigraph.analysis.study.tables import read_tables
@@ -16,9 +16,9 @@ from haptigraph.analysis.study.traces import GRID, read_traces
 from haptigraph.errors import BadInput
 
 
-def test_the_report_is_whole_stands_alone_and_is_the_same_every_time(study, tmp_path):
-    told = call("study", "report", study, "-o", tmp_path / "one", "--seed", "4").output
-    written = write_report(study, tmp_path / "two", Plan(seed=4))
+def test_the_report_is_complete_self_contained_and_reproducible(study, tmp_path):
+    output = call("study", "report", study, "-o", tmp_path / "one", "--seed", "4").output
+    written = write_report(study, tmp_path / "two", AnalysisPlan(seed=4))
     one = {path.relative_to(tmp_path / "one"): path.read_bytes() for path in (tmp_path / "one").rglob("*.*")}
     two = {path.relative_to(tmp_path / "two"): path.read_bytes() for path in (tmp_path / "two").rglob("*.*")}
     assert one == two and len(one) == len(written.files)
@@ -28,17 +28,17 @@ def test_the_report_is_whole_stands_alone_and_is_the_same_every_time(study, tmp_
     html = written.page.read_text()
     assert not re.search(r'(src|href)="(?!data:)', html) and "<script" not in html
     assert html.count("data:image/svg+xml") == 5 and "SIMULATED: no people took part" in html
-    assert "| Completion Time (s) |" in told and "SIMULATED" in told
+    assert "| Completion Time (s) |" in output and "SIMULATED" in output
     methods = (tmp_path / "one" / "methods.txt").read_text()
-    for said in (
+    for sentence in (
         "Wilcoxon signed-rank, two-sided, exact",
         "seed 4",
         "scipy 1",
         "Holm",
-        "Nothing was imputed",
+        "No data were imputed",
         "SHA-256",
     ):
-        assert said in methods
+        assert sentence in methods
     svg = (tmp_path / "one" / "figures" / "depth_theta.svg").read_text()
     assert "<dc:date>" not in svg
     check_csv(tmp_path / "one" / "csv")
@@ -55,41 +55,41 @@ def check_csv(folder):
     assert len(angle) == 8 and angle.mean() == pytest.approx(tests.loc["mean_theta_deg", "mean_first"])
 
 
-def test_the_papers_table_in_latex(study):
-    tex = latex(result_tables(analyse(read_tables(study), Plan()))[:1], "SIMULATED")
+def test_the_papers_table_is_set_in_latex(study):
+    tex = latex(result_tables(analyse(read_tables(study), AnalysisPlan()))[:1], "SIMULATED")
     assert tex.count(r"\\") == 4 and r"\toprule" in tex and r"Alignment Angle ($^\circ$)" in tex
     assert r"\textbf{Visual haptic}" in tex and "SIMULATED: " in tex and "±" not in tex
 
 
 def holm(p: list[float]) -> list[float]:
-    """Holm (1979), step by step."""
-    order, least, adjusted = sorted(range(len(p)), key=p.__getitem__), 0.0, [0.0] * len(p)
-    for step, place in enumerate(order):
-        least = adjusted[place] = max(least, min(1.0, (len(p) - step) * p[place]))
+    """Correct p-values by the method of Holm (1979)."""
+    order, largest, adjusted = sorted(range(len(p)), key=p.__getitem__), 0.0, [0.0] * len(p)
+    for step, index in enumerate(order):
+        largest = adjusted[index] = max(largest, min(1.0, (len(p) - step) * p[index]))
     return adjusted
 
 
-def test_p_is_corrected_by_holms_steps_within_each_family(study):
+def test_p_is_corrected_by_holms_method_within_each_family(study):
     # R: p.adjust(c(0.01, 0.02, 0.03, 0.04, 0.05), "holm")
     assert holm([0.01, 0.02, 0.03, 0.04, 0.05]) == pytest.approx([0.05, 0.08, 0.09, 0.09, 0.09])
-    families = analyse(read_tables(study), Plan()).families
+    families = analyse(read_tables(study), AnalysisPlan()).families
     assert [family.name for family in families] == ["primary", "states", "secondary"]
     for family in families:
         assert family.holm == pytest.approx(holm([each.test.p for each in family.comparisons]), abs=1e-12)
 
 
-def test_three_conditions_and_two_groups(tmp_path):
+def test_three_conditions_and_two_groups_are_analysed(tmp_path):
     three = simulated_study(6, conditions=("none", "continuous_haptic", "visual_haptic"), trials=1)
-    results = analyse(read_tables(write_study(tmp_path / "three", three)), Plan(baseline="none"))
+    results = analyse(read_tables(write_study(tmp_path / "three", three)), AnalysisPlan(baseline="none"))
     assert results.conditions == ["none", "continuous_haptic", "visual_haptic"]
     assert len(results.families[0].comparisons) == 9 and len(results.families[0].omnibus) == 3
     groups = simulated_study(10, within=False, trials=1)
-    results = analyse(read_tables(write_study(tmp_path / "groups", groups)), Plan())
+    results = analyse(read_tables(write_study(tmp_path / "groups", groups)), AnalysisPlan())
     assert not results.is_within and not results.order
     assert all("Mann-Whitney" in each.test.variant for each in results.families[0].comparisons)
 
 
-def test_runs_are_cut_from_entry_to_hit(study):
+def test_traces_span_from_entry_to_hit(study):
     tables = read_tables(study)
     traces = read_traces(counted_runs(tables.trials), study)
     assert (
@@ -104,48 +104,48 @@ def test_runs_are_cut_from_entry_to_hit(study):
     assert aligned[len(GRID) // 2] < 1.7 < aligned[0]
 
 
-def test_a_recording_of_another_trial_is_refused_and_nothing_is_written(study, tmp_path):
+def test_a_recording_with_another_hash_is_refused_and_nothing_is_written(study, tmp_path):
     trials = pd.read_csv(study / "trials.csv", dtype=str)
     trials["recording_sha256"] = trials["recording_sha256"].str.replace(r"^.", "x", regex=True)
     trials.to_csv(study / "trials.csv", index=False)
-    with pytest.raises(BadInput, match="is not this trial's recording"):
+    with pytest.raises(BadInput, match="is not the recording of this trial"):
         write_report(study, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
-def test_without_recordings_the_figures_that_need_them_are_left_out(tmp_path):
+def test_without_recordings_the_figures_that_need_them_are_omitted(tmp_path):
     folder = write_study(tmp_path / "study", simulated_study(4, trials=1))
-    results = analyse(read_tables(folder), Plan())
+    results = analyse(read_tables(folder), AnalysisPlan())
     assert alignment_figure(read_traces(results.runs, folder), results.conditions, "") is None
 
 
 def test_transitions_are_counted_per_run(study):
-    table = transitions(analyse(read_tables(study), Plan()))
+    table = transitions(analyse(read_tables(study), AnalysisPlan()))
     entries = table[table["before"] == "start"]
     assert (entries["per_run"] == 1).all() and (entries["runs"] == entries["count"]).all()
     hits = table[table["after"] == "target_hit"].groupby("condition")["per_run"].sum()
     assert hits.to_dict() == {"visual": 1, "visual_haptic": 1}
 
 
-def test_one_condition_is_no_comparison(tmp_path):
+def test_one_condition_is_refused(tmp_path):
     folder = write_study(tmp_path / "study", simulated_study(3, conditions=("visual",), trials=1))
     sentence = refuse("study", "report", folder, "-o", tmp_path / "out")
     assert "needs two conditions" in sentence and "only 'visual'" in sentence
     assert not (tmp_path / "out").exists()
 
 
-def test_an_unknown_baseline_is_named(study, tmp_path):
+def test_an_unknown_baseline_is_refused(study, tmp_path):
     sentence = refuse("study", "report", study, "-o", tmp_path / "out", "--baseline", "visul")
     assert "did you mean 'visual'?" in sentence
 
 
-def test_the_methods_say_how_many_withdrew_and_of_how_many_all_was_erased(tmp_path):
+def test_the_methods_count_withdrawn_and_erased_participants(tmp_path):
     made, when = simulated_study(8, trials=1), "2026-11-21T09:00:00+00:00"
     people = made["participants"].assign(enrolled_utc=when, withdrawn_utc=None)
     people.loc[people["participant"] == "S03", "withdrawn_utc"] = "2026-11-21T10:00:00+00:00"
-    people.loc[people["participant"] == "S05", "withdrawn_utc"] = when  # and nothing else is left
-    kept = {name: made[name][made[name]["participant"] != "S05"] for name in ("trials", "answers")}
-    folder = write_study(tmp_path / "study", {**kept, "participants": people})
-    write_report(folder, tmp_path / "out", Plan())
+    people.loc[people["participant"] == "S05", "withdrawn_utc"] = when  # with no other data
+    others = {name: made[name][made[name]["participant"] != "S05"] for name in ("trials", "answers")}
+    folder = write_study(tmp_path / "study", {**others, "participants": people})
+    write_report(folder, tmp_path / "out", AnalysisPlan())
     methods = (tmp_path / "out" / "methods.txt").read_text()
-    assert "withdrew and are left out: 2, 1 of them with all their data erased." in methods
+    assert "withdrew and are excluded: 2, 1 of them with all their data erased." in methods

@@ -7,47 +7,47 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from study_tables import simulated_study, write_study
 
-from haptigraph.analysis.study.results import Plan, analyse
-from haptigraph.analysis.study.runs import cells, counted_runs, missing_data, values_of
+from haptigraph.analysis.study.results import AnalysisPlan, analyse
+from haptigraph.analysis.study.runs import condition_values, counted_runs, missing_data, participant_means
 from haptigraph.analysis.study.tables import read_tables
 from haptigraph.errors import BadInput
 
 
-def test_tables_come_back_as_they_were_written(tmp_path):
+def test_tables_are_read_as_written(tmp_path):
     made = simulated_study(participants=3, trials=1)
     tables = read_tables(write_study(tmp_path, made))
     assert np.array_equal(tables.trials["completion_s"], made["trials"]["completion_s"], equal_nan=True)
-    assert tables.says_simulated and tables.study == "simulated study"
+    assert tables.is_simulated and tables.study == "simulated study"
     assert set(tables.sha256) == {"trials.csv", "answers.csv", "participants.csv"}
 
 
 def test_answers_and_participants_may_be_absent(tmp_path):
     made = simulated_study(participants=2, trials=1)
     tables = read_tables(write_study(tmp_path, {"trials": made["trials"].assign(study="ours")}))
-    assert tables.answers.empty and not tables.says_simulated
+    assert tables.answers.empty and not tables.is_simulated
 
 
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
         (lambda t: t.drop(columns="outcome"), "trials.csv: lacks the columns outcome"),
-        (lambda t: t.iloc[:0], "trials.csv: holds no trial"),
+        (lambda t: t.iloc[:0], "trials.csv: contains no trial"),
         (
             lambda t: pd.concat([t, t.iloc[:1]]),
-            "line 10: the same participant, condition, block, phase",
+            "line 10: duplicate row with the same participant, condition, block, phase",
         ),
         (
             lambda t: t.assign(outcome=["miss"] + ["hit"] * 7),
-            "line 2: outcome is none of hit, timeout, aborted",
+            "line 2: outcome must be one of hit, timeout, aborted",
         ),
-        (lambda t: t.assign(completion_s=[80, "fast"] + [1] * 6), "line 3: completion_s is no number"),
+        (lambda t: t.assign(completion_s=[80, "fast"] + [1] * 6), "line 3: completion_s is not a number"),
         (lambda t: t.assign(completion_s=[80, 70, -1] + [1] * 5), "line 4: completion_s is negative"),
-        (lambda t: t.assign(path_mm=[float("inf")] * 8), "line 2: path_mm is no number"),
+        (lambda t: t.assign(path_mm=[float("inf")] * 8), "line 2: path_mm is not a number"),
         (lambda t: t.assign(participant=[None] + ["P1"] * 7), "line 2: participant is empty"),
-        (lambda t: t.assign(study=["a"] * 4 + ["b"] * 4), r"holds 2 studies \(a, b\)"),
+        (lambda t: t.assign(study=["a"] * 4 + ["b"] * 4), r"contains 2 studies \(a, b\)"),
     ],
 )
-def test_what_makes_no_sense_is_refused_with_its_line(tmp_path, change, sentence):
+def test_invalid_tables_are_refused_with_their_line(tmp_path, change, sentence):
     trials = simulated_study(participants=2, trials=1)["trials"]
     with pytest.raises(BadInput, match=sentence):
         read_tables(write_study(tmp_path, {"trials": change(trials)}))
@@ -62,14 +62,14 @@ def test_participants_may_have_any_columns(tmp_path):
     ]
 
 
-def test_a_parquet_file_that_cannot_be_read_is_told(tmp_path):
+def test_a_parquet_file_that_cannot_be_read_is_refused(tmp_path):
     (tmp_path / "trials.parquet").write_bytes(b"no parquet")
     with pytest.raises(BadInput, match=r"trials\.parquet"):
         read_tables(tmp_path)
 
 
-def test_a_folder_without_tables_is_told(tmp_path):
-    with pytest.raises(BadInput, match=r"holds neither trials\.csv"):
+def test_a_folder_without_tables_is_refused(tmp_path):
+    with pytest.raises(BadInput, match=r"contains neither trials\.csv"):
         read_tables(tmp_path)
     with pytest.raises(BadInput, match="no such folder"):
         read_tables(tmp_path / "nothing")
@@ -110,14 +110,14 @@ def test_an_attempt_of_a_later_session_replaces_the_first():
     assert counted_runs(pd.DataFrame([trial(outcome="aborted"), again]))["completion_s"].tolist() == [30]
 
 
-def test_the_protocol_says_which_condition_comes_first_and_who_left_is_left_out(tmp_path):
+def test_conditions_have_the_protocols_order_and_withdrawn_participants_are_excluded(tmp_path):
     made = simulated_study(participants=4, conditions=("visual_only", "visual_haptic"), trials=1)
     made["participants"]["withdrawn_utc"] = ["2026-01-01T00:00:00Z", None, None, None]
     write_study(tmp_path, made)
-    assert analyse(read_tables(tmp_path), Plan()).conditions == ["visual_haptic", "visual_only"]
+    assert analyse(read_tables(tmp_path), AnalysisPlan()).conditions == ["visual_haptic", "visual_only"]
     protocol = '[[condition]]\nname = "visual_only"\n[[condition]]\nname = "visual_haptic"\n'
     (tmp_path / "study.json").write_text(json.dumps({"study": "s", "parts": {"study.toml": protocol}}))
-    results = analyse(read_tables(tmp_path), Plan())
+    results = analyse(read_tables(tmp_path), AnalysisPlan())
     assert results.conditions == ["visual_only", "visual_haptic"]
     assert results.participants == 3 and len(results.sus) == 6
     (tmp_path / "study.json").write_text("{")
@@ -125,14 +125,14 @@ def test_the_protocol_says_which_condition_comes_first_and_who_left_is_left_out(
         read_tables(tmp_path)
 
 
-def test_pairs_are_of_the_same_person():
+def test_paired_values_are_of_the_same_participants():
     runs = pd.DataFrame([
         trial("P1", "a", seconds=1), trial("P1", "b", seconds=2), trial("P2", "b", seconds=9),
         trial("P3", "a", seconds=3), trial("P3", "a", number=2, seconds=5), trial("P3", "b", seconds=6),
     ])  # fmt: skip
-    table = cells(runs, "completion_s", ["a", "b"])
-    assert values_of(table, "a", "b", paired=True) == ([1.0, 4.0], [2.0, 6.0])
-    assert values_of(table, "a", "b", paired=False) == ([1.0, 4.0], [2.0, 9.0, 6.0])
+    table = participant_means(runs, "completion_s", ["a", "b"])
+    assert condition_values(table, "a", "b", paired=True) == ([1.0, 4.0], [2.0, 6.0])
+    assert condition_values(table, "a", "b", paired=False) == ([1.0, 4.0], [2.0, 9.0, 6.0])
 
 
 @settings(max_examples=20)

@@ -1,4 +1,4 @@
-"""Simulated participants through the real pipeline."""
+"""Simulated participants with the actual pipeline."""
 
 import math
 import pickle
@@ -22,64 +22,64 @@ from haptigraph.study.simulated.rehearsal import NO_TOUCH, SHIPPED, Rehearsal, d
 SEED = (3, 8, 0, 0)
 BINARY = SHIPPED[1]
 SMALL = CameraSettings(width_px=480, height_px=270, center_px=(240.0, 148.0), px_per_mm=8.0, blur_px=0.5)
-SAME = ("participant", "repetition", "hit", "theta_deg", "completion_s", "contacts", "far_aligned_s")
+INDEPENDENT = ("participant", "repetition", "hit", "theta_deg", "completion_s", "contacts", "far_aligned_s")
 
 
 @pytest.fixture(scope="module")
-def who():
+def participant():
     return replace(draw_participant(3, 0), align_share=0.2)
 
 
 @pytest.fixture(scope="module")
-def trials(who):
-    return {condition.name: play_trial(who, condition, 0, 3) for condition in SHIPPED}
+def trials(participant):
+    return {condition.name: play_trial(participant, condition, 0, 3) for condition in SHIPPED}
 
 
-def test_the_same_seed_gives_the_same_steps_and_another_gives_others(who):
+def test_steps_depend_on_the_seed_only(participant):
     def first_steps(seed):
-        steps = Rehearsal(who, BINARY, draw_scenario(seed), seed).steps()
-        told = [replace(next(steps), timing=None) for _ in range(90)]
+        steps = Rehearsal(participant, BINARY, draw_scenario(seed), seed).steps()
+        first = [replace(next(steps), timing=None) for _ in range(90)]
         steps.close()
-        return told
+        return first
 
     assert first_steps(SEED) == first_steps(SEED)
     assert first_steps(SEED) != first_steps((4, 8, 0, 0))
 
 
-def test_a_trial_can_be_played_in_another_process(who, trials):
-    args = pickle.loads(pickle.dumps((who, BINARY, 0, 3)))
+def test_a_trial_can_be_simulated_in_another_process(participant, trials):
+    args = pickle.loads(pickle.dumps((participant, BINARY, 0, 3)))
     assert play_trial(*args) == pickle.loads(pickle.dumps(trials["binary"]))
 
 
-def test_every_trial_ends_on_the_target_within_what_is_possible(trials):
+def test_every_trial_ends_at_the_target_with_plausible_measures(trials):
     for trial in trials.values():
         assert trial.hit
         assert 5 < trial.completion_s < 120
         assert 0 < trial.theta_deg < 30
 
 
-def test_who_feels_touch_aligns_before_the_approach(trials):
-    for touch in ("binary", "continuous"):
-        assert trials[touch].theta_deg < trials["no touch"].theta_deg
-        assert trials[touch].far_aligned_s > trials["no touch"].far_aligned_s
-        assert 0 < trials[touch].vibrating_s < trials[touch].completion_s
-        assert trials[touch].changes_per_min > 0
+def test_haptic_feedback_improves_alignment_before_the_approach(trials):
+    for condition in ("binary", "continuous"):
+        assert trials[condition].theta_deg < trials["no touch"].theta_deg
+        assert trials[condition].far_aligned_s > trials["no touch"].far_aligned_s
+        assert 0 < trials[condition].vibrating_s < trials[condition].completion_s
+        assert trials[condition].changes_per_min > 0
 
 
-def test_without_touch_nothing_vibrates(trials):
+def test_without_haptics_nothing_vibrates(trials):
     assert trials["no touch"].vibrating_s == trials["no touch"].changes_per_min == 0
 
 
-def test_who_feels_nothing_does_alike_whatever_the_touch(who):
-    deaf = replace(who, faintest=2.0)
-    rows = [play_trial(deaf, condition, 0, 3) for condition in SHIPPED]
-    assert len({tuple(getattr(row, name) for name in SAME) for row in rows}) == 1
-    assert rows[1].vibrating_s > 0  # the device did its part
+def test_a_participant_who_feels_nothing_moves_equally_in_all_conditions(participant):
+    numb = replace(participant, absolute_threshold=2.0)
+    rows = [play_trial(numb, condition, 0, 3) for condition in SHIPPED]
+    assert len({tuple(getattr(row, name) for name in INDEPENDENT) for row in rows}) == 1
+    assert rows[1].vibrating_s > 0  # although the device vibrates
 
 
-def test_the_needle_comes_in_at_right_angles_to_the_wall(who):
+def test_the_needle_enters_perpendicular_to_the_wall(participant):
     for number in range(20):
-        rehearsal = Rehearsal(who, NO_TOUCH, draw_scenario((number,)), (number,))
+        rehearsal = Rehearsal(participant, NO_TOUCH, draw_scenario((number,)), (number,))
         truth = rehearsal.loop.source.read(0.1).truth
         rehearsal.loop.close()
         trocar_mm = rehearsal.registration.trocar.at_mm
@@ -89,11 +89,11 @@ def test_the_needle_comes_in_at_right_angles_to_the_wall(who):
         assert truth.inside
 
 
-def test_the_retina_may_give_under_a_simulated_hand(who):
+def test_the_retina_can_be_deformed_by_a_simulated_hand(participant):
     scenario = draw_scenario(SEED)
     eye = replace(scenario.eye, retina_mm=1.2)
     soft = replace(scenario, eye=eye, tissue=TissueShape(puncture_mm=0.8))
-    rehearsal = Rehearsal(who, NO_TOUCH, soft, SEED)
+    rehearsal = Rehearsal(participant, NO_TOUCH, soft, SEED)
     truths = [rehearsal.loop.source.read(0.1).truth for _ in range(600)]
     rehearsal.loop.close()
     pressed = [truth for truth in truths if truth.inside and math.hypot(*truth.tip_mm) > 10.85]
@@ -102,9 +102,9 @@ def test_the_retina_may_give_under_a_simulated_hand(who):
         assert distance_to_polyline(truth.tip_mm, truth.others["retina_surface"]) < 0.01
 
 
-def test_drawn_images_and_the_tracker_do_too_and_the_recording_has_the_same_measures(who, tmp_path):
+def test_the_tracker_works_on_rendered_images_and_the_recording_has_the_same_measures(participant, tmp_path):
     scenario = replace(draw_scenario(SEED), camera=SMALL)
-    rehearsal = Rehearsal(who, BINARY, scenario, SEED, perceiver="tracker")
+    rehearsal = Rehearsal(participant, BINARY, scenario, SEED, perceiver="tracker")
     path = tmp_path / "trial.mcap"
     info = RunInfo(
         version="0",

@@ -1,9 +1,8 @@
-"""A whole study with simulated participants: the same seed, the same bytes, whatever happens on the way."""
+"""A whole study with simulated participants: the same seed gives the same bytes despite interruptions."""
 
 import signal
 import subprocess
 import sys
-import time
 from contextlib import closing
 from multiprocessing import active_children
 from pathlib import Path
@@ -22,43 +21,44 @@ from haptigraph.study.exchange import export_study
 from haptigraph.study.protocol import load_protocol
 from haptigraph.study.roster import Study
 from haptigraph.study.runner import open_session
-from haptigraph.study.simulated.player import Cast
+from haptigraph.study.simulated import player
+from haptigraph.study.simulated.player import SimulationSpec
 from haptigraph.study.simulated.simulation import simulate
 from haptigraph.study.store import Store
 from haptigraph.study.tables import ANSWERS, PARTICIPANTS, TRIALS
 
 
 @pytest.fixture
-def place(tmp_path):
-    """The folder of a study whose trials are soon over."""
-    return made(tmp_path / "study")
+def folder(tmp_path):
+    """The folder of a study with short trials."""
+    return new_study(tmp_path / "study")
 
 
 @pytest.fixture(scope="module")
-def alone(tmp_path_factory):
-    """Two participants, played by one process: how it shall be, and what was played."""
-    cast = cast_of(made(tmp_path_factory.mktemp("alone") / "study"))
-    return cast, simulate(cast, 2)
+def reference(tmp_path_factory):
+    """Two participants, simulated by one process: the settings, and what was simulated."""
+    spec = spec_of(new_study(tmp_path_factory.mktemp("reference") / "study"))
+    return spec, simulate(spec, 2)
 
 
-def made(folder, text=QUICK):
+def new_study(folder, text=QUICK):
     folder.mkdir()
     (folder / "study.toml").write_text(text)
     return folder
 
 
-def cast_of(folder, seed=1, store=""):
-    return Cast(str(folder), store or str(folder / "study.db"), seed)
+def spec_of(folder, seed=1, store=""):
+    return SimulationSpec(str(folder), store or str(folder / "study.db"), seed)
 
 
-def exported(cast, out):
-    with closing(Store(cast.store)) as store:
+def exported(spec, out):
+    with closing(Store(spec.store)) as store:
         export_study(store, "small", out)
     return {path.name: path.read_bytes() for path in out.iterdir()}
 
 
-def recordings(cast):
-    folder = Path(cast.folder)
+def recordings(spec):
+    folder = Path(spec.folder)
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*.mcap")}
 
 
@@ -67,58 +67,63 @@ def assert_same(one, other, tmp_path):
     assert recordings(one) == recordings(other)
 
 
-def test_the_same_seed_writes_the_same_bytes_in_one_process_or_two(alone, place, tmp_path):
-    cast, played = alone
-    two = cast_of(place)
-    assert simulate(two, 2, workers=2) == played
-    assert (played.participants, played.trials) == (2, 6)
-    assert 6 * 2 <= played.steered_s <= 6 * 3.1
-    assert_same(cast, two, tmp_path)
-    assert simulate(two, 2).trials == 0  # all have been through
+def test_the_same_seed_writes_the_same_bytes_in_one_process_or_two(reference, folder, tmp_path):
+    spec, done = reference
+    two = spec_of(folder)
+    assert simulate(two, 2, workers=2) == done
+    assert (done.participants, done.trials) == (2, 6)
+    assert 6 * 2 <= done.steered_s <= 6 * 3.1
+    assert_same(spec, two, tmp_path)
+    assert simulate(two, 2).trials == 0  # all are complete
 
 
-def test_another_seed_writes_others_and_all_say_that_they_are_simulated(alone, place):
-    other = cast_of(place, 2)
+def test_another_seed_gives_other_recordings_which_are_marked_as_simulated(reference, folder):
+    other = spec_of(folder, 2)
     simulate(other, 1)
-    kept, others = recordings(alone[0]), recordings(other)
-    assert len(kept) == 6 and len(others) == 3
-    assert set(others) < set(kept) and set(others.values()).isdisjoint(kept.values())
-    info = RunReader(place / min(others)).info
+    first, others = recordings(reference[0]), recordings(other)
+    assert len(first) == 6 and len(others) == 3
+    assert set(others) < set(first) and set(others.values()).isdisjoint(first.values())
+    info = RunReader(folder / min(others)).info
     assert (info.source, info.participant) == ("phantom:simulated_participant", "S01")
     assert info.started_utc.startswith("2000-01-01T09:")
-    assert measure_recording(place / max(others))["path_mm"] > 0
-    with pytest.raises(BadInput, match=r"was made without images \(perceiver known\)"):
-        replay(place / min(others))
+    assert measure_recording(folder / max(others))["path_mm"] > 0
+    with pytest.raises(BadInput, match=r"\(perceiver ground-truth\)"):
+        replay(folder / min(others))
 
 
-PLAYING = """
-import sys
-from haptigraph.study.simulated.player import Cast
-from haptigraph.study.simulated.simulation import simulate
-if __name__ == "__main__":
-    simulate(Cast(sys.argv[1], sys.argv[1] + "/study.db", 1), 2)
+KILLED = """
+import os, signal, sys
+from haptigraph.study.simulated import player, simulation
+
+
+def recorder_of(rehearsal, path, started, real=player.recorder_of):
+    recorder = real(rehearsal, path, started)
+    if "S02" in path:
+        recorder.write = lambda capture, step: os.kill(os.getpid(), signal.SIGKILL)
+    return recorder
+
+
+player.recorder_of = recorder_of
+simulation.simulate(player.SimulationSpec(sys.argv[1], sys.argv[1] + "/study.db", 1), 2)
 """
 
 
-def test_killed_half_way_it_goes_on_and_all_is_as_if_nothing_had_happened(alone, place, tmp_path):
-    cut, second = cast_of(place), place / "recordings" / "S02"
-    with subprocess.Popen([sys.executable, "-c", PLAYING, cut.folder]) as process:
-        while not (second.is_dir() and any(second.iterdir())):
-            assert process.poll() is None
-            time.sleep(0.01)
-        process.send_signal(signal.SIGKILL)
-    with closing(Store(cut.store)) as store:
+def test_a_killed_simulation_is_resumed_with_the_same_results(reference, folder, tmp_path):
+    killed = spec_of(folder)
+    done = subprocess.run([sys.executable, "-c", KILLED, killed.folder])
+    assert done.returncode == -signal.SIGKILL
+    with closing(Store(killed.store)) as store:
         begun = [tuple(row.values()) for row in store.rows(select(TRIALS.c.participant, TRIALS.c.outcome))]
     assert len([each for each in begun if each[0] == "S01"]) == 3
     assert ("S02", None) in begun
-    assert simulate(cut, 2).participants == 1
-    assert_same(alone[0], cut, tmp_path)
-    assert not list(place.rglob("*.part"))
+    assert simulate(killed, 2).participants == 1
+    assert_same(reference[0], killed, tmp_path)
+    assert not list(folder.rglob("*.part"))
 
 
 @pytest.mark.slow
-def test_killed_workers_end_it_with_one_sentence_and_it_goes_on(place):
-    cast = cast_of(place)
+def test_killed_workers_end_the_simulation_which_can_be_resumed(folder):
+    spec = spec_of(folder)
 
     def kill(what, done, total):
         if done == 1:
@@ -126,61 +131,66 @@ def test_killed_workers_end_it_with_one_sentence_and_it_goes_on(place):
                 process.kill()
 
     with pytest.raises(HaptigraphError, match="run the same again"):
-        simulate(cast, 4, workers=2, progress=kill)
-    done = simulate(cast, 4, workers=2).participants
+        simulate(spec, 4, workers=2, progress=kill)
+    done = simulate(spec, 4, workers=2).participants
     assert 1 <= done <= 3
-    assert simulate(cast, 4).participants == 0
+    assert simulate(spec, 4).participants == 0
 
 
-def test_what_cannot_be_simulated_is_refused_and_nothing_is_made(place, tmp_path):
-    with pytest.raises(BadInput, match="takes 4 participants, found 5 to simulate"):
-        simulate(cast_of(place), 5)
+def test_what_cannot_be_simulated_is_refused_and_no_file_is_created(folder, tmp_path):
+    with pytest.raises(BadInput, match="cannot simulate 5 of 4 participants"):
+        simulate(spec_of(folder), 5)
     with (
-        not_being_written(place / "study.toml"),
+        not_being_written(folder / "study.toml"),
         pytest.raises(BadInput, match="is being simulated by another program"),
     ):
-        simulate(cast_of(place), 1)
-    assert [path.name for path in place.iterdir()] == ["study.toml"]
+        simulate(spec_of(folder), 1)
+    assert [path.name for path in folder.iterdir()] == ["study.toml"]
     text = QUICK.replace('title = "Seen only"', 'title = "x"\nprocedure = "membrane_peeling"')
-    peeling = made(tmp_path / "peeling", text)
+    peeling = new_study(tmp_path / "peeling", text)
     with pytest.raises(BadInput, match="membrane_peeling: has no state target_hit"):
-        simulate(cast_of(peeling), 1)
+        simulate(spec_of(peeling), 1)
     assert [path.name for path in peeling.iterdir()] == ["study.toml"]
 
 
-def test_people_are_not_played_over(place):
-    with closing(Store(place / "study.db")) as store:
-        people = Study(load_protocol(place), store)
+def test_a_study_with_people_is_not_simulated(folder):
+    with closing(Store(folder / "study.db")) as store:
+        people = Study(load_protocol(folder), store)
         session = open_session(people, people.enrol("S01"), "lab")
         session.done("briefing")
         with pytest.raises(BadInput, match="has people; simulated participants need a study of another name"):
-            simulate(cast_of(place), 1)
+            simulate(spec_of(folder), 1)
         assert session.next().stage.key == "consent"
 
 
-def test_what_was_begun_is_not_mixed_with_anything_else(alone):
-    cast, file = alone[0], Path(alone[0].folder) / "study.toml"
-    with pytest.raises(BadInput, match=r"was begun as '.*seed 1.*', not as '.*seed 2"):
-        simulate(replace(cast, seed=2), 3)
+def test_a_simulation_is_resumed_with_the_same_settings_only(reference, monkeypatch):
+    spec, file = reference[0], Path(reference[0].folder) / "study.toml"
+    with pytest.raises(BadInput, match=r"was started as '.*seed 1.*', not as '.*seed 2"):
+        simulate(replace(spec, seed=2), 3)
     file.write_text(QUICK + "# an afterthought\n")
-    with pytest.raises(BadInput, match="is not what it was then"):
-        simulate(cast, 3)
+    with pytest.raises(BadInput, match="was changed since"):
+        simulate(spec, 3)
     file.write_text(QUICK)
-    with closing(Store(cast.store)) as store:
+    monkeypatch.setattr(player, "__version__", "9.9")
+    assert simulate(spec, 2).participants == 0  # 0.1.0 is equivalent
+    monkeypatch.setattr(player, "EQUIVALENT_VERSIONS", ())
+    with pytest.raises(BadInput, match=r"haptigraph 0.1.0', not as '.*haptigraph 9.9'"):
+        simulate(spec, 3)
+    with closing(Store(spec.store)) as store:
         assert len(store.rows(select(PARTICIPANTS))) == 2
 
 
 @pytest.mark.xdist_group("postgresql")
-def test_stations_at_one_postgresql_play_at_once_and_lose_and_double_nothing(alone, place, tmp_path, server):
-    """Two processes answer and steer at the same time; what they keep is what one alone keeps in SQLite."""
+def test_parallel_simulation_in_postgresql_gives_the_same_data(reference, folder, tmp_path, server):
+    """Two processes at one PostgreSQL store the same data as one process in SQLite."""
     import psycopg
 
     with psycopg.connect(server, autocommit=True) as connection:
         connection.execute("DROP SCHEMA public CASCADE")
         connection.execute("CREATE SCHEMA public")
-    together = cast_of(place, store=server)
-    assert simulate(together, 2, workers=2) == alone[1]
-    assert_same(alone[0], together, tmp_path)
+    parallel = spec_of(folder, store=server)
+    assert simulate(parallel, 2, workers=2) == reference[1]
+    assert_same(reference[0], parallel, tmp_path)
     with closing(Store(server)) as store:
         assert len(store.rows(select(ANSWERS))) == 2 * 2 * 10
         assert len(store.rows(select(TRIALS))) == 2 * 3

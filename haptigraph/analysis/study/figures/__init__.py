@@ -1,1 +1,1 @@
-"""A study's figures."""
+"""Figures of a study report."""

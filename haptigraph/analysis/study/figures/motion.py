@@ -1,4 +1,4 @@
-"""Figures of how people move: alignment over normalised time, the way into the cone, and learning."""
+"""Figures of motion: alignment over normalised time, depth against theta, and learning."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -8,7 +8,13 @@ from matplotlib.lines import Line2D
 from scipy import stats
 
 from haptigraph.analysis.plots.colors import state_color
-from haptigraph.analysis.study.figures.style import INK, Look, looks, new_figure, quiet
+from haptigraph.analysis.study.figures.style import (
+    INK,
+    ConditionStyle,
+    condition_styles,
+    declutter,
+    new_figure,
+)
 from haptigraph.analysis.study.quantities import QUANTITIES, Quantity, words
 from haptigraph.analysis.study.results import StudyResults
 from haptigraph.analysis.study.traces import GRID, Traces, Zones
@@ -23,32 +29,29 @@ LOWEST_MM = -0.4
 
 
 def alignment_figure(traces: Traces, conditions: list[str], note: str) -> Figure | None:
-    """Draw theta over normalised time: the median participant, and the middle half of them."""
+    """Draw theta over normalised time: median and interquartile range of the participants."""
     if not traces.runs:
         return None
     figure = new_figure(6.4, 3.9, "Alignment from entry to hit", note)
     axes = figure.subplots()
     if traces.zones.aligned_deg is not None:
         _draw_cone(axes, traces.zones.aligned_deg, (0.01, 0.99))
-    for condition, look in looks(conditions).items():
+    for condition, style in condition_styles(conditions).items():
         people = traces.by_participant(condition, "theta_deg")
         if not len(people):
             continue
         low, median, high = np.nanpercentile(people, (25, 50, 75), axis=0)
-        axes.fill_between(100 * GRID, low, high, color=look.color, alpha=0.16, linewidth=0)
-        label = f"{words(condition)} (median and middle half of {len(people)} participants)"
-        axes.plot(100 * GRID, median, look.line, color=look.color, linewidth=2, label=label)
+        axes.fill_between(100 * GRID, low, high, color=style.color, alpha=0.16, linewidth=0)
+        label = f"{words(condition)} (median and quartiles of {len(people)} participants)"
+        axes.plot(100 * GRID, median, style.line, color=style.color, linewidth=2, label=label)
     axes.set(xlabel="share of the run [%]", ylabel="theta [deg]", xlim=(0, 100), ylim=(0, None))
-    quiet(axes)
+    declutter(axes)
     axes.legend(frameon=False, loc="upper center", bbox_to_anchor=(0.5, -0.16))
     return figure
 
 
 def cone_figure(traces: Traces, conditions: list[str], note: str) -> Figure | None:
-    """Draw depth against theta, one panel per condition: where was the needle aligned before it came near?
-
-    The ground has the colours of the states that the procedure would tell there.
-    """
+    """Draw depth against theta, one panel per condition; the background shows the procedure's states."""
     shown = [condition for condition in conditions if traces.of(condition)]
     if not shown:
         return None
@@ -57,10 +60,10 @@ def cone_figure(traces: Traces, conditions: list[str], note: str) -> Figure | No
     widest = max(float(np.nanmax(run.theta_deg)) for run in traces.runs)
     farthest = max(float(np.nanmax(run.distance_mm)) for run in traces.runs)
     limits = (min(widest * 1.03, 40.0), farthest * 1.03)
-    styles = looks(conditions)
+    styles = condition_styles(conditions)
     for axes, condition in zip(panels, shown, strict=True):
         _draw_zones(axes, traces.zones, limits)
-        _draw_ways(axes, traces, condition, styles[condition])
+        _draw_paths(axes, traces, condition, styles[condition])
         axes.set_title(words(condition), pad=18)
         axes.set(xlabel="theta [deg]", xlim=(0, limits[0]), ylim=(LOWEST_MM, limits[1]))
         axes.spines[["top", "right"]].set_visible(False)
@@ -78,7 +81,7 @@ def cone_figure(traces: Traces, conditions: list[str], note: str) -> Figure | No
 
 
 def learning_figure(results: StudyResults, note: str) -> Figure | None:
-    """Draw the paper's measures over the session, in the order in which participants met the conditions."""
+    """Draw the paper's measures over the session, by the position of the condition."""
     runs = results.runs
     quantities = [each for each in QUANTITIES[:2] if each.name in results.values]
     if not quantities or runs[["position", "trial"]].drop_duplicates().shape[0] < 2:
@@ -137,22 +140,22 @@ def _draw_zones(axes: "Axes", zones: Zones, limits: tuple[float, float]) -> None
     axes.text((zones.aligned_deg + limits[0]) / 2, limits[1], "misaligned", **middle)
 
 
-def _draw_ways(axes: "Axes", traces: Traces, condition: str, look: Look) -> None:
+def _draw_paths(axes: "Axes", traces: Traces, condition: str, style: ConditionStyle) -> None:
     for run in traces.of(condition):
         axes.plot(run.theta_deg, run.distance_mm, color=INK, linewidth=0.6, alpha=0.35)
     theta_deg = np.nanmedian(traces.by_participant(condition, "theta_deg"), axis=0)
     distance_mm = np.nanmedian(traces.by_participant(condition, "distance_mm"), axis=0)
     axes.plot(theta_deg, distance_mm, color="white", linewidth=4.5)
-    axes.plot(theta_deg, distance_mm, look.line, color=look.color, linewidth=2.4)
+    axes.plot(theta_deg, distance_mm, style.line, color=style.color, linewidth=2.4)
     for share, marker in ((0, "o"), (len(GRID) // 2, "D"), (-1, "*")):
-        axes.plot(theta_deg[share], distance_mm[share], marker, color=look.color, mec="white", markersize=9)
+        axes.plot(theta_deg[share], distance_mm[share], marker, color=style.color, mec="white", markersize=9)
 
 
 def _draw_learning(axes: "Axes", results: StudyResults, quantity: Quantity) -> None:
     steps = sorted(set(zip(results.runs["position"], results.runs["trial"], strict=True)))
     place = {step: number + 0.6 * (step[0] - 1) for number, step in enumerate(steps)}
     shift = 0.12
-    for number, (condition, look) in enumerate(looks(results.conditions).items()):
+    for number, (condition, style) in enumerate(condition_styles(results.conditions).items()):
         runs = results.runs[results.runs["condition"] == condition]
         for position in sorted(set(runs["position"])):
             here = runs[runs["position"] == position].dropna(subset=[quantity.name])
@@ -161,13 +164,13 @@ def _draw_learning(axes: "Axes", results: StudyResults, quantity: Quantity) -> N
             means = [float(values.mean()) for _, values in groups]
             halves = [_half_interval(values) for _, values in groups]
             label = words(condition) if position == min(runs["position"]) else None
-            style: dict[str, Any] = {
-                "color": look.color,
-                "linestyle": look.line,
-                "marker": look.marker,
+            errorbars: dict[str, Any] = {
+                "color": style.color,
+                "linestyle": style.line,
+                "marker": style.marker,
                 "capsize": 2.5,
             }
-            axes.errorbar(at, means, halves, linewidth=1.6, markersize=5, label=label, **style)
+            axes.errorbar(at, means, halves, linewidth=1.6, markersize=5, label=label, **errorbars)
     axes.set_xticks([place[step] for step in steps], [f"{trial:g}" for _, trial in steps])
     for position in sorted({position for position, _ in steps}):
         middle = np.mean([at for step, at in place.items() if step[0] == position])
@@ -177,17 +180,17 @@ def _draw_learning(axes: "Axes", results: StudyResults, quantity: Quantity) -> N
             "va": "bottom",
             "fontsize": 8,
         }
-        axes.text(float(middle), 1.0, f"condition met {_ordinal(int(position))}", color="#555555", **where)
+        axes.text(float(middle), 1.0, f"{_ordinal(int(position))} condition", color="#555555", **where)
     axes.set(xlabel="trial", ylabel=quantity.title)
-    quiet(axes)
+    declutter(axes)
 
 
 def _ordinal(number: int) -> str:
-    return {1: "first", 2: "second", 3: "third"}.get(number, f"as no. {number}")
+    return {1: "first", 2: "second", 3: "third"}.get(number, f"{number}th")
 
 
 def _half_interval(values: "np.ndarray[tuple[int], np.dtype[np.float64]]") -> float:
-    """Return half the 95 % interval of a mean (Student's t); 0 of a single value."""
+    """Return half the width of the 95 % interval of a mean (Student's t); 0 for a single value."""
     if len(values) < 2:
         return 0.0
     return float(stats.t.ppf(0.975, len(values) - 1) * stats.sem(values))

@@ -1,4 +1,4 @@
-"""Figures of surgical states: how long, and in which order, by condition. Read the tables only."""
+"""Figures of surgical states by condition: time in each state, and transitions."""
 
 from collections import Counter
 from itertools import pairwise
@@ -10,7 +10,13 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 
 from haptigraph.analysis.plots.colors import ink_on, state_color
-from haptigraph.analysis.study.figures.style import INK, condition_legend, looks, new_figure, quiet
+from haptigraph.analysis.study.figures.style import (
+    INK,
+    condition_legend,
+    condition_styles,
+    declutter,
+    new_figure,
+)
 from haptigraph.analysis.study.quantities import state_of, words
 from haptigraph.analysis.study.results import StudyResults
 
@@ -30,21 +36,18 @@ PLACES = {
     "retinal_contact": (3.0, 1.0),
     "target_hit": (3.0, 0.0),
 }
+"""Depth increases to the right; misaligned states are above."""
 CONTACT = "retinal_contact"
-"""As a run goes: deeper to the right, misaligned above."""
 START = "start"
 BOX = (0.66, 0.38)
 POINT: dict[str, Any] = {
     "color": INK, "alpha": 0.65, "markersize": 2.6, "linewidth": 0, "clip_on": False, "zorder": 4,
 }  # fmt: skip
-RARE = 0.05  # transitions per run that are not worth a line, unless they touch the retina
+MIN_RATE = 0.05  # transitions per run below which no line is drawn, except for retinal contacts
 
 
 def box_figure(results: StudyResults, note: str) -> Figure | None:
-    """Draw the time spent in each state, by condition: one point per participant.
-
-    None where no time is known.
-    """
+    """Draw the time spent in each state, by condition, with one point per participant; None without data."""
     order = list(PLACES)
     names = [name for name in results.values if state_of(name) and state_of(name) not in results.idle]
     names.sort(key=lambda name: order.index(state_of(name)) if state_of(name) in order else len(order))
@@ -52,41 +55,41 @@ def box_figure(results: StudyResults, note: str) -> Figure | None:
         return None
     figure = new_figure(max(6.0, 1.9 * len(names)), 4.2, "Time in each surgical state", note)
     axes = figure.subplots()
-    styles, spread = looks(results.conditions), 0.76 / len(results.conditions)
+    styles, spread = condition_styles(results.conditions), 0.76 / len(results.conditions)
     for place, name in enumerate(names):
         axes.axvspan(place - 0.5, place + 0.5, color=state_color(state_of(name)), alpha=0.6, linewidth=0)
         for number, condition in enumerate(results.conditions):
             values = results.values[name][condition].dropna().to_numpy(float)
             at = place + (number - (len(results.conditions) - 1) / 2) * spread
-            look = styles[condition]
+            style = styles[condition]
             axes.boxplot(
                 [values],
                 positions=[at],
                 widths=0.82 * spread,
                 patch_artist=True,
                 showfliers=False,
-                boxprops={"facecolor": "white", "edgecolor": look.color, "hatch": look.hatch},
-                whiskerprops={"color": look.color},
-                capprops={"color": look.color},
+                boxprops={"facecolor": "white", "edgecolor": style.color, "hatch": style.hatch},
+                whiskerprops={"color": style.color},
+                capprops={"color": style.color},
                 medianprops={"color": "black", "linewidth": 2},
                 manage_ticks=False,
             )
             aside = np.linspace(-0.22, 0.22, max(len(values), 2))[: len(values)] * spread
-            axes.plot(at + aside, values, look.marker, **POINT)
+            axes.plot(at + aside, values, style.marker, **POINT)
     labels = [words(state_of(name)).replace(" ", "\n") for name in names]
     axes.set(xticks=range(len(names)), xlim=(-0.5, len(names) - 0.5), ylim=(0, None), ylabel="time [s]")
     axes.set_xticklabels(labels)
-    quiet(axes)
+    declutter(axes)
     condition_legend(axes, results.conditions, loc="upper right")
     return figure
 
 
 def transitions(results: StudyResults) -> pd.DataFrame:
-    """Count how often one state followed another; the first state of a run follows `start`.
+    """Count the transitions between states; the first state of a run follows `start`.
 
     Returns:
-        condition, before, after, count, per_run (mean), share (of the runs in which it occurred), runs; the
-        most frequent first.
+        condition, before, after, count, per_run (mean), share (of the runs in which it occurred), runs; by
+        descending frequency.
     """
     rows: list[tuple[str, str, str, int, float, float, int]] = []
     for condition in results.conditions:
@@ -108,9 +111,9 @@ def transitions(results: StudyResults) -> pd.DataFrame:
 
 
 def sequence_figure(results: StudyResults, note: str) -> Figure | None:
-    """Draw which state follows which, one diagram per condition; None where no order is known.
+    """Draw the transitions between states, one diagram per condition; None without data.
 
-    A line is as wide as its transition is frequent; dark are those that occur in at least half of the runs.
+    Line width is proportional to frequency; transitions in at least half of the runs are dark.
     """
     table = transitions(results)
     if table.empty:
@@ -118,15 +121,15 @@ def sequence_figure(results: StudyResults, note: str) -> Figure | None:
     shown = [condition for condition in results.conditions if (table["condition"] == condition).any()]
     figure = new_figure(8.8, 2.9 * len(shown) + 0.4, "Order of surgical states: transitions per run", note)
     places = _places(set(table["before"]) | set(table["after"]))
-    most = float(table["per_run"].max())
+    max_rate = float(table["per_run"].max())
     for axes, condition in zip(np.ravel(figure.subplots(len(shown), 1)), shown, strict=True):
         here = table[table["condition"] == condition]
-        _draw_sequence(axes, here, places, most)
+        _draw_sequence(axes, here, places, max_rate)
         title = f"{words(condition)}  ({here['runs'].iloc[0]} runs)"
         axes.set_title(title, loc="left", fontweight="bold", pad=2)
     figure.supxlabel(
-        f"solid: in at least half of the runs; dashed: in fewer; rarer than {RARE:g} per run: not drawn, "
-        "unless the retina is touched",
+        f"solid: in at least half of the runs; dashed: in fewer; below {MIN_RATE:g} per run: not drawn, "
+        "except for retinal contacts",
         fontsize=8,
         color="#555555",
     )
@@ -140,7 +143,7 @@ def _places(states: set[str]) -> dict[str, tuple[float, float]]:
 
 
 def _draw_sequence(
-    axes: "Axes", table: pd.DataFrame, places: dict[str, tuple[float, float]], most: float
+    axes: "Axes", table: pd.DataFrame, places: dict[str, tuple[float, float]], max_rate: float
 ) -> None:
     axes.set(xlim=(0.1, 3.0 + BOX[0] / 2 + 0.05), ylim=(min(y for _, y in places.values()) - 0.25, 1.25))
     axes.axis("off")
@@ -152,9 +155,9 @@ def _draw_sequence(
             _draw_state(axes, state, place, reached=state in reached)
     for row in table[::-1].to_dict("records"):
         before, after = str(row["before"]), str(row["after"])
-        if row["per_run"] >= RARE or CONTACT in (before, after):
-            way = _way(places[before], places[after])
-            _draw_transition(axes, way, row["per_run"], most, leads=row["share"] >= 0.5)
+        if row["per_run"] >= MIN_RATE or CONTACT in (before, after):
+            arrow = _arrow(places[before], places[after])
+            _draw_transition(axes, arrow, row["per_run"], max_rate, is_common=row["share"] >= 0.5)
 
 
 def _draw_state(axes: "Axes", state: str, place: tuple[float, float], *, reached: bool) -> None:
@@ -183,23 +186,23 @@ def _draw_state(axes: "Axes", state: str, place: tuple[float, float], *, reached
     )
 
 
-def _draw_transition(axes: "Axes", way: "_Way", rate: float, most: float, *, leads: bool) -> None:
-    arrow = FancyArrowPatch(
-        way.tail,
-        way.head,
+def _draw_transition(axes: "Axes", arrow: "_Arrow", rate: float, max_rate: float, *, is_common: bool) -> None:
+    patch = FancyArrowPatch(
+        arrow.tail,
+        arrow.head,
         arrowstyle="-|>",
-        mutation_scale=9 + 5 * rate / most,
-        linewidth=0.7 + 5.3 * rate / most,
-        linestyle="-" if leads else (0, (3, 1.5)),
-        color=INK if leads else "#8a8a8a",
+        mutation_scale=9 + 5 * rate / max_rate,
+        linewidth=0.7 + 5.3 * rate / max_rate,
+        linestyle="-" if is_common else (0, (3, 1.5)),
+        color=INK if is_common else "#8a8a8a",
         shrinkA=0,
         shrinkB=0,
         zorder=2,
     )
-    axes.add_patch(arrow)
-    ink, weight = (INK, "bold") if leads else ("#555555", "normal")
+    axes.add_patch(patch)
+    ink, weight = (INK, "bold") if is_common else ("#555555", "normal")
     axes.text(
-        *way.label,
+        *arrow.label,
         f"{rate:.2f}",
         fontsize=8,
         color=ink,
@@ -210,16 +213,16 @@ def _draw_transition(axes: "Axes", way: "_Way", rate: float, most: float, *, lea
     )
 
 
-class _Way(NamedTuple):
+class _Arrow(NamedTuple):
     tail: tuple[float, float]
     head: tuple[float, float]
     label: tuple[float, float]
 
 
-def _way(start: tuple[float, float], end: tuple[float, float]) -> _Way:
-    """Lead an arrow from the edge of a box to that of another, keeping left, so that it and its return pass.
+def _arrow(start: tuple[float, float], end: tuple[float, float]) -> _Arrow:
+    """Return the arrow between the edges of two boxes, shifted to its left to clear the reverse arrow.
 
-    Its number stands on its left, outside the pair.
+    Its label is on its left, outside the pair.
     """
     is_entry = start[0] < 1
     towards = np.subtract(end, start)
@@ -231,11 +234,11 @@ def _way(start: tuple[float, float], end: tuple[float, float]) -> _Way:
     label = (
         tail + (0.66 if towards[0] and towards[1] else 0.45) * (head - tail) + left * np.array((0.10, 0.12))
     )
-    return _Way(*((float(x), float(y)) for x, y in (tail, head, label)))
+    return _Arrow(*((float(x), float(y)) for x, y in (tail, head, label)))
 
 
 def _to_edge(aside: "_Vector", towards: "_Vector") -> float:
-    """Return which share of `towards` leads from a point beside the middle of a box to its edge."""
+    """Return the share of `towards` from a point next to a box's centre to its edge."""
     halves = np.array((BOX[0] / 2, BOX[1] / 2))
     shares = [
         (half * np.sign(part) - off) / part

@@ -1,4 +1,4 @@
-"""How a study's figures look, and how they are written: the same bytes for the same data."""
+"""Style and export of a report's figures; equal data give equal bytes."""
 
 import io
 from collections.abc import Sequence
@@ -14,7 +14,10 @@ from haptigraph.analysis.study.quantities import words
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["FORMATS", "INK", "Look", "condition_legend", "looks", "new_figure", "quiet", "rendered", "styled"]
+__all__ = [
+    "FORMATS", "INK", "ConditionStyle", "condition_legend", "condition_styles", "declutter", "new_figure",
+    "rendered", "styled",
+]  # fmt: skip
 
 FORMATS = ("png", "svg", "pdf")
 INK = "#222222"
@@ -34,28 +37,28 @@ UNDATED: dict[str, dict[str, str | None]] = {
 }
 
 
-class Look:
-    """How one condition is told from the others, also without colour."""
+class ConditionStyle:
+    """Colour, line, marker and hatch of one condition, which is identifiable without colour."""
 
     def __init__(self, color: str, line: str, marker: str, hatch: str) -> None:
         self.color, self.line, self.marker, self.hatch = color, line, marker, hatch
 
 
-LOOKS = (
-    Look("#4d4d4d", "--", "o", ""),
-    Look("#7b2d8b", "-", "s", "////"),
-    Look("#00695c", "-.", "^", "...."),
-    Look("#8a5a00", ":", "D", "xxxx"),
+STYLES = (
+    ConditionStyle("#4d4d4d", "--", "o", ""),
+    ConditionStyle("#7b2d8b", "-", "s", "////"),
+    ConditionStyle("#00695c", "-.", "^", "...."),
+    ConditionStyle("#8a5a00", ":", "D", "xxxx"),
 )
 
 
-def looks(conditions: Sequence[str]) -> dict[str, Look]:
-    """Return the look of every condition."""
-    return {name: LOOKS[number % len(LOOKS)] for number, name in enumerate(conditions)}
+def condition_styles(conditions: Sequence[str]) -> dict[str, ConditionStyle]:
+    """Return the style of every condition."""
+    return {name: STYLES[number % len(STYLES)] for number, name in enumerate(conditions)}
 
 
 def styled() -> AbstractContextManager[None]:
-    """Return the context in which the figures are drawn."""
+    """Return the matplotlib context of the figures."""
     return rc_context(STYLE)
 
 
@@ -65,32 +68,32 @@ def new_figure(width: float, height: float, title: str, note: str) -> Figure:
     Args:
         width: Inches.
         height: Inches.
-        title: What it shows.
-        note: What must stand on it, such as that it was simulated.
+        title: The title.
+        note: Appended to the title, such as that the data are simulated.
     """
     figure = Figure(figsize=(width, height), layout="constrained")
     figure.suptitle(f"{title}   [{note}]" if note else title, fontsize=11, color=INK)
     return figure
 
 
-def quiet(axes: "Axes") -> None:
-    """Leave out what carries nothing."""
+def declutter(axes: "Axes") -> None:
+    """Remove spines and add a light grid."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(axis="y", color="#e3e3e3", linewidth=0.7)
     axes.set_axisbelow(True)
 
 
 def condition_legend(axes: "Axes", conditions: Sequence[str], **where: Any) -> None:
-    """Name the conditions of a box plot."""
+    """Add a legend of the conditions to a box plot."""
     patches = [
-        Patch(facecolor="white", edgecolor=look.color, hatch=look.hatch, label=words(name))
-        for name, look in looks(conditions).items()
+        Patch(facecolor="white", edgecolor=style.color, hatch=style.hatch, label=words(name))
+        for name, style in condition_styles(conditions).items()
     ]
     axes.legend(handles=patches, frameon=False, **where)
 
 
 def rendered(figure: Figure) -> dict[str, bytes]:
-    """Return a figure in every format, free of dates and of names made by chance."""
+    """Return a figure in every format, without dates and random identifiers."""
     drawn = {}
     with styled():
         for ending in FORMATS:

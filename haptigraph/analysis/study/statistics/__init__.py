@@ -1,1 +1,1 @@
-"""A study's statistics: rank tests, effect sizes, mixed models, sensitivity, SUS."""
+"""Statistics of a study report: rank tests, effect sizes, mixed models, sensitivity analysis, SUS."""

@@ -1,4 +1,4 @@
-"""Compare one quantity between two conditions: rank test, effect, and what stands beside them."""
+"""Compare one quantity between two conditions: rank test, effect size, t test, normality, power."""
 
 import math
 from collections.abc import Sequence
@@ -32,19 +32,19 @@ __all__ = ["Comparison", "Sample", "compare", "omnibus"]
 
 
 class Sample(Struct, frozen=True):
-    """One value per participant, summed up."""
+    """Descriptive statistics of one value per participant."""
 
     n: int
     mean: float
     sd: float
     median: float
     lower: float
-    """Quartile."""
+    """Lower quartile."""
     upper: float
 
     @classmethod
     def of(cls, values: Sequence[float]) -> "Sample":
-        """Sum up values; NaN where there are too few."""
+        """Describe values; NaN where there are too few."""
         if not values:
             return cls(0, *[math.nan] * 5)
         lower, median, upper = (float(part) for part in np.percentile(values, (25, 50, 75)))
@@ -53,7 +53,7 @@ class Sample(Struct, frozen=True):
 
 
 class Comparison(Struct, frozen=True):
-    """One hypothesis: that a quantity is the same in both conditions."""
+    """The test of one hypothesis: a quantity is the same in both conditions."""
 
     quantity: Quantity
     first: str
@@ -61,7 +61,7 @@ class Comparison(Struct, frozen=True):
     is_paired: bool
     samples: tuple[Sample, Sample]
     left_out: int
-    """Participants without a value in one of the conditions."""
+    """Number of participants without a value in one of the conditions."""
     test: RankTest
     variants: list[RankTest]
     effect: Effect
@@ -82,27 +82,27 @@ def compare(
     zeros: Zeros = "dropped",
     left_out: int = 0,
 ) -> Comparison | None:
-    """Compare two conditions; None where one has no value.
+    """Compare two conditions; return None if one has no values.
 
     Args:
-        quantity: What is compared.
-        names: Of the conditions; the effect is positive where the second has more.
-        values: Of each condition; paired: same participants in the same order.
-        paired: Whether the same participants met both.
+        quantity: The outcome.
+        names: Of the conditions; the effect is positive where the second has larger values.
+        values: Of each condition; if paired, of the same participants in the same order.
+        paired: Whether the same participants completed both.
         seed: Of the bootstrap.
         alpha: Level of significance, for the power.
-        zeros: What becomes of pairs without a difference.
-        left_out: Told along with the result.
+        zeros: Treatment of pairs without a difference.
+        left_out: Copied to the result.
     """
     first, second = values
     if not first or not second:
         return None
     samples = (Sample.of(first), Sample.of(second))
-    told = (quantity, *names, paired, samples, left_out)
+    common = (quantity, *names, paired, samples, left_out)
     if paired:
         t = paired_t(first, second)
         return Comparison(
-            *told,
+            *common,
             signed_rank(first, second, zeros=zeros),
             every_signed_rank(first, second),
             paired_effect(first, second, seed),
@@ -112,7 +112,7 @@ def compare(
         )
     t = welch_t(first, second)
     return Comparison(
-        *told,
+        *common,
         rank_sum(first, second),
         every_rank_sum(first, second),
         unpaired_effect(first, second, seed),
@@ -123,11 +123,11 @@ def compare(
 
 
 def omnibus(samples: Sequence[Sequence[float]], *, paired: bool) -> tuple[str, float, float]:
-    """Test three or more conditions at once: the name of the test, its statistic and p.
+    """Test three or more conditions at once; return the test's name, its statistic and p.
 
     Args:
-        samples: Per condition; paired: the same participants in the same order.
-        paired: Friedman's test, with ties corrected; otherwise that of Kruskal and Wallis.
+        samples: Per condition; if paired, of the same participants in the same order.
+        paired: Friedman's test with tie correction; otherwise the Kruskal-Wallis test.
     """
     name = "Friedman" if paired else "Kruskal-Wallis"
     name += ", chi-square approximation with tie correction"

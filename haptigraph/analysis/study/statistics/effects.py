@@ -1,6 +1,6 @@
-"""How large a difference is, and how sure: rank-biserial correlation with a seeded bootstrap interval.
+"""Effect size: rank-biserial correlation with a seeded bootstrap interval.
 
-SciPy has the bootstrap but neither correlation.
+SciPy provides the bootstrap, but neither correlation.
 """
 
 import warnings
@@ -32,7 +32,7 @@ class Effect(Struct, frozen=True):
 
     r: float
     low: float
-    """Of the 95 % interval; NaN where the data allow none."""
+    """Lower limit of the 95 % interval; NaN where the data allow none."""
     high: float
     variant: str
 
@@ -44,7 +44,7 @@ def matched_rank_biserial(difference: ArrayLike, axis: int = -1) -> NDArray[np.f
 
     Args:
         difference: Second minus first; (n,) or more dimensions.
-        axis: Along which the pairs are.
+        axis: The axis of the pairs.
     """
     difference = np.asarray(difference, np.float64)
     zeros = (difference == 0).sum(axis=axis, keepdims=True)
@@ -60,7 +60,7 @@ def rank_biserial(first: ArrayLike, second: ArrayLike, axis: int = -1) -> NDArra
     Args:
         first: (n,) or more dimensions.
         second: (m,) or more.
-        axis: Along which the observations are.
+        axis: The axis of the observations.
     """
     first, second = np.asarray(first, np.float64), np.asarray(second, np.float64)
     n, m = first.shape[axis], second.shape[axis]
@@ -70,7 +70,7 @@ def rank_biserial(first: ArrayLike, second: ArrayLike, axis: int = -1) -> NDArra
 
 
 def paired_effect(first: ArrayLike, second: ArrayLike, seed: int) -> Effect:
-    """Return the effect on paired values; pairs are resampled.
+    """Return the effect size of paired values; pairs are resampled.
 
     Args:
         first: (n,) of one condition.
@@ -81,7 +81,7 @@ def paired_effect(first: ArrayLike, second: ArrayLike, seed: int) -> Effect:
 
 
 def unpaired_effect(first: ArrayLike, second: ArrayLike, seed: int) -> Effect:
-    """Return the effect on independent samples; each is resampled by itself."""
+    """Return the effect size of independent samples; each is resampled separately."""
     samples = (np.asarray(first, np.float64), np.asarray(second, np.float64))
     return _effect(samples, rank_biserial, "rank-biserial", seed)
 
@@ -90,9 +90,9 @@ def _effect(samples: tuple[Any, ...], statistic: Callable[..., Any], name: str, 
     r = float(statistic(*samples))
     if min(len(sample) for sample in samples) < 2:
         return Effect(r, float("nan"), float("nan"), f"{name}, no interval (fewer than 2 values)")
-    for method, says in (("BCa", "bias-corrected accelerated"), ("percentile", "percentile")):
+    for method, description in (("BCa", "bias-corrected accelerated"), ("percentile", "percentile")):
         with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")  # a degenerate sample has no BCa interval, and is told below
+            warnings.simplefilter("ignore")  # a degenerate sample has no BCa interval, which is stated below
             found = stats.bootstrap(
                 samples,
                 statistic,
@@ -102,6 +102,7 @@ def _effect(samples: tuple[Any, ...], statistic: Callable[..., Any], name: str, 
                 rng=np.random.default_rng(seed),
             ).confidence_interval
         if np.isfinite((found.low, found.high)).all():
-            told = f"{name}, 95 % bootstrap interval ({says}, {RESAMPLES} resamples, seed {seed})"
-            return Effect(r, float(found.low), float(found.high), told)
+            method_text = f"{description}, {RESAMPLES} resamples, seed {seed}"
+            variant = f"{name}, 95 % bootstrap interval ({method_text})"
+            return Effect(r, float(found.low), float(found.high), variant)
     return Effect(r, float("nan"), float("nan"), f"{name}, no interval (degenerate sample)")

@@ -1,4 +1,4 @@
-"""Did order or practice do what the condition seems to do? A mixed model by statsmodels."""
+"""Effects of order and practice, estimated by a linear mixed model (statsmodels)."""
 
 import warnings
 
@@ -14,7 +14,7 @@ __all__ = ["MixedModel", "Term", "fit_mixed", "order_effects"]
 
 
 class Term(Struct, frozen=True):
-    """One fixed effect, with its Wald test and 95 % interval (normal: a little too sure with few people)."""
+    """One fixed effect with its Wald test and 95 % interval (normal: too narrow with few participants)."""
 
     name: str
     estimate: float
@@ -35,7 +35,7 @@ class MixedModel(Struct, frozen=True):
     participant_sd: float
     residual_sd: float
     remark: str
-    """What went wrong, or nothing."""
+    """Problem of the fit, or ""."""
 
 
 def fit_mixed(frame: pd.DataFrame, formula: str, name: str = "") -> MixedModel:
@@ -44,17 +44,17 @@ def fit_mixed(frame: pd.DataFrame, formula: str, name: str = "") -> MixedModel:
     Args:
         frame: One row per observation, no NaN in what the formula names.
         formula: In patsy's language.
-        name: Of what is modelled.
+        name: Of the modelled quantity.
     """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         model = smf.mixedlm(formula, frame, groups=frame["participant"])
         fitted = model.fit(
             reml=True, method="powell", xtol=1e-10, ftol=1e-14
-        )  # steps of lbfgs end in a singular matrix
-    told = {str(each.message) for each in caught if issubclass(each.category, ConvergenceWarning)}
+        )  # lbfgs runs into a singular matrix
+    problems = {str(each.message) for each in caught if issubclass(each.category, ConvergenceWarning)}
     remark = "" if fitted.converged else "did not converge"
-    if any("boundary" in text or "singular" in text for text in told):
+    if any("boundary" in text or "singular" in text for text in problems):
         remark = remark or "the variance between participants is at or near zero"
     limits = fitted.conf_int()
     terms = [
@@ -74,15 +74,15 @@ def fit_mixed(frame: pd.DataFrame, formula: str, name: str = "") -> MixedModel:
 
 
 def order_effects(runs: pd.DataFrame, quantity: Quantity, conditions: list[str]) -> MixedModel | None:
-    """Model a measure by condition, by the position of the condition, and by the trial within it.
+    """Model a measure by condition, position of the condition, and trial within it.
 
-    Position is the order in which a participant met the conditions (learning over the session); trial, where
-    there are several, is practice within a block. None where the data cannot tell these apart.
+    Position is that in the participant's order (learning over the session); trial, if there are several, is
+    practice within a block. None where the data do not separate these effects.
 
     Args:
         runs: One row per run, or per participant and condition.
-        quantity: What is modelled; a column.
-        conditions: The first is the one that others are compared with.
+        quantity: The modelled outcome; a column.
+        conditions: The first is the reference.
     """
     frame = runs.dropna(subset=[quantity.name, "position"]).rename(columns={quantity.name: "value"})
     frame = frame[frame["condition"].isin(conditions)]

@@ -1,9 +1,8 @@
-"""The System Usability Scale: from ten answers to a score, and what others' scores make of it.
+"""The System Usability Scale: scores, grades and adjectives.
 
 Score: Brooke (1996), SUS: a quick and dirty usability scale. Grades and percentiles: the curved grading scale
 of Sauro and Lewis (2016), Quantifying the User Experience, 2nd ed., from 241 studies. Adjectives: Bangor,
-Kortum and Miller (2009), J. Usability Studies 4(3); the highest whose mean score is reached, as the paper
-reads them.
+Kortum and Miller (2009), J. Usability Studies 4(3); the highest whose mean score is reached, as in the paper.
 """
 
 from collections.abc import Sequence
@@ -24,7 +23,7 @@ class Grade(Struct, frozen=True):
     letter: str
     from_score: float
     percentiles: str
-    """Which share of the reference scores lies below, in percent."""
+    """Range of percentile ranks among the reference scores."""
 
 
 GRADES = (
@@ -58,62 +57,61 @@ def sus_score(answers: Sequence[int]) -> float:
         answers: Of items 1 to 10, each from 1 (strongly disagree) to 5 (strongly agree).
 
     Raises:
-        ValueError: If there are not ten, or one is out of range.
+        ValueError: If their number is not ten, or one is out of range.
     """
     if len(answers) != ITEMS or any(answer not in (1, 2, 3, 4, 5) for answer in answers):
         raise ValueError(f"SUS takes ten answers from 1 to 5, not {list(answers)}")
     return 2.5 * sum(
-        answer - 1 if item % 2 == 0 else 5 - answer  # items 1, 3, ... praise; 2, 4, ... complain
+        answer - 1 if item % 2 == 0 else 5 - answer  # items 1, 3, ... are positive; 2, 4, ... negative
         for item, answer in enumerate(answers)
     )
 
 
 def grade(score: float) -> Grade:
-    """Return the grade of a score, or of a mean of scores, rounded to one decimal as the scale is printed."""
+    """Return the grade of a score or mean score, rounded to one decimal like the published scale."""
     return next(each for each in GRADES if round(score, 1) >= each.from_score)
 
 
 def adjective(score: float) -> str:
-    """Return the word for a score, or for a mean of scores."""
-    return next(word for least, word in ADJECTIVES if round(score, 1) >= least)
+    """Return the adjective for a score or mean score."""
+    return next(adjective for minimum, adjective in ADJECTIVES if round(score, 1) >= minimum)
 
 
 def sus_scores(answers: pd.DataFrame) -> pd.DataFrame:
     """Score every SUS in the answers of a study.
 
-    An incomplete questionnaire has no score (NaN): nothing is filled in.
+    An incomplete questionnaire has no score (NaN); nothing is imputed.
 
     Args:
         answers: The table of answers.
 
     Returns:
-        participant, condition, position (where known), answered (items), sus.
+        participant, condition, position (NaN if unknown), answered (items), sus.
 
     Raises:
-        BadInput: If an item or an answer is none of SUS.
+        BadInput: If an item or an answer is not valid for the SUS.
     """
-    asked = answers[answers["questionnaire"].astype(str).str.lower() == "sus"]
+    answers = answers[answers["questionnaire"].astype(str).str.lower() == "sus"]
     rows = []
-    for (participant, condition), sheet in asked.groupby(["participant", "condition"], sort=True):
-        who = f"SUS of {participant}, {condition}"
-        given = {_whole(item, who, "item", ITEMS): answer for item, answer in _pairs(sheet)}
-        if len(given) != len(sheet):
-            raise BadInput("an item was answered twice", place=who)
-        known = {item: _whole(answer, who, "answer", 5) for item, answer in given.items() if pd.notna(answer)}
-        score = sus_score([known[item] for item in sorted(known)]) if len(known) == ITEMS else float("nan")
-        position = sheet["position"].iloc[0] if "position" in sheet else float("nan")
-        rows.append((participant, condition, position, len(known), score))
+    for (participant, condition), group in answers.groupby(["participant", "condition"], sort=True):
+        place = f"SUS of {participant}, {condition}"
+        pairs = zip(group["item"], group["answer"], strict=True)
+        given = {_integer(item, place, "item", ITEMS): answer for item, answer in pairs}
+        if len(given) != len(group):
+            raise BadInput("an item was answered twice", place=place)
+        valid = {
+            item: _integer(answer, place, "answer", 5) for item, answer in given.items() if pd.notna(answer)
+        }
+        score = sus_score([valid[item] for item in sorted(valid)]) if len(valid) == ITEMS else float("nan")
+        position = group["position"].iloc[0] if "position" in group else float("nan")
+        rows.append((participant, condition, position, len(valid), score))
     return pd.DataFrame(rows, columns=["participant", "condition", "position", "answered", "sus"])
 
 
-def _pairs(sheet: pd.DataFrame) -> list[tuple[object, object]]:
-    return list(zip(sheet["item"], sheet["answer"], strict=True))
-
-
-def _whole(value: object, who: str, what: str, largest: int) -> int:
-    """Read a whole number from 1; an item may be called `sus_3` or `q3` as well as `3`."""
+def _integer(value: object, place: str, what: str, maximum: int) -> int:
+    """Parse an integer from 1; items may be named `sus_3` or `q3` as well as `3`."""
     text = str(value).strip()
     digits = text.lower().removeprefix("sus").lstrip("_q ") if what == "item" else text.removesuffix(".0")
-    if not digits.isdigit() or not 1 <= int(digits) <= largest:
-        raise BadInput(f"{what} {text!r} is none of 1 to {largest}", place=who)
+    if not digits.isdigit() or not 1 <= int(digits) <= maximum:
+        raise BadInput(f"{what} {text!r} is not a number from 1 to {maximum}", place=place)
     return int(digits)

@@ -1,4 +1,4 @@
-"""The first tables."""
+"""Create the first tables."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -9,7 +9,7 @@ __all__ = ["down_revision", "revision", "upgrade"]
 
 
 def upgrade() -> None:
-    """Make the tables."""
+    """Create the tables."""
     op.create_table(
         "studies",
         sa.Column("study", sa.String(length=80), autoincrement=False, nullable=False),
