@@ -40,7 +40,7 @@ def print_latency(name: str, latency_ms: list[float]) -> None:
 
 def ros2(peer: Peer) -> list[float]:
     """Subscribe to the needle's tip in ROS 2."""
-    peer.hear("/haptigraph/needle_tip", PointStamped)
+    peer.subscribe("/haptigraph/needle_tip", PointStamped)
     peer.next("/haptigraph/needle_tip")
     latency_ms = []
     for _ in range(COUNT):
@@ -97,8 +97,8 @@ def silence(peer: Peer) -> list[float]:
     eye.write_text(source.registration)
     device = ("--device", "ros2", "--bridge", "ros2")
     with running("ros2:/camera/image", "--registration", eye, *device):
-        peer.hear("/joy/set_feedback", JoyFeedback)
-        say = peer.say("/camera/image", CompressedImage)
+        peer.subscribe("/joy/set_feedback", JoyFeedback)
+        say = peer.publisher("/camera/image", CompressedImage)
         until(lambda: "/joy/set_feedback" in peer.node.published(), "the run does not start")
         for _ in range(STOPS):
             amplitude = 0.0
@@ -106,10 +106,10 @@ def silence(peer: Peer) -> list[float]:
                 last_s = time.perf_counter()
                 say.send(CompressedImage(Header(Time.from_ns(time.time_ns())), "jpeg", data))
                 time.sleep(0.033)
-                while not peer.heard["/joy/set_feedback"].empty():
-                    amplitude = peer.heard["/joy/set_feedback"].get().intensity
+                while not peer.received["/joy/set_feedback"].empty():
+                    amplitude = peer.received["/joy/set_feedback"].get().intensity
             while amplitude > 0.0:
-                amplitude = peer.heard["/joy/set_feedback"].get(timeout=5).intensity
+                amplitude = peer.received["/joy/set_feedback"].get(timeout=5).intensity
             latency_ms.append((time.perf_counter() - last_s) * 1e3)
     return latency_ms
 

@@ -22,7 +22,7 @@ from haptigraph.geometry import Point, Polyline, Segment
 from haptigraph.messages import Capture, Observation
 from haptigraph.registration.loading import parse_registration
 from haptigraph.registration.oct import ScanRegistration
-from haptigraph.registration.registered import Registered
+from haptigraph.registration.registered import BaseRegistration
 from haptigraph.sim.oct.bscan import BscanTruth
 from haptigraph.sim.oct.scenes import BscanScene, random_scene
 from haptigraph.stages import Perceiver
@@ -56,7 +56,7 @@ class Sample(NamedTuple):
     """One random B-scan with its perceiver and ground truth."""
 
     perceive: Perceiver
-    registration: Registered
+    registration: BaseRegistration
     capture: Capture
     truth: BscanTruth
 

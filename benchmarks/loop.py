@@ -18,7 +18,7 @@ from haptigraph.messages import Capture
 from haptigraph.pipeline import Pipeline
 from haptigraph.registration.loading import load_registration, parse_registration
 from haptigraph.run_report import Durations
-from haptigraph.sources.played import played
+from haptigraph.sources.reading import read_images
 
 CLIP = Path(__file__).parents[2] / "shared" / "clips" / "A_easy"
 IMAGES = 300
@@ -42,7 +42,7 @@ def load(procedure: str = "subretinal_injection") -> tuple[str, Pipeline, list[C
     source = assemble.open_source(config, VirtualClock())
     if source.registration is not None:
         registration = parse_registration(source.registration, uri)
-    with closing(played(source)) as images:
+    with closing(read_images(source)) as images:
         captures = [replace(capture, encoded=None) for capture in islice(images, IMAGES)]
     pipeline = assemble.build_pipeline(config, registration, assemble.load_procedure(procedure))
     return uri, pipeline, captures

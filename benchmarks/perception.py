@@ -22,7 +22,7 @@ from haptigraph.config import Config, load_config
 from haptigraph.messages import Capture, Image
 from haptigraph.registration.camera import Registration
 from haptigraph.registration.loading import load_registration, parse_registration
-from haptigraph.sources.played import played
+from haptigraph.sources.reading import read_images
 
 SIMULATED = "phantom:align_then_approach"
 IMAGES = 300
@@ -63,7 +63,7 @@ def load(folder: Path | None) -> tuple[Registration, list[Capture]]:
         registration = load_registration(folder / "registration.toml")
     else:
         registration = parse_registration(source.registration or "", uri)
-    with closing(played(source)) as images:
+    with closing(read_images(source)) as images:
         captures = [replace(capture, encoded=None) for capture in islice(images, IMAGES)]
     return registration, captures
 

@@ -12,7 +12,7 @@ import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
-from haptigraph.analysis.registering.registering import sound_anatomy
+from haptigraph.analysis.registering.registering import plausible_anatomy
 from haptigraph.errors import BadInput
 from haptigraph.geometry import ImageGeometry, Vec
 from haptigraph.messages import Image
@@ -81,7 +81,7 @@ def random_view(number: int, seed: int = 0) -> View:
         moments = [first.image] if first else []
     needle = "one image" if is_single else "needle" if has_needle else "no needle"
     return View(
-        says=f"{scene.difficulty}, {needle}, tilt {tilt_deg:.0f} deg, camera at {distance_mm:.0f} mm, "
+        says=f"{scene.nuisance}, {needle}, tilt {tilt_deg:.0f} deg, camera at {distance_mm:.0f} mm, "
         f"rim {rim_mm:.1f} mm in front",
         images=tuple(moments[::EVERY]),
         truth=phantom.camera.geometry,
@@ -97,13 +97,13 @@ def errors_px(anatomy: Anatomy, view: View) -> ViewErrors:
     """Compare a registration with the ground truth, in the camera's image."""
     truth, radius_px = view.truth, view.radius_mm / view.truth.mm_per_px
     trocars = [truth.to_px(trocar_mm) for trocar_mm in view.trocars_mm]
-    found = [anatomy.seen_px(trocar.point_px) for trocar in anatomy.trocars]
+    found = [anatomy.image_px(trocar.point_px) for trocar in anatomy.trocars]
     retina_errors_px = [
-        abs(math.hypot(*truth.to_mm(anatomy.seen_px(point_px))) - view.radius_mm) / truth.mm_per_px
+        abs(math.hypot(*truth.to_mm(anatomy.image_px(point_px))) - view.radius_mm) / truth.mm_per_px
         for point_px in anatomy.contour_px
     ]
     return ViewErrors(
-        center_px=math.dist(anatomy.seen_px(anatomy.center_px), truth.to_px((0.0, 0.0))),
+        center_px=math.dist(anatomy.image_px(anatomy.center_px), truth.to_px((0.0, 0.0))),
         radius_px=abs(anatomy.radius_px - radius_px),
         retina_px=max(retina_errors_px),
         trocar_px=max((min(math.dist(a, b) for b in trocars) for a in found), default=math.nan),
@@ -182,7 +182,7 @@ def main() -> None:
     for number in range(scenes):
         view = random_view(number, seed)
         try:
-            anatomy = sound_anatomy(view.images, 2 * view.radius_mm, view.says)
+            anatomy = plausible_anatomy(view.images, 2 * view.radius_mm, view.says)
         except BadInput as error:
             refused += 1
             print(f"{number:3d}  REFUSED {error}", flush=True)
@@ -221,7 +221,7 @@ def report(title: str, found: np.ndarray) -> None:
 def is_refused(image: np.ndarray, name: str) -> bool:
     """Return whether a picture is refused, and print the reason."""
     try:
-        sound_anatomy([image], 24.0, name)
+        plausible_anatomy([image], 24.0, name)
     except BadInput as error:
         print(f"  {error}", flush=True)
         return True

@@ -10,7 +10,7 @@ from haptigraph.clock import Clock, MonotonicClock, VirtualClock
 from haptigraph.config import Config
 from haptigraph.errors import BadInput, NeedsRegistration, unknown_name
 from haptigraph.haptics.observed_device import Listener, ObservedDevice
-from haptigraph.haptics.pattern import beyond
+from haptigraph.haptics.pattern import unsupported
 from haptigraph.pipeline import HapticOutput, Loop, Pipeline
 from haptigraph.recording.writer import Progress, RunWriter
 from haptigraph.run_header import run_info
@@ -20,7 +20,7 @@ from haptigraph.version import __version__
 
 if TYPE_CHECKING:
     from haptigraph.inference.procedure import Procedure
-    from haptigraph.registration.registered import Registered
+    from haptigraph.registration.registered import BaseRegistration
 
 __all__ = [
     "DEVICES",
@@ -119,8 +119,8 @@ def build(
         undo.callback(device.close)
         for observer in (*(bridge.send_output for bridge in bridges), *((listener,) if listener else ())):
             device = ObservedDevice(device, observer)
-        hand = _output(device, config, clock)
-        undo.callback(hand.close)
+        output = _output(device, config, clock)
+        undo.callback(output.close)
         recorders: list[Sink] = []
         if writer is not None:
             recorder = _load("haptigraph.sinks.recorder:Recorder")
@@ -129,7 +129,7 @@ def build(
         loop = Loop(
             pipeline,
             source=source,
-            hand=hand,
+            output=output,
             sinks=[*bridges, *recorders, *sinks],
             clock=clock,
             stale_ms=config.run.stale_ms,
@@ -158,7 +158,10 @@ def is_realtime(config: Config) -> bool:
 
 
 def build_pipeline(
-    config: Config, registration: "Registered", procedure: "Procedure", perceive: Perceiver | None = None
+    config: Config,
+    registration: "BaseRegistration",
+    procedure: "Procedure",
+    perceive: Perceiver | None = None,
 ) -> Pipeline:
     """Assemble the four stages alone, for replay, evaluation and simulated studies.
 
@@ -193,7 +196,7 @@ def open_source(config: Config, clock: Clock, size_px: tuple[int, int] | None = 
     Args:
         config: Its [source] table is used.
         clock: Stamps live images; with a virtual clock, reading a file never times out.
-        size_px: Registered width and height, to request from a camera.
+        size_px: BaseRegistration width and height, to request from a camera.
 
     Raises:
         BadInput: If the source cannot be opened or lacks a member of `Source`.
@@ -273,7 +276,7 @@ def _measure_shapes() -> dict[str, tuple[tuple[str, str], ...]]:
     return {name: tuple(measure.shapes) for name, measure in MEASURES.items()}
 
 
-def _perceiver(config: Config, registration: "Registered", procedure: "Procedure") -> Perceiver:
+def _perceiver(config: Config, registration: "BaseRegistration", procedure: "Procedure") -> Perceiver:
     name = perceiver_name(config, procedure)
     perceiver = _perceiver_class(name)
     _load("haptigraph.registration.oct:check_fits")(name, perceiver.needs_scan, registration)
@@ -291,7 +294,7 @@ def _perceiver_class(name: str) -> PerceiverClass:
     return perceiver
 
 
-def _own_registration(source: Source, config: Config) -> "Registered":
+def _own_registration(source: Source, config: Config) -> "BaseRegistration":
     from haptigraph.registration.loading import parse_registration
 
     if source.registration is not None:
@@ -309,7 +312,7 @@ def _output(device: Device, config: Config, clock: Clock) -> HapticOutput:
 
 
 def _notes(config: Config, source: Source, procedure: "Procedure", device: Device) -> list[str]:
-    limits = (note for pattern in procedure.patterns for note in beyond(pattern, device.capabilities))
+    limits = (note for pattern in procedure.patterns for note in unsupported(pattern, device.capabilities))
     notes = [*source.notes, *(f"{config.haptics.device}: {note}" for note in limits)]
     if split_source(config.source.uri, SOURCES)[0] == "teleop":
         notes.append(

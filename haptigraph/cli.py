@@ -21,7 +21,7 @@ from haptigraph.commands.study_erase import erase
 from haptigraph.commands.study_report import study_report
 from haptigraph.commands.study_run import study_run
 from haptigraph.commands.study_simulated import simulate, sweep
-from haptigraph.commands.terminal import tell
+from haptigraph.commands.terminal import print_status
 from haptigraph.errors import HaptigraphError, RenamedKey
 from haptigraph.version import __version__
 
@@ -39,22 +39,22 @@ class Commands(click.Group):
                 warnings.showwarning = _show_warning
                 return super().invoke(ctx)
         except HaptigraphError as error:
-            tell(f"haptigraph: {error}")
+            print_status(f"haptigraph: {error}")
             ctx.exit(2)
         except BrokenPipeError:
             raise  # the reader of a pipe has closed it; click exits quietly
         except OSError as error:
             where = f"{error.filename}: " if error.filename else ""
-            tell(f"haptigraph: {where}{error.strerror or error}")
+            print_status(f"haptigraph: {where}{error.strerror or error}")
             ctx.exit(2)
         except KeyboardInterrupt:
-            tell("haptigraph: stopped")
+            print_status("haptigraph: stopped")
             ctx.exit(130)
 
 
 def _show_warning(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
     kind = "" if issubclass(category, RenamedKey) else f"{category.__name__}: "
-    tell(f"haptigraph: {kind}{message}")
+    print_status(f"haptigraph: {kind}{message}")
 
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})

@@ -107,7 +107,7 @@ class Loop:
     Args:
         pipeline: The stages.
         source: Delivers the captures.
-        hand: Receives the commands.
+        output: Receives the commands.
         sinks: Receive every step.
         clock: The run's clock; with a virtual one the loop runs as fast as it can.
         stale_ms: Without a new image for so long, the needle counts as lost.
@@ -119,13 +119,13 @@ class Loop:
         pipeline: Pipeline,
         *,
         source: Source,
-        hand: HapticOutput,
+        output: HapticOutput,
         sinks: Sequence[Sink] = (),
         clock: Clock,
         stale_ms: float = 100.0,
         notes: Sequence[str] = (),
     ) -> None:
-        self.pipeline, self.source, self.hand, self.sinks = pipeline, source, hand, tuple(sinks)
+        self.pipeline, self.source, self.output, self.sinks = pipeline, source, output, tuple(sinks)
         self.notes, self.report = tuple(notes), RunReport()
         self._clock, self._stale_ms = clock, stale_ms
         self._start_ns: int | None = None
@@ -175,7 +175,7 @@ class Loop:
         """Silence the actuator and close everything, whether the loop ran or not. May be called twice."""
         try:
             if not self._is_silent:
-                self.hand.close()
+                self.output.close()
                 self._is_silent = True  # not if Ctrl-C interrupted it
         finally:
             self._close_others()
@@ -196,7 +196,7 @@ class Loop:
         step = self.pipeline.step(capture)
         stage_ns = {**self.pipeline.stage_ns, "step": time.perf_counter_ns() - begun_ns}
         processed_ns = self._clock.now_ns()
-        self.hand.send(step, processed_ns)
+        self.output.send(step, processed_ns)
         step = replace(step, timing=Timing(processed_ns, self._clock.now_ns(), stage_ns))
         for sink in self.sinks:
             sink.write(capture, step)
@@ -256,7 +256,7 @@ class Loop:
 
     def _take_faults(self) -> tuple[Fault, ...]:
         of_sinks = [fault for sink in self.sinks for fault in sink.take_faults()]
-        return *self.hand.take_faults(), *of_sinks
+        return *self.output.take_faults(), *of_sinks
 
     def _close_sink(self, sink: Sink) -> None:
         sink.close()

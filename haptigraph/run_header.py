@@ -13,7 +13,7 @@ from haptigraph.stages import Source
 
 if TYPE_CHECKING:
     from haptigraph.inference.procedure import Procedure
-    from haptigraph.registration.registered import Registered
+    from haptigraph.registration.registered import BaseRegistration
 
 __all__ = ["run_info", "run_info_at"]
 
@@ -21,7 +21,7 @@ __all__ = ["run_info", "run_info_at"]
 def run_info(
     config: Config,
     source: Source,
-    registration: "Registered",
+    registration: "BaseRegistration",
     procedure: "Procedure",
     clock: Clock,
     version: str,
@@ -37,7 +37,7 @@ def run_info_at(
     utc_offset_ns: int,
     config: Config,
     rate_hz: float,
-    registration: "Registered",
+    registration: "BaseRegistration",
     procedure: "Procedure",
     version: str,
 ) -> RunInfo:

@@ -75,7 +75,7 @@ def tips(registration):
 def loop_of(pipeline, source, **options):
     output, sink = Memory(), Memory()
     clock = options.pop("clock", VirtualClock())
-    return Loop(pipeline, source=source, hand=output, sinks=[sink], clock=clock, **options), output, sink
+    return Loop(pipeline, source=source, output=output, sinks=[sink], clock=clock, **options), output, sink
 
 
 def states(sink):

@@ -181,7 +181,10 @@ def _draw_one(one: Scored) -> Image:
     for row, lit in ((truth.ilm_px, truth.ilm_lit), (truth.rpe_px, truth.rpe_lit)):
         _dots(canvas, columns[lit][::6], row[lit][::6], TRUE)
     found = one.found
-    for row, visible, color in ((found.ilm_px, found.ilm_seen, ILM), (found.rpe_px, found.rpe_seen, RPE)):
+    for row, visible, color in (
+        (found.ilm_px, found.ilm_visible, ILM),
+        (found.rpe_px, found.rpe_visible, RPE),
+    ):
         _dots(canvas, np.rint(found.x_px[visible]), row[visible], color)
     if truth.needle is not None:
         cv2.circle(canvas, _rounded(truth.needle.tip_px), 8, TRUE, 1, cv2.LINE_AA)

@@ -59,8 +59,8 @@ def score(model: OnnxModel, count: int, seed: int = SCORING_SEED) -> Iterator[Sc
         found, shaft = interpret(maps, model.spec, (scan.image.shape[1], scan.image.shape[0]))
         truth = scan.truth
         surfaces = {
-            "ILM": (_rows(found.x_px, found.ilm_px, found.ilm_seen), truth.ilm_px, truth.ilm_lit),
-            "RPE": (_rows(found.x_px, found.rpe_px, found.rpe_seen), truth.rpe_px, truth.rpe_lit),
+            "ILM": (_rows(found.x_px, found.ilm_px, found.ilm_visible), truth.ilm_px, truth.ilm_lit),
+            "RPE": (_rows(found.x_px, found.rpe_px, found.rpe_visible), truth.rpe_px, truth.rpe_lit),
         }
         angle, tip = _needle_errors(shaft, scan)
         yield Scored(

@@ -16,7 +16,7 @@ from haptigraph.errors import HaptigraphError, MissingExtra
 from haptigraph.graph import SceneGraph
 from haptigraph.haptics.guard import Guard
 from haptigraph.haptics.observed_device import PAGE_CONTROLLER
-from haptigraph.haptics.pattern import beyond, duration_ns
+from haptigraph.haptics.pattern import duration_ns, unsupported
 from haptigraph.messages import (
     OFF,
     Capabilities,
@@ -69,7 +69,7 @@ class DeviceTest:
 
     def __init__(self, device: Device) -> None:
         self.capabilities = device.capabilities
-        self.told = Durations()
+        self.latencies = Durations()
         self.count = 0
         self.faults: list[Fault] = []
         self._device = device
@@ -78,7 +78,7 @@ class DeviceTest:
         """Forward a command to the device and measure it."""
         started_ns = time.perf_counter_ns()
         self._device.set(amplitude, frequency_hz, stamp_ns)
-        self.told.add(time.perf_counter_ns() - started_ns)
+        self.latencies.add(time.perf_counter_ns() - started_ns)
         self.count += 1
 
     def close(self) -> None:
@@ -101,7 +101,7 @@ def play_grammar(
     guard = Guard(test, HapticsConfig())
     try:
         for pattern in (pattern for pattern in patterns if pattern.kind != "off"):
-            limits = "; ".join(note.partition(": ")[2] for note in beyond(pattern, device.capabilities))
+            limits = "; ".join(note.partition(": ")[2] for note in unsupported(pattern, device.capabilities))
             announce(f"{pattern.name:10} {_pattern_text(pattern)}" + (f"  ({limits})" if limits else ""))
             _play(guard, pattern, duration_ns(pattern) or CONTINUOUS_NS, clock)
             _play(guard, OFF, PAUSE_NS, clock)

@@ -49,7 +49,7 @@ def devices_test(device: str, procedure: str | None) -> None:
         trial = play_grammar(opened, patterns, MonotonicClock(), click.echo)
     if trial.faults:
         raise DeviceError(f"{device}: {trial.faults[0].message}")
-    p50_ms, p99_ms = (trial.told.percentile_ms(percent) for percent in (50, 99))
+    p50_ms, p99_ms = (trial.latencies.percentile_ms(percent) for percent in (50, 99))
     click.echo(f"{trial.count} commands, {p50_ms:.2f} ms each (p50), {p99_ms:.2f} ms (p99)")
     if trial.capabilities.answers:
         click.echo("the device confirmed each one, so this is the round trip")

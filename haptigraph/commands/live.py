@@ -6,7 +6,7 @@ import click
 
 from haptigraph.commands.options import page_options, page_token, run_options, run_settings
 from haptigraph.commands.running import run_loop
-from haptigraph.commands.terminal import tell, terminable
+from haptigraph.commands.terminal import print_status, terminable
 from haptigraph.errors import NeedsRegistration
 
 __all__ = ["live"]
@@ -53,9 +53,9 @@ def live(
             run_loop(settled, page)
             return
         except NeedsRegistration as needed:
-            tell(f"haptigraph: {needed}")
-        tell(f"haptigraph: or create one now; the page is at {page.address}")
+            print_status(f"haptigraph: {needed}")
+        print_status(f"haptigraph: or create one now; the page is at {page.address}")
         with terminable():
-            made = page.registered_first()
+            made = page.wait_for_registration()
         settled = replace(settled, source=replace(settled.source, registration=made))
         run_loop(settled, page_of(settled))

@@ -35,12 +35,14 @@ def register(
     For B-scans (oct:PATH) the command checks scale and crop instead, which you set with
     --set source.axial_mm_per_px=..., source.lateral_mm_per_px=... and source.crop_px=[LEFT,TOP,WIDTH,HEIGHT].
     """
-    from haptigraph.analysis.registering.oct import brings_scans, register_scans
+    from haptigraph.analysis.registering.oct import is_bscan_source, register_scans
     from haptigraph.analysis.registering.overrides import Overrides
     from haptigraph.analysis.registering.registering import register_source
 
-    if brings_scans(source):
-        click.echo(register_scans(source, output, settings, picture, force=force, most=overrides["images"]))
+    if is_bscan_source(source):
+        click.echo(
+            register_scans(source, output, settings, picture, force=force, max_images=overrides["images"])
+        )
         return
     if settings:
         raise BadInput(f"--set is for B-scans (oct:PATH), not for {source}")
@@ -68,7 +70,7 @@ def check(procedure: str, prover: Literal["auto", "exhaustive", "z3"], picture: 
     from rich.text import Text
 
     from haptigraph.analysis.plots.explanation import explain
-    from haptigraph.analysis.plots.proof_text import claims_table, told
+    from haptigraph.analysis.plots.proof_text import claims_table, proof_summary
     from haptigraph.assemble import load_procedure
     from haptigraph.proof.prove import prove
 
@@ -83,6 +85,6 @@ def check(procedure: str, prover: Literal["auto", "exhaustive", "z3"], picture: 
     console.print(Text.assemble((loaded.title, "bold"), f"  {loaded.source}\nsha256 {loaded.sha256}"))
     for table in (*explain(loaded), claims_table(proof)):
         console.print(table)
-    console.print(told(proof), highlight=False)
+    console.print(proof_summary(proof), highlight=False)
     if not proof.holds:
         sys.exit(1)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from haptigraph.commands.options import run_options, run_settings, settings_of
-from haptigraph.commands.terminal import progress_bar, tell, terminable
+from haptigraph.commands.terminal import print_status, progress_bar, terminable
 from haptigraph.errors import BadInput, HaptigraphError
 
 if TYPE_CHECKING:
@@ -89,14 +89,14 @@ def run_loop(config: "Config", page: "LivePage | None" = None) -> bool:
     with terminable(), progress_bar() as progress:
         console = ConsoleSink(shows_time=not is_realtime(config))
         sinks: list[Sink] = [console, page.hub] if page else [console]
-        listener = page.hub.felt if page else None
+        listener = page.hub.record_level if page else None
         with (
             closing(build(config, sinks=sinks, progress=progress, listener=listener)) as loop,
             page.served(loop, measures) if page else nullcontext(),
         ):
             notes = [f"haptigraph: the page is at {page.address}"] if page else []
             for note in (*notes, *loop.notes):
-                tell(note)
+                print_status(note)
             failure = _run_to_end(loop, measures)
             if loop.report.steps or failure is None:
                 click.echo(f"\n{summary(measures, loop.report)}")
@@ -118,7 +118,7 @@ def _run_to_end(loop: "Loop", measures: "RunMeasures") -> HaptigraphError | None
             for step in steps:
                 measures.add(step)
                 for claim in measures.just_broken:
-                    tell(f"{(step.stamp_ns - measures.first_ns) / 1e9:7.2f} s  ! violated: {claim}")
+                    print_status(f"{(step.stamp_ns - measures.first_ns) / 1e9:7.2f} s  ! violated: {claim}")
     except KeyboardInterrupt:
         loop.report.ended = "interrupted"
     except HaptigraphError as error:
@@ -132,7 +132,7 @@ def _end_page(page: "LivePage", ended: str) -> None:
     stays = ended == "source ended"
     with suppress(KeyboardInterrupt):  # the user may press Ctrl-C as soon as the page shows the end
         if stays:
-            tell("haptigraph: the source has ended; the page stays until Ctrl-C")
+            print_status("haptigraph: the source has ended; the page stays until Ctrl-C")
         page.end(ended)
         if stays:
             page.wait()

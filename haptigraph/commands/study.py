@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from haptigraph.commands.terminal import progress_bar, tell
+from haptigraph.commands.terminal import print_status, progress_bar
 from haptigraph.errors import BadInput
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ def check(folder: str, store: str | None) -> None:
         _print(table)
     click.echo(f"{state}\nsha256 {sha256}")
     for problem in problems:
-        tell(f"haptigraph: {problem}")
+        print_status(f"haptigraph: {problem}")
     if problems:
         sys.exit(1)
     click.echo("no errors")
@@ -163,7 +163,7 @@ def export_measured(
         problems = measure_study(opened, protocol.study.name, protocol.folder, progress)
         export_study(opened, protocol.study.name, output, more)
     for problem in problems:
-        tell(f"haptigraph: not measured: {problem}")
+        print_status(f"haptigraph: not measured: {problem}")
 
 
 @study.command(name="import")

@@ -15,7 +15,7 @@ from haptigraph.commands.options import (
     set_option,
 )
 from haptigraph.commands.study import STORE, folder_argument, store_option
-from haptigraph.commands.terminal import tell, terminable
+from haptigraph.commands.terminal import print_status, terminable
 from haptigraph.errors import BadInput
 
 if TYPE_CHECKING:
@@ -84,11 +84,15 @@ def study_run(
         service = StudyService(Path(folder), stored, name)
         site = StudySite(service, base, listener, host=host, token=page_token(host, token))
         with site.served():
-            tell(f"haptigraph: study {stored.name}{' (simulated)' * stored.simulated}, station {name}")
-            tell(f"haptigraph: the page is at {site.address()} for the experimenter")
-            tell(f"haptigraph: and at {site.address('/participant')} for the participant; Ctrl-C ends both")
+            print_status(
+                f"haptigraph: study {stored.name}{' (simulated)' * stored.simulated}, station {name}"
+            )
+            print_status(f"haptigraph: the page is at {site.address()} for the experimenter")
+            print_status(
+                f"haptigraph: and at {site.address('/participant')} for the participant; Ctrl-C ends both"
+            )
             try:
-                run_trials(service, site, base, tell)
+                run_trials(service, site, base, print_status)
             finally:
                 service.close()
 

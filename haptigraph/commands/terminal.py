@@ -11,10 +11,10 @@ import click
 if TYPE_CHECKING:
     from haptigraph.recording.writer import Progress
 
-__all__ = ["progress_bar", "tell", "terminable"]
+__all__ = ["print_status", "progress_bar", "terminable"]
 
 
-def tell(text: str) -> None:
+def print_status(text: str) -> None:
     """Print a status line to standard error, if it is still open."""
     with suppress(OSError):
         click.echo(text, err=True)

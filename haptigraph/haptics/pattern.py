@@ -7,12 +7,12 @@ from haptigraph.messages import Capabilities, HapticCommand, Pattern
 __all__ = [
     "NS_PER_MS",
     "amplitude_at",
-    "beyond",
     "duration_ns",
     "fit_to_device",
     "min_interval_ms",
     "next_change_ns",
     "position_ns",
+    "unsupported",
 ]
 
 NS_PER_MS = 1_000_000
@@ -89,7 +89,7 @@ def fit_to_device(pattern: Pattern, capabilities: Capabilities) -> Pattern:
     return replace(pattern, on_ms=on_ms, off_ms=off_ms)
 
 
-def beyond(pattern: Pattern, capabilities: Capabilities) -> list[str]:
+def unsupported(pattern: Pattern, capabilities: Capabilities) -> list[str]:
     """Return what a device cannot do of a pattern, one sentence each."""
     sentences = []
     if pattern.kind != "off" and capabilities.frequency_range_hz is None and pattern.frequency_hz:

@@ -48,7 +48,7 @@ class Ros2Device:
         self._publisher = self._node.publisher(self._topic, types.JoyFeedback)
         tick = threading.Event()
         for _ in range(round(DISCOVERY_S / TICK_S)):  # otherwise the first command would reach nobody
-            if self._publisher.has_listeners:
+            if self._publisher.has_subscribers:
                 break
             tick.wait(TICK_S)
 
@@ -74,7 +74,7 @@ class Ros2Device:
             self._publish(amplitude)
         except OSError as error:
             raise DeviceError(f"ros2:{self._topic} cannot be published ({error})") from None
-        if not self._publisher.has_listeners:
+        if not self._publisher.has_subscribers:
             raise DeviceError(f"nobody subscribes to ros2:{self._topic} (ROS domain {self._node.domain})")
 
     def close(self) -> None:

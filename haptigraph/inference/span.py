@@ -19,7 +19,7 @@ class RunSpan(Struct, frozen=True, forbid_unknown_fields=True):
     contact_in: str = "retinal_contact"
     """The state that counts as an unintended contact."""
 
-    def is_told_by(self, schema: Schema) -> bool:
+    def is_defined_in(self, schema: Schema) -> bool:
         """Return whether a schema has the edge that begins a run; without it, no run begins."""
         return any(relation.names == self.begins for relation in schema.relations)
 

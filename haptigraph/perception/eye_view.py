@@ -10,7 +10,7 @@ from haptigraph.geometry import Vec
 from haptigraph.imaging import grey_of, tilt_corrected
 from haptigraph.messages import Image
 from haptigraph.registration.camera import Registration
-from haptigraph.registration.registered import VIEW_MARGIN, Registered
+from haptigraph.registration.registered import VIEW_MARGIN, BaseRegistration
 
 __all__ = ["IoctView"]
 
@@ -23,7 +23,7 @@ class IoctView:
         size_px: Side of the square picture.
     """
 
-    def __init__(self, registration: Registered, size_px: int = 480) -> None:
+    def __init__(self, registration: BaseRegistration, size_px: int = 480) -> None:
         self.size_px = size_px
         self.half_mm = registration.view_half_mm
         """From the picture's middle to its edge, eye frame."""

@@ -64,7 +64,7 @@ class Interval(Struct, frozen=True):
             return 0.0
         return (self.low if value <= self.low else self.high) - value
 
-    def said(self, name: str) -> str:
+    def describe(self, name: str) -> str:
         """Return the condition that a measure is in the interval: "0.7 < theta_deg <= 1.7"."""
         if self.low == self.high:
             return f"{name} = {self.low:g}"

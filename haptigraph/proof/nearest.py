@@ -197,7 +197,7 @@ class Nearest:
         scale = self._space.scales[at]
         low = -inf if interval.low == scale.limits.lower else interval.low
         high = inf if interval.high == scale.limits.upper else interval.high
-        return Interval(low, high, interval.has_low, interval.has_high).said(scale.name)
+        return Interval(low, high, interval.has_low, interval.has_high).describe(scale.name)
 
     def _needed(self, rule: int, successor: _Successor, measures: dict[str, float]) -> list[int]:
         """Return the measures whose interval matters; that of a newly defined measure may not."""

@@ -29,7 +29,7 @@ class Claim(Struct, frozen=True):
     """One statement that is to be true of every possible graph by itself."""
 
     name: str
-    says: str
+    statement: str
     violations: tuple[Violation, ...] = ()
     not_while_held: tuple[str, ...] = ()
     """States that violate it while they are held (`hold_ms`) although the graph has changed."""
@@ -48,7 +48,7 @@ class Proof(Struct, frozen=True):
     method: str
     """How it was proved, and over how many graphs."""
     claims: tuple[Claim, ...]
-    watched: tuple[str, ...] = ()
+    monitored: tuple[str, ...] = ()
     """Temporal claims: runs monitor them, nothing is proved about them."""
     held_ms: dict[str, float] = {}
     """States that outlast their graph, and how long. Claims are about graphs, not about time."""

@@ -92,7 +92,7 @@ class Subject:
         if bit >= len(schema.relations):
             return schema.entities[bit - len(schema.relations)].name
         relation = schema.relations[bit]
-        return f"{Triplet(*relation.names)} ({bounds_of(relation).said(schema.measure_name(relation))})"
+        return f"{Triplet(*relation.names)} ({bounds_of(relation).describe(schema.measure_name(relation))})"
 
     def _state_of(self, graph: SceneGraph) -> str:
         """Return the state of a graph by itself, whatever state is held."""

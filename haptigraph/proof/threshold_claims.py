@@ -69,13 +69,13 @@ def _gaps(subject: Subject) -> Iterator[Violation]:
                 str(Triplet(*subject.procedure.schema.relations[at].names)) for at in scale.relations
             )
             sentence = (
-                f"where {interval.said(scale.name)}, neither {names} holds; move a threshold, or declare "
+                f"where {interval.describe(scale.name)}, neither {names} holds; move a threshold, or declare "
                 "a [[gap]]; here the state is {state}"
             )
             yield subject.violation(sentence, f"measure {scale.name}", _world_at(subject, scale, cell))
     for gap, is_gap in is_confirmed.items():
         if not is_gap:
-            condition = bounds_of(gap).said(gap.measure)
+            condition = bounds_of(gap).describe(gap.measure)
             yield Violation(
                 f"[[gap]] {condition}: the relations do not leave out exactly these values", "gap"
             )

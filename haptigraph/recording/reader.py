@@ -15,7 +15,7 @@ from haptigraph.recording.journal import complete_records, is_being_written, is_
 from haptigraph.recording.schema import READABLE, TOPICS, CaptureRecord, RunInfo
 from haptigraph.recording.writer import METADATA
 
-__all__ = ["Place", "RunReader"]
+__all__ = ["RunReader", "StepLocation"]
 
 VIEWER_TOPICS = ("/camera/annotations", "/log")
 STEP_TOPICS = {"/capture", "/observation", "/graph", "/state", "/command"}  # of a complete step
@@ -29,7 +29,7 @@ RENAMED_KEYS = (
 """Keys of /observation in format 1 and in the current format."""
 
 
-class Place(NamedTuple):
+class StepLocation(NamedTuple):
     """Location of a step in a file, for random access."""
 
     sequence: int
@@ -69,7 +69,7 @@ class RunReader:
             if messages.keys() >= STEP_TOPICS:
                 yield self._record(place.sequence, messages)
 
-    def places(self) -> Generator[tuple[Place, Step], None, None]:
+    def places(self) -> Generator[tuple[StepLocation, Step], None, None]:
         """Yield every step, without its image, and its location in the file.
 
         Raises:
@@ -79,7 +79,7 @@ class RunReader:
             if messages.keys() >= STEP_TOPICS:
                 yield place, self._record(place.sequence, messages)[1]
 
-    def record_at(self, place: Place) -> tuple[Capture, Step]:
+    def record_at(self, place: StepLocation) -> tuple[Capture, Step]:
         """Return the capture, with its image still encoded, and the step at a location.
 
         Raises:
@@ -131,8 +131,8 @@ class RunReader:
         return capture, step
 
     def _groups(
-        self, images: Container[int] | None, place: Place | None = None
-    ) -> Iterator[tuple[Place, dict[str, Any]]]:
+        self, images: Container[int] | None, place: StepLocation | None = None
+    ) -> Iterator[tuple[StepLocation, dict[str, Any]]]:
         """Group the messages of each step, or of one; they are consecutive and share a sequence number."""
         sequence, messages = -1, dict[str, Any]()
         start = last = before = offset = 0
@@ -147,14 +147,14 @@ class RunReader:
             topic = self._topics.get(record.channel_id, "")
             if record.sequence != sequence:
                 if messages:
-                    yield Place(sequence, start, last), messages
+                    yield StepLocation(sequence, start, last), messages
                 sequence, messages, start = record.sequence, {}, before
             last = end
             wanted = topic != "/camera/image" or images is None or sequence in images
             if topic in DECODERS and wanted:
                 messages[topic] = self._decoded(topic, record)
         if messages:
-            yield Place(sequence, start, last), messages
+            yield StepLocation(sequence, start, last), messages
 
     def _decoded(self, topic: str, record: Message) -> Any:
         data = record.data

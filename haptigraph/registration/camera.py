@@ -25,7 +25,7 @@ from haptigraph.geometry import (
     subtract,
 )
 from haptigraph.registration.background import BackgroundImage
-from haptigraph.registration.registered import VIEW_MARGIN, Registered
+from haptigraph.registration.registered import VIEW_MARGIN, BaseRegistration
 from haptigraph.registration.text import AnatomyPx, TrocarPx, check_format
 from haptigraph.toml_document import Document
 
@@ -88,7 +88,7 @@ class _File(Struct, frozen=True, forbid_unknown_fields=True):
     background: _BackgroundTable | None = field(name="empty", default=None)
 
 
-class Registration(Registered, frozen=True):
+class Registration(BaseRegistration, frozen=True):
     """The static anatomy of one camera set-up."""
 
     globe: Circle
@@ -98,7 +98,7 @@ class Registration(Registered, frozen=True):
     """The trocar in use: the needle's remote centre of motion (RCM)."""
     other_trocars: tuple[Point, ...]
     """Those that another instrument may go through."""
-    empty: BackgroundImage | None = None
+    background: BackgroundImage | None = None
     """Reference image without instrument, if the file has one."""
 
     @property
@@ -120,8 +120,10 @@ class Registration(Registered, frozen=True):
     def frontal(self) -> "Registration":
         """The same registration for tilt-corrected (frontal) images."""
         homography = self.image.frontal_from_image
-        empty = self.empty.tilt_corrected(homography) if self.empty and homography else self.empty
-        return replace(self, image=replace(self.image, frontal_from_image=None), empty=empty)
+        background = (
+            self.background.tilt_corrected(homography) if self.background and homography else self.background
+        )
+        return replace(self, image=replace(self.image, frontal_from_image=None), background=background)
 
 
 def anatomy_px(registration: Registration) -> AnatomyPx:
@@ -180,7 +182,7 @@ def camera_registration(document: Document) -> Registration:
             Point(geometry.to_mm(trocar.point_px)) for trocar in data.trocars if not trocar.used
         ),
         text=document.text,
-        empty=_background_image(document, data),
+        background=_background_image(document, data),
     )
 
 

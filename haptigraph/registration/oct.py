@@ -10,7 +10,7 @@ from msgspec import Struct
 from haptigraph.errors import BadInput
 from haptigraph.geometry import ImageGeometry
 from haptigraph.messages import Image
-from haptigraph.registration.registered import Registered
+from haptigraph.registration.registered import BaseRegistration
 from haptigraph.registration.text import AXIAL_MM_PER_PX, LATERAL_MM_PER_PX, check_format
 from haptigraph.toml_document import Document
 
@@ -41,7 +41,7 @@ class _File(Struct, frozen=True, forbid_unknown_fields=True):
     target: _Target = _Target()
 
 
-class ScanRegistration(Registered, frozen=True):
+class ScanRegistration(BaseRegistration, frozen=True):
     """The scale of one scanner's B-scans."""
 
     target_share: float
@@ -58,10 +58,10 @@ class ScanRegistration(Registered, frozen=True):
             raise BadInput(f"expected one B-scan, (rows, columns), found a volume of {shape}")
         if image is not None and image.dtype != np.uint8:
             raise BadInput(f"expected a B-scan of 8 bits, grey 0 to 255, found {image.dtype} values")
-        return Registered.checked(self, image)
+        return BaseRegistration.checked(self, image)
 
 
-def check_fits(name: str, needs_scan: bool, registration: Registered) -> None:
+def check_fits(name: str, needs_scan: bool, registration: BaseRegistration) -> None:
     """Check that a perceiver can process the kind of images that a registration describes.
 
     Args:

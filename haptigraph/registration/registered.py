@@ -13,13 +13,13 @@ from haptigraph.errors import BadInput
 from haptigraph.geometry import Geometry, ImageGeometry, norm
 from haptigraph.messages import Image
 
-__all__ = ["VIEW_MARGIN", "Registered"]
+__all__ = ["VIEW_MARGIN", "BaseRegistration"]
 
 VIEW_MARGIN = 1.03
 """Half the side of a square view, relative to the radius of what it shows."""
 
 
-class Registered(Struct, frozen=True):
+class BaseRegistration(Struct, frozen=True):
     """Base class of registrations: one set-up."""
 
     width_px: int
@@ -39,7 +39,7 @@ class Registered(Struct, frozen=True):
         return {}
 
     @property
-    def frontal(self) -> "Registered":
+    def frontal(self) -> "BaseRegistration":
         """The same registration for tilt-corrected (frontal) images."""
         return self
 

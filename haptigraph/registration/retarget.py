@@ -8,7 +8,7 @@ from msgspec.structs import replace
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Polyline, Vec
 from haptigraph.registration.camera import Registration, anatomy_px, camera_registration
-from haptigraph.registration.registered import Registered
+from haptigraph.registration.registered import BaseRegistration
 from haptigraph.registration.text import registration_text
 from haptigraph.toml_document import Document
 
@@ -41,7 +41,7 @@ def point_on_retina(retina: Polyline, radius_mm: float, along_mm: float) -> Vec 
     )[1]
 
 
-def with_target(registration: Registered, along_mm: float) -> Registration:
+def with_target(registration: BaseRegistration, along_mm: float) -> Registration:
     """Return a registration with its target moved along the retina.
 
     Raises:

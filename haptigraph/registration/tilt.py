@@ -7,10 +7,10 @@ from msgspec import Struct
 
 from haptigraph.geometry import Homography, Vec
 
-__all__ = ["Slant"]
+__all__ = ["CameraTilt"]
 
 
-class Slant(Struct, frozen=True):
+class CameraTilt(Struct, frozen=True):
     """A plane rotated about one of its points, so that it no longer faces the camera.
 
     The frontal view is the view before the rotation: same camera, same point, plane parallel to the sensor.

@@ -85,7 +85,7 @@ class Publisher:
             raise OSError(error.msg) from None
 
     @property
-    def has_listeners(self) -> bool:
+    def has_subscribers(self) -> bool:
         """Whether the topic has subscribers now."""
         return self._writer is not None and bool(self._writer.get_matched_subscriptions())
 

@@ -20,9 +20,9 @@ from haptigraph.sim.robot.operator import Hand, Move
 from haptigraph.sim.robot.robot import Pose, Robot, RobotLimits
 from haptigraph.sim.scenario import About, Scenario
 
-__all__ = ["DIFFICULTIES", "Scene", "random_scene"]
+__all__ = ["NUISANCE_CONDITIONS", "Scene", "random_scene"]
 
-DIFFICULTIES = (
+NUISANCE_CONDITIONS = (
     "plain",
     "noise",
     "blur",
@@ -54,7 +54,7 @@ Rng = np.random.Generator
 class Scene(Struct, frozen=True):
     """One random scene."""
 
-    difficulty: str
+    nuisance: str
     polarity: str
     """Of the needle against the bowl: dark, bright, or mixed (dark rims, bright middle)."""
     scenario: Scenario
@@ -83,7 +83,10 @@ def random_scene(number: int, seed: int = 0, *, size_px: tuple[int, int] = (1280
         size_px: (width, height) of the images; the eye scales with the height.
     """
     rng = np.random.default_rng((seed, 6, number))
-    difficulty, polarity = DIFFICULTIES[number % len(DIFFICULTIES)], POLARITIES[number % len(POLARITIES)]
+    nuisance, polarity = (
+        NUISANCE_CONDITIONS[number % len(NUISANCE_CONDITIONS)],
+        POLARITIES[number % len(POLARITIES)],
+    )
     shape = EyeShape(
         target_deg=rng.uniform(-15, 15), trocar_deg=float(rng.choice((-1, 1))) * rng.uniform(28, 42)
     )
@@ -93,10 +96,10 @@ def random_scene(number: int, seed: int = 0, *, size_px: tuple[int, int] = (1280
     setting = _Setting(
         _camera(rng, polarity, size_px), _needle(rng, polarity), Distractors(), RegistrationError()
     )
-    for name in _mixture(rng) if difficulty == "mixture" else (difficulty,):
+    for name in _mixture(rng) if nuisance == "mixture" else (nuisance,):
         _apply_nuisance(name, setting, rng, eye, rest_mm)
     scenario = Scenario(
-        about=About(description=f"A random scene: {difficulty}.", seed=int(rng.integers(2**31))),
+        about=About(description=f"A random scene: {nuisance}.", seed=int(rng.integers(2**31))),
         moves=moves,
         eye=shape,
         camera=setting.camera,
@@ -106,11 +109,11 @@ def random_scene(number: int, seed: int = 0, *, size_px: tuple[int, int] = (1280
         distractors=setting.distractors,
         registration_error=setting.error,
     )
-    return Scene(difficulty, polarity, scenario)
+    return Scene(nuisance, polarity, scenario)
 
 
 def _mixture(rng: Rng) -> list[str]:
-    single = [name for name in DIFFICULTIES if name not in ("plain", "mixture", "registration")]
+    single = [name for name in NUISANCE_CONDITIONS if name not in ("plain", "mixture", "registration")]
     return [str(name) for name in rng.choice(single, 3, replace=False)]
 
 

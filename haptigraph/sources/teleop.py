@@ -6,7 +6,7 @@ from haptigraph.messages import Capture
 from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.scenario import load_scenario
 from haptigraph.stages import Source
-from haptigraph.teleop.band_stop import LOWEST_RATE_HZ
+from haptigraph.teleop.band_stop import MIN_RATE_HZ
 from haptigraph.teleop.motion import TeleopSettings
 from haptigraph.teleop.teleop import Teleop
 
@@ -33,8 +33,8 @@ class TeleopSource(Source):
     def __init__(self, name: str, clock: Clock, target_mm: float | None = None) -> None:
         scenario = load_scenario(name, target_mm)
         self.rate_hz = scenario.about.rate_hz
-        if self.rate_hz < LOWEST_RATE_HZ:
-            problem = f"rate_hz {self.rate_hz:g} is too low to be steered; use at least {LOWEST_RATE_HZ:g}"
+        if self.rate_hz < MIN_RATE_HZ:
+            problem = f"rate_hz {self.rate_hz:g} is too low to be steered; use at least {MIN_RATE_HZ:g}"
             raise BadInput(problem, name, "scenario.rate_hz")
         settings = TeleopSettings(motion_scale=scenario.robot.motion_scale)
         has_jaws = scenario.forceps is not None

@@ -6,11 +6,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["LOWEST_RATE_HZ", "TREMOR_HZ", "BandStop"]
+__all__ = ["MIN_RATE_HZ", "TREMOR_HZ", "BandStop"]
 
 TREMOR_HZ = (8.0, 12.0)
 ATTENUATION_DB = 20.0
-LOWEST_RATE_HZ = 25.0
+MIN_RATE_HZ = 25.0
 """Half of it, the Nyquist frequency, must be above the band."""
 
 
@@ -37,10 +37,8 @@ class BandStop:
     """
 
     def __init__(self, rate_hz: float) -> None:
-        if rate_hz < LOWEST_RATE_HZ:
-            raise ValueError(
-                f"the tremor filter needs at least {LOWEST_RATE_HZ:g} samples/s, found {rate_hz:g}"
-            )
+        if rate_hz < MIN_RATE_HZ:
+            raise ValueError(f"the tremor filter needs at least {MIN_RATE_HZ:g} samples/s, found {rate_hz:g}")
         self._forward, self._back = _coefficients(rate_hz)
         self._state = np.zeros((4, 2))
 

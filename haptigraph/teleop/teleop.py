@@ -18,7 +18,7 @@ from haptigraph.teleop.motion import HandMotion, TeleopSettings
 
 __all__ = ["Teleop"]
 
-LEVER_MM = 5.0
+MIN_LEVER_MM = 5.0
 """Minimum lever: nearer to the RCM the rotation is reduced, because at the RCM no rotation moves the tip."""
 TIMEOUT_S = 0.25
 """Without a message for this time the clutch is released."""
@@ -103,7 +103,7 @@ class Teleop:
 
 def _moved(pose: Pose, along_mm: float, across_mm: float, apart_mm: float) -> Pose:
     """Return the pose after a motion of tip and jaws; motion across becomes a rotation about the RCM."""
-    rotation = across_mm * pose.depth_mm / max(pose.depth_mm**2, LEVER_MM**2)
+    rotation = across_mm * pose.depth_mm / max(pose.depth_mm**2, MIN_LEVER_MM**2)
     return Pose(pose.depth_mm + along_mm, pose.pitch_deg + math.degrees(rotation), pose.jaws_mm + apart_mm)
 
 

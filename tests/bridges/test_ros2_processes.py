@@ -108,7 +108,7 @@ def test_every_topic_of_a_run_arrives_in_ros_units(steered, peer):
         "/joy/set_feedback": JoyFeedback,
         "/diagnostics": DiagnosticArray,
     }.items():
-        peer.hear(topic, kind)
+        peer.subscribe(topic, kind)
     assert peer.next("/haptigraph/state").data == "misaligned_intraocular_navigation"
     graph = msgspec.json.decode(peer.next("/haptigraph/graph").data, type=SceneGraph)
     theta = peer.next("/haptigraph/theta").data
@@ -128,9 +128,9 @@ def test_every_topic_of_a_run_arrives_in_ros_units(steered, peer):
 
 
 def test_a_joystick_steers_the_needle_while_its_clutch_is_engaged(steered, peer):
-    peer.hear("/haptigraph/needle_tip", PointStamped)
+    peer.subscribe("/haptigraph/needle_tip", PointStamped)
     before = peer.next("/haptigraph/needle_tip").point
-    joy, moved = peer.say("/joy", Joy), 0.0
+    joy, moved = peer.publisher("/joy", Joy), 0.0
     for _ in range(300):
         joy.send(Joy(Header(), [0.0, -1.0], [0, 0, 0, 0, 0, 1]))
         after = peer.next("/haptigraph/needle_tip").point
@@ -142,9 +142,9 @@ def test_a_joystick_steers_the_needle_while_its_clutch_is_engaged(steered, peer)
 
 
 def test_every_change_of_the_haptic_output_is_published(steered, peer):
-    peer.hear("/haptigraph/touch", JoyFeedback)
-    peer.hear("/haptigraph/state", String)
-    joy = peer.say("/joy", Joy)
+    peer.subscribe("/haptigraph/touch", JoyFeedback)
+    peer.subscribe("/haptigraph/state", String)
+    joy = peer.publisher("/joy", Joy)
     for _ in range(600):  # into the retina, where the output pulses
         joy.send(Joy(Header(), [0.0, -1.0], [0, 0, 0, 0, 0, 1]))
         if peer.next("/haptigraph/state").data == "retinal_contact":
@@ -195,14 +195,14 @@ def eye(tmp_path):
 
 def test_images_of_either_type_return_the_position_of_the_needle(ros_network, peer, eye):
     with running("ros2:/camera/image", "--registration", eye, "--bridge", "ros2:rig_b") as process:
-        peer.hear("/rig_b/needle_tip", PointStamped)
-        publishers = {kind: peer.say("/camera/image", kind) for kind in (Image, CompressedImage)}
+        peer.subscribe("/rig_b/needle_tip", PointStamped)
+        publishers = {kind: peer.publisher("/camera/image", kind) for kind in (Image, CompressedImage)}
         received = {Image: 0, CompressedImage: 0}
         for _, image in zip(range(100), stamped_images(), strict=False):
             publishers[type(image)].send(image)
             with suppress(queue.Empty):  # the run may miss the first ones
                 while True:
-                    tip = peer.heard["/rig_b/needle_tip"].get(timeout=1.0)
+                    tip = peer.received["/rig_b/needle_tip"].get(timeout=1.0)
                     if tip.header.stamp.ns > image.header.stamp.ns - 1_000_000:  # of this image, or later
                         break
                 received[type(image)] += 1
@@ -215,8 +215,8 @@ def test_images_of_either_type_return_the_position_of_the_needle(ros_network, pe
 def test_invalid_messages_disturb_neither_loop_nor_images(ros_network, peer, eye):
     arguments = ("ros2:/camera/image", "--registration", eye, "--bridge", "ros2:rig_c")
     with running(*arguments) as process, broken_program():
-        peer.hear("/rig_c/state", String)
-        publisher, images = peer.say("/camera/image", CompressedImage), stamped_images()
+        peer.subscribe("/rig_c/state", String)
+        publisher, images = peer.publisher("/camera/image", CompressedImage), stamped_images()
         for _ in range(600):
             image = next(images)
             if isinstance(image, CompressedImage):
@@ -233,9 +233,9 @@ def test_invalid_messages_disturb_neither_loop_nor_images(ros_network, peer, eye
 def test_invalid_joystick_messages_neither_steer_nor_disturb(ros_network, peer):
     diagnostics = ""
     with running("teleop:tests/data/steered.toml", "--bridge", "ros2:rig_e") as process:
-        peer.hear("/rig_e/state", String)
+        peer.subscribe("/rig_e/state", String)
         assert peer.next("/rig_e/state").data == "misaligned_intraocular_navigation"
-        peer.hear("/diagnostics", DiagnosticArray)
+        peer.subscribe("/diagnostics", DiagnosticArray)
         problems = [
             "joy has an axis at nan",
             "joy has 0 axes and 0 buttons; axes 0 and 1 and button 5 are used",

@@ -40,7 +40,7 @@ def device(request, tmp_path, monkeypatch):
             peer = request.getfixturevalue("peer")
             from haptigraph.ros2.types import JoyFeedback
 
-            peer.hear("/contract/set_feedback", JoyFeedback)
+            peer.subscribe("/contract/set_feedback", JoyFeedback)
         if request.param == "serial":
             pytest.importorskip("serial")
             stack.enter_context(Board(tmp_path / "tty"))

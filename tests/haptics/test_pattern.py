@@ -3,7 +3,7 @@ from helpers import LOW, MS, PULSE, SUCCESS
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptigraph.haptics.pattern import amplitude_at, beyond, duration_ns, fit_to_device, next_change_ns
+from haptigraph.haptics.pattern import amplitude_at, duration_ns, fit_to_device, next_change_ns, unsupported
 from haptigraph.messages import OFF, Capabilities, HapticCommand, Pattern
 
 patterns = st.sampled_from([OFF, LOW, PULSE, SUCCESS])
@@ -77,7 +77,7 @@ def test_the_amplitude_is_constant_between_changes(pattern, since_ns, stamp_ns):
     ],
 )
 def test_what_a_device_cannot_play_is_listed(capabilities, pattern, sentences):
-    assert beyond(pattern, capabilities) == sentences
+    assert unsupported(pattern, capabilities) == sentences
 
 
 @pytest.mark.parametrize(

@@ -23,8 +23,8 @@ def device(ros_network, without_discovery):
 
 
 def test_every_amplitude_arrives(device, peer):
-    peer.hear("/hand/set_feedback", JoyFeedback)
-    until(lambda: device._publisher.has_listeners, "nobody subscribes")
+    peer.subscribe("/hand/set_feedback", JoyFeedback)
+    until(lambda: device._publisher.has_subscribers, "nobody subscribes")
     for amplitude in (0.0, 0.25, 1.0, 0.0):
         device.set(amplitude, 80.0, 0)
         message = peer.next("/hand/set_feedback")
@@ -34,15 +34,15 @@ def test_every_amplitude_arrives(device, peer):
 def test_a_missing_subscriber_is_reported_until_one_subscribes(device, peer):
     with pytest.raises(DeviceError, match=r"nobody subscribes to ros2:hand/set_feedback \(ROS domain \d+\)"):
         device.set(0.0, 0.0, 0)
-    peer.hear("/hand/set_feedback", JoyFeedback)
-    until(lambda: device._publisher.has_listeners, "nobody subscribes")
+    peer.subscribe("/hand/set_feedback", JoyFeedback)
+    until(lambda: device._publisher.has_subscribers, "nobody subscribes")
     device.set(0.5, 80.0, 1)
     assert peer.next("/hand/set_feedback").intensity == 0.5
 
 
 def test_the_last_message_is_silence(device, peer):
-    peer.hear("/hand/set_feedback", JoyFeedback)
-    until(lambda: device._publisher.has_listeners, "nobody subscribes")
+    peer.subscribe("/hand/set_feedback", JoyFeedback)
+    until(lambda: device._publisher.has_subscribers, "nobody subscribes")
     device.set(0.5, 80.0, 0)
     device.close()
     assert [peer.next("/hand/set_feedback").intensity for _ in range(2)] == [0.5, 0.0]
@@ -60,15 +60,15 @@ def test_an_invalid_topic_is_refused(ros_network):
 
 
 def test_subscribers_are_found(ros_network, peer):
-    peer.hear("/left/set_feedback", JoyFeedback)
-    peer.hear("/left/text", String)
+    peer.subscribe("/left/set_feedback", JoyFeedback)
+    peer.subscribe("/left/text", String)
     found = Ros2Device.found()
     assert "subscribed to on ROS domain" in found["ros2:/left/set_feedback"]
     assert "ros2:/left/text" not in found
 
 
 def test_the_first_command_reaches_an_existing_subscriber(ros_network, peer):
-    peer.hear("/ready/set_feedback", JoyFeedback)
+    peer.subscribe("/ready/set_feedback", JoyFeedback)
     device = Ros2Device("ready/set_feedback")
     device.set(0.5, 80.0, 0)
     assert peer.next("/ready/set_feedback").intensity == 0.5

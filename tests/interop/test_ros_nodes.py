@@ -106,10 +106,10 @@ def test_a_ros_node_sends_images_and_receives_every_topic(ros, eye, capsys):
 
 def test_a_ros_joystick_steers_without_losing_messages(ros):
     peer = Peer()
-    peer.hear("/joy", Joy)
+    peer.subscribe("/joy", Joy)
     with running("teleop:tests/data/steered.toml", "--bridge", "ros2"):
         moved_mm = result_of(ros("stick", COUNT))["moved_mm"]
-    messages = [peer.heard["/joy"].get(timeout=1.0) for _ in range(COUNT)]
+    messages = [peer.received["/joy"].get(timeout=1.0) for _ in range(COUNT)]
     peer.node.close()
     assert [joy.header.stamp.sec for joy in messages] == list(range(COUNT))
     assert (list(messages[0].axes), list(messages[0].buttons)) == ([0.0, 1.0, 0.5], [0, 0, 0, 0, 0, 1])
@@ -118,12 +118,12 @@ def test_a_ros_joystick_steers_without_losing_messages(ros):
 
 def test_joy_feedback_is_exchanged_with_a_ros_node(ros, capsys):
     node, peer = ros("echo"), Peer()
-    peer.hear("/back", JoyFeedback)
-    forth = peer.say("/forth", JoyFeedback)
+    peer.subscribe("/back", JoyFeedback)
+    forth = peer.publisher("/forth", JoyFeedback)
     for _ in range(100):  # until discovery is complete; not counted
         forth.send(JoyFeedback(1, 0, -1.0))
         try:
-            peer.heard["/back"].get(timeout=0.2)
+            peer.received["/back"].get(timeout=0.2)
             break
         except queue.Empty:
             continue

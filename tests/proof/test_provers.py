@@ -136,7 +136,7 @@ def test_invariants_list_the_held_states_that_violate_them_and_remain_proved(pro
         assert proof.holds
         assert proof.held_ms == {"retinal_contact": 200.0, "outside_eye": 200.0}
         not_while_held = {
-            claim.says: claim.not_while_held for claim in proof.claims if claim.name == "invariant"
+            claim.statement: claim.not_while_held for claim in proof.claims if claim.name == "invariant"
         }
         assert not_while_held["the alarm is felt at the retina only"] == ("retinal_contact",)
         assert not_while_held["touching the retina away from the target always feels the alarm"] == ()

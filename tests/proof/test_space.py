@@ -84,7 +84,7 @@ def test_every_value_is_in_exactly_one_atom(bounds, value):
     ],
 )
 def test_an_interval_gives_its_condition_and_the_offset_to_it(interval, condition, value, offset):
-    assert interval.said("d") == condition
+    assert interval.describe("d") == condition
     assert interval.offset_from(value) == offset
 
 

@@ -6,9 +6,9 @@ import pytest
 
 from haptigraph.geometry import Circle, ImageGeometry
 from haptigraph.recording.foxglove import Time, annotations
-from haptigraph.registration.tilt import Slant
+from haptigraph.registration.tilt import CameraTilt
 
-SLANT = Slant((320.0, 200.0), (0.1, -0.2), 2000.0, (319.5, 179.5))
+SLANT = CameraTilt((320.0, 200.0), (0.1, -0.2), 2000.0, (319.5, 179.5))
 
 
 def test_a_circle_in_a_tilted_image_is_annotated_as_an_ellipse():

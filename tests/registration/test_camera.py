@@ -132,12 +132,12 @@ def with_background(text: str, width: int = 320, height: int = 240) -> str:
 def test_the_background_image_is_stored_and_optional(registration_toml):
     text = with_background(registration_toml)
     read = parse_camera_registration(text, "eye.toml")
-    assert read.empty.is_known.mean() == pytest.approx(200 / 240)
+    assert read.background.is_known.mean() == pytest.approx(200 / 240)
     assert max(len(line) for line in text.split("[empty]")[1].splitlines()) <= 100
     assert registration_text(anatomy_px(read), "Registration.") == text
-    assert read.frontal.empty is read.empty
+    assert read.frontal.background is read.background
     without = text[: text.index("[empty]")]
-    assert parse_camera_registration(without, "eye.toml").empty is None
+    assert parse_camera_registration(without, "eye.toml").background is None
     assert "empty" not in registration_text(anatomy_px(parse_camera_registration(without, "eye.toml")), "eye")
 
 

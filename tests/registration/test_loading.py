@@ -47,7 +47,7 @@ def test_the_package_loads_either_kind(tmp_path):
     assert isinstance(haptigraph.load_registration(file), ScanRegistration)
     registration = haptigraph.load_registration(DATA / "v0_1" / "registration.toml")
     assert isinstance(registration, Registration)
-    assert registration.empty.is_known.all()  # of 0.1.0, with its reference image
+    assert registration.background.is_known.all()  # of 0.1.0, with its reference image
 
 
 @pytest.mark.parametrize("text", ["[scale", "format = 1", "format = 1\n[scale]\n"])

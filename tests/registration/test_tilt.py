@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptigraph.registration.tilt import Slant
+from haptigraph.registration.tilt import CameraTilt
 
 MIDDLE = (639.5, 359.5)
 part_rad = st.floats(-0.3, 0.3)
 points_px = st.tuples(st.floats(-250, 250), st.floats(-250, 250))
 tilts = st.builds(
-    lambda x, y, right, down, focal: Slant((x, y), (right, down), focal, MIDDLE),
+    lambda x, y, right, down, focal: CameraTilt((x, y), (right, down), focal, MIDDLE),
     st.floats(500, 800),
     st.floats(300, 450),
     part_rad,
@@ -22,7 +22,7 @@ tilts = st.builds(
 )
 
 
-def projected(tilt: Slant, offset: np.ndarray, height: float = 0.0) -> np.ndarray:
+def projected(tilt: CameraTilt, offset: np.ndarray, height: float = 0.0) -> np.ndarray:
     """Project a point of the plane, or one at a height in front of it [px of the plane], into the image."""
     angle = math.hypot(*tilt.tilt_rad)
     rotation = np.eye(3)
@@ -58,7 +58,7 @@ def test_points_in_front_of_the_plane_are_magnified_about_the_foot(tilt, offset,
 
 
 def test_without_tilt_image_and_frontal_view_are_identical():
-    frontal = Slant((600.0, 400.0), (0.0, 0.0), 5000.0, MIDDLE)
+    frontal = CameraTilt((600.0, 400.0), (0.0, 0.0), 5000.0, MIDDLE)
     assert frontal.image_from_frontal((123.0, 45.0)) == pytest.approx((123.0, 45.0))
     assert frontal.foot_px == MIDDLE
     assert frontal.angle_deg == 0

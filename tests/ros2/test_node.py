@@ -11,8 +11,8 @@ from haptigraph.ros2.types import Header, Image, Joy, String, Time
 
 
 def test_messages_arrive_complete_and_in_order(peer):
-    peer.hear("/numbers", String)
-    publisher = peer.say("/numbers", String)
+    peer.subscribe("/numbers", String)
+    publisher = peer.publisher("/numbers", String)
     for number in range(20):
         publisher.send(String(f"{number} \N{MICRO SIGN}m"))
         assert peer.next("/numbers").data == f"{number} \N{MICRO SIGN}m"
@@ -20,8 +20,8 @@ def test_messages_arrive_complete_and_in_order(peer):
 
 def test_an_image_of_megabytes_arrives_unchanged(peer):
     data = os.urandom(1280 * 720 * 3)
-    peer.hear("/image", Image)
-    publisher = peer.say("/image", Image)
+    peer.subscribe("/image", Image)
+    publisher = peer.publisher("/image", Image)
     publisher.send(Image(Header(Time(3, 4), "camera"), 720, 1280, "bgr8", 0, 3840, data))
     image = peer.next("/image")
     assert (image.header.stamp.ns, image.width, image.height) == (3_000_000_004, 1280, 720)
@@ -29,8 +29,8 @@ def test_an_image_of_megabytes_arrives_unchanged(peer):
 
 
 def test_an_undecodable_message_is_rejected_and_the_next_is_received(peer):
-    peer.hear("/text", String)
-    peer.hear("/joy", Joy)
+    peer.subscribe("/text", String)
+    peer.subscribe("/joy", Joy)
     with broken_program():
         assert peer.next("/text").data == "fine"
         for _ in range(4):  # only well-formed ones arrive
@@ -51,7 +51,7 @@ def test_a_callback_that_raises_receives_the_next_message(ros_network):
 
     node.subscribe("/picky", String, take, rejected.append)
     publisher = node.publisher("/picky", String)
-    until(lambda: publisher.has_listeners, "no subscriber")
+    until(lambda: publisher.has_subscribers, "no subscriber")
     for text in ("bad", "good"):
         publisher.send(String(text))
     until(lambda: received, "nothing was received")
@@ -69,11 +69,11 @@ def test_topics_are_discovered_with_their_types_and_disappear_with_their_node(pe
 
 
 def test_the_last_message_of_a_node_is_received(peer):
-    peer.hear("/will", String)
+    peer.subscribe("/will", String)
     for number in range(20):
         other = Node()
         publisher = other.publisher("/will", String)
-        until(lambda publisher=publisher: publisher.has_listeners, "no subscriber")
+        until(lambda publisher=publisher: publisher.has_subscribers, "no subscriber")
         publisher.send(String(f"the end {number}"))
         other.close()
         assert peer.next("/will").data == f"the end {number}"
@@ -85,7 +85,7 @@ def test_a_closed_node_cannot_publish(ros_network):
     publisher = node.publisher("/silent", String)
     node.close()
     node.close()
-    assert not publisher.has_listeners
+    assert not publisher.has_subscribers
     with pytest.raises(OSError, match="/silent is closed"):
         publisher.send(String("x"))
 

@@ -7,7 +7,7 @@ from haptigraph.geometry import norm, rotate, subtract, unit
 from haptigraph.registration.loading import parse_registration
 from haptigraph.sim.eye.eye import Eye, RegistrationError
 from haptigraph.sim.phantom import Phantom
-from haptigraph.sim.scenes import DIFFICULTIES, POLARITIES, random_scene
+from haptigraph.sim.scenes import NUISANCE_CONDITIONS, POLARITIES, random_scene
 
 MANY = [random_scene(number, 4) for number in range(132)]
 SMALL = (480, 270)
@@ -26,9 +26,9 @@ def test_a_scene_is_a_function_of_number_and_seed():
 
 
 def test_nuisance_conditions_cycle_and_each_has_all_polarities():
-    assert [scene.difficulty for scene in MANY[:11]] == list(DIFFICULTIES)
-    for name in DIFFICULTIES:
-        found = {scene.polarity for scene in MANY if scene.difficulty == name}
+    assert [scene.nuisance for scene in MANY[:11]] == list(NUISANCE_CONDITIONS)
+    for name in NUISANCE_CONDITIONS:
+        found = {scene.polarity for scene in MANY if scene.nuisance == name}
         assert found == set(POLARITIES)
 
 
@@ -57,7 +57,7 @@ def test_scenes_start_with_an_empty_globe_and_end_short_of_the_retina():
             assert norm(tip) < eye.radius_mm or last.depth_mm < 2
 
 
-@pytest.mark.parametrize("number", range(len(DIFFICULTIES)))
+@pytest.mark.parametrize("number", range(len(NUISANCE_CONDITIONS)))
 def test_needles_respect_the_speed_limits(number):
     scene = random_scene(number + 11, 4, size_px=SMALL)
     phantom = Phantom(scene.scenario)
@@ -74,7 +74,7 @@ def test_needles_respect_the_speed_limits(number):
 
 def test_registration_errors_are_at_most_three_pixels_and_remain_valid():
     for scene in MANY:
-        assert scene.has_registration_error == (scene.difficulty == "registration")
+        assert scene.has_registration_error == (scene.nuisance == "registration")
         error = scene.scenario.registration_error
         assert max(math.hypot(*shift) for shift in (error.globe_px, error.target_px, error.trocar_px)) <= 3
     for number in (8, 19, 30):

@@ -19,7 +19,7 @@ from haptigraph.errors import BadInput
 from haptigraph.geometry import Vec, norm, subtract, unit
 from haptigraph.messages import HandState, Step
 from haptigraph.recording.reader import RunReader
-from haptigraph.sim.robot.robot import JAWS_MOST_MM, JAWS_SPEED_MM_S
+from haptigraph.sim.robot.robot import JAWS_MAX_MM, JAWS_SPEED_MM_S
 from haptigraph.sources.teleop import TeleopSource
 from haptigraph.teleop.motion import HandMotion, TeleopSettings
 
@@ -280,9 +280,9 @@ def test_jaws_keep_the_robots_speed_limit_and_stop_when_the_clutch_is_released()
     shut_mm = opening_mm()
     opened_mm = [opening_mm(HandMotion(True, apart_mm=500.0)) for _ in range(45)]
     assert np.diff([0.0, *opened_mm]).max() <= JAWS_SPEED_MM_S / 30 + 0.01  # closed jaws lie side by side
-    assert opened_mm[-1] == pytest.approx(JAWS_MOST_MM)
+    assert opened_mm[-1] == pytest.approx(JAWS_MAX_MM)
     closing_mm = opening_mm(HandMotion(True, apart_mm=-0.5))
-    assert closing_mm == pytest.approx(JAWS_MOST_MM - SCALE * 0.5)  # nothing wound up at the limit
+    assert closing_mm == pytest.approx(JAWS_MAX_MM - SCALE * 0.5)  # nothing wound up at the limit
     assert opening_mm(HandMotion(True, apart_mm=-5.0), HandMotion(False)) == closing_mm
     assert [opening_mm() for _ in range(10)] == [closing_mm] * 10
     for _ in range(45):

@@ -36,24 +36,24 @@ class Peer:
         from haptigraph.ros2.node import Node
 
         self.node = Node()
-        self.heard: dict[str, queue.Queue] = {}
+        self.received: dict[str, queue.Queue] = {}
         self.rejected = []
 
-    def hear(self, topic, message_type):
-        self.heard[topic] = queue.Queue()
-        self.node.subscribe(topic, message_type, self.heard[topic].put, self.rejected.append)
+    def subscribe(self, topic, message_type):
+        self.received[topic] = queue.Queue()
+        self.node.subscribe(topic, message_type, self.received[topic].put, self.rejected.append)
 
     def next(self, topic, matches=lambda message: True):
         """The next message on a topic that matches."""
         while True:
-            message = self.heard[topic].get(timeout=PEER_TIMEOUT_S)
+            message = self.received[topic].get(timeout=PEER_TIMEOUT_S)
             if matches(message):
                 return message
 
-    def say(self, topic, message_type):
+    def publisher(self, topic, message_type):
         """A publisher, once it has a subscriber."""
         publisher = self.node.publisher(topic, message_type)
-        until(lambda: publisher.has_listeners, f"no subscriber of {topic}")
+        until(lambda: publisher.has_subscribers, f"no subscriber of {topic}")
         return publisher
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from haptigraph.geometry import subtract
-from haptigraph.sim.robot.robot import JAWS_MOST_MM, JAWS_SPEED_MM_S, Pose, Robot, RobotLimits
+from haptigraph.sim.robot.robot import JAWS_MAX_MM, JAWS_SPEED_MM_S, Pose, Robot, RobotLimits
 from haptigraph.teleop.motion import HandMotion, TeleopSettings
 from haptigraph.teleop.teleop import Teleop
 
@@ -163,7 +163,7 @@ def test_the_limits_of_the_robot_hold_for_any_input_and_settings(images):
         assert abs(after.pitch_deg) <= LIMITS.pitch_limit_deg
         assert abs(after.depth_mm - before.depth_mm) <= LIMITS.speed_limit_mm_s / RATE_HZ + 1e-9
         assert abs(after.pitch_deg - before.pitch_deg) <= LIMITS.turn_limit_deg_s / RATE_HZ + 1e-9
-        assert 0 <= after.jaws_mm <= JAWS_MOST_MM
+        assert 0 <= after.jaws_mm <= JAWS_MAX_MM
         assert abs(after.jaws_mm - before.jaws_mm) <= JAWS_SPEED_MM_S / RATE_HZ + 1e-9
 
 

@@ -23,7 +23,7 @@ from haptigraph.geometry import ImageGeometry, Point, Vec
 from haptigraph.messages import UNKNOWN, Step
 from haptigraph.recording.writer import Progress
 from haptigraph.registration.loading import load_camera_registration
-from haptigraph.sources.played import played
+from haptigraph.sources.reading import read_images
 
 __all__ = [
     "Errors",
@@ -73,7 +73,7 @@ def evaluate_clip(folder: str | Path, config: Config, progress: Progress | None 
     source = assemble.open_source(_with_source(config, folder / "clip.mp4"), VirtualClock())
     steps = []
     try:
-        with closing(played(source)) as captures:
+        with closing(read_images(source)) as captures:
             for capture in captures:
                 steps.append(pipeline.step(capture))
                 if progress is not None:

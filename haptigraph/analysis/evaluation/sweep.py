@@ -24,7 +24,7 @@ from haptigraph.registration.camera import Registration
 from haptigraph.registration.loading import parse_camera_registration
 from haptigraph.scene.builder import SchemaSceneBuilder
 from haptigraph.sim.phantom import Moment, Phantom
-from haptigraph.sim.scenes import DIFFICULTIES, Scene, random_scene
+from haptigraph.sim.scenes import NUISANCE_CONDITIONS, Scene, random_scene
 
 __all__ = ["Sweep", "perceivers_to_compare", "play", "shaft_error_deg", "sweep", "true_rows"]
 
@@ -78,13 +78,13 @@ def sweep(
     procedure = assemble.load_procedure(config.run.procedure)
     result = Sweep(scenes, seed)
     for perceiver in perceivers:
-        result.errors[perceiver] = {name: [] for name in DIFFICULTIES[:scenes]}
+        result.errors[perceiver] = {name: [] for name in NUISANCE_CONDITIONS[:scenes]}
     for number in range(scenes):
         if progress is not None:
             progress("playing scenes", number, scenes)
         scene = random_scene(number, seed, size_px=size_px)
         for perceiver, errors in _errors_of_scene(scene, perceivers, config, procedure).items():
-            result.errors[perceiver][scene.difficulty].append(errors)
+            result.errors[perceiver][scene.nuisance].append(errors)
     if progress is not None:
         progress("playing scenes", scenes, scenes)
     return result

@@ -156,7 +156,7 @@ def _reasons(procedure: Procedure, state: State, graph: SceneGraph) -> list[Reas
     def measured(names: tuple[str, str, str]) -> str:
         name = procedure.schema.measure_name(relations[names])
         value = f"{graph.measures[name]:.4g}" if name in graph.measures else "missing"
-        return f"{name} {value}, bounds {bounds_of(relations[names]).said(name)}"
+        return f"{name} {value}, bounds {bounds_of(relations[names]).describe(name)}"
 
     reasons = [Reason(str(Triplet(*names)), names in edges, measured(names)) for names in state.when]
     reasons += [

@@ -53,7 +53,7 @@ class RunMeasures(Struct):
         """Return empty measures for a run of a procedure."""
         return cls(
             span=procedure.span,
-            has_start=procedure.span.is_told_by(procedure.schema),
+            has_start=procedure.span.is_defined_in(procedure.schema),
             monitors=[Monitor(claim) for claim in procedure.temporal],
         )
 

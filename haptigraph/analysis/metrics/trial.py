@@ -86,20 +86,26 @@ def measure_recording(path: str | Path) -> dict[str, float | int | str]:
         raise BadInput("was interrupted, so it is no trial; complete it with `haptigraph recover`", path)
     procedure = parse_procedure(reader.info.procedure, f"procedure in {path}")
     config: dict[str, Any] = msgspec.json.decode(reader.info.config)
-    touch = config.get("haptics", {}).get("max_amplitude", 1.0) > 0
+    has_haptics = config.get("haptics", {}).get("max_amplitude", 1.0) > 0
     steps = (step for _, step in reader.records(images=()))
-    return measure_trial(steps, [state.name for state in procedure.states], touch=touch, span=procedure.span)
+    return measure_trial(
+        steps, [state.name for state in procedure.states], has_haptics=has_haptics, span=procedure.span
+    )
 
 
 def measure_trial(
-    steps: Iterable[Step], states: Iterable[str] = (), *, touch: bool = True, span: RunSpan | None = None
+    steps: Iterable[Step],
+    states: Iterable[str] = (),
+    *,
+    has_haptics: bool = True,
+    span: RunSpan | None = None,
 ) -> dict[str, float | int | str]:
     """Measure a trial.
 
     Args:
         steps: All steps of the trial, in order.
         states: States of the procedure; those that did not occur have a time of 0.
-        touch: Whether haptic output was enabled.
+        has_haptics: Whether haptic output was enabled.
         span: Start and end of the run; None: those of the paper.
 
     Returns:
@@ -119,7 +125,7 @@ def measure_trial(
         "mean_theta_deg": run.mean_theta_deg,
         "contacts": run.contacts,
         "state_order": ">".join(run.order),
-        "vibrating_s": _vibrating_s(samples) if touch else 0.0,
+        "vibrating_s": _vibrating_s(samples) if has_haptics else 0.0,
         "reaction_ms": _reaction_ms(samples, movements),
         **_motion(movements),
     }

@@ -13,7 +13,7 @@ from haptigraph.graph import SceneGraph
 from haptigraph.messages import Step
 from haptigraph.perception.eye_view import IoctView
 from haptigraph.registration.camera import Registration
-from haptigraph.registration.registered import Registered
+from haptigraph.registration.registered import BaseRegistration
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -80,7 +80,7 @@ def _labels(graph: SceneGraph) -> dict[tuple[str, str], str]:
 
 
 def draw_overlay(
-    axes: "Axes", view: IoctView, step: Step, registration: Registered, cone_deg: list[float]
+    axes: "Axes", view: IoctView, step: Step, registration: BaseRegistration, cone_deg: list[float]
 ) -> None:
     """Draw an observation, and the cone in which a shaft counts as aligned."""
     if isinstance(registration, Registration):

@@ -32,7 +32,7 @@ def explain(procedure: Procedure) -> list[Table]:
 
 
 def _condition(relation: Relation, procedure: Procedure) -> str:
-    parts = [bounds_of(relation).said(procedure.schema.measure_name(relation))]
+    parts = [bounds_of(relation).describe(procedure.schema.measure_name(relation))]
     if relation.release is not None:
         parts.append(f"released at {relation.release:g}")
     return " and ".join([*parts, *(str(Triplet(*given)) for given in relation.given)])

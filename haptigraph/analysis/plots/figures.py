@@ -18,7 +18,7 @@ from haptigraph.perception.eye_view import IoctView
 from haptigraph.recording.reader import RunReader
 from haptigraph.recording.writer import Progress
 from haptigraph.registration.loading import parse_registration
-from haptigraph.registration.registered import Registered
+from haptigraph.registration.registered import BaseRegistration
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -119,7 +119,7 @@ def _draw_moments(
     series: _Series,
     moments: list[int],
     images: dict[int, Image | None],
-    registration: Registered,
+    registration: BaseRegistration,
 ) -> None:
     axes = figure.subplots(2, len(moments), squeeze=False, height_ratios=(1.25, 1))
     view = IoctView(registration)

@@ -48,7 +48,7 @@ def proof_figure(proof: Proof, output: str | Path) -> None:
         graph = violation.graph
         if graph is not None:
             draw_graph(axes, graph)
-        parts = (f"{claim.name}: {claim.says}", violation.sentence)
+        parts = (f"{claim.name}: {claim.statement}", violation.sentence)
         title = "\n".join(line for part in parts for line in textwrap.wrap(part, 84))
         axes.set_title(title, fontsize=8.5, loc="left")
         label = violation.state.replace("_", " ") if violation.is_possible else "impossible"

@@ -5,7 +5,7 @@ from rich.table import Table
 from haptigraph.graph import SceneGraph
 from haptigraph.proof.report import Proof, Violation
 
-__all__ = ["claims_table", "graph_text", "told"]
+__all__ = ["claims_table", "graph_text", "proof_summary"]
 
 
 def claims_table(proof: Proof) -> Table:
@@ -15,16 +15,16 @@ def claims_table(proof: Proof) -> Table:
         table.add_column(heading, overflow="fold")
     for claim in proof.claims:
         exception = f"\n(not while held: {', '.join(claim.not_while_held)})" if claim.not_while_held else ""
-        table.add_row("proved" if claim.holds else "VIOLATED", claim.name, claim.says + exception)
-    for name in proof.watched:
+        table.add_row("proved" if claim.holds else "VIOLATED", claim.name, claim.statement + exception)
+    for name in proof.monitored:
         table.add_row("monitored", "temporal", name)
     return table
 
 
-def told(proof: Proof) -> str:
+def proof_summary(proof: Proof) -> str:
     """Return the outcome of a proof, with the violations and their graphs."""
     parts = [
-        _violation_text(f"{claim.name}: {claim.says}", violation)
+        _violation_text(f"{claim.name}: {claim.statement}", violation)
         for claim in proof.claims
         for violation in claim.violations
     ]

@@ -10,7 +10,7 @@ import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
-from haptigraph.analysis.registering.draft import Draft, Opened, anatomy_px_of, sound_registration
+from haptigraph.analysis.registering.draft import Draft, OpenedSource, anatomy_px_of, checked_registration
 from haptigraph.analysis.registering.overrides import SNAP_MM
 from haptigraph.analysis.registering.report import (
     WALL_MM,
@@ -57,7 +57,7 @@ class Checked(Struct, frozen=True):
     """The point on the retina nearest to the target; None if it is too far away."""
 
 
-def check_draft(opened: Opened, draft: Draft) -> Checked:
+def check_draft(opened: OpenedSource, draft: Draft) -> Checked:
     """Compare a draft with the measurements in the images.
 
     Raises:
@@ -71,7 +71,7 @@ def check_draft(opened: Opened, draft: Draft) -> Checked:
         frontal_from_image=homography,
     )
     try:  # without the background image, which would be decoded at every drag
-        sound_registration(replace(opened, background_webp=b""), draft)
+        checked_registration(replace(opened, background_webp=b""), draft)
         problem = ""
     except BadInput as error:
         problem = error.problem

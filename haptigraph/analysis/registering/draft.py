@@ -21,7 +21,7 @@ from haptigraph.analysis.registering.overrides import (
     unclear_trocar,
 )
 from haptigraph.analysis.registering.picture import registration_picture
-from haptigraph.analysis.registering.registering import sound_anatomy
+from haptigraph.analysis.registering.registering import plausible_anatomy
 from haptigraph.analysis.registering.report import in_px_and_mm
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Homography, Vec
@@ -37,12 +37,12 @@ from haptigraph.registration.text import AnatomyPx, TrocarPx, registration_text
 __all__ = [
     "Draft",
     "DraftTrocar",
-    "Opened",
+    "OpenedSource",
     "anatomy_px_of",
+    "checked_registration",
     "draft_from",
+    "draft_picture",
     "open_images",
-    "sound_picture",
-    "sound_registration",
 ]
 
 DEFAULT_RADIUS = 0.36  # of the image's shorter side
@@ -83,11 +83,11 @@ class Draft(Struct, frozen=True, forbid_unknown_fields=True):
     """Name of the file it was read from, if any."""
 
 
-class Opened(Struct, frozen=True, eq=False):
+class OpenedSource(Struct, frozen=True, eq=False):
     """A source in whose images the anatomy was searched."""
 
     source: str
-    still: Image
+    reference_image: Image
     """Median of its images."""
     anatomy: Anatomy | None
     """What `register` finds; None if it refuses."""
@@ -99,7 +99,7 @@ class Opened(Struct, frozen=True, eq=False):
     """Reference image without instrument, if a needle moved."""
 
 
-def open_images(images: Sequence[Image], source: str, *, mirrored: bool, diameter_mm: float) -> Opened:
+def open_images(images: Sequence[Image], source: str, *, mirrored: bool, diameter_mm: float) -> OpenedSource:
     """Find the anatomy in images, or place a default draft where `register` refuses.
 
     Args:
@@ -110,28 +110,28 @@ def open_images(images: Sequence[Image], source: str, *, mirrored: bool, diamete
     """
     overrides = Overrides(mirrored=mirrored, diameter_mm=diameter_mm)
     try:
-        anatomy = sound_anatomy(images, diameter_mm, source)
+        anatomy = plausible_anatomy(images, diameter_mm, source)
     except BadInput as error:
-        still = median_image(images)
-        draft = _default_draft(still.shape[1], still.shape[0], overrides)
-        return Opened(source, still, None, draft, error.problem)
+        reference_image = median_image(images)
+        draft = _default_draft(reference_image.shape[1], reference_image.shape[0], overrides)
+        return OpenedSource(source, reference_image, None, draft, error.problem)
     draft, note = _found_draft(anatomy, overrides, source)
-    opened = Opened(source, anatomy.reference_image, anatomy, draft, note)
+    opened = OpenedSource(source, anatomy.reference_image, anatomy, draft, note)
     try:
-        registration = sound_registration(opened, draft)
+        registration = checked_registration(opened, draft)
         background = find_background_image(images, anatomy.reference_image, registration)
     except BadInput:  # the draft needs correction first
         return opened
     return replace(opened, background_webp=background.webp) if background else opened
 
 
-def anatomy_px_of(opened: Opened, draft: Draft) -> AnatomyPx:
+def anatomy_px_of(opened: OpenedSource, draft: Draft) -> AnatomyPx:
     """Return a draft as `registration_text` takes it.
 
     Raises:
         BadInput: If a point is far outside the image, where the homography may not be invertible.
     """
-    height_px, width_px = opened.still.shape[:2]
+    height_px, width_px = opened.reference_image.shape[:2]
     points = draft.center_px, draft.target_px, *draft.contour_px, *(t.point_px for t in draft.trocars)
     for x, y in points:
         if not (-width_px <= x <= 2 * width_px and -height_px <= y <= 2 * height_px):
@@ -142,13 +142,13 @@ def anatomy_px_of(opened: Opened, draft: Draft) -> AnatomyPx:
     return AnatomyPx(width_px=width_px, height_px=height_px, **{**same, **more})
 
 
-def draft_from(registration: Registration, file: str, opened: Opened) -> Draft:
+def draft_from(registration: Registration, file: str, opened: OpenedSource) -> Draft:
     """Return the draft of a registration that was read from a file.
 
     Raises:
         BadInput: If it is for other images, or a value is outside a draft's limits.
     """
-    data, (height_px, width_px) = anatomy_px(registration), opened.still.shape[:2]
+    data, (height_px, width_px) = anatomy_px(registration), opened.reference_image.shape[:2]
     if (data.width_px, data.height_px) != (width_px, height_px):
         is_for = f"is for images of {data.width_px} x {data.height_px} px"
         raise BadInput(f"{is_for}, but this one is {width_px} x {height_px} px")
@@ -160,7 +160,7 @@ def draft_from(registration: Registration, file: str, opened: Opened) -> Draft:
         raise BadInput(f"cannot be corrected here: {error}") from None
 
 
-def sound_registration(opened: Opened, draft: Draft) -> Registration:
+def checked_registration(opened: OpenedSource, draft: Draft) -> Registration:
     """Write a draft as a registration, and read it back with all checks.
 
     Raises:
@@ -170,19 +170,23 @@ def sound_registration(opened: Opened, draft: Draft) -> Registration:
     return parse_camera_registration(text, "registration")
 
 
-def sound_picture(opened: Opened, draft: Draft) -> bytes:
+def draft_picture(opened: OpenedSource, draft: Draft) -> bytes:
     """Draw a draft over the image, as `register` does, and return the PNG.
 
     Raises:
         BadInput: If a run would refuse it.
     """
-    registration = sound_registration(opened, draft)
+    registration = checked_registration(opened, draft)
     return registration_picture(
-        opened.still, registration, anatomy_px_of(opened, draft), _how(opened, draft), opened.anatomy
+        opened.reference_image,
+        registration,
+        anatomy_px_of(opened, draft),
+        _how(opened, draft),
+        opened.anatomy,
     )
 
 
-def _title(opened: Opened, draft: Draft) -> str:
+def _title(opened: OpenedSource, draft: Draft) -> str:
     return f"Registration {_how(opened, draft, f' in {_line(Path(opened.source).name)}')}."
 
 
@@ -191,7 +195,7 @@ def _line(text: str) -> str:
     return " ".join(text.split())
 
 
-def _how(opened: Opened, draft: Draft, where: str = "") -> str:
+def _how(opened: OpenedSource, draft: Draft, where: str = "") -> str:
     """Describe the origin and uncertainty of a draft."""
     if draft.file:
         return f"of {draft.file}, corrected by hand{where}"
@@ -208,7 +212,7 @@ def _found_draft(anatomy: Anatomy, overrides: Overrides, source: str) -> tuple[D
     side = "right" if overrides.mirrored else "left"  # of the surgeon, for the image's left
     note = ""
     if not named:
-        x, y = anatomy.seen_px(
+        x, y = anatomy.image_px(
             _point_at(anatomy.center_px, TYPICAL_WALL_MIDDLE * anatomy.radius_px, DEFAULT_TROCAR_DEG - 180)
         )
         trocar_option = f"{x},{y}"  # on the image's left

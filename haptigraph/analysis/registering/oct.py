@@ -24,7 +24,7 @@ from haptigraph.recording.codec import encode_png
 from haptigraph.registration.loading import parse_registration
 from haptigraph.sources.naming import OCT_FILES
 
-__all__ = ["brings_scans", "register_scans"]
+__all__ = ["is_bscan_source", "register_scans"]
 
 MIN_SD_GREY = 4.0  # even the noise of a B-scan has a higher standard deviation
 MIN_TISSUE_SHARE = 0.2  # of the columns; fewer with tissue deserve a look at the picture
@@ -32,7 +32,7 @@ BARS_MM = (1.0, 0.5, 0.2, 0.1, 0.05)
 MARGIN_PX, MAX_HEIGHT_PX = 16, 900
 
 
-def brings_scans(source: str) -> bool:
+def is_bscan_source(source: str) -> bool:
     """Return whether a source delivers B-scans."""
     return source.startswith("oct:") or Path(source).suffix.lower() in OCT_FILES
 
@@ -44,7 +44,7 @@ def register_scans(
     picture: str | Path | None = None,
     *,
     force: bool = False,
-    most: int = 40,
+    max_images: int = 40,
 ) -> str:
     """Check a source of B-scans, and write the registration and its picture.
 
@@ -54,7 +54,7 @@ def register_scans(
         settings: "key=value" strings: scale, crop and other settings of the source.
         picture: The PNG file to write; beside the TOML file if None.
         force: Whether to overwrite existing files.
-        most: How many B-scans to examine, evenly spread.
+        max_images: How many B-scans to examine, evenly spread.
 
     Returns:
         The report, several lines of text.
@@ -68,7 +68,7 @@ def register_scans(
     opened = open_source(config, VirtualClock())
     notes, text = opened.notes, opened.registration or ""
     with closing(images_of(opened)) as images:
-        scans = [grey_of(image) for image in spread_images(images, source, most, None)]
+        scans = [grey_of(image) for image in spread_images(images, source, max_images, None)]
     registration = parse_registration(text, f"registration of {source}")
     _check_contrast(scans, source)
     axial_mm, lateral_mm = registration.image.axial_mm_per_px or 0.0, registration.image.mm_per_px
@@ -114,8 +114,8 @@ def _retina(scans: Sequence[Image], axial_mm_per_px: float) -> tuple[float, floa
     tissue_share, thickness_mm = [], []
     for scan in scans:
         found = find_surfaces(scan, axial_mm_per_px)
-        tissue_share.append(found.ilm_seen.mean())
-        thickness_mm.append((found.rpe_px - found.ilm_px)[found.rpe_seen] * axial_mm_per_px)
+        tissue_share.append(found.ilm_visible.mean())
+        thickness_mm.append((found.rpe_px - found.ilm_px)[found.rpe_visible] * axial_mm_per_px)
     thickness = np.concatenate(thickness_mm)
     median_mm = float(np.median(thickness)) if len(thickness) else float("nan")
     return float(np.mean(tissue_share)), median_mm

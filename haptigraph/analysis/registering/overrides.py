@@ -62,14 +62,14 @@ def apply_overrides(anatomy: Anatomy, overrides: Overrides, mm_per_px: float, so
         width_px=anatomy.reference_image.shape[1],
         height_px=anatomy.reference_image.shape[0],
         mirrored=overrides.mirrored,
-        center_px=anatomy.seen_px(anatomy.center_px),
+        center_px=anatomy.image_px(anatomy.center_px),
         radius_px=anatomy.radius_px,
         diameter_mm=overrides.diameter_mm,
         contour_px=tuple(
-            anatomy.seen_px(point) for point in anatomy.contour_px[:: -1 if overrides.mirrored else 1]
+            anatomy.image_px(point) for point in anatomy.contour_px[:: -1 if overrides.mirrored else 1]
         ),
         target_px=image.to_px(_target_point_mm(retina, image, overrides, source)),
-        trocars=tuple(replace(trocar, point_px=anatomy.seen_px(trocar.point_px)) for trocar in trocars),
+        trocars=tuple(replace(trocar, point_px=anatomy.image_px(trocar.point_px)) for trocar in trocars),
         frontal_from_image=homography,
     )
 
@@ -96,7 +96,7 @@ def _with_used(
     named: Sequence[tuple[str, FoundTrocar]], anatomy: Anatomy, requested: str | None, source: str
 ) -> tuple[TrocarPx, ...]:
     """Determine the trocar in use: by the override, the moving needle, or because there is only one."""
-    points_px = [(name, anatomy.seen_px(t.point_px)) for name, t in named]
+    points_px = [(name, anatomy.image_px(t.point_px)) for name, t in named]
     candidates = ", ".join(f"{name} at ({x:.0f}, {y:.0f}) px" for name, (x, y) in points_px)
     if requested and "," in requested:
         point = anatomy.frontal_px(_parse_point("--trocar", requested))

@@ -49,7 +49,7 @@ def registration_picture(
     if anatomy is not None and anatomy.rim.outer is not None:
         outer = anatomy.rim.outer
         circle = _circle_points(outer.center_px, outer.radius_px)
-        _polyline(canvas, [anatomy.seen_px(point) for point in circle], WALL, 1)
+        _polyline(canvas, [anatomy.image_px(point) for point in circle], WALL, 1)
     globe = _circle_points((0.0, 0.0), registration.globe.radius_mm)
     _polyline(canvas, [registration.image.to_px(point_mm) for point_mm in globe], GLOBE, 1)
     _polyline(canvas, found.contour_px, RETINA, 2)

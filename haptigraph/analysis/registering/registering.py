@@ -27,15 +27,15 @@ from haptigraph.recording.writer import Progress
 from haptigraph.registration.loading import parse_camera_registration
 from haptigraph.registration.text import registration_text
 from haptigraph.sources.naming import CAMERAS, split_source
-from haptigraph.sources.played import played
+from haptigraph.sources.reading import read_images
 from haptigraph.stages import Source
 
 __all__ = [
     "all_images",
     "check_files",
     "images_of",
+    "plausible_anatomy",
     "register_source",
-    "sound_anatomy",
     "spread_images",
     "write_files",
 ]
@@ -75,7 +75,7 @@ def register_source(
     check_files(files, source, force=force)
     with closing(all_images(source)) as available:
         images = spread_images(available, source, overrides.images, progress)
-    anatomy = sound_anatomy(images, overrides.diameter_mm, source)
+    anatomy = plausible_anatomy(images, overrides.diameter_mm, source)
     mm_per_px = overrides.diameter_mm / (2 * anatomy.radius_px)
     found = apply_overrides(anatomy, overrides, mm_per_px, source)
     uncertainty = f"globe and retina uncertain by {in_px_and_mm(anatomy.rim_uncertainty_px, mm_per_px)}"
@@ -90,7 +90,7 @@ def register_source(
     return "\n".join(report_lines(anatomy, found, registration, overrides, files))
 
 
-def sound_anatomy(images: Sequence[Image], diameter_mm: float, source: str) -> Anatomy:
+def plausible_anatomy(images: Sequence[Image], diameter_mm: float, source: str) -> Anatomy:
     """Find the anatomy, and refuse what is not a plausible eye.
 
     Raises:
@@ -170,7 +170,7 @@ def all_images(uri: str) -> Generator[Image, None, None]:
 
 def images_of(source: Source) -> Generator[Image, None, None]:
     """Yield all images of a source, and close it."""
-    with closing(played(source)) as captures:
+    with closing(read_images(source)) as captures:
         for capture in captures:
             if capture.image is not None:
                 yield capture.image

@@ -171,8 +171,8 @@ def _axis(argument: str) -> list[tuple[str, float, bool]]:
 def _row(task: SweepTask, trial: TrialSpec, rehearsal: Rehearsal) -> dict[str, Any]:
     """Simulate a trial; return a row like those of an exported table of trials."""
     steps, procedure = list(rehearsal.steps()), rehearsal.procedure
-    states, touch = [state.name for state in procedure.states], trial.condition.max_amplitude > 0
-    measures = measure_trial(steps, states, touch=touch, span=procedure.span)
+    states, has_haptics = [state.name for state in procedure.states], trial.condition.max_amplitude > 0
+    measures = measure_trial(steps, states, has_haptics=has_haptics, span=procedure.span)
     stage = trial.stage
     return {
         "study": task.study,

@@ -19,9 +19,9 @@ from haptigraph.dashboard.server.stream import (
 from haptigraph.errors import BadInput, HaptigraphError
 from haptigraph.inference.procedure import Procedure
 from haptigraph.perception.eye_view import IoctView
-from haptigraph.recording.reader import Place, RunReader
+from haptigraph.recording.reader import RunReader, StepLocation
 from haptigraph.registration.loading import parse_registration
-from haptigraph.registration.registered import Registered
+from haptigraph.registration.registered import BaseRegistration
 
 __all__ = ["empty_timeline", "measure_outcomes", "read_run", "recorded_settings"]
 
@@ -30,7 +30,7 @@ MAX_OUTCOME_MB = 200
 
 def read_run(name: str) -> None:
     """Send the places of a run's steps in its file, then its timeline and what else the page shows of it."""
-    reader, places = RunReader(name), list[Place]()
+    reader, places = RunReader(name), list[StepLocation]()
     procedure, registration = recorded_settings(reader)
     timeline, measures = empty_timeline(procedure), RunMeasures.under(procedure)
     progress = progress_reporter("reading", Path(name).stat().st_size)
@@ -65,7 +65,7 @@ def measure_outcomes(*names: str) -> None:
             send_message({"type": "outcome", "name": name, "problem": str(error)})
 
 
-def recorded_settings(reader: RunReader) -> tuple[Procedure, Registered]:
+def recorded_settings(reader: RunReader) -> tuple[Procedure, BaseRegistration]:
     """Return the procedure and the registration that a run was recorded with."""
     name = reader.path.name
     return (

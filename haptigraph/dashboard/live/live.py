@@ -62,7 +62,7 @@ class LivePage:
         with Server(app, self._listener):
             yield
 
-    def registered_first(self) -> str:
+    def wait_for_registration(self) -> str:
         """Serve the registration page alone until a registration is saved there; return the file's path."""
         saved: SimpleQueue[str] = SimpleQueue()
         controls = Controls(self.hub, None)

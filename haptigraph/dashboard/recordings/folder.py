@@ -16,7 +16,7 @@ from mcap.reader import SeekingReader
 from haptigraph.assemble import parse_procedure, procedure_names
 from haptigraph.dashboard.server.protocol import image_header, pack
 from haptigraph.errors import BadInput, HaptigraphError
-from haptigraph.recording.reader import Place, RunReader
+from haptigraph.recording.reader import RunReader, StepLocation
 from haptigraph.registration.loading import parse_registration
 
 __all__ = ["Identity", "RecordingFolder"]
@@ -45,7 +45,7 @@ class _OpenRun(NamedTuple):
 
     reader: RunReader
     identity: Identity
-    places: list[Place]
+    places: list[StepLocation]
     moving: frozenset[str]
     start_ns: int
 
@@ -98,7 +98,7 @@ class RecordingFolder:
             "procedures": [*procedure_names(), *procedures],
         }
 
-    def open_run(self, name: str, places: list[Place]) -> None:
+    def open_run(self, name: str, places: list[StepLocation]) -> None:
         """Make the steps of a run available to `step`.
 
         Args:

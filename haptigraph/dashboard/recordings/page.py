@@ -18,7 +18,7 @@ from haptigraph.dashboard.server.json_routes import json_errors, json_response
 from haptigraph.dashboard.server.site import Site
 from haptigraph.dashboard.server.stream import pack_message
 from haptigraph.errors import BadInput, HaptigraphError
-from haptigraph.recording.reader import Place
+from haptigraph.recording.reader import StepLocation
 
 __all__ = ["routes"]
 
@@ -78,7 +78,7 @@ class _Recordings:
             raise BadInput(f"{job} does not take a procedure")
         async for content, data in self._jobs.run(job, name, *arguments):
             if content["type"] == "places":
-                places = msgspec.json.decode(data, type=list[Place])
+                places = msgspec.json.decode(data, type=list[StepLocation])
                 await asyncio.to_thread(self._folder.open_run, name, places)
             else:
                 yield pack_message(content, data)

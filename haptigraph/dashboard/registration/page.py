@@ -68,7 +68,7 @@ def routes(site: Site) -> Sequence[BaseRoute]:
         body = await read_json(request, Open)
         number = await service.open(body.source, mirrored=body.mirrored, diameter_mm=body.diameter_mm)
         opened = service.opened(number)
-        height_px, width_px = opened.still.shape[:2]
+        height_px, width_px = opened.reference_image.shape[:2]
         return json_response(
             {
                 "number": number,
@@ -82,8 +82,8 @@ def routes(site: Site) -> Sequence[BaseRoute]:
         )
 
     async def picture(request: Request) -> Response:
-        still = service.opened(request.path_params["number"]).still
-        return Response(await run_in_threadpool(encode_png, still), media_type="image/png")
+        reference_image = service.opened(request.path_params["number"]).reference_image
+        return Response(await run_in_threadpool(encode_png, reference_image), media_type="image/png")
 
     async def check(request: Request) -> Response:
         body = await read_json(request, Check)

@@ -12,10 +12,10 @@ from typing import Any
 
 from haptigraph.analysis.registering.draft import (
     Draft,
-    Opened,
+    OpenedSource,
+    checked_registration,
     draft_from,
-    sound_picture,
-    sound_registration,
+    draft_picture,
 )
 from haptigraph.analysis.registering.registering import write_files
 from haptigraph.assemble import SOURCES
@@ -50,7 +50,7 @@ class RegistrationService:
         """Of the job that runs, for people who wait."""
         self._site, self._jobs, self._lock = site, Jobs(Path()), asyncio.Lock()
         self._numbers = count(1)
-        self._opened: dict[int, Opened] = {}
+        self._opened: dict[int, OpenedSource] = {}
 
     async def open(self, source: str, *, mirrored: bool, diameter_mm: float) -> int:
         """Read a source and find the eye in it, within seconds; return the source's number.
@@ -71,7 +71,7 @@ class RegistrationService:
             del self._opened[min(self._opened)]
         return number
 
-    def opened(self, number: int) -> Opened:
+    def opened(self, number: int) -> OpenedSource:
         """Return an opened source.
 
         Raises:
@@ -110,9 +110,9 @@ class RegistrationService:
         file = self._file(path)
         if file.suffix != ".toml":
             raise BadInput("the name of a registration ends in .toml", path or "''")
-        contents = {file: sound_registration(opened, draft).text.encode()}
+        contents = {file: checked_registration(opened, draft).text.encode()}
         if picture:
-            contents[file.with_suffix(".png")] = sound_picture(opened, draft)
+            contents[file.with_suffix(".png")] = draft_picture(opened, draft)
         for each in contents:
             _check_writable(each, opened.source, overwrite=overwrite)
         try:
@@ -124,12 +124,12 @@ class RegistrationService:
     def _file(self, path: str) -> Path:
         return Path(path).expanduser() if self._site.is_local else Path(self._permitted(path))
 
-    async def _find_eye(self, source: str, mirrored: bool, diameter_mm: float) -> Opened:
+    async def _find_eye(self, source: str, mirrored: bool, diameter_mm: float) -> OpenedSource:
         images = await self._images_of_loop(source)
         job = self._jobs.run("register", source, self._site.source_config, images, mirrored, diameter_mm)
         async for content, data in job:
             if content["type"] == "opened":
-                opened: Opened = pickle.loads(data)
+                opened: OpenedSource = pickle.loads(data)
             elif content["type"] == "progress":
                 self.progress = _progress_text(content)
             else:

@@ -19,7 +19,7 @@ from haptigraph.messages import UNKNOWN
 from haptigraph.perception.eye_view import IoctView
 from haptigraph.pipeline import Loop
 from haptigraph.registration.loading import load_registration, parse_registration
-from haptigraph.registration.registered import Registered
+from haptigraph.registration.registered import BaseRegistration
 from haptigraph.registration.retarget import with_target
 
 __all__ = ["announcement", "describe_run", "describe_states"]
@@ -55,7 +55,7 @@ def announcement(config: Config, loop: Loop, hub: Hub) -> Callable[[], None]:
 
 
 def describe_run(
-    config: Config, procedure: Procedure, registration: Registered, view: IoctView
+    config: Config, procedure: Procedure, registration: BaseRegistration, view: IoctView
 ) -> dict[str, Any]:
     """Return the fields of a run's first message."""
     return {

@@ -63,7 +63,7 @@ class Hub:
         self._newest = capture, step
         self._wake()
 
-    def felt(self, stamp_ns: int, amplitude: float, frequency_hz: float) -> None:
+    def record_level(self, stamp_ns: int, amplitude: float, frequency_hz: float) -> None:
         """Leave a level that the guard sent to the device."""
         self._edges.append((stamp_ns, amplitude, frequency_hz))
         self._wake()

@@ -82,7 +82,7 @@ def _run(
     measures = RunMeasures.under(load_procedure(config.run.procedure))
     end = TrialEnd(stage, measures)
     stopped: KeyboardInterrupt | None = None
-    with closing(build(config, sinks=[site.hub], listener=site.hub.felt)) as loop:
+    with closing(build(config, sinks=[site.hub], listener=site.hub.record_level)) as loop:
         show = site.prepare(config, loop, measures)
         attempt = session.begin_trial(stage.key).attempt
         show()

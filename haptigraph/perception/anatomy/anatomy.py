@@ -29,7 +29,7 @@ from haptigraph.perception.anatomy.port_opening import (
 from haptigraph.perception.anatomy.rcm import Rcm
 from haptigraph.perception.anatomy.rim import Rim, find_rim
 from haptigraph.perception.anatomy.tracked_rcm import tracked_rcm
-from haptigraph.registration.tilt import Slant
+from haptigraph.registration.tilt import CameraTilt
 
 __all__ = ["Anatomy", "FoundTrocar", "find_anatomy"]
 
@@ -61,7 +61,7 @@ class Anatomy(Struct, frozen=True, eq=False):
 
     reference_image: Image
     """Median of the images, as the camera took them."""
-    tilt: Slant | None
+    tilt: CameraTilt | None
     """None if no tilt is measurable."""
     rim: Rim
     center_px: Vec
@@ -80,7 +80,7 @@ class Anatomy(Struct, frozen=True, eq=False):
     rim_evidence: tuple[str, ...]
     """What `rim_ratio` was estimated from: "needle", "port_openings" or nothing."""
 
-    def seen_px(self, frontal_px: Vec) -> Vec:
+    def image_px(self, frontal_px: Vec) -> Vec:
         """Map a point from the frontal view to the image as stored."""
         return self.tilt.image_from_frontal(frontal_px) if self.tilt else frontal_px
 
@@ -163,7 +163,7 @@ def _white_share(rim: Rim, frontal: Image) -> float:
 
 
 def _rim_excess(
-    rim: Rim, rcms: Sequence[Rcm], port_openings: Sequence[PortOpening], tilt: Slant | None, foot_px: Vec
+    rim: Rim, rcms: Sequence[Rcm], port_openings: Sequence[PortOpening], tilt: CameraTilt | None, foot_px: Vec
 ) -> tuple[float, float, tuple[str, ...]]:
     """Estimate how much larger than the section the rim appears: (share, its standard deviation, evidence).
 

@@ -12,7 +12,7 @@ from haptigraph.geometry import Vec
 from haptigraph.imaging import Floats
 from haptigraph.perception.anatomy.edge import Edge
 from haptigraph.perception.anatomy.rim import Rim
-from haptigraph.registration.tilt import Slant
+from haptigraph.registration.tilt import CameraTilt
 
 __all__ = ["find_camera_tilt"]
 
@@ -23,7 +23,7 @@ EDGE_SD_PX = 1.0  # of one ray; the errors of neighbours are correlated
 MAX_ITERATIONS = 40
 
 
-def find_camera_tilt(rim: Rim, principal_px: Vec) -> Slant | None:
+def find_camera_tilt(rim: Rim, principal_px: Vec) -> CameraTilt | None:
     """Fit the camera's tilt to the rim.
 
     Args:
@@ -43,7 +43,7 @@ def find_camera_tilt(rim: Rim, principal_px: Vec) -> Slant | None:
     fits = [_fit(start, points, principal_px) for start in _initial_guesses(inner, outer)]
     _, best = min(fits, key=lambda fit: fit[0])
     x, y, radius, right, down, closeness, _ = (float(value) for value in best)
-    return Slant((x, y), (right, down), radius / closeness, principal_px)
+    return CameraTilt((x, y), (right, down), radius / closeness, principal_px)
 
 
 def _edge_points(edge: Edge) -> Floats:
@@ -104,7 +104,7 @@ def _fit(start: Floats, points: tuple[Floats, Floats], principal_px: Vec) -> tup
 def _residuals(values: Floats, points: tuple[Floats, Floats], principal_px: Vec) -> Floats:
     """Return the distances of the points from their circles in the frontal view [standard deviations]."""
     x, y, radius, right, down, closeness, wall = values
-    tilt = Slant((x, y), (right, down), radius / closeness, principal_px)
+    tilt = CameraTilt((x, y), (right, down), radius / closeness, principal_px)
     matrix = tilt.frontal_from_image.matrix
     prior_mean, prior_sd = CLOSENESS_PRIOR
     parts = [np.array([(closeness - prior_mean) / prior_sd])]

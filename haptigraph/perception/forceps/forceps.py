@@ -10,7 +10,7 @@ from haptigraph.config import PerceptionConfig
 from haptigraph.geometry import Geometry, Point, Polyline, Segment, Vec, subtract, unit
 from haptigraph.messages import Capture, Image, Observation
 from haptigraph.perception.forceps.jaws import find_jaws
-from haptigraph.perception.forceps.stained_tissue import Stains
+from haptigraph.perception.forceps.stained_tissue import StainedTissue
 from haptigraph.perception.needle.background import Background
 from haptigraph.perception.needle.rectify import Site
 from haptigraph.perception.needle.tracker import Tracker
@@ -46,7 +46,7 @@ class ForcepsPerceiver:
             Tracker(replace(registration, trocar=trocar), config) for trocar in registration.other_trocars
         ]
         self._pipe = others[0] if others else None
-        self._stains = Stains(registration)
+        self._stains = StainedTissue(registration)
         site = Site(registration)
         self._px_per_mm, self._globe = site.px_per_mm, (site.center_px, site.inner_px)
         self._background = Background(site)

@@ -13,7 +13,7 @@ from haptigraph.imaging import Mask
 from haptigraph.messages import Image
 from haptigraph.registration.camera import Registration
 
-__all__ = ["Stains"]
+__all__ = ["StainedTissue"]
 
 BLUE_GREY = 22  # excess of blue over the other colours in dye
 RED_GREY = 60  # excess of red in blood; a fundus and its vessels have less
@@ -26,7 +26,7 @@ SPREAD_PX = 5  # blur of coloured regions: cameras and codecs resolve colour les
 FILL_MM = 2.0  # width of the surroundings from which dye is filled
 
 
-class Stains:
+class StainedTissue:
     """Detect coloured tissue in images of one registration.
 
     Args:

@@ -62,7 +62,7 @@ class Tracker:
         self._site = Site(registration)
         self._search = PolarSearch(self._site)
         self._search_off_axis = PolarSearch(self._site, BESIDE_MM, until_mm=0.0)
-        self._background = Background(self._site, registration.empty)
+        self._background = Background(self._site, registration.background)
         self._bevel = Bevel()
         self._select_tip = TipSelector(self._site, self._background, self._bevel)
         self._pose = PoseFilter(self._site.px_per_mm)

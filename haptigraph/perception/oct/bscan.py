@@ -49,7 +49,7 @@ class BscanPerceiver:
         height, width = image.shape
         surfaces = find_surfaces(image, self._axial_mm)
         ilm_px = np.interp(
-            np.arange(width), surfaces.x_px, np.where(surfaces.ilm_seen, surfaces.ilm_px, height)
+            np.arange(width), surfaces.x_px, np.where(surfaces.ilm_visible, surfaces.ilm_px, height)
         )
         dark_grey = surfaces.dark_grey + max(DARK_GREY, DARK_SHARE * surfaces.tissue_grey)
         ridges = find_ridges(image, ilm_px, dark_grey, surfaces.sd_grey)

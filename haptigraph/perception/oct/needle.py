@@ -91,8 +91,8 @@ def without_ridge_columns(surfaces: Surfaces, candidates: list[Candidate]) -> Su
         distance_px = (surfaces.x_px - x) / (dx or 1e-9)
         off_px = surfaces.ilm_px - (y + distance_px * dy)
         on_ridge |= (distance_px >= 0) & (distance_px <= candidate.end_px) & (np.abs(off_px) < ON_RIDGE_PX)
-    ilm_seen, rpe_seen = surfaces.ilm_seen & ~on_ridge, surfaces.rpe_seen & ~on_ridge
-    return surfaces._replace(ilm_seen=ilm_seen, rpe_seen=rpe_seen)
+    ilm_visible, rpe_visible = surfaces.ilm_visible & ~on_ridge, surfaces.rpe_visible & ~on_ridge
+    return surfaces._replace(ilm_visible=ilm_visible, rpe_visible=rpe_visible)
 
 
 def _candidate(ridge: Ridge, surfaces: Surfaces) -> Candidate | None:
@@ -117,8 +117,8 @@ def _casts_shadow(candidate: Candidate, surfaces: Surfaces) -> bool:
     shaft_y = ridge.start_px[1] + slope * (surfaces.x_px - ridge.start_px[0])
     is_below = surfaces.ilm_px > shaft_y + SHADOW_MARGIN_PX
     is_hidden = side * (end_x - surfaces.x_px) > SHADOW_MARGIN_PX
-    tissue = int((is_hidden & is_below & surfaces.ilm_seen).sum())
-    return tissue <= MAX_TISSUE_SHARE * min(int(is_hidden.sum()), int(surfaces.ilm_seen.sum()))
+    tissue = int((is_hidden & is_below & surfaces.ilm_visible).sum())
+    return tissue <= MAX_TISSUE_SHARE * min(int(is_hidden.sum()), int(surfaces.ilm_visible.sum()))
 
 
 def _evidence(candidate: Candidate) -> float:
@@ -128,16 +128,16 @@ def _evidence(candidate: Candidate) -> float:
 def _with_tip(image: Image, candidate: Candidate, surfaces: Surfaces) -> Needle:
     ridge = candidate.ridge
     end_x = ridge.at_px(candidate.end_px)[0]
-    edge_x = _shadow_edge(image, candidate, surfaces, surfaces.ilm_px, surfaces.ilm_seen, ILM_ROWS_PX)
-    deep_x = _shadow_edge(image, candidate, surfaces, surfaces.rpe_px, surfaces.rpe_seen, RPE_ROWS_PX)
+    edge_x = _shadow_edge(image, candidate, surfaces, surfaces.ilm_px, surfaces.ilm_visible, ILM_ROWS_PX)
+    deep_x = _shadow_edge(image, candidate, surfaces, surfaces.rpe_px, surfaces.rpe_visible, RPE_ROWS_PX)
     if deep_x is not None and (edge_x is None or candidate.side * (deep_x - edge_x) > MIN_INSIDE_PX):
         on_line = ridge.at_px(ridge.distance_at_column(deep_x))
-        if on_line[1] > row_at(surfaces.x_px, surfaces.ilm_px, surfaces.ilm_seen, deep_x):
+        if on_line[1] > row_at(surfaces.x_px, surfaces.ilm_px, surfaces.ilm_visible, deep_x):
             return _needle_at(candidate, deep_x, True)  # tissue is visible above the shaft, but not below
     if edge_x is None or not -SHADOW_MARGIN_PX < candidate.side * (edge_x - end_x) < BEVEL_PX:
         return _visible_end(candidate, surfaces)
     on_line = ridge.at_px(ridge.distance_at_column(edge_x))
-    ilm_y = row_at(surfaces.x_px, surfaces.ilm_px, surfaces.ilm_seen, edge_x)
+    ilm_y = row_at(surfaces.x_px, surfaces.ilm_px, surfaces.ilm_visible, edge_x)
     if on_line[1] > ilm_y + SPOT_HALF_PX:
         return _needle_at(candidate, edge_x if deep_x is None else deep_x, True)
     min_grey = _typical_height(candidate) / 2

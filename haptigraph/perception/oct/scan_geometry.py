@@ -32,9 +32,9 @@ class Layers(NamedTuple):
     x_px: Floats
     """Positions of the columns, ascending, (n,)."""
     ilm_px: Floats
-    ilm_seen: Mask
+    ilm_visible: Mask
     rpe_px: Floats
-    rpe_seen: Mask
+    rpe_visible: Mask
 
 
 class Shaft(NamedTuple):
@@ -57,7 +57,7 @@ def casts_shadow(shaft: Shaft, layers: Layers) -> bool:
     (x, y), (dx, dy) = shaft.tip_px, shaft.along_px
     behind = math.copysign(1.0, dx) * (x - layers.x_px) > SHADOW_MARGIN_PX
     shaft_y = y + dy / dx * (layers.x_px - x) if dx else np.full_like(layers.x_px, -math.inf)
-    visible = layers.ilm_seen & behind & (layers.ilm_px > shaft_y + SHADOW_MARGIN_PX)
+    visible = layers.ilm_visible & behind & (layers.ilm_px > shaft_y + SHADOW_MARGIN_PX)
     return float(visible.mean()) <= MAX_TISSUE_SHARE
 
 
@@ -91,8 +91,8 @@ class ObservationBuilder:
     def _layers(
         self, layers: Layers, shaft: Shaft | None
     ) -> tuple[dict[str, Geometry], dict[str, tuple[Vec, ...]]]:
-        ilm = _surface_line(layers.x_px, layers.ilm_px, layers.ilm_seen, shaft)
-        rpe = _surface_line(layers.x_px, layers.rpe_px, layers.rpe_seen, shaft)
+        ilm = _surface_line(layers.x_px, layers.ilm_px, layers.ilm_visible, shaft)
+        rpe = _surface_line(layers.x_px, layers.rpe_px, layers.rpe_visible, shaft)
         found: dict[str, Geometry] = {}
         interpolated: dict[str, tuple[Vec, ...]] = {}
         for name, line in (("ilm", ilm), ("rpe", rpe)):

@@ -86,9 +86,9 @@ def interpret(maps: FloatImage, model: ModelFile, size_px: tuple[int, int]) -> t
     layers = Layers(
         x_px=(columns + 0.5) * scaling.across - 0.5,
         ilm_px=(ilm.rows + 0.5) * scaling.down - 0.5,
-        ilm_seen=without_specks(ilm.is_visible),
+        ilm_visible=without_specks(ilm.is_visible),
         rpe_px=(rpe.rows + 0.5) * scaling.down - 0.5,
-        rpe_seen=without_specks(rpe.is_visible & (rpe.rows > ilm.rows)),
+        rpe_visible=without_specks(rpe.is_visible & (rpe.rows > ilm.rows)),
     )
     return layers, _shaft(maps, model, layers, scaling)
 
@@ -147,9 +147,9 @@ def _with_tip(shaft: Shaft, tissue: FloatImage, layers: Layers, scaling: Scaling
     slope, side = dy / max(abs(dx), 1e-3), math.copysign(1.0, dx)
     ahead_px = side * (layers.x_px - x)
     lit = np.flatnonzero(
-        layers.rpe_seen & (ahead_px > -SHADOW_MARGIN_PX) & (ahead_px < MAX_DEPTH_PX / max(slope, 1e-3))
+        layers.rpe_visible & (ahead_px > -SHADOW_MARGIN_PX) & (ahead_px < MAX_DEPTH_PX / max(slope, 1e-3))
     )
-    ilm_y = row_at(layers.x_px, layers.ilm_px, layers.ilm_seen, x)
+    ilm_y = row_at(layers.x_px, layers.ilm_px, layers.ilm_visible, x)
     edge_x = _shadow_edge(tissue, layers, lit if side > 0 else lit[::-1], side, scaling) if len(lit) else None
     if edge_x is None:
         is_observable = y < ilm_y - ILM_MARGIN_PX

@@ -41,9 +41,9 @@ class Surfaces(NamedTuple):
     x_px: Floats
     """Positions of the columns, (n,)."""
     ilm_px: Floats
-    ilm_seen: Mask
+    ilm_visible: Mask
     rpe_px: Floats
-    rpe_seen: Mask
+    rpe_visible: Mask
     dark_grey: float
     """Grey value without backscatter."""
     sd_grey: float
@@ -67,13 +67,13 @@ def find_surfaces(image: Image, axial_mm_per_px: float) -> Surfaces:
     columns = _Columns(np.ascontiguousarray(grey), down * axial_mm_per_px)
     ilm = columns.find_ilm()
     visible = columns.is_tissue(ilm)
-    rpe, rpe_seen = columns.find_rpe(ilm, visible)
+    rpe, rpe_visible = columns.find_rpe(ilm, visible)
     return Surfaces(
         np.arange(size[0]) * across + (across - 1) / 2,
         ilm * down - HALF,
         visible,
         rpe * down - HALF,
-        rpe_seen & visible,
+        rpe_visible & visible,
         columns.dark_grey,
         _noise(image),
         columns.tissue_grey,

@@ -5,7 +5,7 @@ import math
 from msgspec import Struct
 
 from haptigraph.geometry import ImageGeometry, Vec
-from haptigraph.registration.tilt import Slant
+from haptigraph.registration.tilt import CameraTilt
 
 __all__ = ["CameraSettings", "image_geometry", "slant_of"]
 
@@ -45,9 +45,9 @@ def image_geometry(settings: CameraSettings) -> ImageGeometry:
     return ImageGeometry(center_px, mm_per_px, settings.mirrored, frontal_from_image)
 
 
-def slant_of(settings: CameraSettings) -> Slant:
+def slant_of(settings: CameraSettings) -> CameraTilt:
     """Return the tilt of the section as seen by a camera."""
     right, down = (math.radians(angle) for angle in settings.tilt_deg)
     focal_px = settings.distance_mm * settings.px_per_mm
     middle_px = (settings.width_px - 1) / 2, (settings.height_px - 1) / 2
-    return Slant(settings.center_px, (right, down), focal_px, middle_px)
+    return CameraTilt(settings.center_px, (right, down), focal_px, middle_px)

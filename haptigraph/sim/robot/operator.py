@@ -9,7 +9,7 @@ from typing import Annotated, NamedTuple, Protocol
 import numpy as np
 from msgspec import Meta, Struct
 
-from haptigraph.sim.robot.robot import JAWS_MOST_MM, Pose, Robot
+from haptigraph.sim.robot.robot import JAWS_MAX_MM, Pose, Robot
 
 __all__ = ["Hand", "LightPipe", "Move", "Operator", "ScriptedOperator", "Tremor"]
 
@@ -52,7 +52,7 @@ class Move(Struct, frozen=True, forbid_unknown_fields=True):
     """Angle to the line trocar -> target, counter-clockwise."""
     away: bool = False
     """Whether the needle is out of view during the move."""
-    jaws_mm: Annotated[float, Meta(ge=0, le=JAWS_MOST_MM)] = 0.0
+    jaws_mm: Annotated[float, Meta(ge=0, le=JAWS_MAX_MM)] = 0.0
     """Distance between the tips of the jaws, for forceps."""
     pipe_depth_mm: Annotated[float, Meta(ge=-100, le=24)] = -20.0
     """Light pipe in the other hand: from its trocar to its tip."""

@@ -10,9 +10,9 @@ from msgspec import Meta, Struct
 
 from haptigraph.geometry import Vec, rotate, unit
 
-__all__ = ["JAWS_MOST_MM", "JAWS_SPEED_MM_S", "Pose", "Robot", "RobotLimits"]
+__all__ = ["JAWS_MAX_MM", "JAWS_SPEED_MM_S", "Pose", "Robot", "RobotLimits"]
 
-JAWS_MOST_MM = 4.0
+JAWS_MAX_MM = 4.0
 """Between the tips of fully open jaws."""
 JAWS_SPEED_MM_S = 4.0
 
@@ -88,7 +88,7 @@ class Robot:
         return Pose(
             min(max(pose.depth_mm, limit.depth_min_mm), limit.depth_max_mm),
             min(max(pose.pitch_deg, -limit.pitch_limit_deg), limit.pitch_limit_deg),
-            min(max(pose.jaws_mm, 0.0), JAWS_MOST_MM),
+            min(max(pose.jaws_mm, 0.0), JAWS_MAX_MM),
         )
 
 

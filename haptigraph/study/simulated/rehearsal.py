@@ -33,7 +33,7 @@ from haptigraph.study.simulated.participant import Participant
 from haptigraph.study.simulated.person import SimulatedPerson
 from haptigraph.study.simulated.training import trained_amplitudes
 from haptigraph.teleop.motion import HandMotion, TeleopSettings
-from haptigraph.teleop.teleop import LEVER_MM, Teleop
+from haptigraph.teleop.teleop import MIN_LEVER_MM, Teleop
 
 __all__ = ["NO_TOUCH", "SHIPPED", "Condition", "Rehearsal", "draw_scenario", "entry_scenario"]
 
@@ -126,7 +126,7 @@ class Rehearsal:
         self.loop = Loop(
             assemble.build_pipeline(self.config, self.registration, self.procedure, truth),
             source=images,
-            hand=Guard(_FeltDevice(self.person, self.output), self.config.haptics),
+            output=Guard(_FeltDevice(self.person, self.output), self.config.haptics),
             sinks=sinks,
             clock=VirtualClock(),
         )
@@ -180,7 +180,7 @@ class _Steered:
     def move(self, robot: Robot, time_s: float, elapsed_s: float) -> None:
         motion = self._person.move(time_s, elapsed_s)
         depth_mm = robot.pose.depth_mm
-        lever_mm = max(depth_mm**2, LEVER_MM**2) / depth_mm
+        lever_mm = max(depth_mm**2, MIN_LEVER_MM**2) / depth_mm
         along_mm, across_mm = motion.along_mm, lever_mm * math.radians(motion.turn_deg)
         tremor_along_mm, tremor_across_mm = motion.tremor_mm
         self.teleop.put(

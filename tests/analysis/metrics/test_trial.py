@@ -86,7 +86,7 @@ def test_corrections_too_early_or_too_late_are_no_reactions(begins_s):
 
 def test_without_haptic_output_nothing_vibrates_but_reactions_are_measured_alike():
     steps = steps_of(6, lambda s: 6.0 - 4.0 * np.clip(s - 3.4, 0, 1), cue=lambda s: s >= 3)
-    on, off = measure_trial(steps), measure_trial(steps, touch=False)
+    on, off = measure_trial(steps), measure_trial(steps, has_haptics=False)
     assert off["vibrating_s"] == 0.0 < on["vibrating_s"]
     assert off["reaction_ms"] == on["reaction_ms"]
 

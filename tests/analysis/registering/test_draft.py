@@ -15,10 +15,10 @@ from haptigraph.analysis.registering.check import Checked, check_draft
 from haptigraph.analysis.registering.draft import (
     Draft,
     anatomy_px_of,
+    checked_registration,
     draft_from,
+    draft_picture,
     open_images,
-    sound_picture,
-    sound_registration,
 )
 from haptigraph.errors import BadInput
 from haptigraph.geometry import distance_to_polyline
@@ -116,7 +116,7 @@ def test_where_register_refuses_there_is_a_default_draft(refused):
     checked = check_draft(refused, refused.draft)
     assert checked.problem == ""
     assert row(checked, "Globe").note == "no edge was found to compare with"
-    registration = sound_registration(refused, refused.draft)
+    registration = checked_registration(refused, refused.draft)
     assert registration.text.startswith("# Registration placed by hand in wall.png.\n")
 
 
@@ -137,11 +137,11 @@ def test_a_problem_is_reported_exactly_when_a_run_would_refuse(refused, step, fa
 
 
 def test_the_title_is_one_comment_line_with_the_draft_s_origin(opened):
-    title = sound_registration(opened, opened.draft).text.splitlines()[0]
+    title = checked_registration(opened, opened.draft).text.splitlines()[0]
     assert title.startswith(
         "# Registration found by haptigraph in eye.png; globe and retina were uncertain by "
     )
-    moved = sound_registration(opened, shifted(opened.draft, (1.0, 0.0))).text.splitlines()[0]
+    moved = checked_registration(opened, shifted(opened.draft, (1.0, 0.0))).text.splitlines()[0]
     assert "in eye.png, corrected by hand; " in moved
 
 
@@ -156,7 +156,7 @@ def test_with_a_tilted_camera_points_are_dragged_in_the_image_as_stored(tilted):
     target = tilted.draft.target_px[0] + 30.0, tilted.draft.target_px[1] - 12.0
     snapped = check_draft(tilted, replace(tilted.draft, target_px=target)).target_on_retina_px
     assert snapped is not None and math.dist(snapped, target) < 24
-    registration = sound_registration(tilted, replace(tilted.draft, target_px=snapped))
+    registration = checked_registration(tilted, replace(tilted.draft, target_px=snapped))
     assert registration.image.frontal_from_image is not None
     assert registration.image.to_px(registration.target.at_mm) == pytest.approx(snapped, abs=1e-2)
     assert distance_to_polyline(registration.target.at_mm, registration.retina) < 1e-3
@@ -177,20 +177,20 @@ def test_the_background_image_is_saved_with_a_corrected_draft(quick):
     phantom = Phantom(load_scenario(quick))
     images = [moment.image for moment in iter(phantom.advance, None)][::6]
     opened = open_images(images, "clip.mp4", mirrored=True, diameter_mm=24.0)
-    saved = sound_registration(opened, shifted(opened.draft, (1.25, 0.5)))
-    assert saved.empty.webp == sound_registration(opened, opened.draft).empty.webp
-    assert saved.empty.is_known[60:230, 160:320].mean() > 0.95
+    saved = checked_registration(opened, shifted(opened.draft, (1.25, 0.5)))
+    assert saved.background.webp == checked_registration(opened, opened.draft).background.webp
+    assert saved.background.is_known[60:230, 160:320].mean() > 0.95
     single = open_images(images[:1], "image.png", mirrored=True, diameter_mm=24.0)
-    assert sound_registration(single, single.draft).empty is None
+    assert checked_registration(single, single.draft).background is None
 
 
 @pytest.mark.parametrize("which", ["opened", "tilted", "refused"])
 def test_a_saved_draft_is_read_unchanged(which, request):
     opened = request.getfixturevalue(which)
-    written = sound_registration(opened, shifted(opened.draft, (1.25, 0.5)))
+    written = checked_registration(opened, shifted(opened.draft, (1.25, 0.5)))
     read = draft_from(written, "eye.toml", opened)
     assert read.file == "eye.toml"
-    again = sound_registration(opened, read)
+    again = checked_registration(opened, read)
     assert again.text.splitlines()[1:] == written.text.splitlines()[1:]
     assert again.text.startswith("# Registration of eye.toml, corrected by hand in ")
     assert check_draft(opened, read).problem == ""
@@ -198,14 +198,14 @@ def test_a_saved_draft_is_read_unchanged(which, request):
 
 def test_a_file_for_other_images_is_refused(opened, tilted):
     with pytest.raises(BadInput, match="is for images of 960 x 540 px, but this one is 480 x 270 px"):
-        draft_from(sound_registration(tilted, tilted.draft), "eye.toml", opened)
+        draft_from(checked_registration(tilted, tilted.draft), "eye.toml", opened)
 
 
 @pytest.mark.parametrize("which", ["tilted", "refused"])
 def test_the_picture_shows_the_draft_over_the_image(which, request):
     opened = request.getfixturevalue(which)
-    drawn = cv2.imdecode(np.frombuffer(sound_picture(opened, opened.draft), np.uint8), cv2.IMREAD_COLOR)
-    changed = np.abs(drawn.astype(int) - opened.still).max(axis=2) > 40
+    drawn = cv2.imdecode(np.frombuffer(draft_picture(opened, opened.draft), np.uint8), cv2.IMREAD_COLOR)
+    changed = np.abs(drawn.astype(int) - opened.reference_image).max(axis=2) > 40
     x, y = (round(value) for value in opened.draft.contour_px[len(opened.draft.contour_px) // 4])
     assert changed[y - 1 : y + 2, x - 1 : x + 2].any()
     assert 0.001 < changed.mean() < 0.1

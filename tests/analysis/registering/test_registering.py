@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from helpers import draw_rod
 from registration import errors_px, invalid_pictures, random_view
 
-from haptigraph.analysis.registering.registering import sound_anatomy
+from haptigraph.analysis.registering.registering import plausible_anatomy
 from haptigraph.cli import main
 from haptigraph.errors import BadInput
 from haptigraph.registration.loading import load_registration, parse_registration
@@ -75,7 +75,7 @@ def test_where_a_needle_moves_the_background_is_stored_and_runs_with_it_replay_i
 ):
     out, record = tmp_path / "eye.toml", tmp_path / "run.mcap"
     assert "reference  image without instrument stored" in call(quick_uri, "-o", out).stdout
-    background = load_registration(out).empty
+    background = load_registration(out).background
     assert np.abs(background.image.astype(int) - clean_eye)[background.is_known].mean() < 3
     assert background.is_known[60:230, 160:320].mean() > 0.97
     run = CliRunner().invoke(
@@ -90,7 +90,7 @@ def test_a_single_image_has_no_background_image(picture, tmp_path):
     out = tmp_path / "eye.toml"
     result = call(picture, "-o", out, "--trocar", "left")
     assert "reference  image without instrument not stored, because no needle moves" in result.stdout
-    assert load_registration(out).empty is None
+    assert load_registration(out).background is None
 
 
 def test_a_target_in_pixels_is_moved_onto_the_retina(picture, tmp_path):
@@ -232,7 +232,7 @@ def test_a_tilted_camera_has_a_homography(quick, tmp_path):
 @pytest.mark.parametrize("number", [1, 4, 8, 13])
 def test_random_views_are_registered(number):
     view = random_view(number, 77)
-    errors = errors_px(sound_anatomy(view.images, 2 * view.radius_mm, view.says), view)
+    errors = errors_px(plausible_anatomy(view.images, 2 * view.radius_mm, view.says), view)
     assert errors.center_px < 1.5, view.says
     assert errors.radius_px < 1.5, view.says
     assert errors.retina_px < 2.0, view.says
@@ -241,7 +241,7 @@ def test_random_views_are_registered(number):
 def test_images_without_a_valid_eye_are_refused_with_the_reason():
     for name, image in invalid_pictures(1, 77):
         with pytest.raises(BadInput, match=r"no eye|cut off|blurred|too small|only one edge"):
-            sound_anatomy([image], 24.0, name)
+            plausible_anatomy([image], 24.0, name)
 
 
 def test_a_strong_tilt_is_refused(quick, tmp_path):

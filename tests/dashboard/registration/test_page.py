@@ -81,7 +81,7 @@ def test_a_dragged_registration_is_used_by_a_run(page, quick, quick_uri, tmp_pat
     drag(page, "target", (-15, -4))
     expect(page.locator("#verdict")).to_have_text(VALID)
     drag(page, "trocar 0", (2, 1))
-    expect(page.locator("#rows")).to_contain_text("from its hole's mouth")
+    expect(page.locator("#rows")).to_contain_text("from its port opening")
     expect(page.locator("#verdict")).to_have_text(VALID)
     dragged = at(page, "target")
     assert math.dist(before, dragged) == pytest.approx(15, abs=1.5)

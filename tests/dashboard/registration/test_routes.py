@@ -256,7 +256,7 @@ def test_images_of_a_live_source_come_from_the_loop(quick, monkeypatch):
     hub.newest_capture = Capture(0, 0, eye_image(quick))
     opened = service.opened(open_with(service, "camera:0"))
     assert opened.anatomy is not None
-    assert (opened.still == eye_image(quick)).all()
+    assert (opened.reference_image == eye_image(quick)).all()
 
 
 def test_a_source_without_registration_serves_the_page(quick, tmp_path):

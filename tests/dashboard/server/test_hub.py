@@ -152,7 +152,7 @@ def test_haptic_edges_are_published_in_order_from_another_thread(hub):
         viewer = Viewer("page 1")
         hub.join(viewer)
         edges = [(index * MS, index % 2 * 0.5, 80.0) for index in range(200)]
-        thread = threading.Thread(target=lambda: [hub.felt(*edge) for edge in edges])
+        thread = threading.Thread(target=lambda: [hub.record_level(*edge) for edge in edges])
         thread.start()
         received = []
         while len(received) < len(edges):
@@ -193,7 +193,7 @@ def test_steps_after_the_server_has_stopped_are_ignored(hub):
 
     pumped(hub, act)
     hub.write(capture(), make_step())
-    hub.felt(0, 1.0, 80.0)
+    hub.record_level(0, 1.0, 80.0)
     hub.close()
 
 

@@ -8,7 +8,7 @@ from msgspec.structs import replace
 from haptigraph.perception.anatomy.background_image import find_background_image
 from haptigraph.perception.anatomy.moving_shaft import median_image
 from haptigraph.perception.needle.rectify import Line, Site
-from haptigraph.registration.tilt import Slant
+from haptigraph.registration.tilt import CameraTilt
 
 TURNS_DEG = -14, -10, -6, -2, 2, 6, 10, 14
 
@@ -72,7 +72,7 @@ def test_without_needle_detections_there_is_no_background_image(registration, ba
 def test_with_a_tilted_camera_the_background_image_is_as_stored(registration, background):
     site = Site(registration)
     middle_px = (site.width_px - 1) / 2, (site.height_px - 1) / 2
-    tilt = Slant(middle_px, (math.radians(8), 0.0), 900.0, middle_px)
+    tilt = CameraTilt(middle_px, (math.radians(8), 0.0), 900.0, middle_px)
     homography, size = tilt.image_from_frontal.matrix, background.shape[1::-1]
     images = [
         cv2.warpPerspective(with_needle(site, background, turn_deg), homography, size)

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from paths import GOLDEN
 
-from haptigraph.perception.forceps.stained_tissue import Stains
+from haptigraph.perception.forceps.stained_tissue import StainedTissue
 from haptigraph.recording.reader import RunReader
 from haptigraph.registration.loading import parse_registration
 
@@ -15,7 +15,7 @@ def run():
     """A detector of stained tissue, and every tenth image of an operation on a stained membrane."""
     reader = RunReader(RUN)
     images = [capture.image for capture, _ in reader.records() if capture.image is not None]
-    return Stains(parse_registration(reader.info.registration, "run")), images[::10]
+    return StainedTissue(parse_registration(reader.info.registration, "run")), images[::10]
 
 
 def test_removing_the_dye_removes_the_membrane_and_keeps_the_blood(run):

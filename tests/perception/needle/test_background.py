@@ -131,8 +131,8 @@ def with_vessels(site, image):
 
 @pytest.mark.parametrize("light", [0.7, 1.0, 1.2])
 def test_what_a_needle_hides_from_the_first_image_on_is_as_it_was_registered(site, light):
-    empty = registered(eye(site, GREY_GROUND, noise=0), slice(0, 1))
-    background = Background(site, empty)
+    background = registered(eye(site, GREY_GROUND, noise=0), slice(0, 1))
+    background = Background(site, background)
     now = np.clip(light * eye(site, GREY_GROUND, DEPTH_PX, noise=0), 0, 255).astype(np.uint8)
     line = Line(site.inwards_rad, 0.0)
     x, y = (round(value) for value in line.at_px(site.trocar_px, 40.0))
@@ -170,8 +170,8 @@ def test_a_run_may_begin_with_the_needle_in_an_eye_that_was_registered_empty(sit
     image = np.where(seen < 140, seen, with_vessels(site, seen))
     true_px = Line(site.inwards_rad, 0.0).at_px(site.trocar_px, DEPTH_PX)
 
-    def miss_px(empty: BackgroundImage | None) -> float:
-        perceive = Tracker(replace(registration, empty=empty), PerceptionConfig())
+    def miss_px(background: BackgroundImage | None) -> float:
+        perceive = Tracker(replace(registration, background=background), PerceptionConfig())
         tip = perceive(Capture(0, 0, image)).found["needle_tip"]
         return norm(subtract(registration.image.to_px(tip.at_mm), true_px))
 

@@ -110,7 +110,7 @@ def source(ros_network):
 
 def test_an_image_is_stamped_when_it_was_taken(source, peer):
     assert isinstance(source, Source)
-    publisher = peer.say("/camera/small", Image)
+    publisher = peer.publisher("/camera/small", Image)
     taken_ns, stamp_ns = time.monotonic_ns() - 200_000_000, time.time_ns() - 200_000_000
     publisher.send(raw("bgr8", stamp_ns=stamp_ns))
     capture = source.read(30.0)
@@ -124,7 +124,9 @@ def test_an_image_is_stamped_when_it_was_taken(source, peer):
 
 def test_a_compressed_image_keeps_its_bytes(source, peer):
     data = encode_jpeg(PIXELS[:, :, :3], 90)
-    peer.say("/camera/small", CompressedImage).send(CompressedImage(header(time.time_ns()), "jpeg", data))
+    peer.publisher("/camera/small", CompressedImage).send(
+        CompressedImage(header(time.time_ns()), "jpeg", data)
+    )
     capture = source.read(30.0)
     assert capture.encoded == data
     assert np.array_equal(capture.image, decode(data))
@@ -139,7 +141,7 @@ def test_a_compressed_image_keeps_its_bytes(source, peer):
     ],
 )
 def test_an_implausible_stamp_is_reported_once_and_replaced_by_the_arrival(source, peer, ahead_s, problem):
-    publisher, faults = peer.say("/camera/small", Image), []
+    publisher, faults = peer.publisher("/camera/small", Image), []
     for _ in range(3):
         before_ns = time.monotonic_ns()
         publisher.send(raw("bgr8", stamp_ns=0 if ahead_s is None else time.time_ns() + ahead_s * 10**9))
@@ -152,7 +154,7 @@ def test_an_implausible_stamp_is_reported_once_and_replaced_by_the_arrival(sourc
 
 
 def test_the_newest_image_is_read_and_missed_ones_are_counted(source, peer):
-    publisher = peer.say("/camera/small", Image)
+    publisher = peer.publisher("/camera/small", Image)
     for number in range(10):
         publisher.send(raw("bgr8", stamp_ns=time.time_ns()))
         until(lambda number=number: source._index == number, "an image was lost")
@@ -160,7 +162,7 @@ def test_the_newest_image_is_read_and_missed_ones_are_counted(source, peer):
 
 
 def test_an_image_out_of_order_is_rejected(source, peer):
-    publisher = peer.say("/camera/small", Image)
+    publisher = peer.publisher("/camera/small", Image)
     publisher.send(raw("bgr8", stamp_ns=time.time_ns()))
     assert source.read(30.0).index == 0
     publisher.send(raw("bgr8", stamp_ns=time.time_ns() - 500_000_000))
@@ -169,7 +171,7 @@ def test_an_image_out_of_order_is_rejected(source, peer):
 
 
 def test_a_rejected_message_is_reported_with_the_next_image_or_alone(source, peer):
-    publisher = peer.say("/camera/small", Image)
+    publisher = peer.publisher("/camera/small", Image)
     wrong = raw("bgr8")
     wrong.encoding = "mono16"
     publisher.send(wrong)
