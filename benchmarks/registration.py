@@ -29,7 +29,7 @@ EVERY = 4  # only every fourth image of a scene is used
 class View(Struct, frozen=True, eq=False):
     """One scene to register."""
 
-    says: str
+    label: str
     images: tuple[Image, ...]
     truth: ImageGeometry
     radius_mm: float
@@ -81,7 +81,7 @@ def random_view(number: int, seed: int = 0) -> View:
         moments = [first.image] if first else []
     needle = "one image" if is_single else "needle" if has_needle else "no needle"
     return View(
-        says=f"{scene.nuisance}, {needle}, tilt {tilt_deg:.0f} deg, camera at {distance_mm:.0f} mm, "
+        label=f"{scene.nuisance}, {needle}, tilt {tilt_deg:.0f} deg, camera at {distance_mm:.0f} mm, "
         f"rim {rim_mm:.1f} mm in front",
         images=tuple(moments[::EVERY]),
         truth=phantom.camera.geometry,
@@ -182,7 +182,7 @@ def main() -> None:
     for number in range(scenes):
         view = random_view(number, seed)
         try:
-            anatomy = plausible_anatomy(view.images, 2 * view.radius_mm, view.says)
+            anatomy = plausible_anatomy(view.images, 2 * view.radius_mm, view.label)
         except BadInput as error:
             refused += 1
             print(f"{number:3d}  REFUSED {error}", flush=True)
@@ -192,7 +192,7 @@ def main() -> None:
         groups.setdefault(view.group, []).append([*row, anatomy.rim_uncertainty_px])
         is_within = all(getattr(errors, name) <= limit for name, limit in LIMITS_PX.items())
         text = "  ".join(f"{value:5.2f}" for value in row)
-        text += f"  {view.says}; uncertainty {anatomy.rim_uncertainty_px:.1f} px"
+        text += f"  {view.label}; uncertainty {anatomy.rim_uncertainty_px:.1f} px"
         print(f"{number:3d}  {text}{'' if is_within else '  OVER'}", flush=True)
     for title, found in sorted(groups.items(), reverse=True):
         report(title, np.array(found))

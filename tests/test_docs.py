@@ -18,7 +18,16 @@ from haptigraph.scene.relations import MEASURES
 from haptigraph.sim.scenario import Scenario, scenario_names
 from haptigraph.sim.tissue import TissueShape
 from haptigraph.study.data_dictionary import MEASURES as MEASURES_OF_TRIALS
-from haptigraph.study.protocol import Asked, Condition, Stop, StudyTable, Target, Texts, Training, Trials
+from haptigraph.study.protocol import (
+    Condition,
+    QuestionnaireTable,
+    Stop,
+    StudyTable,
+    Target,
+    Texts,
+    Training,
+    Trials,
+)
 from haptigraph.toml_document import Document
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -84,7 +93,7 @@ def test_conventions_page_lists_every_setting():
 def test_study_page_lists_every_protocol_key_and_measure():
     text = read("docs/study.md")
     tables = {"study": StudyTable, "condition": Condition, "training": Training, "trials": Trials}
-    tables |= {"target": Target, "questionnaire": Asked, "stop": Stop, "texts": Texts}
+    tables |= {"target": Target, "questionnaire": QuestionnaireTable, "stop": Stop, "texts": Texts}
     for table, struct in tables.items():
         for key in struct.__struct_fields__:
             assert f"`{table}.{key}`" in text, f"{table}.{key}"

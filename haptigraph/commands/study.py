@@ -86,10 +86,10 @@ def check(folder: str, store: str | None) -> None:
         stored = _study_in(opened, protocol) if opened else None
         frozen = stored.check_frozen() if stored else None
         if opened and stored and frozen:
-            from haptigraph.study.recordings import recorded_trials, whats_wrong
+            from haptigraph.study.recordings import recorded_trials, recording_problem
 
             trials = recorded_trials(opened, protocol.study.name)
-            problems = [problem for trial in trials if (problem := whats_wrong(trial, protocol.folder))]
+            problems = [problem for trial in trials if (problem := recording_problem(trial, protocol.folder))]
             summary = f"{len(trials) - len(problems)} of {len(trials)} recordings are unchanged"
             withdrawn, erased, unfinished = _withdrawn(stored)
             problems += unfinished
@@ -122,11 +122,11 @@ def status(folder: str, store: str | None) -> None:
         if stored is None or not stored.check_frozen():
             click.echo(f"{protocol.study.title}: no participant yet")
             return
-        from haptigraph.study.standing import standings
+        from haptigraph.study.status import participant_statuses
 
         if stored.simulated:
             click.echo("simulated participants")
-        _print(status_table(protocol, standings(stored)))
+        _print(status_table(protocol, participant_statuses(stored)))
 
 
 @study.command()

@@ -16,7 +16,7 @@ from haptigraph.recording.journal import is_being_written
 from haptigraph.study.progress import of_participant
 from haptigraph.study.recordings import recordings_folder
 from haptigraph.study.roster import Study
-from haptigraph.study.station import location, open_row
+from haptigraph.study.station import location, open_session_row
 from haptigraph.study.store import Row
 from haptigraph.study.tables import METADATA, PARTICIPANTS, SESSIONS, TRIALS, is_erased
 
@@ -118,7 +118,7 @@ def remaining_files(folder: Path, participant: str) -> list[str]:
 
 def _participant_not_at_station(connection: Connection, study: Study, participant: str) -> Row:
     person = study.participant(connection, participant)
-    session = open_row(connection, study, participant)
+    session = open_session_row(connection, study, participant)
     if session is not None:
         raise BadInput(f"{location(session)}; leave the station first (after a crash: resume, then leave)")
     return person

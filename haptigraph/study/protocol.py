@@ -21,9 +21,9 @@ from haptigraph.toml_document import Document
 
 __all__ = [
     "FILE",
-    "Asked",
     "Condition",
     "Protocol",
+    "QuestionnaireTable",
     "Stop",
     "StudyTable",
     "Target",
@@ -105,7 +105,7 @@ class Target(Struct, frozen=True, forbid_unknown_fields=True):
     """Arc length along the retina from the globe's lowest point, positive to the surgeon's right."""
 
 
-class Asked(Struct, frozen=True, forbid_unknown_fields=True):
+class QuestionnaireTable(Struct, frozen=True, forbid_unknown_fields=True):
     """One [[questionnaire]] table: which questionnaire is administered, and when."""
 
     file: str
@@ -142,7 +142,7 @@ class _File(Struct, frozen=True, forbid_unknown_fields=True):
     targets: tuple[Target, ...] = field(name="target")
     trials: Trials = Trials()
     training: Training | None = None
-    questionnaires: tuple[Asked, ...] = field(name="questionnaire", default=())
+    questionnaires: tuple[QuestionnaireTable, ...] = field(name="questionnaire", default=())
     stop: Stop = Stop()
 
 
@@ -155,7 +155,7 @@ class Protocol(Struct, frozen=True):
     targets: tuple[Target, ...]
     trials: Trials
     training: Training | None
-    questionnaires: tuple[tuple[Asked, Questionnaire], ...]
+    questionnaires: tuple[tuple[QuestionnaireTable, Questionnaire], ...]
     """In the order of the file."""
     stop: Stop
     procedures: dict[str, str]
@@ -223,7 +223,7 @@ def load_protocol(path: str | Path) -> Protocol:
         key = f"condition[{number}].procedure"
         loaded = _load(document, key, load_procedure, _from(folder, condition.procedure))
         procedures[condition.procedure] = parts[f"procedure {condition.procedure}"] = loaded.text
-    questionnaires: list[tuple[Asked, Questionnaire]] = []
+    questionnaires: list[tuple[QuestionnaireTable, Questionnaire]] = []
     for number, table in enumerate(data.questionnaires):
         key = f"questionnaire[{number}].file"
         found = _load(document, key, load_questionnaire, _from(folder, table.file))

@@ -11,7 +11,7 @@ from haptigraph.recording.journal import is_being_written, is_whole
 from haptigraph.study.store import Row, Store
 from haptigraph.study.tables import TRIALS
 
-__all__ = ["fingerprint", "prepare_path", "recorded_trials", "recordings_folder", "whats_wrong"]
+__all__ = ["fingerprint", "prepare_path", "recorded_trials", "recording_problem", "recordings_folder"]
 
 
 def recordings_folder(participant: str) -> str:
@@ -55,7 +55,7 @@ def recorded_trials(store: Store, study: str) -> list[Row]:
     return store.rows(select(TRIALS).where(here).order_by(TRIALS.c.recording))
 
 
-def whats_wrong(trial: Row, folder: Path) -> str:
+def recording_problem(trial: Row, folder: Path) -> str:
     """Describe the problem with a trial's recording; return "" if it is unchanged."""
     path = folder / trial["recording"]
     if not path.is_file():

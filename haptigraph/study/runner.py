@@ -28,7 +28,7 @@ from haptigraph.study.progress import (
 )
 from haptigraph.study.recordings import fingerprint, prepare_path, recordings_folder
 from haptigraph.study.roster import Study
-from haptigraph.study.station import begin_session, end_session, open_row
+from haptigraph.study.station import begin_session, end_session, open_session_row
 from haptigraph.study.store import to_json
 from haptigraph.study.tables import ANSWERS, EVENTS, PARTICIPANTS, STAGES, TRIALS, is_erased
 from haptigraph.version import __version__
@@ -108,7 +108,7 @@ class Session:
                 row |= {**self._here, "condition": stage.condition or None, **given}
                 connection.execute(ANSWERS.insert().values(row))
 
-    def take_back(self, key: str, item: str) -> None:
+    def clear_answer(self, key: str, item: str) -> None:
         """Delete an answer before the questionnaire is submitted.
 
         Args:
@@ -273,7 +273,7 @@ class Session:
 
     def _require_open(self, connection: Connection) -> Progress:
         """Return the participant's progress if this is still the open session."""
-        session = open_row(connection, self.study, self.participant)
+        session = open_session_row(connection, self.study, self.participant)
         if session is None or session.session != self.number:
             where = f"at {session.station} now" if session else "at no station now"
             raise BadInput(f"participant {self.participant} is {where}; open the session again")

@@ -13,10 +13,10 @@ from haptigraph.study.progress import of_participant
 from haptigraph.study.roster import Study
 from haptigraph.study.tables import SESSIONS, TRIALS
 
-__all__ = ["begin_session", "end_session", "location", "open_row"]
+__all__ = ["begin_session", "end_session", "location", "open_session_row"]
 
 
-def open_row(connection: Connection, study: Study, participant: str) -> Any:
+def open_session_row(connection: Connection, study: Study, participant: str) -> Any:
     """Return the row of a participant's open session, or None."""
     mine = of_participant(SESSIONS, study.name, participant)
     return connection.execute(select(SESSIONS).where(*mine, SESSIONS.c.closed_utc.is_(None))).first()
@@ -39,7 +39,7 @@ def begin_session(
     Raises:
         BadInput: If the participant is at another station and `take_over` is false.
     """
-    before = open_row(connection, study, participant)
+    before = open_session_row(connection, study, participant)
     if before is not None and before.station != station and not take_over:
         raise BadInput(f"{location(before)}; close the session there, or take it over")
     end_session(connection, study, participant)

@@ -5,7 +5,7 @@ from helpers import call
 from paths import ROOT
 
 from haptigraph.study.roster import Study
-from haptigraph.study.standing import standings
+from haptigraph.study.status import participant_statuses
 
 PAGE = ROOT / "docs" / "study.md"
 
@@ -26,7 +26,7 @@ def test_the_documented_program_takes_a_participant_through_the_papers_study(tmp
     exec(program, names)
     study = names["study"]
     assert isinstance(study, Study)
-    (status,) = standings(study)
+    (status,) = participant_statuses(study)
     study.store.close()
     assert status.next.ended == "all is done"
     assert len(prompts) == 8 + 3 + 20  # demographics, trials, SUS twice

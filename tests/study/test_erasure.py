@@ -19,7 +19,7 @@ from haptigraph.study.exchange import export_study, import_study, read_export
 from haptigraph.study.protocol import load_protocol
 from haptigraph.study.roster import Study
 from haptigraph.study.runner import open_session
-from haptigraph.study.standing import standings
+from haptigraph.study.status import participant_statuses
 from haptigraph.study.store import Store
 from haptigraph.study.tables import METADATA
 
@@ -107,7 +107,7 @@ def test_the_slot_is_reused_and_the_pseudonym_is_not(study):
     assert study.enrol() == "P04"
     now = {row["participant"]: (row["slot"], row["conditions"]) for row in study.participants()}
     assert now == {**slots, "P04": slots["P02"]}
-    statuses = {each.participant: (each.left, each.next.ended) for each in standings(study)}
+    statuses = {each.participant: (each.left, each.next.ended) for each in participant_statuses(study)}
     assert statuses["P02"] == (True, "the participant has withdrawn; all data were erased")
     assert statuses["P04"] == (False, "")
 
@@ -199,7 +199,7 @@ def test_a_deleted_answer_is_gone_once_the_log_is_closed(folder, protocol):
         session = open_session(study, study.enrol(), "one")
         key = go_to(session, "questionnaire").key
         session.answer(key, "words", DELETED)
-        session.take_back(key, "words")
+        session.clear_answer(key, "words")
     assert DELETED.encode() not in bytes_of(where)
 
 

@@ -14,7 +14,7 @@ from haptigraph.errors import BadInput
 from haptigraph.study.protocol import load_protocol
 from haptigraph.study.roster import Study, study_in
 from haptigraph.study.runner import open_session
-from haptigraph.study.standing import events_of, standings
+from haptigraph.study.status import events_of, participant_statuses
 from haptigraph.study.store import Store
 from haptigraph.study.tables import ANSWERS, TRIALS
 
@@ -115,14 +115,14 @@ def test_an_answer_is_stored_at_once_and_may_change_until_it_is_submitted(sessio
 def test_an_answer_may_be_deleted_until_the_questionnaire_is_submitted(session):
     stage = go_to(session, "questionnaire")
     fill(session, stage)
-    session.take_back(stage.key, "3")
+    session.clear_answer(stage.key, "3")
     assert "3" not in session.next().answers
     with pytest.raises(BadInput, match="no answer yet to 3"):
         session.done(stage.key)
     session.answer(stage.key, "3", "1")
     session.done(stage.key)
     with pytest.raises(BadInput, match="does not come next"):
-        session.take_back(stage.key, "3")
+        session.clear_answer(stage.key, "3")
     assert len(session.study.store.rows(select(ANSWERS))) == 10
 
 
@@ -300,7 +300,7 @@ def test_a_recording_without_a_trial_is_renamed(session):
 def test_statuses_show_the_progress_of_all_participants(study, session):
     study.enrol()
     session.begin_trial(go_to(session, "trial").key)
-    one, two = standings(study)
+    one, two = participant_statuses(study)
     assert (one.participant, one.station, one.next.stage.key, one.next.running) == (
         "P01",
         "one",
@@ -341,6 +341,8 @@ def test_two_stations_at_one_store_do_not_interfere(folder, protocol, where):
     with closing(Store(where)) as store:
         study = Study(protocol, store)
         assert sorted(row["slot"] for row in study.participants()) == [0, 1, 2, 3]
-        assert all(each.next.stage.key == "break/2" and each.void == 0 for each in standings(study))
+        assert all(
+            each.next.stage.key == "break/2" and each.void == 0 for each in participant_statuses(study)
+        )
         assert len(store.rows(select(TRIALS))) == 4 * 3
         assert len(store.rows(select(ANSWERS))) == 4 * 10

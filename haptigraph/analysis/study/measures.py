@@ -9,7 +9,7 @@ from haptigraph.analysis.metrics.trial import measure_recording
 from haptigraph.errors import RenamedKey
 from haptigraph.recording.writer import Progress
 from haptigraph.study.data_dictionary import check_measures
-from haptigraph.study.recordings import recorded_trials, whats_wrong
+from haptigraph.study.recordings import recorded_trials, recording_problem
 from haptigraph.study.store import Store, to_json
 from haptigraph.study.tables import TRIALS
 
@@ -33,7 +33,7 @@ def measure_study(store: Store, study: str, folder: Path, progress: Progress | N
     for number, trial in enumerate(trials):
         if progress is not None:
             progress("measuring trials", number, len(trials))
-        problem = whats_wrong(trial, folder)
+        problem = recording_problem(trial, folder)
         if problem:
             problems.append(problem)
             continue

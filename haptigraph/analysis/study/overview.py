@@ -10,7 +10,7 @@ from haptigraph.study.plan import Stage, conditions_of, plan_of
 from haptigraph.study.protocol import Protocol
 
 if TYPE_CHECKING:
-    from haptigraph.study.standing import Standing
+    from haptigraph.study.status import ParticipantStatus
 
 __all__ = ["protocol_tables", "status_table"]
 
@@ -45,13 +45,13 @@ def protocol_tables(protocol: Protocol) -> Iterator[Table]:
     yield table
 
 
-def status_table(protocol: Protocol, standings: "list[Standing]") -> Table:
+def status_table(protocol: Protocol, participant_statuses: "list[ParticipantStatus]") -> Table:
     """Return a table of all participants' progress; without orders where everyone is blinded."""
     blind = protocol.study.blind == "everyone"
-    left, size = sum(each.left for each in standings), protocol.study.participants
+    left, size = sum(each.left for each in participant_statuses), protocol.study.participants
     withdrew = f", {left} withdrew" if left else ""
     table = _table(
-        f"{protocol.study.title}: {len(standings) - left} of {size} participants{withdrew}",
+        f"{protocol.study.title}: {len(participant_statuses) - left} of {size} participants{withdrew}",
         "participant",
         *(() if blind else ("order",)),
         "done",
@@ -59,7 +59,7 @@ def status_table(protocol: Protocol, standings: "list[Standing]") -> Table:
         "station",
         "void attempts",
     )
-    for each in standings:
+    for each in participant_statuses:
         order = () if blind else (each.order.replace(">", " > "),)
         done = f"{each.next.done} of {each.next.of}"
         table.add_row(
@@ -68,10 +68,10 @@ def status_table(protocol: Protocol, standings: "list[Standing]") -> Table:
     return table
 
 
-def _next(standing: "Standing", stage: Stage | None) -> str:
+def _next(status: "ParticipantStatus", stage: Stage | None) -> str:
     if stage is None:
-        return standing.next.ended
-    return f"{stage.key} (running)" if standing.next.running else stage.key
+        return status.next.ended
+    return f"{stage.key} (running)" if status.next.running else stage.key
 
 
 def _table(title: str, *headings: str) -> Table:

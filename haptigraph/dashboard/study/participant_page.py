@@ -44,7 +44,7 @@ def routes(site: StationSite) -> Sequence[BaseRoute]:
             if body.answer.strip():
                 session.answer(body.key, body.item, body.answer)
             else:
-                session.take_back(body.key, body.item)
+                session.clear_answer(body.key, body.item)
 
     def done(body: CurrentStage) -> None:
         with service.acting_on(body.participant) as session:

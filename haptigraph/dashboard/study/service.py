@@ -18,7 +18,7 @@ from haptigraph.study.plan import Stage
 from haptigraph.study.protocol import load_protocol
 from haptigraph.study.roster import Study
 from haptigraph.study.runner import Session, open_session
-from haptigraph.study.station import open_row
+from haptigraph.study.station import open_session_row
 
 __all__ = ["StationSite", "StudyService", "TrialEnding", "TrialStatus"]
 
@@ -205,7 +205,7 @@ class StudyService:
 
     def _is_here(self, session: Session) -> bool:
         with self.study.store.begin() as connection:
-            row = open_row(connection, self.study, session.participant)
+            row = open_session_row(connection, self.study, session.participant)
         return row is not None and row.session == session.number
 
     def _reload_protocol(self) -> None:

@@ -10,7 +10,7 @@ from haptigraph.study.plan import Stage, condition_title
 from haptigraph.study.progress import Next, Progress, read_progress, repeatable
 from haptigraph.study.protocol import Protocol
 from haptigraph.study.runner import Session
-from haptigraph.study.standing import Standing, events_of, standings
+from haptigraph.study.status import ParticipantStatus, events_of, participant_statuses
 
 __all__ = ["experimenter_snapshot", "participant_snapshot"]
 
@@ -51,7 +51,9 @@ def experimenter_snapshot(service: StudyService) -> dict[str, Any]:
         "problem": service.problem,
         "elapsed_s": (time.monotonic_ns() - service.started_ns) / 1e9 if service.started_ns else None,
         "current": _current(service, session) if session else None,
-        "participants": [_standing(study.protocol, each, shows_conditions) for each in standings(study)],
+        "participants": [
+            _standing(study.protocol, each, shows_conditions) for each in participant_statuses(study)
+        ],
     }
 
 
@@ -144,7 +146,7 @@ def _plan_row(protocol: Protocol, stage: Stage, progress: Progress, is_done: boo
     }
 
 
-def _standing(protocol: Protocol, each: Standing, shows_order: bool) -> dict[str, Any]:
+def _standing(protocol: Protocol, each: ParticipantStatus, shows_order: bool) -> dict[str, Any]:
     stage = each.next.stage
     titles = [protocol.condition(name).title for name in each.order.split(">")]
     return {

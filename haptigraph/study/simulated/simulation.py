@@ -23,7 +23,7 @@ from haptigraph.study.roster import Study
 from haptigraph.study.simulated.actions import rehearse, trial_spec
 from haptigraph.study.simulated.participant import draw_participant
 from haptigraph.study.simulated.player import SessionClock, SimulationSpec, pseudonym, simulate_participant
-from haptigraph.study.standing import standings
+from haptigraph.study.status import participant_statuses
 from haptigraph.study.store import Store
 from haptigraph.study.tables import EVENTS
 
@@ -102,7 +102,9 @@ def _enrol(spec: SimulationSpec, count: int) -> list[int]:
                 clock.now = SessionClock(number).now
                 study.enrol(pseudonym(number))
         complete = {
-            each.participant for each in standings(study) if each.next.stage is None and not each.station
+            each.participant
+            for each in participant_statuses(study)
+            if each.next.stage is None and not each.station
         }
     return [number for number in range(count) if pseudonym(number) not in complete]
 

@@ -232,10 +232,10 @@ def test_a_tilted_camera_has_a_homography(quick, tmp_path):
 @pytest.mark.parametrize("number", [1, 4, 8, 13])
 def test_random_views_are_registered(number):
     view = random_view(number, 77)
-    errors = errors_px(plausible_anatomy(view.images, 2 * view.radius_mm, view.says), view)
-    assert errors.center_px < 1.5, view.says
-    assert errors.radius_px < 1.5, view.says
-    assert errors.retina_px < 2.0, view.says
+    errors = errors_px(plausible_anatomy(view.images, 2 * view.radius_mm, view.label), view)
+    assert errors.center_px < 1.5, view.label
+    assert errors.radius_px < 1.5, view.label
+    assert errors.retina_px < 2.0, view.label
 
 
 def test_images_without_a_valid_eye_are_refused_with_the_reason():

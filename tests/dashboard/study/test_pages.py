@@ -11,7 +11,7 @@ from studying import PARTICIPANT, PROTOCOL, STUDY, Station, answer_all, rows_of
 
 from haptigraph.recording.reader import RunReader
 from haptigraph.study.protocol import load_protocol
-from haptigraph.study.recordings import recorded_trials, whats_wrong
+from haptigraph.study.recordings import recorded_trials, recording_problem
 from haptigraph.study.store import Store
 from haptigraph.study.tables import ANSWERS, EVENTS, PARTICIPANTS, SESSIONS, STAGES, TRIALS
 
@@ -200,7 +200,7 @@ def check(folder):
     recorded = recorded_trials(store, "short")
     store.close()
     assert len(recorded) == 4  # all but the one that was cut off
-    assert [problem for trial in recorded if (problem := whats_wrong(trial, folder))] == []
+    assert [problem for trial in recorded if (problem := recording_problem(trial, folder))] == []
     hit = next(trial for trial in recorded if trial["position"] == 2 and trial["outcome"] == "hit")
     run = RunReader(folder / hit["recording"])
     assert (run.info.participant, run.info.trial) == ("P01", "trial/2/1/1/2")

@@ -8,8 +8,8 @@ import postgres
 import pytest
 from studying import PROTOCOL, Station, send_to, study_at
 
-from haptigraph.study.recordings import recorded_trials, whats_wrong
-from haptigraph.study.standing import standings
+from haptigraph.study.recordings import recorded_trials, recording_problem
+from haptigraph.study.status import participant_statuses
 from haptigraph.study.store import Store
 from haptigraph.study.tables import ANSWERS, TRIALS
 
@@ -66,7 +66,7 @@ def test_two_stations_at_one_postgresql_do_not_collide(quick_uri, tmp_path):
             study = study_at(folders[0], store)
             assert sorted(names) == ["P01", "P02", "P03", "P04"]
             assert sorted(row["slot"] for row in study.participants()) == [0, 1, 2, 3]
-            assert {(each.next.ended, each.station, each.void) for each in standings(study)} == {
+            assert {(each.next.ended, each.station, each.void) for each in participant_statuses(study)} == {
                 ("all is done", "", 0)
             }
             trials = store.rows(TRIALS.select())
@@ -76,7 +76,7 @@ def test_two_stations_at_one_postgresql_do_not_collide(quick_uri, tmp_path):
                 names, 28
             )
             wrong = [
-                {whats_wrong(trial, folder) for folder in folders}
+                {recording_problem(trial, folder) for folder in folders}
                 for trial in recorded_trials(store, "short")
             ]
             assert len(wrong) == 12 and all(

@@ -59,7 +59,7 @@ export class Questionnaire {
         return make("label", {}, input, value);
       });
       const end = (/** @type {string} */ text) => text && make("span", { className: "end" }, text);
-      return [make("div", { className: "choices" }, end(item.low_says), ...labels, end(item.high_says))];
+      return [make("div", { className: "choices" }, end(item.low_label), ...labels, end(item.high_label))];
     }
     const input = item.kind === "text" ? make("textarea", { value: given }) : make("input", { value: given });
     input.autocomplete = "off";

@@ -8,13 +8,13 @@ from sqlalchemy import select
 from haptigraph.study.plan import plan_of
 from haptigraph.study.progress import Next, next_of, of_participant, read_progress
 from haptigraph.study.roster import Study
-from haptigraph.study.station import open_row
+from haptigraph.study.station import open_session_row
 from haptigraph.study.tables import EVENTS
 
-__all__ = ["Event", "Standing", "events_of", "standings"]
+__all__ = ["Event", "ParticipantStatus", "events_of", "participant_statuses"]
 
 
-class Standing(Struct, frozen=True):
+class ParticipantStatus(Struct, frozen=True):
     """The status of one participant."""
 
     participant: str
@@ -29,7 +29,7 @@ class Standing(Struct, frozen=True):
     """Whether the participant has withdrawn."""
 
 
-def standings(study: Study) -> list[Standing]:
+def participant_statuses(study: Study) -> list[ParticipantStatus]:
     """Return the status of all participants, in the order of enrolment."""
     statuses = []
     now = datetime.fromisoformat(study.store.now_utc())
@@ -37,12 +37,12 @@ def standings(study: Study) -> list[Standing]:
         name = row["participant"]
         with study.store.begin() as connection:
             progress = read_progress(connection, study.name, name)
-            session = open_row(connection, study, name)
+            session = open_session_row(connection, study, name)
         upcoming = next_of(plan_of(study.protocol, row["slot"]), progress, study.protocol, now)
         station = session.station if session else ""
         void = sum(attempt.void is not None for each in progress.attempts.values() for attempt in each)
         left = row["withdrawn_utc"] is not None
-        statuses.append(Standing(name, row["conditions"], upcoming, station, void, left))
+        statuses.append(ParticipantStatus(name, row["conditions"], upcoming, station, void, left))
     return statuses
 
 
