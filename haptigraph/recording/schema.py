@@ -24,7 +24,7 @@ __all__ = ["FORMAT", "READABLE", "TOPICS", "CaptureRecord", "Kept", "RunInfo", "
 
 FORMAT = "2"
 READABLE = ("1", FORMAT)
-"""In format 1 the standard deviations in /observation are named `..._deviation_...`."""
+"""Format 1 names the standard deviations in /observation differently; `reader` translates them."""
 
 Kept: TypeAlias = Literal["recorded", "dropped", "none"]
 
