@@ -12,7 +12,7 @@ import numpy as np
 from haptigraph.imaging import colored, tilt_corrected
 from haptigraph.messages import Image
 from haptigraph.perception.needle.background import occluded_ends, stripe
-from haptigraph.perception.needle.rectify import Site
+from haptigraph.perception.needle.rectify import EyeGeometry
 from haptigraph.perception.needle.tip_selection import Detection
 from haptigraph.perception.needle.tracker import detections_in
 from haptigraph.registration.background import BackgroundImage
@@ -42,10 +42,10 @@ def find_background_image(
     sights = detections_in((tilt_corrected(image, way) for image in images) if way else images, frontal)
     if len(sights) - sights.count(None) < LEAST_DETECTIONS:
         return None
-    site, is_free = Site(frontal), np.ones((len(images), *still.shape[:2]), np.bool_)
+    eye, is_free = EyeGeometry(frontal), np.ones((len(images), *still.shape[:2]), np.bool_)
     for number, sight in enumerate(sights):
         if sight is not None:
-            hidden = _hidden(site, sight)
+            hidden = _hidden(eye, sight)
             is_free[number] = (tilt_corrected(hidden, way.inverse) if way else hidden) == 0
     looks = np.count_nonzero(is_free, axis=0)
     picture, is_some = colored(still).copy(), (looks >= LEAST_LOOKS) & (looks < len(images))
@@ -57,9 +57,9 @@ def find_background_image(
     return BackgroundImage(picture, looks >= LEAST_LOOKS)
 
 
-def _hidden(site: Site, sight: Detection) -> Image:
+def _hidden(eye: EyeGeometry, sight: Detection) -> Image:
     """Return what a needle may hide, (h, w): 255 there."""
-    ends = occluded_ends(site, sight.line, sight.reach.tip_px + BEYOND_MM * site.px_per_mm)
-    hidden = np.zeros((site.height_px, site.width_px), np.uint8)
-    cv2.fillConvexPoly(hidden, stripe(ends, 2 * site.half_px, (0.0, 0.0)), 255, shift=4)
+    ends = occluded_ends(eye, sight.line, sight.reach.u_px + BEYOND_MM * eye.px_per_mm)
+    hidden = np.zeros((eye.height_px, eye.width_px), np.uint8)
+    cv2.fillConvexPoly(hidden, stripe(ends, 2 * eye.half_px, (0.0, 0.0)), 255, shift=4)
     return hidden
