@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 NATIVE := haptigraph/perception/native
-WATCHED := build/watched
+SANITIZED := build/sanitized
 SCENES ?= $(basename $(notdir $(wildcard rendering/scenes/*.toml)))
 
 .PHONY: setup demo live test test-slow test-native fuzz check bench bench-live bench-oct bench-touch bench-sweep compare-touch rehearse screenshots soak golden train render interop lock clean
@@ -15,7 +15,7 @@ setup: .venv/ready
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --requirement requirements.lock
 	@touch .venv/locked
 
-# The folder too, for a source that goes. Zig where there is no C compiler.
+# Depends on the folder too, for a source that is removed. Installs Zig where no C compiler works.
 .venv/ready: .venv/locked pyproject.toml hatch_build.py $(NATIVE) $(wildcard $(NATIVE)/*.[ch])
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check $$($(BIN)/python -c 'import hatchling.build; print(*hatchling.build.get_requires_for_build_editable())')
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
@@ -36,11 +36,11 @@ test-slow: setup  ## the long suites: thousands of broken procedures, and the li
 fuzz: setup  ## the property tests on thousands of new examples
 	$(BIN)/python -m pytest -n auto -m hypothesis --hypothesis-profile=fuzz
 
-test-native: setup  ## the tests of perception on a copy whose C ends at its first error of memory or arithmetic; needs gcc, Linux
-	rm -rf $(WATCHED) && mkdir -p $(WATCHED) && cp -R haptigraph $(WATCHED)
-	CC=gcc $(BIN)/python hatch_build.py $(WATCHED)/$(NATIVE)/native.library -g -fsanitize=address,undefined -fno-sanitize-recover=all
+test-native: setup  ## the tests of perception on a copy whose C runs under sanitizers; needs gcc, Linux
+	rm -rf $(SANITIZED) && mkdir -p $(SANITIZED) && cp -R haptigraph $(SANITIZED)
+	CC=gcc $(BIN)/python hatch_build.py $(SANITIZED)/$(NATIVE)/native.library -g -fsanitize=address,undefined,float-cast-overflow -fno-sanitize-recover=all
 	LD_PRELOAD="$$(gcc -print-file-name=libasan.so) $$(gcc -print-file-name=libstdc++.so.6)" ASAN_OPTIONS=detect_leaks=0 \
-		$(BIN)/python -m pytest -n auto -s -o pythonpath="$(WATCHED) . tests/support" tests/perception
+		$(BIN)/python -m pytest -n auto -s -o pythonpath="$(SANITIZED) . tests/support" tests/perception
 
 check: setup  ## format, lint, types, layers, warnings of the C compiler
 	$(BIN)/ruff format --check .
