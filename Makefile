@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 TESTS ?=
 OTHER_PYTHONS ?= 3.12 3.13
 NATIVE := haptigraph/perception/native
-WATCHED := build/watched
+SANITIZED := build/sanitized
 SCENES ?= $(basename $(notdir $(wildcard rendering/scenes/*.toml)))
 
 .PHONY: setup demo live test test-pythons test-slow test-native mutants fuzz check bench bench-live bench-oct bench-touch bench-sweep compare-touch rehearse screenshots soak golden train render interop lock clean
@@ -18,7 +18,7 @@ $(VENV)/locked: requirements.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --requirement requirements.lock
 	@touch $(VENV)/locked
 
-# The folder too, because a source may be removed. Zig if there is no C compiler.
+# The folder too, because a source may be removed. Zig if no C compiler works.
 $(VENV)/ready: $(VENV)/locked pyproject.toml hatch_build.py $(NATIVE) $(wildcard $(NATIVE)/*.[ch])
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check $$($(BIN)/python -c 'import hatchling.build; print(*hatchling.build.get_requires_for_build_editable())')
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
@@ -56,10 +56,10 @@ fuzz: setup  ## the property tests on thousands of new examples
 	$(BIN)/python -m pytest -n auto -m hypothesis --hypothesis-profile=fuzz
 
 test-native: setup  ## the tests of perception with the address and undefined-behaviour sanitizers; needs gcc, Linux
-	rm -rf $(WATCHED) && mkdir -p $(WATCHED) && cp -R haptigraph $(WATCHED)
-	CC=gcc $(BIN)/python hatch_build.py $(WATCHED)/$(NATIVE)/native.library -g -fsanitize=address,undefined -fno-sanitize-recover=all
+	rm -rf $(SANITIZED) && mkdir -p $(SANITIZED) && cp -R haptigraph $(SANITIZED)
+	CC=gcc $(BIN)/python hatch_build.py $(SANITIZED)/$(NATIVE)/native.library -g -fsanitize=address,undefined,float-cast-overflow -fno-sanitize-recover=all
 	LD_PRELOAD="$$(gcc -print-file-name=libasan.so) $$(gcc -print-file-name=libstdc++.so.6)" ASAN_OPTIONS=detect_leaks=0 \
-		$(BIN)/python -m pytest -n auto -s -o pythonpath="$(WATCHED) . tests/support" tests/perception
+		$(BIN)/python -m pytest -n auto -s -o pythonpath="$(SANITIZED) . tests/support" tests/perception
 
 # npm and Node come from a wheel in .venv; Node's own programs expect it in PATH.
 node_modules/ready: .venv/locked package.json package-lock.json

@@ -1,4 +1,4 @@
-"""Compiles the C part of perception when the package is built or installed.
+"""Compile the C part of perception when the package is built or installed.
 
 `python hatch_build.py [FILE [FLAG ...]]` does so by hand: in place or into FILE, with more flags.
 """
@@ -18,38 +18,52 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 from packaging.tags import platform_tags
 
 FOLDER = Path(__file__).parent / "haptigraph/perception/native"
-LIBRARY = FOLDER / "native.library"  # not .so, which Python would take for a module
+LIBRARY = FOLDER / "native.library"  # not .so, which Python would import as a module
 FLAGS = (
     *("-std=c11", "-O3", "-shared", "-fPIC", "-fvisibility=hidden"),
     *("-ffp-contract=off", "-fno-math-errno"),  # the same digits everywhere; sqrt is one instruction
 )
-ZIG = [sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline"]  # else for this very processor
+ZIG = [sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline"]  # its default is this very processor
+NAMES = ("cc", "gcc", "clang")
 HELP = "install gcc or clang, or name a C compiler that works in CC"
+PROBE = "#include <math.h>\n#include <stdint.h>\nint32_t probe(double x) { return (int32_t)sqrt(x); }\n"
 
 
 def compiler() -> list[str]:
-    """Return the command of a C compiler: what CC says, else the first on PATH, else Zig's from PyPI."""
+    """Return the command of a C compiler: CC if set, else the first on PATH that works, else PyPI's Zig."""
     named = os.environ.get("CC", "")
     if named:
         return [named] if shutil.which(named) else shlex.split(named)
-    return next(([name] for name in ("cc", "gcc", "clang") if shutil.which(name)), ZIG)
+    return next(([name] for name in NAMES if shutil.which(name) and _works(name)), ZIG)
+
+
+def _works(name: str) -> bool:
+    """Return whether a command compiles a few lines; macOS has a cc that does not, without its tools."""
+    with TemporaryDirectory() as folder:
+        source, library = Path(folder, "probe.c"), Path(folder, "probe.library")
+        source.write_text(PROBE)
+        command = [name, "-o", str(library), *FLAGS, str(source), "-lm"]
+        try:
+            return not subprocess.run(command, capture_output=True).returncode and library.exists()
+        except OSError:
+            return False
 
 
 def compile_native(library: Path = LIBRARY, *more_flags: str) -> None:
-    """Compile the sources into a library that knows which sources these were.
+    """Compile the C sources into a library that contains their checksum.
 
     Raises:
         SystemExit: In a sentence, if there is no compiler or it fails.
     """
     command = compiler()
     if command is ZIG and not find_spec("ziglang"):
-        looked = "CC is not set, cc, gcc and clang are not on PATH, the package ziglang is not installed"
-        sys.exit(f"no C compiler: {looked}; {HELP}")
+        tried = "CC is not set, no cc, gcc or clang on PATH works, the package ziglang is not installed"
+        sys.exit(f"no C compiler: {tried}; {HELP}")
     sources = sorted(FOLDER.glob("*.[ch]"))
     checksum = zlib.crc32(b"".join(source.read_bytes() for source in sources))
     arguments = [*FLAGS, *more_flags, f"-DSOURCES={checksum}u", *map(str, sorted(FOLDER.glob("*.c"))), "-lm"]
     try:
-        with TemporaryDirectory(dir=library.parent) as folder:  # who runs never meets half a library
+        with TemporaryDirectory(dir=library.parent) as folder:  # a running process never meets half a library
             made = Path(folder, library.name)
             if subprocess.run([*command, "-o", str(made), *arguments]).returncode:
                 sys.exit(f"{shlex.join(command)} could not compile {FOLDER} (see above); {HELP}")
@@ -62,11 +76,11 @@ class CompileNative(BuildHookInterface[Any]):
     """Compiles in place before files are collected, for a wheel as for an editable installation."""
 
     def dependencies(self) -> list[str]:
-        """Ask for Zig where there is no other compiler."""
+        """Request Zig where no other compiler works."""
         return ["ziglang"] if compiler() is ZIG else []
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
-        """Compile, and tell that the wheel is for any Python of this platform."""
+        """Compile, and mark the wheel as one for any Python of this platform."""
         compile_native()
         platform = next(tag for tag in platform_tags() if "manylinux" not in tag and "musllinux" not in tag)
         build_data["artifacts"].append(f"/{LIBRARY.relative_to(self.root).as_posix()}")

@@ -1,4 +1,4 @@
-"""Names for arrays of pixels, and the way from any image to grey. Shared by all of perception."""
+"""Names for arrays of pixels, and conversions of images. Shared by all of perception."""
 
 from typing import TypeAlias
 
@@ -33,19 +33,19 @@ def grey_of(image: Image) -> Image:
 
 
 def colored(image: Image) -> Image:
-    """Return an image with three colours, (h, w, 3) BGR."""
+    """Return an image in colour, (h, w, 3) BGR."""
     return image if image.ndim == 3 else np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), np.uint8)
 
 
 def grey_with_chroma(image: Image, chroma_share: float, where: Mask | np.bool_) -> Image:
-    """Return an image in grey, in some places with what is more blue than red brighter.
+    """Return an image in grey, with bluer pixels brighter in some places.
 
-    White and grey stay as bright as they are.
+    White and grey keep their brightness.
 
     Args:
-        image: (h, w, 3) BGR or (h, w) grey, which stays as it is.
+        image: (h, w, 3) BGR or (h, w) grey, which is returned.
         chroma_share: How much of blue less red is added.
-        where: The places, as the image broadcasts.
+        where: The pixels to which it is added; broadcast to the image.
     """
     grey = grey_of(image)
     if image.ndim == 2 or not chroma_share:
@@ -56,21 +56,21 @@ def grey_with_chroma(image: Image, chroma_share: float, where: Mask | np.bool_) 
 
 
 def tilt_corrected(image: Image, frontal_from_image: Homography) -> Image:
-    """Return an image of the same size without slant, (h, w, 3) or (h, w)."""
+    """Return an image of the same size without tilt, (h, w, 3) or (h, w)."""
     height, width = image.shape[:2]
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    back = frontal_from_image.inverse.matrix
+    inverse = frontal_from_image.inverse.matrix
     return np.asarray(
-        cv2.warpPerspective(image, back, (width, height), flags=flags, borderMode=cv2.BORDER_REPLICATE),
+        cv2.warpPerspective(image, inverse, (width, height), flags=flags, borderMode=cv2.BORDER_REPLICATE),
         np.uint8,
     )
 
 
 def top_shift(before: Floats, at: Floats, after: Floats) -> Floats:
-    """Return how far from the middle one of three samples the parabola through them has its top, (n,).
+    """Return the offset of the peak of the parabola through three samples from the middle one, (n,).
 
-    In steps of the samples, -0.5 to 0.5; 0 where they have none.
+    In samples, -0.5 to 0.5; 0 where there is no peak.
     """
-    bend = before - 2 * at + after
-    shift = np.where(bend < 0, 0.5 * (before - after) / np.where(bend < 0, bend, 1), 0)
-    return np.clip(shift, -0.5, 0.5)
+    curvature = before - 2 * at + after
+    offset = 0.5 * (before - after) / np.where(curvature < 0, curvature, 1)
+    return np.clip(np.where(curvature < 0, offset, 0), -0.5, 0.5)

@@ -12,7 +12,7 @@ from paths import DATA, SHARED
 from haptigraph.assemble import load_procedure
 from haptigraph.geometry import ImageGeometry
 from haptigraph.inference.procedure import Procedure
-from haptigraph.perception.needle.rectify import Site
+from haptigraph.perception.needle.rectify import EyeGeometry
 from haptigraph.registration.camera import Registration
 from haptigraph.registration.loading import parse_registration
 from haptigraph.sim.eye.eye import Eye, EyeShape, registration_text
@@ -64,8 +64,8 @@ def registration(registration_toml: str) -> Registration:
 
 
 @pytest.fixture
-def site(registration: Registration) -> Site:
-    return Site(registration)
+def eye(registration: Registration) -> EyeGeometry:
+    return EyeGeometry(registration)
 
 
 @pytest.fixture(params=["A_easy", "B_dark"])

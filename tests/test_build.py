@@ -1,8 +1,9 @@
+import os
 import shutil
 import sys
 import tarfile
 import zipfile
-from ctypes import POINTER, c_double, c_int
+from ctypes import c_double
 from pathlib import Path
 
 import hatchling.build
@@ -13,20 +14,25 @@ from hypothesis import strategies as st
 from paths import ROOT
 
 import hatch_build
-from haptigraph.perception.native import library
+from haptigraph.perception.native.library import Library
 
+REAL_COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+WRITES_ITS_OUTPUT = 'while [ "$1" != -o ]; do shift; done; : > "$2"'
 MEDIAN_OF = '#include "native.h"\nEXPORT double median_of(double *v, int n) { return median(v, n); }\n'
 
 
 @pytest.fixture
 def programs(tmp_path, monkeypatch):
-    """The only folder on PATH, without a C compiler; a function puts programs into it."""
+    """The only folder on PATH, without a C compiler; a function adds compilers that work or fail."""
+    if sys.platform == "win32":
+        pytest.skip("needs a shell")
     monkeypatch.delenv("CC", raising=False)
     monkeypatch.setenv("PATH", str(tmp_path))
 
-    def add(name: str) -> Path:
-        program = tmp_path / (f"{name}.exe" if sys.platform == "win32" else name)
-        program.touch(mode=0o755)
+    def add(name: str, works: bool = True) -> Path:
+        program = tmp_path / name
+        program.write_text(f"#!/bin/sh\n{WRITES_ITS_OUTPUT if works else 'echo no tools >&2; exit 1'}\n")
+        program.chmod(0o755)
         return program
 
     return add
@@ -34,10 +40,10 @@ def programs(tmp_path, monkeypatch):
 
 @pytest.fixture
 def sources(tmp_path, monkeypatch):
-    """A folder of its own with C sources, which are compiled instead."""
+    """A folder of its own with a few C sources, which are compiled instead."""
     folder = tmp_path / "native"
     folder.mkdir()
-    for name in ("native.h", "median.c", "checksum.c"):
+    for name in ("native.h", "median.c", "interface.c"):
         shutil.copy(hatch_build.FOLDER / name, folder)
     monkeypatch.setattr(hatch_build, "FOLDER", folder)
     return folder
@@ -45,7 +51,7 @@ def sources(tmp_path, monkeypatch):
 
 @pytest.fixture(scope="module")
 def checkout(tmp_path_factory):
-    """A copy of what makes the package, without what was compiled."""
+    """A copy of what the package is built from, without a compiled library."""
     folder = tmp_path_factory.mktemp("checkout")
     for name in ("pyproject.toml", "hatch_build.py", "README.md", "LICENSE", ".gitignore"):
         shutil.copy(ROOT / name, folder)
@@ -66,23 +72,54 @@ def test_cc_may_be_a_path_with_spaces(programs, monkeypatch):
     assert hatch_build.compiler() == [path]
 
 
-def test_else_it_is_the_first_on_path(programs):
+def test_otherwise_it_is_the_first_on_path(programs):
     programs("clang")
     assert hatch_build.compiler() == ["clang"]
     programs("gcc")
     assert hatch_build.compiler() == ["gcc"]
 
 
-def test_zig_is_asked_for_only_where_there_is_no_compiler(programs, monkeypatch):
+@pytest.mark.parametrize("script", ["echo no tools >&2; exit 1", "", "exit 0"])
+def test_a_compiler_that_does_not_work_is_passed_over(programs, script):
+    programs("cc").write_text(f"#!/bin/sh\n{script}\n" if script else "")
+    assert hatch_build.compiler() is hatch_build.ZIG
+    programs("clang")
+    assert hatch_build.compiler() == ["clang"]
+
+
+def test_a_named_compiler_that_fails_is_an_error(programs, sources, monkeypatch):
+    monkeypatch.setenv("CC", str(programs("cc", works=False)))
+    programs("gcc")
+    with pytest.raises(
+        SystemExit, match=r"cc could not compile .*native \(see above\); install gcc or clang"
+    ):
+        hatch_build.compile_native(sources / "native.library")
+
+
+@pytest.mark.skipif(REAL_COMPILER is None, reason="needs a C compiler to stand for Zig")
+def test_zig_compiles_where_all_others_fail(programs, sources, monkeypatch):
+    for name in hatch_build.NAMES:
+        programs(name, works=False)
+    monkeypatch.setenv(
+        "PATH", f"{os.environ['PATH']}{os.pathsep}{os.defpath}"
+    )  # for the tools of the compiler
+    monkeypatch.setattr(hatch_build, "ZIG", [REAL_COMPILER])  # in its place: Zig may not be installed
+    monkeypatch.setattr(hatch_build, "find_spec", lambda name: True)
+    hatch_build.compile_native(sources / "native.library")
+    Library(sources / "native.library")
+
+
+def test_zig_is_required_only_where_no_compiler_works(programs, monkeypatch):
     monkeypatch.chdir(ROOT)
-    asked = (hatchling.build.get_requires_for_build_wheel, hatchling.build.get_requires_for_build_editable)
-    assert all("ziglang" in "".join(ask()) for ask in asked)
+    hooks = hatchling.build.get_requires_for_build_wheel, hatchling.build.get_requires_for_build_editable
+    for works in (None, False, True):
+        if works is not None:
+            programs("cc", works)
+        assert all(("ziglang" in "".join(hook())) != bool(works) for hook in hooks)
     assert hatchling.build.get_requires_for_build_sdist() == []
-    programs("cc")
-    assert not any("ziglang" in "".join(ask()) for ask in asked)
 
 
-def test_without_any_compiler_a_sentence_says_what_would_help(programs, monkeypatch):
+def test_without_any_compiler_a_sentence_says_what_helps(programs, monkeypatch):
     monkeypatch.setattr(hatch_build, "find_spec", lambda name: None)
     with pytest.raises(SystemExit, match=r"no C compiler: CC is not set, .*; install gcc or clang"):
         hatch_build.compile_native()
@@ -94,7 +131,7 @@ def test_a_compiler_that_does_not_exist_is_named(sources, monkeypatch):
         hatch_build.compile_native(sources / "native.library")
 
 
-def test_what_cannot_be_compiled_leaves_the_old_library(sources, capfd):
+def test_sources_with_an_error_leave_the_old_library(sources, capfd):
     (sources / "native.library").write_text("old")
     (sources / "broken.c").write_text("int broken(")
     with pytest.raises(SystemExit, match=r"could not compile .*native \(see above\)"):
@@ -104,7 +141,7 @@ def test_what_cannot_be_compiled_leaves_the_old_library(sources, capfd):
     assert {path.suffix for path in sources.iterdir()} == {".c", ".h", ".library"}
 
 
-def test_warnings_stop_only_those_who_ask(sources):
+def test_warnings_are_errors_only_on_request(sources):
     (sources / "unused.c").write_text("static int unused;")
     hatch_build.compile_native(sources / "native.library")
     with pytest.raises(SystemExit, match="could not compile"):
@@ -114,8 +151,7 @@ def test_warnings_stop_only_those_who_ask(sources):
 def test_the_median_in_c_is_the_upper_one(sources):
     (sources / "exported.c").write_text(MEDIAN_OF)
     hatch_build.compile_native(sources / "native.library")
-    median_of = library._load(sources / "native.library").median_of
-    median_of.argtypes, median_of.restype = [POINTER(c_double), c_int], c_double
+    median_of = Library(sources / "native.library").function("median_of", "pi", c_double)
 
     @given(st.lists(st.floats(allow_nan=False), min_size=1, max_size=60))
     def is_the_upper_one(values):
@@ -133,7 +169,8 @@ def test_a_wheel_is_for_every_python_of_the_platform(checkout, tmp_path, monkeyp
         native = {Path(entry).name for entry in wheel.namelist() if "/native/" in entry}
         (about,) = (entry for entry in wheel.namelist() if entry.endswith("/WHEEL"))
         assert b"Root-Is-Purelib: false" in wheel.read(about)
-    assert native == {"__init__.py", "library.py", "native.library"}
+    modules = {path.name for path in (checkout / "haptigraph/perception/native").glob("*.py")}
+    assert native == {*modules, "native.library"}
 
 
 def test_an_editable_installation_compiles_in_place(checkout, tmp_path, monkeypatch):
@@ -142,7 +179,7 @@ def test_an_editable_installation_compiles_in_place(checkout, tmp_path, monkeypa
     monkeypatch.chdir(checkout)
     with zipfile.ZipFile(tmp_path / hatchling.build.build_editable(str(tmp_path))) as wheel:
         assert not any("native" in entry for entry in wheel.namelist())
-    library._load(compiled)
+    Library(compiled)
 
 
 def test_the_sdist_has_the_sources_and_what_compiles_them(checkout, tmp_path, monkeypatch):

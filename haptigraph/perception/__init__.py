@@ -1,1 +1,1 @@
-"""From pixels to places in the eye frame: registration, detection, smoothing; the displayed picture."""
+"""From pixels to positions in the eye frame: needle, anatomy, OCT, forceps; and the displayed view."""

@@ -1,7 +1,4 @@
-"""The phase of the operation as a thing in the scene, beside what a perceiver finds.
-
-Turns the phase a capture names into an entity. Sees nothing and infers nothing.
-"""
+"""The phase of the operation as an entity of the scene, besides what a perceiver finds in the image."""
 
 from collections.abc import Sequence
 
@@ -15,18 +12,18 @@ __all__ = ["PhasedPerceiver"]
 
 
 class PhasedPerceiver:
-    """Add the phase to what a perceiver finds.
+    """Add the phase that a capture names to what a perceiver finds.
 
     Args:
-        perceiver: Looks at the image.
-        phases: Those that the procedure knows; others are left out.
+        perceiver: Processes the image.
+        phases: Those of the procedure; others are left out.
     """
 
     def __init__(self, perceiver: Perceiver, phases: Sequence[str]) -> None:
         self._perceiver, self._phases = perceiver, frozenset(phases)
 
     def __call__(self, capture: Capture) -> Observation:
-        """Appearance at one image."""
+        """Observe one image."""
         observation = self._perceiver(capture)
         if capture.phase not in self._phases:
             return observation

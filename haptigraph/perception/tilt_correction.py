@@ -1,7 +1,4 @@
-"""Images by a camera that looks at a slant, turned into those of one that looks straight at the section.
-
-The one place where a slant is taken away: perceivers behind it know nothing of it.
-"""
+"""Tilt correction: images of a tilted camera, turned into those of a frontal one, for any perceiver."""
 
 from msgspec.structs import replace
 
@@ -15,11 +12,11 @@ __all__ = ["TiltCorrectedPerceiver"]
 
 
 class TiltCorrectedPerceiver:
-    """Let a perceiver look at straightened images.
+    """Give a perceiver tilt-corrected images.
 
     Args:
-        perceiver: It has been given `registration.frontal`.
-        registration: Says how the camera looks at the section.
+        perceiver: Made for `registration.frontal`.
+        registration: Of the tilted camera.
         frontal_from_image: Its homography.
     """
 
@@ -31,7 +28,7 @@ class TiltCorrectedPerceiver:
         self._frontal_from_image = frontal_from_image
 
     def __call__(self, capture: Capture) -> Observation:
-        """Appearance at one image.
+        """Observe one image.
 
         Raises:
             BadInput: If the image is not of the registered size.

@@ -3,7 +3,7 @@ import numpy as np
 from haptigraph.perception.eye_view import IoctView
 
 
-def test_the_view_is_square_grey_and_black_around_the_eye(registration):
+def test_the_view_is_square_and_grey_and_black_around_the_eye(registration):
     view = IoctView(registration, size_px=200)
     picture = view(np.full((240, 320, 3), 200, np.uint8))
     assert picture.shape == (200, 200)
@@ -11,7 +11,7 @@ def test_the_view_is_square_grey_and_black_around_the_eye(registration):
     assert picture[0, 0] == 0
 
 
-def test_places_appear_where_the_view_says(registration):
+def test_positions_appear_where_the_view_maps_them(registration):
     view = IoctView(registration, size_px=300)
     for place_mm in ((0.0, 0.0), (4.0, -6.0), (-7.0, 3.0)):
         image = np.zeros((240, 320), np.uint8)

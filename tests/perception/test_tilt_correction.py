@@ -1,4 +1,4 @@
-"""From a slanted camera to the needle's place, all the way."""
+"""From a tilted camera to the needle's position, end to end."""
 
 import math
 
@@ -19,7 +19,7 @@ from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.scenario import load_scenario
 
 
-def slanted(quick: str, tilt_deg: tuple[float, float], **others) -> Phantom:
+def tilted_phantom(quick: str, tilt_deg: tuple[float, float], **others) -> Phantom:
     scenario = load_scenario(quick)
     camera = replace(scenario.camera, tilt_deg=tilt_deg, distance_mm=120.0, **others)
     return Phantom(replace(scenario, camera=camera))
@@ -27,11 +27,13 @@ def slanted(quick: str, tilt_deg: tuple[float, float], **others) -> Phantom:
 
 @pytest.fixture(scope="module")
 def phantom(quick) -> Phantom:
-    return slanted(quick, (-8.0, 11.0), width_px=960, height_px=540, center_px=(480.0, 296.0), px_per_mm=16.0)
+    return tilted_phantom(
+        quick, (-8.0, 11.0), width_px=960, height_px=540, center_px=(480.0, 296.0), px_per_mm=16.0
+    )
 
 
 @pytest.mark.parametrize("perceiver", ["tracker", "threshold"])
-def test_tips_are_right_in_millimetres(phantom, procedure, perceiver):
+def test_locates_tips_in_millimetres(phantom, procedure, perceiver):
     registration = parse_registration(phantom.registration, "truth")
     config = load_config(None, (f'perception.perceiver="{perceiver}"', "perception.alpha=1"))
     pipeline = assemble.build_pipeline(config, registration, procedure)
@@ -48,9 +50,9 @@ def test_tips_are_right_in_millimetres(phantom, procedure, perceiver):
     assert np.median(errors_mm) < 0.15
 
 
-def test_a_slanted_picture_is_made_straight(quick):
+def test_corrects_a_tilted_image(quick):
     tilted, frontal = (
-        slanted(quick, tilt_deg, read_noise_grey=0.0, shot_noise_grey=0.0)
+        tilted_phantom(quick, tilt_deg, read_noise_grey=0.0, shot_noise_grey=0.0)
         for tilt_deg in ((0.0, 12.0), (0.0, 0.0))
     )
     registration = parse_registration(tilted.registration, "truth")
@@ -63,7 +65,7 @@ def test_a_slanted_picture_is_made_straight(quick):
     assert cv2.norm(view(image), plain(expected), cv2.NORM_L1) / 200**2 < 3
 
 
-def test_images_of_another_size_are_refused(phantom, procedure):
+def test_refuses_images_of_another_size(phantom, procedure):
     registration = parse_registration(phantom.registration, "truth")
     pipeline = assemble.build_pipeline(load_config(None, ()), registration, procedure)
     with pytest.raises(BadInput, match="960 x 540"):

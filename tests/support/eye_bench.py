@@ -1,4 +1,4 @@
-"""A simulated eye with a needle that can be put anywhere, and a perceiver that looks at it."""
+"""A simulated eye with a needle that can be put anywhere, and a perceiver that observes it."""
 
 from haptigraph.config import PerceptionConfig
 from haptigraph.messages import Capture, Image, Observation

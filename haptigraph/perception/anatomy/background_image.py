@@ -11,7 +11,7 @@ import numpy as np
 from haptigraph.imaging import colored, tilt_corrected
 from haptigraph.messages import Image
 from haptigraph.perception.needle.background import occluded_ends, stripe
-from haptigraph.perception.needle.rectify import Site
+from haptigraph.perception.needle.rectify import EyeGeometry
 from haptigraph.perception.needle.tip_selection import Detection
 from haptigraph.perception.needle.tracker import detections_in
 from haptigraph.registration.background import BackgroundImage
@@ -42,10 +42,10 @@ def find_background_image(
     detections = detections_in(views, frontal)
     if len(detections) - detections.count(None) < MIN_DETECTIONS:
         return None
-    site, is_free = Site(frontal), np.ones((len(images), *reference.shape[:2]), np.bool_)
+    eye, is_free = EyeGeometry(frontal), np.ones((len(images), *reference.shape[:2]), np.bool_)
     for number, detection in enumerate(detections):
         if detection is not None:
-            occluded = _occluded(site, detection)
+            occluded = _occluded(eye, detection)
             is_free[number] = (tilt_corrected(occluded, homography.inverse) if homography else occluded) == 0
     unoccluded = np.count_nonzero(is_free, axis=0)
     background, is_known = colored(reference).copy(), unoccluded >= MIN_UNOCCLUDED
@@ -58,9 +58,9 @@ def find_background_image(
     return BackgroundImage(background, is_known)
 
 
-def _occluded(site: Site, detection: Detection) -> Image:
+def _occluded(eye: EyeGeometry, detection: Detection) -> Image:
     """Return the region that a needle may occlude, (h, w): 255 inside."""
-    ends = occluded_ends(site, detection.line, detection.reach.tip_px + TIP_MARGIN_MM * site.px_per_mm)
-    occluded = np.zeros((site.height_px, site.width_px), np.uint8)
-    cv2.fillConvexPoly(occluded, stripe(ends, 2 * site.half_px, (0.0, 0.0)), 255, shift=4)
+    ends = occluded_ends(eye, detection.line, detection.reach.u_px + TIP_MARGIN_MM * eye.px_per_mm)
+    occluded = np.zeros((eye.height_px, eye.width_px), np.uint8)
+    cv2.fillConvexPoly(occluded, stripe(ends, 2 * eye.half_px, (0.0, 0.0)), 255, shift=4)
     return occluded

@@ -12,7 +12,7 @@ from haptigraph.messages import Capture, Image, Observation
 from haptigraph.perception.forceps.jaws import find_jaws
 from haptigraph.perception.forceps.stained_tissue import StainedTissue
 from haptigraph.perception.needle.background import Background
-from haptigraph.perception.needle.rectify import Site
+from haptigraph.perception.needle.rectify import EyeGeometry
 from haptigraph.perception.needle.tracker import Tracker
 from haptigraph.registration.camera import Registration
 
@@ -47,9 +47,9 @@ class ForcepsPerceiver:
         ]
         self._pipe = others[0] if others else None
         self._stains = StainedTissue(registration)
-        site = Site(registration)
-        self._px_per_mm, self._globe = site.px_per_mm, (site.center_px, site.inner_px)
-        self._background = Background(site)
+        eye = EyeGeometry(registration)
+        self._px_per_mm, self._globe = eye.px_per_mm, (eye.center_px, eye.inner_px)
+        self._background = Background(eye)
 
     def reset(self) -> None:
         """Forget earlier images."""

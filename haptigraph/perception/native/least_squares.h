@@ -1,41 +1,31 @@
-/* What explains where pairs of edges lie, as `shaft_line.c` needs it of `least_squares.c`. */
+/* What `shaft_line.c` needs of `least_squares.c`. */
 
-#ifndef HAPTIGRAPH_SOLVE_H
-#define HAPTIGRAPH_SOLVE_H
+#pragma once
 
 #include "edges.h"
 
-#define UNKNOWNS 6     /* place, slope, a shift on either side of the wall, one by the width of either pair */
+#define UNKNOWNS 6 /* offset, slope, a shift on either side of the wall, one by the width of either pair */
 #define SCALE_PX 100.0 /* of the slope: keeps the normal equations well conditioned */
 
-/* What earlier images told of how a needle looks (`shaft.Appearance`); NaN for what is not known. */
-typedef struct {
-    double share, share_sd; /* of the highlight */
-    double images;
-    double shaded_px[2];
-} Appearance;
-
-/* Pairs as the line is laid through them: edges, or their feet. */
+/* The pairs that a line is fitted to: edges, or their feet. */
 typedef struct {
     const Edges *edges;
     const double *middle_px, *width_px; /* (2 n) */
     int are_feet;
 } Pairs;
 
-/* What least squares need of every pair, (2 n). */
+/* Weights and residuals of all pairs, (2 n). */
 typedef struct {
     int pairs;
-    double *trust;   /* one over the variance; 0 of those that are not there */
-    double *miss_px; /* off the line */
-    uint8_t *is_on;
-} Weighed;
+    double *weight;      /* inverse variance; 0 for pairs that do not exist */
+    double *residual_px; /* from the line */
+    uint8_t *is_inlier;
+} Residuals;
 
-/* What is found, and how sure it is. */
 typedef struct {
     double answer[UNKNOWNS], covariance[UNKNOWNS][UNKNOWNS], scatter;
 } Solution;
 
-void miss_common_line(const Pairs *pairs, const double *trust, double *miss_px);
-void solve(const Pairs *pairs, const Appearance *look, double reach_px, Weighed *weighed, Solution *found);
-
-#endif
+void residuals_of_common_line(const Pairs *pairs, const double *weight, double *residual_px);
+void solve(const Pairs *pairs, const Appearance *appearance, double reach_px, Residuals *residuals,
+           Solution *found);

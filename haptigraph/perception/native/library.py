@@ -1,39 +1,18 @@
-"""Functions of the compiled part of perception, ready to be called.
+"""The compiled library, loaded and verified: its functions, constants and struct layouts by name.
 
-Turns names of C functions into callables, and arrays into what these take. Knows nothing of what they do.
+The library describes itself (`interface.c`), so Python repeats no offset, size or constant of it.
 """
 
 import ctypes
+import struct
 import zlib
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from haptigraph.errors import NotCompiled
 
-__all__ = ["address", "function", "rows"]
+__all__ = ["LIBRARY", "Library", "pack"]
 
-
-def _load(file: Path) -> ctypes.CDLL:
-    if not file.exists():
-        raise NotCompiled(file, "is missing")
-    try:
-        library = ctypes.CDLL(str(file))
-        made_of = ctypes.c_uint32.in_dll(library, "sources").value
-    except (OSError, ValueError) as error:
-        raise NotCompiled(file, f"cannot be loaded ({error})") from None
-    sources = sorted(file.parent.glob("*.[ch]"))  # in a checkout; a wheel has none
-    if sources and made_of != zlib.crc32(b"".join(source.read_bytes() for source in sources)):
-        raise NotCompiled(file, "was compiled from other C sources than those beside it")
-    return library
-
-
-_LIBRARY = _load(Path(__file__).with_name("native.library"))
-_FLOAT = np.dtype(np.float32)
-_POINTER_AT = object.__basicsize__  # in NumPy's arrays the address of the values follows Python's own fields
-_size_at = ctypes.c_size_t.from_address
 _TYPES: dict[str, Any] = {
     "p": ctypes.c_void_p,
     "i": ctypes.c_int,
@@ -41,40 +20,98 @@ _TYPES: dict[str, Any] = {
     "d": ctypes.c_double,
     "f": ctypes.c_float,
 }
+_INTEGERS = {"p": {4: "I", 8: "Q"}, "i": {4: "i", 8: "q"}}  # formats of `struct` by size
 
 
-def function(name: str, takes: str, returns: Any = None) -> Any:
-    """Return a C function.
+class _Entry(ctypes.Structure):
+    """What the library exports about a constant, a struct or a field."""
 
-    Args:
-        name: Of the function.
-        takes: A letter for each argument: p pointer, i int, n ptrdiff_t, d double, f float.
-        returns: Its ctypes type, None for void.
-    """
-    found = _LIBRARY[name]
-    found.argtypes = [_TYPES[letter] for letter in takes]
-    found.restype = returns
-    return found
+    _fields_ = (("name", ctypes.c_char_p), ("value", ctypes.c_int32), ("size", ctypes.c_int32))
 
 
-def address(array: NDArray[Any]) -> int:
-    """Return where an array's first value lies; nothing checks that it is one, and outlives the use."""
-    return _size_at(id(array) + _POINTER_AT).value  # a seventh of the time of array.ctypes.data
-
-
-def rows(array: NDArray[np.float32]) -> tuple[int, int]:
-    """Return where an array's first value lies, and how many values it is from row to row.
+class Library:
+    """A compiled library.
 
     Args:
-        array: (lanes, stations), the values of a row one beside the other.
+        file: The library; in a checkout, its C sources are beside it.
 
     Raises:
-        ValueError: If it is not such an array of float32.
+        NotCompiled: If it is missing, cannot be loaded or was compiled from other sources.
     """
-    strides = array.strides
-    if array.dtype != _FLOAT or len(strides) != 2 or strides[1] != 4:
-        raise ValueError(
-            f"rows are (lanes, stations) of float32, one value beside the other; "
-            f"found {array.shape} of {array.dtype}, {strides} bytes apart"
-        )
-    return address(array), strides[0] // 4
+
+    def __init__(self, file: Path) -> None:
+        self._file = file
+        if not file.exists():
+            raise NotCompiled(file, "is missing")
+        try:
+            self._library = ctypes.CDLL(str(file))
+            checksum = ctypes.c_uint32.in_dll(self._library, "sources").value
+            first = _Entry.in_dll(self._library, "entries")
+        except (OSError, ValueError) as error:
+            raise NotCompiled(file, f"cannot be loaded ({error})") from None
+        sources = sorted(file.parent.glob("*.[ch]"))
+        if sources and checksum != zlib.crc32(b"".join(source.read_bytes() for source in sources)):
+            raise NotCompiled(file, "was compiled from other C sources than those beside it")
+        entries = ctypes.cast(ctypes.pointer(first), ctypes.POINTER(_Entry))
+        self._entries: dict[str, tuple[int, int]] = {}
+        while entries[len(self._entries)].name:
+            entry = entries[len(self._entries)]
+            self._entries[entry.name.decode()] = entry.value, entry.size
+
+    def constant(self, name: str) -> int:
+        """Return the value of a constant, or the size of a struct."""
+        if name not in self._entries:
+            raise NotCompiled(self._file, f"lacks {name}")
+        return self._entries[name][0]
+
+    def layout(self, name: str, *groups: tuple[str, str]) -> struct.Struct:
+        """Return the format of a C struct.
+
+        Args:
+            name: The struct.
+            groups: Its fields in order, each group of one kind: p address, i integer, d one or more doubles.
+        """
+        kinds = {f"{name}.{field}": kind for kind, fields in groups for field in fields.split()}
+        at, layout = 0, "="
+        try:
+            if list(kinds) != [key for key in self._entries if key.startswith(f"{name}.")]:
+                raise KeyError(name)
+            for field, kind in kinds.items():
+                offset, size = self._entries[field]
+                value = f"{size // 8}d" if kind == "d" else _INTEGERS[kind][size]
+                layout, at = f"{layout}{offset - at}x{value}", offset + size
+            return struct.Struct(f"{layout}{self.constant(name) - at}x")
+        except (KeyError, struct.error):
+            raise NotCompiled(self._file, f"lays {name} out in another way than this version") from None
+
+    def function(self, name: str, takes: str, returns: Any = None) -> Any:
+        """Return a C function; only its wrapper may call it.
+
+        Args:
+            name: The function.
+            takes: A letter per argument: p pointer, i int, n ptrdiff_t, d double, f float.
+            returns: Its ctypes type, None for void.
+        """
+        try:
+            function = self._library[name]
+        except AttributeError:
+            raise NotCompiled(self._file, f"lacks {name}") from None
+        function.argtypes = [_TYPES[letter] for letter in takes]
+        function.restype = returns
+        return function
+
+
+def pack(layout: struct.Struct, *values: Any) -> bytes:
+    """Return a C struct.
+
+    Raises:
+        TypeError: If a value is not of its field's type or does not fit it.
+    """
+    try:
+        return layout.pack(*values)
+    except struct.error as error:
+        raise TypeError(f"cannot pass {values} to C: {error}") from None
+
+
+LIBRARY = Library(Path(__file__).with_name("native.library"))
+"""The library of this installation."""

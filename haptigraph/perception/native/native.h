@@ -1,13 +1,11 @@
 /* The compiled part of perception: loops over pixels, edges and contrasts.
 
-   The Python modules beside it call it, one function each, and say what it is for; so do the comments here,
-   of what is in between. Everything is plain C11 without state: no globals, no allocation that outlives a
-   call. Doubles, but for pixels of strips: floats. Sums run in the order of the indices and nothing is
-   contracted or reassociated (see hatch_build.py), so the same image makes the same digits wherever there is
-   IEEE 754. */
+   Python calls it through the wrappers beside it, one per function, which check every argument before C sees
+   it. Plain C11 without state: no globals, no allocation that outlives a call. Doubles, except for the pixels
+   of strips, which are floats. Sums run in the order of the indices and nothing is contracted or reassociated
+   (see hatch_build.py), so one image gives the same digits on every machine with IEEE 754. */
 
-#ifndef HAPTIGRAPH_NATIVE_H
-#define HAPTIGRAPH_NATIVE_H
+#pragma once
 
 #include <math.h>
 #include <stddef.h>
@@ -19,7 +17,15 @@
 #define EXPORT __attribute__((visibility("default")))
 #endif
 
-#define STATION_PX 2.0 /* from station to station of a strip; of a close-up it is 1 */
+/* Constants and structs that Python shares: `interface.c` exports their values and layouts. */
+#define STATION_PX 2.0     /* between stations of a strip; 1 in a tip patch */
+#define BLOCK 3            /* stations that are averaged before edges are detected */
+#define CELL 4             /* samples along a line of the polar search that are averaged */
+#define AROUND_PX 6        /* to either side of a shaft's middle that its point's sharpness is measured in */
+#define MIN_LANES 9        /* two flanks and the noise beside them; sharpness needs as many */
+#define MAX_LANES 4096     /* with these two, products fit an int, */
+#define MAX_STATIONS 16384 /* and the values per station that lie on the stack fit there */
+#define MAX_PX 1048576     /* from the origin: positions fit an int as fine as OpenCV samples them */
 
 /* Rows of pixels: lanes across the shaft, one value per station along it. */
 typedef struct {
@@ -28,21 +34,66 @@ typedef struct {
     int lanes, stations;
 } Rows;
 
-/* Straightened pixels along an expected line, as `strip.Strip` packs it. */
+/* Rectified pixels along an expected line. */
 typedef struct {
-    Rows excess;             /* what differs from the empty eye and from the flanks [grey levels] */
-    Rows beside;             /* what differs from the flanks alone */
-    const float *u_px;       /* where each station lies along the line */
-    const uint8_t *is_known; /* stations where the empty eye is known */
+    Rows excess;             /* over the background and the ramp between the flanks [grey levels] */
+    Rows detrended;          /* over the ramp between the flanks alone */
+    const float *u_px;       /* position of each station along the line */
+    const uint8_t *is_known; /* stations whose background is known */
     double noise_grey;       /* standard deviation of a pixel of `excess` without needle */
-    int before_stop, inside_start, inside_stop; /* stations before the wall begin with the first */
+    int outside_stop, inside_start, inside_stop; /* stations outside the wall begin with the first */
 } Strip;
 
-static inline double largest(double one, double other) { return one > other ? one : other; }
-static inline double least(double one, double other) { return one < other ? one : other; }
+/* Where the lines of a polar search sample the image. */
+typedef struct {
+    const int32_t *pixels;        /* indices of the samples' pixels, ascending, (samples) */
+    const int32_t *cells_of;      /* indices of the samples' cells, (samples) */
+    const uint8_t *is_inside;     /* samples inside the globe, where blue less red counts, (samples) */
+    const int32_t *flanks;        /* indices of the cells on either side of each cell, (2, rows, cells) */
+    const uint8_t *is_observable; /* cells in which a needle would be visible, (rows, cells) */
+    int samples, rows, cells;
+    int trocar; /* cells of a row before it are outside the eye */
+} SearchGrid;
+
+/* What earlier images showed of a needle's appearance; NaN for what is not known. */
+typedef struct {
+    double highlight, highlight_sd; /* offset of the specular highlight, as a share of its pair's width */
+    double images;                  /* since feet fitted better than edges, or the needle appeared */
+    double shaded_px[2];            /* shift of the middle by a shaded edge, outside and inside */
+} Appearance;
+
+/* A straight line across a strip: v = offset_px + slope u. */
+typedef struct {
+    double offset_px, slope, covariance[3], width_px, blur_px, scatter;
+    Appearance appearance;
+    uint8_t *is_on_line, *is_steep; /* of each block, (blocks) */
+    int blocks, on_line;
+    double max_offset_px; /* from the strip's middle, at either end */
+} LineFit;
+
+/* The part of a strip in which a tip is located sub-pixel. */
+typedef struct {
+    double middle_px;    /* lane of the shaft's middle, may be between two */
+    double defocus_px;   /* how much more blur there is than in focus */
+    double fading_share; /* the same as TIP_LEVEL where rims and middle differ */
+    int start, stop;     /* stations of the patch */
+    int continues;       /* whether the strip shows more beyond them */
+    int about;           /* approximate tip, from the first of them on */
+    int is_outside;      /* outside the wall, where the background may be unknown */
+    int follows_point;   /* whether to follow a point where it gets thin, */
+    int follows_faint;   /* and its faint last part */
+} TipPatch;
+
+static inline double maximum(double one, double other) { return one > other ? one : other; }
+static inline double minimum(double one, double other) { return one < other ? one : other; }
 static inline double square(double value) { return value * value; }
 
-/* Grey as OpenCV has it (ITU-R BT.601), in so many parts of a grey level: whole numbers are faster. */
+/* Return a value as an int of a range; its lower end for NaN. */
+static inline int clamped(double value, int low, int high) {
+    return value > low ? value < high ? (int)value : high : low;
+}
+
+/* Grey as OpenCV computes it (ITU-R BT.601), in integer parts of a grey level, which are faster. */
 #define WHOLE 65536
 #define BLUE 7471
 #define GREEN 38470
@@ -50,31 +101,28 @@ static inline double square(double value) { return value * value; }
 
 static inline int whole_share(double share) { return (int)(WHOLE * share); }
 
-/* Return the grey of a pixel of BGR, with so much of blue less red in it. */
-static inline int grey_of(const uint8_t *pixel, int more) {
-    const int most = 255 * WHOLE;
-    const int grey = (BLUE + more) * pixel[0] + GREEN * pixel[1] + (RED - more) * pixel[2];
-    return grey < 0 ? 0 : grey > most ? most : grey;
+/* Return the grey of a BGR pixel, with a share of blue less red added. */
+static inline int grey_of(const uint8_t *pixel, int chroma) {
+    const int max = 255 * WHOLE;
+    const int grey = (BLUE + chroma) * pixel[0] + GREEN * pixel[1] + (RED - chroma) * pixel[2];
+    return grey < 0 ? 0 : grey > max ? max : grey;
 }
 
-/* Return the (upper) median of some values; their order is lost. */
+/* Return the (upper) median of some values, which are reordered. */
 double median(double *values, int count);
 
-/* Write how much a shaft's middle differs from what is beside and was behind it [grey levels], stop - start
-   values. `weights` are those of so many lanes from one on; lanes beyond either side count as 0. The stations
-   must all be there. */
+/* Write the contrast [grey levels] of the stations from start to before stop. `weights` are those of `count`
+   lanes from `lane` on; lanes beyond the strip count as 0. */
 void contrast_along(const Strip *strip, int lane, const float *weights, int count, int start, int stop,
                     float *contrast_grey);
 
-/* The same of the middle lanes of a strip (`tip.core_contrast`). Return more than noise makes of it. */
+/* The same for the middle lanes of a strip. Return the contrast that noise does not reach. */
 EXPORT double core_contrast(const Strip *strip, int start, int stop, float *contrast_grey);
 
-/* Return more than noise makes of a mean of so many values [grey levels]. */
-double above_noise_grey(double noise_grey, int count);
+/* Return what noise does not reach in a mean of so many values [grey levels]. */
+double noise_threshold_grey(double noise_grey, int count);
 
-/* Tell whether the mean of all stations is sharper across the shaft than noise, and than a share of its own
+/* Return whether the mean of all stations is sharper across the shaft than noise, and than a share of its own
    contrast. */
 EXPORT int is_sharp(const float *excess, ptrdiff_t stride, int lanes, int stations, double share,
                     double noise_grey);
-
-#endif

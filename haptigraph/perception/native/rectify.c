@@ -1,27 +1,32 @@
-/* A strip of the image laid straight, with the empty eye taken away (`strip.lay_straight`).
+/* A rectified strip of the image, less the background (`rectify.rectify`).
 
-   Lanes run along the shaft, stations across it. Every station is put level: the straight ramp between its
-   two ends, its flanks, is taken from it, from what is seen and from the empty eye alike. Knows no needle. */
+   Lanes run along the shaft, stations across it. Each station is detrended: the linear ramp between its two
+   ends, its flanks, is subtracted, from the image and from the background alike. */
 
 #include "native.h"
 
-#define FINENESS 32 /* OpenCV samples between pixels in such steps */
-#define AWAY 65536  /* steps from 0: what is cut off where there are no negative numbers is rounded */
+#define FINENESS 32 /* steps per pixel in which OpenCV samples */
+#define AWAY 65536  /* steps from 0: truncation rounds where there are no negative numbers */
 #define FLANK_PX 4
-#define APART_GREY 10.0 /* between the flanks of known ground, where one shows something else, */
-#define APART_NOISE 3.0
-#define EVEN_SHARE 0.33 /* of that: the other flank differs less from the empty eye */
-#define LEAST_GAIN 0.5
-#define MOST_GAIN 2.0
-#define LEAST_NOISE_GREY 0.5 /* that of rounding */
-#define UNTOLD_NOISE_GREY 3.0
+#define UNEVEN_GREY 10.0 /* between the flanks on known background, where one shows another object, */
+#define UNEVEN_SD 3.0    /* and in standard deviations of the noise */
+#define EVEN_SHARE 0.33  /* of that: the other flank differs less from the background */
+#define MIN_GAIN 0.5
+#define MAX_GAIN 2.0
+#define MIN_NOISE_GREY 0.5 /* that of rounding */
+#define DEFAULT_NOISE_GREY 3.0
 
-/* Put where the pixels of a strip lie in the image into `whole` (x, y) and `part`, as `cv2.remap` takes them.
+/* Write the image positions of a strip's pixels to `whole` (x, y) and `part`, as `cv2.remap` takes them.
 
-   u_px: places along the line of so many stations.
-   x, y: the line's foot [px]; nx, ny across it, dx, dy along it. */
-EXPORT void place_strip(int half_px, const float *u_px, int stations, float x, float y, float nx, float ny,
-                        float dx, float dy, int16_t *whole, uint16_t *part) {
+   u_px: positions of the stations along the line, from x, y [px] on; nx, ny across it, dx, dy along it.
+
+   Return 0, and write nothing, if a position is not finite or beyond MAX_PX. */
+EXPORT int strip_positions(int half_px, const float *u_px, int stations, float x, float y, float nx, float ny,
+                           float dx, float dy, int16_t *whole, uint16_t *part) {
+    int is_valid =
+        fabsf(x) <= MAX_PX && fabsf(y) <= MAX_PX && fabsf(nx) + fabsf(ny) <= 2 && fabsf(dx) + fabsf(dy) <= 2;
+    for (int station = 0; station < stations; station++) is_valid &= fabsf(u_px[station]) <= MAX_PX;
+    if (!is_valid) return 0;
     for (int lane = -half_px; lane <= half_px; lane++) {
         const float lane_x = (float)lane * nx + x, lane_y = (float)lane * ny + y;
         for (int station = 0; station < stations; station++) {
@@ -33,14 +38,15 @@ EXPORT void place_strip(int half_px, const float *u_px, int stations, float x, f
         }
         whole += 2 * stations, part += stations;
     }
+    return 1;
 }
 
-/* What the two flanks of every station are in the mean, (n) each. */
+/* The mean grey of both flanks of each station, (n) each. */
 typedef struct {
     float *left, *right;
 } Flanks;
 
-static void measure(const float *pixels, int lanes, int n, Flanks flanks) {
+static void average_flanks(const float *pixels, int lanes, int n, Flanks flanks) {
     for (int station = 0; station < n; station++) flanks.left[station] = flanks.right[station] = 0;
     for (int lane = 0; lane < FLANK_PX; lane++) {
         const float *left = pixels + lane * n, *right = pixels + (lanes - 1 - lane) * n;
@@ -51,25 +57,25 @@ static void measure(const float *pixels, int lanes, int n, Flanks flanks) {
     }
 }
 
-/* Turn a strip of BGR into grey, between two places with what is more blue than red brighter. */
-static void to_grey(const uint8_t *seen, int lanes, const float *u_px, int n, double chroma_share,
+/* Turn a strip of BGR into grey, between two positions with what is more blue than red brighter. */
+static void to_grey(const uint8_t *pixels, int lanes, const float *u_px, int n, double chroma_share,
                     double from_px, double to_px, float *grey) {
-    int more[n];
+    int chroma[n];
     for (int station = 0; station < n; station++) {
-        more[station] = u_px[station] > from_px && u_px[station] < to_px ? whole_share(chroma_share) : 0;
+        chroma[station] = u_px[station] > from_px && u_px[station] < to_px ? whole_share(chroma_share) : 0;
     }
     for (int lane = 0; lane < lanes; lane++) {
-        for (int station = 0; station < n; station++, seen += 3) {
-            grey[lane * n + station] = (float)grey_of(seen, more[station]) / WHOLE;
+        for (int station = 0; station < n; station++, pixels += 3) {
+            grey[lane * n + station] = (float)grey_of(pixels, chroma[station]) / WHOLE;
         }
     }
 }
 
-static void mark_known(const float *without, int lanes, int n, uint8_t *is_known) {
+static void mark_known(const float *background, int lanes, int n, uint8_t *is_known) {
     float lowest[n];
-    for (int station = 0; station < n; station++) lowest[station] = without[station];
+    for (int station = 0; station < n; station++) lowest[station] = background[station];
     for (int lane = 1; lane < lanes; lane++) {
-        const float *row = without + lane * n;
+        const float *row = background + lane * n;
         for (int station = 0; station < n; station++) {
             lowest[station] = row[station] < lowest[station] ? row[station] : lowest[station];
         }
@@ -77,7 +83,7 @@ static void mark_known(const float *without, int lanes, int n, uint8_t *is_known
     for (int station = 0; station < n; station++) is_known[station] = lowest[station] >= 0;
 }
 
-/* Return how much brighter the light is than it was for the empty eye, from sums of the flanks. */
+/* Return how many times brighter the flanks are than those of the background. */
 static double gain(Flanks now, Flanks then, const uint8_t *is_known, int n) {
     double now_sum = 0, then_sum = 0;
     for (int station = 0; station < n; station++) {
@@ -85,13 +91,13 @@ static double gain(Flanks now, Flanks then, const uint8_t *is_known, int n) {
         now_sum += now.left[station] + now.right[station];
         then_sum += then.left[station] + then.right[station];
     }
-    return then_sum > 0 ? least(largest(now_sum / then_sum, LEAST_GAIN), MOST_GAIN) : 1;
+    return then_sum > 0 ? minimum(maximum(now_sum / then_sum, MIN_GAIN), MAX_GAIN) : 1;
 }
 
 /* Return a robust standard deviation of the noise.
 
-   From the difference of neighbours along the shaft: its own edges and its shadow's run that way. */
-static double noise_in(const float *excess, int n) {
+   From the differences of neighbours along the shaft: its own edges and its shadow's run that way. */
+static double estimate_noise(const float *excess, int n) {
     const int pairs = n / 3;
     double changes[FLANK_PX * pairs + 1];
     int count = 0;
@@ -101,52 +107,60 @@ static double noise_in(const float *excess, int n) {
             changes[count++] = fabs((double)at[1] - at[0]);
         }
     }
-    if (!count) return UNTOLD_NOISE_GREY;
-    return largest(1.4826 / sqrt(2) * median(changes, count), LEAST_NOISE_GREY);
+    if (!count) return DEFAULT_NOISE_GREY;
+    return maximum(1.4826 / sqrt(2) * median(changes, count), MIN_NOISE_GREY);
 }
 
-/* Put stations level with one of their flanks where the other shows something else.
+/* Level stations with one flank only where the other shows another object.
 
-   A bubble or another instrument that reaches into one flank would put the ramp between both off in the
-   middle as well. */
-static void level_with_one(Flanks off, const uint8_t *is_known, int lanes, int n, double noise_grey,
-                           float *excess) {
-    const double most_grey = largest(APART_GREY, APART_NOISE * noise_grey);
+   A bubble or another instrument that reaches into one flank would shift the ramp in the middle as well. */
+static void level_with_one_flank(Flanks off, const uint8_t *is_known, int lanes, int n, double noise_grey,
+                                 float *excess) {
+    const double max_even_grey = maximum(UNEVEN_GREY, UNEVEN_SD * noise_grey);
     for (int station = 0; station < n; station++) {
         const float left = fabsf(off.left[station]), right = fabsf(off.right[station]);
-        const float apart = off.right[station] - off.left[station];
-        if (!is_known[station] || fabsf(apart) <= most_grey ||
-            least(left, right) >= EVEN_SHARE * fabsf(apart))
+        const float uneven = off.right[station] - off.left[station];
+        if (!is_known[station] || fabsf(uneven) <= max_even_grey ||
+            minimum(left, right) >= EVEN_SHARE * fabsf(uneven))
             continue;
         for (int lane = 0; lane < lanes; lane++) {
             const float ramp = (float)lane / (float)(lanes - 1);
-            excess[lane * n + station] += apart * (left < right ? ramp : ramp - 1);
+            excess[lane * n + station] += uneven * (left < right ? ramp : ramp - 1);
         }
     }
 }
 
-/* Take what is level between the flanks from what is seen and from the empty eye, and that from it.
+/* Subtract a strip's background, and the ramps between the flanks.
 
-   light: how many times brighter the strip is to be.
-   excess: of the empty eye when it begins, what differs from it when it ends.
-   beside: what is seen when it begins, what differs from the flanks when it ends.
+   pixels: the strip, (lanes, n, channels), BGR or grey; is made `light` times brighter.
+   chroma_share, from_px, to_px: of blue less red in the grey, and between which positions.
+   excess: the background, (lanes, n) grey, negative where not known; receives what is left over it.
+   detrended, is_known: receive what is left over the ramps alone, (lanes, n), and where the background is
+   known, (n).
 
    Return the noise [grey levels]. */
-static double take_level(int lanes, int n, float light, float *excess, float *beside, uint8_t *is_known) {
+EXPORT double subtract_background(const uint8_t *pixels, int channels, int lanes, int n, const float *u_px,
+                                  double chroma_share, double from_px, double to_px, float light,
+                                  float *excess, float *detrended, uint8_t *is_known) {
     float ends[6][n], factor[n];
     const Flanks now = {ends[0], ends[1]}, then = {ends[2], ends[3]}, off = {ends[4], ends[5]};
+    if (channels == 3) {
+        to_grey(pixels, lanes, u_px, n, chroma_share, from_px, to_px, detrended);
+    } else {
+        for (int pixel = 0; pixel < lanes * n; pixel++) detrended[pixel] = pixels[pixel];
+    }
     mark_known(excess, lanes, n, is_known);
-    measure(beside, lanes, n, now);
-    measure(excess, lanes, n, then);
-    const float again = light * (float)gain(now, then, is_known, n);
+    average_flanks(detrended, lanes, n, now);
+    average_flanks(excess, lanes, n, then);
+    const float total_gain = light * (float)gain(now, then, is_known, n);
     for (int station = 0; station < n; station++) {
-        factor[station] = is_known[station] ? again : 0;
+        factor[station] = is_known[station] ? total_gain : 0;
         off.left[station] = light * now.left[station] - factor[station] * then.left[station];
         off.right[station] = light * now.right[station] - factor[station] * then.right[station];
     }
     for (int lane = 0; lane < lanes; lane++) {
         const float right = (float)lane / (float)(lanes - 1), left = 1 - right;
-        float *above = beside + lane * n, *over = excess + lane * n;
+        float *above = detrended + lane * n, *over = excess + lane * n;
         for (int station = 0; station < n; station++) {
             const float level = above[station] - (left * now.left[station] + right * now.right[station]);
             const float ground = over[station] - (left * then.left[station] + right * then.right[station]);
@@ -154,29 +168,7 @@ static double take_level(int lanes, int n, float light, float *excess, float *be
             over[station] = above[station] - factor[station] * ground;
         }
     }
-    const double noise_grey = noise_in(excess, n);
-    level_with_one(off, is_known, lanes, n, noise_grey, excess);
+    const double noise_grey = estimate_noise(excess, n);
+    level_with_one_flank(off, is_known, lanes, n, noise_grey, excess);
     return noise_grey;
-}
-
-/* Take the empty eye, and what is level between the flanks, from a strip.
-
-   seen, channels: as the camera sees it, (lanes, n, channels), BGR or grey.
-   u_px: of the stations.
-   chroma_share, from_px, to_px: of blue less red in the grey, and between which places.
-   light: how many times brighter the strip is to be.
-   excess: the empty eye when it begins, (lanes, n) grey, negative where not known; then what differs from it
-   and from the flanks. beside: what differs from the flanks alone, (lanes, n). is_known: stations where the
-   empty eye is known, (n).
-
-   Return the noise [grey levels]. */
-EXPORT double level_strip(const uint8_t *seen, int channels, int lanes, int n, const float *u_px,
-                          double chroma_share, double from_px, double to_px, float light, float *excess,
-                          float *beside, uint8_t *is_known) {
-    if (channels == 3) {
-        to_grey(seen, lanes, u_px, n, chroma_share, from_px, to_px, beside);
-    } else {
-        for (int pixel = 0; pixel < lanes * n; pixel++) beside[pixel] = seen[pixel];
-    }
-    return take_level(lanes, n, light, excess, beside, is_known);
 }

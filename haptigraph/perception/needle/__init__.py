@@ -1,1 +1,1 @@
-"""The needle tracker, one stage a module; `tracker` calls them in order."""
+"""The needle tracker, one stage per module; `tracker` runs them in order."""

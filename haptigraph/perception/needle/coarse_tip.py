@@ -1,95 +1,65 @@
-"""How far the needle reaches, roughly: as far as there is contrast along the shaft.
+"""The coarse tip: how far there is contrast along the shaft.
 
-Turns a strip into the tip's place along it, by the contrast of its middle (`native/coarse_tip.c`).
-Nothing behind the wall can be seen: a needle whose tip is in there has none.
+Turns a rectified strip into the tip's approximate position along it, by the contrast of its middle lanes
+(`native/coarse_tip.c`). The wall occludes a tip that is in it.
 """
 
-import ctypes
 import math
 from typing import Literal, TypeAlias
 
-import numpy as np
 from msgspec import Struct
 
-from haptigraph.imaging import FloatImage
-from haptigraph.perception.native.library import address, function
+from haptigraph.perception.native import strip as native
 from haptigraph.perception.needle.rectify import STATION_PX, RectifiedStrip
 
-__all__ = ["TipEstimate", "core_contrast", "estimate_coarse_tip", "is_led_to"]
+__all__ = ["TipEstimate", "estimate_coarse_tip", "may_reach_wall"]
 
-Where: TypeAlias = Literal["outside", "hidden", "inside"]
+Where: TypeAlias = Literal["outside", "occluded", "inside"]
 
-WHERE: tuple[Where, ...] = ("outside", "hidden", "inside")  # as C numbers them, from 1 on
-
-_Told = ctypes.c_double * 2
-_estimate_coarse_tip = function("estimate_coarse_tip", "pdddp", ctypes.c_int)
-_core_contrast = function("core_contrast", "piip", ctypes.c_double)
+WHERE: tuple[Where, ...] = ("outside", "occluded", "inside")  # as C numbers them, from 1 on
 
 
 class TipEstimate(Struct, frozen=True):
-    """How far a needle was seen to reach."""
+    """Where a tip is along its shaft."""
 
     where: Where
-    """Where its tip is: before the wall, in it, or in the globe."""
-    tip_px: float
-    """Along the strip; of a hidden tip, where the shaft vanishes."""
+    """Outside the wall, occluded by it, or in the globe."""
+    u_px: float
+    """Along the strip; of an occluded tip, where the shaft vanishes."""
     evidence_px: float
     """Length that shows a needle less length that shows none."""
     sd_px: float = 5.0
     contrast_grey: float = 0.0
-    """Of the needle behind its tip; 0 where it was not measured."""
+    """Of the needle behind its tip; 0 if not measured."""
 
 
 def estimate_coarse_tip(
-    strip: RectifiedStrip, px_per_mm: float, usual_grey: float | None, followed_px: float = -math.inf
+    strip: RectifiedStrip, px_per_mm: float, usual_grey: float | None, tracked_px: float = -math.inf
 ) -> TipEstimate | None:
-    """Find how far the needle reaches, roughly.
+    """Estimate how far the needle reaches.
 
     Args:
-        strip: The straightened surroundings; the shaft lies near the middle.
+        strip: The strip; the shaft is near its middle.
         px_per_mm: Scale.
-        usual_grey: Contrast that this needle had inside before, where known.
-        followed_px: How far it reached just before: up to there less shows that it still does.
+        usual_grey: Contrast that this needle had inside before, if known.
+        tracked_px: Its expected tip: up to there, less contrast suffices.
 
     Returns:
-        The reach, or None if there is no needle.
+        The tip, or None if there is no needle.
     """
-    told = _Told()
-    where = _estimate_coarse_tip(strip.native, usual_grey or 0.0, followed_px, px_per_mm, told)
-    if not where:
-        return None
-    last, evidence_px = told
-    return TipEstimate(WHERE[where - 1], float(strip.u_px[int(last)]), evidence_px)
+    where, station, evidence_px = native.estimate_coarse_tip(strip, usual_grey or 0.0, tracked_px, px_per_mm)
+    return TipEstimate(WHERE[where - 1], float(strip.u_px[station]), evidence_px) if where else None
 
 
-def is_led_to(strip: RectifiedStrip, end_px: float, gap_px: float) -> bool:
-    """Tell whether a shaft that ends somewhere may reach the wall all the same.
+def may_reach_wall(strip: RectifiedStrip, end_px: float, gap_px: float) -> bool:
+    """Return whether a shaft that seems to end outside the wall may still reach it.
 
-    Where the empty eye is not known, the wall itself and the hole's mouth look like a needle.
+    Where the background is unknown, the wall and the port opening look like a needle.
 
     Args:
-        strip: The straightened surroundings.
-        end_px: Where along the strip the shaft seems to end.
-        gap_px: How far from the wall it may be there.
+        strip: The strip.
+        end_px: Where along it the shaft seems to end.
+        gap_px: How far from the wall that may be.
     """
-    gap = slice(int(strip.u_px.searchsorted(end_px)), strip.before.stop)
+    gap = slice(int(strip.u_px.searchsorted(end_px)), strip.outside.stop)
     return (gap.stop - gap.start) * STATION_PX <= gap_px or bool(strip.is_known[gap].all())
-
-
-def core_contrast(strip: RectifiedStrip, part: slice) -> tuple[FloatImage, float]:
-    """Return how much the middle lanes differ from what is beside and was behind them, and than noise makes.
-
-    They must differ from both: a stain that was always there is no needle, nor is a place that a needle has
-    left. The root mean square counts, for a needle may be darker on one side and brighter on the other, and
-    only its rims may show.
-
-    Args:
-        strip: The straightened surroundings.
-        part: Of its stations.
-
-    Returns:
-        The contrast of every one [grey levels], (n,), and more than noise makes of it.
-    """
-    start, stop, _ = part.indices(len(strip.u_px))
-    contrast = np.empty(max(stop - start, 0), np.float32)
-    return contrast, _core_contrast(strip.native, start, stop, address(contrast))

@@ -1,9 +1,19 @@
-"""The tracker: exact needle poses from a thin strip of the image, limited by its noise.
+"""The tracker: needle poses from a thin strip of the image, as precise as its noise permits.
 
-Turns an image (px) into where things are (eye frame, mm), with standard deviations. Without a needle in
-hand it searches the angles at which one can leave the trocar; with one it looks at a strip about the
-expected shaft. What cannot be seen is not reported: a tip in the wall, a needle that has gone. Knows
-nothing of states.
+Turns an image (px) into a needle (eye frame, mm) with standard deviations. It follows a needle in a strip
+along the expected shaft, and searches for one at all angles otherwise. What is not visible is not reported: a
+tip that the wall occludes, a needle that has gone. `Tracker.detect` runs the stages, one module each:
+
+stage              module          computes
+predict            pose_filter     the expected line and tip, from earlier images
+search             search          candidate lines, if no needle is tracked or it was lost
+rectify            rectify         the strip along a line, and a tip patch, less the background
+coarse tip         coarse_tip      how far there is contrast along the strip
+shaft line         shaft_line      the shaft's middle line, from its edges
+tip selection      tip_selection   which contrast step along the shaft is the tip
+sub-pixel tip      subpixel_tip    the position of each such step (`refine_tip`)
+filter             pose_filter     the pose, from prediction and measurement
+background update  background      the eye without the needle
 """
 
 import math
@@ -12,45 +22,45 @@ from collections.abc import Iterable
 from msgspec.structs import replace
 
 from haptigraph.config import PerceptionConfig
-from haptigraph.geometry import Geometry, Point, Segment
+from haptigraph.geometry import Geometry, Point, Segment, Vec
 from haptigraph.imaging import FloatImage
 from haptigraph.messages import Capture, Certainty, Image, Observation
 from haptigraph.perception.needle.background import Background, occluded_ends
 from haptigraph.perception.needle.bevel import Bevel
-from haptigraph.perception.needle.coarse_tip import estimate_coarse_tip
+from haptigraph.perception.needle.coarse_tip import TipEstimate, estimate_coarse_tip
 from haptigraph.perception.needle.pose_filter import PoseFilter
-from haptigraph.perception.needle.rectify import LARGEST_TURN_RAD, Line, Site, stations
+from haptigraph.perception.needle.rectify import MAX_TURN_RAD, EyeGeometry, Line, RectifiedStrip, stations
 from haptigraph.perception.needle.search import PolarSearch
 from haptigraph.perception.needle.shaft_line import NEW, Appearance, LineFit, fit_line
 from haptigraph.perception.needle.subpixel_tip import tip_patch_px
-from haptigraph.perception.needle.tip_selection import OFF_PX, Candidate, Detection, TipSelector
+from haptigraph.perception.needle.tip_selection import MAX_OFF_AXIS_PX, Candidate, Detection, TipSelector
 from haptigraph.registration.camera import Registration
 
 __all__ = ["Tracker", "detections_in"]
 
-AHEAD_MM = 2.5  # how far the tip may be beyond where it is expected
-EXPOSED_MM = 2.0  # before the trocar: a tip seen there is the end, and the ground ahead is free
+AHEAD_MM = 2.5  # of the strip beyond the expected tip
+BEHIND_MM = 14.0  # of the strip before it
+EXPOSED_MM = 2.0  # outside the trocar: a tip this far out is the end, and the background ahead is free
 AHEAD_OF_TIP_MM = 0.3  # not learned as background
-BEHIND_MM = 14.0  # how much of the shaft is looked at
-MISS_MM = 1.5  # a needle passes the registered trocar no further off
-BESIDE_MM = -1.2, -0.8, -0.4, 0.4, 0.8, 1.2  # where lines beside it pass that are searched
-TRACKED_PX = 8.0  # between the expected and the real shaft
-LEAST_CONFIDENCE, BESIDE_CONFIDENCE = 0.4, 0.7
-DOUBTS = 15  # images with something like a needle that is none, until it counts as background
-AGAIN_PX = 2.0  # between a line and what is found in a second look along it
-THICKEST_MM = 1.0
-LONGEST_STEP_S = 0.2
+MAX_MISS_MM = 1.5  # of a needle from the registered trocar
+OFF_AXIS_MM = -1.2, -0.8, -0.4, 0.4, 0.8, 1.2  # offsets of lines that are searched beside the trocar
+TRACKED_PX = 8.0  # between the expected and the actual shaft
+REPEATED_PX = 2.0  # between a line and the one that is measured again along it
+MIN_CONFIDENCE, MIN_OFF_AXIS_CONFIDENCE = 0.4, 0.7
+MAX_DOUBTS = 15  # images with something like a needle that is none, until it counts as background
+MAX_WIDTH_MM = 1.0
+MAX_ELAPSED_S = 0.2
 CONTRAST_RATE = 0.1
-APART_NS = 33_000_000  # of images picked from a clip: a needle that is not where it was is searched
-CLOSEUP_SPARE_PX = 6  # beyond a close-up of the tip, for where the tip is may be expected wrongly
+PATCH_MARGIN_PX = 6  # of a tip patch, for the prediction may be wrong
+INTERVAL_NS = 33_000_000  # between images picked from a clip: a needle that has moved too far is searched
 
 
 class Tracker:
-    """Find the needle.
+    """Track the needle.
 
     Args:
-        registration: Where trocar and globe lie.
-        config: Settings; none is needed so far, but all perceivers are given them.
+        registration: The static anatomy.
+        config: Settings; none is used so far, but all perceivers receive them.
     """
 
     needs_scan = False
@@ -59,13 +69,13 @@ class Tracker:
 
     def __init__(self, registration: Registration, config: PerceptionConfig) -> None:
         self._registration = registration
-        self._site = Site(registration)
-        self._search = PolarSearch(self._site)
-        self._search_off_axis = PolarSearch(self._site, BESIDE_MM, until_mm=0.0)
-        self._background = Background(self._site, registration.background)
+        self._eye = EyeGeometry(registration)
+        self._pose = PoseFilter(self._eye.px_per_mm)
+        self._polar_search = PolarSearch(self._eye)
+        self._off_axis_search = PolarSearch(self._eye, OFF_AXIS_MM, until_mm=0.0)
+        self._background = Background(self._eye, registration.background)
         self._bevel = Bevel()
-        self._select_tip = TipSelector(self._site, self._background, self._bevel)
-        self._pose = PoseFilter(self._site.px_per_mm)
+        self._tip_selector = TipSelector(self._eye, self._background, self._bevel)
         self.reset()
 
     def reset(self) -> None:
@@ -74,173 +84,185 @@ class Tracker:
         self._pose.reset()
         self._bevel.reset()
         self._usual_grey: float | None = None
-        self._look: Appearance = NEW
+        self._appearance: Appearance = NEW
         self._doubts = 0
         self._stamp_ns: int | None = None
 
     def __call__(self, capture: Capture) -> Observation:
-        """Appearance at one image.
+        """Observe the needle in one image.
 
         Raises:
             BadInput: If the image is not of the registered size.
         """
-        sight = self.look(self._registration.checked(capture.image), capture.stamp_ns)
+        detection = self.detect(self._registration.checked(capture.image), capture.stamp_ns)
         found: dict[str, Geometry] = dict(self._registration.anatomy)
-        if sight is None or sight.reach.where == "hidden":
+        if detection is None or detection.reach.where == "occluded":
             return Observation(capture.stamp_ns, found)
-        return Observation(capture.stamp_ns, found | self._needle(), certainty=self._certainty(sight))
+        return Observation(capture.stamp_ns, found | self._needle(), certainty=self._certainty(detection))
 
-    def look(self, image: Image, stamp_ns: int) -> Detection | None:
-        """Take in one image; return what was measured in it alone, None if there is no needle."""
-        sight = self._track(image, stamp_ns)
-        if sight is None:
+    def detect(self, image: Image, stamp_ns: int) -> Detection | None:
+        """Process one image; return what was measured in it alone, None if there is no needle."""
+        expected = self._predict(stamp_ns)
+        detection = self._track(image, *expected) if expected else None
+        if detection is None:
             self._pose.lose()
-            sight = self._acquire(image)
-        self._learn(image, sight)
-        if sight is None:
-            self._look = NEW
-            self._bevel.reset()
-            return None
-        self._learn_bevel(sight)
-        reach, self._look = sight.reach, sight.fit.look
-        is_pivoting = reach.where != "outside"
-        self._pose.update(sight.line, sight.fit.covariance, reach.tip_px, reach.sd_px, is_pivoting)
-        return sight
+            detection = self._search(image) or self._search_off_axis(image)
+        self._update_filter(detection)
+        self._update_background(image, detection)
+        return detection
 
-    def _track(self, image: Image, stamp_ns: int) -> Detection | None:
+    def _predict(self, stamp_ns: int) -> tuple[Line, float] | None:
+        """Predict the line and the tip's depth along it; None if no needle is tracked."""
         before_ns, self._stamp_ns = self._stamp_ns, stamp_ns
         if before_ns is None or not self._pose.is_tracking:
             return None
-        seconds = min(max((stamp_ns - before_ns) / 1e9, 0.0), LONGEST_STEP_S)
-        expected, depth_px = self._pose.predict(seconds)
-        until_px = depth_px + AHEAD_MM * self._site.px_per_mm
-        from_px = depth_px - BEHIND_MM * self._site.px_per_mm
-        near_px = tip_patch_px(depth_px, CLOSEUP_SPARE_PX)
-        glimpse = self._glimpse(image, expected, from_px, until_px, near_px, depth_px)
-        sight = self._measured(glimpse, TRACKED_PX) if glimpse else None
-        if sight is None:
+        return self._pose.predict(min(max((stamp_ns - before_ns) / 1e9, 0.0), MAX_ELAPSED_S))
+
+    def _track(self, image: Image, expected: Line, depth_px: float) -> Detection | None:
+        """Measure the needle in a strip along the expected line."""
+        until_px = depth_px + AHEAD_MM * self._eye.px_per_mm
+        from_px = depth_px - BEHIND_MM * self._eye.px_per_mm
+        patch_px = tip_patch_px(depth_px, PATCH_MARGIN_PX)
+        candidate = self._candidate(image, expected, from_px, until_px, patch_px, depth_px)
+        detection = self._fit_shaft_line(candidate, TRACKED_PX)
+        if detection is None:
             return None
-        if sight.reach.tip_px > until_px - self._site.px_per_mm or sight.off_px > OFF_PX:
-            sight = self._second_look(image, sight, from_px)
-        return self._refined(image, sight, depth_px)
+        if detection.reach.u_px > until_px - self._eye.px_per_mm or detection.off_axis_px > MAX_OFF_AXIS_PX:
+            detection = self._measured_again(image, detection, from_px)
+        return self._select_tip(image, detection, depth_px)
 
-    def _acquire(self, image: Image) -> Detection | None:
-        self._background.look(image)
-        candidates = self._candidates(self._search, image)
-        self._doubts = self._doubts + 1 if candidates else DOUBTS
-        return self._best(image, candidates) or self._acquire_off_axis(image)
+    def _search(self, image: Image) -> Detection | None:
+        """Search for a needle in its trocar."""
+        self._background.measure_light(image)
+        lines = self._polar_search.search(image, self._background.chroma_share, self._background.light)
+        self._doubts = self._doubts + 1 if lines else MAX_DOUBTS
+        return self._best(image, lines)
 
-    def _acquire_off_axis(self, image: Image) -> Detection | None:
-        """Find a needle that points beside its trocar; of what reaches the wall there, none is."""
-        sight = self._best(image, self._candidates(self._search_off_axis, image))
-        is_sure = sight and sight.reach.where == "outside" and sight.fit.confidence >= BESIDE_CONFIDENCE
-        return sight if is_sure else None
+    def _search_off_axis(self, image: Image) -> Detection | None:
+        """Search for a needle that points beside its trocar; what reaches the wall there is none."""
+        lines = self._off_axis_search.search(image, self._background.chroma_share, self._background.light)
+        detection = self._best(image, lines)
+        if detection is None or detection.reach.where != "outside":
+            return None
+        return detection if detection.fit.confidence >= MIN_OFF_AXIS_CONFIDENCE else None
 
-    def _candidates(self, fan: PolarSearch, image: Image) -> list[Line]:
-        return fan.search(image, self._background.chroma_share, self._background.light)
-
-    def _best(self, image: Image, candidates: list[Line]) -> Detection | None:
-        glimpses = [seen for line in candidates if (seen := self._glimpse(image, line)) is not None]
-        for glimpse in sorted(glimpses, key=lambda seen: -seen.reach.evidence_px):
-            sight = self._measured(glimpse, glimpse.strip.half_px)
-            if sight is not None:
-                return self._refined(image, self._second_look(image, sight))
+    def _best(self, image: Image, lines: list[Line]) -> Detection | None:
+        """Measure the needle along the candidate line with the most evidence that proves to be one."""
+        candidates = [candidate for line in lines if (candidate := self._candidate(image, line))]
+        for candidate in sorted(candidates, key=lambda candidate: -candidate.tip.evidence_px):
+            detection = self._fit_shaft_line(candidate, candidate.strip.half_px)
+            if detection is not None:
+                return self._select_tip(image, self._measured_again(image, detection))
         return None
 
-    def _second_look(self, image: Image, sight: Detection, from_px: float = -math.inf) -> Detection:
-        """Appearance again where the needle was found to be; the first look was a little off."""
-        near_px = tip_patch_px(sight.reach.tip_px, CLOSEUP_SPARE_PX)
-        glimpse = self._glimpse(image, sight.line, from_px, near_px=near_px)
-        return (self._measured(glimpse, AGAIN_PX) if glimpse else None) or sight
+    def _measured_again(self, image: Image, detection: Detection, from_px: float = -math.inf) -> Detection:
+        """Measure the needle again along its own line; the first strip was a little off."""
+        patch_px = tip_patch_px(detection.reach.u_px, PATCH_MARGIN_PX)
+        candidate = self._candidate(image, detection.line, from_px, patch_px=patch_px)
+        return self._fit_shaft_line(candidate, REPEATED_PX) or detection
 
-    def _glimpse(
+    def _candidate(
         self,
         image: Image,
         expected: Line,
         from_px: float = -math.inf,
         until_px: float = math.inf,
-        near_px: FloatImage | None = None,
-        followed_px: float = -math.inf,
+        patch_px: FloatImage | None = None,
+        tracked_px: float = -math.inf,
     ) -> Candidate | None:
-        """Appearance along an expected line for something like a needle, and how far it reaches, roughly."""
-        u_px = stations(self._site, expected, from_px, until_px)
+        """Rectify the image along an expected line and estimate the tip of something like a needle."""
+        rectified = self._rectify(image, expected, from_px, until_px, patch_px)
+        if rectified is None:
+            return None
+        strip, patch = rectified
+        tip = estimate_coarse_tip(strip, self._eye.px_per_mm, self._usual_grey, tracked_px)
+        return Candidate(expected, strip, patch, tip) if tip else None
+
+    def _rectify(
+        self, image: Image, line: Line, from_px: float, until_px: float, patch_px: FloatImage | None
+    ) -> tuple[RectifiedStrip, RectifiedStrip | None] | None:
+        """Return the strip along a line, less the background, and the tip patch; None beside the globe."""
+        u_px = stations(self._eye, line, from_px, until_px)
         if u_px is None:
             return None
-        runs = (u_px,) if near_px is None else (u_px, near_px)
-        strips = self._background.strips(image, expected, *runs)
-        if strips is None:
-            return None
-        reach = estimate_coarse_tip(strips[0], self._site.px_per_mm, self._usual_grey, followed_px)
-        return (
-            Candidate(expected, strips[0], strips[-1] if near_px is not None else None, reach)
-            if reach
-            else None
-        )
+        strips = self._background.rectify(image, line, *((u_px,) if patch_px is None else (u_px, patch_px)))
+        return (strips[0], None if patch_px is None else strips[1]) if strips else None
 
-    def _measured(self, glimpse: Candidate, miss_px: float) -> Detection | None:
+    def _fit_shaft_line(self, candidate: Candidate | None, miss_px: float) -> Detection | None:
         """Fit the shaft's line; None if it is no needle."""
-        fit = fit_line(glimpse.strip, glimpse.reach.tip_px, miss_px, self._look)
+        if candidate is None:
+            return None
+        fit = fit_line(candidate.strip, candidate.tip.u_px, miss_px, self._appearance)
         if fit is None:
             return None
-        expected = glimpse.expected
+        expected = candidate.expected
         line = Line(expected.angle_rad + math.atan(fit.slope), expected.offset_px + fit.offset_px)
-        return Detection(glimpse, line, fit, glimpse.reach) if self._is_needle(line, fit) else None
-
-    def _refined(self, image: Image, sight: Detection, expected_px: float = math.inf) -> Detection:
-        """Appearance at the tip closely, first where the shaft's edges end: the rest may be its shadow."""
-        reach = self._select_tip(image, sight, expected_px)
-        end = self._select_tip.before_shadow(image, sight, reach)
-        if end is None:
-            return replace(sight, reach=self._select_tip.dim_point(image, sight, reach) or reach)
-        without_shadow = self._measured(replace(sight.glimpse, reach=end), sight.glimpse.strip.half_px)
-        return without_shadow or replace(sight, reach=end)
+        return Detection(candidate, line, fit, candidate.tip) if self._is_needle(line, fit) else None
 
     def _is_needle(self, line: Line, fit: LineFit) -> bool:
-        scale = self._site.px_per_mm
-        turn_rad = math.remainder(line.angle_rad - self._site.inwards_rad, 2 * math.pi)
+        scale = self._eye.px_per_mm
+        turn_rad = math.remainder(line.angle_rad - self._eye.inwards_rad, 2 * math.pi)
         return (
-            fit.confidence >= LEAST_CONFIDENCE
-            and abs(line.offset_px) <= MISS_MM * scale
-            and abs(turn_rad) <= LARGEST_TURN_RAD
-            and fit.width_px <= THICKEST_MM * scale
+            fit.confidence >= MIN_CONFIDENCE
+            and abs(line.offset_px) <= MAX_MISS_MM * scale
+            and abs(turn_rad) <= MAX_TURN_RAD
+            and fit.width_px <= MAX_WIDTH_MM * scale
         )
 
-    def _learn(self, image: Image, sight: Detection | None) -> None:
-        if sight is None and self._background.is_new and self._doubts < DOUBTS:
-            return  # what may be a needle must not become background
-        needle = None
-        if sight is not None:
-            if sight.reach.where == "inside" and sight.reach.contrast_grey:
-                now = sight.reach.contrast_grey
-                before = now if self._usual_grey is None else self._usual_grey
-                self._usual_grey = before + CONTRAST_RATE * (now - before)
-            scale = self._site.px_per_mm
-            until_px = sight.reach.tip_px + AHEAD_OF_TIP_MM * scale
-            if not (sight.reach.contrast_grey and until_px > -EXPOSED_MM * scale):
-                until_px = max(until_px, 0.0)  # it may go on; in the wall nothing shows
-            needle = occluded_ends(self._site, sight.line, until_px)
-        self._background.learn(image, needle, 2 * self._site.half_px)
+    def _select_tip(self, image: Image, detection: Detection, expected_px: float = math.inf) -> Detection:
+        """Select the tip and locate it sub-pixel; what continues beyond the shaft's edges is its shadow."""
+        tip = self._tip_selector.select(image, detection, expected_px)
+        end = self._tip_selector.before_shadow(image, detection, tip)
+        if end is None:
+            return replace(detection, reach=self._tip_selector.dim_point(image, detection, tip) or tip)
+        candidate = detection.candidate
+        without_shadow = self._fit_shaft_line(replace(candidate, tip=end), candidate.strip.half_px)
+        return without_shadow or replace(detection, reach=end)
 
-    def _learn_bevel(self, sight: Detection) -> None:
-        strip, closeup = sight.glimpse.strip, sight.glimpse.closeup
-        if closeup is not None and sight.reach.where == "inside":
-            self._bevel.learn(strip, closeup, sight.reach.tip_px, sight.fit)
+    def _update_filter(self, detection: Detection | None) -> None:
+        """Update the pose, and what the needle's appearance has shown."""
+        if detection is None:
+            self._appearance = NEW
+            self._bevel.reset()
+            return
+        tip, fit, candidate = detection.reach, detection.fit, detection.candidate
+        if candidate.patch is not None and tip.where == "inside":
+            self._bevel.learn(candidate.strip, candidate.patch, tip.u_px, fit)
+        if tip.where == "inside" and tip.contrast_grey:
+            before = tip.contrast_grey if self._usual_grey is None else self._usual_grey
+            self._usual_grey = before + CONTRAST_RATE * (tip.contrast_grey - before)
+        self._appearance = fit.appearance
+        is_in_trocar = tip.where != "outside"
+        self._pose.update(detection.line, fit.covariance, tip.u_px, tip.sd_px, is_in_trocar)
+
+    def _update_background(self, image: Image, detection: Detection | None) -> None:
+        """Update the background model with what the needle does not occlude."""
+        if detection is None and self._background.is_new and self._doubts < MAX_DOUBTS:
+            return  # what may be a needle must not become background
+        occluded = None if detection is None else self._occluded_ends(detection.line, detection.reach)
+        self._background.learn(image, occluded, 2 * self._eye.half_px)
+
+    def _occluded_ends(self, line: Line, tip: TipEstimate) -> tuple[Vec, Vec]:
+        until_px = tip.u_px + AHEAD_OF_TIP_MM * self._eye.px_per_mm
+        if not (tip.contrast_grey and until_px > -EXPOSED_MM * self._eye.px_per_mm):
+            until_px = max(until_px, 0.0)  # it may continue into the wall, which occludes it
+        return occluded_ends(self._eye, line, until_px)
 
     def _needle(self) -> dict[str, Geometry]:
         line, to_mm = self._pose.line, self._registration.image.to_mm
-        (x, y), (nx, ny) = line.at_px(self._site.trocar_px, self._pose.depth_px), line.normal
-        aside_px = self._bevel.aside_px
-        start_px = 0.0 if self._pose.depth_px > 0 else self._pose.depth_px - self._site.px_per_mm
-        entry = to_mm(line.at_px(self._site.trocar_px, start_px))
+        (x, y), (nx, ny) = line.at_px(self._eye.trocar_px, self._pose.depth_px), line.normal
+        off_axis_px = self._bevel.off_axis_px
+        start_px = 0.0 if self._pose.depth_px > 0 else self._pose.depth_px - self._eye.px_per_mm
+        entry = to_mm(line.at_px(self._eye.trocar_px, start_px))
         return {
-            "needle_tip": Point(to_mm((x + aside_px * nx, y + aside_px * ny))),
+            "needle_tip": Point(to_mm((x + off_axis_px * nx, y + off_axis_px * ny))),
             "needle_line": Segment(entry, to_mm((x, y))),
         }
 
-    def _certainty(self, sight: Detection) -> Certainty:
+    def _certainty(self, detection: Detection) -> Certainty:
         return Certainty(
-            confidence=sight.fit.confidence,
-            tip_sd_mm=self._pose.tip_sd_px() / self._site.px_per_mm,
+            confidence=detection.fit.confidence,
+            tip_sd_mm=self._pose.tip_sd_px() / self._eye.px_per_mm,
             theta_sd_deg=math.degrees(self._pose.angle_sd_rad),
         )
 
@@ -249,8 +271,8 @@ def detections_in(images: Iterable[Image], registration: Registration) -> list[D
     """Return what a tracker measures in each of some images of one clip, in order.
 
     Args:
-        images: Without slant; they may lie far apart.
-        registration: Where the anatomy lies in them.
+        images: Without tilt; they may be far apart.
+        registration: The static anatomy.
     """
     tracker = Tracker(registration, PerceptionConfig())
-    return [tracker.look(image, number * APART_NS) for number, image in enumerate(images)]
+    return [tracker.detect(image, number * INTERVAL_NS) for number, image in enumerate(images)]

@@ -10,50 +10,50 @@ SHALLOW = (4.0, -0.039, 0.0004)  # 20 px of shaft, 100 px from the trocar
 STEP_S = 1 / 30
 
 
-def held(pose: PoseFilter, covariance, images: int, angle_rad: float = 1.5, offset_px: float = 0.0):
+def hold(pose: PoseFilter, covariance, images: int, angle_rad: float = 1.5, offset_px: float = 0.0):
     for number in range(images):
         if number:
             pose.predict(STEP_S)
-        pose.update(Line(angle_rad, offset_px), covariance, 100.0, 0.1, is_pivoting=True)
+        pose.update(Line(angle_rad, offset_px), covariance, 100.0, 0.1, is_in_trocar=True)
 
 
-def test_a_sharp_measurement_is_taken_as_it_is():
+def test_follows_a_sharp_measurement_without_lag():
     pose = PoseFilter(20.0)
-    held(pose, SHARP, 3)
+    hold(pose, SHARP, 3)
     pose.predict(STEP_S)
-    pose.update(Line(1.52, 0.0), SHARP, 113.0, 0.1, is_pivoting=True)
+    pose.update(Line(1.52, 0.0), SHARP, 113.0, 0.1, is_in_trocar=True)
     assert pose.line.angle_rad == pytest.approx(1.52, abs=2e-4)
     assert pose.depth_px == pytest.approx(113.0, abs=0.1)
 
 
-def test_after_a_sudden_move_a_needle_held_still_is_soon_expected_where_it_is():
+def test_soon_predicts_a_needle_held_still_after_a_sudden_move():
     pose = PoseFilter(20.0)
-    held(pose, SHARP, 5)
+    hold(pose, SHARP, 5)
     expected = []
     for _ in range(8):
         expected.append(pose.predict(STEP_S))
-        pose.update(Line(1.6, 0.0), SHARP, 360.0, 0.1, is_pivoting=True)
+        pose.update(Line(1.6, 0.0), SHARP, 360.0, 0.1, is_in_trocar=True)
     for line, depth_px in expected[5:]:
         assert depth_px == pytest.approx(360.0, abs=10.0)
         assert line.angle_rad == pytest.approx(1.6, abs=0.01)
 
 
-def test_knowing_the_pivot_sharpens_the_angle_of_a_short_shaft():
+def test_knowing_the_rcm_sharpens_the_angle_of_a_short_shaft():
     fresh, knowing = PoseFilter(20.0), PoseFilter(20.0)
-    held(knowing, SHARP, 30)
+    hold(knowing, SHARP, 30)
     knowing.lose()
     for pose in (fresh, knowing):
-        pose.update(Line(1.5, 0.0), SHALLOW, 120.0, 0.1, is_pivoting=True)
+        pose.update(Line(1.5, 0.0), SHALLOW, 120.0, 0.1, is_in_trocar=True)
     assert knowing.angle_sd_rad < 0.8 * math.sqrt(SHALLOW[2])
     assert knowing.angle_sd_rad < fresh.angle_sd_rad
 
 
-def test_losing_the_needle_keeps_the_pivot_and_reset_forgets_it():
+def test_losing_the_needle_keeps_the_rcm_and_reset_forgets_it():
     pose = PoseFilter(20.0)
-    held(pose, SHARP, 30, offset_px=2.0)
+    hold(pose, SHARP, 30, offset_px=2.0)
     pose.lose()
     assert not pose.is_tracking
-    pose.update(Line(1.5, 2.0), SHALLOW, 120.0, 0.1, is_pivoting=True)
+    pose.update(Line(1.5, 2.0), SHALLOW, 120.0, 0.1, is_in_trocar=True)
     assert pose.line.offset_px == pytest.approx(2.0, abs=0.2)
     pose.reset()
     assert pose.line.offset_px == 0.0
@@ -61,13 +61,13 @@ def test_losing_the_needle_keeps_the_pivot_and_reset_forgets_it():
 
 def test_a_needle_outside_need_not_pass_the_trocar():
     pose = PoseFilter(20.0)
-    pose.update(Line(1.5, 15.0), SHARP, -60.0, 0.1, is_pivoting=False)
+    pose.update(Line(1.5, 15.0), SHARP, -60.0, 0.1, is_in_trocar=False)
     assert pose.line.offset_px == 15.0
 
 
-def test_uncertainty_grows_while_nothing_is_seen():
+def test_uncertainty_grows_without_measurements():
     pose = PoseFilter(20.0)
-    held(pose, SHARP, 10)
+    hold(pose, SHARP, 10)
     before = pose.angle_sd_rad, pose.tip_sd_px()
     pose.predict(0.1)
     assert pose.angle_sd_rad > before[0]

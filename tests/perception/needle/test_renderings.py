@@ -1,7 +1,7 @@
-"""The tracker on six of the scenes that `make render` makes, kept here as it made them.
+"""The tracker on six scenes that `make render` has rendered.
 
-Bounds, not figures: docs/accuracy.md states what came out. Metal mirrors its surroundings here, as simulated
-needles do not.
+Bounds, not figures: docs/accuracy.md states the results. Metal mirrors its surroundings here; simulated needles
+do not.
 """
 
 import shutil
@@ -17,7 +17,7 @@ from haptigraph.analysis.evaluation.evaluation import evaluate_clip
 from haptigraph.analysis.registering.registering import all_images
 from haptigraph.config import load_config
 
-MOST = {  # tip px p50, p95, angle p95 in degrees at 1 to 3 mm and beyond
+BOUNDS = {  # tip px p50, p95, angle p95 in degrees at 1 to 3 mm and beyond
     "black_round": (0.25, 0.8, 0.1, 0.15),
     "dark_bowl_bevel": (0.35, 2.8, 0.4, 0.2),
     "dark_bowl_long": (0.4, 0.95, 0.15, 0.15),
@@ -28,19 +28,19 @@ MOST = {  # tip px p50, p95, angle p95 in degrees at 1 to 3 mm and beyond
 
 
 def test_every_rendering_has_its_bounds():
-    assert {folder.name for folder in RENDERINGS.iterdir()} == set(MOST)
+    assert {folder.name for folder in RENDERINGS.iterdir()} == set(BOUNDS)
 
 
-@pytest.mark.parametrize("name", MOST)
-def test_a_rendered_needle_is_seen_where_it_is(name):
+@pytest.mark.parametrize("name", BOUNDS)
+def test_locates_a_rendered_needle(name):
     scores = evaluate_clip(RENDERINGS / name, load_config()).scores
     tip_px, angle_deg = scores["tip_error_px"], scores["angle_error_deg"]
     assert scores["detection_rate"] == 1
     assert scores["false_detections"] == 0
     assert scores["wrong_contact_images"] == 0
     assert scores["state_agreement"] >= 0.96
-    seen = tip_px["median"], tip_px["p95"], angle_deg["shallow"]["p95"], angle_deg["deep"]["p95"]
-    assert all(one <= most for one, most in zip(seen, MOST[name], strict=True)), seen
+    errors = tip_px["median"], tip_px["p95"], angle_deg["shallow"]["p95"], angle_deg["deep"]["p95"]
+    assert all(error <= bound for error, bound in zip(errors, BOUNDS[name], strict=True)), errors
 
 
 def dim(image: np.ndarray, number: int) -> np.ndarray:
@@ -56,7 +56,7 @@ def flickering(image: np.ndarray, number: int) -> np.ndarray:
 
 
 def with_beads(image: np.ndarray, number: int) -> np.ndarray:
-    """Black beads and bright bubbles that drift about, before the needle."""
+    """Black beads and bright bubbles that drift in front of the needle."""
     height, width = image.shape[:2]
     for bead in range(6):
         turn = 2.4 * bead + 0.04 * number
@@ -68,37 +68,39 @@ def with_beads(image: np.ndarray, number: int) -> np.ndarray:
     return image
 
 
-def soft(image: np.ndarray, number: int) -> np.ndarray:
+def defocused(image: np.ndarray, number: int) -> np.ndarray:
     return cv2.GaussianBlur(image, (0, 0), 1.3)
 
 
-SPOILT = {dim: 1.2, noisy: 0.6, flickering: 0.5, with_beads: 0.6}  # tip px p50
+DEGRADED = {dim: 1.2, noisy: 0.6, flickering: 0.5, with_beads: 0.6}  # tip px p50
 
 
-def spoil(folder: Path, spoilt: Path, how: Callable[[np.ndarray, int], np.ndarray]) -> Path:
-    shutil.copytree(folder, spoilt, ignore=shutil.ignore_patterns("clip.mp4"))
+def degrade(folder: Path, degraded: Path, how: Callable[[np.ndarray, int], np.ndarray]) -> Path:
+    shutil.copytree(folder, degraded, ignore=shutil.ignore_patterns("clip.mp4"))
     writer = None
     for number, image in enumerate(all_images(str(folder / "clip.mp4"))):
         if writer is None:
             size_px = image.shape[1::-1]
-            writer = cv2.VideoWriter(str(spoilt / "clip.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), 30, size_px)
+            writer = cv2.VideoWriter(str(degraded / "clip.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), 30, size_px)
         writer.write(np.clip(np.rint(how(image.astype(np.float32), number)), 0, 255).astype(np.uint8))
     writer.release()
-    return spoilt
+    return degraded
 
 
 @pytest.mark.parametrize("name", ["black_round", "dark_bowl_long"])
-@pytest.mark.parametrize("how", SPOILT, ids=lambda how: how.__name__)
-def test_a_rendered_needle_is_seen_in_spoilt_images(how, name, tmp_path):
-    scores = evaluate_clip(spoil(RENDERINGS / name, tmp_path / name, how), load_config()).scores
+@pytest.mark.parametrize("how", DEGRADED, ids=lambda how: how.__name__)
+def test_locates_a_rendered_needle_in_degraded_images(how, name, tmp_path):
+    scores = evaluate_clip(degrade(RENDERINGS / name, tmp_path / name, how), load_config()).scores
     assert scores["detection_rate"] == 1
     assert scores["false_detections"] == 0
     assert scores["wrong_contact_images"] == 0
     assert scores["state_agreement"] >= 0.96
-    assert scores["tip_error_px"]["median"] <= SPOILT[how]
+    assert scores["tip_error_px"]["median"] <= DEGRADED[how]
 
 
 def test_a_hard_shadow_out_of_focus_is_no_needle(tmp_path):
-    scores = evaluate_clip(spoil(RENDERINGS / "black_round", tmp_path / "soft", soft), load_config()).scores
+    scores = evaluate_clip(
+        degrade(RENDERINGS / "black_round", tmp_path / "defocused", defocused), load_config()
+    ).scores
     assert scores["state_agreement"] >= 0.96
     assert scores["tip_error_px"]["p95"] <= 1.2

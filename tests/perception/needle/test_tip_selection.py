@@ -5,7 +5,7 @@ import pytest
 from haptigraph.perception.needle.background import Background
 from haptigraph.perception.needle.bevel import Bevel
 from haptigraph.perception.needle.coarse_tip import TipEstimate, estimate_coarse_tip
-from haptigraph.perception.needle.rectify import Line, Site, stations
+from haptigraph.perception.needle.rectify import EyeGeometry, Line, stations
 from haptigraph.perception.needle.shaft_line import fit_line
 from haptigraph.perception.needle.tip_selection import Candidate, Detection, TipSelector
 
@@ -13,10 +13,10 @@ GROUND, METAL, END_PX = 150.0, 80.0, 100.0
 FADES_PX, FAINTEST = 25.0, 0.15  # length of a point's last part; share of its contrast left at the end
 
 
-def fading_needle(site: Site, line: Line, fades_px: float = FADES_PX) -> np.ndarray:
-    """A dark needle of 5 px that fades towards its end, on plain ground, in focus."""
-    y, x = np.mgrid[: site.height_px, : site.width_px]
-    (x0, y0), (dx, dy) = line.at_px(site.trocar_px, 0.0), line.direction
+def fading_needle(eye: EyeGeometry, line: Line, fades_px: float = FADES_PX) -> np.ndarray:
+    """A dark needle of 5 px that fades towards its end, on a plain background, in focus."""
+    y, x = np.mgrid[: eye.height_px, : eye.width_px]
+    (x0, y0), (dx, dy) = line.at_px(eye.trocar_px, 0.0), line.direction
     along, across = (x - x0) * dx + (y - y0) * dy, (y - y0) * dx - (x - x0) * dy
     left = np.clip((END_PX - along) / fades_px, 0, 1) * (1 - FAINTEST) + FAINTEST
     covered = np.clip(3.0 - abs(across), 0, 1) * np.clip(END_PX + 0.5 - along, 0, 1)
@@ -24,32 +24,34 @@ def fading_needle(site: Site, line: Line, fades_px: float = FADES_PX) -> np.ndar
     return np.clip(image + np.random.default_rng(1).normal(0, 1.0, image.shape), 0, 255).astype(np.uint8)
 
 
-def end_of(site: Site, line: Line, image: np.ndarray, expected_px: float) -> tuple[TipEstimate, TipEstimate]:
-    """How far the needle reaches on known ground, roughly and closely."""
-    background = Background(site)
-    background.learn(np.full((site.height_px, site.width_px), round(GROUND), np.uint8), None, 20)
-    (strip,) = background.strips(image, line, stations(site, line))
-    reach = estimate_coarse_tip(strip, site.px_per_mm, None)
-    fit = fit_line(strip, reach.tip_px, strip.half_px)
-    sight = Detection(Candidate(line, strip, None, reach), line, fit, reach)
-    return reach, TipSelector(site, background, Bevel())(image, sight, expected_px)
+def tips_of(
+    eye: EyeGeometry, line: Line, image: np.ndarray, expected_px: float
+) -> tuple[TipEstimate, TipEstimate]:
+    """The coarse and the sub-pixel tip of a needle on known background."""
+    background = Background(eye)
+    background.learn(np.full((eye.height_px, eye.width_px), round(GROUND), np.uint8), None, 20)
+    (strip,) = background.rectify(image, line, stations(eye, line))
+    coarse = estimate_coarse_tip(strip, eye.px_per_mm, None)
+    fit = fit_line(strip, coarse.u_px, strip.half_px)
+    detection = Detection(Candidate(line, strip, None, coarse), line, fit, coarse)
+    return coarse, TipSelector(eye, background, Bevel()).select(image, detection, expected_px)
 
 
 @pytest.mark.parametrize("short_px", [0.0, 8.0, 12.0, 16.0])
-def test_a_tip_is_found_though_it_was_expected_far_behind(registration, short_px):
-    site = Site(registration)
-    line = Line(site.inwards_rad + 0.1, 0.0)
-    _, end = end_of(site, line, fading_needle(site, line), END_PX - short_px)
-    assert (end.where, end.tip_px) == ("inside", pytest.approx(END_PX, abs=1.5))
+def test_locates_a_tip_that_was_expected_far_behind(registration, short_px):
+    eye = EyeGeometry(registration)
+    line = Line(eye.inwards_rad + 0.1, 0.0)
+    _, end = tips_of(eye, line, fading_needle(eye, line), END_PX - short_px)
+    assert (end.where, end.u_px) == ("inside", pytest.approx(END_PX, abs=1.5))
 
 
 @pytest.mark.parametrize("side", [-1, 1])
 def test_a_bead_beyond_the_tip_is_no_part_of_the_needle(registration, side):
-    site = Site(registration)
-    line = Line(site.inwards_rad + 0.1, 0.0)
-    image = fading_needle(site, line, fades_px=1.0)
-    (x, y), (nx, ny) = line.at_px(site.trocar_px, END_PX + 17.0), line.normal
+    eye = EyeGeometry(registration)
+    line = Line(eye.inwards_rad + 0.1, 0.0)
+    image = fading_needle(eye, line, fades_px=1.0)
+    (x, y), (nx, ny) = line.at_px(eye.trocar_px, END_PX + 17.0), line.normal
     cv2.circle(image, (round(x + 8 * side * nx), round(y + 8 * side * ny)), 8, 10, cv2.FILLED, cv2.LINE_AA)
-    reach, end = end_of(site, line, image, END_PX - 1)
-    assert reach.tip_px > END_PX + 10  # by contrast alone the bead would be
-    assert end.tip_px == pytest.approx(END_PX, abs=1.0)
+    coarse, end = tips_of(eye, line, image, END_PX - 1)
+    assert coarse.u_px > END_PX + 10  # by contrast alone the bead would be
+    assert end.u_px == pytest.approx(END_PX, abs=1.0)

@@ -1,0 +1,97 @@
+"""The grid along which the polar search samples images (`search.c`)."""
+
+from operator import index
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from haptigraph.imaging import FloatImage, Mask
+from haptigraph.messages import Image
+from haptigraph.perception.native.arrays import BOOL, INT, address, checked, checked_image, checked_share
+from haptigraph.perception.native.library import LIBRARY, pack
+
+__all__ = ["CELL", "SearchGrid"]
+
+CELL = LIBRARY.constant("CELL")
+"""Samples along a line that make a cell."""
+
+MAX_CELLS = 2**30  # twice as many are counted by an int
+
+_GRID = LIBRARY.layout(
+    "SearchGrid", ("p", "pixels cells_of is_inside flanks is_observable"), ("i", "samples rows cells trocar")
+)
+_score_lines = LIBRARY.function("score_lines", "ppiddpp")
+
+
+class SearchGrid:
+    """Where lines sample an image. It keeps copies, so that nobody changes an index after its check.
+
+    Args:
+        size_px: Height and width of the images.
+        pixels: Indices of the samples' pixels, ascending, (samples,) int32.
+        cells_of: Indices of the samples' cells, (samples,) int32.
+        is_inside: Samples inside the globe, (samples,).
+        flanks: Indices of the cells on either side of each cell, (2, rows, cells) int32.
+        is_observable: Cells in which a needle would be visible, (rows, cells).
+        trocar: Cells of a row before this one are outside the eye.
+
+    Raises:
+        TypeError: If an argument is of another type.
+        ValueError: If an array has another shape or an index is out of range.
+    """
+
+    def __init__(
+        self,
+        size_px: tuple[int, int],
+        pixels: NDArray[np.int32],
+        cells_of: NDArray[np.int32],
+        is_inside: Mask,
+        flanks: NDArray[np.int32],
+        is_observable: Mask,
+        trocar: int,
+    ) -> None:
+        height_px, width_px = (index(size) for size in size_px)
+        samples, (rows, cells) = len(pixels), np.shape(is_observable)
+        if not (rows * cells <= MAX_CELLS and 0 <= index(trocar) <= cells):
+            raise ValueError(f"grid: expected a trocar within at most {MAX_CELLS} cells; found {trocar}")
+        self._size_px, self._shape = (height_px, width_px), (rows, cells)
+        self._arrays = (
+            _copy("pixels", pixels, INT, (samples,), height_px * width_px),
+            _copy("cells_of", cells_of, INT, (samples,), rows * cells),
+            _copy("is_inside", is_inside, BOOL, (samples,)),
+            _copy("flanks", flanks, INT, (2, rows, cells), rows * cells),
+            _copy("is_observable", is_observable, BOOL, (rows, cells)),
+        )
+        self._packed = pack(_GRID, *map(address, self._arrays), samples, rows, cells, trocar)
+
+    def score(self, image: Image, chroma_share: float = 0.0, light: float = 1.0) -> FloatImage:
+        """Return how much each row looks like a needle, (rows,).
+
+        Args:
+            image: (h, w, 3) BGR or (h, w) grey, contiguous.
+            chroma_share: Of blue less red in the grey within the globe, -1 to 1.
+            light: How many times brighter the image would be in good light.
+
+        Raises:
+            TypeError: If an argument is of another type.
+            ValueError: If the image is not of the grid's size, or the share out of range.
+        """
+        pixels, channels = checked_image("image", image, self._size_px)
+        grey, score = np.empty(self._shape, np.float32), np.empty(self._shape[0], np.float32)
+        _score_lines(
+            *(self._packed, pixels, channels, checked_share("chroma_share", chroma_share), float(light)),
+            *(address(grey), address(score)),
+        )
+        return score
+
+
+def _copy(
+    name: str, array: NDArray[Any], dtype: np.dtype[Any], shape: tuple[int, ...], stop: int | None = None
+) -> NDArray[Any]:
+    """Return a checked copy; `stop` is the least value that is out of range."""
+    checked(name, array, dtype, shape)
+    copy = array.copy()
+    if stop is not None and copy.size and not 0 <= copy.min() <= copy.max() < stop:
+        raise ValueError(f"{name}: expected indices from 0 to {stop - 1}; found {copy.min()} to {copy.max()}")
+    return copy

@@ -1,0 +1,275 @@
+"""Rectified strips as Python and C share them, and each function of the library that reads one."""
+
+import ctypes
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+from operator import index
+from typing import Any
+
+import numpy as np
+from msgspec import Struct
+from msgspec.structs import force_setattr
+
+from haptigraph.imaging import FloatImage, Mask
+from haptigraph.perception.native.arrays import BOOL, FLOAT, address, checked, checked_rows
+from haptigraph.perception.native.library import LIBRARY, pack
+
+__all__ = [
+    "BLOCK",
+    "STATION_PX",
+    "RectifiedStrip",
+    "contrast_centroid",
+    "core_contrast",
+    "estimate_coarse_tip",
+    "fit_line",
+    "refine_tip",
+]
+
+STATION_PX = float(LIBRARY.constant("STATION_PX"))
+"""Between the stations of a strip; 1 in a tip patch."""
+
+BLOCK = LIBRARY.constant("BLOCK")
+"""Stations that are averaged before edges are detected."""
+
+MAX_BEHIND_PX = 1000
+
+_STRIP = LIBRARY.layout(
+    "Strip",
+    *(("p", "excess.first"), ("i", "excess.stride excess.lanes excess.stations")),
+    *(("p", "detrended.first"), ("i", "detrended.stride detrended.lanes detrended.stations")),
+    *(("p", "u_px is_known"), ("d", "noise_grey"), ("i", "outside_stop inside_start inside_stop")),
+)
+_APPEARANCE = LIBRARY.layout("Appearance", ("d", "highlight highlight_sd images shaded_px"))
+_LINE_FIT = LIBRARY.layout(
+    "LineFit",
+    *(("d", "offset_px slope covariance width_px blur_px scatter appearance"), ("p", "is_on_line is_steep")),
+    *(("i", "blocks on_line"), ("d", "max_offset_px")),
+)
+
+_TIP_PATCH = LIBRARY.layout(
+    "TipPatch",
+    *(("d", "middle_px defocus_px fading_share"), ("i", "start stop continues about")),
+    ("i", "is_outside follows_point follows_faint"),
+)
+
+_core_contrast = LIBRARY.function("core_contrast", "piip", ctypes.c_double)
+_contrast_centroid = LIBRARY.function("contrast_centroid", "piiii", ctypes.c_double)
+_estimate_coarse_tip = LIBRARY.function("estimate_coarse_tip", "pdddp", ctypes.c_int)
+_fit_line = LIBRARY.function("fit_line", "pddppppp", ctypes.c_int)
+_refine_tip = LIBRARY.function("refine_tip", "pppip", ctypes.c_int)
+
+_Pair, _Triple = ctypes.c_double * 2, ctypes.c_double * 3
+_LineFitBuffer = ctypes.c_char * _LINE_FIT.size
+
+
+class _Native(Struct, frozen=True):
+    """A strip as C has it."""
+
+    packed: bytes
+    lanes: int
+    stations: int
+    owners: tuple[Any, ...]
+    """What owns its memory: NumPy resizes no array that others refer to."""
+
+
+class RectifiedStrip(Struct, frozen=True, eq=False):
+    """Rectified pixels along an expected line.
+
+    Raises:
+        TypeError: If a field is of another type.
+        ValueError: If arrays do not fit each other or C.
+    """
+
+    u_px: FloatImage
+    """Position of each station along the line, evenly spaced, (n,)."""
+    half_px: int
+    """Lanes to either side of the line."""
+    excess: FloatImage
+    """Grey levels over the background and over the ramp between the flanks, (2 half_px + 1, n)."""
+    detrended: FloatImage
+    """Grey levels over the ramp between the flanks alone, same shape."""
+    is_known: Mask
+    """Stations whose background is known, (n,)."""
+    outside: slice
+    """Stations outside the wall, from the first on."""
+    inside: slice
+    """Stations within the globe; those in the wall are in neither."""
+    noise_grey: float
+    """Standard deviation of a pixel of `excess` without needle."""
+    native: Any = None
+    """The same for C; always made anew from the rest."""
+
+    def __post_init__(self) -> None:
+        excess, detrended, u_px, is_known = self.excess, self.detrended, self.u_px, self.is_known
+        rows, others = checked_rows("excess", excess), checked_rows("detrended", detrended)
+        lanes, stations = rows[2:]
+        if others[2:] != rows[2:] or not stations:
+            raise ValueError(f"detrended: expected {lanes} x {stations} values, found {others[2:]}")
+        if not type(self.outside) is type(self.inside) is slice:
+            raise TypeError("outside, inside: expected two slices")
+        ends = self.outside.stop, self.inside.start, self.inside.stop
+        if not (0 <= ends[0] <= ends[1] <= stations and 0 <= ends[2] <= stations):
+            raise ValueError(f"outside, inside: expected two parts of {stations} stations, found {ends}")
+        along = checked("u_px", u_px, FLOAT, (stations,)), checked("is_known", is_known, BOOL, (stations,))
+        owners = excess, detrended, u_px, is_known, excess.base, detrended.base, u_px.base, is_known.base
+        packed = pack(_STRIP, *rows, *others, *along, self.noise_grey, *ends)
+        force_setattr(self, "native", _Native(packed, lanes, stations, owners))
+
+
+def core_contrast(strip: RectifiedStrip, part: slice) -> tuple[FloatImage, float]:
+    """Return the contrast of the middle lanes, (n,) grey levels, and the contrast that noise does not reach.
+
+    They must differ from the flanks and from the background: a stain that was always there is no needle, nor
+    is a place that a needle has left. The root mean square counts, for a needle may be darker on one side and
+    brighter on the other, and only its rims may show.
+
+    Args:
+        strip: The strip.
+        part: Of its stations.
+    """
+    native = _native(strip)
+    start, stop = _span(part, native.stations)
+    contrast = np.empty(max(stop - start, 0), np.float32)
+    return contrast, _core_contrast(native.packed, start, stop, address(contrast))
+
+
+def contrast_centroid(strip: RectifiedStrip, first: int, last: int, part: slice) -> float:
+    """Return the lane of the contrast's centroid in the mean of some stations; nan without contrast.
+
+    Args:
+        strip: The strip.
+        first: Lane to begin with.
+        last: Lane to end with.
+        part: Of its stations, one at least.
+    """
+    native = _native(strip)
+    start, stop = _span(part, native.stations)
+    if stop <= start:
+        raise ValueError(f"part: expected at least one station, found {part}")
+    first, last = max(index(first), 0), min(index(last), native.lanes - 1)
+    return float(_contrast_centroid(native.packed, first, last, start, stop))
+
+
+def estimate_coarse_tip(
+    strip: RectifiedStrip, usual_grey: float, tracked_px: float, px_per_mm: float
+) -> tuple[int, int, float]:
+    """Return where a tip is, its station, and the evidence for it [px] (`coarse_tip.c`).
+
+    Args:
+        strip: The strip; the shaft is near its middle.
+        usual_grey: Contrast that this needle had inside before; 0 if unknown.
+        tracked_px: Its expected tip.
+        px_per_mm: Scale.
+
+    Returns:
+        0 for no needle, 1 for a tip outside the wall, 2 occluded by it, 3 inside; the station and evidence.
+    """
+    if not 0 < px_per_mm < math.inf:
+        raise ValueError(f"px_per_mm: expected a positive number, found {px_per_mm}")
+    packed, tip = _native(strip).packed, _Pair()
+    where = _estimate_coarse_tip(packed, float(usual_grey), float(tracked_px), float(px_per_mm), tip)
+    return where, int(tip[0]), tip[1]
+
+
+def fit_line(
+    strip: RectifiedStrip, tip_px: float, miss_px: float, appearance: Sequence[float]
+) -> tuple[tuple[Any, ...], FloatImage, Mask, bytes] | None:
+    """Fit the shaft's middle line to all that is visible of it before the tip (`shaft_line.c`).
+
+    Args:
+        strip: The strip.
+        tip_px: Approximate tip.
+        miss_px: How far the shaft may be from the strip's middle.
+        appearance: The fields of `Appearance` in native.h, (5,).
+
+    Returns:
+        The numbers of `LineFit` in native.h; the blocks' positions, whether they are on the line, and whether
+        their edges are steep, (n,) each. None if too few blocks show two edges on one line.
+
+    Raises:
+        MemoryError: If memory runs out.
+    """
+    native, fit = _native(strip), _LineFitBuffer()
+    room = native.stations // BLOCK + 1
+    u_px, masks = np.empty(room, np.float32), np.empty((2, room), np.bool_)
+    is_on_line = address(masks)
+    status = _fit_line(
+        *(native.packed, float(tip_px), float(miss_px), pack(_APPEARANCE, *appearance)),
+        *(fit, address(u_px), is_on_line, is_on_line + room),
+    )
+    if status < 0:
+        raise MemoryError("no memory to fit a line to the shaft")
+    if not status:
+        return None
+    numbers = _LINE_FIT.unpack(fit)
+    blocks = numbers[15]
+    return numbers, u_px[:blocks], masks[0, :blocks], masks[1, :blocks].tobytes()
+
+
+def refine_tip(
+    strip: RectifiedStrip,
+    behind_px: tuple[int, ...],
+    start: int,
+    stop: int,
+    about: int,
+    middle_px: float,
+    defocus_px: float,
+    share: float,
+    *,
+    continues: bool,
+    is_outside: bool,
+    follows_point: bool,
+    follows_faint: bool,
+) -> tuple[float, float, float] | None:
+    """Locate a tip sub-pixel (`subpixel_tip.c`).
+
+    Args:
+        strip: A station per pixel.
+        behind_px: Lengths over which the needle's contrast is measured, one per round.
+        start: First station of the tip patch.
+        stop: The station after its last.
+        about: Approximate tip, in stations from the first on.
+        middle_px: Lane of the shaft's middle, may be between two.
+        defocus_px: How much more blur there is than in focus.
+        share: Of the contrast, at the step's level, where the shaft's rims and its middle differ.
+        continues: Whether the strip shows more beyond the patch.
+        is_outside: Whether it is outside the wall, where the background may be unknown.
+        follows_point: Whether to follow a point where it gets thin or dim.
+        follows_faint: Whether to follow its faint last part.
+
+    Returns:
+        The tip from the patch's first station on [px], its standard deviation [px] and the needle's contrast
+        [grey levels], or None if the contrast does not fall there.
+    """
+    native, tip = _native(strip), _Triple()
+    patch = pack(
+        *(_TIP_PATCH, middle_px, defocus_px, share, start, stop, continues, about),
+        *(is_outside, follows_point, follows_faint),
+    )
+    if not 0 <= start <= stop <= native.stations:
+        raise ValueError(f"patch: expected a part of {native.stations} stations, found {start} to {stop}")
+    if not _refine_tip(native.packed, patch, _ints(behind_px), len(behind_px), tip):
+        return None
+    return tip[0], tip[1], tip[2]
+
+
+@lru_cache(maxsize=8)
+def _ints(behind_px: tuple[int, ...]) -> ctypes.Array[ctypes.c_int]:
+    if not behind_px or not all(0 <= px <= MAX_BEHIND_PX for px in behind_px):
+        raise ValueError(f"behind_px: expected numbers from 0 to {MAX_BEHIND_PX}, found {behind_px}")
+    return (ctypes.c_int * len(behind_px))(*behind_px)
+
+
+def _native(strip: RectifiedStrip) -> _Native:
+    if type(strip) is not RectifiedStrip or type(strip.native) is not _Native:
+        raise TypeError(f"strip: expected a RectifiedStrip, found {type(strip).__name__}")
+    return strip.native
+
+
+def _span(part: slice, stations: int) -> tuple[int, int]:
+    """Return the first station of a part, and the one after its last."""
+    if type(part) is not slice:
+        raise TypeError(f"part: expected a slice, found {type(part).__name__}")
+    start, stop, _ = part.indices(stations)
+    return start, stop

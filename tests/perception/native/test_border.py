@@ -1,0 +1,325 @@
+"""No call from Python crashes the process: each wrapper of a C function returns or raises an exception.
+
+`make test-native` runs this while the sanitizers watch every access of C to memory.
+"""
+
+import gc
+import math
+import subprocess
+import sys
+from contextlib import suppress
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from msgspec.structs import replace
+
+from haptigraph.perception.native import rectification, search_grid, sharpness, strip
+from haptigraph.perception.native.strip import RectifiedStrip
+
+LANES, STATIONS, SIZE_PX = 33, 60, (12, 16)
+
+RECTIFY = """
+import numpy as np
+from haptigraph.geometry import ImageGeometry
+from haptigraph.perception.needle.rectify import EyeGeometry, Line, rectify, stations
+from haptigraph.registration.camera import parse_registration
+from haptigraph.sim.eye.eye import Eye, EyeShape, registration_text
+geometry = ImageGeometry(center_px=(160.0, 120.0), mm_per_px=1 / 8, mirrored=True)
+eye = EyeGeometry(parse_registration(registration_text(Eye(EyeShape()), geometry, 320, 240), "eye"))
+line, image = Line(eye.inwards_rad, 0.0), np.zeros((240, 320), np.uint8)
+for _ in range(20):
+    try:
+        rectify(eye, image, image, line, stations(eye, line))
+    except ValueError as error:
+        print(error)
+"""
+
+
+def excess(lanes=LANES, stations=STATIONS):
+    return np.random.default_rng(1).normal(0, 3, (lanes, stations)).astype(np.float32)
+
+
+def u_px(stations=STATIONS):
+    return np.arange(stations, dtype=np.float32)
+
+
+def make_strip(**change) -> RectifiedStrip:
+    shown = excess()
+    shown[14:19, :45] += 60
+    known = np.ones(STATIONS, bool)
+    whole = RectifiedStrip(u_px(), LANES // 2, shown, shown, known, slice(0, 10), slice(14, STATIONS), 2.0)
+    return replace(whole, **change) if change else whole
+
+
+def make_grid_arguments():
+    rows, cells = 3, 4
+    count = rows * cells
+    cells_of = np.arange(count, dtype=np.int32).repeat(search_grid.CELL)
+    pixels = np.arange(len(cells_of), dtype=np.int32) * 4
+    flanks = np.zeros((2, rows, cells), np.int32)
+    return [SIZE_PX, pixels, cells_of, np.ones(len(pixels), bool), flanks, np.ones((rows, cells), bool), 2]
+
+
+FLAGS = "continues", "is_outside", "follows_point", "follows_faint"
+APPEARANCE = (math.nan, math.nan, 0.0, math.nan, math.nan)
+POSITIONS = (16, u_px(), (8.0, 6.0), (0.0, 1.0), (1.0, 0.0))
+
+# Each wrapper by the C function it calls, with arguments that are right.
+WRAPPERS = {
+    "strip_positions": (rectification.strip_positions, lambda: list(POSITIONS)),
+    "subtract_background": (
+        rectification.subtract_background,
+        lambda: [np.ones((LANES, STATIONS, 3), np.uint8), excess(), u_px(), 0.2, (10.0, 50.0), 1.0],
+    ),
+    "score_lines": (
+        lambda *arguments: search_grid.SearchGrid(*arguments[:-3]).score(*arguments[-3:]),
+        lambda: [*make_grid_arguments(), np.ones((*SIZE_PX, 3), np.uint8), 0.2, 1.0],
+    ),
+    "sharpness": (sharpness.sharpness, lambda: [excess()]),
+    "mean_sharpness": (sharpness.mean_sharpness, lambda: [excess()]),
+    "is_sharp": (sharpness.is_sharp, lambda: [excess(), 0.2, 2.0]),
+    "sharpness_threshold": (sharpness.sharpness_threshold, lambda: [2.0, 4]),
+    "core_contrast": (strip.core_contrast, lambda: [make_strip(), slice(5, 40)]),
+    "contrast_centroid": (strip.contrast_centroid, lambda: [make_strip(), 3, 30, slice(5, 40)]),
+    "estimate_coarse_tip": (strip.estimate_coarse_tip, lambda: [make_strip(), 0.0, -math.inf, 5.0]),
+    "fit_line": (strip.fit_line, lambda: [make_strip(), 50.0, 9.0, APPEARANCE]),
+    "refine_tip": (
+        lambda *arguments: strip.refine_tip(*arguments[:8], **dict(zip(FLAGS, arguments[8:], strict=True))),
+        lambda: [make_strip(), (12, 7), 20, 55, 24, 16.2, 0.1, 0.3, True, False, True, True],
+    ),
+    "RectifiedStrip": (
+        RectifiedStrip,
+        lambda: [u_px(), 16, excess(), excess(), np.ones(STATIONS, bool), slice(0, 9), slice(12, 60), 2.0],
+    ),
+}
+
+
+class Liar(np.ndarray):
+    """An array that misreports its shape."""
+
+    shape = (LANES, STATIONS)
+
+
+def misaligned(array):
+    padded = np.zeros(array.nbytes + 1, np.uint8)
+    return padded[1:].view(array.dtype).reshape(array.shape) if array.ndim else array
+
+
+def read_only(array):
+    array.flags.writeable = False
+    return array
+
+
+VIEWS = (
+    lambda array: array[..., ::2],
+    lambda array: array[::-1],
+    lambda array: array[:0],
+    lambda array: array[..., :0],
+    lambda array: array[..., 1:],
+    lambda array: array[1:],
+    lambda array: array.T,
+    np.asfortranarray,
+    misaligned,
+    read_only,
+    lambda array: array.astype(array.dtype.newbyteorder()),
+    lambda array: array.view(Liar),
+    lambda array: np.ma.array(array),
+    lambda array: array.astype(np.float64),
+    lambda array: array.astype(object),
+    lambda array: array.view(np.uint8),
+    lambda array: np.frombuffer(b"\xff" * array.nbytes, array.dtype).reshape(array.shape),
+    lambda array: np.broadcast_to(array.reshape(-1)[:1], array.shape),
+    lambda array: np.broadcast_to(array.reshape(-1)[:1], (2**20, 2**20)),
+    lambda array: np.broadcast_to(array.reshape(-1)[:1], (2**33,)),
+    lambda array: np.empty((*array.shape[:-1], 2**16), array.dtype),
+    lambda array: array.reshape(-1),
+    lambda array: array[None],
+    lambda array: np.zeros((), array.dtype),
+)
+SCALARS = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(),
+    st.integers(-10, 70),
+    st.sampled_from([-(2**31), 2**31 - 1, 2**31, 2**32 + 1, 2**63, 10**400]),
+    st.floats(),
+    st.sampled_from([np.uint8(140), np.int8(127), np.float32(1e38), np.int64(2**40), np.bool_(True)]),
+    st.text(max_size=2),
+    st.binary(max_size=9),
+    st.slices(70),
+    st.builds(slice, st.integers(), st.integers()),
+    st.tuples(st.floats(), st.floats()),
+    st.lists(st.one_of(st.integers(), st.floats(), st.none()), max_size=6).map(tuple),
+)
+ANY_ARRAY = st.sampled_from(["f4", "f8", "u1", "?", "i4", ">f4", "c8", "O", "M8[s]", "f4,i4"]).flatmap(
+    lambda dtype: st.builds(np.zeros, st.lists(st.integers(0, 40), max_size=3).map(tuple), st.just(dtype))
+)
+
+
+def call_all(shown: RectifiedStrip, number: float, station: int) -> None:
+    """Call each function that reads a strip."""
+    part = slice(station, station + 12)
+    refine, stop = WRAPPERS["refine_tip"][0], min(station + 2, len(shown.u_px))
+    for call in (
+        lambda: strip.core_contrast(shown, part),
+        lambda: strip.contrast_centroid(shown, -3, station, part),
+        lambda: strip.estimate_coarse_tip(shown, number, number, abs(number)),
+        lambda: strip.fit_line(shown, number, abs(number), (number, 0.1, station, number, math.nan)),
+        lambda: strip.fit_line(shown, math.inf, 16.0, APPEARANCE),
+        lambda: refine(shown, (12, station), 0, stop, station, number, 0.1, 0.3, True, False, True, True),
+        lambda: refine(shown, (4,), 0, stop, 2 * station, 16.2, number, number, False, True, True, True),
+        lambda: refine(shown, (4,), 0, stop, station, 8.0, 0.0, 0.3, False, False, True, True),
+    ):
+        with suppress(ValueError, TypeError, OverflowError):
+            call()
+
+
+def test_a_background_of_another_type_is_refused_and_the_process_survives():
+    run = subprocess.run([sys.executable, "-c", RECTIFY], capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.count("background: expected (lanes, stations) of float32") == 20
+
+
+@pytest.mark.parametrize("name", WRAPPERS)
+def test_right_arguments_are_accepted(name):
+    call, arguments = WRAPPERS[name]
+    call(*arguments())
+
+
+def test_every_wrapper_is_tested():
+    modules = rectification, search_grid, sharpness, strip
+    values = {name: value for module in modules for name, value in vars(module).items()}
+    functions = {name.lstrip("_") for name, value in values.items() if type(value).__name__ == "_FuncPtr"}
+    assert functions == set(WRAPPERS) - {"RectifiedStrip"}
+
+
+@pytest.mark.parametrize("name", WRAPPERS)
+@given(data=st.data())
+def test_a_wrong_argument_never_crashes(name, data):
+    call, make = WRAPPERS[name]
+    arguments = make()
+    for number in data.draw(st.sets(st.integers(0, len(arguments) - 1), min_size=1, max_size=2)):
+        value = arguments[number]
+        wrong = st.one_of(SCALARS, ANY_ARRAY)
+        if isinstance(value, np.ndarray):
+            wrong = st.one_of(wrong, st.sampled_from(VIEWS).map(lambda view, value=value: view(value)))
+        arguments[number] = data.draw(wrong)
+    with suppress(Exception):
+        call(*arguments)
+
+
+@pytest.mark.parametrize("name", WRAPPERS)
+def test_a_wrong_type_is_refused_in_a_sentence(name):
+    call, make = WRAPPERS[name]
+    for number, value in enumerate(make()):
+        for wrong in (None, "x", object()):
+            arguments = make()
+            arguments[number] = wrong
+            if name == "RectifiedStrip" and number == 1:  # half_px, which C does not read
+                continue
+            with pytest.raises((TypeError, ValueError), match=r"\w+ \w+ \w+") as caught:
+                call(*arguments)
+            assert type(caught.value) in (TypeError, ValueError), (name, number, wrong, value)
+
+
+@given(
+    st.integers(9, 40).flatmap(
+        lambda lanes: st.integers(1, 90).flatmap(
+            lambda stations: st.tuples(
+                arrays(np.float32, (lanes, stations), elements=st.floats(width=32), fill=st.floats(width=32)),
+                arrays(np.float32, stations, elements=st.floats(width=32), fill=st.floats(-99, 99, width=32)),
+                st.lists(st.integers(0, stations), min_size=3, max_size=3),
+            )
+        )
+    ),
+    st.floats(),
+    st.floats(),
+    st.integers(0, 90),
+)
+def test_any_numbers_in_a_strip_are_safe(arrays_and_ends, noise_grey, number, station):
+    pixels, along, ends = arrays_and_ends
+    known = np.frombuffer(bytes(range(len(along))), np.bool_)
+    with suppress(ValueError):  # parts that overlap
+        parts = slice(0, ends[0]), slice(*ends[1:])
+        call_all(RectifiedStrip(along, 16, pixels, pixels, known, *parts, noise_grey), number, station)
+    for call in (sharpness.sharpness, sharpness.mean_sharpness):
+        call(pixels)
+    sharpness.is_sharp(pixels, number, noise_grey)
+
+
+@given(st.floats(), st.floats(), st.floats(), arrays(np.float32, 20, elements=st.floats(width=32)))
+def test_any_position_is_sampled_or_refused(x, angle, light, along):
+    with suppress(ValueError, OverflowError):
+        direction = math.cos(angle), math.sin(angle)
+        whole, part = rectification.strip_positions(5, along, (x, -x), direction[::-1], direction)
+        assert np.abs(along).max() <= rectification.MAX_PX
+        assert whole.shape == (11, 20, 2) and part.max() < 1024
+    background = np.full((11, 20), x, np.float32) if abs(x) < 1e38 else excess(11, 20)
+    with np.errstate(all="ignore"):
+        grey = np.full((11, 20), 255, np.uint8)
+        rectification.subtract_background(grey, background, along, 1.0, (x, -x), light)
+
+
+@pytest.mark.parametrize("field", ["u_px", "excess", "detrended", "is_known"])
+@pytest.mark.parametrize("is_view", [False, True])
+def test_a_strip_keeps_the_memory_of_its_arrays(field, is_view):
+    owner = np.array(getattr(make_strip(), field))
+    shown = make_strip(**{field: owner[...] if is_view else owner})
+    expected = strip.fit_line(shown, 50.0, 9.0, APPEARANCE)[0]
+    with pytest.raises(ValueError, match="cannot resize"):
+        owner.resize((10**6,))
+    del owner
+    array = getattr(shown, field)
+    with pytest.raises(ValueError, match="cannot resize"):
+        (array.base if is_view else array).resize((10**6,))
+    with suppress(DeprecationWarning):
+        array.shape = (1, -1)
+    del array
+    gc.collect()
+    _ = [np.full(STATIONS, 99, np.float32) for _ in range(1000)]
+    assert strip.fit_line(shown, 50.0, 9.0, APPEARANCE)[0] == pytest.approx(expected, nan_ok=True)
+
+
+def test_a_search_grid_does_not_notice_later_changes_of_its_arrays():
+    arguments = make_grid_arguments()
+    grid = search_grid.SearchGrid(*arguments)
+    image = np.random.default_rng(2).integers(0, 255, SIZE_PX, np.uint8)
+    before = grid.score(image)
+    for array in arguments[1:6]:
+        array.view(np.uint8)[...] = 0xFF
+    assert np.array_equal(grid.score(image), before)
+
+
+@pytest.mark.parametrize("index", [-1, 2**31 - 1, SIZE_PX[0] * SIZE_PX[1]])
+@pytest.mark.parametrize("number", [1, 2, 4])
+def test_indices_out_of_range_are_refused(index, number):
+    arguments = make_grid_arguments()
+    arguments[number].reshape(-1)[3] = index
+    with pytest.raises(ValueError, match=r"expected indices from 0 to \d+; found"):
+        search_grid.SearchGrid(*arguments)
+
+
+@pytest.mark.parametrize("lanes", [1, 8, 4097])
+def test_too_few_or_many_lanes_are_refused(lanes):
+    for call in (sharpness.sharpness, sharpness.mean_sharpness):
+        with pytest.raises(ValueError, match=f"excess: expected 9 to 4096 lanes .*; found {lanes} and 4"):
+            call(np.zeros((lanes, 4), np.float32))
+
+
+def test_too_long_a_strip_is_refused():
+    with pytest.raises(ValueError, match="at most 16384 stations; found 9 and 16385"):
+        sharpness.sharpness(np.zeros((9, 16385), np.float32))
+
+
+def test_the_longest_and_widest_strips_fit_on_the_stack():
+    rng = np.random.default_rng(3)
+    for lanes, stations in ((9, 16384), (4096, 60)):
+        pixels = rng.normal(0, 9, (lanes, stations)).astype(np.float32)
+        image = rng.integers(0, 255, (lanes, stations, 3), np.uint8)
+        along = u_px(stations)
+        rectification.subtract_background(image, pixels.copy(), along, 0.2, (0.0, 1e9), 1.0)
+        known, ends = np.ones(stations, bool), (slice(0, stations // 2), slice(stations // 2, stations))
+        call_all(RectifiedStrip(along, lanes // 2, pixels, pixels, known, *ends, 9.0), 2.0 * stations, 20)
