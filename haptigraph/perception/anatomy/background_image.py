@@ -60,7 +60,7 @@ def find_background_image(
 
 def _occluded(eye: EyeGeometry, detection: Detection) -> Image:
     """Return the region that a needle may occlude, (h, w): 255 inside."""
-    ends = occluded_ends(eye, detection.line, detection.reach.u_px + TIP_MARGIN_MM * eye.px_per_mm)
+    ends = occluded_ends(eye, detection.line, detection.tip.u_px + TIP_MARGIN_MM * eye.px_per_mm)
     occluded = np.zeros((eye.height_px, eye.width_px), np.uint8)
     cv2.fillConvexPoly(occluded, stripe(ends, 2 * eye.half_px, (0.0, 0.0)), 255, shift=4)
     return occluded

@@ -34,7 +34,7 @@ def tracked_rcm(images: Sequence[Image], rim: Rim, about_px: Vec) -> Rcm | None:
         None if there are too few lines, or they do not meet in the wall.
     """
     detections = detections_in(images, _provisional(images[0], rim, about_px))
-    inside = [detection for detection in detections if detection and detection.reach.where == "inside"]
+    inside = [detection for detection in detections if detection and detection.tip.where == "inside"]
     return fit_rcm([_line(detection, about_px) for detection in inside], rim)
 
 

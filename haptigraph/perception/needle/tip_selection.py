@@ -56,13 +56,13 @@ class Detection(Struct, frozen=True, eq=False):
     candidate: Candidate
     line: Line
     fit: LineFit
-    reach: TipEstimate
+    tip: TipEstimate
     """Its tip."""
 
     @property
     def off_axis_px(self) -> float:
         """How far the tip is off the strip's middle."""
-        return abs(self.fit.offset_px + self.fit.slope * self.reach.u_px)
+        return abs(self.fit.offset_px + self.fit.slope * self.tip.u_px)
 
 
 class TipSelector:
@@ -85,7 +85,7 @@ class TipSelector:
             detection: The needle, with an approximate tip.
             expected_px: Where along the line the tip was expected.
         """
-        strip, fit, tip = detection.candidate.strip, detection.fit, detection.reach
+        strip, fit, tip = detection.candidate.strip, detection.fit, detection.tip
         edges_end_px = fit.end_px(float(strip.u_px[0]))
         inner_px = float(strip.u_px[strip.inside.start]) if tip.where == "inside" else math.inf
         max_gap_px = GAP_MM * self._eye.px_per_mm

@@ -96,7 +96,7 @@ class Tracker:
         """
         detection = self.detect(self._registration.checked(capture.image), capture.stamp_ns)
         found: dict[str, Geometry] = dict(self._registration.anatomy)
-        if detection is None or detection.reach.where == "occluded":
+        if detection is None or detection.tip.where == "occluded":
             return Observation(capture.stamp_ns, found)
         return Observation(capture.stamp_ns, found | self._needle(), certainty=self._certainty(detection))
 
@@ -127,7 +127,7 @@ class Tracker:
         detection = self._fit_shaft_line(candidate, TRACKED_PX)
         if detection is None:
             return None
-        if detection.reach.u_px > until_px - self._eye.px_per_mm or detection.off_axis_px > MAX_OFF_AXIS_PX:
+        if detection.tip.u_px > until_px - self._eye.px_per_mm or detection.off_axis_px > MAX_OFF_AXIS_PX:
             detection = self._measured_again(image, detection, from_px)
         return self._select_tip(image, detection, depth_px)
 
@@ -142,7 +142,7 @@ class Tracker:
         """Search for a needle that points beside its trocar; what reaches the wall there is none."""
         lines = self._off_axis_search.search(image, self._background.chroma_share, self._background.light)
         detection = self._best(image, lines)
-        if detection is None or detection.reach.where != "outside":
+        if detection is None or detection.tip.where != "outside":
             return None
         return detection if detection.fit.confidence >= MIN_OFF_AXIS_CONFIDENCE else None
 
@@ -157,7 +157,7 @@ class Tracker:
 
     def _measured_again(self, image: Image, detection: Detection, from_px: float = -math.inf) -> Detection:
         """Measure the needle again along its own line; the first strip was a little off."""
-        patch_px = tip_patch_px(detection.reach.u_px, PATCH_MARGIN_PX)
+        patch_px = tip_patch_px(detection.tip.u_px, PATCH_MARGIN_PX)
         candidate = self._candidate(image, detection.line, from_px, patch_px=patch_px)
         return self._fit_shaft_line(candidate, REPEATED_PX) or detection
 
@@ -214,10 +214,10 @@ class Tracker:
         tip = self._tip_selector.select(image, detection, expected_px)
         end = self._tip_selector.before_shadow(image, detection, tip)
         if end is None:
-            return replace(detection, reach=self._tip_selector.dim_point(image, detection, tip) or tip)
+            return replace(detection, tip=self._tip_selector.dim_point(image, detection, tip) or tip)
         candidate = detection.candidate
         without_shadow = self._fit_shaft_line(replace(candidate, tip=end), candidate.strip.half_px)
-        return without_shadow or replace(detection, reach=end)
+        return without_shadow or replace(detection, tip=end)
 
     def _update_filter(self, detection: Detection | None) -> None:
         """Update the pose, and what the needle's appearance has shown."""
@@ -225,7 +225,7 @@ class Tracker:
             self._appearance = NEW
             self._bevel.reset()
             return
-        tip, fit, candidate = detection.reach, detection.fit, detection.candidate
+        tip, fit, candidate = detection.tip, detection.fit, detection.candidate
         if candidate.patch is not None and tip.where == "inside":
             self._bevel.learn(candidate.strip, candidate.patch, tip.u_px, fit)
         if tip.where == "inside" and tip.contrast_grey:
@@ -239,7 +239,7 @@ class Tracker:
         """Update the background model with what the needle does not occlude."""
         if detection is None and self._background.is_new and self._doubts < MAX_DOUBTS:
             return  # what may be a needle must not become background
-        occluded = None if detection is None else self._occluded_ends(detection.line, detection.reach)
+        occluded = None if detection is None else self._occluded_ends(detection.line, detection.tip)
         self._background.learn(image, occluded, 2 * self._eye.half_px)
 
     def _occluded_ends(self, line: Line, tip: TipEstimate) -> tuple[Vec, Vec]:

@@ -11,7 +11,8 @@ from haptigraph.messages import Capture
 from haptigraph.perception.needle.rectify import EyeGeometry, Line
 from haptigraph.perception.needle.search import PolarSearch
 from haptigraph.perception.needle.tracker import OFF_AXIS_MM, Tracker
-from haptigraph.registration.camera import Registration, parse_registration
+from haptigraph.registration.camera import Registration
+from haptigraph.registration.loading import parse_registration
 from haptigraph.sim.eye.eye import Eye, EyeShape, registration_text
 
 
