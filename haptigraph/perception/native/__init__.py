@@ -1,1 +1,5 @@
-"""The compiled part of perception, in C, and one checked wrapper per function: no argument can crash it."""
+"""The C core. Every function has one wrapper, which checks its arguments before C reads or writes them.
+
+A wrapper raises TypeError for an argument of another type, and ValueError for an array of another shape or
+type, a number that is out of range, or a part that is not within its strip.
+"""

@@ -33,10 +33,6 @@ def checked(name: str, array: NDArray[Any], dtype: np.dtype[Any], shape: tuple[i
         array: C-contiguous and aligned.
         dtype: Of its values.
         shape: Of the array.
-
-    Raises:
-        TypeError: If it is not an array.
-        ValueError: If it is another kind of array.
     """
     if type(array) is not ndarray:
         raise _wrong_type(name, array)
@@ -47,12 +43,7 @@ def checked(name: str, array: NDArray[Any], dtype: np.dtype[Any], shape: tuple[i
 
 
 def checked_image(name: str, image: Image, size_px: tuple[int, int]) -> tuple[int, int]:
-    """Return the address of an image, (h, w, 3) or (h, w), and its number of channels.
-
-    Raises:
-        TypeError: If it is not an array.
-        ValueError: If it is another kind of array.
-    """
+    """Return the address of an image, (h, w, 3) or (h, w), and its number of channels."""
     if type(image) is not ndarray:
         raise _wrong_type(name, image)
     is_color = image.ndim == 3
@@ -65,10 +56,6 @@ def checked_rows(name: str, array: NDArray[np.float32]) -> tuple[int, int, int, 
     Args:
         name: What to call it in an error.
         array: (lanes, stations) of float32; the values of a lane are contiguous.
-
-    Raises:
-        TypeError: If it is not an array.
-        ValueError: If it is another kind of array, or too small or large for C.
     """
     if type(array) is not ndarray:
         raise _wrong_type(name, array)
@@ -84,11 +71,7 @@ def checked_rows(name: str, array: NDArray[np.float32]) -> tuple[int, int, int, 
 
 
 def checked_share(name: str, share: float) -> float:
-    """Return a share, which C multiplies with integers.
-
-    Raises:
-        ValueError: If it is not within -1 and 1.
-    """
+    """Return a share, which C multiplies with integers."""
     if not -1 <= share <= 1:
         raise ValueError(f"{name}: expected a number from -1 to 1, found {share}")
     return float(share)

@@ -42,10 +42,6 @@ def strip_positions(half_px: int, u_px: FloatImage, foot_px: Vec, normal: Vec, d
         foot_px: Where u_px is 0.
         normal: Across the line, length 1.
         direction: Along the line, length 1.
-
-    Raises:
-        TypeError: If an argument is of another type.
-        ValueError: If there are too few or many lanes or stations, or a position is not finite or too far.
     """
     lanes, stations = 2 * index(half_px) + 1, len(u_px)
     if not (MIN_LANES <= lanes <= MAX_LANES and 0 < stations <= MAX_STATIONS):
@@ -84,10 +80,6 @@ def subtract_background(
     Returns:
         What is left over the ramp alone, (lanes, n), where the background is known, (n,), and the standard
         deviation of a pixel's noise [grey levels].
-
-    Raises:
-        TypeError: If an argument is of another type.
-        ValueError: If an array has another shape or type, or the share is out of range.
     """
     background, stride, lanes, stations = checked_rows("background", excess)
     if stride != stations or not stations or not excess.flags.writeable:

@@ -35,10 +35,6 @@ class SearchGrid:
         flanks: Indices of the cells on either side of each cell, (2, rows, cells) int32.
         is_observable: Cells in which a needle would be visible, (rows, cells).
         trocar: Cells of a row before this one are outside the eye.
-
-    Raises:
-        TypeError: If an argument is of another type.
-        ValueError: If an array has another shape or an index is out of range.
     """
 
     def __init__(
@@ -72,10 +68,6 @@ class SearchGrid:
             image: (h, w, 3) BGR or (h, w) grey, contiguous.
             chroma_share: Of blue less red in the grey within the globe, -1 to 1.
             light: How many times brighter the image would be in good light.
-
-        Raises:
-            TypeError: If an argument is of another type.
-            ValueError: If the image is not of the grid's size, or the share out of range.
         """
         pixels, channels = checked_image("image", image, self._size_px)
         grey, score = np.empty(self._shape, np.float32), np.empty(self._shape[0], np.float32)

@@ -74,12 +74,7 @@ class _Native(Struct, frozen=True):
 
 
 class RectifiedStrip(Struct, frozen=True, eq=False):
-    """Rectified pixels along an expected line.
-
-    Raises:
-        TypeError: If a field is of another type.
-        ValueError: If arrays do not fit each other or C.
-    """
+    """Rectified pixels along an expected line."""
 
     u_px: FloatImage
     """Position of each station along the line, evenly spaced, (n,)."""
@@ -222,21 +217,7 @@ def refine_tip(
     follows_point: bool,
     follows_faint: bool,
 ) -> tuple[float, float, float] | None:
-    """Locate a tip sub-pixel (`subpixel_tip.c`).
-
-    Args:
-        strip: A station per pixel.
-        behind_px: Lengths over which the needle's contrast is measured, one per round.
-        start: First station of the tip patch.
-        stop: The station after its last.
-        about: Approximate tip, in stations from the first on.
-        middle_px: Lane of the shaft's middle, may be between two.
-        defocus_px: How much more blur there is than in focus.
-        share: Of the contrast, at the step's level, where the shaft's rims and its middle differ.
-        continues: Whether the strip shows more beyond the patch.
-        is_outside: Whether it is outside the wall, where the background may be unknown.
-        follows_point: Whether to follow a point where it gets thin or dim.
-        follows_faint: Whether to follow its faint last part.
+    """Locate a tip sub-pixel (`subpixel_tip.c`; the arguments are the fields of its `TipPatch`).
 
     Returns:
         The tip from the patch's first station on [px], its standard deviation [px] and the needle's contrast
