@@ -73,6 +73,7 @@ check: setup node_modules/ready  ## format, lint, types, layers, JavaScript, war
 	$(BIN)/clang-format --dry-run --Werror $(NATIVE)/*.[ch]
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python docs/words.py
 	$(BIN)/node node_modules/typescript/bin/tsc
 	$(BIN)/node node_modules/eslint/bin/eslint.js
 	mkdir -p build && $(BIN)/python hatch_build.py build/strict.library -Wall -Wextra -Werror

@@ -96,18 +96,17 @@ def build(
     with ExitStack() as undo:
         source = open_source(config, clock, (given.width_px, given.height_px) if given else None)
         undo.callback(source.close)
-        source = _load("haptigraph.sources.phased:phased")(
-            source, procedure.schema.phases, config.trial.phase
-        )
+        phased = _load("haptigraph.sources.phased:phased")
+        source = phased(source, procedure.schema.phases, config.trial.phase)
         registration = given or _own_registration(source, config)
         if (target_mm := config.source.target_mm) is not None:
             registration = _load("haptigraph.registration.retarget:with_target")(registration, target_mm)
         pipeline = build_pipeline(config, registration, procedure)
         info = run_info(config, source, registration, procedure, clock, __version__)
         measures = procedure.schema.measure_names
-        writer: RunWriter | None = None
-        if config.recording.path:
-            writer = RunWriter(config.recording.path, info, registration.image, measures)
+        path = config.recording.path
+        writer = RunWriter(path, info, registration.image, measures) if path else None
+        if writer is not None:
             undo.callback(writer.discard)
         bridges = []
         if config.run.bridges:
@@ -145,8 +144,7 @@ def is_realtime(config: Config) -> bool:
     Raises:
         BadInput: If a camera, an actuator or a bridge is to run at any other pace.
     """
-    kind, _ = split_source(config.source.uri, SOURCES)
-    device = config.haptics.device
+    kind, device = split_source(config.source.uri, SOURCES)[0], config.haptics.device
     is_felt = device.partition(":")[0] in ACTUATORS and not device.endswith(".wav")
     default = is_felt or kind in GENERATED or bool(config.run.bridges)
     realtime = default if config.run.realtime is None else config.run.realtime
@@ -196,7 +194,7 @@ def open_source(config: Config, clock: Clock, size_px: tuple[int, int] | None = 
     Args:
         config: Its [source] table is used.
         clock: Stamps live images; with a virtual clock, reading a file never times out.
-        size_px: BaseRegistration width and height, to request from a camera.
+        size_px: Registered width and height, to request from a camera.
 
     Raises:
         BadInput: If the source cannot be opened or lacks a member of `Source`.

@@ -24,7 +24,7 @@ __all__ = ["LivePage"]
 
 
 class LivePage:
-    """Serve a run: give `hub` to the loop as a sink and `hub.felt` as its listener.
+    """Serve a run: give `hub` to the loop as a sink and `hub.record_level` as its listener.
 
     Args:
         config: Of the run.

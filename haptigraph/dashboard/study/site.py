@@ -36,7 +36,7 @@ class StudySite:
         self, service: StudyService, base: Config, listener: socket, *, host: str, token: str
     ) -> None:
         self.hub = Hub(MonotonicClock())
-        """Give it to the loop of a trial as a sink, and `hub.felt` as its listener."""
+        """Give it to the loop of a trial as a sink, and `hub.record_level` as its listener."""
         self._service, self._base, self._listener = service, base, listener
         self._host, self._token = host, token
         self._controls = Controls(self.hub, None)

@@ -8,7 +8,7 @@ interface StageSummary {
 }
 interface QuestionnaireItem {
   key: string, text: string, kind: "scale" | "choice" | "number" | "text", required: boolean, choices: string[],
-  low: number | null, high: number | null, low_says: string, high_says: string, unit: string, valid: string,
+  low: number | null, high: number | null, low_label: string, high_label: string, unit: string, valid: string,
 }
 type QuestionnaireStage = StageSummary & {
   intro: string, source: string, items: QuestionnaireItem[], answers: Record<string, string>,
