@@ -77,7 +77,7 @@ def test_a_perceiver_refuses_registrations_of_the_other_kind(quick_uri, quick_sc
     message = refuse("run", f"phantom:{quick_scan}", "--fast")
     assert "this registration is the scale of B-scans; try --procedure subretinal_injection_ioct" in message
     message = refuse("run", f"phantom:{quick_scan}", "--fast", "--set", "source.target_mm=1.0")
-    assert "source.target_mm is for eyes before a camera" in message
+    assert "source.target_mm does not apply to B-scan scenarios" in message
 
 
 def test_a_run_without_a_scale_is_refused(quick_scan, tmp_path):

@@ -12,6 +12,9 @@ SMALL = (480, 270)
 class Noisy:
     """Reports angles of 1 and -1 degree alternately."""
 
+    entities = frozenset(("needle_tip", "needle_line"))
+    needs_scan = False
+
     def __init__(self, registration, config):
         pass
 

@@ -37,6 +37,9 @@ def true_registration(phantom):
 class Certain:
     """Reports the same needle in every image."""
 
+    entities = frozenset(("needle_tip", "needle_line"))
+    needs_scan = False
+
     def __init__(self, registration, config):
         self._anatomy = registration.anatomy
 

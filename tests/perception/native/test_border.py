@@ -25,7 +25,7 @@ RECTIFY = """
 import numpy as np
 from haptigraph.geometry import ImageGeometry
 from haptigraph.perception.needle.rectify import EyeGeometry, Line, rectify, stations
-from haptigraph.registration.camera import parse_registration
+from haptigraph.registration.loading import parse_registration
 from haptigraph.sim.eye.eye import Eye, EyeShape, registration_text
 geometry = ImageGeometry(center_px=(160.0, 120.0), mm_per_px=1 / 8, mirrored=True)
 eye = EyeGeometry(parse_registration(registration_text(Eye(EyeShape()), geometry, 320, 240), "eye"))
