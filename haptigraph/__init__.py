@@ -9,7 +9,7 @@
         if step.conclusion.state != state:
             state = step.conclusion.state
             print(f"{step.stamp_ns / 1e9:5.1f} s  {state}: {step.conclusion.because}")
-            print(f"         the hand feels {step.command.pattern.name!r}")
+            print(f"         haptic output: {step.command.pattern.name!r}")
     print(f"{loop.report.rate_hz:.0f} images/s")
 
 Research software, not a medical device.

@@ -16,8 +16,8 @@ __all__ = [
     "colored",
     "grey_of",
     "grey_with_chroma",
+    "peak_offset",
     "tilt_corrected",
-    "top_shift",
 ]
 
 FloatImage: TypeAlias = NDArray[np.float32]
@@ -66,7 +66,7 @@ def tilt_corrected(image: Image, frontal_from_image: Homography) -> Image:
     )
 
 
-def top_shift(before: Floats, at: Floats, after: Floats) -> Floats:
+def peak_offset(before: Floats, at: Floats, after: Floats) -> Floats:
     """Return the offset of the peak of the parabola through three samples from the middle one, (n,).
 
     In samples, -0.5 to 0.5; 0 where there is no peak.

@@ -148,11 +148,12 @@ def test_an_interrupted_compaction_leaves_the_file_unchanged(journal_file, tmp_p
 
 
 @pytest.mark.parametrize("share", [0.2, 0.5])
-@pytest.mark.parametrize("damage", [b"\xff" * 40, b"\x00", b"!"])
+@pytest.mark.parametrize("damage", [b"\xff" * 40, b"\x01", b"\x80"])
 def test_a_damaged_chunk_is_reported(recording_file, tmp_path, share, damage):
     data = bytearray(recording_file.read_bytes())
     start = int(share * len(data))
-    data[start : start + len(damage)] = damage
+    for place, flipped in enumerate(damage, start):
+        data[place] ^= flipped
     file = tmp_path / "damaged.mcap"
     file.write_bytes(data)
     for use in (messages, compact):

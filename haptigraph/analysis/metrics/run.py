@@ -37,8 +37,6 @@ class RunMeasures(Struct):
     theta_s: float = 0.0
     theta_integral: float = 0.0
     last: Step | None = None
-    last_state: str = ""
-    """State of the last step that had an image."""
     span: RunSpan = RunSpan()
     has_start: bool = True
     """Whether the procedure defines the edge that starts a run; without it no run ever starts."""
@@ -92,8 +90,6 @@ class RunMeasures(Struct):
             self._enter(state)
         if self.is_running and state == self.span.ends_in:
             self.ended_ns = step.stamp_ns
-        if not any(fault.where == "source" for fault in step.faults):
-            self.last_state = state
         self.last = step
         if self.monitors:
             self.just_broken = tuple(monitor.claim.name for monitor in self.monitors if monitor.add(step))

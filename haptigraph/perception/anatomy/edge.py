@@ -11,7 +11,7 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from haptigraph.geometry import Vec
-from haptigraph.imaging import Floats, top_shift
+from haptigraph.imaging import Floats, peak_offset
 
 __all__ = ["MIN_EDGE_GREY", "SMOOTHING_PX", "Edge", "Rays", "edge_near", "rays_from"]
 
@@ -142,7 +142,7 @@ def _peaks(rays: Rays, strength: Floats) -> tuple[Floats, NDArray[np.bool_]]:
     best = np.clip(strength.argmax(axis=1), 1, strength.shape[1] - 2)
     before, at, after = (strength[row, best + d] for d in (-1, 0, 1))
     is_peak = (at >= before) & (at >= after) & (before > 0) & (after > 0) & (at > MIN_EDGE_GREY)
-    return rays.radii_px[best] + top_shift(before, at, after) * STEP_PX, is_peak
+    return rays.radii_px[best] + peak_offset(before, at, after) * STEP_PX, is_peak
 
 
 def _robust_fit(angles: Floats, radii_px: Floats) -> Floats:

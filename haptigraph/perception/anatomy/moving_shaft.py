@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from haptigraph.imaging import Floats, grey_of, top_shift
+from haptigraph.imaging import Floats, grey_of, peak_offset
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy.illumination import equalize_illumination
 from haptigraph.perception.anatomy.rcm import Rcm, ShaftLine, fit_rcm
@@ -253,7 +253,7 @@ def _between_edges(grey: Image, points: Floats, line: ShaftLine, radius_px: floa
         gradient = np.abs(np.gradient(profile, axis=1))
         best = _outermost_peak(gradient)
         before, at, after = (gradient[np.arange(len(along)), best + d] for d in (-1, 0, 1))
-        edges.append(side * (away[best] + top_shift(before, at, after) * EDGE_STEP_PX))
+        edges.append(side * (away[best] + peak_offset(before, at, after) * EDGE_STEP_PX))
     width = edges[1] - edges[0]
     # The shaft may taper: compare each width with those of neighbouring stations.
     typical = np.array([np.median(width[max(i - 15, 0) : i + 16]) for i in range(len(width))])

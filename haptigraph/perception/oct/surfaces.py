@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from haptigraph.imaging import FloatImage, Floats, Mask, top_shift
+from haptigraph.imaging import FloatImage, Floats, Mask, peak_offset
 from haptigraph.messages import Image
 from haptigraph.perception.oct.shortest_path import best_path
 
@@ -197,7 +197,7 @@ def _refined(step: FloatImage, path: NDArray[np.intp], smooth: Floats) -> Floats
     middle = np.clip(path, reach, step.shape[1] - 1 - reach)
     near = step[columns[:, None], middle[:, None] + np.arange(-reach, reach + 1)].astype(np.float64)
     best = near[:, 1:-1].argmax(axis=1) + 1
-    top = top_shift(near[columns, best - 1], near[columns, best], near[columns, best + 1])
+    top = peak_offset(near[columns, best - 1], near[columns, best], near[columns, best + 1])
     fine, beyond = middle + (best - reach) + top, len(smooth) // 2
     padded = np.concatenate((np.full(beyond, fine[0]), fine, np.full(beyond, fine[-1])))
     return np.convolve(padded, smooth, "valid")
