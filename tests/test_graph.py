@@ -1,10 +1,13 @@
 import math
+import sys
 
 import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
+from haptigraph.errors import MissingExtra
 from haptigraph.graph import Entity, Node, Relation, SceneGraph, Schema, Triplet
 
 TIP, LINE, RETINA = (
@@ -27,6 +30,10 @@ def test_an_alias_names_a_measure_whose_default_name_would_be_ambiguous():
     renamed = Relation("edge", "above", "retina", "distance_mm", above=1.0, alias="lift_mm")
     schema = Schema(entities, (plain, renamed))
     assert [schema.measure_name(each) for each in schema.relations] == ["distance_to_retina_mm", "lift_mm"]
+
+
+def test_the_unit_of_a_measure_is_the_last_part_of_its_name():
+    assert Relation("edge", "above", "retina", "wall_gap_mm", above=1.0, alias="lift_mm").alias == "lift_mm"
 
 
 @pytest.mark.parametrize("alias", ["lift", "lift_deg", "lift off_mm"])
@@ -91,7 +98,7 @@ def test_the_networkx_copy_has_nodes_edges_and_measures():
     copy = GRAPH.to_networkx()
     assert copy.nodes["tip"] == {"category": "needle_tip", "group": "instrument"}
     assert list(copy.edges(keys=True)) == [("tip", "retina", "touching"), ("line", "retina", "aligned")]
-    assert copy.graph["theta_deg"] == 1.5
+    assert copy.graph == {"stamp_ns": 5, "theta_deg": 1.5}
 
 
 @pytest.mark.parametrize(
@@ -149,3 +156,21 @@ def test_distances_are_named_after_their_object():
     assert schema.measure_name(Relation("a", "r", "forceps", "theta_deg")) == "theta_deg"
     with pytest.raises(KeyError):
         schema.entity("iris")
+
+
+def test_equal_graphs_give_equal_bytes_in_whatever_order_their_measures_came():
+    one, other = {"theta_deg": 1.5, "wall_mm": 2.0}, {"wall_mm": 2.0, "theta_deg": 1.5}
+    assert replace(GRAPH, measures=one).to_json() == replace(GRAPH, measures=other).to_json()
+
+
+def test_without_networkx_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "networkx", None)
+    with pytest.raises(MissingExtra, match=r"^SceneGraph\.to_networkx needs .*haptigraph\[scenegraph\]"):
+        GRAPH.to_networkx()
+
+
+def test_unknown_names_are_in_the_error():
+    with pytest.raises(KeyError, match="lens"):
+        GRAPH.phi("lens")
+    with pytest.raises(KeyError, match="lens"):
+        Schema((), ()).entity("lens")

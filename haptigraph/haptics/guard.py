@@ -88,8 +88,7 @@ class Guard:
         """Return when the output next changes if no command arrives; None if it does not."""
         edges = [self._retry_at_ns, self._rest_until_ns]
         if self._set_at_ns is not None and self._retry_at_ns is None:
-            edges.append(self._set_at_ns + self._min_interval_ns)
-            edges.append(self._renewal_ns())
+            edges += self._set_at_ns + self._min_interval_ns, self._renewal_ns()
         if self._received_ns is not None and self._now_ns < self._received_ns + self._deadman_ns:
             edges.append(self._received_ns + self._deadman_ns)
             change_ns = next_change_ns(self._command, self._now_ns - self._lag_ns)

@@ -20,16 +20,14 @@ MAX_CACHED_SCENES = 4096
 """A procedure has far fewer scenes, unless node ids keep changing."""
 
 
-class _Missing:
-    """Stands in a sentence for a measure that the graph does not carry."""
+class _Measures(dict[str, object]):
+    """Measures for a sentence, in which "?" stands for one that the graph does not carry."""
+
+    def __missing__(self, name: str) -> object:
+        return self
 
     def __format__(self, spec: str) -> str:
         return "?"
-
-
-class _Measures(dict[str, object]):
-    def __missing__(self, name: str) -> object:
-        return _Missing()
 
 
 class RuleEngine:

@@ -38,9 +38,7 @@ def williams(count: int) -> list[tuple[int, ...]]:
     take `count` rows, odd ones the rows and their mirror images (E. J. Williams: Experimental designs
     balanced for the estimation of residual effects of treatments, Aust. J. Sci. Res. A 2, 1949).
     """
-    first = [0]
-    for step in range(1, count):
-        first.append((step + 1) // 2 if step % 2 else count - step // 2)
+    first = [0, *((step + 1) // 2 if step % 2 else count - step // 2 for step in range(1, count))]
     rows = [tuple((treatment + shift) % count for treatment in first) for shift in range(count)]
     return rows if count % 2 == 0 or count == 1 else rows + [row[::-1] for row in rows]
 

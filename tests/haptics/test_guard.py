@@ -22,9 +22,11 @@ class Spy:
         self.capabilities = capabilities or Spy.capabilities
         self.log: list[tuple[float, float, float]] = []
         self.error: Exception | None = None
+        self.attempts_ms: list[float] = []
         self.closed = 0
 
     def set(self, amplitude, frequency_hz, stamp_ns):
+        self.attempts_ms.append(stamp_ns / MS)
         if self.error is not None:
             raise self.error
         self.log.append((stamp_ns / MS, amplitude, frequency_hz))
@@ -339,3 +341,83 @@ def test_silence_and_renewals_are_in_time_and_changes_keep_their_minimum_interva
     if holds_ms and (not rate_hz or 1000 / rate_hz <= holds_ms):
         for (before_ms, amplitude, _), (after_ms, *_) in pairwise(spy.log):
             assert not amplitude or after_ms - before_ms <= holds_ms
+
+
+def test_silence_has_no_frequency(spy):
+    guard = guard_of(spy)
+    send(guard, PULSE, 0)
+    guard.advance(100 * MS)
+    assert [frequency for _, amplitude, frequency in spy.log if not amplitude] == [0.0, 0.0]
+
+
+def test_the_first_command_may_be_silence_that_began_earlier(spy):
+    guard = guard_of(spy)
+    send(guard, OFF, 100, since_ms=0)
+    guard.advance(200 * MS)
+    assert spy.amplitude == 0
+
+
+def test_a_pattern_whose_first_command_was_dropped_starts_on_arrival(spy):
+    guard = guard_of(spy)
+    send(guard, LOW, 0)
+    guard.send(make_step(PULSE, stamp_ns=50 * MS, since_ns=30 * MS), 60 * MS)
+    guard.advance(139 * MS)
+    assert spy.amplitude == 1.0
+    guard.advance(140 * MS)
+    assert spy.amplitude == 0.0
+
+
+def test_the_next_edge_of_a_late_pattern_is_late_by_the_same_time(spy):
+    guard = guard_of(spy)
+    guard.send(make_step(PULSE, stamp_ns=0, since_ns=0), 60 * MS)
+    assert guard.next_edge_ns() == 140 * MS
+
+
+def test_after_the_deadman_timer_no_edge_of_the_pattern_is_due(spy):
+    guard = guard_of(spy, deadman_ms=150)
+    send(guard, PULSE, 0)
+    guard.advance(150 * MS)
+    assert guard.next_edge_ns() is None
+
+
+def test_a_failed_vibration_is_retried_after_a_second_exactly(spy):
+    guard = guard_of(spy, deadman_ms=5000)
+    guard.advance(0)
+    spy.error = DeviceError("unplugged")
+    for ms in range(10, 1000, 10):
+        send(guard, LOW, ms)
+    spy.error = None
+    guard.advance(1010 * MS)
+    assert spy.attempts_ms == [0, 10, 1010]
+    assert spy.edges() == [(1010, 0.3)]
+
+
+def test_a_failed_silence_is_retried_every_50_ms(spy):
+    guard = guard_of(spy)
+    spy.error = DeviceError("unplugged")
+    for ms in range(0, 200, 10):
+        send(guard, OFF, ms)
+    assert spy.attempts_ms == [0, 50, 100, 150]
+
+
+def test_a_failed_vibration_is_silenced_as_soon_as_silence_is_due(spy):
+    guard = guard_of(spy, deadman_ms=150)
+    guard.advance(0)
+    spy.error = DeviceError("unplugged")
+    send(guard, LOW, 10)
+    guard.advance(200 * MS)
+    assert spy.attempts_ms == [0, 10, 160]
+
+
+def test_an_error_without_text_is_reported_by_its_type(spy):
+    guard = guard_of(spy)
+    spy.error = RuntimeError()
+    send(guard, LOW, 0)
+    assert guard.take_faults()[0].message == "RuntimeError"
+
+
+def test_vibration_at_the_frequency_of_the_device_is_renewed_too():
+    spy, guard = on_device(holds_ms=100)
+    send(guard, replace(LOW, frequency_hz=0.0), 0)
+    guard.advance(120 * MS)
+    assert spy.edges() == [(0, 0.3), (50, 0.3), (100, 0.3)]

@@ -2,10 +2,11 @@ import pytest
 from helpers import LOW, MS, PULSE, SUCCESS
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from haptigraph.haptics.pattern import amplitude_at
 from haptigraph.haptics.renderer import GrammarRenderer
-from haptigraph.messages import OFF, UNKNOWN, Conclusion, Pattern
+from haptigraph.messages import OFF, UNKNOWN, Conclusion, HapticCommand, Pattern
 
 CHIME = Pattern("chime", "bursts", amplitude=0.5, on_ms=50, off_ms=50, count=3)
 PATTERNS = {"contact": "pulse", "hit": "success", "off_course": "low", "on_course": "off", "also_off": "low"}
@@ -126,3 +127,37 @@ def test_bursts_play_again_only_after_their_state_was_left_long_enough():
     assert play(2600, "hit") == rare
     render.reset()
     assert play(2700, "hit") == rare
+
+
+def test_bursts_that_may_not_play_again_yet_end_other_patterns():
+    rearmed = replace(SUCCESS, rearm_ms=1000)
+    render = GrammarRenderer([OFF, LOW, rearmed])
+    render(Conclusion(0, "hit", 0, "success", ""))
+    render(Conclusion(400 * MS, "off_course", 0, "low", ""))
+    assert render(Conclusion(500 * MS, "hit", 0, "success", "")) == HapticCommand(500 * MS, OFF, 500 * MS)
+
+
+def test_bursts_play_again_exactly_when_they_are_armed():
+    render = GrammarRenderer([OFF, replace(SUCCESS, rearm_ms=1000)])
+    render(Conclusion(0, "hit", 0, "success", ""))
+    render(Conclusion(400 * MS, "on_course", 0, "off", ""))
+    assert render(Conclusion(1000 * MS, "hit", 0, "success", "")).since_ns == 1000 * MS
+
+
+def test_any_silent_pattern_is_silence():
+    render = GrammarRenderer([LOW, Pattern("rest", "off", amplitude=0.5)])
+    render(Conclusion(0, "off_course", 0, "low", ""))
+    assert render(Conclusion(40 * MS, "on_course", 0, "rest", "")) == HapticCommand(40 * MS, OFF, 40 * MS)
+
+
+def test_after_a_reset_commands_are_those_of_a_new_run(play):
+    play(0, "contact")
+    play.render.reset()
+    assert play(100, "on_course") == Player()(100, "on_course")
+
+
+def test_pulses_of_another_name_start_from_their_beginning():
+    other = replace(PULSE, name="other", off_ms=200)
+    render = GrammarRenderer([PULSE, other])
+    render(Conclusion(0, "contact", 0, "pulse", ""))
+    assert render(Conclusion(33 * MS, "deep", 0, "other", "")).since_ns == 33 * MS

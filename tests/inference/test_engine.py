@@ -8,7 +8,7 @@ from haptigraph.assemble import load_procedure, procedure_names
 from haptigraph.graph import Node, SceneGraph, Triplet
 from haptigraph.inference.engine import RuleEngine
 from haptigraph.inference.procedure import Procedure
-from haptigraph.messages import UNKNOWN
+from haptigraph.messages import UNKNOWN, Conclusion
 
 
 def subsets(items):
@@ -171,3 +171,38 @@ def test_a_conclusion_contains_the_measures_that_its_pattern_follows():
     near = engine(graph_of(NEAR, INSIDE, OFF, theta_deg=4.0, distance_to_retina_mm=3.0, wall_mm=2.0))
     assert near.measures == {"theta_deg": 4.0, "distance_to_retina_mm": 3.0}
     assert engine(graph_of(NEAR, INSIDE, ALIGNED, theta_deg=1.0)).measures == {}
+
+
+def test_a_scene_that_no_rule_fits_is_unknown_and_says_so(procedure):
+    procedure = replace(procedure, states=tuple(state for state in procedure.states if not state.when))
+    conclusion = RuleEngine(procedure)(graph_of(TOUCH))
+    assert conclusion == Conclusion(
+        42, UNKNOWN, len(procedure.states), "off", "no rule of the procedure fits this scene"
+    )
+
+
+def test_nodes_of_a_category_that_is_not_in_the_schema_are_ignored(procedure):
+    graph = graph_of(OUTSIDE)
+    foreign = replace(graph, nodes=(*graph.nodes, Node("lens", "lens", "anatomy")))
+    assert RuleEngine(procedure)(foreign) == RuleEngine(procedure)(graph)
+    nothing = replace(graph, edges=())
+    foreign = replace(foreign, edges=())
+    assert RuleEngine(procedure)(foreign) == RuleEngine(procedure)(nothing)
+
+
+def test_a_held_state_has_the_stamp_and_the_measures_of_the_present_graph():
+    procedure = load_procedure("subretinal_injection_continuous")
+    states = tuple(
+        replace(state, hold_ms=100) if state.name == "misaligned_retinal_approach" else state
+        for state in procedure.states
+    )
+    engine = RuleEngine(replace(procedure, states=states))
+    engine(graph_of(NEAR, INSIDE, OFF, theta_deg=5.0))
+    held = engine(replace(graph_of(NEAR, INSIDE, ALIGNED, theta_deg=1.0), stamp_ns=42 + 50 * MS))
+    assert (held.state, held.stamp_ns) == ("misaligned_retinal_approach", 42 + 50 * MS)
+    assert held.measures == {"theta_deg": 1.0}
+
+
+def test_a_state_without_a_hold_ends_even_within_one_stamp(holding):
+    engine = holding
+    assert states_of(engine, (0, TOUCH, INSIDE), (0, OUTSIDE)) == ["retinal_contact", "outside_eye"]

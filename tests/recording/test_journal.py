@@ -1,10 +1,19 @@
 import os
+import re
 
 import pytest
 from mcap.records import Message
+from mcap.writer import CompressionType, Writer
 
 from haptigraph.errors import BadInput
-from haptigraph.recording.journal import Journal, complete_records, is_being_written, is_whole
+from haptigraph.recording.journal import (
+    MAGIC,
+    Journal,
+    complete_records,
+    is_being_written,
+    is_whole,
+    records_between,
+)
 from haptigraph.recording.writer import compact, recover
 
 
@@ -13,11 +22,12 @@ def test_a_journal_is_on_disk_before_it_is_closed(tmp_path):
     journal = Journal(os.open(file, os.O_WRONLY | os.O_CREAT))
     journal.write(b"abc")
     assert file.read_bytes() == b"abc"
-    assert journal.tell() == 3
+    journal.write(b"de")
+    assert journal.tell() == 5
     journal.close()
     journal.close()
     assert journal.closed
-    with pytest.raises(ValueError, match="closed journal"):
+    with pytest.raises(ValueError, match=r"^write to a closed journal$"):
         journal.write(b"d")
 
 
@@ -87,13 +97,13 @@ def test_compacting_again_keeps_all_messages(journal_file, tmp_path):
 def test_other_files_are_rejected(tmp_path, content):
     file = tmp_path / "x.mcap"
     file.write_bytes(content)
-    with pytest.raises(BadInput, match="not a recording"):
+    with pytest.raises(BadInput, match=r"x\.mcap: not a recording \(an MCAP file begins otherwise\)"):
         list(complete_records(file))
     assert not is_whole(file)
 
 
 def test_a_missing_file_is_an_error(tmp_path):
-    with pytest.raises(BadInput, match="cannot be read"):
+    with pytest.raises(BadInput, match=r"gone\.mcap: cannot be read"):
         list(complete_records(tmp_path / "gone.mcap"))
 
 
@@ -160,3 +170,49 @@ def test_a_damaged_chunk_is_reported(recording_file, tmp_path, share, damage):
         with pytest.raises(BadInput, match=r"damaged\.mcap, byte \d+: damaged \("):
             use(file)
     assert list(tmp_path.iterdir()) == [file]
+
+
+@pytest.mark.parametrize(
+    ("content", "whole"), [(MAGIC, False), (b"\0" * 7 + MAGIC, False), (MAGIC + MAGIC, True)]
+)
+def test_a_whole_recording_begins_and_ends_with_a_signature(tmp_path, content, whole):
+    file = tmp_path / "short.mcap"
+    file.write_bytes(content)
+    assert is_whole(file) is whole
+
+
+def test_records_between_two_offsets_are_those_of_the_whole_file(journal_file):
+    records = list(complete_records(journal_file))
+    (start, _), *some, (end, last) = records[5:9]
+    assert list(records_between(journal_file, start, end)) == [*some, (end, last)]
+
+
+def test_records_between_offsets_of_a_missing_file_are_an_error(tmp_path):
+    with pytest.raises(BadInput, match=r"gone\.mcap: cannot be read \(No such file"):
+        list(records_between(tmp_path / "gone.mcap", 8, 100))
+
+
+@pytest.fixture
+def flipped_file(tmp_path):
+    """A recording whose chunk is not compressed, with a flipped bit in a message: only its CRC notices."""
+    file = tmp_path / "flipped.mcap"
+    with file.open("wb") as stream:
+        writer = Writer(stream, compression=CompressionType.NONE)
+        writer.start()
+        channel = writer.register_channel("/observation", "json", writer.register_schema("any", "", b""))
+        writer.add_message(channel, 0, b"a unique message", 0)
+        writer.finish()
+    data = bytearray(file.read_bytes())
+    data[data.index(b"unique")] ^= 1
+    file.write_bytes(data)
+    return file
+
+
+def test_a_flipped_bit_in_a_message_is_damage(flipped_file):
+    read = []
+    with pytest.raises(BadInput, match=r"flipped\.mcap, byte \d+: damaged \(crc"):
+        read += (end for end, _ in complete_records(flipped_file))
+    size = flipped_file.stat().st_size
+    with pytest.raises(BadInput, match=r"flipped\.mcap, byte \d+: damaged \(crc") as refused:
+        list(records_between(flipped_file, len(MAGIC), size))
+    assert len(MAGIC) < int(re.search(r"byte (\d+)", str(refused.value))[1]) < size

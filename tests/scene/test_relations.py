@@ -1,5 +1,6 @@
 import csv
 import math
+from itertools import product
 
 import pytest
 from hypothesis import given
@@ -81,9 +82,22 @@ def test_measures_to_the_axis_are_undefined_without_a_trocar(name):
     assert measure(name, subject, Point((0.0, 0.0)), {}) is None
 
 
+SHAPES = {
+    "point": Point((0.0, 1.0)),
+    "segment": Segment((0.0, 2.0), (0.0, 1.0)),
+    "circle": Circle((0.0, 0.0), 1.0),
+    "polyline": FLAT,
+    "phase": Phase(1.0),
+}
+
+
 @pytest.mark.parametrize("name", MEASURES)
-def test_a_measure_of_unsupported_shapes_is_undefined(name):
-    assert measure(name, Circle((0.0, 0.0), 1.0), FLAT) is None
+def test_a_measure_is_defined_for_the_shapes_that_it_supports_and_never_raises(name):
+    found = {"trocar": Point((0.0, 20.0)), "needle_tip": SHAPES["point"], "eye_globe": SHAPES["circle"]}
+    found["rpe"] = Polyline(((-10.0, -1.0), (10.0, -1.0)))
+    for (one, subject), (other, object_) in product(SHAPES.items(), repeat=2):
+        is_defined = measure(name, subject, object_, found) is not None
+        assert is_defined or (one, other) not in MEASURES[name].shapes
 
 
 def test_every_measure_ends_in_its_unit():
@@ -165,3 +179,11 @@ def test_incidence_is_the_angle_to_the_surface(lean_deg, incidence_deg):
     lean = math.radians(lean_deg)
     shaft = Segment((-math.cos(lean), math.sin(lean)), (0.0, 0.0))
     assert MEASURES["incidence_deg"].function(shaft, flat, {}) == pytest.approx(incidence_deg, abs=1e-9)
+
+
+def test_incidence_and_thickness_are_those_of_the_column_of_the_tip():
+    tip_mm = (-0.6, 0.9)
+    slope = Polyline(((-2.0, -2.0), (0.0, 0.0), (2.0, 0.0)))
+    flat = Polyline(((-2.0, -3.0), (2.0, -3.0)))
+    assert measure("incidence_deg", Segment((-0.6, 2.9), tip_mm), slope) == pytest.approx(45)
+    assert measure("thickness_um", slope, flat, {"needle_tip": Point(tip_mm)}) == pytest.approx(2400)

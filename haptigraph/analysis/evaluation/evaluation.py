@@ -70,7 +70,8 @@ def evaluate_clip(folder: str | Path, config: Config, progress: Progress | None 
     truth = load_truth(folder / "truth.csv", [state.name for state in procedure.states])
     config = config.with_perceiver(assemble.perceiver_name(config, procedure))
     pipeline = assemble.build_pipeline(config, registration, procedure)
-    source = assemble.open_source(_with_source(config, folder / "clip.mp4"), VirtualClock())
+    clip = replace(config.source, uri=str(folder / "clip.mp4"), loop=False)
+    source = assemble.open_source(replace(config, source=clip), VirtualClock())
     steps = []
     try:
         with closing(read_images(source)) as captures:
@@ -201,10 +202,6 @@ def tip_mm(step: Step) -> Vec | None:
     """Return the reported tip, eye frame; None if there is none."""
     tip = step.observation.found.get("needle_tip")
     return tip.at_mm if isinstance(tip, Point) else None
-
-
-def _with_source(config: Config, clip: Path) -> Config:
-    return replace(config, source=replace(config.source, uri=str(clip), loop=False))
 
 
 def _tip_px(step: Step, image: ImageGeometry) -> Vec | None:

@@ -172,7 +172,8 @@ def _errors_of_scene(
         for name in perceivers
     }
     steps, truths = _steps(phantom, pipelines)
-    rows = true_rows(truths, _true_registration(phantom), procedure)
+    true_registration = parse_camera_registration(phantom.true_registration, "the true registration")
+    rows = true_rows(truths, true_registration, procedure)
     image, trocar_px = registration.image, phantom.camera.geometry.to_px(phantom.eye.trocar_mm)
 
     def angle_error_deg(step: Step, row: TruthRow) -> float | None:
@@ -192,7 +193,3 @@ def _steps(phantom: Phantom, pipelines: dict[str, Pipeline]) -> tuple[dict[str, 
         for name, pipeline in pipelines.items():
             steps[name].append(pipeline.step(capture))
     return steps, truths
-
-
-def _true_registration(phantom: Phantom) -> Registration:
-    return parse_camera_registration(phantom.true_registration, "the true registration")

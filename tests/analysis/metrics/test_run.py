@@ -5,6 +5,7 @@ from msgspec.structs import replace
 from haptigraph.analysis.metrics.run import RunMeasures, measure_run
 from haptigraph.analysis.metrics.summary import summary
 from haptigraph.graph import SceneGraph, Schema, Triplet
+from haptigraph.inference.span import RunSpan
 from haptigraph.messages import Fault
 from haptigraph.run_report import RunReport
 
@@ -110,3 +111,23 @@ def test_a_procedure_without_the_starting_edge_is_named_as_the_reason(procedure)
     )
     assert "none: the procedure has no <needle_tip, inside, eye_globe>" in summary(measures)
     assert "never occurred" in summary(RunMeasures.under(procedure))
+
+
+def test_the_time_in_a_state_is_exact():
+    measures = measure_run([step(0, "outside_eye", inside=False), step(1000, "unknown")])
+    assert measures.all_state_s == {"outside_eye": 1.0}
+
+
+def test_the_span_of_a_run_is_that_of_the_procedure(procedure):
+    span = RunSpan(begins=("needle_tip", "inside", "eye_globe"), ends_in="retinal_contact")
+    measures = RunMeasures.under(replace(procedure, span=span, temporal=()))
+    for each in (step(0, "misaligned_retinal_approach"), step(500, "retinal_contact")):
+        measures.add(each)
+    assert measures.completion_s == 0.5
+
+
+def test_the_list_of_states_is_bounded(monkeypatch):
+    monkeypatch.setattr("haptigraph.analysis.metrics.run.MAX_ORDER", 3)
+    states = ["misaligned_retinal_approach", "retinal_contact"] * 3
+    measures = measure_run([step(40 * number, state) for number, state in enumerate(states)])
+    assert (len(measures.order), measures.contacts) == (3, 3)
