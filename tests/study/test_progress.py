@@ -69,6 +69,8 @@ def test_a_session_ends_with_the_plan_with_a_stop_or_when_the_participant_withdr
     assert upcoming(progress_with([hit()], stopped="felt dizzy")) == Next(
         None, 2, 5, ended="stopped: felt dizzy"
     )
+    all_done.withdrawn = "has left"
+    assert upcoming(all_done) == Next(None, 5, 5, ended="has left")
     assert upcoming(progress_with([hit()], withdrawn="has left")) == Next(None, 2, 5, ended="has left")
 
 
@@ -92,6 +94,12 @@ def test_a_trial_may_begin_until_the_time_of_the_session_is_over(upcoming):
     assert upcoming(progress_with(), 30, session_min=30).stage == FIRST
     late = upcoming(progress_with(), 30.01, session_min=30)
     assert (late.stage, late.ended) == (None, "stopped: 30 minutes have passed")
+
+
+def test_a_break_for_a_trial_that_will_not_come_is_left_out(protocol):
+    plan, rules = (FIRST, Stage("break", position=2)), replace(protocol, stop=Stop(session_min=30))
+    upcoming = next_of(plan, progress_with([hit()]), rules, AT + timedelta(minutes=31))
+    assert upcoming == Next(None, 1, 2, ended="stopped: 30 minutes have passed")
 
 
 def test_the_time_of_the_session_does_not_end_a_questionnaire(upcoming):
