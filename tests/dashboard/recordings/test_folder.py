@@ -12,6 +12,7 @@ from helpers import refuse
 from hypothesis import given
 from hypothesis import strategies as st
 from live_bench import Live
+from paths import DATA
 
 from haptigraph.analysis.metrics.timeline import Timeline
 from haptigraph.assemble import procedure_names
@@ -148,3 +149,14 @@ def test_a_missing_folder_is_refused(quick, tmp_path):
     for folder in (quick, tmp_path / "none"):
         line = refuse("live", "--recordings", folder)
         assert "is no folder" in line and str(Path(folder)) in line
+
+
+def test_a_recording_of_version_0_1_is_listed_drawn_and_exported(quick_uri):
+    with Live(quick_uri, "--recordings", DATA / "v0_1") as live:
+        (row,) = json.loads(get(live, "/recordings/list")[1])["runs"]
+        assert (row["version"], row["problem"], row["is_whole"]) == ("0.1.0", "", True)
+        (*_, (content, _)) = messages(get(live, "/recordings/timeline", name="run.mcap")[1])
+        assert content["type"] == "timeline"
+        status, csv = get(live, "/recordings/csv", name="run.mcap")
+        assert status == 200 and b"needle" in csv
+        assert get(live, "/recordings/step", name="run.mcap", number=60)[0] == 200

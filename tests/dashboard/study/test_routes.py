@@ -1,9 +1,11 @@
 """The routes of a study from outside: wrong participants, stages and stations, edits, invalid requests."""
 
+import shutil
 from contextlib import closing
 
 import pytest
 from live_bench import Live
+from paths import DATA
 from studying import PROTOCOL, Station, rows_of, send_to, study_at
 
 from haptigraph.recording.journal import is_whole
@@ -227,3 +229,13 @@ def test_a_signal_ends_trial_session_and_program(station, here, folder):
 
 def test_the_live_command_serves_no_study(live: Live):
     assert send_to(live, "/study/status")[0] == 404
+
+
+def test_a_study_of_version_0_1_opens_on_its_page(quick_uri, tmp_path):
+    study = shutil.copytree(DATA / "v0_1" / "study", tmp_path / "study")
+    with Station(study, quick_uri) as station:
+        snapshot = send_to(station, "/study/status")[1]
+        assert [each["participant"] for each in snapshot["participants"]] == ["S01", "S02"]
+        status, answer = send_to(station, "/study/open", {"participant": "S01", "take_over": False})
+        assert status == 200, answer
+        assert all(each["ended"] for each in answer["participants"])
