@@ -180,4 +180,5 @@ def stripe(ends: tuple[Vec, Vec], width_px: int, corner_px: Vec) -> NDArray[np.i
     half_x, half_y = across[0] * width_px / 2, across[1] * width_px / 2
     corners = [(x0 - half_x, y0 - half_y), (x1 - half_x, y1 - half_y), (x1 + half_x, y1 + half_y)]
     corners.append((x0 + half_x, y0 + half_y))
-    return np.rint((np.array(corners) - corner_px) * 16).astype(np.int32)
+    left, top = corner_px
+    return np.array([(round((x - left) * 16), round((y - top) * 16)) for x, y in corners], np.int32)
