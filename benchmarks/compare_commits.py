@@ -102,6 +102,9 @@ def _renamed(value: Any, found: set[str]) -> Any:
 
 def speed(before: Path, pairs: int) -> None:
     """Run the benchmarks of both checkouts in turn; print the ratio of every figure."""
+    shared = [checkout.parent / "shared" for checkout in (before, HERE)]
+    if shared[0].is_dir() != shared[1].is_dir():  # loop.py would time other images in one than in the other
+        raise SystemExit(f"{' and '.join(map(str, shared))}: both must be there, or neither")
     for benchmark in BENCHMARKS:
         runs = [[figures(checkout, benchmark) for checkout in (before, HERE)] for _ in range(pairs)]
         if len({len(figures_) for pair in runs for figures_ in pair}) > 1:
