@@ -13,6 +13,7 @@ __all__ = [
     "FloatImage",
     "Floats",
     "Mask",
+    "chroma_of",
     "colored",
     "grey_of",
     "grey_with_chroma",
@@ -53,6 +54,13 @@ def grey_with_chroma(image: Image, chroma_share: float, where: Mask | np.bool_) 
     weights = np.array([GREY]) + chroma_share * np.array([[1.0, 0.0, -1.0]])
     bluer = np.asarray(cv2.transform(image, weights), np.uint8).reshape(grey.shape)
     return np.where(where, bluer, grey)
+
+
+def chroma_of(image: Image) -> FloatImage:
+    """Return how much bluer than red each pixel is, (h, w) grey levels; 0 in an image without colour."""
+    if image.ndim == 2:
+        return np.zeros(image.shape, np.float32)
+    return np.subtract(image[..., 0], image[..., 2], dtype=np.float32)
 
 
 def tilt_corrected(image: Image, frontal_from_image: Homography) -> Image:

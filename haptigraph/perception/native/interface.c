@@ -24,7 +24,8 @@ EXPORT const Entry entries[] = {
 #define F(field) FIELD(Strip, field)
     SIZE(Strip), F(excess.first), F(excess.stride), F(excess.lanes), F(excess.stations), F(detrended.first),
     F(detrended.stride), F(detrended.lanes), F(detrended.stations), F(u_px), F(is_known), F(noise_grey),
-    F(outside_stop), F(inside_start), F(inside_stop),
+    F(outside_stop), F(inside_start), F(inside_stop), F(chroma.first), F(chroma.stride), F(chroma.lanes),
+    F(chroma.stations),
 #undef F
 #define F(field) FIELD(SearchGrid, field)
     SIZE(SearchGrid), F(pixels), F(cells_of), F(is_inside), F(flanks), F(is_observable), F(samples), F(rows),
@@ -39,7 +40,7 @@ EXPORT const Entry entries[] = {
 #undef F
 #define F(field) FIELD(TipPatch, field)
     SIZE(TipPatch), F(middle_px), F(defocus_px), F(fading_share), F(start), F(stop), F(continues), F(about),
-    F(is_outside), F(follows_point), F(follows_faint),
+    F(is_outside), F(follows_point), F(follows_faint), F(uses_chroma),
     {0}};
 
 EXPORT const uint32_t sources = SOURCES;

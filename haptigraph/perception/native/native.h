@@ -42,6 +42,7 @@ typedef struct {
     const uint8_t *is_known; /* stations whose background is known */
     double noise_grey;       /* standard deviation of a pixel of `excess` without needle */
     int outside_stop, inside_start, inside_stop; /* stations outside the wall begin with the first */
+    Rows chroma; /* blue less red over the background and the ramp; without lanes if the grey alone counts */
 } Strip;
 
 /* Where the lines of a polar search sample the image. */
@@ -82,6 +83,7 @@ typedef struct {
     int is_outside;      /* outside the wall, where the background may be unknown */
     int follows_point;   /* whether to follow a point where it gets thin, */
     int follows_faint;   /* and its faint last part */
+    int uses_chroma;     /* whether its contrast is that of its colour, too */
 } TipPatch;
 
 static inline double maximum(double one, double other) { return one > other ? one : other; }
@@ -111,10 +113,11 @@ static inline int grey_of(const uint8_t *pixel, int chroma) {
 /* Return the (upper) median of some values, which are reordered. */
 double median(double *values, int count);
 
-/* Write the contrast [grey levels] of the stations from start to before stop. `weights` are those of `count`
-   lanes from `lane` on; lanes beyond the strip count as 0. */
+/* Write the contrast [grey levels] of the stations from start to before stop, each averaged with so many
+   within reach on either side. `weights` are those of `count` lanes from `lane` on; lanes beyond the strip
+   count as 0. */
 void contrast_along(const Strip *strip, int lane, const float *weights, int count, int start, int stop,
-                    float *contrast_grey);
+                    int reach, float *contrast_grey);
 
 /* The same for the middle lanes of a strip. Return the contrast that noise does not reach. */
 EXPORT double core_contrast(const Strip *strip, int start, int stop, float *contrast_grey);

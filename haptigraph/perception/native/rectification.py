@@ -30,7 +30,7 @@ Positions: TypeAlias = tuple[NDArray[np.int16], NDArray[np.uint16]]
 MAX_PX = LIBRARY.constant("MAX_PX")
 
 _strip_positions = LIBRARY.function("strip_positions", "ipiffffffpp", ctypes.c_int)
-_subtract_background = LIBRARY.function("subtract_background", "piiipdddfppp", ctypes.c_double)
+_subtract_background = LIBRARY.function("subtract_background", "piiipdddfpppp", ctypes.c_double)
 
 
 def strip_positions(half_px: int, u_px: FloatImage, foot_px: Vec, normal: Vec, direction: Vec) -> Positions:
@@ -66,6 +66,7 @@ def subtract_background(
     chroma_share: float,
     globe_px: tuple[float, float],
     light: float,
+    chroma: FloatImage | None = None,
 ) -> tuple[FloatImage, Mask, float]:
     """Subtract a strip's background, and the linear ramp between the two flanks of each station.
 
@@ -76,20 +77,24 @@ def subtract_background(
         chroma_share: Of blue less red in the grey within the globe, -1 to 1.
         globe_px: Where along the strip the globe begins and ends.
         light: How many times brighter the strip is to be.
+        chroma: How much bluer than red the background is, (lanes, n), of a strip in colour; is replaced by
+            what is left over it, in units in which its noise is no more than that of the grey.
 
     Returns:
         What is left over the ramp alone, (lanes, n), where the background is known, (n,), and the standard
         deviation of a pixel's noise [grey levels].
     """
-    background, stride, lanes, stations = checked_rows("background", excess)
+    background, stride, lanes, stations = rows = checked_rows("background", excess)
     if stride != stations or not stations or not excess.flags.writeable:
         raise ValueError("background: expected a contiguous, writable array with at least one station")
     image, channels = checked_image("pixels", pixels, (lanes, stations))
+    if chroma is not None and (channels != 3 or checked_rows("chroma", chroma)[1:] != rows[1:]):
+        raise ValueError("chroma: expected an array like the background's, of a strip in colour")
     detrended, is_known = np.empty((lanes, stations), np.float32), np.empty(stations, np.bool_)
     from_px, to_px = globe_px
     noise_grey = _subtract_background(
         *(image, channels, lanes, stations, checked("u_px", u_px, FLOAT, (stations,))),
         *(checked_share("chroma_share", chroma_share), float(from_px), float(to_px), float(light)),
-        *(background, address(detrended), address(is_known)),
+        *(background, address(detrended), address(is_known), None if chroma is None else address(chroma)),
     )
     return detrended, is_known, noise_grey

@@ -15,6 +15,7 @@
 #define MAX_GAIN 2.0
 #define MIN_NOISE_GREY 0.5 /* that of rounding */
 #define DEFAULT_NOISE_GREY 3.0
+#define MIN_FLANK_GREY 16.0 /* of both flanks: darker ones have no colour */
 
 /* Write the image positions of a strip's pixels to `whole` (x, y) and `part`, as `cv2.remap` takes them.
 
@@ -130,6 +131,49 @@ static void level_with_one_flank(Flanks off, const uint8_t *is_known, int lanes,
     }
 }
 
+/* Turn a strip of BGR into the colour that no shadow explains: metal has it on a coloured background.
+
+   A shadow makes blue less red and grey darker by one factor; what is left is not due to it. Zero outside the
+   globe.
+
+   now: grey of the flanks.
+   factor: how many times brighter each station's background is, (n).
+   excess: grey over background and ramp, (lanes, n).
+   chroma: how much bluer than red the background is, (lanes, n); receives the colour, in units in which its
+   noise is no more than that of the grey. */
+static void subtract_chroma(const uint8_t *pixels, int lanes, int n, Flanks now, float light,
+                            const uint8_t *is_inside, const float *factor, const float *excess,
+                            double noise_grey, float *chroma) {
+    float ends[2][n], share[n];
+    const Flanks off = {ends[0], ends[1]};
+    for (int station = 0; station < n; station++) share[station] = 0;
+    for (int lane = 0; lane < lanes; lane++) {
+        const int is_flank = lane < FLANK_PX || lane >= lanes - FLANK_PX;
+        float *over = chroma + lane * n;
+        for (int station = 0; station < n; station++, pixels += 3) {
+            const float bluer = (float)(pixels[0] - pixels[2]);
+            over[station] = is_inside[station] ? light * bluer - factor[station] * over[station] : 0;
+            if (is_flank) share[station] += bluer / FLANK_PX;
+        }
+    }
+    average_flanks(chroma, lanes, n, off);
+    for (int station = 0; station < n; station++) {
+        const float grey = now.left[station] + now.right[station];
+        share[station] = is_inside[station] ? share[station] / (float)maximum(grey, MIN_FLANK_GREY) : 0;
+    }
+    for (int lane = 0; lane < lanes; lane++) {
+        const float right = (float)lane / (float)(lanes - 1), left = 1 - right;
+        const float *grey = excess + lane * n;
+        float *over = chroma + lane * n;
+        for (int station = 0; station < n; station++) {
+            over[station] -= left * off.left[station] + right * off.right[station];
+            over[station] -= share[station] * grey[station];
+        }
+    }
+    const float scale = (float)minimum(noise_grey / estimate_noise(chroma, n), 1);
+    for (int pixel = 0; pixel < lanes * n; pixel++) chroma[pixel] *= scale;
+}
+
 /* Subtract a strip's background, and the ramps between the flanks.
 
    pixels: the strip, (lanes, n, channels), BGR or grey; is made `light` times brighter.
@@ -137,11 +181,12 @@ static void level_with_one_flank(Flanks off, const uint8_t *is_known, int lanes,
    excess: the background, (lanes, n) grey, negative where not known; receives what is left over it.
    detrended, is_known: receive what is left over the ramps alone, (lanes, n), and where the background is
    known, (n).
+   chroma: as in `subtract_chroma`; NULL if the grey alone counts.
 
    Return the noise [grey levels]. */
 EXPORT double subtract_background(const uint8_t *pixels, int channels, int lanes, int n, const float *u_px,
                                   double chroma_share, double from_px, double to_px, float light,
-                                  float *excess, float *detrended, uint8_t *is_known) {
+                                  float *excess, float *detrended, uint8_t *is_known, float *chroma) {
     float ends[6][n], factor[n];
     const Flanks now = {ends[0], ends[1]}, then = {ends[2], ends[3]}, off = {ends[4], ends[5]};
     if (channels == 3) {
@@ -169,6 +214,13 @@ EXPORT double subtract_background(const uint8_t *pixels, int channels, int lanes
         }
     }
     const double noise_grey = estimate_noise(excess, n);
+    if (chroma) {
+        uint8_t is_inside[n];
+        for (int station = 0; station < n; station++) {
+            is_inside[station] = u_px[station] > from_px && u_px[station] < to_px;
+        }
+        subtract_chroma(pixels, lanes, n, now, light, is_inside, factor, excess, noise_grey, chroma);
+    }
     level_with_one_flank(off, is_known, lanes, n, noise_grey, excess);
     return noise_grey;
 }

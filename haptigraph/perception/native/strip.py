@@ -19,6 +19,7 @@ __all__ = [
     "BLOCK",
     "STATION_PX",
     "RectifiedStrip",
+    "colored_share",
     "contrast_centroid",
     "core_contrast",
     "estimate_coarse_tip",
@@ -39,6 +40,7 @@ _STRIP = LIBRARY.layout(
     *(("p", "excess.first"), ("i", "excess.stride excess.lanes excess.stations")),
     *(("p", "detrended.first"), ("i", "detrended.stride detrended.lanes detrended.stations")),
     *(("p", "u_px is_known"), ("d", "noise_grey"), ("i", "outside_stop inside_start inside_stop")),
+    *(("p", "chroma.first"), ("i", "chroma.stride chroma.lanes chroma.stations")),
 )
 _APPEARANCE = LIBRARY.layout("Appearance", ("d", "highlight highlight_sd images shaded_px"))
 _LINE_FIT = LIBRARY.layout(
@@ -50,11 +52,12 @@ _LINE_FIT = LIBRARY.layout(
 _TIP_PATCH = LIBRARY.layout(
     "TipPatch",
     *(("d", "middle_px defocus_px fading_share"), ("i", "start stop continues about")),
-    ("i", "is_outside follows_point follows_faint"),
+    ("i", "is_outside follows_point follows_faint uses_chroma"),
 )
 
 _core_contrast = LIBRARY.function("core_contrast", "piip", ctypes.c_double)
 _contrast_centroid = LIBRARY.function("contrast_centroid", "piiii", ctypes.c_double)
+_colored_share = LIBRARY.function("colored_share", "piid", ctypes.c_double)
 _estimate_coarse_tip = LIBRARY.function("estimate_coarse_tip", "pdddp", ctypes.c_int)
 _fit_line = LIBRARY.function("fit_line", "pddppppp", ctypes.c_int)
 _refine_tip = LIBRARY.function("refine_tip", "pppip", ctypes.c_int)
@@ -92,6 +95,9 @@ class RectifiedStrip(Struct, frozen=True, eq=False):
     """Stations within the globe; those in the wall are in neither."""
     noise_grey: float
     """Standard deviation of a pixel of `excess` without needle."""
+    chroma: FloatImage | None = None
+    """How much bluer than red the pixels are, over the background and over the ramp between the flanks, same
+    shape; None if the grey alone counts."""
     native: Any = None
     """The same for C; always made anew from the rest."""
 
@@ -99,6 +105,9 @@ class RectifiedStrip(Struct, frozen=True, eq=False):
         excess, detrended, u_px, is_known = self.excess, self.detrended, self.u_px, self.is_known
         rows, others = checked_rows("excess", excess), checked_rows("detrended", detrended)
         lanes, stations = rows[2:]
+        bluer = (0, 0, 0, 0) if self.chroma is None else checked_rows("chroma", self.chroma)
+        if any(bluer) and bluer[2:] != rows[2:]:
+            raise ValueError(f"chroma: expected {lanes} x {stations} values, found {bluer[2:]}")
         if others[2:] != rows[2:] or not stations:
             raise ValueError(f"detrended: expected {lanes} x {stations} values, found {others[2:]}")
         if not type(self.outside) is type(self.inside) is slice:
@@ -107,8 +116,9 @@ class RectifiedStrip(Struct, frozen=True, eq=False):
         if not (0 <= ends[0] <= ends[1] <= stations and 0 <= ends[2] <= stations):
             raise ValueError(f"outside, inside: expected two parts of {stations} stations, found {ends}")
         along = checked("u_px", u_px, FLOAT, (stations,)), checked("is_known", is_known, BOOL, (stations,))
-        owners = excess, detrended, u_px, is_known, excess.base, detrended.base, u_px.base, is_known.base
-        packed = pack(_STRIP, *rows, *others, *along, self.noise_grey, *ends)
+        arrays = [excess, detrended, u_px, is_known, *([] if self.chroma is None else [self.chroma])]
+        owners = *arrays, *(array.base for array in arrays)
+        packed = pack(_STRIP, *rows, *others, *along, self.noise_grey, *ends, *bluer)
         force_setattr(self, "native", _Native(packed, lanes, stations, owners))
 
 
@@ -127,6 +137,19 @@ def core_contrast(strip: RectifiedStrip, part: slice) -> tuple[FloatImage, float
     start, stop = _span(part, native.stations)
     contrast = np.empty(max(stop - start, 0), np.float32)
     return contrast, _core_contrast(native.packed, start, stop, address(contrast))
+
+
+def colored_share(strip: RectifiedStrip, part: slice, min_grey: float) -> float:
+    """Return the share of some stations whose middle has a colour that no shadow explains.
+
+    Args:
+        strip: The strip.
+        part: Of its stations.
+        min_grey: The colour right before them must be at least as clear, else 0 is returned.
+    """
+    native = _native(strip)
+    start, stop = _span(part, native.stations)
+    return float(_colored_share(native.packed, start, stop, float(min_grey))) if stop > start else 0.0
 
 
 def contrast_centroid(strip: RectifiedStrip, first: int, last: int, part: slice) -> float:
@@ -216,6 +239,7 @@ def refine_tip(
     is_outside: bool,
     follows_point: bool,
     follows_faint: bool,
+    uses_chroma: bool,
 ) -> tuple[float, float, float] | None:
     """Locate a tip sub-pixel (`subpixel_tip.c`; the arguments are the fields of its `TipPatch`).
 
@@ -226,7 +250,7 @@ def refine_tip(
     native, tip = _native(strip), _Triple()
     patch = pack(
         *(_TIP_PATCH, middle_px, defocus_px, share, start, stop, continues, about),
-        *(is_outside, follows_point, follows_faint),
+        *(is_outside, follows_point, follows_faint, uses_chroma),
     )
     if not 0 <= start <= stop <= native.stations:
         raise ValueError(f"patch: expected a part of {native.stations} stations, found {start} to {stop}")

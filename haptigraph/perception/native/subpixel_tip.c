@@ -6,6 +6,8 @@
 
 #define MAX_PATCH 64 /* stations; the tip patches of subpixel_tip.py have less than half of that */
 #define CORE 4       /* lanes about the shaft's middle, as wide as three: it lies between two of them */
+#define NOISE_PER_REACH 3.0
+#define MAX_REACH 2
 #define WIDTH_PX 3
 #define BLUNT_PX 2
 #define TIP_LEVEL 0.36  /* between beyond and behind: the point is thin, half would be too early */
@@ -35,7 +37,8 @@ typedef struct {
     int has_tones;              /* whether that matters */
     uint8_t is_sure[MAX_PATCH]; /* where a contrast means something */
     int continues;              /* whether the strip shows more beyond the last station */
-    double noise_grey;          /* standard deviation of a pixel */
+    double noise_grey;          /* standard deviation of a pixel, averaged along the shaft */
+    int reach;                  /* stations on either side that are averaged, in noise */
     Rows around;                /* excess in the lanes around the shaft's middle */
     double fading_share;
 } Profile;
@@ -205,7 +208,9 @@ static int measure_profile(const Strip *strip, const TipPatch *patch, Profile *p
     const float third = 1.0f / WIDTH_PX, rest = (float)(middle - lane);
     const float weights[CORE] = {(1 - rest) / WIDTH_PX, third, third, rest / WIDTH_PX};
     if (!lane) return 0;
-    contrast_along(strip, lane - 1, weights, CORE, start, patch->stop, profile->along);
+    Strip seen = *strip;
+    if (!patch->uses_chroma) seen.chroma.lanes = 0;
+    contrast_along(&seen, lane - 1, weights, CORE, start, patch->stop, profile->reach, profile->along);
     if (patch->is_outside) {
         memcpy(profile->is_sure, strip->is_known + start, (size_t)profile->count);
     } else {
@@ -223,6 +228,8 @@ EXPORT int refine_tip(const Strip *strip, const TipPatch *patch, const int *behi
                       double *tip) {
     const int count = patch->stop - patch->start;
     Profile profile = {.count = count, .continues = patch->continues, .noise_grey = strip->noise_grey};
+    profile.reach = clamped(strip->noise_grey / NOISE_PER_REACH, 0, MAX_REACH);
+    profile.noise_grey /= sqrt(2 * profile.reach + 1);
     profile.fading_share = patch->fading_share;
     ContrastStep step = {.end = patch->about > 0 ? patch->about : 0};
     if (count < 2 || count > MAX_PATCH || !measure_profile(strip, patch, &profile)) return 0;

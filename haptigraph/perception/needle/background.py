@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptigraph.geometry import Vec, unit
-from haptigraph.imaging import FloatImage, grey_of, grey_with_chroma
+from haptigraph.imaging import FloatImage, chroma_of, grey_of, grey_with_chroma
 from haptigraph.messages import Image
 from haptigraph.perception.needle.rectify import (
     OUTSIDE_MM,
@@ -61,6 +61,8 @@ class Background:
     def reset(self) -> None:
         """Forget everything."""
         self.grey: FloatImage = np.full((self._eye.height_px, self._eye.width_px), UNOBSERVED, np.float32)
+        self.chroma: FloatImage = np.zeros_like(self.grey)
+        """How much bluer than red it is, where the grey is known."""
         self.chroma_share = 0.0
         """How much of blue less red is added to the grey within the globe."""
         self.light = 1.0
@@ -86,6 +88,7 @@ class Background:
         if registered is not None and (gain := _gain_since(registered, image)) is not None:
             grey = grey_with_chroma(registered.image, self.chroma_share, self._is_inside)
             np.copyto(self.grey, grey * np.float32(gain), where=registered.is_known)
+            np.copyto(self.chroma, chroma_of(registered.image) * np.float32(gain), where=registered.is_known)
 
     def learn(self, image: Image, needle: tuple[Vec, Vec] | None, width_px: int) -> None:
         """Learn what is visible of the background.
@@ -106,24 +109,34 @@ class Background:
     def rectify(self, image: Image, line: Line, *runs_px: FloatImage) -> list[RectifiedStrip] | None:
         """Rectify the image along one or more parts of a line, and subtract the background."""
         return rectify(
-            self._eye, image, self.grey, line, *runs_px, chroma_share=self.chroma_share, light=self.light
+            self._eye,
+            image,
+            self.grey,
+            line,
+            *runs_px,
+            chroma=self.chroma,
+            chroma_share=self.chroma_share,
+            light=self.light,
         )
 
     def _learn_band(self, image: Image, band: int, needle: tuple[Vec, Vec] | None, width_px: int) -> None:
         rows, columns = self._bands[band], self._columns
         grey = grey_with_chroma(image[rows, columns], self.chroma_share, self._is_inside[rows, columns])
-        model = self.grey[rows, columns]
+        chroma = chroma_of(image[rows, columns])
+        planes = (self.grey[rows, columns], grey), (self.chroma[rows, columns], chroma)
         free = np.full(grey.shape, 255, np.uint8)
         if needle is not None:
             cv2.fillConvexPoly(free, stripe(needle, width_px, (columns.start, rows.start)), 0, shift=4)
         if not self._is_complete[band]:
             was_visible = self._was_visible[rows, columns]
             fresh = ~was_visible & (free > 0)
-            model[fresh] = grey[fresh]
+            for model, seen in planes:
+                model[fresh] = seen[fresh]
             free[~was_visible] = 0
             was_visible |= fresh
             self._is_complete[band] = bool(was_visible.all())
-        cv2.accumulateWeighted(grey, model, RATE, free)
+        for model, seen in planes:
+            cv2.accumulateWeighted(seen, model, RATE, free)
 
 
 def _chroma_share(sample: Image) -> float:

@@ -29,8 +29,13 @@ class TipEstimate(Struct, frozen=True):
     evidence_px: float
     """Length that shows a needle less length that shows none."""
     sd_px: float = 5.0
+    """What noise does to it."""
+    shift_sd_px: float = 0.0
+    """Standard deviation of what shifts it from the tip in many images alike: blur, or a point that fades."""
     contrast_grey: float = 0.0
     """Of the needle behind its tip; 0 if not measured."""
+    is_known: bool = True
+    """Whether the tip is there; else the shaft may be longer."""
 
 
 def estimate_coarse_tip(

@@ -171,6 +171,7 @@ def rectify(
     background: FloatImage,
     line: Line,
     *runs_px: FloatImage,
+    chroma: FloatImage | None = None,
     chroma_share: float = 0.0,
     light: float = 1.0,
 ) -> list[RectifiedStrip] | None:
@@ -182,6 +183,7 @@ def rectify(
         background: The eye without needle, (h, w) grey; negative where unknown.
         line: The line.
         runs_px: Evenly spaced positions along it, (n,) each, two at least.
+        chroma: How much bluer than red the eye is without needle, (h, w); None to go by the grey alone.
         chroma_share: Of blue less red in the grey within the globe, as in that of `background`.
         light: How many times brighter the strips are than the image.
 
@@ -200,15 +202,20 @@ def rectify(
     pixels, excess = _sampled(image, positions), _sampled(background, positions)
     outer, inner, far = wall
     globe_px = outer, far + inner - outer
-    detrended, is_known, noise_grey = subtract_background(pixels, excess, u_px, chroma_share, globe_px, light)
+    bluer = None if chroma is None or image.ndim == 2 else _sampled(chroma, positions)
+    detrended, is_known, noise_grey = subtract_background(
+        pixels, excess, u_px, chroma_share, globe_px, light, bluer
+    )
     strips, start = [], 0
     for run_px in runs_px:
         part = slice(start, start + len(run_px))
         outside, inside = _sides(run_px, wall)
+        colour = None if bluer is None else bluer[:, part]
         strips.append(
             RectifiedStrip(
                 *(run_px, eye.half_px, excess[:, part], detrended[:, part]),
                 *(is_known[part], outside, inside, noise_grey),
+                chroma=colour,
             )
         )
         start = part.stop

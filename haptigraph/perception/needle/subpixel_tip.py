@@ -42,6 +42,8 @@ def refine_tip(
     off_axis_px: float = 0.0,
     blur_px: float = FOCUSED_PX,
     behind_px: tuple[int, ...] = (BEHIND_PX, NEAR_PX),
+    *,
+    uses_chroma: bool = False,
 ) -> TipEstimate | None:
     """Locate the tip sub-pixel: where the contrast falls from that just behind it.
 
@@ -55,6 +57,7 @@ def refine_tip(
         off_axis_px: How far from the patch's middle the shaft is there.
         blur_px: Standard deviation of the blur across the shaft's edges.
         behind_px: Lengths over which the needle's contrast is measured, one per round.
+        uses_chroma: Whether the contrast is that of its colour, too.
 
     Returns:
         The tip, or None if the contrast does not fall there.
@@ -74,6 +77,7 @@ def refine_tip(
         is_outside=tip.where == "outside",
         follows_point=is_focused,
         follows_faint=is_focused and is_inside,  # outside, more is visible on the background
+        uses_chroma=uses_chroma,
     )
     if found is None:
         return None

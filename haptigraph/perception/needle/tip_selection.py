@@ -10,6 +10,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from haptigraph.messages import Image
+from haptigraph.perception.native.strip import colored_share
 from haptigraph.perception.needle.background import Background
 from haptigraph.perception.needle.bevel import Bevel
 from haptigraph.perception.needle.coarse_tip import TipEstimate, may_reach_wall
@@ -24,6 +25,7 @@ from haptigraph.perception.needle.sharp_tip import (
     sharp_end,
 )
 from haptigraph.perception.needle.subpixel_tip import covers_tip, refine_tip, tip_patch_px
+from haptigraph.perception.needle.tip_certainty import with_certainty
 
 __all__ = ["MAX_OFF_AXIS_PX", "Candidate", "Detection", "TipSelector"]
 
@@ -34,6 +36,8 @@ NEAR_PX = 3.0  # between the expected and the actual tip, usually
 CLEAR_PX = 8.0  # the same at a clear end
 SHARP_END_PX = 2.5  # between the end of what is sharp and the contrast step there, if there is one
 CENTERED_PX = 2.0  # a tip further beyond the middle of its patch is refined again
+COLORED_PX, COLORED_SHARE = 4.0, 0.7  # of a shaft that continues beyond a contrast step, in colour
+COLORED_SD_PX = 3.0
 DIM_BEHIND_PX = 6  # of a dim point, over which its contrast is measured
 
 MAX_OFF_AXIS_PX = 3.0
@@ -100,7 +104,23 @@ class TipSelector:
             rim_px = min(inner_px + AT_WALL_PX, tip.u_px - EDGES_END_PX)  # before it is the port opening
         step = self._expected_step(image, detection, tip, expected_px, edges_end_px)
         if step and step.u_px > rim_px:
-            return step
+            return self._colored_end(image, detection, tip, step) or step
+        step = self._contrast_step(image, detection, tip, edges_end_px, rim_px)
+        return self._colored_end(image, detection, tip, step) or step
+
+    def _colored_end(
+        self, image: Image, detection: Detection, tip: TipEstimate, step: TipEstimate
+    ) -> TipEstimate | None:
+        """Return the end of a shaft that continues in a colour that no shadow explains; None if none does."""
+        if tip.where != "inside" or not _continues_colored(detection.candidate.strip, step, tip.u_px):
+            return None
+        end = self._refine(image, detection, tip, tip.u_px, uses_chroma=True)
+        return end if end and end.u_px > step.u_px else replace(tip, sd_px=COLORED_SD_PX)
+
+    def _contrast_step(
+        self, image: Image, detection: Detection, tip: TipEstimate, edges_end_px: float, rim_px: float
+    ) -> TipEstimate:
+        """Return the contrast step at the end of the edges or of the contrast, else the approximate tip."""
         positions_px = dict.fromkeys((min(tip.u_px, edges_end_px), tip.u_px))
         steps = (self._refine(image, detection, tip, about_px) for about_px in positions_px)
         return next((step for step in steps if step and step.u_px > rim_px), tip)
@@ -142,29 +162,46 @@ class TipSelector:
         return gap_px <= GAP_MM * self._eye.px_per_mm or edges_end_px <= step_px + EDGES_END_PX
 
     def _refine(
-        self, image: Image, detection: Detection, tip: TipEstimate, about_px: float
+        self,
+        image: Image,
+        detection: Detection,
+        tip: TipEstimate,
+        about_px: float,
+        *,
+        uses_chroma: bool = False,
     ) -> TipEstimate | None:
         """Locate the contrast step about a position, and again from where it is if that is well beyond."""
-        step = self._refine_once(image, detection, tip, about_px)
+        step = self._refine_once(image, detection, tip, about_px, uses_chroma)
         if step and step.u_px > about_px + CENTERED_PX:
-            return self._refine_once(image, detection, tip, step.u_px) or step
+            return self._refine_once(image, detection, tip, step.u_px, uses_chroma) or step
         return step
 
     def _refine_once(
-        self, image: Image, detection: Detection, tip: TipEstimate, about_px: float
+        self, image: Image, detection: Detection, tip: TipEstimate, about_px: float, uses_chroma: bool
     ) -> TipEstimate | None:
         patch, blur_px = detection.candidate.patch, detection.fit.blur_px
         bevel_px = self._bevel.off_axis_px if tip.where == "inside" else 0.0
         off_axis_px = detection.fit.offset_px + detection.fit.slope * about_px
         if patch and covers_tip(patch, about_px) and abs(off_axis_px) <= MAX_OFF_AXIS_PX:
-            return refine_tip(patch, tip, about_px, off_axis_px + bevel_px, blur_px)
-        patches = self._background.rectify(image, detection.line, tip_patch_px(about_px))
-        return refine_tip(patches[0], tip, about_px, bevel_px, blur_px) if patches else None
+            off_px = off_axis_px + bevel_px
+        else:
+            patches = self._background.rectify(image, detection.line, tip_patch_px(about_px))
+            patch, off_px = patches[0] if patches else None, bevel_px
+        return refine_tip(patch, tip, about_px, off_px, blur_px, uses_chroma=uses_chroma) if patch else None
+
+    def with_certainty(self, detection: Detection) -> TipEstimate:
+        """Return a detection's tip with its standard deviation, and whether its place is known."""
+        strip, fit, tip = detection.candidate.strip, detection.fit, detection.tip
+        if tip.where != "inside":
+            return tip
+        edges_end_px = fit.end_px(float(strip.u_px[strip.inside.start]))
+        until_px = detection.candidate.tip.u_px
+        return with_certainty(strip, tip, until_px, edges_end_px, fit.blur_px, self._eye.px_per_mm)
 
     def before_shadow(self, image: Image, detection: Detection, tip: TipEstimate) -> TipEstimate | None:
         """Return the end of a shaft that its shadow continues, None if none does."""
         end = sharp_end(detection.candidate.strip, tip) if tip.where == "inside" else None
-        if end is None:
+        if end is None or _continues_colored(detection.candidate.strip, end, tip.u_px):
             return None
         step = self._refine(image, detection, end, end.u_px)
         return step if step and abs(step.u_px - end.u_px) < SHARP_END_PX else end
@@ -179,3 +216,11 @@ class TipSelector:
         if patches is None or end_px is None:
             return None
         return refine_tip(patches[0], tip, end_px, blur_px=detection.fit.blur_px, behind_px=(DIM_BEHIND_PX,))
+
+
+def _continues_colored(strip: RectifiedStrip, step: TipEstimate, to_px: float) -> bool:
+    """Return whether a shaft continues beyond a contrast step in a colour that is clearer than the step."""
+    if to_px - step.u_px <= COLORED_PX:
+        return False
+    start, stop = (int(strip.u_px.searchsorted(px)) for px in (step.u_px, to_px))
+    return colored_share(strip, slice(start, stop), step.contrast_grey) >= COLORED_SHARE

@@ -1,8 +1,9 @@
 """The tracker: needle poses from a thin strip of the image, as precise as its noise permits.
 
 Turns an image (px) into a needle (eye frame, mm) with standard deviations. It follows a needle in a strip
-along the expected shaft, and searches for one at all angles otherwise. What is not visible is not reported: a
-tip that the wall occludes, a needle that has gone. `Tracker.detect` runs the stages, one module each:
+along the expected shaft, and searches for one at all angles otherwise. What is not known is not reported: a
+tip that the wall occludes or that may be elsewhere, a needle that has gone. `Tracker.detect` runs the stages,
+one module each:
 
 stage              module          computes
 predict            pose_filter     the expected line and tip, from earlier images
@@ -12,6 +13,7 @@ coarse tip         coarse_tip      how far there is contrast along the strip
 shaft line         shaft_line      the shaft's middle line, from its edges
 tip selection      tip_selection   which contrast step along the shaft is the tip
 sub-pixel tip      subpixel_tip    the position of each such step (`refine_tip`)
+certainty          tip_certainty   what else shifts that step, and whether the tip may be elsewhere
 filter             pose_filter     the pose, from prediction and measurement
 background update  background      the eye without the needle
 """
@@ -27,7 +29,7 @@ from haptigraph.imaging import FloatImage
 from haptigraph.messages import Capture, Certainty, Image, Observation
 from haptigraph.perception.needle.background import Background, occluded_ends
 from haptigraph.perception.needle.bevel import Bevel
-from haptigraph.perception.needle.coarse_tip import TipEstimate, estimate_coarse_tip
+from haptigraph.perception.needle.coarse_tip import estimate_coarse_tip
 from haptigraph.perception.needle.pose_filter import PoseFilter
 from haptigraph.perception.needle.rectify import MAX_TURN_RAD, EyeGeometry, Line, RectifiedStrip, stations
 from haptigraph.perception.needle.search import PolarSearch
@@ -96,7 +98,7 @@ class Tracker:
         """
         detection = self.detect(self._registration.checked(capture.image), capture.stamp_ns)
         found: dict[str, Geometry] = dict(self._registration.anatomy)
-        if detection is None or detection.tip.where == "occluded":
+        if detection is None or detection.tip.where == "occluded" or not detection.tip.is_known:
             return Observation(capture.stamp_ns, found)
         return Observation(capture.stamp_ns, found | self._needle(), certainty=self._certainty(detection))
 
@@ -211,6 +213,10 @@ class Tracker:
 
     def _select_tip(self, image: Image, detection: Detection, expected_px: float = math.inf) -> Detection:
         """Select the tip and locate it sub-pixel; what continues beyond the shaft's edges is its shadow."""
+        selected = self._select_end(image, detection, expected_px)
+        return replace(selected, tip=self._tip_selector.with_certainty(selected))
+
+    def _select_end(self, image: Image, detection: Detection, expected_px: float) -> Detection:
         tip = self._tip_selector.select(image, detection, expected_px)
         end = self._tip_selector.before_shadow(image, detection, tip)
         if end is None:
@@ -233,17 +239,20 @@ class Tracker:
             self._usual_grey = before + CONTRAST_RATE * (tip.contrast_grey - before)
         self._appearance = fit.appearance
         is_in_trocar = tip.where != "outside"
-        self._pose.update(detection.line, fit.covariance, tip.u_px, tip.sd_px, is_in_trocar)
+        sd_px = tip.sd_px if tip.is_known else max(tip.sd_px, tip.shift_sd_px)
+        self._pose.update(detection.line, fit.covariance, tip.u_px, sd_px, is_in_trocar)
 
     def _update_background(self, image: Image, detection: Detection | None) -> None:
         """Update the background model with what the needle does not occlude."""
         if detection is None and self._background.is_new and self._doubts < MAX_DOUBTS:
             return  # what may be a needle must not become background
-        occluded = None if detection is None else self._occluded_ends(detection.line, detection.tip)
+        occluded = None if detection is None else self._occluded_ends(detection)
         self._background.learn(image, occluded, 2 * self._eye.half_px)
 
-    def _occluded_ends(self, line: Line, tip: TipEstimate) -> tuple[Vec, Vec]:
-        until_px = tip.u_px + AHEAD_OF_TIP_MM * self._eye.px_per_mm
+    def _occluded_ends(self, detection: Detection) -> tuple[Vec, Vec]:
+        line, tip, coarse = detection.line, detection.tip, detection.candidate.tip
+        end_px = max(tip.u_px, coarse.u_px) if tip.where == "inside" else tip.u_px
+        until_px = end_px + AHEAD_OF_TIP_MM * self._eye.px_per_mm
         if not (tip.contrast_grey and until_px > -EXPOSED_MM * self._eye.px_per_mm):
             until_px = max(until_px, 0.0)  # it may continue into the wall, which occludes it
         return occluded_ends(self._eye, line, until_px)
@@ -262,7 +271,7 @@ class Tracker:
     def _certainty(self, detection: Detection) -> Certainty:
         return Certainty(
             confidence=detection.fit.confidence,
-            tip_sd_mm=self._pose.tip_sd_px() / self._eye.px_per_mm,
+            tip_sd_mm=math.hypot(self._pose.tip_sd_px(), detection.tip.shift_sd_px) / self._eye.px_per_mm,
             theta_sd_deg=math.degrees(self._pose.angle_sd_rad),
         )
 

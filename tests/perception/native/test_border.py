@@ -63,7 +63,7 @@ def make_grid_arguments():
     return [SIZE_PX, pixels, cells_of, np.ones(len(pixels), bool), flanks, np.ones((rows, cells), bool), 2]
 
 
-FLAGS = "continues", "is_outside", "follows_point", "follows_faint"
+FLAGS = "continues", "is_outside", "follows_point", "follows_faint", "uses_chroma"
 APPEARANCE = (math.nan, math.nan, 0.0, math.nan, math.nan)
 POSITIONS = (16, u_px(), (8.0, 6.0), (0.0, 1.0), (1.0, 0.0))
 
@@ -83,12 +83,13 @@ WRAPPERS = {
     "is_sharp": (sharpness.is_sharp, lambda: [excess(), 0.2, 2.0]),
     "sharpness_threshold": (sharpness.sharpness_threshold, lambda: [2.0, 4]),
     "core_contrast": (strip.core_contrast, lambda: [make_strip(), slice(5, 40)]),
+    "colored_share": (strip.colored_share, lambda: [make_strip(chroma=excess()), slice(25, 40), 1.0]),
     "contrast_centroid": (strip.contrast_centroid, lambda: [make_strip(), 3, 30, slice(5, 40)]),
     "estimate_coarse_tip": (strip.estimate_coarse_tip, lambda: [make_strip(), 0.0, -math.inf, 5.0]),
     "fit_line": (strip.fit_line, lambda: [make_strip(), 50.0, 9.0, APPEARANCE]),
     "refine_tip": (
         lambda *arguments: strip.refine_tip(*arguments[:8], **dict(zip(FLAGS, arguments[8:], strict=True))),
-        lambda: [make_strip(), (12, 7), 20, 55, 24, 16.2, 0.1, 0.3, True, False, True, True],
+        lambda: [make_strip(), (12, 7), 20, 55, 24, 16.2, 0.1, 0.3, True, False, True, True, True],
     ),
     "RectifiedStrip": (
         RectifiedStrip,
@@ -166,12 +167,17 @@ def call_all(shown: RectifiedStrip, number: float, station: int) -> None:
     for call in (
         lambda: strip.core_contrast(shown, part),
         lambda: strip.contrast_centroid(shown, -3, station, part),
+        lambda: strip.colored_share(shown, part, number),
         lambda: strip.estimate_coarse_tip(shown, number, number, abs(number)),
         lambda: strip.fit_line(shown, number, abs(number), (number, 0.1, station, number, math.nan)),
         lambda: strip.fit_line(shown, math.inf, 16.0, APPEARANCE),
-        lambda: refine(shown, (12, station), 0, stop, station, number, 0.1, 0.3, True, False, True, True),
-        lambda: refine(shown, (4,), 0, stop, 2 * station, 16.2, number, number, False, True, True, True),
-        lambda: refine(shown, (4,), 0, stop, station, 8.0, 0.0, 0.3, False, False, True, True),
+        lambda: refine(
+            shown, (12, station), 0, stop, station, number, 0.1, 0.3, True, False, True, True, True
+        ),
+        lambda: refine(
+            shown, (4,), 0, stop, 2 * station, 16.2, number, number, False, True, True, True, True
+        ),
+        lambda: refine(shown, (4,), 0, stop, station, 8.0, 0.0, 0.3, False, False, True, True, False),
     ):
         with suppress(ValueError, TypeError, OverflowError):
             call()
@@ -244,10 +250,21 @@ def test_any_numbers_in_a_strip_are_safe(arrays_and_ends, noise_grey, number, st
     known = np.frombuffer(bytes(range(len(along))), np.bool_)
     with suppress(ValueError):  # parts that overlap
         parts = slice(0, ends[0]), slice(*ends[1:])
-        call_all(RectifiedStrip(along, 16, pixels, pixels, known, *parts, noise_grey), number, station)
+        call_all(
+            RectifiedStrip(along, 16, pixels, pixels, known, *parts, noise_grey, pixels), number, station
+        )
     for call in (sharpness.sharpness, sharpness.mean_sharpness):
         call(pixels)
     sharpness.is_sharp(pixels, number, noise_grey)
+
+
+def test_a_colour_that_does_not_fit_its_strip_is_refused():
+    with pytest.raises(ValueError, match="chroma: expected"):
+        make_strip(chroma=excess()[:, 1:])
+    image = np.ones((LANES, STATIONS, 3), np.uint8)
+    for pixels, chroma in ((image, excess()[1:]), (image[..., 0].copy(), excess())):
+        with pytest.raises(ValueError, match="chroma: expected"):
+            rectification.subtract_background(pixels, excess(), u_px(), 0.2, (0.0, 9.0), 1.0, chroma)
 
 
 @given(st.floats(), st.floats(), st.floats(), arrays(np.float32, 20, elements=st.floats(width=32)))
@@ -320,6 +337,9 @@ def test_the_longest_and_widest_strips_fit_on_the_stack():
         pixels = rng.normal(0, 9, (lanes, stations)).astype(np.float32)
         image = rng.integers(0, 255, (lanes, stations, 3), np.uint8)
         along = u_px(stations)
-        rectification.subtract_background(image, pixels.copy(), along, 0.2, (0.0, 1e9), 1.0)
+        planes = pixels.copy(), pixels.copy()
+        rectification.subtract_background(image, planes[0], along, 0.2, (0.0, 1e9), 1.0, planes[1])
         known, ends = np.ones(stations, bool), (slice(0, stations // 2), slice(stations // 2, stations))
-        call_all(RectifiedStrip(along, lanes // 2, pixels, pixels, known, *ends, 9.0), 2.0 * stations, 20)
+        call_all(
+            RectifiedStrip(along, lanes // 2, pixels, pixels, known, *ends, 9.0, pixels), 2.0 * stations, 20
+        )

@@ -1,8 +1,10 @@
+import math
+
 import cv2
 import numpy as np
 import pytest
 
-from haptigraph.perception.needle.background import Background
+from haptigraph.perception.needle.background import MAX_CHROMA, Background
 from haptigraph.perception.needle.bevel import Bevel
 from haptigraph.perception.needle.coarse_tip import TipEstimate, estimate_coarse_tip
 from haptigraph.perception.needle.rectify import EyeGeometry, Line, stations
@@ -25,11 +27,11 @@ def fading_needle(eye: EyeGeometry, line: Line, fades_px: float = FADES_PX) -> n
 
 
 def tips_of(
-    eye: EyeGeometry, line: Line, image: np.ndarray, expected_px: float
+    eye: EyeGeometry, line: Line, image: np.ndarray, expected_px: float, ground: object = round(GROUND)
 ) -> tuple[TipEstimate, TipEstimate]:
     """The coarse and the sub-pixel tip of a needle on known background."""
     background = Background(eye)
-    background.learn(np.full((eye.height_px, eye.width_px), round(GROUND), np.uint8), None, 20)
+    background.learn(np.full(image.shape, ground, np.uint8), None, 20)
     (strip,) = background.rectify(image, line, stations(eye, line))
     coarse = estimate_coarse_tip(strip, eye.px_per_mm, None)
     fit = fit_line(strip, coarse.u_px, strip.half_px)
@@ -55,3 +57,20 @@ def test_a_bead_beyond_the_tip_is_no_part_of_the_needle(registration, side):
     coarse, end = tips_of(eye, line, image, END_PX - 1)
     assert coarse.u_px > END_PX + 10  # by contrast alone the bead would be
     assert end.u_px == pytest.approx(END_PX, abs=1.0)
+
+
+def test_a_needle_that_becomes_as_bright_as_a_brown_bowl_is_followed_by_its_colour(registration):
+    eye = EyeGeometry(registration)
+    line = Line(eye.inwards_rad, 0.0)
+    brown, bright, fades_px = np.array([60.0, 100.0, 150.0]), 190.0, 60.0
+    y, x = np.mgrid[: eye.height_px, : eye.width_px]
+    (x0, y0), (dx, dy) = line.at_px(eye.trocar_px, 0.0), line.direction
+    along, across = (x - x0) * dx + (y - y0) * dy, (y - y0) * dx - (x - x0) * dy
+    same = float(brown @ (0.114, 0.587, 0.299)) + MAX_CHROMA * (brown[0] - brown[2])  # in the tracker's grey
+    grey = same + (bright - same) * np.clip((END_PX - 20 - along) / fades_px, 0, 1)
+    covered = np.clip(3.0 - abs(across), 0, 1) * np.clip(END_PX + 0.5 - along, 0, 1)
+    image = cv2.GaussianBlur(brown + covered[..., None] * (grey[..., None] - brown), (0, 0), 0.7)
+    image = np.clip(image + np.random.default_rng(1).normal(0, 1.0, image.shape), 0, 255).astype(np.uint8)
+    _, tip = tips_of(eye, line, image, math.inf, brown)
+    assert tip.where == "inside"
+    assert tip.u_px == pytest.approx(END_PX, abs=2.0)

@@ -1,0 +1,76 @@
+"""How certain a tip is: its standard deviation along the shaft, and whether its place is known at all.
+
+Turns a located tip and what the strip shows about it into a standard deviation. Noise over the slope of the
+contrast step is its least part: blur, a point that fades before its end, and edges that end before the
+contrast does leave more open. Where more continues than a shadow could be, or the standard deviation is too
+large to tell contact, the place is not known.
+"""
+
+import math
+
+from msgspec.structs import replace
+
+from haptigraph.imaging import FloatImage
+from haptigraph.perception.native.strip import core_contrast
+from haptigraph.perception.needle.coarse_tip import TipEstimate
+from haptigraph.perception.needle.rectify import RectifiedStrip, median
+
+__all__ = ["with_certainty"]
+
+# The terms of the variance; each a share of a length that the image shows.
+BLUR_SHARE = 0.3  # of the blur across the shaft: that along it may differ
+EDGELESS_SHARE, EDGELESS_MM = 0.17, 1.0  # of the point without edges, up to a length
+FADING_MM = 0.065  # per time that the contrast behind the point is greater than at its end
+NOISE_MM = 0.13  # per grey level of noise, of a contrast of one
+TEXTURE_GREY = 2.2  # works like noise
+
+MAX_SD_MM = 0.2  # of a tip whose place is known
+BEYOND_PX = 4.0
+BEHIND = slice(-9, -1)  # stations about the tip
+BEYOND = slice(2, 8)
+MAX_SHADOW = 0.4  # contrast of a shadow, as a share of its shaft's
+
+
+def with_certainty(
+    strip: RectifiedStrip,
+    tip: TipEstimate,
+    until_px: float,
+    edges_end_px: float,
+    blur_px: float,
+    px_per_mm: float,
+) -> TipEstimate:
+    """Return a tip inside the globe with its standard deviation, and whether its place is known.
+
+    Args:
+        strip: The strip along the shaft.
+        tip: The selected tip.
+        until_px: How far along the strip there is contrast.
+        edges_end_px: How far it shows both edges of the shaft.
+        blur_px: Standard deviation of the blur across the shaft's edges.
+        px_per_mm: Scale.
+    """
+    behind_grey, beyond_grey, noise_grey = _contrasts(strip, tip.u_px)
+    contrast_grey = max(tip.contrast_grey, 1.0)
+    edgeless_px = min(max(tip.u_px - edges_end_px, 0.0), EDGELESS_MM * px_per_mm)
+    shift_sd_px = math.hypot(
+        BLUR_SHARE * blur_px,
+        EDGELESS_SHARE * edgeless_px,
+        px_per_mm * FADING_MM * min(max(behind_grey / contrast_grey - 1, 0.0), 4.0),
+        px_per_mm * NOISE_MM * (strip.noise_grey + TEXTURE_GREY) / contrast_grey,
+    )
+    continues = until_px > tip.u_px + BEYOND_PX and beyond_grey > max(MAX_SHADOW * behind_grey, noise_grey)
+    is_certain = math.hypot(tip.sd_px, shift_sd_px) <= MAX_SD_MM * px_per_mm
+    return replace(tip, shift_sd_px=shift_sd_px, is_known=is_certain and not continues)
+
+
+def _contrasts(strip: RectifiedStrip, tip_px: float) -> tuple[float, float, float]:
+    """Return the contrast behind a tip and beyond it, and that of noise [grey levels]."""
+    tip = int(strip.u_px.searchsorted(tip_px))
+    start, stop = max(tip + BEHIND.start, strip.inside.start), min(tip + BEYOND.stop, strip.inside.stop)
+    along, noise_grey = core_contrast(strip, slice(start, stop))
+    behind, beyond = along[: max(tip + BEHIND.stop - start, 0)], along[tip + BEYOND.start - start :]
+    return _median(behind), _median(beyond), noise_grey
+
+
+def _median(values: FloatImage) -> float:
+    return median(values) if len(values) else 0.0
