@@ -16,6 +16,7 @@ from msgspec.structs import replace
 
 from haptigraph import assemble
 from haptigraph.analysis.evaluation.ground_truth import TruthRow, load_truth
+from haptigraph.analysis.evaluation.tip_scores import TipError, tip_error, tip_scores
 from haptigraph.clock import VirtualClock
 from haptigraph.config import Config
 from haptigraph.errors import BadInput
@@ -42,6 +43,7 @@ MIN_DEPTH_MM = 2.0
 SHALLOW_MM = (1.0, 3.0)
 WALL_MM = 2.0  # a tip that disappears this close to the RCM is in the wall
 CONTACT, HIT = "retinal_contact", "target_hit"
+NOT_SILENT = {CONTACT, HIT, UNKNOWN, "tip_not_visible"}
 
 
 class Evaluation(Struct, frozen=True):
@@ -93,7 +95,7 @@ class Errors(Struct, frozen=True):
 
     images: int
     expected: list[bool]
-    """Whether the tip was detected, for images with at least 2 mm of needle inside."""
+    """Whether a needle was detected, for images with at least 2 mm of needle inside."""
     false_detections: int
     tips_px: list[tuple[float, float]]
     """(depth [mm], error [px]) of tips detected inside."""
@@ -102,6 +104,9 @@ class Errors(Struct, frozen=True):
     agreed: list[bool]
     """Whether the state agrees with the ground truth, for the images that count."""
     wrong_contact_images: int
+    missed_contact_images: int
+    tips: list[TipError | None]
+    """Of images with at least 2 mm of needle inside; None if no tip was reported."""
 
 
 AngleError = Callable[[Step, TruthRow], float | None]
@@ -127,17 +132,24 @@ def errors_of(
     inside = [(row, number) for number, row in enumerate(truth) if row.visible and row.inside]
     tip_errors = [(row.depth_mm or 0.0, _distance(tips[number], row.tip_px)) for row, number in inside]
     angle_errors = [(_depth(row), angle_error_deg(steps[number], row)) for row, number in inside]
+    deep = [(steps[number], row) for row, number in inside if _depth(row) >= MIN_DEPTH_MM]
     return Errors(
         images=len(truth),
-        expected=[tips[number] is not None for row, number in inside if _depth(row) >= MIN_DEPTH_MM],
+        expected=[_is_needle_found(step) for step, _ in deep],
         false_detections=sum(
-            tip is not None and not row.visible and not row.inside and not in_wall
-            for tip, row, in_wall in zip(tips, truth, occluded, strict=True)
+            _is_needle_found(step) and not row.visible and not row.inside and not in_wall
+            for step, row, in_wall in zip(steps, truth, occluded, strict=True)
         ),
         tips_px=[(depth, error) for depth, error in tip_errors if error is not None],
         angles_deg=[(depth, error) for depth, error in angle_errors if error is not None],
         agreed=_agreement(states, true_states, occluded),
         wrong_contact_images=_wrong_contacts(states, true_states),
+        missed_contact_images=sum(
+            _is_missed(steps[number].conclusion.state, true_states, number)
+            for row, number in inside
+            if _depth(row) >= MIN_DEPTH_MM
+        ),
+        tips=[tip_error(step, row.tip_px, image) for step, row in deep],
     )
 
 
@@ -155,7 +167,7 @@ def score(steps: Sequence[Step], truth: Sequence[TruthRow], image: ImageGeometry
 
     Returns:
         detection_rate, false_detections, tip_error_px, tip_error_mm, angle_error_deg, state_agreement,
-        wrong_contact_images, state_changes, final_state.
+        wrong_contact_images, missed_contact_images, those of `tip_scores`, state_changes, final_state.
     """
     errors = errors_of(steps, truth, image)
     tips_px = [error for _, error in errors.tips_px]
@@ -169,6 +181,8 @@ def score(steps: Sequence[Step], truth: Sequence[TruthRow], image: ImageGeometry
         "angle_error_deg": angle_spreads(errors.angles_deg),
         "state_agreement": share(errors.agreed),
         "wrong_contact_images": errors.wrong_contact_images,
+        "missed_contact_images": errors.missed_contact_images,
+        **tip_scores(errors.tips),
         "state_changes": {"run": _changes(states), "truth": _changes(true_states)},
         "final_state": states[-1] if states else UNKNOWN,
     }
@@ -246,6 +260,17 @@ def _wrong_contacts(states: list[str], true_states: list[str]) -> int:
         state == CONTACT and not {CONTACT, HIT} & set(true_states[max(row - 1, 0) : row + 2])
         for row, state in enumerate(states)
     )
+
+
+def _is_needle_found(step: Step) -> bool:
+    """Return whether any part of a needle was reported."""
+    return not {"needle_line", "needle_tip"}.isdisjoint(step.observation.found)
+
+
+def _is_missed(state: str, true_states: list[str], row: int) -> bool:
+    """Return whether a state is silent while the needle touches, not within one image of a true change."""
+    near = set(true_states[max(row - 1, 0) : row + 2])
+    return len(near) == 1 and near <= {CONTACT, HIT} and state not in NOT_SILENT
 
 
 def _changes(states: list[str]) -> int:

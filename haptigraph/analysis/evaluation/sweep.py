@@ -13,6 +13,7 @@ from msgspec.structs import replace
 from haptigraph import assemble
 from haptigraph.analysis.evaluation.evaluation import Errors, angle_spreads, errors_of, share, spread
 from haptigraph.analysis.evaluation.ground_truth import TruthRow
+from haptigraph.analysis.evaluation.tip_scores import tip_scores
 from haptigraph.config import Config
 from haptigraph.geometry import ImageGeometry, Point, Segment, Vec, angle_between_deg, subtract
 from haptigraph.inference.engine import RuleEngine
@@ -102,6 +103,8 @@ def _pooled(scenes: Sequence[Errors]) -> dict[str, Any]:
         "angle_error_deg": angle_spreads(angles_deg),
         "state_agreement": share([hit for errors in scenes for hit in errors.agreed]),
         "wrong_contact_images": sum(errors.wrong_contact_images for errors in scenes),
+        "missed_contact_images": sum(errors.missed_contact_images for errors in scenes),
+        **tip_scores([tip for errors in scenes for tip in errors.tips]),
     }
 
 
@@ -181,7 +184,10 @@ def _errors_of_scene(
 
     errors = {name: errors_of(steps[name], rows, image, angle_error_deg) for name in perceivers}
     if scene.has_registration_error:
-        return {name: replace(each, agreed=[], wrong_contact_images=0) for name, each in errors.items()}
+        return {
+            name: replace(each, agreed=[], wrong_contact_images=0, missed_contact_images=0)
+            for name, each in errors.items()
+        }
     return errors
 
 

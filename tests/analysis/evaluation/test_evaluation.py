@@ -8,7 +8,7 @@ from haptigraph.config import load_config
 from haptigraph.errors import BadInput
 from haptigraph.geometry import ImageGeometry
 from haptigraph.graph import SceneGraph
-from haptigraph.messages import Observation
+from haptigraph.messages import Certainty, Observation
 
 IMAGE = ImageGeometry((0.0, 0.0), 0.1, mirrored=False)
 NAV, APPROACH = "aligned_intraocular_navigation", "aligned_retinal_approach"
@@ -117,6 +117,11 @@ KEYS = {
     "angle_error_deg": dict,
     "state_agreement": float,
     "wrong_contact_images": int,
+    "missed_contact_images": int,
+    "tip_known_rate": float,
+    "tip_far_rate": float,
+    "tip_bias_px": float,
+    "tip_z": dict,
     "state_changes": dict,
     "final_state": str,
 }
@@ -160,3 +165,54 @@ def test_ground_truth_of_another_length_is_refused(clip, tmp_path):
     (tmp_path / "truth.csv").write_text("\n".join(lines[:10]))
     with pytest.raises(BadInput, match=r"has 9 rows, but the clip has \d+ images"):
         evaluate_clip(tmp_path, load_config())
+
+
+def uncertain(sd_mm, **change):
+    """A step whose tip has a standard deviation."""
+    observed = step(**change)
+    certainty = Certainty(confidence=1.0, tip_sd_mm=sd_mm, theta_sd_deg=0.1)
+    return replace(observed, observation=replace(observed.observation, certainty=certainty))
+
+
+def test_a_needle_without_a_tip_is_detected_but_its_tip_is_not_known():
+    line_alone = step()
+    del line_alone.observation.found["needle_tip"]
+    scores = score([line_alone, step()], [row(), row()], IMAGE)
+    assert scores["detection_rate"] == 1.0
+    assert scores["tip_known_rate"] == 0.5
+    gone = row("unknown", visible=False, inside=False)
+    assert score([line_alone], [gone], IMAGE)["false_detections"] == 1
+
+
+def test_far_tips_are_more_than_a_third_of_a_millimetre_off():
+    truth = [row()] * 4 + [row(depth_mm=1.0)]
+    steps = [step(tip_px=(102.0, 102.0)), step(tip_px=(100.0, 103.1)), step(), step(tip_px=None)]
+    scores = score([*steps, step(tip_px=(200.0, 0.0))], truth, IMAGE)
+    assert scores["tip_far_rate"] == pytest.approx(1 / 3)  # of those reported, at least 2 mm deep
+    assert scores["tip_known_rate"] == 0.75
+
+
+def test_bias_and_certainty_go_by_the_error_along_the_shaft():
+    longer = uncertain(0.1, tip_px=(102.0, 102.0))
+    scores = score([longer], [row()], IMAGE)
+    assert scores["tip_bias_px"] == pytest.approx(2 * 2**0.5)
+    assert scores["tip_z"]["p68"] == pytest.approx(2 * 2**0.5)
+    shorter = [uncertain(0.2, tip_px=(100.0 - n / 2, 100.0 - n / 2)) for n in range(101)]
+    scores = score(shorter, [row()] * 101, IMAGE)
+    assert scores["tip_bias_px"] == pytest.approx(-25 * 2**0.5)
+    z = {name: n / 2 * 2**0.5 * 0.1 / 0.2 for name, n in {"p68": 68, "p95": 95, "p997": 99.7}.items()}
+    assert scores["tip_z"] == pytest.approx(z)
+
+
+def test_a_tip_that_is_certain_and_wrong_counts():
+    assert score([uncertain(0.0, tip_px=(102.0, 102.0))], [row()], IMAGE)["tip_z"]["p68"] > 1000
+    assert score([uncertain(0.0)], [row()], IMAGE)["tip_z"]["p68"] < 0.01
+    assert score([step()], [row()], IMAGE)["tip_z"] == {"p68": None, "p95": None, "p997": None}
+
+
+def test_missed_contacts_are_silent_while_the_needle_touches():
+    truth = [row(NAV), *[row("retinal_contact")] * 8, row(NAV)]
+    said = ["retinal_contact", "target_hit", "unknown", "tip_not_visible", NAV, APPROACH]
+    steps = [step(state) for state in (NAV, NAV, *said, NAV, NAV)]  # one image at either end does not count
+    assert score(steps, truth, IMAGE)["missed_contact_images"] == 2
+    assert score(steps, [row(NAV)] * 10, IMAGE)["missed_contact_images"] == 0
