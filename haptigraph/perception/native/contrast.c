@@ -3,15 +3,15 @@
 #include "native.h"
 
 #define MIN_SNR 4.0
-#define CORE 5       /* lanes in the middle of a strip */
-#define NOISE_SD 2.0 /* contrast within so many standard deviations of the noise has no centroid */
-#define CHROMA_SD 2.0 /* of the noise in the colour, squared: less is none */
+#define CORE 5              /* lanes in the middle of a strip */
+#define NOISE_SD 2.0        /* contrast within so many standard deviations of the noise has no centroid */
+#define CHROMA_SD 2.0       /* of the noise in the colour, squared: less is none */
 #define NOISE_PER_REACH 3.0 /* grey levels: in noise, stations are averaged to so many either side */
 #define MAX_REACH 3
-#define BEHIND 12        /* stations whose colour those beyond must have, */
+#define BEHIND 12 /* stations whose colour those beyond must have, */
 #define MIN_BEHIND 4
 #define MIN_COLOR 0.15 /* at least so much of it */
-#define RUN 64       /* stations at a time: their sums stay on the stack */
+#define RUN 64         /* stations at a time: their sums stay on the stack */
 
 /* Return the mean of some stations about one, of those that there are. */
 static inline double mean_about(const float *grey, int stations, int at, int reach) {
@@ -60,8 +60,7 @@ double noise_threshold_grey(double noise_grey, int count) { return MIN_SNR * noi
 static double core_contrast_in(const Strip *strip, int lanes, int start, int stop, float *contrast_grey) {
     static const float weights[CORE] = {0.2f, 0.2f, 0.2f, 0.2f, 0.2f};
     const int reach = clamped(strip->noise_grey / NOISE_PER_REACH, 0, MAX_REACH);
-    contrast_along(strip, lanes / 2 - CORE / 2, weights, CORE, start, stop, reach,
-                   contrast_grey);
+    contrast_along(strip, lanes / 2 - CORE / 2, weights, CORE, start, stop, reach, contrast_grey);
     return noise_threshold_grey(strip->noise_grey, CORE * (2 * reach + 1));
 }
 
@@ -69,8 +68,8 @@ double core_contrast(const Strip *strip, int start, int stop, float *contrast_gr
     return core_contrast_in(strip, strip->excess.lanes, start, stop, contrast_grey);
 }
 
-/* Return the share of some stations whose middle lanes have a colour that no shadow explains, as clear as right
-   before them; 0 if it is not clear there. */
+/* Return the share of some stations whose middle lanes have a colour that no shadow explains, as clear as
+   right before them; 0 if it is not clear there. */
 EXPORT double colored_share(const Strip *strip, int start, int stop, double grey) {
     const int first = start - BEHIND > strip->inside_start ? start - BEHIND : strip->inside_start;
     if (start - first < MIN_BEHIND || stop <= start) return 0;
