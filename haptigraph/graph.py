@@ -47,7 +47,10 @@ class Entity(Struct, frozen=True, forbid_unknown_fields=True):
     fixed: bool = False
     """Registered in advance, so present in every graph but that of a missing image. Proofs assume it."""
     visible_with: str = ""
-    """An entity, declared earlier, that is always detected together with this one. Proofs assume it."""
+    """An entity, declared earlier, without which this one is left out of graphs. Proofs assume that neither
+    is ever detected without the other."""
+    only_with: str = ""
+    """An entity without which this one is never detected; it may be detected alone. Proofs assume it."""
 
     @property
     def display_name(self) -> str:

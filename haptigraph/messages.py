@@ -17,6 +17,7 @@ from haptigraph.graph import SceneGraph, Triplet
 
 __all__ = [
     "OFF",
+    "TIP_NOT_VISIBLE",
     "UNKNOWN",
     "CameraStamp",
     "Capabilities",
@@ -40,6 +41,8 @@ Image: TypeAlias = NDArray[np.uint8]
 
 UNKNOWN = "unknown"
 """The state without a detected needle: failed detection, stale image, lost camera, dead perceiver."""
+TIP_NOT_VISIBLE = "tip_not_visible"
+"""The state of a needle whose shaft is detected, but not its tip."""
 
 
 class Fault(Struct, frozen=True):

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 from haptigraph.haptics.guidance import Guidance
 from haptigraph.haptics.pattern import NS_PER_MS, duration_ns, position_ns
-from haptigraph.messages import OFF, UNKNOWN, Conclusion, HapticCommand, Pattern
+from haptigraph.messages import OFF, TIP_NOT_VISIBLE, UNKNOWN, Conclusion, HapticCommand, Pattern
 
 __all__ = ["GrammarRenderer"]
 
@@ -17,7 +17,7 @@ class GrammarRenderer:
 
     Numbers of a pattern may follow a measure; its rhythm continues meanwhile. Bursts start when their state
     is entered and play to the end, once, even if a silent state follows. Any other pattern, or the loss of
-    the needle, cuts them short.
+    the needle or its tip, cuts them short.
 
     Args:
         patterns: The procedure's patterns; every `feel` of its states is among them.
@@ -38,7 +38,8 @@ class GrammarRenderer:
         self._left_ns[conclusion.state] = now_ns
         if self._burst_is_over(now_ns):
             self._play(OFF, now_ns)
-        if conclusion.state == UNKNOWN:
+        is_tip_lost = conclusion.state == TIP_NOT_VISIBLE and pattern.kind == "off"
+        if conclusion.state == UNKNOWN or is_tip_lost:
             self._play(OFF, now_ns)
         elif pattern.kind == "bursts":
             if entered:

@@ -168,6 +168,13 @@ def _check_entities(document: Document, schema: Schema) -> None:
         if entity.visible_with and entity.visible_with not in earlier:
             problem = f"visible_with {entity.visible_with!r} is no entity declared before this one"
             raise document.error(problem, path)
+        if entity.only_with:
+            path = f"entity[{number}].only_with"
+            others = [other.name for other in schema.entities if other is not entity]
+            check_name(document, "entity", entity.only_with, others, path)
+            if entity.fixed or entity.visible_with:
+                taken = "fixed" if entity.fixed else "visible_with"
+                raise document.error(f"both {taken} and only_with are given; keep one of them", path)
 
 
 def _check_relations(document: Document, schema: Schema, measures: MeasureShapes) -> None:

@@ -122,7 +122,10 @@ class Nearest:
         return self._space.mask(graph)
 
     def _entity_sets(self, mask: int) -> Iterator[int]:
-        """Yield sets of entities: the current one, all, and the current one with one cluster toggled."""
+        """Yield sets of entities: the current one, all, and the current one with one cluster toggled.
+
+        Where there are no entities, the toggled set is that of the fixed ones.
+        """
         space = self._space
         undeclared = sum(space.entity_bits[name] for name in space.undeclared)
         here = mask & ~space.edges | undeclared
@@ -130,9 +133,9 @@ class Nearest:
         yield here
         yield space.fixed | undeclared | sum(clusters)
         if not here & ~undeclared:
-            yield from (space.fixed | cluster | undeclared for cluster in space.clusters)
+            yield from (space.toggled(space.fixed, cluster) | undeclared for cluster in space.clusters)
         else:
-            yield from (here ^ cluster for cluster in clusters)
+            yield from (space.toggled(here, cluster) for cluster in clusters)
 
     def _successors(
         self, mask: int, present: int, measures: dict[str, float]

@@ -109,7 +109,7 @@ def _unused_entities(subject: Subject) -> Iterator[Violation]:
     procedure = subject.procedure
     used = {name for state in procedure.states for name in state.absent}
     used |= {name for scale in subject.space.scales for name in scale.requires}
-    used |= {entity.visible_with for entity in procedure.schema.entities}
+    used |= {name for entity in procedure.schema.entities for name in (entity.visible_with, entity.only_with)}
     for entity in procedure.schema.entities:
         if entity.name not in used:
             sentence = f"no relation, rule or measure uses {entity.name}; use it or remove it"

@@ -1,7 +1,7 @@
 """All graphs that are possible under a schema: the entities that are present, and the cell of each measure.
 
-Thresholds, `given`, `fixed`, `visible_with` and geometric limits decide what is possible. Motion is not
-modelled, so any graph may follow any other.
+Thresholds, `given`, `fixed`, `visible_with`, `only_with` and geometric limits decide what is possible. Motion
+is not modelled, so any graph may follow any other.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -58,6 +58,12 @@ class Space:
         self.visible = (1 << (count + len(names))) - 1
         """The bits that a graph shows: all except undeclared entities."""
         self.fixed, self.clusters = self._clusters()
+        self.only_with = [
+            (self.entity_bits[entity.name], self.entity_bits[entity.only_with])
+            for entity in schema.entities
+            if entity.only_with
+        ]
+        """Pairs of bits: the first entity is never present without the second."""
         at = {
             (scale.measure, scale.subject, scale.object): number for number, scale in enumerate(self.scales)
         }
@@ -72,8 +78,19 @@ class Space:
             combinations(self.clusters, size) for size in range(len(self.clusters) + 1)
         )
         for some in choices:
-            if bits := self.fixed | sum(some):
+            bits = self.fixed | sum(some)
+            if bits and all(bits & other for one, other in self.only_with if bits & one):
                 yield bits
+
+    def toggled(self, present: int, cluster: int) -> int:
+        """Return a set of entities in which a cluster has appeared or vanished, with what that entails."""
+        appears, toggled = not present & cluster, present ^ cluster
+        for _ in self.only_with:
+            for one, other in self.only_with:
+                if toggled & one and not toggled & other:
+                    changed = other if appears else one
+                    toggled ^= next((bits for bits in self.clusters if bits & changed), changed)
+        return toggled
 
     def measured(self, present: int) -> list[bool]:
         """Return for every scale whether its measure is defined for a set of entities."""

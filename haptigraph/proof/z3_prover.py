@@ -84,7 +84,7 @@ class Z3Prover:
         return self._z3.And(*(self._bits[bit] for bit in bits_of(mask)))
 
     def _entity_constraints(self) -> list[Any]:
-        """Either no entity at all, or the fixed ones and any of the sets that appear and vanish together."""
+        """Either no entity at all, or the fixed ones and any sets that appear and vanish together."""
         z3, space = self._z3, self._space
         everyone = sum(space.entity_bits.values())
         nothing = z3.And(*(z3.Not(self._bits[bit]) for bit in bits_of(everyone)))
@@ -92,7 +92,8 @@ class Z3Prover:
         for cluster in space.clusters:
             first, *others = bits_of(cluster)
             alike += [self._bits[bit] == self._bits[first] for bit in others]
-        return [*alike, z3.Or(nothing, self._all_of(space.fixed))]
+        only_with = [z3.Implies(self._all_of(one), self._all_of(other)) for one, other in space.only_with]
+        return [*alike, *only_with, z3.Or(nothing, self._all_of(space.fixed))]
 
     def _relation_constraints(self) -> list[Any]:
         z3, space = self._z3, self._space

@@ -2,13 +2,15 @@
 
 from haptigraph.graph import Node, Relation, SceneGraph, Schema, Triplet
 from haptigraph.messages import Observation
-from haptigraph.scene.relations import MEASURES
+from haptigraph.scene.relations import MEASURES, Found
 
 __all__ = ["SchemaSceneBuilder"]
 
 
 class SchemaSceneBuilder:
     """Evaluate every relation of a schema on an observation.
+
+    An entity is left out if the one that it is `visible_with` was not detected, because proofs assume that.
 
     Args:
         schema: Entities and relations; all their measures are in `MEASURES`.
@@ -25,15 +27,19 @@ class SchemaSceneBuilder:
             )
             for relation in schema.relations
         ]
+        self._visible_with = [
+            (entity.name, entity.visible_with) for entity in schema.entities if entity.visible_with
+        ]
         self._held: frozenset[Triplet] = frozenset()
 
     def __call__(self, observation: Observation) -> SceneGraph:
         """Return the graph of one observation."""
+        found = self._covered(observation.found)
         measures: dict[str, float] = {}
         edges: list[Triplet] = []
         for relation, name, edge, given in self._relations:
             if name not in measures:
-                value = _measure(relation, observation)
+                value = _measure(relation, found)
                 if value is None:
                     continue
                 measures[name] = value
@@ -41,16 +47,22 @@ class SchemaSceneBuilder:
             if holds and all(other in edges for other in given):
                 edges.append(edge)
         self._held = frozenset(edges)
-        nodes = tuple(node for node in self._nodes if node.id in observation.found)
+        nodes = tuple(node for node in self._nodes if node.id in found)
         return SceneGraph(observation.stamp_ns, nodes, tuple(edges), measures)
 
     def reset(self) -> None:
         """Forget which relations held."""
         self._held = frozenset()
 
+    def _covered(self, found: Found) -> Found:
+        """Return the entities without those that are never detected alone, where they are."""
+        for name, other in self._visible_with:
+            if name in found and other not in found:
+                found = {key: shape for key, shape in found.items() if key != name}
+        return found
 
-def _measure(relation: Relation, observation: Observation) -> float | None:
-    found = observation.found
+
+def _measure(relation: Relation, found: Found) -> float | None:
     subject, object_ = found.get(relation.subject), found.get(relation.object)
     if subject is None or object_ is None:
         return None

@@ -6,11 +6,11 @@ from msgspec.structs import replace
 
 from haptigraph.haptics.pattern import amplitude_at
 from haptigraph.haptics.renderer import GrammarRenderer
-from haptigraph.messages import OFF, UNKNOWN, Conclusion, HapticCommand, Pattern
+from haptigraph.messages import OFF, TIP_NOT_VISIBLE, UNKNOWN, Conclusion, HapticCommand, Pattern
 
 CHIME = Pattern("chime", "bursts", amplitude=0.5, on_ms=50, off_ms=50, count=3)
 PATTERNS = {"contact": "pulse", "hit": "success", "off_course": "low", "on_course": "off", "also_off": "low"}
-PATTERNS |= {UNKNOWN: "off", "bell": "chime"}
+PATTERNS |= {UNKNOWN: "off", TIP_NOT_VISIBLE: "off", "bell": "chime"}
 
 
 class Player:
@@ -71,10 +71,18 @@ def test_bursts_play_again_when_their_state_is_entered_later(play):
     assert play(500, "hit").since_ns == 500 * MS
 
 
-@pytest.mark.parametrize(("state", "pattern"), [("contact", PULSE), ("off_course", LOW), (UNKNOWN, OFF)])
-def test_an_alarm_guidance_or_a_lost_needle_cut_bursts_short(play, state, pattern):
+@pytest.mark.parametrize(
+    ("state", "pattern"), [("contact", PULSE), ("off_course", LOW), (UNKNOWN, OFF), (TIP_NOT_VISIBLE, OFF)]
+)
+def test_an_alarm_guidance_a_lost_needle_or_a_lost_tip_cut_bursts_short(play, state, pattern):
     play(0, "hit")
     assert play(50, state).pattern == pattern
+
+
+def test_a_tip_that_is_not_visible_may_have_a_pattern_of_its_own():
+    render = GrammarRenderer([OFF, SUCCESS, LOW])
+    render(Conclusion(0, "hit", 0, "success", ""))
+    assert render(Conclusion(50 * MS, TIP_NOT_VISIBLE, 0, "low", "")).pattern == LOW
 
 
 def test_after_an_alarm_inside_the_target_bursts_play_again(play):
@@ -104,7 +112,7 @@ def test_a_silent_or_unknown_state_never_vibrates_except_for_the_end_of_a_burst(
         amplitude = amplitude_at(command, now_ms * MS)
         if command.pattern.kind == "bursts" and command.since_ns == now_ms * MS:
             last_burst_ms = now_ms
-        if state == UNKNOWN:
+        if state in (UNKNOWN, TIP_NOT_VISIBLE):
             assert amplitude == 0
         if state == "on_course" and amplitude:
             assert now_ms - last_burst_ms < 300

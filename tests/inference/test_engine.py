@@ -8,7 +8,8 @@ from haptigraph.assemble import load_procedure, procedure_names
 from haptigraph.graph import Node, SceneGraph, Triplet
 from haptigraph.inference.engine import RuleEngine
 from haptigraph.inference.procedure import Procedure
-from haptigraph.messages import UNKNOWN, Conclusion
+from haptigraph.messages import TIP_NOT_VISIBLE, UNKNOWN, Conclusion
+from haptigraph.proof.space import Space
 
 
 def subsets(items):
@@ -95,10 +96,37 @@ def test_without_a_needle_the_state_is_unknown_whatever_else_is_present(procedur
     assert conclusion.because == "no needle is seen"
 
 
+@pytest.mark.parametrize("name", procedure_names())
+def test_an_instrument_without_a_tip_is_not_unknown_in_any_shipped_procedure(name):
+    """Whatever else is present: the state says that the instrument is seen, and no alarm or guidance is felt."""
+    shipped = load_procedure(name)
+    tip, line = (
+        f"{'forceps' if name == 'membrane_peeling' else 'needle'}_{part}" for part in ("tip", "line")
+    )
+    space, reason = Space(shipped.schema), RuleEngine(shipped)
+    graphs = [space.graph(world) for world in space.worlds()]
+    without_tip = [graph for graph in graphs if tip not in {node.id for node in graph.nodes}]
+    seen = {state: set() for state in (UNKNOWN, TIP_NOT_VISIBLE)}
+    for graph in without_tip:
+        conclusion = reason(graph)
+        seen[conclusion.state].add(line in {node.id for node in graph.nodes})
+        assert conclusion.feel in ("off", "tick")
+    assert seen == {UNKNOWN: {False}, TIP_NOT_VISIBLE: {True}}
+
+
+def test_the_tick_of_a_tip_that_is_not_visible_is_much_weaker_than_guidance_and_alarm():
+    steady = load_procedure("subretinal_injection_steady")
+    patterns = {pattern.name: pattern for pattern in steady.patterns}
+    tick, low, pulse = patterns["tick"], patterns["low"], patterns["pulse"]
+    assert tick.amplitude <= 0.7 * low.amplitude < pulse.amplitude
+    assert tick.on_ms + tick.off_ms == 1000
+    assert tick.on_ms >= 50  # motors need it to spin up
+
+
 def test_a_conclusion_gives_the_rule_and_the_reason(procedure):
     conclusion = RuleEngine(procedure)(graph_of(TOUCH, INSIDE, OFF, distance_to_target_mm=2.345))
     assert conclusion.stamp_ns == 42
-    assert conclusion.priority == 1
+    assert conclusion.priority == 2
     assert conclusion.evidence == (Triplet(*TOUCH),)
     assert conclusion.because == "the tip touches the retina 2.3 mm from the target"
 

@@ -27,9 +27,10 @@ def refuse(text: str) -> str:
     return str(refused.value)
 
 
-def test_the_papers_eight_states_stand_in_order(procedure):
+def test_the_papers_eight_states_stand_in_order_with_the_one_without_a_tip(procedure):
     assert [state.name for state in procedure.states] == [
         "unknown",
+        "tip_not_visible",
         "retinal_contact",
         "target_hit",
         "misaligned_retinal_approach",
@@ -80,7 +81,7 @@ def test_the_error_for_an_unknown_procedure_suggests_an_existing_one():
     [
         ('feel = "pulse"', 'feel = "plse"', "unknown pattern 'plse'; did you mean 'pulse'?"),
         ('feel = "pulse"', 'feels = "pulse"', "unknown key 'feels'; did you mean 'feel'?"),
-        ('feel = "pulse"', "feel = 3", "state[1].feel: expected str, got int, found 3"),
+        ('feel = "pulse"', "feel = 3", "state[2].feel: expected str, got int, found 3"),
         ('feel = "off"\nbecause = "no', 'feel = "low"\nbecause = "no', "'unknown' must have a pattern of kind 'off'"),
         ('subject = "needle_tip"', 'subject = "needle_tp"', "unknown entity 'needle_tp'; did you mean 'needle_tip'"),
         ('measure = "distance_mm" ', 'measure = "gap_mm" ', "unknown measure 'gap_mm'"),
@@ -119,16 +120,19 @@ def test_the_error_for_an_unknown_procedure_suggests_an_existing_one():
         ('unless = [["needle_tip", "touching", "retina_target"]]', 'unless = [["needle_tip", "touching", "retina_surface"]]', "can never hold: <needle_tip, touching, retina_surface> is both required and excluded"),
         ('unless = [["needle_tip", "touching", "retina_target"]]', 'absent = ["needle_tip"]', "can never hold: <needle_tip, touching, retina_surface> is both required and excluded"),
         ('name = "target_hit"', 'name = " "', "a state without a name"),
-        ('visible_with = "needle_tip"', 'visible_with = "trocar"', "visible_with 'trocar' is no entity declared before this one"),
-        ('visible_with = "needle_tip"', 'visible_with = "needle_tip"\nfixed = true', "both fixed and visible_with are given"),
-        ('visible_with = "needle_tip"', 'visible_with = "needle_tip"\nseen_with = "needle_tip"', "both 'seen_with' and 'visible_with', which is its new name; keep 'visible_with'"),
+        ('only_with = "needle_line"', 'visible_with = "trocar"', "visible_with 'trocar' is no entity declared before this one"),
+        ('label = "shaft"', 'visible_with = "needle_tip"\nfixed = true', "both fixed and visible_with are given"),
+        ('only_with = "needle_line"', 'only_with = "needle_tip"', "unknown entity 'needle_tip'; did you mean 'needle_line'?"),
+        ('only_with = "needle_line"', 'only_with = "needle_line"\nfixed = true', "both fixed and only_with are given"),
+        ('label = "shaft"', 'visible_with = "needle_tip"\nonly_with = "needle_tip"', "both visible_with and only_with are given"),
+        ('label = "shaft"', 'visible_with = "needle_tip"\nseen_with = "needle_tip"', "both 'seen_with' and 'visible_with', which is its new name; keep 'visible_with'"),
         ('feels = ["pulse"]', 'feels = ["plse"]', "unknown pattern 'plse'; did you mean 'pulse'?"),
         ('feels = ["pulse"]\nstates = ["retinal_contact"]', "", "claims nothing; give feels, never_feels, states or never_states"),
         ('states = ["retinal_contact"]', 'states = ["contact"]', "unknown state 'contact'"),
         ('present = ["needle_tip"]', 'present = ["needle"]', "unknown entity 'needle'; did you mean 'needle_tip'?"),
         ('present = ["needle_tip"]', 'unless = [["a", "b", "c"]]', "<a, b, c> is no relation; there are: <needle_tip"),
         ('feels = ["pulse"]', 'feels = "pulse"', "expected array, got str, found 'pulse'"),
-        ('name = "nothing vibrates when no needle is seen"', 'name = "a needle that is seen has a state"', "a second invariant 'a needle that is seen has a state'"),
+        ('name = "nothing vibrates when the tip is not seen"', 'name = "a needle that is seen is never unknown"', "a second invariant 'a needle that is seen is never unknown'"),
         ('measure = "distance_to_retina_mm"', 'measure = "distance_mm"', "unknown measure 'distance_mm'; did you mean 'distance_to_"),
         ('above = 5.5\nbecause', "because", "no bound; give at_most, below, at_least or above"),
         ('above = 5.5\nbecause', "above = 5.5\nat_least = 5.5\nbecause", "both at_least and above are given; one of them is enough"),
@@ -140,7 +144,7 @@ def test_the_error_for_an_unknown_procedure_suggests_an_existing_one():
         ('absent = ["needle_tip"]\nfeels = ["off"]\nwithin_ms', 'feels = ["off"]\nwithin_ms', "within_ms needs feels and a premise"),
         ('most_changes = 6', 'most_changes = 6\nabsent = ["needle_tip"]', "most_changes applies to every graph; remove feels"),
         ('absent = ["needle_tip"]\nfeels = ["off"]\nwithin_ms', 'absent = ["needle"]\nfeels = ["off"]\nwithin_ms', "unknown entity 'needle'; did you mean 'needle_tip'?"),
-        ('name = "it is silent within 50 ms of losing the needle"', 'name = "the alarm is felt within 50 ms of contact"', "a second temporal 'the alarm is felt within"),
+        ('name = "it is silent within 50 ms of losing the tip"', 'name = "the alarm is felt within 50 ms of contact"', "a second temporal 'the alarm is felt within"),
         ('[[gap]]', '[[overlap]]\nrelations = [["a", "b", "c"], ["needle_tip", "touching", "retina_target"]]\nbecause = ""\n[[gap]]', "<a, b, c> is no relation"),
     ],
 )  # fmt: skip
@@ -203,7 +207,10 @@ def result(procedure: Procedure) -> Proof:
     return replace(prove(procedure), sha256="")
 
 
-@pytest.mark.parametrize("name", procedure_names())
+HAVE_RENAMED_KEYS = ("membrane_peeling", "subretinal_injection_ioct", "subretinal_injection_phases")
+
+
+@pytest.mark.parametrize("name", HAVE_RENAMED_KEYS)
 def test_old_keys_give_the_same_procedure_the_same_proof_and_a_sentence_for_each(name, tmp_path):
     new = load_procedure(name)
     text, count = re.subn("^visible_with = ", "seen_with = ", new.text, flags=re.MULTILINE)

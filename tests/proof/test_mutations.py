@@ -47,6 +47,8 @@ def is_possible(procedure: Procedure, graph: SceneGraph) -> bool:
             return False
         if entity.visible_with and (entity.name in nodes) != (entity.visible_with in nodes):
             return False
+        if entity.only_with and entity.name in nodes and entity.only_with not in nodes:
+            return False
     return True
 
 

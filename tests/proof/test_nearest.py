@@ -100,7 +100,7 @@ def test_a_change_leads_to_its_state_and_a_smaller_change_of_one_measure_does_no
     assert now not in found
     assert set(found) | {now} == {state.name for state in PROCEDURE.states}
     for state, change in found.items():
-        if state == "unknown":
+        if state in ("unknown", "tip_not_visible"):
             continue
         smallest = [
             (1e-9,) if move.way > 0 else (-1e-9,) if move.way else (1e-9, -1e-9) for move in change.moves

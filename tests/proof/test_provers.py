@@ -140,7 +140,7 @@ def test_invariants_list_the_held_states_that_violate_them_and_remain_proved(pro
         }
         assert not_while_held["the alarm is felt at the retina only"] == ("retinal_contact",)
         assert not_while_held["touching the retina away from the target always feels the alarm"] == ()
-        assert not_while_held["nothing vibrates when no needle is seen"] == ()
+        assert not_while_held["nothing vibrates when the tip is not seen"] == ()
 
 
 def test_the_state_of_a_counterexample_does_not_depend_on_earlier_ones(procedure):

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from haptigraph.assemble import load_procedure, parse_procedure
+from haptigraph.assemble import load_procedure, parse_procedure, procedure_names
 from haptigraph.geometry import Point, Segment
 from haptigraph.graph import Entity, Relation, Schema
 from haptigraph.messages import Observation
@@ -91,7 +91,7 @@ def test_an_interval_gives_its_condition_and_the_offset_to_it(interval, conditio
 points = st.tuples(st.floats(-15, 15), st.floats(-15, 15))
 
 
-@given(st.lists(st.none() | st.tuples(points, points), min_size=1, max_size=6), st.booleans())
+@given(st.lists(st.none() | st.tuples(points, points, st.booleans()), min_size=1, max_size=6), st.booleans())
 def test_the_graph_of_any_needle_is_possible(registration, needles, releases):
     schema = load_procedure("subretinal_injection").schema
     if releases:
@@ -105,13 +105,26 @@ def test_the_graph_of_any_needle_is_possible(registration, needles, releases):
     space = Space(schema)
     possible = {world.mask for world in space.worlds()}
     build = SchemaSceneBuilder(schema)
-    for ends in needles:
+    for seen in needles:
         found = dict(registration.anatomy)
-        if ends is not None and math.dist(*ends) > 0.1:
-            found |= needle(*ends)
+        if seen is not None and math.dist(*seen[:2]) > 0.1:
+            found |= needle(*seen[:2])
+            if not seen[2]:
+                del found["needle_tip"]
         graph = build(Observation(0, found))
         assert space.mask(graph) in possible
     assert space.mask(build(Observation(0, {}))) in possible
+
+
+@pytest.mark.parametrize("name", procedure_names())
+def test_an_instrument_may_be_seen_without_its_tip_and_never_the_other_way_round(name):
+    space = Space(load_procedure(name).schema)
+    ((tip, line),) = space.only_with
+    seen = {(bool(world.mask & tip), bool(world.mask & line)) for world in space.worlds()}
+    assert seen == {(False, False), (False, True), (True, True)}
+    for present in space.entity_sets():
+        for cluster in space.clusters:
+            assert space.toggled(present | space.fixed, cluster) in set(space.entity_sets())
 
 
 @pytest.mark.parametrize("path", GOLDEN, ids=lambda path: path.stem)

@@ -1,8 +1,10 @@
 import math
 
+import pytest
 from helpers import needle, observe, on_axis
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from haptigraph.assemble import load_procedure
 from haptigraph.geometry import Circle, Geometry, Point, Polyline, angle_between_deg, norm, rotate, subtract
@@ -117,6 +119,29 @@ def test_the_shaft_decides_alignment_and_the_tip_decides_distance(procedure, reg
     graph = SchemaSceneBuilder(procedure.schema)(Observation(0, {**anatomy, **needle(entry, tip)}))
     assert graph.find(predicate="misaligned")
     assert graph.measures["radial_mm"] < 1e-6
+
+
+def test_a_line_without_its_tip_has_an_angle_and_no_distance(procedure, registration):
+    anatomy = registration.anatomy
+    line = needle(anatomy["trocar"].at_mm, on_axis(anatomy, 10.0, 4.0))["needle_line"]
+    graph = SchemaSceneBuilder(procedure.schema)(Observation(0, {**anatomy, "needle_line": line}))
+    assert graph.edges == (Triplet("needle_line", "misaligned", "retina_target"),)
+    assert graph.measures == {"theta_deg": pytest.approx(4.0)}
+
+
+def test_an_entity_is_left_out_without_the_one_that_it_is_visible_with(procedure, registration):
+    """The procedures of earlier versions: their proofs did not look at a line without its tip."""
+    anatomy, build = registration.anatomy, SchemaSceneBuilder(with_line_only_with_tip(procedure.schema))
+    seen = needle(anatomy["trocar"].at_mm, on_axis(anatomy, 10.0, 4.0))
+    without = build(Observation(0, {**anatomy, "needle_line": seen["needle_line"]}))
+    assert without == build(Observation(0, anatomy))
+    assert build(Observation(0, {**anatomy, **seen})).find(predicate="misaligned")
+
+
+def with_line_only_with_tip(schema: Schema) -> Schema:
+    changes = {"needle_tip": {"only_with": ""}, "needle_line": {"visible_with": "needle_tip"}}
+    entities = tuple(replace(entity, **changes.get(entity.name, {})) for entity in schema.entities)
+    return Schema(entities, schema.relations)
 
 
 def test_hysteresis_lasts_until_release_or_reset():
