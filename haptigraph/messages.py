@@ -136,8 +136,8 @@ class Certainty(Struct, frozen=True):
 
     confidence: float
     """Fraction of the visible shaft, up to its tip, along which both edges support one line."""
-    tip_sd_mm: float
-    """Standard deviation of the tip."""
+    tip_sd_mm: float | None
+    """Standard deviation of the tip; None if it is not known where the tip is."""
     theta_sd_deg: float
     """Standard deviation of the shaft's angle."""
 

@@ -1,7 +1,8 @@
 """The perceiver `forceps`: forceps and a light pipe, each through its own trocar, and stained tissue.
 
 Turns an image (px) into positions (eye frame, mm). A `Tracker` follows each shaft; the jaws are detected
-along the shaft, tissue by its colour. What the jaws hold is not detected.
+along the shaft, tissue by its colour. Of forceps without visible jaws, only the shaft is reported. What the
+jaws hold is not detected.
 """
 
 from msgspec.structs import replace
@@ -22,6 +23,7 @@ ENTITIES = (
     *("forceps_tip", "forceps_line", "forceps_jaws", "left_jaw", "right_jaw"),
     *("light_pipe_tip", "light_pipe_line", "membrane_edge", "hemorrhage"),
 )
+PIPE_ENTITIES = {"needle_tip": "light_pipe_tip", "needle_line": "light_pipe_line"}
 OCCLUDED_WIDTH_MM = 4.0  # around the shaft, excluded from the background model: jaws open no wider
 BEYOND_MM = 4.0  # beyond the visible end of the shaft, excluded too: jaws are no longer
 MIN_JAW_DEPTH_MM = 2.0  # from the trocar; with less, jaws are not visible yet
@@ -70,19 +72,22 @@ class ForcepsPerceiver:
         capture = replace(capture, image=undyed)
         shaft = self._shaft(capture)
         pipe = self._pipe(capture).found if self._pipe else {}
-        if "needle_line" in pipe:
-            found |= {"light_pipe_tip": pipe["needle_tip"], "light_pipe_line": pipe["needle_line"]}
+        found |= {PIPE_ENTITIES[name]: shape for name, shape in pipe.items() if name in PIPE_ENTITIES}
         forceps = self._forceps(image, shaft.found, found.get("light_pipe_line"))
         self._learn(image, shaft.found)
         certainty = shaft.certainty if forceps else None
+        if certainty is not None and "forceps_tip" not in forceps:
+            certainty = replace(certainty, tip_sd_mm=None)
         return Observation(capture.stamp_ns, found | forceps, certainty=certainty)
 
     def _forceps(
         self, image: Image, shaft: dict[str, Geometry], pipe: Geometry | None
     ) -> dict[str, Geometry]:
         line, tip = shaft.get("needle_line"), shaft.get("needle_tip")
-        if not isinstance(line, Segment) or not isinstance(tip, Point):
+        if not isinstance(line, Segment):
             return {}
+        if not isinstance(tip, Point):
+            return {"forceps_line": line}
         if self._depth_mm(tip) < MIN_JAW_DEPTH_MM:
             return {"forceps_tip": tip, "forceps_line": line}
         jaws = find_jaws(
@@ -96,7 +101,7 @@ class ForcepsPerceiver:
             other=self._ends_px(pipe) if isinstance(pipe, Segment) else None,
         )
         if jaws is None:
-            return {}
+            return {"forceps_line": line}
         one, other = (self._registration.image.to_mm(point) for point in (jaws.one_px, jaws.other_px))
         left, right = (one, other) if _is_left(one, line) else (other, one)
         middle = (left[0] + right[0]) / 2, (left[1] + right[1]) / 2

@@ -68,6 +68,12 @@ class Detection(Struct, frozen=True, eq=False):
         """How far the tip is off the strip's middle."""
         return abs(self.fit.offset_px + self.fit.slope * self.tip.u_px)
 
+    @property
+    def edges_end_px(self) -> float:
+        """How far along the strip both edges of the shaft are visible inside the globe."""
+        strip = self.candidate.strip
+        return self.fit.end_px(float(strip.u_px[strip.inside.start]))
+
 
 class TipSelector:
     """Find where needles end.
@@ -194,8 +200,7 @@ class TipSelector:
         strip, fit, tip = detection.candidate.strip, detection.fit, detection.tip
         if tip.where != "inside":
             return tip
-        edges_end_px = fit.end_px(float(strip.u_px[strip.inside.start]))
-        until_px = detection.candidate.tip.u_px
+        until_px, edges_end_px = detection.candidate.tip.u_px, detection.edges_end_px
         return with_certainty(strip, tip, until_px, edges_end_px, fit.blur_px, self._eye.px_per_mm)
 
     def before_shadow(self, image: Image, detection: Detection, tip: TipEstimate) -> TipEstimate | None:

@@ -1,9 +1,9 @@
 """The tracker: needle poses from a thin strip of the image, as precise as its noise permits.
 
 Turns an image (px) into a needle (eye frame, mm) with standard deviations. It follows a needle in a strip
-along the expected shaft, and searches for one at all angles otherwise. What is not known is not reported: a
-tip that the wall occludes or that may be elsewhere, a needle that has gone. `Tracker.detect` runs the stages,
-one module each:
+along the expected shaft, and searches for one at all angles otherwise. What is not known is not reported. Of a
+needle whose tip may be elsewhere, it reports the shaft alone; of one whose tip the wall occludes, nothing: what
+is left outside looks like an empty port. `Tracker.detect` runs the stages, one module each:
 
 stage              module          computes
 predict            pose_filter     the expected line and tip, from earlier images
@@ -98,9 +98,10 @@ class Tracker:
         """
         detection = self.detect(self._registration.checked(capture.image), capture.stamp_ns)
         found: dict[str, Geometry] = dict(self._registration.anatomy)
-        if detection is None or detection.tip.where == "occluded" or not detection.tip.is_known:
+        if detection is None or detection.tip.where == "occluded":
             return Observation(capture.stamp_ns, found)
-        return Observation(capture.stamp_ns, found | self._needle(), certainty=self._certainty(detection))
+        needle = self._needle() if detection.tip.is_known else self._shaft(detection)
+        return Observation(capture.stamp_ns, found | needle, certainty=self._certainty(detection))
 
     def detect(self, image: Image, stamp_ns: int) -> Detection | None:
         """Process one image; return what was measured in it alone, None if there is no needle."""
@@ -258,20 +259,27 @@ class Tracker:
         return occluded_ends(self._eye, line, until_px)
 
     def _needle(self) -> dict[str, Geometry]:
-        line, to_mm = self._pose.line, self._registration.image.to_mm
-        (x, y), (nx, ny) = line.at_px(self._eye.trocar_px, self._pose.depth_px), line.normal
+        line, depth_px = self._pose.line, self._pose.depth_px
+        (x, y), (nx, ny) = line.at_px(self._eye.trocar_px, depth_px), line.normal
         off_axis_px = self._bevel.off_axis_px
-        start_px = 0.0 if self._pose.depth_px > 0 else self._pose.depth_px - self._eye.px_per_mm
-        entry = to_mm(line.at_px(self._eye.trocar_px, start_px))
-        return {
-            "needle_tip": Point(to_mm((x + off_axis_px * nx, y + off_axis_px * ny))),
-            "needle_line": Segment(entry, to_mm((x, y))),
-        }
+        tip_px = x + off_axis_px * nx, y + off_axis_px * ny
+        return {"needle_tip": Point(self._registration.image.to_mm(tip_px)), **self._line_to(depth_px)}
+
+    def _shaft(self, detection: Detection) -> dict[str, Geometry]:
+        """Return the shaft as far as both its edges are visible: it may go on, so its end is no tip."""
+        return self._line_to(min(detection.edges_end_px, detection.tip.u_px))
+
+    def _line_to(self, end_px: float) -> dict[str, Geometry]:
+        line, trocar_px, to_mm = self._pose.line, self._eye.trocar_px, self._registration.image.to_mm
+        start_px = 0.0 if end_px > 0 else end_px - self._eye.px_per_mm
+        start, end = line.at_px(trocar_px, start_px), line.at_px(trocar_px, end_px)
+        return {"needle_line": Segment(to_mm(start), to_mm(end))}
 
     def _certainty(self, detection: Detection) -> Certainty:
+        tip_sd_px = math.hypot(self._pose.tip_sd_px(), detection.tip.shift_sd_px)
         return Certainty(
             confidence=detection.fit.confidence,
-            tip_sd_mm=math.hypot(self._pose.tip_sd_px(), detection.tip.shift_sd_px) / self._eye.px_per_mm,
+            tip_sd_mm=tip_sd_px / self._eye.px_per_mm if detection.tip.is_known else None,
             theta_sd_deg=math.degrees(self._pose.angle_sd_rad),
         )
 

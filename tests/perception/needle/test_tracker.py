@@ -97,6 +97,36 @@ def test_detects_a_needle_again_outside_that_was_inside(bench):
         assert error_px(bench, observation) < 3.0
 
 
+def test_reports_the_shaft_alone_of_a_needle_that_fades_before_its_tip():
+    """The shaft ends before the true tip, so that nobody takes its end for one."""
+    bench, shafts = Bench("dark", Tracker, CameraSettings()), []
+    for number, depth_mm in enumerate(np.linspace(12.0, 12.7, 8)):
+        observation = bench.observe(faded(bench, float(depth_mm), number), number)
+        if "needle_tip" not in observation.found:
+            shafts.append(observation)
+            ends = observation.found["needle_line"]
+            length_mm = norm(subtract(ends.end_mm, ends.start_mm))
+            assert turn_deg(bench, observation) < 0.5
+            assert depth_mm / 2 < length_mm < depth_mm
+    assert len(shafts) >= 3
+    assert all(each.certainty.tip_sd_mm is None for each in shafts)
+    assert all(0 < each.certainty.theta_sd_deg < 1 for each in shafts)
+
+
+def faded(bench: Bench, depth_mm: float, number: int, over_mm: float = 3.0) -> np.ndarray:
+    """Return an image of a needle that turns into the eye behind it towards its tip."""
+    empty, image = (bench.image(depth, 3.0, number).astype(float) for depth in (-12.0, depth_mm))
+    tip_px = np.array(bench.registration.image.to_px(bench.robot.tip_mm()))
+    behind_px = np.array(
+        bench.registration.image.to_px(subtract(bench.robot.tip_mm(), bench.robot.direction()))
+    )
+    along = (tip_px - behind_px) / norm(tip_px - behind_px)
+    y, x = np.mgrid[: image.shape[0], : image.shape[1]]
+    to_tip_mm = ((tip_px[0] - x) * along[0] + (tip_px[1] - y) * along[1]) / bench.settings.px_per_mm
+    share = np.clip(to_tip_mm / over_mm, 0, 1)[..., None]
+    return np.rint(image * share + empty * (1 - share)).astype(np.uint8)
+
+
 def test_detects_no_needle_in_many_images_without_one(bench):
     for number in range(20):
         assert "needle_tip" not in bench.observe(bench.image(-12.0, 0.0, number), number).found
@@ -179,7 +209,12 @@ def test_whatever_an_image_shows_the_tracker_neither_fails_nor_reports_nonsense(
         ]
         observation = bench.observe(nuisance[number % len(nuisance)], number)
         tip, certainty = observation.found.get("needle_tip"), observation.certainty
-        assert (tip is None) == (certainty is None)
+        line = observation.found.get("needle_line")
+        assert (line is None) == (certainty is None)
+        assert (tip is None) == (certainty is None or certainty.tip_sd_mm is None)
+        if line is not None:
+            assert all(norm(end_mm) < 40 for end_mm in (line.start_mm, line.end_mm))
+            assert 0 < certainty.theta_sd_deg < 90
         if tip is not None:
             assert norm(tip.at_mm) < 40
-            assert 0 < certainty.tip_sd_mm < 10 and 0 < certainty.theta_sd_deg < 90
+            assert 0 < certainty.tip_sd_mm < 10
