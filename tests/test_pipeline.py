@@ -5,8 +5,10 @@ import pytest
 from helpers import MS, ScriptedPerceiver, on_axis, pipeline_of
 from msgspec.structs import replace
 
+from haptigraph.assemble import load_procedure
 from haptigraph.clock import VirtualClock
 from haptigraph.errors import BadInput, EndOfSource, PerceiverBroken, SourceLost
+from haptigraph.geometry import Segment
 from haptigraph.messages import Capture, Fault
 from haptigraph.pipeline import Loop
 from haptigraph.stages import Source
@@ -107,6 +109,30 @@ def test_a_run_passes_through_states_and_patterns(procedure, registration, tips)
     assert report.duration_s == pytest.approx(5 / 30)
     assert [step.index for step in sink.steps] == [0, 1, 2, 3, 4, 4]
     assert [step for step, _ in output.sent] == [replace(step, timing=None) for step in sink.steps]
+
+
+def test_a_tip_that_is_no_longer_visible_ends_every_pattern_and_comes_back(procedure, registration, tips):
+    trocar, at_target = registration.anatomy["trocar"].at_mm, tips[3]
+    shaft = Segment(trocar, on_axis(registration.anatomy, 20.0))
+    script = [at_target, shaft, at_target, None]
+    loop, _, sink = loop_of(
+        pipeline_of(procedure, ScriptedPerceiver(registration, script)), ListSource(captures(4))
+    )
+    loop.run()
+    assert states(sink)[:4] == ["target_hit", "tip_not_visible", "target_hit", "unknown"]
+    assert [step.command.pattern.name for step in sink.steps][:4] == ["success", "off", "success", "off"]
+    assert sink.steps[1].conclusion.because == "the needle is seen, its tip is not"
+    assert sink.steps[1].graph.measures == {"theta_deg": pytest.approx(0.0, abs=1e-4)}
+
+
+def test_the_steady_variant_makes_a_tip_that_is_not_visible_felt(registration, tips):
+    shaft = Segment(registration.anatomy["trocar"].at_mm, tips[0])
+    steady = load_procedure("subretinal_injection_steady")
+    loop, _, sink = loop_of(
+        pipeline_of(steady, ScriptedPerceiver(registration, [tips[0], shaft, None])), ListSource(captures(3))
+    )
+    loop.run()
+    assert [step.command.pattern.name for step in sink.steps][:3] == ["low", "tick", "off"]
 
 
 def test_the_same_captures_give_the_same_steps(procedure, registration, tips):

@@ -13,7 +13,7 @@ from haptigraph.bridges.bridge import RunContext
 from haptigraph.bridges.igtl_messages import Matrix, string, transform
 from haptigraph.bridges.opening import parse_address
 from haptigraph.errors import BadInput
-from haptigraph.geometry import Geometry, Point, Segment
+from haptigraph.geometry import Point, Segment
 from haptigraph.messages import Capture, Step
 
 __all__ = ["OpenIgtLink", "needle_matrix"]
@@ -50,16 +50,16 @@ class OpenIgtLink:
         self._problems: list[str] = []
 
     def send_step(self, capture: Capture, step: Step) -> None:
-        """Send every client the state, and the pose of the needle if it was detected."""
+        """Send every client the state, and the pose of the needle if its tip was detected."""
         self._accept()
         if not self._clients:
             return
         utc_ns = step.stamp_ns + self._utc_offset_ns
         data = string(STATE, utc_ns, step.conclusion.state)
         found = step.observation.found
-        line = found.get("needle_line")
-        if isinstance(line, Segment):
-            data += transform(NEEDLE, utc_ns, needle_matrix(line, found.get("needle_tip")))
+        line, tip = found.get("needle_line"), found.get("needle_tip")
+        if isinstance(line, Segment) and isinstance(tip, Point):
+            data += transform(NEEDLE, utc_ns, needle_matrix(line, tip))
         self._keep(client for client in self._clients if client.send(data))
 
     def send_output(self, stamp_ns: int, amplitude: float, frequency_hz: float) -> None:
@@ -137,7 +137,7 @@ class _Client:
         return True
 
 
-def needle_matrix(line: Segment, tip: Geometry | None = None) -> Matrix:
+def needle_matrix(line: Segment, tip: Point | None = None) -> Matrix:
     """Return the needle's pose: origin at its tip, z along the shaft towards the tip, as SlicerIGT's model.
 
     Args:
@@ -150,5 +150,5 @@ def needle_matrix(line: Segment, tip: Geometry | None = None) -> Matrix:
         x, y = 0.0, -1.0
     else:
         x, y = (x1 - x0) / length_mm, (y1 - y0) / length_mm
-    at_x, at_y = tip.at_mm if isinstance(tip, Point) else line.end_mm
+    at_x, at_y = tip.at_mm if tip else line.end_mm
     return (y, 0.0, x, at_x), (-x, 0.0, y, at_y), (0.0, -1.0, 0.0, 0.0)

@@ -22,7 +22,7 @@ points = st.tuples(st.floats(-20, 20), st.floats(-20, 20))
 
 def step_with(line, stamp_ns=0, **found):
     step = make_step(stamp_ns=stamp_ns)
-    found |= {"needle_line": line} if line else {}
+    found = {"needle_line": line, "needle_tip": Point(line.end_mm)} | found if line else found
     return replace(step, observation=replace(step.observation, found=found))
 
 
@@ -124,6 +124,15 @@ def test_the_needle_is_sent_at_a_tip_beside_its_shaft(link):
     with client_of(link) as client:
         until(lambda: link.send_step(Capture(0, 0, None), step) or link._clients, "no client")
         assert struct.unpack(">12f", read(client, 2)[1][3])[9:] == pytest.approx((1.3, -4.0, 0.0))
+
+
+def test_a_needle_without_a_visible_tip_has_no_pose(link):
+    whole = step_with(LINE)
+    shaft = replace(whole, observation=replace(whole.observation, found={"needle_line": LINE}))
+    with client_of(link) as client:
+        until(lambda: link.send_step(Capture(0, 0, None), shaft) or link._clients, "no client")
+        link.send_step(Capture(0, 0, None), whole)
+        assert [kind for kind, _, _, _ in read(client, 3)] == ["STRING", "STRING", "TRANSFORM"]
 
 
 def test_data_from_clients_is_ignored(link):

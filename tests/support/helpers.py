@@ -78,15 +78,17 @@ def make_step(
 
 
 class ScriptedPerceiver:
-    """Return or raise the items of a list, image by image: a tip, None, or an exception."""
+    """Return or raise the items of a list, image by image: a tip, a shaft without tip, None, or an exception."""
 
-    def __init__(self, registration: Registration, script: list[Vec | Exception | None]) -> None:
+    def __init__(self, registration: Registration, script: list[Vec | Segment | Exception | None]) -> None:
         self.anatomy, self.script, self.resets = registration.anatomy, list(script), 0
 
     def __call__(self, capture: Capture) -> Observation:
         item = self.script[capture.index % len(self.script)]
         if isinstance(item, Exception):
             raise item
+        if isinstance(item, Segment):
+            return Observation(capture.stamp_ns, {**self.anatomy, "needle_line": item})
         return observe(self.anatomy, item, capture.stamp_ns)
 
     def reset(self) -> None:

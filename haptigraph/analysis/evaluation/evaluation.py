@@ -21,7 +21,7 @@ from haptigraph.clock import VirtualClock
 from haptigraph.config import Config
 from haptigraph.errors import BadInput
 from haptigraph.geometry import ImageGeometry, Point, Vec
-from haptigraph.messages import UNKNOWN, Step
+from haptigraph.messages import TIP_NOT_VISIBLE, UNKNOWN, Step
 from haptigraph.recording.writer import Progress
 from haptigraph.registration.loading import load_camera_registration
 from haptigraph.sources.reading import read_images
@@ -43,7 +43,7 @@ MIN_DEPTH_MM = 2.0
 SHALLOW_MM = (1.0, 3.0)
 WALL_MM = 2.0  # a tip that disappears this close to the RCM is in the wall
 CONTACT, HIT = "retinal_contact", "target_hit"
-NOT_SILENT = {CONTACT, HIT, UNKNOWN, "tip_not_visible"}
+NOT_SILENT = {CONTACT, HIT, UNKNOWN, TIP_NOT_VISIBLE}
 
 
 class Evaluation(Struct, frozen=True):

@@ -12,7 +12,7 @@ from haptigraph.analysis.metrics.temporal import ClaimResult, Monitor
 from haptigraph.graph import Triplet
 from haptigraph.inference.procedure import Procedure
 from haptigraph.inference.span import RunSpan
-from haptigraph.messages import Step
+from haptigraph.messages import TIP_NOT_VISIBLE, Step
 
 __all__ = ["RunMeasures", "measure_run"]
 
@@ -43,6 +43,13 @@ class RunMeasures(Struct):
     monitors: list[Monitor] = field(default_factory=list)
     first_ns: int = 0
     """Stamp of the first step."""
+    steps: int = 0
+    tipless_steps: int = 0
+    """Of a needle without a visible tip."""
+    longest_tipless_s: float = 0.0
+    """Longest time without a visible tip."""
+    tipless_since_ns: int | None = None
+    """Since when the tip is not visible; None if it is, or no needle is detected."""
     just_broken: tuple[str, ...] = ()
     """Temporal claims that the last step broke."""
 
@@ -90,9 +97,22 @@ class RunMeasures(Struct):
             self._enter(state)
         if self.is_running and state == self.span.ends_in:
             self.ended_ns = step.stamp_ns
+        self._count_tipless(step)
         self.last = step
         if self.monitors:
             self.just_broken = tuple(monitor.claim.name for monitor in self.monitors if monitor.add(step))
+
+    def _count_tipless(self, step: Step) -> None:
+        self.steps += 1
+        if self.tipless_since_ns is not None:
+            lasted_s = (step.stamp_ns - self.tipless_since_ns) / 1e9
+            self.longest_tipless_s = max(self.longest_tipless_s, lasted_s)
+        if step.conclusion.state != TIP_NOT_VISIBLE:
+            self.tipless_since_ns = None
+            return
+        self.tipless_steps += 1
+        if self.tipless_since_ns is None:
+            self.tipless_since_ns = step.stamp_ns
 
     def _enter(self, state: str) -> None:
         if self.order and self.order[-1] == state:

@@ -15,8 +15,8 @@ def summary(measures: RunMeasures, report: RunReport | None = None) -> str:
         measures: Measures of the run.
         report: Report of the loop, if there was one.
     """
-    lines = [*_run_lines(measures), ""]
-    lines[-1:] = [*claim_lines(measures.claims, measures.first_ns), ""]
+    lines = [*_run_lines(measures), *_tip_lines(measures)]
+    lines += [*claim_lines(measures.claims, measures.first_ns), ""]
     lines += [f"{'state':36}{'in run':>9}{'in all':>9}"]
     for state, seconds in sorted(measures.all_state_s.items(), key=lambda item: -item[1]):
         lines.append(f"{state:36}{measures.state_s.get(state, 0.0):7.2f} s{seconds:7.2f} s")
@@ -40,6 +40,15 @@ def _run_lines(measures: RunMeasures) -> list[str]:
         f"mean theta      {theta_deg:.2f} deg" if theta_deg is not None else "mean theta      -",
         f"contacts        {measures.contacts} unintended, {max(len(measures.order) - 1, 0)} state changes",
     ]
+
+
+def _tip_lines(measures: RunMeasures) -> list[str]:
+    """Return how often a needle was detected without its tip; nothing if never."""
+    count, total = measures.tipless_steps, measures.steps
+    if not count:
+        return []
+    share = f"{count} of {total} steps ({100 * count / total:.1f} %)"
+    return [f"tip             not visible in {share}, for up to {measures.longest_tipless_s:.2f} s"]
 
 
 def _loop_lines(report: RunReport) -> list[str]:

@@ -6,6 +6,7 @@ __all__ = ["OTHER_COLORS", "STATE_COLORS", "ink_on", "state_color"]
 
 STATE_COLORS = {
     "unknown": "#c9c9c9",
+    "tip_not_visible": "#b7a6cf",
     "retinal_contact": "#d03a3a",
     "target_hit": "#3a9d5d",
     "misaligned_retinal_approach": "#e08a2e",
@@ -14,7 +15,8 @@ STATE_COLORS = {
     "aligned_intraocular_navigation": "#9cc5e8",
     "outside_eye": "#efefef",
 }
-"""As in the paper: warm for misaligned, blue for aligned, red and green for contact and target."""
+"""As in the paper: warm for misaligned, blue for aligned, red and green for contact and target; ours: violet
+for a needle without a visible tip."""
 OTHER_COLORS = {"near_rpe": "#d03a3a", "target_depth": "#3a9d5d"}
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from haptigraph.analysis.plots.colors import ink_on, state_color
 from haptigraph.errors import BadInput
 from haptigraph.inference.procedure import Procedure, State
-from haptigraph.messages import UNKNOWN
+from haptigraph.messages import TIP_NOT_VISIBLE, UNKNOWN
 from haptigraph.proof.neighbours import neighbours
 
 __all__ = ["column_of", "diagram_svg", "write_diagram"]
@@ -19,6 +19,8 @@ WIDTH, BOX_WIDTH, BOX_HEIGHT, GAP = 720, 270, 68, 42
 COLUMNS = {"left": WIDTH * 0.25, "middle": WIDTH * 0.5, "right": WIDTH * 0.75}
 TOP, LINE_HEIGHT, MAX_LABEL = 92, 17, 24
 INK, DIM, LINE = "#222222", "#666666", "#7a858e"
+WITHOUT_TIP = (UNKNOWN, TIP_NOT_VISIBLE)
+"""States to and from which no line is drawn, because it would be one from every other state."""
 
 
 class _Box(NamedTuple):
@@ -73,10 +75,11 @@ def diagram_svg(procedure: Procedure) -> str:
         ]
     parts += [_arrow_svg(boxes[one], boxes[other], one, other) for one, other in neighbours(procedure)]
     parts += [_box_svg(boxes[name], *states[name]) for name in boxes]
+    lost = " or ".join(repr(name) for name in WITHOUT_TIP if name in boxes)
     for at, text in enumerate(
         (
             "Numbers are priorities: of the rules that fit, the lowest number wins.",
-            f"A line: one measure crosses one threshold. Every state may also become {UNKNOWN!r}, and back.",
+            f"A line: one measure crosses one threshold. Every state may also become {lost}, and back.",
         )
     ):
         parts.append(_text_svg(WIDTH / 2, height - 34 + at * LINE_HEIGHT, text, size=11.5, color=DIM))
@@ -84,10 +87,10 @@ def diagram_svg(procedure: Procedure) -> str:
 
 
 def _layout(procedure: Procedure) -> dict[str, _Box]:
-    """Arrange the states downwards from low priority to high, with unknown last."""
+    """Arrange the states downwards from low priority to high, with those without a tip last."""
     ascending = list(reversed(procedure.states))
     by_column = {
-        side: [one.name for one in ascending if column_of(one) == side and one.name != UNKNOWN]
+        side: [one.name for one in ascending if column_of(one) == side and one.name not in WITHOUT_TIP]
         for side in COLUMNS
     }
     priority = {state.name: number for number, state in enumerate(procedure.states)}
@@ -99,7 +102,7 @@ def _layout(procedure: Procedure) -> dict[str, _Box]:
     for at in range(max(len(left), len(right))):
         pair = (("left", left[at : at + 1]), ("right", right[at : at + 1]))
         rows.append([(name, side) for side, names in pair for name in names])
-    rows += [*_pairs(after), [(UNKNOWN, "middle")]]
+    rows += [*_pairs(after), *_pairs([name for name in WITHOUT_TIP if name in priority])]
     return {
         name: _Box(COLUMNS[side], TOP + row * (BOX_HEIGHT + GAP) + BOX_HEIGHT / 2, row)
         for row, names in enumerate(rows)
@@ -115,7 +118,7 @@ def _pairs(names: list[str]) -> list[list[tuple[str, str]]]:
 
 def _box_svg(box: _Box, number: int, state: State) -> str:
     color, ink = state_color(state.name), ink_on(state.name)
-    dash = ' stroke-dasharray="6 4"' if state.name == UNKNOWN else ""
+    dash = ' stroke-dasharray="6 4"' if state.name in WITHOUT_TIP else ""
     left, top = box.x - BOX_WIDTH / 2, box.y - BOX_HEIGHT / 2
     lines = _label_lines(state.name.replace("_", " "))
     text = [

@@ -89,18 +89,21 @@ def draw_overlay(
         for side_deg in (sign * bound for bound in cone_deg[:1] for sign in (-1, 1)):
             x, y = rotate(axis, side_deg)
             _line(axes, view, (trocar, (trocar[0] + x, trocar[1] + y)), color="#7fd08a", linewidth=0.8)
-    for name, shape in step.observation.found.items():
-        _draw_shape(axes, view, name, shape)
+    found = step.observation.found
+    for name, shape in found.items():
+        has_end = not name.endswith("_line") or name.replace("_line", "_tip") in found
+        _draw_shape(axes, view, name, shape, "-" if has_end else "--")
     axes.set(xlim=(0, view.size_px - 1), ylim=(view.size_px - 1, 0))
     axes.axis("off")
 
 
-def _draw_shape(axes: "Axes", view: IoctView, name: str, shape: Geometry) -> None:
+def _draw_shape(axes: "Axes", view: IoctView, name: str, shape: Geometry, linestyle: str) -> None:
     color = "#ffcc33" if name.startswith("needle") else "#5ec8ff"
     if isinstance(shape, Polyline):
         _line(axes, view, shape.points_mm, color=color, linewidth=1.0, alpha=0.7)
     elif isinstance(shape, Segment):
-        _line(axes, view, (shape.start_mm, shape.end_mm), color=color, linewidth=1.0)
+        ends = shape.start_mm, shape.end_mm
+        _line(axes, view, ends, color=color, linewidth=1.0, linestyle=linestyle)
     elif isinstance(shape, Point) and name != "trocar":
         is_tip = name == "needle_tip"
         axes.add_patch(CirclePatch(view.to_px(shape.at_mm), 5 if is_tip else 8, fill=is_tip, color=color))

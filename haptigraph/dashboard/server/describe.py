@@ -15,7 +15,7 @@ from haptigraph.config import Config
 from haptigraph.dashboard.server.hub import Hub
 from haptigraph.dashboard.server.protocol import text_message
 from haptigraph.inference.procedure import Procedure, State
-from haptigraph.messages import UNKNOWN
+from haptigraph.messages import TIP_NOT_VISIBLE, UNKNOWN
 from haptigraph.perception.eye_view import IoctView
 from haptigraph.pipeline import Loop
 from haptigraph.registration.loading import load_registration, parse_registration
@@ -25,6 +25,8 @@ from haptigraph.registration.retarget import with_target
 __all__ = ["announcement", "describe_run", "describe_states"]
 
 VIEW_PX = 560
+NOT_SEEN = {UNKNOWN: "lost", TIP_NOT_VISIBLE: "tipless"}
+"""Icon of a state in which it is not known where the tip is."""
 ICONS = {"pulses": "alarm", "bursts": "done", "continuous": "warn"}
 """Icon of a state by the kind of its pattern, so that states differ in more than colour."""
 
@@ -97,7 +99,7 @@ def _describe_state(state: State, pattern_kind: str, priority: int) -> dict[str,
         "priority": priority,
         "label": state.name.replace("_", " "),
         "column": column,
-        "icon": "lost" if state.name == UNKNOWN else ICONS.get(pattern_kind, silent),
+        "icon": NOT_SEEN.get(state.name) or ICONS.get(pattern_kind, silent),
         "color": state_color(state.name),
         "ink": ink_on(state.name),
     }

@@ -1,9 +1,9 @@
 """The tracker: needle poses from a thin strip of the image, as precise as its noise permits.
 
 Turns an image (px) into a needle (eye frame, mm) with standard deviations. It follows a needle in a strip
-along the expected shaft, and searches for one at all angles otherwise. What is not known is not reported. Of a
-needle whose tip may be elsewhere, it reports the shaft alone; of one whose tip the wall occludes, nothing: what
-is left outside looks like an empty port. `Tracker.detect` runs the stages, one module each:
+along the expected shaft, and searches for one at all angles otherwise. What is not known is not reported: of
+a needle whose tip may be elsewhere, only the shaft; of one whose tip the wall occludes, nothing, because the
+stub outside looks like an empty port. `Tracker.detect` runs the stages, one module each:
 
 stage              module          computes
 predict            pose_filter     the expected line and tip, from earlier images

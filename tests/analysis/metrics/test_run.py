@@ -131,3 +131,15 @@ def test_the_list_of_states_is_bounded(monkeypatch):
     states = ["misaligned_retinal_approach", "retinal_contact"] * 3
     measures = measure_run([step(40 * number, state) for number, state in enumerate(states)])
     assert (len(measures.order), measures.contacts) == (3, 3)
+
+
+def test_steps_without_a_visible_tip_are_counted_and_the_longest_time_reported():
+    states = [(0, "outside_eye"), (100, "tip_not_visible"), (200, "tip_not_visible"), (500, "target_hit")]
+    measures = measure_run([step(ms, state) for ms, state in [*states, (600, "tip_not_visible")]])
+    assert (measures.tipless_steps, measures.steps) == (3, 5)
+    assert measures.longest_tipless_s == pytest.approx(0.4)
+    assert "tip             not visible in 3 of 5 steps (60.0 %), for up to 0.40 s" in summary(measures)
+
+
+def test_a_run_whose_tip_was_always_visible_or_without_needle_says_nothing_of_it(run):
+    assert "not visible" not in summary(measure_run(run))

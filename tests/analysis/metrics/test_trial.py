@@ -137,7 +137,7 @@ def test_a_recorded_run_is_measured_as_in_the_paper_and_the_store_accepts_it(rec
     assert measures["contacts"] == run.contacts == 1
     times = {name: value for name, value in measures.items() if name.startswith("time_")}
     assert sum(times.values()) == pytest.approx(run.completion_s)
-    assert len(times) == 8
+    assert len(times) == 9
     assert check_measures(measures) == measures
     assert {field.name for field in MEASURES} - measures.keys() <= {"reaction_ms", "tremor_power_mm2"}
 

@@ -35,11 +35,12 @@ def test_every_state_is_drawn_with_its_priority(name):
 
 def test_misaligned_states_are_left_and_aligned_ones_right_as_in_the_paper(procedure):
     boxes = drawn(diagram_svg(procedure))
-    left, right = boxes["5"][0], boxes["6"][0]
+    left, right = boxes["6"][0], boxes["7"][0]
     assert left < right
-    assert [boxes[number][0] for number in ("3", "4")] == [left, right]
-    assert boxes["5"][1] == boxes["6"][1] < boxes["3"][1] == boxes["4"][1] < boxes["1"][1]
-    assert boxes["7"][1] < boxes["5"][1]
+    assert [boxes[number][0] for number in ("4", "5")] == [left, right]
+    assert boxes["6"][1] == boxes["7"][1] < boxes["4"][1] == boxes["5"][1] < boxes["2"][1]
+    assert boxes["8"][1] < boxes["6"][1]
+    assert boxes["2"][1] < boxes["0"][1] == boxes["1"][1]  # without a tip
 
 
 def test_neighbours_of_the_paper(procedure):
@@ -49,7 +50,7 @@ def test_neighbours_of_the_paper(procedure):
     assert ("aligned_intraocular_navigation", "outside_eye") in pairs
     assert ("retinal_contact", "misaligned_intraocular_navigation") not in pairs  # the approach is between
     assert ("misaligned_retinal_approach", "aligned_intraocular_navigation") not in pairs  # two measures
-    assert not any("unknown" in pair for pair in pairs)
+    assert not any({"unknown", "tip_not_visible"} & set(pair) for pair in pairs)
 
 
 def test_bytes_are_the_same_in_every_process(procedure):

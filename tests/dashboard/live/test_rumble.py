@@ -111,6 +111,20 @@ def test_a_hanging_server_silences_it(vibrating):
         live.process.send_signal(signal.SIGCONT)
 
 
+def test_a_tip_that_is_not_visible_silences_it_and_page_and_terminal_say_so(vibrating):
+    page, live = vibrating
+    event_ms = time.time() * 1000
+    live.process.send_signal(signal.SIGUSR2)
+    assert_silent(page, event_ms)
+    page.wait_for_selector("#banner:has-text('Tip not visible')")
+    assert page.inner_text("#state").lower() == "tip not visible"
+    assert page.inner_text("#banner span") == "the needle is seen, its tip is not. Haptic output is off."
+    assert "tip not visible" in page.locator("#diagram .node.on title").text_content()
+    output = live.stop()
+    assert re.search(r" s  tip_not_visible +the needle is seen, its tip is not\n", output)
+    assert re.search(r"tip +not visible in \d+ of \d+ steps", output)
+
+
 def test_a_frozen_source_silences_it_and_raises_the_banner(vibrating):
     page, live = vibrating
     event_ms = time.time() * 1000

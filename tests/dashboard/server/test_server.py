@@ -149,6 +149,7 @@ def test_messages_have_the_documented_fields(live, procedure):
         assert [state["name"] for state in hello["procedure"]["states"]] == [s.name for s in procedure.states]
         assert {state["name"]: state["icon"] for state in hello["procedure"]["states"]} == {
             "unknown": "lost",
+            "tip_not_visible": "tipless",
             "retinal_contact": "alarm",
             "target_hit": "done",
             "misaligned_retinal_approach": "warn",

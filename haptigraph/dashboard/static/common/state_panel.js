@@ -86,12 +86,19 @@ export class Banner {
 
 /** Return what perception could not provide, or null. @param {ImageHeader} header @param {Hello} hello @returns {Problem | null} */
 export function perceptionProblem(header, hello) {
-  const unknown = hello.procedure.states.find((state) => state.icon === "lost");
-  if (header.state !== unknown?.name) return null;
-  const fault = header.faults.at(-1), isCut = false, off = "Haptic output is off.";
+  const state = hello.procedure.states.find(({ name }) => name === header.state), isCut = false;
+  if (state?.icon === "tipless") return { title: "Tip not visible", detail: `${header.because}. ${feltWithoutTip(state, hello)}`, isCut };
+  if (state?.icon !== "lost") return null;
+  const fault = header.faults.at(-1), off = "Haptic output is off.";
   if (!header.has_picture) return { title: "No image", detail: `${fault ?? "the source delivers nothing"}. ${off}`, isCut };
   if (fault) return { title: "Perception failed", detail: `${fault}. ${off}`, isCut };
   return { title: "No instrument detected", detail: hello.steerable ? `Move it into view. ${off}` : off, isCut };
+}
+
+/** @param {StateDescription} state @param {Hello} hello */
+function feltWithoutTip({ feel }, { procedure }) {
+  const pattern = procedure.patterns.find(({ name }) => name === feel);
+  return !pattern || pattern.kind === "off" ? "Haptic output is off." : `Only '${feel}' is felt.`;
 }
 
 /** @param {Pattern} [pattern] */

@@ -13,6 +13,7 @@ export class View {
   /** @type {ImageBitmap | null} */ picture = null;
   /** @type {{ relation: string, kind: "cone" | "zone", outline: Vec[] }[]} */ zones = [];
   /** @type {Map<string, string>} */ colors = new Map();
+  /** Tips by the shaft that they end. @type {Map<string, string>} */ tips = new Map();
   /** The newest message that arrived while another was being decoded. @type {[ImageHeader, Picture] | null} */ waiting = null;
   isDecoding = false; half_mm = 1;
   /** Called with the header of every image that was drawn. @type {(header: ImageHeader) => void} */ onDrawn = () => {};
@@ -29,13 +30,14 @@ export class View {
 
   /** Show another run. @param {Hello | null} hello null: show nothing */
   begin(hello) {
-    const { anatomy = {}, procedure: { relations, states } = { relations: [], states: [] } } = hello ?? {};
+    const { anatomy = {}, procedure: { entities, relations, states } = { entities: [], relations: [], states: [] } } = hello ?? {};
     this.hello = hello;
     this.half_mm = hello?.view.half_mm ?? 1;
     this.zones = relations.flatMap((relation) => {
       const zone = zoneOf(relation, anatomy);
       return zone ? { ...zone, relation: String([relation.subject, relation.predicate, relation.object]) } : [];
     });
+    this.tips = new Map(entities.flatMap((e) => (e.only_with ? [[e.only_with, e.name]] : e.geometry === "segment" && e.visible_with ? [[e.name, e.visible_with]] : [])));
     this.colors = new Map(states.map((state) => [state.name, state.color]));
     this.picture = this.header = null;
     this.draw();
@@ -90,7 +92,7 @@ export class View {
     const held = new Set((header?.edges ?? []).map(String)), color = this.colors.get(header?.state ?? "") ?? LINE;
     for (const { kind, outline, relation } of this.zones) if (this.overlays[kind]) this.drawZone(outline, held.has(relation), color);
     if (this.overlays.target) this.drawTargets(hello);
-    if (this.overlays.needle && header) this.drawShapes(Object.values(header.found), color);
+    if (this.overlays.needle && header) this.drawShapes(header.found, color);
   }
 
   drawZone(/** @type {Vec[]} */ outline, /** @type {boolean} */ holds, /** @type {string} */ color) {
@@ -122,10 +124,15 @@ export class View {
     }
   }
 
-  drawShapes(/** @type {Shape[]} */ shapes, /** @type {string} */ color) {
-    const c = this.context;
-    for (const shape of shapes) {
-      if (shape.type === "segment") { this.path([shape.start_mm, shape.end_mm], false); this.stroke(color, 2.5); }
+  drawShapes(/** @type {Record<string, Shape>} */ found, /** @type {string} */ color) {
+    const c = this.context, shapes = Object.values(found);
+    for (const [name, shape] of Object.entries(found)) {
+      if (shape.type === "segment") {
+        this.path([shape.start_mm, shape.end_mm], false);
+        c.setLineDash((this.tips.get(name) ?? name) in found ? [] : [8 * this.unit, 7 * this.unit]);
+        this.stroke(color, 2.5);
+        c.setLineDash([]);
+      }
       if (shape.type === "circle") { this.path(circle(shape.center_mm, shape.radius_mm), true); this.stroke(color, 2.5); }
       if (shape.type === "polyline") { this.path(shape.points_mm, false); this.stroke(color, 2.5); }
     }

@@ -18,8 +18,8 @@ export class Diagram {
   begin(/** @type {Procedure} */ { states }) {
     this.current = "";
     for (const map of [this.transitions, this.nodes, this.places]) map.clear();
-    // Every state leads to and from `unknown`; only transitions between the others are informative.
-    this.known = new Set(states.filter((state) => state.icon !== "lost").map((state) => state.name));
+    // Every state leads to and from those without a tip; only transitions between the others are informative.
+    this.known = new Set(states.filter((state) => hasTip(state)).map((state) => state.name));
     const rows = rowsOf(states), top = 20;
     this.root.setAttribute("viewBox", `0 0 ${WIDTH} ${top + rows.length * (BOX.height + GAP)}`);
     this.layer = svg("g");
@@ -67,13 +67,15 @@ function rowsOf(states) {
     const pair = list.slice(at, at + 2);
     return at % 2 ? [] : [pair.map((state, side) => [state, pair.length === 1 ? WIDTH / 2 : WIDTH * (0.25 + 0.5 * side)])];
   });
-  const unknown = middle.filter((s) => s.icon === "lost"), others = middle.filter((s) => s.icon !== "lost");
+  const others = middle.filter(hasTip), tipless = middle.filter((s) => !hasTip(s)).reverse();
   /** @type {Row[]} */ const columns = Array.from({ length: Math.max(left.length, right.length) }, (_, at) => [
     .../** @type {Row} */ (left[at] ? [[left[at], WIDTH * 0.25]] : []), .../** @type {Row} */ (right[at] ? [[right[at], WIDTH * 0.75]] : [])]);
   const before = others.filter((s) => s.priority > first);
   const after = others.filter((s) => !(s.priority > first)).sort((a, b) => a.priority - b.priority);
-  return [...pairs(before), ...columns, ...pairs(after), ...pairs(unknown)];
+  return [...pairs(before), ...columns, ...pairs(after), ...pairs(tipless)];
 }
+
+function hasTip(/** @type {StateDescription} */ { icon }) { return icon !== "lost" && icon !== "tipless"; }
 
 function drawState(/** @type {StateDescription} */ state, /** @type {number} */ x, /** @type {number} */ y) {
   const node = svg("g", { class: "node", transform: `translate(${x - BOX.width / 2} ${y})` },

@@ -8,7 +8,7 @@ type Shape = PointShape | { type: "segment", start_mm: Vec, end_mm: Vec } | { ty
 
 // --- /live: server/protocol.py, server/describe.py
 
-interface Entity { name: string, group: string, geometry: string }
+interface Entity { name: string, group: string, geometry: string, visible_with: string, only_with: string }
 interface Relation {
   subject: string, predicate: string, object: string, measure: string, measure_name: string,
   at_most: number | null, below: number | null, at_least: number | null, above: number | null,
@@ -16,7 +16,7 @@ interface Relation {
 interface Pattern { name: string, kind: "off" | "continuous" | "pulses" | "bursts", amplitude: number, count: number }
 interface StateDescription {
   name: string, label: string, feel: string, priority: number, column: "left" | "middle" | "right",
-  icon: "alarm" | "done" | "warn" | "calm" | "idle" | "lost", color: string, ink: string,
+  icon: "alarm" | "done" | "warn" | "calm" | "idle" | "lost" | "tipless", color: string, ink: string,
 }
 interface Procedure {
   name: string, title: string, sha256: string, entities: Entity[], relations: Relation[],
@@ -62,6 +62,7 @@ interface HapticOutput { play(level: HapticLevel, until_ms: number, now_ms: numb
 interface Measures {
   ends_in: string, started_ms: number | null, ended_ms: number | null, completion_s: number | null,
   mean_theta_deg: number | null, contacts: number, changes: number, claims: { name: string, broken: number }[],
+  steps: number, tipless_steps: number, longest_tipless_s: number,
   state_s: Record<string, number>, all_state_s: Record<string, number>, length_s: number,
 }
 type Outcome = Measures & { name: string, problem?: string };
