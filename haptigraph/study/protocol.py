@@ -186,7 +186,7 @@ class Protocol(Struct, frozen=True):
 
     def procedure_path(self, condition: Condition) -> str:
         """Return a condition's procedure as a value of `run.procedure`."""
-        return _from(self.folder, condition.procedure)
+        return _procedure_from(self.folder, condition.procedure)
 
     def changed_parts(self, frozen: Mapping[str, str]) -> list[str]:
         """Return the names of the parts that differ from the frozen ones.
@@ -221,7 +221,7 @@ def load_protocol(path: str | Path) -> Protocol:
     procedures = {}
     for number, condition in enumerate(data.conditions):
         key = f"condition[{number}].procedure"
-        loaded = _load(document, key, load_procedure, _from(folder, condition.procedure))
+        loaded = _load(document, key, load_procedure, _procedure_from(folder, condition.procedure))
         procedures[condition.procedure] = parts[f"procedure {condition.procedure}"] = loaded.text
     questionnaires: list[tuple[QuestionnaireTable, Questionnaire]] = []
     for number, table in enumerate(data.questionnaires):
@@ -244,6 +244,12 @@ def load_protocol(path: str | Path) -> Protocol:
         parts=parts,
         folder=folder,
     )
+
+
+def _procedure_from(folder: Path, name: str) -> str:
+    """Return the procedure of a name: that of the study's folder, if it has one, before the shipped one."""
+    own = folder / f"{name}.toml"
+    return str(own) if own.is_file() else _from(folder, name)
 
 
 def _from(folder: Path, name: str) -> str:

@@ -136,7 +136,7 @@ class Study(Struct, frozen=True):
             since = row["frozen_utc"][:16].replace("T", " ")
             raise BadInput(
                 f"frozen since its first participant enrolled ({since} UTC), but {changed[0]} was changed "
-                f"since; restore it (an export contains it), or give the new study another name",
+                f"since; {_restoring(changed[0])}, or give the new study another name",
                 f"study {self.name}",
             )
         return row
@@ -187,3 +187,11 @@ def canonical(pseudonym: str) -> tuple[str, int]:
     """Return the same value for pseudonyms that could be confused: P1 and P01."""
     found: Any = PSEUDONYM.fullmatch(pseudonym)
     return found[1], int(found[2])
+
+
+def _restoring(part: str) -> str:
+    """Return how to restore a part of a protocol; an update of haptigraph may change a shipped procedure."""
+    kind, _, name = part.partition(" ")
+    if kind != "procedure" or name.endswith(".toml"):
+        return "restore it (an export contains it)"
+    return f"save its text in study.json of an export as {name}.toml beside study.toml"

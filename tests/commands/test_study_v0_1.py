@@ -18,9 +18,17 @@ pytestmark = pytest.mark.filterwarnings("default::UserWarning")
 
 
 @pytest.fixture
-def study(tmp_path):
-    """A simulated study that 0.1.0 froze, with two complete participants."""
+def updated(tmp_path):
+    """A simulated study that 0.1.0 froze, with two complete participants, as it was."""
     return shutil.copytree(V0_1 / "study", tmp_path / "study")
+
+
+@pytest.fixture
+def study(updated):
+    """The same study with its procedure, which has changed since, restored from an export."""
+    frozen = json.loads((V0_1 / "export/study.json").read_text())["parts"]
+    (updated / "subretinal_injection.toml").write_text(frozen["procedure subretinal_injection"])
+    return updated
 
 
 def succeed(*arguments):
@@ -47,10 +55,21 @@ def test_a_frozen_study_is_checked_and_shown(study):
     assert "2 of 2 participants" in succeed("status", study).output
 
 
-def test_a_questionnaire_may_be_updated_to_the_new_keys_and_not_changed(study):
+def test_a_frozen_study_does_not_go_on_under_a_shipped_procedure_that_has_changed(updated):
+    result = call("study", "check", updated)
+    assert result.exit_code == 2
+    assert (
+        "procedure subretinal_injection was changed since; save its text in study.json of an export as "
+        "subretinal_injection.toml beside study.toml" in result.stderr
+    )
+
+
+def test_files_may_be_updated_to_the_new_keys_and_not_changed(study):
     file = study / "ease.toml"
     text = file.read_text()
     file.write_text(text.replace("_says", "_label"))
+    procedure = study / "subretinal_injection.toml"
+    procedure.write_text(procedure.read_text().replace("seen_with", "visible_with"))
     assert succeed("check", study).stderr == ""
     file.write_text(text.replace("Strongly agree", "Agree"))
     assert "questionnaire ease.toml was changed since" in call("study", "check", study).stderr
@@ -67,7 +86,7 @@ def test_an_export_is_the_same_and_is_imported(study, tmp_path):
 
 def test_a_report_is_written_without_warnings_about_recorded_procedures(study, tmp_path):
     result = succeed("report", study, "-o", tmp_path / "report")
-    assert [line for line in result.stderr.splitlines() if "ease.toml" not in line] == []
+    assert [line for line in result.stderr.splitlines() if "is now called" not in line] == []
     assert "SIMULATED" in (tmp_path / "report/report.html").read_text()
     assert succeed("report", V0_1 / "export", "-o", tmp_path / "other").stderr == ""
 
