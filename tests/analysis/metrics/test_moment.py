@@ -34,7 +34,7 @@ def test_the_text_has_triplets_thresholds_and_changes():
     text = explanation_text(explain_moment(GOLDEN / "wrong_place_then_hit.mcap", 8.0))
     assert "<needle_line, misaligned, retina_target>  (theta_deg 6.3" in text
     assert "bounds theta_deg > 1.7)" in text
-    assert "runner-up  retinal_contact (rule 1, feels 'pulse')" in text
+    assert "runner-up  retinal_contact (rule 2, feels 'pulse')" in text
     assert "mm less" in text and "deg less" in text
 
 

@@ -1,5 +1,6 @@
 """The routes of a study from outside: wrong participants, stages and stations, edits, invalid requests."""
 
+import json
 import shutil
 from contextlib import closing
 
@@ -233,6 +234,8 @@ def test_the_live_command_serves_no_study(live: Live):
 
 def test_a_study_of_version_0_1_opens_on_its_page(quick_uri, tmp_path):
     study = shutil.copytree(DATA / "v0_1" / "study", tmp_path / "study")
+    frozen = json.loads((DATA / "v0_1" / "export" / "study.json").read_text())["parts"]
+    (study / "subretinal_injection.toml").write_text(frozen["procedure subretinal_injection"])
     with Station(study, quick_uri) as station:
         snapshot = send_to(station, "/study/status")[1]
         assert [each["participant"] for each in snapshot["participants"]] == ["S01", "S02"]
