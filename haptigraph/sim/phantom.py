@@ -8,20 +8,22 @@ import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
-from haptigraph.geometry import angle_between_deg, norm, subtract
+from haptigraph.geometry import Vec, angle_between_deg, norm, subtract
 from haptigraph.messages import Image, Truth
 from haptigraph.sim.eye.camera import Camera
+from haptigraph.sim.eye.cannula import is_in_cannula
 from haptigraph.sim.eye.eye import Eye, registration_text
 from haptigraph.sim.eye.optics import image_geometry
 from haptigraph.sim.eye.peeling import Peeling
 from haptigraph.sim.eye.soft_retina import SoftRetina
 from haptigraph.sim.robot.operator import Operator, ScriptedOperator
-from haptigraph.sim.robot.robot import Pose, Robot
+from haptigraph.sim.robot.robot import Pose, Robot, RobotLimits
 from haptigraph.sim.scenario import Scenario
 
 __all__ = ["Moment", "Phantom"]
 
 AWAY_MM = (0.0, 200.0)  # so far that no part of any needle is in view
+EXPOSURE_STEPS = tuple(step / 10 for step in range(-5, 6))  # of the exposure time, from its middle
 BLANK: Image = np.zeros((1, 1, 3), np.uint8)  # in place of an image that was not drawn
 
 
@@ -72,7 +74,15 @@ class Phantom:
     def camera(self) -> Camera:
         """The camera; its background is painted on first use."""
         given, seed = self.scenario, self.scenario.about.seed
-        return Camera(self.eye, given.camera, given.needle, given.appearance, seed, given.distractors)
+        return Camera(
+            self.eye,
+            given.camera,
+            given.needle,
+            given.appearance,
+            seed,
+            given.distractors,
+            given.cannula,
+        )
 
     def paint(self) -> "Phantom":
         """Paint the static background, so that the first image is as quick as the others; return self."""
@@ -104,6 +114,7 @@ class Phantom:
             return None
         number, self._next = self._next, self._next + 1
         time_s = number / self.scenario.about.rate_hz
+        before = self._robot.pose
         if number:
             self.operator.move(self._robot, time_s, 1 / self.scenario.about.rate_hz)
         truth, is_away = self._truth(), self.operator.is_away(time_s)
@@ -121,8 +132,26 @@ class Phantom:
             view = self._peeling.advance(truth.tip_mm, direction, self._robot.pose.jaws_mm, pipe)
             image = self.camera.render(view.hinge_mm, direction, number, view.draw) if draws else BLANK
             return Moment(time_s, image, replace(truth, others=view.found))
-        image = self.camera.render(truth.tip_mm, direction, number, warp=warp) if draws else BLANK
+        if not draws:
+            return Moment(time_s, BLANK, truth)
+        exposure = self._exposure(before)
+        image = self.camera.render(truth.tip_mm, direction, number, warp=warp, exposure=exposure)
         return Moment(time_s, image, truth)
+
+    def _exposure(self, before: Pose) -> list[tuple[Vec, Vec]]:
+        """Return the needle's tips [mm] and directions while the shutter is open, at its latest speed."""
+        now, share = self._robot.pose, self.scenario.camera.shutter_s * self.scenario.about.rate_hz
+        if not share or now == before:
+            return []
+        poses = []
+        for when in EXPOSURE_STEPS:
+            pose = Pose(
+                now.depth_mm + when * share * (now.depth_mm - before.depth_mm),
+                now.pitch_deg + when * share * (now.pitch_deg - before.pitch_deg),
+            )
+            robot = Robot(self.eye.trocar_mm, RobotLimits(depth_min_mm=-100, depth_max_mm=100), pose)
+            poses.append((robot.tip_mm(), robot.direction()))
+        return poses
 
     def _truth(self) -> Truth:
         tip_mm, direction = self._robot.tip_mm(), self._robot.direction()
@@ -131,12 +160,14 @@ class Phantom:
         settings = self.scenario.camera
         in_image = 0 <= tip_px[0] < settings.width_px and 0 <= tip_px[1] < settings.height_px
         in_wall = self.eye.radius_mm <= distance_mm <= self.eye.radius_mm + self.scenario.eye.wall_mm
+        depth_mm, cannula = self._robot.pose.depth_mm, self.scenario.cannula
+        in_cannula = cannula is not None and is_in_cannula(cannula, self.eye, depth_mm)
         axis = subtract(self.eye.target_mm, self.eye.trocar_mm)
         return Truth(
-            visible=in_image and not in_wall,
+            visible=in_image and not in_wall and not in_cannula,
             inside=distance_mm < self.eye.radius_mm,
             tip_px=tip_px,
             tip_mm=tip_mm,
-            depth_mm=self._robot.pose.depth_mm,
+            depth_mm=depth_mm,
             theta_deg=angle_between_deg(direction, axis),
         )

@@ -10,6 +10,7 @@ from msgspec.structs import replace
 
 from haptigraph.errors import BadInput, unknown_name
 from haptigraph.sim.eye.camera import NeedleShape
+from haptigraph.sim.eye.cannula import CannulaShape
 from haptigraph.sim.eye.distractors import Distractors
 from haptigraph.sim.eye.eye import EyeShape, RegistrationError
 from haptigraph.sim.eye.forceps import ForcepsShape
@@ -32,6 +33,9 @@ BOUNDS = {
     "camera.tilt_deg": (-30, 30),
     "camera.distance_mm": (30, 1e6),
     "camera.blur_px": (0, 50),
+    "camera.shutter_s": (0, 0.2),
+    "camera.shake_px": (0, 50),
+    "camera.shake_deg": (-360, 360),
     "camera.exposure": (0, 10),
     "camera.vignetting": (0, 1),
     "camera.read_noise_grey": (0, 100),
@@ -71,6 +75,8 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     camera: CameraSettings = CameraSettings()
     appearance: Appearance = Appearance()
     needle: NeedleShape = NeedleShape()
+    cannula: CannulaShape | None = None
+    """The metal tube in the trocar; None: the needle passes through a hole."""
     robot: RobotLimits = RobotLimits()
     operator: Hand = Hand()
     distractors: Distractors = Distractors()

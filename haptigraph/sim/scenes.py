@@ -20,7 +20,7 @@ from haptigraph.sim.robot.operator import Hand, Move
 from haptigraph.sim.robot.robot import Pose, Robot, RobotLimits
 from haptigraph.sim.scenario import About, Scenario
 
-__all__ = ["NUISANCE_CONDITIONS", "Scene", "random_scene"]
+__all__ = ["NUISANCE_CONDITIONS", "Scene", "random_scene", "with_second_instrument"]
 
 NUISANCE_CONDITIONS = (
     "plain",
@@ -56,8 +56,11 @@ class Scene(Struct, frozen=True):
 
     nuisance: str
     polarity: str
-    """Of the needle against the bowl: dark, bright, or mixed (dark rims, bright middle)."""
+    """Of the needle against the bowl: dark, bright, mixed (dark rims, bright middle), or crossing (the bowl
+    is darker in one part and brighter in another)."""
     scenario: Scenario
+    registered: Distractors | None = None
+    """What the reference image in perception's registration shows beside the eye; None: it has none."""
 
     @property
     def has_registration_error(self) -> bool:
@@ -194,7 +197,7 @@ def _apply_nuisance(name: str, setting: _Setting, rng: Rng, eye: Eye, rest_mm: V
             others, bubbles=int(rng.integers(4, 10)), bubble_mm=rng.uniform(0.4, 1.2)
         )
     elif name == "second_instrument":
-        setting.distractors = _with_second_instrument(others, rng, eye, rest_mm)
+        setting.distractors = with_second_instrument(others, rng, eye, rest_mm)
     elif name == "flicker":
         setting.distractors = replace(others, flicker=rng.uniform(0.05, 0.15))
     elif name == "registration":
@@ -203,8 +206,8 @@ def _apply_nuisance(name: str, setting: _Setting, rng: Rng, eye: Eye, rest_mm: V
         setting.needle = replace(needle, tilt_deg=rng.uniform(15, 45))
 
 
-def _with_second_instrument(others: Distractors, rng: Rng, eye: Eye, rest_mm: Vec) -> Distractors:
-    """Add a second instrument that may cross the needle, but not near its tip's final position."""
+def with_second_instrument(others: Distractors, rng: Rng, eye: Eye, rest_mm: Vec) -> Distractors:
+    """Add a second instrument that may cross the needle, but not near its tip's final position [mm]."""
     brightness = rng.uniform(0.2, 0.8)
     pipe = replace(others.light_pipe, brightness=brightness, diameter_mm=rng.uniform(0.5, 0.9))
     while True:

@@ -124,10 +124,19 @@ def errors_of(
     truth: Sequence[TruthRow],
     image: ImageGeometry,
     angle_error_deg: AngleError = _theta_error_deg,
+    cannula_mm: float = 0.0,
 ) -> Errors:
-    """Compare steps with the ground truth, image by image."""
+    """Compare steps with the ground truth, image by image.
+
+    Args:
+        steps: What was reported.
+        truth: The ground truth, one row per step.
+        image: Geometry of the images.
+        angle_error_deg: Compares an angle with its true value.
+        cannula_mm: Length of the tube inside the eye that hides the tip like the wall; 0: there is none.
+    """
     tips = [_tip_px(step, image) for step in steps]
-    occluded = _occluded_by_wall(truth)
+    occluded = _occluded_by_wall(truth, WALL_MM + cannula_mm)
     states, true_states = [step.conclusion.state for step in steps], [row.state for row in truth]
     inside = [(row, number) for number, row in enumerate(truth) if row.visible and row.inside]
     tip_errors = [(row.depth_mm or 0.0, _distance(tips[number], row.tip_px)) for row, number in inside]
@@ -232,7 +241,7 @@ def _distance(tip: Vec | None, true_tip: Vec | None) -> float | None:
     return math.dist(tip, true_tip) if tip and true_tip else None
 
 
-def _occluded_by_wall(truth: Sequence[TruthRow]) -> list[bool]:
+def _occluded_by_wall(truth: Sequence[TruthRow], wall_mm: float) -> list[bool]:
     """Mark images without a visible tip between images with the tip at the wall: it is passing through."""
     occluded = [False] * len(truth)
     row = 0
@@ -241,7 +250,7 @@ def _occluded_by_wall(truth: Sequence[TruthRow]) -> list[bool]:
         while end < len(truth) and not truth[end].visible:
             end += 1
         neighbours = [truth[other] for other in (row - 1, end) if 0 <= other < len(truth)]
-        at_wall = any(abs(each.depth_mm) <= WALL_MM for each in neighbours if each.depth_mm is not None)
+        at_wall = any(abs(each.depth_mm) <= wall_mm for each in neighbours if each.depth_mm is not None)
         occluded[row:end] = [at_wall] * (end - row)
         row = end + 1
     return occluded

@@ -23,6 +23,11 @@ COLUMNS = (
     (">3mm deg p50/p95", 17),
     ("state", 8),
     ("wrong contact", 14),
+    ("missed contact", 15),
+    ("tip known", 10),
+    ("tip far", 9),  # share of reported tips that are more than 0.3 mm off
+    ("tip bias px", 12),
+    ("tip z p68/p95/p997", 19),
 )
 BOUNDS = {
     "inside": "inside_deg",
@@ -88,6 +93,11 @@ def _score_lines(sweep: Sweep) -> Iterator[str]:
                 _pair(angle["deep"]),
                 _percent(scores["state_agreement"]),
                 str(scores["wrong_contact_images"]),
+                str(scores["missed_contact_images"]),
+                _percent(scores["tip_known_rate"]),
+                _percent(scores["tip_far_rate"]),
+                _signed(scores["tip_bias_px"]),
+                "/".join(_number(value) for value in scores["tip_z"].values()),
             )
             line = "".join(f"{cell:>{width}}" for cell, (_, width) in zip(cells, COLUMNS, strict=True))
             yield f"  {difficulty:17}{scores['images']:7}{line}"
@@ -118,6 +128,10 @@ def _pair(errors: dict[str, float | None]) -> str:
 
 def _number(value: float | None) -> str:
     return "-" if value is None else f"{value:.3g}"
+
+
+def _signed(value: float | None) -> str:
+    return "-" if value is None else f"{value:+.2f}"
 
 
 def _percent(value: float | None) -> str:

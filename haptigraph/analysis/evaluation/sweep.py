@@ -7,6 +7,7 @@ perceiver. States are compared only in scenes with a correct registration.
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+import numpy as np
 from msgspec import Struct, field
 from msgspec.structs import replace
 
@@ -21,13 +22,17 @@ from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import Capture, Observation, Step, Truth
 from haptigraph.pipeline import Pipeline
 from haptigraph.recording.writer import Progress
+from haptigraph.registration.background import BackgroundImage
 from haptigraph.registration.camera import Registration
 from haptigraph.registration.loading import parse_camera_registration
 from haptigraph.scene.builder import SchemaSceneBuilder
+from haptigraph.sim.eye.distractors import Distractors
 from haptigraph.sim.phantom import Moment, Phantom
-from haptigraph.sim.scenes import NUISANCE_CONDITIONS, Scene, random_scene
+from haptigraph.sim.scenario import Scenario
+from haptigraph.sim.scenes import Scene
+from haptigraph.sim.sweep_scenes import SWEEP_CONDITIONS, sweep_scene
 
-__all__ = ["Sweep", "perceivers_to_compare", "play", "shaft_error_deg", "sweep", "true_rows"]
+__all__ = ["Sweep", "perceivers_to_compare", "play", "pooled", "shaft_error_deg", "sweep", "true_rows"]
 
 COMPARED = ("threshold", "tracker")
 ALL = "all"
@@ -45,8 +50,8 @@ class Sweep(Struct, frozen=True):
         """Return scores by perceiver and difficulty, "all" first."""
         return {
             perceiver: {
-                ALL: _pooled([errors for scenes in by_difficulty.values() for errors in scenes]),
-                **{name: _pooled(scenes) for name, scenes in by_difficulty.items()},
+                ALL: pooled([errors for scenes in by_difficulty.values() for errors in scenes]),
+                **{name: pooled(scenes) for name, scenes in by_difficulty.items()},
             }
             for perceiver, by_difficulty in self.errors.items()
         }
@@ -73,17 +78,17 @@ def sweep(
         perceivers: Their names.
         config: Their settings, and the procedure.
         seed: Seed of all scenes.
-        size_px: Image size, (width, height).
+        size_px: Image size, (width, height), except where the condition is another resolution.
         progress: Called with the progress.
     """
     procedure = assemble.load_procedure(config.run.procedure)
     result = Sweep(scenes, seed)
     for perceiver in perceivers:
-        result.errors[perceiver] = {name: [] for name in NUISANCE_CONDITIONS[:scenes]}
+        result.errors[perceiver] = {name: [] for name in SWEEP_CONDITIONS[:scenes]}
     for number in range(scenes):
         if progress is not None:
             progress("playing scenes", number, scenes)
-        scene = random_scene(number, seed, size_px=size_px)
+        scene = sweep_scene(number, seed, size_px=size_px)
         for perceiver, errors in _errors_of_scene(scene, perceivers, config, procedure).items():
             result.errors[perceiver][scene.nuisance].append(errors)
     if progress is not None:
@@ -91,8 +96,8 @@ def sweep(
     return result
 
 
-def _pooled(scenes: Sequence[Errors]) -> dict[str, Any]:
-    """Return the scores over all images of several scenes."""
+def pooled(scenes: Sequence[Errors]) -> dict[str, Any]:
+    """Return the scores over all images of several scenes or clips."""
     angles_deg = [pair for errors in scenes for pair in errors.angles_deg]
     return {
         "scenes": len(scenes),
@@ -170,6 +175,8 @@ def _errors_of_scene(
 ) -> dict[str, Errors]:
     phantom = Phantom(scene.scenario)
     registration = parse_camera_registration(phantom.registration, "the scene's registration")
+    if scene.registered is not None:
+        registration = replace(registration, background=_reference_image(scene.scenario, scene.registered))
     pipelines = {
         name: assemble.build_pipeline(config.with_perceiver(name), registration, procedure)
         for name in perceivers
@@ -182,13 +189,25 @@ def _errors_of_scene(
     def angle_error_deg(step: Step, row: TruthRow) -> float | None:
         return shaft_error_deg(step, row, image, trocar_px)
 
-    errors = {name: errors_of(steps[name], rows, image, angle_error_deg) for name in perceivers}
+    cannula_mm = scene.scenario.cannula.reach_mm if scene.scenario.cannula else 0.0
+    errors = {
+        name: errors_of(steps[name], rows, image, angle_error_deg, cannula_mm=cannula_mm)
+        for name in perceivers
+    }
     if scene.has_registration_error:
         return {
             name: replace(each, agreed=[], wrong_contact_images=0, missed_contact_images=0)
             for name, each in errors.items()
         }
     return errors
+
+
+def _reference_image(scenario: Scenario, registered: Distractors) -> BackgroundImage:
+    """Take the image without instrument that was registered, with the distractors of that time."""
+    away = replace(scenario.moves[0], away=True)
+    captures = play(Phantom(replace(scenario, distractors=registered, moves=(away,))))
+    image = next(moment.image for _, moment in captures)
+    return BackgroundImage(image, np.ones(image.shape[:2], np.bool_))
 
 
 def _steps(phantom: Phantom, pipelines: dict[str, Pipeline]) -> tuple[dict[str, list[Step]], list[Truth]]:

@@ -3,8 +3,8 @@
 The view is mirrored like the real one. The same pose and image number always give the same pixels.
 """
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, TypeAlias
 
 import cv2
 import numpy as np
@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from haptigraph.geometry import ImageGeometry, Vec, norm, subtract
 from haptigraph.imaging import FloatImage
 from haptigraph.messages import Image
+from haptigraph.sim.eye.cannula import Cannula, CannulaShape
+from haptigraph.sim.eye.clutter import paint_lines, paint_vessels
 from haptigraph.sim.eye.distractors import (
     Bubbles,
     Distractors,
@@ -22,11 +24,13 @@ from haptigraph.sim.eye.distractors import (
     paint_specular_highlights,
 )
 from haptigraph.sim.eye.eye import Eye
+from haptigraph.sim.eye.motion_blur import line_kernel
 from haptigraph.sim.eye.needle import (
     Box,
     NeedleShape,
     blurred,
     clipped_box,
+    joined_box,
     needle_texture,
     relative_box,
     warp_texture,
@@ -34,11 +38,13 @@ from haptigraph.sim.eye.needle import (
 from haptigraph.sim.eye.optics import CameraSettings, image_geometry, slant_of
 from haptigraph.sim.eye.painter import distance_map, paint_phantom, rim_geometry, shading_positions, vignette
 from haptigraph.sim.eye.palette import Appearance
+from haptigraph.sim.eye.sensor import Sensor
 
 __all__ = ["Camera", "NeedleShape"]
 
-NOISE_MARGIN_PX = 256
-NOISE_STRIP_PX = 36
+Needle: TypeAlias = tuple[Vec, Vec]
+"""Tip [mm] and direction (length 1), eye frame."""
+
 SHADOW_BLUR_PX = 15
 PIECES = 12
 
@@ -53,6 +59,7 @@ class Camera:
         appearance: Style of the phantom.
         seed: Seed of texture and noise.
         distractors: Other objects and effects in the image.
+        cannula: The tube in the trocar in use; None: there is none.
     """
 
     def __init__(
@@ -63,6 +70,7 @@ class Camera:
         appearance: Appearance,
         seed: int,
         distractors: Distractors | None = None,
+        cannula: CannulaShape | None = None,
     ) -> None:
         self.settings = settings
         size_px = settings.width_px, settings.height_px
@@ -85,15 +93,17 @@ class Camera:
         """Where instruments are visible, 0 to 1, (h, w)."""
         self._shaded_by = shading_positions(distance, self._radius_px, settings.shadow_shift)
         self._tone, self._cover = needle_texture(needle, settings.px_per_mm, settings.blur_px, seed)
+        self._cannula = cannula and Cannula(cannula, eye, self.frontal, settings.blur_px, seed)
+        self._shake = line_kernel(settings.shake_px, settings.shake_deg) if settings.shake_px else None
         self._distractors = distractors or Distractors()
         self._bubbles = self._paint_distractors(eye)
+        others = self._distractors
+        self._is_disturbed = bool(
+            others.bubbles or others.flicker or self._is_tilted or self._shake is not None
+        )
         self._static = np.asarray(cv2.convertScaleAbs(self._background), np.uint8)
-        rng = np.random.default_rng((seed, 3))
-        tile = settings.height_px + NOISE_MARGIN_PX, settings.width_px + NOISE_MARGIN_PX
-        self._noise = rng.standard_normal(tile, np.float32)
-        grey = np.arange(256, dtype=np.float32)
-        self._sd_of = np.sqrt(settings.read_noise_grey**2 + settings.shot_noise_grey**2 * grey / 255)
-        self._sd = self._noise_sd(self._static)
+        self._sensor = Sensor(settings, seed)
+        self._sd = self._sensor.noise_sd(self._static)
 
     def render(
         self,
@@ -102,6 +112,7 @@ class Camera:
         number: int,
         overlay: Callable[[Image], None] | None = None,
         warp: Callable[[FloatImage, ImageGeometry], tuple[Box, FloatImage] | None] | None = None,
+        exposure: Sequence[Needle] = (),
     ) -> Image:
         """Take one image.
 
@@ -111,48 +122,48 @@ class Camera:
             number: Number of the image; chooses the noise.
             overlay: Draws other moving objects into the frontal image, in front of the needle.
             warp: Returns the part of the static background that has changed, behind the needle.
+            exposure: The needle at equal steps of the exposure, like `tip_mm` and `direction`, which are
+                those of its middle; empty: it does not move.
 
         Returns:
             (height, width, 3) BGR.
         """
+        poses = exposure or ((tip_mm, direction),)
         warped = warp and warp(self._background, self.frontal)
         if not warped:
-            return self._render(tip_mm, direction, number, overlay)
+            return self._render(poses, number, overlay)
         box, scene = warped
         layers: tuple[NDArray[Any], ...] = (self._background, self._static, self._sd)
         saved = [layer[box].copy() for layer in layers]
         self._background[box] = scene
         self._static[box] = cv2.convertScaleAbs(scene)
-        self._sd[box] = self._noise_sd(self._static[box])
+        self._sd[box] = self._sensor.noise_sd(self._static[box])
         try:
-            return self._render(tip_mm, direction, number, overlay)
+            return self._render(poses, number, overlay)
         finally:
             for layer, part in zip(layers, saved, strict=True):
                 layer[box] = part
 
-    def _render(
-        self, tip_mm: Vec, direction: Vec, number: int, overlay: Callable[[Image], None] | None
-    ) -> Image:
-        tip, along = self._in_frontal(tip_mm, direction)
-        box = self._needle_box(tip, along)
+    def _render(self, poses: Sequence[Needle], number: int, overlay: Callable[[Image], None] | None) -> Image:
+        box = self._changed_box(poses)
         image = self._static.copy()
         if box is not None:
-            image[box] = cv2.convertScaleAbs(self._draw(tip, along, box))
+            image[box] = cv2.convertScaleAbs(self._exposed(poses, box))
         if overlay is not None:
             overlay(image)
-        if overlay or self._distractors.bubbles or self._distractors.flicker or self._is_tilted:
-            image = self._with_tilt(self._with_disturbances(image, number))
-            return self._with_noise(image, self._noise_sd(image), number)
+        if overlay or self._is_disturbed:
+            image = self._with_shake(self._with_tilt(self._with_disturbances(image, number)))
+            return self._sensor.with_noise(image, self._sensor.noise_sd(image), number)
         if box is None:
-            return self._with_noise(image, self._sd, number)
+            return self._sensor.with_noise(image, self._sd, number)
         unchanged = self._sd[box].copy()
-        self._sd[box] = self._noise_sd(image[box])
-        image = self._with_noise(image, self._sd, number)
+        self._sd[box] = self._sensor.noise_sd(image[box])
+        image = self._sensor.with_noise(image, self._sd, number)
         self._sd[box] = unchanged
         return image
 
     def expect(self, tip_mm: Vec, direction: Vec) -> tuple[FloatImage, FloatImage]:
-        """Return the mean and standard deviation of an image's grey, without bubbles, flicker and tilt.
+        """Return the mean and standard deviation of an image's grey: no bubbles, flicker, tilt and shake.
 
         Not rounded, so that it can be differentiated; positions are exact to 1/32 px (OpenCV's warp).
 
@@ -164,11 +175,11 @@ class Camera:
             Grey, 0 to 255, and the standard deviation of the sensor noise in grey levels, which is the same
             in all three colours; (height, width) each.
         """
-        tip, along = self._in_frontal(tip_mm, direction)
-        box = self._needle_box(tip, along)
+        poses = ((tip_mm, direction),)
+        box = self._changed_box(poses)
         scene = self._background.copy()
         if box is not None:
-            scene[box] = self._draw(tip, along, box)
+            scene[box] = self._exposed(poses, box)
         grey = np.asarray(cv2.cvtColor(np.clip(scene, 0, 255), cv2.COLOR_BGR2GRAY), np.float32)
         read, shot = self.settings.read_noise_grey, self.settings.shot_noise_grey
         return grey, np.sqrt(read**2 + shot**2 * grey / 255)
@@ -176,6 +187,11 @@ class Camera:
     def _paint_distractors(self, eye: Eye) -> Bubbles:
         """Paint the static distractors into the background; return the moving ones."""
         distractors, settings = self._distractors, self.settings
+        for paint, count in ((paint_vessels, distractors.vessels), (paint_lines, distractors.lines)):
+            if count:
+                self._background = paint(
+                    self._background, count, self.frontal, self._in_bowl, settings.blur_px, self._seed
+                )
         if distractors.light_pipe_mm:
             self._background = paint_light_pipe(
                 self._background,
@@ -208,11 +224,34 @@ class Camera:
         tilted = cv2.warpPerspective(image, self._image_from_frontal, size, borderMode=border)
         return np.asarray(tilted, np.uint8)
 
+    def _with_shake(self, image: Image) -> Image:
+        """Return an image as blurred by the camera's own motion."""
+        return image if self._shake is None else np.asarray(cv2.filter2D(image, -1, self._shake), np.uint8)
+
     def _in_frontal(self, tip_mm: Vec, direction: Vec) -> tuple[Vec, Vec]:
         """Return tip [px] and direction (length 1) in the frontal image."""
         tip = self.frontal.to_px(tip_mm)
         ahead = subtract(self.frontal.to_px((tip_mm[0] + direction[0], tip_mm[1] + direction[1])), tip)
         return tip, (ahead[0] / norm(ahead), ahead[1] / norm(ahead))
+
+    def _changed_box(self, poses: Sequence[Needle]) -> Box | None:
+        """Return the part of the image that needle, shadow and cannula can cover; None if out of view."""
+        boxes = [self._needle_box(*self._in_frontal(*pose)) for pose in poses]
+        if self._cannula:
+            boxes.append(self._cannula.box(self._sd.shape))
+        return joined_box([box for box in boxes if box is not None])
+
+    def _exposed(self, poses: Sequence[Needle], box: Box) -> FloatImage:
+        """Return a part of the scene, averaged over the needle's poses during the exposure."""
+        scenes = [self._scene(pose, box) for pose in poses]
+        return scenes[0] if len(scenes) == 1 else np.mean(scenes, axis=0, dtype=np.float32)
+
+    def _scene(self, pose: Needle, box: Box) -> FloatImage:
+        """Return a part of the scene with needle, shadow and cannula."""
+        scene = self._draw(*self._in_frontal(*pose), box)
+        if self._cannula:
+            self._cannula.draw(scene, box, pose, self.light, self.in_view)
+        return scene
 
     def _draw(self, tip: Vec, along: Vec, box: Box) -> FloatImage:
         """Return a part of the scene with needle and shadow."""
@@ -249,24 +288,6 @@ class Camera:
         light = 1 - self.settings.shadow * cv2.blur(shade, (SHADOW_BLUR_PX,) * 2) * self._in_bowl[bowl]
         part = relative_box(bowl, box)
         scene[part] = cv2.multiply(scene[part], cv2.merge([light] * 3))
-
-    def _noise_sd(self, image: Image) -> FloatImage:
-        """Return the standard deviation of the sensor noise for an image, (h, w) grey levels."""
-        return np.asarray(cv2.LUT(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), self._sd_of), np.float32)
-
-    def _with_noise(self, image: Image, sd_grey: FloatImage, number: int) -> Image:
-        """Add sensor noise in place, the same in all three colours (JPEG preserves little more)."""
-        rng = np.random.default_rng((self._seed, 4, number))
-        top, left = rng.integers(0, NOISE_MARGIN_PX, 2)
-        noise = self._noise[top : top + image.shape[0], left : left + image.shape[1]]
-        # Strips fit in the processor's cache. Adding and subtracting separately, each saturating in 8 bits,
-        # is four times as fast as one pass in float.
-        for start in range(0, image.shape[0], NOISE_STRIP_PX):
-            strip = slice(start, start + NOISE_STRIP_PX)
-            for change, scale in ((cv2.add, 1), (cv2.subtract, -1)):
-                grey = cv2.multiply(sd_grey[strip], noise[strip], scale=scale, dtype=cv2.CV_8U)
-                change(image[strip], cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR), dst=image[strip])
-        return image
 
     def _pieces(self, tip: Vec, along: Vec) -> list[Box]:
         """Return boxes that cover the needle tightly; one box around a long shaft is mostly background."""

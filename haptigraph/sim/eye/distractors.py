@@ -1,4 +1,4 @@
-"""Distractors beside eye and needle: second instrument, specular highlights, bubbles, flickering light.
+"""Distractors beside eye and needle: second instrument, specular highlights, bubbles, clutter, flicker.
 
 Static distractors are painted into the background once; bubbles and flicker depend on the image's number and
 the seed.
@@ -33,6 +33,10 @@ class Distractors(Struct, frozen=True, forbid_unknown_fields=True):
 
     specular_highlights: Count = 0
     """Number of saturated reflections on bowl and wall."""
+    vessels: Count = 0
+    """Number of winding vessels on the bowl."""
+    lines: Count = 0
+    """Number of straight lines on the bowl, dark or bright, such as print lines and scratches."""
     bubbles: Count = 0
     """Number of drifting bubbles (bright rings) and debris particles (dark blobs), in front of the needle."""
     bubble_mm: Annotated[float, Meta(gt=0, le=5)] = 0.7

@@ -1,6 +1,7 @@
 """A straight instrument as a texture along x, and its warp into an image at any pose."""
 
 import math
+from collections.abc import Sequence
 from typing import Annotated, TypeAlias
 
 import cv2
@@ -10,7 +11,16 @@ from msgspec import Meta, Struct
 from haptigraph.geometry import Vec
 from haptigraph.imaging import FloatImage
 
-__all__ = ["Box", "NeedleShape", "blurred", "clipped_box", "needle_texture", "relative_box", "warp_texture"]
+__all__ = [
+    "Box",
+    "NeedleShape",
+    "blurred",
+    "clipped_box",
+    "joined_box",
+    "needle_texture",
+    "relative_box",
+    "warp_texture",
+]
 
 SUPERSAMPLING = 4
 PADDING_PX = 3
@@ -117,5 +127,16 @@ def relative_box(inner: Box, outer: Box) -> Box:
     rows, columns = (
         slice(part.start - whole.start, part.stop - whole.start)
         for part, whole in zip(inner, outer, strict=True)
+    )
+    return rows, columns
+
+
+def joined_box(boxes: Sequence[Box]) -> Box | None:
+    """Return the smallest box around some boxes; None without any."""
+    if not boxes:
+        return None
+    rows, columns = (
+        slice(min(part.start for part in parts), max(part.stop for part in parts))
+        for parts in zip(*boxes, strict=True)
     )
     return rows, columns

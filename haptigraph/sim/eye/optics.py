@@ -25,6 +25,12 @@ class CameraSettings(Struct, frozen=True, forbid_unknown_fields=True):
     """From the camera to the section; matters only with a tilt or with a wall in front of the section."""
     blur_px: float = 0.8
     """Standard deviation of the lens blur."""
+    shutter_s: float = 0.0
+    """Exposure time, in which the needle moves; the ground truth is that of its middle. 0: a flash."""
+    shake_px: float = 0.0
+    """Length of the camera's own motion during the exposure, the same in every image."""
+    shake_deg: float = 0.0
+    """Its direction in the image, from x towards y."""
     exposure: float = 1.0
     """Brightness of the whole scene; from about 1.3 on, white surfaces saturate."""
     vignetting: float = 0.25

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from haptigraph.geometry import ImageGeometry, Vec, subtract, unit
 from haptigraph.imaging import FloatImage
 from haptigraph.sim.eye.eye import Eye
-from haptigraph.sim.eye.palette import BLOOD, LAYER, PALETTES, Appearance, Color, Palette
+from haptigraph.sim.eye.palette import BLOOD, LAYER, Appearance, Color, Palette
 
 __all__ = ["FloatImage", "distance_map", "paint_phantom", "rim_geometry", "shading_positions", "vignette"]
 
@@ -123,7 +123,7 @@ def paint_phantom(
         The background, (height, width, 3) BGR, 0 to 255, without blur, vignetting and noise.
     """
     canvas = _Canvas(*size_px, seed)
-    palette = PALETTES[appearance.style]
+    palette = appearance.palette
     _paint_mask(canvas, palette, rim.center_px, eye.radius_mm / rim.mm_per_px, appearance.texture)
     _paint_globe(canvas, palette, eye, rim, appearance.texture)
     if eye.shape.retina_mm:

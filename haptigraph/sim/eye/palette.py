@@ -1,12 +1,14 @@
 """The phantom's appearance: its styles and their colours."""
 
-from typing import Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
-from msgspec import Struct
+from msgspec import Meta, Struct
+from msgspec.structs import replace
 
 __all__ = ["BLOOD", "LAYER", "PALETTES", "Appearance", "Color", "Palette"]
 
-Color: TypeAlias = tuple[float, float, float]
+Level: TypeAlias = Annotated[float, Meta(ge=0, le=255)]
+Color: TypeAlias = tuple[Level, Level, Level]
 """Blue, green, red, each 0 to 255."""
 
 
@@ -17,6 +19,18 @@ class Appearance(Struct, frozen=True, forbid_unknown_fields=True):
     """Light: a white print and a darker needle. Dark: a painted fundus and a brighter needle."""
     texture: float = 1.0
     """Strength of print lines and stains; 0: smooth surfaces."""
+    bowl_bgr: Color | None = None
+    """Colour of the bowl, all over; unset: the style's."""
+    bowl_shade: Annotated[float, Meta(ge=0, le=1)] | None = None
+    """Brightness of the bowl's top relative to its bottom; unset: the style's."""
+
+    @property
+    def palette(self) -> "Palette":
+        """The style's colours, with those of the bowl that are set."""
+        palette = PALETTES[self.style]
+        if self.bowl_bgr is not None:
+            palette = replace(palette, bowl=self.bowl_bgr, fundus=None)
+        return palette if self.bowl_shade is None else replace(palette, bowl_shade=self.bowl_shade)
 
 
 LAYER: Color = (150, 160, 214)

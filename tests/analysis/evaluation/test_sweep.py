@@ -24,9 +24,11 @@ from haptigraph.geometry import ImageGeometry, Polyline, Segment
 from haptigraph.messages import Observation, Truth
 from haptigraph.registration.loading import parse_registration
 from haptigraph.sim.phantom import Phantom
-from haptigraph.sim.scenes import NUISANCE_CONDITIONS, random_scene
+from haptigraph.sim.scenes import random_scene
+from haptigraph.sim.sweep_scenes import SWEEP_CONDITIONS
 
 SMALL = (480, 270)
+HALVED = (720, 408)  # large enough for a registration at half of it
 CONFIG = load_config(None, ("perception.alpha=1",))
 
 
@@ -60,9 +62,7 @@ def swept():
     with pytest.MonkeyPatch.context() as patch:
         for name in ("Certain", "Blind"):
             patch.setitem(assemble.PERCEIVERS, name.lower(), f"{__name__}:{name}")
-        return sweep(
-            len(NUISANCE_CONDITIONS), ["threshold", "certain", "blind"], CONFIG, seed=3, size_px=SMALL
-        )
+        return sweep(len(SWEEP_CONDITIONS), ["threshold", "certain", "blind"], CONFIG, seed=3, size_px=HALVED)
 
 
 HELD = [
@@ -80,8 +80,8 @@ def test_every_difficulty_is_scored_and_all_are_pooled(swept):
     scores = swept.scores()
     assert list(scores) == ["threshold", "certain", "blind"]
     for rows in scores.values():
-        assert list(rows) == ["all", *NUISANCE_CONDITIONS]
-        assert rows["all"]["images"] == sum(rows[name]["images"] for name in NUISANCE_CONDITIONS)
+        assert list(rows) == ["all", *SWEEP_CONDITIONS]
+        assert rows["all"]["images"] == sum(rows[name]["images"] for name in SWEEP_CONDITIONS)
         assert rows["registration"]["state_agreement"] is None
 
 
@@ -152,7 +152,7 @@ def test_the_object_is_json_and_the_text_has_a_line_per_difficulty(swept):
     assert bounds == {"inside": 0.1, "inside_pivot_free": None, "both": 0.01, "both_pivot_free": 0.02}
     assert decoded["angle_noise"][1]["noise_deg"]["threshold"] == 0.2
     lines = sweep_text(swept, HELD).splitlines()
-    for name in (*NUISANCE_CONDITIONS, "5 mm"):
+    for name in (*SWEEP_CONDITIONS, "5 mm"):
         assert any(line.strip().startswith(name) for line in lines), name
 
 
