@@ -2,7 +2,7 @@ import js from "@eslint/js";
 import globals from "globals";
 
 export default [
-  { ignores: ["**/.*/", "build/", "dist/"] },
+  { ignores: ["**/.*/", "build/", "dist/", "mutants/"] },
   js.configs.recommended,
   {
     files: ["haptigraph/**/*.js"],
