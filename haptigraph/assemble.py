@@ -254,7 +254,7 @@ def load_procedure(name: str) -> "Procedure":
     from haptigraph.inference.procedure import load_procedure
 
     if name.endswith(".toml"):
-        return load_procedure(name, _measure_shapes())
+        return load_procedure(name, _load("haptigraph.scene.relations:MEASURES"))
     if name not in procedure_names():
         raise BadInput(unknown_name("procedure", name, procedure_names()) + ", or the path of a .toml file")
     file = resources.files("haptigraph.procedures").joinpath(f"{name}.toml")
@@ -265,25 +265,31 @@ def parse_procedure(text: str, file: str) -> "Procedure":
     """Load a procedure from text; `file` names it in errors."""
     from haptigraph.inference.procedure import parse_procedure
 
-    return parse_procedure(text, file, _measure_shapes())
-
-
-def _measure_shapes() -> dict[str, tuple[tuple[str, str], ...]]:
-    from haptigraph.scene.relations import MEASURES
-
-    return {name: tuple(measure.shapes) for name, measure in MEASURES.items()}
+    return parse_procedure(text, file, _load("haptigraph.scene.relations:MEASURES"))
 
 
 def _perceiver(config: Config, registration: "BaseRegistration", procedure: "Procedure") -> Perceiver:
     name = perceiver_name(config, procedure)
     perceiver = _perceiver_class(name)
     _load("haptigraph.registration.oct:check_fits")(name, perceiver.needs_scan, registration)
+    _check_margins(procedure, name, perceiver.entities_with_sd)
     perceive: Perceiver = perceiver(registration.frontal, config.perception)
     if (tilt := registration.image.frontal_from_image) is not None:
         tilt_corrected = _load("haptigraph.perception.tilt_correction:TiltCorrectedPerceiver")
         perceive = tilt_corrected(perceive, registration, tilt)
     phased = _load("haptigraph.perception.phase:PhasedPerceiver")
     return phased(perceive, phases) if (phases := procedure.schema.phases) else perceive
+
+
+def _check_margins(procedure: "Procedure", perceiver: str, with_sd: frozenset[str]) -> None:
+    """Raise BadInput if a relation has a margin, but its subject no standard deviation."""
+    for relation in procedure.schema.relations:
+        if relation.margin_sd and relation.subject not in with_sd:
+            raise BadInput(
+                f"procedure {procedure.name} needs the standard deviation of {relation.subject} "
+                f"(margin_sd of {relation.predicate} {relation.object}), which perceiver {perceiver} does "
+                f"not estimate; choose another procedure or perceiver"
+            )
 
 
 def _perceiver_class(name: str) -> PerceiverClass:

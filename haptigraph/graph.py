@@ -4,10 +4,14 @@ V are nodes, O entity categories, R predicates, E a set of <subject, predicate, 
 category of a node. A graph also carries the measures that decided its edges.
 """
 
-from typing import TYPE_CHECKING, ClassVar, TypeAlias
+from collections.abc import Mapping
+from fractions import Fraction
+from math import inf
+from typing import TYPE_CHECKING, Annotated, ClassVar, TypeAlias
 
 import msgspec
-from msgspec import Struct
+from msgspec import Meta, Struct
+from msgspec.structs import replace
 
 from haptigraph.errors import MissingExtra
 
@@ -62,7 +66,8 @@ class Relation(Struct, frozen=True, forbid_unknown_fields=True):
     """One relation that may hold between two entities, and the measure that decides it.
 
     It holds when the measure satisfies every bound. With `release` (hysteresis), a relation that holds
-    continues to hold until the measure has passed `release` as well.
+    continues to hold until the measure has passed `release` as well. With `margin_sd`, it holds wherever it
+    cannot be excluded: some value within so many standard deviations of the measure satisfies the bounds.
     """
 
     OLD_KEYS: ClassVar[dict[str, str]] = {"called": "alias"}
@@ -77,6 +82,8 @@ class Relation(Struct, frozen=True, forbid_unknown_fields=True):
     at_least: float | None = None
     above: float | None = None
     release: float | None = None
+    margin_sd: Annotated[float, Meta(ge=0, le=10)] = 0.0
+    """In standard deviations of the measure."""
     given: tuple[Names, ...] = ()
     """Relations, declared earlier, that must hold as well."""
     alias: str = ""
@@ -95,26 +102,57 @@ class Relation(Struct, frozen=True, forbid_unknown_fields=True):
         """Subject, predicate and object."""
         return self.subject, self.predicate, self.object
 
-    def holds(self, value: float, *, held: bool = False) -> bool:
+    @property
+    def releases_upwards(self) -> bool:
+        """Whether `release` relaxes the upper bound; otherwise it relaxes the lower one."""
+        upper = self.below if self.at_most is None else self.at_most
+        return self.release is not None and upper is not None and self.release >= upper
+
+    def holds(self, value: float | Fraction, *, held: bool = False, margin: float | Fraction = 0.0) -> bool:
         """Decide whether the relation holds.
 
         Args:
             value: The measure, in the unit of the bounds.
             held: Whether it held in the previous image.
+            margin: `margin_sd` standard deviations of the measure, in its unit; infinite if unknown.
         """
-        small_enough = (self.at_most is None or value <= self.at_most) and (
-            self.below is None or value < self.below
+        least, most = value - margin, value + margin
+        small_enough = (self.at_most is None or least <= self.at_most) and (
+            self.below is None or least < self.below
         )
-        large_enough = (self.at_least is None or value >= self.at_least) and (
-            self.above is None or value > self.above
+        large_enough = (self.at_least is None or most >= self.at_least) and (
+            self.above is None or most > self.above
         )
         if held and self.release is not None:
-            upper = self.below if self.at_most is None else self.at_most
-            if upper is not None and self.release >= upper:
-                small_enough = value <= self.release
+            if self.releases_upwards:
+                small_enough = least <= self.release
             else:
-                large_enough = value >= self.release
+                large_enough = most >= self.release
         return small_enough and large_enough
+
+    def margin(self, sd: float | None) -> float:
+        """Return the margin in the unit of the measure.
+
+        Args:
+            sd: Standard deviation of the measure; None if unknown: then nothing can be excluded.
+        """
+        return 0.0 if not self.margin_sd else inf if sd is None else self.margin_sd * sd
+
+    def widened(self, sd: float | None) -> "Relation":
+        """Return the relation without margin whose bounds are those that a standard deviation results in."""
+        if not self.margin_sd:
+            return self
+        margin = self.margin(sd)
+        changed = {
+            "at_most": margin,
+            "below": margin,
+            "at_least": -margin,
+            "above": -margin,
+            "release": margin if self.releases_upwards else -margin,
+        }
+        bounds = {key: getattr(self, key) for key in changed}
+        moved = {key: bound + changed[key] for key, bound in bounds.items() if bound is not None}
+        return replace(self, margin_sd=0.0, **moved)
 
 
 class Schema(Struct, frozen=True):
@@ -138,6 +176,15 @@ class Schema(Struct, frozen=True):
             if entity.name == name:
                 return entity
         raise KeyError(name)
+
+    def widened(self, sds: Mapping[str, float]) -> "Schema":
+        """Return the schema without margins whose bounds are those of an image.
+
+        Args:
+            sds: Standard deviations by the name of the measure, as a graph carries them.
+        """
+        relations = (one.widened(sds.get(self.measure_name(one))) for one in self.relations)
+        return Schema(self.entities, tuple(relations))
 
     def measure_name(self, relation: Relation) -> str:
         """Return the name under which a graph carries the measure of a relation.
@@ -185,6 +232,8 @@ class SceneGraph(Struct, frozen=True):
     edges: tuple[Triplet, ...] = ()
     measures: dict[str, float] = {}
     """The numbers that decided the edges, by name with unit ("theta_deg", "distance_to_retina_mm")."""
+    sds: dict[str, float] = {}
+    """Standard deviations of those measures for which a relation has a margin; an unknown one is left out."""
 
     def __contains__(self, edge: Triplet) -> bool:
         return edge in self.edges

@@ -16,6 +16,7 @@ from haptigraph.geometry import Geometry, Vec
 from haptigraph.graph import SceneGraph, Triplet
 
 __all__ = [
+    "CERTAIN",
     "OFF",
     "TIP_NOT_VISIBLE",
     "UNKNOWN",
@@ -140,6 +141,10 @@ class Certainty(Struct, frozen=True):
     """Standard deviation of the tip; None if it is not known where the tip is."""
     theta_sd_deg: float
     """Standard deviation of the shaft's angle."""
+
+
+CERTAIN = Certainty(1.0, 0.0, 0.0)
+"""Of a simulator's true needle."""
 
 
 class Observation(Struct, frozen=True):

@@ -87,6 +87,8 @@ class PerceiverClass(Protocol):
 
     entities: frozenset[str]
     """Entities it may report besides the anatomy of a registration; `auto` selects a perceiver by them."""
+    entities_with_sd: frozenset[str]
+    """Those for which `Observation.certainty` holds; a relation of no other may have a margin."""
     needs_scan: bool
     """True if it processes B-scans, False if it processes an eye before a camera."""
 

@@ -189,10 +189,20 @@ def test_a_source_of_a_user_inherits_the_optional_members(my_lab):
     assert (source.notes, source.teleop, source.registration) == ((), None, None)
 
 
+def test_a_margin_is_refused_if_the_perceiver_estimates_no_standard_deviation(quick_uri):
+    settings = f"source.uri={quick_uri}", "run.procedure=subretinal_injection_cautious"
+    assert error_of(*settings, "perception.perceiver=threshold") == (
+        "procedure subretinal_injection_cautious needs the standard deviation of needle_tip (margin_sd of "
+        "touching retina_surface), which perceiver threshold does not estimate; choose another procedure or "
+        "perceiver"
+    )
+    assemble.build(load_config(None, settings)).close()
+
+
 def test_a_perceiver_of_a_user_must_have_every_member(my_lab, quick_uri, monkeypatch):
     monkeypatch.setitem(assemble.PERCEIVERS, "minimal", "my_lab:MinimalPerceiver")
     for setting in ("minimal", "auto"):
         assert error_of(f"source.uri={quick_uri}", f"perception.perceiver={setting}") == (
-            "perceiver minimal (my_lab:MinimalPerceiver) lacks entities, needs_scan; "
+            "perceiver minimal (my_lab:MinimalPerceiver) lacks entities, entities_with_sd, needs_scan; "
             "define what haptigraph.stages.PerceiverClass lists"
         )

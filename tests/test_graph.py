@@ -174,3 +174,29 @@ def test_unknown_names_are_in_the_error():
         GRAPH.phi("lens")
     with pytest.raises(KeyError, match="lens"):
         Schema((), ()).entity("lens")
+
+
+@given(st.integers(-8, 40), st.integers(0, 8), st.booleans())
+def test_a_margin_widens_every_bound_and_the_release(value, sd, held):
+    """On a grid of 1/8: the relation holds if some value within two standard deviations satisfies its bounds."""
+    for relation in (
+        Relation("a", "r", "b", "distance_mm", at_most=2.0, margin_sd=2.0),
+        Relation("a", "r", "b", "distance_mm", below=2.0, release=2.5, margin_sd=2.0),
+        Relation("a", "r", "b", "distance_mm", above=1.0, at_most=3.0, release=3.5, margin_sd=2.0),
+        Relation("a", "r", "b", "distance_mm", at_least=1.0, release=0.5, margin_sd=2.0),
+    ):
+        holds = relation.holds(value / 8, held=held, margin=relation.margin(sd / 8))
+        widened = relation.widened(sd / 8)
+        near = [value / 8 + step / 16 for step in range(-4 * sd, 4 * sd + 1)]
+        assert holds == any(relation.holds(one, held=held) for one in near)
+        assert widened.margin_sd == 0
+        assert holds == widened.holds(value / 8, held=held)
+
+
+@pytest.mark.parametrize("value", [-1e300, 0.0, 1e300])
+def test_nothing_is_excluded_if_the_standard_deviation_is_unknown(value):
+    relation = Relation("a", "r", "b", "distance_mm", above=1.0, below=2.0, release=2.5, margin_sd=2.0)
+    assert relation.holds(value, margin=relation.margin(None))
+    assert relation.widened(None).holds(value)
+    plain = replace(relation, margin_sd=0.0)
+    assert plain.margin(None) == 0.0 and plain.widened(None) == plain

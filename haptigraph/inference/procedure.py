@@ -5,9 +5,9 @@ Every error gives file, line, what was found and what would be valid.
 
 import hashlib
 import string
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Annotated, TypeAlias
+from typing import Annotated, Any, Protocol
 
 from msgspec import Meta, Struct, field
 
@@ -19,12 +19,21 @@ from haptigraph.inference.span import RunSpan, check_span
 from haptigraph.messages import UNKNOWN, Pattern
 from haptigraph.toml_document import WARN_OF_OLD_KEYS, Document
 
-__all__ = ["MeasureShapes", "Procedure", "State", "load_procedure", "parse_procedure"]
-
-MeasureShapes: TypeAlias = Mapping[str, tuple[tuple[str, str], ...]]
-"""The available measures, each with the (subject, object) geometries that it supports."""
+__all__ = ["MeasureKind", "Procedure", "State", "load_procedure", "parse_procedure"]
 
 GEOMETRIES = ("point", "segment", "polyline", "circle", "phase")
+
+
+class MeasureKind(Protocol):
+    """What a procedure needs to know of a measure."""
+
+    @property
+    def shapes(self) -> Mapping[tuple[str, str], object]:
+        """The (subject, object) geometries that it supports."""
+
+    @property
+    def sd(self) -> Callable[[Any], float | None] | None:
+        """How its standard deviation follows from that of the needle; None if it does not."""
 
 
 class State(Struct, frozen=True, forbid_unknown_fields=True):
@@ -86,7 +95,7 @@ class Procedure(Struct, frozen=True):
         return hashlib.sha256(self.text.encode()).hexdigest()
 
 
-def load_procedure(path: str | Path, measures: MeasureShapes) -> Procedure:
+def load_procedure(path: str | Path, measures: Mapping[str, MeasureKind]) -> Procedure:
     """Read and check a procedure file.
 
     Raises:
@@ -95,7 +104,7 @@ def load_procedure(path: str | Path, measures: MeasureShapes) -> Procedure:
     return _procedure(Document.read(path), measures)
 
 
-def parse_procedure(text: str, file: str, measures: MeasureShapes) -> Procedure:
+def parse_procedure(text: str, file: str, measures: Mapping[str, MeasureKind]) -> Procedure:
     """Read and check a procedure from text, such as that in a recording; `file` names it in errors.
 
     Nobody edits the text in a recording or a frozen study, so a renamed key in it causes no warning.
@@ -107,7 +116,7 @@ def parse_procedure(text: str, file: str, measures: MeasureShapes) -> Procedure:
         WARN_OF_OLD_KEYS.reset(before)
 
 
-def _procedure(document: Document, measures: MeasureShapes) -> Procedure:
+def _procedure(document: Document, measures: Mapping[str, MeasureKind]) -> Procedure:
     data = document.convert(_File)
     for kind, names in (
         ("entity", [entity.name for entity in data.entities]),
@@ -177,7 +186,7 @@ def _check_entities(document: Document, schema: Schema) -> None:
                 raise document.error(f"both {taken} and only_with are given; keep one of them", path)
 
 
-def _check_relations(document: Document, schema: Schema, measures: MeasureShapes) -> None:
+def _check_relations(document: Document, schema: Schema, measures: Mapping[str, MeasureKind]) -> None:
     entities = [entity.name for entity in schema.entities]
     named: dict[str, Relation] = {}
     for number, relation in enumerate(schema.relations):
@@ -186,14 +195,21 @@ def _check_relations(document: Document, schema: Schema, measures: MeasureShapes
         check_name(document, "entity", relation.object, entities, f"{path}.object")
         check_name(document, "measure", relation.measure, measures, f"{path}.measure")
         shapes = (schema.entity(relation.subject).geometry, schema.entity(relation.object).geometry)
-        if shapes not in measures[relation.measure]:
-            valid = " or ".join(f"{subject} to {object_}" for subject, object_ in measures[relation.measure])
+        supported = measures[relation.measure].shapes
+        if shapes not in supported:
+            valid = " or ".join(f"{subject} to {object_}" for subject, object_ in supported)
             raise document.error(
                 f"{relation.measure} measures {valid}, but {relation.subject} to {relation.object} is "
                 f"{shapes[0]} to {shapes[1]}",
                 f"{path}.measure",
             )
         _check_bounds(document, relation, path)
+        if relation.margin_sd and measures[relation.measure].sd is None:
+            valid = ", ".join(name for name, measure in measures.items() if measure.sd is not None)
+            raise document.error(
+                f"{relation.measure} has no standard deviation; remove margin_sd, or use {valid}",
+                f"{path}.margin_sd",
+            )
         earlier = [other.names for other in schema.relations[:number]]
         for given in relation.given:
             if given not in earlier:

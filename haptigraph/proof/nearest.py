@@ -4,7 +4,7 @@ The relations of the next image follow from the same cells as in proofs, includi
 holds now ends at its release, one that does not begins at its bound.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import combinations, product
 from math import inf
 
@@ -77,11 +77,12 @@ class Nearest:
 
     Args:
         procedure: A checked procedure.
+        sds: Standard deviations of measures, as a graph carries them; they do not change.
     """
 
-    def __init__(self, procedure: Procedure) -> None:
+    def __init__(self, procedure: Procedure, sds: Mapping[str, float] | None = None) -> None:
         self._procedure = procedure
-        self._space = Space(procedure.schema)
+        self._space = Space(procedure.schema.widened(sds or {}))
         self._rules: list[Cube] = rule_cubes(procedure, self._space)
 
     def changes(self, mask: int, measures: dict[str, float]) -> list[Change]:

@@ -1,4 +1,4 @@
-"""Find adjacent states: pairs between which one measure crosses one threshold."""
+"""Find adjacent states: pairs between which one measure crosses one threshold, without uncertainty."""
 
 from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import UNKNOWN
@@ -14,7 +14,8 @@ def neighbours(procedure: Procedure) -> list[tuple[str, str]]:
 
     Returns none for a procedure with too many graphs to enumerate.
     """
-    space = Space(procedure.schema)
+    schema = procedure.schema
+    space = Space(schema.widened(dict.fromkeys(schema.measure_names, 0.0)))
     if space.count() > MAX_WORLDS:
         return []
     rules = rule_cubes(procedure, space)

@@ -1,7 +1,8 @@
 """All graphs that are possible under a schema: the entities that are present, and the cell of each measure.
 
-Thresholds, `given`, `fixed`, `visible_with`, `only_with` and geometric limits decide what is possible. Motion
-is not modelled, so any graph may follow any other.
+Thresholds, margins, `given`, `fixed`, `visible_with`, `only_with` and geometric limits decide what is
+possible. Neither motion is modelled nor that one tip decides several standard deviations: any graph may
+follow any other, and the standard deviation of every measure is free.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -11,7 +12,7 @@ from math import prod
 from msgspec import Struct
 
 from haptigraph.graph import Node, SceneGraph, Schema, Triplet
-from haptigraph.proof.scales import Cell, scales_of
+from haptigraph.proof.scales import Cell, holdings_at, scales_of
 from haptigraph.scene.relations import MEASURES, Measure
 
 __all__ = ["CellState", "Space", "World"]
@@ -109,11 +110,9 @@ class Space:
         choices = [
             [
                 CellState(cell, mask)
-                for cell in sorted(
-                    scale.cells, key=lambda cell: cell.enter != cell.hold
-                )  # no hysteresis first
-                for mask in cell.masks
-            ]
+                for cell in sorted(scale.cells, key=lambda cell: len({*chain(*cell.holdings)}))
+                for mask in sorted(cell.masks, key=lambda mask: mask != cell.enter)
+            ]  # first those that need neither hysteresis nor uncertainty
             for scale in self.scales
         ]
         for present in self.entity_sets():
@@ -156,8 +155,24 @@ class Space:
                 values[small] = values[large] = intervals[small].intersection(intervals[large]).sample()
         return {self.scales[number].name: value for number, value in values.items()}
 
+    def sds(self, world: World, measures: Mapping[str, float]) -> dict[str, float]:
+        """Return example standard deviations that produce a world with these measures."""
+        sds = {}
+        for scale, state in zip(self.scales, world.cell_states, strict=True):
+            relations = {number: self.schema.relations[number] for number in scale.relations}
+            if state is None or not any(relation.margin_sd for relation in relations.values()):
+                continue
+            able = [
+                (holding.enter != state.mask, sd)
+                for sd, holding in holdings_at(relations, measures[scale.name]).items()
+                if holding.after(state.mask) == state.mask
+            ]
+            sds[scale.name] = float(min(able, key=lambda one: one[0])[1])
+        return sds
+
     def graph(self, world: World) -> SceneGraph:
         """Return a world as the scene graph that a builder would make of it."""
+        measures = self.measures(world)
         return SceneGraph(
             stamp_ns=0,
             nodes=tuple(
@@ -166,7 +181,8 @@ class Space:
                 if world.mask & self.entity_bits[entity.name]
             ),
             edges=tuple(Triplet(*names) for names, bit in self.edge_bits.items() if world.mask & bit),
-            measures=self.measures(world),
+            measures=measures,
+            sds=self.sds(world, measures),
         )
 
     def mask(self, graph: SceneGraph) -> int:

@@ -56,7 +56,7 @@ class Subject:
             about,
             graph,
             state=state,
-            still_holding=self._still_holding(world),
+            still_holding=self._still_holding(graph),
         )
 
     def impossible(
@@ -99,7 +99,11 @@ class Subject:
         self._engine.reset()
         return self._engine(graph).state
 
-    def _still_holding(self, world: World) -> tuple[str, ...]:
-        held = sum(state.mask & ~state.cell.enter for state in world.cell_states if state is not None)
-        relations = self.procedure.schema.relations
-        return tuple(str(Triplet(*relations[bit].names)) for bit in bits_of(held & world.mask))
+    def _still_holding(self, graph: SceneGraph) -> tuple[str, ...]:
+        schema = self.procedure.schema.widened(graph.sds)
+        return tuple(
+            str(edge)
+            for relation in schema.relations
+            if (edge := Triplet(*relation.names)) in graph
+            and not relation.holds(graph.measures[schema.measure_name(relation)])
+        )

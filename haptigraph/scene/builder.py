@@ -1,7 +1,9 @@
 """Build the scene graph of one observation: the entities that are present and the relations that hold."""
 
+from math import inf
+
 from haptigraph.graph import Node, Relation, SceneGraph, Schema, Triplet
-from haptigraph.messages import Observation
+from haptigraph.messages import Certainty, Observation
 from haptigraph.scene.relations import MEASURES, Found
 
 __all__ = ["SchemaSceneBuilder"]
@@ -11,6 +13,7 @@ class SchemaSceneBuilder:
     """Evaluate every relation of a schema on an observation.
 
     An entity is left out if the one that it is `visible_with` was not detected, because proofs assume that.
+    A relation with a margin holds if the standard deviation is unknown: then it cannot be excluded.
 
     Args:
         schema: Entities and relations; all their measures are in `MEASURES`.
@@ -36,6 +39,7 @@ class SchemaSceneBuilder:
         """Return the graph of one observation."""
         found = self._covered(observation.found)
         measures: dict[str, float] = {}
+        sds: dict[str, float] = {}
         edges: list[Triplet] = []
         for relation, name, edge, given in self._relations:
             if name not in measures:
@@ -43,12 +47,15 @@ class SchemaSceneBuilder:
                 if value is None:
                     continue
                 measures[name] = value
-            holds = relation.holds(measures[name], held=edge in self._held)
+            if relation.margin_sd and (sd := _sd(relation, observation.certainty)) is not None:
+                sds[name] = sd
+            margin = relation.margin(sds.get(name))
+            holds = relation.holds(measures[name], held=edge in self._held, margin=margin)
             if holds and all(other in edges for other in given):
                 edges.append(edge)
         self._held = frozenset(edges)
         nodes = tuple(node for node in self._nodes if node.id in found)
-        return SceneGraph(observation.stamp_ns, nodes, tuple(edges), measures)
+        return SceneGraph(observation.stamp_ns, nodes, tuple(edges), measures, sds)
 
     def reset(self) -> None:
         """Forget which relations held."""
@@ -67,3 +74,10 @@ def _measure(relation: Relation, found: Found) -> float | None:
     if subject is None or object_ is None:
         return None
     return MEASURES[relation.measure].function(subject, object_, found)
+
+
+def _sd(relation: Relation, certainty: Certainty | None) -> float | None:
+    """Return the standard deviation of a relation's measure; None if it is unknown."""
+    function = MEASURES[relation.measure].sd
+    sd = function(certainty) if function is not None and certainty is not None else None
+    return sd if sd is not None and 0 <= sd < inf else None  # nan is unknown, too

@@ -24,6 +24,7 @@ from haptigraph.geometry import (
     norm,
     subtract,
 )
+from haptigraph.messages import Certainty
 
 __all__ = ["MEASURES", "Found", "Limits", "Measure"]
 
@@ -54,6 +55,9 @@ class Measure(NamedTuple):
     function: Callable[[Geometry, Geometry, Found], float | None]
     shapes: Mapping[tuple[str, str], Limits]
     """By (subject, object) geometries as in the schema."""
+    sd: Callable[[Certainty], float | None] | None = None
+    """Its standard deviation due to the subject's; None if there is none. No measure changes by more than the
+    subject does, so a distance has the standard deviation of the tip, the angle that of the shaft."""
 
 
 def distance_mm(subject: Geometry, object: Geometry, found: Found) -> float | None:
@@ -161,6 +165,18 @@ def elapsed_s(subject: Geometry, object: Geometry, found: Found) -> float | None
     return object.elapsed_s if isinstance(object, Phase) else None
 
 
+def _tip_sd_mm(certainty: Certainty) -> float | None:
+    return certainty.tip_sd_mm
+
+
+def _tip_sd_um(certainty: Certainty) -> float | None:
+    return None if certainty.tip_sd_mm is None else UM_PER_MM * certainty.tip_sd_mm
+
+
+def _theta_sd_deg(certainty: Certainty) -> float | None:
+    return certainty.theta_sd_deg
+
+
 MEASURES: dict[str, Measure] = {
     "distance_mm": Measure(
         distance_mm,
@@ -169,16 +185,20 @@ MEASURES: dict[str, Measure] = {
             ("point", "polyline"): Limits(requires=("trocar",)),
             ("polyline", "polyline"): Limits(requires=("trocar",)),
         },
+        _tip_sd_mm,
     ),
     "radial_mm": Measure(
         radial_mm,  # the axis passes through the object, so it is never further away than the object
         {("point", "point"): Limits(lower=0.0, requires=("trocar",), never_above="distance_mm")},
+        _tip_sd_mm,
     ),
-    "theta_deg": Measure(theta_deg, {("segment", "point"): Limits(0.0, 180.0, requires=("trocar",))}),
-    "wall_mm": Measure(wall_mm, {("point", "circle"): Limits()}),
+    "theta_deg": Measure(
+        theta_deg, {("segment", "point"): Limits(0.0, 180.0, requires=("trocar",))}, _theta_sd_deg
+    ),
+    "wall_mm": Measure(wall_mm, {("point", "circle"): Limits()}, _tip_sd_mm),
     "clearance_mm": Measure(clearance_mm, {("segment", "segment"): Limits(lower=0.0)}),
-    "aside_mm": Measure(aside_mm, {("point", "circle"): Limits(requires=("eye_globe",))}),
-    "gap_um": Measure(gap_um, {("point", "polyline"): Limits()}),
+    "aside_mm": Measure(aside_mm, {("point", "circle"): Limits(requires=("eye_globe",))}, _tip_sd_mm),
+    "gap_um": Measure(gap_um, {("point", "polyline"): Limits()}, _tip_sd_um),
     "incidence_deg": Measure(incidence_deg, {("segment", "polyline"): Limits(0.0, 90.0)}),
     "depth_percent": Measure(depth_percent, {("point", "polyline"): Limits(requires=("rpe",))}),
     "thickness_um": Measure(thickness_um, {("polyline", "polyline"): Limits(requires=("needle_tip",))}),

@@ -90,6 +90,10 @@ def test_the_error_for_an_unknown_procedure_suggests_an_existing_one():
         ("at_most = 0.7\n", "", "no bound; give at_most, below, at_least or above"),
         ("at_most = 0.7", "at_most = 0.7\nbelow = 1.0", "both at_most and below are given; one of them is enough"),
         ("above = 0.7", "above = 6.7", "no value is above 6.7 and below 5.5"),
+        ("at_most = 0.7", "at_most = 0.7\nmargin_sd = -1", "margin_sd: expected float >= 0"),
+        ("at_most = 0.7", "at_most = 0.7\nmargin_sd = 11", "margin_sd: expected float <= 10"),
+        ("at_most = 0.7", "at_most = 0.7\nmargin_sd = nan", "nan"),
+        ("at_most = 0.7", 'at_most = 0.7\nmargin_sd = "2"', "margin_sd: expected float, got str"),
         ("at_most = 0.7", "at_most = 0.7\nrelease = 0.6", "release 0.6 is within the bounds"),
         ('given = [["needle_tip", "touching"', 'given = [["needle_tip", "approaching"', ""),
         ('given = [["needle_tip", "touching", "retina_surface"]]', 'given = [["a", "b", "c"]]', "given <a, b, c> is no"),
@@ -241,3 +245,12 @@ def test_the_text_of_a_procedure_of_version_0_1_in_a_recording_causes_no_warning
     assert content(old) == content(new)
     assert result(old) == result(new)
     assert result(old).holds
+
+
+def test_a_margin_is_refused_for_a_measure_without_standard_deviation():
+    elapsed = 'measure = "elapsed_s"'
+    phased = load_procedure("subretinal_injection_phases").text
+    text = changed(phased, elapsed, f"{elapsed}\nmargin_sd = 2")
+    assert "elapsed_s has no standard deviation; remove margin_sd, or use distance_mm, radial_mm," in refuse(
+        text
+    )

@@ -30,7 +30,7 @@ def cubes(draw) -> Cube:
 
 @st.composite
 def schemas(draw) -> Schema:
-    """The paper's schema with other thresholds, releases and givens, and entities that appear and vanish."""
+    """The paper's schema with other thresholds, releases, margins and givens, and entities that appear and vanish."""
     relations = []
     bound = st.integers(0, 6).map(lambda half: half / 2)
     for number, relation in enumerate(SCHEMA.relations):
@@ -39,7 +39,17 @@ def schemas(draw) -> Schema:
         release = high + 0.5 if "above" not in bounds and draw(st.booleans()) else None
         given = draw(st.sampled_from([(), tuple(other.names for other in relations[-1:])])) if number else ()
         names = {"subject": relation.subject, "predicate": relation.predicate, "object": relation.object}
-        relations.append(Relation(**names, measure=relation.measure, **bounds, release=release, given=given))
+        margin = draw(st.sampled_from([0.0, 0.0, 1.0, 2.5]))
+        relations.append(
+            Relation(
+                **names,
+                measure=relation.measure,
+                **bounds,
+                release=release,
+                margin_sd=margin,
+                given=given,
+            )
+        )
     loose = draw(st.sampled_from(["needle_line", "retina_target", "trocar", ""]))
     entities = tuple(
         type(one)(one.name, one.group, one.geometry, one.label) if one.name == loose else one

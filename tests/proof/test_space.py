@@ -5,14 +5,14 @@ import math
 import paths
 import pytest
 from helpers import needle
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from haptigraph.assemble import load_procedure, parse_procedure, procedure_names
 from haptigraph.geometry import Point, Segment
 from haptigraph.graph import Entity, Relation, Schema
-from haptigraph.messages import Observation
+from haptigraph.messages import Certainty, Observation
 from haptigraph.proof.intervals import Interval, atoms
 from haptigraph.proof.scales import scales_of
 from haptigraph.proof.space import Space
@@ -22,11 +22,12 @@ from haptigraph.scene.relations import MEASURES
 
 GOLDEN = sorted(paths.GOLDEN.glob("*.mcap"))
 ENTITIES = (Entity("a", "instrument", "point"), Entity("b", "anatomy", "point"))
+NO_MARGIN = st.just(0.0)
 GRID = st.integers(0, 8).map(lambda half: half / 2)
 
 
 @st.composite
-def relations(draw) -> tuple[Relation, ...]:
+def relations(draw, margins=NO_MARGIN) -> tuple[Relation, ...]:
     """Up to four relations of one distance, with any bounds and releases that the loader accepts."""
     made = []
     for number in range(draw(st.integers(1, 4))):
@@ -41,7 +42,7 @@ def relations(draw) -> tuple[Relation, ...]:
         if draw(st.booleans()):
             goes_up = (kind != "lower" and draw(st.booleans())) or kind == "upper"
             bounds["release"] = high + draw(further) if goes_up else low - draw(further)
-        made.append(Relation("a", f"r{number}", "b", "distance_mm", **bounds))
+        made.append(Relation("a", f"r{number}", "b", "distance_mm", **bounds, margin_sd=draw(margins)))
     return tuple(made)
 
 
@@ -65,6 +66,52 @@ def test_cells_have_exactly_the_sets_of_relations_that_can_hold_after_any_sequen
     for value in values:
         assert set(scale.cell_at(value).masks) == {after(value, held) for held in reached}
     assert scale.cells[0].interval.has_low  # a distance of 0 is possible
+
+
+@settings(max_examples=20)
+@given(relations(margins=st.sampled_from([0.0, 2.0])))
+def test_with_margins_cells_have_exactly_the_sets_that_some_standard_deviation_gives(schema_relations):
+    """On a grid of 1/16 mm, with standard deviations on a grid of 1/64 mm."""
+    (scale,) = scales_of(Schema(ENTITIES, schema_relations), MEASURES)
+
+    def holding(value: float, sd: float) -> tuple[int, int]:
+        enter = hold = 0
+        for at, one in enumerate(schema_relations):
+            enter |= one.holds(value, margin=one.margin(sd)) << at
+            hold |= one.holds(value, held=True, margin=one.margin(sd)) << at
+        return enter, hold
+
+    holdings = {
+        eighth / 16: {holding(eighth / 16, sd / 64) for sd in range(0, 64 * 5)} for eighth in range(0, 110)
+    }
+    reached, fresh = {0}, [0]
+    while fresh:
+        held = fresh.pop()
+        for mask in {enter | hold & held for each in holdings.values() for enter, hold in each} - reached:
+            reached.add(mask)
+            fresh.append(mask)
+    for value, each in holdings.items():
+        assert set(scale.cell_at(value).masks) == {
+            enter | hold & held for held in reached for enter, hold in each
+        }
+
+
+sds = st.floats(0, 10) | st.sampled_from([0.0, 1e-300, 1e300])
+
+
+@given(
+    relations(margins=st.floats(0, 10) | st.sampled_from([0.0, 1.0, 2.0])),
+    st.lists(st.tuples(st.floats(0, 10) | GRID, sds | st.none()), min_size=1, max_size=20),
+)
+def test_what_holds_after_any_values_and_standard_deviations_is_in_their_cells(schema_relations, walk):
+    (scale,) = scales_of(Schema(ENTITIES, schema_relations), MEASURES)
+    held = 0
+    for value, sd in walk:
+        held = sum(
+            one.holds(value, held=bool(held >> at & 1), margin=one.margin(sd)) << at
+            for at, one in enumerate(schema_relations)
+        )
+        assert held in scale.cell_at(value).masks
 
 
 @given(st.lists(GRID, max_size=5), GRID)
@@ -114,6 +161,50 @@ def test_the_graph_of_any_needle_is_possible(registration, needles, releases):
         graph = build(Observation(0, found))
         assert space.mask(graph) in possible
     assert space.mask(build(Observation(0, {}))) in possible
+
+
+certainties = st.builds(
+    Certainty,
+    st.just(1.0),
+    st.none() | st.floats(0, 3) | st.sampled_from([0.0, math.nan, math.inf]),
+    st.floats(0, 5) | st.just(math.nan),
+)
+CAUTIOUS = load_procedure("subretinal_injection_cautious")
+
+
+@given(
+    st.lists(st.tuples(points, points, st.none() | certainties), min_size=1, max_size=6),
+    st.lists(
+        st.sampled_from([0.0, 0.5, 2.0, 10.0]),
+        min_size=len(CAUTIOUS.schema.relations),
+        max_size=len(CAUTIOUS.schema.relations),
+    ),
+)
+def test_the_graph_of_any_needle_with_any_certainty_is_possible(registration, needles, margins):
+    """Also with other margins, on relations that share a measure and on those that do not."""
+    others = zip(CAUTIOUS.schema.relations, margins, strict=True)
+    changed = tuple(replace(one, margin_sd=margin) for one, margin in others)
+    for schema in (CAUTIOUS.schema, Schema(CAUTIOUS.schema.entities, changed)):
+        space, build = Space(schema), SchemaSceneBuilder(schema)
+        possible = {world.mask for world in space.worlds()}
+        for entry, tip, certainty in needles:
+            if math.dist(entry, tip) > 0.1:
+                found = {**registration.anatomy, **needle(entry, tip)}
+                assert space.mask(build(Observation(0, found, certainty=certainty))) in possible
+
+
+@pytest.mark.parametrize("name", procedure_names())
+def test_the_example_of_every_possible_graph_produces_it(name):
+    """Its measures and standard deviations, where no relation holds only because it held before."""
+    space = Space(load_procedure(name).schema)
+    for world in space.worlds():
+        graph, raw = space.graph(world), 0
+        widened = space.schema.widened(graph.sds)
+        for at, relation in enumerate(widened.relations):
+            measure = graph.measures.get(widened.measure_name(relation))
+            held = bool(space.edge_bits[relation.names] & world.mask)
+            raw |= (measure is not None and relation.holds(measure, held=held)) << at
+        assert space.close(raw) == world.mask & space.edges
 
 
 @pytest.mark.parametrize("name", procedure_names())

@@ -10,10 +10,12 @@ from haptigraph.assemble import load_procedure
 from haptigraph.geometry import Circle, Geometry, Point, Polyline, angle_between_deg, norm, rotate, subtract
 from haptigraph.graph import Entity, Relation, Schema, Triplet
 from haptigraph.inference.engine import RuleEngine
-from haptigraph.messages import Observation
+from haptigraph.messages import Certainty, Observation
 from haptigraph.scene.builder import SchemaSceneBuilder
 
-PROCEDURE = load_procedure("subretinal_injection")
+PROCEDURE, CAUTIOUS = (
+    load_procedure(name) for name in ("subretinal_injection", "subretinal_injection_cautious")
+)
 TOUCHING_RETINA = Triplet("needle_tip", "touching", "retina_surface")
 TOUCHING_TARGET = Triplet("needle_tip", "touching", "retina_target")
 ALL_PREDICATES = {"touching", "approaching", "aligned", "misaligned", "inside", "outside"}
@@ -64,6 +66,65 @@ def test_an_approach_near_the_axis_ends_in_target_hit_without_retinal_contact(ey
         state = reason(build(observe(eye, tip))).state
         assert state != "retinal_contact"
     assert state == "target_hit"
+
+
+@given(
+    eyes(),
+    st.floats(0.01, 2.0),
+    st.lists(st.tuples(st.floats(-0.999, 0.999), st.floats(0.0, 0.3)), min_size=1, max_size=8),
+)
+def test_the_cautious_variant_raises_no_alarm_on_an_approach_that_is_certainly_near_the_axis(
+    eye, step_mm, places
+):
+    """Whatever the standard deviation, as long as the margin is within 0.7 mm of the axis; nor success too early."""
+    build, reason = SchemaSceneBuilder(CAUTIOUS.schema), RuleEngine(CAUTIOUS)
+    length = axis_length(eye)
+    for number in range(math.ceil(length / step_mm) + 1):
+        offset, sd_mm = places[number % len(places)]
+        within_mm = offset * (0.7 - 2 * sd_mm) * 0.999
+        tip = on_axis(eye, min(number * step_mm, length), math.degrees(math.asin(within_mm / length)))
+        graph = build(observe(eye, tip, sd_mm=sd_mm))
+        state = reason(graph).state
+        assert state != "retinal_contact"
+        assert state != "target_hit" or graph.measures["distance_to_retina_mm"] + 2 * sd_mm <= 0.7 + 1e-9
+    assert reason(build(observe(eye, on_axis(eye, length), sd_mm=0.3))).state == "target_hit"
+
+
+@given(eyes(), st.floats(0, 24), st.floats(-60, 60), st.none() | st.floats(0, 2), st.floats(0, 6.3))
+def test_the_cautious_alarm_is_never_missed_where_the_true_tip_is_within_two_standard_deviations(
+    eye, depth_mm, theta_deg, sd_mm, direction
+):
+    """The paper's rules raise it for the true tip, the cautious ones for the tip that was measured."""
+    true = on_axis(eye, depth_mm, theta_deg)
+    off_mm = 1.999 * (sd_mm if sd_mm is not None else 1.0)
+    measured = true[0] + off_mm * math.cos(direction), true[1] + off_mm * math.sin(direction)
+    assume(norm(subtract(measured, eye["trocar"].at_mm)) > 0.1 and depth_mm > 0.1)
+    assume(all(norm(tip) < eye["eye_globe"].radius_mm for tip in (true, measured)))
+    state = RuleEngine(PROCEDURE)(SchemaSceneBuilder(PROCEDURE.schema)(observe(eye, true))).state
+    graph = SchemaSceneBuilder(CAUTIOUS.schema)(observe(eye, measured, sd_mm=sd_mm))
+    if state == "retinal_contact":
+        assert RuleEngine(CAUTIOUS)(graph).state == "retinal_contact"
+    assert graph.sds == (
+        {} if sd_mm is None else dict.fromkeys(("distance_to_retina_mm", "radial_mm"), sd_mm)
+    )
+
+
+@pytest.mark.parametrize("sd", [None, math.nan, math.inf])
+def test_contact_cannot_be_excluded_if_the_standard_deviation_is_unknown(registration, sd):
+    seen = observe(registration.anatomy, on_axis(registration.anatomy, 10.0, 4.0), sd_mm=sd)
+    graph = SchemaSceneBuilder(CAUTIOUS.schema)(seen)
+    assert TOUCHING_RETINA in graph and graph.sds == {}
+    assert RuleEngine(CAUTIOUS)(graph).feel == "pulse"
+    assert not SchemaSceneBuilder(PROCEDURE.schema)(seen).sds
+
+
+@pytest.mark.parametrize("found", [{}, {"needle_line"}])
+def test_margins_leave_a_needle_without_a_visible_tip_silent(registration, found):
+    anatomy = registration.anatomy
+    seen = {name: needle((0.0, 5.0), on_axis(anatomy, 22.0))[name] for name in found}
+    observation = Observation(0, {**anatomy, **seen}, certainty=Certainty(1.0, None, 0.1))
+    conclusion = RuleEngine(CAUTIOUS)(SchemaSceneBuilder(CAUTIOUS.schema)(observation))
+    assert (conclusion.state, conclusion.feel) == ("tip_not_visible" if found else "unknown", "off")
 
 
 @given(eyes(), st.integers(0, 59), st.floats(0.05, 0.6))

@@ -16,7 +16,17 @@ from haptigraph.graph import SceneGraph
 from haptigraph.haptics.renderer import GrammarRenderer
 from haptigraph.inference.engine import RuleEngine
 from haptigraph.inference.procedure import Procedure
-from haptigraph.messages import OFF, Capture, Conclusion, Fault, HapticCommand, Observation, Pattern, Step
+from haptigraph.messages import (
+    OFF,
+    Capture,
+    Certainty,
+    Conclusion,
+    Fault,
+    HapticCommand,
+    Observation,
+    Pattern,
+    Step,
+)
 from haptigraph.pipeline import Pipeline
 from haptigraph.registration.camera import Registration
 from haptigraph.scene.builder import SchemaSceneBuilder
@@ -31,13 +41,16 @@ def needle(entry_mm: Vec, tip_mm: Vec) -> dict[str, Geometry]:
     return {"needle_tip": Point(tip_mm), "needle_line": Segment(entry_mm, tip_mm)}
 
 
-def observe(anatomy: dict[str, Geometry], tip_mm: Vec | None, stamp_ns: int = 0) -> Observation:
+def observe(
+    anatomy: dict[str, Geometry], tip_mm: Vec | None, stamp_ns: int = 0, sd_mm: float | None = None
+) -> Observation:
     """An observation with a needle from the trocar to a tip, or without a needle."""
     if tip_mm is None:
         return Observation(stamp_ns, anatomy)
     trocar = anatomy["trocar"]
     assert isinstance(trocar, Point)
-    return Observation(stamp_ns, {**anatomy, **needle(trocar.at_mm, tip_mm)})
+    certainty = None if sd_mm is None else Certainty(1.0, sd_mm, 0.02)
+    return Observation(stamp_ns, {**anatomy, **needle(trocar.at_mm, tip_mm)}, certainty=certainty)
 
 
 def on_axis(anatomy: dict[str, Geometry], depth_mm: float, theta_deg: float = 0.0) -> Vec:

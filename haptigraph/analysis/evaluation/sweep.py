@@ -19,7 +19,7 @@ from haptigraph.config import Config
 from haptigraph.geometry import ImageGeometry, Point, Segment, Vec, angle_between_deg, subtract
 from haptigraph.inference.engine import RuleEngine
 from haptigraph.inference.procedure import Procedure
-from haptigraph.messages import Capture, Observation, Step, Truth
+from haptigraph.messages import CERTAIN, Capture, Observation, Step, Truth
 from haptigraph.pipeline import Pipeline
 from haptigraph.recording.writer import Progress
 from haptigraph.registration.background import BackgroundImage
@@ -137,7 +137,7 @@ def true_rows(truths: Sequence[Truth], registration: Registration, procedure: Pr
         if truth.visible:
             found["needle_tip"] = Point(truth.tip_mm)
             found.setdefault("needle_line", Segment(registration.trocar.at_mm, truth.tip_mm))
-        state = reason(build_scene(Observation(0, found))).state
+        state = reason(build_scene(Observation(0, found, certainty=CERTAIN))).state
         rows.append(
             TruthRow(
                 visible=truth.visible,

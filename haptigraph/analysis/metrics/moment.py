@@ -101,7 +101,7 @@ def explain_graph(
 ) -> Explanation:
     """Explain what a procedure concludes from a graph."""
     conclusion = RuleEngine(procedure)(graph)
-    nearest = Nearest(procedure)
+    nearest = Nearest(procedure, graph.sds)
     changes = nearest.changes(nearest.mask(graph), graph.measures)
     states = procedure.states
     fired = states[conclusion.priority : conclusion.priority + 1]
@@ -154,9 +154,13 @@ def _reasons(procedure: Procedure, state: State, graph: SceneGraph) -> list[Reas
     relations = {relation.names: relation for relation in procedure.schema.relations}
 
     def measured(names: tuple[str, str, str]) -> str:
-        name = procedure.schema.measure_name(relations[names])
+        relation = relations[names]
+        name = procedure.schema.measure_name(relation)
         value = f"{graph.measures[name]:.4g}" if name in graph.measures else "missing"
-        return f"{name} {value}, bounds {bounds_of(relations[names]).describe(name)}"
+        margin = f", margin {relation.margin_sd:g} standard deviations" if relation.margin_sd else ""
+        if margin and name in graph.measures:
+            margin += f" of {graph.sds[name]:.2g}" if name in graph.sds else ", which are unknown"
+        return f"{name} {value}, bounds {bounds_of(relation).describe(name)}{margin}"
 
     reasons = [Reason(str(Triplet(*names)), names in edges, measured(names)) for names in state.when]
     reasons += [

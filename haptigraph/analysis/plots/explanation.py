@@ -33,6 +33,8 @@ def explain(procedure: Procedure) -> list[Table]:
 
 def _condition(relation: Relation, procedure: Procedure) -> str:
     parts = [bounds_of(relation).describe(procedure.schema.measure_name(relation))]
+    if relation.margin_sd:
+        parts[0] += f" within {relation.margin_sd:g} standard deviations"
     if relation.release is not None:
         parts.append(f"released at {relation.release:g}")
     return " and ".join([*parts, *(str(Triplet(*given)) for given in relation.given)])

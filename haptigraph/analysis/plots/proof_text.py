@@ -55,7 +55,10 @@ def graph_text(graph: SceneGraph) -> str:
     if isolated:
         lines.append(f"{'and ' if lines else ''}{', '.join(isolated)}")
     if graph.measures:
-        values = ", ".join(f"{name} {value:.4g}" for name, value in graph.measures.items())
+        values = ", ".join(
+            f"{name} {value:.4g}" + (f" (standard deviation {sd:.2g})" if (sd := graph.sds.get(name)) else "")
+            for name, value in graph.measures.items()
+        )
         lines.append(f"for example with {values}")
     return "\n".join(lines) or "(an empty graph: nothing is detected)"
 

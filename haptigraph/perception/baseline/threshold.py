@@ -56,6 +56,7 @@ class ThresholdPerceiver:
 
     needs_scan = False
     entities = frozenset(("needle_tip", "needle_line"))
+    entities_with_sd = frozenset[str]()
     """Entities it may report besides the registered anatomy."""
 
     def __init__(self, registration: Registration, config: PerceptionConfig) -> None:

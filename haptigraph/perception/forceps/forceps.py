@@ -40,6 +40,7 @@ class ForcepsPerceiver:
     needs_scan = False
     entities = frozenset(ENTITIES)
     """Entities it may report besides the registered anatomy."""
+    entities_with_sd = frozenset[str]()  # the standard deviation is that of closed jaws
 
     def __init__(self, registration: Registration, config: PerceptionConfig) -> None:
         self._registration = registration

@@ -67,6 +67,7 @@ class Tracker:
 
     needs_scan = False
     entities = frozenset(("needle_tip", "needle_line"))
+    entities_with_sd = entities
     """Entities it may report besides the registered anatomy."""
 
     def __init__(self, registration: Registration, config: PerceptionConfig) -> None:

@@ -30,6 +30,7 @@ class BscanPerceiver:
 
     needs_scan = True
     entities = ENTITIES
+    entities_with_sd = frozenset(("needle_tip", "needle_line"))
 
     def __init__(self, registration: ScanRegistration, config: PerceptionConfig) -> None:
         self._registration = registration

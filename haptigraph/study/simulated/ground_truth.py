@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from haptigraph.geometry import Geometry, Point, Segment, rotate, subtract, unit
-from haptigraph.messages import Capture, Observation
+from haptigraph.messages import Capture, Certainty, Observation
 from haptigraph.registration.camera import Registration
 
 __all__ = ["GROUND_TRUTH", "OLD_NAMES", "GroundTruthPerceiver"]
@@ -69,4 +69,5 @@ class GroundTruthPerceiver:
         return Observation(
             capture.stamp_ns,
             found | {"needle_tip": Point(tip_mm), "needle_line": Segment(entry_mm, tip_mm)},
+            certainty=Certainty(1.0, sd_mm, error_deg / MEDIAN_OF_NORMAL),
         )

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from haptigraph import assemble
 from haptigraph.config import Config
 from haptigraph.geometry import Geometry, Point, Segment, rotate, subtract, unit
-from haptigraph.messages import Observation
+from haptigraph.messages import CERTAIN, Observation
 from haptigraph.registration.camera import Registration
 from haptigraph.registration.loading import parse_camera_registration
 from haptigraph.sim.eye.eye import Eye, EyeShape, registration_text
@@ -41,7 +41,9 @@ def trained_amplitudes(procedure_text: str, max_amplitude: float) -> NDArray[np.
     pipeline = assemble.build_pipeline(config, registration, procedure, unused)
     amplitudes = []
     for number, theta_deg in enumerate(ANGLES_DEG):
-        observation = Observation(number, _anatomy_with_needle(registration, float(theta_deg)))
+        observation = Observation(
+            number, _anatomy_with_needle(registration, float(theta_deg)), certainty=CERTAIN
+        )
         pattern = pipeline.render(pipeline.reason(pipeline.build_scene(observation))).pattern
         amplitudes.append(0.0 if pattern.kind == "off" else pattern.amplitude)
         pipeline.reset()
