@@ -272,24 +272,16 @@ def _perceiver(config: Config, registration: "BaseRegistration", procedure: "Pro
     name = perceiver_name(config, procedure)
     perceiver = _perceiver_class(name)
     _load("haptigraph.registration.oct:check_fits")(name, perceiver.needs_scan, registration)
-    _check_margins(procedure, name, perceiver.entities_with_sd)
+    for relation in procedure.schema.relations:
+        if relation.margin_sd and relation.subject not in perceiver.entities_with_sd:
+            problem = f"perceiver {name} estimates no standard deviation of {relation.subject}"
+            raise BadInput(f"{procedure.name} has margin_sd, but {problem}; choose another of either")
     perceive: Perceiver = perceiver(registration.frontal, config.perception)
     if (tilt := registration.image.frontal_from_image) is not None:
         tilt_corrected = _load("haptigraph.perception.tilt_correction:TiltCorrectedPerceiver")
         perceive = tilt_corrected(perceive, registration, tilt)
     phased = _load("haptigraph.perception.phase:PhasedPerceiver")
     return phased(perceive, phases) if (phases := procedure.schema.phases) else perceive
-
-
-def _check_margins(procedure: "Procedure", perceiver: str, with_sd: frozenset[str]) -> None:
-    """Raise BadInput if a relation has a margin, but its subject no standard deviation."""
-    for relation in procedure.schema.relations:
-        if relation.margin_sd and relation.subject not in with_sd:
-            raise BadInput(
-                f"procedure {procedure.name} needs the standard deviation of {relation.subject} "
-                f"(margin_sd of {relation.predicate} {relation.object}), which perceiver {perceiver} does "
-                f"not estimate; choose another procedure or perceiver"
-            )
 
 
 def _perceiver_class(name: str) -> PerceiverClass:

@@ -108,7 +108,7 @@ class Relation(Struct, frozen=True, forbid_unknown_fields=True):
         upper = self.below if self.at_most is None else self.at_most
         return self.release is not None and upper is not None and self.release >= upper
 
-    def holds(self, value: float | Fraction, *, held: bool = False, margin: float | Fraction = 0.0) -> bool:
+    def holds(self, value: float, *, held: bool = False, margin: float | Fraction = 0.0) -> bool:
         """Decide whether the relation holds.
 
         Args:
@@ -116,18 +116,18 @@ class Relation(Struct, frozen=True, forbid_unknown_fields=True):
             held: Whether it held in the previous image.
             margin: `margin_sd` standard deviations of the measure, in its unit; infinite if unknown.
         """
-        least, most = value - margin, value + margin
-        small_enough = (self.at_most is None or least <= self.at_most) and (
-            self.below is None or least < self.below
+        # The margin is compared with differences, because a small one would be lost when added to the value.
+        small_enough = (self.at_most is None or value - self.at_most <= margin) and (
+            self.below is None or value - self.below < margin
         )
-        large_enough = (self.at_least is None or most >= self.at_least) and (
-            self.above is None or most > self.above
+        large_enough = (self.at_least is None or self.at_least - value <= margin) and (
+            self.above is None or self.above - value < margin
         )
         if held and self.release is not None:
             if self.releases_upwards:
-                small_enough = least <= self.release
+                small_enough = value - self.release <= margin
             else:
-                large_enough = most >= self.release
+                large_enough = self.release - value <= margin
         return small_enough and large_enough
 
     def margin(self, sd: float | None) -> float:

@@ -192,9 +192,8 @@ def test_a_source_of_a_user_inherits_the_optional_members(my_lab):
 def test_a_margin_is_refused_if_the_perceiver_estimates_no_standard_deviation(quick_uri):
     settings = f"source.uri={quick_uri}", "run.procedure=subretinal_injection_cautious"
     assert error_of(*settings, "perception.perceiver=threshold") == (
-        "procedure subretinal_injection_cautious needs the standard deviation of needle_tip (margin_sd of "
-        "touching retina_surface), which perceiver threshold does not estimate; choose another procedure or "
-        "perceiver"
+        "subretinal_injection_cautious has margin_sd, but perceiver threshold estimates no standard deviation "
+        "of needle_tip; choose another of either"
     )
     assemble.build(load_config(None, settings)).close()
 

@@ -91,15 +91,16 @@ def holdings_at(relations: Mapping[int, Relation], value: float) -> dict[Fractio
         relations: Those of one measure, by their index in the schema.
         value: The measure.
     """
-    exact = Fraction(value)
     changes = {Fraction(0)}
     for relation in relations.values():
         if relation.margin_sd:
-            changes |= {abs(exact - bound) / Fraction(relation.margin_sd) for bound in _bounds(relation)}
+            changes |= {
+                Fraction(abs(value - bound)) / Fraction(relation.margin_sd) for bound in _bounds(relation)
+            }
     ordered = sorted(changes)
     between = [(low + high) / 2 for low, high in pairwise(ordered)]
     beyond = [ordered[-1] + 1] if any(relation.margin_sd for relation in relations.values()) else []
-    return {sd: _holding(relations, exact, sd) for sd in (ordered[0], *between, *beyond, *ordered[1:])}
+    return {sd: _holding(relations, value, sd) for sd in (ordered[0], *between, *beyond, *ordered[1:])}
 
 
 def bits_of(mask: int) -> list[int]:
@@ -133,7 +134,7 @@ def _scale(schema: Schema, name: str, numbers: list[int], measures: Mapping[str,
 
 def _cells(relations: Mapping[int, Relation], limits: Limits) -> list[Cell]:
     """Partition the range of a measure at every threshold; merge cells with the same relations."""
-    bounds = {float(bound) for relation in relations.values() for bound in _bounds(relation)}
+    bounds = {bound for relation in relations.values() for bound in _bounds(relation)}
     bounds |= _crossings(relations)
     cells: list[Cell] = []
     for atom in atoms(
@@ -150,12 +151,12 @@ def _are_same(some: tuple[Holding, ...], others: tuple[Holding, ...]) -> bool:
     return some[0] == others[0] and {*some} == {*others}
 
 
-def _bounds(relation: Relation) -> list[Fraction]:
+def _bounds(relation: Relation) -> list[float]:
     bounds = relation.at_most, relation.below, relation.at_least, relation.above, relation.release
-    return [Fraction(bound) for bound in bounds if bound is not None and isfinite(bound)]
+    return [bound for bound in bounds if bound is not None and isfinite(bound)]
 
 
-def _holding(relations: Mapping[int, Relation], value: Fraction, sd: Fraction) -> Holding:
+def _holding(relations: Mapping[int, Relation], value: float, sd: Fraction) -> Holding:
     enter = hold = 0
     for number, relation in relations.items():
         margin = Fraction(relation.margin_sd) * sd
@@ -170,7 +171,7 @@ def _crossings(relations: Mapping[int, Relation]) -> set[float]:
     On either side, one or the other begins first. A bound begins to be met at |value - bound| / margin_sd.
     """
     margins = [
-        (bound, Fraction(relation.margin_sd))
+        (Fraction(bound), Fraction(relation.margin_sd))
         for relation in relations.values()
         if relation.margin_sd
         for bound in _bounds(relation)

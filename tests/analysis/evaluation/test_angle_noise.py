@@ -13,6 +13,7 @@ class Noisy:
     """Reports angles of 1 and -1 degree alternately."""
 
     entities = frozenset(("needle_tip", "needle_line"))
+    entities_with_sd = frozenset()
     needs_scan = False
 
     def __init__(self, registration, config):

@@ -40,6 +40,7 @@ class Certain:
     """Reports the same needle in every image."""
 
     entities = frozenset(("needle_tip", "needle_line"))
+    entities_with_sd = frozenset()
     needs_scan = False
 
     def __init__(self, registration, config):
