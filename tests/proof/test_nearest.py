@@ -84,6 +84,18 @@ def test_a_relation_ends_at_its_release_and_begins_at_its_bound():
         assert (move.to, round(move.way, 6)) == (to, way)
 
 
+def test_a_margin_moves_the_bounds_by_the_standard_deviation_of_the_moment():
+    cautious = load_procedure("subretinal_injection_cautious")
+    values = measured(retina=0.9, radial=2.0, target=2.2)
+    sds = {"distance_to_retina_mm": 0.05, "radial_mm": 0.05}
+    graph = graph_at(values, schema=cautious.schema.widened(sds))
+    nearest = Nearest(cautious, sds)
+    found = {one.state: one for one in nearest.changes(nearest.mask(graph), values)}
+    (move,) = found["retinal_contact"].moves
+    assert move.to == "0.6 < distance_to_retina_mm <= 0.8"  # where contact is not certain, either
+    assert round(move.way, 6) == -0.1
+
+
 some = st.floats(-1, 12).map(lambda value: round(value, 3))
 
 

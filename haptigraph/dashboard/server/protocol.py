@@ -27,6 +27,8 @@ __all__ = [
     "text_message",
 ]
 
+TIP = "needle_tip"
+"""The entity whose standard deviation `Certainty` gives; it is not that of open jaws."""
 Count = Annotated[int, Meta(ge=0, le=2**53)]
 
 
@@ -111,6 +113,8 @@ class ImageHeader(Struct, frozen=True, tag="image"):
     measures: dict[str, float]
     found: dict[str, Geometry]
     """Shapes of the moving entities by name, eye frame."""
+    sd_mm: dict[str, float]
+    """Standard deviations of points by name, where estimated."""
     faults: tuple[str, ...]
     has_picture: bool
     hand: HandState | None
@@ -151,7 +155,8 @@ def image_header(step: Step, moving: frozenset[str], **more: Any) -> ImageHeader
         moving: Names of the entities to include; the page has the others already.
         more: The other fields of `ImageHeader`.
     """
-    conclusion, graph = step.conclusion, step.graph
+    conclusion, graph, certainty = step.conclusion, step.graph, step.observation.certainty
+    tip_sd_mm = certainty.tip_sd_mm if certainty and TIP in step.observation.found else None
     return ImageHeader(
         index=step.index,
         state=conclusion.state,
@@ -163,6 +168,7 @@ def image_header(step: Step, moving: frozenset[str], **more: Any) -> ImageHeader
         edges=tuple((edge.subject, edge.predicate, edge.object) for edge in graph.edges),
         measures=graph.measures,
         found={name: shape for name, shape in step.observation.found.items() if name in moving},
+        sd_mm={} if tip_sd_mm is None else {TIP: tip_sd_mm},
         faults=tuple(f"{fault.where}: {fault.message}" for fault in step.faults),
         **more,
     )

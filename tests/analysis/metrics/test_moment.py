@@ -7,6 +7,7 @@ from paths import GOLDEN
 
 from haptigraph import assemble
 from haptigraph.analysis.metrics.moment import explain_graph, explain_moment, explanation_text
+from haptigraph.analysis.metrics.replay import replay
 from haptigraph.config import load_config
 from haptigraph.errors import BadInput
 from haptigraph.graph import SceneGraph
@@ -87,3 +88,19 @@ def test_values_that_follow_a_measure_are_those_of_the_moment(quick_uri, tmp_pat
     explanation = explain_moment(tmp_path / "run.mcap", (step.stamp_ns - steps[0].stamp_ns) / 1e9)
     assert explanation.held is None
     assert explanation.touch.startswith(f"'lean': amplitude {step.command.pattern.amplitude:g} at 80 Hz")
+
+
+def test_a_margin_is_explained_with_the_recorded_standard_deviation(quick_uri, tmp_path):
+    steps = recorded(quick_uri, "subretinal_injection_cautious", tmp_path / "run.mcap")
+    step = next(
+        one
+        for one in steps
+        if {"touching", "approaching"} <= {edge.predicate for edge in one.graph.edges}
+        and one.graph.measures["distance_to_retina_mm"] > 0.7
+    )
+    assert step.graph.sds["radial_mm"] == step.observation.certainty.tip_sd_mm > 0
+    text = explanation_text(explain_moment(tmp_path / "run.mcap", (step.stamp_ns - steps[0].stamp_ns) / 1e9))
+    sd = f"{step.graph.sds['distance_to_retina_mm']:.2g}"
+    assert f"bounds distance_to_retina_mm <= 0.7, margin 2 standard deviations of {sd})" in text
+    report = replay(tmp_path / "run.mcap")
+    assert report.identical == report.steps

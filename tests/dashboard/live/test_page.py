@@ -72,6 +72,35 @@ def test_overlays_can_be_switched(live, open_page):
     assert not page.get_by_label("Zones").is_checked()
 
 
+def test_the_uncertainty_region_has_a_radius_of_two_standard_deviations(live, open_page):
+    """With its size in words; nothing is drawn of a tip whose standard deviation is unknown."""
+    page = open_page(live.url)
+    until(page, "Object.keys(page.header?.sd_mm ?? {}).includes('needle_tip')")
+    until(
+        page, "/^(± 0[.][0-9]{2}|< 0[.]01) mm$/.test(document.querySelector('#overlays .region').textContent)"
+    )
+    region = page.get_by_label("Uncertainty")
+    assert region.is_checked()
+    region.uncheck()
+    until(page, "document.querySelector('#overlays .region').textContent.endsWith('mm')")
+    draw = """async ({ sd_mm, overlays }) => {
+      const { View } = await import("/static/common/view.js"), { page } = await import("/static/live/live.js");
+      const canvas = document.createElement("canvas"), view = new View(canvas, null);
+      canvas.width = canvas.height = 200;
+      view.begin({ ...page.hello, anatomy: {}, view: { size_px: 200, half_mm: 10 } });
+      view.choose(overlays);
+      view.header = { found: { needle_tip: { type: "point", at_mm: [0, 0] } }, sd_mm, edges: [], state: "" };
+      view.draw();
+      const row = view.context.getImageData(100, 100, 100, 1).data;
+      return [Array.from({ length: 100 }, (_, x) => row[4 * x]).findLastIndex((grey) => grey > 0), view.region.textContent];
+    }"""
+    end_px, words = page.evaluate(draw, {"sd_mm": {"needle_tip": 2}, "overlays": ["uncertainty"]})
+    assert abs(end_px - 40) < 3
+    assert words == "± 4.00 mm"
+    assert page.evaluate(draw, {"sd_mm": {"needle_tip": 2}, "overlays": ["cone"]}) == [-1, "± 4.00 mm"]
+    assert page.evaluate(draw, {"sd_mm": {}, "overlays": ["uncertainty"]}) == [-1, "not estimated"]
+
+
 def test_the_state_shown_is_the_state_recorded(quick_uri, open_page, tmp_path):
     record = tmp_path / "run.mcap"
     with Live(quick_uri, "--record", record) as live:

@@ -1,10 +1,10 @@
 /** The eye as the surgeon sees it, overlaid with the detected shapes and the regions in which relations hold. */
 
-import { checkbox } from "./dom.js";
+import { checkbox, make, setText } from "./dom.js";
 import { circle, zoneOf } from "./zones.js";
 
-/** @type {Record<Overlay, string>} */ const OVERLAYS = { needle: "Instrument", cone: "Cone", zone: "Zones", target: "Target" };
-const LINE = "#8fb4d3";
+/** @type {Record<Overlay, string>} */ const OVERLAYS = { needle: "Instrument", uncertainty: "Uncertainty", cone: "Cone", zone: "Zones", target: "Target" };
+const LINE = "#8fb4d3", REGION_SD = 2;
 
 export class View {
   /** Which overlays are drawn. @type {Partial<Record<Overlay, boolean>>} */ overlays = {};
@@ -16,6 +16,7 @@ export class View {
   /** Tips by the shaft that they end. @type {Map<string, string>} */ tips = new Map();
   /** The newest message that arrived while another was being decoded. @type {[ImageHeader, Picture] | null} */ waiting = null;
   isDecoding = false; half_mm = 1;
+  /** Names the size of the uncertainty region, next to its switch. */ region = make("span", { className: "region" });
   /** Called with the header of every image that was drawn. @type {(header: ImageHeader) => void} */ onDrawn = () => {};
 
   /** @param {HTMLCanvasElement} canvas @param {HTMLElement | null} fieldset for the switches of the overlays; null: no switches */
@@ -23,7 +24,9 @@ export class View {
     this.canvas = canvas;
     this.context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d", { alpha: false }));
     for (const name of /** @type {Overlay[]} */ (fieldset ? Object.keys(OVERLAYS) : [])) {
-      fieldset?.append(checkbox(OVERLAYS[name], true, (isOn) => { this.overlays[name] = isOn; this.draw(); }, `overlay-${name}`));
+      const label = checkbox(OVERLAYS[name], true, (isOn) => { this.overlays[name] = isOn; this.draw(); }, `overlay-${name}`);
+      if (name === "uncertainty") { label.title = "Within 2 standard deviations of the tip"; label.append(this.region); }
+      fieldset?.append(label);
     }
     new ResizeObserver(() => this.fit()).observe(canvas);
   }
@@ -92,6 +95,7 @@ export class View {
     const held = new Set((header?.edges ?? []).map(String)), color = this.colors.get(header?.state ?? "") ?? LINE;
     for (const { kind, outline, relation } of this.zones) if (this.overlays[kind]) this.drawZone(outline, held.has(relation), color);
     if (this.overlays.target) this.drawTargets(hello);
+    if (header) this.drawUncertainty(header);
     if (this.overlays.needle && header) this.drawShapes(header.found, color);
   }
 
@@ -121,6 +125,23 @@ export class View {
         c.lineTo(x + dx * arm, y + dy * arm);
       }
       this.stroke("#fff", 2);
+    }
+  }
+
+  /** Draw where the tip may be, and name its size, or why there is none. */
+  drawUncertainty(/** @type {ImageHeader} */ { found, sd_mm }) {
+    const c = this.context, tips = [...this.tips.values()].filter((name) => name in found);
+    setText(this.region, tips.length ? "not estimated" : "");
+    for (const [name, sd] of Object.entries(sd_mm)) {
+      const shape = found[name], radius_mm = REGION_SD * sd;
+      if (shape?.type !== "point") continue;
+      setText(this.region, radius_mm < 0.01 ? "< 0.01 mm" : `± ${radius_mm.toFixed(2)} mm`);
+      if (!this.overlays.uncertainty) continue;
+      this.path(circle(shape.at_mm, radius_mm), true);
+      c.globalAlpha = 0.25; c.fillStyle = "#fff"; c.fill(); c.globalAlpha = 1;
+      c.setLineDash([3 * this.unit, 4 * this.unit]);
+      this.stroke("#fff", 1.5, 2);
+      c.setLineDash([]);
     }
   }
 
