@@ -19,6 +19,7 @@ from haptigraph.perception.needle.rectify import median
 
 __all__ = ["Jaws", "find_jaws"]
 
+ABOUT_MM = 6.0  # of the rectified patch, before and beyond the shaft's visible end; jaws are no longer
 HALF_WIDTH_MM = 1.7  # of the rectified patch; jaws open no wider
 FLANK_MM = 0.25
 SHAFT_MM = 0.15  # smallest half width of a shaft
@@ -44,7 +45,7 @@ class Jaws(Struct, frozen=True):
 class _Patch(Struct, frozen=True, eq=False):
     """A rectified part of the image: stations along the shaft, lanes across it, one pixel each."""
 
-    entry_px: Vec
+    first_px: Vec
     along: Vec
     size: tuple[int, int]
     """(stations, lanes)."""
@@ -56,7 +57,7 @@ class _Patch(Struct, frozen=True, eq=False):
 
     def rectify(self, image: NDArray[Any]) -> NDArray[Any]:
         """Resample this part of an image, (lanes, stations, ...)."""
-        (dx, dy), (x, y) = self.along, self.entry_px
+        (dx, dy), (x, y) = self.along, self.first_px
         matrix = np.array([[dx, -dy, x + self.half * dy], [dy, dx, y - self.half * dx]])
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         return cv2.warpAffine(image, matrix, self.size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
@@ -65,13 +66,13 @@ class _Patch(Struct, frozen=True, eq=False):
         """Convert a point of the patch to the image [px]."""
         (dx, dy), across = self.along, lane_px - self.half
         return (
-            self.entry_px[0] + station_px * dx - across * dy,
-            self.entry_px[1] + station_px * dy + across * dx,
+            self.first_px[0] + station_px * dx - across * dy,
+            self.first_px[1] + station_px * dy + across * dx,
         )
 
     def to_patch(self, at_px: Vec) -> Vec:
         """Convert a point of the image [px] to (station, lane)."""
-        (dx, dy), (x, y) = self.along, subtract(at_px, self.entry_px)
+        (dx, dy), (x, y) = self.along, subtract(at_px, self.first_px)
         return x * dx + y * dy, y * dx - x * dy + self.half
 
 
@@ -101,21 +102,25 @@ def find_jaws(
     Returns:
         The jaws, or None if no metal is found along the line.
     """
-    (center_px, radius_px), inwards = globe, subtract(globe[0], entry_px)
-    along, visible_px = unit(subtract(visible_to_px, entry_px)), norm(subtract(visible_to_px, entry_px))
+    (center_px, radius_px), along = globe, unit(subtract(visible_to_px, entry_px))
+    visible_px, about_px = norm(subtract(visible_to_px, entry_px)), ABOUT_MM * px_per_mm
+    skipped_px = max(visible_px - about_px, 0.0)
+    first_px = entry_px[0] + skipped_px * along[0], entry_px[1] + skipped_px * along[1]
+    visible_px -= skipped_px
+    inwards = subtract(center_px, first_px)
     middle = inwards[0] * along[0] + inwards[1] * along[1]
     aside = abs(inwards[0] * along[1] - inwards[1] * along[0])
     if aside >= radius_px:
         return None
-    reach_px = middle + math.sqrt(radius_px**2 - aside**2)
-    patch = _Patch(entry_px, along, (max(round(reach_px), 1), 2 * round(HALF_WIDTH_MM * px_per_mm) + 1))
+    reach_px = min(middle + math.sqrt(radius_px**2 - aside**2), visible_px + about_px)
+    patch = _Patch(first_px, along, (max(round(reach_px), 1), 2 * round(HALF_WIDTH_MM * px_per_mm) + 1))
     metal = _metal(image, background, patch, visible_px, px_per_mm, chroma_share)
     if metal is None:
         return None
     stations, lanes = patch.size
     x, y = patch.to_patch(center_px)
     lane, station = np.ogrid[:lanes, :stations]
-    metal &= np.hypot(station - x, lane - y) < radius_px - RIM_PX
+    metal &= (station - x) ** 2 + (lane - y) ** 2 < (radius_px - RIM_PX) ** 2
     if other is not None:
         _erase(metal, patch, other, px_per_mm)
     return _jaw_tips(_shaft_component(metal, patch.half), patch, px_per_mm)

@@ -7,10 +7,13 @@ occluded tissue is not reported.
 
 import cv2
 import numpy as np
+from msgspec import Struct
+from numpy.typing import NDArray
 
 from haptigraph.geometry import Circle, Geometry, Point, nearest_on_polyline, norm, subtract
 from haptigraph.imaging import Mask
 from haptigraph.messages import Image
+from haptigraph.perception.native.pixels import Region, mark_stains
 from haptigraph.registration.camera import Registration
 
 __all__ = ["StainedTissue"]
@@ -24,6 +27,19 @@ TOP_MM = 0.12  # extent of the edge below the membrane's highest point
 RIM_MM = 0.1
 SPREAD_PX = 5  # blur of coloured regions: cameras and codecs resolve colour less finely
 FILL_MM = 2.0  # width of the surroundings from which dye is filled
+
+
+class _Stain(Struct, frozen=True, eq=False):
+    """Stained pixels of the globe's box."""
+
+    part: Mask
+    """Those within its bounding box."""
+    within: Region
+
+    def pixels(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Return rows and columns of its pixels in the globe's box."""
+        rows, columns = self.part.nonzero()
+        return rows + self.within[0].start, columns + self.within[1].start
 
 
 class StainedTissue:
@@ -58,57 +74,62 @@ class StainedTissue:
         """
         if image.ndim == 2:
             return {}, image
-        blue, green, red = cv2.split(image[self._box])
         found: dict[str, Geometry] = {}
-        dye = self._without_specks(cv2.subtract(blue, cv2.max(green, red)) > BLUE_GREY)
-        if self._area_mm2(dye) >= MIN_DYE_MM2:
-            found["membrane_edge"] = self._edge(dye)
-            image = self._without_dye(image, dye)
-        blood = self._without_specks(cv2.subtract(red, cv2.max(green, blue)) > RED_GREY)
-        if self._area_mm2(blood) >= MIN_BLOOD_MM2:
-            found["hemorrhage"] = self._region(blood)
+        dye, blood = mark_stains(image, self._box, BLUE_GREY, RED_GREY, self._inside)
+        if (stain := self._stain(*dye, MIN_DYE_MM2)) is not None:
+            found["membrane_edge"] = self._edge(stain)
+            image = self._without_dye(image, stain)
+        if (stain := self._stain(*blood, MIN_BLOOD_MM2)) is not None:
+            found["hemorrhage"] = self._region(stain)
         return found, image
 
-    def _without_specks(self, stained: Mask) -> Mask:
-        """Remove specks and everything outside the globe, in place."""
-        stained &= self._inside
-        x, y, width, height = cv2.boundingRect(stained.view(np.uint8))
-        part = stained[y : y + height, x : x + width]
-        if part.size:
-            _, parts, facts, _ = cv2.connectedComponentsWithStats(part.view(np.uint8))
-            is_large = facts[:, cv2.CC_STAT_AREA] >= SPECK_MM2 * self._px_per_mm**2
-            is_large[0] = False
-            part &= is_large[parts]
-        return stained
+    def _stain(self, marked: Mask, pixels: int, min_mm2: float) -> _Stain | None:
+        """Return marked pixels without specks; None if there are too few."""
+        if pixels < min_mm2 * self._px_per_mm**2:
+            return None
+        x, y, width, height = cv2.boundingRect(marked.view(np.uint8))
+        within = slice(y, y + height), slice(x, x + width)
+        _, parts, facts, _ = cv2.connectedComponentsWithStats(marked[within].view(np.uint8))
+        is_large = facts[:, cv2.CC_STAT_AREA] >= SPECK_MM2 * self._px_per_mm**2
+        is_large[0] = False
+        part = is_large[parts]
+        return _Stain(part, within) if self._area_mm2(part) >= min_mm2 else None
 
-    def _without_dye(self, image: Image, dye: Mask) -> Image:
+    def _without_dye(self, image: Image, dye: _Stain) -> Image:
         """Return an image with the dye filled from its surroundings."""
-        cleaned, width = image.copy(), max(round(FILL_MM * self._px_per_mm), SPREAD_PX) | 1
-        x, y, columns, rows = cv2.boundingRect(dye.view(np.uint8))
-        about = slice(max(y - width, 0), y + rows + width), slice(max(x - width, 0), x + columns + width)
+        width = max(round(FILL_MM * self._px_per_mm), SPREAD_PX) | 1
+        (height, columns), (rows, across) = self._inside.shape, dye.within
+        about = (
+            slice(max(rows.start - width, 0), min(rows.stop + width, height)),
+            slice(max(across.start - width, 0), min(across.stop + width, columns)),
+        )
+        dyed = np.zeros((about[0].stop - about[0].start, about[1].stop - about[1].start), np.uint8)
+        top, left = rows.start - about[0].start, across.start - about[1].start
+        dyed[top : top + dye.part.shape[0], left : left + dye.part.shape[1]] = dye.part
+        dyed = cv2.dilate(dyed, np.ones((SPREAD_PX, SPREAD_PX), np.uint8))
+        cleaned = image.copy()
         part = cleaned[self._box][about]
-        dyed = cv2.dilate(dye[about].view(np.uint8), np.ones((SPREAD_PX, SPREAD_PX), np.uint8))
         free = (dyed == 0).astype(np.float32)
         share = cv2.blur(free, (width, width))
         light = cv2.blur(part * free[..., None], (width, width))
         fill = light / np.maximum(share, np.float32(1e-3))[..., None]
         is_filled = (dyed > 0) & (share > 0)
-        part[is_filled] = fill[is_filled]
+        np.copyto(part, fill.astype(np.uint8), where=is_filled[..., None])
         return cleaned
 
     def _area_mm2(self, part: Mask) -> float:
         return float(np.count_nonzero(part)) / self._px_per_mm**2
 
-    def _edge(self, dye: Mask) -> Point:
+    def _edge(self, dye: _Stain) -> Point:
         """Return the highest point above the retina."""
-        rows, columns = np.nonzero(dye)
+        rows, columns = dye.pixels()
         height_mm = self._above_mm[rows, columns]
         is_top = height_mm >= height_mm.max() - TOP_MM
         return Point(self._to_mm(float(columns[is_top].mean()), float(rows[is_top].mean())))
 
-    def _region(self, blood: Mask) -> Circle:
+    def _region(self, blood: _Stain) -> Circle:
         """Return the circle around the blood's centre on the retina, as wide as the blood."""
-        rows, columns = np.nonzero(blood)
+        rows, columns = blood.pixels()
         retina = self._registration.retina
         middle = nearest_on_polyline(self._to_mm(float(columns.mean()), float(rows.mean())), retina)
         ends = (int(columns.argmin()), int(columns.argmax()))

@@ -28,8 +28,8 @@ EXPORT const Entry entries[] = {
     F(chroma.stations),
 #undef F
 #define F(field) FIELD(SearchGrid, field)
-    SIZE(SearchGrid), F(pixels), F(cells_of), F(is_inside), F(flanks), F(is_observable), F(samples), F(rows),
-    F(cells), F(trocar),
+    SIZE(SearchGrid), F(pixels), F(is_inside), F(sampled), F(samples), F(flanks), F(is_observable),
+    F(pixel_count), F(sampled_count), F(rows), F(cells), F(trocar),
 #undef F
 #define F(field) FIELD(LineFit, field)
     SIZE(LineFit), F(offset_px), F(slope), F(covariance), F(width_px), F(blur_px), F(scatter), F(appearance),

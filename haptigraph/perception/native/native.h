@@ -47,12 +47,13 @@ typedef struct {
 
 /* Where the lines of a polar search sample the image. */
 typedef struct {
-    const int32_t *pixels;        /* indices of the samples' pixels, ascending, (samples) */
-    const int32_t *cells_of;      /* indices of the samples' cells, (samples) */
-    const uint8_t *is_inside;     /* samples inside the globe, where blue less red counts, (samples) */
+    const int32_t *pixels;        /* indices of the sampled pixels, ascending, (pixel_count) */
+    const uint8_t *is_inside;     /* pixels inside the globe, where blue less red counts, (pixel_count) */
+    const int32_t *sampled;       /* indices of the sampled cells, (sampled_count) */
+    const int32_t *samples;       /* which of the pixels each of them samples, (sampled_count, CELL) */
     const int32_t *flanks;        /* indices of the cells on either side of each cell, (2, rows, cells) */
     const uint8_t *is_observable; /* cells in which a needle would be visible, (rows, cells) */
-    int samples, rows, cells;
+    int pixel_count, sampled_count, rows, cells;
     int trocar; /* cells of a row before it are outside the eye */
 } SearchGrid;
 

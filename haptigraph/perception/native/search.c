@@ -3,23 +3,28 @@
 #include "native.h"
 
 #define CONTRAST_GREY 6.0
-#define AHEAD 64 /* samples */
+#define AHEAD 64 /* pixels */
 
 /* Write the mean grey of each sampled cell, (rows, cells).
 
-   Samples are in the order of their pixels in memory, and are prefetched: a line's own are far apart, and the
+   Pixels are read in the order of memory, once, and are prefetched: those of a line are far apart, and the
    processor would wait for each. */
 static void average_cells(const SearchGrid *grid, const uint8_t *image, int channels, double chroma_share,
-                          float *grey) {
+                          float *shares, float *grey) {
     const int chroma[2] = {0, whole_share(chroma_share)};
-    for (int cell = 0; cell < grid->rows * grid->cells; cell++) grey[cell] = 0;
-    for (int sample = 0; sample < grid->samples; sample++) {
-        const int ahead = sample + AHEAD < grid->samples ? sample + AHEAD : sample;
+    for (int number = 0; number < grid->pixel_count; number++) {
+        const int ahead = number + AHEAD < grid->pixel_count ? number + AHEAD : number;
         __builtin_prefetch(image + (ptrdiff_t)channels * grid->pixels[ahead]);
-        const uint8_t *pixel = image + (ptrdiff_t)channels * grid->pixels[sample];
+        const uint8_t *pixel = image + (ptrdiff_t)channels * grid->pixels[number];
         const int value =
-            channels == 3 ? grey_of(pixel, chroma[grid->is_inside[sample] != 0]) : WHOLE * pixel[0];
-        grey[grid->cells_of[sample]] += (float)value / (CELL * WHOLE);
+            channels == 3 ? grey_of(pixel, chroma[grid->is_inside[number] != 0]) : WHOLE * pixel[0];
+        shares[number] = (float)value / (CELL * WHOLE);
+    }
+    for (int number = 0; number < grid->sampled_count; number++) {
+        const int32_t *samples = grid->samples + CELL * number;
+        float sum = 0;
+        for (int sample = 0; sample < CELL; sample++) sum += shares[samples[sample]];
+        grey[grid->sampled[number]] = sum;
     }
 }
 
@@ -44,10 +49,10 @@ static double max_evidence(const SearchGrid *grid, const float *grey, int start,
    image, channels: BGR or grey.
    chroma_share: of blue less red in the grey.
    light: how many times brighter the image would be in good light.
-   grey: room for the cells. */
+   shares, grey: room for the pixels, and for the cells. */
 EXPORT void score_lines(const SearchGrid *grid, const uint8_t *image, int channels, double chroma_share,
-                        double light, float *grey, float *score) {
-    average_cells(grid, image, channels, chroma_share, grey);
+                        double light, float *shares, float *grey, float *score) {
+    average_cells(grid, image, channels, chroma_share, shares, grey);
     for (int row = 0; row < grid->rows; row++) {
         const int first = row * grid->cells, wall = first + grid->trocar, last = first + grid->cells;
         score[row] = (float)(max_evidence(grid, grey, first, wall, light) +

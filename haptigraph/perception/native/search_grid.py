@@ -19,9 +19,11 @@ CELL = LIBRARY.constant("CELL")
 MAX_CELLS = 2**30  # twice as many are counted by an int
 
 _GRID = LIBRARY.layout(
-    "SearchGrid", ("p", "pixels cells_of is_inside flanks is_observable"), ("i", "samples rows cells trocar")
+    "SearchGrid",
+    ("p", "pixels is_inside sampled samples flanks is_observable"),
+    ("i", "pixel_count sampled_count rows cells trocar"),
 )
-_score_lines = LIBRARY.function("score_lines", "ppiddpp")
+_score_lines = LIBRARY.function("score_lines", "ppiddppp")
 
 
 class SearchGrid:
@@ -29,9 +31,10 @@ class SearchGrid:
 
     Args:
         size_px: Height and width of the images.
-        pixels: Indices of the samples' pixels, ascending, (samples,) int32.
-        cells_of: Indices of the samples' cells, (samples,) int32.
-        is_inside: Samples inside the globe, (samples,).
+        pixels: Indices of the sampled pixels, ascending, (pixels,) int32.
+        is_inside: Pixels inside the globe, (pixels,).
+        sampled: Indices of the sampled cells, (sampled,) int32.
+        samples: Which of `pixels` each of these cells samples, (sampled, CELL) int32.
         flanks: Indices of the cells on either side of each cell, (2, rows, cells) int32.
         is_observable: Cells in which a needle would be visible, (rows, cells).
         trocar: Cells of a row before this one are outside the eye.
@@ -41,25 +44,28 @@ class SearchGrid:
         self,
         size_px: tuple[int, int],
         pixels: NDArray[np.int32],
-        cells_of: NDArray[np.int32],
         is_inside: Mask,
+        sampled: NDArray[np.int32],
+        samples: NDArray[np.int32],
         flanks: NDArray[np.int32],
         is_observable: Mask,
         trocar: int,
     ) -> None:
         height_px, width_px = (index(size) for size in size_px)
-        samples, (rows, cells) = len(pixels), np.shape(is_observable)
+        count, (rows, cells) = len(pixels), np.shape(is_observable)
         if not (rows * cells <= MAX_CELLS and 0 <= index(trocar) <= cells):
             raise ValueError(f"grid: expected a trocar within at most {MAX_CELLS} cells; found {trocar}")
         self._size_px, self._shape = (height_px, width_px), (rows, cells)
         self._arrays = (
-            _copy("pixels", pixels, INT, (samples,), height_px * width_px),
-            _copy("cells_of", cells_of, INT, (samples,), rows * cells),
-            _copy("is_inside", is_inside, BOOL, (samples,)),
+            _copy("pixels", pixels, INT, (count,), height_px * width_px),
+            _copy("is_inside", is_inside, BOOL, (count,)),
+            _copy("sampled", sampled, INT, (len(sampled),), rows * cells),
+            _copy("samples", samples, INT, (len(sampled), CELL), count),
             _copy("flanks", flanks, INT, (2, rows, cells), rows * cells),
             _copy("is_observable", is_observable, BOOL, (rows, cells)),
         )
-        self._packed = pack(_GRID, *map(address, self._arrays), samples, rows, cells, trocar)
+        counts = count, len(sampled), rows, cells, trocar
+        self._packed = pack(_GRID, *map(address, self._arrays), *counts)
 
     def score(self, image: Image, chroma_share: float = 0.0, light: float = 1.0) -> FloatImage:
         """Return how much each row looks like a needle, (rows,).
@@ -70,10 +76,11 @@ class SearchGrid:
             light: How many times brighter the image would be in good light.
         """
         pixels, channels = checked_image("image", image, self._size_px)
-        grey, score = np.empty(self._shape, np.float32), np.empty(self._shape[0], np.float32)
+        shares = np.empty(len(self._arrays[0]), np.float32)
+        grey, score = np.zeros(self._shape, np.float32), np.empty(self._shape[0], np.float32)
         _score_lines(
             *(self._packed, pixels, channels, checked_share("chroma_share", chroma_share), float(light)),
-            *(address(grey), address(score)),
+            *(address(shares), address(grey), address(score)),
         )
         return score
 

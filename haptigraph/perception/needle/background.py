@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from haptigraph.geometry import Vec, unit
 from haptigraph.imaging import FloatImage, chroma_of, grey_of, grey_with_chroma
 from haptigraph.messages import Image
+from haptigraph.perception.native.pixels import learn_background
 from haptigraph.perception.needle.rectify import (
     OUTSIDE_MM,
     UNOBSERVED,
@@ -28,7 +29,6 @@ from haptigraph.registration.background import BackgroundImage
 __all__ = ["Background", "occluded_ends", "stripe"]
 
 BANDS = 16
-RATE = 0.25
 EVERY_PX = 8  # a pixel is sampled for the background's colour, and for the light
 MIN_BLUE = 0.9  # of the background's brightness: with less, metal differs by its colour as well
 CHROMA_RATE, MAX_CHROMA = 2.5, 0.4
@@ -70,7 +70,6 @@ class Background:
         self._band = 0
         self.is_new = True
         self._was_visible, self._to_restore = np.zeros(self.grey.shape, np.bool_), self._registered
-        self._is_complete = [False] * BANDS
 
     def measure_light(self, image: Image) -> None:
         """Measure the light and, until something is learned, choose the grey."""
@@ -121,22 +120,14 @@ class Background:
 
     def _learn_band(self, image: Image, band: int, needle: tuple[Vec, Vec] | None, width_px: int) -> None:
         rows, columns = self._bands[band], self._columns
-        grey = grey_with_chroma(image[rows, columns], self.chroma_share, self._is_inside[rows, columns])
-        chroma = chroma_of(image[rows, columns])
-        planes = (self.grey[rows, columns], grey), (self.chroma[rows, columns], chroma)
-        free = np.full(grey.shape, 255, np.uint8)
+        is_free = np.ones((rows.stop - rows.start, columns.stop - columns.start), np.bool_)
         if needle is not None:
-            cv2.fillConvexPoly(free, stripe(needle, width_px, (columns.start, rows.start)), 0, shift=4)
-        if not self._is_complete[band]:
-            was_visible = self._was_visible[rows, columns]
-            fresh = ~was_visible & (free > 0)
-            for model, seen in planes:
-                model[fresh] = seen[fresh]
-            free[~was_visible] = 0
-            was_visible |= fresh
-            self._is_complete[band] = bool(was_visible.all())
-        for model, seen in planes:
-            cv2.accumulateWeighted(seen, model, RATE, free)
+            corners = stripe(needle, width_px, (columns.start, rows.start))
+            cv2.fillConvexPoly(is_free.view(np.uint8), corners, 0, shift=4)
+        learn_background(
+            *(image, (rows, columns), self.chroma_share, self._is_inside, is_free),
+            *(self._was_visible, self.grey, self.chroma),
+        )
 
 
 def _chroma_share(sample: Image) -> float:

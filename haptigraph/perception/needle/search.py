@@ -63,13 +63,14 @@ class PolarSearch:
             np.rint(part).clip(0, size - 1).reshape(cells)[is_sampled].astype(np.int32)
             for part, size in ((x, eye.width_px), (y, eye.height_px))
         )
-        pixels = (rows_px * eye.width_px + columns).ravel()
-        order = pixels.argsort(kind="stable")
-        cell = np.flatnonzero(is_sampled).astype(np.int32).repeat(CELL)
-        is_inside = np.hypot(columns - eye.center_px[0], rows_px - eye.center_px[1]).ravel() < eye.outer_px
+        pixels, samples = np.unique(rows_px * eye.width_px + columns, return_inverse=True)
+        in_order = np.sort(samples.reshape(-1, CELL), axis=1).astype(np.int32)
+        sampled = np.flatnonzero(is_sampled).astype(np.int32)
+        row, column = np.divmod(pixels, eye.width_px)
+        is_inside = np.hypot(column - eye.center_px[0], row - eye.center_px[1]) < eye.outer_px
         self._grid = SearchGrid(
             (eye.height_px, eye.width_px),
-            *(pixels[order], cell[order], is_inside[order], flanks, is_observable, trocar),
+            *(pixels, is_inside, sampled, in_order, flanks, is_observable, trocar),
         )
 
     def search(self, image: Image, chroma_share: float = 0.0, light: float = 1.0) -> list[Line]:

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from msgspec.structs import replace
 
+from haptigraph.perception.native import pixels as region_pixels
 from haptigraph.perception.native import rectification, search_grid, sharpness, strip
 from haptigraph.perception.native.strip import RectifiedStrip
 
@@ -57,12 +58,26 @@ def make_strip(**change) -> RectifiedStrip:
 def make_grid_arguments():
     rows, cells = 3, 4
     count = rows * cells
-    cells_of = np.arange(count, dtype=np.int32).repeat(search_grid.CELL)
-    pixels = np.arange(len(cells_of), dtype=np.int32) * 4
+    samples = np.arange(count * search_grid.CELL, dtype=np.int32).reshape(count, search_grid.CELL)
+    pixels, sampled = samples.ravel() * 4, np.arange(count, dtype=np.int32)
     flanks = np.zeros((2, rows, cells), np.int32)
-    return [SIZE_PX, pixels, cells_of, np.ones(len(pixels), bool), flanks, np.ones((rows, cells), bool), 2]
+    return [
+        *(SIZE_PX, pixels, np.ones(len(pixels), bool), sampled, samples, flanks),
+        *(np.ones((rows, cells), bool), 2),
+    ]
 
 
+def make_planes():
+    shape = SIZE_PX
+    return (
+        np.ones(shape, bool),
+        np.ones((4, 9), bool),
+        np.zeros(shape, bool),
+        *np.zeros((2, *shape), np.float32),
+    )
+
+
+REGION = slice(2, 6), slice(5, 14)
 FLAGS = "continues", "is_outside", "follows_point", "follows_faint", "uses_chroma"
 APPEARANCE = (math.nan, math.nan, 0.0, math.nan, math.nan)
 POSITIONS = (16, u_px(), (8.0, 6.0), (0.0, 1.0), (1.0, 0.0))
@@ -77,6 +92,14 @@ WRAPPERS = {
     "score_lines": (
         lambda *arguments: search_grid.SearchGrid(*arguments[:-3]).score(*arguments[-3:]),
         lambda: [*make_grid_arguments(), np.ones((*SIZE_PX, 3), np.uint8), 0.2, 1.0],
+    ),
+    "learn_background": (
+        region_pixels.learn_background,
+        lambda: [np.ones((*SIZE_PX, 3), np.uint8), REGION, 0.2, *make_planes()],
+    ),
+    "mark_stains": (
+        region_pixels.mark_stains,
+        lambda: [np.ones((*SIZE_PX, 3), np.uint8), REGION, 22, 60, np.ones((4, 9), bool)],
     ),
     "sharpness": (sharpness.sharpness, lambda: [excess()]),
     "mean_sharpness": (sharpness.mean_sharpness, lambda: [excess()]),
@@ -196,7 +219,7 @@ def test_right_arguments_are_accepted(name):
 
 
 def test_every_wrapper_is_tested():
-    modules = rectification, search_grid, sharpness, strip
+    modules = region_pixels, rectification, search_grid, sharpness, strip
     values = {name: value for module in modules for name, value in vars(module).items()}
     functions = {name.lstrip("_") for name, value in values.items() if type(value).__name__ == "_FuncPtr"}
     assert functions == set(WRAPPERS) - {"RectifiedStrip"}
@@ -305,13 +328,53 @@ def test_a_search_grid_does_not_notice_later_changes_of_its_arrays():
     grid = search_grid.SearchGrid(*arguments)
     image = np.random.default_rng(2).integers(0, 255, SIZE_PX, np.uint8)
     before = grid.score(image)
-    for array in arguments[1:6]:
+    for array in arguments[1:7]:
         array.view(np.uint8)[...] = 0xFF
     assert np.array_equal(grid.score(image), before)
 
 
+@pytest.mark.parametrize(
+    "region", [(slice(-1, 6), slice(5, 14)), (slice(2, 13), slice(5, 14)), (slice(6, 2), slice(0, 1))]
+)
+def test_a_region_beyond_the_image_is_refused(region):
+    image = np.ones((*SIZE_PX, 3), np.uint8)
+    with pytest.raises(ValueError, match="expected one within 12 x 16 px"):
+        region_pixels.mark_stains(image, region, 22, 60, np.ones((4, 9), bool))
+
+
+def test_the_background_learns_only_what_is_free_and_takes_what_is_new_as_it_is():
+    is_inside, is_free, was_visible, grey, chroma = make_planes()
+    is_free[1, 2] = False
+    for value, rest in ((40, 40.0), (80, 50.0)):
+        image = np.full((*SIZE_PX, 3), value, np.uint8)
+        image[..., 2] -= 20
+        region_pixels.learn_background(image, REGION, 0.0, is_inside, is_free, was_visible, grey, chroma)
+        learned = grey[REGION]
+        assert learned[1, 2] == 0
+        assert learned[0, 0] == pytest.approx(rest - 20 * 0.299, abs=0.5)
+        assert chroma[REGION][0, 0] == 20
+    assert not grey[:2].any()
+    assert was_visible.sum() == 35
+
+
+def test_dye_is_bluer_and_blood_is_redder_than_any_other_colour():
+    image = np.full((*SIZE_PX, 3), 100, np.uint8)
+    image[3, 6], image[4, 7], image[5, 8], image[3, 9] = (
+        (123, 100, 90),
+        (80, 99, 160),
+        (122, 100, 90),
+        (9, 9, 99),
+    )
+    is_inside = np.ones((4, 9), bool)
+    is_inside[1, 4] = False
+    (dye, dyed), (blood, bled) = region_pixels.mark_stains(image, REGION, 22, 60, is_inside)
+    assert [tuple(place) for place in np.argwhere(dye)] == [(1, 1)]
+    assert [tuple(place) for place in np.argwhere(blood)] == [(2, 2)]
+    assert (dyed, bled) == (1, 1)
+
+
 @pytest.mark.parametrize("index", [-1, 2**31 - 1, SIZE_PX[0] * SIZE_PX[1]])
-@pytest.mark.parametrize("number", [1, 2, 4])
+@pytest.mark.parametrize("number", [1, 3, 4, 5])
 def test_indices_out_of_range_are_refused(index, number):
     arguments = make_grid_arguments()
     arguments[number].reshape(-1)[3] = index

@@ -1,0 +1,103 @@
+"""Passes over the pixels of a whole region: learning of the background, stained tissue (`pixels.c`)."""
+
+from typing import Any
+
+import numpy as np
+
+from haptigraph.imaging import FloatImage, Mask
+from haptigraph.messages import Image
+from haptigraph.perception.native.arrays import (
+    BOOL,
+    BYTE,
+    FLOAT,
+    address,
+    checked,
+    checked_image,
+    checked_share,
+)
+from haptigraph.perception.native.library import LIBRARY
+
+__all__ = ["Region", "learn_background", "mark_stains"]
+
+Region = tuple[slice, slice]
+"""Rows and columns of an image, each with a start and a stop within it."""
+
+MAX_GREY = 255
+
+_learn_background = LIBRARY.function("learn_background", "piniidppppp")
+_mark_stains = LIBRARY.function("mark_stains", "pniiiipppp")
+
+
+def learn_background(
+    image: Image,
+    region: Region,
+    chroma_share: float,
+    is_inside: Mask,
+    is_free: Mask,
+    was_visible: Mask,
+    grey: FloatImage,
+    chroma: FloatImage,
+) -> None:
+    """Learn what is visible of the background in a region; what is free for the first time as it is.
+
+    Args:
+        image: (h, w, 3) BGR or (h, w) grey.
+        region: Part of the image.
+        chroma_share: Of blue less red in the grey within the globe, -1 to 1.
+        is_inside: Pixels within the globe, (h, w).
+        is_free: Pixels of the region that the needle does not occlude.
+        was_visible: Pixels that were free before, (h, w); is updated.
+        grey: The background, (h, w); is updated.
+        chroma: How much bluer than red it is, (h, w); is updated.
+    """
+    size_px = np.shape(image)[:2]
+    pixels, channels = checked_image("image", image, size_px)
+    first, rows, columns = _checked_region(region, size_px)
+    planes = (is_inside, BOOL, 1), (was_visible, BOOL, 1), (grey, FLOAT, 4), (chroma, FLOAT, 4)
+    inside, visible, grey_at, chroma_at = (
+        checked("plane", plane, dtype, size_px) + size * first for plane, dtype, size in planes
+    )
+    free = checked("is_free", is_free, BOOL, (rows, columns))
+    share = checked_share("chroma_share", chroma_share)
+    _learn_background(
+        *(pixels + channels * first, channels, size_px[1], rows, columns, share),
+        *(inside, free, visible, grey_at, chroma_at),
+    )
+
+
+def mark_stains(
+    image: Image, region: Region, min_blue_grey: int, min_red_grey: int, is_inside: Mask
+) -> tuple[tuple[Mask, int], tuple[Mask, int]]:
+    """Mark dye and blood in a region, and count their pixels.
+
+    Args:
+        image: (h, w, 3) BGR.
+        region: Part of the image.
+        min_blue_grey: What is bluer by more than that than it is green or red is dye, 0 to 255.
+        min_red_grey: What is redder by more than that than it is green or blue is blood, 0 to 255.
+        is_inside: Pixels of the region that may be either.
+
+    Returns:
+        The pixels of the region that are dye, and their number; the same of blood.
+    """
+    size_px = np.shape(image)[:2]
+    pixels = checked("image", image, BYTE, (*size_px, 3))
+    first, rows, columns = _checked_region(region, size_px)
+    if not (0 <= min_blue_grey <= MAX_GREY and 0 <= min_red_grey <= MAX_GREY):
+        raise ValueError(f"stains: expected 0 to {MAX_GREY}; found {min_blue_grey} and {min_red_grey}")
+    dye, blood = np.empty((2, rows, columns), np.bool_)
+    counts = np.empty(2, np.int32)
+    _mark_stains(
+        *(pixels + 3 * first, size_px[1], rows, columns, min_blue_grey, min_red_grey),
+        *(checked("is_inside", is_inside, BOOL, (rows, columns)), address(dye), address(blood)),
+        address(counts),
+    )
+    return (dye, int(counts[0])), (blood, int(counts[1]))
+
+
+def _checked_region(region: Region, size_px: tuple[Any, ...]) -> tuple[int, int, int]:
+    """Return the index of a region's first pixel, its rows and its columns."""
+    (rows, columns), (height_px, width_px) = region, size_px
+    if not (0 <= rows.start <= rows.stop <= height_px and 0 <= columns.start <= columns.stop <= width_px):
+        raise ValueError(f"region: expected one within {height_px} x {width_px} px; found {region}")
+    return rows.start * width_px + columns.start, rows.stop - rows.start, columns.stop - columns.start
