@@ -8,7 +8,7 @@ NATIVE := haptigraph/perception/native
 SANITIZED := build/sanitized
 SCENES ?= $(basename $(notdir $(wildcard rendering/scenes/*.toml)))
 
-.PHONY: setup demo live test test-pythons test-slow test-native mutants fuzz check bench bench-degraded bench-live bench-oct bench-touch bench-sweep compare-touch rehearse screenshots soak golden train render interop lock clean
+.PHONY: setup demo live test test-pythons test-slow test-native mutants fuzz check bench bench-degraded ablation bench-live bench-oct bench-touch bench-sweep compare-touch rehearse screenshots soak golden train render interop lock clean
 
 setup: $(VENV)/ready
 
@@ -88,6 +88,9 @@ bench: setup  ## time of every stage; perceivers against the paper's; rules agai
 
 bench-degraded: setup  ## accuracy on labelled clips: as they are, at half size, with motion blur, noise, and as poor JPEG
 	$(BIN)/python benchmarks/degraded.py
+
+ablation: setup  ## what each constant of tip and line is good for: doubled once, zero once; a quarter of an hour
+	$(BIN)/python benchmarks/ablation.py tests/data/renderings
 
 bench-live: setup  ## latency through a browser, load of viewers, memory of an open page; needs Chromium
 	$(BIN)/python benchmarks/live.py latency

@@ -1,18 +1,19 @@
 """Scores on labelled clips whose images were degraded: half size, motion blur, noise and poor JPEG.
 
-`python benchmarks/degraded.py [FOLDER ...] [--json FILE]`. A FOLDER is a labelled clip (clip.mp4,
-registration.toml, truth.csv) or contains some; without one, these are the renderings of the tests and the
-shared clips, where present. The images are degraded after decoding, nothing is rendered again; at half size
-registration and truth are scaled with them. The motion blur is along a fixed direction, 30° from x towards y,
-so that it lies across some shafts and along others, and is the same whatever the needle does.
+`python benchmarks/degraded.py [FOLDER ...] [--json FILE] [--cache DIR]`. A FOLDER is a labelled clip, with
+clip.mp4, registration.toml and truth.csv, or contains some; without one, these are the renderings of the
+tests and the shared clips, where present. The images are degraded after decoding, nothing is rendered
+again. At half size registration and truth are scaled with them. The motion blur is along a fixed direction,
+30° from x towards y: it lies across some shafts and along others, and is the same whatever the needle does.
 """
 
 import argparse
 import math
 import sys
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,7 @@ from haptigraph.clock import VirtualClock
 from haptigraph.config import load_config
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Homography, Vec
-from haptigraph.messages import Image
+from haptigraph.messages import Capture, Image
 from haptigraph.registration.background import BackgroundImage
 from haptigraph.registration.camera import Registration, anatomy_px
 from haptigraph.registration.loading import load_camera_registration, parse_camera_registration
@@ -59,15 +60,19 @@ def main() -> None:
     )
     parser.add_argument("folder", nargs="*", type=Path, help="a labelled clip, or a folder with some")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write all scores to a file")
+    parser.add_argument(
+        "--cache", type=Path, metavar="DIR", help="keep degraded images there, and use those kept"
+    )
     given = parser.parse_args()
     try:
-        report(clips(given.folder or [folder for folder in DEFAULT_FOLDERS if folder.is_dir()]), given.json)
+        folders = clips(given.folder or [folder for folder in DEFAULT_FOLDERS if folder.is_dir()])
+        report(folders, given.json, given.cache)
     except BadInput as error:
         print(f"degraded: {error}", file=sys.stderr)
         raise SystemExit(2) from None
 
 
-def report(folders: Sequence[Path], output: Path | None) -> None:
+def report(folders: Sequence[Path], output: Path | None, cache: Path | None = None) -> None:
     """Print the table, row by row, and write the JSON file.
 
     Raises:
@@ -80,7 +85,7 @@ def report(folders: Sequence[Path], output: Path | None) -> None:
     errors: dict[str, list[Errors]] = {variant: [] for variant in VARIANTS}
     for folder in folders:
         for variant, degrade in VARIANTS.items():
-            errors[variant].append(evaluated(folder, variant, degrade))
+            errors[variant].append(evaluated(folder, variant, degrade, cache))
             rows.append(scores(folder.resolve().name, variant, errors[variant][-1:]))
             print(line(rows[-1]), flush=True)
     for variant, of_clips in errors.items():
@@ -126,7 +131,7 @@ def is_clip(folder: Path) -> bool:
     return all((folder / name).is_file() for name in CLIP_FILES)
 
 
-def evaluated(folder: Path, variant: str, degrade: Degradation) -> Errors:
+def evaluated(folder: Path, variant: str, degrade: Degradation, cache: Path | None = None) -> Errors:
     """Run one variant of a clip through the pipeline and compare it with the truth.
 
     Raises:
@@ -139,18 +144,42 @@ def evaluated(folder: Path, variant: str, degrade: Degradation) -> Errors:
     if variant == "half":
         registration, truth = halved_registration(registration, folder), [halved_truth(row) for row in truth]
     pipeline = assemble.build_pipeline(config, registration, procedure)
-    clip = replace(config.source, uri=str(folder / "clip.mp4"), loop=False)
-    rng = np.random.default_rng(zlib.crc32(f"{folder.resolve().name} {variant}".encode()))
-    steps = []
-    with closing(read_images(assemble.open_source(replace(config, source=clip), VirtualClock()))) as captures:
-        for capture in captures:
-            if len(steps) == MAX_IMAGES:
-                break
-            image = None if capture.image is None else degrade(capture.image, rng)
-            steps.append(pipeline.step(replace(capture, image=image, encoded=None)))
+    captures = (
+        captures_of(folder, variant, degrade) if cache is None else kept(cache, folder, variant, degrade)
+    )
+    steps = [pipeline.step(capture) for capture in islice(captures, MAX_IMAGES)]
     if len(steps) != min(len(truth), MAX_IMAGES):
         raise BadInput(f"has {len(truth)} rows, but the clip has {len(steps)} images", folder / "truth.csv")
     return errors_of(steps, truth[:MAX_IMAGES], registration.image)
+
+
+def captures_of(folder: Path, variant: str, degrade: Degradation) -> Iterator[Capture]:
+    """Yield the degraded images of a clip.
+
+    Raises:
+        BadInput: If the clip is not valid.
+    """
+    config = load_config(None, ())
+    clip = replace(config.source, uri=str(folder / "clip.mp4"), loop=False)
+    rng = np.random.default_rng(zlib.crc32(f"{folder.resolve().name} {variant}".encode()))
+    with closing(read_images(assemble.open_source(replace(config, source=clip), VirtualClock()))) as captures:
+        for capture in captures:
+            image = None if capture.image is None else degrade(capture.image, rng)
+            yield replace(capture, image=image, encoded=None)
+
+
+def kept(cache: Path, folder: Path, variant: str, degrade: Degradation) -> Iterator[Capture]:
+    """Yield the degraded images of a clip from files, which are written at first."""
+    file = cache / f"{folder.resolve().name}.{variant}.npy"
+    stamps = file.with_suffix(".stamps.npy")
+    if not stamps.exists():
+        cache.mkdir(parents=True, exist_ok=True)
+        captures = list(islice(captures_of(folder, variant, degrade), MAX_IMAGES))
+        np.save(file, np.array([capture.image for capture in captures]))
+        np.save(stamps, np.array([capture.stamp_ns for capture in captures]))
+    pairs = zip(np.load(stamps), np.load(file, mmap_mode="r"), strict=True)
+    for index, (stamp_ns, image) in enumerate(pairs):
+        yield Capture(index=index, stamp_ns=int(stamp_ns), image=np.array(image))
 
 
 def unchanged(image: Image, _rng: np.random.Generator) -> Image:
