@@ -1,10 +1,13 @@
 """Export a study from a store as tidy CSV or Parquet with its data dictionary; import it without loss.
 
-The data dictionary defines the columns of every table and their types.
+The data dictionary defines the columns of every table and their types. `SHA256SUMS` lists the checksum of
+every file, as `sha256sum --check` reads it. Text that a spreadsheet would run as a formula is escaped.
 """
 
 import csv
+import hashlib
 import os
+import re
 import shutil
 import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -34,7 +37,9 @@ TABLES = {
 """In an order that respects foreign keys."""
 FROM_1 = ("position", "block")  # stored as 0 where missing
 WriteTable: TypeAlias = Callable[[Path, Sequence[Field], Sequence[Mapping[str, Any]]], None]
-STUDY_FILE, DICTIONARY = "study.json", "data_dictionary.csv"
+STUDY_FILE, DICTIONARY, CHECKSUMS = "study.json", "data_dictionary.csv", "SHA256SUMS"
+FORMULA = re.compile(r"'*[=+\-@\t\r]")  # after `'`, a spreadsheet shows it as text
+PLAIN_NUMBER = re.compile(r"[+-]?\d+(\.\d+)?")
 
 
 class About(Struct, frozen=True, forbid_unknown_fields=True):
@@ -110,6 +115,7 @@ def export_study(
             _write(temporary / DICTIONARY, list(dictionary[0]), dictionary)
             json = msgspec.json.format(msgspec.json.encode(about), indent=1)
             (temporary / STUDY_FILE).write_bytes(json + b"\n")
+            (temporary / CHECKSUMS).write_text(_checksums(temporary), "utf-8")
             temporary.chmod(0o755)
             os.rename(temporary, folder)
         except BaseException:
@@ -144,17 +150,18 @@ def parquet_writer() -> WriteTable:
 
 
 def read_export(folder: str | Path) -> Export:
-    """Read an export.
+    """Read an export; one without checksums is not verified.
 
     Raises:
-        BadInput: If a file cannot be read, or its content is invalid.
+        BadInput: If a file cannot be read, differs from its checksum, or its content is invalid.
     """
     folder = Path(folder)
+    _verify(folder)
     try:
         about = msgspec.json.decode((folder / STUDY_FILE).read_bytes(), type=About)
     except OSError as error:
         raise BadInput(f"is not an export of a study ({error.strerror}: {STUDY_FILE})", folder) from None
-    except msgspec.MsgspecError as error:
+    except (msgspec.MsgspecError, UnicodeDecodeError) as error:
         raise BadInput(f"is damaged ({error})", folder / STUDY_FILE) from None
     rows = {}
     for name in TABLES:
@@ -179,6 +186,39 @@ def import_study(store: Store, export: Export) -> None:
         for name, table in TABLES.items():
             if export.rows[name]:
                 connection.execute(table.insert(), export.rows[name])
+
+
+def _checksums(folder: Path) -> str:
+    """Return the checksums of the files in a folder."""
+    files = sorted(folder.iterdir())
+    return "".join(f"{hashlib.sha256(file.read_bytes()).hexdigest()}  {file.name}\n" for file in files)
+
+
+def _verify(folder: Path) -> None:
+    """Compare the files of an export with their checksums, if it has some.
+
+    Raises:
+        BadInput: If a file is missing, or was changed after the export.
+    """
+    path = folder / CHECKSUMS
+    if not path.exists():
+        return
+    try:
+        for number, line in enumerate(path.read_text("ascii").splitlines(), 1):
+            checksum, _, name = line.partition("  ")
+            if not name or Path(name).name != name:
+                raise BadInput(
+                    f"expected a checksum, two spaces and a file's name; found {line[:40]!r}",
+                    path,
+                    f"line {number}",
+                )
+            if hashlib.sha256((folder / name).read_bytes()).hexdigest() != checksum:
+                problem = f"was changed after the export; to import it as it is, delete {CHECKSUMS}"
+                raise BadInput(problem, folder / name)
+    except OSError as error:
+        raise BadInput(f"cannot be read ({error.strerror})", error.filename or path) from None
+    except UnicodeDecodeError:
+        raise BadInput("is not a list of checksums", path) from None
 
 
 def _check_participants(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
@@ -246,7 +286,20 @@ def _write(path: Path, names: list[str], rows: Iterable[Mapping[str, Any]]) -> N
     with path.open("w", newline="", encoding="utf-8") as file:
         table = csv.DictWriter(file, names, restval="")
         table.writeheader()
-        table.writerows(rows)  # None becomes empty; floats read back equal
+        table.writerows(
+            {name: _escaped(row.get(name)) for name in names} for row in rows
+        )  # floats read back equal
+
+
+def _escaped(value: Any) -> Any:
+    """Return a value of a table so that no spreadsheet runs it as a formula; None becomes empty."""
+    is_formula = isinstance(value, str) and FORMULA.match(value) and not PLAIN_NUMBER.fullmatch(value)
+    return f"'{value}" if is_formula else value
+
+
+def _text(value: str) -> str:
+    """Return the text that was escaped."""
+    return value[1:] if value.startswith("'") and FORMULA.match(value) else value
 
 
 def _read(path: Path, table: str, study: str) -> Iterable[dict[str, Any]]:
@@ -270,11 +323,14 @@ def _read(path: Path, table: str, study: str) -> Iterable[dict[str, Any]]:
         raise BadInput(f"is not CSV in UTF-8 ({error})", path) from None
 
 
+_FROM_TEXT: dict[str, Callable[[str], Any]] = {"text": _text, "integer": int, "number": float}
+
+
 def _value(field: Field, text: str, path: Path, place: str) -> Any:
     if text == "":
         return None
     try:
-        return {"text": str, "integer": int, "number": float}[field.kind](text)
+        return _FROM_TEXT[field.kind](text)
     except ValueError:
         kind = {"integer": "a whole number", "number": "a number"}[field.kind]
         raise BadInput(f"{field.name}: expected {kind}, found {text[:40]!r}", path, place) from None

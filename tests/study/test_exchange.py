@@ -1,7 +1,10 @@
 import csv
+import shutil
+import subprocess
 import sys
 from contextlib import closing
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -150,6 +153,7 @@ def test_an_export_never_overwrites_and_leaves_no_incomplete_files(filled, tmp_p
 def test_a_damaged_export_is_refused(filled, tmp_path, file, valid, invalid, message):
     export_study(filled.store, "small", tmp_path / "out")
     path = tmp_path / "out" / file
+    (tmp_path / "out" / "SHA256SUMS").unlink()
     path.write_text(path.read_text().replace(valid, invalid, 1))
     with pytest.raises(BadInput, match=message):
         read_export(tmp_path / "out")
@@ -157,9 +161,79 @@ def test_a_damaged_export_is_refused(filled, tmp_path, file, valid, invalid, mes
         read_export(tmp_path)
 
 
+def test_every_changed_byte_of_an_export_is_noticed(filled, tmp_path):
+    export_study(filled.store, "small", tmp_path / "out")
+    rng = np.random.default_rng(5)
+    files = sorted((tmp_path / "out").glob("*.*"))
+    assert len(files) == 8
+    for file in files:
+        whole = file.read_bytes()
+        for at in rng.integers(0, len(whole), 20):
+            changed = bytearray(whole)
+            changed[at] ^= 1 << int(rng.integers(8))
+            file.write_bytes(changed)
+            with pytest.raises(
+                BadInput, match=rf"{file.name}: was changed after the export.*delete SHA256SUMS"
+            ):
+                read_export(tmp_path / "out")
+        file.unlink()
+        with pytest.raises(BadInput, match=rf"{file.name}: cannot be read \(No such file"):
+            read_export(tmp_path / "out")
+        file.write_bytes(whole)
+    read_export(tmp_path / "out")
+
+
+@pytest.mark.skipif(shutil.which("sha256sum") is None, reason="no sha256sum here")
+def test_checksums_are_those_of_sha256sum(filled, tmp_path):
+    export_study(filled.store, "small", tmp_path / "out")
+    subprocess.run(["sha256sum", "--check", "--strict", "SHA256SUMS"], cwd=tmp_path / "out", check=True)
+
+
+@pytest.mark.parametrize("content", [b"\xff\n", b"abc\n", b"abc  ../study.db\n"])
+def test_a_list_that_is_none_of_checksums_is_refused(filled, tmp_path, content):
+    export_study(filled.store, "small", tmp_path / "out")
+    (tmp_path / "out" / "SHA256SUMS").write_bytes(content)
+    with pytest.raises(BadInput, match=r"SHA256SUMS.*(is not a list of checksums|expected a checksum)"):
+        read_export(tmp_path / "out")
+
+
+@pytest.mark.parametrize("file", ["study.json", "answers.csv"])
+def test_an_export_that_is_not_utf8_is_refused(filled, tmp_path, file):
+    export_study(filled.store, "small", tmp_path / "out")
+    (tmp_path / "out" / "SHA256SUMS").unlink()
+    path = tmp_path / "out" / file
+    path.write_bytes(path.read_bytes().replace(b"small", b"sm\xff\xfel"))
+    with pytest.raises(BadInput, match=rf"{file}: is "):
+        read_export(tmp_path / "out")
+
+
+@pytest.mark.parametrize(
+    ("text", "cell"),
+    [
+        ("=cmd|' /C calc'!A0", "'=cmd|' /C calc'!A0"),
+        ("+1+cmd", "'+1+cmd"),
+        ("@SUM(A1)", "'@SUM(A1)"),
+        ("-none-", "'-none-"),
+        ("\t=1", "'\t=1"),
+        ("'=1", "''=1"),
+        ("-3", "-3"),
+        ("+0.5", "+0.5"),
+        ("it's = fine", "it's = fine"),
+        ("'quoted'", "'quoted'"),
+    ],
+)
+def test_a_formula_becomes_text_and_comes_back_unchanged(filled, tmp_path, text, cell):
+    with filled.store.begin() as connection:
+        connection.execute(update(EVENTS).values(text=text))
+    export_study(filled.store, "small", tmp_path / "out")
+    assert {row["text"] for row in read(tmp_path / "out" / "events.csv")} == {cell}
+    assert {row["text"] for row in read_export(tmp_path / "out").rows["events"]} == {text}
+
+
 def test_an_inconsistent_import_leaves_the_store_empty(filled, tmp_path):
     export_study(filled.store, "small", tmp_path / "out")
     path = tmp_path / "out" / "events.csv"
+    (tmp_path / "out" / "SHA256SUMS").unlink()
     path.write_text(path.read_text().replace("small,P02", "small,P77", 1))
     with closing(Store(tmp_path / "other.db")) as other:
         with pytest.raises(BadInput, match="the database reported an error"):
@@ -179,6 +253,7 @@ def test_an_inconsistent_import_leaves_the_store_empty(filled, tmp_path):
 )
 def test_an_export_with_a_duplicate_or_named_participant_is_refused(filled, tmp_path, row, message):
     export_study(filled.store, "small", tmp_path / "out")
+    (tmp_path / "out" / "SHA256SUMS").unlink()
     path = tmp_path / "out" / "participants.csv"
     text = path.read_text()
     path.write_text(text + text.splitlines()[1].replace("small,P01,", row) + "\n")

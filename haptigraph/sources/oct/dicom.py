@@ -33,6 +33,7 @@ PHOTOMETRIC = (
     "YBR_RCT",
 )
 REQUIRED = ("Rows", "Columns", "BitsStored", "PixelRepresentation", "PhotometricInterpretation")
+MIN_IMAGE_BYTES = 8  # of a compressed one: its item's header
 VALUE_SEQUENCES = ("PixelValueTransformationSequence", "FrameVOILUTSequence")
 
 
@@ -59,7 +60,7 @@ class DicomSource(Source):
         try:
             header = self._dicom.dcmread(self._path, stop_before_pixels=True)
             self._check(header)
-            self._stamps_ns = _stamps_ns(header, int(header.get("NumberOfFrames") or 1), rate_hz)
+            self._stamps_ns = _stamps_ns(header, self._count(header), rate_hz)
             self._display = _Display(header)
         except BadInput:
             raise
@@ -107,6 +108,16 @@ class DicomSource(Source):
             needs = " or ".join(entry.partition(" ")[0] for entry in decoder.missing_dependencies)
             advice = f"no decoder is installed; pip install one of: {needs}"
             raise self._error(f"is compressed as {syntax.name}, and {advice}")
+
+    def _count(self, header: Any) -> int:
+        """Return the number of images, if the file is large enough for so many."""
+        count, size = int(header.get("NumberOfFrames") or 1), self._path.stat().st_size
+        bits = header.Rows * header.Columns * int(header.get("SamplesPerPixel") or 1)
+        bits *= int(header.get("BitsAllocated") or 8)
+        is_compressed = header.file_meta.TransferSyntaxUID.is_compressed
+        if count < 1 or count * (MIN_IMAGE_BYTES if is_compressed else bits // 8) > size:
+            raise self._error(f"states {count} images; its {size} bytes cannot hold as many")
+        return count
 
     def _error(self, problem: str, place: str = "") -> BadInput:
         return BadInput(" ".join(problem.split()), self._path, place)  # damaged files may add line breaks

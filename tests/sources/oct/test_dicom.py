@@ -190,6 +190,14 @@ def error_of(path):
     return message
 
 
+@pytest.mark.parametrize("count", [99, 2**31 - 1, -1])
+def test_more_images_than_the_file_can_hold_are_refused(tmp_path, count):
+    data = dicom(GREY)
+    data.NumberOfFrames = count
+    with pytest.raises(BadInput, match=rf"x\.dcm: states {count} images; its \d+ bytes cannot hold as many"):
+        DicomSource(write(tmp_path / "x.dcm", data), 30.0)
+
+
 def test_a_file_that_is_not_dicom_is_rejected(tmp_path):
     assert "cannot be read (No such file or directory)" in error_of(tmp_path / "gone.dcm")
     (tmp_path / "text.dcm").write_text("hello" * 100)
