@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from live_bench import Live, close_page, evaluate, hide, until
 from paths import ROOT
+from slow_connection import SlowConnection
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
 
@@ -133,6 +134,20 @@ def test_a_frozen_source_silences_it_and_raises_the_banner(vibrating):
     page.wait_for_selector("#banner:has-text('No image')")
     assert "stale image" in page.inner_text("#banner")
     assert page.inner_text("#state").lower() == "unknown"
+
+
+@pytest.mark.parametrize("delay_s", [0.2, 2.0])
+def test_images_that_come_too_late_are_not_felt_and_the_banner_says_so(vibrating, open_page, delay_s):
+    _, live = vibrating
+    port = int(live.url.split(":")[2].split("/")[0])
+    with SlowConnection(port, delay_s) as slow:
+        page = open_page(live.url.replace(str(port), str(slow), 1), pad=True)
+        banner = "#banner:has-text('Connection too slow'):has-text('haptic feedback stops after 150 ms')"
+        page.wait_for_selector(banner, timeout=60_000)
+        number = evaluate(page, "page.header.number")
+        until(page, f"page.header.number > {number} + 5")
+        assert not any(call["type"] == "dual-rumble" for call in calls(page))
+        close_page(page)
 
 
 def test_a_hidden_page_is_silent_at_once(vibrating):

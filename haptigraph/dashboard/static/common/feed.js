@@ -5,12 +5,13 @@ import { connect } from "./socket.js";
 import { perceptionProblem } from "./state_panel.js";
 
 const PING_MS = 2000;
+const SLOW_MS = 1000; // a late image is a problem for so long
 
 export class Feed {
   clock = new ServerClock();
   /** @type {Hello | null} */ hello = null;
   /** @type {ImageHeader | null} */ header = null;
-  drawn = 0; received_ms = -Infinity; latency_ms = NaN; ended = ""; isOpen = false;
+  drawn = 0; received_ms = -Infinity; latency_ms = NaN; late_ms = 0; wasLate_ms = -Infinity; ended = ""; isOpen = false;
 
   /** Tests and benchmarks read the fields, and may set `onImage` and `onDrawn`.
    *  @param {import("./haptics.js").Haptics} haptics @param {FeedHandlers} handlers */
@@ -23,7 +24,14 @@ export class Feed {
       pong: ({ time_ms, now_ms }) => this.clock.addPing(time_ms, now_ms),
       ended: ({ reason }) => { this.ended = reason; haptics.silence(); },
       error: ({ message }) => console.warn(message),
-      image: (header) => { this.header = header; this.received_ms = performance.now(); haptics.keepAlive(); this.onImage(header); },
+      image: (header) => {
+        this.header = header;
+        this.received_ms = performance.now();
+        const captured_ms = this.clock.page_ms(header.time_ms);
+        haptics.keepAlive(captured_ms);
+        if (this.received_ms - captured_ms > haptics.stale_ms) [this.late_ms, this.wasLate_ms] = [this.received_ms - captured_ms, this.received_ms];
+        this.onImage(header);
+      },
     };
     const { send } = connect({
       onText: (type, message) => { own[type]?.(message); handlers[type]?.(message); },
@@ -57,6 +65,7 @@ export class Feed {
     if (!this.header || !this.hello) return null;
     const silent_ms = performance.now() - this.received_ms;
     if (silent_ms > 200 + 2 * this.hello.stale_ms) return { title: "No data received", detail: `Nothing from the loop for ${(silent_ms / 1000).toFixed(1)} s.`, isCut: true };
+    if (performance.now() - this.wasLate_ms < SLOW_MS) return { title: "Connection too slow", detail: `Images arrive ${(this.late_ms / 1000).toFixed(1)} s after their capture; this page's haptic feedback stops after ${this.hello.deadman_ms} ms.`, isCut: false };
     return perceptionProblem(this.header, this.hello);
   }
 
