@@ -1,13 +1,20 @@
 """Commands for recordings: replay, recover."""
 
 import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from haptigraph.commands.options import procedure_option
 from haptigraph.commands.terminal import progress_bar
 
+if TYPE_CHECKING:
+    from haptigraph.recording.recovery import Recovery
+
 __all__ = ["recover", "replay"]
+
+MAX_PLACES = 10
 
 
 @click.command()
@@ -22,6 +29,7 @@ def replay(recording: str, procedure: str | None) -> None:
     from haptigraph.analysis.metrics.replay import replay as run_again
     from haptigraph.analysis.metrics.summary import summary
     from haptigraph.analysis.metrics.temporal import claim_lines
+    from haptigraph.recording.header import losses_sentence
 
     with progress_bar() as progress:
         report = run_again(recording, procedure, progress)
@@ -29,6 +37,8 @@ def replay(recording: str, procedure: str | None) -> None:
         click.echo("the recording is still being written; this is the replay so far")
     elif not report.is_whole:
         click.echo("the recording was interrupted; `haptigraph recover` repairs it")
+    if report.losses is not None:
+        click.echo(losses_sentence(report.losses))
     if report.dropped_images:
         click.echo(f"{report.dropped_images} images were not recorded; steps that depend on them differ")
     click.echo(f"{report.identical} of {report.steps} steps identical")
@@ -47,12 +57,48 @@ def replay(recording: str, procedure: str | None) -> None:
 @click.command()
 @click.argument("recording")
 def recover(recording: str) -> None:
-    """Repair an interrupted RECORDING in place."""
-    from haptigraph.recording.reader import RunReader
-    from haptigraph.recording.writer import recover as repair
+    """Verify RECORDING, and repair it if it was interrupted or damaged.
 
-    reader = RunReader(recording)
+    An interrupted recording is completed in place. What can be read of a damaged one is saved beside it, in
+    NAME.recovered.mcap; RECORDING itself is not touched, and the exit code is 1.
+    """
+    from haptigraph.recording.recovery import recover as repair
+
     with progress_bar() as progress:
-        was_interrupted = repair(reader.path, progress)
-    steps, _ = RunReader(recording).count()  # reads all of it, so that damage is an error
-    click.echo(f"{recording} is complete" + (f" again: {steps} steps" if was_interrupted else ""))
+        recovery = repair(Path(recording), progress)
+    for line in _recovery_lines(recovery):
+        click.echo(line)
+    if not recovery.is_lossless:
+        sys.exit(1)
+
+
+def _recovery_lines(recovery: "Recovery") -> list[str]:
+    """Return what a recovery found and did."""
+    from haptigraph.recording.header import losses_sentence
+
+    path, lines = recovery.path, list[str]()
+    if recovery.saved is None and recovery.is_lossless:
+        lines.append(f"{path} is complete")
+    elif recovery.saved is None:
+        lines.append(f"{path} was recovered: {recovery.steps} complete steps")
+        lines.append(losses_sentence(recovery.losses()))
+    elif recovery.is_lossless:
+        torn = f"; {recovery.left_out_bytes} bytes of an incomplete record are left out"
+        lines.append(
+            f"{path} is complete again: {recovery.steps} steps{torn if recovery.left_out_bytes else ''}"
+        )
+    else:
+        left_out = f"{recovery.left_out_bytes} bytes are left out" if recovery.lost else "steps are missing"
+        lines.append(f"{path} is damaged: {left_out}")
+        lines += [
+            f"  byte {d.start}: {d.problem}, {d.end - d.start} bytes" for d in recovery.lost[:MAX_PLACES]
+        ]
+        if len(recovery.lost) > MAX_PLACES:
+            lines.append(f"  and {len(recovery.lost) - MAX_PLACES} more places")
+        lines.append(losses_sentence(recovery.losses()))
+        lines.append(f"{recovery.steps} complete steps are saved in {recovery.saved}; {path} is unchanged")
+    if not recovery.is_verified:
+        lines.append("its format has no checksum for each message: changed numbers cannot be noticed")
+    lines += [f"removed {copy}, an unfinished copy" for copy in recovery.removed]
+    lines += [f"left {copy} as it is; remove it if you do not need it" for copy in recovery.left]
+    return lines

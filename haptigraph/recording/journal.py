@@ -1,19 +1,15 @@
-"""MCAP files during a run: appended record by record, and complete up to the last record at any time."""
+"""Files during a run: complete up to the last record at any time, locked, and watched by their writer."""
 
 import os
-import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
-from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO
+from typing import NamedTuple
 
-import zstandard
-from mcap.exceptions import EndOfFile, McapError
-from mcap.records import DataEnd, Footer, McapRecord
-from mcap.stream_reader import StreamReader
+from mcap.records import DataEnd, McapRecord
 
-from haptigraph.errors import BadInput
+from haptigraph.errors import BadInput, HaptigraphError
+from haptigraph.recording.scan import MAGIC, Damage, open_regular, scan, scan_between
 
 try:
     import fcntl
@@ -21,17 +17,49 @@ except ImportError:  # Windows has no such locks, but does not let an open file 
     fcntl = None  # type: ignore[assignment]
 
 __all__ = [
+    "FileChanged",
+    "FileIdentity",
     "Journal",
     "complete_records",
     "is_being_written",
     "is_whole",
+    "lock",
     "not_being_written",
     "records_between",
 ]
 
-MAGIC = b"\x89MCAP0\r\n"
-RECORD_HEADER = struct.Struct("<BQ")  # opcode, length
-DAMAGE = (McapError, zstandard.ZstdError, struct.error, ValueError, OverflowError, MemoryError)
+
+class FileChanged(HaptigraphError):
+    """Somebody else deleted, replaced or changed a file while it was in use."""
+
+
+class FileIdentity(NamedTuple):
+    """Identity of a file, to check that a path still leads to it, unchanged."""
+
+    device: int
+    inode: int
+    size: int
+
+    @classmethod
+    def of(cls, file: Path | int) -> "FileIdentity":
+        """Return the identity of a path or an open file descriptor."""
+        found = os.stat(file)
+        return cls(found.st_dev, found.st_ino, found.st_size)
+
+    def check(self, path: Path) -> None:
+        """Check that a path leads to this file.
+
+        Raises:
+            FileChanged: If not.
+        """
+        try:
+            now = FileIdentity.of(path)
+        except FileNotFoundError:
+            raise FileChanged("it was deleted or moved while it was in use") from None
+        if now[:2] != self[:2]:
+            raise FileChanged("another file has taken its place while it was in use")
+        if now.size != self.size:
+            raise FileChanged(f"it was changed while it was in use: {now.size} bytes instead of {self.size}")
 
 
 class Journal:
@@ -40,13 +68,16 @@ class Journal:
     The file is locked until it is closed, if the system can, and so not mistaken for an interrupted one.
 
     Args:
-        descriptor: An open file descriptor; the journal owns it.
+        descriptor: An open file descriptor of an empty file; the journal owns it.
+        path: Its path; every write checks that it still leads there. None: unknown.
     """
 
-    def __init__(self, descriptor: int) -> None:
+    def __init__(self, descriptor: int, path: Path | None = None) -> None:
         self._descriptor: int | None = descriptor
+        self._path = path
+        self._identity = FileIdentity.of(descriptor)
         self._written = 0
-        _lock(descriptor, "LOCK_EX")
+        lock(descriptor, "LOCK_EX")
 
     @property
     def closed(self) -> bool:
@@ -57,22 +88,39 @@ class Journal:
         """Write all bytes.
 
         Raises:
+            FileChanged: If the file was deleted, replaced or changed.
             OSError: If they cannot be written.
         """
         if self._descriptor is None:
             raise ValueError("write to a closed journal")
+        self.check()
         unwritten = memoryview(data)
         while unwritten:
             unwritten = unwritten[os.write(self._descriptor, unwritten) :]
         self._written += len(data)
         return len(data)
 
+    def check(self) -> FileIdentity:
+        """Check that the path still leads to the file, with all that was written; return its identity.
+
+        Raises:
+            FileChanged: If not.
+        """
+        identity = self._identity._replace(size=self._written)
+        if self._path is not None:
+            identity.check(self._path)
+        return identity
+
+    def is_at_its_path(self) -> bool:
+        """Return whether the path still leads to the file."""
+        try:
+            return self._path is not None and FileIdentity.of(self._path)[:2] == self._identity[:2]
+        except OSError:
+            return False
+
     def tell(self) -> int:
         """Return the number of bytes written."""
         return self._written
-
-    def flush(self) -> None:
-        """Do nothing: writes are not buffered."""
 
     def close(self) -> None:
         """Sync the file to the disk and close it. May be called twice."""
@@ -87,7 +135,7 @@ class Journal:
 def is_being_written(path: Path) -> bool:
     """Return whether a process still has the journal open; False if the system has no locks."""
     with path.open("rb") as file:
-        return not _lock(file.fileno(), "LOCK_SH", "LOCK_NB")
+        return not lock(file.fileno(), "LOCK_SH", "LOCK_NB")
 
 
 @contextmanager
@@ -97,18 +145,18 @@ def not_being_written(
     """Lock a recording, or another file, exclusively.
 
     Raises:
-        BadInput: If another process has locked it, with `problem` as the message.
+        BadInput: If another process has locked it, with `problem` as the message, or it cannot be read.
     """
     if fcntl is None:
         yield
         return
-    with path.open("rb") as file:
-        if not _lock(file.fileno(), "LOCK_EX", "LOCK_NB"):
+    with open_regular(path) as file:
+        if not lock(file.fileno(), "LOCK_EX", "LOCK_NB"):
             raise BadInput(problem, path)
         yield
 
 
-def _lock(descriptor: int, *flags: str) -> bool:
+def lock(descriptor: int, *flags: str) -> bool:
     """Lock an open file; False if another process has locked it. Without support for locks, do nothing."""
     try:
         if fcntl is not None:
@@ -134,29 +182,23 @@ def complete_records(path: Path) -> Iterator[tuple[int, McapRecord]]:
     """Yield the records of a recording's data section, up to the last complete one.
 
     Yields:
-        (bytes read so far, record).
+        (byte offset of the end of the record, or of its chunk; record).
 
     Raises:
-        BadInput: If the file cannot be read or is not MCAP.
+        BadInput: If the file cannot be read, is not MCAP, or is damaged before its last complete record.
     """
-    try:
-        file = path.open("rb")
-    except OSError as error:
-        raise BadInput(f"cannot be read ({error.strerror})", path) from None
-    with file:
+    with open_regular(path) as file:
         if file.read(len(MAGIC)) != MAGIC:
             raise BadInput("not a recording (an MCAP file begins otherwise)", path)
-        end = _end_of_complete_records(file)
-        file.seek(0)
-        try:
-            for record in StreamReader(file, validate_crcs=True).records if end > len(MAGIC) else ():
-                if isinstance(record, DataEnd | Footer):
-                    return
-                yield file.tell(), record
-                if file.tell() >= end:
-                    return
-        except DAMAGE as error:
-            raise BadInput(f"damaged ({error})", path, f"byte {file.tell()}") from None
+    for piece in scan(path):
+        if isinstance(piece, Damage):
+            if piece.kind in ("torn", "cut"):
+                return
+            saves = "`haptigraph recover` saves what can be read"
+            raise BadInput(f"damaged ({piece.problem}); {saves}", path, f"byte {piece.start}")
+        for record in piece.records if piece.is_data else ():
+            if not isinstance(record, DataEnd):
+                yield piece.end, record
 
 
 def records_between(path: Path, start: int, end: int) -> Iterator[tuple[int, McapRecord]]:
@@ -165,29 +207,6 @@ def records_between(path: Path, start: int, end: int) -> Iterator[tuple[int, Mca
     Raises:
         BadInput: If they cannot be read.
     """
-    try:
-        with path.open("rb") as file:
-            file.seek(start)
-            part = BytesIO(file.read(end - start))
-    except OSError as error:
-        raise BadInput(f"cannot be read ({error.strerror})", path) from None
-    try:
-        for record in StreamReader(part, skip_magic=True, validate_crcs=True).records:
-            yield start + part.tell(), record
-    except EndOfFile:
-        return
-    except DAMAGE as error:
-        raise BadInput(f"damaged ({error})", path, f"byte {start + part.tell()}") from None
-
-
-def _end_of_complete_records(file: BinaryIO) -> int:
-    """Return the byte offset at which the last complete record ends; reads the lengths only."""
-    size = os.fstat(file.fileno()).st_size
-    end = len(MAGIC)
-    while end + RECORD_HEADER.size <= size:
-        file.seek(end)
-        _, length = RECORD_HEADER.unpack(file.read(RECORD_HEADER.size))
-        if end + RECORD_HEADER.size + length > size:
-            break
-        end += RECORD_HEADER.size + length
-    return end
+    for piece in scan_between(path, start, end):
+        for record in piece.records:
+            yield piece.end, record

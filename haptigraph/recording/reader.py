@@ -4,29 +4,18 @@ from collections.abc import Container, Generator, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import msgspec
 from mcap.records import Channel, Message, Metadata
 
 from haptigraph.errors import BadInput
 from haptigraph.messages import Capture, Step
 from haptigraph.recording.codec import decode
+from haptigraph.recording.decoding import IMAGE, decode_message, is_complete, is_read
 from haptigraph.recording.foxglove import CompressedImage
+from haptigraph.recording.header import Losses, is_header, is_losses, read_header, read_losses
 from haptigraph.recording.journal import complete_records, is_being_written, is_whole, records_between
-from haptigraph.recording.schema import READABLE, TOPICS, CaptureRecord, RunInfo
-from haptigraph.recording.writer import METADATA
+from haptigraph.recording.schema import CaptureRecord, RunInfo
 
 __all__ = ["RunReader", "StepLocation"]
-
-VIEWER_TOPICS = ("/camera/annotations", "/log")
-STEP_TOPICS = {"/capture", "/observation", "/graph", "/state", "/command"}  # of a complete step
-DECODERS: dict[str, msgspec.json.Decoder[Any]] = {
-    topic.name: msgspec.json.Decoder(topic.type) for topic in TOPICS if topic.name not in VIEWER_TOPICS
-}
-RENAMED_KEYS = (
-    (b'"tip_deviation_mm":', b'"tip_sd_mm":'),
-    (b'"theta_deviation_deg":', b'"theta_sd_deg":'),
-)
-"""Keys of /observation in format 1 and in the current format."""
 
 
 class StepLocation(NamedTuple):
@@ -51,6 +40,8 @@ class RunReader:
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         self._topics: dict[int, str] = {}
+        self.losses: Losses | None = None
+        """What is missing, if it was recovered from a damaged recording."""
         self.info = self._read_info()
         self.is_whole = is_whole(self.path)
         """False if the run was interrupted or is still being recorded."""
@@ -63,21 +54,19 @@ class RunReader:
             images: Numbers of the steps, from 0, whose images are decoded; None: all.
 
         Raises:
-            BadInput: If a message cannot be decoded.
+            BadInput: If the file is damaged, or a message cannot be decoded.
         """
-        for place, messages in self._groups(images):
-            if messages.keys() >= STEP_TOPICS:
-                yield self._record(place.sequence, messages)
+        for place, messages in self._steps(images):
+            yield self._record(place.sequence, messages)
 
     def places(self) -> Generator[tuple[StepLocation, Step], None, None]:
         """Yield every step, without its image, and its location in the file.
 
         Raises:
-            BadInput: If a message cannot be decoded.
+            BadInput: If the file is damaged, or a message cannot be decoded.
         """
-        for place, messages in self._groups(()):
-            if messages.keys() >= STEP_TOPICS:
-                yield place, self._record(place.sequence, messages)[1]
+        for place, messages in self._steps(()):
+            yield place, self._record(place.sequence, messages)[1]
 
     def record_at(self, place: StepLocation) -> tuple[Capture, Step]:
         """Return the capture, with its image still encoded, and the step at a location.
@@ -86,22 +75,24 @@ class RunReader:
             BadInput: If the file has changed.
         """
         for _, messages in self._groups(None, place):
-            if messages.keys() >= STEP_TOPICS:
+            if is_complete(messages):
                 return self._record(place.sequence, messages, decodes=False)
         raise BadInput("has changed; open the recording again", self.path, f"step {place.sequence}")
 
     def count(self) -> tuple[int, int]:
-        """Count the steps, and the images that perception processed but the recorder dropped."""
-        kept = [
-            messages["/capture"].image for _, messages in self._groups(()) if messages.keys() >= STEP_TOPICS
-        ]
+        """Count the steps, and the images that perception processed but the recorder dropped.
+
+        Raises:
+            BadInput: If the file is damaged, or a message cannot be decoded.
+        """
+        kept = [messages["/capture"].image for _, messages in self._steps(())]
         return len(kept), kept.count("dropped")
 
     def _record(
         self, sequence: int, messages: dict[str, Any], *, decodes: bool = True
     ) -> tuple[Capture, Step]:
         record: CaptureRecord = messages["/capture"]
-        compressed: CompressedImage | None = messages.get("/camera/image")
+        compressed: CompressedImage | None = messages.get(IMAGE)
         data = compressed.data if compressed else None
         try:
             image = decode(data) if data is not None and decodes else None
@@ -130,6 +121,21 @@ class RunReader:
         )
         return capture, step
 
+    def _steps(self, images: Container[int] | None) -> Iterator[tuple[StepLocation, dict[str, Any]]]:
+        """Yield the messages of every step; only the last of an interrupted run may be incomplete."""
+        expected, incomplete = 0, None
+        for place, messages in self._groups(images):
+            if incomplete is not None:
+                raise BadInput("damaged (a step is incomplete)", self.path, f"step {incomplete}")
+            if place.sequence != expected and self.losses is None:
+                found = f"step {place.sequence} follows instead of {expected}"
+                raise BadInput(f"damaged ({found})", self.path, f"byte {place.start}")
+            expected = place.sequence + 1
+            if is_complete(messages):
+                yield place, messages
+            else:
+                incomplete = place.sequence
+
     def _groups(
         self, images: Container[int] | None, place: StepLocation | None = None
     ) -> Iterator[tuple[StepLocation, dict[str, Any]]]:
@@ -150,43 +156,25 @@ class RunReader:
                     yield StepLocation(sequence, start, last), messages
                 sequence, messages, start = record.sequence, {}, before
             last = end
-            wanted = topic != "/camera/image" or images is None or sequence in images
-            if topic in DECODERS and wanted:
-                messages[topic] = self._decoded(topic, record)
+            if topic == IMAGE and images is not None and sequence not in images:
+                messages[topic] = None
+            elif is_read(topic) or not topic:
+                messages[topic] = decode_message(topic, record, self.path)
         if messages:
             yield StepLocation(sequence, start, last), messages
-
-    def _decoded(self, topic: str, record: Message) -> Any:
-        data = record.data
-        if topic == "/observation":
-            for old, new in RENAMED_KEYS:
-                data = data.replace(old, new)
-        try:
-            return DECODERS[topic].decode(data)
-        except msgspec.DecodeError as error:
-            raise BadInput(f"{topic} cannot be read: {error}", self.path, f"step {record.sequence}") from None
 
     def _read_info(self) -> RunInfo:
         """Read the records before the first message: the header, and the topic of each channel."""
         info = None
         for _, record in complete_records(self.path):
-            if isinstance(record, Metadata) and record.name == METADATA:
-                info = self._info_in(record)
+            if isinstance(record, Metadata) and is_header(record):
+                info = read_header(record, self.path)
+            elif isinstance(record, Metadata) and is_losses(record):
+                self.losses = read_losses(record, self.path)
             elif isinstance(record, Channel):
                 self._topics[record.id] = record.topic
             elif isinstance(record, Message):
                 break
         if info is None:
             raise BadInput("not a recording of haptigraph (its header is missing)", self.path)
-        return info
-
-    def _info_in(self, record: Metadata) -> RunInfo:
-        try:
-            info = msgspec.convert(record.metadata, RunInfo, strict=False)
-        except msgspec.ValidationError as error:
-            raise BadInput(f"header cannot be read: {error}", self.path) from None
-        if info.format not in READABLE:
-            raise BadInput(
-                f"recording format {info.format!r}; this version reads {', '.join(READABLE)}", self.path
-            )
         return info

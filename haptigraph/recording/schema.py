@@ -20,11 +20,23 @@ from haptigraph.messages import (
 )
 from haptigraph.recording.foxglove import CompressedImage, ImageAnnotations, Log, foxglove_schema
 
-__all__ = ["FORMAT", "READABLE", "TOPICS", "CaptureRecord", "Kept", "RunInfo", "Topic", "mcap_schema"]
+__all__ = [
+    "FORMAT",
+    "READABLE",
+    "TOPICS",
+    "UNCHECKED",
+    "CaptureRecord",
+    "Kept",
+    "RunInfo",
+    "Topic",
+    "mcap_schema",
+]
 
-FORMAT = "2"
-READABLE = ("1", FORMAT)
-"""Format 1 names the standard deviations in /observation differently; `reader` translates them."""
+FORMAT = "3"
+UNCHECKED = ("1", "2")
+"""Formats without a checksum of the header, and in a journal without any of the messages."""
+READABLE = (*UNCHECKED, FORMAT)
+"""Format 1 names the standard deviations in /observation differently; `decoding` translates them."""
 
 Kept: TypeAlias = Literal["recorded", "dropped", "none"]
 

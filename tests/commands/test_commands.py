@@ -341,7 +341,7 @@ def test_interrupting_a_command_is_reported(recording, monkeypatch, command):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(RunReader, "_groups", interrupted)
-    monkeypatch.setattr("haptigraph.recording.writer.is_whole", interrupted)
+    monkeypatch.setattr("haptigraph.recording.recovery.is_whole", interrupted)
     result = call(command, recording)
     assert (result.exit_code, result.stderr) == (130, "haptigraph: stopped\n")
 
@@ -372,6 +372,14 @@ def test_a_damaged_recording_is_an_error(recording, tmp_path):
     data[len(data) // 2] ^= 0xFF
     damaged = tmp_path / "damaged.mcap"
     damaged.write_bytes(data)
-    for command in ("replay", "recover"):
-        assert "damaged.mcap, byte" in refuse(command, damaged)
+    assert "damaged.mcap, byte" in refuse("replay", damaged)
+    result = call("recover", damaged)
+    saved = tmp_path / "damaged.recovered.mcap"
+    assert result.exit_code == 1
+    assert re.search(r"damaged\.mcap is damaged: \d+ bytes are left out\n  byte \d+: crc of", result.output)
+    assert re.search(r"missing: step [\d, -]+ of a damaged recording", result.output)
+    assert f"are saved in {saved}; {damaged} is unchanged" in result.output
     assert damaged.read_bytes() == data
+    again = call("replay", saved)
+    assert "missing: step " in again.output and "0 steps" not in again.output
+    assert "exists already" in refuse("recover", damaged)

@@ -16,7 +16,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from haptigraph.recording.reader import RunReader
-from haptigraph.recording.writer import recover
+from haptigraph.recording.recovery import recover
 
 pytest.importorskip("serial")
 pytest.importorskip("sdl2", exc_type=ImportError)
@@ -85,7 +85,7 @@ def test_a_killed_run_is_silent_and_its_recording_readable(rig):
     rig.until_recorded()
     rig.silent_in_time("SIGKILL", rig.signal(signal.SIGKILL))
     end(rig, code=-signal.SIGKILL, whole=False)
-    assert recover(rig.record)
+    assert recover(rig.record).saved == rig.record
     assert RunReader(rig.record).is_whole
 
 
@@ -174,7 +174,7 @@ def test_a_full_disk_is_reported_and_control_continues(tmp_path):
         assert is_steady(rig)
         rig.silent_in_time("full disk, then SIGINT", rig.signal(signal.SIGINT))
         end(rig, whole=False)
-        assert recover(rig.record)
+        assert recover(rig.record).saved == rig.record
 
 
 def test_a_jump_of_the_wall_clock_and_a_slow_disk_do_not_interrupt_vibration(rig):

@@ -1,15 +1,25 @@
 import json
+import os
+import re
 import signal
 import subprocess
 import sys
+from contextlib import suppress
+from hashlib import sha256
+from io import BytesIO
 from itertools import islice
+from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
 from helpers import make_step
-from mcap.reader import make_reader
+from mcap.exceptions import EndOfFile
+from mcap.reader import NonSeekingReader, make_reader
+from mcap.records import Message
+from mcap.writer import Writer
 
+from haptigraph.analysis.metrics.replay import recorded_config, replay
 from haptigraph.assemble import build, build_pipeline, open_source
 from haptigraph.clock import VirtualClock
 from haptigraph.config import Config, load_config
@@ -17,15 +27,19 @@ from haptigraph.errors import BadInput, EndOfSource
 from haptigraph.geometry import ImageGeometry
 from haptigraph.messages import Capture, Fault, Truth
 from haptigraph.recording.codec import decode, encode_jpeg, encode_png, format_of
+from haptigraph.recording.decoding import decode_message
 from haptigraph.recording.foxglove import CompressedImage, ImageAnnotations, foxglove_schema
-from haptigraph.recording.journal import Journal
+from haptigraph.recording.header import header_record
+from haptigraph.recording.journal import FileChanged, Journal
 from haptigraph.recording.reader import RunReader
+from haptigraph.recording.recovery import recover
 from haptigraph.recording.schema import TOPICS, RunInfo, mcap_schema
 from haptigraph.recording.writer import RunWriter
 from haptigraph.registration.loading import parse_registration
 
 GEOMETRY = ImageGeometry((10.0, 10.0), 0.1, mirrored=False)
-INFO = RunInfo("0", "2026-01-01T00:00:00+00:00", 10**18, "test", 30.0, "{}", "r", "rr", "p", "pp")
+SHA = {text: sha256(text.encode()).hexdigest() for text in "rp"}
+INFO = RunInfo("0", "2026-01-01T00:00:00+00:00", 10**18, "test", 30.0, "{}", "r", SHA["r"], "p", SHA["p"])
 IMAGE = np.arange(400, dtype=np.uint8).reshape(20, 20)
 
 
@@ -200,13 +214,11 @@ def test_a_recording_of_a_future_format_is_rejected(tmp_path):
     writer = RunWriter(tmp_path / "b.mcap", msgspec.structs.replace(INFO, format="99"), GEOMETRY, ())
     writer.write(Capture(0, 0, None), make_step())
     writer.close()
-    with pytest.raises(BadInput, match="recording format '99'; this version reads 1, 2"):
+    with pytest.raises(BadInput, match="recording format '99'; this version reads 1, 2, 3"):
         RunReader(tmp_path / "b.mcap")
 
 
 def test_an_mcap_file_of_other_software_is_rejected(tmp_path):
-    from mcap.writer import Writer
-
     with (tmp_path / "other.mcap").open("wb") as file:
         writer = Writer(file)
         writer.start()
@@ -225,6 +237,159 @@ def test_png_is_lossless_and_other_bytes_are_rejected():
     for garbage in (b"", b"not an image"):
         with pytest.raises(ValueError, match="not an 8-bit image"):
             decode(garbage)
+
+
+def delete(path):
+    path.unlink()
+
+
+def move(path):
+    path.rename(path.with_suffix(".moved"))
+
+
+def replace_by_a_copy(path):
+    data = path.read_bytes()
+    path.unlink()
+    path.write_bytes(data)
+
+
+def truncate(path):
+    os.truncate(path, path.stat().st_size // 2)
+
+
+def empty(path):
+    os.truncate(path, 0)
+
+
+def append(path):
+    with path.open("ab") as file:
+        file.write(b"more")
+
+
+@pytest.mark.parametrize("at_close", [False, True])
+@pytest.mark.parametrize("change", [delete, move, replace_by_a_copy, truncate, empty, append])
+def test_a_file_that_is_changed_while_it_is_written_is_not_complete(tmp_path, change, at_close):
+    path = tmp_path / "a.mcap"
+    writer = RunWriter(path, INFO, GEOMETRY, ())
+    writer.write(Capture(0, 0, None), make_step())
+    change(path)
+    before = {file: file.read_bytes() for file in tmp_path.iterdir()}
+    with pytest.raises(FileChanged):
+        writer.close() if at_close else writer.write(Capture(1, 1, None), make_step(stamp_ns=1))
+    assert not writer.is_complete
+    writer.abandon()
+    assert {file: file.read_bytes() for file in tmp_path.iterdir()} == before
+
+
+@pytest.mark.parametrize("change", [delete, replace_by_a_copy, append])
+def test_a_file_that_is_changed_while_it_is_compacted_is_not_replaced(tmp_path, change):
+    path = tmp_path / "a.mcap"
+    writer = RunWriter(path, INFO, GEOMETRY, ())
+    for number in range(3):
+        writer.write(Capture(number, number, None), make_step(stamp_ns=number))
+    before, was_changed = [], []
+
+    def progress(*_):
+        if not was_changed:
+            was_changed.append(change(path))
+            before.extend(tmp_path.glob("*.mcap"))
+
+    with pytest.raises((FileChanged, BadInput)):
+        writer.close(progress)
+    assert not writer.is_complete
+    assert list(tmp_path.iterdir()) == before
+
+
+def test_a_file_that_was_replaced_is_not_removed_with_an_empty_run(tmp_path):
+    path = tmp_path / "a.mcap"
+    writer = RunWriter(path, INFO, GEOMETRY, ())
+    path.unlink()
+    path.write_text("precious")
+    writer.discard()
+    assert path.read_text() == "precious"
+
+
+def test_the_mcap_library_reads_a_journal_and_verifies_its_checksums(journal_file, tmp_path):
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(journal_file.read_bytes()[:-100_000])
+    steps = RunReader(cut).count()[0]
+    for path, expected in ((journal_file, 117), (cut, steps)):
+        sequences = set()
+        with path.open("rb") as file, suppress(EndOfFile):
+            for _, channel, message in NonSeekingReader(file, validate_crcs=True).iter_messages(
+                log_time_order=False
+            ):
+                sequences |= {message.sequence} if channel.topic == "/command" else set()
+        assert len(sequences) == expected
+    flipped = bytearray(cut.read_bytes())
+    flipped[len(flipped) // 2] ^= 1
+    with pytest.raises(ValueError, match="crc"):
+        list(NonSeekingReader(BytesIO(flipped), validate_crcs=True).iter_messages(log_time_order=False))
+
+
+def test_a_complete_journal_has_a_summary(journal_file):
+    with journal_file.open("rb") as file:
+        statistics = make_reader(file).get_summary().statistics
+        assert statistics.message_count == sum(1 for _ in make_reader(file).iter_messages())
+    assert statistics.message_end_time - statistics.message_start_time > 7e9
+
+
+def test_a_pipe_and_a_folder_are_refused(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "folder").mkdir()
+    for name in ("pipe", "folder"):
+        for use in (RunReader, recover):
+            with pytest.raises(BadInput, match=r"cannot be read \(not a regular file\)"):
+                use(tmp_path / name)
+
+
+def with_header(path, **fields):
+    """Write a complete recording whose header has other fields, in format 2, so without a checksum."""
+    header = header_record(msgspec.structs.replace(INFO, format="2")).metadata
+    del header["sha256"]
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        writer.add_metadata("haptigraph", {**header, **fields})
+        writer.finish()
+    return path
+
+
+@pytest.mark.parametrize(
+    ("fields", "problem"),
+    [
+        ({}, None),
+        ({"procedure": "P"}, "header is damaged (the SHA-256 of its procedure differs)"),
+        ({"registration_sha256": "0"}, "header is damaged (the SHA-256 of its registration differs)"),
+        ({"config": "{"}, "header cannot be read: configuration: Input data was truncated"),
+        ({"rate_hz": "x"}, "header cannot be read: "),
+        ({"format": "3"}, "header is damaged (its SHA-256 differs)"),
+        ({"sha256": "0"}, "header is damaged (its SHA-256 differs)"),
+    ],
+)
+def test_a_damaged_header_is_one_sentence(tmp_path, fields, problem):
+    path = with_header(tmp_path / "a.mcap", **fields)
+    if problem is None:
+        assert RunReader(path).info.format == "2"
+        return
+    with pytest.raises(BadInput, match=re.escape(problem)):
+        RunReader(path)
+
+
+def test_a_configuration_of_another_shape_and_a_run_without_steps_are_one_sentence(tmp_path):
+    reader = RunReader(with_header(tmp_path / "a.mcap", config='{"run": 7}'))
+    with pytest.raises(BadInput, match="configuration in it cannot be read"):
+        recorded_config(reader)
+    with pytest.raises(BadInput, match="has no complete step to replay"):
+        replay(tmp_path / "a.mcap")
+    with pytest.raises(BadInput, match="contains no complete step"):
+        recover(tmp_path / "a.mcap")
+
+
+@pytest.mark.parametrize("data", [b'{"state": "\xff"}', b'{"state": 7}', b"{"])
+def test_a_message_that_cannot_be_decoded_is_one_sentence(data):
+    with pytest.raises(BadInput, match=r"a\.mcap, step 7: /state cannot be read: "):
+        decode_message("/state", Message(1, 0, data, 0, 7), Path("a.mcap"))
 
 
 CHILD = """

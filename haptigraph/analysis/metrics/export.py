@@ -59,11 +59,11 @@ def _header(measures: list[str], points: list[str]) -> list[str]:
 
 def _rows(reader: RunReader, measures: list[str], points: list[str]) -> Iterator[list[object]]:
     start_ns = None
-    for number, (_, step) in enumerate(reader.records(images=())):
+    for place, step in reader.places():
         start_ns = step.stamp_ns if start_ns is None else start_ns
         utc = datetime.fromtimestamp((step.stamp_ns + reader.info.utc_offset_ns) / 1e9, UTC)
         yield [
-            number,
+            place.sequence,
             step.index,
             (step.stamp_ns - start_ns) / 1e9,
             step.stamp_ns,

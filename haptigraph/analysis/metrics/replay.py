@@ -12,11 +12,12 @@ from haptigraph.config import Config
 from haptigraph.errors import BadInput
 from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import Step
+from haptigraph.recording.header import Losses
 from haptigraph.recording.reader import RunReader
 from haptigraph.recording.writer import Progress
 from haptigraph.registration.loading import parse_registration
 
-__all__ = ["Difference", "ReplayReport", "replay", "replay_steps"]
+__all__ = ["Difference", "ReplayReport", "recorded_config", "replay", "replay_steps"]
 
 COMPARED = ("observation", "graph", "conclusion", "command")
 
@@ -42,6 +43,8 @@ class ReplayReport(Struct):
     """Images that perception processed but the recorder dropped; steps that depend on them may differ."""
     is_whole: bool = True
     is_being_written: bool = False
+    losses: Losses | None = None
+    """What is missing, if the recording was recovered from a damaged one."""
     recorded: RunMeasures = msgspec.field(default_factory=RunMeasures)
     replayed: RunMeasures = msgspec.field(default_factory=RunMeasures)
 
@@ -61,14 +64,17 @@ def replay(
         watch: Called with every step, as recorded and as replayed.
 
     Raises:
-        BadInput: If recording or procedure cannot be used.
+        BadInput: If recording or procedure cannot be used, or there is no complete step.
     """
     reader = RunReader(path)
     steps, dropped_images = reader.count()
+    if not steps:
+        raise BadInput("has no complete step to replay", path)
     report = ReplayReport(
         dropped_images=dropped_images,
         is_whole=reader.is_whole,
         is_being_written=reader.is_being_written,
+        losses=reader.losses,
         recorded=RunMeasures.under(_procedure(reader, None)),
         replayed=RunMeasures.under(_procedure(reader, procedure)),
     )
@@ -91,7 +97,7 @@ def replay(
 def replay_steps(reader: RunReader, procedure: str | None = None) -> Iterator[tuple[Step, Step]]:
     """Yield every recorded step with the step that the pipeline now makes of the same capture."""
     info = reader.info
-    config = msgspec.json.decode(info.config, type=Config)
+    config = recorded_config(reader)
     perceiver = config.perception.perceiver
     if perceiver not in (*assemble.PERCEIVERS, "auto"):  # that of a simulated participant, without images
         raise BadInput(
@@ -104,6 +110,18 @@ def replay_steps(reader: RunReader, procedure: str | None = None) -> Iterator[tu
     )
     for capture, recorded in reader.records():
         yield recorded, pipeline.step(capture)
+
+
+def recorded_config(reader: RunReader) -> Config:
+    """Return the configuration of a recorded run.
+
+    Raises:
+        BadInput: If it cannot be read.
+    """
+    try:
+        return msgspec.json.decode(reader.info.config, type=Config)
+    except msgspec.DecodeError as error:
+        raise BadInput(f"configuration in it cannot be read: {error}", reader.path) from None
 
 
 def _procedure(reader: RunReader, name: str | None) -> Procedure:

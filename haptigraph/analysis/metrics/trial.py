@@ -79,11 +79,13 @@ def measure_recording(path: str | Path) -> dict[str, float | int | str]:
     """Measure a recorded trial.
 
     Raises:
-        BadInput: If it cannot be read, or was interrupted.
+        BadInput: If it cannot be read, was interrupted, or lacks steps.
     """
     reader = RunReader(path)
     if not reader.is_whole:
         raise BadInput("was interrupted, so it is no trial; complete it with `haptigraph recover`", path)
+    if reader.losses is not None:
+        raise BadInput("was recovered from a damaged recording and lacks steps, so it is no trial", path)
     procedure = parse_procedure(reader.info.procedure, f"procedure in {path}")
     config: dict[str, Any] = msgspec.json.decode(reader.info.config)
     has_haptics = config.get("haptics", {}).get("max_amplitude", 1.0) > 0

@@ -5,10 +5,10 @@ from typing import Any
 
 import msgspec
 
+from haptigraph.analysis.metrics.replay import recorded_config
 from haptigraph.analysis.metrics.run import RunMeasures
 from haptigraph.analysis.metrics.timeline import Timeline
 from haptigraph.assemble import parse_procedure
-from haptigraph.config import Config
 from haptigraph.dashboard.server.describe import describe_run
 from haptigraph.dashboard.server.stream import (
     encode_timeline,
@@ -19,6 +19,7 @@ from haptigraph.dashboard.server.stream import (
 from haptigraph.errors import BadInput, HaptigraphError
 from haptigraph.inference.procedure import Procedure
 from haptigraph.perception.eye_view import IoctView
+from haptigraph.recording.header import losses_sentence
 from haptigraph.recording.reader import RunReader, StepLocation
 from haptigraph.registration.loading import parse_registration
 from haptigraph.registration.registered import BaseRegistration
@@ -42,7 +43,7 @@ def read_run(name: str) -> None:
     if not places:
         raise BadInput("has no complete step", name)
     send_message({"type": "places"}, msgspec.json.encode(places))
-    config = msgspec.json.decode(reader.info.config, type=Config)
+    config = recorded_config(reader)
     at_px = [registration.image.to_px(at_mm) for at_mm in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))]
     content, data = encode_timeline(timeline)
     more = {
@@ -94,6 +95,8 @@ def _notes(reader: RunReader, name: str) -> list[str]:
     """Return warnings about a recording that can be read."""
     if reader.is_being_written:
         return ["This run is still being recorded; the page shows what has been written so far."]
+    if reader.losses is not None:
+        return [f"This recording was recovered; {losses_sentence(reader.losses)}."]
     if not reader.is_whole:
         return [f"The recording was interrupted; repair it with `haptigraph recover {name}`."]
     return []

@@ -10,13 +10,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from mcap.exceptions import McapError
 from mcap.reader import SeekingReader
 
 from haptigraph.assemble import parse_procedure, procedure_names
 from haptigraph.dashboard.server.protocol import image_header, pack
 from haptigraph.errors import BadInput, HaptigraphError
 from haptigraph.recording.reader import RunReader, StepLocation
+from haptigraph.recording.scan import DAMAGE
 from haptigraph.registration.loading import parse_registration
 
 __all__ = ["Identity", "RecordingFolder"]
@@ -192,7 +192,7 @@ def _length_s(path: Path) -> float | None:
     with path.open("rb") as file:
         try:
             summary = SeekingReader(file).get_summary()
-        except (McapError, ValueError, OSError):
+        except (*DAMAGE, OSError):
             return None
     if summary is None or summary.statistics is None:
         return None
