@@ -132,6 +132,7 @@ class Loop:
         self._last_ns: int | None = None
         self._index = -1
         self._is_silent = self._closed = False
+        self._uncounted: tuple[Fault, ...] = ()  # taken, but in no step yet: Ctrl-C may come before it
 
     def run(self) -> RunReport:
         """Run until the source ends or Ctrl-C, and return the report. See `steps`."""
@@ -185,7 +186,7 @@ class Loop:
             return
         self._closed = True
         with ExitStack() as stack:  # closes all of them, whatever one raises
-            stack.callback(lambda: self._count(self._take_faults()))
+            stack.callback(lambda: self._count((*self._uncounted, *self._take_faults())))
             for sink in reversed(self.sinks):
                 stack.callback(self._close_sink, sink)
             stack.callback(self.source.close)
@@ -203,12 +204,14 @@ class Loop:
         for name, duration_ns in stage_ns.items():
             self.report.stages[name].add(duration_ns)
         self._count(step.faults)
+        self._uncounted = ()
         return step
 
     def _captures(self) -> Iterator[Capture]:
         """Yield the source's captures, with the faults outside the stages since the previous one."""
         while True:
-            faults = self._take_faults()
+            self._uncounted += self._take_faults()
+            faults = self._uncounted
             begun_ns = time.perf_counter_ns()
             lost = f"stale image: none for {self._stale_ms:g} ms"
             try:

@@ -254,6 +254,17 @@ class SlowClock(VirtualClock):
         return self._now_ns
 
 
+@pytest.mark.parametrize("at", ["read", "perceive"])
+def test_a_fault_just_before_ctrl_c_is_in_the_report(procedure, registration, tips, at):
+    pipeline = pipeline_of(procedure, ScriptedPerceiver(registration, tips))
+    if at == "perceive":
+        pipeline.perceive = Mock(side_effect=KeyboardInterrupt)
+    items = [KeyboardInterrupt()] if at == "read" else captures(1)
+    loop, _, sink = loop_of(pipeline, ListSource(items))
+    sink.faults.append(Fault("recorder", "run.mcap is incomplete"))
+    assert loop.run().faults == {"recorder: run.mcap is incomplete": 1}
+
+
 def test_a_loop_that_is_late_counts_overruns_and_never_runs_backwards(procedure, registration, tips):
     pipeline = pipeline_of(procedure, ScriptedPerceiver(registration, tips))
     loop, _, sink = loop_of(pipeline, ListSource(captures(20)), clock=SlowClock(20 * MS))

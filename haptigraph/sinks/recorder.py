@@ -4,11 +4,14 @@ In real time, steps that do not fit the queue lose their image and are counted; 
 """
 
 import threading
+from collections import deque
 from queue import SimpleQueue
 
 from msgspec.structs import replace
 
+from haptigraph.errors import BadInput
 from haptigraph.messages import Capture, Fault, Step
+from haptigraph.recording.journal import FileChanged
 from haptigraph.recording.writer import Progress, RunWriter
 from haptigraph.semaphore import InterruptSafeSemaphore
 
@@ -34,7 +37,7 @@ class Recorder:
         self._timeout_s = None if waits else 0.0
         self._queue: SimpleQueue[tuple[Capture, Step, bool] | None] = SimpleQueue()
         self._step_slots, self._image_slots = map(InterruptSafeSemaphore, (MAX_STEPS, MAX_IMAGES))
-        self._faults: list[Fault] = []
+        self._faults: deque[Fault] = deque()
         self._failed = threading.Event()
         self._thread = threading.Thread(target=self._drain, name="haptigraph-recorder", daemon=True)
         self._thread.start()
@@ -57,8 +60,7 @@ class Recorder:
 
     def take_faults(self) -> tuple[Fault, ...]:
         """Return the faults since the last call."""
-        faults, self._faults = tuple(self._faults), []
-        return faults
+        return tuple(self._faults.popleft() for _ in range(len(self._faults)))  # the thread may append one
 
     def close(self) -> None:
         """Write the queue, finish and compact the file."""
@@ -66,12 +68,12 @@ class Recorder:
             return
         self._queue.put(None)
         self._thread.join()
-        self.dropped += self._unwritten
         try:
             if not self._failed.is_set():
                 self._writer.close(self._progress)
         except Exception as error:
             self._fail(error)
+        self.dropped += self._unwritten
 
     def _drain(self) -> None:
         while (item := self._queue.get()) is not None:
@@ -99,4 +101,9 @@ class Recorder:
         result = f"incomplete ({reason}); it can be recovered"
         if self._writer.is_complete:
             result = f"complete but not compacted ({reason})"
+        elif isinstance(error, FileChanged):
+            result = f"incomplete ({error})"
+            self._unwritten += self._writer.steps  # whatever was written may be gone
+        elif isinstance(error, BadInput):
+            result = f"incomplete ({error.problem})"
         self._faults.append(Fault("recorder", f"{self._writer.path} is {result}"))

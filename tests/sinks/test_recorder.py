@@ -1,11 +1,14 @@
 import threading
+from collections import deque
 from functools import partial
 
 import numpy as np
 import pytest
 from helpers import every_moment, make_step
 
-from haptigraph.messages import Capture
+from haptigraph.errors import BadInput
+from haptigraph.messages import Capture, Fault
+from haptigraph.recording.journal import FileChanged
 from haptigraph.sinks import recorder as recorder_module
 from haptigraph.sinks.recorder import Recorder
 
@@ -27,6 +30,10 @@ class Writer:
         if self.error is not None:
             raise self.error
         self.written.append((capture, step, dropped))
+
+    @property
+    def steps(self):
+        return len(self.written)
 
     def close(self, progress):
         self.closed += 1
@@ -129,6 +136,45 @@ def test_a_disk_that_is_full_while_compacting_loses_nothing(writer):
     recorder.close()
     (fault,) = recorder.take_faults()
     assert fault.message == "run.mcap is complete but not compacted (No space left on device)"
+
+
+def test_a_file_that_was_deleted_meanwhile_is_incomplete_and_nothing_in_it_counts_as_recorded(writer):
+    recorder = Recorder(writer, waits=True)
+    write(recorder, 3)
+    writer.error = FileChanged("it was deleted")
+    write(recorder, 4)
+    recorder.close()
+    (fault,) = recorder.take_faults()
+    assert fault.message == "run.mcap is incomplete (it was deleted)"
+    assert (recorder.dropped, writer.closed) == (7, 0)
+
+
+def test_a_recording_that_turns_out_damaged_is_not_reported_as_complete(writer):
+    def damaged(progress):
+        raise BadInput("damaged (crc of a chunk differs)", "run.mcap", "byte 7")
+
+    writer.close = damaged
+    recorder = Recorder(writer, waits=True)
+    recorder.close()
+    (fault,) = recorder.take_faults()
+    assert fault.message == "run.mcap is incomplete (damaged (crc of a chunk differs))"
+
+
+def test_a_fault_that_comes_while_others_are_taken_is_not_lost(writer):
+    recorder, late = Recorder(writer, waits=True), Fault("recorder", "late")
+
+    class Faults(deque):
+        def popleft(self):
+            if late not in taken:
+                taken.append(late)
+                self.append(late)
+            return super().popleft()
+
+    taken = []
+    recorder._faults = Faults([Fault("recorder", "early")])
+    found = recorder.take_faults() + recorder.take_faults()
+    assert [fault.message for fault in found] == ["early", "late"]
+    recorder.close()
 
 
 @pytest.mark.parametrize("waits", [True, False])
