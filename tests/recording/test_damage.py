@@ -1,12 +1,13 @@
 """No damage goes unnoticed: what is read of a damaged recording is what was recorded, and every loss is reported."""
 
 import random
+import re
 from itertools import islice
 
 import cv2
 import msgspec
 import pytest
-from mcap.records import Message
+from mcap.records import Message, Statistics
 from msgspec.structs import replace
 
 from haptigraph.analysis.metrics.trial import measure_recording
@@ -37,8 +38,11 @@ def small(recording_file, tmp_path_factory):
     """A journal with small images, before it is finished, and its compacted file. Read-only."""
     folder, source = tmp_path_factory.mktemp("damage"), RunReader(recording_file)
     geometry = parse_registration(source.info.registration, "x").image
-    writer = RunWriter(folder / "whole.mcap", source.info, geometry, ("theta_deg",))
+    config = re.sub(r'"path":"[^"]*"', '"path":""', source.info.config)
+    info = replace(source.info, started_utc="2026-01-01T00:00:00+00:00", utc_offset_ns=10**18, config=config)
+    writer = RunWriter(folder / "whole.mcap", info, geometry, ("theta_deg",))
     for capture, step in islice(source.records(), STEPS):
+        step = replace(step, timing=replace(step.timing, stage_ns={}))  # each run damages the same bytes
         image = cv2.resize(capture.image, (48, 32))
         writer.write(replace(capture, image=image, encoded=encode_jpeg(image, 90)), step)
     (folder / "journal.mcap").write_bytes((folder / "whole.mcap").read_bytes())
@@ -123,7 +127,7 @@ def check_damaged(path, data, how, truth):
         assert recovery.damage or missing or is_end_lost
     if recovery.is_lossless:
         is_torn = any(damage.kind == "torn" for damage in recovery.damage)
-        assert len(left) == STEPS or is_end_lost or (is_torn and len(left) == STEPS - 1)
+        assert len(left) == STEPS or is_end_lost or (is_torn and len(left) >= STEPS - 2)
         return "complete"
     assert path.read_bytes() == data
     assert recovery.saved == saved
@@ -232,6 +236,31 @@ def test_the_second_copy_of_the_header_is_used_if_the_first_is_damaged(small, ki
     assert (recovery.steps, recovery.missing, recovery.is_lossless) == (STEPS, [], False)
     assert content(recovery.saved) == content(small / "whole.mcap")
     assert path.read_bytes() == data
+
+
+def test_schemas_and_channels_are_found_in_the_summary_if_the_first_chunk_is_damaged(small, tmp_path):
+    path, data = tmp_path / "definitions.mcap", bytearray((small / "whole.mcap").read_bytes())
+    start, _ = chunks(small / "whole.mcap")[0]
+    data[start + 100 : start + 100] = b"inserted"
+    path.write_bytes(data)
+    recovery = recover(path)
+    assert (recovery.steps, recovery.missing) == (STEPS - 2, [(0, 1)])
+
+
+def test_totals_of_a_damaged_summary_are_not_believed(small, tmp_path):
+    path, data = tmp_path / "totals.mcap", bytearray((small / "whole.mcap").read_bytes())
+    places = chunks(small / "whole.mcap")
+    data[places[max(places)][0] + 60] ^= 1
+    (end,) = [piece.end for piece in scan(small / "whole.mcap") if isinstance(piece.records[0], Statistics)]
+    data[end - 3] = 200  # millions of messages
+    path.write_bytes(data)
+    recovery = recover(path)
+    assert recovery.missing == []
+    assert [damage.kind for damage in recovery.damage] == ["lost", "summary"]
+    data[end - 3] = 0
+    path.write_bytes(data)
+    recovery.saved.unlink()
+    assert recover(path).missing == [(recovery.steps, STEPS - 1)]
 
 
 def test_a_damaged_summary_is_made_anew_in_place(small, tmp_path):
