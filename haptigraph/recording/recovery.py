@@ -60,7 +60,7 @@ class Recovery(Struct):
     def losses(self) -> Losses:
         """Return what is missing, for the recovered recording."""
         places = (f"byte {damage.start}: {damage.problem}" for damage in self.lost)
-        return Losses(missing_text(self.missing), "; ".join(places))
+        return Losses(_missing_text(self.missing), "; ".join(places))
 
 
 class _Definitions(Struct):
@@ -109,7 +109,7 @@ def recover(path: Path, progress: Progress | None = None) -> Recovery:
         return recovery
 
 
-def missing_text(missing: list[tuple[int, int]]) -> str:
+def _missing_text(missing: list[tuple[int, int]]) -> str:
     """Return ranges of steps as text: "3, 9-12"."""
     return ", ".join(str(first) if first == last else f"{first}-{last}" for first, last in missing)
 

@@ -4,41 +4,20 @@ import os
 import re
 import struct
 import zlib
-from collections.abc import Callable, Iterator
-from io import BytesIO
+from collections.abc import Iterator
 from pathlib import Path
 from stat import S_ISREG
 from typing import BinaryIO, Literal, NamedTuple, TypeAlias
 
 import msgspec
-import zstandard
-from mcap.data_stream import ReadDataStream
-from mcap.exceptions import EndOfFile, McapError
 from mcap.opcode import Opcode
-from mcap.records import (
-    Attachment,
-    AttachmentIndex,
-    Channel,
-    Chunk,
-    ChunkIndex,
-    DataEnd,
-    Footer,
-    Header,
-    McapRecord,
-    Message,
-    MessageIndex,
-    Metadata,
-    MetadataIndex,
-    Schema,
-    Statistics,
-    SummaryOffset,
-)
-from mcap.stream_reader import breakup_chunk, get_chunk_data_stream
+from mcap.records import DataEnd, McapRecord, Message, Metadata, Statistics
 
 from haptigraph.errors import BadInput
+from haptigraph.recording.records import DAMAGE, RECORD_TYPES, parse_record
 from haptigraph.recording.schema import UNCHECKED
 
-__all__ = ["DAMAGE", "MAGIC", "Damage", "Piece", "open_regular", "scan", "scan_between"]
+__all__ = ["MAGIC", "Damage", "Piece", "open_regular", "scan", "scan_between"]
 
 MAGIC = b"\x89MCAP0\r\n"
 RECORD_HEADER = struct.Struct("<BQ")  # opcode, length
@@ -48,27 +27,9 @@ MESSAGE_START = 22  # bytes before a message's content
 MAX_RECORD = 2**30
 MAX_NAME = 4  # longest name of a compression
 BLOCK = 2**20
-DAMAGE = (McapError, zstandard.ZstdError, struct.error, ValueError, OverflowError, MemoryError)
 IN_CHUNKS = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE)
 CANDIDATE = re.compile(rb"[\x03\x04\x05\x06\x0c\x0f](?=[\s\S]{5}\0\0\0)")
 """Start of a schema, channel, message, chunk, metadata or end of data, shorter than 2^40 bytes."""
-READERS: dict[int, Callable[[ReadDataStream, int], McapRecord]] = {
-    Opcode.HEADER: lambda stream, length: Header.read(stream),
-    Opcode.FOOTER: lambda stream, length: Footer.read(stream),
-    Opcode.SCHEMA: lambda stream, length: Schema.read(stream),
-    Opcode.CHANNEL: lambda stream, length: Channel.read(stream),
-    Opcode.MESSAGE: Message.read,
-    Opcode.CHUNK: lambda stream, length: Chunk.read(stream),
-    Opcode.MESSAGE_INDEX: lambda stream, length: MessageIndex.read(stream),
-    Opcode.CHUNK_INDEX: lambda stream, length: ChunkIndex.read(stream),
-    Opcode.ATTACHMENT: lambda stream, length: Attachment.read(stream),
-    Opcode.ATTACHMENT_INDEX: lambda stream, length: AttachmentIndex.read(stream),
-    Opcode.STATISTICS: lambda stream, length: Statistics.read(stream),
-    Opcode.METADATA: lambda stream, length: Metadata.read(stream),
-    Opcode.METADATA_INDEX: lambda stream, length: MetadataIndex.read(stream),
-    Opcode.SUMMARY_OFFSET: lambda stream, length: SummaryOffset.read(stream),
-    Opcode.DATA_END: lambda stream, length: DataEnd.read(stream),
-}
 
 
 class Piece(NamedTuple):
@@ -192,7 +153,7 @@ class _Scanner:
         end = at + RECORD_HEADER.size + length
         body = self._read(at + RECORD_HEADER.size, length)
         try:
-            records = _parse(opcode, body)
+            records = parse_record(opcode, body)
         except DAMAGE as error:
             raise _Problem(str(error) or "lengths differ") from None
         if opcode == Opcode.MESSAGE and b"\0" in body[MESSAGE_START:]:  # JSON has none; lengths of records do
@@ -208,7 +169,7 @@ class _Scanner:
         if len(start) < RECORD_HEADER.size:
             raise _Problem("an incomplete record", is_torn=True)
         opcode, length = RECORD_HEADER.unpack(start)
-        if opcode not in READERS:
+        if opcode not in RECORD_TYPES:
             raise _Problem(f"record of unknown type {opcode}")
         if opcode in IN_CHUNKS and self._has_chunks and self._is_data:
             raise _Problem("a record outside of its chunk")
@@ -319,38 +280,3 @@ class _Scanner:
 def _announces_chunks(record: McapRecord) -> bool:
     """Return whether a record is the header of a recording that has all its messages in chunks."""
     return isinstance(record, Metadata) and record.metadata.get("format", UNCHECKED[0]) not in UNCHECKED
-
-
-class _ExactStream(ReadDataStream):
-    """Bytes of one record, of which none may be missing."""
-
-    def read(self, length: int) -> bytes:
-        data = super().read(length)
-        if len(data) != length:
-            raise EndOfFile
-        return data
-
-
-def _parse(opcode: int, body: bytes) -> tuple[McapRecord, ...]:
-    stream = _ExactStream(BytesIO(body))
-    record = READERS[opcode](stream, len(body))
-    if stream.count != len(body):
-        raise ValueError("lengths differ")
-    return _records_in(record) if isinstance(record, Chunk) else (record,)
-
-
-def _records_in(chunk: Chunk) -> tuple[McapRecord, ...]:
-    """Return the records of a chunk, after a check of its CRC, which must not be absent either."""
-    sizes = (zstandard.CONTENTSIZE_UNKNOWN, chunk.uncompressed_size)
-    if chunk.compression == "zstd" and zstandard.get_frame_parameters(chunk.data).content_size not in sizes:
-        raise ValueError("sizes of a chunk differ")  # before as much memory is taken
-    stream, length = get_chunk_data_stream(chunk)
-    data = stream.read(length)
-    if len(data) != chunk.uncompressed_size or zlib.crc32(data) != chunk.uncompressed_crc:
-        raise ValueError("crc of a chunk differs")
-    chunk.data, chunk.compression = data, ""
-    records = tuple(breakup_chunk(chunk))
-    stamps = [record.log_time for record in records if isinstance(record, Message)]
-    if stamps and (min(stamps), max(stamps)) != (chunk.message_start_time, chunk.message_end_time):
-        raise ValueError("times of a chunk differ")
-    return records

@@ -5,7 +5,6 @@ every file, as `sha256sum --check` reads it. Text that a spreadsheet would run a
 """
 
 import csv
-import hashlib
 import os
 import re
 import shutil
@@ -19,6 +18,7 @@ from msgspec import Struct
 from sqlalchemy import Table, select
 
 from haptigraph.errors import BadInput, MissingExtra
+from haptigraph.study.checksums import verify_checksums, write_checksums
 from haptigraph.study.data_dictionary import COLUMNS, MEASURES, Field, check_measures, fields_of, time_field
 from haptigraph.study.roster import canonical, check_pseudonym
 from haptigraph.study.store import Row, Store, to_json
@@ -37,7 +37,7 @@ TABLES = {
 """In an order that respects foreign keys."""
 FROM_1 = ("position", "block")  # stored as 0 where missing
 WriteTable: TypeAlias = Callable[[Path, Sequence[Field], Sequence[Mapping[str, Any]]], None]
-STUDY_FILE, DICTIONARY, CHECKSUMS = "study.json", "data_dictionary.csv", "SHA256SUMS"
+STUDY_FILE, DICTIONARY = "study.json", "data_dictionary.csv"
 FORMULA = re.compile(r"'*[=+\-@\t\r]")  # after `'`, a spreadsheet shows it as text
 PLAIN_NUMBER = re.compile(r"[+-]?\d+(\.\d+)?")
 
@@ -115,7 +115,7 @@ def export_study(
             _write(temporary / DICTIONARY, list(dictionary[0]), dictionary)
             json = msgspec.json.format(msgspec.json.encode(about), indent=1)
             (temporary / STUDY_FILE).write_bytes(json + b"\n")
-            (temporary / CHECKSUMS).write_text(_checksums(temporary), "utf-8")
+            write_checksums(temporary)
             temporary.chmod(0o755)
             os.rename(temporary, folder)
         except BaseException:
@@ -156,7 +156,7 @@ def read_export(folder: str | Path) -> Export:
         BadInput: If a file cannot be read, differs from its checksum, or its content is invalid.
     """
     folder = Path(folder)
-    _verify(folder)
+    verify_checksums(folder)
     try:
         about = msgspec.json.decode((folder / STUDY_FILE).read_bytes(), type=About)
     except OSError as error:
@@ -186,39 +186,6 @@ def import_study(store: Store, export: Export) -> None:
         for name, table in TABLES.items():
             if export.rows[name]:
                 connection.execute(table.insert(), export.rows[name])
-
-
-def _checksums(folder: Path) -> str:
-    """Return the checksums of the files in a folder."""
-    files = sorted(folder.iterdir())
-    return "".join(f"{hashlib.sha256(file.read_bytes()).hexdigest()}  {file.name}\n" for file in files)
-
-
-def _verify(folder: Path) -> None:
-    """Compare the files of an export with their checksums, if it has some.
-
-    Raises:
-        BadInput: If a file is missing, or was changed after the export.
-    """
-    path = folder / CHECKSUMS
-    if not path.exists():
-        return
-    try:
-        for number, line in enumerate(path.read_text("ascii").splitlines(), 1):
-            checksum, _, name = line.partition("  ")
-            if not name or Path(name).name != name:
-                raise BadInput(
-                    f"expected a checksum, two spaces and a file's name; found {line[:40]!r}",
-                    path,
-                    f"line {number}",
-                )
-            if hashlib.sha256((folder / name).read_bytes()).hexdigest() != checksum:
-                problem = f"was changed after the export; to import it as it is, delete {CHECKSUMS}"
-                raise BadInput(problem, folder / name)
-    except OSError as error:
-        raise BadInput(f"cannot be read ({error.strerror})", error.filename or path) from None
-    except UnicodeDecodeError:
-        raise BadInput("is not a list of checksums", path) from None
 
 
 def _check_participants(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:

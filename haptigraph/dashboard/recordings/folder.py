@@ -16,7 +16,7 @@ from haptigraph.assemble import parse_procedure, procedure_names
 from haptigraph.dashboard.server.protocol import image_header, pack
 from haptigraph.errors import BadInput, HaptigraphError
 from haptigraph.recording.reader import RunReader, StepLocation
-from haptigraph.recording.scan import DAMAGE
+from haptigraph.recording.records import DAMAGE
 from haptigraph.registration.loading import parse_registration
 
 __all__ = ["Identity", "RecordingFolder"]
