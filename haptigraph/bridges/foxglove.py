@@ -9,6 +9,7 @@ from haptigraph.errors import BadInput, MissingExtra
 from haptigraph.messages import Capture, Step
 from haptigraph.recording.codec import encode_jpeg
 from haptigraph.recording.entries import entries
+from haptigraph.recording.foxglove import encode_message
 from haptigraph.recording.schema import TOPICS, mcap_schema
 
 try:
@@ -74,7 +75,7 @@ class FoxgloveLink:
             capture = replace(capture, encoded=encode_jpeg(capture.image, JPEG_QUALITY))
         utc_ns = step.stamp_ns + self._utc_offset_ns
         for topic, message in entries(capture, step, image=self._image, utc_offset_ns=self._utc_offset_ns):
-            self._channels[topic].log(msgspec.json.encode(message), log_time=utc_ns)
+            self._channels[topic].log(encode_message(message), log_time=utc_ns)
 
     def send_output(self, stamp_ns: int, amplitude: float, frequency_hz: float) -> None:
         """Do nothing: a recording has no channel for it."""

@@ -12,7 +12,15 @@ from msgspec import Struct
 
 from haptigraph.geometry import Circle, Geometry, ImageGeometry, Phase, Point, Polyline, Vec
 
-__all__ = ["CompressedImage", "ImageAnnotations", "Log", "Time", "annotations", "foxglove_schema"]
+__all__ = [
+    "CompressedImage",
+    "ImageAnnotations",
+    "Log",
+    "Time",
+    "annotations",
+    "encode_message",
+    "foxglove_schema",
+]
 
 LINE_STRIP = 3
 WARNING = 3
@@ -112,6 +120,7 @@ INSTRUMENT = Color(0.98, 0.75, 0.18)
 ANATOMY = Color(0.35, 0.75, 0.95)
 CLEAR = Color(0.0, 0.0, 0.0, 0.0)
 DOT_MM = 0.35
+FIELDS = msgspec.json.Decoder(dict[str, msgspec.Raw])
 
 
 def annotations(
@@ -139,13 +148,25 @@ def foxglove_schema(type_: type, title: str) -> dict[str, Any]:
     """Describe a message in the subset of JSON Schema that Foxglove reads.
 
     The subset has objects, numbers, strings, and lists of these, without references. What it cannot describe
-    (unions, lists of lists) is left out of the schema, but not of the message.
+    (unions, lists of lists) is left out of the schema, but not of the message. A field of the message itself
+    may be absent (see `encode_message`), so its schema is that of its value.
     """
     components = msgspec.json.schema_components([type_])[1]
-    schema = _plain({"$ref": f"#/$defs/{type_.__name__}"}, components)
-    if schema is None:
-        raise TypeError(f"{type_} is not an object")
-    return {"title": title, **schema}
+    fields = components[type_.__name__]["properties"]
+    schema = _plain(
+        {"type": "object", "properties": {name: _not_null(field) for name, field in fields.items()}},
+        components,
+    )
+    return {"title": title, **(schema or {})}
+
+
+def encode_message(message: Struct) -> bytes:
+    """Encode a message as JSON that its schema describes: fields that are null are left out."""
+    data = msgspec.json.encode(message)
+    if b":null" not in data:
+        return data
+    fields = FIELDS.decode(data)
+    return msgspec.json.encode({name: value for name, value in fields.items() if bytes(value) != b"null"})
 
 
 def _circle(time: Time, circle: Circle, image: ImageGeometry, color: Color) -> CircleAnnotation:
@@ -165,13 +186,15 @@ def _outline(circle: Circle) -> list[Vec]:
     return [(x + radius * math.cos(angle), y + radius * math.sin(angle)) for angle in angles]
 
 
+def _not_null(schema: dict[str, Any]) -> dict[str, Any]:
+    choices = [choice for choice in schema.get("anyOf", ()) if choice.get("type") != "null"]
+    return choices[0] if len(choices) == 1 else schema
+
+
 def _plain(schema: dict[str, Any], components: dict[str, Any]) -> dict[str, Any] | None:
     """Resolve references and drop what Foxglove does not support."""
     if "$ref" in schema:
         return _plain(components[schema["$ref"].rpartition("/")[2]], components)
-    if "anyOf" in schema:
-        choices = [choice for choice in schema["anyOf"] if choice.get("type") != "null"]
-        return _plain(choices[0], components) if len(choices) == 1 else None
     if "enum" in schema:
         return {"type": "string"}
     kind = schema.get("type")

@@ -20,6 +20,7 @@ from haptigraph.geometry import ImageGeometry
 from haptigraph.messages import Capture, Step
 from haptigraph.recording.compaction import Progress, compact
 from haptigraph.recording.entries import entries
+from haptigraph.recording.foxglove import encode_message
 from haptigraph.recording.header import header_record
 from haptigraph.recording.journal import FileChanged, Journal
 from haptigraph.recording.scan import MAGIC
@@ -86,7 +87,7 @@ class RunWriter:
         utc_offset_ns = self._info.utc_offset_ns
         utc_ns = step.stamp_ns + utc_offset_ns
         messages = [
-            Message(CHANNELS[topic], utc_ns, msgspec.json.encode(message), utc_ns, self.steps)
+            Message(CHANNELS[topic], utc_ns, encode_message(message), utc_ns, self.steps)
             for topic, message in entries(
                 capture, step, image=self._image, utc_offset_ns=utc_offset_ns, dropped=dropped
             )
