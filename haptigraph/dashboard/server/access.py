@@ -4,6 +4,7 @@ A page from elsewhere, open in the same browser, can neither read from this serv
 """
 
 import hmac
+import re
 from http.cookies import SimpleCookie
 from urllib.parse import parse_qs
 
@@ -15,6 +16,7 @@ __all__ = ["LOOPBACK", "AccessControl"]
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 COOKIE = "haptigraph_token"
+HOST = re.compile(r"(\[[0-9A-Fa-f:.]+\]|[^\s,:@/]+)(?::\d{1,5})?")
 SAFE_METHODS = ("GET", "HEAD")
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; "
@@ -29,10 +31,13 @@ class AccessControl:
         app: The protected app.
         host: The address that the server listens on; loopback addresses need no token.
         token: What visitors must present; empty: nothing.
+        entrances: Paths of pages that other sites may link to.
     """
 
-    def __init__(self, app: ASGIApp, *, host: str, token: str) -> None:
-        self._app, self._host, self._token = app, host, token
+    def __init__(
+        self, app: ASGIApp, *, host: str, token: str, entrances: frozenset[str] = frozenset()
+    ) -> None:
+        self._app, self._host, self._token, self._entrances = app, host, token, entrances
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Refuse one request, or pass it on."""
@@ -55,13 +60,19 @@ class AccessControl:
     def _refusal(self, scope: Scope, headers: Headers, token: str) -> str:
         """Return why a request is refused; empty if it is permitted."""
         host = headers.get("host", "")
-        name = host.rpartition(":")[0].strip("[]") if ":" in host else host
+        match = HOST.fullmatch(host)
+        if match is None:
+            return "the Host header is not one host name with or without port"
+        name = match[1].strip("[]")
         if self._host in LOOPBACK and name not in LOOPBACK:
             return f"this server answers requests for {self._host} only, not for {name or 'an empty host'}"
         origin = headers.get("origin")
         is_safe = scope["type"] == "http" and scope["method"] in SAFE_METHODS
         if origin is not None and origin != f"http://{host}" and not is_safe:
             return f"requests from pages of {origin} are not permitted"
+        site = headers.get("sec-fetch-site", "none")
+        if site not in ("none", "same-origin") and scope["path"] not in self._entrances:
+            return "requests from pages of other sites are not permitted"
         if origin is None and not is_safe:
             return "request without Origin; only scripts of this server's own pages may send it"
         if self._token and not hmac.compare_digest(

@@ -22,6 +22,7 @@ from starlette.responses import HTMLResponse, PlainTextResponse, RedirectRespons
 from starlette.routing import BaseRoute, Route
 
 from haptigraph.dashboard.server.access import AccessControl
+from haptigraph.dashboard.server.connections import BoundedConnection, BoundedLog
 from haptigraph.dashboard.server.site import Site
 from haptigraph.errors import BadInput
 
@@ -30,6 +31,7 @@ __all__ = ["LIVE", "PAGES", "REGISTRATION", "STUDY_PAGES", "Page", "Server", "ad
 STATIC = resources.files("haptigraph.dashboard").joinpath("static")
 MAX_MESSAGE_BYTES = 65_536
 STOP_S = 3.0
+BACKLOG = 100  # connections that wait until the server accepts them
 
 
 class Page(NamedTuple):
@@ -95,7 +97,8 @@ def make_app(
     routes += [Route("/static/{folder}/{name}", _static_file)]
     routes += [route for page in pages for route in _page_routes(page, site)]
     app = Starlette(routes=routes, lifespan=lifespan, exception_handlers={404: _not_found})
-    return AccessControl(app, host=host, token=token)
+    entrances = frozenset({"/", *(page.path for page in pages)})
+    return AccessControl(app, host=host, token=token, entrances=entrances)
 
 
 def _page_routes(page: Page, site: Site) -> Sequence[BaseRoute]:
@@ -163,7 +166,7 @@ def listen(host: str, port: int) -> socket.socket:
     try:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listener.bind(address)
-        listener.listen(100)
+        listener.listen(BACKLOG)
     except OSError as error:
         listener.close()
         hint = "; omit --port to use a free one" if port else ""
@@ -191,7 +194,8 @@ class Server:
         config = uvicorn.Config(
             app,
             ws="websockets-sansio",
-            http="h11",
+            http=BoundedConnection,
+            backlog=BACKLOG,
             loop="asyncio",
             lifespan="on",
             log_config=None,
@@ -216,4 +220,5 @@ class Server:
         self._listener.close()
 
     def _run(self) -> None:
-        self._server.run(sockets=[self._listener])
+        with BoundedLog():
+            self._server.run(sockets=[self._listener])

@@ -1,68 +1,20 @@
 """The server from outside: access control, invalid messages, bad arguments, shutdown."""
 
-import http.client
 import json
 import random
 import signal
 import socket
 import string
-from contextlib import contextmanager
 
 import pytest
 from helpers import call, refuse
 from live_bench import Live
+from visiting import address, get, next_image, next_text, watching
 from websockets.exceptions import ConnectionClosed, InvalidStatus
-from websockets.sync.client import connect
 
 pytestmark = pytest.mark.xdist_group("server")
 
 FUZZ = 10_000
-
-
-def address(live):
-    return live.url.removeprefix("http://").partition("/")[0]
-
-
-def get(live, path="/", method="GET", **headers):
-    connection = http.client.HTTPConnection(address(live), timeout=10)
-    connection.request(
-        method, path, headers={name.replace("_", "-"): value for name, value in headers.items()}
-    )
-    response = connection.getresponse()
-    text = response.read().decode()
-    connection.close()
-    return response.status, text, response.headers
-
-
-@contextmanager
-def watching(live, **options):
-    """Open the socket as the page does."""
-    origin = options.pop("origin", f"http://{address(live)}")
-    with connect(f"ws://{address(live)}/live", origin=origin, open_timeout=10, **options) as line:
-        yield line
-
-
-def next_text(line, kind):
-    """Return the next text message of a type; acknowledge images in between, as a page does."""
-    while True:
-        message = line.recv(timeout=10)
-        if isinstance(message, bytes):
-            acknowledge(line, message)
-        elif (content := json.loads(message))["type"] == kind:
-            return content
-
-
-def next_image(line):
-    while isinstance(message := line.recv(timeout=10), str):
-        continue
-    return acknowledge(line, message)
-
-
-def acknowledge(line, message):
-    length = int.from_bytes(message[:4], "big")
-    header = json.loads(message[4 : 4 + length])
-    line.send(json.dumps({"type": "ack", "number": header["number"]}))
-    return header, message[4 + length :]
 
 
 def test_pages_are_served_with_security_headers(live):
@@ -96,6 +48,22 @@ def test_requests_for_another_host_are_refused(live):
     status, text, _ = get(live, Host="evil.example:80")
     assert status == 403
     assert text == "haptigraph: this server answers requests for 127.0.0.1 only, not for evil.example\n"
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1:8201, evil.example", "127.0.0.1 evil", "127.0.0.1:80:80", ""])
+def test_a_host_must_be_one_name(live, host):
+    status, text, _ = get(live, Host=host)
+    assert status == 403
+    assert text == "haptigraph: the Host header is not one host name with or without port\n"
+
+
+@pytest.mark.parametrize("site", ["cross-site", "same-site"])
+def test_other_sites_may_link_to_pages_but_not_start_work(live, site):
+    for path in ("/recordings/compare?run=a.mcap", "/recordings/list", "/registration/start"):
+        status, text, _ = get(live, path, Sec_Fetch_Site=site)
+        assert (status, text) == (403, "haptigraph: requests from pages of other sites are not permitted\n")
+    assert get(live, "/recordings", Sec_Fetch_Site=site)[0] == 200
+    assert get(live, "/recordings/list", Sec_Fetch_Site="same-origin")[0] == 200
 
 
 def test_sockets_of_other_origins_are_refused(live):
