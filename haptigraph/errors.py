@@ -10,6 +10,7 @@ and exits with code 2.
     ├── NotCompiled     the C library is missing, or built for another version
     ├── SourceLost      a camera that has disconnected (the loop goes on)
     ├── DeviceError     an actuator that failed (the loop goes on)
+    │   └── NotSilent   it may still vibrate after the run
     └── PerceiverBroken perception failed several times in a row (the run stops)
     EndOfSource         not an error: a file has no more images
     RenamedKey          a warning: a file uses a key's name from an earlier version
@@ -27,6 +28,7 @@ __all__ = [
     "MissingExtra",
     "NeedsRegistration",
     "NotCompiled",
+    "NotSilent",
     "PerceiverBroken",
     "RenamedKey",
     "SourceLost",
@@ -86,6 +88,13 @@ class SourceLost(HaptigraphError):
 
 class DeviceError(HaptigraphError):
     """A haptic device failed to execute a command."""
+
+
+class NotSilent(DeviceError):
+    """A run has ended, and its actuator may still vibrate."""
+
+    def __init__(self, device: str) -> None:
+        super().__init__(f"{device} does not confirm silence; it may still vibrate: switch it off")
 
 
 class PerceiverBroken(HaptigraphError):

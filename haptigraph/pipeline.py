@@ -28,6 +28,11 @@ Output = TypeVar("Output", covariant=True)
 class HapticOutput(Protocol):
     """Receives the commands: the guard, alone or driven by its player."""
 
+    @property
+    def is_silent(self) -> bool:
+        """Whether it is closed, and the actuator raised no doubt that it is silent."""
+        ...
+
     def send(self, step: Step, now_ns: int) -> None:
         """Take the newest step."""
         ...
@@ -131,7 +136,7 @@ class Loop:
         self._start_ns: int | None = None
         self._last_ns: int | None = None
         self._index = -1
-        self._is_silent = self._closed = False
+        self._output_closed = self._closed = False
         self._uncounted: tuple[Fault, ...] = ()  # taken, but in no step yet: Ctrl-C may come before it
 
     def run(self) -> RunReport:
@@ -175,9 +180,10 @@ class Loop:
     def close(self) -> None:
         """Silence the actuator and close everything, whether the loop ran or not. May be called twice."""
         try:
-            if not self._is_silent:
+            if not self._output_closed:
                 self.output.close()
-                self._is_silent = True  # not if Ctrl-C interrupted it
+                self._output_closed = True  # not if Ctrl-C interrupted it
+                self.report.is_silent = self.output.is_silent
         finally:
             self._close_others()
 

@@ -159,7 +159,11 @@ class Device(Protocol):
         ...
 
     def close(self) -> None:
-        """Silence and release the device. May be called twice."""
+        """Silence and release the device. May be called twice.
+
+        Raises:
+            DeviceError: If it may still vibrate.
+        """
         ...
 
 

@@ -45,6 +45,7 @@ class Memory:
 
     def __init__(self):
         self.steps, self.captures, self.sent, self.closed = [], [], [], 0
+        self.is_silent = True
         self.faults: list[Fault] = []
 
     def write(self, capture, step):
@@ -286,6 +287,16 @@ def test_a_loop_that_never_ran_can_be_closed(procedure, registration, tips):
     loop.close()
     loop.close()
     assert (source.closed, output.closed, sink.closed) == (1, 1, 1)
+
+
+@pytest.mark.parametrize("is_silent", [True, False])
+def test_a_report_says_whether_the_output_is_silent(procedure, registration, tips, is_silent):
+    source = ListSource(captures(2))
+    loop, output, _ = loop_of(pipeline_of(procedure, ScriptedPerceiver(registration, tips)), source)
+    output.is_silent = is_silent
+    assert not loop.report.is_silent
+    loop.run()
+    assert loop.report.is_silent is is_silent
 
 
 def test_everything_is_closed_even_if_one_of_them_raises(procedure, registration, tips):

@@ -72,6 +72,8 @@ class DeviceTest:
         self.latencies = Durations()
         self.count = 0
         self.faults: list[Fault] = []
+        self.is_silent = False
+        """Whether the device was closed and raised no doubt that it is silent."""
         self._device = device
 
     def set(self, amplitude: float, frequency_hz: float, stamp_ns: int) -> None:
@@ -107,7 +109,7 @@ def play_grammar(
             _play(guard, OFF, PAUSE_NS, clock)
     finally:
         guard.close()
-        test.faults = list(guard.take_faults())
+        test.faults, test.is_silent = list(guard.take_faults()), guard.is_silent
     return test
 
 

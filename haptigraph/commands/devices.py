@@ -40,13 +40,15 @@ def devices_test(device: str, procedure: str | None) -> None:
     from haptigraph.assemble import load_procedure, open_device
     from haptigraph.clock import MonotonicClock
     from haptigraph.config import RunConfig
-    from haptigraph.errors import DeviceError
+    from haptigraph.errors import DeviceError, NotSilent
 
     patterns = load_procedure(procedure or RunConfig().procedure).patterns
     opened = open_device(device)
     click.echo(SAFETY)
     with terminable():
         trial = play_grammar(opened, patterns, MonotonicClock(), click.echo)
+    if not trial.is_silent:
+        raise NotSilent(device)
     if trial.faults:
         raise DeviceError(f"{device}: {trial.faults[0].message}")
     p50_ms, p99_ms = (trial.latencies.percentile_ms(percent) for percent in (50, 99))

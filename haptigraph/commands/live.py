@@ -55,7 +55,11 @@ def live(
         except NeedsRegistration as needed:
             print_status(f"haptigraph: {needed}")
         print_status(f"haptigraph: or create one now; the page is at {page.address}")
-        with terminable():
-            made = page.wait_for_registration()
+        try:
+            with terminable():
+                made = page.wait_for_registration()
+        except KeyboardInterrupt:
+            print_status("haptigraph: stopped")
+            return
         settled = replace(settled, source=replace(settled.source, registration=made))
         run_loop(settled, page_of(settled))

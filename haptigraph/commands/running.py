@@ -9,7 +9,7 @@ import click
 
 from haptigraph.commands.options import run_options, run_settings, settings_of
 from haptigraph.commands.terminal import print_status, progress_bar, terminable
-from haptigraph.errors import BadInput, HaptigraphError
+from haptigraph.errors import BadInput, HaptigraphError, NotSilent
 
 if TYPE_CHECKING:
     from haptigraph.analysis.metrics.run import RunMeasures
@@ -105,7 +105,11 @@ def run_loop(config: "Config", page: "LivePage | None" = None) -> bool:
             if page:
                 _end_page(page, str(failure or loop.report.ended))
     if isinstance(failure, BadInput) and not failure.file:
-        raise BadInput(failure.problem, config.source.uri, failure.place)
+        failure = BadInput(failure.problem, config.source.uri, failure.place)
+    if not loop.report.is_silent:
+        if failure is not None:
+            print_status(f"haptigraph: {failure}")
+        raise NotSilent(config.haptics.device)
     if failure is not None:
         raise failure
     return loop.report.ended != "interrupted"

@@ -93,6 +93,8 @@ def study_run(
             )
             try:
                 run_trials(service, site, base, print_status)
+            except KeyboardInterrupt:
+                print_status("haptigraph: stopped")
             finally:
                 service.close()
 

@@ -28,6 +28,7 @@ FIRMWARE, CAPABILITY_QUERY, CAPABILITIES, STATE_QUERY, STATE, EXTENDED_ANALOG = 
     0x6F,
 )
 PWM = 3
+MAX_BITS = 16
 
 BOOT_S = 6.0  # an Arduino restarts when its port is opened, and waits two seconds for a new sketch
 RETRY_S = 0.5
@@ -58,6 +59,7 @@ class FirmataDevice:
     def __init__(self, argument: str) -> None:
         self._port, self._pin, self._baud = _parsed(argument)
         self._serial: Any = None
+        self._closed = False
         self._max_value = 0
         try:
             self._connect()
@@ -90,10 +92,16 @@ class FirmataDevice:
             raise DeviceError(self._lost(error)) from None
 
     def close(self) -> None:
-        """Set the pin to 0 and release the port."""
+        """Set the pin to 0 and release the port.
+
+        Raises:
+            DeviceError: If the board did not confirm it.
+        """
+        if self._closed:
+            return
+        self._closed = True
         try:
-            if self._serial is not None:
-                self.set(0.0, 0.0, 0)
+            self.set(0.0, 0.0, 0)
         finally:
             self._disconnect()
 
@@ -146,7 +154,10 @@ class FirmataDevice:
         if self._pin not in valid:
             remedy = f"use one of {', '.join(map(str, valid))}" if valid else "none of this board does"
             raise DeviceError(f"pin {self._pin} does not support PWM; {remedy}")
-        return int((1 << pins[self._pin][PWM]) - 1)
+        bits = pins[self._pin][PWM]
+        if not 1 <= bits <= MAX_BITS:
+            raise DeviceError(f"pin {self._pin} reports a PWM of {bits} bits; valid: 1 to {MAX_BITS}")
+        return (1 << bits) - 1
 
     def _write(self, value: int, within_s: float) -> None:
         """Set the pin and query its state."""
@@ -155,9 +166,10 @@ class FirmataDevice:
         response = self._response(STATE, within_s)
         if response is None:
             raise DeviceError(f"the board on {self._port} does not respond")
-        pin, mode, *bits = response
-        reported = sum(bit << 7 * index for index, bit in enumerate(bits))
-        if (pin, mode, reported) != (self._pin, PWM, value):
+        reported = sum(bit << 7 * index for index, bit in enumerate(response[2:]))
+        if len(response) < 3:
+            raise DeviceError(f"the board on {self._port} sends a response without content")
+        if (*response[:2], reported) != (self._pin, PWM, value):
             raise DeviceError(
                 f"the board on {self._port} was reset: its pin is not at the value that was set"
             )

@@ -46,6 +46,7 @@ class GamepadDevice:
         if argument and not argument.isdecimal():
             raise BadInput(f"gamepad:{argument} is not a controller; use gamepad:0 for the first one")
         self._number, self._sdl, self._pad = int(argument or 0), _sdl(), None
+        self._closed = False
         try:
             self._open()
         except DeviceError as error:
@@ -74,9 +75,17 @@ class GamepadDevice:
             raise DeviceError(f"the controller does not rumble ({self._sdl_error()})")
 
     def close(self) -> None:
-        """Stop the motors and release the controller."""
-        if self._pad is not None:
-            self._sdl.SDL_JoystickRumble(self._pad, 0, 0, 0)
+        """Stop the motors and release the controller.
+
+        Raises:
+            DeviceError: If it did not accept that.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        try:
+            self.set(0.0, 0.0, 0)
+        finally:
             self._release()
 
     def _open(self) -> None:

@@ -55,6 +55,8 @@ class Guard:
         self._failed_while_on = False
         self._faults: list[Fault] = []
         self._closed = False
+        self.is_silent = False
+        """Whether the device was closed and raised no doubt that it is silent."""
 
     def send(self, step: Step, now_ns: int) -> None:
         """Take the newest step; its command is played from now on.
@@ -114,10 +116,13 @@ class Guard:
             return
         self._closed = True
         self.silence()
+        self.is_silent = self._output == (0.0, 0.0)
         try:
             self._device.close()
         except Exception as error:
             self._report(f"did not close: {error}")
+        else:
+            self.is_silent = True
 
     def _apply(self, now_ns: int) -> None:
         """Bring the device to the output that is due at a time."""

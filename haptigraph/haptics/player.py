@@ -16,8 +16,8 @@ from haptigraph.messages import Fault, Step
 __all__ = ["Player"]
 
 MAX_WAIT_S = 0.05
-SILENCE_TIMEOUT_S = 1.0
-CLOSE_TIMEOUT_S = 10.0  # a device may have a file to finish
+SILENCE_TIMEOUT_S = 2.0
+CLOSE_TIMEOUT_S = 30.0  # a device may have a file to finish, or a board to restart
 
 
 class Player:
@@ -48,6 +48,11 @@ class Player:
     def take_faults(self) -> tuple[Fault, ...]:
         """Return the faults since the previous call."""
         return tuple(self._faults.popleft() for _ in range(len(self._faults)))
+
+    @property
+    def is_silent(self) -> bool:
+        """Whether the device was closed and raised no doubt that it is silent."""
+        return self._guard.is_silent
 
     def close(self) -> None:
         """Silence the actuator, release the device, end the thread."""

@@ -5,7 +5,6 @@ process publishes silence when the run dies.
 """
 
 import threading
-from contextlib import suppress
 
 from haptigraph.errors import DeviceError
 from haptigraph.messages import Capabilities
@@ -43,7 +42,7 @@ class Ros2Device:
         from haptigraph.ros2.node import Node  # noqa: PLC0415
 
         self._types = types
-        self._topic = topic or DEFAULT_TOPIC
+        self._topic, self._closed = topic or DEFAULT_TOPIC, False
         self._node = Node()
         self._publisher = self._node.publisher(self._topic, types.JoyFeedback)
         tick = threading.Event()
@@ -70,18 +69,26 @@ class Ros2Device:
         Raises:
             DeviceError: If nobody subscribes, or it could not be published.
         """
-        try:
-            self._publish(amplitude)
-        except OSError as error:
-            raise DeviceError(f"ros2:{self._topic} cannot be published ({error})") from None
+        self._publish(amplitude)
         if not self._publisher.has_subscribers:
             raise DeviceError(f"nobody subscribes to ros2:{self._topic} (ROS domain {self._node.domain})")
 
     def close(self) -> None:
-        """Publish silence and leave the network."""
-        with suppress(OSError):  # already left
+        """Publish silence and leave the network.
+
+        Raises:
+            DeviceError: If it could not be published.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        try:
             self._publish(0.0)
-        self._node.close()
+        finally:
+            self._node.close()
 
     def _publish(self, amplitude: float) -> None:
-        self._publisher.send(self._types.JoyFeedback(self._types.RUMBLE, 0, amplitude))
+        try:
+            self._publisher.send(self._types.JoyFeedback(self._types.RUMBLE, 0, amplitude))
+        except OSError as error:
+            raise DeviceError(f"ros2:{self._topic} cannot be published ({error})") from None

@@ -1,8 +1,12 @@
 """Run a device in a watchdog process, which silences it when the run dies (even by kill -9) or hangs.
 
 For actuators that hold their last output. Run as a program, this module is that process: it reads commands
-from its standard input, replies to each, and silences the device when none arrives for `HOLDS_MS`, at the end
-of the input, and on SIGTERM. `assemble` chooses the class of the device.
+from its standard input, acknowledges and executes each, and silences the device when none arrives for
+`HOLDS_MS`, at the end of the input, and on SIGTERM. It exits with 0 only if the device confirmed silence.
+`assemble` chooses the class of the device.
+
+The run, in turn, watches this process: if it acknowledges nothing, it is killed and replaced, because opening
+the device silences it.
 """
 
 import os
@@ -21,6 +25,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from haptigraph.errors import BadInput, DeviceError, HaptigraphError
+from haptigraph.haptics.descriptors import DescriptorReserve
 from haptigraph.messages import Capabilities
 from haptigraph.stages import Device
 
@@ -28,8 +33,11 @@ __all__ = ["Command", "Reply", "WatchdogServer", "WatchedDevice", "main"]
 
 HOLDS_MS = 150.0
 REPLY_S = 0.25
+MAX_UNANSWERED = 3  # commands without acknowledgement before the process is replaced
+ACKNOWLEDGE_S = 0.15
 START_S = 20.0  # imports, and a board that restarts
 CLOSE_S = 2.0
+RESERVED = 16  # descriptors of the pipes to a new process, and of its start
 
 
 class Command(Struct, array_like=True):
@@ -47,6 +55,8 @@ class Reply(Struct, array_like=True):
     number: int
     error: str = ""
     capabilities: Capabilities | None = None
+    is_executed: bool = True
+    """False: the process has received the command, and executes it next."""
 
 
 class WatchedDevice:
@@ -62,64 +72,116 @@ class WatchedDevice:
 
     def __init__(self, device: str, argument: str) -> None:
         self._arguments = [sys.executable, "-P", "-m", "haptigraph.haptics.watchdog", device, argument]
+        self._reserve = DescriptorReserve(RESERVED)
         self._number = 0
-        self._process, self._replies = self._start()
+        self._closed = False
+        self._start()
         opened = self._reply(0, START_S)
         if opened is None or opened.capabilities is None:
-            self._end()
+            self._kill()
+            self._reserve.release()
             raise BadInput(opened.error if opened else f"device {argument} does not open")
         self.capabilities = replace(opened.capabilities, holds_ms=HOLDS_MS)
+        self._is_open = True
 
     def set(self, amplitude: float, frequency_hz: float, stamp_ns: int) -> None:
-        """Send a command and wait for the reply."""
+        """Send a command and wait until it is executed; replace a process that has ended or hangs."""
         if self._process.poll() is not None:
-            self._end()
-            self._process, self._replies = self._start()
-        self._number += 1
-        command = msgspec.json.encode(Command(self._number, amplitude, frequency_hz, stamp_ns))
-        stdin = _open_pipe(self._process.stdin)
-        with suppress(BrokenPipeError):
-            stdin.write(command + b"\n")
-        reply = self._reply(self._number, REPLY_S)
+            self._replace()
+        if not self._is_open:
+            self._await_open(REPLY_S)
+        for _ in range(MAX_UNANSWERED):
+            self._number += 1
+            self._send(Command(self._number, amplitude, frequency_hz, stamp_ns))
+            reply = self._reply(self._number, ACKNOWLEDGE_S)
+            if reply is not None and not reply.is_executed:
+                reply = self._reply(self._number, REPLY_S, is_executed=True)
+                break
+            if reply is not None:
+                break
+        else:
+            self._replace()
+            raise DeviceError("its process did not answer, and was replaced")
         if reply is None or reply.error:
             raise DeviceError(reply.error if reply else "the device does not respond")
 
     def close(self) -> None:
-        """Silence and release the device, end its process."""
+        """Silence and release the device, end its process; a process that hangs is replaced to do so.
+
+        Raises:
+            DeviceError: If the device did not confirm that it is silent.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        try:
+            if not self._ends_silent(CLOSE_S):
+                self._replace()
+                if not self._ends_silent(START_S):
+                    raise DeviceError("does not confirm silence")
+        finally:
+            self._kill()
+            self._reserve.release()
+
+    def _ends_silent(self, within_s: float) -> bool:
+        """Let the process silence the device and end; return whether the device confirmed silence."""
         _open_pipe(self._process.stdin).close()
         try:
-            self._process.wait(CLOSE_S)
+            return self._process.wait(within_s) == 0
         except subprocess.TimeoutExpired:
-            self._end()
-            raise DeviceError("the device does not respond; it may still vibrate") from None
+            return False
 
-    def _start(self) -> tuple["subprocess.Popen[bytes]", "queue.SimpleQueue[Reply]"]:
-        process = subprocess.Popen(
-            self._arguments,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            bufsize=0,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-            start_new_session=True,  # so that it survives Ctrl-C and a kill of the run's process group
-        )
-        replies: queue.SimpleQueue[Reply] = queue.SimpleQueue()
-        pipe = _open_pipe(process.stdout)
+    def _start(self) -> None:
+        self._is_open, self._started_s = False, time.monotonic()
+        with self._reserve.released():
+            self._process = subprocess.Popen(
+                self._arguments,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                bufsize=0,
+                env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+                start_new_session=True,  # so that it survives Ctrl-C and a kill of the run's process group
+            )
+        self._replies: queue.SimpleQueue[Reply] = queue.SimpleQueue()
+        pipe = _open_pipe(self._process.stdout)
         threading.Thread(
-            target=_read_replies, args=(pipe, replies), name="haptigraph-watchdog", daemon=True
+            target=_read_replies, args=(pipe, self._replies), name="haptigraph-watchdog", daemon=True
         ).start()
-        return process, replies
 
-    def _end(self) -> None:
+    def _replace(self) -> None:
+        """Kill the process and start another, which silences the device when it opens it."""
+        self._kill()
+        try:
+            self._start()
+        except OSError as error:
+            raise DeviceError(f"its process cannot be started ({error.strerror})") from None
+
+    def _kill(self) -> None:
         self._process.kill()
         self._process.wait()
         _open_pipe(self._process.stdin).close()
 
-    def _reply(self, number: int, within_s: float) -> Reply | None:
+    def _await_open(self, within_s: float) -> None:
+        opened = self._reply(0, within_s)
+        if opened is None and time.monotonic() - self._started_s > START_S:
+            self._replace()
+        if opened is None or opened.error:
+            raise DeviceError(opened.error if opened else "its process is starting")
+        self._is_open = True
+
+    def _send(self, command: Command) -> None:
+        with suppress(BrokenPipeError):
+            _open_pipe(self._process.stdin).write(msgspec.json.encode(command) + b"\n")
+
+    def _reply(self, number: int, within_s: float, *, is_executed: bool = False) -> Reply | None:
+        """Return the next reply to a command, or to its execution; None if none comes in time."""
         give_up_s = time.monotonic() + within_s
         with suppress(queue.Empty):
             while True:
                 reply = self._replies.get(timeout=max(give_up_s - time.monotonic(), 0))
-                if reply.number == number or (reply.number == 0 and reply.error):
+                if reply.number == number and (reply.is_executed or not is_executed):
+                    return reply
+                if reply.number == 0 and reply.error:
                     return reply
         return None
 
@@ -137,14 +199,17 @@ class WatchdogServer:
         self._vibrates = False
 
     def serve(self, commands: IO[bytes], replies: IO[bytes]) -> None:
-        """Execute commands until their stream ends; then the device is silent."""
-        threading.Thread(target=self._read, args=(commands,), daemon=True).start()
+        """Execute commands until their stream ends; then the device is silent.
+
+        Raises:
+            DeviceError: If the device did not confirm that it is silent.
+        """
+        threading.Thread(target=self._read, args=(commands, replies), daemon=True).start()
         try:
             while (command := self._next()) is not None:
                 _send(replies, Reply(command.number, self._execute(command)))
         finally:
-            with suppress(Exception):
-                self._device.close()
+            self._device.close()
 
     def _next(self) -> Command | None:
         """Return the newest command, silence if none arrives in time, None at the end."""
@@ -167,11 +232,13 @@ class WatchdogServer:
             return str(error) or type(error).__name__
         return ""
 
-    def _read(self, commands: IO[bytes]) -> None:
+    def _read(self, commands: IO[bytes], replies: IO[bytes]) -> None:
         decode = msgspec.json.Decoder(Command).decode
         with suppress(OSError, msgspec.DecodeError):
             while line := commands.readline():
-                self._commands.put((time.monotonic(), decode(line)))
+                command = decode(line)
+                self._commands.put((time.monotonic(), command))
+                _send(replies, Reply(command.number, is_executed=False))
         self._commands.put((time.monotonic(), None))
 
 
@@ -206,9 +273,12 @@ def main() -> None:
         device = getattr(import_module(module), name)(argument)
     except HaptigraphError as error:
         _send(replies, Reply(0, str(error)))
-        return
+        sys.exit(1)
     _send(replies, Reply(0, "", device.capabilities))
-    WatchdogServer(device).serve(commands, replies)
+    try:
+        WatchdogServer(device).serve(commands, replies)
+    except (HaptigraphError, OSError):
+        sys.exit(1)
 
 
 if __name__ == "__main__":

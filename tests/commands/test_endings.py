@@ -4,10 +4,15 @@ import signal
 import subprocess
 import sys
 
+import numpy as np
 import pytest
+import stuck_device
 from helpers import call
 
+from haptigraph import assemble
+from haptigraph.clock import VirtualClock
 from haptigraph.commands.terminal import terminable
+from haptigraph.recording.codec import encode_png
 from haptigraph.recording.reader import RunReader
 
 
@@ -44,6 +49,45 @@ def interrupt_after(monkeypatch, count):
     monkeypatch.setattr(ConsoleSink, "write", interrupted)
 
 
+@pytest.fixture
+def stuck(monkeypatch):
+    monkeypatch.setitem(assemble.DEVICES, "stuck", stuck_device.PATH)
+    return "stuck"
+
+
+def unusable_images(tmp_path, registration_toml):
+    """Write a folder of images whose third does not fit, and a registration; return their paths."""
+    folder, eye = tmp_path / "imgs", tmp_path / "eye.toml"
+    folder.mkdir()
+    eye.write_text(registration_toml)
+    for number, size in enumerate([(240, 320), (240, 320), (24, 32)]):
+        (folder / f"{number}.png").write_bytes(encode_png(np.zeros((*size, 3), np.uint8)))
+    return folder, eye
+
+
+def test_a_run_without_confirmed_silence_says_so_last_and_fails(quick_uri, stuck):
+    result = call("run", quick_uri, "--fast", "--device", stuck)
+    assert (result.exit_code, result.stderr.splitlines()[-1]) == (2, stuck_device.NOT_SILENT)
+    assert "source ended" in result.stdout
+
+
+def test_a_failed_run_without_confirmed_silence_gives_both_reasons(tmp_path, registration_toml, stuck):
+    folder, eye = unusable_images(tmp_path, registration_toml)
+    result = call("run", folder, "--registration", eye, "--device", stuck)
+    *_, reason, last = result.stderr.splitlines()
+    assert (result.exit_code, last) == (2, stuck_device.NOT_SILENT)
+    assert (
+        reason
+        == f"haptigraph: {folder}, image 2: image is 32 x 24 px, but the registration is for 320 x 240 px"
+    )
+
+
+def test_a_test_of_a_device_without_confirmed_silence_fails(stuck, monkeypatch):
+    monkeypatch.setattr("haptigraph.clock.MonotonicClock", VirtualClock)
+    result = call("devices", "test", stuck)
+    assert (result.exit_code, result.stderr.splitlines()[-1]) == (2, stuck_device.NOT_SILENT)
+
+
 def test_an_interrupted_demo_ends_with_its_summary(quick, tmp_path, monkeypatch):
     interrupt_after(monkeypatch, 20)
     result = call("demo", "--fast", "--scenario", quick, "--output", tmp_path)
@@ -54,15 +98,7 @@ def test_an_interrupted_demo_ends_with_its_summary(quick, tmp_path, monkeypatch)
 
 
 def test_a_run_ended_by_an_unusable_image_prints_summary_and_recording(tmp_path, registration_toml):
-    import numpy as np
-
-    from haptigraph.recording.codec import encode_png
-
-    folder, eye, record = tmp_path / "imgs", tmp_path / "eye.toml", tmp_path / "run.mcap"
-    folder.mkdir()
-    eye.write_text(registration_toml)
-    for number, size in enumerate([(240, 320), (240, 320), (24, 32)]):
-        (folder / f"{number}.png").write_bytes(encode_png(np.zeros((*size, 3), np.uint8)))
+    (folder, eye), record = unusable_images(tmp_path, registration_toml), tmp_path / "run.mcap"
     result = call("run", folder, "--registration", eye, "--record", record)
     assert result.exit_code == 2
     assert "2 steps" in result.stdout

@@ -6,6 +6,7 @@ import resource
 import signal
 import socket
 import time
+from contextlib import ExitStack
 from itertools import pairwise
 from pathlib import Path
 
@@ -23,6 +24,7 @@ pytest.importorskip("sdl2", exc_type=ImportError)
 pytestmark = pytest.mark.xdist_group("faults")
 
 FULL_BYTES = 400_000
+HUNG_MS = 1500
 BUSY_MS = 100  # such a latency may delay the responses of a board as well
 
 
@@ -139,13 +141,52 @@ def test_a_lost_board_is_reported_once_and_vibrates_again_when_it_is_back(rig):
     end(rig)
 
 
+def watchdog_of(rig):
+    """Return the process number of a run's watchdog."""
+    children = Path(f"/proc/{rig.process.pid}/task/{rig.process.pid}").parent.glob("*/children")
+    (watchdog,) = [int(pid) for file in children for pid in file.read_text().split()]
+    return watchdog
+
+
+@pytest.mark.parametrize("rig", ["serial", "gamepad"], indirect=True)
+def test_a_watchdog_process_that_hangs_is_replaced_and_vibration_resumes(rig):
+    began_ns = time.monotonic_ns()
+    os.kill(watchdog_of(rig), signal.SIGSTOP)
+    silent_ns = rig.monitor.until_silent_once(began_ns)
+    rig.in_time("watchdog hangs", began_ns, silent_ns, HUNG_MS)
+    rig.until_output("! device: its process did not answer, and was replaced")
+    rig.monitor.until(vibrates=True)
+    rig.signal(signal.SIGINT)
+    end(rig)
+
+
+def test_a_watchdog_process_that_hangs_at_the_end_leaves_no_vibration(rig):
+    watchdog = watchdog_of(rig)
+    began_ns = time.monotonic_ns()
+    os.kill(watchdog, signal.SIGSTOP)
+    rig.signal(signal.SIGINT)
+    output = end(rig)
+    rig.in_time("watchdog hangs, SIGINT", began_ns, rig.monitor.until(vibrates=False), HUNG_MS)
+    assert "may still vibrate" not in output
+    assert not Path(f"/proc/{watchdog}").exists()
+
+
+def test_an_end_without_confirmed_silence_is_said_last_and_in_the_exit_code(rig):
+    rig.monitor.board.responds = False
+    rig.signal(signal.SIGINT)
+    output = end(rig, code=2)
+    assert output.splitlines()[-1] == (
+        f"haptigraph: serial:{rig.monitor.board.link} does not confirm silence; "
+        "it may still vibrate: switch it off"
+    )
+
+
 def test_vibration_resumes_after_the_watchdog_process_is_killed(rig):
     """Nothing can silence the board until another watchdog process has started.
 
     The new process silences the board before it executes commands; the next command may be pending already.
     """
-    children = Path(f"/proc/{rig.process.pid}/task/{rig.process.pid}").parent.glob("*/children")
-    (watchdog,) = [int(pid) for file in children for pid in file.read_text().split()]
+    watchdog = watchdog_of(rig)
     began_ns = time.monotonic_ns()
     os.kill(watchdog, signal.SIGKILL)
     rig.in_time("watchdog killed", began_ns, rig.monitor.until_silent_once(began_ns), 3000)
@@ -216,3 +257,23 @@ INVALID = [
     "", "{", "null", "[]", "7", '"x"', "{}" * 500, '{"type": 3}', '{"type": "hand"}', '{"type": "steer", "along": NaN}',
     '{"type": "hand", "along_mm": 1e999}', "[" * 20_000, '{"type": "' + "x" * 50_000 + '"}', b"\xff" * 100, b"", "\ud7ff",
 ]  # fmt: skip
+
+
+def test_half_open_connections_do_not_keep_the_watchdog_from_restarting(tmp_path):
+    def limit():
+        resource.setrlimit(resource.RLIMIT_NOFILE, (1024, 1024))
+
+    with Rig(tmp_path, "serial", "--recordings", str(tmp_path), command="live", preexec_fn=limit) as rig:
+        host, port = rig.until_output(r"the page is at http://(\S+?)/")[1].split(":")
+        rig.until_vibrating()
+        with ExitStack() as stack:
+            for _ in range(1024):
+                line = stack.enter_context(socket.create_connection((host, int(port)), timeout=10))
+                line.sendall(b"GET / HTTP/1.1\r\nHost: 127.0")
+            began_ns = time.monotonic_ns()
+            os.kill(watchdog_of(rig), signal.SIGKILL)
+            silent_ns = rig.monitor.until_silent_once(began_ns)
+            rig.in_time("half-open connections, watchdog killed", began_ns, silent_ns, 3000)
+            rig.monitor.until(vibrates=True)
+        rig.silent_in_time("half-open connections, then SIGTERM", rig.signal(signal.SIGTERM))
+        assert len(end(rig)) < 10_000

@@ -103,7 +103,36 @@ def test_during_setup_a_board_may_be_slow(board, monkeypatch):
     device = FirmataDevice(f"{board.link}")
     with pytest.raises(DeviceError, match="does not respond"):
         device.set(1.0, 0.0, 0)
+    monkeypatch.undo()
     device.close()
+
+
+def test_a_response_without_content_is_an_error_of_the_device(board):
+    device = FirmataDevice(f"{board.link}")
+    board.corrupts = True
+    with pytest.raises(DeviceError, match="sends a response without content"):
+        device.set(1.0, 0.0, 0)
+    board.until(lambda board: not board.vibrates())
+    with pytest.raises(DeviceError, match="pin 9 does not support PWM"):
+        device.set(1.0, 0.0, 0)
+    board.corrupts = False
+    device.close()
+    device.close()
+
+
+@pytest.mark.parametrize("bits", [0, 17])
+def test_an_impossible_resolution_is_refused(tmp_path, bits):
+    with Board(tmp_path / "tty", {9: bits}) as board, pytest.raises(BadInput, match=f"PWM of {bits} bits"):
+        FirmataDevice(f"{board.link}")
+
+
+def test_closing_raises_if_silence_is_not_confirmed(board):
+    device = FirmataDevice(f"{board.link}")
+    device.set(1.0, 0.0, 0)
+    board.responds = False
+    with pytest.raises(DeviceError, match="does not respond"):
+        device.close()
+    board.until(lambda board: not board.vibrates())  # it obeyed, but nobody knows
 
 
 def test_a_port_that_is_lost_while_it_is_opened_is_reported(board, monkeypatch):

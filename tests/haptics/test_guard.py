@@ -149,6 +149,7 @@ def test_close_silences_for_good(spy):
     guard.close()
     guard.close()
     assert (spy.amplitude, spy.closed) == (0.0, 1)
+    assert guard.is_silent
 
 
 @pytest.mark.parametrize("error", [DeviceError("unplugged"), OSError("gone"), RuntimeError("firmware")])
@@ -186,6 +187,24 @@ def test_a_device_that_cannot_close_does_not_raise(spy):
     spy.close = refuse
     guard.close()
     assert guard.take_faults()[0].message == "did not close: busy"
+    assert guard.is_silent  # because it was set to silence
+
+
+def test_a_device_that_neither_accepts_silence_nor_closes_may_still_vibrate(spy):
+    guard = guard_of(spy)
+    send(guard, LOW, 0)
+    spy.error = DeviceError("hung")
+
+    def refuse():
+        raise DeviceError("does not confirm silence")
+
+    spy.close = refuse
+    guard.close()
+    assert not guard.is_silent
+    assert [fault.message for fault in guard.take_faults()] == [
+        "hung",
+        "did not close: does not confirm silence",
+    ]
 
 
 patterns = st.one_of(

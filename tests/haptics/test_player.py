@@ -67,6 +67,7 @@ def test_closing_silences_the_actuator_and_releases_the_device(device):
     player.close()
     assert device.is_silent.is_set()
     assert device.is_closed.is_set()
+    assert player.is_silent
 
 
 def test_a_device_that_blocks_does_not_block_the_loop(device, monkeypatch):
@@ -77,6 +78,7 @@ def test_a_device_that_blocks_does_not_block_the_loop(device, monkeypatch):
         player.send(make_step(LOW, stamp_ns=clock.now_ns()), clock.now_ns())
     player.close()
     assert "does not respond; it may still vibrate" in player.take_faults()[-1].message
+    assert not player.is_silent
     device.gate.set()
     assert device.is_closed.wait(PATIENCE_S)
 

@@ -1,6 +1,7 @@
 """The watchdog process silences its device when the run dies, hangs or closes."""
 
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -70,6 +71,82 @@ def test_it_is_restarted_if_it_is_killed(board, device):
     with suppress(DeviceError):  # it has not started yet
         device.set(0.0, 0.0, 1)
     board.until(lambda board: not board.vibrates())
+
+
+def hang(device):
+    """Stop the watchdog process while it vibrates; return its number."""
+    device.set(1.0, 80.0, 1)
+    device._process.send_signal(signal.SIGSTOP)
+    return device._process.pid
+
+
+def is_running(pid):
+    with suppress(ProcessLookupError):
+        os.kill(pid, 0)
+        return True
+    return False
+
+
+def test_it_is_replaced_if_it_hangs(board, device):
+    hung = hang(device)
+    with pytest.raises(DeviceError, match="did not answer, and was replaced"):
+        device.set(1.0, 80.0, 2)
+    board.until(lambda board: not board.vibrates())
+    assert not is_running(hung)
+    while not board.vibrates():
+        with suppress(DeviceError):  # it has not started yet
+            device.set(1.0, 80.0, 3)
+
+
+def test_a_process_that_acknowledges_is_not_replaced(board, device):
+    board.responds = False  # so the board, not the process, is to blame
+    process = device._process
+    for stamp_ns in range(3):
+        with pytest.raises(DeviceError, match=r"does not respond|nothing on"):
+            device.set(1.0, 80.0, stamp_ns)
+    assert device._process is process
+    board.responds = True
+
+
+@pytest.mark.parametrize("end", [hang, lambda device: device._process.kill()], ids=["hung", "killed"])
+def test_closing_silences_a_device_whose_process_does_not(board, device, end):
+    device.set(1.0, 80.0, 1)
+    end(device)
+    pid = device._process.pid
+    device.close()
+    assert not board.vibrates()
+    assert not is_running(pid)
+    assert device._process.poll() == 0
+
+
+@pytest.mark.parametrize("end", [hang, lambda device: None], ids=["hung", "alive"])
+def test_closing_a_device_that_does_not_confirm_silence_is_an_error(board, end):
+    device = WatchedDevice(FIRMATA, str(board.link))
+    device.set(1.0, 80.0, 1)
+    end(device)
+    board.unplug()
+    with pytest.raises(DeviceError, match="does not confirm silence"):
+        device.close()
+    device.close()  # the second call has nothing left to do
+
+
+def test_it_is_restarted_although_all_descriptors_are_used_up(board, device):
+    device.set(1.0, 80.0, 1)
+    limits, taken = resource.getrlimit(resource.RLIMIT_NOFILE), []
+    resource.setrlimit(resource.RLIMIT_NOFILE, (256, limits[1]))
+    try:
+        with suppress(OSError):
+            while True:
+                taken.append(os.open(os.devnull, os.O_RDONLY))
+        device._process.kill()
+        device._process.wait()
+        with suppress(DeviceError):  # it has not started yet
+            device.set(0.0, 0.0, 1)
+        board.until(lambda board: not board.vibrates())
+    finally:
+        for descriptor in taken:
+            os.close(descriptor)
+        resource.setrlimit(resource.RLIMIT_NOFILE, limits)
 
 
 @pytest.mark.parametrize("argument", ["/dev/nothing-here", "{port}?pin=4"])

@@ -64,6 +64,7 @@ class Board:
         self.changed = threading.Condition()
         self.commands = self.commands_at_edge = 0
         self.responds = True  # False: reads, but sends nothing
+        self.corrupts = False  # True: its responses have no content
         self.master = self.slave = -1
         self.wake_read, self.wake_write = os.pipe()
         self.plug()
@@ -159,7 +160,8 @@ class Board:
             self.changed.notify_all()
 
     def send_sysex(self, master, command, data):
-        self.send(master, bytes((SYSEX, command)) + data + bytes((SYSEX_END,)))
+        content = b"" if self.corrupts else data
+        self.send(master, bytes((SYSEX, command)) + content + bytes((SYSEX_END,)))
 
     def send(self, master, message):
         if self.responds:

@@ -9,7 +9,7 @@ from haptigraph.assemble import build, load_procedure
 from haptigraph.config import Config
 from haptigraph.dashboard.study.service import StudyService
 from haptigraph.dashboard.study.site import StudySite
-from haptigraph.errors import BadInput, HaptigraphError, StoreFailed
+from haptigraph.errors import BadInput, HaptigraphError, NotSilent, StoreFailed
 from haptigraph.messages import Step
 from haptigraph.pipeline import Loop
 from haptigraph.study.plan import Stage
@@ -50,19 +50,24 @@ class TrialEnd:
 
 
 def run_trials(service: StudyService, site: StudySite, base: Config, report: Callable[[str], None]) -> None:
-    """Run one trial after the other, until Ctrl-C.
+    """Run one trial after the other, until Ctrl-C (KeyboardInterrupt).
 
     Args:
         service: Provides the requested trials.
         site: Shows them.
         base: The station's configuration: source, registration, device.
         report: Called with a line about every trial.
+
+    Raises:
+        NotSilent: If Ctrl-C ended a trial whose actuator may still vibrate.
     """
     while True:
         session, stage = service.next_trial()
         problem = ""
         try:
             _run(service, site, base, session, stage, report)
+        except NotSilent:
+            raise
         except (HaptigraphError, OSError) as error:  # raised before the trial began: no attempt is used up
             problem = f"the trial did not begin: {error}"
         if problem:
@@ -98,9 +103,13 @@ def _run(
     if outcome == "aborted" and service.ending is None:  # not by a page
         problem = problem or f"the trial was aborted: {void}"
     report(f"{session.participant}  {stage.key}, attempt {attempt}: {problem or outcome}")
+    doubt = None if loop.report.is_silent else NotSilent(config.haptics.device)
+    if doubt is not None:
+        report(f"haptigraph: {doubt}")
+        problem = "; ".join(filter(None, (problem, str(doubt))))
     service.set_trial_status("", problem)
     if stopped is not None:
-        raise stopped
+        raise doubt or stopped
 
 
 def _play(loop: Loop, end: TrialEnd, service: StudyService) -> tuple[Outcome, str]:

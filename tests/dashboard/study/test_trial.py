@@ -4,9 +4,11 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
+import stuck_device
 from msgspec.structs import replace
 from studying import PROTOCOL, study_at
 
+from haptigraph import assemble
 from haptigraph.analysis.metrics.run import RunMeasures
 from haptigraph.assemble import build
 from haptigraph.config import load_config
@@ -15,7 +17,7 @@ from haptigraph.dashboard.study.service import StudyService
 from haptigraph.dashboard.study.site import StudySite
 from haptigraph.dashboard.study.snapshots import experimenter_snapshot, participant_snapshot
 from haptigraph.dashboard.study.trial import AFTER_HIT_NS, TrialEnd, run_trials
-from haptigraph.errors import BadInput, StoreFailed
+from haptigraph.errors import BadInput, NotSilent, StoreFailed
 from haptigraph.study.plan import Stage
 from haptigraph.study.runner import open_session
 from haptigraph.study.store import Store
@@ -129,6 +131,32 @@ def test_a_source_that_ends_early_voids_the_attempt(service, monkeypatch, quick_
     assert line == "P01  training/0/0/1, attempt 1: the trial was aborted: the source has ended"
     coming = service.session.next()
     assert (coming.stage.key, coming.attempt, coming.running) == (stage.key, 2, False)
+
+
+@pytest.fixture
+def stuck(monkeypatch):
+    monkeypatch.setitem(assemble.DEVICES, "stuck", stuck_device.PATH)
+
+
+def test_a_device_that_may_still_vibrate_is_a_problem_on_the_page(service, monkeypatch, quick_uri, stuck):
+    service.begin("P01", go_to_the_training(service).key)
+    lines = run_one(service, monkeypatch, base(quick_uri, "haptics.device=stuck"))
+    assert lines[-1] == stuck_device.NOT_SILENT
+    assert "it may still vibrate" in experimenter_snapshot(service)["problem"]
+
+
+def test_ctrl_c_in_a_trial_whose_device_may_still_vibrate_is_no_clean_end(
+    service, monkeypatch, quick_uri, stuck
+):
+    def interrupted(loop, *_):
+        for _ in loop.steps():
+            pass
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("haptigraph.dashboard.study.trial._play", interrupted)
+    service.begin("P01", go_to_the_training(service).key)
+    with pytest.raises(NotSilent, match="stuck does not confirm silence"):
+        run_one(service, monkeypatch, base(quick_uri, "haptics.device=stuck"))
 
 
 def test_a_take_over_during_a_trial_voids_the_attempt(service, monkeypatch, quick_uri):
