@@ -36,6 +36,8 @@ __all__ = [
     "unknown_name",
 ]
 
+MAX_LENGTH = 600
+
 
 class HaptigraphError(Exception):
     """Root of all errors raised by haptigraph."""
@@ -45,12 +47,15 @@ class BadInput(HaptigraphError):
     """A file, key or argument cannot be used.
 
     Args:
-        problem: What was found and what would be valid, without the location.
+        problem: What was found and what would be valid, without the location; its middle is left out if it is
+            longer than `MAX_LENGTH` characters.
         file: The file, if any.
         place: Location in the file ("line 12, [[relation]] 3"), if known.
     """
 
     def __init__(self, problem: str, file: str | Path | None = None, place: str = "") -> None:
+        if len(problem) > MAX_LENGTH:
+            problem = f"{problem[: MAX_LENGTH * 2 // 3]} ... {problem[-MAX_LENGTH // 3 :]}"
         self.problem, self.file, self.place = problem, file, place
         where = ", ".join(part for part in (str(file) if file else "", place) if part)
         super().__init__(f"{where}: {problem}" if where else problem)

@@ -224,7 +224,7 @@ class Loop:
                 capture = self.source.read(self._stale_ms / 1e3)
             except EndOfSource:
                 self._clock.wait_until(self._clock.now_ns() + round(1e9 / self.source.rate_hz))
-                yield self._without_image("ended", faults)
+                yield self._without_image("", faults)
                 return
             except SourceLost as error:
                 capture, lost = None, str(error)
@@ -246,8 +246,9 @@ class Loop:
         return capture
 
     def _without_image(self, message: str, faults: tuple[Fault, ...]) -> Capture:
-        """Make a capture without image, whose step reports the needle as lost, and why."""
-        faults = (*faults, Fault("source", message))
+        """Make a capture without image, whose step reports the needle as lost, and why, if it is a fault."""
+        if message:
+            faults = (*faults, Fault("source", message))
         return Capture(max(self._index, 0), self._clock.now_ns(), None, faults=faults)
 
     def _paced(self, capture: Capture) -> Capture:

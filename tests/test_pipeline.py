@@ -159,7 +159,9 @@ def test_the_end_of_a_source_is_a_step_and_closes_everything(procedure, registra
     source = ListSource(captures(2))
     loop, output, sink = loop_of(pipeline_of(procedure, ScriptedPerceiver(registration, tips)), source)
     loop.run()
-    assert sink.steps[-1].faults == (Fault("source", "ended"),)
+    assert sink.steps[-1].faults == ()  # a normal end is no fault
+    assert sink.captures[-1].image is None
+    assert not loop.report.faults
     assert (source.closed, output.closed, sink.closed) == (1, 1, 1)
 
 

@@ -7,8 +7,11 @@ configures the network.
 import os
 import re
 import threading
+import time
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
+from pathlib import Path
 from typing import Any, TypeVar
 
 from cyclonedds.builtin import (
@@ -37,22 +40,26 @@ from cyclonedds.util import duration
 
 from haptigraph.errors import BadInput
 
-__all__ = ["Node", "Publisher", "checked_topic", "domain_id"]
+__all__ = ["Node", "Publisher", "buffer_hint", "checked_topic", "domain_id"]
 
 M = TypeVar("M", bound=IdlStruct)
 
 # Cyclone rejects parts of eProsima's type objects, so that types with sequences would not match
 # (https://github.com/eclipse-cyclonedds/cyclonedds/pull/2333). ROS matches types by their names anyway.
-COMPATIBLE = (
-    "<CycloneDDS><Domain><Compatibility><IgnoreTypeInformation>1.15</IgnoreTypeInformation>"
-    "</Compatibility></Domain></CycloneDDS>"
+# A raw image of 1280 x 720 px has 43 packets: the default receive buffer overflows before they are read.
+RECEIVE_BUFFER_BYTES = 4 * 1024**2
+SETTINGS = (
+    "<CycloneDDS><Domain><Compatibility><IgnoreTypeInformation>1.15</IgnoreTypeInformation></Compatibility>"
+    f'<Internal><SocketReceiveBufferSize max="{RECEIVE_BUFFER_BYTES}B"/></Internal></Domain></CycloneDDS>'
 )
+KERNEL_LIMIT = Path("/proc/sys/net/core/rmem_max")
 MAX_DOMAIN = 232
 # Reliable, so that it matches every subscriber. cyclonedds holds the GIL while a write waits for slow
 # readers, so writes must not wait; with a short history they need not.
 PUBLISHER_QOS = Qos(Policy.Reliability.Reliable(duration(milliseconds=1)), Policy.History.KeepLast(10))
 DEPTH = 64
 WAIT_NS = duration(milliseconds=100)  # between a subscriber's checks whether to end
+CHECK_S = 0.5  # between checks of the publishers
 CLOSE_TIMEOUT_S = 1.0
 
 
@@ -132,6 +139,7 @@ class Node:
         reject: Callable[[str], None],
         *,
         depth: int = DEPTH,
+        is_large: bool = False,
     ) -> None:
         """Pass every message of a topic to a callback, in a thread of its own.
 
@@ -141,13 +149,16 @@ class Node:
             take: Called with every message.
             reject: Called with the problem of a message that cannot be decoded, or for which `take` raises.
             depth: Length of the queue; if it is full, the oldest messages are lost.
+            is_large: Whether a message has many packets. If all publishers are reliable, lost ones are then sent
+                again; the first messages may be lost while the subscription adapts.
         """
-        # Best effort, so that it matches every publisher; late messages are not needed.
-        qos = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(depth))
         dds_topic = Topic(self._joined, f"rt{checked_topic(topic)}", message_type)
-        reader = DataReader(self._joined, dds_topic, qos=qos)
+        subscription = _Subscription(self._joined, dds_topic, depth, is_large=is_large)
         thread = threading.Thread(
-            target=self._receive, args=(reader, take, reject), name=f"haptigraph-ros2-{topic}", daemon=True
+            target=self._receive,
+            args=(subscription, take, reject),
+            name=f"haptigraph-ros2-{topic}",
+            daemon=True,
         )
         self._threads.append(thread)
         thread.start()
@@ -178,20 +189,52 @@ class Node:
         return self._participant
 
     def _receive(
-        self, reader: DataReader[M], take: Callable[[M], None], reject: Callable[[str], None]
+        self, subscription: "_Subscription", take: Callable[[Any], None], reject: Callable[[str], None]
     ) -> None:
-        waitset = WaitSet(self._joined)
-        # In any instance state, for the last messages of a node that has left.
-        unread = ReadCondition(reader, ViewState.Any | InstanceState.Any | SampleState.NotRead)
-        waitset.attach(unread)
         while not self._closing.is_set():
             try:
-                waitset.wait(WAIT_NS)
-                while not self._closing.is_set() and (messages := reader.take(N=1, condition=unread)):
+                subscription.wait()
+                while not self._closing.is_set() and (messages := subscription.take()):
                     if not isinstance(messages[0], InvalidSample):  # which announces that a node has left
                         take(messages[0])
             except Exception as error:  # no message may end this thread
                 reject(str(error) or type(error).__name__)
+
+
+class _Subscription:
+    """A reader of one topic: it matches every publisher, and is reliable if all of them permit that."""
+
+    def __init__(
+        self, participant: DomainParticipant, topic: "Topic[Any]", depth: int, *, is_large: bool
+    ) -> None:
+        self._participant, self._topic, self._depth, self._is_large = participant, topic, depth, is_large
+        self._publications = _Endpoints(participant, BuiltinTopicDcpsPublication)
+        self._check_at_s = 0.0
+        self._open(is_reliable=False)
+
+    def wait(self) -> None:
+        """Wait for a message, for a short time; adapt to the publishers now and then."""
+        now_s = time.monotonic()
+        if self._is_large and now_s >= self._check_at_s:
+            self._check_at_s = now_s + CHECK_S
+            is_reliable = self._publications.are_reliable(self._topic.name)
+            if is_reliable != self._is_reliable:
+                self._open(is_reliable=is_reliable)
+        self._waitset.wait(WAIT_NS)
+
+    def take(self) -> list[Any]:
+        """Return the oldest message that was not taken yet, if any."""
+        return self._reader.take(N=1, condition=self._unread)
+
+    def _open(self, *, is_reliable: bool) -> None:
+        self._is_reliable = is_reliable
+        reliability = Policy.Reliability.Reliable(0) if is_reliable else Policy.Reliability.BestEffort
+        qos = Qos(reliability, Policy.History.KeepLast(self._depth))
+        self._reader: DataReader[Any] = DataReader(self._participant, self._topic, qos=qos)
+        # In any instance state, for the last messages of a node that has left.
+        self._unread = ReadCondition(self._reader, ViewState.Any | InstanceState.Any | SampleState.NotRead)
+        self._waitset = WaitSet(self._participant)
+        self._waitset.attach(self._unread)
 
 
 class _Endpoints:
@@ -199,16 +242,28 @@ class _Endpoints:
 
     def __init__(self, participant: DomainParticipant, topic: BuiltinTopic) -> None:
         self._reader: BuiltinDataReader | None = BuiltinDataReader(participant, topic)
-        self._seen: dict[Any, tuple[str, str]] = {}
+        self._seen: dict[Any, tuple[str, str, bool]] = {}
 
     def topics(self) -> dict[str, str]:
+        """Return ROS name and DDS name of the type of each topic."""
+        self._update()
+        seen = self._seen.values()
+        return dict(sorted((name.removeprefix("rt"), kind) for name, kind, _ in seen if name[:3] == "rt/"))
+
+    def are_reliable(self, topic: str) -> bool:
+        """Return whether a topic has endpoints, and all of them are reliable."""
+        self._update()
+        reliable = [is_reliable for name, _, is_reliable in self._seen.values() if name == topic]
+        return bool(reliable) and all(reliable)
+
+    def _update(self) -> None:
         for sample in self._reader.take(N=1000) if self._reader else ():
             if sample.sample_info.instance_state == InstanceState.Alive:
-                self._seen[sample.key] = sample.topic_name, sample.type_name
+                reliability = sample.qos[Policy.Reliability]
+                is_reliable = isinstance(reliability, Policy.Reliability.Reliable)
+                self._seen[sample.key] = sample.topic_name, sample.type_name, is_reliable
             else:
                 self._seen.pop(sample.key, None)
-        topics = [(name.removeprefix("rt"), kind) for name, kind in self._seen.values() if name[:3] == "rt/"]
-        return dict(sorted(topics))
 
     def close(self) -> None:
         self._reader = None
@@ -245,4 +300,16 @@ def checked_topic(name: str) -> str:
 def _configured(domain: int) -> Domain:
     """Configure a domain, once per process: DDS cannot configure a domain again."""
     user_settings = os.environ.get("CYCLONEDDS_URI", "")
-    return Domain(domain, f"{COMPATIBLE},{user_settings}" if user_settings else COMPATIBLE)
+    return Domain(domain, f"{SETTINGS},{user_settings}" if user_settings else SETTINGS)
+
+
+def buffer_hint() -> str:
+    """Return how to permit a receive buffer that is large enough for raw images; empty if it is (Linux)."""
+    with suppress(OSError, ValueError):
+        limit_bytes = int(KERNEL_LIMIT.read_text())
+        if limit_bytes < RECEIVE_BUFFER_BYTES:
+            return (
+                f"the kernel limits receive buffers to {limit_bytes // 1024} KiB, so raw images may be lost; "
+                f"sudo sysctl -w net.core.rmem_max={RECEIVE_BUFFER_BYTES}"
+            )
+    return ""

@@ -2,12 +2,15 @@
 
 ros_node.py camera FOLDER N    sends N images, waits for the needle tip of each, counts every topic
 ros_node.py stick N            sends N Joy messages, and measures the motion of the needle
+ros_node.py raw W H N          sends N raw images of W x H px, 30 a second
 ros_node.py echo               returns JoyFeedback messages, until one has intensity 2
 """
 
 import json
+import os
 import sys
 import time
+from array import array
 from collections import Counter
 from pathlib import Path
 
@@ -15,7 +18,7 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PointStamped
 from rclpy.qos import qos_profile_sensor_data
-from sensor_msgs.msg import CompressedImage, Joy, JoyFeedback
+from sensor_msgs.msg import CompressedImage, Image, Joy, JoyFeedback
 from std_msgs.msg import Float64, String
 
 TOPICS = {
@@ -115,6 +118,24 @@ def stick(node, count):
     return {"moved_mm": 1e3 * ((after.x - before.x) ** 2 + (after.y - before.y) ** 2) ** 0.5}
 
 
+def raw(node, width, height, count):
+    publisher = node.create_publisher(
+        Image, "/camera/image_raw", 10
+    )  # reliable, as cameras' drivers are by default
+    end_s = time.monotonic() + TIMEOUT_S
+    while not publisher.get_subscription_count() and time.monotonic() < end_s:
+        rclpy.spin_once(node, timeout_sec=0.1)
+    message = Image(height=height, width=width, encoding="bgr8", step=3 * width)
+    message.data = array("B", os.urandom(3 * width * height))
+    begin_s = time.monotonic() + 2.0  # the subscriber adapts to the publisher
+    for number in range(count):
+        time.sleep(max(begin_s + number / 30 - time.monotonic(), 0))
+        message.header.stamp = node.get_clock().now().to_msg()
+        publisher.publish(message)
+    time.sleep(2.0)
+    return {"sent": count}
+
+
 def echo(node):
     publisher, received = node.create_publisher(JoyFeedback, "/back", 10), Counter()
 
@@ -137,7 +158,7 @@ def main():
     if role == "camera":
         result = camera(node, arguments[0], int(arguments[1]))
     else:
-        result = {"stick": stick, "echo": echo}[role](node, *map(int, arguments))
+        result = {"stick": stick, "echo": echo, "raw": raw}[role](node, *map(int, arguments))
     sys.stdout.write(json.dumps(result) + "\n")
     sys.stdout.flush()
     node.destroy_node()

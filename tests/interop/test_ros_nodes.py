@@ -6,6 +6,7 @@ import queue
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import msgspec
@@ -15,14 +16,18 @@ from ros_network import Peer, loopback, running
 
 pytest.importorskip("cyclonedds")
 
+from haptigraph.clock import MonotonicClock
+from haptigraph.errors import SourceLost
 from haptigraph.graph import SceneGraph
 from haptigraph.recording.codec import encode_jpeg
+from haptigraph.ros2.node import buffer_hint
 from haptigraph.ros2.types import Joy, JoyFeedback
+from haptigraph.sources.cameras.ros2 import Ros2Source
 from haptigraph.sources.phantom import PhantomSource
 
 HERE = Path(__file__).parent
 ENVIRONMENTS = Path(__file__).parents[2] / ".interop"
-COUNT = 1000
+COUNT, RAW_COUNT = 1000, 300
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600), pytest.mark.xdist_group("ros2")]
 
 
@@ -102,6 +107,27 @@ def test_a_ros_node_sends_images_and_receives_every_topic(ros, eye, capsys):
     assert received["level"] in (0, 1)
     assert received["types"]["/haptigraph/needle_tip"] == ["geometry_msgs/msg/PointStamped"]
     assert received["types"]["/diagnostics"] == ["diagnostic_msgs/msg/DiagnosticArray"]
+
+
+@pytest.mark.parametrize("size_px", [(1280, 720), (1920, 1080)])
+def test_raw_images_of_a_ros_node_arrive(ros, size_px, capsys):
+    """At least 99 %; the first may come before the subscriber has adapted to the publisher."""
+    source = Ros2Source("/camera/image_raw", size_px=size_px, rate_hz=30.0, clock=MonotonicClock())
+    node, ages_ms = ros("raw", *size_px, RAW_COUNT), []
+    last = -1
+    while node.poll() is None:
+        with suppress(SourceLost):
+            if (capture := source.read(0.1)) is not None:
+                last = capture.index
+                ages_ms.append((capture.camera.arrived_ns - capture.stamp_ns) / 1e6)
+    source.close()
+    p50, p99 = np.percentile(ages_ms, [50, 99])
+    with capsys.disabled():
+        size = "{} x {}".format(*size_px)
+        sys.stdout.write(
+            f"\n{ros.name}: raw {size}: {last + 1} of {RAW_COUNT}, p50 {p50:.1f} ms, p99 {p99:.1f} ms\n"
+        )
+    assert last + 1 >= 0.99 * RAW_COUNT, buffer_hint()
 
 
 def test_a_ros_joystick_steers_without_losing_messages(ros):

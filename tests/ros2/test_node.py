@@ -5,8 +5,11 @@ from ros_network import broken_program, until
 
 pytest.importorskip("cyclonedds")
 
+from cyclonedds.builtin import BuiltinTopicDcpsSubscription
+from cyclonedds.qos import Policy, Qos
+
 from haptigraph.errors import BadInput
-from haptigraph.ros2.node import Node, checked_topic, domain_id
+from haptigraph.ros2.node import Node, _Endpoints, buffer_hint, checked_topic, domain_id
 from haptigraph.ros2.types import Header, Image, Joy, String, Time
 
 
@@ -26,6 +29,33 @@ def test_an_image_of_megabytes_arrives_unchanged(peer):
     image = peer.next("/image")
     assert (image.header.stamp.ns, image.width, image.height) == (3_000_000_004, 1280, 720)
     assert image.data == data
+
+
+def test_a_subscriber_is_reliable_if_all_publishers_are(peer, ros_network, monkeypatch):
+    endpoints = _Endpoints(peer.node._joined, BuiltinTopicDcpsSubscription)
+    node = Node()
+    node.subscribe("/adapts", String, lambda message: None, print, is_large=True)
+    until(lambda: "/adapts" in endpoints.topics(), "nobody subscribes")
+    assert not endpoints.are_reliable("rt/adapts")  # so that it matches every publisher
+    reliable = peer.publisher("/adapts", String)
+    until(lambda: endpoints.are_reliable("rt/adapts"), "the subscriber does not adapt")
+    qos = Qos(Policy.Reliability.BestEffort)
+    monkeypatch.setattr("haptigraph.ros2.node.PUBLISHER_QOS", qos)
+    peer.publisher("/adapts", String)
+    until(lambda: not endpoints.are_reliable("rt/adapts"), "the second publisher would not be heard")
+    assert reliable.has_subscribers
+    endpoints.close()
+    node.close()
+
+
+@pytest.mark.parametrize(("limit", "hint"), [("212992\n", "208 KiB"), ("4194304\n", ""), ("odd", "")])
+def test_a_small_receive_buffer_is_explained(monkeypatch, tmp_path, limit, hint):
+    (tmp_path / "rmem_max").write_text(limit)
+    monkeypatch.setattr("haptigraph.ros2.node.KERNEL_LIMIT", tmp_path / "rmem_max")
+    assert bool(buffer_hint()) is bool(hint)
+    assert hint in buffer_hint()
+    monkeypatch.setattr("haptigraph.ros2.node.KERNEL_LIMIT", tmp_path / "none")
+    assert buffer_hint() == ""
 
 
 def test_an_undecodable_message_is_rejected_and_the_next_is_received(peer):

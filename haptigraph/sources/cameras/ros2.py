@@ -15,7 +15,7 @@ from haptigraph.clock import Clock, offset_ns
 from haptigraph.errors import SourceLost
 from haptigraph.messages import CameraStamp, Capture, Fault, Image
 from haptigraph.ros2 import types
-from haptigraph.ros2.node import Node, checked_topic
+from haptigraph.ros2.node import Node, buffer_hint, checked_topic
 from haptigraph.sources.cameras.ros2_images import compressed_image, raw_image
 from haptigraph.stages import Source
 
@@ -46,6 +46,7 @@ class Ros2Source(Source):
 
     def __init__(self, topic: str, *, size_px: tuple[int, int], rate_hz: float, clock: Clock) -> None:
         self.rate_hz = rate_hz
+        self.notes = (hint,) if (hint := buffer_hint()) else ()
         self._topic, self._size_px, self._clock = checked_topic(topic), size_px, clock
         self._changed = threading.Condition()
         self._newest: Capture | None = None
@@ -56,7 +57,9 @@ class Ros2Source(Source):
         self._arrived_ns: int | None = clock.now_ns()
         """When an image last arrived; None once the silence was reported."""
         self._node = Node()
-        subscribe = partial(self._node.subscribe, self._topic, reject=self._reject, depth=QUEUE_SIZE)
+        subscribe = partial(
+            self._node.subscribe, self._topic, reject=self._reject, depth=QUEUE_SIZE, is_large=True
+        )
         subscribe(types.Image, self._take_raw)
         subscribe(types.CompressedImage, self._take_compressed)
 
@@ -127,7 +130,8 @@ class Ros2Source(Source):
         topic = f"ros2:{self._topic} (ROS domain {self._node.domain})"
         kind = published.get(self._topic)
         if kind in IMAGE_TYPES:
-            return f"{topic} is published, but no image arrives"
+            hint = buffer_hint() or "if it is raw, subscribe to its compressed topic, or check the network"
+            return f"{topic} is published, but no image arrives; {hint}"
         images = [name for name, kind in published.items() if kind in IMAGE_TYPES]
         others = f"images are published on {', '.join(images)}" if images else "no images are published"
         if kind is None:

@@ -29,7 +29,7 @@ def test_a_table_has_a_row_per_step_and_empty_cells_for_missing_values(recording
             tuple(map(str, tip.at_mm)) if tip else ("", "")
         )
         assert bool(row["theta_deg"]) == ("theta_deg" in step.graph.measures)
-    assert rows[-1]["faults"] == "source: ended"
+    assert rows[-1]["faults"] == ""
     assert {row["theta_deg"] == "" for row in rows} == {True, False}
 
 
