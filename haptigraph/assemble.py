@@ -220,11 +220,12 @@ def open_source(config: Config, clock: Clock, size_px: tuple[int, int] | None = 
     check_members(source, Source, f"source {kind} ({SOURCES[kind]})")
     if settings.crop_px and kind != "oct":  # which crops by itself
         source = _load("haptigraph.sources.oct.crop:CropSource")(source, settings.crop_px, settings.uri)
+    waits, read_ahead = isinstance(clock, VirtualClock), _load("haptigraph.sources.reading:ReadAhead")
     if kind in GENERATED and settings.jpeg_quality:
+        if kind in PREFETCHABLE:  # so that one image is made while the previous one is compressed
+            source = read_ahead(source, waits=waits)
         source = _load("haptigraph.sources.jpeg:JpegSource")(source, settings.jpeg_quality)
-    if kind in PREFETCHABLE:
-        source = _load("haptigraph.sources.reading:ReadAhead")(source, waits=isinstance(clock, VirtualClock))
-    return source
+    return read_ahead(source, waits=waits) if kind in PREFETCHABLE else source
 
 
 def open_device(name: str) -> Device:

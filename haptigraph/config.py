@@ -39,7 +39,7 @@ class SourceConfig(Struct, frozen=True, forbid_unknown_fields=True):
     path of a video, a DICOM file, a folder of images, or a recording, also one of the RealSense SDK."""
     registration: str = ""
     """Path of the registration; empty: the source's own."""
-    jpeg_quality: Annotated[int, Meta(ge=0, le=100)] = 95
+    jpeg_quality: Annotated[int, Meta(ge=0, le=100)] = 90
     """JPEG quality for images of cameras and the phantom, applied before perception so that recordings stay
     small and replay exactly; 0: images stay raw and are recorded as PNG."""
     rate_hz: Annotated[float, Meta(ge=0.01, le=1000)] = 30.0

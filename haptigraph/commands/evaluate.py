@@ -16,6 +16,11 @@ __all__ = ["evaluate"]
 )
 @click.option("--perceiver", metavar="NAME", help="Perceiver to score; with --simulated the default is all.")
 @click.option("--seed", type=click.IntRange(min=0), help="Random seed of the simulated scenes.")
+@click.option(
+    "--as-recorded",
+    is_flag=True,
+    help="Pass the clip's images through JPEG first (source.jpeg_quality), as those of a camera are.",
+)
 @click.option("--figure", metavar="FILE", help="Plot the errors on simulated scenes: PNG, SVG or PDF.")
 @procedure_option
 @config_option
@@ -26,6 +31,7 @@ def evaluate(
     simulated: int | None,
     perceiver: str | None,
     seed: int | None,
+    as_recorded: bool,
     figure: str | None,
     procedure: str | None,
     config: str | None,
@@ -46,11 +52,13 @@ def evaluate(
         raise BadInput("evaluate takes either CLIP_DIR or --simulated N")
     if clip_dir is not None and (seed is not None or figure is not None):
         raise BadInput("--seed and --figure go with --simulated N")
+    if clip_dir is None and as_recorded:
+        raise BadInput("--as-recorded goes with CLIP_DIR")
     with progress_bar() as progress:
         if clip_dir is not None:
             from haptigraph.analysis.evaluation.report import report_clip
 
-            report = report_clip(clip_dir, load_config(config, given), progress)
+            report = report_clip(clip_dir, load_config(config, given), progress, as_recorded=as_recorded)
         else:
             from haptigraph.analysis.evaluation.accuracy import report_simulated
 

@@ -27,7 +27,16 @@ def encode_png(image: Image) -> bytes:
 
 def encode_jpeg(image: Image, quality: int) -> bytes:
     """Compress an image as JPEG, with a quality from 1 to 100."""
-    return _encode(".jpg", image, (cv2.IMWRITE_JPEG_QUALITY, quality))
+    return _encode(
+        ".jpg",
+        image,
+        (
+            cv2.IMWRITE_JPEG_QUALITY,
+            quality,
+            cv2.IMWRITE_JPEG_SAMPLING_FACTOR,
+            cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444,
+        ),
+    )
 
 
 def decode(data: bytes) -> Image:

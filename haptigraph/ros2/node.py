@@ -149,7 +149,7 @@ class Node:
             take: Called with every message.
             reject: Called with the problem of a message that cannot be decoded, or for which `take` raises.
             depth: Length of the queue; if it is full, the oldest messages are lost.
-            is_large: Whether a message has many packets. If all publishers are reliable, lost ones are then sent
+            is_large: Whether messages have many packets. If all publishers are reliable, lost ones are sent
                 again; the first messages may be lost while the subscription adapts.
         """
         dds_topic = Topic(self._joined, f"rt{checked_topic(topic)}", message_type)

@@ -98,6 +98,10 @@ def test_evaluate_prints_a_table_or_one_json_object(clip):
     assert "detection_rate" in text
     assert re.search(r"lag +-?0\.0\d images behind the truth \(alpha 1\)", text)
     scores = json.loads(call("evaluate", clip, "--json").output)
+    recorded = json.loads(call("evaluate", clip, "--as-recorded", "--json").output)
+    assert recorded != scores and recorded["final_state"] == scores["final_state"]
+    unchanged = ("--as-recorded", "--set", "source.jpeg_quality=0", "--json")
+    assert json.loads(call("evaluate", clip, *unchanged).output) == scores
     assert scores["clip"] == clip.name
     assert set(scores["angle_error_deg"]) == {"shallow", "deep"}
 
@@ -121,6 +125,7 @@ def test_evaluate_takes_a_clip_or_simulated_scenes(tmp_path):
     for wrong in ((), (tmp_path, "--simulated", 3)):
         assert "either CLIP_DIR or --simulated N" in refuse("evaluate", *wrong)
     assert "--seed and --figure go with --simulated" in refuse("evaluate", tmp_path, "--seed", 1)
+    assert "--as-recorded goes with CLIP_DIR" in refuse("evaluate", "--simulated", 1, "--as-recorded")
     assert "unknown perceiver 'none'" in refuse("evaluate", "--simulated", 1, "--perceiver", "none")
     for wrong, problem in (("none/a.png", "no such folder"), ("a.xyz", "valid endings: .png, .svg, .pdf")):
         assert problem in refuse("evaluate", "--simulated", 1, "--figure", tmp_path / wrong)
@@ -381,5 +386,5 @@ def test_a_damaged_recording_is_an_error(recording, tmp_path):
     assert f"are saved in {saved}; {damaged} is unchanged" in result.output
     assert damaged.read_bytes() == data
     again = call("replay", saved)
-    assert "missing: step " in again.output and "0 steps" not in again.output
+    assert "missing: step " in again.output and " 0 steps" not in again.output
     assert "exists already" in refuse("recover", damaged)

@@ -24,6 +24,7 @@ from haptigraph.geometry import ImageGeometry, Point, Vec
 from haptigraph.messages import TIP_NOT_VISIBLE, UNKNOWN, Step
 from haptigraph.recording.writer import Progress
 from haptigraph.registration.loading import load_camera_registration
+from haptigraph.sources.jpeg import JpegSource
 from haptigraph.sources.reading import read_images
 
 __all__ = [
@@ -55,13 +56,16 @@ class Evaluation(Struct, frozen=True):
     """Lag of the reported tip behind the true one, in images."""
 
 
-def evaluate_clip(folder: str | Path, config: Config, progress: Progress | None = None) -> Evaluation:
+def evaluate_clip(
+    folder: str | Path, config: Config, progress: Progress | None = None, *, as_recorded: bool = False
+) -> Evaluation:
     """Run a labelled clip through a pipeline and score it.
 
     Args:
         folder: The clip.
         config: Selects perceiver and procedure.
         progress: Called with the progress.
+        as_recorded: Whether images pass through JPEG first, as those of a camera do.
 
     Raises:
         BadInput: If a file is missing or not valid.
@@ -74,6 +78,8 @@ def evaluate_clip(folder: str | Path, config: Config, progress: Progress | None 
     pipeline = assemble.build_pipeline(config, registration, procedure)
     clip = replace(config.source, uri=str(folder / "clip.mp4"), loop=False)
     source = assemble.open_source(replace(config, source=clip), VirtualClock())
+    if as_recorded and clip.jpeg_quality:
+        source = JpegSource(source, clip.jpeg_quality)
     steps = []
     try:
         with closing(read_images(source)) as captures:

@@ -47,13 +47,15 @@ class Report(Struct, frozen=True):
     """For people."""
 
 
-def report_clip(clip_dir: str | Path, config: Config, progress: Progress | None = None) -> Report:
-    """Score a labelled clip.
+def report_clip(
+    clip_dir: str | Path, config: Config, progress: Progress | None = None, *, as_recorded: bool = False
+) -> Report:
+    """Score a labelled clip; see `evaluate_clip`.
 
     Raises:
         BadInput: If a file is missing or not valid.
     """
-    evaluation = evaluate_clip(clip_dir, config, progress)
+    evaluation = evaluate_clip(clip_dir, config, progress, as_recorded=as_recorded)
     lines = [f"{name:34}{value}" for name, value in _flat(evaluation.scores)]
     lag, perception = evaluation.lag_images, config.perception
     average = f" (alpha {perception.alpha:g})" if perception.perceiver == "threshold" else ""
