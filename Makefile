@@ -8,7 +8,7 @@ NATIVE := haptigraph/perception/native
 SANITIZED := build/sanitized
 SCENES ?= $(basename $(notdir $(wildcard rendering/scenes/*.toml)))
 
-.PHONY: setup demo live test test-pythons test-slow test-native mutants fuzz check bench bench-degraded ablation bench-live bench-oct bench-touch bench-sweep compare-touch rehearse screenshots soak golden train render interop lock clean
+.PHONY: setup demo live test test-pythons test-slow test-native mutants fuzz check bench bench-degraded ablation bench-live bench-oct bench-touch bench-sweep compare-touch rehearse screenshots faults soak golden train render interop lock clean
 
 setup: $(VENV)/ready
 
@@ -131,6 +131,9 @@ render: setup .venv-rendering/ready  ## labelled clips of rendered scenes into b
 	@for scene in $(SCENES); do \
 		.venv-rendering/bin/python -m rendering.render $$scene && $(BIN)/python -m rendering.pack $$scene || exit 1; \
 	done
+
+faults: setup  ## 1,560 random faults against the real program, 55 minutes a call; goes on where it stopped (build/faults.jsonl)
+	mkdir -p build && PYTHONPATH=.:tests/support:tests/dashboard:tests/faults $(BIN)/python tests/faults/campaign.py --results build/faults.jsonl
 
 soak: setup  ## memory over 100,000 steps, then eight hours of random faults; takes hours
 	$(BIN)/python benchmarks/memory.py

@@ -54,6 +54,12 @@ class RunReport(Struct):
     """Whether the run is over, and the actuator raised no doubt that it is silent."""
 
     @property
+    def incomplete(self) -> str:
+        """Why the recording is incomplete; empty if it is complete or there is none."""
+        faults = (fault.removeprefix("recorder: ") for fault in self.faults if fault.startswith("recorder: "))
+        return next((fault for fault in faults if " is incomplete (" in fault), "")
+
+    @property
     def rate_hz(self) -> float:
         """Steps per second of wall-clock time."""
         return self.steps / self.wall_s if self.wall_s > 0 else 0.0

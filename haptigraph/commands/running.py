@@ -106,13 +106,21 @@ def run_loop(config: "Config", page: "LivePage | None" = None) -> bool:
                 _end_page(page, str(failure or loop.report.ended))
     if isinstance(failure, BadInput) and not failure.file:
         failure = BadInput(failure.problem, config.source.uri, failure.place)
-    if not loop.report.is_silent:
-        if failure is not None:
-            print_status(f"haptigraph: {failure}")
-        raise NotSilent(config.haptics.device)
-    if failure is not None:
-        raise failure
+    _raise_last(
+        HaptigraphError(loop.report.incomplete) if loop.report.incomplete else None,
+        failure,
+        None if loop.report.is_silent else NotSilent(config.haptics.device),
+    )
     return loop.report.ended != "interrupted"
+
+
+def _raise_last(*problems: HaptigraphError | None) -> None:
+    """Raise the last problem, if any, after printing those before it."""
+    raised = [problem for problem in problems if problem is not None]
+    for problem in raised[:-1]:
+        print_status(f"haptigraph: {problem}")
+    if raised:
+        raise raised[-1]
 
 
 def _run_to_end(loop: "Loop", measures: "RunMeasures") -> HaptigraphError | None:

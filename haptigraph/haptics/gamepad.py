@@ -97,6 +97,9 @@ class GamepadDevice:
             problem = "cannot rumble" if self._pad else f"cannot be opened ({self._sdl_error()})"
             self._release()
             raise DeviceError(f"controller {self._number} {problem}")
+        # An earlier process may have left it vibrating; SDL sends no silence to what it takes for silent.
+        for level in (1, 0):
+            self._sdl.SDL_JoystickRumble(self._pad, level, 0, HOLDS_MS)
 
     def _release(self) -> None:
         pad, self._pad = self._pad, None

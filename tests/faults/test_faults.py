@@ -160,6 +160,7 @@ def test_a_watchdog_process_that_hangs_is_replaced_and_vibration_resumes(rig):
     end(rig)
 
 
+@pytest.mark.parametrize("rig", ["serial", "gamepad"], indirect=True)
 def test_a_watchdog_process_that_hangs_at_the_end_leaves_no_vibration(rig):
     watchdog = watchdog_of(rig)
     began_ns = time.monotonic_ns()
@@ -214,7 +215,7 @@ def test_a_full_disk_is_reported_and_control_continues(tmp_path):
         await_commands(rig, 10)
         assert is_steady(rig)
         rig.silent_in_time("full disk, then SIGINT", rig.signal(signal.SIGINT))
-        end(rig, whole=False)
+        end(rig, code=2, whole=False)
         assert recover(rig.record).saved == rig.record
 
 

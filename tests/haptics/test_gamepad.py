@@ -53,6 +53,11 @@ def test_a_renewed_rumble_continues_and_another_ends_by_itself(pad, device):
     assert pad.rumbles[-1][0] - renewed_ns >= 140e6
 
 
+def test_opening_silences_what_an_earlier_process_left_vibrating(pad, device):
+    """SDL passes nothing on to its driver that equals what it last sent, so silence must be a change."""
+    assert [levels for _, *levels in pad.rumbles] == [[1, 0], [0, 0]]
+
+
 def test_closing_stops_the_motors(pad, device):
     device.set(1.0, 160.0, 0)
     device.close()

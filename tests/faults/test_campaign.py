@@ -1,0 +1,52 @@
+"""A fixed part of the campaign of `make faults`."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import campaign
+import msgspec
+import pytest
+from campaign import Result, planned, table
+
+pytest.importorskip("serial")
+pytest.importorskip("sdl2", exc_type=ImportError)
+pytestmark = pytest.mark.xdist_group("faults")
+
+
+def test_some_faults_of_each_kind_break_no_promise(tmp_path):
+    results = tmp_path / "results.jsonl"
+    command = [
+        sys.executable,
+        campaign.__file__,
+        "--scale",
+        "0.012",
+        "--minutes",
+        "1",
+        "--results",
+        str(results),
+    ]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=115)
+    assert done.returncode == 0, done.stderr
+    ran = [msgspec.json.decode(line, type=Result) for line in results.read_bytes().splitlines()]
+    assert len(ran) >= 10
+    assert "| broken promises |" in done.stdout
+
+
+def test_a_whole_campaign_has_1500_trials_and_60_of_each_kind():
+    kinds = [kind for kind, _ in planned(1.0, "")]
+    assert len(kinds) >= 1500
+    assert min(kinds.count(kind) for kind in campaign.TRIALS) >= 60
+
+
+def test_a_broken_promise_is_a_result(tmp_path, monkeypatch):
+    def breaks(rng, folder: Path):
+        assert folder.is_dir()
+        raise campaign.trials.BrokenPromise("it vibrates")
+
+    monkeypatch.setitem(campaign.TRIALS, "hung process", (1, breaks))
+    result = campaign.run_trial("hung process", 3, 1, tmp_path)
+    assert result.failure == "BrokenPromise: it vibrates"
+    assert "| hung process | 1 | 1 |" in table([result])
