@@ -81,3 +81,5 @@ def truncate(data, rng):
 
 
 DAMAGES = (flip, flip, cut_out, insert, repeat, overwrite, change_length, truncate)
+GENERAL_DAMAGES = (flip, cut_out, insert, repeat, overwrite)
+"""Of any file that is not empty."""

@@ -18,7 +18,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import msgspec
-from damages import DAMAGES, content
+from damages import DAMAGES, GENERAL_DAMAGES, content
 from msgspec import Struct
 from rig import DEADMAN_MS, PERIOD_MS, Rig
 
@@ -177,7 +177,8 @@ def half_open_connections(rng: random.Random, folder: Path) -> Measured:
 
 def damaged(rng: random.Random, source: Path, target: Path) -> str:
     """Write a damaged copy of a file; return what was done to it."""
-    data, how = bytearray(source.read_bytes()), rng.choice(DAMAGES)
+    ways = DAMAGES if source.suffix == ".mcap" else GENERAL_DAMAGES
+    data, how = bytearray(source.read_bytes()), rng.choice(ways)
     how(data, rng)
     target.write_bytes(data)
     return f"{source.stem}: {how.__name__}"
@@ -320,7 +321,9 @@ def schemas(rng: random.Random, folder: Path) -> Measured:
     import fastjsonschema
     from mcap.reader import make_reader
 
-    settings = rng.choice(((), ("--set", "source.jpeg_quality=0"), ("--perceiver", "threshold")))
+    settings = rng.choice(
+        ((), ("--set", "source.jpeg_quality=0"), ("--set", "perception.perceiver=threshold"))
+    )
     done = program(
         "run", f"phantom:{DATA / 'quick.toml'}", "--fast", "--record", folder / "run.mcap", *settings
     )

@@ -12,7 +12,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from damages import DAMAGES
+from damages import GENERAL_DAMAGES
 from live_bench import CHROMIUM, Live, chromium
 from ros_network import loopback, tag
 from slow_connection import SlowConnection
@@ -130,7 +130,7 @@ def damaged_file(rng: random.Random, folder: Path, files: Path) -> Measured:
         for file in (files / "export").iterdir():
             (target / file.name).write_bytes(file.read_bytes())
         victim = rng.choice(sorted(target.iterdir()))
-        rng.choice(DAMAGES[:6])(data := bytearray(victim.read_bytes() or b" "), rng)
+        rng.choice(GENERAL_DAMAGES)(data := bytearray(victim.read_bytes() or b" "), rng)
         changed = bytes(data) != victim.read_bytes()
         victim.write_bytes(data)
         done = program("study", "import", target, "--store", folder / "new.db")

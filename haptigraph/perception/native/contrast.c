@@ -4,12 +4,10 @@
 
 #define MIN_SNR 4.0
 #define CORE 5              /* lanes in the middle of a strip */
-#define NOISE_SD 2.0        /* contrast within so many standard deviations of the noise has no centroid */
 #define CHROMA_SD 2.0       /* of the noise in the colour, squared: less is none */
 #define NOISE_PER_REACH 3.0 /* grey levels: in noise, stations are averaged to so many either side */
 #define MAX_REACH 3
-#define BEHIND 12 /* stations whose colour those beyond must have, */
-#define MIN_BEHIND 4
+#define BEHIND 12      /* stations whose colour those beyond must have, */
 #define MIN_COLOR 0.15 /* at least so much of it */
 #define RUN 64         /* stations at a time: their sums stay on the stack */
 
@@ -72,7 +70,7 @@ double core_contrast(const Strip *strip, int start, int stop, float *contrast_gr
    right before them; 0 if it is not clear there. */
 EXPORT double colored_share(const Strip *strip, int start, int stop, double grey) {
     const int first = start - BEHIND > strip->inside_start ? start - BEHIND : strip->inside_start;
-    if (start - first < MIN_BEHIND || stop <= start) return 0;
+    if (start <= first || stop <= start) return 0;
     Strip colour = *strip;
     float contrast_grey[stop - first];
     double behind[BEHIND];
@@ -89,15 +87,13 @@ EXPORT double colored_share(const Strip *strip, int start, int stop, double grey
 /* Return the lane of the contrast's centroid, from one lane to another, in the mean of some stations; NaN
    without contrast. */
 EXPORT double contrast_centroid(const Strip *strip, int first, int last, int start, int stop) {
-    const double noise_grey = NOISE_SD * strip->noise_grey * sqrt(stop - start);
     double total = 0, moment = 0;
     for (int lane = first > 0 ? first : 0; lane <= last && lane < strip->excess.lanes; lane++) {
         const float *row = strip->excess.first + lane * strip->excess.stride;
         double sum = 0;
         for (int station = start; station < stop; station++) sum += row[station];
-        const double contrast = maximum(fabs(sum) - noise_grey, 0);
-        total += contrast;
-        moment += contrast * lane;
+        total += fabs(sum);
+        moment += fabs(sum) * lane;
     }
     return total > 0 ? moment / total : NAN;
 }

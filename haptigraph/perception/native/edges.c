@@ -12,10 +12,9 @@
 
 #define NO_WIDTH_PX (-100.0) /* width of a pair that does not exist */
 #define MIN_SNR 5.0
-#define MIN_SLOPE 3.0      /* grey levels per px: less is shadow or texture */
-#define MIN_SHARE 0.08     /* of the steepest slope of the other sign, */
-#define MIN_SHARE_SAME 0.5 /* and of the same sign */
-#define FLOOR_PX 0.3       /* what light, and background of equal brightness, do to an edge without noise */
+#define MIN_SLOPE 3.0 /* grey levels per px: less is shadow or texture */
+#define MIN_SHARE 0.5 /* of the steepest slope of the same sign */
+#define FLOOR_PX 0.3  /* what light, and background of equal brightness, do to an edge without noise */
 #define MIN_CURVATURE 1e-3
 #define MARGIN_PX 4         /* of a strip's half width is not searched for edges */
 #define FOOT_PX 1.4         /* from an edge to its foot, through a focused lens and the slope filter */
@@ -168,8 +167,7 @@ static void find_pairs(const Edges *edges, int block) {
     int has_edge[2];
     for (int falls = 0; falls < 2; falls++) {
         const double sign = falls ? -1 : 1;
-        const double threshold =
-            maximum(maximum(MIN_SHARE_SAME * steepest[falls], MIN_SHARE * steepest[1 - falls]), min_slope);
+        const double threshold = maximum(MIN_SHARE * steepest[falls], min_slope);
         int ends[2] = {first_peak(slopes, n, sign, threshold, start, end, 1),
                        first_peak(slopes, n, sign, threshold, end, start, -1)};
         has_edge[falls] = ends[0] >= 0;

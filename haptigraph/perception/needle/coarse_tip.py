@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias
 from msgspec import Struct
 
 from haptigraph.perception.native import strip as native
-from haptigraph.perception.needle.rectify import STATION_PX, RectifiedStrip
+from haptigraph.perception.needle.rectify import RectifiedStrip
 
 __all__ = ["TipEstimate", "estimate_coarse_tip", "may_reach_wall"]
 
@@ -56,7 +56,7 @@ def estimate_coarse_tip(
     return TipEstimate(WHERE[where - 1], float(strip.u_px[station]), evidence_px) if where else None
 
 
-def may_reach_wall(strip: RectifiedStrip, end_px: float, gap_px: float) -> bool:
+def may_reach_wall(strip: RectifiedStrip, end_px: float) -> bool:
     """Return whether a shaft that seems to end outside the wall may still reach it.
 
     Where the background is unknown, the wall and the port opening look like a needle.
@@ -64,7 +64,6 @@ def may_reach_wall(strip: RectifiedStrip, end_px: float, gap_px: float) -> bool:
     Args:
         strip: The strip.
         end_px: Where along it the shaft seems to end.
-        gap_px: How far from the wall that may be.
     """
     gap = slice(int(strip.u_px.searchsorted(end_px)), strip.outside.stop)
-    return (gap.stop - gap.start) * STATION_PX <= gap_px or bool(strip.is_known[gap].all())
+    return bool(strip.is_known[gap].all())

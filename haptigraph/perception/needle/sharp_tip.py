@@ -23,7 +23,7 @@ GROUP = 4  # stations whose sharpness is measured together
 POINT = 5  # groups
 SOFT_SHARE = 0.2  # a shadow is less sharp than this share of the point it continues
 MIN_SOFT = 6  # groups
-BEYOND, BEHIND = 2, 8  # stations after a contrast step; before it, for the shaft's usual sharpness
+BEHIND = 8  # stations before a contrast step, for the shaft's usual sharpness
 UNBROKEN = 0.75  # share of the groups that must be sharp
 SHARP_SD_PX = 1.0
 STEADY, STEADY_BEHIND = 0.1, 20  # variation of the contrast, as a share of it; stations behind the step
@@ -83,7 +83,7 @@ def continues(strip: RectifiedStrip, from_px: float, to_px: float) -> bool:
     """
     end = int(strip.u_px.searchsorted(from_px))
     part = strip.inside if end >= strip.inside.start else strip.outside
-    start, stop = end + BEYOND, min(int(strip.u_px.searchsorted(to_px)), part.stop)
+    start, stop = end, min(int(strip.u_px.searchsorted(to_px)), part.stop)
     if min(stop - start, end - part.start) < GROUP:
         return False
     behind = median(_along(strip, slice(max(end - BEHIND, part.start), end)))

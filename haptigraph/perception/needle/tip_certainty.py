@@ -25,7 +25,6 @@ NOISE_MM = 0.13  # per grey level of noise, of a contrast of one
 TEXTURE_GREY = 2.2  # works like noise
 
 MAX_SD_MM = 0.2  # of a tip whose place is known
-BEYOND_PX = 4.0
 BEHIND = slice(-9, -1)  # stations about the tip
 BEYOND = slice(2, 8)
 MAX_SHADOW = 0.4  # contrast of a shadow, as a share of its shaft's
@@ -58,7 +57,7 @@ def with_certainty(
         px_per_mm * FADING_MM * min(max(behind_grey / contrast_grey - 1, 0.0), 4.0),
         px_per_mm * NOISE_MM * (strip.noise_grey + TEXTURE_GREY) / contrast_grey,
     )
-    continues = until_px > tip.u_px + BEYOND_PX and beyond_grey > max(MAX_SHADOW * behind_grey, noise_grey)
+    continues = until_px > tip.u_px and beyond_grey > max(MAX_SHADOW * behind_grey, noise_grey)
     is_certain = math.hypot(tip.sd_px, shift_sd_px) <= MAX_SD_MM * px_per_mm
     return replace(tip, shift_sd_px=shift_sd_px, is_known=is_certain and not continues)
 

@@ -29,7 +29,6 @@ from haptigraph.perception.needle.tip_certainty import with_certainty
 
 __all__ = ["MAX_OFF_AXIS_PX", "Candidate", "Detection", "TipSelector"]
 
-GAP_MM = 0.65  # of unknown background before the wall that may be the shaft
 AT_WALL_PX = 3.8  # blurred edge of the wall
 ENDS_PX, EDGES_END_PX = 4.0, 9.0  # beyond a tip, to which a shaft and its edges may seem to continue
 NEAR_PX = 3.0  # between the expected and the actual tip, usually
@@ -98,8 +97,7 @@ class TipSelector:
         strip, fit, tip = detection.candidate.strip, detection.fit, detection.tip
         edges_end_px = fit.end_px(float(strip.u_px[0]))
         inner_px = float(strip.u_px[strip.inside.start]) if tip.where == "inside" else math.inf
-        max_gap_px = GAP_MM * self._eye.px_per_mm
-        enters = may_reach_wall(strip, edges_end_px, max_gap_px) or fit.leads_through(inner_px)
+        enters = may_reach_wall(strip, edges_end_px) or fit.leads_through(inner_px)
         if tip.where == "inside" and not enters:
             tip = replace(tip, where="outside", u_px=edges_end_px)
         if tip.where == "occluded":
@@ -158,14 +156,14 @@ class TipSelector:
         """Return whether a step right before the wall is a tip, not a faint part of a shaft that continues.
 
         On known background the contrast must end there; on unknown background, where the wall may look like a
-        shaft, the edges must if the wall is far.
+        shaft, the edges must.
         """
         gap_px = float(strip.u_px[strip.outside.stop - 1]) - step_px
         if gap_px <= AT_WALL_PX:
             return False
-        if may_reach_wall(strip, step_px, 0.0):
+        if may_reach_wall(strip, step_px):
             return tip_px <= step_px + ENDS_PX
-        return gap_px <= GAP_MM * self._eye.px_per_mm or edges_end_px <= step_px + EDGES_END_PX
+        return edges_end_px <= step_px + EDGES_END_PX
 
     def _refine(
         self,
