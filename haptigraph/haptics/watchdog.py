@@ -90,20 +90,16 @@ class WatchedDevice:
             self._replace()
         if not self._is_open:
             self._await_open(REPLY_S)
-        for _ in range(MAX_UNANSWERED):
-            self._number += 1
-            self._send(Command(self._number, amplitude, frequency_hz, stamp_ns))
-            reply = self._reply(self._number, ACKNOWLEDGE_S)
-            if reply is not None and not reply.is_executed:
-                reply = self._reply(self._number, REPLY_S, is_executed=True)
-                break
-            if reply is not None:
-                break
-        else:
-            self._replace()
-            raise DeviceError("its process did not answer, and was replaced")
-        if reply is None or reply.error:
-            raise DeviceError(reply.error if reply else "the device does not respond")
+        command = Command(0, amplitude, frequency_hz, stamp_ns)
+        reply = self._acknowledgement(command)
+        if not reply.is_executed:
+            executed = self._reply(reply.number, REPLY_S, is_executed=True)
+            if executed is None:
+                self._acknowledgement(command)  # it may have hung since
+                raise DeviceError("the device does not respond")
+            reply = executed
+        if reply.error:
+            raise DeviceError(reply.error)
 
     def close(self) -> None:
         """Silence and release the device, end its process; a process that hangs is replaced to do so.
@@ -160,6 +156,17 @@ class WatchedDevice:
         self._process.kill()
         self._process.wait()
         _open_pipe(self._process.stdin).close()
+
+    def _acknowledgement(self, command: Command) -> Reply:
+        """Send a command until it is acknowledged; replace a process that does not."""
+        for _ in range(MAX_UNANSWERED):
+            self._number += 1
+            self._send(replace(command, number=self._number))
+            reply = self._reply(self._number, ACKNOWLEDGE_S)
+            if reply is not None:
+                return reply
+        self._replace()
+        raise DeviceError("its process did not answer, and was replaced")
 
     def _await_open(self, within_s: float) -> None:
         opened = self._reply(0, within_s)

@@ -98,9 +98,13 @@ def export_of(folder: Path) -> None:
         export_study(store, "short", folder / "export")
 
 
-def planned(scale: float, only: str) -> Iterator[tuple[str, int]]:
+def planned(scale: float, only: str, skip: str = "none") -> Iterator[tuple[str, int]]:
     """Yield kinds and numbers of all trials, mixed, so that an early end has some of each."""
-    counts = {kind: max(round(count * scale), 1) for kind, (count, _) in TRIALS.items() if only in kind}
+    counts = {
+        kind: max(round(count * scale), 1)
+        for kind, (count, _) in TRIALS.items()
+        if only in kind and skip not in kind
+    }
     order = [
         ((number + 0.5) / count, kind, number) for kind, count in counts.items() for number in range(count)
     ]
@@ -123,7 +127,9 @@ def table(results: list[Result]) -> str:
     return "\n".join(lines)
 
 
-def campaign(*, seed: int, minutes: float, scale: float, only: str, file: Path | None) -> list[Result]:
+def campaign(
+    *, seed: int, minutes: float, scale: float, only: str, skip: str, file: Path | None
+) -> list[Result]:
     """Run all trials that the file does not contain yet, until the time is over."""
     results = []
     if file is not None and file.exists():
@@ -131,7 +137,7 @@ def campaign(*, seed: int, minutes: float, scale: float, only: str, file: Path |
     done, end_s = {(result.kind, result.number) for result in results}, time.monotonic() + 60 * minutes
     with tempfile.TemporaryDirectory() as samples:
         make_samples(Path(samples))
-        for kind, number in planned(scale, only):
+        for kind, number in planned(scale, only, skip):
             if (kind, number) in done or time.monotonic() > end_s:
                 continue
             result = run_trial(kind, number, seed, Path(samples))
@@ -155,6 +161,7 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=55)
     parser.add_argument("--scale", type=float, default=1.0, help="share of the trials")
     parser.add_argument("--only", default="", help="kinds of faults that contain this text")
+    parser.add_argument("--skip", default="none", help="kinds that contain this text")
     parser.add_argument("--results", type=Path)
     options = parser.parse_args()
     results = campaign(
@@ -162,6 +169,7 @@ def main() -> None:
         minutes=options.minutes,
         scale=options.scale,
         only=options.only,
+        skip=options.skip,
         file=options.results,
     )
     sys.stdout.write(table(results) + "\n")

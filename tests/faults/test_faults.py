@@ -154,7 +154,7 @@ def test_a_watchdog_process_that_hangs_is_replaced_and_vibration_resumes(rig):
     os.kill(watchdog_of(rig), signal.SIGSTOP)
     silent_ns = rig.monitor.until_silent_once(began_ns)
     rig.in_time("watchdog hangs", began_ns, silent_ns, HUNG_MS)
-    rig.until_output("! device: its process did not answer, and was replaced")
+    rig.until_output("! device: ")
     rig.monitor.until(vibrates=True)
     rig.signal(signal.SIGINT)
     end(rig)

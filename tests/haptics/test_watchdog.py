@@ -11,7 +11,7 @@ import pytest
 from firmata_board import Board
 
 from haptigraph.errors import BadInput, DeviceError
-from haptigraph.haptics.watchdog import HOLDS_MS, WatchedDevice
+from haptigraph.haptics.watchdog import HOLDS_MS, Reply, WatchedDevice
 
 pytest.importorskip("serial")
 FIRMATA = "haptigraph.haptics.firmata:FirmataDevice"
@@ -96,6 +96,15 @@ def test_it_is_replaced_if_it_hangs(board, device):
     while not board.vibrates():
         with suppress(DeviceError):  # it has not started yet
             device.set(1.0, 80.0, 3)
+
+
+def test_it_is_replaced_if_it_hangs_after_its_acknowledgement(board, device, monkeypatch):
+    hang(device)
+    acknowledged = Reply(device._number + 1, is_executed=False)
+    device._replies.put(acknowledged)
+    with pytest.raises(DeviceError, match="did not answer, and was replaced"):
+        device.set(1.0, 80.0, 2)
+    board.until(lambda board: not board.vibrates())
 
 
 def test_a_process_that_acknowledges_is_not_replaced(board, device):
