@@ -43,11 +43,17 @@ class VirtualPad:
 class VirtualGamepad(GamepadDevice):
     """The gamepad device with its own simulated controller; opened by name, so it works in another process too.
 
-    Every rumble is appended as a line to the file that the environment names.
+    Every rumble is appended as a line to the file that the environment names; the imperceptible one with which
+    the device opens counts as silence.
     """
 
     def __init__(self, argument=""):
         path = os.environ.get("HAPTIGRAPH_TEST_OUTPUT")
         file = open(path, "a", buffering=1) if path else None  # noqa: SIM115
-        self.pad = VirtualPad(on_rumble=lambda *edge: file and print(*edge, file=file))
+
+        def write(stamp_ns, *levels):
+            if file:
+                print(stamp_ns, *(level if level > 1 else 0 for level in levels), file=file)
+
+        self.pad = VirtualPad(on_rumble=write)
         super().__init__(argument)
