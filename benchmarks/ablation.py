@@ -29,7 +29,7 @@ NEEDLE, NATIVE = PERCEPTION / "needle", PERCEPTION / "native"
 SHARED = {"interface.c", "native.h", "rectify.c", "pixels.c", "median.c"}  # layouts and limits, no estimates
 DEFINE = re.compile(r"^#define ([A-Z_0-9]+) +(-?\d+(?:\.\d+)?)f?\b", re.MULTILINE)
 FACTORS = {"doubled": 2, "zero": 0}
-TIMEOUT_S = 400
+TIMEOUT_S = 120
 CACHE = ROOT / "build" / "degraded"
 NO_EFFECT = 0.002  # of images: less than one in 500
 

@@ -207,15 +207,15 @@ class _Subscription:
     def __init__(
         self, participant: DomainParticipant, topic: "Topic[Any]", depth: int, *, is_large: bool
     ) -> None:
-        self._participant, self._topic, self._depth, self._is_large = participant, topic, depth, is_large
-        self._publications = _Endpoints(participant, BuiltinTopicDcpsPublication)
+        self._participant, self._topic, self._depth = participant, topic, depth
+        self._publications = _Endpoints(participant, BuiltinTopicDcpsPublication) if is_large else None
         self._check_at_s = 0.0
         self._open(is_reliable=False)
 
     def wait(self) -> None:
         """Wait for a message, for a short time; adapt to the publishers now and then."""
         now_s = time.monotonic()
-        if self._is_large and now_s >= self._check_at_s:
+        if self._publications is not None and now_s >= self._check_at_s:
             self._check_at_s = now_s + CHECK_S
             is_reliable = self._publications.are_reliable(self._topic.name)
             if is_reliable != self._is_reliable:

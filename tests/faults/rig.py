@@ -25,6 +25,11 @@ DEADMAN_MS = 150
 PERIOD_MS = {"serial": 100 + 50, "gamepad": 50 + 50, "audio": 15 + 50, "ros2": 50 + 50}
 
 
+def environment(**more):
+    """Return the environment of a child process that imports what this one does."""
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path)), **more}
+
+
 class LatencyProbe(threading.Thread):
     """Wake every 5 ms and log the delay: the scheduling latency that a busy machine adds to every thread.
 
@@ -183,8 +188,7 @@ class Rig:
             [sys.executable, str(HERE / "faulty.py"), STEADY, command, "camera:0", "--device", uri,
              "--registration", str(registration), "--record", str(self.record), *arguments],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, bufsize=1,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
-                 "HAPTIGRAPH_TEST_OUTPUT": str(folder / "output")},
+            env=environment(HAPTIGRAPH_TEST_OUTPUT=str(folder / "output")),
             **options,
         )  # fmt: skip
         self.lines, self.changed = [], threading.Condition()
@@ -237,6 +241,12 @@ class Rig:
         with self.changed:
             self.lines[:] = ["".join(self.lines)[match.end() :]]
         return int(match[1])
+
+    def watchdog(self):
+        """Return the process number of the run's watchdog."""
+        children = Path(f"/proc/{self.process.pid}/task/{self.process.pid}").parent.glob("*/children")
+        (number,) = [int(pid) for file in children for pid in file.read_text().split()]
+        return number
 
     def signal(self, number):
         """Send a signal; return when [ns]."""

@@ -1,6 +1,5 @@
 """A fixed part of the campaign of `make faults`."""
 
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +8,7 @@ import campaign
 import msgspec
 import pytest
 from campaign import Result, planned, table
+from rig import environment
 
 pytest.importorskip("serial")
 pytest.importorskip("sdl2", exc_type=ImportError)
@@ -29,8 +29,7 @@ def test_some_faults_of_each_kind_break_no_promise(tmp_path):
         "--results",
         str(results),
     ]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=115)
+    done = subprocess.run(command, capture_output=True, text=True, env=environment(), timeout=115)
     assert done.returncode == 0, done.stderr
     ran = [msgspec.json.decode(line, type=Result) for line in results.read_bytes().splitlines()]
     assert len(ran) >= 10

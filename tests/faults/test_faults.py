@@ -141,17 +141,10 @@ def test_a_lost_board_is_reported_once_and_vibrates_again_when_it_is_back(rig):
     end(rig)
 
 
-def watchdog_of(rig):
-    """Return the process number of a run's watchdog."""
-    children = Path(f"/proc/{rig.process.pid}/task/{rig.process.pid}").parent.glob("*/children")
-    (watchdog,) = [int(pid) for file in children for pid in file.read_text().split()]
-    return watchdog
-
-
 @pytest.mark.parametrize("rig", ["serial", "gamepad"], indirect=True)
 def test_a_watchdog_process_that_hangs_is_replaced_and_vibration_resumes(rig):
     began_ns = time.monotonic_ns()
-    os.kill(watchdog_of(rig), signal.SIGSTOP)
+    os.kill(rig.watchdog(), signal.SIGSTOP)
     silent_ns = rig.monitor.until_silent_once(began_ns)
     rig.in_time("watchdog hangs", began_ns, silent_ns, HUNG_MS)
     rig.until_output("! device: ")
@@ -162,7 +155,7 @@ def test_a_watchdog_process_that_hangs_is_replaced_and_vibration_resumes(rig):
 
 @pytest.mark.parametrize("rig", ["serial", "gamepad"], indirect=True)
 def test_a_watchdog_process_that_hangs_at_the_end_leaves_no_vibration(rig):
-    watchdog = watchdog_of(rig)
+    watchdog = rig.watchdog()
     began_ns = time.monotonic_ns()
     os.kill(watchdog, signal.SIGSTOP)
     rig.signal(signal.SIGINT)
@@ -187,7 +180,7 @@ def test_vibration_resumes_after_the_watchdog_process_is_killed(rig):
 
     The new process silences the board before it executes commands; the next command may be pending already.
     """
-    watchdog = watchdog_of(rig)
+    watchdog = rig.watchdog()
     began_ns = time.monotonic_ns()
     os.kill(watchdog, signal.SIGKILL)
     rig.in_time("watchdog killed", began_ns, rig.monitor.until_silent_once(began_ns), 3000)
@@ -272,7 +265,7 @@ def test_half_open_connections_do_not_keep_the_watchdog_from_restarting(tmp_path
                 line = stack.enter_context(socket.create_connection((host, int(port)), timeout=10))
                 line.sendall(b"GET / HTTP/1.1\r\nHost: 127.0")
             began_ns = time.monotonic_ns()
-            os.kill(watchdog_of(rig), signal.SIGKILL)
+            os.kill(rig.watchdog(), signal.SIGKILL)
             silent_ns = rig.monitor.until_silent_once(began_ns)
             rig.in_time("half-open connections, watchdog killed", began_ns, silent_ns, 3000)
             rig.monitor.until(vibrates=True)

@@ -20,7 +20,7 @@ from pathlib import Path
 import msgspec
 from damages import DAMAGES, GENERAL_DAMAGES, content
 from msgspec import Struct
-from rig import DEADMAN_MS, PERIOD_MS, Rig
+from rig import DEADMAN_MS, PERIOD_MS, Rig, environment
 
 from haptigraph.errors import BadInput
 from haptigraph.recording.journal import not_being_written
@@ -55,9 +55,8 @@ def promise(kept: object, text: str) -> None:
 def program(*arguments: object, **options) -> subprocess.CompletedProcess:
     """Run a command to its end; a traceback or a very long message breaks a promise."""
     command = [sys.executable, "-m", "haptigraph", *map(str, arguments)]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     done = subprocess.run(
-        command, capture_output=True, text=True, errors="replace", timeout=120, env=environment, **options
+        command, capture_output=True, text=True, errors="replace", timeout=120, env=environment(), **options
     )
     promise("Traceback" not in done.stderr, f"a traceback: {done.stderr[-300:]}")
     if done.returncode == 2:
@@ -65,12 +64,6 @@ def program(*arguments: object, **options) -> subprocess.CompletedProcess:
         promise(last.startswith("haptigraph: "), f"exit code 2 with {last[:200]!r}")
         promise(len(last) < 1000, f"a message of {len(last)} characters")
     return done
-
-
-def watchdog_of(rig: Rig) -> int:
-    children = Path(f"/proc/{rig.process.pid}/task/{rig.process.pid}").parent.glob("*/children")
-    (watchdog,) = [int(pid) for file in children for pid in file.read_text().split()]
-    return watchdog
 
 
 def judge_silence(rig: Rig, what: str, began_ns: int, silent_ns: int, promised_ms: float) -> float:
@@ -99,7 +92,7 @@ def hung_process(rng: random.Random, folder: Path) -> Measured:
     with Rig(folder, device) as rig:
         rig.until_vibrating()
         time.sleep(rng.uniform(0, 0.5))
-        hung, began_ns = watchdog_of(rig), time.monotonic_ns()
+        hung, began_ns = rig.watchdog(), time.monotonic_ns()
         os.kill(hung, signal.SIGSTOP)
         if ending is None:
             silent_ns = rig.monitor.until_silent_once(began_ns)
@@ -117,7 +110,7 @@ def hung_process(rng: random.Random, folder: Path) -> Measured:
 
 
 def ended_run(rng: random.Random, folder: Path) -> Measured:
-    """The run is killed, stopped or told to end; or its board stops answering just before."""
+    """The run is killed, stopped or ended by a signal; or its board stops answering just before."""
     device = rng.choice(("serial", "gamepad"))
     how = rng.choice(("SIGKILL", "SIGSTOP", "SIGINT", "SIGTERM", "SIGHUP", "board does not answer"))
     what = f"{device}, {how}"
@@ -158,7 +151,7 @@ def half_open_connections(rng: random.Random, folder: Path) -> Measured:
                 line.sendall(rng.choice(HALVES))
             time.sleep(rng.uniform(0, 0.5))
             began_ns = time.monotonic_ns()
-            os.kill(watchdog_of(rig), signal.SIGKILL)
+            os.kill(rig.watchdog(), signal.SIGKILL)
             silent_ns = rig.monitor.until_silent_once(began_ns)
             silence_ms = judge_silence(rig, what, began_ns, silent_ns, KILLED_MS)
             rig.monitor.until(vibrates=True)
@@ -256,7 +249,7 @@ def recording_of(
         str(record),
     ]
     with subprocess.Popen([*command, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-                          env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}, **options) as run:  # fmt: skip
+                          env=environment(), **options) as run:  # fmt: skip
         meddle(record)
         run.send_signal(signal.SIGINT)
         out, err = run.communicate(timeout=60)

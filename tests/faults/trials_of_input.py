@@ -14,6 +14,7 @@ from typing import Any
 
 from damages import GENERAL_DAMAGES
 from live_bench import CHROMIUM, Live, chromium
+from rig import environment
 from ros_network import loopback, tag
 from slow_connection import SlowConnection
 from trials import DATA, Measured, damaged, program, promise
@@ -91,7 +92,7 @@ def raw_images(rng: random.Random, folder: Path) -> Measured:
     source = Ros2Source("/camera/image_raw", size_px=size_px, rate_hz=30.0, clock=MonotonicClock())
     command = [sys.executable, str(HERE / "raw_publisher.py"), *map(str, size_px), reliability, str(IMAGES)]
     last = -1
-    with subprocess.Popen(command, env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}) as publisher:
+    with subprocess.Popen(command, env=environment()) as publisher:
         while publisher.poll() is None:
             with suppress(SourceLost):
                 if (capture := source.read(0.1)) is not None:
