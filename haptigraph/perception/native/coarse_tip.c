@@ -12,6 +12,7 @@
 #define MIN_LED_PX 2.0  /* of evidence inside, if the shaft is visible up to the wall, */
 #define MIN_FREE_MM 0.8 /* and if it is not */
 #define PORT_MM 0.55    /* of the port opening, inside the wall, may look like a needle */
+#define CANNULA_MM 2.5  /* that hides a needle inside the wall */
 #define MIN_OUTSIDE_MM 1.0
 #define AT_WALL_MM 0.22
 
@@ -23,8 +24,8 @@ typedef struct {
     double evidence_px;
 } Farthest;
 
-/* Accumulate how much each station looks like a needle, -1 to 1. */
-static Farthest farthest(const float *contrast_grey, const uint8_t *is_sure, int start, int stop,
+/* Accumulate how much each station looks like a needle, -1 to 1; what does not is ignored before `free`. */
+static Farthest farthest(const float *contrast_grey, const uint8_t *is_sure, int start, int stop, int free,
                          double noise_grey, double usual_grey) {
     const double sure = maximum(maximum(MIN_GREY, noise_grey), MIN_SHARE * usual_grey);
     const double unsure = maximum(maximum(MIN_GREY_UNKNOWN, noise_grey), MIN_SHARE_UNKNOWN * usual_grey);
@@ -32,6 +33,7 @@ static Farthest farthest(const float *contrast_grey, const uint8_t *is_sure, int
     double sum_px = 0;
     for (int station = start; station < stop; station++) {
         sum_px += STATION_PX * (minimum(contrast_grey[station] / (is_sure[station] ? sure : unsure), 2) - 1);
+        if (station < free) sum_px = maximum(sum_px, 0);
         if (sum_px > found.evidence_px) found = (Farthest){station + 1, sum_px};
     }
     return found;
@@ -59,9 +61,9 @@ EXPORT int estimate_coarse_tip(const Strip *strip, double usual_grey, double tra
         is_sure[station] = strip->is_known[station] || strip->u_px[station] <= tracked_px;
     }
     const double noise_grey = core_contrast(strip, 0, stations, contrast_grey);
-    const Farthest outer = farthest(contrast_grey, is_sure, 0, strip->outside_stop, noise_grey, 0);
+    const Farthest outer = farthest(contrast_grey, is_sure, 0, strip->outside_stop, 0, noise_grey, 0);
     const Farthest inner =
-        farthest(contrast_grey, is_sure, start, strip->inside_stop, noise_grey, usual_grey);
+        farthest(contrast_grey, is_sure, start, strip->inside_stop, 0, noise_grey, usual_grey);
     const int is_outside = outer.evidence_px >= MIN_OUTSIDE_MM * px_per_mm;
     const int is_led = is_outside &&
                        strip->outside_stop - outer.stop <= AT_WALL_MM * px_per_mm / STATION_PX &&
@@ -73,6 +75,16 @@ EXPORT int estimate_coarse_tip(const Strip *strip, double usual_grey, double tra
         tip[0] = inner.stop - 1;
         tip[1] = inner.evidence_px + outer.evidence_px;
         return INSIDE;
+    }
+    if (is_led) {
+        const int free = start + (int)(CANNULA_MM * px_per_mm / STATION_PX);
+        const Farthest beyond =
+            farthest(contrast_grey, is_sure, start, strip->inside_stop, free, noise_grey, usual_grey);
+        if (beyond.evidence_px >= MIN_FREE_MM * px_per_mm) {
+            tip[0] = beyond.stop - 1;
+            tip[1] = beyond.evidence_px + outer.evidence_px;
+            return INSIDE;
+        }
     }
     tip[0] = outer.stop - 1;
     tip[1] = outer.evidence_px;

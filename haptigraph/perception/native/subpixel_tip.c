@@ -178,7 +178,7 @@ static double follow_faint(const Profile *profile, const ContrastStep *point, do
     const int start = point->end + 1;
     int stop = start;
     while (stop < profile->count && profile->along[stop] >= level) stop++;
-    if (stop == start || stop - start > MAX_FAINT_PX || point->one_tone < MIN_ONE_TONE) return point->u_px;
+    if (stop == start || stop - start > MAX_FAINT_PX) return point->u_px;
     if (stop == profile->count && profile->continues) return point->u_px;
     double slope, end_px = crossing(profile, stop - 1, level, &slope);
     end_px -= FAINT_BLUR_PX + FAINT_BLUR_RATE * defocus_px;

@@ -63,6 +63,11 @@ class LineFit(Struct, frozen=True, eq=False):
         before = max(beyond - len(RUN), 0)
         return self.is_steep.count(1, before, beyond) >= 2 or self.is_steep.count(1, beyond) >= len(RUN)
 
+    def is_unbroken(self, from_px: float, to_px: float) -> bool:
+        """Return whether steep edges are everywhere between two positions along the strip."""
+        first, last = self.u_px.searchsorted((from_px + BLOCK_PX, to_px - BLOCK_PX / 2))
+        return last - first >= len(RUN) - 1 and self.is_steep.count(0, int(first), int(last)) == 0
+
     def end_px(self, from_px: float) -> float:
         """Return how far along the strip there are steep edges: the end of the last unbroken run."""
         run = self.is_steep.rfind(RUN, int(self.u_px.searchsorted(from_px)))

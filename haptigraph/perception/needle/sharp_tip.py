@@ -17,7 +17,7 @@ from haptigraph.perception.needle.coarse_tip import TipEstimate
 from haptigraph.perception.needle.rectify import STATION_PX, RectifiedStrip, median
 from haptigraph.perception.needle.subpixel_tip import FADING_LEVEL
 
-__all__ = ["MAX_DIM_PX", "MIN_DIM_PX", "continues", "dim_end_px", "is_clear_end", "sharp_end"]
+__all__ = ["MAX_DIM_PX", "MIN_DIM_PX", "continues", "dim_end_px", "is_bright", "is_clear_end", "sharp_end"]
 
 GROUP = 4  # stations whose sharpness is measured together
 POINT = 5  # groups
@@ -27,6 +27,7 @@ BEHIND = 8  # stations before a contrast step, for the shaft's usual sharpness
 UNBROKEN = 0.75  # share of the groups that must be sharp
 SHARP_SD_PX = 1.0
 STEADY, STEADY_BEHIND = 0.1, 20  # variation of the contrast, as a share of it; stations behind the step
+MIN_SNR = 4.0  # of the brightest lane
 BLURRED = 3  # stations, at a tip out of focus
 MAX_SHADOW = 0.4  # contrast of a shadow, as a share of its shaft's
 MIN_DIM_PX, MAX_DIM_PX = 3, 14  # what is shorter is blurred
@@ -63,7 +64,8 @@ def sharp_end(strip: RectifiedStrip, tip: TipEstimate) -> TipEstimate | None:
     end = int((along[: end + 1] >= level).nonzero()[0][-1])
     share = (along[end] - level) / (along[end] - along[end + 1])
     u_px = start_px + STATION_PX * (end + float(share) + (GROUP - 1) / 2)
-    return replace(tip, u_px=u_px, sd_px=SHARP_SD_PX, contrast_grey=0.0)
+    behind_grey = median(core_contrast(strip, slice(start + max(end - POINT, 0), start + end))[0])
+    return replace(tip, u_px=u_px, sd_px=SHARP_SD_PX, contrast_grey=behind_grey)
 
 
 def _is_sharp_to_end(excess: FloatImage, threshold: float) -> bool:
@@ -111,6 +113,15 @@ def is_clear_end(strip: RectifiedStrip, tip: TipEstimate, to_px: float) -> bool:
     high, low = (core_contrast(strip, part)[0] for part in (behind, beyond))
     usual = median(high)
     return median(np.abs(high - usual)) < STEADY * usual and median(low) < MAX_SHADOW * usual
+
+
+def is_bright(strip: RectifiedStrip, from_px: float, to_px: float) -> bool:
+    """Return whether a lane in the middle of a strip is brighter than its ground, as no shadow is."""
+    start, stop = (int(strip.u_px.searchsorted(px)) for px in (from_px, to_px))
+    middle = strip.excess[strip.half_px - AROUND_PX : strip.half_px + AROUND_PX + 1, start:stop]
+    return stop > start and float(middle.mean(axis=1).max()) > MIN_SNR * strip.noise_grey / math.sqrt(
+        stop - start
+    )
 
 
 def dim_end_px(patch: RectifiedStrip, tip: TipEstimate) -> float | None:

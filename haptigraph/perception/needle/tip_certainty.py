@@ -20,12 +20,14 @@ __all__ = ["with_certainty"]
 # The terms of the variance; each a share of a length that the image shows.
 BLUR_SHARE = 0.3  # of the blur across the shaft: that along it may differ
 EDGELESS_SHARE, EDGELESS_MM = 0.17, 1.0  # of the point without edges, up to a length
-FADING_MM = 0.065  # per time that the contrast behind the point is greater than at its end
+FADING_MM = 0.065  # per time that the contrast behind the point is greater than that of the point
+MAX_FADING = 2.0  # such times: the point of a bevel is beside the axis, and plain
 NOISE_MM = 0.13  # per grey level of noise, of a contrast of one
 TEXTURE_GREY = 2.2  # works like noise
 
 MAX_SD_MM = 0.2  # of a tip whose place is known
 BEHIND = slice(-9, -1)  # stations about the tip
+POINT = slice(-2, 0)  # the same channels as behind it: a point may fade in grey, and not in colour
 BEYOND = slice(2, 8)
 MAX_SHADOW = 0.4  # contrast of a shadow, as a share of its shaft's
 
@@ -48,13 +50,13 @@ def with_certainty(
         blur_px: Standard deviation of the blur across the shaft's edges.
         px_per_mm: Scale.
     """
-    behind_grey, beyond_grey, noise_grey = _contrasts(strip, tip.u_px)
+    behind_grey, point_grey, beyond_grey, noise_grey = _contrasts(strip, tip.u_px)
     contrast_grey = max(tip.contrast_grey, 1.0)
     edgeless_px = min(max(tip.u_px - edges_end_px, 0.0), EDGELESS_MM * px_per_mm)
     shift_sd_px = math.hypot(
         BLUR_SHARE * blur_px,
         EDGELESS_SHARE * edgeless_px,
-        px_per_mm * FADING_MM * min(max(behind_grey / contrast_grey - 1, 0.0), 4.0),
+        px_per_mm * FADING_MM * min(max(behind_grey / max(point_grey, 1.0) - 1, 0.0), MAX_FADING),
         px_per_mm * NOISE_MM * (strip.noise_grey + TEXTURE_GREY) / contrast_grey,
     )
     continues = until_px > tip.u_px and beyond_grey > max(MAX_SHADOW * behind_grey, noise_grey)
@@ -62,13 +64,16 @@ def with_certainty(
     return replace(tip, shift_sd_px=shift_sd_px, is_known=is_certain and not continues)
 
 
-def _contrasts(strip: RectifiedStrip, tip_px: float) -> tuple[float, float, float]:
-    """Return the contrast behind a tip and beyond it, and that of noise [grey levels]."""
+def _contrasts(strip: RectifiedStrip, tip_px: float) -> tuple[float, float, float, float]:
+    """Return the contrast behind a tip, of its point, and beyond it, and that of noise [grey levels]."""
     tip = int(strip.u_px.searchsorted(tip_px))
     start, stop = max(tip + BEHIND.start, strip.inside.start), min(tip + BEYOND.stop, strip.inside.stop)
     along, noise_grey = core_contrast(strip, slice(start, stop))
-    behind, beyond = along[: max(tip + BEHIND.stop - start, 0)], along[tip + BEYOND.start - start :]
-    return _median(behind), _median(beyond), noise_grey
+    ends = (max(tip + end - start, 0) for end in (BEHIND.stop, POINT.start, POINT.stop, BEYOND.start))
+    behind_stop, point_start, point_stop, beyond_start = ends
+    parts = along[:behind_stop], along[point_start:point_stop], along[beyond_start:]
+    behind_grey, point_grey, beyond_grey = (_median(part) for part in parts)
+    return behind_grey, point_grey, beyond_grey, noise_grey
 
 
 def _median(values: FloatImage) -> float:

@@ -21,6 +21,7 @@ from haptigraph.perception.needle.sharp_tip import (
     MIN_DIM_PX,
     continues,
     dim_end_px,
+    is_bright,
     is_clear_end,
     sharp_end,
 )
@@ -35,7 +36,7 @@ NEAR_PX = 3.0  # between the expected and the actual tip, usually
 CLEAR_PX = 8.0  # the same at a clear end
 SHARP_END_PX = 2.5  # between the end of what is sharp and the contrast step there, if there is one
 CENTERED_PX = 2.0  # a tip further beyond the middle of its patch is refined again
-COLORED_PX, COLORED_SHARE = 4.0, 0.7  # of a shaft that continues beyond a contrast step, in colour
+COLORED_PX, COLORED_SHARE = 1.0, 0.5  # of a shaft that continues beyond a contrast step, in colour
 COLORED_SD_PX = 3.0
 DIM_BEHIND_PX = 6  # of a dim point, over which its contrast is measured
 
@@ -99,12 +100,26 @@ class TipSelector:
         inner_px = float(strip.u_px[strip.inside.start]) if tip.where == "inside" else math.inf
         enters = may_reach_wall(strip, edges_end_px) or fit.leads_through(inner_px)
         if tip.where == "inside" and not enters:
-            tip = replace(tip, where="outside", u_px=edges_end_px)
+            outside = replace(tip, where="outside", u_px=edges_end_px)
+            step = self._end_of_shaft(image, detection, outside, expected_px, edges_end_px)
+            return _doubted(step, tip.u_px, expected_px)
         if tip.where == "occluded":
             return self._before_wall(image, detection, tip, edges_end_px) or tip
+        return self._end_of_shaft(image, detection, tip, expected_px, edges_end_px, inner_px)
+
+    def _end_of_shaft(
+        self,
+        image: Image,
+        detection: Detection,
+        tip: TipEstimate,
+        expected_px: float,
+        edges_end_px: float,
+        inner_px: float = math.inf,
+    ) -> TipEstimate:
+        """Return the contrast step at the end of the edges, where the tip was, or of the contrast."""
         rim_px = -math.inf
         if tip.where == "inside":
-            edges_end_px = fit.end_px(inner_px)
+            edges_end_px = detection.fit.end_px(inner_px)
             rim_px = min(inner_px + AT_WALL_PX, tip.u_px - EDGES_END_PX)  # before it is the port opening
         step = self._expected_step(image, detection, tip, expected_px, edges_end_px)
         if step and step.u_px > rim_px:
@@ -144,9 +159,12 @@ class TipSelector:
         if expected_px >= tip.u_px + NEAR_PX:
             return None
         step = self._refine(image, detection, tip, expected_px)
+        strip = detection.candidate.strip
         if step is None or abs(step.u_px - edges_end_px) < EDGES_END_PX:
             return step  # the edges of a bead or bubble beyond it are not in line with the shaft's
-        strip, off_px = detection.candidate.strip, abs(step.u_px - expected_px)
+        if detection.fit.is_unbroken(step.u_px, edges_end_px) and is_bright(strip, step.u_px, edges_end_px):
+            return None  # a needle comes out of its cannula
+        off_px = abs(step.u_px - expected_px)
         is_end = off_px < NEAR_PX and not continues(strip, step.u_px, tip.u_px)
         return step if is_end or (off_px < CLEAR_PX and is_clear_end(strip, step, tip.u_px)) else None
 
@@ -219,6 +237,12 @@ class TipSelector:
         if patches is None or end_px is None:
             return None
         return refine_tip(patches[0], tip, end_px, blur_px=detection.fit.blur_px, behind_px=(DIM_BEHIND_PX,))
+
+
+def _doubted(step: TipEstimate, inside_px: float, expected_px: float) -> TipEstimate:
+    """Return a tip outside the wall though there is contrast inside: not known, unless it was expected."""
+    is_known = abs(step.u_px - expected_px) < CLEAR_PX
+    return replace(step, is_known=is_known, shift_sd_px=0.0 if is_known else abs(inside_px - step.u_px))
 
 
 def _continues_colored(strip: RectifiedStrip, step: TipEstimate, to_px: float) -> bool:

@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
-from drawn_strip import END_PX, U_PX, needle, strip
+from drawn_strip import END_PX, LANES, U_PX, needle, strip
+from msgspec.structs import replace
 
 from haptigraph.perception.needle.coarse_tip import TipEstimate
+from haptigraph.perception.needle.sharp_tip import sharp_end
 from haptigraph.perception.needle.tip_certainty import MAX_SD_MM, with_certainty
 
 PX_PER_MM = 20.0
@@ -26,8 +28,28 @@ def test_blur_a_faint_end_and_a_fading_point_make_a_tip_less_certain():
     faint = TipEstimate("inside", END_PX, 100.0, sd_px=0.2, contrast_grey=8.0)
     assert certain(needle(4), blur_px=3.0).shift_sd_px > 2 * plain
     assert certain(needle(4, grey=-8.0), faint).shift_sd_px > 2 * plain  # in noise
-    assert certain(needle(4), faint).shift_sd_px > certain(needle(4, grey=-8.0), faint).shift_sd_px
+    fading = needle(4) * np.clip((END_PX + 8 - U_PX) / 40, 0.2, 1)
+    assert certain(fading, faint).shift_sd_px > certain(needle(4, grey=-8.0), faint).shift_sd_px
     assert certain(needle(4), edges_end_px=END_PX - 15).shift_sd_px > 2.5
+
+
+def test_a_point_as_clear_in_colour_as_its_shaft_does_not_fade():
+    """A grey needle on an orange bowl differs little in grey, and as much in colour up to its end."""
+    faint = TipEstimate("inside", END_PX, 100.0, sd_px=0.2, contrast_grey=16.0)
+    drawn = strip(needle(4, grey=-16.0))
+    colored = replace(drawn, chroma=np.asarray(drawn.excess + needle(4, grey=64.0), np.float32))
+    tip = with_certainty(colored, faint, END_PX, END_PX, 0.6, PX_PER_MM)
+    assert tip.is_known
+    assert tip.shift_sd_px == pytest.approx(certain(needle(4, grey=-16.0), faint).shift_sd_px, rel=0.2)
+
+
+def test_the_end_of_what_is_sharp_has_the_certainty_of_its_contrast():
+    shaft = needle(4, grey=-60.0)
+    shadow = -30.0 * np.exp(-((LANES / 9) ** 2)) * (U_PX <= END_PX + 80)
+    drawn = strip(np.minimum(shaft, shadow))
+    end = sharp_end(drawn, TipEstimate("inside", END_PX + 80, 100.0))
+    assert end is not None and end.u_px == pytest.approx(END_PX, abs=3.0)
+    assert end.contrast_grey == pytest.approx(60, abs=15)
 
 
 def test_a_tip_that_may_be_elsewhere_is_not_known():

@@ -47,6 +47,29 @@ def test_locates_a_tip_that_was_expected_far_behind(registration, short_px):
     assert (end.where, end.u_px) == ("inside", pytest.approx(END_PX, abs=1.5))
 
 
+@pytest.mark.parametrize(
+    ("first", "second", "second_half_px", "where_px"),
+    [(255.0, 210.0, 1.5, END_PX), (70.0, 128.0, 4.5, END_PX - 40)],
+    ids=["a bright needle from its cannula", "a dark needle and its hard shadow"],
+)
+def test_a_step_where_the_tip_was_is_its_end_unless_something_bright_goes_on(
+    registration, first, second, second_half_px, where_px
+):
+    eye = EyeGeometry(registration)
+    line = Line(eye.inwards_rad + 0.1, 0.0)
+    y, x = np.mgrid[: eye.height_px, : eye.width_px]
+    (x0, y0), (dx, dy) = line.at_px(eye.trocar_px, 0.0), line.direction
+    along, across = (x - x0) * dx + (y - y0) * dy, (y - y0) * dx - (x - x0) * dy
+    image = np.full(along.shape, GROUND)
+    for grey, half_px, end_px in ((second, second_half_px, END_PX), (first, 4.5, END_PX - 40)):
+        covered = np.clip(half_px + 0.5 - abs(across), 0, 1) * np.clip(end_px + 0.5 - along, 0, 1)
+        image += covered * (grey - image)
+    image = cv2.GaussianBlur(image, (0, 0), 0.7) + np.random.default_rng(1).normal(0, 1.0, image.shape)
+    coarse, end = tips_of(eye, line, np.clip(image, 0, 255).astype(np.uint8), END_PX - 40)
+    assert coarse.u_px == pytest.approx(END_PX, abs=3.0)
+    assert end.u_px == pytest.approx(where_px, abs=1.5)
+
+
 @pytest.mark.parametrize("side", [-1, 1])
 def test_a_bead_beyond_the_tip_is_no_part_of_the_needle(registration, side):
     eye = EyeGeometry(registration)
