@@ -606,6 +606,7 @@ def test_no_random_damage_goes_unnoticed(small, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1800)
 def test_no_random_damage_goes_unnoticed_in_2000_files(small, tmp_path):
     outcomes = campaign(small, tmp_path, 2000, 2)
     assert outcomes["saved"] > 800, outcomes
