@@ -105,7 +105,8 @@ def build(
         info = run_info(config, source, registration, procedure, clock, __version__)
         measures = procedure.schema.measure_names
         path = config.recording.path
-        writer = RunWriter(path, info, registration.image, measures) if path else None
+        video = _load("haptigraph.sources.naming:video_to_store")(config, SOURCES)
+        writer = RunWriter(path, info, registration.image, measures, video) if path else None
         if writer is not None:
             undo.callback(writer.discard)
         bridges = []

@@ -124,6 +124,8 @@ class RecordingConfig(Struct, frozen=True, forbid_unknown_fields=True):
 
     path: str = ""
     """MCAP file to write; empty: none."""
+    store_video: bool = True
+    """Store a video file once, instead of each of its images as PNG, where that takes less space."""
 
 
 class TrialConfig(Struct, frozen=True, forbid_unknown_fields=True):

@@ -30,6 +30,7 @@ def replay(recording: str, procedure: str | None) -> None:
     from haptigraph.analysis.metrics.summary import summary
     from haptigraph.analysis.metrics.temporal import claim_lines
     from haptigraph.recording.header import losses_sentence
+    from haptigraph.recording.stored_video import decoder_name
 
     with progress_bar() as progress:
         report = run_again(recording, procedure, progress)
@@ -41,6 +42,11 @@ def replay(recording: str, procedure: str | None) -> None:
         click.echo(losses_sentence(report.losses))
     if report.dropped_images:
         click.echo(f"{report.dropped_images} images were not recorded; steps that depend on them differ")
+    if report.differing_images:
+        click.echo(
+            f"{report.differing_images} images have other pixels here, decoded by {decoder_name()}, than "
+            f"during the run, decoded by {report.decoder}; steps that depend on them may differ"
+        )
     click.echo(f"{report.identical} of {report.steps} steps identical")
     if report.first is not None:
         first = report.first

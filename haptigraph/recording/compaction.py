@@ -4,14 +4,16 @@ import itertools
 import os
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import TypeAlias
+from typing import BinaryIO, TypeAlias
 
 from mcap.records import Channel, McapRecord, Message, Metadata, Schema
-from mcap.writer import CompressionType, Writer
+from mcap.writer import CompressionType
 
 from haptigraph.errors import BadInput
+from haptigraph.recording.attachments import AttachedFile, AttachingWriter
 from haptigraph.recording.header import is_header
 from haptigraph.recording.journal import FileIdentity, complete_records, lock
+from haptigraph.recording.unpacking import unpacked
 
 __all__ = ["LIBRARY", "Progress", "compact", "write_compacted"]
 
@@ -21,7 +23,13 @@ Progress: TypeAlias = Callable[[str, int, int], None]
 """Called with (activity, bytes done, total bytes)."""
 
 
-def compact(path: Path, progress: Progress | None = None, identity: FileIdentity | None = None) -> int:
+def compact(
+    path: Path,
+    progress: Progress | None = None,
+    identity: FileIdentity | None = None,
+    *,
+    unpacks_video: bool = False,
+) -> int:
     """Rewrite a recording in place with chunks, zstd and an index; return the number of messages.
 
     An incomplete record at the end is left out. The file is replaced only after the new one is complete.
@@ -30,6 +38,7 @@ def compact(path: Path, progress: Progress | None = None, identity: FileIdentity
         path: The recording.
         progress: Called with the progress.
         identity: That of the recording; None: whatever is there now.
+        unpacks_video: Whether to replace its video by the images that were used, as PNG.
 
     Raises:
         BadInput: If the file is not a recording, or is damaged.
@@ -47,7 +56,7 @@ def compact(path: Path, progress: Progress | None = None, identity: FileIdentity
         identity.check(path)
 
     try:
-        return write_compacted(path, records())
+        return write_compacted(path, unpacked(records()) if unpacks_video else records())
     except KeyError:
         raise BadInput("damaged (a message of an unknown topic)", path) from None
 
@@ -57,7 +66,8 @@ def write_compacted(target: Path, records: Iterable[McapRecord]) -> int:
 
     Args:
         target: The recording; replaced if it exists.
-        records: Metadata, schemas, channels and messages; repetitions of definitions are left out.
+        records: Metadata, an attachment, schemas, channels and messages; repetitions of definitions are left
+            out.
 
     Raises:
         OSError: If it cannot be written.
@@ -67,9 +77,9 @@ def write_compacted(target: Path, records: Iterable[McapRecord]) -> int:
     lock(output.fileno(), "LOCK_EX")  # so that nobody takes it for a remnant
     try:
         with output:
-            writer = Writer(output, CHUNK_BYTES, CompressionType.ZSTD, enable_data_crcs=True)
+            writer = AttachingWriter(output, CHUNK_BYTES, CompressionType.ZSTD, enable_data_crcs=True)
             writer.start(library=LIBRARY)
-            messages = _copy(records, writer)
+            messages = _copy(records, writer, output)
             writer.finish()  # type: ignore[no-untyped-call]
             output.flush()
             os.fsync(output.fileno())
@@ -86,7 +96,7 @@ def _part_names(path: Path) -> Iterator[Path]:
     return (path.with_name(f"{path.name}.part{number or ''}") for number in itertools.count())
 
 
-def _copy(records: Iterable[McapRecord], writer: Writer) -> int:
+def _copy(records: Iterable[McapRecord], writer: AttachingWriter, output: BinaryIO) -> int:
     """Copy records under the new file's ids; return the number of messages."""
     schemas: dict[int, int] = {}
     channels: dict[int, int] = {}
@@ -101,6 +111,8 @@ def _copy(records: Iterable[McapRecord], writer: Writer) -> int:
         elif isinstance(record, Metadata) and record not in metadata:
             metadata.append(record)
             writer.add_metadata(record.name, record.metadata)
+        elif isinstance(record, AttachedFile):
+            writer.copy_attachment(output, record)
         elif isinstance(record, Message):
             channel = channels[record.channel_id]
             writer.add_message(channel, record.log_time, record.data, record.publish_time, record.sequence)

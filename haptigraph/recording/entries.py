@@ -8,13 +8,19 @@ from haptigraph.geometry import ImageGeometry
 from haptigraph.messages import Capture, Step
 from haptigraph.recording.codec import encode_png, format_of
 from haptigraph.recording.foxglove import WARNING, CompressedImage, Log, Time, annotations
-from haptigraph.recording.schema import CaptureRecord, Kept
+from haptigraph.recording.schema import CaptureRecord, Kept, VideoImage
 
 __all__ = ["entries"]
 
 
 def entries(
-    capture: Capture, step: Step, *, image: ImageGeometry, utc_offset_ns: int, dropped: bool = False
+    capture: Capture,
+    step: Step,
+    *,
+    image: ImageGeometry,
+    utc_offset_ns: int,
+    dropped: bool = False,
+    video: VideoImage | None = None,
 ) -> Iterator[tuple[str, Struct]]:
     """Yield topics and messages in the order of writing.
 
@@ -24,9 +30,12 @@ def entries(
         image: Transformation between images and eye frame, for the annotations.
         utc_offset_ns: Nanoseconds since 1970 minus stamp_ns.
         dropped: True if there was an image that is not recorded.
+        video: Which image of the recording's video it is, if it is one.
     """
     time = Time.from_ns(step.stamp_ns + utc_offset_ns)
     kept: Kept = "dropped" if dropped else "none" if capture.image is None else "recorded"
+    if kept == "recorded" and video is not None:
+        kept = "video"
     record = CaptureRecord(
         capture.index,
         capture.stamp_ns,
@@ -36,6 +45,7 @@ def entries(
         capture.camera,
         capture.phase,
         capture.phase_s,
+        video,
     )
     yield "/capture", record
     if capture.hand is not None:

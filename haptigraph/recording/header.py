@@ -33,6 +33,8 @@ class Losses(Struct, frozen=True):
     """Numbers of the missing steps, as far as they are known: "3, 9-12"; empty: none."""
     damage: str
     """Where the original was damaged."""
+    images: str = ""
+    """How many images are missing, because their video is; empty: none."""
 
 
 def header_record(info: RunInfo) -> Metadata:
@@ -48,9 +50,11 @@ def losses_record(losses: Losses) -> Metadata:
 
 def losses_sentence(losses: Losses) -> str:
     """Return what is missing as a sentence for users."""
+    images = f"; missing: {losses.images} images, because their video was damaged" if losses.images else ""
     if losses.missing:
-        return f"missing: step {losses.missing} of a damaged recording (the first is 0)"
-    return "no step before the last one is missing, but there was damage; steps at the end may be missing"
+        return f"missing: step {losses.missing} of a damaged recording (the first is 0){images}"
+    steps = "no step before the last one is missing, but there was damage; steps at the end may be missing"
+    return f"{steps}{images}"
 
 
 def is_header(record: object) -> bool:

@@ -100,6 +100,17 @@ class Journal:
         self._written += len(data)
         return len(data)
 
+    def rewind(self, to: int) -> None:
+        """Remove what was written behind a byte offset.
+
+        Raises:
+            OSError: If that is impossible.
+        """
+        if self._descriptor is not None:
+            os.ftruncate(self._descriptor, to)
+            os.lseek(self._descriptor, to, os.SEEK_SET)
+            self._written = to
+
     def check(self) -> FileIdentity:
         """Check that the path still leads to the file, with all that was written; return its identity.
 
@@ -178,8 +189,12 @@ def is_whole(path: Path) -> bool:
         return file.read() == MAGIC
 
 
-def complete_records(path: Path) -> Iterator[tuple[int, McapRecord]]:
+def complete_records(path: Path, *, verifies_attachments: bool = True) -> Iterator[tuple[int, McapRecord]]:
     """Yield the records of a recording's data section, up to the last complete one.
+
+    Args:
+        path: The recording.
+        verifies_attachments: Whether attachments, which may be large, are read, and not only found.
 
     Yields:
         (byte offset of the end of the record, or of its chunk; record).
@@ -190,7 +205,7 @@ def complete_records(path: Path) -> Iterator[tuple[int, McapRecord]]:
     with open_regular(path) as file:
         if file.read(len(MAGIC)) != MAGIC:
             raise BadInput("not a recording (an MCAP file begins otherwise)", path)
-    for piece in scan(path):
+    for piece in scan(path, verifies_attachments=verifies_attachments):
         if isinstance(piece, Damage):
             if piece.kind in ("torn", "cut"):
                 return

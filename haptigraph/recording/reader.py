@@ -5,15 +5,18 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from mcap.records import Channel, Message, Metadata
+from msgspec.structs import replace
 
 from haptigraph.errors import BadInput
-from haptigraph.messages import Capture, Step
+from haptigraph.messages import Capture, Image, Step
+from haptigraph.recording.attachments import AttachedFile
 from haptigraph.recording.codec import decode
 from haptigraph.recording.decoding import IMAGE, decode_message, is_complete, is_read
 from haptigraph.recording.foxglove import CompressedImage
 from haptigraph.recording.header import Losses, is_header, is_losses, read_header, read_losses
 from haptigraph.recording.journal import complete_records, is_being_written, is_whole, records_between
 from haptigraph.recording.schema import CaptureRecord, RunInfo
+from haptigraph.recording.stored_video import StoredVideo
 
 __all__ = ["RunReader", "StepLocation"]
 
@@ -42,6 +45,9 @@ class RunReader:
         self._topics: dict[int, str] = {}
         self.losses: Losses | None = None
         """What is missing, if it was recovered from a damaged recording."""
+        self.differing_images = 0
+        """Images, of those decoded so far, that have other pixels than during the run: another decoder."""
+        self._video: StoredVideo | None = None
         self.info = self._read_info()
         self.is_whole = is_whole(self.path)
         """False if the run was interrupted or is still being recorded."""
@@ -57,7 +63,7 @@ class RunReader:
             BadInput: If the file is damaged, or a message cannot be decoded.
         """
         for place, messages in self._steps(images):
-            yield self._record(place.sequence, messages)
+            yield self._record(place.sequence, messages, decodes=images is None or place.sequence in images)
 
     def places(self) -> Generator[tuple[StepLocation, Step], None, None]:
         """Yield every step, without its image, and its location in the file.
@@ -66,36 +72,37 @@ class RunReader:
             BadInput: If the file is damaged, or a message cannot be decoded.
         """
         for place, messages in self._steps(()):
-            yield place, self._record(place.sequence, messages)[1]
+            yield place, self._record(place.sequence, messages, decodes=False)[1]
 
     def record_at(self, place: StepLocation) -> tuple[Capture, Step]:
-        """Return the capture, with its image still encoded, and the step at a location.
+        """Return the capture and the step at a location; an image that was stored alone is still encoded.
 
         Raises:
             BadInput: If the file has changed.
         """
         for _, messages in self._groups(None, place):
             if is_complete(messages):
-                return self._record(place.sequence, messages, decodes=False)
+                capture, step = self._record(place.sequence, messages, decodes=False)
+                return replace(capture, image=self._video_image(place.sequence, messages["/capture"])), step
         raise BadInput("has changed; open the recording again", self.path, f"step {place.sequence}")
 
     def count(self) -> tuple[int, int]:
-        """Count the steps, and the images that perception processed but the recorder dropped.
+        """Count the steps, and the images that perception processed but the recording lacks.
 
         Raises:
             BadInput: If the file is damaged, or a message cannot be decoded.
         """
         kept = [messages["/capture"].image for _, messages in self._steps(())]
-        return len(kept), kept.count("dropped")
+        return len(kept), kept.count("dropped") + (0 if self._video else kept.count("video"))
 
-    def _record(
-        self, sequence: int, messages: dict[str, Any], *, decodes: bool = True
-    ) -> tuple[Capture, Step]:
+    def _record(self, sequence: int, messages: dict[str, Any], *, decodes: bool) -> tuple[Capture, Step]:
         record: CaptureRecord = messages["/capture"]
         compressed: CompressedImage | None = messages.get(IMAGE)
         data = compressed.data if compressed else None
         try:
             image = decode(data) if data is not None and decodes else None
+            if decodes and record.video is not None:
+                image = self._video_image(sequence, record)
         except ValueError as error:
             raise BadInput(f"image cannot be decoded: {error}", self.path, f"step {sequence}") from None
         capture = Capture(
@@ -121,6 +128,16 @@ class RunReader:
         )
         return capture, step
 
+    def _video_image(self, sequence: int, record: CaptureRecord) -> Image | None:
+        if self._video is None or record.video is None:
+            return None
+        try:
+            image, is_same = self._video.image(record.video.number, record.video.crc32)
+        except ValueError as error:
+            raise BadInput(f"image cannot be decoded: {error}", self.path, f"step {sequence}") from None
+        self.differing_images += not is_same
+        return image
+
     def _steps(self, images: Container[int] | None) -> Iterator[tuple[StepLocation, dict[str, Any]]]:
         """Yield the messages of every step; only the last of an interrupted run may be incomplete."""
         expected, incomplete = 0, None
@@ -132,6 +149,8 @@ class RunReader:
                 raise BadInput(f"damaged ({found})", self.path, f"byte {place.start}")
             expected = place.sequence + 1
             if is_complete(messages):
+                if messages["/capture"].video and self._video is None and self.losses is None:
+                    raise BadInput("damaged (the video of its images is missing)", self.path)
                 yield place, messages
             else:
                 incomplete = place.sequence
@@ -164,15 +183,17 @@ class RunReader:
             yield StepLocation(sequence, start, last), messages
 
     def _read_info(self) -> RunInfo:
-        """Read the records before the first message: the header, and the topic of each channel."""
+        """Read the records before the first message: header, topic of each channel, place of the video."""
         info = None
-        for _, record in complete_records(self.path):
+        for _, record in complete_records(self.path, verifies_attachments=False):
             if isinstance(record, Metadata) and is_header(record):
                 info = read_header(record, self.path)
             elif isinstance(record, Metadata) and is_losses(record):
                 self.losses = read_losses(record, self.path)
             elif isinstance(record, Channel):
                 self._topics[record.id] = record.topic
+            elif isinstance(record, AttachedFile):
+                self._video = StoredVideo(record)
             elif isinstance(record, Message):
                 break
         if info is None:

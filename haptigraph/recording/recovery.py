@@ -10,6 +10,7 @@ from mcap.records import Channel, Header, McapRecord, Message, Metadata, Schema,
 from msgspec import Struct
 
 from haptigraph.errors import BadInput
+from haptigraph.recording.attachments import AttachedFile
 from haptigraph.recording.codec import decode
 from haptigraph.recording.compaction import LIBRARY, Progress, write_compacted
 from haptigraph.recording.decoding import decode_message, is_complete
@@ -33,6 +34,8 @@ class Recovery(Struct):
     """What cannot be read; the last may be only torn."""
     missing: list[tuple[int, int]] = []
     """First and last number of steps that are missing, from 0."""
+    lost_images: int = 0
+    """Complete steps whose image is lost, because the video in the recording is."""
     lacked: bool = False
     """Whether the recording itself was recovered from a damaged one; it says what it lacks."""
     is_verified: bool = True
@@ -50,7 +53,7 @@ class Recovery(Struct):
     @property
     def is_lossless(self) -> bool:
         """Whether nothing but the torn end of an interrupted run is left out."""
-        return not (self.lost or self.missing or self.lacked)
+        return not (self.lost or self.missing or self.lost_images or self.lacked)
 
     @property
     def left_out_bytes(self) -> int:
@@ -60,7 +63,8 @@ class Recovery(Struct):
     def losses(self) -> Losses:
         """Return what is missing, for the recovered recording."""
         places = (f"byte {damage.start}: {damage.problem}" for damage in self.lost)
-        return Losses(_missing_text(self.missing), "; ".join(places))
+        images = str(self.lost_images) if self.lost_images else ""
+        return Losses(_missing_text(self.missing), "; ".join(places), images)
 
 
 class _Definitions(Struct):
@@ -68,16 +72,27 @@ class _Definitions(Struct):
 
     header: Metadata | None = None
     losses: list[Metadata] = []
+    video: AttachedFile | None = None
     schemas: dict[int, Schema] = {}
     channels: dict[int, Channel] = {}
     total: int | None = None
     """Number of steps according to the file's summary."""
+
+    def take_header(self, record: Metadata, path: Path) -> str:
+        """Take a header; return what is wrong with it, if anything."""
+        try:
+            read_header(record, path)
+        except BadInput as error:
+            return error.problem
+        self.header = record
+        return ""
 
     def records(self) -> Iterator[McapRecord]:
         """Yield them in the order in which a recording begins."""
         if self.header is not None:
             yield self.header
         yield from self.losses
+        yield from (self.video,) if self.video is not None else ()
         yield from self.schemas.values()
         yield from (channel for channel in self.channels.values() if channel.schema_id in self.schemas)
 
@@ -98,7 +113,8 @@ def recover(path: Path, progress: Progress | None = None) -> Recovery:
         identity = FileIdentity.of(path)
         definitions = _definitions(path)
         recovery = _check(path, definitions, report)
-        if recovery.damage or not is_whole(path) or (recovery.missing and not recovery.lacked):
+        lacks = recovery.missing or recovery.lost_images
+        if recovery.damage or not is_whole(path) or (lacks and not recovery.lacked):
             target = path if recovery.is_lossless else path.with_suffix(f".recovered{path.suffix}")
             if target != path and target.exists():
                 raise BadInput("exists already; recover never overwrites a file, so move it away", target)
@@ -129,14 +145,12 @@ def _definitions(path: Path) -> _Definitions:
                 found.channels.setdefault(record.id, record)
             elif isinstance(record, Statistics):
                 found.total = max(record.channel_message_counts.values(), default=0)  # /log may have more
+            elif isinstance(record, AttachedFile):
+                found.video = record
             elif isinstance(record, Metadata) and is_losses(record):
                 found.losses += [] if record in found.losses else [record]
             elif isinstance(record, Metadata) and is_header(record) and found.header is None:
-                try:
-                    read_header(record, path)
-                    found.header = record
-                except BadInput as error:
-                    problem = error.problem
+                problem = found.take_header(record, path) or problem
     if found.header is None:
         raise BadInput(problem, path)
     return found
@@ -160,6 +174,7 @@ def _check(path: Path, definitions: _Definitions, report: Progress) -> Recovery:
     for group, is_good in _groups(path, definitions, checks_images=not recovery.is_verified):
         if is_good and group[0].sequence > found[-1]:
             found.append(group[0].sequence)
+            recovery.lost_images += definitions.video is None and _is_in_video(group, definitions, path)
     recovery.steps = len(found) - 1
     if not recovery.steps:
         raise BadInput("contains no complete step, so there is nothing to recover", path)
@@ -203,6 +218,13 @@ def _is_good(group: list[Message], definitions: _Definitions, path: Path, *, che
         except ValueError:
             return False
     return is_complete(messages)
+
+
+def _is_in_video(group: list[Message], definitions: _Definitions, path: Path) -> bool:
+    """Return whether the image of a complete step is in the recording's video."""
+    topics = ((definitions.channels[record.channel_id].topic, record) for record in group)
+    captures = (decode_message(topic, record, path) for topic, record in topics if topic == "/capture")
+    return any(capture.video is not None for capture in captures)
 
 
 def _saved_records(

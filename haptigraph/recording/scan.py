@@ -14,6 +14,7 @@ from mcap.opcode import Opcode
 from mcap.records import DataEnd, McapRecord, Message, Metadata, Statistics
 
 from haptigraph.errors import BadInput
+from haptigraph.recording.attachments import CRC_BYTES, blocks, parse_attachment
 from haptigraph.recording.records import DAMAGE, RECORD_TYPES, parse_record
 from haptigraph.recording.schema import UNCHECKED
 
@@ -28,8 +29,8 @@ MAX_RECORD = 2**30
 MAX_NAME = 4  # longest name of a compression
 BLOCK = 2**20
 IN_CHUNKS = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE)
-CANDIDATE = re.compile(rb"[\x03\x04\x05\x06\x0c\x0f](?=[\s\S]{5}\0\0\0)")
-"""Start of a schema, channel, message, chunk, metadata or end of data, shorter than 2^40 bytes."""
+CANDIDATE = re.compile(rb"[\x03\x04\x05\x06\x09\x0c\x0f](?=[\s\S]{5}\0\0\0)")
+"""Start of a schema, channel, message, chunk, attachment, metadata or end of data, below 2^40 bytes."""
 
 
 class Piece(NamedTuple):
@@ -80,17 +81,21 @@ def open_regular(path: Path) -> BinaryIO:
         raise BadInput(f"cannot be read ({error.strerror})", path) from None
 
 
-def scan(path: Path) -> Iterator[Piece | Damage]:
+def scan(path: Path, *, verifies_attachments: bool = True) -> Iterator[Piece | Damage]:
     """Yield everything in an MCAP file, in order.
 
     Behind damage, go on at the next record that can be verified. An interrupted file ends after its last
     record, or with torn bytes.
 
+    Args:
+        path: The file.
+        verifies_attachments: Whether attachments, which may be large, are read, and not only found.
+
     Raises:
         BadInput: If the file cannot be read.
     """
     with open_regular(path) as file:
-        yield from _Scanner(file).pieces()
+        yield from _Scanner(file, path, verifies_attachments=verifies_attachments).pieces()
 
 
 def scan_between(path: Path, start: int, end: int) -> Iterator[Piece]:
@@ -100,7 +105,7 @@ def scan_between(path: Path, start: int, end: int) -> Iterator[Piece]:
         BadInput: If they cannot be read.
     """
     with open_regular(path) as file:
-        scanner = _Scanner(file)
+        scanner = _Scanner(file, path)
         scanner.size = min(scanner.size, end)
         while start < scanner.size:
             try:
@@ -112,8 +117,8 @@ def scan_between(path: Path, start: int, end: int) -> Iterator[Piece]:
 
 
 class _Scanner:
-    def __init__(self, file: BinaryIO) -> None:
-        self._file = file
+    def __init__(self, file: BinaryIO, path: Path, *, verifies_attachments: bool = True) -> None:
+        self._file, self._path, self._verifies_attachments = file, path, verifies_attachments
         self.size = os.fstat(file.fileno()).st_size
         self._data_crc = 0
         self._messages = 0
@@ -151,6 +156,8 @@ class _Scanner:
         start = self._read(at, RECORD_HEADER.size)
         opcode, length = self._check_start(at, start)
         end = at + RECORD_HEADER.size + length
+        if opcode == Opcode.ATTACHMENT:
+            return self._read_attachment(at, end, start)
         body = self._read(at + RECORD_HEADER.size, length)
         try:
             records = parse_record(opcode, body)
@@ -164,6 +171,23 @@ class _Scanner:
         self._messages += sum(isinstance(record, Message) for record in records)
         return Piece(at, end, records, self._is_data, opcode == Opcode.CHUNK)
 
+    def _read_attachment(self, at: int, end: int, start: bytes) -> Piece:
+        """Verify an attachment without keeping it in memory."""
+        content_at, crc_at = at + RECORD_HEADER.size, end - CRC_BYTES
+        try:
+            attached = parse_attachment(self._file, self._path, content_at, end - content_at)
+        except DAMAGE as error:
+            raise _Problem(str(error) or "lengths differ") from None
+        if self._verifies_attachments:
+            crc, data_crc = 0, zlib.crc32(start, self._data_crc)
+            for block in blocks(self._file, content_at, crc_at - content_at):
+                crc, data_crc = zlib.crc32(block, crc), zlib.crc32(block, data_crc)
+            stored = self._read(crc_at, CRC_BYTES)
+            if stored != crc.to_bytes(CRC_BYTES, "little"):
+                raise _Problem(f"crc of the attached {attached.name} differs")
+            self._data_crc = zlib.crc32(stored, data_crc)
+        return Piece(at, end, (attached,), self._is_data)
+
     def _check_start(self, at: int, start: bytes) -> tuple[int, int]:
         """Return type and length of a record, if they are possible here."""
         if len(start) < RECORD_HEADER.size:
@@ -173,7 +197,7 @@ class _Scanner:
             raise _Problem(f"record of unknown type {opcode}")
         if opcode in IN_CHUNKS and self._has_chunks and self._is_data:
             raise _Problem("a record outside of its chunk")
-        if length > MAX_RECORD:
+        if length > MAX_RECORD and opcode != Opcode.ATTACHMENT:
             raise _Problem(f"record of {length} bytes")
         if opcode == Opcode.CHUNK:
             self._check_chunk_lengths(at + RECORD_HEADER.size, length)

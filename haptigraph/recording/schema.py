@@ -29,16 +29,18 @@ __all__ = [
     "Kept",
     "RunInfo",
     "Topic",
+    "VideoImage",
     "mcap_schema",
 ]
 
-FORMAT = "3"
+FORMAT = "4"
 UNCHECKED = ("1", "2")
 """Formats without a checksum of the header, and in a journal without any of the messages."""
-READABLE = (*UNCHECKED, FORMAT)
-"""Format 1 names the standard deviations in /observation differently; `decoding` translates them."""
+READABLE = (*UNCHECKED, "3", FORMAT)
+"""Format 1 names the standard deviations in /observation differently; `decoding` translates them. Up to
+format 3, no recording contains a video."""
 
-Kept: TypeAlias = Literal["recorded", "dropped", "none"]
+Kept: TypeAlias = Literal["recorded", "video", "dropped", "none"]
 
 
 class RunInfo(Struct, frozen=True):
@@ -63,6 +65,17 @@ class RunInfo(Struct, frozen=True):
     participant: str = ""
     trial: str = ""
     format: str = FORMAT
+    decoder: str = ""
+    """What decoded images during the run, if its recording was to contain a video."""
+
+
+class VideoImage(Struct, frozen=True):
+    """An image of the video that the recording contains."""
+
+    number: int
+    """In the video, from 0."""
+    crc32: int
+    """CRC-32 of its pixels, rows from the top, BGR or grey."""
 
 
 class CaptureRecord(Struct, frozen=True):
@@ -71,12 +84,15 @@ class CaptureRecord(Struct, frozen=True):
     index: int
     stamp_ns: int
     image: Kept
-    """Dropped: perception processed an image that the recorder had no time to write."""
+    """Recorded: in /camera/image. Video: in the attached video. Dropped: perception processed an image that
+    the recorder had no time to write."""
     faults: tuple[Fault, ...] = ()
     truth: Truth | None = None
     camera: CameraStamp | None = None
     phase: str = ""
     phase_s: float = 0.0
+    video: VideoImage | None = None
+    """Which image of the video it is."""
 
 
 class Topic(NamedTuple):
@@ -97,7 +113,7 @@ TOPICS = (
         CompressedImage,
         "foxglove.CompressedImage",
         "px",
-        "the JPEG or PNG bytes that perception consumed",
+        "the JPEG or PNG bytes that perception consumed; none for images of a stored video",
     ),
     Topic(
         "/camera/annotations",
@@ -111,7 +127,8 @@ TOPICS = (
         CaptureRecord,
         "haptigraph.Capture",
         "ns, px, mm, deg, s",
-        "stamp, the camera's own stamp, external faults, the simulator's ground truth, phase",
+        "stamp, the camera's own stamp, external faults, the simulator's ground truth, phase, "
+        "which image of the stored video",
     ),
     Topic(
         "/teleop",

@@ -1,9 +1,11 @@
 """Write runs to MCAP so that a killed process loses nothing, and compact them at the end.
 
-A run is written as a journal: each step is a chunk with its CRC, written at once and not compressed. On a
-clean close the file is rewritten with zstd chunks and an index. `sinks.recorder` runs this in its own thread.
+A run is written as a journal: each step is a chunk with its CRC, written at once and not compressed. Before
+the steps, it contains the video that the images come from, if any. On a clean close the file is rewritten
+with zstd chunks and an index. `sinks.recorder` runs this in its own thread.
 """
 
+import mimetypes
 import os
 import zlib
 from collections import Counter
@@ -12,19 +14,29 @@ from contextlib import suppress
 from pathlib import Path
 
 import msgspec
+import numpy as np
 from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, Chunk, DataEnd, Footer, Header, McapRecord, Message, Schema, Statistics
+from msgspec.structs import replace
 
 from haptigraph.errors import BadInput
 from haptigraph.geometry import ImageGeometry
 from haptigraph.messages import Capture, Step
+from haptigraph.recording.attachments import CRC_BYTES, AttachedFile, write_attachment
 from haptigraph.recording.compaction import Progress, compact
 from haptigraph.recording.entries import entries
 from haptigraph.recording.foxglove import encode_message
 from haptigraph.recording.header import header_record
-from haptigraph.recording.journal import FileChanged, Journal
-from haptigraph.recording.scan import MAGIC
-from haptigraph.recording.schema import TOPICS, RunInfo, mcap_schema
+from haptigraph.recording.journal import FileChanged, FileIdentity, Journal
+from haptigraph.recording.scan import MAGIC, open_regular
+from haptigraph.recording.schema import TOPICS, RunInfo, VideoImage, mcap_schema
+from haptigraph.recording.stored_video import (
+    StoredVideo,
+    crc_of_pixels,
+    decoder_name,
+    is_smaller_than_images,
+    png_bytes,
+)
 
 __all__ = ["Progress", "RunWriter"]
 
@@ -41,16 +53,26 @@ class RunWriter:
         info: The header.
         image: Transformation between images and eye frame, for the annotations.
         measures: Names of the measures in the graphs.
+        video: The video whose images will be written, unchanged and with their numbers in it; it is then
+            stored instead of them. None: each image is stored.
 
     Raises:
         BadInput: If the file exists or cannot be created.
     """
 
     def __init__(
-        self, path: str | Path, info: RunInfo, image: ImageGeometry, measures: tuple[str, ...]
+        self,
+        path: str | Path,
+        info: RunInfo,
+        image: ImageGeometry,
+        measures: tuple[str, ...],
+        video: Path | None = None,
     ) -> None:
         self.path = Path(path)
-        self._info, self._image = info, image
+        self._info, self._image = replace(info, decoder=decoder_name()) if video else info, image
+        self._video: StoredVideo | None = None
+        self._video_bytes = self._images_bytes = 0
+        self._problems = list[str]()
         try:
             self._file = Journal(os.open(self.path, NEW_FILE, 0o644), self.path)
         except FileExistsError:
@@ -66,6 +88,8 @@ class RunWriter:
         self._crc = 0
         try:
             self._begin(measures)
+            if video is not None:
+                self._store(video)
         except BaseException as error:
             self.discard()
             if isinstance(error, OSError):
@@ -86,17 +110,28 @@ class RunWriter:
         """
         utc_offset_ns = self._info.utc_offset_ns
         utc_ns = step.stamp_ns + utc_offset_ns
+        kept = entries(
+            capture,
+            step,
+            image=self._image,
+            utc_offset_ns=utc_offset_ns,
+            dropped=dropped,
+            video=self._in_video(capture),
+        )
         messages = [
             Message(CHANNELS[topic], utc_ns, encode_message(message), utc_ns, self.steps)
-            for topic, message in entries(
-                capture, step, image=self._image, utc_offset_ns=utc_offset_ns, dropped=dropped
-            )
+            for topic, message in kept
         ]
         self._append(_chunk(messages, utc_ns))
         self._messages.update(message.channel_id for message in messages)
         self._first_ns = min(self._first_ns, utc_ns) if self.steps else utc_ns
         self._last_ns = max(self._last_ns, utc_ns)
         self.steps += 1
+
+    def take_problems(self) -> tuple[str, ...]:
+        """Return why images are not stored as their video, since the last call, a sentence each."""
+        problems, self._problems = tuple(self._problems), []
+        return problems
 
     def close(self, progress: Progress | None = None) -> None:
         """Finish and compact the file, or remove it if it has no steps. May be called twice.
@@ -111,18 +146,20 @@ class RunWriter:
         if not self.steps:
             self.discard()
             return
+        self._close_video()
         self._finish()
         identity = self._file.check()
         self._file.close()
         self.is_complete = True
         try:
-            compact(self.path, progress, identity)
+            compact(self.path, progress, identity, unpacks_video=self._are_images_smaller())
         except (BadInput, FileChanged):
             self.is_complete = False
             raise
 
     def abandon(self) -> None:
         """Close the file as it is, for instance after a disk error; `recover` can repair it."""
+        self._close_video()
         with suppress(OSError):  # the caller has reported the error
             self._file.close()
 
@@ -145,13 +182,66 @@ class RunWriter:
         start = _encoded(Header("", f"haptigraph {self._info.version}"))
         self._append(MAGIC + start + 2 * (_encoded(header_record(self._info)) + _chunk(definitions)))
 
+    def _store(self, video: Path) -> None:
+        """Write the video, unless that takes more space than its images; if it fails, leave nothing of it."""
+        at, crc = self._file.tell(), self._crc
+        try:
+            if not is_smaller_than_images(video):
+                return
+            with open_regular(video) as source:
+                found, identity = os.fstat(source.fileno()), FileIdentity.of(source.fileno())
+                kind = mimetypes.guess_type(video.name)[0] or "application/octet-stream"
+                times = int(found.st_mtime_ns), self._info.utc_offset_ns
+                file = AttachedFile(video, 0, identity.size, video.name, kind, *times)
+                write_attachment(file, source, self._append)
+                identity.check(video)
+        except (BadInput, FileChanged, OSError) as error:
+            self._file.rewind(at)
+            self._crc = crc
+            reason = error.strerror if isinstance(error, OSError) else getattr(error, "problem", str(error))
+            self._problems.append(f"{video} is not stored in the recording, but each image as PNG: {reason}")
+            return
+        self._video_bytes = identity.size
+        start = self._file.tell() - identity.size - CRC_BYTES
+        self._video = StoredVideo(file.at(self.path, start))
+
+    def _in_video(self, capture: Capture) -> VideoImage | None:
+        """Return which image of the stored video a capture has, if decoding that gives the same pixels."""
+        if self._video is None or capture.image is None:
+            return None
+        crc32 = crc_of_pixels(capture.image)
+        try:
+            image, _ = self._video.image(capture.index, crc32)
+            if np.array_equal(image, capture.image):
+                self._images_bytes += png_bytes(*image.shape)
+                return VideoImage(capture.index, crc32)
+            reason = "has other pixels"
+        except ValueError:
+            reason = "cannot be decoded"
+        name = self._video.file.name
+        self._close_video()
+        self._problems.append(
+            f"image {capture.index} of {name}, as stored in the recording, {reason}; from here on, "
+            "each image is stored as PNG"
+        )
+        return None
+
+    def _are_images_smaller(self) -> bool:
+        """Return whether the images used would take much less space as PNG than the whole video."""
+        return 2 * self._images_bytes < self._video_bytes
+
+    def _close_video(self) -> None:
+        if self._video is not None:
+            self._video.close()
+            self._video = None
+
     def _finish(self) -> None:
         """Write the records at the end: the checksum of all data, and how many messages there are."""
         end = _encoded(DataEnd(self._crc))
         summary_start = self._file.tell() + len(end)
         summary = _encoded(
             Statistics(
-                attachment_count=0,
+                attachment_count=int(self._video_bytes > 0),
                 channel_count=len(TOPICS),
                 channel_message_counts=dict(self._messages),
                 chunk_count=self.steps + 2,

@@ -89,6 +89,7 @@ class Recorder:
             return False
         try:
             self._writer.write(capture, step, dropped=dropped)
+            self._faults += (Fault("recorder", problem) for problem in self._writer.take_problems())
         except Exception as error:  # the thread must survive, because the loop waits for it
             self._fail(error)
             return False

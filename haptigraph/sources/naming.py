@@ -7,7 +7,7 @@ import re
 from collections.abc import Container
 from pathlib import Path
 
-from haptigraph.config import SourceConfig
+from haptigraph.config import Config, SourceConfig
 from haptigraph.errors import BadInput, NeedsRegistration
 
 __all__ = [
@@ -18,6 +18,7 @@ __all__ = [
     "camera_device",
     "camera_size_px",
     "split_source",
+    "video_to_store",
 ]
 
 CAMERAS = ("camera", "realsense", "ros2")
@@ -116,6 +117,13 @@ def camera_size_px(settings: SourceConfig, registered_px: tuple[int, int] | None
             f"source.width_px and source.height_px are {configured}, but the registration is for {registered}"
         )
     return size_px
+
+
+def video_to_store(config: Config, kinds: Container[str]) -> Path | None:
+    """Return the video file whose images a source delivers as they are, if its recording is to contain it."""
+    kind, argument = split_source(config.source.uri, kinds)
+    is_unchanged = kind == "video" and not config.source.crop_px
+    return Path(argument) if is_unchanged and config.recording.store_video else None
 
 
 def _is_dicom(path: Path) -> bool:

@@ -5,7 +5,7 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from haptigraph.errors import EndOfSource
-from haptigraph.messages import Capture
+from haptigraph.messages import Capture, Fault
 from haptigraph.recording.reader import RunReader
 from haptigraph.stages import Source
 
@@ -25,10 +25,11 @@ class RecordingSource(Source):
     is_live = False
 
     def __init__(self, path: str | Path) -> None:
-        reader = RunReader(path)
-        self.rate_hz = reader.info.rate_hz
-        self.registration = reader.info.registration
-        self._records = reader.records()
+        self._reader = RunReader(path)
+        self.rate_hz = self._reader.info.rate_hz
+        self.registration = self._reader.info.registration
+        self._records = self._reader.records()
+        self._differing_images = 0
         self._first_ns: int | None = None
 
     def read(self, timeout_s: float) -> Capture | None:
@@ -38,7 +39,12 @@ class RecordingSource(Source):
             raise EndOfSource
         if self._first_ns is None:
             self._first_ns = capture.stamp_ns
-        return replace(capture, stamp_ns=capture.stamp_ns - self._first_ns)
+        faults = capture.faults
+        if self._reader.differing_images > self._differing_images:
+            self._differing_images = self._reader.differing_images
+            decoder = self._reader.info.decoder
+            faults = (*faults, Fault("source", f"image has other pixels than when {decoder} decoded it"))
+        return replace(capture, stamp_ns=capture.stamp_ns - self._first_ns, faults=faults)
 
     def close(self) -> None:
         """Close the file."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from haptigraph.errors import BadInput, EndOfSource
 from haptigraph.messages import Capture, Fault
-from haptigraph.sources.opencv import open_capture
+from haptigraph.opencv import open_capture
 from haptigraph.stages import Source
 
 __all__ = ["VideoSource"]

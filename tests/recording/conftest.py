@@ -28,6 +28,6 @@ def journal_file(quick_uri, tmp_path_factory) -> Path:
     """The same recording before compaction. Read-only."""
     path = tmp_path_factory.mktemp("journal") / "quick.mcap"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(writer_module, "compact", lambda path, progress, identity: 0)
+        patch.setattr(writer_module, "compact", lambda path, progress, identity, **options: 0)
         record(quick_uri, path)
     return path

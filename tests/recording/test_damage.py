@@ -88,6 +88,7 @@ def test_no_random_damage_goes_unnoticed(small, kind, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1800)
 def test_no_random_damage_goes_unnoticed_in_1000_files(small, kind, tmp_path):
     outcomes = campaign(small, kind, tmp_path, 1000, 2)
     assert outcomes["refused"] < 100, outcomes

@@ -255,7 +255,7 @@ def test_a_recording_of_a_future_format_is_rejected(tmp_path):
     writer = RunWriter(tmp_path / "b.mcap", msgspec.structs.replace(INFO, format="99"), GEOMETRY, ())
     writer.write(Capture(0, 0, None), make_step())
     writer.close()
-    with pytest.raises(BadInput, match="recording format '99'; this version reads 1, 2, 3"):
+    with pytest.raises(BadInput, match="recording format '99'; this version reads 1, 2, 3, 4"):
         RunReader(tmp_path / "b.mcap")
 
 

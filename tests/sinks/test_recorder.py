@@ -1,5 +1,5 @@
 import threading
-from collections import deque
+from collections import Counter, deque
 from functools import partial
 
 import numpy as np
@@ -9,6 +9,7 @@ from helpers import every_moment, make_step
 from haptigraph.errors import BadInput
 from haptigraph.messages import Capture, Fault
 from haptigraph.recording.journal import FileChanged
+from haptigraph.run_report import RunReport
 from haptigraph.sinks import recorder as recorder_module
 from haptigraph.sinks.recorder import Recorder
 
@@ -22,6 +23,7 @@ class Writer:
 
     def __init__(self):
         self.written, self.gate, self.error = [], threading.Event(), None
+        self.problems = []
         self.closed = self.abandoned = 0
         self.gate.set()
 
@@ -30,6 +32,10 @@ class Writer:
         if self.error is not None:
             raise self.error
         self.written.append((capture, step, dropped))
+
+    def take_problems(self):
+        problems, self.problems = self.problems, []
+        return problems
 
     @property
     def steps(self):
@@ -158,6 +164,16 @@ def test_a_recording_that_turns_out_damaged_is_not_reported_as_complete(writer):
     recorder.close()
     (fault,) = recorder.take_faults()
     assert fault.message == "run.mcap is incomplete (damaged (crc of a chunk differs))"
+
+
+def test_a_reason_why_images_are_not_stored_as_their_video_is_a_fault_of_a_complete_recording(writer):
+    recorder = Recorder(writer, waits=True)
+    writer.problems = ["clip.mp4 is not stored in the recording, but each image as PNG: it was changed"]
+    write(recorder, 2)
+    recorder.close()
+    (fault,) = recorder.take_faults()
+    assert (fault.where, fault.message[:8], len(writer.written)) == ("recorder", "clip.mp4", 2)
+    assert RunReport(faults=Counter({f"recorder: {fault.message}": 1})).incomplete == ""
 
 
 def test_a_fault_that_comes_while_others_are_taken_is_not_lost(writer):

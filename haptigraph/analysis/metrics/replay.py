@@ -40,7 +40,11 @@ class ReplayReport(Struct):
     identical: int = 0
     first: Difference | None = None
     dropped_images: int = 0
-    """Images that perception processed but the recorder dropped; steps that depend on them may differ."""
+    """Images that perception processed but the recording lacks; steps that depend on them may differ."""
+    differing_images: int = 0
+    """Images of a video that its decoder here gives other pixels than during the run."""
+    decoder: str = ""
+    """What decoded them during the run."""
     is_whole: bool = True
     is_being_written: bool = False
     losses: Losses | None = None
@@ -75,6 +79,7 @@ def replay(
         is_whole=reader.is_whole,
         is_being_written=reader.is_being_written,
         losses=reader.losses,
+        decoder=reader.info.decoder,
         recorded=RunMeasures.under(_procedure(reader, None)),
         replayed=RunMeasures.under(_procedure(reader, procedure)),
     )
@@ -91,6 +96,7 @@ def replay(
             watch(recorded, replayed)
         if progress is not None:
             progress("replaying", report.steps, steps)
+    report.differing_images = reader.differing_images
     return report
 
 

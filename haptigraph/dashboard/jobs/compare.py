@@ -40,5 +40,6 @@ def compare(name: str, procedure_name: str) -> None:
         "state_differs": state_differs,
         "haptics_differ": haptics_differ,
         "dropped_images": report.dropped_images,
+        "differing_images": report.differing_images,
     }
     send_message({"type": "comparison", **content, **more}, data)

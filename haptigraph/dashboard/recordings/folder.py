@@ -15,6 +15,7 @@ from mcap.reader import SeekingReader
 from haptigraph.assemble import parse_procedure, procedure_names
 from haptigraph.dashboard.server.protocol import image_header, pack
 from haptigraph.errors import BadInput, HaptigraphError
+from haptigraph.recording.codec import encode_png
 from haptigraph.recording.reader import RunReader, StepLocation
 from haptigraph.recording.records import DAMAGE
 from haptigraph.registration.loading import parse_registration
@@ -121,7 +122,7 @@ class RecordingFolder:
                 self._open.popitem(last=False)
 
     def step(self, name: str, number: int) -> bytes:
-        """Return the image message of one step, with the image as it was recorded.
+        """Return the image message of one step, with the image as it was recorded; one of a video as PNG.
 
         Raises:
             BadInput: If there is no such step.
@@ -138,6 +139,9 @@ class RecordingFolder:
         if not 0 <= number < len(run.places):
             raise BadInput(f"has no step {number}; valid: 0 to {len(run.places) - 1}", name)
         capture, step = run.reader.record_at(run.places[number])
+        picture = capture.encoded
+        if picture is None and capture.image is not None:
+            picture = encode_png(capture.image)
         time_ms = (step.stamp_ns - run.start_ns) / 1e6
         commanded_ns = step.timing.commanded_ns if step.timing else step.stamp_ns
         header = image_header(
@@ -146,10 +150,10 @@ class RecordingFolder:
             number=number,
             time_ms=time_ms,
             commanded_ms=(commanded_ns - run.start_ns) / 1e6,
-            has_picture=capture.encoded is not None,
+            has_picture=picture is not None,
             hand=capture.hand,
         )
-        return pack(header, capture.encoded or b"")
+        return pack(header, picture or b"")
 
     def _row(self, path: Path) -> dict[str, Any] | None:
         """Return one row of the list; None if the file has gone or its path leads out of the folder."""

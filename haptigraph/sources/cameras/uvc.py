@@ -15,9 +15,9 @@ import numpy as np
 from haptigraph.clock import Clock
 from haptigraph.errors import BadInput
 from haptigraph.messages import CameraStamp, Image
+from haptigraph.opencv import open_capture
 from haptigraph.sources.cameras.reconnect import CameraImage, LiveSource
 from haptigraph.sources.naming import camera_device
-from haptigraph.sources.opencv import open_capture
 
 __all__ = ["CameraSource", "Grabber", "UvcCamera"]
 

@@ -72,11 +72,13 @@ function compare(run, other) {
   events.show(player.number);
   showVerdict("");
   if (!other) return;
-  const { procedure, steps, identical, state_differs, haptics_differ, dropped_images } = other.content;
+  const { procedure, steps, identical, state_differs, haptics_differ, dropped_images, differing_images } = other.content;
   const dropped = dropped_images ? ` ${dropped_images} images were not recorded; what depends on them differs.` : "";
+  const differing = differing_images ? ` ${differing_images} images have other pixels here than during the run.` : "";
+  const images = dropped + differing;
   showVerdict(state_differs + haptics_differ
-    ? `≠ With ${procedure} the state differs in ${state_differs} of ${steps} steps, haptics in ${haptics_differ}.${dropped}`
-    : `✓ With ${procedure} every step has the same state and haptics; ${identical} of ${steps} are identical to the last bit.${dropped}`);
+    ? `≠ With ${procedure} the state differs in ${state_differs} of ${steps} steps, haptics in ${haptics_differ}.${images}`
+    : `✓ With ${procedure} every step has the same state and haptics; ${identical} of ${steps} are identical to the last bit.${images}`);
 }
 
 function showVerdict(/** @type {string} */ text) {

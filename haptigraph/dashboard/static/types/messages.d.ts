@@ -85,7 +85,7 @@ interface RecordedContent extends RunContent {
 }
 interface ComparisonContent extends RunContent {
   state_descriptions: StateDescription[], procedure: string, steps: number, identical: number,
-  state_differs: number, haptics_differ: number, dropped_images: number,
+  state_differs: number, haptics_differ: number, dropped_images: number, differing_images: number,
 }
 type Columns = Record<string, Float64Array | Float32Array | Uint16Array>;
 /** Steps in which two runs differ, end excluded; either in their state, or in their haptic pattern only. */
