@@ -8,7 +8,7 @@ NATIVE := haptigraph/perception/native
 SANITIZED := build/sanitized
 SCENES ?= $(basename $(notdir $(wildcard rendering/scenes/*.toml)))
 
-.PHONY: setup demo live test test-pythons test-slow test-native mutants fuzz check bench bench-degraded ablation bench-live bench-oct bench-touch bench-sweep compare-touch rehearse screenshots faults soak golden train render interop lock clean
+.PHONY: setup demo live test test-pythons test-slow test-native mutants fuzz check bench bench-degraded bench-empty ablation bench-live bench-oct bench-touch bench-sweep compare-touch rehearse screenshots faults soak golden train render interop lock clean
 
 setup: $(VENV)/ready
 
@@ -85,6 +85,9 @@ bench: setup  ## time of every stage; perceivers against the paper's; rules agai
 	$(BIN)/python benchmarks/bscan.py speed --perceiver segmentation
 	$(BIN)/python benchmarks/inference.py
 	$(BIN)/python benchmarks/chatter.py
+
+bench-empty: setup  ## how often a needle is reported in pictures that show none
+	$(BIN)/python benchmarks/no_needle.py
 
 bench-degraded: setup  ## accuracy on labelled clips: as they are, at half size, with motion blur, noise, and as poor JPEG
 	$(BIN)/python benchmarks/degraded.py

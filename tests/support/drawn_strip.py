@@ -17,7 +17,7 @@ HALF_PX, NOISE_GREY, END_PX = 16, 2.0, 140.0
 LANES = np.arange(-HALF_PX, HALF_PX + 1)[:, None]
 U_PX = np.arange(-40, 300, STATION_PX, dtype=np.float32)
 SHADOW = np.exp(-((LANES / 9) ** 2))  # edges as soft as those of a lamp's shadow
-GROUND, METAL = 150, 70
+GROUND, METAL, RIM = 150, 70, 110
 
 
 def strip(excess, u_px=U_PX):
@@ -50,6 +50,12 @@ def strip_of(
     """All of an image along a line."""
     (whole,) = rectify(eye, image, background, line, stations(eye, line), **settings)
     return whole
+
+
+def draw_rim(image: np.ndarray, eye: EyeGeometry) -> np.ndarray:
+    """Draw the globe's rim, in place; return the image."""
+    center_px = tuple(round(value) for value in eye.center_px)
+    return cv2.circle(image, center_px, round(eye.inner_px), (RIM,) * 3, 2, cv2.LINE_AA)
 
 
 def draw_needle(

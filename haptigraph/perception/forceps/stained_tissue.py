@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from haptigraph.geometry import Circle, Geometry, Point, nearest_on_polyline, norm, subtract
 from haptigraph.imaging import Mask
 from haptigraph.messages import Image
-from haptigraph.perception.native.pixels import Region, mark_stains
+from haptigraph.perception.native.pixels import Region, fill_marked, mark_stains
 from haptigraph.registration.camera import Registration
 
 __all__ = ["StainedTissue"]
@@ -61,6 +61,8 @@ class StainedTissue:
         row, column = np.ogrid[rows, columns]
         self._above_mm = (radius_mm - np.hypot(column - x, row - y) * image.mm_per_px).astype(np.float32)
         self._inside = self._above_mm > RIM_MM
+        self._dye, self._blood = np.empty((2, *self._inside.shape), np.bool_)
+        self._undyed = np.empty((registration.height_px, registration.width_px, 3), np.uint8)
 
     def __call__(self, image: Image) -> tuple[dict[str, Geometry], Image]:
         """Process one image.
@@ -70,16 +72,17 @@ class StainedTissue:
 
         Returns:
             `membrane_edge` (point) and `hemorrhage` (circle, as wide as the blood), if they are visible; and
-            the image with the dye filled from its surroundings.
+            the image with the dye filled from its surroundings, which the next call overwrites.
         """
         if image.ndim == 2:
             return {}, image
         found: dict[str, Geometry] = {}
-        dye, blood = mark_stains(image, self._box, BLUE_GREY, RED_GREY, self._inside)
-        if (stain := self._stain(*dye, MIN_DYE_MM2)) is not None:
+        planes = self._inside, self._dye, self._blood
+        dyed, bloody = mark_stains(image, self._box, BLUE_GREY, RED_GREY, *planes)
+        if (stain := self._stain(self._dye, dyed, MIN_DYE_MM2)) is not None:
             found["membrane_edge"] = self._edge(stain)
             image = self._without_dye(image, stain)
-        if (stain := self._stain(*blood, MIN_BLOOD_MM2)) is not None:
+        if (stain := self._stain(self._blood, bloody, MIN_BLOOD_MM2)) is not None:
             found["hemorrhage"] = self._region(stain)
         return found, image
 
@@ -107,15 +110,14 @@ class StainedTissue:
         top, left = rows.start - about[0].start, across.start - about[1].start
         dyed[top : top + dye.part.shape[0], left : left + dye.part.shape[1]] = dye.part
         dyed = cv2.dilate(dyed, np.ones((SPREAD_PX, SPREAD_PX), np.uint8))
-        cleaned = image.copy()
-        part = cleaned[self._box][about]
-        free = (dyed == 0).astype(np.float32)
-        share = cv2.blur(free, (width, width))
-        light = cv2.blur(part * free[..., None], (width, width))
-        fill = light / np.maximum(share, np.float32(1e-3))[..., None]
-        is_filled = (dyed > 0) & (share > 0)
-        np.copyto(part, fill.astype(np.uint8), where=is_filled[..., None])
-        return cleaned
+        np.copyto(self._undyed, image)
+        (box_rows, box_columns), (first, last) = self._box, about
+        region = (
+            slice(box_rows.start + first.start, box_rows.start + first.stop),
+            slice(box_columns.start + last.start, box_columns.start + last.stop),
+        )
+        fill_marked(image, region, dyed.view(np.bool_), width // 2, self._undyed)
+        return self._undyed
 
     def _area_mm2(self, part: Mask) -> float:
         return float(np.count_nonzero(part)) / self._px_per_mm**2

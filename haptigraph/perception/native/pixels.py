@@ -1,5 +1,6 @@
 """Passes over the pixels of a whole region: learning of the background, stained tissue (`pixels.c`)."""
 
+from operator import index
 from typing import Any
 
 import numpy as np
@@ -17,15 +18,17 @@ from haptigraph.perception.native.arrays import (
 )
 from haptigraph.perception.native.library import LIBRARY
 
-__all__ = ["Region", "learn_background", "mark_stains"]
+__all__ = ["Region", "fill_marked", "learn_background", "mark_stains"]
 
 Region = tuple[slice, slice]
 """Rows and columns of an image, each with a start and a stop within it."""
 
 MAX_GREY = 255
+MAX_REACH_PX = 1000  # the sum of a window's grey fits an int
 
 _learn_background = LIBRARY.function("learn_background", "piniidppppp")
 _mark_stains = LIBRARY.function("mark_stains", "pniiiipppp")
+_fill_marked = LIBRARY.function("fill_marked", "pniipipp")
 
 
 def learn_background(
@@ -66,8 +69,14 @@ def learn_background(
 
 
 def mark_stains(
-    image: Image, region: Region, min_blue_grey: int, min_red_grey: int, is_inside: Mask
-) -> tuple[tuple[Mask, int], tuple[Mask, int]]:
+    image: Image,
+    region: Region,
+    min_blue_grey: int,
+    min_red_grey: int,
+    is_inside: Mask,
+    dye: Mask,
+    blood: Mask,
+) -> tuple[int, int]:
     """Mark dye and blood in a region, and count their pixels.
 
     Args:
@@ -76,23 +85,53 @@ def mark_stains(
         min_blue_grey: What is bluer by more than that than it is green or red is dye, 0 to 255.
         min_red_grey: What is redder by more than that than it is green or blue is blood, 0 to 255.
         is_inside: Pixels of the region that may be either.
-
-    Returns:
-        The pixels of the region that are dye, and their number; the same of blood.
+        dye: Receives those that are dye, (h, w) of the region.
+        blood: Receives those that are blood.
     """
     size_px = np.shape(image)[:2]
     pixels = checked("image", image, BYTE, (*size_px, 3))
     first, rows, columns = _checked_region(region, size_px)
     if not (0 <= min_blue_grey <= MAX_GREY and 0 <= min_red_grey <= MAX_GREY):
         raise ValueError(f"stains: expected 0 to {MAX_GREY}; found {min_blue_grey} and {min_red_grey}")
-    dye, blood = np.empty((2, rows, columns), np.bool_)
+    masks = (("is_inside", is_inside), ("dye", dye), ("blood", blood))
     counts = np.empty(2, np.int32)
     _mark_stains(
         *(pixels + 3 * first, size_px[1], rows, columns, min_blue_grey, min_red_grey),
-        *(checked("is_inside", is_inside, BOOL, (rows, columns)), address(dye), address(blood)),
+        *(checked(name, mask, BOOL, (rows, columns)) for name, mask in masks),
         address(counts),
     )
-    return (dye, int(counts[0])), (blood, int(counts[1]))
+    return int(counts[0]), int(counts[1])
+
+
+def fill_marked(image: Image, region: Region, is_filled: Mask, reach_px: int, filled: Image) -> None:
+    """Fill marked pixels with the mean of the others in the square about each, if it has any.
+
+    Args:
+        image: (h, w, 3) BGR.
+        region: Part of the image; beyond its border, it counts as mirrored.
+        is_filled: The marked pixels of the region.
+        reach_px: Of the square to each side.
+        filled: Receives the filled pixels, another (h, w, 3) BGR.
+    """
+    size_px = np.shape(image)[:2]
+    pixels = checked("image", image, BYTE, (*size_px, 3))
+    first, rows, columns = _checked_region(region, size_px)
+    if not 0 <= index(reach_px) <= MAX_REACH_PX:
+        raise ValueError(f"reach: expected 0 to {MAX_REACH_PX} px; found {reach_px}")
+    target = checked("filled", filled, BYTE, (*size_px, 3))
+    if not filled.flags.writeable or np.may_share_memory(image, filled):
+        raise ValueError("filled: expected a writeable image of its own")
+    sums = np.empty(4 * columns, np.int32)
+    _fill_marked(
+        *(
+            pixels + 3 * first,
+            size_px[1],
+            rows,
+            columns,
+            checked("is_filled", is_filled, BOOL, (rows, columns)),
+        ),
+        *(reach_px, address(sums), target + 3 * first),
+    )
 
 
 def _checked_region(region: Region, size_px: tuple[Any, ...]) -> tuple[int, int, int]:

@@ -22,8 +22,8 @@
    u_px: positions of the stations along the line, from x, y [px] on; nx, ny across it, dx, dy along it.
 
    Return 0, and write nothing, if a position is not finite or beyond MAX_PX. */
-EXPORT int strip_positions(int half_px, const float *u_px, int stations, float x, float y, float nx, float ny,
-                           float dx, float dy, int16_t *whole, uint16_t *part) {
+VECTORS EXPORT int strip_positions(int half_px, const float *u_px, int stations, float x, float y, float nx,
+                                   float ny, float dx, float dy, int16_t *whole, uint16_t *part) {
     int is_valid =
         fabsf(x) <= MAX_PX && fabsf(y) <= MAX_PX && fabsf(nx) + fabsf(ny) <= 2 && fabsf(dx) + fabsf(dy) <= 2;
     for (int station = 0; station < stations; station++) is_valid &= fabsf(u_px[station]) <= MAX_PX;
@@ -184,9 +184,10 @@ static void subtract_chroma(const uint8_t *pixels, int lanes, int n, Flanks now,
    chroma: as in `subtract_chroma`; NULL if the grey alone counts.
 
    Return the noise [grey levels]. */
-EXPORT double subtract_background(const uint8_t *pixels, int channels, int lanes, int n, const float *u_px,
-                                  double chroma_share, double from_px, double to_px, float light,
-                                  float *excess, float *detrended, uint8_t *is_known, float *chroma) {
+VECTORS EXPORT double subtract_background(const uint8_t *pixels, int channels, int lanes, int n,
+                                          const float *u_px, double chroma_share, double from_px,
+                                          double to_px, float light, float *excess, float *detrended,
+                                          uint8_t *is_known, float *chroma) {
     float ends[6][n], factor[n];
     const Flanks now = {ends[0], ends[1]}, then = {ends[2], ends[3]}, off = {ends[4], ends[5]};
     if (channels == 3) {

@@ -17,6 +17,7 @@ CELL = LIBRARY.constant("CELL")
 """Samples along a line that make a cell."""
 
 MAX_CELLS = 2**30  # twice as many are counted by an int
+MAX_PIXELS = 2**29  # three bytes each are counted by an int
 
 _GRID = LIBRARY.layout(
     "SearchGrid",
@@ -55,6 +56,8 @@ class SearchGrid:
         count, (rows, cells) = len(pixels), np.shape(is_observable)
         if not (rows * cells <= MAX_CELLS and 0 <= index(trocar) <= cells):
             raise ValueError(f"grid: expected a trocar within at most {MAX_CELLS} cells; found {trocar}")
+        if height_px * width_px > MAX_PIXELS:
+            raise ValueError(f"grid: expected at most {MAX_PIXELS} pixels; found {height_px} x {width_px}")
         self._size_px, self._shape = (height_px, width_px), (rows, cells)
         self._arrays = (
             _copy("pixels", pixels, INT, (count,), height_px * width_px),
@@ -66,6 +69,7 @@ class SearchGrid:
         )
         counts = count, len(sampled), rows, cells, trocar
         self._packed = pack(_GRID, *map(address, self._arrays), *counts)
+        self._shares, self._grey = np.empty(count, np.float32), np.zeros((rows, cells), np.float32)
 
     def score(self, image: Image, chroma_share: float = 0.0, light: float = 1.0) -> FloatImage:
         """Return how much each row looks like a needle, (rows,).
@@ -76,11 +80,10 @@ class SearchGrid:
             light: How many times brighter the image would be in good light.
         """
         pixels, channels = checked_image("image", image, self._size_px)
-        shares = np.empty(len(self._arrays[0]), np.float32)
-        grey, score = np.zeros(self._shape, np.float32), np.empty(self._shape[0], np.float32)
+        score = np.empty(self._shape[0], np.float32)
         _score_lines(
             *(self._packed, pixels, channels, checked_share("chroma_share", chroma_share), float(light)),
-            *(address(shares), address(grey), address(score)),
+            *(address(self._shares), address(self._grey), address(score)),
         )
         return score
 

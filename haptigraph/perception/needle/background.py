@@ -6,8 +6,6 @@ of rows, which takes next to no time. Also chooses the grey, for an orange backg
 metal in the shade, but it is not as blue; and measures how much brighter the eye would be in good light.
 """
 
-from itertools import pairwise
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -53,9 +51,7 @@ class Background:
         self._is_inside = eye.is_inside()
         row, column = (EVERY_PX * part for part in self._is_inside[::EVERY_PX, ::EVERY_PX].nonzero())
         self._sampled = row * eye.width_px + column  # indices of the pixels for colour and light
-        rows, self._columns = eye.box
-        edges = [rows.start + band * (rows.stop - rows.start) // BANDS for band in range(BANDS + 1)]
-        self._bands = [slice(*ends) for ends in pairwise(edges)]
+        self._bands = eye.bands(BANDS)
         self.reset()
 
     def reset(self) -> None:
@@ -119,7 +115,7 @@ class Background:
         )
 
     def _learn_band(self, image: Image, band: int, needle: tuple[Vec, Vec] | None, width_px: int) -> None:
-        rows, columns = self._bands[band], self._columns
+        rows, columns = self._bands[band]
         is_free = np.ones((rows.stop - rows.start, columns.stop - columns.start), np.bool_)
         if needle is not None:
             corners = stripe(needle, width_px, (columns.start, rows.start))

@@ -7,6 +7,8 @@ Also where a needle can be visible along a line.
 
 import math
 from collections.abc import Sequence
+from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import cv2
@@ -48,7 +50,7 @@ WALL_MARGIN_MM = 0.1
 BEYOND_MM = 0.5  # past the far wall: a tip may be pushed into the retina
 
 
-class Line(Struct, frozen=True):
+class Line(Struct, frozen=True, dict=True):
     """A directed line in the image, by the trocar."""
 
     angle_rad: float
@@ -56,12 +58,12 @@ class Line(Struct, frozen=True):
     offset_px: float
     """From the registered trocar, along the normal (the direction turned by +90 degrees)."""
 
-    @property
+    @cached_property
     def direction(self) -> Vec:
         """Into the eye, length 1."""
         return math.cos(self.angle_rad), math.sin(self.angle_rad)
 
-    @property
+    @cached_property
     def normal(self) -> Vec:
         """Across the line, length 1."""
         dx, dy = self.direction
@@ -97,16 +99,32 @@ class EyeGeometry:
         )
         self.half_px = math.ceil(HALF_WIDTH_MM * self.px_per_mm) + MARGIN_PX
 
-    @property
-    def box(self) -> tuple[slice, slice]:
-        """Rows and columns of the image that strips can reach: the globe, and the cone before the trocar."""
+    def bands(self, count: int) -> list[tuple[slice, slice]]:
+        """Return bands of rows, and the columns in each, that strips can reach, from top to bottom.
+
+        They reach the globe, and the cone before the trocar.
+        """
         radius = self.inner_px + BEYOND_MM * self.px_per_mm
-        points = [(self.center_px[0] + side * radius, self.center_px[1] + side * radius) for side in (-1, 1)]
-        for turn_rad in (-MAX_TURN_RAD, 0.0, MAX_TURN_RAD):
-            line = Line(self.inwards_rad + turn_rad, 0.0)
-            points.append(line.at_px(self.trocar_px, -OUTSIDE_MM * self.px_per_mm))
-        x, y = zip(*points, strict=True)
-        return _span(y, self.half_px, self.height_px), _span(x, self.half_px, self.width_px)
+        cone = [
+            Line(self.inwards_rad + turn_rad, 0.0).at_px(self.trocar_px, -OUTSIDE_MM * self.px_per_mm)
+            for turn_rad in (-MAX_TURN_RAD, 0.0, MAX_TURN_RAD)
+        ]
+        sides = [(self.center_px[0] + side * radius, self.center_px[1] + side * radius) for side in (-1, 1)]
+        x, y = zip(*sides, *cone, strict=True)
+        rows, columns = _span(y, self.half_px, self.height_px), _span(x, self.half_px, self.width_px)
+        reach, margin_px = np.zeros((self.height_px, self.width_px), np.uint8), 2 * self.half_px
+        corners = np.rint([self.trocar_px, *cone]).astype(np.int32)
+        cv2.fillPoly(reach, [corners], 1)
+        cv2.polylines(reach, [corners], True, 1, 2 * margin_px)
+        center = round(self.center_px[0]), round(self.center_px[1])
+        cv2.circle(reach, center, round(radius) + margin_px, 1, cv2.FILLED)
+        edges = [rows.start + band * (rows.stop - rows.start) // count for band in range(count + 1)]
+        bands = []
+        for start, stop in pairwise(edges):
+            reached = np.flatnonzero(reach[start:stop, columns].any(axis=0)) + columns.start
+            across = slice(int(reached[0]), int(reached[-1]) + 1) if len(reached) else slice(0, 0)
+            bands.append((slice(start, stop), across))
+        return bands
 
     def is_inside(self) -> Mask:
         """Return the pixels within the globe's outer wall, (height_px, width_px)."""

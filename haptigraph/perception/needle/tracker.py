@@ -8,6 +8,7 @@ stub outside looks like an empty port. `Tracker.detect` runs the stages, one mod
 stage              module          computes
 predict            pose_filter     the expected line and tip, from earlier images
 search             search          candidate lines, if no needle is tracked or it was lost
+visible globe      visible_globe   whether there is an eye at all, before a needle is acquired
 rectify            rectify         the strip along a line, and a tip patch, less the background
 coarse tip         coarse_tip      how far there is contrast along the strip
 shaft line         shaft_line      the shaft's middle line, from its edges
@@ -36,6 +37,7 @@ from haptigraph.perception.needle.search import PolarSearch
 from haptigraph.perception.needle.shaft_line import NEW, Appearance, LineFit, fit_line
 from haptigraph.perception.needle.subpixel_tip import tip_patch_px
 from haptigraph.perception.needle.tip_selection import MAX_OFF_AXIS_PX, Candidate, Detection, TipSelector
+from haptigraph.perception.needle.visible_globe import VisibleGlobe
 from haptigraph.registration.camera import Registration
 
 __all__ = ["Tracker", "detections_in"]
@@ -76,6 +78,7 @@ class Tracker:
         self._pose = PoseFilter(self._eye.px_per_mm)
         self._polar_search = PolarSearch(self._eye)
         self._off_axis_search = PolarSearch(self._eye, OFF_AXIS_MM, until_mm=0.0)
+        self._is_globe_visible = VisibleGlobe(self._eye)
         self._background = Background(self._eye, registration.background)
         self._bevel = Bevel()
         self._tip_selector = TipSelector(self._eye, self._background, self._bevel)
@@ -155,7 +158,7 @@ class Tracker:
         candidates = [candidate for line in lines if (candidate := self._candidate(image, line))]
         for candidate in sorted(candidates, key=lambda candidate: -candidate.tip.evidence_px):
             detection = self._fit_shaft_line(candidate, candidate.strip.half_px)
-            if detection is not None:
+            if detection is not None and self._is_globe_visible(image):
                 return self._select_tip(image, self._measured_again(image, detection))
         return None
 

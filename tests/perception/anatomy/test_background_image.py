@@ -3,6 +3,7 @@ import math
 import cv2
 import numpy as np
 import pytest
+from drawn_strip import draw_rim
 from msgspec.structs import replace
 
 from haptigraph.perception.anatomy.background_image import find_background_image
@@ -22,7 +23,7 @@ def background(registration) -> np.ndarray:
     cv2.circle(image, center_px, round(eye.outer_px), (150, 160, 170), -1)
     for radius_px in range(20, 90, 12):
         cv2.circle(image, center_px, radius_px, (140, 150, 165), 2, cv2.LINE_AA)
-    return cv2.GaussianBlur(image, (0, 0), 0.7)
+    return cv2.GaussianBlur(draw_rim(image, eye), (0, 0), 0.7)
 
 
 def with_needle(eye: EyeGeometry, image: np.ndarray, turn_deg: float, depth_px: float = 110.0) -> np.ndarray:

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from contextlib import suppress
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given
@@ -77,6 +78,10 @@ def make_planes():
     )
 
 
+def images(count):
+    return np.random.default_rng(count).integers(0, 256, (count, *SIZE_PX, 3), dtype=np.uint8)
+
+
 REGION = slice(2, 6), slice(5, 14)
 FLAGS = "continues", "is_outside", "follows_point", "follows_faint", "uses_chroma"
 APPEARANCE = (math.nan, math.nan, 0.0, math.nan, math.nan)
@@ -99,7 +104,11 @@ WRAPPERS = {
     ),
     "mark_stains": (
         region_pixels.mark_stains,
-        lambda: [np.ones((*SIZE_PX, 3), np.uint8), REGION, 22, 60, np.ones((4, 9), bool)],
+        lambda: [np.ones((*SIZE_PX, 3), np.uint8), REGION, 22, 60, *np.ones((3, 4, 9), bool)],
+    ),
+    "fill_marked": (
+        region_pixels.fill_marked,
+        lambda: [*images(1), REGION, np.ones((4, 9), bool), 3, *images(1)],
     ),
     "sharpness": (sharpness.sharpness, lambda: [excess()]),
     "mean_sharpness": (sharpness.mean_sharpness, lambda: [excess()]),
@@ -339,7 +348,7 @@ def test_a_search_grid_does_not_notice_later_changes_of_its_arrays():
 def test_a_region_beyond_the_image_is_refused(region):
     image = np.ones((*SIZE_PX, 3), np.uint8)
     with pytest.raises(ValueError, match="expected one within 12 x 16 px"):
-        region_pixels.mark_stains(image, region, 22, 60, np.ones((4, 9), bool))
+        region_pixels.mark_stains(image, region, 22, 60, *np.ones((3, 4, 9), bool))
 
 
 def test_the_background_learns_only_what_is_free_and_takes_what_is_new_as_it_is():
@@ -367,10 +376,32 @@ def test_dye_is_bluer_and_blood_is_redder_than_any_other_colour():
     )
     is_inside = np.ones((4, 9), bool)
     is_inside[1, 4] = False
-    (dye, dyed), (blood, bled) = region_pixels.mark_stains(image, REGION, 22, 60, is_inside)
+    dye, blood = np.ones((2, 4, 9), bool)
+    dyed, bled = region_pixels.mark_stains(image, REGION, 22, 60, is_inside, dye, blood)
     assert [tuple(place) for place in np.argwhere(dye)] == [(1, 1)]
     assert [tuple(place) for place in np.argwhere(blood)] == [(2, 2)]
     assert (dyed, bled) == (1, 1)
+
+
+@given(arrays(bool, st.tuples(st.integers(1, 9), st.integers(1, 9))), st.integers(0, 12))
+def test_marked_pixels_are_filled_with_the_mean_of_the_others_about_them(is_filled, reach_px):
+    (image,) = images(1)
+    region = tuple(slice(2, 2 + size) for size in is_filled.shape)
+    filled = image.copy()
+    region_pixels.fill_marked(image, region, is_filled, reach_px, filled)
+    side = (2 * reach_px + 1,) * 2
+    free = (~is_filled).astype(np.float32)
+    share, light = (cv2.blur(each, side) for each in (free, image[region] * free[..., None]))
+    mean = (light / np.maximum(share, np.float32(1e-3))[..., None]).astype(np.uint8)
+    expected = image.copy()
+    np.copyto(expected[region], mean, where=(is_filled & (share > 0))[..., None])
+    np.testing.assert_array_equal(filled, expected)
+
+
+def test_an_image_is_not_filled_in_place():
+    (image,) = images(1)
+    with pytest.raises(ValueError, match="filled: expected a writeable image of its own"):
+        region_pixels.fill_marked(image, REGION, np.ones((4, 9), bool), 3, image)
 
 
 @pytest.mark.parametrize("index", [-1, 2**31 - 1, SIZE_PX[0] * SIZE_PX[1]])

@@ -3,6 +3,7 @@ import math
 import cv2
 import numpy as np
 import pytest
+from drawn_strip import draw_rim
 
 from haptigraph.config import PerceptionConfig
 from haptigraph.geometry import ImageGeometry, subtract
@@ -30,13 +31,14 @@ def drawn(tip_px, side, grey, uneven=0.0, shadow=0.0):
     covered = np.clip(WIDTH_PX / 2 + 0.5 - abs(across), 0, 1) * np.clip(tip_px - cut_px + 0.5 - along, 0, 1)
     lit = grey * (1 + uneven * 2 * across / WIDTH_PX)
     beside = np.exp(-0.5 * ((across - 9) / 5) ** 2) * np.clip((tip_px + 6 - along) / 6, 0, 1)
-    image = cv2.GaussianBlur(GROUND * (1 - shadow * beside) * (1 - covered) + lit * covered, (0, 0), 0.8)
+    image = GROUND * (1 - shadow * beside) * (1 - covered) + lit * covered
+    image = cv2.GaussianBlur(draw_rim(image, EYE), (0, 0), 0.8)
     noise = np.random.default_rng(round(1000 * tip_px)).normal(0, 1.5, image.shape)
     return np.clip(image + noise, 0, 255).astype(np.uint8)
 
 
 def follow(tracker, images):
-    background = np.full((400, 640), round(GROUND), np.uint8)
+    background = draw_rim(np.full((400, 640), round(GROUND), np.uint8), EYE)
     captures = [Capture(n, round(n * 1e9 / 30), image) for n, image in enumerate([background, *images])]
     return [tracker(capture) for capture in captures][-1]
 

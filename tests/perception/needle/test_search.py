@@ -3,7 +3,7 @@ import math
 import cv2
 import numpy as np
 import pytest
-from drawn_strip import GROUND, draw_needle
+from drawn_strip import GROUND, draw_needle, draw_rim
 
 from haptigraph.config import PerceptionConfig
 from haptigraph.geometry import ImageGeometry
@@ -70,6 +70,7 @@ def test_detects_a_needle_that_points_beside_its_trocar_in_the_first_image(large
     eye = EyeGeometry(large)
     true = Line(eye.inwards_rad + 0.1, off_axis_mm * eye.px_per_mm)
     depth_px = -3.5 * eye.px_per_mm
-    observation = Tracker(large, PerceptionConfig())(Capture(0, 0, draw_needle(eye, true, depth_px)))
+    image = draw_rim(draw_needle(eye, true, depth_px), eye)
+    observation = Tracker(large, PerceptionConfig())(Capture(0, 0, image))
     tip_px = large.image.to_px(observation.found["needle_tip"].at_mm)
     assert math.dist(tip_px, true.at_px(eye.trocar_px, depth_px)) < 1.0
