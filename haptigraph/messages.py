@@ -49,7 +49,7 @@ TIP_NOT_VISIBLE = "tip_not_visible"
 class Fault(Struct, frozen=True):
     """An error that the loop survived."""
 
-    where: Literal["source", "perceiver", "guard", "device", "recorder", "bridge"]
+    where: Literal["source", "registration", "perceiver", "guard", "device", "recorder", "bridge"]
     message: str
 
 

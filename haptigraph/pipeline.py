@@ -86,7 +86,8 @@ class Pipeline:
         faults = capture.faults
         if capture.image is not None:
             try:
-                return replace(self._perceiver(capture), faults=faults)
+                observation = self._perceiver(capture)
+                return replace(observation, faults=(*faults, *observation.faults))
             except BadInput as error:
                 raise BadInput(error.problem, error.file, f"image {capture.index}") from None
             except HaptigraphError:

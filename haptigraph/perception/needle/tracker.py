@@ -27,7 +27,7 @@ from msgspec.structs import replace
 from haptigraph.config import PerceptionConfig
 from haptigraph.geometry import Geometry, Point, Segment, Vec
 from haptigraph.imaging import FloatImage
-from haptigraph.messages import Capture, Certainty, Image, Observation
+from haptigraph.messages import Capture, Certainty, Fault, Image, Observation
 from haptigraph.perception.needle.background import Background, occluded_ends
 from haptigraph.perception.needle.bevel import Bevel
 from haptigraph.perception.needle.coarse_tip import estimate_coarse_tip
@@ -57,6 +57,10 @@ MAX_ELAPSED_S = 0.2
 CONTRAST_RATE = 0.1
 PATCH_MARGIN_PX = 6  # of a tip patch, for the prediction may be wrong
 INTERVAL_NS = 33_000_000  # between images picked from a clip: a needle that has moved too far is searched
+NO_EYE = Fault(
+    "registration",
+    "the rim of the eye is not visible where it was registered, so no needle is reported; register again",
+)
 
 
 class Tracker:
@@ -93,6 +97,7 @@ class Tracker:
         self._appearance: Appearance = NEW
         self._doubts = 0
         self._stamp_ns: int | None = None
+        self._is_eye_visible = True
 
     def __call__(self, capture: Capture) -> Observation:
         """Observe the needle in one image.
@@ -103,12 +108,13 @@ class Tracker:
         detection = self.detect(self._registration.checked(capture.image), capture.stamp_ns)
         found: dict[str, Geometry] = dict(self._registration.anatomy)
         if detection is None or detection.tip.where == "occluded":
-            return Observation(capture.stamp_ns, found)
+            return Observation(capture.stamp_ns, found, () if self._is_eye_visible else (NO_EYE,))
         needle = self._needle() if detection.tip.is_known else self._shaft(detection)
         return Observation(capture.stamp_ns, found | needle, certainty=self._certainty(detection))
 
     def detect(self, image: Image, stamp_ns: int) -> Detection | None:
         """Process one image; return what was measured in it alone, None if there is no needle."""
+        self._is_eye_visible = True
         expected = self._predict(stamp_ns)
         detection = self._track(image, *expected) if expected else None
         if detection is None:
@@ -158,8 +164,10 @@ class Tracker:
         candidates = [candidate for line in lines if (candidate := self._candidate(image, line))]
         for candidate in sorted(candidates, key=lambda candidate: -candidate.tip.evidence_px):
             detection = self._fit_shaft_line(candidate, candidate.strip.half_px)
-            if detection is not None and self._is_globe_visible(image):
-                return self._select_tip(image, self._measured_again(image, detection))
+            if detection is not None:
+                self._is_eye_visible = self._is_globe_visible(image)
+                again = self._measured_again(image, detection) if self._is_eye_visible else None
+                return again and self._select_tip(image, again)
         return None
 
     def _measured_again(self, image: Image, detection: Detection, from_px: float = -math.inf) -> Detection:

@@ -82,3 +82,4 @@ def test_what_looks_like_a_needle_is_one_only_in_an_eye(phantom):
         for image in (rod, draw_rim(rod.copy(), eye))
     ]
     assert ["needle_line" in each.found for each in observations] == [False, True]
+    assert [[fault.where for fault in each.faults] for each in observations] == [["registration"], []]
