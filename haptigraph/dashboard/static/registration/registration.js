@@ -143,15 +143,15 @@ async function open(event) {
   $("find").disabled = true;
   $("picture-panel").classList.add("busy");
   $("waiting").hidden = false;
-  $("waiting").textContent = "Opening";
+  $("doing").textContent = "Opening";
   const polling = setInterval(async () => {
     const progress = await call("progress").then((answer) => answer.progress, () => "");
-    if ($("find").disabled && progress) $("waiting").textContent = `${progress[0].toUpperCase()}${progress.slice(1)}`;
+    if ($("find").disabled && progress) $("doing").textContent = `${progress[0].toUpperCase()}${progress.slice(1)}`;
   }, PROGRESS_MS);
   try {
     begin(await call("open", { source: $("source-input").value.trim(), mirrored, diameter_mm }));
   } catch (error) {
-    $("waiting").textContent = session ? "" : "No picture";
+    $("doing").textContent = session ? "" : "No picture";
     $("waiting").hidden = Boolean(session);
     showNote(refusal(error).message);
   } finally {
