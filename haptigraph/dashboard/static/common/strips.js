@@ -1,6 +1,6 @@
 /** Strips: one curve over time each, with the bounds that the procedure decides by. */
 
-import { colors } from "./colors.js";
+import { colors } from "../theme/colors.js";
 
 /** Choose what to plot: two depths in µm, or else the first distance and angle with bounds, or else the first measures.
  *  @param {Relation[]} relations */

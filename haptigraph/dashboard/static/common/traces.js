@@ -1,6 +1,6 @@
 /** The last 20 seconds, on the server's clock: measures, haptic output and states. */
 
-import { colors } from "./colors.js";
+import { colors } from "../theme/colors.js";
 import { drawBounds, stripsOf } from "./strips.js";
 
 const SPAN_MS = 20_000, LEFT = 92, RIGHT = 12, RIBBON = 12, MAX_GAP_MS = 300;
@@ -10,7 +10,8 @@ export class Traces {
   /** @type {Map<string, string>} */ colors = new Map();
   /** @type {{ time_ms: number, state: string, measures: Record<string, number> }[]} */ steps = [];
   /** @type {HapticEdge[]} */ edges = [];
-  width = 0; height = 0; now_ms = NaN;
+  /** Duration of a pulse with the pause after it, by pattern [ms]. @type {Map<string, number>} */ periods = new Map();
+  width = 0; height = 0; now_ms = NaN; period_ms = 0;
 
   constructor(/** @type {HTMLCanvasElement} */ canvas, /** @type {import("./clock.js").ServerClock} */ clock) {
     this.canvas = canvas;
@@ -21,13 +22,15 @@ export class Traces {
 
   begin(/** @type {Procedure} */ procedure) {
     this.colors = new Map(procedure.states.map((state) => [state.name, state.color]));
+    this.periods = new Map(procedure.patterns.map(({ name, on_ms, off_ms }) => [name, on_ms + off_ms]));
     this.strips = stripsOf(procedure.relations);
     this.clear();
   }
 
   clear() { this.steps = []; this.edges = []; }
 
-  add(/** @type {ImageHeader} */ { time_ms, state, measures }) {
+  add(/** @type {ImageHeader} */ { time_ms, state, measures, plays }) {
+    this.period_ms = this.periods.get(plays) ?? 0;
     const last = this.steps.at(-1);
     if (last && time_ms < last.time_ms) this.clear();
     this.steps.push({ time_ms, state, measures });
@@ -79,9 +82,15 @@ export class Traces {
     c.stroke();
   }
 
+  /** Return the strongest level within the present pattern's last pulse and pause: a pause between two pulses is no silence. */
+  level() {
+    const since_ms = this.now_ms - this.period_ms;
+    return Math.max(0, ...this.edges.filter((_, at) => (this.edges[at + 1]?.[0] ?? Infinity) > since_ms).map(([, amplitude]) => amplitude));
+  }
+
   drawHaptics(/** @type {number} */ top, /** @type {number} */ height) {
-    const c = this.context, right = this.width - RIGHT, last = this.edges.at(-1)?.[1];
-    this.drawLabel("haptics", top + 11, last ? `${Math.round(last * 100)} %` : "silent");
+    const c = this.context, right = this.width - RIGHT, level = this.level();
+    this.drawLabel("haptics", top + 11, level ? `${Math.round(level * 100)} %` : "silent");
     c.strokeStyle = colors.line; c.beginPath(); c.moveTo(LEFT, top + height); c.lineTo(right, top + height); c.stroke();
     c.fillStyle = colors.warn;
     this.edges.forEach(([time_ms, amplitude], at) => {

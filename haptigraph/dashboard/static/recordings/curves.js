@@ -1,6 +1,6 @@
 /** Curves of a recorded run on a canvas; where several steps share a column of pixels, its extremes are drawn. */
 
-import { colors } from "../common/colors.js";
+import { colors } from "../theme/colors.js";
 import { firstAfter } from "./run.js";
 import { drawBounds } from "../common/strips.js";
 

@@ -1,7 +1,7 @@
 /** One run over time: a lane per state, differences, faults, measures, haptic output; and a cursor.
  *  Everything but the cursor is drawn once into a second canvas, so that moving the cursor is cheap. */
 
-import { colors, onRecolor } from "../common/colors.js";
+import { colors, onRecolor } from "../theme/colors.js";
 import { drawAxis, drawCurve, drawHaptics } from "./curves.js";
 import { differencesOf } from "./run.js";
 import { make } from "../common/dom.js";

@@ -69,7 +69,7 @@ export class Handles {
       { key: "center", kind: "center", index: 0, title: "Globe centre", at: draft.center_px },
       ...sides.map((at, side) => /** @type {Handle} */ ({ key: side ? "radius west" : "radius east", kind: "radius", index: 0, title: "Globe edge", at })),
       ...retinaHandles(draft).map((index, number) => /** @type {Handle} */ ({ key: `retina ${index}`, kind: "retina", index, title: `Retina ${number + 1}`, at: draft.contour_px[index] })),
-      ...draft.trocars.map(({ name, used, point_px }, index) => /** @type {Handle} */ ({ key: `trocar ${index}`, kind: "trocar", index, title: `Trocar ${name}${used ? ", in use" : ""}`, label: `${name}${used ? " (used)" : ""}`, at: point_px })),
+      ...draft.trocars.map(({ name, used, point_px }, index) => /** @type {Handle} */ ({ key: `trocar ${index}`, kind: "trocar", index, title: `Trocar ${name}${used ? ", in use" : ""}`, label: `${name}${used ? " (in use)" : ""}`, at: point_px })),
       { key: "target", kind: "target", index: 0, title: "Target", label: "target", at: draft.target_px },
     ];
   }

@@ -1,6 +1,6 @@
 /** The colours of style.css for canvases, which cannot use custom properties; they follow the theme. */
 
-import { make } from "./dom.js";
+import { make } from "../common/dom.js";
 
 const NAMES = /** @type {const} */ (["panel", "raised", "line", "text", "quiet", "good", "warn"]);
 /** @type {Record<typeof NAMES[number], string>} */
