@@ -3,7 +3,7 @@
 import pytest
 from paths import ROOT
 
-__all__ = ["SIZES", "axe_violations", "layout_problems", "use_theme"]
+__all__ = ["SIZES", "axe_violations", "layout_problems", "tab_to", "use_theme"]
 
 SIZES = ((390, 844), (768, 1024), (1024, 768), (1280, 720), (1920, 1080))
 """A phone, a tablet both ways, a small laptop and a full-HD screen [px]."""
@@ -68,3 +68,12 @@ def axe_violations(page):
       .then(({ violations }) => violations.flatMap(({ id, nodes }) => nodes.map((node) =>
         `${id}: ${node.target.join(" ")}: ${[...node.any, ...node.all, ...node.none].map((each) => each.message).join("; ")}`)))""")
     return found
+
+
+def tab_to(page, selector):
+    """Press Tab until an element has the focus, as somebody without a mouse does."""
+    for _ in range(100):
+        if page.evaluate("(selector) => document.activeElement.matches(selector)", selector):
+            return
+        page.keyboard.press("Tab")
+    raise AssertionError(f"Tab does not lead to {selector}")
