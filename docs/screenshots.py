@@ -4,6 +4,7 @@ python docs/screenshots.py [NAME ...]
 """
 
 import os
+import shutil
 import signal
 import sys
 from collections.abc import Callable
@@ -34,6 +35,7 @@ IMAGES = ROOT / "docs" / "images"
 QUICK = "phantom:tests/data/quick.toml"
 ABSENT = "phantom:tests/data/absent.toml"
 TIMEOUT_S = 240  # for busy machines
+PATIENT = ("--set", "haptics.deadman_ms=1000")  # so that no page calls a busy machine's connection slow
 FREEZING = (str(ROOT / "tests" / "dashboard" / "freezing.py"),)
 
 
@@ -94,7 +96,6 @@ def registration(page: Any, live: Live) -> None:
     page.click("text=Find the eye")
     page.wait_for_selector("#verdict:has-text('Valid registration')", timeout=TIMEOUT_S * 1000)
     eye.unlink()
-    page.evaluate("scrollTo(0, 0)")
     box = page.locator("[data-key=target] .area").bounding_box()
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     page.mouse.move(x, y)
@@ -105,8 +106,12 @@ def registration(page: Any, live: Live) -> None:
 
 def recordings_list(page: Any, live: Live) -> None:
     """The list of recordings of a folder."""
-    page.goto(f"{live.url}recordings")
-    page.wait_for_selector("#runs tr:has-text('target hit')", timeout=TIMEOUT_S * 1000)
+    folder = Path(page.more.enter_context(TemporaryDirectory())) / "recordings"
+    shutil.copytree(ROOT / "tests" / "replay" / "golden", folder)
+    own = page.more.enter_context(Live(QUICK, "--recordings", folder))
+    page.goto(f"{own.url}recordings")
+    page.wait_for_selector("#runs tr")
+    page.wait_for_selector("#runs td:text-is('…')", state="detached", timeout=TIMEOUT_S * 1000)
 
 
 def recordings(page: Any, live: Live) -> None:
@@ -147,7 +152,15 @@ def study_folder(page: Any) -> Path:
 
 def study_pages(page: Any) -> tuple[Any, Any, str]:
     """Open a study whose participant is about to begin a trial; return both pages and the address."""
-    given = ("--source", "teleop:wrong_place_then_hit", "--station", "lab 1", "--set", "run.stale_ms=2000")
+    given = (
+        "--source",
+        "teleop:wrong_place_then_hit",
+        "--station",
+        "lab 1",
+        "--set",
+        "run.stale_ms=2000",
+        *PATIENT,
+    )
     own = page.more.enter_context(Live(study_folder(page), *given, command=("study", "run")))
     page.module = "/static/study/study.js"
     page.goto(own.url)
@@ -218,7 +231,6 @@ class Screenshot(NamedTuple):
 POCKET = (390, 844)
 WRONG_PLACE, STEERED = "phantom:wrong_place_then_hit", "teleop:wrong_place_then_hit"
 SLOW = "--set run.stale_ms=2000"
-LIST = f"{QUICK} --recordings tests/replay/golden"
 
 SCREENSHOTS = {
     "live-contact": Screenshot(WRONG_PLACE, in_state("retinal_contact")),
@@ -245,8 +257,8 @@ SCREENSHOTS = {
     "recordings": Screenshot(WRONG_PLACE, recordings),
     "recordings-light": Screenshot(WRONG_PLACE, recordings, theme="light"),
     "recordings-phone": Screenshot(WRONG_PLACE, recordings, POCKET),
-    "recordings-list": Screenshot(LIST, recordings_list),
-    "recordings-list-phone": Screenshot(LIST, recordings_list, POCKET, "light"),
+    "recordings-list": Screenshot(QUICK, recordings_list),
+    "recordings-list-phone": Screenshot(QUICK, recordings_list, POCKET, "light"),
     "study-experimenter": Screenshot(QUICK, study_experimenter),
     "study-experimenter-phone": Screenshot(QUICK, study_experimenter, POCKET, "light"),
     "study-participant": Screenshot(QUICK, study_participant),
@@ -270,7 +282,7 @@ def take(name: str, browser: Any) -> None:
     """Take one screenshot."""
     source, prepare, (width, height), theme, program = SCREENSHOTS[name]
     is_phone = (width, height) == POCKET
-    with Live(*source.split(), program=program) as live, ExitStack() as more:
+    with Live(*source.split(), *PATIENT, program=program) as live, ExitStack() as more:
         viewport = {"width": width, "height": height}
         context = browser.new_context(viewport=viewport, color_scheme=theme, has_touch=is_phone)
         context.add_init_script(PHONE if is_phone else PAD)
@@ -281,6 +293,7 @@ def take(name: str, browser: Any) -> None:
         page.goto(live.url)
         until(page, "document.body.dataset.index > 5")
         prepare(page, live)
+        page.evaluate("scrollTo(0, 0)")
         page.screenshot(path=IMAGES / f"{name}.png")
         close_page(page)
 

@@ -8,6 +8,7 @@ __all__ = ["SIZES", "axe_violations", "layout_problems", "tab_to", "use_theme"]
 SIZES = ((390, 844), (768, 1024), (1024, 768), (1280, 720), (1920, 1080))
 """A phone, a tablet both ways, a small laptop and a full-HD screen [px]."""
 AXE = ROOT / "node_modules" / "axe-core" / "axe.min.js"
+RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
 LAYOUT = """() => {
   const problems = [], name = (each) => `${each.tagName.toLowerCase()}#${each.id}.${each.getAttribute("class") ?? ""} '${each.textContent.trim().slice(0, 30)}'`;
   const boxOf = (each) => each.getBoundingClientRect();
@@ -58,16 +59,18 @@ def use_theme(page, theme):
     page.emulate_media(color_scheme=theme, reduced_motion="reduce")
 
 
-def axe_violations(page):
-    """Return the violations of WCAG 2.2 AA and of good practice, one line each."""
+def axe_violations(page, *, only_colors=False):
+    """Return the violations of WCAG 2.2 AA and of good practice, or of the contrast of texts alone, one line each."""
     if not AXE.exists():
         pytest.skip("needs axe-core: make check installs it")
     if not page.evaluate("'axe' in window"):
         page.evaluate(AXE.read_text(encoding="utf-8"))
-    found = page.evaluate("""() => axe.run({ runOnly: ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"] })
-      .then(({ violations }) => violations.flatMap(({ id, nodes }) => nodes.map((node) =>
-        `${id}: ${node.target.join(" ")}: ${[...node.any, ...node.all, ...node.none].map((each) => each.message).join("; ")}`)))""")
-    return found
+    rules = ["color-contrast"] if only_colors else RULES
+    return page.evaluate(
+        """(rules) => axe.run({ runOnly: rules }).then(({ violations }) => violations.flatMap(({ id, nodes }) => nodes.map((node) =>
+             `${id}: ${node.target.join(" ")}: ${[...node.any, ...node.all, ...node.none].map((each) => each.message).join("; ")}`)))""",
+        rules,
+    )
 
 
 def tab_to(page, selector):
