@@ -113,6 +113,24 @@ def test_overlays_stand_out_from_the_eye(eyes, eye, live, open_page):
         assert ratio >= 3, (overlay, state)
 
 
+@pytest.mark.parametrize("line", ["globe", "retina", "axis"])
+def test_lines_of_a_draft_stand_out_from_any_grey(line, live, open_page):
+    page = open_page(f"{live.url}registration", module="/static/registration/registration.js", ready="true")
+    worst = page.evaluate(
+        """(line) => {"""
+        + CONTRAST
+        + """
+  const stroke = (selector) => getComputedStyle(document.querySelector(selector)).stroke;
+  const bright = rgb(stroke(`#overlay .${line}:not(.halo)`)), halo = stroke(`#overlay .halo.${line === "axis" ? "axis-halo" : line}`);
+  const alpha = Number(halo.match(/[\\d.]+/g)[3] ?? 1), ratios = [];
+  for (let grey = 0; grey < 256; grey++) ratios.push(Math.max(contrast(bright, [grey, grey, grey]), contrast(Array(3).fill(grey * (1 - alpha)), [grey, grey, grey])));
+  return Math.min(...ratios);
+}""",
+        line,
+    )
+    assert worst >= 3
+
+
 @pytest.mark.parametrize("theme", ["dark", "light"])
 def test_icons_drawings_and_controls_stand_out_from_the_page(theme, live, open_page):
     page = open_page(live.url)

@@ -210,7 +210,8 @@ SCENES = (
 @pytest.fixture(scope="module", params=SCENES, ids=[scene.__name__ for scene in SCENES])
 def page(request, chromium, archive, quick, tmp_path_factory):
     with ExitStack() as more:
-        context = chromium.new_context(viewport={"width": 1280, "height": 720}, reduced_motion="reduce")
+        window = {"width": 1280, "height": 720}
+        context = chromium.new_context(viewport=window, reduced_motion="reduce", has_touch=True)
         more.callback(context.close)
         context.add_init_script(PAD)
         context.set_default_timeout(30_000)
