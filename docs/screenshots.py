@@ -4,6 +4,7 @@ python docs/screenshots.py [NAME ...]
 """
 
 import os
+import shutil
 import signal
 import sys
 from collections.abc import Callable
@@ -11,7 +12,7 @@ from contextlib import ExitStack, closing
 from importlib.resources import files
 from pathlib import Path
 from tempfile import TemporaryDirectory, gettempdir
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 
@@ -20,7 +21,7 @@ from haptigraph.config import load_config
 
 ROOT = Path(__file__).parents[1]
 sys.path[:0] = [str(ROOT / "tests" / "support"), str(ROOT / "tests" / "study")]
-from live_bench import PAD, Live, chromium, close_page, until  # noqa: E402
+from live_bench import PAD, PHONE, Live, chromium, close_page, until  # noqa: E402
 from walking import do_next, go_to  # noqa: E402
 
 from haptigraph.sim.phantom import Phantom  # noqa: E402
@@ -34,6 +35,7 @@ IMAGES = ROOT / "docs" / "images"
 QUICK = "phantom:tests/data/quick.toml"
 ABSENT = "phantom:tests/data/absent.toml"
 TIMEOUT_S = 240  # for busy machines
+PATIENT = ("--set", "haptics.deadman_ms=1000")  # so that no page calls a busy machine's connection slow
 FREEZING = (str(ROOT / "tests" / "dashboard" / "freezing.py"),)
 
 
@@ -58,6 +60,21 @@ def stale(page: Any, live: Live) -> None:
     live.process.send_signal(signal.SIGUSR1)
     page.wait_for_selector("#banner:has-text('No image')")
     page.wait_for_timeout(500)
+
+
+def tip_not_visible(page: Any, live: Live) -> None:
+    """A needle whose shaft is seen, but not its tip."""
+    until(page, "document.body.dataset.state === 'misaligned_retinal_approach'", TIMEOUT_S)
+    live.process.send_signal(signal.SIGUSR2)
+    page.wait_for_selector("#banner:has-text('Tip not visible')")
+    page.wait_for_timeout(700)
+
+
+def first_visit(page: Any, live: Live) -> None:
+    """The live page as a new user sees it."""
+    page.wait_for_selector("#hint")
+    page.wait_for_selector("#health li.plain")
+    page.wait_for_selector("#banner", state="hidden")
 
 
 def mapping(page: Any, live: Live) -> None:
@@ -85,6 +102,16 @@ def registration(page: Any, live: Live) -> None:
     page.mouse.down()
     page.mouse.move(x - 30, y - 3, steps=5)
     page.wait_for_timeout(500)
+
+
+def recordings_list(page: Any, live: Live) -> None:
+    """The list of recordings of a folder."""
+    folder = Path(page.more.enter_context(TemporaryDirectory())) / "recordings"
+    shutil.copytree(ROOT / "tests" / "replay" / "golden", folder)
+    own = page.more.enter_context(Live(QUICK, "--recordings", folder))
+    page.goto(f"{own.url}recordings")
+    page.wait_for_selector("#runs tr")
+    page.wait_for_selector("#runs td:text-is('…')", state="detached", timeout=TIMEOUT_S * 1000)
 
 
 def recordings(page: Any, live: Live) -> None:
@@ -125,7 +152,15 @@ def study_folder(page: Any) -> Path:
 
 def study_pages(page: Any) -> tuple[Any, Any, str]:
     """Open a study whose participant is about to begin a trial; return both pages and the address."""
-    given = ("--source", "teleop:wrong_place_then_hit", "--station", "lab 1", "--set", "run.stale_ms=2000")
+    given = (
+        "--source",
+        "teleop:wrong_place_then_hit",
+        "--station",
+        "lab 1",
+        "--set",
+        "run.stale_ms=2000",
+        *PATIENT,
+    )
     own = page.more.enter_context(Live(study_folder(page), *given, command=("study", "run")))
     page.module = "/static/study/study.js"
     page.goto(own.url)
@@ -170,6 +205,7 @@ def study_questionnaire(page: Any, live: Live) -> None:
     page, person, url = study_pages(page)
     person.close()
     page.click("#enrol button")
+    page.click("#confirm")
     page.wait_for_selector("#participant:has-text('P04')")
     page.goto(f"{url}participant")
     page.click("#text-done")
@@ -180,37 +216,57 @@ def study_questionnaire(page: Any, live: Live) -> None:
     page.wait_for_selector("[data-item=handedness].is-saved")
 
 
-SCREENSHOTS: dict[str, tuple[str, tuple[str, ...], tuple[int, int], Callable[[Any, Live], None]]] = {
-    "live-contact": ("phantom:wrong_place_then_hit", (), (1366, 768), in_state("retinal_contact")),
-    "live-hit": ("phantom:align_then_approach", (), (1920, 1080), in_state("target_hit")),
-    "live-peeling": (
-        "phantom:membrane_peeling --procedure membrane_peeling --set run.stale_ms=2000",
-        (),
-        (1366, 768),
-        in_state("peeling", 2500),
+class Screenshot(NamedTuple):
+    """One state of a page."""
+
+    source: str
+    """Arguments of `haptigraph live`."""
+    prepare: Callable[[Any, Live], None]
+    """Leads to the state."""
+    size: tuple[int, int] = (1366, 768)
+    theme: str = "dark"
+    program: tuple[str, ...] = ("-m", "haptigraph")
+
+
+POCKET = (390, 844)
+WRONG_PLACE, STEERED = "phantom:wrong_place_then_hit", "teleop:wrong_place_then_hit"
+SLOW = "--set run.stale_ms=2000"
+
+SCREENSHOTS = {
+    "live-contact": Screenshot(WRONG_PLACE, in_state("retinal_contact")),
+    "live-contact-light": Screenshot(WRONG_PLACE, in_state("retinal_contact"), theme="light"),
+    "live-hit": Screenshot("phantom:align_then_approach", in_state("target_hit"), (1920, 1080)),
+    "live-peeling": Screenshot(
+        f"phantom:membrane_peeling --procedure membrane_peeling {SLOW}", in_state("peeling", 2500)
     ),
-    "live-oct": (
-        "phantom:ioct_approach --procedure subretinal_injection_ioct --set run.stale_ms=2000",
-        (),
-        (1366, 768),
-        in_state("target_depth"),
+    "live-oct": Screenshot(
+        f"phantom:ioct_approach --procedure subretinal_injection_ioct {SLOW}", in_state("target_depth")
     ),
-    "live-phases": (
-        "phantom:injection_with_phases --procedure subretinal_injection_phases --set run.stale_ms=2000",
-        (),
-        (1366, 768),
+    "live-phases": Screenshot(
+        f"phantom:injection_with_phases --procedure subretinal_injection_phases {SLOW}",
         in_state("injecting", 2500),
     ),
-    "live-lost": (ABSENT, (), (1366, 768), lost),
-    "live-stale": ("teleop:wrong_place_then_hit", FREEZING, (1366, 768), stale),
-    "registration": (QUICK, (), (1366, 768), registration),
-    "live-mapping": ("teleop:wrong_place_then_hit", (), (1366, 768), mapping),
-    "recordings": ("phantom:wrong_place_then_hit", (), (1366, 768), recordings),
-    "study-experimenter": (QUICK, (), (1366, 768), study_experimenter),
-    "study-participant": (QUICK, (), (1366, 768), study_participant),
-    "study-questionnaire": (QUICK, (), (1366, 768), study_questionnaire),
+    "live-lost": Screenshot(ABSENT, lost),
+    "live-stale": Screenshot(STEERED, stale, program=FREEZING),
+    "live-tip-not-visible": Screenshot(STEERED, tip_not_visible, program=FREEZING),
+    "live-mapping": Screenshot(STEERED, mapping),
+    "live-phone": Screenshot(STEERED, first_visit, POCKET),
+    "live-phone-light": Screenshot(STEERED, first_visit, POCKET, "light"),
+    "registration": Screenshot(QUICK, registration),
+    "registration-phone": Screenshot(QUICK, registration, POCKET, "light"),
+    "recordings": Screenshot(WRONG_PLACE, recordings),
+    "recordings-light": Screenshot(WRONG_PLACE, recordings, theme="light"),
+    "recordings-phone": Screenshot(WRONG_PLACE, recordings, POCKET),
+    "recordings-list": Screenshot(QUICK, recordings_list),
+    "recordings-list-phone": Screenshot(QUICK, recordings_list, POCKET, "light"),
+    "study-experimenter": Screenshot(QUICK, study_experimenter),
+    "study-experimenter-phone": Screenshot(QUICK, study_experimenter, POCKET, "light"),
+    "study-participant": Screenshot(QUICK, study_participant),
+    "study-participant-phone": Screenshot(QUICK, study_participant, POCKET),
+    "study-questionnaire": Screenshot(QUICK, study_questionnaire, theme="light"),
+    "study-questionnaire-phone": Screenshot(QUICK, study_questionnaire, POCKET, "light"),
 }
-"""By file name: arguments, program, size of the page, and the function that leads to the screenshot."""
+"""By file name."""
 
 
 def main() -> None:
@@ -218,18 +274,28 @@ def main() -> None:
     os.chdir(ROOT)  # so that no screenshot shows this folder
     with chromium() as browser:
         for name in sys.argv[1:] or SCREENSHOTS:
-            source, program, (width, height), prepare = SCREENSHOTS[name]
-            with Live(*source.split(), program=program or ("-m", "haptigraph")) as live, ExitStack() as more:
-                context = browser.new_context(viewport={"width": width, "height": height})
-                context.add_init_script(PAD)
-                page = context.new_page()
-                page.problems, page.more = [], more  # other servers run until the screenshot is taken
-                page.goto(live.url)
-                until(page, "document.body.dataset.index > 5")
-                prepare(page, live)
-                page.screenshot(path=IMAGES / f"{name}.png")
-                close_page(page)
+            take(name, browser)
             print(IMAGES / f"{name}.png")
+
+
+def take(name: str, browser: Any) -> None:
+    """Take one screenshot."""
+    source, prepare, (width, height), theme, program = SCREENSHOTS[name]
+    is_phone = (width, height) == POCKET
+    with Live(*source.split(), *PATIENT, program=program) as live, ExitStack() as more:
+        viewport = {"width": width, "height": height}
+        context = browser.new_context(viewport=viewport, color_scheme=theme, has_touch=is_phone)
+        context.add_init_script(PHONE if is_phone else PAD)
+        for hint in ("steer", "watch", "registration") if prepare is not first_visit else ():
+            context.add_init_script(f"localStorage.setItem('hint-{hint}', 'closed')")
+        page = context.new_page()
+        page.problems, page.more = [], more  # other servers run until the screenshot is taken
+        page.goto(live.url)
+        until(page, "document.body.dataset.index > 5")
+        prepare(page, live)
+        page.evaluate("scrollTo(0, 0)")
+        page.screenshot(path=IMAGES / f"{name}.png")
+        close_page(page)
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 import pytest
-from live_bench import CHROMIUM, LIVE, PAD, Live, until
+from live_bench import CHROMIUM, LIVE, PAD, PHONE, Live, until
 from live_bench import chromium as start_chromium
 
 from haptigraph import assemble
@@ -29,14 +29,15 @@ def open_page(chromium):
         url: str,
         *,
         pad: bool = False,
+        phone: bool = False,
         size: tuple[int, int] = (1366, 768),
         module: str = LIVE,
         ready: str = "document.body.dataset.index > 0",
     ):
-        context = chromium.new_context(viewport={"width": size[0], "height": size[1]})
+        context = chromium.new_context(viewport={"width": size[0], "height": size[1]}, has_touch=phone)
         contexts.append(context)
-        if pad:
-            context.add_init_script(PAD)
+        for script in [PAD] * pad + [PHONE] * phone:
+            context.add_init_script(script)
         page = context.new_page()
         page.set_default_timeout(30_000)
         page.problems, page.module = problems, module

@@ -35,6 +35,13 @@ navigator.getGamepads = () => [window.pad, null, null, null];
 """Script that simulates a game controller and logs its rumble."""
 
 
+PHONE = """
+window.buzz = [];  // every call, with its time [ms since 1970]
+Navigator.prototype.vibrate = (pattern) => { window.buzz.push({ at: performance.timeOrigin + performance.now(), pattern: [pattern].flat() }); return true; };
+"""
+"""Script that logs what a phone's own motor is asked for."""
+
+
 class Live:
     """A running `haptigraph live`; a context manager that kills it.
 

@@ -5,7 +5,7 @@ import os
 import pickle
 import subprocess
 import sys
-from collections.abc import AsyncIterator
+from collections.abc import AsyncGenerator, AsyncIterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -32,7 +32,7 @@ class Jobs:
         self._folder = folder
         self._slots = asyncio.Semaphore(MAX_CONCURRENT)
 
-    async def run(self, job: str, *arguments: Any) -> AsyncIterator[tuple[dict[str, Any], bytes]]:
+    async def run(self, job: str, *arguments: Any) -> AsyncGenerator[tuple[dict[str, Any], bytes], None]:
         """Yield the messages of a job, as JSON and bytes; closing the generator kills it.
 
         Args:

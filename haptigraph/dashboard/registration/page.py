@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Annotated
 
 from msgspec import Meta, Struct
+from msgspec.structs import asdict
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import Response
@@ -11,22 +12,29 @@ from starlette.routing import BaseRoute, Route
 
 from haptigraph.analysis.registering.check import check_draft
 from haptigraph.analysis.registering.draft import Draft
-from haptigraph.dashboard.registration.service import FileExists, RegistrationService
-from haptigraph.dashboard.server.json_routes import json_errors, json_response, read_json
+from haptigraph.dashboard.registration.service import FileExists, RegistrationService, SearchCancelled
+from haptigraph.dashboard.server.json_routes import get_route, json_errors, json_response, read_json
 from haptigraph.dashboard.server.site import Site
 from haptigraph.recording.codec import encode_png
 
-__all__ = ["Check", "Load", "Open", "Save", "routes"]
+__all__ = ["Cancel", "Check", "Load", "Open", "Save", "routes"]
 
 Text = Annotated[str, Meta(min_length=1, max_length=4096, pattern=r"^[^\x00]*$")]
 
 
-class Open(Struct, frozen=True, forbid_unknown_fields=True):
-    """Body: open a source."""
+class Cancel(Struct, frozen=True, forbid_unknown_fields=True):
+    """Body: cancel the search in a source."""
 
     source: Text
     mirrored: bool
     diameter_mm: Annotated[float, Meta(gt=0, le=1000)]
+
+
+class Open(Cancel, frozen=True, forbid_unknown_fields=True):
+    """Body: open a source."""
+
+    resume: bool = False
+    """Whether to begin no search, but return the result of one that runs or has ended."""
 
 
 class Check(Struct, frozen=True, forbid_unknown_fields=True):
@@ -56,17 +64,14 @@ class Save(Struct, frozen=True, forbid_unknown_fields=True):
 
 def routes(site: Site) -> Sequence[BaseRoute]:
     """Return the routes of the registration page."""
-    service = RegistrationService(site)
-
-    async def start(request: Request) -> Response:
-        return json_response({"source": site.source, "starts_loop": site.on_registration is not None})
-
-    async def progress(request: Request) -> Response:
-        return json_response({"progress": service.progress})
+    service, starts_loop = RegistrationService(site), site.on_registration is not None
 
     async def open_source(request: Request) -> Response:
         body = await read_json(request, Open)
-        number = await service.open(body.source, mirrored=body.mirrored, diameter_mm=body.diameter_mm)
+        try:
+            number = await service.open(**asdict(body))
+        except SearchCancelled:
+            return json_response({"cancelled": True})
         opened = service.opened(number)
         height_px, width_px = opened.reference_image.shape[:2]
         return json_response(
@@ -80,6 +85,10 @@ def routes(site: Site) -> Sequence[BaseRoute]:
                 "path": service.default_path(body.source),
             }
         )
+
+    async def cancel(request: Request) -> Response:
+        service.cancel(**asdict(await read_json(request, Cancel)))
+        return json_response({})
 
     async def picture(request: Request) -> Response:
         reference_image = service.opened(request.path_params["number"]).reference_image
@@ -99,16 +108,17 @@ def routes(site: Site) -> Sequence[BaseRoute]:
         try:
             paths = await run_in_threadpool(service.save, body.number, body.draft, body.path, **flags)
         except FileExists as error:
-            return json_response({"problem": str(error), "exists": True}, 409)
+            return json_response({"paths": [], "exists": str(error)})  # a question, no failure
         if site.on_registration is not None:
             site.on_registration(paths[0])
-        return json_response({"paths": paths})
+        return json_response({"paths": paths, "exists": ""})
 
     return [
-        Route("/registration/start", json_errors(start)),
-        Route("/registration/progress", json_errors(progress)),
+        get_route("/registration/start", lambda: {"source": site.source, "starts_loop": starts_loop}),
+        get_route("/registration/progress", lambda: {"progress": service.progress}),
         Route("/registration/picture/{number:int}", json_errors(picture)),
         Route("/registration/open", json_errors(open_source), methods=["POST"]),
+        Route("/registration/cancel", json_errors(cancel), methods=["POST"]),
         Route("/registration/check", json_errors(check), methods=["POST"]),
         Route("/registration/load", json_errors(load), methods=["POST"]),
         Route("/registration/save", json_errors(save), methods=["POST"]),

@@ -6,9 +6,10 @@ Clients of other machines may read and write in the working folder only.
 import asyncio
 import pickle
 import time
+from contextlib import aclosing
 from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from haptigraph.analysis.registering.draft import (
     Draft,
@@ -27,11 +28,18 @@ from haptigraph.messages import Image
 from haptigraph.registration.loading import load_camera_registration
 from haptigraph.sources.naming import CAMERAS, split_source
 
-__all__ = ["FileExists", "RegistrationService"]
+__all__ = ["FileExists", "RegistrationService", "SearchCancelled"]
 
 LIVE = (*CAMERAS, "teleop")  # sources without an end, which cannot be opened twice
 MAX_OPENED = 4
 POLL_S = 0.1
+
+Search: TypeAlias = tuple[str, bool, float]
+"""Source, whether it is mirrored, diameter in mm."""
+
+
+class SearchCancelled(BadInput):
+    """The search for the eye was cancelled."""
 
 
 class FileExists(BadInput):
@@ -51,14 +59,45 @@ class RegistrationService:
         self._site, self._jobs, self._lock = site, Jobs(Path()), asyncio.Lock()
         self._numbers = count(1)
         self._opened: dict[int, OpenedSource] = {}
+        self._searches: dict[Search, asyncio.Task[int]] = {}
 
-    async def open(self, source: str, *, mirrored: bool, diameter_mm: float) -> int:
+    async def open(self, source: str, *, mirrored: bool, diameter_mm: float, resume: bool = False) -> int:
         """Read a source and find the eye in it, within seconds; return the source's number.
 
+        A search that runs already is joined. It goes on if the caller leaves.
+
+        Args:
+            source: The source to read.
+            mirrored: Whether the camera looks through a mirror.
+            diameter_mm: Inner diameter of the globe.
+            resume: Whether to begin no search, but return the result of one that runs or has ended.
+
         Raises:
+            SearchCancelled: If `cancel` was called, or there is nothing to resume.
             BadInput: If it cannot be read. It is no error that no eye is found.
         """
-        source = source if self._site.is_local else self._permitted(source)
+        search = (source if self._site.is_local else self._permitted(source), mirrored, diameter_mm)
+        task = self._searches.get(search)
+        if task is None or (task.done() and not (resume and self._holds(task))):
+            if resume:
+                raise SearchCancelled("there is no such search")
+            self._searches[search] = task = asyncio.create_task(self._search(*search))
+        try:
+            return await asyncio.shield(task)
+        except asyncio.CancelledError:
+            if task.cancelled():
+                raise SearchCancelled("the search was cancelled") from None
+            raise
+
+    def cancel(self, source: str, *, mirrored: bool, diameter_mm: float) -> None:
+        """Cancel a search that `open` began, if it still runs."""
+        if task := self._searches.get((source, mirrored, diameter_mm)):
+            task.cancel()
+
+    def _holds(self, task: asyncio.Task[int]) -> bool:
+        return not task.cancelled() and task.exception() is None and task.result() in self._opened
+
+    async def _search(self, source: str, mirrored: bool, diameter_mm: float) -> int:
         async with self._lock:  # one at a time: each job uses a whole core
             self.progress = "opening"
             try:
@@ -69,6 +108,9 @@ class RegistrationService:
         self._opened[number] = opened
         while len(self._opened) > MAX_OPENED:
             del self._opened[min(self._opened)]
+        self._searches = {
+            key: task for key, task in self._searches.items() if not task.done() or self._holds(task)
+        }
         return number
 
     def opened(self, number: int) -> OpenedSource:
@@ -127,13 +169,14 @@ class RegistrationService:
     async def _find_eye(self, source: str, mirrored: bool, diameter_mm: float) -> OpenedSource:
         images = await self._images_of_loop(source)
         job = self._jobs.run("register", source, self._site.source_config, images, mirrored, diameter_mm)
-        async for content, data in job:
-            if content["type"] == "opened":
-                opened: OpenedSource = pickle.loads(data)
-            elif content["type"] == "progress":
-                self.progress = _progress_text(content)
-            else:
-                raise BadInput(content["problem"])
+        async with aclosing(job):  # at once, because a task keeps its error and what that refers to
+            async for content, data in job:
+                if content["type"] == "opened":
+                    opened: OpenedSource = pickle.loads(data)
+                elif content["type"] == "progress":
+                    self.progress = _progress_text(content)
+                else:
+                    raise BadInput(content["problem"])
         return opened
 
     async def _images_of_loop(self, source: str) -> list[Image]:

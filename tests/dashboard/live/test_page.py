@@ -149,6 +149,33 @@ def test_the_reason_is_shown(live, open_page):
     )
 
 
+def test_a_pause_between_two_pulses_is_no_silence(live, open_page):
+    page = open_page(live.url)
+    levels = page.evaluate(
+        """async () => {
+             const { Traces } = await import("/static/common/traces.js");
+             const traces = new Traces(document.createElement("canvas"), { now_ms: () => 0 });
+             const pattern = (name, on_ms, off_ms) => ({ name, on_ms, off_ms });
+             traces.begin({ states: [], relations: [], patterns: [pattern("off", 0, 0), pattern("pulse", 80, 80)] });
+             const at = (now_ms, plays) => { traces.now_ms = now_ms; traces.add({ time_ms: now_ms, state: "", measures: {}, plays }); return traces.level(); };
+             traces.addEdges([[1000, 1, 160], [1080, 0, 0]]);
+             return [at(1050, "pulse"), at(1120, "pulse"), at(1130, "off"), at(1400, "pulse")];
+           }"""
+    )
+    assert levels == [1, 1, 0, 0]
+
+
+def test_the_hint_of_the_first_visit_goes_away_for_good(live, open_page):
+    page = open_page(live.url)
+    hint = page.locator("#hint")
+    assert hint.inner_text().count(".") == 3
+    hint.get_by_role("button", name="Got it").click()
+    assert hint.count() == 0
+    page.reload()
+    until(page, "document.body.dataset.index > 0")
+    assert hint.count() == 0
+
+
 def test_a_lost_server_raises_the_banner(quick_uri, open_page):
     with Live(quick_uri) as live:
         page = open_page(live.url)

@@ -24,8 +24,11 @@ def page(chromium, live):
     """The page of a server that runs a loop on another source."""
     problems = []
     context = chromium.new_context(viewport={"width": 1366, "height": 768})
+    context.add_init_script("localStorage.setItem('hint-registration', 'closed')")
     page = context.new_page()
     page.on("pageerror", lambda error: problems.append(str(error)))
+    page.on("console", lambda message: page.errors.append(message.text) if message.type == "error" else None)
+    page.errors = []
     page.goto(f"{live.url}registration")
     expect(page.locator("#source-input")).not_to_have_value("")
     yield page
@@ -76,7 +79,7 @@ def test_a_dragged_registration_is_used_by_a_run(page, quick, quick_uri, tmp_pat
     open_source(page, write_eye(tmp_path, quick))
     expect(page.locator("#note")).to_have_text(re.compile("which trocar is in use"))
     assert error_px(page, "Globe") < 0.5
-    page.get_by_label("The needle is in right").check()
+    page.get_by_label("right in use").check()
     before = at(page, "target")
     drag(page, "target", (-15, -4))
     expect(page.locator("#verdict")).to_have_text(VALID)
@@ -134,7 +137,7 @@ def test_trocars_are_added_renamed_selected_and_removed(page, quick, tmp_path):
     names.nth(2).fill(names.nth(0).input_value())
     assert names.nth(2).evaluate("(input) => input.validationMessage") == "Another trocar has this name."
     names.nth(2).fill("temporal ü")
-    page.get_by_label("The needle is in temporal ü").check()
+    page.get_by_label("temporal ü in use").check()
     expect(page.locator("#rows")).to_contain_text("Trocar temporal ü, in use")
     page.get_by_label("Remove left").click()
     expect(names).to_have_count(2)
@@ -221,6 +224,32 @@ def test_the_error_follows_a_drag_under_the_loupe(page, quick, tmp_path):
     expect(page.locator("#rows td").nth(1)).to_have_text(re.compile(r"[56]\.\d\d"))
 
 
+def test_a_search_can_be_cancelled(page):
+    page.fill("#source-input", "phantom:wrong_place_then_hit")
+    page.click("text=Find the eye")
+    expect(page.locator("#doing")).to_have_text(re.compile(r"^[A-Z].*\d+ images, \d+ s$"))
+    expect(page.locator("#done")).to_be_visible()
+    page.click("text=Cancel")
+    expect(page.locator("#note")).to_have_text(re.compile("^The search was cancelled"))
+    expect(page.locator("#done")).to_be_hidden()
+    expect(page.locator("#find")).to_be_enabled()
+    assert page.errors == []
+
+
+def test_a_reloaded_page_goes_on_with_the_search_and_then_keeps_its_result(page, quick, tmp_path):
+    source = str(write_clip(tmp_path, quick))
+    numbers = []
+    page.on("request", lambda each: numbers.append(each.url) if "/picture/" in each.url else None)
+    page.fill("#source-input", source)
+    page.click("text=Find the eye")
+    expect(page.locator("#stop")).to_be_visible()
+    for _ in range(2):  # during the search, and after it
+        page.reload()
+        expect(page.locator("#verdict")).to_have_text(VALID, timeout=OPEN_TIMEOUT_MS)
+        expect(page.locator("#source-input")).to_have_value(source)
+    assert len(numbers) == 2 and len(set(numbers)) == 1  # one search, shown twice
+
+
 def test_an_invalid_draft_cannot_be_saved(page, quick, tmp_path):
     open_source(page, write_eye(tmp_path, quick))
     drag(page, "retina 0", (0, 30))
@@ -268,6 +297,9 @@ def test_an_existing_file_is_overwritten_after_confirmation(page, quick, tmp_pat
     out.write_text("precious")
     save(page, out)
     expect(page.locator("#exists-title")).to_have_text(f"{out}: already exists.")
+    expect(page.get_by_role("button", name="Keep file")).to_be_focused()
+    assert page.locator("#exists .primary").all_inner_texts() == ["Keep file"]
+    assert page.errors == []  # an existing file is a question, not a failed request
     page.click("text=Keep file")
     expect(page.locator("#exists")).to_be_hidden()
     assert out.read_text() == "precious"

@@ -1,5 +1,6 @@
 """The routes of the registration page: valid and invalid requests, files that cannot be read or written."""
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import cv2
@@ -57,7 +58,7 @@ def test_a_source_is_opened_checked_and_saved(live, found, eye, tmp_path):
     assert status == 200 and checked["problem"] == "" and len(checked["outline_px"]) == 120
     out = tmp_path / "eye.toml"
     body = {**save_body(found, out), "overwrite": False}
-    assert send(live, "save", body) == (200, {"paths": [str(out)]})
+    assert send(live, "save", body) == (200, {"paths": [str(out)], "exists": ""})
     assert load_registration(out).width_px == 480
     assert [file.name for file in tmp_path.iterdir()] == ["eye.toml"]
     assert send(live, "load", {"number": found["number"], "path": str(out)})[1]["draft"]["file"] == "eye.toml"
@@ -172,7 +173,7 @@ def test_registration_and_picture_are_written_together_or_not_at_all(live, found
     body = {**save_body(found, tmp_path / "made.toml"), "picture": True, "overwrite": False}
     (tmp_path / "made.png").write_text("precious")
     status, answer = send(live, "save", body)
-    assert (status, answer["problem"]) == (409, f"{tmp_path}/made.png: already exists")
+    assert (status, answer) == (200, {"paths": [], "exists": f"{tmp_path}/made.png: already exists"})
     assert [file.name for file in tmp_path.iterdir()] == ["made.png"]
     assert send(live, "save", {**body, "overwrite": True})[0] == 200
     assert cv2.imread(str(tmp_path / "made.png")).shape == (270, 480, 3)
@@ -201,10 +202,30 @@ def test_a_file_is_overwritten_only_on_request(live, found, tmp_path):
     out = tmp_path / "eye.toml"
     out.write_text("precious")
     body = {**save_body(found, out), "overwrite": False}
-    assert send(live, "save", body) == (409, {"problem": f"{out}: already exists", "exists": True})
+    assert send(live, "save", body) == (200, {"paths": [], "exists": f"{out}: already exists"})
     assert out.read_text() == "precious"
     assert send(live, "save", {**body, "overwrite": True})[0] == 200
     load_registration(out)
+
+
+def test_a_search_is_resumed_or_not_at_all(live, found, eye):
+    assert open_at(live, eye, resume=True)[1]["number"] == found["number"]
+    assert open_at(live, eye, resume=True, diameter_mm=23.0) == (200, {"cancelled": True})
+    assert open_at(live, eye)[1]["number"] > found["number"]  # asked for anew, it is searched anew
+
+
+def test_a_running_search_is_joined_and_cancelled_for_all_who_wait(live):
+    source = {"source": "phantom:wrong_place_then_hit", "mirrored": True, "diameter_mm": 24.0}
+    with ThreadPoolExecutor(2) as pool:
+        first = pool.submit(send, live, "open", source)
+        while not send(live, "progress")[1]["progress"]:
+            pass
+        second = pool.submit(send, live, "open", {**source, "resume": True})
+        assert send(live, "cancel", {**source, "diameter_mm": 23.0}) == (200, {})
+        assert not first.done() and not second.done()
+        assert send(live, "cancel", source) == (200, {})
+        assert first.result(30) == second.result(30) == (200, {"cancelled": True})
+    assert send(live, "progress") == (200, {"progress": ""})
 
 
 def service_for(source, *, is_local):

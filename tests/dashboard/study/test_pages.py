@@ -170,6 +170,26 @@ def test_a_participant_completes_the_study_and_crashes_lose_nothing(folder, sour
     check(folder)
 
 
+def test_enrolling_is_not_the_next_step_while_somebody_is_here_and_asks_first(folder, source, open_page):
+    with Station(folder, source) as station:
+        lab, person = experimenter_at(station, open_page), participant_at(station, open_page)
+        assert lab.locator("button.primary:visible").all_inner_texts() == ["Enrol"]
+        lab.click("#enrol button")
+        person.click("text=Continue")
+        lab.wait_for_selector("#detail:has-text('stage 2')")
+        assert "Enrol" not in lab.locator("button.primary:visible").all_inner_texts()
+        lab.click("#enrol button")
+        lab.wait_for_selector("#ask:has-text('P01 leaves this station and may come back.')")
+        lab.click("#cancel")
+        assert len(rows_of(folder, PARTICIPANTS, "participant")) == 1
+        assert lab.inner_text("#participant") == "P01"
+        lab.click("#enrol button")
+        lab.click("#confirm")
+        lab.wait_for_selector("#participant:has-text('P02')")
+        close_page(lab)
+        close_page(person)
+
+
 def check(folder):
     """Check that the store holds everything that was done above, once."""
     done = ["briefing", "consent", "questionnaire/demographics", "questionnaire/sus/1", "break/2"]

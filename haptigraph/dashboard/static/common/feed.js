@@ -42,12 +42,14 @@ export class Feed {
     this.send = send;
     setInterval(() => this.ping(), PING_MS);
     for (const wait_ms of [50, 100, 200, 400]) setTimeout(() => this.ping(), wait_ms);
+    const leave = () => { haptics.silence(); handlers.hidden?.(); };
     document.addEventListener("visibilitychange", () => {
-      if (document.hidden) { haptics.silence(); handlers.hidden?.(); }
+      if (document.hidden) leave();
       this.received_ms = performance.now();
       this.watch();
     });
-    addEventListener("pagehide", () => { haptics.silence(); handlers.hidden?.(); });
+    addEventListener("pagehide", leave);
+    document.addEventListener("freeze", leave);
   }
 
   /** Note that an image is on the screen. @param {ImageHeader} header */

@@ -97,5 +97,5 @@ function drawEdge(from, to, radius, number) {
 /** Return the definition of an arrow head; the state diagram has one too. */
 export function arrowHead(id = "tip", size = 12, orient = "auto") {
   const box = { viewBox: "0 0 10 10", refX: 8, refY: 5, markerWidth: size, markerHeight: size, markerUnits: "userSpaceOnUse" };
-  return svg("defs", {}, svg("marker", { id, ...box, orient }, svg("path", { d: "M0 0 10 5 0 10z", fill: "#9aabb8" })));
+  return svg("defs", {}, svg("marker", { id, ...box, orient }, svg("path", { d: "M0 0 10 5 0 10z", class: "arrow-head" })));
 }

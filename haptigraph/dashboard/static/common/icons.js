@@ -2,6 +2,7 @@
 
 import { svg } from "./dom.js";
 
+const EDGE = 3;
 /** @type {Record<StateDescription["icon"], [tag: "path" | "circle" | "rect", attributes: Record<string, string | number>][]>} */
 const SHAPES = {
   alarm: [["path", { d: "M15 3h18l12 12v18L33 45H15L3 33V15z", fill: "own" }], ["path", { d: "M24 12v15M24 34v2", stroke: "ink", "stroke-width": 6 }]],
@@ -15,13 +16,14 @@ const SHAPES = {
             ["path", { d: "M13 13 25 25M30.5 30.5h.01M36 36h.01", stroke: "own", "stroke-width": 5 }]],
 };
 
-/** Return the shapes of a state's icon, in its colours. @param {StateDescription} state */
+/** Return the shapes of a state's icon, in its colours and with an edge, because some colours are near the page's. @param {StateDescription} state */
 export function iconShapes(state) {
   /** @type {Record<string | number, string>} */ const colors = { own: state.color, ink: state.ink };
-  return SHAPES[state.icon].map(([tag, attributes]) => {
-    const { fill = "none", stroke = "none" } = attributes, lines = { "stroke-linecap": "round", "stroke-linejoin": "round" };
-    return svg(tag, { ...lines, ...attributes, fill: colors[fill] ?? fill, stroke: colors[stroke] ?? stroke });
-  });
+  const lines = { "stroke-linecap": "round", "stroke-linejoin": "round" };
+  const edges = SHAPES[state.icon].filter(([, { fill, stroke }]) => fill === "own" || stroke === "own").map(([tag, { fill: _, stroke: __, ...shape }]) =>
+    svg(tag, { ...lines, ...shape, class: "icon-edge", "stroke-width": Number(shape["stroke-width"] ?? 0) + EDGE }));
+  return [...edges, ...SHAPES[state.icon].map(([tag, { fill = "none", stroke = "none", ...shape }]) =>
+    svg(tag, { ...lines, ...shape, fill: colors[fill] ?? fill, stroke: colors[stroke] ?? stroke }))];
 }
 
 /** Return a state's icon as an element of its own; empty without a state. @param {StateDescription} [state] */

@@ -1,10 +1,7 @@
 /** Requests to the server, in JSON; a failure becomes an error with one sentence. */
 
 /** The server refused a request; `message` is the sentence to show. */
-export class RequestError extends Error {
-  /** @param {string} message @param {boolean} [exists] whether it refused because a file exists */
-  constructor(message, exists = false) { super(message); this.exists = exists; }
-}
+export class RequestError extends Error {}
 
 /** The server or its store does not respond, or not yet; retrying may help. */
 export class NoResponse extends RequestError {
@@ -30,6 +27,6 @@ export async function request(path, body) {
     throw new RequestError(`The server failed (status ${response.status}); see the terminal.`);
   }
   if (response.status === 503) throw new NoResponse(data.problem);
-  if (!response.ok) throw new RequestError(data.problem ?? `refused (${response.status})`, data.exists === true);
+  if (!response.ok) throw new RequestError(data.problem ?? `refused (${response.status})`);
   return data;
 }

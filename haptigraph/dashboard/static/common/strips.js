@@ -1,5 +1,7 @@
 /** Strips: one curve over time each, with the bounds that the procedure decides by. */
 
+import { colors } from "../theme/colors.js";
+
 /** Choose what to plot: two depths in µm, or else the first distance and angle with bounds, or else the first measures.
  *  @param {Relation[]} relations */
 export function stripsOf(relations) {
@@ -29,9 +31,10 @@ function stripOf(measure, relations) {
  *  @param {(text: string, y: number) => void} drawLabel called for the bounds that have room for a label */
 export function drawBounds(c, strip, { left, width, top, height }, drawLabel) {
   const y = (/** @type {number} */ value) => top + height * (1 - Math.min(Math.max((value - strip.min) / (strip.max - strip.min), 0), 1));
-  c.fillStyle = "#5cc48422";
+  c.fillStyle = colors.good; c.globalAlpha = 0.15;
   if (strip.band) c.fillRect(left, y(strip.band), width, y(0) - y(strip.band));
-  c.lineWidth = 1; c.strokeStyle = "#2c3740"; c.fillStyle = "#9aabb8";
+  c.globalAlpha = 1;
+  c.lineWidth = 1; c.strokeStyle = colors.line; c.fillStyle = colors.quiet;
   for (const [at, bound] of strip.bounds.entries()) {
     c.beginPath(); c.moveTo(left, y(bound)); c.lineTo(left + width, y(bound)); c.stroke();
     if (!strip.bounds.slice(0, at).some((other) => Math.abs(y(other) - y(bound)) < 11)) drawLabel(String(bound), y(bound));

@@ -1,16 +1,17 @@
 /** The last 20 seconds, on the server's clock: measures, haptic output and states. */
 
+import { colors } from "../theme/colors.js";
 import { drawBounds, stripsOf } from "./strips.js";
 
 const SPAN_MS = 20_000, LEFT = 92, RIGHT = 12, RIBBON = 12, MAX_GAP_MS = 300;
-const INK = "#e8edf1", QUIET = "#9aabb8", FAINT = "#2c3740";
 
 export class Traces {
   /** @type {Strip[]} */ strips = [];
   /** @type {Map<string, string>} */ colors = new Map();
   /** @type {{ time_ms: number, state: string, measures: Record<string, number> }[]} */ steps = [];
   /** @type {HapticEdge[]} */ edges = [];
-  width = 0; height = 0; now_ms = NaN;
+  /** Duration of a pulse with the pause after it, by pattern [ms]. @type {Map<string, number>} */ periods = new Map();
+  width = 0; height = 0; now_ms = NaN; period_ms = 0;
 
   constructor(/** @type {HTMLCanvasElement} */ canvas, /** @type {import("./clock.js").ServerClock} */ clock) {
     this.canvas = canvas;
@@ -21,13 +22,15 @@ export class Traces {
 
   begin(/** @type {Procedure} */ procedure) {
     this.colors = new Map(procedure.states.map((state) => [state.name, state.color]));
+    this.periods = new Map(procedure.patterns.map(({ name, on_ms, off_ms }) => [name, on_ms + off_ms]));
     this.strips = stripsOf(procedure.relations);
     this.clear();
   }
 
   clear() { this.steps = []; this.edges = []; }
 
-  add(/** @type {ImageHeader} */ { time_ms, state, measures }) {
+  add(/** @type {ImageHeader} */ { time_ms, state, measures, plays }) {
+    this.period_ms = this.periods.get(plays) ?? 0;
     const last = this.steps.at(-1);
     if (last && time_ms < last.time_ms) this.clear();
     this.steps.push({ time_ms, state, measures });
@@ -52,7 +55,7 @@ export class Traces {
   draw() {
     const { context: c, width, height } = this;
     if (!width) return;
-    c.fillStyle = "#161d23";
+    c.fillStyle = colors.panel;
     c.fillRect(0, 0, width, height);
     this.now_ms = this.clock.now_ms();
     if (!this.strips.length || !(this.now_ms >= 0)) return;
@@ -69,7 +72,7 @@ export class Traces {
     c.textAlign = "left";
     const y = drawBounds(c, strip, { left: LEFT, width: this.width - LEFT - RIGHT, top, height }, (text, bound_y) => c.fillText(text, LEFT + 4, bound_y - 2));
     this.drawLabel(strip.label, top + 11, last === undefined || !Number.isFinite(last) ? "–" : `${last.toFixed(strip.digits)} ${strip.unit}`);
-    c.strokeStyle = INK; c.lineWidth = 1.8; c.lineJoin = "round"; c.beginPath();
+    c.strokeStyle = colors.text; c.lineWidth = 1.8; c.lineJoin = "round"; c.beginPath();
     let before_ms = -Infinity;
     for (const { time_ms, measures: { [strip.measure]: value } } of this.steps) {
       const isValid = Number.isFinite(value);
@@ -79,11 +82,17 @@ export class Traces {
     c.stroke();
   }
 
+  /** Return the strongest level within the present pattern's last pulse and pause: a pause between two pulses is no silence. */
+  level() {
+    const since_ms = this.now_ms - this.period_ms;
+    return Math.max(0, ...this.edges.filter((_, at) => (this.edges[at + 1]?.[0] ?? Infinity) > since_ms).map(([, amplitude]) => amplitude));
+  }
+
   drawHaptics(/** @type {number} */ top, /** @type {number} */ height) {
-    const c = this.context, right = this.width - RIGHT, last = this.edges.at(-1)?.[1];
-    this.drawLabel("haptics", top + 11, last ? `${Math.round(last * 100)} %` : "silent");
-    c.strokeStyle = FAINT; c.beginPath(); c.moveTo(LEFT, top + height); c.lineTo(right, top + height); c.stroke();
-    c.fillStyle = "#f0a546";
+    const c = this.context, right = this.width - RIGHT, level = this.level();
+    this.drawLabel("haptics", top + 11, level ? `${Math.round(level * 100)} %` : "silent");
+    c.strokeStyle = colors.line; c.beginPath(); c.moveTo(LEFT, top + height); c.lineTo(right, top + height); c.stroke();
+    c.fillStyle = colors.warn;
     this.edges.forEach(([time_ms, amplitude], at) => {
       if (!amplitude) return;
       const end = this.edges[at + 1] ? this.x(this.edges[at + 1][0]) : right;
@@ -98,21 +107,23 @@ export class Traces {
       const start = Math.max(this.x(step.time_ms), LEFT), next = this.steps[at + 1];
       const end = next ? this.x(next.time_ms) : Math.min(this.x(step.time_ms + 40), this.width - RIGHT);
       if (end <= LEFT) return;
-      c.fillStyle = this.colors.get(step.state) ?? QUIET;
-      c.fillRect(start, top, end - start + 0.5, RIBBON - 3);
+      c.fillStyle = this.colors.get(step.state) ?? colors.quiet;
+      c.fillRect(start, top, end - start + 0.5, RIBBON - 4);
+      c.fillStyle = colors.quiet;  // because some states are as light as the page
+      c.fillRect(start, top + RIBBON - 4, end - start + 0.5, 1);
     });
     this.drawLabel("state", top + 9, "");
   }
 
   drawTime(/** @type {number} */ bottom) {
     const c = this.context;
-    c.fillStyle = QUIET; c.textAlign = "center";
+    c.fillStyle = colors.quiet; c.textAlign = "center";
     for (let ago = 0; ago <= 20; ago += 5) c.fillText(ago ? `${ago} s` : "now", Math.min(this.x(this.now_ms - ago * 1000), this.width - RIGHT - 8), bottom);
   }
 
   drawLabel(/** @type {string} */ text, /** @type {number} */ y, /** @type {string} */ value) {
     const c = this.context;
-    c.textAlign = "left"; c.fillStyle = QUIET; c.fillText(text, 2, y);
-    c.fillStyle = INK; c.save(); c.font = c.font.replace("12px", "bold 15px"); c.fillText(value, 2, y + 18); c.restore();
+    c.textAlign = "left"; c.fillStyle = colors.quiet; c.fillText(text, 2, y);
+    c.fillStyle = colors.text; c.save(); c.font = c.font.replace("12px", "bold 15px"); c.fillText(value, 2, y + 18); c.restore();
   }
 }

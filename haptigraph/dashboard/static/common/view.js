@@ -4,7 +4,7 @@ import { checkbox, make, setText } from "./dom.js";
 import { circle, zoneOf } from "./zones.js";
 
 /** @type {Record<Overlay, string>} */ const OVERLAYS = { needle: "Instrument", uncertainty: "Uncertainty", cone: "Cone", zone: "Zones", target: "Target" };
-const LINE = "#8fb4d3", REGION_SD = 2;
+const LINE = "#b9d6ec", REGION_SD = 2;
 
 export class View {
   /** Which overlays are drawn. @type {Partial<Record<Overlay, boolean>>} */ overlays = {};
@@ -105,11 +105,10 @@ export class View {
     c.globalAlpha = holds ? 0.2 : 0.04;
     c.fillStyle = holds ? color : LINE;
     c.fill();
-    c.globalAlpha = holds ? 1 : 0.6;
     c.setLineDash(holds ? [] : [5 * this.unit, 5 * this.unit]);
-    this.stroke(holds ? color : LINE, holds ? 2 : 1, holds ? 2 : 1.2);
-    c.setLineDash([]);
     c.globalAlpha = 1;
+    this.stroke(holds ? color : LINE, holds ? 2 : 1.2, holds ? 2.4 : 2);
+    c.setLineDash([]);
   }
 
   drawTargets(/** @type {Hello} */ { anatomy, procedure }) {
@@ -140,7 +139,7 @@ export class View {
       this.path(circle(shape.at_mm, radius_mm), true);
       c.globalAlpha = 0.25; c.fillStyle = "#fff"; c.fill(); c.globalAlpha = 1;
       c.setLineDash([3 * this.unit, 4 * this.unit]);
-      this.stroke("#fff", 1.5, 2);
+      this.stroke("#fff", 1.5, 2.4);
       c.setLineDash([]);
     }
   }
@@ -172,11 +171,11 @@ export class View {
     if (isClosed) c.closePath();
   }
 
-  /** Stroke a line with a dark edge, so that it is visible on any background. @param {string} color @param {number} width */
+  /** Stroke a bright line with a dark edge, so that one of them is visible on any background. @param {string} color @param {number} width */
   stroke(color, width, edge = 3) {
     const c = this.context;
     c.lineCap = "round";
-    c.strokeStyle = "#000a"; c.lineWidth = (width + edge) * this.unit; c.stroke();
-    c.strokeStyle = color; c.lineWidth = width * this.unit; c.stroke();
+    c.strokeStyle = "#000e"; c.lineWidth = (width + edge) * this.unit; c.stroke();
+    c.strokeStyle = `color-mix(in srgb, ${color} 80%, white)`; c.lineWidth = width * this.unit; c.stroke();
   }
 }

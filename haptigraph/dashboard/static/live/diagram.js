@@ -83,11 +83,11 @@ function drawState(/** @type {StateDescription} */ state, /** @type {number} */ 
     svg("rect", { width: BOX.width, height: BOX.height, rx: 9 }));
   node.style.setProperty("--own", state.color);
   node.style.setProperty("--ink", state.ink);
-  const backing = svg("circle", { cx: 24, cy: 24, r: 27, fill: "#161d23" });
+  const backing = svg("circle", { cx: 24, cy: 24, r: 27, class: "backing" });
   const icon = svg("g", { transform: `translate(10 ${BOX.height / 2 - 11}) scale(.46)` }, backing, ...iconShapes(state));
   const lines = broken(state.label);
-  const texts = lines.map((line, at) => svg("text", { x: 42, y: BOX.height / 2 + 5 + (at - (lines.length - 1) / 2) * 16 }, line));
-  const number = svg("text", { class: "dim", x: BOX.width - 10, y: BOX.height / 2 + 5, "text-anchor": "end" }, String(state.priority));
+  const texts = lines.map((line, at) => svg("text", { x: 38, y: BOX.height / 2 + 5 + (at - (lines.length - 1) / 2) * 16 }, line));
+  const number = svg("text", { class: "dim", x: BOX.width - 7, y: BOX.height / 2 + 5, "text-anchor": "end" }, String(state.priority));
   node.append(icon, ...texts, number);
   return node;
 }

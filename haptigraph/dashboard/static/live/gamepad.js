@@ -23,7 +23,7 @@ export class Controller {
 
   /** Return the first connected controller, or null. */
   pad() {
-    const pad = [...navigator.getGamepads()].find((each) => each?.connected) ?? null;
+    const pad = [...navigator.getGamepads?.() ?? []].find((each) => each?.connected) ?? null;
     if (pad && pad.id !== this.id) this.load(pad.id);
     return pad;
   }

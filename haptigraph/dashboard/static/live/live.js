@@ -7,6 +7,7 @@ import { Diagram } from "./diagram.js";
 import { $ } from "../common/dom.js";
 import { Feed } from "../common/feed.js";
 import { Graph } from "../common/graph.js";
+import { showHint } from "../common/hint.js";
 import { Haptics } from "../common/haptics.js";
 import { addOutputs } from "./outputs.js";
 import { Phases } from "./phases.js";
@@ -16,6 +17,10 @@ import { Traces } from "../common/traces.js";
 import { View } from "../common/view.js";
 
 const DRAW_MS = 1000 / 20;
+const HINTS = {
+  steer: "Hold ↓ to push the needle into the eye, ↑ to pull it back, ← and → to turn it, or drag in the picture. The panel beside the picture says what the hand feels, and why. A game controller plays it; without one, switch on screen or sound there.",
+  watch: "The picture shows what was found in the image; the panel beside it names the state, and the reason. “The hand feels” is what was sent to the haptic device. To feel it here, connect a game controller, or switch on screen or sound.",
+};
 
 const view = new View($("view"), $("overlays"));
 const diagram = new Diagram($("diagram"));
@@ -30,6 +35,8 @@ export const page = new Feed(haptics, {
   hello(hello) {
     for (const part of [panel, view, controls, phases]) part.begin(hello);
     for (const part of [diagram, graph, traces]) part.begin(hello.procedure);
+    const kind = hello.steerable ? "steer" : "watch";
+    showHint(kind, HINTS[kind]);
   },
   haptics({ edges }) { traces.addEdges(edges); },
   health(health) { if (page.hello) panel.showHealth(health, page.latency_ms); },

@@ -1,6 +1,7 @@
-/** A page's outputs of haptic feedback: the controller, and as substitutes a border around the page and a tone. */
+/** A page's outputs of haptic feedback: the controller, a phone's own motor, and as substitutes a border around the page and a tone. */
 
 import { checkbox } from "../common/dom.js";
+import { phone } from "./phone.js";
 import { Rumble } from "./rumble.js";
 
 /** A border around the page, as opaque as the level is strong. */
@@ -53,10 +54,11 @@ class Tone {
 /** Let a page play haptic feedback, with a switch for each output.
  *  @param {import("../common/haptics.js").Haptics} haptics @param {import("./gamepad.js").Controller} controller @param {HTMLElement} fieldset */
 export function addOutputs(haptics, controller, fieldset) {
-  const rumble = new Rumble(() => controller.pad()), border = new ScreenBorder(), tone = new Tone();
-  for (const output of [rumble, border, tone]) haptics.add(output);
+  const rumble = new Rumble(() => controller.pad()), motor = new Rumble(() => phone), border = new ScreenBorder(), tone = new Tone();
+  for (const output of [rumble, motor, border, tone]) haptics.add(output);
   fieldset.append(
     checkbox("controller", true, (isOn) => rumble.enable(isOn), "touch-controller"),
+    ...(phone ? [checkbox("phone", false, (isOn) => motor.enable(isOn))] : []),  // browsers let it vibrate only after a touch
     checkbox("screen", false, (isOn) => border.enable(isOn), "touch-screen"),
     checkbox("sound", false, (isOn) => tone.enable(isOn)),
   );

@@ -12,7 +12,7 @@ export class Rumble {
   /** @type {GamepadHapticActuator | null} */ actuator = null;
   sent_ms = -Infinity; timer = 0;
 
-  /** @param {() => (Gamepad | null)} find returns the controller to play on */
+  /** @param {() => (Pick<Gamepad, "vibrationActuator"> | null)} find returns the controller to play on */
   constructor(find) { this.find = find; }
 
   enable(/** @type {boolean} */ isOn) { this.isOn = isOn; if (!isOn) this.stop(); }
@@ -51,7 +51,7 @@ export class Rumble {
   }
 }
 
-/** Return the actuator of a controller, or null if it cannot rumble. @param {Gamepad | null} gamepad */
+/** Return the actuator of a controller, or null if it cannot rumble. @param {Pick<Gamepad, "vibrationActuator"> | null} gamepad */
 function actuatorOf(gamepad) {
   const actuator = /** @type {GamepadHapticActuator & { effects?: string[] } | null | undefined} */ (gamepad?.vibrationActuator);
   if (!actuator?.playEffect) return null;
@@ -60,7 +60,7 @@ function actuatorOf(gamepad) {
 
 /** Describe a controller in a line. @param {Gamepad | null} pad */
 export function controllerText(pad) {
-  if (!pad) return "No controller: press one of its buttons to connect it";
+  if (!pad) return isSecureContext ? "No controller: press one of its buttons to connect it" : "No controller: without HTTPS some browsers hide it";
   const name = pad.id.replace(/\s*\(.*\)/, "").trim() || "Controller";
   return `${name}${actuatorOf(pad) ? ", can vibrate" : ", cannot vibrate: switch on screen or sound"}`;
 }

@@ -1,9 +1,10 @@
 /** Curves of a recorded run on a canvas; where several steps share a column of pixels, its extremes are drawn. */
 
+import { colors } from "../theme/colors.js";
 import { firstAfter } from "./run.js";
 import { drawBounds } from "../common/strips.js";
 
-const INK = "#e8edf1", QUIET = "#9aabb8", FAINT = "#2c3740", MAX_GAP_MS = 300;
+const MAX_GAP_MS = 300;
 const TICKS_S = [0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 1200, 3600];
 
 /** @typedef {import("./timeline.js").Timeline} Timeline */
@@ -13,9 +14,9 @@ export function drawCurve(c, timeline, { strip, top, height }) {
   const { run, width } = timeline, left = timeline.x(timeline.from_ms);
   c.textAlign = "right";
   const y = drawBounds(c, strip, { left, width, top, height }, (text, bound_y) => c.fillText(`${text} ${strip.unit}`, left - 5, bound_y + 4));
-  c.fillStyle = QUIET; c.textAlign = "left";
+  c.fillStyle = colors.quiet; c.textAlign = "left";
   c.fillText(strip.label, 0, top + 10);
-  c.strokeStyle = INK; c.lineWidth = 1.4; c.lineJoin = "round";
+  c.strokeStyle = colors.text; c.lineWidth = 1.4; c.lineJoin = "round";
   c.beginPath();
   for (const [isStart, x, value] of points(run.time_ms, run.measure(strip.measure), timeline)) c[isStart ? "moveTo" : "lineTo"](x, y(value));
   c.stroke();
@@ -59,11 +60,11 @@ function pointsOf({ x, isStart, first, min, max, last }) {
 export function drawHaptics(c, timeline, top, height) {
   const { run, from_ms, to_ms, width } = timeline, { edge_ms, edge_amplitude } = run.columns;
   const left = timeline.x(from_ms), right = left + width;
-  c.fillStyle = QUIET; c.textAlign = "left";
-  c.fillText("haptics, as commanded", 0, top + 10);
-  c.strokeStyle = FAINT; c.lineWidth = 1;
+  c.fillStyle = colors.quiet; c.textAlign = "left";
+  c.fillText(timeline.isNarrow ? "haptics" : "haptics, as commanded", 0, top + 10);
+  c.strokeStyle = colors.line; c.lineWidth = 1;
   c.beginPath(); c.moveTo(left, top + height + 0.5); c.lineTo(right, top + height + 0.5); c.stroke();
-  c.fillStyle = "#f0a546";
+  c.fillStyle = colors.warn;
   let drawn = -1, drawnAmplitude = 0;
   for (let at = Math.max(firstAfter(edge_ms, from_ms) - 1, 0); at < edge_ms.length && edge_ms[at] <= to_ms; at++) {
     const amplitude = edge_amplitude[at];
@@ -81,7 +82,7 @@ export function drawAxis(c, timeline, bottom) {
   const { from_ms, to_ms } = timeline;
   const tick_s = TICKS_S.find((each) => each >= (to_ms - from_ms) / 10_000) ?? 7200;
   const digits = tick_s >= 1 ? 0 : tick_s >= 0.1 ? 1 : 2;
-  c.fillStyle = QUIET; c.textAlign = "center";
+  c.fillStyle = colors.quiet; c.textAlign = "center";
   for (let at = Math.ceil(from_ms / 1000 / tick_s); at * tick_s * 1000 <= to_ms; at++) {
     const time_s = at * tick_s, x = timeline.x(time_s * 1000);
     const text = time_s < 60 || tick_s < 1 ? `${time_s.toFixed(digits)} s` : `${Math.floor(time_s / 60)}:${String(Math.round(time_s % 60)).padStart(2, "0")} min`;

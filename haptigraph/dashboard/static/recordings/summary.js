@@ -9,7 +9,7 @@ const KINDS = { all: "All", state: "States", fault: "Faults", difference: "Diffe
 /** Fill the table of measures. @param {RecordedRun} run @param {ComparedRun | null} other the run under another procedure */
 export function showMeasures(run, other) {
   const measures = [run.content.measures, ...(other ? [other.content.measures] : [])];
-  const head = other ? [["", "recorded", other.content.procedure.replace(/\.toml$/, "")]] : [];
+  const head = other ? [["measure", "recorded", other.content.procedure.replace(/\.toml$/, "")]] : [];
   const seconds = (/** @type {number | null} */ value) => (value === null ? "–" : `${value.toFixed(2)} s`);
   const rows = [
     [measures[0].ends_in.replaceAll("_", " "), ...measures.map((m) => (m.completion_s === null ? (m.started_ms === null ? "no run" : "no") : "✓ yes"))],

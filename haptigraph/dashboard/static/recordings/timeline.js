@@ -1,14 +1,14 @@
 /** One run over time: a lane per state, differences, faults, measures, haptic output; and a cursor.
  *  Everything but the cursor is drawn once into a second canvas, so that moving the cursor is cheap. */
 
+import { colors, onRecolor } from "../theme/colors.js";
 import { drawAxis, drawCurve, drawHaptics } from "./curves.js";
 import { differencesOf } from "./run.js";
 import { make } from "../common/dom.js";
 import { icon } from "../common/icons.js";
 import { stripsOf } from "../common/strips.js";
 
-const LEFT = 244, RIGHT = 14, LANE = 14;
-const QUIET = "#9aabb8", PANEL = "#161d23", MIN_SPAN_MS = 400;
+const RIGHT = 14, LANE = 14, NARROW_PX = 700, MIN_SPAN_MS = 400;
 
 export class Timeline {
   /** @type {RecordedRun} */ run;
@@ -18,7 +18,7 @@ export class Timeline {
   /** @type {Map<string, number>} */ rows = new Map();
   /** @type {Strip[]} */ strips = [];
   /** @type {StripBox[]} */ boxes = [];
-  number = 0; from_ms = 0; to_ms = 1; width = 0; redrawing = 0;
+  number = 0; from_ms = 0; to_ms = 1; left = 244; width = 0; redrawing = 0;
 
   /** @param {HTMLCanvasElement} canvas @param {HTMLElement} lanes takes the labels of the states
    *  @param {(time_ms: number) => void} onSeek called with the time that is clicked */
@@ -30,6 +30,7 @@ export class Timeline {
     canvas.addEventListener("pointermove", (event) => { if (event.buttons) this.seek(event); });
     canvas.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
     new ResizeObserver(() => this.redraw()).observe(canvas);
+    onRecolor.push(() => this.redraw());
   }
 
   begin(/** @type {RecordedRun} */ run) {
@@ -49,7 +50,7 @@ export class Timeline {
     if (other) states.push(...other.states.filter((state) => !known.has(state.name)));
     this.states = states;
     this.rows = new Map(states.map((state, row) => [state.name, row]));
-    this.lanes.replaceChildren(...states.map((state) => make("li", {}, icon(state), state.label)));
+    this.lanes.replaceChildren(...states.map((state) => make("li", { title: state.label }, icon(state), state.label)));
     this.redraw();
     this.show(this.number);
   }
@@ -89,22 +90,27 @@ export class Timeline {
   seek(/** @type {MouseEvent} */ event) { if (this.run) this.onSeek(this.timeAt(event)); }
 
   timeAt(/** @type {MouseEvent} */ event) {
-    const share = (event.clientX - this.canvas.getBoundingClientRect().left - LEFT) / this.width;
+    const share = (event.clientX - this.canvas.getBoundingClientRect().left - this.left) / this.width;
     return this.from_ms + Math.min(Math.max(share, 0), 1) * (this.to_ms - this.from_ms);
   }
 
-  x(/** @type {number} */ time_ms) { return LEFT + (time_ms - this.from_ms) / (this.to_ms - this.from_ms) * this.width; }
+  x(/** @type {number} */ time_ms) { return this.left + (time_ms - this.from_ms) / (this.to_ms - this.from_ms) * this.width; }
+
+  /** Whether there is no room for the names of states beside their lanes. */
+  get isNarrow() { return this.canvas.clientWidth < NARROW_PX; }
 
   /** Draw the background, then the cursor. */
   redraw() {
     const ratio = devicePixelRatio || 1, width = this.canvas.clientWidth, height = this.canvas.clientHeight;
     if (!this.run || !width) return;
-    this.width = width - LEFT - RIGHT;
+    this.left = this.isNarrow ? 96 : 244;
+    this.width = width - this.left - RIGHT;
+    this.lanes.classList.toggle("short", this.isNarrow);
     for (const each of [this.canvas, this.background]) Object.assign(each, { width: Math.round(width * ratio), height: Math.round(height * ratio) });
     const c = /** @type {CanvasRenderingContext2D} */ (this.background.getContext("2d", { alpha: false }));
     c.setTransform(ratio, 0, 0, ratio, 0, 0);
     c.font = "12px " + getComputedStyle(document.body).fontFamily;
-    c.fillStyle = PANEL;
+    c.fillStyle = colors.panel;
     c.fillRect(0, 0, width, height);
     let top = this.drawLanes(c);
     if (this.other) top = this.drawDifferences(c, top);
@@ -119,7 +125,7 @@ export class Timeline {
 
   /** Draw a lane per state; in a comparison its upper half is the recorded run, its lower the other. @param {CanvasRenderingContext2D} c */
   drawLanes(c) {
-    this.states.forEach((_, row) => { c.fillStyle = row % 2 ? PANEL : "#1b232a"; c.fillRect(LEFT, row * LANE, this.width, LANE); });
+    this.states.forEach((_, row) => { c.fillStyle = row % 2 ? colors.panel : colors.raised; c.fillRect(this.left, row * LANE, this.width, LANE); });
     const height = this.other ? LANE / 2 - 1 : LANE - 3;
     this.drawSpans(c, this.run, 1.5, height);
     if (this.other) this.drawSpans(c, this.other, 1.5 + height + 0.5, height, true);
@@ -128,14 +134,16 @@ export class Timeline {
 
   /** @param {CanvasRenderingContext2D} c @param {import("./run.js").Run} run @param {number} shift @param {number} height */
   drawSpans(c, run, shift, height, isHatched = false) {
-    const colors = new Map(this.states.map((state) => [state.name, state.color]));
+    const own = new Map(this.states.map((state) => [state.name, state.color]));
     /** How far each lane is drawn. @type {number[]} */ const drawn = [];
     for (const [first, end, state] of run.spans) {
       const name = run.content.states[state], row = this.rows.get(name), span = this.span(first, end);
       if (!span || row === undefined || span[0] + span[1] - 0.5 < drawn[state]) continue;
       drawn[state] = span[0] + span[1];
-      c.fillStyle = colors.get(name) ?? QUIET;
+      c.fillStyle = own.get(name) ?? colors.quiet;
       c.fillRect(span[0], row * LANE + shift, span[1], height);
+      c.fillStyle = colors.quiet;  // because some states are as light as the page
+      c.fillRect(span[0], row * LANE + shift + height - 0.5, span[1], 1);
       if (isHatched) hatch(c, span[0], row * LANE + shift, span[1], height);
     }
   }
@@ -145,16 +153,16 @@ export class Timeline {
     const { time_ms } = this.run;
     const start_ms = time_ms[first], stop_ms = end < time_ms.length ? time_ms[end] : time_ms[time_ms.length - 1];
     if (stop_ms < this.from_ms || start_ms > this.to_ms) return null;
-    const left = Math.max(this.x(start_ms), LEFT), right = Math.min(this.x(stop_ms), LEFT + this.width);
+    const left = Math.max(this.x(start_ms), this.left), right = Math.min(this.x(stop_ms), this.left + this.width);
     return [left, Math.max(right - left, 1.5)];
   }
 
   drawDifferences(/** @type {CanvasRenderingContext2D} */ c, /** @type {number} */ top) {
-    drawLabel(c, "differs  ■ state  □ haptics only", top + 10);
+    drawLabel(c, this.isNarrow ? "differs" : "differs  ■ state  □ haptics only", top + 10);
     for (const [first, end, isState] of this.differences) {
       const span = this.span(first, end);
       if (!span) continue;
-      c.fillStyle = c.strokeStyle = "#fff";
+      c.fillStyle = c.strokeStyle = colors.text;
       if (isState) c.fillRect(span[0], top + 2, span[1], 9); else c.strokeRect(span[0] + 0.5, top + 2.5, span[1], 8);
     }
     return top + 14;
@@ -162,7 +170,7 @@ export class Timeline {
 
   drawFaults(/** @type {CanvasRenderingContext2D} */ c, /** @type {number} */ top) {
     drawLabel(c, "faults", top + 10);
-    c.fillStyle = "#f0a546";
+    c.fillStyle = colors.warn;
     for (const { first, last } of this.run.content.faults) {
       const span = this.span(first, last + 1);
       if (!span) continue;
@@ -182,19 +190,19 @@ export class Timeline {
     const ratio = devicePixelRatio || 1, x = this.x(run.time_ms[this.number]);
     c.setTransform(ratio, 0, 0, ratio, 0, 0);
     c.font = "bold 13px " + getComputedStyle(document.body).fontFamily;
-    c.fillStyle = "#e8edf1"; c.textAlign = "left";
+    c.fillStyle = colors.text; c.textAlign = "left";
     for (const { strip, top } of this.boxes) {
       const value = run.measure(strip.measure)[this.number];
-      c.fillText(Number.isNaN(value) ? "–" : `${value.toFixed(strip.digits)} ${strip.unit}`, 84, top + 10);
+      c.fillText(Number.isNaN(value) ? "–" : `${value.toFixed(strip.digits)} ${strip.unit}`, this.isNarrow ? 0 : 84, top + (this.isNarrow ? 25 : 10));
     }
-    if (x < LEFT - 1) return;
+    if (x < this.left - 1) return;
     c.fillRect(x - 0.75, 0, 1.5, this.canvas.clientHeight - 16);
     c.beginPath(); c.moveTo(x - 5, 0); c.lineTo(x + 5, 0); c.lineTo(x, 6); c.fill();
   }
 }
 
 /** @param {CanvasRenderingContext2D} c @param {string} text @param {number} y */
-function drawLabel(c, text, y) { c.fillStyle = QUIET; c.textAlign = "left"; c.fillText(text, 0, y); }
+function drawLabel(c, text, y) { c.fillStyle = colors.quiet; c.textAlign = "left"; c.fillText(text, 0, y); }
 
 /** @param {CanvasRenderingContext2D} c @param {number} left @param {number} top @param {number} width @param {number} height */
 function hatch(c, left, top, width, height) {

@@ -27,7 +27,7 @@ export class Handles {
   /** @param {SVGSVGElement} root over the picture, and as large @param {(handle: Handle, step: Vec, how: "pointer" | "keyboard") => void} onMove */
   constructor(root, onMove) {
     this.root = root; this.onMove = onMove;
-    this.lines = ["halo globe", "globe", "halo retina", "retina", "axis"].map((kind) => svg("path", { class: `line ${kind}` }));
+    this.lines = ["halo globe", "globe", "halo retina", "retina", "halo axis-halo", "axis"].map((kind) => svg("path", { class: `line ${kind}` }));
     this.group = svg("g");
     root.append(...this.lines, this.group);
     new ResizeObserver(() => this.draw()).observe(root);
@@ -51,7 +51,7 @@ export class Handles {
     const used = draft.trocars.find((each) => each.used);
     const globe = this.outline_px.length ? `${path(this.outline_px)}Z` : "", retina = path(draft.contour_px);
     const axis = used ? path([used.point_px, draft.target_px]) : "";
-    [globe, globe, retina, retina, axis].forEach((d, number) => this.lines[number].setAttribute("d", d));
+    [globe, globe, retina, retina, axis, axis].forEach((d, number) => this.lines[number].setAttribute("d", d));
     const wanted = this.wanted(draft);
     this.handles = new Map(wanted.map((each) => [each.key, each]));
     for (const [key, element] of this.elements) if (!this.handles.has(key)) { element.remove(); this.elements.delete(key); }
@@ -69,7 +69,7 @@ export class Handles {
       { key: "center", kind: "center", index: 0, title: "Globe centre", at: draft.center_px },
       ...sides.map((at, side) => /** @type {Handle} */ ({ key: side ? "radius west" : "radius east", kind: "radius", index: 0, title: "Globe edge", at })),
       ...retinaHandles(draft).map((index, number) => /** @type {Handle} */ ({ key: `retina ${index}`, kind: "retina", index, title: `Retina ${number + 1}`, at: draft.contour_px[index] })),
-      ...draft.trocars.map(({ name, used, point_px }, index) => /** @type {Handle} */ ({ key: `trocar ${index}`, kind: "trocar", index, title: `Trocar ${name}${used ? ", in use" : ""}`, label: `${name}${used ? " (used)" : ""}`, at: point_px })),
+      ...draft.trocars.map(({ name, used, point_px }, index) => /** @type {Handle} */ ({ key: `trocar ${index}`, kind: "trocar", index, title: `Trocar ${name}${used ? ", in use" : ""}`, label: `${name}${used ? " (in use)" : ""}`, at: point_px })),
       { key: "target", kind: "target", index: 0, title: "Target", label: "target", at: draft.target_px },
     ];
   }
@@ -79,14 +79,18 @@ export class Handles {
     element.setAttribute("transform", `translate(${x.toFixed(3)} ${y.toFixed(3)}) scale(${this.scale})`);
     element.setAttribute("aria-label", `${handle.title}, ${x.toFixed(1)}, ${y.toFixed(1)} px`);
     const text = element.querySelector("text");
-    if (text) text.textContent = handle.label ?? "";
+    if (!text) return;
+    const isLeft = this.draft && handle.kind === "trocar" && x < this.draft.center_px[0];  // so that the names of two trocars do not meet
+    text.textContent = handle.label ?? "";
+    text.setAttribute("text-anchor", isLeft ? "end" : "start");
+    text.setAttribute("x", isLeft ? "-14" : "16");
   }
 
   /** Create the element of a handle, below those that are drawn, and reached by Tab, after it. @param {Handle} handle @param {Handle[]} above */
   add({ key, kind, label }, above) {
     const element = svg("g", { class: `handle ${kind}`, tabindex: 0, role: "button", "data-key": key },
       svg("circle", { class: "area", r: GRAB_RADIUS }), svg("path", { class: "under", d: SHAPES[kind] }), svg("path", { class: "mark", d: SHAPES[kind] }),
-      ...(label ? [svg("text", { x: 16, y: -10 })] : []));
+      ...(label ? [svg("text", { y: -10 })] : []));
     this.group.insertBefore(element, above.map((each) => this.elements.get(each.key)).find(Boolean) ?? null);
     element.style.setProperty("--own", `var(--${COLORS[kind]})`);
     element.addEventListener("pointerdown", (event) => this.grab(event, element, key));

@@ -4,11 +4,16 @@ import { Checker, call, loopStarts } from "./service.js";
 import { $, make, showOrHide } from "../common/dom.js";
 import { History, edits } from "./draft.js";
 import { Handles } from "./handles.js";
+import { showHint } from "../common/hint.js";
 import { Loupe } from "./loupe.js";
 import { RequestError } from "../common/request.js";
+import { Search } from "./search.js";
 import { Trocars } from "./trocars.js";
 
-const PROGRESS_MS = 500;
+const HINT = "Choose a source, and press “Find the eye”. Then check every line over the picture: drag what is wrong, or press Tab until its handle has a ring and use the arrow keys. Save when the sentence at the end of the page says that the registration is valid.";
+
+/** How to look at a source of which nothing is known. */
+const NEW = { mirrored: true, diameter_mm: 24 };
 
 /** The source, as the server opened it, and its drafts. @type {{ opened: OpenedSource, history: History } | null} */
 let session = null;
@@ -19,6 +24,7 @@ let startsLoop = false;
 let snapsTarget = false;  // as soon as the server has answered where to
 /** @type {Vec[]} */ let outline_px = [];
 
+const search = new Search(begin, showNote);
 const loupe = new Loupe($("loupe"), $("image"), $("overlay"));
 const handles = new Handles($("overlay"), move);
 handles.onMagnify = (at) => { if (session) loupe.show(at, session.history.present, outline_px); };
@@ -136,37 +142,11 @@ function showVerdict(/** @type {string} */ sentence, isBad = false) {
   $("verdict").classList.toggle("bad", isBad);
 }
 
-/** @param {Event} [event] */
-async function open(event) {
-  event?.preventDefault();
-  const { mirrored, diameter_mm } = session?.history.present ?? { mirrored: true, diameter_mm: 24 };
-  $("find").disabled = true;
-  $("picture-panel").classList.add("busy");
-  $("waiting").hidden = false;
-  $("waiting").textContent = "Opening";
-  const polling = setInterval(async () => {
-    const progress = await call("progress").then((answer) => answer.progress, () => "");
-    if ($("find").disabled && progress) $("waiting").textContent = `${progress[0].toUpperCase()}${progress.slice(1)}`;
-  }, PROGRESS_MS);
-  try {
-    begin(await call("open", { source: $("source-input").value.trim(), mirrored, diameter_mm }));
-  } catch (error) {
-    $("waiting").textContent = session ? "" : "No picture";
-    $("waiting").hidden = Boolean(session);
-    showNote(refusal(error).message);
-  } finally {
-    clearInterval(polling);
-    $("find").disabled = false;
-    $("picture-panel").classList.remove("busy");
-  }
-}
-
 function begin(/** @type {OpenedSource} */ opened) {
   session = { opened, history: new History(opened.draft) };
   savedDraft = checked = null; outline_px = [];
   $("image").src = `/registration/picture/${opened.number}`;
   $("image").hidden = false;
-  $("waiting").hidden = true;
   $("anatomy").disabled = false;
   $("path").value = opened.path;
   showNote(opened.note && (opened.is_found ? opened.note : `Automatic registration failed: ${opened.note}. You can place everything by hand.`));
@@ -200,17 +180,20 @@ async function save(/** @type {Event | null} */ event, overwrite = false) {
   const draft = session.history.present;
   $("save-button").disabled = true;
   try {
-    const { paths } = await call("save", { number: session.opened.number, draft, path: $("path").value.trim(), picture: $("picture").checked, overwrite });
+    const { paths, exists } = await call("save", { number: session.opened.number, draft, path: $("path").value.trim(), picture: $("picture").checked, overwrite });
+    if (exists) {
+      $("exists-title").textContent = `${exists}.`;
+      $("exists").returnValue = "";
+      $("exists").showModal();
+      return;
+    }
     savedDraft = draft;
     showVerdict(`Saved: ${paths.join(" and ")}. ${startsLoop ? "Starting the loop." : "Use it with --registration."}`);
     if (!startsLoop) return;
     if (await loopStarts()) location.assign("/");
     else showVerdict("The loop did not start; see the terminal.", true);
   } catch (error) {
-    const { exists, message } = refusal(error);
-    $("exists-title").textContent = `${message}.`;
-    $("exists").returnValue = "";
-    if (exists) $("exists").showModal(); else showVerdict(message, true);
+    showVerdict(refusal(error).message, true);
   } finally {
     showButtons();
   }
@@ -219,7 +202,11 @@ async function save(/** @type {Event | null} */ event, overwrite = false) {
 function travel(/** @type {"undo" | "redo" | "restore"} */ step) { session?.history[step](); show(); }
 
 $("exists").addEventListener("close", () => { if ($("exists").returnValue === "overwrite") save(null, true); });
-$("open").addEventListener("submit", open);
+$("open").addEventListener("submit", (event) => {
+  event.preventDefault();
+  const { mirrored, diameter_mm } = session?.history.present ?? NEW;
+  search.find({ source: $("source-input").value.trim(), mirrored, diameter_mm });
+});
 $("save").addEventListener("submit", save);
 $("load").addEventListener("click", load);
 $("mirrored").addEventListener("change", () => edit((draft) => edits.mirrored(draft, $("mirrored").checked)));
@@ -232,9 +219,12 @@ addEventListener("keydown", (event) => {
 });
 addEventListener("beforeunload", (event) => { if (session?.history.past.length && savedDraft !== session.history.present) event.preventDefault(); });
 
-call("start").then(({ source, starts_loop }) => {
+showHint("registration", HINT);
+call("start").then(async ({ source, starts_loop }) => {
+  const { stored } = search;
   startsLoop = starts_loop;
   if (startsLoop) $("save-button").textContent = "Save and start";
-  $("source-input").value ||= source;  // unless the user has typed one already
-  if (startsLoop) open();
+  $("source-input").value ||= stored?.source ?? source;  // unless the user has typed one already
+  if (stored && await search.find(stored, true)) return;
+  if (startsLoop) await search.find({ source, ...NEW });
 }).catch((error) => showNote(error.message));

@@ -23,7 +23,7 @@ export class Trocars {
     draft.trocars.forEach(({ name, used }, index) => {
       const { radio, text, remove } = this.rows[index];
       radio.checked = used;
-      radio.ariaLabel = `The needle is in ${name}`;
+      radio.ariaLabel = `${name} in use: the needle is in this trocar`;
       if (document.activeElement !== text) { text.value = name; text.setCustomValidity(""); }
       remove.disabled = length === 1;
       remove.ariaLabel = `Remove ${name}`;
@@ -35,7 +35,7 @@ export class Trocars {
   addRow(index) {
     const radio = make("input", { type: "radio", name: "used" }), remove = make("button", { type: "button", textContent: "Remove" });
     const text = make("input", { type: "text", maxLength: 40, required: true, pattern: String.raw`[^"\\]*`, title: "Any name without \" and \\", spellcheck: false, autocomplete: "off", ariaLabel: `Name of trocar ${index + 1}` });
-    const item = make("li", {}, make("label", {}, radio, "needle in"), text, remove);
+    const item = make("li", {}, make("label", {}, radio, "in use"), text, remove);
     radio.addEventListener("change", () => this.actions.used(index));
     remove.addEventListener("click", () => this.actions.remove(index));
     text.addEventListener("input", () => this.rename(index, text));

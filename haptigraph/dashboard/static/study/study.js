@@ -76,6 +76,7 @@ function showStage(/** @type {ExperimenterStatus} */ { current, trial_status, pa
     setText($("stage"), interrupted ? `${interrupted.participant} was here when the station stopped` : "No participant at this station");
     $("detail").textContent = interrupted ? "Resume, on the left, continues there; an interrupted trial is repeated." : "Enrol a participant, or open one from the list.";
   }
+  $("enrol-button").classList.toggle("primary", !current);
   $("begin").hidden = !(stage?.timeout_s && !trial_status);
   $("finish").hidden = stage?.kind !== "break" && stage?.kind !== "thanks";
   $("abort").hidden = !trial_status;
@@ -92,10 +93,15 @@ function stageText(/** @type {StageSummary} */ stage, /** @type {TrialStatus} */
   return attempt + { "": "waiting for the participant to begin", preparing: "preparing", running: "running", ending: "saving" }[status];
 }
 
+/** Say who leaves this station when another comes; empty if nobody is in the middle of a session. @param {CurrentSession | null | undefined} current */
+function leaving(current) {
+  return current?.stage && current.done > 0 ? `${current.participant} leaves this station and may come back. ` : "";
+}
+
 /** Open a participant at this station. @param {string} participant @param {string} otherStation that has the participant; empty: none */
 async function open(participant, otherStation) {
   const current = page.status?.current;
-  const leaves = current?.stage && current.done > 0 ? `${current.participant} leaves this station and may come back. ` : "";
+  const leaves = leaving(current);
   if (otherStation || leaves) {
     const reason = await confirmed({
       question: `Open ${participant} at this station?`, confirm: otherStation ? "Take over" : "Open",
@@ -129,6 +135,8 @@ confirmFirst("withdraw", (current) => ({ question: `Has ${current.participant} l
 $("leave").addEventListener("click", () => act("leave", { participant: page.status?.current?.participant }));
 $("enrol").addEventListener("submit", async (event) => {
   event.preventDefault();
+  const consequence = leaving(page.status?.current);
+  if (consequence && await confirmed({ question: "Enrol another participant at this station?", consequence, confirm: "Enrol" }) === null) return;
   if (await act("enrol", { participant: $("pseudonym").value })) $("pseudonym").value = "";
 });
 $("note-form").addEventListener("submit", async (event) => {

@@ -13,7 +13,7 @@ interface Relation {
   subject: string, predicate: string, object: string, measure: string, measure_name: string,
   at_most: number | null, below: number | null, at_least: number | null, above: number | null,
 }
-interface Pattern { name: string, kind: "off" | "continuous" | "pulses" | "bursts", amplitude: number, count: number }
+interface Pattern { name: string, kind: "off" | "continuous" | "pulses" | "bursts", amplitude: number, count: number, on_ms: number, off_ms: number }
 interface StateDescription {
   name: string, label: string, feel: string, priority: number, column: "left" | "middle" | "right",
   icon: "alarm" | "done" | "warn" | "calm" | "idle" | "lost" | "tipless", color: string, ink: string,
@@ -109,8 +109,8 @@ interface CheckedDraft {
 }
 /** Answers of the routes, by name. */
 interface RegistrationRoutes {
-  start: { source: string, starts_loop: boolean }, progress: { progress: string }, open: OpenedSource,
-  check: CheckedDraft, load: { draft: Draft }, save: { paths: string[] },
+  start: { source: string, starts_loop: boolean }, progress: { progress: string }, open: OpenedSource | { cancelled: true }, cancel: object,
+  check: CheckedDraft, load: { draft: Draft }, save: { paths: string[], exists: string },
 }
 /** A draggable point of a draft. */
 interface Handle {

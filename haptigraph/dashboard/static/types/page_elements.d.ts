@@ -10,7 +10,7 @@ type PageElements =
     "state" | "station" | "steering" | "steps" | "switches" | "text" | "text-body" | "text-title" | "title" |
     "tools" | "trial" | "trial-condition" | "trial-status" | "trial-text" | "trial-title" | "trocars" |
     "verdict" | "wait" | "wait-title" | "waiting" | "way" | "who" | "work", HTMLElement>
-  & Record<"abort" | "add" | "begin" | "cancel" | "closer" | "compare" | "confirm" | "csv" | "find" | "finish" |
+  & Record<"abort" | "add" | "begin" | "cancel" | "closer" | "enrol-button" | "compare" | "confirm" | "csv" | "find" | "finish" |
     "hold" | "leave" | "load" | "map" | "note-save" | "play" | "png" | "redo" | "refresh" | "repeat" | "restore"
     | "save-button" | "standard" | "stop" | "text-done" | "undo" | "whole" | "wider" | "withdraw",
     HTMLButtonElement>
