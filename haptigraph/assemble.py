@@ -10,10 +10,11 @@ from haptigraph.clock import Clock, MonotonicClock, VirtualClock
 from haptigraph.config import Config
 from haptigraph.errors import BadInput, NeedsRegistration, unknown_name
 from haptigraph.haptics.observed_device import Listener, ObservedDevice
-from haptigraph.haptics.pattern import unsupported
 from haptigraph.pipeline import HapticOutput, Loop, Pipeline
 from haptigraph.recording.writer import Progress, RunWriter
+from haptigraph.registration.assumed import needs_consent
 from haptigraph.run_header import run_info
+from haptigraph.run_notes import run_notes
 from haptigraph.sources.naming import CAMERAS, GENERATED, PREFETCHABLE, camera_size_px, split_source
 from haptigraph.stages import Device, Perceiver, PerceiverClass, Sink, Source, check_members
 from haptigraph.version import __version__
@@ -101,6 +102,8 @@ def build(
         registration = given or _own_registration(source, config)
         if (target_mm := config.source.target_mm) is not None:
             registration = _load("haptigraph.registration.retarget:with_target")(registration, target_mm)
+        if needs_consent(registration.assumed) and not config.haptics.accept_assumed:
+            config = config.silenced()
         pipeline = build_pipeline(config, registration, procedure)
         info = run_info(config, source, registration, procedure, clock, __version__)
         measures = procedure.schema.measure_names
@@ -132,8 +135,9 @@ def build(
             sinks=[*bridges, *recorders, *sinks],
             clock=clock,
             stale_ms=config.run.stale_ms,
-            notes=_notes(config, source, procedure, device),
+            notes=run_notes(config, source, procedure, device, registration),
         )
+        loop.report.assumed = registration.assumed
         undo.pop_all()
     return loop
 
@@ -306,16 +310,6 @@ def _output(device: Device, config: Config, clock: Clock) -> HapticOutput:
     if isinstance(clock, MonotonicClock):
         return _load("haptigraph.haptics.player:Player")(guard, clock)  # type: ignore[no-any-return]
     return guard  # type: ignore[no-any-return]
-
-
-def _notes(config: Config, source: Source, procedure: "Procedure", device: Device) -> list[str]:
-    limits = (note for pattern in procedure.patterns for note in unsupported(pattern, device.capabilities))
-    notes = [*source.notes, *(f"{config.haptics.device}: {note}" for note in limits)]
-    if split_source(config.source.uri, SOURCES)[0] == "teleop":
-        notes.append(
-            "the needle moves only if you steer it, on the page of `haptigraph live` or by --bridge ros2"
-        )
-    return notes
 
 
 def _named(registry: dict[str, str], what: str, name: str) -> Any:

@@ -104,6 +104,8 @@ class HapticsConfig(Struct, frozen=True, forbid_unknown_fields=True):
     max_on_ms: UpToADayMs = 60_000.0
     """Longest vibration without a pause; then it pauses for `rest_ms`."""
     rest_ms: UpToADayMs = 500.0
+    accept_assumed: bool = False
+    """Whether the device may vibrate although the registration assumes positions that nobody measured."""
 
 
 class RunConfig(Struct, frozen=True, forbid_unknown_fields=True):
@@ -144,6 +146,10 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True):
     run: RunConfig = RunConfig()
     recording: RecordingConfig = RecordingConfig()
     trial: TrialConfig = TrialConfig()
+
+    def silenced(self) -> "Config":
+        """Return the same configuration with an amplitude limit of 0."""
+        return replace(self, haptics=replace(self.haptics, max_amplitude=0.0))
 
     def with_perceiver(self, name: str) -> "Config":
         """Return the same configuration with another perceiver."""

@@ -50,6 +50,8 @@ class RunReport(Struct):
     """Duration of reading an image, of each stage, and of the whole "step"."""
     ended: str = "source ended"
     """Why the run ended."""
+    assumed: tuple[str, ...] = ()
+    """What the registration assumes, by name."""
     is_silent: bool = False
     """Whether the run is over, and the actuator raised no doubt that it is silent."""
 

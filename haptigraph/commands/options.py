@@ -38,6 +38,7 @@ RUN = {
     "device": "haptics.device",
     "bridge": "run.bridges",
     "record": "recording.path",
+    "accept_assumed": "haptics.accept_assumed",
 }
 """Arguments of every command that runs the loop, and the settings they stand for."""
 
@@ -74,6 +75,12 @@ def run_options(command: Command) -> Command:
             metavar="BRIDGE",
             help="Publish live: ros2[:NAME], lsl, openigtlink[:PORT], foxglove[:PORT]; repeatable.",
         ),
+        click.option(
+            "--accept-assumed",
+            is_flag=True,
+            default=None,
+            help="Vibrate although the registration assumes the target (docs/safety.md).",
+        ),
         click.option("--record", metavar="FILE", help="Record the run to a new MCAP file."),
         config_option,
         set_option,
@@ -88,7 +95,7 @@ def run_settings(given: Mapping[str, object], realtime: bool | None) -> tuple[st
         given: Its arguments; those in `RUN` override --set.
         realtime: The setting `run.realtime`.
     """
-    options = {**{key: given[name] for name, key in RUN.items()}, "run.realtime": realtime}
+    options = {**{key: given.get(name) for name, key in RUN.items()}, "run.realtime": realtime}
     settings: Any = given["settings"]
     return (*settings, *settings_of(options))
 

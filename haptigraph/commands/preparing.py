@@ -16,12 +16,12 @@ __all__ = ["check", "register"]
 @click.argument("source")
 @click.option("-o", "--output", metavar="FILE", required=True, help="Registration to write (TOML).")
 @click.option("--target", metavar="X,Y", help="Target in pixels of the stored image.")
-@click.option("--target-mm", type=float, help="Or in mm along the retina from its lowest point.  [0]")
+@click.option("--target-mm", type=float, help="Or in mm along the retina from its lowest point; assumed: 0.")
 @click.option("--trocar", metavar="left|right|X,Y", help="Trocar in use, if motion does not show it.")
 @click.option(
-    "--mirrored/--not-mirrored", default=True, help="Whether a mirror flips the images.  [mirrored]"
+    "--mirrored/--not-mirrored", default=None, help="Whether a mirror flips the images; assumed: it does."
 )
-@click.option("--diameter-mm", default=24.0, show_default=True, help="Inner diameter of the globe.")
+@click.option("--diameter-mm", type=float, help="Inner diameter of the globe; assumed: 24.")
 @click.option("--picture", metavar="FILE", help="PNG to draw; default: beside the registration.")
 @click.option("--images", default=40, show_default=True, help="Number of images of SOURCE to use.")
 @click.option("--force", is_flag=True, help="Overwrite existing files.")

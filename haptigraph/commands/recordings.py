@@ -30,6 +30,7 @@ def replay(recording: str, procedure: str | None) -> None:
     from haptigraph.analysis.metrics.summary import summary
     from haptigraph.analysis.metrics.temporal import claim_lines
     from haptigraph.recording.header import losses_sentence
+    from haptigraph.registration.assumed import assumed_lines
 
     with progress_bar() as progress:
         report = run_again(recording, procedure, progress)
@@ -46,6 +47,8 @@ def replay(recording: str, procedure: str | None) -> None:
         first = report.first
         click.echo(f"first difference: step {first.step} at {first.time_s:.2f} s, {first.message}")
         click.echo(f"  recorded  {first.recorded}\n  replayed  {first.replayed}")
+    for line in assumed_lines(report.assumed):
+        click.echo(line)
     for line in claim_lines(report.recorded.claims, report.recorded.first_ns) if not procedure else ():
         click.echo(line)
     if procedure:

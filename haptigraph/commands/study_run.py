@@ -104,11 +104,15 @@ def _check_setup(base: "Config", protocol: "Protocol") -> None:
     from msgspec.structs import replace
 
     from haptigraph.assemble import build
+    from haptigraph.registration.assumed import assumed_text, needs_consent
     from haptigraph.registration.loading import load_registration
     from haptigraph.registration.retarget import with_target
 
     for target in protocol.targets if base.source.registration else ():
-        with_target(load_registration(base.source.registration), target.along_mm)
+        registration = with_target(load_registration(base.source.registration), target.along_mm)
+        if needs_consent(registration.assumed):
+            problem = f"assumes {assumed_text(registration.assumed)}; a study needs measured positions"
+            raise BadInput(problem, base.source.registration)
     source = replace(base.source, target_mm=protocol.targets[0].along_mm)
     procedure = protocol.procedure_path(protocol.conditions[0])
     build(replace(base, source=source, run=replace(base.run, procedure=procedure))).close()

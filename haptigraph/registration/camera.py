@@ -24,6 +24,7 @@ from haptigraph.geometry import (
     norm,
     subtract,
 )
+from haptigraph.registration.assumed import check_assumed
 from haptigraph.registration.background import BackgroundImage
 from haptigraph.registration.registered import VIEW_MARGIN, BaseRegistration
 from haptigraph.registration.text import AnatomyPx, TrocarPx, check_format
@@ -86,6 +87,7 @@ class _File(Struct, frozen=True, forbid_unknown_fields=True):
     trocars: tuple[_Trocar, ...] = field(name="trocar")
     homography: _Homography | None = None
     background: _BackgroundTable | None = field(name="empty", default=None)
+    assumed: tuple[str, ...] = ()
 
 
 class Registration(BaseRegistration, frozen=True):
@@ -141,6 +143,7 @@ def anatomy_px(registration: Registration) -> AnatomyPx:
         trocars=tuple(TrocarPx(each.name, each.point_px, each.used) for each in data.trocars),
         frontal_from_image=registration.image.frontal_from_image,
         background_webp=_webp(data),
+        assumed=registration.assumed,
     )
 
 
@@ -183,6 +186,7 @@ def camera_registration(document: Document) -> Registration:
         ),
         text=document.text,
         background=_background_image(document, data),
+        assumed=check_assumed(document, data.assumed),
     )
 
 

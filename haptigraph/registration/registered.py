@@ -5,6 +5,7 @@ perception finds in every image.
 """
 
 import hashlib
+from typing import ClassVar
 
 import numpy as np
 from msgspec import Struct
@@ -19,7 +20,7 @@ VIEW_MARGIN = 1.03
 """Half the side of a square view, relative to the radius of what it shows."""
 
 
-class BaseRegistration(Struct, frozen=True):
+class BaseRegistration(Struct, frozen=True, kw_only=True):
     """Base class of registrations: one set-up."""
 
     width_px: int
@@ -27,6 +28,10 @@ class BaseRegistration(Struct, frozen=True):
     image: ImageGeometry
     text: str
     """The file as read; recordings store it."""
+    how_to_state: ClassVar[str] = "register with --target X,Y, or click the target on the registration page"
+    """What the user does about an assumed target."""
+    assumed: tuple[str, ...] = ()
+    """What was neither measured nor stated, by name (`registration.assumed`)."""
 
     @property
     def sha256(self) -> str:

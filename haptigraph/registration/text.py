@@ -1,6 +1,7 @@
 """Write registrations as TOML: anatomy in pixels in, text out. Readers check it."""
 
 import base64
+from collections.abc import Sequence
 from textwrap import wrap
 
 from msgspec import Struct
@@ -50,6 +51,8 @@ class AnatomyPx(Struct, frozen=True):
     """To the frontal image, where the camera is tilted."""
     background_webp: bytes = b""
     """Reference image without instrument; transparent where the instrument always occludes the eye."""
+    assumed: tuple[str, ...] = ()
+    """What was neither measured nor stated, by name (`registration.assumed`)."""
 
 
 def check_format(document: Document, version: int) -> None:
@@ -68,7 +71,7 @@ def registration_text(anatomy: AnatomyPx, title: str) -> str:
     )
     return f"""# {title}
 format = {FORMAT}
-
+{_assumed_line(anatomy.assumed)}
 [image]
 width = {anatomy.width_px}
 height = {anatomy.height_px}
@@ -93,6 +96,7 @@ def scan_registration_text(
     lateral_mm_per_px: float,
     title: str,
     depth_share: float = 0.7,
+    assumed: Sequence[str] = (),
 ) -> str:
     """Return the text of a registration of B-scans.
 
@@ -102,10 +106,11 @@ def scan_registration_text(
         lateral_mm_per_px: Horizontal scale.
         title: First line of the file, a comment.
         depth_share: Depth of the target between the ILM (0) and the RPE (1).
+        assumed: What was neither measured nor stated, by name.
     """
     return f"""# {title}
 format = {FORMAT}
-
+{_assumed_line(assumed)}
 [image]
 width = {size_px[0]}
 height = {size_px[1]}
@@ -117,6 +122,13 @@ lateral_mm_per_px = {lateral_mm_per_px:.9g}
 [target]
 depth_share = {depth_share:g}
 """
+
+
+def _assumed_line(assumed: Sequence[str]) -> str:
+    if not assumed:
+        return ""
+    names = ", ".join(f'"{name}"' for name in assumed)
+    return f"assumed = [{names}]  # not measured; remove a name when you have stated its value\n"
 
 
 def _homography_table(frontal_from_image: Homography | None) -> str:

@@ -51,7 +51,7 @@ class Evaluation(Struct, frozen=True):
     """The scores of one clip."""
 
     scores: dict[str, Any]
-    """As `score` returns them, preceded by "clip" and "perceiver"."""
+    """As `score` returns them, preceded by "clip", "perceiver" and, if it is not empty, "assumed"."""
     lag_images: float | None
     """Lag of the reported tip behind the true one, in images."""
 
@@ -93,7 +93,8 @@ def evaluate_clip(
         raise BadInput(f"has {len(truth)} rows, but the clip has {len(steps)} images", folder / "truth.csv")
     named = {"clip": folder.resolve().name, "perceiver": config.perception.perceiver}
     scores = score(steps, truth, registration.image)
-    return Evaluation({**named, **scores}, lag_images(steps, truth, registration.image))
+    assumed = {"assumed": list(registration.assumed)} if registration.assumed else {}
+    return Evaluation({**named, **assumed, **scores}, lag_images(steps, truth, registration.image))
 
 
 class Errors(Struct, frozen=True):

@@ -14,6 +14,7 @@ from msgspec import Meta, Struct
 from msgspec.structs import asdict, replace
 
 from haptigraph.analysis.registering.overrides import (
+    ADULT_GLOBE_MM,
     NO_TROCAR,
     Overrides,
     apply_overrides,
@@ -30,6 +31,7 @@ from haptigraph.perception.anatomy.anatomy import Anatomy
 from haptigraph.perception.anatomy.background_image import find_background_image
 from haptigraph.perception.anatomy.moving_shaft import median_image
 from haptigraph.perception.anatomy.rim import TYPICAL_WALL_MIDDLE
+from haptigraph.registration.assumed import POSITIONS, TROCAR, in_order
 from haptigraph.registration.camera import Registration, anatomy_px
 from haptigraph.registration.loading import parse_camera_registration
 from haptigraph.registration.text import AnatomyPx, TrocarPx, registration_text
@@ -79,6 +81,8 @@ class Draft(Struct, frozen=True, forbid_unknown_fields=True):
     trocars: Annotated[tuple[DraftTrocar, ...], Meta(min_length=1, max_length=8)]
     frontal_from_image: Homography | None = None
     """To the frontal image, where the camera is tilted; not editable."""
+    assumed: Annotated[tuple[Name, ...], Meta(max_length=10)] = ()
+    """What is neither measured nor stated, by name; an edit of it removes the name."""
     file: NameOrNone = ""
     """Name of the file it was read from, if any."""
 
@@ -108,7 +112,10 @@ def open_images(images: Sequence[Image], source: str, *, mirrored: bool, diamete
         mirrored: Whether the camera looks through a mirror.
         diameter_mm: Inner diameter of the globe.
     """
-    overrides = Overrides(mirrored=mirrored, diameter_mm=diameter_mm)
+    overrides = Overrides(
+        mirrored=None if mirrored else False,
+        diameter_mm=None if diameter_mm == ADULT_GLOBE_MM else diameter_mm,
+    )
     try:
         anatomy = plausible_anatomy(images, diameter_mm, source)
     except BadInput as error:
@@ -208,8 +215,8 @@ def _how(opened: OpenedSource, draft: Draft, where: str = "") -> str:
 
 def _found_draft(anatomy: Anatomy, overrides: Overrides, source: str) -> tuple[Draft, str]:
     """Return the anatomy found as a draft, and a note of what it leaves open."""
-    named = named_trocars(anatomy, overrides.mirrored)
-    side = "right" if overrides.mirrored else "left"  # of the surgeon, for the image's left
+    named = named_trocars(anatomy, overrides.is_mirrored)
+    side = "right" if overrides.is_mirrored else "left"  # of the surgeon, for the image's left
     note = ""
     if not named:
         x, y = anatomy.image_px(
@@ -221,12 +228,13 @@ def _found_draft(anatomy: Anatomy, overrides: Overrides, source: str) -> tuple[D
         trocar_option = named[0][0]
         unclear = unclear_trocar(named)
         note = f"{unclear}; choose it" if unclear else ""
-    mm_per_px = overrides.diameter_mm / (2 * anatomy.radius_px)
+    mm_per_px = overrides.globe_mm / (2 * anatomy.radius_px)
     data = apply_overrides(anatomy, replace(overrides, trocar=trocar_option), mm_per_px, source)
     trocars = tuple(
         DraftTrocar(trocar.name if named else side, trocar.point_px, trocar.used) for trocar in data.trocars
     )
-    return _draft(data, trocars), note
+    draft = _draft(data, trocars)
+    return (replace(draft, assumed=in_order((*draft.assumed, TROCAR))) if note else draft), note
 
 
 def _draft(data: AnatomyPx, trocars: tuple[DraftTrocar, ...]) -> Draft:
@@ -239,6 +247,7 @@ def _draft(data: AnatomyPx, trocars: tuple[DraftTrocar, ...]) -> Draft:
         target_px=data.target_px,
         trocars=trocars,
         frontal_from_image=data.frontal_from_image,
+        assumed=data.assumed,
     )
 
 
@@ -249,13 +258,14 @@ def _default_draft(width_px: int, height_px: int, overrides: Overrides) -> Draft
     steps = [2 * number / (DEFAULT_POINTS - 1) - 1 for number in range(DEFAULT_POINTS)]
     trocar = _point_at(center, TYPICAL_WALL_MIDDLE * radius, DEFAULT_TROCAR_DEG - 180)
     return Draft(
-        mirrored=overrides.mirrored,
-        diameter_mm=overrides.diameter_mm,
+        mirrored=overrides.is_mirrored,
+        diameter_mm=overrides.globe_mm,
         center_px=center,
         radius_px=radius,
         contour_px=tuple(_point_at(center, radius, step * DEFAULT_RETINA_DEG) for step in steps),
         target_px=_point_at(center, radius, 0.0),
-        trocars=(DraftTrocar("right" if overrides.mirrored else "left", trocar, used=True),),
+        trocars=(DraftTrocar("right" if overrides.is_mirrored else "left", trocar, used=True),),
+        assumed=in_order((*POSITIONS, *overrides.assumed)),
     )
 
 

@@ -75,8 +75,8 @@ def register_source(
     check_files(files, source, force=force)
     with closing(all_images(source)) as available:
         images = spread_images(available, source, overrides.images, progress)
-    anatomy = plausible_anatomy(images, overrides.diameter_mm, source)
-    mm_per_px = overrides.diameter_mm / (2 * anatomy.radius_px)
+    anatomy = plausible_anatomy(images, overrides.globe_mm, source)
+    mm_per_px = overrides.globe_mm / (2 * anatomy.radius_px)
     found = apply_overrides(anatomy, overrides, mm_per_px, source)
     uncertainty = f"globe and retina uncertain by {in_px_and_mm(anatomy.rim_uncertainty_px, mm_per_px)}"
     title = f"Registration found by haptigraph in {Path(source).name}; {uncertainty}."

@@ -86,7 +86,12 @@ def test_the_initial_draft_is_what_register_finds(opened):
     assert checked.problem == ""
     assert row(checked, "Globe").off_px < 0.5
     assert row(checked, "Retina").off_px < 0.5
-    assert row(checked, "Target").off_px < 0.01
+    target = row(checked, "Target")
+    assert (
+        target.off_px is None and target.note.startswith("assumed, not measured") and not target.is_plausible
+    )
+    stated = check_draft(opened, replace(opened.draft, assumed=()))
+    assert row(stated, "Target").off_px < 0.01 and row(stated, "Target").is_plausible
     assert "plausible: 0.3 to 4" in row(checked, "Scale").note
     assert "uncertain" in row(checked, "Rim").note or "off by" in row(checked, "Rim").note
 

@@ -1,5 +1,6 @@
 /** The live page: passes every message to the parts that show it. */
 
+import { Assumed } from "./assumed.js";
 import { animate } from "../common/animate.js";
 import { Controller } from "./gamepad.js";
 import { Controls } from "./controls.js";
@@ -24,11 +25,12 @@ const panel = new StatePanel();
 const banner = new Banner();
 const haptics = new Haptics(150);
 const controller = new Controller();
+const assumed = new Assumed($("view"));
 
 /** The page's state. */
 export const page = new Feed(haptics, {
   hello(hello) {
-    for (const part of [panel, view, controls, phases]) part.begin(hello);
+    for (const part of [panel, view, controls, phases, assumed]) part.begin(hello);
     for (const part of [diagram, graph, traces]) part.begin(hello.procedure);
   },
   haptics({ edges }) { traces.addEdges(edges); },
