@@ -13,6 +13,7 @@ from haptigraph.commands.evaluate import evaluate
 from haptigraph.commands.explain import diagram, explain
 from haptigraph.commands.live import live
 from haptigraph.commands.preparing import check, register
+from haptigraph.commands.procedure import procedure
 from haptigraph.commands.recordings import recover, replay
 from haptigraph.commands.running import demo, run
 from haptigraph.commands.sources import sources
@@ -73,6 +74,7 @@ for command in (
     evaluate,
     register,
     check,
+    procedure,
     explain,
     diagram,
     devices,

@@ -14,7 +14,7 @@ from haptigraph.recording.journal import Journal
 from haptigraph.recording.reader import RunReader
 
 COMMANDS = [
-    "check", "demo", "devices", "diagram", "evaluate", "explain", "live", "recover", "register", "replay", "run", "sources",
+    "check", "demo", "devices", "diagram", "evaluate", "explain", "live", "procedure", "recover", "register", "replay", "run", "sources",
     "study",
 ]  # fmt: skip
 
