@@ -8,9 +8,12 @@ NATIVE := haptigraph/perception/native
 SANITIZED := build/sanitized
 SCENES ?= $(basename $(notdir $(wildcard rendering/scenes/*.toml)))
 
-.PHONY: setup demo live test test-pythons test-slow test-native mutants fuzz check bench bench-degraded ablation bench-live bench-oct bench-touch bench-sweep compare-touch rehearse screenshots faults soak golden train render interop lock clean
+.PHONY: help setup demo live test test-pythons test-slow test-native mutants fuzz check bench bench-degraded ablation bench-live bench-oct bench-touch bench-sweep compare-touch rehearse screenshots faults soak golden train render interop lock clean
 
-setup: $(VENV)/ready
+help:  ## this list
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-16s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+setup: $(VENV)/ready  ## .venv with everything, from the lock file
 
 $(VENV)/locked: requirements.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "haptigraph needs Python 3.11 or newer; try: make PYTHON=python3.11 setup")'
@@ -155,7 +158,7 @@ lock: setup  ## resolve the dependencies again
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check uv
 	$(BIN)/uv pip compile pyproject.toml --all-extras --group dev --universal --python-version 3.11 --generate-hashes --no-header --output-file requirements.lock
 
-clean:
+clean:  ## remove all that make has made, environments included
 	rm -f $(NATIVE)/native.library
 	rm -rf .venv .venv-* .interop node_modules mutants dist build .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

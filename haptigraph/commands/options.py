@@ -2,14 +2,17 @@
 
 from collections.abc import Callable, Mapping
 from functools import reduce
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
+
+if TYPE_CHECKING:
+    from haptigraph.dashboard.server.access import Tokens
 
 __all__ = [
     "config_option",
     "page_options",
-    "page_token",
+    "page_tokens",
     "procedure_option",
     "run_options",
     "run_settings",
@@ -47,19 +50,26 @@ def page_options(command: Command) -> Command:
     """Add --port, --host and --token to a command that serves a page."""
     decorators = (
         click.option("--port", type=click.IntRange(1, 65535), help="Port of the page; default: a free one."),
-        click.option("--host", default="127.0.0.1", show_default=True, help="Address to serve on."),
-        click.option("--token", metavar="TOKEN", help="Secret for visitors; generated if --host needs one."),
+        click.option(
+            "--host",
+            default="127.0.0.1",
+            show_default=True,
+            help="Address to serve on; 0.0.0.0: all, for other computers too.",
+        ),
+        click.option("--token", metavar="TOKEN", help="Secret to steer; generated if --host needs one."),
     )
     return reduce(lambda made, decorator: decorator(made), reversed(decorators), command)
 
 
-def page_token(host: str, token: str | None) -> str:
-    """Return the secret for visitors of a page; empty if only this machine can reach the page."""
+def page_tokens(host: str, token: str | None) -> "Tokens":
+    """Return the secrets for visitors of a page; none if only this machine can reach the page."""
     import secrets
 
-    from haptigraph.dashboard.server.access import LOOPBACK
+    from haptigraph.dashboard.server.access import LOOPBACK, Tokens
 
-    return token or ("" if host in LOOPBACK else secrets.token_urlsafe(12))
+    if host in LOOPBACK:
+        return Tokens(token or "")
+    return Tokens(token or secrets.token_urlsafe(12), watch=secrets.token_urlsafe(12))
 
 
 def run_options(command: Command) -> Command:

@@ -43,7 +43,7 @@ class RunWriter:
         measures: Names of the measures in the graphs.
 
     Raises:
-        BadInput: If the file exists or cannot be created.
+        BadInput: If the file exists, has another suffix than .mcap, or cannot be created.
     """
 
     def __init__(
@@ -51,6 +51,8 @@ class RunWriter:
     ) -> None:
         self.path = Path(path)
         self._info, self._image = info, image
+        if self.path.suffix.lower() != ".mcap":
+            raise BadInput("a recording is MCAP; its name ends in .mcap", path)
         try:
             self._file = Journal(os.open(self.path, NEW_FILE, 0o644), self.path)
         except FileExistsError:

@@ -40,6 +40,7 @@ __all__ = [
     "tip_mm",
 ]
 
+CLIP_FILES = ("clip.mp4", "registration.toml", "truth.csv")
 MIN_DEPTH_MM = 2.0
 SHALLOW_MM = (1.0, 3.0)
 WALL_MM = 2.0  # a tip that disappears this close to the RCM is in the wall
@@ -71,6 +72,7 @@ def evaluate_clip(
         BadInput: If a file is missing or not valid.
     """
     folder = Path(folder)
+    _check_is_clip(folder)
     registration = load_camera_registration(folder / "registration.toml")
     procedure = assemble.load_procedure(config.run.procedure)
     truth = load_truth(folder / "truth.csv", [state.name for state in procedure.states])
@@ -95,6 +97,17 @@ def evaluate_clip(
     scores = score(steps, truth, registration.image)
     assumed = {"assumed": list(registration.assumed)} if registration.assumed else {}
     return Evaluation({**named, **assumed, **scores}, lag_images(steps, truth, registration.image))
+
+
+def _check_is_clip(folder: Path) -> None:
+    """Refuse a folder that is no labelled clip, and say what one holds."""
+    missing = [name for name in CLIP_FILES if not (folder / name).is_file()]
+    if missing:
+        *others, last = missing
+        names = f"{', '.join(others)} and {last} are" if others else f"{last} is"
+        *held, end = CLIP_FILES
+        holds = f"a labelled clip is a folder with {', '.join(held)} and {end}"
+        raise BadInput(f"{names} missing; {holds}", folder)
 
 
 class Errors(Struct, frozen=True):

@@ -84,7 +84,7 @@ def explain_moment(path: str | Path, at_s: float) -> Explanation:
     for _, step in reader.places():
         first_ns = step.stamp_ns if first_ns is None else first_ns
         last_ns = step.stamp_ns
-        if (step.stamp_ns - first_ns) / 1e9 > at_s + 1e-9 and found is not None:
+        if found is not None and 0 <= at_s < (step.stamp_ns - first_ns) / 1e9 - 1e-9:
             break
         found = step
     if found is None or first_ns is None or last_ns is None:

@@ -35,9 +35,9 @@ export const page = new Feed(haptics, {
   },
   haptics({ edges }) { traces.addEdges(edges); },
   health(health) { if (page.hello) panel.showHealth(health, page.latency_ms); },
-  controls({ holder }) { controls.showHolder(holder); phases.allow(holder === "" || holder === controls.me); },
+  controls({ holder }) { controls.showHolder(holder); phases.allow(controls.maySteer && (holder === "" || holder === controls.me)); },
   settings(settings) { controls.showSettings(settings); },
-  welcome({ name }) { controls.me = name; },
+  welcome({ name, may_steer }) { controls.me = name; controls.maySteer = may_steer; },
   image(header, picture) {
     for (const part of [panel, graph, phases]) part.show(header);
     diagram.show(header.state);
