@@ -10,6 +10,7 @@ from haptigraph.clock import Clock, MonotonicClock, VirtualClock
 from haptigraph.config import Config
 from haptigraph.errors import BadInput, NeedsRegistration, unknown_name
 from haptigraph.haptics.observed_device import Listener, ObservedDevice
+from haptigraph.imaging import UPRIGHT
 from haptigraph.pipeline import HapticOutput, Loop, Pipeline
 from haptigraph.recording.writer import Progress, RunWriter
 from haptigraph.registration.assumed import needs_consent
@@ -100,6 +101,9 @@ def build(
         phased = _load("haptigraph.sources.phased:phased")
         source = phased(source, procedure.schema.phases, config.trial.phase)
         registration = given or _own_registration(source, config)
+        if given:
+            turn = _load("haptigraph.sources.turned:turn_of")(source, config.source)
+            given.check_turn(turn, config.source.registration)
         if (target_mm := config.source.target_mm) is not None:
             registration = _load("haptigraph.registration.retarget:with_target")(registration, target_mm)
         if needs_consent(registration.assumed) and not config.haptics.accept_assumed:
@@ -208,7 +212,8 @@ def open_source(config: Config, clock: Clock, size_px: tuple[int, int] | None = 
     settings = config.source
     if settings.loop and kind != "phantom":
         raise BadInput(f"source.loop works with phantom:SCENARIO only, found {settings.uri!r}")
-    size_px = camera_size_px(settings, size_px) if kind in CAMERAS else None
+    if kind in CAMERAS:
+        size_px = camera_size_px(settings, settings.turn.size_before_px(size_px) if size_px else None)
     camera = {"size_px": size_px, "rate_hz": settings.rate_hz, "clock": clock}
     options: dict[str, dict[str, Any]] = {
         "camera": {**camera, "fourcc": settings.fourcc},
@@ -224,6 +229,8 @@ def open_source(config: Config, clock: Clock, size_px: tuple[int, int] | None = 
     check_members(source, Source, f"source {kind} ({SOURCES[kind]})")
     if settings.crop_px and kind != "oct":  # which crops by itself
         source = _load("haptigraph.sources.oct.crop:CropSource")(source, settings.crop_px, settings.uri)
+    if settings.turn != UPRIGHT:
+        source = _load("haptigraph.sources.turned:turned")(source, kind, settings)
     waits, read_ahead = isinstance(clock, VirtualClock), _load("haptigraph.sources.reading:ReadAhead")
     if kind in GENERATED and settings.jpeg_quality:
         if kind in PREFETCHABLE:  # so that one image is made while the previous one is compressed

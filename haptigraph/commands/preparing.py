@@ -10,6 +10,8 @@ from haptigraph.commands.options import set_option
 from haptigraph.commands.terminal import progress_bar
 from haptigraph.errors import BadInput, unknown_name
 
+TURNS = ("source.rotate_deg", "source.mirror")
+
 __all__ = ["check", "procedure", "procedure_list", "procedure_new", "register"]
 
 
@@ -17,6 +19,7 @@ __all__ = ["check", "procedure", "procedure_list", "procedure_new", "register"]
     epilog=examples(
         "haptigraph register clip.mp4 -o eye.toml --target 602,641",
         "haptigraph register eye.png -o eye.toml --trocar right --target-mm 1.5 --diameter-mm 23.5",
+        "haptigraph register clip.mp4 -o eye.toml --set source.rotate_deg=180",
     )
 )
 @click.argument("source")
@@ -38,24 +41,28 @@ def register(
     """Find eye, retina and trocars in SOURCE automatically, and write the registration.
 
     SOURCE is an image, or what `run` takes except a camera; best a clip in which the needle enters and turns.
+    The eye must be upright, trocars on top: else --set source.rotate_deg=90, 180 or 270, clockwise.
     For B-scans (oct:PATH) the command checks scale and crop instead, which you set with
     --set source.axial_mm_per_px=..., source.lateral_mm_per_px=... and source.crop_px=[LEFT,TOP,WIDTH,HEIGHT].
     """
     from haptigraph.analysis.registering.oct import is_bscan_source, register_scans
     from haptigraph.analysis.registering.overrides import Overrides
     from haptigraph.analysis.registering.registering import register_source
+    from haptigraph.config import load_config
 
     if is_bscan_source(source):
         click.echo(
             register_scans(source, output, settings, picture, force=force, max_images=overrides["images"])
         )
         return
-    if settings:
-        raise BadInput(f"--set is for B-scans (oct:PATH), not for {source}")
-    with progress_bar() as progress:
-        click.echo(
-            register_source(source, output, Overrides(**overrides), picture, force=force, progress=progress)
+    turn = load_config(None, settings).source.turn
+    if any(not setting.startswith(TURNS) for setting in settings):
+        raise BadInput(
+            f"--set {' and '.join(TURNS)} are for images; other settings are for B-scans (oct:PATH)"
         )
+    given = Overrides(**overrides, turn=turn)
+    with progress_bar() as progress:
+        click.echo(register_source(source, output, given, picture, force=force, progress=progress))
 
 
 @click.command(

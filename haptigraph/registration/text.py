@@ -7,6 +7,7 @@ from textwrap import wrap
 from msgspec import Struct
 
 from haptigraph.geometry import Homography, Vec
+from haptigraph.imaging import UPRIGHT, Turn
 from haptigraph.toml_document import Document
 
 __all__ = [
@@ -51,6 +52,8 @@ class AnatomyPx(Struct, frozen=True):
     """To the frontal image, where the camera is tilted."""
     background_webp: bytes = b""
     """Reference image without instrument; transparent where the instrument always occludes the eye."""
+    turn: Turn = UPRIGHT
+    """How the source's images were turned."""
     assumed: tuple[str, ...] = ()
     """What was neither measured nor stated, by name (`registration.assumed`)."""
 
@@ -87,7 +90,7 @@ contour_px = [{contour}]
 
 [target]
 point_px = {_px(anatomy.target_px)}
-{trocars}{_homography_table(anatomy.frontal_from_image)}{_background_table(anatomy.background_webp)}"""
+{trocars}{_source_table(anatomy.turn)}{_homography_table(anatomy.frontal_from_image)}{_background_table(anatomy.background_webp)}"""
 
 
 def scan_registration_text(
@@ -129,6 +132,13 @@ def _assumed_line(assumed: Sequence[str]) -> str:
         return ""
     names = ", ".join(f'"{name}"' for name in assumed)
     return f"assumed = [{names}]  # not measured; remove a name when you have stated its value\n"
+
+
+def _source_table(turn: Turn) -> str:
+    if turn == UPRIGHT:
+        return ""
+    mirror = str(turn.mirror).lower()
+    return f"\n[source]  # as the images were turned\nrotate_deg = {turn.rotate_deg}\nmirror = {mirror}\n"
 
 
 def _homography_table(frontal_from_image: Homography | None) -> str:

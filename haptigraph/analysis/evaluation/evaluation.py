@@ -74,6 +74,7 @@ def evaluate_clip(
     folder = Path(folder)
     _check_is_clip(folder)
     registration = load_camera_registration(folder / "registration.toml")
+    registration.check_turn(config.source.turn, str(folder / "registration.toml"))
     procedure = assemble.load_procedure(config.run.procedure)
     truth = load_truth(folder / "truth.csv", [state.name for state in procedure.states])
     config = config.with_perceiver(assemble.perceiver_name(config, procedure))

@@ -16,6 +16,7 @@ from msgspec.structs import asdict, replace
 from haptigraph.analysis.registering.overrides import (
     ADULT_GLOBE_MM,
     NO_TROCAR,
+    NOT_UPRIGHT,
     Overrides,
     apply_overrides,
     named_trocars,
@@ -26,11 +27,13 @@ from haptigraph.analysis.registering.registering import plausible_anatomy
 from haptigraph.analysis.registering.report import in_px_and_mm
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Homography, Vec
+from haptigraph.imaging import UPRIGHT, Turn
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy.anatomy import Anatomy
 from haptigraph.perception.anatomy.background_image import find_background_image
 from haptigraph.perception.anatomy.moving_shaft import median_image
 from haptigraph.perception.anatomy.rim import TYPICAL_WALL_MIDDLE
+from haptigraph.perception.anatomy.upright import enters_elsewhere
 from haptigraph.registration.assumed import POSITIONS, TROCAR, in_order
 from haptigraph.registration.camera import Registration, anatomy_px
 from haptigraph.registration.loading import parse_camera_registration
@@ -101,9 +104,13 @@ class OpenedSource(Struct, frozen=True, eq=False):
     """What `register` did not find or leaves open, in one sentence; empty if nothing."""
     background_webp: bytes = b""
     """Reference image without instrument, if a needle moved."""
+    turn: Turn = UPRIGHT
+    """How its images were turned."""
 
 
-def open_images(images: Sequence[Image], source: str, *, mirrored: bool, diameter_mm: float) -> OpenedSource:
+def open_images(
+    images: Sequence[Image], source: str, *, mirrored: bool, diameter_mm: float, turn: Turn = UPRIGHT
+) -> OpenedSource:
     """Find the anatomy in images, or place a default draft where `register` refuses.
 
     Args:
@@ -111,19 +118,22 @@ def open_images(images: Sequence[Image], source: str, *, mirrored: bool, diamete
         source: Where they come from.
         mirrored: Whether the camera looks through a mirror.
         diameter_mm: Inner diameter of the globe.
+        turn: How the images were turned.
     """
     overrides = Overrides(
         mirrored=None if mirrored else False,
         diameter_mm=None if diameter_mm == ADULT_GLOBE_MM else diameter_mm,
+        turn=turn,
     )
     try:
         anatomy = plausible_anatomy(images, diameter_mm, source)
     except BadInput as error:
         reference_image = median_image(images)
         draft = _default_draft(reference_image.shape[1], reference_image.shape[0], overrides)
-        return OpenedSource(source, reference_image, None, draft, error.problem)
+        return OpenedSource(source, reference_image, None, draft, error.problem, turn=turn)
     draft, note = _found_draft(anatomy, overrides, source)
-    opened = OpenedSource(source, anatomy.reference_image, anatomy, draft, note)
+    note = NOT_UPRIGHT if enters_elsewhere(images, anatomy) else note
+    opened = OpenedSource(source, anatomy.reference_image, anatomy, draft, note, turn=turn)
     try:
         registration = checked_registration(opened, draft)
         background = find_background_image(images, anatomy.reference_image, registration)
@@ -145,7 +155,7 @@ def anatomy_px_of(opened: OpenedSource, draft: Draft) -> AnatomyPx:
             raise BadInput(f"({x:g}, {y:g}) px lies far outside the {width_px} x {height_px} px image")
     trocars = tuple(TrocarPx(trocar.name, trocar.point_px, trocar.used) for trocar in draft.trocars)
     same = {name: each for name, each in asdict(draft).items() if name != "file"}
-    more = {"trocars": trocars, "background_webp": opened.background_webp}
+    more = {"trocars": trocars, "background_webp": opened.background_webp, "turn": opened.turn}
     return AnatomyPx(width_px=width_px, height_px=height_px, **{**same, **more})
 
 
@@ -159,6 +169,7 @@ def draft_from(registration: Registration, file: str, opened: OpenedSource) -> D
     if (data.width_px, data.height_px) != (width_px, height_px):
         is_for = f"is for images of {data.width_px} x {data.height_px} px"
         raise BadInput(f"{is_for}, but this one is {width_px} x {height_px} px")
+    registration.check_turn(opened.turn, file)
     trocars = tuple(DraftTrocar(each.name, each.point_px, each.used) for each in data.trocars)
     try:
         draft = replace(_draft(data, trocars), file=_line(file.replace('"', "'"))[:40])

@@ -8,17 +8,29 @@ from msgspec.structs import replace
 
 from haptigraph.errors import BadInput
 from haptigraph.geometry import ImageGeometry, Polyline, Vec, nearest_on_polyline
+from haptigraph.imaging import UPRIGHT, Turn
 from haptigraph.perception.anatomy.anatomy import Anatomy, FoundTrocar
 from haptigraph.registration.assumed import MIRROR, RIM, SCALE, TARGET, in_order
 from haptigraph.registration.camera import DIAMETER_RANGE_MM
 from haptigraph.registration.retarget import point_on_retina, retina_angle_rad
 from haptigraph.registration.text import AnatomyPx, TrocarPx
 
-__all__ = ["Overrides", "apply_overrides", "check_overrides", "named_trocars", "unclear_trocar"]
+__all__ = [
+    "NOT_UPRIGHT",
+    "Overrides",
+    "apply_overrides",
+    "check_overrides",
+    "named_trocars",
+    "unclear_trocar",
+]
 
 ADULT_GLOBE_MM = 24.0
 SNAP_MM = 1.5
 """Maximum distance from the retina of a target given in pixels."""
+UPRIGHT_HINT = (
+    "the eye must be upright, trocars on top, or be turned with --set source.rotate_deg=90, 180 or 270"
+)
+NOT_UPRIGHT = f"the needle does not enter the eye from above; {UPRIGHT_HINT}"
 NO_TROCAR = "no trocar found: no needle moves, and no port opening is visible inside the wall"
 
 
@@ -31,11 +43,13 @@ class Overrides(Struct, frozen=True):
     mirrored: bool | None = None
     diameter_mm: float | None = None
     images: int = 40
+    turn: Turn = UPRIGHT
+    """How the source's images are turned."""
 
     @property
     def is_mirrored(self) -> bool:
-        """Whether the images are mirrored, as stated or else assumed."""
-        return self.mirrored is not False
+        """Whether the images are mirrored, as stated; or else assumed, unless they are turned back."""
+        return not self.turn.mirror if self.mirrored is None else self.mirrored
 
     @property
     def globe_mm(self) -> float:
@@ -93,6 +107,7 @@ def apply_overrides(anatomy: Anatomy, overrides: Overrides, mm_per_px: float, so
         target_px=image.to_px(_target_point_mm(retina, image, overrides, source)),
         trocars=tuple(replace(trocar, point_px=anatomy.image_px(trocar.point_px)) for trocar in trocars),
         frontal_from_image=homography,
+        turn=overrides.turn,
         assumed=in_order((*overrides.assumed, *(() if anatomy.rim_evidence else (RIM,)))),
     )
 
@@ -133,7 +148,9 @@ def _with_used(
             )
         used = requested
     elif not named:
-        raise BadInput(f"{NO_TROCAR}; give a clip with a moving needle, or --trocar X,Y", source)
+        raise BadInput(
+            f"{NO_TROCAR}; give a clip with a moving needle, or --trocar X,Y; {UPRIGHT_HINT}", source
+        )
     elif unclear := unclear_trocar(named):
         raise BadInput(f"{unclear}; give --trocar: {candidates}", source)
     else:
@@ -149,8 +166,8 @@ def _target_point_mm(retina: Polyline, image: ImageGeometry, overrides: Override
         off_mm = math.dist(nearest, point)
         if off_mm > SNAP_MM:
             raise BadInput(
-                f"--target {overrides.target} is {off_mm:.1f} mm off the retina; "
-                f"at most {SNAP_MM} mm is corrected",
+                f"--target {overrides.target} is {off_mm:.1f} mm off the retina; at most {SNAP_MM} mm is "
+                f"corrected; {UPRIGHT_HINT}",
                 source,
             )
         return nearest

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from haptigraph.analysis.registering.overrides import Overrides, named_trocars
 from haptigraph.geometry import Vec
+from haptigraph.imaging import UPRIGHT
 from haptigraph.perception.anatomy.anatomy import Anatomy, FoundTrocar
 from haptigraph.perception.anatomy.rcm import Rcm
 from haptigraph.registration.assumed import MIRROR, SCALE, TARGET, assumed_text, needs_consent
@@ -74,6 +75,8 @@ def report_lines(
         + (" (assumed: its lowest point)" if TARGET in found.assumed else "")
     )
     lines.append(_background_line(bool(found.background_webp)))
+    if found.turn != UPRIGHT:
+        lines.append(f"turned     by {found.turn}; a run needs the same settings")
     lines += _assumed_lines(found.assumed)
     return [*lines, f"written    {files[0]}\npicture    {files[1]}"]
 

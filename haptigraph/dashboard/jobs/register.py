@@ -33,7 +33,7 @@ def find_eye(
 
     Args:
         source: The source to read.
-        source_config: Settings of a camera.
+        source_config: Settings of a camera; how images are turned.
         images: Images of a source that cannot be read from here; else empty.
         mirrored: Whether the camera looks through a mirror.
         diameter_mm: Inner diameter of the globe.
@@ -41,7 +41,7 @@ def find_eye(
     with closing(_images(source, source_config, images)) as found:
         picked = spread_images(found, source, MAX_IMAGES, _send_progress)
     _send_progress(f"finding the eye in {len(picked)} images")
-    opened = open_images(picked, source, mirrored=mirrored, diameter_mm=diameter_mm)
+    opened = open_images(picked, source, mirrored=mirrored, diameter_mm=diameter_mm, turn=source_config.turn)
     send_message({"type": "opened"}, pickle.dumps(opened))
 
 
@@ -60,7 +60,7 @@ def _images(
     elif kind == "teleop":
         raise BadInput(f"{source} has no end; use phantom:SCENARIO")
     else:
-        yield from all_images(source)
+        yield from all_images(source, source_config.turn)
 
 
 def _camera_images(source_config: SourceConfig) -> Generator[Image, None, None]:
