@@ -141,7 +141,7 @@ def build(
             stale_ms=config.run.stale_ms,
             notes=run_notes(config, source, procedure, device, registration),
         )
-        loop.report.assumed = registration.assumed
+        loop.report.note_limits(registration.assumed, config.haptics.max_amplitude)
         undo.pop_all()
     return loop
 

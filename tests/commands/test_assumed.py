@@ -84,6 +84,7 @@ def test_recording_replay_and_reports_mark_it(folder):
     info = RunReader(folder / "run.mcap").info
     assert parse_registration(info.registration, "recorded").assumed[0] == "target"
     assert json.loads(info.config)["haptics"]["max_amplitude"] == 0.0
+    assert "haptic output   off: claims are about what was commanded" in (folder / "run.txt").read_text()
     line = "assumed         the target, the scale"
     assert line in (folder / "run.txt").read_text()
     assert line in call("replay", folder / "run.mcap").stdout

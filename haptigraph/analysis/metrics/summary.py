@@ -17,6 +17,8 @@ def summary(measures: RunMeasures, report: RunReport | None = None) -> str:
         report: Report of the loop, if there was one.
     """
     lines = [*_run_lines(measures), *assumed_lines(report.assumed if report else ()), *_tip_lines(measures)]
+    if report and report.is_output_off:
+        lines.append("haptic output   off: claims are about what was commanded")
     lines += [*claim_lines(measures.claims, measures.first_ns), ""]
     lines += [f"{'state':36}{'in run':>9}{'in all':>9}"]
     for state, seconds in sorted(measures.all_state_s.items(), key=lambda item: -item[1]):

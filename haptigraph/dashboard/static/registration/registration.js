@@ -118,7 +118,7 @@ function showButtons() {
 function showChecked(/** @type {CheckedDraft & { draft: Draft }} */ { rows, problem, draft, mm_per_px }) {
   $("rows").replaceChildren(...rows.flatMap(tableRows));
   if (problem) showVerdict(problem, true);
-  else if (savedDraft !== draft) showVerdict(`Valid registration: ${mm_per_px.toFixed(5)} mm/px.`);
+  else if (savedDraft !== draft) showVerdict(`Valid registration: ${mm_per_px.toFixed(5)} mm/px.${draft.assumed.includes("target") ? " The target is assumed: click it if it is right, or drag it." : ""}`);
   showButtons();
 }
 
