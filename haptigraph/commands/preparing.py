@@ -57,9 +57,8 @@ def register(
         return
     turn = load_config(None, settings).source.turn
     if any(not setting.startswith(TURNS) for setting in settings):
-        raise BadInput(
-            f"--set {' and '.join(TURNS)} are for images; other settings are for B-scans (oct:PATH)"
-        )
+        problem = f"--set is for B-scans (oct:PATH); for {source} only {' and '.join(TURNS)} are valid"
+        raise BadInput(problem)
     given = Overrides(**overrides, turn=turn)
     with progress_bar() as progress:
         click.echo(register_source(source, output, given, picture, force=force, progress=progress))

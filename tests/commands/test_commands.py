@@ -262,7 +262,7 @@ def test_a_bad_video_is_one_sentence(tmp_path, registration_toml):
     )  # in another process, for OpenCV's log messages
     assert done.returncode == 2
     assert re.fullmatch(r"haptigraph: .*clip\.mp4: not a video that OpenCV can read.*\n", done.stderr)
-    assert "no such source" in refuse("run", tmp_path / "gone.mp4", "--registration", eye)
+    assert "file not found" in refuse("run", tmp_path / "gone.mp4", "--registration", eye)
 
 
 def test_images_of_another_size_than_registered_are_one_sentence(quick_uri, tmp_path, registration_toml):

@@ -97,6 +97,6 @@ def test_a_recording_holds_what_perception_saw(clips, tmp_path):
 
 
 def test_other_settings_are_still_for_b_scans(clips, tmp_path):
-    assert "are for images; other settings are for B-scans" in refuse(
+    assert "only source.rotate_deg and source.mirror are valid" in refuse(
         "register", clips / "upright", "-o", tmp_path / "x.toml", "--set", "source.bits=12"
     )

@@ -280,7 +280,7 @@ def test_a_refused_source_keeps_the_open_one(page, quick, tmp_path):
     open_source(page, write_eye(tmp_path, quick))
     page.fill("#source-input", str(tmp_path / "gone.mp4"))
     page.click("text=Find the eye")
-    expect(page.locator("#note")).to_have_text(re.compile("gone.mp4: no such source; valid: "))
+    expect(page.locator("#note")).to_have_text(re.compile("gone.mp4: file not found; "))
     assert page.locator('[data-key="target"]').count() == 1
     expect(page.locator("#save-button")).to_be_enabled()
 
