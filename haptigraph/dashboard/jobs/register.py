@@ -66,7 +66,8 @@ def _images(
 def _camera_images(source_config: SourceConfig) -> Generator[Image, None, None]:
     """Yield a camera's images for some seconds."""
     size_px = (source_config.width_px, source_config.height_px) if source_config.width_px else CAMERA_PX
-    with closing(open_source(Config(source=source_config), MonotonicClock(), size_px)) as camera:
+    turned_px = source_config.turn.size_before_px(size_px)  # which swaps back, too
+    with closing(open_source(Config(source=source_config), MonotonicClock(), turned_px)) as camera:
         end_s = time.monotonic() + OBSERVE_S
         while time.monotonic() < end_s:
             try:
