@@ -94,6 +94,9 @@ def test_a_recording_holds_what_perception_saw(clips, tmp_path):
     given = call("run", record, "--fast", "--registration", clips / "rotated.toml")
     assert given.exit_code == 0, given.output
     assert "registration" in refuse("run", record, "--fast", *ROTATE)
+    made = call("register", record, "-o", tmp_path / "again.toml", "--target-mm", "1.9")
+    assert made.exit_code == 0, made.output
+    assert load_registration(tmp_path / "again.toml").turn.rotate_deg == 90  # for the source, as before
 
 
 def test_other_settings_are_still_for_b_scans(clips, tmp_path):

@@ -29,8 +29,9 @@ from haptigraph.perception.anatomy.anatomy import Anatomy, find_anatomy
 from haptigraph.perception.anatomy.background_image import find_background_image
 from haptigraph.perception.anatomy.upright import enters_elsewhere
 from haptigraph.recording.codec import decode
+from haptigraph.recording.reader import RunReader
 from haptigraph.recording.writer import Progress
-from haptigraph.registration.loading import parse_camera_registration
+from haptigraph.registration.loading import parse_camera_registration, parse_registration
 from haptigraph.registration.text import registration_text
 from haptigraph.sources.naming import CAMERAS, split_source
 from haptigraph.sources.reading import read_images
@@ -41,6 +42,7 @@ __all__ = [
     "check_files",
     "images_of",
     "plausible_anatomy",
+    "recorded_turn",
     "register_source",
     "spread_images",
     "write_files",
@@ -82,6 +84,7 @@ def register_source(
     with closing(all_images(source, overrides.turn)) as available:
         images = spread_images(available, source, overrides.images, progress)
     anatomy = plausible_anatomy(images, overrides.globe_mm, source)
+    overrides = replace(overrides, turn=recorded_turn(source) or overrides.turn)
     if overrides.trocar is None and enters_elsewhere(images, anatomy):
         raise BadInput(f"{NOT_UPRIGHT}; if it is upright, give --trocar", source)
     mm_per_px = overrides.globe_mm / (2 * anatomy.radius_px)
@@ -175,6 +178,13 @@ def all_images(uri: str, turn: Turn = UPRIGHT) -> Generator[Image, None, None]:
         raise BadInput(f"{uri} cannot be registered directly; record a short clip with it and register that")
     config = Config(SourceConfig(uri=uri, rotate_deg=turn.rotate_deg, mirror=turn.mirror))
     yield from images_of(open_source(config, VirtualClock()))
+
+
+def recorded_turn(uri: str) -> Turn | None:
+    """Return how the images in a recording were turned; None if the source is none."""
+    if split_source(uri, SOURCES)[0] != "recording":
+        return None
+    return parse_registration(RunReader(uri).info.registration, f"registration in {uri}").turn
 
 
 def images_of(source: Source) -> Generator[Image, None, None]:

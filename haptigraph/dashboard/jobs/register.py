@@ -8,7 +8,7 @@ from contextlib import closing
 from msgspec.structs import replace
 
 from haptigraph.analysis.registering.draft import open_images
-from haptigraph.analysis.registering.registering import all_images, spread_images
+from haptigraph.analysis.registering.registering import all_images, recorded_turn, spread_images
 from haptigraph.assemble import SOURCES, open_source
 from haptigraph.clock import MonotonicClock
 from haptigraph.config import Config, SourceConfig
@@ -41,7 +41,8 @@ def find_eye(
     with closing(_images(source, source_config, images)) as found:
         picked = spread_images(found, source, MAX_IMAGES, _send_progress)
     _send_progress(f"finding the eye in {len(picked)} images")
-    opened = open_images(picked, source, mirrored=mirrored, diameter_mm=diameter_mm, turn=source_config.turn)
+    turn = (None if images else recorded_turn(source)) or source_config.turn
+    opened = open_images(picked, source, mirrored=mirrored, diameter_mm=diameter_mm, turn=turn)
     send_message({"type": "opened"}, pickle.dumps(opened))
 
 
