@@ -8,26 +8,39 @@ NATIVE := haptigraph/perception/native
 SANITIZED := build/sanitized
 SCENES ?= $(basename $(notdir $(wildcard rendering/scenes/*.toml)))
 
-.PHONY: setup demo live test test-pythons test-slow test-native mutants fuzz check bench bench-degraded bench-empty ablation bench-live bench-oct bench-touch bench-sweep compare-touch rehearse screenshots faults soak golden train render interop lock clean
+.PHONY: help setup demo live test test-pythons test-slow test-native mutants fuzz check bench bench-degraded bench-empty ablation bench-live bench-oct bench-touch bench-sweep compare-touch rehearse screenshots faults soak golden train render interop lock clean
 
-setup: $(VENV)/ready
+help:  ## this list
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-16s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
-$(VENV)/locked: requirements.lock
+setup: $(VENV)/ready  ## .venv with everything, from the lock file
+
+# What `live` and `demo` need; the rest comes with `locked`.
+$(VENV)/base: requirements-base.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "haptigraph needs Python 3.11 or newer; try: make PYTHON=python3.11 setup")'
+	@echo "haptigraph: installing $$(grep -c '==' requirements-base.lock) packages into $(VENV), once"
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --requirement requirements.lock
-	@touch $(VENV)/locked
+	$(BIN)/python -m pip install --disable-pip-version-check --requirement requirements-base.lock
+	@touch $(VENV)/base
 
 # The folder too, because a source may be removed. Zig if no C compiler works.
-$(VENV)/ready: $(VENV)/locked pyproject.toml hatch_build.py $(NATIVE) $(wildcard $(NATIVE)/*.[ch])
+$(VENV)/runs: $(VENV)/base pyproject.toml hatch_build.py $(NATIVE) $(wildcard $(NATIVE)/*.[ch])
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check $$($(BIN)/python -c 'import hatchling.build; print(*hatchling.build.get_requires_for_build_editable())')
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	@touch $(VENV)/runs
+
+$(VENV)/locked: requirements.lock $(VENV)/base
+	@echo "haptigraph: installing $$(grep -c '==' requirements.lock) packages into $(VENV) for tests and all extras, once"
+	$(BIN)/python -m pip install --disable-pip-version-check --requirement requirements.lock
+	@touch $(VENV)/locked
+
+$(VENV)/ready: $(VENV)/locked $(VENV)/runs
 	@touch $(VENV)/ready
 
-demo: setup  ## the whole loop on a simulated eye, half a minute; writes a recording and a figure
+demo: $(VENV)/runs  ## the whole loop on a simulated eye, half a minute; writes a recording and a figure
 	$(BIN)/haptigraph demo
 
-live: setup  ## steer a simulated needle from a page in the browser, with haptic feedback
+live: $(VENV)/runs  ## steer a simulated needle from a page in the browser, with haptic feedback
 	$(BIN)/haptigraph live
 
 test: setup  ## all tests, or TESTS=...; those of the pages need Chromium
@@ -95,7 +108,7 @@ bench-degraded: setup  ## accuracy on labelled clips: as they are, at half size,
 ablation: setup  ## what each constant of tip and line is good for: doubled once, zero once; a quarter of an hour
 	$(BIN)/python benchmarks/ablation.py tests/data/renderings
 
-bench-live: setup  ## latency through a browser, load of viewers, memory of an open page; needs Chromium
+bench-live: $(VENV)/runs  ## latency through a browser, load of viewers, memory of an open page; needs Chromium
 	$(BIN)/python benchmarks/live.py latency
 	$(BIN)/python benchmarks/live.py load
 	$(BIN)/python benchmarks/live.py memory
@@ -157,8 +170,9 @@ interop: setup  ## real ROS 2 nodes (Jazzy, Kilted) in separate environments, an
 lock: setup  ## resolve the dependencies again
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check uv
 	$(BIN)/uv pip compile pyproject.toml --all-extras --group dev --universal --python-version 3.11 --generate-hashes --no-header --output-file requirements.lock
+	$(BIN)/uv pip compile pyproject.toml --group build --constraint requirements.lock --universal --python-version 3.11 --generate-hashes --no-header --output-file requirements-base.lock
 
-clean:
+clean:  ## remove all that make has made, environments included
 	rm -f $(NATIVE)/native.library
 	rm -rf .venv .venv-* .interop node_modules mutants dist build .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

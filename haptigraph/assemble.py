@@ -10,10 +10,12 @@ from haptigraph.clock import Clock, MonotonicClock, VirtualClock
 from haptigraph.config import Config
 from haptigraph.errors import BadInput, NeedsRegistration, unknown_name
 from haptigraph.haptics.observed_device import Listener, ObservedDevice
-from haptigraph.haptics.pattern import unsupported
+from haptigraph.imaging import UPRIGHT
 from haptigraph.pipeline import HapticOutput, Loop, Pipeline
 from haptigraph.recording.writer import Progress, RunWriter
+from haptigraph.registration.assumed import needs_consent
 from haptigraph.run_header import run_info
+from haptigraph.run_notes import run_notes
 from haptigraph.sources.naming import CAMERAS, GENERATED, PREFETCHABLE, camera_size_px, split_source
 from haptigraph.stages import Device, Perceiver, PerceiverClass, Sink, Source, check_members
 from haptigraph.version import __version__
@@ -99,8 +101,13 @@ def build(
         phased = _load("haptigraph.sources.phased:phased")
         source = phased(source, procedure.schema.phases, config.trial.phase)
         registration = given or _own_registration(source, config)
+        if given:
+            turn = _load("haptigraph.sources.turned:turn_of")(source, config.source)
+            given.check_turn(turn, config.source.registration)
         if (target_mm := config.source.target_mm) is not None:
             registration = _load("haptigraph.registration.retarget:with_target")(registration, target_mm)
+        if needs_consent(registration.assumed) and not config.haptics.accept_assumed:
+            config = config.silenced()
         pipeline = build_pipeline(config, registration, procedure)
         info = run_info(config, source, registration, procedure, clock, __version__)
         measures = procedure.schema.measure_names
@@ -133,8 +140,9 @@ def build(
             sinks=[*bridges, *recorders, *sinks],
             clock=clock,
             stale_ms=config.run.stale_ms,
-            notes=_notes(config, source, procedure, device),
+            notes=run_notes(config, source, procedure, device, registration),
         )
+        loop.report.note_limits(registration.assumed, config.haptics.max_amplitude)
         undo.pop_all()
     return loop
 
@@ -205,7 +213,8 @@ def open_source(config: Config, clock: Clock, size_px: tuple[int, int] | None = 
     settings = config.source
     if settings.loop and kind != "phantom":
         raise BadInput(f"source.loop works with phantom:SCENARIO only, found {settings.uri!r}")
-    size_px = camera_size_px(settings, size_px) if kind in CAMERAS else None
+    if kind in CAMERAS:
+        size_px = camera_size_px(settings, settings.turn.size_before_px(size_px) if size_px else None)
     camera = {"size_px": size_px, "rate_hz": settings.rate_hz, "clock": clock}
     options: dict[str, dict[str, Any]] = {
         "camera": {**camera, "fourcc": settings.fourcc},
@@ -221,6 +230,8 @@ def open_source(config: Config, clock: Clock, size_px: tuple[int, int] | None = 
     check_members(source, Source, f"source {kind} ({SOURCES[kind]})")
     if settings.crop_px and kind != "oct":  # which crops by itself
         source = _load("haptigraph.sources.oct.crop:CropSource")(source, settings.crop_px, settings.uri)
+    if settings.turn != UPRIGHT:
+        source = _load("haptigraph.sources.turned:turned")(source, kind, settings)
     waits, read_ahead = isinstance(clock, VirtualClock), _load("haptigraph.sources.reading:ReadAhead")
     if kind in GENERATED and settings.jpeg_quality:
         if kind in PREFETCHABLE:  # so that one image is made while the previous one is compressed
@@ -307,16 +318,6 @@ def _output(device: Device, config: Config, clock: Clock) -> HapticOutput:
     if isinstance(clock, MonotonicClock):
         return _load("haptigraph.haptics.player:Player")(guard, clock)  # type: ignore[no-any-return]
     return guard  # type: ignore[no-any-return]
-
-
-def _notes(config: Config, source: Source, procedure: "Procedure", device: Device) -> list[str]:
-    limits = (note for pattern in procedure.patterns for note in unsupported(pattern, device.capabilities))
-    notes = [*source.notes, *(f"{config.haptics.device}: {note}" for note in limits)]
-    if split_source(config.source.uri, SOURCES)[0] == "teleop":
-        notes.append(
-            "the needle moves only if you steer it, on the page of `haptigraph live` or by --bridge ros2"
-        )
-    return notes
 
 
 def _named(registry: dict[str, str], what: str, name: str) -> Any:

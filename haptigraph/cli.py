@@ -11,8 +11,9 @@ import click
 from haptigraph.commands.devices import devices
 from haptigraph.commands.evaluate import evaluate
 from haptigraph.commands.explain import diagram, explain
+from haptigraph.commands.help import TaskGroup, examples
 from haptigraph.commands.live import live
-from haptigraph.commands.preparing import check, register
+from haptigraph.commands.preparing import check, procedure, register
 from haptigraph.commands.recordings import recover, replay
 from haptigraph.commands.running import demo, run
 from haptigraph.commands.sources import sources
@@ -28,7 +29,7 @@ from haptigraph.version import __version__
 __all__ = ["main"]
 
 
-class Commands(click.Group):
+class Commands(TaskGroup):
     """A group whose commands report a user's error in one sentence and exit with code 2."""
 
     def invoke(self, ctx: click.Context) -> Any:
@@ -57,7 +58,19 @@ def _show_warning(message: Warning | str, category: type[Warning], *_: object, *
     print_status(f"haptigraph: {kind}{message}")
 
 
-@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.group(
+    cls=Commands,
+    tasks={
+        "Try it": ("live", "demo"),
+        "Your own video or camera": ("sources", "register", "run"),
+        "Recordings": ("replay", "explain", "recover"),
+        "Rules and haptic feedback": ("procedure", "check", "diagram", "devices"),
+        "Accuracy": ("evaluate",),
+        "Studies with people": ("study",),
+    },
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
+    epilog=examples("haptigraph live", "haptigraph COMMAND --help"),
+)
 @click.version_option(__version__, prog_name="haptigraph")
 def main() -> None:
     """Turn images of an instrument inside the eye into haptic feedback.
@@ -73,6 +86,7 @@ for command in (
     evaluate,
     register,
     check,
+    procedure,
     explain,
     diagram,
     devices,

@@ -11,6 +11,7 @@ from msgspec import Meta, Struct
 from msgspec.structs import replace
 
 from haptigraph.errors import BadInput
+from haptigraph.imaging import Rotation, Turn
 from haptigraph.toml_document import Document, convert, warn_renamed
 
 __all__ = [
@@ -59,6 +60,10 @@ class SourceConfig(Struct, frozen=True, forbid_unknown_fields=True):
     """Pixel height of oct:PATH; unset: as the file states."""
     lateral_mm_per_px: Positive | None = None
     """Pixel width of oct:PATH; unset: as the file states."""
+    rotate_deg: Rotation = 0
+    """Clockwise rotation of every image of a camera or file, so that the eye is upright."""
+    mirror: bool = False
+    """Whether left and right of every image are exchanged, after the rotation."""
     crop_px: Box | None = None
     """Region of interest: left, top, width, height; unset: the whole image."""
     bits: Annotated[int, Meta(ge=0, le=16)] = 0
@@ -69,6 +74,11 @@ class SourceConfig(Struct, frozen=True, forbid_unknown_fields=True):
     def __post_init__(self) -> None:
         if bool(self.width_px) != bool(self.height_px):
             raise ValueError("set both width_px and height_px; found only one")
+
+    @property
+    def turn(self) -> Turn:
+        """How the images are turned."""
+        return Turn(self.rotate_deg, self.mirror)
 
 
 class PerceptionConfig(Struct, frozen=True, forbid_unknown_fields=True):
@@ -104,6 +114,8 @@ class HapticsConfig(Struct, frozen=True, forbid_unknown_fields=True):
     max_on_ms: UpToADayMs = 60_000.0
     """Longest vibration without a pause; then it pauses for `rest_ms`."""
     rest_ms: UpToADayMs = 500.0
+    accept_assumed: bool = False
+    """Whether the device may vibrate although the registration assumes positions that nobody measured."""
 
 
 class RunConfig(Struct, frozen=True, forbid_unknown_fields=True):
@@ -146,6 +158,10 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True):
     run: RunConfig = RunConfig()
     recording: RecordingConfig = RecordingConfig()
     trial: TrialConfig = TrialConfig()
+
+    def silenced(self) -> "Config":
+        """Return the same configuration with an amplitude limit of 0."""
+        return replace(self, haptics=replace(self.haptics, max_amplitude=0.0))
 
     def with_perceiver(self, name: str) -> "Config":
         """Return the same configuration with another perceiver."""

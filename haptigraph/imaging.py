@@ -1,18 +1,22 @@
 """Names for arrays of pixels, and conversions of images. Shared by all of perception."""
 
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 import cv2
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from haptigraph.geometry import Homography
 from haptigraph.messages import Image
 
 __all__ = [
+    "UPRIGHT",
     "FloatImage",
     "Floats",
     "Mask",
+    "Rotation",
+    "Turn",
     "chroma_of",
     "colored",
     "grey_of",
@@ -24,8 +28,36 @@ __all__ = [
 FloatImage: TypeAlias = NDArray[np.float32]
 Floats: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
+Rotation: TypeAlias = Literal[0, 90, 180, 270]
 
+ROTATIONS = {90: cv2.ROTATE_90_CLOCKWISE, 180: cv2.ROTATE_180, 270: cv2.ROTATE_90_COUNTERCLOCKWISE}
 GREY = 0.114, 0.587, 0.299  # shares of blue, green and red (ITU-R BT.601), as OpenCV has them
+
+
+class Turn(Struct, frozen=True):
+    """How the images of a source are turned before anything else sees them."""
+
+    rotate_deg: Rotation = 0
+    """Clockwise."""
+    mirror: bool = False
+    """Whether left and right are exchanged, after the rotation."""
+
+    def __call__(self, image: Image) -> Image:
+        """Return an image turned."""
+        if self.rotate_deg:
+            image = np.asarray(cv2.rotate(image, ROTATIONS[self.rotate_deg]), np.uint8)
+        return np.ascontiguousarray(image[:, ::-1]) if self.mirror else image
+
+    def size_before_px(self, size_px: tuple[int, int]) -> tuple[int, int]:
+        """Return the (width, height) that an image must have before, to have one afterwards."""
+        return (size_px[1], size_px[0]) if self.rotate_deg in (90, 270) else size_px
+
+    def __str__(self) -> str:
+        return f"source.rotate_deg={self.rotate_deg} and source.mirror={str(self.mirror).lower()}"
+
+
+UPRIGHT = Turn()
+"""Images as they come."""
 
 
 def grey_of(image: Image) -> Image:

@@ -50,8 +50,16 @@ class RunReport(Struct):
     """Duration of reading an image, of each stage, and of the whole "step"."""
     ended: str = "source ended"
     """Why the run ended."""
+    assumed: tuple[str, ...] = ()
+    """What the registration assumes, by name."""
+    is_output_off: bool = False
+    """Whether the amplitude limit is 0, so that nothing can be felt."""
     is_silent: bool = False
     """Whether the run is over, and the actuator raised no doubt that it is silent."""
+
+    def note_limits(self, assumed: tuple[str, ...], max_amplitude: float) -> None:
+        """Note what the registration assumes, and the limit of the amplitude."""
+        self.assumed, self.is_output_off = assumed, max_amplitude == 0
 
     @property
     def incomplete(self) -> str:

@@ -1,5 +1,6 @@
 """Shared fixtures. The eye of the tests is the simulator's; clips beside the checkout are used where present."""
 
+import os
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -26,6 +27,10 @@ settings.load_profile("haptigraph")
 signal.signal(signal.SIGINT, signal.default_int_handler)
 if hasattr(signal, "SIGHUP"):
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+# No test may open a browser on the screen of whoever runs it.
+for display in ("DISPLAY", "WAYLAND_DISPLAY"):
+    os.environ.pop(display, None)
 
 CLIPS = SHARED / "clips"
 

@@ -26,7 +26,10 @@ def test_every_registered_class_exists(registry):
 @pytest.mark.parametrize(
     ("settings", "problem"),
     [
-        (("source.uri=nowhere.mp4",), "nowhere.mp4: no such source; valid: phantom:SCENARIO"),
+        (
+            ("source.uri=nowhere.mp4",),
+            "nowhere.mp4: file not found; `haptigraph sources` lists what SOURCE can be",
+        ),
         (("source.uri=phantom:nothing",), "unknown scenario 'nothing'"),
         (
             ("source.uri=camera:first",),

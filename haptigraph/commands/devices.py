@@ -4,6 +4,7 @@ import sys
 
 import click
 
+from haptigraph.commands.help import TaskGroup, examples
 from haptigraph.commands.options import procedure_option
 from haptigraph.commands.terminal import terminable
 
@@ -12,7 +13,12 @@ __all__ = ["devices", "devices_test"]
 SAFETY = "Research software: never use it on anyone whom a vibration, or its absence, could harm."
 
 
-@click.group(invoke_without_command=True)
+@click.group(
+    cls=TaskGroup,
+    tasks={"Try one": ("test",)},
+    invoke_without_command=True,
+    epilog=examples("haptigraph devices", "haptigraph devices test gamepad:0"),
+)
 @click.pass_context
 def devices(context: click.Context) -> None:
     """List the haptic devices on this machine, their capabilities, and what an extra would add."""
@@ -31,7 +37,13 @@ def devices(context: click.Context) -> None:
     console.print(SAFETY)
 
 
-@devices.command("test")
+@devices.command(
+    "test",
+    epilog=examples(
+        "haptigraph devices test gamepad:0",
+        "haptigraph devices test 'serial:/dev/ttyACM0?pin=9'",
+    ),
+)
 @click.argument("device")
 @procedure_option
 def devices_test(device: str, procedure: str | None) -> None:

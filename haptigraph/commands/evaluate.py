@@ -2,6 +2,7 @@
 
 import click
 
+from haptigraph.commands.help import examples
 from haptigraph.commands.options import config_option, procedure_option, set_option, settings_of
 from haptigraph.commands.terminal import progress_bar
 from haptigraph.errors import BadInput
@@ -9,7 +10,13 @@ from haptigraph.errors import BadInput
 __all__ = ["evaluate"]
 
 
-@click.command()
+@click.command(
+    epilog=examples(
+        "haptigraph evaluate clips/A_easy",
+        "haptigraph evaluate clips/A_easy --perceiver threshold --json",
+        "haptigraph evaluate --simulated 50 --figure accuracy.png",
+    )
+)
 @click.argument("clip_dir", required=False)
 @click.option(
     "--simulated", type=click.IntRange(min=1), metavar="N", help="Score N random simulated scenes instead."

@@ -2,10 +2,12 @@
 
 import click
 
+from haptigraph.commands.help import examples
+
 __all__ = ["diagram", "explain"]
 
 
-@click.command()
+@click.command(epilog=examples("haptigraph explain run.mcap --at 12.4"))
 @click.argument("recording")
 @click.option("--at", "at_s", type=float, required=True, metavar="SECONDS", help="Time since the first step.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
@@ -22,7 +24,7 @@ def explain(recording: str, at_s: float, as_json: bool) -> None:
     click.echo(msgspec.json.encode(explanation).decode() if as_json else explanation_text(explanation))
 
 
-@click.command()
+@click.command(epilog=examples("haptigraph diagram subretinal_injection -o states.svg"))
 @click.argument("procedure", default="subretinal_injection")
 @click.option("-o", "--output", metavar="FILE", required=True, help="The SVG to write.")
 def diagram(procedure: str, output: str) -> None:

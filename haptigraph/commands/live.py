@@ -4,29 +4,44 @@ from contextlib import closing
 
 import click
 
-from haptigraph.commands.options import page_options, page_token, run_options, run_settings
+from haptigraph.commands.help import examples
+from haptigraph.commands.options import page_options, page_tokens, run_options, run_settings
 from haptigraph.commands.running import run_loop
-from haptigraph.commands.terminal import print_status, terminable
+from haptigraph.commands.terminal import print_status, show_page, terminable
 from haptigraph.errors import NeedsRegistration
 
 __all__ = ["live"]
 
 
-@click.command()
+@click.command(
+    epilog=examples(
+        "haptigraph live",
+        "haptigraph live clip.mp4 --registration eye.toml",
+        "haptigraph live camera:0 --registration eye.toml --record run.mcap",
+        "haptigraph live --host 0.0.0.0",
+    )
+)
 @run_options
 @page_options
+@click.option("--browser/--no-browser", default=True, help="Open the page, if this machine has a display.")
 @click.option(
     "--recordings", metavar="FOLDER", default=".", help="Recordings to browse; default: the current folder."
 )
 def live(
-    port: int | None, host: str, token: str | None, recordings: str, config: str | None, **given: object
+    port: int | None,
+    host: str,
+    token: str | None,
+    browser: bool,
+    recordings: str,
+    config: str | None,
+    **given: object,
 ) -> None:
     """Run the loop on SOURCE in real time, and show it on a page in the browser.
 
     SOURCE is what `run` takes; without one, you steer a simulated needle from the page. Scenarios repeat.
-    Open the printed address. If SOURCE needs a registration and none is given, the page lets you create one
-    first.
-    The page is served to this machine only; with another --host, visitors need the token.
+    If SOURCE needs a registration and none is given, the page lets you create one first.
+    The page is served to this machine only. With another --host two addresses are printed, to steer and to
+    watch.
     """
     from functools import partial
     from pathlib import Path
@@ -45,16 +60,17 @@ def live(
     settled = load_config(config, (*begin, *settings))
     if settled.source.uri.startswith("phantom:"):
         settled = load_config(config, ("source.loop=true", *settings))
-    key = page_token(host, token)
+    tokens = page_tokens(host, token)
     with closing(listen(host, port or 0)) as listener:
-        page_of = partial(LivePage, listener=listener, host=host, token=key, recordings=Path(recordings))
+        page_of = partial(LivePage, listener=listener, host=host, tokens=tokens, recordings=Path(recordings))
         page = page_of(settled)
         try:
-            run_loop(settled, page)
+            run_loop(settled, page, opens_browser=browser)
             return
         except NeedsRegistration as needed:
             print_status(f"haptigraph: {needed}")
-        print_status(f"haptigraph: or create one now; the page is at {page.address}")
+        print_status("haptigraph: or create one now, on the page")
+        show_page(page, opens=browser)
         try:
             with terminable():
                 made = page.wait_for_registration()

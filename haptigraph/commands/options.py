@@ -2,14 +2,17 @@
 
 from collections.abc import Callable, Mapping
 from functools import reduce
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
+
+if TYPE_CHECKING:
+    from haptigraph.dashboard.server.access import Tokens
 
 __all__ = [
     "config_option",
     "page_options",
-    "page_token",
+    "page_tokens",
     "procedure_option",
     "run_options",
     "run_settings",
@@ -38,6 +41,7 @@ RUN = {
     "device": "haptics.device",
     "bridge": "run.bridges",
     "record": "recording.path",
+    "accept_assumed": "haptics.accept_assumed",
 }
 """Arguments of every command that runs the loop, and the settings they stand for."""
 
@@ -46,19 +50,26 @@ def page_options(command: Command) -> Command:
     """Add --port, --host and --token to a command that serves a page."""
     decorators = (
         click.option("--port", type=click.IntRange(1, 65535), help="Port of the page; default: a free one."),
-        click.option("--host", default="127.0.0.1", show_default=True, help="Address to serve on."),
-        click.option("--token", metavar="TOKEN", help="Secret for visitors; generated if --host needs one."),
+        click.option(
+            "--host",
+            default="127.0.0.1",
+            show_default=True,
+            help="Address to serve on; 0.0.0.0: all, for other computers too.",
+        ),
+        click.option("--token", metavar="TOKEN", help="Secret to steer; generated if --host needs one."),
     )
     return reduce(lambda made, decorator: decorator(made), reversed(decorators), command)
 
 
-def page_token(host: str, token: str | None) -> str:
-    """Return the secret for visitors of a page; empty if only this machine can reach the page."""
+def page_tokens(host: str, token: str | None) -> "Tokens":
+    """Return the secrets for visitors of a page; none if only this machine can reach the page."""
     import secrets
 
-    from haptigraph.dashboard.server.access import LOOPBACK
+    from haptigraph.dashboard.server.access import LOOPBACK, Tokens
 
-    return token or ("" if host in LOOPBACK else secrets.token_urlsafe(12))
+    if host in LOOPBACK:
+        return Tokens(token or "")
+    return Tokens(token or secrets.token_urlsafe(12), watch=secrets.token_urlsafe(12))
 
 
 def run_options(command: Command) -> Command:
@@ -74,6 +85,12 @@ def run_options(command: Command) -> Command:
             metavar="BRIDGE",
             help="Publish live: ros2[:NAME], lsl, openigtlink[:PORT], foxglove[:PORT]; repeatable.",
         ),
+        click.option(
+            "--accept-assumed",
+            is_flag=True,
+            default=None,
+            help="Vibrate although the registration assumes the target (docs/safety.md).",
+        ),
         click.option("--record", metavar="FILE", help="Record the run to a new MCAP file."),
         config_option,
         set_option,
@@ -88,7 +105,7 @@ def run_settings(given: Mapping[str, object], realtime: bool | None) -> tuple[st
         given: Its arguments; those in `RUN` override --set.
         realtime: The setting `run.realtime`.
     """
-    options = {**{key: given[name] for name, key in RUN.items()}, "run.realtime": realtime}
+    options = {**{key: given.get(name) for name, key in RUN.items()}, "run.realtime": realtime}
     settings: Any = given["settings"]
     return (*settings, *settings_of(options))
 

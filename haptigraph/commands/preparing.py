@@ -1,27 +1,36 @@
-"""Commands that prepare a run: register, check."""
+"""Commands that prepare a run: register, check, procedure."""
 
 import sys
 from typing import Any, Literal
 
 import click
 
+from haptigraph.commands.help import TaskGroup, examples
 from haptigraph.commands.options import set_option
 from haptigraph.commands.terminal import progress_bar
-from haptigraph.errors import BadInput
+from haptigraph.errors import BadInput, unknown_name
 
-__all__ = ["check", "register"]
+TURNS = ("source.rotate_deg", "source.mirror")
+
+__all__ = ["check", "procedure", "procedure_list", "procedure_new", "register"]
 
 
-@click.command()
+@click.command(
+    epilog=examples(
+        "haptigraph register clip.mp4 -o eye.toml --target 602,641",
+        "haptigraph register eye.png -o eye.toml --trocar right --target-mm 1.5 --diameter-mm 23.5",
+        "haptigraph register clip.mp4 -o eye.toml --set source.rotate_deg=180",
+    )
+)
 @click.argument("source")
 @click.option("-o", "--output", metavar="FILE", required=True, help="Registration to write (TOML).")
 @click.option("--target", metavar="X,Y", help="Target in pixels of the stored image.")
-@click.option("--target-mm", type=float, help="Or in mm along the retina from its lowest point.  [0]")
+@click.option("--target-mm", type=float, help="Or in mm along the retina from its lowest point; assumed: 0.")
 @click.option("--trocar", metavar="left|right|X,Y", help="Trocar in use, if motion does not show it.")
 @click.option(
-    "--mirrored/--not-mirrored", default=True, help="Whether a mirror flips the images.  [mirrored]"
+    "--mirrored/--not-mirrored", default=None, help="Whether a mirror flips the images; assumed: it does."
 )
-@click.option("--diameter-mm", default=24.0, show_default=True, help="Inner diameter of the globe.")
+@click.option("--diameter-mm", type=float, help="Inner diameter of the globe; assumed: 24.")
 @click.option("--picture", metavar="FILE", help="PNG to draw; default: beside the registration.")
 @click.option("--images", default=40, show_default=True, help="Number of images of SOURCE to use.")
 @click.option("--force", is_flag=True, help="Overwrite existing files.")
@@ -32,27 +41,35 @@ def register(
     """Find eye, retina and trocars in SOURCE automatically, and write the registration.
 
     SOURCE is an image, or what `run` takes except a camera; best a clip in which the needle enters and turns.
+    The eye must be upright, trocars on top: else --set source.rotate_deg=90, 180 or 270, clockwise.
     For B-scans (oct:PATH) the command checks scale and crop instead, which you set with
     --set source.axial_mm_per_px=..., source.lateral_mm_per_px=... and source.crop_px=[LEFT,TOP,WIDTH,HEIGHT].
     """
     from haptigraph.analysis.registering.oct import is_bscan_source, register_scans
     from haptigraph.analysis.registering.overrides import Overrides
     from haptigraph.analysis.registering.registering import register_source
+    from haptigraph.config import load_config
 
     if is_bscan_source(source):
         click.echo(
             register_scans(source, output, settings, picture, force=force, max_images=overrides["images"])
         )
         return
-    if settings:
-        raise BadInput(f"--set is for B-scans (oct:PATH), not for {source}")
+    turn = load_config(None, settings).source.turn
+    if any(not setting.startswith(TURNS) for setting in settings):
+        problem = f"--set is for B-scans (oct:PATH); for {source} only {' and '.join(TURNS)} are valid"
+        raise BadInput(problem)
+    given = Overrides(**overrides, turn=turn)
     with progress_bar() as progress:
-        click.echo(
-            register_source(source, output, Overrides(**overrides), picture, force=force, progress=progress)
-        )
+        click.echo(register_source(source, output, given, picture, force=force, progress=progress))
 
 
-@click.command()
+@click.command(
+    epilog=examples(
+        "haptigraph check",
+        "haptigraph check my.toml --picture violations.svg",
+    )
+)
 @click.argument("procedure", default="subretinal_injection")
 @click.option(
     "--prover",
@@ -88,3 +105,63 @@ def check(procedure: str, prover: Literal["auto", "exhaustive", "z3"], picture: 
     console.print(proof_summary(proof), highlight=False)
     if not proof.holds:
         sys.exit(1)
+
+
+@click.group(
+    cls=TaskGroup,
+    tasks={"Commands": ("list", "new")},
+    epilog=examples("haptigraph procedure list", "haptigraph procedure new --from NAME -o my.toml"),
+)
+def procedure() -> None:
+    """List the shipped procedures, or copy one to edit.
+
+    A procedure is a TOML file with rules and haptic patterns; docs/procedures.md explains every key.
+    """
+
+
+@procedure.command("list", epilog=examples("haptigraph procedure list"))
+def procedure_list() -> None:
+    """List the procedures that ship with haptigraph."""
+    from haptigraph.assemble import load_procedure, procedure_names
+
+    names = procedure_names()
+    width = max(map(len, names))
+    for name in names:
+        loaded = load_procedure(name)
+        click.echo(f"{name:{width}}  {loaded.title}, {len(loaded.states)} states")
+    click.echo("\nCopy one to edit: haptigraph procedure new --from NAME -o my.toml")
+
+
+@procedure.command(
+    "new",
+    epilog=examples(
+        "haptigraph procedure new --from subretinal_injection -o my.toml",
+        "haptigraph check my.toml",
+        "haptigraph live --procedure my.toml",
+    ),
+)
+@click.option("--from", "name", metavar="NAME", required=True, help="Shipped procedure to copy.")
+@click.option("-o", "--output", metavar="FILE", required=True, help="TOML file to write.")
+@click.option("--force", is_flag=True, help="Overwrite an existing file.")
+def procedure_new(name: str, output: str, force: bool) -> None:
+    """Copy a shipped procedure to a file of your own, to edit it."""
+    from importlib import resources
+    from pathlib import Path
+
+    from haptigraph.assemble import procedure_names
+
+    if name not in procedure_names():
+        raise BadInput(unknown_name("procedure", name, procedure_names()))
+    path = Path(output)
+    if path.suffix != ".toml":
+        raise BadInput("the name of a procedure's file ends in .toml", path)
+    if not path.parent.is_dir():
+        raise BadInput("its folder does not exist; create it first", path)
+    text = resources.files("haptigraph.procedures").joinpath(f"{name}.toml").read_bytes()
+    try:
+        with path.open("wb" if force else "xb") as file:
+            file.write(text)
+    except FileExistsError:
+        raise BadInput("exists already; --force overwrites it", path) from None
+    click.echo(f"{path} was written; edit it, then prove it and run it:")
+    click.echo(f"  haptigraph check {path}\n  haptigraph live --procedure {path}")

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from haptigraph.commands.options import procedure_option
+from haptigraph.commands.help import examples
 from haptigraph.commands.terminal import progress_bar
 
 if TYPE_CHECKING:
@@ -17,20 +17,27 @@ __all__ = ["recover", "replay"]
 MAX_PLACES = 10
 
 
-@click.command()
+@click.command(
+    epilog=examples(
+        "haptigraph replay run.mcap",
+        "haptigraph replay run.mcap --procedure subretinal_injection_cautious",
+    )
+)
 @click.argument("recording")
-@procedure_option
+@click.option(
+    "--procedure", metavar="NAME|FILE", help="Another procedure to apply; default: the recorded one."
+)
 def replay(recording: str, procedure: str | None) -> None:
-    """Replay RECORDING and compare every step.
+    """Replay RECORDING and compare every step, or show what another procedure would have done.
 
-    With --procedure, show what would have happened under another procedure. Without, exit with code 1 if
-    steps differ.
+    Without --procedure, exit with code 1 if steps differ. With it, they may: both outcomes are shown.
     """
     from haptigraph.analysis.metrics.replay import replay as run_again
     from haptigraph.analysis.metrics.summary import summary
     from haptigraph.analysis.metrics.temporal import claim_lines
     from haptigraph.recording.header import losses_sentence
     from haptigraph.recording.stored_video import decoder_name
+    from haptigraph.registration.assumed import assumed_lines
 
     with progress_bar() as progress:
         report = run_again(recording, procedure, progress)
@@ -52,6 +59,8 @@ def replay(recording: str, procedure: str | None) -> None:
         first = report.first
         click.echo(f"first difference: step {first.step} at {first.time_s:.2f} s, {first.message}")
         click.echo(f"  recorded  {first.recorded}\n  replayed  {first.replayed}")
+    for line in assumed_lines(report.assumed):
+        click.echo(line)
     for line in claim_lines(report.recorded.claims, report.recorded.first_ns) if not procedure else ():
         click.echo(line)
     if procedure:
@@ -60,7 +69,7 @@ def replay(recording: str, procedure: str | None) -> None:
         sys.exit(1)
 
 
-@click.command()
+@click.command(epilog=examples("haptigraph recover run.mcap"))
 @click.argument("recording")
 def recover(recording: str) -> None:
     """Verify RECORDING, and repair it if it was interrupted or damaged.

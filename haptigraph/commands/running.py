@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import click
 
+from haptigraph.commands.help import examples
 from haptigraph.commands.options import run_options, run_settings, settings_of
-from haptigraph.commands.terminal import print_status, progress_bar, terminable
+from haptigraph.commands.terminal import print_status, progress_bar, show_page, terminable
 from haptigraph.errors import BadInput, HaptigraphError, NotSilent
 
 if TYPE_CHECKING:
@@ -21,7 +22,13 @@ if TYPE_CHECKING:
 __all__ = ["demo", "run", "run_loop"]
 
 
-@click.command()
+@click.command(
+    epilog=examples(
+        "haptigraph run clip.mp4 --registration eye.toml --record run.mcap",
+        "haptigraph run camera:0 --registration eye.toml --device gamepad:0",
+        "haptigraph run phantom:wrong_place_then_hit --fast",
+    )
+)
 @run_options
 @click.option("--realtime/--fast", default=None, help="Pace images by the clock, or run as fast as possible.")
 def run(config: str | None, realtime: bool | None, **given: object) -> None:
@@ -37,7 +44,12 @@ def run(config: str | None, realtime: bool | None, **given: object) -> None:
     run_loop(load_config(config, run_settings(given, realtime)))
 
 
-@click.command()
+@click.command(
+    epilog=examples(
+        "haptigraph demo",
+        "haptigraph demo --fast --output demo",
+    )
+)
 @click.option(
     "--scenario",
     default="wrong_place_then_hit",
@@ -73,12 +85,13 @@ def demo(scenario: str, output: str | None, realtime: bool) -> None:
     click.echo(f"recording       {recording}\npicture         {picture}")
 
 
-def run_loop(config: "Config", page: "LivePage | None" = None) -> bool:
+def run_loop(config: "Config", page: "LivePage | None" = None, *, opens_browser: bool = False) -> bool:
     """Run a configuration and print the summary, also if the run fails; return False if interrupted.
 
     Args:
         config: The configuration.
         page: The live page, if any; after the run it stays until Ctrl-C.
+        opens_browser: Whether to open the page.
     """
     from haptigraph.analysis.metrics.run import RunMeasures
     from haptigraph.analysis.metrics.summary import summary
@@ -94,8 +107,9 @@ def run_loop(config: "Config", page: "LivePage | None" = None) -> bool:
             closing(build(config, sinks=sinks, progress=progress, listener=listener)) as loop,
             page.served(loop, measures) if page else nullcontext(),
         ):
-            notes = [f"haptigraph: the page is at {page.address}"] if page else []
-            for note in (*notes, *loop.notes):
+            if page:
+                show_page(page, opens=opens_browser)
+            for note in loop.notes:
                 print_status(note)
             failure = _run_to_end(loop, measures)
             if loop.report.steps or failure is None:

@@ -2,10 +2,12 @@
 
 import click
 
+from haptigraph.commands.help import examples
+
 __all__ = ["sources"]
 
 
-@click.command()
+@click.command(epilog=examples("haptigraph sources"))
 def sources() -> None:
     """List the kinds of SOURCE, and the connected cameras.
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from haptigraph.commands.help import TaskGroup, examples
 from haptigraph.commands.terminal import print_status, progress_bar
 from haptigraph.errors import BadInput
 
@@ -42,7 +43,16 @@ store_option = click.option(
 )
 
 
-@click.group()
+@click.group(
+    cls=TaskGroup,
+    tasks={
+        "Prepare": ("new", "check", "simulate", "sweep"),
+        "Run": ("run", "status"),
+        "Analyse": ("report", "export", "import"),
+        "Withdrawal of consent": ("erase",),
+    },
+    epilog=examples("haptigraph study new my-study", "haptigraph study run my-study"),
+)
 def study() -> None:
     """Studies with people: write and check a protocol, show the progress, export the data.
 
@@ -50,7 +60,12 @@ def study() -> None:
     """
 
 
-@study.command()
+@study.command(
+    epilog=examples(
+        "haptigraph study new my-study",
+        "haptigraph study check my-study",
+    )
+)
 @folder_argument
 def new(folder: str) -> None:
     """Write the paper's protocol, ready to run."""
@@ -67,7 +82,7 @@ def new(folder: str) -> None:
     click.echo(f"{path} was written; adapt it, then: haptigraph study check {folder}")
 
 
-@study.command()
+@study.command(epilog=examples("haptigraph study check my-study"))
 @folder_argument
 @store_option
 def check(folder: str, store: str | None) -> None:
@@ -108,7 +123,7 @@ def check(folder: str, store: str | None) -> None:
     click.echo("no errors")
 
 
-@study.command()
+@study.command(epilog=examples("haptigraph study status my-study"))
 @folder_argument
 @store_option
 def status(folder: str, store: str | None) -> None:
@@ -129,7 +144,7 @@ def status(folder: str, store: str | None) -> None:
         _print(status_table(protocol, participant_statuses(stored)))
 
 
-@study.command()
+@study.command(epilog=examples("haptigraph study export my-study -o exported"))
 @folder_argument
 @click.option("-o", "--output", metavar="FOLDER", required=True, help="The folder to create.")
 @click.option("--parquet", is_flag=True, help="Also write the tables as Parquet; needs haptigraph[parquet].")
@@ -166,7 +181,7 @@ def export_measured(
         print_status(f"haptigraph: not measured: {problem}")
 
 
-@study.command(name="import")
+@study.command(name="import", epilog=examples("haptigraph study import exported --store copy.db"))
 @click.argument("exported")
 @click.option(
     "--store", metavar="FILE|URL", required=True, help="The store: an SQLite file, or postgresql://..."

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from haptigraph.commands.help import examples
 from haptigraph.commands.study import existing_store, missing_store, store_option
 from haptigraph.errors import BadInput
 
@@ -15,7 +16,12 @@ if TYPE_CHECKING:
 __all__ = ["erase"]
 
 
-@click.command()
+@click.command(
+    epilog=examples(
+        "haptigraph study erase my-study P07 --dry-run",
+        "haptigraph study erase my-study P07",
+    )
+)
 @click.argument("folder")
 @click.argument("participant")
 @click.option("--yes", is_flag=True, help="Do not ask for confirmation; for scripts.")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from haptigraph.commands.help import examples
 from haptigraph.commands.study import export_measured, store_option
 from haptigraph.commands.terminal import progress_bar
 from haptigraph.errors import MissingExtra
@@ -21,7 +22,7 @@ __all__ = ["study_report"]
 LIBRARIES = ("pandas", "scipy", "statsmodels", "patsy")
 
 
-@click.command("report")
+@click.command("report", epilog=examples("haptigraph study report my-study -o report"))
 @click.argument("folder")
 @click.option("-o", "--output", required=True, metavar="OUT", help="The folder to write; created if missing.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the bootstrap.")

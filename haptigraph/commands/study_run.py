@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 import click
 
+from haptigraph.commands.help import examples
 from haptigraph.commands.options import (
     config_option,
     page_options,
-    page_token,
+    page_tokens,
     run_settings,
     set_option,
 )
@@ -27,7 +28,13 @@ __all__ = ["study_run"]
 MAX_NAME_LENGTH = 80
 
 
-@click.command("run")
+@click.command(
+    "run",
+    epilog=examples(
+        "haptigraph study run my-study",
+        "haptigraph study run my-study --source camera:0 --registration eye.toml --device gamepad:0",
+    ),
+)
 @folder_argument
 @store_option
 @click.option("--station", metavar="NAME", help="This station's name; this machine's if not given.")
@@ -58,6 +65,7 @@ def study_run(
     and are recorded in the study's folder. Started again after a crash, it resumes where it stopped.
     """
     from haptigraph.config import load_config
+    from haptigraph.dashboard.server.addresses import address_lines
     from haptigraph.dashboard.server.server import listen
     from haptigraph.study.protocol import load_protocol
     from haptigraph.study.store import Store  # first, as it names the missing extra
@@ -82,15 +90,16 @@ def study_run(
         stored = study_in(opened, protocol)
         stored.check_frozen()
         service = StudyService(Path(folder), stored, name)
-        site = StudySite(service, base, listener, host=host, token=page_token(host, token))
+        site = StudySite(service, base, listener, host=host, token=page_tokens(host, token).steer)
         with site.served():
             print_status(
                 f"haptigraph: study {stored.name}{' (simulated)' * stored.simulated}, station {name}"
             )
-            print_status(f"haptigraph: the page is at {site.address()} for the experimenter")
-            print_status(
-                f"haptigraph: and at {site.address('/participant')} for the participant; Ctrl-C ends both"
-            )
+            for line in address_lines(site.addresses(), "the page is at", " for the experimenter"):
+                print_status(line)
+            for line in address_lines(site.addresses("/participant"), "and at", " for the participant"):
+                print_status(line)
+            print_status("haptigraph: Ctrl-C ends both")
             try:
                 run_trials(service, site, base, print_status)
             except KeyboardInterrupt:
@@ -104,11 +113,15 @@ def _check_setup(base: "Config", protocol: "Protocol") -> None:
     from msgspec.structs import replace
 
     from haptigraph.assemble import build
+    from haptigraph.registration.assumed import assumed_text, needs_consent
     from haptigraph.registration.loading import load_registration
     from haptigraph.registration.retarget import with_target
 
     for target in protocol.targets if base.source.registration else ():
-        with_target(load_registration(base.source.registration), target.along_mm)
+        registration = with_target(load_registration(base.source.registration), target.along_mm)
+        if needs_consent(registration.assumed):
+            problem = f"assumes {assumed_text(registration.assumed)}; a study needs measured positions"
+            raise BadInput(problem, base.source.registration)
     source = replace(base.source, target_mm=protocol.targets[0].along_mm)
     procedure = protocol.procedure_path(protocol.conditions[0])
     build(replace(base, source=source, run=replace(base.run, procedure=procedure))).close()

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from haptigraph.commands.help import examples
 from haptigraph.commands.study import STORE, folder_argument, store_option
 from haptigraph.commands.terminal import progress_bar, terminable
 from haptigraph.errors import MissingExtra, RenamedKey
@@ -46,7 +47,7 @@ workers_option = click.option(
 )
 
 
-@click.command()
+@click.command(epilog=examples("haptigraph study simulate my-copy --participants 12"))
 @folder_argument
 @click.option("--participants", type=click.IntRange(1, 9999), help="How many; the protocol's if not given.")
 @seed_option
@@ -81,7 +82,7 @@ def simulate(
     click.echo(f"next: haptigraph study report {Path(folder)} -o {Path(folder) / 'report'}")
 
 
-@click.command()
+@click.command(epilog=examples("haptigraph study sweep my-study -o sweep --participants 1000"))
 @folder_argument
 @click.option("-o", "--output", required=True, metavar="OUT", help="The folder of results; resumed if there.")
 @click.option("--participants", type=click.IntRange(1, 99_999), default=1000, show_default=True)

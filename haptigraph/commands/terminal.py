@@ -1,6 +1,8 @@
-"""Terminal output that survives a closed terminal: status lines, progress bars, signals."""
+"""Terminal output that survives a closed terminal: status, pages, progress bars, signals."""
 
+import os
 import signal
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
@@ -9,9 +11,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
+    from haptigraph.dashboard.live.live import LivePage
     from haptigraph.recording.writer import Progress
 
-__all__ = ["print_status", "progress_bar", "terminable"]
+__all__ = ["can_open_browser", "print_status", "progress_bar", "show_page", "terminable"]
+
+OPENER = "haptigraph-browser"
+SSH = ("SSH_CONNECTION", "SSH_TTY")
+DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
 
 
 def print_status(text: str) -> None:
@@ -59,3 +66,29 @@ def progress_bar() -> Iterator["Progress"]:
     finally:
         with suppress(OSError):
             bar.stop()
+
+
+def can_open_browser() -> bool:
+    """Return whether a person sits at this machine: at a terminal, with a display, not over SSH."""
+    if not sys.stderr.isatty() or any(os.environ.get(name) for name in SSH):
+        return False
+    return sys.platform in ("darwin", "win32") or any(os.environ.get(name) for name in DISPLAYS)
+
+
+def show_page(page: "LivePage", *, opens: bool) -> None:
+    """Print a page's addresses and QR codes, and open it.
+
+    Args:
+        page: The page.
+        opens: Whether the user wants the browser to open.
+    """
+    for line in page.address_lines:
+        print_status(line)
+    for role, code in page.qr_codes if sys.stderr.isatty() else ():
+        print_status(f"\nscan to {role}\n{code}")
+    if opens and can_open_browser():
+        import threading
+        import webbrowser
+
+        # In a thread: some browsers return only when they are closed.
+        threading.Thread(target=webbrowser.open, args=(page.address,), name=OPENER, daemon=True).start()

@@ -57,7 +57,7 @@ class RunWriter:
             stored instead of them. None: each image is stored.
 
     Raises:
-        BadInput: If the file exists or cannot be created.
+        BadInput: If the file exists, has another suffix than .mcap, or cannot be created.
     """
 
     def __init__(
@@ -69,6 +69,8 @@ class RunWriter:
         video: Path | None = None,
     ) -> None:
         self.path = Path(path)
+        if self.path.suffix.lower() != ".mcap":
+            raise BadInput("a recording is MCAP; its name ends in .mcap", path)
         self._info, self._image = replace(info, decoder=decoder_name()) if video else info, image
         self._video: StoredVideo | None = None
         self._video_bytes = self._images_bytes = 0

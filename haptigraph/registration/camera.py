@@ -24,6 +24,8 @@ from haptigraph.geometry import (
     norm,
     subtract,
 )
+from haptigraph.imaging import Rotation, Turn
+from haptigraph.registration.assumed import check_assumed
 from haptigraph.registration.background import BackgroundImage
 from haptigraph.registration.registered import VIEW_MARGIN, BaseRegistration
 from haptigraph.registration.text import AnatomyPx, TrocarPx, check_format
@@ -73,6 +75,11 @@ class _Homography(Struct, frozen=True, forbid_unknown_fields=True):
     frontal_from_image: tuple[Row, Row, Row] = field(name="straight_from_image")
 
 
+class _Source(Struct, frozen=True, forbid_unknown_fields=True):
+    rotate_deg: Rotation = 0
+    mirror: bool = False
+
+
 class _BackgroundTable(Struct, frozen=True, forbid_unknown_fields=True):
     webp: str
 
@@ -86,6 +93,8 @@ class _File(Struct, frozen=True, forbid_unknown_fields=True):
     trocars: tuple[_Trocar, ...] = field(name="trocar")
     homography: _Homography | None = None
     background: _BackgroundTable | None = field(name="empty", default=None)
+    assumed: tuple[str, ...] = ()
+    source: _Source = _Source()
 
 
 class Registration(BaseRegistration, frozen=True):
@@ -141,6 +150,8 @@ def anatomy_px(registration: Registration) -> AnatomyPx:
         trocars=tuple(TrocarPx(each.name, each.point_px, each.used) for each in data.trocars),
         frontal_from_image=registration.image.frontal_from_image,
         background_webp=_webp(data),
+        assumed=registration.assumed,
+        turn=registration.turn,
     )
 
 
@@ -183,6 +194,8 @@ def camera_registration(document: Document) -> Registration:
         ),
         text=document.text,
         background=_background_image(document, data),
+        assumed=check_assumed(document, data.assumed),
+        turn=Turn(data.source.rotate_deg, data.source.mirror),
     )
 
 

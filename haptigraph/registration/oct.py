@@ -4,12 +4,15 @@ The eye frame of a B-scan has its origin at the image centre, x to the right, y 
 Perception finds the anatomy in each image, because the retina moves. docs/oct.md describes the format.
 """
 
+from typing import ClassVar
+
 import numpy as np
 from msgspec import Struct
 
 from haptigraph.errors import BadInput
 from haptigraph.geometry import ImageGeometry
 from haptigraph.messages import Image
+from haptigraph.registration.assumed import TARGET, check_assumed
 from haptigraph.registration.registered import BaseRegistration
 from haptigraph.registration.text import AXIAL_MM_PER_PX, LATERAL_MM_PER_PX, check_format
 from haptigraph.toml_document import Document
@@ -39,11 +42,13 @@ class _File(Struct, frozen=True, forbid_unknown_fields=True):
     image: _Image
     scale: _Scale
     target: _Target = _Target()
+    assumed: tuple[str, ...] = ()
 
 
 class ScanRegistration(BaseRegistration, frozen=True):
     """The scale of one scanner's B-scans."""
 
+    how_to_state: ClassVar[str] = "state target.depth_share in a registration file"
     target_share: float
     """Depth of the target between the ILM (0) and the RPE (1)."""
 
@@ -105,6 +110,7 @@ def scan_registration(document: Document) -> ScanRegistration:
     if not 0 < data.target.depth_share < 1:
         problem = f"depth_share must be between 0 (ILM) and 1 (RPE), found {data.target.depth_share:g}"
         raise document.error(problem, "target.depth_share")
+    assumed = data.assumed if "target" in document.data else (*data.assumed, TARGET)
     center_px = (data.image.width - 1) / 2, (data.image.height - 1) / 2
     scale = data.scale
     return ScanRegistration(
@@ -115,4 +121,5 @@ def scan_registration(document: Document) -> ScanRegistration:
         ),
         text=document.text,
         target_share=data.target.depth_share,
+        assumed=check_assumed(document, assumed),
     )

@@ -5,12 +5,14 @@ perception finds in every image.
 """
 
 import hashlib
+from typing import ClassVar
 
 import numpy as np
 from msgspec import Struct
 
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Geometry, ImageGeometry, norm
+from haptigraph.imaging import UPRIGHT, Turn
 from haptigraph.messages import Image
 
 __all__ = ["VIEW_MARGIN", "BaseRegistration"]
@@ -19,7 +21,7 @@ VIEW_MARGIN = 1.03
 """Half the side of a square view, relative to the radius of what it shows."""
 
 
-class BaseRegistration(Struct, frozen=True):
+class BaseRegistration(Struct, frozen=True, kw_only=True):
     """Base class of registrations: one set-up."""
 
     width_px: int
@@ -27,6 +29,12 @@ class BaseRegistration(Struct, frozen=True):
     image: ImageGeometry
     text: str
     """The file as read; recordings store it."""
+    how_to_state: ClassVar[str] = "register with --target X,Y, or click the target on the registration page"
+    """What the user does about an assumed target."""
+    turn: Turn = UPRIGHT
+    """How the source's images were turned."""
+    assumed: tuple[str, ...] = ()
+    """What was neither measured nor stated, by name (`registration.assumed`)."""
 
     @property
     def sha256(self) -> str:
@@ -47,6 +55,20 @@ class BaseRegistration(Struct, frozen=True):
     def view_half_mm(self) -> float:
         """Half the side of a square view of the whole image."""
         return VIEW_MARGIN * norm(self.image.to_mm((0.0, 0.0)))
+
+    def check_turn(self, turn: Turn, file: str) -> None:
+        """Refuse images that are turned in another way than the registered ones.
+
+        Args:
+            turn: How the run's images are turned.
+            file: The registration file, for the error.
+
+        Raises:
+            BadInput: If they differ.
+        """
+        if turn != self.turn:
+            is_for = f"is for images with {self.turn}, but the run has {turn}"
+            raise BadInput(f"{is_for}; set both alike, or register again", file)
 
     def checked(self, image: Image | None) -> Image:
         """Return an image if it has the registered size and 8 bits, grey or BGR.

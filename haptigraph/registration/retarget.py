@@ -7,6 +7,7 @@ from msgspec.structs import replace
 
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Polyline, Vec
+from haptigraph.registration.assumed import TARGET
 from haptigraph.registration.camera import Registration, anatomy_px, camera_registration
 from haptigraph.registration.registered import BaseRegistration
 from haptigraph.registration.text import registration_text
@@ -52,7 +53,9 @@ def with_target(registration: BaseRegistration, along_mm: float) -> Registration
     point_mm = point_on_retina(registration.retina, registration.globe.radius_mm, along_mm)
     if point_mm is None:
         raise BadInput(f"source.target_mm: a target at {along_mm:g} mm is beyond the registered retina")
-    anatomy = replace(anatomy_px(registration), target_px=registration.image.to_px(point_mm))
+    assumed = tuple(name for name in registration.assumed if name != TARGET)
+    target_px = registration.image.to_px(point_mm)
+    anatomy = replace(anatomy_px(registration), target_px=target_px, assumed=assumed)
     text = registration_text(anatomy, f"Registration with the target moved to {along_mm:+g} mm.")
     return camera_registration(Document(text, f"registration with the target at {along_mm:+g} mm"))
 

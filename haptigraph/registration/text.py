@@ -1,11 +1,13 @@
 """Write registrations as TOML: anatomy in pixels in, text out. Readers check it."""
 
 import base64
+from collections.abc import Sequence
 from textwrap import wrap
 
 from msgspec import Struct
 
 from haptigraph.geometry import Homography, Vec
+from haptigraph.imaging import UPRIGHT, Turn
 from haptigraph.toml_document import Document
 
 __all__ = [
@@ -50,6 +52,10 @@ class AnatomyPx(Struct, frozen=True):
     """To the frontal image, where the camera is tilted."""
     background_webp: bytes = b""
     """Reference image without instrument; transparent where the instrument always occludes the eye."""
+    turn: Turn = UPRIGHT
+    """How the source's images were turned."""
+    assumed: tuple[str, ...] = ()
+    """What was neither measured nor stated, by name (`registration.assumed`)."""
 
 
 def check_format(document: Document, version: int) -> None:
@@ -68,7 +74,7 @@ def registration_text(anatomy: AnatomyPx, title: str) -> str:
     )
     return f"""# {title}
 format = {FORMAT}
-
+{_assumed_line(anatomy.assumed)}
 [image]
 width = {anatomy.width_px}
 height = {anatomy.height_px}
@@ -84,7 +90,7 @@ contour_px = [{contour}]
 
 [target]
 point_px = {_px(anatomy.target_px)}
-{trocars}{_homography_table(anatomy.frontal_from_image)}{_background_table(anatomy.background_webp)}"""
+{trocars}{_source_table(anatomy.turn)}{_homography_table(anatomy.frontal_from_image)}{_background_table(anatomy.background_webp)}"""
 
 
 def scan_registration_text(
@@ -93,6 +99,7 @@ def scan_registration_text(
     lateral_mm_per_px: float,
     title: str,
     depth_share: float = 0.7,
+    assumed: Sequence[str] = (),
 ) -> str:
     """Return the text of a registration of B-scans.
 
@@ -102,10 +109,11 @@ def scan_registration_text(
         lateral_mm_per_px: Horizontal scale.
         title: First line of the file, a comment.
         depth_share: Depth of the target between the ILM (0) and the RPE (1).
+        assumed: What was neither measured nor stated, by name.
     """
     return f"""# {title}
 format = {FORMAT}
-
+{_assumed_line(assumed)}
 [image]
 width = {size_px[0]}
 height = {size_px[1]}
@@ -117,6 +125,20 @@ lateral_mm_per_px = {lateral_mm_per_px:.9g}
 [target]
 depth_share = {depth_share:g}
 """
+
+
+def _assumed_line(assumed: Sequence[str]) -> str:
+    if not assumed:
+        return ""
+    names = ", ".join(f'"{name}"' for name in assumed)
+    return f"assumed = [{names}]  # not measured; remove a name when you have stated its value\n"
+
+
+def _source_table(turn: Turn) -> str:
+    if turn == UPRIGHT:
+        return ""
+    mirror = str(turn.mirror).lower()
+    return f"\n[source]  # as the images were turned\nrotate_deg = {turn.rotate_deg}\nmirror = {mirror}\n"
 
 
 def _homography_table(frontal_from_image: Homography | None) -> str:

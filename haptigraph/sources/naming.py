@@ -69,6 +69,8 @@ def split_source(uri: str, kinds: Container[str]) -> tuple[str, str]:
         return kind_by_suffix[path.suffix.lower()], uri
     if uri and path.exists():
         return "dicom" if _is_dicom(path) else "video", uri
+    if uri and (path.suffix or len(path.parts) > 1) and kind == uri:
+        raise BadInput("file not found; `haptigraph sources` lists what SOURCE can be", uri)
     raise BadInput(
         "no such source; valid: phantom:SCENARIO, teleop:SCENARIO, camera:N, realsense[:SERIAL], ros2:TOPIC, "
         "oct:PATH, or the path of a video, a DICOM file, a folder of images, a recording (.mcap) or the "

@@ -7,7 +7,7 @@ import re
 from typing import Any
 
 from msgspec import Struct, json
-from sqlalchemy import Connection, func, select, update
+from sqlalchemy import Connection, select, update
 
 from haptigraph.errors import BadInput
 from haptigraph.study.plan import conditions_of
@@ -18,6 +18,7 @@ from haptigraph.version import __version__
 
 __all__ = ["Study", "canonical", "check_pseudonym", "study_in"]
 
+MAX_NAMES = 30  # in an error
 PSEUDONYM = re.compile(r"([A-Z]{1,4})-?([0-9]{1,4})")
 
 
@@ -112,10 +113,11 @@ class Study(Struct, frozen=True):
         here = (PARTICIPANTS.c.study == self.name) & (PARTICIPANTS.c.participant == name)
         row = connection.execute(select(PARTICIPANTS).where(here)).mappings().first()
         if row is None:
-            count = connection.scalar(
-                select(func.count()).select_from(PARTICIPANTS).where(PARTICIPANTS.c.study == self.name)
-            )
-            raise BadInput(f"study {self.name} has no participant {name!r}; it has {count}")
+            all_of_study = select(PARTICIPANTS.c.participant).where(PARTICIPANTS.c.study == self.name)
+            names = sorted(connection.scalars(all_of_study))
+            more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
+            text = f"{', '.join(names[:MAX_NAMES])}{more}" if names else "none yet"
+            raise BadInput(f"study {self.name} has no participant {name!r}; it has {text}")
         return row
 
     def frozen(self, connection: Connection) -> Row | None:

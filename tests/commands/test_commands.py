@@ -14,7 +14,7 @@ from haptigraph.recording.journal import Journal
 from haptigraph.recording.reader import RunReader
 
 COMMANDS = [
-    "check", "demo", "devices", "diagram", "evaluate", "explain", "live", "recover", "register", "replay", "run", "sources",
+    "check", "demo", "devices", "diagram", "evaluate", "explain", "live", "procedure", "recover", "register", "replay", "run", "sources",
     "study",
 ]  # fmt: skip
 
@@ -262,7 +262,7 @@ def test_a_bad_video_is_one_sentence(tmp_path, registration_toml):
     )  # in another process, for OpenCV's log messages
     assert done.returncode == 2
     assert re.fullmatch(r"haptigraph: .*clip\.mp4: not a video that OpenCV can read.*\n", done.stderr)
-    assert "no such source" in refuse("run", tmp_path / "gone.mp4", "--registration", eye)
+    assert "file not found" in refuse("run", tmp_path / "gone.mp4", "--registration", eye)
 
 
 def test_images_of_another_size_than_registered_are_one_sentence(quick_uri, tmp_path, registration_toml):
@@ -287,7 +287,7 @@ def test_a_missing_camera_and_a_missing_clip_are_one_sentence(tmp_path, registra
     eye = tmp_path / "eye.toml"
     eye.write_text(registration_toml)
     assert "camera:9 cannot be opened" in refuse("run", "camera:9", "--registration", eye)
-    assert "registration.toml: cannot be read" in refuse("evaluate", tmp_path)
+    assert "clip.mp4, registration.toml and truth.csv are missing" in refuse("evaluate", tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -388,3 +388,45 @@ def test_a_damaged_recording_is_an_error(recording, tmp_path):
     again = call("replay", saved)
     assert "missing: step " in again.output and " 0 steps" not in again.output
     assert "exists already" in refuse("recover", damaged)
+
+
+@pytest.mark.parametrize("name", ["nofile.mp4", "no/clips", "./eye.png"])
+def test_a_file_that_does_not_exist_is_not_found(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for command in (("run", name), ("register", name, "-o", "x.toml")):
+        assert (
+            refuse(*command)
+            == f"haptigraph: {name}: file not found; `haptigraph sources` lists what SOURCE can be"
+        )
+
+
+def test_a_misspelt_kind_of_source_lists_the_valid_ones():
+    assert "no such source; valid: phantom:SCENARIO" in refuse("run", "fantom:align_then_approach")
+
+
+@pytest.mark.parametrize("suffix", [".bag", ".db3", ""])
+def test_a_recording_has_the_suffix_of_its_format(quick_uri, tmp_path, suffix):
+    file = tmp_path / f"run{suffix}"
+    sentence = f"haptigraph: {file}: a recording is MCAP; its name ends in .mcap"
+    assert refuse("run", quick_uri, "--fast", "--record", file) == sentence
+    assert not file.exists()
+
+
+@pytest.mark.parametrize("at_s", [-1, 60])
+def test_a_moment_outside_a_recording_is_refused_with_the_valid_ones(recording, at_s):
+    assert refuse("explain", recording, "--at", at_s) == (
+        f"haptigraph: {recording}: has no step at {at_s} s; valid: 0 to 7.73 s"
+    )
+
+
+def test_a_folder_that_is_no_clip_says_what_one_holds(tmp_path):
+    (tmp_path / "clip.mp4").write_bytes(b"")
+    assert refuse("evaluate", tmp_path) == (
+        f"haptigraph: {tmp_path}: registration.toml and truth.csv are missing; a labelled clip is a folder with "
+        "clip.mp4, registration.toml and truth.csv"
+    )
+
+
+def test_help_of_replay_does_not_contradict_itself():
+    text = " ".join(call("replay", "--help").output.split())
+    assert "default: the recorded one" in text and "default: subretinal_injection" not in text

@@ -102,7 +102,7 @@ def test_at_a_terminal_it_asks_for_confirmation(folder, answer, code, output):
 
 
 def test_an_impossible_erasure_is_refused_in_one_sentence(folder, tmp_path):
-    assert "study sight_and_touch has no participant 'P07'; it has 1" in refuse(
+    assert "study sight_and_touch has no participant 'P07'; it has P01" in refuse(
         "study", "erase", folder, "P07", "--yes"
     )
     assert "study.toml" in refuse("study", "erase", tmp_path, "P01", "--yes")

@@ -40,6 +40,7 @@ __all__ = [
     "tip_mm",
 ]
 
+CLIP_FILES = ("clip.mp4", "registration.toml", "truth.csv")
 MIN_DEPTH_MM = 2.0
 SHALLOW_MM = (1.0, 3.0)
 WALL_MM = 2.0  # a tip that disappears this close to the RCM is in the wall
@@ -51,7 +52,7 @@ class Evaluation(Struct, frozen=True):
     """The scores of one clip."""
 
     scores: dict[str, Any]
-    """As `score` returns them, preceded by "clip" and "perceiver"."""
+    """As `score` returns them, preceded by "clip", "perceiver" and, if it is not empty, "assumed"."""
     lag_images: float | None
     """Lag of the reported tip behind the true one, in images."""
 
@@ -71,7 +72,9 @@ def evaluate_clip(
         BadInput: If a file is missing or not valid.
     """
     folder = Path(folder)
+    _check_is_clip(folder)
     registration = load_camera_registration(folder / "registration.toml")
+    registration.check_turn(config.source.turn, str(folder / "registration.toml"))
     procedure = assemble.load_procedure(config.run.procedure)
     truth = load_truth(folder / "truth.csv", [state.name for state in procedure.states])
     config = config.with_perceiver(assemble.perceiver_name(config, procedure))
@@ -93,7 +96,19 @@ def evaluate_clip(
         raise BadInput(f"has {len(truth)} rows, but the clip has {len(steps)} images", folder / "truth.csv")
     named = {"clip": folder.resolve().name, "perceiver": config.perception.perceiver}
     scores = score(steps, truth, registration.image)
-    return Evaluation({**named, **scores}, lag_images(steps, truth, registration.image))
+    assumed = {"assumed": list(registration.assumed)} if registration.assumed else {}
+    return Evaluation({**named, **assumed, **scores}, lag_images(steps, truth, registration.image))
+
+
+def _check_is_clip(folder: Path) -> None:
+    """Refuse a folder that is no labelled clip, and say what one holds."""
+    missing = [name for name in CLIP_FILES if not (folder / name).is_file()]
+    if missing:
+        *others, last = missing
+        names = f"{', '.join(others)} and {last} are" if others else f"{last} is"
+        *held, end = CLIP_FILES
+        holds = f"a labelled clip is a folder with {', '.join(held)} and {end}"
+        raise BadInput(f"{names} missing; {holds}", folder)
 
 
 class Errors(Struct, frozen=True):

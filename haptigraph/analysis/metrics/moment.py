@@ -8,6 +8,7 @@ from pathlib import Path
 from msgspec import Struct
 from msgspec.structs import replace
 
+from haptigraph.analysis.metrics.replay import recorded_registration
 from haptigraph.analysis.plots.explanation import pattern_text
 from haptigraph.assemble import parse_procedure
 from haptigraph.errors import BadInput
@@ -17,6 +18,7 @@ from haptigraph.inference.procedure import Procedure, State
 from haptigraph.proof.nearest import Change, Nearest
 from haptigraph.proof.subject import bounds_of
 from haptigraph.recording.reader import RunReader
+from haptigraph.registration.assumed import assumed_text
 
 __all__ = ["Explanation", "Held", "Reason", "explain_graph", "explain_moment", "explanation_text"]
 
@@ -59,6 +61,8 @@ class Explanation(Struct, frozen=True):
     faults: tuple[str, ...] = ()
     held: Held | None = None
     """What was concluded instead, where a state outlasted its graph (`hold_ms`)."""
+    assumed: tuple[str, ...] = ()
+    """What the registration assumes, by name."""
     touch: str = ""
     """The commanded pattern; values that follow a measure are those of this moment."""
 
@@ -80,7 +84,7 @@ def explain_moment(path: str | Path, at_s: float) -> Explanation:
     for _, step in reader.places():
         first_ns = step.stamp_ns if first_ns is None else first_ns
         last_ns = step.stamp_ns
-        if (step.stamp_ns - first_ns) / 1e9 > at_s + 1e-9 and found is not None:
+        if found is not None and 0 <= at_s < (step.stamp_ns - first_ns) / 1e9 - 1e-9:
             break
         found = step
     if found is None or first_ns is None or last_ns is None:
@@ -93,7 +97,9 @@ def explain_moment(path: str | Path, at_s: float) -> Explanation:
     recorded, pattern = found.conclusion, found.command.pattern
     is_held = recorded.state != explanation.state
     held = Held(recorded.state, recorded.feel, recorded.because) if is_held else None
-    return replace(explanation, held=held, touch=f"{pattern.name!r}: {pattern_text(pattern)}")
+    assumed = recorded_registration(reader).assumed
+    touch = f"{pattern.name!r}: {pattern_text(pattern)}"
+    return replace(explanation, held=held, assumed=assumed, touch=touch)
 
 
 def explain_graph(
@@ -133,6 +139,7 @@ def explanation_text(explanation: Explanation) -> str:
         else f"{moment.time_s:.2f} s  {moment.held.state}, feels {moment.held.feel!r}: {moment.held.because}",
         *_section("commanded", [moment.touch] if moment.touch else []),
         *_section("by graph", [by_graph] if moment.held is not None else []),
+        *_section("assumed", [f"{assumed_text(moment.assumed)}; not measured"] if moment.assumed else []),
         *(f"  fault      {fault}" for fault in moment.faults),
         *_section("fired by", [_reason_text(reason) for reason in moment.fired_by] or ["no rule"]),
     ]

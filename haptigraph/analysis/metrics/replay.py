@@ -16,8 +16,9 @@ from haptigraph.recording.header import Losses
 from haptigraph.recording.reader import RunReader
 from haptigraph.recording.writer import Progress
 from haptigraph.registration.loading import parse_registration
+from haptigraph.registration.registered import BaseRegistration
 
-__all__ = ["Difference", "ReplayReport", "recorded_config", "replay", "replay_steps"]
+__all__ = ["Difference", "ReplayReport", "recorded_config", "recorded_registration", "replay", "replay_steps"]
 
 COMPARED = ("observation", "graph", "conclusion", "command")
 
@@ -49,6 +50,8 @@ class ReplayReport(Struct):
     is_being_written: bool = False
     losses: Losses | None = None
     """What is missing, if the recording was recovered from a damaged one."""
+    assumed: tuple[str, ...] = ()
+    """What the recorded registration assumes, by name."""
     recorded: RunMeasures = msgspec.field(default_factory=RunMeasures)
     replayed: RunMeasures = msgspec.field(default_factory=RunMeasures)
 
@@ -80,6 +83,7 @@ def replay(
         is_being_written=reader.is_being_written,
         losses=reader.losses,
         decoder=reader.info.decoder,
+        assumed=recorded_registration(reader).assumed,
         recorded=RunMeasures.under(_procedure(reader, None)),
         replayed=RunMeasures.under(_procedure(reader, procedure)),
     )
@@ -102,7 +106,6 @@ def replay(
 
 def replay_steps(reader: RunReader, procedure: str | None = None) -> Iterator[tuple[Step, Step]]:
     """Yield every recorded step with the step that the pipeline now makes of the same capture."""
-    info = reader.info
     config = recorded_config(reader)
     perceiver = config.perception.perceiver
     if perceiver not in (*assemble.PERCEIVERS, "auto"):  # that of a simulated participant, without images
@@ -111,7 +114,7 @@ def replay_steps(reader: RunReader, procedure: str | None = None) -> Iterator[tu
         )
     pipeline = assemble.build_pipeline(
         config,
-        parse_registration(info.registration, f"registration in {reader.path}"),
+        recorded_registration(reader),
         _procedure(reader, procedure),
     )
     for capture, recorded in reader.records():
@@ -128,6 +131,15 @@ def recorded_config(reader: RunReader) -> Config:
         return msgspec.json.decode(reader.info.config, type=Config)
     except msgspec.DecodeError as error:
         raise BadInput(f"configuration in it cannot be read: {error}", reader.path) from None
+
+
+def recorded_registration(reader: RunReader) -> BaseRegistration:
+    """Return the registration of a recorded run.
+
+    Raises:
+        BadInput: If it is not valid.
+    """
+    return parse_registration(reader.info.registration, f"registration in {reader.path}")
 
 
 def _procedure(reader: RunReader, name: str | None) -> Procedure:

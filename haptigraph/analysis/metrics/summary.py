@@ -3,6 +3,7 @@
 from haptigraph.analysis.metrics.run import RunMeasures
 from haptigraph.analysis.metrics.temporal import claim_lines
 from haptigraph.graph import Triplet
+from haptigraph.registration.assumed import assumed_lines
 from haptigraph.run_report import STAGES, RunReport
 
 __all__ = ["summary"]
@@ -15,7 +16,9 @@ def summary(measures: RunMeasures, report: RunReport | None = None) -> str:
         measures: Measures of the run.
         report: Report of the loop, if there was one.
     """
-    lines = [*_run_lines(measures), *_tip_lines(measures)]
+    lines = [*_run_lines(measures), *assumed_lines(report.assumed if report else ()), *_tip_lines(measures)]
+    if report and report.is_output_off:
+        lines.append("haptic output   off: claims are about what was commanded")
     lines += [*claim_lines(measures.claims, measures.first_ns), ""]
     lines += [f"{'state':36}{'in run':>9}{'in all':>9}"]
     for state, seconds in sorted(measures.all_state_s.items(), key=lambda item: -item[1]):

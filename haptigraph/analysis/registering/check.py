@@ -24,6 +24,7 @@ from haptigraph.errors import BadInput
 from haptigraph.geometry import ImageGeometry, Polyline, Vec, distance_to_polyline, nearest_on_polyline, norm
 from haptigraph.imaging import Floats
 from haptigraph.perception.anatomy.anatomy import Anatomy
+from haptigraph.registration.assumed import TARGET, TROCAR
 from haptigraph.registration.retarget import retina_angle_rad
 
 __all__ = ["Checked", "Row", "check_draft"]
@@ -143,6 +144,9 @@ def _trocar(anatomy: Anatomy | None, draft: Draft, image: ImageGeometry, number:
     outside_mm = norm(image.to_mm(trocar.point_px)) - draft.diameter_mm / 2
     where = f"{abs(outside_mm):.2f} mm {'outside' if outside_mm >= 0 else 'inside'} the inner edge"
     if anatomy is None or not anatomy.trocars:
+        if TROCAR in draft.assumed:
+            note = "assumed, not measured: drag it to the needle's remote centre of motion"
+            return Row(what, where, note=note, is_plausible=False)
         return Row(what, where, note="placed by hand")
     point_px = anatomy.frontal_px(trocar.point_px)
     found = min(anatomy.trocars, key=lambda each: math.dist(each.point_px, point_px))
@@ -153,6 +157,9 @@ def _trocar(anatomy: Anatomy | None, draft: Draft, image: ImageGeometry, number:
 def _target(draft: Draft, image: ImageGeometry, retina: Polyline) -> Row:
     point_mm = image.to_mm(draft.target_px)
     where = f"{along_text(point_mm, draft.diameter_mm / 2)} from its bottom"
+    if TARGET in draft.assumed:  # its distance from the retina would look like a measurement
+        note = "assumed, not measured: click it if it is right, or drag it"
+        return Row("Target", where, note=note, is_plausible=False)
     return _row("Target", where, distance_to_polyline(point_mm, retina), image, "off the retina")
 
 

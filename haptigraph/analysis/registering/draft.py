@@ -14,7 +14,9 @@ from msgspec import Meta, Struct
 from msgspec.structs import asdict, replace
 
 from haptigraph.analysis.registering.overrides import (
+    ADULT_GLOBE_MM,
     NO_TROCAR,
+    NOT_UPRIGHT,
     Overrides,
     apply_overrides,
     named_trocars,
@@ -25,11 +27,14 @@ from haptigraph.analysis.registering.registering import plausible_anatomy
 from haptigraph.analysis.registering.report import in_px_and_mm
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Homography, Vec
+from haptigraph.imaging import UPRIGHT, Turn
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy.anatomy import Anatomy
 from haptigraph.perception.anatomy.background_image import find_background_image
 from haptigraph.perception.anatomy.moving_shaft import median_image
 from haptigraph.perception.anatomy.rim import TYPICAL_WALL_MIDDLE
+from haptigraph.perception.anatomy.upright import enters_elsewhere
+from haptigraph.registration.assumed import POSITIONS, TROCAR, in_order
 from haptigraph.registration.camera import Registration, anatomy_px
 from haptigraph.registration.loading import parse_camera_registration
 from haptigraph.registration.text import AnatomyPx, TrocarPx, registration_text
@@ -79,6 +84,8 @@ class Draft(Struct, frozen=True, forbid_unknown_fields=True):
     trocars: Annotated[tuple[DraftTrocar, ...], Meta(min_length=1, max_length=8)]
     frontal_from_image: Homography | None = None
     """To the frontal image, where the camera is tilted; not editable."""
+    assumed: Annotated[tuple[Name, ...], Meta(max_length=10)] = ()
+    """What is neither measured nor stated, by name; an edit of it removes the name."""
     file: NameOrNone = ""
     """Name of the file it was read from, if any."""
 
@@ -97,9 +104,13 @@ class OpenedSource(Struct, frozen=True, eq=False):
     """What `register` did not find or leaves open, in one sentence; empty if nothing."""
     background_webp: bytes = b""
     """Reference image without instrument, if a needle moved."""
+    turn: Turn = UPRIGHT
+    """How its images were turned."""
 
 
-def open_images(images: Sequence[Image], source: str, *, mirrored: bool, diameter_mm: float) -> OpenedSource:
+def open_images(
+    images: Sequence[Image], source: str, *, mirrored: bool, diameter_mm: float, turn: Turn = UPRIGHT
+) -> OpenedSource:
     """Find the anatomy in images, or place a default draft where `register` refuses.
 
     Args:
@@ -107,16 +118,22 @@ def open_images(images: Sequence[Image], source: str, *, mirrored: bool, diamete
         source: Where they come from.
         mirrored: Whether the camera looks through a mirror.
         diameter_mm: Inner diameter of the globe.
+        turn: How the images were turned.
     """
-    overrides = Overrides(mirrored=mirrored, diameter_mm=diameter_mm)
+    overrides = Overrides(
+        mirrored=None if mirrored else False,
+        diameter_mm=None if diameter_mm == ADULT_GLOBE_MM else diameter_mm,
+        turn=turn,
+    )
     try:
         anatomy = plausible_anatomy(images, diameter_mm, source)
     except BadInput as error:
         reference_image = median_image(images)
         draft = _default_draft(reference_image.shape[1], reference_image.shape[0], overrides)
-        return OpenedSource(source, reference_image, None, draft, error.problem)
+        return OpenedSource(source, reference_image, None, draft, error.problem, turn=turn)
     draft, note = _found_draft(anatomy, overrides, source)
-    opened = OpenedSource(source, anatomy.reference_image, anatomy, draft, note)
+    note = NOT_UPRIGHT if enters_elsewhere(images, anatomy) else note
+    opened = OpenedSource(source, anatomy.reference_image, anatomy, draft, note, turn=turn)
     try:
         registration = checked_registration(opened, draft)
         background = find_background_image(images, anatomy.reference_image, registration)
@@ -138,7 +155,7 @@ def anatomy_px_of(opened: OpenedSource, draft: Draft) -> AnatomyPx:
             raise BadInput(f"({x:g}, {y:g}) px lies far outside the {width_px} x {height_px} px image")
     trocars = tuple(TrocarPx(trocar.name, trocar.point_px, trocar.used) for trocar in draft.trocars)
     same = {name: each for name, each in asdict(draft).items() if name != "file"}
-    more = {"trocars": trocars, "background_webp": opened.background_webp}
+    more = {"trocars": trocars, "background_webp": opened.background_webp, "turn": opened.turn}
     return AnatomyPx(width_px=width_px, height_px=height_px, **{**same, **more})
 
 
@@ -152,6 +169,7 @@ def draft_from(registration: Registration, file: str, opened: OpenedSource) -> D
     if (data.width_px, data.height_px) != (width_px, height_px):
         is_for = f"is for images of {data.width_px} x {data.height_px} px"
         raise BadInput(f"{is_for}, but this one is {width_px} x {height_px} px")
+    registration.check_turn(opened.turn, file)
     trocars = tuple(DraftTrocar(each.name, each.point_px, each.used) for each in data.trocars)
     try:
         draft = replace(_draft(data, trocars), file=_line(file.replace('"', "'"))[:40])
@@ -208,8 +226,8 @@ def _how(opened: OpenedSource, draft: Draft, where: str = "") -> str:
 
 def _found_draft(anatomy: Anatomy, overrides: Overrides, source: str) -> tuple[Draft, str]:
     """Return the anatomy found as a draft, and a note of what it leaves open."""
-    named = named_trocars(anatomy, overrides.mirrored)
-    side = "right" if overrides.mirrored else "left"  # of the surgeon, for the image's left
+    named = named_trocars(anatomy, overrides.is_mirrored)
+    side = "right" if overrides.is_mirrored else "left"  # of the surgeon, for the image's left
     note = ""
     if not named:
         x, y = anatomy.image_px(
@@ -221,12 +239,13 @@ def _found_draft(anatomy: Anatomy, overrides: Overrides, source: str) -> tuple[D
         trocar_option = named[0][0]
         unclear = unclear_trocar(named)
         note = f"{unclear}; choose it" if unclear else ""
-    mm_per_px = overrides.diameter_mm / (2 * anatomy.radius_px)
+    mm_per_px = overrides.globe_mm / (2 * anatomy.radius_px)
     data = apply_overrides(anatomy, replace(overrides, trocar=trocar_option), mm_per_px, source)
     trocars = tuple(
         DraftTrocar(trocar.name if named else side, trocar.point_px, trocar.used) for trocar in data.trocars
     )
-    return _draft(data, trocars), note
+    draft = _draft(data, trocars)
+    return (replace(draft, assumed=in_order((*draft.assumed, TROCAR))) if note else draft), note
 
 
 def _draft(data: AnatomyPx, trocars: tuple[DraftTrocar, ...]) -> Draft:
@@ -239,6 +258,7 @@ def _draft(data: AnatomyPx, trocars: tuple[DraftTrocar, ...]) -> Draft:
         target_px=data.target_px,
         trocars=trocars,
         frontal_from_image=data.frontal_from_image,
+        assumed=data.assumed,
     )
 
 
@@ -249,13 +269,14 @@ def _default_draft(width_px: int, height_px: int, overrides: Overrides) -> Draft
     steps = [2 * number / (DEFAULT_POINTS - 1) - 1 for number in range(DEFAULT_POINTS)]
     trocar = _point_at(center, TYPICAL_WALL_MIDDLE * radius, DEFAULT_TROCAR_DEG - 180)
     return Draft(
-        mirrored=overrides.mirrored,
-        diameter_mm=overrides.diameter_mm,
+        mirrored=overrides.is_mirrored,
+        diameter_mm=overrides.globe_mm,
         center_px=center,
         radius_px=radius,
         contour_px=tuple(_point_at(center, radius, step * DEFAULT_RETINA_DEG) for step in steps),
         target_px=_point_at(center, radius, 0.0),
-        trocars=(DraftTrocar("right" if overrides.mirrored else "left", trocar, used=True),),
+        trocars=(DraftTrocar("right" if overrides.is_mirrored else "left", trocar, used=True),),
+        assumed=in_order((*POSITIONS, *overrides.assumed)),
     )
 
 

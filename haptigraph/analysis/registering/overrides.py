@@ -8,27 +8,63 @@ from msgspec.structs import replace
 
 from haptigraph.errors import BadInput
 from haptigraph.geometry import ImageGeometry, Polyline, Vec, nearest_on_polyline
+from haptigraph.imaging import UPRIGHT, Turn
 from haptigraph.perception.anatomy.anatomy import Anatomy, FoundTrocar
+from haptigraph.registration.assumed import MIRROR, RIM, SCALE, TARGET, in_order
 from haptigraph.registration.camera import DIAMETER_RANGE_MM
 from haptigraph.registration.retarget import point_on_retina, retina_angle_rad
 from haptigraph.registration.text import AnatomyPx, TrocarPx
 
-__all__ = ["Overrides", "apply_overrides", "check_overrides", "named_trocars", "unclear_trocar"]
+__all__ = [
+    "NOT_UPRIGHT",
+    "Overrides",
+    "apply_overrides",
+    "check_overrides",
+    "named_trocars",
+    "unclear_trocar",
+]
 
+ADULT_GLOBE_MM = 24.0
 SNAP_MM = 1.5
 """Maximum distance from the retina of a target given in pixels."""
+UPRIGHT_HINT = (
+    "the eye must be upright, trocars on top, or be turned with --set source.rotate_deg=90, 180 or 270"
+)
+NOT_UPRIGHT = f"the needle does not enter the eye from above; {UPRIGHT_HINT}"
 NO_TROCAR = "no trocar found: no needle moves, and no port opening is visible inside the wall"
 
 
 class Overrides(Struct, frozen=True):
-    """The user's settings of the set-up; they take precedence over what is found."""
+    """The user's settings of the set-up; they take precedence over what is found. None: not stated."""
 
     target: str | None = None
     target_mm: float | None = None
     trocar: str | None = None
-    mirrored: bool = True
-    diameter_mm: float = 24.0
+    mirrored: bool | None = None
+    diameter_mm: float | None = None
     images: int = 40
+    turn: Turn = UPRIGHT
+    """How the source's images are turned."""
+
+    @property
+    def is_mirrored(self) -> bool:
+        """Whether the images are mirrored, as stated; or else assumed, unless they are turned back."""
+        return not self.turn.mirror if self.mirrored is None else self.mirrored
+
+    @property
+    def globe_mm(self) -> float:
+        """Inner diameter of the globe, as stated or else assumed."""
+        return ADULT_GLOBE_MM if self.diameter_mm is None else self.diameter_mm
+
+    @property
+    def assumed(self) -> tuple[str, ...]:
+        """Names of the settings that nobody stated."""
+        is_stated = {
+            TARGET: self.target is not None or self.target_mm is not None,
+            SCALE: self.diameter_mm is not None,
+            MIRROR: self.mirrored is not None,
+        }
+        return tuple(name for name, stated in is_stated.items() if not stated)
 
 
 def check_overrides(overrides: Overrides) -> None:
@@ -38,9 +74,9 @@ def check_overrides(overrides: Overrides) -> None:
     if overrides.images < 1:
         raise BadInput(f"--images {overrides.images} is too few; use at least 1")
     low, high = DIAMETER_RANGE_MM
-    if not low <= overrides.diameter_mm <= high:
+    if not low <= overrides.globe_mm <= high:
         raise BadInput(
-            f"--diameter-mm {overrides.diameter_mm:g} is implausible for an eye; use {low:g} to {high:g}"
+            f"--diameter-mm {overrides.globe_mm:g} is implausible for an eye; use {low:g} to {high:g}"
         )
     for option, text in (("--target", overrides.target), ("--trocar", overrides.trocar)):
         if text is not None and not (option == "--trocar" and text in ("left", "right")):
@@ -54,23 +90,25 @@ def apply_overrides(anatomy: Anatomy, overrides: Overrides, mm_per_px: float, so
         BadInput: If an override does not fit what was found.
     """
     homography = anatomy.tilt.frontal_from_image if anatomy.tilt else None
-    frontal = ImageGeometry(anatomy.center_px, mm_per_px, overrides.mirrored)
+    frontal = ImageGeometry(anatomy.center_px, mm_per_px, overrides.is_mirrored)
     image = replace(frontal, frontal_from_image=homography)
     retina = Polyline(tuple(frontal.to_mm(point) for point in anatomy.contour_px))
-    trocars = _with_used(named_trocars(anatomy, overrides.mirrored), anatomy, overrides.trocar, source)
+    trocars = _with_used(named_trocars(anatomy, overrides.is_mirrored), anatomy, overrides.trocar, source)
     return AnatomyPx(
         width_px=anatomy.reference_image.shape[1],
         height_px=anatomy.reference_image.shape[0],
-        mirrored=overrides.mirrored,
+        mirrored=overrides.is_mirrored,
         center_px=anatomy.image_px(anatomy.center_px),
         radius_px=anatomy.radius_px,
-        diameter_mm=overrides.diameter_mm,
+        diameter_mm=overrides.globe_mm,
         contour_px=tuple(
-            anatomy.image_px(point) for point in anatomy.contour_px[:: -1 if overrides.mirrored else 1]
+            anatomy.image_px(point) for point in anatomy.contour_px[:: -1 if overrides.is_mirrored else 1]
         ),
         target_px=image.to_px(_target_point_mm(retina, image, overrides, source)),
         trocars=tuple(replace(trocar, point_px=anatomy.image_px(trocar.point_px)) for trocar in trocars),
         frontal_from_image=homography,
+        turn=overrides.turn,
+        assumed=in_order((*overrides.assumed, *(() if anatomy.rim_evidence else (RIM,)))),
     )
 
 
@@ -110,7 +148,9 @@ def _with_used(
             )
         used = requested
     elif not named:
-        raise BadInput(f"{NO_TROCAR}; give a clip with a moving needle, or --trocar X,Y", source)
+        raise BadInput(
+            f"{NO_TROCAR}; give a clip with a moving needle, or --trocar X,Y; {UPRIGHT_HINT}", source
+        )
     elif unclear := unclear_trocar(named):
         raise BadInput(f"{unclear}; give --trocar: {candidates}", source)
     else:
@@ -126,17 +166,15 @@ def _target_point_mm(retina: Polyline, image: ImageGeometry, overrides: Override
         off_mm = math.dist(nearest, point)
         if off_mm > SNAP_MM:
             raise BadInput(
-                f"--target {overrides.target} is {off_mm:.1f} mm off the retina; "
-                f"at most {SNAP_MM} mm is corrected",
+                f"--target {overrides.target} is {off_mm:.1f} mm off the retina; at most {SNAP_MM} mm is "
+                f"corrected; {UPRIGHT_HINT}",
                 source,
             )
         return nearest
     along_mm = overrides.target_mm or 0.0
-    point_mm = point_on_retina(retina, overrides.diameter_mm / 2, along_mm)
+    point_mm = point_on_retina(retina, overrides.globe_mm / 2, along_mm)
     if point_mm is None:
-        reach_mm = (
-            max(retina_angle_rad(point_mm) for point_mm in retina.points_mm) * overrides.diameter_mm / 2
-        )
+        reach_mm = max(retina_angle_rad(point_mm) for point_mm in retina.points_mm) * overrides.globe_mm / 2
         raise BadInput(
             f"--target-mm {along_mm:g} is beyond the retina, which extends {reach_mm:.1f} mm either way"
         )

@@ -63,7 +63,7 @@ def registration_picture(
             )
             cv2.line(canvas, start, end, TROCAR, 1, cv2.LINE_AA, SHIFT)
     _circle(canvas, found.target_px, 6, TARGET, 2)
-    _label(canvas, "target", found.target_px, TARGET)
+    _label(canvas, f"target{' (assumed)' if 'target' in found.assumed else ''}", found.target_px, TARGET)
     _scale_bar(canvas, registration.image.mm_per_px)
     _label(canvas, uncertainty, (12, canvas.shape[0] - 44))
     return encode_png(canvas)

@@ -3,7 +3,6 @@
 Writes both files or neither.
 """
 
-import json
 import os
 import tempfile
 from collections.abc import Generator, Iterable, Sequence
@@ -12,19 +11,27 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from haptigraph.analysis.registering.overrides import Overrides, apply_overrides, check_overrides
+from haptigraph.analysis.registering.overrides import (
+    NOT_UPRIGHT,
+    Overrides,
+    apply_overrides,
+    check_overrides,
+)
 from haptigraph.analysis.registering.picture import registration_picture
 from haptigraph.analysis.registering.report import WALL_MM, in_px_and_mm, report_lines, wall_mm
 from haptigraph.assemble import SOURCES, open_source
 from haptigraph.clock import VirtualClock
-from haptigraph.config import load_config
+from haptigraph.config import Config, SourceConfig
 from haptigraph.errors import BadInput
+from haptigraph.imaging import UPRIGHT, Turn
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy.anatomy import Anatomy, find_anatomy
 from haptigraph.perception.anatomy.background_image import find_background_image
+from haptigraph.perception.anatomy.upright import enters_elsewhere
 from haptigraph.recording.codec import decode
+from haptigraph.recording.reader import RunReader
 from haptigraph.recording.writer import Progress
-from haptigraph.registration.loading import parse_camera_registration
+from haptigraph.registration.loading import parse_camera_registration, parse_registration
 from haptigraph.registration.text import registration_text
 from haptigraph.sources.naming import CAMERAS, split_source
 from haptigraph.sources.reading import read_images
@@ -35,6 +42,7 @@ __all__ = [
     "check_files",
     "images_of",
     "plausible_anatomy",
+    "recorded_turn",
     "register_source",
     "spread_images",
     "write_files",
@@ -73,10 +81,13 @@ def register_source(
     files = Path(output), Path(picture) if picture else Path(output).with_suffix(".png")
     check_overrides(overrides)
     check_files(files, source, force=force)
-    with closing(all_images(source)) as available:
+    with closing(all_images(source, overrides.turn)) as available:
         images = spread_images(available, source, overrides.images, progress)
-    anatomy = plausible_anatomy(images, overrides.diameter_mm, source)
-    mm_per_px = overrides.diameter_mm / (2 * anatomy.radius_px)
+    anatomy = plausible_anatomy(images, overrides.globe_mm, source)
+    overrides = replace(overrides, turn=recorded_turn(source) or overrides.turn)
+    if overrides.trocar is None and enters_elsewhere(images, anatomy):
+        raise BadInput(f"{NOT_UPRIGHT}; if it is upright, give --trocar", source)
+    mm_per_px = overrides.globe_mm / (2 * anatomy.radius_px)
     found = apply_overrides(anatomy, overrides, mm_per_px, source)
     uncertainty = f"globe and retina uncertain by {in_px_and_mm(anatomy.rim_uncertainty_px, mm_per_px)}"
     title = f"Registration found by haptigraph in {Path(source).name}; {uncertainty}."
@@ -150,8 +161,8 @@ def spread_images(
     return [picked[round(index * (len(picked) - 1) / max(len(indices) - 1, 1))] for index in indices]
 
 
-def all_images(uri: str) -> Generator[Image, None, None]:
-    """Yield the image of a file, or all images of a source that is not a camera.
+def all_images(uri: str, turn: Turn = UPRIGHT) -> Generator[Image, None, None]:
+    """Yield the image of a file, or all images of a source that is not a camera, turned.
 
     Raises:
         BadInput: If it cannot be read.
@@ -159,13 +170,21 @@ def all_images(uri: str) -> Generator[Image, None, None]:
     file = Path(uri)
     if file.is_file() and file.suffix.lower() in PICTURES:
         try:
-            yield decode(file.read_bytes())
+            yield turn(decode(file.read_bytes()))
         except ValueError:
             raise BadInput("not an image that OpenCV can read", uri) from None
         return
     if split_source(uri, SOURCES)[0] in CAMERAS:
         raise BadInput(f"{uri} cannot be registered directly; record a short clip with it and register that")
-    yield from images_of(open_source(load_config(None, (f"source.uri={json.dumps(uri)}",)), VirtualClock()))
+    config = Config(SourceConfig(uri=uri, rotate_deg=turn.rotate_deg, mirror=turn.mirror))
+    yield from images_of(open_source(config, VirtualClock()))
+
+
+def recorded_turn(uri: str) -> Turn | None:
+    """Return how the images in a recording were turned; None if the source is none."""
+    if split_source(uri, SOURCES)[0] != "recording":
+        return None
+    return parse_registration(RunReader(uri).info.registration, f"registration in {uri}").turn
 
 
 def images_of(source: Source) -> Generator[Image, None, None]:

@@ -1,12 +1,15 @@
 """The report of `register`: what was found, residuals and uncertainty, and whether the scale is plausible."""
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 from haptigraph.analysis.registering.overrides import Overrides, named_trocars
 from haptigraph.geometry import Vec
+from haptigraph.imaging import UPRIGHT
 from haptigraph.perception.anatomy.anatomy import Anatomy, FoundTrocar
 from haptigraph.perception.anatomy.rcm import Rcm
+from haptigraph.registration.assumed import MIRROR, SCALE, TARGET, assumed_text, needs_consent
 from haptigraph.registration.camera import Registration
 from haptigraph.registration.retarget import retina_angle_rad
 from haptigraph.registration.text import AnatomyPx, TrocarPx
@@ -24,6 +27,7 @@ __all__ = [
 
 WALL_MM = (0.3, 4.0)
 """Plausible thickness of the globe's wall."""
+STATED_BY = {TARGET: "--target or --target-mm", SCALE: "--diameter-mm", MIRROR: "--[not-]mirrored"}
 RIM_EVIDENCE = {"needle": "the needle's remote centre of motion", "port_openings": "the port openings"}
 
 
@@ -61,17 +65,19 @@ def report_lines(
         f"retina     {len(found.contour_px)} points, {anatomy.measured_points} of them measured at the edge"
     )
     for (name, trocar), written in zip(
-        named_trocars(anatomy, overrides.mirrored), found.trocars, strict=False
+        named_trocars(anatomy, overrides.is_mirrored), found.trocars, strict=False
     ):
         if written.name == name:
             lines.append(_trocar_line(anatomy, trocar, written, registration))
-    default = overrides.target is None and overrides.target_mm is None
     lines.append(
         f"target     ({found.target_px[0]:.1f}, {found.target_px[1]:.1f}) px, "
         f"{along_text(registration.target.at_mm, registration.globe.radius_mm)}"
-        + (" (default: its bottom; set it with --target or --target-mm)" if default else "")
+        + (" (assumed: its lowest point)" if TARGET in found.assumed else "")
     )
     lines.append(_background_line(bool(found.background_webp)))
+    if found.turn != UPRIGHT:
+        lines.append(f"turned     by {found.turn}; a run needs the same settings")
+    lines += _assumed_lines(found.assumed)
     return [*lines, f"written    {files[0]}\npicture    {files[1]}"]
 
 
@@ -120,6 +126,17 @@ def _background_line(has_background: bool) -> str:
         "reference  image without instrument not stored, because no needle moves; begin runs with the needle "
         "outside the eye, or register a clip in which it moves"
     )
+
+
+def _assumed_lines(assumed: Sequence[str]) -> list[str]:
+    """Say what was assumed, and by which options to state it."""
+    if not assumed:
+        return []
+    options = ", ".join(STATED_BY[name] for name in assumed if name in STATED_BY)
+    lines = [f"ASSUMED    {assumed_text(assumed)}" + (f"; state it with {options}" if options else "")]
+    if needs_consent(assumed):
+        lines.append("           a run stays silent until the target is stated, or with --accept-assumed")
+    return lines
 
 
 def trocar_evidence(rcm: Rcm | None, mm_per_px: float) -> str:

@@ -21,6 +21,7 @@ from haptigraph.inference.procedure import Procedure
 from haptigraph.perception.eye_view import IoctView
 from haptigraph.recording.header import losses_sentence
 from haptigraph.recording.reader import RunReader, StepLocation
+from haptigraph.registration.assumed import assumed_text
 from haptigraph.registration.loading import parse_registration
 from haptigraph.registration.registered import BaseRegistration
 
@@ -51,7 +52,7 @@ def read_run(name: str) -> None:
         "image_from_eye_px": at_px,
         "run": {**msgspec.to_builtins(reader.info), "config": "", "registration": "", "procedure": ""},
         "measures": measures_json(measures, timeline.start_ns),
-        "notes": _notes(reader, name),
+        "notes": [*_notes(reader, name), *_assumed_notes(registration)],
     }
     send_message({"type": "timeline", **content, **more}, data)
 
@@ -89,6 +90,12 @@ def _outcome(name: str) -> dict[str, Any]:
         start_ns = step.stamp_ns if start_ns is None else start_ns
         measures.add(step)
     return measures_json(measures, start_ns or 0)
+
+
+def _assumed_notes(registration: BaseRegistration) -> list[str]:
+    if not registration.assumed:
+        return []
+    return [f"The registration assumes {assumed_text(registration.assumed)}: not measured."]
 
 
 def _notes(reader: RunReader, name: str) -> list[str]:

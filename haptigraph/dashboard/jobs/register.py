@@ -8,7 +8,7 @@ from contextlib import closing
 from msgspec.structs import replace
 
 from haptigraph.analysis.registering.draft import open_images
-from haptigraph.analysis.registering.registering import all_images, spread_images
+from haptigraph.analysis.registering.registering import all_images, recorded_turn, spread_images
 from haptigraph.assemble import SOURCES, open_source
 from haptigraph.clock import MonotonicClock
 from haptigraph.config import Config, SourceConfig
@@ -33,7 +33,7 @@ def find_eye(
 
     Args:
         source: The source to read.
-        source_config: Settings of a camera.
+        source_config: Settings of a camera; how images are turned.
         images: Images of a source that cannot be read from here; else empty.
         mirrored: Whether the camera looks through a mirror.
         diameter_mm: Inner diameter of the globe.
@@ -41,7 +41,8 @@ def find_eye(
     with closing(_images(source, source_config, images)) as found:
         picked = spread_images(found, source, MAX_IMAGES, _send_progress)
     _send_progress(f"finding the eye in {len(picked)} images")
-    opened = open_images(picked, source, mirrored=mirrored, diameter_mm=diameter_mm)
+    turn = (None if images else recorded_turn(source)) or source_config.turn
+    opened = open_images(picked, source, mirrored=mirrored, diameter_mm=diameter_mm, turn=turn)
     send_message({"type": "opened"}, pickle.dumps(opened))
 
 
@@ -60,13 +61,14 @@ def _images(
     elif kind == "teleop":
         raise BadInput(f"{source} has no end; use phantom:SCENARIO")
     else:
-        yield from all_images(source)
+        yield from all_images(source, source_config.turn)
 
 
 def _camera_images(source_config: SourceConfig) -> Generator[Image, None, None]:
     """Yield a camera's images for some seconds."""
     size_px = (source_config.width_px, source_config.height_px) if source_config.width_px else CAMERA_PX
-    with closing(open_source(Config(source=source_config), MonotonicClock(), size_px)) as camera:
+    turned_px = source_config.turn.size_before_px(size_px)  # which swaps back, too
+    with closing(open_source(Config(source=source_config), MonotonicClock(), turned_px)) as camera:
         end_s = time.monotonic() + OBSERVE_S
         while time.monotonic() < end_s:
             try:

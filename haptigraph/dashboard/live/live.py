@@ -10,12 +10,13 @@ from socket import socket
 from haptigraph.analysis.metrics.run import RunMeasures
 from haptigraph.clock import MonotonicClock
 from haptigraph.config import Config
-from haptigraph.dashboard.server.access import LOOPBACK
+from haptigraph.dashboard.server.access import LOOPBACK, Tokens
+from haptigraph.dashboard.server.addresses import address_lines, addresses, qr_code
 from haptigraph.dashboard.server.controls import Controls
 from haptigraph.dashboard.server.describe import announcement
 from haptigraph.dashboard.server.health import Health
 from haptigraph.dashboard.server.hub import Hub
-from haptigraph.dashboard.server.server import REGISTRATION, Server, address, make_app
+from haptigraph.dashboard.server.server import REGISTRATION, Server, make_app
 from haptigraph.dashboard.server.site import Site
 from haptigraph.pipeline import Loop
 from haptigraph.sources.phased import PhasedSource
@@ -30,19 +31,41 @@ class LivePage:
         config: Of the run.
         listener: The socket to serve on.
         host: The address it listens on.
-        token: What visitors must present; empty: nothing.
+        tokens: What visitors must present.
         recordings: Folder of recordings to show.
     """
 
-    def __init__(self, config: Config, listener: socket, *, host: str, token: str, recordings: Path) -> None:
+    def __init__(
+        self, config: Config, listener: socket, *, host: str, tokens: Tokens, recordings: Path
+    ) -> None:
         self.hub = Hub(MonotonicClock())
-        self._config, self._listener, self._host, self._token = config, listener, host, token
+        self._config, self._listener, self._host, self._tokens = config, listener, host, tokens
         self._recordings = recordings
 
     @property
     def address(self) -> str:
-        """The address to open in a browser."""
-        return address(self._listener, self._host, self._token)
+        """The address to open in a browser on this machine or, with another host, on others."""
+        return addresses(self._listener, self._host, self._tokens.steer)[0]
+
+    @property
+    def address_lines(self) -> list[str]:
+        """What to print: the addresses to steer and, for other machines, to watch."""
+        steer = addresses(self._listener, self._host, self._tokens.steer)
+        lines = address_lines(steer, "the page is at")
+        if self._tokens.watch:
+            lines += address_lines(self._to_watch, "to watch only:")
+        return lines
+
+    @property
+    def qr_codes(self) -> list[tuple[str, str]]:
+        """Role and QR code of the addresses for other machines; none if only this one can reach the page."""
+        if not self._tokens.watch:
+            return []
+        return [("watch", qr_code(self._to_watch[0])), ("steer", qr_code(self.address))]
+
+    @property
+    def _to_watch(self) -> list[str]:
+        return addresses(self._listener, self._host, self._tokens.watch)
 
     @contextmanager
     def served(self, loop: Loop, measures: RunMeasures) -> Iterator[None]:
@@ -58,7 +81,7 @@ class LivePage:
         announcement(self._config, loop, self.hub)()
         phased = loop.source if isinstance(loop.source, PhasedSource) else None
         site = self._site(Controls(self.hub, loop.source.teleop, phased))
-        app = make_app(site, Health(loop, self.hub, measures), host=self._host, token=self._token)
+        app = make_app(site, Health(loop, self.hub, measures), host=self._host, tokens=self._tokens)
         with Server(app, self._listener):
             yield
 
@@ -67,7 +90,7 @@ class LivePage:
         saved: SimpleQueue[str] = SimpleQueue()
         controls = Controls(self.hub, None)
         site = self._site(controls, saved.put)
-        app = make_app(site, dict, host=self._host, token=self._token, pages=(REGISTRATION,))
+        app = make_app(site, dict, host=self._host, tokens=self._tokens, pages=(REGISTRATION,))
         with Server(app, self._listener.dup()):
             return saved.get()
 

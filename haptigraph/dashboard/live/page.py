@@ -9,6 +9,7 @@ from typing import Any
 from starlette.routing import BaseRoute, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from haptigraph.dashboard.server.access import may_steer
 from haptigraph.dashboard.server.controls import Controls
 from haptigraph.dashboard.server.hub import Hub
 from haptigraph.dashboard.server.protocol import (
@@ -30,6 +31,7 @@ from haptigraph.dashboard.server.viewer import Viewer
 __all__ = ["routes"]
 
 MAX_VIEWERS = 16
+STEERING = (TakeControls, Tune, EnterPhase)
 
 
 def routes(site: Site) -> Sequence[BaseRoute]:
@@ -41,8 +43,8 @@ def routes(site: Site) -> Sequence[BaseRoute]:
         if len(hub.viewers) >= MAX_VIEWERS:
             await websocket.close(1013, f"{MAX_VIEWERS} pages watch already; close one")
             return
-        viewer = Viewer(f"page {next(numbers)}")
-        viewer.put_text(text_message("welcome", name=viewer.name))
+        viewer = Viewer(f"page {next(numbers)}", may_steer=may_steer(websocket.scope))
+        viewer.put_text(text_message("welcome", name=viewer.name, may_steer=viewer.may_steer))
         hub.join(viewer)
         sender = asyncio.create_task(_send(websocket, viewer))
         try:
@@ -93,6 +95,8 @@ def _handle(message: ClientMessage, viewer: Viewer, hub: Hub, controls: Controls
         viewer.wants_images = message.images
     elif isinstance(message, Ping):
         viewer.put_text(text_message("pong", time_ms=message.time_ms, now_ms=hub.now_ms()))
+    elif isinstance(message, STEERING) and not viewer.may_steer:
+        viewer.put_text(text_message("error", message="this page watches only; it cannot steer"))
     elif isinstance(message, TakeControls):
         controls.take(viewer)
     elif isinstance(message, Tune):

@@ -5,23 +5,43 @@ A page from elsewhere, open in the same browser, can neither read from this serv
 
 import hmac
 import re
+from collections.abc import Mapping
 from http.cookies import SimpleCookie
+from typing import Any, NamedTuple
 from urllib.parse import parse_qs
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import PlainTextResponse, RedirectResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-__all__ = ["LOOPBACK", "AccessControl"]
+__all__ = ["LOOPBACK", "AccessControl", "Tokens", "may_steer"]
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 COOKIE = "haptigraph_token"
 HOST = re.compile(r"(\[[0-9A-Fa-f:.]+\]|[^\s,:@/]+)(?::\d{1,5})?")
 SAFE_METHODS = ("GET", "HEAD")
+WATCHED = re.compile(r"/|/live|/static/.*")
+"""Paths that visitors may open who only watch."""
+MAY_STEER = "haptigraph.may_steer"
+"""Key of a request's scope."""
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; "
     "connect-src 'self' ws://{host}; base-uri 'none'; form-action 'self'; frame-ancestors 'none'"
 )
+
+
+class Tokens(NamedTuple):
+    """What visitors must present. Empty: nobody has this role by a token."""
+
+    steer: str = ""
+    """To do everything; empty: every visitor may."""
+    watch: str = ""
+    """To watch the live page."""
+
+
+def may_steer(scope: Mapping[str, Any]) -> bool:
+    """Return whether the sender of a request that was passed on may do more than watch."""
+    return bool(scope[MAY_STEER])
 
 
 class AccessControl:
@@ -30,14 +50,14 @@ class AccessControl:
     Args:
         app: The protected app.
         host: The address that the server listens on; loopback addresses need no token.
-        token: What visitors must present; empty: nothing.
+        tokens: What visitors must present.
         entrances: Paths of pages that other sites may link to.
     """
 
     def __init__(
-        self, app: ASGIApp, *, host: str, token: str, entrances: frozenset[str] = frozenset()
+        self, app: ASGIApp, *, host: str, tokens: Tokens, entrances: frozenset[str] = frozenset()
     ) -> None:
-        self._app, self._host, self._token, self._entrances = app, host, token, entrances
+        self._app, self._host, self._tokens, self._entrances = app, host, tokens, entrances
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Refuse one request, or pass it on."""
@@ -49,12 +69,13 @@ class AccessControl:
         refusal = self._refusal(scope, headers, token)
         if refusal:
             await _refuse(refusal, scope, receive, send)
-        elif token and self._token and scope["type"] == "http":
+        elif token and self._tokens.steer and scope["type"] == "http":
             # The token moves from the address, which is shown and shared, into a cookie.
             response = RedirectResponse(scope["path"], status_code=303)
-            response.set_cookie(COOKIE, self._token, httponly=True, samesite="strict")
+            response.set_cookie(COOKIE, token, httponly=True, samesite="strict")
             await response(scope, receive, send)
         else:
+            scope = {**scope, MAY_STEER: self._may_steer(token or _cookie(headers))}
             await self._app(scope, receive, _with_headers(send, headers.get("host", "")))
 
     def _refusal(self, scope: Scope, headers: Headers, token: str) -> str:
@@ -75,12 +96,24 @@ class AccessControl:
             return "requests from pages of other sites are not permitted"
         if origin is None and not is_safe:
             return "request without Origin; only scripts of this server's own pages may send it"
-        if self._token and not hmac.compare_digest(
-            (token or _cookie(headers)).encode(), self._token.encode()
-        ):
-            what = "wrong token" if token or _cookie(headers) else "no token"
-            return f"{what}; open the address that haptigraph printed"
-        return ""
+        return self._role_refusal(scope, token or _cookie(headers))
+
+    def _role_refusal(self, scope: Scope, token: str) -> str:
+        if self._may_steer(token):
+            return ""
+        if not (self._tokens.watch and _is_same(token, self._tokens.watch)):
+            return f"{'wrong token' if token else 'no token'}; open the address that haptigraph printed"
+        is_safe = scope["type"] == "websocket" or scope["method"] in SAFE_METHODS
+        if is_safe and WATCHED.fullmatch(scope["path"]):
+            return ""
+        return "this address only watches; open the one to steer that haptigraph printed"
+
+    def _may_steer(self, token: str) -> bool:
+        return not self._tokens.steer or _is_same(token, self._tokens.steer)
+
+
+def _is_same(token: str, secret: str) -> bool:
+    return hmac.compare_digest(token.encode(), secret.encode())
 
 
 def _cookie(headers: Headers) -> str:

@@ -56,14 +56,14 @@ class Controls:
             self._publish_settings(self._teleop.settings)
 
     def enter_phase(self, viewer: Viewer, phase: str) -> None:
-        """Enter a phase of the operation; ignored if it is unknown or another page holds the controls."""
-        is_permitted = self._holder is None or self._holder is viewer
+        """Enter a phase; ignored if it is unknown, the page only watches, or another holds the controls."""
+        is_permitted = viewer.may_steer and (self._holder is None or self._holder is viewer)
         if is_permitted and self._phased is not None and phase in self._phased.phases:
             self._phased.named = phase
 
     def take(self, viewer: Viewer) -> None:
-        """Give the controls to a page if they are free."""
-        if self._holder is None and self._teleop is not None:
+        """Give the controls to a page if they are free and it may steer."""
+        if viewer.may_steer and self._holder is None and self._teleop is not None:
             self._holder = viewer
             self._publish_holder()
 

@@ -18,6 +18,7 @@ from haptigraph.inference.procedure import Procedure, State
 from haptigraph.messages import TIP_NOT_VISIBLE, UNKNOWN
 from haptigraph.perception.eye_view import IoctView
 from haptigraph.pipeline import Loop
+from haptigraph.registration.assumed import needs_consent
 from haptigraph.registration.loading import load_registration, parse_registration
 from haptigraph.registration.registered import BaseRegistration
 from haptigraph.registration.retarget import with_target
@@ -80,6 +81,8 @@ def describe_run(
         "recording": config.recording.path,
         "stale_ms": config.run.stale_ms,
         "deadman_ms": config.haptics.deadman_ms,
+        "assumed": registration.assumed,
+        "silenced": needs_consent(registration.assumed) and not config.haptics.accept_assumed,
     }
 
 

@@ -13,7 +13,6 @@ import threading
 from collections.abc import AsyncIterator, Callable, Sequence
 from importlib import import_module, resources
 from typing import Any, NamedTuple
-from urllib.parse import quote
 
 import uvicorn
 from starlette.applications import Starlette
@@ -21,12 +20,12 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.routing import BaseRoute, Route
 
-from haptigraph.dashboard.server.access import AccessControl
+from haptigraph.dashboard.server.access import AccessControl, Tokens, may_steer
 from haptigraph.dashboard.server.connections import BoundedConnection, BoundedLog
 from haptigraph.dashboard.server.site import Site
 from haptigraph.errors import BadInput
 
-__all__ = ["LIVE", "PAGES", "REGISTRATION", "STUDY_PAGES", "Page", "Server", "address", "listen", "make_app"]
+__all__ = ["LIVE", "PAGES", "REGISTRATION", "STUDY_PAGES", "Page", "Server", "listen", "make_app"]
 
 STATIC = resources.files("haptigraph.dashboard").joinpath("static")
 MAX_MESSAGE_BYTES = 65_536
@@ -73,7 +72,7 @@ def make_app(
     health: Callable[[], dict[str, Any]],
     *,
     host: str,
-    token: str,
+    tokens: Tokens,
     pages: Sequence[Page] = PAGES,
 ) -> AccessControl:
     """Return the ASGI app.
@@ -82,7 +81,7 @@ def make_app(
         site: Context of the routes.
         health: Returns the fields of the health message.
         host: The address that the server listens on.
-        token: What visitors must present; empty: nothing.
+        tokens: What visitors must present.
         pages: The pages; "/" redirects to the first.
     """
 
@@ -98,7 +97,7 @@ def make_app(
     routes += [route for page in pages for route in _page_routes(page, site)]
     app = Starlette(routes=routes, lifespan=lifespan, exception_handlers={404: _not_found})
     entrances = frozenset({"/", *(page.path for page in pages)})
-    return AccessControl(app, host=host, token=token, entrances=entrances)
+    return AccessControl(app, host=host, tokens=tokens, entrances=entrances)
 
 
 def _page_routes(page: Page, site: Site) -> Sequence[BaseRoute]:
@@ -115,17 +114,23 @@ def _redirect(path: str) -> Callable[[Request], Any]:
 
 
 def _html(page: Page, pages: Sequence[Page]) -> Callable[[Request], Any]:
-    links = "".join(
+    text = STATIC.joinpath(page.file).read_text(encoding="utf-8")
+    steering, watching = (
+        text.replace("<nav></nav>", f'<nav aria-label="Pages">{_links(page, linked)}</nav>')
+        for linked in (pages, (page,))
+    )
+
+    async def endpoint(request: Request) -> Response:
+        return HTMLResponse(steering if may_steer(request.scope) else watching)
+
+    return endpoint
+
+
+def _links(page: Page, pages: Sequence[Page]) -> str:
+    return "".join(
         f'<a href="{other.path}"{" aria-current=page" * (other is page)}>{html.escape(other.title)}</a>'
         for other in pages
     )
-    text = STATIC.joinpath(page.file).read_text(encoding="utf-8")
-    text = text.replace("<nav></nav>", f'<nav aria-label="Pages">{links}</nav>')
-
-    async def endpoint(request: Request) -> Response:
-        return HTMLResponse(text)
-
-    return endpoint
 
 
 async def _not_found(request: Request, error: Exception) -> Response:
@@ -172,13 +177,6 @@ def listen(host: str, port: int) -> socket.socket:
         hint = "; omit --port to use a free one" if port else ""
         raise BadInput(f"cannot listen on {host}, port {port} ({error.strerror}){hint}") from None
     return listener
-
-
-def address(listener: socket.socket, host: str, token: str, path: str = "/") -> str:
-    """Return the address to open in a browser."""
-    name = f"[{host}]" if ":" in host else host
-    secret = f"?token={quote(token)}" if token else ""
-    return f"http://{name}:{listener.getsockname()[1]}{path}{secret}"
 
 
 class Server:

@@ -14,10 +14,11 @@ class Viewer:
 
     Args:
         name: Its name on other pages.
+        may_steer: Whether it may do more than watch.
     """
 
-    def __init__(self, name: str) -> None:
-        self.name = name
+    def __init__(self, name: str, *, may_steer: bool = True) -> None:
+        self.name, self.may_steer = name, may_steer
         self.wants_images = True
         self.missed = 0
         """Images that the page was too slow for."""

@@ -8,12 +8,13 @@ from typing import Any
 from haptigraph.analysis.metrics.run import RunMeasures
 from haptigraph.clock import MonotonicClock
 from haptigraph.config import Config
-from haptigraph.dashboard.server.access import LOOPBACK
+from haptigraph.dashboard.server.access import LOOPBACK, Tokens
+from haptigraph.dashboard.server.addresses import addresses
 from haptigraph.dashboard.server.controls import Controls
 from haptigraph.dashboard.server.describe import announcement
 from haptigraph.dashboard.server.health import Health
 from haptigraph.dashboard.server.hub import Hub
-from haptigraph.dashboard.server.server import STUDY_PAGES, Server, address, make_app
+from haptigraph.dashboard.server.server import STUDY_PAGES, Server, make_app
 from haptigraph.dashboard.study.service import StationSite, StudyService
 from haptigraph.pipeline import Loop
 from haptigraph.sources.phased import PhasedSource
@@ -42,9 +43,9 @@ class StudySite:
         self._controls = Controls(self.hub, None)
         self._health: Health | None = None
 
-    def address(self, path: str = "/") -> str:
-        """Return the address to open in a browser."""
-        return address(self._listener, self._host, self._token, path)
+    def addresses(self, path: str = "/") -> list[str]:
+        """Return the addresses of a page to open in a browser."""
+        return addresses(self._listener, self._host, self._token, path)
 
     @contextmanager
     def served(self) -> Iterator[None]:
@@ -60,7 +61,9 @@ class StudySite:
             service=self._service,
         )
         self._service.on_change = self._notify
-        app = make_app(site, self._read_health, host=self._host, token=self._token, pages=STUDY_PAGES)
+        app = make_app(
+            site, self._read_health, host=self._host, tokens=Tokens(self._token), pages=STUDY_PAGES
+        )
         with Server(app, self._listener):
             yield
 

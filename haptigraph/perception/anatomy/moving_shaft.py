@@ -17,7 +17,7 @@ from haptigraph.perception.anatomy.illumination import equalize_illumination
 from haptigraph.perception.anatomy.rcm import Rcm, ShaftLine, fit_rcm
 from haptigraph.perception.anatomy.rim import TYPICAL_WALL_MIDDLE, Rim
 
-__all__ = ["find_rcms", "median_image"]
+__all__ = ["ILLUMINATION_RATIO", "find_rcms", "median_image", "moving_mask"]
 
 MIN_CHANGE_GREY = 14.0
 MAX_POINTS = 4000
@@ -57,7 +57,7 @@ def find_rcms(images: Sequence[Image], reference: Image, rim: Rim) -> tuple[Rcm,
         that moves may be the needle.
     """
     images = equalize_illumination(images, reference, ILLUMINATION_RATIO * rim.inner.radius_px)
-    visible = _visible(rim, images[0].shape[1], images[0].shape[0]) & _moving(images, rim)
+    visible = _visible(rim, images[0].shape[1], images[0].shape[0]) & moving_mask(images, rim)
     greys, reference_grey = [grey_of(image) for image in images], grey_of(reference)
     contrasts = [_contrast(grey, _surroundings(grey, rim)) for grey in greys]
     changed = [visible & (_contrast(grey, reference_grey) > MIN_CHANGE_GREY) for grey in greys]
@@ -121,7 +121,7 @@ def _contrast(grey: Image, other: Image) -> Image:
     return np.asarray(cv2.blur(cv2.absdiff(grey, other), (3, 3)), np.uint8)
 
 
-def _moving(images: Sequence[Image], rim: Rim) -> NDArray[np.bool_]:
+def moving_mask(images: Sequence[Image], rim: Rim) -> NDArray[np.bool_]:
     """Return a dilated mask of where images differ, (h, w)."""
     brightest = darkest = cv2.blur(images[0], (3, 3))
     for image in images[1:]:

@@ -43,9 +43,9 @@ def _provisional(image: Image, rim: Rim, trocar_px: Vec) -> Registration:
     height_px, width_px = image.shape[:2]
     bottom = 0.0, -RADIUS_MM
     return Registration(
-        width_px,
-        height_px,
-        geometry,
+        width_px=width_px,
+        height_px=height_px,
+        image=geometry,
         text="",
         globe=Circle((0.0, 0.0), RADIUS_MM),
         retina=Polyline((bottom,)),

@@ -9,6 +9,7 @@ from pathlib import Path
 from haptigraph.config import SourceConfig
 from haptigraph.errors import BadInput, EndOfSource
 from haptigraph.messages import Capture
+from haptigraph.registration.assumed import TARGET
 from haptigraph.registration.text import AXIAL_MM_PER_PX, LATERAL_MM_PER_PX, scan_registration_text
 from haptigraph.sources.depth import DeepDecoder, pages
 from haptigraph.sources.images import SUFFIXES, ImagesSource
@@ -81,7 +82,8 @@ class OctSource(Source):
         if self._first is None or self._first.image is None:
             return None
         height, width = self._first.image.shape[:2]
-        return scan_registration_text((width, height), *scale, f"Scale of the B-scans in {file.name}.")
+        title = f"Scale of the B-scans in {file.name}."
+        return scan_registration_text((width, height), *scale, title, assumed=(TARGET,))
 
 
 def resolve_scale(

@@ -22,6 +22,7 @@ from haptigraph.analysis.registering.draft import (
 )
 from haptigraph.errors import BadInput
 from haptigraph.geometry import distance_to_polyline
+from haptigraph.imaging import UPRIGHT, Turn
 from haptigraph.registration.loading import parse_registration
 from haptigraph.registration.text import registration_text
 from haptigraph.sim.phantom import Phantom
@@ -86,7 +87,12 @@ def test_the_initial_draft_is_what_register_finds(opened):
     assert checked.problem == ""
     assert row(checked, "Globe").off_px < 0.5
     assert row(checked, "Retina").off_px < 0.5
-    assert row(checked, "Target").off_px < 0.01
+    target = row(checked, "Target")
+    assert (
+        target.off_px is None and target.note.startswith("assumed, not measured") and not target.is_plausible
+    )
+    stated = check_draft(opened, replace(opened.draft, assumed=()))
+    assert row(stated, "Target").off_px < 0.01 and row(stated, "Target").is_plausible
     assert "plausible: 0.3 to 4" in row(checked, "Scale").note
     assert "uncertain" in row(checked, "Rim").note or "off by" in row(checked, "Rim").note
 
@@ -216,3 +222,17 @@ def test_a_target_far_from_the_retina_does_not_snap_to_it(opened):
     checked = check_draft(opened, off)
     assert checked.target_on_retina_px is None
     assert "mm off the retina; at most 0.35 mm is plausible" in checked.problem
+
+
+def test_a_draft_keeps_how_the_images_were_turned(quick, tmp_path):
+    turn = Turn(180, mirror=True)
+    image = turn(cv2.rotate(first_image(quick)[:, ::-1], cv2.ROTATE_180))
+    found = open_images([image], "eye.png", mirrored=True, diameter_mm=24.0, turn=turn)
+    assert not found.draft.mirrored  # the mirror is undone
+    registration = checked_registration(found, found.draft)
+    assert registration.turn == turn
+    assert draft_from(registration, "eye.toml", found).target_px == pytest.approx(
+        found.draft.target_px, abs=1e-3
+    )
+    with pytest.raises(BadInput, match=r"is for images with source\.rotate_deg=180 and source\.mirror=true"):
+        draft_from(registration, "eye.toml", replace(found, turn=UPRIGHT))

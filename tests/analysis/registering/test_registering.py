@@ -121,7 +121,7 @@ def test_without_needle_the_user_chooses_the_trocar(picture, tmp_path):
     assert "left at (" in message and "right at (" in message
     given = call(picture, "-o", tmp_path / "eye.toml", "--trocar", "300,65")
     assert given.exit_code == 0, given.output
-    assert "px, +0.00 mm along the retina (default: its bottom" in given.stdout
+    assert "px, +0.00 mm along the retina (assumed: its lowest point)" in given.stdout
 
 
 @pytest.fixture

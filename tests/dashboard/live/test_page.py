@@ -3,6 +3,7 @@
 import re
 
 import pytest
+from helpers import call
 from live_bench import Live, close_page, evaluate, hide, show, until
 from paths import ROOT
 
@@ -36,6 +37,23 @@ def test_everything_is_on_one_screen(live, open_page, size):
            }).map((each) => each.id || each.className)"""
     )
     assert hidden == []
+
+
+def test_an_assumed_target_is_marked_and_nothing_is_felt(quick_uri, open_page, tmp_path):
+    registered = call("register", quick_uri, "-o", tmp_path / "eye.toml")
+    assert registered.exit_code == 0, registered.output
+    with Live(quick_uri, "--registration", tmp_path / "eye.toml") as running:
+        page = open_page(running.url)
+        notice = page.locator("#assumed")
+        assert notice.inner_text().startswith("The target is assumed, not measured")
+        assert "haptic output is off" in notice.inner_text()
+        assert page.locator("#assumed a").get_attribute("href") == "/registration"
+        until(page, "document.body.dataset.state === 'retinal_contact'")
+        assert page.locator("#amplitude").get_attribute("aria-valuenow") in (None, "0")
+
+
+def test_a_measured_target_is_not_marked(live, open_page):
+    assert open_page(live.url).locator("#assumed").is_hidden()
 
 
 def test_every_state_is_drawn_and_the_current_one_highlighted(live, open_page, procedure):

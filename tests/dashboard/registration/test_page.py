@@ -75,6 +75,29 @@ def save(page, path, *, picture=True):
     page.click("#save-button")
 
 
+def test_a_click_on_the_target_states_it(page, quick, tmp_path):
+    (tmp_path / "clip").mkdir()
+    open_source(page, write_clip(tmp_path / "clip", quick))
+    target = page.locator("#rows tr", has_text=re.compile("^Target"))
+    expect(target.locator("td").nth(1)).to_have_text("")
+    expect(page.locator("#rows")).to_contain_text(
+        "assumed, not measured: click it if it is right, or drag it"
+    )
+    save(page, tmp_path / "assumed.toml", picture=False)
+    expect(page.locator("#verdict")).to_contain_text("Saved")
+    assert "target" in load_registration(tmp_path / "assumed.toml").assumed
+    place = at(page, "target")
+    page.mouse.click(*middle(page, "target"))
+    expect(target.locator("td").nth(1)).to_have_text("0.00")
+    assert at(page, "target") == place
+    save(page, tmp_path / "stated.toml", picture=False)
+    expect(page.locator("#verdict")).to_contain_text("stated.toml")
+    assert "target" not in load_registration(tmp_path / "stated.toml").assumed
+    page.click("#undo")
+    page.locator('[data-key="target"]').press("Enter")
+    expect(target.locator("td").nth(1)).to_have_text("0.00")
+
+
 def test_a_dragged_registration_is_used_by_a_run(page, quick, quick_uri, tmp_path):
     open_source(page, write_eye(tmp_path, quick))
     expect(page.locator("#note")).to_have_text(re.compile("which trocar is in use"))
@@ -286,7 +309,7 @@ def test_a_refused_source_keeps_the_open_one(page, quick, tmp_path):
     open_source(page, write_eye(tmp_path, quick))
     page.fill("#source-input", str(tmp_path / "gone.mp4"))
     page.click("text=Find the eye")
-    expect(page.locator("#note")).to_have_text(re.compile("gone.mp4: no such source; valid: "))
+    expect(page.locator("#note")).to_have_text(re.compile("gone.mp4: file not found; "))
     assert page.locator('[data-key="target"]').count() == 1
     expect(page.locator("#save-button")).to_be_enabled()
 

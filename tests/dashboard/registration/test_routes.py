@@ -71,7 +71,7 @@ def test_start_returns_the_source_that_runs(live, quick_uri):
 @pytest.mark.parametrize(
     ("source", "sentence"),
     [
-        ("gone.mp4", "gone.mp4: no such source; valid: "),
+        ("gone.mp4", "gone.mp4: file not found; "),
         ("camera:7", "camera:7 cannot be opened; "),
         ("camera:x", "camera:x is no camera"),
         ("teleop", "teleop has no end; use phantom:SCENARIO"),

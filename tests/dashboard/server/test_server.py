@@ -252,7 +252,7 @@ def test_other_protocols_on_the_port_disturb_nothing(live):
 def test_bad_arguments_are_refused(quick_uri, live):
     port = live.url.rpartition(":")[2].strip("/")
     for arguments, sentence in (
-        (("nowhere.mp4",), "haptigraph: nowhere.mp4: no such source"),
+        (("nowhere.mp4",), "haptigraph: nowhere.mp4: file not found"),
         (
             (quick_uri, "--port", port),
             f"haptigraph: cannot listen on 127.0.0.1, port {port} (Address already in use)",

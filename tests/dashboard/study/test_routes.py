@@ -54,7 +54,7 @@ def at_stage(station, key):
 
 
 def test_absent_participants_are_refused(station, here):
-    assert "has no participant 'P09'; it has 1" in refused(
+    assert "has no participant 'P09'; it has P01" in refused(
         station, "/study/open", participant="P09", take_over=False
     )
     for path, more in {

@@ -7,7 +7,7 @@ import { controllerText } from "./rumble.js";
 const TREMOR_MM = 1.0;
 
 export class Controls {
-  me = ""; holder = "";
+  me = ""; holder = ""; maySteer = true;
   /** @type {TeleopSettings | null} */ settings = null;
   /** The action that gets the input that moves next. @type {{ action: Action, kind: ActionInfo["kind"], rest: PadValues } | null} */
   pending = null;
@@ -27,7 +27,7 @@ export class Controls {
   }
 
   begin(/** @type {Hello} */ hello) {
-    const { steerable = false, has_jaws = false } = hello;
+    const { has_jaws = false } = hello, steerable = this.maySteer && (hello.steerable ?? false);
     this.steering.begin(hello);
     $("steering").hidden = !steerable;
     $("jaws").hidden = !has_jaws;

@@ -1,5 +1,6 @@
 /** The live page: passes every message to the parts that show it. */
 
+import { Assumed } from "./assumed.js";
 import { animate } from "../common/animate.js";
 import { Controller } from "./gamepad.js";
 import { Controls } from "./controls.js";
@@ -29,20 +30,21 @@ const panel = new StatePanel();
 const banner = new Banner();
 const haptics = new Haptics(150);
 const controller = new Controller();
+const assumed = new Assumed($("view"));
 
 /** The page's state. */
 export const page = new Feed(haptics, {
   hello(hello) {
-    for (const part of [panel, view, controls, phases]) part.begin(hello);
+    for (const part of [panel, view, controls, phases, assumed]) part.begin(hello);
     for (const part of [diagram, graph, traces]) part.begin(hello.procedure);
     const kind = hello.steerable ? "steer" : "watch";
     showHint(kind, HINTS[kind]);
   },
   haptics({ edges }) { traces.addEdges(edges); },
   health(health) { if (page.hello) panel.showHealth(health, page.latency_ms); },
-  controls({ holder }) { controls.showHolder(holder); phases.allow(holder === "" || holder === controls.me); },
+  controls({ holder }) { controls.showHolder(holder); phases.allow(controls.maySteer && (holder === "" || holder === controls.me)); },
   settings(settings) { controls.showSettings(settings); },
-  welcome({ name }) { controls.me = name; },
+  welcome({ name, may_steer }) { controls.me = name; controls.maySteer = may_steer; },
   image(header, picture) {
     for (const part of [panel, graph, phases]) part.show(header);
     diagram.show(header.state);

@@ -23,14 +23,26 @@ function withTrocar(draft, index, change) {
   return { ...draft, trocars: draft.trocars.map((each, number) => (number === index ? { ...each, ...change(each) } : each)) };
 }
 
+/** What a draft assumes, without what an edit has stated. @param {Draft} draft @param {string[]} names */
+function unlessStated({ assumed }, ...names) { return { assumed: assumed.filter((name) => !names.includes(name)) }; }
+
+/** What stating the position of a handle states. @type {Record<Handle["kind"], string[]>} */
+const STATES = { center: ["globe", "rim"], radius: ["globe", "rim"], retina: ["retina"], trocar: ["trocar"], target: ["target"] };
+
 export const edits = {
+  /** State that a position is right as it is. @param {Draft} draft @param {Handle["kind"]} kind @returns {Draft} */
+  confirm(draft, kind) {
+    return STATES[kind].some((name) => draft.assumed.includes(name)) ? { ...draft, ...unlessStated(draft, ...STATES[kind]) } : draft;
+  },
+  /** @param {Draft} draft @param {number} value @returns {Draft} */
+  diameter(draft, value) { return { ...draft, diameter_mm: value, ...unlessStated(draft, "scale") }; },
   /** @param {Draft} draft @param {Vec} step @param {boolean} together @returns {Draft} */
   center(draft, step, together) {
-    return { ...draft, ...(together ? mapped(draft, (point) => plus(point, step)) : {}), center_px: plus(draft.center_px, step) };
+    return { ...draft, ...unlessStated(draft, ...STATES.center), ...(together ? mapped(draft, (point) => plus(point, step)) : {}), center_px: plus(draft.center_px, step) };
   },
   /** @param {Draft} draft @param {number} factor @param {boolean} together @returns {Draft} */
   radius(draft, factor, together) {
-    return { ...draft, ...(together ? mapped(draft, scaledAbout(draft.center_px, factor)) : {}), radius_px: draft.radius_px * factor };
+    return { ...draft, ...unlessStated(draft, ...STATES.radius), ...(together ? mapped(draft, scaledAbout(draft.center_px, factor)) : {}), radius_px: draft.radius_px * factor };
   },
   /** Move a point of the retina, and its neighbours less and less, up to the next handle. @param {Draft} draft @param {number} index @param {Vec} step @returns {Draft} */
   retina(draft, index, [dx, dy]) {
@@ -40,10 +52,10 @@ export const edits = {
       const share = distance < 1 ? (1 + Math.cos(Math.PI * distance)) / 2 : 0;
       return plus(point, [dx * share, dy * share]);
     });
-    return { ...draft, contour_px };
+    return { ...draft, contour_px, ...unlessStated(draft, "retina") };
   },
   /** @param {Draft} draft @param {number} index @param {Vec} step */
-  trocar(draft, index, step) { return withTrocar(draft, index, ({ point_px }) => ({ point_px: plus(point_px, step) })); },
+  trocar(draft, index, step) { return withTrocar({ ...draft, ...unlessStated(draft, "trocar") }, index, ({ point_px }) => ({ point_px: plus(point_px, step) })); },
   /** Add a trocar in the wall of the globe's upper half, as far as possible from the others. @param {Draft} draft @param {Vec[]} outline_px @returns {Draft} */
   addTrocar(draft, outline_px) {
     const [cx, cy] = draft.center_px;
@@ -64,14 +76,14 @@ export const edits = {
   /** @param {Draft} draft @param {number} index @param {string} name */
   rename(draft, index, name) { return withTrocar(draft, index, () => ({ name })); },
   /** @param {Draft} draft @param {Vec} step @returns {Draft} */
-  target(draft, step) { return { ...draft, target_px: plus(draft.target_px, step) }; },
+  target(draft, step) { return { ...draft, target_px: plus(draft.target_px, step), ...unlessStated(draft, "target") }; },
   /** @param {Draft} draft @param {number} index @returns {Draft} */
-  used(draft, index) { return { ...draft, trocars: draft.trocars.map((each, number) => ({ ...each, used: number === index })) }; },
+  used(draft, index) { return { ...draft, ...unlessStated(draft, "trocar"), trocars: draft.trocars.map((each, number) => ({ ...each, used: number === index })) }; },
   /** Set whether images are mirrored; left and right swap in the names of trocars. @param {Draft} draft @param {boolean} mirrored @returns {Draft} */
   mirrored(draft, mirrored) {
     const swapped = (/** @type {string} */ name) => name.replace(/^(left|right)/, (side) => (side === "left" ? "right" : "left"));
     const trocars = draft.trocars.map((each) => ({ ...each, name: swapped(each.name) }));
-    return { ...draft, mirrored, trocars: mirrored === draft.mirrored ? draft.trocars : trocars };
+    return { ...draft, mirrored, ...unlessStated(draft, "mirror"), trocars: mirrored === draft.mirrored ? draft.trocars : trocars };
   },
 };
 

@@ -21,6 +21,7 @@ export class Handles {
   /** @type {{ key: string, at: Vec, hasMoved: boolean } | null} */ dragged = null;
   isByKey = false;
   /** Called with a handle that is dropped after a drag. @type {(handle: Handle) => void} */ onDrop = () => {};
+  /** Called with a handle that is clicked, or confirmed by Enter. @type {(handle: Handle) => void} */ onConfirm = () => {};
   /** Called with a handle that is to be removed. @type {(handle: Handle) => void} */ onRemove = () => {};
   /** Called with the position [px] to magnify, or null. @type {(at: Vec | null) => void} */ onMagnify = () => {};
 
@@ -126,7 +127,7 @@ export class Handles {
       element.removeEventListener("pointermove", move);
       element.classList.remove("dragged");
       this.dragged = null;
-      if (drag.hasMoved) this.onDrop(this.handle(key));
+      if (drag.hasMoved) this.onDrop(this.handle(key)); else this.onConfirm(this.handle(key));
       this.draw();
     }, { once: true });
     this.draw();
@@ -136,6 +137,7 @@ export class Handles {
   focus(key) { this.elements.get(key)?.focus({ preventScroll: true }); }
 
   press(/** @type {KeyboardEvent} */ event, /** @type {string} */ key) {
+    if (event.key === "Enter") return this.onConfirm(this.handle(key));
     if (event.key === "Delete") return this.onRemove(this.handle(key));
     const direction = ARROWS[event.key];
     if (!direction || event.ctrlKey || event.altKey || event.metaKey) return;

@@ -33,6 +33,7 @@ handles.onDrop = ({ kind }) => {
   if (session && checked?.draft === session.history.present) snap(session.history, checked);
   session?.history.endEdit();
 };
+handles.onConfirm = ({ kind }) => edit((draft) => edits.confirm(draft, kind));
 handles.onRemove = ({ kind, index }) => { if (kind === "trocar") removeTrocar(index); };
 const trocars = new Trocars($("trocars"), $("add"), {
   used: (index) => edit((draft) => edits.used(draft, index)),
@@ -123,7 +124,7 @@ function showButtons() {
 function showChecked(/** @type {CheckedDraft & { draft: Draft }} */ { rows, problem, draft, mm_per_px }) {
   $("rows").replaceChildren(...rows.flatMap(tableRows));
   if (problem) showVerdict(problem, true);
-  else if (savedDraft !== draft) showVerdict(`Valid registration: ${mm_per_px.toFixed(5)} mm/px.`);
+  else if (savedDraft !== draft) showVerdict(`Valid registration: ${mm_per_px.toFixed(5)} mm/px.${draft.assumed.includes("target") ? " The target is assumed: click it if it is right, or drag it." : ""}`);
   showButtons();
 }
 
@@ -210,7 +211,7 @@ $("open").addEventListener("submit", (event) => {
 $("save").addEventListener("submit", save);
 $("load").addEventListener("click", load);
 $("mirrored").addEventListener("change", () => edit((draft) => edits.mirrored(draft, $("mirrored").checked)));
-$("diameter").addEventListener("input", () => { const value = $("diameter").valueAsNumber; if (value > 0) edit((draft) => ({ ...draft, diameter_mm: value }), "diameter"); });
+$("diameter").addEventListener("input", () => { const value = $("diameter").valueAsNumber; if (value > 0) edit((draft) => edits.diameter(draft, value), "diameter"); });
 for (const step of /** @type {const} */ (["undo", "redo", "restore"])) $(step).addEventListener("click", () => travel(step));
 addEventListener("keydown", (event) => {
   if (!session || !(event.ctrlKey || event.metaKey) || (event.target instanceof Element && event.target.matches("input:not([type=checkbox], [type=radio])"))) return;

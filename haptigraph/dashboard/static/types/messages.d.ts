@@ -24,7 +24,7 @@ interface Procedure {
 }
 interface Hello {
   procedure: Procedure, anatomy: Record<string, Shape>, view: { size_px: number, half_mm: number }, source: string,
-  device: string, recording: string, stale_ms: number, deadman_ms: number, steerable?: boolean, has_jaws?: boolean,
+  device: string, recording: string, stale_ms: number, deadman_ms: number, assumed: string[], silenced: boolean, steerable?: boolean, has_jaws?: boolean,
 }
 interface ImageHeader {
   number: number, index: number, time_ms: number, commanded_ms: number, state: string, because: string, feel: string,
@@ -40,7 +40,7 @@ interface Health {
 }
 interface TeleopSettings { motion_scale: number, tremor_filter: boolean, added_tremor_mm: number }
 interface ServerMessages {
-  welcome: { name: string }, hello: Hello, controls: { holder: string }, settings: TeleopSettings,
+  welcome: { name: string, may_steer: boolean }, hello: Hello, controls: { holder: string }, settings: TeleopSettings,
   haptics: { edges: HapticEdge[] }, health: Health, pong: { time_ms: number, now_ms: number },
   error: { message: string }, ended: { reason: string }, study: { version: number },
 }
@@ -96,7 +96,7 @@ type Difference = [first: number, end: number, isState: boolean];
 interface DraftTrocar { name: string, point_px: Vec, used: boolean }
 interface Draft {
   mirrored: boolean, diameter_mm: number, center_px: Vec, radius_px: number, contour_px: Vec[], target_px: Vec,
-  trocars: DraftTrocar[], frontal_from_image: number[][] | null, file: string,
+  trocars: DraftTrocar[], frontal_from_image: number[][] | null, assumed: string[], file: string,
 }
 interface OpenedSource {
   number: number, width_px: number, height_px: number, draft: Draft, is_found: boolean, note: string, path: string,

@@ -1,0 +1,36 @@
+"""What the user should know before a run: what is assumed, what source and device cannot do."""
+
+from typing import TYPE_CHECKING
+
+from haptigraph.config import Config
+from haptigraph.haptics.pattern import unsupported
+from haptigraph.registration.assumed import assumed_notes
+from haptigraph.stages import Device, Source
+
+if TYPE_CHECKING:
+    from haptigraph.inference.procedure import Procedure
+    from haptigraph.registration.registered import BaseRegistration
+
+__all__ = ["run_notes"]
+
+
+def run_notes(
+    config: Config,
+    source: Source,
+    procedure: "Procedure",
+    device: Device,
+    registration: "BaseRegistration",
+) -> list[str]:
+    """Return what the user should know before a run, a sentence each."""
+    is_accepted = config.haptics.accept_assumed
+    limits = (note for pattern in procedure.patterns for note in unsupported(pattern, device.capabilities))
+    notes = [
+        *assumed_notes(registration.assumed, registration.how_to_state, is_accepted=is_accepted),
+        *source.notes,
+        *(f"{config.haptics.device}: {note}" for note in limits),
+    ]
+    if config.source.uri.partition(":")[0] == "teleop":
+        notes.append(
+            "the needle moves only if you steer it, on the page of `haptigraph live` or by --bridge ros2"
+        )
+    return notes
