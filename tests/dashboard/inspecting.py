@@ -32,9 +32,10 @@ LAYOUT = """() => {
   const hasText = (each) => [...each.childNodes].some((node) => node.nodeType === 3 && node.textContent.trim());
   const pieces = all.filter((each) => !each.ownerSVGElement && (hasText(each) || each.matches("button, input, select, textarea, canvas, svg, progress, img")));
   const isClipped = (each) => { const region = each.closest(".scrolls"); return region && (boxOf(each).bottom > boxOf(region).bottom + 1 || boxOf(each).top < boxOf(region).top - 1); };
+  const flow = (one, other) => one.parentElement === other.parentElement && [one, other].every((each) => getComputedStyle(each).display === "inline");  // as words do
   const floats = (each) => each.closest(".over");  // meant to lie over a picture
   for (const [at, one] of pieces.entries()) for (const other of pieces.slice(at + 1)) {
-    if (one.contains(other) || other.contains(one) || isClipped(one) || isClipped(other) || floats(one) || floats(other)) continue;
+    if (one.contains(other) || other.contains(one) || isClipped(one) || isClipped(other) || floats(one) || floats(other) || flow(one, other)) continue;
     const a = boxOf(one), b = boxOf(other);
     const across = Math.min(a.right, b.right) - Math.max(a.left, b.left), down = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
     if (across > 2 && down > 3) problems.push(`overlap: ${name(one)} and ${name(other)}`);

@@ -49,11 +49,12 @@ export class StatePanel {
       return health.now_ms - time_ms < RECENT_MS ? message : "";
     };
     const deviceFault = fault("device"), recorded = `recording${health.dropped ? `, ${health.dropped} lost` : ""}`;
+    const late = health.overruns + health.skipped;
     $("health").replaceChildren(
       chip(health.rate_hz < 0.8 * health.nominal_hz, health.rate_hz.toFixed(1), "images/s", `Nominal rate: ${health.nominal_hz}`),
       chip((health.latency_p99_ms ?? 0) > 100, ms(health.latency_p50_ms), `ms from image to hand (99 %: ${ms(health.latency_p99_ms)})`, "From an image to its haptic command: the median, and what 99 % of images stay below"),
       chip(pageLatency_ms > 200, ms(pageLatency_ms), "ms to page", "From an image to this page"),
-      chip(false, String(health.overruns + health.skipped), "images late or skipped", "Images that the loop processed too late, or left out to catch up", "plain"),
+      chip(false, String(late), late === 1 ? "image late or skipped" : "images late or skipped", "Images that the loop processed too late, or left out to catch up", "plain"),
       chip(deviceFault || fault("guard"), "", `device ${device.split(":")[0]}${deviceFault && `: ${deviceFault}`}`, deviceFault || fault("guard")),
       chip(fault("recorder") || health.dropped, "", recording ? recorded : "not recorded", recording, recording ? "" : "plain"),
       chip(false, String(health.viewers.length), health.viewers.length === 1 ? "viewer" : "viewers", health.viewers.join(", "), "plain"),
