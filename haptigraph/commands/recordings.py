@@ -10,6 +10,7 @@ from haptigraph.commands.help import examples
 from haptigraph.commands.terminal import progress_bar
 
 if TYPE_CHECKING:
+    from haptigraph.analysis.metrics.replay import ReplayReport
     from haptigraph.recording.recovery import Recovery
 
 __all__ = ["recover", "replay"]
@@ -35,25 +36,12 @@ def replay(recording: str, procedure: str | None) -> None:
     from haptigraph.analysis.metrics.replay import replay as run_again
     from haptigraph.analysis.metrics.summary import summary
     from haptigraph.analysis.metrics.temporal import claim_lines
-    from haptigraph.recording.header import losses_sentence
-    from haptigraph.recording.stored_video import decoder_name
     from haptigraph.registration.assumed import assumed_lines
 
     with progress_bar() as progress:
         report = run_again(recording, procedure, progress)
-    if report.is_being_written:
-        click.echo("the recording is still being written; this is the replay so far")
-    elif not report.is_whole:
-        click.echo("the recording was interrupted; `haptigraph recover` repairs it")
-    if report.losses is not None:
-        click.echo(losses_sentence(report.losses))
-    if report.dropped_images:
-        click.echo(f"{report.dropped_images} images were not recorded; steps that depend on them differ")
-    if report.differing_images:
-        click.echo(
-            f"{report.differing_images} images have other pixels here, decoded by {decoder_name()}, than "
-            f"during the run, decoded by {report.decoder}; steps that depend on them may differ"
-        )
+    for line in _caveats(report):
+        click.echo(line)
     click.echo(f"{report.identical} of {report.steps} steps identical")
     if report.first is not None:
         first = report.first
@@ -67,6 +55,28 @@ def replay(recording: str, procedure: str | None) -> None:
         click.echo(f"\nas recorded\n{summary(report.recorded)}\n\nas {procedure}\n{summary(report.replayed)}")
     elif report.identical < report.steps:
         sys.exit(1)
+
+
+def _caveats(report: "ReplayReport") -> list[str]:
+    """Return what a replay did not have, or did not have as during the run."""
+    from haptigraph.recording.header import losses_sentence
+    from haptigraph.recording.stored_video import decoder_name
+
+    lines = list[str]()
+    if report.is_being_written:
+        lines.append("the recording is still being written; this is the replay so far")
+    elif not report.is_whole:
+        lines.append("the recording was interrupted; `haptigraph recover` repairs it")
+    if report.losses is not None:
+        lines.append(losses_sentence(report.losses))
+    if report.dropped_images:
+        lines.append(f"{report.dropped_images} images were not recorded; steps that depend on them differ")
+    if report.differing_images:
+        lines.append(
+            f"{report.differing_images} images have other pixels here, decoded by {decoder_name()}, than "
+            f"during the run, decoded by {report.decoder}; steps that depend on them may differ"
+        )
+    return lines
 
 
 @click.command(epilog=examples("haptigraph recover run.mcap"))
