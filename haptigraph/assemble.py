@@ -314,10 +314,9 @@ def _own_registration(source: Source, config: Config) -> "BaseRegistration":
 
 
 def _output(device: Device, config: Config, clock: Clock) -> HapticOutput:
-    guard = _load("haptigraph.haptics.guard:Guard")(device, config.haptics)
-    if isinstance(clock, MonotonicClock):
-        return _load("haptigraph.haptics.player:Player")(guard, clock)  # type: ignore[no-any-return]
-    return guard  # type: ignore[no-any-return]
+    guard: HapticOutput = _load("haptigraph.haptics.guard:Guard")(device, config.haptics)
+    player = _load("haptigraph.haptics.player:Player") if isinstance(clock, MonotonicClock) else None
+    return player(guard, clock) if player else guard
 
 
 def _named(registry: dict[str, str], what: str, name: str) -> Any:

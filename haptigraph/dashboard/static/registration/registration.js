@@ -225,7 +225,8 @@ call("start").then(async ({ source, starts_loop }) => {
   const { stored } = search;
   startsLoop = starts_loop;
   if (startsLoop) $("save-button").textContent = "Save and start";
-  $("source-input").value ||= stored?.source ?? source;  // unless the user has typed one already
+  const input = $("source-input");
+  if (document.activeElement !== input) input.value ||= stored?.source ?? source;  // else the user types one
   if (stored && await search.find(stored, true)) return;
   if (startsLoop) await search.find({ source, ...NEW });
 }).catch((error) => showNote(error.message));
