@@ -223,7 +223,9 @@ def page(request, chromium, archive, quick, tmp_path_factory):
 
 @pytest.mark.parametrize("size", SIZES, ids=[f"{width}px" for width, _ in SIZES])
 def test_nothing_overlaps_is_cut_off_or_scrolls_sideways(page, size):
-    assert layout_problems(page, size) == []
+    for theme in ("light", "dark"):
+        use_theme(page, theme)
+        assert layout_problems(page, size) == [], theme
 
 
 @pytest.mark.parametrize("theme", ["dark", "light"])
