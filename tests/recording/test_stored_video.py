@@ -169,7 +169,7 @@ def test_images_are_found_in_any_order(recording, images, monkeypatch):
 
 
 class Misleading:
-    """A video that goes to another image than it is told to."""
+    """A video that seeks another image than the one requested."""
 
     def __init__(self, video):
         self._video = video
