@@ -202,8 +202,9 @@ def fit_line(
         appearance: The fields of `Appearance` in native.h, (5,).
 
     Returns:
-        The numbers of `LineFit` in native.h; the blocks' positions, whether they are on the line, and whether
-        their edges are steep, (n,) each. None if too few blocks show two edges on one line.
+        The numbers of `LineFit` in native.h, without its addresses; the blocks' positions, whether they are
+        on the line, and whether their edges are steep, (n,) each. None if too few blocks show two edges on
+        one line.
 
     Raises:
         MemoryError: If memory runs out.
@@ -222,7 +223,7 @@ def fit_line(
         return None
     numbers = _LINE_FIT.unpack(fit)
     blocks = numbers[15]
-    return numbers, u_px[:blocks], masks[0, :blocks], masks[1, :blocks].tobytes()
+    return numbers[:13] + numbers[15:], u_px[:blocks], masks[0, :blocks], masks[1, :blocks].tobytes()
 
 
 def refine_tip(

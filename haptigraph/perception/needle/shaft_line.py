@@ -93,7 +93,7 @@ def fit_line(
         return None
     numbers, u_px, is_on_line, is_steep = found
     offset_px, slope, offset_px2, both, slope2, width_px, blur_px, _, *others = numbers
-    *shown, _, _, blocks, on_line, _ = others
+    *shown, blocks, on_line, _ = others
     return LineFit(
         *(offset_px, slope, (offset_px2, both, slope2), width_px, blur_px, on_line / blocks),
         *(_from_numbers(shown), u_px, is_on_line, is_steep),
