@@ -15,6 +15,7 @@ from haptigraph.errors import BadInput
 from haptigraph.graph import Entity, Names, Relation, Schema, Triplet
 from haptigraph.inference.checks import check_name, check_pattern, check_relations
 from haptigraph.inference.claims import Gap, Invariant, Overlap, Temporal, check_claims, check_temporal
+from haptigraph.inference.meaning import Kind, assumed_kind
 from haptigraph.inference.span import RunSpan, check_span
 from haptigraph.messages import UNKNOWN, Pattern
 from haptigraph.toml_document import WARN_OF_OLD_KEYS, Document
@@ -51,6 +52,8 @@ class State(Struct, frozen=True, forbid_unknown_fields=True):
     """Entities that must be absent."""
     hold_ms: Annotated[float, Meta(ge=0, le=10_000)] = 0.0
     """How long the state persists after its rule last matched, unless a rule of higher priority matches."""
+    kind: Kind | None = None
+    """What it means to the surgeon; None if the file does not say it."""
 
 
 class _Title(Struct, frozen=True, forbid_unknown_fields=True):
@@ -93,6 +96,17 @@ class Procedure(Struct, frozen=True):
     def sha256(self) -> str:
         """Hash of the file's text."""
         return hashlib.sha256(self.text.encode()).hexdigest()
+
+    @property
+    def kinds(self) -> Mapping[str, Kind]:
+        """What each state means to the surgeon, by its name."""
+        felt = {pattern.name: pattern for pattern in self.patterns}
+        strongest = max(pattern.amplitude for pattern in self.patterns)
+        return {
+            state.name: state.kind
+            or assumed_kind(state.name, felt[state.feel], strongest, has_absent=bool(state.absent))
+            for state in self.states
+        }
 
 
 def load_procedure(path: str | Path, measures: Mapping[str, MeasureKind]) -> Procedure:

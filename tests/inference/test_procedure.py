@@ -254,3 +254,18 @@ def test_a_margin_is_refused_for_a_measure_without_standard_deviation():
     assert "elapsed_s has no standard deviation; remove margin_sd, or use distance_mm, radial_mm," in refuse(
         text
     )
+
+
+def test_a_state_that_does_not_say_its_kind_has_that_of_the_paper_or_of_its_pattern():
+    procedure = load_procedure("subretinal_injection")
+    text, count = re.subn(r'\nkind = "(alarm|guidance|success|neutral|unseen)"', "", procedure.text)
+    text = text.replace('"retinal_contact"', '"touch"').replace('"target_hit"', '"there"')
+    text = text.replace('"misaligned_retinal_approach"', '"askew"')
+    kinds = parse_procedure(text, "x").kinds
+    assert count == 9
+    assert list(kinds.values()) == list(procedure.kinds.values())
+
+
+def test_every_state_of_a_shipped_procedure_says_its_kind():
+    for name in procedure_names():
+        assert all(state.kind for state in load_procedure(name).states), name
