@@ -23,7 +23,7 @@ from haptigraph.commands.study_report import study_report
 from haptigraph.commands.study_run import study_run
 from haptigraph.commands.study_simulated import simulate, sweep
 from haptigraph.commands.terminal import print_status
-from haptigraph.errors import HaptigraphError, RenamedKey
+from haptigraph.errors import HaptigraphError, Implausible, RenamedKey
 from haptigraph.version import __version__
 
 __all__ = ["main"]
@@ -36,7 +36,8 @@ class Commands(TaskGroup):
         """Run the chosen command."""
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("once", RenamedKey)
+                for category in (RenamedKey, Implausible):
+                    warnings.simplefilter("once", category)
                 warnings.showwarning = _show_warning
                 return super().invoke(ctx)
         except HaptigraphError as error:
@@ -54,7 +55,7 @@ class Commands(TaskGroup):
 
 
 def _show_warning(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
-    kind = "" if issubclass(category, RenamedKey) else f"{category.__name__}: "
+    kind = "" if issubclass(category, RenamedKey | Implausible) else f"{category.__name__}: "
     print_status(f"haptigraph: {kind}{message}")
 
 

@@ -1,7 +1,7 @@
 """Commands that prepare a run: register, check, procedure."""
 
 import sys
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
@@ -9,6 +9,10 @@ from haptigraph.commands.help import TaskGroup, examples
 from haptigraph.commands.options import set_option
 from haptigraph.commands.terminal import progress_bar
 from haptigraph.errors import BadInput, unknown_name
+
+if TYPE_CHECKING:
+    from haptigraph.inference.procedure import Procedure
+    from haptigraph.proof.report import Proof
 
 TURNS = ("source.rotate_deg", "source.mirror")
 
@@ -68,6 +72,7 @@ def register(
     epilog=examples(
         "haptigraph check",
         "haptigraph check my.toml --picture violations.svg",
+        "haptigraph check my.toml --perceiver forceps",
     )
 )
 @click.argument("procedure", default="subretinal_injection")
@@ -78,10 +83,17 @@ def register(
     help="Enumerate every graph, or use z3; auto: whichever fits.",
 )
 @click.option("--picture", metavar="FILE", help="Draw the graphs that violate a claim: PNG, SVG or PDF.")
-def check(procedure: str, prover: Literal["auto", "exhaustive", "z3"], picture: str | None) -> None:
+@click.option("--perceiver", default="auto", help="What will report the entities; auto: as in a run.")
+def check(
+    procedure: str,
+    prover: Literal["auto", "exhaustive", "z3"],
+    picture: str | None,
+    perceiver: str,
+) -> None:
     """Explain PROCEDURE in tables, and prove its claims over every possible graph.
 
-    Exit code 1 if a claim is violated; the smallest graph that violates it is shown.
+    Exit code 1 if a claim is violated; the smallest graph that violates it is shown. What no claim covers is
+    listed at the end.
     """
     from rich.console import Console
     from rich.text import Text
@@ -92,7 +104,7 @@ def check(procedure: str, prover: Literal["auto", "exhaustive", "z3"], picture: 
     from haptigraph.proof.prove import prove
 
     loaded = load_procedure(procedure)
-    proof = prove(loaded, prover)
+    proof = _with_perceiver(prove(loaded, prover), loaded, perceiver)
     if picture:
         from haptigraph.analysis.plots.proof_figure import proof_figure
 
@@ -105,6 +117,19 @@ def check(procedure: str, prover: Literal["auto", "exhaustive", "z3"], picture: 
     console.print(proof_summary(proof), highlight=False)
     if not proof.holds:
         sys.exit(1)
+
+
+def _with_perceiver(proof: "Proof", loaded: "Procedure", perceiver: str) -> "Proof":
+    """Return a proof with the claim about a perceiver."""
+    from msgspec.structs import replace
+
+    from haptigraph.assemble import perceiver_class, perceiver_name
+    from haptigraph.config import Config
+    from haptigraph.proof.claims.reported import reported_claim
+
+    name = perceiver_name(Config().with_perceiver(perceiver), loaded)
+    claim, missing = reported_claim(loaded, name, perceiver_class(name))
+    return replace(proof, claims=(*proof.claims, claim), uncovered=(*proof.uncovered, *missing))
 
 
 @click.group(

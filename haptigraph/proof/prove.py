@@ -2,12 +2,14 @@
 
 from typing import Literal
 
+from haptigraph.inference.coverage import uncovered
 from haptigraph.inference.procedure import Procedure
-from haptigraph.proof.invariant_claims import invariant_claims
+from haptigraph.proof.claims.invariants import invariant_claims
+from haptigraph.proof.claims.rules import rules_claims
+from haptigraph.proof.claims.thresholds import threshold_claims
+from haptigraph.proof.claims.time import time_claims
 from haptigraph.proof.report import Proof
-from haptigraph.proof.rules_claims import rules_claims
 from haptigraph.proof.subject import Subject
-from haptigraph.proof.threshold_claims import threshold_claims
 
 __all__ = ["prove"]
 
@@ -23,7 +25,13 @@ def prove(procedure: Procedure, prover: Literal["auto", "exhaustive", "z3"] = "a
         MissingExtra: If z3 is needed and not installed.
     """
     subject = Subject(procedure, prover)
-    claims = (*rules_claims(subject), *threshold_claims(subject), *invariant_claims(subject))
+    claims = (
+        *rules_claims(subject),
+        *threshold_claims(subject),
+        *invariant_claims(subject),
+        *time_claims(subject),
+    )
     held_ms = {state.name: state.hold_ms for state in procedure.states if state.hold_ms}
     temporal = tuple(claim.name for claim in procedure.temporal)
-    return Proof(procedure.name, procedure.sha256, subject.prover.method, claims, temporal, held_ms)
+    method, missing = subject.prover.method, tuple(uncovered(procedure))
+    return Proof(procedure.name, procedure.sha256, method, claims, temporal, held_ms, missing)

@@ -44,8 +44,12 @@ class Subject:
         self._engine = RuleEngine(procedure)
         is_small = self.space.count() <= MAX_WORLDS and self.space.visible.bit_length() <= MAX_BITS
         is_enumerated = prover == "exhaustive" or (prover == "auto" and is_small)
-        chosen = ExhaustiveProver if is_enumerated else Z3Prover
-        self.prover: Prover = chosen(self.space, self.rules)
+        self._chosen = ExhaustiveProver if is_enumerated else Z3Prover
+        self.prover: Prover = self._chosen(self.space, self.rules)
+
+    def without(self, number: int) -> Prover:
+        """Return the prover of the other rules, as if one never fitted."""
+        return self._chosen(self.space, self.rules[:number] + self.rules[number + 1 :])
 
     def violation(self, sentence: str, about: str, world: World) -> Violation:
         """Return a violation with its counterexample, whose state replaces "{state}" in the sentence."""
