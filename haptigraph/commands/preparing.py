@@ -1,7 +1,7 @@
 """Commands that prepare a run: register, check, procedure."""
 
 import sys
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
@@ -9,6 +9,9 @@ from haptigraph.commands.help import TaskGroup, examples
 from haptigraph.commands.options import set_option
 from haptigraph.commands.terminal import progress_bar
 from haptigraph.errors import BadInput, unknown_name
+
+if TYPE_CHECKING:
+    from haptigraph.messages import Capabilities
 
 TURNS = ("source.rotate_deg", "source.mirror")
 
@@ -68,6 +71,7 @@ def register(
     epilog=examples(
         "haptigraph check",
         "haptigraph check my.toml --picture violations.svg",
+        "haptigraph check my.toml --device gamepad",
     )
 )
 @click.argument("procedure", default="subretinal_injection")
@@ -78,8 +82,19 @@ def register(
     help="Enumerate every graph, or use z3; auto: whichever fits.",
 )
 @click.option("--picture", metavar="FILE", help="Draw the graphs that violate a claim: PNG, SVG or PDF.")
-def check(procedure: str, prover: Literal["auto", "exhaustive", "z3"], picture: str | None) -> None:
+@click.option(
+    "--device", metavar="DEVICE", help="Prove as well that this device can play every pattern; see `devices`."
+)
+def check(
+    procedure: str,
+    prover: Literal["auto", "exhaustive", "z3"],
+    picture: str | None,
+    device: str | None,
+) -> None:
     """Explain PROCEDURE in tables, and prove its claims over every possible graph.
+
+    Among them: every pattern is felt, an alarm is the strongest and unlike all else, and what follows a
+    measure grows towards danger.
 
     Exit code 1 if a claim is violated; the smallest graph that violates it is shown.
     """
@@ -92,7 +107,7 @@ def check(procedure: str, prover: Literal["auto", "exhaustive", "z3"], picture: 
     from haptigraph.proof.prove import prove
 
     loaded = load_procedure(procedure)
-    proof = prove(loaded, prover)
+    proof = prove(loaded, prover, _capable(device) if device else None)
     if picture:
         from haptigraph.analysis.plots.proof_figure import proof_figure
 
@@ -105,6 +120,14 @@ def check(procedure: str, prover: Literal["auto", "exhaustive", "z3"], picture: 
     console.print(proof_summary(proof), highlight=False)
     if not proof.holds:
         sys.exit(1)
+
+
+def _capable(device: str) -> "tuple[str, Capabilities]":
+    """Return a device's name and its capabilities, without opening it."""
+    from haptigraph.analysis.actuators import device_class
+
+    kind = device.partition(":")[0]
+    return kind, device_class(kind).capabilities
 
 
 @click.group(

@@ -19,10 +19,12 @@ def explain(procedure: Procedure) -> list[Table]:
     for relation in procedure.schema.relations:
         relations.add_row(str(Triplet(*relation.names)), _condition(relation, procedure))
     states = Table(title="States, first that fits wins", title_justify="left")
-    for heading in ("", "state", "when", "feels"):
+    for heading in ("", "state", "kind", "when", "feels"):
         states.add_column(heading, overflow="fold")
+    kinds = procedure.kinds
     for priority, state in enumerate(procedure.states):
-        states.add_row(str(priority), state.name, _when(state), state.feel)
+        kind = kinds[state.name] + ("" if state.kind else " (assumed)")
+        states.add_row(str(priority), state.name, kind, _when(state), state.feel)
     patterns = Table(title="Haptic patterns", title_justify="left")
     for heading in ("pattern", "output"):
         patterns.add_column(heading, overflow="fold")
