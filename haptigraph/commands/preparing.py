@@ -12,6 +12,7 @@ from haptigraph.errors import BadInput, unknown_name
 
 if TYPE_CHECKING:
     from haptigraph.inference.procedure import Procedure
+    from haptigraph.messages import Capabilities
     from haptigraph.proof.report import Proof
 
 TURNS = ("source.rotate_deg", "source.mirror")
@@ -72,7 +73,7 @@ def register(
     epilog=examples(
         "haptigraph check",
         "haptigraph check my.toml --picture violations.svg",
-        "haptigraph check my.toml --perceiver forceps",
+        "haptigraph check my.toml --perceiver forceps --device gamepad",
     )
 )
 @click.argument("procedure", default="subretinal_injection")
@@ -84,16 +85,22 @@ def register(
 )
 @click.option("--picture", metavar="FILE", help="Draw the graphs that violate a claim: PNG, SVG or PDF.")
 @click.option("--perceiver", default="auto", help="What will report the entities; auto: as in a run.")
+@click.option(
+    "--device", metavar="DEVICE", help="Prove as well that this device can play every pattern; see `devices`."
+)
 def check(
     procedure: str,
     prover: Literal["auto", "exhaustive", "z3"],
     picture: str | None,
     perceiver: str,
+    device: str | None,
 ) -> None:
     """Explain PROCEDURE in tables, and prove its claims over every possible graph.
 
-    Exit code 1 if a claim is violated; the smallest graph that violates it is shown. What no claim covers is
-    listed at the end.
+    Among them: every pattern is felt, an alarm is the strongest and unlike all else, and what follows a
+    measure grows towards danger. What no claim covers is listed at the end.
+
+    Exit code 1 if a claim is violated; the smallest graph that violates it is shown.
     """
     from rich.console import Console
     from rich.text import Text
@@ -104,7 +111,8 @@ def check(
     from haptigraph.proof.prove import prove
 
     loaded = load_procedure(procedure)
-    proof = _with_perceiver(prove(loaded, prover), loaded, perceiver)
+    proof = prove(loaded, prover, _capable(device) if device else None)
+    proof = _with_perceiver(proof, loaded, perceiver)
     if picture:
         from haptigraph.analysis.plots.proof_figure import proof_figure
 
@@ -130,6 +138,14 @@ def _with_perceiver(proof: "Proof", loaded: "Procedure", perceiver: str) -> "Pro
     name = perceiver_name(Config().with_perceiver(perceiver), loaded)
     claim, missing = reported_claim(loaded, name, perceiver_class(name))
     return replace(proof, claims=(*proof.claims, claim), uncovered=(*proof.uncovered, *missing))
+
+
+def _capable(device: str) -> "tuple[str, Capabilities]":
+    """Return a device's name and its capabilities, without opening it."""
+    from haptigraph.analysis.actuators import device_class
+
+    kind = device.partition(":")[0]
+    return kind, device_class(kind).capabilities
 
 
 @click.group(

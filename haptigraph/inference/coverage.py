@@ -39,7 +39,7 @@ def _unclaimed(procedure: Procedure) -> Iterator[str]:
         claimed |= {name for claim in procedure.temporal for name in claim.feels}
         for state in alarms:
             if not claimed & {state.name, state.feel}:
-                yield f"{state.name}, an alarm: no [[invariant]] and no [[temporal]] claim says when it is felt"
+                yield f"{state.name}, an alarm: no [[invariant]] and no [[temporal]] says when it is felt"
     if not any(claim.within_ms is not None for claim in procedure.temporal):
         yield "how soon an alarm is felt: there is no [[temporal]] claim with within_ms"
 

@@ -4,6 +4,9 @@ from typing import Literal
 
 from haptigraph.inference.coverage import uncovered
 from haptigraph.inference.procedure import Procedure
+from haptigraph.messages import Capabilities
+from haptigraph.proof.claims.follow import follow_claims
+from haptigraph.proof.claims.haptic import device_claims, haptic_claims
 from haptigraph.proof.claims.invariants import invariant_claims
 from haptigraph.proof.claims.rules import rules_claims
 from haptigraph.proof.claims.thresholds import threshold_claims
@@ -14,12 +17,17 @@ from haptigraph.proof.subject import Subject
 __all__ = ["prove"]
 
 
-def prove(procedure: Procedure, prover: Literal["auto", "exhaustive", "z3"] = "auto") -> Proof:
+def prove(
+    procedure: Procedure,
+    prover: Literal["auto", "exhaustive", "z3"] = "auto",
+    device: tuple[str, Capabilities] | None = None,
+) -> Proof:
     """Check every claim against every possible graph.
 
     Args:
         procedure: A checked procedure.
         prover: The method; auto: enumerate the graphs if there are few, else z3.
+        device: Name and capabilities of a device that is to play the haptic grammar.
 
     Raises:
         MissingExtra: If z3 is needed and not installed.
@@ -30,6 +38,9 @@ def prove(procedure: Procedure, prover: Literal["auto", "exhaustive", "z3"] = "a
         *threshold_claims(subject),
         *invariant_claims(subject),
         *time_claims(subject),
+        *haptic_claims(procedure),
+        *follow_claims(procedure),
+        *(device_claims(procedure, *device) if device else ()),
     )
     held_ms = {state.name: state.hold_ms for state in procedure.states if state.hold_ms}
     temporal = tuple(claim.name for claim in procedure.temporal)

@@ -135,7 +135,7 @@ def test_check_explains_a_procedure():
     result = call("check", "subretinal_injection")
     assert result.exit_code == 0
     assert "misaligned_retinal_approach" in result.output
-    assert "all 18 claims proved: looked at all 36 possible graphs" in result.output
+    assert "all 22 claims proved: looked at all 36 possible graphs" in result.output
     assert "z3" in call("check", "--prover", "z3").output
 
 
@@ -430,3 +430,15 @@ def test_a_folder_that_is_no_clip_says_what_one_holds(tmp_path):
 def test_help_of_replay_does_not_contradict_itself():
     text = " ".join(call("replay", "--help").output.split())
     assert "default: the recorded one" in text and "default: subretinal_injection" not in text
+
+
+def test_check_lists_kinds_and_what_is_beyond_a_device(procedure, tmp_path):
+    assert "guidance" in call("check").output and "assumed" not in call("check").output
+    refused = call("check", "--device", "gamepad:0")
+    assert refused.exit_code == 1
+    assert "pulse: 160 Hz cannot be selected" in refused.output
+    assert call("check", "--device", "audio").exit_code == 0
+    assert "unknown device 'none'; valid: audio, console" in refuse("check", "--device", "none")
+    file = tmp_path / "p.toml"
+    file.write_text(procedure.text.replace("target_hit", "on_target").replace('kind = "success"\n', ""))
+    assert "success (assumed)" in call("check", file).output

@@ -21,8 +21,9 @@ def explain(procedure: Procedure) -> list[Table]:
     states = Table(title="States, first that fits wins", title_justify="left")
     for heading in ("", "state", "kind", "when", "feels"):
         states.add_column(heading, overflow="fold")
+    kinds = procedure.kinds
     for priority, state in enumerate(procedure.states):
-        kind = procedure.kinds[state.name] if state.kind else f"{procedure.kinds[state.name]} (assumed)"
+        kind = kinds[state.name] + ("" if state.kind else " (assumed)")
         states.add_row(str(priority), state.name, kind, _when(state), state.feel + _lasting(state))
     patterns = Table(title="Haptic patterns", title_justify="left")
     for heading in ("pattern", "output"):
