@@ -122,9 +122,7 @@ def _follows(
                 problem = _problem(relations[follow.measure], value, measures)
                 if problem:
                     path = f"pattern[{number}].follow[{at}].{end}"
-                    yield _Finding(
-                        path, f"{pattern.name} follows {follow.measure} from {value:g}, which {problem}"
-                    )
+                    yield _Finding(path, f"{pattern.name} follows {follow.measure}: {value:g} {problem}")
 
 
 def _problem(relation: Relation, value: float, measures: Mapping[str, Measured]) -> str | None:
@@ -143,7 +141,7 @@ def _problem(relation: Relation, value: float, measures: Mapping[str, Measured])
     meant = [
         f"{value:g} {other}, which is {value * size:.4g} {unit}"
         for other, size in SLIPS.get(unit, ())
-        if plausible.low < value * size < plausible.high and abs(value * size) >= plausible.resolution
+        if plausible.low < value * size < plausible.high and abs(value * size) >= 10 * plausible.resolution
     ]
     hint = f"; did you mean {' or '.join(meant)}?" if meant else ""
     return (

@@ -44,5 +44,8 @@ def prove(
     )
     held_ms = {state.name: state.hold_ms for state in procedure.states if state.hold_ms}
     temporal = tuple(claim.name for claim in procedure.temporal)
-    method, missing = subject.prover.method, tuple(uncovered(procedure))
-    return Proof(procedure.name, procedure.sha256, method, claims, temporal, held_ms, missing)
+    missing = uncovered(procedure)
+    if device and device[1].frequency_range_hz is None:
+        missing.append(f"how patterns differ by frequency: {device[0]} plays one of its own")
+    method = subject.prover.method
+    return Proof(procedure.name, procedure.sha256, method, claims, temporal, held_ms, tuple(missing))

@@ -6,6 +6,8 @@ Turns worlds into violations that can be shown; the real rule engine evaluates e
 from collections.abc import Iterable
 from typing import Literal
 
+from msgspec.structs import replace
+
 from haptigraph.graph import Names, Node, Relation, SceneGraph, Triplet
 from haptigraph.inference.claims import Gap
 from haptigraph.inference.engine import RuleEngine
@@ -41,7 +43,8 @@ class Subject:
         self.procedure = procedure
         self.space = Space(procedure.schema)
         self.rules = rule_cubes(procedure, self.space)
-        self._engine = RuleEngine(procedure)
+        at_once = tuple(replace(state, enter_after_ms=0.0) for state in procedure.states)
+        self._engine = RuleEngine(replace(procedure, states=at_once))  # claims are about graphs, not time
         is_small = self.space.count() <= MAX_WORLDS and self.space.visible.bit_length() <= MAX_BITS
         is_enumerated = prover == "exhaustive" or (prover == "auto" and is_small)
         self._chosen = ExhaustiveProver if is_enumerated else Z3Prover

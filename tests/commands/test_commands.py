@@ -434,11 +434,13 @@ def test_help_of_replay_does_not_contradict_itself():
 
 def test_check_lists_kinds_and_what_is_beyond_a_device(procedure, tmp_path):
     assert "guidance" in call("check").output and "assumed" not in call("check").output
-    refused = call("check", "--device", "gamepad:0")
+    file = tmp_path / "p.toml"
+    file.write_text(procedure.text.replace("on_ms = 100", "on_ms = 30"))
+    refused = call("check", file, "--device", "gamepad:0")
     assert refused.exit_code == 1
-    assert "pulse: 160 Hz cannot be selected" in refused.output
+    assert "success: 30 ms on, 100 ms off become 50 on" in refused.output
+    assert "gamepad plays one of its own" in call("check", "--device", "gamepad").output
     assert call("check", "--device", "audio").exit_code == 0
     assert "unknown device 'none'; valid: audio, console" in refuse("check", "--device", "none")
-    file = tmp_path / "p.toml"
     file.write_text(procedure.text.replace("target_hit", "on_target").replace('kind = "success"\n', ""))
     assert "success (assumed)" in call("check", file).output

@@ -7,6 +7,8 @@ docs/procedures.md.
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from msgspec.structs import replace
+
 from haptigraph.haptics.pattern import unsupported
 from haptigraph.inference.meaning import Kind
 from haptigraph.inference.procedure import Procedure
@@ -205,7 +207,10 @@ def _confused(uses: list[_Use]) -> Iterator[Violation]:
 
 
 def _beyond(procedure: Procedure, device: Capabilities) -> Iterator[Violation]:
-    for pattern in procedure.patterns:
+    """Yield what a device cannot do; a frequency is a wish to devices that can choose one."""
+    is_fixed = device.frequency_range_hz is None
+    patterns = procedure.patterns
+    for pattern in (replace(one, frequency_hz=0.0) for one in patterns) if is_fixed else patterns:
         sentences = (sentence for value in values_of(pattern) for sentence in unsupported(value, device))
         for sentence in dict.fromkeys(sentences):
             yield Violation(sentence, f"pattern {pattern.name}")

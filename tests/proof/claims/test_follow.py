@@ -74,7 +74,6 @@ def test_a_reason_makes_an_inverted_table_sound():
         (LEAN.replace("dead_band = 0.1", "dead_band = 50"), "ignores changes of theta_deg up to 50"),
         (LEAN.replace("0.6]", "0.17]"), "which is not noticed"),
         (LEAN.replace("1.7,", "0.1,").replace("10.0,", "1.6,"), "but is felt from 1.7 to"),
-        (LEAN.replace("1.7,", "1700,").replace("10.0,", "10000,"), "but is felt from 1.7 to"),
     ],
 )
 def test_a_table_that_changes_nothing_is_found(new, problem):

@@ -3,6 +3,7 @@
 import re
 
 import pytest
+from msgspec.structs import replace
 
 from haptigraph.assemble import load_procedure, parse_procedure, procedure_names
 from haptigraph.haptics.console import ConsoleDevice
@@ -134,9 +135,12 @@ def test_a_device_that_can_play_everything_violates_nothing(procedure):
 
 
 def test_what_is_beyond_a_device_is_found(procedure):
-    can_play, alarm = device_claims(procedure, "gamepad", GamepadDevice.capabilities)
-    assert "pulse: 160 Hz cannot be selected" in [violation.sentence for violation in can_play.violations]
+    patterns = tuple(replace(one, on_ms=30) if one.name == "success" else one for one in procedure.patterns)
+    can_play, alarm = device_claims(replace(procedure, patterns=patterns), "pad", GamepadDevice.capabilities)
+    (violation,) = can_play.violations
+    assert violation.sentence.startswith("success: 30 ms on, 100 ms off become 50 on")
     assert alarm.holds
+    assert all(claim.holds for claim in device_claims(procedure, "gamepad", GamepadDevice.capabilities))
 
 
 def test_a_device_on_which_the_alarm_is_no_stronger_is_found(procedure):
