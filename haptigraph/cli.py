@@ -10,7 +10,7 @@ import click
 
 from haptigraph.commands.devices import devices
 from haptigraph.commands.evaluate import evaluate
-from haptigraph.commands.explain import diagram, explain
+from haptigraph.commands.explain import diagram, evidence, explain
 from haptigraph.commands.help import TaskGroup, examples
 from haptigraph.commands.live import live
 from haptigraph.commands.preparing import check, procedure, register
@@ -64,7 +64,7 @@ def _show_warning(message: Warning | str, category: type[Warning], *_: object, *
         "Try it": ("live", "demo"),
         "Your own video or camera": ("sources", "register", "run"),
         "Recordings": ("replay", "explain", "recover"),
-        "Rules and haptic feedback": ("procedure", "check", "diagram", "devices"),
+        "Rules and haptic feedback": ("procedure", "check", "diagram", "evidence", "devices"),
         "Accuracy": ("evaluate",),
         "Studies with people": ("study",),
     },
@@ -89,6 +89,7 @@ for command in (
     procedure,
     explain,
     diagram,
+    evidence,
     devices,
     sources,
     study,

@@ -1,10 +1,12 @@
-"""Commands that explain a moment of a run (explain) and the states of a procedure (diagram)."""
+"""Commands that explain: a moment of a run, the states of a procedure, the evidence for its claims."""
+
+import sys
 
 import click
 
 from haptigraph.commands.help import examples
 
-__all__ = ["diagram", "explain"]
+__all__ = ["diagram", "evidence", "explain"]
 
 
 @click.command(epilog=examples("haptigraph explain run.mcap --at 12.4"))
@@ -38,3 +40,47 @@ def diagram(procedure: str, output: str) -> None:
 
     write_diagram(load_procedure(procedure), output)
     click.echo(output)
+
+
+@click.command(
+    epilog=examples(
+        "haptigraph evidence subretinal_injection -o evidence",
+        "haptigraph evidence my.toml --faults faults.jsonl --evaluation accuracy.json --run run.mcap -o out",
+    )
+)
+@click.argument("procedure", default="subretinal_injection")
+@click.option("--faults", metavar="RESULT", help="Results of a campaign of faults (`make faults`).")
+@click.option(
+    "--evaluation",
+    "evaluations",
+    multiple=True,
+    metavar="RESULT",
+    help="Output of `haptigraph evaluate --json`; repeatable.",
+)
+@click.option(
+    "--run", "runs", multiple=True, metavar="RECORDING", help="Recording of a run of PROCEDURE; repeatable."
+)
+@click.option("-o", "--output", metavar="OUT", required=True, help="Folder to write; created if missing.")
+def evidence(
+    procedure: str, faults: str | None, evaluations: tuple[str, ...], runs: tuple[str, ...], output: str
+) -> None:
+    """Write the evidence for what PROCEDURE claims, by hazard, for an ethics application or a risk file.
+
+    OUT receives evidence.html, evidence.md, evidence.csv and argument.svg. Proofs are made now; results count
+    if they are about this procedure and this software. Exit code 1 if a claim's evidence fails or is missing.
+    """
+    from haptigraph.analysis.evidence.gathering import Results, safety_case
+    from haptigraph.analysis.evidence.tables import outcome, status_text
+    from haptigraph.analysis.evidence.writing import check_folder, write_case
+    from haptigraph.commands.terminal import progress_bar
+
+    folder = check_folder(output)
+    with progress_bar() as progress:
+        case = safety_case(procedure, Results(faults, evaluations, runs), progress)
+    write_case(case, folder)
+    for _, _, _, claim, number, each in case.rows():
+        if claim.lacks(each):
+            click.echo(f"{number} {status_text(claim, each)}: {claim.statement} ({each.figure})")
+    click.echo(f"{outcome(case)}; open {folder / 'evidence.html'}")
+    if not case.holds:
+        sys.exit(1)
