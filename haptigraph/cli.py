@@ -10,7 +10,7 @@ import click
 
 from haptigraph.commands.devices import devices
 from haptigraph.commands.evaluate import evaluate
-from haptigraph.commands.explain import diagram, evidence, explain
+from haptigraph.commands.explain import diagram, evidence, explain, figure
 from haptigraph.commands.help import TaskGroup, examples
 from haptigraph.commands.live import live
 from haptigraph.commands.preparing import check, procedure, register
@@ -63,7 +63,7 @@ def _show_warning(message: Warning | str, category: type[Warning], *_: object, *
     tasks={
         "Try it": ("live", "demo"),
         "Your own video or camera": ("sources", "register", "run"),
-        "Recordings": ("replay", "explain", "recover"),
+        "Recordings": ("replay", "explain", "figure", "recover"),
         "Rules and haptic feedback": ("procedure", "check", "diagram", "evidence", "devices"),
         "Accuracy": ("evaluate",),
         "Studies with people": ("study",),
@@ -88,6 +88,7 @@ for command in (
     check,
     procedure,
     explain,
+    figure,
     diagram,
     evidence,
     devices,

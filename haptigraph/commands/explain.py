@@ -1,12 +1,16 @@
-"""Commands that explain: a moment of a run, the states of a procedure, the evidence for its claims."""
+"""Commands that explain or show: a moment of a run, its figures, a procedure's states, its evidence."""
 
 import sys
+from typing import TYPE_CHECKING
 
 import click
 
 from haptigraph.commands.help import examples
 
-__all__ = ["diagram", "evidence", "explain"]
+if TYPE_CHECKING:
+    from haptigraph.analysis.paper.figure import Kind
+
+__all__ = ["diagram", "evidence", "explain", "figure"]
 
 
 @click.command(epilog=examples("haptigraph explain run.mcap --at 12.4"))
@@ -84,3 +88,36 @@ def evidence(
     click.echo(f"{outcome(case)}; open {folder / 'evidence.html'}")
     if not case.holds:
         sys.exit(1)
+
+
+@click.command(
+    epilog=examples(
+        "haptigraph figure run.mcap --kind timeline -o timeline.pdf",
+        "haptigraph figure run.mcap --kind pipeline --at 9.5 -o pipeline.pdf",
+        "haptigraph figure run.mcap --kind views -o views.svg",
+    )
+)
+@click.argument("recording")
+@click.option(
+    "--kind",
+    type=click.Choice(["pipeline", "views", "timeline"]),
+    required=True,
+    help="pipeline: every stage of perception on one image, the paper's and the tracker's; views: raw image, "
+    "displayed picture, trigger zones; timeline: states, measures and haptic output over time.",
+)
+@click.option(
+    "--at",
+    "at_s",
+    type=float,
+    metavar="SECONDS",
+    help="Moment of pipeline and views, since the first step; default: the longest alarm.",
+)
+@click.option("-o", "--output", metavar="FILE", required=True, help="PDF, SVG or PNG to write.")
+def figure(recording: str, kind: "Kind", at_s: float | None, output: str) -> None:
+    """Draw a figure of RECORDING for a paper: two columns wide (183 mm), vector graphics, fonts embedded."""
+    from haptigraph.analysis.paper.figure import paper_figure
+    from haptigraph.commands.terminal import progress_bar
+
+    with progress_bar() as progress:
+        paper_figure(recording, kind, output, at_s, progress)
+    click.echo(output)

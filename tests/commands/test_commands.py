@@ -15,7 +15,7 @@ from haptigraph.recording.journal import Journal
 from haptigraph.recording.reader import RunReader
 
 COMMANDS = [
-    "check", "demo", "devices", "diagram", "evaluate", "evidence", "explain", "live", "procedure", "recover", "register", "replay", "run", "sources",
+    "check", "demo", "devices", "diagram", "evaluate", "evidence", "explain", "figure", "live", "procedure", "recover", "register", "replay", "run", "sources",
     "study",
 ]  # fmt: skip
 
