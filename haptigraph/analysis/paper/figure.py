@@ -73,7 +73,9 @@ def _moment_figure(
         raise BadInput(
             f"--kind {kind} shows runs with a camera and a needle; this is another one", reader.path
         )
-    number = _number_at(series, at_s, reader.path) if at_s is not None else _telling(series, reader.path)
+    number = (
+        _number_at(series, at_s, reader.path) if at_s is not None else _most_relevant(series, reader.path)
+    )
     if kind == "pipeline":
         return pipeline_figure(read_stages(reader, registration, number, progress), registration)
     image = _image(reader, number)
@@ -87,7 +89,7 @@ def _number_at(series: Series, at_s: float, path: Path) -> int:
     return sum(time_s <= at_s + 1e-9 for time_s in series.time_s) - 1
 
 
-def _telling(series: Series, path: Path) -> int:
+def _most_relevant(series: Series, path: Path) -> int:
     """Return the middle of the longest interval with a tip, of the kind of state that shows most."""
     kinds = series.procedure.kinds
     for meaning in MEANINGS:
