@@ -93,7 +93,14 @@ HAZARDS = (
     ),
 )
 
-GENERAL: dict[str, str] = {}
+GENERAL = {
+    "alarm felt": "missed_alarm",
+    "alarm strongest": "missed_alarm",
+    "alarm unlike": "missed_alarm",
+    "felt": "wrong_guidance",
+    "follow grows": "wrong_guidance",
+    "follow felt": "wrong_guidance",
+}
 """Hazards of the claims that are proved of every procedure, by the claim's name; others: undefined_rules."""
 
 FAULTS = {

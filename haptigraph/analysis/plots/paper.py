@@ -26,7 +26,7 @@ COLORS = {
     "red": "#d55e00", "purple": "#cc79a7", "black": "#000000", "grey": "#6b6b6b",
 }  # fmt: skip
 """The palette of Okabe and Ito, which people with colour-vision deficiency can distinguish."""
-DASHES: tuple[Any, ...] = ("-", (0, (4, 1.5)), (0, (1, 1.2)))
+DASHES: tuple[Any, ...] = ("-", (0, (1, 1.2)), (0, (4, 1.5)), (0, (4, 1.2, 1, 1.2)))
 """Line styles, so that no curve is known by its colour alone."""
 STYLE: dict[Any, Any] = {
     "font.size": 7,
