@@ -35,7 +35,7 @@ def outcome(case: SafetyCase) -> str:
     total, held = sum(counts.values()), counts.pop("holds")
     if case.holds:
         return f"all {total} claims hold"
-    rest = ", ".join(f"{count} {status}" for status, count in counts.items())
+    rest = ", ".join(f"{count} {status.replace('fails', 'fail')}" for status, count in counts.items())
     return f"{held} of {total} claims hold; the others: {rest}"
 
 
