@@ -10,7 +10,7 @@ import click
 
 from haptigraph.commands.devices import devices
 from haptigraph.commands.evaluate import evaluate
-from haptigraph.commands.explain import diagram, explain
+from haptigraph.commands.explain import diagram, evidence, explain, figure
 from haptigraph.commands.help import TaskGroup, examples
 from haptigraph.commands.live import live
 from haptigraph.commands.preparing import check, procedure, register
@@ -64,8 +64,8 @@ def _show_warning(message: Warning | str, category: type[Warning], *_: object, *
     tasks={
         "Try it": ("live", "demo"),
         "Your own video or camera": ("sources", "register", "run"),
-        "Recordings": ("replay", "explain", "recover"),
-        "Rules and haptic feedback": ("procedure", "check", "diagram", "devices"),
+        "Recordings": ("replay", "explain", "figure", "recover"),
+        "Rules and haptic feedback": ("procedure", "check", "diagram", "evidence", "devices"),
         "Accuracy": ("evaluate",),
         "Studies with people": ("study",),
     },
@@ -89,7 +89,9 @@ for command in (
     check,
     procedure,
     explain,
+    figure,
     diagram,
+    evidence,
     devices,
     sources,
     study,

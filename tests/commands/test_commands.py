@@ -10,11 +10,12 @@ from pathlib import Path
 import pytest
 from helpers import call, refuse
 
+from haptigraph.assemble import load_procedure
 from haptigraph.recording.journal import Journal
 from haptigraph.recording.reader import RunReader
 
 COMMANDS = [
-    "check", "demo", "devices", "diagram", "evaluate", "explain", "live", "procedure", "recover", "register", "replay", "run", "sources",
+    "check", "demo", "devices", "diagram", "evaluate", "evidence", "explain", "figure", "live", "procedure", "recover", "register", "replay", "run", "sources",
     "study",
 ]  # fmt: skip
 
@@ -100,8 +101,11 @@ def test_evaluate_prints_a_table_or_one_json_object(clip):
     scores = json.loads(call("evaluate", clip, "--json").output)
     recorded = json.loads(call("evaluate", clip, "--as-recorded", "--json").output)
     assert recorded != scores and recorded["final_state"] == scores["final_state"]
-    unchanged = ("--as-recorded", "--set", "source.jpeg_quality=0", "--json")
-    assert json.loads(call("evaluate", clip, *unchanged).output) == scores
+    unchanged = json.loads(
+        call("evaluate", clip, "--as-recorded", "--set", "source.jpeg_quality=0", "--json").output
+    )
+    assert {**unchanged, "origin": scores["origin"]} == scores
+    assert scores["origin"]["procedure_sha256"] == load_procedure("subretinal_injection").sha256
     assert scores["clip"] == clip.name
     assert set(scores["angle_error_deg"]) == {"shallow", "deep"}
 

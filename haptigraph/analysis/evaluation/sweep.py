@@ -108,6 +108,7 @@ def pooled(scenes: Sequence[Errors]) -> dict[str, Any]:
         "angle_error_deg": angle_spreads(angles_deg),
         "state_agreement": share([hit for errors in scenes for hit in errors.agreed]),
         "wrong_contact_images": sum(errors.wrong_contact_images for errors in scenes),
+        "contact_images": sum(errors.contact_images for errors in scenes),
         "missed_contact_images": sum(errors.missed_contact_images for errors in scenes),
         **tip_scores([tip for errors in scenes for tip in errors.tips]),
     }
@@ -196,7 +197,7 @@ def _errors_of_scene(
     }
     if scene.has_registration_error:
         return {
-            name: replace(each, agreed=[], wrong_contact_images=0, missed_contact_images=0)
+            name: replace(each, agreed=[], wrong_contact_images=0, contact_images=0, missed_contact_images=0)
             for name, each in errors.items()
         }
     return errors

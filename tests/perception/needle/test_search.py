@@ -9,7 +9,7 @@ from haptigraph.config import PerceptionConfig
 from haptigraph.geometry import ImageGeometry
 from haptigraph.messages import Capture
 from haptigraph.perception.needle.rectify import EyeGeometry, Line
-from haptigraph.perception.needle.search import PolarSearch
+from haptigraph.perception.needle.search import MIN_SCORE, PolarSearch
 from haptigraph.perception.needle.tracker import OFF_AXIS_MM, Tracker
 from haptigraph.registration.camera import Registration
 from haptigraph.registration.loading import parse_registration
@@ -74,3 +74,13 @@ def test_detects_a_needle_that_points_beside_its_trocar_in_the_first_image(large
     observation = Tracker(large, PerceptionConfig())(Capture(0, 0, image))
     tip_px = large.image.to_px(observation.found["needle_tip"].at_mm)
     assert math.dist(tip_px, true.at_px(eye.trocar_px, depth_px)) < 1.0
+
+
+def test_candidates_are_the_peaks_of_the_scores(eye):
+    search, true = PolarSearch(eye), Line(eye.inwards_rad + 0.2, 0.0)
+    image = draw_needle(eye, true, 90.0)
+    scores = search.scores(image)
+    assert scores.shape == (1, len(search.angles_rad))
+    assert search.angles_rad[scores[0].argmax()] == search.search(image)[0].angle_rad
+    assert scores.max() >= MIN_SCORE
+    assert scores.max() == search.scores(image).max()  # a search leaves them as they are

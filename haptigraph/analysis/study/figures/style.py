@@ -9,6 +9,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from haptigraph.analysis.plots.paper import UNDATED
 from haptigraph.analysis.study.quantities import words
 
 if TYPE_CHECKING:
@@ -29,11 +30,6 @@ STYLE: dict[Any, Any] = {
     "hatch.linewidth": 0.7,
     "svg.hashsalt": "haptigraph",  # names of clip paths
     "pdf.fonttype": 42,
-}
-UNDATED: dict[str, dict[str, str | None]] = {
-    "png": {"Software": None},
-    "svg": {"Date": None},
-    "pdf": {"CreationDate": None},
 }
 
 
