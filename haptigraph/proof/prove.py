@@ -4,6 +4,7 @@ from typing import Literal
 
 from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import Capabilities
+from haptigraph.proof.color_claims import color_claims
 from haptigraph.proof.haptic.follow_claims import follow_claims
 from haptigraph.proof.haptic.haptic_claims import device_claims, haptic_claims
 from haptigraph.proof.invariant_claims import invariant_claims
@@ -37,6 +38,7 @@ def prove(
         *invariant_claims(subject),
         *haptic_claims(procedure),
         *follow_claims(procedure),
+        *color_claims(procedure),
         *(device_claims(procedure, *device) if device else ()),
     )
     held_ms = {state.name: state.hold_ms for state in procedure.states if state.hold_ms}

@@ -7,12 +7,12 @@ import numpy as np
 from matplotlib.figure import Figure
 from msgspec import Struct
 
-from haptigraph.analysis.plots.colors import ink_on, state_color
 from haptigraph.analysis.plots.drawing import draw_graph, draw_overlay
 from haptigraph.assemble import parse_procedure
 from haptigraph.errors import BadInput
 from haptigraph.graph import Schema
 from haptigraph.haptics.pattern import amplitude_at
+from haptigraph.inference.colors import Paint, palette
 from haptigraph.messages import UNKNOWN, Image, Step
 from haptigraph.perception.eye_view import IoctView
 from haptigraph.recording.reader import RunReader
@@ -38,6 +38,7 @@ class _Series(Struct):
     time_s: list[float]
     steps: list[Step]
     schema: Schema
+    paints: dict[str, Paint]
 
     def bounds(self, measure: str) -> list[float]:
         """Return the thresholds that the procedure sets on a measure, smallest first."""
@@ -92,7 +93,7 @@ def _read_series(reader: RunReader) -> _Series:
         raise BadInput("has no complete step to draw", reader.path)
     procedure = parse_procedure(reader.info.procedure, f"procedure in {reader.path}")
     time_s = [(step.stamp_ns - steps[0].stamp_ns) / 1e9 for step in steps]
-    return _Series(time_s, steps, procedure.schema)
+    return _Series(time_s, steps, procedure.schema, palette(procedure))
 
 
 def _intervals(series: _Series) -> list[tuple[int, int, str]]:
@@ -125,7 +126,7 @@ def _draw_moments(
     view = IoctView(registration)
     for column, number in enumerate(moments):
         step, picture, graph = series.steps[number], axes[0, column], axes[1, column]
-        image = images.get(number)
+        image, paint = images.get(number), series.paints[step.conclusion.state]
         if image is not None:
             picture.imshow(view(image), cmap="gray", vmin=0, vmax=255)
         draw_overlay(picture, view, step, registration, series.bounds("theta_deg"))
@@ -133,8 +134,8 @@ def _draw_moments(
             f"{series.time_s[number]:.1f} s  {step.conclusion.state.replace('_', ' ')}",
             fontsize=9,
             pad=10,
-            color=ink_on(step.conclusion.state),
-            bbox={"boxstyle": "round", "facecolor": state_color(step.conclusion.state), "edgecolor": "none"},
+            color=paint.ink,
+            bbox={"boxstyle": "round", "facecolor": paint.color, "edgecolor": "none"},
         )
         draw_graph(graph, step.graph)
 
@@ -145,7 +146,9 @@ def _draw_timeline(figure: "Figure", series: _Series) -> None:
     _draw_states(band, series)
     for axes in (theta, distance):
         for start, end, state in _intervals(series):
-            axes.axvspan(*_span(series, start, end), color=state_color(state), alpha=0.18, linewidth=0)
+            axes.axvspan(
+                *_span(series, start, end), color=series.paints[state].color, alpha=0.18, linewidth=0
+            )
     is_scan = bool(series.bounds(DEPTHS[0]))
     angle, names = ("incidence_deg", DEPTHS) if is_scan else ("theta_deg", DISTANCES)
     for bound_deg in series.bounds("theta_deg")[:1]:
@@ -174,12 +177,11 @@ def _draw_states(axes: "Axes", series: _Series) -> None:
     total_s = max(series.time_s[-1], 1e-3)
     for start, end, state in _intervals(series):
         left, right = _span(series, start, end)
-        axes.axvspan(left, right, color=state_color(state), linewidth=0)
+        paint = series.paints[state]
+        axes.axvspan(left, right, color=paint.color, linewidth=0)
         if right - left > 0.06 * total_s:
             name = state.replace("_", "\n")
-            axes.text(
-                (left + right) / 2, 0.5, name, ha="center", va="center", fontsize=7.5, color=ink_on(state)
-            )
+            axes.text((left + right) / 2, 0.5, name, ha="center", va="center", fontsize=7.5, color=paint.ink)
     axes.set(yticks=[], ylabel="state", ylim=(0, 1))
 
 
