@@ -116,7 +116,7 @@ def check(
     if picture:
         from haptigraph.analysis.plots.proof_figure import proof_figure
 
-        proof_figure(proof, picture)
+        proof_figure(loaded, proof, picture)
     # No markup: square brackets belong to the user's text. No line breaks where no terminal needs them.
     console = Console(markup=False, emoji=False, width=None if sys.stdout.isatty() else 10_000)
     console.print(Text.assemble((loaded.title, "bold"), f"  {loaded.source}\nsha256 {loaded.sha256}"))

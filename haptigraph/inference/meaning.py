@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 
 from haptigraph.messages import UNKNOWN, Pattern
 
-__all__ = ["Kind", "assumed_kind"]
+__all__ = ["PAPER_KINDS", "Kind", "assumed_kind"]
 
 Kind: TypeAlias = Literal["alarm", "guidance", "success", "neutral", "unseen"]
 """alarm: stop; guidance: correct the motion; success: the place that was aimed at; neutral: all is well;

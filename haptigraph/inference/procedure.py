@@ -65,6 +65,8 @@ class State(Struct, frozen=True, forbid_unknown_fields=True):
     """How long its rule must fit without interruption; until then the later rules decide."""
     kind: Kind | None = None
     """What it means to the surgeon; None if the file does not say it."""
+    color: Annotated[str, Meta(pattern="^#[0-9a-fA-F]{6}$")] | None = None
+    """In pictures and on pages; None: that of its kind."""
 
 
 class _Title(Struct, frozen=True, forbid_unknown_fields=True):

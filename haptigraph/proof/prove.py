@@ -5,6 +5,7 @@ from typing import Literal
 from haptigraph.inference.coverage import uncovered
 from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import Capabilities
+from haptigraph.proof.claims.colors import color_claims
 from haptigraph.proof.claims.follow import follow_claims
 from haptigraph.proof.claims.haptic import device_claims, haptic_claims
 from haptigraph.proof.claims.invariants import invariant_claims
@@ -40,6 +41,7 @@ def prove(
         *time_claims(subject),
         *haptic_claims(procedure),
         *follow_claims(procedure),
+        *color_claims(procedure),
         *(device_claims(procedure, *device) if device else ()),
     )
     held_ms = {state.name: state.hold_ms for state in procedure.states if state.hold_ms}

@@ -12,8 +12,8 @@ from matplotlib.patches import Patch
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from haptigraph.analysis.plots.colors import state_color
 from haptigraph.geometry import Point, Segment, Vec, norm
+from haptigraph.inference.colors import palette
 from haptigraph.inference.engine import RuleEngine
 from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import CERTAIN, Observation
@@ -70,11 +70,11 @@ def draw_zones(axes: "Axes", procedure: Procedure, states: NDArray[np.int16]) ->
         states: As `zones` returns them.
     """
     places = np.arange(states.shape[0]) * STEP_PX
-    patches = []
+    patches, paints = [], palette(procedure)
     for priority, state in enumerate(procedure.states):
         is_here = (states == priority).astype(np.float32)
         if is_here.any():
-            color, smooth = state_color(state.name), cv2.GaussianBlur(is_here, (0, 0), SMOOTH)
+            color, smooth = paints[state.name].color, cv2.GaussianBlur(is_here, (0, 0), SMOOTH)
             axes.contourf(places, places, smooth, levels=(0.45, 1.5), colors=[color])
             axes.contour(places, places, smooth, levels=(0.5,), colors="white", linewidths=0.4)
             label = state.name.replace("_", " ")

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from haptigraph.analysis.plots.colors import ink_on, state_color
 from haptigraph.analysis.plots.drawing import draw_graph, draw_overlay
 from haptigraph.analysis.plots.series import Series, read_series
 from haptigraph.analysis.plots.timeline import draw_timeline
@@ -79,7 +78,7 @@ def _draw_moments(
     view = IoctView(registration)
     for column, number in enumerate(moments):
         step, picture, graph = series.steps[number], axes[0, column], axes[1, column]
-        image = images.get(number)
+        image, paint = images.get(number), series.paints[step.conclusion.state]
         if image is not None:
             picture.imshow(view(image), cmap="gray", vmin=0, vmax=255)
         draw_overlay(picture, view, step, registration, series.bounds("theta_deg"))
@@ -87,7 +86,7 @@ def _draw_moments(
             f"{series.time_s[number]:.1f} s  {step.conclusion.state.replace('_', ' ')}",
             fontsize=9,
             pad=10,
-            color=ink_on(step.conclusion.state),
-            bbox={"boxstyle": "round", "facecolor": state_color(step.conclusion.state), "edgecolor": "none"},
+            color=paint.ink,
+            bbox={"boxstyle": "round", "facecolor": paint.color, "edgecolor": "none"},
         )
         draw_graph(graph, step.graph)

@@ -5,6 +5,7 @@ from msgspec import Struct
 from haptigraph.assemble import parse_procedure
 from haptigraph.errors import BadInput
 from haptigraph.haptics.pattern import amplitude_at
+from haptigraph.inference.colors import Paint, palette
 from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import Step
 from haptigraph.recording.reader import RunReader
@@ -21,6 +22,8 @@ class Series(Struct):
     time_s: list[float]
     steps: list[Step]
     procedure: Procedure
+    paints: dict[str, Paint]
+    """By state."""
 
     def bounds(self, measure: str) -> list[float]:
         """Return the thresholds that the procedure sets on a measure, smallest first."""
@@ -71,4 +74,4 @@ def read_series(reader: RunReader) -> Series:
         raise BadInput("has no complete step to draw", reader.path)
     procedure = parse_procedure(reader.info.procedure, f"procedure in {reader.path}")
     time_s = [(step.stamp_ns - steps[0].stamp_ns) / 1e9 for step in steps]
-    return Series(time_s, steps, procedure)
+    return Series(time_s, steps, procedure, palette(procedure))
