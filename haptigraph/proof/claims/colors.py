@@ -1,4 +1,4 @@
-"""Claims about colours: an alarm never looks like a state that is none."""
+"""Claims about colours: an alarm never looks like success, silence or ignorance."""
 
 from collections.abc import Iterator
 
@@ -15,13 +15,15 @@ MIN_DIFFERENCE = 15.0
 
 def color_claims(procedure: Procedure) -> list[Claim]:
     """Return the claims about the colours of a procedure's states."""
-    statement = "an alarm never has the colour of a state that is none, whatever the colour vision"
+    statement = (
+        "an alarm never has the colour of success, or of a silent or unseen state, whatever the colour vision"
+    )
     return [Claim("colours", statement, tuple(_confused(procedure)))]
 
 
 def _confused(procedure: Procedure) -> Iterator[Violation]:
     paints, kinds = palette(procedure), procedure.kinds
-    others = [name for name in paints if kinds[name] != "alarm"]
+    others = [name for name in paints if kinds[name] not in ("alarm", "guidance")]
     for alarm in (name for name in paints if kinds[name] == "alarm"):
         for name in others:
             color, other = paints[alarm].color, paints[name].color
