@@ -97,6 +97,7 @@ GENERAL = {
     "alarm felt": "missed_alarm",
     "alarm strongest": "missed_alarm",
     "alarm unlike": "missed_alarm",
+    "colours": "wrong_guidance",
     "felt": "wrong_guidance",
     "follow grows": "wrong_guidance",
     "follow felt": "wrong_guidance",

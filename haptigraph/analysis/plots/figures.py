@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from haptigraph.analysis.plots.colors import ink_on, state_color
 from haptigraph.analysis.plots.drawing import draw_graph, draw_overlay
 from haptigraph.analysis.plots.series import Series, read_series
 from haptigraph.analysis.plots.timeline import draw_timeline
@@ -87,7 +86,7 @@ def _draw_moments(
             f"{series.time_s[number]:.1f} s  {step.conclusion.state.replace('_', ' ')}",
             fontsize=9,
             pad=10,
-            color=ink_on(step.conclusion.state),
-            bbox={"boxstyle": "round", "facecolor": state_color(step.conclusion.state), "edgecolor": "none"},
+            color=series.ink(step.conclusion.state),
+            bbox={"boxstyle": "round", "facecolor": series.color(step.conclusion.state), "edgecolor": "none"},
         )
         draw_graph(graph, step.graph)

@@ -2,6 +2,7 @@
 
 from msgspec import Struct
 
+from haptigraph.analysis.plots.colors import ink_on, state_color
 from haptigraph.assemble import parse_procedure
 from haptigraph.errors import BadInput
 from haptigraph.haptics.pattern import amplitude_at
@@ -21,6 +22,14 @@ class Series(Struct):
     time_s: list[float]
     steps: list[Step]
     procedure: Procedure
+
+    def color(self, state: str) -> str:
+        """Return the colour of a state."""
+        return state_color(state)
+
+    def ink(self, state: str) -> str:
+        """Return the colour of text on that of a state."""
+        return ink_on(state)
 
     def bounds(self, measure: str) -> list[float]:
         """Return the thresholds that the procedure sets on a measure, smallest first."""
