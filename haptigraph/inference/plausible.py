@@ -134,11 +134,12 @@ def _follows(
     schema: Schema, patterns: tuple[Pattern, ...], measures: Mapping[str, Measured]
 ) -> Iterator[_Finding]:
     relations = {schema.measure_name(relation): relation for relation in schema.relations}
+    meant = {schema.measure_name(relation) for relation in schema.relations if relation.reason is not None}
     for number, pattern in enumerate(patterns):
         for at, follow in enumerate(pattern.follow):
             for end, (value, _) in (("start", follow.start), ("end", follow.end)):
                 problem = _problem(relations[follow.measure], value, measures)
-                if problem:
+                if problem and follow.measure not in meant:
                     path = f"pattern[{number}].follow[{at}].{end}"
                     yield _Finding(path, f"{pattern.name} follows {follow.measure}: {value:g} {problem}")
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from haptigraph.analysis.plots.series import Series
 from haptigraph.geometry import Point, Segment, Vec, norm
-from haptigraph.inference.engine import RuleEngine
+from haptigraph.inference.engine import RuleEngine, without_time
 from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import CERTAIN, Observation
 from haptigraph.perception.eye_view import IoctView
@@ -43,7 +43,7 @@ def zones(
         view: The picture that the places are on, every `STEP_PX` pixels.
         seen: What else was observed: the anatomy, the phase.
     """
-    build_scene, reason = SchemaSceneBuilder(procedure.schema), RuleEngine(procedure)
+    build_scene, reason = SchemaSceneBuilder(procedure.schema), RuleEngine(without_time(procedure))
     places = np.arange(0, view.size_px, STEP_PX)
     states = np.full((len(places), len(places)), -1, np.int16)
     for row, y_px in enumerate(places):
@@ -51,7 +51,6 @@ def zones(
             tip_mm = view.to_mm((float(x_px), float(y_px)))
             if norm(tip_mm) <= registration.globe.radius_mm:
                 build_scene.reset()
-                reason.reset()
                 states[row, column] = reason(build_scene(_with_tip(seen, registration, tip_mm))).priority
     return states
 
