@@ -213,7 +213,7 @@ def _confused(uses: list[_Use]) -> Iterator[Violation]:
 
 
 def _beyond(procedure: Procedure, device: Capabilities) -> Iterator[Violation]:
-    """Yield what a device cannot do; a frequency is a wish to devices that can choose one."""
+    """Yield what a device cannot do; a frequency is a request to devices that can choose one."""
     is_fixed = device.frequency_range_hz is None
     patterns = procedure.patterns
     for pattern in (replace(one, frequency_hz=0.0) for one in patterns) if is_fixed else patterns:
