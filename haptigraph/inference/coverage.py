@@ -29,7 +29,7 @@ def _unclaimed(procedure: Procedure) -> Iterator[str]:
     """Yield what nobody claims."""
     alarms = [state for state in procedure.states if procedure.kinds[state.name] == "alarm"]
     if not alarms:
-        yield 'what tells the hand to stop: no state has kind = "alarm"'
+        yield 'a signal to stop: no state has kind = "alarm"'
     if not procedure.invariants:
         yield "what the states mean to the surgeon: there is no [[invariant]]"
     else:

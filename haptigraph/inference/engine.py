@@ -14,7 +14,7 @@ from haptigraph.graph import Node, SceneGraph, Triplet
 from haptigraph.inference.procedure import Procedure, State
 from haptigraph.messages import UNKNOWN, Conclusion
 
-__all__ = ["RuleEngine"]
+__all__ = ["RuleEngine", "without_time"]
 
 Scene: TypeAlias = tuple[tuple[Node, ...], tuple[Triplet, ...]]
 NS_PER_MS = 1_000_000
@@ -165,6 +165,12 @@ class RuleEngine:
         require = sum(self._edge_bits[names] for names in set(state.when))
         forbid = sum(self._edge_bits[names] for names in set(state.unless))
         return require, forbid | sum(self._entity_bits[name] for name in set(state.absent))
+
+
+def without_time(procedure: Procedure) -> Procedure:
+    """Return a procedure that judges every graph by itself: no state is held, none waits."""
+    states = tuple(replace(state, hold_ms=0.0, enter_after_ms=0.0) for state in procedure.states)
+    return replace(procedure, states=states)
 
 
 def _because(state: State, graph: SceneGraph) -> str:

@@ -24,6 +24,7 @@ SLIPS = {
     "s": (("ms", 1e-3),),
 }
 """By unit: others that a number may have been meant in, and their size in this one."""
+MAX_RELEASE = 0.1  # of the range of plausible thresholds
 
 
 class Plausible(Protocol):
@@ -110,17 +111,35 @@ def _relations(schema: Schema, measures: Mapping[str, Measured]) -> Iterator[_Fi
             problem = None if value is None else _problem(relation, value, measures)
             if problem:
                 yield _Finding(f"{path}.{key}", f"{Triplet(*relation.names)}: {key} = {value:g} {problem}")
+        if problem := _loose(relation, measures[relation.measure].plausible):
+            yield _Finding(f"{path}.release", f"{Triplet(*relation.names)}: {problem}")
+
+
+def _loose(relation: Relation, plausible: Plausible) -> str:
+    """Return what is wrong with a release that is far from its bound; "" if nothing is."""
+    bounds = [getattr(relation, key) for key in BOUNDS if key != "release"]
+    if relation.release is None:
+        return ""
+    distance = min(abs(relation.release - bound) for bound in bounds if bound is not None)
+    most, unit = MAX_RELEASE * (plausible.high - plausible.low), unit_of(relation.measure)
+    if distance <= most:
+        return ""
+    return (
+        f"release = {relation.release:g} {unit} is {distance:g} {unit} from its bound, and the relation "
+        f"hardly ever ends; at most {most:g} {unit} are plausible; correct it, or give a reason"
+    )
 
 
 def _follows(
     schema: Schema, patterns: tuple[Pattern, ...], measures: Mapping[str, Measured]
 ) -> Iterator[_Finding]:
     relations = {schema.measure_name(relation): relation for relation in schema.relations}
+    meant = {schema.measure_name(relation) for relation in schema.relations if relation.reason is not None}
     for number, pattern in enumerate(patterns):
         for at, follow in enumerate(pattern.follow):
             for end, (value, _) in (("start", follow.start), ("end", follow.end)):
                 problem = _problem(relations[follow.measure], value, measures)
-                if problem:
+                if problem and follow.measure not in meant:
                     path = f"pattern[{number}].follow[{at}].{end}"
                     yield _Finding(path, f"{pattern.name} follows {follow.measure}: {value:g} {problem}")
 

@@ -6,11 +6,9 @@ Turns worlds into violations that can be shown; the real rule engine evaluates e
 from collections.abc import Iterable
 from typing import Literal
 
-from msgspec.structs import replace
-
 from haptigraph.graph import Names, Node, Relation, SceneGraph, Triplet
 from haptigraph.inference.claims import Gap
-from haptigraph.inference.engine import RuleEngine
+from haptigraph.inference.engine import RuleEngine, without_time
 from haptigraph.inference.procedure import Procedure
 from haptigraph.proof.exhaustive_prover import MAX_BITS, MAX_WORLDS, ExhaustiveProver
 from haptigraph.proof.intervals import Interval
@@ -43,8 +41,7 @@ class Subject:
         self.procedure = procedure
         self.space = Space(procedure.schema)
         self.rules = rule_cubes(procedure, self.space)
-        at_once = tuple(replace(state, enter_after_ms=0.0) for state in procedure.states)
-        self._engine = RuleEngine(replace(procedure, states=at_once))  # claims are about graphs, not time
+        self._engine = RuleEngine(without_time(procedure))
         is_small = self.space.count() <= MAX_WORLDS and self.space.visible.bit_length() <= MAX_BITS
         is_enumerated = prover == "exhaustive" or (prover == "auto" and is_small)
         self._chosen = ExhaustiveProver if is_enumerated else Z3Prover
@@ -103,7 +100,6 @@ class Subject:
 
     def _state_of(self, graph: SceneGraph) -> str:
         """Return the state of a graph by itself, whatever state is held."""
-        self._engine.reset()
         return self._engine(graph).state
 
     def _still_holding(self, graph: SceneGraph) -> tuple[str, ...]:

@@ -49,7 +49,7 @@ def test_kinds_that_are_assumed_are_named(procedure):
 
 def test_without_an_alarm_nothing_tells_the_hand_to_stop(procedure):
     states = tuple(replace(one, kind="guidance") if one.kind == "alarm" else one for one in procedure.states)
-    assert uncovered(replace(procedure, states=states))[0].startswith("what tells the hand to stop")
+    assert uncovered(replace(procedure, states=states))[0].startswith("a signal to stop")
 
 
 @pytest.mark.parametrize("name", procedure_names())

@@ -45,6 +45,17 @@ def test_a_reason_is_accepted_and_repeated(file):
     assert "no eye seems to allow: as published" in result.output
 
 
+def test_a_pattern_may_follow_a_measure_as_far_as_a_relation_with_a_reason_goes(file):
+    text = load_procedure("subretinal_injection_continuous").text
+    far = text.replace("start = [5.5, 1.5]", "start = [40.0, 1.5]")
+    assert far != text
+    file.write_text(far)
+    with pytest.raises(BadInput, match="near follows distance_to_retina_mm: 40 mm separates nothing"):
+        load_procedure(str(file))
+    file.write_text(far.replace("at_most = 5.5\n", 'at_most = 5.5\nreason = "a bowl of 60 mm"\n', 1))
+    load_procedure(str(file))
+
+
 def test_an_empty_reason_is_refused(file):
     file.write_text(TEXT.replace("at_most = 1.7", 'at_most = 1.7\nreason = " "'))
     with pytest.raises(BadInput, match="reason is empty"):

@@ -29,6 +29,7 @@ FACTORS = {"x 1000": 1000.0, "/ 1000": 0.001, "x 57.3": 57.29578}
 SAME = "no possible graph has another state"
 PLAUSIBLE = "another threshold that an eye allows: only the author knows which is right"
 FELT = "another pattern that is felt as what its state means"
+ASIDE = "no state depends on it: recorded_only"
 
 
 class Mutant(NamedTuple):
@@ -127,7 +128,10 @@ def explanation(original: Procedure, mutant: Mutant, procedure: Procedure) -> st
     """Return why a mutant is accepted; SAME is shown by a look at every possible graph."""
     if mutant.sort == "two states swapped":
         return SAME if _has_same_states(original, procedure) else ""
-    return FELT if "pattern" in mutant.sort else PLAUSIBLE
+    if "pattern" in mutant.sort:
+        return FELT
+    pairs = zip(original.schema.relations, procedure.schema.relations, strict=True)
+    return ASIDE if all(one.recorded_only for one, other in pairs if one != other) else PLAUSIBLE
 
 
 def _has_same_states(one: Procedure, other: Procedure) -> bool:

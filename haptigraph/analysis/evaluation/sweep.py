@@ -17,7 +17,7 @@ from haptigraph.analysis.evaluation.ground_truth import TruthRow
 from haptigraph.analysis.evaluation.tip_scores import tip_scores
 from haptigraph.config import Config
 from haptigraph.geometry import ImageGeometry, Point, Segment, Vec, angle_between_deg, subtract
-from haptigraph.inference.engine import RuleEngine
+from haptigraph.inference.engine import RuleEngine, without_time
 from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import CERTAIN, Capture, Observation, Step, Truth
 from haptigraph.pipeline import Pipeline
@@ -131,7 +131,7 @@ def true_rows(truths: Sequence[Truth], registration: Registration, procedure: Pr
         registration: The true anatomy.
         procedure: Its rules determine the states of the true needle.
     """
-    build_scene, reason = SchemaSceneBuilder(procedure.schema), RuleEngine(procedure)
+    build_scene, reason = SchemaSceneBuilder(procedure.schema), RuleEngine(without_time(procedure))
     rows = []
     for truth in truths:
         found = registration.anatomy | truth.others

@@ -13,7 +13,7 @@ from haptigraph.analysis.plots.explanation import pattern_text
 from haptigraph.assemble import parse_procedure
 from haptigraph.errors import BadInput
 from haptigraph.graph import SceneGraph, Triplet
-from haptigraph.inference.engine import RuleEngine
+from haptigraph.inference.engine import RuleEngine, without_time
 from haptigraph.inference.procedure import Procedure, State
 from haptigraph.proof.nearest import Change, Nearest
 from haptigraph.proof.subject import bounds_of
@@ -106,7 +106,7 @@ def explain_graph(
     procedure: Procedure, graph: SceneGraph, time_s: float = 0.0, faults: tuple[str, ...] = ()
 ) -> Explanation:
     """Explain what a procedure concludes from a graph."""
-    conclusion = RuleEngine(procedure)(graph)
+    conclusion = RuleEngine(without_time(procedure))(graph)
     nearest = Nearest(procedure, graph.sds)
     changes = nearest.changes(nearest.mask(graph), graph.measures)
     states = procedure.states

@@ -44,9 +44,8 @@ def views_figure(series: Series, number: int, image: Image, registration: Regist
     draw_overlay(displayed, view, step, registration, series.bounds("theta_deg"))
     letter(displayed, "b", f"displayed: {step.conclusion.state.replace('_', ' ')}")
     scale_bar(displayed, bar_px, f"{BAR_MM:g} mm")
-    patches = draw_zones(
-        zone, series.procedure, zones(series.procedure, registration, view, step.observation)
-    )
+    states = zones(series.procedure, registration, view, step.observation)
+    patches = draw_zones(zone, series, states)
     _draw_needle(zone, view, step.observation.found)
     zone.set(xlim=displayed.get_xlim(), ylim=displayed.get_ylim(), aspect="equal")
     zone.axis("off")

@@ -12,9 +12,9 @@ from matplotlib.patches import Patch
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
+from haptigraph.analysis.plots.series import Series
 from haptigraph.geometry import Point, Segment, Vec, norm
-from haptigraph.inference.colors import palette
-from haptigraph.inference.engine import RuleEngine
+from haptigraph.inference.engine import RuleEngine, without_time
 from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import CERTAIN, Observation
 from haptigraph.perception.eye_view import IoctView
@@ -43,7 +43,7 @@ def zones(
         view: The picture that the places are on, every `STEP_PX` pixels.
         seen: What else was observed: the anatomy, the phase.
     """
-    build_scene, reason = SchemaSceneBuilder(procedure.schema), RuleEngine(procedure)
+    build_scene, reason = SchemaSceneBuilder(procedure.schema), RuleEngine(without_time(procedure))
     places = np.arange(0, view.size_px, STEP_PX)
     states = np.full((len(places), len(places)), -1, np.int16)
     for row, y_px in enumerate(places):
@@ -51,7 +51,6 @@ def zones(
             tip_mm = view.to_mm((float(x_px), float(y_px)))
             if norm(tip_mm) <= registration.globe.radius_mm:
                 build_scene.reset()
-                reason.reset()
                 states[row, column] = reason(build_scene(_with_tip(seen, registration, tip_mm))).priority
     return states
 
@@ -61,20 +60,20 @@ def _with_tip(seen: Observation, registration: Registration, tip_mm: Vec) -> Obs
     return replace(seen, found={**seen.found, **needle}, certainty=CERTAIN)
 
 
-def draw_zones(axes: "Axes", procedure: Procedure, states: NDArray[np.int16]) -> list[Patch]:
+def draw_zones(axes: "Axes", series: Series, states: NDArray[np.int16]) -> list[Patch]:
     """Draw zones, and return the entries of their legend.
 
     Args:
         axes: With the pixels of the view.
-        procedure: Its rules.
+        series: The run.
         states: As `zones` returns them.
     """
     places = np.arange(states.shape[0]) * STEP_PX
-    patches, paints = [], palette(procedure)
-    for priority, state in enumerate(procedure.states):
+    patches = []
+    for priority, state in enumerate(series.procedure.states):
         is_here = (states == priority).astype(np.float32)
         if is_here.any():
-            color, smooth = paints[state.name].color, cv2.GaussianBlur(is_here, (0, 0), SMOOTH)
+            color, smooth = series.color(state.name), cv2.GaussianBlur(is_here, (0, 0), SMOOTH)
             axes.contourf(places, places, smooth, levels=(0.45, 1.5), colors=[color])
             axes.contour(places, places, smooth, levels=(0.5,), colors="white", linewidths=0.4)
             label = state.name.replace("_", " ")

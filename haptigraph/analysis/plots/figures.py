@@ -78,7 +78,7 @@ def _draw_moments(
     view = IoctView(registration)
     for column, number in enumerate(moments):
         step, picture, graph = series.steps[number], axes[0, column], axes[1, column]
-        image, paint = images.get(number), series.paints[step.conclusion.state]
+        image = images.get(number)
         if image is not None:
             picture.imshow(view(image), cmap="gray", vmin=0, vmax=255)
         draw_overlay(picture, view, step, registration, series.bounds("theta_deg"))
@@ -86,7 +86,7 @@ def _draw_moments(
             f"{series.time_s[number]:.1f} s  {step.conclusion.state.replace('_', ' ')}",
             fontsize=9,
             pad=10,
-            color=paint.ink,
-            bbox={"boxstyle": "round", "facecolor": paint.color, "edgecolor": "none"},
+            color=series.ink(step.conclusion.state),
+            bbox={"boxstyle": "round", "facecolor": series.color(step.conclusion.state), "edgecolor": "none"},
         )
         draw_graph(graph, step.graph)

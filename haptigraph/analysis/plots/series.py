@@ -25,6 +25,14 @@ class Series(Struct):
     paints: dict[str, Paint]
     """By state."""
 
+    def color(self, state: str) -> str:
+        """Return the colour of a state."""
+        return self.paints[state].color
+
+    def ink(self, state: str) -> str:
+        """Return the colour of text on that of a state."""
+        return self.paints[state].ink
+
     def bounds(self, measure: str) -> list[float]:
         """Return the thresholds that the procedure sets on a measure, smallest first."""
         schema = self.procedure.schema

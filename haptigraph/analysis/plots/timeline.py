@@ -59,7 +59,7 @@ def _measured(series: Series, units: tuple[str, ...]) -> list[str]:
 def _shade(axes: "Axes", series: Series) -> None:
     """Show the states faintly behind curves."""
     for start, end, state in series.intervals():
-        axes.axvspan(*series.span_s(start, end), color=series.paints[state].color, alpha=0.18, linewidth=0)
+        axes.axvspan(*series.span_s(start, end), color=series.color(state), alpha=0.18, linewidth=0)
 
 
 def _draw_states(axes: "Axes", series: Series) -> None:
@@ -67,16 +67,16 @@ def _draw_states(axes: "Axes", series: Series) -> None:
     total_s = max(series.time_s[-1], 1e-3)
     for start, end, state in series.intervals():
         left, right = series.span_s(start, end)
-        axes.axvspan(left, right, color=series.paints[state].color, linewidth=0)
+        axes.axvspan(left, right, color=series.color(state), linewidth=0)
         if right - left > NAMED_SHARE * total_s:
             axes.text(
                 *((left + right) / 2, 0.5, state.replace("_", "\n")),
-                ha="center", va="center", fontsize="small", color=series.paints[state].ink,
+                ha="center", va="center", fontsize="small", color=series.ink(state),
             )  # fmt: skip
     occurring = {state for _, _, state in series.intervals()}
     patches = [
         Patch(
-            facecolor=series.paints[state.name].color,
+            facecolor=series.color(state.name),
             edgecolor="#555",
             linewidth=0.4,
             label=state.name.replace("_", " "),

@@ -25,7 +25,7 @@ from haptigraph.proof.report import Claim, Violation
 
 __all__ = ["device_claims", "haptic_claims"]
 
-MIN_AMPLITUDE, MIN_ALARM_AMPLITUDE = 0.05, 0.2
+MIN_AMPLITUDE, MIN_ALARM_AMPLITUDE, MIN_ONCE_AMPLITUDE = 0.05, 0.2, 0.2
 """Of the device's full amplitude."""
 MIN_ON_MS, MIN_ALARM_ON_MS, MAX_ALARM_PAUSE_MS, MAX_BURSTS_MS = 20.0, 50.0, 500.0, 2000.0
 MIN_HZ, MAX_HZ, MIN_CYCLES = 20.0, 1000.0, 2.0
@@ -47,9 +47,10 @@ def haptic_claims(procedure: Procedure) -> list[Claim]:
     return [
         Claim(
             "felt",
-            f"what vibrates is felt: amplitude {MIN_AMPLITUDE:g} or more, bursts of {MIN_ON_MS:g} ms and "
-            f"{MIN_CYCLES:g} cycles or more, pauses of {SHORTEST_PAUSE_MS:g} ms or more, "
-            f"{MIN_HZ:g} to {MAX_HZ:,.0f} Hz; bursts are over within {MAX_BURSTS_MS / 1000:g} s",
+            f"what vibrates is felt: amplitude {MIN_AMPLITUDE:g} or more, {MIN_ONCE_AMPLITUDE:g} if it plays "
+            f"once, bursts of {MIN_ON_MS:g} ms and {MIN_CYCLES:g} cycles or more, pauses of "
+            f"{SHORTEST_PAUSE_MS:g} ms or more, {MIN_HZ:g} to {MAX_HZ:,.0f} Hz; bursts are over within "
+            f"{MAX_BURSTS_MS / 1000:g} s",
             tuple(_unfelt(procedure)),
         ),
         Claim(
@@ -116,6 +117,11 @@ def _reasons_unfelt(pattern: Pattern) -> Iterator[str]:
     hz, on_ms = pattern.frequency_hz, pattern.on_ms
     if pattern.amplitude < MIN_AMPLITUDE:
         yield f"has amplitude {pattern.amplitude:g}, which is not felt; give at least {MIN_AMPLITUDE:g}"
+    elif pattern.kind == "bursts" and pattern.amplitude < MIN_ONCE_AMPLITUDE:
+        yield (
+            f"has amplitude {pattern.amplitude:g}, which may be missed, because it plays once; "
+            f"give at least {MIN_ONCE_AMPLITUDE:g}"
+        )
     if hz and not MIN_HZ <= hz <= MAX_HZ:
         yield f"vibrates at {hz:g} Hz, which skin does not feel; give {MIN_HZ:g} to {MAX_HZ:g} Hz"
     if pattern.kind == "continuous":
@@ -207,7 +213,7 @@ def _confused(uses: list[_Use]) -> Iterator[Violation]:
 
 
 def _beyond(procedure: Procedure, device: Capabilities) -> Iterator[Violation]:
-    """Yield what a device cannot do; a frequency is a wish to devices that can choose one."""
+    """Yield what a device cannot do; a frequency is a request to devices that can choose one."""
     is_fixed = device.frequency_range_hz is None
     patterns = procedure.patterns
     for pattern in (replace(one, frequency_hz=0.0) for one in patterns) if is_fixed else patterns:

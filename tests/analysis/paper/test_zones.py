@@ -1,6 +1,7 @@
 """Trigger zones: the states that the rules give places of the tip, and no others."""
 
 import pytest
+from msgspec.structs import replace
 
 from haptigraph.analysis.paper.zones import STEP_PX, zones
 from haptigraph.geometry import Vec, norm, rotate, subtract
@@ -57,3 +58,11 @@ def test_outside_the_eye_there_is_no_zone(registration, view, priorities):
     area_mm2 = inside * (2 * view.half_mm * STEP_PX / view.size_px) ** 2
     assert area_mm2 == pytest.approx(3.1416 * registration.globe.radius_mm**2, rel=0.03)
     assert norm(registration.globe.center_mm) == 0
+
+
+def test_zones_show_where_a_state_is_whatever_time_it_takes(procedure, registration, view, priorities):
+    states = tuple(
+        replace(one, enter_after_ms=200.0) if one.kind == "guidance" else one for one in procedure.states
+    )
+    seen = Observation(0, dict(registration.anatomy))
+    assert (zones(replace(procedure, states=states), registration, view, seen) == priorities).all()

@@ -25,7 +25,7 @@ def without(series: Series, *measures: str) -> Series:
         kept = {name: value for name, value in step.graph.measures.items() if name not in measures}
         return replace(step, graph=replace(step.graph, measures=kept))
 
-    return Series(series.time_s, [lacks(step) for step in series.steps], series.procedure)
+    return Series(series.time_s, [lacks(step) for step in series.steps], series.procedure, series.paints)
 
 
 def drawn(series: Series) -> dict[str, list[str]]:

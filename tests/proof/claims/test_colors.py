@@ -20,7 +20,7 @@ def test_every_shipped_procedure_holds(name):
     assert claim.holds
 
 
-@pytest.mark.parametrize("color", ["#9cc5e8", "#efefef", "#2f6fb3", "#9fc6e5", "#b7a6cf"])
+@pytest.mark.parametrize("color", ["#9cc5e8", "#efefef", "#2f6fb3", "#9fc6e5", "#b7a6cf", "#3a9d5d"])
 def test_an_alarm_that_looks_like_a_silent_state_is_found(color):
     (claim,) = color_claims(with_color(color))
     assert f"the alarm 'retinal_contact' is {color}" in claim.violations[0].sentence
@@ -40,7 +40,7 @@ def test_what_is_no_colour_is_refused(color):
         with_color(color)
 
 
-@pytest.mark.parametrize("color", ["#b00020", "#ff4d4d", "#7a0a1a"])
+@pytest.mark.parametrize("color", ["#b00020", "#c62828", "#7a0a1a"])
 def test_a_sensible_alarm_colour_holds(color):
     (claim,) = color_claims(with_color(color))
     assert claim.holds
