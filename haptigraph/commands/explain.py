@@ -30,20 +30,35 @@ def explain(recording: str, at_s: float, as_json: bool) -> None:
     click.echo(msgspec.json.encode(explanation).decode() if as_json else explanation_text(explanation))
 
 
-@click.command(epilog=examples("haptigraph diagram subretinal_injection -o states.svg"))
-@click.argument("procedure", default="subretinal_injection")
+@click.command(
+    epilog=examples(
+        "haptigraph diagram subretinal_injection -o states.svg",
+        "haptigraph diagram phantom:wrong_place_then_hit -o scenario.svg",
+    )
+)
+@click.argument("subject", metavar="PROCEDURE|phantom:SCENARIO", default="subretinal_injection")
 @click.option("-o", "--output", metavar="FILE", required=True, help="The SVG to write.")
-def diagram(procedure: str, output: str) -> None:
-    """Draw the states of PROCEDURE with their priorities, as in the paper.
+def diagram(subject: str, output: str) -> None:
+    """Draw the states of PROCEDURE with their priorities, or the eye and the moves of SCENARIO.
 
-    Misaligned states are on the left, aligned ones on the right. A line joins two states if one measure
-    crossing one threshold can lead from one to the other.
+    States with a misaligned needle are on the left, with an aligned one on the right. A line joins two states
+    if one measure crossing one threshold can lead from one to the other.
     """
-    from haptigraph.analysis.plots.diagram import write_diagram
-    from haptigraph.assemble import load_procedure
+    from haptigraph.analysis.plots.svg import write_svg
 
-    write_diagram(load_procedure(procedure), output)
+    write_svg(_diagram_svg(subject), output)
     click.echo(output)
+
+
+def _diagram_svg(subject: str) -> str:
+    from haptigraph.analysis.plots.diagram import diagram_svg
+    from haptigraph.analysis.plots.scenario_diagram import scenario_svg
+    from haptigraph.assemble import load_procedure
+    from haptigraph.sim.scenario import load_scenario
+
+    if subject.startswith("phantom:"):
+        return scenario_svg(load_scenario(subject.removeprefix("phantom:")))
+    return diagram_svg(load_procedure(subject))
 
 
 @click.command(

@@ -4,22 +4,21 @@ Writes the SVG itself, so that the same procedure gives the same bytes.
 """
 
 from html import escape
-from pathlib import Path
 from typing import NamedTuple
 
-from haptigraph.errors import BadInput
+from haptigraph.analysis.plots.svg import FONT, text_svg
 from haptigraph.inference.colors import Paint, palette
 from haptigraph.inference.meaning import Kind
 from haptigraph.inference.procedure import Procedure, State
 from haptigraph.messages import TIP_NOT_VISIBLE, UNKNOWN
 from haptigraph.proof.neighbours import neighbours
 
-__all__ = ["column_of", "diagram_svg", "write_diagram"]
+__all__ = ["column_of", "diagram_svg"]
 
 WIDTH, BOX_WIDTH, BOX_HEIGHT, GAP = 720, 270, 68, 42
 COLUMNS = {"left": WIDTH * 0.25, "middle": WIDTH * 0.5, "right": WIDTH * 0.75}
 TOP, LINE_HEIGHT, MAX_LABEL = 92, 17, 24
-INK, DIM, LINE = "#222222", "#666666", "#7a858e"
+DIM, LINE = "#666666", "#7a858e"
 WITHOUT_TIP = (UNKNOWN, TIP_NOT_VISIBLE)
 """States to and from which no line is drawn, because it would be one from every other state."""
 
@@ -30,20 +29,6 @@ class _Box(NamedTuple):
     x: float
     y: float
     row: int
-
-
-def write_diagram(procedure: Procedure, output: str | Path) -> None:
-    """Write the diagram of a procedure to a new SVG file.
-
-    Raises:
-        BadInput: If the file exists, or its name does not end in .svg.
-    """
-    path = Path(output)
-    if path.suffix != ".svg":
-        raise BadInput("not a diagram's name; valid ending: .svg", path)
-    if path.exists():
-        raise BadInput("exists already; delete it or give another name", path)
-    path.write_text(diagram_svg(procedure), encoding="utf-8")
 
 
 def column_of(state: State) -> str:
@@ -62,16 +47,16 @@ def diagram_svg(procedure: Procedure) -> str:
     states = {state.name: (number, state) for number, state in enumerate(procedure.states)}
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" width="{WIDTH}" '
-        f'height="{height}" font-family="DejaVu Sans, Verdana, sans-serif">',
+        f'height="{height}" {FONT}>',
         f'<rect width="{WIDTH}" height="{height}" fill="#ffffff"/>',
         '<defs><marker id="head" viewBox="0 0 10 10" refX="9" refY="5" markerWidth="9" markerHeight="9" '
         f'markerUnits="userSpaceOnUse" orient="auto-start-reverse"><path d="M0 0 10 5 0 10z" fill="{LINE}"/>'
         "</marker></defs>",
-        _text_svg(WIDTH / 2, 30, procedure.title, size=18, weight="bold"),
+        text_svg(WIDTH / 2, 30, procedure.title, size_px=18, weight="bold"),
     ]
     if {column_of(state) for state in procedure.states} != {"middle"}:
         parts += [
-            _text_svg(COLUMNS[side], 62, text, size=14, color=DIM)
+            text_svg(COLUMNS[side], 62, text, size_px=14, color=DIM)
             for side, text in (("left", "misaligned"), ("right", "aligned"))
         ]
     parts += [_arrow_svg(boxes[one], boxes[other], one, other) for one, other in neighbours(procedure)]
@@ -84,7 +69,7 @@ def diagram_svg(procedure: Procedure) -> str:
             f"A line: one measure crosses one threshold. Every state may also become {lost}, and back.",
         )
     ):
-        parts.append(_text_svg(WIDTH / 2, height - 34 + at * LINE_HEIGHT, text, size=11.5, color=DIM))
+        parts.append(text_svg(WIDTH / 2, height - 34 + at * LINE_HEIGHT, text, size_px=11.5, color=DIM))
     return "\n".join([*parts, "</svg>", ""])
 
 
@@ -124,7 +109,7 @@ def _box_svg(box: _Box, number: int, state: State, paint: Paint, kind: Kind) -> 
     left, top = box.x - BOX_WIDTH / 2, box.y - BOX_HEIGHT / 2
     lines = _label_lines(state.name.replace("_", " "))
     text = [
-        _text_svg(
+        text_svg(
             left + 50, box.y - 3 + (at - (len(lines) - 1) / 2) * LINE_HEIGHT, line, color=ink, anchor="start"
         )
         for at, line in enumerate(lines)
@@ -135,9 +120,9 @@ def _box_svg(box: _Box, number: int, state: State, paint: Paint, kind: Kind) -> 
             f'<g><title>{escape(state.because)}</title><rect x="{left:g}" y="{top:g}" width="{BOX_WIDTH}" '
             f'height="{BOX_HEIGHT}" rx="10" fill="{color}" stroke="#555555"{dash}/>',
             f'<circle cx="{left + 26:g}" cy="{box.y:g}" r="15" fill="#ffffff" stroke="#555555"/>',
-            _text_svg(left + 26, box.y + 5, str(number), weight="bold"),
+            text_svg(left + 26, box.y + 5, str(number), weight="bold"),
             *text,
-            _text_svg(left + 50, feel_y, f"{kind}, feels {state.feel}", size=11, color=ink, anchor="start"),
+            text_svg(left + 50, feel_y, f"{kind}, feels {state.feel}", size_px=11, color=ink, anchor="start"),
             "</g>",
         ]
     )
@@ -194,19 +179,3 @@ def _label_lines(label: str) -> list[str]:
         return [label]
     at = min(spaces, key=lambda space: abs(space - len(label) / 2))
     return [label[:at], label[at + 1 :]]
-
-
-def _text_svg(
-    x: float,
-    y: float,
-    text: str,
-    *,
-    size: float = 13.5,
-    color: str = INK,
-    weight: str = "normal",
-    anchor: str = "middle",
-) -> str:
-    return (
-        f'<text x="{x:g}" y="{y:g}" font-size="{size:g}" font-weight="{weight}" fill="{color}" '
-        f'text-anchor="{anchor}">{escape(text)}</text>'
-    )
