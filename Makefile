@@ -6,6 +6,7 @@ TESTS ?=
 OTHER_PYTHONS ?= 3.12 3.13
 NATIVE := haptigraph/perception/native
 SANITIZED := build/sanitized
+WORKERS ?= $(shell $(PYTHON) -c 'import os; print(os.cpu_count() * 3 // 2)')  # tests of pages and faults mostly wait
 SCENES ?= $(basename $(notdir $(wildcard rendering/scenes/*.toml)))
 
 .PHONY: help setup demo live test test-pythons test-slow test-native mutants fuzz check bench bench-degraded bench-empty ablation bench-live bench-oct bench-touch bench-sweep compare-touch rehearse screenshots faults soak golden train render interop lock clean
@@ -44,7 +45,7 @@ live: $(VENV)/runs  ## steer a simulated needle from a page in the browser, with
 	$(BIN)/haptigraph live
 
 test: setup  ## all tests, or TESTS=...; those of the pages need Chromium
-	$(BIN)/python -m pytest -n auto --dist loadgroup $(TESTS)
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup $(TESTS)
 
 test-pythons:  ## all tests, or TESTS=..., on OTHER_PYTHONS (on PATH or from pyenv), each in an environment of its own
 	@tested= missing= failed=; for version in $(OTHER_PYTHONS); do \

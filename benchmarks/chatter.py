@@ -14,11 +14,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from haptigraph.analysis.evaluation.angle_noise import angle_noise
-from haptigraph.analysis.plots.colors import state_color
 from haptigraph.assemble import load_procedure
 from haptigraph.config import load_config
 from haptigraph.geometry import Geometry, ImageGeometry, Point, Segment, Vec, rotate, subtract, unit
 from haptigraph.graph import SceneGraph
+from haptigraph.inference.colors import PAPER_PALETTE
 from haptigraph.inference.engine import RuleEngine
 from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import Observation
@@ -198,7 +198,7 @@ def draw(plain: Procedure, steady: Procedure, path: str) -> None:
         ):
             states = conclude(procedure, observations)
             for at, state in zip(seconds, states, strict=True):
-                band.axvspan(at, at + 1 / 30, color=state_color(state), linewidth=0)
+                band.axvspan(at, at + 1 / 30, color=PAPER_PALETTE[state].color, linewidth=0)
             band.set_yticks([])
             band.set_title(f"{title}, state changes: {changes(states)}", fontsize=9, loc="left")
         bands[-1].set_xlabel("time [s]")

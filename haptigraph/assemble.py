@@ -11,6 +11,7 @@ from haptigraph.config import Config
 from haptigraph.errors import BadInput, NeedsRegistration, unknown_name
 from haptigraph.haptics.observed_device import Listener, ObservedDevice
 from haptigraph.imaging import UPRIGHT
+from haptigraph.inference.coverage import check_margins, unreported_notes
 from haptigraph.pipeline import HapticOutput, Loop, Pipeline
 from haptigraph.recording.writer import Progress, RunWriter
 from haptigraph.registration.assumed import needs_consent
@@ -35,6 +36,7 @@ __all__ = [
     "open_device",
     "open_source",
     "parse_procedure",
+    "perceiver_class",
     "perceiver_name",
     "procedure_names",
 ]
@@ -109,6 +111,7 @@ def build(
         if needs_consent(registration.assumed) and not config.haptics.accept_assumed:
             config = config.silenced()
         pipeline = build_pipeline(config, registration, procedure)
+        unseen = unreported_notes(procedure, config.perception.perceiver, perceiver_class)
         info = run_info(config, source, registration, procedure, clock, __version__)
         measures = procedure.schema.measure_names
         path = config.recording.path
@@ -140,7 +143,7 @@ def build(
             sinks=[*bridges, *recorders, *sinks],
             clock=clock,
             stale_ms=config.run.stale_ms,
-            notes=run_notes(config, source, procedure, device, registration),
+            notes=[*run_notes(config, source, procedure, device, registration), *unseen],
         )
         loop.report.note_limits(registration.assumed, config.haptics.max_amplitude)
         undo.pop_all()
@@ -194,7 +197,7 @@ def perceiver_name(config: Config, procedure: "Procedure") -> str:
     if config.perception.perceiver != "auto":
         return config.perception.perceiver
     wanted = {entity.name for entity in procedure.schema.entities}
-    return max(PERCEIVERS, key=lambda name: len(wanted & _perceiver_class(name).entities))
+    return max(PERCEIVERS, key=lambda name: len(wanted & perceiver_class(name).entities))
 
 
 def open_source(config: Config, clock: Clock, size_px: tuple[int, int] | None = None) -> Source:
@@ -283,12 +286,9 @@ def parse_procedure(text: str, file: str) -> "Procedure":
 
 def _perceiver(config: Config, registration: "BaseRegistration", procedure: "Procedure") -> Perceiver:
     name = perceiver_name(config, procedure)
-    perceiver = _perceiver_class(name)
+    perceiver = perceiver_class(name)
     _load("haptigraph.registration.oct:check_fits")(name, perceiver.needs_scan, registration)
-    for relation in procedure.schema.relations:
-        if relation.margin_sd and relation.subject not in perceiver.entities_with_sd:
-            problem = f"perceiver {name} estimates no standard deviation of {relation.subject}"
-            raise BadInput(f"{procedure.name} has margin_sd, but {problem}; choose another of either")
+    check_margins(procedure, name, perceiver)
     perceive: Perceiver = perceiver(registration.frontal, config.perception)
     if (tilt := registration.image.frontal_from_image) is not None:
         tilt_corrected = _load("haptigraph.perception.tilt_correction:TiltCorrectedPerceiver")
@@ -297,17 +297,17 @@ def _perceiver(config: Config, registration: "BaseRegistration", procedure: "Pro
     return phased(perceive, phases) if (phases := procedure.schema.phases) else perceive
 
 
-def _perceiver_class(name: str) -> PerceiverClass:
+def perceiver_class(name: str) -> PerceiverClass:
+    """Return the class of perceivers of a name."""
     perceiver: PerceiverClass = _named(PERCEIVERS, "perceiver", name)
     check_members(perceiver, PerceiverClass, f"perceiver {name} ({PERCEIVERS[name]})")
     return perceiver
 
 
 def _own_registration(source: Source, config: Config) -> "BaseRegistration":
-    from haptigraph.registration.loading import parse_registration
-
     if source.registration is not None:
-        return parse_registration(source.registration, f"registration of {config.source.uri}")
+        parse = _load("haptigraph.registration.loading:parse_registration")
+        return parse(source.registration, f"registration of {config.source.uri}")  # type: ignore[no-any-return]
     beside = Path(config.source.uri).parent / "registration.toml"
     hint = f"; there is one beside it: {beside}" if beside.is_file() else ""
     raise NeedsRegistration(config.source.uri, hint)

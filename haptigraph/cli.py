@@ -10,7 +10,7 @@ import click
 
 from haptigraph.commands.devices import devices
 from haptigraph.commands.evaluate import evaluate
-from haptigraph.commands.explain import diagram, explain
+from haptigraph.commands.explain import diagram, evidence, explain, figure
 from haptigraph.commands.help import TaskGroup, examples
 from haptigraph.commands.live import live
 from haptigraph.commands.preparing import check, procedure, register
@@ -23,7 +23,7 @@ from haptigraph.commands.study_report import study_report
 from haptigraph.commands.study_run import study_run
 from haptigraph.commands.study_simulated import simulate, sweep
 from haptigraph.commands.terminal import print_status
-from haptigraph.errors import HaptigraphError, RenamedKey
+from haptigraph.errors import HaptigraphError, Implausible, RenamedKey
 from haptigraph.version import __version__
 
 __all__ = ["main"]
@@ -36,7 +36,8 @@ class Commands(TaskGroup):
         """Run the chosen command."""
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("once", RenamedKey)
+                for category in (RenamedKey, Implausible):
+                    warnings.simplefilter("once", category)
                 warnings.showwarning = _show_warning
                 return super().invoke(ctx)
         except HaptigraphError as error:
@@ -54,7 +55,7 @@ class Commands(TaskGroup):
 
 
 def _show_warning(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
-    kind = "" if issubclass(category, RenamedKey) else f"{category.__name__}: "
+    kind = "" if issubclass(category, RenamedKey | Implausible) else f"{category.__name__}: "
     print_status(f"haptigraph: {kind}{message}")
 
 
@@ -63,8 +64,8 @@ def _show_warning(message: Warning | str, category: type[Warning], *_: object, *
     tasks={
         "Try it": ("live", "demo"),
         "Your own video or camera": ("sources", "register", "run"),
-        "Recordings": ("replay", "explain", "recover"),
-        "Rules and haptic feedback": ("procedure", "check", "diagram", "devices"),
+        "Recordings": ("replay", "explain", "figure", "recover"),
+        "Rules and haptic feedback": ("procedure", "check", "diagram", "evidence", "devices"),
         "Accuracy": ("evaluate",),
         "Studies with people": ("study",),
     },
@@ -88,7 +89,9 @@ for command in (
     check,
     procedure,
     explain,
+    figure,
     diagram,
+    evidence,
     devices,
     sources,
     study,

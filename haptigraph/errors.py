@@ -14,6 +14,7 @@ and exits with code 2.
     └── PerceiverBroken perception failed several times in a row (the run stops)
     EndOfSource         not an error: a file has no more images
     RenamedKey          a warning: a file uses a key's name from an earlier version
+    Implausible         a warning: a recorded procedure has a threshold that no eye allows
 """
 
 from collections.abc import Iterable
@@ -25,6 +26,7 @@ __all__ = [
     "DeviceError",
     "EndOfSource",
     "HaptigraphError",
+    "Implausible",
     "MissingExtra",
     "NeedsRegistration",
     "NotCompiled",
@@ -112,6 +114,10 @@ class EndOfSource(Exception):
 
 class RenamedKey(FutureWarning):
     """A file uses a key's name from an earlier version; it was read, and the warning gives the new name."""
+
+
+class Implausible(UserWarning):
+    """A procedure that nobody edits any more has thresholds that a new one would be refused for."""
 
 
 def unknown_name(what: str, name: str, valid: Iterable[str]) -> str:

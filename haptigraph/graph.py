@@ -91,6 +91,8 @@ class Relation(Struct, frozen=True, forbid_unknown_fields=True):
     ("lift_mm")."""
     recorded_only: bool = False
     """Kept in graphs and recordings for analysis; no rule uses it."""
+    reason: str | None = None
+    """Why a threshold is meant that no eye seems to allow."""
 
     def __post_init__(self) -> None:
         unit = self.measure.rpartition("_")[2]

@@ -192,6 +192,8 @@ class Follow(Struct, frozen=True, forbid_unknown_fields=True):
     """Exponent of the interpolation in between; 1 is linear, 2 slow at first."""
     dead_band: float = 0.0
     """Changes of the measure up to this size, its noise, are ignored."""
+    because: str = ""
+    """Why the parameter falls where the state becomes worse; empty if it grows."""
 
 
 class Pattern(Struct, frozen=True, forbid_unknown_fields=True):

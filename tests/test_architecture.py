@@ -18,7 +18,7 @@ UNITS = {"mm", "um", "px", "db", "deg", "rad", "px2", "ns", "ms", "s", "hz", "gr
 # Numbers without a unit: ratios and counts, and the paper's alpha.
 UNITLESS = {
     "alpha", "amplitude", "percent", "value", "at_most", "below", "at_least", "above", "release",
-    "vignetting", "exposure", "shadow", "brightness", "highlight", "texture", "bowl_shade", "motion_scale", "loss",
+    "resolution", "vignetting", "exposure", "shadow", "brightness", "highlight", "texture", "bowl_shade", "motion_scale", "loss",
     "max_amplitude", "contrast", "a", "b", "x", "y", "r", "g", "most", "wanted", "diameter", "thickness",
     "font_size", "theta_integral", "offset_grey", "mm_per_px", "px_per_mm", "left", "top", "right", "bottom",
     "low", "high", "rim_ratio", "reach_ratio", "support_ratio", "half_width", "radius", "inner", "scale",

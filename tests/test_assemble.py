@@ -47,7 +47,7 @@ def test_every_registered_class_exists(registry):
         (("perception.perceiver=magic",), "unknown perceiver 'magic'"),
         (
             ("run.procedure=magic",),
-            "unknown procedure 'magic'; valid: membrane_peeling, subretinal_injection, ",
+            "unknown procedure 'magic'; valid: laser_photocoagulation, membrane_peeling, ",
         ),
         (("trial.phase=injection",), "trial.phase: unknown phase 'injection'; valid: none"),
         (("source.registration=gone.toml",), "gone.toml: cannot be read"),

@@ -6,13 +6,14 @@ Device classes that can detect their hardware have a static method `found()`.
 import time
 from collections.abc import Callable, Sequence
 from importlib import import_module
+from typing import Any
 
 from rich.table import Table
 
 from haptigraph.assemble import DEVICES
 from haptigraph.clock import Clock
 from haptigraph.config import HapticsConfig
-from haptigraph.errors import HaptigraphError, MissingExtra
+from haptigraph.errors import BadInput, HaptigraphError, MissingExtra, unknown_name
 from haptigraph.graph import SceneGraph
 from haptigraph.haptics.guard import Guard
 from haptigraph.haptics.observed_device import PAGE_CONTROLLER
@@ -30,10 +31,22 @@ from haptigraph.messages import (
 from haptigraph.run_report import Durations
 from haptigraph.stages import Device
 
-__all__ = ["DeviceTest", "actuators", "play_grammar"]
+__all__ = ["DeviceTest", "actuators", "device_class", "play_grammar"]
 
 ALWAYS = {"audio": "audio:FILE.wav", "console": "console", "trace": "trace:FILE.csv"}
 CONTINUOUS_NS, PAUSE_NS, IMAGE_NS = 1_500_000_000, 500_000_000, 33_000_000
+
+
+def device_class(kind: str) -> Any:
+    """Return the class of a device by its name; its capabilities are known without opening it.
+
+    Raises:
+        BadInput: If there is no such device.
+    """
+    if kind not in DEVICES:
+        raise BadInput(unknown_name("device", kind, DEVICES))
+    module, _, name = DEVICES[kind].partition(":")
+    return getattr(import_module(module), name)
 
 
 def actuators() -> tuple[Table, list[str]]:
@@ -42,9 +55,8 @@ def actuators() -> tuple[Table, list[str]]:
     for heading in ("device", "available", "levels", "frequency", "shortest pulse", "update rate"):
         table.add_column(heading, overflow="fold")
     limitations = []
-    for kind, path in sorted(DEVICES.items()):
-        module, _, name = path.partition(":")
-        cls = getattr(import_module(module), name)
+    for kind in sorted(DEVICES):
+        cls = device_class(kind)
         available = {ALWAYS[kind]: "always"} if kind in ALWAYS else {}
         try:
             available |= getattr(cls, "found", dict)()

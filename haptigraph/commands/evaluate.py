@@ -61,16 +61,23 @@ def evaluate(
         raise BadInput("--seed and --figure go with --simulated N")
     if clip_dir is None and as_recorded:
         raise BadInput("--as-recorded goes with CLIP_DIR")
+    settled = load_config(config, given if clip_dir is not None else ("perception.alpha=1", *given))
     with progress_bar() as progress:
         if clip_dir is not None:
             from haptigraph.analysis.evaluation.report import report_clip
 
-            report = report_clip(clip_dir, load_config(config, given), progress, as_recorded=as_recorded)
+            report = report_clip(clip_dir, settled, progress, as_recorded=as_recorded)
         else:
             from haptigraph.analysis.evaluation.accuracy import report_simulated
 
-            settled = load_config(config, ("perception.alpha=1", *given))
             report = report_simulated(
                 simulated or 0, perceiver, settled, seed=seed or 0, figure=figure, progress=progress
             )
-    click.echo(msgspec.json.encode(report.scores).decode() if as_json else report.text)
+    if not as_json:
+        click.echo(report.text)
+        return
+    from haptigraph.analysis.evaluation.origin import new_origin
+    from haptigraph.assemble import load_procedure
+
+    origin = new_origin(load_procedure(settled.run.procedure))
+    click.echo(msgspec.json.encode({**report.scores, "origin": origin}).decode())

@@ -1,10 +1,16 @@
-"""Commands that explain a moment of a run (explain) and the states of a procedure (diagram)."""
+"""Commands that explain or show: a moment of a run, its figures, a procedure's states, its evidence."""
+
+import sys
+from typing import TYPE_CHECKING
 
 import click
 
 from haptigraph.commands.help import examples
 
-__all__ = ["diagram", "explain"]
+if TYPE_CHECKING:
+    from haptigraph.analysis.paper.figure import Kind
+
+__all__ = ["diagram", "evidence", "explain", "figure"]
 
 
 @click.command(epilog=examples("haptigraph explain run.mcap --at 12.4"))
@@ -39,4 +45,81 @@ def diagram(procedure: str, output: str) -> None:
     from haptigraph.assemble import load_procedure
 
     write_diagram(load_procedure(procedure), output)
+    click.echo(output)
+
+
+@click.command(
+    epilog=examples(
+        "haptigraph evidence subretinal_injection -o evidence",
+        "haptigraph evidence my.toml --faults faults.jsonl --evaluation accuracy.json --run run.mcap -o out",
+    )
+)
+@click.argument("procedure", default="subretinal_injection")
+@click.option("--faults", metavar="RESULT", help="Results of a campaign of faults (`make faults`).")
+@click.option(
+    "--evaluation",
+    "evaluations",
+    multiple=True,
+    metavar="RESULT",
+    help="Output of `haptigraph evaluate --json`; repeatable.",
+)
+@click.option(
+    "--run", "runs", multiple=True, metavar="RECORDING", help="Recording of a run of PROCEDURE; repeatable."
+)
+@click.option("-o", "--output", metavar="OUT", required=True, help="Folder to write; created if missing.")
+def evidence(
+    procedure: str, faults: str | None, evaluations: tuple[str, ...], runs: tuple[str, ...], output: str
+) -> None:
+    """Write the evidence for what PROCEDURE claims, by hazard, for an ethics application or a risk file.
+
+    OUT receives evidence.html, evidence.md, evidence.csv and argument.svg. Proofs are made now; results count
+    if they are about this procedure and this software. Exit code 1 if a claim's evidence fails or is missing.
+    """
+    from haptigraph.analysis.evidence.gathering import Results, safety_case
+    from haptigraph.analysis.evidence.tables import outcome, status_text
+    from haptigraph.analysis.evidence.writing import check_folder, write_case
+    from haptigraph.commands.terminal import progress_bar
+
+    folder = check_folder(output)
+    with progress_bar() as progress:
+        case = safety_case(procedure, Results(faults, evaluations, runs), progress)
+    write_case(case, folder)
+    for _, _, _, claim, number, each in case.rows():
+        if claim.lacks(each):
+            click.echo(f"{number} {status_text(claim, each)}: {claim.statement} ({each.figure})")
+    click.echo(f"{outcome(case)}; open {folder / 'evidence.html'}")
+    if not case.holds:
+        sys.exit(1)
+
+
+@click.command(
+    epilog=examples(
+        "haptigraph figure run.mcap --kind timeline -o timeline.pdf",
+        "haptigraph figure run.mcap --kind pipeline --at 9.5 -o pipeline.pdf",
+        "haptigraph figure run.mcap --kind views -o views.svg",
+    )
+)
+@click.argument("recording")
+@click.option(
+    "--kind",
+    type=click.Choice(["pipeline", "views", "timeline"]),
+    required=True,
+    help="pipeline: every stage of perception on one image, the paper's and the tracker's; views: raw image, "
+    "displayed picture, trigger zones; timeline: states, measures and haptic output over time.",
+)
+@click.option(
+    "--at",
+    "at_s",
+    type=float,
+    metavar="SECONDS",
+    help="Moment of pipeline and views, since the first step; default: the longest alarm.",
+)
+@click.option("-o", "--output", metavar="FILE", required=True, help="PDF, SVG or PNG to write.")
+def figure(recording: str, kind: "Kind", at_s: float | None, output: str) -> None:
+    """Draw a figure of RECORDING for a paper: two columns wide (183 mm), vector graphics, fonts embedded."""
+    from haptigraph.analysis.paper.figure import paper_figure
+    from haptigraph.commands.terminal import progress_bar
+
+    with progress_bar() as progress:
+        paper_figure(recording, kind, output, at_s, progress)
     click.echo(output)

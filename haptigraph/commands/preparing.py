@@ -1,7 +1,7 @@
 """Commands that prepare a run: register, check, procedure."""
 
 import sys
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
@@ -9,6 +9,11 @@ from haptigraph.commands.help import TaskGroup, examples
 from haptigraph.commands.options import set_option
 from haptigraph.commands.terminal import progress_bar
 from haptigraph.errors import BadInput, unknown_name
+
+if TYPE_CHECKING:
+    from haptigraph.inference.procedure import Procedure
+    from haptigraph.messages import Capabilities
+    from haptigraph.proof.report import Proof
 
 TURNS = ("source.rotate_deg", "source.mirror")
 
@@ -68,6 +73,7 @@ def register(
     epilog=examples(
         "haptigraph check",
         "haptigraph check my.toml --picture violations.svg",
+        "haptigraph check my.toml --perceiver forceps --device gamepad",
     )
 )
 @click.argument("procedure", default="subretinal_injection")
@@ -78,8 +84,21 @@ def register(
     help="Enumerate every graph, or use z3; auto: whichever fits.",
 )
 @click.option("--picture", metavar="FILE", help="Draw the graphs that violate a claim: PNG, SVG or PDF.")
-def check(procedure: str, prover: Literal["auto", "exhaustive", "z3"], picture: str | None) -> None:
+@click.option("--perceiver", default="auto", help="What will report the entities; auto: as in a run.")
+@click.option(
+    "--device", metavar="DEVICE", help="Prove as well that this device can play every pattern; see `devices`."
+)
+def check(
+    procedure: str,
+    prover: Literal["auto", "exhaustive", "z3"],
+    picture: str | None,
+    perceiver: str,
+    device: str | None,
+) -> None:
     """Explain PROCEDURE in tables, and prove its claims over every possible graph.
+
+    Among them: every pattern is felt, an alarm is the strongest and unlike all else, and what follows a
+    measure grows towards danger. What no claim covers is listed at the end.
 
     Exit code 1 if a claim is violated; the smallest graph that violates it is shown.
     """
@@ -92,11 +111,12 @@ def check(procedure: str, prover: Literal["auto", "exhaustive", "z3"], picture: 
     from haptigraph.proof.prove import prove
 
     loaded = load_procedure(procedure)
-    proof = prove(loaded, prover)
+    proof = prove(loaded, prover, _capable(device) if device else None)
+    proof = _with_perceiver(proof, loaded, perceiver)
     if picture:
         from haptigraph.analysis.plots.proof_figure import proof_figure
 
-        proof_figure(proof, picture)
+        proof_figure(loaded, proof, picture)
     # No markup: square brackets belong to the user's text. No line breaks where no terminal needs them.
     console = Console(markup=False, emoji=False, width=None if sys.stdout.isatty() else 10_000)
     console.print(Text.assemble((loaded.title, "bold"), f"  {loaded.source}\nsha256 {loaded.sha256}"))
@@ -105,6 +125,27 @@ def check(procedure: str, prover: Literal["auto", "exhaustive", "z3"], picture: 
     console.print(proof_summary(proof), highlight=False)
     if not proof.holds:
         sys.exit(1)
+
+
+def _with_perceiver(proof: "Proof", loaded: "Procedure", perceiver: str) -> "Proof":
+    """Return a proof with the claim about a perceiver."""
+    from msgspec.structs import replace
+
+    from haptigraph.assemble import perceiver_class, perceiver_name
+    from haptigraph.config import Config
+    from haptigraph.proof.claims.reported import reported_claim
+
+    name = perceiver_name(Config().with_perceiver(perceiver), loaded)
+    claim, missing = reported_claim(loaded, name, perceiver_class(name))
+    return replace(proof, claims=(*proof.claims, claim), uncovered=(*proof.uncovered, *missing))
+
+
+def _capable(device: str) -> "tuple[str, Capabilities]":
+    """Return a device's name and its capabilities, without opening it."""
+    from haptigraph.analysis.actuators import device_class
+
+    kind = device.partition(":")[0]
+    return kind, device_class(kind).capabilities
 
 
 @click.group(

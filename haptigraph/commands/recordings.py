@@ -69,6 +69,7 @@ def _caveats(report: "ReplayReport") -> list[str]:
         lines.append("the recording was interrupted; `haptigraph recover` repairs it")
     if report.losses is not None:
         lines.append(losses_sentence(report.losses))
+    lines += report.notes
     if report.dropped_images:
         lines.append(f"{report.dropped_images} images were not recorded; steps that depend on them differ")
     if report.differing_images:

@@ -1,9 +1,11 @@
 """Infer the surgical state: prioritised rules on bit masks (paper, section II-D).
 
 Every relation and every entity of the schema is one bit, a graph is an integer, a rule is a pair of masks;
-the first matching rule wins. The only memory is how long ago a state with `hold_ms` matched.
+the first matching rule wins. The only memory is how long ago a state with `hold_ms` matched, and since when
+one with `enter_after_ms` does.
 """
 
+from collections.abc import Collection
 from typing import TypeAlias
 
 from msgspec.structs import replace
@@ -12,7 +14,7 @@ from haptigraph.graph import Node, SceneGraph, Triplet
 from haptigraph.inference.procedure import Procedure, State
 from haptigraph.messages import UNKNOWN, Conclusion
 
-__all__ = ["RuleEngine"]
+__all__ = ["RuleEngine", "without_time"]
 
 Scene: TypeAlias = tuple[tuple[Node, ...], tuple[Triplet, ...]]
 NS_PER_MS = 1_000_000
@@ -55,6 +57,13 @@ class RuleEngine:
         self._hold_ns = {
             state.name: round(state.hold_ms * NS_PER_MS) for state in procedure.states if state.hold_ms
         }
+        self._enter_ns = {
+            priority: round(state.enter_after_ms * NS_PER_MS)
+            for priority, state in enumerate(procedure.states)
+            if state.enter_after_ms
+        }
+        self._fits_since_ns: dict[int, int] = {}
+        """By priority: since when a rule that must last has fitted."""
         self._last_match: Conclusion | None = None
         unknown = next(state for state in procedure.states if state.name == UNKNOWN)
         self._unknown_feel = unknown.feel
@@ -68,7 +77,7 @@ class RuleEngine:
         scene = graph.nodes, graph.edges
         if scene != self._last[0]:  # usually equal and of the same objects, which is faster than hashing
             self._last = scene, self._priority_of(scene, graph)
-        priority = self._last[1]
+        priority = self._entered(graph) if self._enter_ns else self._last[1]
         if priority == len(self._rules):
             return Conclusion(
                 stamp_ns=graph.stamp_ns,
@@ -97,12 +106,25 @@ class RuleEngine:
             priority = self._cache[scene] = self._priority(self._mask(graph))
         return priority
 
-    def _priority(self, mask: int) -> int:
-        """Return the index of the first rule that matches; the number of rules if none does."""
+    def _priority(self, mask: int, waiting: Collection[int] = ()) -> int:
+        """Return the index of the first rule that matches, but for some; the number of rules if none does."""
         for priority, (require, forbid) in enumerate(self._rules):
-            if mask & require == require and not mask & forbid:
+            if mask & require == require and not mask & forbid and priority not in waiting:
                 return priority
         return len(self._rules)
+
+    def _entered(self, graph: SceneGraph) -> int:
+        """Return the index of the first rule that matches and has matched for as long as it must."""
+        mask, waiting = self._mask(graph), set()
+        for priority, enter_ns in self._enter_ns.items():
+            require, forbid = self._rules[priority]
+            if mask & require == require and not mask & forbid:
+                since_ns = self._fits_since_ns.setdefault(priority, graph.stamp_ns)
+                if graph.stamp_ns - since_ns < enter_ns:
+                    waiting.add(priority)
+            else:
+                self._fits_since_ns.pop(priority, None)
+        return self._priority(mask, waiting)
 
     def _held(self, conclusion: Conclusion, graph: SceneGraph) -> Conclusion:
         """Hold the previous state, unless a rule of higher priority or no rule matches."""
@@ -125,8 +147,9 @@ class RuleEngine:
         return {name: graph.measures[name] for name in self._followed[state] if name in graph.measures}
 
     def reset(self) -> None:
-        """Forget the state that is held."""
+        """Forget the state that is held, and those that wait."""
         self._last_match = None
+        self._fits_since_ns.clear()
 
     def _mask(self, graph: SceneGraph) -> int:
         category = {node.id: node.category for node in graph.nodes}
@@ -142,6 +165,12 @@ class RuleEngine:
         require = sum(self._edge_bits[names] for names in set(state.when))
         forbid = sum(self._edge_bits[names] for names in set(state.unless))
         return require, forbid | sum(self._entity_bits[name] for name in set(state.absent))
+
+
+def without_time(procedure: Procedure) -> Procedure:
+    """Return a procedure that judges every graph by itself: no state is held, none waits."""
+    states = tuple(replace(state, hold_ms=0.0, enter_after_ms=0.0) for state in procedure.states)
+    return replace(procedure, states=states)
 
 
 def _because(state: State, graph: SceneGraph) -> str:

@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 
 from haptigraph.messages import UNKNOWN, Pattern
 
-__all__ = ["Kind", "assumed_kind"]
+__all__ = ["PAPER_KINDS", "Kind", "assumed_kind"]
 
 Kind: TypeAlias = Literal["alarm", "guidance", "success", "neutral", "unseen"]
 """alarm: stop; guidance: correct the motion; success: the place that was aimed at; neutral: all is well;
@@ -28,19 +28,19 @@ PAPER_KINDS: dict[str, Kind] = {
 """Of the paper's states and the two in which nothing is known."""
 
 
-def assumed_kind(state: str, pattern: Pattern, strongest: float, *, has_absent: bool) -> Kind:
+def assumed_kind(state: str, pattern: Pattern, max_amplitude: float, *, has_absent: bool) -> Kind:
     """Return the kind of a state whose procedure does not say it.
 
     Args:
         state: Its name.
         pattern: What is felt in it.
-        strongest: The largest amplitude of all patterns.
+        max_amplitude: The largest amplitude of all patterns.
         has_absent: Whether its rule names entities that must be absent.
     """
     if state in PAPER_KINDS:
         return PAPER_KINDS[state]
     if pattern.kind == "off":
         return "unseen" if has_absent else "neutral"
-    if pattern.kind == "pulses" and pattern.amplitude == strongest:
+    if pattern.kind == "pulses" and pattern.amplitude == max_amplitude:
         return "alarm"
     return "success" if pattern.kind == "bursts" else "guidance"

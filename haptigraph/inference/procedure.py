@@ -16,7 +16,10 @@ from haptigraph.graph import Entity, Names, Relation, Schema, Triplet
 from haptigraph.inference.checks import check_name, check_pattern, check_relations
 from haptigraph.inference.claims import Gap, Invariant, Overlap, Temporal, check_claims, check_temporal
 from haptigraph.inference.meaning import Kind, assumed_kind
+from haptigraph.inference.plausible import Plausible, check_plausible
 from haptigraph.inference.span import RunSpan, check_span
+from haptigraph.inference.timing import check_timing
+from haptigraph.inference.units import to_numbers
 from haptigraph.messages import UNKNOWN, Pattern
 from haptigraph.toml_document import WARN_OF_OLD_KEYS, Document
 
@@ -31,6 +34,10 @@ class MeasureKind(Protocol):
     @property
     def shapes(self) -> Mapping[tuple[str, str], object]:
         """The (subject, object) geometries that it supports."""
+
+    @property
+    def plausible(self) -> Plausible:
+        """Its plausible thresholds."""
 
     @property
     def sd(self) -> Callable[[Any], float | None] | None:
@@ -52,8 +59,14 @@ class State(Struct, frozen=True, forbid_unknown_fields=True):
     """Entities that must be absent."""
     hold_ms: Annotated[float, Meta(ge=0, le=10_000)] = 0.0
     """How long the state persists after its rule last matched, unless a rule of higher priority matches."""
+    may_delay: tuple[str, ...] = ()
+    """Alarms that its hold may delay."""
+    enter_after_ms: Annotated[float, Meta(ge=0, le=10_000)] = 0.0
+    """How long its rule must fit without interruption; until then the later rules decide."""
     kind: Kind | None = None
     """What it means to the surgeon; None if the file does not say it."""
+    color: Annotated[str, Meta(pattern="^#[0-9a-fA-F]{6}$")] | None = None
+    """In pictures and on pages; None: that of its kind."""
 
 
 class _Title(Struct, frozen=True, forbid_unknown_fields=True):
@@ -115,22 +128,24 @@ def load_procedure(path: str | Path, measures: Mapping[str, MeasureKind]) -> Pro
     Raises:
         BadInput: With file, line and reason, if it cannot be read or is invalid.
     """
-    return _procedure(Document.read(path), measures)
+    return _procedure(Document.read(path), measures, is_strict=True)
 
 
 def parse_procedure(text: str, file: str, measures: Mapping[str, MeasureKind]) -> Procedure:
     """Read and check a procedure from text, such as that in a recording; `file` names it in errors.
 
-    Nobody edits the text in a recording or a frozen study, so a renamed key in it causes no warning.
+    Nobody edits the text in a recording or a frozen study, so a renamed key in it causes no warning, and an
+    implausible threshold no more than one.
     """
     before = WARN_OF_OLD_KEYS.set(False)
     try:
-        return _procedure(Document(text, file), measures)
+        return _procedure(Document(text, file), measures, is_strict=False)
     finally:
         WARN_OF_OLD_KEYS.reset(before)
 
 
-def _procedure(document: Document, measures: Mapping[str, MeasureKind]) -> Procedure:
+def _procedure(document: Document, measures: Mapping[str, MeasureKind], *, is_strict: bool) -> Procedure:
+    to_numbers(document)
     data = document.convert(_File)
     for kind, names in (
         ("entity", [entity.name for entity in data.entities]),
@@ -154,9 +169,10 @@ def _procedure(document: Document, measures: Mapping[str, MeasureKind]) -> Proce
     states, patterns = ([part.name for part in parts] for parts in (data.states, data.patterns))
     check_claims(document, schema, states, patterns, (data.invariants, data.gaps, data.overlaps))
     check_temporal(document, schema, patterns, data.temporal)
+    check_plausible(document, schema, data.patterns, measures, is_strict=is_strict)
     if data.run is not None:
         check_span(document, schema, states, data.run)
-    return Procedure(
+    procedure = Procedure(
         name=data.procedure.name,
         title=data.procedure.title or data.procedure.name,
         source=data.procedure.source,
@@ -170,6 +186,8 @@ def _procedure(document: Document, measures: Mapping[str, MeasureKind]) -> Proce
         temporal=data.temporal,
         span=data.run or RunSpan(),
     )
+    check_timing(document, procedure.states, procedure.kinds)
+    return procedure
 
 
 def _check_unique(document: Document, kind: str, names: list[str]) -> None:

@@ -27,7 +27,7 @@ class IoctView:
         self.size_px = size_px
         self.half_mm = registration.view_half_mm
         """From the view's middle to its edge, eye frame."""
-        corners_mm = [self._to_mm(corner) for corner in ((0, 0), (size_px, 0), (0, size_px))]
+        corners_mm = [self.to_mm(corner) for corner in ((0, 0), (size_px, 0), (0, size_px))]
         self._image_from_view = cv2.getAffineTransform(
             np.array(((0, 0), (size_px, 0), (0, size_px)), np.float32),
             np.array([registration.frontal.image.to_px(corner) for corner in corners_mm], np.float32),
@@ -58,6 +58,7 @@ class IoctView:
             (self.half_mm - at_mm[1]) * scale - 0.5,
         )
 
-    def _to_mm(self, at_px: Vec) -> Vec:
+    def to_mm(self, at_px: Vec) -> Vec:
+        """Turn pixels of the view into an eye-frame position [mm]."""
         scale = 2 * self.half_mm / self.size_px
         return (at_px[0] + 0.5) * scale - self.half_mm, self.half_mm - (at_px[1] + 0.5) * scale

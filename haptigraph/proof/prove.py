@@ -2,28 +2,52 @@
 
 from typing import Literal
 
+from haptigraph.inference.coverage import uncovered
 from haptigraph.inference.procedure import Procedure
-from haptigraph.proof.invariant_claims import invariant_claims
+from haptigraph.messages import Capabilities
+from haptigraph.proof.claims.colors import color_claims
+from haptigraph.proof.claims.follow import follow_claims
+from haptigraph.proof.claims.haptic import device_claims, haptic_claims
+from haptigraph.proof.claims.invariants import invariant_claims
+from haptigraph.proof.claims.rules import rules_claims
+from haptigraph.proof.claims.thresholds import threshold_claims
+from haptigraph.proof.claims.time import time_claims
 from haptigraph.proof.report import Proof
-from haptigraph.proof.rules_claims import rules_claims
 from haptigraph.proof.subject import Subject
-from haptigraph.proof.threshold_claims import threshold_claims
 
 __all__ = ["prove"]
 
 
-def prove(procedure: Procedure, prover: Literal["auto", "exhaustive", "z3"] = "auto") -> Proof:
+def prove(
+    procedure: Procedure,
+    prover: Literal["auto", "exhaustive", "z3"] = "auto",
+    device: tuple[str, Capabilities] | None = None,
+) -> Proof:
     """Check every claim against every possible graph.
 
     Args:
         procedure: A checked procedure.
         prover: The method; auto: enumerate the graphs if there are few, else z3.
+        device: Name and capabilities of a device that is to play the haptic grammar.
 
     Raises:
         MissingExtra: If z3 is needed and not installed.
     """
     subject = Subject(procedure, prover)
-    claims = (*rules_claims(subject), *threshold_claims(subject), *invariant_claims(subject))
+    claims = (
+        *rules_claims(subject),
+        *threshold_claims(subject),
+        *invariant_claims(subject),
+        *time_claims(subject),
+        *haptic_claims(procedure),
+        *follow_claims(procedure),
+        *color_claims(procedure),
+        *(device_claims(procedure, *device) if device else ()),
+    )
     held_ms = {state.name: state.hold_ms for state in procedure.states if state.hold_ms}
     temporal = tuple(claim.name for claim in procedure.temporal)
-    return Proof(procedure.name, procedure.sha256, subject.prover.method, claims, temporal, held_ms)
+    missing = uncovered(procedure)
+    if device and device[1].frequency_range_hz is None:
+        missing.append(f"how patterns differ by frequency: {device[0]} plays one of its own")
+    method = subject.prover.method
+    return Proof(procedure.name, procedure.sha256, method, claims, temporal, held_ms, tuple(missing))

@@ -33,6 +33,8 @@ class Claim(Struct, frozen=True):
     violations: tuple[Violation, ...] = ()
     not_while_held: tuple[str, ...] = ()
     """States that violate it while they are held (`hold_ms`) although the graph has changed."""
+    not_while_waiting: tuple[str, ...] = ()
+    """States in whose graphs a later rule violates it while they wait to be entered (`enter_after_ms`)."""
 
     @property
     def holds(self) -> bool:
@@ -52,6 +54,8 @@ class Proof(Struct, frozen=True):
     """Temporal claims: runs monitor them, nothing is proved about them."""
     held_ms: dict[str, float] = {}
     """States that outlast their graph, and how long. Claims are about graphs, not about time."""
+    uncovered: tuple[str, ...] = ()
+    """What no claim covers, a phrase each."""
 
     @property
     def holds(self) -> bool:

@@ -8,7 +8,7 @@ from typing import Literal
 
 from haptigraph.graph import Names, Node, Relation, SceneGraph, Triplet
 from haptigraph.inference.claims import Gap
-from haptigraph.inference.engine import RuleEngine
+from haptigraph.inference.engine import RuleEngine, without_time
 from haptigraph.inference.procedure import Procedure
 from haptigraph.proof.exhaustive_prover import MAX_BITS, MAX_WORLDS, ExhaustiveProver
 from haptigraph.proof.intervals import Interval
@@ -41,11 +41,15 @@ class Subject:
         self.procedure = procedure
         self.space = Space(procedure.schema)
         self.rules = rule_cubes(procedure, self.space)
-        self._engine = RuleEngine(procedure)
+        self._engine = RuleEngine(without_time(procedure))
         is_small = self.space.count() <= MAX_WORLDS and self.space.visible.bit_length() <= MAX_BITS
         is_enumerated = prover == "exhaustive" or (prover == "auto" and is_small)
-        chosen = ExhaustiveProver if is_enumerated else Z3Prover
-        self.prover: Prover = chosen(self.space, self.rules)
+        self._chosen = ExhaustiveProver if is_enumerated else Z3Prover
+        self.prover: Prover = self._chosen(self.space, self.rules)
+
+    def without(self, number: int) -> Prover:
+        """Return the prover of the other rules, as if one never fitted."""
+        return self._chosen(self.space, self.rules[:number] + self.rules[number + 1 :])
 
     def violation(self, sentence: str, about: str, world: World) -> Violation:
         """Return a violation with its counterexample, whose state replaces "{state}" in the sentence."""
@@ -96,7 +100,6 @@ class Subject:
 
     def _state_of(self, graph: SceneGraph) -> str:
         """Return the state of a graph by itself, whatever state is held."""
-        self._engine.reset()
         return self._engine(graph).state
 
     def _still_holding(self, graph: SceneGraph) -> tuple[str, ...]:

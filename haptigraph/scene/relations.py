@@ -26,7 +26,7 @@ from haptigraph.geometry import (
 )
 from haptigraph.messages import Certainty
 
-__all__ = ["MEASURES", "Found", "Limits", "Measure"]
+__all__ = ["MEASURES", "SMALLEST_EYE_MM", "Found", "Limits", "Measure", "Plausible"]
 
 UM_PER_MM = 1000.0
 SLOPE_MM = 0.1  # the slope of a surface is taken between points this far to either side
@@ -46,6 +46,31 @@ class Limits(NamedTuple):
     """A measure of the same subject and object that this one never exceeds."""
 
 
+class Plausible(NamedTuple):
+    """The thresholds of a measure that make sense; 0 always does."""
+
+    low: float
+    high: float
+    """In its unit; a threshold is between them."""
+    resolution: float
+    """In its unit; a smaller threshold cannot be measured."""
+    because: str
+    """Why, as a clause: "the smallest eye that can be registered is 15 mm wide"."""
+
+
+SMALLEST_EYE_MM = 15.0
+"""Inner diameter; registration accepts no smaller globe."""
+_EYE = f"the smallest eye that can be registered is {SMALLEST_EYE_MM:g} mm wide"
+_ACROSS_MM = Plausible(-SMALLEST_EYE_MM, SMALLEST_EYE_MM, 0.01, _EYE)
+_BETWEEN_MM = Plausible(0.0, SMALLEST_EYE_MM, 0.01, _EYE)
+_WALL_MM = Plausible(-SMALLEST_EYE_MM, SMALLEST_EYE_MM / 2, 0.01, _EYE)
+_BSCAN_UM = Plausible(-6000.0, 6000.0, 1.0, "B-scans of the retina are at most 6 mm deep")
+_ANGLE_DEG = Plausible(0.0, 90.0, 0.1, "a shaft that enters the eye deviates by less than a right angle")
+_INCIDENCE_DEG = Plausible(0.0, 90.0, 0.1, "no shaft is steeper than perpendicular")
+_DEPTH_PERCENT = Plausible(-1000.0, 1000.0, 0.1, "B-scans show at most ten times the retina")
+_PHASE_S = Plausible(0.0, 86_400.0, 0.01, "no phase of an operation lasts a day")
+
+
 class Measure(NamedTuple):
     """A function of (subject, object, all detected entities), and the shapes that it supports.
 
@@ -55,6 +80,8 @@ class Measure(NamedTuple):
     function: Callable[[Geometry, Geometry, Found], float | None]
     shapes: Mapping[tuple[str, str], Limits]
     """By (subject, object) geometries as in the schema."""
+    plausible: Plausible
+    """The thresholds that make sense."""
     sd: Callable[[Certainty], float | None] | None = None
     """Its standard deviation due to the subject's; None if there is none. No measure changes by more than the
     subject does, so a distance has the standard deviation of the tip, the angle that of the shaft."""
@@ -185,23 +212,34 @@ MEASURES: dict[str, Measure] = {
             ("point", "polyline"): Limits(requires=("trocar",)),
             ("polyline", "polyline"): Limits(requires=("trocar",)),
         },
+        _ACROSS_MM,
         _tip_sd_mm,
     ),
     "radial_mm": Measure(
         radial_mm,  # the axis passes through the object, so it is never further away than the object
         {("point", "point"): Limits(lower=0.0, requires=("trocar",), never_above="distance_mm")},
+        _BETWEEN_MM,
         _tip_sd_mm,
     ),
     "theta_deg": Measure(
-        theta_deg, {("segment", "point"): Limits(0.0, 180.0, requires=("trocar",))}, _theta_sd_deg
+        theta_deg,
+        {("segment", "point"): Limits(0.0, 180.0, requires=("trocar",))},
+        _ANGLE_DEG,
+        _theta_sd_deg,
     ),
-    "wall_mm": Measure(wall_mm, {("point", "circle"): Limits()}, _tip_sd_mm),
-    "clearance_mm": Measure(clearance_mm, {("segment", "segment"): Limits(lower=0.0)}),
-    "aside_mm": Measure(aside_mm, {("point", "circle"): Limits(requires=("eye_globe",))}, _tip_sd_mm),
-    "gap_um": Measure(gap_um, {("point", "polyline"): Limits()}, _tip_sd_um),
-    "incidence_deg": Measure(incidence_deg, {("segment", "polyline"): Limits(0.0, 90.0)}),
-    "depth_percent": Measure(depth_percent, {("point", "polyline"): Limits(requires=("rpe",))}),
-    "thickness_um": Measure(thickness_um, {("polyline", "polyline"): Limits(requires=("needle_tip",))}),
-    "elapsed_s": Measure(elapsed_s, {("point", "phase"): Limits(lower=0.0)}),
+    "wall_mm": Measure(wall_mm, {("point", "circle"): Limits()}, _WALL_MM, _tip_sd_mm),
+    "clearance_mm": Measure(clearance_mm, {("segment", "segment"): Limits(lower=0.0)}, _BETWEEN_MM),
+    "aside_mm": Measure(
+        aside_mm, {("point", "circle"): Limits(requires=("eye_globe",))}, _ACROSS_MM, _tip_sd_mm
+    ),
+    "gap_um": Measure(gap_um, {("point", "polyline"): Limits()}, _BSCAN_UM, _tip_sd_um),
+    "incidence_deg": Measure(incidence_deg, {("segment", "polyline"): Limits(0.0, 90.0)}, _INCIDENCE_DEG),
+    "depth_percent": Measure(
+        depth_percent, {("point", "polyline"): Limits(requires=("rpe",))}, _DEPTH_PERCENT
+    ),
+    "thickness_um": Measure(
+        thickness_um, {("polyline", "polyline"): Limits(requires=("needle_tip",))}, _BSCAN_UM
+    ),
+    "elapsed_s": Measure(elapsed_s, {("point", "phase"): Limits(lower=0.0)}, _PHASE_S),
 }
 """The valid values of a relation's `measure`."""

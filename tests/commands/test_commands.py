@@ -10,11 +10,12 @@ from pathlib import Path
 import pytest
 from helpers import call, refuse
 
+from haptigraph.assemble import load_procedure
 from haptigraph.recording.journal import Journal
 from haptigraph.recording.reader import RunReader
 
 COMMANDS = [
-    "check", "demo", "devices", "diagram", "evaluate", "explain", "live", "procedure", "recover", "register", "replay", "run", "sources",
+    "check", "demo", "devices", "diagram", "evaluate", "evidence", "explain", "figure", "live", "procedure", "recover", "register", "replay", "run", "sources",
     "study",
 ]  # fmt: skip
 
@@ -100,8 +101,11 @@ def test_evaluate_prints_a_table_or_one_json_object(clip):
     scores = json.loads(call("evaluate", clip, "--json").output)
     recorded = json.loads(call("evaluate", clip, "--as-recorded", "--json").output)
     assert recorded != scores and recorded["final_state"] == scores["final_state"]
-    unchanged = ("--as-recorded", "--set", "source.jpeg_quality=0", "--json")
-    assert json.loads(call("evaluate", clip, *unchanged).output) == scores
+    unchanged = json.loads(
+        call("evaluate", clip, "--as-recorded", "--set", "source.jpeg_quality=0", "--json").output
+    )
+    assert {**unchanged, "origin": scores["origin"]} == scores
+    assert scores["origin"]["procedure_sha256"] == load_procedure("subretinal_injection").sha256
     assert scores["clip"] == clip.name
     assert set(scores["angle_error_deg"]) == {"shallow", "deep"}
 
@@ -135,7 +139,7 @@ def test_check_explains_a_procedure():
     result = call("check", "subretinal_injection")
     assert result.exit_code == 0
     assert "misaligned_retinal_approach" in result.output
-    assert "all 18 claims proved: looked at all 36 possible graphs" in result.output
+    assert "all 23 claims proved: looked at all 36 possible graphs" in result.output
     assert "z3" in call("check", "--prover", "z3").output
 
 
@@ -430,3 +434,17 @@ def test_a_folder_that_is_no_clip_says_what_one_holds(tmp_path):
 def test_help_of_replay_does_not_contradict_itself():
     text = " ".join(call("replay", "--help").output.split())
     assert "default: the recorded one" in text and "default: subretinal_injection" not in text
+
+
+def test_check_lists_kinds_and_what_is_beyond_a_device(procedure, tmp_path):
+    assert "guidance" in call("check").output and "assumed" not in call("check").output
+    file = tmp_path / "p.toml"
+    file.write_text(procedure.text.replace("on_ms = 100", "on_ms = 30"))
+    refused = call("check", file, "--device", "gamepad:0")
+    assert refused.exit_code == 1
+    assert "success: 30 ms on, 100 ms off become 50 on" in refused.output
+    assert "gamepad plays one of its own" in call("check", "--device", "gamepad").output
+    assert call("check", "--device", "audio").exit_code == 0
+    assert "unknown device 'none'; valid: audio, console" in refuse("check", "--device", "none")
+    file.write_text(procedure.text.replace("target_hit", "on_target").replace('kind = "success"\n', ""))
+    assert "success (assumed)" in call("check", file).output

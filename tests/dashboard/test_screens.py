@@ -11,6 +11,8 @@ from paths import DATA, ROOT
 from registering import write_eye
 from studying import PROTOCOL, Station
 
+from haptigraph.sources.phantom import PhantomSource
+
 pytestmark = [
     pytest.mark.browser,
     pytest.mark.xdist_group("screens"),
@@ -92,6 +94,17 @@ def live_steered(stage):
 def live_mapping(stage):
     live_steered(stage)
     stage.page.click("#map")
+
+
+def live_assumed(stage):
+    source = DATA / "quick.toml"
+    text = PhantomSource(str(source)).registration.replace(
+        "format = 1\n", 'format = 1\nassumed = ["target"]\n'
+    )
+    registration = stage.folder / "assumed.toml"
+    registration.write_text(text)
+    stage.open(stage.serve(f"phantom:{source}", "--registration", registration).url)
+    stage.page.wait_for_selector("#assumed:has-text('assumed, not measured')")
 
 
 def recordings_list(stage):
@@ -193,6 +206,7 @@ SCENES = (
     live_tip_not_visible,
     live_stale,
     live_disconnected,
+    live_assumed,
     recordings_list,
     recordings_run,
     registration_empty,

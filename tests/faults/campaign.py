@@ -6,6 +6,7 @@ done, and a later call goes on from there. The exit code is 1 if a promise was b
 
 import argparse
 import random
+import shlex
 import shutil
 import signal
 import sys
@@ -19,8 +20,10 @@ import msgspec
 import trials
 import trials_of_input
 from damages import make_files
-from msgspec import Struct
 from trials import DATA, program
+
+from haptigraph.analysis.evaluation.origin import new_origin
+from haptigraph.analysis.evidence.campaign import FORMAT, Session, Trial, read_campaign
 
 ROOT = Path(__file__).parents[2]
 TRIALS = {  # of each kind, in a whole campaign
@@ -41,19 +44,7 @@ TRIALS = {  # of each kind, in a whole campaign
 WITH_FILES = ("recover", "replay of a complete file", "replay of a journal", "damaged file")
 
 
-class Result(Struct):
-    """One trial."""
-
-    kind: str
-    number: int
-    what: str = ""
-    failure: str = ""
-    skipped: str = ""
-    silence_ms: float | None = None
-    lost: int = 0
-
-
-def run_trial(kind: str, number: int, seed: int, files: Path) -> Result:
+def run_trial(kind: str, number: int, seed: int, files: Path) -> Trial:
     """Run one trial; the same seed draws the same faults."""
     _, function = TRIALS[kind]
     trial = partial(function, files=files) if kind in WITH_FILES else function
@@ -61,12 +52,12 @@ def run_trial(kind: str, number: int, seed: int, files: Path) -> Result:
     try:
         measured = trial(random.Random(f"{seed} {kind} {number}"), folder)
     except trials_of_input.Skipped as reason:
-        return Result(kind, number, skipped=str(reason))
+        return Trial(kind, number, skipped=str(reason))
     except Exception as error:  # whatever a trial meets is a result
-        return Result(kind, number, failure=f"{type(error).__name__}: {str(error)[:500]}")
+        return Trial(kind, number, failure=f"{type(error).__name__}: {str(error)[:500]}")
     finally:
         shutil.rmtree(folder, ignore_errors=True)
-    return Result(kind, number, measured.what, silence_ms=measured.silence_ms, lost=measured.lost)
+    return Trial(kind, number, measured.what, silence_ms=measured.silence_ms, lost=measured.lost)
 
 
 def make_samples(folder: Path) -> None:
@@ -111,7 +102,7 @@ def planned(scale: float, only: str, skip: str = "none") -> Iterator[tuple[str, 
     yield from ((kind, number) for _, kind, number in sorted(order))
 
 
-def table(results: list[Result]) -> str:
+def table(results: list[Trial]) -> str:
     """Return the results of every kind as a Markdown table."""
     lines = ["| faults | trials | broken promises | worst silence | steps or images lost, all reported |"]
     lines.append("|---|---|---|---|---|")
@@ -127,14 +118,22 @@ def table(results: list[Result]) -> str:
     return "\n".join(lines)
 
 
+def append(file: Path | None, line: Session | Trial) -> None:
+    """Append a line to the file of results."""
+    if file is not None:
+        with file.open("ab") as out:
+            out.write(msgspec.json.encode(line) + b"\n")
+
+
 def campaign(
     *, seed: int, minutes: float, scale: float, only: str, skip: str, file: Path | None
-) -> list[Result]:
+) -> list[Trial]:
     """Run all trials that the file does not contain yet, until the time is over."""
     results = []
     if file is not None and file.exists():
-        results = [msgspec.json.decode(line, type=Result) for line in file.read_bytes().splitlines()]
+        results = [result for _, result in read_campaign(file, TRIALS)]
     done, end_s = {(result.kind, result.number) for result in results}, time.monotonic() + 60 * minutes
+    append(file, Session(FORMAT, seed, new_origin(command=shlex.join(["python", *sys.argv]))))
     with tempfile.TemporaryDirectory() as samples:
         make_samples(Path(samples))
         for kind, number in planned(scale, only, skip):
@@ -142,9 +141,7 @@ def campaign(
                 continue
             result = run_trial(kind, number, seed, Path(samples))
             results.append(result)
-            if file is not None:
-                with file.open("ab") as out:
-                    out.write(msgspec.json.encode(result) + b"\n")
+            append(file, result)
             note = result.failure or result.skipped
             if note:
                 sys.stderr.write(f"{kind} {number}: {note}\n")

@@ -5,10 +5,12 @@ import sys
 from pathlib import Path
 
 import campaign
-import msgspec
 import pytest
-from campaign import Result, planned, table
+from campaign import TRIALS, planned, table
 from rig import environment
+
+from haptigraph.analysis.evaluation.origin import software_sha256
+from haptigraph.analysis.evidence.campaign import read_campaign
 
 pytest.importorskip("serial")
 pytest.importorskip("sdl2", exc_type=ImportError)
@@ -31,8 +33,9 @@ def test_some_faults_of_each_kind_break_no_promise(tmp_path):
     ]
     done = subprocess.run(command, capture_output=True, text=True, env=environment(), timeout=115)
     assert done.returncode == 0, done.stderr
-    ran = [msgspec.json.decode(line, type=Result) for line in results.read_bytes().splitlines()]
-    assert len(ran) >= 10
+    trials = read_campaign(results, TRIALS)
+    assert len(trials) >= 10
+    assert {session.origin.software_sha256 for session, _ in trials} == {software_sha256()}
     assert "| broken promises |" in done.stdout
 
 

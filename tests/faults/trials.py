@@ -28,6 +28,8 @@ from haptigraph.recording.reader import RunReader
 
 DATA = Path(__file__).parents[1] / "data"
 HUNG_MS, KILLED_MS = 1500, 3000
+MAX_CONNECTIONS, SPARE = 100, 20
+"""Connections that the server keeps, and descriptors that a new watchdog process and its pipes may need."""
 HALVES = (b"", b"G", b"GET / HTTP/1.1\r\nHost: 127.0", b"POST / HTTP/1.1\r\nContent-Length: 9\r\n\r\n{")
 
 
@@ -145,6 +147,8 @@ def half_open_connections(rng: random.Random, folder: Path) -> Measured:
     with Rig(folder, "serial", "--recordings", str(folder), command="live", preexec_fn=limit) as rig:
         host, port = rig.until_output(r"the page is at http://(\S+?)/")[1].split(":")
         rig.until_vibrating()
+        descriptors = Path(f"/proc/{rig.process.pid}/fd")
+        before = len(list(descriptors.iterdir()))
         with ExitStack() as stack:
             for _ in range(count):
                 line = stack.enter_context(socket.create_connection((host, int(port)), timeout=10))
@@ -155,6 +159,8 @@ def half_open_connections(rng: random.Random, folder: Path) -> Measured:
             silent_ns = rig.monitor.until_silent_once(began_ns)
             silence_ms = judge_silence(rig, what, began_ns, silent_ns, KILLED_MS)
             rig.monitor.until(vibrates=True)
+            held = len(list(descriptors.iterdir())) - before
+            promise(held <= MAX_CONNECTIONS + SPARE, f"{what}: they hold {held} descriptors")
             ended_ns = rig.signal(signal.SIGTERM)
             rig.monitor.until(vibrates=False)
         output = judge_end(rig)

@@ -244,7 +244,8 @@ def test_the_text_of_a_procedure_of_version_0_1_in_a_recording_causes_no_warning
     assert old.text != new.text
     assert content(old) == content(new)
     assert result(old) == result(new)
-    assert result(old).holds
+    violated = {claim.name for claim in result(old).claims if not claim.holds}
+    assert violated <= {"alarm strongest", "alarm unlike"}  # claims that 0.1.0 did not make
 
 
 def test_a_margin_is_refused_for_a_measure_without_standard_deviation():

@@ -11,11 +11,13 @@ No mutant is equivalent: a mutation changes only what matters in this constructi
 
 import json
 import random
+import warnings
 from collections.abc import Callable, Iterable
 from copy import deepcopy
 from typing import Any, NamedTuple
 
 from haptigraph.assemble import parse_procedure
+from haptigraph.errors import Implausible
 from haptigraph.inference.procedure import Procedure
 
 ENTITIES = [
@@ -54,7 +56,8 @@ class Mutant(NamedTuple):
 
 def load(data: Data) -> Procedure:
     text = "".join(_table(kind, part) for kind, parts in data.items() for part in parts)
-    return parse_procedure(f'[procedure]\nname = "made"\n{text}', "made.toml")
+    with warnings.catch_warnings(action="ignore", category=Implausible):  # no eye has these thresholds
+        return parse_procedure(f'[procedure]\nname = "made"\n{text}', "made.toml")
 
 
 def _table(kind: str, part: Data) -> str:

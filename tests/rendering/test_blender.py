@@ -1,6 +1,8 @@
 """In Blender, if `make render` has installed it."""
 
+import re
 import subprocess
+import sys
 
 import cv2
 import numpy as np
@@ -30,6 +32,32 @@ bpy.context.scene.cycles.samples = 2
 stage.render(Path(folder) / "empty.png", None)
 stage.render(Path(folder) / "needle.png", layout.poses[int(number)])
 """
+
+
+IMPORTED = """
+import sys
+from importlib.metadata import packages_distributions
+from unittest.mock import MagicMock
+
+before = set(sys.modules)
+sys.modules |= dict.fromkeys(("bpy", "bmesh", "mathutils"), MagicMock())
+import rendering.render
+
+tops = {name.partition(".")[0] for name in set(sys.modules) - before}
+print(*sorted({name for top in tops for name in packages_distributions().get(top, ())}))
+"""
+
+
+def test_everything_that_rendering_imports_is_in_its_requirements():
+    done = subprocess.run([sys.executable, "-c", IMPORTED], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    listed = re.findall(r"^[\w-]+", (ROOT / "rendering" / "requirements.txt").read_text(), re.MULTILINE)
+    brought = {
+        "haptigraph",
+        "numpy",
+        "typing_extensions",
+    }  # bpy requires NumPy; msgspec can do without the last
+    assert {*done.stdout.split()} - brought <= {*listed}
 
 
 def grey(image, at_px):

@@ -125,6 +125,8 @@ class Errors(Struct, frozen=True):
     agreed: list[bool]
     """Whether the state agrees with the ground truth, for the images that count."""
     wrong_contact_images: int
+    contact_images: int
+    """Images of a contact that could be missed."""
     missed_contact_images: int
     tips: list[TipError | None]
     """Of images with at least 2 mm of needle inside; None if no tip was reported."""
@@ -162,7 +164,9 @@ def errors_of(
     inside = [(row, number) for number, row in enumerate(truth) if row.visible and row.inside]
     tip_errors = [(row.depth_mm or 0.0, _distance(tips[number], row.tip_px)) for row, number in inside]
     angle_errors = [(_depth(row), angle_error_deg(steps[number], row)) for row, number in inside]
-    deep = [(steps[number], row) for row, number in inside if _depth(row) >= MIN_DEPTH_MM]
+    at_depth = [number for row, number in inside if _depth(row) >= MIN_DEPTH_MM]
+    deep = [(steps[number], truth[number]) for number in at_depth]
+    contacts = [number for number in at_depth if _is_contact(true_states, number)]
     return Errors(
         images=len(truth),
         expected=[_is_needle_found(step) for step, _ in deep],
@@ -174,11 +178,8 @@ def errors_of(
         angles_deg=[(depth, error) for depth, error in angle_errors if error is not None],
         agreed=_agreement(states, true_states, occluded),
         wrong_contact_images=_wrong_contacts(states, true_states),
-        missed_contact_images=sum(
-            _is_missed(steps[number].conclusion.state, true_states, number)
-            for row, number in inside
-            if _depth(row) >= MIN_DEPTH_MM
-        ),
+        contact_images=len(contacts),
+        missed_contact_images=sum(states[number] not in NOT_SILENT for number in contacts),
         tips=[tip_error(step, row.tip_px, image) for step, row in deep],
     )
 
@@ -197,7 +198,8 @@ def score(steps: Sequence[Step], truth: Sequence[TruthRow], image: ImageGeometry
 
     Returns:
         detection_rate, false_detections, tip_error_px, tip_error_mm, angle_error_deg, state_agreement,
-        wrong_contact_images, missed_contact_images, those of `tip_scores`, state_changes, final_state.
+        wrong_contact_images, contact_images, missed_contact_images, those of `tip_scores`, state_changes,
+        final_state.
     """
     errors = errors_of(steps, truth, image)
     tips_px = [error for _, error in errors.tips_px]
@@ -211,6 +213,7 @@ def score(steps: Sequence[Step], truth: Sequence[TruthRow], image: ImageGeometry
         "angle_error_deg": angle_spreads(errors.angles_deg),
         "state_agreement": share(errors.agreed),
         "wrong_contact_images": errors.wrong_contact_images,
+        "contact_images": errors.contact_images,
         "missed_contact_images": errors.missed_contact_images,
         **tip_scores(errors.tips),
         "state_changes": {"run": _changes(states), "truth": _changes(true_states)},
@@ -297,10 +300,10 @@ def _is_needle_found(step: Step) -> bool:
     return not {"needle_line", "needle_tip"}.isdisjoint(step.observation.found)
 
 
-def _is_missed(state: str, true_states: list[str], row: int) -> bool:
-    """Return whether a state is silent while the needle touches, not within one image of a true change."""
+def _is_contact(true_states: list[str], row: int) -> bool:
+    """Return whether the needle touches in an image, not within one image of a true change."""
     near = set(true_states[max(row - 1, 0) : row + 2])
-    return len(near) == 1 and near <= {CONTACT, HIT} and state not in NOT_SILENT
+    return len(near) == 1 and near <= {CONTACT, HIT}
 
 
 def _changes(states: list[str]) -> int:

@@ -17,7 +17,7 @@ from haptigraph.analysis.evaluation.ground_truth import TruthRow
 from haptigraph.analysis.evaluation.tip_scores import tip_scores
 from haptigraph.config import Config
 from haptigraph.geometry import ImageGeometry, Point, Segment, Vec, angle_between_deg, subtract
-from haptigraph.inference.engine import RuleEngine
+from haptigraph.inference.engine import RuleEngine, without_time
 from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import CERTAIN, Capture, Observation, Step, Truth
 from haptigraph.pipeline import Pipeline
@@ -108,6 +108,7 @@ def pooled(scenes: Sequence[Errors]) -> dict[str, Any]:
         "angle_error_deg": angle_spreads(angles_deg),
         "state_agreement": share([hit for errors in scenes for hit in errors.agreed]),
         "wrong_contact_images": sum(errors.wrong_contact_images for errors in scenes),
+        "contact_images": sum(errors.contact_images for errors in scenes),
         "missed_contact_images": sum(errors.missed_contact_images for errors in scenes),
         **tip_scores([tip for errors in scenes for tip in errors.tips]),
     }
@@ -130,7 +131,7 @@ def true_rows(truths: Sequence[Truth], registration: Registration, procedure: Pr
         registration: The true anatomy.
         procedure: Its rules determine the states of the true needle.
     """
-    build_scene, reason = SchemaSceneBuilder(procedure.schema), RuleEngine(procedure)
+    build_scene, reason = SchemaSceneBuilder(procedure.schema), RuleEngine(without_time(procedure))
     rows = []
     for truth in truths:
         found = registration.anatomy | truth.others
@@ -196,7 +197,7 @@ def _errors_of_scene(
     }
     if scene.has_registration_error:
         return {
-            name: replace(each, agreed=[], wrong_contact_images=0, missed_contact_images=0)
+            name: replace(each, agreed=[], wrong_contact_images=0, contact_images=0, missed_contact_images=0)
             for name, each in errors.items()
         }
     return errors

@@ -14,7 +14,7 @@ from haptigraph.analysis.plots.explanation import pattern_text
 from haptigraph.assemble import parse_procedure
 from haptigraph.errors import BadInput
 from haptigraph.graph import SceneGraph, Triplet
-from haptigraph.inference.engine import RuleEngine
+from haptigraph.inference.engine import RuleEngine, without_time
 from haptigraph.inference.procedure import Procedure, State
 from haptigraph.messages import Observation
 from haptigraph.proof.nearest import Change
@@ -122,7 +122,7 @@ def explain_graph(
         faults: Faults of its step, as text.
         observation: What the graph was built from; without it, motions of the needle are not considered.
     """
-    conclusion = RuleEngine(procedure)(graph)
+    conclusion = RuleEngine(without_time(procedure))(graph)
     changes, motion = possible_changes(procedure, graph, observation)
     states = procedure.states
     fired = states[conclusion.priority : conclusion.priority + 1]

@@ -10,6 +10,7 @@ from haptigraph import assemble
 from haptigraph.analysis.metrics.run import RunMeasures
 from haptigraph.config import Config
 from haptigraph.errors import BadInput
+from haptigraph.inference.coverage import unreported_notes
 from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import Step
 from haptigraph.recording.header import Losses
@@ -52,6 +53,8 @@ class ReplayReport(Struct):
     """What is missing, if the recording was recovered from a damaged one."""
     assumed: tuple[str, ...] = ()
     """What the recorded registration assumes, by name."""
+    notes: tuple[str, ...] = ()
+    """Which states cannot occur because the recording's perceiver does not report what they need."""
     recorded: RunMeasures = msgspec.field(default_factory=RunMeasures)
     replayed: RunMeasures = msgspec.field(default_factory=RunMeasures)
 
@@ -77,7 +80,9 @@ def replay(
     steps, dropped_images = reader.count()
     if not steps:
         raise BadInput("has no complete step to replay", path)
+    applied = _procedure(reader, procedure)
     report = ReplayReport(
+        notes=_notes(reader, applied),
         dropped_images=dropped_images,
         is_whole=reader.is_whole,
         is_being_written=reader.is_being_written,
@@ -85,7 +90,7 @@ def replay(
         decoder=reader.info.decoder,
         assumed=recorded_registration(reader).assumed,
         recorded=RunMeasures.under(_procedure(reader, None)),
-        replayed=RunMeasures.under(_procedure(reader, procedure)),
+        replayed=RunMeasures.under(applied),
     )
     start_ns = None
     for recorded, replayed in replay_steps(reader, procedure):
@@ -146,6 +151,13 @@ def _procedure(reader: RunReader, name: str | None) -> Procedure:
     if name:
         return assemble.load_procedure(name)
     return assemble.parse_procedure(reader.info.procedure, f"procedure in {reader.path}")
+
+
+def _notes(reader: RunReader, procedure: Procedure) -> tuple[str, ...]:
+    name = assemble.perceiver_name(recorded_config(reader), procedure)
+    if name not in assemble.PERCEIVERS:
+        return ()
+    return tuple(unreported_notes(procedure, name, assemble.perceiver_class))
 
 
 def _compare(number: int, time_s: float, recorded: Step, replayed: Step) -> Difference | None:

@@ -7,8 +7,9 @@ from html import escape
 from pathlib import Path
 from typing import NamedTuple
 
-from haptigraph.analysis.plots.colors import ink_on, state_color
 from haptigraph.errors import BadInput
+from haptigraph.inference.colors import Paint, palette
+from haptigraph.inference.meaning import Kind
 from haptigraph.inference.procedure import Procedure, State
 from haptigraph.messages import TIP_NOT_VISIBLE, UNKNOWN
 from haptigraph.proof.neighbours import neighbours
@@ -74,7 +75,8 @@ def diagram_svg(procedure: Procedure) -> str:
             for side, text in (("left", "misaligned"), ("right", "aligned"))
         ]
     parts += [_arrow_svg(boxes[one], boxes[other], one, other) for one, other in neighbours(procedure)]
-    parts += [_box_svg(boxes[name], *states[name]) for name in boxes]
+    paints, kinds = palette(procedure), procedure.kinds
+    parts += [_box_svg(boxes[name], *states[name], paints[name], kinds[name]) for name in boxes]
     lost = " or ".join(repr(name) for name in WITHOUT_TIP if name in boxes)
     for at, text in enumerate(
         (
@@ -116,9 +118,9 @@ def _pairs(names: list[str]) -> list[list[tuple[str, str]]]:
     return [[(row[0], "middle")] if len(row) == 1 else [(row[0], "left"), (row[1], "right")] for row in rows]
 
 
-def _box_svg(box: _Box, number: int, state: State) -> str:
-    color, ink = state_color(state.name), ink_on(state.name)
-    dash = ' stroke-dasharray="6 4"' if state.name in WITHOUT_TIP else ""
+def _box_svg(box: _Box, number: int, state: State, paint: Paint, kind: Kind) -> str:
+    color, ink = paint.color, paint.ink
+    dash = ' stroke-dasharray="6 4"' if kind == "unseen" else ""
     left, top = box.x - BOX_WIDTH / 2, box.y - BOX_HEIGHT / 2
     lines = _label_lines(state.name.replace("_", " "))
     text = [
@@ -135,7 +137,7 @@ def _box_svg(box: _Box, number: int, state: State) -> str:
             f'<circle cx="{left + 26:g}" cy="{box.y:g}" r="15" fill="#ffffff" stroke="#555555"/>',
             _text_svg(left + 26, box.y + 5, str(number), weight="bold"),
             *text,
-            _text_svg(left + 50, feel_y, f"feels {state.feel}", size=11, color=ink, anchor="start"),
+            _text_svg(left + 50, feel_y, f"{kind}, feels {state.feel}", size=11, color=ink, anchor="start"),
             "</g>",
         ]
     )

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle as CirclePatch
 from matplotlib.patches import FancyArrowPatch
 
 from haptigraph.geometry import Geometry, Point, Polyline, Segment, Vec, rotate, subtract
@@ -20,6 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_graph", "draw_overlay", "graph_figure"]
 
+CONE_COLOR = "#7fd08a"
 LABEL_AT = 0.38  # share of an edge; edges cross in its middle
 
 
@@ -88,7 +88,9 @@ def draw_overlay(
         axis = subtract(registration.target.at_mm, trocar)
         for side_deg in (sign * bound for bound in cone_deg[:1] for sign in (-1, 1)):
             x, y = rotate(axis, side_deg)
-            _line(axes, view, (trocar, (trocar[0] + x, trocar[1] + y)), color="#7fd08a", linewidth=0.8)
+            label = f"aligned: within {cone_deg[0]:g}°" if side_deg < 0 else "_"
+            ends = trocar, (trocar[0] + x, trocar[1] + y)
+            _line(axes, view, ends, color=CONE_COLOR, linewidth=0.8, linestyle=(0, (4, 2)), label=label)
     found = step.observation.found
     for name, shape in found.items():
         has_end = not name.endswith("_line") or name.replace("_line", "_tip") in found
@@ -98,15 +100,19 @@ def draw_overlay(
 
 
 def _draw_shape(axes: "Axes", view: IoctView, name: str, shape: Geometry, linestyle: str) -> None:
-    color = "#ffcc33" if name.startswith("needle") else "#5ec8ff"
+    color, label = "#ffcc33" if name.startswith("needle") else "#5ec8ff", name.replace("_", " ")
     if isinstance(shape, Polyline):
-        _line(axes, view, shape.points_mm, color=color, linewidth=1.0, alpha=0.7)
+        _line(axes, view, shape.points_mm, color=color, linewidth=1.0, alpha=0.7, label=label)
     elif isinstance(shape, Segment):
         ends = shape.start_mm, shape.end_mm
-        _line(axes, view, ends, color=color, linewidth=1.0, linestyle=linestyle)
+        _line(axes, view, ends, color=color, linewidth=1.0, linestyle=linestyle, label=label)
     elif isinstance(shape, Point) and name != "trocar":
         is_tip = name == "needle_tip"
-        axes.add_patch(CirclePatch(view.to_px(shape.at_mm), 5 if is_tip else 8, fill=is_tip, color=color))
+        axes.plot(
+            *view.to_px(shape.at_mm),
+            marker="o", markersize=4 if is_tip else 6, linestyle="none", label=label,
+            color=color, markerfacecolor=color if is_tip else "none",
+        )  # fmt: skip
 
 
 def _line(axes: "Axes", view: IoctView, points_mm: Sequence[Vec], **style: object) -> None:

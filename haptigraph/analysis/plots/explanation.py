@@ -19,10 +19,12 @@ def explain(procedure: Procedure) -> list[Table]:
     for relation in procedure.schema.relations:
         relations.add_row(str(Triplet(*relation.names)), _condition(relation, procedure))
     states = Table(title="States, first that fits wins", title_justify="left")
-    for heading in ("", "state", "when", "feels"):
+    for heading in ("", "state", "kind", "when", "feels"):
         states.add_column(heading, overflow="fold")
+    kinds = procedure.kinds
     for priority, state in enumerate(procedure.states):
-        states.add_row(str(priority), state.name, _when(state), state.feel)
+        kind = kinds[state.name] + ("" if state.kind else " (assumed)")
+        states.add_row(str(priority), state.name, kind, _when(state), state.feel + _lasting(state))
     patterns = Table(title="Haptic patterns", title_justify="left")
     for heading in ("pattern", "output"):
         patterns.add_column(heading, overflow="fold")
@@ -37,7 +39,15 @@ def _condition(relation: Relation, procedure: Procedure) -> str:
         parts[0] += f" within {relation.margin_sd:g} standard deviations"
     if relation.release is not None:
         parts.append(f"released at {relation.release:g}")
-    return " and ".join([*parts, *(str(Triplet(*given)) for given in relation.given)])
+    parts += [str(Triplet(*given)) for given in relation.given]
+    return " and ".join(parts) + (f" (meant: {relation.reason})" if relation.reason else "")
+
+
+def _lasting(state: State) -> str:
+    """Describe when a state begins and ends later than its rule."""
+    parts = [f"after {state.enter_after_ms:g} ms"] if state.enter_after_ms else []
+    parts += [f"held for {state.hold_ms:g} ms"] if state.hold_ms else []
+    return f" ({', '.join(parts)})" if parts else ""
 
 
 def _when(state: State) -> str:

@@ -7,9 +7,10 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from haptigraph.analysis.evaluation.sweep_figure import check_output
-from haptigraph.analysis.plots.colors import ink_on, state_color
 from haptigraph.analysis.plots.drawing import draw_graph
 from haptigraph.errors import BadInput
+from haptigraph.inference.colors import palette
+from haptigraph.inference.procedure import Procedure
 from haptigraph.proof.report import Proof
 
 __all__ = ["proof_figure"]
@@ -18,13 +19,13 @@ MAX_GRAPHS = 12
 """Graphs in one figure; the text report lists all."""
 
 
-def proof_figure(proof: Proof, output: str | Path) -> None:
+def proof_figure(procedure: Procedure, proof: Proof, output: str | Path) -> None:
     """Draw every violated claim with its graph to a new PNG, SVG or PDF file; one sentence if there is none.
 
     Raises:
         BadInput: If the file exists, or the format is unknown.
     """
-    path = Path(output)
+    path, paints = Path(output), palette(procedure)
     check_output(path)
     if path.exists():
         raise BadInput("exists already; delete it or give another name", path)
@@ -45,7 +46,7 @@ def proof_figure(proof: Proof, output: str | Path) -> None:
         outcome = f"all {len(proof.claims)} claims proved" if proof.holds else "no graph to show"
         all_axes[0].set_title(f"{proof.procedure}: {outcome}")
     for axes, (claim, violation) in zip(all_axes, shown, strict=False):
-        graph = violation.graph
+        graph, paint = violation.graph, paints[violation.state]
         if graph is not None:
             draw_graph(axes, graph)
         parts = (f"{claim.name}: {claim.statement}", violation.sentence)
@@ -53,7 +54,7 @@ def proof_figure(proof: Proof, output: str | Path) -> None:
         axes.set_title(title, fontsize=8.5, loc="left")
         label = violation.state.replace("_", " ") if violation.is_possible else "impossible"
         axes.text(
-            0.5, 0.0, label, transform=axes.transAxes, ha="center", fontsize=9, color=ink_on(violation.state),
-            bbox={"boxstyle": "round", "facecolor": state_color(violation.state), "edgecolor": "#555"},
+            0.5, 0.0, label, transform=axes.transAxes, ha="center", fontsize=9, color=paint.ink,
+            bbox={"boxstyle": "round", "facecolor": paint.color, "edgecolor": "#555"},
         )  # fmt: skip
     figure.savefig(path, dpi=120)

@@ -15,6 +15,8 @@ def claims_table(proof: Proof) -> Table:
         table.add_column(heading, overflow="fold")
     for claim in proof.claims:
         exception = f"\n(not while held: {', '.join(claim.not_while_held)})" if claim.not_while_held else ""
+        if claim.not_while_waiting:
+            exception += f"\n(not while waiting for {', '.join(claim.not_while_waiting)})"
         table.add_row("proved" if claim.holds else "VIOLATED", claim.name, claim.statement + exception)
     for name in proof.monitored:
         table.add_row("monitored", "temporal", name)
@@ -37,6 +39,8 @@ def proof_summary(proof: Proof) -> str:
     if proof.held_ms:
         held = ", ".join(f"{state} by {ms:g} ms" for state, ms in proof.held_ms.items())
         outcome += f"\nclaims concern graphs, not time: states that are held outlast their graphs, {held}"
+    if proof.uncovered:
+        outcome = "\n".join([outcome, "not covered:", *(f"  - {phrase}" for phrase in proof.uncovered)])
     return "\n\n".join([*parts, outcome])
 
 

@@ -8,12 +8,13 @@ from typing import Any
 
 from msgspec import to_builtins
 
-from haptigraph.analysis.plots.colors import ink_on, state_color
 from haptigraph.analysis.plots.diagram import column_of
 from haptigraph.assemble import load_procedure
 from haptigraph.config import Config
 from haptigraph.dashboard.server.hub import Hub
 from haptigraph.dashboard.server.protocol import text_message
+from haptigraph.inference.colors import Paint, palette
+from haptigraph.inference.meaning import Kind
 from haptigraph.inference.procedure import Procedure, State
 from haptigraph.messages import TIP_NOT_VISIBLE, UNKNOWN
 from haptigraph.perception.eye_view import IoctView
@@ -28,8 +29,8 @@ __all__ = ["announcement", "describe_run", "describe_states"]
 VIEW_PX = 560
 NOT_SEEN = {UNKNOWN: "lost", TIP_NOT_VISIBLE: "tipless"}
 """Icon of a state in which it is not known where the tip is."""
-ICONS = {"pulses": "alarm", "bursts": "done", "continuous": "warn"}
-"""Icon of a state by the kind of its pattern, so that states differ in more than colour."""
+ICONS: dict[Kind, str] = {"alarm": "alarm", "success": "done", "guidance": "warn", "unseen": "unseen"}
+"""Icon of a state by its kind, so that states differ in more than colour."""
 
 
 def announcement(config: Config, loop: Loop, hub: Hub) -> Callable[[], None]:
@@ -88,21 +89,23 @@ def describe_run(
 
 def describe_states(procedure: Procedure) -> list[dict[str, Any]]:
     """Return how to draw the states of a procedure, in order of priority."""
-    kinds = {pattern.name: pattern.kind for pattern in procedure.patterns}
+    kinds, paints = procedure.kinds, palette(procedure)
     return [
-        _describe_state(state, kinds[state.feel], priority) for priority, state in enumerate(procedure.states)
+        _describe_state(state, kinds[state.name], paints[state.name], priority)
+        for priority, state in enumerate(procedure.states)
     ]
 
 
-def _describe_state(state: State, pattern_kind: str, priority: int) -> dict[str, Any]:
+def _describe_state(state: State, kind: Kind, paint: Paint, priority: int) -> dict[str, Any]:
     column = column_of(state)
-    silent = "calm" if column == "right" else "idle"
+    neutral = "calm" if column == "right" else "idle"
     return {
         **to_builtins(state),
         "priority": priority,
         "label": state.name.replace("_", " "),
         "column": column,
-        "icon": NOT_SEEN.get(state.name) or ICONS.get(pattern_kind, silent),
-        "color": state_color(state.name),
-        "ink": ink_on(state.name),
+        "kind": kind,
+        "icon": NOT_SEEN.get(state.name) or ICONS.get(kind, neutral),
+        "color": paint.color,
+        "ink": paint.ink,
     }

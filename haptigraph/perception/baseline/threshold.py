@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from haptigraph.config import PerceptionConfig
 from haptigraph.geometry import Geometry, Point, Segment, Vec, norm, subtract, unit
-from haptigraph.imaging import FloatImage, grey_of
+from haptigraph.imaging import FloatImage, Floats, Mask, grey_of
 from haptigraph.messages import Capture, Image, Observation
 from haptigraph.perception.baseline.smoothing import MovingAverage
 from haptigraph.registration.camera import Registration
 
-__all__ = ["ThresholdPerceiver"]
+__all__ = ["ThresholdPerceiver", "ThresholdStages"]
 
 MIN_LENGTH_MM = 0.8  # shorter blobs have no reliable direction
 MIN_ELONGATION = 3.0  # length over width; texture and holes are rounder
@@ -44,6 +44,31 @@ class _Line(Struct, frozen=True):
     def at(self, along_px: float) -> Vec:
         """Return the point at a position along the line."""
         return self.center[0] + along_px * self.direction[0], self.center[1] + along_px * self.direction[1]
+
+
+class _Blob(Struct, frozen=True, eq=False):
+    """A needle candidate."""
+
+    contrast_grey: float
+    """Summed over its pixels."""
+    line: _Line
+    contour: NDArray[np.int32]
+    """(n, 1, 2), pixels of the region."""
+
+
+class ThresholdStages(Struct, frozen=True, eq=False):
+    """What the stages make of one image, for figures; positions are pixels of the image."""
+
+    corner_px: tuple[int, int]
+    """Of the region that is searched: left, top."""
+    above_mean: FloatImage
+    """Difference from the local mean where the needle is searched, (h, w) of the region [grey levels]."""
+    is_over: Mask
+    """Pixels over the threshold, (h, w) of the region."""
+    contour_px: NDArray[np.int32] | None
+    """Contour of the needle, (n, 2); None if none was found."""
+    ends_px: Floats | None
+    """Near end of the fitted axis, and tip, (2, 2)."""
 
 
 class ThresholdPerceiver:
@@ -93,6 +118,21 @@ class ThresholdPerceiver:
         """Forget earlier images."""
         self._smooth.reset()
 
+    def stages(self, image: Image) -> ThresholdStages:
+        """Return what every stage before the moving average makes of an image.
+
+        Raises:
+            BadInput: If the image is not of the registered size.
+        """
+        above_mean = self._above_mean(self._grey(image))
+        over = [strength > self._config.offset_grey for strength in self._strengths(above_mean)]
+        corner, found = (self._left, self._top), self._strongest(above_mean)
+        if found is None:
+            return ThresholdStages(corner, above_mean, np.logical_or.reduce(over), None, None)
+        ends = np.array([found.line.at(found.line.near_px), found.line.at(found.line.far_px)])
+        contour = found.contour[:, 0, :] + np.array(corner)
+        return ThresholdStages(corner, above_mean, np.logical_or.reduce(over), contour, ends + corner)
+
     def _grey(self, image: Image | None) -> FloatImage:
         image = self._registration.checked(image)
         region = image[self._region]
@@ -106,16 +146,24 @@ class ThresholdPerceiver:
         return np.asarray(cv2.GaussianBlur(image, size, 0, borderType=cv2.BORDER_CONSTANT), np.float32)
 
     def _detect(self, grey: FloatImage) -> _Line | None:
+        found = self._strongest(self._above_mean(grey))
+        return found.line if found else None
+
+    def _above_mean(self, grey: FloatImage) -> FloatImage:
         # The local mean covers the inside only, so that a bright wall does not hide a bright needle near it.
         mean = self._blur(np.multiply(grey, self._inside, dtype=np.float32)) / self._weight
-        above_mean = np.asarray((grey - mean) * self._searched, np.float32)
-        signs = {"dark": (-1,), "bright": (1,), "auto": (-1, 1)}[self._config.polarity]
-        blobs = (blob for sign in signs for blob in self._blobs(sign * above_mean))
-        strongest = max(blobs, key=lambda blob: blob[0], default=None)
-        return strongest[1] if strongest else None
+        return np.asarray((grey - mean) * self._searched, np.float32)
 
-    def _blobs(self, strength: FloatImage) -> Iterator[tuple[float, _Line]]:
-        """Yield the line of every needle candidate, with its total contrast.
+    def _strengths(self, above_mean: FloatImage) -> list[FloatImage]:
+        signs = {"dark": (-1,), "bright": (1,), "auto": (-1, 1)}[self._config.polarity]
+        return [sign * above_mean for sign in signs]
+
+    def _strongest(self, above_mean: FloatImage) -> _Blob | None:
+        blobs = (blob for strength in self._strengths(above_mean) for blob in self._blobs(strength))
+        return max(blobs, key=lambda blob: blob.contrast_grey, default=None)
+
+    def _blobs(self, strength: FloatImage) -> Iterator[_Blob]:
+        """Yield every needle candidate.
 
         Total contrast, the summed difference from the local mean, is largest for a needle: the halo beside a
         bright needle is as long but far fainter.
@@ -132,7 +180,7 @@ class ThresholdPerceiver:
                 filled = np.zeros((height, width), np.uint8)
                 cv2.drawContours(filled, [contour], 0, 1, cv2.FILLED, offset=(-left, -top))
                 box = strength[top : top + height, left : left + width]
-                yield float((box * filled).sum()), line
+                yield _Blob(float((box * filled).sum()), line, np.asarray(contour, np.int32))
 
     def _fit_line(self, contour: NDArray[np.int32]) -> _Line | None:
         """Fit the axis of least inertia of a filled contour (total least squares), away from the trocar."""

@@ -42,7 +42,7 @@ static void average_cells(const SearchGrid *grid, const uint8_t *image, int chan
     }
 }
 
-/* Return the greatest evidence accumulated from the first of some cells on. */
+/* Return the greatest evidence accumulated from the first of some cells on; no cell adds more than 1. */
 static double max_evidence(const SearchGrid *grid, const float *grey, int start, int stop, double light) {
     const int count = grid->rows * grid->cells;
     double sum = 0, max = 0;
@@ -52,6 +52,7 @@ static double max_evidence(const SearchGrid *grid, const float *grey, int start,
         const double other = grey[cell] - grey[grid->flanks[count + cell]];
         const double contrast = maximum(minimum(one, other), -maximum(one, other));
         sum += minimum(maximum(contrast, 0) * light / CONTRAST_GREY - 1, 1);
+        if (sum < max - (stop - cell)) break;
         max = maximum(max, sum);
     }
     return max;

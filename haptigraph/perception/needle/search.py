@@ -12,20 +12,22 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from haptigraph.imaging import Floats, Mask
+from haptigraph.imaging import FloatImage, Floats, Mask
 from haptigraph.messages import Image
 from haptigraph.perception.native.search_grid import CELL, SearchGrid
 from haptigraph.perception.needle.rectify import MAX_TURN_RAD, OUTSIDE_MM, EyeGeometry, Line
 
-__all__ = ["PolarSearch"]
+__all__ = ["MIN_SCORE", "PolarSearch"]
 
 STEP_DEG = 0.75
 STEP_PX = 2.0
 MAX_LENGTH_MM = 25.0
 FLANK_MM = 0.6
-MIN_SCORE = 2.0  # cells
 CANDIDATES = 3
 MIN_ROWS = 6  # between two candidates
+
+MIN_SCORE = 2.0
+"""Cells; a line that scores less is no candidate."""
 
 
 class PolarSearch:
@@ -73,6 +75,16 @@ class PolarSearch:
             *(pixels, is_inside, sampled, in_order, flanks, is_observable, trocar),
         )
 
+    @property
+    def angles_rad(self) -> Floats:
+        """Angles of the lines into the eye, in the image, (n,)."""
+        return np.asarray(self._angles, np.float64)
+
+    def scores(self, image: Image, chroma_share: float = 0.0, light: float = 1.0) -> FloatImage:
+        """Return how much every line looks like a needle, (offsets, angles) [cells]; see `search`."""
+        scores = self._grid.score(np.ascontiguousarray(image), chroma_share, light)
+        return np.asarray(scores.reshape(len(self._offsets_px), len(self._angles)), np.float32)
+
     def search(self, image: Image, chroma_share: float = 0.0, light: float = 1.0) -> list[Line]:
         """Return the lines most like a needle, best first.
 
@@ -84,8 +96,7 @@ class PolarSearch:
         Raises:
             ValueError: If the image is not of the registered size.
         """
-        scores = self._grid.score(np.ascontiguousarray(image), chroma_share, light)
-        score = scores.reshape(len(self._offsets_px), len(self._angles))
+        score = self.scores(image, chroma_share, light)
         found = []
         for _ in range(CANDIDATES):
             offset, angle = divmod(int(score.argmax()), len(self._angles))

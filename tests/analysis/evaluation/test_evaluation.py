@@ -117,6 +117,7 @@ KEYS = {
     "angle_error_deg": dict,
     "state_agreement": float,
     "wrong_contact_images": int,
+    "contact_images": int,
     "missed_contact_images": int,
     "tip_known_rate": float,
     "tip_far_rate": float,
@@ -214,5 +215,8 @@ def test_missed_contacts_are_silent_while_the_needle_touches():
     truth = [row(NAV), *[row("retinal_contact")] * 8, row(NAV)]
     said = ["retinal_contact", "target_hit", "unknown", "tip_not_visible", NAV, APPROACH]
     steps = [step(state) for state in (NAV, NAV, *said, NAV, NAV)]  # one image at either end does not count
-    assert score(steps, truth, IMAGE)["missed_contact_images"] == 2
-    assert score(steps, [row(NAV)] * 10, IMAGE)["missed_contact_images"] == 0
+    scores = score(steps, truth, IMAGE)
+    assert scores["missed_contact_images"] == 2
+    assert scores["contact_images"] == 6
+    without = score(steps, [row(NAV)] * 10, IMAGE)
+    assert (without["contact_images"], without["missed_contact_images"]) == (0, 0)

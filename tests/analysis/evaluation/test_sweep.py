@@ -173,6 +173,15 @@ def test_the_true_state_depends_on_a_deformed_retina(procedure):
     assert states[1].endswith("retinal_approach")
 
 
+def test_the_true_state_of_an_image_is_not_held_from_another(procedure):
+    phantom = Phantom(random_scene(11, 3, size_px=SMALL).scenario)
+    x, y = phantom.eye.target_mm
+    near, far = (Truth(True, True, (0.0, 0.0), (at * x, at * y), 20.0, 0.0) for at in (0.96, 0.8))
+    states = tuple(replace(one, hold_ms=300.0) for one in procedure.states)
+    rows = true_rows([near, far], true_registration(phantom), replace(procedure, states=states))
+    assert rows[0].state == "target_hit" and rows[1].state.endswith("retinal_approach")
+
+
 def test_the_angle_is_that_of_the_shaft_even_if_the_tip_is_beside_it(procedure):
     phantom = Phantom(random_scene(11, 3, size_px=SMALL).scenario)
     trocar_mm, target_mm = phantom.eye.trocar_mm, phantom.eye.target_mm

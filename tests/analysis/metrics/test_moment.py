@@ -91,6 +91,17 @@ def test_a_held_state_is_explained_together_with_the_state_of_its_graph(quick_ur
     assert any(line.startswith(f"  by graph   {explanation.state}, rule") for line in rest)
 
 
+def test_a_state_that_waited_is_explained_by_its_own_rule(quick_uri, tmp_path):
+    text = assemble.load_procedure("subretinal_injection").text
+    name = 'name = "misaligned_retinal_approach"\n'
+    (tmp_path / "late.toml").write_text(text.replace(name, f"{name}enter_after_ms = 200\n"))
+    steps = recorded(quick_uri, str(tmp_path / "late.toml"), tmp_path / "run.mcap")
+    step = next(one for one in steps if one.conclusion.state == "misaligned_retinal_approach")
+    explanation = explain_moment(tmp_path / "run.mcap", (step.stamp_ns - steps[0].stamp_ns) / 1e9)
+    assert explanation.state == "misaligned_retinal_approach" and explanation.held is None
+    assert all(reason.holds for reason in explanation.fired_by)
+
+
 def test_values_that_follow_a_measure_are_those_of_the_moment(quick_uri, tmp_path):
     steps = recorded(quick_uri, "subretinal_injection_continuous", tmp_path / "run.mcap")
     step = next(one for one in steps if one.conclusion.feel == "lean")

@@ -4,7 +4,6 @@ import cv2
 import pytest
 
 from haptigraph import assemble
-from haptigraph.analysis.plots.colors import STATE_COLORS, ink_on, state_color
 from haptigraph.analysis.plots.drawing import graph_figure
 from haptigraph.analysis.plots.explanation import explain
 from haptigraph.analysis.plots.figures import run_figure
@@ -39,13 +38,6 @@ def test_any_graph_is_drawn(graph, tmp_path):
     graph_figure(graph, tmp_path / "graph.svg")
     drawing = (tmp_path / "graph.svg").read_text()
     assert "<svg" in drawing
-
-
-def test_every_state_has_a_colour_with_readable_text(procedure):
-    assert {state.name for state in procedure.states} == set(STATE_COLORS)
-    assert state_color("some_other_state").startswith("#")
-    assert ink_on("aligned_retinal_approach") == "#ffffff"
-    assert ink_on("outside_eye") == "#222222"
 
 
 def test_a_procedure_is_explained_completely(procedure):

@@ -76,3 +76,19 @@ def test_smoothing_restarts_after_the_needle_was_lost():
 def test_an_image_of_another_size_is_refused(bench):
     with pytest.raises(BadInput, match="image is 320 x 240 px, but the registration is for 640 x 360 px"):
         bench.look(np.zeros((240, 320, 3), np.uint8))
+
+
+def test_the_stages_lead_to_what_is_found(bench):
+    image = bench.image(12.0, 2.0)
+    tip, stages = bench.look(image)["needle_tip"], bench.perceive.stages(image)
+    end_mm = bench.registration.image.to_mm(tuple(stages.ends_px[1]))
+    assert end_mm == pytest.approx(tip.at_mm)
+    left, top = stages.corner_px
+    columns, rows = (stages.contour_px - np.array([left, top])).T
+    assert stages.is_over[rows, columns].all()
+    assert (np.abs(stages.above_mean[rows, columns]) > PerceptionConfig().offset_grey).all()
+
+
+def test_without_a_needle_there_is_neither_contour_nor_line(bench):
+    stages = bench.perceive.stages(bench.image(-12.0, 0.0))
+    assert stages.contour_px is None and stages.ends_px is None

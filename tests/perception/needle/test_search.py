@@ -8,8 +8,9 @@ from drawn_strip import GROUND, draw_needle, draw_rim
 from haptigraph.config import PerceptionConfig
 from haptigraph.geometry import ImageGeometry
 from haptigraph.messages import Capture
+from haptigraph.perception.native.search_grid import CELL, SearchGrid
 from haptigraph.perception.needle.rectify import EyeGeometry, Line
-from haptigraph.perception.needle.search import PolarSearch
+from haptigraph.perception.needle.search import MIN_SCORE, PolarSearch
 from haptigraph.perception.needle.tracker import OFF_AXIS_MM, Tracker
 from haptigraph.registration.camera import Registration
 from haptigraph.registration.loading import parse_registration
@@ -74,3 +75,29 @@ def test_detects_a_needle_that_points_beside_its_trocar_in_the_first_image(large
     observation = Tracker(large, PerceptionConfig())(Capture(0, 0, image))
     tip_px = large.image.to_px(observation.found["needle_tip"].at_mm)
     assert math.dist(tip_px, true.at_px(eye.trocar_px, depth_px)) < 1.0
+
+
+def test_candidates_are_the_peaks_of_the_scores(eye):
+    search, true = PolarSearch(eye), Line(eye.inwards_rad + 0.2, 0.0)
+    image = draw_needle(eye, true, 90.0)
+    scores = search.scores(image)
+    assert scores.shape == (1, len(search.angles_rad))
+    assert search.angles_rad[scores[0].argmax()] == search.search(image)[0].angle_rad
+    assert scores.max() >= MIN_SCORE
+    assert scores.max() == search.scores(image).max()  # a search leaves them as they are
+
+
+@pytest.mark.parametrize("missing", range(0, 20, 3))
+def test_a_line_counts_however_far_from_the_trocar_it_begins_to_show(missing):
+    visible = missing + 3
+    cells = missing + visible
+    image = np.full((3, cells * CELL), 100, np.uint8)
+    image[1, missing * CELL :] = 150
+    cell = np.arange(3 * cells, dtype=np.int32).reshape(3, cells)
+    pixels = np.arange(image.size, dtype=np.int32)
+    beside = np.array([cell[[0, 0, 2]], cell[[0, 2, 2]]])
+    grid = SearchGrid(
+        *(image.shape, pixels, np.ones(image.size, np.bool_), cell.ravel(), pixels.reshape(-1, CELL)),
+        *(beside, np.ones((3, cells), np.bool_), 0),
+    )
+    assert grid.score(image).tolist() == [0, visible - missing, 0]

@@ -7,13 +7,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from scipy import stats
 
-from haptigraph.analysis.plots.colors import state_color
 from haptigraph.analysis.study.figures.style import (
     INK,
     ConditionStyle,
     condition_styles,
     declutter,
     new_figure,
+    paint_of,
 )
 from haptigraph.analysis.study.quantities import QUANTITIES, Quantity, words
 from haptigraph.analysis.study.results import StudyResults
@@ -121,7 +121,7 @@ def _draw_zones(axes: "Axes", zones: Zones, limits: tuple[float, float]) -> None
             (zones.touching_mm, zones.approaching_mm, f"{aligned}_retinal_approach"),
             (LOWEST_MM, zones.touching_mm, "target_hit" if aligned == "aligned" else "retinal_contact"),
         ):
-            color = state_color(state)
+            color = paint_of(state).color
             axes.fill_between((left, right), top, bottom, color=color, alpha=0.45, linewidth=0)
     axes.axvline(zones.aligned_deg, color=INK, linewidth=1.1)
     edge: dict[str, Any] = {

@@ -9,13 +9,13 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 
-from haptigraph.analysis.plots.colors import ink_on, state_color
 from haptigraph.analysis.study.figures.style import (
     INK,
     condition_legend,
     condition_styles,
     declutter,
     new_figure,
+    paint_of,
 )
 from haptigraph.analysis.study.quantities import state_of, words
 from haptigraph.analysis.study.results import StudyResults
@@ -57,7 +57,7 @@ def box_figure(results: StudyResults, note: str) -> Figure | None:
     axes = figure.subplots()
     styles, spread = condition_styles(results.conditions), 0.76 / len(results.conditions)
     for place, name in enumerate(names):
-        axes.axvspan(place - 0.5, place + 0.5, color=state_color(state_of(name)), alpha=0.6, linewidth=0)
+        axes.axvspan(place - 0.5, place + 0.5, color=paint_of(state_of(name)).color, alpha=0.6, linewidth=0)
         for number, condition in enumerate(results.conditions):
             values = results.values[name][condition].dropna().to_numpy(float)
             at = place + (number - (len(results.conditions) - 1) / 2) * spread
@@ -166,7 +166,7 @@ def _draw_state(axes: "Axes", state: str, place: tuple[float, float], *, reached
         corner,
         *BOX,
         boxstyle="round,pad=0,rounding_size=0.05",
-        facecolor=state_color(state),
+        facecolor=paint_of(state).color,
         edgecolor=INK if reached else "#bbbbbb",
         linewidth=1.0,
         alpha=1.0 if reached else 0.3,
@@ -174,7 +174,7 @@ def _draw_state(axes: "Axes", state: str, place: tuple[float, float], *, reached
     )
     axes.add_patch(box)
     *head, last = words(state).split(" ")
-    ink = ink_on(state) if reached else "#666666"
+    ink = paint_of(state).ink if reached else "#666666"
     axes.text(
         *place,
         f"{' '.join(head)}\n{last}" if head else last,

@@ -3,20 +3,24 @@
 import io
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from haptigraph.analysis.plots.paper import UNDATED
 from haptigraph.analysis.study.quantities import words
+from haptigraph.assemble import load_procedure, procedure_names
+from haptigraph.inference.colors import PAPER_PALETTE, Paint, palette
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 __all__ = [
     "FORMATS", "INK", "ConditionStyle", "condition_legend", "condition_styles", "declutter", "new_figure",
-    "rendered", "styled",
+    "paint_of", "rendered", "styled",
 ]  # fmt: skip
 
 FORMATS = ("png", "svg", "pdf")
@@ -30,11 +34,20 @@ STYLE: dict[Any, Any] = {
     "svg.hashsalt": "haptigraph",  # names of clip paths
     "pdf.fonttype": 42,
 }
-UNDATED: dict[str, dict[str, str | None]] = {
-    "png": {"Software": None},
-    "svg": {"Date": None},
-    "pdf": {"CreationDate": None},
-}
+UNKNOWN_PAINT = Paint("#e4e4e4", "#000000")
+
+
+def paint_of(state: str) -> Paint:
+    """Return the paint of a state of a shipped procedure; grey for others, because tables have no kinds."""
+    return _paints().get(state, UNKNOWN_PAINT)
+
+
+@cache
+def _paints() -> dict[str, Paint]:
+    paints: dict[str, Paint] = {}
+    for name in procedure_names():
+        paints |= palette(load_procedure(name))
+    return paints | PAPER_PALETTE
 
 
 class ConditionStyle:

@@ -12,6 +12,8 @@ const SHAPES = {
   idle: [["circle", { cx: 24, cy: 24, r: 19, stroke: "own", "stroke-width": 4 }]],
   lost: [["rect", { x: 4, y: 4, width: 40, height: 40, rx: 6, stroke: "own", "stroke-width": 4, "stroke-dasharray": "8 6" }],
          ["path", { d: "M17 19c0-9 14-9 14 0 0 6-7 5-7 11M24 36v2", stroke: "own", "stroke-width": 4.5 }]],
+  unseen: [["rect", { x: 4, y: 4, width: 40, height: 40, rx: 6, stroke: "own", "stroke-width": 4, "stroke-dasharray": "8 6" }],
+           ["path", { d: "M15 24h18", stroke: "own", "stroke-width": 5 }]],
   tipless: [["rect", { x: 4, y: 4, width: 40, height: 40, rx: 6, stroke: "own", "stroke-width": 4, "stroke-dasharray": "8 6" }],
             ["path", { d: "M13 13 25 25M30.5 30.5h.01M36 36h.01", stroke: "own", "stroke-width": 5 }]],
 };

@@ -16,7 +16,7 @@ interface Relation {
 interface Pattern { name: string, kind: "off" | "continuous" | "pulses" | "bursts", amplitude: number, count: number, on_ms: number, off_ms: number }
 interface StateDescription {
   name: string, label: string, feel: string, priority: number, column: "left" | "middle" | "right",
-  icon: "alarm" | "done" | "warn" | "calm" | "idle" | "lost" | "tipless", color: string, ink: string,
+  icon: "alarm" | "done" | "warn" | "calm" | "idle" | "lost" | "tipless" | "unseen", color: string, ink: string,
 }
 interface Procedure {
   name: string, title: string, sha256: string, entities: Entity[], relations: Relation[],

@@ -1,14 +1,24 @@
 """Claims about the rules: every graph has a state, every rule can fire, everything declared is used."""
 
 from collections.abc import Iterator
+from math import inf
 
-from haptigraph.graph import Names, Triplet
+from haptigraph.graph import Names, Relation, Triplet
 from haptigraph.messages import UNKNOWN
 from haptigraph.proof.report import Claim, Violation
 from haptigraph.proof.rules import Cube, make_cube
-from haptigraph.proof.subject import Subject
+from haptigraph.proof.subject import Subject, bounds_of
 
 __all__ = ["rules_claims"]
+
+NEAR_MM = 3.75
+"""A quarter of the smallest eye that can be registered: what is further away is not near."""
+NEAR = {
+    **dict.fromkeys(("distance_mm", "radial_mm", "clearance_mm", "aside_mm"), NEAR_MM),
+    "gap_um": 1000 * NEAR_MM,
+    "depth_percent": 100.0,
+}
+"""Upper bounds that are near, by measure."""
 
 
 def rules_claims(subject: Subject) -> list[Claim]:
@@ -23,6 +33,7 @@ def rules_claims(subject: Subject) -> list[Claim]:
             "reachable", "every rule is the first that fits some possible graph", tuple(_never_first(subject))
         ),
         Claim("possible", "every relation holds in some possible graph", tuple(_never_holding(subject))),
+        Claim("aimed", "success needs nearness to something", tuple(_aimless(subject))),
         Claim("used", "every relation, entity and pattern is used", tuple(_unused(subject))),
     ]
 
@@ -66,6 +77,26 @@ def _never_holding(subject: Subject) -> Iterator[Violation]:
             given = make_cube(subject.space, when=[relation.names, *relation.given])
             sentence = f"{name} never holds: {subject.conflict(given)} is impossible"
             yield subject.impossible(sentence, f"relation {name}", [relation.names, *relation.given])
+
+
+def _aimless(subject: Subject) -> Iterator[Violation]:
+    kinds = subject.procedure.kinds
+    relations = {relation.names: relation for relation in subject.procedure.schema.relations}
+    for number, state in enumerate(subject.procedure.states):
+        needed = [relations[names] for names in state.when]
+        if kinds[state.name] != "success" or any(one.reason or _is_near(one) for one in needed):
+            continue
+        world = subject.prover.smallest_witness(Cube(), number)
+        if world is not None:
+            sentence = (
+                f"{state.name} is success far from anything: no relation that it needs has an upper bound on "
+                f"a distance, of {NEAR_MM:g} mm at most"
+            )
+            yield subject.violation(sentence, f"state {state.name}", world)
+
+
+def _is_near(relation: Relation) -> bool:
+    return bounds_of(relation).high <= NEAR.get(relation.measure, -inf)
 
 
 def _unused(subject: Subject) -> Iterator[Violation]:

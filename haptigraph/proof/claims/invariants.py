@@ -20,6 +20,7 @@ def invariant_claims(subject: Subject) -> list[Claim]:
             invariant.name,
             tuple(_violations(subject, invariant)),
             _held_states(subject, invariant),
+            _waiting_states(subject, invariant),
         )
         for invariant in subject.procedure.invariants
     ]
@@ -49,6 +50,23 @@ def _held_states(subject: Subject, invariant: Invariant) -> tuple[str, ...]:
             for later in range(number + 1, len(states))
         )
     )
+
+
+def _waiting_states(subject: Subject, invariant: Invariant) -> tuple[str, ...]:
+    """Return the states while whose graphs wait a later rule violates an invariant."""
+    states, premise = subject.procedure.states, _premise(subject, invariant)
+    found = []
+    for number, state in enumerate(states):
+        if state.enter_after_ms:
+            rule, others = subject.rules[number], subject.without(number)
+            waiting = Cube(premise.require | rule.require, premise.forbid | rule.forbid)
+            rest = states[:number] + states[number + 1 :]
+            if any(
+                not invariant.allows(other.name, other.feel) and others.is_satisfiable(waiting, at)
+                for at, other in enumerate(rest)
+            ):
+                found.append(state.name)
+    return tuple(found)
 
 
 def _violations(subject: Subject, invariant: Invariant) -> Iterator[Violation]:

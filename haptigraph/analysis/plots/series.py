@@ -1,0 +1,85 @@
+"""A recorded run as columns for figures: times, steps, intervals of one state, commanded amplitude."""
+
+from msgspec import Struct
+
+from haptigraph.assemble import parse_procedure
+from haptigraph.errors import BadInput
+from haptigraph.haptics.pattern import amplitude_at
+from haptigraph.inference.colors import Paint, palette
+from haptigraph.inference.procedure import Procedure
+from haptigraph.messages import Step
+from haptigraph.recording.reader import RunReader
+
+__all__ = ["Series", "read_series"]
+
+FINE_NS = 5_000_000
+"""Between two samples of the amplitude: fine enough to show every pulse."""
+
+
+class Series(Struct):
+    """A run as columns."""
+
+    time_s: list[float]
+    steps: list[Step]
+    procedure: Procedure
+    paints: dict[str, Paint]
+    """By state."""
+
+    def color(self, state: str) -> str:
+        """Return the colour of a state."""
+        return self.paints[state].color
+
+    def ink(self, state: str) -> str:
+        """Return the colour of text on that of a state."""
+        return self.paints[state].ink
+
+    def bounds(self, measure: str) -> list[float]:
+        """Return the thresholds that the procedure sets on a measure, smallest first."""
+        schema = self.procedure.schema
+        relations = [other for other in schema.relations if schema.measure_name(other) == measure]
+        bounds = {
+            bound
+            for other in relations
+            for bound in (other.at_most, other.below, other.at_least, other.above)
+        }
+        return sorted(bound for bound in bounds if bound is not None)
+
+    def intervals(self) -> list[tuple[int, int, str]]:
+        """Return (first, end, state) of every interval of one state."""
+        states = [step.conclusion.state for step in self.steps]
+        starts = [row for row in range(len(states)) if row == 0 or states[row] != states[row - 1]]
+        return [
+            (start, end, states[start]) for start, end in zip(starts, [*starts[1:], len(states)], strict=True)
+        ]
+
+    def span_s(self, start: int, end: int) -> tuple[float, float]:
+        """Return when an interval begins and ends."""
+        return self.time_s[start], self.time_s[min(end, len(self.time_s) - 1)]
+
+    def column(self, measure: str) -> list[float]:
+        """Return a measure at every step; nan where it is missing."""
+        return [step.graph.measures.get(measure, float("nan")) for step in self.steps]
+
+    def amplitudes(self) -> tuple[list[float], list[float]]:
+        """Return times [s] and the commanded amplitude, sampled finely enough to show every pulse."""
+        start_ns = self.steps[0].stamp_ns
+        times, amplitudes = [], []
+        for step, later in zip(self.steps, [*self.steps[1:], self.steps[-1]], strict=True):
+            for stamp_ns in range(step.stamp_ns, max(later.stamp_ns, step.stamp_ns + 1), FINE_NS):
+                times.append((stamp_ns - start_ns) / 1e9)
+                amplitudes.append(amplitude_at(step.command, stamp_ns))
+        return times, amplitudes
+
+
+def read_series(reader: RunReader) -> Series:
+    """Read a recording without its images.
+
+    Raises:
+        BadInput: If it has no complete step.
+    """
+    steps = [step for _, step in reader.records(images=())]
+    if not steps:
+        raise BadInput("has no complete step to draw", reader.path)
+    procedure = parse_procedure(reader.info.procedure, f"procedure in {reader.path}")
+    time_s = [(step.stamp_ns - steps[0].stamp_ns) / 1e9 for step in steps]
+    return Series(time_s, steps, procedure, palette(procedure))

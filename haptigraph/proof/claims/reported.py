@@ -1,0 +1,32 @@
+"""The claim that the perceiver of a run reports what alarms need."""
+
+from haptigraph.inference.coverage import reported_with, unreported
+from haptigraph.inference.procedure import Procedure
+from haptigraph.proof.report import Claim, Violation
+from haptigraph.stages import PerceiverClass
+
+__all__ = ["reported_claim"]
+
+
+def reported_claim(
+    procedure: Procedure, name: str, perceiver: PerceiverClass
+) -> tuple[Claim, tuple[str, ...]]:
+    """Return the claim that alarms can occur with a perceiver, and phrases about other states that cannot.
+
+    Args:
+        procedure: A checked procedure.
+        name: Of the perceiver.
+        perceiver: Its class, which says what it reports.
+    """
+    missing = unreported(procedure, reported_with(perceiver))
+    sentences = {
+        state: f"{state} cannot occur: perceiver {name} reports no {', '.join(names)}"
+        for state, names in missing.items()
+    }
+    violations = tuple(
+        Violation(sentence, f"state {state}")
+        for state, sentence in sentences.items()
+        if procedure.kinds[state] == "alarm"
+    )
+    others = tuple(sentence for state, sentence in sentences.items() if procedure.kinds[state] != "alarm")
+    return Claim("reported", f"perceiver {name} reports what every alarm needs", violations), others

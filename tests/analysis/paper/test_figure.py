@@ -1,0 +1,121 @@
+"""Figures of a run: every kind in every format, with letters, legends and scale bars, and what is refused."""
+
+import re
+from xml.etree import ElementTree
+
+import cv2
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+
+from haptigraph.analysis.paper import figure as figures
+from haptigraph.analysis.paper.figure import KINDS, paper_figure
+from haptigraph.errors import BadInput
+
+LETTERS = {"pipeline": "abcdefghijkl", "views": "abc", "timeline": "abcd"}
+
+
+@pytest.fixture
+def drawn(monkeypatch) -> list[Figure]:
+    """Figures that were drawn, instead of written."""
+    kept = []
+    monkeypatch.setattr(figures, "save", lambda figure, output: kept.append(figure))
+    return kept
+
+
+def texts(figure: Figure) -> list[str]:
+    return [text.get_text() for text in figure.findobj(match=Text)]
+
+
+def bars(axes) -> list:
+    return [line for line in axes.lines if line.get_linewidth() == 1.8]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_panel_has_its_letter(run, tmp_path, drawn, kind):
+    paper_figure(run, kind, tmp_path / "figure.pdf")
+    assert "simulated" in texts(drawn[0])
+    titles = [axes.get_title(loc="left") for axes in drawn[0].axes]
+    assert "".join(re.findall(r"bf\{(\w)\}", " ".join(titles))) == LETTERS[kind]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_line_is_in_a_legend(run, tmp_path, drawn, kind):
+    paper_figure(run, kind, tmp_path / "figure.pdf")
+    figure = drawn[0]
+    for axes in figure.axes:
+        labels = axes.get_legend_handles_labels()[1]
+        legends = [legend for legend in (axes.get_legend(), *figure.legends) if legend is not None]
+        shown = {text.get_text() for legend in legends for text in legend.get_texts()}
+        assert set(labels) <= shown | {"amplitude"}
+
+
+def test_pictures_have_scale_bars_of_the_right_length(run, tmp_path, drawn, registration):
+    paper_figure(run, "views", tmp_path / "figure.pdf")
+    raw, displayed, zone = drawn[0].axes
+    lengths = {axes: [np.ptp(line.get_xdata()) for line in bars(axes)] for axes in (raw, displayed, zone)}
+    assert all(len(each) == 1 for each in lengths.values())
+    assert lengths[displayed] == pytest.approx(lengths[zone])
+    assert lengths[displayed][0] == pytest.approx(480 * 5 / (2 * registration.view_half_mm), rel=0.05)
+    assert texts(drawn[0]).count("5 mm") == 3
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_equal_runs_give_equal_bytes_and_fonts_are_embedded(run, tmp_path, kind):
+    for name in ("one.pdf", "other.pdf"):
+        paper_figure(run, kind, tmp_path / name)
+    one, other = ((tmp_path / name).read_bytes() for name in ("one.pdf", "other.pdf"))
+    assert one == other
+    assert b"/FontFile2" in one and b"/Type3" not in one
+
+
+def test_svg_and_png_are_written_too(run, tmp_path):
+    paper_figure(run, "views", tmp_path / "views.svg")
+    assert ElementTree.parse(tmp_path / "views.svg").getroot().tag.endswith("svg")
+    paper_figure(run, "timeline", tmp_path / "timeline.png")
+    assert cv2.imread(str(tmp_path / "timeline.png")).shape[1] > 2000
+
+
+def test_without_a_time_an_alarm_is_shown(run, tmp_path, drawn):
+    paper_figure(run, "views", tmp_path / "views.pdf")
+    assert any("displayed: retinal contact" in text for text in texts(drawn[0]))
+
+
+def test_a_time_chooses_the_step(run, tmp_path, drawn):
+    paper_figure(run, "views", tmp_path / "views.pdf", at_s=1.0)
+    title = drawn[0].axes[0].get_title(loc="left")
+    assert 0.9 < float(re.search(r"([\d.]+) s", title)[1]) <= 1.0
+
+
+@pytest.mark.parametrize(
+    ("kind", "at_s", "problem"),
+    [
+        ("views", 1e6, r"no step at 1e\+06 s; valid: 0 to"),
+        ("pipeline", -1, "no step at -1 s"),
+        ("timeline", 1, "--at goes with --kind pipeline and views"),
+    ],
+)
+def test_times_that_do_not_fit_are_refused(run, tmp_path, kind, at_s, problem):
+    with pytest.raises(BadInput, match=problem):
+        paper_figure(run, kind, tmp_path / "figure.pdf", at_s=at_s)
+
+
+def test_an_image_without_a_needle_has_no_pipeline(run, tmp_path):
+    with pytest.raises(BadInput, match="no needle is detected in an image at"):
+        paper_figure(run, "pipeline", tmp_path / "figure.pdf", at_s=0.8)
+
+
+def test_b_scans_have_a_timeline_only(scan_run, tmp_path):
+    paper_figure(scan_run, "timeline", tmp_path / "timeline.svg")
+    for kind in ("pipeline", "views"):
+        with pytest.raises(BadInput, match="shows runs with a camera and a needle"):
+            paper_figure(scan_run, kind, tmp_path / "figure.pdf")
+
+
+def test_nothing_is_overwritten(run, tmp_path):
+    (tmp_path / "figure.pdf").write_text("mine")
+    with pytest.raises(BadInput, match="exists already"):
+        paper_figure(run, "timeline", tmp_path / "figure.pdf")
+    with pytest.raises(BadInput, match="valid endings"):
+        paper_figure(run, "timeline", tmp_path / "figure.gif")

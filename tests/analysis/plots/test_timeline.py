@@ -1,0 +1,70 @@
+"""A run over time: the panels show what was measured, and nothing else."""
+
+import itertools
+
+import pytest
+from evidence_files import record
+from matplotlib.figure import Figure
+from msgspec.structs import replace
+
+from haptigraph.analysis.plots.series import Series, read_series
+from haptigraph.analysis.plots.timeline import draw_timeline
+from haptigraph.errors import BadInput
+from haptigraph.recording.reader import RunReader
+
+
+@pytest.fixture(scope="module")
+def series(quick_uri, tmp_path_factory) -> Series:
+    return read_series(RunReader(record(quick_uri, tmp_path_factory.mktemp("timeline") / "run.mcap")))
+
+
+def without(series: Series, *measures: str) -> Series:
+    """Return a run that lacks some measures."""
+
+    def lacks(step):
+        kept = {name: value for name, value in step.graph.measures.items() if name not in measures}
+        return replace(step, graph=replace(step.graph, measures=kept))
+
+    return Series(series.time_s, [lacks(step) for step in series.steps], series.procedure, series.paints)
+
+
+def drawn(series: Series) -> dict[str, list[str]]:
+    """Return the labels of every panel by its title."""
+    figure = Figure()
+    draw_timeline(figure, series)
+    return {
+        axes.get_title(loc="left").partition("$  ")[2]: axes.get_legend_handles_labels()[1]
+        for axes in figure.axes
+    }
+
+
+def test_angle_and_distances_are_those_of_the_procedure(series):
+    panels = drawn(series)
+    assert list(panels) == ["state", "angle", "distances", "haptic output"]
+    assert panels["angle"] == ["theta", "up to 1.7°"]
+    assert panels["distances"] == [
+        *("distance to retina", "radial", "distance to target"),
+        "thresholds of distance to retina: 0.7, 5.5 mm",
+    ]
+
+
+def test_what_was_not_measured_has_no_curve_and_no_panel(series):
+    assert "radial" not in drawn(without(series, "radial_mm"))["distances"]
+    assert list(drawn(without(series, "theta_deg"))) == ["state", "distances", "haptic output"]
+
+
+def test_intervals_follow_each_other_and_pulses_are_sampled(series):
+    intervals = series.intervals()
+    assert intervals[0][0] == 0 and intervals[-1][1] == len(series.steps)
+    assert all(one[1] == other[0] for one, other in itertools.pairwise(intervals))
+    amplitudes = series.amplitudes()[1]
+    contact_s = [series.span_s(start, end) for start, end, state in intervals if state == "retinal_contact"]
+    assert len(contact_s) == 1 and max(amplitudes) == 1.0
+    assert series.bounds("distance_to_retina_mm") == [0.7, 5.5]
+
+
+def test_a_recording_without_steps_is_refused(tmp_path, quick_uri):
+    reader = RunReader(record(quick_uri, tmp_path / "run.mcap"))
+    reader.records = lambda images=None: iter(())
+    with pytest.raises(BadInput, match="no complete step to draw"):
+        read_series(reader)
