@@ -7,7 +7,7 @@ from msgspec.structs import replace
 
 from haptigraph.geometry import Phase, Point, Segment, Vec
 from haptigraph.graph import SceneGraph
-from haptigraph.inference.engine import RuleEngine
+from haptigraph.inference.engine import RuleEngine, without_time
 from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import Certainty, Observation
 from haptigraph.proof.motion.needle import Needle, needle_of
@@ -89,7 +89,7 @@ def states_after(moment: Moment, motion: Motion, procedure: Procedure) -> list[s
             robot.follow(target, STEP_S)
             assert robot.pose != before, f"the robot's limits prevent {motion}"
             graph = builder(observed(moment.registration, robot.tip_mm(), moment.phase))
-            state = RuleEngine(procedure)(graph).state
+            state = RuleEngine(without_time(procedure))(graph).state
             if not states or state != states[-1]:
                 states.append(state)
     return states

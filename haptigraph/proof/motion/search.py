@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from haptigraph.geometry import Point, Polyline, Vec, norm, subtract
 from haptigraph.graph import SceneGraph
-from haptigraph.inference.engine import RuleEngine
+from haptigraph.inference.engine import RuleEngine, without_time
 from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import UNKNOWN, Observation
 from haptigraph.proof.motion.needle import Needle
-from haptigraph.proof.motion.sweep import Flags, Sweep, Swept
+from haptigraph.proof.motion.sweep import Flags, Passed, Sweep, Swept
 from haptigraph.scene.builder import SchemaSceneBuilder
 
 __all__ = ["RESOLUTION_MM", "Motion", "MotionSearch", "motion_steps"]
@@ -65,7 +65,7 @@ class Motion(Struct, frozen=True):
 class _Found(Struct, frozen=True):
     """A motion of the grid, in hundredths of a degree and of a mm."""
 
-    cost: float
+    cost_mm: float
     """Its length [mm], less where it is plain."""
     turn: int
     advance: int
@@ -85,34 +85,6 @@ class _Side(Struct, frozen=True, eq=False):
     """Whether another alarm was passed before, or the globe is pierced."""
 
 
-class _Passed(Struct, frozen=True, eq=False):
-    """What was passed on the way to the poses of paths, (poses, paths) or, for the last poses, (paths,)."""
-
-    left: Flags
-    """Whether the present state was left."""
-    alarmed: Flags
-    """Whether an alarm was met since."""
-    was_within: Flags
-    """Whether the tip was within the globe's far side."""
-    pierced: Flags
-    """Whether it went beyond since."""
-
-    @classmethod
-    def along(cls, swept: Swept, now: int, is_alarm: Flags, before: "_Passed | None" = None) -> "_Passed":
-        """Return what is passed along paths, after what was passed before."""
-        none = np.zeros(swept.rules.shape[1:], bool)
-        before = before or cls(none, none, none, none)
-        left = np.logical_or.accumulate(swept.rules != now) | before.left
-        alarmed = np.logical_or.accumulate(left & is_alarm[swept.rules]) | before.alarmed
-        was_within = np.logical_or.accumulate(~swept.beyond) | before.was_within
-        pierced = np.logical_or.accumulate(was_within & swept.beyond) | before.pierced
-        return cls(left, alarmed, was_within, pierced)
-
-    def ends(self) -> "_Passed":
-        """Return what one path of many poses passed to each of them, as paths."""
-        return _Passed(self.left[:, 0], self.alarmed[:, 0], self.was_within[:, 0], self.pierced[:, 0])
-
-
 class MotionSearch:
     """Search the motions of the needle from one moment.
 
@@ -126,7 +98,7 @@ class MotionSearch:
     """
 
     def __init__(self, procedure: Procedure, needle: Needle, graph: SceneGraph) -> None:
-        self._procedure, self._needle, self._graph = procedure, needle, graph
+        self._procedure, self._needle, self._graph = without_time(procedure), needle, graph
         self._sweep = Sweep(procedure, needle, graph)
         names = [state.name for state in procedure.states]
         self._names = [*names, UNKNOWN]
@@ -158,24 +130,24 @@ class MotionSearch:
         best: dict[tuple[int, bool], _Found] = {}
         for side in self._sides():
             turn_mm = np.abs(side.turn) * self._needle.mm_per_deg
-            cost = (np.abs(side.advance)[:, None] + turn_mm) / UNIT
-            cost[0] *= PLAIN
-            cost[:, 0] *= PLAIN
+            cost_mm = (np.abs(side.advance)[:, None] + turn_mm) / UNIT
+            cost_mm[0] *= PLAIN
+            cost_mm[:, 0] *= PLAIN
             for rule in np.unique(side.rules):
                 for clean in (False, True):
                     fits = (side.rules == rule) & ~(side.warned & clean)
                     if not fits.any() or self._names[rule] == self._names[self._now]:
                         continue
-                    row, column = divmod(int(np.where(fits, cost, np.inf).argmin()), cost.shape[1])
+                    row, column = divmod(int(np.where(fits, cost_mm, np.inf).argmin()), cost_mm.shape[1])
                     found = _Found(
-                        float(cost[row, column]),
+                        float(cost_mm[row, column]),
                         int(side.turn[column]),
                         int(side.advance[row]),
                         int(side.turn[max(column - 1, 0)]),
                         int(side.advance[max(row - 1, 0)]),
                     )
                     key = int(rule), clean
-                    if key not in best or found.cost < best[key].cost:
+                    if key not in best or found.cost_mm < best[key].cost_mm:
                         best[key] = found
         rules = {rule for rule, _ in best}
         return {
@@ -187,7 +159,7 @@ class MotionSearch:
     def _matters(best: dict[tuple[int, bool], _Found], rule: int, clean: bool) -> bool:
         """Return whether a way is to be refined: the clean one, and a shorter one that is not."""
         free = best.get((rule, True))
-        return free is not None if clean else free is None or best[rule, False].cost < free.cost
+        return free is not None if clean else free is None or best[rule, False].cost_mm < free.cost_mm
 
     def _sides(self) -> list[_Side]:
         """Return the states of all motions of the grid."""
@@ -205,8 +177,8 @@ class MotionSearch:
                 sides.append(_Side(turn, advance, swept.rules, warned))
         return sides
 
-    def _passed(self, swept: Swept, before: _Passed | None = None) -> _Passed:
-        return _Passed.along(swept, self._now, self._is_alarm, before)
+    def _passed(self, swept: Swept, before: Passed | None = None) -> Passed:
+        return Passed.along(swept, self._now, self._is_alarm, before)
 
     def _refined(self, rule: int, way: _Found, clean: bool) -> tuple[int, int]:
         """Return the way, shortened below the spacing of the grid, in hundredths of a degree and of a mm."""
@@ -231,7 +203,6 @@ class MotionSearch:
         engine = RuleEngine(self._procedure)
         states: list[str] = []
         for graph in graphs:
-            engine.reset()  # states that are held end in time
             state = engine(graph).state
             if not states or state != states[-1]:
                 states.append(state)

@@ -11,7 +11,7 @@ from haptigraph.inference.procedure import Procedure
 from haptigraph.proof.motion.measuring import measuring_of
 from haptigraph.proof.motion.needle import Needle
 
-__all__ = ["Flags", "Sweep", "Swept"]
+__all__ = ["Flags", "Passed", "Sweep", "Swept"]
 
 Flags = NDArray[np.bool_]
 
@@ -30,6 +30,34 @@ class Swept(Struct, frozen=True, eq=False):
     def first(self) -> int:
         """The rule that fires at the first pose of the first path."""
         return int(self.rules[0, 0])
+
+
+class Passed(Struct, frozen=True, eq=False):
+    """What was passed on the way to the poses of paths, (poses, paths) or, for the last poses, (paths,)."""
+
+    left: Flags
+    """Whether the present state was left."""
+    alarmed: Flags
+    """Whether an alarm was met since."""
+    was_within: Flags
+    """Whether the tip was within the globe's far side."""
+    pierced: Flags
+    """Whether it went beyond since."""
+
+    @classmethod
+    def along(cls, swept: Swept, now: int, is_alarm: Flags, before: "Passed | None" = None) -> "Passed":
+        """Return what is passed along paths, after what was passed before."""
+        none = np.zeros(swept.rules.shape[1:], bool)
+        before = before or cls(none, none, none, none)
+        left = np.logical_or.accumulate(swept.rules != now) | before.left
+        alarmed = np.logical_or.accumulate(left & is_alarm[swept.rules]) | before.alarmed
+        was_within = np.logical_or.accumulate(~swept.beyond) | before.was_within
+        pierced = np.logical_or.accumulate(was_within & swept.beyond) | before.pierced
+        return cls(left, alarmed, was_within, pierced)
+
+    def ends(self) -> "Passed":
+        """Return what one path of many poses passed to each of them, as paths."""
+        return Passed(self.left[:, 0], self.alarmed[:, 0], self.was_within[:, 0], self.pierced[:, 0])
 
 
 class Sweep:
