@@ -25,6 +25,8 @@ PROCEDURES = {
     "membrane_peeling": "membrane_peeling",
     "injection_with_phases": "subretinal_injection_phases",
     "ioct_approach": "subretinal_injection_ioct",
+    "laser_photocoagulation": "laser_photocoagulation",
+    "vein_cannulation": "vein_cannulation",
 }
 """Of golden recordings, where it is not the usual one."""
 BENCHMARKS = (

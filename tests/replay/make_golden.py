@@ -21,6 +21,8 @@ OPTIONS = {
     "membrane_peeling": ("membrane_peeling", 75),
     "injection_with_phases": ("subretinal_injection_phases", 85),
     "ioct_approach": ("subretinal_injection_ioct", 50),
+    "laser_photocoagulation": ("laser_photocoagulation", 85),
+    "vein_cannulation": ("vein_cannulation", 85),
 }
 """Procedure and JPEG quality by scenario, where they differ from the defaults."""
 
