@@ -9,7 +9,7 @@ SANITIZED := build/sanitized
 WORKERS ?= $(shell $(PYTHON) -c 'import os; print(os.cpu_count() * 3 // 2)')  # tests of pages and faults mostly wait
 SCENES ?= $(basename $(notdir $(wildcard rendering/scenes/*.toml)))
 
-.PHONY: help setup demo live test test-pythons test-slow test-native mutants fuzz check bench bench-degraded bench-empty ablation bench-live bench-oct bench-touch bench-sweep compare-touch rehearse screenshots faults soak golden train render interop lock clean
+.PHONY: help setup demo live test test-pythons test-slow test-native mutants procedure-mutants fuzz check bench bench-degraded bench-empty ablation bench-live bench-oct bench-touch bench-sweep compare-touch rehearse screenshots faults soak golden train render interop lock clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-16s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -65,6 +65,9 @@ test-slow: setup  ## the long suites, for instance thousands of mutated procedur
 mutants: setup  ## break the core on purpose, operator by operator: a test must fail, or tests/survivors.toml say why not
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'mutmut>=3.8,<4'
 	$(BIN)/python tests/mutants.py
+
+procedure-mutants: setup  ## every number and order of the shipped procedures changed once: what check finds, and why not the rest
+	PYTHONPATH=tests/proof $(BIN)/python tests/proof/procedure_mutants.py
 
 fuzz: setup  ## the property tests on thousands of new examples
 	$(BIN)/python -m pytest -n auto -m hypothesis --hypothesis-profile=fuzz

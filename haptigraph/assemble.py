@@ -11,9 +11,8 @@ from haptigraph.config import Config
 from haptigraph.errors import BadInput, NeedsRegistration, unknown_name
 from haptigraph.haptics.observed_device import Listener, ObservedDevice
 from haptigraph.imaging import UPRIGHT
-from haptigraph.inference.coverage import check_margins, unreported_notes
+from haptigraph.perception.entities import ENTITIES
 from haptigraph.pipeline import HapticOutput, Loop, Pipeline
-from haptigraph.recording.writer import Progress, RunWriter
 from haptigraph.registration.assumed import needs_consent
 from haptigraph.run_header import run_info
 from haptigraph.run_notes import run_notes
@@ -23,6 +22,7 @@ from haptigraph.version import __version__
 
 if TYPE_CHECKING:
     from haptigraph.inference.procedure import Procedure
+    from haptigraph.recording.writer import Progress
     from haptigraph.registration.registered import BaseRegistration
 
 __all__ = [
@@ -77,7 +77,7 @@ def build(
     config: Config,
     *,
     sinks: Sequence[Sink] = (),
-    progress: Progress | None = None,
+    progress: "Progress | None" = None,
     listener: Listener | None = None,
 ) -> Loop:
     """Assemble the loop that a configuration describes.
@@ -111,13 +111,13 @@ def build(
         if needs_consent(registration.assumed) and not config.haptics.accept_assumed:
             config = config.silenced()
         pipeline = build_pipeline(config, registration, procedure)
-        unseen = unreported_notes(procedure, config.perception.perceiver, perceiver_class)
         info = run_info(config, source, registration, procedure, clock, __version__)
         measures = procedure.schema.measure_names
-        path = config.recording.path
         video = _load("haptigraph.sources.naming:video_to_store")(config, SOURCES)
-        writer = RunWriter(path, info, registration.image, measures, video) if path else None
-        if writer is not None:
+        writer = None
+        if path := config.recording.path:
+            run_writer = _load("haptigraph.recording.writer:RunWriter")
+            writer = run_writer(path, info, registration.image, measures, video)
             undo.callback(writer.discard)
         bridges = []
         if config.run.bridges:
@@ -143,7 +143,7 @@ def build(
             sinks=[*bridges, *recorders, *sinks],
             clock=clock,
             stale_ms=config.run.stale_ms,
-            notes=[*run_notes(config, source, procedure, device, registration), *unseen],
+            notes=run_notes(config, source, procedure, device, registration, perceiver_class),
         )
         loop.report.note_limits(registration.assumed, config.haptics.max_amplitude)
         undo.pop_all()
@@ -197,7 +197,8 @@ def perceiver_name(config: Config, procedure: "Procedure") -> str:
     if config.perception.perceiver != "auto":
         return config.perception.perceiver
     wanted = {entity.name for entity in procedure.schema.entities}
-    return max(PERCEIVERS, key=lambda name: len(wanted & perceiver_class(name).entities))
+    known = ENTITIES | {name: perceiver_class(name).entities for name in PERCEIVERS.keys() - ENTITIES.keys()}
+    return max(PERCEIVERS, key=lambda name: len(wanted & known[name]))
 
 
 def open_source(config: Config, clock: Clock, size_px: tuple[int, int] | None = None) -> Source:
@@ -279,16 +280,15 @@ def load_procedure(name: str) -> "Procedure":
 
 def parse_procedure(text: str, file: str) -> "Procedure":
     """Load a procedure from text; `file` names it in errors."""
-    from haptigraph.inference.procedure import parse_procedure
-
-    return parse_procedure(text, file, _load("haptigraph.scene.relations:MEASURES"))
+    parse = _load("haptigraph.inference.procedure:parse_procedure")
+    return parse(text, file, _load("haptigraph.scene.relations:MEASURES"))  # type: ignore[no-any-return]
 
 
 def _perceiver(config: Config, registration: "BaseRegistration", procedure: "Procedure") -> Perceiver:
     name = perceiver_name(config, procedure)
     perceiver = perceiver_class(name)
     _load("haptigraph.registration.oct:check_fits")(name, perceiver.needs_scan, registration)
-    check_margins(procedure, name, perceiver)
+    _load("haptigraph.inference.coverage:check_margins")(procedure, name, perceiver)
     perceive: Perceiver = perceiver(registration.frontal, config.perception)
     if (tilt := registration.image.frontal_from_image) is not None:
         tilt_corrected = _load("haptigraph.perception.tilt_correction:TiltCorrectedPerceiver")

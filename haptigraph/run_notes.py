@@ -1,11 +1,13 @@
 """What the user should know before a run: what is assumed, what source and device cannot do."""
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from haptigraph.config import Config
 from haptigraph.haptics.pattern import unsupported
+from haptigraph.inference.coverage import unreported_notes
 from haptigraph.registration.assumed import assumed_notes
-from haptigraph.stages import Device, Source
+from haptigraph.stages import Device, PerceiverClass, Source
 
 if TYPE_CHECKING:
     from haptigraph.inference.procedure import Procedure
@@ -20,6 +22,7 @@ def run_notes(
     procedure: "Procedure",
     device: Device,
     registration: "BaseRegistration",
+    class_of: Callable[[str], PerceiverClass],
 ) -> list[str]:
     """Return what the user should know before a run, a sentence each."""
     is_accepted = config.haptics.accept_assumed
@@ -27,6 +30,7 @@ def run_notes(
     notes = [
         *assumed_notes(registration.assumed, registration.how_to_state, is_accepted=is_accepted),
         *source.notes,
+        *unreported_notes(procedure, config.perception.perceiver, class_of),
         *(f"{config.haptics.device}: {note}" for note in limits),
     ]
     if config.source.uri.partition(":")[0] == "teleop":

@@ -20,7 +20,9 @@ __all__ = ["diagram", "evidence", "explain", "figure"]
 def explain(recording: str, at_s: float, as_json: bool) -> None:
     """Explain one moment of RECORDING: the rule that fired, its evidence, and the nearest other state.
 
-    The runner-up is the state that the smallest change would lead to: in triplets, and in mm and degrees.
+    For every other state it shows the shortest motion of the needle that leads there: a turn about the
+    trocar, then a motion along the shaft, with the states on the way. The runner-up is the nearest. Without
+    a needle, or for forceps and B-scans, it shows the smallest change of measures instead.
     """
     import msgspec
 

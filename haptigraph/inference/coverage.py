@@ -53,7 +53,13 @@ def _declared(procedure: Procedure) -> Iterator[str]:
     for relation in procedure.schema.relations:
         if relation.reason is not None:
             yield f"a threshold of {Triplet(*relation.names)} that no eye seems to allow: {relation.reason}"
+    relations = {relation.names: relation for relation in procedure.schema.relations}
     for state in procedure.states:
+        needed = {one for names in state.when for one in (names, *relations[names].given)}
+        for relation in (relations[names] for names in sorted(needed) if kinds[state.name] == "success"):
+            shape = procedure.schema.entity(relation.object).geometry
+            if shape == "polyline" and relation.at_least is None and relation.above is None:
+                yield f"how far beyond {relation.object} {state.name} may be: distances there are negative"
         for alarm in state.may_delay:
             yield f"up to {state.hold_ms:g} ms in which {state.name} is held and {alarm} waits, as declared"
 

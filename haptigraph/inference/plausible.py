@@ -25,6 +25,11 @@ SLIPS = {
 }
 """By unit: others that a number may have been meant in, and their size in this one."""
 MAX_RELEASE = 0.1  # of the range of plausible thresholds
+DISTANCES = {"distance_mm": 1.0, "radial_mm": 1.0, "clearance_mm": 1.0, "gap_um": 1000.0}
+"""Measures of a distance, and their unit in a millimetre."""
+NEAR_PREDICATES = ("touching", "near", "at", "approaching")
+WALL_ENDS = {"inside": "lower", "outside": "upper"}
+TOUCHING_MM = 3.75  # a quarter of the smallest eye
 
 
 class Plausible(Protocol):
@@ -106,13 +111,36 @@ def _relations(schema: Schema, measures: Mapping[str, Measured]) -> Iterator[_Fi
             if not relation.reason.strip():
                 yield _Finding(f"{path}.reason", "reason is empty; say why the threshold is meant")
             continue
-        for key in BOUNDS:
-            value = getattr(relation, key)
-            problem = None if value is None else _problem(relation, value, measures)
-            if problem:
-                yield _Finding(f"{path}.{key}", f"{Triplet(*relation.names)}: {key} = {value:g} {problem}")
-        if problem := _loose(relation, measures[relation.measure].plausible):
-            yield _Finding(f"{path}.release", f"{Triplet(*relation.names)}: {problem}")
+        found = [
+            _Finding(f"{path}.{key}", f"{Triplet(*relation.names)}: {key} = {value:g} {problem}")
+            for key in BOUNDS
+            if (value := getattr(relation, key)) is not None
+            and (problem := _problem(relation, value, measures))
+        ]
+        more = _turned(relation) or _loose(relation, measures[relation.measure].plausible)
+        if more and not found:
+            found.append(_Finding(path, f"{Triplet(*relation.names)}: {more}"))
+        yield from found
+
+
+def _turned(relation: Relation) -> str:
+    """Return what is wrong with bounds that contradict the relation's name; "" if nothing is."""
+    lower = next((bound for bound in (relation.at_least, relation.above) if bound is not None), None)
+    upper = next((bound for bound in (relation.at_most, relation.below) if bound is not None), None)
+    is_distance = relation.measure in DISTANCES
+    end = WALL_ENDS.get(relation.predicate) if relation.measure == "wall_mm" else None
+    if is_distance and relation.predicate in NEAR_PREDICATES:
+        end = "upper"
+    if (end == "upper" and upper is None) or (end == "lower" and lower is None):
+        article = "an" if end == "upper" else "a"
+        needs = f"{relation.predicate} needs {article} {end} bound of {relation.measure}"
+        return f"{needs}; correct it, or give a reason"
+    if is_distance and relation.predicate == "touching":
+        most = TOUCHING_MM * DISTANCES[relation.measure]
+        if upper is not None and not 0 <= upper <= most:
+            unit = unit_of(relation.measure)
+            return f"touching is from 0 to at most {most:g} {unit}; correct it, or give a reason"
+    return ""
 
 
 def _loose(relation: Relation, plausible: Plausible) -> str:

@@ -14,6 +14,7 @@ from haptigraph.graph import SceneGraph, Triplet
 from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import UNKNOWN
 from haptigraph.proof.intervals import Interval
+from haptigraph.proof.motion.search import Motion
 from haptigraph.proof.rules import Cube, rule_cubes
 from haptigraph.proof.scales import Scale, bits_of
 from haptigraph.proof.space import Space
@@ -52,6 +53,8 @@ class Change(Struct, frozen=True):
     """Edges and entities that vanish."""
     fits_already: bool
     """Whether its rule matches already, and only an earlier rule prevents it from firing."""
+    motions: tuple[Motion, ...] = ()
+    """Motions of the needle that lead there, the advised one first; then `moves` is empty."""
 
 
 class _Option(Struct, frozen=True):

@@ -61,6 +61,10 @@ class SchemaSceneBuilder:
         """Forget which relations held."""
         self._held = frozenset()
 
+    def resume(self, graph: SceneGraph) -> None:
+        """Continue after a graph: its relations hold."""
+        self._held = frozenset(graph.edges)
+
     def _covered(self, found: Found) -> Found:
         """Return the entities without those that are never detected alone, where they are."""
         for name, other in self._visible_with:

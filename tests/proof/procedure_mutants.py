@@ -153,8 +153,8 @@ class Outcome(NamedTuple):
     """Procedure, mutant and explanation."""
 
 
-def run(names: tuple[str, ...]) -> Outcome:
-    """Check every mutant of some shipped procedures."""
+def run(names: tuple[str, ...], sorts: tuple[str, ...] = ()) -> Outcome:
+    """Check every mutant of some shipped procedures, or those of some sorts."""
     made, caught = Counter[str](), Counter[str]()
     escapes = []
     with TemporaryDirectory() as folder, warnings.catch_warnings():
@@ -162,6 +162,8 @@ def run(names: tuple[str, ...]) -> Outcome:
         for name in names:
             original = load_procedure(name)
             for mutant in mutants(name):
+                if sorts and mutant.sort not in sorts:
+                    continue
                 made[mutant.sort] += 1
                 procedure = accepted(mutant, Path(folder))
                 if procedure is None:

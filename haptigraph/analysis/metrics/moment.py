@@ -8,6 +8,7 @@ from pathlib import Path
 from msgspec import Struct
 from msgspec.structs import replace
 
+from haptigraph.analysis.metrics.changes import change_text, possible_changes
 from haptigraph.analysis.metrics.replay import recorded_registration
 from haptigraph.analysis.plots.explanation import pattern_text
 from haptigraph.assemble import parse_procedure
@@ -15,7 +16,8 @@ from haptigraph.errors import BadInput
 from haptigraph.graph import SceneGraph, Triplet
 from haptigraph.inference.engine import RuleEngine, without_time
 from haptigraph.inference.procedure import Procedure, State
-from haptigraph.proof.nearest import Change, Nearest
+from haptigraph.messages import Observation
+from haptigraph.proof.nearest import Change
 from haptigraph.proof.subject import bounds_of
 from haptigraph.recording.reader import RunReader
 from haptigraph.registration.assumed import assumed_text
@@ -55,7 +57,7 @@ class Explanation(Struct, frozen=True):
     """Unmet conditions of the rules with higher priority, by state."""
     measures: dict[str, float]
     runner_up: Change | None
-    """The smallest change that leads to another state."""
+    """The smallest change that leads to another state: the shortest motion, where motion is considered."""
     others: tuple[Change, ...]
     """Changes to the remaining states, smallest first."""
     faults: tuple[str, ...] = ()
@@ -65,6 +67,8 @@ class Explanation(Struct, frozen=True):
     """What the registration assumes, by name."""
     touch: str = ""
     """The commanded pattern; values that follow a measure are those of this moment."""
+    motion: str = ""
+    """Whether motions of the needle were considered: empty, or why not."""
 
 
 def explain_moment(path: str | Path, at_s: float) -> Explanation:
@@ -93,7 +97,7 @@ def explain_moment(path: str | Path, at_s: float) -> Explanation:
     if at_s < 0 or at_s > (last_ns - first_ns) / 1e9 + 1:
         raise BadInput(f"has no step at {at_s:g} s; valid: 0 to {time_s:.2f} s", path)
     faults = tuple(f"{fault.where}: {fault.message}" for fault in found.faults)
-    explanation = explain_graph(procedure, found.graph, time_s, faults)
+    explanation = explain_graph(procedure, found.graph, time_s, faults, found.observation)
     recorded, pattern = found.conclusion, found.command.pattern
     is_held = recorded.state != explanation.state
     held = Held(recorded.state, recorded.feel, recorded.because) if is_held else None
@@ -103,12 +107,23 @@ def explain_moment(path: str | Path, at_s: float) -> Explanation:
 
 
 def explain_graph(
-    procedure: Procedure, graph: SceneGraph, time_s: float = 0.0, faults: tuple[str, ...] = ()
+    procedure: Procedure,
+    graph: SceneGraph,
+    time_s: float = 0.0,
+    faults: tuple[str, ...] = (),
+    observation: Observation | None = None,
 ) -> Explanation:
-    """Explain what a procedure concludes from a graph."""
+    """Explain what a procedure concludes from a graph.
+
+    Args:
+        procedure: A checked procedure.
+        graph: The graph.
+        time_s: Time of the graph since the first step of its run.
+        faults: Faults of its step, as text.
+        observation: What the graph was built from; without it, motions of the needle are not considered.
+    """
     conclusion = RuleEngine(without_time(procedure))(graph)
-    nearest = Nearest(procedure, graph.sds)
-    changes = nearest.changes(nearest.mask(graph), graph.measures)
+    changes, motion = possible_changes(procedure, graph, observation)
     states = procedure.states
     fired = states[conclusion.priority : conclusion.priority + 1]
     return Explanation(
@@ -126,6 +141,7 @@ def explain_graph(
         runner_up=changes[0] if changes else None,
         others=tuple(changes[1:]),
         faults=faults,
+        motion=motion,
     )
 
 
@@ -149,9 +165,11 @@ def explanation_text(explanation: Explanation) -> str:
     ]
     lines += _section("not fired", not_fired)
     if moment.runner_up is not None:
-        lines += _section("runner-up", _change_text(moment.runner_up))
+        lines += _section("runner-up", change_text(moment.runner_up))
     for change in moment.others:
-        lines += _section("or", _change_text(change))
+        lines += _section("or", change_text(change))
+    if moment.motion:
+        lines += _section("motion", [f"not considered: {moment.motion}"])
     return "\n".join(lines)
 
 
@@ -185,20 +203,6 @@ def _missing_text(reason: Reason) -> str:
     if reason.says.startswith("<"):
         return f"no {reason.says}"
     return f"there is {reason.says.split(' ', 1)[1]}"
-
-
-def _change_text(change: Change) -> list[str]:
-    head = f"{change.state} (rule {change.priority}, feels {change.feel!r})"
-    lines = [f"{head}, which fits, too, but has lower priority" if change.fits_already else head]
-    for move in change.moves:
-        if move.value is None or move.way is None:
-            lines.append(f"  if {move.to}")
-        else:
-            unit = move.measure.rpartition("_")[2]
-            way = f"{abs(move.way):.3g} {unit} {'less' if move.way < 0 else 'more'}"
-            lines.append(f"  if {move.to}: it is {move.value:.4g}, {way if move.way else 'at the threshold'}")
-    changed = [f"+ {name}" for name in change.appear] + [f"- {name}" for name in change.vanish]
-    return [*lines, f"  graph: {'  '.join(changed)}"]
 
 
 def _section(heading: str, lines: list[str]) -> list[str]:

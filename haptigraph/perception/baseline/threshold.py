@@ -16,6 +16,7 @@ from haptigraph.geometry import Geometry, Point, Segment, Vec, norm, subtract, u
 from haptigraph.imaging import FloatImage, Floats, Mask, grey_of
 from haptigraph.messages import Capture, Image, Observation
 from haptigraph.perception.baseline.smoothing import MovingAverage
+from haptigraph.perception.entities import ENTITIES
 from haptigraph.registration.camera import Registration
 
 __all__ = ["ThresholdPerceiver", "ThresholdStages"]
@@ -80,7 +81,7 @@ class ThresholdPerceiver:
     """
 
     needs_scan = False
-    entities = frozenset(("needle_tip", "needle_line"))
+    entities = ENTITIES["threshold"]
     entities_with_sd = frozenset[str]()
     """Entities it may report besides the registered anatomy."""
 

@@ -10,6 +10,7 @@ from msgspec.structs import replace
 from haptigraph.config import PerceptionConfig
 from haptigraph.geometry import Geometry, Point, Polyline, Segment, Vec, subtract, unit
 from haptigraph.messages import Capture, Image, Observation
+from haptigraph.perception.entities import ENTITIES
 from haptigraph.perception.forceps.jaws import find_jaws
 from haptigraph.perception.forceps.stained_tissue import StainedTissue
 from haptigraph.perception.needle.background import Background
@@ -19,10 +20,6 @@ from haptigraph.registration.camera import Registration
 
 __all__ = ["ForcepsPerceiver"]
 
-ENTITIES = (
-    *("forceps_tip", "forceps_line", "forceps_jaws", "left_jaw", "right_jaw"),
-    *("light_pipe_tip", "light_pipe_line", "membrane_edge", "hemorrhage"),
-)
 PIPE_ENTITIES = {"needle_tip": "light_pipe_tip", "needle_line": "light_pipe_line"}
 OCCLUDED_WIDTH_MM = 4.0  # around the shaft, excluded from the background model: jaws open no wider
 BEYOND_MM = 4.0  # beyond the visible end of the shaft, excluded too: jaws are no longer
@@ -38,7 +35,7 @@ class ForcepsPerceiver:
     """
 
     needs_scan = False
-    entities = frozenset(ENTITIES)
+    entities = ENTITIES["forceps"]
     """Entities it may report besides the registered anatomy."""
     entities_with_sd = frozenset[str]()  # the standard deviation is that of closed jaws
 

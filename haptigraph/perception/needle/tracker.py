@@ -28,6 +28,7 @@ from haptigraph.config import PerceptionConfig
 from haptigraph.geometry import Geometry, Point, Segment, Vec
 from haptigraph.imaging import FloatImage
 from haptigraph.messages import Capture, Certainty, Fault, Image, Observation
+from haptigraph.perception.entities import ENTITIES
 from haptigraph.perception.needle.background import Background, occluded_ends
 from haptigraph.perception.needle.bevel import Bevel
 from haptigraph.perception.needle.coarse_tip import estimate_coarse_tip
@@ -72,7 +73,7 @@ class Tracker:
     """
 
     needs_scan = False
-    entities = frozenset(("needle_tip", "needle_line"))
+    entities = ENTITIES["tracker"]
     entities_with_sd = entities
     """Entities it may report besides the registered anatomy."""
 

@@ -9,9 +9,10 @@ import numpy as np
 from haptigraph.config import PerceptionConfig
 from haptigraph.imaging import grey_of
 from haptigraph.messages import Capture, Observation
+from haptigraph.perception.entities import ENTITIES
 from haptigraph.perception.oct.needle import find_needle, needle_candidates, without_ridge_columns
 from haptigraph.perception.oct.ridge import find_ridges
-from haptigraph.perception.oct.scan_geometry import ENTITIES, Layers, ObservationBuilder, Shaft
+from haptigraph.perception.oct.scan_geometry import Layers, ObservationBuilder, Shaft
 from haptigraph.perception.oct.surfaces import find_surfaces
 from haptigraph.registration.oct import ScanRegistration
 
@@ -29,7 +30,7 @@ class BscanPerceiver:
     """
 
     needs_scan = True
-    entities = ENTITIES
+    entities = ENTITIES["bscan"]
     entities_with_sd = frozenset(("needle_tip", "needle_line"))
 
     def __init__(self, registration: ScanRegistration, config: PerceptionConfig) -> None:

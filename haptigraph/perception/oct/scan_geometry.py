@@ -16,10 +16,8 @@ from haptigraph.messages import Certainty, Observation
 from haptigraph.perception.oct.needle import SHADOW_MARGIN_PX, row_at
 from haptigraph.registration.oct import ScanRegistration
 
-__all__ = ["ENTITIES", "Layers", "ObservationBuilder", "Shaft", "casts_shadow"]
+__all__ = ["Layers", "ObservationBuilder", "Shaft", "casts_shadow"]
 
-ENTITIES = frozenset(("ilm", "rpe", "subretinal_space", "target_layer", "needle_tip", "needle_line"))
-"""Entities it may report, besides `retina_surface`, which a registration may define too."""
 SUBRETINAL_SHARE = 0.9  # of the distance from ILM to RPE: end of the outer segments, where the space can open
 BEYOND_TIP_PX = 8.0  # extension of a surface beyond the tip
 MAX_EXTENSION_PX = 60.0  # of a surface beyond its visible part

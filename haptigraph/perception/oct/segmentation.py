@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 from haptigraph.config import PerceptionConfig
 from haptigraph.imaging import FloatImage
 from haptigraph.messages import Capture, Observation
+from haptigraph.perception.entities import ENTITIES
 from haptigraph.perception.oct.class_maps import Rows, Scaling, border_rows, line_rows
 from haptigraph.perception.oct.class_needle import NeedleFit, fit_needles
 from haptigraph.perception.oct.needle import BEVEL_PX, EDGE_SD_PX, SHADOW_MARGIN_PX, row_at
 from haptigraph.perception.oct.onnx_model import EntityClasses, ModelFile, OnnxModel, SurfaceClass
-from haptigraph.perception.oct.scan_geometry import ENTITIES, Layers, ObservationBuilder, Shaft, casts_shadow
+from haptigraph.perception.oct.scan_geometry import Layers, ObservationBuilder, Shaft, casts_shadow
 from haptigraph.perception.oct.surfaces import without_specks
 from haptigraph.registration.oct import ScanRegistration
 
@@ -47,7 +48,7 @@ class SegmentationPerceiver:
     """
 
     needs_scan = True
-    entities = ENTITIES
+    entities = ENTITIES["segmentation"]
     entities_with_sd = frozenset(("needle_tip", "needle_line"))
 
     def __init__(self, registration: ScanRegistration, config: PerceptionConfig) -> None:

@@ -25,10 +25,11 @@ from haptigraph.proof.report import Claim, Violation
 
 __all__ = ["device_claims", "haptic_claims"]
 
-MIN_AMPLITUDE, MIN_ALARM_AMPLITUDE, MIN_ONCE_AMPLITUDE = 0.05, 0.2, 0.2
+MIN_AMPLITUDE, MIN_ALARM_AMPLITUDE, MIN_ONCE_AMPLITUDE = 0.1, 0.2, 0.2
 """Of the device's full amplitude."""
-MIN_ON_MS, MIN_ALARM_ON_MS, MAX_ALARM_PAUSE_MS, MAX_BURSTS_MS = 20.0, 50.0, 500.0, 2000.0
-MIN_HZ, MAX_HZ, MIN_CYCLES = 20.0, 1000.0, 2.0
+MIN_ON_MS, MAX_PULSE_PAUSE_MS, MAX_BURST_PAUSE_MS, MAX_BURSTS_MS = 20.0, 2000.0, 500.0, 1000.0
+MIN_ALARM_ON_MS, MAX_ALARM_PAUSE_MS, MAX_ALARM_PERIOD_MS = 50.0, 500.0, 1000.0
+MIN_HZ, MAX_HZ, MIN_CYCLES = 20.0, 500.0, 2.0
 
 
 class _Use(NamedTuple):
@@ -47,16 +48,15 @@ def haptic_claims(procedure: Procedure) -> list[Claim]:
     return [
         Claim(
             "felt",
-            f"what vibrates is felt: amplitude {MIN_AMPLITUDE:g} or more, {MIN_ONCE_AMPLITUDE:g} if it plays "
-            f"once, bursts of {MIN_ON_MS:g} ms and {MIN_CYCLES:g} cycles or more, pauses of "
-            f"{SHORTEST_PAUSE_MS:g} ms or more, {MIN_HZ:g} to {MAX_HZ:,.0f} Hz; bursts are over within "
-            f"{MAX_BURSTS_MS / 1000:g} s",
+            f"what vibrates is felt: amplitude {MIN_AMPLITUDE:g} or more, {MIN_ONCE_AMPLITUDE:g} if it "
+            f"plays once, bursts of {MIN_ON_MS:g} ms and {MIN_CYCLES:g} cycles or more, {MIN_HZ:g} to "
+            f"{MAX_HZ:g} Hz, pauses that are felt as part of it",
             tuple(_unfelt(procedure)),
         ),
         Claim(
             "alarm felt",
-            f"an alarm is felt within {MIN_ALARM_ON_MS:g} ms and goes on, with pauses of at most "
-            f"{MAX_ALARM_PAUSE_MS:g} ms{nothing}",
+            f"an alarm is felt within {MIN_ALARM_ON_MS:g} ms and repeats within {MAX_ALARM_PERIOD_MS:g} ms, "
+            f"with pauses of at most {MAX_ALARM_PAUSE_MS:g} ms{nothing}",
             tuple(_weak_alarms(procedure)),
         ),
         Claim(
@@ -133,16 +133,28 @@ def _reasons_unfelt(pattern: Pattern) -> Iterator[str]:
             f"has bursts of {on_ms:g} ms, {on_ms * hz / 1000:.2g} cycles of {hz:g} Hz; "
             f"give at least {MIN_CYCLES:g} cycles"
         )
-    if pattern.off_ms < SHORTEST_PAUSE_MS and pattern.count != 1:
-        yield (
-            f"has pauses of {pattern.off_ms:.3g} ms, which are not felt, so it has no rhythm; "
-            f"give at least {SHORTEST_PAUSE_MS:g} ms"
-        )
+    if pattern.count != 1:
+        yield from _reasons_without_rhythm(pattern)
     length_ms = pattern.count * on_ms + (pattern.count - 1) * pattern.off_ms
     if pattern.kind == "bursts" and length_ms > MAX_BURSTS_MS:
         yield (
             f"goes on for {length_ms:g} ms after its state is entered, even if that is over; "
             f"give at most {MAX_BURSTS_MS:g} ms"
+        )
+
+
+def _reasons_without_rhythm(pattern: Pattern) -> Iterator[str]:
+    """Yield why the pauses of a pattern are not felt, or not as part of it."""
+    if pattern.off_ms < SHORTEST_PAUSE_MS:
+        yield (
+            f"has pauses of {pattern.off_ms:.3g} ms, which are not felt, so it has no rhythm; "
+            f"give at least {SHORTEST_PAUSE_MS:g} ms"
+        )
+    longest_ms = MAX_BURST_PAUSE_MS if pattern.kind == "bursts" else MAX_PULSE_PAUSE_MS
+    if pattern.off_ms > longest_ms:
+        yield (
+            f"pauses for {pattern.off_ms:g} ms, so it is felt as separate events; "
+            f"give at most {longest_ms:g} ms"
         )
 
 
@@ -171,6 +183,11 @@ def _reasons_weak(pattern: Pattern) -> Iterator[str]:
         yield f"has bursts of {pattern.on_ms:g} ms; those of an alarm last at least {MIN_ALARM_ON_MS:g} ms"
     if pattern.kind == "pulses" and pattern.off_ms > MAX_ALARM_PAUSE_MS:
         yield f"pauses for {pattern.off_ms:g} ms; an alarm pauses for at most {MAX_ALARM_PAUSE_MS:g} ms"
+    elif pattern.kind == "pulses" and pattern.on_ms + pattern.off_ms > MAX_ALARM_PERIOD_MS:
+        yield (
+            f"repeats every {pattern.on_ms + pattern.off_ms:g} ms; an alarm repeats within "
+            f"{MAX_ALARM_PERIOD_MS:g} ms"
+        )
 
 
 def _pairs(uses: list[_Use]) -> Iterator[tuple[_Use, _Use]]:

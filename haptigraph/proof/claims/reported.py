@@ -19,14 +19,19 @@ def reported_claim(
         perceiver: Its class, which says what it reports.
     """
     missing = unreported(procedure, reported_with(perceiver))
+    fixed = [one.name for one in procedure.schema.entities if one.fixed and one.name in perceiver.entities]
     sentences = {
         state: f"{state} cannot occur: perceiver {name} reports no {', '.join(names)}"
         for state, names in missing.items()
     }
-    violations = tuple(
+    violations = [
         Violation(sentence, f"state {state}")
         for state, sentence in sentences.items()
         if procedure.kinds[state] == "alarm"
-    )
+    ]
+    violations += [
+        Violation(f"{one} is fixed, but {name} may lose it from sight; remove fixed", f"entity {one}")
+        for one in fixed
+    ]
     others = tuple(sentence for state, sentence in sentences.items() if procedure.kinds[state] != "alarm")
-    return Claim("reported", f"perceiver {name} reports what every alarm needs", violations), others
+    return Claim("reported", f"perceiver {name} reports what every alarm needs", tuple(violations)), others

@@ -36,7 +36,16 @@ def test_the_text_has_triplets_thresholds_and_changes():
     assert "<needle_line, misaligned, retina_target>  (theta_deg 6.3" in text
     assert "bounds theta_deg > 1.7)" in text
     assert "runner-up  retinal_contact (rule 2, feels 'pulse')" in text
-    assert "mm less" in text and "deg less" in text
+    assert "advance 1.09 mm along the shaft: the tip moves 1.09 mm" in text
+    assert "counter-clockwise, then advance" in text and "on the way: aligned_retinal_approach" in text
+    assert "not considered" not in text
+
+
+def test_where_no_needle_pivots_measures_change_and_the_text_says_so():
+    explanation = explain_moment(GOLDEN / "membrane_peeling.mcap", 8.0)
+    text = explanation_text(explanation)
+    assert "mm less" in text and not any(change.motions for change in explanation.others)
+    assert "motion     not considered: it needs the tip and the shaft of a needle" in text
 
 
 def test_a_graph_that_fits_no_rule_is_explained(procedure):

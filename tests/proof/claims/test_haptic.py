@@ -64,6 +64,11 @@ def test_every_shipped_grammar_holds(name):
         ("success", {"on_ms": 20, "frequency_hz": 80}, "felt", "1.6 cycles of 80 Hz"),
         ("success", {"amplitude": 0.01}, "felt", "amplitude 0.01"),
         ("success", {"count": 20}, "felt", "goes on for 3900 ms after its state is entered"),
+        ("success", {"off_ms": 600}, "felt", "pauses for 600 ms, so it is felt as separate events"),
+        ("near", {"off_ms": 2800}, "felt", "pauses for 2800 ms, so it is felt as separate events"),
+        ("pulse", {"on_ms": 900, "off_ms": 200}, "alarm felt", "repeats every 1100 ms"),
+        ("lean", {"frequency_hz": 800}, "felt", "800 Hz"),
+        ("success", {"amplitude": 0.08}, "felt", "amplitude 0.08"),
         ("lean", {"frequency_hz": 8}, "felt", "8 Hz"),
     ],
 )

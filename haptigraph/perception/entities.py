@@ -1,0 +1,14 @@
+"""What each perceiver reports, by its name: known without importing the perceiver."""
+
+__all__ = ["ENTITIES"]
+
+NEEDLE = frozenset(("needle_tip", "needle_line"))
+SCAN = NEEDLE | {"ilm", "rpe", "target_layer", "subretinal_space"}
+FORCEPS = frozenset(
+    (
+        *("forceps_tip", "forceps_line", "forceps_jaws", "left_jaw", "right_jaw"),
+        *("light_pipe_tip", "light_pipe_line", "membrane_edge", "hemorrhage"),
+    )
+)
+ENTITIES = {"tracker": NEEDLE, "threshold": NEEDLE, "bscan": SCAN, "segmentation": SCAN, "forceps": FORCEPS}
+"""Besides the registered anatomy; and besides `retina_surface`, which perceivers of B-scans report too."""
