@@ -43,8 +43,9 @@ def explain(recording: str, at_s: float, as_json: bool) -> None:
 def diagram(subject: str, output: str) -> None:
     """Draw the states of PROCEDURE with their priorities, or the eye and the moves of SCENARIO.
 
-    States with a misaligned needle are on the left, with an aligned one on the right. A line joins two states
-    if one measure crossing one threshold can lead from one to the other.
+    States with a misaligned needle are on the left, with an aligned one on the right; states with many
+    neighbours are one below the other. A line or a dot joins two states if one measure crossing one threshold
+    can lead from one to the other.
     """
     from haptigraph.analysis.plots.svg import write_svg
 

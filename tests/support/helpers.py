@@ -5,6 +5,7 @@ import math
 import sys
 from functools import partial
 from itertools import count
+from pathlib import Path
 
 import cv2
 from click.testing import CliRunner
@@ -176,3 +177,17 @@ def _press_ctrl_c(moment, was_pressed, call):
     finally:
         sys.settrace(before)
         gc.enable()
+
+
+def text_extents(text) -> tuple[float, float]:
+    """Left and right end of a text of an SVG in DejaVu Sans [px]."""
+    import matplotlib
+    from PIL import ImageFont
+
+    fonts = Path(matplotlib.get_data_path()) / "fonts" / "ttf"
+    name = "DejaVuSans-Bold.ttf" if text.get("font-weight") == "bold" else "DejaVuSans.ttf"
+    width = ImageFont.truetype(fonts / name, 100).getlength(text.text) * float(text.get("font-size")) / 100
+    x = float(text.get("x"))
+    return {"start": (x, x + width), "end": (x - width, x)}.get(
+        text.get("text-anchor"), (x - width / 2, x + width / 2)
+    )

@@ -1,34 +1,26 @@
-"""State diagram of a procedure as in the paper: misaligned left, aligned right, numbers are priorities.
+"""State diagram of a procedure: as in the paper, misaligned left and aligned right, or as a staircase.
 
 Writes the SVG itself, so that the same procedure gives the same bytes.
 """
 
 from html import escape
-from typing import NamedTuple
 
+from haptigraph.analysis.plots.boxes import BOX_HEIGHT, BOX_WIDTH, Box, box_svg, fitting_px
+from haptigraph.analysis.plots.staircase import ROW, staircase_boxes, staircase_lines, staircase_width
 from haptigraph.analysis.plots.svg import FONT, text_svg
-from haptigraph.inference.colors import Paint, palette
-from haptigraph.inference.meaning import Kind
+from haptigraph.inference.colors import palette
 from haptigraph.inference.procedure import Procedure, State
 from haptigraph.messages import TIP_NOT_VISIBLE, UNKNOWN
 from haptigraph.proof.neighbours import neighbours
 
 __all__ = ["column_of", "diagram_svg"]
 
-WIDTH, BOX_WIDTH, BOX_HEIGHT, GAP = 720, 270, 68, 42
+WIDTH, GAP = 720, 42
 COLUMNS = {"left": WIDTH * 0.25, "middle": WIDTH * 0.5, "right": WIDTH * 0.75}
-TOP, LINE_HEIGHT, MAX_LABEL = 92, 17, 24
+TOP, LINE_HEIGHT, MAX_PASSING = 92, 17, 2
 DIM, LINE = "#666666", "#7a858e"
 WITHOUT_TIP = (UNKNOWN, TIP_NOT_VISIBLE)
 """States to and from which no line is drawn, because it would be one from every other state."""
-
-
-class _Box(NamedTuple):
-    """Position of a state: its centre, and its row from the top."""
-
-    x: float
-    y: float
-    row: int
 
 
 def column_of(state: State) -> str:
@@ -40,40 +32,74 @@ def column_of(state: State) -> str:
 
 
 def diagram_svg(procedure: Procedure) -> str:
-    """Return the diagram of a procedure as SVG."""
-    boxes = _layout(procedure)
-    rows = 1 + max(box.row for box in boxes.values())
-    height = TOP + rows * (BOX_HEIGHT + GAP) + 46
-    states = {state.name: (number, state) for number, state in enumerate(procedure.states)}
-    parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" width="{WIDTH}" '
-        f'height="{height}" {FONT}>',
-        f'<rect width="{WIDTH}" height="{height}" fill="#ffffff"/>',
-        '<defs><marker id="head" viewBox="0 0 10 10" refX="9" refY="5" markerWidth="9" markerHeight="9" '
-        f'markerUnits="userSpaceOnUse" orient="auto-start-reverse"><path d="M0 0 10 5 0 10z" fill="{LINE}"/>'
-        "</marker></defs>",
-        text_svg(WIDTH / 2, 30, procedure.title, size_px=18, weight="bold"),
-    ]
-    if {column_of(state) for state in procedure.states} != {"middle"}:
-        parts += [
-            text_svg(COLUMNS[side], 62, text, size_px=14, color=DIM)
-            for side, text in (("left", "misaligned"), ("right", "aligned"))
-        ]
-    parts += [_arrow_svg(boxes[one], boxes[other], one, other) for one, other in neighbours(procedure)]
+    """Return the diagram of a procedure as SVG.
+
+    It is arranged as in the paper if few lines pass a row of boxes, else as a staircase.
+    """
+    boxes, pairs = _layout(procedure), neighbours(procedure)
+    passing = [pair for pair in pairs if abs(boxes[pair[0]].row - boxes[pair[1]].row) > 1]
+    numbers = {state.name: number for number, state in enumerate(procedure.states)}
+    as_in_paper = len(passing) <= MAX_PASSING
+    if as_in_paper:
+        width, row, line = float(WIDTH), BOX_HEIGHT + GAP, "line"
+        lines = [_arrow_svg(boxes[one], boxes[other], one, other) for one, other in pairs]
+    else:
+        seen = [name for name in reversed(numbers) if name not in WITHOUT_TIP]
+        boxes = staircase_boxes([*seen, *(name for name in WITHOUT_TIP if name in numbers)], TOP)
+        width, row, line = max(WIDTH, staircase_width(boxes)), ROW, "dot"
+        lines = staircase_lines(boxes, pairs, numbers)
+    height = TOP + (1 + max(box.row for box in boxes.values())) * row + (46 if as_in_paper else 68)
     paints, kinds = palette(procedure), procedure.kinds
-    parts += [_box_svg(boxes[name], *states[name], paints[name], kinds[name]) for name in boxes]
-    lost = " or ".join(repr(name) for name in WITHOUT_TIP if name in boxes)
-    for at, text in enumerate(
-        (
-            "Numbers are priorities: of the rules that fit, the lowest number wins.",
-            f"A line: one measure crosses one threshold. Every state may also become {lost}, and back.",
-        )
-    ):
-        parts.append(text_svg(WIDTH / 2, height - 34 + at * LINE_HEIGHT, text, size_px=11.5, color=DIM))
+    parts = [
+        *_head_svg(procedure, width, height),
+        *(_sides_svg(procedure) if as_in_paper else []),
+        *lines,
+        *(
+            box_svg(boxes[name], numbers[name], procedure.states[numbers[name]], paints[name], kinds[name])
+            for name in boxes
+        ),
+        *_notes_svg(boxes, width, height, line),
+    ]
     return "\n".join([*parts, "</svg>", ""])
 
 
-def _layout(procedure: Procedure) -> dict[str, _Box]:
+def _head_svg(procedure: Procedure, width: float, height: float) -> list[str]:
+    title_px = fitting_px(procedure.title, width - 40, 18)
+    return [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:g}" width="{width:g}" '
+        f'height="{height:g}" {FONT}>',
+        f'<rect width="{width:g}" height="{height:g}" fill="#ffffff"/>',
+        '<defs><marker id="head" viewBox="0 0 10 10" refX="9" refY="5" markerWidth="9" markerHeight="9" '
+        f'markerUnits="userSpaceOnUse" orient="auto-start-reverse"><path d="M0 0 10 5 0 10z" fill="{LINE}"/>'
+        "</marker></defs>",
+        text_svg(width / 2, 30, procedure.title, size_px=title_px, weight="bold"),
+    ]
+
+
+def _sides_svg(procedure: Procedure) -> list[str]:
+    if {column_of(state) for state in procedure.states} == {"middle"}:
+        return []
+    return [
+        text_svg(COLUMNS[side], 62, text, size_px=14, color=DIM)
+        for side, text in (("left", "misaligned"), ("right", "aligned"))
+    ]
+
+
+def _notes_svg(boxes: dict[str, Box], width: float, height: float, line: str) -> list[str]:
+    lost = " or ".join(repr(name) for name in WITHOUT_TIP if name in boxes)
+    crossing, around = "one measure crosses one threshold", f"Every state may also become {lost}, and back."
+    notes = ["Numbers are priorities: of the rules that fit, the lowest number wins."]
+    if line == "line":
+        notes.append(f"A line: {crossing}. {around}")
+    else:
+        notes += [f"A dot: {crossing}, between the state of its row and that of its column.", around]
+    return [
+        text_svg(width / 2, height - 17 - (len(notes) - 1 - at) * LINE_HEIGHT, text, size_px=11.5, color=DIM)
+        for at, text in enumerate(notes)
+    ]
+
+
+def _layout(procedure: Procedure) -> dict[str, Box]:
     """Arrange the states downwards from low priority to high, with those without a tip last."""
     ascending = list(reversed(procedure.states))
     by_column = {
@@ -91,7 +117,7 @@ def _layout(procedure: Procedure) -> dict[str, _Box]:
         rows.append([(name, side) for side, names in pair for name in names])
     rows += [*_pairs(after), *_pairs([name for name in WITHOUT_TIP if name in priority])]
     return {
-        name: _Box(COLUMNS[side], TOP + row * (BOX_HEIGHT + GAP) + BOX_HEIGHT / 2, row)
+        name: Box(COLUMNS[side], TOP + row * (BOX_HEIGHT + GAP) + BOX_HEIGHT / 2, row)
         for row, names in enumerate(rows)
         for name, side in names
     }
@@ -103,32 +129,7 @@ def _pairs(names: list[str]) -> list[list[tuple[str, str]]]:
     return [[(row[0], "middle")] if len(row) == 1 else [(row[0], "left"), (row[1], "right")] for row in rows]
 
 
-def _box_svg(box: _Box, number: int, state: State, paint: Paint, kind: Kind) -> str:
-    color, ink = paint.color, paint.ink
-    dash = ' stroke-dasharray="6 4"' if kind == "unseen" else ""
-    left, top = box.x - BOX_WIDTH / 2, box.y - BOX_HEIGHT / 2
-    lines = _label_lines(state.name.replace("_", " "))
-    text = [
-        text_svg(
-            left + 50, box.y - 3 + (at - (len(lines) - 1) / 2) * LINE_HEIGHT, line, color=ink, anchor="start"
-        )
-        for at, line in enumerate(lines)
-    ]
-    feel_y = box.y + 13 + (len(lines) - 1) / 2 * LINE_HEIGHT
-    return "\n".join(
-        [
-            f'<g><title>{escape(state.because)}</title><rect x="{left:g}" y="{top:g}" width="{BOX_WIDTH}" '
-            f'height="{BOX_HEIGHT}" rx="10" fill="{color}" stroke="#555555"{dash}/>',
-            f'<circle cx="{left + 26:g}" cy="{box.y:g}" r="15" fill="#ffffff" stroke="#555555"/>',
-            text_svg(left + 26, box.y + 5, str(number), weight="bold"),
-            *text,
-            text_svg(left + 50, feel_y, f"{kind}, feels {state.feel}", size_px=11, color=ink, anchor="start"),
-            "</g>",
-        ]
-    )
-
-
-def _arrow_svg(one: _Box, other: _Box, name: str, other_name: str) -> str:
+def _arrow_svg(one: Box, other: Box, name: str, other_name: str) -> str:
     """Connect two states; lines that pass other rows run between the columns or outside of them."""
     upper, lower = sorted((one, other), key=lambda box: (box.row, box.x))
     if upper.row == lower.row:
@@ -144,13 +145,13 @@ def _arrow_svg(one: _Box, other: _Box, name: str, other_name: str) -> str:
     )
 
 
-def _exit_x(box: _Box, other: _Box) -> float:
+def _exit_x(box: Box, other: Box) -> float:
     """Return the x at which a line to another box leaves: off the middle, towards the other."""
     share = 0.0 if box.x == other.x else 0.3 if box.x < other.x else -0.3
     return box.x + share * BOX_WIDTH
 
 
-def _detour(upper: _Box, lower: _Box) -> str:
+def _detour(upper: Box, lower: Box) -> str:
     """Return a path past the rows between: in the middle, or beside the column of both boxes."""
     if upper.x != lower.x:
         lane = COLUMNS["middle"] + (lower.x - upper.x) * 0.08
@@ -170,12 +171,3 @@ def _detour(upper: _Box, lower: _Box) -> str:
     edge = upper.x + side * BOX_WIDTH / 2
     out = edge + side * 34
     return f"M{edge:g} {upper.y:g} C{out:g} {upper.y:g} {out:g} {lower.y:g} {edge:g} {lower.y:g}"
-
-
-def _label_lines(label: str) -> list[str]:
-    """Split a long name into two lines at the space nearest to its middle."""
-    spaces = [at for at, letter in enumerate(label) if letter == " "]
-    if len(label) <= MAX_LABEL or not spaces:
-        return [label]
-    at = min(spaces, key=lambda space: abs(space - len(label) / 2))
-    return [label[:at], label[at + 1 :]]

@@ -88,7 +88,7 @@ class _Eye:
             (f"globe: {eye.shape.diameter_mm:g} mm wide inside", DIM),
             (f"dashed line: the axis, {reach_mm:.1f} mm from trocar to target", AXIS),
             (f"thick line: the retina; dotted: {CONTACT_MM} mm above it, contact in the paper", RETINA),
-            ("trocar_deg, target_deg: at the centre, from top and bottom, positive to the right", DIM),
+            ("trocar_deg from the top, target_deg from the bottom; positive: right", DIM),
             ("numbers: the tip at the end of a move", SHAFT),
             ("depth_mm: along the shaft from trocar to tip, negative outside", SHAFT),
             ("theta_deg: from the axis, counter-clockwise about the trocar", SHAFT),

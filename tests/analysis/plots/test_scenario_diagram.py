@@ -3,10 +3,10 @@
 from xml.etree import ElementTree
 
 import pytest
-from helpers import call, refuse
+from helpers import call, refuse, text_extents
 
 from haptigraph.analysis.plots.scenario_diagram import scenario_svg
-from haptigraph.sim.scenario import load_scenario
+from haptigraph.sim.scenario import load_scenario, scenario_names
 
 SVG = "{http://www.w3.org/2000/svg}"
 SCENARIO = """
@@ -73,3 +73,13 @@ def test_command_draws_a_scenario_and_refuses_an_unknown_one(file, tmp_path):
     assert output.read_text() == scenario_svg(load_scenario(str(file)))
     assert "unknown scenario 'eye'" in refuse("diagram", "phantom:eye", "-o", tmp_path / "b.svg")
     assert "exists already" in refuse("diagram", f"phantom:{file}", "-o", output)
+
+
+@pytest.mark.parametrize("name", [name for name in scenario_names() if name != "ioct_approach"])
+def test_every_text_is_inside_the_figure(name):
+    root = ElementTree.fromstring(scenario_svg(load_scenario(name)))
+    for text in root.iter(f"{SVG}text"):
+        start, end = text_extents(text)
+        assert start >= 0, text.text
+        assert end <= float(root.get("width")), text.text
+        assert 0 < float(text.get("y")) < float(root.get("height")), text.text
