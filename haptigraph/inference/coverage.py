@@ -53,15 +53,27 @@ def _declared(procedure: Procedure) -> Iterator[str]:
     for relation in procedure.schema.relations:
         if relation.reason is not None:
             yield f"a threshold of {Triplet(*relation.names)} that no eye seems to allow: {relation.reason}"
-    relations = {relation.names: relation for relation in procedure.schema.relations}
+    yield from _unlimited(procedure)
     for state in procedure.states:
-        needed = {one for names in state.when for one in (names, *relations[names].given)}
-        for relation in (relations[names] for names in sorted(needed) if kinds[state.name] == "success"):
-            shape = procedure.schema.entity(relation.object).geometry
-            if shape == "polyline" and relation.at_least is None and relation.above is None:
-                yield f"how far beyond {relation.object} {state.name} may be: distances there are negative"
         for alarm in state.may_delay:
             yield f"up to {state.hold_ms:g} ms in which {state.name} is held and {alarm} waits, as declared"
+
+
+def _unlimited(procedure: Procedure) -> Iterator[str]:
+    """Yield surfaces beyond which a state of success may be as far as it likes."""
+    schema, kinds = procedure.schema, procedure.kinds
+    relations = {relation.names: relation for relation in schema.relations}
+    limited = set[str]()
+    for state in procedure.states:
+        needed = dict.fromkeys(one for names in state.when for one in (names, *relations[names].given))
+        for relation in (relations[names] for names in needed):
+            name = schema.measure_name(relation)
+            if relation.at_least is None and relation.above is None:
+                if kinds[state.name] == "alarm" and len(state.when) == 1 and not state.unless:
+                    limited.add(name)  # what is beyond is an alarm first
+                is_surface = schema.entity(relation.object).geometry == "polyline"
+                if kinds[state.name] == "success" and is_surface and name not in limited:
+                    yield f"how far beyond {relation.object} {state.name} may be: distances there are negative"
 
 
 def unreported(procedure: Procedure, reported: Collection[str]) -> dict[str, tuple[str, ...]]:
