@@ -1,24 +1,35 @@
 """Simulated operators with no, binary and continuous touch: trials (CSV), tables (Markdown), a figure.
 
 `python benchmarks/touch_comparison.py` updates docs/simulated_comparison.md and its figure; --output FOLDER
-writes to a folder instead. Takes a minute on one core; far longer on rendered images (--perceiver tracker).
+writes to a folder instead. Every seed draws other operators, targets and noise. Takes a minute per seed on
+one core; far longer on rendered images (--perceiver tracker).
 """
 
 import argparse
 import csv
 import re
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
-from touch_trials import MEASURES, PairedTest, TouchTrial, compare_touch, paired_tests, participant_values
+from msgspec import Struct
+from touch_trials import (
+    MEASURES,
+    PairedTest,
+    TouchTrial,
+    by_seed,
+    compare_touch,
+    paired_tests,
+    participant_values,
+)
 
 from haptigraph.commands.terminal import progress_bar
 from haptigraph.study.simulated.ground_truth import GROUND_TRUTH, OLD_NAMES
 from haptigraph.study.simulated.participant import TRAITS, Variation
+from haptigraph.study.simulated.rehearsal import SHIPPED, Condition
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,68 +49,111 @@ VARIATIONS = (
     Variation("no tremor", values={"tremor_mm": 0.0}),
 )
 """Modifications of the operators, for a sensitivity analysis."""
+HYSTERESIS = Condition("binary", "subretinal_injection_steady")
+VARIED = ("theta_deg", "completion_s", "changes_per_min")
+SEEDS = (1, 2, 3, 4, 5)
 COLORS = ("#8a8a8a", "#e08a2e", "#2f6fb3")
 SHOWN = ("theta_deg", "completion_s", "near_misaligned_s", "far_aligned_s", "vibrating_s", "changes_per_min")
 
 
-def write_trials(rows: Sequence[TouchTrial], path: str | Path) -> None:
-    """Write one line per trial, with a header."""
+def write_trials(rows: Sequence[Struct], path: str | Path) -> None:
+    """Write one line per trial, or per mean, with a header."""
     with Path(path).open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(TouchTrial.__struct_fields__)
+        writer.writerow(rows[0].__struct_fields__)
         for row in rows:
-            writer.writerow([_cell(getattr(row, name)) for name in TouchTrial.__struct_fields__])
+            writer.writerow([_cell(getattr(row, name)) for name in row.__struct_fields__])
+
+
+class VariedMeans(Struct, frozen=True):
+    """Means over the operators of one seed under one variation and condition."""
+
+    variation: str
+    seed: int
+    condition: str
+    theta_deg: float
+    completion_s: float
+    changes_per_min: float
 
 
 def results_table(rows: Sequence[TouchTrial]) -> str:
-    """Return mean and standard deviation over participants, a row per measure, as Markdown."""
-    conditions = _conditions(rows)
+    """Return means and standard deviations over participants, a row per measure, as Markdown.
+
+    With several seeds, both are ranges over the seeds.
+    """
+    conditions, seeds = _conditions(rows), by_seed(rows)
     lines = [_line(["simulated operators", *conditions]), _line(["---"] * (len(conditions) + 1))]
     for measure, (title, unit, digits) in MEASURES.items():
         cells = []
         for condition in conditions:
-            values = participant_values(rows, measure, condition)
-            cells.append(f"{np.mean(values):.{digits}f} ± {np.std(values, ddof=1):.{digits}f}")
+            values = [participant_values(part, measure, condition) for part in seeds.values()]
+            means = span([float(np.mean(one)) for one in values], digits)
+            sds = span([float(np.std(one, ddof=1)) for one in values], digits)
+            cells.append(f"{means} (SD {sds})")
         lines.append(_line([f"{title} ({unit})", *cells]))
     missed = [str(sum(not row.hit for row in rows if row.condition == condition)) for condition in conditions]
     lines.append(_line(["Trials without a hit", *missed]))
     return "\n".join(lines)
 
 
-def tests_table(tests: Sequence[PairedTest]) -> str:
-    """Return the tests, a row each, as Markdown."""
-    head = ["measure", "compared", "mean difference", "rank-biserial r", "p", "p (Holm)", "signed-rank test"]
+def tests_table(tests: Sequence[Sequence[PairedTest]]) -> str:
+    """Return the tests of every seed, a row each, as Markdown; figures are ranges over the seeds."""
+    head = ["measure", "compared", "mean difference", "rank-biserial r", "p (Holm)", "seeds with p < 0.05"]
     lines = [_line(head), _line(["---"] * len(head))]
-    for test in tests:
-        title, unit, digits = MEASURES[test.measure]
-        pair, difference = f"{test.first} → {test.second}", f"{test.mean_difference:+.{digits}f} {unit}"
-        variant = test.result.variant.removeprefix("Wilcoxon signed-rank, two-sided, ")
-        p = _p(test.result.p), _p(test.holm_p)
-        lines.append(_line([title, pair, difference, f"{test.effect:+.2f}", *p, variant]))
+    for same in zip(*tests, strict=True):
+        title, unit, digits = MEASURES[same[0].measure]
+        difference = f"{span([test.mean_difference for test in same], digits, '+')} {unit}"
+        p = sorted(test.holm_p for test in same)
+        p_text = _p(p[0]) if _p(p[0]) == _p(p[-1]) else f"{_p(p[0])} to {_p(p[-1])}"
+        count = f"{sum(test.holm_p < 0.05 for test in same)} of {len(same)}"
+        effect = span([test.effect for test in same], 2, "+")
+        lines.append(_line([title, f"{same[0].first} → {same[0].second}", difference, effect, p_text, count]))
     return "\n".join(lines)
 
 
-def variations_table(simulate: Callable[[Variation], Sequence[TouchTrial]]) -> str:
-    """Return theta, completion time and pattern changes under each variation, as Markdown.
+def varied_means(rows: Sequence[TouchTrial], label: str) -> list[VariedMeans]:
+    """Return the means of every seed and condition under a variation."""
+    return [
+        VariedMeans(
+            label,
+            seed,
+            condition,
+            *(float(np.mean(participant_values(part, measure, condition))) for measure in VARIED),
+        )
+        for seed, part in by_seed(rows).items()
+        for condition in _conditions(part)
+    ]
 
-    Args:
-        simulate: Simulates the trials of a variation.
+
+def variations_table(means: Sequence[VariedMeans]) -> str:
+    """Return theta, completion time and pattern changes under each variation, as ranges over the seeds.
+
+    The last column is the difference of completion times, continuous minus binary.
     """
-    lines: list[str] = []
-    for variation in VARIATIONS:
-        rows = simulate(variation)
-        conditions = _conditions(rows)
-        if not lines:
-            lines = [_line(["simulated operators", *conditions]), _line(["---"] * (len(conditions) + 1))]
+    conditions = [condition.name for condition in SHIPPED]
+    head = ["simulated operators", *conditions, "continuous - binary (s)"]
+    lines = [_line(head), _line(["---"] * len(head))]
+    for label in dict.fromkeys(each.variation for each in means):
+        parts = {
+            name: [each for each in means if (each.variation, each.condition) == (label, name)]
+            for name in conditions
+        }
         cells = [
-            " / ".join(
-                f"{np.mean(participant_values(rows, measure, condition)):.{MEASURES[measure][2]}f}"
-                for measure in ("theta_deg", "completion_s", "changes_per_min")
-            )
-            for condition in conditions
+            " / ".join(span([getattr(each, name) for each in part], MEASURES[name][2]) for name in VARIED)
+            for part in parts.values()
         ]
-        lines.append(_line([variation.label, *cells]))
+        pairs = zip(parts["binary"], parts["continuous"], strict=False)
+        differences = [second.completion_s - first.completion_s for first, second in pairs]
+        lines.append(_line([label, *cells, span(differences, 2, "+")]))
     return "\n".join(lines)
+
+
+def span(values: Sequence[float], digits: int, sign: str = "") -> str:
+    """Return the smallest and the largest of some values as text; "-" if there are none."""
+    if not values:
+        return "-"
+    low, high = (f"{value:{sign}.{digits}f}" for value in (min(values), max(values)))
+    return low if low == high else f"{low} to {high}"
 
 
 def traits_table() -> str:
@@ -117,12 +171,13 @@ def touch_figure(rows: Sequence[TouchTrial], output: str | Path) -> None:
     for axes, measure in zip(figure.subplots(2, 3).flat, SHOWN, strict=True):
         _draw(axes, rows, measure, conditions)
     first = rows[0]
-    people = len({row.participant for row in rows})
+    people, seeds = len({row.participant for row in rows}), sorted({row.seed for row in rows})
     trials = len({row.repetition for row in rows})
     is_truth = OLD_NAMES.get(first.perceiver, first.perceiver) == GROUND_TRUTH
     perception = "ground truth with the tracker's noise" if is_truth else first.perceiver
     figure.suptitle(
-        f"Simulated operators, not people: N = {people}, {trials} trials per condition, seed {first.seed}\n"
+        f"Simulated operators, not people: N = {people} per seed, {trials} trials per condition, "
+        f"seeds {', '.join(map(str, seeds))}\n"
         f"perception: {perception}; lines: operators, bars: means"
     )
     figure.savefig(output, dpi=110)
@@ -169,7 +224,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--participants", type=int, default=16)
     parser.add_argument("--repetitions", type=int, default=3)
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seeds", type=int, nargs="+", default=SEEDS, help="each draws other operators")
     parser.add_argument(
         "--perceiver",
         type=lambda name: OLD_NAMES.get(name, name),
@@ -184,14 +239,18 @@ def main() -> None:
         return
     start_s, start_cpu_s = time.perf_counter(), time.process_time()
     with progress_bar() as progress:
-        rows = compare_touch(
-            given.participants, given.repetitions, given.seed, perceiver=given.perceiver, progress=progress
-        )
+        rows = [
+            row
+            for seed in given.seeds
+            for row in compare_touch(
+                given.participants, given.repetitions, seed, perceiver=given.perceiver, progress=progress
+            )
+        ]
     wall_s, cpu_s = time.perf_counter() - start_s, time.process_time() - start_cpu_s
     simulated_s = sum(row.completion_s for row in rows)
     tables = {
         "results": results_table(rows),
-        "tests": tests_table(paired_tests(rows)),
+        "tests": tests_table([paired_tests(part) for part in by_seed(rows).values()]),
         "traits": traits_table(),
     }
     folder = given.output or DOCS
@@ -212,12 +271,24 @@ def main() -> None:
 
 
 def vary(given: argparse.Namespace) -> None:
-    """Simulate all variations of the operators."""
-    table = variations_table(
-        lambda variation: compare_touch(
-            given.participants, given.repetitions, given.seed, perceiver=given.perceiver, change=variation
-        )
-    )
+    """Simulate all variations of the operators, and hysteresis."""
+    means: list[VariedMeans] = []
+    cases = [(one.label, one, SHIPPED) for one in VARIATIONS]
+    for label, change, conditions in [*cases, ("with hysteresis", VARIATIONS[0], (HYSTERESIS,))]:
+        for seed in given.seeds:
+            rows = compare_touch(
+                given.participants,
+                given.repetitions,
+                seed,
+                conditions=conditions,
+                perceiver=given.perceiver,
+                change=change,
+            )
+            means += varied_means(rows, label)
+    folder = given.output or DOCS
+    folder.mkdir(parents=True, exist_ok=True)
+    write_trials(means, folder / f"{NAME}_variations.csv")
+    table = variations_table(means)
     if given.output is None:
         renew(DOCS / f"{NAME}.md", {"variations": table})
     print(table)

@@ -187,16 +187,24 @@ class _PatternChanges:
 
 
 def participant_values(rows: Iterable[TouchTrial], measure: str, condition: str) -> list[float]:
-    """Return the mean over repetitions of each participant, by participant number."""
-    values: dict[int, list[float]] = {}
+    """Return the mean over repetitions of each participant, by seed and participant number."""
+    values: dict[tuple[int, int], list[float]] = {}
     for row in rows:
         if row.condition == condition:
-            values.setdefault(row.participant, []).append(float(getattr(row, measure)))
-    return [float(np.mean(values[number])) for number in sorted(values)]
+            values.setdefault((row.seed, row.participant), []).append(float(getattr(row, measure)))
+    return [float(np.mean(values[key])) for key in sorted(values)]
+
+
+def by_seed(rows: Iterable[TouchTrial]) -> dict[int, list[TouchTrial]]:
+    """Return the trials of every seed."""
+    parts: dict[int, list[TouchTrial]] = {}
+    for row in rows:
+        parts.setdefault(row.seed, []).append(row)
+    return parts
 
 
 def paired_tests(rows: Sequence[TouchTrial]) -> list[PairedTest]:
-    """Test every pair of conditions by every measure."""
+    """Test every pair of conditions by every measure; all trials have one seed."""
     names = list(dict.fromkeys(row.condition for row in rows))
     tests = []
     for measure in MEASURES:

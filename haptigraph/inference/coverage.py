@@ -73,7 +73,8 @@ def _unlimited(procedure: Procedure) -> Iterator[str]:
                     limited.add(name)  # what is beyond is an alarm first
                 is_surface = schema.entity(relation.object).geometry == "polyline"
                 if kinds[state.name] == "success" and is_surface and name not in limited:
-                    yield f"how far beyond {relation.object} {state.name} may be: distances there are negative"
+                    beyond = f"how far beyond {relation.object} {state.name} may be"
+                    yield f"{beyond}: distances there are negative"
 
 
 def unreported(procedure: Procedure, reported: Collection[str]) -> dict[str, tuple[str, ...]]:

@@ -1,19 +1,26 @@
 import csv
 
+import msgspec
 import pytest
 import touch_comparison
 from helpers import make_step
 from msgspec.structs import replace
+from paths import ROOT
 from touch_comparison import (
     VARIATIONS,
+    VariedMeans,
     results_table,
+    span,
     touch_figure,
     traits_table,
+    variations_table,
+    varied_means,
     write_trials,
 )
 from touch_trials import (
     MEASURES,
     TouchTrial,
+    by_seed,
     measure_trial,
     paired_tests,
     participant_values,
@@ -73,7 +80,92 @@ def test_every_measure_is_tested_except_differences_by_construction(rows):
     theta = next(t for t in tests if t.measure == "theta_deg")
     assert theta.effect == -1
     assert theta.holm_p == pytest.approx(3 * theta.result.p)
-    assert "exact" in touch_comparison.tests_table(tests)
+    table = touch_comparison.tests_table([tests, tests])
+    assert "| Mean theta | binary → continuous | -1.00 deg | -1.00 | 0.094 | 0 of 2 |" in table
+
+
+def test_tables_give_the_range_over_seeds(rows):
+    other = [replace(row, seed=2, theta_deg=row.theta_deg + 1) for row in rows]
+    table = results_table([*rows, *other])
+    assert "| Mean theta (deg) | 10.50 to 11.50 (SD 1.87) |" in table
+    means = varied_means([*rows, *other], "as drawn")
+    assert [(each.seed, each.condition) for each in means[:4]] == [
+        (1, "no touch"),
+        (1, "binary"),
+        (1, "continuous"),
+        (2, "no touch"),
+    ]
+    assert "| as drawn | 10.50 to 11.50 / 20.0 / 0.0 |" in variations_table(means)
+
+
+def stored(name: str, kind: type) -> list:
+    """Return what a table beside the page of the comparison stores."""
+    with (ROOT / "docs" / f"{name}.csv").open(encoding="utf-8") as file:
+        return [msgspec.convert(row, kind, strict=False) for row in csv.DictReader(file)]
+
+
+def test_the_page_shows_the_stored_trials_of_five_seeds():
+    page = (ROOT / "docs/simulated_comparison.md").read_text(encoding="utf-8")
+    trials = stored("simulated_comparison", TouchTrial)
+    assert sorted(by_seed(trials)) == list(touch_comparison.SEEDS)
+    assert results_table(trials) in page
+    assert touch_comparison.tests_table([paired_tests(part) for part in by_seed(trials).values()]) in page
+    assert variations_table(stored("simulated_comparison_variations", VariedMeans)) in page
+
+
+def differences(measure: str, first: tuple[str, str], second: tuple[str, str]) -> list[float]:
+    """Return the second minus the first mean, each by variation and condition, of every seed."""
+    means = {
+        (each.variation, each.condition, each.seed): getattr(each, measure)
+        for each in stored("simulated_comparison_variations", VariedMeans)
+    }
+    return [means[*second, seed] - means[*first, seed] for seed in touch_comparison.SEEDS]
+
+
+DRAWN, DIM, TURNING, HALF = (
+    "as drawn",
+    "visual angle SD and bias times 4",
+    "four times the turning speed",
+    "half the attention to haptic cues",
+)
+
+
+@pytest.mark.parametrize(
+    ("sentence", "measure", "variation", "conditions", "digits"),
+    [
+        ("touch is {} s faster than binary touch", "completion_s", DIM, ("continuous", "binary"), 1),
+        ("as drawn, it is {} s faster", "completion_s", DRAWN, ("continuous", "binary"), 1),
+        ("continuous touch is {} s faster.", "completion_s", TURNING, ("continuous", "binary"), 1),
+        ("pay {} s for binary touch", "completion_s", TURNING, ("no touch", "binary"), 1),
+        ("touch instead of {} s. Theta", "completion_s", DRAWN, ("no touch", "binary"), 1),
+        ("theta falls by {}° instead", "theta_deg", HALF, ("binary", "no touch"), 1),
+        ("instead of {}°, for", "theta_deg", DRAWN, ("binary", "no touch"), 1),
+        ("for {} s instead", "completion_s", HALF, ("no touch", "binary"), 1),
+    ],
+)
+def test_sentences_hold_for_every_seed(sentence, measure, variation, conditions, digits):
+    page = " ".join((ROOT / "docs/simulated_comparison.md").read_text(encoding="utf-8").split())
+    first, second = ((variation, condition) for condition in conditions)
+    assert sentence.format(span(differences(measure, first, second), digits)) in page
+
+
+def test_the_pages_other_claims_hold_for_every_seed():
+    binary, continuous = (DIM, "binary"), (DIM, "continuous")
+    drawn = differences("completion_s", (DRAWN, "binary"), (DRAWN, "continuous"))
+    assert all(
+        dim < as_drawn
+        for dim, as_drawn in zip(differences("completion_s", binary, continuous), drawn, strict=True)
+    )
+    assert all(-0.5 < each < 0.005 for each in differences("theta_deg", binary, continuous))
+    steady = (DRAWN, "binary"), ("with hysteresis", "binary")
+    assert max(map(abs, differences("theta_deg", *steady))) < 0.1
+    assert max(map(abs, differences("completion_s", *steady))) < 1.2
+    means = stored("simulated_comparison_variations", VariedMeans)
+    plain, kept = (
+        [each.changes_per_min for each in means if (each.variation, each.condition) == key] for key in steady
+    )
+    fewer = [100 * (1 - after / before) for before, after in zip(plain, kept, strict=True)]
+    assert span(fewer, 0) == "21 to 51"
 
 
 def test_trials_are_written_as_csv(rows, tmp_path):

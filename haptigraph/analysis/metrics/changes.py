@@ -63,7 +63,9 @@ def change_text(change: Change) -> list[str]:
     """Return a change as lines of text."""
     head = f"{change.state} (rule {change.priority}, feels {change.feel!r})"
     lines = [f"{head}, which fits, too, but has lower priority" if change.fits_already else head]
-    lines += [f"  {line}" for motion in change.motions for line in motion_text(motion)]
+    for number, motion in enumerate(change.motions):
+        first, *rest = motion_text(motion)
+        lines += [f"  {'shorter: ' if number else ''}{first}", *(f"  {line}" for line in rest)]
     for move in change.moves:
         if move.value is None or move.way is None:
             lines.append(f"  if {move.to}")

@@ -286,13 +286,15 @@ def _axes(reach: tuple[float, float]) -> list[NDArray[np.int64]]:
 
 
 def _bisected(inner: int, outer: int, arrives: Callable[[int], bool]) -> int:
-    """Return the value nearest to the inner one, by bisection, at which a motion still arrives."""
+    """Return the value nearest to the inner one at which a motion arrives, and would a step further."""
     if inner == outer or arrives(inner):
         return inner
+    end = outer
     while abs(outer - inner) > 1:
         middle = (outer + inner) // 2
         if arrives(middle):
             outer = middle
         else:
             inner = middle
-    return outer
+    further = outer + (outer - inner)  # exactly at a threshold, rounding would decide
+    return further if outer != end and arrives(further) else outer
