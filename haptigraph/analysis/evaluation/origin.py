@@ -72,9 +72,9 @@ def commit() -> str:
 @cache
 def software_sha256() -> str:
     """Return a hash of all that the package consists of, the same in a checkout and an installation."""
-    from haptigraph.perception.native.library import LIBRARY  # noqa: PLC0415 - loads the C library
+    from haptigraph.perception.native.compiled import sources_crc32  # noqa: PLC0415 - loads the C library
 
-    total = hashlib.sha256(f"{LIBRARY.sources_crc32:08x}".encode())
+    total = hashlib.sha256(f"{sources_crc32():08x}".encode())
     for file in sorted(PACKAGE.rglob("*.*")):
         if file.is_file() and file.suffix not in LEFT_OUT:
             content = hashlib.sha256(file.read_bytes()).hexdigest()
