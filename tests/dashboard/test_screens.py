@@ -23,6 +23,10 @@ FREEZING = (str(ROOT / "tests" / "dashboard" / "freezing.py"),)
 STEERED = f"teleop:{DATA / 'steered.toml'}"
 
 
+NARROW_AND_USUAL = (SIZES[0], SIZES[3])
+"""Every change is tested in these windows; `make test-slow` tests all."""
+
+
 class Stage:
     """Leads a page into the states of this module; what it starts ends with it."""
 
@@ -235,7 +239,13 @@ def page(request, chromium, archive, quick, tmp_path_factory):
         yield stage.page
 
 
-@pytest.mark.parametrize("size", SIZES, ids=[f"{width}px" for width, _ in SIZES])
+@pytest.mark.parametrize(
+    "size",
+    [
+        pytest.param(size, id=f"{size[0]}px", marks=() if size in NARROW_AND_USUAL else pytest.mark.slow)
+        for size in SIZES
+    ],
+)
 def test_nothing_overlaps_is_cut_off_or_scrolls_sideways(page, size):
     for theme in ("light", "dark"):
         use_theme(page, theme)

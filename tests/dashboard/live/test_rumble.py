@@ -136,7 +136,7 @@ def test_a_frozen_source_silences_it_and_raises_the_banner(vibrating):
     assert page.inner_text("#state").lower() == "unknown"
 
 
-@pytest.mark.parametrize("delay_s", [0.2, 2.0])
+@pytest.mark.parametrize("delay_s", [0.2, pytest.param(2.0, marks=pytest.mark.slow)])
 def test_images_that_come_too_late_are_not_felt_and_the_banner_says_so(vibrating, open_page, delay_s):
     _, live = vibrating
     port = int(live.url.split(":")[2].split("/")[0])
