@@ -36,6 +36,18 @@ CLIPS = SHARED / "clips"
 
 
 @pytest.fixture(scope="session")
+def chromium():
+    """One browser for all tests; skipped without Chromium."""
+    from live_bench import CHROMIUM
+    from live_bench import chromium as start_chromium
+
+    if CHROMIUM is None:
+        pytest.skip("needs Chromium: apt-get install chromium")
+    with start_chromium() as browser:
+        yield browser
+
+
+@pytest.fixture(scope="session")
 def quick() -> str:
     """The path of a short scenario in small pictures."""
     return str(DATA / "quick.toml")

@@ -161,7 +161,7 @@ TUTORIAL = "docs/own_operation.md"
 
 
 def write_tutorial_files(folder: Path) -> None:
-    """Write what the tutorial tells the reader to save."""
+    """Write the files that a reader of the tutorial saves."""
     parts = blocks(read(TUTORIAL), "toml")
     (folder / "my.toml").write_text("\n".join(part for part in parts if "[scenario]" not in part))
     (folder / "my_eye.toml").write_text("".join(part for part in parts if "[scenario]" in part))

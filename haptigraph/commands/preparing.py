@@ -13,7 +13,7 @@ from haptigraph.errors import BadInput, unknown_name
 if TYPE_CHECKING:
     from haptigraph.inference.procedure import Procedure
     from haptigraph.messages import Capabilities
-    from haptigraph.proof.report import Proof
+    from haptigraph.stages import PerceiverClass
 
 TURNS = ("source.rotate_deg", "source.mirror")
 
@@ -111,8 +111,7 @@ def check(
     from haptigraph.proof.prove import prove
 
     loaded = load_procedure(procedure)
-    proof = prove(loaded, prover, _capable(device) if device else None)
-    proof = _with_perceiver(proof, loaded, perceiver)
+    proof = prove(loaded, prover, _capable(device) if device else None, _perceiving(loaded, perceiver))
     if picture:
         from haptigraph.analysis.plots.proof_figure import proof_figure
 
@@ -127,17 +126,13 @@ def check(
         sys.exit(1)
 
 
-def _with_perceiver(proof: "Proof", loaded: "Procedure", perceiver: str) -> "Proof":
-    """Return a proof with the claim about a perceiver."""
-    from msgspec.structs import replace
-
+def _perceiving(procedure: "Procedure", perceiver: str) -> "tuple[str, PerceiverClass]":
+    """Return the name and the class of the perceiver that a run would use."""
     from haptigraph.assemble import perceiver_class, perceiver_name
     from haptigraph.config import Config
-    from haptigraph.proof.claims.reported import reported_claim
 
-    name = perceiver_name(Config().with_perceiver(perceiver), loaded)
-    claim, missing = reported_claim(loaded, name, perceiver_class(name))
-    return replace(proof, claims=(*proof.claims, claim), uncovered=(*proof.uncovered, *missing))
+    name = perceiver_name(Config().with_perceiver(perceiver), procedure)
+    return name, perceiver_class(name)
 
 
 def _capable(device: str) -> "tuple[str, Capabilities]":

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Collection, Iterator
 
 from haptigraph.errors import BadInput
-from haptigraph.graph import Triplet
+from haptigraph.graph import Names, Relation, Triplet
 from haptigraph.inference.procedure import Procedure, State
 from haptigraph.stages import PerceiverClass
 
@@ -27,7 +27,8 @@ def uncovered(procedure: Procedure) -> list[str]:
 
 def _unclaimed(procedure: Procedure) -> Iterator[str]:
     """Yield what nobody claims."""
-    alarms = [state for state in procedure.states if procedure.kinds[state.name] == "alarm"]
+    kinds = procedure.kinds
+    alarms = [state for state in procedure.states if kinds[state.name] == "alarm"]
     if not alarms:
         yield 'a signal to stop: no state has kind = "alarm"'
     if not procedure.invariants:
@@ -62,11 +63,9 @@ def _declared(procedure: Procedure) -> Iterator[str]:
 def _unlimited(procedure: Procedure) -> Iterator[str]:
     """Yield surfaces beyond which a state of success may be as far as it likes."""
     schema, kinds = procedure.schema, procedure.kinds
-    relations = {relation.names: relation for relation in schema.relations}
     limited = set[str]()
     for state in procedure.states:
-        needed = dict.fromkeys(one for names in state.when for one in (names, *relations[names].given))
-        for relation in (relations[names] for names in needed):
+        for relation in _needed_relations(procedure, state):
             name = schema.measure_name(relation)
             if relation.at_least is None and relation.above is None:
                 if kinds[state.name] == "alarm" and len(state.when) == 1 and not state.unless:
@@ -115,7 +114,8 @@ def unreported_notes(procedure: Procedure, name: str, class_of: Callable[[str], 
     if not found:
         return []
     entities = ", ".join(dict.fromkeys(name for names in found.values() for name in names))
-    alarms = [name for name in found if procedure.kinds[name] == "alarm"]
+    kinds = procedure.kinds
+    alarms = [name for name in found if kinds[name] == "alarm"]
     warning = f"; THE ALARM {', '.join(alarms)} CAN NEVER BE FELT" if alarms else ""
     return [
         f"perceiver {name} reports no {entities}, so these states of {procedure.name} cannot occur: "
@@ -123,14 +123,19 @@ def unreported_notes(procedure: Procedure, name: str, class_of: Callable[[str], 
     ]
 
 
-def _needed(procedure: Procedure, state: State) -> tuple[str, ...]:
-    """Return the entities without which a state's rule never fits, in the order of the schema."""
-    given = {relation.names: relation.given for relation in procedure.schema.relations}
-    edges, todo = set(), list(state.when)
+def _needed_relations(procedure: Procedure, state: State) -> list[Relation]:
+    """Return the relations without which a state's rule never fits, in the order of the schema."""
+    relations = {relation.names: relation for relation in procedure.schema.relations}
+    needed, todo = set[Names](), list(state.when)
     while todo:
         names = todo.pop()
-        if names not in edges:
-            edges.add(names)
-            todo += given[names]
-    needed = {name for names in edges for name in names[::2]}
+        if names not in needed:
+            needed.add(names)
+            todo += relations[names].given
+    return [relation for names, relation in relations.items() if names in needed]
+
+
+def _needed(procedure: Procedure, state: State) -> tuple[str, ...]:
+    """Return the entities without which a state's rule never fits, in the order of the schema."""
+    needed = {name for relation in _needed_relations(procedure, state) for name in relation.names[::2]}
     return tuple(entity.name for entity in procedure.schema.entities if entity.name in needed)

@@ -15,7 +15,7 @@ from haptigraph.inference.units import BOUNDS, unit_of
 from haptigraph.messages import Pattern
 from haptigraph.toml_document import Document
 
-__all__ = ["Measured", "Plausible", "check_plausible"]
+__all__ = ["NEAR", "NEAR_MM", "Measured", "Plausible", "check_plausible"]
 
 SLIPS = {
     "mm": (("um", 1e-3), ("m", 1e3), ("cm", 10.0)),
@@ -25,11 +25,12 @@ SLIPS = {
 }
 """By unit: others that a number may have been meant in, and their size in this one."""
 MAX_RELEASE = 0.1  # of the range of plausible thresholds
-DISTANCES = {"distance_mm": 1.0, "radial_mm": 1.0, "clearance_mm": 1.0, "gap_um": 1000.0}
-"""Measures of a distance, and their unit in a millimetre."""
+NEAR_MM = 3.75
+"""A quarter of the smallest eye that can be registered: what is further away is not near."""
+NEAR = {**dict.fromkeys(("distance_mm", "radial_mm", "clearance_mm"), NEAR_MM), "gap_um": 1000 * NEAR_MM}
+"""The same by measure of a distance, in its unit."""
 NEAR_PREDICATES = ("touching", "near", "at", "approaching")
 WALL_ENDS = {"inside": "lower", "outside": "upper"}
-TOUCHING_MM = 3.75  # a quarter of the smallest eye
 
 
 class Plausible(Protocol):
@@ -127,7 +128,7 @@ def _turned(relation: Relation) -> str:
     """Return what is wrong with bounds that contradict the relation's name; "" if nothing is."""
     lower = next((bound for bound in (relation.at_least, relation.above) if bound is not None), None)
     upper = next((bound for bound in (relation.at_most, relation.below) if bound is not None), None)
-    is_distance = relation.measure in DISTANCES
+    is_distance = relation.measure in NEAR
     end = WALL_ENDS.get(relation.predicate) if relation.measure == "wall_mm" else None
     if is_distance and relation.predicate in NEAR_PREDICATES:
         end = "upper"
@@ -136,7 +137,7 @@ def _turned(relation: Relation) -> str:
         needs = f"{relation.predicate} needs {article} {end} bound of {relation.measure}"
         return f"{needs}; correct it, or give a reason"
     if is_distance and relation.predicate == "touching":
-        most = TOUCHING_MM * DISTANCES[relation.measure]
+        most = NEAR[relation.measure]
         if upper is not None and not 0 <= upper <= most:
             unit = unit_of(relation.measure)
             return f"touching is from 0 to at most {most:g} {unit}; correct it, or give a reason"
@@ -190,9 +191,5 @@ def _problem(relation: Relation, value: float, measures: Mapping[str, Measured])
         for other, size in SLIPS.get(unit, ())
         if plausible.low < value * size < plausible.high and abs(value * size) >= 10 * plausible.resolution
     ]
-    hint = f"; did you mean {' or '.join(meant)}?" if meant else ""
-    return (
-        f"{problem}{hint} Correct it, or give a reason"
-        if hint
-        else f"{problem}; correct it, or give a reason"
-    )
+    hint = f"; did you mean {' or '.join(meant)}? Correct" if meant else "; correct"
+    return f"{problem}{hint} it, or give a reason"

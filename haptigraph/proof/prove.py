@@ -9,11 +9,13 @@ from haptigraph.proof.claims.colors import color_claims
 from haptigraph.proof.claims.follow import follow_claims
 from haptigraph.proof.claims.haptic import device_claims, haptic_claims
 from haptigraph.proof.claims.invariants import invariant_claims
+from haptigraph.proof.claims.reported import reported_claim
 from haptigraph.proof.claims.rules import rules_claims
 from haptigraph.proof.claims.thresholds import threshold_claims
 from haptigraph.proof.claims.time import time_claims
 from haptigraph.proof.report import Proof
 from haptigraph.proof.subject import Subject
+from haptigraph.stages import PerceiverClass
 
 __all__ = ["prove"]
 
@@ -22,6 +24,7 @@ def prove(
     procedure: Procedure,
     prover: Literal["auto", "exhaustive", "z3"] = "auto",
     device: tuple[str, Capabilities] | None = None,
+    perceiver: tuple[str, PerceiverClass] | None = None,
 ) -> Proof:
     """Check every claim against every possible graph.
 
@@ -29,11 +32,13 @@ def prove(
         procedure: A checked procedure.
         prover: The method; auto: enumerate the graphs if there are few, else z3.
         device: Name and capabilities of a device that is to play the haptic grammar.
+        perceiver: Name and class of the perceiver that is to report the entities.
 
     Raises:
         MissingExtra: If z3 is needed and not installed.
     """
     subject = Subject(procedure, prover)
+    reported, unseen = reported_claim(procedure, *perceiver) if perceiver else (None, ())
     claims = (
         *rules_claims(subject),
         *threshold_claims(subject),
@@ -43,6 +48,7 @@ def prove(
         *follow_claims(procedure),
         *color_claims(procedure),
         *(device_claims(procedure, *device) if device else ()),
+        *((reported,) if reported else ()),
     )
     held_ms = {state.name: state.hold_ms for state in procedure.states if state.hold_ms}
     temporal = tuple(claim.name for claim in procedure.temporal)
@@ -50,4 +56,4 @@ def prove(
     if device and device[1].frequency_range_hz is None:
         missing.append(f"how patterns differ by frequency: {device[0]} plays one of its own")
     method = subject.prover.method
-    return Proof(procedure.name, procedure.sha256, method, claims, temporal, held_ms, tuple(missing))
+    return Proof(procedure.name, procedure.sha256, method, claims, temporal, held_ms, (*missing, *unseen))

@@ -46,10 +46,13 @@ class Subject:
         is_enumerated = prover == "exhaustive" or (prover == "auto" and is_small)
         self._chosen = ExhaustiveProver if is_enumerated else Z3Prover
         self.prover: Prover = self._chosen(self.space, self.rules)
+        self._without: dict[int, Prover] = {}
 
     def without(self, number: int) -> Prover:
         """Return the prover of the other rules, as if one never fitted."""
-        return self._chosen(self.space, self.rules[:number] + self.rules[number + 1 :])
+        if number not in self._without:
+            self._without[number] = self._chosen(self.space, self.rules[:number] + self.rules[number + 1 :])
+        return self._without[number]
 
     def violation(self, sentence: str, about: str, world: World) -> Violation:
         """Return a violation with its counterexample, whose state replaces "{state}" in the sentence."""

@@ -1,23 +1,14 @@
-"""One browser for all tests, a fresh page for each; skipped without Chromium."""
+"""A fresh page for each test, in the browser of all."""
 
 import re
 from pathlib import Path
 
 import pytest
-from live_bench import CHROMIUM, LIVE, PAD, PHONE, Live, until
-from live_bench import chromium as start_chromium
+from live_bench import LIVE, PAD, PHONE, Live, until
 
 from haptigraph import assemble
 from haptigraph.config import load_config
 from haptigraph.recording import writer
-
-
-@pytest.fixture(scope="session")
-def chromium():
-    if CHROMIUM is None:
-        pytest.skip("needs Chromium: apt-get install chromium")
-    with start_chromium() as browser:
-        yield browser
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""Colours follow from meaning, can be told from each other with any colour vision, and text on them is readable."""
+"""Colours follow from meaning, differ for any colour vision, and text on them is readable."""
 
 from itertools import combinations
 from typing import get_args

@@ -7,6 +7,7 @@ from helpers import call, refuse
 
 from haptigraph.assemble import load_procedure, parse_procedure, procedure_names
 from haptigraph.errors import BadInput, Implausible
+from haptigraph.inference.plausible import NEAR_MM
 from haptigraph.registration.camera import DIAMETER_RANGE_MM
 from haptigraph.scene.relations import MEASURES, SMALLEST_EYE_MM
 
@@ -21,6 +22,7 @@ def file(tmp_path):
 
 def test_the_smallest_eye_is_that_of_registrations():
     assert DIAMETER_RANGE_MM[0] == SMALLEST_EYE_MM
+    assert SMALLEST_EYE_MM / 4 == NEAR_MM == MEASURES["wall_mm"].plausible.high
 
 
 @pytest.mark.parametrize("name", MEASURES)

@@ -9,7 +9,6 @@ from haptigraph.analysis.actuators import device_class
 from haptigraph.assemble import load_procedure, perceiver_class, perceiver_name
 from haptigraph.config import Config
 from haptigraph.errors import BadInput
-from haptigraph.proof.claims.reported import reported_claim
 from haptigraph.proof.prove import prove
 
 
@@ -21,10 +20,10 @@ def sentences(text, folder, device="", perceiver="auto"):
         procedure = load_procedure(str(file))
     except BadInput as refused:
         return [str(refused)]
-    proof = prove(procedure, device=(device, device_class(device).capabilities) if device else None)
     name = perceiver_name(Config().with_perceiver(perceiver), procedure)
-    reported, _ = reported_claim(procedure, name, perceiver_class(name))
-    return [violation.sentence for violation in (*proof.violations, *reported.violations)]
+    played = (device, device_class(device).capabilities) if device else None
+    proof = prove(procedure, device=played, perceiver=(name, perceiver_class(name)))
+    return [violation.sentence for violation in proof.violations]
 
 
 @pytest.mark.parametrize("case", BROKEN, ids=lambda case: case.name)

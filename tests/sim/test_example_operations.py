@@ -3,7 +3,7 @@
 from itertools import groupby, pairwise
 
 import pytest
-from helpers import needle
+from helpers import graph_on_target, needle
 from paths import GOLDEN
 
 from haptigraph.assemble import load_procedure, parse_procedure
@@ -80,11 +80,7 @@ def test_an_alarm_vibrates_as_long_as_it_lasts(name):
 )
 def test_what_touching_the_vein_means_depends_on_the_phase(registration, phase, state, feel):
     procedure = load_procedure("vein_cannulation")
-    anatomy = registration.anatomy
-    found = anatomy | needle(anatomy["trocar"].at_mm, anatomy["retina_target"].at_mm)
-    if phase:
-        found = {**found, phase: Phase(1.0)}
-    conclusion = RuleEngine(procedure)(SchemaSceneBuilder(procedure.schema)(Observation(0, found)))
+    conclusion = RuleEngine(procedure)(graph_on_target(procedure, registration, phase))
     assert (conclusion.state, conclusion.feel) == (state, feel)
 
 

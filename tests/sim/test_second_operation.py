@@ -3,12 +3,13 @@
 from itertools import pairwise
 
 import pytest
+from helpers import graph_on_target
 from paths import GOLDEN
 
 from haptigraph.analysis.metrics.run import RunMeasures
 from haptigraph.analysis.metrics.summary import summary
 from haptigraph.assemble import load_procedure, parse_procedure
-from haptigraph.geometry import Phase, Polyline
+from haptigraph.geometry import Polyline
 from haptigraph.inference.engine import RuleEngine
 from haptigraph.messages import Observation
 from haptigraph.recording.reader import RunReader
@@ -91,14 +92,8 @@ def test_the_pull_increases_with_the_height_of_the_edge():
     ],
 )
 def test_the_state_of_the_same_contact_depends_on_the_phase(registration, phase, state, feel):
-    from helpers import needle
-
     procedure = load_procedure("subretinal_injection_phases")
-    anatomy = registration.anatomy
-    found = anatomy | needle(anatomy["trocar"].at_mm, anatomy["retina_target"].at_mm)
-    if phase:
-        found = {**found, phase: Phase(1.0)}
-    graph = SchemaSceneBuilder(procedure.schema)(Observation(0, found))
+    graph = graph_on_target(procedure, registration, phase)
     conclusion = RuleEngine(procedure)(graph)
     assert (conclusion.state, conclusion.feel) == (state, feel)
     assert [node.id for node in graph.nodes if node.group == "phase"] == ([phase] if phase else [])

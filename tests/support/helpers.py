@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 from haptigraph.cli import main
 from haptigraph.errors import EndOfSource
-from haptigraph.geometry import Geometry, Point, Segment, Vec, rotate, subtract, unit
+from haptigraph.geometry import Geometry, Phase, Point, Segment, Vec, rotate, subtract, unit
 from haptigraph.graph import SceneGraph
 from haptigraph.haptics.renderer import GrammarRenderer
 from haptigraph.inference.engine import RuleEngine
@@ -40,6 +40,15 @@ SUCCESS = Pattern("success", "bursts", amplitude=0.8, frequency_hz=160, on_ms=10
 
 def needle(entry_mm: Vec, tip_mm: Vec) -> dict[str, Geometry]:
     return {"needle_tip": Point(tip_mm), "needle_line": Segment(entry_mm, tip_mm)}
+
+
+def graph_on_target(procedure: Procedure, registration: Registration, phase: str | None) -> SceneGraph:
+    """The graph of a needle whose tip is on the target, in a phase of the operation or none."""
+    anatomy = registration.anatomy
+    trocar, target = anatomy["trocar"], anatomy["retina_target"]
+    assert isinstance(trocar, Point) and isinstance(target, Point)
+    found = anatomy | needle(trocar.at_mm, target.at_mm) | ({phase: Phase(1.0)} if phase else {})
+    return SchemaSceneBuilder(procedure.schema)(Observation(0, found))
 
 
 def observe(

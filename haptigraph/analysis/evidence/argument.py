@@ -7,9 +7,11 @@ marks a goal that is not developed. Each hazard has rows of its own: the diagram
 import textwrap
 from collections.abc import Mapping
 from html import escape
+from typing import Any
 
 from haptigraph.analysis.evidence.case import Claim, Evidence, SafetyCase
 from haptigraph.analysis.evidence.tables import status_text
+from haptigraph.analysis.plots.svg import FONT, text_svg
 
 __all__ = ["PAPER", "argument_svg"]
 
@@ -127,12 +129,12 @@ class _Drawing:
                 f'stroke-width="{2.4 if lacks else 1.3}"{dash}/>'
             )
             self._text(CIRCLE_X, y - 2, name, color, weight="bold", anchor="middle")
-            self._text(CIRCLE_X, y + 12, evidence.source, color, size=10.5, anchor="middle")
+            self._text(CIRCLE_X, y + 12, evidence.source, color, size_px=10.5, anchor="middle")
             self._elbow(CLAIM[0] + CLAIM[1], from_y, CIRCLE_X - RADIUS, y)
         first = y - (len(lines) - 1) * LINE / 2 + 4
         for at, line in enumerate(lines):
             weight = "bold" if at == 0 and lacks else "normal"
-            self._text(NOTE_X, first + at * LINE, line, color, size=11.5, weight=weight)
+            self._text(NOTE_X, first + at * LINE, line, color, size_px=11.5, weight=weight)
 
     def _wrapped(self, text: str, width: float) -> list[str]:
         return textwrap.wrap(text, int((width - 2 * PAD) / (SIZE * CHAR)), break_long_words=True)
@@ -190,21 +192,10 @@ class _Drawing:
         head = f' marker-end="url(#{"supported" if filled else "context"})"' if arrow else ""
         return f'<path d="{path}" fill="none" stroke="{self._colors["line"]}" stroke-width="1.2"{head}/>'
 
-    def _text(
-        self,
-        x: float,
-        y: float,
-        text: str,
-        color: str,
-        *,
-        size: float = SIZE,
-        weight: str = "normal",
-        anchor: str = "start",
-    ) -> None:
-        self._shapes.append(
-            f'<text x="{x:g}" y="{y:g}" font-size="{size:g}" font-weight="{weight}" fill="{color}" '
-            f'text-anchor="{anchor}">{escape(text)}</text>'
-        )
+    def _text(self, x: float, y: float, text: str, color: str, **style: Any) -> None:
+        """Draw one line of text; `style` as in `text_svg`."""
+        style = {"size_px": SIZE, "anchor": "start", **style}
+        self._shapes.append(text_svg(x, y, text, color=color, **style))
 
     def svg(self, height: float, title: str) -> str:
         """Return the whole diagram."""
@@ -219,7 +210,7 @@ class _Drawing:
         return "\n".join(
             [
                 f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height:g}" width="{WIDTH}" '
-                f'height="{height:g}" font-family="DejaVu Sans, Verdana, sans-serif" role="img">',
+                f'height="{height:g}" {FONT} role="img">',
                 f"<title>The argument about {escape(title)}, in Goal Structuring Notation</title>",
                 f"<defs>{heads}</defs>",
                 f'<rect width="{WIDTH}" height="{height:g}" fill="{ground}"/>',

@@ -30,6 +30,8 @@ class _Use(NamedTuple):
     cells: tuple[Cell, ...]
     """Of the followed measure, in ascending order."""
     lines: list[Line]
+    worse: int
+    """At which end of its measure the state is worse: 1 at the high one, -1 at the low, 0: undecided."""
 
 
 def follow_claims(procedure: Procedure) -> list[Claim]:
@@ -37,14 +39,14 @@ def follow_claims(procedure: Procedure) -> list[Claim]:
     if not any(pattern.follow for pattern in procedure.patterns):
         return []
     uses = _uses(procedure)
-    undecided = [use.state for use in uses if not use.follow.because and not _worse(procedure, use)]
+    undecided = [use.state for use in uses if not use.follow.because and not use.worse]
     note = f" (the rules do not say where that is: {', '.join(undecided)})" if undecided else ""
     return [
         Claim(
             "follow grows",
             "what follows a measure grows towards an alarm, else away from silence, else towards the state "
             f"of higher priority{note}",
-            tuple(_inverted(procedure, uses)),
+            tuple(_inverted(uses)),
         ),
         Claim(
             "follow felt",
@@ -62,7 +64,10 @@ def _uses(procedure: Procedure) -> list[_Use]:
     measures = {follow.measure for pattern in procedure.patterns for follow in pattern.follow}
     lines = lines_of(procedure, space, [at[name] for name in measures])
     return [
-        _Use(state.name, pattern, follow, space.scales[number].cells, lines.get(number, []))
+        _Use(
+            *(state.name, pattern, follow, space.scales[number].cells, lines.get(number, [])),
+            _worse(procedure, state.name, lines.get(number, [])),
+        )
         for state in procedure.states
         for pattern in [patterns[state.feel]]
         for follow in pattern.follow
@@ -70,22 +75,22 @@ def _uses(procedure: Procedure) -> list[_Use]:
     ]
 
 
-def _worse(procedure: Procedure, use: _Use) -> int:
-    """Return at which end of its measure a state is worse: 1 at the high one, -1 at the low, 0: undecided."""
+def _worse(procedure: Procedure, state: str, lines: list[Line]) -> int:
+    """Return at which end of a measure a state is worse; see `_Use.worse`."""
     beyond = {-1: set[str](), 1: set[str]()}
-    for line in use.lines:
-        for at, state in line:
+    for line in lines:
+        for at, one in line:
             for to, other in line:
-                if state == use.state != other and abs(to - at) == 1:
+                if one == state != other and abs(to - at) == 1:
                     beyond[to - at].add(other)
     kinds = procedure.kinds
-    feels = {state.name: state.feel for state in procedure.states}
+    feels = {one.name: one.feel for one in procedure.states}
     silent = {pattern.name for pattern in procedure.patterns if pattern.kind == "off"}
-    priority = {state.name: number for number, state in enumerate(procedure.states)}
+    priority = {one.name: number for number, one in enumerate(procedure.states)}
     votes: list[Callable[[str], int]] = [
         lambda other: int(kinds[other] == "alarm"),
         lambda other: -int(feels[other] in silent),
-        lambda other: 1 if priority[other] < priority[use.state] else -1,
+        lambda other: 1 if priority[other] < priority[state] else -1,
     ]
     for vote in votes:
         sides = {side * vote(other) for side, others in beyond.items() for other in others} - {0}
@@ -94,11 +99,11 @@ def _worse(procedure: Procedure, use: _Use) -> int:
     return 0
 
 
-def _inverted(procedure: Procedure, uses: list[_Use]) -> Iterator[Violation]:
+def _inverted(uses: list[_Use]) -> Iterator[Violation]:
     for use in uses:
         (first, low), (last, high) = use.follow.start, use.follow.end
         grows = 1 if (high - low) * (last - first) > 0 else -1
-        if use.follow.because or low == high or _worse(procedure, use) in (0, grows):
+        if use.follow.because or low == high or use.worse in (0, grows):
             continue
         side = "smaller" if grows == 1 else "larger"
         sentence = (

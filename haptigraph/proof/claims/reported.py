@@ -18,6 +18,7 @@ def reported_claim(
         name: Of the perceiver.
         perceiver: Its class, which says what it reports.
     """
+    kinds = procedure.kinds
     missing = unreported(procedure, reported_with(perceiver))
     fixed = [one.name for one in procedure.schema.entities if one.fixed and one.name in perceiver.entities]
     sentences = {
@@ -27,11 +28,11 @@ def reported_claim(
     violations = [
         Violation(sentence, f"state {state}")
         for state, sentence in sentences.items()
-        if procedure.kinds[state] == "alarm"
+        if kinds[state] == "alarm"
     ]
     violations += [
         Violation(f"{one} is fixed, but {name} may lose it from sight; remove fixed", f"entity {one}")
         for one in fixed
     ]
-    others = tuple(sentence for state, sentence in sentences.items() if procedure.kinds[state] != "alarm")
+    others = tuple(sentence for state, sentence in sentences.items() if kinds[state] != "alarm")
     return Claim("reported", f"perceiver {name} reports what every alarm needs", tuple(violations)), others

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from math import inf
 
 from haptigraph.graph import Names, Relation, Triplet
+from haptigraph.inference.plausible import NEAR, NEAR_MM
 from haptigraph.messages import UNKNOWN
 from haptigraph.proof.report import Claim, Violation
 from haptigraph.proof.rules import Cube, make_cube
@@ -11,13 +12,7 @@ from haptigraph.proof.subject import Subject, bounds_of
 
 __all__ = ["rules_claims"]
 
-NEAR_MM = 3.75
-"""A quarter of the smallest eye that can be registered: what is further away is not near."""
-NEAR = {
-    **dict.fromkeys(("distance_mm", "radial_mm", "clearance_mm", "aside_mm"), NEAR_MM),
-    "gap_um": 1000 * NEAR_MM,
-    "depth_percent": 100.0,
-}
+NEAR_BOUNDS = {**NEAR, "aside_mm": NEAR_MM, "depth_percent": 100.0}
 """Upper bounds that are near, by measure."""
 
 
@@ -96,7 +91,7 @@ def _aimless(subject: Subject) -> Iterator[Violation]:
 
 
 def _is_near(relation: Relation) -> bool:
-    return bounds_of(relation).high <= NEAR.get(relation.measure, -inf)
+    return bounds_of(relation).high <= NEAR_BOUNDS.get(relation.measure, -inf)
 
 
 def _unused(subject: Subject) -> Iterator[Violation]:

@@ -3,8 +3,6 @@
 from pathlib import Path
 
 import pytest
-from live_bench import CHROMIUM
-from live_bench import chromium as start_chromium
 
 from haptigraph.analysis.evidence.gathering import Results, safety_case
 from haptigraph.analysis.evidence.page import page
@@ -26,14 +24,6 @@ CONTRASTS = """() => {
   const texts = [...document.querySelectorAll("h1, h2, p, li, li a, dt, dd, th, td, code")];
   return Math.min(...texts.map((text) => contrast(rgb(getComputedStyle(text).color), behind(text))));
 }"""
-
-
-@pytest.fixture(scope="module")
-def chromium():
-    if CHROMIUM is None:
-        pytest.skip("needs Chromium: apt-get install chromium")
-    with start_chromium() as browser:
-        yield browser
 
 
 @pytest.fixture(scope="module")
