@@ -59,7 +59,7 @@ def paper_figure(
         else:
             figure = _moment_figure(reader, series, kind, at_s, progress)
         if reader.info.source.startswith(SIMULATED):
-            note = figure.text(0.998, 0.004, "simulated", ha="right", fontsize=5, color=COLORS["grey"])
+            note = figure.text(0.002, 0.004, "simulated", ha="left", fontsize=5, color=COLORS["grey"])
             note.set_in_layout(False)
         save(figure, target)
 
