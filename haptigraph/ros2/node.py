@@ -215,7 +215,8 @@ class _Subscription:
     def wait(self) -> None:
         """Wait for a message, for a short time; adapt to the publishers now and then."""
         now_s = time.monotonic()
-        if self._publications is not None and now_s >= self._check_at_s:
+        # Messages in a reader are lost with it, so it is replaced while it has none.
+        if self._publications is not None and now_s >= self._check_at_s and not self._waitset.wait(0):
             self._check_at_s = now_s + CHECK_S
             is_reliable = self._publications.are_reliable(self._topic.name)
             if is_reliable != self._is_reliable:

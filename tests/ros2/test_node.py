@@ -7,9 +7,10 @@ pytest.importorskip("cyclonedds")
 
 from cyclonedds.builtin import BuiltinTopicDcpsSubscription
 from cyclonedds.qos import Policy, Qos
+from cyclonedds.topic import Topic
 
 from haptigraph.errors import BadInput
-from haptigraph.ros2.node import Node, _Endpoints, buffer_hint, checked_topic, domain_id
+from haptigraph.ros2.node import Node, _Endpoints, _Subscription, buffer_hint, checked_topic, domain_id
 from haptigraph.ros2.types import Header, Image, Joy, String, Time
 
 
@@ -45,6 +46,19 @@ def test_a_subscriber_is_reliable_if_all_publishers_are(peer, ros_network, monke
     until(lambda: not endpoints.are_reliable("rt/adapts"), "the second publisher would not be heard")
     assert reliable.has_subscribers
     endpoints.close()
+    node.close()
+
+
+def test_a_message_that_has_arrived_survives_the_change_to_reliable(peer, ros_network):
+    node = Node()
+    topic = Topic(node._joined, "rt/adapts", String)
+    subscription = _Subscription(node._joined, topic, 2, is_large=True)
+    peer.publisher("/adapts", String).send(String("first"))
+    until(lambda: "/adapts" in node.published(), "the publisher is not discovered")
+    subscription.wait()
+    assert [message.data for message in subscription.take()] == ["first"]
+    subscription.wait()
+    assert subscription._is_reliable
     node.close()
 
 

@@ -10,9 +10,12 @@ from ros_network import until
 
 pytest.importorskip("cyclonedds")
 
+from cyclonedds.builtin import BuiltinTopicDcpsSubscription
+
 from haptigraph.clock import MonotonicClock
 from haptigraph.errors import BadInput, SourceLost
 from haptigraph.recording.codec import decode, encode_jpeg, encode_png
+from haptigraph.ros2.node import _Endpoints
 from haptigraph.ros2.types import CompressedImage, Float64, Header, Image, Time
 from haptigraph.sources.cameras.ros2 import Ros2Source
 from haptigraph.sources.cameras.ros2_images import CHANNELS, compressed_image, raw_image
@@ -108,9 +111,23 @@ def source(ros_network):
     source.close()
 
 
-def test_an_image_is_stamped_when_it_was_taken(source, peer):
+@pytest.fixture
+def camera(source, peer):
+    """Publishes on the source's topic, once the source has adapted: messages of before may be lost."""
+    subscriptions = _Endpoints(peer.node._joined, BuiltinTopicDcpsSubscription)
+
+    def publisher(message_type):
+        publisher = peer.publisher("/camera/small", message_type)
+        until(lambda: subscriptions.are_reliable("rt/camera/small"), "the source does not adapt")
+        return publisher
+
+    yield publisher
+    subscriptions.close()
+
+
+def test_an_image_is_stamped_when_it_was_taken(source, camera):
     assert isinstance(source, Source)
-    publisher = peer.publisher("/camera/small", Image)
+    publisher = camera(Image)
     taken_ns, stamp_ns = time.monotonic_ns() - 200_000_000, time.time_ns() - 200_000_000
     publisher.send(raw("bgr8", stamp_ns=stamp_ns))
     capture = source.read(30.0)
@@ -122,11 +139,9 @@ def test_an_image_is_stamped_when_it_was_taken(source, peer):
     assert source.read(0.01) is None
 
 
-def test_a_compressed_image_keeps_its_bytes(source, peer):
+def test_a_compressed_image_keeps_its_bytes(source, camera):
     data = encode_jpeg(PIXELS[:, :, :3], 90)
-    peer.publisher("/camera/small", CompressedImage).send(
-        CompressedImage(header(time.time_ns()), "jpeg", data)
-    )
+    camera(CompressedImage).send(CompressedImage(header(time.time_ns()), "jpeg", data))
     capture = source.read(30.0)
     assert capture.encoded == data
     assert np.array_equal(capture.image, decode(data))
@@ -140,8 +155,8 @@ def test_a_compressed_image_keeps_its_bytes(source, peer):
         (None, "has no stamp"),
     ],
 )
-def test_an_implausible_stamp_is_reported_once_and_replaced_by_the_arrival(source, peer, ahead_s, problem):
-    publisher, faults = peer.publisher("/camera/small", Image), []
+def test_an_implausible_stamp_is_reported_once_and_replaced_by_the_arrival(source, camera, ahead_s, problem):
+    publisher, faults = camera(Image), []
     for _ in range(3):
         before_ns = time.monotonic_ns()
         publisher.send(raw("bgr8", stamp_ns=0 if ahead_s is None else time.time_ns() + ahead_s * 10**9))
@@ -153,16 +168,16 @@ def test_an_implausible_stamp_is_reported_once_and_replaced_by_the_arrival(sourc
     assert problem in faults[0].replace("3599.9", "3600.0").replace("59.9", "60.0")
 
 
-def test_the_newest_image_is_read_and_missed_ones_are_counted(source, peer):
-    publisher = peer.publisher("/camera/small", Image)
+def test_the_newest_image_is_read_and_missed_ones_are_counted(source, camera):
+    publisher = camera(Image)
     for number in range(10):
         publisher.send(raw("bgr8", stamp_ns=time.time_ns()))
         until(lambda number=number: source._index == number, "an image was lost")
     assert source.read(1.0).index == 9
 
 
-def test_an_image_out_of_order_is_rejected(source, peer):
-    publisher = peer.publisher("/camera/small", Image)
+def test_an_image_out_of_order_is_rejected(source, camera):
+    publisher = camera(Image)
     publisher.send(raw("bgr8", stamp_ns=time.time_ns()))
     assert source.read(30.0).index == 0
     publisher.send(raw("bgr8", stamp_ns=time.time_ns() - 500_000_000))
@@ -170,8 +185,8 @@ def test_an_image_out_of_order_is_rejected(source, peer):
         source.read(30.0)
 
 
-def test_a_rejected_message_is_reported_with_the_next_image_or_alone(source, peer):
-    publisher = peer.publisher("/camera/small", Image)
+def test_a_rejected_message_is_reported_with_the_next_image_or_alone(source, camera):
+    publisher = camera(Image)
     wrong = raw("bgr8")
     wrong.encoding = "mono16"
     publisher.send(wrong)
