@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 import shutil
 import sqlite3
 from contextlib import closing
@@ -10,6 +11,7 @@ import pytest
 from helpers import call
 from paths import ROOT
 
+DECIMAL = re.compile(r"-?\d+\.\d+(e-?\d+)?")
 V0_1 = ROOT / "tests" / "data" / "v0_1"
 TABLES = ("participants", "sessions", "stages", "answers", "trials", "events")
 OLD_KEYS = "ease.toml, line 12: key 'low_says' is now called 'low_label'"
@@ -44,6 +46,11 @@ def exported(folder):
 def trials_of(folder):
     with (folder / "trials.csv").open(newline="") as file:
         return [{**row, "software": ""} for row in csv.DictReader(file)]
+
+
+def typed(row):
+    """Return a row with its measures as numbers, because other processors round differently."""
+    return {name: float(text) if DECIMAL.fullmatch(text) else text for name, text in row.items()}
 
 
 def test_a_frozen_study_is_checked_and_shown(study):
@@ -104,7 +111,9 @@ def test_a_simulation_is_resumed(study, tmp_path):
     before, after = trials_of(V0_1 / "export"), trials_of(tmp_path / "out")
     for row in (*before, *after):
         del row["recording_sha256"], row["procedure_sha256"]
-    assert after == before
+    assert len(after) == len(before) == 6
+    for row, row_before in zip(after, before, strict=True):
+        assert typed(row) == pytest.approx(typed(row_before), rel=1e-6)
 
 
 def refused_simulation(study):
