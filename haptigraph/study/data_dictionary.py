@@ -62,8 +62,15 @@ TRIAL = _fields(
     ("phase", "text", "", "training or trial"),
     ("trial", "integer", "", "within the block or training, from 1"),
     ("attempt", "integer", "", "from 1; above 1 where the trial was repeated"),
+    (
+        "attempt_reason",
+        "text",
+        "",
+        "why this attempt was made: first; aborted: the one before was aborted or interrupted; repeated: the "
+        "one before was completed, and the experimenter repeated the trial",
+    ),
     ("target", "text", "", "name of the target position"),
-    ("seed", "integer", "", "seed of the trial for simulations"),
+    ("seed", "integer", "", "seed of the attempt for simulations"),
 )
 RECORD = _fields(
     "trials",

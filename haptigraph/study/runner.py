@@ -15,7 +15,7 @@ from sqlalchemy import Connection, delete, func, select, update
 from haptigraph.config import Config
 from haptigraph.errors import BadInput
 from haptigraph.study.data_dictionary import check_measures
-from haptigraph.study.plan import Stage, plan_of
+from haptigraph.study.plan import Stage, attempt_seed, plan_of
 from haptigraph.study.progress import (
     Attempt,
     Next,
@@ -148,7 +148,7 @@ class Session:
                 "session": self.number,
                 "condition": stage.condition,
                 "target": stage.target,
-                "seed": stage.seed,
+                "seed": attempt_seed(stage, upcoming.attempt),
                 "started_utc": self.study.store.now_utc(),
                 "recording": self._recording(upcoming) if records else None,
                 "procedure_sha256": hashlib.sha256(text.encode()).hexdigest(),

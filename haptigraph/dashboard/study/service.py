@@ -14,6 +14,7 @@ from typing import Literal, TypeAlias
 
 from haptigraph.dashboard.server.site import Site
 from haptigraph.errors import BadInput
+from haptigraph.study.enrolment import undo_enrolment, without_consent
 from haptigraph.study.plan import Stage
 from haptigraph.study.protocol import load_protocol
 from haptigraph.study.roster import Study
@@ -58,16 +59,37 @@ class StudyService:
 
     # --- for the experimenter -------------------------------------------------------------------------
 
-    def enrol(self, participant: str | None) -> str:
+    def enrol(self, participant: str | None, *, is_confirmed: bool = False) -> str:
         """Enrol a participant; None: under the next free pseudonym.
 
+        Args:
+            participant: The pseudonym.
+            is_confirmed: Whether to enrol although somebody enrolled here has not consented yet.
+
         Raises:
-            BadInput: If the study refuses them, its protocol was changed, or a trial is running here.
+            BadInput: If the study refuses them, its protocol was changed, a trial is running here, or
+                somebody has not consented yet.
         """
         with self._changing():
             self._check_idle()
             self._reload_protocol()
+            waiting = [] if is_confirmed else without_consent(self.study, self.station)
+            if waiting:
+                have = "has" if len(waiting) == 1 else "have"
+                problem = f"{', '.join(waiting)} {have} a place in the study, but {have} not consented yet"
+                raise BadInput(f"{problem}; undo the enrolment, or confirm that you enrol another one")
             return self.study.enrol(participant)
+
+    def undo_enrolment(self, participant: str) -> None:
+        """Undo the enrolment of the participant at this station, who has not consented.
+
+        Raises:
+            BadInput: If they are not here, have consented, or have data.
+        """
+        with self._changing():
+            self.session_of(participant)
+            undo_enrolment(self.study, participant)
+            self.session, self.problem = None, ""
 
     def open(self, participant: str, *, take_over: bool) -> None:
         """Open a participant's session at this station; the present one is closed and may be opened again.

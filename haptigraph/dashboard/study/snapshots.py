@@ -78,6 +78,7 @@ def _current(service: StudyService, session: Session) -> dict[str, Any]:
     return {
         "has_haptics": not (trial and shows_condition) or study.protocol.condition(trial.condition).touch,
         "participant": session.participant,
+        "may_undo_enrolment": progress.consented_utc is None and not progress.withdrawn,
         "done": coming.done,
         "total": coming.of,
         "ended": coming.ended,
@@ -157,6 +158,7 @@ def _standing(protocol: Protocol, each: ParticipantStatus, shows_order: bool) ->
         "next": _title(protocol, stage) if stage else each.next.ended,
         "ended": stage is None,
         "has_left": each.left,
+        "has_consented": each.has_consented,
         "running": each.next.running,
         "station": each.station,
         "void": each.void,

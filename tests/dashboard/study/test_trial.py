@@ -200,10 +200,26 @@ def test_a_refused_participant_leaves_the_current_session_open(service):
     with pytest.raises(BadInput, match="has no participant 'P05'"):
         service.open("P05", take_over=False)
     assert service.current_session().participant == "P01"
-    second = service.enrol(None)
+    with pytest.raises(BadInput, match="P01 has a place in the study, but has not consented yet; undo the"):
+        service.enrol(None)
+    second = service.enrol(None, is_confirmed=True)
     service.open(second, take_over=False)
     assert service.current_session().participant == second
     assert [each["station"] for each in experimenter_snapshot(service)["participants"]] == ["", "lab 1"]
+
+
+def test_an_enrolment_is_undone_at_its_station_until_the_consent(service):
+    with pytest.raises(BadInput, match="participant 'P02' is not at this station; P01 is"):
+        service.undo_enrolment("P02")
+    service.undo_enrolment("P01")
+    assert experimenter_snapshot(service)["current"] is None
+    assert service.study.check_frozen() is None  # nobody is enrolled
+    service.open(service.enrol(None), take_over=False)
+    assert experimenter_snapshot(service)["current"]["may_undo_enrolment"] is True
+    for _ in range(2):
+        service.session.done(service.session.next().stage.key)
+    assert experimenter_snapshot(service)["current"]["may_undo_enrolment"] is False
+    assert service.enrol(None) == "P02"
 
 
 @pytest.mark.parametrize("blind", ["nobody", "participant", "everyone"])

@@ -14,7 +14,7 @@ export function showRoster(status, onOpen) {
     const button = make("button", { type: "button", textContent: action, ariaLabel: `${action} ${each.participant}`, disabled: Boolean(status.trial_status) });
     if (action === "Resume") button.className = "primary";
     button.addEventListener("click", () => onOpen(each.participant, otherStation));
-    const facts = [each.running && "trial open", each.order.join(", then "), otherStation && `at ${otherStation}`, each.void && `${each.void} void`];
+    const facts = [each.running && "trial open", each.order.join(", then "), otherStation && `at ${otherStation}`, !each.has_consented && !each.has_left && !status.simulated && "no consent yet", each.void && `${each.void} void`];
     const item = make("li", { className: isHere ? "here" : "" },
       make("b", {}, each.participant), make("span", { className: "quiet" }, `${each.done} of ${each.total}`),
       action ? button : make("span", {}, isHere && "● here"), make("small", {}, each.next),

@@ -12,7 +12,7 @@ type PageElements =
     "verdict" | "wait" | "wait-title" | "waiting" | "way" | "who" | "work", HTMLElement>
   & Record<"abort" | "add" | "begin" | "cancel" | "closer" | "enrol-button" | "compare" | "confirm" | "csv" | "find" | "finish" |
     "hold" | "leave" | "load" | "map" | "note-save" | "play" | "png" | "redo" | "refresh" | "repeat" | "restore"
-    | "save-button" | "standard" | "stop" | "text-done" | "undo" | "whole" | "wider" | "withdraw",
+    | "save-button" | "standard" | "stop" | "text-done" | "undo" | "unenrol" | "whole" | "wider" | "withdraw",
     HTMLButtonElement>
   & Record<"loupe" | "timeline" | "traces" | "view", HTMLCanvasElement>
   & Record<"ask" | "exists" | "mapping", HTMLDialogElement>

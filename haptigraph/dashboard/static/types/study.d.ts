@@ -27,11 +27,11 @@ interface PlannedStage {
 }
 interface CurrentSession {
   participant: string, done: number, total: number, ended: string, stage: StageSummary | null, repeatable: string,
-  has_haptics: boolean, plan: PlannedStage[], events: { kind: string, text: string, at_utc: string }[],
+  may_undo_enrolment: boolean, has_haptics: boolean, plan: PlannedStage[], events: { kind: string, text: string, at_utc: string }[],
 }
 interface ParticipantRow {
   participant: string, order: string[], done: number, total: number, next: string, ended: boolean,
-  has_left: boolean, running: boolean, station: string, void: number,
+  has_left: boolean, has_consented: boolean, running: boolean, station: string, void: number,
 }
 interface ExperimenterStatus extends StudyStatus {
   name: string, station: string, max_participants: number, shows_conditions: boolean, problem: string,
