@@ -210,6 +210,10 @@ class Session:
         """Store a note of the experimenter."""
         self._add_event("note", text)
 
+    def answer_pulse(self, output: str, *, is_felt: bool) -> None:
+        """Store whether the participant felt the test pulse of outputs, joined by " + "."""
+        self._add_event("felt" if is_felt else "unfelt", output)
+
     def stop(self, reason: str) -> None:
         """End the participant's study early and for good."""
         self._add_event("stop", reason)
@@ -245,7 +249,12 @@ class Session:
             haptics=base.haptics if condition.touch else replace(base.haptics, max_amplitude=0.0),
             run=replace(base.run, procedure=protocol.procedure_path(condition)),
             recording=replace(base.recording, path=str(path)),
-            trial=replace(base.trial, participant=self.participant, trial=f"{stage.key}/{upcoming.attempt}"),
+            trial=replace(
+                base.trial,
+                participant=self.participant,
+                trial=f"{stage.key}/{upcoming.attempt}",
+                touch_output=base.trial.touch_output if condition.touch else "",
+            ),
         )
 
     def _running(self) -> Attempt:

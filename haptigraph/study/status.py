@@ -51,10 +51,10 @@ def participant_statuses(study: Study) -> list[ParticipantStatus]:
 
 
 class Event(Struct, frozen=True):
-    """An entry of the experimenter."""
+    """An entry of the experimenter, or the participant's answer to a test pulse."""
 
     kind: str
-    """note, or stop."""
+    """note, stop, felt or unfelt."""
     text: str
     at_utc: str
 

@@ -86,8 +86,11 @@ def routes(site: StationSite) -> Sequence[BaseRoute]:
     def status() -> dict[str, Any]:
         return experimenter_snapshot(service)
 
+    def is_blind() -> bool:
+        return service.study.protocol.study.blind == "everyone"
+
     return [
-        *live_page.routes(site),
+        *live_page.routes(site, is_blind=is_blind),
         get_route("/study/status", status),
         post_route("/study/enrol", Enrol, enrol, status),
         post_route("/study/unenrol", Participant, unenrol, status),

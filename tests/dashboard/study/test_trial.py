@@ -11,11 +11,13 @@ from studying import PROTOCOL, study_at
 from haptigraph import assemble
 from haptigraph.analysis.metrics.run import RunMeasures
 from haptigraph.assemble import build
-from haptigraph.config import load_config
+from haptigraph.config import HapticsConfig, load_config
 from haptigraph.dashboard.server.server import listen
+from haptigraph.dashboard.server.viewer import Viewer
 from haptigraph.dashboard.study.service import StudyService
 from haptigraph.dashboard.study.site import StudySite
 from haptigraph.dashboard.study.snapshots import experimenter_snapshot, participant_snapshot
+from haptigraph.dashboard.study.touch_output import TouchOutput
 from haptigraph.dashboard.study.trial import AFTER_HIT_NS, TrialEnd, run_trials
 from haptigraph.errors import BadInput, NotSilent, StoreFailed
 from haptigraph.study.plan import Stage
@@ -69,8 +71,16 @@ def service(tmp_path):
     (tmp_path / "study.toml").write_text(PROTOCOL)
     with closing(Store(tmp_path / "study.db")) as store:
         service = StudyService(tmp_path, study_at(tmp_path, store), "lab 1")
+        service.touch = TouchOutput(HapticsConfig(), [screen()], lambda *_: None)
         service.open(service.enrol(None), take_over=False)
         yield service
+
+
+def screen():
+    """A participant's page on which the border shows the haptic feedback."""
+    viewer = Viewer("participant's page 1")
+    viewer.outputs = ("screen",)
+    return viewer
 
 
 def go_to_the_training(service):
@@ -81,6 +91,7 @@ def go_to_the_training(service):
             for item in service.study.protocol.questionnaire(stage.questionnaire).items:
                 session.answer(stage.key, item.key, item.choices[0] if item.choices else "30")
         session.done(stage.key)
+    session.answer_pulse("screen", is_felt=True)
     return session.next().stage
 
 

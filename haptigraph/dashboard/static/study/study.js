@@ -43,9 +43,12 @@ async function act(name, body) {
 }
 
 function complain() {
-  const problem = page.isOpen ? refused || page.status?.problem : "The server does not respond. If it has stopped, start haptigraph study run again; it continues where it stopped.";
+  const problem = page.isOpen ? refused || page.status?.problem || touchProblem(page.status) : "The server does not respond. If it has stopped, start haptigraph study run again; it continues where it stopped.";
   showOrHide($("problem"), problem ?? "");
 }
+
+/** Say why the trial that comes next must not begin. @param {ExperimenterStatus | null} status */
+function touchProblem(status) { return status?.trial_status ? "" : status?.current?.touch.problem; }
 
 function show(/** @type {ExperimenterStatus} */ status) {
   const { current } = page.status = status;
@@ -70,7 +73,7 @@ function showStage(/** @type {ExperimenterStatus} */ { current, trial_status, pa
   $("participant").textContent = current?.participant ?? "";
   if (current) {
     setText($("stage"), stage ? [stage.title, stage.condition].filter(Boolean).join(" · ") : current.ended);
-    const facts = [`stage ${Math.min(current.done + 1, current.total)} of ${current.total}`, stage && stageText(stage, trial_status), !current.has_haptics && "without haptic feedback"];
+    const facts = [`stage ${Math.min(current.done + 1, current.total)} of ${current.total}`, stage && stageText(stage, trial_status), stage?.timeout_s && current.touch.output && `output: ${current.touch.output}`, !current.has_haptics && "without haptic feedback"];
     $("detail").textContent = facts.filter(Boolean).join(" · ");
   } else {
     setText($("stage"), interrupted ? `${interrupted.participant} was here when the station stopped` : "No participant at this station");
@@ -78,6 +81,7 @@ function showStage(/** @type {ExperimenterStatus} */ { current, trial_status, pa
   }
   $("enrol-button").classList.toggle("primary", !current);
   $("begin").hidden = !(stage?.timeout_s && !trial_status);
+  $("begin").disabled = Boolean(current?.touch.problem);
   $("finish").hidden = stage?.kind !== "break" && stage?.kind !== "thanks";
   $("abort").hidden = !trial_status;
   $("abort").disabled = trial_status !== "running";
