@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from haptigraph.clock import Clock, MonotonicClock, VirtualClock
 from haptigraph.config import Config
 from haptigraph.errors import BadInput, NeedsRegistration, unknown_name
+from haptigraph.haptics.delivery import ConfirmedDevice, DeliveryLog, confirms
 from haptigraph.haptics.observed_device import Listener, ObservedDevice
 from haptigraph.imaging import UPRIGHT
 from haptigraph.perception.entities import ENTITIES
@@ -31,6 +32,7 @@ __all__ = [
     "SOURCES",
     "build",
     "build_pipeline",
+    "is_felt",
     "is_realtime",
     "load_procedure",
     "open_device",
@@ -79,6 +81,7 @@ def build(
     sinks: Sequence[Sink] = (),
     progress: "Progress | None" = None,
     listener: Listener | None = None,
+    deliveries: DeliveryLog | None = None,
 ) -> Loop:
     """Assemble the loop that a configuration describes.
 
@@ -87,6 +90,7 @@ def build(
         sinks: Further consumers of steps.
         progress: Reports the progress of slow work.
         listener: Receives every output of the device.
+        deliveries: Also takes what outputs outside this loop confirm.
 
     Raises:
         BadInput: If a name, a file or a device in the configuration cannot be used.
@@ -125,8 +129,10 @@ def build(
             run = context(info, registration.image, measures, clock, source.teleop)
             bridges = _load("haptigraph.bridges.opening:open_bridges")(config.run.bridges, run)
             undo.callback(lambda: [bridge.close() for bridge in bridges])
-        device = open_device(config.haptics.device)
+        device, log = open_device(config.haptics.device), deliveries or DeliveryLog()
         undo.callback(device.close)
+        if confirms(config.haptics.device):
+            device = ConfirmedDevice(device, config.haptics.device, log)
         for observer in (*(bridge.send_output for bridge in bridges), *((listener,) if listener else ())):
             device = ObservedDevice(device, observer)
         output = _output(device, config, clock)
@@ -143,11 +149,17 @@ def build(
             sinks=[*bridges, *recorders, *sinks],
             clock=clock,
             stale_ms=config.run.stale_ms,
+            deliveries=log.take,
             notes=run_notes(config, source, procedure, device, registration, perceiver_class),
         )
         loop.report.note_limits(registration.assumed, config.haptics.max_amplitude)
         undo.pop_all()
     return loop
+
+
+def is_felt(device: str) -> bool:
+    """Return whether a person feels a device of this name: an actuator, not a file or the terminal."""
+    return device.partition(":")[0] in ACTUATORS and not device.endswith(".wav")
 
 
 def is_realtime(config: Config) -> bool:
@@ -157,12 +169,11 @@ def is_realtime(config: Config) -> bool:
         BadInput: If a camera, an actuator or a bridge is to run at any other pace.
     """
     kind, device = split_source(config.source.uri, SOURCES)[0], config.haptics.device
-    is_felt = device.partition(":")[0] in ACTUATORS and not device.endswith(".wav")
-    default = is_felt or kind in GENERATED or bool(config.run.bridges)
+    default = is_felt(device) or kind in GENERATED or bool(config.run.bridges)
     realtime = default if config.run.realtime is None else config.run.realtime
-    if not realtime and (is_felt or kind in CAMERAS or config.run.bridges):
+    if not realtime and (is_felt(device) or kind in CAMERAS or config.run.bridges):
         bridges = " ".join(f"--bridge {name}" for name in config.run.bridges)
-        which = device if is_felt else config.source.uri if kind in CAMERAS else bridges
+        which = device if is_felt(device) else config.source.uri if kind in CAMERAS else bridges
         raise BadInput(f"{which} works in real time; --fast is for files, the phantom, console and trace")
     return realtime
 

@@ -147,6 +147,8 @@ class TrialConfig(Struct, frozen=True, forbid_unknown_fields=True):
     trial: str = ""
     phase: str = ""
     """Initial phase, if the procedure has phases; empty: its first."""
+    touch_output: str = ""
+    """Outputs whose test pulse the participant felt, joined by " + "; set by `study run`."""
 
 
 class Config(Struct, frozen=True, forbid_unknown_fields=True):

@@ -25,6 +25,7 @@ __all__ = [
     "Capture",
     "Certainty",
     "Conclusion",
+    "Delivered",
     "Fault",
     "Follow",
     "HandState",
@@ -109,6 +110,14 @@ class CameraStamp(Struct, frozen=True):
     """When haptigraph received the image, on the run's clock; None for a file."""
 
 
+class Delivered(Struct, frozen=True):
+    """A period for which an output confirmed that it vibrated, on the run's clock."""
+
+    start_ns: int
+    end_ns: int
+    output: str
+
+
 class Capture(Struct, frozen=True, eq=False):
     """One tick of input: an image, or the fact that there is none."""
 
@@ -130,6 +139,8 @@ class Capture(Struct, frozen=True, eq=False):
     """The phase of the operation, as set by a person or a script; empty: none."""
     phase_s: float = 0.0
     """Time since the phase began."""
+    delivered: tuple[Delivered, ...] = ()
+    """Vibration that an output has confirmed since the previous capture; periods may overlap."""
 
 
 class Certainty(Struct, frozen=True):

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from haptigraph.clock import Clock
 from haptigraph.errors import BadInput, EndOfSource, HaptigraphError, PerceiverBroken, SourceLost
-from haptigraph.messages import Capture, Fault, Observation, Step, Timing
+from haptigraph.messages import Capture, Delivered, Fault, Observation, Step, Timing
 from haptigraph.run_report import RunReport
 from haptigraph.stages import Perceiver, Reasoner, Renderer, SceneBuilder, Sink, Source
 
@@ -117,6 +117,7 @@ class Loop:
         sinks: Receive every step.
         clock: The run's clock; with a virtual one the loop runs as fast as it can.
         stale_ms: Without a new image for so long, the needle counts as lost.
+        deliveries: Returns the vibration that outputs have confirmed since the last call.
         notes: What the user should know before the run, a sentence each.
     """
 
@@ -129,11 +130,12 @@ class Loop:
         sinks: Sequence[Sink] = (),
         clock: Clock,
         stale_ms: float = 100.0,
+        deliveries: Callable[[], tuple[Delivered, ...]] = tuple,
         notes: Sequence[str] = (),
     ) -> None:
         self.pipeline, self.source, self.output, self.sinks = pipeline, source, output, tuple(sinks)
         self.notes, self.report = tuple(notes), RunReport()
-        self._clock, self._stale_ms = clock, stale_ms
+        self._clock, self._stale_ms, self._deliveries = clock, stale_ms, deliveries
         self._start_ns: int | None = None
         self._last_ns: int | None = None
         self._index = -1
@@ -237,7 +239,8 @@ class Loop:
                 capture = self._paced(capture)
             self.report.skipped += max(capture.index - self._index - 1, 0)
             self._index = capture.index
-            yield replace(capture, faults=(*capture.faults, *faults))
+            delivered = (*capture.delivered, *self._deliveries())
+            yield replace(capture, faults=(*capture.faults, *faults), delivered=delivered)
 
     def _in_order(self, capture: Capture) -> Capture:
         """Keep stamps from decreasing: a late image may have been taken before the moment it was missed."""
@@ -250,7 +253,8 @@ class Loop:
         """Make a capture without image, whose step reports the needle as lost, and why, if it is a fault."""
         if message:
             faults = (*faults, Fault("source", message))
-        return Capture(max(self._index, 0), self._clock.now_ns(), None, faults=faults)
+        index, now_ns = max(self._index, 0), self._clock.now_ns()
+        return Capture(index, now_ns, None, faults=faults, delivered=self._deliveries())
 
     def _paced(self, capture: Capture) -> Capture:
         """Wait until a capture is due and stamp it; the schedule slips when the loop is late."""

@@ -41,6 +41,9 @@ store_option = click.option(
     metavar="FILE|URL",
     help="The study's store: an SQLite file, or postgresql://...  [FOLDER/study.db]",
 )
+unblind_option = click.option(
+    "--unblind", is_flag=True, help='With blind = "everyone": show who gets which condition.'
+)
 
 
 @click.group(
@@ -82,14 +85,18 @@ def new(folder: str) -> None:
     click.echo(f"{path} was written; adapt it, then: haptigraph study check {folder}")
 
 
-@study.command(epilog=examples("haptigraph study check my-study"))
+@study.command(
+    epilog=examples("haptigraph study check my-study", "haptigraph study check my-study --unblind")
+)
 @folder_argument
 @store_option
-def check(folder: str, store: str | None) -> None:
+@unblind_option
+def check(folder: str, store: str | None, unblind: bool) -> None:
     """Check protocol and recordings, list all assignments.
 
-    Shows orders, targets, whether the protocol is frozen, and how many participants withdrew. Exit code 1 if
-    a recording is missing or was changed, or one of an erased participant still exists.
+    Shows orders, targets, whether the protocol is frozen, and how many participants withdrew; with blind =
+    "everyone", no orders without --unblind. Exit code 1 if a recording is missing or was changed, or one of
+    an erased participant still exists.
     """
     from haptigraph.analysis.study.overview import protocol_tables
     from haptigraph.study.protocol import load_protocol
@@ -113,7 +120,7 @@ def check(folder: str, store: str | None) -> None:
             by = ", by SIMULATED participants" if stored.simulated else ""
             state = f"frozen since {frozen['frozen_utc'][:16].replace('T', ' ')} UTC{by}\n{summary}"
             sha256 = frozen["protocol_sha256"]
-    for table in protocol_tables(protocol):
+    for table in protocol_tables(protocol, is_blind=_is_blind(protocol, unblind)):
         _print(table)
     click.echo(f"{state}\nsha256 {sha256}")
     for problem in problems:
@@ -123,10 +130,13 @@ def check(folder: str, store: str | None) -> None:
     click.echo("no errors")
 
 
-@study.command(epilog=examples("haptigraph study status my-study"))
+@study.command(
+    epilog=examples("haptigraph study status my-study", "haptigraph study status my-study --unblind")
+)
 @folder_argument
 @store_option
-def status(folder: str, store: str | None) -> None:
+@unblind_option
+def status(folder: str, store: str | None, unblind: bool) -> None:
     """Show the progress of every participant."""
     from haptigraph.analysis.study.overview import status_table
     from haptigraph.study.protocol import load_protocol
@@ -141,7 +151,8 @@ def status(folder: str, store: str | None) -> None:
 
         if stored.simulated:
             click.echo("simulated participants")
-        _print(status_table(protocol, participant_statuses(stored)))
+        is_blind = _is_blind(protocol, unblind)
+        _print(status_table(protocol, participant_statuses(stored), is_blind=is_blind))
 
 
 @study.command(epilog=examples("haptigraph study export my-study -o exported"))
@@ -218,6 +229,15 @@ def existing_store(folder: str, store: str | None) -> Iterator["Store | None"]:
 def missing_store(folder: str) -> BadInput:
     """Return the error for a missing store."""
     return BadInput("does not exist; the first enrolment creates it", Path(folder) / STORE)
+
+
+def _is_blind(protocol: "Protocol", unblind: bool) -> bool:
+    """Return whether the output must not show who gets which condition; say what is shown or hidden."""
+    if protocol.study.blind != "everyone":
+        return False
+    shown = "UNBLINDED: whoever reads this knows" if unblind else "blinded: --unblind shows"
+    click.echo(f"{shown} who gets which condition")
+    return not unblind
 
 
 def _study_in(store: "Store", protocol: "Protocol") -> "Study":

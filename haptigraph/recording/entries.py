@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from msgspec import Struct
+from msgspec import UNSET, Struct
 
 from haptigraph.geometry import ImageGeometry
 from haptigraph.messages import Capture, Step
@@ -46,6 +46,7 @@ def entries(
         capture.phase,
         capture.phase_s,
         video,
+        capture.delivered or UNSET,
     )
     yield "/capture", record
     if capture.hand is not None:

@@ -116,6 +116,7 @@ class RunReader:
             record.camera,
             record.phase,
             record.phase_s,
+            record.delivered or (),
         )
         step = Step(
             record.index,

@@ -5,12 +5,13 @@ A test keeps docs/recordings.md consistent with this table.
 
 from typing import Any, Literal, NamedTuple, TypeAlias
 
-from msgspec import Struct
+from msgspec import UNSET, Struct, UnsetType
 
 from haptigraph.graph import SceneGraph
 from haptigraph.messages import (
     CameraStamp,
     Conclusion,
+    Delivered,
     Fault,
     HandState,
     HapticCommand,
@@ -93,6 +94,8 @@ class CaptureRecord(Struct, frozen=True):
     phase_s: float = 0.0
     video: VideoImage | None = None
     """Which image of the video it is."""
+    delivered: tuple[Delivered, ...] | UnsetType = UNSET
+    """Vibration that an output confirmed; left out where there was none."""
 
 
 class Topic(NamedTuple):
@@ -128,7 +131,7 @@ TOPICS = (
         "haptigraph.Capture",
         "ns, px, mm, deg, s",
         "stamp, the camera's own stamp, external faults, the simulator's ground truth, phase, "
-        "which image of the stored video",
+        "which image of the stored video, vibration that an output confirmed",
     ),
     Topic(
         "/teleop",

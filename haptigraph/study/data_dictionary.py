@@ -47,6 +47,19 @@ MEASURES = _fields(
     ("vibrating_s", "number", "s", f"time with a commanded amplitude above 0 {RUN}"),
     ("reaction_ms", "number", "ms", f"median time from a cue, felt or not, to a decrease of theta {RUN}"),
     ("approach_speed_mm_s", "number", "mm/s", f"maximum speed towards the retina while approaching it {RUN}"),
+    (
+        "touch_output",
+        "text",
+        "",
+        "outputs whose test pulse the participant felt, joined by +; empty: no haptic feedback",
+    ),
+    (
+        "delivered_s",
+        "number",
+        "s",
+        "time for which an output confirmed an amplitude above 0 (serial: the board its pin; gamepad and "
+        f"controller: driver or browser the command) {RUN}; empty: no output that confirms",
+    ),
 )
 """Measures of a trial, besides `time_<state>_s` for each state of the procedure."""
 
@@ -62,8 +75,15 @@ TRIAL = _fields(
     ("phase", "text", "", "training or trial"),
     ("trial", "integer", "", "within the block or training, from 1"),
     ("attempt", "integer", "", "from 1; above 1 where the trial was repeated"),
+    (
+        "attempt_reason",
+        "text",
+        "",
+        "why this attempt was made: first; aborted: the one before was aborted or interrupted; repeated: the "
+        "one before was completed, and the experimenter repeated the trial",
+    ),
     ("target", "text", "", "name of the target position"),
-    ("seed", "integer", "", "seed of the trial for simulations"),
+    ("seed", "integer", "", "seed of the attempt for simulations"),
 )
 RECORD = _fields(
     "trials",
@@ -135,8 +155,14 @@ COLUMNS: dict[str, list[Field]] = {
         ("participant", "text", "", "pseudonym"),
         ("number", "integer", "", "from 1"),
         ("session", "integer", "", "session in which it was noted"),
-        ("kind", "text", "", "note, or stop: the experimenter ended the session early"),
-        ("text", "text", "", "the experimenter's words"),
+        (
+            "kind",
+            "text",
+            "",
+            "note; stop: the experimenter ended the session early; felt or unfelt: the participant's answer "
+            "to a test pulse",
+        ),
+        ("text", "text", "", "the experimenter's words; for felt and unfelt, the outputs, joined by +"),
         ("at_utc", "text", "ISO 8601", "when it was noted"),
     ),
 }

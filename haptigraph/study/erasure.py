@@ -20,7 +20,7 @@ from haptigraph.study.station import location, open_session_row
 from haptigraph.study.store import Row
 from haptigraph.study.tables import METADATA, PARTICIPANTS, SESSIONS, TRIALS, is_erased
 
-__all__ = ["ParticipantData", "delete_rows", "erase", "find_data", "remaining_files"]
+__all__ = ["PARTICIPANT_TABLES", "ParticipantData", "delete_rows", "erase", "find_data", "remaining_files"]
 
 PARTICIPANT_TABLES = [
     table

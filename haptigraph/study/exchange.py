@@ -10,6 +10,7 @@ import re
 import shutil
 import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -35,6 +36,8 @@ TABLES = {
     "events": EVENTS,
 }
 """In an order that respects foreign keys."""
+ABSENT = {"attempt_reason", *(field.name for field in MEASURES)}
+"""Columns that an export of an earlier version may lack."""
 FROM_1 = ("position", "block")  # stored as 0 where missing
 WriteTable: TypeAlias = Callable[[Path, Sequence[Field], Sequence[Mapping[str, Any]]], None]
 STUDY_FILE, DICTIONARY = "study.json", "data_dictionary.csv"
@@ -74,6 +77,8 @@ def tidy_tables(store: Store, study: str) -> dict[str, tuple[list[Field], list[d
         found = store.rows(select(table).where(table.c.study == study))
         key = [column.name for column in table.primary_key]
         rows = [_tidy(name, row) for row in sorted(found, key=lambda row: [row[part] for part in key])]
+        if name == "trials":
+            _add_attempt_reasons(rows)
         tables[name] = (fields_of(name, (key for row in rows for key in row)), rows)
     fields, people = tables["participants"]
     one_off = [row for row in tables["answers"][1] if row["position"] is None]
@@ -218,6 +223,13 @@ def _tidy(table: str, row: Row) -> dict[str, Any]:
     return tidy
 
 
+def _add_attempt_reasons(rows: Sequence[dict[str, Any]]) -> None:
+    """Derive why each attempt was made from the attempt before, in the row above."""
+    for before, row in pairwise(({"outcome": None}, *rows)):
+        after = "aborted" if before["outcome"] == "aborted" else "repeated"
+        row["attempt_reason"] = "first" if row["attempt"] == 1 else after
+
+
 def _stored(table: str, row: dict[str, Any]) -> dict[str, Any]:
     """Convert an exported row back into a stored one."""
     stored = {name: 0 if name in FROM_1 and value is None else value for name, value in row.items()}
@@ -274,7 +286,8 @@ def _read(path: Path, table: str, study: str) -> Iterable[dict[str, Any]]:
         with path.open(newline="", encoding="utf-8-sig") as file:
             reader = csv.DictReader(file, strict=True)
             fields = {field.name: field for field in fields_of(table, reader.fieldnames or ())}
-            missing = fields.keys() - set(reader.fieldnames or ())
+            fields = {name: field for name, field in fields.items() if name in (reader.fieldnames or ())}
+            missing = {field.name for field in COLUMNS[table]} - ABSENT - fields.keys()
             if missing:
                 raise BadInput(f"column {min(missing)!r} is missing", path)
             for row in reader:

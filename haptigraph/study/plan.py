@@ -12,7 +12,7 @@ from msgspec import Struct
 from haptigraph.study.conditions import hashed_integer, order_of, round_of, targets_of
 from haptigraph.study.protocol import Protocol
 
-__all__ = ["Kind", "Stage", "condition_title", "conditions_of", "plan_of"]
+__all__ = ["Kind", "Stage", "attempt_seed", "condition_title", "conditions_of", "plan_of"]
 
 Kind: TypeAlias = Literal["briefing", "consent", "questionnaire", "training", "trial", "break", "thanks"]
 
@@ -32,7 +32,7 @@ class Stage(Struct, frozen=True):
     """Number within its block, or within training, from 1."""
     target: str = ""
     seed: int = 0
-    """Of the trial, for simulations."""
+    """Of the trial's first attempt, for simulations."""
     timeout_s: float = 0.0
     free: bool = False
     """Whether the trial continues after Target Hit."""
@@ -49,6 +49,11 @@ class Stage(Struct, frozen=True):
     def is_trial(self) -> bool:
         """Whether it is a training or study trial."""
         return self.kind in ("training", "trial")
+
+
+def attempt_seed(stage: Stage, attempt: int) -> int:
+    """Return the seed of an attempt (from 1) at a trial; no two attempts have the same."""
+    return stage.seed if attempt == 1 else hashed_integer(stage.seed, "attempt", attempt) % 2**31
 
 
 def conditions_of(protocol: Protocol, slot: int) -> list[str]:

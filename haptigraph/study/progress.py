@@ -67,10 +67,16 @@ class Progress(Struct):
         return counted[-1] if counted else None
 
     def has_failed(self, stage: Stage, max_attempts: int) -> bool:
-        """Return whether a trial was aborted as often as the protocol allows."""
+        """Return whether a trial was aborted as often as the protocol allows; a repeat counts anew."""
         attempts = self.of(stage)
-        aborted = sum(attempt.outcome == "aborted" for attempt in attempts)
-        return aborted >= max_attempts and attempts[-1].outcome == "aborted"
+        repeated = [number for number, each in enumerate(attempts, 1) if each.outcome != "aborted"]
+        return len(attempts) - max(repeated, default=0) >= max_attempts
+
+    def is_completed(self, stage: Stage) -> bool:
+        """Return whether a trial counts, another stage is done, or a questionnaire has answers."""
+        if stage.is_trial:
+            return self.counted(stage) is not None
+        return stage.key in self.done or (stage.questionnaire, stage.position) in self.answers
 
 
 class Next(Struct, frozen=True):
@@ -135,8 +141,14 @@ def next_of(plan: Sequence[Stage], progress: Progress, protocol: Protocol, now: 
         now: The time, for the stopping rule on duration.
     """
     max_attempts = protocol.trials.attempts
+    past = max((index for index, stage in enumerate(plan) if progress.is_completed(stage)), default=0)
     done = next(
-        (index for index, stage in enumerate(plan) if not _is_done(stage, progress, max_attempts)), len(plan)
+        (
+            index
+            for index, stage in enumerate(plan)
+            if not _is_done(stage, progress, max_attempts, is_past=index < past)
+        ),
+        len(plan),
     )
     if progress.withdrawn:
         return Next(None, done, len(plan), ended=progress.withdrawn)
@@ -164,10 +176,14 @@ def repeatable(plan: Sequence[Stage], progress: Progress, upcoming: Next) -> Sta
     return previous
 
 
-def _is_done(stage: Stage, progress: Progress, max_attempts: int) -> bool:
+def _is_done(stage: Stage, progress: Progress, max_attempts: int, *, is_past: bool) -> bool:
     if not stage.is_trial:
         return stage.key in progress.done
-    return progress.counted(stage) is not None or progress.has_failed(stage, max_attempts)
+    if progress.counted(stage) is not None or progress.has_failed(stage, max_attempts):
+        return True
+    # Stores of version 0.1 go on: there, aborted attempts before a repeat counted too, and a trial was left.
+    aborted = [each.outcome == "aborted" for each in progress.of(stage)]
+    return is_past and sum(aborted) >= max_attempts and aborted[-1]
 
 
 def _stopping_rule(done: Sequence[Stage], progress: Progress, protocol: Protocol, now: datetime) -> str:

@@ -15,7 +15,7 @@ from sqlalchemy import Connection, delete, func, select, update
 from haptigraph.config import Config
 from haptigraph.errors import BadInput
 from haptigraph.study.data_dictionary import check_measures
-from haptigraph.study.plan import Stage, plan_of
+from haptigraph.study.plan import Stage, attempt_seed, plan_of
 from haptigraph.study.progress import (
     Attempt,
     Next,
@@ -148,7 +148,7 @@ class Session:
                 "session": self.number,
                 "condition": stage.condition,
                 "target": stage.target,
-                "seed": stage.seed,
+                "seed": attempt_seed(stage, upcoming.attempt),
                 "started_utc": self.study.store.now_utc(),
                 "recording": self._recording(upcoming) if records else None,
                 "procedure_sha256": hashlib.sha256(text.encode()).hexdigest(),
@@ -210,6 +210,10 @@ class Session:
         """Store a note of the experimenter."""
         self._add_event("note", text)
 
+    def answer_pulse(self, output: str, *, is_felt: bool) -> None:
+        """Store whether the participant felt the test pulse of outputs, joined by " + "."""
+        self._add_event("felt" if is_felt else "unfelt", output)
+
     def stop(self, reason: str) -> None:
         """End the participant's study early and for good."""
         self._add_event("stop", reason)
@@ -245,7 +249,12 @@ class Session:
             haptics=base.haptics if condition.touch else replace(base.haptics, max_amplitude=0.0),
             run=replace(base.run, procedure=protocol.procedure_path(condition)),
             recording=replace(base.recording, path=str(path)),
-            trial=replace(base.trial, participant=self.participant, trial=f"{stage.key}/{upcoming.attempt}"),
+            trial=replace(
+                base.trial,
+                participant=self.participant,
+                trial=f"{stage.key}/{upcoming.attempt}",
+                touch_output=base.trial.touch_output if condition.touch else "",
+            ),
         )
 
     def _running(self) -> Attempt:

@@ -27,6 +27,7 @@ class ParticipantStatus(Struct, frozen=True):
     """Number of attempts that do not count."""
     left: bool = False
     """Whether the participant has withdrawn."""
+    has_consented: bool = False
 
 
 def participant_statuses(study: Study) -> list[ParticipantStatus]:
@@ -42,15 +43,18 @@ def participant_statuses(study: Study) -> list[ParticipantStatus]:
         station = session.station if session else ""
         void = sum(attempt.void is not None for each in progress.attempts.values() for attempt in each)
         left = row["withdrawn_utc"] is not None
-        statuses.append(ParticipantStatus(name, row["conditions"], upcoming, station, void, left))
+        has_consented = row["consented_utc"] is not None
+        statuses.append(
+            ParticipantStatus(name, row["conditions"], upcoming, station, void, left, has_consented)
+        )
     return statuses
 
 
 class Event(Struct, frozen=True):
-    """An entry of the experimenter."""
+    """An entry of the experimenter, or the participant's answer to a test pulse."""
 
     kind: str
-    """note, or stop."""
+    """note, stop, felt or unfelt."""
     text: str
     at_utc: str
 

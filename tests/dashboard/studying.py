@@ -1,16 +1,28 @@
 """Helpers of the tests of the study pages: a short protocol, a station that serves it, rows of its store."""
 
-from contextlib import closing
+import json
+from contextlib import closing, contextmanager
 
 from live_bench import Live
 from registering import send_to
 from sqlalchemy import select
+from visiting import watching
 
 from haptigraph.study.protocol import load_protocol
 from haptigraph.study.roster import Study
 from haptigraph.study.store import Store
 
-__all__ = ["PARTICIPANT", "STUDY", "Station", "answer_all", "rows_of", "send_to", "study_at"]
+__all__ = [
+    "PARTICIPANT",
+    "STUDY",
+    "Station",
+    "answer_all",
+    "feel_pulse",
+    "page_with_outputs",
+    "rows_of",
+    "send_to",
+    "study_at",
+]
 
 STUDY, PARTICIPANT = "/static/study/study.js", "/static/study/participant.js"
 PROTOCOL = """
@@ -74,6 +86,25 @@ class Station(Live):
     @property
     def port(self):
         return self.url.rpartition(":")[2].strip("/")
+
+
+@contextmanager
+def page_with_outputs(station, *names):
+    """Connect as a participant's page on which these outputs work."""
+    with watching(station, path="/participant/live", max_queue=None) as line:
+        line.send(json.dumps({"type": "outputs", "names": names}))
+        yield line
+
+
+def feel_pulse(station, trial):
+    """Test the haptic feedback as the participant's page does, and feel it; return the status."""
+    while not (status := send_to(station, "/participant/status")[1])["touch"]["output"]:
+        assert station.process.poll() is None
+    if status["touch"]["problem"]:
+        assert send_to(station, "/participant/pulse", trial)[0] == 200
+        status = send_to(station, "/participant/felt", {**trial, "is_felt": True})[1]
+    assert status["touch"]["problem"] == ""
+    return status
 
 
 def study_at(folder, store):

@@ -25,8 +25,8 @@ def get(live, path="/", method="GET", **headers):
 @contextmanager
 def watching(live, **options):
     """Open the socket as the page does."""
-    origin = options.pop("origin", f"http://{address(live)}")
-    with connect(f"ws://{address(live)}/live", origin=origin, open_timeout=10, **options) as line:
+    origin, path = options.pop("origin", f"http://{address(live)}"), options.pop("path", "/live")
+    with connect(f"ws://{address(live)}{path}", origin=origin, open_timeout=10, **options) as line:
         yield line
 
 

@@ -161,6 +161,29 @@ def test_a_damaged_export_is_refused(filled, tmp_path, file, valid, invalid, mes
         read_export(tmp_path)
 
 
+def test_an_export_says_why_each_attempt_was_made_and_older_exports_may_not(study, tmp_path):
+    session = open_session(study, study.enrol(), "one")
+    stage = go_to(session, "trial")
+    for outcome in ("aborted", "hit"):
+        session.begin_trial(stage.key)
+        session.end_trial(outcome)
+    session.repeat_trial(stage.key, "the phone rang")
+    do_next(session)
+    export_study(study.store, "small", tmp_path / "out")
+    path = tmp_path / "out" / "trials.csv"
+    rows = read(path)
+    assert [row["attempt_reason"] for row in rows] == ["first", "first", "aborted", "repeated"]
+    (tmp_path / "out" / "SHA256SUMS").unlink()
+    with path.open("w", newline="", encoding="utf-8") as file:
+        names = [name for name in rows[0] if name not in ("attempt_reason", "vibrating_s")]
+        table = csv.DictWriter(file, names, extrasaction="ignore")
+        table.writeheader()
+        table.writerows(rows)
+    with closing(Store(tmp_path / "copy.db")) as copy:
+        import_study(copy, read_export(tmp_path / "out"))
+        assert rows_of(copy) == rows_of(study.store)
+
+
 def test_every_changed_byte_of_an_export_is_noticed(filled, tmp_path):
     export_study(filled.store, "small", tmp_path / "out")
     rng = np.random.default_rng(5)

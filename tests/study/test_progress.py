@@ -114,7 +114,9 @@ def test_the_time_of_the_session_does_not_end_a_questionnaire(upcoming):
         (["aborted", "aborted"], True),
         (["hit", "aborted", "aborted"], True),
         (["aborted", "aborted", "hit"], False),
-        (["aborted", "hit", "aborted"], True),
+        (["aborted", "hit", "aborted"], False),  # repeated in between
+        (["aborted", "hit", "aborted", "aborted"], True),
+        (["hit", "hit", "hit", "aborted"], False),
     ],
 )
 def test_a_trial_has_failed_after_as_many_aborted_attempts_as_allowed_unless_the_last_was_not(
@@ -122,6 +124,13 @@ def test_a_trial_has_failed_after_as_many_aborted_attempts_as_allowed_unless_the
 ):
     attempts = [hit(number, outcome) for number, outcome in enumerate(outcomes, 1)]
     assert progress_with(attempts).has_failed(FIRST, 2) is failed
+
+
+def test_a_trial_that_was_left_by_an_earlier_rule_stays_behind(upcoming):
+    """Version 0.1 counted the aborted attempts before and after a repeat together."""
+    left = [hit(1, "aborted"), hit(2, void="again"), hit(3, "aborted")]
+    assert upcoming(progress_with(left)) == Next(FIRST, 1, 5, attempt=4)
+    assert upcoming(progress_with(left, [hit()])) == Next(THIRD, 3, 5, attempt=1)
 
 
 def test_the_preceding_trial_may_be_repeated_until_the_next_stage_has_begun(upcoming):

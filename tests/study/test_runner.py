@@ -166,6 +166,7 @@ def test_the_experimenter_can_repeat_the_preceding_trial(session):
         select(TRIALS).where(TRIALS.c.phase == "trial").order_by(TRIALS.c.attempt)
     )
     assert [row["void"] for row in rows] == ["the phone rang", "and again", None]
+    assert len({row["seed"] for row in rows}) == 3 and len({row["target"] for row in rows}) == 1
     stage = go_to(session, "questionnaire")
     fill(session, stage, upto=1)
     with pytest.raises(BadInput, match="trial/1/1/2 does not lie right behind"):

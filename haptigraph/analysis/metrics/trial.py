@@ -5,7 +5,7 @@ of the trial if there was none. Measures that cannot be determined are omitted. 
 formulas that are not documented here.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -28,9 +28,10 @@ from haptigraph.assemble import parse_procedure
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Point
 from haptigraph.graph import Triplet
+from haptigraph.haptics.delivery import confirms
 from haptigraph.haptics.pattern import amplitude_at, next_change_ns
 from haptigraph.inference.span import RunSpan
-from haptigraph.messages import HapticCommand, Step
+from haptigraph.messages import Delivered, HapticCommand, Step
 from haptigraph.recording.reader import RunReader
 
 __all__ = ["measure_recording", "measure_trial"]
@@ -89,10 +90,18 @@ def measure_recording(path: str | Path) -> dict[str, float | int | str]:
     procedure = parse_procedure(reader.info.procedure, f"procedure in {path}")
     config: dict[str, Any] = msgspec.json.decode(reader.info.config)
     has_haptics = config.get("haptics", {}).get("max_amplitude", 1.0) > 0
-    steps = (step for _, step in reader.records(images=()))
-    return measure_trial(
-        steps, [state.name for state in procedure.states], has_haptics=has_haptics, span=procedure.span
-    )
+    delivered: list[Delivered] = []
+
+    def steps() -> Iterator[Step]:
+        for capture, step in reader.records(images=()):
+            delivered.extend(capture.delivered)
+            yield step
+
+    states = [state.name for state in procedure.states]
+    output = config.get("trial", {}).get("touch_output", "")
+    touch = delivered if confirms(output) else None
+    measures = measure_trial(steps(), states, has_haptics=has_haptics, span=procedure.span, delivered=touch)
+    return measures | ({"touch_output": output} if measures and output else {})
 
 
 def measure_trial(
@@ -101,6 +110,7 @@ def measure_trial(
     *,
     has_haptics: bool = True,
     span: RunSpan | None = None,
+    delivered: Sequence[Delivered] | None = None,
 ) -> dict[str, float | int | str]:
     """Measure a trial.
 
@@ -109,6 +119,8 @@ def measure_trial(
         states: States of the procedure; those that did not occur have a time of 0.
         has_haptics: Whether haptic output was enabled.
         span: Start and end of the run; None: those of the paper.
+        delivered: Vibration that an output confirmed, complete once all steps are read; None: no output of
+            this trial confirms any.
 
     Returns:
         Measures by name; empty if no run started.
@@ -128,6 +140,7 @@ def measure_trial(
         "contacts": run.contacts,
         "state_order": ">".join(run.order),
         "vibrating_s": _vibrating_s(samples) if has_haptics else 0.0,
+        "delivered_s": None if delivered is None else _delivered_s(samples, delivered),
         "reaction_ms": _reaction_ms(samples, movements),
         **_motion(movements),
     }
@@ -223,6 +236,17 @@ def _vibrating_s(samples: list[_Sample]) -> float:
             until_ns = end_ns if until_ns is None else min(until_ns, end_ns)
             total_ns += (until_ns - at_ns) * (amplitude_at(sample.command, at_ns) > 0)
             at_ns = until_ns
+    return total_ns / 1e9
+
+
+def _delivered_s(samples: list[_Sample], delivered: Sequence[Delivered]) -> float:
+    """Return the time of the run within which at least one output confirmed that it vibrated."""
+    total_ns, at_ns = 0, samples[0].command.stamp_ns
+    end_ns = samples[-1].command.stamp_ns
+    for period in sorted(delivered, key=lambda each: each.start_ns):
+        start_ns, until_ns = max(period.start_ns, at_ns), min(period.end_ns, end_ns)
+        total_ns += max(until_ns - start_ns, 0)
+        at_ns = max(at_ns, until_ns)
     return total_ns / 1e9
 
 

@@ -15,12 +15,31 @@ if TYPE_CHECKING:
 __all__ = ["protocol_tables", "status_table"]
 
 
-def protocol_tables(protocol: Protocol) -> Iterator[Table]:
-    """Yield the tables of conditions, of the first participant's plan, of orders, and of targets."""
+def protocol_tables(protocol: Protocol, *, is_blind: bool = False) -> Iterator[Table]:
+    """Yield the tables of conditions, of the first participant's plan, of orders, and of targets.
+
+    Args:
+        protocol: The protocol.
+        is_blind: Whether to leave out who gets what: the plan and the orders.
+    """
     table = _table("Conditions", "name", "title", "procedure", "touch", "display")
     for each in protocol.conditions:
         table.add_row(each.name, each.title, each.procedure, "on" if each.touch else "off", each.display)
     yield table
+    if not is_blind:
+        yield from _assignments(protocol)
+    count = protocol.study.participants
+    plans = [[stage for stage in plan_of(protocol, slot) if stage.kind == "trial"] for slot in range(count)]
+    pairs = Counter((stage.target, stage.condition) for plan in plans for stage in plan)
+    names = [each.name for each in protocol.conditions]
+    table = _table("Trials by target and condition", "target", "mm along the retina", *names)
+    for target in protocol.targets:
+        counts = (str(pairs[target.name, name]) for name in names)
+        table.add_row(target.name, f"{target.along_mm:+g}", *counts)
+    yield table
+
+
+def _assignments(protocol: Protocol) -> Iterator[Table]:
     table = _table("Plan of the first participant", "stage", "condition", "target", "timeout")
     for stage in plan_of(protocol, 0):
         table.add_row(
@@ -35,32 +54,25 @@ def protocol_tables(protocol: Protocol) -> Iterator[Table]:
     for order, times in sorted(orders.items()):
         table.add_row(order, str(times))
     yield table
-    plans = [[stage for stage in plan_of(protocol, slot) if stage.kind == "trial"] for slot in range(count)]
-    pairs = Counter((stage.target, stage.condition) for plan in plans for stage in plan)
-    names = [each.name for each in protocol.conditions]
-    table = _table("Trials by target and condition", "target", "mm along the retina", *names)
-    for target in protocol.targets:
-        counts = (str(pairs[target.name, name]) for name in names)
-        table.add_row(target.name, f"{target.along_mm:+g}", *counts)
-    yield table
 
 
-def status_table(protocol: Protocol, participant_statuses: "list[ParticipantStatus]") -> Table:
-    """Return a table of all participants' progress; without orders where everyone is blinded."""
-    blind = protocol.study.blind == "everyone"
+def status_table(
+    protocol: Protocol, participant_statuses: "list[ParticipantStatus]", *, is_blind: bool = False
+) -> Table:
+    """Return a table of all participants' progress; without orders if its reader is blinded."""
     left, size = sum(each.left for each in participant_statuses), protocol.study.participants
     withdrew = f", {left} withdrew" if left else ""
     table = _table(
         f"{protocol.study.title}: {len(participant_statuses) - left} of {size} participants{withdrew}",
         "participant",
-        *(() if blind else ("order",)),
+        *(() if is_blind else ("order",)),
         "done",
         "next",
         "station",
         "void attempts",
     )
     for each in participant_statuses:
-        order = () if blind else (each.order.replace(">", " > "),)
+        order = () if is_blind else (each.order.replace(">", " > "),)
         done = f"{each.next.done} of {each.next.of}"
         table.add_row(
             each.participant, *order, done, _next(each, each.next.stage), each.station, str(each.void or "")

@@ -1,7 +1,7 @@
 """The live page's route: one WebSocket per page, over which it watches and steers."""
 
 import asyncio
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from itertools import count
 from typing import Any
@@ -17,7 +17,9 @@ from haptigraph.dashboard.server.protocol import (
     ClientMessage,
     EnterPhase,
     Motion,
+    Outputs,
     Ping,
+    Played,
     ReleaseControls,
     TakeControls,
     Tune,
@@ -34,8 +36,17 @@ MAX_VIEWERS = 16
 STEERING = (TakeControls, Tune, EnterPhase)
 
 
-def routes(site: Site) -> Sequence[BaseRoute]:
-    """Return the routes of the live page."""
+def routes(
+    site: Site, path: str = "/live", name: str = "page", is_blind: Callable[[], bool] = lambda: False
+) -> Sequence[BaseRoute]:
+    """Return the routes of the live page, or of another that shows a run.
+
+    Args:
+        site: Context of the routes.
+        path: Of the WebSocket.
+        name: Of its pages, with a number, in the controls and the health.
+        is_blind: Whether a page that opens it is blinded.
+    """
     hub, controls, numbers = site.hub, site.controls, count(1)
 
     async def endpoint(websocket: WebSocket) -> None:
@@ -43,7 +54,7 @@ def routes(site: Site) -> Sequence[BaseRoute]:
         if len(hub.viewers) >= MAX_VIEWERS:
             await websocket.close(1013, f"{MAX_VIEWERS} pages watch already; close one")
             return
-        viewer = Viewer(f"page {next(numbers)}", may_steer=may_steer(websocket.scope))
+        viewer = Viewer(f"{name} {next(numbers)}", may_steer=may_steer(websocket.scope), is_blind=is_blind())
         viewer.put_text(text_message("welcome", name=viewer.name, may_steer=viewer.may_steer))
         hub.join(viewer)
         sender = asyncio.create_task(_send(websocket, viewer))
@@ -55,7 +66,7 @@ def routes(site: Site) -> Sequence[BaseRoute]:
             sender.cancel()
             await asyncio.gather(sender, return_exceptions=True)
 
-    return [WebSocketRoute("/live", endpoint)]
+    return [WebSocketRoute(path, endpoint)]
 
 
 async def _send(websocket: WebSocket, viewer: Viewer) -> None:
@@ -87,16 +98,25 @@ def _text(received: Any) -> str:
 
 
 def _handle(message: ClientMessage, viewer: Viewer, hub: Hub, controls: Controls) -> None:
-    if isinstance(message, Motion):
-        controls.move(viewer, message.hand)
-    elif isinstance(message, Ack):
+    if isinstance(message, Ack):
         viewer.acknowledge(message.number)
     elif isinstance(message, Watch):
         viewer.wants_images = message.images
     elif isinstance(message, Ping):
         viewer.put_text(text_message("pong", time_ms=message.time_ms, now_ms=hub.now_ms()))
+    elif isinstance(message, Outputs):
+        hub.set_outputs(viewer, message.names)
+    elif isinstance(message, Played):
+        hub.log_played(message.output, message.start_ms, message.end_ms)
     elif isinstance(message, STEERING) and not viewer.may_steer:
         viewer.put_text(text_message("error", message="this page watches only; it cannot steer"))
+    else:
+        _steer(message, viewer, controls)
+
+
+def _steer(message: ClientMessage, viewer: Viewer, controls: Controls) -> None:
+    if isinstance(message, Motion):
+        controls.move(viewer, message.hand)
     elif isinstance(message, TakeControls):
         controls.take(viewer)
     elif isinstance(message, Tune):

@@ -12,7 +12,6 @@ from haptigraph.analysis.plots.diagram import column_of
 from haptigraph.assemble import load_procedure
 from haptigraph.config import Config
 from haptigraph.dashboard.server.hub import Hub
-from haptigraph.dashboard.server.protocol import text_message
 from haptigraph.inference.colors import Paint, palette
 from haptigraph.inference.meaning import Kind
 from haptigraph.inference.procedure import Procedure, State
@@ -54,7 +53,7 @@ def announcement(config: Config, loop: Loop, hub: Hub) -> Callable[[], None]:
     moving = frozenset(entity.name for entity in procedure.schema.entities) - set(registration.anatomy)
     teleop = loop.source.teleop
     steering = {"steerable": teleop is not None, "has_jaws": teleop is not None and teleop.has_jaws}
-    hello = text_message("hello", **describe_run(config, procedure, registration, view), **steering)
+    hello = {**describe_run(config, procedure, registration, view), **steering}
     return lambda: hub.announce(hello, view, moving)
 
 

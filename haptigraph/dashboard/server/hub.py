@@ -11,9 +11,11 @@ from contextlib import suppress
 from typing import Any
 
 from haptigraph.clock import Clock
-from haptigraph.dashboard.server.protocol import image_header, pack, text_message
+from haptigraph.dashboard.server.blinding import blind_health, blind_hello, blind_image
+from haptigraph.dashboard.server.protocol import ImageHeader, image_header, pack, text_message
 from haptigraph.dashboard.server.viewer import Viewer
-from haptigraph.messages import Capture, Fault, Step
+from haptigraph.haptics.delivery import DeliveryLog
+from haptigraph.messages import Capture, Delivered, Fault, Step
 from haptigraph.perception.eye_view import IoctView
 from haptigraph.recording.codec import encode_jpeg
 
@@ -41,6 +43,10 @@ class Hub:
         """Time [ms] and message of the newest fault, by where it occurred."""
         self.newest_capture: Capture | None = None
         """For pages that need the source's images."""
+        self.deliveries = DeliveryLog()
+        """What outputs of pages have confirmed; give it to the loop."""
+        self.on_outputs: Callable[[], None] = lambda: None
+        """Called in the server's thread when the outputs of pages change."""
         self._clock, self._origin_ns = clock, clock.now_ns()
         self._newest: tuple[Capture, Step] | None = None
         self._edges: deque[tuple[int, float, float]] = deque(maxlen=MAX_EDGES)
@@ -50,6 +56,7 @@ class Hub:
         self._view: IoctView | None = None
         self._moving: frozenset[str] = frozenset()
         self._retained: dict[str, str] = {}
+        self._blind_hello = ""
 
     # --- called in the loop's thread, and in the thread that drives the device ------------------------
 
@@ -92,37 +99,55 @@ class Hub:
 
     # --- called in the server's thread ----------------------------------------------------------------
 
-    def announce(self, hello: str, view: IoctView, moving: frozenset[str]) -> None:
+    def announce(self, hello: dict[str, Any], view: IoctView, moving: frozenset[str]) -> None:
         """Serve another run; call before the server starts, or in its thread.
 
         Args:
-            hello: First message of the run, for every viewer.
+            hello: Fields of the first message of the run, for every viewer.
             view: Renders the picture of an image.
             moving: Names of the entities whose positions go with every image.
         """
         self._retained.pop("ended", None)
-        self._retained = {**self._retained, "hello": hello}
+        self._retained = {**self._retained, "hello": text_message("hello", **hello)}
+        self._blind_hello = text_message("hello", **blind_hello(hello))
         self._view, self._moving, self._newest = view, moving, None
         for viewer in self.viewers:
-            viewer.put_text(hello)
+            viewer.put_text(self._blind_hello if viewer.is_blind else self._retained["hello"])
 
     def join(self, viewer: Viewer) -> None:
         """Add a viewer and send it the retained messages."""
-        for text in self._retained.values():
-            viewer.put_text(text)
+        for kind, text in self._retained.items():
+            viewer.put_text(self._blind_hello if viewer.is_blind and kind == "hello" else text)
         self.viewers.append(viewer)
 
     def leave(self, viewer: Viewer) -> None:
         """Remove a viewer."""
         self.viewers.remove(viewer)
+        if viewer.outputs:
+            self.on_outputs()
+
+    def set_outputs(self, viewer: Viewer, names: tuple[str, ...]) -> None:
+        """Note which outputs of a page work at present."""
+        viewer.outputs = names
+        self.on_outputs()
+
+    def log_played(self, output: str, start_ms: float, end_ms: float) -> None:
+        """Log that an output of a page confirmed to have vibrated for a time, of which the future is cut."""
+        start_ns, end_ns = (self._origin_ns + round(time_ms * 1e6) for time_ms in (start_ms, end_ms))
+        self.deliveries.add(Delivered(start_ns, min(end_ns, self._clock.now_ns()), output))
 
     def publish(self, kind: str, *, retain: bool = False, **content: object) -> None:
         """Send a message to all viewers; viewers that join later get the newest retained one of each type."""
         text = text_message(kind, **content)
         if retain:
             self._retained[kind] = text
+        self._send(text, text)
+
+    def _send(self, text: str, blind_text: str) -> None:
+        """Send a message to all viewers, and to blinded ones another, if it is not empty."""
         for viewer in self.viewers:
-            viewer.put_text(text)
+            if each := blind_text if viewer.is_blind else text:
+                viewer.put_text(each)
 
     def publish_threadsafe(self, kind: str, **content: object) -> None:
         """Send a retained message to all viewers, from any thread."""
@@ -154,14 +179,16 @@ class Hub:
             ready = [viewer for viewer in self.viewers if viewer.is_ready]
             if newest is not None and ready:
                 self._number += 1
-                message = self._image_message(*newest)
+                header, picture = self._image(*newest)
+                message, blind_message = pack(header, picture), pack(blind_image(header), picture)
                 for viewer in ready:
-                    viewer.put_image(self._number, message)
+                    viewer.put_image(self._number, blind_message if viewer.is_blind else message)
 
     async def _pump_health(self, health: Callable[[], dict[str, Any]]) -> None:
         while True:
             if self.viewers:
-                self.publish("health", **health())
+                fields = health()
+                self._send(text_message("health", **fields), text_message("health", **blind_health(fields)))
             await asyncio.sleep(HEALTH_S)
 
     def _publish_edges(self) -> None:
@@ -170,10 +197,10 @@ class Hub:
             stamp_ns, amplitude, frequency_hz = self._edges.popleft()
             edges.append((self.to_ms(stamp_ns), amplitude, frequency_hz))
         if edges:
-            self.publish("haptics", edges=edges)
+            self._send(text_message("haptics", edges=edges), "")
 
-    def _image_message(self, capture: Capture, step: Step) -> bytes:
-        """Encode one step, once for all viewers."""
+    def _image(self, capture: Capture, step: Step) -> tuple[ImageHeader, bytes]:
+        """Return header and picture of one step, once for all viewers."""
         picture = b""
         if capture.image is not None and self._view is not None:
             picture = encode_jpeg(self._view(capture.image), JPEG_QUALITY)
@@ -186,4 +213,4 @@ class Hub:
             has_picture=bool(picture),
             hand=capture.hand,
         )
-        return pack(header, picture)
+        return header, picture

@@ -16,7 +16,9 @@ __all__ = [
     "EnterPhase",
     "ImageHeader",
     "Motion",
+    "Outputs",
     "Ping",
+    "Played",
     "ReleaseControls",
     "TakeControls",
     "Tune",
@@ -30,6 +32,8 @@ __all__ = [
 TIP = "needle_tip"
 """The entity whose standard deviation `Certainty` gives; it is not that of open jaws."""
 Count = Annotated[int, Meta(ge=0, le=2**53)]
+TimeMs = Annotated[float, Meta(ge=0, le=2**53)]
+OutputName = Annotated[str, Meta(min_length=1, max_length=120, pattern=r"^[^\x00-\x1f+]*$")]
 
 
 class Ack(Struct, tag="ack", frozen=True, forbid_unknown_fields=True):
@@ -85,7 +89,23 @@ class EnterPhase(Struct, tag="enter_phase", frozen=True, forbid_unknown_fields=T
     phase: str
 
 
-ClientMessage: TypeAlias = Ack | Watch | Ping | TakeControls | ReleaseControls | Motion | Tune | EnterPhase
+class Outputs(Struct, tag="outputs", frozen=True, forbid_unknown_fields=True):
+    """The page's outputs of haptic feedback that work at present."""
+
+    names: Annotated[tuple[OutputName, ...], Meta(max_length=8)]
+
+
+class Played(Struct, tag="played", frozen=True, forbid_unknown_fields=True):
+    """An output of the page has confirmed that it vibrated, on the server's clock."""
+
+    output: OutputName
+    start_ms: TimeMs
+    end_ms: TimeMs
+
+
+ClientMessage: TypeAlias = (
+    Ack | Watch | Ping | TakeControls | ReleaseControls | Motion | Tune | EnterPhase | Outputs | Played
+)
 """A message from a page."""
 
 _DECODER = msgspec.json.Decoder(ClientMessage)

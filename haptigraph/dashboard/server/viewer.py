@@ -15,11 +15,14 @@ class Viewer:
     Args:
         name: Its name on other pages.
         may_steer: Whether it may do more than watch.
+        is_blind: Whether it receives only what `blinding` leaves.
     """
 
-    def __init__(self, name: str, *, may_steer: bool = True) -> None:
-        self.name, self.may_steer = name, may_steer
+    def __init__(self, name: str, *, may_steer: bool = True, is_blind: bool = False) -> None:
+        self.name, self.may_steer, self.is_blind = name, may_steer, is_blind
         self.wants_images = True
+        self.outputs: tuple[str, ...] = ()
+        """The page's outputs that somebody at it can feel, see or hear."""
         self.missed = 0
         """Images that the page was too slow for."""
         self._in_flight: deque[int] = deque()

@@ -22,6 +22,8 @@ class Enrol(Struct, frozen=True, forbid_unknown_fields=True):
 
     participant: Name
     """Empty: under the next free pseudonym."""
+    is_confirmed: bool = False
+    """Whether to enrol although somebody enrolled here has not consented yet."""
 
 
 class Open(Struct, frozen=True, forbid_unknown_fields=True):
@@ -57,7 +59,11 @@ def routes(site: StationSite) -> Sequence[BaseRoute]:
     service = site.service
 
     def enrol(body: Enrol) -> None:
-        service.open(service.enrol(body.participant.strip() or None), take_over=False)
+        name = service.enrol(body.participant.strip() or None, is_confirmed=body.is_confirmed)
+        service.open(name, take_over=False)
+
+    def unenrol(body: Participant) -> None:
+        service.undo_enrolment(body.participant)
 
     def open_session(body: Open) -> None:
         service.open(body.participant, take_over=body.take_over)
@@ -80,10 +86,14 @@ def routes(site: StationSite) -> Sequence[BaseRoute]:
     def status() -> dict[str, Any]:
         return experimenter_snapshot(service)
 
+    def is_blind() -> bool:
+        return service.study.protocol.study.blind == "everyone"
+
     return [
-        *live_page.routes(site),
+        *live_page.routes(site, is_blind=is_blind),
         get_route("/study/status", status),
         post_route("/study/enrol", Enrol, enrol, status),
+        post_route("/study/unenrol", Participant, unenrol, status),
         post_route("/study/open", Open, open_session, status),
         post_route("/study/leave", Participant, lambda body: service.leave(body.participant), status),
         post_route("/study/withdraw", Participant, lambda body: service.withdraw(body.participant), status),

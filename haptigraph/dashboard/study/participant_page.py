@@ -10,11 +10,12 @@ from typing import Annotated, Any
 from msgspec import Meta, Struct
 from starlette.routing import BaseRoute
 
+from haptigraph.dashboard.live import page as live_page
 from haptigraph.dashboard.server.json_routes import get_route, post_route
 from haptigraph.dashboard.study.service import StationSite
 from haptigraph.dashboard.study.snapshots import participant_snapshot
 
-__all__ = ["Answer", "CurrentStage", "routes"]
+__all__ = ["Answer", "CurrentStage", "Felt", "routes"]
 
 Name = Annotated[str, Meta(max_length=200)]
 
@@ -35,6 +36,14 @@ class Answer(Struct, frozen=True, forbid_unknown_fields=True):
     answer: Annotated[str, Meta(max_length=20_000)]
 
 
+class Felt(Struct, frozen=True, forbid_unknown_fields=True):
+    """Body: whether the test pulse before a trial was felt."""
+
+    participant: Name
+    key: Name
+    is_felt: bool
+
+
 def routes(site: StationSite) -> Sequence[BaseRoute]:
     """Return the participant's routes."""
     service = site.service
@@ -53,6 +62,12 @@ def routes(site: StationSite) -> Sequence[BaseRoute]:
     def begin(body: CurrentStage) -> None:
         service.begin(body.participant, body.key)
 
+    def pulse(body: CurrentStage) -> None:
+        service.play_pulse(body.participant, body.key)
+
+    def felt(body: Felt) -> None:
+        service.answer_pulse(body.participant, body.key, is_felt=body.is_felt)
+
     def ready(body: CurrentStage) -> None:
         service.ready(body.participant, body.key)
 
@@ -60,9 +75,12 @@ def routes(site: StationSite) -> Sequence[BaseRoute]:
         return participant_snapshot(service)
 
     return [
+        *live_page.routes(site, "/participant/live", "participant's page"),
         get_route("/participant/status", status),
         post_route("/participant/answer", Answer, answer, status),
         post_route("/participant/done", CurrentStage, done, status),
+        post_route("/participant/pulse", CurrentStage, pulse, status),
+        post_route("/participant/felt", Felt, felt, status),
         post_route("/participant/begin", CurrentStage, begin, status),
         post_route("/participant/ready", CurrentStage, ready, status),
     ]

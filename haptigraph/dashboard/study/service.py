@@ -12,11 +12,14 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Literal, TypeAlias
 
+from haptigraph.config import HapticsConfig
 from haptigraph.dashboard.server.site import Site
+from haptigraph.dashboard.study.touch_output import TouchOutput
 from haptigraph.errors import BadInput
+from haptigraph.study.enrolment import undo_enrolment, without_consent
 from haptigraph.study.plan import Stage
 from haptigraph.study.protocol import load_protocol
-from haptigraph.study.roster import Study
+from haptigraph.study.roster import Study, check_pseudonym
 from haptigraph.study.runner import Session, open_session
 from haptigraph.study.station import open_session_row
 
@@ -51,6 +54,8 @@ class StudyService:
         self.version = 0
         """Increases with every change, so that pages can discard answers that arrive late."""
         self.on_change: Callable[[], None] = lambda: None
+        self.touch = TouchOutput(HapticsConfig(), (), lambda *_: None)
+        """What participants feel here; without pages nothing."""
         self._path = path
         self._lock = threading.RLock()  # held during store access, which may take long
         self._status_lock = threading.Lock()  # held for a moment only, because the loop may wait for it
@@ -58,16 +63,39 @@ class StudyService:
 
     # --- for the experimenter -------------------------------------------------------------------------
 
-    def enrol(self, participant: str | None) -> str:
+    def enrol(self, participant: str | None, *, is_confirmed: bool = False) -> str:
         """Enrol a participant; None: under the next free pseudonym.
 
+        Args:
+            participant: The pseudonym.
+            is_confirmed: Whether to enrol although somebody enrolled here has not consented yet.
+
         Raises:
-            BadInput: If the study refuses them, its protocol was changed, or a trial is running here.
+            BadInput: If the study refuses them, its protocol was changed, a trial is running here, or
+                somebody has not consented yet.
         """
         with self._changing():
             self._check_idle()
             self._reload_protocol()
+            if participant is not None:
+                check_pseudonym(participant)
+            waiting = [] if is_confirmed else without_consent(self.study, self.station)
+            if waiting:
+                have = "has" if len(waiting) == 1 else "have"
+                problem = f"{', '.join(waiting)} {have} a place in the study, but {have} not consented yet"
+                raise BadInput(f"{problem}; undo the enrolment, or confirm that you enrol another one")
             return self.study.enrol(participant)
+
+    def undo_enrolment(self, participant: str) -> None:
+        """Undo the enrolment of the participant at this station, who has not consented.
+
+        Raises:
+            BadInput: If they are not here, have consented, or have data.
+        """
+        with self._changing():
+            self.session_of(participant)
+            undo_enrolment(self.study, participant)
+            self.session, self.problem = None, ""
 
     def open(self, participant: str, *, take_over: bool) -> None:
         """Open a participant's session at this station; the present one is closed and may be opened again.
@@ -148,19 +176,38 @@ class StudyService:
         """Request the next trial.
 
         Raises:
-            BadInput: If another stage comes next, a trial is running, or the protocol was changed.
+            BadInput: If another stage comes next, a trial is running, the protocol was changed, or the
+                participant has felt no test pulse where the trial needs one.
         """
         with self._changing():
-            session = self.session_of(participant)
-            self._check_idle()
             self._reload_protocol()
-            coming = session.next()
-            if coming.stage is None or coming.stage.key != key or not coming.stage.is_trial:
-                what = coming.stage.key if coming.stage else f"nothing more ({coming.ended})"
-                raise BadInput(f"participant {participant}: trial {key} does not come next, but {what}")
+            session, stage = self._trial_to_begin(participant, key)
+            if problem := self.touch.problem(session, stage):
+                raise BadInput(problem)
             self.ending = None
             self.set_trial_status("preparing")
-            self._requested.put((session, coming.stage))
+            self._requested.put((session, stage))
+
+    def play_pulse(self, participant: str, key: str) -> None:
+        """Play the test pulse before a trial.
+
+        Raises:
+            BadInput: If the trial does not come next, or there is no haptic output.
+            DeviceError: If the device failed.
+        """
+        with self._changing():
+            session, _ = self._trial_to_begin(participant, key)
+            self.touch.play(session)
+
+    def answer_pulse(self, participant: str, key: str, *, is_felt: bool) -> None:
+        """Store whether the participant felt the test pulse.
+
+        Raises:
+            BadInput: If the trial does not come next, or no pulse was played on the present outputs.
+        """
+        with self._changing():
+            session, _ = self._trial_to_begin(participant, key)
+            self.touch.answer(session, is_felt=is_felt)
 
     def ready(self, participant: str, key: str) -> None:
         """End the free training that runs.
@@ -189,7 +236,16 @@ class StudyService:
         """Set the status of the trial, and what went wrong."""
         with self._status_lock:
             self.trial_status, self.problem, self.started_ns = status, problem, started_ns
-        self._notify()
+        self.notify()
+
+    def _trial_to_begin(self, participant: str, key: str) -> tuple[Session, Stage]:
+        session = self.session_of(participant)
+        self._check_idle()
+        coming = session.next()
+        if coming.stage is None or coming.stage.key != key or not coming.stage.is_trial:
+            what = coming.stage.key if coming.stage else f"nothing more ({coming.ended})"
+            raise BadInput(f"participant {participant}: trial {key} does not come next, but {what}")
+        return session, coming.stage
 
     def _end(self, participant: str, key: str, ending: TrialEnding) -> None:
         coming = self.session_of(participant).next()
@@ -197,7 +253,7 @@ class StudyService:
             if self.trial_status != "running" or coming.stage is None or coming.stage.key != key:
                 raise BadInput(f"participant {participant}: trial {key} is not running")
             self.ending, self.trial_status = ending, "ending"
-        self._notify()
+        self.notify()
 
     def _check_idle(self) -> None:
         if self.trial_status:
@@ -222,9 +278,10 @@ class StudyService:
             try:
                 yield
             finally:
-                self._notify()
+                self.notify()
 
-    def _notify(self) -> None:
+    def notify(self) -> None:
+        """Let all pages refresh."""
         self.version += 1
         self.on_change()
 

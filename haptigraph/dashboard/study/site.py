@@ -16,6 +16,7 @@ from haptigraph.dashboard.server.health import Health
 from haptigraph.dashboard.server.hub import Hub
 from haptigraph.dashboard.server.server import STUDY_PAGES, Server, make_app
 from haptigraph.dashboard.study.service import StationSite, StudyService
+from haptigraph.dashboard.study.touch_output import TouchOutput
 from haptigraph.pipeline import Loop
 from haptigraph.sources.phased import PhasedSource
 
@@ -41,6 +42,7 @@ class StudySite:
         self._service, self._base, self._listener = service, base, listener
         self._host, self._token = host, token
         self._controls = Controls(self.hub, None)
+        service.touch = TouchOutput(base.haptics, self.hub.viewers, self.hub.record_level)
         self._health: Health | None = None
 
     def addresses(self, path: str = "/") -> list[str]:
@@ -61,6 +63,7 @@ class StudySite:
             service=self._service,
         )
         self._service.on_change = self._notify
+        self.hub.on_outputs = self._service.notify
         app = make_app(
             site, self._read_health, host=self._host, tokens=Tokens(self._token), pages=STUDY_PAGES
         )

@@ -32,9 +32,9 @@ def participant_snapshot(service: StudyService) -> dict[str, Any]:
         "thanks": protocol.texts.thanks,
     }
     if coming.stage is not None:
-        content["stage"] = _stage(protocol, coming.stage, coming, "participant") | _stage_content(
-            protocol, coming.stage, coming
-        )
+        stage = _stage(protocol, coming.stage, coming, "participant")
+        content["stage"] = stage | _stage_content(protocol, coming.stage, coming)
+        content["touch"] = _touch(service, session, coming.stage)
     return content
 
 
@@ -78,6 +78,8 @@ def _current(service: StudyService, session: Session) -> dict[str, Any]:
     return {
         "has_haptics": not (trial and shows_condition) or study.protocol.condition(trial.condition).touch,
         "participant": session.participant,
+        "touch": _touch(service, session, coming.stage),
+        "may_undo_enrolment": progress.consented_utc is None and not progress.withdrawn,
         "done": coming.done,
         "total": coming.of,
         "ended": coming.ended,
@@ -89,6 +91,12 @@ def _current(service: StudyService, session: Session) -> dict[str, Any]:
         ],
         "events": to_builtins(events_of(study, session.participant)),
     }
+
+
+def _touch(service: StudyService, session: Session, stage: Stage | None) -> dict[str, str]:
+    """Return the haptic outputs, and why a trial must not begin with them; the same for all conditions."""
+    problem = service.touch.problem(session, stage) if stage else ""
+    return {"output": service.touch.name, "problem": problem}
 
 
 def _stage(protocol: Protocol, stage: Stage, coming: Next, reader: Reader) -> dict[str, Any]:
@@ -157,6 +165,7 @@ def _standing(protocol: Protocol, each: ParticipantStatus, shows_order: bool) ->
         "next": _title(protocol, stage) if stage else each.next.ended,
         "ended": stage is None,
         "has_left": each.left,
+        "has_consented": each.has_consented,
         "running": each.next.running,
         "station": each.station,
         "void": each.void,

@@ -4,6 +4,8 @@ import time
 from collections.abc import Callable
 from contextlib import closing, suppress
 
+from msgspec.structs import replace
+
 from haptigraph.analysis.metrics.run import RunMeasures
 from haptigraph.assemble import build, load_procedure
 from haptigraph.config import Config
@@ -83,11 +85,15 @@ def _run(
     stage: Stage,
     report: Callable[[str], None],
 ) -> None:
+    base = replace(base, trial=replace(base.trial, touch_output=service.touch.name))
     config = session.config(base)
     measures = RunMeasures.under(load_procedure(config.run.procedure))
     end = TrialEnd(stage, measures)
     stopped: KeyboardInterrupt | None = None
-    with closing(build(config, sinks=[site.hub], listener=site.hub.record_level)) as loop:
+    hub = site.hub
+    hub.deliveries.take()  # of the test pulse
+    loop = build(config, sinks=[hub], listener=hub.record_level, deliveries=hub.deliveries)
+    with closing(loop):
         show = site.prepare(config, loop, measures)
         attempt = session.begin_trial(stage.key).attempt
         show()

@@ -34,7 +34,7 @@ def capture(index=0):
 @pytest.fixture
 def hub(registration):
     hub = Hub(VirtualClock())
-    hub.announce('{"type":"hello"}', IoctView(registration, 64), frozenset())
+    hub.announce({}, IoctView(registration, 64), frozenset())
     return hub
 
 

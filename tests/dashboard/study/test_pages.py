@@ -9,6 +9,7 @@ from paths import DATA
 from playwright.sync_api import Error
 from studying import PARTICIPANT, PROTOCOL, STUDY, Station, answer_all, rows_of
 
+from haptigraph.analysis.metrics.trial import measure_recording
 from haptigraph.recording.reader import RunReader
 from haptigraph.study.protocol import load_protocol
 from haptigraph.study.recordings import recorded_trials, recording_problem
@@ -42,7 +43,9 @@ def experimenter_at(station, open_page):
 
 
 def participant_at(station, open_page):
-    page = open_page(f"{station.url}participant", module=PARTICIPANT, ready="page.status && page.isOpen")
+    page = open_page(
+        f"{station.url}participant", module=PARTICIPANT, ready="page.status && page.isOpen", pad=True
+    )
     return page
 
 
@@ -51,6 +54,15 @@ def wait_for_stage(page, key):
 
 
 def begin(page):
+    """Begin a trial; test the haptic feedback before, if it was not yet felt in this session."""
+    page.wait_for_selector("#begin:enabled, #pulse:visible")
+    if page.is_visible("#pulse"):
+        assert page.is_disabled("#begin")
+        page.evaluate("() => { window.rumble.length = 0; }")
+        page.click("#pulse")
+        page.click("#felt")
+        played = page.evaluate("() => window.rumble.filter(({ type }) => type === 'dual-rumble')")
+        assert played and all(effect["strongMagnitude"] == 1 for effect in played)
     page.click("#begin")
     until(page, "page.status.trial_status === 'running' && page.header?.index > 3")
 
@@ -175,9 +187,20 @@ def test_enrolling_is_not_the_next_step_while_somebody_is_here_and_asks_first(fo
         lab, person = experimenter_at(station, open_page), participant_at(station, open_page)
         assert lab.locator("button.primary:visible").all_inner_texts() == ["Enrol"]
         lab.click("#enrol button")
+        lab.wait_for_selector("#participant:has-text('P01')")
+        lab.click("#enrol button")
+        lab.wait_for_selector("#ask:has-text('Enrolled but without consent: P01.')")
+        lab.click("#cancel")
+        lab.click("#unenrol")
+        lab.click("#confirm")
+        lab.wait_for_selector("#participant:empty", state="attached")
+        assert rows_of(folder, PARTICIPANTS, "participant") == []
+        lab.click("#enrol button")
         person.click("text=Continue")
-        lab.wait_for_selector("#detail:has-text('stage 2')")
+        person.click("text=I agree")
+        lab.wait_for_selector("#detail:has-text('stage 3')")
         assert "Enrol" not in lab.locator("button.primary:visible").all_inner_texts()
+        assert lab.is_hidden("#unenrol")
         lab.click("#enrol button")
         lab.wait_for_selector("#ask:has-text('P01 leaves this station and may come back.')")
         lab.click("#cancel")
@@ -211,7 +234,9 @@ def check(folder):
     assert {item: first[item] for item in "1234"} == dict.fromkeys("123", ("2", 2)) | {"4": ("5", 3)}
     assert {answer for at, _, _, answer, _ in answers if at == 2} == {"5"}
     assert ("age_years", "33") in {(item, answer) for _, _, item, answer, _ in answers}
-    assert rows_of(folder, EVENTS, "kind", "text") == [("note", "asked what the cross is")]
+    felt = ("felt", "controller: Test controller")
+    texts = rows_of(folder, EVENTS, "kind", "text")
+    assert texts == [felt, felt, felt, ("note", "asked what the cross is")]  # once a session
     assert len(rows_of(folder, PARTICIPANTS, "participant")) == 1
     closed = [closed_utc is not None for _, closed_utc in rows_of(folder, SESSIONS, "session", "closed_utc")]
     assert closed == [True, True, True]  # the last by the end of the program
@@ -222,6 +247,15 @@ def check(folder):
     assert len(recorded) == 4  # all but the one that was cut off
     assert [problem for trial in recorded if (problem := recording_problem(trial, folder))] == []
     hit = next(trial for trial in recorded if trial["position"] == 2 and trial["outcome"] == "hit")
+    felt = next(trial for trial in recorded if trial["position"] == 1 and trial["outcome"] == "hit")
+    delivered = {
+        name: measure_recording(folder / trial["recording"])
+        for name, trial in (("seen", hit), ("felt", felt))
+    }
+    assert "touch_output" not in delivered["seen"]
+    assert delivered["felt"]["touch_output"] == "controller: Test controller"
+    assert delivered["felt"]["delivered_s"] >= 0
+    assert any(capture.delivered for capture, _ in RunReader(folder / felt["recording"]).records(images=()))
     run = RunReader(folder / hit["recording"])
     assert (run.info.participant, run.info.trial) == ("P01", "trial/2/1/1/2")
     assert any(step.conclusion.state == "target_hit" for _, step in run.records())
@@ -230,7 +264,9 @@ def check(folder):
     assert not cut_off.is_whole and sum(1 for _ in cut_off.records()) > 3  # up to the last write
 
 
-def test_blinded_pages_show_no_condition(folder, source, open_page):
+def test_blinded_pages_show_no_condition_and_mark_the_port_until_the_needle_is_in(folder, source, open_page):
+    file = folder / "aligned.toml"
+    file.write_text(file.read_text().replace("depth_mm = 14.0", "depth_mm = -3.0"))
     text = (
         (folder / "study.toml").read_text().replace('order = "fixed"', 'order = "fixed"\nblind = "everyone"')
     )
@@ -248,5 +284,16 @@ def test_blinded_pages_show_no_condition(folder, source, open_page):
         for selector in ("#state", "#feels", "#amplitude", "#traces", "#overlays", "#procedure"):
             assert lab.is_hidden(selector)
         assert lab.is_visible("#view")
+        begin(person)
+        person.wait_for_selector("#trial-status:has-text('Trial: enter through the marked port')")
+        until(lab, "page.header?.has_picture")
+        assert evaluate(lab, "[page.hello.procedure.relations, page.header.found, page.header.state]") == [
+            [],
+            {},
+            "",
+        ]
+        person.keyboard.down("ArrowDown")
+        until(person, "document.getElementById('trial-status').textContent === 'Trial'")
+        person.keyboard.up("ArrowDown")
         close_page(lab)
         close_page(person)

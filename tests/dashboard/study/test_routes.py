@@ -7,7 +7,7 @@ from contextlib import closing
 import pytest
 from live_bench import Live
 from paths import DATA
-from studying import PROTOCOL, Station, rows_of, send_to, study_at
+from studying import PROTOCOL, Station, feel_pulse, page_with_outputs, rows_of, send_to, study_at
 
 from haptigraph.recording.journal import is_whole
 from haptigraph.study.runner import open_session
@@ -181,10 +181,48 @@ def test_an_edited_protocol_blocks_all_actions(station, here, folder, request):
     assert send_to(station, "/study/status")[1]["current"]["participant"] == here
 
 
+def test_no_trial_begins_until_an_output_was_felt_and_a_changed_one_is_felt_again(station, here, folder):
+    trial = {"participant": here, "key": at_stage(station, "training/0/0/1")["key"]}
+    for path in ("/participant/begin", "/participant/pulse"):
+        assert refused(station, path, **trial).startswith("there is no haptic output; connect a game con")
+    assert "no test pulse was played yet" in refused(station, "/participant/felt", **trial, is_felt=True)
+    snapshot = send_to(station, "/study/status")[1]
+    assert snapshot["current"]["touch"]["problem"].startswith("there is no haptic output")
+    with page_with_outputs(station, "screen") as line:
+        while not send_to(station, "/participant/status")[1]["touch"]["output"]:
+            assert station.process.poll() is None
+        assert "the participant presses Test pulse" in refused(station, "/participant/begin", **trial)
+        assert send_to(station, "/participant/pulse", trial)[0] == 200
+        edges = [amplitude for _, amplitude, _ in levels(line)]
+        assert edges.count(1.0) == 3 and edges[-1] == 0.0  # the guard's, also to the page
+        status, answer = send_to(station, "/participant/felt", {**trial, "is_felt": False})
+        assert status == 200 and "Test pulse" in answer["touch"]["problem"]
+        feel_pulse(station, trial)
+        line.send(json.dumps({"type": "outputs", "names": ["controller: Other", "screen"]}))
+        while (touch := send_to(station, "/participant/status")[1]["touch"])["output"] == "screen":
+            assert station.process.poll() is None
+        assert touch["output"] == "controller: Other + screen"
+        assert "has changed since the last test pulse" in refused(station, "/participant/begin", **trial)
+    assert rows_of(folder, TRIALS, "trial") == []
+    texts = rows_of(folder, EVENTS, "kind", "text")
+    assert texts == [("felt", "screen"), ("unfelt", "screen")]
+
+
+def levels(line):
+    """Return the levels that a page receives until the server answers its ping."""
+    line.send(json.dumps({"type": "ping", "time_ms": 0}))
+    edges = []
+    while (message := json.loads(line.recv(timeout=10)))["type"] != "pong":
+        edges += message.get("edges", [])
+    return edges
+
+
 def test_a_running_trial_blocks_other_sessions_and_trials(station, here, folder):
     key = at_stage(station, "training/0/0/1")["key"]
     trial = {"participant": here, "key": key}
-    assert send_to(station, "/participant/begin", trial)[1]["trial_status"] == "preparing"
+    with page_with_outputs(station, "screen"):
+        feel_pulse(station, trial)
+        assert send_to(station, "/participant/begin", trial)[1]["trial_status"] == "preparing"
     for path, content in {
         "/participant/begin": trial,
         "/study/leave": {"participant": here},
@@ -201,7 +239,8 @@ def test_a_running_trial_blocks_other_sessions_and_trials(station, here, folder)
     ((name, outcome, recording),) = rows_of(folder, TRIALS, "phase", "outcome", "recording")
     assert (name, outcome) == ("training", "timeout")  # free training: the target was not hit
     assert is_whole(folder / recording)
-    assert rows_of(folder, EVENTS, "kind", "text") == [("note", "steady hand")]
+    texts = rows_of(folder, EVENTS, "kind", "text")
+    assert texts == [("felt", "screen"), ("felt", "screen"), ("note", "steady hand"), ("unfelt", "screen")]
 
     again = {**trial, "reason": "the lens cap was on"}
     assert send_to(station, "/study/repeat", again)[1]["current"]["stage"]["attempt"] == 2
@@ -216,8 +255,10 @@ def wait_for_trial_status(station, trial_status):
 
 def test_a_signal_ends_trial_session_and_program(station, here, folder):
     """The last test of this station, which the signal stops."""
-    key = at_stage(station, "training/0/0/1")["key"]
-    send_to(station, "/participant/begin", {"participant": here, "key": key})
+    trial = {"participant": here, "key": at_stage(station, "training/0/0/1")["key"]}
+    with page_with_outputs(station, "screen"):
+        feel_pulse(station, trial)
+        send_to(station, "/participant/begin", trial)
     wait_for_trial_status(station, "running")
     output = station.stop()
     assert station.process.returncode == 0 and "Traceback" not in output

@@ -6,7 +6,7 @@ from contextlib import closing
 
 import postgres
 import pytest
-from studying import PROTOCOL, Station, send_to, study_at
+from studying import PROTOCOL, Station, feel_pulse, page_with_outputs, send_to, study_at
 
 from haptigraph.study.recordings import recorded_trials, recording_problem
 from haptigraph.study.status import participant_statuses
@@ -24,12 +24,18 @@ def send(station, path, **content):
 
 def complete_study(station):
     """Enrol a participant and complete all stages, as the pages do; return their name."""
+    with page_with_outputs(station, "screen"):
+        return complete_stages(station)
+
+
+def complete_stages(station):
     name = send(station, "/study/enrol", participant="")["current"]["participant"]
     while stage := (status := send(station, "/participant/status")).get("stage"):
         here = {"participant": name, "key": stage["key"]}
         if status["trial_status"]:
             continue
         if "display" in stage:
+            feel_pulse(station, here)
             send(station, "/participant/begin", **here)
             continue
         for item in stage.get("items", ()):

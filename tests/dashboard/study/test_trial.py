@@ -11,11 +11,13 @@ from studying import PROTOCOL, study_at
 from haptigraph import assemble
 from haptigraph.analysis.metrics.run import RunMeasures
 from haptigraph.assemble import build
-from haptigraph.config import load_config
+from haptigraph.config import HapticsConfig, load_config
 from haptigraph.dashboard.server.server import listen
+from haptigraph.dashboard.server.viewer import Viewer
 from haptigraph.dashboard.study.service import StudyService
 from haptigraph.dashboard.study.site import StudySite
 from haptigraph.dashboard.study.snapshots import experimenter_snapshot, participant_snapshot
+from haptigraph.dashboard.study.touch_output import TouchOutput
 from haptigraph.dashboard.study.trial import AFTER_HIT_NS, TrialEnd, run_trials
 from haptigraph.errors import BadInput, NotSilent, StoreFailed
 from haptigraph.study.plan import Stage
@@ -69,8 +71,16 @@ def service(tmp_path):
     (tmp_path / "study.toml").write_text(PROTOCOL)
     with closing(Store(tmp_path / "study.db")) as store:
         service = StudyService(tmp_path, study_at(tmp_path, store), "lab 1")
+        service.touch = TouchOutput(HapticsConfig(), [screen()], lambda *_: None)
         service.open(service.enrol(None), take_over=False)
         yield service
+
+
+def screen():
+    """A participant's page on which the border shows the haptic feedback."""
+    viewer = Viewer("participant's page 1")
+    viewer.outputs = ("screen",)
+    return viewer
 
 
 def go_to_the_training(service):
@@ -81,6 +91,7 @@ def go_to_the_training(service):
             for item in service.study.protocol.questionnaire(stage.questionnaire).items:
                 session.answer(stage.key, item.key, item.choices[0] if item.choices else "30")
         session.done(stage.key)
+    session.answer_pulse("screen", is_felt=True)
     return session.next().stage
 
 
@@ -200,10 +211,26 @@ def test_a_refused_participant_leaves_the_current_session_open(service):
     with pytest.raises(BadInput, match="has no participant 'P05'"):
         service.open("P05", take_over=False)
     assert service.current_session().participant == "P01"
-    second = service.enrol(None)
+    with pytest.raises(BadInput, match="P01 has a place in the study, but has not consented yet; undo the"):
+        service.enrol(None)
+    second = service.enrol(None, is_confirmed=True)
     service.open(second, take_over=False)
     assert service.current_session().participant == second
     assert [each["station"] for each in experimenter_snapshot(service)["participants"]] == ["", "lab 1"]
+
+
+def test_an_enrolment_is_undone_at_its_station_until_the_consent(service):
+    with pytest.raises(BadInput, match="participant 'P02' is not at this station; P01 is"):
+        service.undo_enrolment("P02")
+    service.undo_enrolment("P01")
+    assert experimenter_snapshot(service)["current"] is None
+    assert service.study.check_frozen() is None  # nobody is enrolled
+    service.open(service.enrol(None), take_over=False)
+    assert experimenter_snapshot(service)["current"]["may_undo_enrolment"] is True
+    for _ in range(2):
+        service.session.done(service.session.next().stage.key)
+    assert experimenter_snapshot(service)["current"]["may_undo_enrolment"] is False
+    assert service.enrol(None) == "P02"
 
 
 @pytest.mark.parametrize("blind", ["nobody", "participant", "everyone"])

@@ -14,8 +14,8 @@ export class Feed {
   drawn = 0; received_ms = -Infinity; latency_ms = NaN; late_ms = 0; wasLate_ms = -Infinity; ended = ""; isOpen = false;
 
   /** Tests and benchmarks read the fields, and may set `onImage` and `onDrawn`.
-   *  @param {import("./haptics.js").Haptics} haptics @param {FeedHandlers} handlers */
-  constructor(haptics, handlers) {
+   *  @param {import("./haptics.js").Haptics} haptics @param {FeedHandlers} handlers @param {string} [path] of the socket */
+  constructor(haptics, handlers, path = "/live") {
     this.haptics = haptics;
     this.onImage = this.onDrawn = (/** @type {ImageHeader} */ _header) => {};
     /** @type {FeedHandlers} */ const own = {
@@ -38,7 +38,7 @@ export class Feed {
       onImage: (header, picture) => { own.image(header, picture); handlers.image(header, picture); },
       onOpen: () => { this.isOpen = true; this.clock.reset(); this.ping(); this.watch(); handlers.opened?.(); },
       onLost: () => { this.isOpen = false; haptics.silence(); handlers.lost?.(); },
-    });
+    }, path);
     this.send = send;
     setInterval(() => this.ping(), PING_MS);
     for (const wait_ms of [50, 100, 200, 400]) setTimeout(() => this.ping(), wait_ms);

@@ -5,13 +5,14 @@ const RETRY_MS = [250, 500, 1000, 2000];
 /** Keep a socket open.
  *  @param {{onText: (type: keyof ServerMessages, message: any) => void, onOpen: () => void, onLost: () => void,
  *           onImage: FeedHandlers["image"]}} handlers `onLost` is called as soon as the connection breaks
+ *  @param {string} path of the socket
  *  @returns {{send: Send}} messages are dropped while there is no connection */
-export function connect(handlers) {
+export function connect(handlers, path) {
   /** @type {WebSocket} */ let socket;
   let failures = 0;
 
   function open() {
-    socket = new WebSocket(`ws://${location.host}/live`);
+    socket = new WebSocket(`ws://${location.host}${path}`);
     socket.binaryType = "arraybuffer";
     socket.onopen = () => { failures = 0; handlers.onOpen(); };
     socket.onmessage = (event) => receive(event.data);

@@ -3,7 +3,7 @@
 import { checkbox, make, setText } from "./dom.js";
 import { circle, zoneOf } from "./zones.js";
 
-/** @type {Record<Overlay, string>} */ const OVERLAYS = { needle: "Instrument", uncertainty: "Uncertainty", cone: "Cone", zone: "Zones", target: "Target" };
+/** Those with a switch. @type {Partial<Record<Overlay, string>>} */ const OVERLAYS = { needle: "Instrument", uncertainty: "Uncertainty", cone: "Cone", zone: "Zones", target: "Target" };
 const LINE = "#b9d6ec", REGION_SD = 2;
 
 export class View {
@@ -16,6 +16,7 @@ export class View {
   /** Tips by the shaft that they end. @type {Map<string, string>} */ tips = new Map();
   /** The newest message that arrived while another was being decoded. @type {[ImageHeader, Picture] | null} */ waiting = null;
   isDecoding = false; half_mm = 1;
+  /** Whether the instrument was found in the eye in this run. */ hasEntered = false;
   /** Names the size of the uncertainty region, next to its switch. */ region = make("span", { className: "region" });
   /** Called with the header of every image that was drawn. @type {(header: ImageHeader) => void} */ onDrawn = () => {};
 
@@ -24,7 +25,7 @@ export class View {
     this.canvas = canvas;
     this.context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d", { alpha: false }));
     for (const name of /** @type {Overlay[]} */ (fieldset ? Object.keys(OVERLAYS) : [])) {
-      const label = checkbox(OVERLAYS[name], true, (isOn) => { this.overlays[name] = isOn; this.draw(); }, `overlay-${name}`);
+      const label = checkbox(OVERLAYS[name] ?? "", true, (isOn) => { this.overlays[name] = isOn; this.draw(); }, `overlay-${name}`);
       if (name === "uncertainty") { label.title = "Within 2 standard deviations of the tip"; label.append(this.region); }
       fieldset?.append(label);
     }
@@ -43,6 +44,7 @@ export class View {
     this.tips = new Map(entities.flatMap((e) => (e.only_with ? [[e.only_with, e.name]] : e.geometry === "segment" && e.visible_with ? [[e.name, e.visible_with]] : [])));
     this.colors = new Map(states.map((state) => [state.name, state.color]));
     this.picture = this.header = null;
+    this.hasEntered = false;
     this.draw();
   }
 
@@ -57,6 +59,7 @@ export class View {
         this.picture = bitmap;
       }
       this.header = header;
+      this.hasEntered ||= this.isInside(header.found);
       this.canvas.classList.toggle("lost", !picture);
       this.draw();
       this.onDrawn(header);
@@ -95,6 +98,7 @@ export class View {
     const held = new Set((header?.edges ?? []).map(String)), color = this.colors.get(header?.state ?? "") ?? LINE;
     for (const { kind, outline, relation } of this.zones) if (this.overlays[kind]) this.drawZone(outline, held.has(relation), color);
     if (this.overlays.target) this.drawTargets(hello);
+    if (this.overlays.port && !this.hasEntered) this.drawPort(hello);
     if (header) this.drawUncertainty(header);
     if (this.overlays.needle && header) this.drawShapes(header.found, color);
   }
@@ -125,6 +129,31 @@ export class View {
       }
       this.stroke("#fff", 2);
     }
+  }
+
+  /** The port through which the instrument enters, or null where the anatomy has none. @param {Hello | null} hello */
+  static portOf(hello) { const port = hello?.anatomy.trocar; return port?.type === "point" ? port : null; }
+
+  /** Return whether an instrument ends nearer to the eye's centre than the port. @param {Record<string, Shape>} found */
+  isInside(found) {
+    const port_mm = Math.hypot(...View.portOf(this.hello)?.at_mm ?? [0]);
+    return Object.values(found).some((shape) => Math.hypot(...shape.type === "point" ? shape.at_mm : shape.type === "segment" ? shape.end_mm : [Infinity]) < port_mm);
+  }
+
+  /** Mark the port: a ring around it, and an arrow along the way into the eye. */
+  drawPort(/** @type {Hello} */ hello) {
+    const port = View.portOf(hello);
+    if (!port) return;
+    const c = this.context, { unit } = this, [x, y] = this.toCanvas(port.at_mm), center = this.canvas.width / 2;
+    const length = Math.hypot(center - x, center - y) || 1, ux = (center - x) / length, uy = (center - y) / length;
+    c.beginPath();
+    c.arc(x, y, 12 * unit, 0, 2 * Math.PI);
+    this.stroke("#ffd54a", 2.5);
+    c.beginPath();
+    const at = (/** @type {number} */ along, /** @type {number} */ across) => /** @type {Vec} */ ([x + (ux * along - uy * across) * unit, y + (uy * along + ux * across) * unit]);
+    c.moveTo(...at(18, 0)); c.lineTo(...at(58, 0));
+    c.moveTo(...at(46, -9)); c.lineTo(...at(58, 0)); c.lineTo(...at(46, 9));
+    this.stroke("#ffd54a", 3);
   }
 
   /** Draw where the tip may be, and name its size, or why there is none. */

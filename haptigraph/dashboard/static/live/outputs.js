@@ -2,7 +2,7 @@
 
 import { checkbox } from "../common/dom.js";
 import { phone } from "./phone.js";
-import { Rumble } from "./rumble.js";
+import { Rumble, nameOf } from "./rumble.js";
 
 /** A border around the page, as opaque as the level is strong. */
 class ScreenBorder {
@@ -51,7 +51,10 @@ class Tone {
   }
 }
 
+/** @typedef {{ names: () => string[], rumble: Rumble }} Outputs the outputs that work at present, and the controller's */
+
 /** Let a page play haptic feedback, with a switch for each output.
+ *  @returns {Outputs}
  *  @param {import("../common/haptics.js").Haptics} haptics @param {import("./gamepad.js").Controller} controller @param {HTMLElement} fieldset */
 export function addOutputs(haptics, controller, fieldset) {
   const rumble = new Rumble(() => controller.pad()), motor = new Rumble(() => phone), border = new ScreenBorder(), tone = new Tone();
@@ -62,4 +65,8 @@ export function addOutputs(haptics, controller, fieldset) {
     checkbox("screen", false, (isOn) => border.enable(isOn), "touch-screen"),
     checkbox("sound", false, (isOn) => tone.enable(isOn)),
   );
+  return { rumble, names: () => [
+    ...(rumble.isReady ? [`controller: ${nameOf(controller.pad())}`] : []), ...(phone && motor.isOn ? ["phone"] : []),
+    ...(border.isOn ? ["screen"] : []), ...(tone.isOn && tone.audio?.state === "running" ? ["sound"] : []),
+  ] };
 }

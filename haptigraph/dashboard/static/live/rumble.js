@@ -11,11 +11,15 @@ export class Rumble {
   /** @type {HapticLevel | null} */ playing = null;
   /** @type {GamepadHapticActuator | null} */ actuator = null;
   sent_ms = -Infinity; timer = 0;
+  /** Called when the browser confirms that an effect was played. @type {(start_ms: number, end_ms: number) => void} */ onPlayed = () => {};
 
   /** @param {() => (Pick<Gamepad, "vibrationActuator"> | null)} find returns the controller to play on */
   constructor(find) { this.find = find; }
 
   enable(/** @type {boolean} */ isOn) { this.isOn = isOn; if (!isOn) this.stop(); }
+
+  /** Whether it can play at present. */
+  get isReady() { return this.isOn && actuatorOf(this.find()) !== null; }
 
   /** @param {HapticLevel} level @param {number} until_ms @param {number} [now_ms] */
   play(level, until_ms, now_ms = performance.now()) {
@@ -38,8 +42,11 @@ export class Rumble {
     this.playing = level;
     this.actuator = actuator;
     const effect = { startDelay: 0, duration, ...magnitudes(level) };
-    Promise.resolve(actuator.playEffect("dual-rumble", effect)).then(() => { this.problem = ""; }, (error) => { this.problem = String(error); });
-    this.sent_ms = performance.now();
+    const start_ms = this.sent_ms = performance.now();
+    Promise.resolve(actuator.playEffect("dual-rumble", effect)).then((result) => {
+      this.problem = "";
+      this.onPlayed(start_ms, result === "complete" ? start_ms + duration : Math.min(performance.now(), start_ms + duration));
+    }, (error) => { this.problem = String(error); });
   }
 
   stop() {
@@ -58,11 +65,13 @@ function actuatorOf(gamepad) {
   return !actuator.effects || actuator.effects.includes("dual-rumble") ? actuator : null;
 }
 
+/** Return the short name of a controller. @param {Gamepad | null} pad */
+export function nameOf(pad) { return pad?.id.replace(/\s*\(.*\)/, "").replace(/[+\s]+/g, " ").trim().slice(0, 80) || "Controller"; }
+
 /** Describe a controller in a line. @param {Gamepad | null} pad */
 export function controllerText(pad) {
   if (!pad) return isSecureContext ? "No controller: press one of its buttons to connect it" : "No controller: without HTTPS some browsers hide it";
-  const name = pad.id.replace(/\s*\(.*\)/, "").trim() || "Controller";
-  return `${name}${actuatorOf(pad) ? ", can vibrate" : ", cannot vibrate: switch on screen or sound"}`;
+  return `${nameOf(pad)}${actuatorOf(pad) ? ", can vibrate" : ", cannot vibrate: switch on screen or sound"}`;
 }
 
 /** Distribute a level over the motors: the large one for low frequencies, both for high ones. @param {HapticLevel} level */

@@ -4,6 +4,9 @@ import { $, make } from "../common/dom.js";
 
 const OUTCOMES = { hit: "target hit", timeout: "target not hit", aborted: "aborted" };
 
+/** @type {Record<string, string>} */
+const KINDS = { stop: "session ended: ", felt: "test pulse felt: ", unfelt: "test pulse not felt: " };
+
 /** Show all participants. @param {ExperimenterStatus} status @param {(participant: string, otherStation: string) => void} onOpen called to open one here */
 export function showRoster(status, onOpen) {
   const { participants, max_participants, station } = status;
@@ -14,7 +17,7 @@ export function showRoster(status, onOpen) {
     const button = make("button", { type: "button", textContent: action, ariaLabel: `${action} ${each.participant}`, disabled: Boolean(status.trial_status) });
     if (action === "Resume") button.className = "primary";
     button.addEventListener("click", () => onOpen(each.participant, otherStation));
-    const facts = [each.running && "trial open", each.order.join(", then "), otherStation && `at ${otherStation}`, each.void && `${each.void} void`];
+    const facts = [each.running && "trial open", each.order.join(", then "), otherStation && `at ${otherStation}`, !each.has_consented && !each.has_left && !status.simulated && "no consent yet", each.void && `${each.void} void`];
     const item = make("li", { className: isHere ? "here" : "" },
       make("b", {}, each.participant), make("span", { className: "quiet" }, `${each.done} of ${each.total}`),
       action ? button : make("span", {}, isHere && "● here"), make("small", {}, each.next),
@@ -47,7 +50,7 @@ export function showNotes(current) {
   const before = $("notes").children.length;
   $("notes").replaceChildren(...(current?.events ?? []).map(({ kind, text, at_utc }) => make("li", {},
     make("time", { dateTime: at_utc }, new Date(at_utc).toLocaleTimeString([], { hour: "2-digit", minute: "2-digit" })),
-    kind === "stop" && make("strong", {}, "session ended: "), text)));
+    KINDS[kind] && make("strong", {}, KINDS[kind]), text)));
   if ($("notes").children.length !== before) $("notes").lastElementChild?.scrollIntoView({ block: "nearest" });
   for (const element of [$("note-text"), $("note-save")]) element.disabled = !current;
 }

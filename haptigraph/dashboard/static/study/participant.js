@@ -20,33 +20,37 @@ const feed = new Feed(haptics, {
   image(header, picture) { trial.show(header, picture); },
   controls({ holder }) { trial.setHolder(holder); },
   welcome({ name }) { trial.me = name; },
+  haptics() { trial.touch.keepAlive(); },
   study() { sync.refresh(); },
-  opened() { sync.reset(); sync.refresh(); },
+  opened() { trial.touch.reset(); sync.reset(); sync.refresh(); },
   lost() { trial.setHolder(""); complain(LOST); },
   hidden() { trial.release(); questionnaire.commit(); },
-});
+}, "/participant/live");
 /** The page's state; tests read it. */
 export const page = Object.assign(feed, { status: /** @type {ParticipantStatus | null} */ (null) });
 const trial = new Trial(page, act);
-const questionnaire = new Questionnaire($("questionnaire"), (content) => sync.act("answer", content), () => act("done"), () => sync.refresh(),
+const questionnaire = new Questionnaire($("questionnaire"), (content) => sync.act("answer", content), () => { act("done"); }, () => sync.refresh(),
   ({ participant, key }) => page.status?.participant === participant && page.status.stage?.key === key);
 let shown = "";  // the stage on the screen, and whose
 let refused = "";  // why the last action was refused
 
-/** Send an action of the participant, and show why it is refused. @param {string} name */
-async function act(name) {
+/** Send an action of the participant; show why it is refused, return whether it succeeded. @param {string} name @param {object} [more] */
+async function act(name, more = {}) {
   const { participant, stage } = page.status ?? {};
   for (const button of document.querySelectorAll("button")) button.disabled = true;
   try {
     refused = "";
-    await sync.act(name, { participant, key: stage?.key });
+    await sync.act(name, { participant, key: stage?.key, ...more });
+    return true;
   } catch (error) {
     if (!(error instanceof RequestError)) throw error;
     refused = error.message;
     complain(refused);
     sync.refresh();
+    return false;
   } finally {
     for (const button of document.querySelectorAll("button")) button.disabled = false;
+    trial.touch.update();
   }
 }
 
@@ -68,7 +72,7 @@ function show(status) {
   for (const each of SCREENS) $(each).hidden = each !== screen;
   document.body.dataset.screen = screen;
   document.body.dataset.stage = stage?.key ?? "";
-  if (screen === "trial" && stage) trial.showStatus(status.trial_status, stage);
+  if (screen === "trial" && stage) trial.showStatus(status.trial_status, stage, status.touch);
   const place = participant && `${participant} ${stage?.key ?? status.ended} ${stage?.attempt ?? ""}`;
   if (screen === "questionnaire" && place === shown) questionnaire.flush();
   if (screen === "wait" || place === shown) return;

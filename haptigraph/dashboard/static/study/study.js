@@ -43,9 +43,12 @@ async function act(name, body) {
 }
 
 function complain() {
-  const problem = page.isOpen ? refused || page.status?.problem : "The server does not respond. If it has stopped, start haptigraph study run again; it continues where it stopped.";
+  const problem = page.isOpen ? refused || page.status?.problem || touchProblem(page.status) : "The server does not respond. If it has stopped, start haptigraph study run again; it continues where it stopped.";
   showOrHide($("problem"), problem ?? "");
 }
+
+/** Say why the trial that comes next must not begin. @param {ExperimenterStatus | null} status */
+function touchProblem(status) { return status?.trial_status ? "" : status?.current?.touch.problem; }
 
 function show(/** @type {ExperimenterStatus} */ status) {
   const { current } = page.status = status;
@@ -70,7 +73,7 @@ function showStage(/** @type {ExperimenterStatus} */ { current, trial_status, pa
   $("participant").textContent = current?.participant ?? "";
   if (current) {
     setText($("stage"), stage ? [stage.title, stage.condition].filter(Boolean).join(" · ") : current.ended);
-    const facts = [`stage ${Math.min(current.done + 1, current.total)} of ${current.total}`, stage && stageText(stage, trial_status), !current.has_haptics && "without haptic feedback"];
+    const facts = [`stage ${Math.min(current.done + 1, current.total)} of ${current.total}`, stage && stageText(stage, trial_status), stage?.timeout_s && current.touch.output && `output: ${current.touch.output}`, !current.has_haptics && "without haptic feedback"];
     $("detail").textContent = facts.filter(Boolean).join(" · ");
   } else {
     setText($("stage"), interrupted ? `${interrupted.participant} was here when the station stopped` : "No participant at this station");
@@ -78,12 +81,14 @@ function showStage(/** @type {ExperimenterStatus} */ { current, trial_status, pa
   }
   $("enrol-button").classList.toggle("primary", !current);
   $("begin").hidden = !(stage?.timeout_s && !trial_status);
+  $("begin").disabled = Boolean(current?.touch.problem);
   $("finish").hidden = stage?.kind !== "break" && stage?.kind !== "thanks";
   $("abort").hidden = !trial_status;
   $("abort").disabled = trial_status !== "running";
   $("repeat").hidden = !current?.repeatable || Boolean(trial_status);
   $("stop").hidden = !stage || Boolean(trial_status);
   $("withdraw").hidden = $("leave").hidden = !current || Boolean(trial_status);
+  $("unenrol").hidden = !current?.may_undo_enrolment || Boolean(trial_status);
 }
 
 function stageText(/** @type {StageSummary} */ stage, /** @type {TrialStatus} */ status) {
@@ -96,6 +101,13 @@ function stageText(/** @type {StageSummary} */ stage, /** @type {TrialStatus} */
 /** Say who leaves this station when another comes; empty if nobody is in the middle of a session. @param {CurrentSession | null | undefined} current */
 function leaving(current) {
   return current?.stage && current.done > 0 ? `${current.participant} leaves this station and may come back. ` : "";
+}
+
+/** Say who has a place at this station without having consented; empty if nobody has. @param {ExperimenterStatus | null} status */
+function waiting(status) {
+  const names = (status?.participants ?? []).filter((each) => !each.has_consented && !each.has_left && (!each.station || each.station === status?.station))
+    .map((each) => each.participant);
+  return names.length ? `Enrolled but without consent: ${names.join(", ")}. To free a place, cancel and press Undo enrolment. ` : "";
 }
 
 /** Open a participant at this station. @param {string} participant @param {string} otherStation that has the participant; empty: none */
@@ -113,7 +125,7 @@ async function open(participant, otherStation) {
 }
 
 /** Let a button do something with the current session, after a confirmation.
- *  @param {"abort" | "repeat" | "stop" | "withdraw"} name of the button and of the action
+ *  @param {"abort" | "repeat" | "stop" | "withdraw" | "unenrol"} name of the button and of the action
  *  @param {(current: CurrentSession) => Parameters<typeof confirmed>[0]} texts @param {(current: CurrentSession, reason: string) => object} body */
 function confirmFirst(name, texts, body) {
   $(name).addEventListener("click", async () => {
@@ -132,12 +144,17 @@ confirmFirst("stop", (current) => ({ question: `End the session of ${current.par
 confirmFirst("withdraw", (current) => ({ question: `Has ${current.participant} left the study?`, consequence: "The data stay, and another participant gets the place. This cannot be undone.", confirm: "Withdraw" }),
   () => ({}));
 
+confirmFirst("unenrol", (current) => ({ question: `Undo the enrolment of ${current.participant}?`, consequence: "The place and the pseudonym are free again; nothing of this participant is kept.", confirm: "Undo enrolment" }),
+  () => ({}));
+
 $("leave").addEventListener("click", () => act("leave", { participant: page.status?.current?.participant }));
 $("enrol").addEventListener("submit", async (event) => {
   event.preventDefault();
-  const consequence = leaving(page.status?.current);
+  const consequence = waiting(page.status) + leaving(page.status?.current);
   if (consequence && await confirmed({ question: "Enrol another participant at this station?", consequence, confirm: "Enrol" }) === null) return;
-  if (await act("enrol", { participant: $("pseudonym").value })) $("pseudonym").value = "";
+  $("enrol-button").disabled = true;
+  if (await act("enrol", { participant: $("pseudonym").value, is_confirmed: Boolean(consequence) })) $("pseudonym").value = "";
+  $("enrol-button").disabled = false;
 });
 $("note-form").addEventListener("submit", async (event) => {
   event.preventDefault();

@@ -2,36 +2,37 @@
 
 import { animate } from "../common/animate.js";
 import { Controller } from "../live/gamepad.js";
-import { $, checkbox } from "../common/dom.js";
+import { $, checkbox, setText } from "../common/dom.js";
 import { addOutputs } from "../live/outputs.js";
 import { Phases } from "../live/phases.js";
 import { controllerText } from "../live/rumble.js";
 import { Banner } from "../common/state_panel.js";
 import { Steering } from "../live/steering.js";
+import { TouchCheck } from "./touch_check.js";
 import { View } from "../common/view.js";
 
 /** @type {Record<TrialStage["display"], Overlay[]>} */
-const DISPLAYS = { ioct: ["target"], overlays: ["target", "needle", "cone", "zone"] };
+const DISPLAYS = { ioct: ["target", "port"], overlays: ["target", "port", "needle", "cone", "zone"] };
 const DRAW_MS = 1000 / 20, FROZEN_MS = 1000;
 
 export class Trial {
-  me = ""; holder = "";
+  me = ""; holder = ""; title = "";
   /** @type {TrialStatus} */ status = "";
   picture_ms = 0;
   view = new View($("view"), null);
   banner = new Banner();
   controller = new Controller();
 
-  constructor(/** @type {import("../common/feed.js").Feed} */ feed, /** @type {(name: string) => Promise<void>} */ act) {
+  constructor(/** @type {import("../common/feed.js").Feed} */ feed, /** @type {(name: string, more?: object) => Promise<boolean>} */ act) {
     this.feed = feed;
     this.view.onDrawn = (header) => feed.noteDrawn(header);
     this.steering = new Steering(feed.send, this.controller, $("view"));
     this.phases = new Phases($("phases"), feed.send);
-    addOutputs(feed.haptics, this.controller, $("outputs"));
+    this.touch = new TouchCheck(feed, addOutputs(feed.haptics, this.controller, $("outputs")), act);
     $("outputs").append(checkbox("Needs clutch", false, (isOn) => { this.steering.needsClutch = isOn; }, "needs-clutch"));
     $("begin").addEventListener("click", () => act("begin"));
     $("finish").addEventListener("click", () => act("ready"));
-    document.addEventListener("visibilitychange", () => this.takeControls());
+    document.addEventListener("visibilitychange", () => { this.takeControls(); this.touch.name(); });
     animate(() => DRAW_MS, () => this.draw());
   }
 
@@ -47,11 +48,13 @@ export class Trial {
     if (!status) this.view.begin(null);  // clears the picture of the trial before
   }
 
-  showStatus(/** @type {TrialStatus} */ status, /** @type {StageSummary} */ stage) {
+  /** @param {TrialStatus} status @param {StageSummary} stage @param {TouchStatus} [touch] */
+  showStatus(status, stage, touch = { output: "", problem: "" }) {
+    this.touch.show(touch);
     const isOn = status === "running";
     $("ready").hidden = status !== "";
     $("finish").hidden = !(isOn && stage.free);
-    $("trial-status").textContent = { "": "", preparing: "One moment, please …", running: stage.title, ending: "Finished. One moment, please …" }[status];
+    this.title = stage.title;
     if (isOn && this.status !== "running") {
       this.picture_ms = performance.now();
       $("view").focus();  // so that the space bar is the clutch, and presses no button
@@ -93,6 +96,9 @@ export class Trial {
     const isOn = this.status === "running", { engaged } = this.steering;
     const others = this.holder && this.holder !== this.me ? "Another page has the controls; close it." : "";
     $("pad").textContent = controllerText(this.controller.pad());
+    this.touch.name();
+    const hint = isOn && !this.view.hasEntered && View.portOf(this.feed.hello) ? `${this.title}: enter through the marked port` : this.title;
+    setText($("trial-status"), { "": "", preparing: "One moment, please …", running: hint, ending: "Finished. One moment, please …" }[this.status]);
     $("clutch").textContent = !isOn || !this.feed.hello?.steerable ? "" : others || (engaged ? "● moving the instrument" : "○ disengaged");
     $("clutch").classList.toggle("on", engaged);
     const isFrozen = isOn && performance.now() - this.picture_ms > FROZEN_MS;

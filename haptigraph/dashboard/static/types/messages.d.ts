@@ -47,7 +47,8 @@ interface ServerMessages {
 interface HandMotion { engaged: boolean, along_mm: number, across_mm: number, apart_mm: number }
 type ClientMessage = { type: "ack", number: number } | { type: "watch", images: boolean } | { type: "ping", time_ms: number }
   | { type: "take_controls" } | { type: "release_controls" } | { type: "motion", hand: HandMotion }
-  | ({ type: "tune" } & Partial<TeleopSettings>) | { type: "enter_phase", phase: string };
+  | ({ type: "tune" } & Partial<TeleopSettings>) | { type: "enter_phase", phase: string }
+  | { type: "outputs", names: string[] } | { type: "played", output: string, start_ms: number, end_ms: number };
 type Send = (message: ClientMessage) => void;
 /** What a page does with each message, and with events of its connection. */
 type FeedHandlers = { [K in keyof ServerMessages]?: (message: ServerMessages[K]) => void } & {

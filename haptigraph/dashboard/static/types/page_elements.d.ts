@@ -8,11 +8,11 @@ type PageElements =
     "plan" | "problem" | "procedure" | "question" | "questionnaire-intro" | "questionnaire-source" |
     "questionnaire-title" | "ready" | "roster" | "run" | "scale-value" | "simulated" | "source" | "stage" |
     "state" | "station" | "steering" | "steps" | "switches" | "text" | "text-body" | "text-title" | "title" |
-    "tools" | "trial" | "trial-condition" | "trial-status" | "trial-text" | "trial-title" | "trocars" |
+    "tools" | "touch-check" | "touch-text" | "trial" | "trial-condition" | "trial-status" | "trial-text" | "trial-title" | "trocars" |
     "verdict" | "wait" | "wait-title" | "waiting" | "way" | "who" | "work", HTMLElement>
-  & Record<"abort" | "add" | "begin" | "cancel" | "closer" | "enrol-button" | "compare" | "confirm" | "csv" | "find" | "finish" |
-    "hold" | "leave" | "load" | "map" | "note-save" | "play" | "png" | "redo" | "refresh" | "repeat" | "restore"
-    | "save-button" | "standard" | "stop" | "text-done" | "undo" | "whole" | "wider" | "withdraw",
+  & Record<"abort" | "add" | "begin" | "cancel" | "closer" | "enrol-button" | "felt" | "compare" | "confirm" | "csv" | "find" | "finish" |
+    "hold" | "leave" | "load" | "map" | "note-save" | "play" | "pulse" | "png" | "redo" | "refresh" | "repeat" | "restore"
+    | "save-button" | "standard" | "stop" | "text-done" | "undo" | "unenrol" | "unfelt" | "whole" | "wider" | "withdraw",
     HTMLButtonElement>
   & Record<"loupe" | "timeline" | "traces" | "view", HTMLCanvasElement>
   & Record<"ask" | "exists" | "mapping", HTMLDialogElement>

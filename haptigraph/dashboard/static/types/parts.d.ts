@@ -2,7 +2,7 @@
 
 /** What makes a view unreliable; `isCut`: the page itself receives nothing. */
 interface Problem { title: string, detail: string, isCut: boolean }
-type Overlay = "needle" | "uncertainty" | "cone" | "zone" | "target";
+type Overlay = "needle" | "uncertainty" | "cone" | "zone" | "target" | "port";
 /** A JPEG, or an image that is decoded already. */
 type Picture = Uint8Array<ArrayBuffer> | ImageBitmap | null;
 /** A node of the scene graph on the page. */

@@ -17,9 +17,11 @@ type TextStage = StageSummary & { text: string };
 type TrialStage = StageSummary & { display: "ioct" | "overlays" };
 type ParticipantStage = TextStage | QuestionnaireStage | TrialStage;
 interface StudyStatus { version: number, title: string, simulated: boolean, trial_status: TrialStatus, has_problem: boolean }
+/** The outputs of haptic feedback, joined by " + "; and why a trial must not begin with them. */
+interface TouchStatus { output: string, problem: string }
 /** The fields from `done` on are there if a participant is. */
 interface ParticipantStatus extends StudyStatus {
-  participant: string, done: number, total: number, ended: string, thanks: string, stage?: ParticipantStage,
+  touch?: TouchStatus, participant: string, done: number, total: number, ended: string, thanks: string, stage?: ParticipantStage,
 }
 interface PlannedStage {
   key: string, title: string, condition: string, is_done: boolean,
@@ -27,11 +29,11 @@ interface PlannedStage {
 }
 interface CurrentSession {
   participant: string, done: number, total: number, ended: string, stage: StageSummary | null, repeatable: string,
-  has_haptics: boolean, plan: PlannedStage[], events: { kind: string, text: string, at_utc: string }[],
+  touch: TouchStatus, may_undo_enrolment: boolean, has_haptics: boolean, plan: PlannedStage[], events: { kind: string, text: string, at_utc: string }[],
 }
 interface ParticipantRow {
   participant: string, order: string[], done: number, total: number, next: string, ended: boolean,
-  has_left: boolean, running: boolean, station: string, void: number,
+  has_left: boolean, has_consented: boolean, running: boolean, station: string, void: number,
 }
 interface ExperimenterStatus extends StudyStatus {
   name: string, station: string, max_participants: number, shows_conditions: boolean, problem: string,

@@ -1,0 +1,93 @@
+"""The haptic outputs of a station, its device and its participant's page, and their test pulse."""
+
+from collections.abc import Sequence
+
+from haptigraph.analysis.actuators import play_grammar
+from haptigraph.assemble import is_felt, open_device
+from haptigraph.clock import MonotonicClock
+from haptigraph.config import HapticsConfig
+from haptigraph.dashboard.server.viewer import Viewer
+from haptigraph.errors import BadInput, DeviceError, NotSilent
+from haptigraph.haptics.observed_device import Listener, ObservedDevice
+from haptigraph.messages import Pattern
+from haptigraph.study.plan import Stage
+from haptigraph.study.runner import Session
+from haptigraph.study.touch_check import felt_output, needs_output
+
+__all__ = ["TouchOutput"]
+
+PULSE = Pattern("test pulse", "bursts", 1.0, 160.0, 120.0, 120.0, 3)
+"""Bursts that a page keeps alive for their whole length, and long enough for the motor of a controller."""
+NO_OUTPUT = (
+    "there is no haptic output; connect a game controller and press one of its buttons, or switch on screen "
+    "or sound under Set up on the participant's page"
+)
+NOT_FELT = (
+    "the haptic output is not confirmed; the participant presses Test pulse, and says whether it was felt"
+)
+CHANGED = "the haptic output has changed since the last test pulse; the participant tests it again"
+
+
+class TouchOutput:
+    """The outputs that a participant can feel at one station.
+
+    Args:
+        config: Device and limits.
+        viewers: All pages; those of participants name their outputs.
+        listener: Receives every level of the test pulse, for the pages.
+    """
+
+    def __init__(self, config: HapticsConfig, viewers: Sequence[Viewer], listener: Listener) -> None:
+        self._config, self._viewers, self._listener = config, viewers, listener
+        self._pulsed: tuple[str, int, str] | None = None
+        """Participant, session and outputs of a test pulse that is not answered yet."""
+
+    @property
+    def name(self) -> str:
+        """All outputs, joined by " + "; empty: none, so that nothing can be felt."""
+        if not self._config.max_amplitude:
+            return ""
+        pages = {output for viewer in tuple(self._viewers) for output in viewer.outputs}
+        device = self._config.device
+        return " + ".join([*([device] if is_felt(device) else []), *sorted(pages)])
+
+    def problem(self, session: Session, stage: Stage) -> str:
+        """Describe why a trial must not begin; return "" if it may, or if the stage is none."""
+        if not needs_output(session.study.protocol, stage):
+            return ""
+        felt = felt_output(session)
+        if not self.name:
+            return NO_OUTPUT
+        return "" if felt == self.name else CHANGED if felt else NOT_FELT
+
+    def play(self, session: Session) -> None:
+        """Play the test pulse, within the limits of the guard.
+
+        Raises:
+            BadInput: If there is no output, or the device cannot be opened.
+            DeviceError: If the device failed.
+        """
+        name, device = self.name, self._config.device
+        if not name:
+            raise BadInput(NO_OUTPUT)
+        opened = open_device(device if is_felt(device) else "console")
+        observed = ObservedDevice(opened, self._listener)
+        test = play_grammar(observed, [PULSE], MonotonicClock(), lambda _: None, self._config)
+        if not test.is_silent:
+            raise NotSilent(device)
+        if test.faults:
+            raise DeviceError(f"{device}: {test.faults[0].message}")
+        self._pulsed = session.participant, session.number, name
+
+    def answer(self, session: Session, *, is_felt: bool) -> None:
+        """Store whether the participant felt the test pulse.
+
+        Raises:
+            BadInput: If none was played, or the outputs have changed since.
+        """
+        pulsed, self._pulsed = self._pulsed, None
+        if pulsed is None or pulsed[:2] != (session.participant, session.number):
+            raise BadInput("no test pulse was played yet; press Test pulse first")
+        if pulsed[2] != self.name:
+            raise BadInput("the haptic output changed during the test; press Test pulse again")
+        session.answer_pulse(pulsed[2], is_felt=is_felt)
