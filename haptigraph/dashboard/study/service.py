@@ -13,6 +13,7 @@ from queue import SimpleQueue
 from typing import Literal, TypeAlias
 
 from haptigraph.dashboard.server.site import Site
+from haptigraph.dashboard.study.stimulus import Stimulus
 from haptigraph.errors import BadInput
 from haptigraph.study.plan import Stage
 from haptigraph.study.protocol import load_protocol
@@ -22,8 +23,8 @@ from haptigraph.study.station import open_session_row
 
 __all__ = ["StationSite", "StudyService", "TrialEnding", "TrialStatus"]
 
-TrialStatus: TypeAlias = Literal["", "preparing", "running", "ending"]
-"""Status of this station's trial; empty: there is none."""
+TrialStatus: TypeAlias = Literal["", "preparing", "running", "ending", "stimulus"]
+"""Status of this station's trial; empty: there is none; "stimulus": a vibration outside trials is played."""
 TrialEnding: TypeAlias = tuple[Literal["ready", "aborted"], str]
 """How a person ends a trial, and why."""
 
@@ -46,6 +47,8 @@ class StudyService:
         """Why the last trial could not begin or be saved; empty: no problem."""
         self.ending: TrialEnding | None = None
         """Set by a page; the trial that runs checks it with every image."""
+        self.played = ""
+        """Name of the last stimulus, once it was played."""
         self.started_ns = 0
         """When the trial that runs had its first image, on the monotonic clock."""
         self.version = 0
@@ -54,7 +57,7 @@ class StudyService:
         self._path = path
         self._lock = threading.RLock()  # held during store access, which may take long
         self._status_lock = threading.Lock()  # held for a moment only, because the loop may wait for it
-        self._requested: SimpleQueue[tuple[Session, Stage]] = SimpleQueue()
+        self._requested: SimpleQueue[tuple[Session, Stage] | Stimulus] = SimpleQueue()
 
     # --- for the experimenter -------------------------------------------------------------------------
 
@@ -173,6 +176,19 @@ class StudyService:
             raise BadInput(f"{key} is not free training; it ends by itself")
         self._end(participant, key, ("ready", ""))
 
+    def request_stimulus(self, participant: str, stimulus: Stimulus) -> None:
+        """Request a vibration outside trials, which a person at a page has asked for.
+
+        Raises:
+            BadInput: If the participant is not here, or something is being played.
+        """
+        with self._changing():
+            self.session_of(participant)
+            self._check_idle()
+            self.played = ""
+            self.set_trial_status("stimulus")
+            self._requested.put(stimulus)
+
     @contextmanager
     def acting_on(self, participant: str) -> Iterator[Session]:
         """Let a page change the session of a participant who must be here; notifies all pages."""
@@ -181,8 +197,8 @@ class StudyService:
 
     # --- for the thread that runs trials --------------------------------------------------------------
 
-    def next_trial(self) -> tuple[Session, Stage]:
-        """Wait until a trial is requested."""
+    def next_trial(self) -> tuple[Session, Stage] | Stimulus:
+        """Wait until a trial or a stimulus is requested."""
         return self._requested.get()
 
     def set_trial_status(self, status: TrialStatus, problem: str = "", started_ns: int = 0) -> None:
@@ -201,7 +217,8 @@ class StudyService:
 
     def _check_idle(self) -> None:
         if self.trial_status:
-            raise BadInput("a trial is running at this station; wait until it ends, or abort it")
+            what = "a vibration is played" if self.trial_status == "stimulus" else "a trial is running"
+            raise BadInput(f"{what} at this station; wait until it ends, or abort it")
 
     def _is_here(self, session: Session) -> bool:
         with self.study.store.begin() as connection:

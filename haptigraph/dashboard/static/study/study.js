@@ -79,7 +79,7 @@ function showStage(/** @type {ExperimenterStatus} */ { current, trial_status, pa
   $("enrol-button").classList.toggle("primary", !current);
   $("begin").hidden = !(stage?.timeout_s && !trial_status);
   $("finish").hidden = stage?.kind !== "break" && stage?.kind !== "thanks";
-  $("abort").hidden = !trial_status;
+  $("abort").hidden = !trial_status || trial_status === "stimulus";
   $("abort").disabled = trial_status !== "running";
   $("repeat").hidden = !current?.repeatable || Boolean(trial_status);
   $("stop").hidden = !stage || Boolean(trial_status);
@@ -90,7 +90,7 @@ function stageText(/** @type {StageSummary} */ stage, /** @type {TrialStatus} */
   if (stage.item_count) return `${stage.answer_count} of ${stage.item_count} answered`;
   if (!stage.timeout_s) return "";
   const attempt = stage.attempt > 1 ? `attempt ${stage.attempt}, ` : "";
-  return attempt + { "": "waiting for the participant to begin", preparing: "preparing", running: "running", ending: "saving" }[status];
+  return attempt + { "": "waiting for the participant to begin", preparing: "preparing", running: "running", ending: "saving", stimulus: "a vibration is played" }[status];
 }
 
 /** Say who leaves this station when another comes; empty if nobody is in the middle of a session. @param {CurrentSession | null | undefined} current */

@@ -49,9 +49,9 @@ export class Trial {
 
   showStatus(/** @type {TrialStatus} */ status, /** @type {StageSummary} */ stage) {
     const isOn = status === "running";
-    $("ready").hidden = status !== "";
+    $("ready").hidden = status !== "" && status !== "stimulus";
     $("finish").hidden = !(isOn && stage.free);
-    $("trial-status").textContent = { "": "", preparing: "One moment, please …", running: stage.title, ending: "Finished. One moment, please …" }[status];
+    $("trial-status").textContent = { "": "", preparing: "One moment, please …", running: stage.title, stimulus: "", ending: "Finished. One moment, please …" }[status];
     if (isOn && this.status !== "running") {
       this.picture_ms = performance.now();
       $("view").focus();  // so that the space bar is the clutch, and presses no button

@@ -1,6 +1,6 @@
 /** The JSON of a study's pages: study/snapshots.py. */
 
-type TrialStatus = "" | "preparing" | "running" | "ending";
+type TrialStatus = "" | "preparing" | "running" | "ending" | "stimulus";
 interface StageSummary {
   key: string, kind: "briefing" | "consent" | "questionnaire" | "training" | "trial" | "break" | "thanks",
   title: string, condition: string, attempt: number, running: boolean, timeout_s: number, free: boolean,
