@@ -86,6 +86,10 @@ class Stimulus(Struct, frozen=True):
     pattern: Pattern
     choices: tuple[str, ...]
     """The possible responses."""
+    patterns: tuple[Pattern, ...] = ()
+    """The patterns that may be played; empty in the threshold's task."""
+    is_first: bool = False
+    """Whether it begins a round."""
 
 
 def checked_calibration(
@@ -187,7 +191,15 @@ def _next_of_patterns(
         return None
     order = shuffled([*patterns] * calibration.presentations, *key, "patterns", rounds)
     choices = tuple(pattern.name for pattern in patterns)
-    return Stimulus(len(responses) + 1, (rounds + 1) * size, rounds + 1, order[place], choices)
+    return Stimulus(
+        number=len(responses) + 1,
+        of=(rounds + 1) * size,
+        round=rounds + 1,
+        pattern=order[place],
+        choices=choices,
+        patterns=tuple(patterns),
+        is_first=place == 0,
+    )
 
 
 def _answers(responses: Sequence[Response]) -> list[Answered]:

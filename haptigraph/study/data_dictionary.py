@@ -47,6 +47,8 @@ MEASURES = _fields(
     ("vibrating_s", "number", "s", f"time with a commanded amplitude above 0 {RUN}"),
     ("reaction_ms", "number", "ms", f"median time from a cue, felt or not, to a decrease of theta {RUN}"),
     ("approach_speed_mm_s", "number", "mm/s", f"maximum speed towards the retina while approaching it {RUN}"),
+    ("touch", "text", "", "configured haptic output: on, off, or sham (at random times, whatever the state)"),
+    ("weakest_amplitude", "number", "", "amplitude of the weakest pattern, where the calibration set it"),
 )
 """Measures of a trial, besides `time_<state>_s` for each state of the procedure."""
 

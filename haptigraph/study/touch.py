@@ -19,7 +19,15 @@ from haptigraph.study.plan import Stage
 from haptigraph.study.progress import Progress
 from haptigraph.study.protocol import Condition, Protocol
 
-__all__ = ["Strength", "calibration_patterns", "haptics_of", "responded", "stimulus_of", "strength_of"]
+__all__ = [
+    "Strength",
+    "calibration_patterns",
+    "haptics_of",
+    "responded",
+    "stimulus_of",
+    "strength_of",
+    "touch_of",
+]
 
 
 class Strength(Struct, frozen=True):
@@ -28,6 +36,11 @@ class Strength(Struct, frozen=True):
     weakest_amplitude: float | None
     """None: as in the procedure."""
     because: str
+
+
+def touch_of(condition: Condition) -> str:
+    """Return the haptic output of a condition in a word: on, off or sham."""
+    return "sham" if condition.touch == "sham" else "on" if condition.touch else "off"
 
 
 def haptics_of(protocol: Protocol, stage: Stage, base: HapticsConfig, progress: Progress) -> HapticsConfig:

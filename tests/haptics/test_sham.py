@@ -7,10 +7,13 @@ from helpers import LOW, MS, PULSE, SUCCESS
 from hypothesis import given
 from hypothesis import strategies as st
 
+from haptigraph.analysis.metrics.replay import replay
+from haptigraph.analysis.metrics.trial import measure_recording
 from haptigraph.assemble import build, build_pipeline, load_procedure
 from haptigraph.config import Config, HapticsConfig, load_config
 from haptigraph.haptics.sham import ShamRenderer
 from haptigraph.messages import OFF, UNKNOWN, Conclusion
+from haptigraph.recording.reader import RunReader
 
 PATTERNS = (OFF, LOW, PULSE, SUCCESS)
 
@@ -68,3 +71,14 @@ def test_a_run_declares_a_sham(quick_uri):
     config = load_config(None, (f"source.uri={quick_uri}", "run.realtime=false", "haptics.sham_seed=1"))
     with closing(build(config)) as loop:
         assert "the vibration is a sham: it comes at random times and warns of nothing" in loop.notes
+
+
+def test_a_recorded_sham_replays_the_same(quick_uri, tmp_path):
+    path = tmp_path / "sham.mcap"
+    settings = ("run.realtime=false", "haptics.sham_seed=1", "haptics.weakest_amplitude=0.5")
+    build(load_config(None, (f"source.uri={quick_uri}", f"recording.path={path}", *settings))).run()
+    report = replay(path)
+    assert report.identical == report.steps > 0
+    steps = [step for _, step in RunReader(path).records(images=())]
+    assert {step.command.pattern.amplitude for step in steps} == {0.0, 0.5, 1.0}
+    assert measure_recording(path)["touch"] == "sham"

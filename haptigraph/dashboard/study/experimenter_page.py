@@ -45,7 +45,7 @@ class Remark(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class TrialRemark(Struct, frozen=True, forbid_unknown_fields=True):
-    """Body: a trial to abort or to repeat, and why."""
+    """Body: a trial to abort or to repeat, or a calibration to skip, and why."""
 
     participant: Name
     key: Name
@@ -74,6 +74,10 @@ def routes(site: StationSite) -> Sequence[BaseRoute]:
         with service.acting_on(body.participant) as session:
             session.repeat_trial(body.key, body.reason)
 
+    def skip(body: TrialRemark) -> None:
+        with service.acting_on(body.participant) as session:
+            session.skip_calibration(body.key, body.reason)
+
     def abort(body: TrialRemark) -> None:
         service.abort(body.participant, body.key, body.reason)
 
@@ -90,5 +94,6 @@ def routes(site: StationSite) -> Sequence[BaseRoute]:
         post_route("/study/note", Remark, note, status),
         post_route("/study/stop", Remark, stop, status),
         post_route("/study/repeat", TrialRemark, repeat, status),
+        post_route("/study/skip", TrialRemark, skip, status),
         post_route("/study/abort", TrialRemark, abort, status),
     ]

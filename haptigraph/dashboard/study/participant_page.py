@@ -11,6 +11,7 @@ from msgspec import Meta, Struct
 from starlette.routing import BaseRoute
 
 from haptigraph.dashboard.server.json_routes import get_route, post_route
+from haptigraph.dashboard.study import calibration
 from haptigraph.dashboard.study.service import StationSite
 from haptigraph.dashboard.study.snapshots import participant_snapshot
 
@@ -65,4 +66,5 @@ def routes(site: StationSite) -> Sequence[BaseRoute]:
         post_route("/participant/done", CurrentStage, done, status),
         post_route("/participant/begin", CurrentStage, begin, status),
         post_route("/participant/ready", CurrentStage, ready, status),
+        *calibration.routes(site, status),
     ]

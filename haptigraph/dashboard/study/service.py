@@ -12,6 +12,7 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Literal, TypeAlias
 
+from haptigraph.config import HapticsConfig
 from haptigraph.dashboard.server.site import Site
 from haptigraph.dashboard.study.stimulus import Stimulus
 from haptigraph.errors import BadInput
@@ -36,10 +37,11 @@ class StudyService:
         path: The study's folder, or its protocol.
         study: The study.
         station: This station's name.
+        haptics: Device and limits of this station.
     """
 
-    def __init__(self, path: Path, study: Study, station: str) -> None:
-        self.study, self.station = study, station
+    def __init__(self, path: Path, study: Study, station: str, haptics: HapticsConfig | None = None) -> None:
+        self.study, self.station, self.haptics = study, station, haptics or HapticsConfig()
         self.session: Session | None = None
         """Of the participant at this station."""
         self.trial_status: TrialStatus = ""

@@ -139,7 +139,11 @@ def test_a_recorded_run_is_measured_as_in_the_paper_and_the_store_accepts_it(rec
     assert sum(times.values()) == pytest.approx(run.completion_s)
     assert len(times) == 9
     assert check_measures(measures) == measures
-    assert {field.name for field in MEASURES} - measures.keys() <= {"reaction_ms", "tremor_power_mm2"}
+    assert {field.name for field in MEASURES} - measures.keys() <= {
+        "reaction_ms",
+        "tremor_power_mm2",
+        "weakest_amplitude",
+    }
 
 
 def test_an_interrupted_recording_is_no_trial(recording, tmp_path):

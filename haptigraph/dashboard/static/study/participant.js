@@ -1,5 +1,6 @@
 /** The participant's page: shows the next stage, and sends what the participant does in it. */
 
+import { Calibration } from "./calibration.js";
 import { $, make, showOrHide } from "../common/dom.js";
 import { Feed } from "../common/feed.js";
 import { Haptics } from "../common/haptics.js";
@@ -10,7 +11,7 @@ import { Trial } from "./trial.js";
 
 /** @type {Record<string, string>} */
 const BUTTONS = { briefing: "Continue", consent: "I agree", break: "Continue", thanks: "Finish" };
-const SCREENS = /** @type {const} */ (["wait", "text", "questionnaire", "trial"]);
+const SCREENS = /** @type {const} */ (["wait", "text", "questionnaire", "calibration", "trial"]);
 const LOST = "The connection is lost. Please wait a moment.";
 
 const haptics = new Haptics(150);
@@ -28,18 +29,19 @@ const feed = new Feed(haptics, {
 /** The page's state; tests read it. */
 export const page = Object.assign(feed, { status: /** @type {ParticipantStatus | null} */ (null) });
 const trial = new Trial(page, act);
+const calibration = new Calibration(act);
 const questionnaire = new Questionnaire($("questionnaire"), (content) => sync.act("answer", content), () => act("done"), () => sync.refresh(),
   ({ participant, key }) => page.status?.participant === participant && page.status.stage?.key === key);
 let shown = "";  // the stage on the screen, and whose
 let refused = "";  // why the last action was refused
 
-/** Send an action of the participant, and show why it is refused. @param {string} name */
-async function act(name) {
+/** Send an action of the participant, and show why it is refused. @param {string} name @param {object} [content] of its own */
+async function act(name, content) {
   const { participant, stage } = page.status ?? {};
   for (const button of document.querySelectorAll("button")) button.disabled = true;
   try {
     refused = "";
-    await sync.act(name, { participant, key: stage?.key });
+    await sync.act(name, { participant, key: stage?.key, ...content });
   } catch (error) {
     if (!(error instanceof RequestError)) throw error;
     refused = error.message;
@@ -64,11 +66,12 @@ function show(status) {
     $("progress").value = status.done / status.total;
     $("steps").textContent = `${status.done} of ${status.total}`;
   }
-  const screen = !participant ? "wait" : !stage || "text" in stage ? "text" : "items" in stage ? "questionnaire" : "trial";
+  const screen = !participant ? "wait" : !stage || "text" in stage ? "text" : "items" in stage ? "questionnaire" : "choices" in stage ? "calibration" : "trial";
   for (const each of SCREENS) $(each).hidden = each !== screen;
   document.body.dataset.screen = screen;
   document.body.dataset.stage = stage?.key ?? "";
   if (screen === "trial" && stage) trial.showStatus(status.trial_status, stage);
+  if (stage && "choices" in stage) calibration.show(stage, status.trial_status);
   const place = participant && `${participant} ${stage?.key ?? status.ended} ${stage?.attempt ?? ""}`;
   if (screen === "questionnaire" && place === shown) questionnaire.flush();
   if (screen === "wait" || place === shown) return;
@@ -76,6 +79,7 @@ function show(status) {
   if (refused) complain(refused = "");
   if (!stage || "text" in stage) showText(status, stage);
   else if ("items" in stage) questionnaire.begin(participant, stage);
+  else if ("choices" in stage) calibration.begin(stage);
   else trial.begin(stage, status.trial_status);
   scrollTo(0, 0);
   /** @type {HTMLElement} */ ($(screen).parentElement).scrollTop = 0;

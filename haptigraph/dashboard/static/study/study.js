@@ -82,6 +82,8 @@ function showStage(/** @type {ExperimenterStatus} */ { current, trial_status, pa
   $("abort").hidden = !trial_status || trial_status === "stimulus";
   $("abort").disabled = trial_status !== "running";
   $("repeat").hidden = !current?.repeatable || Boolean(trial_status);
+  $("skip").hidden = stage?.kind !== "calibration" || Boolean(trial_status);
+  showOrHide($("calibration-result"), current?.calibration ? `Calibration: ${current.calibration}.` : "");
   $("stop").hidden = !stage || Boolean(trial_status);
   $("withdraw").hidden = $("leave").hidden = !current || Boolean(trial_status);
 }
@@ -113,7 +115,7 @@ async function open(participant, otherStation) {
 }
 
 /** Let a button do something with the current session, after a confirmation.
- *  @param {"abort" | "repeat" | "stop" | "withdraw"} name of the button and of the action
+ *  @param {"abort" | "repeat" | "skip" | "stop" | "withdraw"} name of the button and of the action
  *  @param {(current: CurrentSession) => Parameters<typeof confirmed>[0]} texts @param {(current: CurrentSession, reason: string) => object} body */
 function confirmFirst(name, texts, body) {
   $(name).addEventListener("click", async () => {
@@ -127,6 +129,8 @@ confirmFirst("abort", () => ({ question: "Abort this trial?", consequence: "It d
   ({ stage }, reason) => ({ key: stage?.key, reason }));
 confirmFirst("repeat", (current) => ({ question: `Repeat ${current.plan[current.done - 1].title}?`, consequence: "The attempt stays in the data but does not count.", confirm: "Repeat", needsReason: true }),
   ({ repeatable }, reason) => ({ key: repeatable, reason }));
+confirmFirst("skip", () => ({ question: "Skip this calibration?", consequence: "The answers so far stay; trials use the amplitudes of the procedure.", confirm: "Skip", needsReason: true }),
+  ({ stage }, reason) => ({ key: stage?.key, reason }));
 confirmFirst("stop", (current) => ({ question: `End the session of ${current.participant} for good?`, consequence: "Completed stages count, and no others follow. This cannot be undone.", confirm: "End session", needsReason: true }),
   (_, text) => ({ text }));
 confirmFirst("withdraw", (current) => ({ question: `Has ${current.participant} left the study?`, consequence: "The data stay, and another participant gets the place. This cannot be undone.", confirm: "Withdraw" }),
