@@ -116,6 +116,13 @@ class HapticsConfig(Struct, frozen=True, forbid_unknown_fields=True):
     rest_ms: UpToADayMs = 500.0
     accept_assumed: bool = False
     """Whether the device may vibrate although the registration assumes positions that nobody measured."""
+    weakest_amplitude: Annotated[float, Meta(gt=0, le=1)] | None = None
+    """Amplitude of the procedure's weakest vibration; the strongest keeps its own, the others lie in between.
+    Unset: as in the procedure."""
+    sham_seed: Annotated[int, Meta(ge=0, le=2**53)] | None = None
+    """Seed of a sham: vibration at random times, whatever the state, which warns of nothing; unset: none."""
+    sham_duty: Annotated[float, Meta(gt=0, lt=1)] = 0.5
+    """Expected share of the time that a sham vibrates."""
 
 
 class RunConfig(Struct, frozen=True, forbid_unknown_fields=True):

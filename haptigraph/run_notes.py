@@ -33,6 +33,8 @@ def run_notes(
         *unreported_notes(procedure, config.perception.perceiver, class_of),
         *(f"{config.haptics.device}: {note}" for note in limits),
     ]
+    if config.haptics.sham_seed is not None:
+        notes.append("the vibration is a sham: it comes at random times and warns of nothing")
     if config.source.uri.partition(":")[0] == "teleop":
         notes.append(
             "the needle moves only if you steer it, on the page of `haptigraph live` or by --bridge ros2"

@@ -31,7 +31,7 @@ from haptigraph.messages import (
 from haptigraph.run_report import Durations
 from haptigraph.stages import Device
 
-__all__ = ["DeviceTest", "actuators", "device_class", "play_grammar"]
+__all__ = ["DeviceTest", "actuators", "device_class", "play_grammar", "play_pattern"]
 
 ALWAYS = {"audio": "audio:FILE.wav", "console": "console", "trace": "trace:FILE.csv"}
 CONTINUOUS_NS, PAUSE_NS, IMAGE_NS = 1_500_000_000, 500_000_000, 33_000_000
@@ -122,19 +122,34 @@ def play_grammar(
         for pattern in (pattern for pattern in patterns if pattern.kind != "off"):
             limits = "; ".join(note.partition(": ")[2] for note in unsupported(pattern, device.capabilities))
             announce(f"{pattern.name:10} {_pattern_text(pattern)}" + (f"  ({limits})" if limits else ""))
-            _play(guard, pattern, duration_ns(pattern) or CONTINUOUS_NS, clock)
-            _play(guard, OFF, PAUSE_NS, clock)
+            play_pattern(guard, pattern, duration_ns(pattern) or CONTINUOUS_NS, clock)
+            play_pattern(guard, OFF, PAUSE_NS, clock)
     finally:
         guard.close()
         test.faults, test.is_silent = list(guard.take_faults()), guard.is_silent
     return test
 
 
-def _play(guard: Guard, pattern: Pattern, length_ns: int, clock: Clock) -> None:
-    """Send a pattern at the image rate, and advance the guard at its edges in between."""
+def play_pattern(
+    guard: Guard,
+    pattern: Pattern,
+    length_ns: int,
+    clock: Clock,
+    sent: Callable[[int], None] = lambda stamp_ns: None,
+) -> None:
+    """Send a pattern at the image rate, and advance the guard at its edges in between.
+
+    Args:
+        guard: Drives the device.
+        pattern: What to play, from its start.
+        length_ns: For how long.
+        clock: Paces the playback.
+        sent: Called with the time of every command.
+    """
     since_ns = now_ns = clock.now_ns()
     while now_ns < since_ns + length_ns:
         guard.send(_step(pattern, now_ns, since_ns), now_ns)
+        sent(now_ns)
         next_image_ns = min(now_ns + IMAGE_NS, since_ns + length_ns)
         while (now_ns := clock.now_ns()) < next_image_ns:
             edge_ns = guard.next_edge_ns()

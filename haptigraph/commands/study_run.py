@@ -89,7 +89,7 @@ def study_run(
     ):
         stored = study_in(opened, protocol)
         stored.check_frozen()
-        service = StudyService(Path(folder), stored, name)
+        service = StudyService(Path(folder), stored, name, base.haptics)
         site = StudySite(service, base, listener, host=host, token=page_tokens(host, token).steer)
         with site.served():
             print_status(

@@ -1,4 +1,9 @@
-"""Haptic patterns as amplitude over time, and their fit to the capabilities of a device. Pure functions."""
+"""Haptic patterns as amplitude over time, their fit to a device and to a person's threshold.
+
+Pure functions.
+"""
+
+from collections.abc import Sequence
 
 from msgspec.structs import replace
 
@@ -7,12 +12,14 @@ from haptigraph.messages import Capabilities, HapticCommand, Pattern
 __all__ = [
     "NS_PER_MS",
     "amplitude_at",
+    "amplitude_range",
     "duration_ns",
     "fit_to_device",
     "min_interval_ms",
     "next_change_ns",
     "position_ns",
     "unsupported",
+    "with_weakest",
 ]
 
 NS_PER_MS = 1_000_000
@@ -107,6 +114,52 @@ def unsupported(pattern: Pattern, capabilities: Capabilities) -> list[str]:
     if capabilities.amplitude_levels == 1 and 0 < pattern.amplitude < 1:
         sentences.append(f"{pattern.name}: amplitude {pattern.amplitude:g} becomes on or off")
     return sentences
+
+
+def amplitude_range(patterns: Sequence[Pattern]) -> tuple[float, float]:
+    """Return the smallest and the largest amplitude above 0 of patterns; (0, 0) if none vibrates."""
+    amplitudes = [
+        amplitude
+        for pattern in patterns
+        if pattern.kind != "off"
+        for amplitude in (pattern.amplitude, *_followed_amplitudes(pattern))
+        if amplitude > 0
+    ]
+    return min(amplitudes, default=0.0), max(amplitudes, default=0.0)
+
+
+def with_weakest(patterns: Sequence[Pattern], amplitude: float) -> tuple[Pattern, ...]:
+    """Return patterns the weakest of which has a given amplitude, and the strongest its own.
+
+    The amplitudes in between are mapped linearly. Their order stays: the strongest alarm remains so.
+
+    Args:
+        patterns: The haptic grammar of a procedure.
+        amplitude: At most that of the strongest.
+    """
+    weakest, strongest = amplitude_range(patterns)
+    share = (strongest - amplitude) / (strongest - weakest) if strongest > weakest else 0.0
+
+    def mapped(value: float) -> float:
+        return strongest - share * (strongest - value) if value > 0 else value
+
+    def with_mapped(pattern: Pattern) -> Pattern:
+        follow = tuple(
+            replace(
+                each, start=(each.start[0], mapped(each.start[1])), end=(each.end[0], mapped(each.end[1]))
+            )
+            if each.key == "amplitude"
+            else each
+            for each in pattern.follow
+        )
+        return replace(pattern, amplitude=mapped(pattern.amplitude), follow=follow)
+
+    return tuple(pattern if pattern.kind == "off" else with_mapped(pattern) for pattern in patterns)
+
+
+def _followed_amplitudes(pattern: Pattern) -> list[float]:
+    follows = (follow for follow in pattern.follow if follow.key == "amplitude")
+    return [amplitude for follow in follows for _, amplitude in (follow.start, follow.end)]
 
 
 def _on_ns(pattern: Pattern) -> int:

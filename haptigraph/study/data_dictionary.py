@@ -60,6 +60,8 @@ MEASURES = _fields(
         "time for which an output confirmed an amplitude above 0 (serial: the board its pin; gamepad and "
         f"controller: driver or browser the command) {RUN}; empty: no output that confirms",
     ),
+    ("touch", "text", "", "configured haptic output: on, off, or sham (at random times, whatever the state)"),
+    ("weakest_amplitude", "number", "", "amplitude of the weakest pattern, where the calibration set it"),
 )
 """Measures of a trial, besides `time_<state>_s` for each state of the procedure."""
 
@@ -112,6 +114,23 @@ COLUMNS: dict[str, list[Field]] = {
         ("answered_utc", "text", "ISO 8601", "when it was last changed"),
         ("session", "integer", "", "session in which it was given, from 1"),
     ),
+    "calibration": _fields(
+        "calibration",
+        "participant",
+        ("study", "text", "", "the study's name"),
+        ("participant", "text", "", "pseudonym"),
+        ("task", "text", "", "threshold: was it felt? patterns: which one was it?"),
+        ("device", "text", "", "the station's haptic device"),
+        ("number", "integer", "", "of the stimulus within the task on this device, from 1"),
+        ("round", "integer", "", "round of the patterns, from 1"),
+        ("pattern", "text", "", "the pattern that was played; empty in the threshold's task"),
+        ("amplitude", "number", "", "of the stimulus, in [0, 1]; 0: a catch trial"),
+        ("response", "text", "", "felt, not felt, or the name of a pattern"),
+        ("correct", "integer", "", "1: felt, not felt in a catch trial, or named correctly; 0: not"),
+        ("page_output", "text", "", "where the participant's page played it too"),
+        ("at_utc", "text", "ISO 8601", "time of the response"),
+        ("session", "integer", "", "session in which it was given, from 1"),
+    ),
     "participants": _fields(
         "participants",
         "runner",
@@ -144,7 +163,12 @@ COLUMNS: dict[str, list[Field]] = {
         "runner",
         ("study", "text", "", "the study's name"),
         ("participant", "text", "", "pseudonym"),
-        ("stage", "text", "", "briefing, consent, questionnaire, break or thanks, with its position"),
+        (
+            "stage",
+            "text",
+            "",
+            "briefing, consent, questionnaire, calibration, break or thanks, with position",
+        ),
         ("session", "integer", "", "session in which it was completed"),
         ("done_utc", "text", "ISO 8601", "when it was completed"),
     ),

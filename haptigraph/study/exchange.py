@@ -23,7 +23,16 @@ from haptigraph.study.checksums import verify_checksums, write_checksums
 from haptigraph.study.data_dictionary import COLUMNS, MEASURES, Field, check_measures, fields_of, time_field
 from haptigraph.study.roster import canonical, check_pseudonym
 from haptigraph.study.store import Row, Store, to_json
-from haptigraph.study.tables import ANSWERS, EVENTS, PARTICIPANTS, SESSIONS, STAGES, STUDIES, TRIALS
+from haptigraph.study.tables import (
+    ANSWERS,
+    CALIBRATION,
+    EVENTS,
+    PARTICIPANTS,
+    SESSIONS,
+    STAGES,
+    STUDIES,
+    TRIALS,
+)
 
 __all__ = ["About", "Export", "export_study", "import_study", "parquet_writer", "read_export", "tidy_tables"]
 
@@ -32,12 +41,15 @@ TABLES = {
     "sessions": SESSIONS,
     "stages": STAGES,
     "answers": ANSWERS,
+    "calibration": CALIBRATION,
     "trials": TRIALS,
     "events": EVENTS,
 }
 """In an order that respects foreign keys."""
 ABSENT = {"attempt_reason", *(field.name for field in MEASURES)}
 """Columns that an export of an earlier version may lack."""
+LATER = ("calibration",)
+"""Tables that exports of earlier versions lack."""
 FROM_1 = ("position", "block")  # stored as 0 where missing
 WriteTable: TypeAlias = Callable[[Path, Sequence[Field], Sequence[Mapping[str, Any]]], None]
 STUDY_FILE, DICTIONARY = "study.json", "data_dictionary.csv"
@@ -168,8 +180,11 @@ def read_export(folder: str | Path) -> Export:
         raise BadInput(f"is not an export of a study ({error.strerror}: {STUDY_FILE})", folder) from None
     except (msgspec.MsgspecError, UnicodeDecodeError) as error:
         raise BadInput(f"is damaged ({error})", folder / STUDY_FILE) from None
-    rows = {}
+    rows: dict[str, list[dict[str, Any]]] = {}
     for name in TABLES:
+        if name in LATER and not (folder / f"{name}.csv").exists():
+            rows[name] = []
+            continue
         rows[name] = [_stored(name, row) for row in _read(folder / f"{name}.csv", name, about.study)]
     _check_participants(folder / "participants.csv", rows["participants"])
     return Export(about, rows)
@@ -296,7 +311,7 @@ def _read(path: Path, table: str, study: str) -> Iterable[dict[str, Any]]:
                     raise BadInput("has a different number of values than columns", path, place)
                 if row["study"] != study:
                     raise BadInput(f"belongs to study {row['study']!r}, not {study!r}", path, place)
-                yield {name: _value(fields[name], row[name], path, place) for name in fields}
+                yield {name: _value(fields[name], row.get(name, ""), path, place) for name in fields}
     except OSError as error:
         raise BadInput(f"cannot be read ({error.strerror})", path) from None
     except (csv.Error, UnicodeDecodeError) as error:

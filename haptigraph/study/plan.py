@@ -9,12 +9,15 @@ from typing import Literal, TypeAlias
 
 from msgspec import Struct
 
+from haptigraph.study.calibration import Task
 from haptigraph.study.conditions import hashed_integer, order_of, round_of, targets_of
 from haptigraph.study.protocol import Protocol
 
 __all__ = ["Kind", "Stage", "attempt_seed", "condition_title", "conditions_of", "plan_of"]
 
-Kind: TypeAlias = Literal["briefing", "consent", "questionnaire", "training", "trial", "break", "thanks"]
+Kind: TypeAlias = Literal[
+    "briefing", "consent", "questionnaire", "calibration", "training", "trial", "break", "thanks"
+]
 
 
 class Stage(Struct, frozen=True):
@@ -26,6 +29,8 @@ class Stage(Struct, frozen=True):
     position: int = 0
     """Position of the condition in the participant's order, from 1; 0 outside conditions."""
     questionnaire: str = ""
+    task: Task | None = None
+    """Of a calibration."""
     block: int = 0
     """From 1; 0 outside blocks, as in training."""
     trial: int = 0
@@ -42,7 +47,11 @@ class Stage(Struct, frozen=True):
         """Name within the participant's plan, as stored."""
         if self.is_trial:
             return f"{self.kind}/{self.position}/{self.block}/{self.trial}"
-        words = [self.kind, self.questionnaire, str(self.position) if self.position else ""]
+        words = [
+            self.kind,
+            self.questionnaire or self.task or "",
+            str(self.position) if self.position else "",
+        ]
         return "/".join(word for word in words if word)
 
     @property
@@ -77,6 +86,10 @@ def plan_of(protocol: Protocol, slot: int) -> list[Stage]:
     order, trials = conditions_of(protocol, slot), protocol.trials
     targets = iter(_targets(protocol, slot, len(order) * trials.blocks * trials.repetitions))
     plan = [Stage("briefing"), Stage("consent"), *_questionnaires(protocol, "start")]
+    plan += [
+        Stage("calibration", task=task)
+        for task in (protocol.calibration.tasks if protocol.calibration else ())
+    ]
     plan += _training(
         protocol, slot, "study", (protocol.training and protocol.training.condition) or order[0], 0
     )

@@ -3,15 +3,16 @@
 `next_of` is pure: the same rows, plan and time give the same result at every station and after every crash.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from datetime import datetime
 
 from msgspec import Struct, field
 from sqlalchemy import ColumnElement, Connection, Table, select
 
+from haptigraph.study.calibration import Response, Task
 from haptigraph.study.plan import Stage
 from haptigraph.study.protocol import Protocol
-from haptigraph.study.tables import ANSWERS, EVENTS, PARTICIPANTS, STAGES, TRIALS, is_erased
+from haptigraph.study.tables import ANSWERS, CALIBRATION, EVENTS, PARTICIPANTS, STAGES, TRIALS, is_erased
 
 __all__ = [
     "Attempt",
@@ -50,6 +51,8 @@ class Progress(Struct):
     """By phase, position, block and trial; in order."""
     stopped: str = ""
     """Why the experimenter stopped the session; empty: not stopped."""
+    responses: dict[tuple[Task, str], list[Response]] = field(default_factory=dict)
+    """Of the calibration, by task and device; in order."""
 
     def of(self, stage: Stage) -> list[Attempt]:
         """Return the attempts at a trial."""
@@ -126,6 +129,10 @@ def read_progress(connection: Connection, study: str, participant: str) -> Progr
         key = (trial.phase, trial.position, trial.block, trial.trial)
         attempt = Attempt(trial.attempt, trial.outcome, trial.void, trial.recording)
         progress.attempts.setdefault(key, []).append(attempt)
+    stimuli = select(CALIBRATION).where(*mine(CALIBRATION)).order_by(CALIBRATION.c.number)
+    for stimulus in connection.execute(stimuli):
+        response = Response(stimulus.pattern or "", stimulus.amplitude, stimulus.response)
+        progress.responses.setdefault((stimulus.task, stimulus.device), []).append(response)
     stops = select(EVENTS.c.text).where(*mine(EVENTS), EVENTS.c.kind == "stop").order_by(EVENTS.c.number)
     progress.stopped = connection.scalar(stops) or ""
     return progress
@@ -142,11 +149,12 @@ def next_of(plan: Sequence[Stage], progress: Progress, protocol: Protocol, now: 
     """
     max_attempts = protocol.trials.attempts
     past = max((index for index, stage in enumerate(plan) if progress.is_completed(stage)), default=0)
+    skipped = _training_after_criterion(plan, progress, protocol)
     done = next(
         (
             index
             for index, stage in enumerate(plan)
-            if not _is_done(stage, progress, max_attempts, is_past=index < past)
+            if stage not in skipped and not _is_done(stage, progress, max_attempts, is_past=index < past)
         ),
         len(plan),
     )
@@ -184,6 +192,24 @@ def _is_done(stage: Stage, progress: Progress, max_attempts: int, *, is_past: bo
     # Stores of version 0.1 go on: there, aborted attempts before a repeat counted too, and a trial was left.
     aborted = [each.outcome == "aborted" for each in progress.of(stage)]
     return is_past and sum(aborted) >= max_attempts and aborted[-1]
+
+
+def _training_after_criterion(
+    plan: Sequence[Stage], progress: Progress, protocol: Protocol
+) -> Collection[Stage]:
+    """Return the training trials that do not take place, because as many in a row as required were hits."""
+    required = protocol.training.until_hits if protocol.training else 0
+    skipped: set[Stage] = set()
+    in_a_row: dict[int, int] = {}
+    for stage in plan if required else ():
+        if stage.kind != "training":
+            continue
+        hits, attempt = in_a_row.get(stage.position, 0), progress.counted(stage)
+        if hits >= required and not progress.of(stage):
+            skipped.add(stage)
+        else:
+            in_a_row[stage.position] = hits + 1 if attempt is not None and attempt.outcome == "hit" else 0
+    return skipped
 
 
 def _stopping_rule(done: Sequence[Stage], progress: Progress, protocol: Protocol, now: datetime) -> str:

@@ -15,6 +15,7 @@ from msgspec.structs import replace
 
 from haptigraph.assemble import load_procedure, parse_procedure
 from haptigraph.errors import BadInput, RenamedKey, unknown_name
+from haptigraph.study.calibration import Calibration, checked_calibration
 from haptigraph.study.conditions import Order
 from haptigraph.study.questionnaire import Questionnaire, load_questionnaire, parse_questionnaire
 from haptigraph.toml_document import Document
@@ -66,8 +67,10 @@ class Condition(Struct, frozen=True, forbid_unknown_fields=True):
     title: str
     procedure: str = "subretinal_injection"
     """Name of a procedure that ships with haptigraph, or a path from the protocol's folder."""
-    touch: bool = True
-    """Whether there is haptic output."""
+    touch: bool | Literal["sham"] = True
+    """Whether there is haptic output; "sham": at random times, whatever the state. It warns of nothing."""
+    sham_duty: Annotated[float, Meta(gt=0, lt=1)] | None = None
+    """Expected share of the time that a sham vibrates; unset: half of it."""
     display: Literal["ioct", "overlays"] = "ioct"
     """What the participant sees: the iOCT-like image without or with detections drawn on it."""
 
@@ -83,6 +86,8 @@ class Training(Struct, frozen=True, forbid_unknown_fields=True):
     timeout_s: TimeoutS = 300.0
     free: bool = True
     """Whether a trial continues after Target Hit."""
+    until_hits: Number = 0
+    """Training ends after so many hits in a row, at the latest after `trials`; 0: always after `trials`."""
 
 
 class Trials(Struct, frozen=True, forbid_unknown_fields=True):
@@ -142,6 +147,7 @@ class _File(Struct, frozen=True, forbid_unknown_fields=True):
     targets: tuple[Target, ...] = field(name="target")
     trials: Trials = Trials()
     training: Training | None = None
+    calibration: Calibration | None = None
     questionnaires: tuple[QuestionnaireTable, ...] = field(name="questionnaire", default=())
     stop: Stop = Stop()
 
@@ -155,6 +161,7 @@ class Protocol(Struct, frozen=True):
     targets: tuple[Target, ...]
     trials: Trials
     training: Training | None
+    calibration: Calibration | None
     questionnaires: tuple[tuple[QuestionnaireTable, Questionnaire], ...]
     """In the order of the file."""
     stop: Stop
@@ -217,12 +224,16 @@ def load_protocol(path: str | Path) -> Protocol:
     folder = Path(document.file).parent
     _check_names(document, data)
     _check_training(document, data)
+    _check_sham(document, data)
     parts = {FILE: document.text}
-    procedures = {}
+    procedures, patterns = {}, {}
     for number, condition in enumerate(data.conditions):
         key = f"condition[{number}].procedure"
         loaded = _load(document, key, load_procedure, _procedure_from(folder, condition.procedure))
         procedures[condition.procedure] = parts[f"procedure {condition.procedure}"] = loaded.text
+        if condition.touch:
+            patterns[condition.name] = loaded.patterns
+    calibration = checked_calibration(document, data.calibration, patterns) if data.calibration else None
     questionnaires: list[tuple[QuestionnaireTable, Questionnaire]] = []
     for number, table in enumerate(data.questionnaires):
         key = f"questionnaire[{number}].file"
@@ -238,6 +249,7 @@ def load_protocol(path: str | Path) -> Protocol:
         targets=data.targets,
         trials=data.trials,
         training=data.training,
+        calibration=calibration,
         questionnaires=tuple(questionnaires),
         stop=data.stop,
         procedures=procedures,
@@ -315,3 +327,17 @@ def _check_training(document: Document, data: _File) -> None:
             )
     elif training.before == "study" and training.condition not in names:
         raise document.error(unknown_name("condition", training.condition, names), "training.condition")
+    if training.until_hits and training.free:
+        problem = "until_hits needs free = false: a hit does not end a free trial"
+        raise document.error(problem, "training.until_hits")
+    if training.until_hits > training.trials:
+        problem = f"until_hits: {training.until_hits} hits need as many trials; found {training.trials}"
+        raise document.error(problem, "training.until_hits")
+
+
+def _check_sham(document: Document, data: _File) -> None:
+    for number, condition in enumerate(data.conditions):
+        if condition.touch != "sham" and condition.sham_duty is not None:
+            raise document.error(
+                'sham_duty needs touch = "sham"; remove the key', f"condition[{number}].sham_duty"
+            )

@@ -12,8 +12,9 @@ from typing import Any, Literal, TypeAlias
 from msgspec.structs import replace
 from sqlalchemy import Connection, delete, func, select, update
 
-from haptigraph.config import Config
+from haptigraph.config import Config, HapticsConfig
 from haptigraph.errors import BadInput
+from haptigraph.study.calibration import Stimulus
 from haptigraph.study.data_dictionary import check_measures
 from haptigraph.study.plan import Stage, attempt_seed, plan_of
 from haptigraph.study.progress import (
@@ -30,7 +31,8 @@ from haptigraph.study.recordings import fingerprint, prepare_path, recordings_fo
 from haptigraph.study.roster import Study
 from haptigraph.study.station import begin_session, end_session, open_session_row
 from haptigraph.study.store import to_json
-from haptigraph.study.tables import ANSWERS, EVENTS, PARTICIPANTS, STAGES, TRIALS, is_erased
+from haptigraph.study.tables import ANSWERS, CALIBRATION, EVENTS, PARTICIPANTS, STAGES, TRIALS, is_erased
+from haptigraph.study.touch import haptics_of, responded, stimulus_of
 from haptigraph.version import __version__
 
 __all__ = ["Measures", "Outcome", "Session", "open_session"]
@@ -51,7 +53,7 @@ class Session:
 
     def __init__(self, study: Study, participant: str, slot: int, number: int) -> None:
         self.study, self.participant, self.number = study, participant, number
-        self.plan = plan_of(study.protocol, slot)
+        self.plan, self._slot = plan_of(study.protocol, slot), slot
         self._here = {"study": study.name, "participant": participant}
 
     def next(self) -> Next:
@@ -72,14 +74,14 @@ class Session:
             stage, upcoming = self._expect(connection, key)
             if stage.is_trial:
                 raise BadInput(f"{key} is a trial; begin and end it instead")
+            if stage.kind == "calibration":
+                raise BadInput(f"{key} ends with the response to its last stimulus")
             if stage.kind == "questionnaire":
                 items = self.study.protocol.questionnaire(stage.questionnaire).items
                 missing = [item.key for item in items if item.required and item.key not in upcoming.answers]
                 if missing:
                     raise BadInput(f"{key}: no answer yet to {', '.join(missing)}")
-            now_utc = self.study.store.now_utc()
-            row = {**self._here, "stage": key, "session": self.number, "done_utc": now_utc}
-            connection.execute(STAGES.insert().values(row))
+            now_utc = self._complete(connection, key)
             if stage.kind == "consent":
                 mine = self._mine(PARTICIPANTS)
                 connection.execute(update(PARTICIPANTS).where(*mine).values(consented_utc=now_utc))
@@ -122,6 +124,57 @@ class Session:
             stage, _ = self._expect(connection, key)
             row = {"questionnaire": stage.questionnaire, "position": stage.position, "item": item}
             connection.execute(delete(ANSWERS).where(*self._mine(ANSWERS, row)))
+
+    def stimulus(self, haptics: HapticsConfig) -> Stimulus | None:
+        """Return the next stimulus of the calibration; None if another stage comes next.
+
+        Args:
+            haptics: Device and limits of the station.
+        """
+        with self.study.store.begin() as connection:
+            progress = read_progress(connection, self.study.name, self.participant)
+        return stimulus_of(self.study.protocol, self._next(progress).stage, haptics, progress, self._slot)
+
+    def respond(
+        self, key: str, number: int, response: str, haptics: HapticsConfig, page_output: str = ""
+    ) -> None:
+        """Store the response to the stimulus that was played; the last one completes the stage.
+
+        Args:
+            key: `Stage.key` of the displayed task.
+            number: Of the stimulus.
+            response: One of its choices.
+            haptics: Device and limits of the station.
+            page_output: Where the participant's page played it too.
+
+        Raises:
+            BadInput: If another stage or stimulus comes next, or there is no such choice.
+        """
+        with self.study.store.begin() as connection:
+            stage, _ = self._expect(connection, key)
+            progress = read_progress(connection, self.study.name, self.participant)
+            asked = self.study.protocol, stage, haptics, progress, self._slot
+            row, is_last = responded(*asked, number, response)
+            row |= {"session": self.number, "page_output": page_output or None}
+            row |= {**self._here, "at_utc": self.study.store.now_utc()}
+            connection.execute(CALIBRATION.insert().values(row))
+            if is_last:
+                self._complete(connection, key)
+
+    def skip_calibration(self, key: str, reason: str) -> None:
+        """Go on without the rest of a calibration task, for example because the device is broken.
+
+        Raises:
+            BadInput: If another stage comes next, or no reason is given.
+        """
+        if not reason.strip():
+            raise BadInput("a calibration is not skipped without a reason; give one")
+        with self.study.store.begin() as connection:
+            stage, _ = self._expect(connection, key)
+            if stage.kind != "calibration":
+                raise BadInput(f"{key} is not a calibration")
+            self._complete(connection, key)
+        self.note(f"{key} skipped: {reason.strip()}")
 
     def begin_trial(self, key: str, *, records: bool = True) -> Next:
         """Begin the next trial.
@@ -235,7 +288,9 @@ class Session:
         Raises:
             BadInput: If the next stage is no trial, it has begun, or its recording is being written.
         """
-        upcoming = self.next()
+        with self.study.store.begin() as connection:
+            progress = read_progress(connection, self.study.name, self.participant)
+        upcoming = self._next(progress)
         stage = upcoming.stage
         if stage is None or not stage.is_trial or upcoming.running:
             raise BadInput(f"participant {self.participant}: the next stage is not a trial yet to begin")
@@ -246,7 +301,7 @@ class Session:
         return replace(
             base,
             source=replace(base.source, target_mm=protocol.target(stage.target).along_mm),
-            haptics=base.haptics if condition.touch else replace(base.haptics, max_amplitude=0.0),
+            haptics=haptics_of(protocol, stage, base.haptics, progress),
             run=replace(base.run, procedure=protocol.procedure_path(condition)),
             recording=replace(base.recording, path=str(path)),
             trial=replace(
@@ -272,6 +327,13 @@ class Session:
     def _next(self, progress: Progress) -> Next:
         now = datetime.fromisoformat(self.study.store.now_utc())
         return next_of(self.plan, progress, self.study.protocol, now)
+
+    def _complete(self, connection: Connection, key: str) -> str:
+        """Store that a stage is complete; return when."""
+        now_utc = self.study.store.now_utc()
+        row = {**self._here, "stage": key, "session": self.number, "done_utc": now_utc}
+        connection.execute(STAGES.insert().values(row))
+        return now_utc
 
     def _expect(self, connection: Connection, key: str) -> tuple[Stage, Next]:
         upcoming = self._next(self._require_open(connection))

@@ -8,6 +8,7 @@ from typing import Any
 from sqlalchemy import (
     CheckConstraint,
     Column,
+    Double,
     ForeignKey,
     ForeignKeyConstraint,
     Index,
@@ -22,6 +23,7 @@ from sqlalchemy import (
 
 __all__ = [
     "ANSWERS",
+    "CALIBRATION",
     "EVENTS",
     "METADATA",
     "PARTICIPANTS",
@@ -41,7 +43,7 @@ METADATA = MetaData(
 )
 
 
-def _key(name: str, kind: type[Integer] | String = Integer) -> Column[Any]:
+def _key(name: str, kind: type[Integer | Text] | String = Integer) -> Column[Any]:
     return Column(name, kind, primary_key=True, autoincrement=False)
 
 
@@ -134,6 +136,27 @@ ANSWERS = Table(
     Column("answered_utc", STAMP, nullable=False),
     _of_session(),
 )
+
+CALIBRATION = Table(
+    "calibration",
+    METADATA,
+    _key("study", NAME),
+    _key("participant", NAME),
+    _key("task", String(20)),
+    _key("device", Text),
+    _key("number"),
+    Column("session", Integer, nullable=False),
+    Column("round", Integer, nullable=False),
+    Column("pattern", NAME),  # empty: a stimulus of the threshold
+    Column("amplitude", Double, nullable=False),  # 0: a catch trial
+    Column("response", NAME, nullable=False),
+    Column("correct", Integer, nullable=False),
+    Column("page_output", Text),  # where the participant's page played it too
+    Column("at_utc", STAMP, nullable=False),
+    _of_session(),
+    CheckConstraint("task IN ('threshold', 'patterns')", name="task"),
+)
+"""Stimuli of the calibration that were answered, one row each."""
 
 TRIALS = Table(
     "trials",

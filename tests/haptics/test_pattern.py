@@ -3,7 +3,17 @@ from helpers import LOW, MS, PULSE, SUCCESS
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptigraph.haptics.pattern import amplitude_at, duration_ns, fit_to_device, next_change_ns, unsupported
+from haptigraph.assemble import load_procedure, procedure_names
+from haptigraph.haptics.guidance import Guidance
+from haptigraph.haptics.pattern import (
+    amplitude_at,
+    amplitude_range,
+    duration_ns,
+    fit_to_device,
+    next_change_ns,
+    unsupported,
+    with_weakest,
+)
 from haptigraph.messages import OFF, Capabilities, HapticCommand, Pattern
 
 patterns = st.sampled_from([OFF, LOW, PULSE, SUCCESS])
@@ -94,3 +104,32 @@ def test_a_rhythm_is_fitted_to_the_device(on_ms, off_ms, shortest_ms, rate_hz, p
     pattern = Pattern("p", "pulses", 1.0, 0.0, on_ms, off_ms)
     fit = fit_to_device(pattern, Capabilities(1, None, shortest_ms, rate_hz))
     assert (fit.on_ms, fit.off_ms) == played
+
+
+@pytest.mark.parametrize("name", procedure_names())
+@pytest.mark.parametrize("weakest", [0.05, 0.2, 0.6])
+def test_the_weakest_pattern_gets_its_amplitude_and_the_strongest_keeps_it(name, weakest):
+    patterns = load_procedure(name).patterns
+    mapped = with_weakest(patterns, weakest)
+    assert amplitude_range(mapped) == pytest.approx((weakest, amplitude_range(patterns)[1]))
+    by_amplitude = [sorted(each, key=lambda pattern: pattern.amplitude) for each in (patterns, mapped)]
+    assert [each.name for each in by_amplitude[0]] == [each.name for each in by_amplitude[1]]
+    assert [(each.kind, each.on_ms, each.name) for each in patterns] == [
+        (each.kind, each.on_ms, each.name) for each in mapped
+    ]
+
+
+def test_a_pattern_that_follows_a_measure_is_mapped_over_its_whole_range():
+    """Mapping and following commute: the amplitude at any angle is the mapped one."""
+    patterns = load_procedure("subretinal_injection_continuous").patterns
+    (lean,) = (pattern for pattern in patterns if pattern.name == "lean")
+    (raised,) = (pattern for pattern in with_weakest(patterns, 0.4) if pattern.name == "lean")
+    weakest, strongest = amplitude_range(patterns)
+    for theta_deg in (0.0, 1.7, 3.0, 7.7, 10.0, 30.0):
+        before, after = (Guidance()(each, {"theta_deg": theta_deg}).amplitude for each in (lean, raised))
+        assert after == pytest.approx(0.4 + (before - weakest) * (strongest - 0.4) / (strongest - weakest))
+
+
+def test_patterns_that_are_all_equally_strong_stay():
+    assert with_weakest((OFF, PULSE), 0.3) == (OFF, PULSE)
+    assert amplitude_range((OFF,)) == (0.0, 0.0)

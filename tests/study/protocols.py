@@ -44,6 +44,17 @@ file = "sus"
 when = "condition"
 """
 
+CALIBRATED = (
+    SMALL
+    + """
+[calibration]
+stimuli = 20
+presentations = 2
+max_rounds = 2
+times_threshold = 3.0
+"""
+)
+
 QUICK = SMALL.replace("repetitions = 2", "repetitions = 1\ntimeout_s = 3").replace(
     "timeout_s = 60", "timeout_s = 2"
 )

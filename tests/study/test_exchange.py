@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from protocols import SMALL
 from sqlalchemy import select, update
 from walking import do_next, fill, go_to
 
@@ -17,6 +18,12 @@ from haptigraph.study.exchange import export_study, import_study, parquet_writer
 from haptigraph.study.runner import open_session
 from haptigraph.study.store import Store
 from haptigraph.study.tables import EVENTS, METADATA, TRIALS
+
+
+@pytest.fixture
+def folder(folder):
+    (folder / "study.toml").write_text(f"{SMALL}[calibration]\nstimuli = 0\npresentations = 1\n")
+    return folder
 
 
 @pytest.fixture
@@ -104,6 +111,17 @@ def test_the_tables_are_tidy_and_every_column_is_in_the_dictionary(filled, tmp_p
     assert [row["withdrawn_utc"] != "" for row in read(out / "participants.csv")] == [False, False, True]
 
 
+def test_an_export_of_an_earlier_version_without_calibration_is_imported(filled, tmp_path):
+    export_study(filled.store, "small", tmp_path / "out")
+    for name in ("calibration.csv", "SHA256SUMS"):
+        (tmp_path / "out" / name).unlink()
+    with closing(Store(tmp_path / "other.db")) as other:
+        import_study(other, read_export(tmp_path / "out"))
+        rows = rows_of(other)
+        assert rows.pop("calibration") == []
+        assert rows == {name: each for name, each in rows_of(filled.store).items() if name != "calibration"}
+
+
 def test_demographics_are_columns_of_participants(folder, store):
     from haptigraph.study.protocol import load_protocol
     from haptigraph.study.roster import Study
@@ -188,7 +206,7 @@ def test_every_changed_byte_of_an_export_is_noticed(filled, tmp_path):
     export_study(filled.store, "small", tmp_path / "out")
     rng = np.random.default_rng(5)
     files = sorted((tmp_path / "out").glob("*.*"))
-    assert len(files) == 8
+    assert len(files) == 9
     for file in files:
         whole = file.read_bytes()
         for at in rng.integers(0, len(whole), 20):

@@ -160,3 +160,37 @@ def test_a_stop_ends_the_session_of_its_participant_alone(study):
     first.stop("feels sick")
     assert first.next().ended == "stopped: feels sick"
     assert second.next().ended == ""
+
+
+TRAINING = tuple(Stage("training", "felt", 1, trial=number) for number in (1, 2, 3, 4))
+
+
+@pytest.mark.parametrize(
+    ("outcomes", "next_trial"),
+    [
+        ([], 1),
+        (["hit"], 2),
+        (["hit", "hit"], None),
+        (["hit", "timeout", "hit"], 4),
+        (["timeout", "hit", "hit"], None),
+        (["timeout", "hit", "timeout", "hit"], None),
+    ],
+)
+def test_training_ends_after_so_many_hits_in_a_row_or_with_its_last_trial(protocol, outcomes, next_trial):
+    plan = (*TRAINING, FIRST)
+    attempts = {key(stage): [hit(1, outcome)] for stage, outcome in zip(TRAINING, outcomes, strict=False)}
+    progress = Progress(AT.isoformat(), "", set(), attempts=attempts)
+    rules = replace(protocol, training=replace(protocol.training, until_hits=2, trials=4))
+    upcoming = next_of(plan, progress, rules, AT)
+    assert upcoming.stage == (TRAINING[next_trial - 1] if next_trial else FIRST)
+    assert upcoming.done == (next_trial - 1 if next_trial else 4)
+
+
+def test_training_before_each_condition_has_a_criterion_of_its_own_and_void_hits_do_not_count(protocol):
+    other = tuple(Stage("training", "seen", 2, trial=number) for number in (1, 2))
+    plan = (*TRAINING[:2], *other)
+    rules = replace(protocol, training=replace(protocol.training, until_hits=1, trials=2))
+    attempts = {key(TRAINING[0]): [hit(1, void="slipped"), hit(2)]}
+    assert next_of(plan, Progress(None, "", set(), attempts=attempts), rules, AT).stage == other[0]
+    attempts = {key(TRAINING[0]): [hit(1, void="slipped")]}
+    assert next_of(plan, Progress(None, "", set(), attempts=attempts), rules, AT).stage == TRAINING[0]

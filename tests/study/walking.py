@@ -1,7 +1,10 @@
 """Advance a participant through a study as a page would."""
 
+from haptigraph.config import HapticsConfig
 from haptigraph.study.plan import Stage
 from haptigraph.study.runner import Session
+
+HAPTICS = HapticsConfig()
 
 
 def fill(session: Session, stage: Stage, upto: int | None = None) -> None:
@@ -9,6 +12,18 @@ def fill(session: Session, stage: Stage, upto: int | None = None) -> None:
     for item in session.study.protocol.questionnaire(stage.questionnaire).items[:upto]:
         given = {"scale": "4", "number": "30", "text": "words"}
         session.answer(stage.key, item.key, given.get(item.kind) or item.choices[0])
+
+
+def calibrate(session: Session, stage: Stage, threshold: float = 0.1, upto: int | None = None) -> None:
+    """Respond to the stimuli of a calibration's task, or to its first; name every pattern correctly."""
+    while (stimulus := session.stimulus(HAPTICS)) is not None and session.next().stage == stage:
+        if upto is not None and stimulus.number > upto:
+            return
+        pattern = stimulus.pattern
+        felt = "felt" if pattern.amplitude >= threshold else "not felt"
+        session.respond(
+            stage.key, stimulus.number, felt if stage.task == "threshold" else pattern.name, HAPTICS
+        )
 
 
 def do_next(session: Session, outcome: str = "hit") -> None:
@@ -19,6 +34,9 @@ def do_next(session: Session, outcome: str = "hit") -> None:
         if not session.next().running:
             session.begin_trial(stage.key)
         session.end_trial(outcome, measures={"completion_s": 2.5, "contacts": 1, "state_order": "a>b"})
+        return
+    if stage.kind == "calibration":
+        calibrate(session, stage)
         return
     if stage.kind == "questionnaire":
         fill(session, stage)

@@ -89,7 +89,8 @@ def measure_recording(path: str | Path) -> dict[str, float | int | str]:
         raise BadInput("was recovered from a damaged recording and lacks steps, so it is no trial", path)
     procedure = parse_procedure(reader.info.procedure, f"procedure in {path}")
     config: dict[str, Any] = msgspec.json.decode(reader.info.config)
-    has_haptics = config.get("haptics", {}).get("max_amplitude", 1.0) > 0
+    haptics = config.get("haptics", {})
+    has_haptics = haptics.get("max_amplitude", 1.0) > 0
     delivered: list[Delivered] = []
 
     def steps() -> Iterator[Step]:
@@ -101,7 +102,10 @@ def measure_recording(path: str | Path) -> dict[str, float | int | str]:
     output = config.get("trial", {}).get("touch_output", "")
     touch = delivered if confirms(output) else None
     measures = measure_trial(steps(), states, has_haptics=has_haptics, span=procedure.span, delivered=touch)
-    return measures | ({"touch_output": output} if measures and output else {})
+    configured = _configured(haptics)
+    if configured["touch"] == "sham":
+        measures.pop("reaction_ms", None)  # the onset of a sham is no cue
+    return measures and measures | configured | ({"touch_output": output} if output else {})
 
 
 def measure_trial(
@@ -148,6 +152,14 @@ def measure_trial(
         f"time_{state}_s": run.state_s.get(state, 0.0) for state in dict.fromkeys([*states, *run.state_s])
     }
     return {name: value for name, value in measures.items() if value is not None}
+
+
+def _configured(haptics: dict[str, Any]) -> dict[str, float | int | str]:
+    """Return the haptic output that a recording's configuration describes."""
+    is_sham = haptics.get("sham_seed") is not None
+    touch = "off" if haptics.get("max_amplitude", 1.0) == 0 else "sham" if is_sham else "on"
+    weakest = haptics.get("weakest_amplitude")
+    return {"touch": touch} | ({} if weakest is None else {"weakest_amplitude": weakest})
 
 
 def _sample(step: Step) -> _Sample:

@@ -75,6 +75,10 @@ class Hub:
         self._edges.append((stamp_ns, amplitude, frequency_hz))
         self._wake()
 
+    def keep_alive(self, stamp_ns: int) -> None:
+        """Let the pages play the last level for a while; without images, nothing else does."""
+        self.call_threadsafe(lambda: self.publish("alive", time_ms=self.to_ms(stamp_ns)))
+
     def take_faults(self) -> tuple[Fault, ...]:
         """Return nothing: viewers that fail do not concern the loop."""
         return ()

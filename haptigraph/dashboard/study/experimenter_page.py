@@ -1,6 +1,6 @@
 """The experimenter's routes: the status of the study, and the actions of the experimenter. JSON both ways."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Annotated, Any
 
 from msgspec import Meta, Struct
@@ -8,7 +8,7 @@ from starlette.routing import BaseRoute
 
 from haptigraph.dashboard.live import page as live_page
 from haptigraph.dashboard.server.json_routes import get_route, post_route
-from haptigraph.dashboard.study.service import StationSite
+from haptigraph.dashboard.study.service import StationSite, StudyService
 from haptigraph.dashboard.study.snapshots import experimenter_snapshot
 
 __all__ = ["Enrol", "Open", "Participant", "Remark", "TrialRemark", "routes"]
@@ -47,7 +47,7 @@ class Remark(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class TrialRemark(Struct, frozen=True, forbid_unknown_fields=True):
-    """Body: a trial to abort or to repeat, and why."""
+    """Body: a trial to abort or to repeat, or a calibration to skip, and why."""
 
     participant: Name
     key: Name
@@ -68,18 +68,6 @@ def routes(site: StationSite) -> Sequence[BaseRoute]:
     def open_session(body: Open) -> None:
         service.open(body.participant, take_over=body.take_over)
 
-    def note(body: Remark) -> None:
-        with service.acting_on(body.participant) as session:
-            session.note(body.text)
-
-    def stop(body: Remark) -> None:
-        with service.acting_on(body.participant) as session:
-            session.stop(body.text)
-
-    def repeat(body: TrialRemark) -> None:
-        with service.acting_on(body.participant) as session:
-            session.repeat_trial(body.key, body.reason)
-
     def abort(body: TrialRemark) -> None:
         service.abort(body.participant, body.key, body.reason)
 
@@ -97,8 +85,33 @@ def routes(site: StationSite) -> Sequence[BaseRoute]:
         post_route("/study/open", Open, open_session, status),
         post_route("/study/leave", Participant, lambda body: service.leave(body.participant), status),
         post_route("/study/withdraw", Participant, lambda body: service.withdraw(body.participant), status),
+        post_route("/study/abort", TrialRemark, abort, status),
+        *_session_routes(service, status),
+    ]
+
+
+def _session_routes(service: StudyService, status: Callable[[], dict[str, Any]]) -> list[BaseRoute]:
+    """Return the routes that change the session at the station."""
+
+    def note(body: Remark) -> None:
+        with service.acting_on(body.participant) as session:
+            session.note(body.text)
+
+    def stop(body: Remark) -> None:
+        with service.acting_on(body.participant) as session:
+            session.stop(body.text)
+
+    def repeat(body: TrialRemark) -> None:
+        with service.acting_on(body.participant) as session:
+            session.repeat_trial(body.key, body.reason)
+
+    def skip(body: TrialRemark) -> None:
+        with service.acting_on(body.participant) as session:
+            session.skip_calibration(body.key, body.reason)
+
+    return [
         post_route("/study/note", Remark, note, status),
         post_route("/study/stop", Remark, stop, status),
         post_route("/study/repeat", TrialRemark, repeat, status),
-        post_route("/study/abort", TrialRemark, abort, status),
+        post_route("/study/skip", TrialRemark, skip, status),
     ]

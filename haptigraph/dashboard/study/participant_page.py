@@ -12,6 +12,7 @@ from starlette.routing import BaseRoute
 
 from haptigraph.dashboard.live import page as live_page
 from haptigraph.dashboard.server.json_routes import get_route, post_route
+from haptigraph.dashboard.study import calibration
 from haptigraph.dashboard.study.service import StationSite
 from haptigraph.dashboard.study.snapshots import participant_snapshot
 
@@ -83,4 +84,5 @@ def routes(site: StationSite) -> Sequence[BaseRoute]:
         post_route("/participant/felt", Felt, felt, status),
         post_route("/participant/begin", CurrentStage, begin, status),
         post_route("/participant/ready", CurrentStage, ready, status),
+        *calibration.routes(site, status),
     ]

@@ -14,6 +14,7 @@ from typing import Literal, TypeAlias
 
 from haptigraph.config import HapticsConfig
 from haptigraph.dashboard.server.site import Site
+from haptigraph.dashboard.study.stimulus import Stimulus
 from haptigraph.dashboard.study.touch_output import TouchOutput
 from haptigraph.errors import BadInput
 from haptigraph.study.enrolment import undo_enrolment, without_consent
@@ -25,8 +26,8 @@ from haptigraph.study.station import open_session_row
 
 __all__ = ["StationSite", "StudyService", "TrialEnding", "TrialStatus"]
 
-TrialStatus: TypeAlias = Literal["", "preparing", "running", "ending"]
-"""Status of this station's trial; empty: there is none."""
+TrialStatus: TypeAlias = Literal["", "preparing", "running", "ending", "stimulus"]
+"""Status of this station's trial; empty: there is none; "stimulus": a vibration outside trials is played."""
 TrialEnding: TypeAlias = tuple[Literal["ready", "aborted"], str]
 """How a person ends a trial, and why."""
 
@@ -38,10 +39,11 @@ class StudyService:
         path: The study's folder, or its protocol.
         study: The study.
         station: This station's name.
+        haptics: Device and limits of this station.
     """
 
-    def __init__(self, path: Path, study: Study, station: str) -> None:
-        self.study, self.station = study, station
+    def __init__(self, path: Path, study: Study, station: str, haptics: HapticsConfig | None = None) -> None:
+        self.study, self.station, self.haptics = study, station, haptics or HapticsConfig()
         self.session: Session | None = None
         """Of the participant at this station."""
         self.trial_status: TrialStatus = ""
@@ -49,6 +51,8 @@ class StudyService:
         """Why the last trial could not begin or be saved; empty: no problem."""
         self.ending: TrialEnding | None = None
         """Set by a page; the trial that runs checks it with every image."""
+        self.played = ""
+        """Name of the last stimulus, once it was played."""
         self.started_ns = 0
         """When the trial that runs had its first image, on the monotonic clock."""
         self.version = 0
@@ -59,7 +63,7 @@ class StudyService:
         self._path = path
         self._lock = threading.RLock()  # held during store access, which may take long
         self._status_lock = threading.Lock()  # held for a moment only, because the loop may wait for it
-        self._requested: SimpleQueue[tuple[Session, Stage]] = SimpleQueue()
+        self._requested: SimpleQueue[tuple[Session, Stage] | Stimulus] = SimpleQueue()
 
     # --- for the experimenter -------------------------------------------------------------------------
 
@@ -220,6 +224,19 @@ class StudyService:
             raise BadInput(f"{key} is not free training; it ends by itself")
         self._end(participant, key, ("ready", ""))
 
+    def request_stimulus(self, participant: str, stimulus: Stimulus) -> None:
+        """Request a vibration outside trials, which a person at a page has asked for.
+
+        Raises:
+            BadInput: If the participant is not here, or something is being played.
+        """
+        with self._changing():
+            self.session_of(participant)
+            self._check_idle()
+            self.played = ""
+            self.set_trial_status("stimulus")
+            self._requested.put(stimulus)
+
     @contextmanager
     def acting_on(self, participant: str) -> Iterator[Session]:
         """Let a page change the session of a participant who must be here; notifies all pages."""
@@ -228,8 +245,8 @@ class StudyService:
 
     # --- for the thread that runs trials --------------------------------------------------------------
 
-    def next_trial(self) -> tuple[Session, Stage]:
-        """Wait until a trial is requested."""
+    def next_trial(self) -> tuple[Session, Stage] | Stimulus:
+        """Wait until a trial or a stimulus is requested."""
         return self._requested.get()
 
     def set_trial_status(self, status: TrialStatus, problem: str = "", started_ns: int = 0) -> None:
@@ -257,7 +274,8 @@ class StudyService:
 
     def _check_idle(self) -> None:
         if self.trial_status:
-            raise BadInput("a trial is running at this station; wait until it ends, or abort it")
+            what = "a vibration is played" if self.trial_status == "stimulus" else "a trial is running"
+            raise BadInput(f"{what} at this station; wait until it ends, or abort it")
 
     def _is_here(self, session: Session) -> bool:
         with self.study.store.begin() as connection:

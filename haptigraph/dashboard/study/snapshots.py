@@ -5,6 +5,7 @@ from typing import Any, Literal, TypeAlias
 
 from msgspec import to_builtins
 
+from haptigraph.dashboard.study.calibration import calibration_content, calibration_text
 from haptigraph.dashboard.study.service import StudyService
 from haptigraph.study.plan import Stage, condition_title
 from haptigraph.study.progress import Next, Progress, read_progress, repeatable
@@ -16,6 +17,7 @@ __all__ = ["experimenter_snapshot", "participant_snapshot"]
 
 Reader: TypeAlias = Literal["participant", "experimenter"]
 TITLES = {"briefing": "Briefing", "consent": "Consent", "break": "Break", "thanks": "Thanks"}
+TITLES |= {"threshold": "Did you feel it?", "patterns": "Which one was it?"}
 
 
 def participant_snapshot(service: StudyService) -> dict[str, Any]:
@@ -33,7 +35,12 @@ def participant_snapshot(service: StudyService) -> dict[str, Any]:
     }
     if coming.stage is not None:
         stage = _stage(protocol, coming.stage, coming, "participant")
-        content["stage"] = stage | _stage_content(protocol, coming.stage, coming)
+        own = (
+            _stage_content(protocol, coming.stage, coming)
+            if coming.stage.task is None
+            else calibration_content(service, session, coming.stage.key)
+        )
+        content["stage"] = stage | own
         content["touch"] = _touch(service, session, coming.stage)
     return content
 
@@ -74,16 +81,21 @@ def _current(service: StudyService, session: Session) -> dict[str, Any]:
     coming = session.next()
     again = repeatable(session.plan, progress, coming)
     trial = coming.stage if coming.stage and coming.stage.is_trial else None
+    stage = _stage(study.protocol, coming.stage, coming, "experimenter") if coming.stage else None
+    if stage and coming.stage and coming.stage.task is not None:
+        stage |= calibration_content(service, session, coming.stage.key)
     shows_condition = trial is not None and study.protocol.study.blind != "everyone"
     return {
-        "has_haptics": not (trial and shows_condition) or study.protocol.condition(trial.condition).touch,
+        "has_haptics": not (trial and shows_condition)
+        or bool(study.protocol.condition(trial.condition).touch),
         "participant": session.participant,
         "touch": _touch(service, session, coming.stage),
         "may_undo_enrolment": progress.consented_utc is None and not progress.withdrawn,
         "done": coming.done,
         "total": coming.of,
         "ended": coming.ended,
-        "stage": _stage(study.protocol, coming.stage, coming, "experimenter") if coming.stage else None,
+        "stage": stage,
+        "calibration": calibration_text(service, session),
         "repeatable": again.key if again else "",
         "plan": [
             _plan_row(study.protocol, stage, progress, number < coming.done)
@@ -134,7 +146,7 @@ def _title(protocol: Protocol, stage: Stage) -> str:
     if stage.kind == "questionnaire":
         return protocol.questionnaire(stage.questionnaire).title
     if not stage.is_trial:
-        return TITLES[stage.kind]
+        return TITLES[stage.task or stage.kind]
     if stage.kind == "training":
         number, count = stage.trial, protocol.training.trials if protocol.training else 1
     else:

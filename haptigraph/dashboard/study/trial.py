@@ -1,4 +1,4 @@
-"""Run the trials that pages request: loop, recording, outcome. In the main thread, which receives signals."""
+"""Run the trials and stimuli that pages request. In the main thread, which receives signals."""
 
 import time
 from collections.abc import Callable
@@ -8,9 +8,11 @@ from msgspec.structs import replace
 
 from haptigraph.analysis.metrics.run import RunMeasures
 from haptigraph.assemble import build, load_procedure
+from haptigraph.clock import MonotonicClock
 from haptigraph.config import Config
 from haptigraph.dashboard.study.service import StudyService
 from haptigraph.dashboard.study.site import StudySite
+from haptigraph.dashboard.study.stimulus import Stimulus, play_stimulus
 from haptigraph.errors import BadInput, HaptigraphError, NotSilent, StoreFailed
 from haptigraph.messages import Step
 from haptigraph.pipeline import Loop
@@ -64,17 +66,27 @@ def run_trials(service: StudyService, site: StudySite, base: Config, report: Cal
         NotSilent: If Ctrl-C ended a trial whose actuator may still vibrate.
     """
     while True:
-        session, stage = service.next_trial()
+        request = service.next_trial()
         problem = ""
         try:
-            _run(service, site, base, session, stage, report)
+            if isinstance(request, Stimulus):
+                _stimulate(service, site, base, request)
+            else:
+                _run(service, site, base, *request, report)
         except NotSilent:
             raise
         except (HaptigraphError, OSError) as error:  # raised before the trial began: no attempt is used up
-            problem = f"the trial did not begin: {error}"
+            what = "vibration was not played" if isinstance(request, Stimulus) else "trial did not begin"
+            problem = f"the {what}: {error}"
         if problem:
             report(f"haptigraph: {problem}")
             service.set_trial_status("", problem)
+
+
+def _stimulate(service: StudyService, site: StudySite, base: Config, stimulus: Stimulus) -> None:
+    play_stimulus(stimulus, base.haptics, site.hub, MonotonicClock())
+    service.played = stimulus.name
+    service.set_trial_status("")
 
 
 def _run(

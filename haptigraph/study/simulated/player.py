@@ -20,6 +20,7 @@ from haptigraph.study.protocol import Protocol, load_protocol
 from haptigraph.study.roster import Study
 from haptigraph.study.runner import Session, open_session
 from haptigraph.study.simulated.actions import answer_to, recorder_of, rehearse, trial_spec
+from haptigraph.study.simulated.calibration import response_to
 from haptigraph.study.simulated.ground_truth import GROUND_TRUTH, OLD_NAMES
 from haptigraph.study.simulated.participant import Participant, draw_participant
 from haptigraph.study.store import Store
@@ -37,6 +38,7 @@ SPACING = timedelta(hours=4)
 WORDS_PER_S = 238 / 60  # silent reading (Brysbaert 2019, J. Mem. Lang. 109; standard)
 ANSWER_S = 3.0  # assumed
 BREAK_S = 120.0  # assumed
+STIMULUS_S = 3.0  # assumed: from one response to the next
 START_S = 5.0  # assumed: from the start of a trial on the page to that of the movement
 
 
@@ -111,6 +113,8 @@ def simulate_participant(spec: SimulationSpec, number: int) -> tuple[int, float]
             if stage.is_trial:
                 steered_s += _perform_trial(session, stage, participant, spec, clock)
                 trials += 1
+            elif stage.task is not None:
+                _calibrate(session, stage, participant, spec, clock)
             else:
                 _complete(session, stage, spec, clock)
         session.close()
@@ -143,6 +147,18 @@ def _complete(session: Session, stage: Stage, spec: SimulationSpec, clock: Sessi
             clock.advance(len(item.text.split()) / WORDS_PER_S + ANSWER_S)
             session.answer(stage.key, item.key, answer_to(item, spec.seed, session.participant, stage))
     session.done(stage.key)
+
+
+def _calibrate(
+    session: Session, stage: Stage, participant: Participant, spec: SimulationSpec, clock: SessionClock
+) -> None:
+    """Respond to every stimulus of a task of the calibration."""
+    haptics = Config().haptics
+    while session.next().stage == stage and (stimulus := session.stimulus(haptics)) is not None:
+        clock.advance(STIMULUS_S)
+        key = spec.seed, stage.key, participant.number
+        response = response_to(stimulus, participant, *key)
+        session.respond(stage.key, stimulus.number, response, haptics)
 
 
 def _perform_trial(

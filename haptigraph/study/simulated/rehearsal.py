@@ -108,7 +108,8 @@ class Rehearsal:
             if HIT not in [state.name for state in self.procedure.states]:
                 problem = f"has no state {HIT}; simulated participants can only hit a target"
                 raise BadInput(problem, f"procedure {condition.procedure}")
-            trained = trained_amplitudes(self.procedure.text, condition.max_amplitude)
+            weakest = self.config.haptics.weakest_amplitude
+            trained = trained_amplitudes(self.procedure.text, condition.max_amplitude, weakest)
         eye = Eye(scenario.eye)
         axis_mm = math.dist(eye.trocar_mm, eye.target_mm)
         is_rendered = perceiver != GROUND_TRUTH

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptigraph import assemble
-from haptigraph.config import Config
+from haptigraph.config import Config, HapticsConfig
 from haptigraph.geometry import Geometry, Point, Segment, rotate, subtract, unit
 from haptigraph.messages import CERTAIN, Observation
 from haptigraph.registration.camera import Registration
@@ -26,14 +26,18 @@ TRAINING_DEPTH_MM = 12.0
 
 
 @lru_cache
-def trained_amplitudes(procedure_text: str, max_amplitude: float) -> NDArray[np.float64]:
+def trained_amplitudes(
+    procedure_text: str, max_amplitude: float, weakest_amplitude: float | None = None
+) -> NDArray[np.float64]:
     """Return the haptic amplitude at each of `ANGLES_DEG`.
 
     Args:
         procedure_text: The text of the procedure.
         max_amplitude: The guard's limit.
+        weakest_amplitude: Of the procedure's patterns, where a calibration sets it.
     """
-    config, procedure = Config(), assemble.parse_procedure(procedure_text, "the procedure of the training")
+    config = Config(haptics=HapticsConfig(weakest_amplitude=weakest_amplitude))
+    procedure = assemble.parse_procedure(procedure_text, "the procedure of the training")
     eye, image = Eye(EyeShape()), CameraSettings()
     text = registration_text(eye, image_geometry(image), image.width_px, image.height_px)
     registration = parse_camera_registration(text, "the eye of the training")

@@ -5,18 +5,21 @@ from pathlib import Path
 
 import pytest
 import stuck_device
+from helpers import LOW
 from msgspec.structs import replace
 from studying import PROTOCOL, study_at
 
 from haptigraph import assemble
 from haptigraph.analysis.metrics.run import RunMeasures
 from haptigraph.assemble import build
+from haptigraph.clock import VirtualClock
 from haptigraph.config import HapticsConfig, load_config
 from haptigraph.dashboard.server.server import listen
 from haptigraph.dashboard.server.viewer import Viewer
 from haptigraph.dashboard.study.service import StudyService
 from haptigraph.dashboard.study.site import StudySite
 from haptigraph.dashboard.study.snapshots import experimenter_snapshot, participant_snapshot
+from haptigraph.dashboard.study.stimulus import Stimulus
 from haptigraph.dashboard.study.touch_output import TouchOutput
 from haptigraph.dashboard.study.trial import AFTER_HIT_NS, TrialEnd, run_trials
 from haptigraph.errors import BadInput, NotSilent, StoreFailed
@@ -142,6 +145,27 @@ def test_a_source_that_ends_early_voids_the_attempt(service, monkeypatch, quick_
     assert line == "P01  training/0/0/1, attempt 1: the trial was aborted: the source has ended"
     coming = service.session.next()
     assert (coming.stage.key, coming.attempt, coming.running) == (stage.key, 2, False)
+
+
+def test_a_stimulus_is_played_by_the_same_thread_and_keeps_trials_away(service, monkeypatch, quick_uri):
+    monkeypatch.setattr("haptigraph.dashboard.study.trial.MonotonicClock", VirtualClock)
+    stage = go_to_the_training(service)
+    service.request_stimulus("P01", Stimulus("test pulse", LOW))
+    assert (service.trial_status, service.played) == ("stimulus", "")
+    with pytest.raises(BadInput, match="a vibration is played at this station; wait until it ends"):
+        service.begin("P01", stage.key)
+    with pytest.raises(BadInput, match="participant 'P02' is not at this station"):
+        service.request_stimulus("P02", Stimulus("test pulse", LOW))
+    assert run_one(service, monkeypatch, base(quick_uri)) == []
+    assert (service.trial_status, service.played) == ("", "test pulse")
+
+
+def test_a_stimulus_that_the_device_refuses_is_a_problem_on_the_page(service, monkeypatch, quick_uri):
+    service.request_stimulus("P01", Stimulus("test pulse", LOW))
+    (line,) = run_one(service, monkeypatch, base(quick_uri, "haptics.device=glove"))
+    assert line.startswith("haptigraph: the vibration was not played: unknown device 'glove'")
+    assert (service.trial_status, service.played) == ("", "")
+    assert participant_snapshot(service)["has_problem"] is True
 
 
 @pytest.fixture

@@ -7,6 +7,7 @@ from contextlib import closing
 from multiprocessing import active_children
 from pathlib import Path
 
+import msgspec
 import pytest
 from msgspec.structs import replace
 from protocols import QUICK
@@ -17,6 +18,7 @@ from haptigraph.analysis.metrics.trial import measure_recording
 from haptigraph.errors import BadInput, HaptigraphError
 from haptigraph.recording.journal import not_being_written
 from haptigraph.recording.reader import RunReader
+from haptigraph.study.calibration import Response, threshold_of
 from haptigraph.study.exchange import export_study
 from haptigraph.study.protocol import load_protocol
 from haptigraph.study.roster import Study
@@ -25,7 +27,7 @@ from haptigraph.study.simulated import player
 from haptigraph.study.simulated.player import SimulationSpec
 from haptigraph.study.simulated.simulation import simulate
 from haptigraph.study.store import Store
-from haptigraph.study.tables import ANSWERS, PARTICIPANTS, TRIALS
+from haptigraph.study.tables import ANSWERS, CALIBRATION, PARTICIPANTS, TRIALS
 
 
 @pytest.fixture
@@ -194,3 +196,29 @@ def test_parallel_simulation_in_postgresql_gives_the_same_data(reference, folder
     with closing(Store(server)) as store:
         assert len(store.rows(select(ANSWERS))) == 2 * 2 * 10
         assert len(store.rows(select(TRIALS))) == 2 * 3
+
+
+def test_simulated_participants_calibrate_and_their_threshold_is_found(tmp_path):
+    """The absolute threshold of every simulated participant is 0.05."""
+    text = QUICK.replace("timeout_s = 2", "timeout_s = 2\nfree = false\nuntil_hits = 1\ntrials = 2")
+    text = text.replace("touch = false", 'touch = "sham"')
+    calibration = "[calibration]\nstimuli = 40\npresentations = 2\ntimes_threshold = 8.0\n"
+    spec = spec_of(new_study(tmp_path / "study", text + calibration))
+    simulate(spec, 1)
+    with closing(Store(spec.store)) as store:
+        rows = store.rows(select(CALIBRATION).order_by(CALIBRATION.c.task, CALIBRATION.c.number))
+        trials = store.rows(select(TRIALS).order_by(TRIALS.c.started_utc))
+    threshold = threshold_of(
+        [Response("", row["amplitude"], row["response"]) for row in rows if row["task"] == "threshold"]
+    )
+    assert threshold.is_known and threshold.low <= 0.05 <= threshold.high and threshold.false_alarms == 0
+    assert [row["correct"] for row in rows if row["task"] == "patterns"] == [1] * 6
+    for trial in trials:
+        path = Path(spec.folder) / trial["recording"]
+        haptics = msgspec.json.decode(RunReader(path).info.config)["haptics"]
+        assert haptics["weakest_amplitude"] == pytest.approx(8 * threshold.amplitude, abs=1e-4)
+        assert haptics["sham_seed"] == (trial["seed"] if trial["condition"] == "seen" else None)
+        measures = measure_recording(path)
+        assert measures["touch"] == ("sham" if trial["condition"] == "seen" else "on")
+        assert measures["weakest_amplitude"] == haptics["weakest_amplitude"]
+    assert sum(trial["phase"] == "training" for trial in trials) == 2  # no hit in two seconds

@@ -21,6 +21,7 @@ export class Feed {
     /** @type {FeedHandlers} */ const own = {
       hello: (hello) => { this.hello = hello; this.header = null; this.ended = ""; haptics.stale_ms = hello.deadman_ms; },
       haptics: ({ edges }) => haptics.setLevel(edges),
+      alive: ({ time_ms }) => haptics.keepAlive(this.clock.page_ms(time_ms)),
       pong: ({ time_ms, now_ms }) => this.clock.addPing(time_ms, now_ms),
       ended: ({ reason }) => { this.ended = reason; haptics.silence(); },
       error: ({ message }) => console.warn(message),

@@ -1,5 +1,6 @@
 /** The participant's page: shows the next stage, and sends what the participant does in it. */
 
+import { Calibration } from "./calibration.js";
 import { $, make, showOrHide } from "../common/dom.js";
 import { Feed } from "../common/feed.js";
 import { Haptics } from "../common/haptics.js";
@@ -10,7 +11,7 @@ import { Trial } from "./trial.js";
 
 /** @type {Record<string, string>} */
 const BUTTONS = { briefing: "Continue", consent: "I agree", break: "Continue", thanks: "Finish" };
-const SCREENS = /** @type {const} */ (["wait", "text", "questionnaire", "trial"]);
+const SCREENS = /** @type {const} */ (["wait", "text", "questionnaire", "calibration", "trial"]);
 const LOST = "The connection is lost. Please wait a moment.";
 
 const haptics = new Haptics(150);
@@ -29,6 +30,7 @@ const feed = new Feed(haptics, {
 /** The page's state; tests read it. */
 export const page = Object.assign(feed, { status: /** @type {ParticipantStatus | null} */ (null) });
 const trial = new Trial(page, act);
+const calibration = new Calibration(act);
 const questionnaire = new Questionnaire($("questionnaire"), (content) => sync.act("answer", content), () => { act("done"); }, () => sync.refresh(),
   ({ participant, key }) => page.status?.participant === participant && page.status.stage?.key === key);
 let shown = "";  // the stage on the screen, and whose
@@ -68,11 +70,12 @@ function show(status) {
     $("progress").value = status.done / status.total;
     $("steps").textContent = `${status.done} of ${status.total}`;
   }
-  const screen = !participant ? "wait" : !stage || "text" in stage ? "text" : "items" in stage ? "questionnaire" : "trial";
+  const screen = !participant ? "wait" : !stage || "text" in stage ? "text" : "items" in stage ? "questionnaire" : "choices" in stage ? "calibration" : "trial";
   for (const each of SCREENS) $(each).hidden = each !== screen;
   document.body.dataset.screen = screen;
   document.body.dataset.stage = stage?.key ?? "";
   if (screen === "trial" && stage) trial.showStatus(status.trial_status, stage, status.touch);
+  if (stage && "choices" in stage) calibration.show(stage, status.trial_status);
   const place = participant && `${participant} ${stage?.key ?? status.ended} ${stage?.attempt ?? ""}`;
   if (screen === "questionnaire" && place === shown) questionnaire.flush();
   if (screen === "wait" || place === shown) return;
@@ -80,6 +83,7 @@ function show(status) {
   if (refused) complain(refused = "");
   if (!stage || "text" in stage) showText(status, stage);
   else if ("items" in stage) questionnaire.begin(participant, stage);
+  else if ("choices" in stage) calibration.begin(stage);
   else trial.begin(stage, status.trial_status);
   scrollTo(0, 0);
   /** @type {HTMLElement} */ ($(screen).parentElement).scrollTop = 0;

@@ -83,9 +83,11 @@ function showStage(/** @type {ExperimenterStatus} */ { current, trial_status, pa
   $("begin").hidden = !(stage?.timeout_s && !trial_status);
   $("begin").disabled = Boolean(current?.touch.problem);
   $("finish").hidden = stage?.kind !== "break" && stage?.kind !== "thanks";
-  $("abort").hidden = !trial_status;
+  $("abort").hidden = !trial_status || trial_status === "stimulus";
   $("abort").disabled = trial_status !== "running";
   $("repeat").hidden = !current?.repeatable || Boolean(trial_status);
+  $("skip").hidden = stage?.kind !== "calibration" || Boolean(trial_status);
+  showOrHide($("calibration-result"), current?.calibration ? `Calibration: ${current.calibration}.` : "");
   $("stop").hidden = !stage || Boolean(trial_status);
   $("withdraw").hidden = $("leave").hidden = !current || Boolean(trial_status);
   $("unenrol").hidden = !current?.may_undo_enrolment || Boolean(trial_status);
@@ -95,7 +97,7 @@ function stageText(/** @type {StageSummary} */ stage, /** @type {TrialStatus} */
   if (stage.item_count) return `${stage.answer_count} of ${stage.item_count} answered`;
   if (!stage.timeout_s) return "";
   const attempt = stage.attempt > 1 ? `attempt ${stage.attempt}, ` : "";
-  return attempt + { "": "waiting for the participant to begin", preparing: "preparing", running: "running", ending: "saving" }[status];
+  return attempt + { "": "waiting for the participant to begin", preparing: "preparing", running: "running", ending: "saving", stimulus: "a vibration is played" }[status];
 }
 
 /** Say who leaves this station when another comes; empty if nobody is in the middle of a session. @param {CurrentSession | null | undefined} current */
@@ -125,7 +127,7 @@ async function open(participant, otherStation) {
 }
 
 /** Let a button do something with the current session, after a confirmation.
- *  @param {"abort" | "repeat" | "stop" | "withdraw" | "unenrol"} name of the button and of the action
+ *  @param {"abort" | "repeat" | "skip" | "stop" | "withdraw" | "unenrol"} name of the button and of the action
  *  @param {(current: CurrentSession) => Parameters<typeof confirmed>[0]} texts @param {(current: CurrentSession, reason: string) => object} body */
 function confirmFirst(name, texts, body) {
   $(name).addEventListener("click", async () => {
@@ -139,6 +141,8 @@ confirmFirst("abort", () => ({ question: "Abort this trial?", consequence: "It d
   ({ stage }, reason) => ({ key: stage?.key, reason }));
 confirmFirst("repeat", (current) => ({ question: `Repeat ${current.plan[current.done - 1].title}?`, consequence: "The attempt stays in the data but does not count.", confirm: "Repeat", needsReason: true }),
   ({ repeatable }, reason) => ({ key: repeatable, reason }));
+confirmFirst("skip", () => ({ question: "Skip this calibration?", consequence: "The answers so far stay; trials use the amplitudes of the procedure.", confirm: "Skip", needsReason: true }),
+  ({ stage }, reason) => ({ key: stage?.key, reason }));
 confirmFirst("stop", (current) => ({ question: `End the session of ${current.participant} for good?`, consequence: "Completed stages count, and no others follow. This cannot be undone.", confirm: "End session", needsReason: true }),
   (_, text) => ({ text }));
 confirmFirst("withdraw", (current) => ({ question: `Has ${current.participant} left the study?`, consequence: "The data stay, and another participant gets the place. This cannot be undone.", confirm: "Withdraw" }),

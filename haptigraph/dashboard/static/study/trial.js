@@ -52,7 +52,7 @@ export class Trial {
   showStatus(status, stage, touch = { output: "", problem: "" }) {
     this.touch.show(touch);
     const isOn = status === "running";
-    $("ready").hidden = status !== "";
+    $("ready").hidden = status !== "" && status !== "stimulus";
     $("finish").hidden = !(isOn && stage.free);
     this.title = stage.title;
     if (isOn && this.status !== "running") {
@@ -98,7 +98,7 @@ export class Trial {
     $("pad").textContent = controllerText(this.controller.pad());
     this.touch.name();
     const hint = isOn && !this.view.hasEntered && View.portOf(this.feed.hello) ? `${this.title}: enter through the marked port` : this.title;
-    setText($("trial-status"), { "": "", preparing: "One moment, please …", running: hint, ending: "Finished. One moment, please …" }[this.status]);
+    setText($("trial-status"), { "": "", preparing: "One moment, please …", running: hint, stimulus: "", ending: "Finished. One moment, please …" }[this.status]);
     $("clutch").textContent = !isOn || !this.feed.hello?.steerable ? "" : others || (engaged ? "● moving the instrument" : "○ disengaged");
     $("clutch").classList.toggle("on", engaged);
     const isFrozen = isOn && performance.now() - this.picture_ms > FROZEN_MS;

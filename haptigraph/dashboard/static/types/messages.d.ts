@@ -41,7 +41,7 @@ interface Health {
 interface TeleopSettings { motion_scale: number, tremor_filter: boolean, added_tremor_mm: number }
 interface ServerMessages {
   welcome: { name: string, may_steer: boolean }, hello: Hello, controls: { holder: string }, settings: TeleopSettings,
-  haptics: { edges: HapticEdge[] }, health: Health, pong: { time_ms: number, now_ms: number },
+  haptics: { edges: HapticEdge[] }, alive: { time_ms: number }, health: Health, pong: { time_ms: number, now_ms: number },
   error: { message: string }, ended: { reason: string }, study: { version: number },
 }
 interface HandMotion { engaged: boolean, along_mm: number, across_mm: number, apart_mm: number }

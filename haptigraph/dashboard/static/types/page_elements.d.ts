@@ -1,7 +1,8 @@
 /** The elements that scripts find by id, by their type; `tests/dashboard/server/test_static.py` compares them with the HTML. */
 
 type PageElements =
-  & Record<"about" | "amplitude" | "answered" | "axes" | "banner" | "because" | "buttons" | "clock" | "clutch" |
+  & Record<"about" | "amplitude" | "answered" | "axes" | "banner" | "because" | "buttons" | "calibration" | "calibration-count" | "calibration-result" | "calibration-status" |
+    "calibration-text" | "calibration-title" | "clock" | "clutch" |
     "consequence" | "detail" | "doing" | "empty" | "events" | "exists-title" | "fault" | "feels" | "folder" |
     "hand" | "health" | "help" | "holder" | "idle" | "instead" | "items" | "jaws" | "lanes" | "list" | "monitor"
     | "name" | "no-picture" | "note" | "notes" | "now" | "pad" | "participant" | "picture-panel" | "places" |
@@ -12,11 +13,11 @@ type PageElements =
     "verdict" | "wait" | "wait-title" | "waiting" | "way" | "who" | "work", HTMLElement>
   & Record<"abort" | "add" | "begin" | "cancel" | "closer" | "enrol-button" | "felt" | "compare" | "confirm" | "csv" | "find" | "finish" |
     "hold" | "leave" | "load" | "map" | "note-save" | "play" | "pulse" | "png" | "redo" | "refresh" | "repeat" | "restore"
-    | "save-button" | "standard" | "stop" | "text-done" | "undo" | "unenrol" | "unfelt" | "whole" | "wider" | "withdraw",
+    | "save-button" | "skip" | "standard" | "stop" | "text-done" | "try" | "undo" | "unenrol" | "unfelt" | "whole" | "wider" | "withdraw",
     HTMLButtonElement>
   & Record<"loupe" | "timeline" | "traces" | "view", HTMLCanvasElement>
   & Record<"ask" | "exists" | "mapping", HTMLDialogElement>
-  & Record<"anatomy" | "outputs" | "overlays" | "phases", HTMLFieldSetElement>
+  & Record<"anatomy" | "choices" | "learn" | "outputs" | "overlays" | "phases", HTMLFieldSetElement>
   & Record<"enrol" | "note-form" | "open" | "questionnaire" | "save", HTMLFormElement>
   & Record<"image", HTMLImageElement>
   & Record<"diameter" | "filter" | "mirrored" | "path" | "picture" | "pseudonym" | "scale" | "source-input" |

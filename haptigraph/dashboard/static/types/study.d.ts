@@ -1,8 +1,8 @@
 /** The JSON of a study's pages: study/snapshots.py. */
 
-type TrialStatus = "" | "preparing" | "running" | "ending";
+type TrialStatus = "" | "preparing" | "running" | "ending" | "stimulus";
 interface StageSummary {
-  key: string, kind: "briefing" | "consent" | "questionnaire" | "training" | "trial" | "break" | "thanks",
+  key: string, kind: "briefing" | "consent" | "questionnaire" | "calibration" | "training" | "trial" | "break" | "thanks",
   title: string, condition: string, attempt: number, running: boolean, timeout_s: number, free: boolean,
   answer_count: number, item_count: number,
 }
@@ -15,7 +15,10 @@ type QuestionnaireStage = StageSummary & {
 };
 type TextStage = StageSummary & { text: string };
 type TrialStage = StageSummary & { display: "ioct" | "overlays" };
-type ParticipantStage = TextStage | QuestionnaireStage | TrialStage;
+type CalibrationStage = StageSummary & {
+  number: number, of: number, round: number, choices: string[], may_learn: boolean, played: boolean,
+};
+type ParticipantStage = TextStage | QuestionnaireStage | CalibrationStage | TrialStage;
 interface StudyStatus { version: number, title: string, simulated: boolean, trial_status: TrialStatus, has_problem: boolean }
 /** The outputs of haptic feedback, joined by " + "; and why a trial must not begin with them. */
 interface TouchStatus { output: string, problem: string }
@@ -29,7 +32,8 @@ interface PlannedStage {
 }
 interface CurrentSession {
   participant: string, done: number, total: number, ended: string, stage: StageSummary | null, repeatable: string,
-  touch: TouchStatus, may_undo_enrolment: boolean, has_haptics: boolean, plan: PlannedStage[], events: { kind: string, text: string, at_utc: string }[],
+  touch: TouchStatus, may_undo_enrolment: boolean, has_haptics: boolean, calibration: string, plan: PlannedStage[],
+  events: { kind: string, text: string, at_utc: string }[],
 }
 interface ParticipantRow {
   participant: string, order: string[], done: number, total: number, next: string, ended: boolean,
