@@ -13,7 +13,7 @@ export class Calibration {
   shown = "";
   /** @type {CalibrationStage | null} */ stage = null;
 
-  /** @param {(name: string, content: object) => Promise<void>} act sends an action in the present stage */
+  /** @param {(name: string, content: object) => Promise<boolean>} act sends an action in the present stage */
   constructor(act) {
     this.act = act;
     $("try").addEventListener("click", () => this.play());
