@@ -16,6 +16,7 @@ from msgspec.structs import replace
 from haptigraph.assemble import load_procedure, parse_procedure
 from haptigraph.errors import BadInput, RenamedKey, unknown_name
 from haptigraph.study.conditions import Order
+from haptigraph.study.quality import Quality
 from haptigraph.study.questionnaire import Questionnaire, load_questionnaire, parse_questionnaire
 from haptigraph.toml_document import Document
 
@@ -144,6 +145,7 @@ class _File(Struct, frozen=True, forbid_unknown_fields=True):
     training: Training | None = None
     questionnaires: tuple[QuestionnaireTable, ...] = field(name="questionnaire", default=())
     stop: Stop = Stop()
+    quality: Quality = Quality()
 
 
 class Protocol(Struct, frozen=True):
@@ -158,6 +160,7 @@ class Protocol(Struct, frozen=True):
     questionnaires: tuple[tuple[QuestionnaireTable, Questionnaire], ...]
     """In the order of the file."""
     stop: Stop
+    quality: Quality
     procedures: dict[str, str]
     """Text of each procedure that a condition names."""
     parts: dict[str, str]
@@ -240,6 +243,7 @@ def load_protocol(path: str | Path) -> Protocol:
         training=data.training,
         questionnaires=tuple(questionnaires),
         stop=data.stop,
+        quality=data.quality,
         procedures=procedures,
         parts=parts,
         folder=folder,

@@ -8,6 +8,7 @@ from rich.table import Table
 
 from haptigraph.study.plan import Stage, conditions_of, plan_of
 from haptigraph.study.protocol import Protocol
+from haptigraph.study.quality import quality_limits
 
 if TYPE_CHECKING:
     from haptigraph.study.status import ParticipantStatus
@@ -16,7 +17,7 @@ __all__ = ["protocol_tables", "status_table"]
 
 
 def protocol_tables(protocol: Protocol) -> Iterator[Table]:
-    """Yield the tables of conditions, of the first participant's plan, of orders, and of targets."""
+    """Yield the tables of conditions, the first participant's plan, orders, targets, and thresholds."""
     table = _table("Conditions", "name", "title", "procedure", "touch", "display")
     for each in protocol.conditions:
         table.add_row(each.name, each.title, each.procedure, "on" if each.touch else "off", each.display)
@@ -42,6 +43,10 @@ def protocol_tables(protocol: Protocol) -> Iterator[Table]:
     for target in protocol.targets:
         counts = (str(pairs[target.name, name]) for name in names)
         table.add_row(target.name, f"{target.along_mm:+g}", *counts)
+    yield table
+    table = _table("Data quality", "a trial is flagged unless it has")
+    for limit in quality_limits(protocol.quality) or ["(no thresholds)"]:
+        table.add_row(limit)
     yield table
 
 
