@@ -48,7 +48,7 @@ store_option = click.option(
     tasks={
         "Prepare": ("new", "check", "simulate", "sweep"),
         "Run": ("run", "status"),
-        "Analyse": ("report", "export", "import"),
+        "Analyse": ("report", "export", "import", "measure"),
         "Withdrawal of consent": ("erase",),
     },
     epilog=examples("haptigraph study new my-study", "haptigraph study run my-study"),

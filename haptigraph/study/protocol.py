@@ -16,7 +16,7 @@ from msgspec.structs import replace
 from haptigraph.assemble import load_procedure, parse_procedure
 from haptigraph.errors import BadInput, RenamedKey, unknown_name
 from haptigraph.study.conditions import Order
-from haptigraph.study.quality import Quality
+from haptigraph.study.frozen.quality import Quality
 from haptigraph.study.questionnaire import Questionnaire, load_questionnaire, parse_questionnaire
 from haptigraph.toml_document import Document
 

@@ -15,7 +15,7 @@ from haptigraph.errors import BadInput, MissingExtra
 from haptigraph.study.data_dictionary import COLUMNS, MEASURES
 from haptigraph.study.exchange import export_study, import_study, parquet_writer, read_export, tidy_tables
 from haptigraph.study.runner import open_session
-from haptigraph.study.store import Store
+from haptigraph.study.store import Store, to_json
 from haptigraph.study.tables import EVENTS, METADATA, TRIALS
 
 
@@ -102,6 +102,31 @@ def test_the_tables_are_tidy_and_every_column_is_in_the_dictionary(filled, tmp_p
     assert {row["position"] for row in answers} == {"1", "2"}
     assert all(row["condition"] in ("seen", "felt") for row in answers)
     assert [row["withdrawn_utc"] != "" for row in read(out / "participants.csv")] == [False, False, True]
+
+
+def test_a_column_is_empty_only_where_the_dictionary_says_so(filled, tmp_path):
+    out = tmp_path / "out"
+    export_study(filled.store, "small", out)
+    dictionary = read(out / "data_dictionary.csv")
+    assert all(row["empty"] for row in dictionary)
+    always = {(row["table"], row["column"]) for row in dictionary if row["empty"] == "never"}
+    for table in COLUMNS:
+        for row in read(out / f"{table}.csv"):
+            assert not [name for name, value in row.items() if value == "" and (table, name) in always]
+    assert ("trials", "trial") in always and not {("trials", field.name) for field in MEASURES} & always
+
+
+def test_measures_of_quality_are_columns_where_a_trial_has_them(filled, tmp_path, where):
+    quality = {"images_per_s": 29.5, "long_gaps": 2, "unseen_fraction": 0.1}
+    with filled.store.begin() as connection:
+        number = TRIALS.c.trial == 2
+        connection.execute(update(TRIALS).where(number).values(measures=to_json(quality)))
+    export_study(filled.store, "small", tmp_path / "out")
+    trials = read(tmp_path / "out/trials.csv")
+    assert {row["long_gaps"] for row in trials} == {"2", ""} and "longest_gap_s" not in trials[0]
+    with closing(Store(where)) as other:
+        import_study(other, read_export(tmp_path / "out"))
+        assert rows_of(other) == rows_of(filled.store)
 
 
 def test_demographics_are_columns_of_participants(folder, store):

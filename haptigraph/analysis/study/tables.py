@@ -9,7 +9,7 @@ import pandas as pd
 from msgspec import Struct
 
 from haptigraph.errors import BadInput
-from haptigraph.study.quality import Quality
+from haptigraph.study.frozen.quality import Quality
 
 __all__ = ["StudyTables", "read_tables"]
 
