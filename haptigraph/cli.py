@@ -19,7 +19,7 @@ from haptigraph.commands.running import demo, run
 from haptigraph.commands.sources import sources
 from haptigraph.commands.study import study
 from haptigraph.commands.study_erase import erase
-from haptigraph.commands.study_report import study_report
+from haptigraph.commands.study_report import measure, study_report
 from haptigraph.commands.study_run import study_run
 from haptigraph.commands.study_simulated import simulate, sweep
 from haptigraph.commands.terminal import print_status
@@ -99,5 +99,5 @@ for command in (
     demo,
 ):
     main.add_command(command)
-for command in (study_run, study_report, erase, simulate, sweep):
+for command in (study_run, study_report, measure, erase, simulate, sweep):
     study.add_command(command)

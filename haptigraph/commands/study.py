@@ -51,7 +51,7 @@ unblind_option = click.option(
     tasks={
         "Prepare": ("new", "check", "simulate", "sweep"),
         "Run": ("run", "status"),
-        "Analyse": ("report", "export", "import"),
+        "Analyse": ("report", "export", "import", "measure"),
         "Withdrawal of consent": ("erase",),
     },
     epilog=examples("haptigraph study new my-study", "haptigraph study run my-study"),

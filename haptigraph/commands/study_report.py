@@ -1,6 +1,7 @@
-"""The command that analyses a study: study report."""
+"""The commands that analyse a study: study report, study measure."""
 
 import shutil
+import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,14 +11,20 @@ from typing import TYPE_CHECKING
 import click
 
 from haptigraph.commands.help import examples
-from haptigraph.commands.study import export_measured, store_option
-from haptigraph.commands.terminal import progress_bar
+from haptigraph.commands.study import (
+    existing_store,
+    export_measured,
+    folder_argument,
+    missing_store,
+    store_option,
+)
+from haptigraph.commands.terminal import print_status, progress_bar
 from haptigraph.errors import MissingExtra
 
 if TYPE_CHECKING:
     from haptigraph.recording.writer import Progress
 
-__all__ = ["study_report"]
+__all__ = ["measure", "study_report"]
 
 LIBRARIES = ("pandas", "scipy", "statsmodels", "patsy")
 
@@ -88,3 +95,32 @@ def _tables(folder: str, store: str | None, output: str, progress: "Progress") -
         copy = Path(output) / exported.name
         shutil.rmtree(copy, ignore_errors=True)
         shutil.copytree(exported, copy)
+
+
+@click.command(epilog=examples("haptigraph study measure my-study"))
+@folder_argument
+@store_option
+def measure(folder: str, store: str | None) -> None:
+    """Measure all recorded trials again.
+
+    An export measures only the trials that have no measures. Use this after an update that redefines a
+    measure, so that all trials of a study have the same. Trials without a recording keep what they have. Exit
+    code 1 if a recording is missing or was changed; its trial keeps its measures.
+    """
+    from haptigraph.study.protocol import load_protocol
+
+    protocol = load_protocol(folder)
+    with existing_store(folder, store) as opened:
+        if opened is None:
+            raise missing_store(folder)
+        from haptigraph.analysis.study.measures import measure_study
+        from haptigraph.study.recordings import recorded_trials
+
+        with progress_bar() as progress:
+            problems = measure_study(opened, protocol.study.name, protocol.folder, progress, again=True)
+        count = len(recorded_trials(opened, protocol.study.name))
+    for problem in problems:
+        print_status(f"haptigraph: not measured: {problem}")
+    click.echo(f"{count - len(problems)} of {count} recorded trials are measured by this version")
+    if problems:
+        sys.exit(1)

@@ -262,7 +262,10 @@ def _demographics(answers: Iterable[Mapping[str, Any]]) -> list[Field]:
     meanings = {
         _column(row, COLUMNS["participants"]): f"{row['questionnaire']}: {row['item']}" for row in answers
     }
-    return [Field("participants", name, "text", "", text, "participant") for name, text in meanings.items()]
+    return [
+        Field("participants", name, "text", "", text, "participant", "not answered")
+        for name, text in meanings.items()
+    ]
 
 
 def _column(row: Mapping[str, Any], fields: Sequence[Field]) -> str:

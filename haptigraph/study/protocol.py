@@ -17,6 +17,7 @@ from haptigraph.assemble import load_procedure, parse_procedure
 from haptigraph.errors import BadInput, RenamedKey, unknown_name
 from haptigraph.study.calibration import Calibration, checked_calibration
 from haptigraph.study.conditions import Order
+from haptigraph.study.frozen.quality import Quality
 from haptigraph.study.questionnaire import Questionnaire, load_questionnaire, parse_questionnaire
 from haptigraph.toml_document import Document
 
@@ -150,6 +151,7 @@ class _File(Struct, frozen=True, forbid_unknown_fields=True):
     calibration: Calibration | None = None
     questionnaires: tuple[QuestionnaireTable, ...] = field(name="questionnaire", default=())
     stop: Stop = Stop()
+    quality: Quality = Quality()
 
 
 class Protocol(Struct, frozen=True):
@@ -165,6 +167,7 @@ class Protocol(Struct, frozen=True):
     questionnaires: tuple[tuple[QuestionnaireTable, Questionnaire], ...]
     """In the order of the file."""
     stop: Stop
+    quality: Quality
     procedures: dict[str, str]
     """Text of each procedure that a condition names."""
     parts: dict[str, str]
@@ -252,6 +255,7 @@ def load_protocol(path: str | Path) -> Protocol:
         calibration=calibration,
         questionnaires=tuple(questionnaires),
         stop=data.stop,
+        quality=data.quality,
         procedures=procedures,
         parts=parts,
         folder=folder,

@@ -6,6 +6,7 @@ from contextlib import closing
 
 import pytest
 from helpers import call, refuse
+from sqlalchemy import update
 
 from haptigraph.config import load_config
 from haptigraph.recording.reader import RunReader
@@ -14,6 +15,7 @@ from haptigraph.study.protocol import load_protocol
 from haptigraph.study.roster import Study
 from haptigraph.study.runner import open_session
 from haptigraph.study.store import Store
+from haptigraph.study.tables import TRIALS
 
 
 @pytest.fixture
@@ -43,6 +45,7 @@ def test_the_papers_protocol_is_written_once_and_checks(folder):
     output = call("study", "check", folder).output
     for text in ("visual_haptic > visual_only", "questionnaire/sus/2", "not frozen", "no errors"):
         assert text in output
+    assert "at most 20 % of the time without a visible tip" in output
     assert "no participant yet" in call("study", "status", folder).output
     assert sorted(path.name for path in folder.iterdir()) == ["study.toml"]
 
@@ -134,15 +137,26 @@ def test_a_recorded_trial_is_hashed_measured_exported_and_imported(folder, quick
     assert again.exit_code == 0
     assert (tmp_path / "again" / "trials.csv").read_bytes() == (tmp_path / "out" / "trials.csv").read_bytes()
 
+    measured = (tmp_path / "out" / "trials.csv").read_bytes()
+    with closing(Store(folder / "study.db")) as store, store.begin() as connection:
+        connection.execute(update(TRIALS).values(measures='{"path_mm": 1.0}'))  # by an earlier version
+    assert "1 of 1 recorded trials are measured" in call("study", "measure", folder).output
+    assert call("study", "export", folder, "-o", tmp_path / "new").exit_code == 0
+    assert (tmp_path / "new" / "trials.csv").read_bytes() == measured
+
     recording = folder / trial["recording"]
     recording.write_bytes(recording.read_bytes() + b"\0")
     result = call("study", "check", folder)
     assert result.exit_code == 1
     assert f"{trial['recording']} was changed; its SHA-256 differs" in result.stderr
+    result = call("study", "measure", folder)
+    assert result.exit_code == 1 and "0 of 1 recorded trials" in result.output
+    assert "not measured: recordings/P01" in result.stderr
 
 
 def test_a_refused_export_or_import_creates_no_files(folder, tmp_path):
     assert "the first enrolment creates it" in refuse("study", "export", folder, "-o", tmp_path / "out")
+    assert "the first enrolment creates it" in refuse("study", "measure", folder)
     assert "is not an export of a study" in refuse(
         "study", "import", folder, "--store", tmp_path / "other.db"
     )

@@ -16,7 +16,7 @@ from haptigraph.errors import BadInput, MissingExtra
 from haptigraph.study.data_dictionary import COLUMNS, MEASURES
 from haptigraph.study.exchange import export_study, import_study, parquet_writer, read_export, tidy_tables
 from haptigraph.study.runner import open_session
-from haptigraph.study.store import Store
+from haptigraph.study.store import Store, to_json
 from haptigraph.study.tables import EVENTS, METADATA, TRIALS
 
 
@@ -120,6 +120,31 @@ def test_an_export_of_an_earlier_version_without_calibration_is_imported(filled,
         rows = rows_of(other)
         assert rows.pop("calibration") == []
         assert rows == {name: each for name, each in rows_of(filled.store).items() if name != "calibration"}
+
+
+def test_a_column_is_empty_only_where_the_dictionary_says_so(filled, tmp_path):
+    out = tmp_path / "out"
+    export_study(filled.store, "small", out)
+    dictionary = read(out / "data_dictionary.csv")
+    assert all(row["empty"] for row in dictionary)
+    always = {(row["table"], row["column"]) for row in dictionary if row["empty"] == "never"}
+    for table in COLUMNS:
+        for row in read(out / f"{table}.csv"):
+            assert not [name for name, value in row.items() if value == "" and (table, name) in always]
+    assert ("trials", "trial") in always and not {("trials", field.name) for field in MEASURES} & always
+
+
+def test_measures_of_quality_are_columns_where_a_trial_has_them(filled, tmp_path, where):
+    quality = {"images_per_s": 29.5, "long_gaps": 2, "unseen_fraction": 0.1}
+    with filled.store.begin() as connection:
+        number = TRIALS.c.trial == 2
+        connection.execute(update(TRIALS).where(number).values(measures=to_json(quality)))
+    export_study(filled.store, "small", tmp_path / "out")
+    trials = read(tmp_path / "out/trials.csv")
+    assert {row["long_gaps"] for row in trials} == {"2", ""} and "longest_gap_s" not in trials[0]
+    with closing(Store(where)) as other:
+        import_study(other, read_export(tmp_path / "out"))
+        assert rows_of(other) == rows_of(filled.store)
 
 
 def test_demographics_are_columns_of_participants(folder, store):
@@ -310,7 +335,5 @@ def test_without_pyarrow_the_error_names_the_extra(monkeypatch):
 
 def test_measures_have_units_in_their_names():
     for field in MEASURES:
-        unit = {"s": "_s", "deg": "_deg", "mm": "_mm", "mm^2": "_mm2", "ms": "_ms", "mm/s": "_mm_s", "": ""}[
-            field.unit
-        ]
-        assert field.name.endswith(unit)
+        suffixes = {"s": "_s", "deg": "_deg", "mm": "_mm", "mm^2": "_mm2", "ms": "_ms", "mm/s": "_mm_s"}
+        assert field.name.endswith((suffixes | {"1/s": "_per_s", "": ""})[field.unit])

@@ -1,4 +1,4 @@
-"""Compute the missing measures of recorded trials, and store them."""
+"""Compute the measures of recorded trials, the missing or all, and store them."""
 
 import warnings
 from pathlib import Path
@@ -16,19 +16,22 @@ from haptigraph.study.tables import TRIALS
 __all__ = ["measure_study"]
 
 
-def measure_study(store: Store, study: str, folder: Path, progress: Progress | None = None) -> list[str]:
-    """Measure the trials that have no measures.
+def measure_study(
+    store: Store, study: str, folder: Path, progress: Progress | None = None, *, again: bool = False
+) -> list[str]:
+    """Measure the recorded trials that have no measures.
 
     Args:
         store: The store.
         study: The study's name.
         folder: The study's folder, with its recordings.
         progress: Called with the progress.
+        again: Whether to measure all recorded trials, and replace their measures.
 
     Returns:
         A sentence for each recording that could not be measured, because it is missing or was changed.
     """
-    trials = [trial for trial in recorded_trials(store, study) if trial["measures"] is None]
+    trials = [trial for trial in recorded_trials(store, study) if again or trial["measures"] is None]
     problems = []
     for number, trial in enumerate(trials):
         if progress is not None:
@@ -40,7 +43,7 @@ def measure_study(store: Store, study: str, folder: Path, progress: Progress | N
         with warnings.catch_warnings(action="ignore", category=RenamedKey):  # in the recorded procedure
             measures = check_measures(measure_recording(folder / trial["recording"]))
         if not measures:
-            continue  # the tip never entered the globe
+            continue  # it has no two steps
         key = [column == trial[column.name] for column in TRIALS.primary_key]
         with store.begin() as connection:
             connection.execute(update(TRIALS).where(*key).values(measures=to_json(measures)))

@@ -3,6 +3,7 @@
 import platform
 from importlib.metadata import version
 
+from haptigraph.analysis.study.data_quality import quality_paragraph
 from haptigraph.analysis.study.quantities import words
 from haptigraph.analysis.study.results import StudyResults
 from haptigraph.analysis.study.statistics.effects import RESAMPLES
@@ -26,6 +27,7 @@ def methods(tables: StudyTables, results: StudyResults, traces: Traces, *, simul
         _order(results),
         _usability(results, simulated=simulated),
         _missing(tables, results, traces),
+        quality_paragraph(tables, results),
         _software(tables, results),
     ]
     return [part for part in parts if part]

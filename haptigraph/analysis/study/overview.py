@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
+from haptigraph.study.frozen.quality import quality_limits
 from haptigraph.study.plan import Stage, conditions_of, plan_of
 from haptigraph.study.protocol import Protocol
 from haptigraph.study.touch import touch_of
@@ -17,7 +18,7 @@ __all__ = ["protocol_tables", "status_table"]
 
 
 def protocol_tables(protocol: Protocol, *, is_blind: bool = False) -> Iterator[Table]:
-    """Yield the tables of conditions, of the first participant's plan, of orders, and of targets.
+    """Yield the tables of conditions, of the first participant's plan, orders, targets, and thresholds.
 
     Args:
         protocol: The protocol.
@@ -37,6 +38,10 @@ def protocol_tables(protocol: Protocol, *, is_blind: bool = False) -> Iterator[T
     for target in protocol.targets:
         counts = (str(pairs[target.name, name]) for name in names)
         table.add_row(target.name, f"{target.along_mm:+g}", *counts)
+    yield table
+    table = _table("Data quality", "a trial is flagged unless it has")
+    for limit in quality_limits(protocol.quality) or ["(no thresholds)"]:
+        table.add_row(limit)
     yield table
 
 

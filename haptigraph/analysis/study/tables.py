@@ -9,6 +9,7 @@ import pandas as pd
 from msgspec import Struct
 
 from haptigraph.errors import BadInput
+from haptigraph.study.frozen.quality import Quality
 
 __all__ = ["StudyTables", "read_tables"]
 
@@ -31,8 +32,11 @@ KEYS = {
     "answers": ("participant", "condition", "position", "questionnaire", "item"),
     "participants": ("participant",),
 }
-NUMERIC_SUFFIXES = ("_s", "_ms", "_mm", "_mm2", "_deg", "_mm_s")
-NUMERIC_COLUMNS = ("session", "block", "position", "trial", "attempt", "contacts", "sparc", "log_jerk")
+NUMERIC_SUFFIXES = ("_s", "_ms", "_mm", "_mm2", "_deg", "_mm_s", "_fraction")
+NUMERIC_COLUMNS = (
+    *("session", "block", "position", "trial", "attempt", "contacts", "sparc", "log_jerk"),
+    *("skipped_images", "long_gaps"),
+)
 
 
 class StudyTables(Struct, frozen=True):
@@ -48,6 +52,8 @@ class StudyTables(Struct, frozen=True):
     """In the order of the protocol, where the export has one."""
     title: str = ""
     """Of the study, where the export has one."""
+    quality: Quality = Quality()
+    """Thresholds of the protocol, where the export has one."""
 
     @property
     def study(self) -> str:
@@ -101,25 +107,26 @@ def read_tables(folder: str | Path) -> StudyTables:
         found = ", ".join(studies) or "none"
         raise BadInput(f"contains {len(studies)} studies ({found}); expected one", paths["trials"])
     digests = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in paths.values()}
-    title, conditions = _protocol(folder / "study.json")
+    title, conditions, quality = _protocol(folder / "study.json")
     trials, answers, participants = (tables[name] for name in COLUMNS)
-    return StudyTables(folder, trials, answers, participants, digests, conditions, title)
+    return StudyTables(folder, trials, answers, participants, digests, conditions, title, quality)
 
 
 def _path_of(folder: Path, name: str) -> Path | None:
     return next((path for end in ("csv", "parquet") if (path := folder / f"{name}.{end}").is_file()), None)
 
 
-def _protocol(path: Path) -> tuple[str, list[str]]:
-    """Return title and conditions of the frozen protocol in an export's `study.json`."""
+def _protocol(path: Path) -> tuple[str, list[str], Quality]:
+    """Return title, conditions and thresholds of the frozen protocol in an export's `study.json`."""
     if not path.is_file():
-        return "", []
+        return "", [], Quality()
     try:
         frozen = msgspec.json.decode(path.read_bytes(), type=_Frozen)
         texts = [text for name, text in frozen.parts.items() if Path(name).name == "study.toml"]
         protocols = [tomllib.loads(text) for text in texts]
         names = [str(each["name"]) for protocol in protocols for each in protocol.get("condition", [])]
-        return frozen.title, names
+        quality = [msgspec.convert(protocol.get("quality", {}), Quality) for protocol in protocols]
+        return frozen.title, names, quality[0] if quality else Quality()
     except (msgspec.MsgspecError, tomllib.TOMLDecodeError, TypeError, KeyError) as error:
         raise BadInput(f"cannot be read: {error}", path) from None
 

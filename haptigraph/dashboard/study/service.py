@@ -49,6 +49,8 @@ class StudyService:
         self.trial_status: TrialStatus = ""
         self.problem = ""
         """Why the last trial could not begin or be saved; empty: no problem."""
+        self.remark = ""
+        """What was poor about the data of the last trial; only the experimenter's page shows it."""
         self.ending: TrialEnding | None = None
         """Set by a page; the trial that runs checks it with every image."""
         self.played = ""
@@ -113,7 +115,7 @@ class StudyService:
             self._reload_protocol()
             previous = self.session
             self.session = open_session(self.study, participant, self.station, take_over=take_over)
-            self.problem = ""
+            self.problem = self.remark = ""
             if previous is not None and self._is_here(previous):
                 previous.close()
 
@@ -126,7 +128,7 @@ class StudyService:
         with self._changing():
             session = self.session_of(participant)
             self._check_idle()
-            self.session, self.problem = None, ""
+            self.session, self.problem, self.remark = None, "", ""
             session.close()
 
     def withdraw(self, participant: str) -> None:
@@ -249,10 +251,13 @@ class StudyService:
         """Wait until a trial or a stimulus is requested."""
         return self._requested.get()
 
-    def set_trial_status(self, status: TrialStatus, problem: str = "", started_ns: int = 0) -> None:
-        """Set the status of the trial, and what went wrong."""
+    def set_trial_status(
+        self, status: TrialStatus, problem: str = "", started_ns: int = 0, remark: str = ""
+    ) -> None:
+        """Set the status of the trial, what went wrong, and what was poor about its data."""
         with self._status_lock:
             self.trial_status, self.problem, self.started_ns = status, problem, started_ns
+            self.remark = remark
         self.notify()
 
     def _trial_to_begin(self, participant: str, key: str) -> tuple[Session, Stage]:

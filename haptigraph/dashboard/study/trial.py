@@ -6,6 +6,7 @@ from contextlib import closing, suppress
 
 from msgspec.structs import replace
 
+from haptigraph.analysis.metrics.data_quality import DataQuality
 from haptigraph.analysis.metrics.run import RunMeasures
 from haptigraph.assemble import build, load_procedure
 from haptigraph.clock import MonotonicClock
@@ -16,6 +17,7 @@ from haptigraph.dashboard.study.stimulus import Stimulus, play_stimulus
 from haptigraph.errors import BadInput, HaptigraphError, NotSilent, StoreFailed
 from haptigraph.messages import Step
 from haptigraph.pipeline import Loop
+from haptigraph.study.frozen.quality import quality_problems
 from haptigraph.study.plan import Stage
 from haptigraph.study.runner import Outcome, Session
 
@@ -38,6 +40,7 @@ class TrialEnd:
 
     def __init__(self, stage: Stage, measures: RunMeasures) -> None:
         self._stage, self._measures = stage, measures
+        self.quality = DataQuality(measures)
 
     @property
     def outcome(self) -> Outcome:
@@ -48,6 +51,7 @@ class TrialEnd:
         """Add the next step; return whether it was the last."""
         measures = self._measures
         measures.add(step)
+        self.quality.add(step)
         if measures.ended_ns is not None and not self._stage.free:
             return step.stamp_ns - measures.ended_ns >= AFTER_HIT_NS
         return step.stamp_ns - measures.first_ns >= self._stage.timeout_s * 1e9
@@ -120,12 +124,15 @@ def _run(
     problem = _save(session, outcome, void)
     if outcome == "aborted" and service.ending is None:  # not by a page
         problem = problem or f"the trial was aborted: {void}"
-    report(f"{session.participant}  {stage.key}, attempt {attempt}: {problem or outcome}")
+    poor = quality_problems(end.quality.measures(), session.study.protocol.quality) if not problem else ()
+    remark = f"data quality of {stage.key}: {', '.join(poor)}" if poor else ""
+    ended = "; ".join(filter(None, (problem or outcome, remark)))
+    report(f"{session.participant}  {stage.key}, attempt {attempt}: {ended}")
     doubt = None if loop.report.is_silent else NotSilent(config.haptics.device)
     if doubt is not None:
         report(f"haptigraph: {doubt}")
         problem = "; ".join(filter(None, (problem, str(doubt))))
-    service.set_trial_status("", problem)
+    service.set_trial_status("", problem, remark=remark)
     if stopped is not None:
         raise doubt or stopped
 
