@@ -1,0 +1,71 @@
+"""Copy a recording under a participant's new name, without date, paths and the camera's clock."""
+
+from collections.abc import Mapping
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from msgspec.structs import replace
+
+from haptigraph.assemble import parse_procedure
+from haptigraph.recording.reader import RunReader
+from haptigraph.recording.schema import RunInfo
+from haptigraph.recording.writer import RunWriter
+from haptigraph.registration.loading import parse_registration
+from haptigraph.study.sharing.rekeying import shifted
+
+__all__ = ["copy_recording"]
+
+PATHS = (("recording", "path"), ("source", "registration"))
+"""Settings that name places on this machine; a recording contains what they refer to."""
+
+
+def copy_recording(source: Path, target: Path, participant: str, person: Mapping[str, Any]) -> bool:
+    """Copy a recording step by step; nothing but steps, procedure and registration gets into the copy.
+
+    Args:
+        source: The recording.
+        target: The new one; its folder is created.
+        participant: The new name.
+        person: The participant's row, whose enrolment all times are counted from.
+
+    Returns:
+        False if images were not recorded, which a copy could not state; then nothing is written.
+
+    Raises:
+        BadInput: If the recording cannot be read, or the copy cannot be written.
+    """
+    reader = RunReader(source)
+    if reader.count()[1]:
+        return False
+    registration = parse_registration(reader.info.registration, f"registration in {source}")
+    procedure = parse_procedure(reader.info.procedure, f"procedure in {source}")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    info = _anonymous(reader.info, participant, person)
+    writer = RunWriter(target, info, registration.image, procedure.schema.measure_names)
+    try:
+        for capture, step in reader.records():
+            writer.write(replace(capture, camera=None), step)
+        writer.close()
+    except BaseException:
+        writer.discard()
+        raise
+    return True
+
+
+def _anonymous(info: RunInfo, participant: str, person: Mapping[str, Any]) -> RunInfo:
+    started_utc = shifted(info.started_utc, person)
+    earlier = datetime.fromisoformat(info.started_utc) - datetime.fromisoformat(started_utc)
+    config: dict[str, Any] = msgspec.json.decode(info.config)
+    config.get("trial", {})["participant"] = participant
+    for table, key in PATHS:
+        config.get(table, {})[key] = ""
+    return replace(
+        info,
+        participant=participant,
+        started_utc=started_utc,
+        utc_offset_ns=info.utc_offset_ns - round(earlier.total_seconds() * 1e9),
+        config=msgspec.json.encode(config).decode(),
+        decoder="",
+    )
