@@ -47,7 +47,7 @@ store_option = click.option(
     tasks={
         "Prepare": ("new", "check", "simulate", "sweep"),
         "Run": ("run", "status"),
-        "Analyse": ("report", "export", "import"),
+        "Analyse": ("report", "video", "export", "import"),
         "Withdrawal of consent": ("erase",),
     },
     epilog=examples("haptigraph study new my-study", "haptigraph study run my-study"),

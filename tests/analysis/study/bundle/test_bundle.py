@@ -231,7 +231,7 @@ def test_the_bundle_is_reproduced_in_an_empty_environment(bundle, tmp_path, monk
     wheels = tmp_path / "wheels"
     hatchling.build.build_wheel(str(wheels))
     venv.create(tmp_path / "empty", with_pip=True)
-    python = str(next((tmp_path / "empty").glob("*/python*")))
+    python = str(tmp_path / "empty" / ("Scripts" if sys.platform == "win32" else "bin") / "python")
     moved = shutil.copytree(bundle, tmp_path / "elsewhere")
     install = [
         python,
