@@ -234,7 +234,7 @@ def _bundle_lines(study: "Study") -> Iterator[str]:
     erased = [row["participant"] for row in study.participants() if is_erased(row)]
     for bundle in read_bundles(study.protocol.folder):
         gone = "" if bundle.is_there else ", no longer there"
-        yield f"bundle {bundle.path}, {bundle.made_utc[:10]}, {len(bundle.participants)} participants{gone}"
+        yield f"bundle {bundle.path}, {bundle.made_utc[:10]}, participants: {len(bundle.participants)}{gone}"
         still = [f"{name} as {bundle.participants[name]}" for name in erased if name in bundle.participants]
         if still:
             yield f"  contains data that were erased here: {', '.join(still)}"

@@ -25,6 +25,7 @@ SECRETS = [NOTE, REASON, STATION, *CONTACTS, "bassoon", "2026-11-2", "/study.db"
 FREE = '[questionnaire]\nname = "free"\ntitle = "Free"\nintro = "Mail meier@eye-clinic.example"\n'
 FREE += '[[item]]\nkey = "words"\ntext = "Who are you?"\nkind = "text"\n'
 TEXT = SMALL.replace("participants = 4", "participants = 12").replace("repetitions = 2", "repetitions = 1")
+TEXT = TEXT.replace("touch = false", 'procedure = "own.toml"\ntouch = false')
 TEXT = TEXT.replace('"Hit the target."', f'"Hit the target. Ask {CONTACTS[0]}, {CONTACTS[1]}."')
 for file, when in (("demographics", "start"), ("free.toml", "start"), ("sharing", "end")):
     TEXT += f'\n[[questionnaire]]\nfile = "{file}"\nwhen = "{when}"\n'
@@ -49,6 +50,7 @@ def planted_study(folder: Path, quick_uri: str = "") -> Path:
     folder.mkdir()
     (folder / "study.toml").write_text(TEXT)
     (folder / "free.toml").write_text(FREE)
+    (folder / "own.toml").write_text(assemble.load_procedure("subretinal_injection").text)
     chance = random.Random(3)
     with closing(Store(folder / "study.db", Clock())) as store:
         study = Study(load_protocol(folder), store)

@@ -82,7 +82,7 @@ def _export_bundle(folder: str, store: str | None, output: str, without: Sequenc
         print_status(f"haptigraph: {problem}")
     _print_contents(written.contents)
     click.echo(
-        f"{output}  {written.contents.participants} participants; read its README.md before you publish"
+        f"{output}  participants: {written.contents.participants}; read its README.md before you publish"
     )
 
 
@@ -94,6 +94,7 @@ def _print_contents(contents: "Contents") -> None:
     columns, people = contents.unique
     if people:
         print_status(
-            f"haptigraph: {len(people)} participants have a combination of {', '.join(columns)} that nobody "
-            f"else has; who knows them can find these people; give --without: {', '.join(people)}"
+            f"haptigraph: {len(people)} of {contents.participants} participants: nobody else has their "
+            f"combination of {', '.join(columns)}; who knows it finds their data; give --without: "
+            f"{', '.join(people)}"
         )

@@ -21,8 +21,8 @@ ORDERS = {
 }
 BLIND = {
     "nobody": "Nobody is blinded to the condition.",
-    "participant": "The participant is not told the condition.",
-    "everyone": "Neither participant nor experimenter is told the condition.",
+    "participant": "The condition is hidden from the participant.",
+    "everyone": "The condition is hidden from participant and experimenter.",
 }
 ANALYSIS = "analysis"
 

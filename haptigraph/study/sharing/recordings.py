@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from datetime import datetime
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import Any
 
 import msgspec
@@ -16,9 +16,6 @@ from haptigraph.registration.loading import parse_registration
 from haptigraph.study.sharing.rekeying import shifted
 
 __all__ = ["copy_recording"]
-
-PATHS = (("recording", "path"), ("source", "registration"))
-"""Settings that name places on this machine; a recording contains what they refer to."""
 
 
 def copy_recording(source: Path, target: Path, participant: str, person: Mapping[str, Any]) -> bool:
@@ -57,15 +54,22 @@ def copy_recording(source: Path, target: Path, participant: str, person: Mapping
 def _anonymous(info: RunInfo, participant: str, person: Mapping[str, Any]) -> RunInfo:
     started_utc = shifted(info.started_utc, person)
     earlier = datetime.fromisoformat(info.started_utc) - datetime.fromisoformat(started_utc)
-    config: dict[str, Any] = msgspec.json.decode(info.config)
+    config: dict[str, Any] = _without_folders(msgspec.json.decode(info.config))
     config.get("trial", {})["participant"] = participant
-    for table, key in PATHS:
-        config.get(table, {})[key] = ""
     return replace(
         info,
+        source=_without_folders(info.source),
         participant=participant,
         started_utc=started_utc,
         utc_offset_ns=info.utc_offset_ns - round(earlier.total_seconds() * 1e9),
         config=msgspec.json.encode(config).decode(),
         decoder="",
     )
+
+
+def _without_folders(setting: Any) -> Any:
+    """Return settings in which paths are names of files; folders may name people."""
+    if isinstance(setting, dict):
+        return {key: _without_folders(value) for key, value in setting.items()}
+    is_path = isinstance(setting, str) and ("/" in setting or "\\" in setting)
+    return PureWindowsPath(setting).name if is_path else setting  # knows both separators

@@ -50,6 +50,6 @@ def _warning(columns: Sequence[str], people: Sequence[str]) -> str:
     if not people:
         return ""
     return (
-        f"\n**{len(people)} participants have a combination of {', '.join(columns)} that nobody else has.** "
+        f"\n**Participants whose combination of {', '.join(columns)} nobody else has: {len(people)}.** "
         "Who knows these facts about a person can find their data.\n"
     )

@@ -157,7 +157,7 @@ def test_the_bundle_describes_itself(bundle):
     for sentence in (
         "not a medical device",
         "choose one before you publish",
-        "4\nparticipants, 1 recordings",
+        "Participants: 4; recordings: 1",
     ):
         assert re.sub(r"\s+", " ", sentence) in re.sub(r"\s+", " ", readme)
     assert "12 participants" in (bundle / "preregistration.md").read_text()
@@ -169,9 +169,9 @@ def test_the_bundle_describes_itself(bundle):
 def test_a_unique_combination_of_facts_is_a_warning(exported):
     folder, bundle, result = exported
     name = names_in(folder)["P02"]
-    assert "1 participants have a combination of age_years, game_hours_a_week, gender" in result.stderr
+    assert "1 of 4 participants: nobody else has their combination of age_years, game_hours" in result.stderr
     assert result.stderr.strip().endswith(f"give --without: {name}")
-    assert "**1 participants have a combination" in (bundle / "README.md").read_text()
+    assert "vision nobody else has: 1.**" in (bundle / "README.md").read_text()
 
 
 def test_erase_and_check_list_the_bundles_that_contain_a_participant(exported):
