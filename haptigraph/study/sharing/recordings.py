@@ -1,5 +1,6 @@
 """Copy a recording under a participant's new name, without date, paths and the camera's clock."""
 
+import warnings
 from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path, PureWindowsPath
@@ -9,8 +10,9 @@ import msgspec
 from msgspec.structs import replace
 
 from haptigraph.assemble import parse_procedure
+from haptigraph.errors import RenamedKey
 from haptigraph.recording.reader import RunReader
-from haptigraph.recording.schema import RunInfo
+from haptigraph.recording.schema import FORMAT, RunInfo
 from haptigraph.recording.writer import RunWriter
 from haptigraph.registration.loading import parse_registration
 from haptigraph.study.sharing.rekeying import shifted
@@ -37,7 +39,8 @@ def copy_recording(source: Path, target: Path, participant: str, person: Mapping
     if reader.count()[1]:
         return False
     registration = parse_registration(reader.info.registration, f"registration in {source}")
-    procedure = parse_procedure(reader.info.procedure, f"procedure in {source}")
+    with warnings.catch_warnings(action="ignore", category=RenamedKey):  # of a procedure that is as it is
+        procedure = parse_procedure(reader.info.procedure, f"procedure in {source}")
     target.parent.mkdir(parents=True, exist_ok=True)
     info = _anonymous(reader.info, participant, person)
     writer = RunWriter(target, info, registration.image, procedure.schema.measure_names)
@@ -64,6 +67,7 @@ def _anonymous(info: RunInfo, participant: str, person: Mapping[str, Any]) -> Ru
         utc_offset_ns=info.utc_offset_ns - round(earlier.total_seconds() * 1e9),
         config=msgspec.json.encode(config).decode(),
         decoder="",
+        format=FORMAT,
     )
 
 
@@ -71,5 +75,7 @@ def _without_folders(setting: Any) -> Any:
     """Return settings in which paths are names of files; folders may name people."""
     if isinstance(setting, dict):
         return {key: _without_folders(value) for key, value in setting.items()}
+    if isinstance(setting, list):
+        return [_without_folders(value) for value in setting]
     is_path = isinstance(setting, str) and ("/" in setting or "\\" in setting)
     return PureWindowsPath(setting).name if is_path else setting  # knows both separators

@@ -14,7 +14,7 @@ from msgspec import Struct
 from haptigraph.errors import BadInput, unknown_name
 from haptigraph.study.data_dictionary import COLUMNS, Field
 from haptigraph.study.exchange import Tables, column_of
-from haptigraph.study.questionnaire import Item, Questionnaire, Shared
+from haptigraph.study.questionnaire import Questionnaire, Shared
 from haptigraph.study.sharing.rekeying import ORIGIN, shifted
 
 __all__ = ["HANDLED", "PUBLISHED", "Redacted", "redacted", "unique_people"]
@@ -62,43 +62,7 @@ def redacted(
     Raises:
         BadInput: If there is no such column.
     """
-    people = {row["participant"]: row for row in tables["participants"][1]}
-    present = {name for name, row in people.items() if row["consented_utc"] and not row["withdrawn_utc"]}
-    items = {(each.name, item.key): item for each in questionnaires for item in each.items}
-    answers = tables["answers"][1]
-    _check_columns(without, answers)
-    allowed = {
-        name: _allowed([row for row in answers if row["participant"] == name], items) for name in present
-    }
-    left_out: Counter[str] = Counter()
-    hidden: set[tuple[str, str]] = set()
-    published: Tables = {}
-    for table in sorted(tables, key=lambda name: name != "answers"):  # first, as participants repeat them
-        fields, rows = tables[table]
-        kept = []
-        for row in rows:
-            name = row["participant"]
-            if table == "answers" and (
-                name not in present or not _is_published(row, items, allowed, without, left_out)
-            ):
-                if row["position"] is None:
-                    hidden.add((name, column_of(row)))
-            elif table == "participants" or name in present:
-                kept.append(_published_row(table, row, people[name], names, hidden, left_out))
-        columns = [_redated(field) for field in fields if _is_column(table, field, kept)]
-        published[table] = columns, sorted(kept, key=lambda row: row["participant"])
-    recordings = [
-        row for row in tables["trials"][1] if row["recording_sha256"] and row["participant"] in present
-    ]
-    shared = [row for row in recordings if "recordings" in allowed[row["participant"]]]
-    left_out["recordings"] += len(recordings) - len(shared)
-    left_out["participants who withdrew, or did not consent, with all their rows"] += len(people) - len(
-        present
-    )
-    ordered = {name: published[name] for name in tables}
-    return Redacted(
-        ordered, shared, sorted(present), {what: count for what, count in left_out.items() if count}
-    )
+    return _Redaction(tables, questionnaires, names, without).result()
 
 
 def unique_people(tables: Tables, questionnaires: Iterable[Questionnaire]) -> tuple[list[str], list[str]]:
@@ -121,62 +85,100 @@ def unique_people(tables: Tables, questionnaires: Iterable[Questionnaire]) -> tu
     return columns, [name for name, combination in combinations.items() if counts[combination] == 1]
 
 
-def _check_columns(without: Iterable[str], answers: Iterable[Mapping[str, Any]]) -> None:
-    columns = {column_of(row) for row in answers if row["position"] is None}
-    for name in without:
-        if name not in columns:
-            raise BadInput(f"--without: {unknown_name('column of participants', name, columns)}")
+class _Redaction:
+    """One call of `redacted`, which counts what it leaves out."""
 
+    def __init__(
+        self,
+        tables: Tables,
+        questionnaires: Collection[Questionnaire],
+        names: Mapping[str, str],
+        without: Collection[str],
+    ) -> None:
+        self._tables, self._names, self._without = tables, names, without
+        self._people = {row["participant"]: row for row in tables["participants"][1]}
+        self._present = {
+            name for name, row in self._people.items() if row["consented_utc"] and not row["withdrawn_utc"]
+        }
+        self._items = {(each.name, item.key): item for each in questionnaires for item in each.items}
+        self._hidden = set[tuple[str, str]]()  # participants and their columns
+        self._left_out = Counter[str]()
+        answers = tables["answers"][1]
+        columns = {column_of(row) for row in answers if row["position"] is None}
+        for name in without:
+            if name not in columns:
+                raise BadInput(f"--without: {unknown_name('column of participants', name, columns)}")
+        self._allowed = {
+            name: self._allowed_in([row for row in answers if row["participant"] == name])
+            for name in self._present
+        }
 
-def _allowed(answers: Iterable[Mapping[str, Any]], items: Mapping[tuple[str, str], Item]) -> set[Shared]:
-    """Return what a participant allows in every answer that asks for it."""
-    asked: dict[Shared, list[bool]] = {}
-    for row in answers:
-        shares = items[row["questionnaire"], row["item"]].shares
-        for each in {kind for kinds in shares.values() for kind in kinds}:
-            asked.setdefault(each, []).append(each in shares.get(row["answer"], ()))
-    return {kind for kind, given in asked.items() if all(given)}
+    def result(self) -> Redacted:
+        answers_first = sorted(self._tables, key=lambda name: name != "answers")  # participants repeat them
+        published = {table: self._table(table) for table in answers_first}
+        recorded = [
+            row
+            for row in self._tables["trials"][1]
+            if row["recording_sha256"] and row["participant"] in self._present
+        ]
+        shared = [row for row in recorded if "recordings" in self._allowed[row["participant"]]]
+        absent = len(self._people) - len(self._present)
+        self._left_out["recordings"] = len(recorded) - len(shared)
+        self._left_out["participants who withdrew, or did not consent, with all their rows"] = absent
+        left_out = {what: count for what, count in self._left_out.items() if count}
+        ordered = {name: published[name] for name in self._tables}
+        return Redacted(ordered, shared, sorted(self._present), left_out)
 
+    def _table(self, table: str) -> tuple[list[Field], list[dict[str, Any]]]:
+        fields, rows = self._tables[table]
+        kept = [self._row(table, row) for row in rows if self._is_kept(table, row)]
+        columns = [_redated(field) for field in fields if _is_column(table, field, kept)]
+        return columns, sorted(kept, key=lambda row: row["participant"])
 
-def _is_published(
-    row: Mapping[str, Any],
-    items: Mapping[tuple[str, str], Item],
-    allowed: Mapping[str, set[Shared]],
-    without: Collection[str],
-    left_out: Counter[str],
-) -> bool:
-    """Decide on an answer; count it if it is left out."""
-    item = items[row["questionnaire"], row["item"]]
-    if row["position"] is None and column_of(row) in without:
-        left_out[f"answers to {column_of(row)}"] += 1
-        return False
-    if item.kind == "text" and "free_text" not in allowed[row["participant"]]:
-        left_out["answers in a participant's own words"] += 1
-        return False
-    return True
+    def _is_kept(self, table: str, row: Mapping[str, Any]) -> bool:
+        is_present = table == "participants" or row["participant"] in self._present
+        if table != "answers":
+            return is_present
+        is_kept = is_present and self._is_published(row)
+        if not is_kept and row["position"] is None:
+            self._hidden.add((row["participant"], column_of(row)))
+        return is_kept
 
+    def _is_published(self, answer: Mapping[str, Any]) -> bool:
+        if answer["position"] is None and column_of(answer) in self._without:
+            self._left_out[f"answers to {column_of(answer)}"] += 1
+            return False
+        is_free = self._items[answer["questionnaire"], answer["item"]].kind == "text"
+        if is_free and "free_text" not in self._allowed[answer["participant"]]:
+            self._left_out["answers in a participant's own words"] += 1
+            return False
+        return True
 
-def _published_row(
-    table: str,
-    row: Mapping[str, Any],
-    person: Mapping[str, Any],
-    names: Mapping[str, str],
-    hidden: Collection[tuple[str, str]],
-    left_out: Counter[str],
-) -> dict[str, Any]:
-    published = dict(row, participant=names[row["participant"]])
-    for field in COLUMNS[table]:
-        if field.unit == "ISO 8601" and row.get(field.name):
-            published[field.name] = shifted(row[field.name], person)
-    if table == "participants":
-        published |= {column: None for name, column in hidden if name == row["participant"]}
-    if table == "trials":
-        published |= {"recording": None, "recording_sha256": None}
-        if row["void"] and row["void"] not in OWN_REASONS:
-            published["void"] = REASON
-            left_out["reasons in the experimenter's words"] += 1
-    left_out["notes of the experimenter"] += table == "events"
-    return published
+    def _allowed_in(self, answers: Iterable[Mapping[str, Any]]) -> set[Shared]:
+        """Return what every answer that asks for it allows."""
+        asked: dict[Shared, list[bool]] = {}
+        for row in answers:
+            shares = self._items[row["questionnaire"], row["item"]].shares
+            for each in {kind for kinds in shares.values() for kind in kinds}:
+                asked.setdefault(each, []).append(each in shares.get(row["answer"], ()))
+        return {kind for kind, given in asked.items() if all(given)}
+
+    def _row(self, table: str, row: Mapping[str, Any]) -> dict[str, Any]:
+        name = row["participant"]
+        published = dict(row, participant=self._names[name])
+        for field in COLUMNS[table]:
+            if field.unit == "ISO 8601" and row.get(field.name):
+                published[field.name] = shifted(row[field.name], self._people[name])
+        if table == "participants":
+            published |= {column: None for hidden, column in self._hidden if hidden == name}
+        if table == "trials":
+            published |= {"recording": None, "recording_sha256": None}
+            if row["void"] and row["void"] not in OWN_REASONS:
+                published["void"] = REASON
+                self._left_out["reasons in the experimenter's words"] += 1
+        if table == "events":
+            self._left_out["notes of the experimenter"] += 1
+        return published
 
 
 def _is_column(table: str, field: Field, rows: Iterable[Mapping[str, Any]]) -> bool:

@@ -12,6 +12,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from haptigraph.errors import BadInput
+from haptigraph.study.checksums import CHECKSUMS, sha256_of
 
 __all__ = ["REGISTRY", "Bundle", "bundles_of", "read_bundles", "register"]
 
@@ -31,8 +32,9 @@ class Bundle(Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def is_there(self) -> bool:
-        """Whether something is where it was written."""
-        return Path(self.path).exists()
+        """Whether it is where it was written, and not another one."""
+        checksums = Path(self.path) / CHECKSUMS
+        return checksums.is_file() and sha256_of(checksums) == self.sha256
 
     def described(self, participant: str) -> str:
         """Return a line about a participant in it."""

@@ -14,7 +14,7 @@ from haptigraph.analysis.study.report import write_report
 from haptigraph.errors import BadInput
 from haptigraph.recording.writer import Progress
 from haptigraph.study.checksums import CHECKSUMS, new_folder, sha256_of, write_checksums
-from haptigraph.study.exchange import about_study, tidy_tables, write_tables
+from haptigraph.study.exchange import About, about_study, tidy_tables, write_tables
 from haptigraph.study.recordings import recording_problem
 from haptigraph.study.roster import Study
 from haptigraph.study.sharing.preregistration import preregistration
@@ -65,6 +65,10 @@ def write_bundle(
     )
     with new_folder(output) as folder:
         problems = _copy_recordings(shareable, study.protocol.folder, folder, names, people, progress)
+        (folder / "tables").mkdir()
+        write_tables(folder / "tables", shareable.tables, public)
+        write_parts(folder / "protocol", parts)
+        _write_report(study, folder, progress)
         contents = Contents(
             participants=len(shareable.present),
             recordings=len(list(folder.rglob("*.mcap"))),
@@ -72,21 +76,7 @@ def write_bundle(
             contacts=contacts,
             unique=unique_people(shareable.tables, questionnaires),
         )
-        for name in ("tables", "protocol"):
-            (folder / name).mkdir()
-        write_tables(folder / "tables", shareable.tables, public)
-        write_parts(folder / "protocol", parts)
-        write_items(folder / "questionnaire_items.csv", study.protocol)
-        _write_report(study, folder, progress)
-        shutil.copyfile(reproduce.__file__, folder / "reproduce.py")
-        texts = {
-            "preregistration.md": without_contacts(preregistration(study.protocol, public))[0],
-            "environment.txt": environment(),
-            "requirements.txt": requirements(),
-            "README.md": readme(public, contents),
-        }
-        for name, text in texts.items():
-            (folder / name).write_text(text, "utf-8")
+        _write_texts(study, folder, public, contents)
         write_checksums(folder)
         made = {name: names[name] for name in shareable.present}
         sha256 = sha256_of(folder / CHECKSUMS)
@@ -131,3 +121,17 @@ def _write_report(study: Study, folder: Path, progress: Progress | None) -> None
     except BadInput as error:
         problem = f"cannot be reported, and so not bundled: {error.problem}"
         raise BadInput(problem, f"study {study.name}") from None
+
+
+def _write_texts(study: Study, folder: Path, about: About, contents: Contents) -> None:
+    """Write what describes the bundle, and what reproduces its report."""
+    write_items(folder / "questionnaire_items.csv", study.protocol)
+    shutil.copyfile(reproduce.__file__, folder / "reproduce.py")
+    texts = {
+        "preregistration.md": without_contacts(preregistration(study.protocol, about))[0],
+        "environment.txt": environment(),
+        "requirements.txt": requirements(),
+        "README.md": readme(about, contents),
+    }
+    for name, text in texts.items():
+        (folder / name).write_text(text, "utf-8")
