@@ -14,6 +14,8 @@ from haptigraph.commands.explain import diagram, evidence, explain, figure
 from haptigraph.commands.help import TaskGroup, examples
 from haptigraph.commands.live import live
 from haptigraph.commands.preparing import check, procedure, register
+from haptigraph.commands.publishing.export import export
+from haptigraph.commands.publishing.video import video
 from haptigraph.commands.recordings import recover, replay
 from haptigraph.commands.running import demo, run
 from haptigraph.commands.sources import sources
@@ -99,5 +101,5 @@ for command in (
     demo,
 ):
     main.add_command(command)
-for command in (study_run, study_report, measure, erase, simulate, sweep):
+for command in (study_run, study_report, measure, export, video, erase, simulate, sweep):
     study.add_command(command)

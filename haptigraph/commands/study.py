@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from haptigraph.commands.help import TaskGroup, examples
-from haptigraph.commands.terminal import print_status, progress_bar
+from haptigraph.commands.terminal import print_status
 from haptigraph.errors import BadInput
 
 if TYPE_CHECKING:
@@ -22,7 +22,6 @@ __all__ = [
     "STORE",
     "check",
     "existing_store",
-    "export",
     "export_measured",
     "folder_argument",
     "import_",
@@ -51,7 +50,7 @@ unblind_option = click.option(
     tasks={
         "Prepare": ("new", "check", "simulate", "sweep"),
         "Run": ("run", "status"),
-        "Analyse": ("report", "export", "import", "measure"),
+        "Analyse": ("report", "video", "measure", "export", "import"),
         "Withdrawal of consent": ("erase",),
     },
     epilog=examples("haptigraph study new my-study", "haptigraph study run my-study"),
@@ -117,6 +116,7 @@ def check(folder: str, store: str | None, unblind: bool) -> None:
             problems += unfinished
             if withdrawn:
                 summary += f"\n{withdrawn} withdrew, {erased} of them with all data erased"
+            summary += "".join(f"\n{line}" for line in _bundle_lines(stored))
             by = ", by SIMULATED participants" if stored.simulated else ""
             state = f"frozen since {frozen['frozen_utc'][:16].replace('T', ' ')} UTC{by}\n{summary}"
             sha256 = frozen["protocol_sha256"]
@@ -153,21 +153,6 @@ def status(folder: str, store: str | None, unblind: bool) -> None:
             click.echo("simulated participants")
         is_blind = _is_blind(protocol, unblind)
         _print(status_table(protocol, participant_statuses(stored), is_blind=is_blind))
-
-
-@study.command(epilog=examples("haptigraph study export my-study -o exported"))
-@folder_argument
-@click.option("-o", "--output", metavar="FOLDER", required=True, help="The folder to create.")
-@click.option("--parquet", is_flag=True, help="Also write the tables as Parquet; needs haptigraph[parquet].")
-@store_option
-def export(folder: str, output: str, parquet: bool, store: str | None) -> None:
-    """Write tidy CSV with a data dictionary.
-
-    Measures that are missing are computed from the recordings first.
-    """
-    with progress_bar() as progress:
-        export_measured(folder, store, output, progress, parquet=parquet)
-    click.echo(f"{output}  data_dictionary.csv describes every column")
 
 
 def export_measured(
@@ -259,6 +244,20 @@ def _withdrawn(study: "Study") -> tuple[int, int, list[str]]:
         for file in remaining_files(folder, name)
     ]
     return sum(row["withdrawn_utc"] is not None for row in people), len(erased), problems
+
+
+def _bundle_lines(study: "Study") -> Iterator[str]:
+    """Yield the bundles of a study, and what they contain of erased participants."""
+    from haptigraph.study.sharing.registry import read_bundles
+    from haptigraph.study.tables import is_erased
+
+    erased = [row["participant"] for row in study.participants() if is_erased(row)]
+    for bundle in read_bundles(study.protocol.folder):
+        gone = "" if bundle.is_there else ", no longer there"
+        yield f"bundle {bundle.path}, {bundle.made_utc[:10]}, participants: {len(bundle.participants)}{gone}"
+        still = [f"{name} as {bundle.participants[name]}" for name in erased if name in bundle.participants]
+        if still:
+            yield f"  contains data that were erased here: {', '.join(still)}"
 
 
 def _print(table: Any) -> None:

@@ -51,7 +51,7 @@ def erase(folder: str, participant: str, yes: bool, dry_run: bool, store: str | 
                 f"erasing {participant} cannot be undone and needs confirmation at a terminal; give --yes to "
                 f"confirm, or --dry-run to list what would be erased"
             )
-        for line in _listed(participant, data) if has_data else ():
+        for line in _listed(participant, data) if has_data else _bundles(data):
             click.echo(line)
         if dry_run:
             click.echo("nothing was erased" if has_data else f"no data of {participant} are left here")
@@ -76,4 +76,12 @@ def _listed(participant: str, data: "ParticipantData") -> Iterator[str]:
     if data.aggregates:
         yield "contain all participants; create them again"
         yield from (f"  {folder}" for folder in data.aggregates)
+    yield from _bundles(data)
     yield "delete or renew exports, reports, copies and backups elsewhere yourself"
+
+
+def _bundles(data: "ParticipantData") -> Iterator[str]:
+    """Yield the bundles that an erasure does not reach."""
+    if data.bundles:
+        yield "bundles that contain these data; delete or replace them wherever they are published"
+        yield from (f"  {bundle}" for bundle in data.bundles)

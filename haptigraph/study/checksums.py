@@ -1,19 +1,52 @@
-"""Checksums of an export: the folder's files into `SHA256SUMS`, and back into a check."""
+"""The folder of an export: created whole or not at all, with its checksums in `SHA256SUMS`."""
 
 import hashlib
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from haptigraph.errors import BadInput
 
-__all__ = ["verify_checksums", "write_checksums"]
+__all__ = ["CHECKSUMS", "new_folder", "sha256_of", "verify_checksums", "write_checksums"]
 
 CHECKSUMS = "SHA256SUMS"
 
 
+@contextmanager
+def new_folder(folder: Path) -> Iterator[Path]:
+    """Yield a temporary folder, which becomes the new one if the context ends without an error.
+
+    Raises:
+        BadInput: If the folder exists or cannot be written.
+    """
+    if folder.exists():
+        raise BadInput("exists already; an export never overwrites", folder)
+    try:
+        temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
+        try:
+            yield temporary
+            temporary.chmod(0o755)
+            os.rename(temporary, folder)
+        except BaseException:
+            shutil.rmtree(temporary, ignore_errors=True)
+            raise
+    except OSError as error:
+        raise BadInput(f"cannot be written ({error.strerror})", folder) from None
+
+
+def sha256_of(file: Path) -> str:
+    """Return the SHA-256 of a file."""
+    with file.open("rb") as opened:
+        return hashlib.file_digest(opened, "sha256").hexdigest()
+
+
 def write_checksums(folder: Path) -> None:
-    """Write `SHA256SUMS` over all files in a folder, as `sha256sum --check` reads it."""
-    files = sorted(folder.iterdir())
-    lines = [f"{hashlib.sha256(file.read_bytes()).hexdigest()}  {file.name}\n" for file in files]
+    """Write `SHA256SUMS` over all files below a folder, as `sha256sum --check` reads it."""
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    lines = [f"{sha256_of(file)}  {file.relative_to(folder).as_posix()}\n" for file in files]
     (folder / CHECKSUMS).write_text("".join(lines), "utf-8")
 
 
@@ -32,7 +65,7 @@ def verify_checksums(folder: Path) -> None:
             if not name or Path(name).name != name:
                 problem = f"expected a checksum, two spaces and a file's name; found {line[:40]!r}"
                 raise BadInput(problem, path, f"line {number}")
-            if hashlib.sha256((folder / name).read_bytes()).hexdigest() != checksum:
+            if sha256_of(folder / name) != checksum:
                 problem = f"was changed after the export; to import it as it is, delete {CHECKSUMS}"
                 raise BadInput(problem, folder / name)
     except OSError as error:

@@ -16,6 +16,7 @@ from haptigraph.recording.journal import is_being_written
 from haptigraph.study.progress import of_participant
 from haptigraph.study.recordings import recordings_folder
 from haptigraph.study.roster import Study
+from haptigraph.study.sharing.registry import bundles_of
 from haptigraph.study.station import location, open_session_row
 from haptigraph.study.store import Row
 from haptigraph.study.tables import METADATA, PARTICIPANTS, SESSIONS, TRIALS, is_erased
@@ -46,7 +47,9 @@ class ParticipantData(Struct, frozen=True):
     elsewhere: list[str]
     """Recordings that the store lists and that are not among `files`, with their station."""
     aggregates: list[str]
-    """Exports and reports of all participants in the study's folder."""
+    """Exports and reports of all participants in the study's folder, without bundles."""
+    bundles: list[str]
+    """The bundles that contain the participant's data, and under which name."""
 
 
 def find_data(study: Study, participant: str) -> ParticipantData:
@@ -60,6 +63,7 @@ def find_data(study: Study, participant: str) -> ParticipantData:
         rows = {table.name: _count(connection, table, study, participant) for table in PARTICIPANT_TABLES}
         recordings = dict(_recordings(connection, study, participant))
     folder = study.protocol.folder
+    bundles = list(bundles_of(folder, participant))
     files = remaining_files(folder, participant)
     for file in files:
         if (folder / file).is_file() and is_being_written(folder / file):
@@ -75,8 +79,10 @@ def find_data(study: Study, participant: str) -> ParticipantData:
                 path.parent.relative_to(folder).as_posix()
                 for name in AGGREGATE_FILES
                 for path in folder.rglob(name)
+                if not any(path.absolute().is_relative_to(bundle.path) for bundle in bundles)
             }
         ),
+        bundles=[bundle.described(participant) for bundle in bundles],
     )
 
 

@@ -5,10 +5,7 @@ every file, as `sha256sum --check` reads it. Text that a spreadsheet would run a
 """
 
 import csv
-import os
 import re
-import shutil
-import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -19,7 +16,7 @@ from msgspec import Struct
 from sqlalchemy import Table, select
 
 from haptigraph.errors import BadInput, MissingExtra
-from haptigraph.study.checksums import verify_checksums, write_checksums
+from haptigraph.study.checksums import new_folder, verify_checksums, write_checksums
 from haptigraph.study.data_dictionary import COLUMNS, MEASURES, Field, check_measures, fields_of, time_field
 from haptigraph.study.roster import canonical, check_pseudonym
 from haptigraph.study.store import Row, Store, to_json
@@ -34,7 +31,10 @@ from haptigraph.study.tables import (
     TRIALS,
 )
 
-__all__ = ["About", "Export", "export_study", "import_study", "parquet_writer", "read_export", "tidy_tables"]
+__all__ = [
+    "About", "Export", "Tables", "about_study", "column_of", "export_study", "import_study", "parquet_writer",
+    "read_export", "tidy_tables", "write_tables",
+]  # fmt: skip
 
 TABLES = {
     "participants": PARTICIPANTS,
@@ -52,6 +52,8 @@ LATER = ("calibration",)
 """Tables that exports of earlier versions lack."""
 FROM_1 = ("position", "block")  # stored as 0 where missing
 WriteTable: TypeAlias = Callable[[Path, Sequence[Field], Sequence[Mapping[str, Any]]], None]
+Tables: TypeAlias = dict[str, tuple[list[Field], list[dict[str, Any]]]]
+"""Columns, and rows with None for missing values, by table."""
 STUDY_FILE, DICTIONARY = "study.json", "data_dictionary.csv"
 FORMULA = re.compile(r"'*[=+\-@\t\r]")  # after `'`, a spreadsheet shows it as text
 PLAIN_NUMBER = re.compile(r"[+-]?\d+(\.\d+)?")
@@ -77,13 +79,13 @@ class Export(Struct, frozen=True):
     """In the stored form, by table."""
 
 
-def tidy_tables(store: Store, study: str) -> dict[str, tuple[list[Field], list[dict[str, Any]]]]:
-    """Return the tables of an export: columns, and rows with None for missing values.
+def tidy_tables(store: Store, study: str) -> Tables:
+    """Return the tables of an export.
 
     Raises:
         BadInput: If the store has no such study.
     """
-    about = _about(store, study)
+    about = about_study(store, study)
     tables = {}
     for name, table in TABLES.items():
         found = store.rows(select(table).where(table.c.study == study))
@@ -99,7 +101,7 @@ def tidy_tables(store: Store, study: str) -> dict[str, tuple[list[Field], list[d
         person["simulated"] = about.simulated
         for row in one_off:
             if row["participant"] == person["participant"]:
-                person[_column(row, COLUMNS["participants"])] = row["answer"]
+                person[column_of(row)] = row["answer"]
     return tables
 
 
@@ -117,29 +119,24 @@ def export_study(
     Raises:
         BadInput: If there is no such study, or the folder exists or cannot be written.
     """
-    folder = Path(folder)
-    tables, about = tidy_tables(store, study), _about(store, study)
-    if folder.exists():
-        raise BadInput("exists already; an export never overwrites", folder)
-    try:
-        temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
-        try:
-            for name, (fields, rows) in tables.items():
-                _write(temporary / f"{name}.csv", [field.name for field in fields], rows)
-                for extension, write in (more or {}).items():
-                    write(temporary / f"{name}.{extension}", fields, rows)
-            dictionary = [_definition(field) for fields, _ in tables.values() for field in fields]
-            _write(temporary / DICTIONARY, list(dictionary[0]), dictionary)
-            json = msgspec.json.format(msgspec.json.encode(about), indent=1)
-            (temporary / STUDY_FILE).write_bytes(json + b"\n")
-            write_checksums(temporary)
-            temporary.chmod(0o755)
-            os.rename(temporary, folder)
-        except BaseException:
-            shutil.rmtree(temporary, ignore_errors=True)
-            raise
-    except OSError as error:
-        raise BadInput(f"cannot be written ({error.strerror})", folder) from None
+    tables, about = tidy_tables(store, study), about_study(store, study)
+    with new_folder(Path(folder)) as temporary:
+        write_tables(temporary, tables, about, more)
+        write_checksums(temporary)
+
+
+def write_tables(
+    folder: Path, tables: Tables, about: About, more: Mapping[str, WriteTable] | None = None
+) -> None:
+    """Write tables, their dictionary and the frozen study into an existing folder."""
+    for name, (fields, rows) in tables.items():
+        _write(folder / f"{name}.csv", [field.name for field in fields], rows)
+        for extension, write in (more or {}).items():
+            write(folder / f"{name}.{extension}", fields, rows)
+    dictionary = [_definition(field) for fields, _ in tables.values() for field in fields]
+    _write(folder / DICTIONARY, list(dictionary[0]), dictionary)
+    json = msgspec.json.format(msgspec.json.encode(about), indent=1)
+    (folder / STUDY_FILE).write_bytes(json + b"\n")
 
 
 def parquet_writer() -> WriteTable:
@@ -221,7 +218,12 @@ def _check_participants(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
             raise BadInput(f"participant {name} is already in line {first}", path, f"line {line}")
 
 
-def _about(store: Store, study: str) -> About:
+def about_study(store: Store, study: str) -> About:
+    """Return the frozen study.
+
+    Raises:
+        BadInput: If the store has no such study.
+    """
     row = next(iter(store.rows(select(STUDIES).where(STUDIES.c.study == study))), None)
     if row is None:
         raise BadInput(f"has no study {study!r}; the first enrolment stores a study", store.name)
@@ -259,19 +261,18 @@ def _stored(table: str, row: dict[str, Any]) -> dict[str, Any]:
 
 
 def _demographics(answers: Iterable[Mapping[str, Any]]) -> list[Field]:
-    meanings = {
-        _column(row, COLUMNS["participants"]): f"{row['questionnaire']}: {row['item']}" for row in answers
-    }
+    meanings = {column_of(row): f"{row['questionnaire']}: {row['item']}" for row in answers}
     return [
         Field("participants", name, "text", "", text, "participant", "not answered")
         for name, text in meanings.items()
     ]
 
 
-def _column(row: Mapping[str, Any], fields: Sequence[Field]) -> str:
-    """Return the column for an answer to a one-off questionnaire."""
+def column_of(row: Mapping[str, Any]) -> str:
+    """Return the column of participants for an answer to a one-off questionnaire."""
     item: str = row["item"]
-    return f"{row['questionnaire']}_{item}" if item in [field.name for field in fields] else item
+    is_taken = item in [field.name for field in COLUMNS["participants"]]
+    return f"{row['questionnaire']}_{item}" if is_taken else item
 
 
 def _definition(field: Field) -> dict[str, Any]:

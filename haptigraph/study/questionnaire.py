@@ -5,17 +5,21 @@ Answers are strings, as stored and exported; each item defines which strings are
 
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, TypeAlias
 
 from msgspec import Meta, Struct, field
 
 from haptigraph.errors import BadInput, unknown_name
 from haptigraph.toml_document import Document
 
-__all__ = ["Item", "Questionnaire", "load_questionnaire", "parse_questionnaire", "questionnaire_names"]
+__all__ = [
+    "Item", "Questionnaire", "Shared", "load_questionnaire", "parse_questionnaire", "questionnaire_names",
+]  # fmt: skip
 
 MAX_TEXT_LENGTH = 4000
 Key = Annotated[str, Meta(pattern="^[A-Za-z0-9][A-Za-z0-9_.-]{0,59}$")]
+Shared: TypeAlias = Literal["free_text", "recordings"]
+"""What a participant may allow to be published: answers in their own words; recordings, with the video."""
 
 
 class Item(Struct, frozen=True, forbid_unknown_fields=True):
@@ -37,6 +41,8 @@ class Item(Struct, frozen=True, forbid_unknown_fields=True):
     choices: tuple[str, ...] = ()
     unit: str = ""
     required: bool = True
+    shares: dict[str, tuple[Shared, ...]] = {}
+    """What each of the choices allows to be published; one that is not listed allows nothing."""
 
     def checked(self, answer: str) -> str:
         """Return an answer in the stored form.
@@ -162,4 +168,7 @@ def _problem(item: Item, earlier: list[str]) -> str:
         return f"item {item.key!r}: a choice needs at least two different choices"
     if item.kind == "scale" and not (item.low is not None and item.high is not None and item.low < item.high):
         return f"item {item.key!r}: a scale needs low and high, low below high"
+    unknown = next((answer for answer in item.shares if answer not in item.choices), None)
+    if unknown is not None:
+        return f"item {item.key!r}: shares names {unknown!r}, which is none of its choices"
     return ""

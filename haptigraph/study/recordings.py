@@ -1,13 +1,15 @@
 """Recordings of a study's trials: where they are, their SHA-256, and whether they are unchanged."""
 
-import hashlib
+from collections.abc import Mapping
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 from sqlalchemy import select
 
 from haptigraph.errors import BadInput
 from haptigraph.recording.journal import is_being_written, is_whole
+from haptigraph.study.checksums import sha256_of
 from haptigraph.study.store import Row, Store
 from haptigraph.study.tables import TRIALS
 
@@ -31,7 +33,7 @@ def fingerprint(path: Path, *, must_be_whole: bool = True) -> str | None:
         raise BadInput(
             "is not closed; end the run, or `haptigraph recover` it, before the trial is ended", path
         )
-    return _sha256(path)
+    return sha256_of(path)
 
 
 def prepare_path(path: Path) -> None:
@@ -55,15 +57,10 @@ def recorded_trials(store: Store, study: str) -> list[Row]:
     return store.rows(select(TRIALS).where(here).order_by(TRIALS.c.recording))
 
 
-def recording_problem(trial: Row, folder: Path) -> str:
+def recording_problem(trial: Row | Mapping[str, Any], folder: Path) -> str:
     """Describe the problem with a trial's recording; return "" if it is unchanged."""
     path = folder / trial["recording"]
     if not path.is_file():
         return f"{trial['recording']} is missing"
-    is_same = _sha256(path) == trial["recording_sha256"]
+    is_same = sha256_of(path) == trial["recording_sha256"]
     return "" if is_same else f"{trial['recording']} was changed; its SHA-256 differs"
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

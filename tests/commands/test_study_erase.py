@@ -10,6 +10,7 @@ from sqlalchemy import select
 from haptigraph.study.protocol import load_protocol
 from haptigraph.study.roster import Study
 from haptigraph.study.runner import open_session
+from haptigraph.study.sharing.registry import Bundle, register
 from haptigraph.study.store import Store
 from haptigraph.study.tables import SESSIONS
 
@@ -136,6 +137,17 @@ def test_status_and_check_count_withdrawals_and_list_remaining_files(folder):
     )
     assert call("study", "erase", folder, "P01", "--yes").stdout.endswith("P01 is erased\n")
     assert call("study", "check", folder).exit_code == 0
+
+
+def test_bundles_that_contain_a_participant_are_listed_before_and_after_the_erasure(folder):
+    bundle = Bundle(str(folder / "bundle"), "2026-11-22T10:00:00+00:00", "ab" * 32, {"P01": "KXQV0142"})
+    register(folder, bundle)
+    line = f"  {folder}/bundle (as KXQV0142; made 2026-11-22, SHA-256 of SHA256SUMS abababababab...; no longer there"
+    assert line in call("study", "erase", folder, "P01", "--yes").stdout
+    assert line in call("study", "erase", folder, "P01").stdout
+    lines = call("study", "check", folder).stdout.splitlines()
+    assert f"bundle {folder}/bundle, 2026-11-22, participants: 1, no longer there" in lines
+    assert "  contains data that were erased here: P01 as KXQV0142" in lines
 
 
 def test_an_edited_protocol_does_not_prevent_erasure(folder):

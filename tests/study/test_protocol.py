@@ -86,7 +86,7 @@ def test_a_questionnaire_may_use_the_keys_of_an_earlier_version(tmp_path):
 
 def test_sus_ships_as_published():
     sus = load_questionnaire("sus")
-    assert questionnaire_names() == ["demographics", "sus"]
+    assert questionnaire_names() == ["demographics", "sharing", "sus"]
     assert [item.key for item in sus.items] == [str(number) for number in range(1, 11)]
     assert {(item.kind, item.low, item.high) for item in sus.items} == {("scale", 1, 5)}
     assert sus.items[0].text == "I think that I would like to use this system frequently."
@@ -117,6 +117,12 @@ def test_answers_are_checked(name, item, valid, invalid):
         ("low = 1", "low = 7", "low below high"),
         ('key = "1"', 'key = "a b"', "matching"),
         ('kind = "scale"', 'kind = "choice"', "two different choices"),
+        (
+            "low = 1",
+            'low = 1\nshares = { yes = ["free_text"] }',
+            "shares names 'yes', which is none of its choices",
+        ),
+        ("low = 1", 'low = 1\nshares = { yes = ["face"] }', "face"),
     ],
 )
 def test_an_invalid_questionnaire_is_refused(tmp_path, valid, invalid, message):

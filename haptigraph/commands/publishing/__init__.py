@@ -1,0 +1,1 @@
+"""Commands that publish a study: study export, study video."""

@@ -1,0 +1,1 @@
+"""What of a study may be published, and how a participant is found again in it."""
