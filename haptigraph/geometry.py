@@ -113,22 +113,24 @@ def unit(v: Vec) -> Vec:
 
 def rotate(v: Vec, angle_deg: float) -> Vec:
     """Rotate v counter-clockwise (x towards y)."""
-    c, s = math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))
+    angle = math.radians(angle_deg)
+    c, s = math.cos(angle), math.sin(angle)
     return c * v[0] - s * v[1], s * v[0] + c * v[1]
+
+
+def _cross(u: Vec, v: Vec) -> float:
+    return u[0] * v[1] - u[1] * v[0]
 
 
 def angle_between_deg(u: Vec, v: Vec) -> float:
     """Return the angle between two directions [deg], 0 to 180; accurate for small angles."""
-    cross = u[0] * v[1] - u[1] * v[0]
     dot = u[0] * v[0] + u[1] * v[1]
-    return math.degrees(math.atan2(abs(cross), dot))
+    return math.degrees(math.atan2(abs(_cross(u, v)), dot))
 
 
 def distance_to_line(point: Vec, start: Vec, end: Vec) -> float:
     """Return the distance from a point to the infinite line through start and end (which differ)."""
-    along = unit(subtract(end, start))
-    offset = subtract(point, start)
-    return abs(along[0] * offset[1] - along[1] * offset[0])
+    return abs(_cross(unit(subtract(end, start)), subtract(point, start)))
 
 
 def distance_to_polyline(point_mm: Vec, line: Polyline) -> float:
@@ -177,15 +179,16 @@ def _gaps(point_mm: Vec, line: Polyline) -> tuple[NDArray[np.float64], NDArray[n
 
 def crosses_polyline(start_mm: Vec, end_mm: Vec, line: Polyline) -> bool:
     """Return whether the segment from start to end crosses a polyline."""
-    (x, y), (dx, dy, _) = line.columns_mm, line.steps_mm
+    x, y = line.columns_mm
     path = subtract(end_mm, start_mm)
-    is_left = path[0] * (y - start_mm[1]) - path[1] * (x - start_mm[0]) > 0
-
-    def side(point: Vec) -> NDArray[np.float64]:
-        return dx * (point[1] - y[:-1]) - dy * (point[0] - x[:-1])
-
-    crossed = (is_left[:-1] != is_left[1:]) & (side(start_mm) * side(end_mm) < 0)
-    return bool(crossed.any())
+    is_left = path[0] * (y - start_mm[1]) > path[1] * (x - start_mm[0])
+    for number in (is_left[:-1] != is_left[1:]).nonzero()[0].tolist():  # one or two of a hundred segments
+        first, last = line.points_mm[number : number + 2]
+        along = subtract(last, first)
+        before, after = subtract(start_mm, first), subtract(end_mm, first)
+        if _cross(along, before) * _cross(along, after) < 0:
+            return True
+    return False
 
 
 class Homography(Struct, frozen=True, dict=True):

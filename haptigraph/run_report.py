@@ -8,6 +8,7 @@ from msgspec import Struct, field
 
 __all__ = ["STAGES", "Durations", "RunReport"]
 
+BINS, LOG_WIDTH = 2400, math.log(1.01)
 STAGES = ("read", "perceive", "build_scene", "reason", "render", "step")
 
 
@@ -15,16 +16,16 @@ class Durations:
     """Percentiles of durations in constant memory: a histogram with 1 % wide bins, 100 ns to 1000 s."""
 
     def __init__(self) -> None:
-        self._counts = np.zeros(2400, np.int64)
+        self._counts = [0] * BINS
 
     def add(self, duration_ns: int) -> None:
         """Count one duration."""
-        index = int(math.log(max(duration_ns, 100) / 100, 1.01))
-        self._counts[min(index, len(self._counts) - 1)] += 1
+        index = int(math.log(duration_ns / 100) / LOG_WIDTH) if duration_ns > 100 else 0
+        self._counts[index if index < BINS else -1] += 1
 
     def percentile_ms(self, percent: float) -> float:
         """Return a percentile [ms]; nan if nothing was counted."""
-        total = int(self._counts.sum())
+        total = sum(self._counts)
         if total == 0:
             return float("nan")
         index = int(np.searchsorted(np.cumsum(self._counts), total * percent / 100))

@@ -97,7 +97,7 @@ class Guard:
             edges.append(None if change_ns is None else change_ns + self._lag_ns)
         if self._on_since_ns is not None:
             edges.append(self._on_since_ns + self._max_on_ns)
-        return min((edge for edge in edges if edge is not None and edge > self._now_ns), default=None)
+        return min([edge for edge in edges if edge is not None and edge > self._now_ns], default=None)
 
     def take_faults(self) -> tuple[Fault, ...]:
         """Return the faults since the previous call."""
@@ -188,4 +188,4 @@ class Guard:
 def _is_valid(pattern: Pattern) -> bool:
     """Return whether every number of a pattern is finite and not negative, so that limits can apply."""
     numbers = pattern.amplitude, pattern.frequency_hz, pattern.on_ms, pattern.off_ms
-    return all(math.isfinite(number * NS_PER_MS) and number >= 0 for number in numbers)
+    return all([math.isfinite(number * NS_PER_MS) and number >= 0 for number in numbers])

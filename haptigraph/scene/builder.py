@@ -2,9 +2,9 @@
 
 from math import inf
 
-from haptigraph.graph import Node, Relation, SceneGraph, Schema, Triplet
+from haptigraph.graph import Node, SceneGraph, Schema, Triplet
 from haptigraph.messages import Certainty, Observation
-from haptigraph.scene.relations import MEASURES, Found
+from haptigraph.scene.relations import MEASURES, Found, Measure
 
 __all__ = ["SchemaSceneBuilder"]
 
@@ -24,6 +24,7 @@ class SchemaSceneBuilder:
         self._relations = [
             (
                 relation,
+                MEASURES[relation.measure],
                 schema.measure_name(relation),
                 Triplet(*relation.names),
                 [Triplet(*names) for names in relation.given],
@@ -41,20 +42,23 @@ class SchemaSceneBuilder:
         measures: dict[str, float] = {}
         sds: dict[str, float] = {}
         edges: list[Triplet] = []
-        for relation, name, edge, given in self._relations:
+        for relation, measure, name, edge, given in self._relations:
             if name not in measures:
-                value = _measure(relation, found)
+                subject, object_ = found.get(relation.subject), found.get(relation.object)
+                if subject is None or object_ is None:
+                    continue
+                value = measure.function(subject, object_, found)
                 if value is None:
                     continue
                 measures[name] = value
-            if relation.margin_sd and (sd := _sd(relation, observation.certainty)) is not None:
+            if relation.margin_sd and (sd := _sd(measure, observation.certainty)) is not None:
                 sds[name] = sd
-            margin = relation.margin(sds.get(name))
+            margin = relation.margin(sds.get(name)) if relation.margin_sd else 0.0
             holds = relation.holds(measures[name], held=edge in self._held, margin=margin)
-            if holds and all(other in edges for other in given):
+            if holds and all([other in edges for other in given]):
                 edges.append(edge)
         self._held = frozenset(edges)
-        nodes = tuple(node for node in self._nodes if node.id in found)
+        nodes = tuple([node for node in self._nodes if node.id in found])
         return SceneGraph(observation.stamp_ns, nodes, tuple(edges), measures, sds)
 
     def reset(self) -> None:
@@ -73,15 +77,7 @@ class SchemaSceneBuilder:
         return found
 
 
-def _measure(relation: Relation, found: Found) -> float | None:
-    subject, object_ = found.get(relation.subject), found.get(relation.object)
-    if subject is None or object_ is None:
-        return None
-    return MEASURES[relation.measure].function(subject, object_, found)
-
-
-def _sd(relation: Relation, certainty: Certainty | None) -> float | None:
-    """Return the standard deviation of a relation's measure; None if it is unknown."""
-    function = MEASURES[relation.measure].sd
-    sd = function(certainty) if function is not None and certainty is not None else None
+def _sd(measure: Measure, certainty: Certainty | None) -> float | None:
+    """Return the standard deviation of a measure; None if it is unknown."""
+    sd = measure.sd(certainty) if measure.sd is not None and certainty is not None else None
     return sd if sd is not None and 0 <= sd < inf else None  # nan is unknown, too

@@ -51,7 +51,7 @@ class BandStop:
 
     def reset(self) -> None:
         """Clear the state of the filter."""
-        self._state = np.zeros((4, 2))
+        self._state.fill(0.0)
 
 
 def _coefficients(rate_hz: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

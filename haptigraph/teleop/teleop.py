@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from haptigraph.geometry import subtract
 from haptigraph.messages import HandState
 from haptigraph.sim.robot.operator import Tremor
 from haptigraph.sim.robot.robot import Pose, Robot
@@ -84,17 +85,21 @@ class Teleop:
         self.hand = _state(settings, engaged=self._engaged)
         if not self._engaged:
             return
-        hand_mm = np.zeros(3)
+        hand_mm = 0.0, 0.0, 0.0
         if motion:
-            hand_mm[:] = motion.along_mm, motion.across_mm, motion.apart_mm if self.has_jaws else 0.0
-        tremor = np.subtract(self._tremor.at(time_s), self._tremor.at(time_s - elapsed_s))
-        input_mm = hand_mm.copy()
-        input_mm[:2] += settings.added_tremor_mm * tremor  # the whole hand trembles, not finger against thumb
+            apart_mm = motion.apart_mm if self.has_jaws else 0.0
+            hand_mm = float(motion.along_mm), float(motion.across_mm), float(apart_mm)
+        along_mm, across_mm, apart_mm = hand_mm
+        if settings.added_tremor_mm:  # the whole hand trembles, not finger against thumb
+            tremor = subtract(self._tremor.at(time_s), self._tremor.at(time_s - elapsed_s))
+            along_mm += settings.added_tremor_mm * tremor[0]
+            across_mm += settings.added_tremor_mm * tremor[1]
         if settings.tremor_filter:
-            input_mm[:2] = self._filter(input_mm[:2])
-        commanded_mm = settings.motion_scale * input_mm  # last, so that a scale of 0 stops at once
-        robot.follow(_moved(robot.pose, *commanded_mm.tolist()), elapsed_s)
-        self.hand = _state(settings, True, hand_mm.tolist(), commanded_mm.tolist())
+            along_mm, across_mm = self._filter(np.array((along_mm, across_mm))).tolist()
+        scale = settings.motion_scale  # last, so that a scale of 0 stops at once
+        commanded_mm = scale * along_mm, scale * across_mm, scale * apart_mm
+        robot.follow(_moved(robot.pose, *commanded_mm), elapsed_s)
+        self.hand = _state(settings, True, hand_mm, commanded_mm)
 
     def is_away(self, time_s: float) -> bool:
         """Return False: a hand removes the needle from the image only along its shaft."""

@@ -170,9 +170,9 @@ def _axis(argument: str) -> list[tuple[str, float, bool]]:
 
 def _row(task: SweepTask, trial: TrialSpec, rehearsal: Rehearsal) -> dict[str, Any]:
     """Simulate a trial; return a row like those of an exported table of trials."""
-    steps, procedure = list(rehearsal.steps()), rehearsal.procedure
+    procedure = rehearsal.procedure
     states, has_haptics = [state.name for state in procedure.states], trial.condition.max_amplitude > 0
-    measures = measure_trial(steps, states, has_haptics=has_haptics, span=procedure.span)
+    measures = measure_trial(rehearsal.steps(), states, has_haptics=has_haptics, span=procedure.span)
     stage = trial.stage
     return {
         "study": task.study,
@@ -191,7 +191,7 @@ def _row(task: SweepTask, trial: TrialSpec, rehearsal: Rehearsal) -> dict[str, A
         "completion_s": None,
         "mean_theta_deg": None,
         **measures,
-        "steered_s": steps[-1].stamp_ns / 1e9,
+        "steered_s": rehearsal.steered_s,
         "software": __version__,
     }
 

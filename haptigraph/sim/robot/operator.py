@@ -4,16 +4,20 @@ Minimum jerk: Flash and Hogan 1985, J. Neurosci. 5(7). Tremor of 8 to 12 Hz: see
 """
 
 import math
+from collections.abc import Iterator
+from itertools import count
 from typing import Annotated, NamedTuple, Protocol
 
 import numpy as np
 from msgspec import Meta, Struct
 
+from haptigraph.geometry import Vec
 from haptigraph.sim.robot.robot import JAWS_MAX_MM, Pose, Robot
 
 __all__ = ["Hand", "LightPipe", "Move", "Operator", "ScriptedOperator", "Tremor"]
 
 SINES = 12
+IMAGES_AT_ONCE = 32
 MOTION_STEPS = 4  # of a scripted robot between two images
 
 
@@ -81,15 +85,22 @@ class Tremor:
 
     def __init__(self, rms_mm: float, low_hz: float, high_hz: float, seed: int) -> None:
         rng = np.random.default_rng((seed, 1))
-        self._frequencies_hz = rng.uniform(low_hz, high_hz, (2, SINES))
+        self._rad_s = 2 * math.pi * rng.uniform(low_hz, high_hz, (2, SINES))
         self._phases = rng.uniform(0, 2 * math.pi, (2, SINES))
         self._amplitude_mm = rms_mm * math.sqrt(2 / SINES)
 
     def at(self, time_s: float) -> tuple[float, float]:
         """Return the displacement (along, across) [mm]."""
-        waves = np.sin(2 * math.pi * self._frequencies_hz * time_s + self._phases)
+        waves = np.sin(self._rad_s * time_s + self._phases)
         along, across = self._amplitude_mm * waves.sum(axis=1)
         return float(along), float(across)
+
+    def at_images(self, rate_hz: float) -> Iterator[Vec]:
+        """Yield what `at` returns at one image after another, computed many at once."""
+        for first in count(0, IMAGES_AT_ONCE):
+            times_s = np.arange(first, first + IMAGES_AT_ONCE) / rate_hz
+            waves = np.sin(self._rad_s * times_s[:, None, None] + self._phases)
+            yield from map(tuple, (self._amplitude_mm * waves.sum(axis=2)).tolist())
 
 
 class ScriptedOperator:

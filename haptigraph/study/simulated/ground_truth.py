@@ -5,10 +5,11 @@ results name it. Other errors of the tracker (shadows, missed or late detections
 """
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
-from haptigraph.geometry import Geometry, Point, Segment, rotate, subtract, unit
+from haptigraph.geometry import Point, Segment, rotate, subtract, unit
 from haptigraph.messages import Capture, Certainty, Observation
 from haptigraph.registration.camera import Registration
 
@@ -20,11 +21,12 @@ OLD_NAMES = {"known": GROUND_TRUTH}
 """Its name in earlier versions, which is still read."""
 
 # docs/accuracy.md, perceiver `tracker`, 66 simulated scenes.
-NOISE_DEPTHS_MM = (1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 18.0)
-NOISE_DEG = (0.0258, 0.0242, 0.00835, 0.0385, 0.00897, 0.00595, 0.00325)  # from image to image
-ERROR_DEG = ((3.0, 0.0518), (math.inf, 0.0219))  # median of the error up to a depth
+NOISE_DEPTHS_MM = np.array((1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 18.0))
+NOISE_DEG = np.array((0.0258, 0.0242, 0.00835, 0.0385, 0.00897, 0.00595, 0.00325))  # from image to image
+ERROR_DEG, SHALLOW_ERROR_DEG, SHALLOW_MM = 0.0219, 0.0518, 3.0  # median of the error, below and up to a depth
 TIP_ERROR_MM = 0.416 / 20  # median
 MEDIAN_OF_NORMAL, MEDIAN_OF_RAYLEIGH = 0.6745, 1.1774  # relative to their scale parameter
+DRAWN = 64  # images whose noise is drawn at once, which is faster
 MIN_DEPTH_MM = 1.0  # closer to the RCM the tip is still within the wall
 
 
@@ -40,29 +42,30 @@ class GroundTruthPerceiver:
     """
 
     def __init__(self, registration: Registration, seed: tuple[int, ...]) -> None:
-        self._registration, self._seed = registration, seed
+        self._anatomy, self._seed = registration.anatomy, seed
+        self._trocar_mm = registration.trocar.at_mm
         self.reset()
 
     def reset(self) -> None:
         """Restart the noise."""
-        self._rng = np.random.default_rng(self._seed)
-        self._offset = float(self._rng.standard_normal())
+        rng = np.random.default_rng(self._seed)
+        self._offset = float(rng.standard_normal())
+        self._noise = _noise(rng)
 
     def __call__(self, capture: Capture) -> Observation:
         """Return the needle of a capture's ground truth, unless its tip is not visible."""
-        truth, found = capture.truth, dict[str, Geometry](self._registration.anatomy)
-        noise = self._rng.standard_normal(3)
+        truth, found = capture.truth, self._anatomy
+        noise, noise_x, noise_y = next(self._noise)
         if truth is None or not truth.visible or abs(truth.depth_mm) < MIN_DEPTH_MM:
-            return Observation(capture.stamp_ns, found)
-        trocar_mm = self._registration.trocar.at_mm
-        error_deg = next(error for depth_mm, error in ERROR_DEG if truth.depth_mm <= depth_mm)
+            return Observation(capture.stamp_ns, dict(found))
+        error_deg = SHALLOW_ERROR_DEG if truth.depth_mm <= SHALLOW_MM else ERROR_DEG
         angle_error_deg = self._offset * error_deg / MEDIAN_OF_NORMAL
-        angle_error_deg += float(noise[0]) * float(np.interp(truth.depth_mm, NOISE_DEPTHS_MM, NOISE_DEG))
+        angle_error_deg += noise * float(np.interp(truth.depth_mm, NOISE_DEPTHS_MM, NOISE_DEG))
         sd_mm = TIP_ERROR_MM / MEDIAN_OF_RAYLEIGH
         x, y = truth.tip_mm
-        tip_mm = x + sd_mm * float(noise[1]), y + sd_mm * float(noise[2])
+        tip_mm = x + sd_mm * noise_x, y + sd_mm * noise_y
         inwards = math.copysign(1, truth.depth_mm)
-        shaft = unit(subtract(truth.tip_mm, trocar_mm))
+        shaft = unit(subtract(truth.tip_mm, self._trocar_mm))
         along = rotate((inwards * shaft[0], inwards * shaft[1]), angle_error_deg)
         length_mm = max(truth.depth_mm, 1.0)
         entry_mm = tip_mm[0] - length_mm * along[0], tip_mm[1] - length_mm * along[1]
@@ -71,3 +74,9 @@ class GroundTruthPerceiver:
             found | {"needle_tip": Point(tip_mm), "needle_line": Segment(entry_mm, tip_mm)},
             certainty=Certainty(1.0, sd_mm, error_deg / MEDIAN_OF_NORMAL),
         )
+
+
+def _noise(rng: np.random.Generator) -> Iterator[list[float]]:
+    """Yield the noise of each image: of the angle, and of the tip in x and y."""
+    while True:
+        yield from rng.standard_normal((DRAWN, 3)).tolist()

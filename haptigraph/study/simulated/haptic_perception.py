@@ -42,6 +42,8 @@ class HapticPerception:
         self._absolute_threshold = absolute_threshold
         self._times_s: list[float] = []
         self._amplitudes: list[float] = []
+        self._bursts: tuple[int, list[_Burst]] = 0, []
+        """Those until a number of changes."""
 
     def add(self, time_s: float, amplitude: float) -> None:
         """Add a change of the device's amplitude, in order of time."""
@@ -51,8 +53,10 @@ class HapticPerception:
     def at(self, time_s: float) -> Percept:
         """Return the percept at a moment."""
         end = bisect_right(self._times_s, time_s)
-        first = max(end - MAX_CHANGES, 0)
-        bursts = _bursts(self._times_s[first:end], self._amplitudes[first:end])
+        if end != self._bursts[0]:
+            first = max(end - MAX_CHANGES, 0)
+            self._bursts = end, _bursts(self._times_s[first:end], self._amplitudes[first:end])
+        bursts = self._bursts[1]
         if not bursts:
             return NO_PERCEPT
         strong = [

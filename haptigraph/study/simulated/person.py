@@ -8,6 +8,7 @@ finish. Neither tires nor learns. Its only inputs are screen and device, no grap
 
 import math
 from bisect import bisect_right
+from collections.abc import Sequence
 
 import numpy as np
 from msgspec import Struct
@@ -75,10 +76,16 @@ class SimulatedPerson:
         axis_mm: From the trocar to the target.
         seed: Of all noise. Vision, haptics and hand have generators of their own, so that haptic output does
             not change the visual noise.
+        rate_hz: Images per second.
     """
 
     def __init__(
-        self, participant: Participant, trained: FloatArray, axis_mm: float, seed: tuple[int, ...]
+        self,
+        participant: Participant,
+        trained: FloatArray,
+        axis_mm: float,
+        seed: tuple[int, ...],
+        rate_hz: float = 30.0,
     ) -> None:
         self.participant = participant
         self._vision, self._haptics, self._hand = (np.random.default_rng((*seed, part)) for part in range(3))
@@ -87,8 +94,9 @@ class SimulatedPerson:
         self._bias_deg = participant.visual_bias_sd_deg * float(self._vision.standard_normal())
         self._posterior = AnglePosterior(participant.visual_bias_sd_deg)
         self._perception = HapticPerception(participant.absolute_threshold)
-        self._tremor = Tremor(participant.tremor_mm, *TREMOR_HZ, int(self._hand.integers(2**31)))
-        self._tremor_mm = self._tremor.at(0.0)
+        tremor = Tremor(participant.tremor_mm, *TREMOR_HZ, int(self._hand.integers(2**31)))
+        self._tremor = tremor.at_images(rate_hz)
+        self._tremor_mm = next(self._tremor)
         self._times_s: list[float] = []
         self._samples: list[_ScreenSample] = []
         self._intended_mm = self._intended_deg = 0.0
@@ -109,7 +117,7 @@ class SimulatedPerson:
         self._perception.add(stamp_ns / 1e9, amplitude)
 
     def move(self, time_s: float, elapsed_s: float) -> Motion:
-        """Return the motion of the hand in the `elapsed_s` before a moment."""
+        """Return the motion of the hand in the `elapsed_s` before the moment of the next image."""
         before_s = time_s - elapsed_s
         self._react(before_s)
         if before_s >= self._submovement.start_s + self._submovement.duration_s - 1e-9:
@@ -118,7 +126,7 @@ class SimulatedPerson:
         share = current.progress(time_s) - current.progress(before_s)
         self._intended_mm += share * current.intended_mm
         self._intended_deg += share * current.intended_deg
-        before_mm, self._tremor_mm = self._tremor_mm, self._tremor.at(time_s)
+        before_mm, self._tremor_mm = self._tremor_mm, next(self._tremor)
         return Motion(
             share * current.along_mm, share * current.turn_deg, subtract(self._tremor_mm, before_mm)
         )
@@ -136,18 +144,18 @@ class SimulatedPerson:
     def _plan(self, time_s: float) -> _Submovement:
         """Plan the next submovement from what was perceived one latency ago."""
         traits = self.participant
-        angle_noise, distance_noise = self._vision.standard_normal(2)
+        angle_noise, distance_noise = self._vision.standard_normal(2).tolist()
         attention, amplitude_noise = self._haptics.uniform(), self._haptics.standard_normal()
-        motor_noise = self._hand.standard_normal(3)
+        motor_noise = self._hand.standard_normal(3).tolist()
         seen = self._sample(time_s - traits.visual_latency_s)
         if seen is None or self._is_done:
             return _rest(time_s, PAUSE_S)
         self._depth_mm = max(seen.depth_mm + self._intended_mm - seen.intended_mm, 1.0)
         self._predict()
-        self._add_visual_cue(seen, float(angle_noise))
+        self._add_visual_cue(seen, angle_noise)
         percept = self._percept if attention < traits.attention_probability else NO_PERCEPT
         if attention < traits.attention_probability:
-            factor = 1 + traits.weber_fraction * float(amplitude_noise)
+            factor = 1 + traits.weber_fraction * amplitude_noise
             self._add_haptic_cue(percept, time_s - traits.haptic_latency_s, factor)
         self._is_done = percept.cue == "success"
         if percept.cue == "alarm" and time_s >= self._alarm_ignored_until_s:
@@ -156,7 +164,7 @@ class SimulatedPerson:
             return _rest(time_s, PAUSE_S)
         theta_deg = self._posterior.most_probable_deg()
         remaining_mm = self._axis_mm * math.cos(math.radians(theta_deg)) - self._depth_mm
-        remaining_mm *= 1 + traits.distance_sd_share * float(distance_noise)
+        remaining_mm *= 1 + traits.distance_sd_share * distance_noise
         only_turns = percept.cue == "guidance"
         advance_mm = 0.0 if only_turns else remaining_mm
         return self._towards(time_s, advance_mm, -theta_deg, only_turns=only_turns, noise=motor_noise)
@@ -197,7 +205,7 @@ class SimulatedPerson:
         self._posterior.add_haptic_cue(percept.amplitude * factor, expected, weber_fraction)
 
     def _towards(
-        self, time_s: float, advance_mm: float, turn_deg: float, *, only_turns: bool, noise: FloatArray
+        self, time_s: float, advance_mm: float, turn_deg: float, *, only_turns: bool, noise: Sequence[float]
     ) -> _Submovement:
         """Plan the first submovement of a straight path to the target, plus the immediate alignment."""
         traits = self.participant

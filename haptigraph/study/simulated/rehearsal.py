@@ -8,6 +8,7 @@ noise. A virtual clock makes the steps bit-identical for the same seed.
 import math
 import warnings
 from collections.abc import Generator, Sequence
+from functools import lru_cache
 
 import numpy as np
 from msgspec import Struct
@@ -18,8 +19,10 @@ from haptigraph.clock import VirtualClock
 from haptigraph.config import Config
 from haptigraph.errors import BadInput, EndOfSource, RenamedKey
 from haptigraph.haptics.guard import Guard
+from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import Capabilities, Capture, Step
 from haptigraph.pipeline import Loop
+from haptigraph.registration.camera import Registration
 from haptigraph.registration.loading import parse_camera_registration
 from haptigraph.sim.eye.eye import Eye, EyeShape
 from haptigraph.sim.phantom import Phantom
@@ -101,7 +104,7 @@ class Rehearsal:
         )
         with warnings.catch_warnings(action="ignore", category=RenamedKey):  # shown when it was loaded
             self.procedure = (
-                assemble.parse_procedure(condition.text, condition.procedure)
+                _procedure(condition.text, condition.procedure)
                 if condition.text
                 else assemble.load_procedure(condition.procedure)
             )
@@ -113,17 +116,19 @@ class Rehearsal:
         eye = Eye(scenario.eye)
         axis_mm = math.dist(eye.trocar_mm, eye.target_mm)
         is_rendered = perceiver != GROUND_TRUTH
-        source = _SteeredSource(scenario, is_rendered, limit_s)
-        self.registration = parse_camera_registration(source.registration or "", "the simulated eye")
+        rate_hz = scenario.about.rate_hz
+        self.person = SimulatedPerson(participant, trained, axis_mm, (*seed, 2), rate_hz)
+        source = _SteeredSource(scenario, eye, self.person, is_rendered, limit_s)
+        self.registration = _registration(source.registration or "")
         truth = None if is_rendered else GroundTruthPerceiver(self.registration, (*seed, 1))
-        self.person = SimulatedPerson(participant, trained, axis_mm, (*seed, 2))
-        source.begin(self.person)
         quality = self.config.source.jpeg_quality
         images: Source = JpegSource(source, quality) if is_rendered and quality else source
         self.output: list[tuple[int, float]] = []
         """Every change of the device's output: (stamp_ns, amplitude)."""
         self.is_hit = False
         """Whether the target was hit."""
+        self.steered_s = 0.0
+        """Duration until now."""
         self.loop = Loop(
             assemble.build_pipeline(self.config, self.registration, self.procedure, truth),
             source=images,
@@ -136,6 +141,7 @@ class Rehearsal:
         """Yield the steps until shortly after the target was hit, or until the time limit."""
         hit_ns: int | None = None
         for step in self.loop.steps():
+            self.steered_s = step.stamp_ns / 1e9
             yield step
             if hit_ns is None and step.conclusion.state == HIT:
                 hit_ns, self.is_hit = step.stamp_ns, True
@@ -164,6 +170,16 @@ def entry_scenario(shape: EyeShape, seed: int, *, rate_hz: float = 30.0) -> Scen
     aim_deg = Robot(eye.trocar_mm, limits, Pose(0.0, 0.0)).pitch_towards(eye.target_mm)
     about = About(description="A trial of a simulated participant.", seed=seed, rate_hz=rate_hz)
     return Scenario(about=about, moves=(Move(1.0, START_MM, -aim_deg),), eye=shape, robot=limits)
+
+
+@lru_cache
+def _procedure(text: str, name: str) -> Procedure:
+    return assemble.parse_procedure(text, name)
+
+
+@lru_cache
+def _registration(text: str) -> Registration:
+    return parse_camera_registration(text, "the simulated eye")
 
 
 class _Steered:
@@ -201,19 +217,16 @@ class _SteeredSource(Source):
 
     is_live = False
 
-    def __init__(self, scenario: Scenario, is_rendered: bool, limit_s: float) -> None:
-        self._scenario, self._is_rendered, self._limit_s = scenario, is_rendered, limit_s
-        self._phantom = Phantom(scenario)
+    def __init__(
+        self, scenario: Scenario, eye: Eye, person: SimulatedPerson, is_rendered: bool, limit_s: float
+    ) -> None:
+        aim_deg = Robot(eye.trocar_mm, scenario.robot, Pose(0.0, 0.0)).pitch_towards(eye.target_mm)
+        self._steered = _Steered(person, scenario, aim_deg, limit_s)
+        self._phantom = Phantom(scenario, self._steered)
+        self._is_rendered = is_rendered
         self.rate_hz = scenario.about.rate_hz
         self.registration: str | None = self._phantom.registration
         self._index = -1
-
-    def begin(self, person: SimulatedPerson) -> None:
-        """Let a person control the robot."""
-        eye = self._phantom.eye
-        aim_deg = Robot(eye.trocar_mm, self._scenario.robot, Pose(0.0, 0.0)).pitch_towards(eye.target_mm)
-        self._steered = _Steered(person, self._scenario, aim_deg, self._limit_s)
-        self._phantom = Phantom(self._scenario, self._steered)
 
     def read(self, timeout_s: float) -> Capture | None:
         moment = self._phantom.advance(draws=self._is_rendered)
