@@ -12,7 +12,6 @@ from haptigraph.analysis.study.figures.states import box_figure, sequence_figure
 from haptigraph.analysis.study.figures.style import rendered, styled
 from haptigraph.analysis.study.methods import SIMULATED, methods
 from haptigraph.analysis.study.page import Picture, page
-from haptigraph.analysis.study.quantities import words
 from haptigraph.analysis.study.results import AnalysisPlan, StudyResults, analyse
 from haptigraph.analysis.study.results_table import latex, markdown, result_tables
 from haptigraph.analysis.study.tables import StudyTables, read_tables
@@ -38,6 +37,7 @@ SENSITIVITY = [
     "measure", "first", "second", "shapiro_p", "t_t", "t_df", "t_p", "t_difference", "t_low", "t_high", "t_d",
     "power_observed", "power_detectable_d", "power_needed",
 ]  # fmt: skip
+CONDITION_COLUMNS = ("condition", "first", "second")
 TITLES = {
     "tests": "All tests",
     "sensitivity": "Normality, t tests and power",
@@ -109,8 +109,12 @@ def _files(
     tex = latex(summaries, note)
     comparisons = details["comparisons"]
     frames = {**details, "tests": comparisons[TESTS], "sensitivity": comparisons[SENSITIVITY]}
-    shown = {name: (title, frames[name]) for name, title in TITLES.items() if name in frames}
-    title = tables.title or tables.study
+    shown = {
+        name: (title, frames[name].replace(dict.fromkeys(CONDITION_COLUMNS, results.titles)))
+        for name, title in TITLES.items()
+        if name in frames
+    }
+    title = tables.protocol.title or tables.study
     html = page(title, _facts(results), note, summaries, pictures, paragraphs, shown, tex)
     text = {
         "report.html": html,
@@ -132,8 +136,8 @@ def _figures(results: StudyResults, traces: Traces, note: str) -> dict[str, dict
         drawn: dict[str, Figure | None] = {
             "state_times": box_figure(results, note),
             "state_sequence": sequence_figure(results, note),
-            "alignment": alignment_figure(traces, results.conditions, note),
-            "depth_theta": cone_figure(traces, results.conditions, note),
+            "alignment": alignment_figure(traces, results.titles, note),
+            "depth_theta": cone_figure(traces, results.titles, note),
             "learning": learning_figure(results, note),
         }
     return {name: rendered(figure) for name, figure in drawn.items() if figure is not None}
@@ -141,7 +145,7 @@ def _figures(results: StudyResults, traces: Traces, note: str) -> dict[str, dict
 
 def _facts(results: StudyResults) -> str:
     kind = "within-subject" if results.is_within else "between-subject"
-    names = " · ".join(words(name) for name in results.conditions)
+    names = " · ".join(results.titles.values())
     runs = f"{len(results.runs)} runs of {results.participants} participants"
     return f"{runs}, {kind}: {names} · haptigraph {__version__}, seed {results.plan.seed}"
 

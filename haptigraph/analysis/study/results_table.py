@@ -58,9 +58,7 @@ def _table(results: StudyResults, family: Family, pair: tuple[str, str], rows: l
     caption = f"{words(family.about)}, mean ± SD over participants. {marks}."
     effect = "r [95 % CI]"
     label = f"{family.name}_{pair[0]}_{pair[1]}"
-    return Table(
-        caption, ["Metric", words(pair[0]), words(pair[1]), "n", "p", "p (Holm)", effect], rows, label
-    )
+    return Table(caption, ["Metric", *map(results.title_of, pair), "n", "p", "p (Holm)", effect], rows, label)
 
 
 def _row(comparison: Comparison, holm: float, alpha: float) -> list[str]:

@@ -80,7 +80,7 @@ def box_figure(results: StudyResults, note: str) -> Figure | None:
     axes.set(xticks=range(len(names)), xlim=(-0.5, len(names) - 0.5), ylim=(0, None), ylabel="time [s]")
     axes.set_xticklabels(labels)
     declutter(axes)
-    condition_legend(axes, results.conditions, loc="upper right")
+    condition_legend(axes, results.titles, loc="upper right")
     return figure
 
 
@@ -125,7 +125,7 @@ def sequence_figure(results: StudyResults, note: str) -> Figure | None:
     for axes, condition in zip(np.ravel(figure.subplots(len(shown), 1)), shown, strict=True):
         here = table[table["condition"] == condition]
         _draw_sequence(axes, here, places, max_rate)
-        title = f"{words(condition)}  ({here['runs'].iloc[0]} runs)"
+        title = f"{results.title_of(condition)}  ({here['runs'].iloc[0]} runs)"
         axes.set_title(title, loc="left", fontweight="bold", pad=2)
     figure.supxlabel(
         f"solid: in at least half of the runs; dashed: in fewer; below {MIN_RATE:g} per run: not drawn, "

@@ -1,7 +1,7 @@
 """Style and export of a report's figures; equal data give equal bytes."""
 
 import io
-from collections.abc import Sequence
+from collections.abc import Iterable
 from contextlib import AbstractContextManager
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from haptigraph.analysis.plots.paper import UNDATED
-from haptigraph.analysis.study.quantities import words
 from haptigraph.assemble import load_procedure, procedure_names
 from haptigraph.inference.colors import PAPER_PALETTE, Paint, palette
 
@@ -65,7 +64,7 @@ STYLES = (
 )
 
 
-def condition_styles(conditions: Sequence[str]) -> dict[str, ConditionStyle]:
+def condition_styles(conditions: Iterable[str]) -> dict[str, ConditionStyle]:
     """Return the style of every condition."""
     return {name: STYLES[number % len(STYLES)] for number, name in enumerate(conditions)}
 
@@ -96,11 +95,11 @@ def declutter(axes: "Axes") -> None:
     axes.set_axisbelow(True)
 
 
-def condition_legend(axes: "Axes", conditions: Sequence[str], **where: Any) -> None:
-    """Add a legend of the conditions to a box plot."""
+def condition_legend(axes: "Axes", titles: dict[str, str], **where: Any) -> None:
+    """Add a legend of the conditions to a box plot; titles are by name."""
     patches = [
-        Patch(facecolor="white", edgecolor=style.color, hatch=style.hatch, label=words(name))
-        for name, style in condition_styles(conditions).items()
+        Patch(facecolor="white", edgecolor=style.color, hatch=style.hatch, label=titles[name])
+        for name, style in condition_styles(titles).items()
     ]
     axes.legend(handles=patches, frameon=False, **where)
 
