@@ -17,8 +17,11 @@ from haptigraph.inference.colors import PAPER_PALETTE, Paint, palette
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from haptigraph.analysis.study.traces import Floats
+
 __all__ = [
-    "FORMATS", "INK", "ConditionStyle", "condition_legend", "condition_styles", "declutter", "new_figure",
+    "FORMATS", "INK", "ConditionStyle", "condition_legend", "condition_styles", "declutter", "draw_box",
+    "new_figure",
     "paint_of", "rendered", "styled",
 ]  # fmt: skip
 
@@ -86,6 +89,22 @@ def new_figure(width: float, height: float, title: str, note: str) -> Figure:
     figure = Figure(figsize=(width, height), layout="constrained")
     figure.suptitle(f"{title}   [{note}]" if note else title, fontsize=11, color=INK)
     return figure
+
+
+def draw_box(axes: "Axes", values: "Floats", x: float, width: float, style: ConditionStyle) -> None:
+    """Draw quartiles, and whiskers of 1.5 times the interquartile range, in the style of a condition."""
+    axes.boxplot(
+        [values],
+        positions=[x],
+        widths=width,
+        patch_artist=True,
+        showfliers=False,
+        boxprops={"facecolor": "white", "edgecolor": style.color, "hatch": style.hatch},
+        whiskerprops={"color": style.color},
+        capprops={"color": style.color},
+        medianprops={"color": "black", "linewidth": 2},
+        manage_ticks=False,
+    )
 
 
 def declutter(axes: "Axes") -> None:
