@@ -6,6 +6,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from msgspec import Struct
 
+from haptigraph.analysis.study.data_quality import flagged_trials, quality_by_condition
 from haptigraph.analysis.study.detail_tables import detail_tables
 from haptigraph.analysis.study.figures.motion import alignment_figure, cone_figure, learning_figure
 from haptigraph.analysis.study.figures.questionnaires import questionnaire_figure
@@ -64,6 +65,8 @@ TITLES = {
     "sus_summary": "SUS by condition",
     "sus": "SUS by participant",
     "missing": "Missing data",
+    "flagged_trials": "Trials beyond the protocol's thresholds of data quality",
+    "data_quality": "Data quality by condition",
     "state_transitions": "Transitions between states",
 }
 
@@ -122,6 +125,11 @@ def _files(
     summaries = [*hypothesis_table(results), *result_tables(results)]
     paragraphs = methods(tables, results, traces, simulated=simulated)
     details = detail_tables(results)
+    quality = {
+        "data_quality": quality_by_condition(tables),
+        "flagged_trials": flagged_trials(tables, results),
+    }
+    details |= {name: table for name, table in quality.items() if not table.empty}
     drawn = _figures(results, traces, "SIMULATED" if simulated else "")
     pictures = [Picture(name, formats["svg"], CAPTIONS[name]) for name, formats in drawn.items()]
     tex = latex(summaries, note)

@@ -10,6 +10,7 @@ from haptigraph.analysis.study.preregistered.families import Family, Samples, fa
 from haptigraph.analysis.study.preregistered.hypotheses import HypothesisResult, decide, is_about
 from haptigraph.analysis.study.preregistered.omissions import (
     absent_quantities,
+    poor_runs,
     silent_conditions,
     too_few_trials,
 )
@@ -96,6 +97,8 @@ class StudyResults(Struct, frozen=True):
     missing: pd.DataFrame
     excluded: list[str]
     """Participants with too few valid trials."""
+    poor_trials: int
+    """Number of trials that were excluded because of their data quality."""
     absent: dict[str, str]
     """By label of a quantity without any value: why."""
     untested: dict[str, list[str]]
@@ -136,7 +139,10 @@ def analyse(tables: StudyTables, plan: AnalysisPlan) -> StudyResults:
     protocol, analysis = tables.protocol, plan.preregistered
     trials = tables.trials[~tables.trials["participant"].isin(tables.withdrawn)]
     runs = counted_runs(trials)
-    within = is_within(runs)
+    within, poor = is_within(runs), 0
+    if analysis and analysis.exclude_poor_trials:
+        is_poor = poor_runs(runs, protocol.quality)
+        runs, poor = runs[~is_poor], int(is_poor.sum())
     attempts, minimum = trials[trials["phase"] == "trial"], analysis.min_trials if analysis else 0
     excluded = too_few_trials(attempts, runs, protocol.names, minimum, within=within)
     runs = runs[~runs["participant"].isin(excluded)].reset_index(drop=True)
@@ -171,6 +177,7 @@ def analyse(tables: StudyTables, plan: AnalysisPlan) -> StudyResults:
         scores=scores,
         missing=missing_data(trials, conditions),
         excluded=excluded,
+        poor_trials=poor,
         absent=absent_quantities(quantities, values, attempts),
         idle=idle,
         untested={each.label: silent[each.name] for each in used if silent[each.name]},

@@ -9,7 +9,8 @@ from typing import Annotated, Literal
 from msgspec import Meta, Struct, field
 
 from haptigraph.errors import unknown_name
-from haptigraph.study.data_dictionary import MEASURES
+from haptigraph.study.data_dictionary import TRIAL_MEASURES
+from haptigraph.study.quality import Quality, quality_limits
 from haptigraph.toml_document import Document
 
 __all__ = ["Analysis", "Hypothesis", "check_analysis", "numeric_measures"]
@@ -39,8 +40,10 @@ class Analysis(Struct, frozen=True, forbid_unknown_fields=True):
     """Level of significance."""
     equivalence: dict[str, tuple[float, float]] = {}
     """By measure: the bounds of a difference, second minus first condition, that is as good as none."""
+    exclude_poor_trials: bool = False
+    """Whether trials beyond a threshold of [quality] are excluded."""
     min_trials: Annotated[int, Meta(ge=0, le=1000)] = 0
-    """Participants with fewer valid trials under a condition are excluded."""
+    """Participants with fewer remaining trials under a condition are excluded."""
 
 
 def numeric_measures(states: Collection[str], scores: Collection[str]) -> list[str]:
@@ -50,7 +53,7 @@ def numeric_measures(states: Collection[str], scores: Collection[str]) -> list[s
         states: Of the protocol's procedures.
         scores: Of the questionnaires after each condition.
     """
-    measured = [each.name for each in MEASURES if each.kind != "text"]
+    measured = [each.name for each in TRIAL_MEASURES if each.kind != "text"]
     return [*measured, *(f"time_{state}_s" for state in states), *scores]
 
 
@@ -60,6 +63,7 @@ def check_analysis(
     conditions: Collection[str],
     measures: Collection[str],
     trials: int,
+    quality: Quality,
 ) -> None:
     """Check an [analysis] table.
 
@@ -69,11 +73,14 @@ def check_analysis(
         conditions: Names of its conditions.
         measures: Those that it records.
         trials: Number of trials under each condition.
+        quality: Its thresholds.
 
     Raises:
         BadInput: At the first problem, with its line.
     """
     problems = list(_problems(analysis, measures, trials))
+    if analysis.exclude_poor_trials and not quality_limits(quality):
+        problems.append(("exclude_poor_trials", "[quality] sets no threshold; set one, or remove the key"))
     for number, hypothesis in enumerate(analysis.hypotheses):
         if hypothesis in analysis.hypotheses[:number]:
             problems.append((f"hypothesis[{number}]", "the same hypothesis twice; remove one of them"))
