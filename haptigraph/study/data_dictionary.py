@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple, TypeAlias
 
 from haptigraph.errors import BadInput, unknown_name
 
-__all__ = ["COLUMNS", "MEASURES", "Field", "check_measures", "fields_of", "time_field"]
+__all__ = ["COLUMNS", "MEASURES", "TRIAL_MEASURES", "Field", "check_measures", "fields_of", "time_field"]
 
 TIME_IN_STATE = re.compile(r"time_(.+)_s")
 
@@ -235,6 +235,26 @@ COLUMNS: dict[str, list[Field]] = {
         ),
         ("text", "text", "", "the experimenter's words; for felt and unfelt, the outputs, joined by +"),
         ("at_utc", "text", "ISO 8601", "when it was noted"),
+    ),
+    "questionnaire_items": _fields(
+        "questionnaire_items",
+        "protocol",
+        ("study", "text", "", "the study's name"),
+        ("questionnaire", "text", "", "name of the questionnaire"),
+        ("title", "text", "", "title of the questionnaire"),
+        ("when", "text", "", "start, condition (after each), or end"),
+        ("number", "integer", "", "position of the item in the questionnaire, from 1"),
+        ("item", "text", "", "key of the item in `answers`"),
+        ("wording", "text", "", "the question or statement"),
+        ("kind", "text", "", "scale (whole numbers), number, choice or text"),
+        ("low", "number", "", "the lowest answer; empty: no bound"),
+        ("low_label", "text", "", "anchor of the lowest answer"),
+        ("high", "number", "", "the highest answer; empty: no bound"),
+        ("high_label", "text", "", "anchor of the highest answer"),
+        ("choices", "text", "", "the choices, joined by |"),
+        ("unit", "text", "", "unit of the answers"),
+        ("required", "integer", "", "1: an answer is required"),
+        ("reversed", "integer", "", "1: the score counts it from its high end"),
     ),
 }
 """Columns by table, in order. The first three are for analysis; the others make an export complete."""

@@ -18,6 +18,9 @@ from sqlalchemy import Table, select
 from haptigraph.errors import BadInput, MissingExtra
 from haptigraph.study.checksums import new_folder, verify_checksums, write_checksums
 from haptigraph.study.data_dictionary import COLUMNS, MEASURES, Field, check_measures, fields_of, time_field
+from haptigraph.study.frozen.item_table import item_rows, typed_answer, value_kind
+from haptigraph.study.frozen.parts import frozen_questionnaires
+from haptigraph.study.questionnaire import Item
 from haptigraph.study.roster import canonical, check_pseudonym
 from haptigraph.study.store import Row, Store, to_json
 from haptigraph.study.tables import (
@@ -54,6 +57,7 @@ FROM_1 = ("position", "block")  # stored as 0 where missing
 WriteTable: TypeAlias = Callable[[Path, Sequence[Field], Sequence[Mapping[str, Any]]], None]
 Tables: TypeAlias = dict[str, tuple[list[Field], list[dict[str, Any]]]]
 """Columns, and rows with None for missing values, by table."""
+ITEMS = "questionnaire_items"
 STUDY_FILE, DICTIONARY = "study.json", "data_dictionary.csv"
 FORMULA = re.compile(r"'*[=+\-@\t\r]")  # after `'`, a spreadsheet shows it as text
 PLAIN_NUMBER = re.compile(r"[+-]?\d+(\.\d+)?")
@@ -96,12 +100,16 @@ def tidy_tables(store: Store, study: str) -> Tables:
         tables[name] = (fields_of(name, (key for row in rows for key in row)), rows)
     fields, people = tables["participants"]
     one_off = [row for row in tables["answers"][1] if row["position"] is None]
-    fields += _demographics(one_off)
+    questionnaires = {each.name: each for each in frozen_questionnaires(about.parts).values()}
+    items = {(name, item.key): item for name, each in questionnaires.items() for item in each.items}
+    fields += _demographics(one_off, items)
     for person in people:
         person["simulated"] = about.simulated
         for row in one_off:
             if row["participant"] == person["participant"]:
-                person[column_of(row)] = row["answer"]
+                answer = typed_answer(items.get((row["questionnaire"], row["item"])), row["answer"])
+                person[column_of(row)] = answer
+    tables[ITEMS] = (fields_of(ITEMS), list(item_rows(study, about.parts)))
     return tables
 
 
@@ -260,12 +268,17 @@ def _stored(table: str, row: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in stored.items() if name in columns.c}
 
 
-def _demographics(answers: Iterable[Mapping[str, Any]]) -> list[Field]:
-    meanings = {column_of(row): f"{row['questionnaire']}: {row['item']}" for row in answers}
-    return [
-        Field("participants", name, "text", "", text, "participant", "not answered")
-        for name, text in meanings.items()
-    ]
+def _demographics(answers: Iterable[Mapping[str, Any]], items: Mapping[tuple[str, str], Item]) -> list[Field]:
+    """Return the columns of one-off answers, with kind, unit and wording of their items."""
+    fields = {}
+    for row in answers:
+        name, item = column_of(row), items.get((row["questionnaire"], row["item"]))
+        meaning = f"{row['questionnaire']}: {item.text if item else row['item']}"
+        unit = item.unit if item else ""
+        fields[name] = Field(
+            "participants", name, value_kind(item), unit, meaning, "participant", "not answered"
+        )
+    return list(fields.values())
 
 
 def column_of(row: Mapping[str, Any]) -> str:

@@ -44,7 +44,7 @@ def flagged_trials(tables: StudyTables, results: StudyResults) -> pd.DataFrame:
     rows = []
     for run in runs.to_dict("records"):
         key = tuple(run[name] for name in keys)
-        problems = quality_problems(run, tables.quality)
+        problems = quality_problems(run, tables.protocol.quality)
         if problems:
             rows.append((*key, "; ".join(problems), "yes" if key in analysed else "no"))
     return pd.DataFrame(rows, columns=[*keys, "problem", "analysed"])
@@ -52,7 +52,7 @@ def flagged_trials(tables: StudyTables, results: StudyResults) -> pd.DataFrame:
 
 def quality_paragraph(tables: StudyTables, results: StudyResults) -> str:
     """Return the methods' paragraph on the quality of the data."""
-    runs, limits = _runs(tables), quality_limits(tables.quality)
+    runs, limits = _runs(tables), quality_limits(tables.protocol.quality)
     if not _is_recorded(runs):
         return "Data quality: not recorded."
     rates = runs["images_per_s"].dropna()
@@ -61,7 +61,7 @@ def quality_paragraph(tables: StudyTables, results: StudyResults) -> str:
         return f"Data quality: {facts}. The protocol sets no thresholds, so no trial is flagged."
     flagged = flagged_trials(tables, results)
     analysed = int((flagged["analysed"] == "yes").sum())
-    unrecorded = sum(is_unrecorded(run, tables.quality) for run in runs.to_dict("records"))
+    unrecorded = sum(is_unrecorded(run, tables.protocol.quality) for run in runs.to_dict("records"))
     return (
         f"Data quality: {facts}. The protocol's thresholds are {', '.join(limits)}. Beyond them: "
         f"{len(flagged)} of {len(runs)} runs, {analysed} of them analysed"

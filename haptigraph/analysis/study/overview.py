@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
+from haptigraph.study.frozen.analysis_plan import Analysis
 from haptigraph.study.frozen.quality import quality_limits
 from haptigraph.study.plan import Stage, conditions_of, plan_of
 from haptigraph.study.protocol import Protocol
@@ -18,7 +19,7 @@ __all__ = ["protocol_tables", "status_table"]
 
 
 def protocol_tables(protocol: Protocol, *, is_blind: bool = False) -> Iterator[Table]:
-    """Yield the tables of conditions, of the first participant's plan, orders, targets, and thresholds.
+    """Yield the tables of conditions, the first plan, orders, targets, thresholds and the analysis.
 
     Args:
         protocol: The protocol.
@@ -43,6 +44,29 @@ def protocol_tables(protocol: Protocol, *, is_blind: bool = False) -> Iterator[T
     for limit in quality_limits(protocol.quality) or ["(no thresholds)"]:
         table.add_row(limit)
     yield table
+    if protocol.analysis is not None:
+        yield _analysis_table(protocol.analysis)
+
+
+def _analysis_table(analysis: Analysis) -> Table:
+    fewest = (
+        f", at least {analysis.min_trials} valid trials under each condition" if analysis.min_trials else ""
+    )
+    fewest += ", without trials beyond a threshold" if analysis.exclude_poor_trials else ""
+    table = _table(
+        f"Preregistered analysis (alpha {analysis.alpha:g}{fewest})",
+        *("measure", "expected", "compared with", "family", "equivalent within"),
+    )
+    for each in analysis.hypotheses:
+        bounds = analysis.equivalence.get(each.measure)
+        table.add_row(
+            each.measure,
+            f"{each.second}: {each.expect}",
+            each.first,
+            "primary" if each.measure in analysis.primary else "other",
+            f"{bounds[0]:g} to {bounds[1]:g}" if bounds else "",
+        )
+    return table
 
 
 def _assignments(protocol: Protocol) -> Iterator[Table]:

@@ -9,13 +9,13 @@ from msgspec import Struct
 from haptigraph.analysis.study.data_quality import flagged_trials, quality_by_condition
 from haptigraph.analysis.study.detail_tables import detail_tables
 from haptigraph.analysis.study.figures.motion import alignment_figure, cone_figure, learning_figure
+from haptigraph.analysis.study.figures.questionnaires import questionnaire_figure
 from haptigraph.analysis.study.figures.states import box_figure, sequence_figure
 from haptigraph.analysis.study.figures.style import rendered, styled
-from haptigraph.analysis.study.methods import SIMULATED, methods
+from haptigraph.analysis.study.methods import SIMULATED, methods, preregistered
 from haptigraph.analysis.study.page import Picture, page
-from haptigraph.analysis.study.quantities import words
 from haptigraph.analysis.study.results import AnalysisPlan, StudyResults, analyse
-from haptigraph.analysis.study.results_table import latex, markdown, result_tables
+from haptigraph.analysis.study.results_table import hypothesis_table, latex, markdown, result_tables
 from haptigraph.analysis.study.tables import StudyTables, read_tables
 from haptigraph.analysis.study.traces import Traces, read_traces
 from haptigraph.errors import BadInput
@@ -33,18 +33,35 @@ CAPTIONS = {
     "depth_theta": "Distance to the retina against theta by condition. Thin: runs; thick: median of the "
     f"participants over normalised time. {COLORS}",
     "learning": "Completion time and alignment over the trials, by the order of the conditions.",
+    "questionnaires": "Scores of questionnaires by condition. Boxes: quartiles; whiskers: 1.5 times the "
+    "interquartile range; points: participants.",
 }
-TESTS = ["measure", "first", "second", "n_first", "n_second", "statistic", "p", "p_holm", "test", "effect"]
+TESTS = [
+    "measure",
+    "first",
+    "second",
+    "status",
+    "n_first",
+    "n_second",
+    "statistic",
+    "p",
+    "p_holm",
+    "test",
+    "effect",
+]
 SENSITIVITY = [
     "measure", "first", "second", "shapiro_p", "t_t", "t_df", "t_p", "t_difference", "t_low", "t_high", "t_d",
     "power_observed", "power_detectable_d", "power_needed",
 ]  # fmt: skip
+CONDITION_COLUMNS = ("condition", "first", "second")
 TITLES = {
     "tests": "All tests",
     "sensitivity": "Normality, t tests and power",
     "rank_test_variants": "All variants of the rank tests",
     "omnibus": "Omnibus tests of three or more conditions",
     "order_effects": "Order and learning (mixed models)",
+    "hypotheses": "Preregistered hypotheses",
+    "questionnaires_summary": "Scores of questionnaires by condition",
     "sus_summary": "SUS by condition",
     "sus": "SUS by participant",
     "missing": "Missing data",
@@ -60,7 +77,7 @@ class WrittenReport(Struct, frozen=True):
     page: Path
     files: list[Path]
     summary: str
-    """The paper's table, in Markdown."""
+    """The preregistered hypotheses and the paper's table, in Markdown."""
 
 
 def write_report(
@@ -95,7 +112,8 @@ def write_report(
             path.write_bytes(content)
         except OSError as error:
             raise BadInput(f"cannot be written ({error.strerror})", path) from None
-    summary = markdown(result_tables(results)[:1], SIMULATED if simulated else "")
+    shown = [*hypothesis_table(results), *result_tables(results)[:1]]
+    summary = f"{markdown(shown, SIMULATED if simulated else '')}\n{preregistered(results)}"
     return WrittenReport(output / "report.html", [output / name for name in files], summary)
 
 
@@ -104,7 +122,7 @@ def _files(
 ) -> dict[str, bytes]:
     """Return the content of every file by its path in the folder."""
     note = SIMULATED if simulated else ""
-    summaries = result_tables(results)
+    summaries = [*hypothesis_table(results), *result_tables(results)]
     paragraphs = methods(tables, results, traces, simulated=simulated)
     details = detail_tables(results)
     quality = {
@@ -117,8 +135,10 @@ def _files(
     tex = latex(summaries, note)
     comparisons = details["comparisons"]
     frames = {**details, "tests": comparisons[TESTS], "sensitivity": comparisons[SENSITIVITY]}
-    shown = {name: (title, frames[name]) for name, title in TITLES.items() if name in frames}
-    title = tables.title or tables.study
+    shown = {
+        name: (title, _titled(frames[name], results)) for name, title in TITLES.items() if name in frames
+    }
+    title = tables.protocol.title or tables.study
     html = page(title, _facts(results), note, summaries, pictures, paragraphs, shown, tex)
     text = {
         "report.html": html,
@@ -140,18 +160,32 @@ def _figures(results: StudyResults, traces: Traces, note: str) -> dict[str, dict
         drawn: dict[str, Figure | None] = {
             "state_times": box_figure(results, note),
             "state_sequence": sequence_figure(results, note),
-            "alignment": alignment_figure(traces, results.conditions, note),
-            "depth_theta": cone_figure(traces, results.conditions, note),
+            "alignment": alignment_figure(traces, results.titles, note),
+            "depth_theta": cone_figure(traces, results.titles, note),
             "learning": learning_figure(results, note),
+            "questionnaires": questionnaire_figure(results, note),
         }
     return {name: rendered(figure) for name, figure in drawn.items() if figure is not None}
 
 
+def _titled(frame: pd.DataFrame, results: StudyResults) -> pd.DataFrame:
+    """Return a table with titles instead of names of conditions."""
+    titled = frame.replace(dict.fromkeys(CONDITION_COLUMNS, results.titles))
+    for name, title in results.titles.items() if "name" in titled else ():
+        titled["name"] = titled["name"].str.replace(f"[T.{name}]", f": {title}", regex=False)
+    return titled
+
+
 def _facts(results: StudyResults) -> str:
     kind = "within-subject" if results.is_within else "between-subject"
-    names = " · ".join(words(name) for name in results.conditions)
+    names = " · ".join(results.titles.values())
     runs = f"{len(results.runs)} runs of {results.participants} participants"
-    return f"{runs}, {kind}: {names} · haptigraph {__version__}, seed {results.plan.seed}"
+    status = (
+        "with preregistered hypotheses"
+        if results.hypotheses
+        else "exploratory: no analysis was preregistered"
+    )
+    return f"{runs}, {kind}: {names} · {status} · haptigraph {__version__}, seed {results.plan.seed}"
 
 
 def _csv(table: pd.DataFrame) -> str:

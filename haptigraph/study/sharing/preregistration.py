@@ -25,6 +25,11 @@ BLIND = {
     "everyone": "The condition is hidden from participant and experimenter.",
 }
 ANALYSIS = "analysis"
+OUTPUTS = {
+    True: "haptic feedback",
+    "sham": "sham haptic feedback, at random times whatever the state",
+    False: "no haptic feedback",
+}
 
 
 def preregistration(protocol: Protocol, about: About) -> str:
@@ -67,8 +72,12 @@ def _design(protocol: Protocol) -> list[str]:
     ]
 
 
-def _condition(title: str, name: str, touch: bool, display: str, procedure: str) -> str:
-    output = "haptic feedback" if touch else "no haptic feedback"
+def _condition(title: str, name: str, touch: bool | str, display: str, procedure: str) -> str:
+    output = {
+        "sham": "sham haptic feedback (at random times, whatever the state)",
+        True: "haptic feedback",
+        False: "no haptic feedback",
+    }[touch]
     return f"{title} (`{name}`): {output}, display `{display}`, procedure `{procedure}`."
 
 

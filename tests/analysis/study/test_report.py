@@ -1,3 +1,4 @@
+import json
 import re
 
 import pandas as pd
@@ -28,7 +29,9 @@ def test_the_report_is_complete_self_contained_and_reproducible(study, tmp_path)
     html = written.page.read_text()
     assert not re.search(r'(src|href)="(?!data:)', html) and "<script" not in html
     assert html.count("data:image/svg+xml") == 5 and "SIMULATED: no people took part" in html
+    assert "exploratory: no analysis was preregistered" in html
     assert "| Completion Time (s) |" in output and "SIMULATED" in output
+    assert "every test is exploratory" in output
     methods = (tmp_path / "one" / "methods.txt").read_text()
     for sentence in (
         "Wilcoxon signed-rank, two-sided, exact",
@@ -119,7 +122,33 @@ def test_a_recording_with_another_hash_is_refused_and_nothing_is_written(study, 
 def test_without_recordings_the_figures_that_need_them_are_omitted(tmp_path):
     folder = write_study(tmp_path / "study", simulated_study(4, trials=1))
     results = analyse(read_tables(folder), AnalysisPlan())
-    assert alignment_figure(read_traces(results.runs, folder), results.conditions, "") is None
+    assert alignment_figure(read_traces(results.runs, folder), results.titles, "") is None
+
+
+def test_people_read_the_titles_of_the_conditions_and_programs_their_names(tmp_path):
+    study = write_study(tmp_path / "study", simulated_study(3, trials=1))
+    protocol = (
+        '[[condition]]\nname = "visual"\ntitle = "Eyes <only>"\n[[condition]]\nname = "visual_haptic"\n'
+    )
+    export = {"study": "s", "parts": {"study.toml": protocol + 'title = "Eyes & hands"\n'}}
+    (study / "study.json").write_text(json.dumps(export))
+    html = write_report(study, tmp_path / "out").page.read_text()
+    assert "Visual haptic" not in html and "visual_haptic" not in re.sub(r"tab:\w+", "", html)
+    assert "<td>Eyes &amp; hands</td>" in html
+    for name in ("results.tex", "results.md", "methods.txt"):
+        assert "Visual haptic" not in (tmp_path / "out" / name).read_text()
+    assert "“Eyes <only>”, “Eyes & hands”" in (tmp_path / "out" / "methods.txt").read_text()
+    for figure in (tmp_path / "out" / "figures").glob("*.svg"):
+        assert "<!-- Visual" not in figure.read_text() and "Eyes" in figure.read_text()
+    tests = pd.read_csv(tmp_path / "out" / "csv" / "comparisons.csv")
+    assert set(tests["first"]) == {"visual"} and set(tests["second"]) == {"visual_haptic"}
+
+
+def test_conditions_with_the_same_title_are_named(tmp_path):
+    folder = write_study(tmp_path, simulated_study(3, trials=1))
+    same = "".join(f'[[condition]]\nname = "{name}"\ntitle = "C"\n' for name in ("visual", "visual_haptic"))
+    (folder / "study.json").write_text(json.dumps({"study": "s", "parts": {"study.toml": same}}))
+    assert list(analyse(read_tables(folder), AnalysisPlan()).titles.values()) == ["Visual", "Visual haptic"]
 
 
 def test_transitions_are_counted_per_run(study):

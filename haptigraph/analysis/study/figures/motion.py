@@ -15,7 +15,7 @@ from haptigraph.analysis.study.figures.style import (
     new_figure,
     paint_of,
 )
-from haptigraph.analysis.study.quantities import QUANTITIES, Quantity, words
+from haptigraph.analysis.study.quantities import QUANTITIES, Quantity
 from haptigraph.analysis.study.results import StudyResults
 from haptigraph.analysis.study.traces import GRID, Traces, Zones
 
@@ -28,7 +28,7 @@ CONE_COLOR = "#3a9d5d"
 LOWEST_MM = -0.4
 
 
-def alignment_figure(traces: Traces, conditions: list[str], note: str) -> Figure | None:
+def alignment_figure(traces: Traces, titles: dict[str, str], note: str) -> Figure | None:
     """Draw theta over normalised time: median and interquartile range of the participants."""
     if not traces.runs:
         return None
@@ -36,13 +36,13 @@ def alignment_figure(traces: Traces, conditions: list[str], note: str) -> Figure
     axes = figure.subplots()
     if traces.zones.aligned_deg is not None:
         _draw_cone(axes, traces.zones.aligned_deg, (0.01, 0.99))
-    for condition, style in condition_styles(conditions).items():
+    for condition, style in condition_styles(titles).items():
         people = traces.by_participant(condition, "theta_deg")
         if not len(people):
             continue
         low, median, high = np.nanpercentile(people, (25, 50, 75), axis=0)
         axes.fill_between(100 * GRID, low, high, color=style.color, alpha=0.16, linewidth=0)
-        label = f"{words(condition)} (median and quartiles of {len(people)} participants)"
+        label = f"{titles[condition]} (median and quartiles of {len(people)} participants)"
         axes.plot(100 * GRID, median, style.line, color=style.color, linewidth=2, label=label)
     axes.set(xlabel="share of the run [%]", ylabel="theta [deg]", xlim=(0, 100), ylim=(0, None))
     declutter(axes)
@@ -50,9 +50,9 @@ def alignment_figure(traces: Traces, conditions: list[str], note: str) -> Figure
     return figure
 
 
-def cone_figure(traces: Traces, conditions: list[str], note: str) -> Figure | None:
+def cone_figure(traces: Traces, titles: dict[str, str], note: str) -> Figure | None:
     """Draw depth against theta, one panel per condition; the background shows the procedure's states."""
-    shown = [condition for condition in conditions if traces.of(condition)]
+    shown = [condition for condition in titles if traces.of(condition)]
     if not shown:
         return None
     figure = new_figure(3.9 * len(shown) + 0.6, 4.6, "Align, then approach: depth against theta", note)
@@ -60,11 +60,11 @@ def cone_figure(traces: Traces, conditions: list[str], note: str) -> Figure | No
     widest = max(float(np.nanmax(run.theta_deg)) for run in traces.runs)
     farthest = max(float(np.nanmax(run.distance_mm)) for run in traces.runs)
     limits = (min(widest * 1.03, 40.0), farthest * 1.03)
-    styles = condition_styles(conditions)
+    styles = condition_styles(titles)
     for axes, condition in zip(panels, shown, strict=True):
         _draw_zones(axes, traces.zones, limits)
         _draw_paths(axes, traces, condition, styles[condition])
-        axes.set_title(words(condition), pad=18)
+        axes.set_title(titles[condition], pad=18)
         axes.set(xlabel="theta [deg]", xlim=(0, limits[0]), ylim=(LOWEST_MM, limits[1]))
         axes.spines[["top", "right"]].set_visible(False)
     panels[0].set_ylabel("distance to the retina [mm]")
@@ -163,7 +163,7 @@ def _draw_learning(axes: "Axes", results: StudyResults, quantity: Quantity) -> N
             at = [place[position, trial] + shift * number for trial, _ in groups]
             means = [float(values.mean()) for _, values in groups]
             halves = [_half_interval(values) for _, values in groups]
-            label = words(condition) if position == min(runs["position"]) else None
+            label = results.title_of(condition) if position == min(runs["position"]) else None
             errorbars: dict[str, Any] = {
                 "color": style.color,
                 "linestyle": style.line,

@@ -14,6 +14,7 @@ from haptigraph.analysis.study.figures.style import (
     condition_legend,
     condition_styles,
     declutter,
+    draw_box,
     new_figure,
     paint_of,
 )
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
     _Vector = NDArray[np.float64]
 
-__all__ = ["box_figure", "sequence_figure", "transitions"]
+__all__ = ["POINT", "box_figure", "sequence_figure", "transitions"]
 
 PLACES = {
     "misaligned_intraocular_navigation": (1.0, 1.0),
@@ -62,25 +63,14 @@ def box_figure(results: StudyResults, note: str) -> Figure | None:
             values = results.values[name][condition].dropna().to_numpy(float)
             at = place + (number - (len(results.conditions) - 1) / 2) * spread
             style = styles[condition]
-            axes.boxplot(
-                [values],
-                positions=[at],
-                widths=0.82 * spread,
-                patch_artist=True,
-                showfliers=False,
-                boxprops={"facecolor": "white", "edgecolor": style.color, "hatch": style.hatch},
-                whiskerprops={"color": style.color},
-                capprops={"color": style.color},
-                medianprops={"color": "black", "linewidth": 2},
-                manage_ticks=False,
-            )
+            draw_box(axes, values, at, 0.82 * spread, style)
             aside = np.linspace(-0.22, 0.22, max(len(values), 2))[: len(values)] * spread
             axes.plot(at + aside, values, style.marker, **POINT)
     labels = [words(state_of(name)).replace(" ", "\n") for name in names]
     axes.set(xticks=range(len(names)), xlim=(-0.5, len(names) - 0.5), ylim=(0, None), ylabel="time [s]")
     axes.set_xticklabels(labels)
     declutter(axes)
-    condition_legend(axes, results.conditions, loc="upper right")
+    condition_legend(axes, results.titles, loc="upper right")
     return figure
 
 
@@ -125,7 +115,7 @@ def sequence_figure(results: StudyResults, note: str) -> Figure | None:
     for axes, condition in zip(np.ravel(figure.subplots(len(shown), 1)), shown, strict=True):
         here = table[table["condition"] == condition]
         _draw_sequence(axes, here, places, max_rate)
-        title = f"{words(condition)}  ({here['runs'].iloc[0]} runs)"
+        title = f"{results.title_of(condition)}  ({here['runs'].iloc[0]} runs)"
         axes.set_title(title, loc="left", fontweight="bold", pad=2)
     figure.supxlabel(
         f"solid: in at least half of the runs; dashed: in fewer; below {MIN_RATE:g} per run: not drawn, "

@@ -1,7 +1,7 @@
 """Style and export of a report's figures; equal data give equal bytes."""
 
 import io
-from collections.abc import Sequence
+from collections.abc import Iterable
 from contextlib import AbstractContextManager
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -11,15 +11,17 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from haptigraph.analysis.plots.paper import UNDATED
-from haptigraph.analysis.study.quantities import words
 from haptigraph.assemble import load_procedure, procedure_names
 from haptigraph.inference.colors import PAPER_PALETTE, Paint, palette
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from haptigraph.analysis.study.traces import Floats
+
 __all__ = [
-    "FORMATS", "INK", "ConditionStyle", "condition_legend", "condition_styles", "declutter", "new_figure",
+    "FORMATS", "INK", "ConditionStyle", "condition_legend", "condition_styles", "declutter", "draw_box",
+    "new_figure",
     "paint_of", "rendered", "styled",
 ]  # fmt: skip
 
@@ -65,7 +67,7 @@ STYLES = (
 )
 
 
-def condition_styles(conditions: Sequence[str]) -> dict[str, ConditionStyle]:
+def condition_styles(conditions: Iterable[str]) -> dict[str, ConditionStyle]:
     """Return the style of every condition."""
     return {name: STYLES[number % len(STYLES)] for number, name in enumerate(conditions)}
 
@@ -89,6 +91,22 @@ def new_figure(width: float, height: float, title: str, note: str) -> Figure:
     return figure
 
 
+def draw_box(axes: "Axes", values: "Floats", x: float, width: float, style: ConditionStyle) -> None:
+    """Draw quartiles, and whiskers of 1.5 times the interquartile range, in the style of a condition."""
+    axes.boxplot(
+        [values],
+        positions=[x],
+        widths=width,
+        patch_artist=True,
+        showfliers=False,
+        boxprops={"facecolor": "white", "edgecolor": style.color, "hatch": style.hatch},
+        whiskerprops={"color": style.color},
+        capprops={"color": style.color},
+        medianprops={"color": "black", "linewidth": 2},
+        manage_ticks=False,
+    )
+
+
 def declutter(axes: "Axes") -> None:
     """Remove spines and add a light grid."""
     axes.spines[["top", "right"]].set_visible(False)
@@ -96,11 +114,11 @@ def declutter(axes: "Axes") -> None:
     axes.set_axisbelow(True)
 
 
-def condition_legend(axes: "Axes", conditions: Sequence[str], **where: Any) -> None:
-    """Add a legend of the conditions to a box plot."""
+def condition_legend(axes: "Axes", titles: dict[str, str], **where: Any) -> None:
+    """Add a legend of the conditions to a box plot; titles are by name."""
     patches = [
-        Patch(facecolor="white", edgecolor=style.color, hatch=style.hatch, label=words(name))
-        for name, style in condition_styles(conditions).items()
+        Patch(facecolor="white", edgecolor=style.color, hatch=style.hatch, label=titles[name])
+        for name, style in condition_styles(titles).items()
     ]
     axes.legend(handles=patches, frameon=False, **where)
 
