@@ -20,12 +20,14 @@ export class TouchCheck {
       this.pulse = "playing";
       this.pulse = await act("pulse") ? "played" : "";
       this.update();
+      $("touch-check").focus();  // not the answer, which a second key press would give
     });
     for (const [button, is_felt] of /** @type {const} */ ([["felt", true], ["unfelt", false]])) {
       $(button).addEventListener("click", async () => {
         const isStored = await act("felt", { is_felt });
         this.pulse = "";
         this.update();
+        (is_felt ? $("begin") : $("touch-check")).focus();
         if (isStored && !is_felt) setText($("touch-text"), "Please tell the experimenter. Then test it again.");
       });
     }
