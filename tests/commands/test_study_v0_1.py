@@ -38,7 +38,14 @@ def succeed(*arguments):
 
 
 def exported(folder):
-    return {name: (folder / f"{name}.csv").read_bytes() for name in TABLES}
+    """Return the rows of all tables, without the columns that version 0.1 did not have."""
+    tables = {}
+    for name in TABLES:
+        with (V0_1 / "export" / f"{name}.csv").open(newline="") as file:
+            columns = next(csv.reader(file))
+        with (folder / f"{name}.csv").open(newline="") as file:
+            tables[name] = [[row[column] for column in columns] for row in csv.DictReader(file)]
+    return tables
 
 
 def trials_of(folder):
@@ -104,7 +111,7 @@ def test_a_simulation_is_resumed(study, tmp_path):
     before, after = trials_of(V0_1 / "export"), trials_of(tmp_path / "out")
     for row in (*before, *after):
         del row["recording_sha256"], row["procedure_sha256"]
-    assert after == before
+    assert [{name: row[name] for name in before[0]} for row in after] == before
 
 
 def refused_simulation(study):
