@@ -7,7 +7,7 @@ const SHORTEST_MS = 1;
 
 export class TouchCheck {
   named = "[]";
-  /** Whether the pulse is playing, or waits for its answer. @type {"" | "playing" | "played"} */ pulse = "";
+  /** The test pulse: playing, waiting for its answer, or not felt. @type {"" | "playing" | "played" | "unfelt"} */ pulse = "";
   /** @type {TouchStatus} */ status = { output: "", problem: "" };
 
   /** @param {import("../common/feed.js").Feed} feed
@@ -24,11 +24,9 @@ export class TouchCheck {
     });
     for (const [button, is_felt] of /** @type {const} */ ([["felt", true], ["unfelt", false]])) {
       $(button).addEventListener("click", async () => {
-        const isStored = await act("felt", { is_felt });
-        this.pulse = "";
+        this.pulse = await act("felt", { is_felt }) && !is_felt ? "unfelt" : "";
         this.update();
         (is_felt ? $("begin") : $("touch-check")).focus();
-        if (isStored && !is_felt) setText($("touch-text"), "Please tell the experimenter. Then test it again.");
       });
     }
   }
@@ -69,6 +67,7 @@ export class TouchCheck {
     $("felt").hidden = $("unfelt").hidden = !isAsked;
     const question = NOTICED.test(output) ? "Did you notice it?" : "Did you feel it?";
     setText($("touch-text"), !output ? `${problem[0]?.toUpperCase() ?? ""}${problem.slice(1)}.` : isAsked ? question
+      : this.pulse === "unfelt" ? "Please tell the experimenter. Then test it again."
       : `Before you begin, test the haptic feedback (${output}).`);
   }
 }
