@@ -21,7 +21,7 @@ from haptigraph.config import load_config
 
 ROOT = Path(__file__).parents[1]
 sys.path[:0] = [str(ROOT / "tests" / "support"), str(ROOT / "tests" / "study")]
-from live_bench import PAD, PHONE, Live, chromium, close_page, until  # noqa: E402
+from live_bench import PAD, PHONE, Live, chromium, close_page, evaluate, until  # noqa: E402
 from walking import do_next, go_to  # noqa: E402
 
 from haptigraph.sim.phantom import Phantom  # noqa: E402
@@ -174,7 +174,12 @@ def study_pages(page: Any) -> tuple[Any, Any, str]:
 
 def steer_aside(person: Any) -> None:
     """Insert the needle beside the target, until it approaches the retina."""
-    person.click("#begin")
+    if not evaluate(person, "page.status.touch.output"):  # on a phone, without a controller
+        person.click("#setup summary")
+        person.click("#outputs label:has-text('phone')")
+        person.click("#setup summary")
+    for button in ("#pulse", "#felt", "#begin"):
+        person.click(button)
     until(person, "page.status.trial_status === 'running' && page.header?.index > 3", TIMEOUT_S)
     person.keyboard.down("ArrowDown")
     until(person, "page.header.state === 'misaligned_retinal_approach'", TIMEOUT_S)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from haptigraph.clock import Clock, MonotonicClock, VirtualClock
 from haptigraph.config import Config, HapticsConfig
 from haptigraph.errors import BadInput, NeedsRegistration, unknown_name
-from haptigraph.haptics.delivery import ConfirmedDevice, DeliveryLog, confirms
+from haptigraph.haptics.delivery import DeliveryLog, confirmed, is_felt
 from haptigraph.haptics.observed_device import Listener, ObservedDevice
 from haptigraph.haptics.pattern import with_weakest
 from haptigraph.imaging import UPRIGHT
@@ -34,7 +34,6 @@ __all__ = [
     "SOURCES",
     "build",
     "build_pipeline",
-    "is_felt",
     "is_realtime",
     "load_procedure",
     "open_device",
@@ -61,7 +60,6 @@ DEVICES = {
     "trace": "haptigraph.haptics.trace:TraceDevice",
 }
 WATCHED = ("gamepad", "ros2", "serial")  # devices that would keep vibrating if the run died
-ACTUATORS = (*WATCHED, "audio")  # devices that a person feels
 SOURCES = {
     "camera": "haptigraph.sources.cameras.uvc:CameraSource",
     "dicom": "haptigraph.sources.oct.dicom:DicomSource",
@@ -83,7 +81,6 @@ def build(
     sinks: Sequence[Sink] = (),
     progress: "Progress | None" = None,
     listener: Listener | None = None,
-    deliveries: DeliveryLog | None = None,
 ) -> Loop:
     """Assemble the loop that a configuration describes.
 
@@ -92,7 +89,6 @@ def build(
         sinks: Further consumers of steps.
         progress: Reports the progress of slow work.
         listener: Receives every output of the device.
-        deliveries: Also takes what outputs outside this loop confirm.
 
     Raises:
         BadInput: If a name, a file or a device in the configuration cannot be used.
@@ -131,10 +127,9 @@ def build(
             run = context(info, registration.image, measures, clock, source.teleop)
             bridges = _load("haptigraph.bridges.opening:open_bridges")(config.run.bridges, run)
             undo.callback(lambda: [bridge.close() for bridge in bridges])
-        device, log = open_device(config.haptics.device), deliveries or DeliveryLog()
+        name, log = config.haptics.device, DeliveryLog()
+        device = confirmed(open_device(name), name, log)
         undo.callback(device.close)
-        if confirms(config.haptics.device):
-            device = ConfirmedDevice(device, config.haptics.device, log)
         for observer in (*(bridge.send_output for bridge in bridges), *((listener,) if listener else ())):
             device = ObservedDevice(device, observer)
         output = _output(device, config, clock)
@@ -151,17 +146,12 @@ def build(
             sinks=[*bridges, *recorders, *sinks],
             clock=clock,
             stale_ms=config.run.stale_ms,
-            deliveries=log.take,
+            deliveries=log,
             notes=run_notes(config, source, procedure, device, registration, perceiver_class),
         )
         loop.report.note_limits(registration.assumed, config.haptics.max_amplitude)
         undo.pop_all()
     return loop
-
-
-def is_felt(device: str) -> bool:
-    """Return whether a person feels a device of this name: an actuator, not a file or the terminal."""
-    return device.partition(":")[0] in ACTUATORS and not device.endswith(".wav")
 
 
 def is_realtime(config: Config) -> bool:
@@ -290,10 +280,9 @@ def load_procedure(name: str) -> "Procedure":
     Raises:
         BadInput: If it does not exist or is not valid.
     """
-    from haptigraph.inference.procedure import load_procedure
-
     if name.endswith(".toml"):
-        return load_procedure(name, _load("haptigraph.scene.relations:MEASURES"))
+        load = _load("haptigraph.inference.procedure:load_procedure")
+        return load(name, _load("haptigraph.scene.relations:MEASURES"))  # type: ignore[no-any-return]
     if name not in procedure_names():
         raise BadInput(unknown_name("procedure", name, procedure_names()) + ", or the path of a .toml file")
     file = resources.files("haptigraph.procedures").joinpath(f"{name}.toml")

@@ -13,7 +13,8 @@ from msgspec.structs import replace
 
 from haptigraph.clock import Clock
 from haptigraph.errors import BadInput, EndOfSource, HaptigraphError, PerceiverBroken, SourceLost
-from haptigraph.messages import Capture, Delivered, Fault, Observation, Step, Timing
+from haptigraph.haptics.delivery import DeliveryLog
+from haptigraph.messages import Capture, Fault, Observation, Step, Timing
 from haptigraph.run_report import RunReport
 from haptigraph.stages import Perceiver, Reasoner, Renderer, SceneBuilder, Sink, Source
 
@@ -117,7 +118,7 @@ class Loop:
         sinks: Receive every step.
         clock: The run's clock; with a virtual one the loop runs as fast as it can.
         stale_ms: Without a new image for so long, the needle counts as lost.
-        deliveries: Returns the vibration that outputs have confirmed since the last call.
+        deliveries: Takes the vibration that outputs confirm, until the next capture.
         notes: What the user should know before the run, a sentence each.
     """
 
@@ -130,12 +131,13 @@ class Loop:
         sinks: Sequence[Sink] = (),
         clock: Clock,
         stale_ms: float = 100.0,
-        deliveries: Callable[[], tuple[Delivered, ...]] = tuple,
+        deliveries: DeliveryLog | None = None,
         notes: Sequence[str] = (),
     ) -> None:
         self.pipeline, self.source, self.output, self.sinks = pipeline, source, output, tuple(sinks)
         self.notes, self.report = tuple(notes), RunReport()
-        self._clock, self._stale_ms, self._deliveries = clock, stale_ms, deliveries
+        self.deliveries = deliveries or DeliveryLog()
+        self._clock, self._stale_ms = clock, stale_ms
         self._start_ns: int | None = None
         self._last_ns: int | None = None
         self._index = -1
@@ -239,7 +241,7 @@ class Loop:
                 capture = self._paced(capture)
             self.report.skipped += max(capture.index - self._index - 1, 0)
             self._index = capture.index
-            deliveries = self._deliveries()
+            deliveries = self.deliveries.take()
             if faults or deliveries:
                 faults, delivered = (*capture.faults, *faults), (*capture.delivered, *deliveries)
                 capture = replace(capture, faults=faults, delivered=delivered)
@@ -257,7 +259,7 @@ class Loop:
         if message:
             faults = (*faults, Fault("source", message))
         index, now_ns = max(self._index, 0), self._clock.now_ns()
-        return Capture(index, now_ns, None, faults=faults, delivered=self._deliveries())
+        return Capture(index, now_ns, None, faults=faults, delivered=self.deliveries.take())
 
     def _paced(self, capture: Capture) -> Capture:
         """Wait until a capture is due and stamp it; the schedule slips when the loop is late."""

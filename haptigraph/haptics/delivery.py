@@ -9,10 +9,16 @@ from collections import deque
 from haptigraph.messages import Delivered
 from haptigraph.stages import Device
 
-__all__ = ["ConfirmedDevice", "DeliveryLog", "confirms"]
+__all__ = ["ConfirmedDevice", "DeliveryLog", "confirmed", "confirms", "is_felt"]
 
+ACTUATORS = ("audio", "gamepad", "ros2", "serial")
 CONFIRMING = ("controller", "gamepad", "serial")
 MAX_PERIODS = 10_000
+
+
+def is_felt(device: str) -> bool:
+    """Return whether a person feels a device of this name: an actuator, not a file or the terminal."""
+    return device.partition(":")[0] in ACTUATORS and not device.endswith(".wav")
 
 
 def confirms(output: str) -> bool:
@@ -68,3 +74,8 @@ class ConfirmedDevice:
     def close(self) -> None:
         """Close the device."""
         self._device.close()
+
+
+def confirmed(device: Device, name: str, log: DeliveryLog) -> Device:
+    """Return a device, logged if one of its name confirms."""
+    return ConfirmedDevice(device, name, log) if confirms(name) else device

@@ -1,7 +1,8 @@
-"""Erase the data of a participant who withdraws consent; pseudonym and slot remain.
+"""Erase the data of a participant who withdraws consent; pseudonym and slot remain. Undo an enrolment.
 
 Deletes the rows in one transaction, then the recordings, then the remnants in the database's own files. After
-an interruption, a second call completes it.
+an interruption, a second call completes it. Until a participant consents, the enrolment can be undone
+instead: then pseudonym and slot are free again, as if nobody had been enrolled.
 """
 
 import shutil
@@ -19,9 +20,17 @@ from haptigraph.study.roster import Study
 from haptigraph.study.sharing.registry import bundles_of
 from haptigraph.study.station import location, open_session_row
 from haptigraph.study.store import Row
-from haptigraph.study.tables import METADATA, PARTICIPANTS, SESSIONS, TRIALS, is_erased
+from haptigraph.study.tables import (
+    METADATA,
+    PARTICIPANTS,
+    SESSIONS,
+    STAGES,
+    STUDIES,
+    TRIALS,
+    is_erased,
+)
 
-__all__ = ["PARTICIPANT_TABLES", "ParticipantData", "delete_rows", "erase", "find_data", "remaining_files"]
+__all__ = ["ParticipantData", "delete_rows", "erase", "find_data", "remaining_files", "undo_enrolment"]
 
 PARTICIPANT_TABLES = [
     table
@@ -120,6 +129,43 @@ def remaining_files(folder: Path, participant: str) -> list[str]:
     recordings = folder / recordings_folder(participant)
     files = (path for path in recordings.rglob("*") if path.is_symlink() or not path.is_dir())
     return sorted(path.relative_to(folder).as_posix() for path in files)
+
+
+def undo_enrolment(study: Study, participant: str) -> None:
+    """Delete a participant who has not consented; pseudonym and place are free again.
+
+    The undone enrolment of the only participant unfreezes the protocol.
+
+    Raises:
+        BadInput: If the pseudonym is unknown, or the participant has consented, left, or has data.
+    """
+    with study.store.begin() as connection:
+        person = study.participant(connection, participant)
+        mine = of_participant(PARTICIPANTS, study.name, participant)
+        found = [
+            table.name
+            for table in PARTICIPANT_TABLES
+            if table not in (SESSIONS, STAGES)
+            and connection.scalar(select(func.count()).where(*of_participant(table, study.name, participant)))
+        ]
+        reason = (
+            "has consented"
+            if person["consented_utc"] is not None
+            else "has left the study"
+            if person["withdrawn_utc"] is not None
+            else f"has {' and '.join(found)} in the store"
+            if found
+            else ""
+        )
+        if reason:
+            raise BadInput(
+                f"participant {participant} {reason}, so the enrolment cannot be undone; withdraw instead"
+            )
+        delete_rows(connection, study.name, participant)
+        connection.execute(delete(PARTICIPANTS).where(*mine))
+        here = PARTICIPANTS.c.study == study.name
+        if not connection.scalar(select(func.count()).select_from(PARTICIPANTS).where(here)):
+            connection.execute(delete(STUDIES).where(STUDIES.c.study == study.name))
 
 
 def _participant_not_at_station(connection: Connection, study: Study, participant: str) -> Row:

@@ -298,18 +298,14 @@ class Session:
         condition = protocol.condition(stage.condition)
         path = protocol.folder / self._recording(upcoming)
         prepare_path(path)
+        name, output = f"{stage.key}/{upcoming.attempt}", base.trial.touch_output if condition.touch else ""
         return replace(
             base,
             source=replace(base.source, target_mm=protocol.target(stage.target).along_mm),
             haptics=haptics_of(protocol, stage, base.haptics, progress),
             run=replace(base.run, procedure=protocol.procedure_path(condition)),
             recording=replace(base.recording, path=str(path)),
-            trial=replace(
-                base.trial,
-                participant=self.participant,
-                trial=f"{stage.key}/{upcoming.attempt}",
-                touch_output=base.trial.touch_output if condition.touch else "",
-            ),
+            trial=replace(base.trial, participant=self.participant, trial=name, touch_output=output),
         )
 
     def _running(self) -> Attempt:

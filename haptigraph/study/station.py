@@ -11,9 +11,9 @@ from sqlalchemy import Connection, func, select, update
 from haptigraph.errors import BadInput
 from haptigraph.study.progress import of_participant
 from haptigraph.study.roster import Study
-from haptigraph.study.tables import SESSIONS, TRIALS
+from haptigraph.study.tables import PARTICIPANTS, SESSIONS, TRIALS
 
-__all__ = ["begin_session", "end_session", "location", "open_session_row"]
+__all__ = ["begin_session", "end_session", "location", "open_session_row", "without_consent"]
 
 
 def open_session_row(connection: Connection, study: Study, participant: str) -> Any:
@@ -26,6 +26,16 @@ def location(session: Any) -> str:
     """Describe where the participant of an open session is, and since when."""
     since = session.opened_utc[:16].replace("T", " ")
     return f"participant {session.participant} is at station {session.station} since {since} UTC"
+
+
+def without_consent(study: Study, station: str) -> list[str]:
+    """Return who is enrolled, has not consented, and is at this station or at none."""
+    waiting = (PARTICIPANTS.c.study == study.name) & PARTICIPANTS.c.consented_utc.is_(None)
+    waiting &= PARTICIPANTS.c.withdrawn_utc.is_(None)
+    with study.store.begin() as connection:
+        query = select(PARTICIPANTS.c.participant).where(waiting).order_by(PARTICIPANTS.c.enrolled_utc)
+        sessions = {name: open_session_row(connection, study, name) for name in connection.scalars(query)}
+    return [name for name, at in sessions.items() if at is None or at.station == station]
 
 
 def begin_session(

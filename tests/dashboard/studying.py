@@ -17,6 +17,7 @@ __all__ = [
     "STUDY",
     "Station",
     "answer_all",
+    "click_begin",
     "feel_pulse",
     "page_with_outputs",
     "rows_of",
@@ -105,6 +106,16 @@ def feel_pulse(station, trial):
         status = send_to(station, "/participant/felt", {**trial, "is_felt": True})[1]
     assert status["touch"]["problem"] == ""
     return status
+
+
+def click_begin(page):
+    """Begin a trial on a participant's page; test the haptic feedback before, if it was not yet felt."""
+    page.wait_for_selector("#begin:enabled, #pulse:visible")
+    if page.is_visible("#pulse"):
+        assert page.is_disabled("#begin")
+        page.click("#pulse")
+        page.click("#felt")
+    page.click("#begin")
 
 
 def study_at(folder, store):

@@ -98,7 +98,10 @@ def test_a_participant_is_taken_through_a_trial(steered, open_page, tmp_path):
     with Station(tmp_path, steered(0.0)) as station:
         lab = open_page(station.url, module=STUDY, ready="page.status")
         person = open_page(
-            f"{station.url}participant", module=PARTICIPANT, ready="page.status && page.isOpen"
+            f"{station.url}participant",
+            module=PARTICIPANT,
+            ready="page.status && page.isOpen",
+            pad=True,
         )
         tab_to(lab, "#pseudonym")
         lab.keyboard.type("P07")
@@ -108,8 +111,11 @@ def test_a_participant_is_taken_through_a_trial(steered, open_page, tmp_path):
             tab_to(person, "#text-done")
             person.keyboard.press("Enter")
         until(person, "document.body.dataset.stage.startsWith('trial')")
-        tab_to(person, "#begin")
-        person.keyboard.press("Enter")
+        person.wait_for_selector("#pulse:visible")
+        for button in ("#pulse", "#felt", "#begin"):
+            expect(person.locator(button)).to_be_enabled()
+            tab_to(person, button)
+            person.keyboard.press("Enter")
         until(person, "page.status.trial_status === 'running' && page.header?.index > 3")
         tab_to(lab, "#note-text")
         lab.keyboard.type("began by keyboard")
@@ -123,4 +129,5 @@ def test_a_participant_is_taken_through_a_trial(steered, open_page, tmp_path):
         close_page(lab)
         close_page(person)
     assert rows_of(tmp_path, TRIALS, "participant", "outcome", "void") == [("P07", "hit", None)]
-    assert rows_of(tmp_path, EVENTS, "text") == [("began by keyboard",)]
+    events = [("felt", "controller: Test controller"), ("note", "began by keyboard")]
+    assert rows_of(tmp_path, EVENTS, "kind", "text") == events

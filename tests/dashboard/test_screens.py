@@ -9,7 +9,7 @@ from inspecting import SIZES, axe_violations, layout_problems, use_theme
 from live_bench import PAD, Live, until
 from paths import DATA, ROOT
 from registering import write_eye
-from studying import PROTOCOL, Station
+from studying import PROTOCOL, Station, click_begin
 
 from haptigraph.sources.phantom import PhantomSource
 
@@ -179,7 +179,7 @@ def study_training(stage):
     person.wait_for_selector("#begin:visible")
     stage.page.fill("#note-text", "asked whether the cross moves")
     stage.page.keyboard.press("Enter")
-    person.click("#begin")
+    click_begin(person)
     stage.page.wait_for_selector("body[data-trial=running][data-index]")
     return person
 

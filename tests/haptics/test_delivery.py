@@ -80,10 +80,10 @@ def measured(quick_uri, tmp_path_factory):
             recording=replace(config.recording, path=str(path)),
             trial=replace(config.trial, touch_output=output),
         )
-        log = DeliveryLog()
+        loop = build(config)
         for period in periods:
-            log.add(period)
-        build(config, deliveries=log).run()
+            loop.deliveries.add(period)
+        loop.run()
         return measure_recording(path), path
 
     return record

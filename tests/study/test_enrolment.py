@@ -3,8 +3,9 @@ from sqlalchemy import select
 from walking import go_to
 
 from haptigraph.errors import BadInput
-from haptigraph.study.enrolment import undo_enrolment, without_consent
+from haptigraph.study.erasure import undo_enrolment
 from haptigraph.study.runner import open_session
+from haptigraph.study.station import without_consent
 from haptigraph.study.tables import METADATA, PARTICIPANTS
 
 

@@ -44,7 +44,7 @@ class Hub:
         self.newest_capture: Capture | None = None
         """For pages that need the source's images."""
         self.deliveries = DeliveryLog()
-        """What outputs of pages have confirmed; give it to the loop."""
+        """What outputs of pages confirm; a loop's, so that it is recorded."""
         self.on_outputs: Callable[[], None] = lambda: None
         """Called in the server's thread when the outputs of pages change."""
         self._clock, self._origin_ns = clock, clock.now_ns()

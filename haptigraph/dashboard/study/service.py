@@ -17,12 +17,12 @@ from haptigraph.dashboard.server.site import Site
 from haptigraph.dashboard.study.stimulus import Stimulus
 from haptigraph.dashboard.study.touch_output import TouchOutput
 from haptigraph.errors import BadInput
-from haptigraph.study.enrolment import undo_enrolment, without_consent
+from haptigraph.study.erasure import undo_enrolment
 from haptigraph.study.plan import Stage
 from haptigraph.study.protocol import load_protocol
 from haptigraph.study.roster import Study, check_pseudonym
 from haptigraph.study.runner import Session, open_session
-from haptigraph.study.station import open_session_row
+from haptigraph.study.station import open_session_row, without_consent
 
 __all__ = ["StationSite", "StudyService", "TrialEnding", "TrialStatus"]
 

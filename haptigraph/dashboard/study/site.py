@@ -81,7 +81,7 @@ class StudySite:
         teleop = loop.source.teleop
 
         def show() -> None:
-            self._health = Health(loop, self.hub, measures)
+            self._health, self.hub.deliveries = Health(loop, self.hub, measures), loop.deliveries
             self.hub.call_threadsafe(announce)
             self.hub.call_threadsafe(lambda: self._controls.attach(teleop, phased))
 

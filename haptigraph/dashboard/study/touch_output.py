@@ -1,18 +1,28 @@
-"""The haptic outputs of a station, its device and its participant's page, and their test pulse."""
+"""The haptic outputs of a station, its device and its participant's page, and their test pulse.
+
+A trial with haptic feedback needs an output whose pulse the participant felt in the same session. Where
+conditions are hidden from somebody, so does every trial of a study with haptic feedback; otherwise the test
+would reveal it.
+"""
 
 from collections.abc import Sequence
 
+from sqlalchemy import select
+
 from haptigraph.analysis.actuators import play_grammar
-from haptigraph.assemble import is_felt, open_device
+from haptigraph.assemble import open_device
 from haptigraph.clock import MonotonicClock
 from haptigraph.config import HapticsConfig
 from haptigraph.dashboard.server.viewer import Viewer
 from haptigraph.errors import BadInput, DeviceError, NotSilent
+from haptigraph.haptics.delivery import is_felt
 from haptigraph.haptics.observed_device import Listener, ObservedDevice
 from haptigraph.messages import Pattern
 from haptigraph.study.plan import Stage
+from haptigraph.study.progress import of_participant
+from haptigraph.study.protocol import Protocol
 from haptigraph.study.runner import Session
-from haptigraph.study.touch_check import felt_output, needs_output
+from haptigraph.study.tables import EVENTS
 
 __all__ = ["TouchOutput"]
 
@@ -53,9 +63,9 @@ class TouchOutput:
 
     def problem(self, session: Session, stage: Stage) -> str:
         """Describe why a trial must not begin; return "" if it may, or if the stage is none."""
-        if not needs_output(session.study.protocol, stage):
+        if not _needs_output(session.study.protocol, stage):
             return ""
-        felt = felt_output(session)
+        felt = _felt_output(session)
         if not self.name:
             return NO_OUTPUT
         return "" if felt == self.name else CHANGED if felt else NOT_FELT
@@ -91,3 +101,22 @@ class TouchOutput:
         if pulsed[2] != self.name:
             raise BadInput("the haptic output changed during the test; press Test pulse again")
         session.answer_pulse(pulsed[2], is_felt=is_felt)
+
+
+def _needs_output(protocol: Protocol, stage: Stage) -> bool:
+    """Return whether a stage needs an output whose test pulse was felt."""
+    if not stage.is_trial:
+        return False
+    if protocol.study.blind == "nobody":
+        return bool(protocol.condition(stage.condition).touch)
+    return any(condition.touch for condition in protocol.conditions)
+
+
+def _felt_output(session: Session) -> str:
+    """Return the outputs whose pulse was felt in this session; empty: none, or the last was not felt."""
+    mine = of_participant(EVENTS, session.study.name, session.participant)
+    query = select(EVENTS.c.kind, EVENTS.c.text).where(
+        *mine, EVENTS.c.session == session.number, EVENTS.c.kind.in_(("felt", "unfelt"))
+    )
+    answers = session.study.store.rows(query.order_by(EVENTS.c.number))
+    return answers[-1]["text"] if answers and answers[-1]["kind"] == "felt" else ""

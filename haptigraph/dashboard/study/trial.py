@@ -106,10 +106,7 @@ def _run(
     measures = RunMeasures.under(load_procedure(config.run.procedure))
     end = TrialEnd(stage, measures)
     stopped: KeyboardInterrupt | None = None
-    hub = site.hub
-    hub.deliveries.take()  # of the test pulse
-    loop = build(config, sinks=[hub], listener=hub.record_level, deliveries=hub.deliveries)
-    with closing(loop):
+    with closing(build(config, sinks=[site.hub], listener=site.hub.record_level)) as loop:
         show = site.prepare(config, loop, measures)
         attempt = session.begin_trial(stage.key).attempt
         show()

@@ -7,7 +7,7 @@ import pytest
 from live_bench import close_page, evaluate, until
 from paths import DATA
 from playwright.sync_api import Error
-from studying import PARTICIPANT, PROTOCOL, STUDY, Station, answer_all, rows_of
+from studying import PARTICIPANT, PROTOCOL, STUDY, Station, answer_all, click_begin, rows_of
 
 from haptigraph.analysis.metrics.trial import measure_recording
 from haptigraph.recording.reader import RunReader
@@ -54,16 +54,11 @@ def wait_for_stage(page, key):
 
 
 def begin(page):
-    """Begin a trial; test the haptic feedback before, if it was not yet felt in this session."""
-    page.wait_for_selector("#begin:enabled, #pulse:visible")
-    if page.is_visible("#pulse"):
-        assert page.is_disabled("#begin")
-        page.evaluate("() => { window.rumble.length = 0; }")
-        page.click("#pulse")
-        page.click("#felt")
-        played = page.evaluate("() => window.rumble.filter(({ type }) => type === 'dual-rumble')")
-        assert played and all(effect["strongMagnitude"] == 1 for effect in played)
-    page.click("#begin")
+    page.evaluate("() => { window.rumble.length = 0; }")
+    needs_pulse = page.wait_for_selector("#begin:enabled, #pulse:visible").get_attribute("id") == "pulse"
+    click_begin(page)
+    played = page.evaluate("() => window.rumble.filter(({ type }) => type === 'dual-rumble')")
+    assert not needs_pulse or (played and played[0]["strongMagnitude"] == 1)
     until(page, "page.status.trial_status === 'running' && page.header?.index > 3")
 
 

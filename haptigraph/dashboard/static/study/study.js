@@ -73,7 +73,7 @@ function showStage(/** @type {ExperimenterStatus} */ { current, trial_status, pa
   $("participant").textContent = current?.participant ?? "";
   if (current) {
     setText($("stage"), stage ? [stage.title, stage.condition].filter(Boolean).join(" · ") : current.ended);
-    const facts = [`stage ${Math.min(current.done + 1, current.total)} of ${current.total}`, stage && stageText(stage, trial_status), stage?.timeout_s && current.touch.output && `output: ${current.touch.output}`, !current.has_haptics && "without haptic feedback"];
+    const facts = [`stage ${Math.min(current.done + 1, current.total)} of ${current.total}`, stage && stageText(stage, trial_status), stage?.timeout_s && current.touch.output && `haptic output ${current.touch.output}`, !current.has_haptics && "without haptic feedback"];
     $("detail").textContent = facts.filter(Boolean).join(" · ");
   } else {
     setText($("stage"), interrupted ? `${interrupted.participant} was here when the station stopped` : "No participant at this station");

@@ -7,7 +7,7 @@ const SHORTEST_MS = 1;
 
 export class TouchCheck {
   named = "[]";
-  /** Whether the pulse is playing, or waits for its answer. @type {"" | "playing" | "played"} */ pulse = "";
+  /** The test pulse: playing, waiting for its answer, or not felt. @type {"" | "playing" | "played" | "unfelt"} */ pulse = "";
   /** @type {TouchStatus} */ status = { output: "", problem: "" };
 
   /** @param {import("../common/feed.js").Feed} feed
@@ -20,13 +20,13 @@ export class TouchCheck {
       this.pulse = "playing";
       this.pulse = await act("pulse") ? "played" : "";
       this.update();
+      $("touch-check").focus();  // not the answer, which a second key press would give
     });
     for (const [button, is_felt] of /** @type {const} */ ([["felt", true], ["unfelt", false]])) {
       $(button).addEventListener("click", async () => {
-        const isStored = await act("felt", { is_felt });
-        this.pulse = "";
+        this.pulse = await act("felt", { is_felt }) && !is_felt ? "unfelt" : "";
         this.update();
-        if (isStored && !is_felt) setText($("touch-text"), "Please tell the experimenter. Then test it again.");
+        (is_felt ? $("begin") : $("touch-check")).focus();
       });
     }
   }
@@ -67,6 +67,7 @@ export class TouchCheck {
     $("felt").hidden = $("unfelt").hidden = !isAsked;
     const question = NOTICED.test(output) ? "Did you notice it?" : "Did you feel it?";
     setText($("touch-text"), !output ? `${problem[0]?.toUpperCase() ?? ""}${problem.slice(1)}.` : isAsked ? question
+      : this.pulse === "unfelt" ? "Please tell the experimenter. Then test it again."
       : `Before you begin, test the haptic feedback (${output}).`);
   }
 }
