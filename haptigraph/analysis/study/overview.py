@@ -8,7 +8,6 @@ from rich.table import Table
 
 from haptigraph.study.plan import Stage, conditions_of, plan_of
 from haptigraph.study.protocol import Protocol
-from haptigraph.study.touch import touch_of
 
 if TYPE_CHECKING:
     from haptigraph.study.status import ParticipantStatus
@@ -20,7 +19,7 @@ def protocol_tables(protocol: Protocol) -> Iterator[Table]:
     """Yield the tables of conditions, of the first participant's plan, of orders, and of targets."""
     table = _table("Conditions", "name", "title", "procedure", "touch", "display")
     for each in protocol.conditions:
-        table.add_row(each.name, each.title, each.procedure, touch_of(each), each.display)
+        table.add_row(each.name, each.title, each.procedure, each.touch_text, each.display)
     yield table
     table = _table("Plan of the first participant", "stage", "condition", "target", "timeout")
     for stage in plan_of(protocol, 0):
