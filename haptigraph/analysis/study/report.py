@@ -6,6 +6,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from msgspec import Struct
 
+from haptigraph.analysis.study.calibration import calibration_paragraph, calibration_tables
 from haptigraph.analysis.study.detail_tables import detail_tables
 from haptigraph.analysis.study.figures.motion import alignment_figure, cone_figure, learning_figure
 from haptigraph.analysis.study.figures.states import box_figure, sequence_figure
@@ -46,6 +47,9 @@ TITLES = {
     "order_effects": "Order and learning (mixed models)",
     "sus_summary": "SUS by condition",
     "sus": "SUS by participant",
+    "thresholds": "Detection thresholds of vibration amplitude",
+    "patterns_named": "Patterns named correctly, by participant",
+    "confusion": "Patterns played and named, in the first round",
     "missing": "Missing data",
     "state_transitions": "Transitions between states",
 }
@@ -103,7 +107,10 @@ def _files(
     note = SIMULATED if simulated else ""
     summaries = result_tables(results)
     paragraphs = methods(tables, results, traces, simulated=simulated)
-    details = detail_tables(results)
+    calibration = calibration_tables(tables)
+    details = {**detail_tables(results), **calibration}
+    if calibrated := calibration_paragraph(calibration):
+        paragraphs = [*paragraphs, calibrated]
     drawn = _figures(results, traces, "SIMULATED" if simulated else "")
     pictures = [Picture(name, formats["svg"], CAPTIONS[name]) for name, formats in drawn.items()]
     tex = latex(summaries, note)

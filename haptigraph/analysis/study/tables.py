@@ -6,7 +6,7 @@ from pathlib import Path
 
 import msgspec
 import pandas as pd
-from msgspec import Struct
+from msgspec import Struct, field
 
 from haptigraph.errors import BadInput
 
@@ -19,6 +19,17 @@ COLUMNS = {
     },
     "answers": {"participant", "condition", "questionnaire", "item", "answer"},
     "participants": {"participant"},
+    "calibration": {
+        "participant",
+        "device",
+        "task",
+        "number",
+        "round",
+        "pattern",
+        "amplitude",
+        "response",
+        "correct",
+    },
 }
 TEXT_COLUMNS = {
     *("study", "participant", "condition", "phase", "target", "outcome", "state_order", "started_utc"),
@@ -30,9 +41,13 @@ KEYS = {
     "trials": ("participant", "condition", "block", "phase", "trial", "attempt"),
     "answers": ("participant", "condition", "position", "questionnaire", "item"),
     "participants": ("participant",),
+    "calibration": ("participant", "device", "task", "number"),
 }
 NUMERIC_SUFFIXES = ("_s", "_ms", "_mm", "_mm2", "_deg", "_mm_s")
-NUMERIC_COLUMNS = ("session", "block", "position", "trial", "attempt", "contacts", "sparc", "log_jerk")
+NUMERIC_COLUMNS = (
+    *("session", "block", "position", "trial", "attempt", "contacts", "sparc", "log_jerk"),
+    *("number", "round", "amplitude", "correct"),
+)
 
 
 class StudyTables(Struct, frozen=True):
@@ -48,6 +63,10 @@ class StudyTables(Struct, frozen=True):
     """In the order of the protocol, where the export has one."""
     title: str = ""
     """Of the study, where the export has one."""
+    calibration: pd.DataFrame = field(
+        default_factory=lambda: pd.DataFrame(columns=sorted(COLUMNS["calibration"]))
+    )
+    """The stimuli of the calibration; empty without one."""
 
     @property
     def study(self) -> str:
@@ -102,8 +121,8 @@ def read_tables(folder: str | Path) -> StudyTables:
         raise BadInput(f"contains {len(studies)} studies ({found}); expected one", paths["trials"])
     digests = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in paths.values()}
     title, conditions = _protocol(folder / "study.json")
-    trials, answers, participants = (tables[name] for name in COLUMNS)
-    return StudyTables(folder, trials, answers, participants, digests, conditions, title)
+    trials, answers, participants, calibration = (tables[name] for name in COLUMNS)
+    return StudyTables(folder, trials, answers, participants, digests, conditions, title, calibration)
 
 
 def _path_of(folder: Path, name: str) -> Path | None:
