@@ -7,20 +7,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from haptigraph.clock import Clock, MonotonicClock, VirtualClock
-from haptigraph.config import Config, HapticsConfig
+from haptigraph.config import Config
 from haptigraph.errors import BadInput, NeedsRegistration, unknown_name
 from haptigraph.haptics.delivery import DeliveryLog, confirmed, is_felt
 from haptigraph.haptics.observed_device import Listener, ObservedDevice
-from haptigraph.haptics.pattern import with_weakest
 from haptigraph.imaging import UPRIGHT
-from haptigraph.messages import Pattern
 from haptigraph.perception.entities import ENTITIES
 from haptigraph.pipeline import HapticOutput, Loop, Pipeline
 from haptigraph.registration.assumed import needs_consent
 from haptigraph.run_header import run_info
 from haptigraph.run_notes import run_notes
 from haptigraph.sources.naming import CAMERAS, GENERATED, PREFETCHABLE, camera_size_px, split_source
-from haptigraph.stages import Device, Perceiver, PerceiverClass, Renderer, Sink, Source, check_members
+from haptigraph.stages import Device, Perceiver, PerceiverClass, Sink, Source, check_members
 from haptigraph.version import __version__
 
 if TYPE_CHECKING:
@@ -191,17 +189,8 @@ def build_pipeline(
         perceive=perceive or _perceiver(config, registration, procedure),
         build_scene=_load("haptigraph.scene.builder:SchemaSceneBuilder")(procedure.schema),
         reason=_load("haptigraph.inference.engine:RuleEngine")(procedure),
-        render=_renderer(config.haptics, procedure.patterns),
+        render=_load("haptigraph.haptics.renderer:make_renderer")(procedure.patterns, config.haptics),
     )
-
-
-def _renderer(settings: HapticsConfig, patterns: Sequence[Pattern]) -> Renderer:
-    if settings.weakest_amplitude is not None:
-        patterns = with_weakest(patterns, settings.weakest_amplitude)
-    if settings.sham_seed is not None:
-        sham = _load("haptigraph.haptics.sham:ShamRenderer")
-        return sham(patterns, settings.sham_seed, settings.sham_duty)  # type: ignore[no-any-return]
-    return _load("haptigraph.haptics.renderer:GrammarRenderer")(patterns)  # type: ignore[no-any-return]
 
 
 def perceiver_name(config: Config, procedure: "Procedure") -> str:

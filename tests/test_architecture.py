@@ -29,7 +29,7 @@ UNITLESS = {
     "w", "t", "df", "d", "opposite", "mean", "sd", "median", "lower", "upper",
     "difference", "error", "estimate", "observed", "detectable_d", "needed", "score", "from_score",
     "participant_sd", "residual_sd", "width", "height",
-    "least_confidence", "across", "down", "depth_share", "target_share", "chance", "chroma_share", "light",
+    "weakest_amplitude", "sham_duty", "least_confidence", "across", "down", "depth_share", "target_share", "chance", "chroma_share", "light",
 }  # fmt: skip
 
 

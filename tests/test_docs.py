@@ -20,6 +20,8 @@ from haptigraph.sim.scenario import Scenario, load_scenario, scenario_names
 from haptigraph.sim.tissue import TissueShape
 from haptigraph.study.data_dictionary import MEASURES as MEASURES_OF_TRIALS
 from haptigraph.study.frozen.quality import Quality
+from haptigraph.study.preparation.calibration import Calibration
+from haptigraph.study.preparation.training import Training
 from haptigraph.study.protocol import (
     Condition,
     QuestionnaireTable,
@@ -27,7 +29,6 @@ from haptigraph.study.protocol import (
     StudyTable,
     Target,
     Texts,
-    Training,
     Trials,
 )
 from haptigraph.toml_document import Document
@@ -96,7 +97,7 @@ def test_study_page_lists_every_protocol_key_and_measure():
     text = read("docs/study.md")
     tables = {"study": StudyTable, "condition": Condition, "training": Training, "trials": Trials}
     tables |= {"target": Target, "questionnaire": QuestionnaireTable, "stop": Stop, "texts": Texts}
-    tables |= {"quality": Quality}
+    tables |= {"quality": Quality, "calibration": Calibration}
     for table, struct in tables.items():
         for key in struct.__struct_fields__:
             assert f"`{table}.{key}`" in text, f"{table}.{key}"

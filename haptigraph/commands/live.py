@@ -19,11 +19,13 @@ __all__ = ["live"]
         "haptigraph live clip.mp4 --registration eye.toml",
         "haptigraph live camera:0 --registration eye.toml --record run.mcap",
         "haptigraph live --host 0.0.0.0",
+        "haptigraph live --practice my-scores.csv",
     )
 )
 @run_options
 @page_options
 @click.option("--browser/--no-browser", default=True, help="Open the page, if this machine has a display.")
+@click.option("--practice", metavar="FILE", help="Score every run, from entry to hit, into a CSV file.")
 @click.option(
     "--recordings", metavar="FOLDER", default=".", help="Recordings to browse; default: the current folder."
 )
@@ -32,6 +34,7 @@ def live(
     host: str,
     token: str | None,
     browser: bool,
+    practice: str | None,
     recordings: str,
     config: str | None,
     **given: object,
@@ -65,7 +68,7 @@ def live(
         page_of = partial(LivePage, listener=listener, host=host, tokens=tokens, recordings=Path(recordings))
         page = page_of(settled)
         try:
-            run_loop(settled, page, opens_browser=browser)
+            run_loop(settled, page, opens_browser=browser, practice=practice)
             return
         except NeedsRegistration as needed:
             print_status(f"haptigraph: {needed}")
@@ -78,4 +81,4 @@ def live(
             print_status("haptigraph: stopped")
             return
         settled = replace(settled, source=replace(settled.source, registration=made))
-        run_loop(settled, page_of(settled))
+        run_loop(settled, page_of(settled), practice=practice)

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from haptigraph.analysis.metrics.run import RunMeasures
     from haptigraph.config import Config
     from haptigraph.dashboard.live.live import LivePage
+    from haptigraph.inference.procedure import Procedure
     from haptigraph.pipeline import Loop
     from haptigraph.stages import Sink
 
@@ -85,23 +86,33 @@ def demo(scenario: str, output: str | None, realtime: bool) -> None:
     click.echo(f"recording       {recording}\npicture         {picture}")
 
 
-def run_loop(config: "Config", page: "LivePage | None" = None, *, opens_browser: bool = False) -> bool:
+def run_loop(
+    config: "Config",
+    page: "LivePage | None" = None,
+    *,
+    opens_browser: bool = False,
+    practice: str | None = None,
+) -> bool:
     """Run a configuration and print the summary, also if the run fails; return False if interrupted.
 
     Args:
         config: The configuration.
         page: The live page, if any; after the run it stays until Ctrl-C.
         opens_browser: Whether to open the page.
+        practice: CSV file for the scores of all runs; None: no scores.
     """
     from haptigraph.analysis.metrics.run import RunMeasures
     from haptigraph.analysis.metrics.summary import summary
     from haptigraph.assemble import build, is_realtime, load_procedure
     from haptigraph.sinks.console import ConsoleSink
 
-    measures = RunMeasures.under(load_procedure(config.run.procedure))
+    procedure = load_procedure(config.run.procedure)
+    measures = RunMeasures.under(procedure)
     with terminable(), progress_bar() as progress:
         console = ConsoleSink(shows_time=not is_realtime(config))
         sinks: list[Sink] = [console, page.hub] if page else [console]
+        if practice is not None:
+            sinks.append(_practice(practice, procedure, page))
         listener = page.hub.record_level if page else None
         with (
             closing(build(config, sinks=sinks, progress=progress, listener=listener)) as loop,
@@ -126,6 +137,20 @@ def run_loop(config: "Config", page: "LivePage | None" = None, *, opens_browser:
         None if loop.report.is_silent else NotSilent(config.haptics.device),
     )
     return loop.report.ended != "interrupted"
+
+
+def _practice(path: str, procedure: "Procedure", page: "LivePage | None") -> "Sink":
+    """Return a sink that scores runs, in the terminal and on the page."""
+    from datetime import UTC, datetime
+
+    from haptigraph.analysis.metrics.practice import Practice
+
+    def report(sentence: str) -> None:
+        print_status(sentence)
+        if page:
+            page.hub.publish_threadsafe("score", text=sentence)
+
+    return Practice(path, procedure, lambda: datetime.now(UTC), report)
 
 
 def _raise_last(*problems: HaptigraphError | None) -> None:

@@ -128,15 +128,17 @@ def amplitude_range(patterns: Sequence[Pattern]) -> tuple[float, float]:
     return min(amplitudes, default=0.0), max(amplitudes, default=0.0)
 
 
-def with_weakest(patterns: Sequence[Pattern], amplitude: float) -> tuple[Pattern, ...]:
+def with_weakest(patterns: Sequence[Pattern], amplitude: float | None) -> tuple[Pattern, ...]:
     """Return patterns the weakest of which has a given amplitude, and the strongest its own.
 
     The amplitudes in between are mapped linearly. Their order stays: the strongest alarm remains so.
 
     Args:
         patterns: The haptic grammar of a procedure.
-        amplitude: At most that of the strongest.
+        amplitude: At most that of the strongest; None: leave them as they are.
     """
+    if amplitude is None:
+        return tuple(patterns)
     weakest, strongest = amplitude_range(patterns)
     share = (strongest - amplitude) / (strongest - weakest) if strongest > weakest else 0.0
 

@@ -3,13 +3,15 @@
 Keeps track of the current pattern, so that a steady state keeps its rhythm and a one-shot plays once.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
+from haptigraph.config import HapticsConfig
 from haptigraph.haptics.guidance import Guidance
-from haptigraph.haptics.pattern import NS_PER_MS, duration_ns, position_ns
+from haptigraph.haptics.pattern import NS_PER_MS, duration_ns, position_ns, with_weakest
+from haptigraph.haptics.sham import ShamRenderer
 from haptigraph.messages import OFF, TIP_NOT_VISIBLE, UNKNOWN, Conclusion, HapticCommand, Pattern
 
-__all__ = ["GrammarRenderer"]
+__all__ = ["GrammarRenderer", "make_renderer"]
 
 
 class GrammarRenderer:
@@ -74,3 +76,11 @@ class GrammarRenderer:
             position_ns(self._playing, pattern, now_ns - self._since_ns) if continues else 0
         )
         self._playing = pattern
+
+
+def make_renderer(patterns: Sequence[Pattern], config: HapticsConfig) -> GrammarRenderer | ShamRenderer:
+    """Return the renderer of a configuration: of the grammar, as strong as set, or a sham of it."""
+    patterns = with_weakest(patterns, config.weakest_amplitude)
+    if config.sham_seed is not None:
+        return ShamRenderer(patterns, config.sham_seed, config.sham_duty)
+    return GrammarRenderer(patterns)

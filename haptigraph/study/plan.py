@@ -9,8 +9,8 @@ from typing import Literal, TypeAlias
 
 from msgspec import Struct
 
-from haptigraph.study.calibration import Task
 from haptigraph.study.conditions import hashed_integer, order_of, round_of, targets_of
+from haptigraph.study.preparation.calibration import Task
 from haptigraph.study.protocol import Protocol
 
 __all__ = ["Kind", "Stage", "attempt_seed", "condition_title", "conditions_of", "plan_of"]

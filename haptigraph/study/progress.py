@@ -9,8 +9,8 @@ from datetime import datetime
 from msgspec import Struct, field
 from sqlalchemy import ColumnElement, Connection, Table, select
 
-from haptigraph.study.calibration import Response, Task
 from haptigraph.study.plan import Stage
+from haptigraph.study.preparation.calibration import Response, Task
 from haptigraph.study.protocol import Protocol
 from haptigraph.study.tables import ANSWERS, CALIBRATION, EVENTS, PARTICIPANTS, STAGES, TRIALS, is_erased
 

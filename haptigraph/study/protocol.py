@@ -11,12 +11,14 @@ from typing import Annotated, Literal, TypeVar
 from msgspec import Meta, Struct, field
 
 from haptigraph.assemble import load_procedure
-from haptigraph.errors import BadInput, unknown_name
-from haptigraph.study.calibration import Calibration, checked_calibration
+from haptigraph.errors import BadInput
+from haptigraph.messages import Pattern
 from haptigraph.study.conditions import Order
 from haptigraph.study.frozen.analysis_plan import Analysis, check_analysis, numeric_measures
 from haptigraph.study.frozen.parts import is_same_part
 from haptigraph.study.frozen.quality import Quality
+from haptigraph.study.preparation.calibration import Calibration, checked_calibration
+from haptigraph.study.preparation.training import Training, check_training
 from haptigraph.study.questionnaire import Questionnaire, load_questionnaire
 from haptigraph.toml_document import Document
 
@@ -29,7 +31,6 @@ __all__ = [
     "StudyTable",
     "Target",
     "Texts",
-    "Training",
     "Trials",
     "load_protocol",
 ]
@@ -74,20 +75,10 @@ class Condition(Struct, frozen=True, forbid_unknown_fields=True):
     display: Literal["ioct", "overlays"] = "ioct"
     """What the participant sees: the iOCT-like image without or with detections drawn on it."""
 
-
-class Training(Struct, frozen=True, forbid_unknown_fields=True):
-    """The [training] table; without it there is no training."""
-
-    before: Literal["study", "condition"]
-    """Once before the first condition, or before and under each condition."""
-    condition: str = ""
-    """The condition of the training that takes place once."""
-    trials: Count = 1
-    timeout_s: TimeoutS = 300.0
-    free: bool = True
-    """Whether a trial continues after Target Hit."""
-    until_hits: Number = 0
-    """Training ends after so many hits in a row, at the latest after `trials`; 0: always after `trials`."""
+    @property
+    def touch_text(self) -> str:
+        """The haptic output in a word: on, off or sham."""
+        return "sham" if self.touch == "sham" else "on" if self.touch else "off"
 
 
 class Trials(Struct, frozen=True, forbid_unknown_fields=True):
@@ -170,6 +161,8 @@ class Protocol(Struct, frozen=True):
     quality: Quality
     procedures: dict[str, str]
     """Text of each procedure that a condition names."""
+    patterns: dict[str, tuple[Pattern, ...]]
+    """Patterns of each of them."""
     parts: dict[str, str]
     """All texts of the protocol by name; they are frozen together."""
     folder: Path
@@ -227,7 +220,9 @@ def load_protocol(path: str | Path) -> Protocol:
     data = document.convert(_File)
     folder = Path(document.file).parent
     _check_names(document, data)
-    _check_training(document, data)
+    names = [condition.name for condition in data.conditions]
+    if data.training is not None:
+        check_training(document, data.training, data.study.design, names)
     _check_sham(document, data)
     parts = {FILE: document.text}
     procedures, patterns, states = {}, {}, set[str]()
@@ -235,10 +230,12 @@ def load_protocol(path: str | Path) -> Protocol:
         key = f"condition[{number}].procedure"
         loaded = _load(document, key, load_procedure, _procedure_from(folder, condition.procedure))
         procedures[condition.procedure] = parts[f"procedure {condition.procedure}"] = loaded.text
-        if condition.touch:
-            patterns[condition.name] = loaded.patterns
+        patterns[condition.procedure] = loaded.patterns
         states |= {state.name for state in loaded.states}
-    calibration = checked_calibration(document, data.calibration, patterns) if data.calibration else None
+    calibration = data.calibration
+    if calibration is not None:
+        touched = {each.name: patterns[each.procedure] for each in data.conditions if each.touch}
+        calibration = checked_calibration(document, calibration, touched)
     questionnaires: list[tuple[QuestionnaireTable, Questionnaire]] = []
     for number, table in enumerate(data.questionnaires):
         key = f"questionnaire[{number}].file"
@@ -265,6 +262,7 @@ def load_protocol(path: str | Path) -> Protocol:
         stop=data.stop,
         quality=data.quality,
         procedures=procedures,
+        patterns=patterns,
         parts=parts,
         folder=folder,
         analysis=data.analysis,
@@ -304,31 +302,6 @@ def _check_names(document: Document, data: _File) -> None:
     for key in ("briefing", "consent"):
         if not getattr(data.texts, key).strip():
             raise document.error(f"{key} is empty; write the text for participants", f"texts.{key}")
-
-
-def _check_training(document: Document, data: _File) -> None:
-    training = data.training
-    if training is None:
-        return
-    names = [condition.name for condition in data.conditions]
-    if training.before == "condition" and training.condition:
-        raise document.error(
-            "training before each condition uses that condition; remove the key", "training.condition"
-        )
-    if training.before == "study" and data.study.design == "between":
-        if training.condition:
-            raise document.error(
-                "with design between, training uses the participant's own condition; remove the key",
-                "training.condition",
-            )
-    elif training.before == "study" and training.condition not in names:
-        raise document.error(unknown_name("condition", training.condition, names), "training.condition")
-    if training.until_hits and training.free:
-        problem = "until_hits needs free = false: a hit does not end a free trial"
-        raise document.error(problem, "training.until_hits")
-    if training.until_hits > training.trials:
-        problem = f"until_hits: {training.until_hits} hits need as many trials; found {training.trials}"
-        raise document.error(problem, "training.until_hits")
 
 
 def _check_sham(document: Document, data: _File) -> None:

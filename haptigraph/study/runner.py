@@ -6,33 +6,28 @@ exactly where the session stopped. Every write is one transaction; an action on 
 
 import hashlib
 from collections.abc import Mapping
-from datetime import datetime
-from typing import Any, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 from msgspec.structs import replace
-from sqlalchemy import Connection, delete, func, select, update
+from sqlalchemy import delete, func, select, update
 
 from haptigraph.config import Config, HapticsConfig
 from haptigraph.errors import BadInput
-from haptigraph.study.calibration import Stimulus
 from haptigraph.study.data_dictionary import check_measures
-from haptigraph.study.plan import Stage, attempt_seed, plan_of
+from haptigraph.study.plan import attempt_seed
+from haptigraph.study.preparation.strength import haptics_of, strength_of
 from haptigraph.study.progress import (
     Attempt,
     Next,
-    Progress,
-    next_of,
-    of_participant,
     read_progress,
     repeatable,
     trial_key,
 )
 from haptigraph.study.recordings import fingerprint, prepare_path, recordings_folder
 from haptigraph.study.roster import Study
-from haptigraph.study.station import begin_session, end_session, open_session_row
+from haptigraph.study.station import OpenSession, begin_session, end_session
 from haptigraph.study.store import to_json
-from haptigraph.study.tables import ANSWERS, CALIBRATION, EVENTS, PARTICIPANTS, STAGES, TRIALS, is_erased
-from haptigraph.study.touch import haptics_of, responded, stimulus_of
+from haptigraph.study.tables import ANSWERS, CALIBRATION, EVENTS, PARTICIPANTS, TRIALS, is_erased
 from haptigraph.version import __version__
 
 __all__ = ["Measures", "Outcome", "Session", "open_session"]
@@ -41,25 +36,8 @@ Outcome: TypeAlias = Literal["hit", "timeout", "aborted"]
 Measures: TypeAlias = Mapping[str, float | int | str]
 
 
-class Session:
-    """A participant's session at a station; created by `open_session`.
-
-    Args:
-        study: The study.
-        participant: The pseudonym.
-        slot: The participant's slot in the counterbalancing.
-        number: The session's number.
-    """
-
-    def __init__(self, study: Study, participant: str, slot: int, number: int) -> None:
-        self.study, self.participant, self.number = study, participant, number
-        self.plan, self._slot = plan_of(study.protocol, slot), slot
-        self._here = {"study": study.name, "participant": participant}
-
-    def next(self) -> Next:
-        """Return the next stage."""
-        with self.study.store.begin() as connection:
-            return self._next(read_progress(connection, self.study.name, self.participant))
+class Session(OpenSession):
+    """A participant's session at a station; created by `open_session`."""
 
     def done(self, key: str) -> None:
         """Complete a briefing, the consent, a break or the thanks, or submit a questionnaire.
@@ -125,16 +103,6 @@ class Session:
             row = {"questionnaire": stage.questionnaire, "position": stage.position, "item": item}
             connection.execute(delete(ANSWERS).where(*self._mine(ANSWERS, row)))
 
-    def stimulus(self, haptics: HapticsConfig) -> Stimulus | None:
-        """Return the next stimulus of the calibration; None if another stage comes next.
-
-        Args:
-            haptics: Device and limits of the station.
-        """
-        with self.study.store.begin() as connection:
-            progress = read_progress(connection, self.study.name, self.participant)
-        return stimulus_of(self.study.protocol, self._next(progress).stage, haptics, progress, self._slot)
-
     def respond(
         self, key: str, number: int, response: str, haptics: HapticsConfig, page_output: str = ""
     ) -> None:
@@ -153,8 +121,10 @@ class Session:
         with self.study.store.begin() as connection:
             stage, _ = self._expect(connection, key)
             progress = read_progress(connection, self.study.name, self.participant)
-            asked = self.study.protocol, stage, haptics, progress, self._slot
-            row, is_last = responded(*asked, number, response)
+            asking = self._asking(stage, progress, haptics)
+            if asking is None:
+                raise BadInput(f"{key} is not a calibration")
+            row, is_last = asking.respond(number, response)
             row |= {"session": self.number, "page_output": page_output or None}
             row |= {**self._here, "at_utc": self.study.store.now_utc()}
             connection.execute(CALIBRATION.insert().values(row))
@@ -296,13 +266,16 @@ class Session:
             raise BadInput(f"participant {self.participant}: the next stage is not a trial yet to begin")
         protocol = self.study.protocol
         condition = protocol.condition(stage.condition)
+        patterns = protocol.patterns[condition.procedure]
+        measured = progress.responses.get(("threshold", base.haptics.device), ())
+        strength = strength_of(protocol.calibration, patterns, measured, base.haptics)
         path = protocol.folder / self._recording(upcoming)
         prepare_path(path)
         name, output = f"{stage.key}/{upcoming.attempt}", base.trial.touch_output if condition.touch else ""
         return replace(
             base,
             source=replace(base.source, target_mm=protocol.target(stage.target).along_mm),
-            haptics=haptics_of(protocol, stage, base.haptics, progress),
+            haptics=haptics_of(condition.touch, condition.sham_duty, stage.seed, strength, base.haptics),
             run=replace(base.run, procedure=protocol.procedure_path(condition)),
             recording=replace(base.recording, path=str(path)),
             trial=replace(base.trial, participant=self.participant, trial=name, touch_output=output),
@@ -319,36 +292,6 @@ class Session:
         """Return the path of a recording in the study's folder; it does not reveal the condition."""
         key = upcoming.stage.key.replace("/", "-") if upcoming.stage else ""
         return f"{recordings_folder(self.participant)}/{key}-attempt{upcoming.attempt}.mcap"
-
-    def _next(self, progress: Progress) -> Next:
-        now = datetime.fromisoformat(self.study.store.now_utc())
-        return next_of(self.plan, progress, self.study.protocol, now)
-
-    def _complete(self, connection: Connection, key: str) -> str:
-        """Store that a stage is complete; return when."""
-        now_utc = self.study.store.now_utc()
-        row = {**self._here, "stage": key, "session": self.number, "done_utc": now_utc}
-        connection.execute(STAGES.insert().values(row))
-        return now_utc
-
-    def _expect(self, connection: Connection, key: str) -> tuple[Stage, Next]:
-        upcoming = self._next(self._require_open(connection))
-        if upcoming.stage is None or upcoming.stage.key != key:
-            found = upcoming.stage.key if upcoming.stage else f"nothing more ({upcoming.ended})"
-            raise BadInput(f"participant {self.participant}: {key} does not come next, but {found}")
-        return upcoming.stage, upcoming
-
-    def _require_open(self, connection: Connection) -> Progress:
-        """Return the participant's progress if this is still the open session."""
-        session = open_session_row(connection, self.study, self.participant)
-        if session is None or session.session != self.number:
-            where = f"at {session.station} now" if session else "at no station now"
-            raise BadInput(f"participant {self.participant} is {where}; open the session again")
-        return read_progress(connection, self.study.name, self.participant)
-
-    def _mine(self, table: Any, row: Mapping[str, object] | None = None) -> list[Any]:
-        mine = of_participant(table, self.study.name, self.participant)
-        return [*mine, *(table.c[name] == value for name, value in (row or {}).items())]
 
     def _add_event(self, kind: str, text: str) -> None:
         if not text.strip():

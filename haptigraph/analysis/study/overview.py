@@ -10,7 +10,6 @@ from haptigraph.study.frozen.analysis_plan import Analysis
 from haptigraph.study.frozen.quality import quality_limits
 from haptigraph.study.plan import Stage, conditions_of, plan_of
 from haptigraph.study.protocol import Protocol
-from haptigraph.study.touch import touch_of
 
 if TYPE_CHECKING:
     from haptigraph.study.status import ParticipantStatus
@@ -27,7 +26,7 @@ def protocol_tables(protocol: Protocol, *, is_blind: bool = False) -> Iterator[T
     """
     table = _table("Conditions", "name", "title", "procedure", "touch", "display")
     for each in protocol.conditions:
-        table.add_row(each.name, each.title, each.procedure, touch_of(each), each.display)
+        table.add_row(each.name, each.title, each.procedure, each.touch_text, each.display)
     yield table
     if not is_blind:
         yield from _assignments(protocol)

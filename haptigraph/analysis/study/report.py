@@ -6,6 +6,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from msgspec import Struct
 
+from haptigraph.analysis.study.calibration import calibration_paragraph, calibration_tables
 from haptigraph.analysis.study.data_quality import flagged_trials, quality_by_condition
 from haptigraph.analysis.study.detail_tables import detail_tables
 from haptigraph.analysis.study.figures.motion import alignment_figure, cone_figure, learning_figure
@@ -64,6 +65,9 @@ TITLES = {
     "questionnaires_summary": "Scores of questionnaires by condition",
     "sus_summary": "SUS by condition",
     "sus": "SUS by participant",
+    "thresholds": "Detection thresholds of vibration amplitude",
+    "patterns_named": "Patterns named correctly, by participant",
+    "confusion": "Patterns played and named, in the first round",
     "missing": "Missing data",
     "flagged_trials": "Trials beyond the protocol's thresholds of data quality",
     "data_quality": "Data quality by condition",
@@ -130,6 +134,10 @@ def _files(
         "flagged_trials": flagged_trials(tables, results),
     }
     details |= {name: table for name, table in quality.items() if not table.empty}
+    calibration = calibration_tables(tables)
+    details |= calibration
+    if calibrated := calibration_paragraph(calibration):
+        paragraphs = [*paragraphs, calibrated]
     drawn = _figures(results, traces, "SIMULATED" if simulated else "")
     pictures = [Picture(name, formats["svg"], CAPTIONS[name]) for name, formats in drawn.items()]
     tex = latex(summaries, note)

@@ -4,7 +4,7 @@ import hashlib
 from pathlib import Path
 
 import pandas as pd
-from msgspec import Struct
+from msgspec import Struct, field
 
 from haptigraph.analysis.study.preregistered.frozen import FrozenProtocol, read_frozen
 from haptigraph.errors import BadInput
@@ -18,6 +18,17 @@ COLUMNS = {
     },
     "answers": {"participant", "condition", "questionnaire", "item", "answer"},
     "participants": {"participant"},
+    "calibration": {
+        "participant",
+        "device",
+        "task",
+        "number",
+        "round",
+        "pattern",
+        "amplitude",
+        "response",
+        "correct",
+    },
 }
 TEXT_COLUMNS = {
     *("study", "participant", "condition", "phase", "target", "outcome", "state_order", "started_utc"),
@@ -29,11 +40,12 @@ KEYS = {
     "trials": ("participant", "condition", "block", "phase", "trial", "attempt"),
     "answers": ("participant", "condition", "position", "questionnaire", "item"),
     "participants": ("participant",),
+    "calibration": ("participant", "device", "task", "number"),
 }
 NUMERIC_SUFFIXES = ("_s", "_ms", "_mm", "_mm2", "_deg", "_mm_s", "_fraction")
 NUMERIC_COLUMNS = (
     *("session", "block", "position", "trial", "attempt", "contacts", "sparc", "log_jerk"),
-    *("skipped_images", "long_gaps"),
+    *("skipped_images", "long_gaps", "number", "round", "amplitude", "correct"),
 )
 
 
@@ -47,6 +59,10 @@ class StudyTables(Struct, frozen=True):
     sha256: dict[str, str]
     """Of every file read, by its name."""
     protocol: FrozenProtocol = FrozenProtocol()
+    calibration: pd.DataFrame = field(
+        default_factory=lambda: pd.DataFrame(columns=sorted(COLUMNS["calibration"]))
+    )
+    """The stimuli of the calibration; empty without one."""
 
     @property
     def study(self) -> str:
@@ -100,8 +116,9 @@ def read_tables(folder: str | Path) -> StudyTables:
         found = ", ".join(studies) or "none"
         raise BadInput(f"contains {len(studies)} studies ({found}); expected one", paths["trials"])
     digests = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in paths.values()}
-    trials, answers, participants = (tables[name] for name in COLUMNS)
-    return StudyTables(folder, trials, answers, participants, digests, read_frozen(folder / "study.json"))
+    trials, answers, participants, calibration = (tables[name] for name in COLUMNS)
+    protocol = read_frozen(folder / "study.json")
+    return StudyTables(folder, trials, answers, participants, digests, protocol, calibration)
 
 
 def _path_of(folder: Path, name: str) -> Path | None:

@@ -13,10 +13,10 @@ from haptigraph.dashboard.server.json_routes import post_route
 from haptigraph.dashboard.study.service import StationSite, StudyService
 from haptigraph.dashboard.study.stimulus import Stimulus as Played
 from haptigraph.errors import BadInput, unknown_name
-from haptigraph.study.calibration import Stimulus, threshold_of
+from haptigraph.study.preparation.calibration import Stimulus, threshold_of
+from haptigraph.study.preparation.strength import strength_of
 from haptigraph.study.progress import read_progress
 from haptigraph.study.runner import Session
-from haptigraph.study.touch import strength_of
 
 __all__ = ["Play", "Respond", "calibration_content", "calibration_text", "routes"]
 
@@ -74,8 +74,8 @@ def calibration_text(service: StudyService, session: Session) -> str:
         interval = f"{found.amplitude:.3f} ({found.low:.3f} to {found.high:.3f})"
         parts.append(f"threshold {interval if found.is_known else 'unknown'}")
         parts.append(f"{found.false_alarms} of {found.catch_trials} catch trials felt")
-        condition = protocol.condition(protocol.calibration.condition)
-        parts.append(strength_of(protocol, condition, responses, service.haptics).because)
+        patterns = protocol.patterns[protocol.condition(protocol.calibration.condition).procedure]
+        parts.append(strength_of(protocol.calibration, patterns, responses, service.haptics).because)
     named = progress.responses.get(("patterns", device), [])
     if named:
         parts.append(f"{sum(each.is_correct for each in named)} of {len(named)} patterns named correctly")

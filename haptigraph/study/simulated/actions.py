@@ -9,7 +9,7 @@ from datetime import UTC, datetime, timedelta
 from msgspec import Struct
 from msgspec.structs import replace
 
-from haptigraph.config import Config
+from haptigraph.config import Config, HapticsConfig
 from haptigraph.messages import Capture, Step
 from haptigraph.recording.writer import RunWriter
 from haptigraph.run_header import run_info_at
@@ -17,6 +17,7 @@ from haptigraph.sim.eye.eye import EyeShape
 from haptigraph.sinks.recorder import Recorder
 from haptigraph.study.conditions import hashed_integer
 from haptigraph.study.plan import Stage
+from haptigraph.study.preparation.strength import Strength, haptics_of
 from haptigraph.study.protocol import Protocol
 from haptigraph.study.questionnaire import Item
 from haptigraph.study.simulated.ground_truth import GROUND_TRUTH
@@ -26,6 +27,7 @@ from haptigraph.version import __version__
 
 __all__ = ["TrialSpec", "answer_to", "recorder_of", "rehearse", "trial_spec"]
 
+UNMEASURED = Strength(None, "")
 OPEN_RANGE = 100  # of numeric items without a bound
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
@@ -37,6 +39,8 @@ class TrialSpec(Struct, frozen=True):
     condition: Condition
     target_deg: float
     """Along the retina, as an angle about the eye's centre."""
+    haptics: HapticsConfig = HapticsConfig()
+    """Without a calibration, which only a session has."""
 
 
 def trial_spec(protocol: Protocol, stage: Stage) -> TrialSpec:
@@ -45,7 +49,9 @@ def trial_spec(protocol: Protocol, stage: Stage) -> TrialSpec:
     text = protocol.procedures[condition.procedure]
     haptics = Condition(condition.name, condition.procedure, 1.0 if condition.touch else 0.0, text)
     radius_mm = EyeShape().diameter_mm / 2
-    return TrialSpec(stage, haptics, math.degrees(protocol.target(stage.target).along_mm / radius_mm))
+    target_deg = math.degrees(protocol.target(stage.target).along_mm / radius_mm)
+    settings = haptics_of(condition.touch, condition.sham_duty, stage.seed, UNMEASURED, HapticsConfig())
+    return TrialSpec(stage, haptics, target_deg, settings)
 
 
 def rehearse(
@@ -63,6 +69,7 @@ def rehearse(
     seeds = seed, 9, spec.stage.seed
     scenario = entry_scenario(EyeShape(target_deg=spec.target_deg), hashed_integer(*seeds) % 2**31)
     limit_s = spec.stage.timeout_s
+    config = config or Config(haptics=spec.haptics)
     return Rehearsal(
         participant, spec.condition, scenario, seeds, perceiver=perceiver, config=config, limit_s=limit_s
     )

@@ -1,15 +1,15 @@
 """How a simulated participant responds to a stimulus of the calibration: felt or not, and which pattern.
 
 An amplitude is perceived with the participant's Weber fraction as noise, and felt from the absolute threshold
-on. A pattern is named by its cue; those with the same cue are told apart by their perceived amplitude.
+on. A pattern is named by its cue; those with the same cue by their perceived amplitude.
 """
 
 from statistics import NormalDist
 
 from haptigraph.haptics.pattern import NS_PER_MS, amplitude_at
 from haptigraph.messages import HapticCommand, Pattern
-from haptigraph.study.calibration import FELT, NOT_FELT, Stimulus
 from haptigraph.study.conditions import hashed_integer
+from haptigraph.study.preparation.calibration import FELT, NOT_FELT, Stimulus
 from haptigraph.study.simulated.haptic_perception import HapticPerception
 from haptigraph.study.simulated.participant import Participant
 

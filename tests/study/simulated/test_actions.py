@@ -57,6 +57,17 @@ def test_a_trial_has_the_target_the_haptics_and_the_timeout_of_the_protocol(prot
         assert not rehearsal.is_hit
 
 
+def test_a_sham_of_the_protocol_is_a_sham_without_a_session_too(folder, protocol):
+    seen = protocol.condition("seen")
+    others = tuple(each for each in protocol.conditions if each != seen)
+    protocol = replace(protocol, conditions=(replace(seen, touch="sham", sham_duty=0.2), *others))
+    for stage in (stage for stage in plan_of(protocol, 0) if stage.kind == "trial"):
+        haptics = rehearse(trial_spec(protocol, stage), draw_participant(1, 0), 1).config.haptics
+        is_sham = stage.condition == "seen"
+        assert (haptics.sham_seed, haptics.max_amplitude) == (stage.seed if is_sham else None, 1.0)
+        assert haptics.sham_duty == (0.2 if is_sham else 0.5)
+
+
 def test_a_procedure_without_a_target_is_refused(folder, protocol):
     spec = trial_spec(protocol, next(stage for stage in plan_of(protocol, 0) if stage.is_trial))
     peeling = replace(spec, condition=replace(spec.condition, procedure="membrane_peeling", text=""))

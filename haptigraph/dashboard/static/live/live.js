@@ -5,7 +5,7 @@ import { animate } from "../common/animate.js";
 import { Controller } from "./gamepad.js";
 import { Controls } from "./controls.js";
 import { Diagram } from "./diagram.js";
-import { $ } from "../common/dom.js";
+import { $, showOrHide } from "../common/dom.js";
 import { Feed } from "../common/feed.js";
 import { Graph } from "../common/graph.js";
 import { showHint } from "../common/hint.js";
@@ -43,6 +43,7 @@ export const page = new Feed(haptics, {
   haptics({ edges }) { traces.addEdges(edges); },
   health(health) { if (page.hello) panel.showHealth(health, page.latency_ms); },
   controls({ holder }) { controls.showHolder(holder); phases.allow(controls.maySteer && (holder === "" || holder === controls.me)); },
+  score({ text }) { showOrHide($("score"), text); },
   settings(settings) { controls.showSettings(settings); },
   welcome({ name, may_steer }) { controls.me = name; controls.maySteer = may_steer; },
   image(header, picture) {

@@ -42,7 +42,7 @@ interface TeleopSettings { motion_scale: number, tremor_filter: boolean, added_t
 interface ServerMessages {
   welcome: { name: string, may_steer: boolean }, hello: Hello, controls: { holder: string }, settings: TeleopSettings,
   haptics: { edges: HapticEdge[] }, alive: { time_ms: number }, health: Health, pong: { time_ms: number, now_ms: number },
-  error: { message: string }, ended: { reason: string }, study: { version: number },
+  error: { message: string }, ended: { reason: string }, score: { text: string }, study: { version: number },
 }
 interface HandMotion { engaged: boolean, along_mm: number, across_mm: number, apart_mm: number }
 type ClientMessage = { type: "ack", number: number } | { type: "watch", images: boolean } | { type: "ping", time_ms: number }

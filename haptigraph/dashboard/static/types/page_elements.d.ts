@@ -7,7 +7,7 @@ type PageElements =
     "hand" | "health" | "help" | "holder" | "idle" | "instead" | "items" | "jaws" | "lanes" | "list" | "monitor"
     | "name" | "no-picture" | "note" | "notes" | "now" | "pad" | "participant" | "picture-panel" | "places" |
     "plan" | "problem" | "procedure" | "question" | "questionnaire-intro" | "questionnaire-source" |
-    "questionnaire-title" | "ready" | "roster" | "run" | "scale-value" | "simulated" | "source" | "stage" |
+    "questionnaire-title" | "ready" | "roster" | "run" | "scale-value" | "score" | "simulated" | "source" | "stage" |
     "state" | "station" | "steering" | "steps" | "switches" | "text" | "text-body" | "text-title" | "title" |
     "tools" | "touch-check" | "touch-text" | "trial" | "trial-condition" | "trial-status" | "trial-text" | "trial-title" | "trocars" |
     "verdict" | "wait" | "wait-title" | "waiting" | "way" | "who" | "work", HTMLElement>

@@ -14,13 +14,13 @@ from haptigraph.assemble import load_procedure
 from haptigraph.config import Config, HapticsConfig
 from haptigraph.errors import BadInput
 from haptigraph.haptics.pattern import amplitude_range
-from haptigraph.study.calibration import Calibration, Response, next_stimulus, threshold_of
 from haptigraph.study.erasure import find_data
+from haptigraph.study.preparation.calibration import Calibration, Response, next_stimulus, threshold_of
+from haptigraph.study.preparation.strength import strength_of
 from haptigraph.study.protocol import load_protocol
 from haptigraph.study.roster import Study
 from haptigraph.study.runner import open_session
 from haptigraph.study.tables import CALIBRATION, EVENTS
-from haptigraph.study.touch import strength_of
 
 PATTERNS = load_procedure("subretinal_injection").patterns
 
@@ -154,7 +154,7 @@ def test_a_skipped_calibration_leaves_a_note_and_the_amplitudes_of_the_procedure
 
 
 def strength(protocol, responses, **haptics):
-    return strength_of(protocol, protocol.condition("felt"), responses, HapticsConfig(**haptics))
+    return strength_of(protocol.calibration, PATTERNS, responses, HapticsConfig(**haptics))
 
 
 def felt_above(threshold, count=20):

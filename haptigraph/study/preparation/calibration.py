@@ -14,7 +14,13 @@ from haptigraph.errors import unknown_name
 from haptigraph.haptics.pattern import amplitude_range
 from haptigraph.messages import Pattern
 from haptigraph.study.conditions import shuffled
-from haptigraph.study.threshold import Answered, Threshold, estimate_threshold, is_catch, next_amplitude
+from haptigraph.study.preparation.threshold import (
+    Answered,
+    Threshold,
+    estimate_threshold,
+    is_catch,
+    next_amplitude,
+)
 from haptigraph.toml_document import Document
 
 __all__ = [

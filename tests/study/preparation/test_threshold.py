@@ -5,7 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from haptigraph.study.threshold import CATCH_EVERY, Answered, estimate_threshold, is_catch, next_amplitude
+from haptigraph.study.preparation.threshold import (
+    CATCH_EVERY,
+    Answered,
+    estimate_threshold,
+    is_catch,
+    next_amplitude,
+)
 
 
 def measured(threshold, spread_db, false_alarms, lapses, seed, stimuli=40):
