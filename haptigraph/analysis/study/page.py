@@ -10,8 +10,10 @@ from msgspec import Struct
 
 from haptigraph.analysis.study.results_table import Table, number
 
-__all__ = ["Picture", "page"]
+__all__ = ["Picture", "document", "figure_html", "page", "table_html"]
 
+SCREEN_PX_PER_MM = 5.6
+"""Figures are drawn for print; on a screen they are half as large again."""
 STYLE = (resources.files("haptigraph.analysis.study") / "report.css").read_text("utf-8")
 
 
@@ -21,6 +23,18 @@ class Picture(Struct, frozen=True):
     name: str
     svg: bytes
     caption: str
+    width_mm: float
+
+
+def document(title: str, parts: Sequence[str]) -> str:
+    """Return a self-contained page of parts in HTML, empty ones left out."""
+    body = "\n".join(part for part in parts if part)
+    return (
+        f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{escape(title)}</title>\n"
+        f"<style>\n{STYLE}</style>\n</head>\n<body>\n{body}\n</body>\n</html>\n"
+    )
 
 
 def page(
@@ -49,9 +63,9 @@ def page(
     parts = [
         f"<h1>{escape(title)}</h1>\n{mark}\n<p class='quiet'>{escape(facts)}</p>",
         "<h2>Results</h2>",
-        *(_table(table) for table in tables),
+        *(table_html(table) for table in tables),
         "<h2>Figures</h2>" if pictures else "",
-        *(_figure(picture) for picture in pictures),
+        *(figure_html(picture) for picture in pictures),
         "<h2>Methods</h2>",
         *(f"<p>{escape(paragraph)}</p>" for paragraph in paragraphs),
         "<h2>Details</h2>",
@@ -59,16 +73,11 @@ def page(
         f"<details><summary>LaTeX</summary><pre>{escape(tex)}</pre></details>",
         "<p class='quiet'>haptigraph is research software, not a medical device.</p>",
     ]
-    body = "\n".join(part for part in parts if part)
-    return (
-        f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(title)}</title>\n"
-        f"<style>\n{STYLE}</style>\n</head>\n<body>\n{body}\n</body>\n</html>\n"
-    )
+    return document(title, parts)
 
 
-def _table(table: Table) -> str:
+def table_html(table: Table) -> str:
+    """Return a table."""
     head = "".join(f'<th scope="col">{escape(cell)}</th>' for cell in table.head)
     rows = "\n".join(
         "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in table.rows
@@ -79,11 +88,13 @@ def _table(table: Table) -> str:
     )
 
 
-def _figure(picture: Picture) -> str:
+def figure_html(picture: Picture) -> str:
+    """Return a figure with its caption."""
     data = base64.b64encode(picture.svg).decode()
     caption = escape(picture.caption)
+    width_px = round(SCREEN_PX_PER_MM * picture.width_mm)
     return (
-        f'<figure><img alt="{caption}" src="data:image/svg+xml;base64,{data}">'
+        f'<figure><img alt="{caption}" width="{width_px}" src="data:image/svg+xml;base64,{data}">'
         f"<figcaption>{caption}</figcaption></figure>"
     )
 

@@ -3,15 +3,13 @@
 from pathlib import Path
 
 import pandas as pd
-from matplotlib.figure import Figure
 from msgspec import Struct
 
 from haptigraph.analysis.study.detail_tables import detail_tables
-from haptigraph.analysis.study.figures.motion import alignment_figure, cone_figure, learning_figure
-from haptigraph.analysis.study.figures.states import box_figure, sequence_figure
-from haptigraph.analysis.study.figures.style import rendered, styled
+from haptigraph.analysis.study.figures.drawn import draw_figures, figures_tex
 from haptigraph.analysis.study.methods import SIMULATED, methods
 from haptigraph.analysis.study.page import Picture, page
+from haptigraph.analysis.study.participants import FOLDER, participant_pages
 from haptigraph.analysis.study.quantities import words
 from haptigraph.analysis.study.results import AnalysisPlan, StudyResults, analyse
 from haptigraph.analysis.study.results_table import latex, markdown, result_tables
@@ -23,16 +21,6 @@ from haptigraph.version import __version__
 
 __all__ = ["WrittenReport", "write_report"]
 
-COLORS = "Background colours indicate the states."
-CAPTIONS = {
-    "state_times": "Time in each surgical state by condition. Boxes: quartiles; whiskers: 1.5 times the "
-    f"interquartile range; points: participants. {COLORS}",
-    "state_sequence": "Order of surgical states by condition: transitions per run; width shows frequency.",
-    "alignment": "Theta from entry to hit by condition: median and interquartile range of participants.",
-    "depth_theta": "Distance to the retina against theta by condition. Thin: runs; thick: median of the "
-    f"participants over normalised time. {COLORS}",
-    "learning": "Completion time and alignment over the trials, by the order of the conditions.",
-}
 TESTS = ["measure", "first", "second", "n_first", "n_second", "statistic", "p", "p_holm", "test", "effect"]
 SENSITIVITY = [
     "measure", "first", "second", "shapiro_p", "t_t", "t_df", "t_p", "t_difference", "t_low", "t_high", "t_d",
@@ -85,6 +73,9 @@ def write_report(
     simulated = tables.is_simulated or traces.is_simulated
     files = _files(tables, results, traces, simulated=simulated)
     output = Path(output)
+    for path in sorted((output / FOLDER).glob("*.html")):
+        if f"{FOLDER}/{path.name}" not in files:
+            path.unlink()  # of someone who has withdrawn since
     for name, content in files.items():
         path = output / name
         try:
@@ -104,8 +95,8 @@ def _files(
     summaries = result_tables(results)
     paragraphs = methods(tables, results, traces, simulated=simulated)
     details = detail_tables(results)
-    drawn = _figures(results, traces, "SIMULATED" if simulated else "")
-    pictures = [Picture(name, formats["svg"], CAPTIONS[name]) for name, formats in drawn.items()]
+    drawn = draw_figures(results, traces, "SIMULATED" if simulated else "")
+    pictures = [Picture(each.name, each.formats["svg"], each.caption, each.width_mm) for each in drawn]
     tex = latex(summaries, note)
     comparisons = details["comparisons"]
     frames = {**details, "tests": comparisons[TESTS], "sensitivity": comparisons[SENSITIVITY]}
@@ -115,28 +106,16 @@ def _files(
     text = {
         "report.html": html,
         "results.tex": tex,
+        "figures.tex": figures_tex(drawn, note),
         "results.md": markdown(summaries, note),
         "methods.txt": "\n\n".join(paragraphs) + "\n",
         **{f"csv/{name}.csv": _csv(table) for name, table in details.items()},
+        **{f"{FOLDER}/{name}": text for name, text in participant_pages(tables, results, traces, note)},
     }
     figures = {
-        f"figures/{name}.{ending}": content
-        for name, formats in drawn.items()
-        for ending, content in formats.items()
+        f"figures/{each.name}.{ending}": content for each in drawn for ending, content in each.formats.items()
     }
     return {**{name: content.encode() for name, content in text.items()}, **figures}
-
-
-def _figures(results: StudyResults, traces: Traces, note: str) -> dict[str, dict[str, bytes]]:
-    with styled():
-        drawn: dict[str, Figure | None] = {
-            "state_times": box_figure(results, note),
-            "state_sequence": sequence_figure(results, note),
-            "alignment": alignment_figure(traces, results.conditions, note),
-            "depth_theta": cone_figure(traces, results.conditions, note),
-            "learning": learning_figure(results, note),
-        }
-    return {name: rendered(figure) for name, figure in drawn.items() if figure is not None}
 
 
 def _facts(results: StudyResults) -> str:

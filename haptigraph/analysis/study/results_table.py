@@ -10,7 +10,7 @@ from haptigraph.analysis.study.quantities import words
 from haptigraph.analysis.study.results import Family, StudyResults
 from haptigraph.analysis.study.statistics.comparison import Comparison, Sample
 
-__all__ = ["Table", "latex", "markdown", "number", "p_text", "result_tables"]
+__all__ = ["NONE", "Table", "escaped", "latex", "markdown", "number", "p_text", "result_tables"]
 
 NONE = "-"
 
@@ -100,13 +100,13 @@ def _latex(table: Table, note: str) -> str:
     lines = [
         r"\begin{table}[t]",
         r"\centering",
-        rf"\caption{{{_escaped(caption)}}}",
+        rf"\caption{{{escaped(caption)}}}",
         rf"\label{{tab:{_plain(table.label)}}}",
         rf"\begin{{tabular}}{{l{'c' * (len(table.head) - 1)}}}",
         r"\toprule",
-        " & ".join(rf"\textbf{{{_escaped(cell)}}}" for cell in table.head) + r" \\",
+        " & ".join(rf"\textbf{{{escaped(cell)}}}" for cell in table.head) + r" \\",
         r"\midrule",
-        *(" & ".join(map(_escaped, row)) + r" \\" for row in table.rows),
+        *(" & ".join(map(escaped, row)) + r" \\" for row in table.rows),
         r"\bottomrule",
         r"\end{tabular}",
         r"\end{table}",
@@ -126,5 +126,6 @@ TEX = {
 }  # fmt: skip
 
 
-def _escaped(text: str) -> str:
+def escaped(text: str) -> str:
+    """Return a text for LaTeX."""
     return "".join(TEX.get(letter, letter) for letter in text)

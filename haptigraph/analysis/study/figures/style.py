@@ -1,6 +1,7 @@
-"""Style and export of a report's figures; equal data give equal bytes."""
+"""Style and export of a report's figures, for one or two columns of print; equal data give equal bytes."""
 
 import io
+import textwrap
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from functools import cache
@@ -10,6 +11,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from haptigraph.analysis.plots.paper import STYLE as PAPER_STYLE
 from haptigraph.analysis.plots.paper import UNDATED
 from haptigraph.analysis.study.quantities import words
 from haptigraph.assemble import load_procedure, procedure_names
@@ -18,21 +20,27 @@ from haptigraph.inference.colors import PAPER_PALETTE, Paint, palette
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from haptigraph.analysis.study.traces import Floats
+
 __all__ = [
-    "FORMATS", "INK", "ConditionStyle", "condition_legend", "condition_styles", "declutter", "new_figure",
-    "paint_of", "rendered", "styled",
+    "FORMATS", "INK", "ONE_COLUMN_MM", "SMALL_PT", "STYLE", "TWO_COLUMNS_MM", "ConditionStyle", "condition_legend",
+    "condition_styles", "declutter", "draw_box", "legend_columns", "new_figure", "paint_of", "rendered", "styled", "wrapped",
 ]  # fmt: skip
 
 FORMATS = ("png", "svg", "pdf")
-INK = "#222222"
+ONE_COLUMN_MM, TWO_COLUMNS_MM = 85.0, 177.0
+"""The widths of ieeeconf, the narrowest of the usual two-column styles; a figure is printed at its size."""
+SMALL_PT = 6.5
+"""Font size of what is said beside the axes' labels; no text is smaller."""
+LETTER_MM = 1.25
+"""Average width of a letter of `SMALL_PT` in DejaVu Sans, generously."""
+INK, QUIET_INK = "#222222", "#555555"
 STYLE: dict[Any, Any] = {
-    "font.size": 9,
-    "axes.titlesize": 10,
-    "axes.edgecolor": "#555555",
-    "axes.linewidth": 0.8,
-    "hatch.linewidth": 0.7,
-    "svg.hashsalt": "haptigraph",  # names of clip paths
-    "pdf.fonttype": 42,
+    **PAPER_STYLE,
+    "axes.edgecolor": QUIET_INK,
+    "hatch.linewidth": 0.5,
+    "legend.fontsize": SMALL_PT,
+    "lines.markersize": 3,
 }
 UNKNOWN_PAINT = Paint("#e4e4e4", "#000000")
 
@@ -75,42 +83,73 @@ def styled() -> AbstractContextManager[None]:
     return rc_context(STYLE)
 
 
-def new_figure(width: float, height: float, title: str, note: str) -> Figure:
-    """Return an empty figure.
+def new_figure(width_mm: float, height_mm: float, note: str) -> Figure:
+    """Return an empty figure without a title, which belongs into the caption.
 
     Args:
-        width: Inches.
-        height: Inches.
-        title: The title.
-        note: Appended to the title, such as that the data are simulated.
+        width_mm: `ONE_COLUMN_MM` or `TWO_COLUMNS_MM`.
+        height_mm: The height.
+        note: A mark in the corner, such as that the data are simulated; may be empty.
     """
-    figure = Figure(figsize=(width, height), layout="constrained")
-    figure.suptitle(f"{title}   [{note}]" if note else title, fontsize=11, color=INK)
+    figure = Figure(figsize=(width_mm / 25.4, height_mm / 25.4), layout="constrained")
+    if note:
+        figure.suptitle(note, x=0.995, ha="right", fontsize=SMALL_PT, fontweight="bold", color=INK)
     return figure
+
+
+def wrapped(text: str, width_mm: float) -> str:
+    """Break a text of `SMALL_PT` into lines of a width, at spaces only."""
+    return textwrap.fill(text, max(1, int(width_mm / LETTER_MM)), break_long_words=False)
+
+
+def draw_box(axes: "Axes", values: "Floats", at: float, width: float, style: ConditionStyle) -> None:
+    """Draw quartiles, and whiskers of 1.5 times the interquartile range, in the style of a condition."""
+    axes.boxplot(
+        [values],
+        positions=[at],
+        widths=width,
+        patch_artist=True,
+        showfliers=False,
+        boxprops={
+            "facecolor": "white",
+            "edgecolor": style.color,
+            "hatch": style.hatch,
+            "linewidth": 0.7,
+        },
+        whiskerprops={"color": style.color, "linewidth": 0.7},
+        capprops={"color": style.color, "linewidth": 0.7},
+        medianprops={"color": "black", "linewidth": 1.4},
+        manage_ticks=False,
+    )
 
 
 def declutter(axes: "Axes") -> None:
     """Remove spines and add a light grid."""
     axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(axis="y", color="#e3e3e3", linewidth=0.7)
+    axes.grid(axis="y", color="#e3e3e3", linewidth=0.5)
     axes.set_axisbelow(True)
 
 
-def condition_legend(axes: "Axes", conditions: Sequence[str], **where: Any) -> None:
-    """Add a legend of the conditions to a box plot."""
+def condition_legend(figure: Figure, conditions: Sequence[str]) -> None:
+    """Add a legend of the conditions below box plots."""
     patches = [
         Patch(facecolor="white", edgecolor=style.color, hatch=style.hatch, label=words(name))
         for name, style in condition_styles(conditions).items()
     ]
-    axes.legend(handles=patches, frameon=False, **where)
+    figure.legend(handles=patches, loc="outside lower center", ncols=legend_columns(len(patches)))
 
 
-def rendered(figure: Figure) -> dict[str, bytes]:
-    """Return a figure in every format, without dates and random identifiers."""
+def legend_columns(entries: int) -> int:
+    """Return into how many columns a legend below a figure is set."""
+    return 2 if entries == 4 else min(entries, 3)
+
+
+def rendered(figure: Figure, formats: Sequence[str] = FORMATS) -> dict[str, bytes]:
+    """Return a figure in formats, without dates and random identifiers."""
     drawn = {}
     with styled():
-        for ending in FORMATS:
+        for ending in formats:
             buffer = io.BytesIO()
-            figure.savefig(buffer, format=ending, dpi=160, facecolor="white", metadata=UNDATED[ending])
+            figure.savefig(buffer, format=ending, dpi=300, facecolor="white", metadata=UNDATED[ending])
             drawn[ending] = buffer.getvalue()
     return drawn
