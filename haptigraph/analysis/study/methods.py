@@ -42,7 +42,7 @@ def _design(results: StudyResults, *, simulated: bool) -> str:
         if results.is_within
         else "completed one condition each (between-subject)"
     )
-    names = ", ".join(f"“{words(name)}”" for name in results.conditions)
+    names = ", ".join(f"“{title}”" for title in results.titles.values())
     return (
         f"{who} {kind}: {names}. A run lasts from the tip's first entry into the globe to the first "
         "target hit. Training is excluded. Of repeated trials the last attempt is used; aborted, "

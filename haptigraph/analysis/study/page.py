@@ -8,6 +8,7 @@ from importlib import resources
 import pandas as pd
 from msgspec import Struct
 
+from haptigraph.analysis.study.paper import Beside
 from haptigraph.analysis.study.results_table import Table, number
 
 __all__ = ["Picture", "document", "figure_html", "page", "table_html"]
@@ -42,6 +43,7 @@ def page(
     facts: str,
     note: str,
     tables: Sequence[Table],
+    beside: Beside | None,
     pictures: Sequence[Picture],
     paragraphs: Sequence[str],
     details: Mapping[str, tuple[str, pd.DataFrame]],
@@ -54,6 +56,7 @@ def page(
         facts: One line about it.
         note: A prominent note at the top, such as that it was simulated; may be empty.
         tables: The paper's first.
+        beside: The study beside the paper.
         pictures: Of the study.
         paragraphs: Of the methods.
         details: Further tables: title, and data, by name.
@@ -64,6 +67,7 @@ def page(
         f"<h1>{escape(title)}</h1>\n{mark}\n<p class='quiet'>{escape(facts)}</p>",
         "<h2>Results</h2>",
         *(table_html(table) for table in tables),
+        *(_beside(beside) if beside else ()),
         "<h2>Figures</h2>" if pictures else "",
         *(figure_html(picture) for picture in pictures),
         "<h2>Methods</h2>",
@@ -74,6 +78,11 @@ def page(
         "<p class='quiet'>haptigraph is research software, not a medical device.</p>",
     ]
     return document(title, parts)
+
+
+def _beside(beside: Beside) -> list[str]:
+    notes = [f"<p>{escape(note)}</p>" for note in beside.notes]
+    return ["<h2>Beside the paper</h2>", table_html(beside.table), *notes]
 
 
 def table_html(table: Table) -> str:

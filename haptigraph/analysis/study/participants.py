@@ -11,7 +11,7 @@ from haptigraph.analysis.study.figures.learning import session_places
 from haptigraph.analysis.study.figures.person import person_figure
 from haptigraph.analysis.study.figures.style import TWO_COLUMNS_MM, rendered, styled
 from haptigraph.analysis.study.page import Picture, document, figure_html, table_html
-from haptigraph.analysis.study.quantities import QUANTITIES, state_of, words
+from haptigraph.analysis.study.quantities import QUANTITIES, state_of, state_quantities, words
 from haptigraph.analysis.study.results import StudyResults
 from haptigraph.analysis.study.results_table import NONE, Table, number
 from haptigraph.analysis.study.tables import StudyTables
@@ -54,7 +54,7 @@ def _page(
     traces: Traces,
     note: str,
 ) -> str:
-    title = f"{name}: {tables.title or tables.study}"
+    title = f"{name}: {tables.protocol.title or tables.study}"
     scores = results.sus[results.sus["participant"] == name] if not results.sus.empty else results.sus
     parts = [
         f"<h1>{escape(title)}</h1>",
@@ -62,33 +62,31 @@ def _page(
         f"<p class='quiet'>{len(runs)} of {len(attempts)} attempts count. This page is about one person: "
         "treat it like the data, and renew the report after an erasure.</p>",
         "<h2>Trials</h2>",
-        table_html(_trials(attempts, runs)),
-        table_html(_states(runs, results)) if len(runs) else "",
+        table_html(_trials(attempts, runs, results.titles)),
+        table_html(_measures(runs, results)) if len(runs) else "",
         "<h2>Traces</h2>" if len(runs) else "",
-        *_traces(runs, traces, note),
-        "" if scores.empty else f"<h2>Questionnaires</h2>{table_html(_scores(scores))}",
+        *_traces(runs, results, traces, note),
+        "" if scores.empty else f"<h2>Questionnaires</h2>{table_html(_scores(scores, results))}",
     ]
     return document(title, parts)
 
 
-def _trials(attempts: pd.DataFrame, runs: pd.DataFrame) -> Table:
+def _trials(attempts: pd.DataFrame, runs: pd.DataFrame, titles: dict[str, str]) -> Table:
     """Return all attempts; those that count have the number of their run."""
     keys = [key for key in KEYS if key in attempts]
     numbers = {
         key: str(number) for number, key in enumerate(runs[keys].itertuples(index=False, name=None), 1)
     }
-    measures = [each for each in QUANTITIES if each.name in attempts and attempts[each.name].notna().any()]
-    ordered = attempts.sort_values(keys, na_position="first")
     rows = [
         [
             words(str(row["phase"])),
             numbers.get(tuple(row[key] for key in keys), NONE),
-            *(_text(row.get(key)) for key in ("condition", "target", "attempt", "outcome")),
-            *(number(row[each.name], each.decimals) for each in measures),
+            titles.get(str(row["condition"])) or _text(row["condition"]),
+            *(_text(row.get(key)) for key in ("target", "attempt", "outcome")),
         ]
-        for row in ordered.to_dict("records")
+        for row in attempts.sort_values(keys, na_position="first").to_dict("records")
     ]
-    head = ["Phase", "Run", "Condition", "Target", "Attempt", "Outcome", *(each.title for each in measures)]
+    head = ["Phase", "Run", "Condition", "Target", "Attempt", "Outcome"]
     return Table("All attempts; those with a number under “Run” count in the analysis.", head, rows)
 
 
@@ -98,21 +96,23 @@ def _text(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) and value == value else NONE
 
 
-def _states(runs: pd.DataFrame, results: StudyResults) -> Table:
-    columns = [name for name in results.values if state_of(name) and state_of(name) not in results.idle]
+def _measures(runs: pd.DataFrame, results: StudyResults) -> Table:
+    """Return the measures and the times in states that the analysis uses, a column per run."""
+    quantities = [each for each in [*QUANTITIES, *state_quantities(runs.columns)] if each.name in runs]
     rows = [
-        [f"{place} {words(str(row['condition']))}", *(number(row[name], 1) for name in columns)]
-        for place, row in enumerate(runs.to_dict("records"), 1)
+        [each.title, *(number(value, each.decimals) for value in runs[each.name])]
+        for each in quantities
+        if each.name in results.values and state_of(each.name) not in results.idle
     ]
-    head = ["Run", *(words(state_of(name)) for name in columns)]
-    return Table("Time in each surgical state (s); states that nobody was in are left out.", head, rows)
+    head = ["Run", *(str(place) for place in range(1, len(runs) + 1))]
+    return Table("Measures of the runs; states that nobody was in are left out.", head, rows)
 
 
-def _traces(runs: pd.DataFrame, traces: Traces, note: str) -> Iterator[str]:
+def _traces(runs: pd.DataFrame, results: StudyResults, traces: Traces, note: str) -> Iterator[str]:
     if runs.empty:
         return
     names = {
-        int(row["run"]): f"{place} {words(str(row['condition']))}, {row['outcome']}"
+        int(row["run"]): f"{place} {results.title_of(str(row['condition']))}, {row['outcome']}"
         for place, row in enumerate(runs.to_dict("records"), 1)
     }
     by_run = {trace.run: trace for trace in traces.runs}
@@ -126,9 +126,14 @@ def _traces(runs: pd.DataFrame, traces: Traces, note: str) -> Iterator[str]:
         yield f"<p>Without a readable recording: {len(names) - len(shown)} of {len(names)} runs.</p>"
 
 
-def _scores(scores: pd.DataFrame) -> Table:
+def _scores(scores: pd.DataFrame, results: StudyResults) -> Table:
     rows = [
-        [words(str(row["condition"])), number(row["sus"], 1), str(row["grade"]), str(row["adjective"])]
+        [
+            results.titles.get(str(row["condition"])) or _text(row["condition"]),
+            number(row["sus"], 1),
+            str(row["grade"]),
+            str(row["adjective"]),
+        ]
         for row in graded(scores).to_dict("records")
     ]
     return Table(

@@ -9,8 +9,8 @@ from haptigraph.analysis.study.detail_tables import detail_tables
 from haptigraph.analysis.study.figures.drawn import draw_figures, figures_tex
 from haptigraph.analysis.study.methods import SIMULATED, methods
 from haptigraph.analysis.study.page import Picture, page
+from haptigraph.analysis.study.paper import beside_paper
 from haptigraph.analysis.study.participants import FOLDER, participant_pages
-from haptigraph.analysis.study.quantities import words
 from haptigraph.analysis.study.results import AnalysisPlan, StudyResults, analyse
 from haptigraph.analysis.study.results_table import latex, markdown, result_tables
 from haptigraph.analysis.study.tables import StudyTables, read_tables
@@ -26,6 +26,7 @@ SENSITIVITY = [
     "measure", "first", "second", "shapiro_p", "t_t", "t_df", "t_p", "t_difference", "t_low", "t_high", "t_d",
     "power_observed", "power_detectable_d", "power_needed",
 ]  # fmt: skip
+CONDITION_COLUMNS = ("condition", "first", "second")
 TITLES = {
     "tests": "All tests",
     "sensitivity": "Normality, t tests and power",
@@ -45,7 +46,7 @@ class WrittenReport(Struct, frozen=True):
     page: Path
     files: list[Path]
     summary: str
-    """The paper's table, in Markdown."""
+    """The paper's table, and the study beside the paper, in Markdown."""
 
 
 def write_report(
@@ -83,7 +84,9 @@ def write_report(
             path.write_bytes(content)
         except OSError as error:
             raise BadInput(f"cannot be written ({error.strerror})", path) from None
-    summary = markdown(result_tables(results)[:1], SIMULATED if simulated else "")
+    beside = beside_paper(results, simulated=simulated)
+    shown = [*result_tables(results)[:1], *([beside.table] if beside else [])]
+    summary = markdown(shown, SIMULATED if simulated else "", beside.notes if beside else ())
     return WrittenReport(output / "report.html", [output / name for name in files], summary)
 
 
@@ -92,22 +95,27 @@ def _files(
 ) -> dict[str, bytes]:
     """Return the content of every file by its path in the folder."""
     note = SIMULATED if simulated else ""
-    summaries = result_tables(results)
+    summaries, beside = result_tables(results), beside_paper(results, simulated=simulated)
     paragraphs = methods(tables, results, traces, simulated=simulated)
     details = detail_tables(results)
     drawn = draw_figures(results, traces, "SIMULATED" if simulated else "")
     pictures = [Picture(each.name, each.formats["svg"], each.caption, each.width_mm) for each in drawn]
-    tex = latex(summaries, note)
+    printed = [*summaries, beside.table] if beside else summaries
+    tex = latex(printed, note)
     comparisons = details["comparisons"]
     frames = {**details, "tests": comparisons[TESTS], "sensitivity": comparisons[SENSITIVITY]}
-    shown = {name: (title, frames[name]) for name, title in TITLES.items() if name in frames}
-    title = tables.title or tables.study
-    html = page(title, _facts(results), note, summaries, pictures, paragraphs, shown, tex)
+    shown = {
+        name: (title, frames[name].replace(dict.fromkeys(CONDITION_COLUMNS, results.titles)))
+        for name, title in TITLES.items()
+        if name in frames
+    }
+    title = tables.protocol.title or tables.study
+    html = page(title, _facts(results), note, summaries, beside, pictures, paragraphs, shown, tex)
     text = {
         "report.html": html,
         "results.tex": tex,
         "figures.tex": figures_tex(drawn, note),
-        "results.md": markdown(summaries, note),
+        "results.md": markdown(printed, note, beside.notes if beside else ()),
         "methods.txt": "\n\n".join(paragraphs) + "\n",
         **{f"csv/{name}.csv": _csv(table) for name, table in details.items()},
         **{f"{FOLDER}/{name}": text for name, text in participant_pages(tables, results, traces, note)},
@@ -120,7 +128,7 @@ def _files(
 
 def _facts(results: StudyResults) -> str:
     kind = "within-subject" if results.is_within else "between-subject"
-    names = " · ".join(words(name) for name in results.conditions)
+    names = " · ".join(results.titles.values())
     runs = f"{len(results.runs)} runs of {results.participants} participants"
     return f"{runs}, {kind}: {names} · haptigraph {__version__}, seed {results.plan.seed}"
 

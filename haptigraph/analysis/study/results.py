@@ -6,7 +6,14 @@ import pandas as pd
 from msgspec import Struct
 from statsmodels.stats.multitest import multipletests
 
-from haptigraph.analysis.study.quantities import FAMILIES, QUANTITIES, Quantity, state_of, state_quantities
+from haptigraph.analysis.study.quantities import (
+    FAMILIES,
+    QUANTITIES,
+    Quantity,
+    state_of,
+    state_quantities,
+    words,
+)
 from haptigraph.analysis.study.runs import (
     condition_names,
     condition_values,
@@ -59,7 +66,8 @@ class StudyResults(Struct, frozen=True):
     """The results of an analysis."""
 
     plan: AnalysisPlan
-    conditions: list[str]
+    titles: dict[str, str]
+    """What people read for each condition."""
     is_within: bool
     participants: int
     runs: pd.DataFrame
@@ -75,6 +83,15 @@ class StudyResults(Struct, frozen=True):
     idle: list[str]
     """States in which no time was spent."""
 
+    @property
+    def conditions(self) -> list[str]:
+        """Names of the conditions; the first is the reference."""
+        return list(self.titles)
+
+    def title_of(self, condition: str) -> str:
+        """Return what people read for a condition."""
+        return self.titles[condition]
+
 
 def analyse(tables: StudyTables, plan: AnalysisPlan) -> StudyResults:
     """Analyse a study.
@@ -88,7 +105,7 @@ def analyse(tables: StudyTables, plan: AnalysisPlan) -> StudyResults:
     """
     trials = tables.trials[~tables.trials["participant"].isin(tables.withdrawn)]
     runs = counted_runs(trials)
-    conditions = condition_names(runs, tables.protocol_conditions, plan.baseline)
+    conditions = condition_names(runs, tables.protocol.names, plan.baseline)
     if plan.baseline is not None and plan.baseline not in conditions:
         raise BadInput(unknown_name("condition", plan.baseline, conditions))
     if len(conditions) < 2:
@@ -101,14 +118,14 @@ def analyse(tables: StudyTables, plan: AnalysisPlan) -> StudyResults:
     ]
     quantities = [*QUANTITIES, *state_quantities(runs.columns)]
     used = [each for each in quantities if each.name in values and state_of(each.name) not in idle]
-    within = is_within(runs)
+    within, titles = is_within(runs), tables.protocol.titles()
     families = [
         _family(name, about, [each for each in used if each.family == name], values, conditions, within, plan)
         for name, about in FAMILIES.items()
     ]
     return StudyResults(
         plan=plan,
-        conditions=conditions,
+        titles={name: titles.get(name, words(name)) for name in conditions},
         is_within=within,
         participants=int(runs["participant"].nunique()),
         runs=runs,

@@ -58,9 +58,7 @@ def _table(results: StudyResults, family: Family, pair: tuple[str, str], rows: l
     caption = f"{words(family.about)}, mean ± SD over participants. {marks}."
     effect = "r [95 % CI]"
     label = f"{family.name}_{pair[0]}_{pair[1]}"
-    return Table(
-        caption, ["Metric", words(pair[0]), words(pair[1]), "n", "p", "p (Holm)", effect], rows, label
-    )
+    return Table(caption, ["Metric", *map(results.title_of, pair), "n", "p", "p (Holm)", effect], rows, label)
 
 
 def _row(comparison: Comparison, holm: float, alpha: float) -> list[str]:
@@ -78,8 +76,8 @@ def _mean(sample: Sample, decimals: int) -> str:
     return f"{number(sample.mean, decimals)} ± {number(sample.sd, decimals)}"
 
 
-def markdown(tables: Sequence[Table], note: str = "") -> str:
-    """Return tables in Markdown."""
+def markdown(tables: Sequence[Table], note: str = "", remarks: Sequence[str] = ()) -> str:
+    """Return tables in Markdown, after a note and before remarks."""
     parts = [f"**{note}**\n"] if note else []
     for table in tables:
         lines = [table.head, ["---", *["---:"] * (len(table.head) - 1)], *table.rows]
@@ -87,7 +85,7 @@ def markdown(tables: Sequence[Table], note: str = "") -> str:
             "| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines
         )
         parts.append(f"{table.caption}\n\n{body}\n")
-    return "\n".join(parts)
+    return "\n".join([*parts, *(f"{remark}\n" for remark in remarks)])
 
 
 def latex(tables: Sequence[Table], note: str = "") -> str:

@@ -1,13 +1,12 @@
 """Read and check the tidy tables of a study."""
 
 import hashlib
-import tomllib
 from pathlib import Path
 
-import msgspec
 import pandas as pd
 from msgspec import Struct
 
+from haptigraph.analysis.study.frozen import FrozenProtocol, read_frozen
 from haptigraph.errors import BadInput
 
 __all__ = ["StudyTables", "read_tables"]
@@ -44,10 +43,7 @@ class StudyTables(Struct, frozen=True):
     participants: pd.DataFrame
     sha256: dict[str, str]
     """Of every file read, by its name."""
-    protocol_conditions: list[str] = []
-    """In the order of the protocol, where the export has one."""
-    title: str = ""
-    """Of the study, where the export has one."""
+    protocol: FrozenProtocol = FrozenProtocol()
 
     @property
     def study(self) -> str:
@@ -101,32 +97,12 @@ def read_tables(folder: str | Path) -> StudyTables:
         found = ", ".join(studies) or "none"
         raise BadInput(f"contains {len(studies)} studies ({found}); expected one", paths["trials"])
     digests = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in paths.values()}
-    title, conditions = _protocol(folder / "study.json")
     trials, answers, participants = (tables[name] for name in COLUMNS)
-    return StudyTables(folder, trials, answers, participants, digests, conditions, title)
+    return StudyTables(folder, trials, answers, participants, digests, read_frozen(folder / "study.json"))
 
 
 def _path_of(folder: Path, name: str) -> Path | None:
     return next((path for end in ("csv", "parquet") if (path := folder / f"{name}.{end}").is_file()), None)
-
-
-def _protocol(path: Path) -> tuple[str, list[str]]:
-    """Return title and conditions of the frozen protocol in an export's `study.json`."""
-    if not path.is_file():
-        return "", []
-    try:
-        frozen = msgspec.json.decode(path.read_bytes(), type=_Frozen)
-        texts = [text for name, text in frozen.parts.items() if Path(name).name == "study.toml"]
-        protocols = [tomllib.loads(text) for text in texts]
-        names = [str(each["name"]) for protocol in protocols for each in protocol.get("condition", [])]
-        return frozen.title, names
-    except (msgspec.MsgspecError, tomllib.TOMLDecodeError, TypeError, KeyError) as error:
-        raise BadInput(f"cannot be read: {error}", path) from None
-
-
-class _Frozen(Struct, frozen=True):
-    title: str = ""
-    parts: dict[str, str] = {}
 
 
 def _read(path: Path, name: str) -> pd.DataFrame:

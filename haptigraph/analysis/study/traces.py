@@ -150,11 +150,18 @@ def _trace(reader: RunReader, run: int, row: dict[Hashable, Any], span: RunSpan)
         return None
     stamp_ns, theta_deg, distance_mm = np.array(rows, np.float64).T
     time = (stamp_ns - stamp_ns[0]) / (stamp_ns[-1] - stamp_ns[0])
-    columns = [_on_grid(time, column) for column in (theta_deg, distance_mm)]
     entered = [((since_ns - measures.started_ns) / 1e9, state) for since_ns, state in states]
     duration_s = float(stamp_ns[-1] - stamp_ns[0]) / 1e9
-    who = str(row["participant"]), str(row["condition"])
-    return Trace(run, *who, is_hit, duration_s, *columns, entered)
+    return Trace(
+        run=run,
+        participant=str(row["participant"]),
+        condition=str(row["condition"]),
+        is_hit=is_hit,
+        duration_s=duration_s,
+        theta_deg=_on_grid(time, theta_deg),
+        distance_mm=_on_grid(time, distance_mm),
+        states=entered,
+    )
 
 
 def _on_grid(time: Floats, values: Floats) -> Floats:

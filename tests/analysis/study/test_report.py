@@ -1,3 +1,4 @@
+import json
 import re
 
 import pandas as pd
@@ -23,11 +24,11 @@ def test_the_report_is_complete_self_contained_and_reproducible(study, tmp_path)
     two = {path.relative_to(tmp_path / "two"): path.read_bytes() for path in (tmp_path / "two").rglob("*.*")}
     assert one == two and len(one) == len(written.files)
     names = {str(path) for path in one}
-    for figure in ("state_times", "state_sequence", "alignment", "depth_theta", "learning"):
+    for figure in ("rainclouds", "state_times", "state_sequence", "alignment", "depth_theta", "learning"):
         assert {f"figures/{figure}.{ending}" for ending in ("png", "svg", "pdf")} <= names
     html = written.page.read_text()
     assert not re.search(r'(src|href)="(?!data:)', html) and "<script" not in html
-    assert html.count("data:image/svg+xml") == 5 and "SIMULATED: no people took part" in html
+    assert html.count("data:image/svg+xml") == 6 and "SIMULATED: no people took part" in html
     assert "| Completion Time (s) |" in output and "SIMULATED" in output
     methods = (tmp_path / "one" / "methods.txt").read_text()
     for sentence in (
@@ -92,12 +93,10 @@ def test_three_conditions_and_two_groups_are_analysed(tmp_path):
 def test_traces_span_from_entry_to_hit(study):
     tables = read_tables(study)
     traces = read_traces(counted_runs(tables.trials), study)
-    assert (
-        len(traces.runs) == 4
-        and traces.absent == len(counted_runs(tables.trials).query("outcome == 'hit'")) - 4
-    )
+    assert len(traces.hits) == 4 and traces.absent == len(counted_runs(tables.trials)) - 4
     assert traces.zones.aligned_deg == 1.7 and traces.zones.touching_mm == 0.7 and traces.is_simulated
-    for run in traces.runs:
+    for run in traces.hits:
+        assert run.duration_s > 1 and run.states[-1][1] == "target_hit"
         assert run.theta_deg.shape == GRID.shape
         assert run.distance_mm[-1] <= 0.7 < run.distance_mm[0]  # it ends in a hit
     aligned = traces.by_participant("visual_haptic", "theta_deg")[0]
@@ -116,7 +115,32 @@ def test_a_recording_with_another_hash_is_refused_and_nothing_is_written(study, 
 def test_without_recordings_the_figures_that_need_them_are_omitted(tmp_path):
     folder = write_study(tmp_path / "study", simulated_study(4, trials=1))
     results = analyse(read_tables(folder), AnalysisPlan())
-    assert alignment_figure(read_traces(results.runs, folder), results.conditions, "") is None
+    assert alignment_figure(read_traces(results.runs, folder), results.titles, "") is None
+
+
+def test_people_read_the_titles_of_the_conditions_and_programs_their_names(tmp_path):
+    study = write_study(tmp_path / "study", simulated_study(3, trials=1))
+    protocol = (
+        '[[condition]]\nname = "visual"\ntitle = "Eyes <only>"\n[[condition]]\nname = "visual_haptic"\n'
+    )
+    export = {"study": "s", "parts": {"study.toml": protocol + 'title = "Eyes & hands"\n'}}
+    (study / "study.json").write_text(json.dumps(export))
+    html = write_report(study, tmp_path / "out").page.read_text()
+    assert "Visual haptic" not in html and "<td>Eyes &amp; hands</td>" in html
+    for name in ("results.tex", "results.md", "methods.txt"):
+        assert "Visual haptic" not in (tmp_path / "out" / name).read_text()
+    assert "“Eyes <only>”, “Eyes & hands”" in (tmp_path / "out" / "methods.txt").read_text()
+    for figure in (tmp_path / "out" / "figures").glob("*.svg"):
+        assert "<!-- Visual" not in figure.read_text() and "Eyes" in figure.read_text()
+    tests = pd.read_csv(tmp_path / "out" / "csv" / "comparisons.csv")
+    assert set(tests["first"]) == {"visual"} and set(tests["second"]) == {"visual_haptic"}
+
+
+def test_conditions_with_the_same_title_are_named(tmp_path):
+    folder = write_study(tmp_path, simulated_study(3, trials=1))
+    same = "".join(f'[[condition]]\nname = "{name}"\ntitle = "C"\n' for name in ("visual", "visual_haptic"))
+    (folder / "study.json").write_text(json.dumps({"study": "s", "parts": {"study.toml": same}}))
+    assert list(analyse(read_tables(folder), AnalysisPlan()).titles.values()) == ["Visual", "Visual haptic"]
 
 
 def test_transitions_are_counted_per_run(study):

@@ -49,8 +49,8 @@ def figures(results: StudyResults, traces: Traces, note: str) -> dict[str, Figur
         "rainclouds": raincloud_figure(results, note),
         "state_times": box_figure(results, note),
         "state_sequence": sequence_figure(results, note),
-        "alignment": alignment_figure(traces, results.conditions, note),
-        "depth_theta": cone_figure(traces, results.conditions, note),
+        "alignment": alignment_figure(traces, results.titles, note),
+        "depth_theta": cone_figure(traces, results.titles, note),
         "learning": learning_figure(results, note),
     }
     return {name: figure for name, figure in drawn.items() if figure is not None}

@@ -6,21 +6,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from haptigraph.analysis.study.figures.style import (
     ONE_COLUMN_MM,
     QUIET_INK,
     SMALL_PT,
-    STYLE,
     TWO_COLUMNS_MM,
     ConditionStyle,
     condition_styles,
     declutter,
-    legend_columns,
+    legend_below,
     new_figure,
 )
-from haptigraph.analysis.study.quantities import QUANTITIES, Quantity, words
+from haptigraph.analysis.study.quantities import QUANTITIES, Quantity
 from haptigraph.analysis.study.results import StudyResults
 
 if TYPE_CHECKING:
@@ -31,15 +29,16 @@ __all__ = ["MIN_MEDIAN_N", "learning_figure", "session_places"]
 SHIFT = 0.14
 """Distance of the medians of two conditions, in trials."""
 MIN_MEDIAN_N = 3
-LABEL_MM = 4.0
-"""Room of the number of a trial."""
+LABEL_MM, POSITION_MM = 4.0, 28.0
+"""Room of a trial's number, and of "second condition"."""
+ORDINALS = {1: "first", 2: "second", 3: "third"}
 
 
 def learning_figure(results: StudyResults, note: str) -> Figure | None:
     """Draw the primary measures of the runs over the session; None if everyone has one run.
 
-    Each condition has a column of panels. Where it has one run per participant, they share one, and lines join a
-    participant's conditions.
+    Each condition has a column of panels. Where it has one run per participant, all share one panel, and
+    lines join a participant's conditions.
     """
     placed = session_places(results.runs)
     quantities = [each for each in QUANTITIES if each.family == "primary" and each.name in placed]
@@ -47,28 +46,24 @@ def learning_figure(results: StudyResults, note: str) -> Figure | None:
     if not quantities or placed["place"].nunique() < 2:
         return None
     styles = condition_styles(results.conditions)
-    if is_joined := bool(placed["number"].max() == 1):
-        figure = new_figure(TWO_COLUMNS_MM if len(quantities) > 1 else ONE_COLUMN_MM, 62, note)
-        panels = figure.subplots(1, len(quantities), squeeze=False).T
+    if placed["number"].max() == 1:
+        columns, shares = len(quantities), [styles]
+        figure = new_figure(TWO_COLUMNS_MM if columns > 1 else ONE_COLUMN_MM, 62, note)
+        panels = figure.subplots(1, columns, squeeze=False).T
     else:
+        columns, shares = len(styles), [{name: style} for name, style in styles.items()]
         figure = new_figure(TWO_COLUMNS_MM, 12 + 46 * len(quantities), note)
-        panels = figure.subplots(len(quantities), len(styles), squeeze=False, sharey="row")
-    has_positions = placed["position"].nunique() > 1
-    for number, (row, quantity) in enumerate(zip(panels, quantities, strict=True)):
-        shares = [styles] if is_joined else [{name: style} for name, style in styles.items()]
+        panels = figure.subplots(len(quantities), columns, squeeze=False, sharey="row")
+    for row, quantity in zip(panels, quantities, strict=True):
         for axes, share in zip(row, shares, strict=True):
             _draw(axes, placed, quantity, share)
-            _label_trials(axes, placed, TWO_COLUMNS_MM / panels.shape[1 - is_joined])
-            if has_positions and (is_joined or not number):
-                _label_positions(axes, placed)
+            _label_session(axes, placed, 25.4 * figure.get_figwidth() / columns)
         row[0].set_ylabel(quantity.title)
-    label = "trial, by the position of the condition" if has_positions else "trial"
-    figure.supxlabel(label, fontsize=STYLE["axes.labelsize"])
     handles = [
-        Line2D([], [], color=style.color, linestyle=style.line, marker=style.marker, label=words(name))
+        axes.plot([], [], style.line, color=style.color, marker=style.marker, label=results.title_of(name))[0]
         for name, style in styles.items()
     ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=legend_columns(len(handles)))
+    legend_below(figure, handles)
     return figure
 
 
@@ -133,22 +128,19 @@ def _draw_medians(
         )  # fmt: skip
 
 
-def _label_trials(axes: "Axes", placed: pd.DataFrame, width_mm: float) -> None:
+def _label_session(axes: "Axes", placed: pd.DataFrame, width_mm: float) -> None:
+    """Label the trials below, and above them the position of their condition, if there are several."""
     steps = placed[["position", "number", "place"]].drop_duplicates()
     stride = max(1, int(np.ceil(len(steps) * LABEL_MM / width_mm)))
     shown = steps[(steps["number"] - 1) % stride == 0]
     axes.set_xticks(shown["place"].to_numpy(float), [str(number) for number in shown["number"]])
     axes.set_xlim(steps["place"].min() - 0.5, steps["place"].max() + 0.5)
-
-
-def _label_positions(axes: "Axes", placed: pd.DataFrame) -> None:
-    steps = placed[["position", "place"]].drop_duplicates()
-    for position, middle in steps.groupby("position")["place"].mean().items():
+    axes.set_xlabel("trial")
+    middles = steps.groupby("position")["place"].mean()
+    noun = " condition" if width_mm > POSITION_MM * len(middles) else ""
+    for position, middle in middles.items() if len(middles) > 1 else ():
         axes.annotate(
-            _ordinal(int(position)), (middle, 1), (0, 2), xycoords=axes.get_xaxis_transform(),
-            textcoords="offset points", ha="center", va="bottom", fontsize=SMALL_PT, color=QUIET_INK,
+            ORDINALS.get(int(position), f"{position:g}th") + noun, (middle, 1), (0, 2),
+            xycoords=axes.get_xaxis_transform(), textcoords="offset points",
+            ha="center", va="bottom", fontsize=SMALL_PT, color=QUIET_INK,
         )  # fmt: skip
-
-
-def _ordinal(number: int) -> str:
-    return {1: "first", 2: "second", 3: "third"}.get(number, f"{number}th")

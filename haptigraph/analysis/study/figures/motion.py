@@ -15,11 +15,11 @@ from haptigraph.analysis.study.figures.style import (
     ConditionStyle,
     condition_styles,
     declutter,
+    legend_below,
     new_figure,
     paint_of,
     wrapped,
 )
-from haptigraph.analysis.study.quantities import words
 from haptigraph.analysis.study.traces import GRID, Traces, Zones
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ MOMENTS = ("o", 5, "entry"), ("D", 4.5, "half the time"), ("*", 8, "hit")
 """Marker, its size [pt] and label at the start, middle and end of normalised time."""
 
 
-def alignment_figure(traces: Traces, conditions: list[str], note: str) -> Figure | None:
+def alignment_figure(traces: Traces, titles: dict[str, str], note: str) -> Figure | None:
     """Draw theta over normalised time: median and interquartile range of the participants."""
     if not traces.hits:
         return None
@@ -41,23 +41,24 @@ def alignment_figure(traces: Traces, conditions: list[str], note: str) -> Figure
     axes = figure.subplots()
     if traces.zones.aligned_deg is not None:
         _draw_cone(axes, traces.zones.aligned_deg)
-    for condition, style in condition_styles(conditions).items():
+    medians: list[Line2D] = []
+    for condition, style in condition_styles(titles).items():
         people = traces.by_participant(condition, "theta_deg")
         if not len(people):
             continue
         low, median, high = np.nanpercentile(people, (25, 50, 75), axis=0)
         axes.fill_between(100 * GRID, low, high, color=style.color, alpha=0.16, linewidth=0)
-        label = f"{words(condition)} (n = {len(people)})"
-        axes.plot(100 * GRID, median, style.line, color=style.color, linewidth=1.4, label=label)
+        label = f"{titles[condition]} (n = {len(people)})"
+        medians += axes.plot(100 * GRID, median, style.line, color=style.color, linewidth=1.4, label=label)
     axes.set(xlabel="share of the run (%)", ylabel="theta (°)", xlim=(0, 100), ylim=(0, None))
     declutter(axes)
-    figure.legend(loc="outside lower center", ncols=2)
+    legend_below(figure, medians)
     return figure
 
 
-def cone_figure(traces: Traces, conditions: list[str], note: str) -> Figure | None:
+def cone_figure(traces: Traces, titles: dict[str, str], note: str) -> Figure | None:
     """Draw depth against theta, one panel per condition; the background shows the procedure's states."""
-    shown = [condition for condition in conditions if traces.of(condition)]
+    shown = [condition for condition in titles if traces.of(condition)]
     if not shown:
         return None
     figure = new_figure(TWO_COLUMNS_MM if len(shown) > 1 else ONE_COLUMN_MM, 78, note)
@@ -65,11 +66,11 @@ def cone_figure(traces: Traces, conditions: list[str], note: str) -> Figure | No
     widest = max(float(np.nanmax(run.theta_deg)) for run in traces.hits)
     farthest = max(float(np.nanmax(run.distance_mm)) for run in traces.hits)
     limits = (min(widest * 1.03, 40.0), farthest * 1.03)
-    styles = condition_styles(conditions)
+    styles = condition_styles(titles)
     for axes, condition in zip(panels, shown, strict=True):
         _draw_zones(axes, traces.zones, limits)
         _draw_paths(axes, traces, condition, styles[condition])
-        axes.set_title(wrapped(words(condition), 150 / len(shown)), pad=11)
+        axes.set_title(wrapped(titles[condition], 150 / len(shown)), pad=11)
         axes.set(xlabel="theta (°)", xlim=(0, limits[0]), ylim=(LOWEST_MM, limits[1]))
         axes.spines[["top", "right"]].set_visible(False)
     panels[0].set_ylabel("distance to the retina (mm)")
@@ -81,7 +82,7 @@ def cone_figure(traces: Traces, conditions: list[str], note: str) -> Figure | No
         Line2D([], [], color=INK, marker=marker, markersize=size, linewidth=0, label=label)
         for marker, size, label in MOMENTS
     ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=5)
+    legend_below(figure, handles)
     return figure
 
 

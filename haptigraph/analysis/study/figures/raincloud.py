@@ -3,7 +3,6 @@
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 from matplotlib.figure import Figure
 from scipy import stats
 
@@ -17,7 +16,7 @@ from haptigraph.analysis.study.figures.style import (
     new_figure,
     wrapped,
 )
-from haptigraph.analysis.study.quantities import QUANTITIES, words
+from haptigraph.analysis.study.quantities import QUANTITIES, Quantity
 from haptigraph.analysis.study.results import StudyResults
 
 if TYPE_CHECKING:
@@ -25,13 +24,15 @@ if TYPE_CHECKING:
 
     from haptigraph.analysis.study.traces import Floats
 
-__all__ = ["MIN_DENSITY_N", "density", "raincloud_figure"]
+__all__ = ["JOINED", "MIN_DENSITY_N", "density", "raincloud_figure"]
 
 MIN_DENSITY_N = 8
 """Number of values from which a density is drawn: that of fewer shows the bandwidth, not the values."""
+JOINED = "#8a8a8a"
+"""Colour of a participant's line."""
 PANEL_MM = 62.0
-POINTS, BOX, CLOUD = 0.12, 0.0, 0.1
-"""Distance of points, box and density from a condition's tick, the points inwards."""
+POINTS, CLOUD = 0.12, 0.1
+"""Distance from a condition's box to its points, on the inside, and to its density."""
 
 
 def raincloud_figure(results: StudyResults, note: str) -> Figure | None:
@@ -46,8 +47,7 @@ def raincloud_figure(results: StudyResults, note: str) -> Figure | None:
     panels = np.ravel(figure.subplots(rows, columns, squeeze=False))
     room_mm = (width_mm / columns - 14) / len(results.conditions)
     for axes, quantity in zip(panels, quantities, strict=False):
-        _draw(axes, results.values[quantity.name], room_mm, joined=results.is_within)
-        axes.set_ylabel(quantity.title)
+        _draw(axes, results, quantity, room_mm)
     for axes in panels[len(quantities) :]:
         axes.remove()
     return figure
@@ -68,29 +68,31 @@ def density(values: "Floats") -> "tuple[Floats, Floats] | None":
     return at, stats.gaussian_kde(values)(at)
 
 
-def _draw(axes: "Axes", table: pd.DataFrame, room_mm: float, *, joined: bool) -> None:
+def _draw(axes: "Axes", results: StudyResults, quantity: Quantity, room_mm: float) -> None:
     """Draw one measure; the densities of all conditions have the same scale."""
-    samples = {condition: table[condition].dropna().to_numpy(float) for condition in table}
+    table = results.values[quantity.name]
+    samples = {condition: table[condition].dropna().to_numpy(float) for condition in results.conditions}
     clouds = {condition: density(values) for condition, values in samples.items()}
     highest = max((cloud[1].max() for cloud in clouds.values() if cloud is not None), default=1.0)
     sides = [-1, *[1] * (len(samples) - 1)]
-    if joined:
+    if results.is_within:
         places = np.arange(len(samples)) - POINTS * np.array(sides)
-        axes.plot(places, table.to_numpy(float).T, color="#8a8a8a", linewidth=0.5, alpha=0.7, zorder=1.5)
+        axes.plot(places, table.to_numpy(float).T, color=JOINED, linewidth=0.5, alpha=0.7, zorder=1.5)
     labels = []
-    for place, (condition, style) in enumerate(condition_styles(list(samples)).items()):
+    for place, (condition, style) in enumerate(condition_styles(samples).items()):
         values, side = samples[condition], sides[place]
-        labels.append(f"{wrapped(words(condition), room_mm)}\nn = {len(values)}")
+        labels.append(f"{wrapped(results.title_of(condition), room_mm)}\nn = {len(values)}")
         if not len(values):
             continue
         _draw_cloud(axes, clouds[condition], place + side * CLOUD, 0.32 * side / highest, style)
-        draw_box(axes, values, place + side * BOX, 0.11, style)
+        draw_box(axes, values, place, 0.11, style)
         axes.plot(
             np.full(len(values), place - side * POINTS), values, style.marker,
             color=style.color, markeredgecolor="white", markeredgewidth=0.3, alpha=0.85, clip_on=False,
         )  # fmt: skip
     axes.set_xticks(range(len(samples)), labels)
     axes.set_xlim(-0.5, len(samples) - 0.5)
+    axes.set_ylabel(quantity.title)
     declutter(axes)
 
 

@@ -77,7 +77,7 @@ def box_figure(results: StudyResults, note: str) -> Figure | None:
     axes.set(xlim=(-0.5, len(names) - 0.5), ylim=(0, None), ylabel="time (s)")
     axes.set_xticks(range(len(names)), labels)
     declutter(axes)
-    condition_legend(figure, results.conditions)
+    condition_legend(figure, results.titles)
     return figure
 
 
@@ -123,7 +123,7 @@ def sequence_figure(results: StudyResults, note: str) -> Figure | None:
     for axes, condition in zip(np.ravel(figure.subplots(len(shown), 1)), shown, strict=True):
         here = table[table["condition"] == condition]
         _draw_sequence(axes, here, places, max_rate)
-        title = f"{words(condition)}  ({here['runs'].iloc[0]} runs)"
+        title = f"{results.title_of(condition)}  ({here['runs'].iloc[0]} runs)"
         axes.set_title(title, loc="left", fontweight="bold", pad=2)
     return figure
 
@@ -141,7 +141,7 @@ def _draw_sequence(
     axes.axis("off")
     reached = set(table["before"]) | set(table["after"])
     axes.plot(*places[START], "o", color=INK, markersize=6, zorder=3)
-    axes.text(*np.subtract(places[START], (0, 0.12)), "entry", ha="center", va="top", fontsize=SMALL_PT)
+    axes.text(places[START][0], places[START][1] - 0.12, "entry", ha="center", va="top", fontsize=SMALL_PT)
     for state, place in places.items():
         if state != START:
             _draw_state(axes, state, place, reached=state in reached)
@@ -194,8 +194,10 @@ def _draw_transition(axes: "Axes", arrow: "_Arrow", rate: float, max_rate: float
     axes.add_patch(patch)
     ink, weight = (INK, "bold") if is_common else (QUIET_INK, "normal")
     aside, up = (round(part) for part in arrow.left)
+    away_pt = 2.0 + linewidth / 2
     axes.annotate(
-        f"{rate:.2f}", arrow.label, (2.0 + linewidth / 2) * np.array(arrow.left), textcoords="offset points",
+        f"{rate:.2f}", arrow.label, (away_pt * arrow.left[0], away_pt * arrow.left[1]),
+        textcoords="offset points",
         ha=("center", "left", "right")[aside], va=("center", "bottom", "top")[up],
         fontsize=SMALL_PT, color=ink, fontweight=weight, zorder=5,
     )  # fmt: skip

@@ -2,18 +2,18 @@
 
 import io
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from matplotlib import rc_context
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from haptigraph.analysis.plots.paper import STYLE as PAPER_STYLE
 from haptigraph.analysis.plots.paper import UNDATED
-from haptigraph.analysis.study.quantities import words
 from haptigraph.assemble import load_procedure, procedure_names
 from haptigraph.inference.colors import PAPER_PALETTE, Paint, palette
 
@@ -23,8 +23,9 @@ if TYPE_CHECKING:
     from haptigraph.analysis.study.traces import Floats
 
 __all__ = [
-    "FORMATS", "INK", "ONE_COLUMN_MM", "SMALL_PT", "STYLE", "TWO_COLUMNS_MM", "ConditionStyle", "condition_legend",
-    "condition_styles", "declutter", "draw_box", "legend_columns", "new_figure", "paint_of", "rendered", "styled", "wrapped",
+    "FORMATS", "INK", "ONE_COLUMN_MM", "QUIET_INK", "SMALL_PT", "TWO_COLUMNS_MM", "ConditionStyle",
+    "condition_legend", "condition_styles", "declutter", "draw_box", "legend_below", "new_figure", "paint_of",
+    "rendered", "styled", "wrapped",
 ]  # fmt: skip
 
 FORMATS = ("png", "svg", "pdf")
@@ -34,6 +35,8 @@ SMALL_PT = 6.5
 """Font size of what is said beside the axes' labels; no text is smaller."""
 LETTER_MM = 1.25
 """Average width of a letter of `SMALL_PT` in DejaVu Sans, generously."""
+KEY_MM = 12.0
+"""Width of a legend's key with the space around it."""
 INK, QUIET_INK = "#222222", "#555555"
 STYLE: dict[Any, Any] = {
     **PAPER_STYLE,
@@ -73,7 +76,7 @@ STYLES = (
 )
 
 
-def condition_styles(conditions: Sequence[str]) -> dict[str, ConditionStyle]:
+def condition_styles(conditions: Iterable[str]) -> dict[str, ConditionStyle]:
     """Return the style of every condition."""
     return {name: STYLES[number % len(STYLES)] for number, name in enumerate(conditions)}
 
@@ -130,24 +133,33 @@ def declutter(axes: "Axes") -> None:
     axes.set_axisbelow(True)
 
 
-def condition_legend(figure: Figure, conditions: Sequence[str]) -> None:
-    """Add a legend of the conditions below box plots."""
+def condition_legend(figure: Figure, titles: dict[str, str]) -> None:
+    """Add a legend of the conditions below box plots; titles are by name."""
     patches = [
-        Patch(facecolor="white", edgecolor=style.color, hatch=style.hatch, label=words(name))
-        for name, style in condition_styles(conditions).items()
+        Patch(facecolor="white", edgecolor=style.color, hatch=style.hatch, label=titles[name])
+        for name, style in condition_styles(titles).items()
     ]
-    figure.legend(handles=patches, loc="outside lower center", ncols=legend_columns(len(patches)))
+    legend_below(figure, patches)
 
 
-def legend_columns(entries: int) -> int:
-    """Return into how many columns a legend below a figure is set."""
-    return 2 if entries == 4 else min(entries, 3)
+def legend_below(
+    figure: Figure,
+    handles: Sequence[Patch | Line2D],
+    where: Literal["outside lower center", "lower center"] = "outside lower center",
+) -> None:
+    """Add a legend below a figure, with as many columns as its width has room for."""
+    longest = max(len(str(handle.get_label())) for handle in handles)
+    fitting = max(1, int(25.4 * figure.get_figwidth() / (LETTER_MM * longest + KEY_MM)))
+    rows = -(-len(handles) // fitting)
+    figure.legend(handles=handles, loc=where, ncols=-(-len(handles) // rows))
 
 
 def rendered(figure: Figure, formats: Sequence[str] = FORMATS) -> dict[str, bytes]:
     """Return a figure in formats, without dates and random identifiers."""
     drawn = {}
     with styled():
+        figure.draw_without_rendering()
+        figure.set_layout_engine("none")  # the layout is settled, for every format
         for ending in formats:
             buffer = io.BytesIO()
             figure.savefig(buffer, format=ending, dpi=300, facecolor="white", metadata=UNDATED[ending])

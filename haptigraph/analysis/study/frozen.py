@@ -1,0 +1,66 @@
+"""Read the frozen protocol in an export's `study.json`, as far as an analysis needs it."""
+
+from pathlib import Path
+
+import msgspec
+from msgspec import Struct, field
+
+from haptigraph.errors import BadInput
+
+__all__ = ["FrozenCondition", "FrozenProtocol", "read_frozen"]
+
+
+class FrozenCondition(Struct, frozen=True):
+    """A condition of the protocol."""
+
+    name: str
+    title: str = ""
+    touch: bool | str = True
+    """False: no haptic output."""
+
+
+class FrozenProtocol(Struct, frozen=True):
+    """The frozen protocol; empty where an export has none."""
+
+    title: str = ""
+    conditions: tuple[FrozenCondition, ...] = ()
+    """In the order of the protocol."""
+
+    @property
+    def names(self) -> list[str]:
+        """The names of the conditions."""
+        return [condition.name for condition in self.conditions]
+
+    def titles(self) -> dict[str, str]:
+        """Return the titles of the conditions by name; none where two would read the same."""
+        titles = {each.name: each.title.strip() for each in self.conditions if each.title.strip()}
+        return titles if len(set(titles.values())) == len(titles) else {}
+
+
+class _Export(Struct, frozen=True):
+    title: str = ""
+    parts: dict[str, str] = {}
+
+
+class _StudyFile(Struct, frozen=True):
+    conditions: tuple[FrozenCondition, ...] = field(name="condition", default=())
+
+
+def read_frozen(path: Path) -> FrozenProtocol:
+    """Read the frozen protocol.
+
+    Args:
+        path: `study.json`; a missing file is an empty protocol.
+
+    Raises:
+        BadInput: If it cannot be read.
+    """
+    if not path.is_file():
+        return FrozenProtocol()
+    try:
+        export = msgspec.json.decode(path.read_bytes(), type=_Export)
+        texts = [text for name, text in export.parts.items() if Path(name).name == "study.toml"]
+        study = msgspec.toml.decode(texts[0], type=_StudyFile) if texts else _StudyFile()
+    except (msgspec.MsgspecError, ValueError, OSError) as error:
+        raise BadInput(f"cannot be read: {error}", path) from None
+    return FrozenProtocol(export.title, study.conditions)
