@@ -1,6 +1,6 @@
 """A page per participant, for the researcher: trials, measures, time in states, scores, and traces."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from html import escape
 from urllib.parse import quote
 
@@ -21,6 +21,15 @@ __all__ = ["FOLDER", "participant_pages"]
 
 FOLDER = "participants"
 KEYS = ["position", "phase", "block", "trial", "attempt"]
+QUALITY = {
+    "images_per_s": ("Images per Second", 1),
+    "late_images_fraction": ("Late Images (share)", 3),
+    "skipped_images": ("Skipped Images", 0),
+    "unseen_fraction": ("Tip Not Visible (share of time)", 3),
+    "long_gaps": ("Gaps of the Tip above 0.5 s", 0),
+    "longest_gap_s": ("Longest Gap of the Tip (s)", 2),
+}
+"""Label and decimals of the measures of data quality, which older recordings lack."""
 CAPTION = (
     "Theta and distance to the retina over time, a column per run, on the scales of the whole study; a run "
     "ends with the target hit or the timeout. Background colours indicate the states."
@@ -28,7 +37,11 @@ CAPTION = (
 
 
 def participant_pages(
-    tables: StudyTables, results: StudyResults, traces: Traces, note: str
+    tables: StudyTables,
+    results: StudyResults,
+    traces: Traces,
+    flagged: pd.DataFrame | None,
+    note: str,
 ) -> Iterator[tuple[str, str]]:
     """Yield the name of a file and its page for everyone who has not withdrawn.
 
@@ -36,25 +49,29 @@ def participant_pages(
         tables: The study's tables.
         results: Their analysis.
         traces: Of the analysed runs.
+        flagged: The runs of poor data quality: participant, condition, trial, and the problem; None: none.
         note: A prominent note at the top, such as that it was simulated; may be empty.
     """
     runs = session_places(results.runs.rename_axis("run").reset_index())
     for name in sorted(set(tables.trials["participant"]) - set(tables.withdrawn)):
         attempts = tables.trials[tables.trials["participant"] == name]
-        page = _page(name, attempts, runs[runs["participant"] == name], tables, results, traces, note)
+        mine = runs[runs["participant"] == name]
+        title = f"{name}: {tables.protocol.title or tables.study}"
+        problems = [] if flagged is None else _flags(flagged[flagged["participant"] == name], results)
+        page = _page(title, attempts, mine, results, problems, _traces(mine, results, traces, note), note)
         yield f"{quote(name, safe='')}.html", page
 
 
 def _page(
-    name: str,
+    title: str,
     attempts: pd.DataFrame,
     runs: pd.DataFrame,
-    tables: StudyTables,
     results: StudyResults,
-    traces: Traces,
+    problems: Sequence[str],
+    traces: Iterator[str],
     note: str,
 ) -> str:
-    title = f"{name}: {tables.protocol.title or tables.study}"
+    name = attempts["participant"].iloc[0]
     scores = results.sus[results.sus["participant"] == name] if not results.sus.empty else results.sus
     parts = [
         f"<h1>{escape(title)}</h1>",
@@ -64,8 +81,9 @@ def _page(
         "<h2>Trials</h2>",
         table_html(_trials(attempts, runs, results.titles)),
         table_html(_measures(runs, results)) if len(runs) else "",
+        *(f"<p>{escape(problem)}</p>" for problem in problems),
         "<h2>Traces</h2>" if len(runs) else "",
-        *_traces(runs, results, traces, note),
+        *traces,
         "" if scores.empty else f"<h2>Questionnaires</h2>{table_html(_scores(scores, results))}",
     ]
     return document(title, parts)
@@ -104,8 +122,21 @@ def _measures(runs: pd.DataFrame, results: StudyResults) -> Table:
         for each in quantities
         if each.name in results.values and state_of(each.name) not in results.idle
     ]
+    rows += [
+        [label, *(number(value, decimals) for value in runs[name])]
+        for name, (label, decimals) in QUALITY.items()
+        if name in runs
+    ]
     head = ["Run", *(str(place) for place in range(1, len(runs) + 1))]
     return Table("Measures of the runs; states that nobody was in are left out.", head, rows)
+
+
+def _flags(flagged: pd.DataFrame, results: StudyResults) -> list[str]:
+    """Return what is beyond the protocol's thresholds of data quality, a sentence per run."""
+    return [
+        f"Flagged: {results.title_of(str(row['condition']))}, trial {row['trial']:g}: {row['problem']}."
+        for row in flagged.to_dict("records")
+    ]
 
 
 def _traces(runs: pd.DataFrame, results: StudyResults, traces: Traces, note: str) -> Iterator[str]:

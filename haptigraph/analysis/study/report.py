@@ -74,16 +74,15 @@ def write_report(
     simulated = tables.is_simulated or traces.is_simulated
     files = _files(tables, results, traces, simulated=simulated)
     output = Path(output)
-    for path in sorted((output / FOLDER).glob("*.html")):
-        if f"{FOLDER}/{path.name}" not in files:
-            path.unlink()  # of someone who has withdrawn since
-    for name, content in files.items():
-        path = output / name
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(content)
-        except OSError as error:
-            raise BadInput(f"cannot be written ({error.strerror})", path) from None
+    try:
+        for old in (output / FOLDER).glob("*.html"):
+            if f"{FOLDER}/{old.name}" not in files:
+                old.unlink()  # of someone who has withdrawn since
+        for name, content in files.items():
+            (output / name).parent.mkdir(parents=True, exist_ok=True)
+            (output / name).write_bytes(content)
+    except OSError as error:
+        raise BadInput(f"cannot be written ({error.strerror})", error.filename or output) from None
     beside = beside_paper(results, simulated=simulated)
     shown = [*result_tables(results)[:1], *([beside.table] if beside else [])]
     summary = markdown(shown, SIMULATED if simulated else "", beside.notes if beside else ())
@@ -102,6 +101,7 @@ def _files(
     pictures = [Picture(each.name, each.formats["svg"], each.caption, each.width_mm) for each in drawn]
     printed = [*summaries, beside.table] if beside else summaries
     tex = latex(printed, note)
+    pages = participant_pages(tables, results, traces, details.get("flagged_trials"), note)
     comparisons = details["comparisons"]
     frames = {**details, "tests": comparisons[TESTS], "sensitivity": comparisons[SENSITIVITY]}
     shown = {
@@ -118,7 +118,7 @@ def _files(
         "results.md": markdown(printed, note, beside.notes if beside else ()),
         "methods.txt": "\n\n".join(paragraphs) + "\n",
         **{f"csv/{name}.csv": _csv(table) for name, table in details.items()},
-        **{f"{FOLDER}/{name}": text for name, text in participant_pages(tables, results, traces, note)},
+        **{f"{FOLDER}/{name}": text for name, text in pages},
     }
     figures = {
         f"figures/{each.name}.{ending}": content for each in drawn for ending, content in each.formats.items()

@@ -10,7 +10,6 @@ from scipy import stats
 from study_tables import simulated_study, write_study
 
 from haptigraph.analysis.study.paper import beside_paper
-from haptigraph.analysis.study.report import write_report
 from haptigraph.analysis.study.results import AnalysisPlan, analyse
 from haptigraph.analysis.study.tables import read_tables
 
@@ -59,24 +58,6 @@ def test_the_columns_are_the_papers_whatever_the_reference(tmp_path):
         results_of(tmp_path / "two", AnalysisPlan(baseline="visual_haptic")), simulated=False
     ).table
     assert turned.head == table.head and turned.rows == table.rows
-
-
-def test_simulated_participants_are_said_to_be_no_evidence(tmp_path):
-    write_report(
-        write_study(
-            tmp_path / "study", simulated_study(6, trials=1, conditions=("visual_only", "visual_haptic"))
-        ),
-        tmp_path / "out",
-    )
-    for name in ("report.html", "results.md"):
-        text = (tmp_path / "out" / name).read_text()
-        assert (
-            "Simulated participants are no evidence about people" in text and "“Surgical State Time" in text
-        )
-    assert "simulated" in [
-        row[1] for row in beside_paper(results_of(tmp_path / "two"), simulated=True).table.rows
-    ]
-    assert r"\label{tab:beside_paper}" in (tmp_path / "out" / "results.tex").read_text()
 
 
 def test_another_study_is_not_set_beside_the_paper(tmp_path):

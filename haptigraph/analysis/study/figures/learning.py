@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from haptigraph.analysis.study.figures.raincloud import primary_quantities
 from haptigraph.analysis.study.figures.style import (
     ONE_COLUMN_MM,
     QUIET_INK,
@@ -18,7 +19,7 @@ from haptigraph.analysis.study.figures.style import (
     legend_below,
     new_figure,
 )
-from haptigraph.analysis.study.quantities import QUANTITIES, Quantity
+from haptigraph.analysis.study.quantities import Quantity
 from haptigraph.analysis.study.results import StudyResults
 
 if TYPE_CHECKING:
@@ -41,8 +42,7 @@ def learning_figure(results: StudyResults, note: str) -> Figure | None:
     lines join a participant's conditions.
     """
     placed = session_places(results.runs)
-    quantities = [each for each in QUANTITIES if each.family == "primary" and each.name in placed]
-    quantities = [each for each in quantities if each.name in results.values]
+    quantities = [each for each in primary_quantities(results) if each.name in placed]
     if not quantities or placed["place"].nunique() < 2:
         return None
     styles = condition_styles(results.conditions)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from haptigraph.analysis.study.traces import Floats
 
-__all__ = ["JOINED", "MIN_DENSITY_N", "density", "raincloud_figure"]
+__all__ = ["JOINED", "MIN_DENSITY_N", "density", "primary_quantities", "raincloud_figure"]
 
 MIN_DENSITY_N = 8
 """Number of values from which a density is drawn: that of fewer shows the bandwidth, not the values."""
@@ -35,9 +35,14 @@ POINTS, CLOUD = 0.12, 0.1
 """Distance from a condition's box to its points, on the inside, and to its density."""
 
 
+def primary_quantities(results: StudyResults) -> list[Quantity]:
+    """Return the primary measures that have values."""
+    return [each for each in QUANTITIES if each.family == "primary" and each.name in results.values]
+
+
 def raincloud_figure(results: StudyResults, note: str) -> Figure | None:
     """Draw the primary measures, one panel each: a point per participant, joined across the conditions."""
-    quantities = [each for each in QUANTITIES if each.family == "primary" and each.name in results.values]
+    quantities = primary_quantities(results)
     if not quantities:
         return None
     columns = min(len(quantities), 3 if len(results.conditions) == 2 else 2)
