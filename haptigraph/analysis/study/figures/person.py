@@ -45,7 +45,7 @@ def person_figure(traces: Traces, shown: Sequence[Trace], names: Mapping[int, st
     band_mm = HEAD_MM + 2 * PANEL_MM + GAP_MM + AXIS_MM
     height_mm = TOP_MM + -(-len(shown) // columns) * band_mm + LEGEND_MM
     figure = new_figure(TWO_COLUMNS_MM, height_mm, note)
-    figure.set_layout_engine("none")  # a constrained layout of many panels takes seconds per participant
+    figure.set_layout_engine(None)  # a constrained layout of many panels takes seconds per participant
     step_mm = (TWO_COLUMNS_MM - LEFT_MM) / columns
     for number, run in enumerate(shown):
         band, column = divmod(number, columns)

@@ -105,11 +105,11 @@ def wrapped(text: str, width_mm: float) -> str:
     return textwrap.fill(text, max(1, int(width_mm / LETTER_MM)), break_long_words=False)
 
 
-def draw_box(axes: "Axes", values: "Floats", at: float, width: float, style: ConditionStyle) -> None:
+def draw_box(axes: "Axes", values: "Floats", place: float, width: float, style: ConditionStyle) -> None:
     """Draw quartiles, and whiskers of 1.5 times the interquartile range, in the style of a condition."""
     axes.boxplot(
         [values],
-        positions=[at],
+        positions=[place],
         widths=width,
         patch_artist=True,
         showfliers=False,
@@ -158,8 +158,9 @@ def rendered(figure: Figure, formats: Sequence[str] = FORMATS) -> dict[str, byte
     """Return a figure in formats, without dates and random identifiers."""
     drawn = {}
     with styled():
-        figure.draw_without_rendering()
-        figure.set_layout_engine("none")  # the layout is settled, for every format
+        if figure.get_layout_engine() is not None:
+            figure.draw_without_rendering()
+            figure.set_layout_engine("none")  # the layout is settled, for every format
         for ending in formats:
             buffer = io.BytesIO()
             figure.savefig(buffer, format=ending, dpi=300, facecolor="white", metadata=UNDATED[ending])
