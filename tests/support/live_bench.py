@@ -26,13 +26,18 @@ window.pad = {
   axes: [0, 0, 0, 0], buttons: Array.from({ length: 17 }, () => ({ value: 0, pressed: false })),
   vibrationActuator: {
     type: "dual-rumble", effects: ["dual-rumble"],
-    playEffect(type, effect) { window.rumble.push({ at: performance.timeOrigin + performance.now(), type, ...effect }); return Promise.resolve("complete"); },
-    reset() { window.rumble.push({ at: performance.timeOrigin + performance.now(), type: "reset", duration: 0 }); return Promise.resolve("complete"); },
+    end(result) { this.resolve?.(result); this.resolve = null; },
+    playEffect(type, effect) {
+      window.rumble.push({ at: performance.timeOrigin + performance.now(), type, ...effect });
+      this.end("preempted");
+      return new Promise((resolve) => { this.resolve = resolve; setTimeout(() => resolve("complete"), effect.duration); });
+    },
+    reset() { window.rumble.push({ at: performance.timeOrigin + performance.now(), type: "reset", duration: 0 }); this.end("preempted"); return Promise.resolve("complete"); },
   },
 };
 navigator.getGamepads = () => [window.pad, null, null, null];
 """
-"""Script that simulates a game controller and logs its rumble."""
+"""Script that simulates a game controller and logs its rumble; an effect ends as the Gamepad standard says."""
 
 
 PHONE = """

@@ -138,6 +138,19 @@ def test_a_source_that_does_not_open_uses_up_no_attempt(service, monkeypatch):
     assert "nowhere" not in str(participant_snapshot(service))
 
 
+def test_a_device_that_is_gone_since_it_was_felt_uses_up_no_attempt(service, monkeypatch, quick_uri):
+    def gone(name):
+        raise BadInput("is not connected", name)
+
+    monkeypatch.setattr(assemble, "open_device", gone)
+    service.begin("P01", go_to_the_training(service).key)
+    (line,) = run_one(
+        service, monkeypatch, load_config(None, (f"source.uri={quick_uri}", "haptics.device=audio"))
+    )
+    assert line == "haptigraph: the trial did not begin: audio: is not connected"
+    assert (service.trial_status, service.session.next().attempt) == ("", 1)
+
+
 def test_a_source_that_ends_early_voids_the_attempt(service, monkeypatch, quick_uri):
     stage = go_to_the_training(service)
     service.begin("P01", stage.key)
