@@ -37,6 +37,8 @@ INVALID = [
     ('expect = "smaller"', 'expect = "less"', r"line 53: unknown expect 'less'; valid: different"),
     ('measure = "completion_s"\nfirst = "seen"\nsecond = "felt"\nexpect = "equivalent"',
      'measure = "mean_theta_deg"\nfirst = "seen"\nsecond = "felt"\nexpect = "smaller"', "line 55: the same hypothesis twice"),
+    ('first = "seen"\nsecond = "felt"\nexpect = "equivalent"', 'first = "felt"\nsecond = "seen"\nexpect = "equivalent"',
+     "line 57: name the conditions of an equivalence in the order of the protocol"),
     ("min_trials = 2", "exclude_poor_trials = true", r"line 46: \[quality\] sets no threshold; set one, or remove"),
     ('expect = "smaller"', 'sides = 1', r"line 53: unknown key 'sides'"),
 ]  # fmt: skip

@@ -68,7 +68,10 @@ class AnalysisPlan(Struct, frozen=True):
         return self.preregistered.alpha if self.preregistered else DEFAULT_ALPHA
 
     def bounds_of(self, quantity: Quantity) -> tuple[float, float] | None:
-        """Return the preregistered equivalence bounds of an outcome, in its unit: second minus first."""
+        """Return the preregistered equivalence bounds of an outcome, in its unit: second minus first.
+
+        They have the order of the protocol, as have the comparisons: another baseline is refused.
+        """
         return self.preregistered.equivalence.get(quantity.name) if self.preregistered else None
 
 
@@ -191,6 +194,10 @@ def _with_protocol(plan: AnalysisPlan, tables: StudyTables) -> AnalysisPlan:
     analysis = tables.protocol.analysis
     if analysis and plan.given_alpha not in (None, analysis.alpha):
         found = f"alpha {plan.given_alpha:g} contradicts the preregistered {analysis.alpha:g}"
+        raise BadInput(f"{found}; leave it out", tables.folder)
+    first = tables.protocol.names[:1]
+    if analysis and analysis.equivalence and plan.baseline not in (None, *first):
+        found = f"baseline {plan.baseline!r} would turn the signs of the preregistered equivalence bounds"
         raise BadInput(f"{found}; leave it out", tables.folder)
     return replace(plan, preregistered=analysis)
 

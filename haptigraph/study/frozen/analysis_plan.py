@@ -3,7 +3,7 @@
 It is frozen with the protocol, so it was decided before the data; what it names is confirmatory.
 """
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from typing import Annotated, Literal
 
 from msgspec import Meta, Struct, field
@@ -39,7 +39,7 @@ class Analysis(Struct, frozen=True, forbid_unknown_fields=True):
     alpha: Alpha = 0.05
     """Level of significance."""
     equivalence: dict[str, tuple[float, float]] = {}
-    """By measure: the bounds of a difference, second minus first condition, that is as good as none."""
+    """By measure: the bounds of a difference that is as good as none, later minus earlier condition."""
     exclude_poor_trials: bool = False
     """Whether trials beyond a threshold of [quality] are excluded."""
     min_trials: Annotated[int, Meta(ge=0, le=1000)] = 0
@@ -60,7 +60,7 @@ def numeric_measures(states: Collection[str], scores: Collection[str]) -> list[s
 def check_analysis(
     document: Document,
     analysis: Analysis,
-    conditions: Collection[str],
+    conditions: Sequence[str],
     measures: Collection[str],
     trials: int,
     quality: Quality,
@@ -70,7 +70,7 @@ def check_analysis(
     Args:
         document: The protocol.
         analysis: Its table.
-        conditions: Names of its conditions.
+        conditions: Names of its conditions, in its order.
         measures: Those that it records.
         trials: Number of trials under each condition.
         quality: Its thresholds.
@@ -117,7 +117,7 @@ def _problems(analysis: Analysis, measures: Collection[str], trials: int) -> Ite
 def _hypothesis_problems(
     hypothesis: Hypothesis,
     bounds: Collection[str],
-    conditions: Collection[str],
+    conditions: Sequence[str],
     measures: Collection[str],
 ) -> Iterator[tuple[str, str]]:
     """Yield keys and problems; `bounds` are the measures with equivalence bounds."""
@@ -126,8 +126,14 @@ def _hypothesis_problems(
     for key in ("first", "second"):
         if (name := getattr(hypothesis, key)) not in conditions:
             yield key, unknown_name("condition", name, conditions)
+    order = [name for name in conditions if name in (hypothesis.first, hypothesis.second)]
     if hypothesis.first == hypothesis.second:
         yield "second", f"{hypothesis.first!r} is compared with itself; name two conditions"
+    elif hypothesis.expect == "equivalent" and order != [hypothesis.first, hypothesis.second]:
+        yield (
+            "first",
+            "name the conditions of an equivalence in the order of the protocol, as its bounds have signs",
+        )
     if hypothesis.expect == "equivalent" and hypothesis.measure not in bounds:
         valid = f"add equivalence = {{{hypothesis.measure} = [LOW, HIGH]}} to [analysis]"
         yield "expect", f"{hypothesis.measure} has no equivalence bounds; {valid}"

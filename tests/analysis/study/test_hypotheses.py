@@ -128,6 +128,12 @@ def test_an_alpha_that_contradicts_the_preregistered_one_is_refused(frozen, resu
     assert analyse(read_tables(frozen), AnalysisPlan(given_alpha=0.04)).plan.alpha == 0.04
 
 
+def test_a_baseline_that_would_turn_the_equivalence_bounds_is_refused(frozen):
+    tables = read_tables(frozen)
+    with pytest.raises(BadInput, match="baseline 'visual_haptic' would turn the signs"):
+        analyse(tables, AnalysisPlan(baseline="visual_haptic"))
+
+
 def test_participants_with_too_few_trials_are_excluded_and_counted(tmp_path):
     made = simulated_study(5, trials=2)
     trials = made["trials"]
