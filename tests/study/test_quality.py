@@ -30,10 +30,16 @@ def test_each_threshold_flags_its_measure_and_nothing_else():
     assert quality_limits(Quality()) == []
 
 
+def test_rounding_of_stamps_flags_nothing():
+    row = {"images_per_s": 29.99999999970817, "longest_gap_s": 0.500000001}
+    assert quality_problems(row, Quality(min_images_per_s=30, max_gap_s=0.5)) == []
+
+
 @given(st.sampled_from(RULES), st.floats(0.001, 1), st.floats(0, 1))
 def test_a_value_at_the_threshold_is_allowed(rule, limit, value):
     thresholds = Quality(**{rule.key: limit})
     is_beyond = value < limit if rule.key.startswith("min_") else value > limit
+    is_beyond &= not math.isclose(value, limit, rel_tol=1e-6)
     assert bool(quality_problems({rule.measure: value}, thresholds)) == is_beyond
 
 

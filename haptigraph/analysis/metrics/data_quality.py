@@ -13,8 +13,8 @@ from haptigraph.messages import Step
 
 __all__ = ["LONG_GAP_NS", "DataQuality"]
 
-LONG_GAP_NS = 500_000_000
-"""A longer gap interrupts the movement."""
+LONG_GAP_NS = 501_000_000
+"""A longer gap interrupts the movement: 0.5 s, and 1 ms for the rounding of stamps."""
 LATE = 1.5
 """An image is late if it comes after so many times the median interval."""
 

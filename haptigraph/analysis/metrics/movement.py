@@ -16,8 +16,8 @@ from haptigraph.analysis.metrics.motion import SMOOTH_HZ, band_power, low_passed
 __all__ = ["MOVEMENT_HZ", "RATE_TOLERANCE", "Detection", "Movement", "movements_of", "tremor_power"]
 
 Floats = NDArray[np.float64]
-MAX_TREMOR_GAP_NS = 100_000_000
-"""Longer gaps are left out of the tremor's power: an interpolated tip does not tremble."""
+MAX_TREMOR_GAP_NS = 101_000_000
+"""Longer gaps are left out of the tremor's power: an interpolated tip does not tremble. 0.1 s, and 1 ms."""
 MOVEMENT_HZ = 60.0
 """Rate at which movements are resampled."""
 MIN_IMAGES_PER_S = 2 * SMOOTH_HZ

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from helpers import LOW, call
-from hypothesis import assume, given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
@@ -115,7 +115,9 @@ def test_a_short_gap_is_bridged_by_a_straight_line():
 
 
 @settings(max_examples=40)
-@given(st.floats(0, 8), st.floats(0.51, 8), st.booleans())
+@given(st.floats(0, 8), st.floats(0.4, 8), st.booleans())
+@example(1.0, 0.5, True)
+@example(7.0, 0.9, True)  # leaves three images after the gap
 def test_after_a_long_gap_anywhere_there_is_neither_path_nor_smoothness(start_s, lasts_s, hit):
     def detected(s):
         return not start_s < s < start_s + lasts_s
@@ -123,8 +125,7 @@ def test_after_a_long_gap_anywhere_there_is_neither_path_nor_smoothness(start_s,
     times_s = np.arange(241) / RATE_HZ
     seen_s = [0.0, *(s for s in times_s if detected(s)), times_s[-1]]
     measures = measure_trial(steps_of(8, lambda s: 1.0, detected=detected, hit=hit))
-    has_long_gap = np.diff(seen_s).max() > 0.5 + 1e-9
-    assume(has_long_gap or np.diff(seen_s).max() < 0.5 - 1e-9)
+    has_long_gap = np.diff(seen_s).max() > 0.5 + 1e-3  # 15 intervals are 0.5 s, give or take a nanosecond
     for name in ("path_mm", "sparc", "log_jerk"):
         assert (name in measures) != has_long_gap
     assert (measures["long_gaps"] > 0) == has_long_gap
