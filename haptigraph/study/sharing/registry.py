@@ -59,9 +59,10 @@ def read_bundles(folder: Path) -> list[Bundle]:
     except OSError as error:
         raise BadInput(f"cannot be read ({error.strerror})", path) from None
     except (msgspec.MsgspecError, UnicodeDecodeError) as error:
-        raise BadInput(
-            f"is damaged ({error}); without it nobody finds a participant in a bundle", path
-        ) from None
+        problem = (
+            f"is damaged ({error}); restore it, or delete it and look for the participant in your bundles"
+        )
+        raise BadInput(problem, path) from None
 
 
 def bundles_of(folder: Path, participant: str) -> Iterator[Bundle]:
