@@ -160,6 +160,11 @@ def _line_of(text: str, path: str) -> int | None:
     parts = re.findall(r"(\w+)(?:\[(\d+)\])?", path)
     if not parts:
         return None
+    if len(parts) > 1 and re.search(rf"^\s*\[+\s*{parts[0][0]}\.{parts[1][0]}\s*\]", text, re.MULTILINE):
+        parts = [
+            (f"{parts[0][0]}.{parts[1][0]}", parts[1][1]),
+            *parts[2:],
+        ]  # a table with a header of its own
     keys = [name for name, _ in parts]
     number = int(parts[0][1] or 0)
     seen: dict[str, int] = {}

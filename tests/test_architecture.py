@@ -23,7 +23,7 @@ UNITLESS = {
     "font_size", "theta_integral", "offset_grey", "mm_per_px", "px_per_mm", "left", "top", "right", "bottom",
     "low", "high", "rim_ratio", "reach_ratio", "support_ratio", "half_width", "radius", "inner", "scale",
     "lag_images", "mm_s", "deg_s", "flicker", "confidence", "slope", "share", "share_sd", "scatter", "one_tone",
-    "least", "way",
+    "least", "way", "given_alpha",
     "curve", "dead_band", "statistic", "p", "z", "holm_p", "effect", "mean_difference", "strength", "absolute_threshold",
     "distance_sd_share", "motor_sd_share", "weber_fraction", "attention_probability", "align_share", "changes_per_min",
     "w", "t", "df", "d", "opposite", "mean", "sd", "median", "lower", "upper",

@@ -115,6 +115,8 @@ def check(folder: str, store: str | None) -> None:
             sha256 = frozen["protocol_sha256"]
     for table in protocol_tables(protocol):
         _print(table)
+    if protocol.analysis is None:
+        click.echo("no [analysis] table: the report will be exploratory")
     click.echo(f"{state}\nsha256 {sha256}")
     for problem in problems:
         print_status(f"haptigraph: {problem}")

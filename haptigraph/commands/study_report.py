@@ -29,9 +29,7 @@ LIBRARIES = ("pandas", "scipy", "statsmodels", "patsy")
 @click.option(
     "--alpha",
     type=click.FloatRange(0, 0.5, min_open=True),
-    default=0.05,
-    show_default=True,
-    help="Level of significance.",
+    help="Level of significance; the preregistered one, which it must not contradict, or 0.05 if not given.",
 )
 @click.option(
     "--zeros",
@@ -49,7 +47,7 @@ def study_report(
     folder: str,
     output: str,
     seed: int,
-    alpha: float,
+    alpha: float | None,
     zeros: str,
     baseline: str | None,
     recordings: str | None,

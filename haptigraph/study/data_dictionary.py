@@ -139,6 +139,26 @@ COLUMNS: dict[str, list[Field]] = {
         ("text", "text", "", "the experimenter's words"),
         ("at_utc", "text", "ISO 8601", "when it was noted"),
     ),
+    "questionnaire_items": _fields(
+        "questionnaire_items",
+        "protocol",
+        ("study", "text", "", "the study's name"),
+        ("questionnaire", "text", "", "name of the questionnaire"),
+        ("title", "text", "", "title of the questionnaire"),
+        ("when", "text", "", "start, condition (after each), or end"),
+        ("number", "integer", "", "position of the item in the questionnaire, from 1"),
+        ("item", "text", "", "key of the item in `answers`"),
+        ("wording", "text", "", "the question or statement"),
+        ("kind", "text", "", "scale (whole numbers), number, choice or text"),
+        ("low", "number", "", "the lowest answer; empty: no bound"),
+        ("low_label", "text", "", "anchor of the lowest answer"),
+        ("high", "number", "", "the highest answer; empty: no bound"),
+        ("high_label", "text", "", "anchor of the highest answer"),
+        ("choices", "text", "", "the choices, joined by |"),
+        ("unit", "text", "", "unit of the answers"),
+        ("required", "integer", "", "1: an answer is required"),
+        ("reversed", "integer", "", "1: the score counts it from its high end"),
+    ),
 }
 """Columns by table, in order. The first three are for analysis; the others make an export complete."""
 

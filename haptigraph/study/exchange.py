@@ -20,6 +20,9 @@ from sqlalchemy import Table, select
 from haptigraph.errors import BadInput, MissingExtra
 from haptigraph.study.checksums import verify_checksums, write_checksums
 from haptigraph.study.data_dictionary import COLUMNS, MEASURES, Field, check_measures, fields_of, time_field
+from haptigraph.study.frozen.item_table import item_rows, typed_answer, value_kind
+from haptigraph.study.frozen.parts import frozen_questionnaires
+from haptigraph.study.questionnaire import Item
 from haptigraph.study.roster import canonical, check_pseudonym
 from haptigraph.study.store import Row, Store, to_json
 from haptigraph.study.tables import ANSWERS, EVENTS, PARTICIPANTS, SESSIONS, STAGES, STUDIES, TRIALS
@@ -37,6 +40,7 @@ TABLES = {
 """In an order that respects foreign keys."""
 FROM_1 = ("position", "block")  # stored as 0 where missing
 WriteTable: TypeAlias = Callable[[Path, Sequence[Field], Sequence[Mapping[str, Any]]], None]
+ITEMS = "questionnaire_items"
 STUDY_FILE, DICTIONARY = "study.json", "data_dictionary.csv"
 FORMULA = re.compile(r"'*[=+\-@\t\r]")  # after `'`, a spreadsheet shows it as text
 PLAIN_NUMBER = re.compile(r"[+-]?\d+(\.\d+)?")
@@ -77,12 +81,16 @@ def tidy_tables(store: Store, study: str) -> dict[str, tuple[list[Field], list[d
         tables[name] = (fields_of(name, (key for row in rows for key in row)), rows)
     fields, people = tables["participants"]
     one_off = [row for row in tables["answers"][1] if row["position"] is None]
-    fields += _demographics(one_off)
+    questionnaires = {each.name: each for each in frozen_questionnaires(about.parts).values()}
+    items = {(name, item.key): item for name, each in questionnaires.items() for item in each.items}
+    fields += _demographics(one_off, items)
     for person in people:
         person["simulated"] = about.simulated
         for row in one_off:
             if row["participant"] == person["participant"]:
-                person[_column(row, COLUMNS["participants"])] = row["answer"]
+                answer = typed_answer(items.get((row["questionnaire"], row["item"])), row["answer"])
+                person[_column(row, COLUMNS["participants"])] = answer
+    tables[ITEMS] = (fields_of(ITEMS), list(item_rows(study, about.parts)))
     return tables
 
 
@@ -231,11 +239,15 @@ def _stored(table: str, row: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in stored.items() if name in columns.c}
 
 
-def _demographics(answers: Iterable[Mapping[str, Any]]) -> list[Field]:
-    meanings = {
-        _column(row, COLUMNS["participants"]): f"{row['questionnaire']}: {row['item']}" for row in answers
-    }
-    return [Field("participants", name, "text", "", text, "participant") for name, text in meanings.items()]
+def _demographics(answers: Iterable[Mapping[str, Any]], items: Mapping[tuple[str, str], Item]) -> list[Field]:
+    """Return the columns of one-off answers, with kind, unit and wording of their items."""
+    fields = {}
+    for row in answers:
+        name, item = _column(row, COLUMNS["participants"]), items.get((row["questionnaire"], row["item"]))
+        meaning = f"{row['questionnaire']}: {item.text if item else row['item']}"
+        unit = item.unit if item else ""
+        fields[name] = Field("participants", name, value_kind(item), unit, meaning, "participant")
+    return list(fields.values())
 
 
 def _column(row: Mapping[str, Any], fields: Sequence[Field]) -> str:

@@ -4,19 +4,18 @@ Every error reports file and line, what was found and what would be valid.
 """
 
 import hashlib
-import warnings
 from collections.abc import Callable, Mapping
-from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
 from msgspec import Meta, Struct, field
-from msgspec.structs import replace
 
-from haptigraph.assemble import load_procedure, parse_procedure
-from haptigraph.errors import BadInput, RenamedKey, unknown_name
+from haptigraph.assemble import load_procedure
+from haptigraph.errors import BadInput, unknown_name
 from haptigraph.study.conditions import Order
-from haptigraph.study.questionnaire import Questionnaire, load_questionnaire, parse_questionnaire
+from haptigraph.study.frozen.analysis_plan import Analysis, check_analysis, numeric_measures
+from haptigraph.study.frozen.parts import is_same_part
+from haptigraph.study.questionnaire import Questionnaire, load_questionnaire
 from haptigraph.toml_document import Document
 
 __all__ = [
@@ -144,6 +143,7 @@ class _File(Struct, frozen=True, forbid_unknown_fields=True):
     training: Training | None = None
     questionnaires: tuple[QuestionnaireTable, ...] = field(name="questionnaire", default=())
     stop: Stop = Stop()
+    analysis: Analysis | None = None
 
 
 class Protocol(Struct, frozen=True):
@@ -164,6 +164,8 @@ class Protocol(Struct, frozen=True):
     """All texts of the protocol by name; they are frozen together."""
     folder: Path
     """The folder that contains the file."""
+    analysis: Analysis | None = None
+    """What was decided before the data, if anything."""
 
     @property
     def sha256(self) -> str:
@@ -197,8 +199,7 @@ class Protocol(Struct, frozen=True):
         return sorted(
             name
             for name in frozen.keys() | self.parts.keys()
-            if frozen.get(name) != self.parts.get(name)
-            and _content(name, frozen.get(name)) != _content(name, self.parts.get(name))
+            if not is_same_part(name, frozen.get(name), self.parts.get(name))
         )
 
 
@@ -218,11 +219,12 @@ def load_protocol(path: str | Path) -> Protocol:
     _check_names(document, data)
     _check_training(document, data)
     parts = {FILE: document.text}
-    procedures = {}
+    procedures, states = {}, set[str]()
     for number, condition in enumerate(data.conditions):
         key = f"condition[{number}].procedure"
         loaded = _load(document, key, load_procedure, _procedure_from(folder, condition.procedure))
         procedures[condition.procedure] = parts[f"procedure {condition.procedure}"] = loaded.text
+        states |= {state.name for state in loaded.states}
     questionnaires: list[tuple[QuestionnaireTable, Questionnaire]] = []
     for number, table in enumerate(data.questionnaires):
         key = f"questionnaire[{number}].file"
@@ -231,6 +233,11 @@ def load_protocol(path: str | Path) -> Protocol:
             raise document.error(f"questionnaire {found.name!r} occurs twice; remove one of them", key)
         questionnaires.append((table, found))
         parts[f"questionnaire {table.file}"] = found.text
+    if data.analysis is not None:
+        scales = [each.scales for table, each in questionnaires if table.when == "condition"]
+        measures = numeric_measures(states, [scale.name for each in scales for scale in each])
+        trials = data.trials.blocks * data.trials.repetitions
+        check_analysis(document, data.analysis, [each.name for each in data.conditions], measures, trials)
     return Protocol(
         study=data.study,
         texts=data.texts,
@@ -243,6 +250,7 @@ def load_protocol(path: str | Path) -> Protocol:
         procedures=procedures,
         parts=parts,
         folder=folder,
+        analysis=data.analysis,
     )
 
 
@@ -264,23 +272,6 @@ def _load(document: Document, key: str, load: Callable[[str], T], name: str) -> 
         if error.file and error.place:
             raise  # the error is in that file
         raise document.error(str(error), key) from None
-
-
-@lru_cache(maxsize=64)
-def _content(part: str, text: str | None) -> object:
-    """Parse a procedure or questionnaire, without comments and without prose that participants never see."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RenamedKey)
-            if text is not None and part.startswith("procedure "):
-                procedure = parse_procedure(text, part)
-                states = tuple(replace(state, because="") for state in procedure.states)
-                return replace(procedure, text="", title="", source="", states=states)
-            if text is not None and part.startswith("questionnaire "):
-                return replace(parse_questionnaire(text, part), text="")
-    except BadInput:  # of a version that is not compatible
-        pass
-    return text
 
 
 def _check_names(document: Document, data: _File) -> None:

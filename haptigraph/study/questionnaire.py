@@ -3,6 +3,7 @@
 Answers are strings, as stored and exported; each item defines which strings are valid.
 """
 
+from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
@@ -10,6 +11,7 @@ from typing import Annotated, ClassVar, Literal
 from msgspec import Meta, Struct, field
 
 from haptigraph.errors import BadInput, unknown_name
+from haptigraph.study.questionnaires.scoring import Bounds, Scale, Scoring, scales_of, score, scoring_problem
 from haptigraph.toml_document import Document
 
 __all__ = ["Item", "Questionnaire", "load_questionnaire", "parse_questionnaire", "questionnaire_names"]
@@ -85,6 +87,7 @@ class _Title(Struct, frozen=True, forbid_unknown_fields=True):
 class _File(Struct, frozen=True, forbid_unknown_fields=True):
     questionnaire: _Title
     items: tuple[Item, ...] = field(name="item")
+    score: Scoring | None = None
 
 
 class Questionnaire(Struct, frozen=True):
@@ -99,6 +102,17 @@ class Questionnaire(Struct, frozen=True):
     items: tuple[Item, ...]
     text: str
     """The file as read."""
+    score: Scoring | None = None
+
+    @property
+    def scales(self) -> list[Scale]:
+        """Its scores: the total, then subscales; none without [score]."""
+        return scales_of(self.score, self.name, self.title, _bounds(self.items)) if self.score else []
+
+    def scores(self, answers: Mapping[str, float]) -> dict[str, float]:
+        """Return the scores by the names of `scales`, NaN where an answer is missing."""
+        bounds = _bounds(self.items)
+        return {each.name: score(self.score, each, answers, bounds) for each in self.scales if self.score}
 
     def item(self, key: str) -> Item:
         """Return an item.
@@ -149,8 +163,20 @@ def _questionnaire(document: Document) -> Questionnaire:
         problem = _problem(item, keys[:number])
         if problem:
             raise document.error(problem, f"item[{number}]")
+    wrong = scoring_problem(data.score, _bounds(data.items)) if data.score else None
+    if wrong:
+        raise document.error(wrong[0], f"score.{wrong[1]}")
     title = data.questionnaire
-    return Questionnaire(title.name, title.title, title.source, title.intro, data.items, document.text)
+    head = (title.name, title.title, title.source, title.intro)
+    return Questionnaire(*head, data.items, document.text, data.score)
+
+
+def _bounds(items: Iterable[Item]) -> Bounds:
+    return {
+        item.key: (item.low, item.high)
+        for item in items
+        if item.kind in ("scale", "number") and item.low is not None and item.high is not None
+    }
 
 
 def _problem(item: Item, earlier: list[str]) -> str:

@@ -1,4 +1,5 @@
 import csv
+import json
 import shutil
 import subprocess
 import sys
@@ -14,9 +15,11 @@ from walking import do_next, fill, go_to
 from haptigraph.errors import BadInput, MissingExtra
 from haptigraph.study.data_dictionary import COLUMNS, MEASURES
 from haptigraph.study.exchange import export_study, import_study, parquet_writer, read_export, tidy_tables
+from haptigraph.study.protocol import load_protocol
+from haptigraph.study.roster import Study
 from haptigraph.study.runner import open_session
 from haptigraph.study.store import Store
-from haptigraph.study.tables import EVENTS, METADATA, TRIALS
+from haptigraph.study.tables import EVENTS, METADATA, STUDIES, TRIALS
 
 
 @pytest.fixture
@@ -105,16 +108,49 @@ def test_the_tables_are_tidy_and_every_column_is_in_the_dictionary(filled, tmp_p
 
 
 def test_demographics_are_columns_of_participants(folder, store):
-    from haptigraph.study.protocol import load_protocol
-    from haptigraph.study.roster import Study
-
     file = folder / "study.toml"
     file.write_text(file.read_text() + '\n[[questionnaire]]\nfile = "demographics"\nwhen = "start"\n')
     study = Study(load_protocol(folder), store)
     session = open_session(study, study.enrol(), "one")
     go_to(session, "training")
-    _, people = tidy_tables(store, "small")["participants"]
-    assert (people[0]["age_years"], people[0]["gender"], people[0]["simulated"]) == ("30", "female", 0)
+    fields, people = tidy_tables(store, "small")["participants"]
+    assert (people[0]["age_years"], people[0]["gender"], people[0]["simulated"]) == (30.0, "female", 0)
+    (age,) = (field for field in fields if field.name == "age_years")
+    assert (age.kind, age.unit, age.meaning) == ("number", "years", "demographics: How old are you?")
+    assert next(field.kind for field in fields if field.name == "gender") == "text"
+
+
+def test_an_answer_to_an_item_that_cannot_be_read_stays_text(folder, store):
+    file = folder / "study.toml"
+    file.write_text(file.read_text() + '\n[[questionnaire]]\nfile = "demographics"\nwhen = "start"\n')
+    session = open_session(study := Study(load_protocol(folder), store), study.enrol(), "one")
+    go_to(session, "training")
+    with store.begin() as connection:
+        parts = json.dumps({**study.protocol.parts, "questionnaire demographics": "of a later version"})
+        connection.execute(update(STUDIES).values(parts=parts))
+    fields, people = tidy_tables(store, "small")["participants"]
+    assert people[0]["age_years"] == "30"
+    assert next(field.kind for field in fields if field.name == "age_years") == "text"
+
+
+def test_wording_and_anchors_of_every_item_are_exported(filled, tmp_path):
+    export_study(filled.store, "small", tmp_path / "out")
+    items = read(tmp_path / "out" / "questionnaire_items.csv")
+    assert [item["item"] for item in items] == [str(number) for number in range(1, 11)]
+    first, second = items[:2]
+    assert first["wording"] == "I think that I would like to use this system frequently."
+    assert (first["low_label"], first["high_label"]) == ("Strongly disagree", "Strongly agree")
+    assert (first["when"], first["low"], first["high"]) == ("condition", "1.0", "5.0")
+    assert (first["reversed"], second["reversed"]) == ("0", "1")
+
+
+def test_an_export_of_an_earlier_version_without_items_is_imported(filled, tmp_path, where):
+    export_study(filled.store, "small", tmp_path / "out")
+    for name in ("questionnaire_items.csv", "SHA256SUMS"):
+        (tmp_path / "out" / name).unlink()
+    with closing(Store(where)) as other:
+        import_study(other, read_export(tmp_path / "out"))
+        assert rows_of(other) == rows_of(filled.store)
 
 
 def test_an_export_never_overwrites_and_leaves_no_incomplete_files(filled, tmp_path):
@@ -165,7 +201,7 @@ def test_every_changed_byte_of_an_export_is_noticed(filled, tmp_path):
     export_study(filled.store, "small", tmp_path / "out")
     rng = np.random.default_rng(5)
     files = sorted((tmp_path / "out").glob("*.*"))
-    assert len(files) == 8
+    assert len(files) == 9
     for file in files:
         whole = file.read_bytes()
         for at in rng.integers(0, len(whole), 20):

@@ -69,6 +69,11 @@ def test_procedures_and_questionnaires_may_be_reworded_but_not_changed(protocol,
     assert protocol.changed_parts({**frozen, key: sus.replace("low_label", "low_says")}) == []
     assert protocol.changed_parts({**frozen, key: sus.replace("agree", "concur")}) == [key]
     assert protocol.changed_parts({**frozen, key: "not TOML"}) == [key]
+    start, end = sus.index("[score]"), sus.index("[[item]]")
+    assert (
+        protocol.changed_parts({**frozen, key: sus[:start] + sus[end:]}) == []
+    )  # before scores were part of it
+    assert protocol.changed_parts({**frozen, key: sus.replace("[0, 100]", "[0, 50]")}) == [key]
     assert protocol.changed_parts({key: sus}) == ["procedure subretinal_injection", "study.toml"]
     assert protocol.changed_parts({**frozen, "study.toml": frozen["study.toml"] + "#"}) == ["study.toml"]
 
@@ -76,14 +81,14 @@ def test_procedures_and_questionnaires_may_be_reworded_but_not_changed(protocol,
 def test_a_questionnaire_may_use_the_keys_of_an_earlier_version(tmp_path):
     file = tmp_path / "own.toml"
     file.write_text(load_questionnaire("sus").text.replace("low_label", "low_says", 1))
-    with pytest.warns(RenamedKey, match=r"own\.toml, line 13: key 'low_says' is now called 'low_label'"):
+    with pytest.warns(RenamedKey, match=r"own\.toml, line 19: key 'low_says' is now called 'low_label'"):
         items = load_questionnaire(str(file)).items
     assert items == load_questionnaire("sus").items
 
 
 def test_sus_ships_as_published():
     sus = load_questionnaire("sus")
-    assert questionnaire_names() == ["demographics", "sus"]
+    assert questionnaire_names() == ["demographics", "nasa_tlx", "sus"]
     assert [item.key for item in sus.items] == [str(number) for number in range(1, 11)]
     assert {(item.kind, item.low, item.high) for item in sus.items} == {("scale", 1, 5)}
     assert sus.items[0].text == "I think that I would like to use this system frequently."

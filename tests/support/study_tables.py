@@ -3,6 +3,7 @@
 Its effects are chosen by hand. It tests statistics and figures, and is no evidence about haptic feedback.
 """
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,40 @@ STATES = (
     *("aligned_retinal_approach", "retinal_contact", "target_hit", "unknown", "outside_eye"),
 )
 CONDITIONS = ("visual", "visual_haptic")
+PROTOCOL = """
+[[condition]]
+name = "visual"
+title = "Eyes"
+touch = false
+
+[[condition]]
+name = "visual_haptic"
+title = "Eyes & hands"
+"""
+ANALYSIS = """
+[analysis]
+primary = ["mean_theta_deg"]
+alpha = 0.04
+min_trials = 2
+equivalence = { completion_s = [-10, 10] }
+
+[[analysis.hypothesis]]
+measure = "mean_theta_deg"
+first = "visual"
+second = "visual_haptic"
+expect = "smaller"
+
+[[analysis.hypothesis]]
+measure = "sus"
+first = "visual"
+second = "visual_haptic"
+
+[[analysis.hypothesis]]
+measure = "completion_s"
+first = "visual"
+second = "visual_haptic"
+expect = "equivalent"
+"""
 
 
 def simulated_study(
@@ -84,4 +119,11 @@ def write_study(folder: Path, tables: dict[str, pd.DataFrame]) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     for name, table in tables.items():
         table.to_csv(folder / f"{name}.csv", index=False)
+    return folder
+
+
+def freeze(folder: Path, protocol: str = PROTOCOL, questionnaires: dict[str, str] | None = None) -> Path:
+    """Write `study.json` with a protocol and the texts of its questionnaires by name; return the folder."""
+    named = {f"questionnaire {name}": text for name, text in (questionnaires or {}).items()}
+    (folder / "study.json").write_text(json.dumps({"parts": {"study.toml": protocol, **named}}))
     return folder

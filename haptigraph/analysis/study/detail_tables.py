@@ -10,7 +10,7 @@ from haptigraph.analysis.study.results import StudyResults
 from haptigraph.analysis.study.statistics.comparison import Comparison
 from haptigraph.analysis.study.statistics.sus import adjective, grade
 
-__all__ = ["detail_tables", "graded", "sus_summary"]
+__all__ = ["detail_tables", "sus_summary"]
 
 
 def detail_tables(results: StudyResults) -> dict[str, pd.DataFrame]:
@@ -20,7 +20,10 @@ def detail_tables(results: StudyResults) -> dict[str, pd.DataFrame]:
         "rank_test_variants": pd.DataFrame(list(_variants(results))),
         "omnibus": pd.DataFrame(list(_omnibus(results))),
         "order_effects": pd.DataFrame(list(_terms(results))),
-        "sus": graded(results.sus),
+        "hypotheses": pd.DataFrame(list(_hypotheses(results))),
+        "questionnaires": _scores(results),
+        "questionnaires_summary": _score_summary(results),
+        "sus": _graded(results.scores["sus"]) if "sus" in results.scores else pd.DataFrame(),
         "sus_summary": sus_summary(results),
         "missing": results.missing,
         "participants_by_condition": _long(results),
@@ -46,6 +49,7 @@ def _comparisons(results: StudyResults) -> Iterator[dict[str, object]]:
                 "tied": each.test.ties,
                 "p": each.test.p,
                 "p_holm": holm,
+                "status": "confirmatory" if results.is_confirmatory(each) else "exploratory",
                 "r": each.effect.r,
                 "r_low": each.effect.low,
                 "r_high": each.effect.high,
@@ -55,6 +59,22 @@ def _comparisons(results: StudyResults) -> Iterator[dict[str, object]]:
                 **{f"t_{name}": value for name, value in msgspec.structs.asdict(each.t).items()},
                 **{f"power_{name}": value for name, value in msgspec.structs.asdict(each.power).items()},
             }
+
+
+def _hypotheses(results: StudyResults) -> Iterator[dict[str, object]]:
+    for each in results.hypotheses:
+        low, high = each.bounds or (None, None)
+        yield {
+            **msgspec.structs.asdict(each.hypothesis),
+            "low": low,
+            "high": high,
+            "family": "primary" if each.is_primary else "other",
+            "test": each.test,
+            "p": each.p,
+            "p_holm": each.holm_p,
+            "supported": each.is_supported,
+            "why_untested": each.why_untested,
+        }
 
 
 def _names(family: str, each: Comparison) -> dict[str, object]:
@@ -101,21 +121,42 @@ def _terms(results: StudyResults) -> Iterator[dict[str, object]]:
             yield {**model_columns, **msgspec.structs.asdict(term), **spread}
 
 
-def graded(scores: pd.DataFrame) -> pd.DataFrame:
-    """Return SUS scores with grade, percentiles and adjective."""
-    table = scores.assign(grade="", percentiles="", adjective="").astype({"grade": object})
+def _graded(scores: pd.DataFrame) -> pd.DataFrame:
+    graded = scores.assign(grade="", percentiles="", adjective="").astype({"grade": object})
     for row, score in scores["sus"].dropna().items():
         found = grade(score)
         values = [found.letter, found.percentiles, adjective(score)]
-        table.loc[row, ["grade", "percentiles", "adjective"]] = values
-    return table
+        graded.loc[row, ["grade", "percentiles", "adjective"]] = values
+    return graded
+
+
+def _scores(results: StudyResults) -> pd.DataFrame:
+    """Return all scores: questionnaire, participant, condition, position, answered, measure, value."""
+    fixed = ["participant", "condition", "position", "answered"]
+    parts = [
+        table.melt(fixed, var_name="measure").assign(questionnaire=name)
+        for name, table in results.scores.items()
+    ]
+    if not parts:
+        return pd.DataFrame()
+    return pd.concat(parts, ignore_index=True)[["questionnaire", *fixed, "measure", "value"]]
+
+
+def _score_summary(results: StudyResults) -> pd.DataFrame:
+    """Return n, mean and standard deviation of every score by condition."""
+    scores = _scores(results)
+    if scores.empty:
+        return scores
+    found = scores[scores["condition"].isin(results.conditions)].dropna(subset="value")
+    described = found.groupby(["questionnaire", "measure", "condition"], sort=False)["value"]
+    return described.agg(n="size", mean="mean", sd="std").reset_index()
 
 
 def sus_summary(results: StudyResults) -> pd.DataFrame:
     """Return mean and grade of the SUS by condition."""
-    rows = []
+    rows, sheets = [], results.scores.get("sus", pd.DataFrame(columns=["condition", "sus"]))
     for condition in results.conditions:
-        scores = results.sus.loc[results.sus["condition"] == condition, "sus"].dropna()
+        scores = sheets.loc[sheets["condition"] == condition, "sus"].dropna()
         if len(scores):
             mean, found = float(scores.mean()), grade(float(scores.mean()))
             sd = float(scores.std(ddof=1)) if len(scores) > 1 else float("nan")

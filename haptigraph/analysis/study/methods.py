@@ -1,18 +1,27 @@
 """The methods section of a report: tests with their variants, versions, seeds and missing data."""
 
 import platform
+from collections.abc import Iterator
 from importlib.metadata import version
 
-from haptigraph.analysis.study.quantities import words
+from haptigraph.analysis.study.preregistered.hypotheses import HypothesisResult, sentence
+from haptigraph.analysis.study.preregistered.omissions import NO_HIT
+from haptigraph.analysis.study.quantities import counted, words
 from haptigraph.analysis.study.results import StudyResults
 from haptigraph.analysis.study.statistics.effects import RESAMPLES
 from haptigraph.analysis.study.tables import StudyTables
 from haptigraph.analysis.study.traces import Traces
+from haptigraph.study.questionnaire import Questionnaire
 from haptigraph.version import __version__
 
-__all__ = ["SIMULATED", "methods"]
+__all__ = ["SIMULATED", "methods", "preregistered"]
 
 SIMULATED = "SIMULATED: no people took part"
+FACTORS = {
+    "position": "that of the condition in the session",
+    "sequence": "the condition that came first",
+    "after": "the condition before",
+}
 LIBRARIES = ("numpy", "scipy", "statsmodels", "pandas", "matplotlib")
 
 
@@ -20,39 +29,73 @@ def methods(tables: StudyTables, results: StudyResults, traces: Traces, *, simul
     """Return the paragraphs of a paper's methods section."""
     parts = [
         _design(results, simulated=simulated),
+        preregistered(results),
         _tests(results),
         _sensitivity(results),
         _families(results),
         _order(results),
-        _usability(results, simulated=simulated),
+        *_questionnaires(results, simulated=simulated),
         _missing(tables, results, traces),
         _software(tables, results),
     ]
     return [part for part in parts if part]
 
 
-def _design(results: StudyResults, *, simulated: bool) -> str:
-    who = (
-        f"{results.participants} simulated participants (no people took part)"
-        if simulated
-        else (f"{results.participants} participants")
+def preregistered(results: StudyResults) -> str:
+    """Return what was decided before the data, and what is exploratory."""
+    analysis = results.plan.preregistered
+    if analysis is None:
+        return "Exploratory: no analysis was preregistered in the protocol, so every test is exploratory."
+    labels = ", ".join(results.quantities[name].label for name in analysis.primary)
+    counts = [sum(each.is_primary == primary for each in results.hypotheses) for primary in (True, False)]
+    untested = [
+        f"{_sentence(results, each)} ({each.why_untested})"
+        for each in results.hypotheses
+        if each.is_supported is None
+    ]
+    without = f" Not tested, and counted with p = 1: {'; '.join(untested)}." if untested else ""
+    excluded = (
+        f" Participants with fewer than {analysis.min_trials} valid trials under a condition were excluded: "
+        f"{len(results.excluded)}."
+        if analysis.min_trials
+        else " No participant is excluded by rule."
     )
+    return (
+        f"Confirmatory: the protocol, frozen with the first participant, preregistered {counts[0]} primary "
+        f"({labels}) and {counts[1]} other hypotheses; each group was corrected by Holm's method. A "
+        "hypothesis is supported if its corrected two-sided p-value is below the level of significance and "
+        f"the effect has the expected direction. All other tests are exploratory.{without}{excluded}"
+    )
+
+
+def _sentence(results: StudyResults, result: HypothesisResult) -> str:
+    hypothesis = result.hypothesis
+    return sentence(hypothesis, results.quantities[hypothesis.measure], results.titles)
+
+
+def _design(results: StudyResults, *, simulated: bool) -> str:
+    people = counted(results.participants, "simulated participant" if simulated else "participant")
+    who = f"{people} (no people took part)" if simulated else people
+    runs = results.runs
+    complete = int((runs.groupby("participant")["condition"].nunique() == len(results.conditions)).sum())
     kind = (
-        "completed every condition (within-subject)"
+        f"within-subject design; {complete} of them completed a run under every condition"
         if results.is_within
-        else "completed one condition each (between-subject)"
+        else "each completed one condition (between-subject)"
     )
     names = ", ".join(f"“{title}”" for title in results.titles.values())
     return (
-        f"{who} {kind}: {names}. A run lasts from the tip's first entry into the globe to the first "
-        "target hit. Training is excluded. Of repeated trials the last attempt is used; aborted, "
-        "void and unfinished trials are excluded; a run without a hit has no completion time. The mean "
-        "over a participant's runs in a condition is one observation."
+        f"{who}, {kind}: {names}. A run lasts from the tip's first entry into the globe to the first "
+        "target hit, or to the trial's end. Training is excluded. Of repeated trials the last attempt is "
+        "used; aborted, void and unfinished trials are excluded; a run without a hit has no completion time. "
+        "The mean over a participant's runs in a condition is one observation."
     )
 
 
 def _tests(results: StudyResults) -> str:
     comparisons = [each for family in results.families for each in family.comparisons]
+    if not comparisons:
+        return "No conditions could be compared, because no measure has values under two of them."
     used = {
         variant: sorted({each.quantity.label for each in comparisons if each.test.variant == variant})
         for variant in sorted({each.test.variant for each in comparisons})
@@ -64,9 +107,16 @@ def _tests(results: StudyResults) -> str:
         else "ranked first (Pratt 1959)"
     )
     pairs = f" Pairs without a difference are {zeros}." if results.is_within else ""
+    untested = "; ".join(
+        f"{label} ({', '.join(f'“{results.title_of(name)}”' for name in conditions)})"
+        for label, conditions in results.untested.items()
+    )
+    silent = (
+        f" Not compared, as they are 0 by construction without haptic output: {untested}." if untested else ""
+    )
     return (
         f"Conditions were compared by {tests}.{pairs} Values that agree to 12 digits are ties. All other "
-        "variants are listed in rank_test_variants.csv."
+        f"variants are listed in rank_test_variants.csv.{silent}"
     )
 
 
@@ -88,38 +138,71 @@ def _sensitivity(results: StudyResults) -> str:
 
 
 def _families(results: StudyResults) -> str:
-    families = ", ".join(f"{family.about} ({len(family.comparisons)} tests)" for family in results.families)
+    families = ", ".join(
+        f"{family.about} ({counted(family.explored, 'test')})"
+        for family in results.families
+        if family.explored
+    )
     tests = sorted({each.variant for family in results.families for each in family.omnibus})
     omnibus = f" Omnibus tests of three or more conditions came first: {'; '.join(tests)}." if tests else ""
-    return (
-        f"The level of significance is {results.plan.alpha:g}, two-sided; p-values were corrected by "
-        f"Holm's step-down method within each family: {families}.{omnibus}"
+    exploratory = "exploratory " if results.hypotheses else ""
+    corrected = (
+        f"; {exploratory}p-values were corrected by Holm's step-down method within each family: {families}"
+        if families
+        else ""
     )
+    return f"The level of significance is {results.plan.alpha:g}, two-sided{corrected}.{omnibus}"
 
 
 def _order(results: StudyResults) -> str:
     if not results.is_within:
         return ""
-    if not results.order:
-        return "Order effects are confounded with those of the condition, as the order was the same for all."
-    remarks = [f"{model.name}: {model.remark}" for model in results.order if model.remark]
-    listed = f" ({'; '.join(remarks)})" if remarks else ""
-    return (
-        "Order and learning: linear mixed models with condition, position of the condition in the "
-        "session and, where there are several, trial as fixed effects and a random intercept per "
-        f"participant, fitted by REML; Wald tests with the normal distribution{listed}."
+    formulas: dict[str, list[str]] = {}
+    for model in results.order:
+        label = results.quantities[model.name].label
+        remark = f", but {model.remark}" if model.remark else ""
+        formulas.setdefault(model.formula.removeprefix("value ~ "), []).append(f"{label}{remark}")
+    models = "; ".join(f"{formula} ({', '.join(labels)})" for formula, labels in formulas.items())
+    used = [name for name in FACTORS if any(name in formula.split(" + ") for formula in formulas)]
+    meanings = ", ".join(f"{name} is {FACTORS[name]}" for name in used)
+    fitted = (
+        "Order, learning and target: linear mixed models with a random intercept per participant, fitted by "
+        f"REML; fixed effects: {models}, where {meanings}. The t tests have Satterthwaite's degrees of "
+        "freedom."
+        if models
+        else "Order and learning were not modelled."
     )
+    reasons = "; ".join(f"{label}: {reason}" for label, reason in results.unmodelled.items())
+    return f"{fitted} No model: {reasons}." if reasons else fitted
 
 
-def _usability(results: StudyResults, *, simulated: bool) -> str:
-    if results.sus.empty:
-        return ""
+def _questionnaires(results: StudyResults, *, simulated: bool) -> Iterator[str]:
     random = " Simulated participants have no opinion: their answers are random." if simulated else ""
-    partial = int(results.sus["sus"].isna().sum())
+    for each in results.questionnaires:
+        sheets = results.scores[each.name]
+        partial = int(sheets[each.name].isna().sum())
+        yield f"{_scoring(each)} Incomplete sheets have no score ({partial} of {len(sheets)}).{random}"
+    if results.unscored:
+        yield f"Not scored, as they define no score: {', '.join(results.unscored)}."
+
+
+def _scoring(questionnaire: Questionnaire) -> str:
+    if questionnaire.name == "sus":
+        return (
+            "SUS was scored after Brooke (1996); grades and percentiles are those of the curved grading "
+            "scale of Sauro and Lewis (2016), adjectives those of Bangor, Kortum and Miller (2009)."
+        )
+    scoring = questionnaire.score
+    if scoring is None:
+        return ""
+    total, *subscales = questionnaire.scales
+    turned = f", {counted(len(scoring.reversed), 'item')} reversed" if scoring.reversed else ""
+    weighted = "weighted " if scoring.weights else ""
+    parts = f"; subscales: {', '.join(each.title for each in subscales)}" if subscales else ""
+    source = f" ({questionnaire.source})" if questionnaire.source else ""
     return (
-        "SUS was scored after Brooke (1996); grades and percentiles are those of the curved grading "
-        "scale of Sauro and Lewis (2016), adjectives those of Bangor, Kortum and Miller (2009). "
-        f"Incomplete questionnaires are not scored ({partial} of {len(results.sus)}).{random}"
+        f"{total.title} is the {weighted}{scoring.method} of {counted(len(total.items), 'item')}{turned}, "
+        f"from {total.low:g} to {total.high:g}{parts}{source}."
     )
 
 
@@ -131,7 +214,11 @@ def _missing(tables: StudyTables, results: StudyResults, traces: Traces) -> str:
     erased = f", {len(tables.erased)} of them with all their data erased" if tables.erased else ""
     count = len(tables.withdrawn)
     withdrawn = f" Participants who withdrew and are excluded: {count}{erased}." if count else ""
-    absent = f" Not recorded: {', '.join(results.absent)}." if results.absent else ""
+    unrecorded = [label for label, why in results.absent.items() if why != NO_HIT]
+    absent = f" Not recorded: {', '.join(unrecorded)}." if unrecorded else ""
+    without = [label for label, why in results.absent.items() if why == NO_HIT]
+    if without:
+        absent += f" No value of {', '.join(without)}, as {NO_HIT}."
     idle = (
         f" No time was spent in: {', '.join(words(state) for state in results.idle)}." if results.idle else ""
     )

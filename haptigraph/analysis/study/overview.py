@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
+from haptigraph.study.frozen.analysis_plan import Analysis
 from haptigraph.study.plan import Stage, conditions_of, plan_of
 from haptigraph.study.protocol import Protocol
 
@@ -16,7 +17,7 @@ __all__ = ["protocol_tables", "status_table"]
 
 
 def protocol_tables(protocol: Protocol) -> Iterator[Table]:
-    """Yield the tables of conditions, of the first participant's plan, of orders, and of targets."""
+    """Yield the tables of conditions, the first participant's plan, orders, targets and the analysis."""
     table = _table("Conditions", "name", "title", "procedure", "touch", "display")
     for each in protocol.conditions:
         table.add_row(each.name, each.title, each.procedure, "on" if each.touch else "off", each.display)
@@ -43,6 +44,28 @@ def protocol_tables(protocol: Protocol) -> Iterator[Table]:
         counts = (str(pairs[target.name, name]) for name in names)
         table.add_row(target.name, f"{target.along_mm:+g}", *counts)
     yield table
+    if protocol.analysis is not None:
+        yield _analysis_table(protocol.analysis)
+
+
+def _analysis_table(analysis: Analysis) -> Table:
+    fewest = (
+        f", at least {analysis.min_trials} valid trials under each condition" if analysis.min_trials else ""
+    )
+    table = _table(
+        f"Preregistered analysis (alpha {analysis.alpha:g}{fewest})",
+        *("measure", "expected", "compared with", "family", "equivalent within"),
+    )
+    for each in analysis.hypotheses:
+        bounds = analysis.equivalence.get(each.measure)
+        table.add_row(
+            each.measure,
+            f"{each.second}: {each.expect}",
+            each.first,
+            "primary" if each.measure in analysis.primary else "other",
+            f"{bounds[0]:g} to {bounds[1]:g}" if bounds else "",
+        )
+    return table
 
 
 def status_table(protocol: Protocol, participant_statuses: "list[ParticipantStatus]") -> Table:

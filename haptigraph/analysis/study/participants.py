@@ -6,7 +6,6 @@ from urllib.parse import quote
 
 import pandas as pd
 
-from haptigraph.analysis.study.detail_tables import graded
 from haptigraph.analysis.study.figures.learning import session_places
 from haptigraph.analysis.study.figures.person import person_figure
 from haptigraph.analysis.study.figures.style import TWO_COLUMNS_MM, rendered, styled
@@ -72,7 +71,7 @@ def _page(
     note: str,
 ) -> str:
     name = attempts["participant"].iloc[0]
-    scores = results.sus[results.sus["participant"] == name] if not results.sus.empty else results.sus
+    scores = _scores(name, results)
     parts = [
         f"<h1>{escape(title)}</h1>",
         f'<p class="mark">{escape(note)}</p>' if note else "",
@@ -84,7 +83,7 @@ def _page(
         *(f"<p>{escape(problem)}</p>" for problem in problems),
         "<h2>Traces</h2>" if len(runs) else "",
         *traces,
-        "" if scores.empty else f"<h2>Questionnaires</h2>{table_html(_scores(scores, results))}",
+        f"<h2>Questionnaires</h2>{table_html(scores)}" if scores.rows else "",
     ]
     return document(title, parts)
 
@@ -157,18 +156,15 @@ def _traces(runs: pd.DataFrame, results: StudyResults, traces: Traces, note: str
         yield f"<p>Without a readable recording: {len(names) - len(shown)} of {len(names)} runs.</p>"
 
 
-def _scores(scores: pd.DataFrame, results: StudyResults) -> Table:
-    rows = [
-        [
-            results.titles.get(str(row["condition"])) or _text(row["condition"]),
-            number(row["sus"], 1),
-            str(row["grade"]),
-            str(row["adjective"]),
-        ]
-        for row in graded(scores).to_dict("records")
-    ]
-    return Table(
-        "System Usability Scale; an incomplete sheet has no score.",
-        ["Condition", "SUS", "Grade", "Adjective"],
-        rows,
-    )
+def _scores(name: str, results: StudyResults) -> Table:
+    rows = []
+    for questionnaire in results.questionnaires:
+        sheets = results.scores[questionnaire.name]
+        for sheet in sheets[sheets["participant"] == name].to_dict("records"):
+            about = results.titles.get(str(sheet["condition"])) or _text(sheet["condition"])
+            for scale in questionnaire.scales:
+                label = (
+                    results.quantities[scale.name].label if scale.name in results.quantities else scale.name
+                )
+                rows.append([label, about, number(sheet[scale.name], 1)])
+    return Table("Scores; an incomplete sheet has none.", ["Score", "Condition", "Value"], rows)

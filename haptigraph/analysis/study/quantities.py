@@ -7,12 +7,13 @@ from collections.abc import Iterable
 
 from msgspec import Struct
 
-__all__ = ["FAMILIES", "QUANTITIES", "Quantity", "state_of", "state_quantities", "words"]
+__all__ = ["FAMILIES", "QUANTITIES", "Quantity", "counted", "state_of", "state_quantities", "words"]
 
 FAMILIES = {
     "primary": "the paper's measures",
     "states": "time in each surgical state",
     "secondary": "further measures",
+    "questionnaires": "further questionnaires",
 }
 
 
@@ -25,6 +26,8 @@ class Quantity(Struct, frozen=True):
     unit: str
     family: str
     decimals: int = 1
+    needs_touch: bool = False
+    """Whether it is 0 by construction in a condition without haptic output."""
 
     @property
     def title(self) -> str:
@@ -41,7 +44,7 @@ QUANTITIES = (
     Quantity("sparc", "Smoothness (SPARC)", "", "secondary", 2),
     Quantity("log_jerk", "Log Dimensionless Jerk", "", "secondary", 2),
     Quantity("tremor_power_mm2", "Tremor Power", "mm²", "secondary", 4),
-    Quantity("vibrating_s", "Time Vibrating", "s", "secondary"),
+    Quantity("vibrating_s", "Time Vibrating", "s", "secondary", needs_touch=True),
     Quantity("reaction_ms", "Reaction Time", "ms", "secondary", 0),
     Quantity("approach_speed_mm_s", "Approach Speed", "mm/s", "secondary", 2),
 )
@@ -51,6 +54,11 @@ def words(name: str) -> str:
     """Return a name in prose: `visual_only` as `Visual only`."""
     text = name.replace("_", " ")
     return text[:1].upper() + text[1:]
+
+
+def counted(number: int, noun: str) -> str:
+    """Return a number with its noun in singular or plural."""
+    return f"{number} {noun}{'s' * (number != 1)}"
 
 
 def state_of(column: str) -> str:

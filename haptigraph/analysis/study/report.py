@@ -7,12 +7,12 @@ from msgspec import Struct
 
 from haptigraph.analysis.study.detail_tables import detail_tables
 from haptigraph.analysis.study.figures.drawn import draw_figures, figures_tex
-from haptigraph.analysis.study.methods import SIMULATED, methods
+from haptigraph.analysis.study.methods import SIMULATED, methods, preregistered
 from haptigraph.analysis.study.page import Picture, page
 from haptigraph.analysis.study.paper import beside_paper
 from haptigraph.analysis.study.participants import FOLDER, participant_pages
 from haptigraph.analysis.study.results import AnalysisPlan, StudyResults, analyse
-from haptigraph.analysis.study.results_table import latex, markdown, result_tables
+from haptigraph.analysis.study.results_table import hypothesis_table, latex, markdown, result_tables
 from haptigraph.analysis.study.tables import StudyTables, read_tables
 from haptigraph.analysis.study.traces import Traces, read_traces
 from haptigraph.errors import BadInput
@@ -21,7 +21,19 @@ from haptigraph.version import __version__
 
 __all__ = ["WrittenReport", "write_report"]
 
-TESTS = ["measure", "first", "second", "n_first", "n_second", "statistic", "p", "p_holm", "test", "effect"]
+TESTS = [
+    "measure",
+    "first",
+    "second",
+    "status",
+    "n_first",
+    "n_second",
+    "statistic",
+    "p",
+    "p_holm",
+    "test",
+    "effect",
+]
 SENSITIVITY = [
     "measure", "first", "second", "shapiro_p", "t_t", "t_df", "t_p", "t_difference", "t_low", "t_high", "t_d",
     "power_observed", "power_detectable_d", "power_needed",
@@ -33,6 +45,8 @@ TITLES = {
     "rank_test_variants": "All variants of the rank tests",
     "omnibus": "Omnibus tests of three or more conditions",
     "order_effects": "Order and learning (mixed models)",
+    "hypotheses": "Preregistered hypotheses",
+    "questionnaires_summary": "Scores of questionnaires by condition",
     "sus_summary": "SUS by condition",
     "sus": "SUS by participant",
     "missing": "Missing data",
@@ -46,7 +60,7 @@ class WrittenReport(Struct, frozen=True):
     page: Path
     files: list[Path]
     summary: str
-    """The paper's table, and the study beside the paper, in Markdown."""
+    """The preregistered hypotheses, the paper's table, and the study beside the paper, in Markdown."""
 
 
 def write_report(
@@ -84,8 +98,9 @@ def write_report(
     except OSError as error:
         raise BadInput(f"cannot be written ({error.strerror})", error.filename or output) from None
     beside = beside_paper(results, simulated=simulated)
-    shown = [*result_tables(results)[:1], *([beside.table] if beside else [])]
-    summary = markdown(shown, SIMULATED if simulated else "", beside.notes if beside else ())
+    shown = [*hypothesis_table(results), *result_tables(results)[:1], *([beside.table] if beside else [])]
+    notes = [preregistered(results), *(beside.notes if beside else ())]
+    summary = markdown(shown, SIMULATED if simulated else "", notes)
     return WrittenReport(output / "report.html", [output / name for name in files], summary)
 
 
@@ -94,7 +109,8 @@ def _files(
 ) -> dict[str, bytes]:
     """Return the content of every file by its path in the folder."""
     note = SIMULATED if simulated else ""
-    summaries, beside = result_tables(results), beside_paper(results, simulated=simulated)
+    summaries = [*hypothesis_table(results), *result_tables(results)]
+    beside = beside_paper(results, simulated=simulated)
     paragraphs = methods(tables, results, traces, simulated=simulated)
     details = detail_tables(results)
     drawn = draw_figures(results, traces, "SIMULATED" if simulated else "")
@@ -105,9 +121,7 @@ def _files(
     comparisons = details["comparisons"]
     frames = {**details, "tests": comparisons[TESTS], "sensitivity": comparisons[SENSITIVITY]}
     shown = {
-        name: (title, frames[name].replace(dict.fromkeys(CONDITION_COLUMNS, results.titles)))
-        for name, title in TITLES.items()
-        if name in frames
+        name: (title, _titled(frames[name], results)) for name, title in TITLES.items() if name in frames
     }
     title = tables.protocol.title or tables.study
     html = page(title, _facts(results), note, summaries, beside, pictures, paragraphs, shown, tex)
@@ -126,11 +140,24 @@ def _files(
     return {**{name: content.encode() for name, content in text.items()}, **figures}
 
 
+def _titled(frame: pd.DataFrame, results: StudyResults) -> pd.DataFrame:
+    """Return a table with titles instead of names of conditions."""
+    titled = frame.replace(dict.fromkeys(CONDITION_COLUMNS, results.titles))
+    for name, title in results.titles.items() if "name" in titled else ():
+        titled["name"] = titled["name"].str.replace(f"[T.{name}]", f": {title}", regex=False)
+    return titled
+
+
 def _facts(results: StudyResults) -> str:
     kind = "within-subject" if results.is_within else "between-subject"
     names = " · ".join(results.titles.values())
     runs = f"{len(results.runs)} runs of {results.participants} participants"
-    return f"{runs}, {kind}: {names} · haptigraph {__version__}, seed {results.plan.seed}"
+    status = (
+        "with preregistered hypotheses"
+        if results.hypotheses
+        else "exploratory: no analysis was preregistered"
+    )
+    return f"{runs}, {kind}: {names} · {status} · haptigraph {__version__}, seed {results.plan.seed}"
 
 
 def _csv(table: pd.DataFrame) -> str:

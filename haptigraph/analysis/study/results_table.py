@@ -6,11 +6,15 @@ from itertools import combinations
 
 from msgspec import Struct
 
-from haptigraph.analysis.study.quantities import words
-from haptigraph.analysis.study.results import Family, StudyResults
+from haptigraph.analysis.study.preregistered.families import Family
+from haptigraph.analysis.study.preregistered.hypotheses import sentence
+from haptigraph.analysis.study.quantities import counted, words
+from haptigraph.analysis.study.results import StudyResults
 from haptigraph.analysis.study.statistics.comparison import Comparison, Sample
 
-__all__ = ["NONE", "Table", "escaped", "latex", "markdown", "number", "p_text", "result_tables"]
+__all__ = [
+    "NONE", "Table", "escaped", "hypothesis_table", "latex", "markdown", "number", "p_text", "result_tables",
+]  # fmt: skip
 
 NONE = "-"
 
@@ -42,7 +46,7 @@ def result_tables(results: StudyResults) -> list[Table]:
     for family in results.families:
         for pair in combinations(results.conditions, 2):
             rows = [
-                _row(comparison, holm, results.plan.alpha)
+                [*_row(comparison, holm, results.plan.alpha), *_status(results, comparison)]
                 for comparison, holm in zip(family.comparisons, family.holm, strict=True)
                 if (comparison.first, comparison.second) == pair
             ]
@@ -52,13 +56,45 @@ def result_tables(results: StudyResults) -> list[Table]:
 
 
 def _table(results: StudyResults, family: Family, pair: tuple[str, str], rows: list[list[str]]) -> Table:
-    marks = (
-        f"* p < {results.plan.alpha:g}; † also after Holm's correction over {len(family.comparisons)} tests"
-    )
+    over = counted(family.explored, "exploratory test" if results.hypotheses else "test")
+    if results.hypotheses:
+        over = f"the preregistered hypotheses, and over {over}"
+    marks = f"* p < {results.plan.alpha:g}; † also after Holm's correction over {over}"
     caption = f"{words(family.about)}, mean ± SD over participants. {marks}."
     effect = "r [95 % CI]"
     label = f"{family.name}_{pair[0]}_{pair[1]}"
-    return Table(caption, ["Metric", *map(results.title_of, pair), "n", "p", "p (Holm)", effect], rows, label)
+    status = ["Test"] if results.hypotheses else []
+    head = ["Metric", *map(results.title_of, pair), "n", "p", "p (Holm)", effect, *status]
+    return Table(caption, head, rows, label)
+
+
+def _status(results: StudyResults, comparison: Comparison) -> list[str]:
+    if not results.hypotheses:
+        return []
+    return ["confirmatory" if results.is_confirmatory(comparison) else "exploratory"]
+
+
+def hypothesis_table(results: StudyResults) -> list[Table]:
+    """Return the table of the preregistered hypotheses; empty without any."""
+    if not results.hypotheses:
+        return []
+    rows = [
+        [
+            sentence(each.hypothesis, results.quantities[each.hypothesis.measure], results.titles),
+            "primary" if each.is_primary else "other",
+            f"{each.bounds[0]:g} to {each.bounds[1]:g}" if each.bounds else "",
+            p_text(each.p),
+            p_text(each.holm_p),
+            {True: "yes", False: "no", None: f"not tested: {each.why_untested}"}[each.is_supported],
+        ]
+        for each in results.hypotheses
+    ]
+    head = ["Hypothesis", "Family", "Bounds", "p", "p (Holm)", "Supported"]
+    caption = (
+        f"Preregistered hypotheses (confirmatory), at the level {results.plan.alpha:g} after Holm's "
+        "correction within each family."
+    )
+    return [Table(caption, head, rows, "hypotheses")]
 
 
 def _row(comparison: Comparison, holm: float, alpha: float) -> list[str]:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 from msgspec import Struct
 
-from haptigraph.analysis.study.frozen import FrozenProtocol, read_frozen
+from haptigraph.analysis.study.preregistered.frozen import FrozenProtocol, read_frozen
 from haptigraph.errors import BadInput
 
 __all__ = ["StudyTables", "read_tables"]

@@ -1,7 +1,6 @@
 import math
 
 import numpy as np
-import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -15,7 +14,6 @@ from haptigraph.analysis.study.statistics.effects import (
     rank_biserial,
     unpaired_effect,
 )
-from haptigraph.analysis.study.statistics.order_effects import fit_mixed, order_effects
 from haptigraph.analysis.study.statistics.rank_tests import rank_sum, signed_rank
 from haptigraph.analysis.study.statistics.sensitivity import (
     EFFICIENCY,
@@ -30,11 +28,6 @@ BEFORE = [1.83, 0.50, 1.62, 2.48, 1.68, 1.88, 1.55, 3.06, 1.30]
 AFTER = [0.878, 0.647, 0.598, 2.05, 1.06, 1.29, 1.06, 3.14, 1.29]
 SLEEP_1 = [0.7, -1.6, -0.2, -1.2, -0.1, 3.4, 3.7, 0.8, 0.0, 2.0]
 SLEEP_2 = [1.9, 0.8, 1.1, 0.1, -0.1, 4.4, 5.5, 1.6, 4.6, 3.4]
-# ErgoStool: effort of nine subjects to arise from four stools; Pinheiro & Bates (2000), section 1.2.
-STOOLS = [
-    (12, 15, 12, 10), (10, 14, 13, 12), (7, 14, 13, 9), (7, 11, 10, 9), (8, 11, 8, 7), (9, 11, 11, 10),
-    (8, 12, 12, 11), (7, 11, 8, 7), (9, 13, 10, 8),
-]  # fmt: skip
 
 
 def test_effect_is_the_difference_of_positive_and_negative_rank_sums():
@@ -114,44 +107,6 @@ def test_needed_participants_suffice_and_one_fewer_does_not(d):
     assert paired_power(d, needed, 0.05).observed >= 0.8 > paired_power(d, needed - 1, 0.05).observed
     detectable = paired_power(d, 16, 0.05).detectable_d
     assert paired_power(detectable, 16, 0.05).observed == pytest.approx(0.8, abs=1e-6)
-
-
-def stools() -> pd.DataFrame:
-    rows = [(who, f"T{kind}", effort) for who, row in enumerate(STOOLS) for kind, effort in enumerate(row, 1)]
-    return pd.DataFrame(rows, columns=["participant", "type", "effort"])
-
-
-def test_mixed_model_agrees_with_pinheiro_and_bates():
-    model = fit_mixed(stools(), "effort ~ type")
-    estimates = [term.estimate for term in model.terms]
-    assert estimates == pytest.approx([77 / 9, 35 / 9, 20 / 9, 6 / 9], abs=1e-6)
-    assert model.terms[1].error == pytest.approx(0.5186838, abs=1e-6)
-    assert model.participant_sd == pytest.approx(1.332465, abs=2e-6)
-    assert model.residual_sd == pytest.approx(1.100295, abs=2e-6)
-    assert model.remark == "" and (model.runs, model.participants) == (36, 9)
-
-
-def test_with_two_conditions_the_model_agrees_with_the_paired_t_test():
-    frame = stools()
-    frame = frame[frame["type"].isin(["T1", "T3"])]
-    term = fit_mixed(frame, "effort ~ type").terms[1]
-    first, second = ([row[kind] for row in STOOLS] for kind in (0, 2))
-    assert term.estimate / term.error == pytest.approx(paired_t(first, second).t, rel=1e-5)
-
-
-def test_order_effects_are_estimated_only_where_the_order_was_balanced():
-    rng = np.random.default_rng(3)
-    rows = [
-        (f"P{number}", condition, position, 10 + 3 * (position == 1) + rng.normal(0, 0.5) + number)
-        for number in range(12)
-        for position, condition in enumerate(("a", "b") if number % 2 else ("b", "a"), 1)
-    ]
-    frame = pd.DataFrame(rows, columns=["participant", "condition", "position", "completion_s"])
-    terms = {term.name: term for term in order_effects(frame, QUANTITIES[0], ["a", "b"]).terms}
-    assert terms["position"].estimate == pytest.approx(-3, abs=0.6) and terms["position"].p < 0.001
-    fixed = frame.assign(position=frame["condition"].map({"a": 1, "b": 2}))
-    assert order_effects(fixed, QUANTITIES[0], ["a", "b"]) is None
-    assert order_effects(frame.assign(position=float("nan")), QUANTITIES[0], ["a", "b"]) is None
 
 
 def test_a_comparison_has_all_statistics_and_is_none_without_values():

@@ -32,7 +32,9 @@ def test_the_report_is_complete_self_contained_and_reproducible(study, tmp_path)
     html = written.page.read_text()
     assert not re.search(r'(src|href)="(?!data:)', html) and "<script" not in html
     assert html.count("data:image/svg+xml") == 6 and "SIMULATED: no people took part" in html
+    assert "exploratory: no analysis was preregistered" in html
     assert "| Completion Time (s) |" in output and "SIMULATED" in output
+    assert "every test is exploratory" in output
     methods = (tmp_path / "one" / "methods.txt").read_text()
     for sentence in (
         "Wilcoxon signed-rank, two-sided, exact",
@@ -129,7 +131,8 @@ def test_people_read_the_titles_of_the_conditions_and_programs_their_names(tmp_p
     export = {"study": "s", "parts": {"study.toml": protocol + 'title = "Eyes & hands"\n'}}
     (study / "study.json").write_text(json.dumps(export))
     html = write_report(study, tmp_path / "out").page.read_text()
-    assert "Visual haptic" not in html and "<td>Eyes &amp; hands</td>" in html
+    assert "Visual haptic" not in html and "visual_haptic" not in re.sub(r"tab:\w+", "", html)
+    assert "<td>Eyes &amp; hands</td>" in html
     for name in ("results.tex", "results.md", "methods.txt"):
         assert "Visual haptic" not in (tmp_path / "out" / name).read_text()
     assert "“Eyes <only>”, “Eyes & hands”" in (tmp_path / "out" / "methods.txt").read_text()

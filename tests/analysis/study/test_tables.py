@@ -119,7 +119,7 @@ def test_conditions_have_the_protocols_order_and_withdrawn_participants_are_excl
     (tmp_path / "study.json").write_text(json.dumps({"study": "s", "parts": {"study.toml": protocol}}))
     results = analyse(read_tables(tmp_path), AnalysisPlan())
     assert results.conditions == ["visual_only", "visual_haptic"]
-    assert results.participants == 3 and len(results.sus) == 6
+    assert results.participants == 3 and len(results.scores["sus"]) == 6
     (tmp_path / "study.json").write_text("{")
     with pytest.raises(BadInput, match=r"study\.json: cannot be read"):
         read_tables(tmp_path)

@@ -7,6 +7,7 @@ from msgspec import Struct
 
 from haptigraph.analysis.study.figures.learning import MIN_MEDIAN_N, learning_figure
 from haptigraph.analysis.study.figures.motion import alignment_figure, cone_figure
+from haptigraph.analysis.study.figures.questionnaires import questionnaire_figure
 from haptigraph.analysis.study.figures.raincloud import MIN_DENSITY_N, raincloud_figure
 from haptigraph.analysis.study.figures.states import MIN_RATE, box_figure, sequence_figure
 from haptigraph.analysis.study.figures.style import ONE_COLUMN_MM, rendered, styled
@@ -31,6 +32,7 @@ CAPTIONS = {
     "learning": "Learning over the session: trials by the position of their condition. Thin: participants; "
     f"thick: median of {MIN_MEDIAN_N} or more, with bars from the lower to the upper quartile, which are no "
     "confidence interval.",
+    "questionnaires": f"Scores of further questionnaires by condition. {BOXES}",
 }
 
 
@@ -52,6 +54,7 @@ def figures(results: StudyResults, traces: Traces, note: str) -> dict[str, Figur
         "alignment": alignment_figure(traces, results.titles, note),
         "depth_theta": cone_figure(traces, results.titles, note),
         "learning": learning_figure(results, note),
+        "questionnaires": questionnaire_figure(results, note),
     }
     return {name: figure for name, figure in drawn.items() if figure is not None}
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
     _Vector = NDArray[np.float64]
 
-__all__ = ["MIN_RATE", "box_figure", "sequence_figure", "transitions"]
+__all__ = ["MIN_RATE", "POINT", "box_figure", "sequence_figure", "transitions"]
 
 PLACES = {
     "misaligned_intraocular_navigation": (1.0, 1.0),

@@ -1,24 +1,32 @@
-"""Effects of order and practice, estimated by a linear mixed model (statsmodels)."""
+"""Effects of order, practice and target, estimated by a linear mixed model (statsmodels)."""
 
 import warnings
+from collections.abc import Iterable
 
 import numpy as np
 import pandas as pd
 import statsmodels.formula.api as smf
 from msgspec import Struct
+from scipy import stats
 from statsmodels.tools.sm_exceptions import ConvergenceWarning
 
 from haptigraph.analysis.study.quantities import Quantity
+from haptigraph.analysis.study.statistics.satterthwaite import errors_and_df
 
 __all__ = ["MixedModel", "Term", "fit_mixed", "order_effects"]
 
+SAME_ORDER = "all participants met the conditions in the same order, so the two effects cannot be separated"
+SPARE = 3  # observations in excess of the coefficients
+
 
 class Term(Struct, frozen=True):
-    """One fixed effect with its Wald test and 95 % interval (normal: too narrow with few participants)."""
+    """One fixed effect with its t test and 95 % interval; degrees of freedom by Satterthwaite's method."""
 
     name: str
     estimate: float
     error: float
+    df: float
+    t: float
     low: float
     high: float
     p: float
@@ -56,47 +64,85 @@ def fit_mixed(frame: pd.DataFrame, formula: str, name: str = "") -> MixedModel:
     remark = "" if fitted.converged else "did not converge"
     if any("boundary" in text or "singular" in text for text in problems):
         remark = remark or "the variance between participants is at or near zero"
-    limits = fitted.conf_int()
+    spread = float(np.sqrt(fitted.cov_re.iloc[0, 0])), float(np.sqrt(fitted.scale))
+    groups = np.unique(frame["participant"], return_inverse=True)[1]
+    errors, df = errors_and_df(model.exog, model.endog, groups, *spread)
+    estimates = fitted.fe_params.to_numpy()
+    half, t = stats.t.ppf(0.975, df) * errors, estimates / errors
+    columns = (estimates, errors, df, t, estimates - half, estimates + half, 2 * stats.t.sf(np.abs(t), df))
     terms = [
-        Term(
-            term,
-            float(fitted.fe_params[term]),
-            float(fitted.bse_fe[term]),
-            float(limits.loc[term, 0]),
-            float(limits.loc[term, 1]),
-            float(fitted.pvalues[term]),
-        )
-        for term in fitted.fe_params.index
+        Term(name, *map(float, row)) for name, *row in zip(fitted.fe_params.index, *columns, strict=True)
     ]
-    between, within = float(np.sqrt(fitted.cov_re.iloc[0, 0])), float(np.sqrt(fitted.scale))
     people = int(frame["participant"].nunique())
-    return MixedModel(name, formula, len(frame), people, terms, between, within, remark)
+    return MixedModel(name, formula, len(frame), people, terms, *spread, remark)
 
 
-def order_effects(runs: pd.DataFrame, quantity: Quantity, conditions: list[str]) -> MixedModel | None:
-    """Model a measure by condition, position of the condition, and trial within it.
+def order_effects(runs: pd.DataFrame, quantity: Quantity, conditions: list[str]) -> MixedModel | str:
+    """Model a measure by condition, order, practice and target.
 
-    Position is that in the participant's order (learning over the session); trial, if there are several, is
-    practice within a block. None where the data do not separate these effects.
+    Fixed effects: condition; position of the condition in the participant's order (period: learning over the
+    session); where the data separate them, target, trial (practice within a block), and what a condition
+    leaves behind: of two conditions the sequence, of more the condition before.
 
     Args:
         runs: One row per run, or per participant and condition.
         quantity: The modelled outcome; a column.
         conditions: The first is the reference.
+
+    Returns:
+        The model, or why there is none.
     """
     frame = runs.dropna(subset=[quantity.name, "position"]).rename(columns={quantity.name: "value"})
     frame = frame[frame["condition"].isin(conditions)]
-    practice = [name for name in ("position", "trial") if name in frame and frame[name].nunique() > 1]
-    one_each = frame["participant"].nunique() == len(frame)
-    if "position" not in practice or one_each or frame["value"].nunique() < 2:
-        return None
-    design = pd.get_dummies(frame["condition"], drop_first=True).assign(one=1).join(frame[practice])
-    if design.shape[1] < len(conditions) + len(practice):
-        return None
-    if len(frame) < design.shape[1] + 3 or np.linalg.matrix_rank(design.to_numpy(float)) < design.shape[1]:
-        return None
-    compared = f"C(condition, levels={conditions!r})"
+    people = frame.groupby("participant")["condition"]
+    if frame.empty or (people.nunique() < 2).all():
+        return "no participant has values and positions of two conditions"
+    if frame["value"].nunique() < 2:
+        return "all values are equal"
+    if people.ngroups < 2:
+        return "only one participant has values"
+    frame = _with_factors(frame, runs, conditions)
+    chosen = ["condition"]
+    for factor in ("position", "target", "trial", "sequence", "after"):
+        if factor in frame and frame[factor].notna().all() and _is_estimable(frame, [*chosen, factor]):
+            chosen.append(factor)
+    if "position" not in chosen:
+        is_same = (frame.groupby("condition", observed=True)["position"].nunique() == 1).all()
+        return SAME_ORDER if is_same else f"{len(frame)} values are too few"
     try:
-        return fit_mixed(frame, " + ".join((f"value ~ {compared}", *practice)), quantity.name)
+        return fit_mixed(frame, f"value ~ {' + '.join(chosen)}", quantity.name)
     except np.linalg.LinAlgError:
-        return None
+        return "the fit failed"
+
+
+def _with_factors(frame: pd.DataFrame, runs: pd.DataFrame, conditions: list[str]) -> pd.DataFrame:
+    """Add the factors that follow from the order in which a participant met the conditions.
+
+    Of two conditions `sequence` is the first one; with position and condition it stands for any difference
+    in carry-over (Jones & Kenward 2014, Design and Analysis of Cross-Over Trials, 3rd ed., section 2.2). Of
+    more, `after` is the condition before; neither the reference nor the beginning has a carry-over.
+    """
+    order = runs.dropna(subset=["position"]).drop_duplicates(["participant", "position"])
+    met = {(row.participant, row.position): row.condition for row in order.itertuples()}
+    frame = frame.assign(condition=_factor(frame["condition"], conditions))
+    where = list(zip(frame["participant"], frame["position"], strict=True))
+    if len(conditions) == 2:
+        other = dict(zip(conditions, conditions[::-1], strict=True))
+        first = [met.get((who, 1)) or other.get(met.get((who, 2), "")) for who, _ in where]
+        is_shared = len(met) and frame["participant"].nunique() > len(set(first)) + 1
+        return frame.assign(sequence=_factor(first, conditions)) if is_shared else frame
+    before = [conditions[0] if at == 1 else met.get((who, at - 1)) for who, at in where]
+    return frame.assign(after=_factor(before, conditions))
+
+
+def _factor(values: Iterable[object], levels: list[str]) -> pd.Categorical:
+    return pd.Categorical(values, levels).remove_unused_categories()
+
+
+def _is_estimable(frame: pd.DataFrame, factors: list[str]) -> bool:
+    """Return whether the data separate factors, with observations to spare."""
+    if any(frame[factor].nunique() < 2 for factor in factors):
+        return False
+    design = smf.ols(f"value ~ {' + '.join(factors)}", frame).exog
+    is_full = bool(np.linalg.matrix_rank(design) == design.shape[1])
+    return is_full and len(frame) >= design.shape[1] + SPARE

@@ -6,6 +6,9 @@ import msgspec
 from msgspec import Struct, field
 
 from haptigraph.errors import BadInput
+from haptigraph.study.frozen.analysis_plan import Analysis
+from haptigraph.study.frozen.parts import frozen_questionnaires
+from haptigraph.study.questionnaire import Questionnaire
 
 __all__ = ["FrozenCondition", "FrozenProtocol", "read_frozen"]
 
@@ -25,6 +28,10 @@ class FrozenProtocol(Struct, frozen=True):
     title: str = ""
     conditions: tuple[FrozenCondition, ...] = ()
     """In the order of the protocol."""
+    questionnaires: dict[str, Questionnaire] = {}
+    """By name; none that this version cannot read."""
+    analysis: Analysis | None = None
+    """What was decided before the data, if anything."""
 
     @property
     def names(self) -> list[str]:
@@ -44,6 +51,7 @@ class _Export(Struct, frozen=True):
 
 class _StudyFile(Struct, frozen=True):
     conditions: tuple[FrozenCondition, ...] = field(name="condition", default=())
+    analysis: Analysis | None = None
 
 
 def read_frozen(path: Path) -> FrozenProtocol:
@@ -63,4 +71,5 @@ def read_frozen(path: Path) -> FrozenProtocol:
         study = msgspec.toml.decode(texts[0], type=_StudyFile) if texts else _StudyFile()
     except (msgspec.MsgspecError, ValueError, OSError) as error:
         raise BadInput(f"cannot be read: {error}", path) from None
-    return FrozenProtocol(export.title, study.conditions)
+    questionnaires = {each.name: each for each in frozen_questionnaires(export.parts).values()}
+    return FrozenProtocol(export.title, study.conditions, questionnaires, study.analysis)

@@ -1,0 +1,126 @@
+"""The [analysis] table of a protocol: hypotheses, level of significance, equivalence bounds and exclusions.
+
+It is frozen with the protocol, so it was decided before the data; what it names is confirmatory.
+"""
+
+from collections.abc import Collection, Iterator
+from typing import Annotated, Literal
+
+from msgspec import Meta, Struct, field
+
+from haptigraph.errors import unknown_name
+from haptigraph.study.data_dictionary import MEASURES
+from haptigraph.toml_document import Document
+
+__all__ = ["Analysis", "Hypothesis", "check_analysis", "numeric_measures"]
+
+Alpha = Annotated[float, Meta(gt=0, le=0.5)]
+
+
+class Hypothesis(Struct, frozen=True, forbid_unknown_fields=True):
+    """One [[analysis.hypothesis]]: how a measure differs between two conditions."""
+
+    measure: str
+    """A measure of trials, or the score of a questionnaire."""
+    first: str
+    second: str
+    """Conditions."""
+    expect: Literal["different", "smaller", "greater", "equivalent"] = "different"
+    """The second condition's values, compared with the first's."""
+
+
+class Analysis(Struct, frozen=True, forbid_unknown_fields=True):
+    """The [analysis] table."""
+
+    primary: tuple[str, ...]
+    """Primary measures. Hypotheses about them are corrected together, all others apart from them."""
+    hypotheses: tuple[Hypothesis, ...] = field(name="hypothesis")
+    alpha: Alpha = 0.05
+    """Level of significance."""
+    equivalence: dict[str, tuple[float, float]] = {}
+    """By measure: the bounds of a difference, second minus first condition, that is as good as none."""
+    min_trials: Annotated[int, Meta(ge=0, le=1000)] = 0
+    """Participants with fewer valid trials under a condition are excluded."""
+
+
+def numeric_measures(states: Collection[str], scores: Collection[str]) -> list[str]:
+    """Return the measures that a hypothesis can be about.
+
+    Args:
+        states: Of the protocol's procedures.
+        scores: Of the questionnaires after each condition.
+    """
+    measured = [each.name for each in MEASURES if each.kind != "text"]
+    return [*measured, *(f"time_{state}_s" for state in states), *scores]
+
+
+def check_analysis(
+    document: Document,
+    analysis: Analysis,
+    conditions: Collection[str],
+    measures: Collection[str],
+    trials: int,
+) -> None:
+    """Check an [analysis] table.
+
+    Args:
+        document: The protocol.
+        analysis: Its table.
+        conditions: Names of its conditions.
+        measures: Those that it records.
+        trials: Number of trials under each condition.
+
+    Raises:
+        BadInput: At the first problem, with its line.
+    """
+    problems = list(_problems(analysis, measures, trials))
+    for number, hypothesis in enumerate(analysis.hypotheses):
+        if hypothesis in analysis.hypotheses[:number]:
+            problems.append((f"hypothesis[{number}]", "the same hypothesis twice; remove one of them"))
+        found = _hypothesis_problems(hypothesis, analysis.equivalence, conditions, measures)
+        problems += [(f"hypothesis[{number}].{key}", problem) for key, problem in found]
+    for key, problem in problems:
+        raise document.error(problem, f"analysis.{key}")
+
+
+def _problems(analysis: Analysis, measures: Collection[str], trials: int) -> Iterator[tuple[str, str]]:
+    """Yield keys and problems."""
+    if not analysis.primary:
+        yield "primary", "primary is empty; name one measure or more"
+    tested = [each.measure for each in analysis.hypotheses]
+    for name in analysis.primary:
+        if name not in measures:
+            yield "primary", unknown_name("measure", name, measures)
+        if name not in tested:
+            yield (
+                "primary",
+                f"no [[analysis.hypothesis]] is about {name!r}; add one, or remove it from primary",
+            )
+    for name, (low, high) in analysis.equivalence.items():
+        if name not in measures:
+            yield "equivalence", unknown_name("measure", name, measures)
+        if not low < 0 < high:
+            found = f"found {low:g} and {high:g}"
+            yield "equivalence", f"{name}: expected a bound below 0 and one above 0, {found}"
+    if analysis.min_trials > trials:
+        most = f"expected at most {trials}, the trials under a condition"
+        yield "min_trials", f"min_trials = {analysis.min_trials} excludes everyone; {most}"
+
+
+def _hypothesis_problems(
+    hypothesis: Hypothesis,
+    bounds: Collection[str],
+    conditions: Collection[str],
+    measures: Collection[str],
+) -> Iterator[tuple[str, str]]:
+    """Yield keys and problems; `bounds` are the measures with equivalence bounds."""
+    if hypothesis.measure not in measures:
+        yield "measure", unknown_name("measure", hypothesis.measure, measures)
+    for key in ("first", "second"):
+        if (name := getattr(hypothesis, key)) not in conditions:
+            yield key, unknown_name("condition", name, conditions)
+    if hypothesis.first == hypothesis.second:
+        yield "second", f"{hypothesis.first!r} is compared with itself; name two conditions"
+    if hypothesis.expect == "equivalent" and hypothesis.measure not in bounds:
+        valid = f"add equivalence = {{{hypothesis.measure} = [LOW, HIGH]}} to [analysis]"
+        yield "expect", f"{hypothesis.measure} has no equivalence bounds; {valid}"

@@ -1,0 +1,1 @@
+"""The questionnaires that ship with haptigraph, and how a questionnaire is scored."""
