@@ -10,7 +10,7 @@ from haptigraph.analysis.study.results import StudyResults
 from haptigraph.analysis.study.statistics.comparison import Comparison
 from haptigraph.analysis.study.statistics.sus import adjective, grade
 
-__all__ = ["detail_tables", "graded", "sus_summary"]
+__all__ = ["detail_tables", "sus_summary"]
 
 
 def detail_tables(results: StudyResults) -> dict[str, pd.DataFrame]:
@@ -23,7 +23,7 @@ def detail_tables(results: StudyResults) -> dict[str, pd.DataFrame]:
         "hypotheses": pd.DataFrame(list(_hypotheses(results))),
         "questionnaires": _scores(results),
         "questionnaires_summary": _score_summary(results),
-        "sus": graded(results.scores["sus"]) if "sus" in results.scores else pd.DataFrame(),
+        "sus": _graded(results.scores["sus"]) if "sus" in results.scores else pd.DataFrame(),
         "sus_summary": sus_summary(results),
         "missing": results.missing,
         "participants_by_condition": _long(results),
@@ -121,14 +121,13 @@ def _terms(results: StudyResults) -> Iterator[dict[str, object]]:
             yield {**model_columns, **msgspec.structs.asdict(term), **spread}
 
 
-def graded(scores: pd.DataFrame) -> pd.DataFrame:
-    """Return SUS scores with grade, percentiles and adjective."""
-    table = scores.assign(grade="", percentiles="", adjective="").astype({"grade": object})
+def _graded(scores: pd.DataFrame) -> pd.DataFrame:
+    graded = scores.assign(grade="", percentiles="", adjective="").astype({"grade": object})
     for row, score in scores["sus"].dropna().items():
         found = grade(score)
         values = [found.letter, found.percentiles, adjective(score)]
-        table.loc[row, ["grade", "percentiles", "adjective"]] = values
-    return table
+        graded.loc[row, ["grade", "percentiles", "adjective"]] = values
+    return graded
 
 
 def _scores(results: StudyResults) -> pd.DataFrame:

@@ -19,7 +19,6 @@ from haptigraph.analysis.study.traces import Traces
 __all__ = ["FOLDER", "participant_pages"]
 
 FOLDER = "participants"
-SHEET = ["participant", "condition", "position", "answered"]
 KEYS = ["position", "phase", "block", "trial", "attempt"]
 QUALITY = {
     "images_per_s": ("Images per Second", 1),
@@ -158,16 +157,14 @@ def _traces(runs: pd.DataFrame, results: StudyResults, traces: Traces, note: str
 
 
 def _scores(name: str, results: StudyResults) -> Table:
-    """Return a participant's scores, a row per condition; those of incomplete sheets are left out."""
-    columns, cells = [], dict[str, dict[str, str]]()
-    for table in results.scores.values():
-        mine = table[table["participant"] == name]
-        for score in table.columns.difference(SHEET, sort=False):
-            columns.append(results.quantities[score].label)
-            for condition, value in zip(mine["condition"], mine[score], strict=True):
-                cells.setdefault(str(condition), {})[columns[-1]] = number(value, 1)
-    rows = [
-        [results.titles.get(condition) or words(condition), *(scores.get(each, NONE) for each in columns)]
-        for condition, scores in cells.items()
-    ]
-    return Table("Scores; an incomplete sheet has none.", ["Condition", *columns], rows)
+    rows = []
+    for questionnaire in results.questionnaires:
+        sheets = results.scores[questionnaire.name]
+        for sheet in sheets[sheets["participant"] == name].to_dict("records"):
+            about = results.titles.get(str(sheet["condition"])) or _text(sheet["condition"])
+            for scale in questionnaire.scales:
+                label = (
+                    results.quantities[scale.name].label if scale.name in results.quantities else scale.name
+                )
+                rows.append([label, about, number(sheet[scale.name], 1)])
+    return Table("Scores; an incomplete sheet has none.", ["Score", "Condition", "Value"], rows)

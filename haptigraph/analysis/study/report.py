@@ -105,13 +105,9 @@ def write_report(
     except OSError as error:
         raise BadInput(f"cannot be written ({error.strerror})", error.filename or output) from None
     beside = beside_paper(results, simulated=simulated)
-    shown = [
-        *hypothesis_table(results),
-        *result_tables(results)[:1],
-        *([beside.table] if beside else []),
-    ]
-    printed = markdown(shown, SIMULATED if simulated else "", beside.notes if beside else ())
-    summary = f"{printed}\n{preregistered(results)}"
+    shown = [*hypothesis_table(results), *result_tables(results)[:1], *([beside.table] if beside else [])]
+    notes = [preregistered(results), *(beside.notes if beside else ())]
+    summary = markdown(shown, SIMULATED if simulated else "", notes)
     return WrittenReport(output / "report.html", [output / name for name in files], summary)
 
 

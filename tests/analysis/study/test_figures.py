@@ -1,5 +1,4 @@
 from functools import cache
-from itertools import combinations
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -7,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.figure import Figure
-from matplotlib.text import Text
+from printed_figures import check_print
 from scipy import stats
 from study_tables import simulated_study, write_study
 
@@ -23,7 +22,6 @@ from haptigraph.analysis.study.tables import read_tables
 from haptigraph.analysis.study.traces import read_traces
 
 NOTE = "SIMULATED"
-SMALLEST_PT = 6.5
 
 
 LONG = ("no_touch", "continuous_guidance_of_the_needle", "visual_haptic")
@@ -47,51 +45,23 @@ def drawn(case) -> dict[str, Figure]:
         return figures(results, read_traces(results.runs, Path("no recordings")), NOTE)
 
 
-def shown_texts(figure) -> list[Text]:
-    """The texts that are drawn: of ticks, those within the limits."""
-    ticks, inside = set(), []
-    for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
-        low, high = sorted(axis.get_view_interval())
-        for tick in [*axis.get_major_ticks(), *axis.get_minor_ticks()]:
-            ticks |= {tick.label1, tick.label2}
-            inside += [tick.label1] if low <= tick.get_loc() <= high and axis.axes.axison else []
-    others = [text for text in figure.findobj(Text) if text not in ticks]
-    return [text for text in [*others, *inside] if text.get_visible() and text.get_text().strip()]
-
-
-def check_print(figure):
-    """Refuse what a journal would: another width, small text, texts that overlap, or are cut off; and a title."""
-    figure.draw_without_rendering()
-    width_mm = 25.4 * figure.get_figwidth()
-    assert min(abs(width_mm - column) for column in (ONE_COLUMN_MM, TWO_COLUMNS_MM)) < 1e-6
-    assert figure.get_suptitle() == NOTE
-    texts = shown_texts(figure)
-    assert min(text.get_fontsize() for text in texts) >= SMALLEST_PT
-    extents = {text: text.get_window_extent() for text in texts}
-    for one, other in combinations(texts, 2):
-        overlap = extents[one].padded(-0.3).overlaps(extents[other].padded(-0.3))
-        assert not overlap, f"{one.get_text()!r} overlaps {other.get_text()!r}"
-    drawn = figure.get_tightbbox()
-    assert drawn.x0 >= 0 and drawn.y0 >= 0
-    assert drawn.x1 <= figure.get_figwidth() and drawn.y1 <= figure.get_figheight()
-
-
 @pytest.mark.parametrize("case", CASES)
 def test_every_figure_can_be_printed_at_the_width_of_a_column(case):
     assert set(drawn(case)) == {"rainclouds", "state_times", "state_sequence", "learning"}
     with styled():
         for figure in drawn(case).values():
-            check_print(figure)
+            check_print(figure, NOTE)
 
 
 def test_figures_of_recordings_can_be_printed_at_the_width_of_a_column(study):
     traces = read_traces(counted_runs(read_tables(study).trials), study)
     titles = {"visual": "Visual feedback only", "visual_haptic": "Visual and haptic feedback"}
     with styled():
-        check_print(alignment_figure(traces, titles, NOTE))
-        check_print(cone_figure(traces, titles, NOTE))
+        check_print(alignment_figure(traces, titles, NOTE), NOTE)
+        check_print(cone_figure(traces, titles, NOTE), NOTE)
         shown = [trace for trace in traces.runs if trace.participant == "S01"] * 3
-        check_print(person_figure(traces, shown, {trace.run: "1 Visual, hit" for trace in shown}, NOTE))
+        names = {trace.run: "1 Visual, hit" for trace in shown}
+        check_print(person_figure(traces, shown, names, NOTE), NOTE)
 
 
 def test_a_line_joins_the_values_of_each_participant_and_none_two_groups():

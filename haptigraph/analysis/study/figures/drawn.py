@@ -32,7 +32,7 @@ CAPTIONS = {
     "learning": "Learning over the session: trials by the position of their condition. Thin: participants; "
     f"thick: median of {MIN_MEDIAN_N} or more, with bars from the lower to the upper quartile, which are no "
     "confidence interval.",
-    "questionnaires": f"Scores of questionnaires by condition. {BOXES}",
+    "questionnaires": f"Scores of further questionnaires by condition. {BOXES}",
 }
 
 

@@ -19,7 +19,8 @@ from haptigraph.study.questionnaire import Questionnaire
 
 __all__ = ["questionnaire_figure"]
 
-PANEL_MM = 62.0
+MAX_NARROW = 6
+"""Number of boxes that have room in one column."""
 
 
 def questionnaire_figure(results: StudyResults, note: str) -> Figure | None:
@@ -28,11 +29,11 @@ def questionnaire_figure(results: StudyResults, note: str) -> Figure | None:
     if not scored:
         return None
     most = max(len(_scores(results, each)) for each in scored)
-    width_mm = ONE_COLUMN_MM if most <= 3 else TWO_COLUMNS_MM
-    figure = new_figure(width_mm, PANEL_MM * len(scored), note)
+    width_mm = ONE_COLUMN_MM if most * len(results.conditions) <= MAX_NARROW else TWO_COLUMNS_MM
+    figure = new_figure(width_mm, 60 * len(scored), note)
+    styles, spread = condition_styles(results.conditions), 0.76 / len(results.conditions)
     for axes, each in zip(np.ravel(figure.subplots(len(scored), 1)), scored, strict=True):
         names = _scores(results, each)
-        styles, spread = condition_styles(results.conditions), 0.76 / len(results.conditions)
         for number, condition in enumerate(results.conditions):
             for place, name in enumerate(names):
                 values = results.values[name][condition].dropna().to_numpy(float)
@@ -40,7 +41,7 @@ def questionnaire_figure(results: StudyResults, note: str) -> Figure | None:
                 draw_box(axes, values, at, 0.82 * spread, styles[condition])
                 aside = np.linspace(-0.22, 0.22, max(len(values), 2))[: len(values)] * spread
                 axes.plot(at + aside, values, styles[condition].marker, **POINT)
-        labels = [wrapped(results.quantities[name].label, 0.85 * width_mm / most) for name in names]
+        labels = [wrapped(results.quantities[name].label, (width_mm - 17) / len(names)) for name in names]
         axes.set(xlim=(-0.5, len(names) - 0.5), ylabel=f"score ({results.quantities[names[0]].unit})")
         axes.set_xticks(range(len(names)), labels)
         declutter(axes)

@@ -16,7 +16,7 @@ from haptigraph.analysis.study.figures.style import (
     new_figure,
     wrapped,
 )
-from haptigraph.analysis.study.quantities import QUANTITIES, Quantity
+from haptigraph.analysis.study.quantities import Quantity
 from haptigraph.analysis.study.results import StudyResults
 
 if TYPE_CHECKING:
@@ -36,10 +36,9 @@ POINTS, CLOUD = 0.12, 0.1
 
 
 def primary_quantities(results: StudyResults) -> list[Quantity]:
-    """Return the primary measures that have values: the preregistered ones, or else the paper's."""
-    plan = results.plan.preregistered
-    names = plan.primary if plan else [each.name for each in QUANTITIES if each.family == "primary"]
-    return [results.quantities[name] for name in names if name in results.values]
+    """Return the primary measures that have values."""
+    found = results.quantities.values()
+    return [each for each in found if each.family == "primary" and each.name in results.values]
 
 
 def raincloud_figure(results: StudyResults, note: str) -> Figure | None:

@@ -105,11 +105,11 @@ def wrapped(text: str, width_mm: float) -> str:
     return textwrap.fill(text, max(1, int(width_mm / LETTER_MM)), break_long_words=False)
 
 
-def draw_box(axes: "Axes", values: "Floats", place: float, width: float, style: ConditionStyle) -> None:
+def draw_box(axes: "Axes", values: "Floats", x: float, width: float, style: ConditionStyle) -> None:
     """Draw quartiles, and whiskers of 1.5 times the interquartile range, in the style of a condition."""
     axes.boxplot(
         [values],
-        positions=[place],
+        positions=[x],
         widths=width,
         patch_artist=True,
         showfliers=False,
