@@ -33,7 +33,19 @@ CAPTIONS = {
     f"participants over normalised time. {COLORS}",
     "learning": "Completion time and alignment over the trials, by the order of the conditions.",
 }
-TESTS = ["measure", "first", "second", "n_first", "n_second", "statistic", "p", "p_holm", "test", "effect"]
+TESTS = [
+    "measure",
+    "first",
+    "second",
+    "n_first",
+    "n_second",
+    "statistic",
+    "p",
+    "p_holm",
+    "test",
+    "effect",
+    "shift_test",
+]
 SENSITIVITY = [
     "measure", "first", "second", "shapiro_p", "t_t", "t_df", "t_p", "t_difference", "t_low", "t_high", "t_d",
     "power_observed", "power_detectable_d", "power_needed",
@@ -42,6 +54,9 @@ TITLES = {
     "tests": "All tests",
     "sensitivity": "Normality, t tests and power",
     "rank_test_variants": "All variants of the rank tests",
+    "equivalence": "Equivalence (two one-sided tests)",
+    "hit_rate": "Hit rate",
+    "worst_rank": "Completion time with runs without a hit ranked last",
     "omnibus": "Omnibus tests of three or more conditions",
     "order_effects": "Order and learning (mixed models)",
     "sus_summary": "SUS by condition",

@@ -19,6 +19,7 @@ from haptigraph.analysis.study.statistics.comparison import Comparison, compare,
 from haptigraph.analysis.study.statistics.order_effects import MixedModel, order_effects
 from haptigraph.analysis.study.statistics.rank_tests import Zeros
 from haptigraph.analysis.study.statistics.sus import sus_scores
+from haptigraph.analysis.study.statistics.timeouts import TimeoutAnalysis, timeout_analyses
 from haptigraph.analysis.study.tables import StudyTables
 from haptigraph.errors import BadInput, unknown_name
 
@@ -33,6 +34,12 @@ class AnalysisPlan(Struct, frozen=True):
     zeros: Zeros = "dropped"
     baseline: str | None = None
     """The reference condition; None: the protocol's first, or the first by name."""
+    bounds: dict[str, tuple[float, float]] = {}
+    """By quantity: preregistered bounds of equivalence."""
+
+    def bounds_of(self, quantity: Quantity) -> tuple[float, float] | None:
+        """Return the preregistered equivalence bounds of an outcome, in its unit: second minus first."""
+        return self.bounds.get(quantity.name)
 
 
 class Omnibus(Struct, frozen=True):
@@ -74,6 +81,8 @@ class StudyResults(Struct, frozen=True):
     """Quantities without any value."""
     idle: list[str]
     """States in which no time was spent."""
+    timeouts: list[TimeoutAnalysis]
+    """By pair of conditions; empty if every run ended with a hit."""
 
 
 def analyse(tables: StudyTables, plan: AnalysisPlan) -> StudyResults:
@@ -119,6 +128,7 @@ def analyse(tables: StudyTables, plan: AnalysisPlan) -> StudyResults:
         missing=missing_data(trials, conditions),
         absent=[each.label for each in quantities if each.name not in values],
         idle=idle,
+        timeouts=timeout_analyses(runs, conditions, paired=within, zeros=plan.zeros, seed=plan.seed),
     )
 
 
@@ -155,6 +165,7 @@ def _family(
                     alpha=plan.alpha,
                     zeros=plan.zeros,
                     left_out=left_out,
+                    bounds=plan.bounds_of(quantity),
                 )
             )
         if len(conditions) > 2:
