@@ -18,6 +18,9 @@ def detail_tables(results: StudyResults) -> dict[str, pd.DataFrame]:
     tables = {
         "comparisons": pd.DataFrame(list(_comparisons(results))),
         "rank_test_variants": pd.DataFrame(list(_variants(results))),
+        "equivalence": pd.DataFrame(list(_equivalence(results))),
+        "hit_rate": pd.DataFrame(list(_hit_rates(results))),
+        "worst_rank": pd.DataFrame(list(_worst_ranks(results))),
         "omnibus": pd.DataFrame(list(_omnibus(results))),
         "order_effects": pd.DataFrame(list(_terms(results))),
         "hypotheses": pd.DataFrame(list(_hypotheses(results))),
@@ -54,6 +57,10 @@ def _comparisons(results: StudyResults) -> Iterator[dict[str, object]]:
                 "r_low": each.effect.low,
                 "r_high": each.effect.high,
                 "effect": each.effect.variant,
+                "shift": each.shift.estimate,
+                "shift_low": each.shift.low,
+                "shift_high": each.shift.high,
+                "shift_test": each.shift.variant,
                 "shapiro_w": each.normality[0].w,
                 "shapiro_p": min(check.p for check in each.normality),
                 **{f"t_{name}": value for name, value in msgspec.structs.asdict(each.t).items()},
@@ -95,6 +102,27 @@ def _variants(results: StudyResults) -> Iterator[dict[str, object]]:
             for test in each.variants:
                 used = test.variant == each.test.variant
                 yield {**_names(family.name, each), **msgspec.structs.asdict(test), "reported": used}
+
+
+def _equivalence(results: StudyResults) -> Iterator[dict[str, object]]:
+    for family in results.families:
+        for each in family.comparisons:
+            found = each.equivalence
+            if found is not None:
+                shown = {"equivalent": found.is_shown}
+                yield {**_names(family.name, each), **msgspec.structs.asdict(found), **shown}
+
+
+def _hit_rates(results: StudyResults) -> Iterator[dict[str, object]]:
+    for each in results.timeouts:
+        yield {"first": each.first, "second": each.second, **msgspec.structs.asdict(each.hits)}
+
+
+def _worst_ranks(results: StudyResults) -> Iterator[dict[str, object]]:
+    for each in results.timeouts:
+        effect = {f"effect_{name}": value for name, value in msgspec.structs.asdict(each.effect).items()}
+        test = msgspec.structs.asdict(each.worst_rank)
+        yield {"first": each.first, "second": each.second, **test, **effect}
 
 
 def _omnibus(results: StudyResults) -> Iterator[dict[str, object]]:

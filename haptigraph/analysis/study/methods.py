@@ -5,11 +5,11 @@ from collections.abc import Iterator
 from importlib.metadata import version
 
 from haptigraph.analysis.study.data_quality import quality_paragraph
+from haptigraph.analysis.study.methods_estimates import effect_sizes, equivalence, runs_without_hit
 from haptigraph.analysis.study.preregistered.hypotheses import HypothesisResult, sentence
 from haptigraph.analysis.study.preregistered.omissions import NO_HIT
 from haptigraph.analysis.study.quantities import counted, words
 from haptigraph.analysis.study.results import StudyResults
-from haptigraph.analysis.study.statistics.effects import RESAMPLES
 from haptigraph.analysis.study.tables import StudyTables
 from haptigraph.analysis.study.traces import Traces
 from haptigraph.study.questionnaire import Questionnaire
@@ -32,6 +32,9 @@ def methods(tables: StudyTables, results: StudyResults, traces: Traces, *, simul
         _design(results, simulated=simulated),
         preregistered(results),
         _tests(results),
+        effect_sizes(results),
+        equivalence(results),
+        runs_without_hit(results),
         _sensitivity(results),
         _families(results),
         _order(results),
@@ -126,15 +129,9 @@ def _tests(results: StudyResults) -> str:
 
 
 def _sensitivity(results: StudyResults) -> str:
-    r, t, of = (
-        ("the matched-pairs rank-biserial correlation (Kerby 2014)", "a paired t test", "the differences")
-        if results.is_within
-        else ("the rank-biserial correlation", "Welch's t test", "each sample")
-    )
+    t, of = ("a paired t test", "the differences") if results.is_within else ("Welch's t test", "each sample")
     return (
-        f"Effect size is {r}, positive where the second condition has the larger values, with a "
-        "95 % bootstrap interval (bias-corrected and accelerated where the data allow, otherwise "
-        f"percentile; {RESAMPLES} resamples, seed {results.plan.seed}). Normality of {of} was checked "
+        f"Normality of {of} was checked "
         f"by the Shapiro-Wilk test; {t} is reported as sensitivity analysis. Power is that of the "
         "t test with n multiplied by 3/π, the asymptotic relative efficiency of the rank test for a "
         "normal distribution; power at the observed effect is a function of the p-value, so the "

@@ -35,6 +35,7 @@ TESTS = [
     "p_holm",
     "test",
     "effect",
+    "shift_test",
 ]
 SENSITIVITY = [
     "measure", "first", "second", "shapiro_p", "t_t", "t_df", "t_p", "t_difference", "t_low", "t_high", "t_d",
@@ -45,6 +46,9 @@ TITLES = {
     "tests": "All tests",
     "sensitivity": "Normality, t tests and power",
     "rank_test_variants": "All variants of the rank tests",
+    "equivalence": "Equivalence (two one-sided tests)",
+    "hit_rate": "Hit rate",
+    "worst_rank": "Completion time with runs without a hit ranked last",
     "omnibus": "Omnibus tests of three or more conditions",
     "order_effects": "Order and learning (mixed models)",
     "hypotheses": "Preregistered hypotheses",

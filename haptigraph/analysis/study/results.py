@@ -38,6 +38,7 @@ from haptigraph.analysis.study.statistics.questionnaires import (
     unscored_names,
 )
 from haptigraph.analysis.study.statistics.rank_tests import Zeros
+from haptigraph.analysis.study.statistics.timeouts import TimeoutAnalysis, timeout_analyses
 from haptigraph.analysis.study.tables import StudyTables
 from haptigraph.errors import BadInput, unknown_name
 from haptigraph.study.frozen.analysis_plan import Analysis
@@ -108,6 +109,8 @@ class StudyResults(Struct, frozen=True):
     """By label of a quantity: conditions in which it is 0 by construction, so that it was not tested."""
     idle: list[str]
     """States in which no time was spent."""
+    timeouts: list[TimeoutAnalysis]
+    """By pair of conditions; empty if every run ended with a hit."""
     quantities: dict[str, Quantity]
     """All outcomes by name, with or without values."""
     hypotheses: list[HypothesisResult]
@@ -183,6 +186,7 @@ def analyse(tables: StudyTables, plan: AnalysisPlan) -> StudyResults:
         poor_trials=poor,
         absent=absent_quantities(quantities, values, attempts),
         idle=idle,
+        timeouts=timeout_analyses(runs, conditions, paired=within, zeros=plan.zeros, seed=plan.seed),
         untested={each.label: silent[each.name] for each in used if silent[each.name]},
         quantities={each.name: each for each in quantities},
         hypotheses=hypotheses,
@@ -251,6 +255,7 @@ def _comparisons(quantity: Quantity, samples: Samples, plan: AnalysisPlan) -> li
                 alpha=plan.alpha,
                 zeros=plan.zeros,
                 left_out=left_out,
+                bounds=plan.bounds_of(quantity),
             )
         )
     return [each for each in compared if each is not None]

@@ -11,6 +11,9 @@ from haptigraph.analysis.study.preregistered.hypotheses import sentence
 from haptigraph.analysis.study.quantities import counted, words
 from haptigraph.analysis.study.results import StudyResults
 from haptigraph.analysis.study.statistics.comparison import Comparison, Sample
+from haptigraph.analysis.study.statistics.effects import Effect
+from haptigraph.analysis.study.statistics.equivalence import Equivalence
+from haptigraph.analysis.study.statistics.shift import Shift
 
 __all__ = [
     "NONE", "Table", "escaped", "hypothesis_table", "latex", "markdown", "number", "p_text", "result_tables",
@@ -41,7 +44,7 @@ def p_text(p: float) -> str:
 
 
 def result_tables(results: StudyResults) -> list[Table]:
-    """Return one table per family and pair of conditions; the first is the paper's."""
+    """Return a table per family and pair of conditions, the paper's first; then equivalence, hit rates."""
     tables = []
     for family in results.families:
         for pair in combinations(results.conditions, 2):
@@ -52,7 +55,7 @@ def result_tables(results: StudyResults) -> list[Table]:
             ]
             if rows:
                 tables.append(_table(results, family, pair, rows))
-    return tables
+    return [*tables, *_equivalence_table(results), *_hit_table(results)]
 
 
 def _table(results: StudyResults, family: Family, pair: tuple[str, str], rows: list[list[str]]) -> Table:
@@ -61,11 +64,11 @@ def _table(results: StudyResults, family: Family, pair: tuple[str, str], rows: l
         over = f"the preregistered hypotheses, and over {over}"
     marks = f"* p < {results.plan.alpha:g}; † also after Holm's correction over {over}"
     caption = f"{words(family.about)}, mean ± SD over participants. {marks}."
-    effect = "r [95 % CI]"
+    estimates = ["Difference [95 % CI]", "r [95 % CI]"]
     label = f"{family.name}_{pair[0]}_{pair[1]}"
     status = ["Test"] if results.hypotheses else []
-    head = ["Metric", *map(results.title_of, pair), "n", "p", "p (Holm)", effect, *status]
-    return Table(caption, head, rows, label)
+    head = ["Metric", *map(results.title_of, pair), "n", "p", "p (Holm)", *estimates, *status]
+    return Table(f"{caption} Difference: Hodges-Lehmann. A dash: too few values.", head, rows, label)
 
 
 def _status(results: StudyResults, comparison: Comparison) -> list[str]:
@@ -97,15 +100,73 @@ def hypothesis_table(results: StudyResults) -> list[Table]:
     return [Table(caption, head, rows, "hypotheses")]
 
 
+def _equivalence_table(results: StudyResults) -> list[Table]:
+    rows = [
+        [
+            each.quantity.title,
+            ", ".join(map(results.title_of, (each.first, each.second))),
+            f"{each.equivalence.bound_low:g} to {each.equivalence.bound_high:g}",
+            _interval(each.equivalence, each.quantity.decimals),
+            p_text(each.equivalence.p),
+            "yes" if each.equivalence.is_shown else "no",
+        ]
+        for family in results.families
+        for each in family.comparisons
+        if each.equivalence is not None
+    ]
+    alpha = results.plan.alpha
+    head = [
+        "Metric",
+        "Conditions",
+        "Bounds",
+        f"Difference [{100 * (1 - 2 * alpha):g} % CI]",
+        "p",
+        "Equivalent",
+    ]
+    caption = f"Equivalence within preregistered bounds: two one-sided rank tests, each at {alpha:g}."
+    return [Table(caption, head, rows, "equivalence")] if rows else []
+
+
+def _hit_table(results: StudyResults) -> list[Table]:
+    rows = [
+        [
+            ", ".join(map(results.title_of, (each.first, each.second))),
+            f"{each.hits.hits_first}/{each.hits.n_first}",
+            f"{each.hits.hits_second}/{each.hits.n_second}",
+            p_text(each.hits.p),
+            f"{number(each.hits.odds_ratio, 2)} [{_limit(each.hits.low)}, {_limit(each.hits.high)}]",
+            f"{p_text(each.worst_rank.p)}, r {_interval(each.effect, 2)}",
+        ]
+        for each in results.timeouts
+    ]
+    caption = (
+        "Participants who hit the target in all their runs, and completion time with runs without a hit "
+        "ranked last (sensitivity analysis; p-values are not corrected)."
+    )
+    head = ["Conditions", "First", "Second", "p", "Odds ratio [95 % CI]", "Completion time, p"]
+    return [Table(caption, head, rows, "hit_rate")] if rows else []
+
+
 def _row(comparison: Comparison, holm: float, alpha: float) -> list[str]:
     decimals = comparison.quantity.decimals
     first, second = (_mean(sample, decimals) for sample in comparison.samples)
     p = comparison.test.p
     mark = ("*" if p < alpha else "") + ("†" if holm < alpha else "")
-    effect = comparison.effect
-    interval = f"{number(effect.r, 2)} [{number(effect.low, 2)}, {number(effect.high, 2)}]"
+    estimates = [_interval(comparison.shift, decimals), _interval(comparison.effect, 2)]
     sizes = "/".join(str(size) for size in sorted({sample.n for sample in comparison.samples}))
-    return [comparison.quantity.title, first, second, sizes, p_text(p) + mark, p_text(holm), interval]
+    return [comparison.quantity.title, first, second, sizes, p_text(p) + mark, p_text(holm), *estimates]
+
+
+def _interval(found: Effect | Shift | Equivalence, decimals: int) -> str:
+    """Return an estimate with its limits; without limits a dash follows."""
+    value = number(found.r if isinstance(found, Effect) else found.estimate, decimals)
+    if not math.isfinite(found.low):
+        return f"{value} [{NONE}]"
+    return f"{value} [{number(found.low, decimals)}, {number(found.high, decimals)}]"
+
+
+def _limit(odds: float) -> str:
+    return "∞" if odds == math.inf else number(odds, 2)
 
 
 def _mean(sample: Sample, decimals: int) -> str:
@@ -156,7 +217,7 @@ def _plain(label: str) -> str:
 TEX = {
     "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "_": r"\_", "#": r"\#", "$": r"\$", "{": r"\{",
     "}": r"\}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "±": r"$\pm$", "°": r"$^\circ$",
-    "†": r"$^\dagger$", "*": "$^*$", "²": "$^2$", "<": "$<$", ">": "$>$",
+    "†": r"$^\dagger$", "*": "$^*$", "²": "$^2$", "∞": r"$\infty$", "<": "$<$", ">": "$>$",
 }  # fmt: skip
 
 

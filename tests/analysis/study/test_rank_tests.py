@@ -124,7 +124,8 @@ def test_two_samples_agree_with_published_values():
 
 def test_diabetes_example_agrees_with_scipys_documentation():
     males, females = [19, 22, 16, 29, 24], [20, 11, 17, 12]
-    exact, corrected, _ = every_rank_sum(females, males)
+    exact, corrected, _, summed = every_rank_sum(females, males)
+    assert "exact, twice the smaller tail" in exact.variant and summed.p == pytest.approx(exact.p)
     assert exact.statistic == 17.0 and exact.p == pytest.approx(0.1111111111111111, abs=1e-12)
     assert corrected.p == pytest.approx(0.11134688653314041, abs=1e-9)
 
@@ -140,6 +141,14 @@ def test_exact_p_of_two_samples_counts_every_choice(first, second):
     assert test.p == pytest.approx(
         min(1.0, 2 * min((sums <= found + 1e-9).mean(), (sums >= found - 1e-9).mean()))
     )
+
+
+def test_both_ways_to_a_two_sided_p_of_a_skewed_distribution_are_named():
+    # Mid-ranks 2.5, 2.5, 2.5, 2.5 of four and 5 of one: sums of two are 5 (six of ten ways) and 7.5 (four).
+    doubled, *_, summed = every_rank_sum([1, 1, 1], [1, 2])
+    assert (doubled.p, summed.p) == (pytest.approx(0.8), pytest.approx(0.4))
+    assert "twice the smaller tail" in doubled.variant and "both tails summed" in summed.variant
+    assert len({test.variant for test in every_rank_sum([1, 1, 1], [1, 2])}) == 4
 
 
 def test_large_samples_use_the_named_approximation():

@@ -35,7 +35,7 @@ class HypothesisResult(Struct, frozen=True):
     test: str
     """Its variant; "": none."""
     p: float
-    """Two-sided; NaN without a test."""
+    """Two-sided, or of an equivalence; NaN without a test."""
     holm_p: float
     """Corrected over the hypotheses of its family, in which one without a test has p = 1."""
     is_supported: bool | None
@@ -87,8 +87,7 @@ def _tested(
     """Return a hypothesis with its test; `is_supported` is about its direction alone."""
     is_primary = hypothesis.measure in analysis.primary
     if hypothesis.expect == "equivalent":
-        bounds, why = analysis.equivalence[hypothesis.measure], "no equivalence test was performed"
-        return HypothesisResult(hypothesis, is_primary, bounds, "", math.nan, math.nan, None, why)
+        return _equivalence_tested(hypothesis, analysis, comparisons)
     tested = next((each for each in comparisons if is_about(hypothesis, each)), None)
     if tested is None:
         why = "no values to compare"
@@ -98,3 +97,18 @@ def _tested(
     return HypothesisResult(
         hypothesis, is_primary, None, tested.test.variant, tested.test.p, math.nan, expected
     )
+
+
+def _equivalence_tested(
+    hypothesis: Hypothesis, analysis: Analysis, comparisons: Sequence[Comparison]
+) -> HypothesisResult:
+    is_primary, bounds = hypothesis.measure in analysis.primary, analysis.equivalence[hypothesis.measure]
+    about = hypothesis.measure, hypothesis.first, hypothesis.second
+    tested = next(
+        (each.equivalence for each in comparisons if (each.quantity.name, each.first, each.second) == about),
+        None,
+    )
+    if tested is None:
+        why = "no values to compare"
+        return HypothesisResult(hypothesis, is_primary, bounds, "", math.nan, math.nan, None, why)
+    return HypothesisResult(hypothesis, is_primary, bounds, tested.variant, tested.p, math.nan, True)

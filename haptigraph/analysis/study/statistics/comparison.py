@@ -1,4 +1,4 @@
-"""Compare one quantity between two conditions: rank test, effect size, t test, normality, power."""
+"""Compare one quantity between two conditions: rank test, effect size, shift, equivalence, t test, power."""
 
 import math
 from collections.abc import Sequence
@@ -9,6 +9,7 @@ from scipy import stats
 
 from haptigraph.analysis.study.quantities import Quantity
 from haptigraph.analysis.study.statistics.effects import Effect, paired_effect, unpaired_effect
+from haptigraph.analysis.study.statistics.equivalence import Equivalence, equivalence
 from haptigraph.analysis.study.statistics.rank_tests import (
     RankTest,
     Zeros,
@@ -27,6 +28,7 @@ from haptigraph.analysis.study.statistics.sensitivity import (
     unpaired_power,
     welch_t,
 )
+from haptigraph.analysis.study.statistics.shift import Shift, paired_shift, unpaired_shift
 
 __all__ = ["Comparison", "Sample", "compare", "omnibus"]
 
@@ -69,6 +71,9 @@ class Comparison(Struct, frozen=True):
     """Of the differences; unpaired: of each sample."""
     t: TTest
     power: Power
+    shift: Shift
+    equivalence: Equivalence | None
+    """None without bounds."""
 
 
 def compare(
@@ -81,6 +86,7 @@ def compare(
     alpha: float = 0.05,
     zeros: Zeros = "dropped",
     left_out: int = 0,
+    bounds: tuple[float, float] | None = None,
 ) -> Comparison | None:
     """Compare two conditions; return None if one has no values.
 
@@ -89,16 +95,18 @@ def compare(
         names: Of the conditions; the effect is positive where the second has larger values.
         values: Of each condition; if paired, of the same participants in the same order.
         paired: Whether the same participants completed both.
-        seed: Of the bootstrap.
+        seed: Of the bootstrap of large samples.
         alpha: Level of significance, for the power.
         zeros: Treatment of pairs without a difference.
         left_out: Copied to the result.
+        bounds: Of a difference (second minus first) that counts as none; None: no test of equivalence.
     """
     first, second = values
     if not first or not second:
         return None
     samples = (Sample.of(first), Sample.of(second))
     common = (quantity, *names, paired, samples, left_out)
+    alike = equivalence(first, second, *bounds, paired=paired, alpha=alpha) if bounds else None
     if paired:
         t = paired_t(first, second)
         return Comparison(
@@ -109,6 +117,8 @@ def compare(
             [normality(np.asarray(second) - np.asarray(first))],
             t,
             paired_power(t.d, len(first), alpha),
+            paired_shift(first, second),
+            alike,
         )
     t = welch_t(first, second)
     return Comparison(
@@ -119,6 +129,8 @@ def compare(
         [normality(first), normality(second)],
         t,
         unpaired_power(t.d, len(first), len(second), alpha),
+        unpaired_shift(first, second),
+        alike,
     )
 
 
@@ -131,8 +143,8 @@ def omnibus(samples: Sequence[Sequence[float]], *, paired: bool) -> tuple[str, f
     """
     name = "Friedman" if paired else "Kruskal-Wallis"
     name += ", chi-square approximation with tie correction"
-    everything = np.concatenate([np.asarray(sample, np.float64) for sample in samples])
-    if min(len(sample) for sample in samples) < 2 or np.ptp(everything) == 0:
+    ranked = np.array(samples, np.float64) if paired else np.concatenate([*map(np.asarray, samples)])
+    if min(len(sample) for sample in samples) < 2 or not np.ptp(ranked, axis=0).any():  # all ranks are tied
         return f"{name}: no test", math.nan, math.nan
     tested = stats.friedmanchisquare(*samples) if paired else stats.kruskal(*samples)
     return name, float(tested.statistic), float(tested.pvalue)

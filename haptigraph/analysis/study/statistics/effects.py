@@ -1,6 +1,6 @@
-"""Effect size: rank-biserial correlation with a seeded bootstrap interval.
+"""Effect size: rank-biserial correlation with an interval that belongs to the exact rank test.
 
-SciPy provides the bootstrap, but neither correlation.
+SciPy has neither correlation. Beyond the 50 values of the exact test, SciPy's bootstrap gives the interval.
 """
 
 import warnings
@@ -12,7 +12,20 @@ from msgspec import Struct
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
-from haptigraph.analysis.study.statistics.rank_tests import differences
+from haptigraph.analysis.study.statistics.exact import (
+    EXACT_UP_TO,
+    Floats,
+    rank_sum_distribution,
+    signed_rank_distribution,
+)
+from haptigraph.analysis.study.statistics.intervals import (
+    WIDENED_ABOVE,
+    Limits,
+    fisher_interval,
+    tilted_interval,
+    widest,
+)
+from haptigraph.analysis.study.statistics.rank_tests import differences, equalised
 
 __all__ = [
     "RESAMPLES",
@@ -70,39 +83,67 @@ def rank_biserial(first: ArrayLike, second: ArrayLike, axis: int = -1) -> NDArra
 
 
 def paired_effect(first: ArrayLike, second: ArrayLike, seed: int) -> Effect:
-    """Return the effect size of paired values; pairs are resampled.
+    """Return the effect size of paired values.
 
     Args:
         first: (n,) of one condition.
         second: (n,) of the other.
-        seed: Of the bootstrap.
+        seed: Of the bootstrap beyond 50 pairs.
     """
-    return _effect((differences(first, second),), matched_rank_biserial, "matched-pairs rank-biserial", seed)
+    difference, name = differences(first, second), "matched-pairs rank-biserial"
+    moved = difference[difference != 0]
+    if len(moved) > EXACT_UP_TO:
+        return _bootstrapped((difference,), matched_rank_biserial, name, seed)
+    r, ranks = float(matched_rank_biserial(moved)), stats.rankdata(np.abs(moved))
+    half = float(ranks.sum()) / 2
+    limits = tilted_interval(signed_rank_distribution(ranks), half * (1 + r), half, half)
+    signs = np.sign(np.add.outer(moved, moved))
+    influence = 2 * (signs.sum(axis=0) - np.sign(moved)) / max(1, len(moved) - 1)
+    return _exact(r, limits, (influence,), f"{name} of {len(moved)} differences")
 
 
 def unpaired_effect(first: ArrayLike, second: ArrayLike, seed: int) -> Effect:
-    """Return the effect size of independent samples; each is resampled separately."""
-    samples = (np.asarray(first, np.float64), np.asarray(second, np.float64))
-    return _effect(samples, rank_biserial, "rank-biserial", seed)
+    """Return the effect size of independent samples.
+
+    Args:
+        first: (n,) of one condition.
+        second: (m,) of the other.
+        seed: Of the bootstrap beyond 50 values in a sample, which resamples each separately.
+    """
+    first, second = equalised(first, second)
+    n, m = len(first), len(second)
+    if max(n, m) > EXACT_UP_TO:
+        return _bootstrapped((first, second), rank_biserial, "rank-biserial", seed)
+    r, ranks = float(rank_biserial(first, second)), stats.rankdata(np.concatenate((first, second)))
+    half, center = n * m / 2, m * (n + m + 1) / 2
+    limits = tilted_interval(rank_sum_distribution(ranks, m), center + half * r, center, half)
+    signs = np.sign(np.subtract.outer(second, first))
+    influences = (signs.mean(axis=0), signs.mean(axis=1))
+    return _exact(r, limits, influences, f"rank-biserial of {n} and {m} values")
 
 
-def _effect(samples: tuple[Any, ...], statistic: Callable[..., Any], name: str, seed: int) -> Effect:
+def _exact(r: float, limits: Limits, influences: tuple[Floats, ...], name: str) -> Effect:
+    how = "95 % interval by inverting the exact test"
+    if np.isnan(limits).any():
+        how = "no interval (too few: no ranks of these values reach p < 0.05)"
+    elif min(map(len, influences)) > WIDENED_ABOVE:
+        limits, how = widest(limits, fisher_interval(r, *influences)), f"{how}, or by Fisher's z where wider"
+    return Effect(r, *limits, f"{name}, {how}")
+
+
+def _bootstrapped(samples: tuple[Any, ...], statistic: Callable[..., Any], name: str, seed: int) -> Effect:
     r = float(statistic(*samples))
-    if min(len(sample) for sample in samples) < 2:
-        return Effect(r, float("nan"), float("nan"), f"{name}, no interval (fewer than 2 values)")
-    for method, description in (("BCa", "bias-corrected accelerated"), ("percentile", "percentile")):
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")  # a degenerate sample has no BCa interval, which is stated below
-            found = stats.bootstrap(
-                samples,
-                statistic,
-                n_resamples=RESAMPLES,
-                batch=BATCH,
-                method=method,
-                rng=np.random.default_rng(seed),
-            ).confidence_interval
-        if np.isfinite((found.low, found.high)).all():
-            method_text = f"{description}, {RESAMPLES} resamples, seed {seed}"
-            variant = f"{name}, 95 % bootstrap interval ({method_text})"
-            return Effect(r, float(found.low), float(found.high), variant)
-    return Effect(r, float("nan"), float("nan"), f"{name}, no interval (degenerate sample)")
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")  # a degenerate sample has no interval, which is stated below
+        found = stats.bootstrap(
+            samples,
+            statistic,
+            n_resamples=RESAMPLES,
+            batch=BATCH,
+            method="BCa",
+            rng=np.random.default_rng(seed),
+        ).confidence_interval
+    if not np.isfinite((found.low, found.high)).all():
+        return Effect(r, float("nan"), float("nan"), f"{name}, no interval (degenerate sample)")
+    how = f"bias-corrected accelerated, {RESAMPLES} resamples, seed {seed}"
+    return Effect(r, float(found.low), float(found.high), f"{name}, 95 % bootstrap interval ({how})")

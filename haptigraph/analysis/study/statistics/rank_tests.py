@@ -1,34 +1,41 @@
 """Rank tests of two conditions, each with the exact name of its variant.
 
 Published p-values of the same data differ by variant: exact or approximate, with or without continuity
-correction, zeros dropped (Wilcoxon 1945) or ranked first (Pratt 1959). SciPy performs the tests, except for
-the exact distribution over mid-ranks (shift algorithm, Streitberg & Roehmel 1986): SciPy enumerates all
-permutations, which takes a minute for 16 participants.
+correction, zeros dropped (Wilcoxon 1945) or ranked first (Pratt 1959). The distribution over mid-ranks of two
+samples may be skewed; then its two-sided p is twice the smaller tail (as in SciPy and in R's wilcox.test) or
+the sum of all outcomes at least as far from the mean (as in R's coin and exactRankTests).
 """
 
 from collections.abc import Sequence
-from math import comb
 from typing import Literal
 
 import numpy as np
 from msgspec import Struct
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import stats
+
+from haptigraph.analysis.study.statistics.exact import (
+    EXACT_UP_TO,
+    Floats,
+    rank_sum_distribution,
+    signed_rank_distribution,
+    tails,
+)
 
 __all__ = [
     "RankTest",
     "Zeros",
     "differences",
+    "equalised",
     "every_rank_sum",
     "every_signed_rank",
     "rank_sum",
     "signed_rank",
 ]
 
-EXACT_UP_TO = 50  # as in R and SciPy; beyond it the approximation is as good
 TIE_DIGITS = 12  # differences that agree to this many digits are tied, despite rounding
-Floats = NDArray[np.float64]
 Zeros = Literal["dropped", "pratt"]
+Sides = Literal["doubled", "summed"]
 
 
 class RankTest(Struct, frozen=True):
@@ -45,6 +52,14 @@ class RankTest(Struct, frozen=True):
     ties: int
     """Number of values that share their rank."""
     variant: str
+
+
+def equalised(first: ArrayLike, second: ArrayLike) -> tuple[Floats, Floats]:
+    """Return both samples, (n,) and (m,), with values equalised that differ only by rounding."""
+    first, second = np.asarray(first, np.float64), np.asarray(second, np.float64)
+    both = np.concatenate((first, second))
+    both = _tied_values(both, np.abs(both).max(initial=0.0))
+    return both[: len(first)], both[len(first) :]
 
 
 def differences(first: ArrayLike, second: ArrayLike) -> Floats:
@@ -81,13 +96,10 @@ def signed_rank(
     plus, minus = float(ranks[moved > 0].sum()), float(ranks[moved < 0].sum())
     none, tied = len(difference) - len(moved), _tie_count(ranks)
     is_exact = len(moved) <= EXACT_UP_TO if exact is None else exact
-    plain = not tied and (not none or zeros == "dropped")
     if not len(moved):
         p = 1.0
-    elif is_exact and plain:
-        p = float(stats.wilcoxon(moved, method="exact").pvalue)
     elif is_exact:
-        p = _exact_signed(ranks, min(plus, minus))
+        p = _doubled(signed_rank_distribution(ranks), plus)
     else:
         method = {"dropped": "wilcox", "pratt": "pratt"}[zeros]
         p = float(stats.wilcoxon(difference, None, method, continuity, method="asymptotic").pvalue)
@@ -102,7 +114,12 @@ def signed_rank(
 
 
 def rank_sum(
-    first: ArrayLike, second: ArrayLike, *, exact: bool | None = None, continuity: bool = True
+    first: ArrayLike,
+    second: ArrayLike,
+    *,
+    exact: bool | None = None,
+    continuity: bool = True,
+    sides: Sides = "doubled",
 ) -> RankTest:
     """Mann-Whitney's test of two independent samples (Wilcoxon's rank-sum test), two-sided.
 
@@ -111,27 +128,24 @@ def rank_sum(
         second: (m,) of the other.
         exact: Exact or approximate; None: exact up to 50 observations in the larger sample.
         continuity: Of the approximation.
+        sides: The exact p-value: twice the smaller tail, or all sums at least as far from the mean.
     """
-    first, second = np.asarray(first, np.float64), np.asarray(second, np.float64)
-    both = np.concatenate((first, second))
-    both = _tied_values(both, np.abs(both).max(initial=0.0))
-    first, second = both[: len(first)], both[len(first) :]
-    ranks = _ranks(both, signed=True)
-    tied = _tie_count(ranks)
+    first, second = equalised(first, second)
+    ranks = _ranks(np.concatenate((first, second)), signed=True)
+    total, tied = float(ranks[len(first) :].sum()), _tie_count(ranks)
+    u = total - len(second) * (len(second) + 1) / 2
     is_exact = max(len(first), len(second)) <= EXACT_UP_TO if exact is None else exact
-    tested = stats.mannwhitneyu(
-        second, first, use_continuity=continuity, method="exact" if is_exact and not tied else "asymptotic"
-    )
-    p = (
-        _exact_sum(ranks, len(second), float(ranks[len(first) :].sum()))
-        if is_exact and tied
-        else tested.pvalue
-    )
+    if np.ptp(ranks) == 0:
+        p = 1.0
+    elif is_exact:
+        distribution = rank_sum_distribution(ranks, len(second))
+        p = (_doubled if sides == "doubled" else _summed)(distribution, total)
+    else:
+        p = float(stats.mannwhitneyu(second, first, continuity, method="asymptotic").pvalue)
     variant = _variant_name("Mann-Whitney U", is_exact, continuity, tied)
-    u = float(tested.statistic)
-    constant = bool(np.all(both == both[0]))
-    p = 1.0 if constant else float(p)
-    return RankTest(u, len(first) * len(second) - u, p, len(both), 0, tied, variant)
+    if is_exact:
+        variant += ", twice the smaller tail" if sides == "doubled" else ", both tails summed"
+    return RankTest(u, len(first) * len(second) - u, p, len(ranks), 0, tied, variant)
 
 
 def every_signed_rank(first: Sequence[float], second: Sequence[float]) -> list[RankTest]:
@@ -148,7 +162,8 @@ def every_signed_rank(first: Sequence[float], second: Sequence[float]) -> list[R
 def every_rank_sum(first: Sequence[float], second: Sequence[float]) -> list[RankTest]:
     """Return the test in every variant that the data allow."""
     options = _options(max(len(first), len(second)))
-    return [rank_sum(first, second, exact=exact, continuity=continuity) for exact, continuity in options]
+    tests = [rank_sum(first, second, exact=exact, continuity=continuity) for exact, continuity in options]
+    return [*tests, rank_sum(first, second, sides="summed")] if options[0][0] else tests
 
 
 def _options(count: int) -> list[tuple[bool, bool]]:
@@ -178,23 +193,11 @@ def _variant_name(name: str, is_exact: bool, continuity: bool, tied: int) -> str
     return f"{name}, two-sided, normal approximation {corrected} continuity correction{tie}"
 
 
-def _exact_signed(ranks: Floats, smaller: float) -> float:
-    """Return the two-sided p of a rank sum when both signs are equally likely."""
-    probabilities = np.ones(1)
-    for rank in np.rint(2 * ranks).astype(int):  # twice a mid-rank is an integer
-        longer = np.zeros(len(probabilities) + rank)
-        longer[: len(probabilities)] += probabilities / 2
-        longer[rank:] += probabilities / 2
-        probabilities = longer
-    return min(1.0, 2 * float(probabilities[: round(2 * smaller) + 1].sum()))
+def _doubled(distribution: Floats, total: float) -> float:
+    return min(1.0, 2 * min(tails(distribution, total)))
 
 
-def _exact_sum(ranks: Floats, chosen: int, total: float) -> float:
-    """Return the two-sided p of the sum of `chosen` ranks when all choices are equally likely."""
-    doubled = np.rint(2 * ranks).astype(int)
-    counts = np.zeros((chosen + 1, int(doubled.sum()) + 1))
-    counts[0, 0] = 1
-    for rank in doubled:
-        counts[1:, rank:] += counts[:-1, : counts.shape[1] - rank].copy()
-    probabilities, at = counts[chosen] / comb(len(ranks), chosen), round(2 * total)
-    return min(1.0, 2 * float(min(probabilities[: at + 1].sum(), probabilities[at:].sum())))
+def _summed(distribution: Floats, total: float) -> float:
+    sums = np.arange(len(distribution)) / 2
+    mean = float(distribution @ sums)
+    return min(1.0, float(distribution[np.abs(sums - mean) >= abs(total - mean) - 1e-9].sum()))
