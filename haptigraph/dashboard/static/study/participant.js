@@ -49,6 +49,7 @@ async function act(name, content) {
     sync.refresh();
   } finally {
     for (const button of document.querySelectorAll("button")) button.disabled = false;
+    calibration.takeFocus();
   }
 }
 
