@@ -94,6 +94,7 @@ def routes(site: StationSite, read: Callable[[], Any]) -> Sequence[BaseRoute]:
             return
         if service.played == name:
             raise BadInput("it was played already; choose an answer")
+        service.touch.checked_name()
         needs_levels = not stimulus.patterns
         service.request_stimulus(session.participant, Played(name, stimulus.pattern, needs_levels))
 

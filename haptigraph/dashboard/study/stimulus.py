@@ -1,15 +1,16 @@
 """Play one vibration outside a trial, through the same guard, device and pages as a trial's haptic output."""
 
+from collections.abc import Callable
+
 from msgspec import Struct
 
 from haptigraph.analysis.actuators import play_pattern
 from haptigraph.assemble import open_device
 from haptigraph.clock import Clock
 from haptigraph.config import HapticsConfig
-from haptigraph.dashboard.server.hub import Hub
 from haptigraph.errors import BadInput, DeviceError, NotSilent
 from haptigraph.haptics.guard import Guard
-from haptigraph.haptics.observed_device import ObservedDevice
+from haptigraph.haptics.observed_device import Listener, ObservedDevice
 from haptigraph.haptics.pattern import duration_ns
 from haptigraph.messages import OFF, Pattern
 
@@ -31,14 +32,21 @@ class Stimulus(Struct, frozen=True):
     """Whether a device that only knows on and off is refused."""
 
 
-def play_stimulus(stimulus: Stimulus, config: HapticsConfig, hub: Hub, clock: Clock) -> None:
+def play_stimulus(
+    stimulus: Stimulus,
+    config: HapticsConfig,
+    clock: Clock,
+    listener: Listener,
+    sent: Callable[[int], None] = lambda stamp_ns: None,
+) -> None:
     """Play a stimulus, and return when it is over; the device is silent and closed on every exit.
 
     Args:
         stimulus: What to play.
         config: Device and limits, as of a trial.
-        hub: Makes the pages play it as well.
         clock: Paces it.
+        listener: Receives every level, for the pages.
+        sent: Called with the time of every command.
 
     Raises:
         BadInput: If the device does not open, or lacks levels that are needed.
@@ -46,13 +54,13 @@ def play_stimulus(stimulus: Stimulus, config: HapticsConfig, hub: Hub, clock: Cl
         NotSilent: If it may still vibrate.
     """
     device = open_device(config.device)
-    guard = Guard(ObservedDevice(device, hub.record_level), config)
+    guard = Guard(ObservedDevice(device, listener), config)
     try:
         if stimulus.needs_levels and device.capabilities.amplitude_levels < 2:
             raise BadInput(f"{config.device} only knows on and off; choose a device with several amplitudes")
         length_ns = duration_ns(stimulus.pattern) or LASTING_NS
         for part, part_ns in ((OFF, BEFORE_NS), (stimulus.pattern, length_ns), (OFF, AFTER_NS)):
-            play_pattern(guard, part, part_ns, clock, hub.keep_alive)
+            play_pattern(guard, part, part_ns, clock, sent)
     finally:
         guard.close()
     if not guard.is_silent:

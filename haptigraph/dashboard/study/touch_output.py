@@ -7,16 +7,16 @@ would reveal it.
 
 from collections.abc import Sequence
 
+from msgspec.structs import replace
 from sqlalchemy import select
 
-from haptigraph.analysis.actuators import play_grammar
-from haptigraph.assemble import open_device
 from haptigraph.clock import MonotonicClock
 from haptigraph.config import HapticsConfig
 from haptigraph.dashboard.server.viewer import Viewer
-from haptigraph.errors import BadInput, DeviceError, NotSilent
+from haptigraph.dashboard.study.stimulus import Stimulus, play_stimulus
+from haptigraph.errors import BadInput
 from haptigraph.haptics.delivery import is_felt
-from haptigraph.haptics.observed_device import Listener, ObservedDevice
+from haptigraph.haptics.observed_device import Listener
 from haptigraph.messages import Pattern
 from haptigraph.study.plan import Stage
 from haptigraph.study.progress import of_participant
@@ -26,7 +26,7 @@ from haptigraph.study.tables import EVENTS
 
 __all__ = ["TouchOutput"]
 
-PULSE = Pattern("test pulse", "bursts", 1.0, 160.0, 120.0, 120.0, 3)
+PULSE = Stimulus("test pulse", Pattern("test pulse", "bursts", 1.0, 160.0, 120.0, 120.0, 3))
 """Bursts that a page keeps alive for their whole length, and long enough for the motor of a controller."""
 NO_OUTPUT = (
     "there is no haptic output; connect a game controller and press one of its buttons, or switch on screen "
@@ -61,6 +61,16 @@ class TouchOutput:
         device = self._config.device
         return " + ".join([*([device] if is_felt(device) else []), *sorted(pages)])
 
+    def checked_name(self) -> str:
+        """Return all outputs.
+
+        Raises:
+            BadInput: If there is none.
+        """
+        if not self.name:
+            raise BadInput(NO_OUTPUT)
+        return self.name
+
     def problem(self, session: Session, stage: Stage) -> str:
         """Describe why a trial must not begin; return "" if it may, or if the stage is none."""
         if not _needs_output(session.study.protocol, stage):
@@ -77,16 +87,9 @@ class TouchOutput:
             BadInput: If there is no output, or the device cannot be opened.
             DeviceError: If the device failed.
         """
-        name, device = self.name, self._config.device
-        if not name:
-            raise BadInput(NO_OUTPUT)
-        opened = open_device(device if is_felt(device) else "console")
-        observed = ObservedDevice(opened, self._listener)
-        test = play_grammar(observed, [PULSE], MonotonicClock(), lambda _: None, self._config)
-        if not test.is_silent:
-            raise NotSilent(device)
-        if test.faults:
-            raise DeviceError(f"{device}: {test.faults[0].message}")
+        name, device = self.checked_name(), self._config.device
+        config = replace(self._config, device=device if is_felt(device) else "console")
+        play_stimulus(PULSE, config, MonotonicClock(), self._listener)
         self._pulsed = session.participant, session.number, name
 
     def answer(self, session: Session, *, is_felt: bool) -> None:

@@ -88,7 +88,7 @@ def run_trials(service: StudyService, site: StudySite, base: Config, report: Cal
 
 
 def _stimulate(service: StudyService, site: StudySite, base: Config, stimulus: Stimulus) -> None:
-    play_stimulus(stimulus, base.haptics, site.hub, MonotonicClock())
+    play_stimulus(stimulus, base.haptics, MonotonicClock(), site.hub.record_level, site.hub.keep_alive)
     service.played = stimulus.name
     service.set_trial_status("")
 

@@ -55,7 +55,9 @@ def play(monkeypatch):
         needs_levels = settings.pop("needs_levels", False)
         hub = Watched(clock)
         stimulus = Stimulus("test", pattern, needs_levels)
-        play_stimulus(stimulus, HapticsConfig(device="glove", **settings), hub, clock)
+        play_stimulus(
+            stimulus, HapticsConfig(device="glove", **settings), clock, hub.record_level, hub.keep_alive
+        )
         return hub
 
     return played
@@ -95,4 +97,4 @@ def test_a_device_that_fails_or_may_still_vibrate_is_reported(play, monkeypatch)
     monkeypatch.setitem(assemble.DEVICES, "stuck", stuck_device.PATH)
     clock = VirtualClock()
     with pytest.raises(NotSilent, match="may still vibrate"):
-        play_stimulus(Stimulus("test", LOW), HapticsConfig(device="stuck"), Hub(clock), clock)
+        play_stimulus(Stimulus("test", LOW), HapticsConfig(device="stuck"), clock, Hub(clock).record_level)

@@ -12,6 +12,7 @@ const TEXTS = {
 export class Calibration {
   shown = "";
   /** @type {CalibrationStage | null} */ stage = null;
+  /** @type {HTMLElement | null} */ next = null;
 
   /** @param {(name: string, content: object) => Promise<boolean>} act sends an action in the present stage */
   constructor(act) {
@@ -49,8 +50,16 @@ export class Calibration {
     $("try").hidden = isPlaying || isOver;
     $("choices").hidden = !isOver;
     const now = `${stage.key} ${stage.number} ${isPlaying ? "playing" : isOver}`;
-    if (this.shown && now !== this.shown && !isPlaying) (isOver ? $("choices") : $("try")).focus();
+    if (this.shown && now !== this.shown && !isPlaying) this.next = isOver ? $("choices") : $("try");
     this.shown = now;
+    this.takeFocus();
+  }
+
+  /** Focus what comes next, as soon as it is enabled again. */
+  takeFocus() {
+    if (!this.next || ("disabled" in this.next && this.next.disabled)) return;
+    this.next.focus();
+    this.next = null;
   }
 
   play(pattern = "") { return this.act("play", { number: this.stage?.number, pattern }); }

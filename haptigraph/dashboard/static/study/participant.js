@@ -53,6 +53,7 @@ async function act(name, more = {}) {
   } finally {
     for (const button of document.querySelectorAll("button")) button.disabled = false;
     trial.touch.update();
+    calibration.takeFocus();
   }
 }
 
