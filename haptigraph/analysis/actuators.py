@@ -101,11 +101,7 @@ class DeviceTest:
 
 
 def play_grammar(
-    device: Device,
-    patterns: Sequence[Pattern],
-    clock: Clock,
-    announce: Callable[[str], None],
-    config: HapticsConfig | None = None,
+    device: Device, patterns: Sequence[Pattern], clock: Clock, announce: Callable[[str], None]
 ) -> DeviceTest:
     """Play every pattern through the guard; the device is silent and closed on every exit.
 
@@ -114,10 +110,9 @@ def play_grammar(
         patterns: The haptic grammar of a procedure.
         clock: Paces the playback.
         announce: Called with one line of text per pattern.
-        config: Limits of the guard; None: the defaults.
     """
     test = DeviceTest(device)
-    guard = Guard(test, config or HapticsConfig())
+    guard = Guard(test, HapticsConfig())
     try:
         for pattern in (pattern for pattern in patterns if pattern.kind != "off"):
             limits = "; ".join(note.partition(": ")[2] for note in unsupported(pattern, device.capabilities))
