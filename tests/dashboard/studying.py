@@ -1,9 +1,12 @@
 """Helpers of the tests of the study pages: a short protocol, a station that serves it, rows of its store."""
 
 import json
+import signal
 from contextlib import closing, contextmanager
 
-from live_bench import Live
+from live_bench import Live, evaluate, until
+from paths import DATA
+from playwright.sync_api import Error
 from registering import send_to
 from sqlalchemy import select
 from visiting import watching
@@ -16,13 +19,20 @@ __all__ = [
     "PARTICIPANT",
     "STUDY",
     "Station",
+    "aligned_source",
     "answer_all",
+    "begin",
     "click_begin",
+    "experimenter_at",
     "feel_pulse",
+    "kill",
     "page_with_outputs",
+    "participant_at",
+    "push_to_the_target",
     "rows_of",
     "send_to",
     "study_at",
+    "wait_for_stage",
 ]
 
 STUDY, PARTICIPANT = "/static/study/study.js", "/static/study/participant.js"
@@ -139,3 +149,54 @@ def answer_all(page):
         else:
             field.locator("input").fill("33")
             field.locator("input").blur()
+
+
+def aligned_source(folder):
+    """Write a scenario with small images, in which the needle is inside and points at the target."""
+    text = (DATA / "steered.toml").read_text()
+    path = folder / "aligned.toml"
+    path.write_text(
+        text.replace("theta_deg = -6.0", "theta_deg = 0.0").replace("depth_mm = 8.0", "depth_mm = 14.0")
+    )
+    return f"teleop:{path}"
+
+
+def experimenter_at(station, open_page):
+    return open_page(station.url, module=STUDY, ready="page.status")
+
+
+def participant_at(station, open_page, *, pad=True):
+    return open_page(
+        f"{station.url}participant", module=PARTICIPANT, ready="page.status && page.isOpen", pad=pad
+    )
+
+
+def wait_for_stage(page, key):
+    until(page, f"document.body.dataset.stage === '{key}'")
+
+
+def begin(page):
+    page.evaluate("() => { window.rumble.length = 0; }")
+    needs_pulse = page.wait_for_selector("#begin:enabled, #pulse:visible").get_attribute("id") == "pulse"
+    click_begin(page)
+    played = page.evaluate("() => window.rumble.filter(({ type }) => type === 'dual-rumble')")
+    assert not needs_pulse or (played and played[0]["strongMagnitude"] == 1)
+    until(page, "page.status.trial_status === 'running' && page.header?.index > 3")
+
+
+def push_to_the_target(page):
+    """Push the needle until it hits; again if it stopped because the page lost data on a busy machine."""
+    for patience_s in (10, 20, 30):
+        page.keyboard.down("ArrowDown")
+        try:
+            return until(page, "page.header.state === 'target_hit'", patience_s)
+        except Error:
+            header = evaluate(page, "page.header")
+        finally:
+            page.keyboard.up("ArrowDown")
+    raise AssertionError(header)
+
+
+def kill(station):
+    station.process.send_signal(signal.SIGKILL)
+    station.process.wait()

@@ -1,13 +1,22 @@
 """A participant completes a whole study in real browsers; server and browser are killed on the way."""
 
 import re
-import signal
 
 import pytest
 from live_bench import close_page, evaluate, until
-from paths import DATA
-from playwright.sync_api import Error
-from studying import PARTICIPANT, PROTOCOL, STUDY, Station, answer_all, click_begin, rows_of
+from studying import (
+    PROTOCOL,
+    Station,
+    aligned_source,
+    answer_all,
+    begin,
+    experimenter_at,
+    kill,
+    participant_at,
+    push_to_the_target,
+    rows_of,
+    wait_for_stage,
+)
 
 from haptigraph.analysis.metrics.trial import measure_recording
 from haptigraph.recording.reader import RunReader
@@ -29,55 +38,7 @@ def folder(tmp_path):
 
 @pytest.fixture
 def source(tmp_path):
-    """A scenario with small images, in which the needle is inside and points at the target."""
-    text = (DATA / "steered.toml").read_text()
-    path = tmp_path / "aligned.toml"
-    path.write_text(
-        text.replace("theta_deg = -6.0", "theta_deg = 0.0").replace("depth_mm = 8.0", "depth_mm = 14.0")
-    )
-    return f"teleop:{path}"
-
-
-def experimenter_at(station, open_page):
-    return open_page(station.url, module=STUDY, ready="page.status")
-
-
-def participant_at(station, open_page):
-    page = open_page(
-        f"{station.url}participant", module=PARTICIPANT, ready="page.status && page.isOpen", pad=True
-    )
-    return page
-
-
-def wait_for_stage(page, key):
-    until(page, f"document.body.dataset.stage === '{key}'")
-
-
-def begin(page):
-    page.evaluate("() => { window.rumble.length = 0; }")
-    needs_pulse = page.wait_for_selector("#begin:enabled, #pulse:visible").get_attribute("id") == "pulse"
-    click_begin(page)
-    played = page.evaluate("() => window.rumble.filter(({ type }) => type === 'dual-rumble')")
-    assert not needs_pulse or (played and played[0]["strongMagnitude"] == 1)
-    until(page, "page.status.trial_status === 'running' && page.header?.index > 3")
-
-
-def push_to_the_target(page):
-    """Push the needle until it hits; again if it stopped because the page lost data on a busy machine."""
-    for patience_s in (10, 20, 30):
-        page.keyboard.down("ArrowDown")
-        try:
-            return until(page, "page.header.state === 'target_hit'", patience_s)
-        except Error:
-            header = evaluate(page, "page.header")
-        finally:
-            page.keyboard.up("ArrowDown")
-    raise AssertionError(header)
-
-
-def kill(station):
-    station.process.send_signal(signal.SIGKILL)
-    station.process.wait()
+    return aligned_source(tmp_path)
 
 
 def test_a_participant_completes_the_study_and_crashes_lose_nothing(folder, source, open_page):
