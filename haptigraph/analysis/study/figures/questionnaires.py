@@ -39,7 +39,8 @@ def questionnaire_figure(results: StudyResults, note: str) -> Figure | None:
         axes.set(xlim=(-0.5, len(names) - 0.5), ylabel=f"score ({results.quantities[names[0]].unit})")
         axes.set_xticks(range(len(names)), labels)
         declutter(axes)
-        condition_legend(axes, results.titles, loc="best")
+    below = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.24), "ncols": len(results.conditions)}
+    condition_legend(axes, results.titles, **below)
     return figure
 
 
