@@ -58,6 +58,7 @@ WriteTable: TypeAlias = Callable[[Path, Sequence[Field], Sequence[Mapping[str, A
 Tables: TypeAlias = dict[str, tuple[list[Field], list[dict[str, Any]]]]
 """Columns, and rows with None for missing values, by table."""
 ITEMS = "questionnaire_items"
+UNANSWERED = "not answered"
 STUDY_FILE, DICTIONARY = "study.json", "data_dictionary.csv"
 FORMULA = re.compile(r"'*[=+\-@\t\r]")  # after `'`, a spreadsheet shows it as text
 PLAIN_NUMBER = re.compile(r"[+-]?\d+(\.\d+)?")
@@ -275,9 +276,7 @@ def _demographics(answers: Iterable[Mapping[str, Any]], items: Mapping[tuple[str
         name, item = column_of(row), items.get((row["questionnaire"], row["item"]))
         meaning = f"{row['questionnaire']}: {item.text if item else row['item']}"
         unit = item.unit if item else ""
-        fields[name] = Field(
-            "participants", name, value_kind(item), unit, meaning, "participant", "not answered"
-        )
+        fields[name] = Field("participants", name, value_kind(item), unit, meaning, "participant", UNANSWERED)
     return list(fields.values())
 
 
