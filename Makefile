@@ -9,7 +9,7 @@ SANITIZED := build/sanitized
 WORKERS ?= $(shell $(PYTHON) -c 'import os; print(os.cpu_count() * 3 // 2)')  # tests of pages and faults mostly wait
 SCENES ?= $(basename $(notdir $(wildcard rendering/scenes/*.toml)))
 
-.PHONY: help setup demo live test test-pythons test-slow test-native mutants procedure-mutants fuzz check bench bench-degraded bench-empty ablation bench-live bench-oct bench-touch bench-sweep compare-touch rehearse screenshots faults soak golden train render interop lock clean
+.PHONY: help setup demo live test test-pythons test-slow test-native mutants procedure-mutants fuzz check bench bench-degraded bench-empty ablation bench-live bench-oct bench-silence bench-touch bench-sweep compare-touch rehearse screenshots faults soak golden train render interop lock clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-16s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -116,6 +116,9 @@ bench-live: $(VENV)/runs  ## latency through a browser, load of viewers, memory 
 	$(BIN)/python benchmarks/live.py latency
 	$(BIN)/python benchmarks/live.py load
 	$(BIN)/python benchmarks/live.py memory
+
+bench-silence: setup  ## how soon a device is silent after each fault of a real run; needs a machine without other work
+	mkdir -p build && HAPTIGRAPH_FAULTS=build/silence.jsonl $(BIN)/python -m pytest tests/faults/test_faults.py tests/faults/test_ros2_faults.py tests/faults/test_lost_camera.py
 
 bench-touch: setup  ## timing accuracy of the haptic grammar on a board at a serial port
 	$(BIN)/python benchmarks/touch.py

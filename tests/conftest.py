@@ -19,7 +19,7 @@ from haptigraph.registration.loading import parse_registration
 from haptigraph.sim.eye.eye import Eye, EyeShape, registration_text
 
 # The same examples on every machine; `make fuzz` looks for new ones.
-settings.register_profile("haptigraph", deadline=None, derandomize=True)
+settings.register_profile("haptigraph", deadline=None, derandomize=True, max_examples=50)
 settings.register_profile("fuzz", deadline=None, max_examples=3000)
 settings.load_profile("haptigraph")
 
@@ -33,6 +33,15 @@ for display in ("DISPLAY", "WAYLAND_DISPLAY"):
     os.environ.pop(display, None)
 
 CLIPS = SHARED / "clips"
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Keep tests that share a module's fixture on one worker, which then makes it once."""
+    for item in items:
+        fixtures = item._fixtureinfo.name2fixturedefs.values()
+        shares = any(fixture.scope == "module" for each in fixtures for fixture in each)
+        if shares and item.get_closest_marker("xdist_group") is None:
+            item.add_marker(pytest.mark.xdist_group(item.nodeid.split("::")[0]))
 
 
 @pytest.fixture(scope="session")

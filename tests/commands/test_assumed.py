@@ -91,6 +91,7 @@ def test_recording_replay_and_reports_mark_it(folder):
     assert "assumed    the target, the scale" in call("explain", folder / "run.mcap", "--at", "1").stdout
 
 
+@pytest.mark.parametrize("clip", ["B_dark"], indirect=True)
 def test_evaluate_marks_it(clip, tmp_path):
     for name in ("clip.mp4", "truth.csv"):
         (tmp_path / name).symlink_to((clip / name).resolve())

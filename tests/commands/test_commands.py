@@ -94,6 +94,7 @@ def test_a_replay_that_differs_exits_with_1(recording, monkeypatch):
     assert "command" in result.output
 
 
+@pytest.mark.parametrize("clip", ["B_dark"], indirect=True)
 def test_evaluate_prints_a_table_or_one_json_object(clip):
     text = call("evaluate", clip, "--perceiver", "threshold", "--set", "perception.alpha=1").output
     assert "detection_rate" in text

@@ -17,6 +17,7 @@ pytest.importorskip("sdl2", exc_type=ImportError)
 pytestmark = pytest.mark.xdist_group("faults")
 
 
+@pytest.mark.slow
 def test_some_faults_of_each_kind_break_no_promise(tmp_path):
     results = tmp_path / "results.jsonl"
     command = [

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import cv2
 import pytest
-from rig import LatencyProbe
+from rig import SHARED_MS, LatencyProbe
 from streaming import StreamingCamera
 
 from haptigraph.clock import VirtualClock
@@ -139,7 +139,7 @@ def test_a_lost_camera_silences_the_device_in_time_and_vibration_resumes_when_it
     probe.is_stopped.set()
     silent_ms = (silent_ns - lost_ns) / 1e6
     record_property("silent_ms", round(silent_ms))
-    assert silent_ms <= STALE_MS + DEADMAN_MS + probe.late_ms(lost_ns, silent_ns)
+    assert silent_ms <= STALE_MS + DEADMAN_MS + SHARED_MS + probe.late_ms(lost_ns, silent_ns)
     run.await_message("delivers no images; trying to get it back")
     assert run.process.poll() is None
     reconnect()
@@ -188,6 +188,6 @@ def test_the_end_of_a_video_silences_the_device(eye, tmp_path):
     assert rows[-1][1] == 0
     assert steps[-1].conclusion.state == "unknown"
     last_ns, silent_ns = steps[-2].timing.commanded_ns, rows[-1][0]
-    assert (silent_ns - last_ns) / 1e6 <= DEADMAN_MS + probe.late_ms(
+    assert (silent_ns - last_ns) / 1e6 <= DEADMAN_MS + SHARED_MS + probe.late_ms(
         last_ns, silent_ns + LatencyProbe.PERIOD_S * 1e9
     )

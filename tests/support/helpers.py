@@ -3,11 +3,13 @@
 import gc
 import math
 import sys
+from collections.abc import Iterable
 from functools import partial
 from itertools import count
 from pathlib import Path
 
 import cv2
+import pytest
 from click.testing import CliRunner
 
 from haptigraph.cli import main
@@ -36,6 +38,14 @@ MS = 1_000_000
 LOW = Pattern("low", "continuous", amplitude=0.3, frequency_hz=80)
 PULSE = Pattern("pulse", "pulses", amplitude=1.0, frequency_hz=160, on_ms=80, off_ms=80)
 SUCCESS = Pattern("success", "bursts", amplitude=0.8, frequency_hz=160, on_ms=100, off_ms=100, count=2)
+
+
+def mostly_slow(params: Iterable, *fast: str) -> list:
+    """Return parameters of which `make test` takes those of some names, and `make test-slow` the others."""
+    return [
+        param if getattr(param, "name", param) in fast else pytest.param(param, marks=pytest.mark.slow)
+        for param in params
+    ]
 
 
 def needle(entry_mm: Vec, tip_mm: Vec) -> dict[str, Geometry]:

@@ -110,7 +110,16 @@ def test_a_rod_that_moves_sideways_has_no_rcm(step_px):
     assert {trocar.rcm for trocar in found.trocars} == {None}
 
 
-@pytest.mark.parametrize("name", ["black_round", "dark_bowl_long", "orange_bowl", "second_instrument"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "second_instrument",
+        *(
+            pytest.param(each, marks=pytest.mark.slow)
+            for each in ("black_round", "dark_bowl_long", "orange_bowl")
+        ),
+    ],
+)
 def test_the_rcm_of_a_rendered_needle_is_found_among_vessels_and_specular_highlights(name):
     folder = RENDERINGS / name
     truth = load_registration(folder / "registration.toml")

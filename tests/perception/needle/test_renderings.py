@@ -89,7 +89,7 @@ def degrade(folder: Path, degraded: Path, how: Callable[[np.ndarray, int], np.nd
     return degraded
 
 
-@pytest.mark.parametrize("name", ["black_round", "dark_bowl_long"])
+@pytest.mark.parametrize("name", ["black_round", pytest.param("dark_bowl_long", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("how", DEGRADED, ids=lambda how: how.__name__)
 def test_locates_a_rendered_needle_in_degraded_images(how, name, tmp_path):
     scores = evaluate_clip(degrade(RENDERINGS / name, tmp_path / name, how), load_config()).scores
