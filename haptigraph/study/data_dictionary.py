@@ -47,10 +47,12 @@ MEASURES = _fields(
     ("vibrating_s", "number", "s", f"time with a commanded amplitude above 0 {RUN}"),
     ("reaction_ms", "number", "ms", f"median time from a cue, felt or not, to a decrease of theta {RUN}"),
     ("approach_speed_mm_s", "number", "mm/s", f"maximum speed towards the retina while approaching it {RUN}"),
-    ("touch", "text", "", "configured haptic output: on, off, or sham (at random times, whatever the state)"),
+    ("touch", "text", "", "sham: the vibration came at random times, whatever the state; empty: it did not"),
     ("weakest_amplitude", "number", "", "amplitude of the weakest pattern, where the calibration set it"),
 )
 """Measures of a trial, besides `time_<state>_s` for each state of the procedure."""
+ONLY_IF_PRESENT = ("touch", "weakest_amplitude")
+"""Measures without a column where no trial has them."""
 
 TRIAL = _fields(
     "trials",
@@ -175,8 +177,9 @@ def time_field(name: str) -> Field | None:
 
 def fields_of(table: str, names: Iterable[str] = ()) -> list[Field]:
     """Return the columns of a table; those times in states that are in `names` follow the contacts."""
-    fields = list(COLUMNS[table])
-    times = [field for name in sorted(set(names)) if (field := time_field(name)) is not None]
+    names = set(names)
+    fields = [field for field in COLUMNS[table] if field.name in names or field.name not in ONLY_IF_PRESENT]
+    times = [field for name in sorted(names) if (field := time_field(name)) is not None]
     if table == "trials":
         index = [field.name for field in fields].index("contacts") + 1
         fields[index:index] = times

@@ -289,8 +289,7 @@ def _read(path: Path, table: str, study: str) -> Iterable[dict[str, Any]]:
         with path.open(newline="", encoding="utf-8-sig") as file:
             reader = csv.DictReader(file, strict=True)
             fields = {field.name: field for field in fields_of(table, reader.fieldnames or ())}
-            later = {field.name for field in MEASURES}  # which earlier versions did not know
-            missing = fields.keys() - set(reader.fieldnames or ()) - later
+            missing = fields.keys() - set(reader.fieldnames or ())
             if missing:
                 raise BadInput(f"column {min(missing)!r} is missing", path)
             for row in reader:
@@ -299,7 +298,7 @@ def _read(path: Path, table: str, study: str) -> Iterable[dict[str, Any]]:
                     raise BadInput("has a different number of values than columns", path, place)
                 if row["study"] != study:
                     raise BadInput(f"belongs to study {row['study']!r}, not {study!r}", path, place)
-                yield {name: _value(fields[name], row.get(name, ""), path, place) for name in fields}
+                yield {name: _value(fields[name], row[name], path, place) for name in fields}
     except OSError as error:
         raise BadInput(f"cannot be read ({error.strerror})", path) from None
     except (csv.Error, UnicodeDecodeError) as error:

@@ -142,6 +142,7 @@ def test_a_recorded_run_is_measured_as_in_the_paper_and_the_store_accepts_it(rec
     assert {field.name for field in MEASURES} - measures.keys() <= {
         "reaction_ms",
         "tremor_power_mm2",
+        "touch",
         "weakest_amplitude",
     }
 
