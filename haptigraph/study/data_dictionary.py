@@ -83,7 +83,7 @@ TRIAL_MEASURES = _fields(
         "time for which an output confirmed an amplitude above 0 (serial: the board its pin; gamepad and "
         f"controller: driver or browser the command) {RUN}; empty: no output that confirms",
     ),
-    ("touch", "text", "", "configured haptic output: on, off, or sham (at random times, whatever the state)"),
+    ("touch", "text", "", "sham: the vibration came at random times, whatever the state; empty: it did not"),
     ("weakest_amplitude", "number", "", "amplitude of the weakest pattern, where the calibration set it"),
 )
 QUALITY = _fields(
@@ -103,6 +103,8 @@ MEASURES = [
     *(field._replace(empty=NO_QUALITY) for field in QUALITY),
 ]
 """Measures of a trial, besides `time_<state>_s` for each state of the procedure."""
+ONLY_IF_PRESENT = ("touch", "weakest_amplitude", "touch_output", "delivered_s")
+"""Measures without a column where no trial has them."""
 
 TRIAL = _fields(
     "trials",
@@ -269,9 +271,9 @@ def time_field(name: str) -> Field | None:
 
 
 def fields_of(table: str, names: Iterable[str] = ()) -> list[Field]:
-    """Return the columns of a table, with the measures of quality and times in states that are in `names`."""
+    """Return the columns of a table, with the optional measures and times in states that are in `names`."""
     names = set(names)
-    optional = {field.name for field in QUALITY} - names if table == "trials" else set()
+    optional = {*ONLY_IF_PRESENT, *(field.name for field in QUALITY)} - names if table == "trials" else set()
     fields = [field for field in COLUMNS[table] if field.name not in optional]
     times = [field for name in sorted(names) if (field := time_field(name)) is not None]
     if table == "trials":

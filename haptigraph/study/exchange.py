@@ -327,7 +327,7 @@ def _read(path: Path, table: str, study: str) -> Iterable[dict[str, Any]]:
                     raise BadInput("has a different number of values than columns", path, place)
                 if row["study"] != study:
                     raise BadInput(f"belongs to study {row['study']!r}, not {study!r}", path, place)
-                yield {name: _value(fields[name], row.get(name, ""), path, place) for name in fields}
+                yield {name: _value(fields[name], row[name], path, place) for name in fields}
     except OSError as error:
         raise BadInput(f"cannot be read ({error.strerror})", path) from None
     except (csv.Error, UnicodeDecodeError) as error:

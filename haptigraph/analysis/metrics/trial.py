@@ -81,10 +81,14 @@ def measure_recording(path: str | Path) -> dict[str, float | int | str]:
     output = config.get("trial", {}).get("touch_output", "")
     touch = delivered if confirms(output) else None
     measures = measure_trial(steps(), states, has_haptics=has_haptics, span=procedure.span, delivered=touch)
-    configured = _configured(haptics)
-    if configured["touch"] == "sham":
+    if measures and output:
+        measures["touch_output"] = output
+    if measures and haptics.get("weakest_amplitude") is not None:
+        measures["weakest_amplitude"] = haptics["weakest_amplitude"]
+    if measures and haptics.get("sham_seed") is not None:
+        measures["touch"] = "sham"
         measures.pop("reaction_ms", None)  # the onset of a sham is no cue
-    return measures and measures | configured | ({"touch_output": output} if output else {})
+    return measures
 
 
 def measure_trial(
@@ -137,14 +141,6 @@ def measure_trial(
         f"time_{state}_s": run.state_s.get(state, 0.0) for state in dict.fromkeys([*states, *run.state_s])
     }
     return {name: value for name, value in measures.items() if value is not None}
-
-
-def _configured(haptics: dict[str, Any]) -> dict[str, float | int | str]:
-    """Return the haptic output that a recording's configuration describes."""
-    is_sham = haptics.get("sham_seed") is not None
-    touch = "off" if haptics.get("max_amplitude", 1.0) == 0 else "sham" if is_sham else "on"
-    weakest = haptics.get("weakest_amplitude")
-    return {"touch": touch} | ({} if weakest is None else {"weakest_amplitude": weakest})
 
 
 def _sample(step: Step, name: str) -> _Sample:

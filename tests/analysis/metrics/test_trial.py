@@ -218,7 +218,7 @@ def test_a_recorded_run_is_measured_as_in_the_paper_and_the_store_accepts_it(rec
     assert check_measures(measures) == measures
     assert measures["images_per_s"] == pytest.approx(15)  # too few for smoothness and tremor
     lacking = {"reaction_ms", "tremor_power_mm2", "sparc", "log_jerk"}
-    lacking |= {"touch_output", "delivered_s", "weakest_amplitude"}
+    lacking |= {"touch", "touch_output", "delivered_s", "weakest_amplitude"}
     assert {field.name for field in MEASURES} - measures.keys() <= lacking
 
 
