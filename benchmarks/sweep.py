@@ -68,8 +68,8 @@ def main() -> None:
     for count in WORKERS:
         rate = minutes / (seconds[count] / 60)
         print(
-            f"{count} workers: {seconds[count]:.0f} s, {core_s[count]:.0f} s of CPU time, "
-            f"{rate:.0f} simulated minutes per minute"
+            f"{count} workers: {seconds[count]:.0f} s, {rate:.0f} simulated minutes per minute; "
+            f"{core_s[count]:.0f} s of CPU time, {60 * minutes / core_s[count]:.0f} simulated per CPU-second"
         )
     print(f"speed-up by the second worker: {seconds[1] / seconds[2]:.2f}")
     print(f"the results are {'equal' if rows[1] == rows[2] else 'NOT equal'}")

@@ -1,4 +1,5 @@
 import math
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
@@ -84,6 +85,13 @@ def test_a_segment_crosses_an_arc_exactly_if_it_ends_outside(angle, near, far):
     outside = far * direction[0], far * direction[1]
     assert not crosses_polyline((0.0, 0.0), inside, ARC)
     assert crosses_polyline((0.0, 0.0), outside, ARC)
+
+
+@given(st.lists(vector, min_size=2, max_size=8), vector, vector)
+def test_a_segment_crosses_a_polyline_exactly_if_it_crosses_one_of_its_segments(points, start, end):
+    pairs = [Polyline(pair) for pair in pairwise(points)]
+    crossed = [crosses_polyline(start, end, pair) for pair in pairs]
+    assert crosses_polyline(start, end, Polyline(tuple(points))) == any(crossed)
 
 
 def test_a_segment_through_a_vertex_crosses():

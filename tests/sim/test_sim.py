@@ -1,4 +1,5 @@
 import math
+from itertools import islice
 
 import cv2
 import numpy as np
@@ -14,7 +15,7 @@ from haptigraph.sim.eye.eye import Eye, EyeShape
 from haptigraph.sim.eye.optics import CameraSettings
 from haptigraph.sim.eye.palette import Appearance
 from haptigraph.sim.phantom import Phantom
-from haptigraph.sim.robot.operator import Hand, Move, ScriptedOperator
+from haptigraph.sim.robot.operator import Hand, Move, ScriptedOperator, Tremor
 from haptigraph.sim.robot.robot import Pose, Robot, RobotLimits
 from haptigraph.sim.scenario import load_scenario, scenario_document, scenario_names
 
@@ -256,3 +257,9 @@ def test_an_invalid_scenario_is_refused(tmp_path, text, message):
 def test_an_unknown_name_lists_the_valid_scenarios():
     with pytest.raises(BadInput, match="unknown scenario 'align'; valid: align_then_approach"):
         load_scenario("align")
+
+
+def test_the_tremor_at_one_image_after_another_is_that_at_their_times():
+    tremor = Tremor(0.1, 8.0, 12.0, 3)
+    images = list(islice(tremor.at_images(30.0), 100))
+    assert images == [pytest.approx(tremor.at(number / 30.0)) for number in range(100)]

@@ -5,6 +5,7 @@ results name it. Other errors of the tracker (shadows, missed or late detections
 """
 
 import math
+from bisect import bisect_right
 from collections.abc import Iterator
 
 import numpy as np
@@ -13,7 +14,7 @@ from haptigraph.geometry import Point, Segment, rotate, subtract, unit
 from haptigraph.messages import Capture, Certainty, Observation
 from haptigraph.registration.camera import Registration
 
-__all__ = ["GROUND_TRUTH", "OLD_NAMES", "GroundTruthPerceiver"]
+__all__ = ["GROUND_TRUTH", "OLD_NAMES", "GroundTruthPerceiver", "angle_noise_deg"]
 
 GROUND_TRUTH = "ground-truth"
 """Selects it in place of a registered perceiver."""
@@ -21,8 +22,8 @@ OLD_NAMES = {"known": GROUND_TRUTH}
 """Its name in earlier versions, which is still read."""
 
 # docs/accuracy.md, perceiver `tracker`, 66 simulated scenes.
-NOISE_DEPTHS_MM = np.array((1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 18.0))
-NOISE_DEG = np.array((0.0258, 0.0242, 0.00835, 0.0385, 0.00897, 0.00595, 0.00325))  # from image to image
+NOISE_DEPTHS_MM = (1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 18.0)
+NOISE_DEG = (0.0258, 0.0242, 0.00835, 0.0385, 0.00897, 0.00595, 0.00325)  # from image to image
 ERROR_DEG, SHALLOW_ERROR_DEG, SHALLOW_MM = 0.0219, 0.0518, 3.0  # median of the error, below and up to a depth
 TIP_ERROR_MM = 0.416 / 20  # median
 MEDIAN_OF_NORMAL, MEDIAN_OF_RAYLEIGH = 0.6745, 1.1774  # relative to their scale parameter
@@ -60,7 +61,7 @@ class GroundTruthPerceiver:
             return Observation(capture.stamp_ns, dict(found))
         error_deg = SHALLOW_ERROR_DEG if truth.depth_mm <= SHALLOW_MM else ERROR_DEG
         angle_error_deg = self._offset * error_deg / MEDIAN_OF_NORMAL
-        angle_error_deg += noise * float(np.interp(truth.depth_mm, NOISE_DEPTHS_MM, NOISE_DEG))
+        angle_error_deg += noise * angle_noise_deg(truth.depth_mm)
         sd_mm = TIP_ERROR_MM / MEDIAN_OF_RAYLEIGH
         x, y = truth.tip_mm
         tip_mm = x + sd_mm * noise_x, y + sd_mm * noise_y
@@ -74,6 +75,18 @@ class GroundTruthPerceiver:
             found | {"needle_tip": Point(tip_mm), "needle_line": Segment(entry_mm, tip_mm)},
             certainty=Certainty(1.0, sd_mm, error_deg / MEDIAN_OF_NORMAL),
         )
+
+
+def angle_noise_deg(depth_mm: float) -> float:
+    """Return the SD of the angle from image to image at a depth, interpolated.
+
+    `numpy.interp` would do the same, but gives up the interpreter each time, and then waits for the recorder.
+    """
+    after = bisect_right(NOISE_DEPTHS_MM, depth_mm)
+    if not 0 < after < len(NOISE_DEG):
+        return NOISE_DEG[max(after - 1, 0)]
+    (x, next_x), (y, next_y) = NOISE_DEPTHS_MM[after - 1 : after + 1], NOISE_DEG[after - 1 : after + 1]
+    return (next_y - y) / (next_x - x) * (depth_mm - x) + y
 
 
 def _noise(rng: np.random.Generator) -> Iterator[list[float]]:

@@ -68,6 +68,14 @@ def test_visual_cues_narrow_the_posterior_and_turns_shift_it():
     assert posterior.most_probable_deg() == pytest.approx(2.0, abs=0.4)
 
 
+@given(st.floats(-38, 38), st.floats(0, 0.5))
+def test_a_turn_moves_the_posterior_by_its_angle(turn_deg, sd_deg):
+    posterior = AnglePosterior(0.01)
+    posterior.add_visual_cue(0.0, ANGLES_DEG, 0.5)
+    posterior.predict(turn_deg, sd_deg)
+    assert posterior.most_probable_deg() == pytest.approx(turn_deg, abs=0.2)
+
+
 def test_a_haptic_cue_indicates_a_misalignment_that_is_not_visible():
     posterior = AnglePosterior(2.0)
     expected = visual_angle_deg(ANGLES_DEG, 5.0, AXIS_MM)
@@ -111,6 +119,8 @@ def test_continuous_vibration_is_guidance_until_it_ends():
         "none",
     ]
     assert (felt.at(1.5).amplitude, felt.at(2.5).amplitude) == (0.3, 0.45)
+    felt.add(4.0, 0.3)
+    assert [felt.at(time_s).cue for time_s in (4.1, 2.9)] == ["guidance", "guidance"]
 
 
 def test_slow_pulses_are_uninterrupted_guidance():
