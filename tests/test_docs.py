@@ -29,6 +29,7 @@ from haptigraph.study.protocol import (
     Training,
     Trials,
 )
+from haptigraph.study.quality import Quality
 from haptigraph.toml_document import Document
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -95,6 +96,7 @@ def test_study_page_lists_every_protocol_key_and_measure():
     text = read("docs/study.md")
     tables = {"study": StudyTable, "condition": Condition, "training": Training, "trials": Trials}
     tables |= {"target": Target, "questionnaire": QuestionnaireTable, "stop": Stop, "texts": Texts}
+    tables |= {"quality": Quality}
     for table, struct in tables.items():
         for key in struct.__struct_fields__:
             assert f"`{table}.{key}`" in text, f"{table}.{key}"

@@ -6,11 +6,11 @@ It defines the exports. `analysis` computes the measures; the store refuses a me
 import math
 import re
 from collections.abc import Iterable, Mapping
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, TypeAlias
 
 from haptigraph.errors import BadInput, unknown_name
 
-__all__ = ["COLUMNS", "MEASURES", "Field", "check_measures", "fields_of", "time_field"]
+__all__ = ["COLUMNS", "MEASURES", "TRIAL_MEASURES", "Field", "check_measures", "fields_of", "time_field"]
 
 TIME_IN_STATE = re.compile(r"time_(.+)_s")
 
@@ -24,16 +24,39 @@ class Field(NamedTuple):
     unit: str
     meaning: str
     source: str
+    empty: str = "never"
+    """When there is no value; the field is empty then, never 0."""
+
+
+Kind: TypeAlias = Literal["text", "integer", "number"]
 
 
 def _fields(
-    table: str, source: str, *rows: tuple[str, Literal["text", "integer", "number"], str, str]
+    table: str, source: str, *rows: tuple[str, Kind, str, str] | tuple[str, Kind, str, str, str]
 ) -> list[Field]:
-    return [Field(table, name, kind, unit, meaning, source) for name, kind, unit, meaning in rows]
+    return [
+        Field(table, name, kind, unit, meaning, source, *empty) for name, kind, unit, meaning, *empty in rows
+    ]
 
 
 RUN = "from the tip's first entry into the globe to the first Target Hit, or to the trial's end"
-MEASURES = _fields(
+WHERE = f"{RUN}; over the whole trial if the tip never entered"
+NO_RUN = "no recording, or the tip never entered the globe"
+NO_MOVEMENT = f"{NO_RUN}; fewer than 10 images/s with a visible tip"
+NO_WHOLE_MOVEMENT = f"{NO_MOVEMENT}; more than 0.5 s without a visible tip"
+NO_SMOOTHNESS = f"{NO_WHOLE_MOVEMENT}; fewer than 20 images/s; no motion"
+EMPTY = {
+    "completion_s": f"{NO_RUN}; no Target Hit",
+    "mean_theta_deg": f"{NO_RUN}; the angle was never known",
+    "path_mm": NO_WHOLE_MOVEMENT,
+    "sparc": NO_SMOOTHNESS,
+    "log_jerk": NO_SMOOTHNESS,
+    "tremor_power_mm2": f"{NO_RUN}; never 2 s at 24.5 images/s without a gap of more than 0.1 s",
+    "reaction_ms": f"{NO_MOVEMENT}; no cue with a correction 0.1 to 2 s later",
+    "approach_speed_mm_s": f"{NO_MOVEMENT}; the tip never approached the retina",
+}
+"""When a measure is empty; the others are with `NO_RUN`."""
+TRIAL_MEASURES = _fields(
     "trials",
     "recording",
     ("completion_s", "number", "s", "from the tip's first entry into the globe to the first Target Hit"),
@@ -43,11 +66,27 @@ MEASURES = _fields(
     ("path_mm", "number", "mm", f"length of the tip's path {RUN}, low-pass filtered at 5 Hz"),
     ("sparc", "number", "", f"spectral arc length of the tip's speed {RUN}; nearer 0 is smoother"),
     ("log_jerk", "number", "", f"log dimensionless jerk of the tip's speed {RUN}; nearer 0 is smoother"),
-    ("tremor_power_mm2", "number", "mm^2", f"variance of the tip position in 8 to 12 Hz, both axes, {RUN}"),
+    ("tremor_power_mm2", "number", "mm^2", f"variance of the visible tip in 8 to 12 Hz, both axes, {RUN}"),
     ("vibrating_s", "number", "s", f"time with a commanded amplitude above 0 {RUN}"),
     ("reaction_ms", "number", "ms", f"median time from a cue, felt or not, to a decrease of theta {RUN}"),
     ("approach_speed_mm_s", "number", "mm/s", f"maximum speed towards the retina while approaching it {RUN}"),
 )
+QUALITY = _fields(
+    "trials",
+    "recording",
+    ("images_per_s", "number", "1/s", f"number of images over duration {WHERE}"),
+    ("late_images_fraction", "number", "", f"share of images later than 1.5 median intervals {WHERE}"),
+    ("skipped_images", "integer", "", f"images that came while the program processed earlier ones {WHERE}"),
+    ("unseen_fraction", "number", "", f"share of the time without a needle or a visible tip {WHERE}"),
+    ("long_gaps", "integer", "", f"intervals of more than 0.5 s without a visible tip {WHERE}"),
+    ("longest_gap_s", "number", "s", f"longest time without a visible tip, from image to image, {WHERE}"),
+)
+"""Columns that an export has if any trial has a value."""
+NO_QUALITY = "no recording, or measured by haptigraph 0.1.0"
+MEASURES = [
+    *(field._replace(empty=EMPTY.get(field.name, NO_RUN)) for field in TRIAL_MEASURES),
+    *(field._replace(empty=NO_QUALITY) for field in QUALITY),
+]
 """Measures of a trial, besides `time_<state>_s` for each state of the procedure."""
 
 TRIAL = _fields(
@@ -57,8 +96,8 @@ TRIAL = _fields(
     ("participant", "text", "", "pseudonym"),
     ("session", "integer", "", "session in which the trial began, from 1"),
     ("condition", "text", "", "name of the condition"),
-    ("block", "integer", "", "from 1; empty in training"),
-    ("position", "integer", "", "position of the condition in the order, from 1; empty before the first"),
+    ("block", "integer", "", "block of trials under the condition, from 1", "in training"),
+    ("position", "integer", "", "position of the condition in the order, from 1", "before the first"),
     ("phase", "text", "", "training or trial"),
     ("trial", "integer", "", "within the block or training, from 1"),
     ("attempt", "integer", "", "from 1; above 1 where the trial was repeated"),
@@ -68,24 +107,25 @@ TRIAL = _fields(
 RECORD = _fields(
     "trials",
     "runner",
-    ("outcome", "text", "", "hit, timeout or aborted; empty: still running"),
-    ("void", "text", "", "why the attempt does not count; empty: it does"),
+    ("outcome", "text", "", "hit, timeout or aborted", "the trial is running"),
+    ("void", "text", "", "why the attempt does not count", "it counts"),
     ("started_utc", "text", "ISO 8601", "start of the trial"),
-    ("ended_utc", "text", "ISO 8601", "end of the trial"),
-    ("recording", "text", "", "path relative to the study's folder"),
-    ("recording_sha256", "text", "", "SHA-256 of the recording; empty: no recording, or an incomplete one"),
+    ("ended_utc", "text", "ISO 8601", "end of the trial", "the trial is running"),
+    ("recording", "text", "", "path relative to the study's folder", "no recording"),
+    ("recording_sha256", "text", "", "SHA-256 of the recording", "no recording, or an incomplete one"),
     ("procedure_sha256", "text", "", "SHA-256 of the procedure that was run"),
     ("software", "text", "", "version of haptigraph"),
 )
+ONE_OFF = "a one-off questionnaire"
 COLUMNS: dict[str, list[Field]] = {
-    "trials": [*TRIAL, RECORD[0], RECORD[1], *MEASURES, *RECORD[2:]],
+    "trials": [*TRIAL, *RECORD[:2], *MEASURES, *RECORD[2:]],
     "answers": _fields(
         "answers",
         "participant",
         ("study", "text", "", "the study's name"),
         ("participant", "text", "", "pseudonym"),
-        ("condition", "text", "", "condition that the answer is about; empty for one-off questionnaires"),
-        ("position", "integer", "", "position of that condition, from 1; empty for one-off questionnaires"),
+        ("condition", "text", "", "condition that the answer is about", ONE_OFF),
+        ("position", "integer", "", "position of that condition, from 1", ONE_OFF),
         ("questionnaire", "text", "", "name of the questionnaire"),
         ("item", "text", "", "key of the item"),
         ("answer", "text", "", "as given"),
@@ -98,14 +138,15 @@ COLUMNS: dict[str, list[Field]] = {
         ("study", "text", "", "the study's name"),
         ("participant", "text", "", "pseudonym"),
         ("order", "text", "", "conditions in the participant's order, joined by >"),
-        ("consented_utc", "text", "ISO 8601", "when the participant consented"),
+        ("consented_utc", "text", "ISO 8601", "when the participant consented", "not yet; or data erased"),
         ("slot", "integer", "", "place in the counterbalancing, from 0"),
         ("enrolled_utc", "text", "ISO 8601", "when the participant enrolled; after erasure, when that was"),
         (
             "withdrawn_utc",
             "text",
             "ISO 8601",
-            "time of withdrawal; empty: none; equal to enrolled_utc: data erased",
+            "time of withdrawal; equal to enrolled_utc: data erased",
+            "the participant did not withdraw",
         ),
         ("simulated", "integer", "", "1: a simulated participant, 0: a person"),
     ),
@@ -117,7 +158,13 @@ COLUMNS: dict[str, list[Field]] = {
         ("session", "integer", "", "uninterrupted period at one station, from 1"),
         ("station", "text", "", "name of the station"),
         ("opened_utc", "text", "ISO 8601", "start of the session"),
-        ("closed_utc", "text", "ISO 8601", "end of the session; after a crash, the start of the next"),
+        (
+            "closed_utc",
+            "text",
+            "ISO 8601",
+            "end of the session; after a crash, the start of the next",
+            "open",
+        ),
     ),
     "stages": _fields(
         "stages",
@@ -166,13 +213,17 @@ COLUMNS: dict[str, list[Field]] = {
 def time_field(name: str) -> Field | None:
     """Return the column for the time in a state, or None if the name is not of that form."""
     state = TIME_IN_STATE.fullmatch(name)
-    return Field("trials", name, "number", "s", f"time in {state[1]} {RUN}", "recording") if state else None
+    if state is None:
+        return None
+    return Field("trials", name, "number", "s", f"time in {state[1]} {RUN}", "recording", NO_RUN)
 
 
 def fields_of(table: str, names: Iterable[str] = ()) -> list[Field]:
-    """Return the columns of a table; those times in states that are in `names` follow the contacts."""
-    fields = list(COLUMNS[table])
-    times = [field for name in sorted(set(names)) if (field := time_field(name)) is not None]
+    """Return the columns of a table, with the measures of quality and times in states that are in `names`."""
+    names = set(names)
+    optional = {field.name for field in QUALITY} - names if table == "trials" else set()
+    fields = [field for field in COLUMNS[table] if field.name not in optional]
+    times = [field for name in sorted(names) if (field := time_field(name)) is not None]
     if table == "trials":
         index = [field.name for field in fields].index("contacts") + 1
         fields[index:index] = times

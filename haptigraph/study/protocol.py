@@ -15,6 +15,7 @@ from haptigraph.errors import BadInput, unknown_name
 from haptigraph.study.conditions import Order
 from haptigraph.study.frozen.analysis_plan import Analysis, check_analysis, numeric_measures
 from haptigraph.study.frozen.parts import is_same_part
+from haptigraph.study.quality import Quality
 from haptigraph.study.questionnaire import Questionnaire, load_questionnaire
 from haptigraph.toml_document import Document
 
@@ -144,6 +145,7 @@ class _File(Struct, frozen=True, forbid_unknown_fields=True):
     questionnaires: tuple[QuestionnaireTable, ...] = field(name="questionnaire", default=())
     stop: Stop = Stop()
     analysis: Analysis | None = None
+    quality: Quality = Quality()
 
 
 class Protocol(Struct, frozen=True):
@@ -158,6 +160,7 @@ class Protocol(Struct, frozen=True):
     questionnaires: tuple[tuple[QuestionnaireTable, Questionnaire], ...]
     """In the order of the file."""
     stop: Stop
+    quality: Quality
     procedures: dict[str, str]
     """Text of each procedure that a condition names."""
     parts: dict[str, str]
@@ -237,7 +240,8 @@ def load_protocol(path: str | Path) -> Protocol:
         scales = [each.scales for table, each in questionnaires if table.when == "condition"]
         measures = numeric_measures(states, [scale.name for each in scales for scale in each])
         trials = data.trials.blocks * data.trials.repetitions
-        check_analysis(document, data.analysis, [each.name for each in data.conditions], measures, trials)
+        names = [each.name for each in data.conditions]
+        check_analysis(document, data.analysis, names, measures, trials, data.quality)
     return Protocol(
         study=data.study,
         texts=data.texts,
@@ -247,6 +251,7 @@ def load_protocol(path: str | Path) -> Protocol:
         training=data.training,
         questionnaires=tuple(questionnaires),
         stop=data.stop,
+        quality=data.quality,
         procedures=procedures,
         parts=parts,
         folder=folder,

@@ -37,6 +37,9 @@ INVALID = [
     ('expect = "smaller"', 'expect = "less"', r"line 53: unknown expect 'less'; valid: different"),
     ('measure = "completion_s"\nfirst = "seen"\nsecond = "felt"\nexpect = "equivalent"',
      'measure = "mean_theta_deg"\nfirst = "seen"\nsecond = "felt"\nexpect = "smaller"', "line 55: the same hypothesis twice"),
+    ('first = "seen"\nsecond = "felt"\nexpect = "equivalent"', 'first = "felt"\nsecond = "seen"\nexpect = "equivalent"',
+     "line 57: name the conditions of an equivalence in the order of the protocol"),
+    ("min_trials = 2", "exclude_poor_trials = true", r"line 46: \[quality\] sets no threshold; set one, or remove"),
     ('expect = "smaller"', 'sides = 1', r"line 53: unknown key 'sides'"),
 ]  # fmt: skip
 
@@ -76,6 +79,13 @@ def test_a_score_that_is_not_about_a_condition_is_no_measure(folder):
     file.write_text(file.read_text().replace('when = "condition"', 'when = "end"'))
     with pytest.raises(BadInput, match="unknown measure 'sus'"):
         load_protocol(folder)
+
+
+def test_poor_trials_may_be_excluded_where_there_is_a_threshold(folder):
+    write(folder, ANALYSIS.replace("min_trials = 2", "exclude_poor_trials = true"))
+    write(folder, "\n[quality]\nmin_images_per_s = 20\n")
+    assert load_protocol(folder).analysis.exclude_poor_trials
+    assert "without trials beyond a threshold" in call("study", "check", folder).output
 
 
 def test_the_check_prints_the_analysis_or_that_there_is_none(folder):

@@ -305,7 +305,5 @@ def test_without_pyarrow_the_error_names_the_extra(monkeypatch):
 
 def test_measures_have_units_in_their_names():
     for field in MEASURES:
-        unit = {"s": "_s", "deg": "_deg", "mm": "_mm", "mm^2": "_mm2", "ms": "_ms", "mm/s": "_mm_s", "": ""}[
-            field.unit
-        ]
-        assert field.name.endswith(unit)
+        suffixes = {"s": "_s", "deg": "_deg", "mm": "_mm", "mm^2": "_mm2", "ms": "_ms", "mm/s": "_mm_s"}
+        assert field.name.endswith((suffixes | {"1/s": "_per_s", "": ""})[field.unit])

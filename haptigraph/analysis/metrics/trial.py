@@ -1,11 +1,11 @@
 """All measures of one trial, from its steps or its recording, by the names of the study's data dictionary.
 
 They cover exactly the run: from the tip's first entry into the globe to the first Target Hit, or to the end
-of the trial if there was none. Measures that cannot be determined are omitted. `run` and `motion` have the
-formulas that are not documented here.
+of the trial if there was none. Measures that cannot be determined are omitted. `run`, `motion` and
+`data_quality` have the formulas that are not documented here.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -13,15 +13,16 @@ from typing import Any
 import msgspec
 import numpy as np
 from msgspec import Struct
-from numpy.typing import NDArray
 
-from haptigraph.analysis.metrics.motion import (
-    band_power,
-    log_dimensionless_jerk,
-    low_passed,
-    path_length,
-    sparc,
-    speed,
+from haptigraph.analysis.metrics.data_quality import LONG_GAP_NS, DataQuality
+from haptigraph.analysis.metrics.motion import MAX_SPARC_HZ, log_dimensionless_jerk, path_length, sparc, speed
+from haptigraph.analysis.metrics.movement import (
+    MOVEMENT_HZ,
+    RATE_TOLERANCE,
+    Detection,
+    Movement,
+    movements_of,
+    tremor_power,
 )
 from haptigraph.analysis.metrics.run import RunMeasures
 from haptigraph.assemble import parse_procedure
@@ -35,15 +36,7 @@ from haptigraph.recording.reader import RunReader
 
 __all__ = ["measure_recording", "measure_trial"]
 
-Floats = NDArray[np.float64]
-NEAR_RETINA = (
-    Triplet("needle_tip", "approaching", "retina_surface"),
-    Triplet("needle_tip", "touching", "retina_surface"),
-)
-MAX_GAP_S = 0.5
-"""Shorter gaps are interpolated linearly; longer ones split a movement in two."""
-MIN_SAMPLES = 4
-"""Of a movement."""
+NEAR = ("approaching", "touching")
 MIN_FALL_DEG_S = 1.0
 """A correction reduces theta at least this fast ..."""
 MIN_FALL_S = 0.1
@@ -56,23 +49,9 @@ class _Sample(Struct, frozen=True):
     """The relevant part of one step of the run."""
 
     time_s: float
-    tip_mm: tuple[float, float] | None
-    theta_deg: float
-    retina_mm: float
-    is_near: bool
     command: HapticCommand
-
-
-class _Movement(Struct, frozen=True):
-    """A movement with the tip visible, evenly sampled, and low-pass filtered except for `raw_mm`."""
-
-    rate_hz: float
-    time_s: Floats
-    raw_mm: Floats
-    tip_mm: Floats
-    theta_deg: Floats
-    retina_mm: Floats
-    is_near: NDArray[np.bool_]
+    tip: Detection | None
+    """None: it is not visible."""
 
 
 def measure_recording(path: str | Path) -> dict[str, float | int | str]:
@@ -111,17 +90,21 @@ def measure_trial(
         span: Start and end of the run; None: those of the paper.
 
     Returns:
-        Measures by name; empty if no run started.
+        Measures by name; only those of the data quality, over the whole trial, if no run started.
     """
     run, samples = RunMeasures(span=span or RunSpan()), list[_Sample]()
+    quality = DataQuality(run)
     for step in steps:
         has_ended = run.ended_ns is not None
         run.add(step)
+        quality.add(step)
         if run.started_ns is not None and not has_ended:
-            samples.append(_sample(step))
+            samples.append(_sample(step, run.span.begins[0]))
     if not samples:
-        return {}
-    movements = list(_movements(samples))
+        return {**quality.measures()}
+    detections = [sample.tip for sample in samples if sample.tip is not None]
+    movements = movements_of(detections)
+    is_whole = quality.longest_gap_ns() <= LONG_GAP_NS
     measures: dict[str, float | int | str | None] = {
         "completion_s": run.completion_s,
         "mean_theta_deg": run.mean_theta_deg,
@@ -129,7 +112,9 @@ def measure_trial(
         "state_order": ">".join(run.order),
         "vibrating_s": _vibrating_s(samples) if has_haptics else 0.0,
         "reaction_ms": _reaction_ms(samples, movements),
-        **_motion(movements),
+        "tremor_power_mm2": tremor_power(detections),
+        **_motion(movements, is_whole=is_whole),
+        **quality.measures(),
     }
     measures |= {
         f"time_{state}_s": run.state_s.get(state, 0.0) for state in dict.fromkeys([*states, *run.state_s])
@@ -137,77 +122,39 @@ def measure_trial(
     return {name: value for name, value in measures.items() if value is not None}
 
 
-def _sample(step: Step) -> _Sample:
-    tip = step.observation.found.get("needle_tip")
-    measures = step.graph.measures
-    return _Sample(
-        time_s=step.stamp_ns / 1e9,
-        tip_mm=tip.at_mm if isinstance(tip, Point) else None,
-        theta_deg=measures.get("theta_deg", np.nan),
-        retina_mm=measures.get("distance_to_retina_mm", np.nan),
-        is_near=any(edge in step.graph for edge in NEAR_RETINA),
-        command=step.command,
-    )
+def _sample(step: Step, name: str) -> _Sample:
+    tip, measures, detection = step.observation.found.get(name), step.graph.measures, None
+    if isinstance(tip, Point):
+        detection = Detection(
+            stamp_ns=step.stamp_ns,
+            tip_mm=tip.at_mm,
+            theta_deg=measures.get("theta_deg", np.nan),
+            retina_mm=measures.get("distance_to_retina_mm", np.nan),
+            is_near=any(Triplet(name, predicate, "retina_surface") in step.graph for predicate in NEAR),
+        )
+    return _Sample(step.stamp_ns / 1e9, step.command, detection)
 
 
-def _movements(samples: list[_Sample]) -> Iterator[_Movement]:
-    """Split a run at long gaps in the tip's detection, and resample each part evenly at the median rate."""
-    detected = [sample for sample in samples if sample.tip_mm is not None]
-    times_s = np.array([sample.time_s for sample in samples])
-    if len(detected) < MIN_SAMPLES:
-        return
-    rate_hz = 1 / float(np.median(np.diff(times_s)))
-    cuts = np.flatnonzero(np.diff([sample.time_s for sample in detected]) > MAX_GAP_S) + 1
-    for start, end in zip([0, *cuts], [*cuts, len(detected)], strict=True):
-        if end - start >= MIN_SAMPLES:
-            yield _movement(detected[start:end], rate_hz)
+def _motion(movements: list[Movement], *, is_whole: bool) -> dict[str, float | None]:
+    """Return path length, smoothness and approach speed.
 
-
-def _movement(samples: list[_Sample], rate_hz: float) -> _Movement:
-    time_s = np.array([sample.time_s for sample in samples])
-    even_s = np.arange(time_s[0], time_s[-1] + 0.5 / rate_hz, 1 / rate_hz)
-
-    def resampled(values: list[float]) -> Floats:
-        even: Floats = np.interp(even_s, time_s, values)
-        return even
-
-    raw_mm = np.column_stack(
-        [resampled([sample.tip_mm[axis] for sample in samples if sample.tip_mm]) for axis in (0, 1)]
-    )
-    return _Movement(
-        rate_hz=rate_hz,
-        time_s=even_s,
-        raw_mm=raw_mm,
-        tip_mm=low_passed(raw_mm, rate_hz),
-        theta_deg=low_passed(resampled([sample.theta_deg for sample in samples]), rate_hz),
-        retina_mm=low_passed(resampled([sample.retina_mm for sample in samples]), rate_hz),
-        is_near=resampled([float(sample.is_near) for sample in samples]) > 0.5,
-    )
-
-
-def _motion(movements: list[_Movement]) -> dict[str, float | None]:
-    """Return path length, smoothness, tremor and approach speed.
-
-    Path length and tremor cover all movements. Smoothness is defined for a single movement, so it is None
-    after a long gap. Approach speed is the maximum of -d(distance to the retina)/dt while the tip is
-    approaching or touching it, by the procedure's own relations; at least 0.
+    Path length and smoothness are those of one movement from start to end of the run, so they are None after
+    a long gap. Smoothness covers frequencies up to 10 Hz, so it is None below 20 images/s. Approach speed is
+    the maximum of -d(distance to the retina)/dt while the tip is approaching or touching it, by the
+    procedure's own relations, over all movements; at least 0.
     """
-    whole = movements[0] if len(movements) == 1 else None
-    speeds = speed(whole.tip_mm, whole.rate_hz) if whole else np.empty(0)
-    powers = [(band_power(each.raw_mm, each.rate_hz), len(each.time_s)) for each in movements]
-    measured = [(power, count) for power, count in powers if power is not None]
+    whole = movements[0] if movements and is_whole else None
+    has_band = whole is not None and whole.images_per_s >= RATE_TOLERANCE * 2 * MAX_SPARC_HZ
+    speeds = speed(whole.tip_mm, MOVEMENT_HZ) if whole and has_band else np.empty(0)
     towards = [
-        (-np.gradient(each.retina_mm, 1 / each.rate_hz)[each.is_near]).max(initial=0.0)
+        (-np.gradient(each.retina_mm, 1 / MOVEMENT_HZ)[each.is_near]).max(initial=0.0)
         for each in movements
         if each.is_near.any() and np.isfinite(each.retina_mm).all()
     ]
     return {
-        "path_mm": sum(path_length(each.tip_mm) for each in movements) if movements else None,
-        "sparc": sparc(speeds, whole.rate_hz) if whole else None,
-        "log_jerk": log_dimensionless_jerk(speeds, whole.rate_hz) if whole else None,
-        "tremor_power_mm2": sum(p * n for p, n in measured) / sum(n for _, n in measured)
-        if measured
-        else None,
+        "path_mm": path_length(whole.tip_mm) if whole else None,
+        "sparc": sparc(speeds, MOVEMENT_HZ),
+        "log_jerk": log_dimensionless_jerk(speeds, MOVEMENT_HZ),
         "approach_speed_mm_s": float(max(towards)) if towards else None,
     }
 
@@ -226,7 +173,7 @@ def _vibrating_s(samples: list[_Sample]) -> float:
     return total_ns / 1e9
 
 
-def _reaction_ms(samples: list[_Sample], movements: list[_Movement]) -> float | None:
+def _reaction_ms(samples: list[_Sample], movements: list[Movement]) -> float | None:
     """Return the median time from a cue to the onset of its correction.
 
     A cue is the onset of a continuous vibration after silence, as the procedure commands it; where haptic
@@ -245,9 +192,9 @@ def _reaction_ms(samples: list[_Sample], movements: list[_Movement]) -> float | 
     return 1000 * float(np.median(reactions_s)) if reactions_s else None
 
 
-def _reaction_s(movement: _Movement, cue_s: float) -> float | None:
-    is_falling = np.gradient(movement.theta_deg, 1 / movement.rate_hz) <= -MIN_FALL_DEG_S
-    min_samples = max(1, round(MIN_FALL_S * movement.rate_hz))
+def _reaction_s(movement: Movement, cue_s: float) -> float | None:
+    is_falling = np.gradient(movement.theta_deg, 1 / MOVEMENT_HZ) <= -MIN_FALL_DEG_S
+    min_samples = round(MIN_FALL_S * MOVEMENT_HZ)
     first = int(np.searchsorted(movement.time_s, cue_s))
     for index in range(first, len(is_falling) - min_samples + 1):
         since_s = float(movement.time_s[index]) - cue_s

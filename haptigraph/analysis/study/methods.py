@@ -4,6 +4,7 @@ import platform
 from collections.abc import Iterator
 from importlib.metadata import version
 
+from haptigraph.analysis.study.data_quality import quality_paragraph
 from haptigraph.analysis.study.preregistered.hypotheses import HypothesisResult, sentence
 from haptigraph.analysis.study.preregistered.omissions import NO_HIT
 from haptigraph.analysis.study.quantities import counted, words
@@ -36,6 +37,7 @@ def methods(tables: StudyTables, results: StudyResults, traces: Traces, *, simul
         _order(results),
         *_questionnaires(results, simulated=simulated),
         _missing(tables, results, traces),
+        quality_paragraph(tables, results),
         _software(tables, results),
     ]
     return [part for part in parts if part]
@@ -54,11 +56,14 @@ def preregistered(results: StudyResults) -> str:
         if each.is_supported is None
     ]
     without = f" Not tested, and counted with p = 1: {'; '.join(untested)}." if untested else ""
+    rules = []
+    if analysis.exclude_poor_trials:
+        rules.append(f"trials beyond a threshold of data quality ({results.poor_trials})")
+    if analysis.min_trials:
+        fewest = f"fewer than {analysis.min_trials} valid trials under a condition"
+        rules.append(f"participants with {fewest} ({len(results.excluded)})")
     excluded = (
-        f" Participants with fewer than {analysis.min_trials} valid trials under a condition were excluded: "
-        f"{len(results.excluded)}."
-        if analysis.min_trials
-        else " No participant is excluded by rule."
+        f" Excluded as preregistered: {', '.join(rules)}." if rules else " Nothing is excluded by rule."
     )
     return (
         f"Confirmatory: the protocol, frozen with the first participant, preregistered {counts[0]} primary "

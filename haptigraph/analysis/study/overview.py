@@ -9,6 +9,7 @@ from rich.table import Table
 from haptigraph.study.frozen.analysis_plan import Analysis
 from haptigraph.study.plan import Stage, conditions_of, plan_of
 from haptigraph.study.protocol import Protocol
+from haptigraph.study.quality import quality_limits
 
 if TYPE_CHECKING:
     from haptigraph.study.status import ParticipantStatus
@@ -17,7 +18,7 @@ __all__ = ["protocol_tables", "status_table"]
 
 
 def protocol_tables(protocol: Protocol) -> Iterator[Table]:
-    """Yield the tables of conditions, the first participant's plan, orders, targets and the analysis."""
+    """Yield the tables of conditions, the first plan, orders, targets, thresholds and the analysis."""
     table = _table("Conditions", "name", "title", "procedure", "touch", "display")
     for each in protocol.conditions:
         table.add_row(each.name, each.title, each.procedure, "on" if each.touch else "off", each.display)
@@ -44,6 +45,10 @@ def protocol_tables(protocol: Protocol) -> Iterator[Table]:
         counts = (str(pairs[target.name, name]) for name in names)
         table.add_row(target.name, f"{target.along_mm:+g}", *counts)
     yield table
+    table = _table("Data quality", "a trial is flagged unless it has")
+    for limit in quality_limits(protocol.quality) or ["(no thresholds)"]:
+        table.add_row(limit)
+    yield table
     if protocol.analysis is not None:
         yield _analysis_table(protocol.analysis)
 
@@ -52,6 +57,7 @@ def _analysis_table(analysis: Analysis) -> Table:
     fewest = (
         f", at least {analysis.min_trials} valid trials under each condition" if analysis.min_trials else ""
     )
+    fewest += ", without trials beyond a threshold" if analysis.exclude_poor_trials else ""
     table = _table(
         f"Preregistered analysis (alpha {analysis.alpha:g}{fewest})",
         *("measure", "expected", "compared with", "family", "equivalent within"),

@@ -5,6 +5,7 @@ from pathlib import Path
 import pandas as pd
 from msgspec import Struct
 
+from haptigraph.analysis.study.data_quality import flagged_trials, quality_by_condition
 from haptigraph.analysis.study.detail_tables import detail_tables
 from haptigraph.analysis.study.figures.drawn import draw_figures, figures_tex
 from haptigraph.analysis.study.methods import SIMULATED, methods, preregistered
@@ -50,6 +51,8 @@ TITLES = {
     "sus_summary": "SUS by condition",
     "sus": "SUS by participant",
     "missing": "Missing data",
+    "flagged_trials": "Trials beyond the protocol's thresholds of data quality",
+    "data_quality": "Data quality by condition",
     "state_transitions": "Transitions between states",
 }
 
@@ -113,6 +116,11 @@ def _files(
     beside = beside_paper(results, simulated=simulated)
     paragraphs = methods(tables, results, traces, simulated=simulated)
     details = detail_tables(results)
+    quality = {
+        "data_quality": quality_by_condition(tables),
+        "flagged_trials": flagged_trials(tables, results),
+    }
+    details |= {name: table for name, table in quality.items() if not table.empty}
     drawn = draw_figures(results, traces, "SIMULATED" if simulated else "")
     pictures = [Picture(each.name, each.formats["svg"], each.caption, each.width_mm) for each in drawn]
     printed = [*summaries, beside.table] if beside else summaries

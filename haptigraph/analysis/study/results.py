@@ -10,6 +10,7 @@ from haptigraph.analysis.study.preregistered.families import Family, Samples, fa
 from haptigraph.analysis.study.preregistered.hypotheses import HypothesisResult, decide, is_about
 from haptigraph.analysis.study.preregistered.omissions import (
     absent_quantities,
+    poor_runs,
     silent_conditions,
     too_few_trials,
 )
@@ -67,7 +68,10 @@ class AnalysisPlan(Struct, frozen=True):
         return self.preregistered.alpha if self.preregistered else DEFAULT_ALPHA
 
     def bounds_of(self, quantity: Quantity) -> tuple[float, float] | None:
-        """Return the preregistered equivalence bounds of an outcome, in its unit: second minus first."""
+        """Return the preregistered equivalence bounds of an outcome, in its unit: second minus first.
+
+        They have the order of the protocol, as have the comparisons: another baseline is refused.
+        """
         return self.preregistered.equivalence.get(quantity.name) if self.preregistered else None
 
 
@@ -96,6 +100,8 @@ class StudyResults(Struct, frozen=True):
     missing: pd.DataFrame
     excluded: list[str]
     """Participants with too few valid trials."""
+    poor_trials: int
+    """Number of trials that were excluded because of their data quality."""
     absent: dict[str, str]
     """By label of a quantity without any value: why."""
     untested: dict[str, list[str]]
@@ -136,7 +142,10 @@ def analyse(tables: StudyTables, plan: AnalysisPlan) -> StudyResults:
     protocol, analysis = tables.protocol, plan.preregistered
     trials = tables.trials[~tables.trials["participant"].isin(tables.withdrawn)]
     runs = counted_runs(trials)
-    within = is_within(runs)
+    within, poor = is_within(runs), 0
+    if analysis and analysis.exclude_poor_trials:
+        is_poor = poor_runs(runs, protocol.quality)
+        runs, poor = runs[~is_poor], int(is_poor.sum())
     attempts, minimum = trials[trials["phase"] == "trial"], analysis.min_trials if analysis else 0
     excluded = too_few_trials(attempts, runs, protocol.names, minimum, within=within)
     runs = runs[~runs["participant"].isin(excluded)].reset_index(drop=True)
@@ -171,6 +180,7 @@ def analyse(tables: StudyTables, plan: AnalysisPlan) -> StudyResults:
         scores=scores,
         missing=missing_data(trials, conditions),
         excluded=excluded,
+        poor_trials=poor,
         absent=absent_quantities(quantities, values, attempts),
         idle=idle,
         untested={each.label: silent[each.name] for each in used if silent[each.name]},
@@ -184,6 +194,10 @@ def _with_protocol(plan: AnalysisPlan, tables: StudyTables) -> AnalysisPlan:
     analysis = tables.protocol.analysis
     if analysis and plan.given_alpha not in (None, analysis.alpha):
         found = f"alpha {plan.given_alpha:g} contradicts the preregistered {analysis.alpha:g}"
+        raise BadInput(f"{found}; leave it out", tables.folder)
+    first = tables.protocol.names[:1]
+    if analysis and analysis.equivalence and plan.baseline not in (None, *first):
+        found = f"baseline {plan.baseline!r} would turn the signs of the preregistered equivalence bounds"
         raise BadInput(f"{found}; leave it out", tables.folder)
     return replace(plan, preregistered=analysis)
 

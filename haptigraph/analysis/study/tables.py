@@ -30,8 +30,11 @@ KEYS = {
     "answers": ("participant", "condition", "position", "questionnaire", "item"),
     "participants": ("participant",),
 }
-NUMERIC_SUFFIXES = ("_s", "_ms", "_mm", "_mm2", "_deg", "_mm_s")
-NUMERIC_COLUMNS = ("session", "block", "position", "trial", "attempt", "contacts", "sparc", "log_jerk")
+NUMERIC_SUFFIXES = ("_s", "_ms", "_mm", "_mm2", "_deg", "_mm_s", "_fraction")
+NUMERIC_COLUMNS = (
+    *("session", "block", "position", "trial", "attempt", "contacts", "sparc", "log_jerk"),
+    *("skipped_images", "long_gaps"),
+)
 
 
 class StudyTables(Struct, frozen=True):

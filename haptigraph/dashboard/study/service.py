@@ -44,6 +44,8 @@ class StudyService:
         self.trial_status: TrialStatus = ""
         self.problem = ""
         """Why the last trial could not begin or be saved; empty: no problem."""
+        self.remark = ""
+        """What was poor about the data of the last trial; only the experimenter's page shows it."""
         self.ending: TrialEnding | None = None
         """Set by a page; the trial that runs checks it with every image."""
         self.started_ns = 0
@@ -81,7 +83,7 @@ class StudyService:
             self._reload_protocol()
             previous = self.session
             self.session = open_session(self.study, participant, self.station, take_over=take_over)
-            self.problem = ""
+            self.problem = self.remark = ""
             if previous is not None and self._is_here(previous):
                 previous.close()
 
@@ -94,7 +96,7 @@ class StudyService:
         with self._changing():
             session = self.session_of(participant)
             self._check_idle()
-            self.session, self.problem = None, ""
+            self.session, self.problem, self.remark = None, "", ""
             session.close()
 
     def withdraw(self, participant: str) -> None:
@@ -185,10 +187,13 @@ class StudyService:
         """Wait until a trial is requested."""
         return self._requested.get()
 
-    def set_trial_status(self, status: TrialStatus, problem: str = "", started_ns: int = 0) -> None:
-        """Set the status of the trial, and what went wrong."""
+    def set_trial_status(
+        self, status: TrialStatus, problem: str = "", started_ns: int = 0, remark: str = ""
+    ) -> None:
+        """Set the status of the trial, what went wrong, and what was poor about its data."""
         with self._status_lock:
             self.trial_status, self.problem, self.started_ns = status, problem, started_ns
+            self.remark = remark
         self._notify()
 
     def _end(self, participant: str, key: str, ending: TrialEnding) -> None:

@@ -49,6 +49,7 @@ def experimenter_snapshot(service: StudyService) -> dict[str, Any]:
         "max_participants": study.protocol.study.participants,
         "shows_conditions": shows_conditions,
         "problem": service.problem,
+        "remark": service.remark,
         "elapsed_s": (time.monotonic_ns() - service.started_ns) / 1e9 if service.started_ns else None,
         "current": _current(service, session) if session else None,
         "participants": [

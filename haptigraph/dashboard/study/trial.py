@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable
 from contextlib import closing, suppress
 
+from haptigraph.analysis.metrics.data_quality import DataQuality
 from haptigraph.analysis.metrics.run import RunMeasures
 from haptigraph.assemble import build, load_procedure
 from haptigraph.config import Config
@@ -13,6 +14,7 @@ from haptigraph.errors import BadInput, HaptigraphError, NotSilent, StoreFailed
 from haptigraph.messages import Step
 from haptigraph.pipeline import Loop
 from haptigraph.study.plan import Stage
+from haptigraph.study.quality import quality_problems
 from haptigraph.study.runner import Outcome, Session
 
 __all__ = ["TrialEnd", "run_trials"]
@@ -34,6 +36,7 @@ class TrialEnd:
 
     def __init__(self, stage: Stage, measures: RunMeasures) -> None:
         self._stage, self._measures = stage, measures
+        self.quality = DataQuality(measures)
 
     @property
     def outcome(self) -> Outcome:
@@ -44,6 +47,7 @@ class TrialEnd:
         """Add the next step; return whether it was the last."""
         measures = self._measures
         measures.add(step)
+        self.quality.add(step)
         if measures.ended_ns is not None and not self._stage.free:
             return step.stamp_ns - measures.ended_ns >= AFTER_HIT_NS
         return step.stamp_ns - measures.first_ns >= self._stage.timeout_s * 1e9
@@ -102,12 +106,15 @@ def _run(
     problem = _save(session, outcome, void)
     if outcome == "aborted" and service.ending is None:  # not by a page
         problem = problem or f"the trial was aborted: {void}"
-    report(f"{session.participant}  {stage.key}, attempt {attempt}: {problem or outcome}")
+    poor = quality_problems(end.quality.measures(), session.study.protocol.quality) if not problem else ()
+    remark = f"data quality of {stage.key}: {', '.join(poor)}" if poor else ""
+    ended = "; ".join(filter(None, (problem or outcome, remark)))
+    report(f"{session.participant}  {stage.key}, attempt {attempt}: {ended}")
     doubt = None if loop.report.is_silent else NotSilent(config.haptics.device)
     if doubt is not None:
         report(f"haptigraph: {doubt}")
         problem = "; ".join(filter(None, (problem, str(doubt))))
-    service.set_trial_status("", problem)
+    service.set_trial_status("", problem, remark=remark)
     if stopped is not None:
         raise doubt or stopped
 

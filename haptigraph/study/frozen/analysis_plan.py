@@ -3,13 +3,14 @@
 It is frozen with the protocol, so it was decided before the data; what it names is confirmatory.
 """
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from typing import Annotated, Literal
 
 from msgspec import Meta, Struct, field
 
 from haptigraph.errors import unknown_name
-from haptigraph.study.data_dictionary import MEASURES
+from haptigraph.study.data_dictionary import TRIAL_MEASURES
+from haptigraph.study.quality import Quality, quality_limits
 from haptigraph.toml_document import Document
 
 __all__ = ["Analysis", "Hypothesis", "check_analysis", "numeric_measures"]
@@ -38,9 +39,11 @@ class Analysis(Struct, frozen=True, forbid_unknown_fields=True):
     alpha: Alpha = 0.05
     """Level of significance."""
     equivalence: dict[str, tuple[float, float]] = {}
-    """By measure: the bounds of a difference, second minus first condition, that is as good as none."""
+    """By measure: the bounds of a difference that is as good as none, later minus earlier condition."""
+    exclude_poor_trials: bool = False
+    """Whether trials beyond a threshold of [quality] are excluded."""
     min_trials: Annotated[int, Meta(ge=0, le=1000)] = 0
-    """Participants with fewer valid trials under a condition are excluded."""
+    """Participants with fewer remaining trials under a condition are excluded."""
 
 
 def numeric_measures(states: Collection[str], scores: Collection[str]) -> list[str]:
@@ -50,30 +53,34 @@ def numeric_measures(states: Collection[str], scores: Collection[str]) -> list[s
         states: Of the protocol's procedures.
         scores: Of the questionnaires after each condition.
     """
-    measured = [each.name for each in MEASURES if each.kind != "text"]
+    measured = [each.name for each in TRIAL_MEASURES if each.kind != "text"]
     return [*measured, *(f"time_{state}_s" for state in states), *scores]
 
 
 def check_analysis(
     document: Document,
     analysis: Analysis,
-    conditions: Collection[str],
+    conditions: Sequence[str],
     measures: Collection[str],
     trials: int,
+    quality: Quality,
 ) -> None:
     """Check an [analysis] table.
 
     Args:
         document: The protocol.
         analysis: Its table.
-        conditions: Names of its conditions.
+        conditions: Names of its conditions, in its order.
         measures: Those that it records.
         trials: Number of trials under each condition.
+        quality: Its thresholds.
 
     Raises:
         BadInput: At the first problem, with its line.
     """
     problems = list(_problems(analysis, measures, trials))
+    if analysis.exclude_poor_trials and not quality_limits(quality):
+        problems.append(("exclude_poor_trials", "[quality] sets no threshold; set one, or remove the key"))
     for number, hypothesis in enumerate(analysis.hypotheses):
         if hypothesis in analysis.hypotheses[:number]:
             problems.append((f"hypothesis[{number}]", "the same hypothesis twice; remove one of them"))
@@ -110,7 +117,7 @@ def _problems(analysis: Analysis, measures: Collection[str], trials: int) -> Ite
 def _hypothesis_problems(
     hypothesis: Hypothesis,
     bounds: Collection[str],
-    conditions: Collection[str],
+    conditions: Sequence[str],
     measures: Collection[str],
 ) -> Iterator[tuple[str, str]]:
     """Yield keys and problems; `bounds` are the measures with equivalence bounds."""
@@ -119,8 +126,14 @@ def _hypothesis_problems(
     for key in ("first", "second"):
         if (name := getattr(hypothesis, key)) not in conditions:
             yield key, unknown_name("condition", name, conditions)
+    order = [name for name in conditions if name in (hypothesis.first, hypothesis.second)]
     if hypothesis.first == hypothesis.second:
         yield "second", f"{hypothesis.first!r} is compared with itself; name two conditions"
+    elif hypothesis.expect == "equivalent" and order != [hypothesis.first, hypothesis.second]:
+        yield (
+            "first",
+            "name the conditions of an equivalence in the order of the protocol, as its bounds have signs",
+        )
     if hypothesis.expect == "equivalent" and hypothesis.measure not in bounds:
         valid = f"add equivalence = {{{hypothesis.measure} = [LOW, HIGH]}} to [analysis]"
         yield "expect", f"{hypothesis.measure} has no equivalence bounds; {valid}"

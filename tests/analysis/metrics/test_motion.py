@@ -45,19 +45,29 @@ def test_without_motion_there_is_no_smoothness():
     assert log_dimensionless_jerk(np.zeros(100), RATE_HZ) is None
 
 
-@settings(max_examples=20)
-@given(st.floats(8.5, 11.5), st.floats(0.01, 2))
-def test_the_power_of_a_tremor_is_half_its_squared_amplitude(frequency_hz, amplitude_mm):
-    position_mm = amplitude_mm * np.sin(2 * np.pi * frequency_hz * TIME_S)
-    drifting = np.column_stack([position_mm + 0.5 * TIME_S, 2 * TIME_S])
-    assert band_power(drifting, RATE_HZ) == pytest.approx(amplitude_mm**2 / 2, rel=0.1)
+@settings(max_examples=60)
+@given(
+    st.floats(24.5, 120) | st.sampled_from([30.0000003, 29.9999997, 25.0]),
+    st.floats(8, 12) | st.sampled_from([8.0, 12.0]),
+    st.floats(0.01, 2),
+    st.floats(0, 7),
+)
+def test_the_power_of_a_tremor_is_half_its_squared_amplitude(rate_hz, frequency_hz, amplitude_mm, phase):
+    time_s = np.arange(0, 6, 1 / rate_hz)
+    position_mm = amplitude_mm * np.sin(2 * np.pi * frequency_hz * time_s + phase)
+    drifting = np.column_stack([position_mm + 0.5 * time_s, 2 * time_s])
+    tolerance = 0.01 if rate_hz >= 26 else 0.1
+    assert band_power(drifting, rate_hz) == pytest.approx(amplitude_mm**2 / 2, rel=tolerance)
 
 
 def test_only_the_band_counts_and_low_rates_have_no_band_power():
     slow = np.column_stack([np.sin(2 * np.pi * 1.0 * TIME_S), TIME_S])
     assert band_power(slow, RATE_HZ) < 1e-6
-    assert band_power(slow, 20.0) is None
-    assert band_power(slow[:10], RATE_HZ) is None
+    for outside_hz in (6.5, 13.5):
+        assert band_power(np.sin(2 * np.pi * outside_hz * TIME_S)[:, None], RATE_HZ) < 1e-6
+    assert band_power(np.sin(2 * np.pi * 12.75 * TIME_S)[:, None], RATE_HZ) == pytest.approx(0.25, rel=0.01)
+    assert band_power(slow, 24.0) is None and band_power(slow, 9.0) is None
+    assert band_power(slow[:59], RATE_HZ) is None is not band_power(slow[:60], RATE_HZ)
 
 
 def test_the_low_pass_has_the_specified_gain():

@@ -1,4 +1,5 @@
 import hashlib
+import json
 import shutil
 from pathlib import Path
 
@@ -9,7 +10,7 @@ from study_tables import simulated_study, write_study
 
 @pytest.fixture
 def study(tmp_path) -> Path:
-    """A small simulated study whose first two participants have recordings of the phantom."""
+    """A small simulated study whose first two participants have recordings of the phantom; one run is slow."""
     tables, folder = simulated_study(participants=8, trials=2), tmp_path / "study"
     trials = tables["trials"]
     trials["recording"], trials["recording_sha256"] = "", ""
@@ -25,4 +26,9 @@ def study(tmp_path) -> Path:
         trials.loc[rows, "recording"] = f"recordings/{name}.mcap"
         digest = hashlib.sha256((GOLDEN / f"{name}.mcap").read_bytes()).hexdigest()
         trials.loc[rows, "recording_sha256"] = digest
-    return write_study(folder, tables)
+    trials["images_per_s"] = 30.0
+    trials.loc[trials.index[trials["phase"] == "trial"][0], "images_per_s"] = 9.0
+    write_study(folder, tables)
+    protocol = {"study.toml": "[quality]\nmin_images_per_s = 20\n"}
+    (folder / "study.json").write_text(json.dumps({"parts": protocol}))
+    return folder

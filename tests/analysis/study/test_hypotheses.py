@@ -15,7 +15,7 @@ from haptigraph.analysis.study.results_table import hypothesis_table, result_tab
 from haptigraph.analysis.study.statistics.comparison import compare
 from haptigraph.analysis.study.tables import read_tables
 from haptigraph.errors import BadInput
-from haptigraph.study.frozen.analysis_plan import Analysis, Hypothesis
+from haptigraph.study.frozen.analysis_plan import Analysis, Hypothesis, numeric_measures
 
 TIME, THETA = QUANTITIES[:2]
 LOW, HIGH = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0], [3.0, 4.5, 6.0, 7.5, 9.0, 10.5, 12.0]
@@ -128,6 +128,12 @@ def test_an_alpha_that_contradicts_the_preregistered_one_is_refused(frozen, resu
     assert analyse(read_tables(frozen), AnalysisPlan(given_alpha=0.04)).plan.alpha == 0.04
 
 
+def test_a_baseline_that_would_turn_the_equivalence_bounds_is_refused(frozen):
+    tables = read_tables(frozen)
+    with pytest.raises(BadInput, match="baseline 'visual_haptic' would turn the signs"):
+        analyse(tables, AnalysisPlan(baseline="visual_haptic"))
+
+
 def test_participants_with_too_few_trials_are_excluded_and_counted(tmp_path):
     made = simulated_study(5, trials=2)
     trials = made["trials"]
@@ -143,6 +149,27 @@ def test_participants_with_too_few_trials_are_excluded_and_counted(tmp_path):
         analyse(read_tables(everyone), AnalysisPlan())
     exclusion_off = freeze(folder, PROTOCOL + ANALYSIS.replace("min_trials = 2", ""))
     assert analyse(read_tables(exclusion_off), AnalysisPlan()).excluded == []
+
+
+def test_trials_beyond_a_threshold_are_excluded_and_counted(tmp_path):
+    made = simulated_study(4, trials=2)
+    made["trials"]["images_per_s"] = [9.1 if row == 1 else 30.0 for row in range(len(made["trials"]))]
+    folder = write_study(tmp_path, made)
+    quality = "\n[quality]\nmin_images_per_s = 20\n"
+    rules = ANALYSIS.replace("min_trials = 2", "min_trials = 1\nexclude_poor_trials = true")
+    results = analyse(read_tables(freeze(folder, PROTOCOL + rules + quality)), AnalysisPlan())
+    assert (results.poor_trials, len(results.runs), results.excluded) == (1, 15, [])
+    text = preregistered(results)
+    assert (
+        "trials beyond a threshold of data quality (1), participants with fewer than 1 valid trials" in text
+    )
+    kept = analyse(read_tables(freeze(folder, PROTOCOL + ANALYSIS + quality)), AnalysisPlan())
+    assert (kept.poor_trials, len(kept.runs)) == (0, 16)
+
+
+def test_every_measure_that_a_protocol_may_name_is_analysed():
+    outcomes = {each.name for each in QUANTITIES}
+    assert set(numeric_measures((), ())) == outcomes - {"sus"}
 
 
 def test_a_further_measure_may_be_primary(tmp_path):

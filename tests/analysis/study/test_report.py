@@ -48,6 +48,9 @@ def test_the_report_is_complete_self_contained_and_reproducible(study, tmp_path)
     svg = (tmp_path / "one" / "figures" / "depth_theta.svg").read_text()
     assert "<dc:date>" not in svg
     check_csv(tmp_path / "one" / "csv")
+    assert "9 images/s (at least 20)" in html and "Data quality by condition" in html
+    assert "Beyond them: 1 of 32 runs, 1 of them analysed." in methods
+    assert {"csv/flagged_trials.csv", "csv/data_quality.csv"} <= names
 
 
 def check_csv(folder):

@@ -66,7 +66,7 @@ def test_free_training_continues_after_a_hit_and_reports_it(steps, procedure):
 
 @pytest.fixture
 def service(tmp_path):
-    (tmp_path / "study.toml").write_text(PROTOCOL)
+    (tmp_path / "study.toml").write_text(f"{PROTOCOL}\n[quality]\nmin_images_per_s = 20\n")
     with closing(Store(tmp_path / "study.db")) as store:
         service = StudyService(tmp_path, study_at(tmp_path, store), "lab 1")
         service.open(service.enrol(None), take_over=False)
@@ -131,6 +131,27 @@ def test_a_source_that_ends_early_voids_the_attempt(service, monkeypatch, quick_
     assert line == "P01  training/0/0/1, attempt 1: the trial was aborted: the source has ended"
     coming = service.session.next()
     assert (coming.stage.key, coming.attempt, coming.running) == (stage.key, 2, False)
+
+
+def test_poor_data_of_a_trial_are_a_remark_for_the_experimenter_alone(service, monkeypatch, quick_uri):
+    monkeypatch.setattr("haptigraph.dashboard.study.trial._play", play_to_its_end)
+    stage = go_to_the_training(service)
+    service.begin("P01", stage.key)
+    (line,) = run_one(service, monkeypatch, base(quick_uri))
+    remark = "data quality of training/0/0/1: 14.85 images/s (at least 20)"
+    assert line == f"P01  training/0/0/1, attempt 1: timeout; {remark}"
+    shown = experimenter_snapshot(service)
+    assert (shown["remark"], shown["problem"]) == (remark, "")
+    seen_by_participant = participant_snapshot(service)
+    assert not seen_by_participant["has_problem"] and "quality" not in str(seen_by_participant)
+    service.set_trial_status("preparing")
+    assert experimenter_snapshot(service)["remark"] == ""
+
+
+def play_to_its_end(loop, end, service):
+    for step in loop.steps():
+        end.add(step)
+    return end.outcome, ""
 
 
 @pytest.fixture

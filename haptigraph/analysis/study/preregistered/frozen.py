@@ -8,6 +8,7 @@ from msgspec import Struct, field
 from haptigraph.errors import BadInput
 from haptigraph.study.frozen.analysis_plan import Analysis
 from haptigraph.study.frozen.parts import frozen_questionnaires
+from haptigraph.study.quality import Quality
 from haptigraph.study.questionnaire import Questionnaire
 
 __all__ = ["FrozenCondition", "FrozenProtocol", "read_frozen"]
@@ -32,6 +33,8 @@ class FrozenProtocol(Struct, frozen=True):
     """By name; none that this version cannot read."""
     analysis: Analysis | None = None
     """What was decided before the data, if anything."""
+    quality: Quality = Quality()
+    """Thresholds of the data's quality."""
 
     @property
     def names(self) -> list[str]:
@@ -52,6 +55,7 @@ class _Export(Struct, frozen=True):
 class _StudyFile(Struct, frozen=True):
     conditions: tuple[FrozenCondition, ...] = field(name="condition", default=())
     analysis: Analysis | None = None
+    quality: Quality = Quality()
 
 
 def read_frozen(path: Path) -> FrozenProtocol:
@@ -72,4 +76,4 @@ def read_frozen(path: Path) -> FrozenProtocol:
     except (msgspec.MsgspecError, ValueError, OSError) as error:
         raise BadInput(f"cannot be read: {error}", path) from None
     questionnaires = {each.name: each for each in frozen_questionnaires(export.parts).values()}
-    return FrozenProtocol(export.title, study.conditions, questionnaires, study.analysis)
+    return FrozenProtocol(export.title, study.conditions, questionnaires, study.analysis, study.quality)

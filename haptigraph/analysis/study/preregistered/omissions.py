@@ -6,8 +6,9 @@ import pandas as pd
 
 from haptigraph.analysis.study.preregistered.frozen import FrozenProtocol
 from haptigraph.analysis.study.quantities import Quantity
+from haptigraph.study.quality import Quality, quality_problems
 
-__all__ = ["NO_HIT", "absent_quantities", "silent_conditions", "too_few_trials"]
+__all__ = ["NO_HIT", "absent_quantities", "poor_runs", "silent_conditions", "too_few_trials"]
 
 NO_HIT = "no run ended with a hit"
 
@@ -45,6 +46,12 @@ def silent_conditions(quantity: Quantity, table: pd.DataFrame, protocol: FrozenP
         return []
     has_touch = {each.name: each.touch is not False for each in protocol.conditions}
     return [name for name in table if not has_touch.get(name, bool((table[name].fillna(0) != 0).any()))]
+
+
+def poor_runs(runs: pd.DataFrame, thresholds: Quality) -> pd.Series:
+    """Return whether each run is beyond a threshold of data quality; one that was not measured is not."""
+    is_poor = [bool(quality_problems(run, thresholds)) for run in runs.to_dict("records")]
+    return pd.Series(is_poor, index=runs.index, dtype=bool)
 
 
 def too_few_trials(

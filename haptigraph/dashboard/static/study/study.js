@@ -43,7 +43,7 @@ async function act(name, body) {
 }
 
 function complain() {
-  const problem = page.isOpen ? refused || page.status?.problem : "The server does not respond. If it has stopped, start haptigraph study run again; it continues where it stopped.";
+  const problem = page.isOpen ? refused || page.status?.problem || page.status?.remark : "The server does not respond. If it has stopped, start haptigraph study run again; it continues where it stopped.";
   showOrHide($("problem"), problem ?? "");
 }
 

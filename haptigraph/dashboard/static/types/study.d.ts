@@ -34,6 +34,6 @@ interface ParticipantRow {
   has_left: boolean, running: boolean, station: string, void: number,
 }
 interface ExperimenterStatus extends StudyStatus {
-  name: string, station: string, max_participants: number, shows_conditions: boolean, problem: string,
+  name: string, station: string, max_participants: number, shows_conditions: boolean, problem: string, remark: string,
   elapsed_s: number | null, current: CurrentSession | null, participants: ParticipantRow[],
 }
