@@ -54,6 +54,10 @@ EMPTY = {
     "tremor_power_mm2": f"{NO_RUN}; never 2 s at 24.5 images/s without a gap of more than 0.1 s",
     "reaction_ms": f"{NO_MOVEMENT}; no cue with a correction 0.1 to 2 s later",
     "approach_speed_mm_s": f"{NO_MOVEMENT}; the tip never approached the retina",
+    "touch_output": f"{NO_RUN}; no haptic feedback, or the output is not known",
+    "delivered_s": f"{NO_RUN}; no output that confirms",
+    "touch": f"{NO_RUN}; no sham",
+    "weakest_amplitude": f"{NO_RUN}; the procedure's own amplitudes",
 }
 """When a measure is empty; the others are with `NO_RUN`."""
 TRIAL_MEASURES = _fields(
@@ -74,16 +78,16 @@ TRIAL_MEASURES = _fields(
         "touch_output",
         "text",
         "",
-        "outputs whose test pulse the participant felt, joined by +; empty: no haptic feedback",
+        "outputs whose test pulse the participant felt, joined by +",
     ),
     (
         "delivered_s",
         "number",
         "s",
         "time for which an output confirmed an amplitude above 0 (serial: the board its pin; gamepad and "
-        f"controller: driver or browser the command) {RUN}; empty: no output that confirms",
+        f"controller: driver or browser the command) {RUN}",
     ),
-    ("touch", "text", "", "sham: the vibration came at random times, whatever the state; empty: it did not"),
+    ("touch", "text", "", "sham: the vibration came at random times, whatever the state"),
     ("weakest_amplitude", "number", "", "amplitude of the weakest pattern, where the calibration set it"),
 )
 QUALITY = _fields(
