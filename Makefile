@@ -9,7 +9,7 @@ SANITIZED := build/sanitized
 WORKERS ?= $(shell $(PYTHON) -c 'import os; print(os.cpu_count() * 3 // 2)')  # tests of pages and faults mostly wait
 SCENES ?= $(basename $(notdir $(wildcard rendering/scenes/*.toml)))
 
-.PHONY: help setup demo live test test-pythons test-slow test-native mutants procedure-mutants fuzz check bench bench-degraded bench-empty ablation bench-live bench-oct bench-silence bench-touch bench-sweep compare-touch rehearse screenshots faults soak golden train render interop lock clean
+.PHONY: help setup demo live test test-pythons test-slow test-native mutants procedure-mutants fuzz check bench bench-degraded bench-empty ablation bench-live bench-oct bench-silence bench-touch bench-sweep interval-coverage compare-r compare-touch rehearse screenshots faults soak golden train render interop lock clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-16s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -125,6 +125,12 @@ bench-touch: setup  ## timing accuracy of the haptic grammar on a board at a ser
 
 bench-sweep: setup  ## 1,000 simulated participants on a local Dask cluster, two workers against one
 	$(BIN)/python benchmarks/sweep.py
+
+interval-coverage: setup  ## coverage of a study report's intervals by simulation; updates docs/study_report.md; some minutes
+	$(BIN)/python benchmarks/interval_coverage.py
+
+compare-r: setup  ## rank tests, estimates and hit rates on random data sets against R; needs Rscript with coin and exactRankTests
+	$(BIN)/python benchmarks/r_comparison.py
 
 compare-touch: setup  ## simulated operators without, with binary and with continuous haptic feedback; updates docs/simulated_comparison.md
 	$(BIN)/python benchmarks/touch_comparison.py

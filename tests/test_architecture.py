@@ -30,6 +30,7 @@ UNITLESS = {
     "difference", "error", "estimate", "observed", "detectable_d", "needed", "score", "from_score",
     "participant_sd", "residual_sd", "width", "height",
     "weakest_amplitude", "sham_duty", "least_confidence", "across", "down", "depth_share", "target_share", "chance", "chroma_share", "light",
+    "bound_low", "bound_high", "p_t", "level", "total", "tail", "center", "half_range", "beta", "odds_ratio",
 }  # fmt: skip
 
 

@@ -32,7 +32,13 @@ LIBRARIES = ("pandas", "scipy", "statsmodels", "patsy")
 @click.command("report", epilog=examples("haptigraph study report my-study -o report"))
 @click.argument("folder")
 @click.option("-o", "--output", required=True, metavar="OUT", help="The folder to write; created if missing.")
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the bootstrap.")
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    help="Of the bootstrap beyond 50 values.",
+)
 @click.option(
     "--alpha",
     type=click.FloatRange(0, 0.5, min_open=True),

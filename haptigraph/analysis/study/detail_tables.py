@@ -12,6 +12,8 @@ from haptigraph.analysis.study.statistics.sus import adjective, grade
 
 __all__ = ["detail_tables", "sus_summary"]
 
+T_COLUMNS = ("t", "df", "p", "difference", "d", "variant")  # without the interval, which covers too little
+
 
 def detail_tables(results: StudyResults) -> dict[str, pd.DataFrame]:
     """Return every table by the name of its file."""
@@ -63,7 +65,7 @@ def _comparisons(results: StudyResults) -> Iterator[dict[str, object]]:
                 "shift_test": each.shift.variant,
                 "shapiro_w": each.normality[0].w,
                 "shapiro_p": min(check.p for check in each.normality),
-                **{f"t_{name}": value for name, value in msgspec.structs.asdict(each.t).items()},
+                **{f"t_{name}": getattr(each.t, name) for name in T_COLUMNS},
                 **{f"power_{name}": value for name, value in msgspec.structs.asdict(each.power).items()},
             }
 

@@ -38,7 +38,7 @@ TESTS = [
     "shift_test",
 ]
 SENSITIVITY = [
-    "measure", "first", "second", "shapiro_p", "t_t", "t_df", "t_p", "t_difference", "t_low", "t_high", "t_d",
+    "measure", "first", "second", "shapiro_p", "t_t", "t_df", "t_p", "t_difference", "t_d",
     "power_observed", "power_detectable_d", "power_needed",
 ]  # fmt: skip
 CONDITION_COLUMNS = ("condition", "first", "second")

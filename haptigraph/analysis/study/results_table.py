@@ -134,7 +134,7 @@ def _hit_table(results: StudyResults) -> list[Table]:
             f"{each.hits.hits_first}/{each.hits.n_first}",
             f"{each.hits.hits_second}/{each.hits.n_second}",
             p_text(each.hits.p),
-            f"{number(each.hits.odds_ratio, 2)} [{_limit(each.hits.low)}, {_limit(each.hits.high)}]",
+            f"{_limit(each.hits.odds_ratio)} [{_limit(each.hits.low)}, {_limit(each.hits.high)}]",
             f"{p_text(each.worst_rank.p)}, r {_interval(each.effect, 2)}",
         ]
         for each in results.timeouts

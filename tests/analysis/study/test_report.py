@@ -7,8 +7,10 @@ import pytest
 from helpers import call, refuse
 from study_tables import simulated_study, write_study
 
+from haptigraph.analysis.study.detail_tables import detail_tables
 from haptigraph.analysis.study.figures.motion import alignment_figure
 from haptigraph.analysis.study.figures.states import transitions
+from haptigraph.analysis.study.methods_estimates import equivalence, runs_without_hit
 from haptigraph.analysis.study.report import write_report
 from haptigraph.analysis.study.results import AnalysisPlan, analyse
 from haptigraph.analysis.study.results_table import latex, result_tables
@@ -41,6 +43,11 @@ def test_the_report_is_complete_self_contained_and_reproducible(study, tmp_path)
         "seed 4",
         "scipy 1",
         "Holm",
+        "inverts the exact test",
+        "median of the Walsh averages",
+        "No bounds of equivalence were preregistered, so equivalence was not tested",
+        "McNemar, exact binomial",
+        "runs without a hit were ranked last (Lachin 1999)",
         "No data were imputed",
         "SHA-256",
     ):
@@ -57,6 +64,11 @@ def check_csv(folder):
     tests = pd.read_csv(folder / "comparisons.csv").set_index("measure")
     variants = pd.read_csv(folder / "rank_test_variants.csv")
     assert (tests["p_holm"] >= tests["p"]).all() and tests["test"].str.contains("Wilcoxon").all()
+    assert not {"t_low", "t_high"} & set(tests)  # covers too little
+    assert (tests["shift_low"].dropna() <= tests["shift"][tests["shift_low"].notna()]).all()
+    hits, worst = (pd.read_csv(folder / f"{name}.csv").iloc[0] for name in ("hit_rate", "worst_rank"))
+    assert hits["n_first"] == hits["n_second"] == worst["pairs"] == 8
+    assert hits["hits_first"] < 8 or hits["hits_second"] < 8
     reported = variants[variants["reported"]].set_index("measure")["p"]
     assert reported[tests.index].to_numpy() == pytest.approx(tests["p"].to_numpy())
     values = pd.read_csv(folder / "participants_by_condition.csv")
@@ -68,6 +80,29 @@ def test_the_papers_table_is_set_in_latex(study):
     tex = latex(result_tables(analyse(read_tables(study), AnalysisPlan()))[:1], "SIMULATED")
     assert tex.count(r"\\") == 4 and r"\toprule" in tex and r"Alignment Angle ($^\circ$)" in tex
     assert r"\textbf{Visual haptic}" in tex and "SIMULATED: " in tex and "±" not in tex
+
+
+def test_equivalence_within_bounds_and_hit_rates_have_tables(study):
+    tables = read_tables(study)
+    plain = result_tables(analyse(tables, AnalysisPlan()))
+    assert not any("Equivalence" in table.caption for table in plain)
+    assert plain[0].head[-2:] == ["Difference [95 % CI]", "r [95 % CI]"]
+    assert (
+        plain[-1].rows[0][1:3] == ["8/8", "7/8"] and "hit the target in all their runs" in plain[-1].caption
+    )
+    results = analyse(tables, AnalysisPlan(bounds={"completion_s": (-60.0, 60.0)}))
+    *_, alike, _ = result_tables(results)
+    assert alike.label == "equivalence" and alike.rows[0][2] == "-60 to 60" and alike.rows[0][-1] == "yes"
+    assert "Completion Time -60 to 60 s" in equivalence(results)
+    assert detail_tables(results)["equivalence"]["equivalent"].tolist() == [True]
+
+
+def test_without_timeouts_nothing_is_said_about_hit_rates(tmp_path):
+    made = simulated_study(6, trials=1)
+    made["trials"] = made["trials"].assign(outcome="hit", completion_s=60.0 + made["trials"].index)
+    results = analyse(read_tables(write_study(tmp_path / "study", made)), AnalysisPlan())
+    assert results.timeouts == [] and "hit_rate" not in detail_tables(results)
+    assert runs_without_hit(results).startswith("Every counted run ended with a hit")
 
 
 def holm(p: list[float]) -> list[float]:
