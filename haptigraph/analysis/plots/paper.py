@@ -18,7 +18,9 @@ from haptigraph.errors import BadInput
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["COLORS", "DASHES", "UNDATED", "WIDTH_IN", "check_new", "letter", "save", "scale_bar", "styled"]
+__all__ = [
+    "COLORS", "DASHES", "STYLE", "UNDATED", "WIDTH_IN", "check_new", "letter", "save", "scale_bar", "styled",
+]  # fmt: skip
 
 WIDTH_IN = 183 / 25.4
 COLORS = {

@@ -8,10 +8,13 @@ from importlib import resources
 import pandas as pd
 from msgspec import Struct
 
+from haptigraph.analysis.study.paper import Beside
 from haptigraph.analysis.study.results_table import Table, number
 
-__all__ = ["Picture", "page"]
+__all__ = ["Picture", "document", "figure_html", "page", "table_html"]
 
+SCREEN_PX_PER_MM = 5.6
+"""Figures are drawn for print; on a screen they are half as large again."""
 STYLE = (resources.files("haptigraph.analysis.study") / "report.css").read_text("utf-8")
 
 
@@ -21,6 +24,18 @@ class Picture(Struct, frozen=True):
     name: str
     svg: bytes
     caption: str
+    width_mm: float
+
+
+def document(title: str, parts: Sequence[str]) -> str:
+    """Return a self-contained page of parts in HTML, empty ones left out."""
+    body = "\n".join(part for part in parts if part)
+    return (
+        f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{escape(title)}</title>\n"
+        f"<style>\n{STYLE}</style>\n</head>\n<body>\n{body}\n</body>\n</html>\n"
+    )
 
 
 def page(
@@ -28,6 +43,7 @@ def page(
     facts: str,
     note: str,
     tables: Sequence[Table],
+    beside: Beside | None,
     pictures: Sequence[Picture],
     paragraphs: Sequence[str],
     details: Mapping[str, tuple[str, pd.DataFrame]],
@@ -40,6 +56,7 @@ def page(
         facts: One line about it.
         note: A prominent note at the top, such as that it was simulated; may be empty.
         tables: The paper's first.
+        beside: The study beside the paper.
         pictures: Of the study.
         paragraphs: Of the methods.
         details: Further tables: title, and data, by name.
@@ -49,9 +66,10 @@ def page(
     parts = [
         f"<h1>{escape(title)}</h1>\n{mark}\n<p class='quiet'>{escape(facts)}</p>",
         "<h2>Results</h2>",
-        *(_table(table) for table in tables),
+        *(table_html(table) for table in tables),
+        *(_beside(beside) if beside else ()),
         "<h2>Figures</h2>" if pictures else "",
-        *(_figure(picture) for picture in pictures),
+        *(figure_html(picture) for picture in pictures),
         "<h2>Methods</h2>",
         *(f"<p>{escape(paragraph)}</p>" for paragraph in paragraphs),
         "<h2>Details</h2>",
@@ -59,16 +77,16 @@ def page(
         f"<details><summary>LaTeX</summary><pre>{escape(tex)}</pre></details>",
         "<p class='quiet'>haptigraph is research software, not a medical device.</p>",
     ]
-    body = "\n".join(part for part in parts if part)
-    return (
-        f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(title)}</title>\n"
-        f"<style>\n{STYLE}</style>\n</head>\n<body>\n{body}\n</body>\n</html>\n"
-    )
+    return document(title, parts)
 
 
-def _table(table: Table) -> str:
+def _beside(beside: Beside) -> list[str]:
+    notes = [f"<p>{escape(note)}</p>" for note in beside.notes]
+    return ["<h2>Beside the paper</h2>", table_html(beside.table), *notes]
+
+
+def table_html(table: Table) -> str:
+    """Return a table."""
     head = "".join(f'<th scope="col">{escape(cell)}</th>' for cell in table.head)
     rows = "\n".join(
         "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in table.rows
@@ -79,11 +97,13 @@ def _table(table: Table) -> str:
     )
 
 
-def _figure(picture: Picture) -> str:
+def figure_html(picture: Picture) -> str:
+    """Return a figure with its caption."""
     data = base64.b64encode(picture.svg).decode()
     caption = escape(picture.caption)
+    width_px = round(SCREEN_PX_PER_MM * picture.width_mm)
     return (
-        f'<figure><img alt="{caption}" src="data:image/svg+xml;base64,{data}">'
+        f'<figure><img alt="{caption}" width="{width_px}" src="data:image/svg+xml;base64,{data}">'
         f"<figcaption>{caption}</figcaption></figure>"
     )
 

@@ -3,17 +3,15 @@
 from pathlib import Path
 
 import pandas as pd
-from matplotlib.figure import Figure
 from msgspec import Struct
 
 from haptigraph.analysis.study.data_quality import flagged_trials, quality_by_condition
 from haptigraph.analysis.study.detail_tables import detail_tables
-from haptigraph.analysis.study.figures.motion import alignment_figure, cone_figure, learning_figure
-from haptigraph.analysis.study.figures.questionnaires import questionnaire_figure
-from haptigraph.analysis.study.figures.states import box_figure, sequence_figure
-from haptigraph.analysis.study.figures.style import rendered, styled
+from haptigraph.analysis.study.figures.drawn import draw_figures, figures_tex
 from haptigraph.analysis.study.methods import SIMULATED, methods, preregistered
 from haptigraph.analysis.study.page import Picture, page
+from haptigraph.analysis.study.paper import beside_paper
+from haptigraph.analysis.study.participants import FOLDER, participant_pages
 from haptigraph.analysis.study.results import AnalysisPlan, StudyResults, analyse
 from haptigraph.analysis.study.results_table import hypothesis_table, latex, markdown, result_tables
 from haptigraph.analysis.study.tables import StudyTables, read_tables
@@ -24,18 +22,6 @@ from haptigraph.version import __version__
 
 __all__ = ["WrittenReport", "write_report"]
 
-COLORS = "Background colours indicate the states."
-CAPTIONS = {
-    "state_times": "Time in each surgical state by condition. Boxes: quartiles; whiskers: 1.5 times the "
-    f"interquartile range; points: participants. {COLORS}",
-    "state_sequence": "Order of surgical states by condition: transitions per run; width shows frequency.",
-    "alignment": "Theta from entry to hit by condition: median and interquartile range of participants.",
-    "depth_theta": "Distance to the retina against theta by condition. Thin: runs; thick: median of the "
-    f"participants over normalised time. {COLORS}",
-    "learning": "Completion time and alignment over the trials, by the order of the conditions.",
-    "questionnaires": "Scores of questionnaires by condition. Boxes: quartiles; whiskers: 1.5 times the "
-    "interquartile range; points: participants.",
-}
 TESTS = [
     "measure",
     "first",
@@ -77,7 +63,7 @@ class WrittenReport(Struct, frozen=True):
     page: Path
     files: list[Path]
     summary: str
-    """The preregistered hypotheses and the paper's table, in Markdown."""
+    """The preregistered hypotheses, the paper's table, and the study beside the paper, in Markdown."""
 
 
 def write_report(
@@ -105,15 +91,19 @@ def write_report(
     simulated = tables.is_simulated or traces.is_simulated
     files = _files(tables, results, traces, simulated=simulated)
     output = Path(output)
-    for name, content in files.items():
-        path = output / name
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(content)
-        except OSError as error:
-            raise BadInput(f"cannot be written ({error.strerror})", path) from None
-    shown = [*hypothesis_table(results), *result_tables(results)[:1]]
-    summary = f"{markdown(shown, SIMULATED if simulated else '')}\n{preregistered(results)}"
+    try:
+        for old in (output / FOLDER).glob("*.html"):
+            if f"{FOLDER}/{old.name}" not in files:
+                old.unlink()  # of someone who has withdrawn since
+        for name, content in files.items():
+            (output / name).parent.mkdir(parents=True, exist_ok=True)
+            (output / name).write_bytes(content)
+    except OSError as error:
+        raise BadInput(f"cannot be written ({error.strerror})", error.filename or output) from None
+    beside = beside_paper(results, simulated=simulated)
+    shown = [*hypothesis_table(results), *result_tables(results)[:1], *([beside.table] if beside else [])]
+    notes = [preregistered(results), *(beside.notes if beside else ())]
+    summary = markdown(shown, SIMULATED if simulated else "", notes)
     return WrittenReport(output / "report.html", [output / name for name in files], summary)
 
 
@@ -123,6 +113,7 @@ def _files(
     """Return the content of every file by its path in the folder."""
     note = SIMULATED if simulated else ""
     summaries = [*hypothesis_table(results), *result_tables(results)]
+    beside = beside_paper(results, simulated=simulated)
     paragraphs = methods(tables, results, traces, simulated=simulated)
     details = detail_tables(results)
     quality = {
@@ -130,42 +121,31 @@ def _files(
         "flagged_trials": flagged_trials(tables, results),
     }
     details |= {name: table for name, table in quality.items() if not table.empty}
-    drawn = _figures(results, traces, "SIMULATED" if simulated else "")
-    pictures = [Picture(name, formats["svg"], CAPTIONS[name]) for name, formats in drawn.items()]
-    tex = latex(summaries, note)
+    drawn = draw_figures(results, traces, "SIMULATED" if simulated else "")
+    pictures = [Picture(each.name, each.formats["svg"], each.caption, each.width_mm) for each in drawn]
+    printed = [*summaries, beside.table] if beside else summaries
+    tex = latex(printed, note)
+    pages = participant_pages(tables, results, traces, details.get("flagged_trials"), note)
     comparisons = details["comparisons"]
     frames = {**details, "tests": comparisons[TESTS], "sensitivity": comparisons[SENSITIVITY]}
     shown = {
         name: (title, _titled(frames[name], results)) for name, title in TITLES.items() if name in frames
     }
     title = tables.protocol.title or tables.study
-    html = page(title, _facts(results), note, summaries, pictures, paragraphs, shown, tex)
+    html = page(title, _facts(results), note, summaries, beside, pictures, paragraphs, shown, tex)
     text = {
         "report.html": html,
         "results.tex": tex,
-        "results.md": markdown(summaries, note),
+        "figures.tex": figures_tex(drawn, note),
+        "results.md": markdown(printed, note, beside.notes if beside else ()),
         "methods.txt": "\n\n".join(paragraphs) + "\n",
         **{f"csv/{name}.csv": _csv(table) for name, table in details.items()},
+        **{f"{FOLDER}/{name}": text for name, text in pages},
     }
     figures = {
-        f"figures/{name}.{ending}": content
-        for name, formats in drawn.items()
-        for ending, content in formats.items()
+        f"figures/{each.name}.{ending}": content for each in drawn for ending, content in each.formats.items()
     }
     return {**{name: content.encode() for name, content in text.items()}, **figures}
-
-
-def _figures(results: StudyResults, traces: Traces, note: str) -> dict[str, dict[str, bytes]]:
-    with styled():
-        drawn: dict[str, Figure | None] = {
-            "state_times": box_figure(results, note),
-            "state_sequence": sequence_figure(results, note),
-            "alignment": alignment_figure(traces, results.titles, note),
-            "depth_theta": cone_figure(traces, results.titles, note),
-            "learning": learning_figure(results, note),
-            "questionnaires": questionnaire_figure(results, note),
-        }
-    return {name: rendered(figure) for name, figure in drawn.items() if figure is not None}
 
 
 def _titled(frame: pd.DataFrame, results: StudyResults) -> pd.DataFrame:

@@ -12,7 +12,9 @@ from haptigraph.analysis.study.quantities import counted, words
 from haptigraph.analysis.study.results import StudyResults
 from haptigraph.analysis.study.statistics.comparison import Comparison, Sample
 
-__all__ = ["Table", "hypothesis_table", "latex", "markdown", "number", "p_text", "result_tables"]
+__all__ = [
+    "NONE", "Table", "escaped", "hypothesis_table", "latex", "markdown", "number", "p_text", "result_tables",
+]  # fmt: skip
 
 NONE = "-"
 
@@ -110,8 +112,8 @@ def _mean(sample: Sample, decimals: int) -> str:
     return f"{number(sample.mean, decimals)} ± {number(sample.sd, decimals)}"
 
 
-def markdown(tables: Sequence[Table], note: str = "") -> str:
-    """Return tables in Markdown."""
+def markdown(tables: Sequence[Table], note: str = "", remarks: Sequence[str] = ()) -> str:
+    """Return tables in Markdown, after a note and before remarks."""
     parts = [f"**{note}**\n"] if note else []
     for table in tables:
         lines = [table.head, ["---", *["---:"] * (len(table.head) - 1)], *table.rows]
@@ -119,7 +121,7 @@ def markdown(tables: Sequence[Table], note: str = "") -> str:
             "| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines
         )
         parts.append(f"{table.caption}\n\n{body}\n")
-    return "\n".join(parts)
+    return "\n".join([*parts, *(f"{remark}\n" for remark in remarks)])
 
 
 def latex(tables: Sequence[Table], note: str = "") -> str:
@@ -132,13 +134,13 @@ def _latex(table: Table, note: str) -> str:
     lines = [
         r"\begin{table}[t]",
         r"\centering",
-        rf"\caption{{{_escaped(caption)}}}",
+        rf"\caption{{{escaped(caption)}}}",
         rf"\label{{tab:{_plain(table.label)}}}",
         rf"\begin{{tabular}}{{l{'c' * (len(table.head) - 1)}}}",
         r"\toprule",
-        " & ".join(rf"\textbf{{{_escaped(cell)}}}" for cell in table.head) + r" \\",
+        " & ".join(rf"\textbf{{{escaped(cell)}}}" for cell in table.head) + r" \\",
         r"\midrule",
-        *(" & ".join(map(_escaped, row)) + r" \\" for row in table.rows),
+        *(" & ".join(map(escaped, row)) + r" \\" for row in table.rows),
         r"\bottomrule",
         r"\end{tabular}",
         r"\end{table}",
@@ -158,5 +160,6 @@ TEX = {
 }  # fmt: skip
 
 
-def _escaped(text: str) -> str:
+def escaped(text: str) -> str:
+    """Return a text for LaTeX."""
     return "".join(TEX.get(letter, letter) for letter in text)

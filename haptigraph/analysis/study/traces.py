@@ -2,8 +2,9 @@
 
 import hashlib
 import warnings
-from collections.abc import Iterator
+from collections.abc import Hashable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -18,22 +19,28 @@ from haptigraph.inference.span import RunSpan
 from haptigraph.recording.reader import RunReader
 from haptigraph.recording.writer import Progress
 
-__all__ = ["GRID", "Trace", "Traces", "Zones", "read_traces"]
+__all__ = ["GRID", "Floats", "Trace", "Traces", "Zones", "read_traces"]
 
 GRID = np.linspace(0.0, 1.0, 201)
-"""Normalised time: 0 at the start of the run, 1 at the hit."""
+"""Normalised time: 0 at the start of the run, 1 at its end."""
 Floats = NDArray[np.float64]
 TRACED = ("theta_deg", "distance_to_retina_mm")
 
 
 class Trace(Struct, frozen=True):
-    """One run that ended in a hit, on `GRID`; interpolated where the needle was not detected."""
+    """One run, on `GRID`; interpolated where the needle was not detected."""
 
+    run: int
+    """Its row in the analysed runs."""
     participant: str
     condition: str
+    is_hit: bool
+    duration_s: float
     theta_deg: Floats
     distance_mm: Floats
     """To the retina, signed."""
+    states: list[tuple[float, str]]
+    """When each state was entered, in seconds from the start."""
 
 
 class Zones(Struct, frozen=True):
@@ -64,12 +71,17 @@ class Traces(Struct, frozen=True):
     is_simulated: bool
     """Whether any source was the phantom with its simulated operator."""
 
+    @property
+    def hits(self) -> list[Trace]:
+        """Runs that ended in a hit, which alone have a common scale of normalised time."""
+        return [run for run in self.runs if run.is_hit]
+
     def of(self, condition: str) -> list[Trace]:
-        """Return the traces of one condition."""
-        return [run for run in self.runs if run.condition == condition]
+        """Return the runs of one condition that ended in a hit."""
+        return [run for run in self.hits if run.condition == condition]
 
     def by_participant(self, condition: str, what: str) -> Floats:
-        """Return the mean trace of each participant, (participants, len(GRID)).
+        """Return the mean trace of each participant's hits, (participants, len(GRID)).
 
         Args:
             condition: The condition.
@@ -84,7 +96,7 @@ class Traces(Struct, frozen=True):
 
 
 def read_traces(runs: pd.DataFrame, folder: Path, progress: Progress | None = None) -> Traces:
-    """Read the recordings of the analysed runs that ended in a hit.
+    """Read the recordings of the analysed runs.
 
     Args:
         runs: The analysed runs.
@@ -96,9 +108,9 @@ def read_traces(runs: pd.DataFrame, folder: Path, progress: Progress | None = No
     """
     report = progress or (lambda what, done, total: None)
     traces, absent, zones, simulated = [], 0, set(), False
-    for done, row in enumerate(_rows(runs)):
+    for done, row in enumerate(runs.reset_index(drop=True).to_dict("records")):
         report("reading recordings", done, len(runs))
-        path = folder / str(row.get("recording") or "")
+        path = folder / name if isinstance(name := row.get("recording"), str) else folder
         if not path.is_file():
             absent += 1
             continue
@@ -107,7 +119,7 @@ def read_traces(runs: pd.DataFrame, folder: Path, progress: Progress | None = No
         simulated |= reader.info.source.startswith("phantom:")
         with warnings.catch_warnings(action="ignore", category=RenamedKey):
             procedure = parse_procedure(reader.info.procedure, f"procedure in {path}")
-        trace = _trace(reader, row, procedure.span)
+        trace = _trace(reader, done, row, procedure.span)
         if trace is not None:
             zones.add(Zones.under(procedure.schema))
             traces.append(trace)
@@ -115,34 +127,41 @@ def read_traces(runs: pd.DataFrame, folder: Path, progress: Progress | None = No
     return Traces(traces, zones.pop() if len(zones) == 1 else Zones(None, None, None), absent, simulated)
 
 
-def _rows(runs: pd.DataFrame) -> Iterator[dict[str, object]]:
-    hits = runs[runs["outcome"] == "hit"]
-    for row in hits.to_dict("records"):
-        yield {name: value for name, value in row.items() if isinstance(value, str)}
-
-
 def _check(path: Path, expected: object) -> None:
     found = hashlib.sha256(path.read_bytes()).hexdigest()
-    if expected and found != expected:
+    if isinstance(expected, str) and found != expected:
         digests = f"SHA-256 {found[:12]}..., in trials {str(expected)[:12]}..."
         raise BadInput(f"is not the recording of this trial ({digests})", path)
 
 
-def _trace(reader: RunReader, row: dict[str, object], span: RunSpan) -> Trace | None:
-    """Return the run from its start to its hit."""
-    measures, rows = RunMeasures(span=span), []
+def _trace(reader: RunReader, run: int, row: dict[Hashable, Any], span: RunSpan) -> Trace | None:
+    """Return the run from its start to its hit, or to the end of the recording."""
+    measures, rows, states = RunMeasures(span=span), [], list[tuple[int, str]]()
     for _, step in reader.records(images=()):
         measures.add(step)
         if measures.started_ns is not None:
             rows.append((step.stamp_ns, *(step.graph.measures.get(name, np.nan) for name in TRACED)))
+            if not states or states[-1][1] != step.conclusion.state:
+                states.append((step.stamp_ns, step.conclusion.state))
         if measures.ended_ns is not None:
             break
-    if measures.ended_ns is None or measures.ended_ns == measures.started_ns:
+    is_hit = row["outcome"] == "hit"
+    if measures.started_ns is None or len(rows) < 2 or is_hit != (measures.ended_ns is not None):
         return None
     stamp_ns, theta_deg, distance_mm = np.array(rows, np.float64).T
     time = (stamp_ns - stamp_ns[0]) / (stamp_ns[-1] - stamp_ns[0])
-    columns = [_on_grid(time, column) for column in (theta_deg, distance_mm)]
-    return Trace(str(row["participant"]), str(row["condition"]), *columns)
+    entered = [((since_ns - measures.started_ns) / 1e9, state) for since_ns, state in states]
+    duration_s = float(stamp_ns[-1] - stamp_ns[0]) / 1e9
+    return Trace(
+        run=run,
+        participant=str(row["participant"]),
+        condition=str(row["condition"]),
+        is_hit=is_hit,
+        duration_s=duration_s,
+        theta_deg=_on_grid(time, theta_deg),
+        distance_mm=_on_grid(time, distance_mm),
+        states=entered,
+    )
 
 
 def _on_grid(time: Floats, values: Floats) -> Floats:

@@ -6,6 +6,7 @@ from study_tables import PROTOCOL, freeze, simulated_study, write_study
 
 from haptigraph.analysis.study.detail_tables import detail_tables
 from haptigraph.analysis.study.figures.questionnaires import questionnaire_figure
+from haptigraph.analysis.study.figures.style import styled
 from haptigraph.analysis.study.methods import methods
 from haptigraph.analysis.study.results import AnalysisPlan, analyse
 from haptigraph.analysis.study.results_table import result_tables
@@ -121,10 +122,12 @@ def test_a_further_questionnaire_is_scored_tested_tabulated_and_described(with_t
     assert "S. G. Hart" in text and "no score (1 of 8)" in text and "SUS was scored after Brooke" in text
 
 
-def test_the_scores_of_further_questionnaires_are_drawn_by_condition(with_tlx):
+def test_the_scores_of_further_questionnaires_are_drawn_by_condition(with_tlx, check_print):
     results = analyse(read_tables(with_tlx), AnalysisPlan())
-    figure = questionnaire_figure(results, "")
-    assert figure is not None and len(figure.axes) == 1
+    with styled():
+        figure = questionnaire_figure(results, "")
+        check_print(figure, "")
+    assert len(figure.axes) == 1
     labels = [label.get_text().replace("\n", " ") for label in figure.axes[0].get_xticklabels()]
     assert labels[:2] == ["NASA-TLX (raw)", "TLX Mental Demand"] and len(labels) == 7
     points = [len(line.get_xdata()) for line in figure.axes[0].lines if line.get_marker() in ("o", "s")]

@@ -1,5 +1,6 @@
 import json
 import re
+from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -16,6 +17,8 @@ from haptigraph.analysis.study.tables import read_tables
 from haptigraph.analysis.study.traces import GRID, read_traces
 from haptigraph.errors import BadInput
 
+PAPERS = ("visual_only", "visual_haptic")
+
 
 def test_the_report_is_complete_self_contained_and_reproducible(study, tmp_path):
     output = call("study", "report", study, "-o", tmp_path / "one", "--seed", "4").output
@@ -24,11 +27,11 @@ def test_the_report_is_complete_self_contained_and_reproducible(study, tmp_path)
     two = {path.relative_to(tmp_path / "two"): path.read_bytes() for path in (tmp_path / "two").rglob("*.*")}
     assert one == two and len(one) == len(written.files)
     names = {str(path) for path in one}
-    for figure in ("state_times", "state_sequence", "alignment", "depth_theta", "learning"):
+    for figure in ("rainclouds", "state_times", "state_sequence", "alignment", "depth_theta", "learning"):
         assert {f"figures/{figure}.{ending}" for ending in ("png", "svg", "pdf")} <= names
     html = written.page.read_text()
     assert not re.search(r'(src|href)="(?!data:)', html) and "<script" not in html
-    assert html.count("data:image/svg+xml") == 5 and "SIMULATED: no people took part" in html
+    assert html.count("data:image/svg+xml") == 6 and "SIMULATED: no people took part" in html
     assert "exploratory: no analysis was preregistered" in html
     assert "| Completion Time (s) |" in output and "SIMULATED" in output
     assert "every test is exploratory" in output
@@ -98,12 +101,10 @@ def test_three_conditions_and_two_groups_are_analysed(tmp_path):
 def test_traces_span_from_entry_to_hit(study):
     tables = read_tables(study)
     traces = read_traces(counted_runs(tables.trials), study)
-    assert (
-        len(traces.runs) == 4
-        and traces.absent == len(counted_runs(tables.trials).query("outcome == 'hit'")) - 4
-    )
+    assert len(traces.hits) == 4 and traces.absent == len(counted_runs(tables.trials)) - 4
     assert traces.zones.aligned_deg == 1.7 and traces.zones.touching_mm == 0.7 and traces.is_simulated
-    for run in traces.runs:
+    for run in traces.hits:
+        assert run.duration_s > 1 and run.states[-1][1] == "target_hit"
         assert run.theta_deg.shape == GRID.shape
         assert run.distance_mm[-1] <= 0.7 < run.distance_mm[0]  # it ends in a hit
     aligned = traces.by_participant("visual_haptic", "theta_deg")[0]
@@ -171,13 +172,37 @@ def test_an_unknown_baseline_is_refused(study, tmp_path):
     assert "did you mean 'visual'?" in sentence
 
 
-def test_the_methods_count_withdrawn_and_erased_participants(tmp_path):
-    made, when = simulated_study(8, trials=1), "2026-11-21T09:00:00+00:00"
+@pytest.fixture(scope="module")
+def renewed(tmp_path_factory) -> Path:
+    """A report on the paper's conditions, over an earlier one of two who have withdrawn since."""
+    made, when = simulated_study(5, trials=1, conditions=PAPERS), "2026-11-21T09:00:00+00:00"
     people = made["participants"].assign(enrolled_utc=when, withdrawn_utc=None)
     people.loc[people["participant"] == "S03", "withdrawn_utc"] = "2026-11-21T10:00:00+00:00"
     people.loc[people["participant"] == "S05", "withdrawn_utc"] = when  # with no other data
     others = {name: made[name][made[name]["participant"] != "S05"] for name in ("trials", "answers")}
-    folder = write_study(tmp_path / "study", {**others, "participants": people})
-    write_report(folder, tmp_path / "out", AnalysisPlan())
-    methods = (tmp_path / "out" / "methods.txt").read_text()
+    folder = tmp_path_factory.mktemp("renewed")
+    (folder / "out" / "participants").mkdir(parents=True)
+    for name in ("S03.html", "S05.html", "notes.txt"):
+        (folder / "out" / "participants" / name).write_text("of an earlier report")
+    write_report(
+        write_study(folder / "study", {**others, "participants": people}), folder / "out", AnalysisPlan()
+    )
+    return folder / "out"
+
+
+def test_the_methods_count_withdrawn_and_erased_participants(renewed):
+    methods = (renewed / "methods.txt").read_text()
     assert "withdrew and are excluded: 2, 1 of them with all their data erased." in methods
+
+
+def test_who_withdrew_has_no_page_and_loses_an_earlier_one(renewed):
+    left = sorted(path.name for path in (renewed / "participants").iterdir())
+    assert left == ["S01.html", "S02.html", "S04.html", "notes.txt"]
+
+
+def test_a_rehearsal_of_the_papers_study_is_set_beside_the_paper_and_said_to_be_no_evidence(renewed):
+    for name in ("report.html", "results.md"):
+        text = (renewed / name).read_text()
+        assert "Simulated participants are no evidence about people" in text
+        assert "87.3 ± 20.4" in text and "“Surgical State Time Distribution”: state_times" in text
+    assert r"\label{tab:beside_paper}" in (renewed / "results.tex").read_text()

@@ -11,12 +11,17 @@ from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 
 from haptigraph.analysis.study.figures.style import (
     INK,
+    ONE_COLUMN_MM,
+    QUIET_INK,
+    SMALL_PT,
+    TWO_COLUMNS_MM,
     condition_legend,
     condition_styles,
     declutter,
     draw_box,
     new_figure,
     paint_of,
+    wrapped,
 )
 from haptigraph.analysis.study.quantities import state_of, words
 from haptigraph.analysis.study.results import StudyResults
@@ -27,7 +32,7 @@ if TYPE_CHECKING:
 
     _Vector = NDArray[np.float64]
 
-__all__ = ["POINT", "box_figure", "sequence_figure", "transitions"]
+__all__ = ["MIN_RATE", "POINT", "box_figure", "sequence_figure", "transitions"]
 
 PLACES = {
     "misaligned_intraocular_navigation": (1.0, 1.0),
@@ -42,9 +47,11 @@ CONTACT = "retinal_contact"
 START = "start"
 BOX = (0.66, 0.38)
 POINT: dict[str, Any] = {
-    "color": INK, "alpha": 0.65, "markersize": 2.6, "linewidth": 0, "clip_on": False, "zorder": 4,
+    "color": INK, "alpha": 0.65, "markersize": 2.2, "markeredgewidth": 0, "linewidth": 0, "clip_on": False,
+    "zorder": 4,
 }  # fmt: skip
-MIN_RATE = 0.05  # transitions per run below which no line is drawn, except for retinal contacts
+MIN_RATE = 0.05
+"""Transitions per run below which no line is drawn, except for retinal contacts."""
 
 
 def box_figure(results: StudyResults, note: str) -> Figure | None:
@@ -54,7 +61,7 @@ def box_figure(results: StudyResults, note: str) -> Figure | None:
     names.sort(key=lambda name: order.index(state_of(name)) if state_of(name) in order else len(order))
     if not names:
         return None
-    figure = new_figure(max(6.0, 1.9 * len(names)), 4.2, "Time in each surgical state", note)
+    figure = new_figure(TWO_COLUMNS_MM, 70, note)
     axes = figure.subplots()
     styles, spread = condition_styles(results.conditions), 0.76 / len(results.conditions)
     for place, name in enumerate(names):
@@ -66,11 +73,11 @@ def box_figure(results: StudyResults, note: str) -> Figure | None:
             draw_box(axes, values, at, 0.82 * spread, style)
             aside = np.linspace(-0.22, 0.22, max(len(values), 2))[: len(values)] * spread
             axes.plot(at + aside, values, style.marker, **POINT)
-    labels = [words(state_of(name)).replace(" ", "\n") for name in names]
-    axes.set(xticks=range(len(names)), xlim=(-0.5, len(names) - 0.5), ylim=(0, None), ylabel="time [s]")
-    axes.set_xticklabels(labels)
+    labels = [wrapped(words(state_of(name)), 160 / len(names)) for name in names]
+    axes.set(xlim=(-0.5, len(names) - 0.5), ylim=(0, None), ylabel="time (s)")
+    axes.set_xticks(range(len(names)), labels)
     declutter(axes)
-    condition_legend(axes, results.titles, loc="upper right")
+    condition_legend(figure, results.titles)
     return figure
 
 
@@ -109,26 +116,21 @@ def sequence_figure(results: StudyResults, note: str) -> Figure | None:
     if table.empty:
         return None
     shown = [condition for condition in results.conditions if (table["condition"] == condition).any()]
-    figure = new_figure(8.8, 2.9 * len(shown) + 0.4, "Order of surgical states: transitions per run", note)
     places = _places(set(table["before"]) | set(table["after"]))
+    rows = 2.0 - min(y for _, y in places.values())
+    figure = new_figure(ONE_COLUMN_MM, 26 * rows * len(shown), note)
     max_rate = float(table["per_run"].max())
     for axes, condition in zip(np.ravel(figure.subplots(len(shown), 1)), shown, strict=True):
         here = table[table["condition"] == condition]
         _draw_sequence(axes, here, places, max_rate)
         title = f"{results.title_of(condition)}  ({here['runs'].iloc[0]} runs)"
         axes.set_title(title, loc="left", fontweight="bold", pad=2)
-    figure.supxlabel(
-        f"solid: in at least half of the runs; dashed: in fewer; below {MIN_RATE:g} per run: not drawn, "
-        "except for retinal contacts",
-        fontsize=8,
-        color="#555555",
-    )
     return figure
 
 
 def _places(states: set[str]) -> dict[str, tuple[float, float]]:
     others = sorted(states - set(PLACES) - {START})
-    below = {state: (1.0 + number, -1.0) for number, state in enumerate(others)}
+    below = {state: (1.0 + number % 3, -1.0 - number // 3) for number, state in enumerate(others)}
     return {START: (0.22, 1.0), **PLACES, **below}
 
 
@@ -138,8 +140,8 @@ def _draw_sequence(
     axes.set(xlim=(0.1, 3.0 + BOX[0] / 2 + 0.05), ylim=(min(y for _, y in places.values()) - 0.25, 1.25))
     axes.axis("off")
     reached = set(table["before"]) | set(table["after"])
-    axes.plot(*places[START], "o", color=INK, markersize=11, zorder=3)
-    axes.text(places[START][0], places[START][1] + 0.14, "entry", ha="center", fontsize=8, color=INK)
+    axes.plot(*places[START], "o", color=INK, markersize=6, zorder=3)
+    axes.text(places[START][0], places[START][1] - 0.12, "entry", ha="center", va="top", fontsize=SMALL_PT)
     for state, place in places.items():
         if state != START:
             _draw_state(axes, state, place, reached=state in reached)
@@ -163,26 +165,26 @@ def _draw_state(axes: "Axes", state: str, place: tuple[float, float], *, reached
         zorder=3,
     )
     axes.add_patch(box)
-    *head, last = words(state).split(" ")
     ink = paint_of(state).ink if reached else "#666666"
     axes.text(
         *place,
-        f"{' '.join(head)}\n{last}" if head else last,
+        words(state).replace(" ", "\n"),
         ha="center",
         va="center",
-        fontsize=8,
+        fontsize=SMALL_PT,
         color=ink,
         zorder=4,
     )
 
 
 def _draw_transition(axes: "Axes", arrow: "_Arrow", rate: float, max_rate: float, *, is_common: bool) -> None:
+    linewidth = 0.5 + 3 * rate / max_rate
     patch = FancyArrowPatch(
         arrow.tail,
         arrow.head,
         arrowstyle="-|>",
-        mutation_scale=9 + 5 * rate / max_rate,
-        linewidth=0.7 + 5.3 * rate / max_rate,
+        mutation_scale=5 + 3 * rate / max_rate,
+        linewidth=linewidth,
         linestyle="-" if is_common else (0, (3, 1.5)),
         color=INK if is_common else "#8a8a8a",
         shrinkA=0,
@@ -190,30 +192,28 @@ def _draw_transition(axes: "Axes", arrow: "_Arrow", rate: float, max_rate: float
         zorder=2,
     )
     axes.add_patch(patch)
-    ink, weight = (INK, "bold") if is_common else ("#555555", "normal")
-    axes.text(
-        *arrow.label,
-        f"{rate:.2f}",
-        fontsize=8,
-        color=ink,
-        fontweight=weight,
-        ha="center",
-        va="center",
-        zorder=5,
-    )
+    ink, weight = (INK, "bold") if is_common else (QUIET_INK, "normal")
+    aside, up = (round(part) for part in arrow.left)
+    away_pt = 2.0 + linewidth / 2
+    axes.annotate(
+        f"{rate:.2f}", arrow.label, (away_pt * arrow.left[0], away_pt * arrow.left[1]),
+        textcoords="offset points",
+        ha=("center", "left", "right")[aside], va=("center", "bottom", "top")[up],
+        fontsize=SMALL_PT, color=ink, fontweight=weight, zorder=5,
+    )  # fmt: skip
 
 
 class _Arrow(NamedTuple):
     tail: tuple[float, float]
     head: tuple[float, float]
     label: tuple[float, float]
+    """The point on the arrow that has the label."""
+    left: tuple[float, float]
+    """The direction to its left, where the label is, outside a pair of arrows."""
 
 
 def _arrow(start: tuple[float, float], end: tuple[float, float]) -> _Arrow:
-    """Return the arrow between the edges of two boxes, shifted to its left to clear the reverse arrow.
-
-    Its label is on its left, outside the pair.
-    """
+    """Return the arrow between the edges of two boxes, shifted to its left to clear the reverse arrow."""
     is_entry = start[0] < 1
     towards = np.subtract(end, start)
     length = float(np.hypot(*towards)) or 1.0
@@ -221,10 +221,8 @@ def _arrow(start: tuple[float, float], end: tuple[float, float]) -> _Arrow:
     aside = left * np.array((0.07, 0.07)) * (not is_entry)
     tail = np.add(start, aside) + (0.05 if is_entry else _to_edge(aside, towards)) * towards
     head = np.add(end, aside) - _to_edge(aside, -towards) * towards
-    label = (
-        tail + (0.66 if towards[0] and towards[1] else 0.45) * (head - tail) + left * np.array((0.10, 0.12))
-    )
-    return _Arrow(*((float(x), float(y)) for x, y in (tail, head, label)))
+    label = tail + (0.66 if towards[0] and towards[1] else 0.45) * (head - tail)
+    return _Arrow(*((float(x), float(y)) for x, y in (tail, head, label, left)))
 
 
 def _to_edge(aside: "_Vector", towards: "_Vector") -> float:

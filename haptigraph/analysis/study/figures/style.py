@@ -1,15 +1,18 @@
-"""Style and export of a report's figures; equal data give equal bytes."""
+"""Style and export of a report's figures, for one or two columns of print; equal data give equal bytes."""
 
 import io
-from collections.abc import Iterable
+import textwrap
+from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from matplotlib import rc_context
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from haptigraph.analysis.plots.paper import STYLE as PAPER_STYLE
 from haptigraph.analysis.plots.paper import UNDATED
 from haptigraph.assemble import load_procedure, procedure_names
 from haptigraph.inference.colors import PAPER_PALETTE, Paint, palette
@@ -20,21 +23,27 @@ if TYPE_CHECKING:
     from haptigraph.analysis.study.traces import Floats
 
 __all__ = [
-    "FORMATS", "INK", "ConditionStyle", "condition_legend", "condition_styles", "declutter", "draw_box",
-    "new_figure",
-    "paint_of", "rendered", "styled",
+    "FORMATS", "INK", "ONE_COLUMN_MM", "QUIET_INK", "SMALL_PT", "TWO_COLUMNS_MM", "ConditionStyle",
+    "condition_legend", "condition_styles", "declutter", "draw_box", "legend_below", "new_figure", "paint_of",
+    "rendered", "styled", "wrapped",
 ]  # fmt: skip
 
 FORMATS = ("png", "svg", "pdf")
-INK = "#222222"
+ONE_COLUMN_MM, TWO_COLUMNS_MM = 85.0, 177.0
+"""The widths of ieeeconf, the narrowest of the usual two-column styles; a figure is printed at its size."""
+SMALL_PT = 6.5
+"""Font size of what is said beside the axes' labels; no text is smaller."""
+LETTER_MM = 1.25
+"""Average width of a letter of `SMALL_PT` in DejaVu Sans, generously."""
+KEY_MM = 12.0
+"""Width of a legend's key with the space around it."""
+INK, QUIET_INK = "#222222", "#555555"
 STYLE: dict[Any, Any] = {
-    "font.size": 9,
-    "axes.titlesize": 10,
-    "axes.edgecolor": "#555555",
-    "axes.linewidth": 0.8,
-    "hatch.linewidth": 0.7,
-    "svg.hashsalt": "haptigraph",  # names of clip paths
-    "pdf.fonttype": 42,
+    **PAPER_STYLE,
+    "axes.edgecolor": QUIET_INK,
+    "hatch.linewidth": 0.5,
+    "legend.fontsize": SMALL_PT,
+    "lines.markersize": 3,
 }
 UNKNOWN_PAINT = Paint("#e4e4e4", "#000000")
 
@@ -77,18 +86,23 @@ def styled() -> AbstractContextManager[None]:
     return rc_context(STYLE)
 
 
-def new_figure(width: float, height: float, title: str, note: str) -> Figure:
-    """Return an empty figure.
+def new_figure(width_mm: float, height_mm: float, note: str) -> Figure:
+    """Return an empty figure without a title, which belongs into the caption.
 
     Args:
-        width: Inches.
-        height: Inches.
-        title: The title.
-        note: Appended to the title, such as that the data are simulated.
+        width_mm: `ONE_COLUMN_MM` or `TWO_COLUMNS_MM`.
+        height_mm: The height.
+        note: A mark in the corner, such as that the data are simulated; may be empty.
     """
-    figure = Figure(figsize=(width, height), layout="constrained")
-    figure.suptitle(f"{title}   [{note}]" if note else title, fontsize=11, color=INK)
+    figure = Figure(figsize=(width_mm / 25.4, height_mm / 25.4), layout="constrained")
+    if note:
+        figure.suptitle(note, x=0.995, ha="right", fontsize=SMALL_PT, fontweight="bold", color=INK)
     return figure
+
+
+def wrapped(text: str, width_mm: float) -> str:
+    """Break a text of `SMALL_PT` into lines of a width, at spaces only."""
+    return textwrap.fill(text, max(1, int(width_mm / LETTER_MM)), break_long_words=False)
 
 
 def draw_box(axes: "Axes", values: "Floats", x: float, width: float, style: ConditionStyle) -> None:
@@ -99,10 +113,15 @@ def draw_box(axes: "Axes", values: "Floats", x: float, width: float, style: Cond
         widths=width,
         patch_artist=True,
         showfliers=False,
-        boxprops={"facecolor": "white", "edgecolor": style.color, "hatch": style.hatch},
-        whiskerprops={"color": style.color},
-        capprops={"color": style.color},
-        medianprops={"color": "black", "linewidth": 2},
+        boxprops={
+            "facecolor": "white",
+            "edgecolor": style.color,
+            "hatch": style.hatch,
+            "linewidth": 0.7,
+        },
+        whiskerprops={"color": style.color, "linewidth": 0.7},
+        capprops={"color": style.color, "linewidth": 0.7},
+        medianprops={"color": "black", "linewidth": 1.4},
         manage_ticks=False,
     )
 
@@ -110,25 +129,40 @@ def draw_box(axes: "Axes", values: "Floats", x: float, width: float, style: Cond
 def declutter(axes: "Axes") -> None:
     """Remove spines and add a light grid."""
     axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(axis="y", color="#e3e3e3", linewidth=0.7)
+    axes.grid(axis="y", color="#e3e3e3", linewidth=0.5)
     axes.set_axisbelow(True)
 
 
-def condition_legend(axes: "Axes", titles: dict[str, str], **where: Any) -> None:
-    """Add a legend of the conditions to a box plot; titles are by name."""
+def condition_legend(figure: Figure, titles: dict[str, str]) -> None:
+    """Add a legend of the conditions below box plots; titles are by name."""
     patches = [
         Patch(facecolor="white", edgecolor=style.color, hatch=style.hatch, label=titles[name])
         for name, style in condition_styles(titles).items()
     ]
-    axes.legend(handles=patches, frameon=False, **where)
+    legend_below(figure, patches)
 
 
-def rendered(figure: Figure) -> dict[str, bytes]:
-    """Return a figure in every format, without dates and random identifiers."""
+def legend_below(
+    figure: Figure,
+    handles: Sequence[Patch | Line2D],
+    where: Literal["outside lower center", "lower center"] = "outside lower center",
+) -> None:
+    """Add a legend below a figure, with as many columns as its width has room for."""
+    longest = max(len(str(handle.get_label())) for handle in handles)
+    fitting = max(1, int(25.4 * figure.get_figwidth() / (LETTER_MM * longest + KEY_MM)))
+    rows = -(-len(handles) // fitting)
+    figure.legend(handles=handles, loc=where, ncols=-(-len(handles) // rows))
+
+
+def rendered(figure: Figure, formats: Sequence[str] = FORMATS) -> dict[str, bytes]:
+    """Return a figure in formats, without dates and random identifiers."""
     drawn = {}
     with styled():
-        for ending in FORMATS:
+        if figure.get_layout_engine() is not None:
+            figure.draw_without_rendering()
+            figure.set_layout_engine("none")  # the layout is settled, for every format
+        for ending in formats:
             buffer = io.BytesIO()
-            figure.savefig(buffer, format=ending, dpi=160, facecolor="white", metadata=UNDATED[ending])
+            figure.savefig(buffer, format=ending, dpi=300, facecolor="white", metadata=UNDATED[ending])
             drawn[ending] = buffer.getvalue()
     return drawn
