@@ -30,7 +30,7 @@ from touch_comparison import renew  # noqa: E402
 
 PAPER = Path(str(resources.files("haptigraph.study"))) / "templates" / "study.toml"
 THREE = DOCS.parent / "examples" / "three_touches" / "study.toml"
-SHOWN = ("state_times", "state_sequence", "depth_theta")
+SHOWN = ("rainclouds", "state_times", "state_sequence", "depth_theta")
 SEED = 1
 REPORTED = {
     "completion_s": ("completion time (s)", 1),
