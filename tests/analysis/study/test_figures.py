@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.figure import Figure
-from printed_figures import check_print
 from scipy import stats
 from study_tables import simulated_study, write_study
 
@@ -46,14 +45,14 @@ def drawn(case) -> dict[str, Figure]:
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_every_figure_can_be_printed_at_the_width_of_a_column(case):
+def test_every_figure_can_be_printed_at_the_width_of_a_column(case, check_print):
     assert set(drawn(case)) == {"rainclouds", "state_times", "state_sequence", "learning"}
     with styled():
         for figure in drawn(case).values():
             check_print(figure, NOTE)
 
 
-def test_figures_of_recordings_can_be_printed_at_the_width_of_a_column(study):
+def test_figures_of_recordings_can_be_printed_at_the_width_of_a_column(study, check_print):
     traces = read_traces(counted_runs(read_tables(study).trials), study)
     titles = {"visual": "Visual feedback only", "visual_haptic": "Visual and haptic feedback"}
     with styled():

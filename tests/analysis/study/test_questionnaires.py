@@ -2,7 +2,6 @@ import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from printed_figures import check_print
 from study_tables import PROTOCOL, freeze, simulated_study, write_study
 
 from haptigraph.analysis.study.detail_tables import detail_tables
@@ -123,7 +122,7 @@ def test_a_further_questionnaire_is_scored_tested_tabulated_and_described(with_t
     assert "S. G. Hart" in text and "no score (1 of 8)" in text and "SUS was scored after Brooke" in text
 
 
-def test_the_scores_of_further_questionnaires_are_drawn_by_condition(with_tlx):
+def test_the_scores_of_further_questionnaires_are_drawn_by_condition(with_tlx, check_print):
     results = analyse(read_tables(with_tlx), AnalysisPlan())
     with styled():
         figure = questionnaire_figure(results, "")
