@@ -19,6 +19,7 @@ from haptigraph.scene.relations import MEASURES
 from haptigraph.sim.scenario import Scenario, load_scenario, scenario_names
 from haptigraph.sim.tissue import TissueShape
 from haptigraph.study.data_dictionary import MEASURES as MEASURES_OF_TRIALS
+from haptigraph.study.frozen.quality import Quality
 from haptigraph.study.protocol import (
     Condition,
     QuestionnaireTable,
@@ -29,7 +30,6 @@ from haptigraph.study.protocol import (
     Training,
     Trials,
 )
-from haptigraph.study.quality import Quality
 from haptigraph.toml_document import Document
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]

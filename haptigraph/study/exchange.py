@@ -41,6 +41,7 @@ TABLES = {
 FROM_1 = ("position", "block")  # stored as 0 where missing
 WriteTable: TypeAlias = Callable[[Path, Sequence[Field], Sequence[Mapping[str, Any]]], None]
 ITEMS = "questionnaire_items"
+UNANSWERED = "not answered"
 STUDY_FILE, DICTIONARY = "study.json", "data_dictionary.csv"
 FORMULA = re.compile(r"'*[=+\-@\t\r]")  # after `'`, a spreadsheet shows it as text
 PLAIN_NUMBER = re.compile(r"[+-]?\d+(\.\d+)?")
@@ -246,7 +247,7 @@ def _demographics(answers: Iterable[Mapping[str, Any]], items: Mapping[tuple[str
         name, item = _column(row, COLUMNS["participants"]), items.get((row["questionnaire"], row["item"]))
         meaning = f"{row['questionnaire']}: {item.text if item else row['item']}"
         unit = item.unit if item else ""
-        fields[name] = Field("participants", name, value_kind(item), unit, meaning, "participant")
+        fields[name] = Field("participants", name, value_kind(item), unit, meaning, "participant", UNANSWERED)
     return list(fields.values())
 
 

@@ -15,7 +15,7 @@ from haptigraph.errors import BadInput, unknown_name
 from haptigraph.study.conditions import Order
 from haptigraph.study.frozen.analysis_plan import Analysis, check_analysis, numeric_measures
 from haptigraph.study.frozen.parts import is_same_part
-from haptigraph.study.quality import Quality
+from haptigraph.study.frozen.quality import Quality
 from haptigraph.study.questionnaire import Questionnaire, load_questionnaire
 from haptigraph.toml_document import Document
 

@@ -117,6 +117,7 @@ def test_demographics_are_columns_of_participants(folder, store):
     assert (people[0]["age_years"], people[0]["gender"], people[0]["simulated"]) == (30.0, "female", 0)
     (age,) = (field for field in fields if field.name == "age_years")
     assert (age.kind, age.unit, age.meaning) == ("number", "years", "demographics: How old are you?")
+    assert age.empty == "not answered"
     assert next(field.kind for field in fields if field.name == "gender") == "text"
 
 

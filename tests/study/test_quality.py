@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from protocols import SMALL
 
 from haptigraph.study.data_dictionary import MEASURES
+from haptigraph.study.frozen.quality import RULES, Quality, is_unrecorded, quality_limits, quality_problems
 from haptigraph.study.protocol import load_protocol
-from haptigraph.study.quality import RULES, Quality, is_unrecorded, quality_limits, quality_problems
 
 GOOD = {"images_per_s": 30.0, "late_images_fraction": 0.0, "unseen_fraction": 0.1, "longest_gap_s": 0.3}
 ALL = Quality(min_images_per_s=20, max_late_fraction=0.05, max_unseen_fraction=0.2, max_gap_s=0.5)

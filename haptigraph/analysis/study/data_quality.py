@@ -5,7 +5,7 @@ import pandas as pd
 from haptigraph.analysis.study.results import StudyResults
 from haptigraph.analysis.study.runs import counted_runs
 from haptigraph.analysis.study.tables import StudyTables
-from haptigraph.study.quality import is_unrecorded, quality_limits, quality_problems
+from haptigraph.study.frozen.quality import is_unrecorded, quality_limits, quality_problems
 
 __all__ = ["flagged_trials", "quality_by_condition", "quality_paragraph"]
 

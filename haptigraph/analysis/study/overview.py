@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 
 from haptigraph.study.frozen.analysis_plan import Analysis
+from haptigraph.study.frozen.quality import quality_limits
 from haptigraph.study.plan import Stage, conditions_of, plan_of
 from haptigraph.study.protocol import Protocol
-from haptigraph.study.quality import quality_limits
 
 if TYPE_CHECKING:
     from haptigraph.study.status import ParticipantStatus

@@ -220,7 +220,9 @@ def _quantities(
 ) -> list[Quantity]:
     """Return all outcomes; preregistered primary measures are in the first family."""
     found = [*QUANTITIES, *state_quantities(runs.columns), *score_quantities(questionnaires)]
-    primary = analysis.primary if analysis else ()
+    primary, hypotheses = (analysis.primary, analysis.hypotheses) if analysis else ((), ())
+    missing = {each.measure for each in hypotheses} - {each.name for each in found}
+    found += [Quantity(name, words(name), "", "secondary") for name in sorted(missing)]  # nobody has a value
     return [replace(each, family="primary") if each.name in primary else each for each in found]
 
 

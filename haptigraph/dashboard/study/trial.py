@@ -13,8 +13,8 @@ from haptigraph.dashboard.study.site import StudySite
 from haptigraph.errors import BadInput, HaptigraphError, NotSilent, StoreFailed
 from haptigraph.messages import Step
 from haptigraph.pipeline import Loop
+from haptigraph.study.frozen.quality import quality_problems
 from haptigraph.study.plan import Stage
-from haptigraph.study.quality import quality_problems
 from haptigraph.study.runner import Outcome, Session
 
 __all__ = ["TrialEnd", "run_trials"]

@@ -10,7 +10,7 @@ from msgspec import Meta, Struct, field
 
 from haptigraph.errors import unknown_name
 from haptigraph.study.data_dictionary import TRIAL_MEASURES
-from haptigraph.study.quality import Quality, quality_limits
+from haptigraph.study.frozen.quality import Quality, quality_limits
 from haptigraph.toml_document import Document
 
 __all__ = ["Analysis", "Hypothesis", "check_analysis", "numeric_measures"]

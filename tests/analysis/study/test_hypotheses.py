@@ -172,6 +172,17 @@ def test_every_measure_that_a_protocol_may_name_is_analysed():
     assert set(numeric_measures((), ())) == outcomes - {"sus"}
 
 
+def test_a_hypothesis_about_a_questionnaire_that_nobody_answered_is_not_tested(tmp_path):
+    analysis = ANALYSIS.replace('measure = "sus"', 'measure = "nasa_tlx"')
+    folder = freeze(write_study(tmp_path, simulated_study(4, trials=2)), PROTOCOL + analysis)
+    results = analyse(read_tables(folder), AnalysisPlan())
+    assert results.hypotheses[1].is_supported is None and results.absent["Nasa tlx"] == "not recorded"
+    assert (
+        "Nasa tlx with “Eyes & hands” differs from that with “Eyes” (no values to compare)"
+        in preregistered(results)
+    )
+
+
 def test_a_further_measure_may_be_primary(tmp_path):
     analysis = ANALYSIS.replace("mean_theta_deg", "path_mm")
     folder = freeze(write_study(tmp_path, simulated_study(4, trials=2)), PROTOCOL + analysis)

@@ -8,7 +8,7 @@ from msgspec import Struct, field
 from haptigraph.errors import BadInput
 from haptigraph.study.frozen.analysis_plan import Analysis
 from haptigraph.study.frozen.parts import frozen_questionnaires
-from haptigraph.study.quality import Quality
+from haptigraph.study.frozen.quality import Quality
 from haptigraph.study.questionnaire import Questionnaire
 
 __all__ = ["FrozenCondition", "FrozenProtocol", "read_frozen"]

@@ -6,7 +6,7 @@ import pandas as pd
 
 from haptigraph.analysis.study.preregistered.frozen import FrozenProtocol
 from haptigraph.analysis.study.quantities import Quantity
-from haptigraph.study.quality import Quality, quality_problems
+from haptigraph.study.frozen.quality import Quality, quality_problems
 
 __all__ = ["NO_HIT", "absent_quantities", "poor_runs", "silent_conditions", "too_few_trials"]
 
