@@ -18,7 +18,7 @@ import pandas as pd
 from haptigraph.analysis.study.measures import measure_study
 from haptigraph.analysis.study.report import write_report
 from haptigraph.commands.terminal import progress_bar
-from haptigraph.study.exchange import export_study
+from haptigraph.study.exchange.exporting import export_study
 from haptigraph.study.protocol import load_protocol
 from haptigraph.study.simulated.player import SimulationSpec
 from haptigraph.study.simulated.simulation import simulate

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 from haptigraph.clock import Clock, MonotonicClock, VirtualClock
 from haptigraph.config import Config
 from haptigraph.errors import BadInput, NeedsRegistration, unknown_name
-from haptigraph.haptics.delivery import DeliveryLog, confirmed, is_felt
-from haptigraph.haptics.observed_device import Listener, ObservedDevice
+from haptigraph.haptics.observed_device import DeliveryLog, Listener, ObservedDevice, confirmed, is_felt
 from haptigraph.imaging import UPRIGHT
 from haptigraph.perception.entities import ENTITIES
 from haptigraph.pipeline import HapticOutput, Loop, Pipeline

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from haptigraph.clock import Clock
 from haptigraph.errors import BadInput, EndOfSource, HaptigraphError, PerceiverBroken, SourceLost
-from haptigraph.haptics.delivery import DeliveryLog
+from haptigraph.haptics.observed_device import DeliveryLog
 from haptigraph.messages import Capture, Fault, Observation, Step, Timing
 from haptigraph.run_report import RunReport
 from haptigraph.stages import Perceiver, Reasoner, Renderer, SceneBuilder, Sink, Source

@@ -168,7 +168,8 @@ def export_measured(
         if opened is None:
             raise missing_store(folder)
         from haptigraph.analysis.study.measures import measure_study
-        from haptigraph.study.exchange import export_study, parquet_writer
+        from haptigraph.study.exchange.exporting import export_study
+        from haptigraph.study.exchange.parquet import parquet_writer
 
         more = {"parquet": parquet_writer()} if parquet else {}
         if Path(output).exists():
@@ -189,7 +190,7 @@ def import_(exported: str, store: str) -> None:
 
     EXPORTED is a folder that `study export` wrote.
     """
-    from haptigraph.study.exchange import import_study, read_export
+    from haptigraph.study.exchange.importing import import_study, read_export
     from haptigraph.study.store import Store
 
     read = read_export(exported)

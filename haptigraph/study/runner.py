@@ -16,13 +16,7 @@ from haptigraph.errors import BadInput
 from haptigraph.study.data_dictionary import check_measures
 from haptigraph.study.plan import attempt_seed
 from haptigraph.study.preparation.strength import haptics_of, strength_of
-from haptigraph.study.progress import (
-    Attempt,
-    Next,
-    read_progress,
-    repeatable,
-    trial_key,
-)
+from haptigraph.study.progress import Attempt, Next, read_progress, repeatable, trial_key
 from haptigraph.study.recordings import fingerprint, prepare_path, recordings_folder
 from haptigraph.study.roster import Study
 from haptigraph.study.station import OpenSession, begin_session, end_session

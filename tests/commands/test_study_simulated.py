@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from helpers import call, refuse
 
-from haptigraph.study import exchange
+from haptigraph.study.exchange.exporting import TABLES
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +62,7 @@ def test_two_simulations_give_the_same_report(study, tmp_path):
 def test_an_export_as_parquet_has_the_same_tables(study, tmp_path):
     pandas = pytest.importorskip("pandas")
     assert call("study", "export", study, "-o", tmp_path / "out", "--parquet").exit_code == 0
-    for name in exchange.TABLES:
+    for name in TABLES:
         table = pandas.read_parquet(tmp_path / "out" / f"{name}.parquet")
         with (tmp_path / "out" / f"{name}.csv").open(newline="") as file:
             rows = list(csv.DictReader(file))

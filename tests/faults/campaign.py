@@ -79,7 +79,7 @@ def export_of(folder: Path) -> None:
     """Write the export of a study with one participant."""
     from contextlib import closing
 
-    from haptigraph.study.exchange import export_study
+    from haptigraph.study.exchange.exporting import export_study
     from haptigraph.study.protocol import load_protocol
     from haptigraph.study.roster import Study
     from haptigraph.study.store import Store

@@ -13,7 +13,7 @@ from haptigraph.config import load_config
 from haptigraph.dashboard.server.hub import Hub
 from haptigraph.errors import DeviceError
 from haptigraph.haptics.console import ConsoleDevice
-from haptigraph.haptics.delivery import ConfirmedDevice, DeliveryLog, confirms
+from haptigraph.haptics.observed_device import ConfirmedDevice, DeliveryLog, confirms
 from haptigraph.messages import Delivered
 from haptigraph.recording.reader import RunReader
 

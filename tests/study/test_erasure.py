@@ -15,7 +15,8 @@ from haptigraph.errors import BadInput, StoreFailed
 from haptigraph.recording.journal import Journal
 from haptigraph.study import store as stores
 from haptigraph.study.erasure import erase, find_data, remaining_files
-from haptigraph.study.exchange import export_study, import_study, read_export
+from haptigraph.study.exchange.exporting import export_study
+from haptigraph.study.exchange.importing import import_study, read_export
 from haptigraph.study.protocol import load_protocol
 from haptigraph.study.roster import Study
 from haptigraph.study.runner import open_session

@@ -15,7 +15,9 @@ from walking import do_next, fill, go_to
 
 from haptigraph.errors import BadInput, MissingExtra
 from haptigraph.study.data_dictionary import COLUMNS, MEASURES
-from haptigraph.study.exchange import export_study, import_study, parquet_writer, read_export, tidy_tables
+from haptigraph.study.exchange.exporting import export_study, tidy_tables
+from haptigraph.study.exchange.importing import import_study, read_export
+from haptigraph.study.exchange.parquet import parquet_writer
 from haptigraph.study.protocol import load_protocol
 from haptigraph.study.roster import Study
 from haptigraph.study.runner import open_session
@@ -268,7 +270,7 @@ def test_every_changed_byte_of_an_export_is_noticed(filled, tmp_path):
     export_study(filled.store, "small", tmp_path / "out")
     rng = np.random.default_rng(5)
     files = sorted((tmp_path / "out").glob("*.*"))
-    assert len(files) == 9
+    assert len(files) == 10
     for file in files:
         whole = file.read_bytes()
         for at in rng.integers(0, len(whole), 20):

@@ -29,7 +29,7 @@ from haptigraph.assemble import parse_procedure
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Point
 from haptigraph.graph import Triplet
-from haptigraph.haptics.delivery import confirms
+from haptigraph.haptics.observed_device import confirms
 from haptigraph.haptics.pattern import amplitude_at, next_change_ns
 from haptigraph.inference.span import RunSpan
 from haptigraph.messages import Delivered, HapticCommand, Step

@@ -9,7 +9,6 @@ from haptigraph.analysis.study.calibration import calibration_paragraph, calibra
 from haptigraph.analysis.study.data_quality import flagged_trials, quality_by_condition
 from haptigraph.analysis.study.detail_tables import detail_tables
 from haptigraph.analysis.study.figures.drawn import draw_figures, figures_tex
-from haptigraph.analysis.study.methods import SIMULATED, methods, preregistered
 from haptigraph.analysis.study.page import Picture, page
 from haptigraph.analysis.study.paper import beside_paper
 from haptigraph.analysis.study.participants import FOLDER, participant_pages
@@ -17,6 +16,7 @@ from haptigraph.analysis.study.results import AnalysisPlan, StudyResults, analys
 from haptigraph.analysis.study.results_table import hypothesis_table, latex, markdown, result_tables
 from haptigraph.analysis.study.tables import StudyTables, read_tables
 from haptigraph.analysis.study.traces import Traces, read_traces
+from haptigraph.analysis.study.writing.methods import SIMULATED, methods, preregistered
 from haptigraph.errors import BadInput
 from haptigraph.recording.writer import Progress
 from haptigraph.version import __version__
@@ -80,6 +80,8 @@ def write_report(
     plan: AnalysisPlan | None = None,
     recordings: str | Path | None = None,
     progress: Progress | None = None,
+    *,
+    has_participants: bool = True,
 ) -> WrittenReport:
     """Analyse the tables of a study and write the report.
 
@@ -89,6 +91,7 @@ def write_report(
         plan: The options of the analysis.
         recordings: The folder to which paths of recordings are relative; None: the folder of the tables.
         progress: Called with the progress.
+        has_participants: Whether to write a page per participant as well.
 
     Raises:
         BadInput: If the tables or a recording are invalid; then nothing is written.
@@ -97,7 +100,7 @@ def write_report(
     results = analyse(tables, plan or AnalysisPlan())
     traces = read_traces(results.runs, Path(recordings or folder), progress)
     simulated = tables.is_simulated or traces.is_simulated
-    files = _files(tables, results, traces, simulated=simulated)
+    files = _files(tables, results, traces, simulated=simulated, has_participants=has_participants)
     output = Path(output)
     try:
         for old in (output / FOLDER).glob("*.html"):
@@ -116,7 +119,7 @@ def write_report(
 
 
 def _files(
-    tables: StudyTables, results: StudyResults, traces: Traces, *, simulated: bool
+    tables: StudyTables, results: StudyResults, traces: Traces, *, simulated: bool, has_participants: bool
 ) -> dict[str, bytes]:
     """Return the content of every file by its path in the folder."""
     note = SIMULATED if simulated else ""
@@ -137,7 +140,8 @@ def _files(
     pictures = [Picture(each.name, each.formats["svg"], each.caption, each.width_mm) for each in drawn]
     printed = [*summaries, beside.table] if beside else summaries
     tex = latex(printed, note)
-    pages = participant_pages(tables, results, traces, details.get("flagged_trials"), note)
+    flagged = details.get("flagged_trials")
+    pages = participant_pages(tables, results, traces, flagged, note) if has_participants else ()
     comparisons = details["comparisons"]
     frames = {**details, "tests": comparisons[TESTS], "sensitivity": comparisons[SENSITIVITY]}
     shown = {

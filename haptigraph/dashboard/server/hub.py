@@ -14,7 +14,7 @@ from haptigraph.clock import Clock
 from haptigraph.dashboard.server.blinding import blind_health, blind_hello, blind_image
 from haptigraph.dashboard.server.protocol import ImageHeader, image_header, pack, text_message
 from haptigraph.dashboard.server.viewer import Viewer
-from haptigraph.haptics.delivery import DeliveryLog
+from haptigraph.haptics.observed_device import DeliveryLog
 from haptigraph.messages import Capture, Delivered, Fault, Step
 from haptigraph.perception.eye_view import IoctView
 from haptigraph.recording.codec import encode_jpeg

@@ -15,8 +15,7 @@ from haptigraph.config import HapticsConfig
 from haptigraph.dashboard.server.viewer import Viewer
 from haptigraph.dashboard.study.stimulus import Stimulus, play_stimulus
 from haptigraph.errors import BadInput
-from haptigraph.haptics.delivery import is_felt
-from haptigraph.haptics.observed_device import Listener
+from haptigraph.haptics.observed_device import Listener, is_felt
 from haptigraph.messages import Pattern
 from haptigraph.study.plan import Stage
 from haptigraph.study.progress import of_participant

@@ -17,6 +17,8 @@ __all__ = ["Analysis", "Hypothesis", "check_analysis", "numeric_measures"]
 
 Alpha = Annotated[float, Meta(gt=0, le=0.5)]
 
+NO_OUTCOMES = ("delivered_s", "weakest_amplitude")  # they describe the equipment
+
 
 class Hypothesis(Struct, frozen=True, forbid_unknown_fields=True):
     """One [[analysis.hypothesis]]: how a measure differs between two conditions."""
@@ -53,7 +55,7 @@ def numeric_measures(states: Collection[str], scores: Collection[str]) -> list[s
         states: Of the protocol's procedures.
         scores: Of the questionnaires after each condition.
     """
-    measured = [each.name for each in TRIAL_MEASURES if each.kind != "text"]
+    measured = [each.name for each in TRIAL_MEASURES if each.kind != "text" and each.name not in NO_OUTCOMES]
     return [*measured, *(f"time_{state}_s" for state in states), *scores]
 
 

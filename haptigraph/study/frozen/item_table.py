@@ -44,6 +44,7 @@ def _row(questionnaire: Questionnaire, item: Item) -> dict[str, Any]:
     return {
         "questionnaire": questionnaire.name,
         "title": questionnaire.title,
+        "source": questionnaire.source or None,
         "item": item.key,
         "wording": item.text,
         "kind": item.kind,

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from haptigraph.study.data_dictionary import MEASURES
-from haptigraph.study.exchange import About
+from haptigraph.study.exchange.exporting import About
 from haptigraph.study.protocol import FILE, Protocol
 
 __all__ = ["preregistration"]

@@ -13,17 +13,18 @@ from msgspec import Struct
 
 from haptigraph.errors import BadInput, unknown_name
 from haptigraph.study.data_dictionary import COLUMNS, Field
-from haptigraph.study.exchange import Tables, column_of
+from haptigraph.study.exchange.exporting import ITEMS, Tables, column_of
 from haptigraph.study.questionnaire import Questionnaire, Shared
-from haptigraph.study.sharing.rekeying import ORIGIN, shifted
+from haptigraph.study.sharing.rekeying import ORIGIN, shifted, without_contacts
 
 __all__ = ["HANDLED", "PUBLISHED", "Redacted", "redacted", "unique_people"]
 
 PUBLISHED = {
     *("study", "condition", "phase", "target", "outcome", "state_order", "procedure_sha256", "software"),
-    *("questionnaire", "item", "order", "stage", "kind"),
+    *("questionnaire", "item", "order", "stage", "kind", "attempt_reason", "touch", "task", "pattern"),
+    *("response", "device", "page_output", "touch_output"),
 }
-"""Columns of text that name nobody: they contain names from the protocol, and the program's own words."""
+"""Columns of text that name nobody: names from the protocol, of hardware, and the program's own words."""
 HANDLED = {"participant", "answer", "void", "recording", "recording_sha256"}
 """Columns of text that are published in part or in another form."""
 IDENTIFYING = {"slot", "seed"}
@@ -114,7 +115,8 @@ class _Redaction:
         }
 
     def result(self) -> Redacted:
-        answers_first = sorted(self._tables, key=lambda name: name != "answers")  # participants repeat them
+        of_people = [name for name in self._tables if name != ITEMS]
+        answers_first = sorted(of_people, key=lambda name: name != "answers")  # participants repeat them
         published = {table: self._table(table) for table in answers_first}
         recorded = [
             row
@@ -126,6 +128,9 @@ class _Redaction:
         self._left_out["recordings"] = len(recorded) - len(shared)
         self._left_out["participants who withdrew, or did not consent, with all their rows"] = absent
         left_out = {what: count for what, count in self._left_out.items() if count}
+        if ITEMS in self._tables:
+            fields, items = self._tables[ITEMS]
+            published[ITEMS] = fields, [_without_contacts(row) for row in items]
         ordered = {name: published[name] for name in self._tables}
         return Redacted(ordered, shared, sorted(self._present), left_out)
 
@@ -179,6 +184,12 @@ class _Redaction:
         if table == "events":
             self._left_out["notes of the experimenter"] += 1
         return published
+
+
+def _without_contacts(row: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        name: without_contacts(value)[0] if isinstance(value, str) else value for name, value in row.items()
+    }
 
 
 def _is_column(table: str, field: Field, rows: Iterable[Mapping[str, Any]]) -> bool:

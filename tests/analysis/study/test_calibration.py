@@ -63,7 +63,7 @@ def test_thresholds_and_names_of_patterns_have_their_intervals(folder):
 
 
 def test_the_report_has_the_calibration_only_if_there_was_one(folder, tmp_path, monkeypatch):
-    monkeypatch.setattr("haptigraph.analysis.study.report._figures", lambda *_: {})  # which take seconds
+    monkeypatch.setattr("haptigraph.analysis.study.report.draw_figures", lambda *_: [])  # which take seconds
     written = write_report(folder, tmp_path / "report")
     html = written.page.read_text()
     assert "Detection thresholds of vibration amplitude" in html and "ZEST placement" in html

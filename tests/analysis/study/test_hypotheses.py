@@ -7,13 +7,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from study_tables import ANALYSIS, PROTOCOL, freeze, simulated_study, write_study
 
-from haptigraph.analysis.study.methods import preregistered
+from haptigraph.analysis.study.detail_tables import detail_tables
 from haptigraph.analysis.study.preregistered.hypotheses import decide, holm_corrected
 from haptigraph.analysis.study.quantities import QUANTITIES
 from haptigraph.analysis.study.results import AnalysisPlan, analyse
 from haptigraph.analysis.study.results_table import hypothesis_table, result_tables
 from haptigraph.analysis.study.statistics.comparison import compare
 from haptigraph.analysis.study.tables import read_tables
+from haptigraph.analysis.study.writing.estimates import equivalence
+from haptigraph.analysis.study.writing.methods import preregistered
 from haptigraph.errors import BadInput
 from haptigraph.study.frozen.analysis_plan import Analysis, Hypothesis, numeric_measures
 
@@ -55,6 +57,13 @@ def test_a_hypothesis_is_supported_only_in_its_direction(expect, supported):
 def test_the_direction_follows_the_hypothesis_and_not_the_order_of_the_comparison():
     assert decision("smaller", "b", "a", theta_of(LOW, HIGH)).is_supported is True
     assert decision("greater", "b", "a", theta_of(LOW, HIGH)).is_supported is False
+
+
+def test_a_preregistered_equivalence_is_tested_within_its_bounds(results):
+    (alike,) = [table for table in result_tables(results) if table.label == "equivalence"]
+    assert alike.rows[0][2] == "-10 to 10" and alike.rows[0][-1] == "yes"
+    assert "Completion Time -10 to 10 s" in equivalence(results)
+    assert detail_tables(results)["equivalence"]["equivalent"].tolist() == [True]
 
 
 def test_an_effect_that_is_not_significant_supports_nothing():
@@ -104,7 +113,8 @@ def test_without_an_analysis_everything_is_exploratory(tmp_path):
 
 def test_a_confirmatory_p_is_corrected_among_the_hypotheses_and_the_rest_among_themselves(results):
     theta, sus, time = results.hypotheses
-    assert (theta.holm_p, sus.holm_p) == (theta.p, pytest.approx(2 * sus.p))  # with the untested equivalence
+    assert (theta.holm_p, sus.holm_p, time.holm_p) == (theta.p, sus.p, pytest.approx(2 * time.p))
+    assert time.is_supported and time.test.startswith("TOST")
     primary = next(family for family in results.families if family.name == "primary")
     corrected = {each.quantity.name: p for each, p in zip(primary.comparisons, primary.holm, strict=True)}
     explored = next(each for each in primary.comparisons if each.quantity.name == "completion_s")

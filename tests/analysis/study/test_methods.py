@@ -2,10 +2,10 @@ import pandas as pd
 import pytest
 from study_tables import freeze, simulated_study, write_study
 
-from haptigraph.analysis.study.methods import methods
 from haptigraph.analysis.study.results import AnalysisPlan, analyse
 from haptigraph.analysis.study.tables import read_tables
 from haptigraph.analysis.study.traces import read_traces
+from haptigraph.analysis.study.writing.methods import methods
 
 
 def methods_of(folder, **changes) -> str:

@@ -1,6 +1,6 @@
 import pytest
 
-from haptigraph.study.exchange import About
+from haptigraph.study.exchange.exporting import About
 from haptigraph.study.protocol import load_protocol
 from haptigraph.study.sharing.preregistration import preregistration
 from haptigraph.study.sharing.protocol_files import publishable_parts, write_parts

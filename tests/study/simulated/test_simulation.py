@@ -18,7 +18,7 @@ from haptigraph.analysis.metrics.trial import measure_recording
 from haptigraph.errors import BadInput, HaptigraphError
 from haptigraph.recording.journal import not_being_written
 from haptigraph.recording.reader import RunReader
-from haptigraph.study.exchange import export_study
+from haptigraph.study.exchange.exporting import export_study
 from haptigraph.study.preparation.calibration import Response, threshold_of
 from haptigraph.study.protocol import load_protocol
 from haptigraph.study.roster import Study

@@ -14,11 +14,11 @@ from haptigraph.analysis.study.report import write_report
 from haptigraph.errors import BadInput
 from haptigraph.recording.writer import Progress
 from haptigraph.study.checksums import CHECKSUMS, new_folder, sha256_of, write_checksums
-from haptigraph.study.exchange import About, about_study, tidy_tables, write_tables
+from haptigraph.study.exchange.exporting import About, about_study, tidy_tables, write_tables
 from haptigraph.study.recordings import recording_problem
 from haptigraph.study.roster import Study
 from haptigraph.study.sharing.preregistration import preregistration
-from haptigraph.study.sharing.protocol_files import publishable_parts, write_items, write_parts
+from haptigraph.study.sharing.protocol_files import publishable_parts, write_parts
 from haptigraph.study.sharing.recordings import copy_recording
 from haptigraph.study.sharing.redaction import Redacted, redacted, unique_people
 from haptigraph.study.sharing.registry import Bundle, register
@@ -117,7 +117,13 @@ def _key(row: dict[str, object]) -> tuple[object, ...]:
 
 def _write_report(study: Study, folder: Path, progress: Progress | None) -> None:
     try:
-        write_report(folder / "tables", folder / "report", recordings=folder, progress=progress)
+        write_report(
+            folder / "tables",
+            folder / "report",
+            recordings=folder,
+            progress=progress,
+            has_participants=False,
+        )
     except BadInput as error:
         problem = f"cannot be reported, and so not bundled: {error.problem}"
         raise BadInput(problem, f"study {study.name}") from None
@@ -125,7 +131,6 @@ def _write_report(study: Study, folder: Path, progress: Progress | None) -> None
 
 def _write_texts(study: Study, folder: Path, about: About, contents: Contents) -> None:
     """Write what describes the bundle, and what reproduces its report."""
-    write_items(folder / "questionnaire_items.csv", study.protocol)
     shutil.copyfile(reproduce.__file__, folder / "reproduce.py")
     texts = {
         "preregistration.md": without_contacts(preregistration(study.protocol, about))[0],

@@ -5,7 +5,7 @@ from importlib import resources
 
 from msgspec import Struct
 
-from haptigraph.study.exchange import About
+from haptigraph.study.exchange.exporting import About
 from haptigraph.study.sharing.rekeying import ORIGIN
 from haptigraph.version import __version__
 

@@ -147,7 +147,7 @@ def test_tables_are_compared_number_by_number(tmp_path, published, new, verdict)
 
 
 def test_the_bundle_describes_itself(bundle):
-    items = rows(bundle / "questionnaire_items.csv")
+    items = rows(bundle / "tables" / "questionnaire_items.csv")
     assert {(row["questionnaire"], row["when"]) for row in items} == {
         *(("demographics", "start"), ("free", "start"), ("sus", "condition"), ("sharing", "end")),
     }

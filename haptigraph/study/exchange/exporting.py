@@ -1,4 +1,4 @@
-"""Export a study from a store as tidy CSV or Parquet with its data dictionary; import it without loss.
+"""Export a study from a store as tidy CSV with its data dictionary.
 
 The data dictionary defines the columns of every table and their types. `SHA256SUMS` lists the checksum of
 every file, as `sha256sum --check` reads it. Text that a spreadsheet would run as a formula is escaped.
@@ -13,16 +13,15 @@ from typing import Any, TypeAlias
 
 import msgspec
 from msgspec import Struct
-from sqlalchemy import Table, select
+from sqlalchemy import select
 
-from haptigraph.errors import BadInput, MissingExtra
-from haptigraph.study.checksums import new_folder, verify_checksums, write_checksums
-from haptigraph.study.data_dictionary import COLUMNS, MEASURES, Field, check_measures, fields_of, time_field
+from haptigraph.errors import BadInput
+from haptigraph.study.checksums import new_folder, write_checksums
+from haptigraph.study.data_dictionary import COLUMNS, Field, fields_of
 from haptigraph.study.frozen.item_table import item_rows, typed_answer, value_kind
 from haptigraph.study.frozen.parts import frozen_questionnaires
 from haptigraph.study.questionnaire import Item
-from haptigraph.study.roster import canonical, check_pseudonym
-from haptigraph.study.store import Row, Store, to_json
+from haptigraph.study.store import Row, Store
 from haptigraph.study.tables import (
     ANSWERS,
     CALIBRATION,
@@ -35,8 +34,8 @@ from haptigraph.study.tables import (
 )
 
 __all__ = [
-    "About", "Export", "Tables", "about_study", "column_of", "export_study", "import_study", "parquet_writer",
-    "read_export", "tidy_tables", "write_tables",
+    "FORMULA", "FROM_1", "ITEMS", "STUDY_FILE", "TABLES", "About", "Tables", "WriteTable", "about_study",
+    "column_of", "export_study", "tidy_tables", "write_tables",
 ]  # fmt: skip
 
 TABLES = {
@@ -49,10 +48,6 @@ TABLES = {
     "events": EVENTS,
 }
 """In an order that respects foreign keys."""
-ABSENT = {"attempt_reason", *(field.name for field in MEASURES)}
-"""Columns that an export of an earlier version may lack."""
-LATER = ("calibration",)
-"""Tables that exports of earlier versions lack."""
 FROM_1 = ("position", "block")  # stored as 0 where missing
 WriteTable: TypeAlias = Callable[[Path, Sequence[Field], Sequence[Mapping[str, Any]]], None]
 Tables: TypeAlias = dict[str, tuple[list[Field], list[dict[str, Any]]]]
@@ -74,14 +69,6 @@ class About(Struct, frozen=True, forbid_unknown_fields=True):
     parts: dict[str, str]
     software: str
     frozen_utc: str
-
-
-class Export(Struct, frozen=True):
-    """An export that was read."""
-
-    about: About
-    rows: dict[str, list[dict[str, Any]]]
-    """In the stored form, by table."""
 
 
 def tidy_tables(store: Store, study: str) -> Tables:
@@ -148,85 +135,6 @@ def write_tables(
     (folder / STUDY_FILE).write_bytes(json + b"\n")
 
 
-def parquet_writer() -> WriteTable:
-    """Return a writer of Parquet tables; their column metadata holds unit and meaning.
-
-    Raises:
-        MissingExtra: If pyarrow is not installed.
-    """
-    try:
-        import pyarrow as pa  # noqa: PLC0415
-        from pyarrow import parquet  # noqa: PLC0415
-    except ModuleNotFoundError:
-        raise MissingExtra("an export as Parquet", "parquet") from None
-    types = {"text": pa.string(), "integer": pa.int64(), "number": pa.float64()}
-
-    def write(path: Path, fields: Sequence[Field], rows: Sequence[Mapping[str, Any]]) -> None:
-        columns = [
-            pa.field(field.name, types[field.kind], metadata={"unit": field.unit, "meaning": field.meaning})
-            for field in fields
-        ]
-        table = [{field.name: row.get(field.name) for field in fields} for row in rows]
-        parquet.write_table(pa.Table.from_pylist(table, pa.schema(columns)), path)
-
-    return write
-
-
-def read_export(folder: str | Path) -> Export:
-    """Read an export; one without checksums is not verified.
-
-    Raises:
-        BadInput: If a file cannot be read, differs from its checksum, or its content is invalid.
-    """
-    folder = Path(folder)
-    verify_checksums(folder)
-    try:
-        about = msgspec.json.decode((folder / STUDY_FILE).read_bytes(), type=About)
-    except OSError as error:
-        raise BadInput(f"is not an export of a study ({error.strerror}: {STUDY_FILE})", folder) from None
-    except (msgspec.MsgspecError, UnicodeDecodeError) as error:
-        raise BadInput(f"is damaged ({error})", folder / STUDY_FILE) from None
-    rows: dict[str, list[dict[str, Any]]] = {}
-    for name in TABLES:
-        if name in LATER and not (folder / f"{name}.csv").exists():
-            rows[name] = []
-            continue
-        rows[name] = [_stored(name, row) for row in _read(folder / f"{name}.csv", name, about.study)]
-    _check_participants(folder / "participants.csv", rows["participants"])
-    return Export(about, rows)
-
-
-def import_study(store: Store, export: Export) -> None:
-    """Insert an export into a store that does not contain the study, in one transaction.
-
-    Raises:
-        BadInput: If the store contains the study, or rows contradict each other.
-    """
-    about = export.about
-    with store.begin() as connection:
-        existing = select(STUDIES.c.study).where(STUDIES.c.study == about.study)
-        if connection.execute(existing).first() is not None:
-            raise BadInput(f"already contains study {about.study}; nothing was imported", store.name)
-        row = {**msgspec.structs.asdict(about), "parts": to_json(about.parts)}
-        connection.execute(STUDIES.insert().values(row))
-        for name, table in TABLES.items():
-            if export.rows[name]:
-                connection.execute(table.insert(), export.rows[name])
-
-
-def _check_participants(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    lines: dict[object, int] = {}
-    for line, row in enumerate(rows, 2):
-        name = row["participant"] or ""
-        try:
-            check_pseudonym(name)
-        except BadInput as error:
-            raise BadInput(error.problem, path, f"line {line}") from None
-        first = lines.setdefault(canonical(name), line)
-        if first != line:
-            raise BadInput(f"participant {name} is already in line {first}", path, f"line {line}")
-
-
 def about_study(store: Store, study: str) -> About:
     """Return the frozen study.
 
@@ -254,19 +162,6 @@ def _add_attempt_reasons(rows: Sequence[dict[str, Any]]) -> None:
     for before, row in pairwise(({"outcome": None}, *rows)):
         after = "aborted" if before["outcome"] == "aborted" else "repeated"
         row["attempt_reason"] = "first" if row["attempt"] == 1 else after
-
-
-def _stored(table: str, row: dict[str, Any]) -> dict[str, Any]:
-    """Convert an exported row back into a stored one."""
-    stored = {name: 0 if name in FROM_1 and value is None else value for name, value in row.items()}
-    if table == "trials":
-        names = [name for name in stored if time_field(name) or name in {field.name for field in MEASURES}]
-        measures = check_measures({name: stored.pop(name) for name in names})
-        stored["measures"] = to_json(measures) if measures else None
-    if table == "participants":
-        stored["conditions"] = stored.pop("order")
-    columns: Table = TABLES[table]
-    return {name: value for name, value in stored.items() if name in columns.c}
 
 
 def _demographics(answers: Iterable[Mapping[str, Any]], items: Mapping[tuple[str, str], Item]) -> list[Field]:
@@ -305,43 +200,3 @@ def _escaped(value: Any) -> Any:
     """Return a value of a table so that no spreadsheet runs it as a formula; None becomes empty."""
     is_formula = isinstance(value, str) and FORMULA.match(value) and not PLAIN_NUMBER.fullmatch(value)
     return f"'{value}" if is_formula else value
-
-
-def _text(value: str) -> str:
-    """Return the text that was escaped."""
-    return value[1:] if value.startswith("'") and FORMULA.match(value) else value
-
-
-def _read(path: Path, table: str, study: str) -> Iterable[dict[str, Any]]:
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.DictReader(file, strict=True)
-            fields = {field.name: field for field in fields_of(table, reader.fieldnames or ())}
-            fields = {name: field for name, field in fields.items() if name in (reader.fieldnames or ())}
-            missing = {field.name for field in COLUMNS[table]} - ABSENT - fields.keys()
-            if missing:
-                raise BadInput(f"column {min(missing)!r} is missing", path)
-            for row in reader:
-                place = f"line {reader.line_num}"
-                if None in row or None in row.values():
-                    raise BadInput("has a different number of values than columns", path, place)
-                if row["study"] != study:
-                    raise BadInput(f"belongs to study {row['study']!r}, not {study!r}", path, place)
-                yield {name: _value(fields[name], row[name], path, place) for name in fields}
-    except OSError as error:
-        raise BadInput(f"cannot be read ({error.strerror})", path) from None
-    except (csv.Error, UnicodeDecodeError) as error:
-        raise BadInput(f"is not CSV in UTF-8 ({error})", path) from None
-
-
-_FROM_TEXT: dict[str, Callable[[str], Any]] = {"text": _text, "integer": int, "number": float}
-
-
-def _value(field: Field, text: str, path: Path, place: str) -> Any:
-    if text == "":
-        return None
-    try:
-        return _FROM_TEXT[field.kind](text)
-    except ValueError:
-        kind = {"integer": "a whole number", "number": "a number"}[field.kind]
-        raise BadInput(f"{field.name}: expected {kind}, found {text[:40]!r}", path, place) from None

@@ -7,12 +7,12 @@ from study_tables import PROTOCOL, freeze, simulated_study, write_study
 from haptigraph.analysis.study.detail_tables import detail_tables
 from haptigraph.analysis.study.figures.questionnaires import questionnaire_figure
 from haptigraph.analysis.study.figures.style import styled
-from haptigraph.analysis.study.methods import methods
 from haptigraph.analysis.study.results import AnalysisPlan, analyse
 from haptigraph.analysis.study.results_table import result_tables
 from haptigraph.analysis.study.statistics.questionnaires import score_questionnaire, scored_questionnaires
 from haptigraph.analysis.study.tables import read_tables
 from haptigraph.analysis.study.traces import read_traces
+from haptigraph.analysis.study.writing.methods import methods
 from haptigraph.errors import BadInput
 from haptigraph.study.questionnaire import load_questionnaire, parse_questionnaire
 

@@ -1,0 +1,1 @@
+"""Studies as files: tidy tables with a data dictionary, and back."""
