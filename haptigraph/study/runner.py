@@ -265,11 +265,12 @@ class Session(OpenSession):
         strength = strength_of(protocol.calibration, patterns, measured, base.haptics)
         path = protocol.folder / self._recording(upcoming)
         prepare_path(path)
+        seed = attempt_seed(stage, upcoming.attempt)
         name, output = f"{stage.key}/{upcoming.attempt}", base.trial.touch_output if condition.touch else ""
         return replace(
             base,
             source=replace(base.source, target_mm=protocol.target(stage.target).along_mm),
-            haptics=haptics_of(condition.touch, condition.sham_duty, stage.seed, strength, base.haptics),
+            haptics=haptics_of(condition.touch, condition.sham_duty, seed, strength, base.haptics),
             run=replace(base.run, procedure=protocol.procedure_path(condition)),
             recording=replace(base.recording, path=str(path)),
             trial=replace(base.trial, participant=self.participant, trial=name, touch_output=output),

@@ -33,7 +33,7 @@ class Table(Struct, frozen=True):
 
 def number(value: float, decimals: int = 3) -> str:
     """Format a number; a dash stands for NaN and infinity."""
-    return f"{value:.{decimals}f}" if math.isfinite(value) else NONE
+    return f"{value:z.{decimals}f}" if math.isfinite(value) else NONE
 
 
 def p_text(p: float) -> str:

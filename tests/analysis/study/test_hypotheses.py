@@ -123,7 +123,7 @@ def test_a_confirmatory_p_is_corrected_among_the_hypotheses_and_the_rest_among_t
         "mean_theta_deg": theta.holm_p,
         "sus": sus.holm_p,
     }
-    assert primary.explored == 1 and time.is_supported is None
+    assert primary.explored == 1 and time.is_supported
 
 
 def test_the_bounds_of_equivalence_reach_the_results(results):

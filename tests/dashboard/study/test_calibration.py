@@ -5,7 +5,7 @@ from contextlib import closing
 import pytest
 from inspecting import axe_violations, layout_problems
 from live_bench import close_page, until
-from studying import PARTICIPANT, PROTOCOL, Station, rows_of, send_to, study_at
+from studying import PARTICIPANT, PROTOCOL, Station, page_with_outputs, rows_of, send_to, study_at
 from walking import calibrate
 
 from haptigraph.study.runner import Session
@@ -45,6 +45,14 @@ def played(station):
 
 @pytest.mark.xdist_group("server")
 def test_a_stimulus_is_played_once_and_then_answered(station, tmp_path):
+    assert "there is no haptic output" in sent(station, "play", 1)
+    with page_with_outputs(station, "controller"):
+        send_and_answer(station, tmp_path)
+
+
+def send_and_answer(station, tmp_path):
+    while not send_to(station, "/participant/status")[1]["touch"]["output"]:
+        assert station.process.poll() is None
     stage = send_to(station, "/participant/status")[1]["stage"]
     assert (stage["title"], stage["number"], stage["of"], stage["played"]) == (
         "Did you feel it?",

@@ -65,7 +65,10 @@ def cone_figure(traces: Traces, titles: dict[str, str], note: str) -> Figure | N
     panels = np.ravel(figure.subplots(1, len(shown), sharex=True, sharey=True))
     widest = max(float(np.nanmax(run.theta_deg)) for run in traces.hits)
     farthest = max(float(np.nanmax(run.distance_mm)) for run in traces.hits)
-    limits = (min(widest * 1.03, 40.0), farthest * 1.03)
+    least_deg = 3 * (
+        traces.zones.aligned_deg or 0.0
+    )  # so that both sides of the cone have room for their names
+    limits = (max(min(widest * 1.03, 40.0), least_deg), farthest * 1.03)
     styles = condition_styles(titles)
     for axes, condition in zip(panels, shown, strict=True):
         _draw_zones(axes, traces.zones, limits)

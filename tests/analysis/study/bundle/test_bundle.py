@@ -102,7 +102,8 @@ def test_rows_reveal_neither_order_nor_time_of_enrolment(exported):
     names = [row["participant"] for row in people]
     assert names == sorted(names) and len(set(names)) == len(PSEUDONYMS)
     assert {row["enrolled_utc"] for row in people} == {"2000-01-01T00:00:00.000000+00:00"}
-    columns = {name for table in (bundle / "tables").glob("*.csv") for name in next(iter(rows(table)))}
+    tables = [rows(table) for table in (bundle / "tables").glob("*.csv")]
+    columns = {name for table in tables for row in table[:1] for name in row}
     assert not columns & {"slot", "seed", "station", "text"}
     assert {row["void"] for row in rows(bundle / "tables/trials.csv")} == {"", "reason left out"}
     with_data = {row["participant"] for row in rows(bundle / "tables/stages.csv")}
