@@ -67,7 +67,7 @@ def cone_figure(traces: Traces, titles: dict[str, str], note: str) -> Figure | N
     farthest = max(float(np.nanmax(run.distance_mm)) for run in traces.hits)
     least_deg = 3 * (
         traces.zones.aligned_deg or 0.0
-    )  # so that both sides of the cone have room for their names
+    )  # room for the names of both sides
     limits = (max(min(widest * 1.03, 40.0), least_deg), farthest * 1.03)
     styles = condition_styles(titles)
     for axes, condition in zip(panels, shown, strict=True):
