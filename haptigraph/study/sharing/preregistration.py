@@ -6,6 +6,7 @@ from typing import Any
 
 from haptigraph.study.data_dictionary import MEASURES
 from haptigraph.study.exchange.exporting import About
+from haptigraph.study.preparation.calibration import Calibration
 from haptigraph.study.protocol import FILE, Protocol
 
 __all__ = ["preregistration"]
@@ -100,13 +101,17 @@ def _sample(protocol: Protocol) -> list[str]:
 
 def _procedure(protocol: Protocol) -> Iterator[str]:
     training, trials = protocol.training, protocol.trials
+    if protocol.calibration is not None:
+        yield _calibration(protocol.calibration)
     if training is None:
         yield "No training."
     else:
         when = (
             f"once, under `{training.condition}`" if training.condition else f"before the {training.before}"
         )
-        yield f"Training {when}: {_counted(training.trials, 'trial')} of up to {training.timeout_s:g} s."
+        until = f", until {_counted(training.until_hits, 'hit')} in a row" if training.until_hits else ""
+        count = _counted(training.trials, "trial")
+        yield f"Training {when}: {count} of up to {training.timeout_s:g} s{until}."
     blocks, repetitions = _counted(trials.blocks, "block"), _counted(trials.repetitions, "trial")
     yield (
         f"Under each condition {blocks} of {repetitions} of up to {trials.timeout_s:g} s; up to "
@@ -117,6 +122,18 @@ def _procedure(protocol: Protocol) -> Iterator[str]:
     for table, each in protocol.questionnaires:
         when = {"start": "first", "condition": "after each condition", "end": "last"}[table.when]
         yield f"Questionnaire “{each.title}” ({_counted(len(each.items), 'item')}), {when}."
+
+
+def _calibration(calibration: Calibration) -> str:
+    parts = []
+    if calibration.stimuli:
+        parts.append(f"the detection threshold of vibration from {calibration.stimuli} stimuli")
+    if calibration.presentations:
+        rounds = f", at most {calibration.max_rounds} rounds" if calibration.max_rounds > 1 else ""
+        parts.append(f"the naming of every pattern, {calibration.presentations} times each{rounds}")
+    strength = calibration.times_threshold
+    use = f" The weakest pattern has {strength:g} times the threshold." if strength else ""
+    return f"Calibration, for each participant and device: {'; '.join(parts)}.{use}"
 
 
 def _counted(count: int, what: str) -> str:

@@ -65,9 +65,7 @@ def cone_figure(traces: Traces, titles: dict[str, str], note: str) -> Figure | N
     panels = np.ravel(figure.subplots(1, len(shown), sharex=True, sharey=True))
     widest = max(float(np.nanmax(run.theta_deg)) for run in traces.hits)
     farthest = max(float(np.nanmax(run.distance_mm)) for run in traces.hits)
-    least_deg = 3 * (
-        traces.zones.aligned_deg or 0.0
-    )  # room for the names of both sides
+    least_deg = 3 * (traces.zones.aligned_deg or 0.0)  # room for the names of both sides
     limits = (max(min(widest * 1.03, 40.0), least_deg), farthest * 1.03)
     styles = condition_styles(titles)
     for axes, condition in zip(panels, shown, strict=True):

@@ -141,7 +141,7 @@ def _draw_sequence(
     axes.axis("off")
     reached = set(table["before"]) | set(table["after"])
     axes.plot(*places[START], "o", color=INK, markersize=6, zorder=3)
-    axes.text(places[START][0], places[START][1] - 0.12, "entry", ha="center", va="top", fontsize=SMALL_PT)
+    axes.text(places[START][0], places[START][1] + 0.12, "entry", ha="center", va="bottom", fontsize=SMALL_PT)
     for state, place in places.items():
         if state != START:
             _draw_state(axes, state, place, reached=state in reached)

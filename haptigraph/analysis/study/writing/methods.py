@@ -68,9 +68,10 @@ def preregistered(results: StudyResults) -> str:
     excluded = (
         f" Excluded as preregistered: {', '.join(rules)}." if rules else " Nothing is excluded by rule."
     )
+    hypotheses = "hypothesis" if counts[1] == 1 else "hypotheses"
     return (
         f"Confirmatory: the protocol, frozen with the first participant, preregistered {counts[0]} primary "
-        f"({labels}) and {counts[1]} other hypotheses; each group was corrected by Holm's method. A "
+        f"({labels}) and {counts[1]} other {hypotheses}; each group was corrected by Holm's method. A "
         "hypothesis is supported if its corrected two-sided p-value is below the level of significance and "
         f"the effect has the expected direction. All other tests are exploratory.{without}{excluded}"
     )
