@@ -42,7 +42,7 @@ def test_it_states_what_the_protocol_fixes(protocol):
 
 def test_it_states_calibration_and_criterion_of_training(folder):
     file = folder / "study.toml"
-    text = file.read_text().replace("[training]\n", "[training]\nuntil_hits = 2\nfree = false\n")
+    text = file.read_text().replace("[training]\n", "[training]\nuntil_hits = 1\nfree = false\n")
     file.write_text(text + "\n[calibration]\nstimuli = 20\npresentations = 1\ntimes_threshold = 3\n")
     stated = text_of(load_protocol(folder))
     assert "threshold of vibration from 20 stimuli; the naming of every pattern, 1 times each." in stated
