@@ -5,6 +5,9 @@ import signal
 from collections.abc import Iterator
 from pathlib import Path
 
+# Before NumPy: its matrices here are small, so threads of every worker and program would only wait for each other.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import pytest
 import ros_network as ros_network_module
 from hypothesis import settings

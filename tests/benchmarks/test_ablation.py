@@ -72,6 +72,7 @@ def test_without_the_unchanged_trial_there_is_nothing_to_compare_with():
     assert "missing" in ablation.table([trial(number=ablation.Number("a.py", "A", 0, "3"))])
 
 
+@pytest.mark.slow
 def test_a_change_of_a_number_changes_the_scores_and_not_the_package(tmp_path, monkeypatch):
     monkeypatch.setattr(ablation, "CACHE", tmp_path)
     clip = ROOT / "tests" / "data" / "renderings" / "golden_thin"

@@ -48,6 +48,7 @@ print(*sorted({name for top in tops for name in packages_distributions().get(top
 """
 
 
+@pytest.mark.slow
 def test_everything_that_rendering_imports_is_in_its_requirements():
     done = subprocess.run([sys.executable, "-c", IMPORTED], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

@@ -39,11 +39,13 @@ def test_the_rcm_of_a_needle_is_found(images):
     assert error_px(images) < 2
 
 
+@pytest.mark.slow
 def test_changes_of_exposure_do_not_count_as_motion(images):
     rng = np.random.default_rng(3)
     assert error_px([lit(image, rng.uniform(0.7, 1.25)) for image in images]) < 2
 
 
+@pytest.mark.slow
 def test_a_shadow_that_sweeps_over_the_eye_does_not_count_as_motion(images):
     x = np.linspace(0, 1, images[0].shape[1])[None, :, None]
     sweeps = np.linspace(-0.3, 1.3, len(images))
