@@ -6,7 +6,7 @@ TESTS ?=
 OTHER_PYTHONS ?= 3.12 3.13
 NATIVE := haptigraph/perception/native
 SANITIZED := build/sanitized
-WORKERS ?= $(shell $(PYTHON) -c 'import os; print(os.cpu_count() * 3 // 2)')  # tests of pages and faults mostly wait
+WORKERS ?= $(shell $(PYTHON) -c 'import os; print(os.cpu_count() * 2)')  # tests of pages and faults mostly wait
 SCENES ?= $(basename $(notdir $(wildcard rendering/scenes/*.toml)))
 
 .PHONY: help setup demo live test test-pythons test-slow test-native mutants procedure-mutants fuzz check bench bench-degraded bench-empty ablation bench-live bench-oct bench-silence bench-touch bench-sweep interval-coverage compare-r compare-touch rehearse screenshots faults soak golden train render interop lock clean

@@ -14,7 +14,7 @@ from slow_connection import SlowConnection
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
 
-SILENT_WITHIN_MS = 200
+SILENT_WITHIN_MS = 200 + 1000  # promised, and what other work on the machine may add to a browser
 FREEZING = (str(ROOT / "tests" / "dashboard" / "freezing.py"),)
 
 
