@@ -25,6 +25,7 @@ __all__ = [
     "export_measured",
     "folder_argument",
     "import_",
+    "measured_study",
     "missing_store",
     "new",
     "status",
@@ -161,20 +162,11 @@ def export_measured(
     folder: str, store: str | None, output: str, progress: "Progress", *, parquet: bool = False
 ) -> None:
     """Compute missing measures, and export; list the recordings that could not be measured."""
-    from haptigraph.study.protocol import load_protocol
+    from haptigraph.study.exchange.exporting import export_study
+    from haptigraph.study.exchange.parquet import parquet_writer
 
-    protocol = load_protocol(folder)
-    with existing_store(folder, store) as opened:
-        if opened is None:
-            raise missing_store(folder)
-        from haptigraph.analysis.study.measures import measure_study
-        from haptigraph.study.exchange.exporting import export_study
-        from haptigraph.study.exchange.parquet import parquet_writer
-
-        more = {"parquet": parquet_writer()} if parquet else {}
-        if Path(output).exists():
-            raise BadInput("exists already; an export never overwrites", output)
-        problems = measure_study(opened, protocol.study.name, protocol.folder, progress)
+    more = {"parquet": parquet_writer()} if parquet else {}
+    with measured_study(folder, store, output, progress) as (opened, protocol, problems):
         export_study(opened, protocol.study.name, output, more)
     for problem in problems:
         print_status(f"haptigraph: not measured: {problem}")
@@ -212,6 +204,24 @@ def existing_store(folder: str, store: str | None) -> Iterator["Store | None"]:
 
     with closing(Store(where)) as opened:
         yield opened
+
+
+@contextmanager
+def measured_study(
+    folder: str, store: str | None, output: str, progress: "Progress"
+) -> Iterator[tuple["Store", "Protocol", list[str]]]:
+    """Open a study to export it into a new folder; compute missing measures, with what was not measured."""
+    from haptigraph.study.protocol import load_protocol
+
+    protocol = load_protocol(folder)
+    with existing_store(folder, store) as opened:
+        if opened is None:
+            raise missing_store(folder)
+        from haptigraph.analysis.study.measures import measure_study
+
+        if Path(output).exists():
+            raise BadInput("exists already; an export never overwrites", output)
+        yield opened, protocol, measure_study(opened, protocol.study.name, protocol.folder, progress)
 
 
 def missing_store(folder: str) -> BadInput:

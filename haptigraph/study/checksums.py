@@ -1,6 +1,5 @@
 """The folder of an export: created whole or not at all, with its checksums in `SHA256SUMS`."""
 
-import hashlib
 import os
 import shutil
 import tempfile
@@ -8,9 +7,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from haptigraph.checksum import sha256_of
 from haptigraph.errors import BadInput
 
-__all__ = ["CHECKSUMS", "new_folder", "sha256_of", "verify_checksums", "write_checksums"]
+__all__ = ["CHECKSUMS", "new_folder", "verify_checksums", "write_checksums"]
 
 CHECKSUMS = "SHA256SUMS"
 
@@ -35,12 +35,6 @@ def new_folder(folder: Path) -> Iterator[Path]:
             raise
     except OSError as error:
         raise BadInput(f"cannot be written ({error.strerror})", folder) from None
-
-
-def sha256_of(file: Path) -> str:
-    """Return the SHA-256 of a file."""
-    with file.open("rb") as opened:
-        return hashlib.file_digest(opened, "sha256").hexdigest()
 
 
 def write_checksums(folder: Path) -> None:

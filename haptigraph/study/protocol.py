@@ -248,7 +248,6 @@ def load_protocol(path: str | Path) -> Protocol:
         scales = [each.scales for table, each in questionnaires if table.when == "condition"]
         measures = numeric_measures(states, [scale.name for each in scales for scale in each])
         trials = data.trials.blocks * data.trials.repetitions
-        names = [each.name for each in data.conditions]
         check_analysis(document, data.analysis, names, measures, trials, data.quality)
     return Protocol(
         study=data.study,

@@ -7,9 +7,9 @@ from typing import Any
 
 from sqlalchemy import select
 
+from haptigraph.checksum import sha256_of
 from haptigraph.errors import BadInput
 from haptigraph.recording.journal import is_being_written, is_whole
-from haptigraph.study.checksums import sha256_of
 from haptigraph.study.store import Row, Store
 from haptigraph.study.tables import TRIALS
 

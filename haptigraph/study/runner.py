@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Literal, TypeAlias
 
 from msgspec.structs import replace
-from sqlalchemy import delete, func, select, update
+from sqlalchemy import Connection, delete, func, select, update
 
 from haptigraph.config import Config, HapticsConfig
 from haptigraph.errors import BadInput
@@ -138,7 +138,7 @@ class Session(OpenSession):
             if stage.kind != "calibration":
                 raise BadInput(f"{key} is not a calibration")
             self._complete(connection, key)
-        self.note(f"{key} skipped: {reason.strip()}")
+            self._insert_event(connection, "note", f"{key} skipped: {reason.strip()}")
 
     def begin_trial(self, key: str, *, records: bool = True) -> Next:
         """Begin the next trial.
@@ -293,17 +293,12 @@ class Session(OpenSession):
             raise BadInput(f"a {kind} needs words; found none")
         with self.study.store.begin() as connection:
             self._require_open(connection)
-            count = (
-                connection.scalar(select(func.count()).select_from(EVENTS).where(*self._mine(EVENTS))) or 0
-            )
-            row = {
-                **self._here,
-                "number": count + 1,
-                "session": self.number,
-                "kind": kind,
-                "text": text.strip(),
-            }
-            connection.execute(EVENTS.insert().values({**row, "at_utc": self.study.store.now_utc()}))
+            self._insert_event(connection, kind, text.strip())
+
+    def _insert_event(self, connection: Connection, kind: str, text: str) -> None:
+        count = connection.scalar(select(func.count()).select_from(EVENTS).where(*self._mine(EVENTS))) or 0
+        row = {**self._here, "number": count + 1, "session": self.number, "kind": kind, "text": text}
+        connection.execute(EVENTS.insert().values({**row, "at_utc": self.study.store.now_utc()}))
 
 
 def open_session(study: Study, participant: str, station: str, *, take_over: bool = False) -> Session:

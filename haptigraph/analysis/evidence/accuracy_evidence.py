@@ -10,7 +10,8 @@ from msgspec import Struct
 
 from haptigraph.analysis.evaluation.origin import Origin
 from haptigraph.analysis.evidence.case import MIN_TRIALS, Claim, Evidence, Status
-from haptigraph.analysis.evidence.files import sha256_of, standing
+from haptigraph.analysis.evidence.files import standing
+from haptigraph.checksum import sha256_of
 from haptigraph.errors import BadInput
 
 __all__ = ["BARS", "Bar", "accuracy_claims"]

@@ -6,8 +6,8 @@ from pathlib import Path
 from haptigraph.analysis.evaluation.origin import Origin
 from haptigraph.analysis.evidence.campaign import Session, Trial, read_campaign
 from haptigraph.analysis.evidence.case import MIN_TRIALS, Claim, Evidence, Status
-from haptigraph.analysis.evidence.files import sha256_of
 from haptigraph.analysis.evidence.hazards import FAULTS
+from haptigraph.checksum import sha256_of
 
 __all__ = ["fault_claims"]
 

@@ -1,18 +1,9 @@
-"""Files of results: their hash, and whether they are about the software and the procedure in question."""
-
-import hashlib
-from pathlib import Path
+"""Files of results: whether they are about the software and the procedure in question."""
 
 from haptigraph.analysis.evaluation.origin import Origin
 from haptigraph.analysis.evidence.case import Status
 
-__all__ = ["sha256_of", "standing"]
-
-
-def sha256_of(path: str | Path) -> str:
-    """Return the hash of a file."""
-    with Path(path).open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+__all__ = ["standing"]
 
 
 def standing(made: Origin | None, origin: Origin) -> tuple[Status, str] | None:

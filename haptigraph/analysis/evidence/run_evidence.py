@@ -8,12 +8,12 @@ from msgspec import Struct
 
 from haptigraph.analysis.evaluation.origin import Origin
 from haptigraph.analysis.evidence.case import Claim, Evidence, Status
-from haptigraph.analysis.evidence.files import sha256_of
 from haptigraph.analysis.evidence.hazards import hazard_of_temporal
 from haptigraph.analysis.metrics.replay import recorded_config, recorded_registration
 from haptigraph.analysis.metrics.run import RunMeasures
 from haptigraph.analysis.metrics.temporal import ClaimResult
 from haptigraph.assemble import is_realtime
+from haptigraph.checksum import sha256_of
 from haptigraph.errors import BadInput
 from haptigraph.inference.claims import Temporal
 from haptigraph.inference.procedure import Procedure

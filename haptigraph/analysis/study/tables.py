@@ -1,12 +1,12 @@
 """Read and check the tidy tables of a study."""
 
-import hashlib
 from pathlib import Path
 
 import pandas as pd
 from msgspec import Struct, field
 
 from haptigraph.analysis.study.preregistered.frozen import FrozenProtocol, read_frozen
+from haptigraph.checksum import sha256_of
 from haptigraph.errors import BadInput
 
 __all__ = ["StudyTables", "read_tables"]
@@ -115,7 +115,7 @@ def read_tables(folder: str | Path) -> StudyTables:
     if len(studies) != 1:
         found = ", ".join(studies) or "none"
         raise BadInput(f"contains {len(studies)} studies ({found}); expected one", paths["trials"])
-    digests = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in paths.values()}
+    digests = {path.name: sha256_of(path) for path in paths.values()}
     trials, answers, participants, calibration = (tables[name] for name in COLUMNS)
     protocol = read_frozen(folder / "study.json")
     return StudyTables(folder, trials, answers, participants, digests, protocol, calibration)

@@ -1,6 +1,5 @@
 """Traces of the analysed runs, from their recordings: theta and distance over normalised time."""
 
-import hashlib
 import warnings
 from collections.abc import Hashable
 from pathlib import Path
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 
 from haptigraph.analysis.metrics.run import RunMeasures
 from haptigraph.assemble import parse_procedure
+from haptigraph.checksum import sha256_of
 from haptigraph.errors import BadInput, RenamedKey
 from haptigraph.graph import Schema
 from haptigraph.inference.span import RunSpan
@@ -128,7 +128,7 @@ def read_traces(runs: pd.DataFrame, folder: Path, progress: Progress | None = No
 
 
 def _check(path: Path, expected: object) -> None:
-    found = hashlib.sha256(path.read_bytes()).hexdigest()
+    found = sha256_of(path)
     if isinstance(expected, str) and found != expected:
         digests = f"SHA-256 {found[:12]}..., in trials {str(expected)[:12]}..."
         raise BadInput(f"is not the recording of this trial ({digests})", path)

@@ -8,10 +8,9 @@ import click
 
 from haptigraph.commands.help import examples
 from haptigraph.commands.study import (
-    existing_store,
     export_measured,
     folder_argument,
-    missing_store,
+    measured_study,
     store_option,
 )
 from haptigraph.commands.terminal import print_status, progress_bar
@@ -64,19 +63,11 @@ def export(
 
 def _export_bundle(folder: str, store: str | None, output: str, without: Sequence[str]) -> None:
     """Compute missing measures, write the bundle, and say what it lacks and whom it may reveal."""
-    from haptigraph.study.protocol import load_protocol
+    from haptigraph.analysis.study.bundle.bundle import write_bundle
+    from haptigraph.study.roster import study_in
 
-    protocol = load_protocol(folder)
-    with progress_bar() as progress, existing_store(folder, store) as opened:
-        if opened is None:
-            raise missing_store(folder)
-        from haptigraph.analysis.study.bundle.bundle import write_bundle
-        from haptigraph.analysis.study.measures import measure_study
-        from haptigraph.study.roster import study_in
-
-        if Path(output).exists():
-            raise BadInput("exists already; an export never overwrites", output)
-        problems = measure_study(opened, protocol.study.name, protocol.folder, progress)
+    with progress_bar() as progress, measured_study(folder, store, output, progress) as study:
+        opened, protocol, problems = study
         written = write_bundle(study_in(opened, protocol), Path(output), without, progress)
     for problem in dict.fromkeys([*problems, *written.problems]):
         print_status(f"haptigraph: {problem}")

@@ -184,9 +184,12 @@ class Hub:
             if newest is not None and ready:
                 self._number += 1
                 header, picture = self._image(*newest)
-                message, blind_message = pack(header, picture), pack(blind_image(header), picture)
+                messages = {
+                    is_blind: pack(blind_image(header) if is_blind else header, picture)
+                    for is_blind in {viewer.is_blind for viewer in ready}
+                }
                 for viewer in ready:
-                    viewer.put_image(self._number, blind_message if viewer.is_blind else message)
+                    viewer.put_image(self._number, messages[viewer.is_blind])
 
     async def _pump_health(self, health: Callable[[], dict[str, Any]]) -> None:
         while True:

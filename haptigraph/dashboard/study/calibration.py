@@ -15,7 +15,7 @@ from haptigraph.dashboard.study.stimulus import Stimulus as Played
 from haptigraph.errors import BadInput, unknown_name
 from haptigraph.study.preparation.calibration import Stimulus, threshold_of
 from haptigraph.study.preparation.strength import strength_of
-from haptigraph.study.progress import read_progress
+from haptigraph.study.progress import Progress
 from haptigraph.study.runner import Session
 
 __all__ = ["Play", "Respond", "calibration_content", "calibration_text", "routes"]
@@ -60,13 +60,11 @@ def calibration_content(service: StudyService, session: Session, key: str) -> di
     }
 
 
-def calibration_text(service: StudyService, session: Session) -> str:
+def calibration_text(service: StudyService, progress: Progress) -> str:
     """Describe what the calibration has found, for the experimenter; empty: nothing yet."""
     protocol, device = service.study.protocol, service.haptics.device
     if protocol.calibration is None:
         return ""
-    with service.study.store.begin() as connection:
-        progress = read_progress(connection, service.study.name, session.participant)
     parts = []
     responses = progress.responses.get(("threshold", device), [])
     if responses and len(responses) >= protocol.calibration.stimuli:

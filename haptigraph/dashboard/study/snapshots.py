@@ -96,7 +96,7 @@ def _current(service: StudyService, session: Session) -> dict[str, Any]:
         "total": coming.of,
         "ended": coming.ended,
         "stage": stage,
-        "calibration": calibration_text(service, session),
+        "calibration": calibration_text(service, progress),
         "repeatable": again.key if again else "",
         "plan": [
             _plan_row(study.protocol, stage, progress, number < coming.done)

@@ -7,7 +7,7 @@ from typing import Any
 from haptigraph.study.data_dictionary import MEASURES
 from haptigraph.study.exchange.exporting import About
 from haptigraph.study.preparation.calibration import Calibration
-from haptigraph.study.protocol import FILE, Protocol
+from haptigraph.study.protocol import FILE, Condition, Protocol
 
 __all__ = ["preregistration"]
 
@@ -27,9 +27,9 @@ BLIND = {
 }
 ANALYSIS = "analysis"
 OUTPUTS = {
-    True: "haptic feedback",
-    "sham": "sham haptic feedback, at random times whatever the state",
-    False: "no haptic feedback",
+    "on": "haptic feedback",
+    "sham": "sham haptic feedback (at random times, whatever the state)",
+    "off": "no haptic feedback",
 }
 
 
@@ -42,10 +42,7 @@ def preregistration(protocol: Protocol, about: About) -> str:
     """
     sections = {
         "Design": _design(protocol),
-        "Conditions": [
-            _condition(each.title, each.name, each.touch, each.display, each.procedure)
-            for each in protocol.conditions
-        ],
+        "Conditions": [_condition(each) for each in protocol.conditions],
         "Sample": _sample(protocol),
         "Procedure": list(_procedure(protocol)),
         "Measures": _measures(protocol),
@@ -73,13 +70,9 @@ def _design(protocol: Protocol) -> list[str]:
     ]
 
 
-def _condition(title: str, name: str, touch: bool | str, display: str, procedure: str) -> str:
-    output = {
-        "sham": "sham haptic feedback (at random times, whatever the state)",
-        True: "haptic feedback",
-        False: "no haptic feedback",
-    }[touch]
-    return f"{title} (`{name}`): {output}, display `{display}`, procedure `{procedure}`."
+def _condition(each: Condition) -> str:
+    output = OUTPUTS[each.touch_text]
+    return f"{each.title} (`{each.name}`): {output}, display `{each.display}`, procedure `{each.procedure}`."
 
 
 def _sample(protocol: Protocol) -> list[str]:

@@ -11,8 +11,9 @@ import msgspec
 from msgspec import Struct
 from msgspec.structs import replace
 
+from haptigraph.checksum import sha256_of
 from haptigraph.errors import BadInput
-from haptigraph.study.checksums import CHECKSUMS, sha256_of
+from haptigraph.study.checksums import CHECKSUMS
 
 __all__ = ["REGISTRY", "Bundle", "bundles_of", "read_bundles", "register"]
 
