@@ -6,6 +6,7 @@
 import math
 import sys
 from collections.abc import Iterator
+from itertools import islice
 
 import cv2
 import numpy as np
@@ -70,20 +71,17 @@ def random_view(number: int, seed: int = 0) -> View:
         )
     )
     has_needle = not all(move.away for move in scenario.moves)
-    moments = []
-    while (moment := phantom.advance()) is not None:
-        moments.append(moment.image)
     is_single = number % 5 == 4
     if is_single:
         bare = replace(scenario.moves[0], away=True)
         phantom = Phantom(replace(phantom.scenario, moves=(bare,)))
-        first = phantom.advance()
-        moments = [first.image] if first else []
+    moments = islice(iter(phantom.advance, None), 1 if is_single else None)
+    images = [moment.image for moment in moments]
     needle = "one image" if is_single else "needle" if has_needle else "no needle"
     return View(
         label=f"{scene.nuisance}, {needle}, tilt {tilt_deg:.0f} deg, camera at {distance_mm:.0f} mm, "
         f"rim {rim_mm:.1f} mm in front",
-        images=tuple(moments[::EVERY]),
+        images=tuple(images[::EVERY]),
         truth=phantom.camera.geometry,
         radius_mm=phantom.eye.radius_mm,
         trocars_mm=(phantom.eye.trocar_mm, phantom.eye.other_trocar_mm),

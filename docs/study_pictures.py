@@ -5,6 +5,7 @@ minutes; with --folder FOLDER the studies and reports are kept, and an interrupt
 """
 
 import argparse
+import math
 import os
 import shutil
 import sys
@@ -85,18 +86,27 @@ def comparisons(path: Path) -> str:
         "| measure | compared | first | second | p | p (Holm) | r [95 %] |",
         "| --- | --- | --- | --- | --- | --- | --- |",
     ]
-    found = pd.read_csv(path, keep_default_na=False)
+    found = pd.read_csv(path)
     for row in found[found["measure"].isin(REPORTED)].to_dict("records"):
         label, digits = REPORTED[row["measure"]]
         first, second = (
             f"{float(row[f'mean_{one}']):.{digits}f} ± {float(row[f'sd_{one}']):.{digits}f}"
             for one in ("first", "second")
         )
-        p, holm = (f"{value:.3f}" if value >= 0.001 else "< 0.001" for value in (row["p"], row["p_holm"]))
-        effect = f"{row['r']:+.2f} [{float(row['r_low']):+.2f}, {float(row['r_high']):+.2f}]"
+        p, holm = (_p_value(row[name]) for name in ("p", "p_holm"))
+        effect = "" if math.isnan(row["r"]) else f"{row['r']:+.2f}"
+        if not math.isnan(row["r_low"]):  # few participants leave it open
+            effect += f" [{row['r_low']:+.2f}, {row['r_high']:+.2f}]"
         pair = f"{row['first']} → {row['second']}".replace("_", " ")
         lines.append(f"| {label} | {pair} | {first} | {second} | {p} | {holm} | {effect} |")
     return "\n".join(lines)
+
+
+def _p_value(p: float) -> str:
+    """Return a p-value as text; empty if nothing was tested."""
+    if math.isnan(p):
+        return ""
+    return f"{p:.3f}" if p >= 0.001 else "< 0.001"
 
 
 if __name__ == "__main__":

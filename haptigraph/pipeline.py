@@ -143,6 +143,7 @@ class Loop:
         self._index = -1
         self._output_closed = self._closed = False
         self._uncounted: tuple[Fault, ...] = ()  # taken, but in no step yet: Ctrl-C may come before it
+        self._unrecorded: tuple[Capture, Step] | None = None  # Ctrl-C may come as soon as it is felt
 
     def run(self) -> RunReport:
         """Run until the source ends or Ctrl-C, and return the report. See `steps`."""
@@ -201,6 +202,8 @@ class Loop:
             for sink in reversed(self.sinks):
                 stack.callback(self._close_sink, sink)
             stack.callback(self.source.close)
+            if self._unrecorded is not None:
+                stack.callback(self._record, *self._unrecorded)
 
     def _process(self, capture: Capture) -> Step:
         """Make one step and pass it to the output and the sinks."""
@@ -208,15 +211,21 @@ class Loop:
         step = self.pipeline.step(capture)
         stage_ns = {**self.pipeline.stage_ns, "step": time.perf_counter_ns() - begun_ns}
         processed_ns = self._clock.now_ns()
+        self._unrecorded = capture, step
         self.output.send(step, processed_ns)
         step = replace(step, timing=Timing(processed_ns, self._clock.now_ns(), stage_ns))
-        for sink in self.sinks:
-            sink.write(capture, step)
+        self._record(capture, step)
         for name, duration_ns in stage_ns.items():
             self.report.stages[name].add(duration_ns)
         self._count(step.faults)
         self._uncounted = ()
         return step
+
+    def _record(self, capture: Capture, step: Step) -> None:
+        self._unrecorded = capture, step
+        for sink in self.sinks:
+            sink.write(capture, step)
+        self._unrecorded = None
 
     def _captures(self) -> Iterator[Capture]:
         """Yield the source's captures, with the faults outside the stages since the previous one."""

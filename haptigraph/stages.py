@@ -175,7 +175,7 @@ class Sink(Protocol):
     """Items lost so far."""
 
     def write(self, capture: Capture, step: Step) -> None:
-        """Take one step and its capture."""
+        """Take one step and its capture; after Ctrl-C the last one may come twice."""
         ...
 
     def take_faults(self) -> tuple[Fault, ...]:

@@ -36,15 +36,16 @@ for display in ("DISPLAY", "WAYLAND_DISPLAY"):
     os.environ.pop(display, None)
 
 CLIPS = SHARED / "clips"
+REAL_TIME = {"bridges", "cameras", "dashboard", "faults", "haptics", "interop", "ros2"}  # folders
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Keep tests that share a module's fixture on one worker, which then makes it once."""
+    """Mark the tests of pages, devices, networks and running programs."""
     for item in items:
-        fixtures = item._fixtureinfo.name2fixturedefs.values()
-        shares = any(fixture.scope == "module" for each in fixtures for fixture in each)
-        if shares and item.get_closest_marker("xdist_group") is None:
-            item.add_marker(pytest.mark.xdist_group(item.nodeid.split("::")[0]))
+        folders = item.path.relative_to(Path(__file__).parent).parts
+        if REAL_TIME.intersection(folders) or item.get_closest_marker("browser"):
+            item.add_marker("realtime")
 
 
 @pytest.fixture(scope="session")

@@ -1,8 +1,10 @@
+from functools import partial
+from types import SimpleNamespace
 from unittest.mock import Mock
 
 import numpy as np
 import pytest
-from helpers import MS, ScriptedPerceiver, on_axis, pipeline_of
+from helpers import MS, ScriptedPerceiver, every_moment, make_step, on_axis, pipeline_of
 from msgspec.structs import replace
 
 from haptigraph.assemble import load_procedure
@@ -11,6 +13,7 @@ from haptigraph.errors import BadInput, EndOfSource, PerceiverBroken, SourceLost
 from haptigraph.geometry import Segment
 from haptigraph.messages import Capture, Fault
 from haptigraph.pipeline import Loop
+from haptigraph.sinks.recorder import Recorder
 from haptigraph.stages import Source
 
 IMAGE = np.zeros((4, 4), np.uint8)
@@ -243,6 +246,21 @@ def test_faults_of_output_and_sinks_are_in_the_next_step(procedure, registration
     steps.close()
     assert output.closed == 1
     assert loop.report.faults == {"device: unplugged": 1, "recorder: disk full": 1}
+
+
+def test_what_was_output_is_recorded_once_whenever_ctrl_c_comes():
+    pipeline = SimpleNamespace(stage_ns={}, step=lambda capture: make_step(stamp_ns=capture.stamp_ns))
+    for pressing_ctrl_c in every_moment():
+        output, writer = Memory(), Mock(take_problems=tuple)
+        sinks = [Memory(), Recorder(writer, waits=True)]
+        loop = Loop(pipeline, source=ListSource([]), output=output, sinks=sinks, clock=VirtualClock())
+        first, second = captures(2)
+        loop._process(first)
+        pressing_ctrl_c(partial(loop._process, second))
+        loop.close()
+        written = [each.args[1].stamp_ns for each in writer.write.call_args_list]
+        assert written in ([0], [0, PERIOD_NS])
+        assert {step.stamp_ns for step, _ in output.sent} <= set(written)
 
 
 class SlowClock(VirtualClock):

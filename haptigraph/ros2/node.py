@@ -94,7 +94,11 @@ class Publisher:
     @property
     def has_subscribers(self) -> bool:
         """Whether the topic has subscribers now."""
-        return self._writer is not None and bool(self._writer.get_matched_subscriptions())
+        if self._writer is None:
+            return False
+        # Not get_matched_subscriptions: it fails if a subscriber comes while it counts.
+        status = self._writer.get_publication_matched_status()  # type: ignore[no-untyped-call]
+        return bool(status.current_count)
 
     def close(self) -> None:
         """Stop publishing. May be called twice."""

@@ -76,10 +76,12 @@ class Recorder:
         self.dropped += self._unwritten
 
     def _drain(self) -> None:
+        last = None
         while (item := self._queue.get()) is not None:
             capture, step, dropped = item
-            if not (self._wrote(capture, step, dropped) or dropped):
+            if step is not last and not (self._wrote(capture, step, dropped) or dropped):
                 self._unwritten += 1
+            last = step
             self._step_slots.release()
             if capture.image is not None:
                 self._image_slots.release()

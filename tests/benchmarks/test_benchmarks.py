@@ -84,7 +84,6 @@ def test_a_benchmark_runs(name, arguments, constants, tmp_path):
 
 
 @pytest.mark.browser
-@pytest.mark.xdist_group("browser")
 @pytest.mark.parametrize(("arguments", "constants"), IN_A_BROWSER, ids=("load", "latency", "memory"))
 def test_a_benchmark_runs_in_a_browser(arguments, constants, tmp_path):
     run("live", arguments, constants, tmp_path)

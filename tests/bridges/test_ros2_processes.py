@@ -32,7 +32,7 @@ from haptigraph.ros2.types import (
 )
 from haptigraph.sources.phantom import PhantomSource
 
-pytestmark = [pytest.mark.timeout(240), pytest.mark.xdist_group("ros2")]
+pytestmark = pytest.mark.timeout(240)
 
 DDS_TYPES = {
     "rt/haptigraph/state": "std_msgs::msg::dds_::String_",

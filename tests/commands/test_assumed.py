@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from helpers import call, refuse
+from paths import RENDERINGS
 
 from haptigraph.recording.reader import RunReader
 from haptigraph.registration.loading import load_registration, parse_registration
@@ -91,8 +92,8 @@ def test_recording_replay_and_reports_mark_it(folder):
     assert "assumed    the target, the scale" in call("explain", folder / "run.mcap", "--at", "1").stdout
 
 
-@pytest.mark.parametrize("clip", ["B_dark"], indirect=True)
-def test_evaluate_marks_it(clip, tmp_path):
+def test_evaluate_marks_it(tmp_path):
+    clip = RENDERINGS / "golden_thin"
     for name in ("clip.mp4", "truth.csv"):
         (tmp_path / name).symlink_to((clip / name).resolve())
     text = (clip / "registration.toml").read_text()

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from helpers import call, refuse
+from paths import RENDERINGS
 
 from haptigraph.assemble import load_procedure
 from haptigraph.recording.journal import Journal
@@ -94,8 +95,8 @@ def test_a_replay_that_differs_exits_with_1(recording, monkeypatch):
     assert "command" in result.output
 
 
-@pytest.mark.parametrize("clip", ["B_dark"], indirect=True)
-def test_evaluate_prints_a_table_or_one_json_object(clip):
+def test_evaluate_prints_a_table_or_one_json_object():
+    clip = RENDERINGS / "golden_thin"
     text = call("evaluate", clip, "--perceiver", "threshold", "--set", "perception.alpha=1").output
     assert "detection_rate" in text
     assert re.search(r"lag +-?0\.0\d images behind the truth \(alpha 1\)", text)

@@ -72,26 +72,26 @@ MAKERS = {
 }
 
 
-@pytest.fixture
-def uri(request, tmp_path, quick_uri):
-    kind = request.param
+@pytest.fixture(scope="module")
+def uri(request, tmp_path_factory, quick_uri):
+    kind, folder = request.param, tmp_path_factory.mktemp("source")
     if kind == "phantom":
         return quick_uri
     if kind == "recording":
-        path = tmp_path / "r.mcap"
+        path = folder / "r.mcap"
         settings = (f"source.uri={quick_uri}", "run.realtime=false", f'recording.path="{path}"')
         assemble.build(load_config(None, settings)).run()
         return str(path)
     make, name = MAKERS[kind]
-    make(tmp_path / name, images_of(quick_uri))
-    return f"oct:{tmp_path / name}" if kind == "oct" else str(tmp_path / name)
+    make(folder / name, images_of(quick_uri))
+    return f"oct:{folder / name}" if kind == "oct" else str(folder / name)
 
 
-@pytest.fixture
-def eye(quick_uri, tmp_path):
+@pytest.fixture(scope="module")
+def eye(quick_uri, tmp_path_factory):
     """Path of a registration of the phantom's images."""
     source = assemble.open_source(load_config(None, (f"source.uri={quick_uri}",)), VirtualClock())
-    file = tmp_path / "eye.toml"
+    file = tmp_path_factory.mktemp("eye") / "eye.toml"
     file.write_text(source.registration)
     source.close()
     return file

@@ -4,7 +4,7 @@ import json
 import signal
 from contextlib import closing, contextmanager
 
-from live_bench import Live, evaluate, until
+from live_bench import Live, close_page, evaluate, until
 from paths import DATA
 from playwright.sync_api import Error
 from registering import send_to
@@ -23,6 +23,7 @@ __all__ = [
     "answer_all",
     "begin",
     "click_begin",
+    "close_study",
     "experimenter_at",
     "feel_pulse",
     "kill",
@@ -195,6 +196,15 @@ def push_to_the_target(page):
         finally:
             page.keyboard.up("ArrowDown")
     raise AssertionError(header)
+
+
+def close_study(lab, person, station, open_page):
+    """Wait until the experimenter's page says that all is done, and end pages and program."""
+    lab.wait_for_selector("#stage:has-text('all is done')")
+    close_page(lab)
+    close_page(person)
+    open_page.close_all()
+    station.stop()
 
 
 def kill(station):

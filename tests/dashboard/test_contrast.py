@@ -12,7 +12,7 @@ from haptigraph.perception.eye_view import IoctView
 from haptigraph.registration.loading import load_registration, parse_registration
 from haptigraph.sources.phantom import PhantomSource
 
-pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("screens")]
+pytestmark = pytest.mark.browser
 
 CONTRAST = """
 const linear = (part) => (part <= 0.04045 * 255 ? part / 255 / 12.92 : ((part / 255 + 0.055) / 1.055) ** 2.4);

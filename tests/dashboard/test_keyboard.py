@@ -1,5 +1,6 @@
 """Three sessions by keyboard alone, from opening the page to the result."""
 
+import math
 import re
 
 import pytest
@@ -13,7 +14,7 @@ from studying import PARTICIPANT, PROTOCOL, STUDY, Station, rows_of
 from haptigraph.registration.loading import load_registration
 from haptigraph.study.tables import EVENTS, TRIALS
 
-pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("screens"), pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.browser, pytest.mark.timeout(300)]
 
 
 @pytest.fixture
@@ -47,13 +48,29 @@ def hold(page, key, condition):
     raise AssertionError(header)
 
 
+def align(page):
+    """Tap the arrow keys until the needle points at the target; a busy machine may take a tap as long."""
+    keys, before_deg = ["ArrowRight", "ArrowLeft"], math.inf
+    for _ in range(100):
+        theta_deg = evaluate(page, "page.header.measures.theta_deg")
+        if theta_deg < 0.8:
+            return
+        if theta_deg > before_deg:
+            keys.reverse()
+        before_deg = theta_deg
+        page.keyboard.press(keys[0], delay=50)
+        seen = evaluate(page, "page.header.number")
+        until(page, f"page.header.number > {seen + 5} && 'theta_deg' in page.header.measures")
+    raise AssertionError(evaluate(page, "page.header"))
+
+
 def test_the_needle_is_steered_to_the_target(steered, open_page):
     with Live(steered(-4.0)) as live:
         page = open_page(live.url)
         tab_to(page, "#hint button")
         page.keyboard.press("Enter")
         assert page.locator("#hint").count() == 0
-        hold(page, "ArrowRight", "page.header.measures.theta_deg < 0.8")
+        align(page)
         hold(page, "ArrowDown", "page.header.state === 'target_hit'")
         assert page.inner_text("#state").lower() == "target hit"
         close_page(page)

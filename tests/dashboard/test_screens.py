@@ -15,7 +15,6 @@ from haptigraph.sources.phantom import PhantomSource
 
 pytestmark = [
     pytest.mark.browser,
-    pytest.mark.xdist_group("screens"),
     pytest.mark.skipif(sys.platform == "win32", reason="signals"),
 ]
 
@@ -225,7 +224,25 @@ SCENES = (
 )
 
 
-@pytest.fixture(scope="module", params=SCENES, ids=[scene.__name__ for scene in SCENES])
+USUAL = (
+    live_contact,
+    live_disconnected,
+    live_mapping,
+    recordings_run,
+    registration_draft,
+    study_training,
+    study_participant_questionnaire,
+)
+"""Every change is tested in these states; `make test-slow` tests all."""
+
+
+@pytest.fixture(
+    scope="module",
+    params=[
+        pytest.param(scene, id=scene.__name__, marks=() if scene in USUAL else pytest.mark.slow)
+        for scene in SCENES
+    ],
+)
 def page(request, chromium, archive, quick, tmp_path_factory):
     with ExitStack() as more:
         window = {"width": 1280, "height": 720}

@@ -3,7 +3,7 @@
 import pytest
 from inspecting import use_theme
 
-pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("screens")]
+pytestmark = pytest.mark.browser
 
 GROUNDS = {"dark": "rgb(14, 19, 23)", "light": "rgb(238, 241, 244)"}
 

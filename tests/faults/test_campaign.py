@@ -14,7 +14,6 @@ from haptigraph.analysis.evidence.campaign import read_campaign
 
 pytest.importorskip("serial")
 pytest.importorskip("sdl2", exc_type=ImportError)
-pytestmark = pytest.mark.xdist_group("faults")
 
 
 @pytest.mark.slow

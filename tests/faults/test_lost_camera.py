@@ -24,8 +24,6 @@ from haptigraph.recording.codec import encode_jpeg, encode_png
 from haptigraph.recording.reader import RunReader
 from haptigraph.sources.teleop import TeleopSource
 
-pytestmark = pytest.mark.xdist_group("faults")
-
 HERE = Path(__file__).parent
 TIMEOUT_S = 30.0
 POLL_S = 0.002

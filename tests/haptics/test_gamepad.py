@@ -9,7 +9,6 @@ from haptigraph.haptics.gamepad import GamepadDevice
 from haptigraph.stages import Device
 
 pytest.importorskip("sdl2", exc_type=ImportError)
-pytestmark = pytest.mark.xdist_group("sdl")
 
 
 @pytest.fixture

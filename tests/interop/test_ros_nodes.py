@@ -28,7 +28,7 @@ from haptigraph.sources.phantom import PhantomSource
 HERE = Path(__file__).parent
 ENVIRONMENTS = Path(__file__).parents[2] / ".interop"
 COUNT, RAW_COUNT = 1000, 300
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(600), pytest.mark.xdist_group("ros2")]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 
 
 @pytest.fixture(scope="module", params=["jazzy", "kilted"])

@@ -1,5 +1,6 @@
 import builtins
 import re
+import runpy
 
 from helpers import call
 from paths import ROOT
@@ -30,3 +31,16 @@ def test_the_documented_program_takes_a_participant_through_the_papers_study(tmp
     study.store.close()
     assert status.next.ended == "all is done"
     assert len(prompts) == 8 + 3 + 20  # demographics, trials, SUS twice
+
+
+def test_the_tables_of_a_rehearsal_leave_out_what_was_not_tested(tmp_path):
+    columns = "measure,first,second,mean_first,sd_first,mean_second,sd_second,p,p_holm,r,r_low,r_high\n"
+    (tmp_path / "comparisons.csv").write_text(
+        columns + "mean_theta_deg,seen,felt,8.1,4.6,4.8,2.9,0.058,0.0001,-0.54,,\n"
+        "path_mm,seen,felt,21,0,21,0,,,,,\n"
+    )
+    comparisons = runpy.run_path(str(ROOT / "docs" / "study_pictures.py"))["comparisons"]
+    assert comparisons(tmp_path / "comparisons.csv").splitlines()[2:] == [
+        "| mean theta (deg) | seen → felt | 8.1 ± 4.6 | 4.8 ± 2.9 | 0.058 | < 0.001 | -0.54 |",
+        "| path (mm) | seen → felt | 21.0 ± 0.0 | 21.0 ± 0.0 |  |  |  |",
+    ]

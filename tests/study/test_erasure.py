@@ -180,7 +180,6 @@ def test_erased_bytes_are_gone_from_sqlite(study):
     assert b"P02" in after and b"lab 1" in after
 
 
-@pytest.mark.xdist_group("postgresql")
 @pytest.mark.parametrize("where", ["postgresql"], indirect=True)
 def test_postgresql_rewrites_its_tables(study):
     def files():

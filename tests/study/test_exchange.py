@@ -4,6 +4,8 @@ import shutil
 import subprocess
 import sys
 from contextlib import closing
+from datetime import UTC, datetime, timedelta
+from itertools import count
 
 import numpy as np
 import pytest
@@ -24,16 +26,27 @@ from haptigraph.study.runner import open_session
 from haptigraph.study.store import Store, to_json
 from haptigraph.study.tables import EVENTS, METADATA, STUDIES, TRIALS
 
+PROTOCOL = f"{SMALL}[calibration]\nstimuli = 0\npresentations = 1\n"
+
 
 @pytest.fixture
 def folder(folder):
-    (folder / "study.toml").write_text(f"{SMALL}[calibration]\nstimuli = 0\npresentations = 1\n")
+    (folder / "study.toml").write_text(PROTOCOL)
     return folder
 
 
-@pytest.fixture
-def filled(study):
-    """One participant who is done, one within a questionnaire after a crash, one who withdrew."""
+@pytest.fixture(scope="module")
+def template(tmp_path_factory):
+    """A folder with the study that `filled` copies."""
+    folder, seconds = tmp_path_factory.mktemp("template"), count()
+    (folder / "study.toml").write_text(PROTOCOL)
+    start = datetime(2026, 11, 21, 9, tzinfo=UTC)
+    with closing(Store(folder / "study.db", lambda: start + timedelta(seconds=next(seconds)))) as store:
+        fill_study(Study(load_protocol(folder), store))
+    return folder
+
+
+def fill_study(study):
     one = open_session(study, study.enrol(), "one")
     while one.next().stage is not None:
         do_next(one)
@@ -45,7 +58,14 @@ def filled(study):
     fill(two, go_to(two, "questionnaire"), upto=3)
     study.enrol()
     study.withdraw("P03")
-    return study
+
+
+@pytest.fixture
+def filled(template, tmp_path, clock):
+    """One participant who is done, one within a questionnaire after a crash, one who withdrew."""
+    folder = shutil.copytree(template, tmp_path, dirs_exist_ok=True)
+    with closing(Store(folder / "study.db", clock)) as store:
+        yield Study(load_protocol(folder), store)
 
 
 def read(path):

@@ -125,6 +125,7 @@ def _learn(service: StudyService, session: Session, stimulus: Stimulus, name: st
         raise BadInput("patterns can be tried before a round, not within it")
     if name not in names:
         raise BadInput(unknown_name("pattern", name, names))
+    service.touch.checked_name()
     pattern = stimulus.patterns[names.index(name)]
     service.request_stimulus(session.participant, Played(f"learn {name}", pattern))
 

@@ -85,6 +85,7 @@ class TouchOutput:
         Raises:
             BadInput: If there is no output, or the device cannot be opened.
             DeviceError: If the device failed.
+            NotSilent: If it may still vibrate.
         """
         name, device = self.checked_name(), self._config.device
         config = replace(self._config, device=device if is_felt(device) else "console")

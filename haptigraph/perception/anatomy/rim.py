@@ -107,21 +107,19 @@ def _vote_circles(image: NDArray[np.float32]) -> list[tuple[Vec, float]]:
     height, width = small.shape[:2]
     x, y, normal_x, normal_y = _edge_pixels(np.asarray(small, np.float32))
     pad = max(height, width) // 4
-    shape = height + 2 * pad, width + 2 * pad
+    rows, columns = height + 2 * pad, width + 2 * pad
+    from_x, from_y = np.tile(x + pad, 2), np.tile(y + pad, 2)
+    normal_x, normal_y = (np.concatenate([-each, each]) for each in (normal_x, normal_y))
     radii = np.arange(max(6.0, MIN_RADIUS_PX * scale * 0.9), 0.6 * max(height, width), 1.5)
     found = []
     for radius in radii:
-        votes = np.zeros(shape[0] * shape[1])
-        for side in (-1.0, 1.0):
-            at_x = np.rint(x + side * radius * normal_x).astype(int) + pad
-            at_y = np.rint(y + side * radius * normal_y).astype(int) + pad
-            inside = (at_x >= 0) & (at_x < shape[1]) & (at_y >= 0) & (at_y < shape[0])
-            votes += np.bincount(at_y[inside] * shape[1] + at_x[inside], minlength=votes.size)
-        blurred = cv2.blur(votes.reshape(shape), (5, 5)) * 25 / (2 * math.pi * radius)
-        _, score, _, (best_x, best_y) = cv2.minMaxLoc(blurred)
-        found.append(
-            (score, (best_x - pad + 0.5) / scale - 0.5, (best_y - pad + 0.5) / scale - 0.5, radius / scale)
-        )
+        at_x, at_y = np.rint(from_x + radius * normal_x), np.rint(from_y + radius * normal_y)
+        inside = (at_x >= 0) & (at_x < columns) & (at_y >= 0) & (at_y < rows)
+        pixels = (at_y * columns + at_x)[inside].astype(int)
+        votes = np.bincount(pixels, minlength=rows * columns).astype(np.float32).reshape(rows, columns)
+        _, most, _, (best_x, best_y) = cv2.minMaxLoc(cv2.boxFilter(votes, -1, (5, 5), normalize=False))
+        at = (best_x - pad + 0.5) / scale - 0.5, (best_y - pad + 0.5) / scale - 0.5
+        found.append((most / (2 * math.pi * radius), *at, radius / scale))
     return _distinct(sorted(found, reverse=True))
 
 

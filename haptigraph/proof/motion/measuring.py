@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 Measuring = Callable[[Array, Array], Array]
 """From tips [mm] and directions of the shaft, (2, n) each, to a measure, (n,)."""
 Number = TypeVar("Number", np.float64, np.bool_)
-BATCH = 1 << 20  # distances to segments that are computed at once
+BATCH = 1 << 17  # distances to segments that are computed at once: few enough for the cache
 
 
 def measuring_of(relation: Relation, needle: Needle, found: Found) -> Measuring | None:

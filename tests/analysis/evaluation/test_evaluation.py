@@ -1,6 +1,7 @@
 import pytest
 from helpers import MS, make_step, needle
 from msgspec.structs import replace
+from paths import RENDERINGS
 
 from haptigraph.analysis.evaluation.evaluation import evaluate_clip, lag_images, score
 from haptigraph.analysis.evaluation.ground_truth import TruthRow
@@ -159,7 +160,8 @@ def test_an_image_of_another_size_is_refused_with_its_number(tmp_path, registrat
     assert str(refused.value).startswith(f"{tmp_path / 'clip.mp4'}, image 0: image is 64 x 48 px")
 
 
-def test_ground_truth_of_another_length_is_refused(clip, tmp_path):
+def test_ground_truth_of_another_length_is_refused(tmp_path):
+    clip = RENDERINGS / "golden_thin"
     for name in ("clip.mp4", "registration.toml"):
         (tmp_path / name).symlink_to(clip / name)
     lines = (clip / "truth.csv").read_text().splitlines()

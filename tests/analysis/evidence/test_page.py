@@ -7,7 +7,7 @@ import pytest
 from haptigraph.analysis.evidence.gathering import Results, safety_case
 from haptigraph.analysis.evidence.page import page
 
-pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("screens")]
+pytestmark = pytest.mark.browser
 
 CONTRASTS = """() => {
   const linear = (part) => (part <= 10.3 ? part / 3294 : ((part / 255 + 0.055) / 1.055) ** 2.4);

@@ -1,6 +1,8 @@
 """Figures of a run: every kind in every format, with letters, legends and scale bars, and what is refused."""
 
 import re
+from collections.abc import Callable, Iterator
+from functools import cache
 from xml.etree import ElementTree
 
 import cv2
@@ -11,17 +13,34 @@ from matplotlib.text import Text
 
 from haptigraph.analysis.paper import figure as figures
 from haptigraph.analysis.paper.figure import KINDS, paper_figure
+from haptigraph.analysis.plots.paper import save
 from haptigraph.errors import BadInput
 
 LETTERS = {"pipeline": "abcdefghijkl", "views": "abc", "timeline": "abcd"}
 
 
-@pytest.fixture
-def drawn(monkeypatch) -> list[Figure]:
-    """Figures that were drawn, instead of written."""
-    kept = []
-    monkeypatch.setattr(figures, "save", lambda figure, output: kept.append(figure))
-    return kept
+@pytest.fixture(scope="module")
+def kept() -> Iterator[list[Figure]]:
+    """All figures that were written."""
+    figures_kept: list[Figure] = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            figures, "save", lambda figure, *output: figures_kept.append(figure) or save(figure, *output)
+        )
+        yield figures_kept
+
+
+@pytest.fixture(scope="module")
+def drawn(run, kept, tmp_path_factory) -> Callable[[str], tuple[Figure, bytes]]:
+    """Draws every kind once: returns the figure and its PDF."""
+
+    @cache
+    def draw(kind: str) -> tuple[Figure, bytes]:
+        path = tmp_path_factory.mktemp(kind) / "figure.pdf"
+        paper_figure(run, kind, path)
+        return kept[-1], path.read_bytes()
+
+    return draw
 
 
 def texts(figure: Figure) -> list[str]:
@@ -33,17 +52,16 @@ def bars(axes) -> list:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_every_panel_has_its_letter(run, tmp_path, drawn, kind):
-    paper_figure(run, kind, tmp_path / "figure.pdf")
-    assert "simulated" in texts(drawn[0])
-    titles = [axes.get_title(loc="left") for axes in drawn[0].axes]
+def test_every_panel_has_its_letter(drawn, kind):
+    figure, _ = drawn(kind)
+    assert "simulated" in texts(figure)
+    titles = [axes.get_title(loc="left") for axes in figure.axes]
     assert "".join(re.findall(r"bf\{(\w)\}", " ".join(titles))) == LETTERS[kind]
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_every_line_is_in_a_legend(run, tmp_path, drawn, kind):
-    paper_figure(run, kind, tmp_path / "figure.pdf")
-    figure = drawn[0]
+def test_every_line_is_in_a_legend(drawn, kind):
+    figure, _ = drawn(kind)
     for axes in figure.axes:
         labels = axes.get_legend_handles_labels()[1]
         legends = [legend for legend in (axes.get_legend(), *figure.legends) if legend is not None]
@@ -51,40 +69,39 @@ def test_every_line_is_in_a_legend(run, tmp_path, drawn, kind):
         assert set(labels) <= shown | {"amplitude"}
 
 
-def test_pictures_have_scale_bars_of_the_right_length(run, tmp_path, drawn, registration):
-    paper_figure(run, "views", tmp_path / "figure.pdf")
-    raw, displayed, zone = drawn[0].axes
+def test_pictures_have_scale_bars_of_the_right_length(drawn, registration):
+    figure, _ = drawn("views")
+    raw, displayed, zone = figure.axes
     lengths = {axes: [np.ptp(line.get_xdata()) for line in bars(axes)] for axes in (raw, displayed, zone)}
     assert all(len(each) == 1 for each in lengths.values())
     assert lengths[displayed] == pytest.approx(lengths[zone])
     assert lengths[displayed][0] == pytest.approx(480 * 5 / (2 * registration.view_half_mm), rel=0.05)
-    assert texts(drawn[0]).count("5 mm") == 3
+    assert texts(figure).count("5 mm") == 3
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_equal_runs_give_equal_bytes_and_fonts_are_embedded(run, tmp_path, kind):
-    for name in ("one.pdf", "other.pdf"):
-        paper_figure(run, kind, tmp_path / name)
-    one, other = ((tmp_path / name).read_bytes() for name in ("one.pdf", "other.pdf"))
-    assert one == other
+def test_equal_runs_give_equal_bytes_and_fonts_are_embedded(run, tmp_path, drawn, kind):
+    paper_figure(run, kind, tmp_path / "other.pdf")
+    _, one = drawn(kind)
+    assert one == (tmp_path / "other.pdf").read_bytes()
     assert b"/FontFile2" in one and b"/Type3" not in one
 
 
 def test_svg_and_png_are_written_too(run, tmp_path):
-    paper_figure(run, "views", tmp_path / "views.svg")
-    assert ElementTree.parse(tmp_path / "views.svg").getroot().tag.endswith("svg")
+    paper_figure(run, "pipeline", tmp_path / "pipeline.svg")
+    assert ElementTree.parse(tmp_path / "pipeline.svg").getroot().tag.endswith("svg")
     paper_figure(run, "timeline", tmp_path / "timeline.png")
     assert cv2.imread(str(tmp_path / "timeline.png")).shape[1] > 2000
 
 
-def test_without_a_time_an_alarm_is_shown(run, tmp_path, drawn):
-    paper_figure(run, "views", tmp_path / "views.pdf")
-    assert any("displayed: retinal contact" in text for text in texts(drawn[0]))
+def test_without_a_time_an_alarm_is_shown(drawn):
+    figure, _ = drawn("views")
+    assert any("displayed: retinal contact" in text for text in texts(figure))
 
 
-def test_a_time_chooses_the_step(run, tmp_path, drawn):
+def test_a_time_chooses_the_step(run, tmp_path, kept):
     paper_figure(run, "views", tmp_path / "views.pdf", at_s=1.0)
-    title = drawn[0].axes[0].get_title(loc="left")
+    title = kept[-1].axes[0].get_title(loc="left")
     assert 0.9 < float(re.search(r"([\d.]+) s", title)[1]) <= 1.0
 
 

@@ -17,7 +17,6 @@ from haptigraph.recording.writer import RunWriter
 from haptigraph.registration.loading import parse_registration
 
 av = pytest.importorskip("av")
-pytestmark = pytest.mark.xdist_group("video")  # one video for all
 TOLERANCE = 12  # grey values, after lossy compression
 
 

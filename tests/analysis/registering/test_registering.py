@@ -229,7 +229,7 @@ def test_a_tilted_camera_has_a_homography(quick, tmp_path):
         assert math.dist(found.image.to_px(point), truth.image.to_px(point)) < 2.0
 
 
-@pytest.mark.parametrize("number", [1, 4, 8, 13])
+@pytest.mark.parametrize("number", [1, 4, *(pytest.param(each, marks=pytest.mark.slow) for each in (8, 13))])
 def test_random_views_are_registered(number):
     view = random_view(number, 77)
     errors = errors_px(plausible_anatomy(view.images, 2 * view.radius_mm, view.label), view)

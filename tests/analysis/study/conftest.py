@@ -1,3 +1,4 @@
+import gc
 import hashlib
 import json
 import shutil
@@ -12,11 +13,16 @@ from study_tables import simulated_study, write_study
 
 from haptigraph.analysis.study.figures.style import ONE_COLUMN_MM, TWO_COLUMNS_MM
 
+gc.freeze()  # statsmodels collects garbage at every correction; what is imported by now is none
 
-@pytest.fixture
-def study(tmp_path) -> Path:
-    """A small simulated study whose first two participants have recordings of the phantom; one run is slow."""
-    tables, folder = simulated_study(participants=8, trials=2), tmp_path / "study"
+
+@pytest.fixture(scope="session")
+def study(tmp_path_factory) -> Path:
+    """A small simulated study whose first two participants have recordings of the phantom; one run is slow.
+
+    Read-only.
+    """
+    tables, folder = simulated_study(participants=8, trials=2), tmp_path_factory.mktemp("recorded") / "study"
     trials = tables["trials"]
     trials["recording"], trials["recording_sha256"] = "", ""
     trials["procedure_sha256"], trials["software"] = "", "0.1.0"
@@ -55,9 +61,9 @@ def refuse_unprintable(figure: Figure, note: str) -> None:
     assert figure.get_suptitle() == note
     texts = _shown_texts(figure)
     assert min(text.get_fontsize() for text in texts) >= SMALLEST_PT
-    extents = {text: text.get_window_extent() for text in texts}
+    extents = {text: text.get_window_extent().padded(-0.3) for text in texts}
     for one, other in combinations(texts, 2):
-        overlap = extents[one].padded(-0.3).overlaps(extents[other].padded(-0.3))
+        overlap = extents[one].overlaps(extents[other])
         assert not overlap, f"{one.get_text()!r} overlaps {other.get_text()!r}"
     drawn = figure.get_tightbbox()
     assert drawn.x0 >= 0 and drawn.y0 >= 0

@@ -1,7 +1,10 @@
 import re
+import shutil
 from itertools import islice
+from pathlib import Path
 
 import pandas as pd
+import pytest
 from study_tables import simulated_study, write_study
 
 from haptigraph.analysis.study.participants import participant_pages
@@ -10,6 +13,12 @@ from haptigraph.analysis.study.runs import counted_runs
 from haptigraph.analysis.study.tables import read_tables
 from haptigraph.analysis.study.traces import Trace, Traces, read_traces
 from haptigraph.recording.reader import RunReader
+
+
+@pytest.fixture
+def study(study, tmp_path) -> Path:
+    """A copy, to be changed."""
+    return shutil.copytree(study, tmp_path / "study")
 
 
 def pages_of(folder) -> dict[str, str]:

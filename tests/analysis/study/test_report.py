@@ -1,5 +1,6 @@
 import json
 import re
+import shutil
 from pathlib import Path
 
 import pandas as pd
@@ -11,7 +12,7 @@ from haptigraph.analysis.study.detail_tables import detail_tables
 from haptigraph.analysis.study.figures.motion import alignment_figure
 from haptigraph.analysis.study.figures.states import transitions
 from haptigraph.analysis.study.report import write_report
-from haptigraph.analysis.study.results import AnalysisPlan, analyse
+from haptigraph.analysis.study.results import AnalysisPlan, StudyResults, analyse
 from haptigraph.analysis.study.results_table import latex, result_tables
 from haptigraph.analysis.study.runs import counted_runs
 from haptigraph.analysis.study.tables import read_tables
@@ -20,6 +21,11 @@ from haptigraph.analysis.study.writing.estimates import runs_without_hit
 from haptigraph.errors import BadInput
 
 PAPERS = ("visual_only", "visual_haptic")
+
+
+@pytest.fixture(scope="module")
+def results(study) -> StudyResults:
+    return analyse(read_tables(study), AnalysisPlan())
 
 
 def test_the_report_is_complete_self_contained_and_reproducible(study, tmp_path):
@@ -76,15 +82,14 @@ def check_csv(folder):
     assert len(angle) == 8 and angle.mean() == pytest.approx(tests.loc["mean_theta_deg", "mean_first"])
 
 
-def test_the_papers_table_is_set_in_latex(study):
-    tex = latex(result_tables(analyse(read_tables(study), AnalysisPlan()))[:1], "SIMULATED")
+def test_the_papers_table_is_set_in_latex(results):
+    tex = latex(result_tables(results)[:1], "SIMULATED")
     assert tex.count(r"\\") == 4 and r"\toprule" in tex and r"Alignment Angle ($^\circ$)" in tex
     assert r"\textbf{Visual haptic}" in tex and "SIMULATED: " in tex and "±" not in tex
 
 
-def test_hit_rates_have_a_table_and_equivalence_needs_bounds(study):
-    tables = read_tables(study)
-    plain = result_tables(analyse(tables, AnalysisPlan()))
+def test_hit_rates_have_a_table_and_equivalence_needs_bounds(results):
+    plain = result_tables(results)
     assert not any("Equivalence" in table.caption for table in plain)
     assert plain[0].head[-2:] == ["Difference [95 % CI]", "r [95 % CI]"]
     assert (
@@ -108,10 +113,10 @@ def holm(p: list[float]) -> list[float]:
     return adjusted
 
 
-def test_p_is_corrected_by_holms_method_within_each_family(study):
+def test_p_is_corrected_by_holms_method_within_each_family(results):
     # R: p.adjust(c(0.01, 0.02, 0.03, 0.04, 0.05), "holm")
     assert holm([0.01, 0.02, 0.03, 0.04, 0.05]) == pytest.approx([0.05, 0.08, 0.09, 0.09, 0.09])
-    families = analyse(read_tables(study), AnalysisPlan()).families
+    families = results.families
     assert [family.name for family in families] == ["primary", "states", "secondary"]
     for family in families:
         assert family.holm == pytest.approx(holm([each.test.p for each in family.comparisons]), abs=1e-12)
@@ -142,6 +147,7 @@ def test_traces_span_from_entry_to_hit(study):
 
 
 def test_a_recording_with_another_hash_is_refused_and_nothing_is_written(study, tmp_path):
+    study = shutil.copytree(study, tmp_path / "study")
     trials = pd.read_csv(study / "trials.csv", dtype=str)
     trials["recording_sha256"] = trials["recording_sha256"].str.replace(r"^.", "x", regex=True)
     trials.to_csv(study / "trials.csv", index=False)
@@ -182,8 +188,8 @@ def test_conditions_with_the_same_title_are_named(tmp_path):
     assert list(analyse(read_tables(folder), AnalysisPlan()).titles.values()) == ["Visual", "Visual haptic"]
 
 
-def test_transitions_are_counted_per_run(study):
-    table = transitions(analyse(read_tables(study), AnalysisPlan()))
+def test_transitions_are_counted_per_run(results):
+    table = transitions(results)
     entries = table[table["before"] == "start"]
     assert (entries["per_run"] == 1).all() and (entries["runs"] == entries["count"]).all()
     hits = table[table["after"] == "target_hit"].groupby("condition")["per_run"].sum()

@@ -9,7 +9,7 @@ from paths import ROOT
 
 from haptigraph.recording.reader import RunReader
 
-pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
+pytestmark = pytest.mark.browser
 
 
 def test_the_page_follows_the_loop(live, open_page):
@@ -56,17 +56,22 @@ def test_a_measured_target_is_not_marked(live, open_page):
     assert open_page(live.url).locator("#assumed").is_hidden()
 
 
+def middle_px(element):
+    """JavaScript for the horizontal middle of an element."""
+    return f"(({{ left, right }}) => (left + right) / 2)({element}.getBoundingClientRect())"
+
+
 def test_every_state_is_drawn_and_the_current_one_highlighted(live, open_page, procedure):
     page = open_page(live.url)
     assert page.locator("#diagram .node").count() == len(procedure.states)
-    until(page, "document.querySelector('#diagram .node.on')")
+    diagram, node = "document.querySelector('#diagram')", "document.querySelector('#diagram .node.on')"
+    title = f"{node}?.querySelector('title').textContent"
     for name in ("misaligned_retinal_approach", "aligned_retinal_approach"):
-        until(page, f"document.body.dataset.state === '{name}'")
-        label = name.replace("_", " ")
-        current = page.locator("#diagram .node.on")
-        assert label in current.locator("title").text_content()
-        place, middle = current.bounding_box(), page.locator("#diagram").bounding_box()
-        is_left = place["x"] + place["width"] / 2 < middle["x"] + middle["width"] / 2
+        shown = (
+            f"document.body.dataset.state === '{name}' && [{title}, {middle_px(node)} < {middle_px(diagram)}]"
+        )
+        text, is_left = until(page, shown)
+        assert name.replace("_", " ") in text
         assert is_left == name.startswith("misaligned")
 
 

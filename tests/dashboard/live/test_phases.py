@@ -3,7 +3,7 @@
 import pytest
 from live_bench import Live, until
 
-pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
+pytestmark = pytest.mark.browser
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import pytest
 from live_bench import Live, close_page, evaluate, hide, show, until
 from paths import DATA
 
-pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
+pytestmark = pytest.mark.browser
 
 # The page's estimate of the server's clock is off by some milliseconds; other work may delay a browser by a second.
 SILENT_WITHIN_MS = 150 + 10 + 1000

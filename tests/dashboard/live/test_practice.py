@@ -3,7 +3,7 @@
 import pytest
 from live_bench import Live, close_page, until
 
-pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
+pytestmark = pytest.mark.browser
 
 
 def test_the_page_shows_the_score_of_every_run(quick_uri, open_page, tmp_path):

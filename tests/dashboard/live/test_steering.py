@@ -6,7 +6,7 @@ import pytest
 from live_bench import Live, evaluate, until
 from paths import DATA
 
-pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
+pytestmark = pytest.mark.browser
 
 OFF_AXIS_DEG = """
   const line = page.header?.found.needle_line;

@@ -20,8 +20,6 @@ from haptigraph.dashboard.recordings.folder import RecordingFolder
 from haptigraph.errors import BadInput
 from haptigraph.recording.reader import RunReader
 
-pytestmark = pytest.mark.xdist_group("server")
-
 
 def get(live, path, method="GET", **parameters):
     connection = http.client.HTTPConnection(live.url.removeprefix("http://").partition("/")[0], timeout=60)

@@ -17,7 +17,7 @@ from haptigraph.perception.eye_view import IoctView
 from haptigraph.recording.reader import RunReader
 from haptigraph.registration.loading import parse_registration
 
-pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
+pytestmark = pytest.mark.browser
 
 MODULE = "/static/recordings/recordings.js"
 SMALL = 80  # side of the images that are compared [px]

@@ -13,7 +13,7 @@ from registering import write_clip, write_eye, write_noise
 from haptigraph.registration.camera import anatomy_px
 from haptigraph.registration.loading import load_registration
 
-pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
+pytestmark = pytest.mark.browser
 
 OPEN_TIMEOUT_MS = 90_000
 VALID = re.compile(r"Valid registration: 0\.\d{5} mm/px\.")

@@ -19,8 +19,6 @@ from haptigraph.errors import BadInput
 from haptigraph.messages import Capture
 from haptigraph.registration.loading import load_registration
 
-pytestmark = pytest.mark.xdist_group("server")
-
 
 def open_at(live, source, **more):
     return send(live, "open", {"source": str(source), "mirrored": True, "diameter_mm": 24.0, **more})

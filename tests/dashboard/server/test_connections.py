@@ -11,8 +11,6 @@ from visiting import address, get, next_image, watching
 
 from haptigraph.dashboard.server.connections import MAX_CONNECTIONS, MAX_KINDS, BoundedLog
 
-pytestmark = pytest.mark.xdist_group("server")
-
 HALF_A_HEADER = b"GET / HTTP/1.1\r\nHost: 127.0.0.1"
 HALF_A_BODY = (
     b"POST /registration/open HTTP/1.1\r\nHost: %s\r\nOrigin: http://%s\r\nContent-Length: 99\r\n\r\n{"

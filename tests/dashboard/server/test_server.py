@@ -12,8 +12,6 @@ from live_bench import Live
 from visiting import address, get, next_image, next_text, watching
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-pytestmark = pytest.mark.xdist_group("server")
-
 FUZZ = 10_000
 
 

@@ -42,9 +42,8 @@ def folder(tmp_path, procedure):
     return tmp_path
 
 
-def received(live, path, outputs):
-    """Return the distinct messages of one trial on a page, without numbers and times, by type."""
-    found = {}
+def receive(live, path, outputs, found):
+    """Collect the distinct messages of one trial on a page, without numbers and times, by type."""
     with watching(live, path=path, max_queue=None) as line:
         line.send(json.dumps({"type": "outputs", "names": outputs}))
         while "ended" not in found:
@@ -56,7 +55,6 @@ def received(live, path, outputs):
                 content = json.loads(message)
             words = {name: value for name, value in content.items() if not OF_THE_MOMENT.fullmatch(name)}
             found.setdefault(content["type"], set()).add(json.dumps(words, sort_keys=True))
-    return found
 
 
 def own_snapshot(service):
@@ -72,7 +70,7 @@ def first_trial(service, base, monkeypatch):
         What the experimenter's and the participant's page received, and everything else that is shown.
     """
     service.open(service.enrol(None), take_over=False)
-    session, shown = service.session, []
+    session, shown, lab, person = service.session, [], {}, {}
     for key in ("briefing", "consent"):
         session.done(key)
     with closing(listen("127.0.0.1", 0)) as listener, ThreadPoolExecutor(2) as pool:
@@ -80,10 +78,13 @@ def first_trial(service, base, monkeypatch):
         with site.served():
             live = SimpleNamespace(url=site.addresses()[0])
             pages = [
-                pool.submit(received, live, path, outputs)
-                for path, outputs in (("/live", []), ("/participant/live", ["screen"]))
+                pool.submit(receive, live, path, outputs, found)
+                for path, outputs, found in (
+                    ("/live", [], lab),
+                    ("/participant/live", ["screen"], person),
+                )
             ]
-            while len(site.hub.viewers) < 2 or not service.touch.name:
+            while not ("health" in lab and "health" in person and service.touch.name):
                 assert not any(page.done() for page in pages)
             shown.append(own_snapshot(service))
             session.answer_pulse("screen", is_felt=True)
@@ -94,7 +95,8 @@ def first_trial(service, base, monkeypatch):
             with pytest.raises(StopIteration):
                 run_trials(service, site, base, shown.append)
             monkeypatch.undo()
-            lab, person = (page.result() for page in pages)
+            for page in pages:
+                page.result()
     shown.append(own_snapshot(service))
     return lab, person, OF_ANYONE.sub("...", repr(shown))
 

@@ -43,7 +43,6 @@ def played(station):
     return status
 
 
-@pytest.mark.xdist_group("server")
 def test_a_stimulus_is_played_once_and_then_answered(station, tmp_path):
     assert "there is no haptic output" in sent(station, "play", 1)
     with page_with_outputs(station, "controller"):
@@ -76,7 +75,6 @@ def send_and_answer(station, tmp_path):
     assert (current["stage"]["answer_count"], current["stage"]["item_count"]) == (1, 20)
 
 
-@pytest.mark.xdist_group("server")
 def test_the_experimenter_sees_the_result_or_skips_with_a_reason(station, tmp_path):
     with closing(Store(tmp_path / "study.db")) as store:
         study = study_at(tmp_path, store)
@@ -88,6 +86,8 @@ def test_the_experimenter_sees_the_result_or_skips_with_a_reason(station, tmp_pa
     key = "calibration/patterns"
     learn = {"participant": "P01", "key": key, "number": 1, "pattern": "tickle"}
     assert "unknown pattern 'tickle'" in send_to(station, "/participant/play", learn)[1]["problem"]
+    learn["pattern"] = "pulse"
+    assert "there is no haptic output" in send_to(station, "/participant/play", learn)[1]["problem"]
     skip = {"participant": "P01", "key": key, "reason": ""}
     assert "not skipped without a reason" in send_to(station, "/study/skip", skip)[1]["problem"]
     answer = send_to(station, "/study/skip", {**skip, "reason": "no time"})[1]
@@ -103,7 +103,6 @@ def check(page):
 
 
 @pytest.mark.browser
-@pytest.mark.xdist_group("browser")
 def test_a_participant_names_the_patterns_with_the_keyboard_on_a_controller(tmp_path, quick_uri, open_page):
     with Station(new_study(tmp_path, stimuli=0, times=0.0), quick_uri) as station:
         send_to(station, "/study/enrol", {"participant": "P01"})

@@ -10,6 +10,7 @@ from studying import (
     aligned_source,
     answer_all,
     begin,
+    close_study,
     experimenter_at,
     kill,
     participant_at,
@@ -25,7 +26,7 @@ from haptigraph.study.recordings import recorded_trials, recording_problem
 from haptigraph.study.store import Store
 from haptigraph.study.tables import ANSWERS, EVENTS, PARTICIPANTS, SESSIONS, STAGES, TRIALS
 
-pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser"), pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.browser, pytest.mark.timeout(300)]
 
 SUS = "document.querySelectorAll('.item.is-saved').length"
 
@@ -130,11 +131,7 @@ def test_a_participant_completes_the_study_and_crashes_lose_nothing(folder, sour
         person.click("text=Submit")
         wait_for_stage(person, "thanks")
         person.click("text=Finish")
-        lab.wait_for_selector("#stage:has-text('all is done')")
-        close_page(lab)
-        close_page(person)
-        open_page.close_all()
-        station.stop()
+        close_study(lab, person, station, open_page)
     check(folder)
 
 

@@ -14,8 +14,6 @@ from haptigraph.study.runner import open_session
 from haptigraph.study.store import Store
 from haptigraph.study.tables import ANSWERS, EVENTS, SESSIONS, STAGES, TRIALS
 
-pytestmark = pytest.mark.xdist_group("server")
-
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):

@@ -17,6 +17,7 @@ from studying import (
     aligned_source,
     answer_all,
     begin,
+    close_study,
     experimenter_at,
     kill,
     participant_at,
@@ -28,7 +29,7 @@ from studying import (
 from haptigraph.study.tables import CALIBRATION, EVENTS, SESSIONS, TRIALS
 
 pytestmark = [
-    pytest.mark.slow, pytest.mark.browser, pytest.mark.xdist_group("browser"), pytest.mark.timeout(1800),
+    pytest.mark.slow, pytest.mark.browser, pytest.mark.timeout(1800),
 ]  # fmt: skip
 FELT_FROM = 0.2
 PROTOCOL = """
@@ -238,8 +239,4 @@ def finish(lab, person, station, open_page):
     person.click("text=Submit")
     wait_for_stage(person, "thanks")
     person.click("text=Finish")
-    lab.wait_for_selector("#stage:has-text('all is done')")
-    close_page(lab)
-    close_page(person)
-    open_page.close_all()
-    station.stop()
+    close_study(lab, person, station, open_page)

@@ -22,7 +22,6 @@ from haptigraph.analysis.study.bundle.reproduce import compared
 from haptigraph.recording.journal import complete_records
 from haptigraph.recording.reader import RunReader
 
-pytestmark = pytest.mark.xdist_group("bundle")  # one export for all
 FOUR = 4  # complete the study
 
 

@@ -106,9 +106,13 @@ def with_tlx(tmp_path_factory):
     return write_study(tmp_path_factory.mktemp("study"), {**made, "answers": answers})
 
 
-def test_a_further_questionnaire_is_scored_tested_tabulated_and_described(with_tlx):
+@pytest.fixture(scope="module")
+def results(with_tlx):
+    return analyse(read_tables(with_tlx), AnalysisPlan())
+
+
+def test_a_further_questionnaire_is_scored_tested_tabulated_and_described(with_tlx, results):
     tables = read_tables(with_tlx)
-    results = analyse(tables, AnalysisPlan())
     (family,) = (each for each in results.families if each.name == "questionnaires")
     assert family.explored == 7 and len(results.scores["nasa_tlx"]) == 8
     rows = [row for table in result_tables(results) for row in table.rows]
@@ -122,8 +126,7 @@ def test_a_further_questionnaire_is_scored_tested_tabulated_and_described(with_t
     assert "S. G. Hart" in text and "no score (1 of 8)" in text and "SUS was scored after Brooke" in text
 
 
-def test_the_scores_of_further_questionnaires_are_drawn_by_condition(with_tlx, check_print):
-    results = analyse(read_tables(with_tlx), AnalysisPlan())
+def test_the_scores_of_further_questionnaires_are_drawn_by_condition(results, check_print):
     with styled():
         figure = questionnaire_figure(results, "")
         check_print(figure, "")
