@@ -21,7 +21,14 @@ def test_the_page_follows_the_loop(live, open_page):
     assert page.inner_text("#source").startswith("phantom:")
 
 
-@pytest.mark.parametrize("size", [(1366, 768), (1366, 660), (1920, 1080)])
+@pytest.mark.parametrize(
+    "size",
+    [
+        pytest.param((1366, 768), marks=pytest.mark.slow),
+        (1366, 660),
+        pytest.param((1920, 1080), marks=pytest.mark.slow),
+    ],
+)
 def test_everything_is_on_one_screen(live, open_page, size):
     page = open_page(live.url, size=size)
     extent = "[document.documentElement.scrollWidth, document.documentElement.scrollHeight]"
@@ -148,6 +155,7 @@ def test_the_state_shown_is_the_state_recorded(quick_uri, open_page, tmp_path):
     assert {"target hit", "retinal contact"} & set(shown.values())
 
 
+@pytest.mark.slow
 def test_another_procedure_is_drawn(quick_uri, open_page, tmp_path):
     docs = (ROOT / "docs" / "procedures.md").read_text(encoding="utf-8")
     (text,) = [block for block in re.findall(r"```toml\n(.*?)```", docs, re.DOTALL) if "[procedure]" in block]
@@ -172,6 +180,7 @@ def test_the_reason_is_shown(live, open_page):
     )
 
 
+@pytest.mark.slow
 def test_a_pause_between_two_pulses_is_no_silence(live, open_page):
     page = open_page(live.url)
     levels = page.evaluate(
@@ -188,6 +197,7 @@ def test_a_pause_between_two_pulses_is_no_silence(live, open_page):
     assert levels == [1, 1, 0, 0]
 
 
+@pytest.mark.slow
 def test_the_hint_of_the_first_visit_goes_away_for_good(live, open_page):
     page = open_page(live.url)
     hint = page.locator("#hint")

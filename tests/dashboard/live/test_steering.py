@@ -116,6 +116,7 @@ def check_disengaged_then_hold_clutch(page):
     page.evaluate("window.pad.buttons[7].value = 1")
 
 
+@pytest.mark.slow
 def test_a_required_clutch_blocks_the_stick_until_the_trigger_is_held(steered):
     page = steered
     page.get_by_label("Needs clutch").check()
@@ -135,6 +136,7 @@ def test_dragging_in_the_picture_moves_the_needle(steered):
     until(page, "!page.header.hand.engaged")
 
 
+@pytest.mark.slow
 def test_a_mapping_to_another_axis_is_remembered(steered):
     page = steered
     page.click("#map")
@@ -149,6 +151,7 @@ def test_a_mapping_to_another_axis_is_remembered(steered):
     wait_in_state(page, "misaligned_intraocular_navigation")
 
 
+@pytest.mark.slow
 def test_scale_and_filter_change_at_run_time_for_every_viewer(steered, open_page):
     page, other = steered, open_page(steered.live.url)
     page.get_by_label("Tremor filter").check()
@@ -161,6 +164,7 @@ def test_scale_and_filter_change_at_run_time_for_every_viewer(steered, open_page
     )
 
 
+@pytest.mark.slow
 def test_two_changes_before_an_answer_both_apply(steered):
     steered.evaluate("""() => {
       const filter = document.getElementById("filter"), scale = document.getElementById("scale");
@@ -257,6 +261,7 @@ def test_the_keyboard_peels_a_membrane(forceps):
     assert page.inner_text("#state").lower() == "peeling"
 
 
+@pytest.mark.slow
 def test_shoulder_buttons_move_the_jaws_until_released(forceps):
     page = forceps
     page.evaluate("window.pad.buttons[5].value = 1")
@@ -272,6 +277,7 @@ def test_shoulder_buttons_move_the_jaws_until_released(forceps):
     until(page, "page.header.measures.opening_mm < 0.5")
 
 
+@pytest.mark.slow
 def test_jaw_controls_are_shown_for_forceps_only(forceps, open_page, steered_uri):
     with Live(steered_uri) as live:
         needle = open_page(live.url, pad=True)

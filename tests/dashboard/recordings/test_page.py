@@ -180,6 +180,7 @@ def test_a_comparison_shows_differences_under_another_procedure(archive, open_pa
     page.wait_for_selector("#verdict:has-text('117 of 117 are identical')", timeout=60_000)
 
 
+@pytest.mark.slow
 def test_a_comparison_can_be_stopped(archive, open_page):
     page = open_run(open_page, archive)
     page.click("#compare")
@@ -218,6 +219,7 @@ def test_the_csv_agrees_with_the_recording(archive, open_page, records):
     assert lasted == pytest.approx(measures.all_state_s)
 
 
+@pytest.mark.slow
 def test_the_png_is_the_figure_of_the_run(archive, open_page, recordings, tmp_path):
     page = open_run(open_page, archive)
     with page.expect_download(timeout=100_000) as download:
@@ -229,7 +231,7 @@ def test_the_png_is_the_figure_of_the_run(archive, open_page, recordings, tmp_pa
     assert np.array_equal(shown, drawn)
 
 
-@pytest.mark.parametrize("size", [(1366, 768), (1920, 1080)])
+@pytest.mark.parametrize("size", [(1366, 768), pytest.param((1920, 1080), marks=pytest.mark.slow)])
 def test_everything_is_on_one_screen(archive, open_page, size):
     page = open_run(open_page, archive, size=size)
     until(page, "!document.getElementById('tools').hidden", module=MODULE)
@@ -276,6 +278,7 @@ def test_an_interrupted_run_opens_with_a_hint_to_repair_it(archive, open_page, r
     wait_for_step(page, last)
 
 
+@pytest.mark.slow
 def test_a_deleted_recording_is_reported(quick_uri, open_page, recordings, tmp_path):
     copy = tmp_path / "copy.mcap"
     copy.write_bytes((recordings / "quick.mcap").read_bytes())

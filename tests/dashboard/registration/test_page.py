@@ -145,6 +145,7 @@ def test_saving_a_registration_starts_the_loop(chromium, quick, tmp_path):
     assert not (tmp_path / "made.png").exists()
 
 
+@pytest.mark.slow
 def test_trocars_are_added_renamed_selected_and_removed(page, quick, tmp_path):
     open_source(page, write_eye(tmp_path, quick))
     names = page.locator("#trocars input[type=text]")
@@ -207,6 +208,7 @@ def test_a_loaded_file_is_corrected_and_undone(page, quick, tmp_path):
     assert at(page, "target") == pytest.approx(found, abs=0.06)
 
 
+@pytest.mark.slow
 def test_keys_move_half_a_pixel_or_five_and_are_undone(page, quick, tmp_path):
     open_source(page, write_eye(tmp_path, quick))
     x, y = at(page, "target")
@@ -231,6 +233,7 @@ def test_keys_move_half_a_pixel_or_five_and_are_undone(page, quick, tmp_path):
     assert at(page, "center") == pytest.approx((x, y + 0.5), abs=0.11)
 
 
+@pytest.mark.slow
 def test_the_error_follows_a_drag_under_the_loupe(page, quick, tmp_path):
     open_source(page, write_eye(tmp_path, quick))
     drag(page, "center", (8, 0), drops=False)
@@ -285,6 +288,7 @@ def test_an_invalid_draft_cannot_be_saved(page, quick, tmp_path):
     expect(page.locator("#save-button")).to_be_enabled()
 
 
+@pytest.mark.slow
 def test_without_detection_everything_is_placed_by_hand(page, tmp_path):
     open_source(page, write_noise(tmp_path))
     expect(page.locator("#note")).to_have_text(
@@ -305,6 +309,7 @@ def test_without_detection_everything_is_placed_by_hand(page, tmp_path):
     assert 12 / saved.image.mm_per_px == pytest.approx(0.36 * 270 - 12, abs=0.6)
 
 
+@pytest.mark.slow
 def test_a_refused_source_keeps_the_open_one(page, quick, tmp_path):
     open_source(page, write_eye(tmp_path, quick))
     page.fill("#source-input", str(tmp_path / "gone.mp4"))
@@ -332,7 +337,14 @@ def test_an_existing_file_is_overwritten_after_confirmation(page, quick, tmp_pat
     load_registration(out)
 
 
-@pytest.mark.parametrize("size", [(1366, 660), (1366, 768), (1920, 1080)])
+@pytest.mark.parametrize(
+    "size",
+    [
+        (1366, 660),
+        pytest.param((1366, 768), marks=pytest.mark.slow),
+        pytest.param((1920, 1080), marks=pytest.mark.slow),
+    ],
+)
 def test_everything_is_on_one_screen(page, quick, tmp_path, size):
     page.set_viewport_size({"width": size[0], "height": size[1]})
     open_source(page, write_eye(tmp_path, quick))
