@@ -70,6 +70,20 @@ def test_commands_keep_their_distance_and_end_with_the_data(quick_uri, open_page
     assert all(call["startDelay"] == 0 for call in made if call["type"] == "dual-rumble")
 
 
+def test_an_image_that_seems_to_come_from_the_future_prolongs_nothing(live, open_page):
+    left_ms = open_page(live.url).evaluate(
+        """async () => {
+             const { Haptics } = await import('/static/common/haptics.js');
+             const haptics = new Haptics(150), left_ms = [];
+             haptics.add({ play(_level, until_ms, now_ms) { left_ms.push(until_ms - now_ms); } });
+             haptics.setLevel([[0, 1, 80]], 1000);
+             haptics.keepAlive(1018, 1000);
+             return left_ms.at(-1);
+           }"""
+    )
+    assert left_ms == 150
+
+
 @pytest.fixture
 def vibrating(quick_uri, open_page, tmp_path):
     """A page that vibrates steadily, and its server, whose source SIGUSR1 freezes."""

@@ -15,7 +15,8 @@ export class Haptics {
   /** An image has arrived, so the last level is valid for a while after its capture, however late it comes.
    *  @param {number} captured_ms on this page's clock; NaN while that is not known, which silences */
   keepAlive(captured_ms, now_ms = performance.now()) {
-    this.captured_ms = Number.isNaN(captured_ms) ? -Infinity : captured_ms;
+    // Where the clocks are not yet known well, an image may seem to come from the future.
+    this.captured_ms = Number.isNaN(captured_ms) ? -Infinity : Math.min(captured_ms, now_ms);
     this.play(now_ms);
   }
 
