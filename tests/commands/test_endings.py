@@ -15,6 +15,8 @@ from haptigraph.commands.terminal import terminable
 from haptigraph.recording.codec import encode_png
 from haptigraph.recording.reader import RunReader
 
+pytestmark = pytest.mark.realtime
+
 
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_a_run_cleanly_with_its_summary(quick_uri, tmp_path, ending):
