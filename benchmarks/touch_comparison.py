@@ -104,7 +104,7 @@ def tests_table(tests: Sequence[Sequence[PairedTest]]) -> str:
         title, unit, digits = MEASURES[same[0].measure]
         difference = f"{span([test.mean_difference for test in same], digits, '+')} {unit}"
         p = sorted(test.holm_p for test in same)
-        p_text = _p(p[0]) if _p(p[0]) == _p(p[-1]) else f"{_p(p[0])} to {_p(p[-1])}"
+        p_text = p_value(p[0]) if p_value(p[0]) == p_value(p[-1]) else f"{p_value(p[0])} to {p_value(p[-1])}"
         count = f"{sum(test.holm_p < 0.05 for test in same)} of {len(same)}"
         effect = span([test.effect for test in same], 2, "+")
         lines.append(_line([title, f"{same[0].first} → {same[0].second}", difference, effect, p_text, count]))
@@ -211,7 +211,8 @@ def _cell(value: object) -> str:
     return str(int(value)) if isinstance(value, bool) else str(value)
 
 
-def _p(value: float) -> str:
+def p_value(value: float) -> str:
+    """Return a p-value as text."""
     return "< 0.001" if value < 0.001 else f"{value:.3f}"
 
 

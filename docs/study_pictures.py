@@ -27,7 +27,7 @@ from haptigraph.study.store import Store
 
 DOCS = Path(__file__).parent
 sys.path.insert(0, str(DOCS.parent / "benchmarks"))
-from touch_comparison import renew  # noqa: E402
+from touch_comparison import p_value, renew  # noqa: E402
 
 PAPER = Path(str(resources.files("haptigraph.study"))) / "templates" / "study.toml"
 THREE = DOCS.parent / "examples" / "three_touches" / "study.toml"
@@ -93,20 +93,13 @@ def comparisons(path: Path) -> str:
             f"{float(row[f'mean_{one}']):.{digits}f} ± {float(row[f'sd_{one}']):.{digits}f}"
             for one in ("first", "second")
         )
-        p, holm = (_p_value(row[name]) for name in ("p", "p_holm"))
+        p, holm = ("" if math.isnan(row[name]) else p_value(row[name]) for name in ("p", "p_holm"))
         effect = "" if math.isnan(row["r"]) else f"{row['r']:+.2f}"
         if not math.isnan(row["r_low"]):  # few participants leave it open
             effect += f" [{row['r_low']:+.2f}, {row['r_high']:+.2f}]"
         pair = f"{row['first']} → {row['second']}".replace("_", " ")
         lines.append(f"| {label} | {pair} | {first} | {second} | {p} | {holm} | {effect} |")
     return "\n".join(lines)
-
-
-def _p_value(p: float) -> str:
-    """Return a p-value as text; empty if nothing was tested."""
-    if math.isnan(p):
-        return ""
-    return f"{p:.3f}" if p >= 0.001 else "< 0.001"
 
 
 if __name__ == "__main__":

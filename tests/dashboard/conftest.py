@@ -1,10 +1,12 @@
 """A fresh page for each test, in the browser of all."""
 
 import re
+import time
 from pathlib import Path
 
 import pytest
 from live_bench import LIVE, PAD, PHONE, Live, until
+from rig import LatencyProbe
 
 from haptigraph import assemble
 from haptigraph.config import load_config
@@ -47,6 +49,19 @@ def open_page(chromium):
     yield open_one
     close_all()
     assert problems == []
+
+
+@pytest.fixture
+def late_ms():
+    """Return the scheduling latency that other work has added to a thread since a time [ms since 1970]."""
+    probe = LatencyProbe()
+
+    def since(event_ms: float) -> float:
+        now_ns = time.monotonic_ns()
+        return probe.late_ms(now_ns - (time.time_ns() - round(event_ms * 1e6)), now_ns)
+
+    yield since
+    probe.is_stopped.set()
 
 
 def _is_foreign(url: str) -> bool:

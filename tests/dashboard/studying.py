@@ -1,6 +1,7 @@
 """Helpers of the tests of the study pages: a short protocol, a station that serves it, rows of its store."""
 
 import json
+import math
 import signal
 from contextlib import closing, contextmanager
 
@@ -19,6 +20,7 @@ __all__ = [
     "PARTICIPANT",
     "STUDY",
     "Station",
+    "align",
     "aligned_source",
     "answer_all",
     "begin",
@@ -183,6 +185,22 @@ def begin(page):
     played = page.evaluate("() => window.rumble.filter(({ type }) => type === 'dual-rumble')")
     assert not needs_pulse or (played and played[0]["strongMagnitude"] == 1)
     until(page, "page.status.trial_status === 'running' && page.header?.index > 3")
+
+
+def align(page):
+    """Tap the arrow keys until the needle points at the target; a busy machine may take a tap as long."""
+    keys, before_deg = ["ArrowRight", "ArrowLeft"], math.inf
+    for _ in range(100):
+        theta_deg = evaluate(page, "page.header.measures.theta_deg")
+        if theta_deg < 0.8:
+            return
+        if theta_deg > before_deg:
+            keys.reverse()
+        before_deg = theta_deg
+        page.keyboard.press(keys[0], delay=50)
+        seen = evaluate(page, "page.header.number")
+        until(page, f"page.header.number > {seen + 5} && 'theta_deg' in page.header.measures")
+    raise AssertionError(evaluate(page, "page.header"))
 
 
 def push_to_the_target(page):

@@ -1,6 +1,5 @@
 """Three sessions by keyboard alone, from opening the page to the result."""
 
-import math
 import re
 
 import pytest
@@ -9,7 +8,7 @@ from live_bench import Live, close_page, evaluate, until
 from paths import DATA
 from playwright.sync_api import expect
 from registering import write_eye
-from studying import PARTICIPANT, PROTOCOL, STUDY, Station, rows_of
+from studying import PARTICIPANT, PROTOCOL, STUDY, Station, align, rows_of
 
 from haptigraph.registration.loading import load_registration
 from haptigraph.study.tables import EVENTS, TRIALS
@@ -46,22 +45,6 @@ def hold(page, key, condition):
         finally:
             page.keyboard.up(key)
     raise AssertionError(header)
-
-
-def align(page):
-    """Tap the arrow keys until the needle points at the target; a busy machine may take a tap as long."""
-    keys, before_deg = ["ArrowRight", "ArrowLeft"], math.inf
-    for _ in range(100):
-        theta_deg = evaluate(page, "page.header.measures.theta_deg")
-        if theta_deg < 0.8:
-            return
-        if theta_deg > before_deg:
-            keys.reverse()
-        before_deg = theta_deg
-        page.keyboard.press(keys[0], delay=50)
-        seen = evaluate(page, "page.header.number")
-        until(page, f"page.header.number > {seen + 5} && 'theta_deg' in page.header.measures")
-    raise AssertionError(evaluate(page, "page.header"))
 
 
 def test_the_needle_is_steered_to_the_target(steered, open_page):

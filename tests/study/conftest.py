@@ -2,27 +2,16 @@
 
 from collections.abc import Iterator
 from contextlib import closing
-from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import postgres
 import pytest
 from protocols import SMALL
+from walking import TickingClock
 
 from haptigraph.study.protocol import Protocol, load_protocol
 from haptigraph.study.roster import Study
 from haptigraph.study.store import Store
-
-
-class TickingClock:
-    """A clock that advances by one second on every call."""
-
-    def __init__(self) -> None:
-        self.at = datetime(2026, 11, 21, 9, tzinfo=UTC)
-
-    def __call__(self) -> datetime:
-        self.at += timedelta(seconds=1)
-        return self.at
 
 
 @pytest.fixture

@@ -4,8 +4,6 @@ import shutil
 import subprocess
 import sys
 from contextlib import closing
-from datetime import UTC, datetime, timedelta
-from itertools import count
 
 import numpy as np
 import pytest
@@ -13,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from protocols import SMALL
 from sqlalchemy import select, update
-from walking import do_next, fill, go_to
+from walking import TickingClock, do_next, fill, go_to
 
 from haptigraph.errors import BadInput, MissingExtra
 from haptigraph.study.data_dictionary import COLUMNS, MEASURES
@@ -38,10 +36,9 @@ def folder(folder):
 @pytest.fixture(scope="module")
 def template(tmp_path_factory):
     """A folder with the study that `filled` copies."""
-    folder, seconds = tmp_path_factory.mktemp("template"), count()
+    folder = tmp_path_factory.mktemp("template")
     (folder / "study.toml").write_text(PROTOCOL)
-    start = datetime(2026, 11, 21, 9, tzinfo=UTC)
-    with closing(Store(folder / "study.db", lambda: start + timedelta(seconds=next(seconds)))) as store:
+    with closing(Store(folder / "study.db", TickingClock())) as store:
         fill_study(Study(load_protocol(folder), store))
     return folder
 

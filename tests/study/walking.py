@@ -1,10 +1,23 @@
-"""Advance a participant through a study as a page would."""
+"""Advance a participant through a study as a page would, and the time."""
+
+from datetime import UTC, datetime, timedelta
 
 from haptigraph.config import HapticsConfig
 from haptigraph.study.plan import Stage
 from haptigraph.study.runner import Session
 
 HAPTICS = HapticsConfig()
+
+
+class TickingClock:
+    """A clock that advances by one second on every call."""
+
+    def __init__(self) -> None:
+        self.at = datetime(2026, 11, 21, 9, tzinfo=UTC)
+
+    def __call__(self) -> datetime:
+        self.at += timedelta(seconds=1)
+        return self.at
 
 
 def fill(session: Session, stage: Stage, upto: int | None = None) -> None:

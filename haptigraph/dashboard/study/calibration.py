@@ -92,7 +92,6 @@ def routes(site: StationSite, read: Callable[[], Any]) -> Sequence[BaseRoute]:
             return
         if service.played == name:
             raise BadInput("it was played already; choose an answer")
-        service.touch.checked_name()
         needs_levels = not stimulus.patterns
         service.request_stimulus(session.participant, Played(name, stimulus.pattern, needs_levels))
 
@@ -125,7 +124,6 @@ def _learn(service: StudyService, session: Session, stimulus: Stimulus, name: st
         raise BadInput("patterns can be tried before a round, not within it")
     if name not in names:
         raise BadInput(unknown_name("pattern", name, names))
-    service.touch.checked_name()
     pattern = stimulus.patterns[names.index(name)]
     service.request_stimulus(session.participant, Played(f"learn {name}", pattern))
 

@@ -230,11 +230,12 @@ class StudyService:
         """Request a vibration outside trials, which a person at a page has asked for.
 
         Raises:
-            BadInput: If the participant is not here, or something is being played.
+            BadInput: If the participant is not here, something is being played, or there is no output.
         """
         with self._changing():
             self.session_of(participant)
             self._check_idle()
+            self.touch.checked_name()
             self.played = ""
             self.set_trial_status("stimulus")
             self._requested.put(stimulus)

@@ -14,7 +14,7 @@ from slow_connection import SlowConnection
 
 pytestmark = pytest.mark.browser
 
-SILENT_WITHIN_MS = 200 + 1000  # promised, and what other work on the machine may add to a browser
+SILENT_WITHIN_MS = 200
 FREEZING = (str(ROOT / "tests" / "dashboard" / "freezing.py"),)
 
 
@@ -85,13 +85,14 @@ def test_an_image_that_seems_to_come_from_the_future_prolongs_nothing(live, open
 
 
 @pytest.fixture
-def vibrating(quick_uri, open_page, tmp_path):
+def vibrating(quick_uri, open_page, tmp_path, late_ms):
     """A page that vibrates steadily, and its server, whose source SIGUSR1 freezes."""
     text = Path(quick_uri.partition(":")[2]).read_text().partition("[[move]]")[0]
     steady = tmp_path / "steady.toml"
     steady.write_text(text + "[[move]]\nduration_s = 600\ndepth_mm = 12.0\ntheta_deg = -6.0\n")
     with Live(f"teleop:{steady}", program=FREEZING) as live:
         page = open_page(live.url, pad=True)
+        page.late_ms = late_ms
         until(page, "window.rumble.length > 5 && window.rumble.at(-1).strongMagnitude > 0")
         yield page, live
         close_page(page)
@@ -103,7 +104,7 @@ def assert_silent(page, event_ms):
         page,
         f"performance.timeOrigin + performance.now() - Math.max({event_ms}, window.rumble.at(-1).at) > 500",
     )
-    assert silent_from_ms(calls(page)) - event_ms <= SILENT_WITHIN_MS
+    assert silent_from_ms(calls(page)) - event_ms <= SILENT_WITHIN_MS + page.late_ms(event_ms)
 
 
 def test_a_killed_server_silences_it(vibrating):
@@ -185,7 +186,7 @@ def test_a_blocked_page_falls_silent(vibrating):
              while (performance.timeOrigin + performance.now() < from + 400); return from; }"""
     )
     before = [call for call in calls(page) if call["at"] <= event_ms]
-    assert silent_from_ms(before) - event_ms <= SILENT_WITHIN_MS
+    assert silent_from_ms(before) - event_ms <= SILENT_WITHIN_MS + page.late_ms(event_ms)
 
 
 def test_the_controller_can_be_switched_off(vibrating):

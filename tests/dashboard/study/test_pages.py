@@ -7,6 +7,7 @@ from live_bench import close_page, evaluate, until
 from studying import (
     PROTOCOL,
     Station,
+    align,
     aligned_source,
     answer_all,
     begin,
@@ -40,6 +41,17 @@ def folder(tmp_path):
 @pytest.fixture
 def source(tmp_path):
     return aligned_source(tmp_path)
+
+
+def vibrate(person):
+    """Turn the needle aside until the controller has vibrated for some time."""
+    person.keyboard.down("ArrowRight")
+    until(person, "page.header.measures.theta_deg > 3")
+    person.keyboard.up("ArrowRight")
+    until(
+        person,
+        "window.rumble.filter(({ strongMagnitude }) => Math.abs(strongMagnitude - 0.3) < 0.01).length > 5",
+    )
 
 
 def test_a_participant_completes_the_study_and_crashes_lose_nothing(folder, source, open_page):
@@ -88,6 +100,8 @@ def test_a_participant_completes_the_study_and_crashes_lose_nothing(folder, sour
         assert evaluate(person, "page.status.stage.attempt") == 2
         lab.wait_for_selector("#plan .now:has-text('does not count (interrupted)')")
         begin(person)
+        vibrate(person)
+        align(person)
         push_to_the_target(person)
 
         wait_for_stage(person, "questionnaire/sus/1")
@@ -207,7 +221,8 @@ def check(folder):
     }
     assert "touch_output" not in delivered["seen"]
     assert delivered["felt"]["touch_output"] == "controller: Test controller"
-    assert delivered["felt"]["delivered_s"] >= 0
+    assert delivered["felt"]["delivered_s"] > 0
+    assert any(capture.delivered for capture, _ in RunReader(folder / felt["recording"]).records(images=()))
     run = RunReader(folder / hit["recording"])
     assert (run.info.participant, run.info.trial) == ("P01", "trial/2/1/1/2")
     assert any(step.conclusion.state == "target_hit" for _, step in run.records())
