@@ -16,12 +16,13 @@ from matplotlib.figure import Figure
 from haptigraph.analysis.evaluation.angle_noise import angle_noise
 from haptigraph.assemble import load_procedure
 from haptigraph.config import load_config
-from haptigraph.geometry import Geometry, ImageGeometry, Point, Segment, Vec, rotate, subtract, unit
+from haptigraph.geometry import Geometry, Point, Segment, Vec, rotate, subtract, unit
 from haptigraph.graph import SceneGraph
 from haptigraph.inference.colors import PAPER_PALETTE
 from haptigraph.inference.engine import RuleEngine
 from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import Observation
+from haptigraph.projection import ImageGeometry
 from haptigraph.registration.loading import parse_registration
 from haptigraph.scene.builder import SchemaSceneBuilder
 from haptigraph.sim.eye.eye import Eye, EyeShape, registration_text

@@ -29,8 +29,9 @@ from haptigraph.analysis.evaluation.sweep import pooled
 from haptigraph.clock import VirtualClock
 from haptigraph.config import load_config
 from haptigraph.errors import BadInput
-from haptigraph.geometry import Homography, Vec
+from haptigraph.geometry import Vec
 from haptigraph.messages import Capture, Image
+from haptigraph.projection import Homography
 from haptigraph.registration.background import BackgroundImage
 from haptigraph.registration.camera import Registration, anatomy_px
 from haptigraph.registration.loading import load_camera_registration, parse_camera_registration

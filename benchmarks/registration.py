@@ -15,9 +15,10 @@ from msgspec.structs import replace
 
 from haptigraph.analysis.registering.registering import plausible_anatomy
 from haptigraph.errors import BadInput
-from haptigraph.geometry import ImageGeometry, Vec
+from haptigraph.geometry import Vec
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy.anatomy import Anatomy
+from haptigraph.projection import ImageGeometry
 from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.scenes import random_scene
 

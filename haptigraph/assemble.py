@@ -286,7 +286,7 @@ def parse_procedure(text: str, file: str) -> "Procedure":
 def _perceiver(config: Config, registration: "BaseRegistration", procedure: "Procedure") -> Perceiver:
     name = perceiver_name(config, procedure)
     perceiver = perceiver_class(name)
-    _load("haptigraph.registration.oct:check_fits")(name, perceiver.needs_scan, registration)
+    _load("haptigraph.registration.oct:check_fits")(name, perceiver.images, registration)
     _load("haptigraph.inference.coverage:check_margins")(procedure, name, perceiver)
     perceive: Perceiver = perceiver(registration.frontal, config.perception)
     if (tilt := registration.image.frontal_from_image) is not None:

@@ -70,6 +70,12 @@ class SourceConfig(Struct, frozen=True, forbid_unknown_fields=True):
     """How many bits 16-bit images of oct:PATH use; 0: all of them."""
     volume_as_sequence: bool = False
     """Whether a volume is played as if its B-scans were a time series of one position."""
+    slice_mm: Positive | None = None
+    """Distance between the B-scans of a volume of oct:PATH; unset: as the file states."""
+    volume_axes: Literal["slices,rows,columns", "rows,slices,columns", "rows,columns,slices"] = (
+        "slices,rows,columns"
+    )
+    """Axes of the NumPy arrays of oct:PATH; rows go down, along the beam."""
 
     def __post_init__(self) -> None:
         if bool(self.width_px) != bool(self.height_px):

@@ -1,7 +1,7 @@
-"""Points and shapes in the eye frame, distances between them, and the mapping between pixels and millimetres.
+"""Points and shapes in the eye frame, and distances between them.
 
-The eye frame is the plane of the section: origin at the globe's centre, x right, y up as the surgeon
-sees the un-mirrored image, millimetres.
+The eye frame is right-handed: origin at the globe's centre, x right, y up as the surgeon sees the un-mirrored
+image, z towards the camera, millimetres. Images show its section z = 0; only volumes show more.
 """
 
 from __future__ import annotations
@@ -17,12 +17,11 @@ from numpy.typing import NDArray
 __all__ = [
     "Circle",
     "Geometry",
-    "Homography",
-    "ImageGeometry",
     "Phase",
     "Point",
     "Polyline",
     "Segment",
+    "Surface",
     "Vec",
     "angle_between_deg",
     "crosses_polyline",
@@ -30,9 +29,12 @@ __all__ = [
     "distance_to_line",
     "distance_to_polyline",
     "height_on_polyline",
+    "height_on_surface",
     "nearest_on_polyline",
     "norm",
     "rotate",
+    "section_of",
+    "slope_of_surface",
     "subtract",
     "unit",
 ]
@@ -41,17 +43,26 @@ Vec: TypeAlias = tuple[float, float]
 """An (x, y) pair; the suffix of the variable gives the unit."""
 
 
-class Point(Struct, frozen=True, tag="point"):
+class Point(Struct, frozen=True, tag="point", omit_defaults=True):
     """A point."""
 
     at_mm: Vec
+    z_mm: float = 0.0
 
 
-class Segment(Struct, frozen=True, tag="segment"):
+class Segment(Struct, frozen=True, tag="segment", omit_defaults=True):
     """A line segment, directed from start to end."""
 
     start_mm: Vec
     end_mm: Vec
+    start_z_mm: float = 0.0
+    end_z_mm: float = 0.0
+
+    @property
+    def along_mm(self) -> tuple[float, float, float]:
+        """The vector (x, y, z) from start to end."""
+        right, up = subtract(self.end_mm, self.start_mm)
+        return right, up, self.end_z_mm - self.start_z_mm
 
 
 class Circle(Struct, frozen=True, tag="circle"):
@@ -79,6 +90,24 @@ class Polyline(Struct, frozen=True, tag="polyline", dict=True):
         return dx, dy, np.maximum(dx * dx + dy * dy, 1e-300)
 
 
+class Surface(Struct, frozen=True, tag="surface", dict=True):
+    """A surface in a volume: its height above a grid of positions."""
+
+    x_mm: tuple[float, ...]
+    """Columns of the grid, (w,), increasing, at least 2."""
+    z_mm: tuple[float, ...]
+    """Rows of the grid, (n,), increasing, at least 2."""
+    y_mm: tuple[tuple[float, ...], ...]
+    """Heights, (n, w)."""
+    interpolated: tuple[tuple[int, int], ...] = ()
+    """(row, column) of the heights that were not observed."""
+
+    @cached_property
+    def grid_mm(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Columns, rows and heights as arrays."""
+        return np.array(self.x_mm), np.array(self.z_mm), np.array(self.y_mm, dtype=np.float64)
+
+
 class Phase(Struct, frozen=True, tag="phase"):
     """An ongoing phase of the operation; it has a duration instead of a position."""
 
@@ -86,7 +115,7 @@ class Phase(Struct, frozen=True, tag="phase"):
     """Since its start."""
 
 
-Geometry: TypeAlias = Point | Segment | Circle | Polyline | Phase
+Geometry: TypeAlias = Point | Segment | Circle | Polyline | Surface | Phase
 
 
 def subtract(a: Vec, b: Vec) -> Vec:
@@ -169,6 +198,38 @@ def height_on_polyline(x_mm: float, line: Polyline) -> float:
     return float(np.interp(x_mm, x, y) if x[0] <= x[-1] else np.interp(x_mm, x[::-1], y[::-1]))
 
 
+def height_on_surface(x_mm: float, z_mm: float, surface: Surface) -> float:
+    """Return the y of a surface at (x, z) [mm], bilinear; beyond its borders, that of the nearest border."""
+    x, z, y = surface.grid_mm
+    column, across = _cell(x_mm, x)
+    row, along = _cell(z_mm, z)
+    near, far = (y[row + n, column] * (1 - across) + y[row + n, column + 1] * across for n in (0, 1))
+    return float(near * (1 - along) + far * along)
+
+
+def slope_of_surface(x_mm: float, z_mm: float, surface: Surface, reach_mm: float) -> Vec:
+    """Return dy/dx and dy/dz of a surface, between points `reach_mm` to either side."""
+
+    def height(right_mm: float, towards_mm: float) -> float:
+        return height_on_surface(x_mm + right_mm, z_mm + towards_mm, surface)
+
+    right = height(reach_mm, 0.0) - height(-reach_mm, 0.0)
+    towards = height(0.0, reach_mm) - height(0.0, -reach_mm)
+    return right / (2 * reach_mm), towards / (2 * reach_mm)
+
+
+def section_of(surface: Surface, z_mm: float) -> Polyline:
+    """Return the section of a surface at z, as the polyline of a B-scan there."""
+    return Polyline(tuple((x_mm, height_on_surface(x_mm, z_mm, surface)) for x_mm in surface.x_mm))
+
+
+def _cell(at: float, grid: NDArray[np.float64]) -> tuple[int, float]:
+    """Return the number of the interval of a grid that contains a position, and where in it, 0 to 1."""
+    number = min(max(int(np.searchsorted(grid, at)) - 1, 0), len(grid) - 2)
+    share = (at - grid[number]) / (grid[number + 1] - grid[number])
+    return number, min(max(float(share), 0.0), 1.0)
+
+
 def _gaps(point_mm: Vec, line: Polyline) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the offsets (x, y) to a point from the nearest point of every segment, (n - 1,) each."""
     (x, y), (dx, dy, squared) = line.columns_mm, line.steps_mm
@@ -189,71 +250,3 @@ def crosses_polyline(start_mm: Vec, end_mm: Vec, line: Polyline) -> bool:
         if _cross(along, before) * _cross(along, after) < 0:
             return True
     return False
-
-
-class Homography(Struct, frozen=True, dict=True):
-    """A projective map between two images of a plane."""
-
-    rows: tuple[tuple[float, float, float], ...]
-    """The 3 x 3 matrix for homogeneous (x, y, 1)."""
-
-    def __call__(self, at_px: Vec) -> Vec:
-        """Return the position of a point in the other image."""
-        x, y, scale = (row[0] * at_px[0] + row[1] * at_px[1] + row[2] for row in self.rows)
-        return x / scale, y / scale
-
-    @cached_property
-    def matrix(self) -> NDArray[np.float64]:
-        """The rows, (3, 3)."""
-        return np.array(self.rows, dtype=np.float64)
-
-    @cached_property
-    def inverse(self) -> Homography:
-        """The inverse map.
-
-        Raises:
-            ValueError: If the matrix is singular.
-        """
-        try:
-            back = np.linalg.inv(self.matrix)
-        except np.linalg.LinAlgError:
-            raise ValueError("a homography that maps a plane to a line has no inverse") from None
-        return Homography(tuple(tuple(row) for row in (back / back[2, 2]).tolist()))
-
-
-class ImageGeometry(Struct, frozen=True):
-    """The map between the pixels of an image and the eye frame in millimetres.
-
-    Pixels: the centre of the top-left pixel is (0, 0), x right, y down, in the image as stored. For a tilted
-    camera, centre and scale refer to the rectified image.
-    """
-
-    center_px: Vec
-    """The globe's centre, the origin of the eye frame."""
-    mm_per_px: float
-    mirrored: bool
-    """Whether the image as stored is left-right mirrored (seen through one mirror)."""
-    frontal_from_image: Homography | None = None
-    """From the image as stored to the view of a camera perpendicular to the section."""
-    axial_mm_per_px: float | None = None
-    """Vertical scale where it differs from `mm_per_px`: the pixels of a B-scan are not square."""
-
-    def to_mm(self, at_px: Vec) -> Vec:
-        """Convert a pixel position to the eye frame [mm]."""
-        if self.frontal_from_image is not None:
-            at_px = self.frontal_from_image(at_px)
-        right = (at_px[0] - self.center_px[0]) * self.mm_per_px
-        return -right if self.mirrored else right, (self.center_px[1] - at_px[1]) * self._down_mm_per_px
-
-    def to_px(self, at_mm: Vec) -> Vec:
-        """Convert an eye-frame position [mm] to pixels of the image as stored."""
-        right = -at_mm[0] if self.mirrored else at_mm[0]
-        at_px = (
-            self.center_px[0] + right / self.mm_per_px,
-            self.center_px[1] - at_mm[1] / self._down_mm_per_px,
-        )
-        return self.frontal_from_image.inverse(at_px) if self.frontal_from_image else at_px
-
-    @property
-    def _down_mm_per_px(self) -> float:
-        return self.mm_per_px if self.axial_mm_per_px is None else self.axial_mm_per_px

@@ -45,7 +45,7 @@ class Entity(Struct, frozen=True, forbid_unknown_fields=True):
     group: str
     """Its kind: "instrument", "anatomy", ..."""
     geometry: str
-    """The shape that a perceiver reports for it: "point", "segment", "polyline", "circle", or "phase"."""
+    """The shape that a perceiver reports for it: "point", "segment", "polyline", "surface", "circle", ..."""
     label: str = ""
     """Its everyday name, used in measure names (distance_to_<label>_mm) and drawings; `name` if empty."""
     fixed: bool = False

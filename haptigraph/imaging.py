@@ -7,8 +7,8 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from haptigraph.geometry import Homography
 from haptigraph.messages import Image
+from haptigraph.projection import Homography
 
 __all__ = [
     "UPRIGHT",

@@ -31,15 +31,24 @@ __all__ = [
     "HandState",
     "HapticCommand",
     "Image",
+    "ImageKind",
     "Observation",
     "Pattern",
     "Step",
     "Timing",
     "Truth",
+    "Volume",
 ]
 
 Image: TypeAlias = NDArray[np.uint8]
 """An image: (h, w, 3) in OpenCV's BGR order, or (h, w) grey."""
+
+Volume: TypeAlias = NDArray[np.uint8]
+"""A volume of OCT: (rows, slices, columns), grey. It travels as an image of its B-scans side by side,
+(rows, slices * columns)."""
+
+ImageKind: TypeAlias = Literal["eye", "bscan", "volume"]
+"""What an image shows: an eye before a camera, a B-scan, or the B-scans of a volume."""
 
 UNKNOWN = "unknown"
 """The state without a detected needle: failed detection, stale image, lost camera, dead perceiver."""
@@ -169,6 +178,9 @@ class Observation(Struct, frozen=True):
     """Of the needle, if it was detected and the perceiver estimates it."""
     interpolated: dict[str, tuple[Vec, ...]] = {}
     """Intervals of surfaces that were not observed but interpolated: start and end (x, eye frame, mm)."""
+    sd_mm: dict[str, float] = {}
+    """Standard deviations of positions by entity, besides those of `certainty`; of surfaces below the tip,
+    along the beam."""
 
 
 class Conclusion(Struct, frozen=True):

@@ -15,6 +15,7 @@ from haptigraph.messages import (
     Conclusion,
     Fault,
     HapticCommand,
+    ImageKind,
     Observation,
     Step,
 )
@@ -89,8 +90,8 @@ class PerceiverClass(Protocol):
     """Entities it may report besides the anatomy of a registration; `auto` selects a perceiver by them."""
     entities_with_sd: frozenset[str]
     """Those for which `Observation.certainty` holds; a relation of no other may have a margin."""
-    needs_scan: bool
-    """True if it processes B-scans, False if it processes an eye before a camera."""
+    images: ImageKind
+    """What it processes: "eye" (before a camera), "bscan" or "volume"."""
 
     def __call__(self, registration: Any, config: Any) -> Perceiver:
         """Make a perceiver from a registration, frontal to the eye, and the [perception] settings."""

@@ -9,7 +9,8 @@ from functools import cached_property
 
 from msgspec import Struct
 
-from haptigraph.geometry import ImageGeometry, Vec, norm, rotate, subtract, unit
+from haptigraph.geometry import Vec, norm, rotate, subtract, unit
+from haptigraph.projection import ImageGeometry
 from haptigraph.sim.eye.eye import Eye, EyeShape
 from rendering.path import Pose, needle_path
 from rendering.scene import Scene

@@ -14,9 +14,9 @@ from hypothesis import settings
 from paths import DATA, SHARED
 
 from haptigraph.assemble import load_procedure
-from haptigraph.geometry import ImageGeometry
 from haptigraph.inference.procedure import Procedure
 from haptigraph.perception.needle.rectify import EyeGeometry
+from haptigraph.projection import ImageGeometry
 from haptigraph.registration.camera import Registration
 from haptigraph.registration.loading import parse_registration
 from haptigraph.sim.eye.eye import Eye, EyeShape, registration_text

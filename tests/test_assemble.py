@@ -205,6 +205,6 @@ def test_a_perceiver_of_a_user_must_have_every_member(my_lab, quick_uri, monkeyp
     monkeypatch.setitem(assemble.PERCEIVERS, "minimal", "my_lab:MinimalPerceiver")
     for setting in ("minimal", "auto"):
         assert error_of(f"source.uri={quick_uri}", f"perception.perceiver={setting}") == (
-            "perceiver minimal (my_lab:MinimalPerceiver) lacks entities, entities_with_sd, needs_scan; "
+            "perceiver minimal (my_lab:MinimalPerceiver) lacks entities, entities_with_sd, images; "
             "define what haptigraph.stages.PerceiverClass lists"
         )

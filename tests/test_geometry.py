@@ -6,8 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from haptigraph.geometry import (
-    Homography,
-    ImageGeometry,
     Polyline,
     Segment,
     angle_between_deg,
@@ -21,6 +19,7 @@ from haptigraph.geometry import (
     subtract,
     unit,
 )
+from haptigraph.projection import Homography, ImageGeometry
 
 coordinate = st.floats(-50, 50)
 vector = st.tuples(coordinate, coordinate).filter(lambda v: norm(v) > 1e-3)

@@ -15,8 +15,8 @@ from typing import Any, Protocol
 from msgspec import Struct
 
 from haptigraph.clock import Clock
-from haptigraph.geometry import ImageGeometry
 from haptigraph.messages import Capture, Fault, Step
+from haptigraph.projection import ImageGeometry
 from haptigraph.recording.schema import RunInfo
 
 __all__ = ["Bridge", "Link", "RunContext"]

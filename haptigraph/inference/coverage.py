@@ -17,7 +17,7 @@ SCAN_ANATOMY = frozenset(("retina_surface",))
 
 def reported_with(perceiver: PerceiverClass) -> frozenset[str]:
     """Return the entities that a perceiver or the registration that it needs may report."""
-    return perceiver.entities | (SCAN_ANATOMY if perceiver.needs_scan else CAMERA_ANATOMY)
+    return perceiver.entities | (CAMERA_ANATOMY if perceiver.images == "eye" else SCAN_ANATOMY)
 
 
 def uncovered(procedure: Procedure) -> list[str]:
@@ -70,7 +70,7 @@ def _unlimited(procedure: Procedure) -> Iterator[str]:
             if relation.at_least is None and relation.above is None:
                 if kinds[state.name] == "alarm" and len(state.when) == 1 and not state.unless:
                     limited.add(name)  # what is beyond is an alarm first
-                is_surface = schema.entity(relation.object).geometry == "polyline"
+                is_surface = schema.entity(relation.object).geometry in ("polyline", "surface")
                 if kinds[state.name] == "success" and is_surface and name not in limited:
                     beyond = f"how far beyond {relation.object} {state.name} may be"
                     yield f"{beyond}: distances there are negative"

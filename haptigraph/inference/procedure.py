@@ -25,7 +25,7 @@ from haptigraph.toml_document import WARN_OF_OLD_KEYS, Document
 
 __all__ = ["MeasureKind", "Procedure", "State", "load_procedure", "parse_procedure"]
 
-GEOMETRIES = ("point", "segment", "polyline", "circle", "phase")
+GEOMETRIES = ("point", "segment", "polyline", "surface", "circle", "phase")
 
 
 class MeasureKind(Protocol):

@@ -10,5 +10,12 @@ FORCEPS = frozenset(
         *("light_pipe_tip", "light_pipe_line", "membrane_edge", "hemorrhage"),
     )
 )
-ENTITIES = {"tracker": NEEDLE, "threshold": NEEDLE, "bscan": SCAN, "segmentation": SCAN, "forceps": FORCEPS}
+ENTITIES = {
+    "tracker": NEEDLE,
+    "threshold": NEEDLE,
+    "bscan": SCAN,
+    "segmentation": SCAN,
+    "volume": SCAN | {"needle_tip_ahead"},
+    "forceps": FORCEPS,
+}
 """Besides the registered anatomy; and besides `retina_surface`, which perceivers of B-scans report too."""

@@ -1,21 +1,91 @@
 """The displayed view, "iOCT-fied" as in the paper (section II-B): the eye cropped, zoomed, grey, un-mirrored.
 
-For people only; perception does not use it.
+Of a volume, it shows three sections through the tip. For people only; perception does not use it.
 """
+
+from collections.abc import Mapping
 
 import cv2
 import numpy as np
 
-from haptigraph.geometry import Vec
+from haptigraph.geometry import (
+    Geometry,
+    Point,
+    Polyline,
+    Segment,
+    Surface,
+    Vec,
+    height_on_surface,
+    section_of,
+)
 from haptigraph.imaging import grey_of, tilt_corrected
 from haptigraph.messages import Image
 from haptigraph.registration.camera import Registration
+from haptigraph.registration.oct import ScanRegistration
 from haptigraph.registration.registered import VIEW_MARGIN, BaseRegistration
 
-__all__ = ["IoctView"]
+__all__ = ["EyeView", "IoctView", "VolumeView", "view_of"]
+
+GAP_MM = 0.1
+"""Between the sections of a volume."""
+GAP_GREY = 40
 
 
-class IoctView:
+class EyeView:
+    """A square picture of the eye, or of the sections of a volume.
+
+    Args:
+        size_px: Side of the picture.
+        center_mm: Its middle, eye frame.
+        half_mm: From its middle to its edge.
+    """
+
+    across_mm: float | None = None
+    """Position along x at which the section across, of constant x, shows z = 0; None: of a volume only."""
+    above_mm: float | None = None
+    """Position along y at which the volume seen from above shows z = 0; z grows downwards there."""
+
+    def __init__(self, size_px: int, center_mm: Vec, half_mm: float) -> None:
+        self.size_px, self.center_mm, self.half_mm = size_px, center_mm, half_mm
+
+    def __call__(self, image: Image, found: Mapping[str, Geometry]) -> Image:
+        """Return the picture, (size, size) grey.
+
+        Args:
+            image: As the source delivers it.
+            found: What was found in it: sections go through the tip.
+        """
+        raise NotImplementedError
+
+    def drawn(self, found: Mapping[str, Geometry]) -> tuple[dict[str, Geometry], ...]:
+        """Return what is to be drawn in each of its pictures, moved to its place; the main one is first."""
+        return (dict(found),)
+
+    def to_px(self, at_mm: Vec) -> Vec:
+        """Turn an eye-frame position [mm] into pixels of the view."""
+        scale = self.size_px / (2 * self.half_mm)
+        return (
+            (at_mm[0] - self.center_mm[0] + self.half_mm) * scale - 0.5,
+            (self.half_mm - at_mm[1] + self.center_mm[1]) * scale - 0.5,
+        )
+
+    def to_mm(self, at_px: Vec) -> Vec:
+        """Turn pixels of the view into an eye-frame position [mm]."""
+        scale = 2 * self.half_mm / self.size_px
+        return (
+            (at_px[0] + 0.5) * scale - self.half_mm + self.center_mm[0],
+            self.half_mm - (at_px[1] + 0.5) * scale + self.center_mm[1],
+        )
+
+
+def view_of(registration: BaseRegistration, size_px: int = 480) -> EyeView:
+    """Return the view for the images of a registration."""
+    if isinstance(registration, ScanRegistration) and registration.image.slices is not None:
+        return VolumeView(registration, size_px)
+    return IoctView(registration, size_px)
+
+
+class IoctView(EyeView):
     """Crop the eye from images of one registration.
 
     Args:
@@ -24,9 +94,7 @@ class IoctView:
     """
 
     def __init__(self, registration: BaseRegistration, size_px: int = 480) -> None:
-        self.size_px = size_px
-        self.half_mm = registration.view_half_mm
-        """From the view's middle to its edge, eye frame."""
+        super().__init__(size_px, (0.0, 0.0), registration.view_half_mm)
         corners_mm = [self.to_mm(corner) for corner in ((0, 0), (size_px, 0), (0, size_px))]
         self._image_from_view = cv2.getAffineTransform(
             np.array(((0, 0), (size_px, 0), (0, size_px)), np.float32),
@@ -38,7 +106,7 @@ class IoctView:
         radius = size_px / 2 / VIEW_MARGIN if isinstance(registration, Registration) else size_px
         self._outside = np.hypot(x - center, y - center) > radius
 
-    def __call__(self, image: Image) -> Image:
+    def __call__(self, image: Image, found: Mapping[str, Geometry] | None = None) -> Image:
         """Return the view, (size, size) grey."""
         grey = grey_of(image)
         view = cv2.warpAffine(
@@ -50,15 +118,89 @@ class IoctView:
         view[self._outside] = 0
         return np.asarray(view, np.uint8)
 
-    def to_px(self, at_mm: Vec) -> Vec:
-        """Turn an eye-frame position [mm] into pixels of the view."""
-        scale = self.size_px / (2 * self.half_mm)
-        return (
-            (at_mm[0] + self.half_mm) * scale - 0.5,
-            (self.half_mm - at_mm[1]) * scale - 0.5,
-        )
 
-    def to_mm(self, at_px: Vec) -> Vec:
-        """Turn pixels of the view into an eye-frame position [mm]."""
-        scale = 2 * self.half_mm / self.size_px
-        return (at_px[0] + 0.5) * scale - self.half_mm, self.half_mm - (at_px[1] + 0.5) * scale
+class VolumeView(EyeView):
+    """Show a volume in three pictures to one scale: the B-scan through the tip, another across, and above.
+
+    Args:
+        registration: Of volumes.
+        size_px: Side of the square view.
+    """
+
+    def __init__(self, registration: ScanRegistration, size_px: int = 480) -> None:
+        axial_mm, slice_mm, lateral_mm = registration.voxel_mm
+        self._registration, slices = registration, registration.image.slices
+        if slices is None:
+            raise ValueError("expected the registration of volumes")
+        width, height = slices.columns * lateral_mm, registration.height_px * axial_mm
+        depth = slices.count * slice_mm
+        self.across_mm = width / 2 + GAP_MM + depth / 2
+        self.above_mm = -(height / 2 + GAP_MM + depth / 2)
+        center_mm = (depth + GAP_MM) / 2, -(depth + GAP_MM) / 2
+        super().__init__(size_px, center_mm, (max(width, height) + depth + 3 * GAP_MM) / 2)
+        self._sizes_mm = width, height, depth
+
+    def __call__(self, image: Image, found: Mapping[str, Geometry]) -> Image:
+        """Return the view, (size, size) grey; without a tip, its sections go through the middle."""
+        volume, geometry = self._registration.checked_volume(grey_of(image)), self._registration.image
+        at, slices = _tip(found), geometry.slices
+        column = min(max(round(geometry.to_px(at.at_mm)[0]), 0), volume.shape[2] - 1)
+        number = slices.number(at.z_mm) if slices else 0
+        picture = np.full((self.size_px, self.size_px), GAP_GREY, np.uint8)
+        width, height, depth = self._sizes_mm
+        flip = -1 if geometry.mirrored else 1
+        self._put(picture, volume[:, number, ::flip], (0.0, 0.0), (width, height))
+        self._put(picture, volume[:, :, column], (self.across_mm or 0.0, 0.0), (depth, height))
+        self._put(picture, volume.max(axis=0)[:, ::flip], (0.0, self.above_mm or 0.0), (width, depth))
+        return picture
+
+    def drawn(self, found: Mapping[str, Geometry]) -> tuple[dict[str, Geometry], ...]:
+        """Return the shapes in the B-scan through the tip, in the section across, and from above."""
+        at = _tip(found)
+        pictures: tuple[dict[str, Geometry], ...] = {}, {}, {}
+        for name, shape in found.items():
+            main = section_of(shape, at.z_mm) if isinstance(shape, Surface) else shape
+            shown = main, self._across(shape, at.at_mm[0]), self._above(shape)
+            for picture, projected in zip(pictures, shown, strict=True):
+                if projected is not None:
+                    picture[name] = projected
+        return pictures
+
+    def _across(self, shape: Geometry, x_mm: float) -> Geometry | None:
+        """Return a shape in the section of constant x, z to the right; None if it does not show."""
+        to_mm = self.across_mm or 0.0
+        if isinstance(shape, Point):
+            return Point((to_mm + shape.z_mm, shape.at_mm[1]))
+        if isinstance(shape, Segment):
+            start = to_mm + shape.start_z_mm, shape.start_mm[1]
+            return Segment(start, (to_mm + shape.end_z_mm, shape.end_mm[1]))
+        if isinstance(shape, Surface):
+            heights = ((to_mm + z_mm, height_on_surface(x_mm, z_mm, shape)) for z_mm in shape.z_mm)
+            return Polyline(tuple(heights))
+        return None
+
+    def _above(self, shape: Geometry) -> Geometry | None:
+        """Return a shape as seen from above, where z grows downwards; None if it does not show."""
+        to_mm = self.above_mm or 0.0
+        if isinstance(shape, Point):
+            return Point((shape.at_mm[0], to_mm - shape.z_mm))
+        if isinstance(shape, Segment):
+            start = shape.start_mm[0], to_mm - shape.start_z_mm
+            return Segment(start, (shape.end_mm[0], to_mm - shape.end_z_mm))
+        return None
+
+    def _put(self, picture: Image, section: Image, middle_mm: Vec, size_mm: Vec) -> None:
+        """Draw a section; its first row is at the top."""
+        (left, top), (right, bottom) = (
+            self.to_px((middle_mm[0] + side * size_mm[0] / 2, middle_mm[1] - side * size_mm[1] / 2))
+            for side in (-1, 1)
+        )
+        place = slice(round(top + 0.5), round(bottom + 0.5)), slice(round(left + 0.5), round(right + 0.5))
+        height, width = picture[place].shape
+        shown = cv2.resize(np.ascontiguousarray(section), (width, height), interpolation=cv2.INTER_AREA)
+        picture[place] = np.asarray(shown, np.uint8)
+
+
+def _tip(found: Mapping[str, Geometry]) -> Point:
+    tip = found.get("needle_tip")
+    return tip if isinstance(tip, Point) else Point((0.0, 0.0))

@@ -2,9 +2,9 @@
 
 from msgspec.structs import replace
 
-from haptigraph.geometry import Homography
 from haptigraph.imaging import tilt_corrected
 from haptigraph.messages import Capture, Observation
+from haptigraph.projection import Homography
 from haptigraph.registration.camera import Registration
 from haptigraph.stages import Perceiver
 

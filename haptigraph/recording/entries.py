@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 from msgspec import UNSET, Struct
 
-from haptigraph.geometry import ImageGeometry
 from haptigraph.messages import Capture, Step
+from haptigraph.projection import ImageGeometry
 from haptigraph.recording.codec import encode_png, format_of
 from haptigraph.recording.foxglove import WARNING, CompressedImage, Log, Time, annotations
 from haptigraph.recording.schema import CaptureRecord, Kept, VideoImage

@@ -10,7 +10,8 @@ from typing import Any
 import msgspec
 from msgspec import Struct
 
-from haptigraph.geometry import Circle, Geometry, ImageGeometry, Phase, Point, Polyline, Vec
+from haptigraph.geometry import Circle, Geometry, Point, Polyline, Segment, Vec
+from haptigraph.projection import ImageGeometry
 
 __all__ = [
     "CompressedImage",
@@ -126,18 +127,18 @@ FIELDS = msgspec.json.Decoder(dict[str, msgspec.Raw])
 def annotations(
     time: Time, found: dict[str, Geometry], image: ImageGeometry, caption: str
 ) -> ImageAnnotations:
-    """Annotate the stored image with the detected geometry."""
+    """Annotate the stored image with the detected geometry; of a volume's, points only, in their B-scans."""
     circles, lines = [], []
     for name, shape in found.items():
         color = INSTRUMENT if name.startswith("needle") else ANATOMY
         if isinstance(shape, Point):
-            circles.append(_circle(time, Circle(shape.at_mm, DOT_MM), image, color))
+            circles.append(_circle(time, Circle(shape.at_mm, DOT_MM), image, color, shape.z_mm))
         elif isinstance(shape, Circle):
             if image.frontal_from_image is None:
                 circles.append(_circle(time, shape, image, color))
             else:
                 lines.append(_line(time, _outline(shape), image, color))
-        elif not isinstance(shape, Phase):
+        elif isinstance(shape, Polyline | Segment) and image.slices is None:
             points = shape.points_mm if isinstance(shape, Polyline) else (shape.start_mm, shape.end_mm)
             lines.append(_line(time, points, image, color))
     text = TextAnnotation(time, Point2(12.0, 12.0), caption, 20.0, Color(1.0, 1.0, 1.0), Color(0, 0, 0, 0.6))
@@ -169,8 +170,10 @@ def encode_message(message: Struct) -> bytes:
     return msgspec.json.encode({name: value for name, value in fields.items() if bytes(value) != b"null"})
 
 
-def _circle(time: Time, circle: Circle, image: ImageGeometry, color: Color) -> CircleAnnotation:
-    center = Point2(*image.to_px(circle.center_mm))
+def _circle(
+    time: Time, circle: Circle, image: ImageGeometry, color: Color, z_mm: float = 0.0
+) -> CircleAnnotation:
+    center = Point2(*image.to_px(circle.center_mm, z_mm))
     return CircleAnnotation(time, center, 2 * circle.radius_mm / image.mm_per_px, 2.0, CLEAR, color)
 
 

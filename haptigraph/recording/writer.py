@@ -20,8 +20,8 @@ from mcap.records import Channel, Chunk, DataEnd, Footer, Header, McapRecord, Me
 from msgspec.structs import replace
 
 from haptigraph.errors import BadInput
-from haptigraph.geometry import ImageGeometry
 from haptigraph.messages import Capture, Step
+from haptigraph.projection import ImageGeometry
 from haptigraph.recording.attachments import CRC_BYTES, AttachedFile, write_attachment
 from haptigraph.recording.compaction import Progress, compact
 from haptigraph.recording.entries import entries

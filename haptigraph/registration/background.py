@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 from msgspec import Struct
 
-from haptigraph.geometry import Homography
 from haptigraph.imaging import Mask, tilt_corrected
 from haptigraph.messages import Image
+from haptigraph.projection import Homography
 
 __all__ = ["BackgroundImage"]
 

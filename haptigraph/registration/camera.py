@@ -15,8 +15,6 @@ from msgspec.structs import replace
 from haptigraph.geometry import (
     Circle,
     Geometry,
-    Homography,
-    ImageGeometry,
     Point,
     Polyline,
     Vec,
@@ -25,6 +23,7 @@ from haptigraph.geometry import (
     subtract,
 )
 from haptigraph.imaging import Rotation, Turn
+from haptigraph.projection import Homography, ImageGeometry
 from haptigraph.registration.assumed import check_assumed
 from haptigraph.registration.background import BackgroundImage
 from haptigraph.registration.registered import VIEW_MARGIN, BaseRegistration

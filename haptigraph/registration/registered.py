@@ -11,9 +11,10 @@ import numpy as np
 from msgspec import Struct
 
 from haptigraph.errors import BadInput
-from haptigraph.geometry import Geometry, ImageGeometry, norm
+from haptigraph.geometry import Geometry, norm
 from haptigraph.imaging import UPRIGHT, Turn
 from haptigraph.messages import Image
+from haptigraph.projection import ImageGeometry
 
 __all__ = ["VIEW_MARGIN", "BaseRegistration"]
 

@@ -6,13 +6,15 @@ from textwrap import wrap
 
 from msgspec import Struct
 
-from haptigraph.geometry import Homography, Vec
+from haptigraph.geometry import Vec
 from haptigraph.imaging import UPRIGHT, Turn
+from haptigraph.projection import Homography
 from haptigraph.toml_document import Document
 
 __all__ = [
     "AXIAL_MM_PER_PX",
     "LATERAL_MM_PER_PX",
+    "SLICE_MM",
     "AnatomyPx",
     "TrocarPx",
     "check_format",
@@ -23,8 +25,8 @@ __all__ = [
 FORMAT = 1
 """Version of the file format."""
 BASE64_COLUMNS = 100
-AXIAL_MM_PER_PX, LATERAL_MM_PER_PX = (0.0005, 0.02), (0.0005, 0.06)
-"""Plausible pixel size of B-scans, from existing scanners."""
+AXIAL_MM_PER_PX, LATERAL_MM_PER_PX, SLICE_MM = (0.0005, 0.02), (0.0005, 0.06), (0.0005, 0.5)
+"""Plausible pixel size of B-scans, and their spacing in volumes, from existing scanners."""
 
 
 class TrocarPx(Struct, frozen=True):
@@ -100,17 +102,20 @@ def scan_registration_text(
     title: str,
     depth_share: float = 0.7,
     assumed: Sequence[str] = (),
+    volume: tuple[int, float] | None = None,
 ) -> str:
-    """Return the text of a registration of B-scans.
+    """Return the text of a registration of B-scans or volumes.
 
     Args:
-        size_px: (width, height).
+        size_px: (width, height) of a B-scan.
         axial_mm_per_px: Vertical scale.
         lateral_mm_per_px: Horizontal scale.
         title: First line of the file, a comment.
         depth_share: Depth of the target between the ILM (0) and the RPE (1).
         assumed: What was neither measured nor stated, by name.
+        volume: Of a volume, how many B-scans it has and how far apart they are [mm].
     """
+    table = f"[volume]\nslices = {volume[0]}\nslice_mm = {volume[1]:.9g}\n\n" if volume else ""
     return f"""# {title}
 format = {FORMAT}
 {_assumed_line(assumed)}
@@ -122,7 +127,7 @@ height = {size_px[1]}
 axial_mm_per_px = {axial_mm_per_px:.9g}
 lateral_mm_per_px = {lateral_mm_per_px:.9g}
 
-[target]
+{table}[target]
 depth_share = {depth_share:g}
 """
 

@@ -5,7 +5,8 @@ import math
 import numpy as np
 from msgspec import Struct
 
-from haptigraph.geometry import Homography, Vec
+from haptigraph.geometry import Vec
+from haptigraph.projection import Homography
 
 __all__ = ["CameraTilt"]
 

@@ -1,9 +1,11 @@
 """Build the scene graph of one observation: the entities that are present and the relations that hold."""
 
-from math import inf
+from math import hypot, inf
 
-from haptigraph.graph import Node, SceneGraph, Schema, Triplet
-from haptigraph.messages import Certainty, Observation
+from msgspec.structs import replace
+
+from haptigraph.graph import Node, Relation, SceneGraph, Schema, Triplet
+from haptigraph.messages import Observation
 from haptigraph.scene.relations import MEASURES, Found, Measure
 
 __all__ = ["SchemaSceneBuilder"]
@@ -51,7 +53,7 @@ class SchemaSceneBuilder:
                 if value is None:
                     continue
                 measures[name] = value
-            if relation.margin_sd and (sd := _sd(measure, observation.certainty)) is not None:
+            if relation.margin_sd and (sd := _sd(measure, relation, observation)) is not None:
                 sds[name] = sd
             margin = relation.margin(sds.get(name)) if relation.margin_sd else 0.0
             holds = relation.holds(measures[name], held=edge in self._held, margin=margin)
@@ -77,7 +79,14 @@ class SchemaSceneBuilder:
         return found
 
 
-def _sd(measure: Measure, certainty: Certainty | None) -> float | None:
-    """Return the standard deviation of a measure; None if it is unknown."""
-    sd = measure.sd(certainty) if measure.sd is not None and certainty is not None else None
+def _sd(measure: Measure, relation: Relation, observation: Observation) -> float | None:
+    """Return the standard deviation of a measure, from those of subject and object; None if it is unknown."""
+    certainty, known = observation.certainty, observation.sd_mm
+    if measure.sd is None or certainty is None:
+        return None
+    own = known.get(relation.subject, certainty.tip_sd_mm)
+    other = known.get(relation.object)
+    if own is not None and (relation.subject in known or other is not None):
+        certainty = replace(certainty, tip_sd_mm=hypot(own, other or 0.0))
+    sd = measure.sd(certainty)
     return sd if sd is not None and 0 <= sd < inf else None  # nan is unknown, too

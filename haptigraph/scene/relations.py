@@ -5,7 +5,7 @@ relation is a new function here; procedures refer to it by name and set the thre
 """
 
 from collections.abc import Callable, Mapping
-from math import inf
+from math import asin, degrees, hypot, inf
 from typing import NamedTuple, TypeAlias
 
 from haptigraph.geometry import (
@@ -15,13 +15,16 @@ from haptigraph.geometry import (
     Point,
     Polyline,
     Segment,
+    Surface,
     angle_between_deg,
     crosses_polyline,
     distance_between,
     distance_to_line,
     distance_to_polyline,
     height_on_polyline,
+    height_on_surface,
     norm,
+    slope_of_surface,
     subtract,
 )
 from haptigraph.messages import Certainty
@@ -96,7 +99,8 @@ def distance_mm(subject: Geometry, object: Geometry, found: Found) -> float | No
     """
     trocar = found.get("trocar")
     if isinstance(subject, Point) and isinstance(object, Point):
-        return norm(subtract(subject.at_mm, object.at_mm))
+        apart_mm, depth_mm = norm(subtract(subject.at_mm, object.at_mm)), subject.z_mm - object.z_mm
+        return hypot(apart_mm, depth_mm) if depth_mm else apart_mm
     if isinstance(subject, Polyline):
         gaps_mm = [distance_mm(Point(vertex), object, found) for vertex in subject.points_mm]
         return min((gap_mm for gap_mm in gaps_mm if gap_mm is not None), default=None)
@@ -150,7 +154,14 @@ def aside_mm(subject: Geometry, object: Geometry, found: Found) -> float | None:
 
 
 def gap_um(subject: Geometry, object: Geometry, found: Found) -> float | None:
-    """Distance from a point to a surface of a B-scan: positive above it, against the beam, negative below."""
+    """Distance from a point to a surface in OCT: positive above it, against the beam, negative below.
+
+    In a volume it is measured along the normal of the surface below the point.
+    """
+    if isinstance(subject, Point) and isinstance(object, Surface):
+        x, y = subject.at_mm
+        slopes = slope_of_surface(x, subject.z_mm, object, SLOPE_MM)
+        return UM_PER_MM * (y - height_on_surface(x, subject.z_mm, object)) / hypot(1.0, *slopes)
     if isinstance(subject, Point) and isinstance(object, Polyline):
         gap_um = UM_PER_MM * distance_to_polyline(subject.at_mm, object)
         return gap_um if subject.at_mm[1] >= height_on_polyline(subject.at_mm[0], object) else -gap_um
@@ -159,6 +170,11 @@ def gap_um(subject: Geometry, object: Geometry, found: Found) -> float | None:
 
 def incidence_deg(subject: Geometry, object: Geometry, found: Found) -> float | None:
     """Angle between a shaft and the surface below its tip: 0 parallel, 90 perpendicular."""
+    if isinstance(subject, Segment) and isinstance(object, Surface):
+        right, up, towards = subject.along_mm
+        slopes = slope_of_surface(subject.end_mm[0], subject.end_z_mm, object, SLOPE_MM)
+        along_normal = (up - slopes[0] * right - slopes[1] * towards) / hypot(1.0, *slopes)
+        return degrees(asin(min(abs(along_normal) / hypot(right, up, towards), 1.0)))
     if isinstance(subject, Segment) and isinstance(object, Polyline):
         shaft, x = subtract(subject.end_mm, subject.start_mm), subject.end_mm[0]
         left, right = (x - SLOPE_MM, x + SLOPE_MM)
@@ -171,20 +187,34 @@ def incidence_deg(subject: Geometry, object: Geometry, found: Found) -> float | 
 def depth_percent(subject: Geometry, object: Geometry, found: Found) -> float | None:
     """Position of a point along the beam between a surface (0) and the RPE (100)."""
     rpe = found.get("rpe")
-    if isinstance(subject, Point) and isinstance(object, Polyline) and isinstance(rpe, Polyline):
-        x, y = subject.at_mm
-        top, bottom = height_on_polyline(x, object), height_on_polyline(x, rpe)
-        return 100 * (top - y) / (top - bottom) if top > bottom else None
+    if isinstance(subject, Point) and rpe is not None:
+        top_mm, bottom_mm = _height_mm(object, subject), _height_mm(rpe, subject)
+        if top_mm is not None and bottom_mm is not None and top_mm > bottom_mm:
+            return 100 * (top_mm - subject.at_mm[1]) / (top_mm - bottom_mm)
     return None
 
 
 def thickness_um(subject: Geometry, object: Geometry, found: Found) -> float | None:
     """Distance along the beam between two surfaces, in the column of the needle tip."""
     tip = found.get("needle_tip")
-    if isinstance(subject, Polyline) and isinstance(object, Polyline) and isinstance(tip, Point):
-        top, bottom = (height_on_polyline(tip.at_mm[0], surface) for surface in (subject, object))
-        return UM_PER_MM * (top - bottom)
-    return None
+    if not isinstance(tip, Point):
+        return None
+    top_mm, bottom_mm = _height_mm(subject, tip), _height_mm(object, tip)
+    return None if top_mm is None or bottom_mm is None else UM_PER_MM * (top_mm - bottom_mm)
+
+
+def out_of_plane_um(subject: Geometry, object: Geometry, found: Found) -> float | None:
+    """Distance of a point from the section z = 0, on either side: a single B-scan does not show it."""
+    return (
+        UM_PER_MM * abs(subject.z_mm) if isinstance(subject, Point) and isinstance(object, Surface) else None
+    )
+
+
+def _height_mm(surface: Geometry, point: Point) -> float | None:
+    """Return the height of a surface below or above a point; None of any other shape."""
+    if isinstance(surface, Surface):
+        return height_on_surface(point.at_mm[0], point.z_mm, surface)
+    return height_on_polyline(point.at_mm[0], surface) if isinstance(surface, Polyline) else None
 
 
 def elapsed_s(subject: Geometry, object: Geometry, found: Found) -> float | None:
@@ -232,13 +262,32 @@ MEASURES: dict[str, Measure] = {
     "aside_mm": Measure(
         aside_mm, {("point", "circle"): Limits(requires=("eye_globe",))}, _ACROSS_MM, _tip_sd_mm
     ),
-    "gap_um": Measure(gap_um, {("point", "polyline"): Limits()}, _BSCAN_UM, _tip_sd_um),
-    "incidence_deg": Measure(incidence_deg, {("segment", "polyline"): Limits(0.0, 90.0)}, _INCIDENCE_DEG),
+    "gap_um": Measure(
+        gap_um, {("point", "polyline"): Limits(), ("point", "surface"): Limits()}, _BSCAN_UM, _tip_sd_um
+    ),
+    "incidence_deg": Measure(
+        incidence_deg,
+        {("segment", "polyline"): Limits(0.0, 90.0), ("segment", "surface"): Limits(0.0, 90.0)},
+        _INCIDENCE_DEG,
+    ),
     "depth_percent": Measure(
-        depth_percent, {("point", "polyline"): Limits(requires=("rpe",))}, _DEPTH_PERCENT
+        depth_percent,
+        {
+            ("point", "polyline"): Limits(requires=("rpe",)),
+            ("point", "surface"): Limits(requires=("rpe",)),
+        },
+        _DEPTH_PERCENT,
     ),
     "thickness_um": Measure(
-        thickness_um, {("polyline", "polyline"): Limits(requires=("needle_tip",))}, _BSCAN_UM
+        thickness_um,
+        {
+            ("polyline", "polyline"): Limits(requires=("needle_tip",)),
+            ("surface", "surface"): Limits(requires=("needle_tip",)),
+        },
+        _BSCAN_UM,
+    ),
+    "out_of_plane_um": Measure(
+        out_of_plane_um, {("point", "surface"): Limits(lower=0.0)}, _BSCAN_UM, _tip_sd_um
     ),
     "elapsed_s": Measure(elapsed_s, {("point", "phase"): Limits(lower=0.0)}, _PHASE_S),
 }

@@ -33,7 +33,14 @@ class DeepDecoder:
             ValueError: If OpenCV cannot read it.
             BadInput: If its depth is not supported, or contradicts `bits`.
         """
-        stored = _decoded(data)
+        return self.in_8_bits(_decoded(data))
+
+    def in_8_bits(self, stored: NDArray[Any]) -> Image:
+        """Return stored values as 8 bits.
+
+        Raises:
+            BadInput: As above.
+        """
         if stored.dtype == np.uint8:
             if self._bits not in (0, 8):
                 raise BadInput(f"has 8 bits per pixel, but source.bits is {self._bits}; remove source.bits")

@@ -9,7 +9,7 @@ from haptigraph.messages import Capture, Image
 from haptigraph.recording.codec import decode
 from haptigraph.stages import Source
 
-__all__ = ["SUFFIXES", "ImagesSource"]
+__all__ = ["SUFFIXES", "ImagesSource", "natural"]
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 """Suffixes of the images that are read."""
@@ -36,7 +36,7 @@ class ImagesSource(Source):
         folder = Path(folder)
         inside = [folder] if folder.is_file() else folder.iterdir()
         files = (file for file in inside if file.suffix.lower() in SUFFIXES)
-        self._files = sorted(files, key=lambda file: _natural(file.name))
+        self._files = sorted(files, key=lambda file: natural(file.name))
         if not self._files:
             raise BadInput(f"no images in the folder; supported are {', '.join(SUFFIXES)}", folder)
 
@@ -63,5 +63,6 @@ class ImagesSource(Source):
         """Do nothing: no file stays open."""
 
 
-def _natural(name: str) -> list[tuple[int, str]]:
+def natural(name: str) -> list[tuple[int, str]]:
+    """Return the key that sorts names with numbers as people do: 2 before 10."""
     return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", name)]

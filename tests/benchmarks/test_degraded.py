@@ -11,7 +11,7 @@ from paths import ROOT
 
 from haptigraph.analysis.evaluation.ground_truth import TruthRow
 from haptigraph.errors import BadInput
-from haptigraph.geometry import Homography
+from haptigraph.projection import Homography
 from haptigraph.registration.background import BackgroundImage
 from haptigraph.registration.camera import anatomy_px
 from haptigraph.registration.loading import load_camera_registration

@@ -1,6 +1,7 @@
 """Every perceiver, a sink and the other stages fulfil their contracts."""
 
 import io
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from haptigraph.errors import EndOfSource, MissingExtra
 from haptigraph.geometry import Point, Segment
 from haptigraph.haptics.renderer import GrammarRenderer
 from haptigraph.inference.engine import RuleEngine
-from haptigraph.messages import Capture
+from haptigraph.messages import Capture, ImageKind
 from haptigraph.scene.builder import SchemaSceneBuilder
 from haptigraph.sinks.console import ConsoleSink
 from haptigraph.sources.phantom import PhantomSource
@@ -46,7 +47,7 @@ def perceiver_class(request):
 @pytest.fixture
 def phantom_images(request, perceiver_class):
     """Of the phantom that the perceiver is for."""
-    return request.getfixturevalue("scan_images" if perceiver_class.needs_scan else "eye_images")
+    return request.getfixturevalue({"eye": "eye_images", "bscan": "scan_images"}[perceiver_class.images])
 
 
 @pytest.fixture
@@ -77,7 +78,7 @@ def test_a_perceiver_is_deterministic_and_reports_tip_and_line_together(perceive
 def test_a_perceiver_reports_only_the_entities_that_its_class_lists(perceiver, phantom_images, registration):
     _, captures = phantom_images
     assert isinstance(type(perceiver), PerceiverClass)
-    assert isinstance(perceiver.needs_scan, bool)
+    assert perceiver.images in get_args(ImageKind)
     found = set().union(*(perceiver(capture).found for capture in captures[::10]))
     assert found - set(registration.anatomy) <= perceiver.entities
     assert found & perceiver.entities

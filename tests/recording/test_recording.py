@@ -26,8 +26,9 @@ from haptigraph.assemble import build, build_pipeline, open_source
 from haptigraph.clock import VirtualClock
 from haptigraph.config import Config, load_config
 from haptigraph.errors import BadInput, EndOfSource
-from haptigraph.geometry import ImageGeometry, Point
+from haptigraph.geometry import Point
 from haptigraph.messages import CERTAIN, CameraStamp, Capture, Certainty, Fault, HandState, Truth
+from haptigraph.projection import ImageGeometry
 from haptigraph.recording.codec import decode, encode_jpeg, encode_png, format_of
 from haptigraph.recording.decoding import decode_message
 from haptigraph.recording.entries import entries

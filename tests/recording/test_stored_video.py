@@ -28,8 +28,8 @@ from haptigraph.commands.recordings import replay as replay_command
 from haptigraph.config import load_config
 from haptigraph.dashboard.recordings.folder import RecordingFolder
 from haptigraph.errors import BadInput
-from haptigraph.geometry import ImageGeometry
 from haptigraph.messages import Capture
+from haptigraph.projection import ImageGeometry
 from haptigraph.recording import attachments, stored_video
 from haptigraph.recording import writer as writer_module
 from haptigraph.recording.attachments import AttachedFile

@@ -4,7 +4,8 @@ import math
 
 import pytest
 
-from haptigraph.geometry import Circle, ImageGeometry
+from haptigraph.geometry import Circle
+from haptigraph.projection import ImageGeometry
 from haptigraph.recording.foxglove import Time, annotations
 from haptigraph.registration.tilt import CameraTilt
 

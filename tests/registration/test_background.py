@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from haptigraph.geometry import Homography
+from haptigraph.projection import Homography
 from haptigraph.registration.background import BackgroundImage
 
 

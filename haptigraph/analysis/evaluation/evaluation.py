@@ -20,8 +20,9 @@ from haptigraph.analysis.evaluation.tip_scores import TipError, tip_error, tip_s
 from haptigraph.clock import VirtualClock
 from haptigraph.config import Config
 from haptigraph.errors import BadInput
-from haptigraph.geometry import ImageGeometry, Point, Vec
+from haptigraph.geometry import Point, Vec
 from haptigraph.messages import TIP_NOT_VISIBLE, UNKNOWN, Step
+from haptigraph.projection import ImageGeometry
 from haptigraph.recording.writer import Progress
 from haptigraph.registration.loading import load_camera_registration
 from haptigraph.sources.jpeg import JpegSource

@@ -16,11 +16,12 @@ from haptigraph.analysis.evaluation.evaluation import Errors, angle_spreads, err
 from haptigraph.analysis.evaluation.ground_truth import TruthRow
 from haptigraph.analysis.evaluation.tip_scores import tip_scores
 from haptigraph.config import Config
-from haptigraph.geometry import ImageGeometry, Point, Segment, Vec, angle_between_deg, subtract
+from haptigraph.geometry import Point, Segment, Vec, angle_between_deg, subtract
 from haptigraph.inference.engine import RuleEngine, without_time
 from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import CERTAIN, Capture, Observation, Step, Truth
 from haptigraph.pipeline import Pipeline
+from haptigraph.projection import ImageGeometry
 from haptigraph.recording.writer import Progress
 from haptigraph.registration.background import BackgroundImage
 from haptigraph.registration.camera import Registration

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 from msgspec import Struct
 
-from haptigraph.geometry import ImageGeometry, Point, Segment, Vec, subtract, unit
+from haptigraph.geometry import Point, Segment, Vec, subtract, unit
 from haptigraph.messages import Step
+from haptigraph.projection import ImageGeometry
 
 __all__ = ["TipError", "tip_error", "tip_scores"]
 

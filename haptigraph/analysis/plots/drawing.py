@@ -10,7 +10,7 @@ from matplotlib.patches import FancyArrowPatch
 from haptigraph.geometry import Geometry, Point, Polyline, Segment, Vec, rotate, subtract
 from haptigraph.graph import SceneGraph
 from haptigraph.messages import Step
-from haptigraph.perception.eye_view import IoctView
+from haptigraph.perception.eye_view import EyeView
 from haptigraph.registration.camera import Registration
 from haptigraph.registration.registered import BaseRegistration
 
@@ -80,7 +80,7 @@ def _labels(graph: SceneGraph) -> dict[tuple[str, str], str]:
 
 
 def draw_overlay(
-    axes: "Axes", view: IoctView, step: Step, registration: BaseRegistration, cone_deg: list[float]
+    axes: "Axes", view: EyeView, step: Step, registration: BaseRegistration, cone_deg: list[float]
 ) -> None:
     """Draw an observation, and the cone in which a shaft counts as aligned."""
     if isinstance(registration, Registration):
@@ -92,14 +92,15 @@ def draw_overlay(
             ends = trocar, (trocar[0] + x, trocar[1] + y)
             _line(axes, view, ends, color=CONE_COLOR, linewidth=0.8, linestyle=(0, (4, 2)), label=label)
     found = step.observation.found
-    for name, shape in found.items():
-        has_end = not name.endswith("_line") or name.replace("_line", "_tip") in found
-        _draw_shape(axes, view, name, shape, "-" if has_end else "--")
+    for shapes in view.drawn(found):
+        for name, shape in shapes.items():
+            has_end = not name.endswith("_line") or name.replace("_line", "_tip") in found
+            _draw_shape(axes, view, name, shape, "-" if has_end else "--")
     axes.set(xlim=(0, view.size_px - 1), ylim=(view.size_px - 1, 0))
     axes.axis("off")
 
 
-def _draw_shape(axes: "Axes", view: IoctView, name: str, shape: Geometry, linestyle: str) -> None:
+def _draw_shape(axes: "Axes", view: EyeView, name: str, shape: Geometry, linestyle: str) -> None:
     color, label = "#ffcc33" if name.startswith("needle") else "#5ec8ff", name.replace("_", " ")
     if isinstance(shape, Polyline):
         _line(axes, view, shape.points_mm, color=color, linewidth=1.0, alpha=0.7, label=label)
@@ -115,6 +116,6 @@ def _draw_shape(axes: "Axes", view: IoctView, name: str, shape: Geometry, linest
         )  # fmt: skip
 
 
-def _line(axes: "Axes", view: IoctView, points_mm: Sequence[Vec], **style: object) -> None:
+def _line(axes: "Axes", view: EyeView, points_mm: Sequence[Vec], **style: object) -> None:
     x, y = zip(*(view.to_px(point) for point in points_mm), strict=True)
     axes.plot(x, y, **style)  # type: ignore[arg-type]

@@ -10,7 +10,7 @@ from haptigraph.analysis.plots.series import Series, read_series
 from haptigraph.analysis.plots.timeline import draw_timeline
 from haptigraph.errors import BadInput
 from haptigraph.messages import UNKNOWN, Image
-from haptigraph.perception.eye_view import IoctView
+from haptigraph.perception.eye_view import view_of
 from haptigraph.recording.reader import RunReader
 from haptigraph.recording.writer import Progress
 from haptigraph.registration.loading import parse_registration
@@ -75,12 +75,12 @@ def _draw_moments(
     registration: BaseRegistration,
 ) -> None:
     axes = figure.subplots(2, len(moments), squeeze=False, height_ratios=(1.25, 1))
-    view = IoctView(registration)
+    view = view_of(registration)
     for column, number in enumerate(moments):
         step, picture, graph = series.steps[number], axes[0, column], axes[1, column]
         image = images.get(number)
         if image is not None:
-            picture.imshow(view(image), cmap="gray", vmin=0, vmax=255)
+            picture.imshow(view(image, step.observation.found), cmap="gray", vmin=0, vmax=255)
         draw_overlay(picture, view, step, registration, series.bounds("theta_deg"))
         picture.set_title(
             f"{series.time_s[number]:.1f} s  {step.conclusion.state.replace('_', ' ')}",

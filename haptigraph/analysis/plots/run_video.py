@@ -20,7 +20,7 @@ from haptigraph.analysis.plots.series import Series, read_series
 from haptigraph.analysis.plots.video_file import new_video
 from haptigraph.errors import BadInput
 from haptigraph.messages import Capture, Step
-from haptigraph.perception.eye_view import IoctView
+from haptigraph.perception.eye_view import view_of
 from haptigraph.recording.reader import RunReader
 from haptigraph.recording.writer import Progress
 from haptigraph.registration.loading import parse_registration
@@ -82,7 +82,7 @@ class _Pictures:
 
     def __init__(self, series: Series, registration: BaseRegistration, note: str) -> None:
         self._series, self._registration = series, registration
-        self._view = IoctView(registration, WIDTH_PX)
+        self._view = view_of(registration, WIDTH_PX)
         self._cone_deg = series.bounds("theta_deg")
         self._strip = _Strip(series)
         figure = Figure(figsize=(WIDTH_PX / DPI, HEIGHT_PX / DPI), dpi=DPI)
@@ -112,7 +112,9 @@ class _Pictures:
         self._canvas.restore_region(self._background)
         pixels = self._pixels()
         pixels[:HEADER_PX] = _rgb(self._series.color(state))
-        _part(pixels, VIEW)[:] = NO_IMAGE if image is None else self._view(image)[..., None]
+        _part(pixels, VIEW)[:] = (
+            NO_IMAGE if image is None else self._view(image, step.observation.found)[..., None]
+        )
         _part(pixels, STRIP)[:] = self._strip.at(time_s)
         self._state.set_text(state.replace("_", " "))
         self._reason.set_text("; ".join([step.conclusion.because, *(fault.message for fault in step.faults)]))

@@ -21,9 +21,10 @@ from haptigraph.analysis.registering.report import (
     wall_mm,
 )
 from haptigraph.errors import BadInput
-from haptigraph.geometry import ImageGeometry, Polyline, Vec, distance_to_polyline, nearest_on_polyline, norm
+from haptigraph.geometry import Polyline, Vec, distance_to_polyline, nearest_on_polyline, norm
 from haptigraph.imaging import Floats
 from haptigraph.perception.anatomy.anatomy import Anatomy
+from haptigraph.projection import ImageGeometry
 from haptigraph.registration.assumed import TARGET, TROCAR
 from haptigraph.registration.retarget import retina_angle_rad
 

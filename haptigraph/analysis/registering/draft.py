@@ -26,7 +26,7 @@ from haptigraph.analysis.registering.picture import registration_picture
 from haptigraph.analysis.registering.registering import plausible_anatomy
 from haptigraph.analysis.registering.report import in_px_and_mm
 from haptigraph.errors import BadInput
-from haptigraph.geometry import Homography, Vec
+from haptigraph.geometry import Vec
 from haptigraph.imaging import UPRIGHT, Turn
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy.anatomy import Anatomy
@@ -34,6 +34,7 @@ from haptigraph.perception.anatomy.background_image import find_background_image
 from haptigraph.perception.anatomy.moving_shaft import median_image
 from haptigraph.perception.anatomy.rim import TYPICAL_WALL_MIDDLE
 from haptigraph.perception.anatomy.upright import enters_elsewhere
+from haptigraph.projection import Homography
 from haptigraph.registration.assumed import POSITIONS, TROCAR, in_order
 from haptigraph.registration.camera import Registration, anatomy_px
 from haptigraph.registration.loading import parse_camera_registration

@@ -7,9 +7,10 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from haptigraph.errors import BadInput
-from haptigraph.geometry import ImageGeometry, Polyline, Vec, nearest_on_polyline
+from haptigraph.geometry import Polyline, Vec, nearest_on_polyline
 from haptigraph.imaging import UPRIGHT, Turn
 from haptigraph.perception.anatomy.anatomy import Anatomy, FoundTrocar
+from haptigraph.projection import ImageGeometry
 from haptigraph.registration.assumed import MIRROR, RIM, SCALE, TARGET, in_order
 from haptigraph.registration.camera import DIAMETER_RANGE_MM
 from haptigraph.registration.retarget import point_on_retina, retina_angle_rad

@@ -18,7 +18,7 @@ from haptigraph.dashboard.server.stream import (
 )
 from haptigraph.errors import BadInput, HaptigraphError
 from haptigraph.inference.procedure import Procedure
-from haptigraph.perception.eye_view import IoctView
+from haptigraph.perception.eye_view import view_of
 from haptigraph.recording.header import losses_sentence
 from haptigraph.recording.reader import RunReader, StepLocation
 from haptigraph.registration.assumed import assumed_text
@@ -48,7 +48,7 @@ def read_run(name: str) -> None:
     at_px = [registration.image.to_px(at_mm) for at_mm in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))]
     content, data = encode_timeline(timeline)
     more = {
-        "hello": describe_run(config, procedure, registration, IoctView(registration)),
+        "hello": describe_run(config, procedure, registration, view_of(registration)),
         "image_from_eye_px": at_px,
         "run": {**msgspec.to_builtins(reader.info), "config": "", "registration": "", "procedure": ""},
         "measures": measures_json(measures, timeline.start_ns),

@@ -15,6 +15,7 @@ from mcap.reader import SeekingReader
 from haptigraph.assemble import parse_procedure, procedure_names
 from haptigraph.dashboard.server.protocol import image_header, pack
 from haptigraph.errors import BadInput, HaptigraphError
+from haptigraph.perception.eye_view import EyeView, VolumeView, view_of
 from haptigraph.recording.codec import encode_png
 from haptigraph.recording.reader import RunReader, StepLocation
 from haptigraph.recording.records import DAMAGE
@@ -24,6 +25,7 @@ __all__ = ["Identity", "RecordingFolder"]
 
 MAX_LISTED = 1000
 MAX_OPEN = 8
+VOLUME_PX = 720  # side of the picture of a volume
 
 
 class Identity(NamedTuple):
@@ -48,6 +50,7 @@ class _OpenRun(NamedTuple):
     identity: Identity
     places: list[StepLocation]
     moving: frozenset[str]
+    view: EyeView
     start_ns: int
 
 
@@ -112,17 +115,18 @@ class RecordingFolder:
         path = self.path_of(name)
         identity, reader = Identity.of(path), RunReader(path)
         schema = parse_procedure(reader.info.procedure, f"procedure in {name}").schema
-        anatomy = parse_registration(reader.info.registration, f"registration in {name}").anatomy
-        moving = frozenset(entity.name for entity in schema.entities) - set(anatomy)
+        registration = parse_registration(reader.info.registration, f"registration in {name}")
+        moving = frozenset(entity.name for entity in schema.entities) - set(registration.anatomy)
+        view = view_of(registration, VOLUME_PX)
         start_ns = reader.record_at(places[0])[1].stamp_ns
         with self._lock:
-            self._open[name] = _OpenRun(reader, identity, places, moving, start_ns)
+            self._open[name] = _OpenRun(reader, identity, places, moving, view, start_ns)
             self._open.move_to_end(name)
             while len(self._open) > MAX_OPEN:
                 self._open.popitem(last=False)
 
     def step(self, name: str, number: int) -> bytes:
-        """Return the image message of one step, with the image as it was recorded; one of a video as PNG.
+        """Return the image message of one step, with its image as recorded, else as PNG; volumes as drawn.
 
         Raises:
             BadInput: If there is no such step.
@@ -140,13 +144,16 @@ class RecordingFolder:
             raise BadInput(f"has no step {number}; valid: 0 to {len(run.places) - 1}", name)
         capture, step = run.reader.record_at(run.places[number])
         picture = capture.encoded
-        if picture is None and capture.image is not None:
+        if capture.image is not None and isinstance(run.view, VolumeView):
+            picture = encode_png(run.view(capture.image, step.observation.found))
+        elif picture is None and capture.image is not None:
             picture = encode_png(capture.image)
         time_ms = (step.stamp_ns - run.start_ns) / 1e6
         commanded_ns = step.timing.commanded_ns if step.timing else step.stamp_ns
         header = image_header(
             step,
             run.moving,
+            run.view,
             number=number,
             time_ms=time_ms,
             commanded_ms=(commanded_ns - run.start_ns) / 1e6,

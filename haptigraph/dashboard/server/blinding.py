@@ -36,6 +36,7 @@ def blind_image(header: ImageHeader) -> ImageHeader:
         edges=(),
         measures={},
         found={},
+        beside=(),
         sd_mm={},
         faults=tuple(fault for fault in header.faults if fault.startswith(SHARED_FAULTS)),
     )

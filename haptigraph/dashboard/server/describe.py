@@ -16,7 +16,7 @@ from haptigraph.inference.colors import Paint, palette
 from haptigraph.inference.meaning import Kind
 from haptigraph.inference.procedure import Procedure, State
 from haptigraph.messages import TIP_NOT_VISIBLE, UNKNOWN
-from haptigraph.perception.eye_view import IoctView
+from haptigraph.perception.eye_view import EyeView, view_of
 from haptigraph.pipeline import Loop
 from haptigraph.registration.assumed import needs_consent
 from haptigraph.registration.loading import load_registration, parse_registration
@@ -49,7 +49,7 @@ def announcement(config: Config, loop: Loop, hub: Hub) -> Callable[[], None]:
         registration = parse_registration(loop.source.registration or "", config.source.uri)
     if config.source.target_mm is not None:
         registration = with_target(registration, config.source.target_mm)
-    procedure, view = load_procedure(config.run.procedure), IoctView(registration, VIEW_PX)
+    procedure, view = load_procedure(config.run.procedure), view_of(registration, VIEW_PX)
     moving = frozenset(entity.name for entity in procedure.schema.entities) - set(registration.anatomy)
     teleop = loop.source.teleop
     steering = {"steerable": teleop is not None, "has_jaws": teleop is not None and teleop.has_jaws}
@@ -58,7 +58,7 @@ def announcement(config: Config, loop: Loop, hub: Hub) -> Callable[[], None]:
 
 
 def describe_run(
-    config: Config, procedure: Procedure, registration: BaseRegistration, view: IoctView
+    config: Config, procedure: Procedure, registration: BaseRegistration, view: EyeView
 ) -> dict[str, Any]:
     """Return the fields of a run's first message."""
     return {
@@ -75,7 +75,13 @@ def describe_run(
             "patterns": to_builtins(procedure.patterns),
         },
         "anatomy": to_builtins(registration.anatomy),
-        "view": {"size_px": view.size_px, "half_mm": view.half_mm},
+        "view": {
+            "size_px": view.size_px,
+            "half_mm": view.half_mm,
+            "center_mm": view.center_mm,
+            "across_mm": view.across_mm,
+            "above_mm": view.above_mm,
+        },
         "source": config.source.uri,
         "device": config.haptics.device,
         "recording": config.recording.path,

@@ -16,7 +16,7 @@ from haptigraph.dashboard.server.protocol import ImageHeader, image_header, pack
 from haptigraph.dashboard.server.viewer import Viewer
 from haptigraph.haptics.observed_device import DeliveryLog
 from haptigraph.messages import Capture, Delivered, Fault, Step
-from haptigraph.perception.eye_view import IoctView
+from haptigraph.perception.eye_view import EyeView
 from haptigraph.recording.codec import encode_jpeg
 
 __all__ = ["Hub"]
@@ -53,7 +53,7 @@ class Hub:
         self._server: asyncio.AbstractEventLoop | None = None
         self._wakeup = asyncio.Event()
         self._number = 0
-        self._view: IoctView | None = None
+        self._view: EyeView | None = None
         self._moving: frozenset[str] = frozenset()
         self._retained: dict[str, str] = {}
         self._blind_hello = ""
@@ -103,7 +103,7 @@ class Hub:
 
     # --- called in the server's thread ----------------------------------------------------------------
 
-    def announce(self, hello: dict[str, Any], view: IoctView, moving: frozenset[str]) -> None:
+    def announce(self, hello: dict[str, Any], view: EyeView, moving: frozenset[str]) -> None:
         """Serve another run; call before the server starts, or in its thread.
 
         Args:
@@ -208,12 +208,15 @@ class Hub:
 
     def _image(self, capture: Capture, step: Step) -> tuple[ImageHeader, bytes]:
         """Return header and picture of one step, once for all viewers."""
-        picture = b""
-        if capture.image is not None and self._view is not None:
-            picture = encode_jpeg(self._view(capture.image), JPEG_QUALITY)
+        picture, view = b"", self._view
+        if view is None:
+            raise RuntimeError("a step was published before its run was announced")
+        if capture.image is not None:
+            picture = encode_jpeg(view(capture.image, step.observation.found), JPEG_QUALITY)
         header = image_header(
             step,
             self._moving,
+            view,
             number=self._number,
             time_ms=self.to_ms(step.stamp_ns),
             commanded_ms=self.to_ms(step.timing.commanded_ns if step.timing else step.stamp_ns),

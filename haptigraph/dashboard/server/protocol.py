@@ -8,6 +8,7 @@ from msgspec import UNSET, Meta, Struct, UnsetType, structs
 from haptigraph.geometry import Geometry
 from haptigraph.graph import Names
 from haptigraph.messages import HandState, Step
+from haptigraph.perception.eye_view import EyeView
 from haptigraph.teleop.motion import HandMotion, MotionScale, TremorMm
 
 __all__ = [
@@ -132,7 +133,9 @@ class ImageHeader(Struct, frozen=True, tag="image"):
     edges: tuple[Names, ...]
     measures: dict[str, float]
     found: dict[str, Geometry]
-    """Shapes of the moving entities by name, eye frame."""
+    """Shapes of the moving entities by name, eye frame; of a volume, in the B-scan through the tip."""
+    beside: tuple[dict[str, Geometry], ...]
+    """The same in the other pictures of a volume's view, moved to their places in it."""
     sd_mm: dict[str, float]
     """Standard deviations of points by name, where estimated."""
     faults: tuple[str, ...]
@@ -167,15 +170,18 @@ def pack(content: ImageHeader | dict[str, Any], data: bytes) -> bytes:
     return len(text).to_bytes(4, "big") + text + data
 
 
-def image_header(step: Step, moving: frozenset[str], **more: Any) -> ImageHeader:
+def image_header(step: Step, moving: frozenset[str], view: EyeView, **more: Any) -> ImageHeader:
     """Return the header of a step.
 
     Args:
         step: The step.
         moving: Names of the entities to include; the page has the others already.
+        view: The view in which they are drawn.
         more: The other fields of `ImageHeader`.
     """
     conclusion, graph, certainty = step.conclusion, step.graph, step.observation.certainty
+    found = {name: shape for name, shape in step.observation.found.items() if name in moving}
+    main, *beside = view.drawn(found)
     tip_sd_mm = certainty.tip_sd_mm if certainty and TIP in step.observation.found else None
     return ImageHeader(
         index=step.index,
@@ -187,7 +193,8 @@ def image_header(step: Step, moving: frozenset[str], **more: Any) -> ImageHeader
         nodes=tuple(node.id for node in graph.nodes),
         edges=tuple((edge.subject, edge.predicate, edge.object) for edge in graph.edges),
         measures=graph.measures,
-        found={name: shape for name, shape in step.observation.found.items() if name in moving},
+        found=main,
+        beside=tuple(beside),
         sd_mm={} if tip_sd_mm is None else {TIP: tip_sd_mm},
         faults=tuple(f"{fault.where}: {fault.message}" for fault in step.faults),
         **more,

@@ -8,13 +8,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from haptigraph.geometry import Circle, ImageGeometry, Point, Polyline, Vec
+from haptigraph.geometry import Circle, Point, Polyline, Vec
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy.rcm import Rcm, ShaftLine, fit_rcm
 from haptigraph.perception.anatomy.rim import Rim
 from haptigraph.perception.needle.shaft_line import BLOCK_PX
 from haptigraph.perception.needle.tip_selection import Detection
 from haptigraph.perception.needle.tracker import detections_in
+from haptigraph.projection import ImageGeometry
 from haptigraph.registration.camera import Registration
 
 __all__ = ["tracked_rcm"]

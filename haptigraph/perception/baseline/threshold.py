@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from haptigraph.config import PerceptionConfig
 from haptigraph.geometry import Geometry, Point, Segment, Vec, norm, subtract, unit
 from haptigraph.imaging import FloatImage, Floats, Mask, grey_of
-from haptigraph.messages import Capture, Image, Observation
+from haptigraph.messages import Capture, Image, ImageKind, Observation
 from haptigraph.perception.baseline.smoothing import MovingAverage
 from haptigraph.perception.entities import ENTITIES
 from haptigraph.registration.camera import Registration
@@ -80,7 +80,7 @@ class ThresholdPerceiver:
         config: Polarity, block size, offset, alpha.
     """
 
-    needs_scan = False
+    images: ImageKind = "eye"
     entities = ENTITIES["threshold"]
     entities_with_sd = frozenset[str]()
     """Entities it may report besides the registered anatomy."""

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from haptigraph.config import PerceptionConfig
 from haptigraph.geometry import Geometry, Point, Polyline, Segment, Vec, subtract, unit
-from haptigraph.messages import Capture, Image, Observation
+from haptigraph.messages import Capture, Image, ImageKind, Observation
 from haptigraph.perception.entities import ENTITIES
 from haptigraph.perception.forceps.jaws import find_jaws
 from haptigraph.perception.forceps.stained_tissue import StainedTissue
@@ -34,7 +34,7 @@ class ForcepsPerceiver:
         config: Settings, passed on to the trackers.
     """
 
-    needs_scan = False
+    images: ImageKind = "eye"
     entities = ENTITIES["forceps"]
     """Entities it may report besides the registered anatomy."""
     entities_with_sd = frozenset[str]()  # the standard deviation is that of closed jaws

@@ -27,7 +27,7 @@ from msgspec.structs import replace
 from haptigraph.config import PerceptionConfig
 from haptigraph.geometry import Geometry, Point, Segment, Vec
 from haptigraph.imaging import FloatImage
-from haptigraph.messages import Capture, Certainty, Fault, Image, Observation
+from haptigraph.messages import Capture, Certainty, Fault, Image, ImageKind, Observation
 from haptigraph.perception.entities import ENTITIES
 from haptigraph.perception.needle.background import Background, occluded_ends
 from haptigraph.perception.needle.bevel import Bevel
@@ -72,7 +72,7 @@ class Tracker:
         config: Settings; none is used so far, but all perceivers receive them.
     """
 
-    needs_scan = False
+    images: ImageKind = "eye"
     entities = ENTITIES["tracker"]
     entities_with_sd = entities
     """Entities it may report besides the registered anatomy."""

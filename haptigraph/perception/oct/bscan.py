@@ -8,7 +8,7 @@ import numpy as np
 
 from haptigraph.config import PerceptionConfig
 from haptigraph.imaging import grey_of
-from haptigraph.messages import Capture, Observation
+from haptigraph.messages import Capture, ImageKind, Observation
 from haptigraph.perception.entities import ENTITIES
 from haptigraph.perception.oct.needle import find_needle, needle_candidates, without_ridge_columns
 from haptigraph.perception.oct.ridge import find_ridges
@@ -29,7 +29,7 @@ class BscanPerceiver:
         config: Settings; not used, but part of every perceiver's constructor.
     """
 
-    needs_scan = True
+    images: ImageKind = "bscan"
     entities = ENTITIES["bscan"]
     entities_with_sd = frozenset(("needle_tip", "needle_line"))
 

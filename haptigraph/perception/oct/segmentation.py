@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from haptigraph.config import PerceptionConfig
 from haptigraph.imaging import FloatImage
-from haptigraph.messages import Capture, Observation
+from haptigraph.messages import Capture, ImageKind, Observation
 from haptigraph.perception.entities import ENTITIES
 from haptigraph.perception.oct.class_maps import Rows, Scaling, border_rows, line_rows
 from haptigraph.perception.oct.class_needle import NeedleFit, fit_needles
@@ -47,7 +47,7 @@ class SegmentationPerceiver:
         BadInput: If the network cannot be used.
     """
 
-    needs_scan = True
+    images: ImageKind = "bscan"
     entities = ENTITIES["segmentation"]
     entities_with_sd = frozenset(("needle_tip", "needle_line"))
 

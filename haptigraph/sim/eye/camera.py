@@ -11,9 +11,10 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from haptigraph.geometry import ImageGeometry, Vec, norm, subtract
+from haptigraph.geometry import Vec, norm, subtract
 from haptigraph.imaging import FloatImage
 from haptigraph.messages import Image
+from haptigraph.projection import ImageGeometry
 from haptigraph.sim.eye.cannula import Cannula, CannulaShape
 from haptigraph.sim.eye.clutter import paint_lines, paint_vessels
 from haptigraph.sim.eye.distractors import (

@@ -11,8 +11,9 @@ import cv2
 import numpy as np
 from msgspec import Meta, Struct
 
-from haptigraph.geometry import ImageGeometry, Vec, norm, subtract, unit
+from haptigraph.geometry import Vec, norm, subtract, unit
 from haptigraph.imaging import FloatImage
+from haptigraph.projection import ImageGeometry
 from haptigraph.sim.eye.eye import Eye
 from haptigraph.sim.eye.needle import (
     Box,

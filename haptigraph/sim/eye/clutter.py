@@ -6,8 +6,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from haptigraph.geometry import ImageGeometry, Vec
+from haptigraph.geometry import Vec
 from haptigraph.imaging import FloatImage
+from haptigraph.projection import ImageGeometry
 from haptigraph.sim.eye.needle import blurred
 
 __all__ = ["paint_lines", "paint_vessels"]

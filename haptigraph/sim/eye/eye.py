@@ -8,7 +8,8 @@ from typing import Annotated
 
 from msgspec import Meta, Struct
 
-from haptigraph.geometry import ImageGeometry, Vec, rotate, unit
+from haptigraph.geometry import Vec, rotate, unit
+from haptigraph.projection import ImageGeometry
 from haptigraph.registration.text import AnatomyPx, TrocarPx
 from haptigraph.registration.text import registration_text as write_text
 

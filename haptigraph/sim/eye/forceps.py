@@ -11,9 +11,10 @@ import cv2
 import numpy as np
 from msgspec import Meta, Struct
 
-from haptigraph.geometry import ImageGeometry, Vec, rotate, subtract, unit
+from haptigraph.geometry import Vec, rotate, subtract, unit
 from haptigraph.imaging import FloatImage
 from haptigraph.messages import Image
+from haptigraph.projection import ImageGeometry
 from haptigraph.sim.eye.needle import NeedleShape, clipped_box, needle_texture, warp_texture
 
 __all__ = ["Forceps", "ForcepsShape", "Instrument", "JawPositions"]

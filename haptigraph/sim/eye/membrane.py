@@ -12,9 +12,10 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
-from haptigraph.geometry import ImageGeometry, Vec, norm, subtract
+from haptigraph.geometry import Vec, norm, subtract
 from haptigraph.imaging import FloatImage
 from haptigraph.messages import Image
+from haptigraph.projection import ImageGeometry
 from haptigraph.sim.eye.eye import Eye
 from haptigraph.sim.eye.needle import blurred, clipped_box
 

@@ -4,7 +4,8 @@ import math
 
 from msgspec import Struct
 
-from haptigraph.geometry import ImageGeometry, Vec
+from haptigraph.geometry import Vec
+from haptigraph.projection import ImageGeometry
 from haptigraph.registration.tilt import CameraTilt
 
 __all__ = ["CameraSettings", "image_geometry", "slant_of"]

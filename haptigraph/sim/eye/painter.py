@@ -9,8 +9,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from haptigraph.geometry import ImageGeometry, Vec, subtract, unit
+from haptigraph.geometry import Vec, subtract, unit
 from haptigraph.imaging import FloatImage
+from haptigraph.projection import ImageGeometry
 from haptigraph.sim.eye.eye import Eye
 from haptigraph.sim.eye.palette import BLOOD, LAYER, Appearance, Color, Palette
 

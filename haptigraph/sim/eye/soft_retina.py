@@ -10,8 +10,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from haptigraph.geometry import ImageGeometry, Polyline, Vec, norm
+from haptigraph.geometry import Polyline, Vec, norm
 from haptigraph.imaging import FloatImage
+from haptigraph.projection import ImageGeometry
 from haptigraph.sim.eye.eye import Eye
 from haptigraph.sim.eye.needle import Box, clipped_box
 from haptigraph.sim.tissue import Dent, TissueShape

@@ -23,8 +23,9 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
-from haptigraph.geometry import ImageGeometry, Vec, unit
+from haptigraph.geometry import Vec, unit
 from haptigraph.messages import Image
+from haptigraph.projection import ImageGeometry
 from haptigraph.sim.oct.appearance import (
     TABLE_FROM,
     TABLE_SPAN,

@@ -37,6 +37,8 @@ class ScanFacts(Struct, frozen=True):
     """Pixel height; None: not stated."""
     lateral_mm_per_px: float | None = None
     """Pixel width; None: not stated."""
+    slice_mm: float | None = None
+    """From one B-scan to the next; None: not stated, or not a volume."""
     volume_reason: str = ""
     """Why its images are a volume; empty: they are a time series, or a single image."""
 
@@ -60,7 +62,7 @@ def dicom_facts(path: Path) -> ScanFacts:
         if int(header.get("BitsAllocated") or 8) not in (8, 16):
             raise BadInput(f"has {header.BitsAllocated} bits per pixel; supported are 8 and 16", path)
         axial_mm, lateral_mm = _spacing_mm(header)
-        return ScanFacts(axial_mm, lateral_mm, _volume_reason(header))
+        return ScanFacts(axial_mm, lateral_mm, _slice_mm(header), _volume_reason(header))
     except BadInput:
         raise
     except OSError as error:
@@ -77,6 +79,22 @@ def _spacing_mm(header: Any) -> tuple[float | None, float | None]:
         if spacing is not None and len(spacing) == 2:
             return float(spacing[0]), float(spacing[1])
     return None, None
+
+
+def _slice_mm(header: Any) -> float | None:
+    """Return the distance between neighbouring B-scans, from their positions or as stated; None: unknown."""
+    places = [
+        [float(value) for value in item.get("ImagePositionPatient") or ()]
+        for item in _items(header, "PlanePositionSequence")
+    ]
+    if len(places) > 1 and all(len(place) == 3 for place in places):
+        apart_mm = np.linalg.norm(np.diff(np.array(places), axis=0), axis=1)
+        if (typical := float(np.median(apart_mm))) > 0:
+            return typical
+    for item in (header, *_items(header, "PixelMeasuresSequence")):
+        if item.get("SpacingBetweenSlices"):
+            return abs(float(item.get("SpacingBetweenSlices")))
+    return None
 
 
 def _volume_reason(header: Any) -> str:
@@ -129,13 +147,14 @@ class EyepySource(Source):
             count, height, width = volume.shape
             self._images = np.asarray(volume.data)
             in_mm = volume.scale_unit == "mm"
-            axial_mm, lateral_mm = (float(volume.scale_y), float(volume.scale_x)) if in_mm else (None, None)
+            scales = (volume.scale_y, volume.scale_x, volume.scale_z if count > 1 else None)
+            axial_mm, lateral_mm, slice_mm = (float(scale) if in_mm and scale else None for scale in scales)
         except Exception as error:  # eyepy computes lazily, so damaged files fail here
             raise _unreadable(path, error) from None
         if self._images.dtype != np.uint8 or self._images.shape != (count, height, width):
             raise BadInput(f"eyepy reads it as {self._images.dtype}; expected B-scans of 8 bits", path)
         reason = f"it contains {count} B-scans of different positions" if count > 1 else ""
-        self.facts = ScanFacts(axial_mm, lateral_mm, reason)
+        self.facts = ScanFacts(axial_mm, lateral_mm, slice_mm, reason)
 
     def read(self, timeout_s: float) -> Capture | None:
         """Return the next B-scan."""

@@ -14,7 +14,7 @@ class Noisy:
 
     entities = frozenset(("needle_tip", "needle_line"))
     entities_with_sd = frozenset()
-    needs_scan = False
+    images = "eye"
 
     def __init__(self, registration, config):
         pass

@@ -7,9 +7,9 @@ from haptigraph.analysis.evaluation.evaluation import evaluate_clip, lag_images,
 from haptigraph.analysis.evaluation.ground_truth import TruthRow
 from haptigraph.config import load_config
 from haptigraph.errors import BadInput
-from haptigraph.geometry import ImageGeometry
 from haptigraph.graph import SceneGraph
 from haptigraph.messages import Certainty, Observation
+from haptigraph.projection import ImageGeometry
 
 IMAGE = ImageGeometry((0.0, 0.0), 0.1, mirrored=False)
 NAV, APPROACH = "aligned_intraocular_navigation", "aligned_retinal_approach"

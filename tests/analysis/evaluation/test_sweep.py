@@ -20,8 +20,9 @@ from haptigraph.analysis.evaluation.sweep import (
 )
 from haptigraph.analysis.evaluation.sweep_figure import sweep_figure
 from haptigraph.config import load_config
-from haptigraph.geometry import ImageGeometry, Polyline, Segment
+from haptigraph.geometry import Polyline, Segment
 from haptigraph.messages import Observation, Truth
+from haptigraph.projection import ImageGeometry
 from haptigraph.registration.loading import parse_registration
 from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.scenes import random_scene
@@ -41,7 +42,7 @@ class Certain:
 
     entities = frozenset(("needle_tip", "needle_line"))
     entities_with_sd = frozenset()
-    needs_scan = False
+    images = "eye"
 
     def __init__(self, registration, config):
         self._anatomy = registration.anatomy

@@ -25,7 +25,7 @@ LANES, STATIONS, SIZE_PX = 33, 60, (12, 16)
 
 RECTIFY = """
 import numpy as np
-from haptigraph.geometry import ImageGeometry
+from haptigraph.projection import ImageGeometry
 from haptigraph.perception.needle.rectify import EyeGeometry, Line, rectify, stations
 from haptigraph.registration.loading import parse_registration
 from haptigraph.sim.eye.eye import Eye, EyeShape, registration_text

@@ -6,10 +6,11 @@ import pytest
 from drawn_strip import draw_rim
 
 from haptigraph.config import PerceptionConfig
-from haptigraph.geometry import ImageGeometry, subtract
+from haptigraph.geometry import subtract
 from haptigraph.messages import Capture
 from haptigraph.perception.needle.rectify import EyeGeometry, Line
 from haptigraph.perception.needle.tracker import Tracker
+from haptigraph.projection import ImageGeometry
 from haptigraph.registration.loading import parse_registration
 from haptigraph.sim.eye.eye import Eye, EyeShape, registration_text
 

@@ -6,12 +6,12 @@ import pytest
 from drawn_strip import GROUND, draw_needle, draw_rim
 
 from haptigraph.config import PerceptionConfig
-from haptigraph.geometry import ImageGeometry
 from haptigraph.messages import Capture
 from haptigraph.perception.native.search_grid import CELL, SearchGrid
 from haptigraph.perception.needle.rectify import EyeGeometry, Line
 from haptigraph.perception.needle.search import MIN_SCORE, PolarSearch
 from haptigraph.perception.needle.tracker import OFF_AXIS_MM, Tracker
+from haptigraph.projection import ImageGeometry
 from haptigraph.registration.camera import Registration
 from haptigraph.registration.loading import parse_registration
 from haptigraph.sim.eye.eye import Eye, EyeShape, registration_text

@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from haptigraph.geometry import ImageGeometry, angle_between_deg, norm, rotate, subtract
+from haptigraph.geometry import angle_between_deg, norm, rotate, subtract
+from haptigraph.projection import ImageGeometry
 from haptigraph.sim.eye.camera import Camera, NeedleShape
 from haptigraph.sim.eye.eye import Eye, EyeShape
 from haptigraph.sim.eye.forceps import Forceps, ForcepsShape

@@ -77,7 +77,7 @@ def test_a_registration_replaces_the_scale(folder, tmp_path):
 
 @pytest.mark.parametrize(
     ("axial", "lateral", "problem"),
-    [(3.3, 0.0078, "3.3 mm per pixel, axial; 0.0005 to 0.02"), (0.0033, 7.8, "7.8 mm per pixel, lateral")],
+    [(3.3, 0.0078, "3.3 mm, axial scale; 0.0005 to 0.02"), (0.0033, 7.8, "7.8 mm, lateral scale")],
 )
 def test_a_scale_in_micrometres_is_rejected(folder, axial, lateral, problem):
     settings = f"source.axial_mm_per_px={axial}", f"source.lateral_mm_per_px={lateral}"
@@ -128,7 +128,9 @@ def test_a_contradictory_or_unsupported_depth_is_rejected(tmp_path, folder):
 
 def test_a_multi_page_image_is_a_volume(tmp_path):
     cv2.imwritemulti(str(tmp_path / "v.tif"), list(SCANS))
-    assert "a volume, not a B-scan: 4 images" in error_of(tmp_path / "v.tif", *SCALE)
+    assert "v.tif: a volume: it contains 4 B-scans; it states no distance" in error_of(
+        tmp_path / "v.tif", *SCALE
+    )
 
 
 # --- a monitor's video
@@ -194,9 +196,11 @@ def test_dicom_without_a_scale_is_an_error(tmp_path):
     assert "states no axial scale" in error_of(dicom_file(tmp_path, SCANS[:1], spacing=None))
 
 
-def test_a_volume_is_rejected_unless_configured_as_a_sequence(tmp_path):
+def test_a_volume_needs_the_distance_of_its_b_scans_unless_it_is_played_as_a_sequence(tmp_path):
     path = dicom_file(tmp_path, SCANS, positions=[(row, 10, row, 90) for row in range(4)])
-    assert "a volume, not a B-scan: it contains 4 B-scans of different positions" in error_of(path)
+    problem = error_of(path)
+    assert "a volume: it contains 4 B-scans of different positions; it states no distance between" in problem
+    assert "set it, for example --set source.slice_mm=0.05; --set source.volume_as_sequence=true" in problem
     captures = drain(opened(path, "source.volume_as_sequence=true"))
     assert np.array_equal([capture.image for capture in captures], SCANS)
 
@@ -242,9 +246,10 @@ def test_a_vendors_file_is_opened_by_its_path(tmp_path):
     assert len(drain(source)) == 1
 
 
-def test_a_vendors_volume_is_rejected_unless_configured_as_a_sequence(tmp_path):
+def test_a_vendors_volume_is_one_capture_unless_configured_as_a_sequence(tmp_path):
     path = heidelberg(tmp_path / "cube.vol", SCANS)
-    assert "a volume, not a B-scan: it contains 4 B-scans of different positions" in error_of(path)
+    (volume,) = drain(opened(path))
+    assert np.array_equal(volume.image, np.concatenate(list(SCANS), axis=1))
     captures = drain(opened(path, "source.volume_as_sequence=true"))
     assert np.array_equal([capture.image for capture in captures], SCANS)
 

@@ -15,7 +15,7 @@ export class View {
   /** @type {Map<string, string>} */ colors = new Map();
   /** Tips by the shaft that they end. @type {Map<string, string>} */ tips = new Map();
   /** The newest message that arrived while another was being decoded. @type {[ImageHeader, Picture] | null} */ waiting = null;
-  isDecoding = false; half_mm = 1;
+  isDecoding = false; half_mm = 1; /** @type {Vec} */ center_mm = [0, 0];
   /** Whether the instrument was found in the eye in this run. */ hasEntered = false;
   /** Names the size of the uncertainty region, next to its switch. */ region = make("span", { className: "region" });
   /** Called with the header of every image that was drawn. @type {(header: ImageHeader) => void} */ onDrawn = () => {};
@@ -37,6 +37,7 @@ export class View {
     const { anatomy = {}, procedure: { entities, relations, states } = { entities: [], relations: [], states: [] } } = hello ?? {};
     this.hello = hello;
     this.half_mm = hello?.view.half_mm ?? 1;
+    this.center_mm = hello?.view.center_mm ?? [0, 0];
     this.zones = relations.flatMap((relation) => {
       const zone = zoneOf(relation, anatomy);
       return zone ? { ...zone, relation: String([relation.subject, relation.predicate, relation.object]) } : [];
@@ -83,7 +84,7 @@ export class View {
   /** Convert mm of the eye frame to canvas pixels. @param {Vec} place @returns {Vec} */
   toCanvas([x, y]) {
     const scale = this.canvas.width / (2 * this.half_mm);
-    return [(x + this.half_mm) * scale, (this.half_mm - y) * scale];
+    return [(x - this.center_mm[0] + this.half_mm) * scale, (this.half_mm - y + this.center_mm[1]) * scale];
   }
 
   /** Line widths and symbols grow with the canvas. */
@@ -100,7 +101,7 @@ export class View {
     if (this.overlays.target) this.drawTargets(hello);
     if (this.overlays.port && !this.hasEntered) this.drawPort(hello);
     if (header) this.drawUncertainty(header);
-    if (this.overlays.needle && header) this.drawShapes(header.found, color);
+    if (this.overlays.needle && header) for (const shapes of [header.found, ...header.beside]) this.drawShapes(shapes, color);
   }
 
   drawZone(/** @type {Vec[]} */ outline, /** @type {boolean} */ holds, /** @type {string} */ color) {

@@ -15,7 +15,7 @@ export class Moment {
   name = "";
   /** @type {RecordedRun} */ run;
   /** @type {ComparedRun | null} */ other = null;
-  /** @type {EyeCrop} */ crop;
+  /** @type {EyeCrop | null} */ crop = null;
   /** @type {ImageHeader | null} */ header = null;
   /** @type {number | null} */ wanted = null;
   isBusy = false;
@@ -25,7 +25,7 @@ export class Moment {
   begin(/** @type {string} */ name, /** @type {RecordedRun} */ run) {
     const { hello, image_from_eye_px } = run.content;
     Object.assign(this, { name, run, other: null, header: null });
-    this.crop = new EyeCrop(hello.view, image_from_eye_px);
+    this.crop = hello.view.across_mm === null ? new EyeCrop(hello.view, image_from_eye_px) : null;  // volumes come drawn
     this.panel.begin(hello);
     this.graph.begin(hello.procedure);
     this.view.begin(hello);
@@ -54,7 +54,7 @@ export class Moment {
   async fetch(/** @type {number} */ number, /** @type {RecordedRun} */ run) {
     const response = await get("/recordings/step", { name: this.name, number: String(number) });
     const { header, picture } = unpack(await response.arrayBuffer());
-    const image = picture && await this.crop.crop(picture);
+    const image = picture && await (this.crop ? this.crop.crop(picture) : createImageBitmap(new Blob([picture], { type: "image/png" })));
     if (run !== this.run) { image?.close(); return; }  // another run has been opened
     await this.view.show(header, image);
     this.header = header;

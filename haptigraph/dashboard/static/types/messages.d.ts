@@ -23,13 +23,13 @@ interface Procedure {
   states: StateDescription[], patterns: Pattern[],
 }
 interface Hello {
-  procedure: Procedure, anatomy: Record<string, Shape>, view: { size_px: number, half_mm: number }, source: string,
+  procedure: Procedure, anatomy: Record<string, Shape>, view: { size_px: number, half_mm: number, center_mm: Vec, across_mm: number | null, above_mm: number | null }, source: string,
   device: string, recording: string, stale_ms: number, deadman_ms: number, assumed: string[], silenced: boolean, steerable?: boolean, has_jaws?: boolean,
 }
 interface ImageHeader {
   number: number, index: number, time_ms: number, commanded_ms: number, state: string, because: string, feel: string,
   plays: string, evidence: Names[], nodes: string[], edges: Names[], measures: Record<string, number>,
-  found: Record<string, Shape>, sd_mm: Record<string, number>, faults: string[], has_picture: boolean, hand: { engaged: boolean } | null,
+  found: Record<string, Shape>, beside: Record<string, Shape>[], sd_mm: Record<string, number>, faults: string[], has_picture: boolean, hand: { engaged: boolean } | null,
 }
 type HapticEdge = [time_ms: number, amplitude: number, frequency_hz: number];
 interface BrokenClaim { claim: string, times: number, worst: number, unit: string }
