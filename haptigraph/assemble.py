@@ -13,9 +13,9 @@ from haptigraph.haptics.observed_device import DeliveryLog, Listener, ObservedDe
 from haptigraph.imaging import UPRIGHT
 from haptigraph.perception.entities import ENTITIES
 from haptigraph.pipeline import HapticOutput, Loop, Pipeline
-from haptigraph.registration.assumed import needs_consent
 from haptigraph.run_header import run_info
 from haptigraph.run_notes import run_notes
+from haptigraph.run_settings import suited
 from haptigraph.sources.naming import CAMERAS, GENERATED, PREFETCHABLE, camera_size_px, split_source
 from haptigraph.stages import Device, Perceiver, PerceiverClass, Sink, Source, check_members
 from haptigraph.version import __version__
@@ -47,6 +47,7 @@ PERCEIVERS = {
     "forceps": "haptigraph.perception.forceps.forceps:ForcepsPerceiver",
     "segmentation": "haptigraph.perception.oct.segmentation:SegmentationPerceiver",
     "threshold": "haptigraph.perception.baseline.threshold:ThresholdPerceiver",
+    "volume": "haptigraph.perception.volume.perceiver:VolumePerceiver",
 }
 DEVICES = {
     "audio": "haptigraph.haptics.audio:AudioDevice",
@@ -107,8 +108,7 @@ def build(
             given.check_turn(turn, config.source.registration)
         if (target_mm := config.source.target_mm) is not None:
             registration = _load("haptigraph.registration.retarget:with_target")(registration, target_mm)
-        if needs_consent(registration.assumed) and not config.haptics.accept_assumed:
-            config = config.silenced()
+        config = suited(config, source, registration)
         pipeline = build_pipeline(config, registration, procedure)
         info = run_info(config, source, registration, procedure, clock, __version__)
         measures = procedure.schema.measure_names

@@ -33,6 +33,11 @@ def run_notes(
         *unreported_notes(procedure, config.perception.perceiver, class_of),
         *(f"{config.haptics.device}: {note}" for note in limits),
     ]
+    if registration.image.slices is not None:
+        notes.append(
+            f"{source.rate_hz:g} volumes/s: haptic output ends {config.haptics.deadman_ms:g} ms after the last one "
+            "at the latest (haptics.deadman_ms)"
+        )
     if config.haptics.sham_seed is not None:
         notes.append("the vibration is a sham: it comes at random times and warns of nothing")
     if config.source.uri.partition(":")[0] == "teleop":

@@ -144,8 +144,9 @@ class VolumeView(EyeView):
         """Return the view, (size, size) grey; without a tip, its sections go through the middle."""
         volume, geometry = self._registration.checked_volume(grey_of(image)), self._registration.image
         at, slices = _tip(found), geometry.slices
-        column = min(max(round(geometry.to_px(at.at_mm)[0]), 0), volume.shape[2] - 1)
         number = slices.number(at.z_mm) if slices else 0
+        column = round(geometry.to_px(at.at_mm, at.z_mm)[0]) - number * volume.shape[2]
+        column = min(max(column, 0), volume.shape[2] - 1)
         picture = np.full((self.size_px, self.size_px), GAP_GREY, np.uint8)
         width, height, depth = self._sizes_mm
         flip = -1 if geometry.mirrored else 1

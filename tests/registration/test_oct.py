@@ -1,5 +1,6 @@
 """Registrations of B-scans: their content, and one-sentence errors."""
 
+import numpy as np
 import pytest
 from helpers import refuse
 from hypothesis import given
@@ -7,7 +8,7 @@ from hypothesis import strategies as st
 
 from haptigraph.errors import BadInput
 from haptigraph.registration.loading import load_registration, parse_registration
-from haptigraph.registration.oct import ScanRegistration
+from haptigraph.registration.oct import ScanRegistration, check_fits
 
 GOOD = """format = 1
 
@@ -89,3 +90,60 @@ def test_a_run_without_a_scale_is_refused(quick_scan, tmp_path):
     )
     assert "lateral_mm_per_px" in message
     assert str(file) in message
+
+
+# --- volumes
+
+VOLUME = GOOD.replace("[target]", "[volume]\nslices = 20\nslice_mm = 0.05\n\n[target]")
+
+
+def test_a_volume_is_registered_as_its_b_scans_side_by_side():
+    registration = parse_registration(VOLUME, "r.toml")
+    assert (registration.width_px, registration.height_px) == (20 * 400, 300)
+    assert registration.voxel_mm == (0.0033, 0.05, 0.0078)
+    volume = np.arange(300 * 20 * 400, dtype=np.uint32).astype(np.uint8).reshape(300, 20, 400)
+    side_by_side = np.concatenate([volume[:, number] for number in range(20)], axis=1)
+    assert np.array_equal(registration.checked_volume(side_by_side), volume)
+    assert np.shares_memory(registration.checked_volume(side_by_side), side_by_side)
+
+
+def test_a_place_in_a_volume_is_in_the_nearest_b_scan():
+    image = parse_registration(VOLUME, "r.toml").image
+    x_px, y_px = parse_registration(GOOD, "r.toml").image.to_px((0.2, 0.1))
+    assert image.to_px((0.2, 0.1), 0.025) == (10 * 400 + x_px, y_px)
+    assert image.to_px((0.2, 0.1), -9.0) == (x_px, y_px)
+    assert image.slices.z_mm(0) == pytest.approx(-0.475)
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        (("slices = 20", "slices = 2"), "volumes have at least 4"),
+        (("slice_mm = 0.05", "slice_mm = 5"), "slice_mm of 5 is implausible"),
+        (("width = 400", "width = 9"), "B-scans of a volume have at least 16 px"),
+        (("slices = 20\n", ""), "missing"),
+    ],
+)
+def test_an_invalid_volume_is_rejected(change, problem):
+    with pytest.raises(BadInput, match=problem):
+        parse_registration(VOLUME.replace(*change), "r.toml")
+
+
+def test_a_single_b_scan_is_no_volume():
+    with pytest.raises(BadInput, match=r"image is 400 x 300 px, but the registration is for 8000 x 300 px"):
+        parse_registration(VOLUME, "r.toml").checked_volume(np.zeros((300, 400), np.uint8))
+
+
+@pytest.mark.parametrize(
+    ("text", "images", "problem"),
+    [
+        (VOLUME, "bscan", "does not process volumes, and this registration has"),
+        (VOLUME, "eye", "does not process volumes"),
+        (GOOD, "volume", "needs volumes, a registration with"),
+        (GOOD, "eye", "needs an eye before a camera"),
+    ],
+)
+def test_a_perceiver_for_other_images_is_refused(text, images, problem):
+    registration = parse_registration(text, "r.toml")
+    with pytest.raises(BadInput, match=problem):
+        check_fits("mine", images, registration)

@@ -12,6 +12,7 @@ from haptigraph.geometry import (
     Point,
     Polyline,
     Segment,
+    Surface,
     distance_to_polyline,
     height_on_polyline,
 )
@@ -87,6 +88,7 @@ SHAPES = {
     "segment": Segment((0.0, 2.0), (0.0, 1.0)),
     "circle": Circle((0.0, 0.0), 1.0),
     "polyline": FLAT,
+    "surface": Surface((-1.0, 1.0), (-1.0, 1.0), ((0.1, 0.1), (0.1, 0.1))),
     "phase": Phase(1.0),
 }
 
@@ -94,8 +96,9 @@ SHAPES = {
 @pytest.mark.parametrize("name", MEASURES)
 def test_a_measure_is_defined_for_the_shapes_that_it_supports_and_never_raises(name):
     found = {"trocar": Point((0.0, 20.0)), "needle_tip": SHAPES["point"], "eye_globe": SHAPES["circle"]}
-    found["rpe"] = Polyline(((-10.0, -1.0), (10.0, -1.0)))
     for (one, subject), (other, object_) in product(SHAPES.items(), repeat=2):
+        lower = Surface((-1.0, 1.0), (-1.0, 1.0), ((-1.0, -1.0), (-1.0, -1.0)))
+        found["rpe"] = lower if other == "surface" else Polyline(((-10.0, -1.0), (10.0, -1.0)))
         is_defined = measure(name, subject, object_, found) is not None
         assert is_defined or (one, other) not in MEASURES[name].shapes
 
@@ -187,3 +190,53 @@ def test_incidence_and_thickness_are_those_of_the_column_of_the_tip():
     flat = Polyline(((-2.0, -3.0), (2.0, -3.0)))
     assert measure("incidence_deg", Segment((-0.6, 2.9), tip_mm), slope) == pytest.approx(45)
     assert measure("thickness_um", slope, flat, {"needle_tip": Point(tip_mm)}) == pytest.approx(2400)
+
+
+# --- surfaces of a volume
+
+
+def plane(at_mm: float, right: float, towards: float) -> Surface:
+    """A plane of given slopes, over 4 x 4 mm."""
+    grid = tuple(n / 4 for n in range(-8, 9))
+    rows = tuple(tuple(at_mm + right * x + towards * z for x in grid) for z in grid)
+    return Surface(grid, grid, rows)
+
+
+within = st.floats(-1.0, 1.0)
+
+
+@given(at_mm=within, right=within, towards=within, x=within, y=within, z=within)
+def test_the_gap_to_a_plane_is_the_distance_along_its_normal(at_mm, right, towards, x, y, z):
+    tip = Point((x, y), z)
+    expected_um = 1000 * (y - at_mm - right * x - towards * z) / math.sqrt(1 + right**2 + towards**2)
+    assert measure("gap_um", tip, plane(at_mm, right, towards)) == pytest.approx(expected_um, abs=1e-6)
+
+
+@given(right=within, along=st.tuples(within, st.floats(-1.0, -0.1)), x=within, z=within)
+def test_a_surface_that_is_the_same_in_every_b_scan_is_measured_as_in_one(right, along, x, z):
+    flat, surface = Polyline(((-2.0, -2 * right), (2.0, 2 * right))), plane(0.0, right, 0.0)
+    tip, below = Point((x, 0.3), z), plane(-0.4, right, 0.0)
+    found = {"needle_tip": tip, "rpe": below}
+    flat_found = {"needle_tip": tip, "rpe": Polyline(((-2.0, -0.4 - 2 * right), (2.0, -0.4 + 2 * right)))}
+    for name in ("gap_um", "depth_percent"):
+        flat_value = measure(name, tip, flat, flat_found)
+        assert measure(name, tip, surface, found) == pytest.approx(flat_value, rel=1e-6, abs=1e-6)
+    shaft = Segment((x - along[0], -along[1]), (x, 0.0), z, z)
+    incidence_deg = measure("incidence_deg", shaft, flat, {})
+    assert measure("incidence_deg", shaft, surface, {}) == pytest.approx(incidence_deg, abs=1e-6)
+    assert measure("thickness_um", surface, below, found) == pytest.approx(400)
+
+
+def test_a_shaft_out_of_the_section_is_less_steep_than_it_seems():
+    shaft = Segment((0.0, 1.0), (0.0, 0.0), 1.0, 0.0)
+    assert measure("incidence_deg", shaft, plane(0.0, 0.0, 0.0), {}) == pytest.approx(45)
+    assert measure("incidence_deg", shaft, FLAT, {}) == pytest.approx(90)
+
+
+@pytest.mark.parametrize("z_mm", [-0.25, 0.25])
+def test_out_of_plane_is_the_distance_from_the_middle_section_on_either_side(z_mm):
+    assert measure("out_of_plane_um", Point((0.4, 0.1), z_mm), plane(0.0, 0.0, 0.0)) == pytest.approx(250)
+
+
+def test_the_distance_between_points_counts_their_z():
+    assert measure("distance_mm", Point((0.0, 3.0), 1.0), Point((4.0, 0.0), 13.0)) == pytest.approx(13)

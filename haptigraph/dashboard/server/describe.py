@@ -22,6 +22,7 @@ from haptigraph.registration.assumed import needs_consent
 from haptigraph.registration.loading import load_registration, parse_registration
 from haptigraph.registration.registered import BaseRegistration
 from haptigraph.registration.retarget import with_target
+from haptigraph.run_settings import suited
 
 __all__ = ["announcement", "describe_run", "describe_states"]
 
@@ -49,6 +50,7 @@ def announcement(config: Config, loop: Loop, hub: Hub) -> Callable[[], None]:
         registration = parse_registration(loop.source.registration or "", config.source.uri)
     if config.source.target_mm is not None:
         registration = with_target(registration, config.source.target_mm)
+    config = suited(config, loop.source, registration)
     procedure, view = load_procedure(config.run.procedure), view_of(registration, VIEW_PX)
     moving = frozenset(entity.name for entity in procedure.schema.entities) - set(registration.anatomy)
     teleop = loop.source.teleop
