@@ -43,7 +43,7 @@ class Dent:
 
     Args:
         shape: How the tissue deforms.
-        along_mm: Points along the resting surface, ascending, (n,).
+        along_mm: Points along the resting surface, ascending, (n,); for `press`, points of any arrangement.
     """
 
     def __init__(self, shape: TissueShape, along_mm: Floats) -> None:
@@ -63,18 +63,29 @@ class Dent:
             elapsed_s: Time since the last call.
             tip_mm: The tip now: (along the surface, below the resting surface); None: no tip is near.
         """
-        pressed_mm = self._pressed_mm(tip_mm)
+        if tip_mm is None or not self._along_mm[0] <= tip_mm[0] <= self._along_mm[-1]:
+            return self.press(elapsed_s, None, None)
+        return self.press(elapsed_s, np.abs(self._along_mm - tip_mm[0]), tip_mm[1])
+
+    def press(self, elapsed_s: float, away_mm: Floats | None, depth_mm: float | None) -> Floats:
+        """Advance in time, for points of any arrangement, and return the depth of the dent at each [mm].
+
+        Args:
+            elapsed_s: Time since the last call.
+            away_mm: Distance of each point from the tip along the surface; None: no tip is near.
+            depth_mm: Depth of the tip below the resting surface; None: no tip is near.
+        """
+        pressed_mm = self._pressed_mm(away_mm, depth_mm)
         free_mm = (1 - self._shape.prompt_share) * self._crept_mm
         dent_mm = np.maximum(free_mm, pressed_mm)
         self._crept_mm += (dent_mm - self._crept_mm) * -math.expm1(-elapsed_s / self._shape.relax_s)
         return dent_mm
 
-    def _pressed_mm(self, tip_mm: Vec | None) -> Floats:
-        """Return the depth to which the tip presses each point, (n,)."""
-        if tip_mm is None or not self._along_mm[0] <= tip_mm[0] <= self._along_mm[-1]:
+    def _pressed_mm(self, away_mm: Floats | None, depth_mm: float | None) -> Floats:
+        """Return the depth to which the tip presses each point."""
+        if away_mm is None or depth_mm is None:
             self.is_pierced = False
             return np.zeros_like(self._along_mm)
-        at_mm, depth_mm = tip_mm
         self.is_pierced = depth_mm > 0 and (self.is_pierced or depth_mm > self._shape.puncture_mm)
         share = self._shape.drag_share if self.is_pierced else 1.0
-        return max(depth_mm, 0.0) * share * np.exp(-np.abs(self._along_mm - at_mm) / self._shape.dent_mm)
+        return max(depth_mm, 0.0) * share * np.exp(-away_mm / self._shape.dent_mm)

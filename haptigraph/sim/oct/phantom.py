@@ -1,6 +1,7 @@
 """The OCT phantom: play a needle's approach to a retina B-scan by B-scan, with the ground truth.
 
-It plays scenarios that have a [scan] table. The needle moves along one straight line, with the scripted
+It plays scenarios that have a [scan] table; those that also have a [volume] table are played by
+`volume_phantom`. The needle moves along one straight line, with the scripted
 minimum-jerk moves and hand tremor of the camera phantom: `depth_mm` is measured from the line's intersection
 with the resting ILM, and `theta_deg` is added to `lean_deg`.
 """
@@ -21,6 +22,7 @@ from haptigraph.sim.oct.appearance import BscanAppearance
 from haptigraph.sim.oct.bscan import BscanCamera, ScanSettings
 from haptigraph.sim.oct.needle import BscanNeedle
 from haptigraph.sim.oct.retina import Retina, RetinaShape, Surfaces
+from haptigraph.sim.oct.volume_phantom import VolumePhantom, load_volume_scenario
 from haptigraph.sim.phantom import BLANK, Moment, Phantom
 from haptigraph.sim.robot.operator import Hand, Move, ScriptedOperator
 from haptigraph.sim.scenario import About, checked_moves, load_scenario, scenario_document
@@ -70,8 +72,8 @@ def load_scan_scenario(document: Document) -> ScanScenario:
     return scenario
 
 
-def open_phantom(name: str, target_mm: float | None = None) -> "Phantom | ScanPhantom":
-    """Open the phantom of a scenario of either kind, ready for its first image.
+def open_phantom(name: str, target_mm: float | None = None) -> "Phantom | ScanPhantom | VolumePhantom":
+    """Open the phantom of a scenario of any kind, ready for its first image.
 
     Raises:
         BadInput: If no scenario has that name, the file is not valid, or the target cannot be moved.
@@ -81,6 +83,8 @@ def open_phantom(name: str, target_mm: float | None = None) -> "Phantom | ScanPh
         return Phantom(load_scenario(name, target_mm)).paint()
     if target_mm is not None:
         raise BadInput("source.target_mm does not apply to B-scan scenarios; set approach.depth_share", name)
+    if "volume" in document.data:
+        return VolumePhantom(load_volume_scenario(document))
     return ScanPhantom(load_scan_scenario(document))
 
 
