@@ -29,7 +29,7 @@ class VolumeNeedle(Struct, frozen=True, forbid_unknown_fields=True):
 
     diameter_mm: Annotated[float, Meta(ge=0.03, le=1)] = 0.11
     """41 gauge."""
-    bevel_deg: Annotated[float, Meta(ge=8, le=80)] = 20.0
+    bevel_deg: Annotated[float, Meta(ge=8, le=80)] = 26.0
     """Angle between the bevel's face and the axis."""
     roll_deg: Annotated[float, Meta(ge=-360, le=360)] = 0.0
     """Rotation about the axis; 0: the bevel faces up, 180: down."""

@@ -1,7 +1,5 @@
 """Random volumes for evaluation, each with its own retina, needle, appearance and artefacts."""
 
-import math
-
 import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
@@ -18,7 +16,7 @@ __all__ = ["VOLUME_SHAPE", "VolumeScene", "random_volume_scene"]
 
 VOLUME_SHAPE = 256, 48, 192
 """Axial rows, slices, lateral columns."""
-LEAN_DEG = 25.0, 45.0
+LEAN_DEG = 25.0, 42.0
 BELOW_RPE_MM = 0.25  # least depth of the volume below the resting RPE
 
 Rng = np.random.Generator
@@ -87,11 +85,11 @@ def random_volume_scene(
         width_px=width,
         height_px=height,
         axial_mm_per_px=rng.uniform(1.5, 2.0) / height,
-        lateral_mm_per_px=rng.uniform(2.0, 3.0) / width,
+        lateral_mm_per_px=rng.uniform(1.6, 2.4) / width,
     )
     volume = VolumeSettings(
         slices=slices,
-        slice_mm=rng.uniform(2.0, 2.8) / slices,
+        slice_mm=rng.uniform(1.6, 2.2) / slices,
         tilt_deg=rng.uniform(-6, 6),
         jitter_mm=rng.uniform(0, 0.005),
     )
@@ -160,8 +158,8 @@ def _appearance(rng: Rng) -> BscanAppearance:
 def _needle(rng: Rng) -> VolumeNeedle:
     return VolumeNeedle(
         diameter_mm=rng.uniform(0.09, 0.13),
-        bevel_deg=rng.uniform(15, 25),
-        roll_deg=math.degrees(rng.uniform(-math.pi, math.pi)),
+        bevel_deg=rng.uniform(20, 32),
+        roll_deg=float(180 * rng.integers(2) + rng.uniform(-20, 20)),
         bright_db=rng.uniform(24, 34),
         ridge_mm=rng.uniform(0.012, 0.025),
         tissue_loss_db=rng.uniform(8, 20),

@@ -1,0 +1,242 @@
+"""Fit a bevelled needle to the A-scans around a shaft.
+
+Turns evidence per A-scan (`light.light_stops`) into the posterior of pose and shape. First a grid over the
+tip's place along the shaft and the bevel's roll, then the cross-entropy method (Rubinstein 1999), then
+importance sampling for mean and covariance. Neighbouring voxels share speckle, so the evidence is tempered.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from haptigraph.imaging import FloatImage, Floats
+from haptigraph.messages import Image
+from haptigraph.perception.volume.bevelled import (
+    ALONG,
+    BEVEL,
+    COUNT,
+    LEAN,
+    RADIUS,
+    ROLL,
+    TURN,
+    Frame,
+    pose_of,
+    upper_mm,
+)
+from haptigraph.perception.volume.light import MOST, TissueProfile, light_stops
+from haptigraph.perception.volume.scale import VolumeScale
+from haptigraph.perception.volume.shaft_line import RADIUS_MM, ShaftLine
+from haptigraph.perception.volume.surfaces import SurfaceMaps
+
+__all__ = ["NeedleFit", "fit_needle"]
+
+BEHIND_MM, AHEAD_MM, BESIDE_MM = 0.6, 0.3, 0.16  # extent of the A-scans around the end of the shadow
+SHAFT_MM = -0.16  # up to here the cylinder is whole, whatever the bevel
+GRID_MM = np.arange(-0.14, 0.22, 0.02)
+ROLLS = np.arange(12) * (2 * math.pi / 12)
+BEVEL_RAD, BEVEL_SD_RAD = math.radians(27.0), math.radians(6.0)
+RADIUS_SD_MM = 0.012
+USUAL_SHAFT_MM = 0.8  # a shorter shaft gives a less certain direction
+SHAFT_SD = np.array([1e-4, 0.012, 0.012, 0.014, 0.02, 1e-4, 0.006, 1e-4])
+START_SD = np.array([0.02, 0.006, 0.006, 0.006, 0.008, 0.4, 0.003, 0.08])
+LEAST_SD = np.array([0.003, 0.001, 0.001, 0.001, 0.0015, 0.05, 0.0005, 0.02])
+SHAFT_DRAWS, DRAWS, SHAFT_ROUNDS, ROUNDS, MODES, SAMPLES, SEED = 40, 40, 4, 4, 3, 120, 6
+TEMPERATURE = 5.0  # voxels that share speckle count as one
+BEAM_MM = np.array([[-0.004, -0.008], [0.004, 0.008], [-0.004, 0.008], [0.004, -0.008]])  # x, z
+SD_FACTOR, LEAST_TIP_SD_MM = 1.2, 0.004  # calibrated on simulated volumes
+DIRECTION_FACTOR, LEAST_DIRECTION_SD_DEG = 1.5, 0.25
+MODE_MARGIN = 8.0  # below the best mode, tempered, at which another is dropped
+NO_BEAM = np.zeros((1, 2))
+
+
+class NeedleFit(NamedTuple):
+    """Posterior of a needle's pose."""
+
+    tip_mm: Floats
+    """The sharp end, (3,)."""
+    tip_cov_mm2: Floats
+    """(3, 3)."""
+    axis_mm: Floats
+    """The point of the axis beside the tip, (3,)."""
+    along: Floats
+    """Direction of the axis towards the tip, (3,)."""
+    direction_sd_deg: float
+    radius_mm: float
+    facing: Floats
+    """Mean direction to which the bevel opens; shorter than 1 where it is uncertain, (3,)."""
+    score: float
+    """Mean evidence of the A-scans on the needle, 1 at most."""
+    grid: Floats
+    """Best score by place along the shaft and roll, (len(GRID_MM), len(ROLLS))."""
+
+
+class _Evidence(NamedTuple):
+    x_mm: Floats
+    z_mm: Floats
+    stops: FloatImage
+    """(m, h + 1), contiguous."""
+    scale: VolumeScale
+
+    def part(self, chosen: np.ndarray) -> "_Evidence":
+        """Return some of the A-scans."""
+        stops = np.ascontiguousarray(self.stops[chosen])
+        return _Evidence(self.x_mm[chosen], self.z_mm[chosen], stops, self.scale)
+
+    def mean_score(self, frame: Frame, parameters: Floats) -> float:
+        """Return the evidence of the A-scans on a needle as a share of the most possible."""
+        _, is_metal = upper_mm(pose_of(frame, parameters), parameters, self.x_mm, self.z_mm)
+        count = max(int(is_metal.sum()), 1)
+        return float(self.scores(frame, parameters, NO_BEAM)[0]) / (MOST * count)
+
+    def scores(self, frame: Frame, parameters: Floats, beam_mm: Floats) -> Floats:
+        """Return the log-likelihood ratio of every pose, (p,)."""
+        pose = pose_of(frame, parameters)
+        total = np.zeros(len(parameters))
+        offsets = np.arange(len(self.x_mm)) * self.stops.shape[1]
+        flat = self.stops.ravel()
+        for shift_x, shift_z in beam_mm:
+            height, is_metal = upper_mm(pose, parameters, self.x_mm + shift_x, self.z_mm + shift_z)
+            row = np.clip(self.scale.row(height), 0, self.scale.rows - 1.001)
+            whole = row.astype(np.intp)
+            share = row - whole
+            index = whole + offsets
+            value = flat[index] * (1 - share) + flat[index + 1] * share
+            total += np.where(is_metal, value, 0.0).sum(axis=1)
+        return total / len(beam_mm)
+
+
+def fit_needle(
+    volume: Image, scale: VolumeScale, maps: SurfaceMaps, profile: TissueProfile, line: ShaftLine
+) -> NeedleFit:
+    """Fit a needle.
+
+    Args:
+        volume: (h, n, w) grey.
+        scale: Its size and scale.
+        maps: Surfaces.
+        profile: Brightness of tissue.
+        line: The shaft.
+    """
+    frame = _frame(line)
+    evidence, is_shaft = _evidence(volume, scale, maps, profile, line)
+    rng = np.random.default_rng(SEED)
+    mean = np.zeros(COUNT)
+    mean[ALONG], mean[RADIUS], mean[BEVEL] = 1.0, RADIUS_MM, BEVEL_RAD  # the tip is far ahead
+    shaft = evidence.part(is_shaft)
+    sd = SHAFT_SD.copy()
+    sd[[LEAN, TURN]] *= max(1.0, USUAL_SHAFT_MM / (line.last_mm - line.first_mm))
+    mean, _ = _cross_entropy(shaft, frame, mean, sd, rng, SHAFT_DRAWS, SHAFT_ROUNDS)
+    grid = np.tile(mean, (len(GRID_MM) * len(ROLLS), 1))
+    grid[:, ALONG], grid[:, ROLL] = np.repeat(GRID_MM, len(ROLLS)), np.tile(ROLLS, len(GRID_MM))
+    coarse = evidence.scores(frame, grid, NO_BEAM).reshape(len(GRID_MM), len(ROLLS))
+    modes = []
+    for roll in _modes(coarse.max(axis=0)):
+        start = grid[coarse[:, roll].argmax() * len(ROLLS) + roll]
+        modes.append(_cross_entropy(evidence, frame, start, START_SD, rng, DRAWS, ROUNDS))
+    return _posterior_moments(evidence, frame, modes, rng, coarse)
+
+
+def _modes(scores: Floats) -> list[int]:
+    """Return the rolls with the best scores that are not neighbours."""
+    chosen: list[int] = []
+    for roll in np.argsort(-scores):
+        if all(min((roll - one) % len(ROLLS), (one - roll) % len(ROLLS)) > 2 for one in chosen):
+            chosen.append(int(roll))
+    return chosen[:MODES]
+
+
+def _cross_entropy(
+    evidence: "_Evidence",
+    frame: Frame,
+    mean: Floats,
+    sd: Floats,
+    rng: np.random.Generator,
+    draws: int,
+    rounds: int,
+) -> tuple[Floats, Floats]:
+    """Return mean and covariance of the best draws."""
+    cov, least = np.diag(sd**2), np.diag(np.minimum(LEAST_SD, sd) ** 2)
+    for _ in range(rounds):
+        some = mean + rng.standard_normal((draws, COUNT)) @ np.linalg.cholesky(cov).T
+        some[0] = mean
+        score = _posterior(evidence, frame, some)
+        elite = some[np.argsort(-score)[: draws // 4]]
+        mean = elite.mean(axis=0)
+        cov = 0.8 * np.cov(elite.T) + 0.1 * cov + least
+    return mean, cov
+
+
+def _frame(line: ShaftLine) -> Frame:
+    lean, turn = math.atan(-line.slope), math.atan2(line.along[1], line.along[0])
+    ridge_mm = line.at_mm + line.shadow_mm * np.array([line.along[0], line.slope, line.along[1]])
+    return Frame(ridge_mm - np.array([0.0, RADIUS_MM / math.cos(lean), 0.0]), lean, turn)
+
+
+def _evidence(
+    volume: Image, scale: VolumeScale, maps: SurfaceMaps, profile: TissueProfile, line: ShaftLine
+) -> tuple[_Evidence, np.ndarray]:
+    z, x = np.meshgrid(scale.z_mm, scale.x_mm, indexing="ij")
+    off_x, off_z = x - line.at_mm[0], z - line.at_mm[2]
+    s = off_x * line.along[0] + off_z * line.along[1] - line.shadow_mm
+    across = off_z * line.along[0] - off_x * line.along[1]
+    number, column = np.nonzero((s > -BEHIND_MM) & (s < AHEAD_MM) & (np.abs(across) < BESIDE_MM))
+    x_mm, z_mm = x[number, column], z[number, column]
+    rows = tuple(scale.row(surface.at(x_mm, z_mm)) for surface in (maps.ilm, maps.rpe))
+    stops = light_stops(volume, scale, (number, column), (rows[0], rows[1]), profile)
+    return _Evidence(x_mm, z_mm, np.ascontiguousarray(stops.T), scale), s[number, column] < SHAFT_MM
+
+
+def _posterior(evidence: _Evidence, frame: Frame, draws: Floats) -> Floats:
+    draws[:, RADIUS] = np.clip(draws[:, RADIUS], 0.02, 0.3)
+    draws[:, BEVEL] = np.clip(draws[:, BEVEL], 0.12, 1.4)
+    prior = ((draws[:, BEVEL] - BEVEL_RAD) / BEVEL_SD_RAD) ** 2
+    prior = prior + ((draws[:, RADIUS] - RADIUS_MM) / RADIUS_SD_MM) ** 2
+    return evidence.scores(frame, draws, BEAM_MM) / TEMPERATURE - prior / 2
+
+
+def _posterior_moments(
+    evidence: _Evidence,
+    frame: Frame,
+    modes: list[tuple[Floats, Floats]],
+    rng: np.random.Generator,
+    grid: Floats,
+) -> NeedleFit:
+    """Weigh draws from a mixture of normal distributions, one for each mode."""
+    best = max(float(_posterior(evidence, frame, mean[None].copy())[0]) for mean, _ in modes)
+    kept = [
+        (mean, 1.5 * cov)
+        for mean, cov in modes
+        if float(_posterior(evidence, frame, mean[None].copy())[0]) > best - MODE_MARGIN
+    ]
+    each = SAMPLES // len(kept)
+    draws = np.concatenate(
+        [mean + rng.standard_normal((each, COUNT)) @ np.linalg.cholesky(cov).T for mean, cov in kept]
+    )
+    density = np.logaddexp.reduce([_log_normal(draws, mean, cov) for mean, cov in kept])
+    score = _posterior(evidence, frame, draws)
+    weight = np.exp(score - density - (score - density).max())
+    weight /= weight.sum()
+    pose = pose_of(frame, draws)
+    tip_mm, axis_mm = weight @ pose.tip_mm, weight @ pose.axis_mm
+    off = pose.tip_mm - tip_mm
+    along = weight @ pose.along
+    along /= np.linalg.norm(along)
+    spread = weight @ ((pose.along - along) ** 2).sum(axis=1)
+    return NeedleFit(
+        tip_mm,
+        (SD_FACTOR * off * weight[:, None]).T @ (SD_FACTOR * off) + LEAST_TIP_SD_MM**2 * np.eye(3),
+        axis_mm,
+        along,
+        math.hypot(DIRECTION_FACTOR * math.degrees(math.sqrt(spread / 2)), LEAST_DIRECTION_SD_DEG),
+        float(weight @ draws[:, RADIUS]),
+        weight @ pose.facing,
+        evidence.mean_score(frame, draws[[int(score.argmax())]]),
+        grid,
+    )
+
+
+def _log_normal(draws: Floats, mean: Floats, cov: Floats) -> Floats:
+    root = np.linalg.cholesky(cov)
+    normal = np.linalg.solve(root, (draws - mean).T)
+    return np.asarray(-0.5 * (normal**2).sum(axis=0) - np.log(np.diag(root)).sum(), np.float64)

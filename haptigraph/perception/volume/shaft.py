@@ -1,0 +1,174 @@
+"""The needle in a volume with tissue: axis, tip, bevel and gap in 3D, each with its standard deviation.
+
+    found = find_needle_and_surfaces(volume, VolumeScale(h, n, w, axial_mm, slice_mm, lateral_mm))
+    found.ilm, found.rpe             # height maps
+    found.needle                     # None, or line, tip and bevel; the tip is None where it is not certain
+
+Needs no model of the instrument: a needle is bright, straight, thin, enters from a border of the volume, and
+blocks all light. The end of the metal and the end of its shadow, and the height at which light stops, give
+the tip, inside tissue too (`fit`). A tip that may as well be elsewhere is not reported.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from haptigraph.imaging import Floats
+from haptigraph.messages import Image
+from haptigraph.perception.volume.cells import downsampled
+from haptigraph.perception.volume.fit import NeedleFit, fit_needle
+from haptigraph.perception.volume.light import shadow_scores, tissue_profile
+from haptigraph.perception.volume.scale import VolumeScale
+from haptigraph.perception.volume.shaft_line import ShaftLine, find_shaft_line
+from haptigraph.perception.volume.surfaces import HeightMap, find_surface_maps
+
+__all__ = ["FoundNeedle", "Gap", "VolumeFindings", "find_needle_and_surfaces", "gap_to"]
+
+MAX_TIP_SD_MM = 0.045  # of one axis; a tip less certain is not reported
+MIN_SCORE = 0.62  # of the fit, of 1
+MIN_FACING = 0.8  # length of the bevel's mean direction
+NORMAL_MM = 0.1  # from a point to where a surface's slope is measured
+
+
+class Gap(NamedTuple):
+    """A signed distance from a surface along its local normal; positive above."""
+
+    gap_mm: float
+    sd_mm: float
+    is_visible: bool
+    """Whether the surface is visible within a cell of the point; otherwise it is interpolated."""
+
+
+class FoundNeedle(NamedTuple):
+    """A needle, eye frame."""
+
+    start_mm: Floats
+    """Where the axis enters the volume, (3,)."""
+    end_mm: Floats
+    """The point of the axis beside the tip; without a tip, beside the last metal, (3,)."""
+    along: Floats
+    """Direction of the axis towards the tip, length 1, (3,)."""
+    direction_sd_deg: float
+    """Standard deviation of the direction, in each of two perpendicular planes."""
+    radius_mm: float
+    tip_mm: Floats | None
+    """The sharp end, (3,); None: its place is not certain."""
+    tip_cov_mm2: Floats
+    """Covariance of the tip, (3, 3)."""
+    facing: Floats | None
+    """Direction to which the bevel opens, length 1, (3,); None: not certain."""
+    confidence: float
+    """Share of the evidence that the needle's A-scans could give, 0 to 1."""
+    above_ilm: Gap | None
+    above_rpe: Gap | None
+    """None without a tip, or without the surface."""
+
+    @property
+    def tip_sd_mm(self) -> Floats:
+        """Standard deviation of the tip along x, y and z, (3,)."""
+        return np.sqrt(np.diag(self.tip_cov_mm2))
+
+
+class VolumeFindings(NamedTuple):
+    """What is found in one volume."""
+
+    ilm: HeightMap
+    rpe: HeightMap
+    needle: FoundNeedle | None
+
+
+def find_needle_and_surfaces(volume: Image, scale: VolumeScale) -> VolumeFindings:
+    """Find ILM, RPE and needle.
+
+    Args:
+        volume: (h, n, w) grey.
+        scale: Its size and scale.
+    """
+    cells = downsampled(volume, scale)
+    maps = find_surface_maps(cells)
+    profile = tissue_profile(cells, maps)
+    line = find_shaft_line(cells, maps, profile, shadow_scores(cells, maps, profile))
+    if line is None:
+        return VolumeFindings(maps.ilm, maps.rpe, None)
+    fit = fit_needle(volume, scale, maps, profile, line)
+    return VolumeFindings(maps.ilm, maps.rpe, _needle(scale, maps.ilm, maps.rpe, line, fit))
+
+
+def gap_to(surface: HeightMap, point_mm: Floats, point_cov_mm2: Floats) -> Gap:
+    """Return a point's signed distance from a surface along its local normal.
+
+    Args:
+        surface: The surface.
+        point_mm: The point, (3,).
+        point_cov_mm2: Its covariance, (3, 3).
+    """
+    x, y, z = (np.array(value) for value in point_mm)
+    step = NORMAL_MM
+    xs, zs = np.array([x + step, x - step, x, x]), np.array([z, z, z + step, z - step])
+    right, left, near, far = surface.at(xs, zs)
+    normal = np.array([-(right - left) / (2 * step), 1.0, -(near - far) / (2 * step)])
+    normal /= np.linalg.norm(normal)
+    off_mm = float(y - surface.at(x, z)) * float(normal[1])
+    sd_mm = float(surface.at(x, z, surface.sd_mm)) * float(normal[1])
+    visible = float(surface.at(x, z, surface.visible.astype(np.float64)))
+    variance = float(normal @ point_cov_mm2 @ normal) + sd_mm**2
+    return Gap(off_mm, math.sqrt(variance), visible > 0.5)
+
+
+def _needle(
+    scale: VolumeScale, ilm: HeightMap, rpe: HeightMap, line: ShaftLine, fit: NeedleFit
+) -> FoundNeedle:
+    """Return a needle, without its tip where that is not certain."""
+    sd_mm = np.sqrt(np.diag(fit.tip_cov_mm2))
+    is_certain = bool(sd_mm.max() <= MAX_TIP_SD_MM) and fit.score >= MIN_SCORE and _contains(scale, fit)
+    length = float(np.linalg.norm(fit.facing))
+    facing = fit.facing / length if is_certain and length >= MIN_FACING else None
+    gaps = [
+        gap_to(surface, fit.tip_mm, fit.tip_cov_mm2) if is_certain and surface.visible.any() else None
+        for surface in (ilm, rpe)
+    ]
+    end_mm = fit.axis_mm
+    if not is_certain:
+        step = line.last_mm - float((fit.axis_mm - line.at_mm)[[0, 2]] @ line.along)
+        end_mm = fit.axis_mm + fit.along * step / max(float(np.hypot(fit.along[0], fit.along[2])), 1e-6)
+    return FoundNeedle(
+        start_mm=_entry_mm(scale, end_mm, fit.along),
+        end_mm=end_mm,
+        along=fit.along,
+        direction_sd_deg=fit.direction_sd_deg,
+        radius_mm=fit.radius_mm,
+        tip_mm=fit.tip_mm if is_certain else None,
+        tip_cov_mm2=fit.tip_cov_mm2,
+        facing=facing,
+        confidence=min(max(fit.score, 0.0), 1.0),
+        above_ilm=gaps[0],
+        above_rpe=gaps[1],
+    )
+
+
+def _half_mm(scale: VolumeScale) -> Floats:
+    """Return half the size of the volume along x, y and z, (3,)."""
+    return (
+        np.array(
+            [scale.columns * scale.lateral_mm, scale.rows * scale.axial_mm, scale.slices * scale.slice_mm]
+        )
+        / 2
+    )
+
+
+def _contains(scale: VolumeScale, fit: NeedleFit) -> bool:
+    """Return whether the tip is inside the volume, not at its border."""
+    margin = np.array([2 * scale.lateral_mm, 2 * scale.axial_mm, scale.slice_mm])
+    return bool((np.abs(fit.tip_mm) < _half_mm(scale) - margin).all())
+
+
+def _entry_mm(scale: VolumeScale, end_mm: Floats, along: Floats) -> Floats:
+    """Return where the axis enters the volume, (3,)."""
+    half = _half_mm(scale)
+    way = [
+        (half[axis] * math.copysign(1.0, -along[axis]) - end_mm[axis]) / -along[axis]
+        for axis in range(3)
+        if abs(along[axis]) > 1e-9
+    ]
+    return np.asarray(end_mm - along * max(min(way), 0.0), np.float64)
