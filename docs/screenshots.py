@@ -240,6 +240,11 @@ SLOW = "--set run.stale_ms=2000"
 SCREENSHOTS = {
     "live-contact": Screenshot(WRONG_PLACE, in_state("retinal_contact")),
     "live-contact-light": Screenshot(WRONG_PLACE, in_state("retinal_contact"), theme="light"),
+    "live-volume": Screenshot(
+        "phantom:volume_approach --procedure subretinal_injection_4d",
+        in_state("ilm_contact", 0),
+        (1440, 1000),
+    ),
     "live-hit": Screenshot("phantom:align_then_approach", in_state("target_hit"), (1920, 1080)),
     "live-peeling": Screenshot(
         f"phantom:membrane_peeling --procedure membrane_peeling {SLOW}", in_state("peeling", 2500)

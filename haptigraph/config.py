@@ -91,8 +91,8 @@ class PerceptionConfig(Struct, frozen=True, forbid_unknown_fields=True):
     """How the needle is found."""
 
     perceiver: str = "auto"
-    """tracker, forceps, bscan, segmentation, volume, or threshold (the paper's method, for which most settings here
-    are); auto: the one that finds the procedure's entities."""
+    """tracker, forceps, bscan, segmentation, volume, or threshold (the paper's method, for which most of the
+    settings here are); auto: the one that finds the procedure's entities."""
     model: str = ""
     """TOML file of the segmentation's ONNX model; empty: the one that ships with haptigraph."""
     polarity: Literal["dark", "bright", "auto"] = "auto"

@@ -179,8 +179,7 @@ class Observation(Struct, frozen=True):
     interpolated: dict[str, tuple[Vec, ...]] = {}
     """Intervals of surfaces that were not observed but interpolated: start and end (x, eye frame, mm)."""
     sd_mm: dict[str, float] = {}
-    """Standard deviations of positions by entity, besides those of `certainty`; of surfaces below the tip,
-    along the beam."""
+    """Standard deviations along the beam by entity, besides `certainty`; of surfaces, below the tip."""
 
 
 class Conclusion(Struct, frozen=True):

@@ -52,7 +52,7 @@ class Slices(Struct, frozen=True):
     columns: int
     """Of each B-scan."""
 
-    def z_mm(self, number: float) -> float:
+    def z_mm(self, number: int) -> float:
         """Return the position of a B-scan."""
         return (number - (self.count - 1) / 2) * self.spacing_mm
 

@@ -35,8 +35,8 @@ def run_notes(
     ]
     if registration.image.slices is not None:
         notes.append(
-            f"{source.rate_hz:g} volumes/s: haptic output ends {config.haptics.deadman_ms:g} ms after the last one "
-            "at the latest (haptics.deadman_ms)"
+            f"{source.rate_hz:g} volumes/s: haptic output ends {config.haptics.deadman_ms:g} ms after the "
+            "last one at the latest (haptics.deadman_ms)"
         )
     if config.haptics.sham_seed is not None:
         notes.append("the vibration is a sham: it comes at random times and warns of nothing")

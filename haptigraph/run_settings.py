@@ -21,8 +21,8 @@ MAX_DEADMAN_MS = 1000.0
 def suited(config: Config, source: Source, registration: "BaseRegistration") -> Config:
     """Return the configuration that a run uses.
 
-    Nothing vibrates if the registration assumes what nobody accepted. Volumes come more slowly than images, so
-    a dead-man timer and a limit of staleness that are not set become one and a half of their periods.
+    Nothing vibrates if the registration assumes what nobody accepted. Volumes come more slowly than images,
+    so a dead-man timer and a limit of staleness that are not set become one and a half of their periods.
 
     Args:
         config: As configured.

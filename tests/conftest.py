@@ -73,6 +73,12 @@ def quick_scan() -> str:
 
 
 @pytest.fixture(scope="session")
+def quick_volume() -> str:
+    """The path of a short scenario in small volumes."""
+    return str(DATA / "quick_volume.toml")
+
+
+@pytest.fixture(scope="session")
 def quick_uri(quick: str) -> str:
     return f"phantom:{quick}"
 

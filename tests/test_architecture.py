@@ -71,7 +71,7 @@ PRIVATE = {
     "haptigraph.sim.scenario": ("About",),
     "haptigraph.scene.relations": (
         "distance_mm", "radial_mm", "theta_deg", "wall_mm", "clearance_mm", "aside_mm", "elapsed_s",
-        "gap_um", "incidence_deg", "depth_percent", "thickness_um",
+        "gap_um", "incidence_deg", "depth_percent", "thickness_um", "out_of_plane_um",
     ),
     "haptigraph.recording.foxglove": (
         "CircleAnnotation", "Color", "Point2", "PointsAnnotation", "TextAnnotation",

@@ -18,7 +18,7 @@ from haptigraph.geometry import (
     height_on_surface,
     section_of,
 )
-from haptigraph.imaging import grey_of, tilt_corrected
+from haptigraph.imaging import FloatImage, grey_of, tilt_corrected
 from haptigraph.messages import Image
 from haptigraph.registration.camera import Registration
 from haptigraph.registration.oct import ScanRegistration
@@ -152,7 +152,8 @@ class VolumeView(EyeView):
         flip = -1 if geometry.mirrored else 1
         self._put(picture, volume[:, number, ::flip], (0.0, 0.0), (width, height))
         self._put(picture, volume[:, :, column], (self.across_mm or 0.0, 0.0), (depth, height))
-        self._put(picture, volume.max(axis=0)[:, ::flip], (0.0, self.above_mm or 0.0), (width, depth))
+        above = _stretched(volume.mean(axis=0, dtype=np.float32)[:, ::flip])
+        self._put(picture, above, (0.0, self.above_mm or 0.0), (width, depth))
         return picture
 
     def drawn(self, found: Mapping[str, Geometry]) -> tuple[dict[str, Geometry], ...]:
@@ -205,3 +206,9 @@ class VolumeView(EyeView):
 def _tip(found: Mapping[str, Geometry]) -> Point:
     tip = found.get("needle_tip")
     return tip if isinstance(tip, Point) else Point((0.0, 0.0))
+
+
+def _stretched(values: FloatImage) -> Image:
+    """Return values as grey levels; the darkest and brightest percent are clipped."""
+    low, high = np.percentile(values, (1, 99))
+    return np.asarray(np.clip(255 * (values - low) / max(high - low, 1.0), 0, 255), np.uint8)

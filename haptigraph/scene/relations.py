@@ -68,6 +68,7 @@ _ACROSS_MM = Plausible(-SMALLEST_EYE_MM, SMALLEST_EYE_MM, 0.01, _EYE)
 _BETWEEN_MM = Plausible(0.0, SMALLEST_EYE_MM, 0.01, _EYE)
 _WALL_MM = Plausible(-SMALLEST_EYE_MM / 4, SMALLEST_EYE_MM / 4, 0.01, _EYE)
 _BSCAN_UM = Plausible(-6000.0, 6000.0, 1.0, "B-scans of the retina are at most 6 mm deep")
+_BESIDE_UM = Plausible(0.0, 6000.0, 1.0, "volumes of the retina are at most 12 mm wide")
 _ANGLE_DEG = Plausible(0.0, 90.0, 0.1, "a shaft that enters the eye deviates by less than a right angle")
 _INCIDENCE_DEG = Plausible(0.0, 90.0, 0.1, "no shaft is steeper than perpendicular")
 _DEPTH_PERCENT = Plausible(-1000.0, 1000.0, 0.1, "B-scans show at most ten times the retina")
@@ -287,7 +288,7 @@ MEASURES: dict[str, Measure] = {
         _BSCAN_UM,
     ),
     "out_of_plane_um": Measure(
-        out_of_plane_um, {("point", "surface"): Limits(lower=0.0)}, _BSCAN_UM, _tip_sd_um
+        out_of_plane_um, {("point", "surface"): Limits(lower=0.0)}, _BESIDE_UM, _tip_sd_um
     ),
     "elapsed_s": Measure(elapsed_s, {("point", "phase"): Limits(lower=0.0)}, _PHASE_S),
 }

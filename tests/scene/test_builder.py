@@ -7,7 +7,17 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from haptigraph.assemble import load_procedure
-from haptigraph.geometry import Circle, Geometry, Point, Polyline, angle_between_deg, norm, rotate, subtract
+from haptigraph.geometry import (
+    Circle,
+    Geometry,
+    Point,
+    Polyline,
+    Surface,
+    angle_between_deg,
+    norm,
+    rotate,
+    subtract,
+)
 from haptigraph.graph import Entity, Relation, Schema, Triplet
 from haptigraph.inference.engine import RuleEngine
 from haptigraph.messages import Certainty, Observation
@@ -116,6 +126,28 @@ def test_contact_cannot_be_excluded_if_the_standard_deviation_is_unknown(registr
     assert TOUCHING_RETINA in graph and graph.sds == {}
     assert RuleEngine(CAUTIOUS)(graph).feel == "pulse"
     assert not SchemaSceneBuilder(PROCEDURE.schema)(seen).sds
+
+
+def test_a_gap_is_as_uncertain_as_tip_and_surface_together():
+    grid = (-1.0, 0.0, 1.0)
+    flat = Surface(grid, grid, ((0.0,) * 3,) * 3)
+    found = {"needle_tip": Point((0.0, 0.3)), "needle_tip_ahead": Point((0.0, 0.1)), "rpe": flat}
+    seen = Observation(
+        0, found, certainty=Certainty(1.0, 0.03, 0.1), sd_mm={"rpe": 0.04, "needle_tip_ahead": 0.12}
+    )
+    bounds = {"at_most": 50.0, "margin_sd": 1.0}
+    relations = [
+        Relation(name, "near", "rpe", "gap_um", alias=f"{name}_um", **bounds)
+        for name in ("needle_tip", "needle_tip_ahead")
+    ]
+    entities = [
+        Entity("needle_tip", "i", "point"),
+        Entity("needle_tip_ahead", "i", "point"),
+        Entity("rpe", "a", "surface"),
+    ]
+    graph = SchemaSceneBuilder(Schema(tuple(entities), tuple(relations)))(seen)
+    assert graph.sds == pytest.approx({"needle_tip_um": 50.0, "needle_tip_ahead_um": 40 * math.sqrt(10)})
+    assert [edge.subject for edge in graph.edges] == ["needle_tip_ahead"]
 
 
 @pytest.mark.parametrize("found", [{}, {"needle_line"}])

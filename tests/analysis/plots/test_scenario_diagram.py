@@ -75,7 +75,9 @@ def test_command_draws_a_scenario_and_refuses_an_unknown_one(file, tmp_path):
     assert "exists already" in refuse("diagram", f"phantom:{file}", "-o", output)
 
 
-@pytest.mark.parametrize("name", [name for name in scenario_names() if "scan" not in scenario_document(name).data])
+@pytest.mark.parametrize(
+    "name", [name for name in scenario_names() if "scan" not in scenario_document(name).data]
+)
 def test_every_text_is_inside_the_figure(name):
     root = ElementTree.fromstring(scenario_svg(load_scenario(name)))
     for text in root.iter(f"{SVG}text"):

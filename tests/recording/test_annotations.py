@@ -1,11 +1,11 @@
-"""Annotations of images from a tilted camera."""
+"""Annotations of images from a tilted camera, and of volumes."""
 
 import math
 
 import pytest
 
-from haptigraph.geometry import Circle
-from haptigraph.projection import ImageGeometry
+from haptigraph.geometry import Circle, Point, Segment
+from haptigraph.projection import ImageGeometry, Slices
 from haptigraph.recording.foxglove import Time, annotations
 from haptigraph.registration.tilt import CameraTilt
 
@@ -25,3 +25,13 @@ def test_a_circle_in_a_tilted_image_is_annotated_as_an_ellipse():
     )
     assert len(frontal.circles) == 1
     assert frontal.points == ()
+
+
+def test_in_a_volume_the_tip_is_annotated_in_its_b_scan():
+    slices = Slices(11, 0.1, 200)
+    image = ImageGeometry((99.5, 49.5), 0.01, mirrored=False, axial_mm_per_px=0.01, slices=slices)
+    shaft = Segment((-0.5, 0.5), (0.2, 0.1), 0.4, 0.29)
+    drawn = annotations(Time(0, 0), {"needle_tip": Point((0.2, 0.1), 0.29), "needle_line": shaft}, image, "")
+    (circle,) = drawn.circles
+    assert (circle.position.x, circle.position.y) == pytest.approx((8 * 200 + 99.5 + 20, 39.5))
+    assert drawn.points == ()  # a line crosses B-scans
