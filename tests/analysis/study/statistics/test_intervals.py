@@ -103,3 +103,32 @@ def test_the_test_rejects_every_shift_outside_the_interval_of_hodges_and_lehmann
                 < 0.05
                 < test(first + limit - 1e-6 * outwards, second).p
             )
+
+
+TIED = st.lists(st.integers(-4, 4), min_size=8, max_size=12)
+
+
+@given(TIED, TIED, st.integers(-5, 5))
+def test_the_interval_of_tied_values_holds_the_estimate_and_follows_sign_shift_and_level(
+    first, second, moved
+):
+    count = min(len(first), len(second))
+    for shift_of, one, other in (
+        (paired_shift, first[:count], second[:count]),
+        (unpaired_shift, first, second),
+    ):
+        shift, wider = shift_of(one, other), shift_of(one, other, 0.97)
+        assert wider.low <= shift.low <= shift.estimate <= shift.high <= wider.high
+        back, elsewhere = shift_of(other, one), shift_of(one, np.array(other) + moved)
+        found = np.array([shift.estimate, shift.low, shift.high])
+        assert [-back.estimate, -back.high, -back.low] == pytest.approx(found, abs=1e-9)
+        assert [elsewhere.estimate, elsewhere.low, elsewhere.high] == pytest.approx(found + moved, abs=1e-9)
+
+
+@pytest.mark.parametrize(("shift_of", "shift"), [(paired_shift, 0.24), (unpaired_shift, 0.49)])
+def test_the_interval_of_rounded_values_covers_also_shortly_before_the_true_value_jumps(shift_of, shift):
+    rng = np.random.default_rng(5)
+    first, second = np.rint(rng.normal(0, 1.5, (1500, 16))), np.rint(rng.normal(shift, 1.5, (1500, 16)))
+    first = first * (shift_of is unpaired_shift)  # the differences of pairs are the rounded values
+    found = [shift_of(one, other) for one, other in zip(first, second, strict=True)]
+    assert np.mean([each.low <= 0 <= each.high for each in found]) >= 0.95  # 0 is true: P(larger) is 0.496
