@@ -1,4 +1,4 @@
-"""Register B-scans: check scale and crop, write the registration and a picture with scale bars, report.
+"""Register B-scans or volumes: check the scale, write the registration and a picture with scale bars, report.
 
 Perception finds the anatomy in every image, so only the scale is registered. Writes both files or neither.
 """
@@ -7,6 +7,7 @@ import json
 from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -22,6 +23,7 @@ from haptigraph.messages import Image
 from haptigraph.perception.oct.surfaces import find_surfaces
 from haptigraph.recording.codec import encode_png
 from haptigraph.registration.loading import parse_registration
+from haptigraph.registration.oct import ScanRegistration
 from haptigraph.sources.naming import OCT_FILES
 
 __all__ = ["is_bscan_source", "register_scans"]
@@ -46,7 +48,7 @@ def register_scans(
     force: bool = False,
     max_images: int = 40,
 ) -> str:
-    """Check a source of B-scans, and write the registration and its picture.
+    """Check a source of B-scans or volumes, and write the registration and its picture.
 
     Args:
         source: oct:PATH, or the path of a manufacturer's file.
@@ -70,24 +72,34 @@ def register_scans(
     with closing(images_of(opened)) as images:
         scans = [grey_of(image) for image in spread_images(images, source, max_images, None)]
     registration = parse_registration(text, f"registration of {source}")
-    _check_contrast(scans, source)
     axial_mm, lateral_mm = registration.image.axial_mm_per_px or 0.0, registration.image.mm_per_px
+    slices, across = registration.image.slices, None
+    if slices is not None and isinstance(registration, ScanRegistration):
+        volumes = [registration.checked_volume(scan) for scan in scans]
+        across = _Section(volumes[len(volumes) // 2][:, :, slices.columns // 2], axial_mm, slices.spacing_mm)
+        scans = [np.ascontiguousarray(volume[:, slices.count // 2]) for volume in volumes]
+    _check_contrast(scans, source)
     tissue_share, thickness_mm = _retina(scans, axial_mm)
-    write_files(files, (text.encode(), _picture(scans[len(scans) // 2], axial_mm, lateral_mm)))
-    crop, size_px = config.source.crop_px, (registration.width_px, registration.height_px)
+    middle = _Section(scans[len(scans) // 2], axial_mm, lateral_mm)
+    write_files(files, (text.encode(), _picture(middle, across)))
+    height, width = scans[0].shape
+    scales = [
+        ("axial", "axial_mm_per_px", axial_mm, height, "from top to bottom"),
+        ("lateral", "lateral_mm_per_px", lateral_mm, width, "across"),
+    ]
+    crop, each = config.source.crop_px, "B-scans"
     cropped = "not cropped" if crop is None else f"cropped from ({crop[0]}, {crop[1]}) px of each image"
-    scales = (
-        ("axial", axial_mm, size_px[1], "from top to bottom"),
-        ("lateral", lateral_mm, size_px[0], "across"),
-    )
+    if slices is not None:
+        each, cropped = "volumes", f"{slices.count} B-scans each"
+        scales.append(("slices", "slice_mm", slices.spacing_mm, slices.count, "from the first to the last"))
     return "\n".join(
         [
             *(f"note       {note}" for note in notes),
-            f"B-scans    {size_px[0]} x {size_px[1]} px, {cropped}; {len(scans)} examined",
+            f"{each:10} {width} x {height} px, {cropped}; {len(scans)} examined",
             *(
-                f"{name:10} {scale:.6g} mm/px, {_scale_origin(config.source, name)}: "
+                f"{name:10} {scale:.6g} mm/px, {_scale_origin(config.source, key)}: "
                 f"{length * scale:.2f} mm {direction}"
-                for name, scale, length, direction in scales
+                for name, key, scale, length, direction in scales
             ),
             f"check      a pixel is {lateral_mm / axial_mm:.2f} times as wide as high",
             f"check      {_tissue_text(tissue_share, thickness_mm)}",
@@ -96,8 +108,16 @@ def register_scans(
     )
 
 
-def _scale_origin(config: SourceConfig, name: str) -> str:
-    return "from the file" if getattr(config, f"{name}_mm_per_px") is None else "as given"
+class _Section(NamedTuple):
+    """A section through the eye, and the size of its pixels."""
+
+    grey: Image
+    down_mm: float
+    across_mm: float
+
+
+def _scale_origin(config: SourceConfig, key: str) -> str:
+    return "from the file" if getattr(config, key) is None else "as given"
 
 
 def _check_contrast(scans: Sequence[Image], source: str) -> None:
@@ -132,18 +152,11 @@ def _tissue_text(tissue_share: float, thickness_mm: float) -> str:
     )
 
 
-def _picture(scan: Image, axial_mm: float, lateral_mm: float) -> bytes:
-    """Return a PNG: the B-scan as stored, and beside it in true proportions, each with scale bars."""
-    height, width = scan.shape
-    finest = min(axial_mm, lateral_mm)
-    size_px = round(width * lateral_mm / finest), round(height * axial_mm / finest)
-    scale = min(1.0, MAX_HEIGHT_PX / size_px[1], 2 * MAX_HEIGHT_PX / size_px[0])
-    scaled_px = round(size_px[0] * scale), round(size_px[1] * scale)
-    proportional = np.asarray(cv2.resize(scan, scaled_px, interpolation=cv2.INTER_AREA), np.uint8)
-    parts = [
-        _with_bars(scan, axial_mm, lateral_mm, "as stored"),
-        _with_bars(proportional, finest / scale, finest / scale, "in true proportions"),
-    ]
+def _picture(scan: _Section, across: _Section | None) -> bytes:
+    """Return a PNG with scale bars: the B-scan as stored, in true proportions, a volume also across."""
+    parts = [_with_bars(scan, "as stored"), _with_bars(_proportional(scan), "in true proportions")]
+    if across is not None:
+        parts.append(_with_bars(_proportional(across), "across the B-scans"))
     height = max(len(part) for part in parts)
     padded = [
         cv2.copyMakeBorder(part, 0, height - len(part), 0, MARGIN_PX, cv2.BORDER_CONSTANT) for part in parts
@@ -151,7 +164,19 @@ def _picture(scan: Image, axial_mm: float, lateral_mm: float) -> bytes:
     return encode_png(np.hstack(padded))
 
 
-def _with_bars(scan: Image, axial_mm: float, lateral_mm: float, title: str) -> Image:
+def _proportional(section: _Section) -> _Section:
+    """Return a section with square pixels."""
+    height, width = section.grey.shape
+    finest = min(section.down_mm, section.across_mm)
+    size_px = round(width * section.across_mm / finest), round(height * section.down_mm / finest)
+    scale = min(1.0, MAX_HEIGHT_PX / size_px[1], 2 * MAX_HEIGHT_PX / size_px[0])
+    scaled_px = round(size_px[0] * scale), round(size_px[1] * scale)
+    grey = np.asarray(cv2.resize(section.grey, scaled_px, interpolation=cv2.INTER_AREA), np.uint8)
+    return _Section(grey, finest / scale, finest / scale)
+
+
+def _with_bars(section: _Section, title: str) -> Image:
+    scan, axial_mm, lateral_mm = section
     canvas = np.asarray(cv2.cvtColor(scan, cv2.COLOR_GRAY2BGR), np.uint8)
     height, width = scan.shape
     left, bottom = MARGIN_PX, height - MARGIN_PX
