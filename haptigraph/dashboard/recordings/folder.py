@@ -16,7 +16,7 @@ from haptigraph.assemble import parse_procedure, procedure_names
 from haptigraph.dashboard.server.protocol import image_header, pack
 from haptigraph.errors import BadInput, HaptigraphError
 from haptigraph.perception.eye_view import EyeView, VolumeView, view_of
-from haptigraph.recording.codec import encode_png
+from haptigraph.recording.codec import decode, encode_png
 from haptigraph.recording.reader import RunReader, StepLocation
 from haptigraph.recording.records import DAMAGE
 from haptigraph.registration.loading import parse_registration
@@ -144,8 +144,8 @@ class RecordingFolder:
             raise BadInput(f"has no step {number}; valid: 0 to {len(run.places) - 1}", name)
         capture, step = run.reader.record_at(run.places[number])
         picture = capture.encoded
-        if capture.image is not None and isinstance(run.view, VolumeView):
-            picture = encode_png(run.view(capture.image, step.observation.found))
+        if picture is not None and isinstance(run.view, VolumeView):
+            picture = encode_png(run.view(decode(picture), step.observation.found))
         elif picture is None and capture.image is not None:
             picture = encode_png(capture.image)
         time_ms = (step.stamp_ns - run.start_ns) / 1e6

@@ -6,9 +6,10 @@ import os
 from pathlib import Path
 from urllib.parse import urlencode
 
+import cv2
 import numpy as np
 import pytest
-from helpers import refuse
+from helpers import call, refuse
 from hypothesis import given
 from hypothesis import strategies as st
 from live_bench import Live
@@ -158,3 +159,26 @@ def test_a_recording_of_version_0_1_is_listed_drawn_and_exported(quick_uri):
         status, csv = get(live, "/recordings/csv", name="run.mcap")
         assert status == 200 and b"needle" in csv
         assert get(live, "/recordings/step", name="run.mcap", number=60)[0] == 200
+
+
+def test_a_run_of_volumes_replays_identically_and_is_shown_in_three_sections(quick_volume, tmp_path):
+    path = tmp_path / "volumes.mcap"
+    settings = ("--procedure", "subretinal_injection_4d", "--fast", "--record", str(path))
+    run = call("run", f"phantom:{quick_volume}", *settings)
+    assert run.exit_code == 0, run.output
+    replay = call("replay", str(path))
+    assert replay.exit_code == 0 and "21 of 21 steps identical" in replay.output
+    folder = RecordingFolder(tmp_path)
+    places = [place for place, _ in RunReader(path).places()]
+    folder.open_run("volumes.mcap", places)
+    message = folder.step("volumes.mcap", 12)
+    length = int.from_bytes(message[:4], "big")
+    header = json.loads(message[4 : 4 + length])
+    assert [sorted(shapes)[:2] for shapes in (header["found"], *header["beside"])] == [
+        ["ilm", "needle_line"],
+        ["ilm", "needle_line"],
+        ["needle_line", "needle_tip"],
+    ]
+    assert header["found"]["ilm"]["type"] == "polyline"
+    picture = cv2.imdecode(np.frombuffer(message[4 + length :], np.uint8), cv2.IMREAD_UNCHANGED)
+    assert picture.shape == (720, 720) and picture.std() > 20
