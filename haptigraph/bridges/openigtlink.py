@@ -144,11 +144,9 @@ def needle_matrix(line: Segment, tip: Point | None = None) -> Matrix:
         line: The visible shaft; eye frame.
         tip: Its tip, if it is not the line's end: that of a bevel is beside it.
     """
-    (x0, y0), (x1, y1) = line.start_mm, line.end_mm
-    length_mm = math.hypot(x1 - x0, y1 - y0)
-    if length_mm == 0:
-        x, y = 0.0, -1.0
-    else:
-        x, y = (x1 - x0) / length_mm, (y1 - y0) / length_mm
-    at_x, at_y = tip.at_mm if tip else line.end_mm
-    return (y, 0.0, x, at_x), (-x, 0.0, y, at_y), (0.0, -1.0, 0.0, 0.0)
+    length_mm = math.hypot(*line.along_mm)
+    x, y, z = (each / length_mm for each in line.along_mm) if length_mm else (0.0, -1.0, 0.0)
+    in_section = math.hypot(x, y)  # the model's x axis lies in the section
+    right, up = (y / in_section, -x / in_section) if in_section else (1.0, 0.0)
+    (at_x, at_y), at_z = (tip.at_mm, tip.z_mm) if tip else (line.end_mm, line.end_z_mm)
+    return (right, -z * up, x, at_x), (up, z * right, y, at_y), (0.0, x * up - y * right, z, at_z)

@@ -76,9 +76,9 @@ class Ros2Link:
         self._publish["graph"].send(String(msgspec.json.encode(step.graph).decode()))
         tip = step.observation.found.get("needle_tip")
         if isinstance(tip, EyePoint):
-            x_mm, y_mm = tip.at_mm
+            at_m = (length_mm / 1e3 for length_mm in (*tip.at_mm, tip.z_mm))
             header = Header(Time.from_ns(step.stamp_ns + self._utc_offset_ns), EYE_FRAME)
-            self._publish["needle_tip"].send(PointStamped(header, Point(x_mm / 1e3, y_mm / 1e3, 0.0)))
+            self._publish["needle_tip"].send(PointStamped(header, Point(*at_m)))
         theta_deg = step.graph.measures.get("theta_deg")
         if theta_deg is not None:
             self._publish["theta"].send(Float64(math.radians(theta_deg)))

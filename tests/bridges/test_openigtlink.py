@@ -18,6 +18,7 @@ from haptigraph.messages import Capture
 
 LINE = Segment((2.0, 10.0), (1.0, -4.0))
 points = st.tuples(st.floats(-20, 20), st.floats(-20, 20))
+depths = st.just(0.0) | st.floats(-20, 20)
 
 
 def step_with(line, stamp_ns=0, **found):
@@ -61,16 +62,16 @@ def test_a_transform_is_column_major():
     assert struct.unpack(">12f", body) == (1, 5, 9, 2, 6, 10, 3, 7, 11, 4, 8, 12)
 
 
-@given(start=points, end=points)
-def test_the_needles_pose_is_a_rotation_and_its_tip(start, end):
-    matrix = np.array(needle_matrix(Segment(start, end)))
+@given(points, points, depths, depths)
+def test_the_needle_is_a_rotation_with_its_origin_at_the_tip(start, end, start_z, end_z):
+    matrix = np.array(needle_matrix(Segment(start, end, start_z, end_z)))
     rotation = matrix[:, :3]
     assert np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-9)
     assert np.linalg.det(rotation) == pytest.approx(1.0)
-    assert tuple(matrix[:, 3]) == (*end, 0.0)
-    length_mm = math.dist(start, end)
+    assert tuple(matrix[:, 3]) == (*end, end_z)
+    length_mm = math.dist((*start, start_z), (*end, end_z))
     if length_mm > 1e-6:  # a model along -z, as SlicerIGT makes them, coincides with the shaft
-        assert np.allclose(matrix @ [0, 0, -length_mm, 1], (*start, 0.0), atol=1e-6)
+        assert np.allclose(matrix @ [0, 0, -length_mm, 1], (*start, start_z), atol=1e-6)
 
 
 def test_a_bevelled_needle_is_at_its_tip_with_the_rotation_of_its_shaft():
