@@ -43,6 +43,8 @@ class AheadSettings(Struct, frozen=True):
     """Standard deviation of a surface's measured displacement between volumes."""
     gate_sd: float = 5.0
     """A tip further than this from its prediction starts the filter again."""
+    max_sd_mm: float = 0.3
+    """A prediction less certain than this is not given."""
 
     @property
     def horizon_s(self) -> float:
@@ -69,7 +71,7 @@ class TipAhead:
     """
 
     def __init__(self, settings: AheadSettings) -> None:
-        self.settings = settings
+        self._settings = settings
         self.reset()
 
     def reset(self) -> None:
@@ -84,16 +86,16 @@ class TipAhead:
         self,
         stamp_ns: int,
         imaged_ns: int,
-        tip_mm: Floats,
+        tip_mm: Floats | None,
         tip_sd_mm: Floats,
         surface: HeightMap | None,
-    ) -> Ahead:
-        """Take in one volume; return the prediction for the end of its output.
+    ) -> Ahead | None:
+        """Take in one volume; return the prediction for the end of its output, None if it is too uncertain.
 
         Args:
             stamp_ns: Stamp of the volume.
             imaged_ns: When the slice that contains the tip was acquired, at most `stamp_ns`.
-            tip_mm: The tip, (3,).
+            tip_mm: The tip, (3,); None: not found.
             tip_sd_mm: Its standard deviation, (3,).
             surface: The surface that matters, usually the RPE; None: not found.
         """
@@ -101,17 +103,22 @@ class TipAhead:
         if self._tip and elapsed_s <= 0:
             self.reset()
         if not self._tip:
+            if tip_mm is None:
+                return None
             self._start(tip_mm, tip_sd_mm)
         else:
             self._advance(elapsed_s)
-            self._measure(tip_mm, tip_sd_mm, surface)
+            if tip_mm is not None:
+                self._measure_tip(tip_mm, tip_sd_mm)
+            if surface is not None and self._surface is not None:
+                self._measure_retina(surface, self._surface)
         self._imaged_ns = imaged_ns
         if surface is not None:
             self._surface = surface
-        return self._predicted((stamp_ns - imaged_ns) / NS_PER_S + self.settings.horizon_s)
+        return self._predicted((stamp_ns - imaged_ns) / NS_PER_S + self._settings.horizon_s)
 
     def _start(self, tip_mm: Floats, tip_sd_mm: Floats) -> None:
-        settings = self.settings
+        settings = self._settings
         self._tip = [
             _Axis(float(at), math.hypot(float(sd), settings.tremor_mm), settings.tip_speed_mm_s)
             for at, sd in zip(tip_mm, tip_sd_mm, strict=True)
@@ -121,32 +128,35 @@ class TipAhead:
 
     def _advance(self, elapsed_s: float) -> None:
         for axis in self._tip:
-            axis.advance(elapsed_s, self.settings.tip_mm_s2)
-        self._retina.advance(elapsed_s, self.settings.retina_mm_s2)
+            axis.advance(elapsed_s, self._settings.tip_mm_s2)
+        self._retina.advance(elapsed_s, self._settings.retina_mm_s2)
 
-    def _measure(self, tip_mm: Floats, tip_sd_mm: Floats, surface: HeightMap | None) -> None:
-        """Take in a tip, and how far the surface moved at its place since the volume before."""
-        settings = self.settings
-        sds = [math.hypot(float(sd), settings.tremor_mm) for sd in tip_sd_mm]
+    def _measure_tip(self, tip_mm: Floats, tip_sd_mm: Floats) -> None:
+        sds = [math.hypot(float(sd), self._settings.tremor_mm) for sd in tip_sd_mm]
         off = [axis.innovation_sd(float(at), sd) for axis, at, sd in zip(self._tip, tip_mm, sds, strict=True)]
-        if max(off) > settings.gate_sd:
+        if max(off) > self._settings.gate_sd:
             self._start(tip_mm, tip_sd_mm)
             return
         for axis, at, sd in zip(self._tip, tip_mm, sds, strict=True):
             axis.measure(float(at), sd)
-        if surface is not None and self._surface is not None:
-            x, z = np.array(tip_mm[0]), np.array(tip_mm[2])
-            self._moved_mm += float(surface.at(x, z) - self._surface.at(x, z))
-            self._retina.measure(self._moved_mm, math.hypot(settings.surface_mm, settings.tremor_mm))
 
-    def _predicted(self, horizon_s: float) -> Ahead:
-        settings = self.settings
+    def _measure_retina(self, surface: HeightMap, before: HeightMap) -> None:
+        """Take in how far the surface moved below the tip since the volume before."""
+        x, z = np.array(self._tip[0].place), np.array(self._tip[2].place)
+        self._moved_mm += float(surface.at(x, z) - before.at(x, z))
+        settings = self._settings
+        self._retina.measure(self._moved_mm, math.hypot(settings.surface_mm, settings.tremor_mm))
+
+    def _predicted(self, horizon_s: float) -> Ahead | None:
+        settings = self._settings
         tip = [axis.after(horizon_s, settings.tip_mm_s2) for axis in self._tip]
         retina_mm, retina_sd_mm = self._retina.after(horizon_s, settings.retina_mm_s2)
         at = np.array([place for place, _ in tip])
         sd = np.array([each for _, each in tip])
         at[1] -= retina_mm - self._moved_mm
         sd[1] = math.hypot(sd[1], retina_sd_mm)
+        if sd.max() > settings.max_sd_mm:
+            return None
         velocity = np.array([axis.velocity for axis in self._tip])
         velocity[1] -= self._retina.velocity
         return Ahead(at, sd, velocity)
@@ -158,6 +168,11 @@ class _Axis:
     def __init__(self, at: float, sd: float, speed_sd: float) -> None:
         self._state = np.array([at, 0.0])
         self._cov = np.diag([sd**2, speed_sd**2])
+
+    @property
+    def place(self) -> float:
+        """The estimated place."""
+        return float(self._state[0])
 
     @property
     def velocity(self) -> float:

@@ -1,0 +1,245 @@
+"""Lead time of the alarm before the tip reaches the RPE under OCT volumes, with prediction and without.
+
+`python benchmarks/volume_approaches.py [N] [--images M] [--figure FILE]`. Every approach has its own retina,
+needle, speed of 0.1 to 0.4 mm/s, tremor, breathing and heartbeat, until the tip is at the RPE; volumes come
+at 4 a second, at a random phase. M approaches are simulated with images and the finder. The N others need no
+images: each draws the errors of one of the M, missed tips included. A state is output a latency after its
+volume and lasts until the next.
+"""By how many of its standard deviations a predicted gap is reduced; None: the gap in the volume."""
+
+
+class Seen(NamedTuple):
+    """What is reported of one volume."""
+
+    tip_mm: Floats | None
+    tip_sd_mm: Floats
+    rpe: HeightMap | None
+
+
+class Sample(NamedTuple):
+    """True gap and errors of one volume with an image."""
+
+    gap_mm: float
+    tip_off_mm: Floats | None
+    """None: no tip was reported."""
+    gap_off_mm: float
+    tip_sd_mm: Floats
+
+
+class Outcome(NamedTuple):
+    """The result of one approach under one variant."""
+
+    lead_ms: float
+    """From the output of the alarm until the tip is at the RPE; minus infinity: no alarm."""
+    left_um: float
+    """True gap at the output of the alarm."""
+
+
+class Approach:
+    """One approach; its number is the seed of all parameters."""
+
+    def __init__(self, number: int, shape: tuple[int, int, int]) -> None:
+        self.scene = random_volume_scene(number, SEED, place="inside", shape=shape)
+        rng = np.random.default_rng((SEED, 40, number))
+        self.speed_mm_s, self._phase_s = rng.uniform(*SPEED_MM_S), rng.uniform(0, 1 / RATE_HZ)
+        self._tremor = Tremor(rng.uniform(0, 0.01), 8.0, 12.0, self.scene.seed)
+        self._retina = self.scene.acquisition().retina
+        scene = self.scene
+        rest = self._retina.rest_mm(np.array(scene.tip_x_mm), np.array(scene.tip_z_mm))
+        aim_mm = np.array([scene.tip_x_mm, float(rest.ilm_mm), scene.tip_z_mm])
+        self._aim = pose(aim_mm, scene.lean_deg, scene.turn_deg, scene.needle.roll_deg)
+        self.half_z_mm = scene.volume.slices * scene.volume.slice_mm / 2
+        self._play()
+
+    def pose_at(self, time_s: float) -> NeedlePose:
+        """Return the needle's pose."""
+        along_mm, across_mm = self._tremor.at(time_s)
+        start_mm = -ABOVE_MM / math.sin(math.radians(self.scene.lean_deg))
+        upper = np.cross(np.cross(self._aim.along, (0.0, 1.0, 0.0)), self._aim.along)
+        way_mm = start_mm + self.speed_mm_s * time_s + along_mm
+        return self._aim.moved(way_mm * self._aim.along + across_mm * upper / np.linalg.norm(upper))
+
+    def _play(self) -> None:
+        """Follow the tip in fine steps, up to the RPE."""
+        step_s = 1 / RATE_HZ / FINE
+        times, gaps = [], []
+        while not gaps or gaps[-1] > -0.02:
+            time_s = len(times) * step_s
+            tip_mm = self.pose_at(time_s).tip_mm
+            self._retina.press(step_s, tip_mm, time_s)
+            rpe_mm = float(self._retina.at_tip(tip_mm, time_s).rpe_mm)
+            times.append(time_s)
+            gaps.append(self._retina.rpe_cosine(tip_mm) * (float(tip_mm[1]) - rpe_mm))
+        self._times_s, self._gaps_mm = np.array(times), np.array(gaps)
+        last = int(np.flatnonzero(self._gaps_mm > 0)[-1])
+        first = int(np.flatnonzero(self._gaps_mm <= 0)[0])
+        self.reached_s = float(times[min(first, last + 1)])
+        """When the tip is at the RPE for the first time."""
+
+    def gap_mm(self, time_s: float) -> float:
+        """Return the true gap at a time."""
+        return float(np.interp(time_s, self._times_s, self._gaps_mm))
+
+    def stamps_s(self) -> list[float]:
+        """Return when the volumes are complete that are output before the RPE is reached."""
+        count = int((self.reached_s - self._phase_s) * RATE_HZ) + 1
+        return [self._phase_s + number / RATE_HZ for number in range(1, count)]
+
+
+def ns(time_s: float) -> int:
+    """Convert seconds."""
+    return round(time_s * 1e9)
+
+
+def with_images(number: int) -> tuple[dict[str, Outcome], list[Sample]]:
+    """Simulate an approach with images; return the outcomes, and gap and errors in each volume."""
+    approach = Approach(number, (256, 48, 192))
+    acquisition, camera = approach.scene.acquisition(), approach.scene.camera()
+    scale = VolumeScale(*camera.grid.shape, *camera.grid.voxel_mm)
+    seen, samples = [], []
+    for at, time_s in enumerate(approach.stamps_s()):
+        truth = acquisition.advance(time_s, 1 / RATE_HZ, 1 / RATE_HZ, approach.pose_at, at)
+        image = camera.render(truth, at)
+        found = find_needle_and_surfaces(image.reshape(scale.shape), scale)
+        seen.append(seen_of(found))
+        if truth.needle is not None:
+            samples.append(sample_of(found, truth.gap_mm, truth.needle.tip_mm))
+    return outcomes(approach, seen), samples
+
+
+def seen_of(found: VolumeFindings) -> Seen:
+    """Return what is reported of a volume."""
+    needle = found.needle
+    rpe = found.rpe if found.rpe.visible.any() else None
+    if needle is None or needle.tip_mm is None:
+        return Seen(None, np.zeros(3), rpe)
+    return Seen(needle.tip_mm, needle.tip_sd_mm, rpe)
+
+
+def sample_of(found: VolumeFindings, gap_mm: float, tip_mm: Floats) -> Sample:
+    """Return the errors in a volume."""
+    needle = found.needle
+    if needle is None or needle.tip_mm is None or needle.above_rpe is None:
+        return Sample(gap_mm, None, 0.0, np.zeros(3))
+    return Sample(gap_mm, needle.tip_mm - tip_mm, needle.above_rpe.gap_mm - gap_mm, needle.tip_sd_mm)
+
+
+def without_images(number: int, samples: list[Sample]) -> dict[str, Outcome]:
+    """Simulate an approach with the ground truth and drawn errors."""
+    approach, rng = Approach(number, COARSE), np.random.default_rng((SEED, 7, number))
+    seen = []
+    for time_s in approach.stamps_s():
+        tip_mm = approach.pose_at(time_s).tip_mm
+        imaged_s = ns_imaged(approach, time_s, float(tip_mm[2])) / 1e9
+        tip_mm, gap_mm = approach.pose_at(imaged_s).tip_mm, approach.gap_mm(imaged_s)
+        nearest = sorted(samples, key=lambda one, gap_mm=gap_mm: abs(one.gap_mm - gap_mm))[:NEIGHBOURS]
+        error = nearest[int(rng.integers(len(nearest)))]
+        if error.tip_off_mm is None:
+            seen.append(Seen(None, np.zeros(3), None))
+            continue
+        reported = tip_mm + error.tip_off_mm
+        rpe_mm = float(reported[1]) - (gap_mm + error.gap_off_mm)
+        seen.append(Seen(reported, error.tip_sd_mm, flat(rpe_mm, approach.half_z_mm)))
+    return outcomes(approach, seen)
+
+
+def flat(height_mm: float, half_z_mm: float) -> HeightMap:
+    """Return a flat surface."""
+    ends = np.array([-half_z_mm, half_z_mm])
+    return HeightMap(ends, ends, np.full((2, 2), height_mm), np.ones((2, 2), bool), np.full((2, 2), 0.005))
+
+
+def ns_imaged(approach: Approach, time_s: float, z_mm: float) -> int:
+    """Return when the slice of the tip was acquired."""
+    return imaged_ns(ns(time_s), z_mm, flat(0.0, approach.half_z_mm), 1 / RATE_HZ)
+
+
+def outcomes(approach: Approach, seen: list[Seen]) -> dict[str, Outcome]:
+    """Return when each variant gives the alarm."""
+    ahead = TipAhead(AheadSettings(latency_s=LATENCY_S, period_s=1 / RATE_HZ))
+    alarms: dict[str, float] = {}
+    for time_s, one in zip(approach.stamps_s(), seen, strict=True):
+        z_mm = 0.0 if one.tip_mm is None else float(one.tip_mm[2])
+        stamps = ns(time_s), ns_imaged(approach, time_s, z_mm)
+        predicted = ahead.update(*stamps, one.tip_mm, one.tip_sd_mm, one.rpe)
+        for name, margin_sd in VARIANTS.items():
+            if margin_sd is None:
+                tip_mm, sd_mm = one.tip_mm, one.tip_sd_mm
+            else:
+                tip_mm, sd_mm = (None, one.tip_sd_mm) if predicted is None else predicted[:2]
+            if tip_mm is None or one.rpe is None:
+                continue
+            gap = gap_to(one.rpe, tip_mm, np.diag(sd_mm**2))
+            if gap.gap_mm - (margin_sd or 0.0) * gap.sd_mm <= ALARM_MM:
+                alarms.setdefault(name, time_s + LATENCY_S)
+    return {name: outcome(approach, alarms.get(name)) for name in VARIANTS}
+
+
+def outcome(approach: Approach, alarm_s: float | None) -> Outcome:
+    """Return lead and gap of an alarm."""
+    if alarm_s is None or alarm_s >= approach.reached_s:
+        return Outcome(-math.inf, -math.inf)
+    return Outcome(1e3 * (approach.reached_s - alarm_s), 1e3 * approach.gap_mm(alarm_s))
+
+
+def print_outcomes(name: str, results: list[dict[str, Outcome]]) -> None:
+    """Print how often the alarm came in time, and the distribution of its lead."""
+    print(name)
+    for variant in VARIANTS:
+        leads, left = (np.array(values) for values in zip(*(each[variant] for each in results), strict=True))
+        in_time = leads > 0
+        print(f"  {variant}: alarm before the RPE in {in_time.sum()} of {len(results)}")
+        for label, values in (("lead [ms]", leads[in_time]), ("left [um]", left[in_time])):
+            if len(values):
+                text = "least {:.0f}  5 % {:.0f}  median {:.0f}  95 % {:.0f}"
+                print(f"    {label}  {text.format(*np.percentile(values, (0, 5, 50, 95)))}")
+
+
+def draw(results: list[dict[str, Outcome]], output: str) -> None:
+    """Draw the distribution of the lead."""
+    from matplotlib.figure import Figure
+
+    sheet = Figure(figsize=(9, 3.2), layout="constrained")
+    lead, left = sheet.subplots(1, 2)
+    for variant, color in zip(list(VARIANTS)[:2], ("#b3402e", "#20507a"), strict=True):
+        some = [each[variant] for each in results if each[variant].lead_ms > 0]
+        label = f"{variant}: {len(some)} of {len(results)}"
+        lead.hist([one.lead_ms for one in some], 40, color=color, alpha=0.6, label=label)
+        left.hist([one.left_um for one in some], 40, color=color, alpha=0.6)
+    lead.set(xlabel="alarm before the tip is at the RPE [ms]", ylabel="approaches", xlim=(0, None))
+    left.set(xlabel="true gap at the alarm [um]", xlim=(0, None))
+    lead.legend(fontsize=8, frameon=False)
+    for axes in (lead, left):
+        axes.spines[["top", "right"]].set_visible(False)
+    sheet.suptitle(f"{len(results)} simulated approaches, 0.1 to 0.4 mm/s, {RATE_HZ:.0f} volumes/s")
+    sheet.savefig(output, dpi=100)
+
+
+def main() -> None:
+    """Simulate, print and draw."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("approaches", nargs="?", type=int, default=1000)
+    parser.add_argument("--images", type=int, default=24)
+    parser.add_argument("--figure")
+    options = parser.parse_args()
+    cv2.setNumThreads(1)
+    played = [with_images(number) for number in range(options.images)]
+    print_outcomes(f"with images ({options.images})", [results for results, _ in played])
+    samples = [samples for _, samples in played]
+    pooled = [one for each in samples for one in each]
+    error_um = 1e3 * np.array([one.gap_off_mm for one in pooled if one.tip_off_mm is not None])
+    spread = f"median {np.median(error_um):+.0f}, 95 % within {np.percentile(np.abs(error_um), 95):.0f}"
+    missed = np.mean([one.tip_off_mm is None for one in pooled])
+    print(f"  error of the gap [um]: {spread}; no tip in {100 * missed:.1f} % of {len(pooled)} volumes")
+    rng = np.random.default_rng(SEED)
+    results = [
+        without_images(number, samples[int(rng.integers(len(samples)))])
+        for number in range(options.images, options.images + options.approaches)
+    ]
+    print_outcomes(f"with these errors, without images ({options.approaches})", results)
+    if options.figure:
+        draw(results, options.figure)
+
+
+if __name__ == "__main__":
+    main()
