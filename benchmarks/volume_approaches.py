@@ -5,6 +5,33 @@ needle, speed of 0.1 to 0.4 mm/s, tremor, breathing and heartbeat, until the tip
 at 4 a second, at a random phase. M approaches are simulated with images and the finder. The N others need no
 images: each draws the errors of one of the M, missed tips included. A state is output a latency after its
 volume and lasts until the next.
+"""
+
+import argparse
+import math
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from haptigraph.imaging import Floats
+from haptigraph.perception.volume.ahead import AheadSettings, TipAhead, imaged_ns
+from haptigraph.perception.volume.scale import VolumeScale
+from haptigraph.perception.volume.shaft import VolumeFindings, find_needle_and_surfaces, gap_to
+from haptigraph.perception.volume.surfaces import HeightMap
+from haptigraph.sim.oct.volume_needle import NeedlePose, pose
+from haptigraph.sim.oct.volume_scenes import random_volume_scene
+from haptigraph.sim.robot.operator import Tremor
+
+RATE_HZ, LATENCY_S = 4.0, 0.06
+SPEED_MM_S = 0.1, 0.4  # along the shaft
+ABOVE_MM = 0.3  # start of an approach above the ILM
+ALARM_MM = 0.075  # as in the procedure
+FINE = 16  # steps between two volumes, for the time at which the RPE is reached
+COARSE = 256, 16, 24  # voxels of a retina without images
+SEED = 11
+NEIGHBOURS = 8  # errors are drawn from this number of volumes with the most similar gap
+VARIANTS = {"without prediction": None, "predicted": 0.0, "predicted, 1 sd earlier": 1.0}
 """By how many of its standard deviations a predicted gap is reduced; None: the gap in the volume."""
 
 
