@@ -1,17 +1,16 @@
-"""A bevelled needle as a shape: where the metal's upper side is at any A-scan.
+"""A bevelled needle by its parameters.
 
 The needle is a cylinder that a plane cuts: two parameters of shape, six of pose. Everything is in the eye
-frame, mm. Many poses are evaluated at once.
+frame, mm. Many poses are computed at once.
 """
 
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from haptigraph.imaging import Floats
 
-__all__ = ["COUNT", "Frame", "Pose", "pose_of", "upper_mm"]
+__all__ = ["COUNT", "Frame", "Pose", "pose_of", "rows_of"]
 
 ALONG, ACROSS, UP, LEAN, TURN, ROLL, RADIUS, BEVEL = range(8)
 COUNT = 8
@@ -72,29 +71,8 @@ def pose_of(frame: Frame, parameters: Floats) -> Pose:
     return Pose(axis_mm - parameters[:, RADIUS, None] * facing, along, facing, axis_mm)
 
 
-def upper_mm(pose: Pose, parameters: Floats, x_mm: Floats, z_mm: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-    """Return the height of the metal's upper side and whether there is metal, (p, m) each.
-
-    Args:
-        pose: The poses.
-        parameters: Their parameters, (p, COUNT).
-        x_mm: Positions of the A-scans, (m,).
-        z_mm: Positions of the A-scans, (m,).
-    """
-    radius_mm = parameters[:, RADIUS, None]
-    (dx, dy, dz), (cx, cy, cz) = (part.T[..., None] for part in (pose.along, pose.axis_mm))
-    off_x, off_z = x_mm - cx, z_mm - cz
-    level = off_x * dx + off_z * dz
-    cos2 = 1 - dy * dy
-    root = (radius_mm**2 - off_x**2 - off_z**2) * cos2 + level**2
-    half_mm = np.sqrt(np.maximum(root, 0)) / cos2
-    middle_mm = cy + level * (dy / cos2)
-    cylinder_mm = middle_mm + half_mm
+def rows_of(pose: Pose, parameters: Floats) -> Floats:
+    """Return poses as `native.needle_scores` takes them, (p, 13)."""
     bevel = parameters[:, BEVEL, None]
     face = np.sin(bevel) * pose.along + np.cos(bevel) * pose.facing
-    (fx, fy, fz), (tx, ty, tz) = (part.T[..., None] for part in (face, pose.tip_mm))
-    beyond = (x_mm - tx) * fx + (z_mm - tz) * fz
-    on_face = beyond + (cylinder_mm - ty) * fy > 0
-    face_mm = ty - beyond / np.where(np.abs(fy) > 1e-9, fy, 1e-9)
-    is_metal = (root > 0) & (~on_face | ((fy > 0) & (face_mm > middle_mm - half_mm)))
-    return np.where(on_face, face_mm, cylinder_mm), is_metal
+    return np.concatenate([pose.along, pose.axis_mm, face, pose.tip_mm, parameters[:, RADIUS, None]], axis=1)

@@ -10,8 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptigraph.imaging import FloatImage, Floats
+from haptigraph.imaging import FloatImage, Floats, Mask
 from haptigraph.messages import Image
+from haptigraph.perception.native.needle_scores import needle_scores
 from haptigraph.perception.volume.bevelled import (
     ALONG,
     BEVEL,
@@ -22,7 +23,7 @@ from haptigraph.perception.volume.bevelled import (
     TURN,
     Frame,
     pose_of,
-    upper_mm,
+    rows_of,
 )
 from haptigraph.perception.volume.light import MOST, TissueProfile, light_stops
 from haptigraph.perception.volume.scale import VolumeScale
@@ -31,7 +32,8 @@ from haptigraph.perception.volume.surfaces import SurfaceMaps
 
 __all__ = ["NeedleFit", "fit_needle"]
 
-BEHIND_MM, AHEAD_MM, BESIDE_MM = 0.6, 0.3, 0.16  # extent of the A-scans around the end of the shadow
+BEHIND_MM, AHEAD_MM, BESIDE_MM = 0.8, 0.26, 0.13  # extent of the A-scans around the end of the shadow
+THIN_MM = -0.25  # up to here, every second A-scan is enough
 SHAFT_MM = -0.16  # up to here the cylinder is whole, whatever the bevel
 GRID_MM = np.arange(-0.14, 0.22, 0.02)
 ROLLS = np.arange(12) * (2 * math.pi / 12)
@@ -41,12 +43,14 @@ USUAL_SHAFT_MM = 0.8  # a shorter shaft gives a less certain direction
 SHAFT_SD = np.array([1e-4, 0.012, 0.012, 0.014, 0.02, 1e-4, 0.006, 1e-4])
 START_SD = np.array([0.02, 0.006, 0.006, 0.006, 0.008, 0.4, 0.003, 0.08])
 LEAST_SD = np.array([0.003, 0.001, 0.001, 0.001, 0.0015, 0.05, 0.0005, 0.02])
-SHAFT_DRAWS, DRAWS, SHAFT_ROUNDS, ROUNDS, MODES, SAMPLES, SEED = 40, 40, 4, 4, 3, 120, 6
-TEMPERATURE = 5.0  # voxels that share speckle count as one
+SHAFT_DRAWS, DRAWS, SHAFT_ROUNDS, ROUNDS, MODES, SAMPLES, SEED = 64, 100, 5, 6, 3, 400, 6
+TEMPERATURE = 6.0  # voxels that share speckle count as one
 BEAM_MM = np.array([[-0.004, -0.008], [0.004, 0.008], [-0.004, 0.008], [0.004, -0.008]])  # x, z
-SD_FACTOR, LEAST_TIP_SD_MM = 1.2, 0.004  # calibrated on simulated volumes
+SD_FACTOR, LEAST_TIP_SD_MM = 1.1, 0.004  # calibrated on simulated volumes
 DIRECTION_FACTOR, LEAST_DIRECTION_SD_DEG = 1.5, 0.25
-MODE_MARGIN = 8.0  # below the best mode, tempered, at which another is dropped
+ROLL_MARGIN = 110.0  # below the best roll, at which another is not tried
+MODE_MARGIN = 5.0  # below the best mode, tempered, at which another is dropped
+HALF_BEAM_MM = np.ascontiguousarray(BEAM_MM[:2])
 NO_BEAM = np.zeros((1, 2))
 
 
@@ -72,38 +76,27 @@ class NeedleFit(NamedTuple):
 
 
 class _Evidence(NamedTuple):
-    x_mm: Floats
-    z_mm: Floats
+    at: Floats
+    """x, z and weight of the A-scans, (m, 3): some stand for their neighbours too."""
     stops: FloatImage
-    """(m, h + 1), contiguous."""
-    scale: VolumeScale
+    """(m, h), contiguous."""
+    axial_mm: float
 
-    def part(self, chosen: np.ndarray) -> "_Evidence":
+    def part(self, chosen: Mask) -> "_Evidence":
         """Return some of the A-scans."""
-        stops = np.ascontiguousarray(self.stops[chosen])
-        return _Evidence(self.x_mm[chosen], self.z_mm[chosen], stops, self.scale)
+        at, stops = (np.ascontiguousarray(array[chosen]) for array in (self.at, self.stops))
+        return _Evidence(at, stops, self.axial_mm)
 
     def mean_score(self, frame: Frame, parameters: Floats) -> float:
         """Return the evidence of the A-scans on a needle as a share of the most possible."""
-        _, is_metal = upper_mm(pose_of(frame, parameters), parameters, self.x_mm, self.z_mm)
-        count = max(int(is_metal.sum()), 1)
+        everywhere = self._replace(stops=np.ones_like(self.stops))
+        count = max(float(everywhere.scores(frame, parameters, NO_BEAM)[0]), 1.0)
         return float(self.scores(frame, parameters, NO_BEAM)[0]) / (MOST * count)
 
     def scores(self, frame: Frame, parameters: Floats, beam_mm: Floats) -> Floats:
         """Return the log-likelihood ratio of every pose, (p,)."""
-        pose = pose_of(frame, parameters)
-        total = np.zeros(len(parameters))
-        offsets = np.arange(len(self.x_mm)) * self.stops.shape[1]
-        flat = self.stops.ravel()
-        for shift_x, shift_z in beam_mm:
-            height, is_metal = upper_mm(pose, parameters, self.x_mm + shift_x, self.z_mm + shift_z)
-            row = np.clip(self.scale.row(height), 0, self.scale.rows - 1.001)
-            whole = row.astype(np.intp)
-            share = row - whole
-            index = whole + offsets
-            value = flat[index] * (1 - share) + flat[index + 1] * share
-            total += np.where(is_metal, value, 0.0).sum(axis=1)
-        return total / len(beam_mm)
+        poses = rows_of(pose_of(frame, parameters), parameters)
+        return needle_scores(self.at, self.stops, self.axial_mm, poses, beam_mm)
 
 
 def fit_needle(
@@ -141,7 +134,9 @@ def _modes(scores: Floats) -> list[int]:
     """Return the rolls with the best scores that are not neighbours."""
     chosen: list[int] = []
     for roll in np.argsort(-scores):
-        if all(min((roll - one) % len(ROLLS), (one - roll) % len(ROLLS)) > 2 for one in chosen):
+        if scores[roll] > scores.max() - ROLL_MARGIN and all(
+            min((roll - one) % len(ROLLS), (one - roll) % len(ROLLS)) > 2 for one in chosen
+        ):
             chosen.append(int(roll))
     return chosen[:MODES]
 
@@ -160,8 +155,8 @@ def _cross_entropy(
     for _ in range(rounds):
         some = mean + rng.standard_normal((draws, COUNT)) @ np.linalg.cholesky(cov).T
         some[0] = mean
-        score = _posterior(evidence, frame, some)
-        elite = some[np.argsort(-score)[: draws // 4]]
+        score = _posterior(evidence, frame, some, HALF_BEAM_MM)
+        elite = some[np.argsort(-score)[: draws // 5]]
         mean = elite.mean(axis=0)
         cov = 0.8 * np.cov(elite.T) + 0.1 * cov + least
     return mean, cov
@@ -175,24 +170,29 @@ def _frame(line: ShaftLine) -> Frame:
 
 def _evidence(
     volume: Image, scale: VolumeScale, maps: SurfaceMaps, profile: TissueProfile, line: ShaftLine
-) -> tuple[_Evidence, np.ndarray]:
+) -> tuple[_Evidence, Mask]:
     z, x = np.meshgrid(scale.z_mm, scale.x_mm, indexing="ij")
     off_x, off_z = x - line.at_mm[0], z - line.at_mm[2]
     s = off_x * line.along[0] + off_z * line.along[1] - line.shadow_mm
     across = off_z * line.along[0] - off_x * line.along[1]
-    number, column = np.nonzero((s > -BEHIND_MM) & (s < AHEAD_MM) & (np.abs(across) < BESIDE_MM))
+    near = (s > -BEHIND_MM) & (s < AHEAD_MM) & (np.abs(across) < BESIDE_MM)
+    near[:, 1::2] &= s[:, 1::2] > THIN_MM  # the shaft needs fewer A-scans than the tip
+    number, column = np.nonzero(near)
     x_mm, z_mm = x[number, column], z[number, column]
     rows = tuple(scale.row(surface.at(x_mm, z_mm)) for surface in (maps.ilm, maps.rpe))
     stops = light_stops(volume, scale, (number, column), (rows[0], rows[1]), profile)
-    return _Evidence(x_mm, z_mm, np.ascontiguousarray(stops.T), scale), s[number, column] < SHAFT_MM
+    behind = s[number, column]
+    at = np.stack([x_mm, z_mm, np.where(behind > THIN_MM, 1.0, 2.0)], axis=1)
+    evidence = _Evidence(at, np.ascontiguousarray(stops.T), scale.axial_mm)
+    return evidence, behind < SHAFT_MM
 
 
-def _posterior(evidence: _Evidence, frame: Frame, draws: Floats) -> Floats:
+def _posterior(evidence: _Evidence, frame: Frame, draws: Floats, beam_mm: Floats) -> Floats:
     draws[:, RADIUS] = np.clip(draws[:, RADIUS], 0.02, 0.3)
     draws[:, BEVEL] = np.clip(draws[:, BEVEL], 0.12, 1.4)
     prior = ((draws[:, BEVEL] - BEVEL_RAD) / BEVEL_SD_RAD) ** 2
     prior = prior + ((draws[:, RADIUS] - RADIUS_MM) / RADIUS_SD_MM) ** 2
-    return evidence.scores(frame, draws, BEAM_MM) / TEMPERATURE - prior / 2
+    return evidence.scores(frame, draws, beam_mm) / TEMPERATURE - prior / 2
 
 
 def _posterior_moments(
@@ -203,18 +203,18 @@ def _posterior_moments(
     grid: Floats,
 ) -> NeedleFit:
     """Weigh draws from a mixture of normal distributions, one for each mode."""
-    best = max(float(_posterior(evidence, frame, mean[None].copy())[0]) for mean, _ in modes)
+    best = max(float(_posterior(evidence, frame, mean[None].copy(), BEAM_MM)[0]) for mean, _ in modes)
     kept = [
         (mean, 1.5 * cov)
         for mean, cov in modes
-        if float(_posterior(evidence, frame, mean[None].copy())[0]) > best - MODE_MARGIN
+        if float(_posterior(evidence, frame, mean[None].copy(), BEAM_MM)[0]) > best - MODE_MARGIN
     ]
     each = SAMPLES // len(kept)
     draws = np.concatenate(
         [mean + rng.standard_normal((each, COUNT)) @ np.linalg.cholesky(cov).T for mean, cov in kept]
     )
     density = np.logaddexp.reduce([_log_normal(draws, mean, cov) for mean, cov in kept])
-    score = _posterior(evidence, frame, draws)
+    score = _posterior(evidence, frame, draws, BEAM_MM)
     weight = np.exp(score - density - (score - density).max())
     weight /= weight.sum()
     pose = pose_of(frame, draws)
