@@ -37,8 +37,13 @@ EXPORT void needle_scores(const double *at, int scans, const float *stops, int r
                                {pose[6], pose[7], pose[8]},
                                {pose[9], pose[10], pose[11]},
                                pose[12]};
-        double total = 0;
+        const double flat = sqrt(needle.along[0] * needle.along[0] + needle.along[2] * needle.along[2]);
+        double total = 0, widest = needle.radius;
+        for (int k = 0; k < beams; k++)
+            widest = fmax(widest, needle.radius + fabs(beam[2 * k]) + fabs(beam[2 * k + 1]));
         for (int n = 0; n < scans; n++) {
+            const double x = at[3 * n] - needle.axis[0], z = at[3 * n + 1] - needle.axis[2];
+            if (fabs(z * needle.along[0] - x * needle.along[2]) > widest * flat) continue;
             const float *evidence = stops + (ptrdiff_t)n * rows;
             double sum = 0, height = 0;
             for (int k = 0; k < beams; k++) {

@@ -43,11 +43,12 @@ USUAL_SHAFT_MM = 0.8  # a shorter shaft gives a less certain direction
 SHAFT_SD = np.array([1e-4, 0.012, 0.012, 0.014, 0.02, 1e-4, 0.006, 1e-4])
 START_SD = np.array([0.02, 0.006, 0.006, 0.006, 0.008, 0.4, 0.003, 0.08])
 LEAST_SD = np.array([0.003, 0.001, 0.001, 0.001, 0.0015, 0.05, 0.0005, 0.02])
-SHAFT_DRAWS, DRAWS, SHAFT_ROUNDS, ROUNDS, MODES, SAMPLES, SEED = 64, 100, 5, 6, 3, 400, 6
+SHAFT_DRAWS, DRAWS, SHAFT_ROUNDS, ROUNDS, MODES, SAMPLES, SEED = 50, 80, 5, 5, 3, 300, 6
 TEMPERATURE = 6.0  # voxels that share speckle count as one
 BEAM_MM = np.array([[-0.004, -0.008], [0.004, 0.008], [-0.004, 0.008], [0.004, -0.008]])  # x, z
+INSET_MM, AHEAD_SHARE = 0.0017, 1.4  # light passes twice: a shadow's half level is inside the metal's edge
 SD_FACTOR, LEAST_TIP_SD_MM = 1.1, 0.004  # calibrated on simulated volumes
-DIRECTION_FACTOR, LEAST_DIRECTION_SD_DEG = 1.5, 0.25
+DIRECTION_FACTOR, LEAST_DIRECTION_SD_DEG = 1.2, 0.15
 ROLL_MARGIN = 110.0  # below the best roll, at which another is not tried
 MODE_MARGIN = 5.0  # below the best mode, tempered, at which another is dropped
 HALF_BEAM_MM = np.ascontiguousarray(BEAM_MM[:2])
@@ -84,7 +85,7 @@ class _Evidence(NamedTuple):
 
     def part(self, chosen: Mask) -> "_Evidence":
         """Return some of the A-scans."""
-        at, stops = (np.ascontiguousarray(array[chosen]) for array in (self.at, self.stops))
+        at, stops = np.ascontiguousarray(self.at[chosen]), np.ascontiguousarray(self.stops[chosen])
         return _Evidence(at, stops, self.axial_mm)
 
     def mean_score(self, frame: Frame, parameters: Floats) -> float:
@@ -218,8 +219,9 @@ def _posterior_moments(
     weight = np.exp(score - density - (score - density).max())
     weight /= weight.sum()
     pose = pose_of(frame, draws)
-    tip_mm, axis_mm = weight @ pose.tip_mm, weight @ pose.axis_mm
-    off = pose.tip_mm - tip_mm
+    tips_mm = pose.tip_mm + INSET_MM * (AHEAD_SHARE * pose.along - pose.facing)
+    tip_mm, axis_mm = weight @ tips_mm, weight @ pose.axis_mm
+    off = tips_mm - tip_mm
     along = weight @ pose.along
     along /= np.linalg.norm(along)
     spread = weight @ ((pose.along - along) ** 2).sum(axis=1)
@@ -229,7 +231,7 @@ def _posterior_moments(
         axis_mm,
         along,
         math.hypot(DIRECTION_FACTOR * math.degrees(math.sqrt(spread / 2)), LEAST_DIRECTION_SD_DEG),
-        float(weight @ draws[:, RADIUS]),
+        float(weight @ draws[:, RADIUS]) + INSET_MM,
         weight @ pose.facing,
         evidence.mean_score(frame, draws[[int(score.argmax())]]),
         grid,

@@ -17,12 +17,15 @@ from haptigraph.perception.volume.cells import Cells, running_sums
 from haptigraph.perception.volume.scale import VolumeScale
 from haptigraph.perception.volume.surfaces import SurfaceMaps
 
-__all__ = ["MOST", "TissueProfile", "light_stops", "shadow_scores", "tissue_profile"]
+__all__ = ["MOST", "TissueProfile", "light_stops", "lit_maps", "shadow_scores", "tissue_profile"]
 
 SHARES = 48  # bins from ILM to RPE
 BELOW_MM, BELOW_BINS = 0.01, 40  # size and number of bins below the RPE
 ABOVE_MM, ABOVE_BINS = 0.03, 40  # the same above the ILM
 BEHIND_METAL_MM = 0.014  # from the ridge's middle to where only noise is left
+WHOLE_SHARES = np.linspace(0.1, 1.15, 24)
+ILM_SHARES, RPE_SHARES = np.linspace(0.04, 0.25, 8), np.linspace(1.02, 1.15, 8)
+MAX_SHADOW = 0.6  # a vessel darkens less
 SOFT_MM = 0.02  # around the ILM, inside which metal is not brighter than tissue
 ABSENT, MOST_METAL = 1.5, 12.0  # evidence of one A-scan against metal that is dark, and for bright metal
 NEAR_LOSS = 1.5  # of evidence for 10 um between a surface and the row where it is bright
@@ -70,13 +73,30 @@ def tissue_profile(cells: Cells, maps: SurfaceMaps) -> TissueProfile:
     return TissueProfile(np.maximum(mean, cells.dark_grey).astype(np.float32), cells.dark_grey, cells.sd_grey)
 
 
-def shadow_scores(cells: Cells, maps: SurfaceMaps, profile: TissueProfile) -> FloatImage:
-    """Return how much darker than expected the tissue of each cell is, (n, k): 1 in a shadow, 0 where lit."""
+def lit_maps(cells: Cells, maps: SurfaceMaps, profile: TissueProfile) -> SurfaceMaps:
+    """Return surfaces that are not visible where the tissue just below them is in a shadow."""
+    if not maps.tissue_grey:
+        return maps
+    ilm = maps.ilm.visible & (shadow_scores(cells, maps, profile, ILM_SHARES) < MAX_SHADOW)
+    rpe = maps.rpe.visible & (shadow_scores(cells, maps, profile, RPE_SHARES) < MAX_SHADOW)
+    return maps._replace(ilm=maps.ilm.only_where(ilm), rpe=maps.rpe.only_where(rpe))
+
+
+def shadow_scores(
+    cells: Cells, maps: SurfaceMaps, profile: TissueProfile, shares: Floats = WHOLE_SHARES
+) -> FloatImage:
+    """Return how much darker than expected the tissue of each cell is, (n, k): 1 in a shadow, 0 where lit.
+
+    Args:
+        cells: The downsampled volume.
+        maps: Surfaces.
+        profile: Expected brightness.
+        shares: Depths that are compared, from the ILM (0) to the RPE (1).
+    """
     axial_mm = cells.scale.axial_mm
     ilm_row = (cells.first_row_mm - maps.ilm.height_mm) / axial_mm
     rpe_row = (cells.first_row_mm - maps.rpe.height_mm) / axial_mm
-    shares = np.linspace(0.1, 1.15, 24)[:, None, None]
-    rows = ilm_row + shares * (rpe_row - ilm_row)
+    rows = ilm_row + shares[:, None, None] * (rpe_row - ilm_row)
     nearest = np.clip(np.rint(rows), 0, len(cells.grey) - 1).astype(np.intp)
     grey = np.take_along_axis(cells.grey, nearest, axis=0)
     expected = profile.at(rows, ilm_row, rpe_row, axial_mm) - np.float32(profile.dark_grey)

@@ -18,7 +18,7 @@ from haptigraph.imaging import Floats
 from haptigraph.messages import Image
 from haptigraph.perception.volume.cells import downsampled
 from haptigraph.perception.volume.fit import NeedleFit, fit_needle
-from haptigraph.perception.volume.light import shadow_scores, tissue_profile
+from haptigraph.perception.volume.light import lit_maps, shadow_scores, tissue_profile
 from haptigraph.perception.volume.scale import VolumeScale
 from haptigraph.perception.volume.shaft_line import ShaftLine, find_shaft_line
 from haptigraph.perception.volume.surfaces import HeightMap, find_surface_maps
@@ -88,6 +88,7 @@ def find_needle_and_surfaces(volume: Image, scale: VolumeScale) -> VolumeFinding
     cells = downsampled(volume, scale)
     maps = find_surface_maps(cells)
     profile = tissue_profile(cells, maps)
+    maps = lit_maps(cells, maps, profile)
     line = find_shaft_line(cells, maps, profile, shadow_scores(cells, maps, profile))
     if line is None:
         return VolumeFindings(maps.ilm, maps.rpe, None)

@@ -7,6 +7,7 @@ cells far from the mean of their neighbourhood are not visible. Where light is b
 interpolated, and its standard deviation grows with the distance from what is visible.
 """
 
+import math
 from typing import NamedTuple
 
 import cv2
@@ -49,6 +50,14 @@ class HeightMap(NamedTuple):
     """Whether the surface is visible in a cell; otherwise its height is interpolated, (n, k)."""
     sd_mm: Floats
     """Standard deviation of the height, (n, k)."""
+
+    def only_where(self, visible: Mask) -> "HeightMap":
+        """Return the map with fewer visible cells."""
+        size_mm = float(self.z_mm[1] - self.z_mm[0]), float(self.x_mm[1] - self.x_mm[0])
+        least_mm = float(self.sd_mm.min())
+        if not visible.any() or not math.isfinite(least_mm):
+            return self._replace(visible=visible, sd_mm=np.full(visible.shape, np.inf))
+        return self._replace(visible=visible, sd_mm=least_mm + HIDDEN_SLOPE * _distance_mm(visible, size_mm))
 
     def at(self, x_mm: Floats, z_mm: Floats, what: Floats | None = None) -> Floats:
         """Return the height, or another array of the map's shape, at points: bilinear, constant outside."""
