@@ -43,13 +43,14 @@ USUAL_SHAFT_MM = 0.8  # a shorter shaft gives a less certain direction
 SHAFT_SD = np.array([1e-4, 0.012, 0.012, 0.014, 0.02, 1e-4, 0.006, 1e-4])
 START_SD = np.array([0.02, 0.006, 0.006, 0.006, 0.008, 0.4, 0.003, 0.08])
 LEAST_SD = np.array([0.003, 0.001, 0.001, 0.001, 0.0015, 0.05, 0.0005, 0.02])
-SHAFT_DRAWS, DRAWS, SHAFT_ROUNDS, ROUNDS, MODES, SAMPLES, SEED = 50, 80, 5, 5, 3, 300, 6
+SHAFT_DRAWS, DRAWS, SHAFT_ROUNDS, ROUNDS, MODES, SAMPLES, SEED = 50, 110, 5, 6, 3, 400, 6
 TEMPERATURE = 6.0  # voxels that share speckle count as one
 BEAM_MM = np.array([[-0.004, -0.008], [0.004, 0.008], [-0.004, 0.008], [0.004, -0.008]])  # x, z
 INSET_MM, AHEAD_SHARE = 0.0017, 1.4  # light passes twice: a shadow's half level is inside the metal's edge
 SD_FACTOR, LEAST_TIP_SD_MM = 1.1, 0.004  # calibrated on simulated volumes
 DIRECTION_FACTOR, LEAST_DIRECTION_SD_DEG = 1.2, 0.15
 ROLL_MARGIN = 110.0  # below the best roll, at which another is not tried
+LEAST_DRAWS = 15.0  # that count in a mean
 MODE_MARGIN = 5.0  # below the best mode, tempered, at which another is dropped
 HALF_BEAM_MM = np.ascontiguousarray(BEAM_MM[:2])
 NO_BEAM = np.zeros((1, 2))
@@ -216,8 +217,7 @@ def _posterior_moments(
     )
     density = np.logaddexp.reduce([_log_normal(draws, mean, cov) for mean, cov in kept])
     score = _posterior(evidence, frame, draws, BEAM_MM)
-    weight = np.exp(score - density - (score - density).max())
-    weight /= weight.sum()
+    weight = _weights(score - density)
     pose = pose_of(frame, draws)
     tips_mm = pose.tip_mm + INSET_MM * (AHEAD_SHARE * pose.along - pose.facing)
     tip_mm, axis_mm = weight @ tips_mm, weight @ pose.axis_mm
@@ -236,6 +236,17 @@ def _posterior_moments(
         evidence.mean_score(frame, draws[[int(score.argmax())]]),
         grid,
     )
+
+
+def _weights(log_weight: Floats) -> Floats:
+    """Return normalized weights, tempered until enough draws count."""
+    share = 1.0
+    while True:
+        weight = np.exp(share * (log_weight - log_weight.max()))
+        weight /= weight.sum()
+        if 1 / float(weight @ weight) >= LEAST_DRAWS:
+            return np.asarray(weight, np.float64)
+        share *= 0.8
 
 
 def _log_normal(draws: Floats, mean: Floats, cov: Floats) -> Floats:

@@ -17,7 +17,15 @@ from haptigraph.perception.volume.cells import Cells, running_sums
 from haptigraph.perception.volume.scale import VolumeScale
 from haptigraph.perception.volume.surfaces import SurfaceMaps
 
-__all__ = ["MOST", "TissueProfile", "light_stops", "lit_maps", "shadow_scores", "tissue_profile"]
+__all__ = [
+    "MOST",
+    "RPE_SHARES",
+    "TissueProfile",
+    "light_stops",
+    "lit_maps",
+    "shadow_scores",
+    "tissue_profile",
+]
 
 SHARES = 48  # bins from ILM to RPE
 BELOW_MM, BELOW_BINS = 0.01, 40  # size and number of bins below the RPE
@@ -46,13 +54,17 @@ class TissueProfile(NamedTuple):
         return np.asarray(self.grey[_bins(row, ilm_row, rpe_row, axial_mm)], np.float32)
 
 
-def _bins(row: Floats, ilm_row: Floats, rpe_row: Floats, axial_mm: float) -> NDArray[np.intp]:
-    above = (row - ilm_row) * np.float32(axial_mm / ABOVE_MM)
-    inside = (row - ilm_row) * (SHARES / np.maximum(rpe_row - ilm_row, 1))
-    below = (row - rpe_row) * np.float32(axial_mm / BELOW_MM)
-    bins = np.where(row < ilm_row, above, np.minimum(inside, SHARES - 0.01) + np.maximum(below, 0))
-    numbers = np.clip(np.floor(bins) + ABOVE_BINS, 0, ABOVE_BINS + SHARES + BELOW_BINS - 1)
-    return np.asarray(numbers, np.intp)
+def _bins(at_row: Floats, ilm_row: Floats, rpe_row: Floats, axial_mm: float) -> NDArray[np.int32]:
+    """Return the bins of rows in a profile."""
+    row, ilm, rpe = (np.asarray(array, np.float32) for array in (at_row, ilm_row, rpe_row))
+    off = row - ilm
+    inside = np.minimum(off * (np.float32(SHARES) / np.maximum(rpe - ilm, np.float32(1))), SHARES - 0.01)
+    inside += np.maximum(row - rpe, 0) * np.float32(axial_mm / BELOW_MM)
+    off *= np.float32(axial_mm / ABOVE_MM)
+    bins = np.where(off < 0, off, inside)
+    bins += np.float32(ABOVE_BINS)
+    np.clip(bins, 0, ABOVE_BINS + SHARES + BELOW_BINS - 1, out=bins)
+    return bins.astype(np.int32)  # all are positive, so that it rounds down
 
 
 def tissue_profile(cells: Cells, maps: SurfaceMaps) -> TissueProfile:

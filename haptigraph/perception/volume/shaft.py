@@ -18,14 +18,14 @@ from haptigraph.imaging import Floats
 from haptigraph.messages import Image
 from haptigraph.perception.volume.cells import downsampled
 from haptigraph.perception.volume.fit import NeedleFit, fit_needle
-from haptigraph.perception.volume.light import lit_maps, shadow_scores, tissue_profile
+from haptigraph.perception.volume.light import RPE_SHARES, lit_maps, shadow_scores, tissue_profile
 from haptigraph.perception.volume.scale import VolumeScale
 from haptigraph.perception.volume.shaft_line import ShaftLine, find_shaft_line
 from haptigraph.perception.volume.surfaces import HeightMap, find_surface_maps
 
 __all__ = ["FoundNeedle", "Gap", "VolumeFindings", "find_needle_and_surfaces", "gap_to"]
 
-MAX_TIP_SD_MM = 0.045  # of one axis; a tip less certain is not reported
+MAX_TIP_SD_MM = 0.024  # of one axis; a tip less certain is not reported
 MIN_SCORE = 0.62  # of the fit, of 1
 MIN_FACING = 0.8  # length of the bevel's mean direction
 NORMAL_MM = 0.1  # from a point to where a surface's slope is measured
@@ -89,7 +89,9 @@ def find_needle_and_surfaces(volume: Image, scale: VolumeScale) -> VolumeFinding
     maps = find_surface_maps(cells)
     profile = tissue_profile(cells, maps)
     maps = lit_maps(cells, maps, profile)
-    line = find_shaft_line(cells, maps, profile, shadow_scores(cells, maps, profile))
+    shadow = shadow_scores(cells, maps, profile)
+    floor = shadow_scores(cells, maps, profile, RPE_SHARES)
+    line = find_shaft_line(cells, maps, profile, shadow, floor)
     if line is None:
         return VolumeFindings(maps.ilm, maps.rpe, None)
     fit = fit_needle(volume, scale, maps, profile, line)

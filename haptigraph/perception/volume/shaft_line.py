@@ -51,7 +51,7 @@ class ShaftLine(NamedTuple):
 
 
 def find_shaft_line(
-    cells: Cells, maps: SurfaceMaps, profile: TissueProfile, shadow: FloatImage
+    cells: Cells, maps: SurfaceMaps, profile: TissueProfile, shadow: FloatImage, floor: FloatImage
 ) -> ShaftLine | None:
     """Return the shaft; None if there is none.
 
@@ -60,6 +60,7 @@ def find_shaft_line(
         maps: Surfaces.
         profile: Brightness of tissue.
         shadow: From `light.shadow_scores`.
+        floor: The same of the RPE alone, which the whole needle hides, also deep in the retina.
     """
     points, grey = _points(cells, maps, profile, shadow)
     if len(points) < MIN_POINTS:
@@ -72,7 +73,7 @@ def find_shaft_line(
         if len(inliers) < MIN_POINTS:
             return None
         chosen = inliers
-    return _checked(cells, shadow, points, grey, (at, along, slope, chosen))
+    return _checked(cells, shadow, floor, points, grey, (at, along, slope, chosen))
 
 
 def _points(
@@ -133,6 +134,7 @@ def _fitted(points: Floats, chosen: NDArray[np.intp]) -> tuple[Floats, Floats, f
 def _checked(
     cells: Cells,
     shadow: FloatImage,
+    floor: FloatImage,
     points: Floats,
     grey: Floats,
     line: tuple[Floats, Floats, float, NDArray[np.intp]],
@@ -151,7 +153,7 @@ def _checked(
     if _to_border_mm(cells, at, along, slope, first_mm) > MAX_BORDER_MM:
         return None
     metal_grey = float(np.median(grey[chosen]))
-    ends = _shadow_end(cells, shadow, at, along, first_mm, last_mm)
+    ends = _shadow_end(cells, shadow, floor, at, along, first_mm, last_mm)
     if ends is None:
         return None
     shadow_mm, share = ends
@@ -176,7 +178,13 @@ def _to_border_mm(cells: Cells, at: Floats, along: Floats, slope: float, s: floa
 
 
 def _shadow_end(
-    cells: Cells, shadow: FloatImage, at: Floats, along: Floats, first_mm: float, last_mm: float
+    cells: Cells,
+    shadow: FloatImage,
+    floor: FloatImage,
+    at: Floats,
+    along: Floats,
+    first_mm: float,
+    last_mm: float,
 ) -> tuple[float, float] | None:
     """Return s at the end of the shadow, and the share of shadow up to the last point; None without one."""
     z, x = np.meshgrid(cells.scale.z_mm - at[2], cells.x_mm - at[0], indexing="ij")
@@ -191,7 +199,7 @@ def _shadow_end(
     number = np.floor((s[near] - stations[0]) / step_mm).astype(int)
     inside = (number >= 0) & (number < len(stations))
     count = np.bincount(number[inside], minlength=len(stations))
-    total = np.bincount(number[inside], weights=shadow[near][inside], minlength=len(stations))
+    total = np.bincount(number[inside], weights=floor[near][inside], minlength=len(stations))
     mean = np.where(count > 0, total / np.maximum(count, 1), np.nan)
     lit = np.flatnonzero(mean < 0.45)
     end = float(stations[lit[0]]) if len(lit) else float(stations[np.isfinite(mean)][-1] + step_mm)

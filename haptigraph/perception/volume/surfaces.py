@@ -30,6 +30,7 @@ SATURATION_GREY = 45.0  # limits the reward of metal and floaters, which are bri
 MIN_CONTRAST_GREY, MIN_RISE_SHARE = 14.0, 0.4  # of tissue against what is above it; of the typical contrast
 BODY_SHARE = 0.25
 HALF = 0.5  # rows are counted at edges between voxels
+RISE_MM = 0.002  # from where a surface begins to where it brightens most
 OUTLIER_MM = 0.025  # from the median of the neighbourhood
 NEAR_MM, WIDE_MM = 0.09, 0.5  # standard deviations of the windows that interpolate what is not visible
 SMOOTH_SLICES, SMOOTH_CELLS = 0.6, 0.9  # standard deviations of the final smoothing
@@ -141,7 +142,7 @@ class _Finder:
 
     def height_map(self, name: str, row: Floats, visible: Mask) -> HeightMap:
         """Smooth a surface, remove outliers and interpolate where it is not visible."""
-        height = self._cells.height_mm(row - HALF)
+        height = self._cells.height_mm(row - HALF) + RISE_MM
         scale, x_mm = self._cells.scale, self._cells.x_mm
         z_mm = scale.z_mm
         visible = _opened(visible)
