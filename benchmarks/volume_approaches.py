@@ -62,6 +62,15 @@ class Outcome(NamedTuple):
     """True gap at the output of the alarm."""
 
 
+class Played(NamedTuple):
+    """The result of one approach under all variants."""
+
+    outcomes: dict[str, Outcome]
+    off_mm: list[float]
+    """Of each predicted gap, from the true one at the end of its output."""
+    sd_mm: list[float]
+
+
 class Approach:
     """One approach; its number is the seed of all parameters."""
 
@@ -118,8 +127,8 @@ def ns(time_s: float) -> int:
     return round(time_s * 1e9)
 
 
-def with_images(number: int) -> tuple[dict[str, Outcome], list[Sample]]:
-    """Simulate an approach with images; return the outcomes, and gap and errors in each volume."""
+def with_images(number: int) -> tuple[Played, list[Sample]]:
+    """Simulate an approach with images; return the result, and gap and errors in each volume."""
     approach = Approach(number, (256, 48, 192))
     acquisition, camera = approach.scene.acquisition(), approach.scene.camera()
     scale = VolumeScale(*camera.grid.shape, *camera.grid.voxel_mm)
@@ -131,7 +140,7 @@ def with_images(number: int) -> tuple[dict[str, Outcome], list[Sample]]:
         seen.append(seen_of(found))
         if truth.needle is not None:
             samples.append(sample_of(found, truth.gap_mm, truth.needle.tip_mm))
-    return outcomes(approach, seen), samples
+    return played(approach, seen), samples
 
 
 def seen_of(found: VolumeFindings) -> Seen:
@@ -151,7 +160,7 @@ def sample_of(found: VolumeFindings, gap_mm: float, tip_mm: Floats) -> Sample:
     return Sample(gap_mm, needle.tip_mm - tip_mm, needle.above_rpe.gap_mm - gap_mm, needle.tip_sd_mm)
 
 
-def without_images(number: int, samples: list[Sample]) -> dict[str, Outcome]:
+def without_images(number: int, samples: list[Sample]) -> Played:
     """Simulate an approach with the ground truth and drawn errors."""
     approach, rng = Approach(number, COARSE), np.random.default_rng((SEED, 7, number))
     seen = []
@@ -167,7 +176,7 @@ def without_images(number: int, samples: list[Sample]) -> dict[str, Outcome]:
         reported = tip_mm + error.tip_off_mm
         rpe_mm = float(reported[1]) - (gap_mm + error.gap_off_mm)
         seen.append(Seen(reported, error.tip_sd_mm, flat(rpe_mm, approach.half_z_mm)))
-    return outcomes(approach, seen)
+    return played(approach, seen)
 
 
 def flat(height_mm: float, half_z_mm: float) -> HeightMap:
@@ -181,10 +190,12 @@ def ns_imaged(approach: Approach, time_s: float, z_mm: float) -> int:
     return imaged_ns(ns(time_s), z_mm, flat(0.0, approach.half_z_mm), 1 / RATE_HZ)
 
 
-def outcomes(approach: Approach, seen: list[Seen]) -> dict[str, Outcome]:
-    """Return when each variant gives the alarm."""
-    ahead = TipAhead(AheadSettings(latency_s=LATENCY_S, period_s=1 / RATE_HZ))
+def played(approach: Approach, seen: list[Seen]) -> Played:
+    """Return when each variant gives the alarm, and the errors of the prediction."""
+    settings = AheadSettings(latency_s=LATENCY_S, period_s=1 / RATE_HZ)
+    ahead = TipAhead(settings)
     alarms: dict[str, float] = {}
+    off_mm, sds_mm = [], []
     for time_s, one in zip(approach.stamps_s(), seen, strict=True):
         z_mm = 0.0 if one.tip_mm is None else float(one.tip_mm[2])
         stamps = ns(time_s), ns_imaged(approach, time_s, z_mm)
@@ -199,7 +210,12 @@ def outcomes(approach: Approach, seen: list[Seen]) -> dict[str, Outcome]:
             gap = gap_to(one.rpe, tip_mm, np.diag(sd_mm**2))
             if gap.gap_mm - (margin_sd or 0.0) * gap.sd_mm <= ALARM_MM:
                 alarms.setdefault(name, time_s + LATENCY_S)
-    return {name: outcome(approach, alarms.get(name)) for name in VARIANTS}
+            until_s = time_s + settings.horizon_s
+            if margin_sd == 0 and until_s < approach.reached_s:
+                off_mm.append(gap.gap_mm - approach.gap_mm(until_s))
+                sds_mm.append(gap.sd_mm)
+    results = {name: outcome(approach, alarms.get(name)) for name in VARIANTS}
+    return Played(results, off_mm, sds_mm)
 
 
 def outcome(approach: Approach, alarm_s: float | None) -> Outcome:
@@ -209,11 +225,21 @@ def outcome(approach: Approach, alarm_s: float | None) -> Outcome:
     return Outcome(1e3 * (approach.reached_s - alarm_s), 1e3 * approach.gap_mm(alarm_s))
 
 
-def print_outcomes(name: str, results: list[dict[str, Outcome]]) -> None:
-    """Print how often the alarm came in time, and the distribution of its lead."""
+def print_results(name: str, results: list[Played]) -> None:
+    """Print how often the alarm came in time, the distribution of its lead, and the prediction's errors."""
     print(name)
+    off = np.concatenate([each.off_mm for each in results])
+    sds = np.concatenate([each.sd_mm for each in results])
+    print(
+        "  predicted gap: |error| median {:.0f}, 95 % {:.0f} um".format(
+            *np.percentile(1e3 * abs(off), (50, 95))
+        )
+    )
+    text = "  |error| / sd: 68 % within {:.2f}, 95 % within {:.2f}"
+    print(text.format(*np.percentile(np.abs(off / sds), (68.3, 95.4))))
     for variant in VARIANTS:
-        leads, left = (np.array(values) for values in zip(*(each[variant] for each in results), strict=True))
+        found = [each.outcomes[variant] for each in results]
+        leads, left = (np.array(values) for values in zip(*found, strict=True))
         in_time = leads > 0
         print(f"  {variant}: alarm before the RPE in {in_time.sum()} of {len(results)}")
         for label, values in (("lead [ms]", leads[in_time]), ("left [um]", left[in_time])):
@@ -222,14 +248,14 @@ def print_outcomes(name: str, results: list[dict[str, Outcome]]) -> None:
                 print(f"    {label}  {text.format(*np.percentile(values, (0, 5, 50, 95)))}")
 
 
-def draw(results: list[dict[str, Outcome]], output: str) -> None:
+def draw(results: list[Played], output: str) -> None:
     """Draw the distribution of the lead."""
     from matplotlib.figure import Figure
 
     sheet = Figure(figsize=(9, 3.2), layout="constrained")
     lead, left = sheet.subplots(1, 2)
     for variant, color in zip(list(VARIANTS)[:2], ("#b3402e", "#20507a"), strict=True):
-        some = [each[variant] for each in results if each[variant].lead_ms > 0]
+        some = [each.outcomes[variant] for each in results if each.outcomes[variant].lead_ms > 0]
         label = f"{variant}: {len(some)} of {len(results)}"
         lead.hist([one.lead_ms for one in some], 40, color=color, alpha=0.6, label=label)
         left.hist([one.left_um for one in some], 40, color=color, alpha=0.6)
@@ -250,9 +276,9 @@ def main() -> None:
     parser.add_argument("--figure")
     options = parser.parse_args()
     cv2.setNumThreads(1)
-    played = [with_images(number) for number in range(options.images)]
-    print_outcomes(f"with images ({options.images})", [results for results, _ in played])
-    samples = [samples for _, samples in played]
+    simulated = [with_images(number) for number in range(options.images)]
+    print_results(f"with images ({options.images})", [result for result, _ in simulated])
+    samples = [samples for _, samples in simulated]
     pooled = [one for each in samples for one in each]
     error_um = 1e3 * np.array([one.gap_off_mm for one in pooled if one.tip_off_mm is not None])
     spread = f"median {np.median(error_um):+.0f}, 95 % within {np.percentile(np.abs(error_um), 95):.0f}"
@@ -263,7 +289,7 @@ def main() -> None:
         without_images(number, samples[int(rng.integers(len(samples)))])
         for number in range(options.images, options.images + options.approaches)
     ]
-    print_outcomes(f"with these errors, without images ({options.approaches})", results)
+    print_results(f"with these errors, without images ({options.approaches})", results)
     if options.figure:
         draw(results, options.figure)
 

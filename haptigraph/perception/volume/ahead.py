@@ -29,11 +29,11 @@ class AheadSettings(Struct, frozen=True):
     """From the end of a volume to the output of its state."""
     period_s: float = 0.25
     """From one volume to the next."""
-    tip_mm_s2: float = 0.4
+    tip_mm_s2: float = 0.15
     """Standard deviation of the tip's acceleration, per axis: a hand or robot that starts and stops."""
-    retina_mm_s2: float = 0.35
-    """The same of the retina along the beam: breathing of 80 um at 0.3 Hz has 0.28 mm/s2 at most."""
-    tip_speed_mm_s: float = 0.25
+    retina_mm_s2: float = 0.2
+    """The same of the retina along the beam: breathing of 80 um at 0.3 Hz has an RMS of 0.2 mm/s2."""
+    tip_speed_mm_s: float = 0.2
     """Standard deviation of the tip's velocity per axis, before it is known."""
     retina_speed_mm_s: float = 0.1
     """The same of the retina."""

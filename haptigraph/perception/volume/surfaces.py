@@ -34,7 +34,7 @@ RISE_MM = 0.002  # from where a surface begins to where it brightens most
 OUTLIER_MM = 0.025  # from the median of the neighbourhood
 NEAR_MM, WIDE_MM = 0.09, 0.5  # standard deviations of the windows that interpolate what is not visible
 SMOOTH_SLICES, SMOOTH_CELLS = 0.6, 0.9  # standard deviations of the final smoothing
-VISIBLE_SD_MM = {"ilm": 0.004, "rpe": 0.004}
+VISIBLE_SD_MM = {"ilm": 0.0025, "rpe": 0.0035}
 HIDDEN_SLOPE = 0.05  # growth of an interpolated surface's standard deviation with the distance
 
 

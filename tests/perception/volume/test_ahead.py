@@ -65,7 +65,7 @@ def test_the_uncertainty_grows_with_the_horizon_and_without_a_tip():
         followed(tips, settings=replace(SETTINGS, latency_s=latency))[-1].sd_mm for latency in (0.0, 0.1, 0.3)
     ]
     assert (sds[0] < sds[1]).all() and (sds[1] < sds[2]).all()
-    coasting = followed([*tips, *[None] * 8])
+    coasting = followed([*tips, *[None] * 16])
     assert coasting[8].tip_mm[1] < tips[-1][1] - 0.02
     assert coasting[8].sd_mm[1] > coasting[7].sd_mm[1]
     assert coasting[-1] is None  # too uncertain by now

@@ -83,7 +83,7 @@ def test_needles_are_found_with_tip_axis_and_gap():
         assert needle.radius_mm == pytest.approx(scene.needle.diameter_mm / 2, abs=0.01)
         assert np.abs(errors[-1] / needle.tip_sd_mm).max() < 6
         assert needle.above_rpe.sd_mm > 0
-    assert known >= 0.8 * len(NEEDLES)
+    assert known >= 0.6 * len(NEEDLES)
     assert np.median(np.linalg.norm(errors, axis=1)) < 0.02
     assert np.linalg.norm(errors, axis=1).max() < 0.1
     assert np.median(np.abs(gaps)) < 0.015
