@@ -71,7 +71,8 @@ class TipAhead:
     """
 
     def __init__(self, settings: AheadSettings) -> None:
-        self._settings = settings
+        self.settings = settings
+        """May change between volumes, with their period."""
         self.reset()
 
     def reset(self) -> None:
@@ -115,10 +116,10 @@ class TipAhead:
         self._imaged_ns = imaged_ns
         if surface is not None:
             self._surface = surface
-        return self._predicted((stamp_ns - imaged_ns) / NS_PER_S + self._settings.horizon_s)
+        return self._predicted((stamp_ns - imaged_ns) / NS_PER_S + self.settings.horizon_s)
 
     def _start(self, tip_mm: Floats, tip_sd_mm: Floats) -> None:
-        settings = self._settings
+        settings = self.settings
         self._tip = [
             _Axis(float(at), math.hypot(float(sd), settings.tremor_mm), settings.tip_speed_mm_s)
             for at, sd in zip(tip_mm, tip_sd_mm, strict=True)
@@ -128,13 +129,13 @@ class TipAhead:
 
     def _advance(self, elapsed_s: float) -> None:
         for axis in self._tip:
-            axis.advance(elapsed_s, self._settings.tip_mm_s2)
-        self._retina.advance(elapsed_s, self._settings.retina_mm_s2)
+            axis.advance(elapsed_s, self.settings.tip_mm_s2)
+        self._retina.advance(elapsed_s, self.settings.retina_mm_s2)
 
     def _measure_tip(self, tip_mm: Floats, tip_sd_mm: Floats) -> None:
-        sds = [math.hypot(float(sd), self._settings.tremor_mm) for sd in tip_sd_mm]
+        sds = [math.hypot(float(sd), self.settings.tremor_mm) for sd in tip_sd_mm]
         off = [axis.innovation_sd(float(at), sd) for axis, at, sd in zip(self._tip, tip_mm, sds, strict=True)]
-        if max(off) > self._settings.gate_sd:
+        if max(off) > self.settings.gate_sd:
             self._start(tip_mm, tip_sd_mm)
             return
         for axis, at, sd in zip(self._tip, tip_mm, sds, strict=True):
@@ -144,11 +145,11 @@ class TipAhead:
         """Take in how far the surface moved below the tip since the volume before."""
         x, z = np.array(self._tip[0].place), np.array(self._tip[2].place)
         self._moved_mm += float(surface.at(x, z) - before.at(x, z))
-        settings = self._settings
+        settings = self.settings
         self._retina.measure(self._moved_mm, math.hypot(settings.surface_mm, settings.tremor_mm))
 
     def _predicted(self, horizon_s: float) -> Ahead | None:
-        settings = self._settings
+        settings = self.settings
         tip = [axis.after(horizon_s, settings.tip_mm_s2) for axis in self._tip]
         retina_mm, retina_sd_mm = self._retina.after(horizon_s, settings.retina_mm_s2)
         at = np.array([place for place, _ in tip])

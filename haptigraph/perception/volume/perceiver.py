@@ -102,19 +102,19 @@ class VolumePerceiver:
         found: dict[str, Geometry],
         sd_mm: dict[str, float],
     ) -> None:
-        """Add the tip ahead, if there is a tip."""
+        """Follow the tip's motion, and add the tip ahead if there is a tip."""
         needle, before_ns, self._stamp_ns = findings.needle, self._stamp_ns, stamp_ns
         if before_ns is not None and stamp_ns > before_ns:
             period_s = float(np.clip((stamp_ns - before_ns) / NS_PER_S, *PERIODS_S))
             self._ahead.settings = replace(self._ahead.settings, period_s=period_s)
-        if needle is None or needle.tip_mm is None:
-            self._ahead.reset()
-            return
-        period_s = self._ahead.settings.period_s
-        tip_ns = imaged_ns(stamp_ns, float(needle.tip_mm[2]), findings.rpe, period_s)
+        tip_mm = None if needle is None else needle.tip_mm
+        tip_sd_mm = np.zeros(3) if needle is None else needle.tip_sd_mm
+        at_z_mm = 0.0 if tip_mm is None else float(tip_mm[2])
+        tip_ns = imaged_ns(stamp_ns, at_z_mm, findings.rpe, self._ahead.settings.period_s)
         rpe = findings.rpe if "rpe" in found else None
-        ahead = self._ahead.update(stamp_ns, tip_ns, needle.tip_mm, needle.tip_sd_mm, rpe)
-        found["needle_tip_ahead"], sd_mm["needle_tip_ahead"] = _point(ahead.tip_mm), float(ahead.sd_mm[1])
+        ahead = self._ahead.update(stamp_ns, tip_ns, tip_mm, tip_sd_mm, rpe)
+        if ahead is not None and tip_mm is not None:
+            found["needle_tip_ahead"], sd_mm["needle_tip_ahead"] = _point(ahead.tip_mm), float(ahead.sd_mm[1])
 
 
 def _certainty(needle: FoundNeedle) -> Certainty:
