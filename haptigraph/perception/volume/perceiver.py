@@ -69,7 +69,7 @@ class VolumePerceiver:
         needle = findings.needle
         certainty = None if needle is None else _certainty(needle)
         if needle is not None:
-            found["needle_line"] = _segment(needle.start_mm, needle.end_mm)
+            found["needle_line"] = _segment(needle.start_mm, _end_mm(needle))
             if needle.tip_mm is not None:
                 found["needle_tip"] = _point(needle.tip_mm)
         self._predict(capture.stamp_ns, findings, found, sd_mm)
@@ -124,6 +124,13 @@ def _certainty(needle: FoundNeedle) -> Certainty:
         tip_sd_mm=None if needle.tip_mm is None else largest_mm,
         theta_sd_deg=needle.direction_sd_deg,
     )
+
+
+def _end_mm(needle: FoundNeedle) -> Floats:
+    """Return where the shaft ends: at the point of its axis that is nearest to the tip."""
+    if needle.tip_mm is None:
+        return needle.end_mm
+    return needle.end_mm + ((needle.tip_mm - needle.end_mm) @ needle.along) * needle.along
 
 
 def _sd_at(surface: HeightMap, at_mm: Floats) -> float:

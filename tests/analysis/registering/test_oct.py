@@ -57,18 +57,18 @@ def test_volumes_are_registered_with_the_distance_of_their_b_scans(quick_volume,
     for number in range(2):
         volume = registration.checked_volume(phantom.advance().image)
         np.save(folder / f"{number}.npy", volume)
-    sizes = ("axial_mm_per_px", 0.0088), ("lateral_mm_per_px", 0.0187), ("slice_mm", 0.06)
+    sizes = ("axial_mm_per_px", 0.0077), ("lateral_mm_per_px", 0.0135), ("slice_mm", 0.05)
     settings = [word for key, size in sizes for word in ("--set", f"source.{key}={size}")]
     axes = "--set", 'source.volume_axes="rows,slices,columns"'
     output = tmp_path / "volumes.toml"
     result = call("register", f"oct:{folder}", "-o", str(output), *settings, *axes)
     assert result.exit_code == 0, result.output
     assert "volumes    128 x 192 px, 32 B-scans each; 2 examined" in result.output
-    assert "slices     0.06 mm/px, as given: 1.92 mm from the first to the last" in result.output
-    assert "2.39 mm across" in result.output
+    assert "slices     0.05 mm/px, as given: 1.60 mm from the first to the last" in result.output
+    assert "1.73 mm across" in result.output
     assert load_registration(output).voxel_mm == pytest.approx(registration.voxel_mm)
     picture = cv2.imread(str(output.with_suffix(".png")))
-    assert picture.shape[1] > 128 + (2.39 + 1.92) / 0.0088
+    assert picture.shape[1] > 128 + (1.73 + 1.6) / 0.0077
 
 
 def refused(tmp_path, *arguments):
