@@ -20,12 +20,15 @@ typedef struct {
 /* clang-format off */
 EXPORT const Entry entries[] = {
     VALUE(STATION_PX), VALUE(BLOCK), VALUE(CELL), VALUE(AROUND_PX), VALUE(MIN_LANES), VALUE(MAX_LANES),
-    VALUE(MAX_STATIONS), VALUE(MAX_PX),
+    VALUE(MAX_STATIONS), VALUE(MAX_PX), VALUE(VOLUME_CELL), VALUE(VOLUME_PADDED), VALUE(MAX_VOLUME_ROWS),
 #define F(field) FIELD(Strip, field)
     SIZE(Strip), F(excess.first), F(excess.stride), F(excess.lanes), F(excess.stations), F(detrended.first),
     F(detrended.stride), F(detrended.lanes), F(detrended.stations), F(u_px), F(is_known), F(noise_grey),
     F(outside_stop), F(inside_start), F(inside_stop), F(chroma.first), F(chroma.stride), F(chroma.lanes),
     F(chroma.stations),
+#undef F
+#define F(field) FIELD(ReducedVolume, field)
+    SIZE(ReducedVolume), F(first), F(columns), F(slices), F(cells), F(first_cell), F(last_cell),
 #undef F
 #define F(field) FIELD(SearchGrid, field)
     SIZE(SearchGrid), F(pixels), F(is_inside), F(sampled), F(samples), F(flanks), F(is_observable),

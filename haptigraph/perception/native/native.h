@@ -34,6 +34,9 @@
 #define MAX_LANES 4096     /* with these two, products fit an int, */
 #define MAX_STATIONS 16384 /* and the values per station that lie on the stack fit there */
 #define MAX_PX 1048576     /* from the origin: positions fit an int as fine as OpenCV samples them */
+#define VOLUME_CELL 4      /* rows of a volume that a cell of a reduced one averages */
+#define VOLUME_PADDED 8    /* values that a point has of a template's Jacobian; the last two are 0 */
+#define MAX_VOLUME_ROWS 4096 /* values per row that lie on the stack fit there */
 
 /* Rows of pixels: lanes across the shaft, one value per station along it. */
 typedef struct {
@@ -71,6 +74,13 @@ typedef struct {
     double images;                  /* since feet fitted better than edges, or the needle appeared */
     double shaded_px[2];            /* shift of the middle by a shaded edge, outside and inside */
 } Appearance;
+
+/* A volume whose rows were reduced to cells. */
+typedef struct {
+    const float *first; /* (columns, slices, cells) */
+    int columns, slices, cells;
+    int first_cell, last_cell; /* of those with usable rows */
+} ReducedVolume;
 
 /* A straight line across a strip: v = offset_px + slope u. */
 typedef struct {
