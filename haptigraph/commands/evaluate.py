@@ -3,7 +3,7 @@
 import click
 
 from haptigraph.commands.help import examples
-from haptigraph.commands.options import config_option, procedure_option, set_option, settings_of
+from haptigraph.commands.options import config_option, procedure_option, set_option, settings_of, voxel_option
 from haptigraph.commands.terminal import progress_bar
 from haptigraph.errors import BadInput
 
@@ -15,12 +15,19 @@ __all__ = ["evaluate"]
         "haptigraph evaluate clips/A_easy",
         "haptigraph evaluate clips/A_easy --perceiver threshold --json",
         "haptigraph evaluate --simulated 50 --figure accuracy.png",
+        "haptigraph evaluate --volumes scans/needle --json",
     )
 )
 @click.argument("clip_dir", required=False)
 @click.option(
     "--simulated", type=click.IntRange(min=1), metavar="N", help="Score N random simulated scenes instead."
 )
+@click.option(
+    "--volumes",
+    metavar="FOLDER",
+    help="Score poses in labelled OCT volumes instead (docs/volume_accuracy.md).",
+)
+@voxel_option
 @click.option("--perceiver", metavar="NAME", help="Perceiver to score; with --simulated the default is all.")
 @click.option("--seed", type=click.IntRange(min=0), help="Random seed of the simulated scenes.")
 @click.option(
@@ -36,6 +43,8 @@ __all__ = ["evaluate"]
 def evaluate(
     clip_dir: str | None,
     simulated: int | None,
+    volumes: str | None,
+    voxel_mm: tuple[float, float, float] | None,
     perceiver: str | None,
     seed: int | None,
     as_recorded: bool,
@@ -45,18 +54,37 @@ def evaluate(
     settings: tuple[str, ...],
     as_json: bool,
 ) -> None:
-    """Score perception and states on a labelled clip, or on simulated scenes.
+    """Score perception and states on a labelled clip, on simulated scenes, or on labelled volumes.
 
     CLIP_DIR contains clip.mp4, registration.toml and truth.csv. With --simulated the moving average is off
-    (perception.alpha=1) unless --set turns it on.
+    (perception.alpha=1) unless --set turns it on. With --volumes the instrument and the map to the labels are
+    learned from every second volume in time, and the others are reported on.
     """
     import msgspec
 
     from haptigraph.config import load_config
 
+    if volumes is not None:
+        others = (
+            clip_dir,
+            simulated,
+            perceiver,
+            seed,
+            figure,
+            procedure,
+            config,
+            *settings,
+            as_recorded or None,
+        )
+        if any(other is not None for other in others):
+            raise BadInput("--volumes goes with --voxel-mm and --json only")
+        _evaluate_volumes(volumes, voxel_mm, as_json=as_json)
+        return
+    if voxel_mm is not None:
+        raise BadInput("--voxel-mm goes with --volumes FOLDER")
     given = (*settings, *settings_of({"perception.perceiver": perceiver, "run.procedure": procedure}))
     if (clip_dir is None) == (simulated is None):
-        raise BadInput("evaluate takes either CLIP_DIR or --simulated N")
+        raise BadInput("evaluate takes either CLIP_DIR, --simulated N or --volumes FOLDER")
     if clip_dir is not None and (seed is not None or figure is not None):
         raise BadInput("--seed and --figure go with --simulated N")
     if clip_dir is None and as_recorded:
@@ -81,3 +109,18 @@ def evaluate(
 
     origin = new_origin(load_procedure(settled.run.procedure))
     click.echo(msgspec.json.encode({**report.scores, "origin": origin}).decode())
+
+
+def _evaluate_volumes(folder: str, voxel_mm: tuple[float, float, float] | None, *, as_json: bool) -> None:
+    import msgspec
+
+    from haptigraph.analysis.evaluation.origin import new_origin
+    from haptigraph.analysis.evaluation.volumes_report import report_volumes
+    from haptigraph.perception.volume.instrument import VOXEL_MM
+
+    with progress_bar() as progress:
+        report = report_volumes(folder, voxel_mm or VOXEL_MM, progress)
+    if as_json:
+        click.echo(msgspec.json.encode({**report.scores, "origin": new_origin()}).decode())
+    else:
+        click.echo(report.text)

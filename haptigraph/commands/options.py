@@ -18,10 +18,34 @@ __all__ = [
     "run_settings",
     "set_option",
     "settings_of",
+    "voxel_option",
 ]
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
+
+class _VoxelSize(click.ParamType):  # type: ignore[type-arg, unused-ignore]
+    """Three lengths in mm, separated by commas."""
+
+    name = "mm,mm,mm"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the three lengths."""
+        try:
+            axial_mm, slice_mm, column_mm = map(float, str(value).split(","))
+        except ValueError:
+            axial_mm = slice_mm = column_mm = 0.0
+        if not all(0 < size < 10 for size in (axial_mm, slice_mm, column_mm)):
+            self.fail(f"{value!r}: expected three lengths in mm, for example 0.0058,0.079,0.051", param, ctx)
+        return axial_mm, slice_mm, column_mm
+
+
+voxel_option = click.option(
+    "--voxel-mm",
+    type=_VoxelSize(),
+    metavar="AXIAL,SLICE,LATERAL",
+    help="Size of a voxel of --volumes in mm; default: 0.0058,0.079,0.051.",
+)
 procedure_option = click.option(
     "--procedure", metavar="NAME|FILE", help="Rules and haptic patterns; default: subretinal_injection."
 )

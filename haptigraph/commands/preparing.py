@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from haptigraph.commands.help import TaskGroup, examples
-from haptigraph.commands.options import set_option
+from haptigraph.commands.options import set_option, voxel_option
 from haptigraph.commands.terminal import progress_bar
 from haptigraph.errors import BadInput, unknown_name
 
@@ -25,10 +25,19 @@ __all__ = ["check", "procedure", "procedure_list", "procedure_new", "register"]
         "haptigraph register clip.mp4 -o eye.toml --target 602,641",
         "haptigraph register eye.png -o eye.toml --trocar right --target-mm 1.5 --diameter-mm 23.5",
         "haptigraph register clip.mp4 -o eye.toml --set source.rotate_deg=180",
+        "haptigraph register --volumes scans/needle -o needle.npz --voxel-mm 0.0058,0.079,0.051",
     )
 )
-@click.argument("source")
-@click.option("-o", "--output", metavar="FILE", required=True, help="Registration to write (TOML).")
+@click.argument("source", required=False)
+@click.option(
+    "-o",
+    "--output",
+    metavar="FILE",
+    required=True,
+    help="Registration to write (TOML), or instrument (.npz).",
+)
+@click.option("--volumes", metavar="FOLDER", help="Learn an instrument from OCT volumes instead.")
+@voxel_option
 @click.option("--target", metavar="X,Y", help="Target in pixels of the stored image.")
 @click.option("--target-mm", type=float, help="Or in mm along the retina from its lowest point; assumed: 0.")
 @click.option("--trocar", metavar="left|right|X,Y", help="Trocar in use, if motion does not show it.")
@@ -41,7 +50,14 @@ __all__ = ["check", "procedure", "procedure_list", "procedure_new", "register"]
 @click.option("--force", is_flag=True, help="Overwrite existing files.")
 @set_option
 def register(
-    source: str, output: str, picture: str | None, force: bool, settings: tuple[str, ...], **overrides: Any
+    source: str | None,
+    output: str,
+    volumes: str | None,
+    voxel_mm: tuple[float, float, float] | None,
+    picture: str | None,
+    force: bool,
+    settings: tuple[str, ...],
+    **overrides: Any,
 ) -> None:
     """Find eye, retina and trocars in SOURCE automatically, and write the registration.
 
@@ -49,12 +65,20 @@ def register(
     The eye must be upright, trocars on top: else --set source.rotate_deg=90, 180 or 270, clockwise.
     For B-scans (oct:PATH) the command checks scale and crop instead, which you set with
     --set source.axial_mm_per_px=..., source.lateral_mm_per_px=... and source.crop_px=[LEFT,TOP,WIDTH,HEIGHT].
+    With --volumes it learns the model of an instrument that is alone in its volumes, without labels.
     """
     from haptigraph.analysis.registering.oct import is_bscan_source, register_scans
     from haptigraph.analysis.registering.overrides import Overrides
     from haptigraph.analysis.registering.registering import register_source
     from haptigraph.config import load_config
 
+    if volumes is not None:
+        _check_volume_options(source, picture, settings, overrides)
+        _learn_instrument(volumes, output, voxel_mm, force=force)
+        return
+    if source is None or voxel_mm is not None:
+        problem = "register takes either SOURCE or --volumes FOLDER"
+        raise BadInput(problem if source is None else "--voxel-mm goes with --volumes FOLDER")
     if is_bscan_source(source):
         click.echo(
             register_scans(source, output, settings, picture, force=force, max_images=overrides["images"])
@@ -67,6 +91,25 @@ def register(
     given = Overrides(**overrides, turn=turn)
     with progress_bar() as progress:
         click.echo(register_source(source, output, given, picture, force=force, progress=progress))
+
+
+def _check_volume_options(
+    source: str | None, picture: str | None, settings: tuple[str, ...], overrides: dict[str, Any]
+) -> None:
+    """Refuse options that have no meaning for volumes."""
+    of_images = [value for name, value in overrides.items() if name != "images"]
+    if any(value is not None for value in (source, picture, *settings, *of_images)):
+        raise BadInput("--volumes goes with -o, --voxel-mm and --force only")
+
+
+def _learn_instrument(
+    folder: str, output: str, voxel_mm: tuple[float, float, float] | None, *, force: bool
+) -> None:
+    from haptigraph.analysis.registering.instrument import register_instrument
+    from haptigraph.perception.volume.instrument import VOXEL_MM
+
+    with progress_bar() as progress:
+        click.echo(register_instrument(folder, output, voxel_mm or VOXEL_MM, force=force, progress=progress))
 
 
 @click.command(

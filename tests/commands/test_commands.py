@@ -129,7 +129,7 @@ def test_evaluate_scores_simulated_scenes(monkeypatch, tmp_path):
 
 def test_evaluate_takes_a_clip_or_simulated_scenes(tmp_path):
     for wrong in ((), (tmp_path, "--simulated", 3)):
-        assert "either CLIP_DIR or --simulated N" in refuse("evaluate", *wrong)
+        assert "either CLIP_DIR, --simulated N or --volumes FOLDER" in refuse("evaluate", *wrong)
     assert "--seed and --figure go with --simulated" in refuse("evaluate", tmp_path, "--seed", 1)
     assert "--as-recorded goes with CLIP_DIR" in refuse("evaluate", "--simulated", 1, "--as-recorded")
     assert "unknown perceiver 'none'" in refuse("evaluate", "--simulated", 1, "--perceiver", "none")

@@ -81,7 +81,10 @@ class ReducedVolume:
         inside, gradient, normal = ctypes.c_int32(), np.empty(6), np.empty((6, 6))
         cost = _compare_template(
             *(self._packed, *template.addresses, template.count),
-            *(checked("is_used", is_used, BOOL, (template.count,)), checked("affine", affine, DOUBLE, (3, 4))),
+            *(
+                checked("is_used", is_used, BOOL, (template.count,)),
+                checked("affine", affine, DOUBLE, (3, 4)),
+            ),
             *(float(knee), ctypes.addressof(inside), address(gradient), address(normal)),
         )
         return float(cost), inside.value, gradient, normal

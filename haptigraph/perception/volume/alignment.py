@@ -78,7 +78,7 @@ def _iterate(
         step = np.linalg.solve(damped, gradient)
         step[:3] *= min(1.0, MAX_SHIFT_MM / max(float(np.linalg.norm(step[:3])), 1e-12))
         step[3:] *= min(1.0, MAX_TURN_RAD / max(float(np.linalg.norm(step[3:])), 1e-12))
-        rotation = rotation @ rotation_matrix(step[3:]).T
+        rotation = np.asarray(rotation @ rotation_matrix(step[3:]).T)
         origin_mm = origin_mm - rotation @ step[:3]
         if np.abs(step[:3]).max() < CONVERGED_MM and np.abs(step[3:]).max() < CONVERGED_RAD:
             break

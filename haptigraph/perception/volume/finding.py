@@ -3,7 +3,7 @@
 import numpy as np
 
 from haptigraph.errors import BadInput
-from haptigraph.perception.native.volume import ReducedVolume, reduce_volume
+from haptigraph.perception.native.volume import reduce_volume
 from haptigraph.perception.volume.alignment import Alignment, align
 from haptigraph.perception.volume.first_estimate import estimate_first
 from haptigraph.perception.volume.instrument import InstrumentModel, InstrumentPose
@@ -34,37 +34,28 @@ def find_instrument(volume: VolumeArray, model: InstrumentModel) -> InstrumentPo
     """
     if volume.ndim != 3 or volume.dtype != np.uint8 or volume.shape[0] != model.rows:
         found = f"{volume.dtype} of shape {volume.shape}"
-        raise BadInput(f"the instrument was learned from volumes of uint8 with {model.rows} rows; found {found}")
+        raise BadInput(
+            f"the instrument was learned from volumes of uint8 with {model.rows} rows; found {found}"
+        )
     reduced = reduce_volume(volume, model.is_usable)
     first = estimate_first(reduced, model.rows, model.voxel_mm, model.level)
     if first is None:
         return None
-    best = None
     for rotation, origin_mm in _starts(first.tip_mm, first.heading_deg, model):
         found = align(reduced, model.template, model.rows, model.voxel_mm, rotation, origin_mm)
-        if best is None or _rank(found) < _rank(best):
-            best = found
-        if _fits(best, model):
-            return _pose(best, model)
+        if found.inside >= MIN_INSIDE and found.cost <= model.cost_limit:
+            return _pose(found, model)
     return None
 
 
-def _starts(tip_mm: Array, heading_deg: float, model: InstrumentModel) -> "list[tuple[Array, Array]]":
-    """Return where to start: at the learned orientation, farther along the axis, then turned to the heading."""
+def _starts(tip_mm: Array, heading_deg: float, model: InstrumentModel) -> list[tuple[Array, Array]]:
+    """Return where to start: at the learned orientation, shifted along the axis, then turned to the heading."""
     learned_deg = float(np.rad2deg(np.arctan2(model.axis[2], model.axis[0])))
+    upright: Array = np.eye(3)
     turned = rotation_matrix(UP * np.deg2rad(learned_deg - heading_deg))
-    starts = [(np.eye(3), tip_mm - model.start_mm)]
-    starts += [(np.eye(3), starts[0][1] + shift * model.axis) for shift in RESTARTS_MM]
-    starts.append((turned, tip_mm - turned @ model.start_mm))
-    return starts
-
-
-def _rank(found: Alignment) -> float:
-    return found.cost if found.inside >= MIN_INSIDE else np.inf
-
-
-def _fits(found: Alignment, model: InstrumentModel) -> bool:
-    return found.inside >= MIN_INSIDE and found.cost <= model.cost_limit
+    at = tip_mm - model.start_mm
+    shifted = [(upright, at + shift * model.axis) for shift in RESTARTS_MM]
+    return [(upright, at), *shifted, (turned, tip_mm - turned @ model.start_mm)]
 
 
 def _pose(found: Alignment, model: InstrumentModel) -> InstrumentPose:

@@ -1,14 +1,18 @@
-"""A first estimate of an instrument's tip and direction: from the largest connected region seen along the beam."""
+"""A first estimate of an instrument's tip and heading: from the largest region seen along the beam."""
 
 import cv2
 import numpy as np
 from msgspec import Struct
+from numpy.typing import NDArray
 
+from haptigraph.imaging import Mask
 from haptigraph.perception.native.volume import ROWS_PER_CELL, ReducedVolume
 from haptigraph.perception.volume.instrument import VoxelMm
 from haptigraph.perception.volume.rotations import Array
 
 __all__ = ["FirstEstimate", "estimate_first", "foreground_level"]
+
+Indices = NDArray[np.intp]
 
 MIN_CELLS = 2
 """Of an A-scan that must be bright."""
@@ -38,9 +42,7 @@ def foreground_level(volume: ReducedVolume) -> float:
     return LEVEL_SHARE * float(np.percentile(cells[::2, ::2], LEVEL_PERCENTILE))
 
 
-def estimate_first(
-    volume: ReducedVolume, rows: int, voxel_mm: VoxelMm, level: float
-) -> FirstEstimate | None:
+def estimate_first(volume: ReducedVolume, rows: int, voxel_mm: VoxelMm, level: float) -> FirstEstimate | None:
     """Estimate tip and direction of an instrument that is alone in its volume.
 
     Returns:
@@ -68,15 +70,15 @@ def estimate_first(
     return FirstEstimate(tip_mm, float(np.rad2deg(np.arctan2(towards[1], towards[0]))))
 
 
-def _largest_region(mask: "np.ndarray[tuple[int, int], np.dtype[np.bool_]]") -> "np.ndarray[tuple[int, int], np.dtype[np.bool_]] | None":
+def _largest_region(mask: Mask) -> Mask | None:
     _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
     areas = stats[1:, cv2.CC_STAT_AREA]
     if not areas.size or areas.max() < MIN_REGION:
         return None
-    return labels == 1 + int(areas.argmax())
+    return np.asarray(labels == 1 + int(areas.argmax()))
 
 
-def _towards_tip(places_mm: Array, columns: Array, slices: Array, shape: tuple[int, ...]) -> Array:
+def _towards_tip(places_mm: Array, columns: Indices, slices: Indices, shape: tuple[int, ...]) -> Array:
     """Return the region's direction towards the end that touches the border less, else the thinner one."""
     _, _, axes = np.linalg.svd(places_mm - places_mm.mean(axis=0), full_matrices=False)
     along_mm = places_mm @ axes[0]

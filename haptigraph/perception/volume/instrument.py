@@ -1,8 +1,8 @@
 """The model of an instrument in volumes, and the pose that a registration reports.
 
 Positions are in the eye frame [mm]: the origin at the volume's centre, x along the columns, y up against the
-beam, z along the slices. In the instrument's own frame the tip is the origin, and the axes are parallel to those
-of the eye at the mean orientation of the volumes that the model was learned from.
+beam, z along the slices. In the instrument's own frame the tip is the origin, and the axes are parallel to
+those of the eye at the mean orientation of the volumes that the model was learned from.
 """
 
 from functools import cached_property
@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 from haptigraph.perception.native.volume import ROWS_PER_CELL, Template
 from haptigraph.perception.volume.rotations import Array
 
-__all__ = ["InstrumentModel", "InstrumentPose", "cell_affine"]
+__all__ = ["VOXEL_MM", "InstrumentModel", "InstrumentPose", "VoxelMm", "cell_affine"]
 
 VoxelMm = tuple[float, float, float]
 """Size of a voxel along rows, slices and columns."""
+VOXEL_MM: VoxelMm = (0.0058, 0.079, 0.051)
+"""Of the 3DOCT 6DoF Pose Dataset (Laves et al., MIDL 2020), from its labels; `--voxel-mm` if not given."""
 
 
 class InstrumentModel(Struct, frozen=True, eq=False, dict=True):
@@ -87,7 +89,7 @@ class InstrumentPose(Struct, frozen=True, eq=False):
 
 def cell_affine(
     rotation: Array, tip_mm: Array, rows: int, shape: tuple[int, ...], voxel_mm: VoxelMm
-) -> Array:
+) -> NDArray[np.float64]:
     """Return the map (3, 4) from a point of the instrument to column, cell and slice of a reduced volume.
 
     Args:

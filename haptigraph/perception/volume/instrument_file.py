@@ -49,7 +49,11 @@ def save_instrument(model: InstrumentModel, path: str | Path, *, force: bool = F
     try:
         with file.open("wb" if force else "xb") as stream:
             np.savez_compressed(
-                stream, format=FORMAT, version=VERSION, fingerprint=_sha256(arrays), **arrays  # type: ignore[arg-type]
+                stream,
+                format=FORMAT,
+                version=VERSION,
+                fingerprint=_sha256(arrays),
+                **arrays,  # type: ignore[arg-type]
             )
     except FileExistsError:
         raise BadInput("exists already; --force overwrites it", file) from None
@@ -68,7 +72,15 @@ def load_instrument(path: str | Path) -> InstrumentModel:
             found = {name: file[name] for name in file.files}
     except FileNotFoundError:
         raise BadInput("no such file", path) from None
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error, TypeError, AttributeError) as error:
+    except (
+        OSError,
+        ValueError,
+        EOFError,
+        zipfile.BadZipFile,
+        zlib.error,
+        TypeError,
+        AttributeError,
+    ) as error:
         raise BadInput(f"is not a readable .npz file ({error}); {LEARN_AGAIN}", path) from None
     if str(found.get("format")) != FORMAT:
         raise BadInput(f"is not the model of an instrument; {LEARN_AGAIN}", path)
@@ -92,7 +104,9 @@ def fingerprint(model: InstrumentModel) -> str:
 
 def _arrays(model: InstrumentModel) -> dict[str, np.ndarray[Any, Any]]:
     return {
-        name: np.ascontiguousarray(np.asarray(getattr(model, name), dtype)).reshape(np.shape(getattr(model, name)))
+        name: np.ascontiguousarray(np.asarray(getattr(model, name), dtype)).reshape(
+            np.shape(getattr(model, name))
+        )
         for name, (dtype, _) in _SHAPES.items()
     }
 

@@ -52,8 +52,8 @@ def learn_instrument(
     """Learn an instrument and the fixed reflections of the scanner.
 
     Args:
-        volumes: Of one shape, the instrument alone in each, its shaft reaching out of the volume, in poses that
-            differ by a few tenths of a millimetre and a few degrees. Each is read at most twice.
+        volumes: Of one shape, the instrument alone in each, its shaft reaching out of the volume, in poses
+            that differ by tenths of a millimetre and a few degrees. Each is read at most twice.
         voxel_mm: Size of a voxel along rows, slices and columns.
         progress: Receives what is done, how many of how many.
 
@@ -93,12 +93,10 @@ def usable_rows(volumes: Sequence[VolumeArray]) -> NDArray[np.bool_]:
     medians = np.array([np.median(volume, axis=(1, 2)) for volume in volumes])
     above = medians - np.median(medians, axis=1, keepdims=True) >= REFLECTION_GREY
     is_reflection = np.pad(above.mean(axis=0) >= REFLECTION_SHARE, 1)
-    return ~(is_reflection[:-2] | is_reflection[1:-1] | is_reflection[2:])
+    return np.asarray(~(is_reflection[:-2] | is_reflection[1:-1] | is_reflection[2:]))
 
 
-def _iterate(
-    state: _Learned, rows: int, voxel_mm: VoxelMm, level: float, report: Progress
-) -> RawTemplate:
+def _iterate(state: _Learned, rows: int, voxel_mm: VoxelMm, level: float, report: Progress) -> RawTemplate:
     """Register all volumes to their mean, round by round; return the last mean."""
     tips = np.array([each.tip_mm for each in state.first])
     reference = int(np.argmin(np.linalg.norm(tips - np.median(tips, axis=0), axis=1)))
@@ -113,7 +111,9 @@ def _iterate(
             report("registering volumes", number * len(tips) + i + 1, ROUNDS * len(tips))
         kept = _inliers(state.poses)
         if len(kept) < MIN_VOLUMES:
-            raise BadInput(f"only {len(kept)} of {len(tips)} volumes fit each other; at least {MIN_VOLUMES} must")
+            raise BadInput(
+                f"only {len(kept)} of {len(tips)} volumes fit each other; at least {MIN_VOLUMES} must"
+            )
         template = grid.mean([state.reduced[i].expanded() for i in kept], [state.poses[i] for i in kept])
     return template
 
@@ -137,7 +137,8 @@ def _model(
     scatter = np.array([_difference(halves[0][i], halves[1][i], tip, axis) for i in kept]).T / 2
     sd = [1.4826 * float(np.median(np.abs(each - np.median(each)))) for each in scatter]
     missed = [
-        turn @ state.poses[i].rotation.T @ (state.first[i].tip_mm - _tip_mm(state.poses[i], tip)) for i in kept
+        turn @ state.poses[i].rotation.T @ (state.first[i].tip_mm - _tip_mm(state.poses[i], tip))
+        for i in kept
     ]
     return InstrumentModel(
         voxel_mm=voxel_mm,
@@ -170,7 +171,9 @@ def _tip_mm(pose: Alignment, tip: Array) -> Array:
 
 def _cost_limit(costs: Sequence[float]) -> float:
     middle = float(np.median(costs))
-    return middle + OUTLIER_SDS * max(1.4826 * float(np.median(np.abs(np.subtract(costs, middle)))), 0.1 * middle)
+    return middle + OUTLIER_SDS * max(
+        1.4826 * float(np.median(np.abs(np.subtract(costs, middle)))), 0.1 * middle
+    )
 
 
 def _inliers(poses: Sequence[Alignment]) -> list[int]:

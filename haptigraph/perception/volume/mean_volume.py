@@ -47,8 +47,8 @@ class RawTemplate(Struct, frozen=True, eq=False, dict=True):
     def tip_axis_bevel(self, level: float) -> tuple[Array, Array, Array]:
         """Return the tip, the axis towards it, and the direction from the axis to the side of the tip.
 
-        The axis is the main principal axis of the foreground; the tip is where the foreground ends along it, at
-        the end that is nearer to the grid's origin.
+        The axis is the main principal axis of the foreground; the tip is where the foreground ends along it,
+        at the end that is nearer to the grid's origin.
         """
         is_bright = self.values > level / 2
         points = self.points_mm[is_bright].astype(np.float64)
@@ -104,7 +104,7 @@ class MeanGrid(Struct, frozen=True, eq=False):
         for volume, pose in zip(volumes, poses, strict=True):
             affine = cell_affine(pose.rotation, pose.origin_mm, self.rows, volume.cells.shape, self.voxel_mm)
             volume.add_samples(self.points_mm, affine, sums, counts)
-        mean = (sums / np.maximum(counts, 1)).reshape(self.shape)
+        mean = np.asarray(sums / np.maximum(counts, 1), np.float32).reshape(self.shape)
         is_known = (counts >= max(1.0, MIN_COUNT_SHARE * len(volumes))).reshape(self.shape)
         for axis in range(3):
             mean = _smoothed(mean, axis)

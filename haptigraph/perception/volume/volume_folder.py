@@ -65,11 +65,15 @@ class VolumeFolder(Sequence[NDArray[np.uint8]]):
         if volume.dtype != np.uint8 or volume.ndim != 3 or not _has_valid_sides(volume.shape):
             limits = f"{2 * ROWS_PER_CELL} to {MAX_ROWS} rows, 2 to {MAX_SIDE} slices and columns"
             found = f"{volume.dtype} of shape {volume.shape}"
-            raise BadInput(f"data: expected uint8 of shape (rows, slices, columns), {limits}; found {found}", path)
+            raise BadInput(
+                f"data: expected uint8 of shape (rows, slices, columns), {limits}; found {found}", path
+            )
         if self._shape is None:
             self._shape = volume.shape
         if volume.shape != self._shape:
-            raise BadInput(f"data: expected shape {self._shape} as in other files; found {volume.shape}", path)
+            raise BadInput(
+                f"data: expected shape {self._shape} as in other files; found {volume.shape}", path
+            )
         return volume
 
     def labels(self) -> Array:
@@ -110,6 +114,14 @@ def _read(path: Path, name: str) -> "np.ndarray[Any, Any]":
             array = file[name]
     except KeyError:
         raise BadInput(f"has no array {name!r}", path) from None
-    except (OSError, ValueError, EOFError, TypeError, AttributeError, zipfile.BadZipFile, zlib.error) as error:
+    except (
+        OSError,
+        ValueError,
+        EOFError,
+        TypeError,
+        AttributeError,
+        zipfile.BadZipFile,
+        zlib.error,
+    ) as error:
         raise BadInput(f"is not a readable .npz file ({error})", path) from None
     return np.asarray(array)
