@@ -94,7 +94,8 @@ class PerceptionConfig(Struct, frozen=True, forbid_unknown_fields=True):
     """tracker, forceps, bscan, segmentation, volume, or threshold (the paper's method, for which most of the
     settings here are); auto: the one that finds the procedure's entities."""
     model: str = ""
-    """TOML file of the segmentation's ONNX model; empty: the one that ships with haptigraph."""
+    """TOML file of the segmentation's ONNX model; empty: the one that ships with haptigraph. Of `volume`: the
+    .npz file of an instrument that `register --volumes` learned; empty: any needle over a retina."""
     polarity: Literal["dark", "bright", "auto"] = "auto"
     """Whether the needle is darker or brighter than the background."""
     block_size_px: Annotated[int, Meta(ge=3, le=501)] = 51

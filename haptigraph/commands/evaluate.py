@@ -116,7 +116,7 @@ def _evaluate_volumes(folder: str, voxel_mm: tuple[float, float, float] | None, 
 
     from haptigraph.analysis.evaluation.origin import new_origin
     from haptigraph.analysis.evaluation.volumes_report import report_volumes
-    from haptigraph.perception.volume.instrument import VOXEL_MM
+    from haptigraph.perception.instrument.model import VOXEL_MM
 
     with progress_bar() as progress:
         report = report_volumes(folder, voxel_mm or VOXEL_MM, progress)

@@ -106,7 +106,7 @@ def _learn_instrument(
     folder: str, output: str, voxel_mm: tuple[float, float, float] | None, *, force: bool
 ) -> None:
     from haptigraph.analysis.registering.instrument import register_instrument
-    from haptigraph.perception.volume.instrument import VOXEL_MM
+    from haptigraph.perception.instrument.model import VOXEL_MM
 
     with progress_bar() as progress:
         click.echo(register_instrument(folder, output, voxel_mm or VOXEL_MM, force=force, progress=progress))

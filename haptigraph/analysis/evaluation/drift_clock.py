@@ -7,7 +7,7 @@ expectation maximisation, with a prior towards their median and shared among clo
 import numpy as np
 from msgspec import Struct
 
-from haptigraph.perception.volume.rotations import Array
+from haptigraph.perception.instrument.rotations import Array
 
 __all__ = ["DriftClock", "estimate_clock"]
 

@@ -11,7 +11,7 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from haptigraph.analysis.evaluation.drift_clock import estimate_clock
-from haptigraph.perception.volume.rotations import Array
+from haptigraph.perception.instrument.rotations import Array
 
 __all__ = ["Prediction", "QuadraticMap", "fit_offset_mm"]
 

@@ -13,16 +13,16 @@ from msgspec import Struct
 
 from haptigraph.analysis.evaluation.volume_map import QuadraticMap, fit_offset_mm
 from haptigraph.errors import BadInput
-from haptigraph.perception.volume.finding import find_instrument
-from haptigraph.perception.volume.instrument import InstrumentPose, VoxelMm
-from haptigraph.perception.volume.learning import learn_instrument
-from haptigraph.perception.volume.rotations import (
+from haptigraph.perception.instrument.finding import find_instrument
+from haptigraph.perception.instrument.learning import learn_instrument
+from haptigraph.perception.instrument.model import InstrumentPose, VoxelMm
+from haptigraph.perception.instrument.rotations import (
     Array,
     euler_xyz_matrix,
     nearest_rotation,
     rotation_vector,
 )
-from haptigraph.perception.volume.volume_folder import VolumeFolder
+from haptigraph.perception.instrument.volume_folder import VolumeFolder
 from haptigraph.recording.writer import Progress
 
 __all__ = ["Residuals", "VolumeEvaluation", "evaluate_volumes"]

@@ -7,8 +7,8 @@ import numpy as np
 
 from haptigraph.analysis.evaluation.report import Report
 from haptigraph.analysis.evaluation.volumes import Residuals, VolumeEvaluation, evaluate_volumes
-from haptigraph.perception.volume.instrument import VoxelMm
-from haptigraph.perception.volume.rotations import Array
+from haptigraph.perception.instrument.model import VoxelMm
+from haptigraph.perception.instrument.rotations import Array
 from haptigraph.recording.writer import Progress
 
 __all__ = ["report_volumes", "volume_scores"]

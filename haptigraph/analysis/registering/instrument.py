@@ -3,10 +3,10 @@
 from pathlib import Path
 
 from haptigraph.errors import BadInput
-from haptigraph.perception.volume.instrument import VoxelMm
-from haptigraph.perception.volume.instrument_file import fingerprint, save_instrument
-from haptigraph.perception.volume.learning import Progress, learn_instrument
-from haptigraph.perception.volume.volume_folder import VolumeFolder
+from haptigraph.perception.instrument.learning import Progress, learn_instrument
+from haptigraph.perception.instrument.model import VoxelMm
+from haptigraph.perception.instrument.model_file import fingerprint, save_instrument
+from haptigraph.perception.instrument.volume_folder import VolumeFolder
 
 __all__ = ["register_instrument"]
 

@@ -8,11 +8,15 @@ import numpy as np
 from msgspec.structs import replace
 
 from haptigraph.config import PerceptionConfig
+from haptigraph.errors import BadInput
 from haptigraph.geometry import Geometry, Point, Segment, Surface
 from haptigraph.imaging import Floats, Mask
 from haptigraph.messages import Capture, Certainty, ImageKind, Observation
 from haptigraph.perception.entities import ENTITIES
+from haptigraph.perception.instrument.model import InstrumentModel
+from haptigraph.perception.instrument.model_file import load_instrument
 from haptigraph.perception.volume.ahead import AheadSettings, TipAhead, imaged_ns
+from haptigraph.perception.volume.learned_needle import find_learned_needle
 from haptigraph.perception.volume.scale import VolumeScale
 from haptigraph.perception.volume.shaft import FoundNeedle, VolumeFindings, find_needle_and_surfaces
 from haptigraph.perception.volume.surfaces import HeightMap
@@ -25,6 +29,7 @@ SPACE_SHARE = 0.9
 """Depth at which the subretinal space opens: the outer tenth of the retina."""
 MAX_SURFACE_SD_MM = 0.05  # below the tip; a surface less certain is not reported
 MAX_NODES = 48  # of a reported surface, along x and z each
+SAME_SIZE = 0.01  # relative; voxels that differ by less are of one size
 PERIODS_S = (0.01, 1.0)
 """Plausible periods of volumes."""
 
@@ -34,7 +39,11 @@ class VolumePerceiver:
 
     Args:
         registration: Size and scale of the volumes, and the depth of the target.
-        config: Settings; not used, but part of every perceiver's constructor.
+        config: `model` is the file of a learned instrument that is alone in its volumes; empty: any needle
+            over a retina.
+
+    Raises:
+        BadInput: If the instrument cannot be read, or was learned from other volumes.
     """
 
     images: ImageKind = "volume"
@@ -48,6 +57,7 @@ class VolumePerceiver:
         self._scale = VolumeScale(
             registration.height_px, slices.count, slices.columns, *registration.voxel_mm
         )
+        self._instrument = _instrument(config.model, self._scale) if config.model else None
         self.reset()
 
     def reset(self) -> None:
@@ -65,6 +75,8 @@ class VolumePerceiver:
         if self._registration.image.mirrored:
             volume = volume[:, :, ::-1]
         findings = find_needle_and_surfaces(volume, self._scale)
+        if self._instrument is not None:
+            findings = findings._replace(needle=find_learned_needle(volume, self._instrument, self._scale))
         found, sd_mm = self._surfaces(findings)
         needle = findings.needle
         certainty = None if needle is None else _certainty(needle)
@@ -115,6 +127,20 @@ class VolumePerceiver:
         ahead = self._ahead.update(stamp_ns, tip_ns, tip_mm, tip_sd_mm, rpe)
         if ahead is not None and tip_mm is not None:
             found["needle_tip_ahead"], sd_mm["needle_tip_ahead"] = _point(ahead.tip_mm), float(ahead.sd_mm[1])
+
+
+def _instrument(file: str, scale: VolumeScale) -> InstrumentModel:
+    model = load_instrument(file)
+    if model.rows != scale.rows or not np.allclose(model.voxel_mm, scale.voxel_mm, rtol=SAME_SIZE):
+        learned, given = (
+            " x ".join(f"{size:.4g}" for size in each) for each in (model.voxel_mm, scale.voxel_mm)
+        )
+        raise BadInput(
+            f"was learned from volumes of {model.rows} rows and voxels of {learned} mm (rows, slices, "
+            f"columns); these have {scale.rows} rows and voxels of {given} mm",
+            file,
+        )
+    return model
 
 
 def _certainty(needle: FoundNeedle) -> Certainty:

@@ -20,6 +20,11 @@ class VolumeScale(NamedTuple):
     lateral_mm: float
 
     @property
+    def voxel_mm(self) -> tuple[float, float, float]:
+        """Size of a voxel along rows, slices and columns."""
+        return self.axial_mm, self.slice_mm, self.lateral_mm
+
+    @property
     def shape(self) -> tuple[int, int, int]:
         """Axial rows, slices, lateral columns."""
         return self.rows, self.slices, self.columns

@@ -23,7 +23,7 @@ from haptigraph.perception.volume.scale import VolumeScale
 from haptigraph.perception.volume.shaft_line import ShaftLine, find_shaft_line
 from haptigraph.perception.volume.surfaces import HeightMap, find_surface_maps
 
-__all__ = ["FoundNeedle", "Gap", "VolumeFindings", "find_needle_and_surfaces", "gap_to"]
+__all__ = ["FoundNeedle", "Gap", "VolumeFindings", "entry_mm", "find_needle_and_surfaces", "gap_to"]
 
 MAX_TIP_SD_MM = 0.024  # of one axis; a tip less certain is not reported
 MIN_SCORE = 0.62  # of the fit, of 1
@@ -136,7 +136,7 @@ def _needle(
         step = line.last_mm - float((fit.axis_mm - line.at_mm)[[0, 2]] @ line.along)
         end_mm = fit.axis_mm + fit.along * step / max(float(np.hypot(fit.along[0], fit.along[2])), 1e-6)
     return FoundNeedle(
-        start_mm=_entry_mm(scale, end_mm, fit.along),
+        start_mm=entry_mm(scale, end_mm, fit.along),
         end_mm=end_mm,
         along=fit.along,
         direction_sd_deg=fit.direction_sd_deg,
@@ -166,7 +166,7 @@ def _contains(scale: VolumeScale, fit: NeedleFit) -> bool:
     return bool((np.abs(fit.tip_mm) < _half_mm(scale) - margin).all())
 
 
-def _entry_mm(scale: VolumeScale, end_mm: Floats, along: Floats) -> Floats:
+def entry_mm(scale: VolumeScale, end_mm: Floats, along: Floats) -> Floats:
     """Return where the axis enters the volume, (3,)."""
     half = _half_mm(scale)
     way = [

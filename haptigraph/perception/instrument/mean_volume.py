@@ -7,10 +7,10 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
+from haptigraph.perception.instrument.alignment import Alignment
+from haptigraph.perception.instrument.model import VoxelMm, cell_affine
+from haptigraph.perception.instrument.rotations import Array
 from haptigraph.perception.native.volume import ROWS_PER_CELL, ReducedVolume, Template
-from haptigraph.perception.volume.alignment import Alignment
-from haptigraph.perception.volume.instrument import VoxelMm, cell_affine
-from haptigraph.perception.volume.rotations import Array
 
 __all__ = ["MeanGrid", "RawTemplate"]
 

@@ -11,8 +11,8 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
+from haptigraph.perception.instrument.rotations import Array
 from haptigraph.perception.native.volume import ROWS_PER_CELL, Template
-from haptigraph.perception.volume.rotations import Array
 
 __all__ = ["VOXEL_MM", "InstrumentModel", "InstrumentPose", "VoxelMm", "cell_affine"]
 

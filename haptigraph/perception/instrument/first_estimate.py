@@ -6,9 +6,9 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from haptigraph.imaging import Mask
+from haptigraph.perception.instrument.model import VoxelMm
+from haptigraph.perception.instrument.rotations import Array
 from haptigraph.perception.native.volume import ROWS_PER_CELL, ReducedVolume
-from haptigraph.perception.volume.instrument import VoxelMm
-from haptigraph.perception.volume.rotations import Array
 
 __all__ = ["FirstEstimate", "estimate_first", "foreground_level"]
 

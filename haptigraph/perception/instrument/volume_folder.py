@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptigraph.errors import BadInput
+from haptigraph.perception.instrument.rotations import Array
 from haptigraph.perception.native.volume import MAX_ROWS, MAX_SIDE, ROWS_PER_CELL
-from haptigraph.perception.volume.rotations import Array
 
 __all__ = ["VolumeFolder"]
 

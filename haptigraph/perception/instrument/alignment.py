@@ -7,9 +7,9 @@ import numpy as np
 from msgspec import Struct
 
 from haptigraph.imaging import Mask
+from haptigraph.perception.instrument.model import VoxelMm, cell_affine
+from haptigraph.perception.instrument.rotations import Array, nearest_rotation, rotation_matrix
 from haptigraph.perception.native.volume import ReducedVolume, Template
-from haptigraph.perception.volume.instrument import VoxelMm, cell_affine
-from haptigraph.perception.volume.rotations import Array, nearest_rotation, rotation_matrix
 
 __all__ = ["Alignment", "align"]
 

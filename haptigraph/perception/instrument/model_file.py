@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from haptigraph.errors import BadInput
-from haptigraph.perception.volume.instrument import InstrumentModel
+from haptigraph.perception.instrument.model import InstrumentModel
 
 __all__ = ["fingerprint", "load_instrument", "save_instrument"]
 

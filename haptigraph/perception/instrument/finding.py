@@ -3,12 +3,12 @@
 import numpy as np
 
 from haptigraph.errors import BadInput
+from haptigraph.perception.instrument.alignment import Alignment, align
+from haptigraph.perception.instrument.first_estimate import estimate_first
+from haptigraph.perception.instrument.learning import VolumeArray
+from haptigraph.perception.instrument.model import InstrumentModel, InstrumentPose
+from haptigraph.perception.instrument.rotations import Array, rotation_matrix, rotation_vector
 from haptigraph.perception.native.volume import reduce_volume
-from haptigraph.perception.volume.alignment import Alignment, align
-from haptigraph.perception.volume.first_estimate import estimate_first
-from haptigraph.perception.volume.instrument import InstrumentModel, InstrumentPose
-from haptigraph.perception.volume.learning import VolumeArray
-from haptigraph.perception.volume.rotations import Array, rotation_matrix, rotation_vector
 
 __all__ = ["find_instrument"]
 

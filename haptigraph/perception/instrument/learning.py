@@ -10,12 +10,12 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from haptigraph.errors import BadInput
+from haptigraph.perception.instrument.alignment import Alignment, align
+from haptigraph.perception.instrument.first_estimate import FirstEstimate, estimate_first, foreground_level
+from haptigraph.perception.instrument.mean_volume import MeanGrid, RawTemplate
+from haptigraph.perception.instrument.model import InstrumentModel, VoxelMm
+from haptigraph.perception.instrument.rotations import Array, mean_rotation, rotation_vector
 from haptigraph.perception.native.volume import ReducedVolume, reduce_volume
-from haptigraph.perception.volume.alignment import Alignment, align
-from haptigraph.perception.volume.first_estimate import FirstEstimate, estimate_first, foreground_level
-from haptigraph.perception.volume.instrument import InstrumentModel, VoxelMm
-from haptigraph.perception.volume.mean_volume import MeanGrid, RawTemplate
-from haptigraph.perception.volume.rotations import Array, mean_rotation, rotation_vector
 
 __all__ = ["MIN_VOLUMES", "VolumeArray", "learn_instrument", "usable_rows"]
 
