@@ -15,7 +15,7 @@ ENTITIES = {
     "threshold": NEEDLE,
     "bscan": SCAN,
     "segmentation": SCAN,
-    "volume": SCAN | {"needle_tip_ahead"},
+    "volume": SCAN | {"needle_tip_ahead", "needle_bevel"},
     "forceps": FORCEPS,
 }
 """Besides the registered anatomy; and besides `retina_surface`, which perceivers of B-scans report too."""

@@ -29,6 +29,7 @@ SPACE_SHARE = 0.9
 """Depth at which the subretinal space opens: the outer tenth of the retina."""
 MAX_SURFACE_SD_MM = 0.05  # below the tip; a surface less certain is not reported
 MAX_NODES = 48  # of a reported surface, along x and z each
+BEVEL_MM = 0.1  # length of the segment that shows to which side the bevel opens
 SAME_SIZE = 0.01  # relative; voxels that differ by less are of one size
 PERIODS_S = (0.01, 1.0)
 """Plausible periods of volumes."""
@@ -84,6 +85,9 @@ class VolumePerceiver:
             found["needle_line"] = _segment(needle.start_mm, _end_mm(needle))
             if needle.tip_mm is not None:
                 found["needle_tip"] = _point(needle.tip_mm)
+                if needle.facing is not None:
+                    end_mm = _end_mm(needle)
+                    found["needle_bevel"] = _segment(end_mm, end_mm + BEVEL_MM * needle.facing)
         self._predict(capture.stamp_ns, findings, found, sd_mm)
         return Observation(capture.stamp_ns, found, certainty=certainty, sd_mm=sd_mm)
 
