@@ -43,7 +43,7 @@ USUAL_SHAFT_MM = 0.8  # a shorter shaft gives a less certain direction
 SHAFT_SD = np.array([1e-4, 0.012, 0.012, 0.014, 0.02, 1e-4, 0.006, 1e-4])
 START_SD = np.array([0.02, 0.006, 0.006, 0.006, 0.008, 0.4, 0.003, 0.08])
 LEAST_SD = np.array([0.003, 0.001, 0.001, 0.001, 0.0015, 0.05, 0.0005, 0.02])
-SHAFT_DRAWS, DRAWS, SHAFT_ROUNDS, ROUNDS, MODES, SAMPLES, SEED = 50, 110, 5, 6, 3, 400, 6
+SHAFT_DRAWS, DRAWS, SHAFT_ROUNDS, ROUNDS, MODES, SAMPLES, SEED = 50, 110, 5, (3, 3), 3, 400, 6
 TEMPERATURE = 6.0  # voxels that share speckle count as one
 BEAM_MM = np.array([[-0.004, -0.008], [0.004, 0.008], [-0.004, 0.008], [0.004, -0.008]])  # x, z
 INSET_MM, AHEAD_SHARE = 0.0017, 1.4  # light passes twice: a shadow's half level is inside the metal's edge
@@ -51,7 +51,7 @@ SD_FACTOR, LEAST_TIP_SD_MM = 1.1, 0.004  # calibrated on simulated volumes
 DIRECTION_FACTOR, LEAST_DIRECTION_SD_DEG = 1.2, 0.15
 ROLL_MARGIN = 110.0  # below the best roll, at which another is not tried
 LEAST_DRAWS = 15.0  # that count in a mean
-MODE_MARGIN = 5.0  # below the best mode, tempered, at which another is dropped
+MODE_MARGIN = 8.0  # below the best mode, tempered, at which another is dropped
 HALF_BEAM_MM = np.ascontiguousarray(BEAM_MM[:2])
 NO_BEAM = np.zeros((1, 2))
 
@@ -121,14 +121,17 @@ def fit_needle(
     shaft = evidence.part(is_shaft)
     sd = SHAFT_SD.copy()
     sd[[LEAN, TURN]] *= max(1.0, USUAL_SHAFT_MM / (line.last_mm - line.first_mm))
-    mean, _ = _cross_entropy(shaft, frame, mean, sd, rng, SHAFT_DRAWS, SHAFT_ROUNDS)
+    mean, _ = _cross_entropy(shaft, frame, mean, np.diag(sd**2), rng, SHAFT_DRAWS, SHAFT_ROUNDS)
     grid = np.tile(mean, (len(GRID_MM) * len(ROLLS), 1))
     grid[:, ALONG], grid[:, ROLL] = np.repeat(GRID_MM, len(ROLLS)), np.tile(ROLLS, len(GRID_MM))
     coarse = evidence.scores(frame, grid, NO_BEAM).reshape(len(GRID_MM), len(ROLLS))
-    modes = []
-    for roll in _modes(coarse.max(axis=0)):
-        start = grid[coarse[:, roll].argmax() * len(ROLLS) + roll]
-        modes.append(_cross_entropy(evidence, frame, start, START_SD, rng, DRAWS, ROUNDS))
+    modes = [
+        (grid[coarse[:, roll].argmax() * len(ROLLS) + roll], np.diag(START_SD**2))
+        for roll in _modes(coarse.max(axis=0))
+    ]
+    for rounds in ROUNDS:
+        modes = [_cross_entropy(evidence, frame, *mode, rng, DRAWS, rounds) for mode in modes]
+        modes = _best_modes(evidence, frame, modes)
     return _posterior_moments(evidence, frame, modes, rng, coarse)
 
 
@@ -147,13 +150,13 @@ def _cross_entropy(
     evidence: "_Evidence",
     frame: Frame,
     mean: Floats,
-    sd: Floats,
+    cov: Floats,
     rng: np.random.Generator,
     draws: int,
     rounds: int,
 ) -> tuple[Floats, Floats]:
     """Return mean and covariance of the best draws."""
-    cov, least = np.diag(sd**2), np.diag(np.minimum(LEAST_SD, sd) ** 2)
+    least = np.diag(np.minimum(LEAST_SD**2, np.diag(cov)))
     for _ in range(rounds):
         some = mean + rng.standard_normal((draws, COUNT)) @ np.linalg.cholesky(cov).T
         some[0] = mean
@@ -162,6 +165,15 @@ def _cross_entropy(
         mean = elite.mean(axis=0)
         cov = 0.8 * np.cov(elite.T) + 0.1 * cov + least
     return mean, cov
+
+
+def _best_modes(
+    evidence: "_Evidence", frame: Frame, modes: list[tuple[Floats, Floats]]
+) -> list[tuple[Floats, Floats]]:
+    """Return the modes that are nearly as good as the best."""
+    means = np.array([mean for mean, _ in modes])
+    score = _posterior(evidence, frame, means, BEAM_MM)
+    return [mode for mode, one in zip(modes, score, strict=True) if one > score.max() - MODE_MARGIN]
 
 
 def _frame(line: ShaftLine) -> Frame:
@@ -205,12 +217,7 @@ def _posterior_moments(
     grid: Floats,
 ) -> NeedleFit:
     """Weigh draws from a mixture of normal distributions, one for each mode."""
-    best = max(float(_posterior(evidence, frame, mean[None].copy(), BEAM_MM)[0]) for mean, _ in modes)
-    kept = [
-        (mean, 1.5 * cov)
-        for mean, cov in modes
-        if float(_posterior(evidence, frame, mean[None].copy(), BEAM_MM)[0]) > best - MODE_MARGIN
-    ]
+    kept = [(mean, 1.5 * cov) for mean, cov in modes]
     each = SAMPLES // len(kept)
     draws = np.concatenate(
         [mean + rng.standard_normal((each, COUNT)) @ np.linalg.cholesky(cov).T for mean, cov in kept]

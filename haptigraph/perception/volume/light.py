@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from haptigraph.imaging import FloatImage, Floats
 from haptigraph.messages import Image
-from haptigraph.perception.volume.cells import Cells, running_sums
+from haptigraph.perception.native.volume_surfaces import row_sums
+from haptigraph.perception.volume.cells import Cells
 from haptigraph.perception.volume.scale import VolumeScale
 from haptigraph.perception.volume.surfaces import SurfaceMaps
 
@@ -133,16 +134,16 @@ def light_stops(
         profile: Expected brightness of tissue.
     """
     ilm_row, rpe_row = surfaces_row
-    grey: FloatImage = volume[:, at[0], at[1]].astype(np.float32)
+    grey = np.ascontiguousarray(volume[:, at[0], at[1]], np.float32)
     rows = np.arange(float(len(grey)))[:, None]
     dark = np.float32(profile.dark_grey)
     expected = profile.at(rows, ilm_row, rpe_row, scale.axial_mm) - dark
     grey -= dark
     gain = np.asarray(expected * (expected / 2 - grey) / profile.sd_grey**2, np.float32)
-    sums = running_sums(gain)
+    sums = row_sums(gain[:, None], 0, 0)[:, 0]
     behind = max(1, round(BEHIND_METAL_MM / scale.axial_mm))
     stops = sums[-1] - np.concatenate([sums[behind + 1 :], np.repeat(sums[-1:], behind, axis=0)])
-    wide = running_sums(np.concatenate([grey[:1], grey, grey[-1:]]))
+    wide = row_sums(grey[:, None], 1, 1)[:, 0]
     ridge = (wide[3:] - wide[:-3]) / 3
     metal = np.maximum(ridge, 0) ** 2 / np.float32(profile.sd_grey**2) - np.float32(ABSENT)
     free = np.clip((ilm_row - rows) * np.float32(scale.axial_mm / SOFT_MM), 0, 1)

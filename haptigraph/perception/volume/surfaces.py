@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptigraph.imaging import FloatImage, Floats, Mask, peak_offset
-from haptigraph.perception.volume.cells import Cells, running_sums
-from haptigraph.perception.volume.paths import best_paths
+from haptigraph.perception.native.volume_surfaces import best_paths, ilm_rewards, rpe_rewards
+from haptigraph.perception.volume.cells import Cells
 
 __all__ = ["HeightMap", "SurfaceMaps", "find_surface_maps"]
 
@@ -26,9 +26,7 @@ THINNEST_MM, THICKEST_MM = 0.1, 0.55  # from ILM to RPE
 BAND_MM = 0.045  # thickness of the RPE's bright band
 MAX_STEP_ROWS = 3  # rows from one column to the next
 STEP_GREY, RPE_STEP_GREY = 4.0, 10.0  # cost of a path for each
-SATURATION_GREY = 45.0  # limits the reward of metal and floaters, which are brighter than tissue
 MIN_CONTRAST_GREY, MIN_RISE_SHARE = 14.0, 0.4  # of tissue against what is above it; of the typical contrast
-BODY_SHARE = 0.25
 HALF = 0.5  # rows are counted at edges between voxels
 RISE_MM = 0.002  # from where a surface begins to where it brightens most
 OUTLIER_MM = 0.025  # from the median of the neighbourhood
@@ -100,21 +98,14 @@ class _Finder:
 
     def find_ilm(self) -> tuple[Floats, Mask]:
         """Return the row of the ILM in each cell, and where it is visible, (n, k) each."""
-        dark = np.float32(self._cells.dark_grey)
         edge, deep = self._rows(EDGE_MM), self._rows(DEEP_MM)
-        means = _Means(np.pad(self._grey, ((deep, deep), (0, 0), (0, 0)), mode="edge"), deep, deep)
-        step = means(0, edge) - means(-edge, 0)
-        half = deep // 2  # metal is bright too, but thin
-        body = np.minimum(means(0, half), means(half, deep)) - dark
-        rise = body - np.maximum(means(-deep, 0) - dark, 0)
-        reward = _saturating(step) + _saturating(rise) + BODY_SHARE * body  # haze has no body
-        reward = _across_slices(reward)
-        path = best_paths(np.ascontiguousarray(reward.transpose(2, 0, 1)), _cost(STEP_GREY))
+        reward, step, rise = ilm_rewards(self._grey, self._cells.dark_grey, edge, deep)
+        path = best_paths(reward, _cost(STEP_GREY))
         contrast = _at(rise, path)
         typical = float(np.quantile(contrast, 0.9))
         visible = contrast >= max(MIN_CONTRAST_GREY, MIN_RISE_SHARE * typical)
         self.tissue_grey = float(np.median(contrast[visible])) if visible.any() else 0.0
-        return _refined(_across_slices(step), path), visible
+        return _refined(step, path), visible
 
     def find_rpe(self, ilm: Floats, visible: Mask) -> tuple[Floats, Mask]:
         """Return the row of the RPE in each cell, and where it is visible, (n, k) each."""
@@ -123,18 +114,14 @@ class _Finder:
         first = np.rint(ilm).astype(np.intp) + thin
         flat = first + np.arange(-band, thick - thin + 4 * band)[:, None, None]
         near = np.take_along_axis(self._grey, np.clip(flat, 0, rows - 1), axis=0)
-        means = _Means(near, band, 4 * band)
-        step, body = means(0, edge) - means(-edge, 0), means(0, band)
-        rise, fall = body - means(-band, 0), body - means(2 * band, 4 * band)
-        reward = _saturating(step) + _saturating(rise) + 0.5 * _saturating(fall)
-        reward = _across_slices(reward)
+        reward, smooth_rise, rise, fall = rpe_rewards(near, edge, band)
         reward[:, ~visible] = 0
-        path = best_paths(np.ascontiguousarray(reward.transpose(2, 0, 1)), _cost(RPE_STEP_GREY))
+        path = best_paths(reward, _cost(RPE_STEP_GREY))
         min_grey = max(0.1 * self.tissue_grey, 4.0)
         is_band = (
             (_at(rise, path) > min_grey) & (_at(fall, path) > min_grey) & (first + path < rows - 2 * band)
         )
-        return _refined(_across_slices(rise), path) + first, visible & is_band
+        return _refined(smooth_rise, path) + first, visible & is_band
 
     def rows_of(self, surface: HeightMap) -> Floats:
         """Return a surface in downsampled rows, (n, k)."""
@@ -169,55 +156,16 @@ class _Finder:
         return max(2, round(length_mm / self._row_mm))
 
 
-class _Means:
-    """Means over rows relative to every edge between rows.
-
-    Args:
-        grey: (above + h + below, n, k).
-        above: Number of padding rows at the top.
-        below: Number of padding rows at the bottom.
-    """
-
-    def __init__(self, grey: FloatImage, above: int, below: int) -> None:
-        self._above, self._height = above, len(grey) - above - below
-        self._sums = running_sums(grey)
-
-    def __call__(self, start: int, end: int) -> FloatImage:
-        """Return the mean of the rows in [start, end), counted from each edge, (h, n, k)."""
-        low, high = self._above + start, self._above + end
-        total = self._sums[high : high + self._height] - self._sums[low : low + self._height]
-        total /= np.float32(end - start)
-        return total
-
-
-def _across_slices(values: FloatImage) -> FloatImage:
-    """Average with both neighbouring slices, (h, n, k)."""
-    mean = 0.5 * values
-    mean[:, 1:] += 0.25 * values[:, :-1]
-    mean[:, :-1] += 0.25 * values[:, 1:]
-    mean[:, 0] += 0.25 * values[:, 0]
-    mean[:, -1] += 0.25 * values[:, -1]
-    return mean
-
-
 def _cost(grey: float) -> FloatImage:
     return (grey * np.arange(-MAX_STEP_ROWS, MAX_STEP_ROWS + 1) ** 2).astype(np.float32)
 
 
-def _saturating(grey: FloatImage) -> FloatImage:
-    """Compress large differences."""
-    less = np.abs(grey)
-    less *= np.float32(1 / SATURATION_GREY)
-    less += np.float32(1)
-    return np.asarray(np.divide(grey, less, out=less), np.float32)
-
-
-def _at(values: FloatImage, path: NDArray[np.intp]) -> FloatImage:
+def _at(values: FloatImage, path: NDArray[np.int32]) -> FloatImage:
     """Return values along a path, (n, k)."""
     return np.asarray(np.take_along_axis(values, path[None], axis=0)[0], np.float32)
 
 
-def _refined(step: FloatImage, path: NDArray[np.intp]) -> Floats:
+def _refined(step: FloatImage, path: NDArray[np.int32]) -> Floats:
     """Return the row of the steepest step near a path, sub-voxel, (n, k)."""
     reach = 2
     middle = np.clip(path, reach, len(step) - 1 - reach)
