@@ -10,7 +10,7 @@ WORKERS ?= 2  # of each half of the tests
 PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
 SCENES ?= $(basename $(notdir $(wildcard rendering/scenes/*.toml)))
 
-.PHONY: help setup demo live test test-pythons test-slow test-native mutants procedure-mutants fuzz check bench bench-degraded bench-empty ablation bench-live bench-oct bench-silence bench-touch bench-sweep interval-coverage compare-r compare-touch rehearse screenshots faults soak golden train render interop lock clean
+.PHONY: help setup demo live test test-pythons test-slow test-native mutants procedure-mutants fuzz check bench bench-degraded bench-empty ablation bench-live bench-oct bench-volumes bench-silence bench-touch bench-sweep interval-coverage compare-r compare-touch rehearse screenshots faults soak golden train render interop lock clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-16s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -144,6 +144,11 @@ compare-touch: setup  ## simulated operators without, with binary and with conti
 bench-oct: setup  ## errors of the B-scan perceiver, and the lead time of the alarm in 1,000 simulated approaches
 	$(BIN)/python benchmarks/bscan.py sweep 20 --figure docs/images/bscan_accuracy.png
 	$(BIN)/python benchmarks/bscan_approaches.py --figure docs/images/bscan_lead.png
+
+bench-volumes: setup  ## errors in simulated OCT volumes, and the lead time of the alarm in 1,000 approaches at 4 volumes/s
+	$(BIN)/python benchmarks/volume.py speed
+	$(BIN)/python benchmarks/volume.py accuracy
+	$(BIN)/python benchmarks/volume_approaches.py --figure docs/images/volume_lead.png
 
 rehearse: setup  ## two complete studies with simulated participants; updates docs/images/study-*.png and docs/simulated_comparison.md
 	$(BIN)/python docs/study_pictures.py

@@ -41,6 +41,8 @@ SMALLEST = {
     "soak": [(("0.0006",), {"FILE_S": 2})],
     "sweep": [(("--participants", "2", "--block", "1"), {})],
     "touch": [(("1",), {})],
+    "volume": [(("speed",), {"VOLUMES": 1, "PASSES": 1}), (("accuracy", "2"), {})],
+    "volume_approaches": [(("2", "--images", "1"), {})],
     "touch_comparison": [(("--participants", "2", "--repetitions", "1", "--output", "{folder}"), {})],
 }
 """By benchmark: its arguments, and the constants to reduce."""

@@ -26,7 +26,8 @@ from haptigraph.perception.volume.surfaces import HeightMap, find_surface_maps
 __all__ = ["FoundNeedle", "Gap", "VolumeFindings", "entry_mm", "find_needle_and_surfaces", "gap_to"]
 
 MAX_TIP_SD_MM = 0.024  # of one axis; a tip less certain is not reported
-MIN_SCORE = 0.62  # of the fit, of 1
+MIN_SCORE = 0.72  # of the fit, of 1; a worse one may be elsewhere
+POOR_DIRECTION_SD_DEG = 5.0  # of such a fit, at least
 MIN_FACING = 0.8  # length of the bevel's mean direction
 NORMAL_MM = 0.1  # from a point to where a surface's slope is measured
 
@@ -139,7 +140,7 @@ def _needle(
         start_mm=entry_mm(scale, end_mm, fit.along),
         end_mm=end_mm,
         along=fit.along,
-        direction_sd_deg=fit.direction_sd_deg,
+        direction_sd_deg=max(fit.direction_sd_deg, POOR_DIRECTION_SD_DEG * (fit.score < MIN_SCORE)),
         radius_mm=fit.radius_mm,
         tip_mm=fit.tip_mm if is_certain else None,
         tip_cov_mm2=fit.tip_cov_mm2,
