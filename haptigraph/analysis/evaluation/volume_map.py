@@ -1,7 +1,7 @@
 """The map from poses measured in volumes to labelled ones: quadratic, with and without drift over time.
 
 The coefficients of the quadratic terms have normal priors, and the drift is a Wiener process on a clock of
-its own (`drift_clock`). The priors' variances have the greatest restricted likelihood (Patterson and Thompson,
+its own (`drift_clock`). The priors' variances have the greatest restricted likelihood (Patterson, Thompson,
 Biometrika 58, 1971). Standard deviations are scaled so that cross-validated residuals of the calibrations
 have the normal distribution's share within one and two of them.
 """
@@ -10,7 +10,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from haptigraph.analysis.evaluation.drift_clock import estimate_clock
+from haptigraph.analysis.evaluation.drift_clock import DriftClock, estimate_clock
 from haptigraph.perception.instrument.rotations import Array
 
 __all__ = ["Prediction", "QuadraticMap", "fit_offset_mm"]
@@ -72,41 +72,49 @@ class QuadraticMap:
     """
 
     def __init__(self, measured: Array, hours: Array, labels: Array, *, has_drift: bool) -> None:
-        self._mean, self._spread = measured.mean(axis=0), measured.std(axis=0) + 1e-12
-        self._has_drift = has_drift
         some = _evenly(len(labels), MAX_CALIBRATIONS)
         measured, hours, labels = measured[some], hours[some], labels[some]
-        features = self._features(measured)
-        self._logs, first = self._fit(features, hours, labels)
-        still = self._still(features, first)
-        kept = np.arange(len(labels))
-        self._calibrate(features, hours, labels, labels - still)
-        if has_drift:
-            self._logs[DRIFT] = 0.0  # the clock reads variances
-        errors, sds = _left_out(self._solution, labels)
-        if MIN_KEPT <= (near := np.abs(errors) <= OUTLIER_SDS * sds).mean() < 1:
-            kept = np.flatnonzero(near)
-        self._scale = 1.0
         z = []
         for fold in range(FOLDS):
-            is_left_out = np.arange(len(kept)) % FOLDS == fold
-            used, tested = kept[~is_left_out], kept[is_left_out]
-            self._calibrate(features[used], hours[used], labels[used], (labels - still)[used])
-            predicted = self.predict(measured[tested], hours[tested])
-            z.append(np.abs(labels[tested] - predicted.values) / predicted.sds)
+            is_left_out = np.arange(len(labels)) % FOLDS == fold
+            used = ~is_left_out
+            fit = _Fit(measured[used], hours[used], labels[used], has_drift=has_drift)
+            predicted = fit.predict(measured[is_left_out], hours[is_left_out])
+            z.append(np.abs(labels[is_left_out] - predicted.values) / predicted.sds)
         one, two = np.percentile(np.concatenate(z), (ONE_SD, TWO_SDS))
         self._scale = float(np.clip(np.sqrt(one * two / 2), *SCALES))
-        self._calibrate(features[kept], hours[kept], labels[kept], (labels - still)[kept])
+        self._fit = _Fit(measured, hours, labels, has_drift=has_drift)
 
-    def _calibrate(self, features: Array, hours: Array, labels: Array, residuals: Array) -> None:
-        """Solve for given variances; `residuals` contain the drift alone."""
-        if self._has_drift:
-            self._clock = estimate_clock(hours, residuals)
-        self._calibration = features, self._times(hours)
-        self._solution = self._solve(features, self._times(hours), labels, self._logs)
+    def predict(self, measured: Array, hours: Array) -> Prediction:
+        """Predict the label's component of other measurements."""
+        predicted = self._fit.predict(measured, hours)
+        return Prediction(predicted.values, self._scale * predicted.sds)
+
+
+class _Fit:
+    """A fit whose standard deviations are those of its model; see `QuadraticMap`."""
+
+    def __init__(self, measured: Array, hours: Array, labels: Array, *, has_drift: bool) -> None:
+        self._mean, self._spread = measured.mean(axis=0), measured.std(axis=0) + 1e-12
+        self._has_drift = has_drift
+        self._clock: DriftClock | None = None
+        features = self._features(measured)
+        some = _evenly(len(labels), MAX_FOR_VARIANCES)
+        self._logs = self._most_likely(features[some], hours[some], labels[some])
+        solution = self._solve(features, hours, labels, self._logs)
+        if has_drift:
+            self._clock = estimate_clock(hours, labels - self._still(features, solution))
+            self._logs[DRIFT] = 0.0  # the clock reads variances
+            solution = self._solve(features, self._times(hours), labels, self._logs)
+        errors, sds = _left_out(solution, labels)
+        near = np.abs(errors) <= OUTLIER_SDS * sds
+        if MIN_KEPT <= near.mean() < 1:
+            features, hours, labels = features[near], hours[near], labels[near]
+            solution = self._solve(features, self._times(hours), labels, self._logs)
+        self._calibration, self._solution = (features, self._times(hours)), solution
 
     def _times(self, hours: Array) -> Array:
-        return self._clock.at(hours) if self._has_drift else hours
+        return hours if self._clock is None else self._clock.at(hours)
 
     def predict(self, measured: Array, hours: Array) -> Prediction:
         """Predict the label's component of other measurements."""
@@ -123,12 +131,7 @@ class QuadraticMap:
         prior = self._own_variance(features, now)
         variance = 1 + prior - np.sum(through * shared, axis=1)
         variance += np.sum(unexplained * np.linalg.solve(information, unexplained.T).T, axis=1)
-        return Prediction(values, self._scale * np.sqrt(solution.noise * np.maximum(variance, 1e-6)))
-
-    def _fit(self, features: Array, times: Array, labels: Array) -> tuple[Array, _Solution]:
-        some = _evenly(len(labels), MAX_FOR_VARIANCES)
-        logs = self._most_likely(features[some], times[some], labels[some])
-        return logs, self._solve(features, times, labels, logs)
+        return Prediction(values, np.sqrt(solution.noise * np.maximum(variance, 1e-6)))
 
     def _still(self, features: Array, solution: _Solution) -> Array:
         """Return what the map predicts without drift, (n,)."""

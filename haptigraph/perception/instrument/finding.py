@@ -33,9 +33,9 @@ def find_instrument(volume: VolumeArray, model: InstrumentModel) -> InstrumentPo
         BadInput: If the volume does not have the model's rows.
     """
     if volume.ndim != 3 or volume.dtype != np.uint8 or volume.shape[0] != model.rows:
-        found = f"{volume.dtype} of shape {volume.shape}"
+        shape = f"{volume.dtype} of shape {volume.shape}"
         raise BadInput(
-            f"the instrument was learned from volumes of uint8 with {model.rows} rows; found {found}"
+            f"the instrument was learned from volumes of uint8 with {model.rows} rows; found {shape}"
         )
     reduced = reduce_volume(volume, model.is_usable)
     first = estimate_first(reduced, model.rows, model.voxel_mm, model.level)
@@ -49,7 +49,7 @@ def find_instrument(volume: VolumeArray, model: InstrumentModel) -> InstrumentPo
 
 
 def _starts(tip_mm: Array, heading_deg: float, model: InstrumentModel) -> list[tuple[Array, Array]]:
-    """Return where to start: at the learned orientation, shifted along the axis, then turned to the heading."""
+    """Return where to start: at the learned orientation, shifted along the axis, turned to the heading."""
     learned_deg = float(np.rad2deg(np.arctan2(model.axis[2], model.axis[0])))
     upright: Array = np.eye(3)
     turned = rotation_matrix(UP * np.deg2rad(learned_deg - heading_deg))

@@ -32,8 +32,9 @@ REFLECTION_SHARE = 0.9
 ROUNDS = 5
 OUTLIER_SDS = 6.0
 """A registration whose cost is further above the median has gone wrong."""
-HALF_MM = 0.16
-"""Thickness of the slabs that form either half of a template."""
+PARTS = 6
+"""Of the template along the axis that are left out in turn, for the standard deviations."""
+MAX_FOR_SD = 40
 
 Progress = Callable[[str, int, int], object]
 
@@ -123,19 +124,16 @@ def _model(
 ) -> InstrumentModel:
     """Register once more, with all points and with halves of them, and return the model."""
     rows = len(is_usable)
-    slabs = np.floor(template.points_mm[:, 2] / HALF_MM).astype(int) % 2
-    halves: list[list[Alignment]] = [[], []]
+    tip, axis, bevel = template.tip_axis_bevel(level)
     for i, volume in enumerate(state.reduced):
-        expanded, start = volume.expanded(), state.poses[i]
-        arguments = expanded, template.template, rows, voxel_mm, start.rotation, start.origin_mm
-        state.poses[i] = align(*arguments)
-        for half in (0, 1):
-            halves[half].append(align(*arguments, np.ascontiguousarray(slabs == half)))
+        start = state.poses[i]
+        state.poses[i] = align(
+            volume.expanded(), template.template, rows, voxel_mm, start.rotation, start.origin_mm
+        )
     kept = _inliers(state.poses)
     turn = mean_rotation(state.poses[i].rotation for i in kept)
-    tip, axis, bevel = template.tip_axis_bevel(level)
-    scatter = np.array([_difference(halves[0][i], halves[1][i], tip, axis) for i in kept]).T / 2
-    sd = [1.4826 * float(np.median(np.abs(each - np.median(each)))) for each in scatter]
+    some = [kept[i] for i in _evenly(len(kept), MAX_FOR_SD)]
+    sd = _jackknifed_sd(state, some, rows, voxel_mm, template, (tip, axis))
     missed = [
         turn @ state.poses[i].rotation.T @ (state.first[i].tip_mm - _tip_mm(state.poses[i], tip))
         for i in kept
@@ -156,6 +154,45 @@ def _model(
         roll_sd_deg=float(np.rad2deg(sd[5])),
         volumes=len(kept),
     )
+
+
+def _jackknifed_sd(
+    state: _Learned,
+    some: Sequence[int],
+    rows: int,
+    voxel_mm: VoxelMm,
+    template: RawTemplate,
+    ends: "tuple[Array, Array]",
+) -> Array:
+    """Return standard deviations of tip [mm], two angles of the axis and roll [rad], (6,).
+
+    Parts along the axis are left out in turn (delete-a-group jackknife): what a registration errs by differs
+    from part to part, also where it is no noise.
+
+    Args:
+        state: Volumes and their poses.
+        some: Which of them to use.
+        rows: Of the volumes.
+        voxel_mm: Size of their voxels.
+        template: The mean volume.
+        ends: Its tip and axis.
+    """
+    tip, axis = ends
+    along = template.points_mm @ axis
+    part = np.searchsorted(np.quantile(along, np.linspace(0, 1, PARTS + 1)[1:-1]), along)
+    variances = []
+    for i in some:
+        pose, volume = state.poses[i], state.reduced[i].expanded()
+        start = pose.rotation, pose.origin_mm
+        differences = []
+        for left_out in range(PARTS):
+            used = np.ascontiguousarray(part != left_out)
+            differences.append(
+                _difference(pose, align(volume, template.template, rows, voxel_mm, *start, used), tip, axis)
+            )
+        variances.append((PARTS - 1) * np.var(differences, axis=0))
+    sd: Array = np.sqrt(np.mean(np.sort(variances, axis=0)[: -max(1, len(some) // 20)], axis=0))
+    return sd
 
 
 def _difference(a: Alignment, b: Alignment, tip: Array, axis: Array) -> Array:

@@ -7,6 +7,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
+from haptigraph.imaging import Mask
 from haptigraph.perception.instrument.alignment import Alignment
 from haptigraph.perception.instrument.model import VoxelMm, cell_affine
 from haptigraph.perception.instrument.rotations import Array
@@ -28,6 +29,8 @@ DILATION = 3
 """Grid steps around the instrument that the template includes."""
 TIP_MM = 0.1
 """From the template's end: what lies there is averaged to the tip."""
+BEVEL_SHARE = 0.4
+"""Of the visible length, from the tip, that may be bevelled."""
 MIN_BEVEL_MM = 0.02
 
 
@@ -47,23 +50,34 @@ class RawTemplate(Struct, frozen=True, eq=False, dict=True):
     def tip_axis_bevel(self, level: float) -> tuple[Array, Array, Array]:
         """Return the tip, the axis towards it, and the direction from the axis to the side of the tip.
 
-        The axis is the main principal axis of the foreground; the tip is where the foreground ends along it,
-        at the end that is nearer to the grid's origin.
+        Along a shaft nothing changes: its axis is the direction of the least squared derivatives, away from
+        the bevel. The tip is where the foreground ends, at the end that is nearer to the grid's origin.
         """
         is_bright = self.values > level / 2
         points = self.points_mm[is_bright].astype(np.float64)
         weights = self.values[is_bright].astype(np.float64)
         centre = np.average(points, axis=0, weights=weights)
-        _, _, axes = np.linalg.svd((points - centre) * np.sqrt(weights)[:, None], full_matrices=False)
-        axis = axes[0] * (1.0 if axes[0] @ -centre >= 0 else -1.0)
+        axis: Array = np.linalg.svd((points - centre) * np.sqrt(weights)[:, None], full_matrices=False)[2][0]
+        axis = axis * (1.0 if axis @ -centre >= 0 else -1.0)
+        is_shaft = _is_behind(self.points_mm @ axis)
+        gradients = self.gradients[is_shaft].astype(np.float64)
+        least = np.linalg.eigh(gradients.T @ gradients)[1][:, 0]
+        axis = least * (1.0 if least @ axis >= 0 else -1.0)
         along = points @ axis
         is_end = along > along.max() - TIP_MM
         tip = np.average(points[is_end], axis=0, weights=weights[is_end])
         tip += axis * (along.max() - tip @ axis)
-        aside = (tip - centre) - axis * ((tip - centre) @ axis)
+        is_behind = _is_behind(along)
+        aside = tip - np.average(points[is_behind], axis=0, weights=weights[is_behind])
+        aside -= axis * (aside @ axis)
         if np.linalg.norm(aside) < MIN_BEVEL_MM:
             aside = np.linalg.svd(axis[None])[2][1]
         return tip, axis, aside / np.linalg.norm(aside)
+
+
+def _is_behind(along_mm: Array) -> Mask:
+    """Return which points are far from the end."""
+    return np.asarray(along_mm < along_mm.max() - BEVEL_SHARE * np.ptp(along_mm))
 
 
 class MeanGrid(Struct, frozen=True, eq=False):
