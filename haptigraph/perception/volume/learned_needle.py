@@ -36,7 +36,7 @@ def find_learned_needle(volume: Volume, model: InstrumentModel, scale: VolumeSca
         radius_mm=math.nan,
         tip_mm=tip_mm,
         tip_cov_mm2=np.diag(np.square(pose.tip_sd_mm)),
-        facing=pose.bevel,
+        facing=np.asarray(pose.bevel, np.float64),
         confidence=max(1 - pose.cost / model.cost_limit, 0.0),
         above_ilm=None,
         above_rpe=None,
