@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from haptigraph.errors import BadInput
+
 if TYPE_CHECKING:
     from haptigraph.dashboard.server.access import Tokens
 
@@ -36,7 +38,7 @@ class _VoxelSize(click.ParamType):  # type: ignore[type-arg, unused-ignore]
         except ValueError:
             axial_mm = slice_mm = column_mm = 0.0
         if not all(0 < size < 10 for size in (axial_mm, slice_mm, column_mm)):
-            self.fail(f"{value!r}: expected three lengths in mm, for example 0.0058,0.079,0.051", param, ctx)
+            raise BadInput(f"--voxel-mm {value}: expected three lengths in mm, such as 0.0058,0.079,0.051")
         return axial_mm, slice_mm, column_mm
 
 

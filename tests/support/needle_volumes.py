@@ -10,7 +10,6 @@ RADIUS_MM = 0.24
 BEVEL_DEG = 35.0
 WALL_MM = 0.06
 AXIS = np.array([0.75, -0.25, 0.61]) / np.linalg.norm([0.75, -0.25, 0.61])
-MIDDLE_MM = np.array([0.4, -0.15, 0.45])
 REFLECTION = slice(20, 23)
 
 
@@ -45,12 +44,9 @@ def needle_volume(rng, rotation, tip_mm, places=None):
 
 
 def random_pose(rng):
-    """Return a rotation and a tip [mm] near the middle of the volume."""
-    return rotation_matrix(np.deg2rad(rng.uniform(-4, 4, 3))), rng.uniform(-0.15, 0.15, 3) + [
-        0.4,
-        -0.15,
-        0.45,
-    ]
+    """Return a rotation and a tip [mm] that leave the shaft's end outside the volume."""
+    tip_mm = np.array([0.4, -0.15, 0.45]) + rng.uniform(-0.15, 0.15, 3)
+    return rotation_matrix(np.deg2rad(rng.uniform(-4, 4, 3))), tip_mm
 
 
 def needle_volumes(rng, count):

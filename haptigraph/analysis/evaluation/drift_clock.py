@@ -18,6 +18,8 @@ PRIOR_INTERVALS = 2.0
 """How many intervals the prior is worth."""
 CHI2_MEDIAN = 0.455
 """Of one degree of freedom. In most intervals the drift is small against the noise: its variance follows."""
+LEAD_H = 2.0
+"""For which the clock has run before the first calibration: no reading is negative."""
 FLOOR = 1e-4
 """Of the variance of an interval, as a share of that of the noise."""
 
@@ -27,14 +29,14 @@ class DriftClock(Struct, frozen=True, eq=False):
 
     hours: Array
     readings: Array
-    """Variance of the drift since the first, as a share of that of the noise, (n,)."""
+    """Variance of the drift since `LEAD_H` before the first, as a share of that of the noise, (n,)."""
 
     def at(self, hours: Array) -> Array:
         """Return readings, (m,)."""
         readings = np.interp(hours, self.hours, self.readings)
         speed = float(np.median(np.diff(self.readings) / np.maximum(np.diff(self.hours), 1e-9)))
-        readings += speed * (np.maximum(hours - self.hours[-1], 0) + np.maximum(self.hours[0] - hours, 0))
-        return readings
+        readings += speed * np.maximum(hours - self.hours[-1], 0)
+        return np.asarray(np.maximum(readings - speed * np.maximum(self.hours[0] - hours, 0), 0.0))
 
 
 def estimate_clock(hours: Array, residuals: Array) -> DriftClock:
@@ -59,7 +61,8 @@ def estimate_clock(hours: Array, residuals: Array) -> DriftClock:
         prior_h = PRIOR_INTERVALS * span_h / (last - first)
         speeds = (local + usual * prior_h) / (span_h + prior_h)
         variances = np.maximum(speeds * steps_h, FLOOR * noise)
-    return DriftClock(hours, np.concatenate([[0.0], np.cumsum(variances / noise)]))
+    readings = np.concatenate([[0.0], np.cumsum(variances / noise)])
+    return DriftClock(hours, readings + LEAD_H * float(np.median(variances / noise / steps_h)))
 
 
 def _smooth(residuals: Array, variances: Array, noise: float) -> Array:

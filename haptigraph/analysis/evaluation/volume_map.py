@@ -27,7 +27,7 @@ START = np.array([-3.0, -5.0, -5.0, 1.0])
 LOWEST = -10.0
 HIGHEST = np.array([2.0, 2.0, 2.0, 3.0])
 """A drift that may vary faster would take up the noise where it has steps; then it gets a clock."""
-FIRST_STEP, LAST_STEP = 2.0, 0.25
+FIRST_STEP, NEAR_STEP, LAST_STEP = 2.0, 0.5, 0.25
 OUTLIER_SDS = 6.0
 """A calibration further off its leave-one-out prediction is left out."""
 MIN_KEPT = 0.9
@@ -74,16 +74,18 @@ class QuadraticMap:
     def __init__(self, measured: Array, hours: Array, labels: Array, *, has_drift: bool) -> None:
         some = _evenly(len(labels), MAX_CALIBRATIONS)
         measured, hours, labels = measured[some], hours[some], labels[some]
+        self._fit = _Fit(measured, hours, labels, has_drift=has_drift)
         z = []
         for fold in range(FOLDS):
             is_left_out = np.arange(len(labels)) % FOLDS == fold
             used = ~is_left_out
-            fit = _Fit(measured[used], hours[used], labels[used], has_drift=has_drift)
+            fit = _Fit(
+                *(measured[used], hours[used], labels[used]), has_drift=has_drift, near=self._fit.first_logs
+            )
             predicted = fit.predict(measured[is_left_out], hours[is_left_out])
             z.append(np.abs(labels[is_left_out] - predicted.values) / predicted.sds)
         one, two = np.percentile(np.concatenate(z), (ONE_SD, TWO_SDS))
         self._scale = float(np.clip(np.sqrt(one * two / 2), *SCALES))
-        self._fit = _Fit(measured, hours, labels, has_drift=has_drift)
 
     def predict(self, measured: Array, hours: Array) -> Prediction:
         """Predict the label's component of other measurements."""
@@ -92,24 +94,36 @@ class QuadraticMap:
 
 
 class _Fit:
-    """A fit whose standard deviations are those of its model; see `QuadraticMap`."""
+    """A fit whose standard deviations are those of its model; see `QuadraticMap`.
 
-    def __init__(self, measured: Array, hours: Array, labels: Array, *, has_drift: bool) -> None:
+    Args:
+        measured: See `QuadraticMap`.
+        hours: See `QuadraticMap`.
+        labels: See `QuadraticMap`.
+        has_drift: See `QuadraticMap`.
+        near: Logarithms of variances of a similar fit, if any.
+    """
+
+    def __init__(
+        self, measured: Array, hours: Array, labels: Array, *, has_drift: bool, near: Array | None = None
+    ) -> None:
         self._mean, self._spread = measured.mean(axis=0), measured.std(axis=0) + 1e-12
         self._has_drift = has_drift
         self._clock: DriftClock | None = None
         features = self._features(measured)
         some = _evenly(len(labels), MAX_FOR_VARIANCES)
-        self._logs = self._most_likely(features[some], hours[some], labels[some])
+        self.first_logs = self._most_likely(features[some], hours[some], labels[some], near)
+        """Logarithms of variances, as shares of the noise's, before there was a clock."""
+        self._logs = self.first_logs.copy()
         solution = self._solve(features, hours, labels, self._logs)
         if has_drift:
             self._clock = estimate_clock(hours, labels - self._still(features, solution))
             self._logs[DRIFT] = 0.0  # the clock reads variances
             solution = self._solve(features, self._times(hours), labels, self._logs)
         errors, sds = _left_out(solution, labels)
-        near = np.abs(errors) <= OUTLIER_SDS * sds
-        if MIN_KEPT <= near.mean() < 1:
-            features, hours, labels = features[near], hours[near], labels[near]
+        kept = np.abs(errors) <= OUTLIER_SDS * sds
+        if MIN_KEPT <= kept.mean() < 1:
+            features, hours, labels = features[kept], hours[kept], labels[kept]
             solution = self._solve(features, self._times(hours), labels, self._logs)
         self._calibration, self._solution = (features, self._times(hours)), solution
 
@@ -141,12 +155,12 @@ class _Fit:
             quadratic += np.exp(self._logs[k]) * (part @ (part.T @ solution.weighted))
         return _group(features, LINEAR) @ solution.coefficients + quadratic
 
-    def _most_likely(self, features: Array, times: Array, labels: Array) -> Array:
+    def _most_likely(self, features: Array, times: Array, labels: Array, near: Array | None) -> Array:
         """Return the logarithms of the variances, by a pattern search."""
-        logs = START.copy()
+        logs = START.copy() if near is None else near.copy()
         free = range(DRIFT + 1 if self._has_drift else DRIFT)
         best = self._solve(features, times, labels, logs).log_likelihood
-        step = FIRST_STEP
+        step = FIRST_STEP if near is None else NEAR_STEP
         while step >= LAST_STEP:
             improved = False
             for k in free:

@@ -68,7 +68,7 @@ def load_instrument(path: str | Path) -> InstrumentModel:
         BadInput: If the file is missing, damaged or no model that this version reads.
     """
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
             found = {name: file[name] for name in file.files}
     except FileNotFoundError:
         raise BadInput("no such file", path) from None

@@ -110,7 +110,7 @@ def _has_valid_sides(shape: tuple[int, ...]) -> bool:
 
 def _read(path: Path, name: str) -> "np.ndarray[Any, Any]":
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
             array = file[name]
     except KeyError:
         raise BadInput(f"has no array {name!r}", path) from None
