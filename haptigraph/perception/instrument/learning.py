@@ -115,7 +115,7 @@ def _iterate(state: _Learned, rows: int, voxel_mm: VoxelMm, level: float, report
             raise BadInput(
                 f"only {len(kept)} of {len(tips)} volumes fit each other; at least {MIN_VOLUMES} must"
             )
-        template = grid.mean([state.reduced[i].expanded() for i in kept], [state.poses[i] for i in kept])
+        template = grid.mean((state.reduced[i].expanded() for i in kept), [state.poses[i] for i in kept])
     return template
 
 

@@ -1,6 +1,6 @@
 """The mean of registered volumes on a regular grid, and the template that is taken from it."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -112,14 +112,14 @@ class MeanGrid(Struct, frozen=True, eq=False):
         shape = len(steps[0]), len(steps[1]), len(steps[2])
         return cls(np.ascontiguousarray(points, np.float32), shape, spacing, rows, voxel_mm, level)
 
-    def mean(self, volumes: Sequence[ReducedVolume], poses: Sequence[Alignment]) -> RawTemplate:
+    def mean(self, volumes: Iterable[ReducedVolume], poses: Sequence[Alignment]) -> RawTemplate:
         """Return the template of registered volumes."""
         sums, counts = np.zeros(len(self.points_mm), np.float32), np.zeros(len(self.points_mm), np.float32)
         for volume, pose in zip(volumes, poses, strict=True):
             affine = cell_affine(pose.rotation, pose.origin_mm, self.rows, volume.cells.shape, self.voxel_mm)
             volume.add_samples(self.points_mm, affine, sums, counts)
         mean = np.asarray(sums / np.maximum(counts, 1), np.float32).reshape(self.shape)
-        is_known = (counts >= max(1.0, MIN_COUNT_SHARE * len(volumes))).reshape(self.shape)
+        is_known = (counts >= max(1.0, MIN_COUNT_SHARE * len(poses))).reshape(self.shape)
         for axis in range(3):
             mean = _smoothed(mean, axis)
         gradients = np.stack(np.gradient(mean, *self.spacing_mm), axis=-1)

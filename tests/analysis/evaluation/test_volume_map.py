@@ -3,7 +3,7 @@ import pytest
 
 from haptigraph.analysis.evaluation.drift_clock import estimate_clock
 from haptigraph.analysis.evaluation.volume_map import QuadraticMap, fit_offset_mm
-from haptigraph.perception.volume.rotations import euler_xyz_matrix
+from haptigraph.perception.instrument.rotations import euler_xyz_matrix
 
 NOISE, STEP = 0.004, 0.08
 

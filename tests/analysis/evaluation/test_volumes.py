@@ -9,8 +9,8 @@ from haptigraph.analysis.evaluation import volumes
 from haptigraph.analysis.evaluation.volumes import evaluate_volumes
 from haptigraph.analysis.evaluation.volumes_report import volume_scores
 from haptigraph.errors import BadInput
-from haptigraph.perception.volume.instrument import VOXEL_MM, InstrumentPose
-from haptigraph.perception.volume.rotations import euler_xyz_matrix
+from haptigraph.perception.instrument.model import VOXEL_MM, InstrumentPose
+from haptigraph.perception.instrument.rotations import euler_xyz_matrix
 
 COUNT = 120
 OFFSET_MM = np.array([0.3, -2.0, 1.0])

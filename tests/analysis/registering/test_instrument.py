@@ -2,7 +2,7 @@ import numpy as np
 from helpers import call, refuse
 from needle_volumes import VOXEL_MM, needle_volumes
 
-from haptigraph.perception.volume.instrument_file import load_instrument
+from haptigraph.perception.instrument.model_file import load_instrument
 
 SIZE = ",".join(map(str, VOXEL_MM))
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from needle_volumes import VOXEL_MM, needle_volumes
 
-from haptigraph.perception.volume.learning import learn_instrument
+from haptigraph.perception.instrument.learning import learn_instrument
 
 
 @pytest.fixture(scope="package")

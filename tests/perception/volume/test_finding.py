@@ -3,8 +3,8 @@ import pytest
 from needle_volumes import AXIS, REFLECTION, SHAPE, grid_mm, needle_volume
 
 from haptigraph.errors import BadInput
-from haptigraph.perception.volume.finding import find_instrument
-from haptigraph.perception.volume.rotations import mean_rotation, rotation_vector
+from haptigraph.perception.instrument.finding import find_instrument
+from haptigraph.perception.instrument.rotations import mean_rotation, rotation_vector
 
 
 def errors(model, volumes, poses, frame=None):

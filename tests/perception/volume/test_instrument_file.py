@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from haptigraph.errors import BadInput
-from haptigraph.perception.volume.finding import find_instrument
-from haptigraph.perception.volume.instrument_file import fingerprint, load_instrument, save_instrument
+from haptigraph.perception.instrument.finding import find_instrument
+from haptigraph.perception.instrument.model_file import fingerprint, load_instrument, save_instrument
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from haptigraph.errors import BadInput
-from haptigraph.perception.volume.learning import MIN_VOLUMES, learn_instrument, usable_rows
+from haptigraph.perception.instrument.learning import MIN_VOLUMES, learn_instrument, usable_rows
 
 
 def test_too_few_volumes_are_refused():

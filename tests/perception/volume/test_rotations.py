@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from haptigraph.perception.volume.rotations import (
+from haptigraph.perception.instrument.rotations import (
     euler_xyz_matrix,
     mean_rotation,
     nearest_rotation,

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from haptigraph.errors import BadInput
-from haptigraph.perception.volume.volume_folder import VolumeFolder
+from haptigraph.perception.instrument.volume_folder import VolumeFolder
 
 VOLUME = np.zeros((16, 3, 4), np.uint8)
 
