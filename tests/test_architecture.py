@@ -14,7 +14,7 @@ ROOT = Path(haptigraph.__file__).parent
 MODULES = sorted(module.name for module in pkgutil.walk_packages([str(ROOT)], "haptigraph."))
 FILES = sorted(ROOT.rglob("*.py"))
 STAGES = ("perception", "scene", "inference")
-UNITS = {"mm", "um", "px", "db", "deg", "rad", "px2", "ns", "ms", "s", "hz", "grey", "mb"}
+UNITS = {"mm", "um", "px", "db", "deg", "rad", "px2", "ns", "ms", "s", "hz", "grey", "mb", "s2"}
 # Numbers without a unit: ratios and counts, and the paper's alpha.
 UNITLESS = {
     "alpha", "amplitude", "percent", "value", "at_most", "below", "at_least", "above", "release",

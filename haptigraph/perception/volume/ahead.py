@@ -20,6 +20,7 @@ from haptigraph.perception.volume.surfaces import HeightMap
 __all__ = ["Ahead", "AheadSettings", "TipAhead", "imaged_ns"]
 
 NS_PER_S = 1e9
+GATE_SD = 5.0  # a tip further than this from its prediction starts the filter again
 
 
 class AheadSettings(Struct, frozen=True):
@@ -41,8 +42,6 @@ class AheadSettings(Struct, frozen=True):
     """Motion too fast for the rate of volumes, tremor and heartbeat: added to what is measured."""
     surface_mm: float = 0.004
     """Standard deviation of a surface's measured displacement between volumes."""
-    gate_sd: float = 5.0
-    """A tip further than this from its prediction starts the filter again."""
     max_sd_mm: float = 0.3
     """A prediction less certain than this is not given."""
 
@@ -135,7 +134,7 @@ class TipAhead:
     def _measure_tip(self, tip_mm: Floats, tip_sd_mm: Floats) -> None:
         sds = [math.hypot(float(sd), self.settings.tremor_mm) for sd in tip_sd_mm]
         off = [axis.innovation_sd(float(at), sd) for axis, at, sd in zip(self._tip, tip_mm, sds, strict=True)]
-        if max(off) > self.settings.gate_sd:
+        if max(off) > GATE_SD:
             self._start(tip_mm, tip_sd_mm)
             return
         for axis, at, sd in zip(self._tip, tip_mm, sds, strict=True):
@@ -166,9 +165,9 @@ class TipAhead:
 class _Axis:
     """A Kalman filter of constant velocity along one axis."""
 
-    def __init__(self, at: float, sd: float, speed_sd: float) -> None:
-        self._state = np.array([at, 0.0])
-        self._cov = np.diag([sd**2, speed_sd**2])
+    def __init__(self, at_mm: float, sd_mm: float, speed_mm_s: float) -> None:
+        self._state = np.array([at_mm, 0.0])
+        self._cov = np.diag([sd_mm**2, speed_mm_s**2])
 
     @property
     def place(self) -> float:
@@ -180,29 +179,29 @@ class _Axis:
         """The estimated velocity."""
         return float(self._state[1])
 
-    def advance(self, elapsed_s: float, acceleration_sd: float) -> None:
+    def advance(self, elapsed_s: float, push_mm_s2: float) -> None:
         """Advance in time."""
-        self._state, self._cov = self._moved(elapsed_s, acceleration_sd)
+        self._state, self._cov = self._moved(elapsed_s, push_mm_s2)
 
-    def after(self, elapsed_s: float, acceleration_sd: float) -> tuple[float, float]:
+    def after(self, elapsed_s: float, push_mm_s2: float) -> tuple[float, float]:
         """Return place and standard deviation after some time."""
-        state, cov = self._moved(elapsed_s, acceleration_sd)
+        state, cov = self._moved(elapsed_s, push_mm_s2)
         return float(state[0]), math.sqrt(float(cov[0, 0]))
 
-    def innovation_sd(self, at: float, sd: float) -> float:
+    def innovation_sd(self, at_mm: float, sd_mm: float) -> float:
         """Return how far a measurement is from the prediction, in standard deviations."""
-        return abs(at - float(self._state[0])) / math.sqrt(float(self._cov[0, 0]) + sd**2)
+        return abs(at_mm - float(self._state[0])) / math.sqrt(float(self._cov[0, 0]) + sd_mm**2)
 
-    def measure(self, at: float, sd: float) -> None:
+    def measure(self, at_mm: float, sd_mm: float) -> None:
         """Take in a measurement."""
-        gain = self._cov[:, 0] / (self._cov[0, 0] + sd**2)
-        self._state = self._state + gain * (at - self._state[0])
+        gain = self._cov[:, 0] / (self._cov[0, 0] + sd_mm**2)
+        self._state = self._state + gain * (at_mm - self._state[0])
         self._cov = self._cov - np.outer(gain, self._cov[0])
 
-    def _moved(self, elapsed_s: float, acceleration_sd: float) -> tuple[Floats, Floats]:
+    def _moved(self, elapsed_s: float, push_mm_s2: float) -> tuple[Floats, Floats]:
         step = np.array([[1.0, elapsed_s], [0.0, 1.0]])
         push = np.array([elapsed_s**2 / 2, elapsed_s])
-        noise = acceleration_sd**2 * np.outer(push, push)
+        noise = push_mm_s2**2 * np.outer(push, push)
         return step @ self._state, step @ self._cov @ step.T + noise
 
 

@@ -23,14 +23,14 @@ class Frame(NamedTuple):
 
     tip_mm: Floats
     """A point of the axis, (3,)."""
-    lean: float
+    lean_rad: float
     """Angle of the axis below the horizontal [rad]."""
-    turn: float
+    turn_rad: float
     """Direction of the axis in the plane of x and z [rad]; 0: to the right."""
 
     def basis(self) -> tuple[Floats, Floats, Floats]:
         """Return the directions along the axis, across it in the plane of x and z, and upwards, (3,) each."""
-        along, across, up = _basis(np.array(self.lean), np.array(self.turn))
+        along, across, up = _basis(np.array(self.lean_rad), np.array(self.turn_rad))
         return along, across, up
 
 
@@ -59,7 +59,7 @@ def _basis(lean: Floats, turn: Floats) -> tuple[Floats, Floats, Floats]:
 def pose_of(frame: Frame, parameters: Floats) -> Pose:
     """Return poses by their parameters, (p, COUNT)."""
     ahead, beside, upwards = frame.basis()
-    along, _, up = _basis(frame.lean + parameters[:, LEAN], frame.turn + parameters[:, TURN])
+    along, _, up = _basis(frame.lean_rad + parameters[:, LEAN], frame.turn_rad + parameters[:, TURN])
     axis_mm = (
         frame.tip_mm
         + parameters[:, ALONG, None] * ahead

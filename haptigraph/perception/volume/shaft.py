@@ -27,6 +27,7 @@ __all__ = ["FoundNeedle", "Gap", "VolumeFindings", "entry_mm", "find_needle_and_
 
 MAX_TIP_SD_MM = 0.024  # of one axis; a tip less certain is not reported
 MIN_SCORE = 0.72  # of the fit, of 1; a worse one may be elsewhere
+LEAST_SCORE = 0.45  # of a needle at all: vessels below floaters fit worse
 POOR_DIRECTION_SD_DEG = 5.0  # of such a fit, at least
 MIN_FACING = 0.8  # length of the bevel's mean direction
 NORMAL_MM = 0.1  # from a point to where a surface's slope is measured
@@ -96,6 +97,8 @@ def find_needle_and_surfaces(volume: Image, scale: VolumeScale) -> VolumeFinding
     if line is None:
         return VolumeFindings(maps.ilm, maps.rpe, None)
     fit = fit_needle(volume, scale, maps, profile, line)
+    if fit.score < LEAST_SCORE:
+        return VolumeFindings(maps.ilm, maps.rpe, None)
     return VolumeFindings(maps.ilm, maps.rpe, _needle(scale, maps.ilm, maps.rpe, line, fit))
 
 

@@ -12,6 +12,7 @@ its origin in the volume's centre: x right along the columns, y up against the b
 Slices are acquired one after the other, so needle and retina move between them. Every slice has new speckle.
 """
 
+import math
 from functools import cached_property
 from typing import Annotated, NamedTuple
 
@@ -102,12 +103,17 @@ class VolumeTruth(Struct, frozen=True, eq=False, dict=True):
     tip_ilm_mm: float = 0.0
     """Height of the ILM above or below the tip, at the same time."""
     tip_rpe_mm: float = 0.0
-    rpe_cosine: float = 1.0
-    """Cosine of the angle between the RPE's normal at the tip and the beam."""
+    rpe_tilt_deg: float = 0.0
+    """Angle between the RPE's normal at the tip and the beam."""
     tip_time_s: float = 0.0
     """When the tip is acquired."""
     is_pierced: bool = False
     """Whether the tip has punctured the ILM."""
+
+    @property
+    def rpe_cosine(self) -> float:
+        """Cosine of the RPE's tilt."""
+        return math.cos(math.radians(self.rpe_tilt_deg))
 
     @property
     def gap_mm(self) -> float:

@@ -1,5 +1,6 @@
 """Acquire a volume slice by slice while needle and retina move: from poses over time to the ground truth."""
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -79,7 +80,7 @@ class Acquisition:
             needle,
             float(at_tip.ilm_mm) + shift_mm,
             float(at_tip.rpe_mm) + shift_mm,
-            self.retina.rpe_cosine(needle.tip_mm),
+            math.degrees(math.acos(self.retina.rpe_cosine(needle.tip_mm))),
             tip_time_s,
             self.retina.is_pierced,
         )
