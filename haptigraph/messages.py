@@ -178,8 +178,9 @@ class Observation(Struct, frozen=True):
     """Of the needle, if it was detected and the perceiver estimates it."""
     interpolated: dict[str, tuple[Vec, ...]] = {}
     """Intervals of surfaces that were not observed but interpolated: start and end (x, eye frame, mm)."""
-    sd_mm: dict[str, float] = {}
-    """Standard deviations along the beam by entity, besides `certainty`; of surfaces, below the tip."""
+    sd_mm: dict[str, float | tuple[float, ...]] = {}
+    """Standard deviations along the beam by entity, besides `certainty`: of a polyline at each vertex, of a
+    surface in a volume below the tip."""
 
 
 class Conclusion(Struct, frozen=True):

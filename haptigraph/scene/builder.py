@@ -4,6 +4,7 @@ from math import hypot, inf
 
 from msgspec.structs import replace
 
+from haptigraph.geometry import Geometry, Point, Polyline, height_on_polyline
 from haptigraph.graph import Node, Relation, SceneGraph, Schema, Triplet
 from haptigraph.messages import Observation
 from haptigraph.scene.relations import MEASURES, Found, Measure
@@ -53,7 +54,7 @@ class SchemaSceneBuilder:
                 if value is None:
                     continue
                 measures[name] = value
-            if relation.margin_sd and (sd := _sd(measure, relation, observation)) is not None:
+            if relation.margin_sd and (sd := _sd(measure, relation, found, observation)) is not None:
                 sds[name] = sd
             margin = relation.margin(sds.get(name)) if relation.margin_sd else 0.0
             holds = relation.holds(measures[name], held=edge in self._held, margin=margin)
@@ -79,14 +80,25 @@ class SchemaSceneBuilder:
         return found
 
 
-def _sd(measure: Measure, relation: Relation, observation: Observation) -> float | None:
+def _sd(measure: Measure, relation: Relation, found: Found, observation: Observation) -> float | None:
     """Return the standard deviation of a measure, from those of subject and object; None if it is unknown."""
-    certainty, known = observation.certainty, observation.sd_mm
+    certainty, at = observation.certainty, found[relation.subject]
     if measure.sd is None or certainty is None:
         return None
-    own = known.get(relation.subject, certainty.tip_sd_mm)
-    other = known.get(relation.object)
-    if own is not None and (relation.subject in known or other is not None):
+    one, other = (_known_sd_mm(name, at, found, observation) for name in (relation.subject, relation.object))
+    own = certainty.tip_sd_mm if one is None else one
+    if own is not None and (one is not None or other is not None):
         certainty = replace(certainty, tip_sd_mm=hypot(own, other or 0.0))
     sd = measure.sd(certainty)
     return sd if sd is not None and 0 <= sd < inf else None  # nan is unknown, too
+
+
+def _known_sd_mm(name: str, at: Geometry, found: Found, observation: Observation) -> float | None:
+    """Return the standard deviation of an entity below a point; None if only `certainty` has one, or none."""
+    known, shape = observation.sd_mm.get(name), found[name]
+    if not isinstance(known, tuple):
+        return known
+    if isinstance(at, Point) and isinstance(shape, Polyline) and len(known) == len(shape.points_mm):
+        heights = tuple((x, sd_mm) for (x, _), sd_mm in zip(shape.points_mm, known, strict=True))
+        return height_on_polyline(at.at_mm[0], Polyline(heights))
+    return None

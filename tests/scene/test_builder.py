@@ -252,3 +252,22 @@ def test_hysteresis_lasts_until_release_or_reset():
     near(0.5)
     build.reset()
     assert not near(1.2)
+
+
+@pytest.mark.parametrize(
+    ("sd_mm", "expected_um"),
+    [({}, 30.0), ({"rpe": (0.02, 0.06)}, 50.0), ({"ilm": (0.02, 0.06)}, 30.0), ({"rpe": (0.02,)}, 30.0)],
+)
+def test_the_standard_deviation_of_a_gap_combines_tip_and_surface_below_it(sd_mm, expected_um):
+    entities = (
+        Entity("needle_tip", "instrument", "point"),
+        Entity("needle_line", "instrument", "segment"),
+        Entity("rpe", "anatomy", "polyline"),
+    )
+    near = Relation("needle_tip", "near", "rpe", "gap_um", at_most=100.0, margin_sd=2.0)
+    build = SchemaSceneBuilder(Schema(entities, (near,)))
+    found = {"needle_tip": Point((0.5, 0.18)), "rpe": Polyline(((0.0, 0.0), (1.0, 0.0)))}
+    seen = Observation(0, found, certainty=Certainty(1.0, 0.03, 0.1), sd_mm=sd_mm)
+    graph = build(seen)
+    assert list(graph.sds.values()) == [pytest.approx(expected_um)]
+    assert bool(graph.edges) == (expected_um == 50.0)  # 180 um less 2 sd

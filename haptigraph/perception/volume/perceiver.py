@@ -91,7 +91,9 @@ class VolumePerceiver:
         self._predict(capture.stamp_ns, findings, found, sd_mm)
         return Observation(capture.stamp_ns, found, certainty=certainty, sd_mm=sd_mm)
 
-    def _surfaces(self, findings: VolumeFindings) -> tuple[dict[str, Geometry], dict[str, float]]:
+    def _surfaces(
+        self, findings: VolumeFindings
+    ) -> tuple[dict[str, Geometry], dict[str, float | tuple[float, ...]]]:
         """Return the surfaces that are certain below the tip, and their standard deviations there."""
         ilm, rpe, needle = findings.ilm, findings.rpe, findings.needle
         at_mm = np.zeros(3) if needle is None or needle.tip_mm is None else needle.tip_mm
@@ -100,7 +102,8 @@ class VolumePerceiver:
             return {}, {}
         found: dict[str, Geometry] = {"ilm": _surface(ilm, ilm.height_mm, ilm.visible)}
         found["retina_surface"] = found["ilm"]
-        sd_mm = {"ilm": sds["ilm"], "retina_surface": sds["ilm"]}
+        sd_mm: dict[str, float | tuple[float, ...]] = {}
+        sd_mm |= {"ilm": sds["ilm"], "retina_surface": sds["ilm"]}
         if not rpe.visible.any() or sds["rpe"] > MAX_SURFACE_SD_MM:
             return found, sd_mm
         found["rpe"], sd_mm["rpe"] = _surface(rpe, rpe.height_mm, rpe.visible), sds["rpe"]
@@ -116,7 +119,7 @@ class VolumePerceiver:
         stamp_ns: int,
         findings: VolumeFindings,
         found: dict[str, Geometry],
-        sd_mm: dict[str, float],
+        sd_mm: dict[str, float | tuple[float, ...]],
     ) -> None:
         """Follow the tip's motion, and add the tip ahead if there is a tip."""
         needle, before_ns, self._stamp_ns = findings.needle, self._stamp_ns, stamp_ns
