@@ -73,8 +73,6 @@ class NeedleFit(NamedTuple):
     """Mean direction to which the bevel opens; shorter than 1 where it is uncertain, (3,)."""
     score: float
     """Mean evidence of the A-scans on the needle, 1 at most."""
-    grid: Floats
-    """Best score by place along the shaft and roll, (len(GRID_MM), len(ROLLS))."""
 
 
 class _Evidence(NamedTuple):
@@ -132,7 +130,7 @@ def fit_needle(
     for rounds in ROUNDS:
         modes = [_cross_entropy(evidence, frame, *mode, rng, DRAWS, rounds) for mode in modes]
         modes = _best_modes(evidence, frame, modes)
-    return _posterior_moments(evidence, frame, modes, rng, coarse)
+    return _posterior_moments(evidence, frame, modes, rng)
 
 
 def _modes(scores: Floats) -> list[int]:
@@ -214,7 +212,6 @@ def _posterior_moments(
     frame: Frame,
     modes: list[tuple[Floats, Floats]],
     rng: np.random.Generator,
-    grid: Floats,
 ) -> NeedleFit:
     """Weigh draws from a mixture of normal distributions, one for each mode."""
     kept = [(mean, 1.5 * cov) for mean, cov in modes]
@@ -241,7 +238,6 @@ def _posterior_moments(
         float(weight @ draws[:, RADIUS]) + INSET_MM,
         weight @ pose.facing,
         evidence.mean_score(frame, draws[[int(score.argmax())]]),
-        grid,
     )
 
 

@@ -93,7 +93,7 @@ def find_needle_and_surfaces(volume: Image, scale: VolumeScale) -> VolumeFinding
     maps = lit_maps(cells, maps, profile)
     shadow = shadow_scores(cells, maps, profile)
     floor = shadow_scores(cells, maps, profile, RPE_SHARES)
-    line = find_shaft_line(cells, maps, profile, shadow, floor)
+    line = find_shaft_line(cells, maps, shadow, floor)
     if line is None:
         return VolumeFindings(maps.ilm, maps.rpe, None)
     fit = fit_needle(volume, scale, maps, profile, line)

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from haptigraph.imaging import FloatImage, Floats
 from haptigraph.perception.volume.cells import Cells
-from haptigraph.perception.volume.light import TissueProfile
 from haptigraph.perception.volume.surfaces import SurfaceMaps
 
 __all__ = ["ShaftLine", "find_shaft_line"]
@@ -25,6 +24,9 @@ MIN_POINTS, MIN_LENGTH_MM = 8, 0.25
 MIN_SLOPE, MAX_SLOPE = 0.08, 4.0
 MAX_BORDER_MM = 0.2  # between the first point and the border of the volume
 MAX_GAP_MM = 0.2  # between two points along the line
+MIN_SHADOW_SHARE = 0.6  # of the cells below the shaft
+MAX_LIT_SHADOW = 0.45  # of the RPE's brightness that is missing where it is lit
+BACK_MM, AHEAD_MM, STATION_MM = 0.2, 2.0, 0.04  # around the last metal, where the shadow's end is looked for
 PAIRS, SEED = 400, 5
 RADIUS_MM = 0.055  # of a needle, until it is estimated
 
@@ -44,25 +46,20 @@ class ShaftLine(NamedTuple):
     """s of the last point: the metal is visible at least so far."""
     shadow_mm: float
     """s at which the shadow ends."""
-    metal_grey: float
-    """Contrast of the metal."""
-    share: float
-    """Share of the cells below the shaft that are in shadow."""
 
 
 def find_shaft_line(
-    cells: Cells, maps: SurfaceMaps, profile: TissueProfile, shadow: FloatImage, floor: FloatImage
+    cells: Cells, maps: SurfaceMaps, shadow: FloatImage, floor: FloatImage
 ) -> ShaftLine | None:
     """Return the shaft; None if there is none.
 
     Args:
         cells: The downsampled volume.
         maps: Surfaces.
-        profile: Brightness of tissue.
         shadow: From `light.shadow_scores`.
         floor: The same of the RPE alone, which the whole needle hides, also deep in the retina.
     """
-    points, grey = _points(cells, maps, profile, shadow)
+    points = _points(cells, maps, shadow)
     if len(points) < MIN_POINTS:
         return None
     chosen = _best_pair(points)
@@ -73,13 +70,11 @@ def find_shaft_line(
         if len(inliers) < MIN_POINTS:
             return None
         chosen = inliers
-    return _checked(cells, shadow, floor, points, grey, (at, along, slope, chosen))
+    return _checked(cells, shadow, floor, points, (at, along, slope, chosen))
 
 
-def _points(
-    cells: Cells, maps: SurfaceMaps, profile: TissueProfile, shadow: FloatImage
-) -> tuple[Floats, Floats]:
-    """Return bright points above dark tissue, (k, 3), eye frame, and their contrast."""
+def _points(cells: Cells, maps: SurfaceMaps, shadow: FloatImage) -> Floats:
+    """Return bright points above dark tissue, (k, 3), eye frame."""
     number, cell = np.nonzero(shadow > MIN_SHADOW)
     ilm_row = (cells.first_row_mm - maps.ilm.height_mm[number, cell]) / cells.scale.axial_mm
     grey = cells.grey[:, number, cell] - np.float32(cells.dark_grey)
@@ -88,10 +83,9 @@ def _points(
     rows = np.arange(len(grey))[:, None]
     smooth[rows > ilm_row - ABOVE_ILM_MM / cells.scale.axial_mm] = -np.inf
     best = smooth.argmax(axis=0)
-    height = smooth[best, np.arange(len(best))]
-    is_metal = height > MIN_METAL_GREY
+    is_metal = smooth[best, np.arange(len(best))] > MIN_METAL_GREY
     at = np.stack([cells.x_mm[cell], cells.height_mm(best.astype(float)), cells.scale.z_mm[number]], axis=1)
-    return at[is_metal], height[is_metal].astype(np.float64)
+    return np.asarray(at[is_metal], np.float64)
 
 
 def _best_pair(points: Floats) -> NDArray[np.intp] | None:
@@ -136,7 +130,6 @@ def _checked(
     shadow: FloatImage,
     floor: FloatImage,
     points: Floats,
-    grey: Floats,
     line: tuple[Floats, Floats, float, NDArray[np.intp]],
 ) -> ShaftLine | None:
     """Return a line with its ends; None if it is too short, enters from nowhere or casts no shadow."""
@@ -152,12 +145,8 @@ def _checked(
         return None
     if _to_border_mm(cells, at, along, slope, first_mm) > MAX_BORDER_MM:
         return None
-    metal_grey = float(np.median(grey[chosen]))
-    ends = _shadow_end(cells, shadow, floor, at, along, first_mm, last_mm)
-    if ends is None:
-        return None
-    shadow_mm, share = ends
-    return ShaftLine(at, along, slope, first_mm, last_mm, shadow_mm, metal_grey, share)
+    shadow_mm = _shadow_end(cells, shadow, floor, at, along, first_mm, last_mm)
+    return None if shadow_mm is None else ShaftLine(at, along, slope, first_mm, last_mm, shadow_mm)
 
 
 def _to_border_mm(cells: Cells, at: Floats, along: Floats, slope: float, s: float) -> float:
@@ -185,22 +174,21 @@ def _shadow_end(
     along: Floats,
     first_mm: float,
     last_mm: float,
-) -> tuple[float, float] | None:
-    """Return s at the end of the shadow, and the share of shadow up to the last point; None without one."""
+) -> float | None:
+    """Return s at the end of the shadow; None if the shaft casts none."""
     z, x = np.meshgrid(cells.scale.z_mm - at[2], cells.x_mm - at[0], indexing="ij")
     s, across = x * along[0] + z * along[1], z * along[0] - x * along[1]
     near = np.abs(across) < 0.8 * RADIUS_MM
     body = shadow[near & (s >= first_mm) & (s <= last_mm)]
-    share = float((body > MIN_SHADOW).mean()) if len(body) else 0.0
-    if share < 0.6:
+    if not len(body) or float((body > MIN_SHADOW).mean()) < MIN_SHADOW_SHARE:
         return None
-    step_mm = 0.04
-    stations = np.arange(last_mm - 0.2, last_mm + 2.0, step_mm)
-    number = np.floor((s[near] - stations[0]) / step_mm).astype(int)
+    stations = np.arange(last_mm - BACK_MM, last_mm + AHEAD_MM, STATION_MM)
+    number = np.floor((s[near] - stations[0]) / STATION_MM).astype(int)
     inside = (number >= 0) & (number < len(stations))
     count = np.bincount(number[inside], minlength=len(stations))
     total = np.bincount(number[inside], weights=floor[near][inside], minlength=len(stations))
     mean = np.where(count > 0, total / np.maximum(count, 1), np.nan)
-    lit = np.flatnonzero(mean < 0.45)
-    end = float(stations[lit[0]]) if len(lit) else float(stations[np.isfinite(mean)][-1] + step_mm)
-    return max(end, last_mm - 0.2), share
+    lit, inside_volume = np.flatnonzero(mean < MAX_LIT_SHADOW), np.flatnonzero(count)
+    if len(lit):
+        return float(stations[lit[0]])
+    return float(stations[inside_volume[-1]] + STATION_MM) if len(inside_volume) else last_mm
