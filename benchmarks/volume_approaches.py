@@ -27,7 +27,7 @@ RATE_HZ, LATENCY_S = 4.0, 0.06
 SPEED_MM_S = 0.1, 0.4  # along the shaft
 ABOVE_MM = 0.3  # start of an approach above the ILM
 ALARM_MM = 0.075  # as in the procedure
-FINE = 16  # steps between two volumes, for the time at which the RPE is reached
+FINE = 8  # steps between two volumes, for the time at which the RPE is reached
 COARSE = 256, 16, 24  # voxels of a retina without images
 SEED = 11
 NEIGHBOURS = 8  # errors are drawn from this number of volumes with the most similar gap
@@ -107,9 +107,9 @@ class Approach:
             times.append(time_s)
             gaps.append(self._retina.rpe_cosine(tip_mm) * (float(tip_mm[1]) - rpe_mm))
         self._times_s, self._gaps_mm = np.array(times), np.array(gaps)
-        last = int(np.flatnonzero(self._gaps_mm > 0)[-1])
         first = int(np.flatnonzero(self._gaps_mm <= 0)[0])
-        self.reached_s = float(times[min(first, last + 1)])
+        before, after = gaps[first - 1], gaps[first]
+        self.reached_s = float(times[first - 1] + step_s * before / (before - after))
         """When the tip is at the RPE for the first time."""
 
     def gap_mm(self, time_s: float) -> float:
@@ -170,8 +170,8 @@ def without_images(number: int, samples: list[Sample]) -> Played:
         tip_mm, gap_mm = approach.pose_at(imaged_s).tip_mm, approach.gap_mm(imaged_s)
         nearest = sorted(samples, key=lambda one, gap_mm=gap_mm: abs(one.gap_mm - gap_mm))[:NEIGHBOURS]
         error = nearest[int(rng.integers(len(nearest)))]
-        if error.tip_off_mm is None:
-            seen.append(Seen(None, np.zeros(3), None))
+        if error.tip_off_mm is None:  # the RPE is visible beside the needle all the same
+            seen.append(Seen(None, np.zeros(3), flat(float(tip_mm[1]) - gap_mm, approach.half_z_mm)))
             continue
         reported = tip_mm + error.tip_off_mm
         rpe_mm = float(reported[1]) - (gap_mm + error.gap_off_mm)
@@ -272,7 +272,7 @@ def main() -> None:
     """Simulate, print and draw."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("approaches", nargs="?", type=int, default=1000)
-    parser.add_argument("--images", type=int, default=24)
+    parser.add_argument("--images", type=int, default=16)
     parser.add_argument("--figure")
     options = parser.parse_args()
     cv2.setNumThreads(1)
