@@ -15,7 +15,7 @@ from haptigraph.analysis.evaluation.volume_map import QuadraticMap, fit_offset_m
 from haptigraph.errors import BadInput
 from haptigraph.perception.instrument.finding import find_instrument
 from haptigraph.perception.instrument.learning import learn_instrument
-from haptigraph.perception.instrument.model import InstrumentPose, VoxelMm
+from haptigraph.perception.instrument.model import InstrumentModel, InstrumentPose, VoxelMm
 from haptigraph.perception.instrument.rotations import (
     Array,
     euler_xyz_matrix,
@@ -104,14 +104,7 @@ def evaluate_volumes(
     start = time.monotonic()
     model = learn_instrument(volumes[int(calibrating[0]) :: 2], voxel_mm, report)
     learn_s = time.monotonic() - start
-    poses: list[InstrumentPose | None] = []
-    find_ms = np.empty(len(volumes))
-    for number in range(len(volumes)):
-        volume = volumes[number]
-        before = time.process_time()
-        poses.append(find_instrument(volume, model))
-        find_ms[number] = (time.process_time() - before) * 1e3
-        report("finding the instrument", number + 1, len(volumes))
+    poses, find_ms = _find_all(volumes, model, report)
     hours = (volumes.seconds - volumes.seconds[0]) / SECONDS_PER_HOUR
     calibration, held_out = (_measured(half, poses, labels, hours) for half in (calibrating, reporting))
     if len(calibration.poses) < MIN_CALIBRATIONS:
@@ -130,6 +123,20 @@ def evaluate_volumes(
     return VolumeEvaluation(
         *(len(calibrating), len(reporting), len(held_out.poses), offset, without, with_, find_ms, learn_s)
     )
+
+
+def _find_all(
+    volumes: VolumeFolder, model: InstrumentModel, report: Progress
+) -> tuple[list[InstrumentPose | None], Array]:
+    """Return the pose in each volume, and the processor time of each search [ms]."""
+    poses, find_ms = [], np.empty(len(volumes))
+    for number in range(len(volumes)):
+        volume = volumes[number]
+        before = time.process_time()
+        poses.append(find_instrument(volume, model))
+        find_ms[number] = (time.process_time() - before) * 1e3
+        report("finding the instrument", number + 1, len(volumes))
+    return poses, find_ms
 
 
 def _measured(

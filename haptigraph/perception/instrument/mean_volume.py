@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from haptigraph.imaging import Mask
 from haptigraph.perception.instrument.alignment import Alignment
-from haptigraph.perception.instrument.model import VoxelMm, cell_affine
+from haptigraph.perception.instrument.model import VoxelMm, cell_affine, rigid_template
 from haptigraph.perception.instrument.rotations import Array
 from haptigraph.perception.native.volume import ROWS_PER_CELL, ReducedVolume, Template
 
@@ -44,8 +44,7 @@ class RawTemplate(Struct, frozen=True, eq=False, dict=True):
     @cached_property
     def template(self) -> Template:
         """Return it as C has it, with derivatives by shift and rotation."""
-        jacobian = np.concatenate([self.gradients, np.cross(self.points_mm, self.gradients)], axis=1)
-        return Template(self.points_mm, self.values, np.ascontiguousarray(jacobian, np.float32))
+        return rigid_template(self.points_mm, self.values, self.gradients)
 
     def tip_axis_bevel(self, level: float) -> tuple[Array, Array, Array]:
         """Return the tip, the axis towards it, and the direction from the axis to the side of the tip.

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from haptigraph.perception.instrument.rotations import Array
 from haptigraph.perception.native.volume import ROWS_PER_CELL, Template
 
-__all__ = ["VOXEL_MM", "InstrumentModel", "InstrumentPose", "VoxelMm", "cell_affine"]
+__all__ = ["VOXEL_MM", "InstrumentModel", "InstrumentPose", "VoxelMm", "cell_affine", "rigid_template"]
 
 VoxelMm = tuple[float, float, float]
 """Size of a voxel along rows, slices and columns."""
@@ -56,8 +56,7 @@ class InstrumentModel(Struct, frozen=True, eq=False, dict=True):
     @cached_property
     def template(self) -> Template:
         """Return the template as C has it, with derivatives by shift and rotation of the instrument."""
-        jacobian = np.concatenate([self.gradients, np.cross(self.points_mm, self.gradients)], axis=1)
-        return Template(self.points_mm, self.values, np.ascontiguousarray(jacobian, np.float32))
+        return rigid_template(self.points_mm, self.values, self.gradients)
 
     @property
     def rows(self) -> int:
@@ -85,6 +84,14 @@ class InstrumentPose(Struct, frozen=True, eq=False):
     roll_sd_deg: float
     cost: float
     """Mean squared residual of the registration, with Huber's weights; see `InstrumentModel.cost_limit`."""
+
+
+def rigid_template(
+    points_mm: NDArray[np.float32], values: NDArray[np.float32], gradients: NDArray[np.float32]
+) -> Template:
+    """Return a template with its derivatives by shift [1/mm] and by rotation about the origin [1/rad]."""
+    jacobian = np.concatenate([gradients, np.cross(points_mm, gradients)], axis=1)
+    return Template(points_mm, values, np.ascontiguousarray(jacobian, np.float32))
 
 
 def cell_affine(
