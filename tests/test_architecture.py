@@ -31,6 +31,7 @@ UNITLESS = {
     "participant_sd", "residual_sd", "width", "height",
     "weakest_amplitude", "sham_duty", "least_confidence", "across", "down", "depth_share", "target_share", "chance", "chroma_share", "light",
     "bound_low", "bound_high", "p_t", "level", "total", "tail", "center", "half_range", "beta", "odds_ratio",
+    "cost", "cost_limit", "inside", "knee", "noise", "log_likelihood",
 }  # fmt: skip
 
 
