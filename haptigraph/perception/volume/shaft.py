@@ -29,6 +29,7 @@ MAX_TIP_SD_MM = 0.024  # of one axis; a tip less certain is not reported
 MIN_SCORE = 0.72  # of the fit, of 1; a worse one may be elsewhere
 LEAST_SCORE = 0.45  # of a needle at all: vessels below floaters fit worse
 POOR_DIRECTION_SD_DEG = 5.0  # of such a fit, at least
+MIN_UPRIGHT = 0.6  # a sharp end beside the axis is thin, and below an overhang it is hidden
 MIN_FACING = 0.8  # length of the bevel's mean direction
 NORMAL_MM = 0.1  # from a point to where a surface's slope is measured
 
@@ -128,7 +129,12 @@ def _needle(
 ) -> FoundNeedle:
     """Return a needle, without its tip where that is not certain."""
     sd_mm = np.sqrt(np.diag(fit.tip_cov_mm2))
-    is_certain = bool(sd_mm.max() <= MAX_TIP_SD_MM) and fit.score >= MIN_SCORE and _contains(scale, fit)
+    is_certain = (
+        bool(sd_mm.max() <= MAX_TIP_SD_MM)
+        and fit.score >= MIN_SCORE
+        and _uprightness(fit) >= MIN_UPRIGHT
+        and _contains(scale, fit)
+    )
     length = float(np.linalg.norm(fit.facing))
     facing = fit.facing / length if is_certain and length >= MIN_FACING else None
     gaps = [
@@ -151,6 +157,14 @@ def _needle(
         confidence=min(max(fit.score, 0.0), 1.0),
         above_ilm=gaps[0],
         above_rpe=gaps[1],
+    )
+
+
+def _uprightness(fit: NeedleFit) -> float:
+    """Return 1 for a bevel that faces up or down, 0 for one that faces sideways."""
+    upper = np.array([0.0, 1.0, 0.0]) - fit.along[1] * fit.along
+    return abs(float(fit.facing @ upper)) / max(
+        float(np.linalg.norm(upper) * np.linalg.norm(fit.facing)), 1e-9
     )
 
 
