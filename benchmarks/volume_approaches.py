@@ -31,7 +31,12 @@ FINE = 8  # steps between two volumes, for the time at which the RPE is reached
 COARSE = 256, 16, 24  # voxels of a retina without images
 SEED = 11
 NEIGHBOURS = 8  # errors are drawn from this number of volumes with the most similar gap
-VARIANTS = {"without prediction": None, "predicted": 0.0, "predicted, 1 sd earlier": 1.0}
+VARIANTS = {
+    "without prediction": None,
+    "predicted": 0.0,
+    "predicted, 1 sd earlier": 1.0,
+    "predicted, 2 sd earlier": 2.0,
+}
 """By how many of its standard deviations a predicted gap is reduced; None: the gap in the volume."""
 
 
