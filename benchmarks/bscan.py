@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from haptigraph import assemble
 from haptigraph.config import PerceptionConfig
-from haptigraph.geometry import Point, Polyline, Segment
+from haptigraph.geometry import Point, Polyline, Segment, height_on_polyline
 from haptigraph.messages import Capture, Observation
 from haptigraph.registration.loading import parse_registration
 from haptigraph.registration.oct import ScanRegistration
@@ -31,8 +31,24 @@ IMAGES, PASSES, SEED = 60, 5, 3
 PUBLISHED_MS = 5.4  # the fastest published needle tracker in iOCT on a CPU that we know of
 MARGIN_PX, BAND_PX = 4, 16  # surfaces closer to the image's border, or with less of the RPE, are excluded
 MIN_SHAFT_PX = 40  # shorter shafts are excluded
-LIMITS = {"ilm_px": (1.5, 4.0), "rpe_px": (1.5, 4.0), "angle_deg": (None, 0.5), "tip_px": (3.0, None)}
-"""Required median and 95th percentile."""
+ABOVE_PX = 2  # a tip further above the ILM is above the retina
+LIMITS = {
+    "ilm_px": (1.5, 4.0),
+    "rpe_px": (1.5, 4.0),
+    "angle_deg": (None, 0.5),
+    "line_px": (None, 1.0),
+    "tip_px": (3.0, None),
+    "above_px": (None, 3.0),
+}
+"""Required median and 95th percentile; of the line along the shaft, and of the tip, above the retina, too."""
+RATIOS = {
+    "tip": (0.7, 1.3),
+    "ilm": (0.7, 1.3),
+    "rpe": (0.7, 1.3),
+    "gap_ilm": (0.7, 1.3),
+    "gap_rpe": (0.7, 1.3),
+}
+"""Required range of the 68th percentile of |error| / reported standard deviation."""
 SETTINGS: dict[str, dict[str, dict[str, Any]]] = {
     "signal": {f"{db:+d} dB": {"signal_db": float(db)} for db in (3, 0, -3, -6)},
     "tilt": {f"{deg} deg": {"tilt_deg": float(deg)} for deg in (0, 6, 12)},
@@ -134,7 +150,11 @@ class Errors:
         self.count[f"{name} false"] += int((~lit[columns]).sum())
         columns = columns[included[columns]]
         self.count[f"{name} detected"] += len(columns)
-        self.of[f"{name}_px"] += np.abs(np.interp(columns, x, y) - rows[columns]).tolist()
+        errors_px = np.abs(np.interp(columns, x, y) - rows[columns])
+        self.of[f"{name}_px"] += errors_px.tolist()
+        if name in observation.sd_mm:
+            sd_px = np.interp(columns, x, observation.sd_mm[name]) / (image.axial_mm_per_px or 1)
+            self.of[f"{name} ratio"] += (errors_px / sd_px).tolist()
 
     def _add_needle(self, sample: Sample, observation: Observation) -> None:
         needle, line = sample.truth.needle, observation.found.get("needle_line")
@@ -148,9 +168,56 @@ class Errors:
         if not isinstance(line, Segment) or not isinstance(tip, Point):
             return
         self.count["needle detected"] += 1
-        (x, y), (tip_x, tip_y) = (sample.registration.image.to_px(at) for at in (line.start_mm, tip.at_mm))
-        self.of["tip_px"].append(math.dist((tip_x, tip_y), needle.tip_px))
-        self.of["angle_deg"].append(abs(math.degrees(math.atan2(tip_y - y, tip_x - x)) - needle.angle_deg))
+        image, (tip_x, tip_y) = sample.registration.image, needle.tip_px
+        (x, y), (end_x, end_y) = (image.to_px(at) for at in (line.start_mm, line.end_mm))
+        dx, dy = end_x - x, end_y - y
+        off_px = math.dist(image.to_px(tip.at_mm), needle.tip_px)
+        self.of["tip_px"].append(off_px)
+        self.of["angle_deg"].append(abs(math.degrees(math.atan2(dy, dx)) - needle.angle_deg))
+        shares = np.linspace(self._hidden_share(sample), 1.0, 5)
+        places = [
+            (tip_x - share * tip_y * needle.along_px[0] / needle.along_px[1], tip_y - share * tip_y)
+            for share in shares
+        ]
+        self.of["line_px"].append(
+            max(abs(dx * (row - y) - dy * (column - x)) / math.hypot(dx, dy) for column, row in places)
+        )
+        if (
+            tip_y
+            < sample.truth.ilm_px[int(np.clip(round(tip_x), 0, len(sample.truth.ilm_px) - 1))] - ABOVE_PX
+        ):
+            self.of["above_px"].append(off_px)
+        self._add_ratios(sample, observation, tip)
+
+    @staticmethod
+    def _hidden_share(sample: Sample) -> float:
+        """Return the share of the needle below the image's top that is in tissue."""
+        needle, ilm_px = sample.truth.needle, sample.truth.ilm_px
+        if needle is None:
+            return 0.0
+        columns = np.arange(len(ilm_px))
+        behind = np.sign(needle.along_px[0]) * (needle.tip_px[0] - columns) >= 0
+        rows = needle.y_at(columns.astype(np.float64))
+        visible = behind & (rows >= 0) & (rows < ilm_px)
+        return 1 - float(rows[visible].max()) / needle.tip_px[1] if visible.any() else 1.0
+
+    def _add_ratios(self, sample: Sample, observation: Observation, tip: Point) -> None:
+        """Add errors of tip and gaps, relative to their reported standard deviations."""
+        image, truth, certainty = sample.registration.image, sample.truth, observation.certainty
+        if truth.needle is None or certainty is None or certainty.tip_sd_mm is None:
+            return
+        true_mm = image.to_mm(truth.needle.tip_px)
+        self.of["tip ratio"].append(math.dist(tip.at_mm, true_mm) / certainty.tip_sd_mm)
+        for name, rows in (("ilm", truth.ilm_px), ("rpe", truth.rpe_px)):
+            line, sds = observation.found.get(name), observation.sd_mm.get(name)
+            if not isinstance(line, Polyline) or sds is None:
+                continue
+            true_row = float(np.interp(truth.needle.tip_px[0], np.arange(len(rows)), rows))
+            surface_mm = image.to_mm((truth.needle.tip_px[0], true_row))
+            heights = Polyline(tuple((x, sd) for (x, _), sd in zip(line.points_mm, sds, strict=True)))
+            gap_mm = tip.at_mm[1] - height_on_polyline(tip.at_mm[0], line)
+            sd_mm = math.hypot(height_on_polyline(tip.at_mm[0], heights), certainty.tip_sd_mm)
+            self.of[f"gap_{name} ratio"].append(abs(gap_mm - (true_mm[1] - surface_mm[1])) / sd_mm)
 
     def spread(self, name: str) -> tuple[float, float]:
         """Return median and 95th percentile."""
@@ -165,7 +232,8 @@ class Errors:
 def sweep(perceiver: type, scenes: int, figure: str | None) -> None:
     """Print median and 95th percentile of the errors by setting."""
     results: dict[tuple[str, str], Errors] = {}
-    header = f"{'ILM [px]':>14}{'RPE [px]':>14}{'angle [deg]':>16}{'tip [px]':>14}"
+    titles = ("ILM [px]", "RPE [px]", "angle [deg]", "line [px]", "tip [px]", "above [px]")
+    header = "".join(f"{title:>15}" for title in titles)
     print(f"{'':24}{header}   detected: ILM, RPE, needle")
     for group, settings in SETTINGS.items():
         for number, (name, fixed) in enumerate(settings.items()):
@@ -181,6 +249,9 @@ def sweep(perceiver: type, scenes: int, figure: str | None) -> None:
             pooled.count[key] += value
     _print_row("all", pooled)
     print(", ".join(f"{key}: {value}" for key, value in pooled.count.items() if key.endswith("false")))
+    ratios = {name: np.percentile(pooled.of[f"{name} ratio"] or [math.nan], (68, 95)) for name in RATIOS}
+    text = ", ".join(f"{name} {p68:.2f} {p95:.2f}" for name, (p68, p95) in ratios.items())
+    print(f"|error| / sd, 68 % (required: 0.7 to 1.3) and 95 %: {text}")
     if figure:
         draw(results, pooled, perceiver.__name__, figure)
 
@@ -196,9 +267,16 @@ def draw(results: dict[tuple[str, str], Errors], pooled: Errors, perceiver: str,
     """Draw median and 95th percentile of every setting, with the requirements."""
     from matplotlib.figure import Figure
 
-    titles = {"ilm_px": "ILM [px]", "rpe_px": "RPE [px]", "angle_deg": "shaft [deg]", "tip_px": "tip [px]"}
+    titles = {
+        "ilm_px": "ILM [px]",
+        "rpe_px": "RPE [px]",
+        "angle_deg": "shaft [deg]",
+        "line_px": "shaft [px]",
+        "tip_px": "tip [px]",
+        "above_px": "tip above [px]",
+    }
     names = [f"{group}: {name}" for group, name in results] + ["all"]
-    sheet = Figure(figsize=(12, 6.2), layout="constrained")
+    sheet = Figure(figsize=(14, 6.2), layout="constrained")
     for axes, (key, limits) in zip(sheet.subplots(1, len(LIMITS), sharey=True), LIMITS.items(), strict=True):
         spreads = [errors.spread(key) for errors in (*results.values(), pooled)]
         rows = range(len(spreads))

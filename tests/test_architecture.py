@@ -14,7 +14,24 @@ ROOT = Path(haptigraph.__file__).parent
 MODULES = sorted(module.name for module in pkgutil.walk_packages([str(ROOT)], "haptigraph."))
 FILES = sorted(ROOT.rglob("*.py"))
 STAGES = ("perception", "scene", "inference")
-UNITS = {"mm", "um", "px", "db", "deg", "rad", "px2", "ns", "ms", "s", "hz", "grey", "mb", "s2"}
+UNITS = {
+    "mm",
+    "um",
+    "px",
+    "db",
+    "deg",
+    "rad",
+    "px2",
+    "ns",
+    "ms",
+    "s",
+    "hz",
+    "grey",
+    "mb",
+    "rows",
+    "steps",
+    "s2",
+}
 # Numbers without a unit: ratios and counts, and the paper's alpha.
 UNITLESS = {
     "alpha", "amplitude", "percent", "value", "at_most", "below", "at_least", "above", "release",
@@ -30,6 +47,9 @@ UNITLESS = {
     "difference", "error", "estimate", "observed", "detectable_d", "needed", "score", "from_score",
     "participant_sd", "residual_sd", "width", "height",
     "weakest_amplitude", "sham_duty", "least_confidence", "across", "down", "depth_share", "target_share", "chance", "chroma_share", "light",
+    "equal_share", "min_ridge_share", "max_tissue_share", "top_share", "body_share", "min_rise_share", "min_band_share",
+    "bright_share", "lit_share", "rise_share", "sd_share", "min_contrast_sd", "min_gain", "steepest", "side",
+    "lowest_slope", "highest_slope",
     "bound_low", "bound_high", "p_t", "level", "total", "tail", "center", "half_range", "beta", "odds_ratio",
     "cost", "cost_limit", "inside", "knee", "noise", "log_likelihood",
 }  # fmt: skip

@@ -20,6 +20,7 @@ from haptigraph.config import SourceConfig, load_config
 from haptigraph.errors import BadInput
 from haptigraph.imaging import grey_of
 from haptigraph.messages import Image
+from haptigraph.perception.oct.scan_image import ScanScale, scan_image
 from haptigraph.perception.oct.surfaces import find_surfaces
 from haptigraph.recording.codec import encode_png
 from haptigraph.registration.loading import parse_registration
@@ -79,7 +80,7 @@ def register_scans(
         across = _Section(volumes[len(volumes) // 2][:, :, slices.columns // 2], axial_mm, slices.spacing_mm)
         scans = [np.ascontiguousarray(volume[:, slices.count // 2]) for volume in volumes]
     _check_contrast(scans, source)
-    tissue_share, thickness_mm = _retina(scans, axial_mm)
+    tissue_share, thickness_mm = _retina(scans, ScanScale(lateral_mm, axial_mm))
     middle = _Section(scans[len(scans) // 2], axial_mm, lateral_mm)
     write_files(files, (text.encode(), _picture(middle, across)))
     height, width = scans[0].shape
@@ -129,13 +130,14 @@ def _check_contrast(scans: Sequence[Image], source: str) -> None:
         )
 
 
-def _retina(scans: Sequence[Image], axial_mm_per_px: float) -> tuple[float, float]:
+def _retina(scans: Sequence[Image], scale: ScanScale) -> tuple[float, float]:
     """Return the share of columns with tissue, and the median distance from ILM to RPE [mm], or nan."""
     tissue_share, thickness_mm = [], []
     for scan in scans:
-        found = find_surfaces(scan, axial_mm_per_px)
+        prepared = scan_image(scan, scale)
+        found = find_surfaces(prepared)
         tissue_share.append(found.ilm_visible.mean())
-        thickness_mm.append((found.rpe_px - found.ilm_px)[found.rpe_visible] * axial_mm_per_px)
+        thickness_mm.append((found.rpe_px - found.ilm_px)[found.rpe_visible] * prepared.scale.axial_mm)
     thickness = np.concatenate(thickness_mm)
     median_mm = float(np.median(thickness)) if len(thickness) else float("nan")
     return float(np.mean(tissue_share)), median_mm

@@ -1,7 +1,7 @@
 /* What Python reads when it loads the library: the sources that it was compiled from, the layouts of the
    structs and the constants that both share. `library.py` refuses a library that does not fit. */
 
-#include "native.h"
+#include "bscan.h"
 
 #ifndef SOURCES
 #error "compile with: python hatch_build.py"
@@ -21,6 +21,8 @@ typedef struct {
 EXPORT const Entry entries[] = {
     VALUE(STATION_PX), VALUE(BLOCK), VALUE(CELL), VALUE(AROUND_PX), VALUE(MIN_LANES), VALUE(MAX_LANES),
     VALUE(MAX_STATIONS), VALUE(MAX_PX), VALUE(VOLUME_CELL), VALUE(VOLUME_PADDED), VALUE(MAX_VOLUME_ROWS),
+    VALUE(MAX_RIDGES), VALUE(MAX_CELL_PX), VALUE(MAX_SCAN_PX), VALUE(MAX_STEP_ROWS),
+    VALUE(ALONG_STEPS), VALUE(CORE_STEPS), VALUE(MAX_CELLS), VALUE(MAX_SUM_PX),
 #define F(field) FIELD(Strip, field)
     SIZE(Strip), F(excess.first), F(excess.stride), F(excess.lanes), F(excess.stations), F(detrended.first),
     F(detrended.stride), F(detrended.lanes), F(detrended.stations), F(u_px), F(is_known), F(noise_grey),
@@ -44,6 +46,25 @@ EXPORT const Entry entries[] = {
 #define F(field) FIELD(TipPatch, field)
     SIZE(TipPatch), F(middle_px), F(defocus_px), F(fading_share), F(start), F(stop), F(continues), F(about),
     F(is_outside), F(follows_point), F(follows_faint), F(uses_chroma),
+#undef F
+#define F(field) FIELD(Grid, field)
+    SIZE(Grid), F(cells), F(rows), F(columns), F(group), F(pixels),
+#undef F
+#define F(field) FIELD(SurfaceSearch, field)
+    SIZE(SurfaceSearch), F(edge), F(deep), F(thinnest), F(thickest), F(band), F(most), F(step_grey),
+    F(rpe_step_grey), F(saturation_grey), F(body_share), F(dark_grey), F(top_grey),
+#undef F
+#define F(field) FIELD(RidgeSearch, field)
+    SIZE(RidgeSearch), F(step_px), F(dark_grey), F(mask_grey), F(strip_grey), F(lowest_slope), F(highest_slope),
+    F(inlier_steps), F(across), F(down), F(side), F(votes), F(erased), F(gap), F(run), F(beyond),
+#undef F
+#define F(field) FIELD(RidgeLine, field)
+    SIZE(RidgeLine), F(start_px), F(along_px), F(angle_sd_rad), F(stations),
+#undef F
+#define F(field) FIELD(EdgeSearch, field)
+    SIZE(EdgeSearch), F(start_px), F(along_px), F(end_x), F(margin_px), F(window_px), F(max_distance_px),
+    F(thick_rows), F(most_rows), F(below_rows), F(below_shaft_rows), F(deep_rows), F(below_rpe_rows),
+    F(min_contrast_grey), F(level), F(rise_share), F(slope_columns), F(run), F(half),
     {0}};
 
 EXPORT const uint32_t sources = SOURCES;

@@ -7,18 +7,25 @@ shadow. Every image is processed independently.
 import numpy as np
 
 from haptigraph.config import PerceptionConfig
-from haptigraph.imaging import grey_of
+from haptigraph.imaging import Floats, grey_of
 from haptigraph.messages import Capture, ImageKind, Observation
 from haptigraph.perception.entities import ENTITIES
-from haptigraph.perception.oct.needle import find_needle, needle_candidates, without_ridge_columns
-from haptigraph.perception.oct.ridge import find_ridges
+from haptigraph.perception.oct.needle import (
+    Needle,
+    find_needle,
+    needle_candidates,
+    without_ridge_columns,
+)
+from haptigraph.perception.oct.ridge import ridges_above
 from haptigraph.perception.oct.scan_geometry import Layers, ObservationBuilder, Shaft
-from haptigraph.perception.oct.surfaces import find_surfaces
+from haptigraph.perception.oct.scan_image import ScanImage, ScanScale, scan_image
+from haptigraph.perception.oct.surfaces import Surfaces, find_surfaces
 from haptigraph.registration.oct import ScanRegistration
 
 __all__ = ["BscanPerceiver"]
 
-DARK_GREY, DARK_SHARE = 40.0, 0.75  # brightness limit beside a needle: absolute, and as a share of tissue
+DARK_GREY = 44.0  # largest brightness beside a needle, over the dark,
+DARK_SHARE, BRIGHT_SHARE = 0.75, 0.5  # or as a share of the contrast of tissue, and of all that is bright
 
 
 class BscanPerceiver:
@@ -35,7 +42,8 @@ class BscanPerceiver:
 
     def __init__(self, registration: ScanRegistration, config: PerceptionConfig) -> None:
         self._registration = registration
-        self._axial_mm = registration.image.axial_mm_per_px or registration.image.mm_per_px
+        image = registration.image
+        self._scale = ScanScale(image.mm_per_px, image.axial_mm_per_px or image.mm_per_px)
         self._build_observation = ObservationBuilder(registration)
 
     def reset(self) -> None:
@@ -47,23 +55,54 @@ class BscanPerceiver:
         Raises:
             BadInput: If it is not a B-scan of the registered size.
         """
-        image = grey_of(self._registration.checked(capture.image))
-        height, width = image.shape
-        surfaces = find_surfaces(image, self._axial_mm)
-        ilm_px = np.interp(
-            np.arange(width), surfaces.x_px, np.where(surfaces.ilm_visible, surfaces.ilm_px, height)
+        scan = scan_image(grey_of(self._registration.checked(capture.image)), self._scale)
+        surfaces = find_surfaces(scan)
+        dark_grey = _brightest_beside(scan, surfaces)
+        candidates = needle_candidates(ridges_above(scan, _ilm_above(scan, surfaces), dark_grey), dark_grey)
+        surfaces = without_ridge_columns(scan, surfaces, candidates)
+        needle = find_needle(scan, candidates, surfaces)
+        return self._build_observation(
+            capture.stamp_ns, _layers(scan, surfaces), needle and _shaft(scan, needle)
         )
-        dark_grey = surfaces.dark_grey + max(DARK_GREY, DARK_SHARE * surfaces.tissue_grey)
-        ridges = find_ridges(image, ilm_px, dark_grey, surfaces.sd_grey)
-        candidates = needle_candidates(ridges, surfaces)
-        surfaces = without_ridge_columns(surfaces, candidates)
-        needle = find_needle(image, candidates, surfaces)
-        shaft = needle and Shaft(
-            tip_px=needle.tip_px,
-            start_px=needle.ridge.start_px,
-            along_px=needle.ridge.along_px,
-            sd_px=needle.sd_px,
-            angle_sd_deg=needle.ridge.angle_sd_deg,
-            confidence=needle.confidence,
-        )
-        return self._build_observation(capture.stamp_ns, Layers(*surfaces[:5]), shaft)
+
+
+def _brightest_beside(scan: ScanImage, surfaces: Surfaces) -> float:
+    """Return the largest grey value beside a needle; the vitreous may be bright."""
+    dark_grey, bright_grey = scan.levels.dark_grey, scan.levels.bright_grey
+    shares_grey = DARK_SHARE * surfaces.tissue_grey, BRIGHT_SHARE * (bright_grey - dark_grey)
+    return dark_grey + max(DARK_GREY, *shares_grey)
+
+
+def _ilm_above(scan: ScanImage, surfaces: Surfaces) -> Floats:
+    """Return the row of the ILM in each column of the grid, the image's height where there is none."""
+    columns = (np.arange(scan.grid.cells.shape[1]) + 0.5) * scan.cell_px[0] - 0.5
+    row_px = np.where(surfaces.ilm_visible, surfaces.ilm_px, scan.image.shape[0])
+    return np.asarray(np.interp(columns, surfaces.x_px, row_px))
+
+
+def _layers(scan: ScanImage, surfaces: Surfaces) -> Layers:
+    """Return the surfaces in pixels of the scan."""
+    factor, half = scan.averaged_px, (scan.averaged_px - 1) / 2
+    return Layers(
+        factor * surfaces.x_px + half,
+        factor * surfaces.ilm_px + half,
+        surfaces.ilm_visible,
+        factor * surfaces.rpe_px + half,
+        surfaces.rpe_visible,
+        factor * surfaces.ilm_sd_px,
+        factor * surfaces.rpe_sd_px,
+    )
+
+
+def _shaft(scan: ScanImage, needle: Needle) -> Shaft:
+    """Return a needle in pixels of the scan."""
+    line = needle.ridge.line
+    (x, y), (start_x, start_y) = needle.tip_px, line.start_px
+    return Shaft(
+        tip_px=(scan.scan_px(x), scan.scan_px(y)),
+        start_px=(scan.scan_px(start_x), scan.scan_px(start_y)),
+        along_px=line.along_px,
+        sd_px=needle.sd_px and (scan.averaged_px * needle.sd_px[0], scan.averaged_px * needle.sd_px[1]),
+        angle_sd_deg=float(np.degrees(line.angle_sd_rad)),
+        confidence=needle.confidence,
+    )

@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from msgspec.structs import replace
 
+from haptigraph.perception.native import bscan, bscan_needle, rectification, search_grid, sharpness, strip
 from haptigraph.perception.native import pixels as region_pixels
-from haptigraph.perception.native import rectification, search_grid, sharpness, strip
 from haptigraph.perception.native.strip import RectifiedStrip
 
 LANES, STATIONS, SIZE_PX = 33, 60, (12, 16)
@@ -87,6 +87,26 @@ FLAGS = "continues", "is_outside", "follows_point", "follows_faint", "uses_chrom
 APPEARANCE = (math.nan, math.nan, 0.0, math.nan, math.nan)
 POSITIONS = (16, u_px(), (8.0, 6.0), (0.0, 1.0), (1.0, 0.0))
 
+SURFACES = (2, 4, 2, 10, 2, 3, 2.0, 3.0, 45.0, 0.25, 20.0, 60.0)
+RIDGES = (1.0, 90.0, 10.0, 10.0, 0.3, 9.0, 1.5, 1, 1, 2, 4, 2, 12, 20, 30)
+
+
+def make_scan(size=(48, 56)):
+    """An image with a bright band and a bright line above it, and its cells."""
+    image = np.random.default_rng(3).integers(0, 60, size, dtype=np.uint8)
+    image[30:44] += 120
+    cv2.line(image, (2, 0), (20, 26), 250, 3)
+    return image
+
+
+def make_cells():
+    return make_scan().astype(np.int32)
+
+
+def grid_of(cells, group, pixels):
+    return bscan.ScanGrid(cells, group, pixels)
+
+
 # Each wrapper by the C function it calls, with arguments that are right.
 WRAPPERS = {
     "strip_positions": (rectification.strip_positions, lambda: list(POSITIONS)),
@@ -109,6 +129,41 @@ WRAPPERS = {
     "fill_marked": (
         region_pixels.fill_marked,
         lambda: [*images(1), REGION, np.ones((4, 9), bool), 3, *images(1)],
+    ),
+    "sum_cells": (bscan.sum_cells, lambda: [make_scan(), 3, 2]),
+    "cell_levels": (lambda *grid: grid_of(*grid).levels(), lambda: [make_cells(), 2, 1]),
+    "column_means": (
+        bscan.column_means,
+        lambda: [make_scan(), 5, *np.array([[-4, 3, 9], [2, 90, 4]], np.int32)],
+    ),
+    "best_path": (
+        bscan.best_path,
+        lambda: [make_scan().astype(np.float32), np.array([4, 1, 0, 1, 4], np.float32)],
+    ),
+    "find_ilm": (
+        lambda *given: bscan.find_ilm(grid_of(*given[:3]), bscan.SurfaceSearch(*given[3:])),
+        lambda: [make_cells(), 2, 1, *SURFACES],
+    ),
+    "find_rpe": (
+        lambda *given: bscan.find_rpe(grid_of(*given[:3]), bscan.SurfaceSearch(*given[5:]), *given[3:5]),
+        lambda: [make_cells(), 2, 1, np.full(28, 30.0), np.ones(28, bool), *SURFACES],
+    ),
+    "smooth_rows": (bscan.smooth_rows, lambda: [np.arange(9.0), np.ones(9, bool), np.ones(3)]),
+    "shadow_edge": (
+        lambda *given: bscan_needle.shadow_edge(given[0], bscan_needle.EdgeSearch(*given[6:]), *given[1:6]),
+        lambda: [
+            make_scan(),
+            np.arange(28) * 2.0,
+            *(np.full(28, 30.0), np.arange(28) > 9, np.full(28, 40.0), np.arange(28) > 9),
+            *((2.0, 0.0), (0.57, 0.82), 20.0, 5.0, 12.0, 30.0, 30.0, 3.0, 2.0, 2.0, 9.0, 4.0, 9.0, 0.6, 0.8),
+            *(4, 4, 1),
+        ],
+    ),
+    "find_ridges": (
+        lambda *given: bscan_needle.find_ridges(
+            given[0], grid_of(*given[1:4]), bscan_needle.RidgeSearch(*given[5:]), given[4]
+        ),
+        lambda: [make_scan(), make_cells(), 2, 1, np.full(56, 40, np.int32), *RIDGES],
     ),
     "sharpness": (sharpness.sharpness, lambda: [excess()]),
     "mean_sharpness": (sharpness.mean_sharpness, lambda: [excess()]),
@@ -228,7 +283,7 @@ def test_right_arguments_are_accepted(name):
 
 
 def test_every_wrapper_is_tested():
-    modules = region_pixels, rectification, search_grid, sharpness, strip
+    modules = bscan, bscan_needle, region_pixels, rectification, search_grid, sharpness, strip
     values = {name: value for module in modules for name, value in vars(module).items()}
     functions = {name.lstrip("_") for name, value in values.items() if type(value).__name__ == "_FuncPtr"}
     assert functions == set(WRAPPERS) - {"RectifiedStrip"}

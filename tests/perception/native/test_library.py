@@ -68,7 +68,7 @@ def test_each_function_has_exactly_one_wrapper_and_nothing_else_calls_c():
 
 
 def test_structs_and_constants_are_those_of_the_header():
-    header = (NATIVE / "native.h").read_text()
+    header = "".join((NATIVE / name).read_text() for name in ("native.h", "bscan.h"))
     constants = dict(re.findall(r"#define (\w+) (\d+)(?:\.0)? +/\*", header))
     assert {"BLOCK", "CELL", "MAX_LANES", "STATION_PX"} <= set(constants)
     assert {name: LIBRARY.constant(name) for name in constants} == {

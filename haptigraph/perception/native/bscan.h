@@ -1,0 +1,61 @@
+/* B-scans: what the searches for surfaces and ridges share with Python. Lengths are in cells of the
+   downsampled image or in steps along and across a line; `perception/oct/scale.py` derives them from
+   millimetres. */
+
+#pragma once
+
+#include "native.h"
+
+#define MAX_RIDGES 2
+#define ALONG_STEPS 5      /* averaged along a ridge */
+#define CORE_STEPS 5       /* averaged across it, its width */
+#define MAX_CELL_PX 256    /* pixels of a cell: sums of its rows fit 16 bits */
+#define MAX_STEP_ROWS 16   /* of a path, from one column to the next */
+#define MAX_SCAN_PX 16384  /* in each direction: positions fit 16 bits and as many of a fraction */
+#define MAX_CELLS 8192     /* in each direction: the cells on a line fit 16 bits, with a sign */
+#define MAX_SUM_PX 8000000 /* in a column of cells: sums of grey fit 32 bits */
+
+/* A downsampled image: sums of grey over cells, row by row. */
+typedef struct {
+    const int32_t *cells; /* (rows, columns) */
+    int rows, columns;
+    int group;  /* cells side by side that make one column of the surfaces */
+    int pixels; /* of a cell */
+} Grid;
+
+/* Limits of the search for both surfaces; lengths in rows. */
+typedef struct {
+    int edge, deep;                  /* averaged on either side of a step, and below the ILM */
+    int thinnest, thickest;          /* from ILM to RPE */
+    int band;                        /* thickness of the RPE's bright band */
+    int most;                        /* largest step of a path to the next column */
+    double step_grey, rpe_step_grey; /* cost of a step of one row, squared */
+    double saturation_grey, body_share;
+    double dark_grey, top_grey; /* without backscatter; a column that begins brighter begins with tissue */
+} SurfaceSearch;
+
+/* Limits of the search for ridges; lengths in steps, slopes in rows per column. */
+typedef struct {
+    double step_px, dark_grey, mask_grey, strip_grey, lowest_slope, highest_slope, inlier_steps;
+    int across, down;     /* pixels of a cell */
+    int side;             /* cells from the ridge to its dark sides */
+    int votes, erased;    /* least number of cells on a line; cells beside it that it accounts for */
+    int gap, run, beyond; /* a longer gap ends a ridge, after such a run; stations kept beyond its end */
+} RidgeSearch;
+
+/* A straight line from its entry into the image downwards. */
+typedef struct {
+    double start_px[2], along_px[2]; /* direction, length 1 */
+    double angle_sd_rad;
+    int stations; /* one a step */
+} RidgeLine;
+
+/* A shaft, and limits of the search for the edge of its shadow; lengths in columns, or in rows if named so.
+ */
+typedef struct {
+    double start_px[2], along_px[2], end_x; /* of the shaft; direction; end of its continuous part */
+    double margin_px, window_px, max_distance_px;
+    double thick_rows, most_rows, below_rows, below_shaft_rows, deep_rows, below_rpe_rows;
+    double min_contrast_grey, level, rise_share;
+    int slope_columns, run, half;
+} EdgeSearch;

@@ -1,0 +1,90 @@
+/* Downsampling of a B-scan, its grey levels, and means along its columns. */
+
+#include <string.h>
+
+#include "bscan.h"
+
+#define LEVELS_PER_GREY 4 /* resolution of quantiles */
+#define MAX_LEVELS (256 * LEVELS_PER_GREY)
+
+/* Sum the columns of each cell. */
+static inline void add_groups(const uint16_t *restrict sums, int across, int columns,
+                              int32_t *restrict cells) {
+    for (int column = 0; column < columns; column++) {
+        int32_t sum = 0;
+        for (int x = 0; x < across; x++) sum += sums[column * across + x];
+        cells[column] = sum;
+    }
+}
+
+/* Sum the grey of cells of `across` x `down` pixels; `sums` holds one value per column of the image. */
+VECTORS EXPORT void sum_cells(const uint8_t *image, int width, int across, int down, int rows, int columns,
+                              uint16_t *sums, int32_t *cells) {
+    for (int row = 0; row < rows; row++) {
+        memset(sums, 0, sizeof *sums * (size_t)width);
+        for (int line = 0; line < down; line++, image += width)
+            for (int x = 0; x < width; x++) sums[x] = (uint16_t)(sums[x] + image[x]);
+        switch (across) { /* constants let the compiler make vectors of them */
+            case 1:
+                add_groups(sums, 1, columns, cells);
+                break;
+            case 2:
+                add_groups(sums, 2, columns, cells);
+                break;
+            case 3:
+                add_groups(sums, 3, columns, cells);
+                break;
+            case 4:
+                add_groups(sums, 4, columns, cells);
+                break;
+            default:
+                add_groups(sums, across, columns, cells);
+        }
+        cells += columns;
+    }
+}
+
+/* Return the level below which a share of all counted values lies. */
+static int level_of(const int *counts, int total, double share) {
+    int below = 0, level = 0;
+    for (const int rank = (int)(share * (total - 1)); level < MAX_LEVELS - 1; level++)
+        if ((below += counts[level]) > rank) break;
+    return level;
+}
+
+/* Write quantiles of the grey value of columns, 25 % and 4 %, the median difference of neighbours, and 95 %.
+ */
+EXPORT void cell_levels(const Grid *grid, double *levels_grey) {
+    int counts[MAX_LEVELS] = {0}, differences[MAX_LEVELS] = {0}, total = 0, pairs = 0;
+    const double level = (double)LEVELS_PER_GREY / grid->pixels;
+    for (int row = 0; row < grid->rows; row += 2) {
+        const int32_t *cells = grid->cells + (ptrdiff_t)row * grid->columns;
+        for (int start = 0; start + grid->group <= grid->columns; start += 2 * grid->group, total++) {
+            int64_t sum = 0;
+            for (int cell = 0; cell < grid->group; cell++) sum += cells[start + cell];
+            counts[clamped((double)sum * level / grid->group, 0, MAX_LEVELS - 1)]++;
+            if (start + 1 < grid->columns) {
+                differences[clamped(fabs((double)cells[start] - cells[start + 1]) * level, 0,
+                                    MAX_LEVELS - 1)]++;
+                pairs++;
+            }
+        }
+    }
+    levels_grey[0] = (level_of(counts, total, 0.25) + 0.5) / LEVELS_PER_GREY;
+    levels_grey[1] = (level_of(counts, total, 0.04) + 0.5) / LEVELS_PER_GREY;
+    levels_grey[3] = (level_of(counts, total, 0.95) + 0.5) / LEVELS_PER_GREY;
+    levels_grey[2] = pairs ? (level_of(differences, pairs, 0.5) + 0.5) / LEVELS_PER_GREY : 0.0;
+}
+
+/* Write the mean grey of each column's rows from top to before bottom; NaN where there are none. */
+EXPORT void column_means(const uint8_t *image, int width, int height, int first, int count,
+                         const int32_t *top, const int32_t *bottom, float *means) {
+    for (int number = 0; number < count; number++) {
+        const int start = top[number] < 0 ? 0 : top[number];
+        const int stop = bottom[number] > height ? height : bottom[number];
+        const uint8_t *pixel = image + (ptrdiff_t)start * width + first + number;
+        int sum = 0;
+        for (int row = start; row < stop; row++, pixel += width) sum += *pixel;
+        means[number] = stop > start ? (float)sum / (float)(stop - start) : NAN;
+    }
+}

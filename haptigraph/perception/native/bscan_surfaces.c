@@ -1,0 +1,216 @@
+/* ILM and RPE in a downsampled B-scan, as best paths from left to right by dynamic programming (Bellman
+   1957), as for retinal layers in OCT: Chiu et al. 2010, Optics Express 18(18).
+
+   A path has one row per column and maximizes the sum of rewards less the cost of steps. */
+
+#include <stdlib.h>
+
+#include "bscan.h"
+
+#define EXCLUDED (-1e9f)
+#define FALL_SHARE 0.5f /* of the reward for the end of the RPE's band */
+
+/* Compress large differences; `share` is one over the limit. */
+static inline float saturating(float grey, float share) { return grey / (fabsf(grey) * share + 1); }
+
+/* Return the mean grey of a column's rows from start to before stop, from its running sums. */
+static inline float mean(const int32_t *sums, int start, int stop, float scale) {
+    return (float)(sums[stop] - sums[start]) * (scale / (float)(stop - start));
+}
+
+/* Write a column's sums over its rows so far; beyond the image, its first and last rows repeat. */
+static void running_sums(const Grid *grid, int column, int above, int below, int32_t *sums) {
+    const int32_t *cells = grid->cells + (ptrdiff_t)column * grid->group;
+    int32_t sum = 0, value = 0;
+    for (int cell = 0; cell < grid->group; cell++) value += cells[cell];
+    *sums++ = 0;
+    for (int row = 0; row < above; row++) *sums++ = sum += value;
+    for (int row = 0; row < grid->rows; row++, cells += grid->columns) {
+        value = 0;
+        for (int cell = 0; cell < grid->group; cell++) value += cells[cell];
+        *sums++ = sum += value;
+    }
+    for (int row = 0; row < below; row++) *sums++ = sum += value;
+}
+
+/* Let it be dark above the image if a column begins with tissue, so that its ILM is at the image's top. */
+static void darken_above(int32_t *sums, int deep, double tissue, int32_t dark) {
+    if (sums[deep + deep / 2] - sums[deep] > tissue * (deep / 2))
+        for (int row = 0; row < deep; row++) sums[row] = sums[deep] - dark * (deep - row);
+}
+
+/* Write the best gain of a path to each row, given those to the rows of the previous column. */
+static void advance(const float *restrict before, const float *restrict cost, int most, int rows,
+                    const float *restrict reward, float *restrict best) {
+    for (int row = 0; row < rows; row++) best[row] = before[row - most] - cost[0];
+    for (int step = 1; step <= 2 * most; step++)
+        for (int row = 0; row < rows; row++) {
+            const float gain = before[row - most + step] - cost[step];
+            best[row] = gain > best[row] ? gain : best[row];
+        }
+    for (int row = 0; row < rows; row++) best[row] += reward[row];
+}
+
+/* Write the row of the best path in each column; a step costs `cost` from -most to most, more is excluded.
+   Return whether there was memory. */
+EXPORT int best_path(const float *reward, int columns, int rows, int most, const float *cost, int32_t *path) {
+    const int stride = rows + 2 * most;
+    float *memory = malloc(sizeof *memory * (size_t)columns * (size_t)stride);
+    if (!memory) return 0;
+    for (ptrdiff_t at = 0; at < (ptrdiff_t)columns * stride; at++) memory[at] = EXCLUDED;
+    float *best = memory + most;
+    for (int row = 0; row < rows; row++) best[row] = reward[row];
+    for (int column = 1; column < columns; column++, best += stride)
+        advance(best, cost, most, rows, reward + (ptrdiff_t)column * rows, best + stride);
+    int row = 0;
+    for (int other = 1; other < rows; other++) row = best[other] > best[row] ? other : row;
+    for (int column = columns - 1; column > 0; column--) {
+        path[column] = row;
+        best -= stride;
+        int to = row - most;
+        for (int step = 1; step <= 2 * most; step++)
+            if (best[row - most + step] - cost[step] > best[to] - cost[to - row + most])
+                to = row - most + step;
+        row = to < 0 ? 0 : to < rows ? to : rows - 1; /* if gains are not comparable */
+    }
+    path[0] = row;
+    free(memory);
+    return 1;
+}
+
+/* Find the best path where a step costs its square. */
+static int best_rows(const float *reward, int columns, int rows, int most, double step_grey, int32_t *path) {
+    float cost[2 * MAX_STEP_ROWS + 1] = {0};
+    for (int step = 0; step <= 2 * most; step++) cost[step] = (float)(step_grey * square(step - most));
+    return best_path(reward, columns, rows, most, cost, path);
+}
+
+/* Return the position of the largest value within a row of a path, by a parabola through it. */
+static double peak_near(const float *values, int count, int row) {
+    const int low = row < 2 ? 2 : row > count - 3 ? count - 3 : row;
+    int best = low - 1;
+    for (int other = low; other <= low + 1; other++) best = values[other] > values[best] ? other : best;
+    const double before = values[best - 1], at = values[best], after = values[best + 1];
+    const double curvature = before - 2 * at + after;
+    const double offset = curvature < 0 ? 0.5 * (before - after) / curvature : 0;
+    return best + maximum(-0.5, minimum(offset, 0.5));
+}
+
+/* Write step, rise and reward of the ILM in each row of a column, from its running sums at its first row. */
+static void reward_ilm(const int32_t *restrict sums, int rows, const SurfaceSearch *search, float scale,
+                       float *restrict step, float *restrict rise, float *restrict reward) {
+    const float dark = (float)search->dark_grey, limit = 1 / (float)search->saturation_grey;
+    const float share = (float)search->body_share;
+    const int deep = search->deep, half = deep / 2, edge = search->edge;
+    for (int row = 0; row < rows; row++) {
+        const float upper = mean(sums + row, 0, half, scale), lower = mean(sums + row, half, deep, scale);
+        const float above = mean(sums + row, -deep, 0, scale) - dark; /* metal is bright, too, but thin */
+        const float body = (upper < lower ? upper : lower) - dark;
+        step[row] = mean(sums + row, 0, edge, scale) - mean(sums + row, -edge, 0, scale);
+        rise[row] = body - (above > 0 ? above : 0);
+        reward[row] = saturating(step[row], limit) + saturating(rise[row], limit) + share * body;
+    }
+}
+
+/* Find the ILM: the first step from dark to bright with bright tissue below.
+
+   Write its sub-pixel row in each column, and how much brighter it is below than above [grey levels]. Return
+   whether there was memory. */
+VECTORS EXPORT int find_ilm(const Grid *grid, const SurfaceSearch *search, double *ilm, float *rise_grey) {
+    const int columns = grid->columns / grid->group, rows = grid->rows, deep = search->deep;
+    const size_t count = (size_t)columns * (size_t)rows;
+    float *reward = calloc(3 * count + (size_t)rows + 2 * (size_t)deep + 1 + (size_t)columns, 4);
+    if (!reward) return 0;
+    float *step = reward + count, *rise = step + count;
+    int32_t *path = (int32_t *)(rise + count), *sums = path + columns;
+    const int pixels = grid->pixels * grid->group;
+    for (int column = 0; column < columns; column++) {
+        const ptrdiff_t first = (ptrdiff_t)column * rows;
+        running_sums(grid, column, deep, deep, sums);
+        darken_above(sums, deep, search->top_grey * pixels, (int32_t)(search->dark_grey * pixels));
+        reward_ilm(sums + deep, rows, search, 1 / (float)pixels, step + first, rise + first, reward + first);
+    }
+    const int found = best_rows(reward, columns, rows, search->most, search->step_grey, path);
+    for (int column = 0; found && column < columns; column++) {
+        const ptrdiff_t first = (ptrdiff_t)column * rows;
+        ilm[column] = peak_near(step + first, rows, path[column]);
+        rise_grey[column] = rise[first + path[column]];
+    }
+    free(reward);
+    return found;
+}
+
+/* Write rise, fall and reward of the RPE in each row of a column, from its running sums at its first row. */
+static void reward_rpe(const int32_t *restrict sums, int rows, const SurfaceSearch *search, float scale,
+                       float *restrict rise, float *restrict fall, float *restrict reward) {
+    const float limit = 1 / (float)search->saturation_grey;
+    const int band = search->band, edge = search->edge;
+    for (int row = 0; row < rows; row++) {
+        const float body = mean(sums + row, 0, band, scale);
+        const float step = mean(sums + row, 0, edge, scale) - mean(sums + row, -edge, 0, scale);
+        rise[row] = body - mean(sums + row, -band, 0, scale);
+        fall[row] = body - mean(sums + row, 2 * band, 4 * band, scale);
+        reward[row] = saturating(step, limit) + saturating(rise[row], limit) +
+                      FALL_SHARE * saturating(fall[row], limit);
+    }
+}
+
+/* Find the RPE: the upper edge of the bright band below the ILM.
+
+   Write its sub-pixel row in each column, and by how much the band is brighter than above and below it.
+   Return whether there was memory. */
+VECTORS EXPORT int find_rpe(const Grid *grid, const SurfaceSearch *search, const double *ilm,
+                            const uint8_t *visible, double *rpe, float *rise_grey, float *fall_grey) {
+    const int columns = grid->columns / grid->group, band = search->band, end = grid->rows;
+    const int above = band > search->edge ? band : search->edge, rows = search->thickest - search->thinnest;
+    const size_t count = (size_t)columns * (size_t)rows;
+    float *reward = calloc(3 * count + (size_t)end + 4 * (size_t)band + 1 + (size_t)columns, 4);
+    if (!reward) return 0;
+    float *rise = reward + count, *fall = rise + count;
+    int32_t *path = (int32_t *)(fall + count), *sums = path + columns;
+    const float scale = 1 / (float)(grid->pixels * grid->group);
+    for (int column = 0; column < columns; column++) {
+        const int first = (int)(ilm[column] + 0.5) + search->thinnest;
+        const int from = first < above ? above - first : 0, to = end - 2 * band - first;
+        const ptrdiff_t at = (ptrdiff_t)column * rows + from;
+        if (!visible[column] || to <= from) continue;
+        running_sums(grid, column, 0, 4 * band, sums);
+        reward_rpe(sums + first + from, (to < rows ? to : rows) - from, search, scale, rise + at, fall + at,
+                   reward + at);
+    }
+    const int found = best_rows(reward, columns, rows, search->most, search->rpe_step_grey, path);
+    for (int column = 0; found && column < columns; column++) {
+        const ptrdiff_t at = (ptrdiff_t)column * rows;
+        rpe[column] = peak_near(rise + at, rows, path[column]) + (int)(ilm[column] + 0.5) + search->thinnest;
+        rise_grey[column] = rise[at + path[column]];
+        fall_grey[column] = fall[at + path[column]];
+    }
+    free(reward);
+    return found;
+}
+
+/* Return the mean of values over the visible columns of a window; that of the column itself weighs little. */
+static double window_mean(const double *values, const uint8_t *visible, int columns, const double *window,
+                          int reach, int column) {
+    const int first = column < reach ? 0 : column - reach;
+    const int last = column + reach < columns ? column + reach : columns - 1;
+    double total = 1e-6, sum = 1e-6 * values[column];
+    for (int other = first; other <= last; other++)
+        if (visible[other]) {
+            total += window[other - column + reach];
+            sum += window[other - column + reach] * values[other];
+        }
+    return sum / total;
+}
+
+/* Smooth the rows of a surface over its visible columns, and write their scatter about the result; `misses`
+   has a value per column. */
+EXPORT void smooth_rows(const double *rows, const uint8_t *visible, int columns, const double *window,
+                        int reach, double *misses, double *smooth, double *scatter) {
+    for (int column = 0; column < columns; column++) {
+        smooth[column] = window_mean(rows, visible, columns, window, reach, column);
+        misses[column] = square(rows[column] - smooth[column]);
+    }
+    for (int column = 0; column < columns; column++)
+        scatter[column] = sqrt(window_mean(misses, visible, columns, window, reach, column));
+}
