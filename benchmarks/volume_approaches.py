@@ -26,18 +26,19 @@ from haptigraph.sim.robot.operator import Tremor
 RATE_HZ, LATENCY_S = 4.0, 0.06
 SPEED_MM_S = 0.1, 0.4  # along the shaft
 ABOVE_MM = 0.3  # start of an approach above the ILM
-ALARM_MM = 0.075  # as in the procedure
+ALARM_MM = 0.075  # of the measured gap, as in the procedure
 FINE = 8  # steps between two volumes, for the time at which the RPE is reached
 COARSE = 256, 16, 24  # voxels of a retina without images
 SEED = 11
 NEIGHBOURS = 8  # errors are drawn from this number of volumes with the most similar gap
 VARIANTS = {
     "without prediction": None,
-    "predicted": 0.0,
-    "predicted, 1 sd earlier": 1.0,
-    "predicted, 2 sd earlier": 2.0,
+    "predicted": (0.04, 0.0),
+    "predicted, as in the procedure": (0.04, 1.5),
+    "predicted, with 2 sd": (0.04, 2.0),
 }
-"""By how many of its standard deviations a predicted gap is reduced; None: the gap in the volume."""
+"""Limit of a predicted gap [mm] and its margin [sd]; None: no prediction. The measured gap counts in all."""
+SHOWN = "without prediction", "predicted, as in the procedure"
 
 
 class Seen(NamedTuple):
@@ -195,30 +196,28 @@ def ns_imaged(approach: Approach, time_s: float, z_mm: float) -> int:
     return imaged_ns(ns(time_s), z_mm, flat(0.0, approach.half_z_mm), 1 / RATE_HZ)
 
 
-def played(approach: Approach, seen: list[Seen]) -> Played:
+def played(approach: Approach, reports: list[Seen]) -> Played:
     """Return when each variant gives the alarm, and the errors of the prediction."""
     settings = AheadSettings(latency_s=LATENCY_S, period_s=1 / RATE_HZ)
     ahead = TipAhead(settings)
     alarms: dict[str, float] = {}
     off_mm, sds_mm = [], []
-    for time_s, one in zip(approach.stamps_s(), seen, strict=True):
+    for time_s, one in zip(approach.stamps_s(), reports, strict=True):
         z_mm = 0.0 if one.tip_mm is None else float(one.tip_mm[2])
         stamps = ns(time_s), ns_imaged(approach, time_s, z_mm)
         predicted = ahead.update(*stamps, one.tip_mm, one.tip_sd_mm, one.rpe)
-        for name, margin_sd in VARIANTS.items():
-            if margin_sd is None:
-                tip_mm, sd_mm = one.tip_mm, one.tip_sd_mm
-            else:
-                tip_mm, sd_mm = (None, one.tip_sd_mm) if predicted is None else predicted[:2]
-            if tip_mm is None or one.rpe is None:
-                continue
-            gap = gap_to(one.rpe, tip_mm, np.diag(sd_mm**2))
-            if gap.gap_mm - (margin_sd or 0.0) * gap.sd_mm <= ALARM_MM:
+        if one.rpe is None:
+            continue
+        seen = one.tip_mm is not None and gap_to(one.rpe, one.tip_mm, np.diag(one.tip_sd_mm**2))
+        is_near = bool(seen) and seen.gap_mm <= ALARM_MM
+        gap = predicted and gap_to(one.rpe, predicted.tip_mm, np.diag(predicted.sd_mm**2))
+        for name, rule in VARIANTS.items():
+            if is_near or (rule and gap and gap.gap_mm - rule[1] * gap.sd_mm <= rule[0]):
                 alarms.setdefault(name, time_s + LATENCY_S)
-            until_s = time_s + settings.horizon_s
-            if margin_sd == 0 and until_s < approach.reached_s:
-                off_mm.append(gap.gap_mm - approach.gap_mm(until_s))
-                sds_mm.append(gap.sd_mm)
+        until_s = time_s + settings.horizon_s
+        if gap and until_s < approach.reached_s:
+            off_mm.append(gap.gap_mm - approach.gap_mm(until_s))
+            sds_mm.append(gap.sd_mm)
     results = {name: outcome(approach, alarms.get(name)) for name in VARIANTS}
     return Played(results, off_mm, sds_mm)
 
@@ -259,7 +258,7 @@ def draw(results: list[Played], output: str) -> None:
 
     sheet = Figure(figsize=(9, 3.2), layout="constrained")
     lead, left = sheet.subplots(1, 2)
-    for variant, color in zip(list(VARIANTS)[:2], ("#b3402e", "#20507a"), strict=True):
+    for variant, color in zip(SHOWN, ("#b3402e", "#20507a"), strict=True):
         some = [each.outcomes[variant] for each in results if each.outcomes[variant].lead_ms > 0]
         label = f"{variant}: {len(some)} of {len(results)}"
         lead.hist([one.lead_ms for one in some], 40, color=color, alpha=0.6, label=label)

@@ -98,7 +98,10 @@ def test_without_a_needle_the_state_is_unknown_whatever_else_is_present(procedur
 
 @pytest.mark.parametrize("name", procedure_names())
 def test_an_instrument_without_a_tip_is_not_unknown_in_any_shipped_procedure(name):
-    """Whatever else is present: the state says that the instrument is seen, and no alarm or guidance is felt."""
+    """Whatever else is present: the state says that the instrument is seen, and no alarm or guidance is felt.
+
+    The one exception is a tip that was moving towards the RPE.
+    """
     shipped = load_procedure(name)
     tip, line = (
         f"{'forceps' if name == 'membrane_peeling' else 'needle'}_{part}" for part in ("tip", "line")
@@ -109,6 +112,9 @@ def test_an_instrument_without_a_tip_is_not_unknown_in_any_shipped_procedure(nam
     seen = {state: set() for state in (UNKNOWN, TIP_NOT_VISIBLE)}
     for graph in without_tip:
         conclusion = reason(graph)
+        if "needle_tip_ahead" in {edge.subject for edge in graph.edges}:
+            assert (name, conclusion.state) == ("subretinal_injection_4d", "reaching_rpe")
+            continue
         seen[conclusion.state].add(line in {node.id for node in graph.nodes})
         assert conclusion.feel in ("off", "tick")
     assert seen == {UNKNOWN: {False}, TIP_NOT_VISIBLE: {True}}

@@ -121,7 +121,7 @@ class VolumePerceiver:
         found: dict[str, Geometry],
         sd_mm: dict[str, float | tuple[float, ...]],
     ) -> None:
-        """Follow the tip's motion, and add the tip ahead if there is a tip."""
+        """Follow the tip's motion, and add where it will be, for a while also if its place is not known."""
         needle, before_ns, self._stamp_ns = findings.needle, self._stamp_ns, stamp_ns
         if before_ns is not None and stamp_ns > before_ns:
             period_s = float(np.clip((stamp_ns - before_ns) / NS_PER_S, *PERIODS_S))
@@ -132,7 +132,7 @@ class VolumePerceiver:
         tip_ns = imaged_ns(stamp_ns, at_z_mm, findings.rpe, self._ahead.settings.period_s)
         rpe = findings.rpe if "rpe" in found else None
         ahead = self._ahead.update(stamp_ns, tip_ns, tip_mm, tip_sd_mm, rpe)
-        if ahead is not None and tip_mm is not None:
+        if ahead is not None and needle is not None:
             found["needle_tip_ahead"], sd_mm["needle_tip_ahead"] = _point(ahead.tip_mm), float(ahead.sd_mm[1])
 
 
