@@ -158,7 +158,7 @@ screenshots: setup  ## screenshots of every page into docs/images; needs Chromiu
 
 train: setup  ## train the network of the perceiver segmentation on simulated B-scans, and write its report
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --requirement training/requirements.txt
-	$(BIN)/python -m training.train
+	OMP_WAIT_POLICY=passive GOMP_SPINCOUNT=0 $(BIN)/python -m training.train
 
 .venv-rendering/ready: rendering/requirements.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11) and f"Blender needs CPython 3.11, found {sys.version.split()[0]}; try: make PYTHON=python3.11 render")'

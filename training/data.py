@@ -11,14 +11,20 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from haptigraph.sim.oct.bscan import CLASSES
-from haptigraph.sim.oct.scenes import random_scene
+from haptigraph.sim.oct.bscan import CLASSES, BscanCamera, BscanTruth
+from haptigraph.sim.oct.diseased import random_detailed_scene
+from haptigraph.sim.oct.scenes import PLACES, random_scene
 
-__all__ = ["SIDE_PX", "SIMULATED_PX", "Example", "batches", "draw", "simulate"]
+__all__ = ["SIDE_PX", "SIMULATED_PX", "Example", "batches", "draw", "labels_of", "simulate"]
 
 SIDE_PX = 256
 """Width and height of the network's input."""
 SIMULATED_PX = 512
+PLAIN, WITH_NEEDLE = 3, 2
+"""Of ten scenes, the number with a plain retina; of those with detailed tissue, the number with a needle."""
+HEALTHY = 4, 8, 9
+"""Scenes of ten with detailed tissue and without lesions."""
+PADDING_CHANCE, MAX_PADDING = 0.08, 0.3
 
 
 class Example(NamedTuple):
@@ -31,11 +37,34 @@ class Example(NamedTuple):
 
 
 def simulate(number: int, seed: int) -> Example:
-    """Simulate one random B-scan with its labels."""
-    scene = random_scene(number, seed, size_px=(SIMULATED_PX, SIMULATED_PX))
+    """Simulate one random B-scan with its labels.
+
+    Of ten, three show a plain retina, most with a needle; seven show detailed tissue, four of them diseased
+    and two with a needle.
+    """
+    cycle, kind = divmod(number, 10)
+    size_px = SIMULATED_PX, SIMULATED_PX
+    if kind < PLAIN:
+        scene = random_scene(cycle * PLAIN + kind, seed, size_px=size_px)
+    else:
+        place = PLACES[cycle % 3] if kind < PLAIN + WITH_NEEDLE else "none"
+        diseased = kind not in HEALTHY
+        scene = random_detailed_scene(number, seed, diseased=diseased, place=place, size_px=size_px)
     camera = scene.camera()
     scan = scene.take(camera)
-    return Example(scan.image, camera.classes(scan.truth))
+    return Example(scan.image, labels_of(camera, scan.truth))
+
+
+def labels_of(camera: BscanCamera, truth: BscanTruth) -> NDArray[np.uint8]:
+    """Return the class of every pixel, (h, w) indices into `CLASSES`.
+
+    Everything below the RPE is one class down to the image's border, so that in every column without shadow
+    the classes follow each other in one order.
+    """
+    labels = camera.classes(truth)
+    is_below = np.arange(len(labels))[:, None] >= truth.rpe_px
+    labels[is_below & (labels == CLASSES.index("vitreous"))] = CLASSES.index("rpe_choroid")
+    return labels
 
 
 def draw(example: Example, rng: np.random.Generator) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -45,6 +74,8 @@ def draw(example: Example, rng: np.random.Generator) -> tuple[NDArray[np.float32
         The image, (1, side, side) in [0, 1], and the share of each class, (classes, side, side).
     """
     image, labels = example
+    if rng.random() < PADDING_CHANCE:
+        image, labels = _padded(image, labels, rng)
     if rng.random() < 0.5:
         image, labels = image[:, ::-1], labels[:, ::-1]
     top, left, height, width = _random_crop(rng)
@@ -54,6 +85,17 @@ def draw(example: Example, rng: np.random.Generator) -> tuple[NDArray[np.float32
     is_class = ((labels == number).astype(np.uint8) * 255 for number in range(len(CLASSES)))
     shares = np.stack([cv2.resize(one, (SIDE_PX, SIDE_PX), interpolation=cv2.INTER_AREA) for one in is_class])
     return _random_contrast(grey, rng)[None], shares.astype(np.float32) / 255
+
+
+def _padded(
+    image: NDArray[np.uint8], labels: NDArray[np.uint8], rng: np.random.Generator
+) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """Blank columns at the border, as an eye tracker does where it has lost the eye."""
+    image, labels = image.copy(), labels.copy()
+    columns = int(SIMULATED_PX * rng.uniform(0.02, MAX_PADDING))
+    image[:, :columns] = 255 if rng.random() < 0.2 else 0
+    labels[:, :columns] = CLASSES.index("shadow")
+    return image, labels
 
 
 def _random_crop(rng: np.random.Generator) -> tuple[int, int, int, int]:

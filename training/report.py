@@ -1,6 +1,8 @@
 """The report of a trained network: a Markdown page with two figures, docs/segmentation_report.md."""
 
 import argparse
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,14 +12,27 @@ import numpy as np
 
 from haptigraph.messages import Image
 from haptigraph.perception.oct.onnx_model import OnnxModel
-from haptigraph.sim.oct.bscan import CLASSES
+from haptigraph.perception.oct.scan_geometry import Layers, Shaft
+from haptigraph.perception.oct.segmentation import interpret
+from haptigraph.sim.oct.bscan import CLASSES, Bscan
 from training.score import SCORING_SEED, Scored, Totals, model_size_mb, score, totals
+from training.without_needle import (
+    DEEP_PX,
+    EMPTY_SEED,
+    MAX_SCAN_SHARE,
+    EmptyScan,
+    EmptyTotals,
+    empty_totals,
+    score_empty,
+)
 
 __all__ = ["TrainingRun", "write_report"]
 
 DOCS = Path(__file__).parent.parent / "docs"
 SCORED = 400
 EXAMPLES = 8
+PROCESSORS = 2
+EMPTY, EMPTY_KINDS = 500, {"healthy": False, "diseased": True}
 ILM, RPE = (80, 220, 80), (80, 120, 255)
 TRUE = (255, 255, 255)
 NEEDLE = (60, 220, 255)
@@ -44,17 +59,31 @@ def write_report(toml: Path, run: TrainingRun, folder: Path = DOCS) -> None:
         run: How it was trained.
         folder: Folder of the page; figures go to its images/.
     """
-    scored = list(score(OnnxModel(str(toml)), SCORED))
+    with ProcessPoolExecutor(PROCESSORS, get_context("spawn")) as pool:
+        with_needle = pool.submit(_scored, toml)
+        without = {name: pool.submit(_scored_empty, toml, kind) for name, kind in EMPTY_KINDS.items()}
+        scored, empty = with_needle.result(), {name: job.result() for name, job in without.items()}
     summed = totals(scored)
     (folder / "images").mkdir(parents=True, exist_ok=True)
     _draw_errors(summed, folder / "images" / "segmentation-errors.png")
     cv2.imwrite(str(folder / "images" / "segmentation-examples.jpg"), _draw_examples(scored))
-    page = _page(summed, run, model_size_mb(toml))
+    cv2.imwrite(str(folder / "images" / "segmentation-empty.jpg"), _draw_empty(empty, OnnxModel(str(toml))))
+    page = _page(
+        summed, {name: empty_totals(scans) for name, scans in empty.items()}, run, model_size_mb(toml)
+    )
     (folder / "segmentation_report.md").write_text(page, encoding="utf-8")
     print(page, flush=True)
 
 
-def _page(summed: Totals, run: TrainingRun, size_mb: float) -> str:
+def _scored(toml: Path) -> list[Scored]:
+    return list(score(OnnxModel(str(toml)), SCORED))
+
+
+def _scored_empty(toml: Path, diseased: bool) -> list[EmptyScan]:
+    return score_empty(OnnxModel(str(toml)), EMPTY, diseased=diseased)
+
+
+def _page(summed: Totals, empty: dict[str, EmptyTotals], run: TrainingRun, size_mb: float) -> str:
     rows = "\n".join(
         f"| {name} | {np.median(np.abs(error)):.2f} | {np.percentile(np.abs(error), 95):.2f} | "
         f"{error.mean():+.2f} | {100 * summed.found_share[name]:.1f} % | "
@@ -76,13 +105,19 @@ def _page(summed: Totals, run: TrainingRun, size_mb: float) -> str:
         f"{name.replace('_', ' and ')} {value:.3f}"
         for name, value in zip(CLASSES, _overlaps(summed), strict=True)
     )
+    empties = "\n".join(
+        f"| {name} | {one.scans} | {one.needles} | {100 * one.deep_share:.2f} % | "
+        f"{100 * one.worst_share:.1f} % | {one.scans_over} | {100 * one.found_share:.1f} % | "
+        f"{one.rpe_px[0]:.2f} / {one.rpe_px[1]:.2f} px | {one.ilm_px[0]:.2f} / {one.ilm_px[1]:.2f} px |"
+        for name, one in empty.items()
+    )
     heads = " | ".join(name.replace("_", ", ") for name in CLASSES)
     return f"""# Evaluation of the shipped segmentation model
 
 Written by `make train`; do not edit. How to use the model: [segmentation](segmentation.md).
 
 A U-Net of {size_mb:.2f} MB, trained on {run.examples} simulated B-scans in {run.steps} batches of 8.
-Simulation and training took {run.minutes:.0f} minutes on one thread of a shared machine,
+Simulation and training took {run.minutes:.0f} minutes on two processors of a shared machine,
 {run.busy_minutes:.0f} of them processor time. No real B-scan was used. It is evaluated on {SCORED} other
 simulated B-scans (seed {SCORING_SEED}) of 512 x 512 px with random retina, needle, noise, tilt,
 shadows and artefacts. All errors are in pixels of the full image. The tip is the one that the perceiver
@@ -107,9 +142,26 @@ Angle and tip: median / p95. Without a needle, one was reported in {summed.false
 |---|---|---|---|---|
 {needles}
 
+## Without needle
+
+Other simulated B-scans without needle (seed {EMPTY_SEED}): detailed outer retina and choroid, several kinds
+of devices, and lines that cast no shadow. The diseased ones have one to three of drusen, detachment of the
+RPE, subretinal fluid, cysts and atrophy. *Too deep*: the share of columns in which the RPE was reported more
+than {DEEP_PX} px below the true one, the unsafe direction. *Worst*: the largest share in one B-scan; *many*:
+B-scans with more than {MAX_SCAN_SHARE:.0%}. Errors: median / p95, where the surface was reported.
+
+| retina | B-scans | needles | RPE too deep | worst | many | RPE found | RPE error | ILM error |
+|---|---|---|---|---|---|---|---|---|
+{empties}
+
+The first {EXAMPLES // 2} diseased B-scans, and the {EXAMPLES // 2} worst:
+
+![B-scans without needle](images/segmentation-empty.jpg)
+
 ## Confusion
 
-Rows: true class; columns: predicted class. Intersection over union: {overlap}.
+Everything below the RPE is one class. Rows: true class; columns: predicted class. Intersection over
+union: {overlap}.
 
 | | {heads} |
 |---|{"---|" * len(CLASSES)}
@@ -175,33 +227,53 @@ def _draw_examples(scored: list[Scored]) -> Image:
     return np.asarray(cv2.resize(whole, None, fx=0.7, fy=0.7, interpolation=cv2.INTER_AREA), np.uint8)
 
 
-def _draw_one(one: Scored) -> Image:
-    canvas = cv2.cvtColor(one.scan.image, cv2.COLOR_GRAY2BGR)
-    truth, columns = one.scan.truth, np.arange(one.scan.image.shape[1])
+def _draw_empty(empty: dict[str, list[EmptyScan]], model: OnnxModel) -> Image:
+    half = EXAMPLES // 2
+    worst = sorted((scan for scans in empty.values() for scan in scans), key=lambda one: -one.deep_share)
+    drawn = []
+    for one in (*empty["diseased"][:half], *worst[:half]):
+        scene = one.scene()
+        scan = scene.take()
+        scale_mm = scene.scan.lateral_mm_per_px, scene.scan.axial_mm_per_px
+        found, shaft = interpret(model(scan.image), model.spec, scan.image, scale_mm)
+        canvas = _draw_surfaces(scan, found)
+        _draw_needle(canvas, shaft)
+        drawn.append(_titled(canvas, f"too deep in {one.deep_share:.1%} of columns"))
+    whole = np.vstack([np.hstack(drawn[:half]), np.hstack(drawn[half:])])
+    return np.asarray(cv2.resize(whole, None, fx=0.7, fy=0.7, interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def _draw_surfaces(scan: Bscan, found: Layers) -> Image:
+    canvas = cv2.cvtColor(scan.image, cv2.COLOR_GRAY2BGR)
+    truth, columns = scan.truth, np.arange(scan.image.shape[1])
     for row, lit in ((truth.ilm_px, truth.ilm_lit), (truth.rpe_px, truth.rpe_lit)):
         _dots(canvas, columns[lit][::6], row[lit][::6], TRUE)
-    found = one.found
     for row, visible, color in (
         (found.ilm_px, found.ilm_visible, ILM),
         (found.rpe_px, found.rpe_visible, RPE),
     ):
         _dots(canvas, np.rint(found.x_px[visible]), row[visible], color)
-    if truth.needle is not None:
-        cv2.circle(canvas, _rounded(truth.needle.tip_px), 8, TRUE, 1, cv2.LINE_AA)
-    if one.shaft is not None:
-        ends = _rounded(one.shaft.start_px), _rounded(one.shaft.tip_px)
+    return np.asarray(canvas, np.uint8)
+
+
+def _draw_needle(canvas: Image, shaft: Shaft | None) -> None:
+    if shaft is not None:
+        ends = _rounded(shaft.start_px), _rounded(shaft.tip_px)
         cv2.line(canvas, *ends, NEEDLE, 1, cv2.LINE_AA)
         cv2.drawMarker(canvas, ends[1], NEEDLE, cv2.MARKER_CROSS, 12, 1)
-    cv2.putText(
-        canvas,
-        f"{one.place}, surfaces {one.worst_px:.1f} px, tip {one.tip_error_px:.1f} px",
-        (8, 500),
-        cv2.FONT_HERSHEY_SIMPLEX,
-        0.6,
-        TRUE,
-        1,
-    )
-    return np.asarray(canvas, np.uint8)
+
+
+def _titled(canvas: Image, text: str) -> Image:
+    cv2.putText(canvas, text, (8, 500), cv2.FONT_HERSHEY_SIMPLEX, 0.6, TRUE, 1)
+    return canvas
+
+
+def _draw_one(one: Scored) -> Image:
+    canvas, truth = _draw_surfaces(one.scan, one.found), one.scan.truth
+    if truth.needle is not None:
+        cv2.circle(canvas, _rounded(truth.needle.tip_px), 8, TRUE, 1, cv2.LINE_AA)
+    _draw_needle(canvas, one.shaft)
+    return _titled(canvas, f"{one.place}, surfaces {one.worst_px:.1f} px, tip {one.tip_error_px:.1f} px")
 
 
 def _dots(canvas: object, columns: object, rows: object, color: tuple[int, int, int]) -> None:

@@ -13,9 +13,10 @@ from haptigraph.perception.oct.onnx_model import OnnxModel
 from haptigraph.perception.oct.scan_geometry import Layers, Shaft
 from haptigraph.perception.oct.segmentation import interpret
 from haptigraph.sim.oct.bscan import CLASSES, Bscan
-from haptigraph.sim.oct.scenes import random_scene
+from haptigraph.sim.oct.scenes import BscanScene, random_scene
+from training.data import labels_of
 
-__all__ = ["SCORING_SEED", "Scored", "Totals", "score", "totals"]
+__all__ = ["SCORING_SEED", "Scored", "Totals", "is_inside", "rows_by_column", "score", "totals"]
 
 SCORING_SEED = 300
 EDGE_PX = 4  # columns next to the shadow's soft edge, not scored
@@ -56,11 +57,11 @@ def score(model: OnnxModel, count: int, seed: int = SCORING_SEED) -> Iterator[Sc
         camera = scene.camera()
         scan = scene.take(camera)
         maps = model(scan.image)
-        found, shaft = interpret(maps, model.spec, (scan.image.shape[1], scan.image.shape[0]))
+        found, shaft = interpret(maps, model.spec, scan.image, _mm_per_px(scene))
         truth = scan.truth
         surfaces = {
-            "ILM": (_rows(found.x_px, found.ilm_px, found.ilm_visible), truth.ilm_px, truth.ilm_lit),
-            "RPE": (_rows(found.x_px, found.rpe_px, found.rpe_visible), truth.rpe_px, truth.rpe_lit),
+            "ILM": (rows_by_column(found.x_px, found.ilm_px, found.ilm_visible), truth.ilm_px, truth.ilm_lit),
+            "RPE": (rows_by_column(found.x_px, found.rpe_px, found.rpe_visible), truth.rpe_px, truth.rpe_lit),
         }
         angle, tip = _needle_errors(shaft, scan)
         yield Scored(
@@ -68,9 +69,9 @@ def score(model: OnnxModel, count: int, seed: int = SCORING_SEED) -> Iterator[Sc
             scan=scan,
             found=found,
             shaft=shaft,
-            confusion=_confusion(camera.classes(truth), maps),
+            confusion=_confusion(labels_of(camera, truth), maps),
             errors_px={
-                name: (row - true)[_eroded(lit) & _inside(true)]
+                name: (row - true)[_eroded(lit) & is_inside(true)]
                 for name, (row, true, lit) in surfaces.items()
             },
             false_columns={
@@ -82,7 +83,11 @@ def score(model: OnnxModel, count: int, seed: int = SCORING_SEED) -> Iterator[Sc
         )
 
 
-def _rows(x_px: Floats, row_px: Floats, is_seen: NDArray[np.bool_]) -> Floats:
+def _mm_per_px(scene: BscanScene) -> tuple[float, float]:
+    return scene.scan.lateral_mm_per_px, scene.scan.axial_mm_per_px
+
+
+def rows_by_column(x_px: Floats, row_px: Floats, is_seen: NDArray[np.bool_]) -> Floats:
     """Return the row in every column of the image; nan where the nearest column is not visible."""
     columns = np.arange(512)
     if not is_seen.any():
@@ -96,7 +101,8 @@ def _eroded(is_column: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return cv2.erode(is_column.astype(np.uint8)[None], np.ones((1, 2 * EDGE_PX + 1), np.uint8))[0] > 0
 
 
-def _inside(row_px: Floats) -> NDArray[np.bool_]:
+def is_inside(row_px: Floats) -> NDArray[np.bool_]:
+    """Return where a surface is inside the image, (w,)."""
     return (row_px > 8) & (row_px < 512 - 8)
 
 

@@ -7,19 +7,23 @@ from torch import Tensor, nn
 
 __all__ = ["SmallUNet"]
 
-WIDTHS = (12, 16, 24, 32)
-"""Channels at 1/2, 1/4, 1/8 and 1/16 of the image's size."""
+WIDTHS = (12, 16, 24, 40, 56)
+"""Channels at 1/2, 1/4, 1/8, 1/16 and 1/32 of the image's size."""
+
+LEAK = 0.1
 
 
-def conv_block(n_in: int, n_out: int, stride: int = 1) -> nn.Sequential:
+def conv_block(n_in: int, n_out: int, stride: int = 1, leak: float = 0.0) -> nn.Sequential:
     """Return one convolutional layer; its normalisation is folded in on export."""
     return nn.Sequential(
-        nn.Conv2d(n_in, n_out, 3, stride, 1, bias=False), nn.BatchNorm2d(n_out), nn.ReLU(inplace=True)
+        nn.Conv2d(n_in, n_out, 3, stride, 1, bias=False),
+        nn.BatchNorm2d(n_out),
+        nn.LeakyReLU(leak, inplace=True) if leak else nn.ReLU(inplace=True),
     )
 
 
 class SmallUNet(nn.Module):
-    """Map grey images (n, 1, h, w) in [0, 1] to logits (n, classes, h, w); h and w are multiples of 16.
+    """Map grey images (n, 1, h, w) in [0, 1] to logits (n, classes, h, w); h and w are multiples of 32.
 
     Args:
         classes: Number of classes.
@@ -34,7 +38,11 @@ class SmallUNet(nn.Module):
             for n_in, n_out in zip((4, *WIDTHS[:-1]), WIDTHS, strict=True)
         )
         upwards = WIDTHS[::-1]
-        self.up = nn.ModuleList(conv_block(deep + skip, skip) for deep, skip in pairwise(upwards))
+        # The last features must not all be zero: a rare class, the needle, would be stuck there.
+        self.up = nn.ModuleList(
+            conv_block(deep + skip, skip, leak=LEAK if skip == WIDTHS[0] else 0.0)
+            for deep, skip in pairwise(upwards)
+        )
         self.last = nn.Conv2d(WIDTHS[0], 4 * classes, 1)
 
     def forward(self, image: Tensor) -> Tensor:

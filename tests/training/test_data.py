@@ -62,3 +62,34 @@ def test_shares_encode_the_sub_pixel_position_of_a_border():
     inside = (ilm_px > 20) & (ilm_px < SIDE_PX)
     rows_px = 2 * above.sum(axis=0) - 0.5  # number of rows above the ILM, in the full image
     assert np.abs(np.median((rows_px - ilm_px)[inside])) < 0.2
+
+
+def test_a_cycle_of_ten_mixes_needles_and_plain_and_detailed_tissue():
+    labels = [simulate(number, 500).labels for number in range(10)]
+    has_needle = [CLASSES.index("needle") in one for one in labels]
+    assert has_needle == [True] * 5 + [False] * 5
+
+
+def test_everything_below_the_rpe_is_one_class(examples):
+    below = CLASSES.index("rpe_choroid")
+    for example in examples:
+        last = example.labels[-1]
+        assert (last == below).any()
+        assert set(np.unique(last)) <= {below, CLASSES.index("shadow"), CLASSES.index("needle")}
+
+
+def test_blanked_columns_are_labelled_as_without_tissue():
+    class AlwaysPadded(NoAugmentation):
+        def __init__(self):
+            self.first = True
+
+        def random(self):
+            was_first, self.first = self.first, False
+            return 0.0 if was_first else 0.99
+
+    example = Example(np.full((512, 512), 90, np.uint8), np.full((512, 512), 2, np.uint8))
+    image, shares = draw(example, AlwaysPadded())
+    blank = image[0].mean(axis=0) < 0.05
+    assert 0.25 < blank.mean() < 0.35
+    assert (shares[CLASSES.index("shadow")][:, blank] > 0.9).all()
+    assert (shares[2][:, ~blank] > 0.4).all()

@@ -1,7 +1,7 @@
 """Needle candidates from the probability map of a network's needle class.
 
-Turns the map (px) into straight lines with tips, those with most evidence first. The caller decides by their
-shadows which line is a needle and which a ghost, and whether it continues inside tissue.
+Turns the map (px) into straight lines with tips, those with most evidence first. The caller decides which
+line is a needle (`class_shadow`), and whether it continues inside tissue.
 """
 
 import math
@@ -19,9 +19,10 @@ from haptigraph.perception.oct.class_maps import Scaling
 __all__ = ["NeedleFit", "fit_needles"]
 
 Numbers: TypeAlias = NDArray[Any]
-MIN_LENGTH_PX = 16.0  # in pixels of the map, like all lengths here
-ON_LINE_PX = 3.0
-GAP_PX = 12.0  # between the end of the line and the bevel's last bright spot
+MIN_LENGTH_MM = 0.18
+GAP_MM = 0.14  # between the end of the line and the bevel's last bright spot
+MIN_PIXELS = 14  # of a component, and along a line
+ON_LINE_PX = 3.0  # in pixels of the map, in which every line has about the same width
 MIN_ELONGATION = 3.0  # length over width of a line
 MIN_INLIER_SHARE = 0.3  # of a component; with fewer pixels on its line it is a blob
 TURN_RAD = math.radians(1.0)
@@ -64,7 +65,7 @@ def _largest_component(mask: Mask) -> Mask | None:
     """Return the largest connected component; None if it is too small for a line."""
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
     areas = stats[1:, cv2.CC_STAT_AREA]
-    if count < 2 or areas.max() < MIN_LENGTH_PX:
+    if count < 2 or areas.max() < MIN_PIXELS:
         return None
     return np.asarray(labels == 1 + int(areas.argmax()))
 
@@ -73,7 +74,7 @@ def _strongest_line(probability: FloatImage, component: Mask, least_confidence: 
     """Fit the strongest line of a component to all pixels of the class near it."""
     y, x = np.nonzero(probability >= least_confidence)
     weights = probability[y, x]
-    strongest = cv2.HoughLines(component.astype(np.uint8), 1.0, TURN_RAD, int(MIN_LENGTH_PX))
+    strongest = cv2.HoughLines(component.astype(np.uint8), 1.0, TURN_RAD, MIN_PIXELS)
     if strongest is None:
         return None
     rho, theta = (float(value) for value in strongest[0, 0])
@@ -111,7 +112,7 @@ class _Line(NamedTuple):
 
 
 def _line_through(x: Numbers, y: Numbers, weight: Numbers) -> _Line | None:
-    if len(x) < MIN_LENGTH_PX:
+    if len(x) < MIN_PIXELS:
         return None
     total = float(weight.sum())
     center = float((weight * x).sum()) / total, float((weight * y).sum()) / total
@@ -122,7 +123,7 @@ def _line_through(x: Numbers, y: Numbers, weight: Numbers) -> _Line | None:
     along = along if along[1] >= 0 else (-along[0], -along[1])
     along_line = along[0] * dx + along[1] * dy
     length = float(along_line.max() - along_line.min())
-    if length < MIN_LENGTH_PX or wide < MIN_ELONGATION**2 * max(narrow, 1e-6):
+    if length < MIN_PIXELS or wide < MIN_ELONGATION**2 * max(narrow, 1e-6):
         return None
     # The random offsets of neighbouring pixels across a thin line are correlated: count only its length.
     angle_sd_rad = math.sqrt(max(narrow, 0.05) / (length * max(wide, 1e-6)))
@@ -135,7 +136,9 @@ def _fit_needle(
     """Follow a line to its tip, where the probability of its class falls below the minimum."""
     height, width = probability.shape
     far = math.hypot(height, width)
-    steps = np.arange(line.from_px - 2, min(line.to_px + GAP_PX + 8, far), 0.5)
+    mm_per_px = math.hypot(line.along[0] * scaling.column_mm, line.along[1] * scaling.row_mm)
+    gap_px = GAP_MM / mm_per_px
+    steps = np.arange(line.from_px - 2, min(line.to_px + gap_px + 8, far), 0.5)
     xs, ys = (line.center[axis] + steps * line.along[axis] for axis in (0, 1))
     profile = np.max(
         [
@@ -151,10 +154,10 @@ def _fit_needle(
         axis=0,
     )
     visible = np.nonzero(profile >= least_confidence)[0]
-    breaks = np.nonzero(np.diff(visible) * 0.5 > GAP_PX)[0]
+    breaks = np.nonzero(np.diff(visible) * 0.5 > gap_px)[0]
     runs = np.split(visible, breaks + 1)
     run = max(runs, key=len, default=visible)
-    if len(run) * 0.5 < MIN_LENGTH_PX:
+    if len(run) * 0.5 * mm_per_px < MIN_LENGTH_MM:
         return None
     last = int(run[-1])
     after = float(profile[last + 1]) if last + 1 < len(profile) else 0.0

@@ -51,6 +51,8 @@ class NeedleClass(Struct, frozen=True, forbid_unknown_fields=True):
     """The [entity.needle] table."""
 
     index: Index = field(name="class")
+    least_confidence: Annotated[float, Meta(gt=0, lt=1)] | None = None
+    """Minimum probability of a visible needle, which is a rare class; None: that of the model."""
 
 
 class SurfaceClass(Struct, frozen=True, forbid_unknown_fields=True):

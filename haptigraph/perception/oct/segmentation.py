@@ -12,27 +12,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptigraph.config import PerceptionConfig
+from haptigraph.geometry import Vec
 from haptigraph.imaging import FloatImage
-from haptigraph.messages import Capture, ImageKind, Observation
+from haptigraph.messages import Capture, Image, ImageKind, Observation
 from haptigraph.perception.entities import ENTITIES
 from haptigraph.perception.oct.class_maps import Rows, Scaling, border_rows, line_rows
 from haptigraph.perception.oct.class_needle import NeedleFit, fit_needles
-from haptigraph.perception.oct.needle import BEVEL_PX, EDGE_SD_PX, SHADOW_MARGIN_PX, row_at
+from haptigraph.perception.oct.class_shadow import SHADOW_MARGIN_MM, Evidence, enters_from_border
+from haptigraph.perception.oct.needle import row_at
 from haptigraph.perception.oct.onnx_model import EntityClasses, ModelFile, OnnxModel, SurfaceClass
-from haptigraph.perception.oct.scan_geometry import Layers, ObservationBuilder, Shaft, casts_shadow
+from haptigraph.perception.oct.scan_geometry import Layers, ObservationBuilder, Shaft
 from haptigraph.perception.oct.surfaces import without_specks
 from haptigraph.registration.oct import ScanRegistration
 
 __all__ = ["SegmentationPerceiver", "interpret"]
 
 COLUMNS = 128  # largest number of columns in which surfaces are sampled
-ILM_MARGIN_PX = 8.0  # nearer to the ILM than this, the needle may continue in tissue, where it is not visible
-MIN_SHIFT_PX = 6.0  # nearer to the shadow's edge than this, the end of the needle's class is more precise
-SLOPE_COLUMNS, EDGE_COLUMNS = 8, 24  # used to extrapolate the RPE into the shadow; searched for the edge
-RPE_ROWS = -6, 3  # of the map, around the RPE
+RPE_DEPTH_COST = 4.0  # an RPE that is reported too deep is the worse error
+ILM_MARGIN_MM = (
+    0.026  # nearer to the ILM than this, the needle may continue in tissue, where it is not visible
+)
+MIN_SHIFT_MM = 0.045  # nearer to the shadow's edge than this, the end of the needle's class is more precise
+SLOPE_COLUMNS = 8  # used to extrapolate the RPE into the shadow
+SEARCHED_MM = 0.37  # beyond the last visible RPE, for the shadow's edge
+RPE_ABOVE_MM, RPE_BELOW_MM = 0.04, 0.02  # band in which tissue is looked for at the RPE
 HALF = 0.5
-MAX_DEPTH_PX = 220.0  # of the tip below the end of the needle's class
-HIDDEN_TIP_SD_PX = 12.0  # standard deviation of a tip that is not visible
+MAX_DEPTH_MM = 0.73  # of the tip below the end of the needle's class
+BEVEL_MM = 0.5  # largest distance of a tip above tissue beyond the end of the needle's class, across
+HIDDEN_TIP_SD_MM, EDGE_SD_MM = (
+    0.1,
+    0.02,
+)  # standard deviation of a tip that is not visible; at the shadow's edge
 
 
 class SegmentationPerceiver:
@@ -55,6 +65,8 @@ class SegmentationPerceiver:
         self._registration = registration
         self._model = OnnxModel(config.model)
         self._build_observation = ObservationBuilder(registration)
+        scale = registration.image
+        self._mm_per_px = scale.mm_per_px, scale.axial_mm_per_px or scale.mm_per_px
 
     def reset(self) -> None:
         """Do nothing: every image is processed independently."""
@@ -66,25 +78,30 @@ class SegmentationPerceiver:
             BadInput: If it is not a B-scan of the registered size.
         """
         image = self._registration.checked(capture.image)
-        size_px = image.shape[1], image.shape[0]
-        layers, shaft = interpret(self._model(image), self._model.spec, size_px)
+        layers, shaft = interpret(self._model(image), self._model.spec, image, self._mm_per_px)
         return self._build_observation(capture.stamp_ns, layers, shaft)
 
 
-def interpret(maps: FloatImage, model: ModelFile, size_px: tuple[int, int]) -> tuple[Layers, Shaft | None]:
+def interpret(
+    maps: FloatImage, model: ModelFile, image: Image, mm_per_px: Vec
+) -> tuple[Layers, Shaft | None]:
     """Extract surfaces and needle from a network's output, in pixels of the image.
 
     Args:
         maps: Probability of each class, (classes, h, w).
         model: Meaning of the classes.
-        size_px: (width, height) of the image.
+        image: The image, (h, w) or (h, w, 3).
+        mm_per_px: Its lateral and axial scale.
     """
     _, height, width = maps.shape
-    scaling = Scaling(size_px[0] / width, size_px[1] / height)
+    scaling = Scaling(image.shape[1] / width, image.shape[0] / height, *mm_per_px)
     every = max(1, width // COLUMNS)
     columns = np.arange(width // every) * every + (every - 1) / 2
     entity, least_confidence = model.entity, model.least_confidence
-    ilm, rpe = (_surface(maps, which, every, least_confidence) for which in (entity.ilm, entity.rpe))
+    ilm, rpe = (
+        _surface(maps, which, every, least_confidence, scaling.row_mm, cost)
+        for which, cost in ((entity.ilm, 1.0), (entity.rpe, RPE_DEPTH_COST))
+    )
     layers = Layers(
         x_px=(columns + 0.5) * scaling.across - 0.5,
         ilm_px=(ilm.rows + 0.5) * scaling.down - 0.5,
@@ -92,15 +109,23 @@ def interpret(maps: FloatImage, model: ModelFile, size_px: tuple[int, int]) -> t
         rpe_px=(rpe.rows + 0.5) * scaling.down - 0.5,
         rpe_visible=without_specks(rpe.is_visible & (rpe.rows > ilm.rows)),
     )
-    return layers, _shaft(maps, model, layers, scaling)
+    likely = layers._replace(
+        ilm_visible=without_specks(ilm.is_likely),
+        rpe_visible=without_specks(rpe.is_likely & (rpe.rows > ilm.rows)),
+    )
+    return layers, _shaft(maps, model, image, likely, scaling)
 
 
-def _surface(maps: FloatImage, which: SurfaceClass | None, every: int, threshold: float) -> Rows:
+def _surface(
+    maps: FloatImage, which: SurfaceClass | None, every: int, threshold: float, row_mm: float, cost: float
+) -> Rows:
     if which is None:
         count = maps.shape[2] // every
-        return Rows(np.zeros(count), np.zeros(count, bool))
+        return Rows(np.zeros(count), np.zeros(count, bool), np.zeros(count, bool))
     coarse = [_coarser(maps[index], every) for index in which.indices]
-    return border_rows(coarse[0], coarse[1], threshold) if which.between else line_rows(coarse[0], threshold)
+    if which.between:
+        return border_rows(coarse[0], coarse[1], threshold, row_mm, cost)
+    return line_rows(coarse[0], threshold)
 
 
 def _coarser(values: FloatImage, every: int) -> FloatImage:
@@ -110,14 +135,24 @@ def _coarser(values: FloatImage, every: int) -> FloatImage:
     return np.asarray(cv2.resize(kept, (width // every, height), interpolation=cv2.INTER_AREA), np.float32)
 
 
-def _shaft(maps: FloatImage, model: ModelFile, layers: Layers, scaling: Scaling) -> Shaft | None:
-    """Return the needle: the line with most evidence among those that cast a shadow."""
+def _shaft(
+    maps: FloatImage, model: ModelFile, image: Image, layers: Layers, scaling: Scaling
+) -> Shaft | None:
+    """Return the needle: of the lines that enter from a border and cast a shadow, that with most evidence."""
     if model.entity.needle is None:
         return None
-    for fit in fit_needles(maps[model.entity.needle.index], scaling, model.least_confidence):
-        shaft = _as_shaft(fit)
-        if casts_shadow(shaft, layers):
-            return _with_tip(shaft, _tissue(maps, model.entity), layers, scaling)
+    needle = model.entity.needle
+    fits = fit_needles(maps[needle.index], scaling, needle.least_confidence or model.least_confidence)
+    size_px = image.shape[1], image.shape[0]
+    fits = [fit for fit in fits if enters_from_border(fit.entry_px, fit.tip_px, size_px, scaling)]
+    if not fits:
+        return None
+    tissue = _tissue(maps, model.entity)
+    evidence = Evidence(image, tissue, scaling)
+    for fit in fits:
+        shaft = _with_tip(_as_shaft(fit), tissue, layers, scaling)
+        if evidence.casts_shadow(shaft.start_px, shaft.tip_px):
+            return shaft
     return None
 
 
@@ -146,24 +181,28 @@ def _as_shaft(fit: NeedleFit) -> Shaft:
 def _with_tip(shaft: Shaft, tissue: FloatImage, layers: Layers, scaling: Scaling) -> Shaft:
     """Move the tip to the shadow's edge if that is beyond the visible metal, as it often is in tissue."""
     (x, y), (dx, dy) = shaft.tip_px, shaft.along_px
+    lateral_mm, axial_mm = scaling.lateral_mm, scaling.axial_mm
     slope, side = dy / max(abs(dx), 1e-3), math.copysign(1.0, dx)
     ahead_px = side * (layers.x_px - x)
+    farthest_px = MAX_DEPTH_MM / axial_mm / max(slope, 1e-3)
     lit = np.flatnonzero(
-        layers.rpe_visible & (ahead_px > -SHADOW_MARGIN_PX) & (ahead_px < MAX_DEPTH_PX / max(slope, 1e-3))
+        layers.rpe_visible & (ahead_px > -SHADOW_MARGIN_MM / lateral_mm) & (ahead_px < farthest_px)
     )
     ilm_y = row_at(layers.x_px, layers.ilm_px, layers.ilm_visible, x)
     edge_x = _shadow_edge(tissue, layers, lit if side > 0 else lit[::-1], side, scaling) if len(lit) else None
     if edge_x is None:
-        is_observable = y < ilm_y - ILM_MARGIN_PX
-        hidden_px = HIDDEN_TIP_SD_PX, HIDDEN_TIP_SD_PX * slope
-        return shaft if is_observable else shaft._replace(sd_px=hidden_px)
+        is_observable = y < ilm_y - ILM_MARGIN_MM / axial_mm
+        hidden_px = HIDDEN_TIP_SD_MM / lateral_mm
+        return shaft if is_observable else shaft._replace(sd_px=(hidden_px, hidden_px * slope))
     further_px = side * (edge_x - x)
     is_inside = y + further_px * slope > ilm_y
-    if not MIN_SHIFT_PX < further_px < (math.inf if is_inside else BEVEL_PX):
+    farthest_px = math.inf if is_inside else BEVEL_MM / lateral_mm
+    if not MIN_SHIFT_MM / lateral_mm < further_px < farthest_px:
         return shaft
+    edge_sd_px = EDGE_SD_MM / lateral_mm
     return shaft._replace(
         tip_px=(edge_x, y + further_px * slope),
-        sd_px=(EDGE_SD_PX, EDGE_SD_PX * slope),
+        sd_px=(edge_sd_px, edge_sd_px * slope),
     )
 
 
@@ -183,10 +222,13 @@ def _shadow_edge(
     slope, start = np.polyfit(layers.x_px[near], layers.rpe_px[near], 1) if len(near) > 2 else (0.0, 0.0)
     start = start if len(near) > 2 else float(layers.rpe_px[near[0]])
     first = round((float(layers.x_px[near[0]]) + 0.5) / scaling.across - 0.5)
-    columns = first - side * np.arange(-1, EDGE_COLUMNS)
+    columns = first - side * np.arange(-1, max(4, round(SEARCHED_MM / scaling.column_mm)))
     columns = columns[(columns >= 0) & (columns < tissue.shape[1])].astype(np.intp)
     rpe_px = start + slope * ((columns + 0.5) * scaling.across - 0.5)
-    rows = np.rint(rpe_px / scaling.down).astype(np.intp) + np.arange(*RPE_ROWS)[:, None]
+    band = np.arange(
+        -max(2, round(RPE_ABOVE_MM / scaling.row_mm)), max(1, round(RPE_BELOW_MM / scaling.row_mm))
+    )
+    rows = np.rint(rpe_px / scaling.down).astype(np.intp) + band[:, None]
     inside = (rows[0] >= 0) & (rows[-1] < len(tissue))  # the RPE may leave the image before the shadow begins
     share = tissue[rows[:, inside], columns[inside]].mean(axis=0)
     dark = np.flatnonzero(share < HALF)

@@ -40,6 +40,7 @@ RETINA_DB = (
 )
 RPE_MM, CHOROID_DB_PER_MM = 0.05, 90.0  # thickness of the band, and attenuation below it
 MAX_DB = np.float32(60.0)
+MAX_FIELDS, FEW_FIELDS = 16, 4  # more looks than the first are simulated from the second number of fields
 TABLE_FROM, TABLE_SPAN, TABLE_STEPS = 0.2, 4.0, 2048
 """Start, extent and length of the table of `tissue_db`, in units of the distance from ILM to RPE."""
 DARK_DB = -60.0
@@ -62,8 +63,8 @@ class BscanAppearance(Struct, frozen=True, forbid_unknown_fields=True):
     lateral_grain_px: Annotated[float, Meta(ge=0.3, le=6)] = 0.8
     axial_grain_px: Annotated[float, Meta(ge=0.3, le=6)] = 0.6
     """Standard deviations of the point spread function, which also sets the size of speckle grains."""
-    looks: Annotated[int, Meta(ge=1, le=16)] = 1
-    """Number of scans averaged in intensity, which reduces speckle."""
+    looks: Annotated[int, Meta(ge=1, le=128)] = 1
+    """Number of scans averaged in intensity, which reduces speckle; above 16 it is reduced by scaling."""
     vessels: Annotated[int, Meta(ge=0, le=20)] = 2
     vessel_db: Annotated[float, Meta(ge=0, le=40)] = 8.0
     """Two-way loss of light in a vessel."""
@@ -76,6 +77,11 @@ class BscanAppearance(Struct, frozen=True, forbid_unknown_fields=True):
     haze_mm: Annotated[float, Meta(ge=0.02, le=2)] = 0.2
     """Width of the haze, and its approximate height above the ILM."""
     floaters: Annotated[int, Meta(ge=0, le=50)] = 2
+
+    @property
+    def fields(self) -> int:
+        """Number of simulated fields."""
+        return self.looks if self.looks <= MAX_FIELDS else FEW_FIELDS
 
 
 class FieldBank:
@@ -134,15 +140,20 @@ def tissue_db(style: BscanAppearance, layers_mm: float) -> Level:
     return np.asarray(np.maximum(db, DARK_DB), np.float32)
 
 
-def grey_from_field(fields: list[Level], floor: Level, style: BscanAppearance) -> Image:
+def grey_from_field(
+    fields: list[Level], floor: Level, style: BscanAppearance, mean: Level | None = None
+) -> Image:
     """Turn complex fields into a log-compressed image.
 
     Args:
         fields: One for each averaged scan, (h, w, 2).
         floor: Added to the mean intensity, broadcast to (h, w); noise = 1.
         style: Maps decibels to grey.
+        mean: Expected intensity, (h, w), towards which fewer fields than `style.looks` are averaged further.
     """
     power = sum(np.einsum("ijk,ijk->ij", field, field) for field in fields) / np.float32(len(fields))
+    if mean is not None:
+        power = mean + np.float32((len(fields) / style.looks) ** 0.5) * (power - mean)
     decibel = np.log(np.maximum(power + floor, MIN_INTENSITY)) * np.float32(10 / np.log(10))
     grey = np.float32(style.grey_per_db) * (decibel - np.float32(EXPONENTIAL_DB)) + np.float32(
         style.noise_grey

@@ -37,6 +37,8 @@ from haptigraph.sim.oct.appearance import (
     tissue_db,
 )
 from haptigraph.sim.oct.artefacts import Artefacts
+from haptigraph.sim.oct.layers import DetailedTissue, TissueDetail
+from haptigraph.sim.oct.mimics import Mimics, MimicSettings
 from haptigraph.sim.oct.needle import BscanNeedle, NeedlePx, needle_level, needle_light
 from haptigraph.sim.oct.retina import Surfaces
 
@@ -89,10 +91,19 @@ class BscanCamera:
         appearance: Appearance of tissue, noise and artefacts.
         needle: Appearance of the needle.
         seed: Random seed.
+        detail: Outer retina, lesions and choroid; None: a plain retina.
+        mimics: Lines that cast no shadow; None: nothing.
     """
 
     def __init__(
-        self, settings: ScanSettings, appearance: BscanAppearance, needle: BscanNeedle, seed: int
+        self,
+        settings: ScanSettings,
+        appearance: BscanAppearance,
+        needle: BscanNeedle,
+        seed: int,
+        *,
+        detail: TissueDetail | None = None,
+        mimics: MimicSettings | None = None,
     ) -> None:
         self.settings, self.appearance, self.needle = settings, appearance, needle
         self.geometry = scan_geometry(settings)
@@ -105,6 +116,10 @@ class BscanCamera:
         self._artefacts = Artefacts(
             appearance, settings.axial_mm_per_px, settings.lateral_mm_per_px, self._size_px, seed
         )
+        axial_mm, height_px = settings.axial_mm_per_px, settings.height_px
+        self.tissue = detail and DetailedTissue(detail, self.x_mm, axial_mm, height_px, seed)
+        scale_mm = settings.lateral_mm_per_px, axial_mm
+        self._mimics = mimics and Mimics(mimics, self._size_px, scale_mm, seed)
 
     def render(
         self, surfaces: Surfaces, tip_mm: Vec | None, direction: Vec = (0.0, -1.0), number: int = 0
@@ -112,28 +127,36 @@ class BscanCamera:
         """Render one B-scan.
 
         Args:
-            surfaces: Surfaces of the retina.
+            surfaces: Surfaces of the healthy retina.
             tip_mm: The needle's tip, eye frame; None: there is no needle.
             direction: Direction of the shaft towards the tip, eye frame; it must point down.
             number: Number of the image; chooses the speckle.
         """
         rng = np.random.default_rng((self._seed, 24, number))
-        ilm_px, rpe_px = (self._row(height).astype(np.float32) for height in surfaces[:2])
+        healthy_rpe_px = self._row(surfaces.rpe_mm).astype(np.float32)
+        surfaces = self.tissue.profiles.deformed(surfaces) if self.tissue else surfaces
+        ilm_px, rpe_px = (
+            self._row(height).astype(np.float32) for height in (surfaces.ilm_mm, surfaces.rpe_mm)
+        )
         needle = None if tip_mm is None else self._needle_px(tip_mm, direction)
-        level = self._tissue_level(ilm_px, rpe_px, rng) * self._artefacts.vessel_light(ilm_px)
+        level: Level = self._tissue_level(ilm_px, healthy_rpe_px, rng) * self._artefacts.vessel_light(ilm_px)
         level += self._artefacts.haze_level(ilm_px, rng)
         self._artefacts.add_floaters(level, ilm_px, rng)
+        level = self._mimics.apply(level, ilm_px, rpe_px) if self._mimics else level
         metal: Level = np.zeros(1, np.float32)
         if needle is not None:
             level *= needle_light(needle, self.needle, self._size_px) ** 2  # light passes twice
             metal = np.sqrt(needle_level(needle, self.needle, ilm_px, self._size_px))
         level = np.sqrt(level)
-        fields = [self._field(level, metal, rng) for _ in range(self.appearance.looks)]
+        fields = [self._field(level, metal, rng) for _ in range(self.appearance.fields)]
+        mean = None
+        if self.appearance.looks > len(fields):
+            mean = (level + np.float32(METAL_GRAIN) * metal) ** 2 + metal**2 + 1
         floor = self._artefacts.streaks(needle.tip_px[1] if needle else None, rng)
         truth = self._truth(
             self._row(surfaces.ilm_mm), self._row(surfaces.rpe_mm), needle, surfaces.is_pierced
         )
-        return Bscan(grey_from_field(fields, floor, self.appearance), truth)
+        return Bscan(grey_from_field(fields, floor, self.appearance, mean), truth)
 
     def classes(self, truth: BscanTruth) -> Image:
         """Return the class of every pixel, (h, w) indices into `CLASSES`."""
@@ -161,6 +184,10 @@ class BscanCamera:
     def _tissue_level(self, ilm_px: Level, rpe_px: Level, rng: np.random.Generator) -> Level:
         """Return the mean intensity of the layers, (h, w)."""
         width, height = self._size_px
+        coarse = rng.standard_normal((height // MOTTLE_PX + 2, width // MOTTLE_PX + 2), np.float32)
+        mottle = np.float32(MOTTLE_DB) * cv2.resize(coarse, (width, height), interpolation=cv2.INTER_LINEAR)
+        if self.tissue:
+            return intensity(self.tissue.decibels(ilm_px, rpe_px, self.appearance) + mottle)
         axial_mm, thick_px = self.settings.axial_mm_per_px, rpe_px - ilm_px
         layers_mm = round(float(thick_px.mean()) * axial_mm, 3)
         if layers_mm not in self._tables:
@@ -171,9 +198,7 @@ class BscanCamera:
             axial_mm / layers_mm
         )
         index = ((share + np.float32(TABLE_FROM)) * np.float32(len(table) / TABLE_SPAN)).astype(np.int32)
-        coarse = rng.standard_normal((height // MOTTLE_PX + 2, width // MOTTLE_PX + 2), np.float32)
-        mottle = cv2.resize(coarse, (width, height), interpolation=cv2.INTER_LINEAR)
-        return intensity(table[np.clip(index, 0, len(table) - 1)] + np.float32(MOTTLE_DB) * mottle)
+        return intensity(table[np.clip(index, 0, len(table) - 1)] + mottle)
 
     def _field(self, root_level: Level, metal: Level, rng: np.random.Generator) -> Level:
         """Return one complex field: backscatter of tissue and metal, and detector noise."""

@@ -12,6 +12,8 @@ from msgspec.structs import replace
 
 from haptigraph.sim.oct.appearance import BscanAppearance
 from haptigraph.sim.oct.bscan import Bscan, BscanCamera, ScanSettings
+from haptigraph.sim.oct.layers import TissueDetail
+from haptigraph.sim.oct.mimics import MimicSettings
 from haptigraph.sim.oct.needle import BscanNeedle
 from haptigraph.sim.oct.retina import Retina, RetinaShape
 
@@ -39,10 +41,15 @@ class BscanScene(Struct, frozen=True):
     angle_deg: float
     """Angle of the shaft to the horizontal, in millimetres; above 90 it comes from the right."""
     seed: int
+    detail: TissueDetail | None = None
+    """Outer retina, lesions and choroid; None: a plain retina."""
+    mimics: MimicSettings | None = None
 
     def camera(self) -> BscanCamera:
         """Return the camera of the scene."""
-        return BscanCamera(self.scan, self.appearance, self.needle, self.seed)
+        return BscanCamera(
+            self.scan, self.appearance, self.needle, self.seed, detail=self.detail, mimics=self.mimics
+        )
 
     def take(self, camera: BscanCamera | None = None, number: int = 0) -> Bscan:
         """Render the B-scan; `number` chooses the speckle."""
@@ -54,6 +61,9 @@ class BscanScene(Struct, frozen=True):
         tip_mm = self.tip_x_mm, height_mm
         surfaces = retina.advance(0.0, SETTLE_S, tip_mm)
         angle = math.radians(self.angle_deg)
+        if camera.tissue:  # the retina is healthy; lesions raise its surface and the tip with it
+            raised_mm = np.interp(self.tip_x_mm, camera.x_mm, camera.tissue.profiles.ilm_raised_mm())
+            tip_mm = self.tip_x_mm, height_mm + float(raised_mm)
         return camera.render(surfaces, tip_mm, (math.cos(angle), -math.sin(angle)), number)
 
 

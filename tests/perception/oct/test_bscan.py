@@ -183,7 +183,7 @@ def test_nothing_is_detected_in_blank_and_noise_images(grey):
     [
         (
             np.zeros((5, 260, 300), np.uint8),
-            "expected one B-scan, (rows, columns), found a volume of 5 x 260 x 300",
+            "expected one B-scan, (rows, columns), found an array of 5 x 260 x 300",
         ),
         (np.zeros((260, 300), np.uint16), "expected a B-scan of 8 bits, grey 0 to 255, found uint16 values"),
         (np.zeros((300, 260), np.uint8), "image is 260 x 300 px, but the registration is for 300 x 260 px"),

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from haptigraph.perception.oct.class_maps import Scaling
 from haptigraph.perception.oct.class_needle import fit_needles
 
-SAME = Scaling(1.0, 1.0)
+SAME = Scaling(1.0, 1.0, 0.015, 0.0066)
 
 
 def fit_needle(on, scaling, least_confidence):
@@ -53,7 +53,7 @@ def test_a_soft_end_is_less_certain():
 
 
 def test_positions_are_in_pixels_of_the_image():
-    found = fit_needle(needle_map((120.0, 160.0), 60.0), Scaling(2.0, 3.0), 0.5)
+    found = fit_needle(needle_map((120.0, 160.0), 60.0), Scaling(2.0, 3.0, 0.0075, 0.0022), 0.5)
     same = fit_needle(needle_map((120.0, 160.0), 60.0), SAME, 0.5)
     assert found.tip_px == pytest.approx((2 * (same.tip_px[0] + 0.5) - 0.5, 3 * (same.tip_px[1] + 0.5) - 0.5))
 
@@ -75,3 +75,10 @@ def test_candidates_are_ordered_by_evidence():
         for fit, tip in zip(found, ((120, 200), (160, 90)), strict=True)
     ]
     assert found[0].tip_px[1] > 190 > 100 > found[1].tip_px[1]
+
+
+def test_a_line_shorter_than_a_fifth_of_a_millimetre_is_no_needle():
+    """The same pixels are a needle in a wide scan, and a speck in a narrow one."""
+    short = needle_map((120.0, 160.0), 60.0, length=40.0)
+    assert fit_needle(short, SAME, 0.5) is not None
+    assert fit_needle(short, Scaling(1.0, 1.0, 0.003, 0.002), 0.5) is None

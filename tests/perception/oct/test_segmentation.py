@@ -1,6 +1,9 @@
+import json
+
 import cv2
 import numpy as np
 import pytest
+from paths import SHARED
 
 from haptigraph.assemble import build, load_procedure, perceiver_name
 from haptigraph.config import Config, PerceptionConfig, load_config
@@ -8,6 +11,7 @@ from haptigraph.errors import BadInput
 from haptigraph.messages import Capture
 from haptigraph.registration.loading import parse_registration
 from haptigraph.registration.text import scan_registration_text
+from haptigraph.sim.oct.diseased import random_detailed_scene
 from haptigraph.sim.oct.scenes import random_scene
 
 pytest.importorskip("onnxruntime", reason="needs ONNX Runtime", exc_type=ImportError)
@@ -79,9 +83,7 @@ def test_in_tissue_the_tip_is_at_the_shadows_edge_and_less_certain(perceive):
     image = capture.image
     image[120:160] = RETINA
     image[160:175] = RPE
-    for x in range(128):  # metal is visible down to the ILM only, but its line casts a shadow to x = 144
-        image[max(120, round(1.25 * x)) :, x] = VITREOUS
-    for x in range(128, 145):
+    for x in range(145):  # metal is visible down to the ILM only, but its line casts a shadow to x = 144
         image[max(120, round(1.25 * x) - 40) :, x] = VITREOUS
     image[100:120, :100] = VITREOUS
     observation, above = perceive(capture), perceive(drawn())
@@ -96,6 +98,57 @@ def test_a_ghost_without_a_shadow_is_rejected(perceive):
     capture = drawn(needle=False)
     cv2.line(capture.image, (40, 0), (128, 110), METAL, 4)  # the tissue below it is visible
     assert "needle_tip" not in perceive(capture).found
+
+
+def test_a_line_that_does_not_enter_from_a_border_is_rejected(perceive):
+    capture = drawn()
+    capture.image[:60, :100] = VITREOUS
+    assert "needle_tip" not in perceive(capture).found
+
+
+def test_a_line_below_the_retina_is_rejected(perceive):
+    capture = drawn(needle=False)
+    cv2.line(capture.image, (0, 162), (128, 190), METAL, 4)
+    assert "needle_tip" not in perceive(capture).found
+
+
+def test_where_the_classes_contradict_each_other_no_rpe_is_reported(perceive):
+    """A second band below the RPE with retina between them: which of them is it?"""
+    capture = drawn(needle=False)
+    capture.image[160:170, 100:180] = RPE
+    capture.image[170:190, 100:180] = RETINA
+    observation = perceive(capture)
+    ((left_mm, right_mm),) = observation.interpolated["rpe"]
+    assert left_mm == pytest.approx((100 - 127.5) * LATERAL_MM, abs=10 * LATERAL_MM)
+    assert right_mm == pytest.approx((180 - 127.5) * LATERAL_MM, abs=10 * LATERAL_MM)
+    assert "ilm" not in observation.interpolated
+
+
+@pytest.mark.parametrize("scale", [0.7, 1.5, 2.0])
+def test_lengths_do_not_depend_on_the_images_resolution(scale):
+    scene = random_scene(1, 301, place="above")
+    image = scene.take().image
+    size = round(512 * scale)
+    other = cv2.resize(image, (size, size), interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR)
+    observations = [
+        SegmentationPerceiver(
+            registered(
+                one.shape[::-1],
+                scene.scan.axial_mm_per_px * 512 / len(one),
+                scene.scan.lateral_mm_per_px * 512 / len(one),
+            ),
+            PerceptionConfig(),
+        )(Capture(0, 0, one))
+        for one in (image, other)
+    ]
+    tips, lines = (
+        [observation.found[name] for observation in observations] for name in ("needle_tip", "needle_line")
+    )
+    assert np.allclose(tips[0].at_mm, tips[1].at_mm, atol=0.02)
+    lengths = [np.linalg.norm(np.subtract(line.end_mm, line.start_mm)) for line in lines]
+    assert lengths[1] == pytest.approx(lengths[0], rel=0.05)
+    sds = [observation.certainty.tip_sd_mm for observation in observations]
+    assert sds[1] == pytest.approx(sds[0], rel=0.25)
 
 
 def test_an_image_of_another_size_is_refused(perceive):
@@ -141,10 +194,60 @@ def test_the_shipped_network_generalizes_to_new_b_scans():
             angles_deg.append(np.degrees(np.arctan2(along[1], along[0]) - np.arctan2(true[1], true[0])))
             tips_px.append(np.hypot(*np.subtract(end, truth.needle.tip_px)))
     assert np.median(off_px["ilm"]) <= 1.5
-    assert np.median(off_px["rpe"]) <= 1.5
+    assert np.median(off_px["rpe"]) <= 2.5  # it is reported higher where the network is undecided
     assert len(angles_deg) >= 8
     assert np.median(np.abs(angles_deg)) <= 0.5
-    assert np.median(tips_px) <= 4
+    assert np.median(tips_px) <= 5
+
+
+def rpe_errors_px(scan, found, registration):
+    """Reported less true row of the RPE in the columns of its points that are visible themselves."""
+    if "rpe" not in found.found:
+        return np.zeros(0)
+    points = [registration.image.to_px(point) for point in found.found["rpe"].points_mm]
+    x, y = np.array(points).T
+    gaps_px = [
+        sorted(registration.image.to_px((end, 0.0))[0] for end in gap)
+        for gap in found.interpolated.get("rpe", ())
+    ]
+    is_seen = ~np.any([(x > start) & (x < end) for start, end in gaps_px], axis=0) if gaps_px else x > -1
+    return (y - np.interp(x, np.arange(512), scan.truth.rpe_px))[is_seen]
+
+
+@pytest.mark.parametrize("diseased", [False, True], ids=["healthy", "diseased"])
+def test_without_needle_none_is_invented_and_the_rpe_is_not_in_the_choroid(diseased):
+    """A few scans with choroid, lesions and lines without shadow; the report scores a thousand."""
+    deep, reported = [], []
+    for number in range(24):
+        scene = random_detailed_scene(number, 302, diseased=diseased)
+        scan, taken = scene.scan, scene.take()
+        registration = registered((512, 512), scan.axial_mm_per_px, scan.lateral_mm_per_px)
+        observation = SegmentationPerceiver(registration, PerceptionConfig())(Capture(0, 0, taken.image))
+        assert "needle_tip" not in observation.found, number
+        errors_px = rpe_errors_px(taken, observation, registration)
+        deep.append((errors_px > 5).sum())
+        reported.append(len(errors_px))
+    assert sum(reported) > 24 * 128 * 0.3
+    assert sum(deep) <= 0.1 * sum(reported)  # half of it with a network that never saw a choroid
+
+
+@pytest.mark.parametrize("name", ["bscan_1.png", "bscan_3.png"])
+def test_in_real_scans_needle_and_surfaces_match_their_labels(name):
+    if not (SHARED / "ioct" / name).is_file():
+        pytest.skip(f"{SHARED / 'ioct'} is not here")
+    labels = {one["image"]: one for one in json.loads((SHARED / "ioct" / "labels.json").read_text())}[name]
+    image = cv2.imread(str(SHARED / "ioct" / name), cv2.IMREAD_GRAYSCALE)
+    registration = registered(image.shape[::-1], 0.0033, 0.0078)
+    observation = SegmentationPerceiver(registration, PerceptionConfig())(Capture(0, 0, image))
+    to_px, line = registration.image.to_px, observation.found["needle_line"]
+    along = np.subtract(to_px(line.end_mm), to_px(line.start_mm))
+    angle_deg = np.degrees(np.arctan2(along[1], along[0]))
+    assert angle_deg == pytest.approx(labels["shaft_angle_from_x_axis_deg"], abs=0.5)
+    assert np.hypot(*np.subtract(to_px(line.end_mm), labels["tip"])) <= 15
+    for surface in ("ilm", "rpe"):
+        x, y = np.array([to_px(point) for point in observation.found[surface].points_mm]).T
+        rows = np.array([np.nan if row is None else row for row in labels[f"{surface}_y"]])
+        assert np.nanmedian(np.abs(y - rows[np.rint(x).astype(int)])) <= 6
 
 
 def test_a_segmentation_run_replays_identically(tmp_path):
