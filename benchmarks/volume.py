@@ -19,8 +19,8 @@ from msgspec.structs import replace
 from haptigraph.perception.volume.scale import VolumeScale
 from haptigraph.perception.volume.shaft import FoundNeedle, VolumeFindings, find_needle_and_surfaces
 from haptigraph.perception.volume.surfaces import HeightMap
-from haptigraph.sim.oct.volume import Volume, VolumeTruth
-from haptigraph.sim.oct.volume_scenes import VolumeScene, random_volume_scene
+from haptigraph.sim.oct.volumes.scenes import VolumeScene, random_volume_scene
+from haptigraph.sim.oct.volumes.volume import Volume, VolumeTruth
 
 VOLUMES, PASSES, SEED = 12, 3, 101
 MARGIN_MM = 0.07  # surfaces closer to the upper or lower border are excluded

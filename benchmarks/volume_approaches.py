@@ -19,8 +19,8 @@ from haptigraph.perception.volume.ahead import AheadSettings, TipAhead, imaged_n
 from haptigraph.perception.volume.scale import VolumeScale
 from haptigraph.perception.volume.shaft import VolumeFindings, find_needle_and_surfaces, gap_to
 from haptigraph.perception.volume.surfaces import HeightMap
-from haptigraph.sim.oct.volume_needle import NeedlePose, pose
-from haptigraph.sim.oct.volume_scenes import random_volume_scene
+from haptigraph.sim.oct.volumes.needle import NeedlePose, pose
+from haptigraph.sim.oct.volumes.scenes import random_volume_scene
 from haptigraph.sim.robot.operator import Tremor
 
 RATE_HZ, LATENCY_S = 4.0, 0.06

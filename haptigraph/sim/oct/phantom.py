@@ -22,7 +22,7 @@ from haptigraph.sim.oct.appearance import BscanAppearance
 from haptigraph.sim.oct.bscan import BscanCamera, ScanSettings
 from haptigraph.sim.oct.needle import BscanNeedle
 from haptigraph.sim.oct.retina import Retina, RetinaShape, Surfaces
-from haptigraph.sim.oct.volume_phantom import VolumePhantom, load_volume_scenario
+from haptigraph.sim.oct.volumes.phantom import VolumePhantom, load_volume_scenario
 from haptigraph.sim.phantom import BLANK, Moment, Phantom
 from haptigraph.sim.robot.operator import Hand, Move, ScriptedOperator
 from haptigraph.sim.scenario import About, checked_moves, load_scenario, scenario_document

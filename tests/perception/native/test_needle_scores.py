@@ -5,8 +5,8 @@ import pytest
 
 from haptigraph.perception.native.needle_scores import needle_scores
 from haptigraph.perception.volume.bevelled import COUNT, RADIUS, Frame, pose_of, rows_of
-from haptigraph.sim.oct.volume_needle import VolumeNeedle, upper_mm
-from haptigraph.sim.oct.volume_needle import pose as true_pose
+from haptigraph.sim.oct.volumes.needle import VolumeNeedle, upper_mm
+from haptigraph.sim.oct.volumes.needle import pose as true_pose
 
 AXIAL_MM, ROWS = 0.01, 120
 BEAM = np.array([[0.0, 0.0], [0.004, -0.006]])

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from haptigraph.perception.volume.scale import VolumeScale
 from haptigraph.perception.volume.shaft import find_needle_and_surfaces, gap_to
 from haptigraph.perception.volume.surfaces import HeightMap
-from haptigraph.sim.oct.volume_scenes import random_volume_scene
+from haptigraph.sim.oct.volumes.scenes import random_volume_scene
 
 SHAPE, SEED = (224, 36, 144), 77
 NEEDLES, EMPTY = [0, 1, 2, 3, 4, 6, 7, 8, 9, 10], [5, 11, 17]

@@ -13,10 +13,10 @@ from haptigraph.geometry import Polyline, height_on_polyline
 from haptigraph.sim.oct.phantom import open_phantom
 from haptigraph.sim.oct.retina import RetinaShape
 from haptigraph.sim.oct.scenes import PLACES
-from haptigraph.sim.oct.volume_needle import VolumeNeedle, pose, upper_mm
-from haptigraph.sim.oct.volume_phantom import VolumePhantom, load_volume_scenario
-from haptigraph.sim.oct.volume_retina import VolumeRetina
-from haptigraph.sim.oct.volume_scenes import random_volume_scene
+from haptigraph.sim.oct.volumes.needle import VolumeNeedle, pose, upper_mm
+from haptigraph.sim.oct.volumes.phantom import VolumePhantom, load_volume_scenario
+from haptigraph.sim.oct.volumes.retina import VolumeRetina
+from haptigraph.sim.oct.volumes.scenes import random_volume_scene
 from haptigraph.toml_document import Document
 
 SMALL = 96, 16, 64

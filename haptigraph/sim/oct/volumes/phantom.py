@@ -19,9 +19,9 @@ from haptigraph.registration.text import scan_registration_text
 from haptigraph.sim.oct.appearance import BscanAppearance
 from haptigraph.sim.oct.bscan import ScanSettings
 from haptigraph.sim.oct.retina import RetinaShape
-from haptigraph.sim.oct.volume import VolumeCamera, VolumeSettings, VolumeTruth
-from haptigraph.sim.oct.volume_acquisition import Acquisition
-from haptigraph.sim.oct.volume_needle import NeedlePose, VolumeNeedle, pose
+from haptigraph.sim.oct.volumes.acquisition import Acquisition
+from haptigraph.sim.oct.volumes.needle import NeedlePose, VolumeNeedle, pose
+from haptigraph.sim.oct.volumes.volume import VolumeCamera, VolumeSettings, VolumeTruth
 from haptigraph.sim.phantom import BLANK, Moment
 from haptigraph.sim.robot.operator import Hand, Move, ScriptedOperator
 from haptigraph.sim.scenario import About, checked_moves

@@ -7,9 +7,9 @@ import numpy as np
 
 from haptigraph.sim.oct.bscan import ScanSettings
 from haptigraph.sim.oct.retina import RetinaShape
-from haptigraph.sim.oct.volume import Grid, VolumeSettings, VolumeTruth
-from haptigraph.sim.oct.volume_needle import NeedlePose, VolumeNeedle
-from haptigraph.sim.oct.volume_retina import VolumeRetina
+from haptigraph.sim.oct.volumes.needle import NeedlePose, VolumeNeedle
+from haptigraph.sim.oct.volumes.retina import VolumeRetina
+from haptigraph.sim.oct.volumes.volume import Grid, VolumeSettings, VolumeTruth
 
 __all__ = ["Acquisition", "PoseAt"]
 

@@ -8,9 +8,9 @@ from haptigraph.sim.oct.appearance import BscanAppearance
 from haptigraph.sim.oct.bscan import ScanSettings
 from haptigraph.sim.oct.retina import RetinaShape
 from haptigraph.sim.oct.scenes import PLACES, SETTLE_S
-from haptigraph.sim.oct.volume import Volume, VolumeCamera, VolumeSettings
-from haptigraph.sim.oct.volume_acquisition import Acquisition
-from haptigraph.sim.oct.volume_needle import NeedlePose, VolumeNeedle, pose
+from haptigraph.sim.oct.volumes.acquisition import Acquisition
+from haptigraph.sim.oct.volumes.needle import NeedlePose, VolumeNeedle, pose
+from haptigraph.sim.oct.volumes.volume import Volume, VolumeCamera, VolumeSettings
 
 __all__ = ["VOLUME_SHAPE", "VolumeScene", "random_volume_scene"]
 

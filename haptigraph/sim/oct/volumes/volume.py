@@ -1,6 +1,6 @@
 """Simulated OCT volumes of a needle at the retina, each with its ground truth in 3D.
 
-    scene = volume_scenes.random_volume_scene(number, seed)
+    scene = scenes.random_volume_scene(number, seed)
     volume = scene.take()
     volume.image                     # (h, n * w) uint8: the n B-scans side by side
     volume.truth.needle              # None, or tip, axis and bevel where the tip was acquired, eye frame, mm
@@ -35,7 +35,7 @@ from haptigraph.sim.oct.appearance import (
 )
 from haptigraph.sim.oct.artefacts import Artefacts
 from haptigraph.sim.oct.bscan import ScanSettings
-from haptigraph.sim.oct.volume_needle import NeedlePose, SliceNeedle, VolumeNeedle, needle_in_slice, upper_mm
+from haptigraph.sim.oct.volumes.needle import NeedlePose, SliceNeedle, VolumeNeedle, needle_in_slice, upper_mm
 
 __all__ = ["Grid", "Volume", "VolumeCamera", "VolumeSettings", "VolumeTruth"]
 
