@@ -33,9 +33,9 @@ SEED = 11
 NEIGHBOURS = 8  # errors are drawn from this number of volumes with the most similar gap
 VARIANTS = {
     "without prediction": None,
-    "predicted": (0.04, 0.0),
-    "predicted, as in the procedure": (0.04, 1.5),
-    "predicted, with 2 sd": (0.04, 2.0),
+    "predicted, without margin": (0.04, 0.0),
+    "predicted, with 1.5 sd": (0.04, 1.5),
+    "predicted, as in the procedure": (0.04, 2.0),
 }
 """Limit of a predicted gap [mm] and its margin [sd]; None: no prediction. The measured gap counts in all."""
 SHOWN = "without prediction", "predicted, as in the procedure"

@@ -12,7 +12,7 @@ from haptigraph import assemble
 from haptigraph.config import load_config
 from haptigraph.sim import scenario as scenario_module
 from haptigraph.sim.oct import phantom as ioct
-from haptigraph.sim.scenario import load_scenario, scenario_names
+from haptigraph.sim.scenario import load_scenario
 from haptigraph.toml_document import Document
 
 GOLDEN = Path("tests/replay/golden")  # relative: recordings keep the path they were given
@@ -58,7 +58,7 @@ def small_scans(document: Document, load=ioct.load_scan_scenario) -> ioct.ScanSc
 def main() -> None:
     GOLDEN.mkdir(exist_ok=True)
     ioct.load_scenario, ioct.load_scan_scenario = small, small_scans
-    for name in sys.argv[1:] or scenario_names():
+    for name in sys.argv[1:] or [path.stem for path in sorted(GOLDEN.glob("*.mcap"))]:
         path = GOLDEN / f"{name}.mcap"
         path.unlink(missing_ok=True)
         procedure, quality = OPTIONS.get(name, ("subretinal_injection", 85))
