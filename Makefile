@@ -26,7 +26,7 @@ $(VENV)/base: requirements-base.lock
 	@touch $(VENV)/base
 
 # The folder too, because a source may be removed. Zig if no C compiler works.
-$(VENV)/runs: $(VENV)/base pyproject.toml hatch_build.py $(NATIVE) $(wildcard $(NATIVE)/*.[ch])
+$(VENV)/runs: $(VENV)/base pyproject.toml hatch_build.py $(NATIVE) $(wildcard $(NATIVE)/*.[ch] $(NATIVE)/*/*.[ch])
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check $$($(BIN)/python -c 'import hatchling.build; print(*hatchling.build.get_requires_for_build_editable())')
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	@touch $(VENV)/runs
@@ -92,7 +92,7 @@ node_modules/ready: .venv/locked package.json package-lock.json
 check: setup node_modules/ready  ## format, lint, types, layers, JavaScript, warnings of the C compiler
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
-	$(BIN)/clang-format --dry-run --Werror $(NATIVE)/*.[ch]
+	$(BIN)/clang-format --dry-run --Werror $(NATIVE)/*.[ch] $(NATIVE)/*/*.[ch]
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python docs/words.py

@@ -59,9 +59,10 @@ def compile_native(library: Path = LIBRARY, *more_flags: str) -> None:
     if command is ZIG and not find_spec("ziglang"):
         tried = "CC is not set, no cc, gcc or clang on PATH works, the package ziglang is not installed"
         sys.exit(f"no C compiler: {tried}; {HELP}")
-    sources = sorted(FOLDER.glob("*.[ch]"))
+    sources = sorted(FOLDER.rglob("*.[ch]"))
     checksum = zlib.crc32(b"".join(source.read_bytes() for source in sources))
-    arguments = [*FLAGS, *more_flags, f"-DSOURCES={checksum}u", *map(str, sorted(FOLDER.glob("*.c"))), "-lm"]
+    compiled = [str(source) for source in sources if source.suffix == ".c"]
+    arguments = [*FLAGS, *more_flags, f"-I{FOLDER}", f"-DSOURCES={checksum}u", *compiled, "-lm"]
     try:
         with TemporaryDirectory(dir=library.parent) as folder:  # a running process never meets half a library
             made = Path(folder, library.name)

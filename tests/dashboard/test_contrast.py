@@ -32,7 +32,7 @@ OVERLAYS = (
   view.picture = await createImageBitmap(new Blob([Uint8Array.from(atob(picture), (letter) => letter.charCodeAt(0))]));
   const pixels = (names, state, edges) => {
     view.choose(names);
-    view.header = { found: needle, sd_mm: { needle_tip: 0.8 }, edges, state };
+    view.header = { found: needle, beside: [], sd_mm: { needle_tip: 0.8 }, edges, state };
     view.draw();
     return view.context.getImageData(0, 0, side, side).data;
   };

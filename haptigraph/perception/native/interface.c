@@ -1,7 +1,7 @@
 /* What Python reads when it loads the library: the sources that it was compiled from, the layouts of the
    structs and the constants that both share. `library.py` refuses a library that does not fit. */
 
-#include "bscan.h"
+#include "oct/bscan.h"
 
 #ifndef SOURCES
 #error "compile with: python hatch_build.py"

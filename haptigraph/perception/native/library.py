@@ -51,7 +51,7 @@ class Library:
             raise NotCompiled(file, f"cannot be loaded ({error})") from None
         self.sources_crc32 = checksum
         """CRC-32 of the C sources from which it was compiled."""
-        sources = sorted(file.parent.glob("*.[ch]"))
+        sources = sorted(file.parent.rglob("*.[ch]"))
         if sources and checksum != zlib.crc32(b"".join(source.read_bytes() for source in sources)):
             raise NotCompiled(file, "was compiled from other C sources than those beside it")
         entries = ctypes.cast(ctypes.pointer(first), ctypes.POINTER(_Entry))

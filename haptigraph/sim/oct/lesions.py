@@ -14,7 +14,7 @@ from msgspec import Meta, Struct
 from haptigraph.imaging import Floats, Mask
 from haptigraph.sim.oct.retina import Surfaces
 
-__all__ = ["COMPLEX_MM", "LesionProfiles", "LesionSettings", "lesion_profiles"]
+__all__ = ["COMPLEX_MM", "Cyst", "LesionProfiles", "LesionSettings", "lesion_profiles"]
 
 Count = Annotated[int, Meta(ge=0, le=40)]
 COMPLEX_MM, EPITHELIUM_MM = 0.065, 0.026

@@ -60,7 +60,7 @@ def test_each_function_has_exactly_one_wrapper_and_nothing_else_calls_c():
     def found(pattern: str, files) -> list[str]:
         return sorted(name for file in files for name in re.findall(pattern, file.read_text()))
 
-    exported = found(r"EXPORT (?:int|double|void) (\w+)\(", NATIVE.glob("*.[ch]"))
+    exported = found(r"EXPORT (?:int|double|void) (\w+)\(", NATIVE.rglob("*.[ch]"))
     wrapped = found(r'LIBRARY\.function\("(\w+)"', NATIVE.glob("*.py"))
     assert wrapped == sorted(set(exported))
     others = [file for file in PACKAGE.rglob("*.py") if file.parent != NATIVE]
@@ -68,7 +68,7 @@ def test_each_function_has_exactly_one_wrapper_and_nothing_else_calls_c():
 
 
 def test_structs_and_constants_are_those_of_the_header():
-    header = "".join((NATIVE / name).read_text() for name in ("native.h", "bscan.h"))
+    header = "".join((NATIVE / name).read_text() for name in ("native.h", "oct/bscan.h"))
     constants = dict(re.findall(r"#define (\w+) (\d+)(?:\.0)? +/\*", header))
     assert {"BLOCK", "CELL", "MAX_LANES", "STATION_PX"} <= set(constants)
     assert {name: LIBRARY.constant(name) for name in constants} == {

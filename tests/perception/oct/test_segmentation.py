@@ -154,7 +154,7 @@ def test_lengths_do_not_depend_on_the_images_resolution(scale):
 def test_an_image_of_another_size_is_refused(perceive):
     with pytest.raises(BadInput, match="the registration is for 256 x 192 px"):
         perceive(Capture(0, 0, np.zeros((100, 100), np.uint8)))
-    with pytest.raises(BadInput, match="a volume"):
+    with pytest.raises(BadInput, match="an array of 4 x 192 x 256"):
         perceive(Capture(0, 0, np.zeros((4, 192, 256), np.uint8)))
 
 

@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-#include "bscan.h"
+#include "oct/bscan.h"
 
 #define LEVELS_PER_GREY 4 /* resolution of quantiles */
 #define MAX_LEVELS (256 * LEVELS_PER_GREY)

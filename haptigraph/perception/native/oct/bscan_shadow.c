@@ -2,7 +2,7 @@
 
 #include <stdlib.h>
 
-#include "bscan.h"
+#include "oct/bscan.h"
 
 #define UPPER_SHARE 0.85 /* the edge's width is counted between these shares of its contrast */
 #define LOWER_SHARE 0.35

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "bscan.h"
+#include "oct/bscan.h"
 
 #define FLANK_STEPS 11 /* half width of a ridge's strip */
 #define STRIP_LANES (2 * FLANK_STEPS + 1)

@@ -5,7 +5,7 @@
 
 #include <stdlib.h>
 
-#include "bscan.h"
+#include "oct/bscan.h"
 
 #define EXCLUDED (-1e9f)
 #define FALL_SHARE 0.5f /* of the reward for the end of the RPE's band */
