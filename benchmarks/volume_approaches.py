@@ -246,7 +246,7 @@ def print_results(name: str, results: list[Played]) -> None:
         leads, left = (np.array(values) for values in zip(*found, strict=True))
         in_time = leads > 0
         print(f"  {variant}: alarm before the RPE in {in_time.sum()} of {len(results)}")
-        for label, values in (("lead [ms]", leads[in_time]), ("left [um]", left[in_time])):
+        for label, values in (("lead [ms]", leads[in_time]), ("left [µm]", left[in_time])):
             if len(values):
                 text = "least {:.0f}  5 % {:.0f}  median {:.0f}  95 % {:.0f}"
                 print(f"    {label}  {text.format(*np.percentile(values, (0, 5, 50, 95)))}")
@@ -264,7 +264,7 @@ def draw(results: list[Played], output: str) -> None:
         lead.hist([one.lead_ms for one in some], 40, color=color, alpha=0.6, label=label)
         left.hist([one.left_um for one in some], 40, color=color, alpha=0.6)
     lead.set(xlabel="alarm before the tip is at the RPE [ms]", ylabel="approaches", xlim=(0, None))
-    left.set(xlabel="true gap at the alarm [um]", xlim=(0, None))
+    left.set(xlabel="true gap at the alarm [µm]", xlim=(0, None))
     lead.legend(fontsize=8, frameon=False)
     for axes in (lead, left):
         axes.spines[["top", "right"]].set_visible(False)
@@ -287,7 +287,7 @@ def main() -> None:
     error_um = 1e3 * np.array([one.gap_off_mm for one in pooled if one.tip_off_mm is not None])
     spread = f"median {np.median(error_um):+.0f}, 95 % within {np.percentile(np.abs(error_um), 95):.0f}"
     missed = np.mean([one.tip_off_mm is None for one in pooled])
-    print(f"  error of the gap [um]: {spread}; no tip in {100 * missed:.1f} % of {len(pooled)} volumes")
+    print(f"  error of the gap [µm]: {spread}; no tip in {100 * missed:.1f} % of {len(pooled)} volumes")
     rng = np.random.default_rng(SEED)
     results = [
         without_images(number, samples[int(rng.integers(len(samples)))])
