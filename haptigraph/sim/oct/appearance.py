@@ -17,14 +17,12 @@ from numpy.typing import NDArray
 from haptigraph.messages import Image
 
 __all__ = [
-    "TABLE_FROM",
-    "TABLE_SPAN",
     "BscanAppearance",
     "FieldBank",
     "Level",
+    "PlainTissue",
     "grey_from_field",
     "intensity",
-    "tissue_db",
 ]
 
 Level: TypeAlias = NDArray[np.floating[Any]]
@@ -40,9 +38,10 @@ RETINA_DB = (
 )
 RPE_MM, CHOROID_DB_PER_MM = 0.05, 90.0  # thickness of the band, and attenuation below it
 MAX_DB = np.float32(60.0)
+METAL_GRAIN = 0.4  # speckle of metal, as a share of its amplitude
 MAX_FIELDS, FEW_FIELDS = 16, 4  # more looks than the first are simulated from the second number of fields
 TABLE_FROM, TABLE_SPAN, TABLE_STEPS = 0.2, 4.0, 2048
-"""Start, extent and length of the table of `tissue_db`, in units of the distance from ILM to RPE."""
+"""Start, extent and length of the table of `_tissue_db`, in units of the distance from ILM to RPE."""
 DARK_DB = -60.0
 
 
@@ -112,6 +111,30 @@ class FieldBank:
         """Return random cut-outs of speckle and noise, (h, w, 2) each: real and imaginary part."""
         return self._part(self._grains, rng), self._part(self._noise, rng)
 
+    def draw(
+        self, root_level: Level, metal: Level, style: BscanAppearance, rng: np.random.Generator
+    ) -> tuple[list[Level], Level | None]:
+        """Return complex fields of tissue, metal and detector noise, (h, w, 2) each.
+
+        Args:
+            root_level: Amplitude of the tissue, (h, w).
+            metal: Amplitude of metal, broadcast to (h, w); it scatters with little speckle.
+            style: Determines how many fields are averaged.
+            rng: Chooses the speckle.
+
+        Returns:
+            The fields, and their expected power where fewer are drawn than `style.looks`, else None.
+        """
+        amplitude = root_level + np.float32(METAL_GRAIN) * metal
+        fields = [self._field(amplitude, metal, rng) for _ in range(style.fields)]
+        return fields, amplitude**2 + metal**2 + 1 if style.looks > len(fields) else None
+
+    def _field(self, amplitude: Level, metal: Level, rng: np.random.Generator) -> Level:
+        grains, noise = self.cut(rng)
+        field = amplitude[..., None] * grains + noise
+        field[..., 0] += metal
+        return np.asarray(field, np.float32)
+
     def _part(self, field: Level, rng: np.random.Generator) -> Level:
         (width, height), (left, top) = self._size_px, rng.integers(0, BANK_EXTRA_PX, 2)
         part = field[top : top + height, left : left + width]
@@ -123,7 +146,7 @@ def intensity(db: Level | float) -> Level:
     return np.exp(np.minimum(np.asarray(db, np.float32), MAX_DB) * np.float32(np.log(10) / 10))
 
 
-def tissue_db(style: BscanAppearance, layers_mm: float) -> Level:
+def _tissue_db(style: BscanAppearance, layers_mm: float) -> Level:
     """Return the backscatter of tissue by depth [dB above the noise], as a table.
 
     Args:
@@ -138,6 +161,38 @@ def tissue_db(style: BscanAppearance, layers_mm: float) -> Level:
     db -= np.maximum(below_mm - RPE_MM, 0) * CHOROID_DB_PER_MM
     db[depth < RETINA_DB[0][0]] = DARK_DB
     return np.asarray(np.maximum(db, DARK_DB), np.float32)
+
+
+class PlainTissue:
+    """The layers of a plain retina.
+
+    Args:
+        style: Appearance of the layers.
+        axial_mm: Height of a row.
+    """
+
+    def __init__(self, style: BscanAppearance, axial_mm: float) -> None:
+        self._style, self._axial_mm = style, axial_mm
+        self._tables: dict[float, Level] = {}
+
+    def level(self, ilm_px: Level, rpe_px: Level, mottle_db: Level) -> Level:
+        """Return the mean intensity, (h, w).
+
+        Args:
+            ilm_px: Row of the ILM in each column, (w,).
+            rpe_px: Row of the RPE, (w,).
+            mottle_db: Uneven backscatter, (h, w).
+        """
+        thick_px = rpe_px - ilm_px
+        layers_mm = round(float(thick_px.mean()) * self._axial_mm, 3)
+        if layers_mm not in self._tables:
+            self._tables[layers_mm] = _tissue_db(self._style, layers_mm)
+        table = self._tables[layers_mm]
+        y = np.arange(len(mottle_db), dtype=np.float32)[:, None]
+        deeper = np.maximum(y - rpe_px, 0) * np.float32(self._axial_mm / layers_mm)
+        share = np.minimum((y - ilm_px) / thick_px, 1) + deeper
+        index = ((share + np.float32(TABLE_FROM)) * np.float32(len(table) / TABLE_SPAN)).astype(np.int32)
+        return intensity(table[np.clip(index, 0, len(table) - 1)] + mottle_db)
 
 
 def grey_from_field(

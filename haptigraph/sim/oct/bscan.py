@@ -27,14 +27,12 @@ from haptigraph.geometry import Vec, unit
 from haptigraph.messages import Image
 from haptigraph.projection import ImageGeometry
 from haptigraph.sim.oct.appearance import (
-    TABLE_FROM,
-    TABLE_SPAN,
     BscanAppearance,
     FieldBank,
     Level,
+    PlainTissue,
     grey_from_field,
     intensity,
-    tissue_db,
 )
 from haptigraph.sim.oct.artefacts import Artefacts
 from haptigraph.sim.oct.layers import DetailedTissue, TissueDetail
@@ -49,7 +47,6 @@ CLASSES = ("vitreous", "needle", "retina", "rpe_choroid", "shadow")
 MIN_LIGHT = 0.5  # pixels that receive a smaller share of the light are in shadow
 CHOROID_MM = 0.2  # visible depth below the RPE
 MOTTLE_DB, MOTTLE_PX = 2.0, 16  # uneven backscatter of tissue, in patches
-METAL_GRAIN = 0.4
 
 
 class ScanSettings(Struct, frozen=True, forbid_unknown_fields=True):
@@ -112,7 +109,7 @@ class BscanCamera:
         """Positions of the columns, eye frame, (w,)."""
         self._seed, self._size_px = seed, (settings.width_px, settings.height_px)
         self._bank = FieldBank(self._size_px, appearance, seed)
-        self._tables: dict[float, Level] = {}
+        self._plain_tissue = PlainTissue(appearance, settings.axial_mm_per_px)
         self._artefacts = Artefacts(
             appearance, settings.axial_mm_per_px, settings.lateral_mm_per_px, self._size_px, seed
         )
@@ -148,10 +145,7 @@ class BscanCamera:
             level *= needle_light(needle, self.needle, self._size_px) ** 2  # light passes twice
             metal = np.sqrt(needle_level(needle, self.needle, ilm_px, self._size_px))
         level = np.sqrt(level)
-        fields = [self._field(level, metal, rng) for _ in range(self.appearance.fields)]
-        mean = None
-        if self.appearance.looks > len(fields):
-            mean = (level + np.float32(METAL_GRAIN) * metal) ** 2 + metal**2 + 1
+        fields, mean = self._bank.draw(level, metal, self.appearance, rng)
         floor = self._artefacts.streaks(needle.tip_px[1] if needle else None, rng)
         truth = self._truth(
             self._row(surfaces.ilm_mm), self._row(surfaces.rpe_mm), needle, surfaces.is_pierced
@@ -188,24 +182,7 @@ class BscanCamera:
         mottle = np.float32(MOTTLE_DB) * cv2.resize(coarse, (width, height), interpolation=cv2.INTER_LINEAR)
         if self.tissue:
             return intensity(self.tissue.decibels(ilm_px, rpe_px, self.appearance) + mottle)
-        axial_mm, thick_px = self.settings.axial_mm_per_px, rpe_px - ilm_px
-        layers_mm = round(float(thick_px.mean()) * axial_mm, 3)
-        if layers_mm not in self._tables:
-            self._tables[layers_mm] = tissue_db(self.appearance, layers_mm)
-        table = self._tables[layers_mm]
-        y = np.arange(height, dtype=np.float32)[:, None]
-        share = np.minimum((y - ilm_px) / thick_px, 1) + np.maximum(y - rpe_px, 0) * np.float32(
-            axial_mm / layers_mm
-        )
-        index = ((share + np.float32(TABLE_FROM)) * np.float32(len(table) / TABLE_SPAN)).astype(np.int32)
-        return intensity(table[np.clip(index, 0, len(table) - 1)] + mottle)
-
-    def _field(self, root_level: Level, metal: Level, rng: np.random.Generator) -> Level:
-        """Return one complex field: backscatter of tissue and metal, and detector noise."""
-        grains, noise = self._bank.cut(rng)
-        field = (root_level + np.float32(METAL_GRAIN) * metal)[..., None] * grains + noise
-        field[..., 0] += metal
-        return np.asarray(field, np.float32)
+        return self._plain_tissue.level(ilm_px, rpe_px, mottle)
 
     def _truth(
         self,

@@ -24,14 +24,12 @@ from msgspec.structs import replace
 from haptigraph.imaging import Floats, Mask
 from haptigraph.messages import Image
 from haptigraph.sim.oct.appearance import (
-    TABLE_FROM,
-    TABLE_SPAN,
     BscanAppearance,
     FieldBank,
     Level,
+    PlainTissue,
     grey_from_field,
     intensity,
-    tissue_db,
 )
 from haptigraph.sim.oct.artefacts import Artefacts
 from haptigraph.sim.oct.bscan import ScanSettings
@@ -41,7 +39,6 @@ __all__ = ["Grid", "Volume", "VolumeCamera", "VolumeSettings", "VolumeTruth"]
 
 VESSEL_MM, VESSEL_DEEP_MM = (0.02, 0.05), 0.04  # half width; depth below the ILM at which all light is lost
 MOTTLE_DB, MOTTLE_MM = 2.0, 0.12  # uneven backscatter of tissue, in patches
-METAL_GRAIN = 0.4
 
 
 class VolumeSettings(Struct, frozen=True, forbid_unknown_fields=True):
@@ -176,7 +173,7 @@ class VolumeCamera:
         )
         self._vessel_light = _vessel_light(self.grid, appearance, seed)
         self._mottle = _mottle(self.grid, seed)
-        self._tables: dict[float, Level] = {}
+        self._tissue = PlainTissue(appearance, scan.axial_mm_per_px)
 
     def render(self, truth: VolumeTruth, number: int = 0) -> Image:
         """Render one volume, (h, n * w); `number` chooses the speckle."""
@@ -194,7 +191,7 @@ class VolumeCamera:
     def _slice(self, at: int, ilm_px: Level, rpe_px: Level, needle: SliceNeedle | None, number: int) -> Image:
         """Render one slice, (h, w)."""
         rng = np.random.default_rng((self._seed, 34, number, at))
-        level = self._tissue_level(ilm_px, rpe_px, self._mottle[at])
+        level = self._tissue.level(ilm_px, rpe_px, self._mottle[at])
         y = np.arange(len(level), dtype=np.float32)[:, None]
         below = np.clip((y - ilm_px) * np.float32(self._axial_mm / VESSEL_DEEP_MM), 0, 1)
         level *= 1 - below * (1 - self._vessel_light[at])
@@ -206,29 +203,9 @@ class VolumeCamera:
             metal = np.zeros_like(level)
             metal[:, needle.columns] = np.sqrt(needle.metal)
         level = np.sqrt(level)
-        fields = [self._field(level, metal, rng) for _ in range(self.appearance.looks)]
+        fields, mean = self._bank.draw(level, metal, self.appearance, rng)
         rows = np.random.default_rng((self._seed, 35))  # saturated lines are in the same rows of all slices
-        return grey_from_field(fields, self._artefacts.streaks(None, rows), self.appearance)
-
-    def _tissue_level(self, ilm_px: Level, rpe_px: Level, mottle: Level) -> Level:
-        """Return the mean intensity of the layers, (h, w)."""
-        thick_px = rpe_px - ilm_px
-        layers_mm = round(float(thick_px.mean()) * self._axial_mm, 3)
-        if layers_mm not in self._tables:
-            self._tables[layers_mm] = tissue_db(self.appearance, layers_mm)
-        table = self._tables[layers_mm]
-        y = np.arange(self.grid.shape[0], dtype=np.float32)[:, None]
-        deeper = np.maximum(y - rpe_px, 0) * np.float32(self._axial_mm / layers_mm)
-        share = np.minimum((y - ilm_px) / thick_px, 1) + deeper
-        index = ((share + np.float32(TABLE_FROM)) * np.float32(len(table) / TABLE_SPAN)).astype(np.int32)
-        return intensity(table[np.clip(index, 0, len(table) - 1)] + mottle)
-
-    def _field(self, root_level: Level, metal: Level, rng: np.random.Generator) -> Level:
-        """Return one complex field: backscatter of tissue and metal, and detector noise."""
-        grains, noise = self._bank.cut(rng)
-        field = (root_level + np.float32(METAL_GRAIN) * metal)[..., None] * grains + noise
-        field[..., 0] += metal
-        return np.asarray(field, np.float32)
+        return grey_from_field(fields, self._artefacts.streaks(None, rows), self.appearance, mean)
 
 
 def _centred(count: int) -> Floats:
