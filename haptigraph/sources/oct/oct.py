@@ -138,7 +138,7 @@ def _opened(file: Path, settings: SourceConfig) -> tuple[Source, ScanFacts]:
     if suffix in EYEPY_FILES:
         eyepy = EyepySource(file, settings.rate_hz)
         is_volume = eyepy.facts.volume_reason and not as_sequence
-        return VolumesSource([file], settings, eyepy.facts) if is_volume else eyepy, eyepy.facts
+        return VolumesSource([file], settings, eyepy.facts, eyepy) if is_volume else eyepy, eyepy.facts
     if not file.exists():
         raise BadInput("no such file or folder", file)
     if files := volume_files(file):

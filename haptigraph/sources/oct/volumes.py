@@ -4,7 +4,8 @@ A file is one volume, a folder a series of them in natural order. A volume becom
 side by side, (rows, slices * columns), which everything downstream transports like any other image.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,8 @@ from haptigraph.messages import Capture, Image, Volume
 from haptigraph.sources.depth import DeepDecoder, pages
 from haptigraph.sources.images import natural
 from haptigraph.sources.oct.dicom import DicomSource
-from haptigraph.sources.oct.scan import EYEPY_FILES, EyepySource, ScanFacts, dicom_facts
+from haptigraph.sources.oct.scan import ScanFacts, dicom_facts
+from haptigraph.sources.reading import read_images
 from haptigraph.stages import Source
 
 __all__ = ["VolumesSource", "volume_files"]
@@ -48,6 +50,7 @@ class VolumesSource(Source):
         files: One volume each, in order.
         settings: Rate, depth, axes of arrays, and whether the B-scans are played one by one.
         facts: What the first file states, where it is known already.
+        bscans: Those of the first file, where it is open already.
 
     Raises:
         BadInput: If the first file cannot be read, or the images are to be cropped or turned.
@@ -55,7 +58,13 @@ class VolumesSource(Source):
 
     is_live = False
 
-    def __init__(self, files: list[Path], settings: SourceConfig, facts: ScanFacts | None = None) -> None:
+    def __init__(
+        self,
+        files: list[Path],
+        settings: SourceConfig,
+        facts: ScanFacts | None = None,
+        bscans: Source | None = None,
+    ) -> None:
         self._files, self._settings, self._decoder = files, settings, DeepDecoder(settings.bits)
         self.rate_hz = settings.rate_hz
         self._number = -1
@@ -65,7 +74,7 @@ class VolumesSource(Source):
                 "source.mirror",
                 files[0],
             )
-        self._first: Volume | None = self._load(files[0])
+        self._first: Volume | None = self._load(files[0]) if bscans is None else _stack(bscans)
         self.facts = facts or _facts(files[0], len(self._first))
         self.size_px = self._first.shape[2], self._first.shape[1]
         """(width, height) of a B-scan."""
@@ -111,9 +120,7 @@ class VolumesSource(Source):
             if not is_read or len({page.shape for page in stack}) != 1:
                 raise BadInput("not a stack of B-scans of one size that OpenCV can read", file)
             return self._in_8_bits(np.stack(stack), file)
-        is_vendors = suffix in EYEPY_FILES
-        source = EyepySource(file, self.rate_hz) if is_vendors else DicomSource(file, self.rate_hz)
-        return np.stack([grey_of(image) for image in _images(source.read)])
+        return _stack(DicomSource(file, self.rate_hz))
 
     def _in_8_bits(self, stored: NDArray[Any], file: Path) -> Volume:
         try:
@@ -122,14 +129,10 @@ class VolumesSource(Source):
             raise BadInput(error.problem, file) from None
 
 
-def _images(read: Callable[[float], Capture | None]) -> Iterator[Image]:
-    while True:
-        try:
-            capture = read(0.0)
-        except EndOfSource:
-            return
-        if capture is not None and capture.image is not None:
-            yield capture.image
+def _stack(bscans: Source) -> Volume:
+    """Return all B-scans of a source, (slices, rows, columns), and close it."""
+    with closing(read_images(bscans)) as captures:
+        return np.stack([grey_of(capture.image) for capture in captures if capture.image is not None])
 
 
 def _array(file: Path) -> NDArray[Any]:
