@@ -15,6 +15,7 @@ from collections.abc import Iterator
 import cv2
 import numpy as np
 from msgspec.structs import replace
+from volume_gap import gap_to
 
 from haptigraph.perception.volume.scale import VolumeScale
 from haptigraph.perception.volume.shaft import FoundNeedle, VolumeFindings, find_needle_and_surfaces
@@ -85,9 +86,9 @@ class Errors:
             angle_deg = math.degrees(math.acos(min(float(needle.along @ true.along), 1.0)))
             self.of["axis_deg"].append(angle_deg)
             self.of["axis_z"].append(angle_deg / needle.direction_sd_deg / math.sqrt(2))
-            self._add_tip(needle, truth)
+            self._add_tip(needle, found.rpe, truth)
 
-    def _add_tip(self, needle: FoundNeedle, truth: VolumeTruth) -> None:
+    def _add_tip(self, needle: FoundNeedle, rpe: HeightMap, truth: VolumeTruth) -> None:
         if needle.tip_mm is None or truth.needle is None:
             return
         self.count["tip"] += 1
@@ -95,11 +96,12 @@ class Errors:
         self.of["tip_um"].append(1e3 * float(np.linalg.norm(off_mm)))
         self.of["tip_z"] += np.abs(off_mm / needle.tip_sd_mm).tolist()
         self.count["gross"] += self.of["tip_um"][-1] > GROSS_UM
-        if needle.above_rpe is not None:
-            gap_mm = needle.above_rpe.gap_mm - truth.gap_mm
+        if rpe.visible.any():
+            gap = gap_to(rpe, needle.tip_mm, needle.tip_cov_mm2)
+            gap_mm = gap.gap_mm - truth.gap_mm
             self.of["gap_um"].append(1e3 * abs(gap_mm))
             self.of["signed_gap_um"].append(1e3 * gap_mm)
-            self.of["gap_z"].append(abs(gap_mm) / needle.above_rpe.sd_mm)
+            self.of["gap_z"].append(abs(gap_mm) / gap.sd_mm)
         if needle.facing is not None:
             self.count["bevel stated"] += 1
             self.count["bevel wrong"] += float(needle.facing @ truth.needle.facing) < 0.5

@@ -13,11 +13,12 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+from volume_gap import gap_to
 
 from haptigraph.imaging import Floats
 from haptigraph.perception.volume.ahead import AheadSettings, TipAhead, imaged_ns
 from haptigraph.perception.volume.scale import VolumeScale
-from haptigraph.perception.volume.shaft import VolumeFindings, find_needle_and_surfaces, gap_to
+from haptigraph.perception.volume.shaft import VolumeFindings, find_needle_and_surfaces
 from haptigraph.perception.volume.surfaces import HeightMap
 from haptigraph.sim.oct.volumes.needle import NeedlePose, pose
 from haptigraph.sim.oct.volumes.scenes import random_volume_scene
@@ -161,9 +162,10 @@ def seen_of(found: VolumeFindings) -> Seen:
 def sample_of(found: VolumeFindings, gap_mm: float, tip_mm: Floats) -> Sample:
     """Return the errors in a volume."""
     needle = found.needle
-    if needle is None or needle.tip_mm is None or needle.above_rpe is None:
+    if needle is None or needle.tip_mm is None or not found.rpe.visible.any():
         return Sample(gap_mm, None, 0.0, np.zeros(3))
-    return Sample(gap_mm, needle.tip_mm - tip_mm, needle.above_rpe.gap_mm - gap_mm, needle.tip_sd_mm)
+    reported_mm = gap_to(found.rpe, needle.tip_mm, needle.tip_cov_mm2).gap_mm
+    return Sample(gap_mm, needle.tip_mm - tip_mm, reported_mm - gap_mm, needle.tip_sd_mm)
 
 
 def without_images(number: int, samples: list[Sample]) -> Played:

@@ -3,6 +3,7 @@
 Of a volume, it shows three sections through the tip. For people only; perception does not use it.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 
 import cv2
@@ -31,7 +32,7 @@ GAP_MM = 0.1
 GAP_GREY = 40
 
 
-class EyeView:
+class EyeView(ABC):
     """A square picture of the eye, or of the sections of a volume.
 
     Args:
@@ -48,6 +49,7 @@ class EyeView:
     def __init__(self, size_px: int, center_mm: Vec, half_mm: float) -> None:
         self.size_px, self.center_mm, self.half_mm = size_px, center_mm, half_mm
 
+    @abstractmethod
     def __call__(self, image: Image, found: Mapping[str, Geometry]) -> Image:
         """Return the picture, (size, size) grey.
 
@@ -55,7 +57,6 @@ class EyeView:
             image: As the source delivers it.
             found: What was found in it: sections go through the tip.
         """
-        raise NotImplementedError
 
     def drawn(self, found: Mapping[str, Geometry]) -> tuple[dict[str, Geometry], ...]:
         """Return what is to be drawn in each of its pictures, moved to its place; the main one is first."""
@@ -127,6 +128,9 @@ class VolumeView(EyeView):
         size_px: Side of the square view.
     """
 
+    across_mm: float
+    above_mm: float
+
     def __init__(self, registration: ScanRegistration, size_px: int = 480) -> None:
         axial_mm, slice_mm, lateral_mm = registration.voxel_mm
         self._registration, slices = registration, registration.image.slices
@@ -138,22 +142,22 @@ class VolumeView(EyeView):
         self.above_mm = -(height / 2 + GAP_MM + depth / 2)
         center_mm = (depth + GAP_MM) / 2, -(depth + GAP_MM) / 2
         super().__init__(size_px, center_mm, (max(width, height) + depth + 3 * GAP_MM) / 2)
-        self._sizes_mm = width, height, depth
+        self._sizes_mm, self._slices = (width, height, depth), slices
 
     def __call__(self, image: Image, found: Mapping[str, Geometry]) -> Image:
         """Return the view, (size, size) grey; without a tip, its sections go through the middle."""
         volume, geometry = self._registration.checked_volume(grey_of(image)), self._registration.image
-        at, slices = _tip(found), geometry.slices
-        number = slices.number(at.z_mm) if slices else 0
+        at = _tip(found)
+        number = self._slices.number(at.z_mm)
         column = round(geometry.to_px(at.at_mm, at.z_mm)[0]) - number * volume.shape[2]
         column = min(max(column, 0), volume.shape[2] - 1)
         picture = np.full((self.size_px, self.size_px), GAP_GREY, np.uint8)
         width, height, depth = self._sizes_mm
         flip = -1 if geometry.mirrored else 1
         self._put(picture, volume[:, number, ::flip], (0.0, 0.0), (width, height))
-        self._put(picture, volume[:, :, column], (self.across_mm or 0.0, 0.0), (depth, height))
+        self._put(picture, volume[:, :, column], (self.across_mm, 0.0), (depth, height))
         above = _stretched(volume.mean(axis=0, dtype=np.float32)[:, ::flip])
-        self._put(picture, above, (0.0, self.above_mm or 0.0), (width, depth))
+        self._put(picture, above, (0.0, self.above_mm), (width, depth))
         return picture
 
     def drawn(self, found: Mapping[str, Geometry]) -> tuple[dict[str, Geometry], ...]:
@@ -170,7 +174,7 @@ class VolumeView(EyeView):
 
     def _across(self, shape: Geometry, x_mm: float) -> Geometry | None:
         """Return a shape in the section of constant x, z to the right; None if it does not show."""
-        to_mm = self.across_mm or 0.0
+        to_mm = self.across_mm
         if isinstance(shape, Point):
             return Point((to_mm + shape.z_mm, shape.at_mm[1]))
         if isinstance(shape, Segment):
@@ -183,7 +187,7 @@ class VolumeView(EyeView):
 
     def _above(self, shape: Geometry) -> Geometry | None:
         """Return a shape as seen from above, where z grows downwards; None if it does not show."""
-        to_mm = self.above_mm or 0.0
+        to_mm = self.above_mm
         if isinstance(shape, Point):
             return Point((shape.at_mm[0], to_mm - shape.z_mm))
         if isinstance(shape, Segment):

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from haptigraph.errors import BadInput
+from haptigraph.analysis.registering.registering import check_files
 from haptigraph.perception.instrument.learning import Progress, learn_instrument
 from haptigraph.perception.instrument.model import VoxelMm
-from haptigraph.perception.instrument.model_file import fingerprint, save_instrument
+from haptigraph.perception.instrument.model_file import check_suffix, fingerprint, save_instrument
 from haptigraph.perception.instrument.volume_folder import VolumeFolder
 
 __all__ = ["register_instrument"]
@@ -20,12 +20,8 @@ def register_instrument(
         BadInput: If the volumes show no instrument, or the model cannot be written.
     """
     path = Path(output)
-    if path.suffix != ".npz":
-        raise BadInput("the name of an instrument's file ends in .npz", path)
-    if not path.parent.is_dir():
-        raise BadInput("its folder does not exist; create it first", path)
-    if path.exists() and not force:
-        raise BadInput("exists already; --force overwrites it", path)
+    check_suffix(path)
+    check_files((path,), folder, force=force)
     volumes = VolumeFolder(folder)
     model = learn_instrument(volumes, voxel_mm, progress)
     save_instrument(model, path, force=force)

@@ -115,9 +115,9 @@ def plausible_anatomy(images: Sequence[Image], diameter_mm: float, source: str) 
     return anatomy
 
 
-def check_files(files: tuple[Path, Path], source: str, *, force: bool) -> None:
+def check_files(files: tuple[Path, ...], source: str, *, force: bool) -> None:
     """Refuse files that cannot be written or must not be overwritten."""
-    if files[0] == files[1]:
+    if len(set(files)) < len(files):
         raise BadInput("registration and picture cannot be the same file; give --picture FILE", files[0])
     for file in files:
         if file.is_dir():

@@ -3,9 +3,9 @@
 import numpy as np
 
 from haptigraph.errors import BadInput
+from haptigraph.messages import Volume
 from haptigraph.perception.instrument.alignment import Alignment, align
 from haptigraph.perception.instrument.first_estimate import estimate_first
-from haptigraph.perception.instrument.learning import VolumeArray
 from haptigraph.perception.instrument.model import InstrumentModel, InstrumentPose
 from haptigraph.perception.instrument.rotations import Array, rotation_matrix, rotation_vector
 from haptigraph.perception.native.volume import reduce_volume
@@ -19,7 +19,7 @@ RESTARTS_MM = (0.35, -0.35)
 UP = np.array([0.0, 1.0, 0.0])
 
 
-def find_instrument(volume: VolumeArray, model: InstrumentModel) -> InstrumentPose | None:
+def find_instrument(volume: Volume, model: InstrumentModel) -> InstrumentPose | None:
     """Find an instrument that is alone in its volume.
 
     Args:

@@ -10,6 +10,7 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from haptigraph.errors import BadInput
+from haptigraph.messages import Volume
 from haptigraph.perception.instrument.alignment import Alignment, align
 from haptigraph.perception.instrument.first_estimate import FirstEstimate, estimate_first, foreground_level
 from haptigraph.perception.instrument.mean_volume import MeanGrid, RawTemplate
@@ -17,10 +18,7 @@ from haptigraph.perception.instrument.model import InstrumentModel, VoxelMm
 from haptigraph.perception.instrument.rotations import Array, mean_rotation, rotation_vector
 from haptigraph.perception.native.volume import ReducedVolume, reduce_volume
 
-__all__ = ["MIN_VOLUMES", "VolumeArray", "learn_instrument", "usable_rows"]
-
-VolumeArray = NDArray[np.uint8]
-"""(rows, slices, columns)"""
+__all__ = ["MIN_VOLUMES", "learn_instrument", "usable_rows"]
 
 MIN_VOLUMES = 8
 MAX_VOLUMES = 200
@@ -48,7 +46,7 @@ class _Learned(Struct):
 
 
 def learn_instrument(
-    volumes: Sequence[VolumeArray], voxel_mm: VoxelMm, progress: Progress | None = None
+    volumes: Sequence[Volume], voxel_mm: VoxelMm, progress: Progress | None = None
 ) -> InstrumentModel:
     """Learn an instrument and the fixed reflections of the scanner.
 
@@ -86,7 +84,7 @@ def learn_instrument(
     return _model(state, template, is_usable, voxel_mm, level)
 
 
-def usable_rows(volumes: Sequence[VolumeArray]) -> NDArray[np.bool_]:
+def usable_rows(volumes: Sequence[Volume]) -> NDArray[np.bool_]:
     """Return the rows without a fixed reflection, (rows,).
 
     A reflection's median is bright in almost every volume; a row on either side belongs to it.

@@ -11,7 +11,7 @@ import numpy as np
 from haptigraph.errors import BadInput
 from haptigraph.perception.instrument.model import InstrumentModel
 
-__all__ = ["fingerprint", "load_instrument", "save_instrument"]
+__all__ = ["check_suffix", "fingerprint", "load_instrument", "save_instrument"]
 
 FORMAT, VERSION = "haptigraph instrument", 1
 LEARN_AGAIN = "learn it again with: haptigraph register --volumes FOLDER -o FILE"
@@ -43,8 +43,7 @@ def save_instrument(model: InstrumentModel, path: str | Path, *, force: bool = F
         BadInput: If the file exists and is not to be overwritten, or cannot be written.
     """
     file = Path(path)
-    if file.suffix != ".npz":
-        raise BadInput("the name of an instrument's file ends in .npz", file)
+    check_suffix(file)
     arrays = _arrays(model)
     try:
         with file.open("wb" if force else "xb") as stream:
@@ -59,6 +58,16 @@ def save_instrument(model: InstrumentModel, path: str | Path, *, force: bool = F
         raise BadInput("exists already; --force overwrites it", file) from None
     except OSError as error:
         raise BadInput(f"cannot be written ({error.strerror})", file) from None
+
+
+def check_suffix(file: Path) -> None:
+    """Refuse a name that is not an instrument's.
+
+    Raises:
+        BadInput: If it does not end in .npz.
+    """
+    if file.suffix != ".npz":
+        raise BadInput("the name of an instrument's file ends in .npz", file)
 
 
 def load_instrument(path: str | Path) -> InstrumentModel:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from haptigraph.geometry import Vec
 from haptigraph.imaging import FloatImage, Floats, Mask
-from haptigraph.perception.oct.shortest_path import best_path
+from haptigraph.perception.native.bscan import best_path
 
 __all__ = ["Rows", "Scaling", "border_rows", "line_rows"]
 

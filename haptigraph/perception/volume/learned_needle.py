@@ -38,6 +38,4 @@ def find_learned_needle(volume: Volume, model: InstrumentModel, scale: VolumeSca
         tip_cov_mm2=np.diag(np.square(pose.tip_sd_mm)),
         facing=np.asarray(pose.bevel, np.float64),
         confidence=max(1 - pose.cost / model.cost_limit, 0.0),
-        above_ilm=None,
-        above_rpe=None,
     )

@@ -11,14 +11,19 @@ from haptigraph.config import PerceptionConfig
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Geometry, Point, Segment, Surface
 from haptigraph.imaging import Floats, Mask
-from haptigraph.messages import Capture, Certainty, ImageKind, Observation
+from haptigraph.messages import Capture, Certainty, ImageKind, Observation, Volume
 from haptigraph.perception.entities import ENTITIES
 from haptigraph.perception.instrument.model import InstrumentModel
 from haptigraph.perception.instrument.model_file import load_instrument
 from haptigraph.perception.volume.ahead import AheadSettings, TipAhead, imaged_ns
 from haptigraph.perception.volume.learned_needle import find_learned_needle
 from haptigraph.perception.volume.scale import VolumeScale
-from haptigraph.perception.volume.shaft import FoundNeedle, VolumeFindings, find_needle_and_surfaces
+from haptigraph.perception.volume.shaft import (
+    FoundNeedle,
+    VolumeFindings,
+    find_needle_and_surfaces,
+    find_surfaces,
+)
 from haptigraph.perception.volume.surfaces import HeightMap
 from haptigraph.registration.oct import ScanRegistration
 
@@ -75,21 +80,25 @@ class VolumePerceiver:
         volume = self._registration.checked_volume(capture.image)
         if self._registration.image.mirrored:
             volume = volume[:, :, ::-1]
-        findings = find_needle_and_surfaces(volume, self._scale)
-        if self._instrument is not None:
-            findings = findings._replace(needle=find_learned_needle(volume, self._instrument, self._scale))
+        findings = self._find(volume)
         found, sd_mm = self._surfaces(findings)
         needle = findings.needle
         certainty = None if needle is None else _certainty(needle)
         if needle is not None:
-            found["needle_line"] = _segment(needle.start_mm, _end_mm(needle))
+            found["needle_line"] = _segment(needle.start_mm, needle.end_mm)
             if needle.tip_mm is not None:
                 found["needle_tip"] = _point(needle.tip_mm)
                 if needle.facing is not None:
-                    end_mm = _end_mm(needle)
-                    found["needle_bevel"] = _segment(end_mm, end_mm + BEVEL_MM * needle.facing)
+                    opening_mm = needle.end_mm + BEVEL_MM * needle.facing
+                    found["needle_bevel"] = _segment(needle.end_mm, opening_mm)
         self._predict(capture.stamp_ns, findings, found, sd_mm)
         return Observation(capture.stamp_ns, found, certainty=certainty, sd_mm=sd_mm)
+
+    def _find(self, volume: Volume) -> VolumeFindings:
+        if self._instrument is None:
+            return find_needle_and_surfaces(volume, self._scale)
+        needle = find_learned_needle(volume, self._instrument, self._scale)
+        return find_surfaces(volume, self._scale)._replace(needle=needle)
 
     def _surfaces(
         self, findings: VolumeFindings
@@ -157,13 +166,6 @@ def _certainty(needle: FoundNeedle) -> Certainty:
         tip_sd_mm=None if needle.tip_mm is None else largest_mm,
         theta_sd_deg=needle.direction_sd_deg,
     )
-
-
-def _end_mm(needle: FoundNeedle) -> Floats:
-    """Return where the shaft ends: at the point of its axis that is nearest to the tip."""
-    if needle.tip_mm is None:
-        return needle.end_mm
-    return needle.end_mm + ((needle.tip_mm - needle.end_mm) @ needle.along) * needle.along
 
 
 def _sd_at(surface: HeightMap, at_mm: Floats) -> float:

@@ -16,14 +16,20 @@ import numpy as np
 
 from haptigraph.imaging import Floats
 from haptigraph.messages import Image
-from haptigraph.perception.volume.cells import downsampled
+from haptigraph.perception.volume.cells import Cells, downsampled
 from haptigraph.perception.volume.fit import NeedleFit, fit_needle
-from haptigraph.perception.volume.light import RPE_SHARES, lit_maps, shadow_scores, tissue_profile
+from haptigraph.perception.volume.light import (
+    RPE_SHARES,
+    TissueProfile,
+    lit_maps,
+    shadow_scores,
+    tissue_profile,
+)
 from haptigraph.perception.volume.scale import VolumeScale
 from haptigraph.perception.volume.shaft_line import ShaftLine, find_shaft_line
-from haptigraph.perception.volume.surfaces import HeightMap, find_surface_maps
+from haptigraph.perception.volume.surfaces import HeightMap, SurfaceMaps, find_surface_maps
 
-__all__ = ["FoundNeedle", "Gap", "VolumeFindings", "entry_mm", "find_needle_and_surfaces", "gap_to"]
+__all__ = ["FoundNeedle", "VolumeFindings", "entry_mm", "find_needle_and_surfaces", "find_surfaces"]
 
 MAX_TIP_SD_MM = 0.024  # of one axis; a tip less certain is not reported
 MIN_SCORE = 0.72  # of the fit, of 1; a worse one may be elsewhere
@@ -31,16 +37,6 @@ LEAST_SCORE = 0.45  # of a needle at all: vessels below floaters fit worse
 POOR_DIRECTION_SD_DEG = 5.0  # of such a fit, at least
 MIN_UPRIGHT = 0.6  # a sharp end beside the axis is thin, and below an overhang it is hidden
 MIN_FACING = 0.8  # length of the bevel's mean direction
-NORMAL_MM = 0.1  # from a point to where a surface's slope is measured
-
-
-class Gap(NamedTuple):
-    """A signed distance from a surface along its local normal; positive above."""
-
-    gap_mm: float
-    sd_mm: float
-    is_visible: bool
-    """Whether the surface is visible within a cell of the point; otherwise it is interpolated."""
 
 
 class FoundNeedle(NamedTuple):
@@ -63,9 +59,6 @@ class FoundNeedle(NamedTuple):
     """Direction to which the bevel opens, length 1, (3,); None: not certain."""
     confidence: float
     """Share of the evidence that the needle's A-scans could give, 0 to 1."""
-    above_ilm: Gap | None
-    above_rpe: Gap | None
-    """None without a tip, or without the surface."""
 
     @property
     def tip_sd_mm(self) -> Floats:
@@ -89,9 +82,7 @@ def find_needle_and_surfaces(volume: Image, scale: VolumeScale) -> VolumeFinding
         scale: Its size and scale.
     """
     cells = downsampled(volume, scale)
-    maps = find_surface_maps(cells)
-    profile = tissue_profile(cells, maps)
-    maps = lit_maps(cells, maps, profile)
+    maps, profile = _lit_surfaces(cells)
     shadow = shadow_scores(cells, maps, profile)
     floor = shadow_scores(cells, maps, profile, RPE_SHARES)
     line = find_shaft_line(cells, maps, shadow, floor)
@@ -100,33 +91,22 @@ def find_needle_and_surfaces(volume: Image, scale: VolumeScale) -> VolumeFinding
     fit = fit_needle(volume, scale, maps, profile, line)
     if fit.score < LEAST_SCORE:
         return VolumeFindings(maps.ilm, maps.rpe, None)
-    return VolumeFindings(maps.ilm, maps.rpe, _needle(scale, maps.ilm, maps.rpe, line, fit))
+    return VolumeFindings(maps.ilm, maps.rpe, _needle(scale, line, fit))
 
 
-def gap_to(surface: HeightMap, point_mm: Floats, point_cov_mm2: Floats) -> Gap:
-    """Return a point's signed distance from a surface along its local normal.
-
-    Args:
-        surface: The surface.
-        point_mm: The point, (3,).
-        point_cov_mm2: Its covariance, (3, 3).
-    """
-    x, y, z = (np.array(value) for value in point_mm)
-    step = NORMAL_MM
-    xs, zs = np.array([x + step, x - step, x, x]), np.array([z, z, z + step, z - step])
-    right, left, near, far = surface.at(xs, zs)
-    normal = np.array([-(right - left) / (2 * step), 1.0, -(near - far) / (2 * step)])
-    normal /= np.linalg.norm(normal)
-    off_mm = float(y - surface.at(x, z)) * float(normal[1])
-    sd_mm = float(surface.at(x, z, surface.sd_mm)) * float(normal[1])
-    visible = float(surface.at(x, z, surface.visible.astype(np.float64)))
-    variance = float(normal @ point_cov_mm2 @ normal) + sd_mm**2
-    return Gap(off_mm, math.sqrt(variance), visible > 0.5)
+def find_surfaces(volume: Image, scale: VolumeScale) -> VolumeFindings:
+    """Find ILM and RPE alone; the arguments are those above."""
+    maps, _ = _lit_surfaces(downsampled(volume, scale))
+    return VolumeFindings(maps.ilm, maps.rpe, None)
 
 
-def _needle(
-    scale: VolumeScale, ilm: HeightMap, rpe: HeightMap, line: ShaftLine, fit: NeedleFit
-) -> FoundNeedle:
+def _lit_surfaces(cells: Cells) -> tuple[SurfaceMaps, TissueProfile]:
+    maps = find_surface_maps(cells)
+    profile = tissue_profile(cells, maps)
+    return lit_maps(cells, maps, profile), profile
+
+
+def _needle(scale: VolumeScale, line: ShaftLine, fit: NeedleFit) -> FoundNeedle:
     """Return a needle, without its tip where that is not certain."""
     sd_mm = np.sqrt(np.diag(fit.tip_cov_mm2))
     is_certain = (
@@ -137,12 +117,9 @@ def _needle(
     )
     length = float(np.linalg.norm(fit.facing))
     facing = fit.facing / length if is_certain and length >= MIN_FACING else None
-    gaps = [
-        gap_to(surface, fit.tip_mm, fit.tip_cov_mm2) if is_certain and surface.visible.any() else None
-        for surface in (ilm, rpe)
-    ]
-    end_mm = fit.axis_mm
-    if not is_certain:
+    if is_certain:
+        end_mm = fit.axis_mm + ((fit.tip_mm - fit.axis_mm) @ fit.along) * fit.along
+    else:
         step = line.last_mm - float((fit.axis_mm - line.at_mm)[[0, 2]] @ line.along)
         end_mm = fit.axis_mm + fit.along * step / max(float(np.hypot(fit.along[0], fit.along[2])), 1e-6)
     return FoundNeedle(
@@ -155,8 +132,6 @@ def _needle(
         tip_cov_mm2=fit.tip_cov_mm2,
         facing=facing,
         confidence=min(max(fit.score, 0.0), 1.0),
-        above_ilm=gaps[0],
-        above_rpe=gaps[1],
     )
 
 

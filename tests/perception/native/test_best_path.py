@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from haptigraph.perception.oct.shortest_path import best_path
+from haptigraph.perception.native.bscan import best_path
 
 
 @settings(max_examples=40)

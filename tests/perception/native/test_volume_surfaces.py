@@ -5,8 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
+from haptigraph.perception.native.bscan import best_path
 from haptigraph.perception.native.volume_surfaces import best_paths, ilm_rewards, row_sums, rpe_rewards
-from haptigraph.perception.oct.shortest_path import best_path
 
 COST = (2.0 * np.arange(-2, 3) ** 2).astype(np.float32)
 
