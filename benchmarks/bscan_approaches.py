@@ -238,7 +238,7 @@ def print_outcomes(name: str, outcomes: list[Outcome]) -> None:
     print(f"{name}: alarm before the RPE in {in_time} of {len(outcomes)}")
     if in_time:
         ms, um = (np.percentile(values, (0, 1, 5, 50, 95)) for values in (leads[leads > 0], left))
-        for label, values in (("lead [ms]", ms), ("left [um]", um)):
+        for label, values in (("lead [ms]", ms), ("left [µm]", um)):
             text = "min {:.0f}  1 % {:.0f}  5 % {:.0f}  median {:.0f}  95 % {:.0f}".format(*values)
             print(f"  {label}      {text}")
 
@@ -253,7 +253,7 @@ def draw(outcomes: list[Outcome], output: str) -> None:
     lead.hist([outcome.lead_ms for outcome in outcomes], 40, color="#20507a")
     lead.set(xlabel="alarm before the tip is at the RPE [ms]", ylabel="approaches", xlim=(0, None))
     left.hist([outcome.left_um for outcome in outcomes], 40, color="#20507a")
-    left.set(xlabel="true distance left at the alarm [um]", xlim=(0, None))
+    left.set(xlabel="true distance left at the alarm [µm]", xlim=(0, None))
     for axes in (lead, left):
         axes.spines[["top", "right"]].set_visible(False)
     sheet.suptitle(
@@ -277,7 +277,7 @@ def main() -> None:
     missed = [error is None for each in errors for _, error in each]
     error_um = 1e3 * np.array([error[0] for each in errors for _, error in each if error])
     spread = f"median {np.median(error_um):+.0f}, 95 % within {np.percentile(np.abs(error_um), 95):.0f}"
-    print(f"  error above the RPE [um]: {spread}; not detected in {100 * np.mean(missed):.1f} % of images")
+    print(f"  error above the RPE [µm]: {spread}; not detected in {100 * np.mean(missed):.1f} % of images")
     rng = np.random.default_rng(SEED)
     outcomes = [
         without_images(number, errors[int(rng.integers(len(errors)))]) for number in numbers[options.images :]

@@ -17,10 +17,7 @@ from haptigraph.perception.native.bscan import best_path
 
 __all__ = ["Rows", "Scaling", "border_rows", "line_rows"]
 
-SCORED_MM, SCORED_ROWS = (
-    0.05,
-    (3, 16),
-)  # on either side of a border, for its score; limits of the number of rows
+SCORED_MM, SCORED_ROWS = 0.05, (3, 16)  # on either side of a border, for its score; limits of the rows
 REFINED_ROWS = 4  # on either side of a border, for its sub-pixel position
 MIN_PROBABILITY = np.float32(1e-3)  # lower limit, so that a single speckle does not outweigh all others
 MAX_STEP_ROWS = 6  # from one column to the next

@@ -73,8 +73,7 @@ class Evidence:
         smaller = cv2.resize(grey_of(image), (width, height), interpolation=cv2.INTER_AREA)
         box = BOX_COLUMNS, max(2, round(BOX_MM / scaling.row_mm))
         self._grey = cv2.blur(smaller.astype(np.float32), box, borderType=cv2.BORDER_REPLICATE)
-        whole = self._between(-1.0, np.inf)
-        self._has_tissue = whole.has_tissue
+        self._whole = self._between(-1.0, np.inf)
         self._dark_grey = float(np.quantile(self._grey[::2, ::2], DARK_SHARE))
 
     def casts_shadow(self, entry_px: Vec, tip_px: Vec) -> bool:
@@ -84,7 +83,7 @@ class Evidence:
             entry_px: Where it is first visible, in pixels of the image.
             tip_px: Its lower end.
         """
-        if not self._has_tissue.any():
+        if not self._whole.has_tissue.any():
             return True  # there is nothing on which a shadow could fall
         scaling = self._scaling
         dx, dy = tip_px[0] - entry_px[0], tip_px[1] - entry_px[1]
@@ -100,11 +99,11 @@ class Evidence:
         shaft_row = np.maximum(shaft_px, 0) / scaling.down
         below = self._between(shaft_row + beside_rows, np.inf)
         above = self._between(-1.0, shaft_row - beside_rows)
-        beyond_mm = -behind_mm[self._has_tissue & (behind_mm < SHADOW_MARGIN_MM)]
+        beyond_mm = -behind_mm[self._whole.has_tissue & (behind_mm < SHADOW_MARGIN_MM)]
         if not len(beyond_mm) or float(beyond_mm.min()) > MAX_EDGE_MM:
             return False
-        lit = self._has_tissue & ~covered
-        lit_grey = float(np.median(self._between(-1.0, np.inf).grey[lit])) - self._dark_grey
+        lit = self._whole.has_tissue & ~covered
+        lit_grey = float(np.median(self._whole.grey[lit])) - self._dark_grey
         lit_grey = self._dark_grey + MAX_GREY_SHARE * max(lit_grey, MIN_LIT_GREY)
         first = covered & (behind_mm >= float(np.median(behind_mm[covered])))  # nearer to the border
         is_bright = below.grey > lit_grey

@@ -31,8 +31,6 @@ __all__ = [
     "without_ridge_columns",
 ]
 
-# Of the perceiver `segmentation`, in pixels of the image.
-SHADOW_MARGIN_PX, BEVEL_PX, EDGE_SD_PX = 14.0, 64.0, 2.5
 SLOPE_COLUMNS = 6  # for extrapolating a surface
 
 

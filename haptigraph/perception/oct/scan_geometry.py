@@ -13,17 +13,17 @@ import numpy as np
 from haptigraph.geometry import Geometry, Point, Polyline, Segment, Vec, subtract
 from haptigraph.imaging import Floats, Mask
 from haptigraph.messages import Certainty, Observation
-from haptigraph.perception.oct.needle import SHADOW_MARGIN_PX, row_at
+from haptigraph.perception.oct.needle import row_at
 from haptigraph.registration.oct import ScanRegistration
 
-__all__ = ["Layers", "ObservationBuilder", "Shaft", "casts_shadow"]
+__all__ = ["SUBRETINAL_SHARE", "Layers", "ObservationBuilder", "Shaft"]
 
-SUBRETINAL_SHARE = 0.9  # of the distance from ILM to RPE: end of the outer segments, where the space can open
+SUBRETINAL_SHARE = 0.9
+"""Of the distance from ILM to RPE: end of the outer segments, where the space can open."""
 BEYOND_TIP_PX = 8.0  # extension of a surface beyond the tip
 MAX_EXTENSION_PX = 60.0  # of a surface beyond its visible part
 ON_LINE_MM = 1e-9  # nearer to a line, a point is on it
 SLOPE_SD = 0.08  # standard deviation of the slope of what is not visible, mm per mm
-MAX_TISSUE_SHARE = 0.08  # of all columns, with visible tissue in a shadow
 
 
 class Layers(NamedTuple):
@@ -53,15 +53,6 @@ class Shaft(NamedTuple):
     angle_sd_deg: float
     """In the image, whose pixels are not square."""
     confidence: float
-
-
-def casts_shadow(shaft: Shaft, layers: Layers) -> bool:
-    """Return whether no tissue is visible where a needle would shadow it; a ghost casts no shadow."""
-    (x, y), (dx, dy) = shaft.tip_px, shaft.along_px
-    behind = math.copysign(1.0, dx) * (x - layers.x_px) > SHADOW_MARGIN_PX
-    shaft_y = y + dy / dx * (layers.x_px - x) if dx else np.full_like(layers.x_px, -math.inf)
-    visible = layers.ilm_visible & behind & (layers.ilm_px > shaft_y + SHADOW_MARGIN_PX)
-    return float(visible.mean()) <= MAX_TISSUE_SHARE
 
 
 class _SurfaceLine(NamedTuple):

@@ -15,6 +15,7 @@ from haptigraph.messages import Capture, Certainty, ImageKind, Observation, Volu
 from haptigraph.perception.entities import ENTITIES
 from haptigraph.perception.instrument.model import InstrumentModel
 from haptigraph.perception.instrument.model_file import load_instrument
+from haptigraph.perception.oct.scan_geometry import SUBRETINAL_SHARE
 from haptigraph.perception.volume.ahead import AheadSettings, TipAhead, imaged_ns
 from haptigraph.perception.volume.learned_needle import find_learned_needle
 from haptigraph.perception.volume.scale import VolumeScale
@@ -30,8 +31,6 @@ from haptigraph.registration.oct import ScanRegistration
 __all__ = ["VolumePerceiver"]
 
 NS_PER_S = 1e9
-SPACE_SHARE = 0.9
-"""Depth at which the subretinal space opens: the outer tenth of the retina."""
 MAX_SURFACE_SD_MM = 0.05  # below the tip; a surface less certain is not reported
 MAX_NODES = 48  # of a reported surface, along x and z each
 BEVEL_MM = 0.1  # length of the segment that shows to which side the bevel opens
@@ -116,7 +115,7 @@ class VolumePerceiver:
         if not rpe.visible.any() or sds["rpe"] > MAX_SURFACE_SD_MM:
             return found, sd_mm
         found["rpe"], sd_mm["rpe"] = _surface(rpe, rpe.height_mm, rpe.visible), sds["rpe"]
-        shares = ("target_layer", self._registration.target_share), ("subretinal_space", SPACE_SHARE)
+        shares = ("target_layer", self._registration.target_share), ("subretinal_space", SUBRETINAL_SHARE)
         for name, share in shares:
             height_mm = (1 - share) * ilm.height_mm + share * rpe.height_mm
             found[name] = _surface(ilm, height_mm, ilm.visible & rpe.visible)

@@ -166,6 +166,7 @@ def test_a_run_of_volumes_replays_identically_and_is_shown_in_three_sections(qui
     settings = ("--procedure", "subretinal_injection_4d", "--fast", "--record", str(path))
     run = call("run", f"phantom:{quick_volume}", *settings)
     assert run.exit_code == 0, run.output
+    assert "4 volumes/s: haptic output ends 375 ms after the last one" in run.output
     replay = call("replay", str(path))
     assert replay.exit_code == 0 and "21 of 21 steps identical" in replay.output
     folder = RecordingFolder(tmp_path)
