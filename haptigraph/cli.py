@@ -17,6 +17,7 @@ from haptigraph.commands.preparing import check, procedure, register
 from haptigraph.commands.publishing.export import export
 from haptigraph.commands.publishing.video import video
 from haptigraph.commands.recordings import recover, replay
+from haptigraph.commands.robot import robot
 from haptigraph.commands.running import demo, run
 from haptigraph.commands.sources import sources
 from haptigraph.commands.study import study
@@ -68,6 +69,7 @@ def _show_warning(message: Warning | str, category: type[Warning], *_: object, *
         "Your own video or camera": ("sources", "register", "run"),
         "Recordings": ("replay", "explain", "figure", "recover"),
         "Rules and haptic feedback": ("procedure", "check", "diagram", "evidence", "devices"),
+        "Robots": ("robot",),
         "Accuracy": ("evaluate",),
         "Studies with people": ("study",),
     },
@@ -95,6 +97,7 @@ for command in (
     diagram,
     evidence,
     devices,
+    robot,
     sources,
     study,
     recover,

@@ -27,6 +27,9 @@ class HandMotion(Struct, frozen=True, forbid_unknown_fields=True):
     for a needle from above; exactly: along the direction of the shaft rotated by +90 degrees)."""
     apart_mm: Displacement = 0.0
     """Between thumb and finger: positive opens the jaws of forceps; no effect on a tool without jaws."""
+    outwards_mm: Displacement = 0.0
+    """Across the shaft and the section: positive moves the tip towards the camera (+z of the eye frame;
+    exactly if the shaft lies in the section). No effect on a robot that moves in the section."""
 
     def __post_init__(self) -> None:
         _must_be_finite(self)

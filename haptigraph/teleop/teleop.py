@@ -68,6 +68,7 @@ class Teleop:
                     before.along_mm + motion.along_mm,
                     before.across_mm + motion.across_mm,
                     before.apart_mm + motion.apart_mm,
+                    before.outwards_mm + motion.outwards_mm,
                 )
             self._released |= not motion.engaged
             self._pending = motion

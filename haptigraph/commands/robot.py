@@ -1,0 +1,20 @@
+"""Commands for robots: robot check, calibrate, steer."""
+
+import click
+
+from haptigraph.commands.help import TaskGroup, examples
+
+__all__ = ["SAFETY", "robot"]
+
+SAFETY = (
+    "Research software, not a medical device: move a robot only where nobody and nothing can be harmed, with "
+    "its own emergency stop at hand."
+)
+
+
+@click.group(cls=TaskGroup, tasks={}, epilog=examples("haptigraph robot --help"))
+def robot() -> None:
+    """Check, calibrate and steer a robot that holds the instrument.
+
+    Research software, not a medical device.
+    """
