@@ -15,6 +15,9 @@ RANGES = ("SUBNET", "LOCALHOST", "OFF", "SYSTEM_DEFAULT")
 # Nodes that are found without multicast have a number each, which selects their port. DDS has 120 of them; a
 # peer without port is asked at every number, so that ROS limits them.
 MAX_INDEX, MAX_ASKED_INDEX = 119, 32
+# By default, Cyclone DDS 11 asks every 30 s, and gives up a peer that has not answered in 30 s; it would
+# never find a robot that is switched on later.
+ASK_INTERVAL_S = 5
 
 
 def discovery_settings() -> str:
@@ -35,11 +38,12 @@ def discovery_settings() -> str:
         return _fragment(f"{tag}<ParticipantIndex>none</ParticipantIndex>", multicast=False)
     peers = [*(["localhost"] if text == "LOCALHOST" else []), *_static_peers()]
     limit = MAX_ASKED_INDEX if peers else MAX_INDEX
-    listed = "".join(f'<Peer address="{peer}"/>' for peer in peers)
     discovery = (
         f"<ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>{limit}</MaxAutoParticipantIndex>"
-        f"{f'<Peers>{listed}</Peers>' if peers else ''}"
     )
+    if peers:
+        listed = "".join(f'<Peer address="{peer}" pruneDelay="inf"/>' for peer in peers)
+        discovery += f"<Peers>{listed}</Peers><SPDPInterval>{ASK_INTERVAL_S}s</SPDPInterval>"
     return _fragment(discovery, multicast=text == "SUBNET")
 
 

@@ -87,8 +87,12 @@ def test_off_finds_nobody_while_others_find_each_other():
             assert not any(other.finds(lonely) for other in others)
 
 
-def test_a_static_peer_is_found_and_finds_back():
-    asked, asking = in_range("asked", "SUBNET"), in_range("asking", "SUBNET", ROS_STATIC_PEERS="127.0.0.1; ")
+@pytest.mark.parametrize("is_late", [False, True])
+def test_a_static_peer_is_found_and_finds_back(is_late):
+    asking = in_range("asking", "SUBNET", ROS_STATIC_PEERS="127.0.0.1; ")
+    if is_late:
+        assert asking.topics() == {"/asking"}  # it has asked, and nobody was there
+    asked = in_range("asked", "SUBNET")
     with participants(asked, asking):
         until(lambda: asking.finds(asked) and asked.finds(asking), "the peer is not found")
 
@@ -109,7 +113,7 @@ def settings_of(monkeypatch, which, peers=""):
 def test_the_ranges_are_those_of_rmw_cyclonedds(monkeypatch):
     without, with_multicast = "<AllowMulticast>false</AllowMulticast>", "AllowMulticast"
     local, subnet = settings_of(monkeypatch, "LOCALHOST"), settings_of(monkeypatch, "SUBNET")
-    assert without in local and '<Peer address="localhost"/>' in local
+    assert without in local and '<Peer address="localhost" ' in local
     assert with_multicast not in subnet and "Peer" not in subnet
     assert settings_of(monkeypatch, "") == settings_of(monkeypatch, " SUBNET ") == subnet
     off = settings_of(monkeypatch, "OFF", "no.such.host.invalid")  # ROS ignores the peers, too
