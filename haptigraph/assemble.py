@@ -68,6 +68,7 @@ SOURCES = {
     "realsense-file": "haptigraph.sources.cameras.realsense_file:RealsenseFile",
     "recording": "haptigraph.sources.recording:RecordingSource",
     "ros2": "haptigraph.sources.cameras.ros2:Ros2Source",
+    "rosbag": "haptigraph.sources.rosbag:RosbagSource",
     "teleop": "haptigraph.sources.teleop:TeleopSource",
     "video": "haptigraph.sources.video:VideoSource",
 }
@@ -228,6 +229,7 @@ def open_source(config: Config, clock: Clock, size_px: tuple[int, int] | None = 
         "phantom": {"loop": settings.loop, "target_mm": settings.target_mm},
         "realsense": camera,
         "ros2": camera,
+        "rosbag": {"rate_hz": settings.rate_hz},
         "teleop": {"clock": clock, "target_mm": settings.target_mm},
     }
     source: Source = _load(SOURCES[kind])(argument, **options.get(kind, {}))
