@@ -17,7 +17,7 @@ from haptigraph.errors import BadInput
 from haptigraph.ros2 import discovery
 from haptigraph.ros2.discovery import discovery_settings
 
-PROGRAM = Path(__file__).parents[1] / "support" / "ros_discovering.py"
+PROGRAM = Path(__file__).with_name("ros_discovering.py")
 LOOPBACK = '<General><Interfaces><NetworkInterface address="127.0.0.1"/></Interfaces>{}</General>'
 WITHOUT_MULTICAST = LOOPBACK.format("<AllowMulticast>false</AllowMulticast>")
 VARIABLES = ("ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS", "CYCLONEDDS_URI", "ROS_DOMAIN_ID")
