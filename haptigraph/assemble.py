@@ -68,6 +68,7 @@ SOURCES = {
     "realsense-file": "haptigraph.sources.cameras.realsense_file:RealsenseFile",
     "recording": "haptigraph.sources.recording:RecordingSource",
     "ros2": "haptigraph.sources.cameras.ros2:Ros2Source",
+    "rosbag": "haptigraph.sources.rosbag:RosbagSource",
     "teleop": "haptigraph.sources.teleop:TeleopSource",
     "video": "haptigraph.sources.video:VideoSource",
 }
@@ -219,15 +220,14 @@ def open_source(config: Config, clock: Clock, size_px: tuple[int, int] | None = 
         raise BadInput(f"source.loop works with phantom:SCENARIO only, found {settings.uri!r}")
     if kind in CAMERAS:
         size_px = camera_size_px(settings, settings.turn.size_before_px(size_px) if size_px else None)
-    camera = {"size_px": size_px, "rate_hz": settings.rate_hz, "clock": clock}
+    rate = {"rate_hz": settings.rate_hz}
+    camera = {**rate, "size_px": size_px, "clock": clock}
     options: dict[str, dict[str, Any]] = {
         "camera": {**camera, "fourcc": settings.fourcc},
-        "dicom": {"rate_hz": settings.rate_hz},
-        "images": {"rate_hz": settings.rate_hz},
+        **dict.fromkeys(("dicom", "images", "rosbag"), rate),
         "oct": {"settings": settings},
         "phantom": {"loop": settings.loop, "target_mm": settings.target_mm},
-        "realsense": camera,
-        "ros2": camera,
+        **dict.fromkeys(("realsense", "ros2"), camera),
         "teleop": {"clock": clock, "target_mm": settings.target_mm},
     }
     source: Source = _load(SOURCES[kind])(argument, **options.get(kind, {}))

@@ -15,6 +15,7 @@ from haptigraph.commands.help import TaskGroup, examples
 from haptigraph.commands.live import live
 from haptigraph.commands.preparing import check, procedure, register
 from haptigraph.commands.publishing.export import export
+from haptigraph.commands.publishing.recording import export_recording
 from haptigraph.commands.publishing.video import video
 from haptigraph.commands.recordings import recover, replay
 from haptigraph.commands.robot import robot
@@ -67,7 +68,7 @@ def _show_warning(message: Warning | str, category: type[Warning], *_: object, *
     tasks={
         "Try it": ("live", "demo"),
         "Your own video or camera": ("sources", "register", "run"),
-        "Recordings": ("replay", "explain", "figure", "recover"),
+        "Recordings": ("replay", "explain", "figure", "export", "recover"),
         "Rules and haptic feedback": ("procedure", "check", "diagram", "evidence", "devices"),
         "Robots": ("robot",),
         "Accuracy": ("evaluate",),
@@ -94,6 +95,7 @@ for command in (
     procedure,
     explain,
     figure,
+    export_recording,
     diagram,
     evidence,
     devices,
