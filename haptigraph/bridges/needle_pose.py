@@ -1,7 +1,7 @@
 """The detected needle -> its pose in space: a matrix, a quaternion, a covariance.
 
 Origin at the tip, z along the shaft towards the tip. An image does not show how the needle is rolled about
-its shaft; by convention, x lies in the section.
+its shaft; by convention, x lies in the section, and y points away from the viewer.
 """
 
 import math

@@ -34,6 +34,7 @@ def test_the_needle_is_a_rotation_with_its_origin_at_the_tip(start, end, start_z
     assert np.linalg.det(rotation) == pytest.approx(1.0)
     assert tuple(matrix[:, 3]) == (*end, end_z)
     assert rotation[2, 0] == 0.0  # x lies in the section
+    assert rotation[2, 1] <= 0.0  # y points away from the viewer
     length_mm = math.dist((*start, start_z), (*end, end_z))
     if length_mm > 1e-6:  # a model along -z, as SlicerIGT makes them, coincides with the shaft
         assert np.allclose(matrix @ [0, 0, -length_mm, 1], (*start, start_z), atol=1e-6)

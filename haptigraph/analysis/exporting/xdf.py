@@ -115,8 +115,6 @@ def run_xdf(path: str | Path, output: str | Path, progress: Progress | None = No
     Raises:
         BadInput: If the recording cannot be read, or the file exists or cannot be written.
     """
-    if Path(output).exists():
-        raise BadInput("exists already; choose another name", output)
     reader = RunReader(path)
     measures = parse_procedure(reader.info.procedure, f"procedure in {path}").schema.measure_names
     started_utc = reader.info.started_utc
@@ -134,6 +132,8 @@ def run_xdf(path: str | Path, output: str | Path, progress: Progress | None = No
     try:
         with open(output, "xb") as target:
             target.write(file.content())
+    except FileExistsError:
+        raise BadInput("exists already; choose another name", output) from None
     except OSError as error:  # that of a full disk does not name the file
         raise BadInput(f"cannot be written ({error.strerror})", output) from None
     return counts

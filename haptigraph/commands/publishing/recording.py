@@ -1,5 +1,7 @@
 """The command that exports a recording to other programs: export."""
 
+from pathlib import Path
+
 import click
 
 from haptigraph.commands.help import examples
@@ -28,6 +30,9 @@ def export_recording(recording: str, xdf: str | None, foxglove_layout: str | Non
     """
     if xdf is None and foxglove_layout is None:
         raise BadInput("nothing to write; give --xdf FILE or --foxglove-layout FILE")
+    for output in filter(None, (xdf, foxglove_layout)):
+        if Path(output).exists():
+            raise BadInput("exists already; choose another name", output)
     if foxglove_layout is not None:
         from haptigraph.analysis.exporting.foxglove_layout import write_foxglove_layout
 

@@ -163,6 +163,11 @@ def test_the_command_writes_once_and_overwrites_nothing(recording, tmp_path):
     before = path.read_bytes()
     assert f"{path}: exists already" in refuse("export", recording, "--xdf", path)
     assert path.read_bytes() == before
+    with pytest.raises(BadInput, match="exists already"):
+        run_xdf(recording, path)
+    layout = tmp_path / "layout.json"
+    refuse("export", recording, "--foxglove-layout", layout, "--xdf", path)
+    assert not layout.exists()  # all or nothing
     assert "nothing to write; give --xdf FILE or --foxglove-layout FILE" in refuse("export", recording)
     assert "cannot be written" in refuse("export", recording, "--xdf", tmp_path / "none" / "run.xdf")
     with pytest.raises(BadInput):
