@@ -118,12 +118,13 @@ class Controller:
             self._mapping.put(hand)
             self._heard_ns = now_ns
         motion = self._mapping.take(elapsed_s)
-        pose, before, after = reading.pose, self._commanded, None
-        is_known = pose is not None and pose.is_finite
-        if motion is not None and pose is not None and is_known:
-            if before is None:
-                self._follower.start(pose)
-                before = pose
+        pose = reading.pose if reading.pose is not None and reading.pose.is_finite else None
+        judged = self._judged(now_ns, reading, pose)
+        before, after = self._commanded, None
+        if before is None and pose is not None and judged["is_shaft_aligned"]:
+            self._follower.start(pose)
+            before = pose
+        if motion is not None and before is not None:
             after = self._follower.next(before, motion, elapsed_s)
         conditions = Conditions(
             is_switched_on=is_switched_on,
@@ -134,7 +135,7 @@ class Controller:
             is_engaged=motion is not None,
             is_settled=self._commanded is not None or now_ns - self._moved_ns >= SETTLE_MS * 1e6,
             is_command_valid=after is None or before is None or self._check.allows(before, after, elapsed_s),
-            **self._judged(now_ns, reading, pose if is_known else None),
+            **judged,
         )
         decision = decide(conditions, self._is_latched)
         self._is_latched = decision.is_latched
