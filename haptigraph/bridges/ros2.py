@@ -10,7 +10,6 @@ import msgspec
 
 from haptigraph.bridges.bridge import RunContext
 from haptigraph.bridges.diagnostics import RunDiagnostics
-from haptigraph.bridges.joy import JoySteering
 from haptigraph.geometry import Point as EyePoint
 from haptigraph.messages import Capture, Step
 from haptigraph.ros2.node import Node, checked_topic
@@ -26,6 +25,7 @@ from haptigraph.ros2.types import (
     String,
     Time,
 )
+from haptigraph.teleop.leaders.joy import JoySteering
 
 __all__ = ["EYE_FRAME", "TOPICS", "Ros2Link"]
 
