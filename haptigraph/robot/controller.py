@@ -119,12 +119,12 @@ class Controller:
             self._heard_ns = now_ns
         motion = self._mapping.take(elapsed_s)
         pose = reading.pose if reading.pose is not None and reading.pose.is_finite else None
-        judged = self._judged(now_ns, reading, pose)
+        judged = self._judged(now_ns, reading, pose, is_starting=motion is not None)
         before, after = self._commanded, None
-        if before is None and pose is not None and judged["is_shaft_aligned"]:
-            self._follower.start(pose)
-            before = pose
-        if motion is not None and before is not None:
+        if motion is not None and pose is not None and judged["is_shaft_aligned"]:
+            if before is None:
+                self._follower.start(pose)
+                before = pose
             after = self._follower.next(before, motion, elapsed_s)
         conditions = Conditions(
             is_switched_on=is_switched_on,
@@ -146,7 +146,9 @@ class Controller:
         self._commanded, self._moved_ns = after, now_ns
         return Move(after)
 
-    def _judged(self, now_ns: int, reading: RobotReading, pose: ToolPose | None) -> dict[str, bool]:
+    def _judged(
+        self, now_ns: int, reading: RobotReading, pose: ToolPose | None, *, is_starting: bool
+    ) -> dict[str, bool]:
         """Return the conditions on what the robot measures; without a pose, only that is absent."""
         limits, operating = self._limits, reading.operating
         miss_mm = 0.0 if pose is None else self._rcm.distance_mm(pose)
@@ -159,7 +161,9 @@ class Controller:
             "is_robot_ready": is_ready and operating.is_homed and not operating.is_busy,  # type: ignore[union-attr]
             "is_force_low": limits.force_n is None or _norm(reading.force_n) <= limits.force_n,
             "is_shaft_at_rcm": miss_mm <= limits.measured_rcm_tolerance_mm,
-            "is_shaft_aligned": self._commanded is not None or miss_mm <= START * limits.rcm_tolerance_mm,
+            "is_shaft_aligned": not is_starting
+            or self._commanded is not None
+            or miss_mm <= START * limits.rcm_tolerance_mm,
             "is_following": pose is None or self._is_following(pose),
         }
 
