@@ -71,7 +71,7 @@ class Controller:
         self._limits, self._is_checked = setup.limits, is_checked
         self._follower = Follower(setup)
         self._rcm = self._follower.rcm
-        self._check = CommandCheck(self._rcm, setup.limits)
+        self._check = CommandCheck(self._rcm, setup.limits, self._follower.inwards)
         self._mapping = HandMapping(RATE_HZ, settings, spread_s=SPREAD_S)
         self._is_latched = True
         self._commanded: ToolPose | None = None

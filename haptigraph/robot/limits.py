@@ -2,15 +2,15 @@
 
 import math
 
-from haptigraph.robot.pose import ToolPose, angle_deg
+from haptigraph.robot.pose import Floats, ToolPose, angle_deg
 from haptigraph.robot.rcm import Rcm
 from haptigraph.robot.setup import MotionLimits
 
-__all__ = ["DEPTH_SLACK_MM", "SLACK", "CommandCheck"]
+__all__ = ["CommandCheck"]
 
 SLACK = 1.25
 """Of speed and rotation: a start beside the RCM adds its return to the commanded motion."""
-DEPTH_SLACK_MM = 1e-6
+ROUNDING = 1e-6
 
 
 class CommandCheck:
@@ -19,10 +19,12 @@ class CommandCheck:
     Args:
         rcm: The remote centre of motion.
         limits: The limits.
+        inwards: From the RCM to the centre of the eye, length 1, (3,).
     """
 
-    def __init__(self, rcm: Rcm, limits: MotionLimits) -> None:
+    def __init__(self, rcm: Rcm, limits: MotionLimits, inwards: Floats) -> None:
         self._rcm, self._limits = rcm, limits
+        self._inwards: list[float] = inwards.tolist()
 
     def allows(self, before: ToolPose, after: ToolPose, elapsed_s: float) -> bool:
         """Return whether a pose may be commanded.
@@ -42,4 +44,11 @@ class CommandCheck:
             return False
         depth_mm, was_mm = self._rcm.depth_mm(after), self._rcm.depth_mm(before)
         low_mm, high_mm = min(limits.depth_min_mm, was_mm), max(limits.depth_max_mm, was_mm)
-        return low_mm - DEPTH_SLACK_MM <= depth_mm <= high_mm + DEPTH_SLACK_MM
+        if not low_mm - ROUNDING <= depth_mm <= high_mm + ROUNDING:
+            return False
+        return self._tilt_deg(after) <= max(limits.tilt_max_deg, self._tilt_deg(before)) + ROUNDING
+
+    def _tilt_deg(self, pose: ToolPose) -> float:
+        """Return the angle to the centre of the eye, from the length of the chord between the directions."""
+        chord = math.dist(self._rcm.direction(pose).tolist(), self._inwards)
+        return math.degrees(2 * math.asin(min(chord / 2, 1.0)))

@@ -199,7 +199,8 @@ def main() -> None:
     """Open the robot that the arguments specify and run its loop."""
     obey_sigterm_only(sys.exit)
     uri, setup_path = sys.argv[1:]
-    inputs, reports = PipeInputs(0), PipeReports(1)
+    inputs, reports = PipeInputs(0), PipeReports(os.dup(1))
+    os.dup2(2, 1)  # whatever a robot's library prints must not get between the reports
     clock = MonotonicClock()
     try:
         controller = Controller(load_setup(setup_path), is_checked=_is_checked(uri, setup_path))

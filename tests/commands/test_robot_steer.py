@@ -11,6 +11,7 @@ from haptigraph.robot.setup import load_setup
 from haptigraph.robot.simulated import EXAMPLE_SETUP
 from haptigraph.teleop.motion import HandMotion
 
+pytestmark = pytest.mark.realtime
 SETUP = ROOT / "examples" / "robot.toml"
 
 

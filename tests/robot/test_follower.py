@@ -65,7 +65,7 @@ def test_the_limits_of_depth_tilt_and_speed_hold_for_any_displacement(pose, moti
     assert one.tilt_deg(one.rcm.direction(after)) <= LIMITS.tilt_max_deg + 1e-6
     assert math.dist(pose.position_mm, after.position_mm) <= LIMITS.speed_mm_s * CYCLE_S * 1.0001
     assert angle_deg(pose, after) <= LIMITS.turn_deg_s * CYCLE_S * 1.0001
-    assert CommandCheck(one.rcm, LIMITS).allows(pose, after, CYCLE_S)
+    assert CommandCheck(one.rcm, LIMITS, one.inwards).allows(pose, after, CYCLE_S)
 
 
 def test_small_displacements_are_executed_in_the_directions_of_the_eye_frame():
@@ -191,15 +191,18 @@ def test_without_directions_steering_is_refused(setup, problem):
 )
 def test_a_command_outside_the_limits_is_refused(change):
     one = follower()
-    check, pose = CommandCheck(one.rcm, LIMITS), at(10.0)
+    check, pose = CommandCheck(one.rcm, LIMITS, one.inwards), at(10.0)
     assert check.allows(pose, pose, CYCLE_S)
     assert not check.allows(pose, change(one, pose), CYCLE_S)
 
 
-def test_a_command_deeper_than_the_limit_is_refused():
+def test_a_command_deeper_or_more_tilted_than_the_limits_is_refused():
     one = follower()
-    check, pose = CommandCheck(one.rcm, LIMITS), at(24.0)
+    check, pose = CommandCheck(one.rcm, LIMITS, one.inwards), at(24.0)
     assert not check.allows(pose, one.rcm.pose(24.01, one.rcm.direction(pose), pose), CYCLE_S)
+    assert check.allows(at(10.0, 49.9), at(10.0, 50.0), CYCLE_S)
+    assert not check.allows(at(10.0, 49.95), at(10.0, 50.05), CYCLE_S)
+    assert check.allows(at(10.0, 52.05), at(10.0, 52.0), CYCLE_S)
 
 
 @given(st.floats(-20, 20), st.floats(-20, 20))
