@@ -59,7 +59,7 @@ TIP_NOT_VISIBLE = "tip_not_visible"
 class Fault(Struct, frozen=True):
     """An error that the loop survived."""
 
-    where: Literal["source", "registration", "perceiver", "guard", "device", "recorder", "bridge"]
+    where: Literal["source", "registration", "perceiver", "guard", "device", "recorder", "bridge", "leader"]
     message: str
 
 

@@ -4,12 +4,12 @@ from typing import Any
 
 from haptigraph.bridges.bridge import RunContext
 from haptigraph.bridges.diagnostics import RunDiagnostics
-from haptigraph.bridges.joy import JoySteering
 from haptigraph.bridges.ros2_messages import StepMessages
 from haptigraph.messages import Capture, Step
 from haptigraph.ros2.geometry_types import JointState, PoseWithCovarianceStamped, TFMessage
 from haptigraph.ros2.node import Node, checked_topic
 from haptigraph.ros2.types import DiagnosticArray, Joy, PointStamped
+from haptigraph.teleop.leaders.joy import JoySteering
 
 __all__ = ["TOPICS", "Ros2Link"]
 

@@ -65,6 +65,7 @@ RUN = {
     "registration": "source.registration",
     "procedure": "run.procedure",
     "device": "haptics.device",
+    "leader": "run.leader",
     "bridge": "run.bridges",
     "record": "recording.path",
     "accept_assumed": "haptics.accept_assumed",
@@ -105,6 +106,11 @@ def run_options(command: Command) -> Command:
         click.option("--registration", metavar="FILE", help="Position of the anatomy in the images (TOML)."),
         procedure_option,
         click.option("--device", metavar="DEVICE", help="Haptic device; `haptigraph devices` lists all."),
+        click.option(
+            "--leader",
+            metavar="LEADER",
+            help="What steers teleop: gamepad:N, keys, joy[:TOPIC] or crtk:NAMESPACE.",
+        ),
         click.option(
             "--bridge",
             multiple=True,
