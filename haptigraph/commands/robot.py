@@ -3,6 +3,7 @@
 import click
 
 from haptigraph.commands.help import TaskGroup, examples
+from haptigraph.commands.robots.robot_calibrate import calibrate
 
 __all__ = ["SAFETY", "robot"]
 
@@ -12,9 +13,12 @@ SAFETY = (
 )
 
 
-@click.group(cls=TaskGroup, tasks={}, epilog=examples("haptigraph robot --help"))
+@click.group(cls=TaskGroup, tasks={"Commands": ("calibrate",)}, epilog=examples("haptigraph robot --help"))
 def robot() -> None:
     """Check, calibrate and steer a robot that holds the instrument.
 
     Research software, not a medical device.
     """
+
+
+robot.add_command(calibrate)

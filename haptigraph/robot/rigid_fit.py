@@ -151,6 +151,7 @@ def fit_points(base_mm: Floats, eye_mm: Floats, sd_mm: Floats, *, max_rms_mm: fl
     """
     if len(base_mm) < 4:
         raise BadInput(f"{len(base_mm)} points are too few; touch at least 4, far apart", what)
+    _check_units(base_mm, eye_mm, what)
     extent = _extents_mm(base_mm)
     if extent[1] < max(MIN_SPREAD_MM, 3 * float(np.median(sd_mm))):
         raise BadInput(
@@ -175,9 +176,20 @@ def fit_points(base_mm: Floats, eye_mm: Floats, sd_mm: Floats, *, max_rms_mm: fl
             what,
         )
     factor = _variance_factor(fit.residual_mm, weight)
-    covariance = factor * np.linalg.inv(_information(eye_mm - fit.residual_mm - fit.eye_mm, weight))
+    information = _information(eye_mm - fit.residual_mm - fit.eye_mm, weight)
+    covariance = (factor * np.linalg.inv(information)).astype(np.float64)
     noise_mm = math.sqrt(factor / float(np.mean(weight[used > 0])))
     return RigidFit(fit.eye_from_base, covariance, fit.eye_mm, fit.residual_mm, used, noise_mm, is_planar)
+
+
+def _check_units(base_mm: Floats, eye_mm: Floats, what: str) -> None:
+    """Refuse another unit of length."""
+    scale = _scale(base_mm, eye_mm)
+    if abs(scale - 1.0) > 0.5:
+        names = {1000.0: "; the robot seems to report m instead of mm", 0.001: "; µm instead of mm"}
+        near = min(names, key=lambda one: abs(math.log(scale / one)))
+        hint = names[near] if 0.5 < scale / near < 2 else ""
+        raise BadInput(f"distances in the eye are {scale:.4g} times those of the robot{hint}", what)
 
 
 def _check_shape(
@@ -190,13 +202,7 @@ def _check_shape(
     max_rms_mm: float,
     what: str,
 ) -> None:
-    """Refuse another scale and mirrored points."""
-    scale = _scale(base_mm, eye_mm)
-    if abs(scale - 1.0) > 0.5:
-        names = {1000.0: "; the robot seems to report m instead of mm", 0.001: "; µm instead of mm"}
-        near = min(names, key=lambda one: abs(math.log(scale / one)))
-        hint = names[near] if 0.5 < scale / near < 2 else ""
-        raise BadInput(f"distances in the eye are {scale:.4g} times those of the robot{hint}", what)
+    """Refuse mirrored points, and a scale that is a little off."""
     mirrored = procrustes(base_mm * (1.0, 1.0, -1.0), eye_mm, 1 / sd_mm**2)
     straight = procrustes(base_mm, eye_mm, 1 / sd_mm**2)
     ours, theirs = (float(np.median(np.linalg.norm(one.residual_mm, axis=1))) for one in (straight, mirrored))

@@ -1,9 +1,9 @@
 """The lag between two recordings of one motion: tips in images and of a robot -> lag, drift, intervals.
 
-The robot's motion is resampled at the times of the images, moved by a trial lag, and fitted to the motion in the
-images by the best isometry of a plane, or affinely if the motion has none; the residual is least at the lag.
-Errors resemble each other over time, so the intervals are those of a jackknife that leaves out a tenth of the
-run at a time (Künsch 1989, Annals of Statistics 17(3)).
+The robot's motion is resampled at the times of the images, moved by a trial lag, and fitted to the motion in
+the images by the best isometry of a plane, or affinely if the motion has none; the residual is least at the
+lag. Errors resemble each other over time, so the intervals are those of a jackknife that leaves out a tenth
+of the run at a time (Künsch 1989, Annals of Statistics 17(3)).
 """
 
 import math
@@ -21,6 +21,8 @@ __all__ = ["Lag", "Motion", "estimate_lag"]
 WINDOW_S = 5.0
 """The largest lag that is searched for."""
 COARSE_S = 0.04
+FINE_S = 0.004
+CANDIDATES = 8
 MIN_IMAGES = 60
 MIN_OVERLAP = 0.5
 MIN_MOTION_MM = 1.0
@@ -32,8 +34,7 @@ APART_S = 0.25
 ITERATIONS = 8
 SLOPE_S = 0.01  # to either side, over which the robot's speed is measured
 BLOCKS = 10
-WIDE = float(stats.t.ppf(0.975, BLOCKS - 1))
-"""Standard deviations of a 95 % interval."""
+CONFIDENCE = 0.95
 MAX_INTERVAL_S = 0.2
 PLANE = 0.02  # of the largest extent: less than that in the third direction is a plane
 
@@ -56,7 +57,6 @@ class Lag(Struct, frozen=True):
 
     lag_s: float
     """In the middle of the run: a pose stamped t + lag_s is that of an image stamped t."""
-    lag_sd_s: float
     interval_s: tuple[float, float]
     """95 %."""
     drift_s_per_s: float
@@ -98,17 +98,29 @@ def estimate_lag(motion: Motion, what: str, window_s: float = WINDOW_S) -> Lag:
     """
     _check_enough(motion, what)
     coordinates = _coordinates(motion.robot_mm)
-    lags = np.arange(-round(window_s / COARSE_S), round(window_s / COARSE_S) + 1) * COARSE_S
-    cost = np.array([_mean_square(motion, coordinates, lag) for lag in lags])
-    if not np.isfinite(cost).any():
+    minima = _minima(motion, coordinates, window_s)
+    if not minima:
         raise BadInput("images and robot do not overlap in time", what)
-    best = int(np.nanargmin(np.where(np.isfinite(cost), cost, np.nan)))
-    kept = _inliers(motion, coordinates, float(lags[best]))
+    kept = _inliers(motion, coordinates, minima[0][1])
     motion = Motion(motion.image_s[kept], motion.image_mm[kept], motion.robot_s, motion.robot_mm)
+    minima = _minima(motion, coordinates, window_s)
+    _check_unambiguous(motion, coordinates, minima, window_s, what)
+    return _refined(motion, coordinates, minima[0][1], window_s, what)
+
+
+def _minima(motion: Motion, coordinates: Floats, window_s: float) -> list[tuple[float, float]]:
+    """Return the least mean squared residuals and their lags, least first; the border counts as well."""
+    steps = round(window_s / COARSE_S)
+    lags = np.arange(-steps, steps + 1) * COARSE_S
     cost = np.array([_mean_square(motion, coordinates, lag) for lag in lags])
-    best = int(np.nanargmin(np.where(np.isfinite(cost), cost, np.nan)))
-    _check_unambiguous(motion, coordinates, lags, cost, best, what)
-    return _refined(motion, coordinates, float(lags[best]), window_s, what)
+    around = np.pad(cost, 1, constant_values=math.inf)
+    is_least = np.isfinite(cost) & (cost <= around[:-2]) & (cost <= around[2:])
+    nearly = sorted(zip(cost[is_least].tolist(), lags[is_least].tolist(), strict=True))[:CANDIDATES]
+    fine = np.arange(-COARSE_S, COARSE_S, FINE_S)
+    return sorted(
+        min((_mean_square(motion, coordinates, lag + step), lag + step) for step in fine.tolist())
+        for _, lag in nearly
+    )
 
 
 def _check_enough(motion: Motion, what: str) -> None:
@@ -125,27 +137,28 @@ def _check_enough(motion: Motion, what: str) -> None:
 
 
 def _check_unambiguous(
-    motion: Motion, coordinates: Floats, lags: Floats, cost: Floats, best: int, what: str
+    motion: Motion, coordinates: Floats, minima: list[tuple[float, float]], window_s: float, what: str
 ) -> None:
     total = float(motion.image_mm.var(axis=0).sum())
-    if cost[best] > (1 - MIN_EXPLAINED) * total:
+    cost, best_s = minima[0]
+    if cost > (1 - MIN_EXPLAINED) * total:
         raise BadInput(
-            f"the robot's motion explains only {100 * (1 - cost[best] / total):.0f} % of the motion in the "
-            "images, at whatever lag; is it the same instrument?",
+            f"the robot's motion explains only {100 * (1 - cost / total):.0f} % of the motion in the images, "
+            "at whatever lag; is it the same instrument?",
             what,
         )
-    if best in (0, len(lags) - 1):
-        raise BadInput(f"the lag is beyond {lags[-1]:g} s, which is as far as is searched", what)
-    _, residual, _ = _fitted(motion, coordinates, float(lags[best]))
+    _, residual, _ = _fitted(motion, coordinates, best_s)
     independent = residual.size / values_per_independent(residual)
-    elsewhere = np.where(np.abs(lags - lags[best]) > APART_S, cost, np.inf)
-    other = int(np.nanargmin(np.where(np.isfinite(elsewhere), elsewhere, np.inf)))
-    if independent * math.log(elsewhere[other] / cost[best]) < MIN_EVIDENCE:
-        raise BadInput(
-            f"the lag is ambiguous: the motion repeats itself, and fits at {lags[best]:.2f} s and at "
-            f"{lags[other]:.2f} s",
-            what,
-        )
+    for other_cost, other_s in minima[1:]:
+        evidence = independent * math.log(other_cost / cost)
+        if abs(other_s - best_s) > APART_S and evidence < MIN_EVIDENCE:
+            raise BadInput(
+                f"the lag is ambiguous: the motion repeats itself, and fits at {best_s:.2f} s and at "
+                f"{other_s:.2f} s",
+                what,
+            )
+    if abs(best_s) > window_s - COARSE_S:
+        raise BadInput(f"the lag is beyond {window_s:g} s, which is as far as is searched", what)
 
 
 def _refined(motion: Motion, coordinates: Floats, lag_s: float, window_s: float, what: str) -> Lag:
@@ -158,21 +171,19 @@ def _refined(motion: Motion, coordinates: Floats, lag_s: float, window_s: float,
         lag_s += float(np.clip(step_s, -COARSE_S, COARSE_S))
         drift += float(np.clip(step, -1e-2, 1e-2))
     inside, residual, columns = _fitted(motion, coordinates, lag_s, drift, middle_s)
-    _, sds = _solved(residual, columns, since_s[inside])
-    duration_s = float(np.ptp(motion.image_s))
-    if WIDE * sds[0] > MAX_INTERVAL_S or abs(lag_s) > window_s + COARSE_S:
-        half_ms = 1e3 * WIDE * sds[0]
+    _, half = _solved(residual, columns, since_s[inside])
+    if half[0] > MAX_INTERVAL_S or abs(lag_s) > window_s + COARSE_S:
+        half_ms = 1e3 * float(half[0])
         raise BadInput(f"too little motion to tell the lag: the interval would be ± {half_ms:.0f} ms", what)
     total = motion.image_mm[inside].var(axis=0).sum()
     mean_square = float((residual**2).sum(axis=1).mean())
     return Lag(
         lag_s,
-        float(sds[0]),
-        (lag_s - WIDE * float(sds[0]), lag_s + WIDE * float(sds[0])),
+        (lag_s - float(half[0]), lag_s + float(half[0])),
         drift,
-        (drift - WIDE * float(sds[1]), drift + WIDE * float(sds[1])),
+        (drift - float(half[1]), drift + float(half[1])),
         middle_s,
-        duration_s,
+        float(np.ptp(motion.image_s)),
         int(inside.sum()),
         float(1 - mean_square / total),
         math.sqrt(mean_square / 2),
@@ -180,7 +191,10 @@ def _refined(motion: Motion, coordinates: Floats, lag_s: float, window_s: float,
 
 
 def _solved(residual: Floats, columns: tuple[Floats, Floats], since_s: Floats) -> tuple[Floats, Floats]:
-    """Return steps of lag and drift, and their standard deviations.
+    """Return steps of lag and drift, and the half widths of their 95 % intervals.
+
+    Where few parts of a run hold most of what is known, the interval is as wide as for so few parts (Carter,
+    Schnepel and Steigerwald 2017, Rev. Econ. Stat. 99(4)).
 
     Args:
         residual: (n, 2).
@@ -200,7 +214,10 @@ def _solved(residual: Floats, columns: tuple[Floats, Floats], since_s: Floats) -
         for gram, each in zip(grams, sums, strict=True)
     ]
     spread = np.square(np.array(without) - np.mean(without, axis=0)).sum(axis=0)
-    return step, np.sqrt((BLOCKS - 1) / BLOCKS * spread)
+    information = np.diagonal(grams, axis1=1, axis2=2)[:, :2]
+    parts_worth = information.sum(axis=0) ** 2 / (information**2).sum(axis=0)
+    wide = stats.t.ppf((1 + CONFIDENCE) / 2, np.maximum(parts_worth - 1, 1.0))
+    return step, wide * np.sqrt((BLOCKS - 1) / BLOCKS * spread)
 
 
 def _fitted(
@@ -224,7 +241,7 @@ def _map(centred: Floats, target: Floats) -> Floats:
         u, _, vt = np.linalg.svd(target.T @ centred)
         isometry: Floats = u @ vt
         return isometry
-    affine: Floats = np.linalg.lstsq(centred, target, rcond=None)[0].T
+    affine: Floats = np.linalg.lstsq(centred, target, rcond=None)[0].T.astype(np.float64)
     return affine
 
 
@@ -255,7 +272,7 @@ def _inliers(motion: Motion, coordinates: Floats, lag_s: float) -> Floats:
     inside, residual, _ = _fitted(motion, coordinates, lag_s)
     distance = np.linalg.norm(residual, axis=1)
     limit = OUTLIER_SDS * MAD_TO_SD * float(np.median(distance))
-    kept = inside.copy()
+    kept = np.array(inside)
     kept[inside] = distance <= limit
     return kept
 
