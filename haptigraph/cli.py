@@ -20,6 +20,7 @@ from haptigraph.commands.publishing.video import video
 from haptigraph.commands.recordings import recover, replay
 from haptigraph.commands.robot import robot
 from haptigraph.commands.robot_steer import robot_steer
+from haptigraph.commands.robots.robot_calibrate import sync_check
 from haptigraph.commands.running import demo, run
 from haptigraph.commands.sources import sources
 from haptigraph.commands.studies.erase import erase
@@ -69,7 +70,7 @@ def _show_warning(message: Warning | str, category: type[Warning], *_: object, *
     tasks={
         "Try it": ("live", "demo"),
         "Your own video or camera": ("sources", "register", "run"),
-        "Recordings": ("replay", "explain", "figure", "export", "recover"),
+        "Recordings": ("replay", "explain", "figure", "export", "sync-check", "recover"),
         "Rules and haptic feedback": ("procedure", "check", "diagram", "evidence", "devices"),
         "Robots": ("robot",),
         "Accuracy": ("evaluate",),
@@ -103,6 +104,7 @@ for command in (
     robot,
     sources,
     study,
+    sync_check,
     recover,
     demo,
 ):

@@ -92,11 +92,11 @@ PRIVATE = {
     "haptigraph.sim.eye.painter": ("Palette",),
     "haptigraph.sim.scenario": ("About",),
     "haptigraph.scene.relations": (
-        "distance_mm", "radial_mm", "theta_deg", "wall_mm", "clearance_mm", "aside_mm", "elapsed_s",
+        "distance_mm", "tip_disagreement_mm", "radial_mm", "theta_deg", "wall_mm", "clearance_mm", "aside_mm", "elapsed_s",
         "gap_um", "incidence_deg", "depth_percent", "thickness_um", "out_of_plane_um",
     ),
     "haptigraph.recording.foxglove": (
-        "CircleAnnotation", "Color", "Point2", "PointsAnnotation", "TextAnnotation",
+        "CircleAnnotation", "Color", "Point2", "PointsAnnotation", "Pose", "Rotation", "TextAnnotation", "Vector3",
     ),
 }  # fmt: skip
 

@@ -3,6 +3,7 @@
 import click
 
 from haptigraph.commands.help import TaskGroup, examples
+from haptigraph.commands.robots.robot_calibrate import calibrate
 
 __all__ = ["SAFETY", "robot"]
 
@@ -14,7 +15,7 @@ SAFETY = (
 
 @click.group(
     cls=TaskGroup,
-    tasks={"Move one": ("steer",)},
+    tasks={"Find it": ("calibrate",), "Move it": ("steer",)},
     epilog=examples("haptigraph robot steer simulated --setup examples/robot.toml --leader keys"),
 )
 def robot() -> None:
@@ -22,3 +23,6 @@ def robot() -> None:
 
     Research software, not a medical device.
     """
+
+
+robot.add_command(calibrate)

@@ -18,6 +18,7 @@ from haptigraph.toml_document import Document
 GOLDEN = Path("tests/replay/golden")  # relative: recordings keep the path they were given
 SETTINGS = ("run.realtime=false",)
 OPTIONS = {
+    "bent_needle": ("subretinal_injection_robot", 85),
     "membrane_peeling": ("membrane_peeling", 75),
     "injection_with_phases": ("subretinal_injection_phases", 85),
     "ioct_approach": ("subretinal_injection_ioct", 50),

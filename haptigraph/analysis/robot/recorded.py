@@ -1,0 +1,91 @@
+"""The motion of one instrument in a recording, as images and robot saw it."""
+
+import math
+
+import numpy as np
+from msgspec import Struct
+
+from haptigraph.analysis.robot.lag import Lag, Motion
+from haptigraph.errors import BadInput
+from haptigraph.geometry import Circle, Point
+from haptigraph.messages import Capture, Step
+from haptigraph.recording.reader import RunReader
+from haptigraph.robot.pose import Floats, Vec3, rotation_of
+
+__all__ = ["RecordedMotion", "recorded_motion"]
+
+NS_PER_S = 1e9
+
+
+class RecordedMotion(Struct, frozen=True):
+    """What images and robot say of one instrument."""
+
+    motion: Motion
+    """Times from the first image on."""
+    image_sd_mm: Floats
+    """Standard deviation of the tips in the images, (n,)."""
+    quaternions: Floats
+    """Of the robot's samples, (m, 4)."""
+    start_ns: int
+    """Stamp of the first image."""
+    target_mm: Floats
+    """Where the target is, eye frame, (3,)."""
+
+    def axes(self, shaft_axis: Vec3) -> Floats:
+        """Return the directions of the shaft in the base, (m, 3).
+
+        Args:
+            shaft_axis: That direction in the tool's frame.
+        """
+        return np.array([rotation_of((x, y, z, w)) @ shaft_axis for x, y, z, w in self.quaternions.tolist()])
+
+    def robot_at_images(self, lag: Lag) -> tuple[Floats, Floats]:
+        """Return the robot's tips at the images, and which images they cover, (n, 3) and (n,)."""
+        motion = self.motion
+        at_s = motion.image_s + lag.lag_s + lag.drift_s_per_s * (motion.image_s - lag.middle_s)
+        inside: Floats = (at_s >= motion.robot_s[0]) & (at_s <= motion.robot_s[-1])
+        tips = np.column_stack([np.interp(at_s, motion.robot_s, column) for column in motion.robot_mm.T])
+        return tips, inside
+
+
+def recorded_motion(reader: RunReader) -> RecordedMotion:
+    """Read the tips of a recording: those inside the eye whose standard deviation is known.
+
+    Raises:
+        BadInput: If there are no robot samples, or no images with a tip.
+    """
+    image: list[tuple[float, float, float, float]] = []
+    robot: list[tuple[float, ...]] = []
+    start_ns, target_mm = None, (0.0, 0.0)
+    for capture, step in reader.records(images=()):
+        start_ns = capture.stamp_ns if start_ns is None else start_ns
+        image += _tip(capture, step, start_ns)
+        robot += [
+            ((one.stamp_ns - start_ns) / NS_PER_S, *one.position_mm, *one.quaternion) for one in capture.robot
+        ]
+        if isinstance(target := step.observation.found.get("retina_target"), Point):
+            target_mm = target.at_mm
+    if start_ns is None or not robot:
+        raise BadInput("has no robot measurements; record the run with --robot", reader.path)
+    if not image:
+        raise BadInput("has no image in which a needle's tip is seen inside the eye", reader.path)
+    seen, reported = np.array(image), np.array(sorted(robot))
+    reported = reported[np.append(True, np.diff(reported[:, 0]) > 0)]
+    return RecordedMotion(
+        Motion(seen[:, 0], seen[:, 1:3], reported[:, 0], reported[:, 1:4]),
+        seen[:, 3],
+        reported[:, 4:8],
+        start_ns,
+        np.array([*target_mm, 0.0]),
+    )
+
+
+def _tip(capture: Capture, step: Step, start_ns: int) -> list[tuple[float, float, float, float]]:
+    """Return time [s], tip and standard deviation of one image; nothing if its tip is not to be relied on."""
+    tip, globe = (step.observation.found.get(name) for name in ("needle_tip", "eye_globe"))
+    certainty = step.observation.certainty
+    if not isinstance(tip, Point) or certainty is None or certainty.tip_sd_mm is None:
+        return []
+    if isinstance(globe, Circle) and math.dist(tip.at_mm, globe.center_mm) > globe.radius_mm:
+        return []
+    return [((capture.stamp_ns - start_ns) / NS_PER_S, *tip.at_mm, certainty.tip_sd_mm)]

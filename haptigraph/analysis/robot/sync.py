@@ -1,0 +1,176 @@
+"""Check the clocks of a recording, camera against robot and command against touch, and correct a copy."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
+from scipy import stats
+
+from haptigraph import assemble
+from haptigraph.analysis.metrics.replay import recorded_registration
+from haptigraph.analysis.robot.lag import Lag, estimate_lag
+from haptigraph.analysis.robot.recorded import recorded_motion
+from haptigraph.errors import BadInput
+from haptigraph.messages import Capture, RobotSample, Step
+from haptigraph.recording.reader import RunReader
+from haptigraph.recording.writer import RunWriter
+
+__all__ = ["TOLERATED_MS", "SyncReport", "TouchLag", "check_sync", "correct", "sync_lines"]
+
+TOLERATED_MS = 10.0
+"""Largest lag that the comparison of tips allows for: two standard deviations of `robot.timing_sd_ms`."""
+NS_PER_S = 1e9
+NS_PER_MS = 1e6
+LONGEST_TOUCH_MS = 500.0
+FEWEST_TOUCHES = 8
+
+
+class TouchLag(Struct, frozen=True):
+    """How long after a command an output confirmed that it vibrates."""
+
+    median_ms: float
+    interval_ms: tuple[float, float]
+    """Of the median, at least 95 %."""
+    longest_ms: float
+    count: int
+
+
+class SyncReport(Struct, frozen=True):
+    """The clocks of one recording."""
+
+    robot: Lag
+    touch: TouchLag | None
+    """None if fewer than 8 onsets of vibration were confirmed."""
+    shifted: str
+    """What was corrected before; empty: nothing."""
+
+    @property
+    def is_aligned(self) -> bool:
+        """Whether camera and robot agree to within what is tolerated, as far as can be told."""
+        low, high = self.robot.interval_s
+        drifted_ms = 1e3 * abs(self.robot.drift_s_per_s) * self.robot.duration_s / 2
+        is_drifted = self.robot.is_drift_significant and drifted_ms > TOLERATED_MS
+        return low <= TOLERATED_MS / 1e3 and high >= -TOLERATED_MS / 1e3 and not is_drifted
+
+
+def check_sync(path: str | Path) -> SyncReport:
+    """Estimate the lags of a recording.
+
+    Raises:
+        BadInput: If it has no robot, too little motion, or the lag is ambiguous.
+    """
+    reader = RunReader(path)
+    lag = estimate_lag(recorded_motion(reader).motion, str(path))
+    return SyncReport(lag, _touch_lag(reader), reader.info.robot_shift)
+
+
+def sync_lines(report: SyncReport) -> Iterator[str]:
+    """Yield a report as lines of text."""
+    lag, (low, high) = report.robot, report.robot.interval_s
+    when = "later" if lag.lag_s >= 0 else "earlier"
+    yield (
+        f"robot           poses are stamped {1e3 * abs(lag.lag_s):.1f} ms {when} than images; lag "
+        f"{1e3 * lag.lag_s:+.1f} ms, 95 % interval {1e3 * low:+.1f} to {1e3 * high:+.1f} ms"
+    )
+    drift, (slow, fast) = (1e3 * lag.drift_s_per_s, [1e3 * one for one in lag.drift_interval_s_per_s])
+    yield f"drift           {drift:+.3f} ms/s, 95 % interval {slow:+.3f} to {fast:+.3f} ms/s"
+    yield (
+        f"from            {lag.images} images in {lag.duration_s:.1f} s; the robot explains "
+        f"{100 * lag.explained:.2f} % of the motion, residual {lag.residual_mm:.3f} mm per axis"
+    )
+    if report.touch is not None:
+        touch = report.touch
+        (soon, late), count = touch.interval_ms, touch.count
+        yield (
+            f"touch           {touch.median_ms:.1f} ms after its command (median of {count}, 95 % interval "
+            f"{soon:.1f} to {late:.1f} ms), at most {touch.longest_ms:.1f} ms"
+        )
+    else:
+        yield "touch           not checked: fewer than 8 onsets of vibration were confirmed"
+    if report.shifted:
+        yield f"before          {report.shifted}"
+
+
+def correct(path: str | Path, output: str | Path, lag: Lag) -> str:
+    """Write a copy of a recording whose robot samples are moved to when they were measured.
+
+    Each sample goes to the first image that is not earlier. What was concluded during the run stays; a replay
+    shows what would have been concluded.
+
+    Args:
+        path: The recording.
+        output: The copy; it must not exist.
+        lag: How late the robot's stamps are.
+
+    Returns:
+        What the copy's header says of it.
+
+    Raises:
+        BadInput: If a file cannot be read or written, or images are missing.
+    """
+    reader = RunReader(path)
+    if reader.count()[1]:
+        raise BadInput("images are missing in it, so a copy would not replay", path)
+    start_ns = next(capture.stamp_ns for capture, _ in reader.records(images=()))
+    samples = sorted(
+        (_moved(one, lag, start_ns) for capture, _ in reader.records(images=()) for one in capture.robot),
+        key=lambda one: one.stamp_ns,
+    )
+    moved_ms, per_s = -1e3 * lag.lag_s, -1e3 * lag.drift_s_per_s
+    sentence = f"the robot's stamps were moved by {moved_ms:+.2f} ms and {per_s:+.4f} ms/s"
+    procedure = assemble.parse_procedure(reader.info.procedure, f"procedure in {reader.path}")
+    info = replace(reader.info, robot_shift=sentence, decoder="")
+    writer = RunWriter(output, info, recorded_registration(reader).image, procedure.schema.measure_names)
+    try:
+        for capture, step in _regrouped(reader, samples):
+            writer.write(capture, step)
+        writer.close()
+    except BaseException:
+        writer.discard()
+        raise
+    return sentence
+
+
+def _regrouped(reader: RunReader, samples: list[RobotSample]) -> Iterator[tuple[Capture, Step]]:
+    first = 0
+    for capture, step in reader.records():
+        last = first
+        while last < len(samples) and samples[last].stamp_ns <= capture.stamp_ns:
+            last += 1
+        yield replace(capture, robot=tuple(samples[first:last])), step
+        first = last
+
+
+def _moved(sample: RobotSample, lag: Lag, start_ns: int) -> RobotSample:
+    """Return a sample with the stamp at which an image shows its pose."""
+    stamped_s = (sample.stamp_ns - start_ns) / NS_PER_S
+    at_s = (stamped_s - lag.lag_s + lag.drift_s_per_s * lag.middle_s) / (1 + lag.drift_s_per_s)
+    return replace(sample, stamp_ns=start_ns + round(at_s * NS_PER_S))
+
+
+def _touch_lag(reader: RunReader) -> TouchLag | None:
+    commands, confirmed = list[int](), list[int]()
+    was_off, until_ns = True, 0
+    for capture, step in reader.records(images=()):
+        is_off = step.command.pattern.kind == "off"
+        if was_off and not is_off and step.timing is not None:
+            commands.append(step.timing.commanded_ns)
+        was_off = is_off
+        for one in sorted(capture.delivered, key=lambda each: each.start_ns):
+            if one.start_ns > until_ns:
+                confirmed.append(one.start_ns)
+            until_ns = max(until_ns, one.end_ns)
+    starts = np.array(sorted(confirmed))
+    delays_ms = [
+        float(starts[at] - command) / NS_PER_MS
+        for command in commands
+        if (at := int(np.searchsorted(starts, command))) < len(starts)
+    ]
+    delays_ms = sorted(one for one in delays_ms if one <= LONGEST_TOUCH_MS)
+    if len(delays_ms) < FEWEST_TOUCHES:
+        return None
+    below = int(stats.binom.ppf(0.025, len(delays_ms), 0.5))
+    interval_ms = delays_ms[max(below - 1, 0)], delays_ms[min(len(delays_ms) - below, len(delays_ms) - 1)]
+    return TouchLag(float(np.median(delays_ms)), interval_ms, delays_ms[-1], len(delays_ms))

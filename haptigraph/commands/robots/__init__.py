@@ -1,0 +1,1 @@
+"""Commands that place a robot in space and time."""

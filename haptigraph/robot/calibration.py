@@ -1,0 +1,168 @@
+"""Calibrate a robot: pairs of points, or tips in images and of the robot -> where the eye is in its base."""
+
+import math
+
+import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
+
+from haptigraph.errors import BadInput
+from haptigraph.robot.autocorrelation import values_per_independent
+from haptigraph.robot.pivot import Pivot
+from haptigraph.robot.pose import Floats
+from haptigraph.robot.rigid_fit import RigidFit, fit_points, procrustes
+from haptigraph.robot.setup import EyePlace, MotionLimits, RcmPlace, RobotSetup
+
+__all__ = [
+    "Calibration",
+    "calibrate_points",
+    "calibrate_section",
+    "leave_one_out_mm",
+    "rcm_of",
+    "setup_text",
+]
+
+MAX_RMS_MM = 0.5
+"""Largest RMS residual that is accepted."""
+MAX_DEPTH_MM = 0.5  # RMS, by which a motion may leave its plane
+MIN_TIPS = 60
+
+
+class Calibration(Struct, frozen=True):
+    """Where the eye is, and how well that is known."""
+
+    fit: RigidFit
+    target_mm: Floats
+    """For which `tip_sd_mm` is stated, eye frame."""
+    notes: tuple[str, ...]
+    """What was not determined or not checked, a sentence each."""
+
+    @property
+    def eye(self) -> EyePlace:
+        """The [eye] table."""
+        pose = self.fit.eye_from_base.inverse().as_pose()
+        return EyePlace(pose.position_mm, pose.quaternion, self.fit.rms_mm, self.tip_sd_mm)
+
+    @property
+    def tip_sd_mm(self) -> float:
+        """Standard deviation of the robot's tip at the target, per axis."""
+        return self.fit.tip_sd_mm(self.target_mm)
+
+
+def calibrate_points(
+    base_mm: Floats, eye_mm: Floats, sd_mm: float, target_mm: Floats, what: str
+) -> Calibration:
+    """Calibrate from touched points.
+
+    Args:
+        base_mm: The robot's tip at each point, in its base, (n, 3).
+        eye_mm: The points in the eye frame, (n, 3).
+        sd_mm: Standard deviation of one pair, per axis.
+        target_mm: Where the tip will be used, eye frame.
+        what: Names the points in errors.
+
+    Raises:
+        BadInput: If the points do not determine the transform.
+    """
+    fit = fit_points(base_mm, eye_mm, np.full(len(base_mm), sd_mm), max_rms_mm=MAX_RMS_MM, what=what)
+    return Calibration(fit, target_mm, _notes(fit))
+
+
+def calibrate_section(
+    base_mm: Floats, image_mm: Floats, sd_mm: Floats, target_mm: Floats, what: str
+) -> Calibration:
+    """Calibrate from tips in images, of a motion in the section z = 0.
+
+    Neighbouring errors of a tracker resemble each other, so the covariance is that of as many pairs as are
+    independent.
+
+    Args:
+        base_mm: The robot's tip at the time of each image, in its base, (n, 3).
+        image_mm: The tips in the images, eye frame, (n, 2).
+        sd_mm: Their standard deviations, (n,).
+        target_mm: Where the tip will be used, eye frame.
+        what: Names the run in errors.
+
+    Raises:
+        BadInput: If the motion does not determine the transform.
+    """
+    if len(base_mm) < MIN_TIPS:
+        raise BadInput(f"{len(base_mm)} images with a tip are too few; at least {MIN_TIPS} are needed", what)
+    centred = base_mm - base_mm.mean(axis=0)
+    depth_mm = float(np.linalg.svd(centred, compute_uv=False)[2]) / math.sqrt(len(base_mm))
+    if depth_mm > MAX_DEPTH_MM:
+        raise BadInput(
+            f"the motion leaves its plane by {depth_mm:.2f} mm RMS, and images show no depth; move in the "
+            "section, or touch points",
+            what,
+        )
+    eye_mm = np.column_stack((image_mm, np.zeros(len(image_mm))))
+    fit = fit_points(base_mm, eye_mm, sd_mm, max_rms_mm=MAX_RMS_MM, what=what)
+    in_section = fit.residual_mm[fit.used > 0, :2]
+    factor = values_per_independent(in_section)
+    noise_mm = math.sqrt(float((in_section**2).mean()))
+    # The covariance of `fit_points` is for its own noise; that in the section is what was measured.
+    scale = factor * (noise_mm / fit.noise_mm) ** 2
+    fit = replace(fit, covariance=fit.covariance * scale, noise_mm=noise_mm)
+    assumed = (
+        "assumed: the motion lay in the section z = 0; images show no depth, so z and tilt are not measured"
+    )
+    return Calibration(fit, target_mm, (assumed, *_notes(fit)))
+
+
+def leave_one_out_mm(base_mm: Floats, eye_mm: Floats, fit: RigidFit) -> Floats:
+    """Return how far each used point is from the fit of all others, (n used,)."""
+    used = fit.used > 0
+    base_mm, eye_mm, weight = base_mm[used], eye_mm[used], np.ones(int(used.sum()))
+    distances = []
+    for number in range(len(base_mm)):
+        others = weight.copy()
+        others[number] = 0.0
+        residual = procrustes(base_mm, eye_mm, others).residual_mm[number]
+        distances.append(float(np.linalg.norm(residual)))
+    return np.array(distances)
+
+
+def setup_text(
+    eye: EyePlace, rcm: RcmPlace, kept: RobotSetup | None, shaft_axis: str, title: str, notes: tuple[str, ...]
+) -> str:
+    """Return the text of robot.toml.
+
+    Args:
+        eye: The [eye] table.
+        rcm: The [rcm] table.
+        kept: An earlier file, whose limits are kept; None: there is none.
+        shaft_axis: Axis of the tool's frame along the shaft.
+        title: The first comment.
+        notes: Further comments, a sentence each.
+    """
+    lines = [f"# {one}" for one in (title, *notes)]
+    lines += ["", "format = 1", f'shaft_axis = "{shaft_axis}"', "", "[rcm]", f"at_mm = {_list(rcm.at_mm)}"]
+    lines += [f"sd_mm = {rcm.sd_mm:.4g}"] if rcm.sd_mm is not None else []
+    lines += ["", "[eye]", f"translation_mm = {_list(eye.translation_mm)}"]
+    lines += [f"quaternion = {_list(eye.quaternion, 12)}"]
+    lines += [f"residual_rms_mm = {eye.residual_rms_mm:.4g}", f"tip_sd_mm = {eye.tip_sd_mm:.4g}"]
+    if kept is not None and kept.limits != MotionLimits():
+        lines += ["", "[limits]"]
+        for name in MotionLimits.__struct_fields__:
+            if (value := getattr(kept.limits, name)) != getattr(MotionLimits(), name):
+                lines.append(f"{name} = {value:g}")
+    return "\n".join(lines) + "\n"
+
+
+def rcm_of(pivot: Pivot) -> RcmPlace:
+    """Return a pivot as the [rcm] table."""
+    x, y, z = pivot.at_mm.tolist()
+    return RcmPlace((x, y, z), pivot.sd_mm)
+
+
+def _notes(fit: RigidFit) -> tuple[str, ...]:
+    if not fit.is_planar:
+        return ()
+    return (
+        "not checked: all points lie in one plane, so a robot whose frame is left-handed would fit as well",
+    )
+
+
+def _list(numbers: tuple[float, ...], digits: int = 9) -> str:
+    return f"[{', '.join(f'{number:.{digits}g}' for number in numbers)}]"
