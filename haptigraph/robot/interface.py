@@ -59,7 +59,9 @@ class Robot(Protocol):
         ...
 
     def hold(self, stamp_ns: int) -> None:
-        """Command the robot to stay where it is.
+        """Command the robot to stay where it is; called in every cycle in which it is held.
+
+        Only the first of these calls decides where that is, so that it does not creep.
 
         Raises:
             DeviceError: If it cannot be sent.

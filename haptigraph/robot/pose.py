@@ -96,7 +96,8 @@ IDENTITY = Transform(np.eye(3), np.zeros(3))
 
 def rotation_of(quaternion: Quaternion) -> Floats:
     """Return the rotation matrix of a quaternion of any length but 0, (3, 3)."""
-    x, y, z, w = np.array(quaternion) / math.hypot(*quaternion)
+    length = math.hypot(*quaternion)
+    x, y, z, w = (each / length for each in quaternion)
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
@@ -129,6 +130,8 @@ def quaternion_of(rotation: Floats) -> Quaternion:
 
 def angle_deg(one: ToolPose, other: ToolPose) -> float:
     """Return the angle of the rotation between two poses [deg], 0 to 180; accurate for small angles."""
-    turned = rotation_of(one.quaternion).T @ rotation_of(other.quaternion)
-    skew = np.array([turned[2, 1] - turned[1, 2], turned[0, 2] - turned[2, 0], turned[1, 0] - turned[0, 1]])
-    return math.degrees(math.atan2(float(np.linalg.norm(skew)), float(np.trace(turned)) - 1.0))
+    (x, y, z, w), (a, b, c, d) = one.quaternion, other.quaternion
+    i = w * a - x * d - y * c + z * b  # the conjugate of the one times the other
+    j = w * b - y * d - z * a + x * c
+    k = w * c - z * d - x * b + y * a
+    return math.degrees(2 * math.atan2(math.hypot(i, j, k), abs(w * d + x * a + y * b + z * c)))
