@@ -28,6 +28,8 @@ LATE_MS = 50.0
 """A cycle that comes so long after the one before holds the robot."""
 SETTLE_MS = 100.0
 """After a hold, until the robot rests and its measured pose is where it is."""
+START = 0.5
+"""Share of the RCM's tolerance within which the measured shaft must be to start; the rest is for errors."""
 LAG_S = 0.1
 """Delay with which a robot may follow; together with the limits of speed, and these: how far it may lag."""
 LAG_MM, LAG_DEG = 1.0, 2.0
@@ -156,7 +158,7 @@ class Controller:
             "is_robot_ready": is_ready and operating.is_homed and not operating.is_busy,  # type: ignore[union-attr]
             "is_force_low": limits.force_n is None or _norm(reading.force_n) <= limits.force_n,
             "is_shaft_at_rcm": miss_mm <= limits.measured_rcm_tolerance_mm,
-            "is_shaft_aligned": self._commanded is not None or miss_mm <= limits.rcm_tolerance_mm,
+            "is_shaft_aligned": self._commanded is not None or miss_mm <= START * limits.rcm_tolerance_mm,
             "is_following": pose is None or self._is_following(pose),
         }
 

@@ -11,7 +11,7 @@ import numpy as np
 from haptigraph.errors import BadInput
 from haptigraph.robot.pose import Floats, ToolPose
 from haptigraph.robot.rcm import Rcm, turned
-from haptigraph.robot.setup import MotionLimits, RobotSetup
+from haptigraph.robot.setup import RobotSetup
 from haptigraph.teleop.mapping import ToolMotion, rotation_rad
 
 __all__ = ["Follower"]
@@ -20,8 +20,9 @@ MIN_RCM_MM = 5.0
 """From the eye's centre to the RCM: nearer, the line between them has no reliable direction."""
 POLE = math.sin(math.radians(10.0))
 """Nearer to the camera's axis, across is not defined by the section; it is then +x of the eye frame."""
-RETURN_MM_S = 1.0
-"""Speed at which a shaft that starts beside the RCM, within the tolerance, is brought into it."""
+RETURN = 0.2
+"""A shaft that starts beside the RCM comes nearer to it by this share of the tip's motion."""
+TINY = 1e-12
 
 
 class Follower:
@@ -72,15 +73,18 @@ class Follower:
         across, outwards = self.directions(along)
         turn = rotation_rad(motion.across_mm, depth_mm) * across
         turn = turn + rotation_rad(motion.outwards_mm, depth_mm) * outwards
-        turn_rad = math.hypot(*turn.tolist())
-        share = _share(motion.along_mm, turn_rad, depth_mm, limits, elapsed_s)
+        asked_rad = math.hypot(*turn.tolist())
+        turn_rad = min(asked_rad, math.radians(limits.turn_deg_s) * elapsed_s)
+        tip_mm = math.hypot(motion.along_mm, depth_mm * turn_rad)
+        share = min(1.0, limits.speed_mm_s * elapsed_s / max(tip_mm, TINY))
         low_mm, high_mm = min(limits.depth_min_mm, depth_mm), max(limits.depth_max_mm, depth_mm)
         after_mm = min(max(depth_mm + share * motion.along_mm, low_mm), high_mm)
         direction = along
-        if turn_rad > 0:
-            direction = self._within_tilt(along, turned(along, turn / turn_rad, share * turn_rad))
+        if asked_rad > 0:
+            direction = self._within_tilt(along, turned(along, turn / asked_rad, share * turn_rad))
         exact = self.rcm.pose(after_mm, direction, near=pose)
-        return self._beside(exact, elapsed_s)
+        moved_mm = math.hypot(after_mm - depth_mm, depth_mm * share * turn_rad)
+        return self._beside(exact, moved_mm)
 
     def directions(self, along: Floats) -> tuple[Floats, Floats]:
         """Return across and outwards for a direction of the shaft, robot's base, (3,) each."""
@@ -106,10 +110,10 @@ class Follower:
         sideways = after - (after @ self.inwards) * self.inwards
         return turned(self.inwards, sideways / np.linalg.norm(sideways), math.radians(allowed_deg))
 
-    def _beside(self, exact: ToolPose, elapsed_s: float) -> ToolPose:
+    def _beside(self, exact: ToolPose, moved_mm: float) -> ToolPose:
         """Add what is left of the offset at which the motion started."""
         length_mm = math.hypot(*self._offset_mm.tolist())
-        left_mm = length_mm - RETURN_MM_S * elapsed_s
+        left_mm = length_mm - RETURN * moved_mm
         if left_mm <= 0:
             self._offset_mm = np.zeros(3)
             return exact
@@ -118,12 +122,3 @@ class Follower:
         self._offset_mm = self._offset_mm - (self._offset_mm @ along) * along
         x, y, z = (np.array(exact.position_mm) + self._offset_mm).tolist()
         return ToolPose((x, y, z), exact.quaternion)
-
-
-def _share(
-    along_mm: float, turn_rad: float, depth_mm: float, limits: MotionLimits, elapsed_s: float
-) -> float:
-    """Return what share of a displacement the limits of speed and rotation allow: its direction is kept."""
-    tip_mm = math.hypot(along_mm, depth_mm * turn_rad)
-    longest_mm, largest_rad = limits.speed_mm_s * elapsed_s, math.radians(limits.turn_deg_s) * elapsed_s
-    return min(1.0, longest_mm / max(tip_mm, 1e-12), largest_rad / max(turn_rad, 1e-12))

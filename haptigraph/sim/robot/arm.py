@@ -77,6 +77,11 @@ class Arm:
         """The true pose."""
         return self._pose_of(self._servo + self._error)
 
+    @property
+    def joints(self) -> Floats:
+        """Joints without their errors: stages [mm] from the middle of their range, rotations [deg]."""
+        return self._servo
+
     def command(self, now_ns: int, position_mm: Floats, rotation: Floats) -> None:
         """Command a pose; the arm goes there after its latency, within its limits."""
         joints = self._joints(position_mm, rotation)
