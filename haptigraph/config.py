@@ -19,6 +19,7 @@ __all__ = [
     "HapticsConfig",
     "PerceptionConfig",
     "RecordingConfig",
+    "RobotConfig",
     "RunConfig",
     "SourceConfig",
     "TrialConfig",
@@ -157,6 +158,17 @@ class RecordingConfig(Struct, frozen=True, forbid_unknown_fields=True):
     """Store a video file once, instead of each of its images as PNG, where that takes less space."""
 
 
+class RobotConfig(Struct, frozen=True, forbid_unknown_fields=True):
+    """The robot that holds the instrument. A run reads it and never moves it."""
+
+    uri: str = ""
+    """crtk:NAMESPACE, servo:NODE or simulated; empty: none."""
+    setup: str = ""
+    """Path of robot.toml, which says where the eye is; empty: the robot's tip is recorded, not compared."""
+    steer: bool = False
+    """Whether a page or a leader may move it."""
+
+
 class TrialConfig(Struct, frozen=True, forbid_unknown_fields=True):
     """Participant and trial (pseudonyms only), stored in the recording."""
 
@@ -176,6 +188,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True):
     haptics: HapticsConfig = HapticsConfig()
     run: RunConfig = RunConfig()
     recording: RecordingConfig = RecordingConfig()
+    robot: RobotConfig = RobotConfig()
     trial: TrialConfig = TrialConfig()
 
     def silenced(self) -> "Config":

@@ -68,6 +68,8 @@ RUN = {
     "leader": "run.leader",
     "bridge": "run.bridges",
     "record": "recording.path",
+    "robot": "robot.uri",
+    "robot_setup": "robot.setup",
     "accept_assumed": "haptics.accept_assumed",
 }
 """Arguments of every command that runs the loop, and the settings they stand for."""
@@ -123,6 +125,8 @@ def run_options(command: Command) -> Command:
             default=None,
             help="Vibrate although the registration assumes the target (docs/safety.md).",
         ),
+        click.option("--robot", metavar="ROBOT", help="Read a robot, e.g. crtk:PSM1; a run never moves it."),
+        click.option("--robot-setup", metavar="FILE", help="Where the robot is (robot.toml)."),
         click.option("--record", metavar="FILE", help="Record the run to a new MCAP file."),
         config_option,
         set_option,
