@@ -12,7 +12,11 @@ SAFETY = (
 )
 
 
-@click.group(cls=TaskGroup, tasks={}, epilog=examples("haptigraph robot --help"))
+@click.group(
+    cls=TaskGroup,
+    tasks={"Move one": ("steer",)},
+    epilog=examples("haptigraph robot steer simulated --setup examples/robot.toml --leader keys"),
+)
 def robot() -> None:
     """Check, calibrate and steer a robot that holds the instrument.
 

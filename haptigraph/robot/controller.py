@@ -118,9 +118,10 @@ class Controller:
             self._mapping.put(hand)
             self._heard_ns = now_ns
         motion = self._mapping.take(elapsed_s)
-        pose, before, after = reading.pose, self._commanded, None
-        is_known = pose is not None and pose.is_finite
-        if motion is not None and pose is not None and is_known:
+        pose = reading.pose if reading.pose is not None and reading.pose.is_finite else None
+        judged = self._judged(now_ns, reading, pose, is_starting=motion is not None)
+        before, after = self._commanded, None
+        if motion is not None and pose is not None and judged["is_shaft_aligned"]:
             if before is None:
                 self._follower.start(pose)
                 before = pose
@@ -134,7 +135,7 @@ class Controller:
             is_engaged=motion is not None,
             is_settled=self._commanded is not None or now_ns - self._moved_ns >= SETTLE_MS * 1e6,
             is_command_valid=after is None or before is None or self._check.allows(before, after, elapsed_s),
-            **self._judged(now_ns, reading, pose if is_known else None),
+            **judged,
         )
         decision = decide(conditions, self._is_latched)
         self._is_latched = decision.is_latched
@@ -145,7 +146,9 @@ class Controller:
         self._commanded, self._moved_ns = after, now_ns
         return Move(after)
 
-    def _judged(self, now_ns: int, reading: RobotReading, pose: ToolPose | None) -> dict[str, bool]:
+    def _judged(
+        self, now_ns: int, reading: RobotReading, pose: ToolPose | None, *, is_starting: bool
+    ) -> dict[str, bool]:
         """Return the conditions on what the robot measures; without a pose, only that is absent."""
         limits, operating = self._limits, reading.operating
         miss_mm = 0.0 if pose is None else self._rcm.distance_mm(pose)
@@ -158,7 +161,9 @@ class Controller:
             "is_robot_ready": is_ready and operating.is_homed and not operating.is_busy,  # type: ignore[union-attr]
             "is_force_low": limits.force_n is None or _norm(reading.force_n) <= limits.force_n,
             "is_shaft_at_rcm": miss_mm <= limits.measured_rcm_tolerance_mm,
-            "is_shaft_aligned": self._commanded is not None or miss_mm <= START * limits.rcm_tolerance_mm,
+            "is_shaft_aligned": not is_starting
+            or self._commanded is not None
+            or miss_mm <= START * limits.rcm_tolerance_mm,
             "is_following": pose is None or self._is_following(pose),
         }
 

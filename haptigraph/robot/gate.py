@@ -26,7 +26,7 @@ class Conditions(Struct, frozen=True):
     is_settled: bool
     """It is moving already, or has been held long enough to have come to rest."""
     is_shaft_aligned: bool
-    """It is moving already, or the measured shaft is near enough to the RCM to start without a step."""
+    """It does not start now, or the measured shaft is near enough to the RCM to start without a step."""
     is_pose_known: bool
     """A pose was measured, and its numbers are finite."""
     is_pose_fresh: bool

@@ -102,7 +102,7 @@ class RobotLoop:
         try:
             is_switched_on = self._apply(inputs)
             reading = self._robot.read()
-            if self._reading is None or reading.number != self._reading.number:
+            if reading.number != (self._reading.number if self._reading else 0):
                 self._readings.append(reading)
             self._reading = reading
             hands = [each.hand for each in inputs if each.hand is not None]

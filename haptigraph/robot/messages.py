@@ -35,7 +35,7 @@ class Report(Struct, array_like=True):
     reading: RobotReading | None
     """The newest."""
     readings: list[RobotReading]
-    """One for each pose since the report before, oldest first."""
+    """The newest pose of each cycle since the report before, if there was a new one; oldest first."""
     late_ns: list[int]
     """How long after its time each cycle since the report before began."""
     missed_deadlines: int = 0
