@@ -3,18 +3,18 @@
 from collections.abc import Sequence
 from contextlib import ExitStack
 from importlib import import_module, resources
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from haptigraph.clock import Clock, MonotonicClock, VirtualClock
 from haptigraph.config import Config
-from haptigraph.errors import BadInput, NeedsRegistration, unknown_name
+from haptigraph.errors import BadInput, unknown_name
 from haptigraph.haptics.observed_device import DeliveryLog, Listener, ObservedDevice, confirmed, is_felt
 from haptigraph.imaging import UPRIGHT
-from haptigraph.perception.entities import ENTITIES
+from haptigraph.perception.entities import ENTITIES, ROBOT_TIP
 from haptigraph.pipeline import HapticOutput, Loop, Pipeline
 from haptigraph.run_header import run_info
 from haptigraph.run_notes import run_notes
+from haptigraph.run_registration import registration_of
 from haptigraph.run_settings import suited
 from haptigraph.sources.naming import CAMERAS, GENERATED, PREFETCHABLE, camera_size_px, split_source
 from haptigraph.stages import Device, Perceiver, PerceiverClass, Sink, Source, check_members
@@ -103,15 +103,12 @@ def build(
         undo.callback(source.close)
         phased = _load("haptigraph.sources.phased:phased")
         source = phased(source, procedure.schema.phases, config.trial.phase)
-        registration = given or _own_registration(source, config)
-        if given:
-            turn = _load("haptigraph.sources.turned:turn_of")(source, config.source)
-            given.check_turn(turn, config.source.registration)
-        if (target_mm := config.source.target_mm) is not None:
-            registration = _load("haptigraph.registration.retarget:with_target")(registration, target_mm)
+        registration = registration_of(config, source, given)
+        robot, robot_setup = _load("haptigraph.run_robot:open_readings")(config.robot, source, clock)
+        undo.callback(robot.close)
         config = suited(config, source, registration)
         pipeline = build_pipeline(config, registration, procedure)
-        info = run_info(config, source, registration, procedure, clock, __version__)
+        info = run_info(config, source, registration, procedure, clock, __version__, robot_setup)
         measures = procedure.schema.measure_names
         video = _load("haptigraph.sources.naming:video_to_store")(config, SOURCES)
         writer = None
@@ -147,6 +144,7 @@ def build(
             clock=clock,
             stale_ms=config.run.stale_ms,
             deliveries=log,
+            robot=robot,
             notes=run_notes(config, source, procedure, device, registration, perceiver_class),
         )
         loop.report.note_limits(registration.assumed, config.haptics.max_amplitude)
@@ -293,6 +291,9 @@ def _perceiver(config: Config, registration: "BaseRegistration", procedure: "Pro
     if (tilt := registration.image.frontal_from_image) is not None:
         tilt_corrected = _load("haptigraph.perception.tilt_correction:TiltCorrectedPerceiver")
         perceive = tilt_corrected(perceive, registration, tilt)
+    if ROBOT_TIP in [entity.name for entity in procedure.schema.entities]:
+        with_robot = _load("haptigraph.perception.robot_tip:RobotTipPerceiver")
+        perceive = with_robot(perceive, config.robot.timing_sd_ms)
     phased = _load("haptigraph.perception.phase:PhasedPerceiver")
     return phased(perceive, phases) if (phases := procedure.schema.phases) else perceive
 
@@ -302,15 +303,6 @@ def perceiver_class(name: str) -> PerceiverClass:
     perceiver: PerceiverClass = _named(PERCEIVERS, "perceiver", name)
     check_members(perceiver, PerceiverClass, f"perceiver {name} ({PERCEIVERS[name]})")
     return perceiver
-
-
-def _own_registration(source: Source, config: Config) -> "BaseRegistration":
-    if source.registration is not None:
-        parse = _load("haptigraph.registration.loading:parse_registration")
-        return parse(source.registration, f"registration of {config.source.uri}")  # type: ignore[no-any-return]
-    beside = Path(config.source.uri).parent / "registration.toml"
-    hint = f"; there is one beside it: {beside}" if beside.is_file() else ""
-    raise NeedsRegistration(config.source.uri, hint)
 
 
 def _output(device: Device, config: Config, clock: Clock) -> HapticOutput:

@@ -167,6 +167,10 @@ class RobotConfig(Struct, frozen=True, forbid_unknown_fields=True):
     """Path of robot.toml, which says where the eye is; empty: the robot's tip is recorded, not compared."""
     steer: bool = False
     """Whether a page or a leader may move it."""
+    latency_ms: Annotated[float, Meta(ge=-5000, le=5000)] = 0.0
+    """How much later than measured the robot stamps its poses, on the clock of the images (`sync-check`)."""
+    timing_sd_ms: Annotated[float, Meta(ge=0, le=1000)] = 5.0
+    """Standard deviation of that time."""
 
 
 class TrialConfig(Struct, frozen=True, forbid_unknown_fields=True):

@@ -34,6 +34,7 @@ __all__ = [
     "ImageKind",
     "Observation",
     "Pattern",
+    "RobotSample",
     "Step",
     "Timing",
     "Truth",
@@ -59,7 +60,9 @@ TIP_NOT_VISIBLE = "tip_not_visible"
 class Fault(Struct, frozen=True):
     """An error that the loop survived."""
 
-    where: Literal["source", "registration", "perceiver", "guard", "device", "recorder", "bridge", "leader"]
+    where: Literal[
+        "source", "registration", "perceiver", "guard", "device", "recorder", "bridge", "leader", "robot"
+    ]
     message: str
 
 
@@ -127,6 +130,27 @@ class Delivered(Struct, frozen=True):
     output: str
 
 
+class RobotSample(Struct, frozen=True):
+    """One measurement of the robot that holds the instrument."""
+
+    stamp_ns: int
+    """When the pose was measured, on the run's clock."""
+    position_mm: tuple[float, float, float]
+    """The tip, in the robot's base."""
+    quaternion: tuple[float, float, float, float]
+    """From the tool's frame to the robot's base: x, y, z, w."""
+    operating: str = ""
+    """Operating state, as CRTK names it; empty: not reported."""
+    force_n: tuple[float, float, float] | None = None
+    """Force on the tool, in the robot's base; None: not reported."""
+    commanded_mm: tuple[float, float, float] | None = None
+    """The tip as commanded last, in the robot's base; None: not known."""
+    eye_tip_mm: tuple[float, float, float] | None = None
+    """The tip in the eye frame; None: the robot is not calibrated."""
+    eye_tip_sd_mm: float | None = None
+    """Standard deviation of `eye_tip_mm` per axis; None: unknown."""
+
+
 class Capture(Struct, frozen=True, eq=False):
     """One tick of input: an image, or the fact that there is none."""
 
@@ -150,6 +174,8 @@ class Capture(Struct, frozen=True, eq=False):
     """Time since the phase began."""
     delivered: tuple[Delivered, ...] = ()
     """Vibration that an output has confirmed since the previous capture; periods may overlap."""
+    robot: tuple[RobotSample, ...] = ()
+    """Measurements of the robot since the previous capture, oldest first."""
 
 
 class Certainty(Struct, frozen=True):

@@ -14,9 +14,10 @@ from msgspec.structs import replace
 from haptigraph.clock import Clock
 from haptigraph.errors import BadInput, EndOfSource, HaptigraphError, PerceiverBroken, SourceLost
 from haptigraph.haptics.observed_device import DeliveryLog
-from haptigraph.messages import Capture, Fault, Observation, Step, Timing
+from haptigraph.messages import Capture, Fault, Observation, RobotSample, Step, Timing
 from haptigraph.run_report import RunReport
-from haptigraph.stages import Perceiver, Reasoner, Renderer, SceneBuilder, Sink, Source
+from haptigraph.sources.timing import moved_in_time
+from haptigraph.stages import Perceiver, Reasoner, Renderer, RobotReadings, SceneBuilder, Sink, Source
 
 __all__ = ["HapticOutput", "Loop", "Pipeline"]
 
@@ -119,6 +120,7 @@ class Loop:
         clock: The run's clock; with a virtual one the loop runs as fast as it can.
         stale_ms: Without a new image for so long, the needle counts as lost.
         deliveries: Takes the vibration that outputs confirm, until the next capture.
+        robot: Takes the robot's measurements, until the next capture; None: there is no robot.
         notes: What the user should know before the run, a sentence each.
     """
 
@@ -132,12 +134,13 @@ class Loop:
         clock: Clock,
         stale_ms: float = 100.0,
         deliveries: DeliveryLog | None = None,
+        robot: RobotReadings | None = None,
         notes: Sequence[str] = (),
     ) -> None:
         self.pipeline, self.source, self.output, self.sinks = pipeline, source, output, tuple(sinks)
         self.notes, self.report = tuple(notes), RunReport()
         self.deliveries = deliveries or DeliveryLog()
-        self._clock, self._stale_ms = clock, stale_ms
+        self._clock, self._stale_ms, self._robot = clock, stale_ms, robot
         self._start_ns: int | None = None
         self._last_ns: int | None = None
         self._index = -1
@@ -202,6 +205,8 @@ class Loop:
             for sink in reversed(self.sinks):
                 stack.callback(self._close_sink, sink)
             stack.callback(self.source.close)
+            if self._robot is not None:
+                stack.callback(self._robot.close)
             if self._unrecorded is not None:
                 stack.callback(self._record, *self._unrecorded)
 
@@ -254,6 +259,8 @@ class Loop:
             if faults or deliveries:
                 faults, delivered = (*capture.faults, *faults), (*capture.delivered, *deliveries)
                 capture = replace(capture, faults=faults, delivered=delivered)
+            if samples := self._take_samples():
+                capture = replace(capture, robot=(*capture.robot, *samples))
             yield capture
 
     def _in_order(self, capture: Capture) -> Capture:
@@ -268,7 +275,11 @@ class Loop:
         if message:
             faults = (*faults, Fault("source", message))
         index, now_ns = max(self._index, 0), self._clock.now_ns()
-        return Capture(index, now_ns, None, faults=faults, delivered=self.deliveries.take())
+        delivered, robot = self.deliveries.take(), self._take_samples()
+        return Capture(index, now_ns, None, faults=faults, delivered=delivered, robot=robot)
+
+    def _take_samples(self) -> tuple[RobotSample, ...]:
+        return self._robot.take() if self._robot else ()
 
     def _paced(self, capture: Capture) -> Capture:
         """Wait until a capture is due and stamp it; the schedule slips when the loop is late."""
@@ -281,7 +292,7 @@ class Loop:
             self._start_ns += late_ns
         due_ns = self._start_ns + capture.stamp_ns
         self._clock.wait_until(due_ns)
-        return replace(capture, stamp_ns=due_ns)
+        return moved_in_time(capture, due_ns - capture.stamp_ns)
 
     def _take_faults(self) -> tuple[Fault, ...]:
         of_sinks = [fault for sink in self.sinks for fault in sink.take_faults()]

@@ -1,10 +1,12 @@
 """Describe a run: the header of its recording, which bridges publish too."""
 
 import datetime
+import hashlib
 import time
 from typing import TYPE_CHECKING
 
 import msgspec
+from msgspec.structs import replace
 
 from haptigraph.clock import Clock, offset_ns
 from haptigraph.config import Config
@@ -25,11 +27,16 @@ def run_info(
     procedure: "Procedure",
     clock: Clock,
     version: str,
+    robot_setup: str = "",
 ) -> RunInfo:
-    """Return the header of a run that starts now; `version` is haptigraph's."""
+    """Return the header of a run that starts now; `version` is haptigraph's, `robot_setup` its robot.toml."""
     utc_offset_ns = offset_ns(time.time_ns, clock)
     started = datetime.datetime.fromtimestamp((clock.now_ns() + utc_offset_ns) / 1e9, datetime.UTC)
-    return run_info_at(started, utc_offset_ns, config, source.rate_hz, registration, procedure, version)
+    info = run_info_at(started, utc_offset_ns, config, source.rate_hz, registration, procedure, version)
+    if not robot_setup:
+        return info
+    sha256 = hashlib.sha256(robot_setup.encode()).hexdigest()
+    return replace(info, robot_setup=robot_setup, robot_setup_sha256=sha256)
 
 
 def run_info_at(

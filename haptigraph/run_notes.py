@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from haptigraph.config import Config
 from haptigraph.haptics.pattern import unsupported
-from haptigraph.inference.coverage import unreported_notes
+from haptigraph.inference.coverage import ROBOT_TIP, unreported_notes
 from haptigraph.registration.assumed import assumed_notes
 from haptigraph.stages import Device, PerceiverClass, Source
 
@@ -33,6 +33,13 @@ def run_notes(
         *unreported_notes(procedure, config.perception.perceiver, class_of),
         *(f"{config.haptics.device}: {note}" for note in limits),
     ]
+    if any(entity.name == ROBOT_TIP for entity in procedure.schema.entities) and not (
+        config.robot.setup or source.robot_setup
+    ):
+        notes.append(
+            f"{procedure.name} compares the robot's tip with that in the image, but no calibrated robot is "
+            "read: give --robot and --robot-setup"
+        )
     if registration.image.slices is not None:
         notes.append(
             f"{source.rate_hz:g} volumes/s: haptic output ends {config.haptics.deadman_ms:g} ms after the "

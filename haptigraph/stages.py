@@ -17,6 +17,7 @@ from haptigraph.messages import (
     HapticCommand,
     ImageKind,
     Observation,
+    RobotSample,
     Step,
 )
 
@@ -26,6 +27,7 @@ __all__ = [
     "PerceiverClass",
     "Reasoner",
     "Renderer",
+    "RobotReadings",
     "SceneBuilder",
     "Sink",
     "Source",
@@ -50,6 +52,9 @@ class Source(Protocol):
     """What the user should know before the run, a sentence each."""
     teleop: Any = None
     """The `haptigraph.teleop.teleop.Teleop` that steers the simulated robot; None if there is none."""
+
+    robot_setup: str | None = None
+    """TOML text of robot.toml, where the source delivers robot samples; None: it has none."""
 
     def read(self, timeout_s: float) -> Capture | None:
         """Return the next capture, or None if none arrived in time.
@@ -165,6 +170,19 @@ class Device(Protocol):
         Raises:
             DeviceError: If it may still vibrate.
         """
+        ...
+
+
+@runtime_checkable
+class RobotReadings(Protocol):
+    """Read a robot beside the images."""
+
+    def take(self) -> tuple[RobotSample, ...]:
+        """Return its measurements since the last call, oldest first."""
+        ...
+
+    def close(self) -> None:
+        """Disconnect. May be called twice."""
         ...
 
 

@@ -7,10 +7,20 @@ from haptigraph.graph import Names, Relation, Triplet
 from haptigraph.inference.procedure import Procedure, State
 from haptigraph.stages import PerceiverClass
 
-__all__ = ["CAMERA_ANATOMY", "check_margins", "reported_with", "uncovered", "unreported", "unreported_notes"]
+__all__ = [
+    "CAMERA_ANATOMY",
+    "ROBOT_TIP",
+    "check_margins",
+    "reported_with",
+    "uncovered",
+    "unreported",
+    "unreported_notes",
+]
 
 CAMERA_ANATOMY = frozenset(("eye_globe", "retina_surface", "retina_target", "trocar"))
 """What every registration of a camera reports."""
+ROBOT_TIP = "robot_tip"
+"""What a run reports that reads a calibrated robot, whatever its perceiver."""
 SCAN_ANATOMY = frozenset(("retina_surface",))
 """What every perceiver of B-scans reports besides the entities by which it is selected."""
 
@@ -87,7 +97,7 @@ def unreported(procedure: Procedure, reported: Collection[str]) -> dict[str, tup
         By state: the entities that are missing.
     """
     phases = procedure.schema.phases
-    there = {*reported, *phases}
+    there = {*reported, *phases, ROBOT_TIP}
     needed = {state.name: _needed(procedure, state) for state in procedure.states}
     return {
         name: missing

@@ -1,7 +1,9 @@
 """What each perceiver reports, by its name: known without importing the perceiver."""
 
-__all__ = ["ENTITIES"]
+__all__ = ["ENTITIES", "ROBOT_TIP"]
 
+ROBOT_TIP = "robot_tip"
+"""The tip as the robot reports it: of a run that reads a calibrated robot, whatever its perceiver."""
 NEEDLE = frozenset(("needle_tip", "needle_line"))
 SCAN = NEEDLE | {"ilm", "rpe", "target_layer", "subretinal_space"}
 FORCEPS = frozenset(

@@ -13,7 +13,7 @@ from haptigraph.recording.schema import TOPICS, CaptureRecord
 __all__ = ["IMAGE", "decode_message", "is_complete", "is_read"]
 
 IMAGE = "/camera/image"
-VIEWER_TOPICS = ("/camera/annotations", "/log")
+VIEWER_TOPICS = ("/camera/annotations", "/log", "/robot/poses")
 STEP_TOPICS = {"/capture", "/observation", "/graph", "/state", "/command"}  # of a complete step
 DECODERS: dict[str, msgspec.json.Decoder[Any]] = {
     topic.name: msgspec.json.Decoder(dict[str, msgspec.Raw] if topic.name in VIEWER_TOPICS else topic.type)

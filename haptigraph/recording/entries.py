@@ -7,7 +7,7 @@ from msgspec import UNSET, Struct
 from haptigraph.messages import Capture, Step
 from haptigraph.projection import ImageGeometry
 from haptigraph.recording.codec import encode_png, format_of
-from haptigraph.recording.foxglove import WARNING, CompressedImage, Log, Time, annotations
+from haptigraph.recording.foxglove import WARNING, CompressedImage, Log, Time, annotations, robot_poses
 from haptigraph.recording.schema import CaptureRecord, Kept, VideoImage
 
 __all__ = ["entries"]
@@ -47,6 +47,7 @@ def entries(
         capture.phase_s,
         video,
         capture.delivered or UNSET,
+        capture.robot or UNSET,
     )
     yield "/capture", record
     if capture.hand is not None:
@@ -58,6 +59,8 @@ def entries(
     yield "/graph", step.graph
     yield "/state", step.conclusion
     yield "/command", step.command
+    if capture.robot:
+        yield "/robot/poses", robot_poses(capture.robot, utc_offset_ns)
     for fault in step.faults:
         yield "/log", Log(time, WARNING, fault.message, fault.where)
     if step.timing is not None:  # last, so that its presence marks a complete step

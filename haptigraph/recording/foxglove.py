@@ -11,20 +11,25 @@ import msgspec
 from msgspec import Struct
 
 from haptigraph.geometry import Circle, Geometry, Point, Polyline, Segment, Vec
+from haptigraph.messages import RobotSample
 from haptigraph.projection import ImageGeometry
 
 __all__ = [
     "CompressedImage",
     "ImageAnnotations",
     "Log",
+    "PosesInFrame",
     "Time",
     "annotations",
     "encode_message",
     "foxglove_schema",
+    "robot_poses",
 ]
 
 LINE_STRIP = 3
 WARNING = 3
+ROBOT_FRAME = "robot_base"
+MM_PER_M = 1000.0
 
 
 class Time(Struct, frozen=True):
@@ -117,6 +122,38 @@ class Log(Struct, frozen=True):
     line: int = 0
 
 
+class Vector3(Struct, frozen=True):
+    """foxglove.Vector3."""
+
+    x: float
+    y: float
+    z: float
+
+
+class Rotation(Struct, frozen=True):
+    """foxglove.Quaternion."""
+
+    x: float
+    y: float
+    z: float
+    w: float
+
+
+class Pose(Struct, frozen=True):
+    """foxglove.Pose [m]."""
+
+    position: Vector3
+    orientation: Rotation
+
+
+class PosesInFrame(Struct, frozen=True):
+    """foxglove.PosesInFrame."""
+
+    timestamp: Time
+    frame_id: str
+    poses: tuple[Pose, ...]
+
+
 INSTRUMENT = Color(0.98, 0.75, 0.18)
 ANATOMY = Color(0.35, 0.75, 0.95)
 CLEAR = Color(0.0, 0.0, 0.0, 0.0)
@@ -143,6 +180,15 @@ def annotations(
             lines.append(_line(time, points, image, color))
     text = TextAnnotation(time, Point2(12.0, 12.0), caption, 20.0, Color(1.0, 1.0, 1.0), Color(0, 0, 0, 0.6))
     return ImageAnnotations(tuple(circles), tuple(lines), (text,))
+
+
+def robot_poses(samples: Sequence[RobotSample], utc_offset_ns: int) -> PosesInFrame:
+    """Return the robot's poses in its base, oldest first, at the time of the newest."""
+    poses = tuple(
+        Pose(Vector3(*(mm / MM_PER_M for mm in sample.position_mm)), Rotation(*sample.quaternion))
+        for sample in samples
+    )
+    return PosesInFrame(Time.from_ns(samples[-1].stamp_ns + utc_offset_ns), ROBOT_FRAME, poses)
 
 
 def foxglove_schema(type_: type, title: str) -> dict[str, Any]:

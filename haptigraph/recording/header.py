@@ -83,7 +83,7 @@ def read_header(record: Metadata, path: Path) -> RunInfo:
         raise BadInput("header is damaged (its SHA-256 differs)", path)
     if info.format not in READABLE:
         raise BadInput(f"recording format {info.format!r}; this version reads {', '.join(READABLE)}", path)
-    for name in ("procedure", "registration"):
+    for name in ("procedure", "registration", *(["robot_setup"] if info.robot_setup else [])):
         if hashlib.sha256(getattr(info, name).encode()).hexdigest() != getattr(info, f"{name}_sha256"):
             raise BadInput(f"header is damaged (the SHA-256 of its {name} differs)", path)
     try:

@@ -117,6 +117,7 @@ class RunReader:
             record.phase,
             record.phase_s,
             record.delivered or (),
+            record.robot or (),
         )
         step = Step(
             record.index,

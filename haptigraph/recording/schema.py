@@ -16,10 +16,17 @@ from haptigraph.messages import (
     HandState,
     HapticCommand,
     Observation,
+    RobotSample,
     Timing,
     Truth,
 )
-from haptigraph.recording.foxglove import CompressedImage, ImageAnnotations, Log, foxglove_schema
+from haptigraph.recording.foxglove import (
+    CompressedImage,
+    ImageAnnotations,
+    Log,
+    PosesInFrame,
+    foxglove_schema,
+)
 
 __all__ = [
     "FORMAT",
@@ -68,6 +75,11 @@ class RunInfo(Struct, frozen=True):
     format: str = FORMAT
     decoder: str = ""
     """What decoded images during the run, if its recording was to contain a video."""
+    robot_setup: str = ""
+    """The complete robot.toml; empty: no robot, or not calibrated."""
+    robot_setup_sha256: str = ""
+    robot_shift: str = ""
+    """How the robot's stamps were changed after the run, in one sentence; empty: they were not."""
 
 
 class VideoImage(Struct, frozen=True):
@@ -96,6 +108,8 @@ class CaptureRecord(Struct, frozen=True):
     """Which image of the video it is."""
     delivered: tuple[Delivered, ...] | UnsetType = UNSET
     """Vibration that an output confirmed; left out where there was none."""
+    robot: tuple[RobotSample, ...] | UnsetType = UNSET
+    """Measurements of the robot; left out where there were none."""
 
 
 class Topic(NamedTuple):
@@ -131,7 +145,7 @@ TOPICS = (
         "haptigraph.Capture",
         "ns, px, mm, deg, s",
         "stamp, the camera's own stamp, external faults, the simulator's ground truth, phase, "
-        "which image of the stored video, vibration that an output confirmed",
+        "which image of the stored video, vibration that an output confirmed, the robot's measurements",
     ),
     Topic(
         "/teleop",
@@ -157,6 +171,13 @@ TOPICS = (
     Topic("/state", Conclusion, "haptigraph.Conclusion", "ns", "surgical state and why"),
     Topic("/command", HapticCommand, "haptigraph.HapticCommand", "ns, ms, Hz", "the haptic output"),
     Topic("/timing", Timing, "haptigraph.Timing", "ns", "processed and commanded stamps, stage durations"),
+    Topic(
+        "/robot/poses",
+        PosesInFrame,
+        "foxglove.PosesInFrame",
+        "m",
+        "the robot's poses in its base, for viewers",
+    ),
     Topic("/log", Log, "foxglove.Log", "", "faults, for viewers"),
 )
 

@@ -111,6 +111,14 @@ def distance_mm(subject: Geometry, object: Geometry, found: Found) -> float | No
     return None
 
 
+def tip_disagreement_mm(subject: Geometry, object: Geometry, found: Found) -> float | None:
+    """Distance between two observations of one tip: in the section, or in 3D if the first has a z."""
+    if isinstance(subject, Point) and isinstance(object, Point):
+        apart_mm = norm(subtract(subject.at_mm, object.at_mm))
+        return hypot(apart_mm, subject.z_mm - object.z_mm) if subject.z_mm else apart_mm
+    return None
+
+
 def radial_mm(subject: Geometry, object: Geometry, found: Found) -> float | None:
     """Distance from a point to the approach axis, the line trocar -> object (the paper's "radial d")."""
     trocar = found.get("trocar")
@@ -251,6 +259,9 @@ MEASURES: dict[str, Measure] = {
         {("point", "point"): Limits(lower=0.0, requires=("trocar",), never_above="distance_mm")},
         _BETWEEN_MM,
         _tip_sd_mm,
+    ),
+    "tip_disagreement_mm": Measure(
+        tip_disagreement_mm, {("point", "point"): Limits(lower=0.0)}, _BETWEEN_MM, _tip_sd_mm
     ),
     "theta_deg": Measure(
         theta_deg,

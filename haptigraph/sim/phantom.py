@@ -9,7 +9,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from haptigraph.geometry import Vec, angle_between_deg, norm, subtract
-from haptigraph.messages import Image, Truth
+from haptigraph.messages import Image, RobotSample, Truth
 from haptigraph.sim.eye.camera import Camera
 from haptigraph.sim.eye.cannula import is_in_cannula
 from haptigraph.sim.eye.eye import Eye, registration_text
@@ -17,6 +17,7 @@ from haptigraph.sim.eye.optics import image_geometry
 from haptigraph.sim.eye.peeling import Peeling
 from haptigraph.sim.eye.soft_retina import SoftRetina
 from haptigraph.sim.robot.operator import Operator, ScriptedOperator
+from haptigraph.sim.robot.readings import SimulatedReadings, robot_setup_text
 from haptigraph.sim.robot.robot import Pose, Robot, RobotLimits
 from haptigraph.sim.scenario import Scenario
 
@@ -35,6 +36,8 @@ class Moment(Struct, frozen=True, eq=False):
     truth: Truth
     phase: str = ""
     """Phase of the operation, as named by the script."""
+    robot: tuple[RobotSample, ...] = ()
+    """What the robot has reported since the previous image, on the phantom's time."""
 
 
 class Phantom:
@@ -59,6 +62,10 @@ class Phantom:
             self.eye, scenario.forceps, scenario.membrane, self.camera, seed
         )
         self._soft = scenario.tissue and SoftRetina(scenario.tissue, self.eye)
+        given = scenario.readings
+        self._readings = SimulatedReadings(given, seed) if given else None
+        self.robot_setup = robot_setup_text(given, self.eye.trocar_mm) if given else None
+        """The robot's robot.toml; None if it reports nothing."""
         images = self.operator.duration_s * scenario.about.rate_hz
         self.images = max(1, round(images)) if math.isfinite(images) else sys.maxsize
         """Number of images in one run; `sys.maxsize` if it has no end."""
@@ -97,6 +104,8 @@ class Phantom:
             self._peeling.restart()
         if self._soft:
             self._soft.restart()
+        if self._readings:
+            self._readings.restart()
 
     def advance(self, *, draws: bool = True) -> Moment | None:
         """Advance by one image; return None once the operator is done.
@@ -105,6 +114,9 @@ class Phantom:
             draws: Whether to draw the image; otherwise it is one black pixel.
         """
         moment = self._advance(draws)
+        if moment is not None and self._readings:
+            tip_mm, direction = self._robot.tip_mm(), self._robot.direction()
+            moment = replace(moment, robot=self._readings.advance(moment.time_s, tip_mm, direction))
         if moment is None or self.operator is not self._script:
             return moment
         return replace(moment, phase=self._script.phase_at(moment.time_s))

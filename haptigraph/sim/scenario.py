@@ -19,6 +19,7 @@ from haptigraph.sim.eye.optics import CameraSettings
 from haptigraph.sim.eye.palette import Appearance
 from haptigraph.sim.eye.soft_retina import MAX_DENT_SHARE
 from haptigraph.sim.robot.operator import Hand, Move
+from haptigraph.sim.robot.readings import ReadingsShape
 from haptigraph.sim.robot.robot import RobotLimits
 from haptigraph.sim.tissue import TissueShape
 from haptigraph.toml_document import Document
@@ -78,6 +79,8 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     cannula: CannulaShape | None = None
     """The metal tube in the trocar; None: the needle passes through a hole."""
     robot: RobotLimits = RobotLimits()
+    readings: ReadingsShape | None = None
+    """What the robot reports of itself; None: nothing."""
     operator: Hand = Hand()
     distractors: Distractors = Distractors()
     registration_error: RegistrationError = RegistrationError()

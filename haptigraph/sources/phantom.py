@@ -1,11 +1,28 @@
 """Images of the simulated phantom, each with its ground truth."""
 
 from haptigraph.errors import EndOfSource
-from haptigraph.messages import Capture
+from haptigraph.messages import Capture, HandState
 from haptigraph.sim.oct.phantom import open_phantom
+from haptigraph.sim.phantom import Moment
+from haptigraph.sources.timing import moved_in_time
 from haptigraph.stages import Source
 
-__all__ = ["PhantomSource"]
+__all__ = ["PhantomSource", "capture_of"]
+
+
+def capture_of(moment: Moment, index: int, stamp_ns: int, hand: HandState | None = None) -> Capture:
+    """Return a moment of the phantom as the capture of an image with a stamp."""
+    start_ns = round(moment.time_s * 1e9)
+    capture = Capture(
+        index,
+        start_ns,
+        moment.image,
+        truth=moment.truth,
+        hand=hand,
+        phase=moment.phase,
+        robot=moment.robot,
+    )
+    return moved_in_time(capture, stamp_ns - start_ns)
 
 
 class PhantomSource(Source):
@@ -27,7 +44,7 @@ class PhantomSource(Source):
         self._loop = loop
         self._index = -1
         self.rate_hz = self._phantom.scenario.about.rate_hz
-        self.registration = self._phantom.registration
+        self.registration, self.robot_setup = self._phantom.registration, self._phantom.robot_setup
 
     def read(self, timeout_s: float) -> Capture | None:
         """Return the next image."""
@@ -39,7 +56,7 @@ class PhantomSource(Source):
             raise EndOfSource
         self._index += 1
         stamp_ns = round(self._index * 1e9 / self.rate_hz)
-        return Capture(self._index, stamp_ns, moment.image, truth=moment.truth, phase=moment.phase)
+        return capture_of(moment, self._index, stamp_ns)
 
     def close(self) -> None:
         """Do nothing: the phantom holds no resources."""

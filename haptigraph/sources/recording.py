@@ -7,6 +7,7 @@ from msgspec.structs import replace
 from haptigraph.errors import EndOfSource
 from haptigraph.messages import Capture, Fault
 from haptigraph.recording.reader import RunReader
+from haptigraph.sources.timing import moved_in_time
 from haptigraph.stages import Source
 
 __all__ = ["RecordingSource"]
@@ -28,6 +29,7 @@ class RecordingSource(Source):
         self._reader = RunReader(path)
         self.rate_hz = self._reader.info.rate_hz
         self.registration = self._reader.info.registration
+        self.robot_setup = self._reader.info.robot_setup or None
         self._records = self._reader.records()
         self._differing_images = 0
         self._first_ns: int | None = None
@@ -44,7 +46,7 @@ class RecordingSource(Source):
             self._differing_images = self._reader.differing_images
             decoder = self._reader.info.decoder
             faults = (*faults, Fault("source", f"image has other pixels than when {decoder} decoded it"))
-        return replace(capture, stamp_ns=capture.stamp_ns - self._first_ns, faults=faults)
+        return replace(moved_in_time(capture, -self._first_ns), faults=faults)
 
     def close(self) -> None:
         """Close the file."""

@@ -5,6 +5,7 @@ from haptigraph.errors import BadInput, EndOfSource
 from haptigraph.messages import Capture
 from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.scenario import load_scenario
+from haptigraph.sources.phantom import capture_of
 from haptigraph.stages import Source
 from haptigraph.teleop.band_stop import MIN_RATE_HZ
 from haptigraph.teleop.motion import TeleopSettings
@@ -44,7 +45,7 @@ class TeleopSource(Source):
         self._clock = clock
         self._start_ns: int | None = None
         self._index = -1
-        self.registration = self._phantom.registration
+        self.registration, self.robot_setup = self._phantom.registration, self._phantom.robot_setup
 
     def read(self, timeout_s: float) -> Capture | None:
         """Wait until the next image is due, and return it."""
@@ -58,7 +59,7 @@ class TeleopSource(Source):
         if moment is None:
             raise EndOfSource
         stamp_ns = self._clock.now_ns()
-        return Capture(self._index, stamp_ns, moment.image, truth=moment.truth, hand=self.teleop.hand)
+        return capture_of(moment, self._index, stamp_ns, self.teleop.hand)
 
     def close(self) -> None:
         """Do nothing: the phantom holds no resources."""

@@ -16,7 +16,7 @@ class SourceWrapper(Source):
     def __init__(self, source: Source) -> None:
         self._source = source
         self.rate_hz, self.is_live, self.registration = source.rate_hz, source.is_live, source.registration
-        self.notes, self.teleop = source.notes, source.teleop
+        self.notes, self.teleop, self.robot_setup = source.notes, source.teleop, source.robot_setup
 
     def read(self, timeout_s: float) -> Capture | None:
         """Return the next capture of the wrapped source."""

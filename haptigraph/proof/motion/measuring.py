@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 Measuring = Callable[[Array, Array], Array]
 """From tips [mm] and directions of the shaft, (2, n) each, to a measure, (n,)."""
 Number = TypeVar("Number", np.float64, np.bool_)
+UNMOVED = ("elapsed_s", "tip_disagreement_mm")  # time stands still, and the robot moves with its needle
 BATCH = 1 << 17  # distances to segments that are computed at once: few enough for the cache
 
 
@@ -42,7 +43,7 @@ def measuring_of(relation: Relation, needle: Needle, found: Found) -> Measuring 
         return None
     shape = MEASURES[relation.measure].shapes.get((_shape(subject), _shape(object_)))
     needed = {relation.subject, relation.object, *(shape.requires if shape else ())}
-    if relation.measure == "elapsed_s" or not needed & {TIP, LINE}:
+    if relation.measure in UNMOVED or not needed & {TIP, LINE}:
         return lambda tips, along: np.full(tips.shape[1], value)
     make = _MEASURINGS.get((relation.measure, relation.subject, type(object_)))
     if make is None:

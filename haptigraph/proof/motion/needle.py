@@ -7,12 +7,12 @@ from msgspec import Struct
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from haptigraph.geometry import Circle, Point, Segment, Vec, norm, rotate, subtract, unit
+from haptigraph.geometry import Circle, Geometry, Point, Segment, Vec, norm, rotate, subtract, unit
 from haptigraph.messages import Observation
 
 __all__ = ["LINE", "PITCH_LIMIT_DEG", "TIP", "Needle", "needle_of"]
 
-TIP, LINE = "needle_tip", "needle_line"
+TIP, LINE, ROBOT_TIP = "needle_tip", "needle_line", "robot_tip"
 PITCH_LIMIT_DEG = 50.0
 """To either side of the line from the trocar to the globe's centre; beyond it the wall is in the way."""
 WITHDRAWN_MM = 5.0  # the tip may be drawn back so far outside the trocar
@@ -59,7 +59,8 @@ class Needle(Struct, frozen=True):
     def moved(self, turn_deg: float, advance_mm: float) -> Observation:
         """Return the observation after a turn (counter-clockwise) and a motion along the shaft.
 
-        Everything but the needle stays where it is; so do the standard deviations.
+        Everything stays where it is but the needle and the tip that its robot reports; so do the standard
+        deviations.
         """
         along = rotate(self.along, turn_deg)
 
@@ -70,7 +71,10 @@ class Needle(Struct, frozen=True):
                 self.trocar_mm[1] + y + advance_mm * along[1],
             )
 
-        found = {TIP: Point(at(self.tip_mm)), LINE: Segment(at(self.line.start_mm), at(self.line.end_mm))}
+        line = Segment(at(self.line.start_mm), at(self.line.end_mm))
+        found: dict[str, Geometry] = {TIP: Point(at(self.tip_mm)), LINE: line}
+        if isinstance(robot_tip := self.observation.found.get(ROBOT_TIP), Point):
+            found[ROBOT_TIP] = Point(at(robot_tip.at_mm), robot_tip.z_mm)
         return replace(self.observation, found=self.observation.found | found)
 
     def swept(
