@@ -63,6 +63,7 @@ class MotionStatus(Struct, frozen=True):
     late_p50_ms: float
     """How long after its time a cycle begins: median over the last seconds; nan before the first."""
     late_p99_ms: float
+    late_p999_ms: float
     error: str = ""
     """What failed last; empty: nothing."""
 

@@ -18,7 +18,9 @@ __all__ = [
     "Transform",
     "Vec3",
     "angle_deg",
+    "composed",
     "quaternion_of",
+    "rotated",
     "rotation_of",
 ]
 
@@ -42,8 +44,7 @@ class ToolPose(Struct, frozen=True):
         Args:
             shaft_axis: That direction in the tool's frame.
         """
-        along: Floats = rotation_of(self.quaternion) @ np.array(shaft_axis)
-        return along
+        return np.array(rotated(self.quaternion, shaft_axis))
 
     @property
     def is_finite(self) -> bool:
@@ -105,6 +106,29 @@ def rotation_of(quaternion: Quaternion) -> Floats:
             [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
         ]
     )
+
+
+def rotated(quaternion: Quaternion, vector: Vec3) -> Vec3:
+    """Return a vector rotated by a quaternion of any length but 0."""
+    (x, y, z, w), (a, b, c) = quaternion, vector
+    scale = 2.0 / (x * x + y * y + z * z + w * w)
+    i, j, k = y * c - z * b, z * a - x * c, x * b - y * a
+    return (
+        a + scale * (w * i + y * k - z * j),
+        b + scale * (w * j + z * i - x * k),
+        c + scale * (w * k + x * j - y * i),
+    )
+
+
+def composed(after: Quaternion, first: Quaternion) -> Quaternion:
+    """Return the rotation, of length 1, that applies `first`, then `after`."""
+    (x, y, z, w), (a, b, c, d) = after, first
+    i = w * a + x * d + y * c - z * b
+    j = w * b - x * c + y * d + z * a
+    k = w * c + x * b - y * a + z * d
+    s = w * d - x * a - y * b - z * c
+    length = math.sqrt(i * i + j * j + k * k + s * s)
+    return i / length, j / length, k / length, s / length
 
 
 def quaternion_of(rotation: Floats) -> Quaternion:

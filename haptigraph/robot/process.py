@@ -114,7 +114,7 @@ class RobotProcess:
         elif time.monotonic() - heard_s > SILENT_S:
             failure = HUNG
         late_ns = [late_ns for report in reports[1:] for late_ns in report.late_ns]
-        p50_ms, p99_ms = np.percentile(late_ns, (50, 99)) / 1e6 if late_ns else (math.nan, math.nan)
+        late_ms = np.percentile(late_ns, (50, 99, 99.9)) / 1e6 if late_ns else 3 * [math.nan]
         span_ns = newest.stamp_ns - reports[0].stamp_ns
         return MotionStatus(
             is_moving=newest.is_moving and not failure,
@@ -123,8 +123,9 @@ class RobotProcess:
             reading=newest.reading,
             rate_hz=0.0 if failure or not span_ns else len(late_ns) / (span_ns / 1e9),
             missed_deadlines=newest.missed_deadlines,
-            late_p50_ms=float(p50_ms),
-            late_p99_ms=float(p99_ms),
+            late_p50_ms=float(late_ms[0]),
+            late_p99_ms=float(late_ms[1]),
+            late_p999_ms=float(late_ms[2]),
             error=newest.error,
         )
 

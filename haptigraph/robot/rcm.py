@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from haptigraph.robot.pose import IDENTITY, Floats, ToolPose, Vec3, quaternion_of, rotation_of
+from haptigraph.robot.pose import Floats, Quaternion, ToolPose, Vec3, composed, rotated
 
 __all__ = ["Rcm", "direction_of", "minimal_rotation", "turned"]
 
@@ -23,7 +23,6 @@ class Rcm:
     def __init__(self, at_mm: Vec3, shaft_axis: Vec3) -> None:
         self.at_mm = np.array(at_mm, dtype=np.float64)
         self._shaft_axis = shaft_axis
-        self._tool_axis = np.array(shaft_axis, dtype=np.float64)
 
     def direction(self, pose: ToolPose) -> Floats:
         """Return the direction of the shaft, from handle to tip, (3,)."""
@@ -54,28 +53,28 @@ class Rcm:
             direction: Of the shaft, (3,), any length but 0.
             near: Its rotation about the shaft is kept.
         """
-        rotation = minimal_rotation(self.direction(near), direction) @ rotation_of(near.quaternion)
-        quaternion = quaternion_of(rotation)
+        turn = minimal_rotation(self.direction(near), direction)
+        quaternion = composed(turn, near.quaternion)
         # The tip follows from the quaternion, not from the direction: so the shaft passes exactly.
-        along = rotation_of(quaternion) @ self._tool_axis
-        x, y, z = (self.at_mm + depth_mm * along).tolist()
+        along = rotated(quaternion, self._shaft_axis)
+        x, y, z = (at_mm + depth_mm * step for at_mm, step in zip(self.at_mm.tolist(), along, strict=True))
         return ToolPose((x, y, z), quaternion)
 
 
-def minimal_rotation(before: Floats, after: Floats) -> Floats:
-    """Return the smallest rotation that takes one direction to another, (3, 3).
+def minimal_rotation(before: Floats, after: Floats) -> Quaternion:
+    """Return the smallest rotation that takes one direction to another.
 
-    Rodrigues' formula. Of opposite directions, for which many are equally small, one is chosen.
+    Of opposite directions, for which many are equally small, one is chosen.
     """
     a, b = _unit(before), _unit(after)
-    axis, cosine = _cross(a, b), float(a @ b)
+    cosine = float(a @ b)
     if cosine < -1 + 1e-12:
         least = np.eye(3)[int(np.abs(a).argmin())]
-        half = _unit(_cross(a, least))
-        return np.asarray(2 * np.outer(half, half) - np.eye(3))
-    x, y, z = axis.tolist()
-    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.asarray(IDENTITY.rotation + skew + skew @ skew / (1 + cosine))
+        x, y, z = _unit(_cross(a, least)).tolist()
+        return x, y, z, 0.0
+    x, y, z = _cross(a, b).tolist()
+    length = math.hypot(x, y, z, 1 + cosine)
+    return x / length, y / length, z / length, (1 + cosine) / length
 
 
 def turned(direction: Floats, towards: Floats, angle_rad: float) -> Floats:

@@ -47,9 +47,13 @@ class SimulatedRobot:
         centre_mm = rcm_mm - (0, 0, 1) if setup.eye is None else np.array(setup.eye.translation_mm)
         inwards = (centre_mm - rcm_mm) / np.linalg.norm(centre_mm - rcm_mm)
         z_axis = np.array((0.0, 0.0, 1.0))
-        self._arm_from_tool = minimal_rotation(np.array(setup.shaft_axis_tool), z_axis)
+        self._arm_from_tool = rotation_of(minimal_rotation(np.array(setup.shaft_axis_tool), z_axis))
         self.arm = Arm(
-            rcm_mm - START_MM * inwards, minimal_rotation(z_axis, inwards), seed, errors, clock.now_ns()
+            rcm_mm - START_MM * inwards,
+            rotation_of(minimal_rotation(z_axis, inwards)),
+            seed,
+            errors,
+            clock.now_ns(),
         )
         self._number = 0
         self._newest = RobotReading(0, 0)

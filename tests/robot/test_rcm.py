@@ -81,7 +81,7 @@ def _cone(home, tilt_deg, azimuth):
 
 def test_opposite_directions_are_turned_into_each_other():
     for axis in np.eye(3):
-        rotation = minimal_rotation(axis, -axis)
+        rotation = rotation_of(minimal_rotation(axis, -axis))
         assert rotation @ axis == pytest.approx(-axis)
         assert np.linalg.det(rotation) == pytest.approx(1.0)
 

@@ -125,7 +125,7 @@ class Arm:
 
     def _pose_of(self, joints: Floats) -> ArmPose:
         a, b, c = np.radians(joints[3:]).tolist()
-        rotation = self._mount @ _about(0, a) @ _about(1, b) @ _about(2, c)
+        rotation = self._mount @ _wrist(a, b, c)
         stage_mm = self._mount @ (joints[:3] + self._centre_mm)
         return ArmPose(self._now_ns, stage_mm + TOOL_MM * rotation[:, 2], rotation)
 
@@ -141,11 +141,17 @@ class Arm:
         return np.concatenate([stage_mm, np.degrees(angles)])
 
 
-def _about(axis: int, angle_rad: float) -> Floats:
-    """Return the rotation about one axis, (3, 3)."""
-    i, j = (axis + 1) % 3, (axis + 2) % 3
-    rotation = np.eye(3)
-    rotation[i, i] = rotation[j, j] = math.cos(angle_rad)
-    rotation[j, i] = math.sin(angle_rad)
-    rotation[i, j] = -rotation[j, i]
-    return rotation
+def _wrist(a: float, b: float, c: float) -> Floats:
+    """Return the rotation about x by a, of that about y by b, of that about z by c [rad], (3, 3)."""
+    sa, ca, sb, cb, sc, cc = *_sine_cosine(a), *_sine_cosine(b), *_sine_cosine(c)
+    return np.array(
+        [
+            [cb * cc, -cb * sc, sb],
+            [ca * sc + sa * sb * cc, ca * cc - sa * sb * sc, -sa * cb],
+            [sa * sc - ca * sb * cc, sa * cc + ca * sb * sc, ca * cb],
+        ]
+    )
+
+
+def _sine_cosine(angle_rad: float) -> tuple[float, float]:
+    return math.sin(angle_rad), math.cos(angle_rad)
