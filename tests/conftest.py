@@ -6,8 +6,10 @@ import signal
 from collections.abc import Iterator
 from pathlib import Path
 
-# Before NumPy: its matrices here are small, so threads of every worker and program would only wait for each other.
+# Before NumPy and OpenCV: their matrices and images here are small, so threads of every worker and program would only
+# wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OPENCV_FOR_THREADS_NUM", "1")
 
 import pytest
 import ros_network as ros_network_module
