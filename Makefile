@@ -33,7 +33,8 @@ $(VENV)/runs: $(VENV)/base pyproject.toml hatch_build.py $(NATIVE) $(wildcard $(
 
 $(VENV)/locked: requirements.lock $(VENV)/base
 	@echo "haptigraph: installing $$(grep -c '==' requirements.lock) packages into $(VENV) for tests and all extras, once"
-	$(BIN)/python -m pip install --disable-pip-version-check --requirement requirements.lock
+	$(BIN)/python -m pip install --disable-pip-version-check --no-compile --requirement requirements.lock
+	@$(BIN)/python -m compileall -qq -j 0 -x /tests/ $(VENV)/lib || true  # pip uses one processor, and compiles tests too
 	@touch $(VENV)/locked
 
 $(VENV)/ready: $(VENV)/locked $(VENV)/runs
