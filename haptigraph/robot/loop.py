@@ -21,7 +21,16 @@ from haptigraph.robot.messages import Frames, Input, Report, framed
 from haptigraph.robot.opening import open_robot
 from haptigraph.robot.setup import load_setup
 
-__all__ = ["PERIOD_NS", "Inputs", "PipeInputs", "PipeReports", "Reports", "RobotLoop", "main"]
+__all__ = [
+    "PERIOD_NS",
+    "Inputs",
+    "PipeInputs",
+    "PipeReports",
+    "Reports",
+    "RobotLoop",
+    "main",
+    "raise_priority",
+]
 
 PERIOD_NS = round(1e9 / RATE_HZ)
 REPORT_CYCLES = 4
