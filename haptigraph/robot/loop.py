@@ -21,7 +21,16 @@ from haptigraph.robot.messages import Frames, Input, Report, framed
 from haptigraph.robot.opening import open_robot
 from haptigraph.robot.setup import load_setup
 
-__all__ = ["PERIOD_NS", "Inputs", "PipeInputs", "PipeReports", "Reports", "RobotLoop", "main"]
+__all__ = [
+    "PERIOD_NS",
+    "Inputs",
+    "PipeInputs",
+    "PipeReports",
+    "Reports",
+    "RobotLoop",
+    "main",
+    "raise_priority",
+]
 
 PERIOD_NS = round(1e9 / RATE_HZ)
 REPORT_CYCLES = 4
@@ -202,6 +211,7 @@ def main() -> None:
     inputs, reports = PipeInputs(0), PipeReports(os.dup(1))
     os.dup2(2, 1)  # whatever a robot's library prints must not get between the reports
     clock = MonotonicClock()
+    raise_priority()  # also of the threads that the robot's library starts: the loop waits for Python's lock
     try:
         controller = Controller(load_setup(setup_path), is_checked=_is_checked(uri, setup_path))
         robot = open_robot(uri, clock)
@@ -210,7 +220,6 @@ def main() -> None:
         sys.exit(1)
     gc.collect()
     gc.freeze()  # so that a collection is short
-    raise_priority()
     RobotLoop(robot, controller, clock, inputs, reports).run()
 
 
