@@ -26,6 +26,7 @@ MAX_RMS_MM = 0.5
 """Largest RMS residual that is accepted."""
 MAX_DEPTH_MM = 0.5  # RMS, by which a motion may leave its plane
 MIN_TIPS = 60
+PARAMETERS = 6
 
 
 class Calibration(Struct, frozen=True):
@@ -99,7 +100,14 @@ def calibrate_section(
     eye_mm = np.column_stack((image_mm, np.zeros(len(image_mm))))
     fit = fit_points(base_mm, eye_mm, sd_mm, max_rms_mm=MAX_RMS_MM, what=what)
     in_section = fit.residual_mm[fit.used > 0, :2]
-    factor = values_per_independent(in_section)
+    independent = len(in_section) / values_per_independent(in_section)
+    if independent < 2 * PARAMETERS:
+        raise BadInput(
+            f"the residuals of {len(in_section)} images are worth only {independent:.0f} independent ones; "
+            "record a longer run",
+            what,
+        )
+    factor = len(in_section) / (independent - PARAMETERS)
     noise_mm = math.sqrt(float((in_section**2).mean()))
     # The covariance of `fit_points` is for its own noise; that in the section is what was measured.
     scale = factor * (noise_mm / fit.noise_mm) ** 2
