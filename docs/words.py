@@ -27,6 +27,8 @@ INSTEAD = {
 }
 """By what they are replaced: whole words, also between the underscores of names."""
 PARTS = {r"_deviation_": "_sd_"}
+ANY = re.compile("|".join([*INSTEAD, *PARTS]), re.IGNORECASE)
+"""Rules most lines out at once."""
 OLD_NAMES = re.compile(r"OLD_[A-Z]+|RENAMED")
 """Where names of earlier versions are read, these words are data: in the statement that begins so."""
 EXEMPT = (
@@ -41,7 +43,7 @@ def found_in(text: str) -> list[tuple[int, str, str]]:
     is_old = False
     for number, line in enumerate(text.splitlines(), 1):
         is_old = bool(OLD_NAMES.search(line)) or (is_old and not re.match(r"\s*[)}\]]|\s*$", line))
-        if is_old:
+        if is_old or not ANY.search(line):
             continue
         for pattern, instead in INSTEAD.items():
             found += [

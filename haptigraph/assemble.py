@@ -52,12 +52,13 @@ PERCEIVERS = {
 DEVICES = {
     "audio": "haptigraph.haptics.audio:AudioDevice",
     "console": "haptigraph.haptics.console:ConsoleDevice",
+    "crtk": "haptigraph.haptics.network.crtk:CrtkDevice",
     "gamepad": "haptigraph.haptics.gamepad:GamepadDevice",
-    "ros2": "haptigraph.haptics.ros2:Ros2Device",
+    "ros2": "haptigraph.haptics.network.ros2:Ros2Device",
     "serial": "haptigraph.haptics.firmata:FirmataDevice",
     "trace": "haptigraph.haptics.trace:TraceDevice",
 }
-WATCHED = ("gamepad", "ros2", "serial")  # devices that would keep vibrating if the run died
+WATCHED = ("crtk", "gamepad", "ros2", "serial")  # devices that would keep vibrating if the run died
 SOURCES = {
     "camera": "haptigraph.sources.cameras.uvc:CameraSource",
     "dicom": "haptigraph.sources.oct.dicom:DicomSource",
@@ -68,6 +69,7 @@ SOURCES = {
     "realsense-file": "haptigraph.sources.cameras.realsense_file:RealsenseFile",
     "recording": "haptigraph.sources.recording:RecordingSource",
     "ros2": "haptigraph.sources.cameras.ros2:Ros2Source",
+    "rosbag": "haptigraph.sources.rosbag:RosbagSource",
     "teleop": "haptigraph.sources.teleop:TeleopSource",
     "video": "haptigraph.sources.video:VideoSource",
 }
@@ -121,6 +123,8 @@ def build(
             run = context(info, registration.image, measures, clock, source.teleop)
             bridges = _load("haptigraph.bridges.opening:open_bridges")(config.run.bridges, run)
             undo.callback(lambda: [bridge.close() for bridge in bridges])
+        leaders = _load("haptigraph.teleop.leaders.opening:steered")(config, source.teleop, clock)
+        undo.callback(lambda: [leader.close() for leader in leaders])
         name, log = config.haptics.device, DeliveryLog()
         device = confirmed(open_device(name), name, log)
         undo.callback(device.close)
@@ -137,7 +141,7 @@ def build(
             pipeline,
             source=source,
             output=output,
-            sinks=[*bridges, *recorders, *sinks],
+            sinks=[*bridges, *leaders, *recorders, *sinks],
             clock=clock,
             stale_ms=config.run.stale_ms,
             deliveries=log,
@@ -153,15 +157,14 @@ def is_realtime(config: Config) -> bool:
     """Return whether the clock paces a run: as configured, or else by the kind of source and device.
 
     Raises:
-        BadInput: If a camera, an actuator or a bridge is to run at any other pace.
+        BadInput: If a camera, an actuator, a leader or a bridge is to run at any other pace.
     """
-    kind, device = split_source(config.source.uri, SOURCES)[0], config.haptics.device
-    default = is_felt(device) or kind in GENERATED or bool(config.run.bridges)
-    realtime = default if config.run.realtime is None else config.run.realtime
-    if not realtime and (is_felt(device) or kind in CAMERAS or config.run.bridges):
-        bridges = " ".join(f"--bridge {name}" for name in config.run.bridges)
-        which = device if is_felt(device) else config.source.uri if kind in CAMERAS else bridges
-        raise BadInput(f"{which} works in real time; --fast is for files, the phantom, console and trace")
+    kind, device, run = split_source(config.source.uri, SOURCES)[0], config.haptics.device, config.run
+    bound = [device] * is_felt(device) + [config.source.uri] * (kind in CAMERAS)
+    bound += [f"--leader {run.leader}"] * bool(run.leader) + [f"--bridge {name}" for name in run.bridges]
+    realtime = bool(bound) or kind in GENERATED if run.realtime is None else run.realtime
+    if bound and not realtime:
+        raise BadInput(f"{bound[0]} works in real time; --fast is for files, the phantom, console and trace")
     return realtime
 
 
@@ -211,21 +214,19 @@ def open_source(config: Config, clock: Clock, size_px: tuple[int, int] | None = 
         BadInput: If the source cannot be opened or lacks a member of `Source`.
         NeedsRegistration: If the source is a camera of unknown image size.
     """
-    kind, argument = split_source(config.source.uri, SOURCES)
-    settings = config.source
+    (kind, argument), settings = split_source(config.source.uri, SOURCES), config.source
     if settings.loop and kind != "phantom":
         raise BadInput(f"source.loop works with phantom:SCENARIO only, found {settings.uri!r}")
     if kind in CAMERAS:
         size_px = camera_size_px(settings, settings.turn.size_before_px(size_px) if size_px else None)
-    camera = {"size_px": size_px, "rate_hz": settings.rate_hz, "clock": clock}
+    rate = {"rate_hz": settings.rate_hz}
+    camera = {**rate, "size_px": size_px, "clock": clock}
     options: dict[str, dict[str, Any]] = {
         "camera": {**camera, "fourcc": settings.fourcc},
-        "dicom": {"rate_hz": settings.rate_hz},
-        "images": {"rate_hz": settings.rate_hz},
+        **dict.fromkeys(("dicom", "images", "rosbag"), rate),
         "oct": {"settings": settings},
         "phantom": {"loop": settings.loop, "target_mm": settings.target_mm},
-        "realsense": camera,
-        "ros2": camera,
+        **dict.fromkeys(("realsense", "ros2"), camera),
         "teleop": {"clock": clock, "target_mm": settings.target_mm},
     }
     source: Source = _load(SOURCES[kind])(argument, **options.get(kind, {}))

@@ -15,17 +15,19 @@ from haptigraph.commands.help import TaskGroup, examples
 from haptigraph.commands.live import live
 from haptigraph.commands.preparing import check, procedure, register
 from haptigraph.commands.publishing.export import export
+from haptigraph.commands.publishing.recording import export_recording
 from haptigraph.commands.publishing.video import video
 from haptigraph.commands.recordings import recover, replay
 from haptigraph.commands.robot import robot
+from haptigraph.commands.robot_steer import robot_steer
 from haptigraph.commands.robots.robot_calibrate import sync_check
 from haptigraph.commands.running import demo, run
 from haptigraph.commands.sources import sources
+from haptigraph.commands.studies.erase import erase
+from haptigraph.commands.studies.report import measure, study_report
+from haptigraph.commands.studies.run import study_run
+from haptigraph.commands.studies.simulated import simulate, sweep
 from haptigraph.commands.study import study
-from haptigraph.commands.study_erase import erase
-from haptigraph.commands.study_report import measure, study_report
-from haptigraph.commands.study_run import study_run
-from haptigraph.commands.study_simulated import simulate, sweep
 from haptigraph.commands.terminal import print_status
 from haptigraph.errors import HaptigraphError, Implausible, RenamedKey
 from haptigraph.version import __version__
@@ -68,7 +70,7 @@ def _show_warning(message: Warning | str, category: type[Warning], *_: object, *
     tasks={
         "Try it": ("live", "demo"),
         "Your own video or camera": ("sources", "register", "run"),
-        "Recordings": ("replay", "explain", "figure", "sync-check", "recover"),
+        "Recordings": ("replay", "explain", "figure", "export", "sync-check", "recover"),
         "Rules and haptic feedback": ("procedure", "check", "diagram", "evidence", "devices"),
         "Robots": ("robot",),
         "Accuracy": ("evaluate",),
@@ -95,6 +97,7 @@ for command in (
     procedure,
     explain,
     figure,
+    export_recording,
     diagram,
     evidence,
     devices,
@@ -108,3 +111,4 @@ for command in (
     main.add_command(command)
 for command in (study_run, study_report, measure, export, video, erase, simulate, sweep):
     study.add_command(command)
+robot.add_command(robot_steer)

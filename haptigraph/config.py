@@ -142,6 +142,9 @@ class RunConfig(Struct, frozen=True, forbid_unknown_fields=True):
     """Whether the clock paces images; unset: yes for cameras and the phantom, no for files."""
     stale_ms: Annotated[float, Meta(ge=1, le=60_000)] = 100.0
     """The needle counts as lost after this time without a new image."""
+    leader: str = ""
+    """What steers teleop:SCENARIO or a robot: gamepad:N, keys, joy[:TOPIC] or crtk:NAMESPACE; empty: only the
+    live page."""
     bridges: tuple[str, ...] = ()
     """Where the run is published live: ros2[:NAMESPACE], openigtlink[:PORT], lsl, foxglove[:PORT]."""
 

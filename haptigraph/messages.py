@@ -60,7 +60,9 @@ TIP_NOT_VISIBLE = "tip_not_visible"
 class Fault(Struct, frozen=True):
     """An error that the loop survived."""
 
-    where: Literal["source", "registration", "perceiver", "guard", "device", "recorder", "bridge", "robot"]
+    where: Literal[
+        "source", "registration", "perceiver", "guard", "device", "recorder", "bridge", "leader", "robot"
+    ]
     message: str
 
 

@@ -1,12 +1,15 @@
 """Shared fixtures. The eye of the tests is the simulator's; clips beside the checkout are used where present."""
 
 import os
+import re
 import signal
 from collections.abc import Iterator
 from pathlib import Path
 
-# Before NumPy: its matrices here are small, so threads of every worker and program would only wait for each other.
+# Before NumPy and OpenCV: their matrices and images here are small, so threads of every worker and program would only
+# wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OPENCV_FOR_THREADS_NUM", "1")
 
 import pytest
 import ros_network as ros_network_module
@@ -39,12 +42,25 @@ CLIPS = SHARED / "clips"
 REAL_TIME = {"bridges", "cameras", "dashboard", "faults", "haptics", "interop", "ros2"}  # folders
 
 
+def is_in_real_time(path: Path) -> bool:
+    return bool(REAL_TIME.intersection(path.relative_to(Path(__file__).parent).parts))
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave out the files of the other half of the tests, because every worker imports those that it collects."""
+    half = config.option.markexpr
+    if half.startswith("not realtime"):
+        return is_in_real_time(collection_path) or None
+    if not half.startswith("realtime") or collection_path.is_dir() or is_in_real_time(collection_path):
+        return None
+    return not re.search(rb"mark\.(realtime|browser)", collection_path.read_bytes()) or None
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark the tests of pages, devices, networks and running programs."""
     for item in items:
-        folders = item.path.relative_to(Path(__file__).parent).parts
-        if REAL_TIME.intersection(folders) or item.get_closest_marker("browser"):
+        if is_in_real_time(item.path) or item.get_closest_marker("browser"):
             item.add_marker("realtime")
 
 

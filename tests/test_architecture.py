@@ -51,6 +51,7 @@ UNITLESS = {
     "bright_share", "lit_share", "rise_share", "sd_share", "min_contrast_sd", "min_gain", "steepest", "side",
     "lowest_slope", "highest_slope",
     "bound_low", "bound_high", "p_t", "level", "total", "tail", "center", "half_range", "beta", "odds_ratio",
+    "back", "towards", "apart", "deflection",
     "cost", "cost_limit", "depth_cost", "inside", "knee", "noise", "log_likelihood",
 }  # fmt: skip
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import hatchling.build
 import numpy as np
 import pytest
+from helpers import copy_sources
 from hypothesis import given
 from hypothesis import strategies as st
 from paths import ROOT
@@ -55,10 +56,7 @@ def sources(tmp_path, monkeypatch):
 def checkout(tmp_path_factory):
     """A copy of what the package is built from, without a compiled library."""
     folder = tmp_path_factory.mktemp("checkout")
-    for name in ("pyproject.toml", "hatch_build.py", "README.md", "LICENSE", ".gitignore"):
-        shutil.copy(ROOT / name, folder)
-    ignored = shutil.ignore_patterns("__pycache__", "*.library")
-    shutil.copytree(ROOT / "haptigraph", folder / "haptigraph", ignore=ignored)
+    copy_sources(folder)
     return folder
 
 

@@ -1,7 +1,6 @@
 """The package is typed: a user's program is checked against the wheel under `mypy --strict`."""
 
 import os
-import shutil
 import subprocess
 import sys
 import sysconfig
@@ -11,7 +10,7 @@ from pathlib import Path
 
 import hatchling.build
 import pytest
-from paths import ROOT
+from helpers import copy_sources
 
 import haptigraph
 
@@ -86,11 +85,7 @@ def test_tab_completion_offers_the_public_names():
 def environment(tmp_path_factory):
     """An environment with the wheel of this checkout, and the libraries of this one."""
     checkout, environment = tmp_path_factory.mktemp("checkout"), tmp_path_factory.mktemp("environment")
-    for name in ("pyproject.toml", "hatch_build.py", "README.md", "LICENSE"):
-        shutil.copy(ROOT / name, checkout)
-    shutil.copytree(
-        ROOT / "haptigraph", checkout / "haptigraph", ignore=shutil.ignore_patterns("__pycache__")
-    )
+    copy_sources(checkout)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(checkout)
         wheel = checkout / hatchling.build.build_wheel(str(checkout))

@@ -6,7 +6,9 @@ http://openigtlink.org/developers/spec: 58 bytes of header, then the body, all b
 import struct
 from functools import cache
 
-__all__ = ["Matrix", "crc64", "string", "transform"]
+from haptigraph.bridges.needle_pose import Matrix
+
+__all__ = ["crc64", "string", "transform"]
 
 HEADER = struct.Struct(">H12s20sQQQ")
 UTF8 = 106
@@ -14,9 +16,6 @@ UTF8 = 106
 POLYNOMIAL = 0x42F0E1EBA9EA3693
 """CRC-64 of ECMA-182."""
 ALL_BITS = (1 << 64) - 1
-
-Matrix = tuple[tuple[float, float, float, float], ...]
-"""Three rows of four: rotation, and in the last column the translation [mm]."""
 
 
 def transform(device: str, utc_ns: int, matrix: Matrix) -> bytes:

@@ -4,19 +4,18 @@ Frame: RAS in millimetres, as in Slicer. The eye frame becomes R = x (for a surg
 patient, the patient's right is on the right), A = y (from the retina to the front), S = z (out of the image).
 """
 
-import math
 import socket
 import time
 from collections.abc import Iterable
 
 from haptigraph.bridges.bridge import RunContext
-from haptigraph.bridges.igtl_messages import Matrix, string, transform
+from haptigraph.bridges.igtl_messages import string, transform
+from haptigraph.bridges.needle_pose import found_needle, needle_matrix
 from haptigraph.bridges.opening import parse_address
 from haptigraph.errors import BadInput
-from haptigraph.geometry import Point, Segment
 from haptigraph.messages import Capture, Step
 
-__all__ = ["OpenIgtLink", "needle_matrix"]
+__all__ = ["OpenIgtLink"]
 
 PORT = 18944
 NEEDLE, STATE = "NeedleToEye", "SurgicalState"
@@ -56,10 +55,8 @@ class OpenIgtLink:
             return
         utc_ns = step.stamp_ns + self._utc_offset_ns
         data = string(STATE, utc_ns, step.conclusion.state)
-        found = step.observation.found
-        line, tip = found.get("needle_line"), found.get("needle_tip")
-        if isinstance(line, Segment) and isinstance(tip, Point):
-            data += transform(NEEDLE, utc_ns, needle_matrix(line, tip))
+        if needle := found_needle(step.observation):
+            data += transform(NEEDLE, utc_ns, needle_matrix(*needle))
         self._keep(client for client in self._clients if client.send(data))
 
     def send_output(self, stamp_ns: int, amplitude: float, frequency_hz: float) -> None:
@@ -135,18 +132,3 @@ class _Client:
         except OSError:
             return False
         return True
-
-
-def needle_matrix(line: Segment, tip: Point | None = None) -> Matrix:
-    """Return the needle's pose: origin at its tip, z along the shaft towards the tip, as SlicerIGT's model.
-
-    Args:
-        line: The visible shaft; eye frame.
-        tip: Its tip, if it is not the line's end: that of a bevel is beside it.
-    """
-    length_mm = math.hypot(*line.along_mm)
-    x, y, z = (each / length_mm for each in line.along_mm) if length_mm else (0.0, -1.0, 0.0)
-    in_section = math.hypot(x, y)  # the model's x axis lies in the section
-    right, up = (y / in_section, -x / in_section) if in_section else (1.0, 0.0)
-    (at_x, at_y), at_z = (tip.at_mm, tip.z_mm) if tip else (line.end_mm, line.end_z_mm)
-    return (right, -z * up, x, at_x), (up, z * right, y, at_y), (0.0, x * up - y * right, z, at_z)

@@ -1,45 +1,30 @@
-"""Publish a run to ROS 2, and let a joystick on that network steer the phantom.
+"""Publish a run to ROS 2, and let a joystick on that network steer the phantom."""
 
-Stamps are the wall-clock time at which the image was taken; units follow REP 103 (metres, radians).
-"""
-
-import math
 from typing import Any
-
-import msgspec
 
 from haptigraph.bridges.bridge import RunContext
 from haptigraph.bridges.diagnostics import RunDiagnostics
-from haptigraph.bridges.joy import JoySteering
-from haptigraph.geometry import Point as EyePoint
+from haptigraph.bridges.ros2_messages import StepMessages
 from haptigraph.messages import Capture, Step
+from haptigraph.ros2.geometry_types import JointState, PoseWithCovarianceStamped, TFMessage
 from haptigraph.ros2.node import Node, checked_topic
-from haptigraph.ros2.types import (
-    RUMBLE,
-    DiagnosticArray,
-    Float64,
-    Header,
-    Joy,
-    JoyFeedback,
-    Point,
-    PointStamped,
-    String,
-    Time,
-)
+from haptigraph.ros2.types import DiagnosticArray, Joy, PointStamped
+from haptigraph.teleop.leaders.joy import JoySteering
 
-__all__ = ["EYE_FRAME", "TOPICS", "Ros2Link"]
-
-EYE_FRAME = "haptigraph_eye"
-"""Origin: the globe's centre; x to the surgeon's right, y up in the un-mirrored image, z out of it; m."""
+__all__ = ["TOPICS", "Ros2Link"]
 
 TOPICS: dict[str, Any] = {
-    "state": String,
-    "graph": String,
+    "state": DiagnosticArray,
+    "graph": DiagnosticArray,
+    "theta": JointState,
     "needle_tip": PointStamped,
-    "theta": Float64,
-    "touch": JoyFeedback,
+    "needle": PoseWithCovarianceStamped,
+    "touch": JointState,
+    "/tf": TFMessage,
+    "/tf_static": TFMessage,
+    "/diagnostics": DiagnosticArray,
 }
-"""Published below the namespace, besides /diagnostics."""
+"""What is published, below the namespace unless the name begins with a slash."""
 
 MAX_PROBLEMS = 10
 
@@ -57,38 +42,33 @@ class Ros2Link:
     """
 
     def __init__(self, namespace: str, run: RunContext) -> None:
-        self._utc_offset_ns = run.info.utc_offset_ns
         self._problems: list[str] = []
         root = checked_topic(namespace or "haptigraph")
+        name = root.strip("/")
+        self._messages = StepMessages(name, run)
+        self._run_diagnostics = RunDiagnostics(name, run.info.utc_offset_ns)
         self._node = Node()
         self._publish = {
-            name: self._node.publisher(f"{root}/{name}", message_type)
-            for name, message_type in TOPICS.items()
+            topic: self._node.publisher(topic if topic.startswith("/") else f"{root}/{topic}", message_type)
+            for topic, message_type in TOPICS.items()
         }
-        self._run_diagnostics = RunDiagnostics(root.strip("/"), self._utc_offset_ns)
-        self._diagnostics = self._node.publisher("/diagnostics", DiagnosticArray)
+        trocar = self._messages.of_trocar(run)
+        if trocar is not None:
+            self._publish["/tf_static"].send(trocar)
         if run.teleop is not None:
             self._node.subscribe("/joy", Joy, JoySteering(run.teleop.put, run.clock).take, self._reject)
 
     def send_step(self, capture: Capture, step: Step) -> None:
-        """Publish one step; needle tip and theta only if they are known."""
-        self._publish["state"].send(String(step.conclusion.state))
-        self._publish["graph"].send(String(msgspec.json.encode(step.graph).decode()))
-        tip = step.observation.found.get("needle_tip")
-        if isinstance(tip, EyePoint):
-            at_m = (length_mm / 1e3 for length_mm in (*tip.at_mm, tip.z_mm))
-            header = Header(Time.from_ns(step.stamp_ns + self._utc_offset_ns), EYE_FRAME)
-            self._publish["needle_tip"].send(PointStamped(header, Point(*at_m)))
-        theta_deg = step.graph.measures.get("theta_deg")
-        if theta_deg is not None:
-            self._publish["theta"].send(Float64(math.radians(theta_deg)))
+        """Publish one step."""
+        for topic, message in self._messages.of_step(capture, step):
+            self._publish[topic].send(message)
         summary = self._run_diagnostics.add(capture, step)
         if summary is not None:
-            self._diagnostics.send(summary)
+            self._publish["/diagnostics"].send(summary)
 
     def send_output(self, stamp_ns: int, amplitude: float, frequency_hz: float) -> None:
-        """Publish the haptic output from now on."""
-        self._publish["touch"].send(JoyFeedback(RUMBLE, 0, amplitude))
+        """Publish the haptic output from `stamp_ns` on."""
+        self._publish["touch"].send(self._messages.of_output(stamp_ns, amplitude))
 
     def take_problems(self) -> tuple[str, ...]:
         """Return the problems of received messages."""

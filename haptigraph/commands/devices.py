@@ -21,12 +21,16 @@ SAFETY = "Research software: never use it on anyone whom a vibration, or its abs
 )
 @click.pass_context
 def devices(context: click.Context) -> None:
-    """List the haptic devices on this machine, their capabilities, and what an extra would add."""
+    """List the haptic devices and leaders on this machine, and what an extra would add.
+
+    A device vibrates in the hand; a leader is moved by it, and steers a simulated or real robot.
+    """
     if context.invoked_subcommand is not None:
         return
     from rich.console import Console
 
     from haptigraph.analysis.actuators import actuators
+    from haptigraph.teleop.leaders.opening import leaders_found
 
     console = Console(markup=False, emoji=False, width=None if sys.stdout.isatty() else 160)
     table, sentences = actuators()
@@ -34,6 +38,10 @@ def devices(context: click.Context) -> None:
     for sentence in sentences:
         console.print(sentence)
     console.print("Try one: haptigraph devices test DEVICE. Use one: haptigraph run SOURCE --device DEVICE.")
+    console.print("\nLeaders")
+    for uri, what in leaders_found().items():
+        console.print(f"{uri:12} {what}")
+    console.print("Use one: haptigraph live teleop --leader LEADER.")
     console.print(SAFETY)
 
 

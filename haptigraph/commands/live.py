@@ -1,6 +1,8 @@
 """The command `live`, which shows the loop in a browser."""
 
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from typing import TYPE_CHECKING
 
 import click
 
@@ -9,6 +11,10 @@ from haptigraph.commands.options import page_options, page_tokens, run_options, 
 from haptigraph.commands.running import run_loop
 from haptigraph.commands.terminal import print_status, show_page, terminable
 from haptigraph.errors import NeedsRegistration
+
+if TYPE_CHECKING:
+    from haptigraph.config import RobotConfig
+    from haptigraph.robot.process import RobotProcess
 
 __all__ = ["live"]
 
@@ -20,6 +26,8 @@ __all__ = ["live"]
         "haptigraph live camera:0 --registration eye.toml --record run.mcap",
         "haptigraph live --host 0.0.0.0",
         "haptigraph live --practice my-scores.csv",
+        "haptigraph live --leader gamepad:0",
+        "haptigraph live camera:0 --registration eye.toml --robot crtk:PSM1 --robot-setup robot.toml --steer",
     )
 )
 @run_options
@@ -29,6 +37,11 @@ __all__ = ["live"]
 @click.option(
     "--recordings", metavar="FOLDER", default=".", help="Recordings to browse; default: the current folder."
 )
+@click.option(
+    "--steer", is_flag=True, help="Steer --robot from the page; only from a browser on this machine."
+)
+@click.option("--home", is_flag=True, help="Enable and home --robot first: it may move by itself.")
+@click.option("--allow-remote-motion", is_flag=True, help="Let pages on other machines steer --robot, too.")
 def live(
     port: int | None,
     host: str,
@@ -36,6 +49,9 @@ def live(
     browser: bool,
     practice: str | None,
     recordings: str,
+    steer: bool,
+    home: bool,
+    allow_remote_motion: bool,
     config: str | None,
     **given: object,
 ) -> None:
@@ -45,6 +61,9 @@ def live(
     If SOURCE needs a registration and none is given, the page lets you create one first.
     The page is served to this machine only. With another --host two addresses are printed, to steer and to
     watch.
+
+    With --steer the page moves a real robot, while its enable switch is on and the dead-man is held. Research
+    software, not a medical device: keep the robot's own emergency stop at hand.
     """
     from functools import partial
     from pathlib import Path
@@ -64,8 +83,17 @@ def live(
     if settled.source.uri.startswith("phantom:"):
         settled = load_config(config, ("source.loop=true", *settings))
     tokens = page_tokens(host, token)
-    with closing(listen(host, port or 0)) as listener:
-        page_of = partial(LivePage, listener=listener, host=host, tokens=tokens, recordings=Path(recordings))
+    settled = replace(settled, robot=replace(settled.robot, steer=steer or settled.robot.steer))
+    with closing(listen(host, port or 0)) as listener, _steered(settled.robot, home=home) as robot:
+        page_of = partial(
+            LivePage,
+            listener=listener,
+            host=host,
+            tokens=tokens,
+            recordings=Path(recordings),
+            robot=robot,
+            allows_remote_motion=allow_remote_motion,
+        )
         page = page_of(settled)
         try:
             run_loop(settled, page, opens_browser=browser, practice=practice)
@@ -82,3 +110,30 @@ def live(
             return
         settled = replace(settled, source=replace(settled.source, registration=made))
         run_loop(settled, page_of(settled), practice=practice)
+
+
+@contextmanager
+def _steered(config: "RobotConfig", *, home: bool) -> Iterator["RobotProcess | None"]:
+    """Open the robot that the page steers, if any; its interface must have passed `robot check`."""
+    from haptigraph.clock import MonotonicClock
+    from haptigraph.commands.robot import SAFETY
+    from haptigraph.errors import BadInput
+    from haptigraph.robot.check_report import checked
+    from haptigraph.robot.preparing import enable_and_home
+    from haptigraph.robot.process import RobotProcess
+
+    if not config.steer:
+        if home:
+            raise BadInput("--home goes with --steer")
+        yield None
+        return
+    if not (config.uri and config.setup):
+        raise BadInput(
+            "--steer needs --robot and --robot-setup, for example --robot crtk:PSM1 --robot-setup robot.toml"
+        )
+    checked(config.uri, config.setup)
+    print_status(f"haptigraph: {SAFETY}")
+    with closing(RobotProcess(config.uri, config.setup)) as robot:
+        if home:
+            enable_and_home(robot, MonotonicClock())
+        yield robot

@@ -65,6 +65,7 @@ RUN = {
     "registration": "source.registration",
     "procedure": "run.procedure",
     "device": "haptics.device",
+    "leader": "run.leader",
     "bridge": "run.bridges",
     "record": "recording.path",
     "robot": "robot.uri",
@@ -107,6 +108,11 @@ def run_options(command: Command) -> Command:
         click.option("--registration", metavar="FILE", help="Position of the anatomy in the images (TOML)."),
         procedure_option,
         click.option("--device", metavar="DEVICE", help="Haptic device; `haptigraph devices` lists all."),
+        click.option(
+            "--leader",
+            metavar="LEADER",
+            help="What steers teleop: gamepad:N, keys, joy[:TOPIC] or crtk:NAMESPACE.",
+        ),
         click.option(
             "--bridge",
             multiple=True,

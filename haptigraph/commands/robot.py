@@ -13,7 +13,11 @@ SAFETY = (
 )
 
 
-@click.group(cls=TaskGroup, tasks={"Commands": ("calibrate",)}, epilog=examples("haptigraph robot --help"))
+@click.group(
+    cls=TaskGroup,
+    tasks={"Find it": ("calibrate",), "Move it": ("steer",)},
+    epilog=examples("haptigraph robot steer simulated --setup examples/robot.toml --leader keys"),
+)
 def robot() -> None:
     """Check, calibrate and steer a robot that holds the instrument.
 

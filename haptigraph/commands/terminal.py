@@ -5,12 +5,15 @@ import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 import click
 
 if TYPE_CHECKING:
+    from rich.progress import Progress as Bar
+
     from haptigraph.dashboard.live.live import LivePage
     from haptigraph.recording.writer import Progress
 
@@ -47,25 +50,30 @@ def terminable() -> Iterator[None]:
 @contextmanager
 def progress_bar() -> Iterator["Progress"]:
     """Show a progress bar in a terminal, from the first report of progress on."""
-    from rich.console import Console
-    from rich.progress import Progress as Bar
-
-    console = Console(stderr=True)
-    bar = Bar(console=console, transient=True, disable=not console.is_terminal)
+    bar = cache(_bar)  # which takes long to load, and most runs report no progress
     tasks: dict[str, Any] = {}
 
     def report(what: str, done: int, total: int) -> None:
         with suppress(OSError):  # the work continues if the terminal closes
-            bar.start()
+            bar().start()
             if what not in tasks:
-                tasks[what] = bar.add_task(what, total=total)
-            bar.update(tasks[what], completed=done)
+                tasks[what] = bar().add_task(what, total=total)
+            bar().update(tasks[what], completed=done)
 
     try:
         yield report
     finally:
         with suppress(OSError):
-            bar.stop()
+            if bar.cache_info().currsize:
+                bar().stop()
+
+
+def _bar() -> "Bar":
+    from rich.console import Console
+    from rich.progress import Progress
+
+    console = Console(stderr=True)
+    return Progress(console=console, transient=True, disable=not console.is_terminal)
 
 
 def can_open_browser() -> bool:

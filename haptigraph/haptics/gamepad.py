@@ -5,21 +5,15 @@ So a rumble is renewed while it lasts, for at most `HOLDS_MS` at a time, and sil
 `assemble` runs this device in a watchdog process, which silences it when the run dies.
 """
 
-import warnings
-from typing import Any
-
-from haptigraph.errors import BadInput, DeviceError, MissingExtra
+from haptigraph.errors import BadInput, DeviceError
 from haptigraph.messages import Capabilities
+from haptigraph.sdl import controllers, load_sdl, sdl_error
 
 __all__ = ["GamepadDevice"]
 
 HOLDS_MS = 150
 HIGH_HZ = 120.0  # from here on the fast motor turns as well
-HINTS = {
-    b"SDL_JOYSTICK_ALLOW_BACKGROUND_EVENTS": b"1",  # there is no window to receive the focus
-    b"SDL_JOYSTICK_THREAD": b"1",
-    b"SDL_NO_SIGNAL_HANDLERS": b"1",
-}
+FEATURE = "device gamepad"
 
 
 class GamepadDevice:
@@ -45,7 +39,7 @@ class GamepadDevice:
     def __init__(self, argument: str = "") -> None:
         if argument and not argument.isdecimal():
             raise BadInput(f"gamepad:{argument} is not a controller; use gamepad:0 for the first one")
-        self._number, self._sdl, self._pad = int(argument or 0), _sdl(), None
+        self._number, self._sdl, self._pad = int(argument or 0), load_sdl(FEATURE), None
         self._closed = False
         try:
             self._open()
@@ -55,13 +49,7 @@ class GamepadDevice:
     @staticmethod
     def found() -> dict[str, str]:
         """Return the connected controllers: the device argument and the name of each."""
-        sdl = _sdl()
-        sdl.SDL_JoystickUpdate()
-        names = [sdl.SDL_JoystickNameForIndex(number) for number in range(sdl.SDL_NumJoysticks())]
-        return {
-            f"gamepad:{number}": (name or b"unnamed").decode(errors="replace")
-            for number, name in enumerate(names)
-        }
+        return controllers(FEATURE)
 
     def set(self, amplitude: float, frequency_hz: float, stamp_ns: int) -> None:
         """Turn the motors."""
@@ -72,7 +60,7 @@ class GamepadDevice:
         slow = round(amplitude * 65535)
         fast = slow if frequency_hz >= HIGH_HZ else 0
         if self._sdl.SDL_JoystickRumble(self._pad, slow, fast, HOLDS_MS if slow else 0):
-            raise DeviceError(f"the controller does not rumble ({self._sdl_error()})")
+            raise DeviceError(f"the controller does not rumble ({sdl_error(self._sdl)})")
 
     def close(self) -> None:
         """Stop the motors and release the controller.
@@ -94,7 +82,7 @@ class GamepadDevice:
             raise DeviceError(f"controller {self._number} is not connected; {count} are")
         self._pad = self._sdl.SDL_JoystickOpen(self._number)
         if not self._pad or not self._sdl.SDL_JoystickHasRumble(self._pad):
-            problem = "cannot rumble" if self._pad else f"cannot be opened ({self._sdl_error()})"
+            problem = "cannot rumble" if self._pad else f"cannot be opened ({sdl_error(self._sdl)})"
             self._release()
             raise DeviceError(f"controller {self._number} {problem}")
         # An earlier process may have left it vibrating; SDL sends no silence to what it takes for silent.
@@ -105,21 +93,3 @@ class GamepadDevice:
         pad, self._pad = self._pad, None
         if pad:
             self._sdl.SDL_JoystickClose(pad)
-
-    def _sdl_error(self) -> str:
-        return str(self._sdl.SDL_GetError().decode(errors="replace"))
-
-
-def _sdl() -> Any:
-    """Return SDL, initialised for controllers only."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # it warns that it found its bundled library
-            import sdl2  # noqa: PLC0415 - an extra
-    except ImportError:  # also if its bundled library cannot be loaded
-        raise MissingExtra("device gamepad", "gamepad") from None
-    for name, value in HINTS.items():
-        sdl2.SDL_SetHint(name, value)
-    if sdl2.SDL_InitSubSystem(sdl2.SDL_INIT_JOYSTICK):
-        raise BadInput(f"SDL does not start ({sdl2.SDL_GetError().decode(errors='replace')})", "gamepad")
-    return sdl2

@@ -16,7 +16,7 @@ __all__ = [
     "confirms", "is_felt",
 ]  # fmt: skip
 
-ACTUATORS = ("audio", "gamepad", "ros2", "serial")
+ACTUATORS = ("audio", "crtk", "gamepad", "ros2", "serial")
 CONFIRMING = ("controller", "gamepad", "serial")
 MAX_PERIODS = 10_000
 

@@ -9,9 +9,7 @@ The run, in turn, watches this process: if it acknowledges nothing, it is killed
 the device silences it.
 """
 
-import os
 import queue
-import signal
 import subprocess
 import sys
 import threading
@@ -24,6 +22,7 @@ import msgspec
 from msgspec import Struct
 from msgspec.structs import replace
 
+from haptigraph.child_process import obey_sigterm_only, pipe_of, program_of, start_child
 from haptigraph.errors import BadInput, DeviceError, HaptigraphError
 from haptigraph.haptics.descriptors import DescriptorReserve
 from haptigraph.messages import Capabilities
@@ -71,7 +70,7 @@ class WatchedDevice:
     """
 
     def __init__(self, device: str, argument: str) -> None:
-        self._arguments = [sys.executable, "-P", "-m", "haptigraph.haptics.watchdog", device, argument]
+        self._arguments = [*program_of("haptigraph.haptics.watchdog"), device, argument]
         self._reserve = DescriptorReserve(RESERVED)
         self._number = 0
         self._closed = False
@@ -121,7 +120,7 @@ class WatchedDevice:
 
     def _ends_silent(self, within_s: float) -> bool:
         """Let the process silence the device and end; return whether the device confirmed silence."""
-        _open_pipe(self._process.stdin).close()
+        pipe_of(self._process.stdin).close()
         try:
             return self._process.wait(within_s) == 0
         except subprocess.TimeoutExpired:
@@ -130,16 +129,9 @@ class WatchedDevice:
     def _start(self) -> None:
         self._is_open, self._started_s = False, time.monotonic()
         with self._reserve.released():
-            self._process = subprocess.Popen(
-                self._arguments,
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                bufsize=0,
-                env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-                start_new_session=True,  # so that it survives Ctrl-C and a kill of the run's process group
-            )
+            self._process = start_child(self._arguments)
         self._replies: queue.SimpleQueue[Reply] = queue.SimpleQueue()
-        pipe = _open_pipe(self._process.stdout)
+        pipe = pipe_of(self._process.stdout)
         threading.Thread(
             target=_read_replies, args=(pipe, self._replies), name="haptigraph-watchdog", daemon=True
         ).start()
@@ -155,7 +147,7 @@ class WatchedDevice:
     def _kill(self) -> None:
         self._process.kill()
         self._process.wait()
-        _open_pipe(self._process.stdin).close()
+        pipe_of(self._process.stdin).close()
 
     def _acknowledgement(self, command: Command) -> Reply:
         """Send a command until it is acknowledged; replace a process that does not."""
@@ -178,7 +170,7 @@ class WatchedDevice:
 
     def _send(self, command: Command) -> None:
         with suppress(BrokenPipeError):
-            _open_pipe(self._process.stdin).write(msgspec.json.encode(command) + b"\n")
+            pipe_of(self._process.stdin).write(msgspec.json.encode(command) + b"\n")
 
     def _reply(self, number: int, within_s: float, *, is_executed: bool = False) -> Reply | None:
         """Return the next reply to a command, or to its execution; None if none comes in time."""
@@ -261,18 +253,9 @@ def _send(replies: IO[bytes], reply: Reply) -> None:
         replies.write(msgspec.json.encode(reply) + b"\n")
 
 
-def _open_pipe(pipe: IO[bytes] | None) -> IO[bytes]:
-    if pipe is None:
-        raise DeviceError("the watchdog process has no pipe")
-    return pipe
-
-
 def main() -> None:
     """Open the device that the arguments specify and serve it."""
-    for name in ("SIGINT", "SIGHUP"):
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+    obey_sigterm_only(sys.exit)
     commands, replies = open(0, "rb", buffering=0, closefd=False), open(1, "wb", buffering=0, closefd=False)  # noqa: SIM115
     path, argument = sys.argv[1:]
     module, _, name = path.partition(":")

@@ -5,16 +5,17 @@ Frames: the robot's base, millimetres. Names of the operating states follow CRTK
 classes.
 """
 
-from typing import Literal, Protocol, TypeAlias, runtime_checkable
+from typing import Literal, Protocol, TypeAlias, get_args, runtime_checkable
 
 from msgspec import Struct
 
 from haptigraph.robot.pose import ToolPose, Vec3
 
-__all__ = ["Operating", "OperatingState", "Robot", "RobotReading", "StateCommand"]
+__all__ = ["STATE_COMMANDS", "Operating", "OperatingState", "Robot", "RobotReading", "StateCommand"]
 
 OperatingState: TypeAlias = Literal["DISABLED", "ENABLED", "PAUSED", "FAULT"]
 StateCommand: TypeAlias = Literal["enable", "disable", "pause", "resume", "home"]
+STATE_COMMANDS: tuple[StateCommand, ...] = get_args(StateCommand)
 
 
 class Operating(Struct, frozen=True):
@@ -59,7 +60,9 @@ class Robot(Protocol):
         ...
 
     def hold(self, stamp_ns: int) -> None:
-        """Command the robot to stay where it is.
+        """Command the robot to stay where it is; called in every cycle in which it is held.
+
+        Only the first of these calls decides where that is, so that it does not creep.
 
         Raises:
             DeviceError: If it cannot be sent.

@@ -18,7 +18,9 @@ __all__ = [
     "Transform",
     "Vec3",
     "angle_deg",
+    "composed",
     "quaternion_of",
+    "rotated",
     "rotation_of",
 ]
 
@@ -42,8 +44,7 @@ class ToolPose(Struct, frozen=True):
         Args:
             shaft_axis: That direction in the tool's frame.
         """
-        along: Floats = rotation_of(self.quaternion) @ np.array(shaft_axis)
-        return along
+        return np.array(rotated(self.quaternion, shaft_axis))
 
     @property
     def is_finite(self) -> bool:
@@ -96,7 +97,8 @@ IDENTITY = Transform(np.eye(3), np.zeros(3))
 
 def rotation_of(quaternion: Quaternion) -> Floats:
     """Return the rotation matrix of a quaternion of any length but 0, (3, 3)."""
-    x, y, z, w = np.array(quaternion) / math.hypot(*quaternion)
+    length = math.hypot(*quaternion)
+    x, y, z, w = (each / length for each in quaternion)
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
@@ -104,6 +106,29 @@ def rotation_of(quaternion: Quaternion) -> Floats:
             [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
         ]
     )
+
+
+def rotated(quaternion: Quaternion, vector: Vec3) -> Vec3:
+    """Return a vector rotated by a quaternion of any length but 0."""
+    (x, y, z, w), (a, b, c) = quaternion, vector
+    scale = 2.0 / (x * x + y * y + z * z + w * w)
+    i, j, k = y * c - z * b, z * a - x * c, x * b - y * a
+    return (
+        a + scale * (w * i + y * k - z * j),
+        b + scale * (w * j + z * i - x * k),
+        c + scale * (w * k + x * j - y * i),
+    )
+
+
+def composed(after: Quaternion, first: Quaternion) -> Quaternion:
+    """Return the rotation, of length 1, that applies `first`, then `after`."""
+    (x, y, z, w), (a, b, c, d) = after, first
+    i = w * a + x * d + y * c - z * b
+    j = w * b - x * c + y * d + z * a
+    k = w * c + x * b - y * a + z * d
+    s = w * d - x * a - y * b - z * c
+    length = math.sqrt(i * i + j * j + k * k + s * s)
+    return i / length, j / length, k / length, s / length
 
 
 def quaternion_of(rotation: Floats) -> Quaternion:
@@ -129,6 +154,8 @@ def quaternion_of(rotation: Floats) -> Quaternion:
 
 def angle_deg(one: ToolPose, other: ToolPose) -> float:
     """Return the angle of the rotation between two poses [deg], 0 to 180; accurate for small angles."""
-    turned = rotation_of(one.quaternion).T @ rotation_of(other.quaternion)
-    skew = np.array([turned[2, 1] - turned[1, 2], turned[0, 2] - turned[2, 0], turned[1, 0] - turned[0, 1]])
-    return math.degrees(math.atan2(float(np.linalg.norm(skew)), float(np.trace(turned)) - 1.0))
+    (x, y, z, w), (a, b, c, d) = one.quaternion, other.quaternion
+    i = w * a - x * d - y * c + z * b  # the conjugate of the one times the other
+    j = w * b - y * d - z * a + x * c
+    k = w * c - z * d - x * b + y * a
+    return math.degrees(2 * math.atan2(math.hypot(i, j, k), abs(w * d + x * a + y * b + z * c)))

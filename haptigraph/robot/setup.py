@@ -27,7 +27,7 @@ class MotionLimits(Struct, frozen=True, forbid_unknown_fields=True):
     """From the RCM to the tip, along the shaft; negative outside the eye."""
     depth_max_mm: Annotated[float, Meta(ge=0, le=100)] = 24.0
     tilt_max_deg: Annotated[float, Meta(gt=0, le=90)] = 50.0
-    """Of the shaft, from the line RCM -> centre of the eye, or from the initial shaft without [eye]."""
+    """Of the shaft, from the line RCM -> centre of the eye."""
     speed_mm_s: Annotated[float, Meta(gt=0, le=100)] = 10.0
     """Of the tip."""
     turn_deg_s: Annotated[float, Meta(gt=0, le=360)] = 30.0
@@ -39,7 +39,7 @@ class MotionLimits(Struct, frozen=True, forbid_unknown_fields=True):
     """Largest distance of the measured shaft from the RCM; beyond it the robot is held."""
     stale_ms: Annotated[float, Meta(gt=0, le=1000)] = 40.0
     """Age of a measured pose at which the robot is held."""
-    deadman_ms: Annotated[float, Meta(gt=0, le=1000)] = 100.0
+    deadman_ms: Annotated[float, Meta(gt=0, le=250)] = 100.0
     """Time without a message of the leader after which the robot is held."""
 
 

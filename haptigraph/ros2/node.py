@@ -1,6 +1,7 @@
 """Publish and subscribe like a ROS 2 node, over plain DDS.
 
-The environment variables are those of other ROS programs: ROS_DOMAIN_ID selects the domain, CYCLONEDDS_URI
+The environment variables are those of other ROS programs: ROS_DOMAIN_ID selects the domain,
+ROS_AUTOMATIC_DISCOVERY_RANGE and ROS_STATIC_PEERS the nodes that are found (`discovery`), CYCLONEDDS_URI
 configures the network.
 """
 
@@ -24,7 +25,6 @@ from cyclonedds.core import (
     DDSException,
     InstanceState,
     Policy,
-    Qos,
     ReadCondition,
     SampleState,
     ViewState,
@@ -39,6 +39,8 @@ from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
 from haptigraph.errors import BadInput
+from haptigraph.ros2.discovery import discovery_settings
+from haptigraph.ros2.qos import DEPTH, Profile, publisher_profile, subscriber_profile
 
 __all__ = ["Node", "Publisher", "buffer_hint", "checked_topic", "domain_id"]
 
@@ -54,10 +56,6 @@ SETTINGS = (
 )
 KERNEL_LIMIT = Path("/proc/sys/net/core/rmem_max")
 MAX_DOMAIN = 232
-# Reliable, so that it matches every subscriber. cyclonedds holds the GIL while a write waits for slow
-# readers, so writes must not wait; with a short history they need not.
-PUBLISHER_QOS = Qos(Policy.Reliability.Reliable(duration(milliseconds=1)), Policy.History.KeepLast(10))
-DEPTH = 64
 WAIT_NS = duration(milliseconds=100)  # between a subscriber's checks whether to end
 CHECK_S = 0.5  # between checks of the publishers
 CLOSE_TIMEOUT_S = 1.0
@@ -75,7 +73,9 @@ class Publisher:
     def __init__(self, participant: DomainParticipant, topic: str, message_type: type[IdlStruct]) -> None:
         self._topic = checked_topic(topic)
         self._writer: DataWriter[Any] | None = DataWriter(
-            participant, Topic(participant, f"rt{self._topic}", message_type), qos=PUBLISHER_QOS
+            participant,
+            Topic(participant, f"rt{self._topic}", message_type),
+            qos=publisher_profile(self._topic).qos,
         )
 
     def send(self, message: IdlStruct) -> None:
@@ -122,7 +122,8 @@ class Node:
             self._participant: DomainParticipant | None = DomainParticipant(self.domain)
         except DDSException as error:
             raise BadInput(
-                f"DDS domain {self.domain} cannot be joined ({error.msg}); check CYCLONEDDS_URI"
+                f"DDS domain {self.domain} cannot be joined ({error.msg}); check CYCLONEDDS_URI, or whether "
+                "too many ROS nodes run on this machine"
             ) from None
         self._closing = threading.Event()
         self._threads: list[threading.Thread] = []
@@ -156,8 +157,10 @@ class Node:
             is_large: Whether messages have many packets. If all publishers are reliable, lost ones are sent
                 again; the first messages may be lost while the subscription adapts.
         """
-        dds_topic = Topic(self._joined, f"rt{checked_topic(topic)}", message_type)
-        subscription = _Subscription(self._joined, dds_topic, depth, is_large=is_large)
+        name = checked_topic(topic)
+        dds_topic = Topic(self._joined, f"rt{name}", message_type)
+        profile = subscriber_profile(name, depth)
+        subscription = _Subscription(self._joined, dds_topic, profile, is_large=is_large)
         thread = threading.Thread(
             target=self._receive,
             args=(subscription, take, reject),
@@ -206,15 +209,15 @@ class Node:
 
 
 class _Subscription:
-    """A reader of one topic: it matches every publisher, and is reliable if all of them permit that."""
+    """A reader of one topic. If its messages are large, it is reliable as long as all publishers are."""
 
     def __init__(
-        self, participant: DomainParticipant, topic: "Topic[Any]", depth: int, *, is_large: bool
+        self, participant: DomainParticipant, topic: "Topic[Any]", profile: Profile, *, is_large: bool
     ) -> None:
-        self._participant, self._topic, self._depth = participant, topic, depth
+        self._participant, self._topic, self._profile = participant, topic, profile
         self._publications = _Endpoints(participant, BuiltinTopicDcpsPublication) if is_large else None
         self._check_at_s = 0.0
-        self._open(is_reliable=False)
+        self._open(profile)
 
     def wait(self) -> None:
         """Wait for a message, for a short time; adapt to the publishers now and then."""
@@ -223,19 +226,17 @@ class _Subscription:
         if self._publications is not None and now_s >= self._check_at_s and not self._waitset.wait(0):
             self._check_at_s = now_s + CHECK_S
             is_reliable = self._publications.are_reliable(self._topic.name)
-            if is_reliable != self._is_reliable:
-                self._open(is_reliable=is_reliable)
+            if is_reliable != self._profile.is_reliable:
+                self._open(self._profile._replace(is_reliable=is_reliable))
         self._waitset.wait(WAIT_NS)
 
     def take(self) -> list[Any]:
         """Return the oldest message that was not taken yet, if any."""
         return self._reader.take(N=1, condition=self._unread)
 
-    def _open(self, *, is_reliable: bool) -> None:
-        self._is_reliable = is_reliable
-        reliability = Policy.Reliability.Reliable(0) if is_reliable else Policy.Reliability.BestEffort
-        qos = Qos(reliability, Policy.History.KeepLast(self._depth))
-        self._reader: DataReader[Any] = DataReader(self._participant, self._topic, qos=qos)
+    def _open(self, profile: Profile) -> None:
+        self._profile = profile
+        self._reader: DataReader[Any] = DataReader(self._participant, self._topic, qos=profile.qos)
         # In any instance state, for the last messages of a node that has left.
         self._unread = ReadCondition(self._reader, ViewState.Any | InstanceState.Any | SampleState.NotRead)
         self._waitset = WaitSet(self._participant)
@@ -303,9 +304,12 @@ def checked_topic(name: str) -> str:
 
 @cache
 def _configured(domain: int) -> Domain:
-    """Configure a domain, once per process: DDS cannot configure a domain again."""
-    user_settings = os.environ.get("CYCLONEDDS_URI", "")
-    return Domain(domain, f"{SETTINGS},{user_settings}" if user_settings else SETTINGS)
+    """Configure a domain, once per process: DDS cannot configure a domain again.
+
+    The user's own settings come last and prevail.
+    """
+    settings = (SETTINGS, discovery_settings(), os.environ.get("CYCLONEDDS_URI", ""))
+    return Domain(domain, ",".join(filter(None, settings)))
 
 
 def buffer_hint() -> str:

@@ -16,7 +16,6 @@ __all__ = [
     "CompressedImage",
     "DiagnosticArray",
     "DiagnosticStatus",
-    "Float64",
     "Header",
     "Image",
     "Joy",
@@ -76,15 +75,6 @@ class String(IdlStruct, typename="std_msgs::msg::dds_::String_"):
     """std_msgs/String."""
 
     data: str
-
-
-@dataclass
-@final
-@autoid("sequential")
-class Float64(IdlStruct, typename="std_msgs::msg::dds_::Float64_"):
-    """std_msgs/Float64."""
-
-    data: types.float64
 
 
 @dataclass

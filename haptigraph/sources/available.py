@@ -29,6 +29,7 @@ def source_kinds() -> list[SourceKind]:
     dicom = "" if find_spec("pydicom") else "dicom"
     realsense = "" if find_spec("pyrealsense2") else "realsense"
     ros = "" if find_spec("cyclonedds") else "ros"
+    rosbag = "" if find_spec("rosbags") else "rosbag"
     return [
         SourceKind("phantom:SCENARIO", "a simulated eye and operator; or the path of a scenario (.toml)"),
         SourceKind("teleop:SCENARIO", "a simulated eye whose needle you steer"),
@@ -36,6 +37,9 @@ def source_kinds() -> list[SourceKind]:
         SourceKind("realsense[:SERIAL]", "an Intel RealSense camera, with its own time stamps", realsense),
         SourceKind(
             "ros2:TOPIC", "images of a ROS 2 topic, raw or compressed; needs no ROS installation", ros
+        ),
+        SourceKind(
+            "rosbag:PATH[?topic=TOPIC]", "images of a ROS 2 bag, .mcap or .db3, file or folder", rosbag
         ),
         SourceKind("FILE.db3, FILE.bag", "a recording of the RealSense SDK", realsense),
         SourceKind("FILE.mcap", "a recording of haptigraph"),

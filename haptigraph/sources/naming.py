@@ -25,7 +25,7 @@ CAMERAS = ("camera", "realsense", "ros2")
 """Kinds that deliver in real time only and bring no registration."""
 GENERATED = (*CAMERAS, "phantom", "teleop")
 """Kinds that capture or draw their images during the run."""
-PREFETCHABLE = ("dicom", "images", "oct", "phantom", "realsense-file", "recording", "video")
+PREFETCHABLE = ("dicom", "images", "oct", "phantom", "realsense-file", "recording", "rosbag", "video")
 """Kinds whose next images do not depend on the run, so that they can be read ahead."""
 OCT_FILES = (".vol", ".e2e", ".fda", ".eye")
 """Suffixes of files that can only be OCT."""
@@ -58,7 +58,7 @@ def split_source(uri: str, kinds: Container[str]) -> tuple[str, str]:
         return kind, argument
     path = Path(uri)
     if uri and path.is_dir():
-        return "images", uri
+        return "rosbag" if (path / "metadata.yaml").is_file() else "images", uri
     kind_by_suffix = {
         ".mcap": "recording",
         **dict.fromkeys(OCT_FILES, "oct"),
@@ -73,8 +73,8 @@ def split_source(uri: str, kinds: Container[str]) -> tuple[str, str]:
         raise BadInput("file not found; `haptigraph sources` lists what SOURCE can be", uri)
     raise BadInput(
         "no such source; valid: phantom:SCENARIO, teleop:SCENARIO, camera:N, realsense[:SERIAL], ros2:TOPIC, "
-        "oct:PATH, or the path of a video, a DICOM file, a folder of images, a recording (.mcap) or the "
-        "RealSense SDK's (.db3)",
+        "rosbag:PATH, oct:PATH, or the path of a video, DICOM file, folder of images, recording (.mcap) "
+        "or one of the RealSense SDK (.db3)",
         uri or "''",
     )
 

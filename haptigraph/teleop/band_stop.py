@@ -15,7 +15,7 @@ MIN_RATE_HZ = 25.0
 
 
 class BandStop:
-    """A causal fourth-order band-stop filter for a pair of numbers.
+    """A causal fourth-order band-stop filter for the axes of a motion.
 
     Inverse Chebyshev: monotonic passband, bounded gain in the whole stopband (Parks and Burrus 1987, Digital
     Filter Design). Second-order low-pass prototype, band-stop transform, bilinear transform with both band
@@ -31,21 +31,23 @@ class BandStop:
 
     Args:
         rate_hz: Samples per second.
+        axes: Numbers per sample.
 
     Raises:
         ValueError: If the rate is too low for the band.
     """
 
-    def __init__(self, rate_hz: float) -> None:
+    def __init__(self, rate_hz: float, axes: int = 2) -> None:
         if rate_hz < MIN_RATE_HZ:
             raise ValueError(f"the tremor filter needs at least {MIN_RATE_HZ:g} samples/s, found {rate_hz:g}")
         self._forward, self._back = _coefficients(rate_hz)
-        self._state = np.zeros((4, 2))
+        self._state = np.zeros((4, axes))
 
     def __call__(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Filter the next pair, (2,), in transposed direct form II."""
+        """Filter the next sample, (axes,), in transposed direct form II."""
         result: NDArray[np.float64] = self._forward[0] * values + self._state[0]
-        shifted = np.vstack([self._state[1:], np.zeros(2)])
+        shifted = np.zeros_like(self._state)
+        shifted[:-1] = self._state[1:]
         self._state = shifted + np.outer(self._forward[1:], values) - np.outer(self._back[1:], result)
         return result
 

@@ -37,6 +37,8 @@ SMALLEST = {
     "memory": [(("100",), {})],
     "no_needle": [((), {"OF_A_KIND": 1, "IMAGES": 3})],
     "perception": [((), {"IMAGES": 40, "PASSES": 1})],
+    "robot_approaches": [(("--approaches", "1", "--trials", "2"), {})],
+    "robot_loop": [(("--seconds", "1"), {"SETTLE_S": 0.1, "CHROMIUM": None})],
     "registration": [(("1", "3"), {})],
     "soak": [(("0.0006",), {"FILE_S": 2})],
     "sweep": [(("--participants", "2", "--block", "1"), {})],

@@ -26,8 +26,8 @@ def run(registration):
         "test",
         30.0,
         "{}",
-        "r",
-        "rr",
+        registration.text,
+        registration.sha256,
         procedure.text,
         procedure.sha256,
     )

@@ -8,7 +8,7 @@ import sys
 import pytest
 
 LIBRARIES = (
-    "cyclonedds", "foxglove", "pydicom", "pyigtl", "pylsl", "pyrealsense2", "sdl2", "serial", "sounddevice",
+    "cyclonedds", "foxglove", "pydicom", "pyigtl", "pylsl", "pyrealsense2", "rosbags", "sdl2", "serial", "sounddevice",
 )  # fmt: skip
 PROGRAM = """
 import json, sys
@@ -29,6 +29,7 @@ MISSING = {
 SOURCES = {
     "ros2:/camera/image": ("ros2", "ros"),
     "realsense": ("a RealSense camera", "realsense"),
+    "rosbag:bag.mcap": ("bag.mcap: a ROS bag", "rosbag"),
     "scan.dcm": ("scan.dcm: DICOM", "dicom"),
 }
 

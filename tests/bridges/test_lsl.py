@@ -1,5 +1,6 @@
 import itertools
 
+import numpy as np
 import pytest
 from ros_network import running
 
@@ -95,3 +96,47 @@ def test_streams_are_described(lsl_network, run):
     for info in (measures, state):
         assert info.desc().child_value("procedure_sha256") == run.info.procedure_sha256
         assert info.desc().child_value("image_rate_hz") == "30"
+
+
+def test_a_live_run_that_is_stored_as_xdf_has_the_stamps_of_its_recording(lsl_network, quick_uri, tmp_path):
+    """Bridge, inlet, file, pyxdf; beside it, the export of the same run's recording."""
+    import pylsl
+
+    from haptigraph.analysis.exporting.lsl_streams import LslStream
+    from haptigraph.analysis.exporting.xdf import XdfFile, run_xdf
+
+    pyxdf = pytest.importorskip("pyxdf")
+    recorded, live, exported = (tmp_path / name for name in ("run.mcap", "live.xdf", "exported.xdf"))
+    with running(quick_uri, "--bridge", "lsl", "--record", recorded, "--set", "source.loop=true") as process:
+        inlets = {name: inlet_of(pylsl, f"haptigraph.{name}") for name in ("state", "command", "measures")}
+        infos = {name: inlet.info(timeout=30) for name, inlet in inlets.items()}
+        offset_s = offset_ns(lambda: round(pylsl.local_clock() * 1e9), MonotonicClock()) / 1e9
+        samples = pull(inlets)
+    assert "! bridge" not in process.output
+    file = XdfFile("2026-01-01T00:00:00+00:00", 0.0)
+    for name, info in infos.items():
+        labels = tuple(channels(info, "label"))
+        number = file.add_stream(LslStream(info.name(), info.type(), labels, {}))
+        for values, stamp_s in samples[name]:
+            file.add_sample(number, values, stamp_s - offset_s)
+    live.write_bytes(file.content())
+    run_xdf(recorded, exported)
+    loaded, whole = (
+        {stream["info"]["name"][0]: stream for stream in pyxdf.load_xdf(str(path))[0]}
+        for path in (live, exported)
+    )
+    assert set(loaded) == set(whole) == {"haptigraph.state", "haptigraph.command", "haptigraph.measures"}
+    for name, stream in loaded.items():
+        assert stream["info"]["channel_format"] == whole[name]["info"]["channel_format"]
+        assert stream["info"]["type"] == whole[name]["info"]["type"]
+    measures, all_measures = loaded["haptigraph.measures"], whole["haptigraph.measures"]
+    assert len(measures["time_stamps"]) >= 40
+    for stamp_s, values in zip(measures["time_stamps"], measures["time_series"], strict=True):
+        distances_s = np.abs(all_measures["time_stamps"] - stamp_s)
+        assert distances_s.min() < TOLERANCE_S
+        assert np.array_equal(values, all_measures["time_series"][distances_s.argmin()], equal_nan=True)
+    command, commands = loaded["haptigraph.command"], whole["haptigraph.command"]
+    for stamp_s, (pattern,) in list(zip(command["time_stamps"], command["time_series"], strict=True))[1:]:
+        at = np.abs(commands["time_stamps"] - stamp_s).argmin()
+        assert abs(commands["time_stamps"][at] - stamp_s) < TOLERANCE_S
+        assert commands["time_series"][at] == [pattern]

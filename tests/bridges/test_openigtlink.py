@@ -1,4 +1,3 @@
-import math
 import socket
 import struct
 
@@ -12,13 +11,11 @@ from ros_network import running, until
 
 from haptigraph.bridges import openigtlink
 from haptigraph.bridges.igtl_messages import HEADER, crc64, string, transform
-from haptigraph.bridges.openigtlink import OpenIgtLink, needle_matrix
+from haptigraph.bridges.openigtlink import OpenIgtLink
 from haptigraph.geometry import Point, Segment
 from haptigraph.messages import Capture
 
 LINE = Segment((2.0, 10.0), (1.0, -4.0))
-points = st.tuples(st.floats(-20, 20), st.floats(-20, 20))
-depths = st.just(0.0) | st.floats(-20, 20)
 
 
 def step_with(line, stamp_ns=0, **found):
@@ -60,25 +57,6 @@ def test_a_transform_is_column_major():
     ((kind, _, _, body),) = messages(transform("NeedleToEye", 0, matrix))
     assert kind == "TRANSFORM"
     assert struct.unpack(">12f", body) == (1, 5, 9, 2, 6, 10, 3, 7, 11, 4, 8, 12)
-
-
-@given(points, points, depths, depths)
-def test_the_needle_is_a_rotation_with_its_origin_at_the_tip(start, end, start_z, end_z):
-    matrix = np.array(needle_matrix(Segment(start, end, start_z, end_z)))
-    rotation = matrix[:, :3]
-    assert np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-9)
-    assert np.linalg.det(rotation) == pytest.approx(1.0)
-    assert tuple(matrix[:, 3]) == (*end, end_z)
-    length_mm = math.dist((*start, start_z), (*end, end_z))
-    if length_mm > 1e-6:  # a model along -z, as SlicerIGT makes them, coincides with the shaft
-        assert np.allclose(matrix @ [0, 0, -length_mm, 1], (*start, start_z), atol=1e-6)
-
-
-def test_a_bevelled_needle_is_at_its_tip_with_the_rotation_of_its_shaft():
-    symmetric, bevelled = (np.array(needle_matrix(LINE, tip)) for tip in (None, Point((1.3, -4.0))))
-    assert (symmetric[:, :3] == bevelled[:, :3]).all()
-    assert tuple(symmetric[:, 3]) == (1.0, -4.0, 0.0)
-    assert tuple(bevelled[:, 3]) == (1.3, -4.0, 0.0)
 
 
 @pytest.fixture

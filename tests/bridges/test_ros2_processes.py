@@ -15,19 +15,17 @@ from ros_network import broken_program, loopback, running
 
 pytest.importorskip("cyclonedds")
 
-from haptigraph.bridges.ros2 import EYE_FRAME
 from haptigraph.graph import SceneGraph
 from haptigraph.recording.codec import encode_jpeg
+from haptigraph.ros2.geometry_types import JointState, PoseWithCovarianceStamped, TFMessage
 from haptigraph.ros2.types import (
     CompressedImage,
     DiagnosticArray,
-    Float64,
     Header,
     Image,
     Joy,
     JoyFeedback,
     PointStamped,
-    String,
     Time,
 )
 from haptigraph.sources.phantom import PhantomSource
@@ -35,11 +33,14 @@ from haptigraph.sources.phantom import PhantomSource
 pytestmark = pytest.mark.timeout(240)
 
 DDS_TYPES = {
-    "rt/haptigraph/state": "std_msgs::msg::dds_::String_",
-    "rt/haptigraph/graph": "std_msgs::msg::dds_::String_",
+    "rt/haptigraph/state": "diagnostic_msgs::msg::dds_::DiagnosticArray_",
+    "rt/haptigraph/graph": "diagnostic_msgs::msg::dds_::DiagnosticArray_",
     "rt/haptigraph/needle_tip": "geometry_msgs::msg::dds_::PointStamped_",
-    "rt/haptigraph/theta": "std_msgs::msg::dds_::Float64_",
-    "rt/haptigraph/touch": "sensor_msgs::msg::dds_::JoyFeedback_",
+    "rt/haptigraph/needle": "geometry_msgs::msg::dds_::PoseWithCovarianceStamped_",
+    "rt/haptigraph/theta": "sensor_msgs::msg::dds_::JointState_",
+    "rt/haptigraph/touch": "sensor_msgs::msg::dds_::JointState_",
+    "rt/tf": "tf2_msgs::msg::dds_::TFMessage_",
+    "rt/tf_static": "tf2_msgs::msg::dds_::TFMessage_",
     "rt/joy/set_feedback": "sensor_msgs::msg::dds_::JoyFeedback_",
     "rt/diagnostics": "diagnostic_msgs::msg::dds_::DiagnosticArray_",
     "rt/joy": "sensor_msgs::msg::dds_::Joy_",
@@ -52,6 +53,25 @@ IDL = {
         "double y",
         "double z",
         "Point_ point",
+    ],
+    "rt/haptigraph/needle": [
+        "double covariance[36]",
+        "PoseWithCovariance_ pose",
+        "Quaternion_ orientation",
+        "Point_ position",
+        "double w",
+    ],
+    "rt/haptigraph/theta": [
+        "sequence<string>  name",
+        "sequence<double>  position",
+        "sequence<double>  velocity",
+        "sequence<double>  effort",
+    ],
+    "rt/tf": [
+        "string child_frame_id",
+        "Transform_ transform",
+        "Vector3_ translation",
+        "TransformStamped_>  transforms",
     ],
     "rt/joy/set_feedback": ["octet type", "octet id", "float intensity"],
     "rt/diagnostics": [
@@ -98,26 +118,46 @@ def run_tool(runtime, *arguments):
     ).stdout
 
 
+def state_of(message):
+    return message.status[0].message
+
+
 def test_every_topic_of_a_run_arrives_in_ros_units(steered, peer):
     for topic, kind in {
-        "/haptigraph/state": String,
-        "/haptigraph/graph": String,
+        "/haptigraph/state": DiagnosticArray,
+        "/haptigraph/graph": DiagnosticArray,
         "/haptigraph/needle_tip": PointStamped,
-        "/haptigraph/theta": Float64,
-        "/haptigraph/touch": JoyFeedback,
+        "/haptigraph/needle": PoseWithCovarianceStamped,
+        "/haptigraph/theta": JointState,
+        "/haptigraph/touch": JointState,
+        "/tf": TFMessage,
+        "/tf_static": TFMessage,
         "/joy/set_feedback": JoyFeedback,
         "/diagnostics": DiagnosticArray,
     }.items():
         peer.subscribe(topic, kind)
-    assert peer.next("/haptigraph/state").data == "misaligned_intraocular_navigation"
-    graph = msgspec.json.decode(peer.next("/haptigraph/graph").data, type=SceneGraph)
-    theta = peer.next("/haptigraph/theta").data
-    assert math.degrees(theta) == pytest.approx(graph.measures["theta_deg"], abs=0.5)
-    tip = peer.next("/haptigraph/needle_tip")
-    assert tip.header.frame_id == EYE_FRAME
+    graph_message = peer.next("/haptigraph/graph")
+    stamp = graph_message.header.stamp
+
+    def of_the_same_image(message):
+        return (message.transforms[0] if isinstance(message, TFMessage) else message).header.stamp == stamp
+
+    graph = msgspec.json.decode(graph_message.status[0].message, type=SceneGraph)
+    assert state_of(peer.next("/haptigraph/state", of_the_same_image)) == "misaligned_intraocular_navigation"
+    theta = peer.next("/haptigraph/theta", of_the_same_image)
+    assert math.degrees(theta.position[0]) == pytest.approx(graph.measures["theta_deg"])
+    tip = peer.next("/haptigraph/needle_tip", of_the_same_image)
+    assert tip.header.frame_id == "haptigraph_eye"
     assert abs(time.time_ns() - tip.header.stamp.ns) < 10e9
     assert 0.001 < math.hypot(tip.point.x, tip.point.y) < 0.015  # in an eye of 24 mm, in metres
     assert tip.point.z == 0.0
+    pose = peer.next("/haptigraph/needle", of_the_same_image).pose
+    assert pose.pose.position == tip.point
+    assert 0 < pose.covariance[0] < 0.0002**2
+    (transform,) = peer.next("/tf", of_the_same_image).transforms
+    assert transform.transform.rotation == pose.pose.orientation
+    (trocar,) = peer.next("/tf_static").transforms  # sent before the peer came
+    assert trocar.child_frame_id == "haptigraph_trocar"
     rumble = peer.next("/joy/set_feedback", lambda message: message.intensity > 0)
     assert (rumble.type, rumble.id, rumble.intensity) == (1, 0, pytest.approx(0.3))
     (status,) = peer.next("/diagnostics", lambda message: message.status[0].level == 0).status
@@ -142,15 +182,15 @@ def test_a_joystick_steers_the_needle_while_its_clutch_is_engaged(steered, peer)
 
 
 def test_every_change_of_the_haptic_output_is_published(steered, peer):
-    peer.subscribe("/haptigraph/touch", JoyFeedback)
-    peer.subscribe("/haptigraph/state", String)
+    peer.subscribe("/haptigraph/touch", JointState)
+    peer.subscribe("/haptigraph/state", DiagnosticArray)
     joy = peer.publisher("/joy", Joy)
     for _ in range(600):  # into the retina, where the output pulses
         joy.send(Joy(Header(), [0.0, -1.0], [0, 0, 0, 0, 0, 1]))
-        if peer.next("/haptigraph/state").data == "retinal_contact":
+        if state_of(peer.next("/haptigraph/state")) == "retinal_contact":
             break
     for level in (1.0, 0.0, 1.0):
-        peer.next("/haptigraph/touch", lambda output, level=level: output.intensity == level)
+        peer.next("/haptigraph/touch", lambda output, level=level: list(output.effort) == [level])
 
 
 def topics(output):
@@ -196,6 +236,7 @@ def eye(tmp_path):
 def test_images_of_either_type_return_the_position_of_the_needle(ros_network, peer, eye):
     with running("ros2:/camera/image", "--registration", eye, "--bridge", "ros2:rig_b") as process:
         peer.subscribe("/rig_b/needle_tip", PointStamped)
+        peer.subscribe("/rig_b/state", DiagnosticArray)
         publishers = {kind: peer.publisher("/camera/image", kind) for kind in (Image, CompressedImage)}
         received = {Image: 0, CompressedImage: 0}
         for _, image in zip(range(100), stamped_images(), strict=False):
@@ -203,8 +244,9 @@ def test_images_of_either_type_return_the_position_of_the_needle(ros_network, pe
             with suppress(queue.Empty):  # the run may miss the first ones
                 while True:
                     tip = peer.received["/rig_b/needle_tip"].get(timeout=1.0)
-                    if tip.header.stamp.ns > image.header.stamp.ns - 1_000_000:  # of this image, or later
+                    if tip.header.stamp == image.header.stamp:
                         break
+                peer.next("/rig_b/state", lambda state, stamp=tip.header.stamp: state.header.stamp == stamp)
                 received[type(image)] += 1
             if min(received.values()) == 10:
                 break
@@ -215,13 +257,13 @@ def test_images_of_either_type_return_the_position_of_the_needle(ros_network, pe
 def test_invalid_messages_disturb_neither_loop_nor_images(ros_network, peer, eye):
     arguments = ("ros2:/camera/image", "--registration", eye, "--bridge", "ros2:rig_c")
     with running(*arguments) as process, broken_program():
-        peer.subscribe("/rig_c/state", String)
+        peer.subscribe("/rig_c/state", DiagnosticArray)
         publisher, images = peer.publisher("/camera/image", CompressedImage), stamped_images()
         for _ in range(600):
             image = next(images)
             if isinstance(image, CompressedImage):
                 publisher.send(image)
-            state = peer.next("/rig_c/state").data
+            state = state_of(peer.next("/rig_c/state"))
             if state == "misaligned_intraocular_navigation":
                 break
         assert state == "misaligned_intraocular_navigation"
@@ -233,8 +275,8 @@ def test_invalid_messages_disturb_neither_loop_nor_images(ros_network, peer, eye
 def test_invalid_joystick_messages_neither_steer_nor_disturb(ros_network, peer):
     diagnostics = ""
     with running("teleop:tests/data/steered.toml", "--bridge", "ros2:rig_e") as process:
-        peer.subscribe("/rig_e/state", String)
-        assert peer.next("/rig_e/state").data == "misaligned_intraocular_navigation"
+        peer.subscribe("/rig_e/state", DiagnosticArray)
+        assert state_of(peer.next("/rig_e/state")) == "misaligned_intraocular_navigation"
         peer.subscribe("/diagnostics", DiagnosticArray)
         problems = [
             "joy has an axis at nan",
@@ -244,6 +286,6 @@ def test_invalid_joystick_messages_neither_steer_nor_disturb(ros_network, peer):
             while not all(problem in diagnostics for problem in problems):
                 diagnostics += str(peer.next("/diagnostics").status)
         for _ in range(10):
-            assert peer.next("/rig_e/state").data == "misaligned_intraocular_navigation"
+            assert state_of(peer.next("/rig_e/state")) == "misaligned_intraocular_navigation"
     for problem in problems:
         assert process.output.count(f"! bridge: ros2: rejected a message on /joy: {problem}") == 1

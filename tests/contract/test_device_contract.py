@@ -15,6 +15,7 @@ from haptigraph.stages import Device
 OPENERS = {
     "audio": lambda folder: f"audio:{folder / 'touch.wav'}",
     "console": lambda folder: "console",
+    "crtk": lambda folder: "crtk:contract/MTML",
     "gamepad": lambda folder: "gamepad",
     "ros2": lambda folder: "ros2:contract/set_feedback",
     "serial": lambda folder: f"serial:{folder / 'tty'}",
@@ -36,11 +37,13 @@ def check_capabilities(capabilities: Capabilities):
 @pytest.fixture(params=assemble.DEVICES)
 def device(request, tmp_path, monkeypatch):
     with ExitStack() as stack:
-        if request.param == "ros2":  # it reports a missing subscriber
+        if request.param in ("crtk", "ros2"):  # they report a missing subscriber
             peer = request.getfixturevalue("peer")
+            from haptigraph.ros2.motion_types import WrenchStamped
             from haptigraph.ros2.types import JoyFeedback
 
             peer.subscribe("/contract/set_feedback", JoyFeedback)
+            peer.subscribe("/contract/MTML/servo_cf", WrenchStamped)
         if request.param == "serial":
             pytest.importorskip("serial")
             stack.enter_context(Board(tmp_path / "tty"))

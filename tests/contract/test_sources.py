@@ -20,7 +20,7 @@ from haptigraph.recording.reader import RunReader
 from haptigraph.sources.cameras import reconnect
 from haptigraph.stages import Source
 
-FILES = ["dicom", "images", "oct", "phantom", "realsense-file", "recording", "video"]
+FILES = ["dicom", "images", "oct", "phantom", "realsense-file", "recording", "rosbag", "video"]
 LIVE = ["camera", "realsense"]
 MAX_READS = 400  # of 50 ms
 
@@ -50,6 +50,11 @@ def make_realsense(path, images):
     device.record(path, images, [7e6 + 33.3 * number for number in range(len(images))])
 
 
+def make_rosbag(path, images):
+    ros_bags = pytest.importorskip("ros_bags", reason="needs rosbags", exc_type=ImportError)
+    ros_bags.images_bag(path, images)
+
+
 def make_video(path, images):
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 30.0, images[0].shape[1::-1])
     for image in images:
@@ -68,6 +73,7 @@ MAKERS = {
     "images": (make_images, "folder"),
     "oct": (make_oct, "oct.dcm"),
     "realsense-file": (make_realsense, "run.db3"),
+    "rosbag": (make_rosbag, "bag"),
     "video": (make_video, "run.avi"),
 }
 

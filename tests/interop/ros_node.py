@@ -11,22 +11,22 @@ import os
 import sys
 import time
 from array import array
-from collections import Counter
+from collections import Counter, defaultdict
 from pathlib import Path
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PointStamped
+from geometry_msgs.msg import PointStamped, PoseWithCovarianceStamped
 from rclpy.qos import qos_profile_sensor_data
-from sensor_msgs.msg import CompressedImage, Image, Joy, JoyFeedback
-from std_msgs.msg import Float64, String
+from sensor_msgs.msg import CompressedImage, Image, JointState, Joy, JoyFeedback
 
 TOPICS = {
-    "/haptigraph/state": String,
-    "/haptigraph/graph": String,
+    "/haptigraph/state": DiagnosticArray,
+    "/haptigraph/graph": DiagnosticArray,
     "/haptigraph/needle_tip": PointStamped,
-    "/haptigraph/theta": Float64,
-    "/haptigraph/touch": JoyFeedback,
+    "/haptigraph/needle": PoseWithCovarianceStamped,
+    "/haptigraph/theta": JointState,
+    "/haptigraph/touch": JointState,
     "/joy/set_feedback": JoyFeedback,
     "/diagnostics": DiagnosticArray,
 }
@@ -37,13 +37,15 @@ class Received:
     """Messages of every topic."""
 
     def __init__(self, node):
-        self.node, self.counts, self.last = node, Counter(), {}
+        self.node, self.counts, self.last, self.stamps = node, Counter(), {}, defaultdict(set)
         for topic, kind in TOPICS.items():
             node.create_subscription(kind, topic, lambda message, topic=topic: self.take(topic, message), 10)
 
     def take(self, topic, message):
         self.counts[topic] += 1
         self.last[topic] = message
+        if hasattr(message, "header"):
+            self.stamps[topic].add(ns_of(message.header.stamp))
 
     def until(self, holds, timeout_s=TIMEOUT_S):
         end_s = time.monotonic() + timeout_s
@@ -52,9 +54,8 @@ class Received:
         return holds()
 
 
-def tip_stamp(received):
-    tip = received.last.get("/haptigraph/needle_tip")
-    return None if tip is None else tip.header.stamp.sec * 10**9 + tip.header.stamp.nanosec
+def ns_of(stamp):
+    return stamp.sec * 10**9 + stamp.nanosec
 
 
 def camera(node, folder, count):
@@ -72,18 +73,34 @@ def camera(node, folder, count):
         received.until(lambda: "/haptigraph/needle_tip" in received.last, 0.2)
     received.until(lambda: False, 0.5)
     received.counts.clear()
-    round_trips_ms = []  # a late image has a later stamp in the run, whose stamps never decrease
+    round_trips_ms, sent = [], []
     for number in range(count):
-        sent_ns = show(node, publisher, images[number % len(images)])
-        if received.until(lambda sent_ns=sent_ns: tip_stamp(received) > sent_ns - 1_000_000, 2.0):
-            round_trips_ms.append((node.get_clock().now().nanoseconds - sent_ns) / 1e6)
-    graph = received.last["/haptigraph/graph"].data  # before the run reports that images are missing
+        sent.append(show(node, publisher, images[number % len(images)]))
+        if received.until(lambda: sent[-1] in received.stamps["/haptigraph/needle_tip"], 2.0):
+            round_trips_ms.append((node.get_clock().now().nanoseconds - sent[-1]) / 1e6)
+    received.until(lambda: sent[-1] in received.stamps["/haptigraph/needle"], 2.0)
+    graph = (
+        received.last["/haptigraph/graph"].status[0].message
+    )  # before the run reports that images are missing
     received.until(lambda: received.counts["/diagnostics"] and received.counts["/haptigraph/touch"], 5.0)
     received.until(lambda: False, 0.5)
-    tip = received.last["/haptigraph/needle_tip"]
+    tip, pose = received.last["/haptigraph/needle_tip"], received.last["/haptigraph/needle"].pose
+    orientation = pose.pose.orientation
     return {
         "round_trips_ms": round_trips_ms,
         "counts": received.counts,
+        "paired": {topic: len(stamps.intersection(sent)) for topic, stamps in received.stamps.items()},
+        "quaternion": [orientation.x, orientation.y, orientation.z, orientation.w],
+        "covariance": pose.covariance.tolist(),
+        "state": received.last["/haptigraph/state"].status[0].message,
+        "theta": [
+            list(received.last["/haptigraph/theta"].name),
+            len(received.last["/haptigraph/theta"].position),
+        ],
+        "touch": [
+            list(received.last["/haptigraph/touch"].name),
+            len(received.last["/haptigraph/touch"].effort),
+        ],
         "frame_id": tip.header.frame_id,
         "tip_m": [tip.point.x, tip.point.y, tip.point.z],
         "graph": graph,

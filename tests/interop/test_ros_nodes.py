@@ -19,6 +19,7 @@ pytest.importorskip("cyclonedds")
 from haptigraph.clock import MonotonicClock
 from haptigraph.errors import SourceLost
 from haptigraph.graph import SceneGraph
+from haptigraph.inference.meaning import PAPER_KINDS
 from haptigraph.recording.codec import encode_jpeg
 from haptigraph.ros2.node import buffer_hint
 from haptigraph.ros2.types import Joy, JoyFeedback
@@ -98,14 +99,23 @@ def test_a_ros_node_sends_images_and_receives_every_topic(ros, eye, capsys):
     assert received["frame_id"] == "haptigraph_eye"
     assert all(abs(place) < 0.013 for place in received["tip_m"])
     assert "needle_tip" in {node.id for node in msgspec.json.decode(received["graph"], type=SceneGraph).nodes}
-    assert received["counts"]["/haptigraph/state"] >= COUNT
-    assert received["counts"]["/haptigraph/graph"] >= COUNT
-    assert received["counts"]["/haptigraph/theta"] >= COUNT
+    for topic in ("state", "graph", "theta", "needle_tip", "needle"):  # with the stamp of each image
+        assert received["paired"][f"/haptigraph/{topic}"] == COUNT, topic
+    assert sum(each**2 for each in received["quaternion"]) == pytest.approx(1.0)
+    assert 0 < received["covariance"][0] < 0.0002**2
+    assert len(received["covariance"]) == 36
+    assert received["theta"] == [["theta"], 1]
+    assert received["touch"] == [["touch"], 1]
+    assert received["state"] in PAPER_KINDS
     assert received["counts"]["/haptigraph/touch"] > 0
     assert received["counts"]["/joy/set_feedback"] > 0
     assert received["counts"]["/diagnostics"] > 0
     assert received["level"] in (0, 1)
     assert received["types"]["/haptigraph/needle_tip"] == ["geometry_msgs/msg/PointStamped"]
+    pose_type = ["geometry_msgs/msg/PoseWithCovarianceStamped"]
+    assert received["types"]["/haptigraph/needle"] == pose_type
+    assert received["types"]["/haptigraph/theta"] == ["sensor_msgs/msg/JointState"]
+    assert received["types"]["/haptigraph/state"] == ["diagnostic_msgs/msg/DiagnosticArray"]
     assert received["types"]["/diagnostics"] == ["diagnostic_msgs/msg/DiagnosticArray"]
 
 

@@ -5,7 +5,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptigraph.robot.pose import ToolPose, Transform, angle_deg, quaternion_of, rotation_of
+from haptigraph.robot.pose import (
+    ToolPose,
+    Transform,
+    angle_deg,
+    composed,
+    quaternion_of,
+    rotated,
+    rotation_of,
+)
 
 NUMBER = st.floats(-1, 1)
 QUATERNIONS = st.tuples(NUMBER, NUMBER, NUMBER, NUMBER).filter(lambda q: math.hypot(*q) > 0.1)
@@ -21,6 +29,14 @@ def test_a_rotation_is_orthonormal_and_gives_its_quaternion_back(quaternion):
     back = quaternion_of(rotation)
     assert back[3] >= 0 and math.hypot(*back) == pytest.approx(1.0)
     assert rotation_of(back) == pytest.approx(rotation, abs=1e-12)
+
+
+@given(QUATERNIONS, QUATERNIONS, POINTS)
+def test_quaternions_rotate_and_compose_as_their_matrices_do(one, other, point):
+    matrix = rotation_of(one) @ rotation_of(other)
+    assert rotated(one, point) == pytest.approx(rotation_of(one) @ point, abs=1e-9)
+    assert rotation_of(composed(one, other)) == pytest.approx(matrix, abs=1e-12)
+    assert math.hypot(*composed(one, other)) == pytest.approx(1.0)
 
 
 @given(POSES, POSES, POINTS)

@@ -6,11 +6,11 @@ from ros_network import broken_program, until
 pytest.importorskip("cyclonedds")
 
 from cyclonedds.builtin import BuiltinTopicDcpsSubscription
-from cyclonedds.qos import Policy, Qos
 from cyclonedds.topic import Topic
 
 from haptigraph.errors import BadInput
 from haptigraph.ros2.node import Node, _Endpoints, _Subscription, buffer_hint, checked_topic, domain_id
+from haptigraph.ros2.qos import Profile
 from haptigraph.ros2.types import Header, Image, Joy, String, Time
 
 
@@ -40,8 +40,8 @@ def test_a_subscriber_is_reliable_if_all_publishers_are(peer, ros_network, monke
     assert not endpoints.are_reliable("rt/adapts")  # so that it matches every publisher
     reliable = peer.publisher("/adapts", String)
     until(lambda: endpoints.are_reliable("rt/adapts"), "the subscriber does not adapt")
-    qos = Qos(Policy.Reliability.BestEffort)
-    monkeypatch.setattr("haptigraph.ros2.node.PUBLISHER_QOS", qos)
+    best_effort = Profile(10, is_reliable=False)
+    monkeypatch.setattr("haptigraph.ros2.node.publisher_profile", lambda topic: best_effort)
     peer.publisher("/adapts", String)
     until(lambda: not endpoints.are_reliable("rt/adapts"), "the second publisher would not be heard")
     assert reliable.has_subscribers
@@ -52,13 +52,13 @@ def test_a_subscriber_is_reliable_if_all_publishers_are(peer, ros_network, monke
 def test_a_message_that_has_arrived_survives_the_change_to_reliable(peer, ros_network):
     node = Node()
     topic = Topic(node._joined, "rt/adapts", String)
-    subscription = _Subscription(node._joined, topic, 2, is_large=True)
+    subscription = _Subscription(node._joined, topic, Profile(2, is_reliable=False), is_large=True)
     peer.publisher("/adapts", String).send(String("first"))
     until(lambda: "/adapts" in node.published(), "the publisher is not discovered")
     subscription.wait()
     assert [message.data for message in subscription.take()] == ["first"]
     subscription.wait()
-    assert subscription._is_reliable
+    assert subscription._profile.is_reliable
     node.close()
 
 

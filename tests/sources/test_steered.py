@@ -327,7 +327,7 @@ def test_a_recording_without_jaw_motion_is_read_and_replayed(uri, tmp_path, monk
         return HandBeforeJaws(**others)
 
     path = tmp_path / "old.mcap"
-    monkeypatch.setattr("haptigraph.teleop.teleop.HandState", before_jaws)
+    monkeypatch.setattr("haptigraph.teleop.mapping.HandState", before_jaws)
     steer_to_the_target(uri, TeleopSettings(), f'recording.path="{path}"')
     with path.open("rb") as file:
         data = next(message.data for _, _, message in make_reader(file).iter_messages(["/teleop"]))

@@ -1,7 +1,8 @@
-"""Helpers for tests: messages, observations, images, the command line, and interrupts."""
+"""Helpers for tests: messages, observations, images, the command line, interrupts, and copies of the sources."""
 
 import gc
 import math
+import shutil
 import sys
 from collections.abc import Iterable
 from functools import partial
@@ -11,6 +12,7 @@ from pathlib import Path
 import cv2
 import pytest
 from click.testing import CliRunner
+from paths import ROOT
 
 from haptigraph.cli import main
 from haptigraph.errors import EndOfSource
@@ -210,3 +212,14 @@ def text_extents(text) -> tuple[float, float]:
     return {"start": (x, x + width), "end": (x - width, x)}.get(
         text.get("text-anchor"), (x - width / 2, x + width / 2)
     )
+
+
+def copy_sources(folder: Path) -> None:
+    """Copy what the package is built from; the copy compiles without optimization, in a seventh of the time."""
+    for name in ("pyproject.toml", "README.md", "LICENSE", ".gitignore"):
+        shutil.copy(ROOT / name, folder)
+    build = (ROOT / "hatch_build.py").read_text(encoding="utf-8")
+    assert '"-O3"' in build
+    (folder / "hatch_build.py").write_text(build.replace('"-O3"', '"-O0"'), encoding="utf-8")
+    ignored = shutil.ignore_patterns("__pycache__", "*.library")
+    shutil.copytree(ROOT / "haptigraph", folder / "haptigraph", ignore=ignored)

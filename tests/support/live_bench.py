@@ -10,6 +10,13 @@ from contextlib import contextmanager
 from typing import Any
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+UNUSED_FEATURES = [
+    *("WebUIOmniboxPopup", "WebUIOmniboxAimPopup"),  # each loads a page of its own with every window
+    # Chromium heeds only the last list, so those that Playwright disables again.
+    *("AvoidUnnecessaryBeforeUnloadCheckSync", "DestroyProfileOnBrowserClose", "HttpsUpgrades"),
+    *("HttpsFirstBalancedModeAutoEnable", "LensOverlay", "MediaRouter", "PaintHolding", "OptimizationHints"),
+    *("ThirdPartyStoragePartitioning", "NetworkTimeServiceQuerying", "AimEnabled", "PreconnectToSearch"),
+]
 FLAGS = [
     "--no-sandbox",
     "--disable-gpu",
@@ -18,6 +25,7 @@ FLAGS = [
     "--disable-background-networking",
     "--disable-component-update",
     "--disable-sync",
+    f"--disable-features={','.join(UNUSED_FEATURES)}",
 ]
 PAD = """
 window.rumble = [];  // every call, with its time [ms since 1970]

@@ -4,16 +4,18 @@ import ctypes
 import os
 import time
 
-from haptigraph.haptics.gamepad import GamepadDevice, _sdl
+from haptigraph.haptics.gamepad import GamepadDevice
+from haptigraph.sdl import load_sdl
 
 
 class VirtualPad:
     """Attach a controller; `rumbles` contains (stamp_ns, slow, fast) of every call of the driver."""
 
     def __init__(self, *, can_rumble=True, on_rumble=None):
-        self.sdl = _sdl()
+        self.sdl = load_sdl("test")
         self.rumbles = []
         self.fails = False
+        self._opened = None
         self.on_rumble = on_rumble or (lambda *edge: None)
         kind = dict(self.sdl.SDL_VirtualJoystickDesc._fields_)["Rumble"]
         self.callback = kind(self.rumble)
@@ -35,7 +37,20 @@ class VirtualPad:
     def motors(self):
         return self.rumbles[-1][1:] if self.rumbles else (0, 0)
 
+    def tilt(self, axis, deflection):
+        """Move a stick or trigger: -1 to 1."""
+        self.sdl.SDL_JoystickSetVirtualAxis(self._joystick(), axis, round(deflection * 32767))
+
+    def press(self, button, is_pressed=True):
+        self.sdl.SDL_JoystickSetVirtualButton(self._joystick(), button, int(is_pressed))
+
+    def _joystick(self):
+        self._opened = self._opened or self.sdl.SDL_JoystickOpen(self.number)
+        return self._opened
+
     def detach(self):
+        if self._opened:
+            self.sdl.SDL_JoystickClose(self._opened)
         self.sdl.SDL_JoystickDetachVirtual(self.number)
         self.sdl.SDL_JoystickUpdate()
 

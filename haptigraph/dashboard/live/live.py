@@ -16,9 +16,12 @@ from haptigraph.dashboard.server.controls import Controls
 from haptigraph.dashboard.server.describe import announcement
 from haptigraph.dashboard.server.health import Health
 from haptigraph.dashboard.server.hub import Hub
+from haptigraph.dashboard.server.robot_control import RobotControl
 from haptigraph.dashboard.server.server import REGISTRATION, Server, make_app
 from haptigraph.dashboard.server.site import Site
 from haptigraph.pipeline import Loop
+from haptigraph.robot.process import RobotProcess
+from haptigraph.robot.setup import load_setup
 from haptigraph.sources.phased import PhasedSource
 
 __all__ = ["LivePage"]
@@ -33,12 +36,23 @@ class LivePage:
         host: The address it listens on.
         tokens: What visitors must present.
         recordings: Folder of recordings to show.
+        robot: The robot that pages steer; None: what the source simulates, if anything.
+        allows_remote_motion: Whether pages on other machines may move it.
     """
 
     def __init__(
-        self, config: Config, listener: socket, *, host: str, tokens: Tokens, recordings: Path
+        self,
+        config: Config,
+        listener: socket,
+        *,
+        host: str,
+        tokens: Tokens,
+        recordings: Path,
+        robot: RobotProcess | None = None,
+        allows_remote_motion: bool = False,
     ) -> None:
         self.hub = Hub(MonotonicClock())
+        self._robot, self._allows_remote_motion = robot, allows_remote_motion
         self._config, self._listener, self._host, self._tokens = config, listener, host, tokens
         self._recordings = recordings
 
@@ -78,10 +92,11 @@ class LivePage:
         Raises:
             BadInput: If procedure or registration cannot be used.
         """
-        announcement(self._config, loop, self.hub)()
-        phased = loop.source if isinstance(loop.source, PhasedSource) else None
-        site = self._site(Controls(self.hub, loop.source.teleop, phased))
-        app = make_app(site, Health(loop, self.hub, measures), host=self._host, tokens=self._tokens)
+        announcement(self._config, loop, self.hub, self._robot)()
+        phased, robot = loop.source if isinstance(loop.source, PhasedSource) else None, self._robot_control()
+        site = self._site(Controls(self.hub, loop.source.teleop, phased, robot))
+        health, pump = Health(loop, self.hub, measures), robot.pump if robot else None
+        app = make_app(site, health, host=self._host, tokens=self._tokens, pump=pump)
         with Server(app, self._listener):
             yield
 
@@ -93,6 +108,13 @@ class LivePage:
         app = make_app(site, dict, host=self._host, tokens=self._tokens, pages=(REGISTRATION,))
         with Server(app, self._listener.dup()):
             return saved.get()
+
+    def _robot_control(self) -> RobotControl | None:
+        if self._robot is None:
+            return None
+        deadman_ms = load_setup(self._config.robot.setup).limits.deadman_ms
+        allows_remote = self._allows_remote_motion
+        return RobotControl(self.hub, self._robot, deadman_ms=deadman_ms, allows_remote=allows_remote)
 
     def _site(self, controls: Controls, on_registration: Callable[[str], None] | None = None) -> Site:
         is_local, source = self._host in LOOPBACK, self._config.source

@@ -9,7 +9,7 @@ from typing import Any
 from starlette.routing import BaseRoute, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from haptigraph.dashboard.server.access import may_steer
+from haptigraph.dashboard.server.access import is_local, may_steer
 from haptigraph.dashboard.server.controls import Controls
 from haptigraph.dashboard.server.hub import Hub
 from haptigraph.dashboard.server.protocol import (
@@ -21,6 +21,7 @@ from haptigraph.dashboard.server.protocol import (
     Ping,
     Played,
     ReleaseControls,
+    SwitchRobot,
     TakeControls,
     Tune,
     Watch,
@@ -33,7 +34,7 @@ from haptigraph.dashboard.server.viewer import Viewer
 __all__ = ["routes"]
 
 MAX_VIEWERS = 16
-STEERING = (TakeControls, Tune, EnterPhase)
+STEERING = (TakeControls, SwitchRobot, Tune, EnterPhase)
 
 
 def routes(
@@ -54,8 +55,16 @@ def routes(
         if len(hub.viewers) >= MAX_VIEWERS:
             await websocket.close(1013, f"{MAX_VIEWERS} pages watch already; close one")
             return
-        viewer = Viewer(f"{name} {next(numbers)}", may_steer=may_steer(websocket.scope), is_blind=is_blind())
-        viewer.put_text(text_message("welcome", name=viewer.name, may_steer=viewer.may_steer))
+        scope = websocket.scope
+        viewer = Viewer(
+            f"{name} {next(numbers)}",
+            may_steer=may_steer(scope),
+            is_blind=is_blind(),
+            is_local=is_local(scope),
+        )
+        refusal = controls.robot_refusal(viewer)
+        welcome = {"name": viewer.name, "may_steer": viewer.may_steer and not refusal, "refusal": refusal}
+        viewer.put_text(text_message("welcome", **welcome))
         hub.join(viewer)
         sender = asyncio.create_task(_send(websocket, viewer))
         try:
@@ -116,7 +125,9 @@ def _handle(message: ClientMessage, viewer: Viewer, hub: Hub, controls: Controls
 
 def _steer(message: ClientMessage, viewer: Viewer, controls: Controls) -> None:
     if isinstance(message, Motion):
-        controls.move(viewer, message.hand)
+        controls.move(viewer, message.hand, message.sent_ms)
+    elif isinstance(message, SwitchRobot):
+        controls.switch(viewer, on=message.on)
     elif isinstance(message, TakeControls):
         controls.take(viewer)
     elif isinstance(message, Tune):

@@ -7,6 +7,7 @@ import hmac
 import re
 from collections.abc import Mapping
 from http.cookies import SimpleCookie
+from ipaddress import ip_address
 from typing import Any, NamedTuple
 from urllib.parse import parse_qs
 
@@ -14,12 +15,14 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import PlainTextResponse, RedirectResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-__all__ = ["LOOPBACK", "AccessControl", "Tokens", "may_steer"]
+__all__ = ["LOOPBACK", "AccessControl", "Tokens", "is_local", "may_steer"]
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 COOKIE = "haptigraph_token"
 HOST = re.compile(r"(\[[0-9A-Fa-f:.]+\]|[^\s,:@/]+)(?::\d{1,5})?")
 SAFE_METHODS = ("GET", "HEAD")
+FORWARDING = ("forwarded", "via", "x-forwarded-for", "x-forwarded-host", "x-real-ip")
+"""Headers that proxies add. They make a sender remote, and never local: anybody can send them."""
 WATCHED = re.compile(r"/|/live|/static/.*")
 """Paths that visitors may open who only watch."""
 MAY_STEER = "haptigraph.may_steer"
@@ -42,6 +45,16 @@ class Tokens(NamedTuple):
 def may_steer(scope: Mapping[str, Any]) -> bool:
     """Return whether the sender of a request that was passed on may do more than watch."""
     return bool(scope[MAY_STEER])
+
+
+def is_local(scope: Mapping[str, Any]) -> bool:
+    """Return whether a request comes from a program on this machine, and not through a proxy on it."""
+    if scope["client"] is None or any(
+        name.decode("latin-1").lower() in FORWARDING for name, _ in scope["headers"]
+    ):
+        return False
+    address = ip_address(scope["client"][0])
+    return (getattr(address, "ipv4_mapped", None) or address).is_loopback
 
 
 class AccessControl:

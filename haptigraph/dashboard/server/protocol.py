@@ -21,6 +21,7 @@ __all__ = [
     "Ping",
     "Played",
     "ReleaseControls",
+    "SwitchRobot",
     "TakeControls",
     "Tune",
     "Watch",
@@ -67,6 +68,14 @@ class Motion(Struct, tag="motion", frozen=True, forbid_unknown_fields=True):
     """Motion of the hand since the last such message."""
 
     hand: HandMotion
+    sent_ms: TimeMs | None = None
+    """When, on the server's clock; a robot ignores motion without it."""
+
+
+class SwitchRobot(Struct, tag="switch_robot", frozen=True, forbid_unknown_fields=True):
+    """The enable switch of a robot."""
+
+    on: bool
 
 
 class Tune(Struct, tag="tune", frozen=True, forbid_unknown_fields=True):
@@ -105,7 +114,17 @@ class Played(Struct, tag="played", frozen=True, forbid_unknown_fields=True):
 
 
 ClientMessage: TypeAlias = (
-    Ack | Watch | Ping | TakeControls | ReleaseControls | Motion | Tune | EnterPhase | Outputs | Played
+    Ack
+    | Watch
+    | Ping
+    | TakeControls
+    | ReleaseControls
+    | Motion
+    | SwitchRobot
+    | Tune
+    | EnterPhase
+    | Outputs
+    | Played
 )
 """A message from a page."""
 

@@ -10,7 +10,7 @@ import html
 import mimetypes
 import socket
 import threading
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Callable, Coroutine, Sequence
 from importlib import import_module, resources
 from typing import Any, NamedTuple
 
@@ -74,6 +74,7 @@ def make_app(
     host: str,
     tokens: Tokens,
     pages: Sequence[Page] = PAGES,
+    pump: Callable[[], Coroutine[Any, Any, None]] | None = None,
 ) -> AccessControl:
     """Return the ASGI app.
 
@@ -83,13 +84,16 @@ def make_app(
         host: The address that the server listens on.
         tokens: What visitors must present.
         pages: The pages; "/" redirects to the first.
+        pump: Runs beside the server until it stops.
     """
 
     @contextlib.asynccontextmanager
     async def lifespan(app: Starlette) -> AsyncIterator[None]:
-        task = asyncio.create_task(site.hub.pump(health))
+        tasks = [asyncio.create_task(site.hub.pump(health))]
+        tasks += [asyncio.create_task(pump())] if pump else []
         yield
-        task.cancel()
+        for task in tasks:
+            task.cancel()
 
     routes: list[BaseRoute] = [Route(page.path, _html(page, pages)) for page in pages]
     routes += [Route("/", _redirect(pages[0].path))] if pages[0].path != "/" else []
@@ -198,6 +202,7 @@ class Server:
             lifespan="on",
             log_config=None,
             access_log=False,
+            proxy_headers=False,  # which would replace the address of the sender
             server_header=False,
             ws_max_size=MAX_MESSAGE_BYTES,
             ws_ping_interval=5.0,

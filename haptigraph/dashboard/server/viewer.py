@@ -16,10 +16,13 @@ class Viewer:
         name: Its name on other pages.
         may_steer: Whether it may do more than watch.
         is_blind: Whether it receives only what `blinding` leaves.
+        is_local: Whether its browser runs on this machine.
     """
 
-    def __init__(self, name: str, *, may_steer: bool = True, is_blind: bool = False) -> None:
-        self.name, self.may_steer, self.is_blind = name, may_steer, is_blind
+    def __init__(
+        self, name: str, *, may_steer: bool = True, is_blind: bool = False, is_local: bool = False
+    ) -> None:
+        self.name, self.may_steer, self.is_blind, self.is_local = name, may_steer, is_blind, is_local
         self.wants_images = True
         self.outputs: tuple[str, ...] = ()
         """The page's outputs that somebody at it can feel, see or hear."""

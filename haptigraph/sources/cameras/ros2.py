@@ -16,6 +16,7 @@ from haptigraph.errors import SourceLost
 from haptigraph.messages import CameraStamp, Capture, Fault, Image
 from haptigraph.ros2 import types
 from haptigraph.ros2.node import Node, buffer_hint, checked_topic
+from haptigraph.ros2.qos import IMAGE_DEPTH
 from haptigraph.sources.cameras.ros2_images import compressed_image, raw_image
 from haptigraph.stages import Source
 
@@ -24,7 +25,6 @@ __all__ = ["Ros2Source"]
 SILENCE_TIMEOUT_NS = 1_000_000_000  # after this time without an image the topic is reported as lost
 MAX_AGE_NS = 1_000_000_000  # the stamp of an older image is from a clock that is not synchronised
 MAX_AHEAD_NS = 20_000_000
-QUEUE_SIZE = 2
 IMAGE_TYPES = {cls.__idl_typename__.replace(".", "::") for cls in (types.Image, types.CompressedImage)}
 
 
@@ -58,7 +58,7 @@ class Ros2Source(Source):
         """When an image last arrived; None once the silence was reported."""
         self._node = Node()
         subscribe = partial(
-            self._node.subscribe, self._topic, reject=self._reject, depth=QUEUE_SIZE, is_large=True
+            self._node.subscribe, self._topic, reject=self._reject, depth=IMAGE_DEPTH, is_large=True
         )
         subscribe(types.Image, self._take_raw)
         subscribe(types.CompressedImage, self._take_compressed)

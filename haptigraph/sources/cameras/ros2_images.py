@@ -1,24 +1,24 @@
-"""Convert ROS 2 images to arrays; reject anything but valid images of the registered size."""
+"""Convert ROS 2 images, from a network or a bag, to arrays; reject anything but valid images of one size."""
 
 import struct
+from typing import Any
 
 import numpy as np
 
 from haptigraph.messages import Image
 from haptigraph.recording.codec import decode
-from haptigraph.ros2 import types
 
-__all__ = ["compressed_image", "raw_image"]
+__all__ = ["compressed_image", "image_size_px", "raw_image"]
 
 CHANNELS = {"mono8": 1, "8UC1": 1, "bgr8": 3, "8UC3": 3, "rgb8": 3, "bgra8": 4, "rgba8": 4}
 BLUE_FIRST = {"rgb8": (2, 1, 0), "rgba8": (2, 1, 0), "bgra8": (0, 1, 2)}
 
 
-def raw_image(message: types.Image, size_px: tuple[int, int]) -> Image:
+def raw_image(message: Any, size_px: tuple[int, int]) -> Image:
     """Return the pixels of a sensor_msgs/Image, grey or BGR.
 
     Args:
-        message: Any encoding of 8 bits per channel.
+        message: Any encoding of 8 bits per channel; the fields of ROS, whichever library decoded it.
         size_px: The required width and height.
 
     Raises:
@@ -42,7 +42,7 @@ def raw_image(message: types.Image, size_px: tuple[int, int]) -> Image:
     return np.ascontiguousarray(pixels if order is None else pixels[:, :, order])
 
 
-def compressed_image(message: types.CompressedImage, size_px: tuple[int, int]) -> Image:
+def compressed_image(message: Any, size_px: tuple[int, int]) -> Image:
     """Return the pixels of a sensor_msgs/CompressedImage in JPEG or PNG, grey or BGR.
 
     The size in the file's header is checked before decoding, so that a few bytes cannot allocate gigabytes.
@@ -50,19 +50,30 @@ def compressed_image(message: types.CompressedImage, size_px: tuple[int, int]) -
     Raises:
         ValueError: If the message is not such an image, or has another size.
     """
-    header_px = _header_size_px(message.data)
-    if header_px is None:
-        raise ValueError(f"{len(message.data)} bytes that are neither JPEG nor PNG")
-    _check_size(header_px, size_px)
-    image = decode(message.data)
+    _check_size(image_size_px(message), size_px)
+    image = decode(bytes(message.data))
     _check_size((image.shape[1], image.shape[0]), size_px)
     return image
 
 
-def _check_size(found_px: tuple[int, int], registered_px: tuple[int, int]) -> None:
-    if found_px != registered_px:
-        found, registered = ("{} x {} px".format(*size_px) for size_px in (found_px, registered_px))
-        raise ValueError(f"an image of {found}; the registration is for {registered}")
+def image_size_px(message: Any) -> tuple[int, int]:
+    """Return the width and height that an Image or CompressedImage claims, without decoding it.
+
+    Raises:
+        ValueError: If the bytes of a compressed image are neither JPEG nor PNG.
+    """
+    if hasattr(message, "encoding"):
+        return int(message.width), int(message.height)
+    size_px = _header_size_px(bytes(message.data))
+    if size_px is None:
+        raise ValueError(f"{len(message.data)} bytes that are neither JPEG nor PNG")
+    return size_px
+
+
+def _check_size(found_px: tuple[int, int], expected_px: tuple[int, int]) -> None:
+    if found_px != expected_px:
+        found, expected = ("{} x {} px".format(*size_px) for size_px in (found_px, expected_px))
+        raise ValueError(f"an image of {found} instead of {expected}, as registered or first seen")
 
 
 def _header_size_px(data: bytes) -> tuple[int, int] | None:

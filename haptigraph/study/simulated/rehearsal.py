@@ -35,8 +35,9 @@ from haptigraph.study.simulated.ground_truth import GROUND_TRUTH, GroundTruthPer
 from haptigraph.study.simulated.participant import Participant
 from haptigraph.study.simulated.person import SimulatedPerson
 from haptigraph.study.simulated.training import trained_amplitudes
+from haptigraph.teleop.mapping import MIN_LEVER_MM
 from haptigraph.teleop.motion import HandMotion, TeleopSettings
-from haptigraph.teleop.teleop import MIN_LEVER_MM, Teleop
+from haptigraph.teleop.teleop import Teleop
 
 __all__ = ["NO_TOUCH", "SHIPPED", "Condition", "Rehearsal", "draw_scenario", "entry_scenario"]
 

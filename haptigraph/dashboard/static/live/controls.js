@@ -20,17 +20,20 @@ export class Controls {
     $("scale").addEventListener("pointerup", () => $("scale").blur());  // so that the arrow keys steer again
     $("filter").addEventListener("change", () => this.tune({ tremor_filter: $("filter").checked }));
     $("tremor").addEventListener("change", () => this.tune({ added_tremor_mm: $("tremor").checked ? TREMOR_MM : 0 }));
-    $("switches").append(checkbox("Needs clutch", false, (isOn) => { steering.needsClutch = isOn; }, "needs-clutch"));
+    this.needsClutch = checkbox("Needs clutch", false, (isOn) => { steering.needsClutch = isOn; }, "needs-clutch");
+    $("switches").append(this.needsClutch);
     $("map").addEventListener("click", () => { this.fillDialog(); $("mapping").showModal(); });
     $("standard").addEventListener("click", () => { controller.reset(); this.fillDialog(); });
     steering.onFilter = () => this.tune({ tremor_filter: !this.settings?.tremor_filter });
   }
 
   begin(/** @type {Hello} */ hello) {
-    const { has_jaws = false } = hello, steerable = this.maySteer && (hello.steerable ?? false);
+    const { has_jaws = false, robot = "" } = hello, steerable = this.maySteer && (hello.steerable ?? false);
     this.steering.begin(hello);
     $("steering").hidden = !steerable;
     $("jaws").hidden = !has_jaws;
+    $("depth").hidden = robot === "";
+    for (const box of [$("tremor").parentElement, this.needsClutch]) if (box) box.hidden = robot !== "";
     document.querySelector("main")?.classList.toggle("steerable", steerable);
     if (steerable && !document.hidden) this.send({ type: "take_controls" });
   }
@@ -61,7 +64,8 @@ export class Controls {
   show() {
     const pad = this.controller.pad();
     const { engaged } = this.steering;
-    $("clutch").textContent = engaged ? "● moving the instrument" : "○ disengaged";
+    const engagedText = this.steering.isRobot ? "● dead-man held" : "● moving the instrument";
+    $("clutch").textContent = engaged ? engagedText : "○ disengaged";
     $("clutch").classList.toggle("on", engaged);
     $("pad").textContent = controllerText(pad);
     $("map").hidden = !pad;
@@ -76,14 +80,14 @@ export class Controls {
   }
 
   fillDialog() {
-    const actions = /** @type {[Action, ActionInfo][]} */ (Object.entries(ACTIONS)).filter(([, { needsJaws }]) => !needsJaws || this.steering.hasJaws);
+    const actions = /** @type {[Action, ActionInfo][]} */ (Object.entries(ACTIONS)).filter(([, { needsJaws, needsRobot }]) => (!needsJaws || this.steering.hasJaws) && (!needsRobot || this.steering.isRobot));
     this.pending = null;
     $("actions").replaceChildren(...actions.map(([action, { label, kind }]) => {
       const { index, sign } = this.controller.mapping[action];
       const button = make("button", { type: "button", textContent: "Change", ariaLabel: `Change ${label}` });
       const mapped = make("td", {}, `${kind} ${index}${sign === -1 ? ", inverted" : ""}`);
       button.addEventListener("click", () => this.listen(action));
-      return make("tr", {}, make("td", {}, label), mapped, make("td", {}, button));
+      return make("tr", { id: `map-${action}` }, make("td", {}, label), mapped, make("td", {}, button));
     }));
   }
 
@@ -93,8 +97,8 @@ export class Controls {
     this.fillDialog();
     if (!pad) return;
     this.pending = { action, kind, rest: { axes: [...pad.axes], buttons: pad.buttons.map((button) => button.value) } };
-    // The rows are in the order of ACTIONS, in which the jaws are last.
-    $("actions").rows[Object.keys(ACTIONS).indexOf(action)].cells[1].textContent = kind === "axis" ? `push the stick ${label}` : "press a button";
+    const row = /** @type {HTMLTableRowElement} */ (document.getElementById(`map-${action}`));
+    row.cells[1].textContent = kind === "axis" ? `push the stick ${label}` : "press a button";
   }
 }
 

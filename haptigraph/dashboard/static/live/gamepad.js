@@ -9,11 +9,12 @@ export const ACTIONS = {
   filter: { label: "tremor filter on or off", kind: "button" },
   open: { label: "open the jaws", kind: "button", needsJaws: true },
   close: { label: "close the jaws", kind: "button", needsJaws: true },
+  outwards: { label: "out of the picture", kind: "axis", needsRobot: true },
 };
 /** @type {Mapping} */ const DEFAULT_MAPPING = {
   along: { index: 1, sign: 1 }, across: { index: 0, sign: 1 },
   clutch: { index: 7 }, fine: { index: 6 }, filter: { index: 3 },
-  open: { index: 5 }, close: { index: 4 },
+  open: { index: 5 }, close: { index: 4 }, outwards: { index: 3, sign: 1 },
 };
 const DEAD_ZONE = 0.12, PRESSED = 0.35, MOVED = 0.6;
 
@@ -32,8 +33,8 @@ export class Controller {
   read(pad = this.pad()) {
     const axis = (/** @type {ControllerInput} */ { index, sign = 1 }) => shaped(pad?.axes[index] ?? 0) * sign;
     const button = (/** @type {ControllerInput} */ { index }) => (pad?.buttons[index]?.value ?? 0) > PRESSED;
-    const { along, across, clutch, fine, filter, open, close } = this.mapping;
-    return { along: axis(along), across: axis(across), clutch: button(clutch), fine: button(fine), filter: button(filter), open: button(open), close: button(close) };
+    const { along, across, outwards, clutch, fine, filter, open, close } = this.mapping;
+    return { along: axis(along), across: axis(across), outwards: axis(outwards), clutch: button(clutch), fine: button(fine), filter: button(filter), open: button(open), close: button(close) };
   }
 
   /** Map an axis or a button to an action. @param {Action} action @param {ControllerInput} input */

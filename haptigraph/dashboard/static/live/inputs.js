@@ -6,6 +6,7 @@
   Space: ["clutch", 1],
 };
 /** @type {KeyMap} */ const JAW_KEYS = { KeyO: ["apart", 1], KeyC: ["apart", -1] };
+/** @type {KeyMap} */ const ROBOT_KEYS = { KeyR: ["outwards", 1], KeyF: ["outwards", -1] };
 const MM_PER_PX = 0.25;
 
 export class Keyboard {
@@ -21,10 +22,10 @@ export class Keyboard {
     addEventListener("blur", () => this.release());
   }
 
-  /** Steer another run. @param {boolean} hasJaws whether keys open and close jaws */
-  begin(hasJaws) {
+  /** Steer another run. @param {boolean} hasJaws whether keys open and close jaws @param {boolean} isRobot whether they move out of the picture, too */
+  begin(hasJaws, isRobot) {
     this.release();
-    this.keys = hasJaws ? { ...KEYS, ...JAW_KEYS } : KEYS;
+    this.keys = { ...KEYS, ...(hasJaws ? JAW_KEYS : {}), ...(isRobot ? ROBOT_KEYS : {}) };
   }
 
   press(/** @type {KeyboardEvent} */ event) {
@@ -32,17 +33,17 @@ export class Keyboard {
     if (!this.isActive() || !this.keys[event.code] || event.ctrlKey || event.metaKey || event.altKey) return;
     if (isForElement(event.target, event.code) || document.querySelector("dialog[open]")) return;
     event.preventDefault();
-    this.held.add(event.code);
+    if (!event.repeat) this.held.add(event.code);  // a key that was released by `release` must be pressed again
   }
 
   release() { this.held.clear(); this.fine = false; }
 
   /** Return the keys' input: directions in -1, 0, 1; clutch and fine. */
   read() {
-    const sums = { along: 0, across: 0, apart: 0, clutch: 0 };
+    const sums = { along: 0, across: 0, apart: 0, outwards: 0, clutch: 0 };
     for (const [axis, value] of [...this.held].map((code) => this.keys[code])) sums[axis] += value;
-    const { along, across, apart, clutch } = sums;
-    return { along: Math.sign(along), across: Math.sign(across), apart: Math.sign(apart), clutch: clutch > 0, fine: this.fine };
+    const { along, across, apart, outwards, clutch } = sums;
+    return { along: Math.sign(along), across: Math.sign(across), apart: Math.sign(apart), outwards: Math.sign(outwards), clutch: clutch > 0, fine: this.fine };
   }
 }
 

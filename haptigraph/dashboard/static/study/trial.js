@@ -26,7 +26,7 @@ export class Trial {
   constructor(/** @type {import("../common/feed.js").Feed} */ feed, /** @type {(name: string, more?: object) => Promise<boolean>} */ act) {
     this.feed = feed;
     this.view.onDrawn = (header) => feed.noteDrawn(header);
-    this.steering = new Steering(feed.send, this.controller, $("view"));
+    this.steering = new Steering(feed.send, this.controller, $("view"), feed.clock);
     this.phases = new Phases($("phases"), feed.send);
     this.touch = new TouchCheck(feed, addOutputs(feed.haptics, this.controller, $("outputs")), act);
     $("outputs").append(checkbox("Needs clutch", false, (isOn) => { this.steering.needsClutch = isOn; }, "needs-clutch"));

@@ -24,7 +24,7 @@ interface Procedure {
 }
 interface Hello {
   procedure: Procedure, anatomy: Record<string, Shape>, view: { size_px: number, half_mm: number, center_mm: Vec, across_mm: number | null, above_mm: number | null }, source: string,
-  device: string, recording: string, stale_ms: number, deadman_ms: number, assumed: string[], silenced: boolean, steerable?: boolean, has_jaws?: boolean,
+  device: string, recording: string, stale_ms: number, deadman_ms: number, assumed: string[], silenced: boolean, steerable?: boolean, has_jaws?: boolean, robot?: string,
 }
 interface ImageHeader {
   number: number, index: number, time_ms: number, commanded_ms: number, state: string, because: string, feel: string,
@@ -39,14 +39,19 @@ interface Health {
   broken: BrokenClaim[], viewers: string[],
 }
 interface TeleopSettings { motion_scale: number, tremor_filter: boolean, added_tremor_mm: number }
+interface RobotStatus {
+  uri: string, is_moving: boolean, is_switched_on: boolean, reasons: string[], state: string, is_homed: boolean,
+  tip_mm: [number, number, number] | null, rate_hz: number, late: number, error: string,
+}
 interface ServerMessages {
-  welcome: { name: string, may_steer: boolean }, hello: Hello, controls: { holder: string }, settings: TeleopSettings,
+  welcome: { name: string, may_steer: boolean, refusal: string }, robot: RobotStatus, hello: Hello, controls: { holder: string }, settings: TeleopSettings,
   haptics: { edges: HapticEdge[] }, alive: { time_ms: number }, health: Health, pong: { time_ms: number, now_ms: number },
   error: { message: string }, ended: { reason: string }, score: { text: string }, study: { version: number },
 }
-interface HandMotion { engaged: boolean, along_mm: number, across_mm: number, apart_mm: number }
+interface HandMotion { engaged: boolean, along_mm: number, across_mm: number, apart_mm: number, outwards_mm: number }
 type ClientMessage = { type: "ack", number: number } | { type: "watch", images: boolean } | { type: "ping", time_ms: number }
-  | { type: "take_controls" } | { type: "release_controls" } | { type: "motion", hand: HandMotion }
+  | { type: "take_controls" } | { type: "release_controls" } | { type: "motion", hand: HandMotion, sent_ms: number | null }
+  | { type: "switch_robot", on: boolean }
   | ({ type: "tune" } & Partial<TeleopSettings>) | { type: "enter_phase", phase: string }
   | { type: "outputs", names: string[] } | { type: "played", output: string, start_ms: number, end_ms: number };
 type Send = (message: ClientMessage) => void;

@@ -3,15 +3,15 @@
 type PageElements =
   & Record<"about" | "amplitude" | "answered" | "axes" | "banner" | "because" | "buttons" | "calibration" | "calibration-count" | "calibration-result" | "calibration-status" |
     "calibration-text" | "calibration-title" | "clock" | "clutch" |
-    "consequence" | "detail" | "doing" | "empty" | "events" | "exists-title" | "fault" | "feels" | "folder" |
+    "consequence" | "depth" | "detail" | "doing" | "empty" | "events" | "exists-title" | "fault" | "feels" | "folder" |
     "hand" | "health" | "help" | "holder" | "idle" | "instead" | "items" | "jaws" | "lanes" | "list" | "monitor"
     | "name" | "no-picture" | "note" | "notes" | "now" | "pad" | "participant" | "picture-panel" | "places" |
     "plan" | "problem" | "procedure" | "question" | "questionnaire-intro" | "questionnaire-source" |
-    "questionnaire-title" | "ready" | "roster" | "run" | "scale-value" | "score" | "simulated" | "source" | "stage" |
+    "questionnaire-title" | "ready" | "robot" | "robot-facts" | "robot-name" | "robot-reasons" | "robot-state" | "roster" | "run" | "scale-value" | "score" | "simulated" | "source" | "stage" |
     "state" | "station" | "steering" | "steps" | "switches" | "text" | "text-body" | "text-title" | "title" |
     "tools" | "touch-check" | "touch-text" | "trial" | "trial-condition" | "trial-status" | "trial-text" | "trial-title" | "trocars" |
     "verdict" | "wait" | "wait-title" | "waiting" | "way" | "who" | "work", HTMLElement>
-  & Record<"abort" | "add" | "begin" | "cancel" | "closer" | "enrol-button" | "felt" | "compare" | "confirm" | "csv" | "find" | "finish" |
+  & Record<"abort" | "add" | "begin" | "cancel" | "closer" | "enrol-button" | "felt" | "compare" | "confirm" | "csv" | "deadman" | "find" | "robot-switch" | "finish" |
     "hold" | "leave" | "load" | "map" | "note-save" | "play" | "pulse" | "png" | "redo" | "refresh" | "repeat" | "restore"
     | "save-button" | "skip" | "standard" | "stop" | "text-done" | "try" | "undo" | "unenrol" | "unfelt" | "whole" | "wider" | "withdraw",
     HTMLButtonElement>

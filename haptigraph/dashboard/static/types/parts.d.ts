@@ -20,13 +20,13 @@ type ComparedRun = import("../recordings/run.js").Run<ComparisonContent>;
 interface RunEvent { number: number, kind: "state" | "fault" | "difference", text: string, state?: StateDescription, mark?: string }
 
 /** What a controller can do: by moving an axis, or pressing a button. */
-type Action = "along" | "across" | "clutch" | "fine" | "filter" | "open" | "close";
-interface ActionInfo { label: string, kind: "axis" | "button", needsJaws?: boolean }
+type Action = "along" | "across" | "clutch" | "fine" | "filter" | "open" | "close" | "outwards";
+interface ActionInfo { label: string, kind: "axis" | "button", needsJaws?: boolean, needsRobot?: boolean }
 /** An axis with a sign, or a button. */
 interface ControllerInput { index: number, sign?: number }
 type Mapping = Record<Action, ControllerInput>;
 interface PadValues { axes: number[], buttons: number[] }
-type KeyMap = Record<string, [axis: "along" | "across" | "apart" | "clutch", value: number]>;
+type KeyMap = Record<string, [axis: "along" | "across" | "apart" | "outwards" | "clutch", value: number]>;
 
 interface TrocarRow { item: HTMLLIElement, radio: HTMLInputElement, text: HTMLInputElement, remove: HTMLButtonElement }
 /** A questionnaire of a participant. */

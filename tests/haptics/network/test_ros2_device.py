@@ -4,8 +4,8 @@ from ros_network import until
 pytest.importorskip("cyclonedds")
 
 from haptigraph.errors import BadInput, DeviceError
-from haptigraph.haptics import ros2
-from haptigraph.haptics.ros2 import Ros2Device
+from haptigraph.haptics.network import ros2
+from haptigraph.haptics.network.ros2 import Ros2Device
 from haptigraph.ros2.types import JoyFeedback, String
 
 

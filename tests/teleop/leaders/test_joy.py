@@ -6,9 +6,10 @@ from hypothesis import strategies as st
 
 pytest.importorskip("cyclonedds")
 
-from haptigraph.bridges.joy import CLUTCH, SPEED_MM_S, JoySteering
 from haptigraph.clock import VirtualClock
 from haptigraph.ros2.types import Header, Joy
+from haptigraph.teleop.leaders.joy import CLUTCH, OUTWARDS, JoySteering
+from haptigraph.teleop.leaders.sticks import SPEED_MM_S
 
 
 @pytest.fixture
@@ -72,8 +73,20 @@ def test_an_invalid_message_releases_the_clutch(steering, moved, message):
     assert [motion.engaged for motion in moved] == [False]
 
 
+def right_stick(forward, clutch=1):
+    axes = [0.0] * OUTWARDS + [forward]
+    return Joy(Header(), axes, [0] * CLUTCH + [clutch])
+
+
+def test_the_right_stick_moves_towards_the_surgeon_once_it_has_been_at_rest(steering, clock, moved):
+    for forward in (-1.0, 0.0, -1.0, 1.0):  # of a trigger that rests at 1, the first readings are no motion
+        clock.wait_until(clock.now_ns() + 50_000_000)
+        steering.take(right_stick(forward))
+    assert [motion.outwards_mm for motion in moved] == pytest.approx([0.0, 0.0, 1.5, -1.5])
+
+
 @given(
-    axes=st.lists(st.floats(width=32), max_size=4),
+    axes=st.lists(st.floats(width=32), max_size=6),
     buttons=st.lists(st.integers(-(2**31), 2**31 - 1), max_size=8),
 )
 def test_no_message_exceeds_the_maximum_speed(axes, buttons):
@@ -86,4 +99,5 @@ def test_no_message_exceeds_the_maximum_speed(axes, buttons):
         assert not moved[-1].engaged
     limit_mm = SPEED_MM_S * 0.05 + 1e-9
     assert len(moved) == 1
-    assert abs(moved[0].along_mm) <= limit_mm and abs(moved[0].across_mm) <= limit_mm
+    for size_mm in (moved[0].along_mm, moved[0].across_mm, moved[0].outwards_mm):
+        assert abs(size_mm) <= limit_mm

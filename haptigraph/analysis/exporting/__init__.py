@@ -1,0 +1,1 @@
+"""Export recorded runs to other programs' formats."""

@@ -1,0 +1,129 @@
+"""Turn a step into stamped ROS 2 messages, by topic.
+
+All messages of a step have the stamp of its image, so that `message_filters` pairs them with the image and
+with each other. Units follow REP 103 (metres, radians).
+"""
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import msgspec
+
+from haptigraph.assemble import parse_procedure
+from haptigraph.bridges.bridge import RunContext
+from haptigraph.bridges.needle_pose import found_needle, needle_matrix, pose_covariance, quaternion
+from haptigraph.geometry import Point as EyePoint
+from haptigraph.inference.meaning import Kind
+from haptigraph.messages import Capture, Step
+from haptigraph.registration.loading import parse_registration
+from haptigraph.ros2.geometry_types import (
+    JointState,
+    Pose,
+    PoseWithCovariance,
+    PoseWithCovarianceStamped,
+    Quaternion,
+    TFMessage,
+    Transform,
+    TransformStamped,
+    Vector3,
+)
+from haptigraph.ros2.types import (
+    DiagnosticArray,
+    DiagnosticStatus,
+    Header,
+    KeyValue,
+    Point,
+    PointStamped,
+    Time,
+)
+
+__all__ = ["StepMessages"]
+
+OK, WARN, ERROR, STALE = range(4)
+LEVELS: dict[Kind, int] = {"alarm": ERROR, "guidance": WARN, "success": OK, "neutral": OK, "unseen": STALE}
+
+
+class StepMessages:
+    """The messages of one run.
+
+    Args:
+        name: Of the run's topics and coordinate frames: NAME_eye, NAME_needle_tip, NAME_trocar.
+        run: The run.
+    """
+
+    def __init__(self, name: str, run: RunContext) -> None:
+        self._name, self._frame = name, name.replace("/", "_")
+        self._utc_offset_ns = run.info.utc_offset_ns
+        self._is_volume = run.image.slices is not None
+        self._kinds = parse_procedure(run.info.procedure, "the run's procedure").kinds
+
+    def of_step(self, capture: Capture, step: Step) -> Iterator[tuple[str, Any]]:
+        """Yield topic and message; theta, tip and pose only if they are known."""
+        stamp = self._image_stamp(capture, step)
+        header = Header(stamp, f"{self._frame}_eye")
+        yield "state", DiagnosticArray(header, [self._state(capture, step)])
+        graph = msgspec.json.encode(step.graph).decode()
+        yield "graph", DiagnosticArray(header, [self._status("graph", OK, graph, {})])
+        theta_deg = step.graph.measures.get("theta_deg")
+        if theta_deg is not None:
+            yield "theta", JointState(header, ["theta"], position=[math.radians(theta_deg)])
+        tip = step.observation.found.get("needle_tip")
+        if isinstance(tip, EyePoint):
+            yield "needle_tip", PointStamped(header, Point(*_metres(tip)))
+        if needle := found_needle(step.observation):
+            matrix = needle_matrix(*needle)
+            covariance = pose_covariance(matrix, step.observation.certainty, is_volume=self._is_volume)
+            position, orientation = Point(*_metres(needle[1])), Quaternion(*quaternion(matrix))
+            with_covariance = PoseWithCovariance(Pose(position, orientation), covariance.ravel().tolist())
+            yield "needle", PoseWithCovarianceStamped(header, with_covariance)
+            yield "/tf", self._transform(stamp, "needle_tip", needle[1], orientation)
+
+    def of_output(self, stamp_ns: int, amplitude: float) -> JointState:
+        """Return the message of the haptic output from `stamp_ns` on."""
+        header = Header(Time.from_ns(stamp_ns + self._utc_offset_ns))
+        return JointState(header, ["touch"], effort=[amplitude])
+
+    def of_trocar(self, run: RunContext) -> TFMessage | None:
+        """Return the static transform to the trocar; None if the registration has none, as of B-scans."""
+        trocar = parse_registration(run.info.registration, "the run's registration").anatomy.get("trocar")
+        if not isinstance(trocar, EyePoint):
+            return None
+        stamp = Time.from_ns(run.clock.now_ns() + self._utc_offset_ns)
+        return self._transform(stamp, "trocar", trocar, Quaternion())
+
+    def _image_stamp(self, capture: Capture, step: Step) -> Time:
+        """Return the stamp of the step's image; that of an image from ROS is the one in its header."""
+        camera = capture.camera
+        if capture.image is not None and camera is not None and camera.clock == "ros":
+            return Time.from_ns(camera.stamp_ns)
+        return Time.from_ns(step.stamp_ns + self._utc_offset_ns)
+
+    def _state(self, capture: Capture, step: Step) -> DiagnosticStatus:
+        conclusion, certainty = step.conclusion, step.observation.certainty
+        kind = self._kinds.get(conclusion.state, "unseen")
+        values = {
+            "reason": conclusion.because,
+            "kind": kind,
+            "pattern": conclusion.feel,
+            "command": step.command.pattern.name,
+            "image": str(capture.index) if capture.image is not None else "",
+        }
+        if certainty is not None:
+            values["confidence"] = f"{certainty.confidence:.3f}"
+            values["theta_sd_deg"] = f"{certainty.theta_sd_deg:.3f}"
+            if certainty.tip_sd_mm is not None:
+                values["tip_sd_mm"] = f"{certainty.tip_sd_mm:.4f}"
+        return self._status("state", LEVELS[kind], conclusion.state, values)
+
+    def _status(self, part: str, level: int, message: str, values: dict[str, str]) -> DiagnosticStatus:
+        pairs = [KeyValue(key, value) for key, value in values.items()]
+        return DiagnosticStatus(level, f"{self._name}: {part}", message, self._name, pairs)
+
+    def _transform(self, stamp: Time, child: str, at: EyePoint, rotation: Quaternion) -> TFMessage:
+        header, child_frame = Header(stamp, f"{self._frame}_eye"), f"{self._frame}_{child}"
+        return TFMessage([TransformStamped(header, child_frame, Transform(Vector3(*_metres(at)), rotation))])
+
+
+def _metres(point: EyePoint) -> Iterator[float]:
+    return (length_mm / 1e3 for length_mm in (*point.at_mm, point.z_mm))

@@ -1,0 +1,1 @@
+"""Commands of a study beside study itself: run, report, erase, simulate."""

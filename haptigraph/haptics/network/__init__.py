@@ -1,0 +1,1 @@
+"""Actuators behind a ROS 2 network."""

@@ -1,0 +1,177 @@
+"""A robot in a process of its own, as the program that steers it sees it.
+
+If this program dies, the process holds the robot and ends. If it hangs, it is to the process a leader that is
+silent. If the process dies or hangs, no command is sent any more, and `status` says so.
+"""
+
+import math
+import os
+import subprocess
+import threading
+import time
+from collections import deque
+from contextlib import suppress
+from typing import IO
+
+import msgspec
+import numpy as np
+
+from haptigraph.child_process import pipe_of, program_of, start_child
+from haptigraph.errors import BadInput, DeviceError
+from haptigraph.messages import HandState
+from haptigraph.robot.interface import RobotReading, StateCommand
+from haptigraph.robot.messages import Frames, Input, MotionStatus, Report, framed
+from haptigraph.teleop.mapping import hand_state
+from haptigraph.teleop.motion import HandMotion, TeleopSettings
+
+__all__ = ["RobotProcess"]
+
+PROGRAM = program_of("haptigraph.robot.loop")
+START_S, CLOSE_S = 20.0, 2.0
+SILENT_S = 0.25
+"""Without a report for this time the process counts as hung."""
+MAX_READINGS = 10_000
+MAX_REPORTS = 250
+READ_SIZE = 1 << 16
+ENDED, HUNG = "the robot's process has ended", "the robot's process does not respond"
+LEFT = "it may keep to its last command: see that it stands still"
+
+
+class RobotProcess:
+    """Steer and observe one robot. It fits where a `Teleop` fits; any thread may call it. It starts disabled.
+
+    Args:
+        uri: The robot, as `open_robot` takes it.
+        setup_path: Its robot.toml.
+        settings: The initial settings; tremor is never added to a robot's motion.
+
+    Raises:
+        BadInput: If the setup is not valid, or the robot cannot be opened.
+    """
+
+    has_jaws = False
+
+    def __init__(
+        self, uri: str, setup_path: str | os.PathLike[str], settings: TeleopSettings | None = None
+    ) -> None:
+        self.uri = uri
+        self._settings = settings or TeleopSettings()
+        self._is_switched_on = self._is_closed = False
+        self._lock = threading.Lock()
+        self._arrived = threading.Condition()
+        self._readings: deque[RobotReading] = deque(maxlen=MAX_READINGS)
+        self._reports: deque[Report] = deque(maxlen=MAX_REPORTS)
+        self._heard_s = math.inf
+        self._process = start_child([*PROGRAM, uri, os.fspath(setup_path)])
+        self._input, output = pipe_of(self._process.stdin), pipe_of(self._process.stdout)
+        os.set_blocking(self._input.fileno(), False)
+        threading.Thread(target=self._listen, args=(output,), name="haptigraph-robot", daemon=True).start()
+        self._await_open()
+        self._send(Input(False, settings=self._settings))
+
+    @property
+    def settings(self) -> TeleopSettings:
+        """How the hand's motion becomes the tool's; may be replaced at any time."""
+        return self._settings
+
+    @settings.setter
+    def settings(self, settings: TeleopSettings) -> None:
+        self._settings = settings
+        self._send(Input(self._is_switched_on, settings=settings))
+
+    @property
+    def hand(self) -> HandState:
+        """The state of the hand in the newest cycle that was reported."""
+        return self._reports[-1].hand or hand_state(self._settings, engaged=False)
+
+    def put(self, motion: HandMotion) -> None:
+        """Pass one message of the hand on; lost if the process does not respond."""
+        self._send(Input(self._is_switched_on, hand=motion))
+
+    def set_enabled(self, on: bool) -> None:
+        """Switch motion on or off. After an interruption it must be switched off, then on again."""
+        self._is_switched_on = on
+        self._send(Input(on))
+
+    def request(self, command: StateCommand) -> None:
+        """Ask the robot for another operating state; `status` has the reading that reports it."""
+        self._send(Input(self._is_switched_on, request=command))
+
+    def take_readings(self) -> list[RobotReading]:
+        """Return the readings since the last call, oldest first, at most the newest 10,000."""
+        with self._arrived:
+            readings = list(self._readings)
+            self._readings.clear()
+        return readings
+
+    def status(self) -> MotionStatus:
+        """Return whether the robot moves, and if not, why."""
+        with self._arrived:
+            reports, heard_s = list(self._reports), self._heard_s
+        newest, failure = reports[-1], ""
+        if self._process.poll() is not None:
+            failure = ENDED
+        elif time.monotonic() - heard_s > SILENT_S:
+            failure = HUNG
+        late_ns = [late_ns for report in reports[1:] for late_ns in report.late_ns]
+        late_ms = np.percentile(late_ns, (50, 99, 99.9)) / 1e6 if late_ns else 3 * [math.nan]
+        span_ns = newest.stamp_ns - reports[0].stamp_ns
+        return MotionStatus(
+            is_moving=newest.is_moving and not failure,
+            reasons=(failure,) if failure else newest.reasons,
+            is_switched_on=self._is_switched_on,
+            reading=newest.reading,
+            rate_hz=0.0 if failure or not span_ns else len(late_ns) / (span_ns / 1e9),
+            missed_deadlines=newest.missed_deadlines,
+            late_p50_ms=float(late_ms[0]),
+            late_p99_ms=float(late_ms[1]),
+            late_p999_ms=float(late_ms[2]),
+            error=newest.error,
+        )
+
+    def close(self) -> None:
+        """Hold and release the robot, and end its process. May be called twice.
+
+        Raises:
+            DeviceError: If the process did not end by itself, or failed to hold the robot.
+        """
+        if self._is_closed:
+            return
+        self._is_closed = True
+        self._input.close()
+        try:
+            code = self._process.wait(CLOSE_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+            raise DeviceError(f"{self.uri}: its process hung and was killed; {LEFT}") from None
+        if code != 0:
+            raise DeviceError(f"{self.uri}: its process had ended with {code}; {LEFT}")
+
+    def _send(self, message: Input) -> None:
+        """Send a message whole or not at all: it is shorter than what a pipe takes in one piece."""
+        with self._lock, suppress(OSError, ValueError):  # hung, ended, or closed; status says so
+            os.write(self._input.fileno(), framed(message))
+
+    def _await_open(self) -> None:
+        with self._arrived:
+            self._arrived.wait_for(lambda: self._reports, START_S)
+            newest = self._reports[-1] if self._reports else None
+        if newest is None or (newest.hand is None and newest.error):
+            self._is_closed = True
+            self._process.kill()
+            self._process.wait()
+            self._input.close()
+            raise BadInput(newest.error if newest else f"{self.uri} does not open")
+
+    def _listen(self, output: IO[bytes]) -> None:
+        frames = Frames()
+        with output, suppress(OSError, msgspec.MsgspecError):
+            while data := os.read(output.fileno(), READ_SIZE):
+                reports = frames.add(data, Report)
+                with self._arrived:
+                    for report in reports:
+                        self._readings.extend(report.readings)
+                    self._reports.extend(reports)
+                    self._heard_s = time.monotonic()
+                    self._arrived.notify_all()
