@@ -92,8 +92,8 @@ def test_a_recorded_run_gives_eye_pivot_and_lag(late_run, tmp_path):
 
 def test_a_run_or_points_are_needed_and_not_both(points, late_run, tmp_path):
     output = tmp_path / "robot.toml"
-    assert "either --run RUN or --points" in refuse("robot", "calibrate", "-o", output)
-    assert "either" in refuse("robot", "calibrate", "-o", output, "--points", points, "--run", late_run)
+    assert "one of --run RUN, --points FILE" in refuse("robot", "calibrate", "-o", output)
+    assert "one of" in refuse("robot", "calibrate", "-o", output, "--points", points, "--run", late_run)
     assert "go with --points" in refuse("robot", "calibrate", "-o", output, "--run", late_run, "--robot", "x")
 
 

@@ -7,10 +7,10 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from haptigraph.errors import BadInput
-from haptigraph.robot.autocorrelation import values_per_independent
-from haptigraph.robot.pivot import Pivot
+from haptigraph.robot.place.autocorrelation import values_per_independent
+from haptigraph.robot.place.pivot import Pivot
+from haptigraph.robot.place.rigid_fit import RigidFit, fit_points, procrustes
 from haptigraph.robot.pose import Floats
-from haptigraph.robot.rigid_fit import RigidFit, fit_points, procrustes
 from haptigraph.robot.setup import EyePlace, MotionLimits, RcmPlace, RobotSetup
 
 __all__ = [
@@ -149,7 +149,8 @@ def setup_text(
     lines += [f"sd_mm = {rcm.sd_mm:.4g}"] if rcm.sd_mm is not None else []
     lines += ["", "[eye]", f"translation_mm = {_list(eye.translation_mm)}"]
     lines += [f"quaternion = {_list(eye.quaternion, 12)}"]
-    lines += [f"residual_rms_mm = {eye.residual_rms_mm:.4g}", f"tip_sd_mm = {eye.tip_sd_mm:.4g}"]
+    uncertainty = {"residual_rms_mm": eye.residual_rms_mm, "tip_sd_mm": eye.tip_sd_mm}
+    lines += [f"{name} = {value:.4g}" for name, value in uncertainty.items() if value is not None]
     if kept is not None and kept.limits != MotionLimits():
         lines += ["", "[limits]"]
         for name in MotionLimits.__struct_fields__:
