@@ -24,10 +24,10 @@ from robot_runs import TARGET_MM, SimulatedRun, random_transform, simulated_run
 
 from haptigraph.analysis.robot.lag import Motion, estimate_lag
 from haptigraph.errors import BadInput
-from haptigraph.robot.calibration import Calibration, calibrate_points, calibrate_section
-from haptigraph.robot.pivot import fit_pivot
+from haptigraph.robot.place.calibration import Calibration, calibrate_points, calibrate_section
+from haptigraph.robot.place.pivot import fit_pivot
+from haptigraph.robot.place.rigid_fit import RigidFit
 from haptigraph.robot.pose import Transform
-from haptigraph.robot.rigid_fit import RigidFit
 
 Floats = NDArray[np.float64]
 SEED = 2032
@@ -173,7 +173,7 @@ def add_rendered(table: Table, rng: np.random.Generator, folder: Path, number: i
     from haptigraph.robot.setup import parse_setup
 
     late_ms = float(rng.uniform(-200, 200))
-    depths, angles = rng.uniform(5, 20, 9), rng.uniform(-8, 8, 9)
+    depths, angles = rng.uniform(5, 20, 9), rng.uniform(-12, 12, 9)
     moves = "".join(
         f"\n[[move]]\nduration_s = 1.5\ndepth_mm = {depth:.2f}\ntheta_deg = {angle:.2f}\n"
         for depth, angle in zip(depths, angles, strict=True)

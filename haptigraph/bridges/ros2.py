@@ -52,9 +52,9 @@ class Ros2Link:
             topic: self._node.publisher(topic if topic.startswith("/") else f"{root}/{topic}", message_type)
             for topic, message_type in TOPICS.items()
         }
-        trocar = self._messages.of_trocar(run)
-        if trocar is not None:
-            self._publish["/tf_static"].send(trocar)
+        static = self._messages.of_static_frames(run)
+        if static is not None:
+            self._publish["/tf_static"].send(static)
         if run.teleop is not None:
             self._node.subscribe("/joy", Joy, JoySteering(run.teleop.put, run.clock).take, self._reject)
 

@@ -17,6 +17,7 @@ from haptigraph.geometry import Point as EyePoint
 from haptigraph.inference.meaning import Kind
 from haptigraph.messages import Capture, Step
 from haptigraph.registration.loading import parse_registration
+from haptigraph.robot.setup import parse_setup
 from haptigraph.ros2.geometry_types import (
     JointState,
     Pose,
@@ -84,13 +85,24 @@ class StepMessages:
         header = Header(Time.from_ns(stamp_ns + self._utc_offset_ns))
         return JointState(header, ["touch"], effort=[amplitude])
 
-    def of_trocar(self, run: RunContext) -> TFMessage | None:
-        """Return the static transform to the trocar; None if the registration has none, as of B-scans."""
-        trocar = parse_registration(run.info.registration, "the run's registration").anatomy.get("trocar")
-        if not isinstance(trocar, EyePoint):
-            return None
+    def of_static_frames(self, run: RunContext) -> TFMessage | None:
+        """Return the static transforms: to the trocar, and from the robot's base to the eye; None if none.
+
+        The registration of B-scans has no trocar. Both are in one message, because only the last one reaches
+        subscribers that come later.
+        """
         stamp = Time.from_ns(run.clock.now_ns() + self._utc_offset_ns)
-        return self._transform(stamp, "trocar", trocar, Quaternion())
+        transforms = list[TransformStamped]()
+        trocar = parse_registration(run.info.registration, "the run's registration").anatomy.get("trocar")
+        if isinstance(trocar, EyePoint):
+            transforms += self._transform(stamp, "trocar", trocar, Quaternion()).transforms
+        setup = parse_setup(run.info.robot_setup, "the run's robot.toml") if run.info.robot_setup else None
+        if setup is not None and setup.eye is not None:
+            x, y, z = (length_mm / 1e3 for length_mm in setup.eye.translation_mm)
+            placed = Transform(Vector3(x, y, z), Quaternion(*setup.eye.quaternion))
+            header = Header(stamp, f"{self._frame}_robot_base")
+            transforms.append(TransformStamped(header, f"{self._frame}_eye", placed))
+        return TFMessage(transforms) if transforms else None
 
     def _image_stamp(self, capture: Capture, step: Step) -> Time:
         """Return the stamp of the step's image; that of an image from ROS is the one in its header."""

@@ -14,6 +14,7 @@ from haptigraph.geometry import Point, Segment
 from haptigraph.graph import SceneGraph
 from haptigraph.messages import CameraStamp, Capture, Certainty, Conclusion
 from haptigraph.registration.loading import parse_registration
+from haptigraph.robot.place.tf import eye_place
 
 IMAGE = np.zeros((4, 4), np.uint8)
 LINE = Segment((2.0, 10.0), (1.0, -4.0))
@@ -118,15 +119,30 @@ def test_two_rigs_have_frames_of_their_own(run):
 
 
 def test_the_trocar_is_a_static_transform_where_it_is_registered(run):
-    (transform,) = StepMessages("haptigraph", run).of_trocar(run).transforms
+    (transform,) = StepMessages("haptigraph", run).of_static_frames(run).transforms
     trocar = parse_registration(run.info.registration, "r").anatomy["trocar"]
     assert transform.child_frame_id == "haptigraph_trocar"
     assert transform.transform.translation.x == pytest.approx(trocar.at_mm[0] / 1e3)
     assert transform.transform.translation.y == pytest.approx(trocar.at_mm[1] / 1e3)
 
 
+def test_a_calibrated_robot_is_placed_beside_the_trocar(run):
+    setup = (
+        "[rcm]\nat_mm = [0.0, 0.0, 0.0]\n[eye]\ntranslation_mm = [41.0, -87.0, 132.0]\n"
+        "quaternion = [0.36, 0.48, -0.64, 0.48]\ntip_sd_mm = 0.1\n"
+    )
+    placed = replace(run, info=replace(run.info, robot_setup=setup))
+    message = StepMessages("haptigraph", placed).of_static_frames(placed)
+    assert [one.child_frame_id for one in message.transforms] == ["haptigraph_trocar", "haptigraph_eye"]
+    assert message.transforms[1].header.frame_id == "haptigraph_robot_base"
+    eye = eye_place(message, "haptigraph_robot_base", 0.2)
+    assert eye.translation_mm == pytest.approx((41.0, -87.0, 132.0)) and eye.tip_sd_mm == 0.2
+    assert eye.quaternion == pytest.approx((0.36, 0.48, -0.64, 0.48))
+    assert eye_place(message, "another_base", 0.2) is None
+
+
 def test_every_message_survives_the_network_format(run):
     step = step_with(5, measures={"theta_deg": 3.0}, found=FOUND, certainty=Certainty(0.9, 0.08, 0.4))
-    messages = by_topic(run, step) | {"/tf_static": StepMessages("haptigraph", run).of_trocar(run)}
+    messages = by_topic(run, step) | {"/tf_static": StepMessages("haptigraph", run).of_static_frames(run)}
     for topic, message in messages.items():
         assert TOPICS[topic].deserialize(message.serialize()) == message

@@ -2,61 +2,20 @@
 
 import math
 
-import numpy as np
 import pytest
 from msgspec.structs import replace
+from robot_recordings import steps_of
 
-from haptigraph import assemble
-from haptigraph.config import load_config
-from haptigraph.geometry import Point
-from haptigraph.messages import Capture, Certainty, Observation
-from haptigraph.perception.robot_tip import RobotTipPerceiver
-from haptigraph.registration.loading import parse_registration
 from haptigraph.robot.setup import parse_setup
 from haptigraph.sim.phantom import Phantom
 from haptigraph.sim.robot.readings import ReadingsShape
 from haptigraph.sim.scenario import load_scenario
 
-TRACKER_SD_MM = 0.03
-
-
-class TrackerLike:
-    """Reports the true needle with noise, as the tracker would, without drawing images."""
-
-    def __init__(self, anatomy, seed):
-        self.anatomy, self.random = anatomy, np.random.default_rng(seed)
-
-    def __call__(self, capture):
-        from haptigraph.geometry import Segment
-
-        x, y = capture.truth.tip_mm + self.random.normal(0, TRACKER_SD_MM, 2)
-        tip = Point((float(x), float(y)))
-        line = Segment(self.anatomy["trocar"].at_mm, tip.at_mm)
-        found = {**self.anatomy, "needle_tip": tip, "needle_line": line}
-        return Observation(capture.stamp_ns, found, certainty=Certainty(1.0, TRACKER_SD_MM, 0.2))
-
-    def reset(self):
-        pass
-
 
 def states(readings, seed=0):
-    """The state at every image of an approach, and what is apart."""
+    """Every moment and step of an approach."""
     scenario = replace(load_scenario("align_then_approach"), readings=readings)
-    scenario = replace(scenario, about=replace(scenario.about, seed=seed))
-    phantom = Phantom(scenario)
-    registration = parse_registration(phantom.registration, "phantom")
-    procedure = assemble.load_procedure("subretinal_injection_robot")
-    tracker = TrackerLike(registration.anatomy, seed)
-    pipeline = assemble.build_pipeline(
-        load_config(), registration, procedure, RobotTipPerceiver(tracker, timing_sd_ms=5.0)
-    )
-    found = []
-    while (moment := phantom.advance(draws=False)) is not None:
-        stamp_ns = round(moment.time_s * 1e9)
-        image = np.zeros((1, 1, 3), np.uint8)
-        capture = Capture(len(found), stamp_ns, image, truth=moment.truth, robot=moment.robot)
-        found.append((moment, pipeline.step(capture)))
-    return found
+    return [(moment, step) for moment, _, step in steps_of(scenario, seed)]
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -11,7 +11,7 @@ from haptigraph.analysis.robot.lag import Lag, estimate_lag
 from haptigraph.analysis.robot.recorded import recorded_motion
 from haptigraph.errors import BadInput
 from haptigraph.recording.reader import RunReader
-from haptigraph.robot.calibration import (
+from haptigraph.robot.place.calibration import (
     Calibration,
     calibrate_points,
     calibrate_section,
@@ -19,9 +19,9 @@ from haptigraph.robot.calibration import (
     rcm_of,
     setup_text,
 )
-from haptigraph.robot.pivot import Pivot, fit_pivot
+from haptigraph.robot.place.pivot import Pivot, fit_pivot
 from haptigraph.robot.pose import Floats, rotation_of
-from haptigraph.robot.setup import RcmPlace, RobotSetup, ShaftAxis, load_setup, parse_setup
+from haptigraph.robot.setup import EyePlace, RcmPlace, RobotSetup, ShaftAxis, load_setup, parse_setup
 
 __all__ = ["TouchedPoints", "from_points", "from_run", "pivot_of", "read_points", "write_setup"]
 
@@ -163,10 +163,11 @@ def pivot_of(path: str | Path, shaft_axis: ShaftAxis) -> Pivot:
 
 def write_setup(
     output: str | Path,
-    calibration: Calibration,
+    eye: EyePlace,
     rcm: RcmPlace,
     shaft_axis: ShaftAxis,
     source: str,
+    notes: tuple[str, ...] = (),
     *,
     force: bool = False,
 ) -> None:
@@ -184,7 +185,7 @@ def write_setup(
     if not path.parent.is_dir():
         raise BadInput("its folder does not exist; create it first", path)
     title = f"Robot calibrated by haptigraph from {source}. Research software, not a medical device."
-    text = setup_text(calibration.eye, rcm, kept, shaft_axis, title, calibration.notes)
+    text = setup_text(eye, rcm, kept, shaft_axis, title, notes)
     parse_setup(text, str(path))
     write_files((path,), (text.encode(),))
 

@@ -13,7 +13,7 @@ from msgspec import Struct
 from scipy import stats
 
 from haptigraph.errors import BadInput
-from haptigraph.robot.autocorrelation import values_per_independent
+from haptigraph.robot.place.autocorrelation import values_per_independent
 from haptigraph.robot.pose import Floats
 
 __all__ = ["Lag", "Motion", "estimate_lag"]

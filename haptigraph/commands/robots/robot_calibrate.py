@@ -11,7 +11,7 @@ from haptigraph.errors import BadInput
 
 if TYPE_CHECKING:
     from haptigraph.analysis.robot.calibrating import TouchedPoints
-    from haptigraph.robot.setup import ShaftAxis
+    from haptigraph.robot.setup import EyePlace, RcmPlace, ShaftAxis
 
 __all__ = ["calibrate", "sync_check"]
 
@@ -30,6 +30,9 @@ STILL_MM = 0.2
 @click.option("-o", "--output", metavar="FILE", required=True, help="The robot.toml to write.")
 @click.option("--run", "recording", metavar="RUN", help="Recording in which the needle moves in the section.")
 @click.option("--points", metavar="FILE", help="CSV of touched points: name, eye_x_mm ... base_z_mm.")
+@click.option(
+    "--tf", "base_frame", metavar="FRAME", help="ROS 2 frame in whose tf the eye is placed already."
+)
 @click.option("--robot", metavar="ROBOT", help="Robot to touch the points of --points with, by hand.")
 @click.option(
     "--pivot", metavar="RUN", help="Recording in which the robot pivots; default: RUN, or `trocar`."
@@ -46,13 +49,14 @@ STILL_MM = 0.2
     type=click.FloatRange(0.001, 5),
     default=0.1,
     show_default=True,
-    help="Standard deviation of one touched point, per axis.",
+    help="Standard deviation of one touched point, or of the tip with --tf, per axis.",
 )
 @click.option("--force", is_flag=True, help="Overwrite an existing file; its limits are kept.")
 def calibrate(
     output: str,
     recording: str | None,
     points: str | None,
+    base_frame: str | None,
     robot: str | None,
     pivot: str | None,
     shaft_axis: "ShaftAxis",
@@ -61,10 +65,10 @@ def calibrate(
 ) -> None:
     """Find where the eye is in the robot's base, and write robot.toml.
 
-    Either from a recorded run (--run) whose images show the needle that the robot moves in the section, or
+    From a recorded run (--run) whose images show the needle that the robot moves in the section, or
     from known points of the eye that the robot touches (--points). With --robot, each point is touched by
     hand and confirmed with Enter; nothing is commanded. The pivot comes from the same run, or from the point
-    `trocar`.
+    `trocar`. With --tf, the eye's place comes from ROS 2, and --pivot says where the robot pivots.
 
     Research software, not a medical device.
     """
@@ -76,21 +80,40 @@ def calibrate(
         write_setup,
     )
 
-    if (recording is None) == (points is None):
-        raise BadInput("robot calibrate takes either --run RUN or --points FILE")
-    if recording is not None:
-        if robot is not None or pivot is not None:
-            raise BadInput("--robot and --pivot go with --points")
-        calibration, rcm, lines = from_run(recording, shaft_axis)
+    ways = [way for way in (recording, points, base_frame) if way is not None]
+    if len(ways) != 1:
+        raise BadInput("robot calibrate takes one of --run RUN, --points FILE, --tf FRAME")
+    if recording is not None and (robot is not None or pivot is not None):
+        raise BadInput("--robot and --pivot go with --points")
+    if base_frame is not None:
+        eye, rcm, lines = _from_tf(base_frame, pivot, shaft_axis, sd_mm)
+        notes: tuple[str, ...] = ("tip_sd_mm was given, not measured",)
     else:
-        given = read_points(str(points))
-        if robot is not None:
-            given = _touched(given, robot)
-        centre = pivot_of(pivot, shaft_axis) if pivot else None
-        calibration, rcm, lines = from_points(given, sd_mm, centre)
-    write_setup(output, calibration, rcm, shaft_axis, str(recording or points), force=force)
+        if recording is not None:
+            calibration, rcm, lines = from_run(recording, shaft_axis)
+        else:
+            given = read_points(ways[0])
+            given = _touched(given, robot) if robot is not None else given
+            centre = pivot_of(pivot, shaft_axis) if pivot else None
+            calibration, rcm, lines = from_points(given, sd_mm, centre)
+        eye, notes = calibration.eye, calibration.notes
+    write_setup(output, eye, rcm, shaft_axis, ways[0], notes, force=force)
     for line in (*lines, f"written         {output}"):
         click.echo(line)
+
+
+def _from_tf(
+    base_frame: str, pivot: str | None, shaft_axis: "ShaftAxis", sd_mm: float
+) -> "tuple[EyePlace, RcmPlace, list[str]]":
+    """Return the eye's place in tf, the pivot of a recorded run, and the report."""
+    from haptigraph.analysis.robot.calibrating import pivot_of
+    from haptigraph.robot.place.calibration import rcm_of
+    from haptigraph.robot.place.tf import EYE_FRAME, listen_for_eye
+
+    if pivot is None:
+        raise BadInput("--tf goes with --pivot RUN, because tf does not say where the robot pivots")
+    rcm = rcm_of(pivot_of(pivot, shaft_axis))
+    return listen_for_eye(base_frame, sd_mm), rcm, [f"eye             from tf, {base_frame} -> {EYE_FRAME}"]
 
 
 def _touched(points: "TouchedPoints", uri: str) -> "TouchedPoints":

@@ -4,8 +4,13 @@ from msgspec.structs import replace
 from robot_runs import TARGET_MM, random_transform, simulated_run
 
 from haptigraph.errors import BadInput
-from haptigraph.robot.autocorrelation import values_per_independent
-from haptigraph.robot.calibration import calibrate_points, calibrate_section, leave_one_out_mm, setup_text
+from haptigraph.robot.place.autocorrelation import values_per_independent
+from haptigraph.robot.place.calibration import (
+    calibrate_points,
+    calibrate_section,
+    leave_one_out_mm,
+    setup_text,
+)
 from haptigraph.robot.setup import MotionLimits, RcmPlace, RobotSetup, parse_setup
 
 

@@ -22,7 +22,7 @@ class Pivot(Struct, frozen=True):
     at_mm: Floats
     """In the robot's base, (3,)."""
     sd_mm: float
-    """Standard deviation per axis (RMS)."""
+    """Standard deviation along the axis of the base along which it is largest."""
     rms_mm: float
     """RMS distance of the shafts from it."""
     turn_deg: float
@@ -73,4 +73,4 @@ def fit_pivot(tips_mm: Floats, axes: Floats, what: str) -> Pivot:
         [np.linalg.solve(matrix - across[p].sum(axis=0), vector - pulls[p].sum(axis=0)) for p in parts]
     )
     variance = (BLOCKS - 1) / BLOCKS * np.square(without - without.mean(axis=0)).sum(axis=0)
-    return Pivot(at_mm, math.sqrt(float(variance.mean())), rms_mm, turn_deg)
+    return Pivot(at_mm, math.sqrt(float(variance.max())), rms_mm, turn_deg)

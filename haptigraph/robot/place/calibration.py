@@ -7,10 +7,10 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from haptigraph.errors import BadInput
-from haptigraph.robot.autocorrelation import values_per_independent
-from haptigraph.robot.pivot import Pivot
+from haptigraph.robot.place.autocorrelation import values_per_independent
+from haptigraph.robot.place.pivot import Pivot
+from haptigraph.robot.place.rigid_fit import RigidFit, fit_points, procrustes
 from haptigraph.robot.pose import Floats
-from haptigraph.robot.rigid_fit import RigidFit, fit_points, procrustes
 from haptigraph.robot.setup import EyePlace, MotionLimits, RcmPlace, RobotSetup
 
 __all__ = [
@@ -26,6 +26,7 @@ MAX_RMS_MM = 0.5
 """Largest RMS residual that is accepted."""
 MAX_DEPTH_MM = 0.5  # RMS, by which a motion may leave its plane
 MIN_TIPS = 60
+PARAMETERS = 6
 
 
 class Calibration(Struct, frozen=True):
@@ -99,7 +100,14 @@ def calibrate_section(
     eye_mm = np.column_stack((image_mm, np.zeros(len(image_mm))))
     fit = fit_points(base_mm, eye_mm, sd_mm, max_rms_mm=MAX_RMS_MM, what=what)
     in_section = fit.residual_mm[fit.used > 0, :2]
-    factor = values_per_independent(in_section)
+    independent = len(in_section) / values_per_independent(in_section)
+    if independent < 2 * PARAMETERS:
+        raise BadInput(
+            f"the residuals of {len(in_section)} images are worth only {independent:.0f} independent ones; "
+            "record a longer run",
+            what,
+        )
+    factor = len(in_section) / (independent - PARAMETERS)
     noise_mm = math.sqrt(float((in_section**2).mean()))
     # The covariance of `fit_points` is for its own noise; that in the section is what was measured.
     scale = factor * (noise_mm / fit.noise_mm) ** 2
@@ -141,7 +149,8 @@ def setup_text(
     lines += [f"sd_mm = {rcm.sd_mm:.4g}"] if rcm.sd_mm is not None else []
     lines += ["", "[eye]", f"translation_mm = {_list(eye.translation_mm)}"]
     lines += [f"quaternion = {_list(eye.quaternion, 12)}"]
-    lines += [f"residual_rms_mm = {eye.residual_rms_mm:.4g}", f"tip_sd_mm = {eye.tip_sd_mm:.4g}"]
+    uncertainty = {"residual_rms_mm": eye.residual_rms_mm, "tip_sd_mm": eye.tip_sd_mm}
+    lines += [f"{name} = {value:.4g}" for name, value in uncertainty.items() if value is not None]
     if kept is not None and kept.limits != MotionLimits():
         lines += ["", "[limits]"]
         for name in MotionLimits.__struct_fields__:

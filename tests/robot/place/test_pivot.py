@@ -3,7 +3,7 @@ import pytest
 from robot_runs import simulated_run
 
 from haptigraph.errors import BadInput
-from haptigraph.robot.pivot import fit_pivot
+from haptigraph.robot.place.pivot import fit_pivot
 
 
 def test_the_shafts_meet_in_the_pivot():

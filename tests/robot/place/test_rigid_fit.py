@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from robot_runs import random_transform
 
 from haptigraph.errors import BadInput
-from haptigraph.robot.rigid_fit import fit_points, procrustes
+from haptigraph.robot.place.rigid_fit import fit_points, procrustes
 
 EYE_MM = np.array(
     [[-8.0, 6, 0], [7, 5, 1], [0, -11, -2], [4, -2, 6], [-5, 1, -6], [2, 9, 3], [-9, -3, 4], [6, -8, -5]]

@@ -1,0 +1,1 @@
+"""Where a robot is: transforms and pivots from points and motion."""

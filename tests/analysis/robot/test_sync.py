@@ -1,0 +1,101 @@
+import json
+
+import pytest
+from helpers import call, refuse
+
+from haptigraph.analysis.robot.sync import check_sync, correct
+from haptigraph.messages import Delivered
+from haptigraph.recording.reader import RunReader
+from haptigraph.recording.writer import RunWriter
+
+
+def test_a_lag_is_found_reported_and_fails(late_run):
+    result = call("sync-check", late_run)
+    assert result.exit_code == 1 and "not aligned" in result.output
+    report = json.loads(call("sync-check", late_run, "--json").stdout)
+    low, high = report["robot"]["interval_s"]
+    assert low < 0.12 < high < 0.13 and report["touch"] is None
+
+
+def test_an_aligned_run_passes(aligned_run):
+    result = call("sync-check", aligned_run)
+    assert result.exit_code == 0 and "not aligned" not in result.output
+
+
+def test_a_corrected_copy_is_aligned_and_says_so(late_run, tmp_path):
+    copy = tmp_path / "copy.mcap"
+    before = late_run.read_bytes()
+    assert call("sync-check", late_run, "--correct", copy).exit_code == 0
+    assert late_run.read_bytes() == before
+    report = check_sync(copy)
+    low, high = report.robot.interval_s
+    assert report.is_aligned and low < 0.002 and high > -0.002
+    assert "moved by -1" in RunReader(copy).info.robot_shift and report.shifted
+    kept, moved = (
+        [(capture, step) for capture, step in RunReader(path).records(images=())] for path in (late_run, copy)
+    )
+    assert [step for _, step in kept] == [step for _, step in moved]
+    samples = [one.stamp_ns for capture, _ in moved for one in capture.robot]
+    assert samples == sorted(samples) and all(
+        one.stamp_ns <= capture.stamp_ns for capture, _ in moved for one in capture.robot
+    )
+
+
+def test_nothing_is_overwritten(late_run, tmp_path):
+    there = tmp_path / "there.mcap"
+    there.write_bytes(b"mine")
+    with pytest.raises(Exception, match="never overwrites"):
+        correct(late_run, there, check_sync(late_run).robot)
+    assert there.read_bytes() == b"mine"
+
+
+def test_a_run_without_robot_is_refused(aligned_run, tmp_path):
+    assert "no robot measurements" in refuse("sync-check", without_robot(aligned_run, tmp_path))
+
+
+def without_robot(path, folder):
+    return rewritten(path, folder / "bare.mcap", lambda capture, step: {"robot": ()})
+
+
+def rewritten(path, copy, changes):
+    """A copy of a recording whose captures have other fields."""
+    from msgspec.structs import replace
+
+    from haptigraph.analysis.metrics.replay import recorded_registration
+
+    reader = RunReader(path)
+    writer = RunWriter(copy, reader.info, recorded_registration(reader).image, ())
+    for capture, step in reader.records():
+        capture, step = changed(replace, capture, step, changes)
+        writer.write(capture, step)
+    writer.close()
+    return copy
+
+
+def changed(replace, capture, step, changes):
+    fields = changes(capture, step)
+    timing = fields.pop("timing", None)
+    return replace(capture, **fields), replace(step, timing=timing) if timing else step
+
+
+def test_touch_is_compared_with_its_command(late_run, tmp_path):
+    from haptigraph.messages import Timing
+
+    was_off, begun = True, []
+
+    def confirm(capture, step):
+        nonlocal was_off
+        is_off = step.command.pattern.kind == "off"
+        fields = {"timing": Timing(step.stamp_ns, step.stamp_ns, {})}
+        if was_off and not is_off:
+            begun.append(step.stamp_ns)
+            start_ns = step.stamp_ns + 12_000_000
+            fields["delivered"] = (Delivered(start_ns, start_ns + 20_000_000, "pad"),)
+        was_off = is_off
+        return fields
+
+    report = check_sync(rewritten(late_run, tmp_path / "felt.mcap", confirm))
+    if len(begun) < 8:
+        assert report.touch is None
+    else:
+        assert report.touch.median_ms == 12.0 and report.touch.longest_ms == 12.0
