@@ -159,14 +159,14 @@ class RecordingConfig(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class RobotConfig(Struct, frozen=True, forbid_unknown_fields=True):
-    """The robot that holds the instrument. A run reads it and never moves it."""
+    """The robot that holds the instrument. A run reads it, and moves it only if `steer` is set."""
 
     uri: str = ""
     """crtk:NAMESPACE, servo:NODE or simulated; empty: none."""
     setup: str = ""
     """Path of robot.toml, which says where the eye is; empty: the robot's tip is recorded, not compared."""
     steer: bool = False
-    """Whether a page or a leader may move it."""
+    """Whether the live page may move it."""
     latency_ms: Annotated[float, Meta(ge=-5000, le=5000)] = 0.0
     """How much later than measured the robot stamps its poses, on the clock of the images (`sync-check`)."""
     timing_sd_ms: Annotated[float, Meta(ge=0, le=1000)] = 5.0

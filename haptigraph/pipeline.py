@@ -140,7 +140,7 @@ class Loop:
         self.pipeline, self.source, self.output, self.sinks = pipeline, source, output, tuple(sinks)
         self.notes, self.report = tuple(notes), RunReport()
         self.deliveries = deliveries or DeliveryLog()
-        self._clock, self._stale_ms, self._robot = clock, stale_ms, robot
+        self._clock, self._stale_ms, self.robot = clock, stale_ms, robot
         self._start_ns: int | None = None
         self._last_ns: int | None = None
         self._index = -1
@@ -205,8 +205,8 @@ class Loop:
             for sink in reversed(self.sinks):
                 stack.callback(self._close_sink, sink)
             stack.callback(self.source.close)
-            if self._robot is not None:
-                stack.callback(self._robot.close)
+            if self.robot is not None:
+                stack.callback(self.robot.close)
             if self._unrecorded is not None:
                 stack.callback(self._record, *self._unrecorded)
 
@@ -279,7 +279,7 @@ class Loop:
         return Capture(index, now_ns, None, faults=faults, delivered=delivered, robot=robot)
 
     def _take_samples(self) -> tuple[RobotSample, ...]:
-        return self._robot.take() if self._robot else ()
+        return self.robot.take() if self.robot else ()
 
     def _paced(self, capture: Capture) -> Capture:
         """Wait until a capture is due and stamp it; the schedule slips when the loop is late."""

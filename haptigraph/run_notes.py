@@ -49,7 +49,7 @@ def run_notes(
         notes.append("the vibration is a sham: it comes at random times and warns of nothing")
     if config.source.uri.partition(":")[0] == "teleop":
         notes.append(
-            "the needle moves only if you steer it, on the page of `haptigraph live`, by --leader or by "
+            "the needle moves only if you steer it: on the page of `haptigraph live`, by --leader, or by "
             "--bridge ros2"
         )
     return notes

@@ -1,4 +1,7 @@
-"""The robot of a run, which is only read: [robot] settings -> its samples, and the text of its robot.toml."""
+"""The robot of a run: [robot] settings -> its samples, and the text of its robot.toml.
+
+It is only read, unless a page steers it.
+"""
 
 from functools import partial
 
@@ -6,13 +9,15 @@ from haptigraph.clock import Clock, MonotonicClock
 from haptigraph.config import RobotConfig
 from haptigraph.errors import BadInput
 from haptigraph.messages import RobotSample
-from haptigraph.robot.listening import Listener
+from haptigraph.robot.check_report import checked
+from haptigraph.robot.listening import Listener, sample_of
 from haptigraph.robot.opening import open_robot
-from haptigraph.robot.setup import parse_setup
+from haptigraph.robot.process import RobotProcess
+from haptigraph.robot.setup import RobotSetup, parse_setup
 from haptigraph.stages import RobotReadings, Source
 from haptigraph.toml_document import Document
 
-__all__ = ["NoRobot", "open_readings"]
+__all__ = ["NoRobot", "SteeredRobot", "open_readings"]
 
 
 class NoRobot:
@@ -26,6 +31,29 @@ class NoRobot:
         """Do nothing."""
 
 
+class SteeredRobot:
+    """The readings of a robot that a page steers: those of the process that moves it.
+
+    Args:
+        process: The robot; closed with this object.
+        setup: Where the eye is, and the limits of motion.
+        latency_ms: How much later than measured the robot stamps its poses.
+    """
+
+    def __init__(self, process: RobotProcess, setup: RobotSetup, latency_ms: float) -> None:
+        self.process, self.setup, self._latency_ms = process, setup, latency_ms
+
+    def take(self) -> tuple[RobotSample, ...]:
+        """Return its measurements since the last call."""
+        readings = self.process.take_readings()
+        samples = (sample_of(reading, self.setup, self._latency_ms) for reading in readings)
+        return tuple(sample for sample in samples if sample is not None)
+
+    def close(self) -> None:
+        """Hold the robot, and end its process."""
+        self.process.close()
+
+
 def open_readings(config: RobotConfig, source: Source, clock: Clock) -> tuple[RobotReadings, str]:
     """Return the readings of a run's robot, and the text of its robot.toml; empty if there is none.
 
@@ -37,6 +65,8 @@ def open_readings(config: RobotConfig, source: Source, clock: Clock) -> tuple[Ro
     Raises:
         BadInput: If the robot or its file cannot be used.
     """
+    if config.steer and not (config.uri and config.setup):
+        raise BadInput("--steer needs --robot ROBOT and --robot-setup robot.toml")
     if not config.uri:
         if config.setup:
             raise BadInput("robot.setup goes with robot.uri (--robot)")
@@ -47,4 +77,7 @@ def open_readings(config: RobotConfig, source: Source, clock: Clock) -> tuple[Ro
         raise BadInput(f"{config.uri} works in real time; --fast is for files and the phantom")
     text = Document.read(config.setup).text if config.setup else ""
     setup = parse_setup(text, config.setup) if text else None
+    if config.steer and setup is not None:
+        checked(config.uri, config.setup)
+        return SteeredRobot(RobotProcess(config.uri, config.setup), setup, config.latency_ms), text
     return Listener(partial(open_robot, config.uri), clock, setup, config.latency_ms), text

@@ -1,20 +1,15 @@
 """The command `live`, which shows the loop in a browser."""
 
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
-from typing import TYPE_CHECKING
+from contextlib import closing
 
 import click
 
 from haptigraph.commands.help import examples
 from haptigraph.commands.options import page_options, page_tokens, run_options, run_settings
+from haptigraph.commands.robot import SAFETY
 from haptigraph.commands.running import run_loop
 from haptigraph.commands.terminal import print_status, show_page, terminable
 from haptigraph.errors import NeedsRegistration
-
-if TYPE_CHECKING:
-    from haptigraph.config import RobotConfig
-    from haptigraph.robot.process import RobotProcess
 
 __all__ = ["live"]
 
@@ -83,16 +78,21 @@ def live(
     if settled.source.uri.startswith("phantom:"):
         settled = load_config(config, ("source.loop=true", *settings))
     tokens = page_tokens(host, token)
-    settled = replace(settled, robot=replace(settled.robot, steer=steer or settled.robot.steer))
-    with closing(listen(host, port or 0)) as listener, _steered(settled.robot, home=home) as robot:
+    if steer:
+        settled = replace(settled, robot=replace(settled.robot, steer=True))
+    if settled.robot.steer:
+        print_status(f"haptigraph: {SAFETY}")
+    elif home or allow_remote_motion:
+        raise BadInput("--home and --allow-remote-motion go with --steer")
+    with closing(listen(host, port or 0)) as listener:
         page_of = partial(
             LivePage,
             listener=listener,
             host=host,
             tokens=tokens,
             recordings=Path(recordings),
-            robot=robot,
             allows_remote_motion=allow_remote_motion,
+            homes=home,
         )
         page = page_of(settled)
         try:
@@ -110,30 +110,3 @@ def live(
             return
         settled = replace(settled, source=replace(settled.source, registration=made))
         run_loop(settled, page_of(settled), practice=practice)
-
-
-@contextmanager
-def _steered(config: "RobotConfig", *, home: bool) -> Iterator["RobotProcess | None"]:
-    """Open the robot that the page steers, if any; its interface must have passed `robot check`."""
-    from haptigraph.clock import MonotonicClock
-    from haptigraph.commands.robot import SAFETY
-    from haptigraph.errors import BadInput
-    from haptigraph.robot.check_report import checked
-    from haptigraph.robot.preparing import enable_and_home
-    from haptigraph.robot.process import RobotProcess
-
-    if not config.steer:
-        if home:
-            raise BadInput("--home goes with --steer")
-        yield None
-        return
-    if not (config.uri and config.setup):
-        raise BadInput(
-            "--steer needs --robot and --robot-setup, for example --robot crtk:PSM1 --robot-setup robot.toml"
-        )
-    checked(config.uri, config.setup)
-    print_status(f"haptigraph: {SAFETY}")
-    with closing(RobotProcess(config.uri, config.setup)) as robot:
-        if home:
-            enable_and_home(robot, MonotonicClock())
-        yield robot

@@ -125,7 +125,9 @@ def run_options(command: Command) -> Command:
             default=None,
             help="Vibrate although the registration assumes the target (docs/safety.md).",
         ),
-        click.option("--robot", metavar="ROBOT", help="Read a robot, e.g. crtk:PSM1; a run never moves it."),
+        click.option(
+            "--robot", metavar="ROBOT", help="Read a robot, e.g. crtk:PSM1; only live --steer moves it."
+        ),
         click.option("--robot-setup", metavar="FILE", help="Where the robot is (robot.toml)."),
         click.option("--record", metavar="FILE", help="Record the run to a new MCAP file."),
         config_option,

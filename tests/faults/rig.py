@@ -22,7 +22,8 @@ TIMEOUT_S = 60.0
 DEADMAN_MS = 150
 # What a device may add to the dead-man time: its timeout of a response, its minimum interval between commands, or
 # a buffer and a ramp; and 50 ms. The scheduling latency of the machine meanwhile is added.
-PERIOD_MS = {"serial": 100 + 50, "gamepad": 50 + 50, "audio": 15 + 50, "ros2": 50 + 50}
+PERIOD_MS = {"serial": 100 + 50, "gamepad": 50 + 50, "audio": 15 + 50, "ros2": 50 + 50, "crtk": 50 + 50}
+URI = {"crtk": "crtk:hand"}  # where it is not the name
 # The results' file; with it, the machine is expected to have no other work (`make bench-silence`).
 RESULTS = os.environ.get("HAPTIGRAPH_FAULTS")
 SHARED_MS = 0 if RESULTS else 1000  # what other work on the machine may add to any process
@@ -160,9 +161,22 @@ class RosMonitor(OutputMonitor):
         self.node.close()
 
 
+class ArmMonitor(RosMonitor):
+    """Subscribe to the forces of a leader arm: 1 while it feels one."""
+
+    def __init__(self):
+        from haptigraph.ros2.motion_types import WrenchStamped
+
+        super().__init__()
+        self.node.subscribe("/hand/servo_cf", WrenchStamped, self.receive_force, self.refused.append)
+
+    def receive_force(self, message):
+        self.note(time.monotonic_ns(), float(message.wrench.force.x != 0))
+
+
 def monitor_of(device, folder):
-    if device == "ros2":
-        return RosMonitor()
+    if device in ("crtk", "ros2"):
+        return ArmMonitor() if device == "crtk" else RosMonitor()
     if device == "serial":
         return BoardMonitor(folder / "tty")
     return PipeMonitor(folder / "output", 30 if device == "audio" else None)
@@ -173,7 +187,7 @@ class Rig:
 
     Args:
         folder: Folder for all files.
-        device: serial, gamepad, audio or ros2.
+        device: serial, gamepad, audio, ros2 or crtk.
         arguments: Further arguments of the command.
     """
 
@@ -186,7 +200,7 @@ class Rig:
         self.stack.callback(self.probe.is_stopped.set)
         registration = folder / "registration.toml"
         registration.write_text(PhantomSource(STEADY).registration)
-        uri = f"serial:{folder / 'tty'}" if device == "serial" else device
+        uri = f"serial:{folder / 'tty'}" if device == "serial" else URI.get(device, device)
         self.process = subprocess.Popen(
             [sys.executable, str(HERE / "faulty.py"), STEADY, command, "camera:0", "--device", uri,
              "--registration", str(registration), "--record", str(self.record), *arguments],

@@ -15,9 +15,9 @@ from haptigraph.recording.reader import RunReader
 pytestmark = [pytest.mark.xdist_group("faults"), pytest.mark.timeout(180)]
 
 
-@pytest.fixture
-def rig(ros_network, tmp_path):
-    with Rig(tmp_path, "ros2", "--bridge", "ros2") as rig:
+@pytest.fixture(params=["ros2", "crtk"])
+def rig(request, ros_network, tmp_path):
+    with Rig(tmp_path, request.param, "--bridge", "ros2") as rig:
         await_steady(rig)
         yield rig
 

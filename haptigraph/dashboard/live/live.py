@@ -20,8 +20,8 @@ from haptigraph.dashboard.server.robot_control import RobotControl
 from haptigraph.dashboard.server.server import REGISTRATION, Server, make_app
 from haptigraph.dashboard.server.site import Site
 from haptigraph.pipeline import Loop
-from haptigraph.robot.process import RobotProcess
-from haptigraph.robot.setup import load_setup
+from haptigraph.robot.preparing import enable_and_home
+from haptigraph.run_robot import SteeredRobot
 from haptigraph.sources.phased import PhasedSource
 
 __all__ = ["LivePage"]
@@ -36,8 +36,8 @@ class LivePage:
         host: The address it listens on.
         tokens: What visitors must present.
         recordings: Folder of recordings to show.
-        robot: The robot that pages steer; None: what the source simulates, if anything.
-        allows_remote_motion: Whether pages on other machines may move it.
+        allows_remote_motion: Whether pages on other machines may move a robot.
+        homes: Whether a robot is enabled and homed before pages are served; it may move by itself meanwhile.
     """
 
     def __init__(
@@ -48,11 +48,11 @@ class LivePage:
         host: str,
         tokens: Tokens,
         recordings: Path,
-        robot: RobotProcess | None = None,
         allows_remote_motion: bool = False,
+        homes: bool = False,
     ) -> None:
         self.hub = Hub(MonotonicClock())
-        self._robot, self._allows_remote_motion = robot, allows_remote_motion
+        self._allows_remote_motion, self._homes = allows_remote_motion, homes
         self._config, self._listener, self._host, self._tokens = config, listener, host, tokens
         self._recordings = recordings
 
@@ -92,8 +92,9 @@ class LivePage:
         Raises:
             BadInput: If procedure or registration cannot be used.
         """
-        announcement(self._config, loop, self.hub, self._robot)()
-        phased, robot = loop.source if isinstance(loop.source, PhasedSource) else None, self._robot_control()
+        announcement(self._config, loop, self.hub)()
+        phased = loop.source if isinstance(loop.source, PhasedSource) else None
+        robot = self._robot_control(loop)
         site = self._site(Controls(self.hub, loop.source.teleop, phased, robot))
         health, pump = Health(loop, self.hub, measures), robot.pump if robot else None
         app = make_app(site, health, host=self._host, tokens=self._tokens, pump=pump)
@@ -109,12 +110,12 @@ class LivePage:
         with Server(app, self._listener.dup()):
             return saved.get()
 
-    def _robot_control(self) -> RobotControl | None:
-        if self._robot is None:
+    def _robot_control(self, loop: Loop) -> RobotControl | None:
+        if not isinstance(loop.robot, SteeredRobot):
             return None
-        deadman_ms = load_setup(self._config.robot.setup).limits.deadman_ms
-        allows_remote = self._allows_remote_motion
-        return RobotControl(self.hub, self._robot, deadman_ms=deadman_ms, allows_remote=allows_remote)
+        if self._homes:
+            enable_and_home(loop.robot.process, MonotonicClock())
+        return RobotControl(self.hub, loop.robot, allows_remote=self._allows_remote_motion)
 
     def _site(self, controls: Controls, on_registration: Callable[[str], None] | None = None) -> Site:
         is_local, source = self._host in LOOPBACK, self._config.source

@@ -22,7 +22,7 @@ from haptigraph.registration.assumed import needs_consent
 from haptigraph.registration.loading import load_registration, parse_registration
 from haptigraph.registration.registered import BaseRegistration
 from haptigraph.registration.retarget import with_target
-from haptigraph.robot.process import RobotProcess
+from haptigraph.run_robot import SteeredRobot
 from haptigraph.run_settings import suited
 
 __all__ = ["announcement", "describe_run", "describe_states"]
@@ -34,16 +34,13 @@ ICONS: dict[Kind, str] = {"alarm": "alarm", "success": "done", "guidance": "warn
 """Icon of a state by its kind, so that states differ in more than colour."""
 
 
-def announcement(
-    config: Config, loop: Loop, hub: Hub, robot: RobotProcess | None = None
-) -> Callable[[], None]:
+def announcement(config: Config, loop: Loop, hub: Hub) -> Callable[[], None]:
     """Return a function that makes a hub announce a loop; call it before the server starts or in its thread.
 
     Args:
         config: The loop's configuration.
         loop: The loop to watch.
         hub: Serves the pages.
-        robot: What is steered instead of the source; None: there is none.
 
     Raises:
         BadInput: If procedure or registration cannot be used.
@@ -57,6 +54,7 @@ def announcement(
     config = suited(config, loop.source, registration)
     procedure, view = load_procedure(config.run.procedure), view_of(registration, VIEW_PX)
     moving = frozenset(entity.name for entity in procedure.schema.entities) - set(registration.anatomy)
+    robot = loop.robot.process if isinstance(loop.robot, SteeredRobot) else None
     teleop = robot or loop.source.teleop
     steering = {
         "steerable": teleop is not None,

@@ -9,6 +9,7 @@ import asyncio
 from haptigraph.dashboard.server.hub import Hub
 from haptigraph.dashboard.server.viewer import Viewer
 from haptigraph.robot.process import RobotProcess
+from haptigraph.run_robot import SteeredRobot
 from haptigraph.teleop.motion import HandMotion
 
 __all__ = ["RobotControl"]
@@ -26,16 +27,13 @@ class RobotControl:
 
     Args:
         hub: Notifies the viewers, and has the clock of their messages.
-        robot: The robot.
-        deadman_ms: A motion that was sent longer ago is not carried out.
+        robot: The robot; a motion that was sent more than its dead-man time ago is not carried out.
         allows_remote: Whether pages on other machines may move it.
     """
 
-    def __init__(
-        self, hub: Hub, robot: RobotProcess, *, deadman_ms: float, allows_remote: bool = False
-    ) -> None:
-        self.robot = robot
-        self._hub, self._deadman_ms, self._allows_remote = hub, deadman_ms, allows_remote
+    def __init__(self, hub: Hub, robot: SteeredRobot, *, allows_remote: bool = False) -> None:
+        self.robot: RobotProcess = robot.process
+        self._hub, self._deadman_ms, self._allows_remote = hub, robot.setup.limits.deadman_ms, allows_remote
         self._late = 0
 
     def refusal(self, viewer: Viewer) -> str:

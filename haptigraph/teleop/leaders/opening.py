@@ -49,8 +49,12 @@ def steered(config: Config, steerable: Any, clock: Clock) -> list[Steering]:
     name = config.run.leader
     if not name:
         return []
+    if config.robot.steer:
+        raise BadInput(
+            f"--leader {name} does not go with --steer; use haptigraph robot steer ROBOT --leader {name}"
+        )
     if steerable is None:
-        raise BadInput(f"--leader {name} steers teleop, or a robot; {config.source.uri} cannot be steered")
+        raise BadInput(f"--leader {name} steers teleop; {config.source.uri} cannot be steered")
     return [Steering(name, open_leader(name, clock), steerable.put).start()]
 
 

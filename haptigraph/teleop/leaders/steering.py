@@ -5,6 +5,7 @@ whose button jams, or that somebody holds while plugging it in, moves nothing.
 """
 
 import threading
+from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 
@@ -17,6 +18,7 @@ __all__ = ["Steering"]
 
 PERIOD_S = 0.01
 CLOSE_S = 2.0
+MAX_FAULTS = 20
 RELEASED = HandMotion(engaged=False)
 
 
@@ -42,7 +44,7 @@ class Steering:
         self._name, self._leader, self._put, self._report = name, leader, put, report
         self._is_armed = False
         self._lost: str | None = None
-        self._faults: list[Fault] = []
+        self._faults: deque[Fault] = deque(maxlen=MAX_FAULTS)
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="haptigraph-leader", daemon=True)
 
@@ -73,8 +75,7 @@ class Steering:
 
     def take_faults(self) -> tuple[Fault, ...]:
         """Return the losses since the last call."""
-        faults, self._faults = tuple(self._faults), []
-        return faults
+        return tuple(self._faults.popleft() for _ in range(len(self._faults)))
 
     def close(self) -> None:
         """Release the clutch, and close the leader. May be called twice."""

@@ -194,9 +194,9 @@ def test_a_page_that_disconnects_with_the_dead_man_held_stops_the_robot(setup, q
 @pytest.mark.parametrize(
     ("arguments", "problem"),
     [
-        (("--steer",), "--steer needs --robot and --robot-setup"),
-        (("--home",), "--home goes with --steer"),
-        (("--steer", "--robot", "crtk:PSM1"), "--steer needs --robot and --robot-setup"),
+        (("--steer",), "--steer needs --robot ROBOT and --robot-setup robot.toml"),
+        (("--home",), "--home and --allow-remote-motion go with --steer"),
+        (("--steer", "--robot", "crtk:PSM1"), "--steer needs --robot ROBOT and --robot-setup robot.toml"),
     ],
 )
 def test_a_robot_that_cannot_be_steered_is_refused(arguments, problem):

@@ -16,9 +16,10 @@ from haptigraph.dashboard.server.viewer import Viewer
 from haptigraph.robot.interface import Operating, RobotReading
 from haptigraph.robot.messages import MotionStatus
 from haptigraph.robot.pose import ToolPose
+from haptigraph.robot.simulated import EXAMPLE_SETUP
+from haptigraph.run_robot import SteeredRobot
 from haptigraph.teleop.motion import HandMotion, TeleopSettings
 
-DEADMAN_MS = 100.0
 MOVE, RELEASED = HandMotion(True, 1.0), HandMotion(False)
 
 
@@ -40,7 +41,7 @@ class Robot:
     def status(self):
         reading = RobotReading(0, 0, ToolPose((1.0, 2.0, 3.0)), Operating("PAUSED", True, False))
         reasons = ("the robot is not enabled, homed and idle",)
-        return MotionStatus(False, reasons, True, reading, 200.0, 0, math.nan, math.nan)
+        return MotionStatus(False, reasons, True, reading, 200.0, 0, math.nan, math.nan, math.nan)
 
 
 @pytest.fixture
@@ -59,7 +60,7 @@ def robot():
 
 
 def controls_of(hub, robot, **options):
-    return Controls(hub, None, None, RobotControl(hub, robot, deadman_ms=DEADMAN_MS, **options))
+    return Controls(hub, None, None, RobotControl(hub, SteeredRobot(robot, EXAMPLE_SETUP, 0.0), **options))
 
 
 def texts(viewer):
@@ -125,7 +126,7 @@ def test_a_message_that_was_delayed_is_a_release(hub, robot, age_ms, passed):
 
 @pytest.mark.parametrize("sent_ms", [math.nan, math.inf])
 def test_a_message_of_no_valid_time_is_a_release(hub, robot, sent_ms):
-    control = RobotControl(hub, robot, deadman_ms=DEADMAN_MS)
+    control = RobotControl(hub, SteeredRobot(robot, EXAMPLE_SETUP, 0.0))
     control.put(MOVE, sent_ms)
     assert robot.done == [RELEASED]
 
@@ -157,8 +158,8 @@ def test_every_page_receives_the_state_and_the_reasons(hub, robot):
     async def act():
         viewer = Viewer("page 1")
         hub.join(viewer)
-        pump = asyncio.create_task(RobotControl(hub, robot, deadman_ms=DEADMAN_MS).pump())
-        message = json.loads(await viewer.next())
+        pump = asyncio.create_task(RobotControl(hub, SteeredRobot(robot, EXAMPLE_SETUP, 0.0)).pump())
+        message = json.loads(await asyncio.wait_for(viewer.next(), 30))
         pump.cancel()
         return message
 
