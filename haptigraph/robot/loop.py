@@ -204,13 +204,13 @@ def main() -> None:
     clock = MonotonicClock()
     try:
         controller = Controller(load_setup(setup_path), is_checked=_is_checked(uri, setup_path))
+        raise_priority()  # before the robot's threads are made, which inherit it
         robot = open_robot(uri, clock)
     except HaptigraphError as error:
         reports.send(Report(False, (), None, [], [], error=str(error)))
         sys.exit(1)
     gc.collect()
     gc.freeze()  # so that a collection is short
-    raise_priority()
     RobotLoop(robot, controller, clock, inputs, reports).run()
 
 
