@@ -163,9 +163,9 @@ def test_endpoints_of_a_topic_have_types_and_qualities(peer, ros_network):
     node.publisher("/tf_static", Joy)  # transient local, by its name
     node.publisher("/ends", String)
     node.subscribe("/ends", String, print, print)
-    until(lambda: peer.node.publishers("/tf_static") and peer.node.subscribers("ends"), "nothing is found")
-    (static,) = peer.node.publishers("/tf_static")
-    assert static == ("rt/tf_static", "sensor_msgs::msg::dds_::Joy_", True, True)
+    static = ("rt/tf_static", "sensor_msgs::msg::dds_::Joy_", True, True)
+    until(lambda: static in peer.node.publishers("/tf_static"), "a transient local publisher is not found")
+    until(lambda: peer.node.publishers("/ends") and peer.node.subscribers("ends"), "nothing is found")
     (plain,) = peer.node.publishers("/ends")
     assert (plain.is_reliable, plain.is_transient_local) == (True, False)
     assert not peer.node.subscribers("/ends")[0].is_reliable
