@@ -186,10 +186,11 @@ soak: setup  ## memory over 100,000 steps, then eight hours of random faults; ta
 golden: setup  ## record the golden runs again; review the changes before committing
 	$(BIN)/python tests/replay/make_golden.py
 
-interop: setup  ## real ROS 2 nodes (Jazzy, Kilted) in separate environments, and pyigtl; needs a C compiler
+interop: setup  ## real ROS 2 nodes (Jazzy, Kilted) in separate environments, and pyigtl; needs a C++ compiler
 	for ros in jazzy kilted; do \
 		test -x .interop/$$ros/bin/python || $(PYTHON) -m venv .interop/$$ros; \
 		.interop/$$ros/bin/python -m pip install --quiet --disable-pip-version-check --requirement tests/interop/$$ros.txt || exit 1; \
+		test -d .interop/$$ros/lib/python3*/site-packages/crtk_msgs || .interop/$$ros/bin/python tests/interop/generate_msgs.py tests/interop/msgs || exit 1; \
 	done
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'pyigtl>=0.3.1,<1'
 	$(BIN)/python -m pytest -m slow tests/interop

@@ -19,6 +19,7 @@ from haptigraph.commands.publishing.recording import export_recording
 from haptigraph.commands.publishing.video import video
 from haptigraph.commands.recordings import recover, replay
 from haptigraph.commands.robot import robot
+from haptigraph.commands.robot_check import robot_check
 from haptigraph.commands.robot_steer import robot_steer
 from haptigraph.commands.robots.robot_calibrate import sync_check
 from haptigraph.commands.running import demo, run
@@ -111,4 +112,5 @@ for command in (
     main.add_command(command)
 for command in (study_run, study_report, measure, export, video, erase, simulate, sweep):
     study.add_command(command)
+robot.add_command(robot_check)
 robot.add_command(robot_steer)

@@ -15,8 +15,11 @@ SAFETY = (
 
 @click.group(
     cls=TaskGroup,
-    tasks={"Find it": ("calibrate",), "Move it": ("steer",)},
-    epilog=examples("haptigraph robot steer simulated --setup examples/robot.toml --leader keys"),
+    tasks={"Find it": ("calibrate",), "Before it moves": ("check",), "Move it": ("steer",)},
+    epilog=examples(
+        "haptigraph robot check crtk:PSM1 --setup robot.toml",
+        "haptigraph robot steer simulated --setup examples/robot.toml --leader keys",
+    ),
 )
 def robot() -> None:
     """Check, calibrate and steer a robot that holds the instrument.

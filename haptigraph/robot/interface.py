@@ -41,6 +41,8 @@ class RobotReading(Struct, frozen=True):
     """Force on the tool, in the robot's base."""
     number: int = 0
     """Count of received poses."""
+    problems: tuple[str, ...] = ()
+    """What was rejected or is unusual so far, a sentence each."""
 
 
 @runtime_checkable

@@ -9,8 +9,8 @@ from haptigraph.robot.interface import Robot
 __all__ = ["ROBOTS", "open_robot"]
 
 ROBOTS = {
-    "crtk": "haptigraph.robot.crtk:CrtkRobot",
-    "servo": "haptigraph.robot.servo:ServoRobot",
+    "crtk": "haptigraph.robot.ros.crtk:CrtkRobot",
+    "servo": "haptigraph.robot.ros.servo:ServoRobot",
     "simulated": "haptigraph.robot.simulated:SimulatedRobot",
 }
 

@@ -15,16 +15,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
-from cyclonedds.builtin import (
-    BuiltinDataReader,
-    BuiltinTopic,
-    BuiltinTopicDcpsPublication,
-    BuiltinTopicDcpsSubscription,
-)
+from cyclonedds.builtin import BuiltinTopicDcpsPublication, BuiltinTopicDcpsSubscription
 from cyclonedds.core import (
     DDSException,
     InstanceState,
-    Policy,
     ReadCondition,
     SampleState,
     ViewState,
@@ -40,6 +34,7 @@ from cyclonedds.util import duration
 
 from haptigraph.errors import BadInput
 from haptigraph.ros2.discovery import discovery_settings
+from haptigraph.ros2.endpoints import Endpoint, Endpoints
 from haptigraph.ros2.qos import DEPTH, Profile, publisher_profile, subscriber_profile
 
 __all__ = ["Node", "Publisher", "buffer_hint", "checked_topic", "domain_id"]
@@ -128,8 +123,8 @@ class Node:
         self._closing = threading.Event()
         self._threads: list[threading.Thread] = []
         self._publishers: list[Publisher] = []
-        self._publications = _Endpoints(self._joined, BuiltinTopicDcpsPublication)
-        self._subscriptions = _Endpoints(self._joined, BuiltinTopicDcpsSubscription)
+        self._publications = Endpoints(self._joined, BuiltinTopicDcpsPublication)
+        self._subscriptions = Endpoints(self._joined, BuiltinTopicDcpsSubscription)
 
     def publisher(self, topic: str, message_type: type[IdlStruct]) -> Publisher:
         """Return a publisher for a topic."""
@@ -145,6 +140,7 @@ class Node:
         *,
         depth: int = DEPTH,
         is_large: bool = False,
+        is_latched: bool = False,
     ) -> None:
         """Pass every message of a topic to a callback, in a thread of its own.
 
@@ -156,10 +152,12 @@ class Node:
             depth: Length of the queue; if it is full, the oldest messages are lost.
             is_large: Whether messages have many packets. If all publishers are reliable, lost ones are sent
                 again; the first messages may be lost while the subscription adapts.
+            is_latched: Receive also what publishers that are transient local sent before, and only these
+                publishers.
         """
         name = checked_topic(topic)
         dds_topic = Topic(self._joined, f"rt{name}", message_type)
-        profile = subscriber_profile(name, depth)
+        profile = Profile(depth, is_transient_local=True) if is_latched else subscriber_profile(name, depth)
         subscription = _Subscription(self._joined, dds_topic, profile, is_large=is_large)
         thread = threading.Thread(
             target=self._receive,
@@ -177,6 +175,14 @@ class Node:
     def subscribed(self) -> dict[str, str]:
         """Return the subscribed topics of the network, like `published`."""
         return self._subscriptions.topics()
+
+    def publishers(self, topic: str) -> list[Endpoint]:
+        """Return the publishers of a topic (ROS name)."""
+        return self._publications.of(f"rt{checked_topic(topic)}")
+
+    def subscribers(self, topic: str) -> list[Endpoint]:
+        """Return the subscribers of a topic (ROS name)."""
+        return self._subscriptions.of(f"rt{checked_topic(topic)}")
 
     def close(self) -> None:
         """Leave the network. May be called twice."""
@@ -215,7 +221,7 @@ class _Subscription:
         self, participant: DomainParticipant, topic: "Topic[Any]", profile: Profile, *, is_large: bool
     ) -> None:
         self._participant, self._topic, self._profile = participant, topic, profile
-        self._publications = _Endpoints(participant, BuiltinTopicDcpsPublication) if is_large else None
+        self._publications = Endpoints(participant, BuiltinTopicDcpsPublication) if is_large else None
         self._check_at_s = 0.0
         self._open(profile)
 
@@ -241,38 +247,6 @@ class _Subscription:
         self._unread = ReadCondition(self._reader, ViewState.Any | InstanceState.Any | SampleState.NotRead)
         self._waitset = WaitSet(self._participant)
         self._waitset.attach(self._unread)
-
-
-class _Endpoints:
-    """The publications, or subscriptions, on the network."""
-
-    def __init__(self, participant: DomainParticipant, topic: BuiltinTopic) -> None:
-        self._reader: BuiltinDataReader | None = BuiltinDataReader(participant, topic)
-        self._seen: dict[Any, tuple[str, str, bool]] = {}
-
-    def topics(self) -> dict[str, str]:
-        """Return ROS name and DDS name of the type of each topic."""
-        self._update()
-        seen = self._seen.values()
-        return dict(sorted((name.removeprefix("rt"), kind) for name, kind, _ in seen if name[:3] == "rt/"))
-
-    def are_reliable(self, topic: str) -> bool:
-        """Return whether a topic has endpoints, and all of them are reliable."""
-        self._update()
-        reliable = [is_reliable for name, _, is_reliable in self._seen.values() if name == topic]
-        return bool(reliable) and all(reliable)
-
-    def _update(self) -> None:
-        for sample in self._reader.take(N=1000) if self._reader else ():
-            if sample.sample_info.instance_state == InstanceState.Alive:
-                reliability = sample.qos[Policy.Reliability]
-                is_reliable = isinstance(reliability, Policy.Reliability.Reliable)
-                self._seen[sample.key] = sample.topic_name, sample.type_name, is_reliable
-            else:
-                self._seen.pop(sample.key, None)
-
-    def close(self) -> None:
-        self._reader = None
 
 
 def domain_id() -> int:

@@ -9,7 +9,8 @@ from cyclonedds.builtin import BuiltinTopicDcpsSubscription
 from cyclonedds.topic import Topic
 
 from haptigraph.errors import BadInput
-from haptigraph.ros2.node import Node, _Endpoints, _Subscription, buffer_hint, checked_topic, domain_id
+from haptigraph.ros2.endpoints import Endpoints, sender
+from haptigraph.ros2.node import Node, _Subscription, buffer_hint, checked_topic, domain_id
 from haptigraph.ros2.qos import Profile
 from haptigraph.ros2.types import Header, Image, Joy, String, Time
 
@@ -33,7 +34,7 @@ def test_an_image_of_megabytes_arrives_unchanged(peer):
 
 
 def test_a_subscriber_is_reliable_if_all_publishers_are(peer, ros_network, monkeypatch):
-    endpoints = _Endpoints(peer.node._joined, BuiltinTopicDcpsSubscription)
+    endpoints = Endpoints(peer.node._joined, BuiltinTopicDcpsSubscription)
     node = Node()
     node.subscribe("/adapts", String, lambda message: None, print, is_large=True)
     until(lambda: "/adapts" in endpoints.topics(), "nobody subscribes")
@@ -155,3 +156,40 @@ def test_an_invalid_domain_is_rejected(monkeypatch, value):
     monkeypatch.setenv("ROS_DOMAIN_ID", value)
     with pytest.raises(BadInput, match="expected a number from 0 to 232"):
         domain_id()
+
+
+def test_endpoints_of_a_topic_have_types_and_qualities(peer, ros_network):
+    node = Node()
+    node.publisher("/tf_static", Joy)  # transient local, by its name
+    node.publisher("/ends", String)
+    node.subscribe("/ends", String, print, print)
+    static = ("rt/tf_static", "sensor_msgs::msg::dds_::Joy_", True, True)
+    until(lambda: static in peer.node.publishers("/tf_static"), "a transient local publisher is not found")
+    until(lambda: peer.node.publishers("/ends") and peer.node.subscribers("ends"), "nothing is found")
+    (plain,) = peer.node.publishers("/ends")
+    assert (plain.is_reliable, plain.is_transient_local) == (True, False)
+    assert not peer.node.subscribers("/ends")[0].is_reliable
+    assert peer.node.publishers("/nothing") == []
+    node.close()
+
+
+def test_a_latched_subscription_receives_what_was_sent_before(ros_network):
+    early, late, received = Node(), Node(), []
+    early.publisher("/tf_static", String).send(String("before"))
+    late.subscribe("/tf_static", String, received.append, print, is_latched=True)
+    until(lambda: received, "nothing was received")
+    assert received == [String("before")]
+    for node in (early, late):
+        node.close()
+
+
+def test_messages_of_two_publishers_are_distinguished(peer, ros_network):
+    peer.subscribe("/two", String)
+    publishers = [peer.publisher("/two", String) for _ in range(2)]
+    senders = set()
+    for number in (0, 1, 0, 1):
+        publishers[number].send(String(str(number)))
+        message = peer.next("/two")
+        senders.add((message.data, sender(message)))
+    assert sorted(data for data, _ in senders) == ["0", "1"]
+    assert len({number for _, number in senders}) == 2

@@ -99,3 +99,21 @@ def broken_program():
     finally:
         process.kill()
         process.communicate()
+
+
+@contextmanager
+def robot_peer(kind, *arguments):
+    """A simulated robot in another process: crtk_peer.py or servo_peer.py. Its standard input takes commands."""
+    process = subprocess.Popen(
+        [sys.executable, str(Path(__file__).with_name("robots") / f"{kind}_peer.py"), *map(str, arguments)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        bufsize=1,
+    )
+    try:
+        assert process.stdout.readline() == "ready\n"
+        yield process
+    finally:
+        process.kill()
+        process.communicate()

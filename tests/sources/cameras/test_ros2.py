@@ -15,7 +15,7 @@ from cyclonedds.builtin import BuiltinTopicDcpsSubscription
 from haptigraph.clock import MonotonicClock
 from haptigraph.errors import BadInput, SourceLost
 from haptigraph.recording.codec import decode, encode_jpeg, encode_png
-from haptigraph.ros2.node import _Endpoints
+from haptigraph.ros2.endpoints import Endpoints
 from haptigraph.ros2.types import CompressedImage, Header, Image, String, Time
 from haptigraph.sources.cameras.ros2 import Ros2Source
 from haptigraph.sources.cameras.ros2_images import CHANNELS, compressed_image, raw_image
@@ -114,7 +114,7 @@ def source(ros_network):
 @pytest.fixture
 def camera(source, peer):
     """Publishes on the source's topic, once the source has adapted: messages of before may be lost."""
-    subscriptions = _Endpoints(peer.node._joined, BuiltinTopicDcpsSubscription)
+    subscriptions = Endpoints(peer.node._joined, BuiltinTopicDcpsSubscription)
 
     def publisher(message_type):
         publisher = peer.publisher("/camera/small", message_type)

@@ -1,0 +1,71 @@
+"""The report of a check: text for the terminal, JSON to keep (read by `robot.check_report`)."""
+
+import os
+import tempfile
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+
+import msgspec
+
+from haptigraph.errors import BadInput
+from haptigraph.robot.check_report import CheckReport
+from haptigraph.robot.checking.judging import Judgement
+from haptigraph.robot.checking.recorded import Finding
+from haptigraph.version import __version__
+
+__all__ = ["FullReport", "full_report", "lines", "write_report"]
+
+
+class FullReport(CheckReport, frozen=True):
+    """Everything that a check found."""
+
+    findings: tuple[Finding, ...]
+    not_exercised: tuple[str, ...]
+    measurements: dict[str, float]
+    """By name, with the unit at its end."""
+
+
+def full_report(uri: str, judgement: Judgement) -> FullReport:
+    """Return the report of a robot, as of now."""
+    return FullReport(
+        uri=uri,
+        passed=judgement.passed,
+        utc=datetime.now(UTC).isoformat(timespec="seconds"),
+        software_version=__version__,
+        findings=judgement.findings,
+        not_exercised=judgement.not_exercised,
+        measurements=judgement.measurements,
+    )
+
+
+def lines(report: FullReport) -> Iterator[str]:
+    """Yield the report as text."""
+    for name, value in report.measurements.items():
+        yield f"{name:24} {value:.6g}"
+    for finding in report.findings:
+        yield f"FAILED {finding.name}: {finding.sentence}"
+    for sentence in report.not_exercised:
+        yield f"not exercised: {sentence}"
+    outcome = "passed" if report.passed else f"did not pass: {len(report.findings)} findings"
+    yield f"{report.uri} {outcome}"
+
+
+def write_report(report: FullReport, path: Path) -> None:
+    """Write the report atomically, in place of an older one.
+
+    Raises:
+        BadInput: If it cannot be written.
+    """
+    content = msgspec.json.format(msgspec.json.encode(report), indent=2) + b"\n"
+    temporary: str | None = None
+    try:
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        with os.fdopen(handle, "wb") as part:
+            part.write(content)
+        Path(temporary).chmod(0o644)
+        Path(temporary).replace(path)
+    except OSError as error:
+        if temporary is not None:
+            Path(temporary).unlink(missing_ok=True)
+        raise BadInput(f"cannot be written ({error.strerror})", path) from None

@@ -1,0 +1,1 @@
+"""What robots on a ROS 2 network have in common: stamps, poses, transforms and commands."""

@@ -1,0 +1,151 @@
+"""A robot that MoveIt Servo moves (ROS 2 Jazzy or later): pose targets, its status, the tool's pose from tf.
+
+Servo stops by itself when commands stop for its `incoming_command_timeout`, and at singularities, collisions
+and bounds of joints. Its user starts it and sets it to pose commands; its services are not called.
+"""
+
+import threading
+from urllib.parse import parse_qs
+
+from msgspec.structs import replace
+
+from haptigraph.clock import Clock
+from haptigraph.errors import BadInput, unknown_name
+from haptigraph.robot.interface import Operating, OperatingState, RobotReading, StateCommand
+from haptigraph.robot.pose import ToolPose
+from haptigraph.robot.ros.pose_input import PoseInput
+from haptigraph.robot.ros.pose_output import PoseOutput
+from haptigraph.robot.ros.transforms import FramePose, TransformTree
+from haptigraph.ros2.endpoints import sender
+from haptigraph.ros2.geometry_types import TFMessage
+from haptigraph.ros2.motion_types import ServoStatus
+from haptigraph.ros2.node import Node, checked_topic
+
+__all__ = ["STATES", "ServoRobot", "servo_frames"]
+
+FRAMES = {"base": "base_link", "tool": "tool0"}
+STATUS_AGE_NS = 300_000_000  # Servo publishes its status in every cycle, 30 to 100 times a second
+STATES: dict[int, OperatingState] = {
+    -1: "FAULT",  # invalid: no robot state, or a command that cannot be used
+    0: "ENABLED",
+    1: "ENABLED",  # decelerates near a singularity
+    2: "PAUSED",  # halts at a singularity
+    3: "ENABLED",
+    4: "ENABLED",  # decelerates before a collision
+    5: "PAUSED",  # halts before a collision
+    6: "PAUSED",  # halts at a joint's bound
+}
+DISCOVERY_S = 3.0  # subscribers announce themselves within this time
+TICK_S = 0.02
+
+
+class ServoRobot:
+    """Read NODE/status and tf; publish NODE/pose_target_cmds.
+
+    Args:
+        argument: Servo's node and the frames: NODE?base=FRAME&tool=FRAME; base_link and tool0 if not stated.
+        clock: The run's.
+
+    Raises:
+        BadInput: If the argument is not valid, or the network cannot be joined.
+        MissingExtra: If cyclonedds is not installed.
+    """
+
+    def __init__(self, argument: str, clock: Clock) -> None:
+        node_name, self._base, self._tool = servo_frames(argument)
+        self._clock, self._tree = clock, TransformTree()
+        self._input = PoseInput(f"servo:{argument}", clock)
+        self._status: tuple[int, int] | None = None
+        self._found: FramePose | None = None
+        self._node: Node | None = Node()
+        self._output = PoseOutput(self._node, f"{node_name}/pose_target_cmds", clock)
+        reject = self._input.reject
+        self._node.subscribe("/tf", TFMessage, self._take_tf, reject)
+        self._node.subscribe("/tf_static", TFMessage, self._take_static, reject)
+        self._node.subscribe(f"{node_name}/status", ServoStatus, self._take_status, reject)
+        tick = threading.Event()
+        for _ in range(round(DISCOVERY_S / TICK_S)):
+            if self._output.has_subscribers:
+                break
+            tick.wait(TICK_S)
+
+    def read(self) -> RobotReading:
+        """Return the newest measurements; without a fresh status, Servo is taken for disabled."""
+        return replace(self._input.read(), operating=self._operating())
+
+    def move(self, pose: ToolPose, stamp_ns: int) -> None:
+        """Publish a pose target.
+
+        Raises:
+            DeviceError: If it cannot be sent, or nobody receives it.
+        """
+        self._output.move(pose, stamp_ns, self._base)
+
+    def hold(self, stamp_ns: int) -> None:
+        """Command the robot to stay where it was commanded last, or where it is if it did not follow.
+
+        Raises:
+            DeviceError: If it cannot be sent, or nobody receives it.
+        """
+        self._output.hold(stamp_ns, self.read(), self._base)
+
+    def request(self, command: StateCommand) -> None:
+        """Report that Servo's state is changed by its services, which only ROS calls."""
+        self._input.report(
+            "request", f"{command} is up to the user: start, unpause and stop Servo by its services"
+        )
+
+    def close(self) -> None:
+        """Hold, and leave the network.
+
+        Raises:
+            DeviceError: If the robot could not be held.
+        """
+        if self._node is None:
+            return
+        node, self._node = self._node, None
+        try:
+            self.hold(self._clock.now_ns())
+        finally:
+            node.close()
+
+    def _operating(self) -> Operating | None:
+        status = self._status
+        if status is None:
+            return None
+        is_fresh = self._clock.now_ns() - status[1] <= STATUS_AGE_NS
+        return Operating(STATES.get(status[0], "FAULT") if is_fresh else "DISABLED", True, False)
+
+    def _take_status(self, message: ServoStatus) -> None:
+        if message.code not in STATES:
+            self._input.report("status", f"unknown status {message.code} ({message.message})")
+        self._status = message.code, self._clock.now_ns()
+
+    def _take_static(self, message: TFMessage) -> None:
+        self._tree.put(message, sender(message), is_static=True)
+
+    def _take_tf(self, message: TFMessage) -> None:
+        self._tree.put(message, sender(message), is_static=False)
+        found = self._tree.pose(self._base, self._tool)
+        if found is not None and found != self._found:
+            self._found = found
+            self._input.put(found.pose, found.stamp_ns, self._base, found.senders)
+
+
+def servo_frames(argument: str) -> tuple[str, str, str]:
+    """Return Servo's node, and the frames of base and tool.
+
+    Raises:
+        BadInput: If the argument is not NODE?base=FRAME&tool=FRAME.
+    """
+    name, _, query = argument.partition("?")
+    if not name.strip("/"):
+        raise BadInput("servo needs the name of Servo's node, for example servo:servo_node?tool=tool0")
+    frames = dict(FRAMES)
+    for key, values in parse_qs(query, keep_blank_values=True).items():
+        if key not in FRAMES:
+            raise BadInput(unknown_name("option of servo", key, FRAMES))
+        frames[key] = values[-1].removeprefix("/")
+    if not all(frames.values()):
+        raise BadInput("servo: base and tool must be names of tf frames")
+    return checked_topic(name.rstrip("/")), frames["base"], frames["tool"]
