@@ -51,8 +51,11 @@ EXPORT const Entry entries[] = {
     SIZE(Grid), F(cells), F(rows), F(columns), F(group), F(pixels),
 #undef F
 #define F(field) FIELD(SurfaceSearch, field)
-    SIZE(SurfaceSearch), F(edge), F(deep), F(thinnest), F(thickest), F(band), F(most), F(step_grey),
-    F(rpe_step_grey), F(saturation_grey), F(body_share), F(dark_grey), F(top_grey),
+    SIZE(SurfaceSearch), F(edge), F(deep), F(thinnest), F(thickest), F(band), F(most), F(min_columns),
+    F(step_grey), F(rpe_step_grey), F(saturation_grey), F(body_share), F(dark_grey), F(top_grey),
+    F(min_rise_grey), F(min_rise_share), F(min_band_grey), F(min_band_share), F(border), F(ilm.window),
+    F(ilm.reach), F(ilm.least_sd), F(ilm.scatter_share), F(rpe.window), F(rpe.reach), F(rpe.least_sd),
+    F(rpe.scatter_share),
 #undef F
 #define F(field) FIELD(RidgeSearch, field)
     SIZE(RidgeSearch), F(step_px), F(dark_grey), F(mask_grey), F(strip_grey), F(lowest_slope), F(highest_slope),

@@ -87,7 +87,7 @@ FLAGS = "continues", "is_outside", "follows_point", "follows_faint", "uses_chrom
 APPEARANCE = (math.nan, math.nan, 0.0, math.nan, math.nan)
 POSITIONS = (16, u_px(), (8.0, 6.0), (0.0, 1.0), (1.0, 0.0))
 
-SURFACES = (2, 4, 2, 10, 2, 3, 2.0, 3.0, 45.0, 0.25, 20.0, 60.0)
+SURFACES = (2, 4, 2, 10, 2, 3, 3, 2.0, 3.0, 45.0, 0.25, 20.0, 60.0, 14.0, 0.4, 2.0, 0.1, 3.0)
 RIDGES = (1.0, 90.0, 10.0, 10.0, 0.3, 9.0, 1.5, 1, 1, 2, 4, 2, 12, 20, 30)
 
 
@@ -140,15 +140,14 @@ WRAPPERS = {
         bscan.best_path,
         lambda: [make_scan().astype(np.float32), np.array([4, 1, 0, 1, 4], np.float32)],
     ),
-    "find_ilm": (
-        lambda *given: bscan.find_ilm(grid_of(*given[:3]), bscan.SurfaceSearch(*given[3:])),
-        lambda: [make_cells(), 2, 1, *SURFACES],
+    "find_surfaces": (
+        lambda *given: bscan.find_surfaces(
+            grid_of(*given[:3]),
+            bscan.SurfaceSearch(*given[3:-6], bscan.Smoothing(*given[-6:-3]), bscan.Smoothing(*given[-3:])),
+        ),
+        lambda: [make_cells(), 2, 1, *SURFACES, np.ones(5), 0.2, 1.0, np.ones(7), 0.3, 0.8],
     ),
-    "find_rpe": (
-        lambda *given: bscan.find_rpe(grid_of(*given[:3]), bscan.SurfaceSearch(*given[5:]), *given[3:5]),
-        lambda: [make_cells(), 2, 1, np.full(28, 30.0), np.ones(28, bool), *SURFACES],
-    ),
-    "smooth_rows": (bscan.smooth_rows, lambda: [np.arange(9.0), np.ones(9, bool), np.ones(3)]),
+    "remove_specks": (bscan.remove_specks, lambda: [np.arange(9) % 5 > 1, 3]),
     "shadow_edge": (
         lambda *given: bscan_needle.shadow_edge(given[0], bscan_needle.EdgeSearch(*given[6:]), *given[1:6]),
         lambda: [

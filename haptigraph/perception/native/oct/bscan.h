@@ -23,15 +23,27 @@ typedef struct {
     int pixels; /* of a cell */
 } Grid;
 
+/* How a surface is smoothed; its standard deviation is at least `least_sd`, in rows. */
+typedef struct {
+    const double *window; /* positive weights of columns, (2 reach + 1) */
+    int reach;
+    double least_sd, scatter_share; /* standard deviations of the rows in the window */
+} Smoothing;
+
 /* Limits of the search for both surfaces; lengths in rows. */
 typedef struct {
     int edge, deep;                  /* averaged on either side of a step, and below the ILM */
     int thinnest, thickest;          /* from ILM to RPE */
     int band;                        /* thickness of the RPE's bright band */
     int most;                        /* largest step of a path to the next column */
+    int min_columns;                 /* of a visible part */
     double step_grey, rpe_step_grey; /* cost of a step of one row, squared */
     double saturation_grey, body_share;
     double dark_grey, top_grey; /* without backscatter; a column that begins brighter begins with tissue */
+    double min_rise_grey, min_rise_share; /* of tissue; relative to the typical rise */
+    double min_band_grey, min_band_share; /* of the RPE; relative to tissue */
+    double border;                        /* nearer to the image's top, the ILM is not visible */
+    Smoothing ilm, rpe;
 } SurfaceSearch;
 
 /* Limits of the search for ridges; lengths in steps, slopes in rows per column. */
