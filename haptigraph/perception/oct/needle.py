@@ -150,7 +150,9 @@ def _candidate(ridge: Ridge, dark_grey: float) -> Candidate | None:
     is_bright = contrast > CONSTANTS.min_contrast_grey
     is_ridge = is_bright & (ridge.line.brighter_grey < dark_grey)
     if is_ridge.any():  # the vitreous beside it may be bright
-        is_ridge = is_bright & (is_ridge | (contrast > CONSTANTS.equal_share * _median(contrast[is_ridge])))
+        typical_grey = _median(contrast[is_ridge])
+        is_bright = contrast > max(CONSTANTS.min_contrast_grey, typical_grey / 2)  # its speckle is no shaft
+        is_ridge = is_bright & (is_ridge | (contrast > CONSTANTS.equal_share * typical_grey))
     at = np.flatnonzero(is_ridge)
     if not len(at) or at[0] > start:
         return None

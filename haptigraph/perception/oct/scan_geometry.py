@@ -23,7 +23,7 @@ SUBRETINAL_SHARE = 0.9
 BEYOND_TIP_PX = 8.0  # extension of a surface beyond the tip
 MAX_EXTENSION_PX = 60.0  # of a surface beyond its visible part
 ON_LINE_MM = 1e-9  # nearer to a line, a point is on it
-SLOPE_SD = 0.08  # standard deviation of the slope of what is not visible, mm per mm
+SLOPE_SD = 0.12  # standard deviation of the slope of what is not visible, mm per mm
 
 
 class Layers(NamedTuple):
