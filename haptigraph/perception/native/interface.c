@@ -68,6 +68,13 @@ EXPORT const Entry entries[] = {
     SIZE(EdgeSearch), F(start_px), F(along_px), F(end_x), F(margin_px), F(window_px), F(max_distance_px),
     F(thick_rows), F(most_rows), F(below_rows), F(below_shaft_rows), F(deep_rows), F(below_rpe_rows),
     F(min_contrast_grey), F(level), F(rise_share), F(slope_columns), F(run), F(half),
+#undef F
+#define F(field) FIELD(Columns, field)
+    SIZE(Columns), F(x_px), F(row_px), F(sd_px), F(is_visible), F(count),
+#undef F
+#define F(field) FIELD(LineLimits, field)
+    SIZE(LineLimits), F(tip_x), F(beyond_px), F(most_px), F(slope_sd), F(center_px), F(right_mm), F(down_mm),
+    F(shares), F(slope_columns),
     {0}};
 
 EXPORT const uint32_t sources = SOURCES;

@@ -22,6 +22,7 @@ from haptigraph.perception.oct.shadow import Edge, find_shadow_edge
 from haptigraph.perception.oct.surfaces import Surfaces
 
 __all__ = [
+    "SLOPE_COLUMNS",
     "Candidate",
     "Needle",
     "NeedleConstants",
@@ -31,7 +32,8 @@ __all__ = [
     "without_ridge_columns",
 ]
 
-SLOPE_COLUMNS = 6  # for extrapolating a surface
+SLOPE_COLUMNS = 6
+"""From which a surface is extrapolated."""
 
 
 class NeedleConstants(NamedTuple):

@@ -7,13 +7,14 @@
 #include "native.h"
 
 #define MAX_RIDGES 2
-#define ALONG_STEPS 5      /* averaged along a ridge */
-#define CORE_STEPS 5       /* averaged across it, its width */
-#define MAX_CELL_PX 256    /* pixels of a cell: sums of its rows fit 16 bits */
-#define MAX_STEP_ROWS 16   /* of a path, from one column to the next */
-#define MAX_SCAN_PX 16384  /* in each direction: positions fit 16 bits and as many of a fraction */
-#define MAX_CELLS 8192     /* in each direction: the cells on a line fit 16 bits, with a sign */
-#define MAX_SUM_PX 8000000 /* in a column of cells: sums of grey fit 32 bits */
+#define ALONG_STEPS 5       /* averaged along a ridge */
+#define CORE_STEPS 5        /* averaged across it, its width */
+#define MAX_CELL_PX 256     /* pixels of a cell: sums of its rows fit 16 bits */
+#define MAX_STEP_ROWS 16    /* of a path, from one column to the next */
+#define MAX_SCAN_PX 16384   /* in each direction: positions fit 16 bits and as many of a fraction */
+#define MAX_CELLS 8192      /* in each direction: the cells on a line fit 16 bits, with a sign */
+#define SD_STEPS_PER_MM 1e5 /* rounding of reported standard deviations */
+#define MAX_SUM_PX 8000000  /* in a column of cells: sums of grey fit 32 bits */
 
 /* A downsampled image: sums of grey over cells, row by row. */
 typedef struct {
@@ -71,3 +72,19 @@ typedef struct {
     double min_contrast_grey, level, rise_share;
     int slope_columns, run, half;
 } EdgeSearch;
+
+/* A surface, by column. */
+typedef struct {
+    const double *x_px, *row_px, *sd_px; /* ascending columns; standard deviations may be NULL */
+    const uint8_t *is_visible;
+    int count;
+} Columns;
+
+/* How surfaces are reported. */
+typedef struct {
+    double tip_x, beyond_px, most_px; /* column of the tip, NaN for none; extension beyond it, and at most */
+    double slope_sd;                  /* of what is not visible, rows per column */
+    double center_px[2], right_mm, down_mm; /* the origin, and millimetres per pixel to the right and down */
+    double shares[2];                       /* of the layers between ILM and RPE */
+    int slope_columns;                      /* from which a surface is extrapolated */
+} LineLimits;
