@@ -15,14 +15,15 @@ from haptigraph.perception.native.arrays import BOOL, BYTE, FLOAT, INT, address,
 from haptigraph.perception.native.library import LIBRARY, pack
 
 __all__ = [
+    "FoundSurfaces",
     "GridLevels",
     "ScanGrid",
+    "Smoothing",
     "SurfaceSearch",
     "best_path",
     "column_means",
-    "find_ilm",
-    "find_rpe",
-    "smooth_rows",
+    "find_surfaces",
+    "remove_specks",
     "sum_cells",
 ]
 
@@ -36,16 +37,35 @@ DOUBLE = np.dtype(np.float64)
 _GRID = LIBRARY.layout("Grid", ("p", "cells"), ("i", "rows columns group pixels"))
 _SURFACE_SEARCH = LIBRARY.layout(
     "SurfaceSearch",
-    ("i", "edge deep thinnest thickest band most"),
+    ("i", "edge deep thinnest thickest band most min_columns"),
     ("d", "step_grey rpe_step_grey saturation_grey body_share dark_grey top_grey"),
+    ("d", "min_rise_grey min_rise_share min_band_grey min_band_share border"),
+    *(("p", "ilm.window"), ("i", "ilm.reach"), ("d", "ilm.least_sd ilm.scatter_share")),
+    *(("p", "rpe.window"), ("i", "rpe.reach"), ("d", "rpe.least_sd rpe.scatter_share")),
 )
 _sum_cells = LIBRARY.function("sum_cells", "piiiiipp")
 _cell_levels = LIBRARY.function("cell_levels", "pp")
 _column_means = LIBRARY.function("column_means", "piiiippp")
 _best_path = LIBRARY.function("best_path", "piiipp", ctypes.c_int)
-_find_ilm = LIBRARY.function("find_ilm", "pppp", ctypes.c_int)
-_find_rpe = LIBRARY.function("find_rpe", "ppppppp", ctypes.c_int)
-_smooth_rows = LIBRARY.function("smooth_rows", "ppipippp")
+_find_surfaces = LIBRARY.function("find_surfaces", "ppppp", ctypes.c_int)
+_remove_specks = LIBRARY.function("remove_specks", "pii")
+
+
+class Smoothing(NamedTuple):
+    """How a surface is smoothed, and its standard deviation estimated, as in bscan.h."""
+
+    window: Floats
+    """Positive weights of neighbouring columns, (k,), k odd."""
+    least_sd: float
+    """Smallest standard deviation, in rows of the grid."""
+    scatter_share: float
+    """Standard deviation in those of the rows in the window."""
+
+    def checked(self) -> tuple[int, int, float, float]:
+        """Return the same for C."""
+        reach = len(self.window) // 2
+        window = checked("window", self.window, DOUBLE, (2 * reach + 1,))
+        return window, reach, self.least_sd, self.scatter_share
 
 
 class SurfaceSearch(NamedTuple):
@@ -57,16 +77,24 @@ class SurfaceSearch(NamedTuple):
     thickest: int
     band: int
     most: int
+    min_columns: int
     step_grey: float
     rpe_step_grey: float
     saturation_grey: float
     body_share: float
     dark_grey: float
     top_grey: float
+    min_rise_grey: float
+    min_rise_share: float
+    min_band_grey: float
+    min_band_share: float
+    border: float
+    ilm: Smoothing
+    rpe: Smoothing
 
     def checked(self) -> bytes:
         """Return the limits for C."""
-        whole = self.edge, self.deep // 2, self.thinnest, self.band, self.most
+        whole = self.edge, self.deep // 2, self.thinnest, self.band, self.most, self.min_columns
         valid = min(whole) > 0 and self.thickest >= self.thinnest + MIN_CELLS
         valid = valid and self.most <= MAX_STEP_ROWS
         if (
@@ -75,7 +103,20 @@ class SurfaceSearch(NamedTuple):
             or not 0 <= self.dark_grey <= self.top_grey <= 256
         ):
             raise ValueError(f"surfaces: expected lengths of 1 to {MAX_ROWS} rows, grey to 255; found {self}")
-        return pack(_SURFACE_SEARCH, *self)
+        return pack(_SURFACE_SEARCH, *self[:-2], *self.ilm.checked(), *self.rpe.checked())
+
+
+class FoundSurfaces(NamedTuple):
+    """ILM and RPE, by column of the surfaces; lengths in rows of the grid."""
+
+    rows: Floats
+    """Of ILM and RPE, (2, n)."""
+    sds: Floats
+    """Standard deviations of the rows, (2, n)."""
+    visible: Mask
+    """Where they are visible, (2, n)."""
+    tissue_grey: float
+    """Contrast of visible tissue against what is dark."""
 
 
 class GridLevels(NamedTuple):
@@ -88,6 +129,11 @@ class GridLevels(NamedTuple):
     """Median absolute difference of neighbouring cells."""
     bright_grey: float
     """Of tissue, if there is some."""
+
+    @property
+    def noise_grey(self) -> float:
+        """Standard deviation of the noise of a column of the surfaces."""
+        return max(self.dark_grey - self.darkest_grey, 1.0)
 
 
 class ScanGrid(Struct, frozen=True, eq=False):
@@ -189,51 +235,21 @@ def best_path(reward: FloatImage, step_cost: FloatImage) -> NDArray[np.int32]:
     return path
 
 
-def find_ilm(grid: ScanGrid, search: SurfaceSearch) -> tuple[Floats, NDArray[np.float32]]:
-    """Return the row of the ILM in each column, and how much brighter it is below than above, (n,) each."""
+def find_surfaces(grid: ScanGrid, search: SurfaceSearch) -> FoundSurfaces:
+    """Find ILM and RPE."""
     count = grid.shape[0]
-    ilm, rise = np.empty(count), np.empty(count, np.float32)
-    grid.check(2 * search.deep)
-    if not _find_ilm(grid.native, search.checked(), address(ilm), address(rise)):
+    grid.check(max(2 * search.deep, 4 * search.band))
+    rows, visible, tissue_grey = np.empty((2, 2, count)), np.empty((2, count), np.bool_), np.empty(1)
+    outputs = (address(array) for array in (rows, visible, tissue_grey))
+    if not _find_surfaces(grid.native, search.checked(), *outputs):
         raise MemoryError
-    return ilm, rise
+    return FoundSurfaces(rows[0], rows[1], visible, float(tissue_grey[0]))
 
 
-def find_rpe(
-    grid: ScanGrid, search: SurfaceSearch, ilm: Floats, visible: Mask
-) -> tuple[Floats, NDArray[np.float32], NDArray[np.float32]]:
-    """Return the row of the RPE in each column, and how much brighter it is than above and below, (n,) each.
-
-    Args:
-        grid: The downsampled image.
-        search: Limits.
-        ilm: Row of the ILM in each column, (n,).
-        visible: Columns with tissue, (n,).
-    """
-    count, rows = grid.shape
-    surface, lit = checked("ilm", ilm, DOUBLE, (count,)), checked("visible", visible, BOOL, (count,))
-    if not (ilm.min() >= 0 and ilm.max() <= rows):
-        raise ValueError(f"ilm: expected rows from 0 to {rows}")
-    grid.check(4 * search.band)
-    rpe, rise, fall = np.empty(count), np.empty(count, np.float32), np.empty(count, np.float32)
-    outputs = (address(array) for array in (rpe, rise, fall))
-    if not _find_rpe(grid.native, search.checked(), surface, lit, *outputs):
-        raise MemoryError
-    return rpe, rise, fall
-
-
-def smooth_rows(rows: Floats, visible: Mask, window: Floats) -> tuple[Floats, Floats]:
-    """Smooth a surface over its visible columns; return its rows and the scatter about them, (n,) each.
-
-    Args:
-        rows: Row of the surface in each column, (n,).
-        visible: Columns in which it is visible, (n,).
-        window: Positive weights of neighbours, (k,), k odd.
-    """
-    count, reach = len(rows), len(window) // 2
-    surface, lit = checked("rows", rows, DOUBLE, (count,)), checked("visible", visible, BOOL, (count,))
-    weights = checked("window", window, DOUBLE, (2 * reach + 1,))
-    misses, smooth, scatter = np.empty((3, count))
-    outputs = (address(array) for array in (misses, smooth, scatter))
-    _smooth_rows(surface, lit, count, weights, reach, *outputs)
-    return smooth, scatter
+def remove_specks(visible: Mask, columns: int) -> Mask:
+    """Return a mask, (n,), without runs of less than so many columns; half is enough at its border."""
+    count = np.size(visible)
+    checked("visible", visible, BOOL, (count,))
+    out = visible.copy()
+    _remove_specks(address(out), count, index(columns))
+    return out

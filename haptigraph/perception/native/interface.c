@@ -51,8 +51,11 @@ EXPORT const Entry entries[] = {
     SIZE(Grid), F(cells), F(rows), F(columns), F(group), F(pixels),
 #undef F
 #define F(field) FIELD(SurfaceSearch, field)
-    SIZE(SurfaceSearch), F(edge), F(deep), F(thinnest), F(thickest), F(band), F(most), F(step_grey),
-    F(rpe_step_grey), F(saturation_grey), F(body_share), F(dark_grey), F(top_grey),
+    SIZE(SurfaceSearch), F(edge), F(deep), F(thinnest), F(thickest), F(band), F(most), F(min_columns),
+    F(step_grey), F(rpe_step_grey), F(saturation_grey), F(body_share), F(dark_grey), F(top_grey),
+    F(min_rise_grey), F(min_rise_share), F(min_band_grey), F(min_band_share), F(border), F(ilm.window),
+    F(ilm.reach), F(ilm.least_sd), F(ilm.scatter_share), F(rpe.window), F(rpe.reach), F(rpe.least_sd),
+    F(rpe.scatter_share),
 #undef F
 #define F(field) FIELD(RidgeSearch, field)
     SIZE(RidgeSearch), F(step_px), F(dark_grey), F(mask_grey), F(strip_grey), F(lowest_slope), F(highest_slope),
@@ -65,6 +68,13 @@ EXPORT const Entry entries[] = {
     SIZE(EdgeSearch), F(start_px), F(along_px), F(end_x), F(margin_px), F(window_px), F(max_distance_px),
     F(thick_rows), F(most_rows), F(below_rows), F(below_shaft_rows), F(deep_rows), F(below_rpe_rows),
     F(min_contrast_grey), F(level), F(rise_share), F(slope_columns), F(run), F(half),
+#undef F
+#define F(field) FIELD(Columns, field)
+    SIZE(Columns), F(x_px), F(row_px), F(sd_px), F(is_visible), F(count),
+#undef F
+#define F(field) FIELD(LineLimits, field)
+    SIZE(LineLimits), F(tip_x), F(beyond_px), F(most_px), F(slope_sd), F(center_px), F(right_mm), F(down_mm),
+    F(shares), F(slope_columns),
     {0}};
 
 EXPORT const uint32_t sources = SOURCES;

@@ -71,9 +71,11 @@ def drop_in_vitreous(scan: ScanImage, at_px: Vec, ilm_px: float, typical_grey: f
         return Drop()
     part = scan.image[top:bottom, max(x - half, 0) : x + half + 1].mean(axis=1)
     profile = part - scan.levels.dark_grey
+    vitreous_grey = max(float(np.sort(profile)[len(profile) // 4]), 0.0)
     profile[1:-1] = (profile[:-2] + profile[1:-1] + profile[2:]) / 3
     spot_rows = CONSTANTS.spot_mm / axial_mm
-    bright = np.flatnonzero(profile > CONSTANTS.bright_share * typical_grey).tolist()
+    is_bright = profile > vitreous_grey + CONSTANTS.bright_share * typical_grey
+    bright = np.flatnonzero(is_bright).tolist()
     runs: list[list[int]] = []
     for row in bright:
         if runs and row - runs[-1][-1] <= max(2, round(spot_rows / 3)):

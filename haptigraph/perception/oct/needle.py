@@ -22,6 +22,7 @@ from haptigraph.perception.oct.shadow import Edge, find_shadow_edge
 from haptigraph.perception.oct.surfaces import Surfaces
 
 __all__ = [
+    "SLOPE_COLUMNS",
     "Candidate",
     "Needle",
     "NeedleConstants",
@@ -31,7 +32,8 @@ __all__ = [
     "without_ridge_columns",
 ]
 
-SLOPE_COLUMNS = 6  # for extrapolating a surface
+SLOPE_COLUMNS = 6
+"""From which a surface is extrapolated."""
 
 
 class NeedleConstants(NamedTuple):
@@ -150,7 +152,9 @@ def _candidate(ridge: Ridge, dark_grey: float) -> Candidate | None:
     is_bright = contrast > CONSTANTS.min_contrast_grey
     is_ridge = is_bright & (ridge.line.brighter_grey < dark_grey)
     if is_ridge.any():  # the vitreous beside it may be bright
-        is_ridge = is_bright & (is_ridge | (contrast > CONSTANTS.equal_share * _median(contrast[is_ridge])))
+        typical_grey = _median(contrast[is_ridge])
+        is_bright = contrast > max(CONSTANTS.min_contrast_grey, typical_grey / 2)  # its speckle is no shaft
+        is_ridge = is_bright & (is_ridge | (contrast > CONSTANTS.equal_share * typical_grey))
     at = np.flatnonzero(is_ridge)
     if not len(at) or at[0] > start:
         return None

@@ -8,22 +8,22 @@ the parts that are not visible themselves. Between the surfaces are the target l
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from haptigraph.geometry import Geometry, Point, Polyline, Segment, Vec, subtract
 from haptigraph.imaging import Floats, Mask
 from haptigraph.messages import Certainty, Observation
-from haptigraph.perception.oct.needle import row_at
+from haptigraph.perception.native.surface_lines import LineLimits, SurfaceColumns, surface_lines
+from haptigraph.perception.oct.needle import SLOPE_COLUMNS
 from haptigraph.registration.oct import ScanRegistration
 
 __all__ = ["SUBRETINAL_SHARE", "Layers", "ObservationBuilder", "Shaft"]
 
+LINES = ("ilm", "rpe", "subretinal_space", "target_layer")
 SUBRETINAL_SHARE = 0.9
 """Of the distance from ILM to RPE: end of the outer segments, where the space can open."""
 BEYOND_TIP_PX = 8.0  # extension of a surface beyond the tip
 MAX_EXTENSION_PX = 60.0  # of a surface beyond its visible part
 ON_LINE_MM = 1e-9  # nearer to a line, a point is on it
-SLOPE_SD = 0.08  # standard deviation of the slope of what is not visible, mm per mm
+SLOPE_SD = 0.12  # standard deviation of the slope of what is not visible, mm per mm
 
 
 class Layers(NamedTuple):
@@ -55,16 +55,6 @@ class Shaft(NamedTuple):
     confidence: float
 
 
-class _SurfaceLine(NamedTuple):
-    """One surface as it is reported."""
-
-    x_px: Floats
-    row_px: Floats
-    is_visible: Mask
-    sd_px: Floats
-    """NaN where it is not estimated."""
-
-
 class ObservationBuilder:
     """Convert layers and shaft to an observation in millimetres.
 
@@ -74,20 +64,37 @@ class ObservationBuilder:
 
     def __init__(self, registration: ScanRegistration) -> None:
         self._registration = registration
-        self._axial_mm = registration.image.axial_mm_per_px or registration.image.mm_per_px
+        image = registration.image
+        self._axial_mm = image.axial_mm_per_px or image.mm_per_px
+        self._limits = LineLimits(
+            tip_x=math.nan,
+            beyond_px=BEYOND_TIP_PX,
+            most_px=MAX_EXTENSION_PX,
+            slope_sd=SLOPE_SD * image.mm_per_px / self._axial_mm,
+            center_px=image.center_px,
+            right_mm=-image.mm_per_px if image.mirrored else image.mm_per_px,
+            down_mm=self._axial_mm,
+            shares=(SUBRETINAL_SHARE, registration.target_share),
+            slope_columns=SLOPE_COLUMNS,
+        )
 
     def __call__(self, stamp_ns: int, layers: Layers, shaft: Shaft | None) -> Observation:
         """Return the observation of one B-scan."""
-        lines = {
-            "ilm": self._line(layers.x_px, layers.ilm_px, layers.ilm_visible, layers.ilm_sd_px, shaft),
-            "rpe": self._line(layers.x_px, layers.rpe_px, layers.rpe_visible, layers.rpe_sd_px, shaft),
-        }
-        visible = {name: line for name, line in lines.items() if line is not None}
-        visible |= self._layers_between(visible)
-        found: dict[str, Geometry] = {name: self._polyline(line) for name, line in visible.items()}
-        sds: dict[str, float | tuple[float, ...]] = {
-            name: self._sds(line) for name, line in visible.items() if not np.isnan(line.sd_px[0])
-        }
+        limits = self._limits if shaft is None else self._limits._replace(tip_x=shaft.tip_px[0])
+        lines = surface_lines(
+            SurfaceColumns(layers.x_px, layers.ilm_px, layers.ilm_sd_px, layers.ilm_visible),
+            SurfaceColumns(layers.x_px, layers.rpe_px, layers.rpe_sd_px, layers.rpe_visible),
+            limits,
+        )
+        ilm, rpe = lines.counts[:2]
+        between = rpe if ilm else 0
+        found: dict[str, Geometry] = {}
+        sds: dict[str, float | tuple[float, ...]] = {}
+        for number, (name, count) in enumerate(zip(LINES, (ilm, rpe, between, between), strict=True)):
+            if count:
+                found[name] = Polyline(tuple(map(tuple, lines.points_mm[number, :count].tolist())))
+                if not math.isnan(lines.sds_mm[number, 0]):
+                    sds[name] = tuple(lines.sds_mm[number, :count].tolist())
         if "ilm" in found:
             found["retina_surface"] = found["ilm"]
         if "ilm" in sds:
@@ -99,54 +106,11 @@ class ObservationBuilder:
             found,
             certainty=None if shaft is None else self._certainty(shaft),
             interpolated={
-                name: ranges
-                for name in ("ilm", "rpe")
-                if name in visible and (ranges := self._interpolated_ranges(visible[name]))
+                name: tuple(map(tuple, ranges_mm[:count].tolist()))
+                for name, ranges_mm, count in zip(LINES[:2], lines.ranges_mm, lines.counts[2:], strict=True)
+                if count
             },
             sd_mm=sds,
-        )
-
-    def _line(
-        self, x_px: Floats, row_px: Floats, visible: Mask, sd_px: Floats | None, shaft: Shaft | None
-    ) -> _SurfaceLine | None:
-        sd_px = np.full(len(x_px), math.nan) if sd_px is None else sd_px
-        columns = _SurfaceLine(x_px, row_px, visible, sd_px)
-        return _reported(columns, shaft, self._registration.image.mm_per_px / self._axial_mm)
-
-    def _layers_between(self, lines: dict[str, _SurfaceLine]) -> dict[str, _SurfaceLine]:
-        """Return the layers between ILM and RPE."""
-        if not {"ilm", "rpe"} <= lines.keys():
-            return {}
-        ilm, rpe = lines["ilm"], lines["rpe"]
-        top, top_sd = (np.interp(rpe.x_px, ilm.x_px, part) for part in (ilm.row_px, ilm.sd_px))
-        shares = {"subretinal_space": SUBRETINAL_SHARE, "target_layer": self._registration.target_share}
-        return {
-            name: rpe._replace(
-                row_px=top + share * (rpe.row_px - top),
-                sd_px=np.hypot((1 - share) * top_sd, share * rpe.sd_px),
-            )
-            for name, share in shares.items()
-        }
-
-    def _polyline(self, line: _SurfaceLine) -> Polyline:
-        image = self._registration.image
-        x_mm = (line.x_px - image.center_px[0]) * (-image.mm_per_px if image.mirrored else image.mm_per_px)
-        y_mm = (image.center_px[1] - line.row_px) * self._axial_mm
-        return Polyline(tuple(zip(x_mm.tolist(), y_mm.tolist(), strict=True)))
-
-    def _sds(self, line: _SurfaceLine) -> tuple[float, ...]:
-        return tuple((self._axial_mm * line.sd_px).round(5).tolist())
-
-    def _interpolated_ranges(self, line: _SurfaceLine) -> tuple[Vec, ...]:
-        """Return the ranges in which a surface is not visible itself, x in the eye frame [mm]."""
-        edges = np.flatnonzero(np.diff(np.concatenate(([1], line.is_visible.astype(np.int8), [1]))))
-        to_mm = self._registration.image.to_mm
-        return tuple(
-            (
-                to_mm((float(line.x_px[max(start - 1, 0)]), 0.0))[0],
-                to_mm((float(line.x_px[min(end, len(line.x_px) - 1)]), 0.0))[0],
-            )
-            for start, end in zip(edges[::2], edges[1::2], strict=True)
         )
 
     def _needle(self, shaft: Shaft) -> dict[str, Geometry]:
@@ -177,43 +141,3 @@ def _nearest_on_line(point: Vec, start: Vec, ahead: Vec) -> Vec:
     along = (x * dx + y * dy) / (dx * dx + dy * dy)
     nearest = start[0] + along * dx, start[1] + along * dy
     return point if math.dist(point, nearest) < ON_LINE_MM else nearest
-
-
-def _reported(columns: _SurfaceLine, shaft: Shaft | None, aspect: float) -> _SurfaceLine | None:
-    """Return a surface from its first to its last visible column, extended below the tip.
-
-    Args:
-        columns: The surface in all columns.
-        shaft: The needle, if there is one.
-        aspect: Width of a pixel over its height.
-    """
-    at = np.flatnonzero(columns.is_visible)
-    if not len(at):
-        return None
-    first, last = int(at[0]), int(at[-1]) + 1
-    x, is_visible = columns.x_px[first:last], columns.is_visible[first:last]
-    row, sd = (np.interp(x, x[is_visible], part[at]) for part in (columns.row_px, columns.sd_px))
-    if not is_visible.all():
-        gap_px = np.abs(x[~is_visible, None] - x[is_visible]).min(axis=1)
-        sd[~is_visible] = np.hypot(sd[~is_visible], SLOPE_SD * aspect * gap_px)
-    line = _SurfaceLine(x, row, is_visible, sd)
-    if shaft is None:
-        return line
-    tip_x = shaft.tip_px[0]
-    if 0 < x[0] - tip_x + BEYOND_TIP_PX < MAX_EXTENSION_PX:
-        return _joined(_extrapolated(columns, x[0], tip_x - BEYOND_TIP_PX, aspect), line)
-    if 0 < tip_x + BEYOND_TIP_PX - x[-1] < MAX_EXTENSION_PX:
-        return _joined(line, _extrapolated(columns, x[-1], tip_x + BEYOND_TIP_PX, aspect))
-    return line
-
-
-def _extrapolated(columns: _SurfaceLine, from_x_px: float, at_x_px: float, aspect: float) -> _SurfaceLine:
-    """Return one point of a surface beyond its visible part."""
-    x, row, is_visible, sd = columns
-    sd_px = math.hypot(float(np.interp(from_x_px, x, sd)), SLOPE_SD * aspect * abs(at_x_px - from_x_px))
-    row_px = row_at(x, row, is_visible, at_x_px)
-    return _SurfaceLine(np.array([at_x_px]), np.array([row_px]), np.array([False]), np.array([sd_px]))
-
-
-def _joined(left: _SurfaceLine, right: _SurfaceLine) -> _SurfaceLine:
-    return _SurfaceLine(*(np.concatenate(parts) for parts in zip(left, right, strict=True)))

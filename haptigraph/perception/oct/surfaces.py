@@ -7,14 +7,12 @@ upper edge of a bright band below it. Where light is blocked, no surface is visi
 
 import math
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from haptigraph.imaging import Floats, Mask
-from haptigraph.perception.native.bscan import SurfaceSearch, find_ilm, find_rpe, smooth_rows
+from haptigraph.perception.native import bscan as native
 from haptigraph.perception.oct.scan_image import ScanImage
 
 __all__ = ["SurfaceConstants", "Surfaces", "find_surfaces", "without_specks"]
@@ -63,6 +61,8 @@ class SurfaceConstants(NamedTuple):
     """Standard deviation of a row: smallest, and in standard deviations of the rows in its window."""
     min_band_share: float = 0.1
     """Contrast of the RPE's band, relative to that of tissue."""
+    min_band_sd: float = 2.0
+    """The same, in standard deviations of the noise."""
 
 
 CONSTANTS = SurfaceConstants()
@@ -86,38 +86,15 @@ class Surfaces(NamedTuple):
 
 def find_surfaces(scan: ScanImage) -> Surfaces:
     """Find both surfaces."""
-    down, rows = scan.cell_px[1], scan.grid.shape[1]
-    search, dark_grey, darkest_grey = _search(scan), scan.levels.dark_grey, scan.levels.darkest_grey
-    sd_grey = max(dark_grey - darkest_grey, 1.0)
-    fine_ilm, rise_grey = find_ilm(scan.grid, search)
-    min_grey = max(
-        CONSTANTS.min_contrast_grey,
-        CONSTANTS.min_contrast_sd * sd_grey / search.deep**0.5,
-        CONSTANTS.min_rise_share * _quantile(rise_grey, 0.9),
-    )
-    column_mm = scan.column_px * scan.scale.lateral_mm
-    run = max(2, round(CONSTANTS.min_width_mm / column_mm))
-    is_tissue = _opened(rise_grey >= min_grey, run)
-    tissue_grey = _quantile(rise_grey[is_tissue], 0.5) if is_tissue.any() else 0.0
-    ilm, ilm_scatter = smooth_rows(fine_ilm, is_tissue, _window(CONSTANTS.smooth_mm / column_mm))
-    border = max(3.0, CONSTANTS.border_mm / (down * scan.scale.axial_mm))
-    fine_rpe, rise_grey, fall_grey = find_rpe(scan.grid, search, ilm, is_tissue)
-    min_grey = max(CONSTANTS.min_band_share * tissue_grey, 2 * sd_grey / search.band**0.5)
-    is_band = is_tissue & (np.minimum(rise_grey, fall_grey) > min_grey) & (fine_rpe < rows - 2 * search.band)
-    rpe, rpe_scatter = smooth_rows(fine_rpe, is_band, _window(CONSTANTS.rpe_smooth_mm / column_mm))
-    return Surfaces(
-        np.arange(len(ilm), dtype=np.float64) * scan.column_px + (scan.column_px - 1) / 2,
-        ilm * down - HALF,
-        is_tissue & (ilm >= border),
-        rpe * down - HALF,
-        _opened(is_band, run),
-        np.hypot(CONSTANTS.sd_mm[0] / scan.scale.axial_mm, CONSTANTS.sd_mm[1] * ilm_scatter * down),
-        np.hypot(CONSTANTS.rpe_sd_mm[0] / scan.scale.axial_mm, CONSTANTS.rpe_sd_mm[1] * rpe_scatter * down),
-        tissue_grey,
-    )
+    found, down = native.find_surfaces(scan.grid, _search(scan)), scan.cell_px[1]
+    ilm_px, rpe_px = found.rows * down - HALF
+    ilm_sd_px, rpe_sd_px = found.sds * down
+    x_px = np.arange(len(ilm_px), dtype=np.float64) * scan.column_px + (scan.column_px - 1) / 2
+    ilm_visible, rpe_visible = found.visible
+    return Surfaces(x_px, ilm_px, ilm_visible, rpe_px, rpe_visible, ilm_sd_px, rpe_sd_px, found.tissue_grey)
 
 
-def _search(scan: ScanImage) -> SurfaceSearch:
+def _search(scan: ScanImage) -> native.SurfaceSearch:
     """Return the limits in rows of the grid."""
     row_mm = scan.cell_px[1] * scan.scale.axial_mm
     column_mm = scan.column_px * scan.scale.lateral_mm
@@ -126,40 +103,41 @@ def _search(scan: ScanImage) -> SurfaceSearch:
         return max(2, round(length_mm / row_mm))
 
     cost, dark_grey = (row_mm / column_mm) ** 2, scan.levels.dark_grey
-    return SurfaceSearch(
+    noise_grey, deep, band = scan.levels.noise_grey, rows(CONSTANTS.deep_mm), rows(CONSTANTS.band_mm)
+    return native.SurfaceSearch(
         edge=rows(CONSTANTS.edge_mm),
-        deep=rows(CONSTANTS.deep_mm),
+        deep=deep,
         thinnest=rows(CONSTANTS.thinnest_mm),
         thickest=max(rows(CONSTANTS.thickest_mm), rows(CONSTANTS.thinnest_mm) + 8),
-        band=rows(CONSTANTS.band_mm),
+        band=band,
         most=min(max(1, math.ceil(CONSTANTS.steepest * column_mm / row_mm)), 16),
+        min_columns=max(2, round(CONSTANTS.min_width_mm / column_mm)),
         step_grey=CONSTANTS.slope_grey * cost,
         rpe_step_grey=CONSTANTS.rpe_slope_grey * cost,
         saturation_grey=CONSTANTS.saturation_grey,
         body_share=CONSTANTS.body_share,
         dark_grey=dark_grey,
         top_grey=dark_grey + CONSTANTS.top_share * (scan.levels.bright_grey - dark_grey),
+        min_rise_grey=max(
+            CONSTANTS.min_contrast_grey, CONSTANTS.min_contrast_sd * noise_grey / math.sqrt(deep)
+        ),
+        min_rise_share=CONSTANTS.min_rise_share,
+        min_band_grey=CONSTANTS.min_band_sd * noise_grey / math.sqrt(band),
+        min_band_share=CONSTANTS.min_band_share,
+        border=max(3.0, CONSTANTS.border_mm / row_mm),
+        ilm=_smoothing(CONSTANTS.smooth_mm / column_mm, CONSTANTS.sd_mm, row_mm),
+        rpe=_smoothing(CONSTANTS.rpe_smooth_mm / column_mm, CONSTANTS.rpe_sd_mm, row_mm),
     )
 
 
 @lru_cache
-def _window(half_columns: float) -> Floats:
-    """Return a raised cosine."""
+def _smoothing(half_columns: float, sd_mm: tuple[float, float], row_mm: float) -> native.Smoothing:
+    """Return the smoothing by a raised cosine."""
     reach = max(1, math.ceil(half_columns) - 1)
-    return np.asarray(1 + np.cos(np.pi * np.arange(-reach, reach + 1) / max(half_columns, reach + 0.1)))
-
-
-def _quantile(values: NDArray[Any], share: float) -> float:
-    """Return a quantile to the nearest value, faster than NumPy's."""
-    return float(np.sort(values)[int(share * (len(values) - 1))])
+    window = 1 + np.cos(np.pi * np.arange(-reach, reach + 1) / max(half_columns, reach + 0.1))
+    return native.Smoothing(window, sd_mm[0] / row_mm, sd_mm[1])
 
 
 def without_specks(visible: Mask) -> Mask:
     """Remove short runs of columns."""
-    return _opened(visible, MIN_COLUMNS)
-
-
-def _opened(visible: Mask, columns: int) -> Mask:
-    """Remove runs of less than so many columns."""
-    kernel = np.ones((1, columns), np.uint8)
-    return np.asarray(cv2.morphologyEx(visible.astype(np.uint8)[None], cv2.MORPH_OPEN, kernel)[0] > 0)
+    return native.remove_specks(visible, MIN_COLUMNS)

@@ -58,6 +58,20 @@ def test_surfaces_are_accurate_and_complete(results, name):
     assert np.percentile(errors, 95) <= 4
 
 
+@pytest.mark.parametrize(("number", "seed"), [(177, 90001), (9, 95001), (86, 95001), (10, 95001)])
+def test_in_haze_the_ilm_is_neither_on_the_rpe_nor_at_the_hazes_edge(number, seed):
+    scene = random_scene(number, seed, haze_db=9.0)
+    perceive, image = perceiver_of(scene)
+    scan = scene.take()
+    observation = perceive(Capture(0, 0, scan.image))
+    x, y = in_px(observation.found, "ilm", image)
+    columns = np.clip(np.rint(x).astype(int), 0, len(scan.truth.ilm_px) - 1)
+    is_visible = visible_columns_of(observation, "ilm", x, image)
+    assert is_visible.sum() >= 15
+    assert np.abs(y - scan.truth.ilm_px[columns])[is_visible].max() < 12
+    assert "rpe" in observation.found
+
+
 def test_the_needle_is_accurate_without_false_detections(results):
     angles, tips = [], []
     for _, truth, observation, image in results:

@@ -7,13 +7,14 @@
 #include "native.h"
 
 #define MAX_RIDGES 2
-#define ALONG_STEPS 5      /* averaged along a ridge */
-#define CORE_STEPS 5       /* averaged across it, its width */
-#define MAX_CELL_PX 256    /* pixels of a cell: sums of its rows fit 16 bits */
-#define MAX_STEP_ROWS 16   /* of a path, from one column to the next */
-#define MAX_SCAN_PX 16384  /* in each direction: positions fit 16 bits and as many of a fraction */
-#define MAX_CELLS 8192     /* in each direction: the cells on a line fit 16 bits, with a sign */
-#define MAX_SUM_PX 8000000 /* in a column of cells: sums of grey fit 32 bits */
+#define ALONG_STEPS 5       /* averaged along a ridge */
+#define CORE_STEPS 5        /* averaged across it, its width */
+#define MAX_CELL_PX 256     /* pixels of a cell: sums of its rows fit 16 bits */
+#define MAX_STEP_ROWS 16    /* of a path, from one column to the next */
+#define MAX_SCAN_PX 16384   /* in each direction: positions fit 16 bits and as many of a fraction */
+#define MAX_CELLS 8192      /* in each direction: the cells on a line fit 16 bits, with a sign */
+#define SD_STEPS_PER_MM 1e5 /* rounding of reported standard deviations */
+#define MAX_SUM_PX 8000000  /* in a column of cells: sums of grey fit 32 bits */
 
 /* A downsampled image: sums of grey over cells, row by row. */
 typedef struct {
@@ -23,15 +24,27 @@ typedef struct {
     int pixels; /* of a cell */
 } Grid;
 
+/* How a surface is smoothed; its standard deviation is at least `least_sd`, in rows. */
+typedef struct {
+    const double *window; /* positive weights of columns, (2 reach + 1) */
+    int reach;
+    double least_sd, scatter_share; /* standard deviations of the rows in the window */
+} Smoothing;
+
 /* Limits of the search for both surfaces; lengths in rows. */
 typedef struct {
     int edge, deep;                  /* averaged on either side of a step, and below the ILM */
     int thinnest, thickest;          /* from ILM to RPE */
     int band;                        /* thickness of the RPE's bright band */
     int most;                        /* largest step of a path to the next column */
+    int min_columns;                 /* of a visible part */
     double step_grey, rpe_step_grey; /* cost of a step of one row, squared */
     double saturation_grey, body_share;
     double dark_grey, top_grey; /* without backscatter; a column that begins brighter begins with tissue */
+    double min_rise_grey, min_rise_share; /* of tissue; relative to the typical rise */
+    double min_band_grey, min_band_share; /* of the RPE; relative to tissue */
+    double border;                        /* nearer to the image's top, the ILM is not visible */
+    Smoothing ilm, rpe;
 } SurfaceSearch;
 
 /* Limits of the search for ridges; lengths in steps, slopes in rows per column. */
@@ -59,3 +72,19 @@ typedef struct {
     double min_contrast_grey, level, rise_share;
     int slope_columns, run, half;
 } EdgeSearch;
+
+/* A surface, by column. */
+typedef struct {
+    const double *x_px, *row_px, *sd_px; /* ascending columns; standard deviations may be NULL */
+    const uint8_t *is_visible;
+    int count;
+} Columns;
+
+/* How surfaces are reported. */
+typedef struct {
+    double tip_x, beyond_px, most_px; /* column of the tip, NaN for none; extension beyond it, and at most */
+    double slope_sd;                  /* of what is not visible, rows per column */
+    double center_px[2], right_mm, down_mm; /* the origin, and millimetres per pixel to the right and down */
+    double shares[2];                       /* of the layers between ILM and RPE */
+    int slope_columns;                      /* from which a surface is extrapolated */
+} LineLimits;

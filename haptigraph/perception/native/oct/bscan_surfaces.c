@@ -8,7 +8,8 @@
 #include "oct/bscan.h"
 
 #define EXCLUDED (-1e9f)
-#define FALL_SHARE 0.5f /* of the reward for the end of the RPE's band */
+#define FALL_SHARE 0.5f  /* of the reward for the end of the RPE's band */
+#define UPPER_SHARE 0.8f /* of the reward of a path, for one above it */
 
 /* Compress large differences; `share` is one over the limit. */
 static inline float saturating(float grey, float share) { return grey / (fabsf(grey) * share + 1); }
@@ -96,7 +97,8 @@ static double peak_near(const float *values, int count, int row) {
     return best + maximum(-0.5, minimum(offset, 0.5));
 }
 
-/* Write step, rise and reward of the ILM in each row of a column, from its running sums at its first row. */
+/* Write step, rise and reward of the ILM in each row of a column, from its running sums at its first row. In
+   the reward, a rise counts as far as it is abrupt, which that of a haze is not. */
 static void reward_ilm(const int32_t *restrict sums, int rows, const SurfaceSearch *search, float scale,
                        float *restrict step, float *restrict rise, float *restrict reward) {
     const float dark = (float)search->dark_grey, limit = 1 / (float)search->saturation_grey;
@@ -108,15 +110,45 @@ static void reward_ilm(const int32_t *restrict sums, int rows, const SurfaceSear
         const float body = (upper < lower ? upper : lower) - dark;
         step[row] = mean(sums + row, 0, edge, scale) - mean(sums + row, -edge, 0, scale);
         rise[row] = body - (above > 0 ? above : 0);
-        reward[row] = saturating(step[row], limit) + saturating(rise[row], limit) + share * body;
+        const float abrupt = rise[row] < step[row] ? rise[row] : step[row];
+        reward[row] = saturating(step[row], limit) + saturating(abrupt, limit) + share * body;
     }
+}
+
+/* Move a path to the one above it if that is nearly as good in columns with tissue: it follows the RPE then,
+   where a haze hides much of the ILM's step. Return whether there was memory. */
+static int prefer_upper(const float *reward, const float *rise, int columns, int rows,
+                        const SurfaceSearch *search, int32_t *path) {
+    const int span = search->thickest - search->thinnest;
+    const size_t count = (size_t)columns;
+    float *part = calloc(count * (size_t)span + count, 4);
+    if (!part) return 0;
+    int32_t *upper = (int32_t *)(part + count * (size_t)span);
+    for (int column = 0; column < columns; column++) {
+        const int top = path[column] - search->thickest;
+        const float *from = reward + (ptrdiff_t)column * rows + top;
+        for (int row = top < 0 ? -top : 0; row < span; row++)
+            part[(ptrdiff_t)column * span + row] = from[row];
+    }
+    const int found = best_rows(part, columns, span, search->most, search->step_grey, upper);
+    float of_path = 0, of_upper = 0;
+    for (int column = 0; found && column < columns; column++) {
+        const ptrdiff_t at = (ptrdiff_t)column * rows + path[column];
+        if (rise[at] < search->min_rise_grey) continue;
+        of_path += reward[at];
+        of_upper += part[(ptrdiff_t)column * span + upper[column]];
+    }
+    for (int column = 0; found && of_upper > UPPER_SHARE * of_path && column < columns; column++)
+        path[column] = clamped(path[column] - search->thickest + upper[column], 0, rows - 1);
+    free(part);
+    return found;
 }
 
 /* Find the ILM: the first step from dark to bright with bright tissue below.
 
    Write its sub-pixel row in each column, and how much brighter it is below than above [grey levels]. Return
    whether there was memory. */
-VECTORS EXPORT int find_ilm(const Grid *grid, const SurfaceSearch *search, double *ilm, float *rise_grey) {
+static int find_ilm(const Grid *grid, const SurfaceSearch *search, double *ilm, float *rise_grey) {
     const int columns = grid->columns / grid->group, rows = grid->rows, deep = search->deep;
     const size_t count = (size_t)columns * (size_t)rows;
     float *reward = calloc(3 * count + (size_t)rows + 2 * (size_t)deep + 1 + (size_t)columns, 4);
@@ -130,7 +162,8 @@ VECTORS EXPORT int find_ilm(const Grid *grid, const SurfaceSearch *search, doubl
         darken_above(sums, deep, search->top_grey * pixels, (int32_t)(search->dark_grey * pixels));
         reward_ilm(sums + deep, rows, search, 1 / (float)pixels, step + first, rise + first, reward + first);
     }
-    const int found = best_rows(reward, columns, rows, search->most, search->step_grey, path);
+    const int found = best_rows(reward, columns, rows, search->most, search->step_grey, path) &&
+                      prefer_upper(reward, rise, columns, rows, search, path);
     for (int column = 0; found && column < columns; column++) {
         const ptrdiff_t first = (ptrdiff_t)column * rows;
         ilm[column] = peak_near(step + first, rows, path[column]);
@@ -159,8 +192,8 @@ static void reward_rpe(const int32_t *restrict sums, int rows, const SurfaceSear
 
    Write its sub-pixel row in each column, and by how much the band is brighter than above and below it.
    Return whether there was memory. */
-VECTORS EXPORT int find_rpe(const Grid *grid, const SurfaceSearch *search, const double *ilm,
-                            const uint8_t *visible, double *rpe, float *rise_grey, float *fall_grey) {
+static int find_rpe(const Grid *grid, const SurfaceSearch *search, const double *ilm, const uint8_t *visible,
+                    double *rpe, float *rise_grey, float *fall_grey) {
     const int columns = grid->columns / grid->group, band = search->band, end = grid->rows;
     const int above = band > search->edge ? band : search->edge, rows = search->thickest - search->thinnest;
     const size_t count = (size_t)columns * (size_t)rows;
@@ -170,7 +203,7 @@ VECTORS EXPORT int find_rpe(const Grid *grid, const SurfaceSearch *search, const
     int32_t *path = (int32_t *)(fall + count), *sums = path + columns;
     const float scale = 1 / (float)(grid->pixels * grid->group);
     for (int column = 0; column < columns; column++) {
-        const int first = (int)(ilm[column] + 0.5) + search->thinnest;
+        const int first = clamped(ilm[column] + 0.5, 0, end) + search->thinnest;
         const int from = first < above ? above - first : 0, to = end - 2 * band - first;
         const ptrdiff_t at = (ptrdiff_t)column * rows + from;
         if (!visible[column] || to <= from) continue;
@@ -181,7 +214,8 @@ VECTORS EXPORT int find_rpe(const Grid *grid, const SurfaceSearch *search, const
     const int found = best_rows(reward, columns, rows, search->most, search->rpe_step_grey, path);
     for (int column = 0; found && column < columns; column++) {
         const ptrdiff_t at = (ptrdiff_t)column * rows;
-        rpe[column] = peak_near(rise + at, rows, path[column]) + (int)(ilm[column] + 0.5) + search->thinnest;
+        rpe[column] =
+            peak_near(rise + at, rows, path[column]) + clamped(ilm[column] + 0.5, 0, end) + search->thinnest;
         rise_grey[column] = rise[at + path[column]];
         fall_grey[column] = fall[at + path[column]];
     }
@@ -203,14 +237,77 @@ static double window_mean(const double *values, const uint8_t *visible, int colu
     return sum / total;
 }
 
-/* Smooth the rows of a surface over its visible columns, and write their scatter about the result; `misses`
-   has a value per column. */
-EXPORT void smooth_rows(const double *rows, const uint8_t *visible, int columns, const double *window,
-                        int reach, double *misses, double *smooth, double *scatter) {
+/* Smooth the rows of a surface over its visible columns, in place, and write their standard deviations: the
+   scatter about the result, with the least one. `scratch` has two values per column. */
+static void smooth_rows(double *rows, const uint8_t *visible, int columns, const Smoothing *smoothing,
+                        double *scratch, double *sd) {
+    double *smooth = scratch, *misses = scratch + columns;
     for (int column = 0; column < columns; column++) {
-        smooth[column] = window_mean(rows, visible, columns, window, reach, column);
+        smooth[column] = window_mean(rows, visible, columns, smoothing->window, smoothing->reach, column);
         misses[column] = square(rows[column] - smooth[column]);
     }
+    for (int column = 0; column < columns; column++) {
+        const double variance =
+            window_mean(misses, visible, columns, smoothing->window, smoothing->reach, column);
+        sd[column] = sqrt(square(smoothing->least_sd) + square(smoothing->scatter_share) * variance);
+        rows[column] = smooth[column];
+    }
+}
+
+static int compare(const void *one, const void *other) {
+    const float a = *(const float *)one, b = *(const float *)other;
+    return (a > b) - (a < b);
+}
+
+/* Return a quantile of the values of some columns, of all if `of` is NULL; 0 for none. */
+static float quantile(const float *values, const uint8_t *of, int columns, double share, float *ordered) {
+    int count = 0;
     for (int column = 0; column < columns; column++)
-        scatter[column] = sqrt(window_mean(misses, visible, columns, window, reach, column));
+        if (!of || of[column]) ordered[count++] = values[column];
+    qsort(ordered, (size_t)count, sizeof *ordered, compare);
+    return count ? ordered[(int)(share * (count - 1))] : 0;
+}
+
+/* Take runs of less than so many columns out of a mask; one at its border may go on beyond it. */
+EXPORT void remove_specks(uint8_t *mask, int columns, int least) {
+    for (int column = 0, start = 0; column <= columns; column++) {
+        if (column < columns && mask[column]) continue;
+        const int is_cut = start == 0 || column == columns, enough = is_cut ? (least + 1) / 2 : least;
+        if (column - start < enough)
+            for (int other = start; other < column; other++) mask[other] = 0;
+        start = column + 1;
+    }
+}
+
+/* Find both surfaces.
+
+   Write their rows and standard deviations in rows of the grid, (4, columns): of the ILM, of the RPE, and
+   the same of the standard deviations; where they are visible, (2, columns); and the contrast of visible
+   tissue against what is dark. Return whether there was memory. */
+VECTORS EXPORT int find_surfaces(const Grid *grid, const SurfaceSearch *search, double *rows,
+                                 uint8_t *visible, double *tissue_grey) {
+    const int columns = grid->columns / grid->group;
+    const size_t count = (size_t)columns;
+    double *scratch = malloc(2 * count * sizeof *scratch + 3 * count * sizeof(float));
+    if (!scratch) return 0;
+    float *rise = (float *)(scratch + 2 * count), *fall = rise + count, *ordered = fall + count;
+    double *ilm = rows, *rpe = rows + columns;
+    uint8_t *is_tissue = visible, *is_band = visible + columns;
+    int found = find_ilm(grid, search, ilm, rise);
+    const float typical = quantile(rise, NULL, columns, 0.9, ordered);
+    float least = (float)maximum(search->min_rise_grey, search->min_rise_share * typical);
+    for (int column = 0; column < columns; column++) is_tissue[column] = rise[column] >= least;
+    remove_specks(is_tissue, columns, search->min_columns);
+    *tissue_grey = quantile(rise, is_tissue, columns, 0.5, ordered);
+    smooth_rows(ilm, is_tissue, columns, &search->ilm, scratch, rows + 2 * count);
+    found = found && find_rpe(grid, search, ilm, is_tissue, rpe, rise, fall);
+    least = (float)maximum(search->min_band_share * *tissue_grey, search->min_band_grey);
+    for (int column = 0; column < columns; column++)
+        is_band[column] = is_tissue[column] && rise[column] > least && fall[column] > least &&
+                          rpe[column] < grid->rows - 2 * search->band;
+    smooth_rows(rpe, is_band, columns, &search->rpe, scratch, rows + 3 * count);
+    remove_specks(is_band, columns, search->min_columns);
+    for (int column = 0; column < columns; column++) is_tissue[column] &= ilm[column] >= search->border;
+    free(scratch);
+    return found;
 }
