@@ -132,11 +132,11 @@ class CrtkLeader:
         self._silence = Silence(pose, SILENCE_MS, clock)
         self._node = Node()
         self._node.subscribe(pose, PoseStamped, self._receive, self._silence.reject)
-        for name, take in (
-            ("operator", self._steering.take_operator),
-            ("clutch", self._steering.take_clutch),
-        ):
-            self._node.subscribe(checked_topic(options[name]), Joy, take, self._silence.reject)
+        operator, clutch = checked_topic(options["operator"]), checked_topic(options["clutch"])
+        self._node.subscribe(operator, Joy, self._steering.take_operator, self._silence.reject)
+        for is_latched in (False, True):  # latched: a pedal that was pressed before the start, on the dVRK
+            take, reject = self._steering.take_clutch, self._silence.reject
+            self._node.subscribe(clutch, Joy, take, reject, is_latched=is_latched)
 
     @staticmethod
     def found() -> dict[str, str]:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from ros_network import until
 
 pytest.importorskip("cyclonedds")
 
@@ -11,6 +12,7 @@ from haptigraph.clock import VirtualClock
 from haptigraph.errors import BadInput
 from haptigraph.ros2.geometry_types import Pose, Quaternion
 from haptigraph.ros2.motion_types import PoseStamped
+from haptigraph.ros2.qos import Profile
 from haptigraph.ros2.types import Header, Joy, Point
 from haptigraph.teleop.leaders.crtk import MAX_JUMP_MM, CrtkLeader, PoseSteering, _rotation
 
@@ -117,3 +119,18 @@ def test_an_invalid_argument_is_refused(argument, sentence, ros_network):
     with pytest.raises(BadInput) as refusal:
         CrtkLeader(argument, VirtualClock())
     assert sentence in str(refusal.value)
+
+
+def test_a_pedal_that_was_pressed_before_the_start_is_known_if_its_publisher_latches(peer):
+    from cyclonedds.pub import DataWriter
+    from cyclonedds.topic import Topic
+
+    participant = peer.node._joined
+    topic = Topic(participant, "rt/footpedals/clutch", Joy)
+    writer = DataWriter(participant, topic, qos=Profile(1, is_transient_local=True).qos)
+    writer.write(pedal(1))
+    leader = CrtkLeader("MTML", VirtualClock())
+    until(lambda: leader._steering._is_clutched, "the pedal is not known")
+    writer.write(pedal(0))
+    until(lambda: not leader._steering._is_clutched, "the release did not arrive")
+    leader.close()
