@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from haptigraph.inference.procedure import Procedure
     from haptigraph.recording.writer import Progress
     from haptigraph.registration.registered import BaseRegistration
+    from haptigraph.robot.process import RobotProcess
 
 __all__ = [
     "DEVICES",
@@ -81,6 +82,7 @@ def build(
     sinks: Sequence[Sink] = (),
     progress: "Progress | None" = None,
     listener: Listener | None = None,
+    robot: "RobotProcess | None" = None,
 ) -> Loop:
     """Assemble the loop that a configuration describes.
 
@@ -89,6 +91,7 @@ def build(
         sinks: Further consumers of steps.
         progress: Reports the progress of slow work.
         listener: Receives every output of the device.
+        robot: The configured robot, if it is steered already; else it is opened, to be read only.
 
     Raises:
         BadInput: If a name, a file or a device in the configuration cannot be used.
@@ -105,8 +108,9 @@ def build(
         phased = _load("haptigraph.sources.phased:phased")
         source = phased(source, procedure.schema.phases, config.trial.phase)
         registration = registration_of(config, source, given)
-        robot, robot_setup = _load("haptigraph.run_robot:open_readings")(config.robot, source, clock)
-        undo.callback(robot.close)
+        open_readings = _load("haptigraph.run_robot:open_readings")
+        readings, robot_setup = open_readings(config.robot, source, clock, robot)
+        undo.callback(readings.close)
         config = suited(config, source, registration)
         pipeline = build_pipeline(config, registration, procedure)
         info = run_info(config, source, registration, procedure, clock, __version__, robot_setup)
@@ -145,7 +149,7 @@ def build(
             clock=clock,
             stale_ms=config.run.stale_ms,
             deliveries=log,
-            robot=robot,
+            robot=readings,
             notes=run_notes(config, source, procedure, device, registration, perceiver_class),
         )
         loop.report.note_limits(registration.assumed, config.haptics.max_amplitude)

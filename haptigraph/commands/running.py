@@ -113,9 +113,9 @@ def run_loop(
         sinks: list[Sink] = [console, page.hub] if page else [console]
         if practice is not None:
             sinks.append(_practice(practice, procedure, page))
-        listener = page.hub.record_level if page else None
+        listener, robot = (page.hub.record_level, page.robot) if page else (None, None)
         with (
-            closing(build(config, sinks=sinks, progress=progress, listener=listener)) as loop,
+            closing(build(config, sinks=sinks, progress=progress, listener=listener, robot=robot)) as loop,
             page.served(loop, measures) if page else nullcontext(),
         ):
             if page:

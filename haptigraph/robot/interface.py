@@ -73,6 +73,10 @@ class Robot(Protocol):
         """Ask for another operating state; `read` reports when it is reached."""
         ...
 
+    def leave(self) -> None:
+        """Disconnect without any command, from a robot that was only read. May be called twice."""
+        ...
+
     def close(self) -> None:
         """Hold, and disconnect. May be called twice."""
         ...

@@ -1,9 +1,9 @@
-"""Listen to a robot during a run: its readings -> samples for the captures. Never commands anything."""
+"""Listen to a robot during a run: its readings -> samples for the captures. Nothing is ever commanded."""
 
 import threading
 from collections import deque
 from collections.abc import Callable
-from contextlib import closing
+from contextlib import ExitStack
 
 import msgspec
 
@@ -95,7 +95,8 @@ class Listener:
             return
         finally:
             self._opened.set()
-        with closing(robot):
+        with ExitStack() as stack:
+            stack.callback(robot.leave)  # `close` would command it to hold
             number = 0
             while not self._stopped.wait(PERIOD_S):
                 reading = robot.read()

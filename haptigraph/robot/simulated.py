@@ -93,6 +93,9 @@ class SimulatedRobot:
         if self._state != "ENABLED":
             self.arm.hold(now_ns)
 
+    def leave(self) -> None:
+        """Do nothing: the simulated arm needs no connection."""
+
     def close(self) -> None:
         """Hold."""
         self.hold(self._clock.now_ns())

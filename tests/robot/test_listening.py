@@ -39,7 +39,7 @@ class FakeRobot:
             self.done.set()
         return replace(READING, number=number, stamp_ns=number)
 
-    def close(self):
+    def leave(self):
         self.closed = True
 
     def __getattr__(self, name):

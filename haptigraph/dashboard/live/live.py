@@ -109,6 +109,11 @@ class LivePage:
         with Server(app, self._listener.dup()):
             return saved.get()
 
+    @property
+    def robot(self) -> RobotProcess | None:
+        """The robot that pages steer."""
+        return self._robot
+
     def _robot_control(self) -> RobotControl | None:
         if self._robot is None:
             return None
