@@ -76,5 +76,7 @@ class Robot(Protocol):
         ...
 
     def close(self) -> None:
-        """Hold, and disconnect. May be called twice."""
+        """Hold a robot that was moved, and disconnect;
+        one that was only read is not commanded. May be called twice.
+        """
         ...
