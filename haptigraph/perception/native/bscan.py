@@ -39,9 +39,9 @@ _SURFACE_SEARCH = LIBRARY.layout(
     "SurfaceSearch",
     ("i", "edge deep thinnest thickest band most min_columns"),
     ("d", "step_grey rpe_step_grey saturation_grey body_share dark_grey top_grey"),
-    ("d", "min_rise_grey min_rise_share min_band_grey min_band_share border"),
-    *(("p", "ilm.window"), ("i", "ilm.reach"), ("d", "ilm.least_sd ilm.scatter_share")),
-    *(("p", "rpe.window"), ("i", "rpe.reach"), ("d", "rpe.least_sd rpe.scatter_share")),
+    ("d", "min_rise_grey min_rise_share min_band_grey min_band_share border_rows"),
+    *(("p", "ilm.window"), ("i", "ilm.reach"), ("d", "ilm.least_sd_rows ilm.scatter_share")),
+    *(("p", "rpe.window"), ("i", "rpe.reach"), ("d", "rpe.least_sd_rows rpe.scatter_share")),
 )
 _sum_cells = LIBRARY.function("sum_cells", "piiiiipp")
 _cell_levels = LIBRARY.function("cell_levels", "pp")
@@ -56,7 +56,7 @@ class Smoothing(NamedTuple):
 
     window: Floats
     """Positive weights of neighbouring columns, (k,), k odd."""
-    least_sd: float
+    least_sd_rows: float
     """Smallest standard deviation, in rows of the grid."""
     scatter_share: float
     """Standard deviation in those of the rows in the window."""
@@ -65,7 +65,7 @@ class Smoothing(NamedTuple):
         """Return the same for C."""
         reach = len(self.window) // 2
         window = checked("window", self.window, DOUBLE, (2 * reach + 1,))
-        return window, reach, self.least_sd, self.scatter_share
+        return window, reach, self.least_sd_rows, self.scatter_share
 
 
 class SurfaceSearch(NamedTuple):
@@ -88,7 +88,7 @@ class SurfaceSearch(NamedTuple):
     min_rise_share: float
     min_band_grey: float
     min_band_share: float
-    border: float
+    border_rows: float
     ilm: Smoothing
     rpe: Smoothing
 

@@ -53,8 +53,8 @@ EXPORT const Entry entries[] = {
 #define F(field) FIELD(SurfaceSearch, field)
     SIZE(SurfaceSearch), F(edge), F(deep), F(thinnest), F(thickest), F(band), F(most), F(min_columns),
     F(step_grey), F(rpe_step_grey), F(saturation_grey), F(body_share), F(dark_grey), F(top_grey),
-    F(min_rise_grey), F(min_rise_share), F(min_band_grey), F(min_band_share), F(border), F(ilm.window),
-    F(ilm.reach), F(ilm.least_sd), F(ilm.scatter_share), F(rpe.window), F(rpe.reach), F(rpe.least_sd),
+    F(min_rise_grey), F(min_rise_share), F(min_band_grey), F(min_band_share), F(border_rows), F(ilm.window),
+    F(ilm.reach), F(ilm.least_sd_rows), F(ilm.scatter_share), F(rpe.window), F(rpe.reach), F(rpe.least_sd_rows),
     F(rpe.scatter_share),
 #undef F
 #define F(field) FIELD(RidgeSearch, field)
@@ -73,7 +73,7 @@ EXPORT const Entry entries[] = {
     SIZE(Columns), F(x_px), F(row_px), F(sd_px), F(is_visible), F(count),
 #undef F
 #define F(field) FIELD(LineLimits, field)
-    SIZE(LineLimits), F(tip_x), F(beyond_px), F(most_px), F(slope_sd), F(center_px), F(right_mm), F(down_mm),
+    SIZE(LineLimits), F(tip_px), F(beyond_px), F(most_px), F(slope_sd), F(center_px), F(right_mm), F(down_mm),
     F(shares), F(slope_columns),
     {0}};
 

@@ -17,7 +17,7 @@ __all__ = ["LineLimits", "SurfaceColumns", "SurfaceLines", "surface_lines"]
 _COLUMNS = LIBRARY.layout("Columns", ("p", "x_px row_px sd_px is_visible"), ("i", "count"))
 _LINE_LIMITS = LIBRARY.layout(
     "LineLimits",
-    ("d", "tip_x beyond_px most_px slope_sd center_px right_mm down_mm shares"),
+    ("d", "tip_px beyond_px most_px slope_sd center_px right_mm down_mm shares"),
     ("i", "slope_columns"),
 )
 _surface_lines = LIBRARY.function("surface_lines", "ppppppp", ctypes.c_int)
@@ -43,7 +43,7 @@ class SurfaceColumns(NamedTuple):
 class LineLimits(NamedTuple):
     """How surfaces are reported, as in bscan.h."""
 
-    tip_x: float
+    tip_px: float
     """Column of the tip; NaN if there is none."""
     beyond_px: float
     """Extension of a surface beyond the tip."""

@@ -67,7 +67,7 @@ class ObservationBuilder:
         image = registration.image
         self._axial_mm = image.axial_mm_per_px or image.mm_per_px
         self._limits = LineLimits(
-            tip_x=math.nan,
+            tip_px=math.nan,
             beyond_px=BEYOND_TIP_PX,
             most_px=MAX_EXTENSION_PX,
             slope_sd=SLOPE_SD * image.mm_per_px / self._axial_mm,
@@ -80,7 +80,7 @@ class ObservationBuilder:
 
     def __call__(self, stamp_ns: int, layers: Layers, shaft: Shaft | None) -> Observation:
         """Return the observation of one B-scan."""
-        limits = self._limits if shaft is None else self._limits._replace(tip_x=shaft.tip_px[0])
+        limits = self._limits if shaft is None else self._limits._replace(tip_px=shaft.tip_px[0])
         lines = surface_lines(
             SurfaceColumns(layers.x_px, layers.ilm_px, layers.ilm_sd_px, layers.ilm_visible),
             SurfaceColumns(layers.x_px, layers.rpe_px, layers.rpe_sd_px, layers.rpe_visible),

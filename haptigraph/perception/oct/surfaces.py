@@ -124,7 +124,7 @@ def _search(scan: ScanImage) -> native.SurfaceSearch:
         min_rise_share=CONSTANTS.min_rise_share,
         min_band_grey=CONSTANTS.min_band_sd * noise_grey / math.sqrt(band),
         min_band_share=CONSTANTS.min_band_share,
-        border=max(3.0, CONSTANTS.border_mm / row_mm),
+        border_rows=max(3.0, CONSTANTS.border_mm / row_mm),
         ilm=_smoothing(CONSTANTS.smooth_mm / column_mm, CONSTANTS.sd_mm, row_mm),
         rpe=_smoothing(CONSTANTS.rpe_smooth_mm / column_mm, CONSTANTS.rpe_sd_mm, row_mm),
     )

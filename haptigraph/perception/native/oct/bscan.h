@@ -24,11 +24,11 @@ typedef struct {
     int pixels; /* of a cell */
 } Grid;
 
-/* How a surface is smoothed; its standard deviation is at least `least_sd`, in rows. */
+/* How a surface is smoothed; its standard deviation is at least `least_sd_rows`, in rows. */
 typedef struct {
     const double *window; /* positive weights of columns, (2 reach + 1) */
     int reach;
-    double least_sd, scatter_share; /* standard deviations of the rows in the window */
+    double least_sd_rows, scatter_share; /* standard deviations of the rows in the window */
 } Smoothing;
 
 /* Limits of the search for both surfaces; lengths in rows. */
@@ -43,7 +43,7 @@ typedef struct {
     double dark_grey, top_grey; /* without backscatter; a column that begins brighter begins with tissue */
     double min_rise_grey, min_rise_share; /* of tissue; relative to the typical rise */
     double min_band_grey, min_band_share; /* of the RPE; relative to tissue */
-    double border;                        /* nearer to the image's top, the ILM is not visible */
+    double border_rows;                   /* nearer to the image's top, the ILM is not visible */
     Smoothing ilm, rpe;
 } SurfaceSearch;
 
@@ -82,7 +82,7 @@ typedef struct {
 
 /* How surfaces are reported. */
 typedef struct {
-    double tip_x, beyond_px, most_px; /* column of the tip, NaN for none; extension beyond it, and at most */
+    double tip_px, beyond_px, most_px; /* column of the tip, NaN for none; extension beyond it, and at most */
     double slope_sd;                  /* of what is not visible, rows per column */
     double center_px[2], right_mm, down_mm; /* the origin, and millimetres per pixel to the right and down */
     double shares[2];                       /* of the layers between ILM and RPE */

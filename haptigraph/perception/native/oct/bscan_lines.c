@@ -67,7 +67,7 @@ static void trace(const Columns *surface, const LineLimits *limits, int *seen, L
     if (!number) return;
     const double *x = surface->x_px, *row = surface->row_px, *sd = surface->sd_px;
     const int first = seen[0], last = seen[number - 1];
-    const double before = limits->tip_x - limits->beyond_px, after = limits->tip_x + limits->beyond_px;
+    const double before = limits->tip_px - limits->beyond_px, after = limits->tip_px + limits->beyond_px;
     const int goes_before = x[first] - before > 0 && x[first] - before < limits->most_px;
     if (goes_before)
         add(line, before, beyond(surface, seen, number, limits->slope_columns, before),

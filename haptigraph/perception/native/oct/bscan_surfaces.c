@@ -249,7 +249,7 @@ static void smooth_rows(double *rows, const uint8_t *visible, int columns, const
     for (int column = 0; column < columns; column++) {
         const double variance =
             window_mean(misses, visible, columns, smoothing->window, smoothing->reach, column);
-        sd[column] = sqrt(square(smoothing->least_sd) + square(smoothing->scatter_share) * variance);
+        sd[column] = sqrt(square(smoothing->least_sd_rows) + square(smoothing->scatter_share) * variance);
         rows[column] = smooth[column];
     }
 }
@@ -307,7 +307,7 @@ VECTORS EXPORT int find_surfaces(const Grid *grid, const SurfaceSearch *search, 
                           rpe[column] < grid->rows - 2 * search->band;
     smooth_rows(rpe, is_band, columns, &search->rpe, scratch, rows + 3 * count);
     remove_specks(is_band, columns, search->min_columns);
-    for (int column = 0; column < columns; column++) is_tissue[column] &= ilm[column] >= search->border;
+    for (int column = 0; column < columns; column++) is_tissue[column] &= ilm[column] >= search->border_rows;
     free(scratch);
     return found;
 }
