@@ -15,7 +15,7 @@ from haptigraph.geometry import Vec
 from haptigraph.imaging import FloatImage, Floats, Mask
 from haptigraph.perception.native.bscan import best_path
 
-__all__ = ["Rows", "Scaling", "border_rows", "line_rows"]
+__all__ = ["Rows", "Scaling", "border_rows", "line_rows", "without_neighbours"]
 
 SCORED_MM, SCORED_ROWS = 0.05, (3, 16)  # on either side of a border, for its score; limits of the rows
 REFINED_ROWS = 4  # on either side of a border, for its sub-pixel position
@@ -101,7 +101,7 @@ def border_rows(
     share = (over / np.maximum(over + under, MIN_PROBABILITY)).sum(axis=0)
     is_likely = np.exp(score[path, columns]) >= least_confidence
     is_visible = is_likely & _is_consistent(above, below, path, row_mm) & _is_continuous(path)
-    return Rows(path - REFINED_ROWS + share - 0.5, _without_neighbours(is_visible), is_likely)
+    return Rows(path - REFINED_ROWS + share - 0.5, without_neighbours(is_visible), is_likely)
 
 
 def _cautious(above: FloatImage, below: FloatImage, depth_cost: np.float32) -> tuple[FloatImage, FloatImage]:
@@ -129,7 +129,7 @@ def _is_continuous(path: NDArray[np.intp]) -> Mask:
     return np.asarray(~(np.append(jumps, False) | np.append(False, jumps)))
 
 
-def _without_neighbours(is_visible: Mask) -> Mask:
+def without_neighbours(is_visible: Mask) -> Mask:
     """Leave out columns beside those that are left out: what misled the network there is near."""
     kernel = np.ones((1, 2 * DOUBTFUL_COLUMNS + 1), np.uint8)
     return np.asarray(cv2.erode(is_visible.astype(np.uint8)[None], kernel)[0] > 0)

@@ -61,6 +61,8 @@ class SurfaceClass(Struct, frozen=True, forbid_unknown_fields=True):
     between: tuple[Index, Index] | None = None
     """The classes above and below the surface."""
     line: Index | None = None
+    upper_edge: bool = False
+    """Whether it is the upper edge of a bright band, and no other such edge is just above it in tissue."""
 
     def __post_init__(self) -> None:
         if (self.between is None) == (self.line is None):

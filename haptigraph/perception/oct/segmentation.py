@@ -16,7 +16,8 @@ from haptigraph.geometry import Vec
 from haptigraph.imaging import FloatImage
 from haptigraph.messages import Capture, Image, ImageKind, Observation
 from haptigraph.perception.entities import ENTITIES
-from haptigraph.perception.oct.class_maps import Rows, Scaling, border_rows, line_rows
+from haptigraph.perception.oct.class_edges import upper_edge
+from haptigraph.perception.oct.class_maps import Rows, Scaling, border_rows, line_rows, without_neighbours
 from haptigraph.perception.oct.class_needle import NeedleFit, fit_needles
 from haptigraph.perception.oct.class_shadow import SHADOW_MARGIN_MM, Evidence, enters_from_border
 from haptigraph.perception.oct.needle import row_at
@@ -102,16 +103,20 @@ def interpret(
         _surface(maps, which, every, least_confidence, scaling.row_mm, cost)
         for which, cost in ((entity.ilm, 1.0), (entity.rpe, RPE_DEPTH_COST))
     )
-    layers = Layers(
+    likely = Layers(
         x_px=(columns + 0.5) * scaling.across - 0.5,
         ilm_px=(ilm.rows + 0.5) * scaling.down - 0.5,
-        ilm_visible=without_specks(ilm.is_visible),
-        rpe_px=(rpe.rows + 0.5) * scaling.down - 0.5,
-        rpe_visible=without_specks(rpe.is_visible & (rpe.rows > ilm.rows)),
-    )
-    likely = layers._replace(
         ilm_visible=without_specks(ilm.is_likely),
+        rpe_px=(rpe.rows + 0.5) * scaling.down - 0.5,
         rpe_visible=without_specks(rpe.is_likely & (rpe.rows > ilm.rows)),
+    )
+    rpe_px, is_rpe = likely.rpe_px, rpe.is_visible & (rpe.rows > ilm.rows)
+    if entity.rpe is not None and entity.rpe.upper_edge:
+        kept_px = round(len(columns) * every * scaling.across)
+        rpe_px, is_first = upper_edge(image[:, :kept_px], rpe_px, mm_per_px)
+        is_rpe = is_rpe & without_neighbours(is_first)
+    layers = likely._replace(
+        ilm_visible=without_specks(ilm.is_visible), rpe_px=rpe_px, rpe_visible=without_specks(is_rpe)
     )
     return layers, _shaft(maps, model, image, likely, scaling)
 

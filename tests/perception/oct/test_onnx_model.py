@@ -144,5 +144,6 @@ def test_a_toml_file_of_version_0_1_is_read_with_a_warning():
     assert str(warning.message) == f"{old_file}, line 13: key 'deviation_grey' is now called 'sd_grey'"
     shipped = Document.read(str(resources.files("haptigraph.models") / SHIPPED)).convert(ModelFile)
     needle = msgspec.structs.replace(shipped.entity.needle, least_confidence=None)
-    entity = msgspec.structs.replace(shipped.entity, needle=needle)
+    rpe = msgspec.structs.replace(shipped.entity.rpe, upper_edge=False)
+    entity = msgspec.structs.replace(shipped.entity, needle=needle, rpe=rpe)
     assert old == msgspec.structs.replace(shipped, entity=entity)

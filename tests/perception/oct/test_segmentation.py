@@ -124,6 +124,23 @@ def test_where_the_classes_contradict_each_other_no_rpe_is_reported(perceive):
     assert "ilm" not in observation.interpolated
 
 
+def test_below_another_bright_band_no_upper_edge_is_reported(perceive, tmp_path):
+    """The ellipsoid zone above what the network calls RPE: it follows the wrong band."""
+    toml = tmp_path / "net.toml"
+    toml.write_text(toml.read_text() + "upper_edge = true\n")
+    by_edge = SegmentationPerceiver(registered((256, 192)), PerceptionConfig(model=str(toml)))
+    capture = drawn(needle=False)
+    capture.image[160:175] = 150
+    clear = by_edge(capture)
+    capture.image[150:154, 100:180] = 124
+    ((left_mm, right_mm),) = by_edge(capture).interpolated["rpe"]
+    assert left_mm == pytest.approx((100 - 127.5) * LATERAL_MM, abs=0.3)
+    assert right_mm == pytest.approx((180 - 127.5) * LATERAL_MM, abs=0.3)
+    assert not clear.interpolated.get("rpe") and not perceive(capture).interpolated.get("rpe")
+    rows_mm = [y for _, y in clear.found["rpe"].points_mm]
+    assert rows_mm == pytest.approx([(95.5 - 159.5) * AXIAL_MM] * len(rows_mm), abs=0.3 * AXIAL_MM)
+
+
 @pytest.mark.parametrize("scale", [0.7, 1.5, 2.0])
 def test_lengths_do_not_depend_on_the_images_resolution(scale):
     scene = random_scene(1, 301, place="above")
@@ -193,10 +210,10 @@ def test_the_shipped_network_generalizes_to_new_b_scans():
             true = truth.needle.along_px
             angles_deg.append(np.degrees(np.arctan2(along[1], along[0]) - np.arctan2(true[1], true[0])))
             tips_px.append(np.hypot(*np.subtract(end, truth.needle.tip_px)))
-    assert np.median(off_px["ilm"]) <= 1.5
-    assert np.median(off_px["rpe"]) <= 2.5  # it is reported higher where the network is undecided
+    assert np.median(off_px["ilm"]) <= 1
+    assert np.median(off_px["rpe"]) <= 1.2
     assert len(angles_deg) >= 8
-    assert np.median(np.abs(angles_deg)) <= 0.5
+    assert np.median(np.abs(angles_deg)) <= 0.2
     assert np.median(tips_px) <= 5
 
 
@@ -228,7 +245,7 @@ def test_without_needle_none_is_invented_and_the_rpe_is_not_in_the_choroid(disea
         deep.append((errors_px > 5).sum())
         reported.append(len(errors_px))
     assert sum(reported) > 24 * 128 * 0.3
-    assert sum(deep) <= 0.1 * sum(reported)  # half of it with a network that never saw a choroid
+    assert sum(deep) <= 0.04 * sum(reported)  # half of it with a network that never saw a choroid
 
 
 @pytest.mark.parametrize("name", ["bscan_1.png", "bscan_3.png"])
@@ -247,7 +264,7 @@ def test_in_real_scans_needle_and_surfaces_match_their_labels(name):
     for surface in ("ilm", "rpe"):
         x, y = np.array([to_px(point) for point in observation.found[surface].points_mm]).T
         rows = np.array([np.nan if row is None else row for row in labels[f"{surface}_y"]])
-        assert np.nanmedian(np.abs(y - rows[np.rint(x).astype(int)])) <= 6
+        assert np.nanmedian(np.abs(y - rows[np.rint(x).astype(int)])) <= 4
 
 
 def test_a_segmentation_run_replays_identically(tmp_path):

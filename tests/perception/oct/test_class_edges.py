@@ -1,0 +1,74 @@
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from haptigraph.perception.oct.class_edges import upper_edge
+
+MM_PER_PX = 0.008, 0.003
+WIDTH, COLUMNS = 512, 128
+DARK, BRIGHT = 60, 160
+
+
+def bands(first_px, second_px=None, *, share=1.0, size=(256, WIDTH)):
+    """Two bright bands of 15 µm below dark tissue, the lower of which may be the only one; and its border."""
+    x = np.arange(size[1])
+    curve = 12 * np.sin(x / 90)
+    image = np.full(size, DARK, np.float32)
+    y = np.arange(size[0])[:, None] + 0.5
+    for row_px, contrast in ((first_px, share), (second_px, 1.0)):
+        if row_px is not None:
+            inside = np.clip(y - row_px - curve, 0, 1) * np.clip(row_px + curve + 5 - y, 0, 1)
+            image += (BRIGHT - DARK) * contrast * inside
+    return image.round().astype(np.uint8), curve.reshape(COLUMNS, -1).mean(axis=1)
+
+
+def noisy(image, seed, sd_grey=15):
+    noise = np.random.default_rng(seed).normal(0, sd_grey, image.shape)
+    return np.clip(image + noise, 0, 255).astype(np.uint8)
+
+
+@given(st.floats(-4, 0), st.integers(0, 9))
+@settings(max_examples=30, deadline=None)
+def test_a_border_just_above_an_edge_moves_onto_it(off_px, seed):
+    image, curve = bands(120)
+    row_px, is_first = upper_edge(noisy(image, seed), 120 - 0.5 + curve + off_px, MM_PER_PX)
+    assert is_first.all()
+    assert np.abs(np.median(row_px - curve - 119.5)) < 1
+    assert np.percentile(np.abs(row_px - curve - 119.5), 95) < 1.6
+
+
+def test_below_another_edge_a_border_is_not_confirmed():
+    image, curve = bands(107, 120)
+    image[:, 256:] = bands(None, 120)[0][:, 256:]
+    _, is_first = upper_edge(noisy(image, 1), 119.5 + curve, MM_PER_PX)
+    assert not is_first[:60].any()
+    assert is_first[68:].all()
+
+
+@pytest.mark.parametrize(("share", "confirmed"), [(0.1, True), (0.5, False)])
+def test_a_faint_edge_above_does_not_count(share, confirmed):
+    image, curve = bands(107, 120, share=share)
+    _, is_first = upper_edge(image, 119.5 + curve, MM_PER_PX)
+    assert (is_first == confirmed).all()
+
+
+def test_without_any_edge_a_border_is_not_confirmed():
+    _, is_first = upper_edge(np.full((256, WIDTH), DARK, np.uint8), np.full(COLUMNS, 120.0), MM_PER_PX)
+    assert not is_first.any()
+
+
+@pytest.mark.parametrize("scale", [0.7, 1.5, 2.0])
+def test_lengths_are_physical(scale):
+    image, curve = bands(107, 120)
+    image[:, 256:] = bands(None, 120)[0][:, 256:]
+    at_px = 117.5 + curve
+    other = cv2.resize(image, None, fx=1, fy=scale, interpolation=cv2.INTER_LINEAR)
+    other_px = (at_px + 0.5) * scale - 0.5
+    (row_px, is_first), (scaled_px, is_first_too) = (
+        upper_edge(image, at_px, MM_PER_PX),
+        upper_edge(other, other_px, (MM_PER_PX[0], MM_PER_PX[1] / scale)),
+    )
+    assert (is_first == is_first_too).mean() > 0.95
+    assert np.abs((scaled_px + 0.5) / scale - 0.5 - row_px).max() < 1.1
