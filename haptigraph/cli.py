@@ -18,10 +18,10 @@ from haptigraph.commands.publishing.export import export
 from haptigraph.commands.publishing.recording import export_recording
 from haptigraph.commands.publishing.video import video
 from haptigraph.commands.recordings import recover, replay
-from haptigraph.commands.robot import robot
-from haptigraph.commands.robot_check import robot_check
-from haptigraph.commands.robot_steer import robot_steer
-from haptigraph.commands.robots.robot_calibrate import sync_check
+from haptigraph.commands.robots.calibrate import calibrate, sync_check
+from haptigraph.commands.robots.check import robot_check
+from haptigraph.commands.robots.robot import robot
+from haptigraph.commands.robots.steer import robot_steer
 from haptigraph.commands.running import demo, run
 from haptigraph.commands.sources import sources
 from haptigraph.commands.studies.erase import erase
@@ -112,5 +112,5 @@ for command in (
     main.add_command(command)
 for command in (study_run, study_report, measure, export, video, erase, simulate, sweep):
     study.add_command(command)
-robot.add_command(robot_check)
-robot.add_command(robot_steer)
+for command in (calibrate, robot_check, robot_steer):
+    robot.add_command(command)

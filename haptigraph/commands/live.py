@@ -6,7 +6,7 @@ import click
 
 from haptigraph.commands.help import examples
 from haptigraph.commands.options import page_options, page_tokens, run_options, run_settings
-from haptigraph.commands.robot import SAFETY
+from haptigraph.commands.robots.robot import SAFETY
 from haptigraph.commands.running import run_loop
 from haptigraph.commands.terminal import print_status, show_page, terminable
 from haptigraph.errors import NeedsRegistration

@@ -76,7 +76,5 @@ class Robot(Protocol):
         ...
 
     def close(self) -> None:
-        """Hold a robot that was moved, and disconnect;
-        one that was only read is not commanded. May be called twice.
-        """
+        """Hold the robot if it was moved, and disconnect. May be called twice."""
         ...

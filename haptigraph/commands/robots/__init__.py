@@ -1,1 +1,1 @@
-"""Commands that place a robot in space and time."""
+"""Commands of robots: check, calibrate, steer."""

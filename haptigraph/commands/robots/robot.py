@@ -1,9 +1,8 @@
-"""Commands for robots: robot check, calibrate, steer."""
+"""The group of commands for robots."""
 
 import click
 
 from haptigraph.commands.help import TaskGroup, examples
-from haptigraph.commands.robots.robot_calibrate import calibrate
 
 __all__ = ["SAFETY", "robot"]
 
@@ -26,6 +25,3 @@ def robot() -> None:
 
     Research software, not a medical device.
     """
-
-
-robot.add_command(calibrate)

@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 
 from haptigraph.commands.help import examples
-from haptigraph.commands.robot import SAFETY
+from haptigraph.commands.robots.robot import SAFETY
 from haptigraph.commands.terminal import progress_bar
 
 __all__ = ["robot_check"]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from haptigraph.commands.help import examples
-from haptigraph.commands.robot import SAFETY
+from haptigraph.commands.robots.robot import SAFETY
 
 if TYPE_CHECKING:
     from haptigraph.robot.interface import Operating, StateCommand
