@@ -52,10 +52,11 @@ def test_no_sentence_is_cut_off(path):
     )
 
 
-@pytest.mark.parametrize(("path", "group"), [((), main), (("study",), main.commands["study"])])
-def test_commands_are_listed_once_by_task(path, group):
+@pytest.mark.parametrize("path", [(), ("robot",), ("study",)])
+def test_commands_are_listed_once_by_task(path):
+    group = main.commands[path[0]] if path else main
     text = call(*path, "--help").output
-    listed = re.findall(r"^  ([a-z]+) +[A-Z]", text, re.MULTILINE)
+    listed = re.findall(r"^  ([a-z][a-z-]+) +[A-Z]", text, re.MULTILINE)
     assert sorted(listed) == sorted(group.commands)
     assert listed != sorted(listed)
 

@@ -67,7 +67,7 @@ class Lag(Struct, frozen=True):
     duration_s: float
     images: int
     """How many images were used."""
-    explained: float
+    explained_share: float
     """Share of the motion in the images that the robot's motion explains."""
     residual_mm: float
     """RMS per axis, of robust fit."""

@@ -48,7 +48,7 @@ class SyncReport(Struct, frozen=True):
 
     @property
     def is_aligned(self) -> bool:
-        """Whether camera and robot agree to within what is tolerated, as far as can be told."""
+        """Whether camera and robot agree to within what is tolerated, as far as can be known."""
         low, high = self.robot.interval_s
         drifted_ms = 1e3 * abs(self.robot.drift_s_per_s) * self.robot.duration_s / 2
         is_drifted = self.robot.is_drift_significant and drifted_ms > TOLERATED_MS
@@ -78,7 +78,7 @@ def sync_lines(report: SyncReport) -> Iterator[str]:
     yield f"drift           {drift:+.3f} ms/s, 95 % interval {slow:+.3f} to {fast:+.3f} ms/s"
     yield (
         f"from            {lag.images} images in {lag.duration_s:.1f} s; the robot explains "
-        f"{100 * lag.explained:.2f} % of the motion, residual {lag.residual_mm:.3f} mm per axis"
+        f"{100 * lag.explained_share:.2f} % of the motion, residual {lag.residual_mm:.3f} mm per axis"
     )
     if report.touch is not None:
         touch = report.touch

@@ -14,7 +14,7 @@ SAFETY = (
 
 @click.group(
     cls=TaskGroup,
-    tasks={"Find it": ("calibrate",), "Before it moves": ("check",), "Move it": ("steer",)},
+    tasks={"Before it moves": ("check",), "Find it": ("calibrate",), "Move it": ("steer",)},
     epilog=examples(
         "haptigraph robot check crtk:PSM1 --setup robot.toml",
         "haptigraph robot steer simulated --setup examples/robot.toml --leader keys",

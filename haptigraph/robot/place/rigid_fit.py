@@ -20,7 +20,7 @@ MIN_SPREAD_MM = 0.5
 """Least extent of the points, RMS, in the second of their principal directions."""
 PLANE_MM = 0.2  # less extent than that in the third direction is a plane
 MIN_INLIERS = 0.6
-MIN_FOR_OUTLIERS = 7  # among fewer points, none can be told to be the wrong one
+MIN_FOR_OUTLIERS = 7  # among fewer points, none can be singled out
 OUTLIER_SDS = 4.0
 MAX_SCALE_ERROR = 0.03
 SUBSETS = 300

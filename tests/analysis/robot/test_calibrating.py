@@ -87,7 +87,7 @@ def test_a_recorded_run_gives_eye_pivot_and_lag(late_run, tmp_path):
         found.eye.robot_from_eye.point_mm(target_mm), true.eye.robot_from_eye.point_mm(target_mm)
     )
     assert apart_mm < 0.05 and found.eye.tip_sd_mm < 0.1
-    assert math.dist(found.rcm.at_mm, true.rcm.at_mm) < 5 * found.rcm.sd_mm < 0.1
+    assert math.dist(found.rcm.at_mm, true.rcm.at_mm) < 5 * found.rcm.sd_mm < 0.3
 
 
 def test_a_run_or_points_are_needed_and_not_both(points, late_run, tmp_path):
