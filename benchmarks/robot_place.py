@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "robot" / "place"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support" / "robots"))
 
 from robot_runs import TARGET_MM, SimulatedRun, random_transform, simulated_run
 
