@@ -1,7 +1,9 @@
 """The report of a trained network: a Markdown page with two figures, docs/segmentation_report.md."""
 
 import argparse
+import platform
 from concurrent.futures import ProcessPoolExecutor
+from importlib.metadata import version
 from multiprocessing import get_context
 from pathlib import Path
 from typing import NamedTuple
@@ -32,6 +34,8 @@ DOCS = Path(__file__).parent.parent / "docs"
 SCORED = 400
 EXAMPLES = 8
 PROCESSORS = 2
+LIBRARIES = {"PyTorch": "torch", "NumPy": "numpy", "OpenCV": "opencv-python-headless"}
+CPU_INFO = Path("/proc/cpuinfo")
 EMPTY, EMPTY_KINDS = 500, {"healthy": False, "diseased": True}
 ILM, RPE = (80, 220, 80), (80, 120, 255)
 TRUE = (255, 255, 255)
@@ -118,8 +122,10 @@ Written by `make train`; do not edit. How to use the model: [segmentation](segme
 
 A U-Net of {size_mb:.2f} MB, trained on {run.examples} simulated B-scans in {run.steps} batches of 8.
 Simulation and training took {run.minutes:.0f} minutes on two processors of a shared machine,
-{run.busy_minutes:.0f} of them processor time. No real B-scan was used. It is evaluated on {SCORED} other
-simulated B-scans (seed {SCORING_SEED}) of 512 x 512 px with random retina, needle, noise, tilt,
+{run.busy_minutes:.0f} of them processor time, with {_environment()}.
+The same code, seeds, libraries and type of processor give the same network.
+No real B-scan was used. It is evaluated on {SCORED} other simulated
+B-scans (seed {SCORING_SEED}) of 512 x 512 px with random retina, needle, noise, tilt,
 shadows and artefacts. All errors are in pixels of the full image. The tip is the one that the perceiver
 reports: the end of the needle class or, further along the shaft, the edge of its shadow.
 
@@ -174,6 +180,14 @@ B-scans. Bottom: the {EXAMPLES // 4} worst surfaces, then the {EXAMPLES // 4} wo
 
 ![Examples](images/segmentation-examples.jpg)
 """
+
+
+def _environment() -> str:
+    """Return what a network depends on, besides code and seeds."""
+    lines = CPU_INFO.read_text().splitlines() if CPU_INFO.is_file() else []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    processor = names[0] if names else platform.processor() or platform.machine()
+    return ", ".join(f"{name} {version(package)}" for name, package in LIBRARIES.items()) + f" on {processor}"
 
 
 def _overlaps(summed: Totals) -> list[float]:
