@@ -83,7 +83,7 @@ typedef struct {
 /* How surfaces are reported. */
 typedef struct {
     double tip_px, beyond_px, most_px; /* column of the tip, NaN for none; extension beyond it, and at most */
-    double slope_sd;                  /* of what is not visible, rows per column */
+    double slope_sd;                   /* of what is not visible, rows per column */
     double center_px[2], right_mm, down_mm; /* the origin, and millimetres per pixel to the right and down */
     double shares[2];                       /* of the layers between ILM and RPE */
     int slope_columns;                      /* from which a surface is extrapolated */
