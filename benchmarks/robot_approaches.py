@@ -250,7 +250,7 @@ class Held(Struct):
     last_move_ms: float
     """From the fault to the last command that moved it; below 0: none came after it."""
     rest_ms: float
-    """From the fault until the arm stood still."""
+    """From the fault until the arm stood still; after a stall it is looked at only when that is over."""
     restarts: int
     """Commands to move after the fault was over, although nobody had switched off and on."""
     resumes: bool
