@@ -107,6 +107,10 @@ class HandState(Struct, frozen=True):
     """Opening motion of the operator's thumb and finger; 0 if the tool has no jaws."""
     asked_apart_mm: float = 0.0
     """Opening motion requested of the jaws: scaled, before the robot's limits."""
+    outwards_mm: float = 0.0
+    """Motion of the hand across the section, towards the camera; a planar robot does not follow it."""
+    asked_outwards_mm: float = 0.0
+    """Motion requested of the tool in that direction."""
 
 
 class CameraStamp(Struct, frozen=True):
@@ -143,8 +147,6 @@ class RobotSample(Struct, frozen=True):
     """Operating state, as CRTK names it; empty: not reported."""
     force_n: tuple[float, float, float] | None = None
     """Force on the tool, in the robot's base; None: not reported."""
-    commanded_mm: tuple[float, float, float] | None = None
-    """The tip as commanded last, in the robot's base; None: not known."""
     eye_tip_mm: tuple[float, float, float] | None = None
     """The tip in the eye frame; None: the robot is not calibrated."""
     eye_tip_sd_mm: float | None = None

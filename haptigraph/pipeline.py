@@ -296,7 +296,8 @@ class Loop:
 
     def _take_faults(self) -> tuple[Fault, ...]:
         of_sinks = [fault for sink in self.sinks for fault in sink.take_faults()]
-        return *self.output.take_faults(), *of_sinks
+        of_robot = self.robot.take_faults() if self.robot else ()
+        return *self.output.take_faults(), *of_robot, *of_sinks
 
     def _close_sink(self, sink: Sink) -> None:
         sink.close()

@@ -8,9 +8,9 @@ from functools import partial
 from haptigraph.clock import Clock, MonotonicClock
 from haptigraph.config import RobotConfig
 from haptigraph.errors import BadInput
-from haptigraph.messages import RobotSample
+from haptigraph.messages import Fault, RobotSample
 from haptigraph.robot.check_report import checked
-from haptigraph.robot.listening import Listener, sample_of
+from haptigraph.robot.listening import Listener, faults_of, sample_of
 from haptigraph.robot.opening import open_robot
 from haptigraph.robot.process import RobotProcess
 from haptigraph.robot.setup import RobotSetup, parse_setup
@@ -24,6 +24,10 @@ class NoRobot:
     """The readings of a run without a robot, or whose source has them already."""
 
     def take(self) -> tuple[RobotSample, ...]:
+        """Return nothing."""
+        return ()
+
+    def take_faults(self) -> tuple[Fault, ...]:
         """Return nothing."""
         return ()
 
@@ -42,12 +46,20 @@ class SteeredRobot:
 
     def __init__(self, process: RobotProcess, setup: RobotSetup, latency_ms: float) -> None:
         self.process, self.setup, self._latency_ms = process, setup, latency_ms
+        self._known = 0
 
     def take(self) -> tuple[RobotSample, ...]:
         """Return its measurements since the last call."""
         readings = self.process.take_readings()
         samples = (sample_of(reading, self.setup, self._latency_ms) for reading in readings)
         return tuple(sample for sample in samples if sample is not None)
+
+    def take_faults(self) -> tuple[Fault, ...]:
+        """Return what was wrong with the robot's messages since the last call."""
+        reading = self.process.status().reading
+        faults = faults_of(reading, self._known) if reading else []
+        self._known += len(faults)
+        return tuple(faults)
 
     def close(self) -> None:
         """Hold the robot, and end its process."""

@@ -181,6 +181,10 @@ class RobotReadings(Protocol):
         """Return its measurements since the last call, oldest first."""
         ...
 
+    def take_faults(self) -> tuple[Fault, ...]:
+        """Return the faults since the last call."""
+        ...
+
     def close(self) -> None:
         """Disconnect. May be called twice."""
         ...

@@ -8,11 +8,11 @@ from contextlib import closing
 import msgspec
 
 from haptigraph.clock import Clock
-from haptigraph.messages import RobotSample
+from haptigraph.messages import Fault, RobotSample
 from haptigraph.robot.interface import Robot, RobotReading
 from haptigraph.robot.setup import RobotSetup
 
-__all__ = ["Listener", "sample_of"]
+__all__ = ["Listener", "faults_of", "sample_of"]
 
 PERIOD_S = 0.002  # between readings: twice as often as a robot at 250 Hz reports
 MAX_SAMPLES = 5000  # between two captures; more would be a robot beyond 1 kHz and a stalled run
@@ -43,6 +43,11 @@ def sample_of(reading: RobotReading, setup: RobotSetup | None, latency_ms: float
     )
 
 
+def faults_of(reading: RobotReading, known: int) -> list[Fault]:
+    """Return the problems of a reading as faults of a run, without the first ones, which are known."""
+    return [Fault("robot", problem) for problem in reading.problems[known:]]
+
+
 class Listener:
     """Collect a robot's samples in a thread of its own, until a run takes them.
 
@@ -65,6 +70,7 @@ class Listener:
     ) -> None:
         self._setup, self._latency_ms = setup, latency_ms
         self._samples: deque[RobotSample] = deque(maxlen=MAX_SAMPLES)
+        self._faults: deque[Fault] = deque()
         self._stopped, self._opened = threading.Event(), threading.Event()
         self._failure: BaseException | None = None
         self._thread = threading.Thread(
@@ -82,6 +88,10 @@ class Listener:
             samples.append(self._samples.popleft())
         return tuple(samples)
 
+    def take_faults(self) -> tuple[Fault, ...]:
+        """Return what was wrong with the robot's messages since the last call."""
+        return tuple(self._faults.popleft() for _ in range(len(self._faults)))
+
     def close(self) -> None:
         """Disconnect. May be called twice."""
         self._stopped.set()
@@ -96,9 +106,11 @@ class Listener:
         finally:
             self._opened.set()
         with closing(robot):
-            number = 0
+            number = known = 0
             while not self._stopped.wait(PERIOD_S):
                 reading = robot.read()
+                self._faults += faults_of(reading, known)
+                known = len(reading.problems)
                 if reading.number == number:
                     continue
                 number = reading.number

@@ -182,4 +182,6 @@ def hand_state(
         added_tremor_mm=settings.added_tremor_mm,
         apart_mm=float(hand_mm[3]),
         asked_apart_mm=commanded_mm.apart_mm,
+        outwards_mm=float(hand_mm[2]),
+        asked_outwards_mm=commanded_mm.outwards_mm,
     )

@@ -33,11 +33,13 @@ SMALLEST = {
     "chatter": [((), {"IMAGES": 60, "APPROACHES": 2})],
     "degraded": [((str(ROOT / "tests/data/renderings/golden_thin"),), {"MAX_IMAGES": 8})],
     "inference": [(("subretinal_injection_ioct",), {"ROUNDS": 2})],
+    "interval_coverage": [(("--repeats", "20", "--sizes", "6", "--print-only"), {})],
     "loop": [(("--steps", "20", "--paced", "5"), {"PASSES": 1})],
     "memory": [(("100",), {})],
     "no_needle": [((), {"OF_A_KIND": 1, "IMAGES": 3})],
     "perception": [((), {"IMAGES": 40, "PASSES": 1})],
     "robot_approaches": [(("--approaches", "1", "--trials", "2"), {})],
+    "robot_place": [((), {"RUNS": 3})],
     "robot_loop": [(("--seconds", "1"), {"SETTLE_S": 0.1, "CHROMIUM": None})],
     "registration": [(("1", "3"), {})],
     "soak": [(("0.0006",), {"FILE_S": 2})],
@@ -70,8 +72,8 @@ def test_every_benchmark_is_tested():
     assert {path.stem for path in FOLDER.glob("*.py")} == {
         *SMALLEST,
         "live",
-        "touch_trials",
-        "compare_commits",
+        *("touch_trials", "volume_gap"),  # parts of others
+        *("ablation", "compare_commits", "r_comparison"),  # need minutes, a repository, R
     }
 
 

@@ -5,6 +5,7 @@ from msgspec.structs import replace
 
 from haptigraph.clock import VirtualClock
 from haptigraph.errors import BadInput
+from haptigraph.messages import Fault
 from haptigraph.robot.interface import Operating, RobotReading
 from haptigraph.robot.listening import Listener, sample_of
 from haptigraph.robot.pose import ToolPose
@@ -37,7 +38,8 @@ class FakeRobot:
         number = min(self.calls // 2, self.count)
         if self.calls > 2 * self.count + 2:
             self.done.set()
-        return replace(READING, number=number, stamp_ns=number)
+        problems = ("a pose in another frame",) if number else ()
+        return replace(READING, number=number, stamp_ns=number, problems=problems)
 
     def close(self):
         self.closed = True
@@ -64,6 +66,8 @@ def test_every_reading_is_taken_once_and_nothing_is_commanded():
     robot.done.wait(10)
     assert [sample.stamp_ns for sample in listener.take()] == [1, 2, 3, 4, 5]
     assert listener.take() == ()
+    assert listener.take_faults() == (Fault("robot", "a pose in another frame"),)
+    assert listener.take_faults() == ()
     listener.close()
     listener.close()
     assert robot.closed

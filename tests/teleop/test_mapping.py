@@ -59,6 +59,17 @@ def test_out_of_the_section_is_filtered_as_the_other_axes_are():
     assert rates[True] < 0.105 * rates[False]
 
 
+def test_motion_out_of_the_section_is_recorded():
+    one = mapping(motion_scale=0.5)
+    one.put(HandMotion(True, 0.0, 0.0, 0.0, 0.2))
+    for _ in range(10):
+        one.take(CYCLE_S)
+        if one.hand.asked_outwards_mm:
+            break
+    assert one.hand.outwards_mm > 0
+    assert one.hand.asked_outwards_mm == pytest.approx(0.5 * one.hand.outwards_mm)
+
+
 def test_discarded_motion_does_not_come_later():
     one = mapping()
     one.put(HandMotion(True, 0.1))

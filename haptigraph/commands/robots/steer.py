@@ -103,14 +103,19 @@ def _steer(robot: "RobotProcess", leader: str) -> None:
     from haptigraph.teleop.leaders.steering import Steering
 
     steering = Steering(leader, open_leader(leader, MonotonicClock()), robot.put, click.echo)
-    before = ""
+    before, known = "", 0
     with suppress(KeyboardInterrupt), closing(steering):
         click.echo("motion is on; Ctrl-C switches it off")
         robot.set_enabled(True)
         steering.start()
         try:
             while True:
-                now = _motion(robot.status())
+                status = robot.status()
+                problems = status.reading.problems if status.reading else ()
+                for problem in problems[known:]:
+                    click.echo(problem)
+                known = len(problems)
+                now = _motion(status)
                 if now != before:
                     click.echo(now)
                     before = now

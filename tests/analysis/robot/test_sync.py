@@ -2,11 +2,14 @@ import json
 
 import pytest
 from helpers import call, refuse
+from msgspec.structs import replace
 
 from haptigraph.analysis.robot.sync import check_sync, correct
-from haptigraph.messages import Delivered
+from haptigraph.messages import OFF, Delivered, HapticCommand, Pattern, Timing
 from haptigraph.recording.reader import RunReader
 from haptigraph.recording.writer import RunWriter
+
+LOW = Pattern("low", "continuous", amplitude=0.3)
 
 
 def test_a_lag_is_found_reported_and_fails(late_run):
@@ -54,48 +57,42 @@ def test_a_run_without_robot_is_refused(aligned_run, tmp_path):
 
 
 def without_robot(path, folder):
-    return rewritten(path, folder / "bare.mcap", lambda capture, step: {"robot": ()})
+    return rewritten(path, folder / "bare.mcap", lambda capture, step: ({"robot": ()}, {}))
 
 
 def rewritten(path, copy, changes):
-    """A copy of a recording whose captures have other fields."""
-    from msgspec.structs import replace
-
+    """A copy of a recording whose captures and steps have other fields."""
     from haptigraph.analysis.metrics.replay import recorded_registration
 
     reader = RunReader(path)
     writer = RunWriter(copy, reader.info, recorded_registration(reader).image, ())
     for capture, step in reader.records():
-        capture, step = changed(replace, capture, step, changes)
-        writer.write(capture, step)
+        of_capture, of_step = changes(capture, step)
+        writer.write(replace(capture, **of_capture), replace(step, **of_step))
     writer.close()
     return copy
 
 
-def changed(replace, capture, step, changes):
-    fields = changes(capture, step)
-    timing = fields.pop("timing", None)
-    return replace(capture, **fields), replace(step, timing=timing) if timing else step
-
-
-def test_touch_is_compared_with_its_command(late_run, tmp_path):
-    from haptigraph.messages import Timing
-
-    was_off, begun = True, []
+@pytest.mark.parametrize("onsets", [7, 9])
+def test_touch_is_compared_with_its_command_if_it_came_often_enough(late_run, tmp_path, onsets):
+    count = 0
 
     def confirm(capture, step):
-        nonlocal was_off
-        is_off = step.command.pattern.kind == "off"
-        fields = {"timing": Timing(step.stamp_ns, step.stamp_ns, {})}
-        if was_off and not is_off:
-            begun.append(step.stamp_ns)
-            start_ns = step.stamp_ns + 12_000_000
-            fields["delivered"] = (Delivered(start_ns, start_ns + 20_000_000, "pad"),)
-        was_off = is_off
-        return fields
+        """Vibrate in every second run of ten images; the output confirms 12 ms after the command."""
+        nonlocal count
+        count += 1
+        begun, is_first = divmod(count - 10, 20)
+        vibrates = 0 <= begun < onsets and is_first < 10
+        command = HapticCommand(step.stamp_ns, LOW if vibrates else OFF, step.stamp_ns)
+        start_ns = step.stamp_ns + 12_000_000
+        delivered = (Delivered(start_ns, start_ns + 20_000_000, "pad"),) if vibrates and not is_first else ()
+        return {"delivered": delivered}, {
+            "command": command,
+            "timing": Timing(step.stamp_ns, step.stamp_ns, {}),
+        }
 
-    report = check_sync(rewritten(late_run, tmp_path / "felt.mcap", confirm))
-    if len(begun) < 8:
-        assert report.touch is None
+    touch = check_sync(rewritten(late_run, tmp_path / "felt.mcap", confirm)).touch
+    if onsets < 8:
+        assert touch is None
     else:
-        assert report.touch.median_ms == 12.0 and report.touch.longest_ms == 12.0
+        assert (touch.median_ms, touch.longest_ms, touch.count) == (12.0, 12.0, onsets)
