@@ -176,7 +176,7 @@ render: setup .venv-rendering/ready  ## labelled clips of rendered scenes into b
 		.venv-rendering/bin/python -m rendering.render $$scene && $(BIN)/python -m rendering.pack $$scene || exit 1; \
 	done
 
-faults: setup  ## 1,560 random faults against the real program, 55 minutes a call; goes on where it stopped (build/faults.jsonl)
+faults: setup  ## 1,620 random faults against the real program, 55 minutes a call; goes on where it stopped (build/faults.jsonl)
 	mkdir -p build && PYTHONPATH=.:tests/support:tests/dashboard:tests/faults $(BIN)/python tests/faults/campaign.py --results build/faults.jsonl
 
 soak: setup  ## memory over 100,000 steps, then eight hours of random faults; takes hours

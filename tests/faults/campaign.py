@@ -19,6 +19,7 @@ from pathlib import Path
 import msgspec
 import trials
 import trials_of_input
+import trials_of_robot
 from damages import make_files
 from trials import DATA, program
 
@@ -40,6 +41,7 @@ TRIALS = {  # of each kind, in a whole campaign
     "damaged file": (180, trials_of_input.damaged_file),
     "foreign requests": (60, trials_of_input.foreign_requests),
     "schemas and normal ends": (60, trials.schemas),
+    "killed or hung robot process": (60, trials_of_robot.robot_processes),
 }
 WITH_FILES = ("recover", "replay of a complete file", "replay of a journal", "damaged file")
 

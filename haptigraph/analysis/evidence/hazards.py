@@ -87,6 +87,11 @@ HAZARDS = (
         "the vibration is not that of the rules",
     ),
     Hazard(
+        "uncommanded_motion",
+        "A robot moves on after a fault, or starts by itself",
+        "the instrument moves in the eye without a hand that wants it",
+    ),
+    Hazard(
         "undefined_rules",
         "A situation has no rule, or not the intended one",
         "what is felt then is accidental",
@@ -122,6 +127,10 @@ FAULTS = {
     "schemas and normal ends": ("lost_record", "A run that ends normally leaves a complete recording"),
     "half-open connections": ("interference", "Visitors that block connections do not disturb the actuator"),
     "foreign requests": ("interference", "Requests of other origins are refused"),
+    "killed or hung robot process": (
+        "uncommanded_motion",
+        "A robot whose processes die or hang is held, and does not start again by itself",
+    ),
 }
 """Hazard and claim of each kind of faults in a campaign."""
 
