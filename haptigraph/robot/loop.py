@@ -214,7 +214,6 @@ def main() -> None:
     raise_priority()  # also of the threads that the robot's library starts: the loop waits for Python's lock
     try:
         controller = Controller(load_setup(setup_path), is_checked=_is_checked(uri, setup_path))
-        raise_priority()  # before the robot's threads are made, which inherit it
         robot = open_robot(uri, clock)
     except HaptigraphError as error:
         reports.send(Report(False, (), None, [], [], error=str(error)))

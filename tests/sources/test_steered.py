@@ -323,8 +323,8 @@ def test_a_recording_without_jaw_motion_is_read_and_replayed(uri, tmp_path, monk
         tremor_filter: bool
         added_tremor_mm: float
 
-    def before_jaws(*, apart_mm: float, asked_apart_mm: float, **others) -> HandBeforeJaws:
-        return HandBeforeJaws(**others)
+    def before_jaws(**fields) -> HandBeforeJaws:
+        return HandBeforeJaws(*(fields[name] for name in HandBeforeJaws.__struct_fields__))
 
     path = tmp_path / "old.mcap"
     monkeypatch.setattr("haptigraph.teleop.mapping.HandState", before_jaws)
