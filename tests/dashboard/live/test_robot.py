@@ -5,6 +5,7 @@ from contextlib import contextmanager
 
 import ifaddr
 import pytest
+from helpers import call
 from live_bench import Live, hide, until
 from visiting import next_text, watching
 
@@ -200,15 +201,11 @@ def test_a_page_that_disconnects_with_the_dead_man_held_stops_the_robot(setup, q
     ],
 )
 def test_a_robot_that_cannot_be_steered_is_refused(arguments, problem):
-    from helpers import call
-
     result = call("live", "--no-browser", *arguments)
     assert result.exit_code == 2 and problem in result.output
 
 
 def test_a_robot_that_was_not_checked_is_refused(setup):
-    from helpers import call
-
     result = call("live", "--no-browser", "--steer", "--robot", "crtk:PSM1", "--robot-setup", setup)
     assert (
         result.exit_code == 2

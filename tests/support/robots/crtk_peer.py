@@ -20,14 +20,13 @@ from crtk_messages import START_NS, sabotaged, sound
 from crtk_recording import message_of
 
 from haptigraph.ros2.geometry_types import Pose, Quaternion
-from haptigraph.ros2.motion_types import OperatingState, PoseStamped, StringStamped, TwistStamped
+from haptigraph.ros2.motion_types import OperatingState, PoseStamped, StringStamped
 from haptigraph.ros2.node import Node
 from haptigraph.ros2.types import Header, Point, Time
 
 TYPES = {
     "measured_cp": PoseStamped,
     "setpoint_cp": PoseStamped,
-    "measured_cv": TwistStamped,
     "operating_state": OperatingState,
 }
 BASE = "PSM1_base"
@@ -40,7 +39,6 @@ class Arm:
 
     def __init__(self, root):
         self.node, self.root, self.rng = Node(), root, np.random.default_rng(5)
-
         self.out = {}
         self.state, self.is_quiet = "DISABLED", False
         tip_m, rotation = arm_motion.forward(np.array([0.1, -0.05, 0.0, 0.005]))
@@ -48,8 +46,8 @@ class Arm:
         self.due, self.numbers, self.last_s = [], count(), 0.0
         self.node.subscribe(f"{root}/servo_cp", PoseStamped, self.take_pose, print)
         self.node.subscribe(f"{root}/state_command", StringStamped, self.take_command, print)
-        for name in ("measured_cp", "setpoint_cp", "operating_state"):
-            self.publisher(name, TYPES[name])
+        for name, message_type in TYPES.items():
+            self.publisher(name, message_type)
 
     def publisher(self, name, message_type, sender=1):
         key = name, sender
