@@ -3,9 +3,9 @@
 import warnings
 from typing import Any
 
-from haptigraph.errors import BadInput, MissingExtra
+from haptigraph.errors import BadInput, DeviceError, MissingExtra
 
-__all__ = ["controllers", "load_sdl", "sdl_error"]
+__all__ = ["check_connected", "controller_number", "controllers", "load_sdl", "sdl_error"]
 
 HINTS = {
     b"SDL_JOYSTICK_ALLOW_BACKGROUND_EVENTS": b"1",  # there is no window to receive the focus
@@ -46,6 +46,28 @@ def controllers(feature: str) -> dict[str, str]:
         f"gamepad:{number}": (name or b"unnamed").decode(errors="replace")
         for number, name in enumerate(names)
     }
+
+
+def controller_number(argument: str) -> int:
+    """Return the number after "gamepad:"; 0, the first controller, if there is none.
+
+    Raises:
+        BadInput: If it is no number.
+    """
+    if argument and not argument.isdecimal():
+        raise BadInput(f"gamepad:{argument} is not a controller; use gamepad:0 for the first one")
+    return int(argument or 0)
+
+
+def check_connected(sdl: Any, number: int) -> None:
+    """Do nothing if a controller is connected.
+
+    Raises:
+        DeviceError: If it is not.
+    """
+    count = sdl.SDL_NumJoysticks()
+    if number >= count:
+        raise DeviceError(f"controller {number} is not connected; {count} are")
 
 
 def sdl_error(sdl: Any) -> str:

@@ -7,7 +7,7 @@ So a rumble is renewed while it lasts, for at most `HOLDS_MS` at a time, and sil
 
 from haptigraph.errors import BadInput, DeviceError
 from haptigraph.messages import Capabilities
-from haptigraph.sdl import controllers, load_sdl, sdl_error
+from haptigraph.sdl import check_connected, controller_number, controllers, load_sdl, sdl_error
 
 __all__ = ["GamepadDevice"]
 
@@ -37,9 +37,7 @@ class GamepadDevice:
     )
 
     def __init__(self, argument: str = "") -> None:
-        if argument and not argument.isdecimal():
-            raise BadInput(f"gamepad:{argument} is not a controller; use gamepad:0 for the first one")
-        self._number, self._sdl, self._pad = int(argument or 0), load_sdl(FEATURE), None
+        self._number, self._sdl, self._pad = controller_number(argument), load_sdl(FEATURE), None
         self._closed = False
         try:
             self._open()
@@ -77,9 +75,7 @@ class GamepadDevice:
             self._release()
 
     def _open(self) -> None:
-        count = self._sdl.SDL_NumJoysticks()
-        if self._number >= count:
-            raise DeviceError(f"controller {self._number} is not connected; {count} are")
+        check_connected(self._sdl, self._number)
         self._pad = self._sdl.SDL_JoystickOpen(self._number)
         if not self._pad or not self._sdl.SDL_JoystickHasRumble(self._pad):
             problem = "cannot rumble" if self._pad else f"cannot be opened ({sdl_error(self._sdl)})"

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from haptigraph.clock import Clock
 from haptigraph.errors import BadInput, DeviceError
-from haptigraph.sdl import controllers, load_sdl, sdl_error
+from haptigraph.sdl import check_connected, controller_number, controllers, load_sdl, sdl_error
 from haptigraph.teleop.leaders.sticks import StickTimer, stick_motion
 from haptigraph.teleop.motion import HandMotion
 
@@ -31,9 +31,7 @@ class GamepadLeader:
     """
 
     def __init__(self, argument: str, clock: Clock) -> None:
-        if argument and not argument.isdecimal():
-            raise BadInput(f"gamepad:{argument} is not a controller; use gamepad:0 for the first one")
-        self._number, self._sdl, self._pad = int(argument or 0), load_sdl(FEATURE), None
+        self._number, self._sdl, self._pad = controller_number(argument), load_sdl(FEATURE), None
         self._clock, self._timer = clock, StickTimer(clock.now_ns())
         try:
             self._open()
@@ -74,9 +72,7 @@ class GamepadLeader:
         return max(deflection, -1.0)
 
     def _open(self) -> None:
-        count = self._sdl.SDL_NumJoysticks()
-        if self._number >= count:
-            raise DeviceError(f"controller {self._number} is not connected; {count} are")
+        check_connected(self._sdl, self._number)
         if not self._sdl.SDL_IsGameController(self._number):
             raise DeviceError(
                 f"SDL does not know the layout of controller {self._number}; describe it in the environment "
