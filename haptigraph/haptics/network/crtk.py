@@ -12,7 +12,7 @@ from contextlib import suppress
 from urllib.parse import parse_qsl
 
 from haptigraph.errors import BadInput, DeviceError, unknown_name
-from haptigraph.haptics.network.ros2 import DISCOVERY_S, wait_for_subscriber
+from haptigraph.haptics.network.ros2 import wait_for_subscriber
 from haptigraph.messages import Capabilities
 
 __all__ = ["CrtkDevice", "Swing"]
@@ -102,15 +102,11 @@ class CrtkDevice:
     @staticmethod
     def found() -> dict[str, str]:
         """Return the arms that accept a force: the device argument and the ROS domain of each."""
-        from haptigraph.ros2.node import Node  # noqa: PLC0415
+        from haptigraph.ros2.node import Node, domain_id, topics_found  # noqa: PLC0415
 
-        node = Node()
-        threading.Event().wait(DISCOVERY_S)
-        arms = [
-            topic.removesuffix(COMMAND).strip("/") for topic in node.subscribed() if topic.endswith(COMMAND)
-        ]
-        node.close()
-        return {f"crtk:{arm}": f"accepts servo_cf on ROS domain {node.domain}" for arm in arms}
+        topics = [topic for topic in topics_found(Node.subscribed) if topic.endswith(COMMAND)]
+        arms = [topic.removesuffix(COMMAND).strip("/") for topic in topics]
+        return {f"crtk:{arm}": f"accepts servo_cf on ROS domain {domain_id()}" for arm in arms}
 
     def set(self, amplitude: float, frequency_hz: float, stamp_ns: int) -> None:
         """Set the swing; silence is published at once.

@@ -13,7 +13,7 @@ from haptigraph.messages import Capabilities
 if TYPE_CHECKING:
     from haptigraph.ros2.node import Publisher
 
-__all__ = ["DISCOVERY_S", "Ros2Device", "wait_for_subscriber"]
+__all__ = ["Ros2Device", "wait_for_subscriber"]
 
 DEFAULT_TOPIC = "joy/set_feedback"
 DISCOVERY_S = 1.0  # subscribers announce themselves within this time
@@ -54,13 +54,10 @@ class Ros2Device:
     @staticmethod
     def found() -> dict[str, str]:
         """Return the subscribers to haptic output: the device argument and the ROS domain of each."""
-        from haptigraph.ros2.node import Node  # noqa: PLC0415
+        from haptigraph.ros2.node import Node, domain_id, topics_found  # noqa: PLC0415
 
-        node = Node()
-        threading.Event().wait(DISCOVERY_S)
-        subscribed = node.subscribed()
-        node.close()
-        where = f"subscribed to on ROS domain {node.domain}"
+        subscribed = topics_found(Node.subscribed)
+        where = f"subscribed to on ROS domain {domain_id()}"
         return {f"ros2:{topic}": where for topic, kind in subscribed.items() if kind.endswith("JoyFeedback_")}
 
     def set(self, amplitude: float, frequency_hz: float, stamp_ns: int) -> None:

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from haptigraph.clock import Clock
 from haptigraph.errors import BadInput, unknown_name
 from haptigraph.ros2.motion_types import PoseStamped
-from haptigraph.ros2.node import Node, checked_topic
+from haptigraph.ros2.node import Node, checked_topic, topics_found
 from haptigraph.ros2.types import Joy
-from haptigraph.teleop.leaders.silence import Silence, topics_found
+from haptigraph.teleop.leaders.silence import Silence
 from haptigraph.teleop.motion import HandMotion
 
 __all__ = ["CrtkLeader", "PoseSteering"]
@@ -141,7 +141,7 @@ class CrtkLeader:
     @staticmethod
     def found() -> dict[str, str]:
         """Return the arms, of which only some are leaders, on the network: the argument of each."""
-        arms = [topic.removesuffix(POSE) for topic in topics_found() if topic.endswith(POSE)]
+        arms = [topic.removesuffix(POSE) for topic in topics_found(Node.published) if topic.endswith(POSE)]
         return {f"crtk:{arm.strip('/')}": "on the ROS 2 network" for arm in arms}
 
     def take(self) -> Sequence[HandMotion]:

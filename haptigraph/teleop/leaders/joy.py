@@ -4,9 +4,9 @@ from collections import deque
 from collections.abc import Callable, Sequence
 
 from haptigraph.clock import Clock
-from haptigraph.ros2.node import Node, checked_topic
+from haptigraph.ros2.node import Node, checked_topic, topics_found
 from haptigraph.ros2.types import Joy
-from haptigraph.teleop.leaders.silence import Silence, topics_found
+from haptigraph.teleop.leaders.silence import Silence
 from haptigraph.teleop.leaders.sticks import DEAD_ZONE, StickTimer, stick_motion
 from haptigraph.teleop.motion import HandMotion
 
@@ -89,7 +89,7 @@ class JoyLeader:
     @staticmethod
     def found() -> dict[str, str]:
         """Return the joysticks on the network: the argument of each."""
-        published = topics_found().items()
+        published = topics_found(Node.published).items()
         return {f"joy:{topic}": "on the ROS 2 network" for topic, kind in published if kind.endswith("Joy_")}
 
     def take(self) -> Sequence[HandMotion]:

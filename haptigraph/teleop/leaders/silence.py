@@ -1,16 +1,12 @@
-"""Find the topics of leaders on a ROS 2 network, and notice that one has fallen silent."""
-
-import threading
+"""Notice that the topic of a leader has fallen silent."""
 
 from haptigraph.clock import Clock
 from haptigraph.errors import DeviceError
-from haptigraph.ros2.node import Node
 
-__all__ = ["Silence", "topics_found"]
+__all__ = ["Silence"]
 
 DISCOVERY_NS = 2_000_000_000
 """Publishers may take this long to be found after the start."""
-SEARCH_S = 1.0
 
 
 class Silence:
@@ -43,12 +39,3 @@ class Silence:
         """
         if self._clock.now_ns() - self._heard_ns > self._limit_ms * 1e6:
             raise DeviceError(f"no valid message on {self._topic} for {self._limit_ms:g} ms{self._problem}")
-
-
-def topics_found() -> dict[str, str]:
-    """Return the topics that are published on the network now, and the DDS type of each."""
-    node = Node()
-    threading.Event().wait(SEARCH_S)
-    published = node.published()
-    node.close()
-    return published
