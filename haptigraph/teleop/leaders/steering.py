@@ -42,8 +42,7 @@ class Steering:
         report: Callable[[str], None] = lambda problem: None,
     ) -> None:
         self._name, self._leader, self._put, self._report = name, leader, put, report
-        self._is_armed = False
-        self._lost: str | None = None
+        self._is_armed = self._is_lost = False
         self._faults: deque[Fault] = deque(maxlen=MAX_FAULTS)
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="haptigraph-leader", daemon=True)
@@ -63,8 +62,8 @@ class Steering:
         except Exception as error:  # a fault of ours must not leave the clutch engaged
             self._lose(f"{type(error).__name__}: {error}")
             return
-        if motions and self._lost is not None:
-            self._lost = None
+        if motions and self._is_lost:
+            self._is_lost = False
             self._report(f"{self._name}: is back; release the clutch, then press it to move")
         for motion in motions:
             self._is_armed |= not motion.engaged
@@ -90,8 +89,8 @@ class Steering:
     def _lose(self, problem: str) -> None:
         self._is_armed = False
         self._put(RELEASED)
-        if self._lost is None:
-            self._lost = problem
+        if not self._is_lost:
+            self._is_lost = True
             self._faults.append(Fault("leader", f"{self._name}: {problem}"))
             self._report(f"{self._name}: {problem}")
 
