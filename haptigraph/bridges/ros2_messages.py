@@ -13,6 +13,7 @@ import numpy as np
 
 from haptigraph.assemble import parse_procedure
 from haptigraph.bridges.bridge import RunContext
+from haptigraph.bridges.diagnostics import ERROR, OK, STALE, WARN, diagnostic_status
 from haptigraph.bridges.needle_pose import found_needle, needle_matrix, pose_covariance
 from haptigraph.geometry import Point as EyePoint
 from haptigraph.inference.meaning import Kind
@@ -35,14 +36,12 @@ from haptigraph.ros2.types import (
     DiagnosticArray,
     DiagnosticStatus,
     Header,
-    KeyValue,
     PointStamped,
     Time,
 )
 
 __all__ = ["StepMessages"]
 
-OK, WARN, ERROR, STALE = range(4)
 LEVELS: dict[Kind, int] = {"alarm": ERROR, "guidance": WARN, "success": OK, "neutral": OK, "unseen": STALE}
 
 
@@ -66,7 +65,7 @@ class StepMessages:
         header = Header(stamp, f"{self._frame}_eye")
         yield "state", DiagnosticArray(header, [self._state(capture, step)])
         graph = msgspec.json.encode(step.graph).decode()
-        yield "graph", DiagnosticArray(header, [self._status("graph", OK, graph, {})])
+        yield "graph", DiagnosticArray(header, [diagnostic_status(self._name, "graph", OK, graph, {})])
         theta_deg = step.graph.measures.get("theta_deg")
         if theta_deg is not None:
             yield "theta", JointState(header, ["theta"], position=[math.radians(theta_deg)])
@@ -127,11 +126,7 @@ class StepMessages:
             values["theta_sd_deg"] = f"{certainty.theta_sd_deg:.3f}"
             if certainty.tip_sd_mm is not None:
                 values["tip_sd_mm"] = f"{certainty.tip_sd_mm:.4f}"
-        return self._status("state", LEVELS[kind], conclusion.state, values)
-
-    def _status(self, part: str, level: int, message: str, values: dict[str, str]) -> DiagnosticStatus:
-        pairs = [KeyValue(key, value) for key, value in values.items()]
-        return DiagnosticStatus(level, f"{self._name}: {part}", message, self._name, pairs)
+        return diagnostic_status(self._name, "state", LEVELS[kind], conclusion.state, values)
 
     def _transform(self, stamp: Time, parent: str, child: str, pose: Pose) -> TransformStamped:
         translation = Vector3(pose.position.x, pose.position.y, pose.position.z)
