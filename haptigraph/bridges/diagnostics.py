@@ -5,9 +5,10 @@ from collections import Counter
 from haptigraph.messages import Capture, Step
 from haptigraph.ros2.types import DiagnosticArray, DiagnosticStatus, Header, KeyValue, Time
 
-__all__ = ["RunDiagnostics"]
+__all__ = ["ERROR", "OK", "STALE", "WARN", "RunDiagnostics", "diagnostic_status"]
 
-OK, WARN, ERROR = 0, 1, 2
+OK, WARN, ERROR, STALE = range(4)
+"""Levels of a status in ROS."""
 PERIOD_NS = 1_000_000_000
 
 
@@ -55,14 +56,16 @@ class RunDiagnostics:
             "longest_latency_ms": f"{self._latency_ns / 1e6:.1f}",
             **{f"fault {number}": f"{text} ({count} times)" for number, (text, count) in self._ranked()},
         }
-        status = DiagnosticStatus(
-            level=level,
-            name=f"{self._name}: loop",
-            message=message,
-            hardware_id=self._name,
-            values=[KeyValue(key, value) for key, value in values.items()],
-        )
+        status = diagnostic_status(self._name, "loop", level, message, values)
         return DiagnosticArray(Header(Time.from_ns(step.stamp_ns + self._utc_offset_ns)), [status])
 
     def _ranked(self) -> list[tuple[int, tuple[str, int]]]:
         return list(enumerate(self._faults.most_common(5), 1))
+
+
+def diagnostic_status(
+    component: str, part: str, level: int, message: str, values: dict[str, str]
+) -> DiagnosticStatus:
+    """Return the status of one part of a component."""
+    pairs = [KeyValue(key, value) for key, value in values.items()]
+    return DiagnosticStatus(level, f"{component}: {part}", message, component, pairs)

@@ -1,4 +1,4 @@
-"""The detected needle -> its pose in space: a matrix, a quaternion, a covariance.
+"""The detected needle -> its pose in space: a matrix, a covariance.
 
 Origin at the tip, z along the shaft towards the tip. An image does not show how the needle is rolled about
 its shaft; by convention, x lies in the section, and y points away from the viewer.
@@ -20,7 +20,6 @@ __all__ = [
     "found_needle",
     "needle_matrix",
     "pose_covariance",
-    "quaternion",
 ]
 
 Matrix: TypeAlias = tuple[tuple[float, float, float, float], ...]
@@ -49,28 +48,6 @@ def needle_matrix(line: Segment, tip: Point) -> Matrix:
     right, up = (y / in_section, -x / in_section) if in_section else (1.0, 0.0)
     (at_x, at_y), at_z = tip.at_mm, tip.z_mm
     return (right, -z * up, x, at_x), (up, z * right, y, at_y), (0.0, x * up - y * right, z, at_z)
-
-
-def quaternion(matrix: Matrix) -> tuple[float, float, float, float]:
-    """Return the rotation of a pose as a unit quaternion (x, y, z, w), w >= 0."""
-    m = matrix
-    # Twice the magnitude of each component; the largest gives the signs of the others without cancellation.
-    squares = (
-        1 + m[0][0] - m[1][1] - m[2][2],
-        1 - m[0][0] + m[1][1] - m[2][2],
-        1 - m[0][0] - m[1][1] + m[2][2],
-        1 + m[0][0] + m[1][1] + m[2][2],
-    )
-    products = (
-        (squares[0], m[0][1] + m[1][0], m[0][2] + m[2][0], m[2][1] - m[1][2]),
-        (m[0][1] + m[1][0], squares[1], m[1][2] + m[2][1], m[0][2] - m[2][0]),
-        (m[0][2] + m[2][0], m[1][2] + m[2][1], squares[2], m[1][0] - m[0][1]),
-        (m[2][1] - m[1][2], m[0][2] - m[2][0], m[1][0] - m[0][1], squares[3]),
-    )
-    row = products[max(range(4), key=squares.__getitem__)]
-    scale = math.copysign(math.hypot(*row), row[3])
-    x, y, z, w = (each / scale for each in row)
-    return x, y, z, w
 
 
 def pose_covariance(matrix: Matrix, certainty: Certainty | None, *, is_volume: bool) -> NDArray[np.float64]:

@@ -9,21 +9,24 @@ from collections.abc import Iterator
 from typing import Any
 
 import msgspec
+import numpy as np
 
 from haptigraph.assemble import parse_procedure
 from haptigraph.bridges.bridge import RunContext
-from haptigraph.bridges.needle_pose import found_needle, needle_matrix, pose_covariance, quaternion
+from haptigraph.bridges.diagnostics import ERROR, OK, STALE, WARN, diagnostic_status
+from haptigraph.bridges.needle_pose import found_needle, needle_matrix, pose_covariance
 from haptigraph.geometry import Point as EyePoint
 from haptigraph.inference.meaning import Kind
 from haptigraph.messages import Capture, Step
 from haptigraph.registration.loading import parse_registration
+from haptigraph.robot.pose import ToolPose, Vec3, quaternion_of
+from haptigraph.robot.ros.poses import as_message
 from haptigraph.robot.setup import parse_setup
 from haptigraph.ros2.geometry_types import (
     JointState,
     Pose,
     PoseWithCovariance,
     PoseWithCovarianceStamped,
-    Quaternion,
     TFMessage,
     Transform,
     TransformStamped,
@@ -33,15 +36,12 @@ from haptigraph.ros2.types import (
     DiagnosticArray,
     DiagnosticStatus,
     Header,
-    KeyValue,
-    Point,
     PointStamped,
     Time,
 )
 
 __all__ = ["StepMessages"]
 
-OK, WARN, ERROR, STALE = range(4)
 LEVELS: dict[Kind, int] = {"alarm": ERROR, "guidance": WARN, "success": OK, "neutral": OK, "unseen": STALE}
 
 
@@ -65,20 +65,21 @@ class StepMessages:
         header = Header(stamp, f"{self._frame}_eye")
         yield "state", DiagnosticArray(header, [self._state(capture, step)])
         graph = msgspec.json.encode(step.graph).decode()
-        yield "graph", DiagnosticArray(header, [self._status("graph", OK, graph, {})])
+        yield "graph", DiagnosticArray(header, [diagnostic_status(self._name, "graph", OK, graph, {})])
         theta_deg = step.graph.measures.get("theta_deg")
         if theta_deg is not None:
             yield "theta", JointState(header, ["theta"], position=[math.radians(theta_deg)])
         tip = step.observation.found.get("needle_tip")
         if isinstance(tip, EyePoint):
-            yield "needle_tip", PointStamped(header, Point(*_metres(tip)))
+            yield "needle_tip", PointStamped(header, as_message(ToolPose(_position_mm(tip))).position)
         if needle := found_needle(step.observation):
             matrix = needle_matrix(*needle)
             covariance = pose_covariance(matrix, step.observation.certainty, is_volume=self._is_volume)
-            position, orientation = Point(*_metres(needle[1])), Quaternion(*quaternion(matrix))
-            with_covariance = PoseWithCovariance(Pose(position, orientation), covariance.ravel().tolist())
+            rotation = quaternion_of(np.array(matrix)[:, :3])
+            pose = as_message(ToolPose(_position_mm(needle[1]), rotation))
+            with_covariance = PoseWithCovariance(pose, covariance.ravel().tolist())
             yield "needle", PoseWithCovarianceStamped(header, with_covariance)
-            yield "/tf", self._transform(stamp, "needle_tip", needle[1], orientation)
+            yield "/tf", TFMessage([self._transform(stamp, "eye", "needle_tip", pose)])
 
     def of_output(self, stamp_ns: int, amplitude: float) -> JointState:
         """Return the message of the haptic output from `stamp_ns` on."""
@@ -95,13 +96,12 @@ class StepMessages:
         transforms = list[TransformStamped]()
         trocar = parse_registration(run.info.registration, "the run's registration").anatomy.get("trocar")
         if isinstance(trocar, EyePoint):
-            transforms += self._transform(stamp, "trocar", trocar, Quaternion()).transforms
+            pose = as_message(ToolPose(_position_mm(trocar)))
+            transforms.append(self._transform(stamp, "eye", "trocar", pose))
         setup = parse_setup(run.info.robot_setup, "the run's robot.toml") if run.info.robot_setup else None
         if setup is not None and setup.eye is not None:
-            x, y, z = (length_mm / 1e3 for length_mm in setup.eye.translation_mm)
-            placed = Transform(Vector3(x, y, z), Quaternion(*setup.eye.quaternion))
-            header = Header(stamp, f"{self._frame}_robot_base")
-            transforms.append(TransformStamped(header, f"{self._frame}_eye", placed))
+            pose = as_message(ToolPose(setup.eye.translation_mm, setup.eye.quaternion))
+            transforms.append(self._transform(stamp, "robot_base", "eye", pose))
         return TFMessage(transforms) if transforms else None
 
     def _image_stamp(self, capture: Capture, step: Step) -> Time:
@@ -126,16 +126,13 @@ class StepMessages:
             values["theta_sd_deg"] = f"{certainty.theta_sd_deg:.3f}"
             if certainty.tip_sd_mm is not None:
                 values["tip_sd_mm"] = f"{certainty.tip_sd_mm:.4f}"
-        return self._status("state", LEVELS[kind], conclusion.state, values)
+        return diagnostic_status(self._name, "state", LEVELS[kind], conclusion.state, values)
 
-    def _status(self, part: str, level: int, message: str, values: dict[str, str]) -> DiagnosticStatus:
-        pairs = [KeyValue(key, value) for key, value in values.items()]
-        return DiagnosticStatus(level, f"{self._name}: {part}", message, self._name, pairs)
-
-    def _transform(self, stamp: Time, child: str, at: EyePoint, rotation: Quaternion) -> TFMessage:
-        header, child_frame = Header(stamp, f"{self._frame}_eye"), f"{self._frame}_{child}"
-        return TFMessage([TransformStamped(header, child_frame, Transform(Vector3(*_metres(at)), rotation))])
+    def _transform(self, stamp: Time, parent: str, child: str, pose: Pose) -> TransformStamped:
+        translation = Vector3(pose.position.x, pose.position.y, pose.position.z)
+        placed = Transform(translation, pose.orientation)
+        return TransformStamped(Header(stamp, f"{self._frame}_{parent}"), f"{self._frame}_{child}", placed)
 
 
-def _metres(point: EyePoint) -> Iterator[float]:
-    return (length_mm / 1e3 for length_mm in (*point.at_mm, point.z_mm))
+def _position_mm(point: EyePoint) -> Vec3:
+    return (*point.at_mm, point.z_mm)

@@ -50,7 +50,8 @@ def publisher_profile(topic: str) -> Profile:
 def subscriber_profile(topic: str, depth: int = DEPTH) -> Profile:
     """Return the profile with which a topic (full ROS name) is subscribed: one that matches every publisher.
 
-    Publishers of /tf_static are transient local; only such a subscription receives what they sent before.
+    Those of /tf and /tf_static match ROS's broadcasters, which are reliable. Publishers of /tf_static are
+    transient local; only such a subscription receives what they sent before.
     """
     special = {"/tf": TF, "/tf_static": TF_STATIC_SUBSCRIBED}
     return special.get(topic, Profile(depth, is_reliable=False))

@@ -4,7 +4,6 @@ Accepts the messages of `ros2:TOPIC`. A damaged message costs its image, and bec
 """
 
 from collections.abc import Generator
-from contextlib import suppress
 from importlib import import_module
 from itertools import islice, pairwise
 from pathlib import Path
@@ -82,8 +81,9 @@ class RosbagSource(Source):
             if message is None:
                 return self._last_capture()
             self._number += 1
-            with suppress(_Rejected):
-                return self._capture(message)
+            capture = self._capture(message)
+            if capture is not None:
+                return capture
         raise EndOfSource
 
     def close(self) -> None:
@@ -115,27 +115,23 @@ class RosbagSource(Source):
                 content = _reason(error)
             yield _Message(recorded_ns, content)
 
-    def _capture(self, message: _Message) -> Capture:
-        """Return the capture of a message.
-
-        Raises:
-            _Rejected: If it has none; the next capture has the fault.
-        """
+    def _capture(self, message: _Message) -> Capture | None:
+        """Return the capture of a message; None if it is rejected: the next capture has the fault."""
         if isinstance(message.content, str):
             self._reject(f"message {self._number} cannot be decoded ({message.content})")
-            raise _Rejected
+            return None
         try:
             image, encoded = self._decoded(message.content)
         except ValueError as error:
             self._reject(f"rejected message {self._number}: {error}")
-            raise _Rejected from None
+            return None
         stamp_ns = message.stamp_ns or message.recorded_ns
         if not message.stamp_ns and not self._has_reported_stamps:
             self._has_reported_stamps = True
             self._reject("images have no stamp; the time at which they were recorded is used")
         if self._index >= 0 and stamp_ns <= self._last_ns:
             self._reject(f"rejected message {self._number}: an image not later than the previous one")
-            raise _Rejected
+            return None
         self._index += 1
         if not self._index:
             self._first_ns = stamp_ns
@@ -173,10 +169,6 @@ class RosbagSource(Source):
         if not self._faults:
             raise EndOfSource
         return Capture(self._index, self._last_ns - self._first_ns + 1, None, faults=self._faults)
-
-
-class _Rejected(Exception):
-    """A message without a usable image."""
 
 
 def _opened(path: Path) -> Any:

@@ -1,7 +1,6 @@
 """Interoperability with real ROS 2 nodes (Jazzy and Kilted, rclpy); set up by `make interop`."""
 
 import json
-import os
 import queue
 import subprocess
 import sys
@@ -12,7 +11,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from ros_network import Peer, loopback, running
+from ros_network import Peer, rclpy_environment, running
 
 pytest.importorskip("cyclonedds")
 
@@ -27,42 +26,26 @@ from haptigraph.sources.cameras.ros2 import Ros2Source
 from haptigraph.sources.phantom import PhantomSource
 
 HERE = Path(__file__).parent
-ENVIRONMENTS = Path(__file__).parents[2] / ".interop"
 COUNT, RAW_COUNT = 1000, 300
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 
 
-@pytest.fixture(scope="module", params=["jazzy", "kilted"])
-def ros(request):
+@pytest.fixture(scope="module")
+def ros(distribution):
     """Start a real node in a role; it prints its result when it ends."""
-    python = ENVIRONMENTS / request.param / "bin" / "python"
-    if not python.exists():
-        pytest.skip(f"ROS 2 {request.param} is not installed; run `make interop`")
-    with pytest.MonkeyPatch.context() as patch:
-        for name, value in loopback(ignored="1.15").items():  # without a tag, which only Cyclone supports
-            patch.setenv(name, value)
+    name, python = distribution
+    started = []
 
-        started = []
+    def start(*arguments):
+        script = (python, HERE / "ros_node.py", *map(str, arguments))
+        started.append(subprocess.Popen(script, stdout=subprocess.PIPE, text=True, env=rclpy_environment()))
+        return started[-1]
 
-        def start(*arguments):
-            environment = {
-                name: value
-                for name, value in os.environ.items()
-                if name not in ("PYTHONPATH", "CYCLONEDDS_URI")
-            }
-            environment |= {
-                "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
-                "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-            }
-            script = (python, HERE / "ros_node.py", *map(str, arguments))
-            started.append(subprocess.Popen(script, stdout=subprocess.PIPE, text=True, env=environment))
-            return started[-1]
-
-        start.name = request.param
-        yield start
-        for process in started:
-            process.kill()
-            process.communicate()
+    start.name = name
+    yield start
+    for process in started:
+        process.kill()
+        process.communicate()
 
 
 def result_of(node):

@@ -13,7 +13,7 @@ from pathlib import Path
 from statistics import median
 
 import pytest
-from ros_network import loopback, until
+from ros_network import rclpy_environment, until
 
 pytest.importorskip("cyclonedds")
 
@@ -27,7 +27,6 @@ from haptigraph.robot.ros.servo import ServoRobot
 from haptigraph.teleop.motion import TeleopSettings
 
 HERE = Path(__file__).parent
-ENVIRONMENTS = ROOT / ".interop"
 APPROACHES, TRIALS = 30, 3
 HELD_MS = 50.0
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
@@ -50,10 +49,10 @@ def prefer():
 
 def started(python, script, *arguments):
     """A node in an environment of ROS, once it is ready; its standard input takes commands."""
-    environment = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "CYCLONEDDS_URI")}
-    environment |= {"RMW_IMPLEMENTATION": "rmw_fastrtps_cpp", "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
     command, pipe = (python, HERE / script, *map(str, arguments)), subprocess.PIPE
-    process = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, bufsize=1, env=environment)
+    process = subprocess.Popen(
+        command, stdin=pipe, stdout=pipe, text=True, bufsize=1, env=rclpy_environment()
+    )
     assert process.stdout.readline() == "ready\n"
     return process
 
@@ -80,17 +79,11 @@ class Arm:
         self.do("report")
 
 
-@pytest.fixture(scope="module", params=["jazzy", "kilted"])
-def ros(request):
-    python = ENVIRONMENTS / request.param / "bin" / "python"
-    if not python.exists():
-        pytest.skip(f"ROS 2 {request.param} is not installed; run `make interop`")
-    with pytest.MonkeyPatch.context() as patch:
-        for name, value in loopback(ignored="1.15").items():  # without a tag, which only Cyclone supports
-            patch.setenv(name, value)
-        prefer()
-        yield request.param, python
-        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+@pytest.fixture(scope="module")
+def ros(distribution):
+    prefer()
+    yield distribution
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
 @pytest.fixture(scope="module")

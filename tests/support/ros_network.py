@@ -25,6 +25,12 @@ def loopback(tag: str | None = None, ignored: str = "1.15,1.16") -> dict[str, st
     return {"ROS_DOMAIN_ID": str(1 + os.getpid() % 100), "CYCLONEDDS_URI": settings.replace("\n", "")}
 
 
+def rclpy_environment() -> dict[str, str]:
+    """The environment variables of a real ROS 2 node on the network of this process."""
+    own = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "CYCLONEDDS_URI")}
+    return own | {"RMW_IMPLEMENTATION": "rmw_fastrtps_cpp", "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+
+
 def tag() -> str:
     return f"haptigraph-{uuid.uuid4().hex}"
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import msgspec
 
+from haptigraph.analysis.exporting.writing import write_new
 from haptigraph.assemble import parse_procedure
-from haptigraph.errors import BadInput
 from haptigraph.recording.reader import RunReader
 
 __all__ = ["foxglove_layout", "write_foxglove_layout"]
@@ -32,13 +32,7 @@ def write_foxglove_layout(path: str | Path, output: str | Path) -> None:
     info = RunReader(path).info
     measures = parse_procedure(info.procedure, f"procedure in {path}").schema.measure_names
     layout = msgspec.json.format(msgspec.json.encode(foxglove_layout(measures)), indent=2)
-    try:
-        with open(output, "xb") as file:
-            file.write(layout + b"\n")
-    except FileExistsError:
-        raise BadInput("exists already; choose another name", output) from None
-    except OSError as error:
-        raise BadInput(f"cannot be written ({error.strerror})", output) from None
+    write_new(output, layout + b"\n")
 
 
 def foxglove_layout(measures: tuple[str, ...]) -> dict[str, Any]:

@@ -14,8 +14,8 @@ from typing import Any
 from xml.etree import ElementTree
 
 from haptigraph.analysis.exporting.lsl_streams import IRREGULAR_RATE_HZ, LslSamples, LslStream, lsl_streams
+from haptigraph.analysis.exporting.writing import write_new
 from haptigraph.assemble import parse_procedure
-from haptigraph.errors import BadInput
 from haptigraph.recording.reader import RunReader
 from haptigraph.recording.writer import Progress
 
@@ -129,13 +129,7 @@ def run_xdf(path: str | Path, output: str | Path, progress: Progress | None = No
             counts[streams[sample.stream].name] += 1
         if progress is not None:
             progress("writing", written, 0)
-    try:
-        with open(output, "xb") as target:
-            target.write(file.content())
-    except FileExistsError:
-        raise BadInput("exists already; choose another name", output) from None
-    except OSError as error:  # that of a full disk does not name the file
-        raise BadInput(f"cannot be written ({error.strerror})", output) from None
+    write_new(output, file.content())
     return counts
 
 
