@@ -78,12 +78,6 @@ class Lag(Struct, frozen=True):
         low, high = self.drift_interval_s_per_s
         return low > 0 or high < 0
 
-    @property
-    def is_significant(self) -> bool:
-        """Whether the interval excludes 0."""
-        low, high = self.interval_s
-        return low > 0 or high < 0
-
 
 def estimate_lag(motion: Motion, what: str, window_s: float = WINDOW_S) -> Lag:
     """Estimate the lag of the robot's stamps.

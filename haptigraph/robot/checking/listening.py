@@ -43,7 +43,6 @@ class _Topic(NamedTuple):
     name: str
     message_type: type[IdlStruct]
     take: Callable[[Any, int, int], None]
-    is_needed: bool = False
 
 
 class Listener:
