@@ -85,8 +85,7 @@ def _frozen(recorded: Recorded, time_s: Floats, position_m: Floats, rotation: Ro
         yield Finding(
             "pose_frozen",
             f"all {len(position_m)} poses are identical; poses that follow the robot are valid: if it was "
-            "not "
-            "moved, move it by hand",
+            "not moved, move it by hand",
         )
         return
     longest_s = _longest_s(time_s, same)

@@ -123,8 +123,7 @@ def _linear_finding(fit: _Fit) -> Finding:
         return Finding(
             "velocity_inconsistent",
             "positions of measured_cp do not follow the velocities of measured_cv, in no order of the axes; "
-            "the "
-            "velocity of the tip in the frame of measured_cp is valid",
+            "the velocity of the tip in the frame of measured_cp is valid",
         )
     if (fit.axes == EYE).all():
         return Finding(
@@ -154,16 +153,14 @@ def _angular_finding(edges_s: Floats, time_s: Floats, rotation: Rotation, turned
         return Finding(
             "quaternion_inverse",
             "orientations of measured_cp are of the base in the tool's frame; those of the tool in the base "
-            "are "
-            "valid",
+            "are valid",
         )
     fit = _best(turned_cv_rad, _turned_rad(edges_s, time_s, rotation))
     if fit.error > MAX_RESIDUAL:
         return Finding(
             "rotation_inconsistent",
             "orientations of measured_cp do not follow the angular velocities of measured_cv; those in the "
-            "frame "
-            "of measured_cp are valid",
+            "frame of measured_cp are valid",
         )
     if (fit.axes == EYE).all():
         return Finding(
