@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from haptigraph.analysis.registering.registering import write_files
 from haptigraph.analysis.robot.lag import Lag, estimate_lag
 from haptigraph.analysis.robot.recorded import recorded_motion
 from haptigraph.errors import BadInput
+from haptigraph.files import write_files
 from haptigraph.recording.reader import RunReader
 from haptigraph.robot.place.calibration import (
     Calibration,
