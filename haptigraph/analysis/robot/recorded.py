@@ -5,7 +5,7 @@ import math
 import numpy as np
 from msgspec import Struct
 
-from haptigraph.analysis.robot.lag import Lag, Motion
+from haptigraph.analysis.robot.lag import Lag, Motion, at_times
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Circle, Point
 from haptigraph.messages import Capture, Step
@@ -34,8 +34,7 @@ class RecordedMotion(Struct, frozen=True):
         motion = self.motion
         at_s = motion.image_s + lag.lag_s + lag.drift_s_per_s * (motion.image_s - lag.middle_s)
         inside: Floats = (at_s >= motion.robot_s[0]) & (at_s <= motion.robot_s[-1])
-        tips = np.column_stack([np.interp(at_s, motion.robot_s, column) for column in motion.robot_mm.T])
-        return tips, inside
+        return at_times(motion.robot_s, motion.robot_mm, at_s), inside
 
 
 def recorded_motion(reader: RunReader) -> RecordedMotion:
