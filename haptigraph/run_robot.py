@@ -56,7 +56,7 @@ class SteeredRobot:
 
     def take_faults(self) -> tuple[Fault, ...]:
         """Return what was wrong with the robot's messages since the last call."""
-        reading = self.process.status().reading
+        reading = self.process.reading
         faults = faults_of(reading, self._known) if reading else []
         self._known += len(faults)
         return tuple(faults)

@@ -4,13 +4,15 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from contextlib import closing
+from functools import lru_cache
 
 import msgspec
 
 from haptigraph.clock import Clock
 from haptigraph.messages import Fault, RobotSample
 from haptigraph.robot.interface import Robot, RobotReading
-from haptigraph.robot.setup import RobotSetup
+from haptigraph.robot.pose import Transform
+from haptigraph.robot.setup import EyePlace, RobotSetup
 
 __all__ = ["Listener", "faults_of", "sample_of"]
 
@@ -31,7 +33,7 @@ def sample_of(reading: RobotReading, setup: RobotSetup | None, latency_ms: float
     if pose is None or not pose.is_finite:
         return None
     eye = setup.eye if setup else None
-    eye_tip = eye.robot_from_eye.inverse().point_mm(pose.position_mm).tolist() if eye else None
+    eye_tip = _eye_from_robot(eye).point_mm(pose.position_mm).tolist() if eye else None
     return RobotSample(
         reading.stamp_ns - round(latency_ms * NS_PER_MS),
         pose.position_mm,
@@ -41,6 +43,11 @@ def sample_of(reading: RobotReading, setup: RobotSetup | None, latency_ms: float
         eye_tip_mm=msgspec.convert(eye_tip, tuple[float, float, float]) if eye_tip else None,
         eye_tip_sd_mm=eye.tip_sd_mm if eye else None,
     )
+
+
+@lru_cache
+def _eye_from_robot(eye: EyePlace) -> Transform:
+    return eye.robot_from_eye.inverse()
 
 
 def faults_of(reading: RobotReading, known: int) -> list[Fault]:

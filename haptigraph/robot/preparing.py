@@ -31,7 +31,7 @@ def _reach(
 ) -> None:
     give_up_ns, is_asked = clock.now_ns() + round(within_s * 1e9), False
     while True:
-        reading = robot.status().reading
+        reading = robot.reading
         operating = reading.operating if reading else None
         if operating is not None and is_there(operating):
             return

@@ -104,6 +104,11 @@ class RobotProcess:
             self._readings.clear()
         return readings
 
+    @property
+    def reading(self) -> RobotReading | None:
+        """The newest reading; None before the first."""
+        return self._reports[-1].reading
+
     def status(self) -> MotionStatus:
         """Return whether the robot moves, and if not, why."""
         with self._arrived:

@@ -12,7 +12,16 @@ from msgspec import Meta, Struct
 from haptigraph.robot.pose import Quaternion, ToolPose, Transform, Vec3
 from haptigraph.toml_document import Document
 
-__all__ = ["EyePlace", "MotionLimits", "RcmPlace", "RobotSetup", "ShaftAxis", "load_setup", "parse_setup"]
+__all__ = [
+    "EyePlace",
+    "MotionLimits",
+    "RcmPlace",
+    "RobotSetup",
+    "ShaftAxis",
+    "direction_of_axis",
+    "load_setup",
+    "parse_setup",
+]
 
 ShaftAxis = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
 Millimetres = Annotated[float, Meta(ge=-10_000, le=10_000)]
@@ -88,9 +97,14 @@ class RobotSetup(Struct, frozen=True, forbid_unknown_fields=True):
     @property
     def shaft_axis_tool(self) -> Vec3:
         """The shaft's direction in the tool's frame, length 1."""
-        sign = 1.0 if self.shaft_axis[0] == "+" else -1.0
-        x, y, z = (sign * (name == self.shaft_axis[1]) for name in "xyz")
-        return x, y, z
+        return direction_of_axis(self.shaft_axis)
+
+
+def direction_of_axis(axis: ShaftAxis) -> Vec3:
+    """Return the direction of an axis in its frame, length 1."""
+    sign = 1.0 if axis[0] == "+" else -1.0
+    x, y, z = (sign * (name == axis[1]) for name in "xyz")
+    return x, y, z
 
 
 def load_setup(path: str | Path) -> RobotSetup:

@@ -13,11 +13,12 @@ import cv2
 import numpy as np
 
 from haptigraph.analysis.registering.picture import BLACK, WHITE, draw_text
-from haptigraph.analysis.registering.registering import check_files, images_of, spread_images, write_files
+from haptigraph.analysis.registering.registering import check_files, images_of, spread_images
 from haptigraph.assemble import open_source
 from haptigraph.clock import VirtualClock
 from haptigraph.config import SourceConfig, load_config
 from haptigraph.errors import BadInput
+from haptigraph.files import write_files
 from haptigraph.imaging import grey_of
 from haptigraph.messages import Image
 from haptigraph.perception.oct.scan_image import ScanScale, scan_image

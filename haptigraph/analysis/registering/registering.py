@@ -3,8 +3,6 @@
 Writes both files or neither.
 """
 
-import os
-import tempfile
 from collections.abc import Generator, Iterable, Sequence
 from contextlib import closing
 from pathlib import Path
@@ -23,6 +21,7 @@ from haptigraph.assemble import SOURCES, open_source
 from haptigraph.clock import VirtualClock
 from haptigraph.config import Config, SourceConfig
 from haptigraph.errors import BadInput
+from haptigraph.files import write_files
 from haptigraph.imaging import UPRIGHT, Turn
 from haptigraph.messages import Image
 from haptigraph.perception.anatomy.anatomy import Anatomy, find_anatomy
@@ -45,7 +44,6 @@ __all__ = [
     "recorded_turn",
     "register_source",
     "spread_images",
-    "write_files",
 ]
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
@@ -218,20 +216,3 @@ def _check_plausible(anatomy: Anatomy, mm_per_px: float, source: str) -> None:
             f"{WALL_MM[0]:g} to {WALL_MM[1]:g} mm is plausible",
             source,
         )
-
-
-def write_files(files: Sequence[Path], contents: Sequence[bytes]) -> None:
-    """Write files atomically: all to temporary files first, then rename them."""
-    temporary: list[tuple[str, Path]] = []
-    try:
-        for file, content in zip(files, contents, strict=True):
-            handle, name = tempfile.mkstemp(dir=file.parent, prefix=f".{file.name}.")
-            temporary.append((name, file))
-            with os.fdopen(handle, "wb") as part:
-                part.write(content)
-        for name, file in temporary:
-            Path(name).chmod(0o644)
-            Path(name).replace(file)
-    finally:
-        for name, _ in temporary:
-            Path(name).unlink(missing_ok=True)

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from haptigraph.analysis.registering.registering import write_files
 from haptigraph.analysis.robot.lag import Lag, estimate_lag
 from haptigraph.analysis.robot.recorded import recorded_motion
 from haptigraph.errors import BadInput
+from haptigraph.files import write_files
 from haptigraph.recording.reader import RunReader
 from haptigraph.robot.place.calibration import (
     Calibration,
@@ -20,18 +20,21 @@ from haptigraph.robot.place.calibration import (
     setup_text,
 )
 from haptigraph.robot.place.pivot import Pivot, fit_pivot
-from haptigraph.robot.pose import Floats, rotation_of
-from haptigraph.robot.setup import EyePlace, RcmPlace, RobotSetup, ShaftAxis, load_setup, parse_setup
+from haptigraph.robot.pose import Floats, rotated
+from haptigraph.robot.setup import (
+    EyePlace,
+    RcmPlace,
+    RobotSetup,
+    ShaftAxis,
+    direction_of_axis,
+    load_setup,
+    parse_setup,
+)
 
 __all__ = ["TouchedPoints", "from_points", "from_run", "pivot_of", "read_points", "write_setup"]
 
 EYE_COLUMNS = ("eye_x_mm", "eye_y_mm", "eye_z_mm")
 BASE_COLUMNS = ("base_x_mm", "base_y_mm", "base_z_mm")
-AXES = {
-    f"{sign}{name}": tuple(float(f"{sign}1") * (name == each) for each in "xyz")
-    for sign in "+-"
-    for name in "xyz"
-}
 MAX_POSES = 1500  # of a run, for the pivot: more are no more independent
 MAX_LEFT_OUT = 200
 ALIGNED_S = 0.01
@@ -157,7 +160,8 @@ def pivot_of(path: str | Path, shaft_axis: ShaftAxis) -> Pivot:
         raise BadInput("has no robot measurements; record the run with --robot", path)
     poses = poses[:: math.ceil(len(poses) / MAX_POSES)]
     tips_mm = np.array([one.position_mm for one in poses])
-    axes = np.array([rotation_of(one.quaternion) @ AXES[shaft_axis] for one in poses])
+    shaft = direction_of_axis(shaft_axis)
+    axes = np.array([rotated(one.quaternion, shaft) for one in poses])
     return fit_pivot(tips_mm, axes, str(path))
 
 

@@ -16,7 +16,7 @@ from haptigraph.errors import BadInput
 from haptigraph.robot.place.autocorrelation import values_per_independent
 from haptigraph.robot.pose import Floats
 
-__all__ = ["Lag", "Motion", "estimate_lag"]
+__all__ = ["Lag", "Motion", "at_times", "estimate_lag"]
 
 WINDOW_S = 5.0
 """The largest lag that is searched for."""
@@ -76,12 +76,6 @@ class Lag(Struct, frozen=True):
     def is_drift_significant(self) -> bool:
         """Whether the interval of the drift excludes 0."""
         low, high = self.drift_interval_s_per_s
-        return low > 0 or high < 0
-
-    @property
-    def is_significant(self) -> bool:
-        """Whether the interval excludes 0."""
-        low, high = self.interval_s
         return low > 0 or high < 0
 
 
@@ -227,8 +221,8 @@ def _fitted(
     at_s = motion.image_s + lag_s + drift * (motion.image_s - middle_s)
     inside = (at_s >= motion.robot_s[0]) & (at_s <= motion.robot_s[-1])
     at_s, image_mm = at_s[inside], motion.image_mm[inside]
-    there = _at(motion.robot_s, coordinates, at_s)
-    ahead, behind = (_at(motion.robot_s, coordinates, at_s + s) for s in (SLOPE_S, -SLOPE_S))
+    there = at_times(motion.robot_s, coordinates, at_s)
+    ahead, behind = (at_times(motion.robot_s, coordinates, at_s + s) for s in (SLOPE_S, -SLOPE_S))
     centred, target = there - there.mean(axis=0), image_mm - image_mm.mean(axis=0)
     linear = _map(centred, target)
     residual = target - centred @ linear.T
@@ -262,7 +256,7 @@ def _mean_square(motion: Motion, coordinates: Floats, lag_s: float) -> float:
     inside = (at_s >= motion.robot_s[0]) & (at_s <= motion.robot_s[-1])
     if inside.sum() < MIN_OVERLAP * len(at_s):
         return math.inf
-    there, target = _at(motion.robot_s, coordinates, at_s[inside]), motion.image_mm[inside]
+    there, target = at_times(motion.robot_s, coordinates, at_s[inside]), motion.image_mm[inside]
     centred, target = there - there.mean(axis=0), target - target.mean(axis=0)
     residual = target - centred @ _map(centred, target).T
     return float((residual**2).sum(axis=1).mean())
@@ -286,7 +280,8 @@ def _coordinates(robot_mm: Floats) -> Floats:
     return coordinates
 
 
-def _at(times_s: Floats, values: Floats, at_s: Floats) -> Floats:
+def at_times(times_s: Floats, values: Floats, at_s: Floats) -> Floats:
+    """Return values (n, m), interpolated at other times (k,), as (k, m)."""
     return np.column_stack([np.interp(at_s, times_s, column) for column in values.T])
 
 

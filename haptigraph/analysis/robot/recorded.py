@@ -5,12 +5,12 @@ import math
 import numpy as np
 from msgspec import Struct
 
-from haptigraph.analysis.robot.lag import Lag, Motion
+from haptigraph.analysis.robot.lag import Lag, Motion, at_times
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Circle, Point
 from haptigraph.messages import Capture, Step
 from haptigraph.recording.reader import RunReader
-from haptigraph.robot.pose import Floats, Vec3, rotation_of
+from haptigraph.robot.pose import Floats
 
 __all__ = ["RecordedMotion", "recorded_motion"]
 
@@ -24,28 +24,17 @@ class RecordedMotion(Struct, frozen=True):
     """Times from the first image on."""
     image_sd_mm: Floats
     """Standard deviation of the tips in the images, (n,)."""
-    quaternions: Floats
-    """Of the robot's samples, (m, 4)."""
     start_ns: int
     """Stamp of the first image."""
     target_mm: Floats
     """Where the target is, eye frame, (3,)."""
-
-    def axes(self, shaft_axis: Vec3) -> Floats:
-        """Return the directions of the shaft in the base, (m, 3).
-
-        Args:
-            shaft_axis: That direction in the tool's frame.
-        """
-        return np.array([rotation_of((x, y, z, w)) @ shaft_axis for x, y, z, w in self.quaternions.tolist()])
 
     def robot_at_images(self, lag: Lag) -> tuple[Floats, Floats]:
         """Return the robot's tips at the images, and which images they cover, (n, 3) and (n,)."""
         motion = self.motion
         at_s = motion.image_s + lag.lag_s + lag.drift_s_per_s * (motion.image_s - lag.middle_s)
         inside: Floats = (at_s >= motion.robot_s[0]) & (at_s <= motion.robot_s[-1])
-        tips = np.column_stack([np.interp(at_s, motion.robot_s, column) for column in motion.robot_mm.T])
-        return tips, inside
+        return at_times(motion.robot_s, motion.robot_mm, at_s), inside
 
 
 def recorded_motion(reader: RunReader) -> RecordedMotion:
@@ -60,9 +49,7 @@ def recorded_motion(reader: RunReader) -> RecordedMotion:
     for capture, step in reader.records(images=()):
         start_ns = capture.stamp_ns if start_ns is None else start_ns
         image += _tip(capture, step, start_ns)
-        robot += [
-            ((one.stamp_ns - start_ns) / NS_PER_S, *one.position_mm, *one.quaternion) for one in capture.robot
-        ]
+        robot += [((one.stamp_ns - start_ns) / NS_PER_S, *one.position_mm) for one in capture.robot]
         if isinstance(target := step.observation.found.get("retina_target"), Point):
             target_mm = target.at_mm
     if start_ns is None or not robot:
@@ -74,7 +61,6 @@ def recorded_motion(reader: RunReader) -> RecordedMotion:
     return RecordedMotion(
         Motion(seen[:, 0], seen[:, 1:3], reported[:, 0], reported[:, 1:4]),
         seen[:, 3],
-        reported[:, 4:8],
         start_ns,
         np.array([*target_mm, 0.0]),
     )

@@ -133,7 +133,7 @@ def _motion(status: "MotionStatus") -> str:
 
 
 def _operating(robot: "RobotProcess") -> "Operating | None":
-    reading = robot.status().reading
+    reading = robot.reading
     return reading.operating if reading else None
 
 

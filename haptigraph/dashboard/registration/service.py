@@ -18,12 +18,12 @@ from haptigraph.analysis.registering.draft import (
     draft_from,
     draft_picture,
 )
-from haptigraph.analysis.registering.registering import write_files
 from haptigraph.assemble import SOURCES
 from haptigraph.dashboard.jobs.process import Jobs
 from haptigraph.dashboard.jobs.register import OBSERVE_S
 from haptigraph.dashboard.server.site import Site
 from haptigraph.errors import BadInput
+from haptigraph.files import write_files
 from haptigraph.messages import Image
 from haptigraph.registration.loading import load_camera_registration
 from haptigraph.sources.naming import CAMERAS, split_source

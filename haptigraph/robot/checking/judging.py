@@ -68,8 +68,7 @@ def _findings(recorded: Recorded, setup: RobotSetup | None) -> Iterator[Finding]
         yield Finding(
             "pose_missing",
             f"{len(recorded.poses)} poses arrived; at least {MIN_POSES} are needed: is this the robot's "
-            "name, "
-            "and does its node run in this ROS domain?",
+            "name, and does its node run in this ROS domain?",
         )
         return
     limits = setup.limits if setup is not None else MotionLimits()

@@ -3,12 +3,12 @@
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
 from haptigraph.robot.checking.messages import MAX_SPEED_M_S
 from haptigraph.robot.checking.recorded import Finding, Recorded
 from haptigraph.robot.checking.timing import stamps_are_usable
-from haptigraph.robot.checking.velocities import WINDOW_S, velocity_findings
+from haptigraph.robot.checking.velocities import WINDOW_S, at_times, turned_rad, velocity_findings
 from haptigraph.robot.pose import Floats
 
 __all__ = ["MIN_MOVED_MM", "MIN_TURNED_DEG", "kinematic_findings", "kinematic_measurements"]
@@ -85,8 +85,7 @@ def _frozen(recorded: Recorded, time_s: Floats, position_m: Floats, rotation: Ro
         yield Finding(
             "pose_frozen",
             f"all {len(position_m)} poses are identical; poses that follow the robot are valid: if it was "
-            "not "
-            "moved, move it by hand",
+            "not moved, move it by hand",
         )
         return
     longest_s = _longest_s(time_s, same)
@@ -123,10 +122,9 @@ def _joint_units(recorded: Recorded, time_s: Floats, rotation: Rotation) -> Iter
     joint_s = samples.stamp_s if stamps_are_usable(recorded) else samples.received_s
     joint_s, first = np.unique(joint_s, return_index=True)
     edges_s = np.arange(max(time_s[0], joint_s[0]), min(time_s[-1], joint_s[-1]), WINDOW_S)
-    joints = np.column_stack([np.interp(edges_s, joint_s, column) for column in samples.numbers[first].T])
-    turned = Slerp(time_s, rotation)(edges_s)
-    turned_rad = (turned[1:] * turned[:-1].inv()).magnitude().sum()
-    ratio = float(np.abs(np.diff(joints, axis=0)).sum() / turned_rad)
+    joints = at_times(edges_s, joint_s, samples.numbers[first])
+    angles_rad = np.linalg.norm(turned_rad(edges_s, time_s, rotation), axis=1)
+    ratio = float(np.abs(np.diff(joints, axis=0)).sum() / angles_rad.sum())
     if ratio > JOINT_RATIO:
         yield Finding(
             "joint_units",

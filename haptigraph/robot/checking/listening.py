@@ -43,7 +43,6 @@ class _Topic(NamedTuple):
     name: str
     message_type: type[IdlStruct]
     take: Callable[[Any, int, int], None]
-    is_needed: bool = False
 
 
 class Listener:
@@ -179,7 +178,8 @@ class CrtkListener(Listener):
         commands.send(PoseStamped(_header(frame_id), pose))
 
         def is_echoed() -> bool:
-            setpoints = self.snapshot().setpoints.samples().numbers[known:]
+            with self._lock:  # no copy of everything: messages would wait, and count as late
+                setpoints = self.recorded.setpoints.samples().numbers[known:]
             return bool(len(setpoints)) and bool(abs(setpoints[-1, :3] - target[:3]).max() < ECHO_M)
 
         return (time.monotonic_ns() - sent_ns) / 1e6 if _until(is_echoed, ECHO_S) else None

@@ -1,7 +1,5 @@
 """The report of a check: text for the terminal, JSON to keep (read by `robot.check_report`)."""
 
-import os
-import tempfile
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
@@ -9,6 +7,7 @@ from pathlib import Path
 import msgspec
 
 from haptigraph.errors import BadInput
+from haptigraph.files import write_files
 from haptigraph.robot.check_report import CheckReport
 from haptigraph.robot.checking.judging import Judgement
 from haptigraph.robot.checking.recorded import Finding
@@ -58,14 +57,7 @@ def write_report(report: FullReport, path: Path) -> None:
         BadInput: If it cannot be written.
     """
     content = msgspec.json.format(msgspec.json.encode(report), indent=2) + b"\n"
-    temporary: str | None = None
     try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        with os.fdopen(handle, "wb") as part:
-            part.write(content)
-        Path(temporary).chmod(0o644)
-        Path(temporary).replace(path)
+        write_files((path,), (content,))
     except OSError as error:
-        if temporary is not None:
-            Path(temporary).unlink(missing_ok=True)
         raise BadInput(f"cannot be written ({error.strerror})", path) from None

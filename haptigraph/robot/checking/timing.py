@@ -43,8 +43,8 @@ def timing_findings(recorded: Recorded, stale_ms: float) -> Iterator[Finding]:
         yield Finding(
             "latency",
             f"poses arrive {age_ms:.4g} ms after their stamp; at most {stale_ms - period_ms:.3g} ms is "
-            "valid, "
-            f"as a pose is stale after {stale_ms:g} ms: a slow network, or clocks that are not synchronised",
+            f"valid, as a pose is stale after {stale_ms:g} ms: a slow network, or clocks that are not "
+            "synchronised",
         )
 
 
@@ -73,8 +73,7 @@ def _stamps(recorded: Recorded) -> Iterator[Finding]:
         yield Finding(
             "stamps_missing",
             f"{recorded.poses.unstamped} of {len(recorded.poses)} poses have no stamp; the time of "
-            "measurement "
-            "is valid",
+            "measurement is valid",
         )
         return
     samples = recorded.poses.samples()
@@ -94,13 +93,11 @@ def _stamps(recorded: Recorded) -> Iterator[Finding]:
         yield Finding(
             "stamps_future",
             f"stamps are {-age_s:.3g} s in the future; at most {MAX_AHEAD_S * 1e3:g} ms is valid: "
-            "synchronise "
-            "the clocks of the two machines (NTP, PTP)",
+            "synchronise the clocks of the two machines (NTP, PTP)",
         )
     elif age_s > MAX_AGE_NS / 1e9:
         yield Finding(
             "stamps_past",
             f"stamps are {age_s:.4g} s in the past; less than {MAX_AGE_NS / 1e9:g} s is valid: synchronise "
-            "the "
-            "clocks of the two machines (NTP, PTP)",
+            "the clocks of the two machines (NTP, PTP)",
         )

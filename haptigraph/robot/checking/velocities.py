@@ -16,7 +16,7 @@ from haptigraph.robot.checking.recorded import Finding, Recorded
 from haptigraph.robot.checking.timing import stamps_are_usable
 from haptigraph.robot.pose import Floats
 
-__all__ = ["WINDOW_S", "velocity_findings"]
+__all__ = ["WINDOW_S", "at_times", "turned_rad", "velocity_findings"]
 
 WINDOW_S = 0.25
 MAX_FACTOR = 1.25
@@ -61,12 +61,12 @@ def velocity_findings(
             "velocity_rate", "measured_cv has too few messages; as many as of measured_cp are valid"
         )
         return
-    positions = _at(edges_s, time_s, position_m)
+    positions = at_times(edges_s, time_s, position_m)
     moved_m = np.diff(positions, axis=0)
-    integral = _at(edges_s, twist_s, _integral(twist_s, twists))
+    integral = at_times(edges_s, twist_s, _integral(twist_s, twists))
     moved_cv_m, turned_cv_rad = np.diff(integral[:, :3], axis=0), np.diff(integral[:, 3:], axis=0)
     linear = _fit(moved_cv_m, moved_m, EYE)
-    angular = _fit(turned_cv_rad, _turned_rad(edges_s, time_s, rotation), EYE)
+    angular = _fit(turned_cv_rad, turned_rad(edges_s, time_s, rotation), EYE)
     if linear.is_good and angular.is_good:
         return
     if (found := _in_tool_frame(edges_s, time_s, rotation, moved_m, (twist_s, twists))) is not None:
@@ -91,11 +91,13 @@ def _integral(time_s: Floats, rates: Floats) -> Floats:
     return integral
 
 
-def _at(edges_s: Floats, time_s: Floats, values: Floats) -> Floats:
+def at_times(edges_s: Floats, time_s: Floats, values: Floats) -> Floats:
+    """Return values (n, m), interpolated at other times (k,), as (k, m)."""
     return np.column_stack([np.interp(edges_s, time_s, column) for column in values.T])
 
 
-def _turned_rad(edges_s: Floats, time_s: Floats, rotation: Rotation) -> Floats:
+def turned_rad(edges_s: Floats, time_s: Floats, rotation: Rotation) -> Floats:
+    """Return the rotation vectors between successive edges, (k - 1, 3)."""
     turned = Slerp(time_s, rotation)(edges_s)
     vectors: Floats = (turned[1:] * turned[:-1].inv()).as_rotvec()
     return vectors
@@ -123,8 +125,7 @@ def _linear_finding(fit: _Fit) -> Finding:
         return Finding(
             "velocity_inconsistent",
             "positions of measured_cp do not follow the velocities of measured_cv, in no order of the axes; "
-            "the "
-            "velocity of the tip in the frame of measured_cp is valid",
+            "the velocity of the tip in the frame of measured_cp is valid",
         )
     if (fit.axes == EYE).all():
         return Finding(
@@ -146,24 +147,22 @@ def _axes_finding(what: str, axes: Floats) -> Finding:
 
 def _angular_finding(edges_s: Floats, time_s: Floats, rotation: Rotation, turned_cv_rad: Floats) -> Finding:
     order = Rotation.from_quat(rotation.as_quat()[:, [1, 2, 3, 0]])
-    if _fit(turned_cv_rad, _turned_rad(edges_s, time_s, order), EYE).is_good:
+    if _fit(turned_cv_rad, turned_rad(edges_s, time_s, order), EYE).is_good:
         return Finding(
             "quaternion_order", "orientations of measured_cp are in the order w, x, y, z; x, y, z, w is valid"
         )
-    if _fit(turned_cv_rad, _turned_rad(edges_s, time_s, rotation.inv()), EYE).is_good:
+    if _fit(turned_cv_rad, turned_rad(edges_s, time_s, rotation.inv()), EYE).is_good:
         return Finding(
             "quaternion_inverse",
             "orientations of measured_cp are of the base in the tool's frame; those of the tool in the base "
-            "are "
-            "valid",
+            "are valid",
         )
-    fit = _best(turned_cv_rad, _turned_rad(edges_s, time_s, rotation))
+    fit = _best(turned_cv_rad, turned_rad(edges_s, time_s, rotation))
     if fit.error > MAX_RESIDUAL:
         return Finding(
             "rotation_inconsistent",
             "orientations of measured_cp do not follow the angular velocities of measured_cv; those in the "
-            "frame "
-            "of measured_cp are valid",
+            "frame of measured_cp are valid",
         )
     if (fit.axes == EYE).all():
         return Finding(
@@ -180,7 +179,7 @@ def _in_tool_frame(
     inside = (twist_s >= time_s[0]) & (twist_s <= time_s[-1])
     turned = Slerp(time_s, rotation)(twist_s[inside])
     in_base = turned.apply(twists[inside, :3])
-    moved_cv_m = np.diff(_at(edges_s, twist_s[inside], _integral(twist_s[inside], in_base)), axis=0)
+    moved_cv_m = np.diff(at_times(edges_s, twist_s[inside], _integral(twist_s[inside], in_base)), axis=0)
     if not _fit(moved_cv_m, moved_m, EYE).is_good:
         return None
     return Finding(

@@ -5,7 +5,7 @@ import time
 from contextlib import closing
 
 from haptigraph.errors import BadInput
-from haptigraph.robot.pose import ToolPose
+from haptigraph.robot.ros.poses import tool_pose
 from haptigraph.robot.setup import EyePlace
 from haptigraph.ros2.geometry_types import TFMessage, TransformStamped
 from haptigraph.ros2.node import Node
@@ -14,7 +14,6 @@ __all__ = ["EYE_FRAME", "TF_TOPICS", "eye_place", "listen_for_eye"]
 
 EYE_FRAME = "haptigraph_eye"
 TF_TOPICS = ("/tf_static", "/tf")
-MM_PER_M = 1000.0
 TIMEOUT_S = 5.0
 
 
@@ -60,8 +59,8 @@ def listen_for_eye(base_frame: str, sd_mm: float, timeout_s: float = TIMEOUT_S) 
 
 
 def _place(transform: TransformStamped, sd_mm: float) -> EyePlace:
-    at, turn = transform.transform.translation, transform.transform.rotation
-    pose = ToolPose((MM_PER_M * at.x, MM_PER_M * at.y, MM_PER_M * at.z), (turn.x, turn.y, turn.z, turn.w))
-    if not pose.is_finite:
-        raise BadInput(f"the transform to {EYE_FRAME} is no rotation and translation: {pose}")
+    try:
+        pose = tool_pose(transform.transform.translation, transform.transform.rotation)
+    except ValueError as error:
+        raise BadInput(f"the transform to {EYE_FRAME}: {error}") from None
     return EyePlace(pose.position_mm, pose.quaternion, tip_sd_mm=sd_mm)

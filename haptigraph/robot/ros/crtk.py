@@ -14,24 +14,21 @@ from msgspec.structs import replace
 from haptigraph.clock import Clock, offset_ns
 from haptigraph.errors import BadInput, DeviceError
 from haptigraph.robot.interface import Operating, OperatingState, RobotReading, StateCommand
-from haptigraph.robot.pose import ToolPose, Vec3
-from haptigraph.robot.ros.pose_input import PoseInput
-from haptigraph.robot.ros.pose_output import PoseOutput
+from haptigraph.robot.pose import Vec3
 from haptigraph.robot.ros.poses import finite_vector, tool_pose
+from haptigraph.robot.ros.robot import RosRobot
 from haptigraph.ros2 import motion_types as types
 from haptigraph.ros2.endpoints import sender
-from haptigraph.ros2.node import Node, checked_topic
+from haptigraph.ros2.node import checked_topic
 from haptigraph.ros2.types import Header, Time
 
 __all__ = ["STATES", "CrtkRobot", "namespace_of"]
 
 STATES: dict[str, OperatingState] = {state: state for state in get_args(OperatingState)}
 FORCE_AGE_NS = 100_000_000  # an older force is not reported
-DISCOVERY_S = 3.0  # subscribers announce themselves within this time
-TICK_S = 0.02
 
 
-class CrtkRobot:
+class CrtkRobot(RosRobot):
     """Read `measured_cp`, `measured_cf` and `operating_state`; publish `servo_cp` and `state_command`.
 
     Opening waits briefly for the robot's node; a robot that comes later is found, too.
@@ -47,13 +44,10 @@ class CrtkRobot:
 
     def __init__(self, argument: str, clock: Clock) -> None:
         root = namespace_of(argument)
-        self._clock = clock
-        self._input = PoseInput(f"crtk:{argument}", clock)
+        super().__init__(f"crtk:{argument}", f"{root}/servo_cp", clock)
         self._lock = threading.Lock()
         self._operating: Operating | None = None
         self._force: tuple[Vec3, int] | None = None
-        self._node: Node | None = Node()
-        self._output = PoseOutput(self._node, f"{root}/servo_cp", clock)
         self._state_command = self._node.publisher(f"{root}/state_command", types.StringStamped)
         reject = self._input.reject
         self._node.subscribe(f"{root}/measured_cp", types.PoseStamped, self._take_pose, reject)
@@ -66,11 +60,7 @@ class CrtkRobot:
                 reject,
                 is_latched=is_latched,
             )
-        tick = threading.Event()
-        for _ in range(round(DISCOVERY_S / TICK_S)):  # otherwise the first command would reach nobody
-            if self._output.has_subscribers and self._state_command.has_subscribers:
-                break
-            tick.wait(TICK_S)
+        self._await_subscribers(self._state_command)
 
     def read(self) -> RobotReading:
         """Return the newest measurements."""
@@ -82,22 +72,6 @@ class CrtkRobot:
             operating=operating,
             force_n=force[0] if force is not None and is_fresh else None,
         )
-
-    def move(self, pose: ToolPose, stamp_ns: int) -> None:
-        """Publish a pose on `servo_cp`.
-
-        Raises:
-            DeviceError: If it cannot be sent, or nobody receives it.
-        """
-        self._output.move(pose, stamp_ns, self._input.frame_id)
-
-    def hold(self, stamp_ns: int) -> None:
-        """Command the robot to stay where it was commanded last, or where it is if it did not follow.
-
-        Raises:
-            DeviceError: If it cannot be sent, or nobody receives it.
-        """
-        self._output.hold(stamp_ns, self.read(), self._input.frame_id)
 
     def request(self, command: StateCommand) -> None:
         """Publish a command on `state_command`.
@@ -113,19 +87,9 @@ class CrtkRobot:
         if not self._state_command.has_subscribers:
             raise DeviceError("nobody subscribes to state_command; the robot's node is not there")
 
-    def close(self) -> None:
-        """Hold, and leave the network.
-
-        Raises:
-            DeviceError: If the robot could not be held.
-        """
-        if self._node is None:
-            return
-        node, self._node = self._node, None
-        try:
-            self.hold(self._clock.now_ns())
-        finally:
-            node.close()
+    @property
+    def _frame_id(self) -> str:
+        return self._input.frame_id
 
     def _take_pose(self, message: types.PoseStamped) -> None:
         pose = tool_pose(message.pose.position, message.pose.orientation)

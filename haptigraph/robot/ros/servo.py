@@ -4,7 +4,6 @@ Servo stops by itself when commands stop for its `incoming_command_timeout`, and
 and bounds of joints. Its user starts it and sets it to pose commands; its services are not called.
 """
 
-import threading
 from urllib.parse import parse_qs
 
 from msgspec.structs import replace
@@ -12,14 +11,12 @@ from msgspec.structs import replace
 from haptigraph.clock import Clock
 from haptigraph.errors import BadInput, unknown_name
 from haptigraph.robot.interface import Operating, OperatingState, RobotReading, StateCommand
-from haptigraph.robot.pose import ToolPose
-from haptigraph.robot.ros.pose_input import PoseInput
-from haptigraph.robot.ros.pose_output import PoseOutput
+from haptigraph.robot.ros.robot import RosRobot
 from haptigraph.robot.ros.transforms import FramePose, TransformTree
 from haptigraph.ros2.endpoints import sender
 from haptigraph.ros2.geometry_types import TFMessage
 from haptigraph.ros2.motion_types import ServoStatus
-from haptigraph.ros2.node import Node, checked_topic
+from haptigraph.ros2.node import checked_topic
 
 __all__ = ["STATES", "ServoRobot", "servo_frames"]
 
@@ -35,11 +32,9 @@ STATES: dict[int, OperatingState] = {
     5: "PAUSED",  # halts before a collision
     6: "PAUSED",  # halts at a joint's bound
 }
-DISCOVERY_S = 3.0  # subscribers announce themselves within this time
-TICK_S = 0.02
 
 
-class ServoRobot:
+class ServoRobot(RosRobot):
     """Read NODE/status and tf; publish NODE/pose_target_cmds.
 
     Args:
@@ -53,41 +48,19 @@ class ServoRobot:
 
     def __init__(self, argument: str, clock: Clock) -> None:
         node_name, self._base, self._tool = servo_frames(argument)
-        self._clock, self._tree = clock, TransformTree()
-        self._input = PoseInput(f"servo:{argument}", clock)
+        super().__init__(f"servo:{argument}", f"{node_name}/pose_target_cmds", clock)
+        self._tree = TransformTree()
         self._status: tuple[int, int] | None = None
         self._found: FramePose | None = None
-        self._node: Node | None = Node()
-        self._output = PoseOutput(self._node, f"{node_name}/pose_target_cmds", clock)
         reject = self._input.reject
         self._node.subscribe("/tf", TFMessage, self._take_tf, reject)
         self._node.subscribe("/tf_static", TFMessage, self._take_static, reject)
         self._node.subscribe(f"{node_name}/status", ServoStatus, self._take_status, reject)
-        tick = threading.Event()
-        for _ in range(round(DISCOVERY_S / TICK_S)):
-            if self._output.has_subscribers:
-                break
-            tick.wait(TICK_S)
+        self._await_subscribers()
 
     def read(self) -> RobotReading:
         """Return the newest measurements; without a fresh status, Servo is taken for disabled."""
         return replace(self._input.read(), operating=self._operating())
-
-    def move(self, pose: ToolPose, stamp_ns: int) -> None:
-        """Publish a pose target.
-
-        Raises:
-            DeviceError: If it cannot be sent, or nobody receives it.
-        """
-        self._output.move(pose, stamp_ns, self._base)
-
-    def hold(self, stamp_ns: int) -> None:
-        """Command the robot to stay where it was commanded last, or where it is if it did not follow.
-
-        Raises:
-            DeviceError: If it cannot be sent, or nobody receives it.
-        """
-        self._output.hold(stamp_ns, self.read(), self._base)
 
     def request(self, command: StateCommand) -> None:
         """Report that Servo's state is changed by its services, which only ROS calls."""
@@ -95,19 +68,9 @@ class ServoRobot:
             "request", f"{command} is up to the user: start, unpause and stop Servo by its services"
         )
 
-    def close(self) -> None:
-        """Hold, and leave the network.
-
-        Raises:
-            DeviceError: If the robot could not be held.
-        """
-        if self._node is None:
-            return
-        node, self._node = self._node, None
-        try:
-            self.hold(self._clock.now_ns())
-        finally:
-            node.close()
+    @property
+    def _frame_id(self) -> str:
+        return self._base
 
     def _operating(self) -> Operating | None:
         status = self._status
