@@ -38,7 +38,7 @@ LIBRARIES = {"PyTorch": "torch", "NumPy": "numpy", "OpenCV": "opencv-python-head
 CPU_INFO = Path("/proc/cpuinfo")
 EMPTY, EMPTY_KINDS = 500, {"healthy": False, "diseased": True}
 ILM, RPE = (80, 220, 80), (80, 120, 255)
-TRUE = (255, 255, 255)
+TRUE, OUTLINE = (255, 255, 255), (0, 0, 0)
 NEEDLE = (60, 220, 255)
 
 
@@ -278,7 +278,8 @@ def _draw_needle(canvas: Image, shaft: Shaft | None) -> None:
 
 
 def _titled(canvas: Image, text: str) -> Image:
-    cv2.putText(canvas, text, (8, 500), cv2.FONT_HERSHEY_SIMPLEX, 0.6, TRUE, 1)
+    for color, width_px in ((OUTLINE, 4), (TRUE, 1)):  # readable on bright tissue, too
+        cv2.putText(canvas, text, (8, 500), cv2.FONT_HERSHEY_SIMPLEX, 0.6, color, width_px, cv2.LINE_AA)
     return canvas
 
 
