@@ -54,6 +54,7 @@ MAX_DOMAIN = 232
 WAIT_NS = duration(milliseconds=100)  # between a subscriber's checks whether to end
 CHECK_S = 0.5  # between checks of the publishers
 CLOSE_TIMEOUT_S = 1.0
+TICK_S = 0.02  # between checks of the subscribers
 SEARCH_S = 1.0  # other nodes are found within this time
 
 
@@ -168,6 +169,14 @@ class Node:
         )
         self._threads.append(thread)
         thread.start()
+
+    def await_subscribers(self, within_s: float) -> None:
+        """Wait, but not longer than stated, until every topic of this node has a subscriber."""
+        tick = threading.Event()
+        for _ in range(round(within_s / TICK_S)):
+            if all(publisher.has_subscribers for publisher in self._publishers):
+                return
+            tick.wait(TICK_S)
 
     def published(self) -> dict[str, str]:
         """Return the published topics of the network: ROS name and DDS name of the type."""

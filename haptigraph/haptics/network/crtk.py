@@ -12,7 +12,7 @@ from contextlib import suppress
 from urllib.parse import parse_qsl
 
 from haptigraph.errors import BadInput, DeviceError, unknown_name
-from haptigraph.haptics.network.ros2 import wait_for_subscriber
+from haptigraph.haptics.network.ros2 import DISCOVERY_S
 from haptigraph.messages import Capabilities
 
 __all__ = ["CrtkDevice", "Swing"]
@@ -94,7 +94,7 @@ class CrtkDevice:
         self._publisher = self._node.publisher(self._topic, motion_types.WrenchStamped)
         self._lock, self._problem = threading.Lock(), ""
         self._wakeup, self._closing = threading.Event(), False
-        wait_for_subscriber(self._publisher)
+        self._node.await_subscribers(DISCOVERY_S)
         self._send()  # zero: an earlier process may have left a force
         self._thread = threading.Thread(target=self._run, name="haptigraph-force", daemon=True)
         self._thread.start()

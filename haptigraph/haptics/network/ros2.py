@@ -4,20 +4,13 @@ The joy node plays each message for one second on both motors, so the guard rene
 process publishes silence when the run dies.
 """
 
-import threading
-from typing import TYPE_CHECKING
-
 from haptigraph.errors import DeviceError
 from haptigraph.messages import Capabilities
 
-if TYPE_CHECKING:
-    from haptigraph.ros2.node import Publisher
-
-__all__ = ["Ros2Device", "wait_for_subscriber"]
+__all__ = ["DISCOVERY_S", "Ros2Device"]
 
 DEFAULT_TOPIC = "joy/set_feedback"
 DISCOVERY_S = 1.0  # subscribers announce themselves within this time
-TICK_S = 0.02
 
 
 class Ros2Device:
@@ -49,7 +42,7 @@ class Ros2Device:
         self._topic, self._closed = topic or DEFAULT_TOPIC, False
         self._node = Node()
         self._publisher = self._node.publisher(self._topic, types.JoyFeedback)
-        wait_for_subscriber(self._publisher)
+        self._node.await_subscribers(DISCOVERY_S)
 
     @staticmethod
     def found() -> dict[str, str]:
@@ -89,12 +82,3 @@ class Ros2Device:
             self._publisher.send(self._types.JoyFeedback(self._types.RUMBLE, 0, amplitude))
         except OSError as error:
             raise DeviceError(f"ros2:{self._topic} cannot be published ({error})") from None
-
-
-def wait_for_subscriber(publisher: "Publisher") -> None:
-    """Wait briefly for a subscriber; otherwise the first command would reach nobody."""
-    tick = threading.Event()
-    for _ in range(round(DISCOVERY_S / TICK_S)):
-        if publisher.has_subscribers:
-            return
-        tick.wait(TICK_S)

@@ -16,7 +16,7 @@ from haptigraph.errors import BadInput, DeviceError
 from haptigraph.robot.interface import Operating, OperatingState, RobotReading, StateCommand
 from haptigraph.robot.pose import Vec3
 from haptigraph.robot.ros.poses import finite_vector, tool_pose
-from haptigraph.robot.ros.robot import RosRobot
+from haptigraph.robot.ros.robot import DISCOVERY_S, RosRobot
 from haptigraph.ros2 import motion_types as types
 from haptigraph.ros2.endpoints import sender
 from haptigraph.ros2.node import checked_topic
@@ -60,7 +60,7 @@ class CrtkRobot(RosRobot):
                 reject,
                 is_latched=is_latched,
             )
-        self._await_subscribers(self._state_command)
+        self._node.await_subscribers(DISCOVERY_S)
 
     def read(self) -> RobotReading:
         """Return the newest measurements."""

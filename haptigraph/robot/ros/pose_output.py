@@ -33,11 +33,6 @@ class PoseOutput:
         self._commanded: ToolPose | None = None
         self._held_ns: int | None = None
 
-    @property
-    def has_subscribers(self) -> bool:
-        """Whether somebody receives the commands."""
-        return self._publisher.has_subscribers
-
     def move(self, pose: ToolPose, stamp_ns: int, frame_id: str) -> None:
         """Command a pose that is due at a time of the run's clock.
 

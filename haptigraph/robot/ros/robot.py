@@ -1,6 +1,5 @@
 """What robots of every kind on a ROS 2 network share: how they are commanded, held and left."""
 
-import threading
 from abc import ABC, abstractmethod
 
 from haptigraph.clock import Clock
@@ -8,12 +7,11 @@ from haptigraph.robot.interface import RobotReading
 from haptigraph.robot.pose import ToolPose
 from haptigraph.robot.ros.pose_input import PoseInput
 from haptigraph.robot.ros.pose_output import PoseOutput
-from haptigraph.ros2.node import Node, Publisher
+from haptigraph.ros2.node import Node
 
-__all__ = ["RosRobot"]
+__all__ = ["DISCOVERY_S", "RosRobot"]
 
 DISCOVERY_S = 3.0  # subscribers announce themselves within this time
-TICK_S = 0.02
 
 
 class RosRobot(ABC):
@@ -72,11 +70,3 @@ class RosRobot(ABC):
             self.hold(self._clock.now_ns())
         finally:
             self._node.close()
-
-    def _await_subscribers(self, *others: Publisher) -> None:
-        """Wait briefly for the robot's node; otherwise the first command would reach nobody."""
-        tick = threading.Event()
-        for _ in range(round(DISCOVERY_S / TICK_S)):
-            if self._output.has_subscribers and all(one.has_subscribers for one in others):
-                return
-            tick.wait(TICK_S)

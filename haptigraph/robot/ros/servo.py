@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from haptigraph.clock import Clock
 from haptigraph.errors import BadInput, unknown_name
 from haptigraph.robot.interface import Operating, OperatingState, RobotReading, StateCommand
-from haptigraph.robot.ros.robot import RosRobot
+from haptigraph.robot.ros.robot import DISCOVERY_S, RosRobot
 from haptigraph.robot.ros.transforms import FramePose, TransformTree
 from haptigraph.ros2.endpoints import sender
 from haptigraph.ros2.geometry_types import TFMessage
@@ -56,7 +56,7 @@ class ServoRobot(RosRobot):
         self._node.subscribe("/tf", TFMessage, self._take_tf, reject)
         self._node.subscribe("/tf_static", TFMessage, self._take_static, reject)
         self._node.subscribe(f"{node_name}/status", ServoStatus, self._take_status, reject)
-        self._await_subscribers()
+        self._node.await_subscribers(DISCOVERY_S)
 
     def read(self) -> RobotReading:
         """Return the newest measurements; without a fresh status, Servo is taken for disabled."""

@@ -13,7 +13,7 @@ from ros_network import until
 pytest.importorskip("cyclonedds")
 
 from haptigraph.errors import BadInput, DeviceError
-from haptigraph.haptics.network import ros2
+from haptigraph.haptics.network import crtk
 from haptigraph.haptics.network.crtk import (
     DEFAULT_N,
     FREQUENCY_HZ,
@@ -137,7 +137,7 @@ def test_the_last_force_is_zero(device, arm):
 
 
 def test_an_arm_that_does_not_subscribe_is_reported(ros_network, monkeypatch):
-    monkeypatch.setattr(ros2, "DISCOVERY_S", 0.0)
+    monkeypatch.setattr(crtk, "DISCOVERY_S", 0.0)
     device = CrtkDevice("nobody?newton=1")
     with pytest.raises(DeviceError, match="no arm subscribes to /nobody/servo_cf"):
         device.set(1.0, 80.0, 0)
