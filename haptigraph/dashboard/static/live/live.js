@@ -21,7 +21,7 @@ import { View } from "../common/view.js";
 const DRAW_MS = 1000 / 20;
 const HINTS = {
   steer: "Hold ↓ to push the needle into the eye, ↑ to pull it back, ← and → to turn it, or drag in the picture. The panel beside the picture says what the hand feels, and why. A game controller plays it; without one, switch on screen or sound there.",
-  robot: "The page moves a real robot. Switch on “Enable motion”, then hold “Hold to move” or Space, and press ↓ ↑ ← →. Let go, and it is held at once. The panel says why it is held.",
+  robot: "The page moves a robot. Switch on “Enable motion”, then hold “Hold to move” or Space, and press ↓ ↑ ← →. Let go, and it is held at once. The panel says why it is held.",
   watch: "The picture shows what was found in the image; the panel beside it names the state, and the reason. “The hand feels” is what was sent to the haptic device. To feel it here, connect a game controller, or switch on screen or sound.",
 };
 
