@@ -30,6 +30,7 @@ from haptigraph.commands.studies.run import study_run
 from haptigraph.commands.studies.simulated import simulate, sweep
 from haptigraph.commands.study import study
 from haptigraph.commands.terminal import print_status
+from haptigraph.commands.touch import touch
 from haptigraph.errors import HaptigraphError, Implausible, RenamedKey
 from haptigraph.version import __version__
 
@@ -72,7 +73,7 @@ def _show_warning(message: Warning | str, category: type[Warning], *_: object, *
         "Try it": ("live", "demo"),
         "Your own video or camera": ("sources", "register", "run"),
         "Recordings": ("replay", "explain", "figure", "export", "sync-check", "recover"),
-        "Rules and haptic feedback": ("procedure", "check", "diagram", "evidence", "devices"),
+        "Rules and haptic feedback": ("procedure", "check", "diagram", "evidence", "devices", "touch"),
         "Robots": ("robot",),
         "Accuracy": ("evaluate",),
         "Studies with people": ("study",),
@@ -102,6 +103,7 @@ for command in (
     diagram,
     evidence,
     devices,
+    touch,
     robot,
     sources,
     study,

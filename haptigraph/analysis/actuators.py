@@ -31,7 +31,7 @@ from haptigraph.messages import (
 from haptigraph.run_report import Durations
 from haptigraph.stages import Device
 
-__all__ = ["DeviceTest", "actuators", "device_class", "play_grammar", "play_pattern"]
+__all__ = ["DeviceTest", "actuators", "device_class", "guarded_step", "play_grammar", "play_pattern"]
 
 ALWAYS = {"audio": "audio:FILE.wav", "console": "console", "trace": "trace:FILE.csv"}
 CONTINUOUS_NS, PAUSE_NS, IMAGE_NS = 1_500_000_000, 500_000_000, 33_000_000
@@ -143,7 +143,7 @@ def play_pattern(
     """
     since_ns = now_ns = clock.now_ns()
     while now_ns < since_ns + length_ns:
-        guard.send(_step(pattern, now_ns, since_ns), now_ns)
+        guard.send(guarded_step(pattern, now_ns, since_ns), now_ns)
         sent(now_ns)
         next_image_ns = min(now_ns + IMAGE_NS, since_ns + length_ns)
         while (now_ns := clock.now_ns()) < next_image_ns:
@@ -152,7 +152,14 @@ def play_pattern(
             guard.advance(clock.now_ns())
 
 
-def _step(pattern: Pattern, now_ns: int, since_ns: int) -> Step:
+def guarded_step(pattern: Pattern, now_ns: int, since_ns: int) -> Step:
+    """Return a step, as the guard takes it, that commands a pattern without an image.
+
+    Args:
+        pattern: The pattern.
+        now_ns: The present.
+        since_ns: When the pattern began.
+    """
     observation, graph = Observation(now_ns), SceneGraph(now_ns)
     conclusion = Conclusion(now_ns, "test", 0, pattern.name, "the device is tested")
     return Step(0, now_ns, observation, graph, conclusion, HapticCommand(now_ns, pattern, since_ns))

@@ -7,7 +7,7 @@ from haptigraph.graph import Names, Schema, Triplet
 from haptigraph.messages import Pattern
 from haptigraph.toml_document import Document
 
-__all__ = ["check_name", "check_pattern", "check_relations"]
+__all__ = ["check_name", "check_numbers", "check_pattern", "check_relations"]
 
 MAX = {"amplitude": 1, "on_ms": 3_600_000, "off_ms": 3_600_000, "count": 1000, "rearm_ms": 3_600_000}
 MAX_FOLLOWED = {"amplitude": 1.0, "frequency_hz": 1000.0, "rate_hz": 100.0}
@@ -38,11 +38,18 @@ def check_pattern(document: Document, pattern: Pattern, path: str, schema: Schem
         path: Its key path in the file.
         schema: Defines the measures that can be followed.
     """
-    _check_numbers(document, pattern, path)
+    check_numbers(document, pattern, path)
     _check_follow(document, pattern, path, schema)
 
 
-def _check_numbers(document: Document, pattern: Pattern, path: str) -> None:
+def check_numbers(document: Document, pattern: Pattern, path: str) -> None:
+    """Raise BadInput if a pattern lacks a number of its kind, or has one that is not of it.
+
+    Args:
+        document: The file of the pattern.
+        pattern: The pattern.
+        path: Its key path in the file.
+    """
     required = {
         "off": (),
         "continuous": ("amplitude",),

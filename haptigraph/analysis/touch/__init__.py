@@ -1,0 +1,1 @@
+"""Haptic patterns and files: load, convert, draw and play them."""
