@@ -6,10 +6,11 @@ from haptigraph.commands.devices import SAFETY
 from haptigraph.commands.help import TaskGroup, examples
 from haptigraph.commands.terminal import print_status, terminable
 
-__all__ = ["touch"]
+__all__ = ["convert", "draw", "formats", "play", "touch"]
 
 seconds_option = click.option(
     "--seconds",
+    "length_s",
     type=click.FloatRange(0.1, 60),
     default=2.0,
     show_default=True,
@@ -44,7 +45,7 @@ def touch() -> None:
 @click.option("-o", "--output", metavar="FILE", required=True, help=".toml, .haptic, .ahap, .hjif or .wav.")
 @seconds_option
 @click.option("--approximate", is_flag=True, help="To .toml: write a pattern even if it does not fit.")
-def convert(source: str, output: str, seconds: float, approximate: bool) -> None:
+def convert(source: str, output: str, length_s: float, approximate: bool) -> None:
     """Convert SOURCE to a new file, read it back, and report the error of the round trip.
 
     SOURCE is PROCEDURE:PATTERN, FILE.toml:PATTERN, FILE.toml with one pattern, or a .haptic, .ahap, .hjif or
@@ -54,7 +55,7 @@ def convert(source: str, output: str, seconds: float, approximate: bool) -> None
     from haptigraph.analysis.touch.converting import convert_touch, difference_text, pattern_text
     from haptigraph.haptics.formats.files import FORMATS
 
-    done = convert_touch(source, output, seconds * 1e3, approximate=approximate)
+    done = convert_touch(source, output, length_s * 1e3, approximate=approximate)
     for note in done.source.envelope.notes:
         print_status(f"haptigraph: {source}: {note}")
     pattern = done.written.pattern
@@ -75,7 +76,7 @@ def convert(source: str, output: str, seconds: float, approximate: bool) -> None
 @click.argument("source")
 @click.option("-o", "--output", metavar="FILE", required=True, help="SVG, PNG or PDF to write.")
 @seconds_option
-def draw(source: str, output: str, seconds: float) -> None:
+def draw(source: str, output: str, length_s: float) -> None:
     """Draw amplitude and frequency of SOURCE over time.
 
     SOURCE is as for `touch convert`.
@@ -83,7 +84,7 @@ def draw(source: str, output: str, seconds: float) -> None:
     from haptigraph.analysis.touch.figure import draw_touch
     from haptigraph.analysis.touch.loading import load_touch
 
-    draw_touch(load_touch(source, seconds * 1e3), output)
+    draw_touch(load_touch(source, length_s * 1e3), output)
     click.echo(output)
 
 
@@ -105,7 +106,7 @@ def draw(source: str, output: str, seconds: float) -> None:
     help="Limit of the guard.",
 )
 @seconds_option
-def play(source: str, device: str, max_amplitude: float, seconds: float) -> None:
+def play(source: str, device: str, max_amplitude: float, length_s: float) -> None:
     """Play SOURCE once on DEVICE, through the guard and within its limits.
 
     SOURCE is as for `touch convert`; no file can lift a limit. Try a file of somebody else with the actuator
@@ -120,7 +121,7 @@ def play(source: str, device: str, max_amplitude: float, seconds: float) -> None
     from haptigraph.errors import DeviceError, NotSilent
     from haptigraph.haptics.pattern import unsupported
 
-    loaded = load_touch(source, seconds * 1e3)
+    loaded = load_touch(source, length_s * 1e3)
     opened = open_device(device)
     click.echo(SAFETY)
     for note in loaded.envelope.notes:
@@ -140,7 +141,7 @@ def play(source: str, device: str, max_amplitude: float, seconds: float) -> None
 
 @touch.command(epilog=examples("haptigraph touch formats"))
 @seconds_option
-def formats(seconds: float) -> None:
+def formats(length_s: float) -> None:
     """List the formats, and measure the round trip of every shipped pattern through each.
 
     Errors are the largest of all patterns: amplitude in percent of the pattern's, steps in ms.
@@ -148,7 +149,7 @@ def formats(seconds: float) -> None:
     from haptigraph.analysis.touch.converting import difference_text, round_trips
     from haptigraph.haptics.formats.files import FORMATS
 
-    for ending, count, kept, worst in round_trips(seconds * 1e3):
+    for ending, count, kept, worst in round_trips(length_s * 1e3):
         form = FORMATS[ending]
         caution = f"; {form.caution}" if form.caution else ""
         click.echo(f"{ending:8} {form.title}{caution}")

@@ -17,7 +17,7 @@ from haptigraph.recording.reader import RunReader
 
 COMMANDS = [
     "check", "demo", "devices", "diagram", "evaluate", "evidence", "explain", "figure", "live", "procedure", "recover", "register", "replay", "run", "sources",
-    "study",
+    "study", "touch",
 ]  # fmt: skip
 
 

@@ -6,13 +6,21 @@ from pathlib import Path
 from msgspec import Struct
 
 from haptigraph.analysis.exporting.writing import write_new
-from haptigraph.analysis.touch.loading import Touch, load_touch, name_of, pattern_toml, touch_from
+from haptigraph.analysis.touch.loading import (
+    Touch,
+    load_touch,
+    name_of,
+    pattern_toml,
+    patterns_in,
+    touch_from,
+)
 from haptigraph.assemble import load_procedure, procedure_names
 from haptigraph.errors import BadInput
 from haptigraph.haptics.formats.envelope import Difference, difference, enveloped
 from haptigraph.haptics.formats.files import FORMATS, checked, format_of
 from haptigraph.haptics.formats.fitting import MAX_TIMING_MS, Fit, fit
 from haptigraph.messages import Pattern
+from haptigraph.toml_document import Document
 
 __all__ = ["Conversion", "convert_touch", "difference_text", "pattern_text", "round_trips"]
 
@@ -45,8 +53,10 @@ def convert_touch(subject: str, output: str, length_ms: float, *, approximate: b
         fitted = fit(source.envelope, name_of(output))
         if not fitted.is_exact and not approximate:
             raise BadInput(_misfit(fitted), subject)
-        write_new(output, pattern_toml(fitted.pattern, Path(subject).name).encode())
-        written = load_touch(output, source.envelope.duration_ms)
+        text = pattern_toml(fitted.pattern, Path(subject).name)
+        (pattern,) = patterns_in(Document(text, output))
+        write_new(output, text.encode())
+        written = Touch(pattern.name, enveloped(pattern, source.envelope.duration_ms), pattern)
     else:
         content = form.write(source.envelope, source.name)
         written = touch_from(checked(form.read(content, output), output), source.name)
@@ -66,7 +76,7 @@ def round_trips(length_ms: float) -> Iterator[tuple[str, int, int, Difference]]:
             errors.append(difference(envelope, enveloped(fitted, length_ms)))
             kept += fitted.kind == pattern.kind
         worst = Difference(
-            max(error.amplitude_percent for error in errors),
+            max(error.amplitude for error in errors),
             max(error.timing_ms for error in errors),
             max(error.frequency_hz for error in errors),
         )
@@ -78,7 +88,7 @@ def difference_text(error: Difference) -> str:
     timing = f"{error.timing_ms:.3g} ms" if error.timing_ms != float("inf") else "another rhythm"
     choice = "chosen by the device in one of them" if error.frequency_hz == float("inf") else ""
     frequency = choice or f"{error.frequency_hz:.3g} Hz"
-    return f"amplitude {error.amplitude_percent:.3g} %, timing {timing}, frequency {frequency}"
+    return f"amplitude {100 * error.amplitude:.3g} %, timing {timing}, frequency {frequency}"
 
 
 def pattern_text(pattern: Pattern) -> str:

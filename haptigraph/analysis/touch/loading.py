@@ -9,13 +9,13 @@ from msgspec import Struct, field
 from haptigraph.assemble import load_procedure, procedure_names
 from haptigraph.errors import BadInput, unknown_name
 from haptigraph.haptics.formats.envelope import Envelope, enveloped
-from haptigraph.haptics.formats.files import FORMATS, read_envelope
+from haptigraph.haptics.formats.files import FORMATS, checked, read_envelope
 from haptigraph.haptics.formats.fitting import fit
 from haptigraph.inference.checks import check_numbers
 from haptigraph.messages import Pattern
 from haptigraph.toml_document import Document, convert
 
-__all__ = ["Touch", "load_touch", "name_of", "pattern_toml", "touch_from"]
+__all__ = ["Touch", "load_touch", "name_of", "pattern_toml", "patterns_in", "touch_from"]
 
 
 class Touch(Struct, frozen=True):
@@ -54,7 +54,7 @@ def load_touch(subject: str, length_ms: float) -> Touch:
     else:
         valid = f"PROCEDURE:PATTERN, FILE.toml, FILE.toml:PATTERN or a file that ends in {', '.join(FORMATS)}"
         raise BadInput(f"is no vibration; valid: {valid}", subject)
-    envelope = enveloped(pattern, length_ms)
+    envelope = checked(enveloped(pattern, length_ms), subject)
     follows = tuple(
         f"{follow.key} follows {follow.measure}, here at its plain value" for follow in pattern.follow
     )
@@ -94,6 +94,18 @@ def pattern_toml(pattern: Pattern, origin: str) -> str:
     return "\n".join(lines) + "\n"
 
 
+def patterns_in(document: Document) -> tuple[Pattern, ...]:
+    """Return the [[pattern]] tables of a TOML document, without the rest.
+
+    Raises:
+        BadInput: If one is not valid.
+    """
+    patterns = convert({"pattern": document.data.get("pattern", [])}, _Patterns, document.error).patterns
+    for number, pattern in enumerate(patterns):
+        check_numbers(document, pattern, f"pattern[{number}]")
+    return patterns
+
+
 def _patterns(source: str) -> tuple[Pattern, ...]:
     """Return the patterns of a procedure, or of a file that has patterns only."""
     if not source.endswith(".toml"):
@@ -101,10 +113,7 @@ def _patterns(source: str) -> tuple[Pattern, ...]:
     document = Document.read(source)
     if "procedure" in document.data:
         return load_procedure(source).patterns
-    patterns = convert({"pattern": document.data.get("pattern", [])}, _Patterns, document.error).patterns
-    for number, pattern in enumerate(patterns):
-        check_numbers(document, pattern, f"pattern[{number}]")
-    return patterns
+    return patterns_in(document)
 
 
 def _named(patterns: tuple[Pattern, ...], name: str, source: str) -> Pattern:

@@ -52,11 +52,11 @@ class _Event:
         self.intensity = _share(values.get(INTENSITY, DEFAULT))
         self.sharpness = _share(values[SHARPNESS]) if SHARPNESS in values else None
 
-    def hz(self, control: float, *, is_controlled: bool) -> float:
-        """Return the frequency for a control of the sharpness; 0 if nothing states one."""
+    def hz(self, share: float, *, is_controlled: bool) -> float:
+        """Return the frequency with a share added to the sharpness; 0 if nothing states one."""
         if self.sharpness is None and not is_controlled:
             return 0.0
-        return to_hz(_share((DEFAULT if self.sharpness is None else self.sharpness) + control))
+        return to_hz(_share((DEFAULT if self.sharpness is None else self.sharpness) + share))
 
 
 def read(content: bytes, file: str) -> Envelope:

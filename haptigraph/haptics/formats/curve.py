@@ -40,17 +40,17 @@ def constant(value: float, start_ms: float, end_ms: float) -> Curve:
     return ((start_ms, value), (end_ms, value))
 
 
-def value_after(curve: Curve, time_ms: float, default: float = 0.0) -> float:
-    """Return the value from a time on: the later one of a step; `default` if the curve has no points."""
-    return _value(curve, bisect_right(curve, time_ms, key=_time) - 1, time_ms, default)
+def value_after(curve: Curve, time_ms: float, level: float = 0.0) -> float:
+    """Return the value from a time on: the later one of a step; `level` if the curve has no points."""
+    return _value(curve, bisect_right(curve, time_ms, key=_time) - 1, time_ms, level)
 
 
-def value_before(curve: Curve, time_ms: float, default: float = 0.0) -> float:
-    """Return the value up to a time: the earlier one of a step; `default` if the curve has no points."""
+def value_before(curve: Curve, time_ms: float, level: float = 0.0) -> float:
+    """Return the value up to a time: the earlier one of a step; `level` if the curve has no points."""
     index = bisect_left(curve, time_ms, key=_time)
     if index < len(curve) and curve[index][0] == time_ms:
         return curve[index][1]
-    return _value(curve, index - 1, time_ms, default)
+    return _value(curve, index - 1, time_ms, level)
 
 
 def reduced(curve: Sequence[tuple[float, float]]) -> Curve:
@@ -123,10 +123,10 @@ def _parts(layers: Sequence[Layer], start_ms: float, end_ms: float, splits: int)
     return [Layer(*(cut(curve, start_ms, end_ms) for curve in curves))]
 
 
-def _value(curve: Curve, index: int, time_ms: float, default: float) -> float:
+def _value(curve: Curve, index: int, time_ms: float, level: float) -> float:
     """Return the value at a time between the points `index` and `index` + 1."""
     if not curve:
-        return default
+        return level
     if index < 0 or index + 1 >= len(curve):
         return curve[0 if index < 0 else -1][1]
     (start_ms, start), (end_ms, end) = curve[index], curve[index + 1]

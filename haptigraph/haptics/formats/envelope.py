@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator, Sequence
 
 from msgspec import Struct
 
-from haptigraph.errors import BadInput
 from haptigraph.haptics.formats.curve import (
     NO_FREQUENCY,
     Curve,
@@ -84,8 +83,8 @@ class Envelope(Struct, frozen=True):
 class Difference(Struct, frozen=True):
     """How far two envelopes are apart."""
 
-    amplitude_percent: float
-    """Largest difference in amplitude between steps, of the first one's peak."""
+    amplitude: float
+    """Largest difference in amplitude between steps, as a share of the first one's peak."""
     timing_ms: float
     """Largest difference between corresponding steps, or between the ends; infinite if the rhythm differs."""
     frequency_hz: float
@@ -98,18 +97,11 @@ def enveloped(pattern: Pattern, length_ms: float) -> Envelope:
     Args:
         pattern: Numbers that follow a measure are taken at their plain values.
         length_ms: For how long one that does not end by itself is played, to the nearest whole period.
-
-    Raises:
-        BadInput: If it is longer than `MAX_MS`.
     """
     ends_ns = duration_ns(pattern)
     period_ms = pattern.on_ms + pattern.off_ms
     count = pattern.count if ends_ns is not None else max(1, round(length_ms / period_ms)) if period_ms else 0
     end_ms = ends_ns / NS_PER_MS if ends_ns is not None else count * period_ms if count else length_ms
-    if end_ms > MAX_MS:
-        raise BadInput(
-            f"pattern {pattern.name!r} lasts {end_ms / 1e3:g} s; a file has at most {MAX_MS / 1e3:g} s"
-        )
     repeats = ends_ns is None
     if pattern.kind == "off":
         return Envelope(constant(0.0, 0.0, end_ms), repeats=repeats)
@@ -180,7 +172,7 @@ def difference(first: Envelope, second: Envelope) -> Difference:
             hz = value(first.frequency_hz, time_ms), value(second.frequency_hz, time_ms)
             apart_hz = abs(hz[0] - hz[1]) if all(hz) or not any(hz) else math.inf
             frequency_hz = max(frequency_hz, apart_hz)
-    return Difference(100 * amplitude / peak, timing_ms, frequency_hz)
+    return Difference(amplitude / peak, timing_ms, frequency_hz)
 
 
 def _near(first: Envelope, second: Envelope, margin_ms: float) -> list[tuple[float, float]]:

@@ -10,7 +10,7 @@ from haptigraph.messages import Pattern
 
 __all__ = ["MAX_TIMING_MS", "Fit", "fit"]
 
-MAX_AMPLITUDE_PERCENT, MAX_TIMING_MS = 1.0, 2.0
+MAX_AMPLITUDE, MAX_TIMING_MS = 0.01, 2.0
 SILENT = 1e-3
 MIN_MS = 1.0  # of on_ms and off_ms in a procedure
 
@@ -25,7 +25,7 @@ class Fit(Struct, frozen=True):
     @property
     def is_exact(self) -> bool:
         """Whether the pattern plays the envelope, within 1 % of its amplitude and 2 ms."""
-        return self.error.amplitude_percent <= MAX_AMPLITUDE_PERCENT and self.error.timing_ms <= MAX_TIMING_MS
+        return self.error.amplitude <= MAX_AMPLITUDE and self.error.timing_ms <= MAX_TIMING_MS
 
 
 def fit(envelope: Envelope, name: str) -> Fit:
