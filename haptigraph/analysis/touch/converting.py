@@ -102,7 +102,8 @@ def pattern_text(pattern: Pattern) -> str:
 
 def _misfit(fitted: Fit) -> str:
     what = "rhythm" if fitted.error.timing_ms > MAX_TIMING_MS else "amplitude"
+    error = difference_text(fitted.error)
     return (
-        f"no pattern has its {what}; {pattern_text(fitted.pattern)} is off by {difference_text(fitted.error)}; "
+        f"no pattern has its {what}; {pattern_text(fitted.pattern)} is off by {error}; "
         "--approximate writes that"
     )

@@ -1,7 +1,7 @@
 """WAV: the vibration itself, as a voice coil plays it; PCM.
 
-A pattern is written as sines with short ramps inside its bursts, 48 kHz and 16 bit; a loop in the chunk `smpl`
-states that it repeats. A burst that is a sine is read by a fit, any other one window by window.
+A pattern is written as sines with short ramps inside its bursts, 48 kHz and 16 bit; a loop in the chunk
+`smpl` states that it repeats. A burst that is a sine is read by a fit, any other one window by window.
 """
 
 import io
