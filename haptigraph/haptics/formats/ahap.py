@@ -69,8 +69,6 @@ def read(content: bytes, file: str) -> Envelope:
     entries = document["Pattern"].items()
     controls, notes = _Controls(entries), list[str]()
     given = [event for entry in entries if (event := _checked(entry).get("Event")) is not None]
-    if len(given) > MAX_EVENTS:
-        raise document["Pattern"].error(f"{len(given)} events; at most {MAX_EVENTS}")
     events = []
     for entry in given:
         kind = entry["EventType"]
@@ -84,12 +82,14 @@ def read(content: bytes, file: str) -> Envelope:
             )
     if not events:
         raise document["Pattern"].error("no haptic event; at least one is needed")
+    continuous = [event for event in events if event.kind == CONTINUOUS]
+    if len(continuous) > MAX_EVENTS:
+        raise document["Pattern"].error(f"{len(continuous)} continuous events; at most {MAX_EVENTS}")
     transients = tuple(_transient(event, controls) for event in events if event.kind == TRANSIENT)
     end_ms = max(event.time_ms + event.duration_ms for event in events)
     if not end_ms:
         raise document["Pattern"].error("lasts 0 s; an event must last longer")
-    layers = [_layer(event, controls) for event in events if event.kind == CONTINUOUS]
-    merged = strongest(layers, end_ms)
+    merged = strongest([_layer(event, controls) for event in continuous], end_ms)
     notes = list(dict.fromkeys(notes))
     return Envelope(merged.amplitude, merged.frequency_hz, transients, _repeats(document), tuple(notes))
 

@@ -187,7 +187,7 @@ def test_ahap_says_what_is_not_read():
         ([{"Event": {"Time": 0, "EventType": "HapticContinuous"}}], "key 'EventDuration' is missing"),
         ([event("0", 1.0)], "Pattern[0].Event.Time: expected a number from 0 to 180, found '0'"),
         ([event(0, None)], "ParameterValue: expected a number"),
-        ([event(0, 1.0)] * 2001, "2001 events; at most 2000"),
+        ([event(0, 1.0, None, 0.1)] * 2001, "2001 continuous events; at most 2000"),
         (
             [event(0, 1.0), control("HapticIntensityControl", 0, (0.2, 1), (0.1, 1))],
             "times must not decrease",
