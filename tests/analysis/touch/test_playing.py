@@ -3,13 +3,16 @@
 from itertools import pairwise
 
 import pytest
-from helpers import MS, PULSE
+from helpers import MS, PULSE, SUCCESS
 
 from haptigraph.analysis.touch.loading import Touch, touch_from
 from haptigraph.analysis.touch.playing import play_touch
 from haptigraph.clock import VirtualClock
 from haptigraph.config import HapticsConfig
+from haptigraph.haptics.audio import AudioDevice
 from haptigraph.haptics.formats.envelope import Envelope, Transient, enveloped
+from haptigraph.haptics.formats.files import read_envelope
+from haptigraph.haptics.formats.fitting import fit
 from haptigraph.messages import Capabilities, Pattern
 
 FADE = touch_from(Envelope(((0.0, 1.0), (200.0, 0.0), (300.0, 0.0)), ((0.0, 100.0), (300.0, 100.0))), "fade")
@@ -112,6 +115,19 @@ def test_an_interrupt_leaves_the_device_silent():
         play_touch(actuator, FADE, VirtualClock(), HapticsConfig())
     assert actuator.commands[-1][1] == 0
     assert actuator.closed == 1
+
+
+def test_what_the_sound_device_writes_is_read_back(tmp_path):
+    path = tmp_path / "s.wav"
+    play_touch(
+        AudioDevice(str(path)), Touch("s", enveloped(SUCCESS, 0), SUCCESS), VirtualClock(), HapticsConfig()
+    )
+    found = fit(read_envelope(path), "s").pattern
+    assert (found.kind, found.count) == ("bursts", 2)
+    assert found.amplitude == pytest.approx(0.8, rel=0.01)
+    assert found.frequency_hz == pytest.approx(160, abs=0.1)
+    assert found.on_ms == pytest.approx(104, abs=2)  # with the ramp of the device after the burst
+    assert found.on_ms + found.off_ms == pytest.approx(200, abs=1)
 
 
 def test_a_pattern_that_does_not_vibrate_is_silent():
