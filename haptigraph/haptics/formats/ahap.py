@@ -16,9 +16,10 @@ __all__ = ["read", "write"]
 
 REPEATS = "haptigraph repeats"
 MAX_EVENTS = 2_000
-MAX_CONTROL_POINTS = 16  # of a curve; Core Haptics ignores more
+MAX_CONTROL_POINTS = 16  # of a curve, as Lofelt's converter splits them for Core Haptics
 INTENSITY, SHARPNESS = "HapticIntensity", "HapticSharpness"
 DEFAULT = 0.5
+MAX_NAMES = 6  # in a note
 ENTRIES = ("Event", "Parameter", "ParameterCurve")
 CONTINUOUS, TRANSIENT = "HapticContinuous", "HapticTransient"
 
@@ -48,7 +49,7 @@ class _Event:
         if any(not 0 <= values.get(key, 0.0) <= 1 for key in (INTENSITY, SHARPNESS)):
             notes.append("intensity or sharpness outside 0 to 1 is limited to it")
         if others := sorted(values.keys() - {INTENSITY, SHARPNESS}):
-            notes.append(f"{', '.join(others)} left out")
+            notes.append(f"{', '.join(f'{other!r:.30}' for other in others[:MAX_NAMES])} left out")
         self.intensity = _share(values.get(INTENSITY, DEFAULT))
         self.sharpness = _share(values[SHARPNESS]) if SHARPNESS in values else None
 
@@ -133,7 +134,7 @@ def write(envelope: Envelope, name: str) -> bytes:
 def _checked(entry: Json) -> Json:
     """Return an entry of the pattern if its kind is known."""
     if all(entry.get(kind) is None for kind in ENTRIES):
-        found = ", ".join(map(str, entry.value)) or "nothing"
+        found = ", ".join(repr(key) for key in entry.value) or "nothing"
         raise entry.error(f"expected one of {', '.join(ENTRIES)}, found {found:.40}")
     return entry
 

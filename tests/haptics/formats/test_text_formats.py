@@ -170,7 +170,7 @@ def test_ahap_says_what_is_not_read():
     assert found.notes == (
         "sound left out",
         "intensity or sharpness outside 0 to 1 is limited to it",
-        "AttackTime left out",
+        "'AttackTime' left out",
         "an event without intensity is read as 0.5",
     )
 
@@ -181,7 +181,7 @@ def test_ahap_says_what_is_not_read():
         ([], "no haptic event"),
         (
             [{"ParameterCurves": {}}],
-            "Pattern[0]: expected one of Event, Parameter, ParameterCurve, found ParameterCurves",
+            "Pattern[0]: expected one of Event, Parameter, ParameterCurve, found 'ParameterCurves'",
         ),
         ([{"Event": {"Time": 0, "EventType": "HapticBuzz"}}], "unknown event 'HapticBuzz'"),
         ([{"Event": {"Time": 0, "EventType": "HapticContinuous"}}], "key 'EventDuration' is missing"),
@@ -322,3 +322,10 @@ def test_what_is_not_json_is_refused(module, content, sentence):
     with pytest.raises(BadInput, match=r"a\.file") as error:
         module.read(content, "a.file")
     assert sentence in str(error.value)
+
+
+def test_names_in_a_file_cannot_control_the_terminal():
+    odd = event(0.0, 0.5, None, 0.1)
+    odd["Event"]["EventParameters"].append({"ParameterID": "\x1b[2J\n", "ParameterValue": 0.1})
+    assert read(ahap, {"Pattern": [odd]}).notes == (r"'\x1b[2J\n' left out",)
+    assert r"'\x1b[2J\n'" in refused(ahap, {"Pattern": [{"\x1b[2J\n": 1}]})
