@@ -83,7 +83,7 @@ def _samples(content: bytes, file: str) -> tuple[Samples, int, float, tuple[str,
         with wave.open(io.BytesIO(content)) as sound:
             channels, width, rate_hz = sound.getnchannels(), sound.getsampwidth(), sound.getframerate()
             raw = sound.readframes(sound.getnframes())
-    except (wave.Error, EOFError, struct.error, ValueError) as error:
+    except (wave.Error, EOFError, struct.error, ValueError, RuntimeError, ArithmeticError) as error:
         problem = str(error) or "it ends too early"
         raise BadInput(f"not a WAV file with PCM samples ({problem}); save it as 16-bit PCM", file) from None
     if not MIN_RATE_HZ <= rate_hz <= MAX_RATE_HZ:

@@ -83,6 +83,7 @@ def test_a_loop_is_in_a_chunk_that_other_programs_skip():
         (b"", "not a WAV file"),
         (b"RIFF", "not a WAV file"),
         (b"RIFF\x04\x00\x00\x00WAVE", "not a WAV file"),
+        (sound(np.zeros(10))[:16] + b"\x11" + sound(np.zeros(10))[17:], "not a WAV file"),  # a chunk's size
         (sound(np.zeros(0)), "lasts 0 s"),
         (sound(np.zeros(10), rate_hz=100), "100 samples/s; valid: 1000 to 192000"),
         (sound(np.zeros(400_000), 1, rate_hz=2000), "lasts 200 s; valid: up to 180 s"),
