@@ -9,8 +9,10 @@ from helpers import call, refuse
 from study_tables import simulated_study, write_study
 
 from haptigraph.analysis.study.detail_tables import detail_tables
+from haptigraph.analysis.study.figures import drawn
 from haptigraph.analysis.study.figures.motion import alignment_figure
 from haptigraph.analysis.study.figures.states import transitions
+from haptigraph.analysis.study.figures.style import rendered
 from haptigraph.analysis.study.report import write_report
 from haptigraph.analysis.study.results import AnalysisPlan, StudyResults, analyse
 from haptigraph.analysis.study.results_table import latex, result_tables
@@ -162,7 +164,8 @@ def test_without_recordings_the_figures_that_need_them_are_omitted(tmp_path):
     assert alignment_figure(read_traces(results.runs, folder), results.titles, "") is None
 
 
-def test_people_read_the_titles_of_the_conditions_and_programs_their_names(tmp_path):
+def test_people_read_the_titles_of_the_conditions_and_programs_their_names(tmp_path, monkeypatch):
+    monkeypatch.setattr(drawn, "rendered", lambda figure: rendered(figure, ("svg",)))  # others take seconds
     study = write_study(tmp_path / "study", simulated_study(3, trials=1))
     protocol = (
         '[[condition]]\nname = "visual"\ntitle = "Eyes <only>"\n[[condition]]\nname = "visual_haptic"\n'
@@ -220,9 +223,10 @@ def renewed(tmp_path_factory) -> Path:
     (folder / "out" / "participants").mkdir(parents=True)
     for name in ("S03.html", "S05.html", "notes.txt"):
         (folder / "out" / "participants" / name).write_text("of an earlier report")
-    write_report(
-        write_study(folder / "study", {**others, "participants": people}), folder / "out", AnalysisPlan()
-    )
+    study = write_study(folder / "study", {**others, "participants": people})
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("haptigraph.analysis.study.report.draw_figures", lambda *_: [])  # which take seconds
+        write_report(study, folder / "out", AnalysisPlan())
     return folder / "out"
 
 
