@@ -180,6 +180,7 @@ def test_trocars_are_added_renamed_selected_and_removed(page, quick, tmp_path):
     expect(page.get_by_role("button", name=re.compile("^Remove"))).to_be_disabled()
 
 
+@pytest.mark.slow
 def test_a_loaded_file_is_corrected_and_undone(page, quick, tmp_path):
     open_source(page, write_eye(tmp_path, quick))
     found = at(page, "target")
@@ -262,8 +263,9 @@ def test_a_search_can_be_cancelled(page):
     assert page.errors == []
 
 
-def test_a_reloaded_page_goes_on_with_the_search_and_then_keeps_its_result(page, quick, tmp_path):
-    source = str(write_clip(tmp_path, quick))
+@pytest.mark.parametrize("write", [write_eye, pytest.param(write_clip, marks=pytest.mark.slow)])
+def test_a_reloaded_page_goes_on_with_the_search_and_then_keeps_its_result(page, quick, tmp_path, write):
+    source = str(write(tmp_path, quick))
     numbers = []
     page.on("request", lambda each: numbers.append(each.url) if "/picture/" in each.url else None)
     page.fill("#source-input", source)
