@@ -94,10 +94,9 @@ node_modules/ready: .venv/locked package.json package-lock.json
 		echo "make check needs TypeScript and ESLint: npm could not install them (see above); check the connection to the npm registry" >&2; exit 1; }
 	@touch node_modules/ready
 
-check: setup node_modules/ready  ## format, lint, types, layers, JavaScript, warnings of the C compiler
-	@$(MAKE) --no-print-directory --jobs 2 check-types check-others
+check: check-types check-others  ## format, lint, types, layers, JavaScript, warnings of the C compiler
 
-check-types: setup  # as long as all others together
+check-types: setup  # takes longer than all others: make --jobs 2 check
 	$(BIN)/mypy
 
 check-others: setup node_modules/ready
