@@ -263,9 +263,8 @@ def test_a_search_can_be_cancelled(page):
     assert page.errors == []
 
 
-@pytest.mark.parametrize("write", [write_eye, pytest.param(write_clip, marks=pytest.mark.slow)])
-def test_a_reloaded_page_goes_on_with_the_search_and_then_keeps_its_result(page, quick, tmp_path, write):
-    source = str(write(tmp_path, quick))
+def test_a_reloaded_page_goes_on_with_the_search_and_then_keeps_its_result(page, quick, tmp_path):
+    source = str(write_clip(tmp_path, quick))
     numbers = []
     page.on("request", lambda each: numbers.append(each.url) if "/picture/" in each.url else None)
     page.fill("#source-input", source)
