@@ -8,9 +8,13 @@ NATIVE := haptigraph/perception/native
 SANITIZED := build/sanitized
 WORKERS ?= 2  # of each half of the tests
 PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
+# uv takes a tenth of pip's time; pip also reads pip's own settings, for instance of a mirror.
+INSTALL = $(BIN)/python -m uv pip install --python $(BIN)/python --requirement $(1) || \
+	$(BIN)/python -m pip install --disable-pip-version-check --requirement $(1)
+export PYTHONDONTWRITEBYTECODE =  # programs start faster from compiled modules, and most packages are never imported
 SCENES ?= $(basename $(notdir $(wildcard rendering/scenes/*.toml)))
 
-.PHONY: help setup demo live test test-pythons test-slow test-native mutants procedure-mutants fuzz check bench bench-degraded bench-empty ablation bench-live bench-oct bench-robot bench-volumes bench-silence bench-touch bench-sweep interval-coverage compare-r compare-touch rehearse screenshots faults soak golden train render interop lock clean
+.PHONY: help setup demo live test test-pythons test-slow test-native mutants procedure-mutants fuzz check check-types check-others bench bench-degraded bench-empty ablation bench-live bench-oct bench-robot bench-volumes bench-silence bench-touch bench-sweep interval-coverage compare-r compare-touch rehearse screenshots faults soak golden train render interop lock clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-16s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -22,7 +26,8 @@ $(VENV)/base: requirements-base.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "haptigraph needs Python 3.11 or newer; try: make PYTHON=python3.11 setup")'
 	@echo "haptigraph: installing $$(grep -c '==' requirements-base.lock) packages into $(VENV), once"
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --disable-pip-version-check --requirement requirements-base.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'uv>=0.5,<1' || true
+	$(call INSTALL,requirements-base.lock)
 	@touch $(VENV)/base
 
 # The folder too, because a source may be removed. Zig if no C compiler works.
@@ -33,8 +38,7 @@ $(VENV)/runs: $(VENV)/base pyproject.toml hatch_build.py $(NATIVE) $(wildcard $(
 
 $(VENV)/locked: requirements.lock $(VENV)/base
 	@echo "haptigraph: installing $$(grep -c '==' requirements.lock) packages into $(VENV) for tests and all extras, once"
-	$(BIN)/python -m pip install --disable-pip-version-check --no-compile --requirement requirements.lock
-	@$(BIN)/python -m compileall -qq -j 0 -x /tests/ $(VENV)/lib || true  # pip uses one processor, and compiles tests too
+	$(call INSTALL,requirements.lock)
 	@touch $(VENV)/locked
 
 $(VENV)/ready: $(VENV)/locked $(VENV)/runs
@@ -90,11 +94,15 @@ node_modules/ready: .venv/locked package.json package-lock.json
 		echo "make check needs TypeScript and ESLint: npm could not install them (see above); check the connection to the npm registry" >&2; exit 1; }
 	@touch node_modules/ready
 
-check: setup node_modules/ready  ## format, lint, types, layers, JavaScript, warnings of the C compiler
+check: check-types check-others  ## format, lint, types, layers, JavaScript, warnings of the C compiler
+
+check-types: setup  # takes longer than all others: make --jobs 2 check
+	$(BIN)/mypy
+
+check-others: setup node_modules/ready
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/clang-format --dry-run --Werror $(NATIVE)/*.[ch] $(NATIVE)/*/*.[ch]
-	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python docs/words.py
 	$(BIN)/node node_modules/typescript/bin/tsc
@@ -197,7 +205,7 @@ interop: setup  ## real ROS 2 nodes (Jazzy, Kilted) in separate environments, an
 	$(BIN)/python -m pytest tests/bridges
 
 lock: setup  ## resolve the dependencies again
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check uv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'uv>=0.5,<1'
 	$(BIN)/uv pip compile pyproject.toml --all-extras --group dev --universal --python-version 3.11 --generate-hashes --no-header --output-file requirements.lock
 	$(BIN)/uv pip compile pyproject.toml --group build --constraint requirements.lock --universal --python-version 3.11 --generate-hashes --no-header --output-file requirements-base.lock
 

@@ -137,10 +137,12 @@ def test_names_of_numbers_carry_their_unit(path):
     assert wrong == []
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
+@pytest.mark.parametrize(
+    "path",
+    [path for path in FILES if path.relative_to(ROOT).parts[0] in STAGES],
+    ids=lambda path: str(path.relative_to(ROOT)),
+)
 def test_stages_know_no_clock_no_chance_and_no_output(path):
-    if path.relative_to(ROOT).parts[0] not in STAGES:
-        return
     imported = set()
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):

@@ -230,7 +230,8 @@ def test_the_base_has_what_the_package_and_its_build_need():
 def test_a_fresh_checkout_installs_what_the_target_needs(target, files, tmp_path):
     command = ["make", "-C", ROOT, "--dry-run", f"VENV={tmp_path / 'fresh'}", target]
     planned = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    assert re.findall(r"--requirement (\S+)", planned) == files
+    assert re.findall(r"uv pip install .*--requirement (\S+) \|\|", planned) == files
+    assert re.findall(r"python -m pip install .*--requirement (\S+)$", planned, re.MULTILINE) == files
     installs = [line for line in planned.splitlines() if files[0] in line]
     assert installs and not any("--quiet" in line for line in installs)
     assert planned.count("--editable .") == 1

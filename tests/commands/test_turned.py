@@ -20,7 +20,7 @@ def clips(quick, tmp_path_factory):
     """Folders of images: `upright`, and `rotated` by 90 degrees counterclockwise."""
     folder = tmp_path_factory.mktemp("clips")
     phantom = Phantom(load_scenario(quick))
-    images = [moment.image for moment in iter(phantom.advance, None)][::4]
+    images = [moment.image for moment in iter(phantom.advance, None)][::8]
     for name in ("upright", "rotated"):
         (folder / name).mkdir()
         for number, image in enumerate(images):

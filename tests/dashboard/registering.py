@@ -51,7 +51,7 @@ def send_to(live, path, content=None, **headers):
     return response.status, json.loads(data)
 
 
-def write_clip(folder, quick, count=16):
+def write_clip(folder, quick, count=10):
     """Write a folder of images in which the needle enters and pivots."""
     phantom = Phantom(load_scenario(quick))
     images = []

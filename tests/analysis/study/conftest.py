@@ -1,9 +1,12 @@
 import gc
 import hashlib
 import json
+import pickle
 import shutil
+from collections.abc import Callable, Iterator
 from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import pytest
 from matplotlib.figure import Figure
@@ -11,9 +14,38 @@ from matplotlib.text import Text
 from paths import GOLDEN
 from study_tables import simulated_study, write_study
 
+from haptigraph.analysis.study import results
 from haptigraph.analysis.study.figures.style import ONE_COLUMN_MM, TWO_COLUMNS_MM
 
 gc.freeze()  # statsmodels collects garbage at every correction; what is imported by now is none
+
+
+def remembered(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a function that computes the same result only once for equal arguments."""
+    found: dict[bytes, Any] = {}
+
+    def result(*arguments: object, **options: object) -> Any:
+        key = pickle.dumps((arguments, options))
+        if key not in found:
+            found[key] = function(*arguments, **options)
+        return found[key]
+
+    return result
+
+
+STATISTICS = {name: remembered(getattr(results, name)) for name in ("order_effects", "compare")}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def statistics_once() -> Iterator[None]:
+    """Compute slow statistics once for the same data, which many reports of these tests share.
+
+    Whether a second program computes the same is tested by the script of a bundle.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        for name, function in STATISTICS.items():
+            patch.setattr(results, name, function)
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -89,7 +89,8 @@ def test_a_test_that_is_missing_never_helps_the_others(p):
         assert math.isnan(after) if math.isnan(before) else after >= next(alone) >= before - 1e-12
 
 
-def test_the_report_says_what_is_confirmatory_and_what_is_exploratory(frozen, tmp_path):
+def test_the_report_says_what_is_confirmatory_and_what_is_exploratory(frozen, tmp_path, monkeypatch):
+    monkeypatch.setattr("haptigraph.analysis.study.report.draw_figures", lambda *_: [])  # which take seconds
     output = call("study", "report", frozen, "-o", tmp_path / "out").output
     assert "| Alignment Angle with “Eyes & hands” is smaller than that with “Eyes” | primary |" in output
     tests = pd.read_csv(tmp_path / "out" / "csv" / "comparisons.csv").set_index("measure")["status"]

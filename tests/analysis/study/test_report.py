@@ -9,8 +9,10 @@ from helpers import call, refuse
 from study_tables import simulated_study, write_study
 
 from haptigraph.analysis.study.detail_tables import detail_tables
+from haptigraph.analysis.study.figures import drawn
 from haptigraph.analysis.study.figures.motion import alignment_figure
 from haptigraph.analysis.study.figures.states import transitions
+from haptigraph.analysis.study.figures.style import rendered
 from haptigraph.analysis.study.report import write_report
 from haptigraph.analysis.study.results import AnalysisPlan, StudyResults, analyse
 from haptigraph.analysis.study.results_table import latex, result_tables
@@ -28,16 +30,24 @@ def results(study) -> StudyResults:
     return analyse(read_tables(study), AnalysisPlan())
 
 
-def test_the_report_is_complete_self_contained_and_reproducible(study, tmp_path):
-    output = call("study", "report", study, "-o", tmp_path / "one", "--seed", "4").output
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*.*")}
+
+
+@pytest.mark.slow  # `make test` reproduces a report by the script of its bundle
+def test_the_report_is_reproducible(study, tmp_path):
+    call("study", "report", study, "-o", tmp_path / "one", "--seed", "4")
     written = write_report(study, tmp_path / "two", AnalysisPlan(seed=4))
-    one = {path.relative_to(tmp_path / "one"): path.read_bytes() for path in (tmp_path / "one").rglob("*.*")}
-    two = {path.relative_to(tmp_path / "two"): path.read_bytes() for path in (tmp_path / "two").rglob("*.*")}
-    assert one == two and len(one) == len(written.files)
-    names = {str(path) for path in one}
+    one = contents(tmp_path / "one")
+    assert one == contents(tmp_path / "two") and len(one) == len(written.files)
+
+
+def test_the_report_is_complete_and_self_contained(study, tmp_path):
+    output = call("study", "report", study, "-o", tmp_path / "one", "--seed", "4").output
+    names = set(contents(tmp_path / "one"))
     for figure in ("rainclouds", "state_times", "state_sequence", "alignment", "depth_theta", "learning"):
         assert {f"figures/{figure}.{ending}" for ending in ("png", "svg", "pdf")} <= names
-    html = written.page.read_text()
+    html = (tmp_path / "one" / "report.html").read_text()
     assert not re.search(r'(src|href)="(?!data:)', html) and "<script" not in html
     assert html.count("data:image/svg+xml") == 6 and "SIMULATED: no people took part" in html
     assert "exploratory: no analysis was preregistered" in html
@@ -162,7 +172,8 @@ def test_without_recordings_the_figures_that_need_them_are_omitted(tmp_path):
     assert alignment_figure(read_traces(results.runs, folder), results.titles, "") is None
 
 
-def test_people_read_the_titles_of_the_conditions_and_programs_their_names(tmp_path):
+def test_people_read_the_titles_of_the_conditions_and_programs_their_names(tmp_path, monkeypatch):
+    monkeypatch.setattr(drawn, "rendered", lambda figure: rendered(figure, ("svg",)))  # others take seconds
     study = write_study(tmp_path / "study", simulated_study(3, trials=1))
     protocol = (
         '[[condition]]\nname = "visual"\ntitle = "Eyes <only>"\n[[condition]]\nname = "visual_haptic"\n'
@@ -220,9 +231,10 @@ def renewed(tmp_path_factory) -> Path:
     (folder / "out" / "participants").mkdir(parents=True)
     for name in ("S03.html", "S05.html", "notes.txt"):
         (folder / "out" / "participants" / name).write_text("of an earlier report")
-    write_report(
-        write_study(folder / "study", {**others, "participants": people}), folder / "out", AnalysisPlan()
-    )
+    study = write_study(folder / "study", {**others, "participants": people})
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("haptigraph.analysis.study.report.draw_figures", lambda *_: [])  # which take seconds
+        write_report(study, folder / "out", AnalysisPlan())
     return folder / "out"
 
 

@@ -209,6 +209,7 @@ def test_the_hint_of_the_first_visit_goes_away_for_good(live, open_page):
     assert hint.count() == 0
 
 
+@pytest.mark.slow  # `make test` goes on and restarts the server
 def test_a_lost_server_raises_the_banner(quick_uri, open_page):
     with Live(quick_uri) as live:
         page = open_page(live.url)

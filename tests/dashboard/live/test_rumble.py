@@ -84,16 +84,47 @@ def test_an_image_that_seems_to_come_from_the_future_prolongs_nothing(live, open
     assert left_ms == 150
 
 
+@pytest.fixture(scope="module")
+def steady(quick, tmp_path_factory):
+    """A scene in which the needle vibrates steadily."""
+    text = Path(quick).read_text().partition("[[move]]")[0]
+    path = tmp_path_factory.mktemp("scene") / "steady.toml"
+    path.write_text(text + "[[move]]\nduration_s = 600\ndepth_mm = 12.0\ntheta_deg = -6.0\n")
+    return f"teleop:{path}"
+
+
+@pytest.fixture(scope="module")
+def steady_live(steady):
+    """One server of that scene, for tests that leave it alone."""
+    with Live(steady, program=FREEZING) as live:
+        yield live
+
+
 @pytest.fixture
-def vibrating(quick_uri, open_page, tmp_path, late_ms):
-    """A page that vibrates steadily, and its server, whose source SIGUSR1 freezes."""
-    text = Path(quick_uri.partition(":")[2]).read_text().partition("[[move]]")[0]
-    steady = tmp_path / "steady.toml"
-    steady.write_text(text + "[[move]]\nduration_s = 600\ndepth_mm = 12.0\ntheta_deg = -6.0\n")
-    with Live(f"teleop:{steady}", program=FREEZING) as live:
+def vibrate(open_page, late_ms):
+    """Open a page that vibrates."""
+
+    def open_one(live):
         page = open_page(live.url, pad=True)
         page.late_ms = late_ms
         until(page, "window.rumble.length > 5 && window.rumble.at(-1).strongMagnitude > 0")
+        return page
+
+    return open_one
+
+
+@pytest.fixture
+def vibrating_page(steady_live, vibrate):
+    page = vibrate(steady_live)
+    yield page
+    close_page(page)
+
+
+@pytest.fixture
+def vibrating(steady, vibrate):
+    """A page that vibrates, and a server of its own, whose source SIGUSR1 freezes."""
+    with Live(steady, program=FREEZING) as live:
+        page = vibrate(live)
         yield page, live
         close_page(page)
 
@@ -150,8 +181,8 @@ def test_a_frozen_source_silences_it_and_raises_the_banner(vibrating):
 
 
 @pytest.mark.parametrize("delay_s", [0.2, pytest.param(2.0, marks=pytest.mark.slow)])
-def test_images_that_come_too_late_are_not_felt_and_the_banner_says_so(vibrating, open_page, delay_s):
-    _, live = vibrating
+def test_images_that_come_too_late_are_not_felt_and_the_banner_says_so(steady_live, open_page, delay_s):
+    live = steady_live
     port = int(live.url.split(":")[2].split("/")[0])
     with SlowConnection(port, delay_s) as slow:
         page = open_page(live.url.replace(str(port), str(slow), 1), pad=True)
@@ -163,23 +194,23 @@ def test_images_that_come_too_late_are_not_felt_and_the_banner_says_so(vibrating
         close_page(page)
 
 
-def test_a_hidden_page_is_silent_at_once(vibrating):
-    page, _ = vibrating
+def test_a_hidden_page_is_silent_at_once(vibrating_page):
+    page = vibrating_page
     event_ms = time.time() * 1000
     hide(page)
     assert_silent(page, event_ms)
     assert calls(page)[-1]["type"] == "reset"
 
 
-def test_a_closed_page_is_silent_at_once(vibrating):
-    page, _ = vibrating
+def test_a_closed_page_is_silent_at_once(vibrating_page):
+    page = vibrating_page
     page.evaluate("dispatchEvent(new PageTransitionEvent('pagehide'))")
     assert page.evaluate("window.rumble.find((call, at) => call.type === 'reset' && at > 5)")
 
 
-def test_a_blocked_page_falls_silent(vibrating):
+def test_a_blocked_page_falls_silent(vibrating_page):
     """Effects end by themselves, because a page whose thread is busy cannot stop them."""
-    page, _ = vibrating
+    page = vibrating_page
     event_ms = page.evaluate(
         """() => { const from = performance.timeOrigin + performance.now();
              while (performance.timeOrigin + performance.now() < from + 400); return from; }"""
@@ -188,8 +219,8 @@ def test_a_blocked_page_falls_silent(vibrating):
     assert silent_from_ms(before) - event_ms <= SILENT_WITHIN_MS + page.late_ms(event_ms)
 
 
-def test_the_controller_can_be_switched_off(vibrating):
-    page, _ = vibrating
+def test_the_controller_can_be_switched_off(vibrating_page):
+    page = vibrating_page
     page.locator("#outputs").get_by_label("controller").uncheck()
     count = len(calls(page))
     assert calls(page)[-1]["type"] == "reset"
@@ -198,8 +229,8 @@ def test_the_controller_can_be_switched_off(vibrating):
     assert len(calls(page)) == count
 
 
-def test_border_and_tone_replace_a_controller(vibrating):
-    page, _ = vibrating
+def test_border_and_tone_replace_a_controller(vibrating_page):
+    page = vibrating_page
     page.evaluate(
         """() => { window.tones = [];
              const set = AudioParam.prototype.setTargetAtTime;

@@ -77,6 +77,7 @@ def turns_counterclockwise(page):
     return line["end_mm"][1] < line["start_mm"][1]
 
 
+@pytest.mark.slow  # `make test` steers from within the eye, in test_keyboard.py
 def test_the_keyboard_drives_the_needle_from_outside_to_the_target(steered):
     page = steered
     assert page.get_attribute("body", "data-state") in ("outside_eye", "unknown")

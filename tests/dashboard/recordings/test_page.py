@@ -247,27 +247,26 @@ def test_everything_is_on_one_screen(archive, open_page, size):
     assert hidden == []
 
 
-@pytest.mark.parametrize(
-    ("name", "sentence"),
-    [
-        ("notes.mcap", "notes.mcap: not a recording (an MCAP file begins otherwise)"),
-        ("damaged.mcap", "damaged"),
-        ("none.mcap", "none.mcap: does not exist (any more); refresh the list"),
-        ("..%2F..%2Fetc%2Fpasswd", "is not in the folder of recordings"),
-        ("link.mcap", "is not in the folder of recordings"),
-    ],
-)
-def test_a_refused_recording_is_reported_and_the_next_opens(archive, open_page, name, sentence):
-    page = open_page(
-        f"{archive.url}recordings#{name}",
-        module=MODULE,
-        ready="!document.getElementById('problem').hidden",
-    )
-    problem = page.inner_text("#problem")
-    assert sentence in problem and "\n" not in problem and str(Path.home()) not in problem
-    page.evaluate("location.hash = '#quick.mcap'")
-    wait_for_step(page, 0)
-    assert page.is_hidden("#problem")
+REFUSED = {
+    "notes.mcap": "notes.mcap: not a recording (an MCAP file begins otherwise)",
+    "damaged.mcap": "damaged",
+    "none.mcap": "none.mcap: does not exist (any more); refresh the list",
+    "..%2F..%2Fetc%2Fpasswd": "is not in the folder of recordings",
+    "link.mcap": "is not in the folder of recordings",
+}
+
+
+def test_a_refused_recording_is_reported_and_the_next_opens(archive, open_page):
+    is_reported = "!document.getElementById('problem').hidden"
+    page = open_page(f"{archive.url}recordings#notes.mcap", module=MODULE, ready=is_reported)
+    for name, sentence in REFUSED.items():
+        page.evaluate(f"location.hash = '#{name}'")
+        until(page, is_reported)
+        problem = page.inner_text("#problem")
+        assert sentence in problem and "\n" not in problem and str(Path.home()) not in problem
+        page.evaluate("location.hash = '#quick.mcap'")
+        page.wait_for_selector("#problem", state="hidden")
+        wait_for_step(page, 0)
 
 
 def test_an_interrupted_run_opens_with_a_hint_to_repair_it(archive, open_page, recordings):

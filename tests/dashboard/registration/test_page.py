@@ -180,6 +180,7 @@ def test_trocars_are_added_renamed_selected_and_removed(page, quick, tmp_path):
     expect(page.get_by_role("button", name=re.compile("^Remove"))).to_be_disabled()
 
 
+@pytest.mark.slow
 def test_a_loaded_file_is_corrected_and_undone(page, quick, tmp_path):
     open_source(page, write_eye(tmp_path, quick))
     found = at(page, "target")

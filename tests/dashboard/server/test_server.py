@@ -268,7 +268,9 @@ def test_bad_arguments_are_refused(quick_uri, live):
     assert call("live", quick_uri, "--port", "70000").exit_code == 2
 
 
-@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize(
+    "ending", [signal.SIGINT, signal.SIGTERM, pytest.param(signal.SIGHUP, marks=pytest.mark.slow)]
+)
 def test_a_signal_ends_loop_and_server_with_viewers(quick_uri, tmp_path, ending):
     from haptigraph.recording.reader import RunReader
 

@@ -166,9 +166,10 @@ def test_a_scan_of_another_resolution_has_the_same_lengths(factor):
     assert np.percentile(tips_mm, 90) <= 0.012
 
 
+@pytest.mark.parametrize("scenes", [10, pytest.param(30, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("fixed", WITHOUT_NEEDLE, ids=lambda fixed: "-".join(fixed) or "usual")
-def test_no_needle_is_found_where_there_is_none(fixed):
-    for number in range(30):
+def test_no_needle_is_found_where_there_is_none(fixed, scenes):
+    for number in range(scenes):
         scene = random_scene(number, SEED + 3, place="none", **fixed)
         found = perceiver_of(scene)[0](Capture(0, 0, scene.take().image)).found
         assert not {"needle_tip", "needle_line"} & set(found), number

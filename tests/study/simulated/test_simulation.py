@@ -182,6 +182,7 @@ def test_a_simulation_is_resumed_with_the_same_settings_only(reference, monkeypa
         assert len(store.rows(select(PARTICIPANTS))) == 2
 
 
+@pytest.mark.slow
 def test_parallel_simulation_in_postgresql_gives_the_same_data(reference, folder, tmp_path, server):
     """Two processes at one PostgreSQL store the same data as one process in SQLite."""
     import psycopg
