@@ -4,6 +4,7 @@ import sys
 
 import click
 
+from haptigraph.commands.calibrating import devices_calibrate
 from haptigraph.commands.help import TaskGroup, examples
 from haptigraph.commands.options import procedure_option
 from haptigraph.commands.terminal import terminable
@@ -15,7 +16,7 @@ SAFETY = "Research software: never use it on anyone whom a vibration, or its abs
 
 @click.group(
     cls=TaskGroup,
-    tasks={"Try one": ("test",)},
+    tasks={"Try one": ("test",), "Measure how strong it feels": ("calibrate",)},
     invoke_without_command=True,
     epilog=examples("haptigraph devices", "haptigraph devices test gamepad:0"),
 )
@@ -77,3 +78,6 @@ def devices_test(device: str, procedure: str | None) -> None:
         click.echo("the device confirmed each one, so this is the round trip")
     else:
         click.echo("the device confirms no command, so the delay until it vibrates is unknown")
+
+
+devices.add_command(devices_calibrate)
