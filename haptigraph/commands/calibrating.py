@@ -41,8 +41,7 @@ class SelfCalibrating(Protocol):
     "calibrate",
     epilog=examples(
         "haptigraph devices calibrate gamepad:0 -o pad.toml --by P01 --description 'pad, index finger'",
-        "haptigraph devices calibrate 'serial:/dev/ttyACM0?pin=9' -o motor.toml --reference gamepad:0 \\",
-        "    --by P01 --description 'coin motor in a glove, index finger'",
+        "haptigraph devices calibrate audio -o coil.toml --by P01 --description glove --reference gamepad:0",
         "haptigraph check --profile pad.toml",
         "haptigraph run SOURCE --device gamepad:0 --profile pad.toml",
     ),

@@ -170,12 +170,23 @@ class DeviceProfile(Struct, frozen=True, forbid_unknown_fields=True):
         return _interpolated(drive, [each.drive for each in points], [each.intensity for each in points])
 
     def sd_at(self, intensity: float) -> float:
-        """Return the standard deviation of the intensity that is felt where one is asked for."""
-        points, first = self.intensity.point, self.intensity.point[0]
+        """Return the standard deviation of the intensity that is felt where one is asked for.
+
+        Below the first point nothing was measured but the threshold. There it includes the difference between
+        a straight line and the power law of the first two points.
+        """
+        points = self.intensity.point
+        first, second = points[:2]
+        if intensity >= first.intensity:
+            return float(
+                np.interp(intensity, [each.intensity for each in points], [each.sd for each in points])
+            )
         steepness = first.intensity / (first.drive - self.threshold.drive)
         at_threshold = steepness * (self.threshold.high - self.threshold.low) / SD_OF_95
-        intensities = [0.0, *(each.intensity for each in points)]
-        return float(np.interp(intensity, intensities, [at_threshold, *(each.sd for each in points)]))
+        measured = float(np.interp(intensity, [0.0, first.intensity], [at_threshold, first.sd]))
+        exponent = math.log(second.intensity / first.intensity) / math.log(second.drive / first.drive)
+        by_power = first.intensity * (self.drive_at(intensity) / first.drive) ** exponent
+        return min(math.hypot(measured, by_power - intensity), first.intensity)
 
     def applied_to(self, capabilities: Capabilities) -> Capabilities:
         """Return a device's capabilities with what was measured of it."""
