@@ -81,5 +81,6 @@ def profile_notes(
         notes.append(f"the profile was measured on {profile.device.uri}, not on {device}")
     if intensity.scale == OWN_SCALE:
         notes.append("intensity 1 is this device's own strongest, which may differ from another device's")
-    notes += [sentence for pattern in patterns for sentence in misfits(pattern, profile, max_drive)]
+    if max_drive:  # else nothing vibrates
+        notes += [sentence for pattern in patterns for sentence in misfits(pattern, profile, max_drive)]
     return notes + [f"not known: {sentence}" for sentence in unmeasured(patterns, profile)]
