@@ -4,7 +4,7 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import TYPE_CHECKING
 
 import click
 
@@ -20,21 +20,12 @@ if TYPE_CHECKING:
     from haptigraph.haptics.profiles.profile import DeviceProfile
     from haptigraph.stages import Device
 
-__all__ = ["SelfCalibrating", "devices_calibrate"]
+__all__ = ["devices_calibrate"]
 
 SAFETY = "Research software: only healthy adults who agreed, on their own hand. Ctrl-C stops at any time."
 BEFORE_NS, BETWEEN_NS, AFTER_NS = 600_000_000, 500_000_000, 100_000_000
 REPEAT = "r"
 FREQUENCY_HZ = 160.0
-
-
-@runtime_checkable
-class SelfCalibrating(Protocol):
-    """A device whose driver chip can measure its actuator."""
-
-    def calibrate(self) -> object:
-        """Vibrate for a moment, and return what was found."""
-        ...
 
 
 @click.command(
@@ -144,8 +135,6 @@ class _Session:
         click.echo(SAFETY)
         click.echo(f"The largest drive is {given.max_drive:g}. Nothing has vibrated yet.")
         click.confirm("Do you agree to feel vibrations now?", abort=True)
-        if isinstance(device, SelfCalibrating):
-            click.echo(f"the driver calibrates its actuator: {device.calibrate()}")
         return calibrate(self._ask, given, _begin)
 
     def _ask(self, trial: "Trial") -> str:

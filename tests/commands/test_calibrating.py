@@ -1,7 +1,14 @@
 """`haptigraph devices calibrate`: a simulated person at the keys, through the real guard."""
 
+import os
+import pty
+import select
+import subprocess
+import sys
+
 import click
 import pytest
+from firmata_board import Board
 from helpers import call, refuse
 
 from haptigraph.clock import VirtualClock
@@ -146,19 +153,6 @@ def test_a_device_that_fails_ends_the_calibration_in_one_sentence(person, tmp_pa
     assert result.exit_code == 2 and "does not respond" in result.stderr and not list(tmp_path.iterdir())
 
 
-def test_a_chip_that_calibrates_itself_is_asked_after_the_agreement(person, tmp_path, monkeypatch):
-    opened, calls = person.open, []
-
-    def with_chip(uri):
-        device = opened(uri)
-        device.calibrate = lambda: calls.append(person.agreed_after) or "compensation 12"
-        return device
-
-    monkeypatch.setattr("haptigraph.assemble.open_device", with_chip)
-    result = call("devices", "calibrate", "serial:board", "-o", tmp_path / "motor.toml", *ARGUMENTS)
-    assert calls == [0] and "compensation 12" in result.stdout
-
-
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
@@ -192,3 +186,36 @@ def test_without_a_terminal_there_are_no_keys(person, tmp_path, monkeypatch):
     monkeypatch.setattr(click, "getchar", lambda: "")
     result = call("devices", "calibrate", "serial:board", "-o", tmp_path / "a.toml", *ARGUMENTS)
     assert result.exit_code == 2 and "needs a terminal" in result.stderr
+
+
+@pytest.mark.realtime
+def test_in_a_real_terminal_keys_answer_and_ctrl_c_ends_in_silence(tmp_path):
+    pytest.importorskip("serial")
+    path = tmp_path / "motor.toml"
+    terminal, its_end = pty.openpty()
+    with Board(tmp_path / "tty") as board:
+        arguments = ("devices", "calibrate", f"serial:{board.link}", "-o", str(path), *ARGUMENTS)
+        program = [sys.executable, "-m", "haptigraph", *arguments]
+        with subprocess.Popen(program, stdin=its_end, stdout=its_end, stderr=its_end) as process:
+            for expected, key in (
+                ("agree", b"y\n"),
+                ("Enter", b"\n"),
+                ("1 of 40", b"y"),
+                ("2 of 40", b"\x03"),
+            ):
+                _read_until(terminal, expected)
+                if expected in ("agree", "Enter"):
+                    assert not any(value for _, _, value in board.edges)
+                os.write(terminal, key)
+            assert process.wait(60) == 130
+        assert any(value for _, _, value in board.edges) and not board.vibrates()
+    os.close(terminal)
+    os.close(its_end)
+    assert not path.exists()
+
+
+def _read_until(terminal, expected):
+    shown = b""
+    while expected.encode() not in shown:
+        assert select.select([terminal], [], [], 60)[0], shown
+        shown += os.read(terminal, 4096)
