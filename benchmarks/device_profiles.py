@@ -9,6 +9,7 @@ import argparse
 import datetime
 import math
 from collections.abc import Callable
+from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
@@ -48,7 +49,7 @@ class Given(NamedTuple):
 def main() -> None:
     """Print coverage, and what is felt of each level with a profile and without."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--persons", type=int, default=60)
+    parser.add_argument("--persons", type=int, default=100)
     parser.add_argument("--seed", type=int, default=2026)
     options = parser.parse_args()
     for method in ("audio", ""):
@@ -59,7 +60,8 @@ def main() -> None:
 
 def _measure(name: str, actuator: SimulatedActuator, reference: str, persons: int, seed: int) -> None:
     """Let persons calibrate an actuator, and print the figures."""
-    thresholds, points, levels, without, refused = [], [], {each: [] for each in LEVELS}, {}, 0
+    thresholds, onsets, points, refused = [], [], [], 0
+    levels, without = {each: [] for each in LEVELS}, {}
     for number in range(persons):
         person = draw_participant(seed, number)
         hand = SimulatedHand(person, {"device": actuator, "reference": REFERENCE}, hash_of(seed, number))
@@ -70,6 +72,7 @@ def _measure(name: str, actuator: SimulatedActuator, reference: str, persons: in
             refused += 1
             continue
         thresholds.append(_covers_threshold(profile, actuator, person))
+        onsets += _covers_onset(profile, actuator, person)
         points += [
             Given(each.intensity, felt(each.drive), each.sd) for each in profile.intensity.point if each.sd
         ]
@@ -79,10 +82,10 @@ def _measure(name: str, actuator: SimulatedActuator, reference: str, persons: in
                 levels[level].append(Given(level, felt(profile.drive_at(level)), profile.sd_at(level)))
     covered = np.mean([each.is_covered for each in points])
     print(
-        f"  {name}: threshold covered {np.mean(thresholds):.0%}; {len(points)} points covered {covered:.0%}",
-        end="",
+        f"  {name}: intervals contain {np.mean(thresholds):.0%} of the thresholds, {np.mean(onsets):.0%} of "
+        f"{len(onsets)} shortest bursts, {covered:.0%} of {len(points)} intensities; "
+        f"{refused} of {persons} persons without a result"
     )
-    print(f"; {refused} of {persons} persons without a result" if refused else "")
     for level, given in levels.items():
         if not given:
             print(f"    amplitude {level:.2f}: stronger than it gets; without profile {without[level]:.2f}")
@@ -113,6 +116,16 @@ def _covers_threshold(profile: DeviceProfile, actuator: SimulatedActuator, perso
     """Return whether the true threshold, which half of all vibrations exceed, is within the interval."""
     low, high = (actuator.response(each) for each in (profile.threshold.low, profile.threshold.high))
     return low <= person.absolute_threshold <= high
+
+
+def _covers_onset(profile: DeviceProfile, actuator: SimulatedActuator, person: Participant) -> list[bool]:
+    """Return whether the interval contains the burst that is felt three times of four; empty: not stated."""
+    if profile.onset is None:
+        return []
+    strength = person.absolute_threshold / (1 - person.weber_fraction * NormalDist().inv_cdf(0.75))
+    share = strength / actuator.response(profile.intensity.point[0].drive)
+    true_ms = -actuator.rise_ms * math.log(1 - share) if share < 1 else math.inf
+    return [profile.onset.low_ms <= true_ms <= profile.onset.high_ms]
 
 
 def hash_of(seed: int, number: int) -> int:
