@@ -14,7 +14,7 @@ INSTALL = $(BIN)/python -m uv pip install --python $(BIN)/python --requirement $
 export PYTHONDONTWRITEBYTECODE =  # programs start faster from compiled modules, and most packages are never imported
 SCENES ?= $(basename $(notdir $(wildcard rendering/scenes/*.toml)))
 
-.PHONY: help setup demo live test test-pythons test-slow test-native mutants procedure-mutants fuzz check check-types check-others bench bench-degraded bench-empty ablation bench-live bench-oct bench-robot bench-volumes bench-silence bench-touch bench-sweep interval-coverage compare-r compare-touch rehearse screenshots faults soak golden train render interop lock clean
+.PHONY: help setup demo live test test-pythons test-slow test-native mutants procedure-mutants fuzz check check-types check-others bench bench-degraded bench-empty ablation bench-live bench-oct bench-robot bench-volumes bench-silence bench-touch bench-profiles bench-sweep interval-coverage compare-r compare-touch rehearse screenshots faults soak golden train render interop lock clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-16s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -140,6 +140,9 @@ bench-robot: setup  ## a robot's loop: distance from the RCM, holds after faults
 
 bench-touch: setup  ## timing accuracy of the haptic grammar on a board at a serial port
 	$(BIN)/python benchmarks/touch.py
+
+bench-profiles: setup  ## simulated persons calibrate simulated devices: coverage, and whether "low" is the same
+	$(BIN)/python benchmarks/device_profiles.py
 
 bench-sweep: setup  ## 1,000 simulated participants on a local Dask cluster, two workers against one
 	$(BIN)/python benchmarks/sweep.py

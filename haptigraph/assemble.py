@@ -9,6 +9,7 @@ from haptigraph.clock import Clock, MonotonicClock, VirtualClock
 from haptigraph.config import Config
 from haptigraph.errors import BadInput, unknown_name
 from haptigraph.haptics.observed_device import DeliveryLog, Listener, ObservedDevice, confirmed, is_felt
+from haptigraph.haptics.profiles.profile import DeviceProfile, open_profile
 from haptigraph.imaging import UPRIGHT
 from haptigraph.perception.entities import ENTITIES, ROBOT_TIP
 from haptigraph.pipeline import HapticOutput, Loop, Pipeline
@@ -108,8 +109,10 @@ def build(
         robot, robot_setup = _load("haptigraph.run_robot:open_readings")(config.robot, source, clock)
         undo.callback(robot.close)
         config = suited(config, source, registration)
+        profile, profile_text = open_profile(config.haptics)
         pipeline = build_pipeline(config, registration, procedure)
-        info = run_info(config, source, registration, procedure, clock, __version__, robot_setup)
+        texts = robot_setup, profile_text
+        info = run_info(config, source, registration, procedure, clock, __version__, *texts)
         measures = procedure.schema.measure_names
         video = _load("haptigraph.sources.naming:video_to_store")(config, SOURCES)
         writer = None
@@ -130,7 +133,7 @@ def build(
         undo.callback(device.close)
         for observer in (*(bridge.send_output for bridge in bridges), *((listener,) if listener else ())):
             device = ObservedDevice(device, observer)
-        output = _output(device, config, clock)
+        output = _output(device, config, clock, profile)
         undo.callback(output.close)
         recorders: list[Sink] = []
         if writer is not None:
@@ -146,7 +149,7 @@ def build(
             stale_ms=config.run.stale_ms,
             deliveries=log,
             robot=robot,
-            notes=run_notes(config, source, procedure, device, registration, perceiver_class),
+            notes=run_notes(config, source, procedure, device, registration, perceiver_class, profile),
         )
         loop.report.note_limits(registration.assumed, config.haptics.max_amplitude)
         undo.pop_all()
@@ -305,8 +308,8 @@ def perceiver_class(name: str) -> PerceiverClass:
     return perceiver
 
 
-def _output(device: Device, config: Config, clock: Clock) -> HapticOutput:
-    guard: HapticOutput = _load("haptigraph.haptics.guard:Guard")(device, config.haptics)
+def _output(device: Device, config: Config, clock: Clock, profile: DeviceProfile | None) -> HapticOutput:
+    guard: HapticOutput = _load("haptigraph.haptics.guard:Guard")(device, config.haptics, profile)
     player = _load("haptigraph.haptics.player:Player") if isinstance(clock, MonotonicClock) else None
     return player(guard, clock) if player else guard
 

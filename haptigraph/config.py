@@ -116,7 +116,10 @@ class HapticsConfig(Struct, frozen=True, forbid_unknown_fields=True):
 
     device: str = "console"
     """console, trace:FILE.csv, audio[:FILE.wav], gamepad:N, serial:PORT?pin=N or ros2[:TOPIC]."""
+    profile: str = ""
+    """Path of the device's profile (TOML), which has the drive for every amplitude; empty: they are equal."""
     max_amplitude: Annotated[float, Meta(ge=0, le=1)] = 1.0
+    """Limit of what the device is set to: of the drive, if there is a profile."""
     deadman_ms: Annotated[float, Meta(gt=0, le=1000)] = 150.0
     """The device is silenced after this time without a new command."""
     max_on_ms: UpToADayMs = 60_000.0

@@ -28,15 +28,28 @@ def run_info(
     clock: Clock,
     version: str,
     robot_setup: str = "",
+    device_profile: str = "",
 ) -> RunInfo:
-    """Return the header of a run that starts now; `version` is haptigraph's, `robot_setup` its robot.toml."""
+    """Return the header of a run that starts now.
+
+    Args:
+        config: The configuration.
+        source: The opened source.
+        registration: Position of the anatomy in the images.
+        procedure: Rules and haptic patterns.
+        clock: The run's.
+        version: Of haptigraph.
+        robot_setup: Text of robot.toml; empty: no robot, or not calibrated.
+        device_profile: Text of the device's profile; empty: none.
+    """
     utc_offset_ns = offset_ns(time.time_ns, clock)
     started = datetime.datetime.fromtimestamp((clock.now_ns() + utc_offset_ns) / 1e9, datetime.UTC)
     info = run_info_at(started, utc_offset_ns, config, source.rate_hz, registration, procedure, version)
-    if not robot_setup:
-        return info
-    sha256 = hashlib.sha256(robot_setup.encode()).hexdigest()
-    return replace(info, robot_setup=robot_setup, robot_setup_sha256=sha256)
+    for name, text in (("robot_setup", robot_setup), ("device_profile", device_profile)):
+        if text:
+            digest = hashlib.sha256(text.encode()).hexdigest()
+            info = replace(info, **{name: text, f"{name}_sha256": digest})
+    return info
 
 
 def run_info_at(

@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 
 from haptigraph.config import Config
 from haptigraph.haptics.pattern import unsupported
+from haptigraph.haptics.profiles.fit import profile_notes
+from haptigraph.haptics.profiles.profile import DeviceProfile
 from haptigraph.inference.coverage import ROBOT_TIP, unreported_notes
 from haptigraph.registration.assumed import assumed_notes
 from haptigraph.stages import Device, PerceiverClass, Source
@@ -23,15 +25,20 @@ def run_notes(
     device: Device,
     registration: "BaseRegistration",
     class_of: Callable[[str], PerceiverClass],
+    profile: DeviceProfile | None = None,
 ) -> list[str]:
     """Return what the user should know before a run, a sentence each."""
     is_accepted = config.haptics.accept_assumed
-    limits = (note for pattern in procedure.patterns for note in unsupported(pattern, device.capabilities))
+    haptics = config.haptics
+    capabilities = profile.applied_to(device.capabilities) if profile else device.capabilities
+    limits = [note for pattern in procedure.patterns for note in unsupported(pattern, capabilities)]
+    if profile is not None:
+        limits += profile_notes(profile, haptics.device, procedure.patterns, haptics.max_amplitude)
     notes = [
         *assumed_notes(registration.assumed, registration.how_to_state, is_accepted=is_accepted),
         *source.notes,
         *unreported_notes(procedure, config.perception.perceiver, class_of),
-        *(f"{config.haptics.device}: {note}" for note in limits),
+        *(f"{haptics.device}: {note}" for note in limits),
     ]
     if any(entity.name == ROBOT_TIP for entity in procedure.schema.entities) and not (
         config.robot.setup or source.robot_setup

@@ -18,6 +18,7 @@ from haptigraph.graph import SceneGraph
 from haptigraph.haptics.guard import Guard
 from haptigraph.haptics.observed_device import PAGE_CONTROLLER
 from haptigraph.haptics.pattern import duration_ns, unsupported
+from haptigraph.haptics.profiles.profile import DeviceProfile
 from haptigraph.messages import (
     OFF,
     Capabilities,
@@ -101,7 +102,11 @@ class DeviceTest:
 
 
 def play_grammar(
-    device: Device, patterns: Sequence[Pattern], clock: Clock, announce: Callable[[str], None]
+    device: Device,
+    patterns: Sequence[Pattern],
+    clock: Clock,
+    announce: Callable[[str], None],
+    profile: DeviceProfile | None = None,
 ) -> DeviceTest:
     """Play every pattern through the guard; the device is silent and closed on every exit.
 
@@ -110,12 +115,14 @@ def play_grammar(
         patterns: The haptic grammar of a procedure.
         clock: Paces the playback.
         announce: Called with one line of text per pattern.
+        profile: How strong the device feels; None: amplitudes are its drive.
     """
     test = DeviceTest(device)
-    guard = Guard(test, HapticsConfig())
+    guard = Guard(test, HapticsConfig(), profile)
+    capabilities = profile.applied_to(device.capabilities) if profile else device.capabilities
     try:
         for pattern in (pattern for pattern in patterns if pattern.kind != "off"):
-            limits = "; ".join(note.partition(": ")[2] for note in unsupported(pattern, device.capabilities))
+            limits = "; ".join(note.partition(": ")[2] for note in unsupported(pattern, capabilities))
             announce(f"{pattern.name:10} {_pattern_text(pattern)}" + (f"  ({limits})" if limits else ""))
             play_pattern(guard, pattern, duration_ns(pattern) or CONTINUOUS_NS, clock)
             play_pattern(guard, OFF, PAUSE_NS, clock)

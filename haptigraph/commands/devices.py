@@ -4,8 +4,9 @@ import sys
 
 import click
 
+from haptigraph.commands.calibrating import devices_calibrate
 from haptigraph.commands.help import TaskGroup, examples
-from haptigraph.commands.options import procedure_option
+from haptigraph.commands.options import procedure_option, profile_option
 from haptigraph.commands.terminal import terminable
 
 __all__ = ["devices", "devices_test"]
@@ -15,7 +16,7 @@ SAFETY = "Research software: never use it on anyone whom a vibration, or its abs
 
 @click.group(
     cls=TaskGroup,
-    tasks={"Try one": ("test",)},
+    tasks={"Try one": ("test",), "Measure how strong it feels": ("calibrate",)},
     invoke_without_command=True,
     epilog=examples("haptigraph devices", "haptigraph devices test gamepad:0"),
 )
@@ -54,19 +55,22 @@ def devices(context: click.Context) -> None:
 )
 @click.argument("device")
 @procedure_option
-def devices_test(device: str, procedure: str | None) -> None:
+@profile_option
+def devices_test(device: str, procedure: str | None, profile: str | None) -> None:
     """Play every pattern of the haptic grammar on DEVICE, and measure the round trip if it confirms."""
     from haptigraph.analysis.actuators import play_grammar
     from haptigraph.assemble import load_procedure, open_device
     from haptigraph.clock import MonotonicClock
-    from haptigraph.config import RunConfig
+    from haptigraph.config import HapticsConfig, RunConfig
     from haptigraph.errors import DeviceError, NotSilent
+    from haptigraph.haptics.profiles.profile import open_profile
 
     patterns = load_procedure(procedure or RunConfig().procedure).patterns
+    measured, _ = open_profile(HapticsConfig(device=device, profile=profile or ""))
     opened = open_device(device)
     click.echo(SAFETY)
     with terminable():
-        trial = play_grammar(opened, patterns, MonotonicClock(), click.echo)
+        trial = play_grammar(opened, patterns, MonotonicClock(), click.echo, measured)
     if not trial.is_silent:
         raise NotSilent(device)
     if trial.faults:
@@ -77,3 +81,6 @@ def devices_test(device: str, procedure: str | None) -> None:
         click.echo("the device confirmed each one, so this is the round trip")
     else:
         click.echo("the device confirms no command, so the delay until it vibrates is unknown")
+
+
+devices.add_command(devices_calibrate)

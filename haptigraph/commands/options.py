@@ -16,6 +16,7 @@ __all__ = [
     "page_options",
     "page_tokens",
     "procedure_option",
+    "profile_option",
     "run_options",
     "run_settings",
     "set_option",
@@ -51,6 +52,9 @@ voxel_option = click.option(
 procedure_option = click.option(
     "--procedure", metavar="NAME|FILE", help="Rules and haptic patterns; default: subretinal_injection."
 )
+profile_option = click.option(
+    "--profile", metavar="FILE", help="How strong the device feels, from `haptigraph devices calibrate`."
+)
 config_option = click.option("--config", metavar="FILE", help="Settings file (TOML).")
 set_option = click.option(
     "--set",
@@ -65,6 +69,7 @@ RUN = {
     "registration": "source.registration",
     "procedure": "run.procedure",
     "device": "haptics.device",
+    "profile": "haptics.profile",
     "leader": "run.leader",
     "bridge": "run.bridges",
     "record": "recording.path",
@@ -108,6 +113,7 @@ def run_options(command: Command) -> Command:
         click.option("--registration", metavar="FILE", help="Position of the anatomy in the images (TOML)."),
         procedure_option,
         click.option("--device", metavar="DEVICE", help="Haptic device; `haptigraph devices` lists all."),
+        profile_option,
         click.option(
             "--leader",
             metavar="LEADER",

@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from haptigraph.commands.help import TaskGroup, examples
-from haptigraph.commands.options import set_option, voxel_option
+from haptigraph.commands.options import profile_option, set_option, voxel_option
 from haptigraph.commands.terminal import progress_bar
 from haptigraph.errors import BadInput, unknown_name
 
 if TYPE_CHECKING:
+    from haptigraph.haptics.profiles.profile import DeviceProfile
     from haptigraph.inference.procedure import Procedure
     from haptigraph.messages import Capabilities
     from haptigraph.stages import PerceiverClass
@@ -117,6 +118,7 @@ def _learn_instrument(
         "haptigraph check",
         "haptigraph check my.toml --picture violations.svg",
         "haptigraph check my.toml --perceiver forceps --device gamepad",
+        "haptigraph check --profile pad.toml",
     )
 )
 @click.argument("procedure", default="subretinal_injection")
@@ -131,17 +133,20 @@ def _learn_instrument(
 @click.option(
     "--device", metavar="DEVICE", help="Prove as well that this device can play every pattern; see `devices`."
 )
+@profile_option
 def check(
     procedure: str,
     prover: Literal["auto", "exhaustive", "z3"],
     picture: str | None,
     perceiver: str,
     device: str | None,
+    profile: str | None,
 ) -> None:
     """Explain PROCEDURE in tables, and prove its claims over every possible graph.
 
     Among them: every pattern is felt, an alarm is the strongest and unlike all else, and what follows a
-    measure grows towards danger. What no claim covers is listed at the end.
+    measure grows towards danger. What no claim covers is listed at the end. With --profile: every pattern is
+    as strong as meant on the device, above its threshold, and distinct.
 
     Exit code 1 if a claim is violated; the smallest graph that violates it is shown.
     """
@@ -154,7 +159,8 @@ def check(
     from haptigraph.proof.prove import prove
 
     loaded = load_procedure(procedure)
-    proof = prove(loaded, prover, _capable(device) if device else None, _perceiving(loaded, perceiver))
+    measured, capable = _device_of(device, profile)
+    proof = prove(loaded, prover, capable, _perceiving(loaded, perceiver), measured)
     if picture:
         from haptigraph.analysis.plots.proof_figure import proof_figure
 
@@ -178,12 +184,24 @@ def _perceiving(procedure: "Procedure", perceiver: str) -> "tuple[str, Perceiver
     return name, perceiver_class(name)
 
 
-def _capable(device: str) -> "tuple[str, Capabilities]":
-    """Return a device's name and its capabilities, without opening it."""
-    from haptigraph.analysis.actuators import device_class
+def _device_of(
+    device: str | None, file: str | None
+) -> "tuple[DeviceProfile | None, tuple[str, Capabilities] | None]":
+    """Return a device's profile, its name and its capabilities, without opening it; None: not given.
 
+    A profile names its device, so that --device may be left out.
+    """
+    from haptigraph.analysis.actuators import device_class
+    from haptigraph.haptics.profiles.profile import check_device, load_profile
+
+    profile = load_profile(file) if file else None
+    if profile is not None:
+        device = device or profile.device.uri
+        check_device(profile, device, file or "")
+    if device is None:
+        return None, None
     kind = device.partition(":")[0]
-    return kind, device_class(kind).capabilities
+    return profile, (kind, device_class(kind).capabilities)
 
 
 @click.group(

@@ -10,6 +10,7 @@ from msgspec.structs import replace
 
 from haptigraph.config import HapticsConfig
 from haptigraph.haptics.pattern import NS_PER_MS, amplitude_at, fit_to_device, min_interval_ms, next_change_ns
+from haptigraph.haptics.profiles.profile import DeviceProfile
 from haptigraph.messages import OFF, UNKNOWN, Fault, HapticCommand, Pattern, Step
 from haptigraph.stages import Device
 
@@ -26,16 +27,19 @@ class Guard:
     is unknown, during the rest after `max_on_ms` of vibration, and after `close`. A device that fails is
     reported once and retried; the guard does not raise its errors.
 
-    Patterns are fitted to the capabilities of the device. Changes wait until the device accepts them; silence
+    Patterns are fitted to the capabilities of the device, and a profile turns their amplitude into the drive
+    that is felt as such; the limits apply to the drive. Changes wait until the device accepts them; silence
     never waits. For a device that falls silent by itself, the guard renews the command in time.
 
     Args:
         device: The actuator; only the guard calls it.
         config: The limits.
+        profile: How strong the device feels; None: amplitudes are its drive.
     """
 
-    def __init__(self, device: Device, config: HapticsConfig) -> None:
-        self._device, self._capabilities = device, device.capabilities
+    def __init__(self, device: Device, config: HapticsConfig, profile: DeviceProfile | None = None) -> None:
+        self._device, self._profile = device, profile
+        self._capabilities = profile.applied_to(device.capabilities) if profile else device.capabilities
         self._min_interval_ns = round(min_interval_ms(self._capabilities) * NS_PER_MS)
         half_ns = round((self._capabilities.holds_ms or 0.0) * NS_PER_MS / 2)
         self._renew_ns = max(half_ns, self._min_interval_ns) if half_ns else None
@@ -73,7 +77,7 @@ class Guard:
             command = HapticCommand(command.stamp_ns, OFF, command.stamp_ns)
         if step.conclusion.state == UNKNOWN:
             command = HapticCommand(command.stamp_ns, OFF, command.stamp_ns)
-        command = replace(command, pattern=fit_to_device(command.pattern, self._capabilities))
+        command = replace(command, pattern=self._as_played(command.pattern))
         if command.pattern.name != self._command.pattern.name or command.since_ns == command.stamp_ns:
             # A pattern starts on arrival: latency must not shorten the beginning of a short burst.
             self._lag_ns = now_ns - command.since_ns
@@ -123,6 +127,13 @@ class Guard:
             self._report(f"did not close: {error}")
         else:
             self.is_silent = True
+
+    def _as_played(self, pattern: Pattern) -> Pattern:
+        """Return a pattern as the device is to play it: its amplitude is the drive."""
+        fitted = fit_to_device(pattern, self._capabilities)
+        if self._profile is None:
+            return fitted
+        return replace(fitted, amplitude=self._profile.drive_at(fitted.amplitude))
 
     def _apply(self, now_ns: int) -> None:
         """Bring the device to the output that is due at a time."""

@@ -2,6 +2,8 @@
 
 from typing import Literal
 
+from haptigraph.haptics.profiles.fit import unmeasured
+from haptigraph.haptics.profiles.profile import DeviceProfile
 from haptigraph.inference.coverage import uncovered
 from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import Capabilities
@@ -9,6 +11,7 @@ from haptigraph.proof.claims.colors import color_claims
 from haptigraph.proof.claims.follow import follow_claims
 from haptigraph.proof.claims.haptic import device_claims, haptic_claims
 from haptigraph.proof.claims.invariants import invariant_claims
+from haptigraph.proof.claims.profiled import profile_claims
 from haptigraph.proof.claims.reported import reported_claim
 from haptigraph.proof.claims.rules import rules_claims
 from haptigraph.proof.claims.thresholds import threshold_claims
@@ -25,6 +28,7 @@ def prove(
     prover: Literal["auto", "exhaustive", "z3"] = "auto",
     device: tuple[str, Capabilities] | None = None,
     perceiver: tuple[str, PerceiverClass] | None = None,
+    profile: DeviceProfile | None = None,
 ) -> Proof:
     """Check every claim against every possible graph.
 
@@ -33,11 +37,14 @@ def prove(
         prover: The method; auto: enumerate the graphs if there are few, else z3.
         device: Name and capabilities of a device that is to play the haptic grammar.
         perceiver: Name and class of the perceiver that is to report the entities.
+        profile: How strong the device feels; None: not known.
 
     Raises:
         MissingExtra: If z3 is needed and not installed.
     """
     subject = Subject(procedure, prover)
+    if device and profile:
+        device = device[0], profile.applied_to(device[1])
     reported, unseen = reported_claim(procedure, *perceiver) if perceiver else (None, ())
     claims = (
         *rules_claims(subject),
@@ -47,7 +54,8 @@ def prove(
         *haptic_claims(procedure),
         *follow_claims(procedure),
         *color_claims(procedure),
-        *(device_claims(procedure, *device) if device else ()),
+        *(device_claims(procedure, *device, profile) if device else ()),
+        *(profile_claims(procedure, *device, profile) if device and profile else ()),
         *((reported,) if reported else ()),
     )
     held_ms = {state.name: state.hold_ms for state in procedure.states if state.hold_ms}
@@ -55,5 +63,7 @@ def prove(
     missing = uncovered(procedure)
     if device and device[1].frequency_range_hz is None:
         missing.append(f"how patterns differ by frequency: {device[0]} plays one of its own")
+    if profile:
+        missing += unmeasured(procedure.patterns, profile)
     method = subject.prover.method
     return Proof(procedure.name, procedure.sha256, method, claims, temporal, held_ms, (*missing, *unseen))

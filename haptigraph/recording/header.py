@@ -83,7 +83,8 @@ def read_header(record: Metadata, path: Path) -> RunInfo:
         raise BadInput("header is damaged (its SHA-256 differs)", path)
     if info.format not in READABLE:
         raise BadInput(f"recording format {info.format!r}; this version reads {', '.join(READABLE)}", path)
-    for name in ("procedure", "registration", *(["robot_setup"] if info.robot_setup else [])):
+    optional = [name for name in ("robot_setup", "device_profile") if getattr(info, name)]
+    for name in ("procedure", "registration", *optional):
         if hashlib.sha256(getattr(info, name).encode()).hexdigest() != getattr(info, f"{name}_sha256"):
             raise BadInput(f"header is damaged (the SHA-256 of its {name} differs)", path)
     try:

@@ -80,6 +80,9 @@ class RunInfo(Struct, frozen=True):
     robot_setup_sha256: str = ""
     robot_shift: str = ""
     """How the robot's stamps were changed after the run, in one sentence; empty: they were not."""
+    device_profile: str = ""
+    """The complete profile of the haptic device; empty: none, so that amplitudes were its drive."""
+    device_profile_sha256: str = ""
 
 
 class VideoImage(Struct, frozen=True):

@@ -4,20 +4,15 @@ Pure functions of seed and slot. Random numbers are SHA-256 hashes, not a genera
 seed yields the same orders with any version of Python and NumPy.
 """
 
-import hashlib
 from collections.abc import Sequence
 from typing import Literal, TypeAlias, TypeVar
 
-__all__ = ["Order", "hashed_integer", "order_of", "round_of", "shuffled", "targets_of", "williams"]
+from haptigraph.checksum import hashed_integer
+
+__all__ = ["Order", "order_of", "round_of", "shuffled", "targets_of", "williams"]
 
 T = TypeVar("T")
 Order: TypeAlias = Literal["balanced", "random", "fixed"]
-
-
-def hashed_integer(*key: object) -> int:
-    """Return a pseudo-random number in [0, 2^63) that depends on the key alone."""
-    digest = hashlib.sha256("/".join(str(part) for part in key).encode()).digest()
-    return int.from_bytes(digest[:8]) >> 1
 
 
 def shuffled(items: Sequence[T], *key: object) -> list[T]:

@@ -9,7 +9,8 @@ from typing import Literal, TypeAlias
 
 from msgspec import Struct
 
-from haptigraph.study.conditions import hashed_integer, order_of, round_of, targets_of
+from haptigraph.checksum import hashed_integer
+from haptigraph.study.conditions import order_of, round_of, targets_of
 from haptigraph.study.preparation.calibration import Task
 from haptigraph.study.protocol import Protocol
 

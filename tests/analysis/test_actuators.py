@@ -6,10 +6,12 @@ from itertools import groupby
 import pytest
 from firmata_board import Board
 from helpers import LOW, MS, PULSE, SUCCESS, call, refuse
+from made_profiles import TEXT
 
 from haptigraph import assemble
 from haptigraph.analysis.actuators import play_grammar
 from haptigraph.clock import VirtualClock
+from haptigraph.haptics.profiles.profile import parse_profile
 from haptigraph.messages import OFF, Capabilities
 
 
@@ -52,6 +54,15 @@ def test_a_device_plays_the_grammar_through_the_guard_and_is_closed():
     assert actuator.closed == 1
     assert test.count == len(actuator.commands)
     assert "80 ms on, 80 ms off become 100 on, 80 off" in lines[1]
+
+
+def test_a_profile_gives_the_drives_and_the_shortest_burst():
+    actuator, lines, profile = Actuator(), [], parse_profile(TEXT, "p.toml")
+    play_grammar(actuator, (LOW, PULSE), VirtualClock(), lines.append, profile)
+    edges = [(ms, drive) for ms, drive in actuator.commands if drive]
+    assert edges[0][1] == profile.drive_at(0.3) > 0.3 and edges[1][1] == 1.0
+    assert edges[2][0] - edges[1][0] == 160  # bursts of 80 ms are long enough by the profile
+    assert "become" not in lines[1]
 
 
 def test_a_board_plays_the_grammar_and_its_round_trip_is_measured(tmp_path):

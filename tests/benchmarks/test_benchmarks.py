@@ -31,6 +31,7 @@ SMALLEST = {
     ],
     "bscan_approaches": [(("2", "--images", "1"), {})],
     "chatter": [((), {"IMAGES": 60, "APPROACHES": 2})],
+    "device_profiles": [(("--persons", "2"), {})],
     "degraded": [((str(ROOT / "tests/data/renderings/golden_thin"),), {"MAX_IMAGES": 8})],
     "inference": [(("subretinal_injection_ioct",), {"ROUNDS": 2})],
     "interval_coverage": [(("--repeats", "20", "--sizes", "6", "--print-only"), {})],

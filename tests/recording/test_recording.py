@@ -410,6 +410,7 @@ def with_header(path, **fields):
         ({}, None),
         ({"procedure": "P"}, "header is damaged (the SHA-256 of its procedure differs)"),
         ({"registration_sha256": "0"}, "header is damaged (the SHA-256 of its registration differs)"),
+        ({"device_profile": "P"}, "header is damaged (the SHA-256 of its device_profile differs)"),
         ({"config": "{"}, "header cannot be read: configuration: Input data was truncated"),
         ({"rate_hz": "x"}, "header cannot be read: "),
         ({"format": "3"}, "header is damaged (its SHA-256 differs)"),

@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import haptigraph
-from haptigraph.study.conditions import hashed_integer, order_of, shuffled, targets_of, williams
+from haptigraph.checksum import hashed_integer
+from haptigraph.study.conditions import order_of, shuffled, targets_of, williams
 from haptigraph.study.plan import condition_title, conditions_of, plan_of
 from haptigraph.study.protocol import load_protocol
 

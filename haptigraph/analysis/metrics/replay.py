@@ -54,7 +54,8 @@ class ReplayReport(Struct):
     assumed: tuple[str, ...] = ()
     """What the recorded registration assumes, by name."""
     notes: tuple[str, ...] = ()
-    """Which states cannot occur because the recording's perceiver does not report what they need."""
+    """By which profile the device played, and which states cannot occur because the recording's perceiver
+    does not report what they need."""
     recorded: RunMeasures = msgspec.field(default_factory=RunMeasures)
     replayed: RunMeasures = msgspec.field(default_factory=RunMeasures)
 
@@ -154,10 +155,13 @@ def _procedure(reader: RunReader, name: str | None) -> Procedure:
 
 
 def _notes(reader: RunReader, procedure: Procedure) -> tuple[str, ...]:
+    info = reader.info
+    played = f"the device played amplitudes by its profile, sha256 {info.device_profile_sha256[:12]}"
+    notes = (played,) if info.device_profile else ()
     name = assemble.perceiver_name(recorded_config(reader), procedure)
     if name not in assemble.PERCEIVERS:
-        return ()
-    return tuple(unreported_notes(procedure, name, assemble.perceiver_class))
+        return notes
+    return (*notes, *unreported_notes(procedure, name, assemble.perceiver_class))
 
 
 def _compare(number: int, time_s: float, recorded: Step, replayed: Step) -> Difference | None:

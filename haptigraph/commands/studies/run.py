@@ -12,6 +12,7 @@ from haptigraph.commands.options import (
     config_option,
     page_options,
     page_tokens,
+    profile_option,
     run_settings,
     set_option,
 )
@@ -43,6 +44,7 @@ MAX_NAME_LENGTH = 80
 )
 @click.option("--registration", metavar="FILE", help="Registration of the anatomy in the images (TOML).")
 @click.option("--device", metavar="DEVICE", help="Haptic device, in addition to the participant's page.")
+@profile_option
 @click.option(
     "--bridge", multiple=True, metavar="BRIDGE", help="Publish live, as for `run`; may be repeated."
 )

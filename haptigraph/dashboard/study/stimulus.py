@@ -12,6 +12,7 @@ from haptigraph.errors import BadInput, DeviceError, NotSilent
 from haptigraph.haptics.guard import Guard
 from haptigraph.haptics.observed_device import Listener, ObservedDevice
 from haptigraph.haptics.pattern import duration_ns
+from haptigraph.haptics.profiles.profile import open_profile
 from haptigraph.messages import OFF, Pattern
 
 __all__ = ["Stimulus", "play_stimulus"]
@@ -49,12 +50,13 @@ def play_stimulus(
         sent: Called with the time of every command.
 
     Raises:
-        BadInput: If the device does not open, or lacks levels that are needed.
+        BadInput: If the device does not open, its profile cannot be used, or it lacks levels that are needed.
         DeviceError: If the device failed meanwhile.
         NotSilent: If it may still vibrate.
     """
+    profile, _ = open_profile(config)
     device = open_device(config.device)
-    guard = Guard(ObservedDevice(device, listener), config)
+    guard = Guard(ObservedDevice(device, listener), config, profile)
     try:
         if stimulus.needs_levels and device.capabilities.amplitude_levels < 2:
             raise BadInput(f"{config.device} only knows on and off; choose a device with several amplitudes")

@@ -11,6 +11,7 @@ from msgspec.structs import replace
 
 from haptigraph.haptics.guidance import Guidance
 from haptigraph.haptics.pattern import fit_to_device
+from haptigraph.haptics.profiles.profile import DeviceProfile
 from haptigraph.messages import Capabilities, Pattern
 
 __all__ = ["AMPLITUDE_JND", "Band", "Felt", "are_alike", "felt", "values_of"]
@@ -74,11 +75,14 @@ def values_of(pattern: Pattern) -> list[Pattern]:
     return list(dict.fromkeys(values))
 
 
-def felt(pattern: Pattern, device: Capabilities | None = None) -> Felt:
-    """Return what is felt of a pattern, as written or as a device plays it."""
+def felt(pattern: Pattern, device: Capabilities | None = None, profile: DeviceProfile | None = None) -> Felt:
+    """Return what is felt of a pattern, as written or as a device plays it, by its profile if it has one."""
     values = values_of(pattern)
     if device is not None:
         values = [_played(value, device) for value in values]
+    if profile is not None:
+        given = [profile.intensity_at(profile.drive_at(value.amplitude)) for value in values]
+        values = [replace(value, amplitude=each) for value, each in zip(values, given, strict=True)]
 
     def band(key: str) -> Band:
         numbers = [float(getattr(value, key)) for value in values]

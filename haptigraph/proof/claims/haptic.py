@@ -10,6 +10,7 @@ from typing import NamedTuple
 from msgspec.structs import replace
 
 from haptigraph.haptics.pattern import unsupported
+from haptigraph.haptics.profiles.profile import DeviceProfile
 from haptigraph.inference.meaning import Kind
 from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import Capabilities, Pattern
@@ -73,15 +74,18 @@ def haptic_claims(procedure: Procedure) -> list[Claim]:
     ]
 
 
-def device_claims(procedure: Procedure, name: str, device: Capabilities) -> list[Claim]:
+def device_claims(
+    procedure: Procedure, name: str, device: Capabilities, profile: DeviceProfile | None = None
+) -> list[Claim]:
     """Return the claims about a haptic grammar as one device plays it.
 
     Args:
         procedure: A checked procedure.
         name: The device's name.
         device: Its capabilities.
+        profile: How strong it feels; None: amplitudes are taken as its strength.
     """
-    uses = _uses(procedure, device)
+    uses = _uses(procedure, device, profile)
     return [
         Claim("device", f"{name} can play every pattern", tuple(_beyond(procedure, device))),
         Claim(
@@ -92,12 +96,14 @@ def device_claims(procedure: Procedure, name: str, device: Capabilities) -> list
     ]
 
 
-def _uses(procedure: Procedure, device: Capabilities | None = None) -> list[_Use]:
+def _uses(
+    procedure: Procedure, device: Capabilities | None = None, profile: DeviceProfile | None = None
+) -> list[_Use]:
     """Return what is felt in every state that vibrates."""
     patterns = {pattern.name: pattern for pattern in procedure.patterns}
     kinds = procedure.kinds
     return [
-        _Use(state.name, kinds[state.name], felt(patterns[state.feel], device))
+        _Use(state.name, kinds[state.name], felt(patterns[state.feel], device, profile))
         for state in procedure.states
         if patterns[state.feel].kind != "off"
     ]

@@ -12,15 +12,15 @@ from msgspec.structs import replace
 
 from haptigraph.errors import unknown_name
 from haptigraph.haptics.pattern import amplitude_range
-from haptigraph.messages import Pattern
-from haptigraph.study.conditions import shuffled
-from haptigraph.study.preparation.threshold import (
+from haptigraph.haptics.profiles.threshold import (
     Answered,
     Threshold,
     estimate_threshold,
     is_catch,
     next_amplitude,
 )
+from haptigraph.messages import Pattern
+from haptigraph.study.conditions import shuffled
 from haptigraph.toml_document import Document
 
 __all__ = [

@@ -67,6 +67,8 @@ def _anonymous(info: RunInfo, participant: str, person: Mapping[str, Any]) -> Ru
         utc_offset_ns=info.utc_offset_ns - round(earlier.total_seconds() * 1e9),
         config=msgspec.json.encode(config).decode(),
         decoder="",
+        device_profile="",  # it names who felt the device, and when
+        device_profile_sha256="",
         format=FORMAT,
     )
 

@@ -9,13 +9,13 @@ from datetime import UTC, datetime, timedelta
 from msgspec import Struct
 from msgspec.structs import replace
 
+from haptigraph.checksum import hashed_integer
 from haptigraph.config import Config, HapticsConfig
 from haptigraph.messages import Capture, Step
 from haptigraph.recording.writer import RunWriter
 from haptigraph.run_header import run_info_at
 from haptigraph.sim.eye.eye import EyeShape
 from haptigraph.sinks.recorder import Recorder
-from haptigraph.study.conditions import hashed_integer
 from haptigraph.study.plan import Stage
 from haptigraph.study.preparation.strength import Strength, haptics_of
 from haptigraph.study.protocol import Protocol

@@ -6,9 +6,9 @@ on. A pattern is named by its cue; those with the same cue by their perceived am
 
 from statistics import NormalDist
 
+from haptigraph.checksum import hashed_integer
 from haptigraph.haptics.pattern import NS_PER_MS, amplitude_at
 from haptigraph.messages import HapticCommand, Pattern
-from haptigraph.study.conditions import hashed_integer
 from haptigraph.study.preparation.calibration import FELT, NOT_FELT, Stimulus
 from haptigraph.study.simulated.haptic_perception import HapticPerception
 from haptigraph.study.simulated.participant import Participant

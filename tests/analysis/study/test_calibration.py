@@ -7,7 +7,7 @@ from study_tables import simulated_study, write_study
 from haptigraph.analysis.study.calibration import calibration_paragraph, calibration_tables
 from haptigraph.analysis.study.report import write_report
 from haptigraph.analysis.study.tables import read_tables
-from haptigraph.study.preparation.threshold import Answered, is_catch, next_amplitude
+from haptigraph.haptics.profiles.threshold import Answered, is_catch, next_amplitude
 
 
 def threshold_rows(participant, threshold):

@@ -3,6 +3,7 @@
 import pytest
 import stuck_device
 from helpers import LOW, MS, SUCCESS
+from made_profiles import TEXT
 from msgspec.structs import replace
 
 from haptigraph import assemble
@@ -81,6 +82,15 @@ def test_a_lasting_pattern_ends_after_a_second_within_the_limits_of_the_guard(pl
     silenced = Glove()
     play(LOW, silenced, max_amplitude=0.0)
     assert not any(level for _, level in silenced.outputs)
+
+
+def test_a_profile_gives_the_drive_within_the_limits(play, tmp_path):
+    path = tmp_path / "glove.toml"
+    path.write_text(TEXT)
+    for limit, drive in ((1.0, 0.6), (0.5, 0.5)):
+        glove = Glove()
+        play(replace(LOW, amplitude=0.5), glove, profile=str(path), max_amplitude=limit)
+        assert [level for _, level in glove.outputs if level] == [pytest.approx(drive)]
 
 
 def test_a_device_without_levels_is_refused_where_they_are_needed_and_stays_silent(play):

@@ -1,4 +1,5 @@
 from datetime import datetime
+from hashlib import sha256
 
 import msgspec
 import pytest
@@ -50,6 +51,8 @@ def test_a_copy_names_no_person_folder_or_date(tmp_path):
         source="/home/anna/eye.mp4",
         started_utc="2026-11-21T10:00:00+00:00",
         config=msgspec.json.encode(config).decode(),
+        device_profile="by = 'anna'",
+        device_profile_sha256=sha256(b"by = 'anna'").hexdigest(),
     )
     source = rewritten(GOLDEN / "align_then_approach.mcap", tmp_path / "one.mcap", edit)
     assert copy_recording(source, tmp_path / "copy.mcap", "KXQV0142", PERSON)

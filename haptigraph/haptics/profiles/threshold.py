@@ -1,4 +1,7 @@
-"""The detection threshold of vibration amplitude: from answers "felt" and "not felt" to the next amplitude.
+"""The detection threshold of vibration: from answers "felt" and "not felt" to the next amplitude.
+
+It serves the calibration of a participant's hand, and of a device: there, the length of a burst or the
+amplitude of a second vibration takes the place of the amplitude.
 
 Bayesian adaptive method for yes/no answers with catch trials. Each amplitude lies at the posterior mean of
 the threshold (ZEST: King-Smith et al. 1994, Vision Res. 34, 885-912). The posterior is over threshold,
@@ -13,7 +16,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from haptigraph.study.conditions import hashed_integer
+from haptigraph.checksum import hashed_integer
 
 __all__ = ["CATCH_EVERY", "Answered", "Threshold", "estimate_threshold", "is_catch", "next_amplitude"]
 
@@ -25,6 +28,7 @@ THRESHOLDS_DB = np.arange(-50.0, 6.25, 0.5)  # equally probable before the first
 SPREADS_DB = np.array([0.5, 1.0, 2.0, 4.0, 7.0])  # each combination equally probable, too
 FALSE_ALARMS = np.array([0.01, 0.05, 0.1, 0.2, 0.35])
 LAPSES = np.array([0.01, 0.05])
+COMPARED_DB = 4.0  # largest spread between two vibrations; a Weber fraction of 0.3 makes 1.8 dB
 TAIL = 0.025  # of the interval
 
 
@@ -37,7 +41,10 @@ class Answered(Struct, frozen=True):
 
 
 class Threshold(Struct, frozen=True):
-    """An estimate of the amplitude that is felt half of the time, corrected for false alarms and lapses."""
+    """An estimate of the amplitude that is felt half of the time, or another share of it.
+
+    It is corrected for false alarms and lapses.
+    """
 
     amplitude: float
     """exp of the posterior mean of its logarithm."""
@@ -64,18 +71,30 @@ def is_catch(number: int, *key: object) -> bool:
     return place == hashed_integer(*key, "catch", block) % CATCH_EVERY
 
 
-def next_amplitude(answers: Sequence[Answered]) -> float:
-    """Return the next amplitude, in (0, 1], in whole decibels."""
-    mean_db, _ = _moments(_threshold_probabilities(answers))
+def next_amplitude(answers: Sequence[Answered], *, compares: bool = False) -> float:
+    """Return the next amplitude, in (0, 1], in whole decibels; arguments as of `estimate_threshold`."""
+    mean_db, _ = _moments(THRESHOLDS_DB, _probabilities(answers, compares=compares).sum(axis=1))
     return _amplitude(min(max(round(mean_db), MIN_DB), MAX_DB))
 
 
-def estimate_threshold(answers: Sequence[Answered]) -> Threshold:
-    """Estimate the threshold from all answers of a participant on a device."""
-    probabilities = _threshold_probabilities(answers)
-    mean_db, sd_db = _moments(probabilities)
+def estimate_threshold(
+    answers: Sequence[Answered], share: float = 0.5, *, compares: bool = False
+) -> Threshold:
+    """Estimate the threshold from all answers of a participant on a device.
+
+    Args:
+        answers: In any order.
+        share: How often the amplitude that is estimated is felt, without guesses and lapses.
+        compares: Whether each answer compares two vibrations: then nobody can prefer one of the answers, and
+            large spreads are left out.
+    """
+    probabilities = _probabilities(answers, compares=compares)
+    levels_db = np.add.outer(THRESHOLDS_DB, math.log(share / (1 - share)) * SPREADS_DB)
+    order = np.argsort(levels_db, axis=None, kind="stable")
+    levels_db, probabilities = levels_db.ravel()[order], probabilities.ravel()[order]
+    mean_db, sd_db = _moments(levels_db, probabilities)
     sums = np.cumsum(probabilities)
-    low_db, high_db = (THRESHOLDS_DB[int(np.searchsorted(sums, tail))] for tail in (TAIL, 1 - TAIL))
+    low_db, high_db = (levels_db[int(np.searchsorted(sums, tail))] for tail in (TAIL, 1 - TAIL))
     catch = [each for each in answers if each.amplitude == 0]
     return Threshold(
         amplitude=_amplitude(mean_db),
@@ -88,12 +107,15 @@ def estimate_threshold(answers: Sequence[Answered]) -> Threshold:
     )
 
 
-def _threshold_probabilities(answers: Sequence[Answered]) -> Floats:
-    """Return the posterior probability of each of `THRESHOLDS_DB`."""
+def _probabilities(answers: Sequence[Answered], *, compares: bool) -> Floats:
+    """Return the posterior probabilities of thresholds and spreads, (thresholds, spreads)."""
     log_likelihood = np.zeros((len(THRESHOLDS_DB), len(SPREADS_DB), len(FALSE_ALARMS), len(LAPSES)))
     for each in answers:
         log_likelihood += _log_likelihoods(each.amplitude)[0 if each.is_felt else 1]
-    likelihood: Floats = np.exp(log_likelihood - log_likelihood.max()).sum(axis=(1, 2, 3))
+    if compares:
+        log_likelihood[:, COMPARED_DB < SPREADS_DB] = -np.inf
+        log_likelihood[:, :, LAPSES.max() < FALSE_ALARMS] = -np.inf
+    likelihood: Floats = np.exp(log_likelihood - log_likelihood.max()).sum(axis=(2, 3))
     likelihood /= likelihood.sum()
     return likelihood
 
@@ -109,9 +131,9 @@ def _log_likelihoods(amplitude: float) -> tuple[Floats, Floats]:
     return np.log(felt), np.log1p(-felt)
 
 
-def _moments(probabilities: Floats) -> tuple[float, float]:
-    mean_db = float(probabilities @ THRESHOLDS_DB)
-    return mean_db, math.sqrt(float(probabilities @ (THRESHOLDS_DB - mean_db) ** 2))
+def _moments(levels_db: Floats, probabilities: Floats) -> tuple[float, float]:
+    mean_db = float(probabilities @ levels_db)
+    return mean_db, math.sqrt(float(probabilities @ (levels_db - mean_db) ** 2))
 
 
 def _amplitude(level_db: float) -> float:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from haptigraph.study.preparation.threshold import (
+from haptigraph.haptics.profiles.threshold import (
     CATCH_EVERY,
     Answered,
     estimate_threshold,
