@@ -20,7 +20,7 @@ from scipy import stats
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support" / "robots"))
 
-from robot_runs import TARGET_MM, SimulatedRun, random_transform, simulated_run
+from robot_runs import TARGET_MM, SimulatedRun, led_path, random_transform, simulated_run
 
 from haptigraph.analysis.robot.lag import Motion, estimate_lag
 from haptigraph.errors import BadInput
@@ -32,7 +32,7 @@ from haptigraph.robot.pose import Transform
 Floats = NDArray[np.float64]
 SEED = 2032
 RUNS = 200
-MAX_LAG_S = 2.4
+MAX_LAG_S, MAX_LEAD_S = 2.4, 0.3
 TOUCH_SD_MM = 0.1
 NORMAL_95 = 1.96
 JACKKNIFE_95 = float(stats.t.ppf(0.975, 9))
@@ -121,6 +121,7 @@ def add_run(table: Table, rng: np.random.Generator) -> None:
     true_s = run.lag_s + drift * (lag.middle_s - (run.image_s[-1] + run.image_s[1]) / 2)
     half_s = (lag.interval_s[1] - lag.interval_s[0]) / 2
     table.add("lag [ms]", np.array([1e3 * (lag.lag_s - true_s)]), 1e3 * half_s)
+    add_hand(table, rng)
     half = (lag.drift_interval_s_per_s[1] - lag.drift_interval_s_per_s[0]) / 2
     table.add("drift [ms/s]", np.array([1e3 * (lag.drift_s_per_s - drift)]), 1e3 * half)
     try:
@@ -128,6 +129,14 @@ def add_run(table: Table, rng: np.random.Generator) -> None:
         add_section(table, rng, run, lags_s, tracker_sd_mm)
     except BadInput as refusal:
         table.refused[str(refusal)] += 1
+
+
+def add_hand(table: Table, rng: np.random.Generator) -> None:
+    """Let a hand lead the tip, whose motion is recorded with each image, and estimate its lead."""
+    run = simulated_run(rng, lag_s=float(rng.uniform(-MAX_LEAD_S, 0.0)), robot_sd_mm=0.0)
+    lag = estimate_lag(Motion(run.image_s, run.image_mm, *led_path(run)), "simulated run", mover="hand")
+    half_s = (lag.interval_s[1] - lag.interval_s[0]) / 2
+    table.add("hand's lead [ms]", np.array([1e3 * (lag.lag_s - run.lag_s)]), 1e3 * half_s)
 
 
 def add_section(
