@@ -37,7 +37,7 @@ from haptigraph.ros2.discovery import discovery_settings
 from haptigraph.ros2.endpoints import Endpoint, Endpoints
 from haptigraph.ros2.qos import DEPTH, Profile, publisher_profile, subscriber_profile
 
-__all__ = ["Node", "Publisher", "buffer_hint", "checked_topic", "domain_id", "topics_found"]
+__all__ = ["Node", "Publisher", "buffer_hint", "checked_topic", "domain_id"]
 
 M = TypeVar("M", bound=IdlStruct)
 
@@ -55,7 +55,6 @@ WAIT_NS = duration(milliseconds=100)  # between a subscriber's checks whether to
 CHECK_S = 0.5  # between checks of the publishers
 CLOSE_TIMEOUT_S = 1.0
 TICK_S = 0.02  # between checks of the subscribers
-SEARCH_S = 1.0  # other nodes are found within this time
 
 
 class Publisher:
@@ -257,22 +256,6 @@ class _Subscription:
         self._unread = ReadCondition(self._reader, ViewState.Any | InstanceState.Any | SampleState.NotRead)
         self._waitset = WaitSet(self._participant)
         self._waitset.attach(self._unread)
-
-
-def topics_found(topics_of: Callable[[Node], dict[str, str]]) -> dict[str, str]:
-    """Return the topics of the network after a short search.
-
-    Args:
-        topics_of: `Node.published` or `Node.subscribed`.
-
-    Raises:
-        BadInput: If the network cannot be joined.
-    """
-    node = Node()
-    threading.Event().wait(SEARCH_S)
-    topics = topics_of(node)
-    node.close()
-    return topics
 
 
 def domain_id() -> int:
