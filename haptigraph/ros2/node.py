@@ -124,12 +124,12 @@ class Node:
         self._closing = threading.Event()
         self._threads: list[threading.Thread] = []
         self._publishers: list[Publisher] = []
-        self._publications = Endpoints(self._joined, BuiltinTopicDcpsPublication)
-        self._subscriptions = Endpoints(self._joined, BuiltinTopicDcpsSubscription)
+        self._publications = Endpoints(self.participant, BuiltinTopicDcpsPublication)
+        self._subscriptions = Endpoints(self.participant, BuiltinTopicDcpsSubscription)
 
     def publisher(self, topic: str, message_type: type[IdlStruct]) -> Publisher:
         """Return a publisher for a topic."""
-        self._publishers.append(Publisher(self._joined, topic, message_type))
+        self._publishers.append(Publisher(self.participant, topic, message_type))
         return self._publishers[-1]
 
     def subscribe(
@@ -157,9 +157,9 @@ class Node:
                 publishers.
         """
         name = checked_topic(topic)
-        dds_topic = Topic(self._joined, f"rt{name}", message_type)
+        dds_topic = Topic(self.participant, f"rt{name}", message_type)
         profile = Profile(depth, is_transient_local=True) if is_latched else subscriber_profile(name, depth)
-        subscription = _Subscription(self._joined, dds_topic, profile, is_large=is_large)
+        subscription = _Subscription(self.participant, dds_topic, profile, is_large=is_large)
         thread = threading.Thread(
             target=self._receive,
             args=(subscription, take, reject),
@@ -191,7 +191,11 @@ class Node:
 
     def subscribers(self, topic: str) -> list[Endpoint]:
         """Return the subscribers of a topic (ROS name)."""
-        return self._subscriptions.of(f"rt{checked_topic(topic)}")
+        return self.dds_subscribers(f"rt{checked_topic(topic)}")
+
+    def dds_subscribers(self, name: str) -> list[Endpoint]:
+        """Return the subscribers of a topic (DDS name)."""
+        return self._subscriptions.of(name)
 
     def close(self) -> None:
         """Leave the network. May be called twice."""
@@ -205,7 +209,8 @@ class Node:
         self._participant = None  # cyclonedds frees a participant that is not referenced
 
     @property
-    def _joined(self) -> DomainParticipant:
+    def participant(self) -> DomainParticipant:
+        """The participant, while the node is open."""
         if self._participant is None:
             raise ValueError("the node is closed")
         return self._participant

@@ -34,7 +34,7 @@ def test_an_image_of_megabytes_arrives_unchanged(peer):
 
 
 def test_a_subscriber_is_reliable_if_all_publishers_are(peer, ros_network, monkeypatch):
-    endpoints = Endpoints(peer.node._joined, BuiltinTopicDcpsSubscription)
+    endpoints = Endpoints(peer.node.participant, BuiltinTopicDcpsSubscription)
     node = Node()
     node.subscribe("/adapts", String, lambda message: None, print, is_large=True)
     until(lambda: "/adapts" in endpoints.topics(), "nobody subscribes")
@@ -52,8 +52,8 @@ def test_a_subscriber_is_reliable_if_all_publishers_are(peer, ros_network, monke
 
 def test_a_message_that_has_arrived_survives_the_change_to_reliable(peer, ros_network):
     node = Node()
-    topic = Topic(node._joined, "rt/adapts", String)
-    subscription = _Subscription(node._joined, topic, Profile(2, is_reliable=False), is_large=True)
+    topic = Topic(node.participant, "rt/adapts", String)
+    subscription = _Subscription(node.participant, topic, Profile(2, is_reliable=False), is_large=True)
     peer.publisher("/adapts", String).send(String("first"))
     until(lambda: "/adapts" in node.published(), "the publisher is not discovered")
     subscription.wait()
