@@ -50,7 +50,7 @@ def call(
 ) -> Any:
     """Call a service and wait for its reply. The request may be sent more than once.
 
-    With Fast DDS, another client's reply at that time cannot be told from the own one.
+    With Fast DDS, another client's reply at that time cannot be distinguished from the own one.
 
     Args:
         node: The participant that calls.
