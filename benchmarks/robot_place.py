@@ -121,7 +121,6 @@ def add_run(table: Table, rng: np.random.Generator) -> None:
     true_s = run.lag_s + drift * (lag.middle_s - (run.image_s[-1] + run.image_s[1]) / 2)
     half_s = (lag.interval_s[1] - lag.interval_s[0]) / 2
     table.add("lag [ms]", np.array([1e3 * (lag.lag_s - true_s)]), 1e3 * half_s)
-    add_hand(table, rng)
     half = (lag.drift_interval_s_per_s[1] - lag.drift_interval_s_per_s[0]) / 2
     table.add("drift [ms/s]", np.array([1e3 * (lag.drift_s_per_s - drift)]), 1e3 * half)
     try:
@@ -222,8 +221,10 @@ def main() -> None:
     parser.add_argument("--rendered", type=int, default=0, help="Number of runs that are drawn and tracked.")
     arguments = parser.parse_args()
     table, rng = Table(), np.random.default_rng(arguments.seed)
+    hands = np.random.default_rng((arguments.seed, 1))
     for _ in range(RUNS):
         add_run(table, rng)
+        add_hand(table, hands)
         add_touch(table, rng, planar=True)
         add_touch(table, rng, planar=False)
     with tempfile.TemporaryDirectory() as folder:

@@ -60,7 +60,7 @@ def replay(recording: str, procedure: str | None) -> None:
 
 
 def _robot_line(recording: str) -> str:
-    """Return whether a robot's clock does not agree; empty if it does, or the run had no robot."""
+    """Return whether robot and images agree in time, as far as known; empty if the run had no robot."""
     from haptigraph.analysis.metrics.replay import recorded_config
     from haptigraph.recording.reader import RunReader
 

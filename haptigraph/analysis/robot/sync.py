@@ -88,20 +88,17 @@ def check_sync(path: str | Path) -> SyncReport:
 
 
 def robot_note(path: str | Path) -> str:
-    """Return a sentence if a recorded robot is not aligned with the images, or this is not known.
-
-    Empty if it is aligned as far as can be known.
-    """
+    """Return a sentence on whether a recorded robot is aligned with the images, as far as that is known."""
     try:
         lag = estimate_lag(recorded_motion(RunReader(path)).motion, str(path))
     except BadInput as refusal:
         return f"whether the clocks of robot and camera agree is not known: {refusal.problem}"
-    if SyncReport(lag, None, "", None, "").is_robot_aligned:
-        return ""
     low, high = (1e3 * one for one in lag.interval_s)
+    found = f"{1e3 * lag.lag_s:+.0f} ms from the images (95 % interval {low:+.0f} to {high:+.0f} ms)"
+    if SyncReport(lag, None, "", None, "").is_robot_aligned:
+        return f"the robot's poses are stamped {found}: aligned, as far as the interval says"
     return (
-        f"the robot's poses are stamped {1e3 * lag.lag_s:+.0f} ms from the images (95 % interval "
-        f"{low:+.0f} to {high:+.0f} ms), so comparisons of the two are wrong; "
+        f"the robot's poses are stamped {found}, so comparisons of the two are wrong; "
         "haptigraph sync-check --correct moves them"
     )
 

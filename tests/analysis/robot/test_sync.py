@@ -7,7 +7,7 @@ from msgspec.structs import replace
 
 from haptigraph.analysis.robot.sync import check_sync, correct, robot_note
 from haptigraph.geometry import subtract, unit
-from haptigraph.messages import OFF, Delivered, HandState, HapticCommand, Pattern, Timing
+from haptigraph.messages import OFF, Delivered, HandState, HapticCommand, Observation, Pattern, Timing
 from haptigraph.recording.reader import RunReader
 from haptigraph.recording.writer import RunWriter
 
@@ -123,10 +123,16 @@ def test_a_hand_that_did_not_lead_the_tip_is_reported_as_unknown(aligned_run, tm
     assert "too little motion" in refuse("sync-check", bare)
 
 
-def test_only_a_robot_whose_clock_differs_is_worth_a_note(late_run, aligned_run):
-    assert robot_note(aligned_run) == ""
+def test_a_note_says_whether_a_robot_is_aligned_and_what_is_not_known(late_run, aligned_run, tmp_path):
+    assert "aligned, as far as the interval says" in robot_note(aligned_run)
     note = robot_note(late_run)
     assert "stamped +12" in note and "sync-check --correct" in note
+    blind = rewritten(
+        aligned_run,
+        tmp_path / "blind.mcap",
+        lambda capture, step: ({}, {"observation": Observation(step.stamp_ns, {})}),
+    )
+    assert "is not known: has no image in which a needle's tip" in robot_note(blind)
 
 
 @pytest.mark.parametrize("onsets", [7, 9])
