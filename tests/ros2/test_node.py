@@ -12,6 +12,7 @@ from haptigraph.errors import BadInput
 from haptigraph.ros2.endpoints import Endpoints, sender
 from haptigraph.ros2.node import Node, _Subscription, buffer_hint, checked_topic, domain_id
 from haptigraph.ros2.qos import Profile
+from haptigraph.ros2.services import CYCLONE
 from haptigraph.ros2.types import Header, Image, Joy, String, Time
 
 
@@ -163,7 +164,7 @@ def test_endpoints_of_a_topic_have_types_and_qualities(peer, ros_network):
     node.publisher("/tf_static", Joy)  # transient local, by its name
     node.publisher("/ends", String)
     node.subscribe("/ends", String, print, print)
-    static = ("rt/tf_static", "sensor_msgs::msg::dds_::Joy_", True, True)
+    static = ("rt/tf_static", "sensor_msgs::msg::dds_::Joy_", True, True, CYCLONE)
     until(lambda: static in peer.node.publishers("/tf_static"), "a transient local publisher is not found")
     until(lambda: peer.node.publishers("/ends") and peer.node.subscribers("ends"), "nothing is found")
     (plain,) = peer.node.publishers("/ends")
