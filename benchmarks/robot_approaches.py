@@ -310,18 +310,18 @@ def main() -> None:
 
 
 def report_approaches(approaches: list[tuple[np.ndarray, float]]) -> None:
-    """Print the distances from the RCM."""
+    """Print the distances from the RCM: the port constrains the shaft only while the tip is beyond it."""
     depths = [depth_mm for _, depth_mm in approaches]
     print(
         f"{len(depths)} approaches, {min(depths):.1f} to {max(depths):.1f} mm deep; distance to the RCM, mm:"
     )
-    for where, least_mm in (("everywhere", -np.inf), ("inserted", 0.0)):
-        parts = [rows[rows[:, 2] >= least_mm] for rows, _ in approaches]
+    for where in ("inserted", "approaching the port"):
+        parts = [rows[(rows[:, 2] >= 0) == (where == "inserted")] for rows, _ in approaches]
         rows = np.concatenate(parts)
         for name, column in (("commanded", 0), ("true", 1)):
             p95, most = np.percentile(rows[:, column], 95), rows[:, column].max()
             beyond = sum(part[:, column].max() > TOLERANCE_MM for part in parts)
-            print(f"  {where:10} {name:9} p95 {p95:.2g}  max {most:.2g}  beyond {TOLERANCE_MM} in {beyond}")
+            print(f"  {where:20} {name:9} p95 {p95:.2g}  max {most:.2g}  beyond {TOLERANCE_MM} in {beyond}")
 
 
 def report_trials(held: list[Held]) -> None:

@@ -20,11 +20,11 @@ from scipy import stats
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support" / "robots"))
 
-from robot_runs import TARGET_MM, SimulatedRun, random_transform, simulated_run
+from robot_runs import TARGET_MM, SimulatedRun, led_path, random_transform, simulated_run
 
 from haptigraph.analysis.robot.lag import Motion, estimate_lag
 from haptigraph.errors import BadInput
-from haptigraph.robot.place.calibration import Calibration, calibrate_points, calibrate_section
+from haptigraph.robot.place.calibration import Calibration, calibrate_points, calibrate_section, pose_noise_mm
 from haptigraph.robot.place.pivot import fit_pivot
 from haptigraph.robot.place.rigid_fit import RigidFit
 from haptigraph.robot.pose import Transform
@@ -32,7 +32,7 @@ from haptigraph.robot.pose import Transform
 Floats = NDArray[np.float64]
 SEED = 2032
 RUNS = 200
-MAX_LAG_S = 2.4
+MAX_LAG_S, MAX_LEAD_S = 2.4, 0.3
 TOUCH_SD_MM = 0.1
 NORMAL_95 = 1.96
 JACKKNIFE_95 = float(stats.t.ppf(0.975, 9))
@@ -105,12 +105,13 @@ def add_tip(
 def add_run(table: Table, rng: np.random.Generator) -> None:
     """Simulate one run, and add what is estimated from it."""
     drift = float(rng.normal(0, 2e-4)) if rng.random() < 0.5 else 0.0
+    jitter_s, tracker_sd_mm = 0.005 * (rng.random() < 0.5), float(rng.choice([0.02, 0.05]))
     run = simulated_run(
         rng,
         lag_s=float(rng.uniform(-MAX_LAG_S, MAX_LAG_S)),
         drift=drift,
-        jitter_s=0.005 * (rng.random() < 0.5),
-        tracker_sd_mm=float(rng.choice([0.02, 0.05])),
+        jitter_s=jitter_s,
+        tracker_sd_mm=tracker_sd_mm,
     )
     try:
         lag = estimate_lag(Motion(run.image_s, run.image_mm, run.robot_s, run.robot_mm), "simulated run")
@@ -123,25 +124,43 @@ def add_run(table: Table, rng: np.random.Generator) -> None:
     half = (lag.drift_interval_s_per_s[1] - lag.drift_interval_s_per_s[0]) / 2
     table.add("drift [ms/s]", np.array([1e3 * (lag.drift_s_per_s - drift)]), 1e3 * half)
     try:
-        add_section(
-            table, rng, run, lag.lag_s + lag.drift_s_per_s * (run.image_s - lag.middle_s), lag.residual_mm
-        )
+        lags_s = lag.lag_s + lag.drift_s_per_s * (run.image_s - lag.middle_s)
+        add_section(table, rng, run, lags_s, tracker_sd_mm)
     except BadInput as refusal:
         table.refused[str(refusal)] += 1
 
 
+def add_hand(table: Table, rng: np.random.Generator) -> None:
+    """Let a hand lead the tip, whose motion is recorded with each image, and estimate its lead."""
+    run = simulated_run(rng, lag_s=float(rng.uniform(-MAX_LEAD_S, 0.0)), robot_sd_mm=0.0)
+    lag = estimate_lag(Motion(run.image_s, run.image_mm, *led_path(run)), "simulated run", mover="hand")
+    half_s = (lag.interval_s[1] - lag.interval_s[0]) / 2
+    table.add("hand's lead [ms]", np.array([1e3 * (lag.lag_s - run.lag_s)]), 1e3 * half_s)
+
+
 def add_section(
-    table: Table, rng: np.random.Generator, run: SimulatedRun, lags_s: Floats, sd_mm: float
+    table: Table, rng: np.random.Generator, run: SimulatedRun, lags_s: Floats, tracker_sd_mm: float
 ) -> None:
     """Calibrate from the tips in the images, and fit the pivot."""
     at_s = run.image_s + lags_s
     base_mm = np.column_stack([np.interp(at_s, run.robot_s, column) for column in run.robot_mm.T])
     calibration = calibrate_section(
-        base_mm, run.image_mm, np.full(len(base_mm), sd_mm), TARGET_MM, "simulated run"
+        base_mm,
+        run.image_mm,
+        np.full(len(base_mm), tracker_sd_mm),
+        pose_noise_mm(run.robot_s, run.robot_mm),
+        TARGET_MM,
+        "simulated run",
     )
     errors = errors_of(calibration.fit, run.eye_from_base)[IN_SECTION]
     covariance = calibration.fit.covariance[np.ix_(IN_SECTION, IN_SECTION)]
     table.add_region("place in the section, from a run (joint)", errors, covariance)
+    at_target_mm = calibration.fit.eye_from_base.point_mm(run.eye_from_base.inverse().point_mm(TARGET_MM))
+    table.add(
+        "target in the base, from a run [mm]",
+        (at_target_mm - TARGET_MM)[:2],
+        NORMAL_95 * calibration.target_sd_mm,
+    )
     add_tip(table, "tip at the target, from a run [mm]", calibration, run.eye_from_base, rng, 0.01, 2)
     pivot = fit_pivot(run.robot_mm[::6], run.robot_axes[::6], "simulated run")
     table.add("pivot [mm]", pivot.at_mm - run.rcm_mm, JACKKNIFE_95 * pivot.sd_mm)
@@ -202,8 +221,10 @@ def main() -> None:
     parser.add_argument("--rendered", type=int, default=0, help="Number of runs that are drawn and tracked.")
     arguments = parser.parse_args()
     table, rng = Table(), np.random.default_rng(arguments.seed)
+    hands = np.random.default_rng((arguments.seed, 1))
     for _ in range(RUNS):
         add_run(table, rng)
+        add_hand(table, hands)
         add_touch(table, rng, planar=True)
         add_touch(table, rng, planar=False)
     with tempfile.TemporaryDirectory() as folder:

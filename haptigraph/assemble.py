@@ -106,8 +106,10 @@ def build(
         phased = _load("haptigraph.sources.phased:phased")
         source = phased(source, procedure.schema.phases, config.trial.phase)
         registration = registration_of(config, source, given)
-        robot, robot_setup = _load("haptigraph.run_robot:open_readings")(config.robot, source, clock)
-        undo.callback(robot.close)
+        robot, robot_setup = None, source.robot_setup or ""
+        if config.robot.uri or config.robot.setup or config.robot.steer:
+            robot, robot_setup = _load("haptigraph.run_robot:open_readings")(config.robot, source, clock)
+            undo.callback(robot.close)
         config = suited(config, source, registration)
         profile, profile_text = open_profile(config.haptics)
         pipeline = build_pipeline(config, registration, procedure)

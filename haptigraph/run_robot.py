@@ -17,22 +17,7 @@ from haptigraph.robot.setup import RobotSetup, parse_setup
 from haptigraph.stages import RobotReadings, Source
 from haptigraph.toml_document import Document
 
-__all__ = ["NoRobot", "SteeredRobot", "open_readings"]
-
-
-class NoRobot:
-    """The readings of a run without a robot, or whose source has them already."""
-
-    def take(self) -> tuple[RobotSample, ...]:
-        """Return nothing."""
-        return ()
-
-    def take_faults(self) -> tuple[Fault, ...]:
-        """Return nothing."""
-        return ()
-
-    def close(self) -> None:
-        """Do nothing."""
+__all__ = ["SteeredRobot", "open_readings"]
 
 
 class SteeredRobot:
@@ -80,9 +65,7 @@ def open_readings(config: RobotConfig, source: Source, clock: Clock) -> tuple[Ro
     if config.steer and not (config.uri and config.setup):
         raise BadInput("--steer needs --robot ROBOT and --robot-setup robot.toml")
     if not config.uri:
-        if config.setup:
-            raise BadInput("robot.setup goes with robot.uri (--robot)")
-        return NoRobot(), source.robot_setup or ""
+        raise BadInput("robot.setup goes with robot.uri (--robot)")
     if source.robot_setup is not None:
         raise BadInput("the source has robot readings of its own; leave out --robot")
     if not isinstance(clock, MonotonicClock):

@@ -1,6 +1,7 @@
 """Commands for actuators: devices, devices test."""
 
 import sys
+from contextlib import AbstractContextManager, nullcontext
 
 import click
 
@@ -8,6 +9,7 @@ from haptigraph.commands.calibrating import devices_calibrate
 from haptigraph.commands.help import TaskGroup, examples
 from haptigraph.commands.options import procedure_option, profile_option
 from haptigraph.commands.terminal import terminable
+from haptigraph.errors import MissingExtra
 
 __all__ = ["devices", "devices_test"]
 
@@ -34,16 +36,27 @@ def devices(context: click.Context) -> None:
     from haptigraph.teleop.leaders.opening import leaders_found
 
     console = Console(markup=False, emoji=False, width=None if sys.stdout.isatty() else 160)
-    table, sentences = actuators()
+    with _one_network_search():
+        table, sentences = actuators()
+        leaders = leaders_found()
     console.print(table)
     for sentence in sentences:
         console.print(sentence)
     console.print("Try one: haptigraph devices test DEVICE. Use one: haptigraph run SOURCE --device DEVICE.")
     console.print("\nLeaders")
-    for uri, what in leaders_found().items():
+    for uri, what in leaders.items():
         console.print(f"{uri:12} {what}")
     console.print("Use one: haptigraph live teleop --leader LEADER.")
     console.print(SAFETY)
+
+
+def _one_network_search() -> AbstractContextManager[None]:
+    """Return the context in which the ROS 2 network is searched once, where that library is installed."""
+    try:
+        from haptigraph.ros2.topics import one_search
+    except MissingExtra:
+        return nullcontext()
+    return one_search()
 
 
 @devices.command(

@@ -8,6 +8,7 @@ import click
 
 from haptigraph.commands.help import examples
 from haptigraph.commands.terminal import progress_bar
+from haptigraph.errors import MissingExtra
 
 if TYPE_CHECKING:
     from haptigraph.analysis.metrics.replay import ReplayReport
@@ -40,8 +41,9 @@ def replay(recording: str, procedure: str | None) -> None:
 
     with progress_bar() as progress:
         report = run_again(recording, procedure, progress)
-    for line in _caveats(report):
-        click.echo(line)
+    for line in (*_caveats(report), _robot_line(recording)):
+        if line:
+            click.echo(line)
     click.echo(f"{report.identical} of {report.steps} steps identical")
     if report.first is not None:
         first = report.first
@@ -55,6 +57,21 @@ def replay(recording: str, procedure: str | None) -> None:
         click.echo(f"\nas recorded\n{summary(report.recorded)}\n\nas {procedure}\n{summary(report.replayed)}")
     elif report.identical < report.steps:
         sys.exit(1)
+
+
+def _robot_line(recording: str) -> str:
+    """Return whether robot and images agree in time, as far as known; empty if the run had no robot."""
+    from haptigraph.analysis.metrics.replay import recorded_config
+    from haptigraph.recording.reader import RunReader
+
+    reader = RunReader(recording)
+    if not (reader.info.robot_setup or recorded_config(reader).robot.uri):
+        return ""
+    try:
+        from haptigraph.analysis.robot.sync import robot_note
+    except MissingExtra as missing:
+        return f"whether the clocks of robot and camera agree is not known: {missing}"
+    return robot_note(recording)
 
 
 def _caveats(report: "ReplayReport") -> list[str]:

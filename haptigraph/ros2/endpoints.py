@@ -18,6 +18,8 @@ class Endpoint(NamedTuple):
     type_name: str
     is_reliable: bool
     is_transient_local: bool
+    vendor: bytes
+    """Of its middleware: the first two bytes of its participant's GUID."""
 
 
 class Endpoints:
@@ -53,7 +55,13 @@ class Endpoints:
             if sample.sample_info.instance_state == InstanceState.Alive:
                 is_reliable = isinstance(sample.qos[Policy.Reliability], Policy.Reliability.Reliable)
                 is_local = sample.qos[Policy.Durability] == Policy.Durability.TransientLocal
-                self._seen[sample.key] = Endpoint(sample.topic_name, sample.type_name, is_reliable, is_local)
+                self._seen[sample.key] = Endpoint(
+                    sample.topic_name,
+                    sample.type_name,
+                    is_reliable,
+                    is_local,
+                    sample.participant_key.bytes[:2],
+                )
             else:
                 self._seen.pop(sample.key, None)
 

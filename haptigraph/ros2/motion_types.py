@@ -11,7 +11,11 @@ from haptigraph.ros2.types import Header
 __all__ = [
     "OperatingState",
     "PoseStamped",
+    "ServoCommandTypeReply",
+    "ServoCommandTypeRequest",
     "ServoStatus",
+    "SetBoolReply",
+    "SetBoolRequest",
     "StringStamped",
     "Twist",
     "TwistStamped",
@@ -100,3 +104,40 @@ class ServoStatus(IdlStruct, typename="moveit_msgs::msg::dds_::ServoStatus_"):
 
     code: types.int8
     message: str
+
+
+@dataclass
+@final
+@autoid("sequential")
+class ServoCommandTypeRequest(IdlStruct, typename="moveit_msgs::srv::dds_::ServoCommandType_Request_"):
+    """Request of moveit_msgs/ServoCommandType: 0 joints, 1 twist, 2 pose."""
+
+    command_type: types.int8 = 0
+
+
+@dataclass
+@final
+@autoid("sequential")
+class ServoCommandTypeReply(IdlStruct, typename="moveit_msgs::srv::dds_::ServoCommandType_Response_"):
+    """Reply of moveit_msgs/ServoCommandType."""
+
+    success: bool = False
+
+
+@dataclass
+@final
+@autoid("sequential")
+class SetBoolRequest(IdlStruct, typename="std_srvs::srv::dds_::SetBool_Request_"):
+    """Request of std_srvs/SetBool."""
+
+    data: bool = False
+
+
+@dataclass
+@final
+@autoid("sequential")
+class SetBoolReply(IdlStruct, typename="std_srvs::srv::dds_::SetBool_Response_"):
+    """Reply of std_srvs/SetBool."""
+
+    success: bool = False
+    message: str = ""

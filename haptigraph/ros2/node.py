@@ -37,7 +37,7 @@ from haptigraph.ros2.discovery import discovery_settings
 from haptigraph.ros2.endpoints import Endpoint, Endpoints
 from haptigraph.ros2.qos import DEPTH, Profile, publisher_profile, subscriber_profile
 
-__all__ = ["Node", "Publisher", "buffer_hint", "checked_topic", "domain_id", "topics_found"]
+__all__ = ["Node", "Publisher", "buffer_hint", "checked_topic", "domain_id"]
 
 M = TypeVar("M", bound=IdlStruct)
 
@@ -55,7 +55,6 @@ WAIT_NS = duration(milliseconds=100)  # between a subscriber's checks whether to
 CHECK_S = 0.5  # between checks of the publishers
 CLOSE_TIMEOUT_S = 1.0
 TICK_S = 0.02  # between checks of the subscribers
-SEARCH_S = 1.0  # other nodes are found within this time
 
 
 class Publisher:
@@ -125,12 +124,12 @@ class Node:
         self._closing = threading.Event()
         self._threads: list[threading.Thread] = []
         self._publishers: list[Publisher] = []
-        self._publications = Endpoints(self._joined, BuiltinTopicDcpsPublication)
-        self._subscriptions = Endpoints(self._joined, BuiltinTopicDcpsSubscription)
+        self._publications = Endpoints(self.participant, BuiltinTopicDcpsPublication)
+        self._subscriptions = Endpoints(self.participant, BuiltinTopicDcpsSubscription)
 
     def publisher(self, topic: str, message_type: type[IdlStruct]) -> Publisher:
         """Return a publisher for a topic."""
-        self._publishers.append(Publisher(self._joined, topic, message_type))
+        self._publishers.append(Publisher(self.participant, topic, message_type))
         return self._publishers[-1]
 
     def subscribe(
@@ -158,9 +157,9 @@ class Node:
                 publishers.
         """
         name = checked_topic(topic)
-        dds_topic = Topic(self._joined, f"rt{name}", message_type)
+        dds_topic = Topic(self.participant, f"rt{name}", message_type)
         profile = Profile(depth, is_transient_local=True) if is_latched else subscriber_profile(name, depth)
-        subscription = _Subscription(self._joined, dds_topic, profile, is_large=is_large)
+        subscription = _Subscription(self.participant, dds_topic, profile, is_large=is_large)
         thread = threading.Thread(
             target=self._receive,
             args=(subscription, take, reject),
@@ -192,7 +191,11 @@ class Node:
 
     def subscribers(self, topic: str) -> list[Endpoint]:
         """Return the subscribers of a topic (ROS name)."""
-        return self._subscriptions.of(f"rt{checked_topic(topic)}")
+        return self.dds_subscribers(f"rt{checked_topic(topic)}")
+
+    def dds_subscribers(self, name: str) -> list[Endpoint]:
+        """Return the subscribers of a topic (DDS name)."""
+        return self._subscriptions.of(name)
 
     def close(self) -> None:
         """Leave the network. May be called twice."""
@@ -206,7 +209,8 @@ class Node:
         self._participant = None  # cyclonedds frees a participant that is not referenced
 
     @property
-    def _joined(self) -> DomainParticipant:
+    def participant(self) -> DomainParticipant:
+        """The participant, while the node is open."""
         if self._participant is None:
             raise ValueError("the node is closed")
         return self._participant
@@ -257,22 +261,6 @@ class _Subscription:
         self._unread = ReadCondition(self._reader, ViewState.Any | InstanceState.Any | SampleState.NotRead)
         self._waitset = WaitSet(self._participant)
         self._waitset.attach(self._unread)
-
-
-def topics_found(topics_of: Callable[[Node], dict[str, str]]) -> dict[str, str]:
-    """Return the topics of the network after a short search.
-
-    Args:
-        topics_of: `Node.published` or `Node.subscribed`.
-
-    Raises:
-        BadInput: If the network cannot be joined.
-    """
-    node = Node()
-    threading.Event().wait(SEARCH_S)
-    topics = topics_of(node)
-    node.close()
-    return topics
 
 
 def domain_id() -> int:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 from cyclonedds.core import Policy, Qos
 from cyclonedds.util import duration
 
-__all__ = ["DEPTH", "IMAGE_DEPTH", "Profile", "publisher_profile", "subscriber_profile"]
+__all__ = ["DEPTH", "IMAGE_DEPTH", "SERVICE", "Profile", "publisher_profile", "subscriber_profile"]
 
 DEPTH = 64
 """Of a subscription: messages that wait; if there are more, the oldest are lost."""
@@ -36,6 +36,8 @@ class Profile(NamedTuple):
 
 
 PUBLISHED = Profile(10)  # reliable, so that it matches every subscriber
+SERVICE = Profile(10)
+"""Of requests to services, and replies."""
 TF = Profile(100)
 """Of /tf, as its broadcasters and listeners in ROS."""
 TF_STATIC = Profile(1, is_transient_local=True)

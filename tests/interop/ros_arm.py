@@ -223,13 +223,16 @@ class RosArm:
                 self.fault, self.frozen_stamp = ("" if command == "sound" else command), None
             answer = {"at_ns": time.monotonic_ns()}
             if command == "report":
+                true_mm, depths_mm = np.array(self.true_rcm_mm or [0.0]), np.array(self.depths_mm or [0.0])
+                inserted_mm = true_mm[depths_mm >= 0.0]
                 answer |= {
                     "commands": self.commands,
                     "last_motion_ns": self.last_motion_ns,
                     "commanded_rcm_mm": max(self.commanded_rcm_mm, default=0.0),
-                    "true_rcm_p95_mm": float(np.percentile(self.true_rcm_mm or [0.0], 95)),
-                    "true_rcm_mm": max(self.true_rcm_mm, default=0.0),
-                    "depth_mm": max(self.depths_mm, default=0.0),
+                    "inserted_p95_mm": float(np.percentile(inserted_mm, 95)) if len(inserted_mm) else 0.0,
+                    "inserted_mm": float(inserted_mm.max(initial=0.0)),
+                    "approaching_mm": float(true_mm[depths_mm < 0.0].max(initial=0.0)),
+                    "depth_mm": float(depths_mm.max()),
                 }
                 self.clear()
             return answer

@@ -10,6 +10,7 @@ import rclpy
 from geometry_msgs.msg import PoseStamped, TransformStamped
 from moveit_msgs.msg import ServoStatus
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_srvs.srv import SetBool
 from tf2_msgs.msg import TFMessage
 
 
@@ -22,6 +23,8 @@ class Servo:
         self.tf = self.node.create_publisher(TFMessage, "/tf", 100)
         self.status = self.node.create_publisher(ServoStatus, f"/{name}/status", 10)
         self.node.create_subscription(PoseStamped, f"/{name}/pose_target_cmds", self.take, 10)
+        self.node.create_service(SetBool, f"/{name}/pause_servo", self.pause)
+        self.is_paused = True
         self.node.create_timer(0.01, self.step)
         self.at_m = (0.12, -0.03, 0.10)
 
@@ -36,9 +39,14 @@ class Servo:
         at = message.pose.position
         self.at_m = (at.x - 0.05, at.y, at.z)
 
+    def pause(self, request, response):
+        self.is_paused, response.success = request.data, True
+        return response
+
     def step(self):
         self.tf.publish(TFMessage(transforms=[self.moved("base_link", "link6", self.at_m)]))
-        self.status.publish(ServoStatus(code=0, message="No warnings"))
+        if not self.is_paused:
+            self.status.publish(ServoStatus(code=0, message="No warnings"))
 
 
 def main():

@@ -1,3 +1,6 @@
+import subprocess
+import sys
+
 import pytest
 
 from haptigraph.clock import MonotonicClock, VirtualClock
@@ -20,12 +23,14 @@ class NoSource(Source):
     rate_hz, is_live = 30.0, True
 
 
-def test_without_a_robot_there_are_no_readings_but_those_of_the_source():
-    source = NoSource()
-    source.robot_setup = SETUP
-    readings, text = open_readings(RobotConfig(), source, VirtualClock())
-    assert readings.take() == () and text == SETUP
-    readings.close()
+def test_a_run_without_a_robot_does_not_load_what_reads_one():
+    """Start-up would wait for it."""
+    program = (
+        "import sys; from haptigraph.assemble import build; from haptigraph.config import load_config; "
+        "build(load_config(None, ['source.uri=phantom:align_then_approach', 'run.realtime=false'])); "
+        "sys.exit('haptigraph.robot.process' in sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True)
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from haptigraph.errors import BadInput
 from haptigraph.ros2.endpoints import Endpoints, sender
 from haptigraph.ros2.node import Node, _Subscription, buffer_hint, checked_topic, domain_id
 from haptigraph.ros2.qos import Profile
+from haptigraph.ros2.services import CYCLONE
 from haptigraph.ros2.types import Header, Image, Joy, String, Time
 
 
@@ -34,7 +35,7 @@ def test_an_image_of_megabytes_arrives_unchanged(peer):
 
 
 def test_a_subscriber_is_reliable_if_all_publishers_are(peer, ros_network, monkeypatch):
-    endpoints = Endpoints(peer.node._joined, BuiltinTopicDcpsSubscription)
+    endpoints = Endpoints(peer.node.participant, BuiltinTopicDcpsSubscription)
     node = Node()
     node.subscribe("/adapts", String, lambda message: None, print, is_large=True)
     until(lambda: "/adapts" in endpoints.topics(), "nobody subscribes")
@@ -52,8 +53,8 @@ def test_a_subscriber_is_reliable_if_all_publishers_are(peer, ros_network, monke
 
 def test_a_message_that_has_arrived_survives_the_change_to_reliable(peer, ros_network):
     node = Node()
-    topic = Topic(node._joined, "rt/adapts", String)
-    subscription = _Subscription(node._joined, topic, Profile(2, is_reliable=False), is_large=True)
+    topic = Topic(node.participant, "rt/adapts", String)
+    subscription = _Subscription(node.participant, topic, Profile(2, is_reliable=False), is_large=True)
     peer.publisher("/adapts", String).send(String("first"))
     until(lambda: "/adapts" in node.published(), "the publisher is not discovered")
     subscription.wait()
@@ -163,7 +164,7 @@ def test_endpoints_of_a_topic_have_types_and_qualities(peer, ros_network):
     node.publisher("/tf_static", Joy)  # transient local, by its name
     node.publisher("/ends", String)
     node.subscribe("/ends", String, print, print)
-    static = ("rt/tf_static", "sensor_msgs::msg::dds_::Joy_", True, True)
+    static = ("rt/tf_static", "sensor_msgs::msg::dds_::Joy_", True, True, CYCLONE)
     until(lambda: static in peer.node.publishers("/tf_static"), "a transient local publisher is not found")
     until(lambda: peer.node.publishers("/ends") and peer.node.subscribers("ends"), "nothing is found")
     (plain,) = peer.node.publishers("/ends")

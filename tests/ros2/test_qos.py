@@ -46,7 +46,7 @@ def test_every_row_of_the_table_is_compared():
 
 
 def test_a_topic_is_published_with_its_profile(peer):
-    reader = BuiltinDataReader(peer.node._joined, BuiltinTopicDcpsPublication)
+    reader = BuiltinDataReader(peer.node.participant, BuiltinTopicDcpsPublication)
     other = Node()
     topics = ("/tf_static", "/tf", "/elsewhere")
     for topic in topics:

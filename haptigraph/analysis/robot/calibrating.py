@@ -16,6 +16,7 @@ from haptigraph.robot.place.calibration import (
     calibrate_points,
     calibrate_section,
     leave_one_out_mm,
+    pose_noise_mm,
     rcm_of,
     setup_text,
 )
@@ -140,9 +141,12 @@ def from_run(path: str | Path, shaft_axis: ShaftAxis) -> tuple[Calibration, RcmP
     recorded = recorded_motion(reader)
     lag = estimate_lag(recorded.motion, str(path))
     tips_mm, inside = recorded.robot_at_images(lag)
-    image_mm, sd_mm = recorded.motion.image_mm[inside], recorded.image_sd_mm[inside]
-    sd_mm = np.maximum(sd_mm, max(lag.residual_mm, 1e-3))
-    calibration = calibrate_section(tips_mm[inside], image_mm, sd_mm, recorded.target_mm, str(path))
+    # A tracker's is along the shaft, and much smaller across it: on average over the axes, half the variance.
+    image_mm, image_sd_mm = recorded.motion.image_mm[inside], recorded.image_sd_mm[inside] / math.sqrt(2)
+    noise_mm = pose_noise_mm(recorded.motion.robot_s, recorded.motion.robot_mm)
+    calibration = calibrate_section(
+        tips_mm[inside], image_mm, image_sd_mm, noise_mm, recorded.target_mm, str(path)
+    )
     pivot = pivot_of(path, shaft_axis)
     eye_mm = np.column_stack((image_mm, np.zeros(len(image_mm))))
     lines = _lines(calibration, tips_mm[inside], eye_mm)
@@ -200,8 +204,9 @@ def _lines(calibration: Calibration, base_mm: Floats, eye_mm: Floats) -> list[st
     lines = [
         f"points          {used} of {len(fit.used)} used, residual {fit.rms_mm:.3f} mm RMS",
         f"eye             standard deviations: turn {', '.join(f'{one:.2f}' for one in fit.turn_sd_deg())} ° "
-        f"about x, y, z; the target {fit.sd_at_mm(calibration.target_mm):.3f} mm",
-        f"tip             standard deviation at the target {calibration.tip_sd_mm:.3f} mm per axis",
+        f"about x, y, z; the target {calibration.target_sd_mm:.3f} mm",
+        f"tip             standard deviation at the target {calibration.tip_sd_mm:.3f} mm per axis, with "
+        f"{calibration.pose_sd_mm:.3f} mm of a pose of the robot",
     ]
     if used <= MAX_LEFT_OUT:
         left_out = leave_one_out_mm(base_mm, eye_mm, fit)

@@ -1,4 +1,4 @@
-"""The lag between two recordings of one motion: tips in images and of a robot -> lag, drift, intervals.
+"""The lag between two recordings of a motion: tips in images, of a robot or hand -> lag, drift, intervals.
 
 The robot's motion is resampled at the times of the images, moved by a trial lag, and fitted to the motion in
 the images by the best isometry of a plane, or affinely if the motion has none; the residual is least at the
@@ -10,11 +10,15 @@ import math
 
 import numpy as np
 from msgspec import Struct
-from scipy import stats
 
-from haptigraph.errors import BadInput
+from haptigraph.errors import BadInput, MissingExtra
 from haptigraph.robot.place.autocorrelation import values_per_independent
 from haptigraph.robot.pose import Floats
+
+try:
+    from scipy import stats
+except ImportError:
+    raise MissingExtra("comparing clocks", "analysis") from None
 
 __all__ = ["Lag", "Motion", "at_times", "estimate_lag"]
 
@@ -79,26 +83,27 @@ class Lag(Struct, frozen=True):
         return low > 0 or high < 0
 
 
-def estimate_lag(motion: Motion, what: str, window_s: float = WINDOW_S) -> Lag:
+def estimate_lag(motion: Motion, what: str, window_s: float = WINDOW_S, mover: str = "robot") -> Lag:
     """Estimate the lag of the robot's stamps.
 
     Args:
         motion: Both recordings.
         what: Names the run in errors.
         window_s: The largest lag that is searched for.
+        mover: Names what moves besides the tip in errors.
 
     Raises:
         BadInput: If there is too little motion, no relation between the two, or the lag is ambiguous.
     """
-    _check_enough(motion, what)
+    _check_enough(motion, what, mover)
     coordinates = _coordinates(motion.robot_mm)
     minima = _minima(motion, coordinates, window_s)
     if not minima:
-        raise BadInput("images and robot do not overlap in time", what)
+        raise BadInput(f"images and {mover} do not overlap in time", what)
     kept = _inliers(motion, coordinates, minima[0][1])
     motion = Motion(motion.image_s[kept], motion.image_mm[kept], motion.robot_s, motion.robot_mm)
     minima = _minima(motion, coordinates, window_s)
-    _check_unambiguous(motion, coordinates, minima, window_s, what)
+    _check_unambiguous(motion, coordinates, minima, window_s, what, mover)
     return _refined(motion, coordinates, minima[0][1], window_s, what)
 
 
@@ -117,9 +122,9 @@ def _minima(motion: Motion, coordinates: Floats, window_s: float) -> list[tuple[
     )
 
 
-def _check_enough(motion: Motion, what: str) -> None:
+def _check_enough(motion: Motion, what: str, mover: str) -> None:
     if len(motion.image_s) < MIN_IMAGES or len(motion.robot_s) < MIN_IMAGES:
-        found = f"{len(motion.image_s)} images with a tip and {len(motion.robot_s)} robot samples"
+        found = f"{len(motion.image_s)} images with a tip and {len(motion.robot_s)} {mover} samples"
         raise BadInput(f"{found} are too few; at least {MIN_IMAGES} of each are needed", what)
     moved_mm = min(_spread_mm(motion.image_mm), _spread_mm(motion.robot_mm))
     if moved_mm < MIN_MOTION_MM:
@@ -131,13 +136,18 @@ def _check_enough(motion: Motion, what: str) -> None:
 
 
 def _check_unambiguous(
-    motion: Motion, coordinates: Floats, minima: list[tuple[float, float]], window_s: float, what: str
+    motion: Motion,
+    coordinates: Floats,
+    minima: list[tuple[float, float]],
+    window_s: float,
+    what: str,
+    mover: str,
 ) -> None:
     total = float(motion.image_mm.var(axis=0).sum())
     cost, best_s = minima[0]
     if cost > (1 - MIN_EXPLAINED) * total:
         raise BadInput(
-            f"the robot's motion explains only {100 * (1 - cost / total):.0f} % of the motion in the images, "
+            f"the {mover}'s motion explains only {100 * (1 - cost / total):.0f} % of that in the images, "
             "at whatever lag; is it the same instrument?",
             what,
         )

@@ -1,4 +1,4 @@
-"""The motion of one instrument in a recording, as images and robot saw it."""
+"""The motion of one instrument in a recording, as images, robot and hand recorded it."""
 
 import math
 
@@ -7,14 +7,15 @@ from msgspec import Struct
 
 from haptigraph.analysis.robot.lag import Lag, Motion, at_times
 from haptigraph.errors import BadInput
-from haptigraph.geometry import Circle, Point
+from haptigraph.geometry import Circle, Point, Segment, subtract, unit
 from haptigraph.messages import Capture, Step
 from haptigraph.recording.reader import RunReader
 from haptigraph.robot.pose import Floats
 
-__all__ = ["RecordedMotion", "recorded_motion"]
+__all__ = ["RecordedMotion", "recorded_hand", "recorded_motion"]
 
 NS_PER_S = 1e9
+NO_TIP = "has no image in which a needle's tip is seen inside the eye"
 
 
 class RecordedMotion(Struct, frozen=True):
@@ -55,7 +56,7 @@ def recorded_motion(reader: RunReader) -> RecordedMotion:
     if start_ns is None or not robot:
         raise BadInput("has no robot measurements; record the run with --robot", reader.path)
     if not image:
-        raise BadInput("has no image in which a needle's tip is seen inside the eye", reader.path)
+        raise BadInput(NO_TIP, reader.path)
     seen, reported = np.array(image), np.array(sorted(robot))
     reported = reported[np.append(True, np.diff(reported[:, 0]) > 0)]
     return RecordedMotion(
@@ -64,6 +65,37 @@ def recorded_motion(reader: RunReader) -> RecordedMotion:
         start_ns,
         np.array([*target_mm, 0.0]),
     )
+
+
+def recorded_hand(reader: RunReader) -> Motion:
+    """Read the tips of a recording, as `recorded_motion`, and the path on which the operator's hand led them.
+
+    The path is the sum of the hand's motions, scaled, along and across the shaft in each image.
+
+    Raises:
+        BadInput: If no hand is recorded, or there are no images with a tip.
+    """
+    image: list[tuple[float, float, float, float]] = []
+    path: list[tuple[float, ...]] = []
+    start_ns, at_mm, along = None, np.zeros(3), None
+    for capture, step in reader.records(images=()):
+        start_ns = capture.stamp_ns if start_ns is None else start_ns
+        image += _tip(capture, step, start_ns)
+        line, hand = step.observation.found.get("needle_line"), capture.hand
+        if isinstance(line, Segment):
+            along = unit(subtract(line.end_mm, line.start_mm))
+        if hand is None or along is None:
+            continue
+        u, v = along
+        moved_mm = hand.along_mm * np.array((u, v, 0.0)) + hand.across_mm * np.array((-v, u, 0.0))
+        at_mm = at_mm + hand.motion_scale * moved_mm
+        path.append(((capture.stamp_ns - start_ns) / NS_PER_S, *at_mm.tolist()))
+    if not path:
+        raise BadInput("has no motion of a hand that steers; record a run of `teleop`", reader.path)
+    if not image:
+        raise BadInput(NO_TIP, reader.path)
+    seen, led = np.array(image), np.array(path)
+    return Motion(seen[:, 0], seen[:, 1:3], led[:, 0], led[:, 1:4])
 
 
 def _tip(capture: Capture, step: Step, start_ns: int) -> list[tuple[float, float, float, float]]:

@@ -1,4 +1,4 @@
-"""Check the clocks of a recording, camera against robot and command against touch, and correct a copy."""
+"""Check the clocks of a recording: images against robot and hand, command against touch; correct a copy."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,13 +11,13 @@ from scipy import stats
 from haptigraph import assemble
 from haptigraph.analysis.metrics.replay import recorded_registration
 from haptigraph.analysis.robot.lag import Lag, estimate_lag
-from haptigraph.analysis.robot.recorded import recorded_motion
+from haptigraph.analysis.robot.recorded import recorded_hand, recorded_motion
 from haptigraph.errors import BadInput
 from haptigraph.messages import Capture, RobotSample, Step
 from haptigraph.recording.reader import RunReader
 from haptigraph.recording.writer import RunWriter
 
-__all__ = ["TOLERATED_MS", "SyncReport", "TouchLag", "check_sync", "correct", "sync_lines"]
+__all__ = ["TOLERATED_MS", "SyncReport", "TouchLag", "check_sync", "correct", "robot_note", "sync_lines"]
 
 TOLERATED_MS = 10.0
 """Largest lag that the comparison of tips allows for: two standard deviations of `robot.timing_sd_ms`."""
@@ -40,46 +40,94 @@ class TouchLag(Struct, frozen=True):
 class SyncReport(Struct, frozen=True):
     """The clocks of one recording."""
 
-    robot: Lag
+    robot: Lag | None
+    """None if no robot was recorded."""
+    hand: Lag | None
+    """How much later than the tip the hand moved that led it: normally below 0; None if it is not known."""
+    hand_problem: str
+    """Why the hand's lag is not known; empty if it is, or no hand is recorded."""
     touch: TouchLag | None
     """None if fewer than 8 onsets of vibration were confirmed."""
     shifted: str
     """What was corrected before; empty: nothing."""
 
     @property
-    def is_aligned(self) -> bool:
+    def is_robot_aligned(self) -> bool:
         """Whether camera and robot agree to within what is tolerated, as far as can be known."""
+        if self.robot is None:
+            return True
         low, high = self.robot.interval_s
         drifted_ms = 1e3 * abs(self.robot.drift_s_per_s) * self.robot.duration_s / 2
         is_drifted = self.robot.is_drift_significant and drifted_ms > TOLERATED_MS
         return low <= TOLERATED_MS / 1e3 and high >= -TOLERATED_MS / 1e3 and not is_drifted
+
+    @property
+    def is_hand_first(self) -> bool:
+        """Whether the tip follows the hand; if it certainly moves before it, their clocks disagree."""
+        return self.hand is None or self.hand.interval_s[0] <= TOLERATED_MS / 1e3
 
 
 def check_sync(path: str | Path) -> SyncReport:
     """Estimate the lags of a recording.
 
     Raises:
-        BadInput: If it has no robot, too little motion, or the lag is ambiguous.
+        BadInput: If it has neither robot nor hand, too little motion, or a lag is ambiguous.
     """
     reader = RunReader(path)
-    lag = estimate_lag(recorded_motion(reader).motion, str(path))
-    return SyncReport(lag, _touch_lag(reader), reader.info.robot_shift)
+    has_robot, has_hand = _moved_by(reader)
+    robot = estimate_lag(recorded_motion(reader).motion, str(path)) if has_robot or not has_hand else None
+    hand, problem = None, ""
+    if has_hand:
+        try:
+            hand = estimate_lag(recorded_hand(reader), str(path), mover="hand")
+        except BadInput as refusal:
+            if robot is None:
+                raise
+            problem = refusal.problem
+    return SyncReport(robot, hand, problem, _touch_lag(reader), reader.info.robot_shift)
+
+
+def robot_note(path: str | Path) -> str:
+    """Return a sentence on whether a recorded robot is aligned with the images, as far as that is known."""
+    try:
+        lag = estimate_lag(recorded_motion(RunReader(path)).motion, str(path))
+    except BadInput as refusal:
+        return f"whether the clocks of robot and camera agree is not known: {refusal.problem}"
+    low, high = (1e3 * one for one in lag.interval_s)
+    found = f"{1e3 * lag.lag_s:+.0f} ms from the images (95 % interval {low:+.0f} to {high:+.0f} ms)"
+    if SyncReport(lag, None, "", None, "").is_robot_aligned:
+        return f"the robot's poses are stamped {found}: aligned, as far as the interval says"
+    return (
+        f"the robot's poses are stamped {found}, so comparisons of the two are wrong; "
+        "haptigraph sync-check --correct moves them"
+    )
+
+
+def _moved_by(reader: RunReader) -> tuple[bool, bool]:
+    """Return whether a robot, and whether a hand is recorded."""
+    has_robot = has_hand = False
+    for capture, _ in reader.records(images=()):
+        has_robot |= bool(capture.robot)
+        has_hand |= capture.hand is not None and capture.hand.engaged
+        if has_robot and has_hand:
+            break
+    return has_robot, has_hand
 
 
 def sync_lines(report: SyncReport) -> Iterator[str]:
     """Yield a report as lines of text."""
-    lag, (low, high) = report.robot, report.robot.interval_s
-    when = "later" if lag.lag_s >= 0 else "earlier"
-    yield (
-        f"robot           poses are stamped {1e3 * abs(lag.lag_s):.1f} ms {when} than images; lag "
-        f"{1e3 * lag.lag_s:+.1f} ms, 95 % interval {1e3 * low:+.1f} to {1e3 * high:+.1f} ms"
-    )
-    drift, (slow, fast) = (1e3 * lag.drift_s_per_s, [1e3 * one for one in lag.drift_interval_s_per_s])
-    yield f"drift           {drift:+.3f} ms/s, 95 % interval {slow:+.3f} to {fast:+.3f} ms/s"
-    yield (
-        f"from            {lag.images} images in {lag.duration_s:.1f} s; the robot explains "
-        f"{100 * lag.explained_share:.2f} % of the motion, residual {lag.residual_mm:.3f} mm per axis"
-    )
+    if report.robot is not None:
+        yield from _robot_lines(report.robot)
+    if report.hand is not None:
+        lag, (low, high) = report.hand, report.hand.interval_s
+        when = "after" if lag.lag_s <= 0 else "before"
+        yield (
+            f"hand            the tip moves {1e3 * abs(lag.lag_s):.1f} ms {when} the hand that leads it, "
+            f"95 % interval {-1e3 * high:+.1f} to {-1e3 * low:+.1f} ms; the hand explains "
+            f"{100 * lag.explained_share:.2f} % of the motion in {lag.images} images"
+        )
+    elif report.hand_problem:
+        yield f"hand            not known: {report.hand_problem}"
     if report.touch is not None:
         touch = report.touch
         (soon, late), count = touch.interval_ms, touch.count
@@ -91,6 +139,21 @@ def sync_lines(report: SyncReport) -> Iterator[str]:
         yield "touch           not checked: fewer than 8 onsets of vibration were confirmed"
     if report.shifted:
         yield f"before          {report.shifted}"
+
+
+def _robot_lines(lag: Lag) -> Iterator[str]:
+    low, high = lag.interval_s
+    when = "later" if lag.lag_s >= 0 else "earlier"
+    yield (
+        f"robot           poses are stamped {1e3 * abs(lag.lag_s):.1f} ms {when} than images; lag "
+        f"{1e3 * lag.lag_s:+.1f} ms, 95 % interval {1e3 * low:+.1f} to {1e3 * high:+.1f} ms"
+    )
+    drift, (slow, fast) = (1e3 * lag.drift_s_per_s, [1e3 * one for one in lag.drift_interval_s_per_s])
+    yield f"drift           {drift:+.3f} ms/s, 95 % interval {slow:+.3f} to {fast:+.3f} ms/s"
+    yield (
+        f"from            {lag.images} images in {lag.duration_s:.1f} s; the robot explains "
+        f"{100 * lag.explained_share:.2f} % of the motion, residual {lag.residual_mm:.3f} mm per axis"
+    )
 
 
 def correct(path: str | Path, output: str | Path, lag: Lag) -> str:

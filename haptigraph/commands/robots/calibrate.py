@@ -159,24 +159,30 @@ def _touched(points: "TouchedPoints", uri: str) -> "TouchedPoints":
 @click.option("--correct", "output", metavar="FILE", help="Write a copy with the robot's stamps corrected.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def sync_check(recording: str, output: str | None, as_json: bool) -> None:
-    """Estimate from motion how well the clocks of camera, robot and touch agree in RECORDING.
+    """Estimate from motion how well the clocks of camera, robot, hand and touch agree in RECORDING.
 
-    The lag between images and robot is estimated with a 95 % interval, up to 5 s, and how it drifts. Exit
-    code 1: it is certainly more than the 10 ms that comparing the two tips allows for, and not corrected by
-    this call. Exit code 2: it cannot be estimated, for instance because there is too little motion.
+    The lag between images and robot is estimated with a 95 % interval, up to 5 s, and how it drifts; also
+    how much later the tip moves than a hand that steers it. Exit code 1: the robot's lag is certainly more
+    than the 10 ms that comparing the two tips allows for, and not corrected by this call; or the tip moves
+    before the hand. Exit code 2: nothing can be estimated, for instance because there is too little motion.
     """
     import msgspec
 
     from haptigraph.analysis.robot.sync import check_sync, correct, sync_lines
 
     report = check_sync(recording)
+    if output is not None and report.robot is None:
+        raise BadInput("has no robot whose stamps could be corrected", recording)
     if as_json:
         click.echo(msgspec.json.encode(report).decode())
     else:
         for line in sync_lines(report):
             click.echo(line)
-    if output is not None:
+    if output is not None and report.robot is not None:
         click.echo(f"{output}: {correct(recording, output, report.robot)}", err=as_json)
-    elif not report.is_aligned:
+    elif not report.is_robot_aligned:
         click.echo("not aligned: write a corrected copy with --correct FILE", err=as_json)
+        sys.exit(1)
+    elif not report.is_hand_first:
+        click.echo("not aligned: the tip moves before the hand that leads it", err=as_json)
         sys.exit(1)

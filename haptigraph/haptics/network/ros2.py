@@ -47,7 +47,8 @@ class Ros2Device:
     @staticmethod
     def found() -> dict[str, str]:
         """Return the subscribers to haptic output: the device argument and the ROS domain of each."""
-        from haptigraph.ros2.node import Node, domain_id, topics_found  # noqa: PLC0415
+        from haptigraph.ros2.node import Node, domain_id  # noqa: PLC0415
+        from haptigraph.ros2.topics import topics_found  # noqa: PLC0415
 
         subscribed = topics_found(Node.subscribed)
         where = f"subscribed to on ROS domain {domain_id()}"

@@ -15,7 +15,7 @@ from haptigraph.perception.native.strip import core_contrast
 from haptigraph.perception.needle.coarse_tip import TipEstimate
 from haptigraph.perception.needle.rectify import RectifiedStrip, median
 
-__all__ = ["with_certainty"]
+__all__ = ["outside_globe", "with_certainty"]
 
 # The terms of the variance; each a share of a length that the image shows.
 BLUR_SHARE = 0.3  # of the blur across the shaft: that along it may differ
@@ -26,6 +26,10 @@ NOISE_MM = 0.13  # per grey level of noise, of a contrast of one
 TEXTURE_GREY = 2.2  # works like noise
 
 MAX_SD_MM = 0.2  # of a tip whose place is known
+OUTSIDE_MM = 0.03  # sd of a contrast step outside the globe
+UNLOCATED_MM = (
+    1.6  # the same without a step, where contrast is lost: the point goes on, too thin or too faint
+)
 BEHIND = slice(-9, -1)  # stations about the tip
 POINT = slice(-2, 0)  # the same channels as behind it: a point may fade in grey, and not in colour
 BEYOND = slice(2, 8)
@@ -62,6 +66,18 @@ def with_certainty(
     continues = until_px > tip.u_px and beyond_grey > max(MAX_SHADOW * behind_grey, noise_grey)
     is_certain = math.hypot(tip.sd_px, shift_sd_px) <= MAX_SD_MM * px_per_mm
     return replace(tip, shift_sd_px=shift_sd_px, is_known=is_certain and not continues)
+
+
+def outside_globe(tip: TipEstimate, px_per_mm: float) -> TipEstimate:
+    """Return a tip outside the globe with its standard deviation.
+
+    There the background is often unknown, and a sharpened point fades on it. That it is outside is certain.
+
+    Args:
+        tip: The selected tip.
+        px_per_mm: Scale.
+    """
+    return replace(tip, shift_sd_px=px_per_mm * (OUTSIDE_MM if tip.contrast_grey else UNLOCATED_MM))
 
 
 def _contrasts(strip: RectifiedStrip, tip_px: float) -> tuple[float, float, float, float]:

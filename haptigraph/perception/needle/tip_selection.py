@@ -26,7 +26,7 @@ from haptigraph.perception.needle.sharp_tip import (
     sharp_end,
 )
 from haptigraph.perception.needle.subpixel_tip import covers_tip, refine_tip, tip_patch_px
-from haptigraph.perception.needle.tip_certainty import with_certainty
+from haptigraph.perception.needle.tip_certainty import outside_globe, with_certainty
 
 __all__ = ["MAX_OFF_AXIS_PX", "Candidate", "Detection", "TipSelector"]
 
@@ -214,6 +214,8 @@ class TipSelector:
     def with_certainty(self, detection: Detection) -> TipEstimate:
         """Return a detection's tip with its standard deviation, and whether its place is known."""
         strip, fit, tip = detection.candidate.strip, detection.fit, detection.tip
+        if tip.where == "outside":
+            return outside_globe(tip, self._eye.px_per_mm)
         if tip.where != "inside":
             return tip
         until_px, edges_end_px = detection.candidate.tip.u_px, detection.edges_end_px

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from haptigraph.errors import BadInput
 from haptigraph.robot.place.autocorrelation import values_per_independent
 from haptigraph.robot.place.pivot import Pivot
-from haptigraph.robot.place.rigid_fit import RigidFit, fit_points, procrustes
+from haptigraph.robot.place.rigid_fit import MAD_TO_SD, RigidFit, fit_points, procrustes
 from haptigraph.robot.pose import Floats
 from haptigraph.robot.setup import EyePlace, MotionLimits, RcmPlace, RobotSetup
 
@@ -18,6 +18,7 @@ __all__ = [
     "calibrate_points",
     "calibrate_section",
     "leave_one_out_mm",
+    "pose_noise_mm",
     "rcm_of",
     "setup_text",
 ]
@@ -27,6 +28,9 @@ MAX_RMS_MM = 0.5
 MAX_DEPTH_MM = 0.5  # RMS, by which a motion may leave its plane
 MIN_TIPS = 60
 PARAMETERS = 6
+LEAST_SD_MM = 1e-3
+SLOW = 0.25
+THIRD_DIFFERENCE = math.sqrt(20.0)  # sd of a third difference, over that of one value: 1, -3, 3, -1
 
 
 class Calibration(Struct, frozen=True):
@@ -37,6 +41,10 @@ class Calibration(Struct, frozen=True):
     """For which `tip_sd_mm` is stated, eye frame."""
     notes: tuple[str, ...]
     """What was not determined or not checked, a sentence each."""
+    pose_sd_mm: float
+    """Standard deviation of one pose of the robot, per axis."""
+    axes: int = 3
+    """How many axes of the eye frame were measured: in the section, x and y."""
 
     @property
     def eye(self) -> EyePlace:
@@ -45,9 +53,14 @@ class Calibration(Struct, frozen=True):
         return EyePlace(pose.position_mm, pose.quaternion, self.fit.rms_mm, self.tip_sd_mm)
 
     @property
+    def target_sd_mm(self) -> float:
+        """Standard deviation of the transform at the target, per measured axis."""
+        return self.fit.sd_at_mm(self.target_mm, self.axes)
+
+    @property
     def tip_sd_mm(self) -> float:
-        """Standard deviation of the robot's tip at the target, per axis."""
-        return self.fit.tip_sd_mm(self.target_mm)
+        """Standard deviation of the robot's tip at the target, per measured axis: transform and pose."""
+        return math.hypot(self.target_sd_mm, self.pose_sd_mm)
 
 
 def calibrate_points(
@@ -66,21 +79,27 @@ def calibrate_points(
         BadInput: If the points do not determine the transform.
     """
     fit = fit_points(base_mm, eye_mm, np.full(len(base_mm), sd_mm), max_rms_mm=MAX_RMS_MM, what=what)
-    return Calibration(fit, target_mm, _notes(fit))
+    return Calibration(fit, target_mm, _notes(fit), fit.noise_mm)
 
 
 def calibrate_section(
-    base_mm: Floats, image_mm: Floats, sd_mm: Floats, target_mm: Floats, what: str
+    base_mm: Floats,
+    image_mm: Floats,
+    image_sd_mm: Floats,
+    pose_sd_mm: float,
+    target_mm: Floats,
+    what: str,
 ) -> Calibration:
     """Calibrate from tips in images, of a motion in the section z = 0.
 
     Neighbouring errors of a tracker resemble each other, so the covariance is that of as many pairs as are
-    independent.
+    independent. The variance that the tips' own does not explain is ascribed to the robot.
 
     Args:
         base_mm: The robot's tip at the time of each image, in its base, (n, 3).
         image_mm: The tips in the images, eye frame, (n, 2).
-        sd_mm: Their standard deviations, (n,).
+        image_sd_mm: Their standard deviations, per axis, (n,).
+        pose_sd_mm: Standard deviation of one pose of the robot, at least, per axis.
         target_mm: Where the tip will be used, eye frame.
         what: Names the run in errors.
 
@@ -98,6 +117,7 @@ def calibrate_section(
             what,
         )
     eye_mm = np.column_stack((image_mm, np.zeros(len(image_mm))))
+    sd_mm = np.maximum(image_sd_mm, _rough_sd_mm(base_mm, eye_mm))
     fit = fit_points(base_mm, eye_mm, sd_mm, max_rms_mm=MAX_RMS_MM, what=what)
     in_section = fit.residual_mm[fit.used > 0, :2]
     independent = len(in_section) / values_per_independent(in_section)
@@ -115,7 +135,32 @@ def calibrate_section(
     assumed = (
         "assumed: the motion lay in the section z = 0; images show no depth, so z and tilt are not measured"
     )
-    return Calibration(fit, target_mm, (assumed, *_notes(fit)))
+    unexplained_mm2 = noise_mm**2 - float((image_sd_mm[fit.used > 0] ** 2).mean())
+    pose_sd_mm = math.sqrt(max(unexplained_mm2, pose_sd_mm**2))
+    return Calibration(fit, target_mm, (assumed, *_notes(fit)), pose_sd_mm, axes=2)
+
+
+def pose_noise_mm(times_s: Floats, tips_mm: Floats) -> float:
+    """Return the standard deviation per axis of the noise of a robot's tips, which changes with each sample.
+
+    From third differences, which remove a smooth motion, of the slowest quarter of the samples: stamps with
+    jitter matter less there.
+
+    Args:
+        times_s: Stamps, increasing, (n,).
+        tips_mm: (n, 3).
+    """
+    speed_mm_s = np.linalg.norm(tips_mm[3:] - tips_mm[:-3], axis=1) / (times_s[3:] - times_s[:-3])
+    slow = speed_mm_s <= np.quantile(speed_mm_s, SLOW)
+    third_mm = np.diff(tips_mm, 3, axis=0)[slow] / THIRD_DIFFERENCE
+    sd_mm = MAD_TO_SD * np.median(np.abs(third_mm), axis=0)
+    return math.sqrt(float((sd_mm**2).mean()))
+
+
+def _rough_sd_mm(base_mm: Floats, eye_mm: Floats) -> float:
+    """Return the standard deviation of most pairs, per axis of the section, whatever is stated."""
+    residual_mm = procrustes(base_mm, eye_mm, np.ones(len(base_mm))).residual_mm[:, :2]
+    return max(MAD_TO_SD * float(np.median(np.abs(residual_mm))), LEAST_SD_MM)
 
 
 def leave_one_out_mm(base_mm: Floats, eye_mm: Floats, fit: RigidFit) -> Floats:

@@ -14,7 +14,7 @@ from msgspec import Struct
 from haptigraph.errors import BadInput
 from haptigraph.robot.pose import Floats, Transform
 
-__all__ = ["MIN_SPREAD_MM", "Fit", "RigidFit", "fit_points", "inliers", "procrustes"]
+__all__ = ["MAD_TO_SD", "MIN_SPREAD_MM", "Fit", "RigidFit", "fit_points", "inliers", "procrustes"]
 
 MIN_SPREAD_MM = 0.5
 """Least extent of the points, RMS, in the second of their principal directions."""
@@ -25,6 +25,7 @@ OUTLIER_SDS = 4.0
 MAX_SCALE_ERROR = 0.03
 SUBSETS = 300
 MAD_TO_SD = 1.4826
+"""Standard deviation over median absolute deviation, of a normal distribution."""
 
 
 class Fit(Struct, frozen=True):
@@ -72,14 +73,15 @@ class RigidFit(Struct, frozen=True):
         squared = (self.residual_mm[self.used > 0] ** 2).sum(axis=1)
         return math.sqrt(float(squared.mean()))
 
-    def sd_at_mm(self, point_mm: Floats) -> float:
-        """Return the standard deviation of the transform at a point of the eye frame, per axis (RMS)."""
-        jacobian = _jacobian(point_mm - self.centroid_mm)
-        return math.sqrt(float(np.trace(jacobian @ self.covariance @ jacobian.T)) / 3)
+    def sd_at_mm(self, point_mm: Floats, axes: int = 3) -> float:
+        """Return the standard deviation of the transform at a point of the eye frame, per axis (RMS).
 
-    def tip_sd_mm(self, point_mm: Floats) -> float:
-        """Return the standard deviation of the robot's tip at a point, per axis: transform and noise."""
-        return math.hypot(self.sd_at_mm(point_mm), self.noise_mm)
+        Args:
+            point_mm: The point.
+            axes: Of the eye frame, that are meant: 2 are x and y.
+        """
+        jacobian = _jacobian(point_mm - self.centroid_mm)[:axes]
+        return math.sqrt(float(np.trace(jacobian @ self.covariance @ jacobian.T)) / axes)
 
     def turn_sd_deg(self) -> Floats:
         """Return the standard deviations of the rotation about x, y and z of the eye frame, (3,)."""

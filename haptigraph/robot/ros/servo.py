@@ -1,7 +1,7 @@
 """A robot that MoveIt Servo moves (ROS 2 Jazzy or later): pose targets, its status, the tool's pose from tf.
 
 Servo stops by itself when commands stop for its `incoming_command_timeout`, and at singularities, collisions
-and bounds of joints. Its user starts it and sets it to pose commands; its services are not called.
+and bounds of joints. Its user starts it; its services are called to set it to pose commands, and to pause it.
 """
 
 from urllib.parse import parse_qs
@@ -15,8 +15,15 @@ from haptigraph.robot.ros.robot import DISCOVERY_S, RosRobot
 from haptigraph.robot.ros.transforms import FramePose, TransformTree
 from haptigraph.ros2.endpoints import sender
 from haptigraph.ros2.geometry_types import TFMessage
-from haptigraph.ros2.motion_types import ServoStatus
+from haptigraph.ros2.motion_types import (
+    ServoCommandTypeReply,
+    ServoCommandTypeRequest,
+    ServoStatus,
+    SetBoolReply,
+    SetBoolRequest,
+)
 from haptigraph.ros2.node import checked_topic
+from haptigraph.ros2.services import Service, ServiceCalls
 
 __all__ = ["STATES", "ServoRobot", "servo_frames"]
 
@@ -34,8 +41,15 @@ STATES: dict[int, OperatingState] = {
 }
 
 
+POSE = 2
+"""The command type of pose targets."""
+SWITCH = Service(ServoCommandTypeRequest, ServoCommandTypeReply)
+PAUSE = Service(SetBoolRequest, SetBoolReply)
+PAUSES: dict[StateCommand, bool] = {"enable": False, "resume": False, "pause": True, "disable": True}
+
+
 class ServoRobot(RosRobot):
-    """Read NODE/status and tf; publish NODE/pose_target_cmds.
+    """Read NODE/status and tf; publish NODE/pose_target_cmds; call Servo's services.
 
     Args:
         argument: Servo's node and the frames: NODE?base=FRAME&tool=FRAME; base_link and tool0 if not stated.
@@ -52,10 +66,11 @@ class ServoRobot(RosRobot):
         self._tree = TransformTree()
         self._status: tuple[int, int] | None = None
         self._found: FramePose | None = None
-        reject = self._input.reject
+        reject, self._name = self._input.reject, node_name
         self._node.subscribe("/tf", TFMessage, self._take_tf, reject)
         self._node.subscribe("/tf_static", TFMessage, self._take_static, reject)
         self._node.subscribe(f"{node_name}/status", ServoStatus, self._take_status, reject)
+        self._calls = ServiceCalls(self._node, lambda problem: self._input.report(problem, problem))
         self._node.await_subscribers(DISCOVERY_S)
 
     def read(self) -> RobotReading:
@@ -63,10 +78,23 @@ class ServoRobot(RosRobot):
         return replace(self._input.read(), operating=self._operating())
 
     def request(self, command: StateCommand) -> None:
-        """Report that Servo's state is changed by its services, which only ROS calls."""
-        self._input.report(
-            "request", f"{command} is up to the user: start, unpause and stop Servo by its services"
-        )
+        """Select pose commands and go on, or pause, by Servo's services; it needs no homing.
+
+        Returns at once; a call that is refused or not answered is among the reading's problems.
+        """
+        if command == "enable":
+            self._calls.put(f"{self._name}/switch_command_type", SWITCH, POSE)
+        if command in PAUSES:
+            self._calls.put(f"{self._name}/pause_servo", PAUSE, PAUSES[command])
+
+    def close(self) -> None:
+        """Hold, and leave the network; Servo is not paused.
+
+        Raises:
+            DeviceError: If the robot could not be held.
+        """
+        self._calls.close()
+        super().close()
 
     @property
     def _frame_id(self) -> str:

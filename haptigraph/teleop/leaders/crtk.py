@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from haptigraph.clock import Clock
 from haptigraph.errors import BadInput, unknown_name
 from haptigraph.ros2.motion_types import PoseStamped
-from haptigraph.ros2.node import Node, checked_topic, topics_found
+from haptigraph.ros2.node import Node, checked_topic
+from haptigraph.ros2.topics import topics_found
 from haptigraph.ros2.types import Joy
 from haptigraph.teleop.leaders.silence import Silence
 from haptigraph.teleop.motion import HandMotion

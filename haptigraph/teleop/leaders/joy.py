@@ -4,7 +4,8 @@ from collections import deque
 from collections.abc import Callable, Sequence
 
 from haptigraph.clock import Clock
-from haptigraph.ros2.node import Node, checked_topic, topics_found
+from haptigraph.ros2.node import Node, checked_topic
+from haptigraph.ros2.topics import topics_found
 from haptigraph.ros2.types import Joy
 from haptigraph.teleop.leaders.silence import Silence
 from haptigraph.teleop.leaders.sticks import DEAD_ZONE, StickTimer, stick_motion

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from msgspec.structs import replace
-from robot_runs import simulated_run
+from robot_runs import led_path, simulated_run
 
 from haptigraph.analysis.robot.lag import Motion, estimate_lag
 from haptigraph.errors import BadInput
@@ -77,5 +77,16 @@ def test_intervals_of_200_runs_cover_the_truth():
     for seed in range(5000, 5200):
         lag_s = float(np.random.default_rng(seed).uniform(-2.4, 2.4))
         found = estimate_lag(motion(seed, lag_s=lag_s, jitter_s=0.005 * (seed % 2)), "run.mcap")
+        inside.append(found.interval_s[0] <= lag_s <= found.interval_s[1])
+    assert 0.90 <= np.mean(inside) <= 0.99
+
+
+@pytest.mark.slow
+def test_intervals_of_the_hands_lag_in_200_runs_cover_the_truth():
+    inside = []
+    for seed in range(5200, 5400):
+        lag_s = float(np.random.default_rng(seed).uniform(-0.3, 0.0))
+        run = simulated_run(np.random.default_rng(seed), lag_s=lag_s, robot_sd_mm=0.0)
+        found = estimate_lag(Motion(run.image_s, run.image_mm, *led_path(run)), "run.mcap", mover="hand")
         inside.append(found.interval_s[0] <= lag_s <= found.interval_s[1])
     assert 0.90 <= np.mean(inside) <= 0.99

@@ -1,11 +1,13 @@
 import json
 
+import numpy as np
 import pytest
 from helpers import call, refuse
 from msgspec.structs import replace
 
-from haptigraph.analysis.robot.sync import check_sync, correct
-from haptigraph.messages import OFF, Delivered, HapticCommand, Pattern, Timing
+from haptigraph.analysis.robot.sync import check_sync, correct, robot_note
+from haptigraph.geometry import subtract, unit
+from haptigraph.messages import OFF, Delivered, HandState, HapticCommand, Observation, Pattern, Timing
 from haptigraph.recording.reader import RunReader
 from haptigraph.recording.writer import RunWriter
 
@@ -32,7 +34,7 @@ def test_a_corrected_copy_is_aligned_and_says_so(late_run, tmp_path):
     assert late_run.read_bytes() == before
     report = check_sync(copy)
     low, high = report.robot.interval_s
-    assert report.is_aligned and low < 0.002 and high > -0.002
+    assert report.is_robot_aligned and low < 0.002 and high > -0.002
     assert "moved by -1" in RunReader(copy).info.robot_shift and report.shifted
     kept, moved = (
         [(capture, step) for capture, step in RunReader(path).records(images=())] for path in (late_run, copy)
@@ -71,6 +73,66 @@ def rewritten(path, copy, changes):
         writer.write(replace(capture, **of_capture), replace(step, **of_step))
     writer.close()
     return copy
+
+
+def led(path, copy, lead_s, scale=0.2, has_robot=True):
+    """A copy whose tip followed a hand, after a time; the hand had a clutch that was pressed throughout."""
+    records = list(RunReader(path).records(images=()))
+    stamps_s = np.array([capture.stamp_ns for capture, _ in records]) / 1e9
+    tips_mm = np.array([capture.truth.tip_mm for capture, _ in records])
+    there_mm = np.column_stack([np.interp(stamps_s + lead_s, stamps_s, column) for column in tips_mm.T])
+    steps = iter(np.diff(there_mm, axis=0, prepend=there_mm[:1]) / scale)
+
+    def moved(capture, step):
+        line = step.observation.found["needle_line"]
+        u, v = unit(subtract(line.end_mm, line.start_mm))
+        x, y = next(steps).tolist()
+        along_mm, across_mm = x * u + y * v, y * u - x * v
+        hand = HandState(True, along_mm, across_mm, scale * along_mm, scale * across_mm, scale, False, 0.0)
+        return {"hand": hand} | ({} if has_robot else {"robot": ()}), {}
+
+    return rewritten(path, copy, moved)
+
+
+def test_the_delay_of_the_tip_after_the_hand_is_found_without_a_robot(aligned_run, tmp_path):
+    result = call("sync-check", led(aligned_run, tmp_path / "led.mcap", 0.08, has_robot=False))
+    assert result.exit_code == 0 and "ms after the hand that leads it" in result.output
+    report = check_sync(tmp_path / "led.mcap")
+    low, high = report.hand.interval_s
+    assert report.robot is None and high - low < 0.04
+    assert low - 0.002 < -0.08 < high + 0.002
+    assert "no robot whose stamps" in refuse(
+        "sync-check", tmp_path / "led.mcap", "--correct", tmp_path / "new.mcap"
+    )
+
+
+def test_a_tip_that_moves_before_its_hand_is_not_aligned(aligned_run, tmp_path):
+    result = call("sync-check", led(aligned_run, tmp_path / "led.mcap", -0.08))
+    assert result.exit_code == 1 and "before the hand that leads it" in result.output
+    assert check_sync(tmp_path / "led.mcap").is_robot_aligned
+
+
+def test_a_hand_that_did_not_lead_the_tip_is_reported_as_unknown(aligned_run, tmp_path):
+    still = HandState(True, 0.0, 0.0, 0.0, 0.0, 0.2, False, 0.0)
+    idle = rewritten(aligned_run, tmp_path / "idle.mcap", lambda capture, step: ({"hand": still}, {}))
+    result = call("sync-check", idle)
+    assert result.exit_code == 0 and "hand            not known: too little motion" in result.output
+    bare = rewritten(
+        aligned_run, tmp_path / "bare.mcap", lambda capture, step: ({"hand": still, "robot": ()}, {})
+    )
+    assert "too little motion" in refuse("sync-check", bare)
+
+
+def test_a_note_says_whether_a_robot_is_aligned_and_what_is_not_known(late_run, aligned_run, tmp_path):
+    assert "aligned, as far as the interval says" in robot_note(aligned_run)
+    note = robot_note(late_run)
+    assert "stamped +12" in note and "sync-check --correct" in note
+    blind = rewritten(
+        aligned_run,
+        tmp_path / "blind.mcap",
+        lambda capture, step: ({}, {"observation": Observation(step.stamp_ns, {})}),
+    )
+    assert "is not known: has no image in which a needle's tip" in robot_note(blind)
 
 
 @pytest.mark.parametrize("onsets", [7, 9])

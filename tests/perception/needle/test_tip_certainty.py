@@ -1,13 +1,21 @@
 """Standard deviations of tips, and tips whose place is not known, on drawn shafts."""
 
+import math
+
 import numpy as np
 import pytest
 from drawn_strip import END_PX, LANES, U_PX, needle, strip
 from msgspec.structs import replace
 
+from haptigraph.config import PerceptionConfig
 from haptigraph.perception.needle.coarse_tip import TipEstimate
 from haptigraph.perception.needle.sharp_tip import sharp_end
-from haptigraph.perception.needle.tip_certainty import MAX_SD_MM, with_certainty
+from haptigraph.perception.needle.tip_certainty import MAX_SD_MM, outside_globe, with_certainty
+from haptigraph.perception.needle.tracker import Tracker
+from haptigraph.registration.loading import parse_registration
+from haptigraph.sim.phantom import Phantom
+from haptigraph.sim.scenario import load_scenario
+from haptigraph.sources.phantom import capture_of
 
 PX_PER_MM = 20.0
 TIP = TipEstimate("inside", END_PX, 100.0, sd_px=0.2, contrast_grey=40.0)
@@ -73,3 +81,22 @@ def test_a_shaft_too_short_to_measure_what_is_behind_has_a_certainty(start):
     first = float(drawn.u_px[drawn.inside.start])
     tip = TipEstimate("inside", first + start / 10, 5.0, sd_px=0.2, contrast_grey=40.0)
     assert np.isfinite(with_certainty(drawn, tip, first, first, 0.6, PX_PER_MM).shift_sd_px)
+
+
+def test_a_tip_outside_the_globe_is_uncertain_by_its_point_unless_its_end_shows():
+    located = replace(TIP, where="outside", contrast_grey=30.0)
+    assert outside_globe(located, 20.0).shift_sd_px == pytest.approx(0.6)
+    unlocated = outside_globe(replace(located, contrast_grey=0.0), 20.0)
+    assert unlocated.shift_sd_px == pytest.approx(32.0) and unlocated.is_known
+
+
+def test_a_needle_that_stands_outside_from_the_first_image_on_is_within_two_standard_deviations():
+    phantom = Phantom(load_scenario("bent_needle")).paint()
+    tracker = Tracker(parse_registration(phantom.registration, "phantom"), PerceptionConfig())
+    within = []
+    for index in range(30):
+        moment = phantom.advance()
+        observation = tracker(capture_of(moment, index, round(moment.time_s * 1e9)))
+        error_mm = math.dist(observation.found["needle_tip"].at_mm, moment.truth.tip_mm)
+        within.append(error_mm <= 2 * observation.certainty.tip_sd_mm)
+    assert np.mean(within[8:]) > 0.9

@@ -9,6 +9,7 @@ from haptigraph.robot.place.calibration import (
     calibrate_points,
     calibrate_section,
     leave_one_out_mm,
+    pose_noise_mm,
     setup_text,
 )
 from haptigraph.robot.setup import MotionLimits, RcmPlace, RobotSetup, parse_setup
@@ -22,7 +23,7 @@ def tracked(seed, **given):
 
 def test_a_tracked_motion_places_the_eye():
     run, base_mm = tracked(1)
-    found = calibrate_section(base_mm, run.image_mm, np.full(len(base_mm), 0.03), TARGET_MM, "run.mcap")
+    found = calibrate_section(base_mm, run.image_mm, np.full(len(base_mm), 0.02), 0.01, TARGET_MM, "run.mcap")
     error_mm = found.fit.eye_from_base.point_mm(run.eye_from_base.inverse().point_mm(TARGET_MM)) - TARGET_MM
     assert np.abs(error_mm[:2]).max() < 4 * found.tip_sd_mm < 0.3
     assert any("section" in note for note in found.notes) and any(
@@ -30,12 +31,34 @@ def test_a_tracked_motion_places_the_eye():
     )
 
 
+def test_residuals_that_the_tracker_does_not_explain_are_the_robots():
+    run, base_mm = tracked(8, tracker_sd_mm=0.05)
+    found = {
+        stated_mm: calibrate_section(
+            base_mm, run.image_mm, np.full(len(base_mm), stated_mm), 0.01, TARGET_MM, "run.mcap"
+        )
+        for stated_mm in (0.2, 0.05, 0.01)
+    }
+    assert found[0.2].pose_sd_mm == 0.01
+    assert 0.01 <= found[0.05].pose_sd_mm < 0.03 < found[0.01].pose_sd_mm < 0.06
+    assert found[0.01].tip_sd_mm == pytest.approx(np.hypot(found[0.01].target_sd_mm, found[0.01].pose_sd_mm))
+    assert found[0.01].axes == 2 and found[0.2].target_sd_mm == pytest.approx(
+        found[0.2].fit.sd_at_mm(TARGET_MM, axes=2)
+    )
+
+
+@pytest.mark.parametrize("jitter_s, most_mm", [(0.0, 0.011), (0.002, 0.015)])
+def test_the_noise_of_poses_is_measured_beside_their_motion(jitter_s, most_mm):
+    run = simulated_run(np.random.default_rng(9), jitter_s=jitter_s)
+    assert 0.009 < pose_noise_mm(run.robot_s, run.robot_mm) < most_mm
+
+
 def test_a_motion_out_of_the_section_is_refused():
     run, base_mm = tracked(2)
     normal = run.eye_from_base.rotation[2]
     base_mm += np.outer(2 * np.sin(run.image_s), normal)
     with pytest.raises(BadInput, match=r"leaves its plane by [01]\.\d+ mm"):
-        calibrate_section(base_mm, run.image_mm, np.full(len(base_mm), 0.03), TARGET_MM, "run.mcap")
+        calibrate_section(base_mm, run.image_mm, np.full(len(base_mm), 0.02), 0.01, TARGET_MM, "run.mcap")
 
 
 def test_leaving_out_a_point_moves_it_by_more_than_its_residual():

@@ -2,6 +2,8 @@
 
 import time
 import uuid
+from contextlib import suppress
+from itertools import groupby
 
 import pytest
 from ros_network import robot_peer, until
@@ -9,7 +11,9 @@ from ros_network import robot_peer, until
 pytest.importorskip("cyclonedds")
 
 from haptigraph.clock import MonotonicClock
+from haptigraph.errors import DeviceError
 from haptigraph.robot.ros.servo import STATES, ServoRobot, servo_frames
+from haptigraph.ros2 import services
 
 pytestmark = pytest.mark.realtime
 
@@ -51,10 +55,46 @@ def test_servo_that_is_paused_is_disabled_and_a_silent_tf_grows_old(connected):
     until(lambda: time.monotonic_ns() - robot.read().stamp_ns > 2e8, "poses do not grow old")
 
 
-def test_its_state_is_up_to_the_user(connected):
-    robot, _ = connected
-    robot.request("enable")
-    assert any("enable is up to the user" in problem for problem in robot.read().problems)
+@pytest.mark.parametrize("mode", ["with a header", "plain"])
+def test_servo_is_set_to_poses_paused_and_resumed_by_its_services(ros_network, mode, monkeypatch):
+    """With the messages of Cyclone DDS, and those of Fast DDS, which have no header."""
+    name = f"servo_{uuid.uuid4().hex}"
+    if mode == "plain":
+        monkeypatch.setattr(services, "CYCLONE", b"")
+    with robot_peer("servo", f"/{name}", mode) as process:
+        robot = ServoRobot(name, MonotonicClock())
+        until(lambda: robot.read().operating is not None, "no reading")
+        for command in ("enable", "home", "pause"):
+            robot.request(command)
+        until(lambda: robot.read().operating.state == "DISABLED", "it is not paused")
+        robot.request("resume")
+        until(lambda: robot.read().operating.state == "ENABLED", "it does not go on")
+        robot.close()
+        assert robot.read().problems == ()
+        process.terminate()
+        called = process.stdout.read().split("\n")
+    assert called[0] == "switch_command_type 2"
+    pauses = [line.split()[1] for line in called if line.startswith("pause")]
+    assert [value for value, _ in groupby(pauses)] == ["False", "True", "False"]
+
+
+def test_a_service_that_refuses_is_a_problem(connected):
+    robot, process = connected
+    process.stdin.write("refuse\n")
+    robot.request("pause")
+    until(lambda: any("pause_servo refused True" in one for one in robot.read().problems), "not reported")
+
+
+def test_services_that_nobody_offers_are_a_problem(ros_network, monkeypatch):
+    monkeypatch.setattr("haptigraph.robot.ros.servo.DISCOVERY_S", 0.0)
+    robot = ServoRobot("nobody", MonotonicClock())
+    robot.request("disable")
+    until(
+        lambda: any("no node offers the service /nobody/pause_servo" in one for one in robot.read().problems),
+        "not reported",
+    )
+    with suppress(DeviceError):
+        robot.close()
 
 
 def test_frames_are_those_of_ros_by_default():

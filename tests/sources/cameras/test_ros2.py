@@ -114,7 +114,7 @@ def source(ros_network):
 @pytest.fixture
 def camera(source, peer):
     """Publishes on the source's topic, once the source has adapted: messages of before may be lost."""
-    subscriptions = Endpoints(peer.node._joined, BuiltinTopicDcpsSubscription)
+    subscriptions = Endpoints(peer.node.participant, BuiltinTopicDcpsSubscription)
 
     def publisher(message_type):
         publisher = peer.publisher("/camera/small", message_type)

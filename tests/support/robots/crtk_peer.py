@@ -5,7 +5,7 @@ crtk_peer.py NAMESPACE hand SEED [NAME]   once somebody listens, sends 8 s of mo
                                           the sabotage NAME
 
 Prints "ready", and after the motion "done". Ends when its standard input is closed. Lines on it are commands:
-pause, fault, or quiet (sends no more poses).
+pause, fault, quiet (sends no more poses), or "at X Y Z": somebody moves its tip there [mm].
 """
 
 import heapq
@@ -112,6 +112,8 @@ def obey(arm):
     for line in sys.stdin:
         command = line.strip()
         arm.is_quiet = arm.is_quiet or command == "quiet"
+        if command.startswith("at "):
+            arm.setpoint = (*(float(one) / 1e3 for one in command.split()[1:]), *arm.setpoint[3:])
         arm.state = {"pause": "PAUSED", "fault": "FAULT"}.get(command, arm.state)
         arm.send_state()
     arm.is_over = True

@@ -88,6 +88,11 @@ def simulated_run(
     )
 
 
+def led_path(run: SimulatedRun) -> tuple[Floats, Floats]:
+    """Return where a hand led the tip, as recorded with each image: times and points, (n,) and (n, 3)."""
+    return run.image_s, _at(run.robot_s, run.robot_mm, run.image_s)
+
+
 def tool_pose(tip_mm: Floats, axis: Floats) -> ToolPose:
     """Return a tool whose z axis runs along its shaft."""
     other = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])

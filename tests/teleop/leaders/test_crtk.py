@@ -125,7 +125,7 @@ def test_a_pedal_that_was_pressed_before_the_start_is_known_if_its_publisher_lat
     from cyclonedds.pub import DataWriter
     from cyclonedds.topic import Topic
 
-    participant = peer.node._joined
+    participant = peer.node.participant
     topic = Topic(participant, "rt/footpedals/clutch", Joy)
     writer = DataWriter(participant, topic, qos=Profile(1, is_transient_local=True).qos)
     writer.write(pedal(1))
