@@ -3,7 +3,7 @@
 Needs a C compiler, libsimavr and the .hex file of the sketch, which the npm package avrgirl-arduino contains:
 
     apt-get install gcc libsimavr-dev libelf-dev && npm pack avrgirl-arduino@5.0.1 && tar xzf avrgirl-arduino-*.tgz
-    HAPTIGRAPH_UNO_HEX=package/junk/hex/uno/StandardFirmata.cpp.hex pytest tests/haptics/test_firmata_uno.py
+    HAPTIGRAPH_UNO_HEX=package/junk/hex/uno/StandardFirmata.cpp.hex pytest tests/haptics/boards/test_firmata_uno.py
 """
 
 import os
@@ -17,8 +17,8 @@ from helpers import LOW, PULSE, SUCCESS
 from haptigraph.analysis.actuators import play_grammar
 from haptigraph.clock import MonotonicClock
 from haptigraph.errors import BadInput
-from haptigraph.haptics import firmata
-from haptigraph.haptics.firmata import FirmataDevice
+from haptigraph.haptics.boards import board as boards
+from haptigraph.haptics.boards.pwm import PwmDevice
 
 HEX = os.environ.get("HAPTIGRAPH_UNO_HEX")
 SOURCE = Path(__file__).parent / "uno" / "uno.c"
@@ -49,14 +49,14 @@ def uno(tmp_path):
 @pytest.fixture(autouse=True)
 def patience(monkeypatch):
     """A simulated processor may be ten times slower than a real one."""
-    monkeypatch.setattr(firmata, "RESPONSE_S", 5.0)
-    monkeypatch.setattr(firmata, "SETUP_S", 20.0)
-    monkeypatch.setattr(firmata, "BOOT_S", 60.0)
+    monkeypatch.setattr(boards, "RESPONSE_S", 5.0)
+    monkeypatch.setattr(boards, "SETUP_S", 20.0)
+    monkeypatch.setattr(boards, "BOOT_S", 60.0)
 
 
 def test_the_stock_sketch_plays_the_grammar(uno):
     port, levels = uno
-    trial = play_grammar(FirmataDevice(port), (LOW, PULSE, SUCCESS), MonotonicClock(), lambda line: None)
+    trial = play_grammar(PwmDevice(port), (LOW, PULSE, SUCCESS), MonotonicClock(), lambda line: None)
     assert trial.faults == []
     low, pulses, bursts = levels.index(255), levels.index(204), len(levels)
     assert levels[:low] == [76, 0]
@@ -68,4 +68,4 @@ def test_the_stock_sketch_plays_the_grammar(uno):
 def test_the_stock_sketch_reports_which_pins_support_pwm(uno):
     port, _ = uno
     with pytest.raises(BadInput, match="pin 7 does not support PWM; use one of 3, 5, 6, 9, 10, 11"):
-        FirmataDevice(f"{port}?pin=7")
+        PwmDevice(f"{port}?pin=7")

@@ -1,0 +1,115 @@
+"""The I2C bus of a board with Firmata, and a multiplexer on it.
+
+Protocol: github.com/firmata/protocol, i2c.md. StandardFirmata confirms no write. It answers a read that no
+chip acknowledges with a sentence, and then with the bytes of an earlier read; so the sentence counts.
+"""
+
+from haptigraph.errors import DeviceError
+from haptigraph.haptics.boards.board import FirmataBoard
+
+__all__ = ["I2cBus", "Multiplexer", "write_message"]
+
+SYSEX, END = 0xF0, 0xF7
+REQUEST, REPLY, CONFIG, STRING = 0x76, 0x77, 0x78, 0x71
+READ_ONCE = 0x08
+I2C_MODE = 6
+
+
+class I2cBus:
+    """Read and write the registers of the chips on a bus.
+
+    Args:
+        board: The board.
+    """
+
+    def __init__(self, board: FirmataBoard) -> None:
+        self._board = board
+
+    def enable(self) -> None:
+        """Turn the board's pins for I2C over to the bus.
+
+        Raises:
+            DeviceError: If the board has none.
+        """
+        if not any(I2C_MODE in modes for modes in self._board.modes_of_pins()):
+            raise DeviceError(
+                f"the board on {self._board.port} has no pins for I2C; use one that StandardFirmata supports"
+            )
+        self._board.send_sysex(CONFIG)
+
+    def write(self, address: int, *data: int) -> None:
+        """Write bytes, usually a register's number and then its value and those of the next ones."""
+        self._board.send(*write_message(address, *data))
+
+    def read(self, address: int, register: int | None, count: int, within_s: float) -> bytes:
+        """Read registers.
+
+        Args:
+            address: Of the chip.
+            register: The first one; None: the chip has only one, without a number.
+            count: How many.
+            within_s: Time to answer.
+
+        Raises:
+            DeviceError: If the chip or the board does not answer.
+        """
+        numbers = (count,) if register is None else (register, count)
+        self._board.send_sysex(REQUEST, address, READ_ONCE, *_sevens(numbers))
+        while True:
+            answer = self._board.received(bytes((REPLY, STRING)), within_s)
+            if answer is None:
+                raise DeviceError(f"the board on {self._board.port} does not respond")
+            content = bytes(
+                low | high << 7 & 0xFF for low, high in zip(answer[1::2], answer[2::2], strict=False)
+            )
+            if answer[0] == STRING:
+                text = content.decode("ascii", "replace")
+                raise DeviceError(f"nothing answers at the I2C address {address:#04x} ({text})")
+            if content[:2] == bytes((address, register or 0)) and len(content) == count + 2:
+                return content[2:]
+            if content[:2] == bytes((address, register or 0)):
+                raise DeviceError(f"the board on {self._board.port} sends a response without content")
+
+
+class Multiplexer:
+    """A TCA9548A (SCPS207G): each bit of its only register connects a channel; several may be connected.
+
+    Args:
+        bus: The bus that it is on.
+        address: Its address, 0x70 to 0x77.
+    """
+
+    def __init__(self, bus: I2cBus, address: int) -> None:
+        self._bus, self._address = bus, address
+
+    def connect(self, channels: tuple[int, ...]) -> None:
+        """Connect some channels and disconnect all others."""
+        self._bus.write(self._address, _mask(channels))
+
+    def verify(self, channels: tuple[int, ...], within_s: float) -> None:
+        """Check which channels are connected.
+
+        Raises:
+            DeviceError: If they are others: then a command may have reached another chip.
+        """
+        (mask,) = self._bus.read(self._address, None, 1, within_s)
+        if mask != _mask(channels):
+            connected = ", ".join(str(channel) for channel in range(8) if mask >> channel & 1) or "none"
+            raise DeviceError(
+                f"the multiplexer at {self._address:#04x} does not switch to channel "
+                f"{', '.join(map(str, channels))}; connected: {connected}"
+            )
+
+
+def write_message(address: int, *data: int) -> tuple[int, ...]:
+    """Return the message that writes bytes to a chip."""
+    return SYSEX, REQUEST, address, 0, *_sevens(data), END
+
+
+def _sevens(data: tuple[int, ...]) -> tuple[int, ...]:
+    """Split each byte into its lower seven bits and the eighth."""
+    return tuple(part for byte in data for part in (byte & 0x7F, byte >> 7))
+
+
+def _mask(channels: tuple[int, ...]) -> int:
+    return sum(1 << channel for channel in channels)
