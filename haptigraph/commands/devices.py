@@ -85,7 +85,7 @@ def devices_test(device: str, procedure: str | None) -> None:
 )
 @click.argument("device")
 def devices_auto_calibrate(device: str) -> None:
-    """Let a DRV2605L measure its motor, which vibrates for a second; print the option that restores the result.
+    """Let a DRV2605L measure its motor, which vibrates for a second, and print the result as an option.
 
     Mount the motor and hold it as in use. The driver forgets the result without power.
     """

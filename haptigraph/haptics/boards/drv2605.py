@@ -106,8 +106,10 @@ class Drv2605Device(BoardDevice):
         self._retry_s = 0.0
 
     def _set_up(self) -> None:
-        """Enable the bus, then each chip."""
+        """Enable the bus, then the chips, once it is certain which of them a command reaches."""
         self._bus.enable()
+        for channels in self._chips:
+            self._select(channels, SETUP_S)
         if (pin := self._options.enable) is not None:
             self._board.set_pin_mode(pin, OUTPUT)
             self._board.send(SET_DIGITAL_PIN, pin, 1, *_standby(self._options))

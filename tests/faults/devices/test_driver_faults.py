@@ -6,7 +6,7 @@ import time
 
 import pytest
 from rig import DEADMAN_MS, ENABLE_PIN, PERIOD_MS, Rig
-from trials_of_driver import ENABLED, FAULTS, begin, end, first_silence
+from trials_of_driver import ENABLED, FAULTS, begin, end, first_silence, until_recovered
 
 pytest.importorskip("serial")
 
@@ -22,7 +22,7 @@ def test_a_fault_is_silenced_in_time_and_reported_and_vibration_resumes(enable_p
     rng = random.Random(4)
     with Rig(tmp_path, "drv2605", enable_pin=enable_pin) as rig:
         for fault in faults:
-            rig.until_vibrating()
+            until_recovered(rig)
             rig.begin("none")  # discards earlier output
             began_ns = time.monotonic_ns()
             begin(fault, rng, rig.monitor.board)
@@ -30,7 +30,7 @@ def test_a_fault_is_silenced_in_time_and_reported_and_vibration_resumes(enable_p
             rig.in_time(fault, began_ns, silent_ns, DEADMAN_MS + PERIOD_MS["drv2605"])
             rig.until_output("! device: ")
             end(fault, rig.monitor.board)
-            rig.monitor.until(vibrates=True)
+        until_recovered(rig)
         rig.silent_in_time("SIGINT", rig.signal(signal.SIGINT))
         code, out, err = rig.finish()
         assert (code, "Traceback" in err) == (0, False), err

@@ -7,7 +7,8 @@ import time
 from itertools import pairwise
 from pathlib import Path
 
-from rig import DEADMAN_MS, ENABLE_PIN, PERIOD_MS, Rig
+from haptic_driver import DriverBoard
+from rig import DEADMAN_MS, ENABLE_PIN, PERIOD_MS, TIMEOUT_S, Rig
 from trials import HUNG_MS, KILLED_MS, Measured, judge_end, judge_silence, promise
 
 LIMIT_MS = DEADMAN_MS + PERIOD_MS["drv2605"]
@@ -61,8 +62,14 @@ def end(fault: str, board) -> None:
 def until_it_vibrates_steadily(rig: Rig, rng: random.Random) -> None:
     """Wait until a random time at which it vibrates."""
     rig.until_vibrating()
+    until_recovered(rig)
     time.sleep(rng.uniform(0, 0.5))
     rig.monitor.until(vibrates=True)
+
+
+def until_recovered(rig: Rig) -> None:
+    """Wait until the run has accepted the answers to a command that vibrates."""
+    rig.monitor.board.until(DriverBoard.is_recovered, TIMEOUT_S)
 
 
 def first_silence(rig: Rig, began_ns: int) -> int:
@@ -107,7 +114,7 @@ def driver_chip(rng: random.Random, folder: Path) -> Measured:
         if what in ("a chip does not listen", "the multiplexer is stuck", "the board does not answer"):
             judge_pulses(rig, what, silent_ns)
         end(what, rig.monitor.board)
-        rig.monitor.until(vibrates=True)
+        until_recovered(rig)
         rig.signal(signal.SIGINT)
         judge_end(rig)
         promise(not rig.monitor.vibrates, f"{what}: vibrates after the end")

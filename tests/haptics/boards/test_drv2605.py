@@ -205,6 +205,11 @@ def test_a_multiplexer_that_does_not_switch_is_detected_and_the_enable_pin_silen
     board.multiplexer.mask, board.multiplexer.is_stuck = 1 << 5, True
     fails(device, "the multiplexer at 0x70 does not switch to channel 0; connected: 5")
     board.until(silent)
+    board.outputs.clear()
+    fails(device, "does not switch")
+    assert not any(
+        max(output) for _, output in board.outputs
+    )  # not even for a moment, because the drivers are not enabled again
     board.multiplexer.is_stuck = False
     until_it_plays(device, board)
     device.close()

@@ -162,7 +162,7 @@ class DriverBoard(Board):
             if not self.outputs or self.now != self.outputs[-1][1]:
                 self.outputs.append((time.monotonic_ns(), self.now))
                 if max(self.now) != self.loudest:
-                    self.loudest = max(self.now)
+                    self.loudest, self.commands_at_edge = max(self.now), self.commands
                     self.felt(self.outputs[-1][0], self.loudest)
                 self.changed.notify_all()
 
@@ -199,6 +199,10 @@ class DriverBoard(Board):
 
     def vibrates(self, pin=None):
         return max(self.now) > 0
+
+    def is_recovered(self):
+        """Return whether it vibrates and got two further rounds of commands: the host accepted the first answers."""
+        return self.vibrates() and self.commands >= self.commands_at_edge + 10 * len(self.drivers)
 
     def handle(self, master, command, data):
         if time.monotonic() < self.deaf_until_s:
