@@ -67,13 +67,17 @@ class Chip:
         self._configure(calibration)
         self._write(MODE, REAL_TIME)
 
+    def request(self) -> None:
+        """Ask what the chip plays, for `verify`."""
+        self._bus.request(ADDRESS, STATUS, 3)
+
     def verify(self, value: int, within_s: float) -> None:
-        """Check that the chip plays a value, and nothing else.
+        """Check that the chip played a value at the request, and nothing else.
 
         Raises:
             DeviceError: If it was reset, has shut its output down, or does not answer.
         """
-        status, mode, played = self._bus.read(ADDRESS, STATUS, 3, within_s)
+        status, mode, played = self._bus.answer(ADDRESS, STATUS, 3, within_s)
         if status >> 5 != DEVICE_ID or (mode, played) != (REAL_TIME, value):
             raise DeviceError(f"{self._name} was reset: it does not play what was set")
         if status & OVER_CURRENT:

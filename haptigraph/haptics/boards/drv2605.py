@@ -127,18 +127,29 @@ class Drv2605Device(BoardDevice):
             chip.set_up(calibration)
 
     def _apply(self, amplitude: float, within_s: float) -> None:
-        """Set all chips at once, then read back each."""
+        """Set all chips at once, then read back each; all messages are sent before the first answer."""
         value = round(amplitude * MAX_VALUE)
         if self._multiplexer:
             self._multiplexer.connect(self._options.channels)
         self._bus.write(*amplitude_command(value))
         for channels, chip in self._chips.items():
-            self._select(channels, within_s)
+            self._connect_channels(channels)
+            chip.request()
+        for channels, chip in self._chips.items():
+            self._verify_channels(channels, within_s)
             chip.verify(value, within_s)
 
     def _select(self, channels: tuple[int, ...], within_s: float) -> None:
+        self._connect_channels(channels)
+        self._verify_channels(channels, within_s)
+
+    def _connect_channels(self, channels: tuple[int, ...]) -> None:
         if self._multiplexer:
             self._multiplexer.connect(channels)
+            self._multiplexer.request()
+
+    def _verify_channels(self, channels: tuple[int, ...], within_s: float) -> None:
+        if self._multiplexer:
             self._multiplexer.verify(channels, within_s)
 
 

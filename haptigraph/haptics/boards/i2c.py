@@ -41,20 +41,23 @@ class I2cBus:
         """Write bytes, usually a register's number and then its value and those of the next ones."""
         self._board.send(*write_message(address, *data))
 
-    def read(self, address: int, register: int | None, count: int, within_s: float) -> bytes:
-        """Read registers.
+    def request(self, address: int, register: int | None, count: int) -> None:
+        """Ask for registers; the answers come in the order of the requests.
 
         Args:
             address: Of the chip.
             register: The first one; None: the chip has only one, without a number.
             count: How many.
-            within_s: Time to answer.
-
-        Raises:
-            DeviceError: If the chip or the board does not answer.
         """
         numbers = (count,) if register is None else (register, count)
         self._board.send_sysex(REQUEST, address, READ_ONCE, *_sevens(numbers))
+
+    def answer(self, address: int, register: int | None, count: int, within_s: float) -> bytes:
+        """Return the registers that were requested with the same numbers.
+
+        Raises:
+            DeviceError: If the chip or the board does not answer in time.
+        """
         while True:
             answer = self._board.received(bytes((REPLY, STRING)), within_s)
             if answer is None:
@@ -69,6 +72,15 @@ class I2cBus:
                 return content[2:]
             if content[:2] == bytes((address, register or 0)):
                 raise DeviceError(f"the board on {self._board.port} sends a response without content")
+
+    def read(self, address: int, register: int | None, count: int, within_s: float) -> bytes:
+        """Request registers and return them.
+
+        Raises:
+            DeviceError: If the chip or the board does not answer in time.
+        """
+        self.request(address, register, count)
+        return self.answer(address, register, count, within_s)
 
 
 class Multiplexer:
@@ -86,13 +98,17 @@ class Multiplexer:
         """Connect some channels and disconnect all others."""
         self._bus.write(self._address, _mask(channels))
 
+    def request(self) -> None:
+        """Ask which channels are connected, for `verify`."""
+        self._bus.request(self._address, None, 1)
+
     def verify(self, channels: tuple[int, ...], within_s: float) -> None:
-        """Check which channels are connected.
+        """Check which channels were connected at the request.
 
         Raises:
             DeviceError: If they are others: then a command may have reached another chip.
         """
-        (mask,) = self._bus.read(self._address, None, 1, within_s)
+        (mask,) = self._bus.answer(self._address, None, 1, within_s)
         if mask != _mask(channels):
             connected = ", ".join(str(channel) for channel in range(8) if mask >> channel & 1) or "none"
             raise DeviceError(
