@@ -108,6 +108,9 @@ class Drv2605Device(BoardDevice):
     def _set_up(self) -> None:
         """Enable the bus, then the chips, once it is certain which of them a command reaches."""
         self._bus.enable()
+        self._board.send(
+            *_standby(self._options)
+        )  # a board that restarted at its opening missed the first ones
         for channels in self._chips:
             self._select(channels, SETUP_S)
         if (pin := self._options.enable) is not None:

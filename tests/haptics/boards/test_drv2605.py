@@ -110,6 +110,24 @@ def test_opening_the_port_silences_an_earlier_vibration(board):
     second.close()
 
 
+def test_a_board_that_missed_the_first_messages_is_silenced_before_its_drivers_are_looked_at(
+    board, monkeypatch
+):
+    """An Uno restarts when its port is opened, and its drivers go on meanwhile."""
+    board.enable_pin = None
+    board.set_enabled()
+    first = opened(board, TWO)
+    first.set(1.0, 0.0, 0)
+    first._board._serial.close()  # dies without a message
+    monkeypatch.setattr(boards, "RETRY_S", 0.05)
+    board.restart(0.3)
+    board.drivers[0].answers = False
+    with pytest.raises(BadInput, match="nothing answers"):
+        opened(board, TWO)
+    board.until(lambda board: board.drivers[1].output == 0)
+    assert board.drivers[0].output == 1  # nothing reaches it
+
+
 def test_closing_puts_the_drivers_into_standby_and_disables_them(board):
     device = opened(board)
     device.set(1.0, 0.0, 0)
