@@ -25,7 +25,7 @@ from haptigraph.haptics.boards.chip import (
     standby_commands,
 )
 from haptigraph.haptics.boards.driver_options import OPTIONS, DriverOptions, driver_options
-from haptigraph.haptics.boards.i2c import I2cBus, Multiplexer, write_message
+from haptigraph.haptics.boards.i2c import ENABLE_MESSAGE, I2cBus, Multiplexer, write_message
 from haptigraph.messages import Capabilities
 
 __all__ = ["Drv2605Device"]
@@ -108,21 +108,13 @@ class Drv2605Device(BoardDevice):
     def _set_up(self) -> None:
         """Enable the bus, then the chips, once it is certain which of them a command reaches."""
         self._bus.enable()
-        self._board.send(
-            *_standby(self._options)
-        )  # a board that restarted at its opening missed the first ones
+        # A board that restarted at its opening has missed the first ones.
+        self._board.send(*_standby(self._options))
         for channels in self._chips:
             self._select(channels, SETUP_S)
         if (pin := self._options.enable) is not None:
             self._board.set_pin_mode(pin, OUTPUT)
             self._board.send(SET_DIGITAL_PIN, pin, 1, *_standby(self._options))
-            self._board.send_sysex(STATE_QUERY, pin)
-            if (state := self._board.received(bytes((STATE,)), SETUP_S)) is None or state[1:] != bytes(
-                (pin, OUTPUT, 1)
-            ):
-                raise DeviceError(
-                    f"the board on {self._board.port} does not set pin {pin}, which is to enable the chips"
-                )
         for (channels, chip), calibration in zip(
             self._chips.items(), self._options.calibrations, strict=True
         ):
@@ -141,6 +133,13 @@ class Drv2605Device(BoardDevice):
         for channels, chip in self._chips.items():
             self._verify_channels(channels, within_s)
             chip.verify(value, within_s)
+        if (pin := self._options.enable) is not None:  # a chip that is not enabled may answer all the same
+            self._board.send_sysex(STATE_QUERY, pin)
+            state = self._board.received(bytes((STATE,)), within_s)
+            if state is None or state[1:] != bytes((pin, OUTPUT, 1)):
+                raise DeviceError(
+                    f"the board on {self._board.port} does not hold pin {pin} high, which enables the chips"
+                )
 
     def _select(self, channels: tuple[int, ...], within_s: float) -> None:
         self._connect_channels(channels)
@@ -169,7 +168,11 @@ def _standby(options: DriverOptions) -> tuple[int, ...]:
     """Return the messages that silence all chips in any state."""
     mask = sum(1 << channel for channel in options.channels)
     select = () if options.mux is None else write_message(options.mux, mask)
-    return *select, *(byte for command in standby_commands() for byte in write_message(*command))
+    return (
+        *ENABLE_MESSAGE,
+        *select,
+        *(byte for command in standby_commands() for byte in write_message(*command)),
+    )
 
 
 def _silence(options: DriverOptions) -> bytes:

@@ -7,12 +7,14 @@ chip acknowledges with a sentence, and then with the bytes of an earlier read; s
 from haptigraph.errors import DeviceError
 from haptigraph.haptics.boards.board import FirmataBoard
 
-__all__ = ["I2cBus", "Multiplexer", "write_message"]
+__all__ = ["ENABLE_MESSAGE", "I2cBus", "Multiplexer", "write_message"]
 
 SYSEX, END = 0xF0, 0xF7
 REQUEST, REPLY, CONFIG, STRING = 0x76, 0x77, 0x78, 0x71
 READ_ONCE = 0x08
 I2C_MODE = 6
+ENABLE_MESSAGE = (SYSEX, CONFIG, 0, 0, END)
+"""Turns the pins over to the bus, without a delay of reads: before it, a read or write may hang the board."""
 
 
 class I2cBus:
@@ -26,7 +28,7 @@ class I2cBus:
         self._board = board
 
     def enable(self) -> None:
-        """Turn the board's pins for I2C over to the bus.
+        """Check that the board has pins for I2C, and turn them over to the bus.
 
         Raises:
             DeviceError: If the board has none.
@@ -35,7 +37,7 @@ class I2cBus:
             raise DeviceError(
                 f"the board on {self._board.port} has no pins for I2C; use one that StandardFirmata supports"
             )
-        self._board.send_sysex(CONFIG)
+        self._board.send(*ENABLE_MESSAGE)
 
     def write(self, address: int, *data: int) -> None:
         """Write bytes, usually a register's number and then its value and those of the next ones."""

@@ -261,6 +261,15 @@ def test_a_board_that_was_reset_is_detected_and_its_drivers_are_silent_at_once_i
     device.close()
 
 
+def test_drivers_that_are_not_enabled_any_more_are_noticed_though_they_answer(board):
+    device = opened(board)
+    board.values[7] = 0
+    board.set_enabled()
+    fails(device, "does not hold pin 7 high")
+    until_it_plays(device, board)
+    device.close()
+
+
 def test_without_an_enable_pin_a_driver_outlives_the_reset_of_its_board_until_it_is_set_up_again(bare):
     device = opened(bare, "?motor=erm")
     device.set(1.0, 0.0, 0)
@@ -405,5 +414,5 @@ def test_a_pin_that_cannot_enable_is_refused(board, monkeypatch):
         "handle",
         lambda master, command, data: command == 0xF5 or DriverBoard.handle(board, master, command, data),
     )
-    with pytest.raises(BadInput, match="does not set pin 7, which is to enable the chips"):
+    with pytest.raises(BadInput, match="does not hold pin 7 high, which enables the chips"):
         opened(board)
