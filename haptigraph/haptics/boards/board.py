@@ -40,13 +40,13 @@ class FirmataBoard:
         kind: The device's name in errors about a missing extra.
         port: The serial port.
         baud: Its rate.
-        silence: The bytes that silence everything on the board: the first that it receives when the port is
-            opened, and the last before it is closed.
+        silence: The bytes that silence everything on the board, the last before the port is closed.
+        first: The first when it is opened; a board that is just starting may miss some.
     """
 
-    def __init__(self, kind: str, port: str, baud: int, silence: bytes) -> None:
+    def __init__(self, kind: str, port: str, baud: int, *, silence: bytes, first: bytes) -> None:
         self.port = port
-        self._kind, self._baud, self._silence = kind, baud, silence
+        self._kind, self._baud, self._silence, self._first = kind, baud, silence, first
         self._serial: Any = None
 
     @property
@@ -55,7 +55,7 @@ class FirmataBoard:
         return self._serial is not None
 
     def open(self) -> None:
-        """Open the port, silence the board, wait until it answers.
+        """Open the port, send the first bytes, wait until the board answers.
 
         Raises:
             DeviceError: If the port cannot be opened, or nothing on it speaks Firmata.
@@ -73,7 +73,7 @@ class FirmataBoard:
             number = getattr(error, "errno", None)
             reason = os.strerror(number) if number else error
             raise DeviceError(f"{self.port} cannot be opened ({reason})") from None
-        self._serial.write(self._silence)  # it may still vibrate from an earlier run
+        self._serial.write(self._first)
         self._await_answer()
 
     def expect_quick_answers(self) -> None:

@@ -30,7 +30,7 @@ from haptigraph.messages import Capabilities
 
 __all__ = ["Drv2605Device"]
 
-OUTPUT, SET_DIGITAL_PIN, STATE_QUERY, STATE = 1, 0xF5, 0x6D, 0x6E
+OUTPUT, DIGITAL_PORT, STATE_QUERY, STATE = 1, 0x90, 0x6D, 0x6E
 MAX_VALUE = 255
 RETRY_S = 1.0  # a chip that is enabled but not reached may vibrate until it is disabled again
 
@@ -60,7 +60,9 @@ class Drv2605Device(BoardDevice):
         port, texts = split_argument("drv2605", argument, OPTIONS)
         self._options = options = driver_options(texts, name)
         baud = whole_number(texts, "baud", BAUD, name, range(300, 4_000_000))
-        board = FirmataBoard("drv2605", port, baud, _silence(options))
+        disable = _enable(options, 0)
+        silence = bytes((*_standby(options), *disable))
+        board = FirmataBoard("drv2605", port, baud, silence=silence, first=bytes(disable))
         self._bus = I2cBus(board)
         self._multiplexer = None if options.mux is None else Multiplexer(self._bus, options.mux)
         self._chips = {
@@ -107,14 +109,13 @@ class Drv2605Device(BoardDevice):
 
     def _set_up(self) -> None:
         """Enable the bus, then the chips, once it is certain which of them a command reaches."""
-        self._bus.enable()
-        # A board that restarted at its opening has missed the first ones.
-        self._board.send(*_standby(self._options))
+        self._board.send(*_standby(self._options))  # they may still vibrate from an earlier run
+        self._bus.verify_pins()
         for channels in self._chips:
             self._select(channels, SETUP_S)
         if (pin := self._options.enable) is not None:
             self._board.set_pin_mode(pin, OUTPUT)
-            self._board.send(SET_DIGITAL_PIN, pin, 1, *_standby(self._options))
+            self._board.send(*_enable(self._options, 1), *_standby(self._options))
         for (channels, chip), calibration in zip(
             self._chips.items(), self._options.calibrations, strict=True
         ):
@@ -165,7 +166,10 @@ def _name(channels: tuple[int, ...]) -> str:
 
 
 def _standby(options: DriverOptions) -> tuple[int, ...]:
-    """Return the messages that silence all chips in any state."""
+    """Return the messages that silence all chips in any state.
+
+    They are for a board that has answered: a message to the bus that is not enabled hangs the sketch.
+    """
     mask = sum(1 << channel for channel in options.channels)
     select = () if options.mux is None else write_message(options.mux, mask)
     return (
@@ -175,7 +179,10 @@ def _standby(options: DriverOptions) -> tuple[int, ...]:
     )
 
 
-def _silence(options: DriverOptions) -> bytes:
-    """Return the same, and what takes the chips' EN low: that works even if they do not listen."""
-    disable = () if options.enable is None else (SET_DIGITAL_PIN, options.enable, 0)
-    return bytes((*_standby(options), *disable))
+def _enable(options: DriverOptions, level: int) -> tuple[int, ...]:
+    """Return the message that sets the chips' EN, and the other outputs of its port to 0; empty without EN."""
+    if options.enable is None:
+        return ()
+    port, bit = divmod(options.enable, 8)
+    value = level << bit
+    return DIGITAL_PORT | port, value & 0x7F, value >> 7

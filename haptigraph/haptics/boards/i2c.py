@@ -27,8 +27,8 @@ class I2cBus:
     def __init__(self, board: FirmataBoard) -> None:
         self._board = board
 
-    def enable(self) -> None:
-        """Check that the board has pins for I2C, and turn them over to the bus.
+    def verify_pins(self) -> None:
+        """Check that the board has pins for I2C.
 
         Raises:
             DeviceError: If the board has none.
@@ -37,7 +37,6 @@ class I2cBus:
             raise DeviceError(
                 f"the board on {self._board.port} has no pins for I2C; use one that StandardFirmata supports"
             )
-        self._board.send(*ENABLE_MESSAGE)
 
     def write(self, address: int, *data: int) -> None:
         """Write bytes, usually a register's number and then its value and those of the next ones."""

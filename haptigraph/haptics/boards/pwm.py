@@ -50,7 +50,8 @@ class PwmDevice(BoardDevice):
         self._pin = whole_number(options, "pin", 9, name, range(128))
         baud = whole_number(options, "baud", BAUD, name, range(300, 4_000_000))
         self._max_value = 0
-        super().__init__(name, FirmataBoard("serial", port, baud, bytes(_analog(self._pin, 0))))
+        silence = bytes(_analog(self._pin, 0))  # at once: it may still vibrate from an earlier run
+        super().__init__(name, FirmataBoard("serial", port, baud, silence=silence, first=silence))
         self.capabilities = replace(self.capabilities, amplitude_levels=self._max_value)
 
     @staticmethod

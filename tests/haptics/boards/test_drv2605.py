@@ -119,8 +119,7 @@ def test_a_board_that_missed_the_first_messages_is_silenced_before_its_drivers_a
     first = opened(board, TWO)
     first.set(1.0, 0.0, 0)
     first._board._serial.close()  # dies without a message
-    monkeypatch.setattr(boards, "RETRY_S", 0.05)
-    board.restart(0.3)
+    board.reset()
     board.drivers[0].answers = False
     with pytest.raises(BadInput, match="nothing answers"):
         opened(board, TWO)
@@ -412,7 +411,7 @@ def test_a_pin_that_cannot_enable_is_refused(board, monkeypatch):
     monkeypatch.setattr(
         board,
         "handle",
-        lambda master, command, data: command == 0xF5 or DriverBoard.handle(board, master, command, data),
+        lambda master, command, data: command == 0x90 or DriverBoard.handle(board, master, command, data),
     )
     with pytest.raises(BadInput, match="does not hold pin 7 high, which enables the chips"):
         opened(board)

@@ -85,7 +85,7 @@ TWO_DRIVERS = "?motor=lra&rated_v=1.8&mux=0x70&channel=0,1"
 
 def test_the_stock_sketch_plays_on_both_drivers_behind_the_multiplexer(uno):
     port, levels = uno
-    device = Drv2605Device(f"{port}{TWO_DRIVERS}")
+    device = Drv2605Device(f"{port}{TWO_DRIVERS}&enable=7")
     for value in (0, 76, 255, 1, 204, 0):
         device.set(value / 255, 0.0, 0)
     device.close()

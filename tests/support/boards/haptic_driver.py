@@ -208,9 +208,11 @@ class DriverBoard(Board):
         if time.monotonic() < self.deaf_until_s:
             return
         super().handle(master, command, data)
-        if command == 0xF5 and self.modes.get(data[0]) == 1:
-            self.values[data[0]] = data[1]
-        if command in (0xF4, 0xF5):
+        if command & 0xF0 == 0x90:  # levels of eight pins
+            for bit, pin in enumerate(range(8 * (command & 0x0F), 8 * (command & 0x0F) + 8)):
+                if self.modes.get(pin) == 1:
+                    self.values[pin] = (data[0] | data[1] << 7) >> bit & 1
+        if command == 0xF4 or command & 0xF0 == 0x90:
             self.set_enabled()
 
     def modes_of(self, pin):
