@@ -32,6 +32,7 @@ __all__ = ["Drv2605Device"]
 
 OUTPUT, DIGITAL_PORT, STATE_QUERY, STATE = 1, 0x90, 0x6D, 0x6E
 MAX_VALUE = 255
+AT_ONCE = 2  # chips that are asked before the first answer: 62 bytes, an Uno has a buffer for 64
 RETRY_S = 1.0  # a chip that is enabled but not reached may vibrate until it is disabled again
 
 
@@ -109,8 +110,8 @@ class Drv2605Device(BoardDevice):
 
     def _set_up(self) -> None:
         """Enable the bus, then the chips, once it is certain which of them a command reaches."""
-        self._board.send(*_standby(self._options))  # they may still vibrate from an earlier run
-        self._bus.verify_pins()
+        self._bus.verify_pins()  # by its answer, the board has read all earlier messages
+        self._board.send(*_standby(self._options))
         for channels in self._chips:
             self._select(channels, SETUP_S)
         if (pin := self._options.enable) is not None:
@@ -123,17 +124,19 @@ class Drv2605Device(BoardDevice):
             chip.set_up(calibration)
 
     def _apply(self, amplitude: float, within_s: float) -> None:
-        """Set all chips at once, then read back each; all messages are sent before the first answer."""
+        """Set all chips at once, then read back each."""
         value = round(amplitude * MAX_VALUE)
         if self._multiplexer:
             self._multiplexer.connect(self._options.channels)
         self._bus.write(*amplitude_command(value))
-        for channels, chip in self._chips.items():
-            self._connect_channels(channels)
-            chip.request()
-        for channels, chip in self._chips.items():
-            self._verify_channels(channels, within_s)
-            chip.verify(value, within_s)
+        chips = list(self._chips.items())
+        for some in (chips[first : first + AT_ONCE] for first in range(0, len(chips), AT_ONCE)):
+            for channels, chip in some:
+                self._connect_channels(channels)
+                chip.request()
+            for channels, chip in some:
+                self._verify_channels(channels, within_s)
+                chip.verify(value, within_s)
         if (pin := self._options.enable) is not None:  # a chip that is not enabled may answer all the same
             self._board.send_sysex(STATE_QUERY, pin)
             state = self._board.received(bytes((STATE,)), within_s)
@@ -180,7 +183,7 @@ def _standby(options: DriverOptions) -> tuple[int, ...]:
 
 
 def _enable(options: DriverOptions, level: int) -> tuple[int, ...]:
-    """Return the message that sets the chips' EN, and the other outputs of its port to 0; empty without EN."""
+    """Return the message that sets the chips' EN, and other outputs of its port to 0; empty without EN."""
     if options.enable is None:
         return ()
     port, bit = divmod(options.enable, 8)
