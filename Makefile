@@ -132,7 +132,7 @@ bench-live: $(VENV)/runs  ## latency through a browser, load of viewers, memory 
 	$(BIN)/python benchmarks/live.py memory
 
 bench-silence: setup  ## how soon a device is silent after each fault of a real run; needs a machine without other work
-	mkdir -p build && HAPTIGRAPH_FAULTS=build/silence.jsonl $(BIN)/python -m pytest tests/faults/test_faults.py tests/faults/test_ros2_faults.py tests/faults/test_lost_camera.py
+	mkdir -p build && HAPTIGRAPH_FAULTS=build/silence.jsonl $(BIN)/python -m pytest tests/faults/test_faults.py tests/faults/devices tests/faults/test_ros2_faults.py tests/faults/test_lost_camera.py
 
 bench-robot: setup  ## a robot's loop: distance from the RCM, holds after faults, jitter at 200 Hz
 	$(BIN)/python benchmarks/robot_approaches.py
@@ -140,6 +140,7 @@ bench-robot: setup  ## a robot's loop: distance from the RCM, holds after faults
 
 bench-touch: setup  ## timing accuracy of the haptic grammar on a board at a serial port
 	$(BIN)/python benchmarks/touch.py
+	$(BIN)/python benchmarks/touch.py --device drv2605
 
 bench-profiles: setup  ## simulated persons calibrate simulated devices: coverage, and whether "low" is the same
 	$(BIN)/python benchmarks/device_profiles.py
@@ -187,8 +188,8 @@ render: setup .venv-rendering/ready  ## labelled clips of rendered scenes into b
 		.venv-rendering/bin/python -m rendering.render $$scene && $(BIN)/python -m rendering.pack $$scene || exit 1; \
 	done
 
-faults: setup  ## 1,620 random faults against the real program, 55 minutes a call; goes on where it stopped (build/faults.jsonl)
-	mkdir -p build && PYTHONPATH=.:tests/support:tests/dashboard:tests/faults $(BIN)/python tests/faults/campaign.py --results build/faults.jsonl
+faults: setup  ## 1,800 random faults against the real program, 55 minutes a call; goes on where it stopped (build/faults.jsonl)
+	mkdir -p build && PYTHONPATH=.:tests/support:tests/support/boards:tests/dashboard:tests/faults:tests/faults/devices $(BIN)/python tests/faults/campaign.py --results build/faults.jsonl
 
 soak: setup  ## memory over 100,000 steps, then eight hours of random faults; takes hours
 	$(BIN)/python benchmarks/memory.py

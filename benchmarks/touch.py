@@ -1,11 +1,13 @@
 """Timing of haptic patterns on a serial board: every edge compared with its due time.
 
 Plays patterns as a run does (guard, player, device process, Firmata over a pseudo-terminal) to a board that
-decodes commands and records their times. Measures the round trip of a command, too. Needs an idle machine.
+decodes commands and records their times: those of a PWM pin (`serial`), or of two DRV2605L behind a
+multiplexer (`drv2605`). Measures the round trip of a command, too. Needs an idle machine.
 
-Usage: python benchmarks/touch.py [SECONDS]   (60 if not given)
+Usage: python benchmarks/touch.py [SECONDS] [--device drv2605]   (60 s, `serial` if not given)
 """
 
+import argparse
 import sys
 import tempfile
 import time
@@ -14,8 +16,10 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support" / "boards"))
 
 from firmata_board import Board
+from haptic_driver import DriverBoard
 from helpers import PULSE, SUCCESS, make_step
 
 from haptigraph.assemble import open_device
@@ -26,6 +30,13 @@ from haptigraph.haptics.player import Player
 from haptigraph.messages import OFF, Pattern
 
 IMAGE_NS = 33_000_000
+BOARDS = {  # makes a board that appends (stamp_ns, output) of every change to a list; the device's options
+    "serial": (lambda link, seen: Board(link, on_change=lambda at, _, value: seen.append((at, value))), ""),
+    "drv2605": (
+        lambda link, seen: DriverBoard(link, (0, 1), felt=lambda *edge: seen.append(edge)),
+        "?motor=lra&mux=0x70&channel=0,1",
+    ),
+}
 
 
 def play(player: Player, pattern: Pattern, length_s: float) -> int:
@@ -39,10 +50,10 @@ def play(player: Player, pattern: Pattern, length_s: float) -> int:
     return start_ns
 
 
-def edge_errors_ms(board: Board, start_ns: int, pattern: Pattern, edges: int) -> list[float]:
+def edge_errors_ms(seen: list[tuple[int, float]], start_ns: int, pattern: Pattern, edges: int) -> list[float]:
     """Return the time errors of the first edges, each to the nearest edge of its direction."""
     recorded = {True: [], False: []}  # on, off
-    for stamp_ns, _, value in board.edges:
+    for stamp_ns, value in seen:
         recorded[bool(value)].append(stamp_ns)
     period_ns = (pattern.on_ms + pattern.off_ms) * 1e6
     errors = []
@@ -55,9 +66,14 @@ def edge_errors_ms(board: Board, start_ns: int, pattern: Pattern, edges: int) ->
 
 def main() -> None:
     """Play pulses, then bursts, and print the percentiles."""
-    seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 60.0
-    with tempfile.TemporaryDirectory() as folder, Board(Path(folder) / "tty") as board:
-        device = open_device(f"serial:{board.link}")
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("seconds", type=float, nargs="?", default=60.0)
+    parser.add_argument("--device", choices=BOARDS, default="serial")
+    options = parser.parse_args()
+    seconds, seen = options.seconds, []
+    make_board, arguments = BOARDS[options.device]
+    with tempfile.TemporaryDirectory() as folder, make_board(Path(folder) / "tty", seen) as board:
+        device = open_device(f"{options.device}:{board.link}{arguments}")
         round_trips: list[float] = []
         send = device.set
 
@@ -71,11 +87,11 @@ def main() -> None:
         errors: dict[str, list[float]] = {"pulses": [], "bursts": []}
         start_ns = play(player, PULSE, seconds)
         play(player, OFF, 0.5)
-        errors["pulses"] = edge_errors_ms(board, start_ns, PULSE, int(seconds / 0.16) * 2)
+        errors["pulses"] = edge_errors_ms(seen, start_ns, PULSE, int(seconds / 0.16) * 2)
         for _ in range(max(int(seconds / 6), 1)):
             start_ns = play(player, SUCCESS, 0.3)
             play(player, OFF, 0.3)
-            errors["bursts"] += edge_errors_ms(board, start_ns, SUCCESS, 4)
+            errors["bursts"] += edge_errors_ms(seen, start_ns, SUCCESS, 4)
         player.close()
     for name, values in (*errors.items(), ("round trip", round_trips)):
         p50, p99, maximum = np.percentile(values, [50, 99, 100])

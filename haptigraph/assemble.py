@@ -54,12 +54,19 @@ DEVICES = {
     "audio": "haptigraph.haptics.audio:AudioDevice",
     "console": "haptigraph.haptics.console:ConsoleDevice",
     "crtk": "haptigraph.haptics.network.crtk:CrtkDevice",
+    "drv2605": "haptigraph.haptics.boards.drv2605:Drv2605Device",
     "gamepad": "haptigraph.haptics.gamepad:GamepadDevice",
     "ros2": "haptigraph.haptics.network.ros2:Ros2Device",
-    "serial": "haptigraph.haptics.firmata:FirmataDevice",
+    "serial": "haptigraph.haptics.boards.pwm:PwmDevice",
     "trace": "haptigraph.haptics.trace:TraceDevice",
 }
-WATCHED = ("crtk", "gamepad", "ros2", "serial")  # devices that would keep vibrating if the run died
+WATCHED = (
+    "crtk",
+    "drv2605",
+    "gamepad",
+    "ros2",
+    "serial",
+)  # devices that would keep vibrating if the run died
 SOURCES = {
     "camera": "haptigraph.sources.cameras.uvc:CameraSource",
     "dicom": "haptigraph.sources.oct.dicom:DicomSource",

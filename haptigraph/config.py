@@ -115,7 +115,8 @@ class HapticsConfig(Struct, frozen=True, forbid_unknown_fields=True):
     """Device and limits of the haptic output."""
 
     device: str = "console"
-    """console, trace:FILE.csv, audio[:FILE.wav], gamepad:N, serial:PORT?pin=N or ros2[:TOPIC]."""
+    """console, trace:FILE.csv, audio[:FILE.wav], gamepad:N, serial:PORT?pin=N,
+    drv2605:PORT?motor=lra or ros2[:TOPIC]."""
     profile: str = ""
     """Path of the device's profile (TOML), which has the drive for every amplitude; empty: they are equal."""
     max_amplitude: Annotated[float, Meta(ge=0, le=1)] = 1.0

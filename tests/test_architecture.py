@@ -31,6 +31,7 @@ UNITS = {
     "rows",
     "steps",
     "s2",
+    "v",
 }
 # Numbers without a unit: ratios and counts, and the paper's alpha.
 UNITLESS = {

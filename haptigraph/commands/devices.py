@@ -1,4 +1,4 @@
-"""Commands for actuators: devices, devices test."""
+"""Commands for actuators: devices, devices test, devices auto-calibrate."""
 
 import sys
 from contextlib import AbstractContextManager, nullcontext
@@ -11,14 +11,18 @@ from haptigraph.commands.options import procedure_option, profile_option
 from haptigraph.commands.terminal import terminable
 from haptigraph.errors import MissingExtra
 
-__all__ = ["devices", "devices_test"]
+__all__ = ["devices", "devices_auto_calibrate", "devices_test"]
 
 SAFETY = "Research software: never use it on anyone whom a vibration, or its absence, could harm."
 
 
 @click.group(
     cls=TaskGroup,
-    tasks={"Try one": ("test",), "Measure how strong it feels": ("calibrate",)},
+    tasks={
+        "Try one": ("test",),
+        "Measure its motor": ("auto-calibrate",),
+        "Measure how strong it feels": ("calibrate",),
+    },
     invoke_without_command=True,
     epilog=examples("haptigraph devices", "haptigraph devices test gamepad:0"),
 )
@@ -94,6 +98,36 @@ def devices_test(device: str, procedure: str | None, profile: str | None) -> Non
         click.echo("the device confirmed each one, so this is the round trip")
     else:
         click.echo("the device confirms no command, so the delay until it vibrates is unknown")
+
+
+@devices.command(
+    "auto-calibrate",
+    epilog=examples("haptigraph devices auto-calibrate 'drv2605:/dev/ttyACM0?motor=lra&rated_v=1.8'"),
+)
+@click.argument("device")
+def devices_auto_calibrate(device: str) -> None:
+    """Let a DRV2605L measure its motor, which vibrates for a second, and print the result as an option.
+
+    Mount the motor and hold it as in use. The driver forgets the result without power.
+    """
+    from contextlib import closing
+
+    from haptigraph.analysis.actuators import device_class
+    from haptigraph.errors import BadInput
+
+    kind, _, argument = device.partition(":")
+    if kind != "drv2605":
+        raise BadInput(f"only a drv2605 measures its motor, found {kind}", device)
+    click.echo(SAFETY)
+    with terminable(), closing(device_class(kind)(argument)) as opened:
+        results = opened.calibrate()
+    for number, result in enumerate(results, 1):
+        resonance = f", resonance {result.resonance_hz:.0f} Hz" if result.resonance_hz else ""
+        click.echo(
+            f"driver {number}: compensation {result.compensation}, back EMF {result.back_emf}, "
+            f"gain {result.gain}{resonance}"
+        )
+    click.echo(f"add to the device: &calibration={','.join(result.text for result in results)}")
 
 
 devices.add_command(devices_calibrate)

@@ -19,6 +19,7 @@ from haptigraph.messages import Capabilities
 __all__ = ["AudioDevice", "SoundCard", "SoundFile"]
 
 HOLDS_MS = 150.0
+MAX_CHANNELS = 64
 
 
 class AudioDevice:
@@ -26,7 +27,7 @@ class AudioDevice:
 
     Args:
         argument: Path of a new .wav file, or the name or number of a sound card's output; the system default
-            if empty.
+            if empty. ?channels=3,4 names the channels that play, counted from 1; 1 and 2 if not given.
 
     Raises:
         BadInput: If the file or the sound card cannot be used.
@@ -64,10 +65,11 @@ class SoundCard:
     """Provide samples to a sound card on request.
 
     Args:
-        output: Name or number of the output; the system default if empty.
+        argument: Name or number of the output, the system default if empty, and ?channels=N,N.
     """
 
-    def __init__(self, output: str) -> None:
+    def __init__(self, argument: str) -> None:
+        output, self._channels = _output_and_channels(argument)
         self._tone = Tone(HOLDS_MS)
         sounddevice = _sounddevice()
         self._error: type[Exception] = sounddevice.PortAudioError
@@ -75,18 +77,21 @@ class SoundCard:
             self._stream = sounddevice.OutputStream(
                 device=int(output) if output.isdecimal() else output or None,
                 samplerate=RATE_HZ,
-                channels=2,
+                channels=max(self._channels) + 1,
                 dtype="float32",
                 latency="low",
                 callback=self.fill,
             )
             self._stream.start()
         except (self._error, ValueError) as error:
-            raise BadInput(f"cannot be opened ({error})", f"audio:{output}" if output else "audio") from None
+            raise BadInput(
+                f"cannot be opened ({error})", f"audio:{argument}" if argument else "audio"
+            ) from None
 
     def fill(self, samples: NDArray[np.float32], count: int, *_: Any) -> None:
         """Fill the sound card's next buffer, (count, channels)."""
-        samples[:] = self._tone.samples(count)[:, None]
+        samples[:] = 0
+        samples[:, self._channels] = self._tone.samples(count)[:, None]
 
     def set(self, amplitude: float, frequency_hz: float, stamp_ns: int) -> None:
         """Play from the next buffer on."""
@@ -157,6 +162,22 @@ class SoundFile:
             except OSError as error:
                 raise DeviceError(f"{self._path} cannot be written ({error.strerror})") from None
             self._written += count
+
+
+def _output_and_channels(argument: str) -> tuple[str, list[int]]:
+    """Return the output and the indices of its channels that play."""
+    output, asks, query = argument.rpartition("?")
+    if not asks:
+        return argument, [0, 1]
+    key, _, text = query.partition("=")
+    numbers = [int(number) for number in text.split(",") if number.isdecimal()]
+    is_valid = len(numbers) == len(text.split(",")) and all(1 <= number <= MAX_CHANNELS for number in numbers)
+    if key != "channels" or not is_valid:
+        raise BadInput(
+            f"found ?{query}; valid: the channels that play, 1 to {MAX_CHANNELS}, as in ?channels=3,4",
+            f"audio:{argument}",
+        )
+    return output, [number - 1 for number in numbers]
 
 
 def _sounddevice() -> Any:

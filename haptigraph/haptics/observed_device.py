@@ -1,7 +1,7 @@
 """Observe a device downstream of the guard: pages show its output, recordings have what it confirms.
 
-A board confirms the value of its pin; a controller's driver or browser confirms that it took the command. The
-other outputs confirm nothing.
+A board confirms the value of its pin, a DRV2605L that of its register; a controller's driver or browser
+confirms that it took the command. The other outputs confirm nothing.
 """
 
 from collections import deque
@@ -16,8 +16,8 @@ __all__ = [
     "confirms", "is_felt",
 ]  # fmt: skip
 
-ACTUATORS = ("audio", "crtk", "gamepad", "ros2", "serial")
-CONFIRMING = ("controller", "gamepad", "serial")
+ACTUATORS = ("audio", "crtk", "drv2605", "gamepad", "ros2", "serial")
+CONFIRMING = ("controller", "drv2605", "gamepad", "serial")
 MAX_PERIODS = 10_000
 
 Listener: TypeAlias = Callable[[int, float, float], None]

@@ -84,8 +84,8 @@ TRIAL_MEASURES = _fields(
         "delivered_s",
         "number",
         "s",
-        "time for which an output confirmed an amplitude above 0 (serial: the board its pin; gamepad and "
-        f"controller: driver or browser the command) {RUN}",
+        "time for which an output confirmed an amplitude above 0 (serial: the board its pin; drv2605: the "
+        f"chip its register; gamepad and controller: driver or browser the command) {RUN}",
     ),
     ("touch", "text", "", "sham: the vibration came at random times, whatever the state"),
     ("weakest_amplitude", "number", "", "amplitude of the weakest pattern, where the calibration set it"),

@@ -5,6 +5,7 @@ from itertools import groupby
 
 import pytest
 from firmata_board import Board
+from haptic_driver import DriverBoard
 from helpers import LOW, MS, PULSE, SUCCESS, call, refuse
 from made_profiles import TEXT
 
@@ -77,6 +78,27 @@ def test_a_board_plays_the_grammar_and_its_round_trip_is_measured(tmp_path):
     assert [value for value, _ in groupby(values)] == [76, 255, 204]
     assert 5 < values.count(255) <= 20  # a busy machine may miss one of the 10 pulses, or split each in two
     assert not board.vibrates()
+
+
+def test_a_driver_measures_its_motor_and_the_option_restores_the_result(tmp_path):
+    pytest.importorskip("serial")
+    with DriverBoard(tmp_path / "tty") as board:
+        uri = f"drv2605:{board.link}?motor=lra&mux=0x70&channel=0,1"
+        output = call("devices", "auto-calibrate", uri).stdout
+        assert "driver 2: compensation 13, back EMF 110, gain 1, resonance 175 Hz" in output
+        option = output.split()[-1]
+        assert option == "&calibration=13-110-1,13-110-1"
+        board.until(lambda board: not board.vibrates())
+        for driver in board.drivers.values():
+            driver.power_up()
+        assemble.open_device(uri + option).close()
+        assert bytes(board.drivers[1].registers[0x18:0x1A]) == bytes((13, 110))
+
+
+def test_other_devices_do_not_measure_their_motor():
+    assert "only a drv2605 measures its motor, found gamepad" in refuse(
+        "devices", "auto-calibrate", "gamepad:0"
+    )
 
 
 def test_a_device_that_does_not_open_is_refused_in_one_sentence():

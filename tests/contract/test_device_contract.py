@@ -4,6 +4,7 @@ from contextlib import ExitStack
 
 import pytest
 from firmata_board import Board
+from haptic_driver import DriverBoard
 
 from haptigraph import assemble
 from haptigraph.errors import BadInput
@@ -16,6 +17,7 @@ OPENERS = {
     "audio": lambda folder: f"audio:{folder / 'touch.wav'}",
     "console": lambda folder: "console",
     "crtk": lambda folder: "crtk:contract/MTML",
+    "drv2605": lambda folder: f"drv2605:{folder / 'tty'}?motor=lra&mux=0x70&channel=0,1",
     "gamepad": lambda folder: "gamepad",
     "ros2": lambda folder: "ros2:contract/set_feedback",
     "serial": lambda folder: f"serial:{folder / 'tty'}",
@@ -44,9 +46,10 @@ def device(request, tmp_path, monkeypatch):
 
             peer.subscribe("/contract/set_feedback", JoyFeedback)
             peer.subscribe("/contract/MTML/servo_cf", WrenchStamped)
-        if request.param == "serial":
+        if request.param in ("drv2605", "serial"):
             pytest.importorskip("serial")
-            stack.enter_context(Board(tmp_path / "tty"))
+            board = DriverBoard if request.param == "drv2605" else Board
+            stack.enter_context(board(tmp_path / "tty"))
         if request.param == "gamepad":
             pytest.importorskip("sdl2", exc_type=ImportError)
             monkeypatch.setitem(assemble.DEVICES, "gamepad", "virtual_pad:VirtualGamepad")
@@ -87,10 +90,14 @@ def test_the_controller_of_the_page_reports_its_capabilities():
     check_capabilities(PAGE_CONTROLLER)
 
 
-@pytest.mark.parametrize(("kind", "library"), [("gamepad", "sdl2"), ("serial", "serial")])
-def test_the_error_without_an_extra_names_it(kind, library, tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("device", "library"), [("gamepad:0", "sdl2"), ("serial:0", "serial"), ("drv2605:0?motor=lra", "serial")]
+)
+def test_the_error_without_an_extra_names_it(device, library, tmp_path, monkeypatch):
     """Even through the watchdog process."""
     (tmp_path / f"{library}.py").write_text(f"raise ModuleNotFoundError({library!r})")
     monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(BadInput, match=rf"device {kind} needs an extra; .* 'haptigraph\[{kind}\]'"):
-        assemble.open_device(f"{kind}:0")
+    kind = device.partition(":")[0]
+    extra = "serial" if library == "serial" else kind
+    with pytest.raises(BadInput, match=rf"device {kind} needs an extra; .* 'haptigraph\[{extra}\]'"):
+        assemble.open_device(device)

@@ -18,6 +18,7 @@ from pathlib import Path
 
 import msgspec
 import trials
+import trials_of_driver
 import trials_of_input
 import trials_of_robot
 from damages import make_files
@@ -30,6 +31,8 @@ ROOT = Path(__file__).parents[2]
 TRIALS = {  # of each kind, in a whole campaign
     "hung process": (120, trials.hung_process),
     "ended run": (120, trials.ended_run),
+    "driver chip": (120, trials_of_driver.driver_chip),
+    "driver chip, restarts": (60, trials_of_driver.restarts),
     "half-open connections": (60, trials.half_open_connections),
     "recover": (300, trials.recovered),
     "replay of a complete file": (200, trials.replayed_whole),

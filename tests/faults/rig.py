@@ -12,6 +12,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from firmata_board import Board
+from haptic_driver import DriverBoard
 
 from haptigraph.recording.reader import RunReader
 from haptigraph.sources.phantom import PhantomSource
@@ -22,8 +23,20 @@ TIMEOUT_S = 60.0
 DEADMAN_MS = 150
 # What a device may add to the dead-man time: its timeout of a response, its minimum interval between commands, or
 # a buffer and a ramp; and 50 ms. The scheduling latency of the machine meanwhile is added.
-PERIOD_MS = {"serial": 100 + 50, "gamepad": 50 + 50, "audio": 15 + 50, "ros2": 50 + 50, "crtk": 50 + 50}
-URI = {"crtk": "crtk:hand"}  # where it is not the name
+PERIOD_MS = {
+    "serial": 100 + 50,
+    "drv2605": 100 + 50,
+    "gamepad": 50 + 50,
+    "audio": 15 + 50,
+    "ros2": 50 + 50,
+    "crtk": 50 + 50,
+}
+ENABLE_PIN = 7
+URI = {  # where it is not the name
+    "crtk": "crtk:hand",
+    "serial": "serial:{tty}",
+    "drv2605": "drv2605:{tty}?motor=lra&mux=0x70&channel=0,1",
+}
 # The results' file; with it, the machine is expected to have no other work (`make bench-silence`).
 RESULTS = os.environ.get("HAPTIGRAPH_FAULTS")
 SHARED_MS = 0 if RESULTS else 1000  # what other work on the machine may add to any process
@@ -174,7 +187,25 @@ class ArmMonitor(RosMonitor):
         self.note(time.monotonic_ns(), float(message.wrench.force.x != 0))
 
 
-def monitor_of(device, folder):
+class DriverMonitor(OutputMonitor):
+    """Monitor the stronger output of two simulated drivers on a board.
+
+    Args:
+        link: The port.
+        enable_pin: The pin that their EN is wired to; None: to their power.
+    """
+
+    def __init__(self, link, enable_pin):
+        super().__init__()
+        self.board = DriverBoard(link, (0, 1), enable_pin, felt=self.note)
+
+    def close(self):
+        self.board.close()
+
+
+def monitor_of(device, folder, enable_pin):
+    if device == "drv2605":
+        return DriverMonitor(folder / "tty", enable_pin)
     if device in ("crtk", "ros2"):
         return ArmMonitor() if device == "crtk" else RosMonitor()
     if device == "serial":
@@ -187,20 +218,23 @@ class Rig:
 
     Args:
         folder: Folder for all files.
-        device: serial, gamepad, audio, ros2 or crtk.
+        device: serial, drv2605, gamepad, audio, ros2 or crtk.
         arguments: Further arguments of the command.
+        enable_pin: The pin that the EN of drivers is wired to; None: to their power.
     """
 
-    def __init__(self, folder, device, *arguments, command="run", **options):
+    def __init__(self, folder, device, *arguments, command="run", enable_pin=None, **options):
         self.device, self.record = device, folder / "run.mcap"
         self.stack = ExitStack()
-        self.monitor = monitor_of(device, folder)
+        self.monitor = monitor_of(device, folder, enable_pin)
         self.stack.callback(self.monitor.close)
         self.probe = LatencyProbe()
         self.stack.callback(self.probe.is_stopped.set)
         registration = folder / "registration.toml"
         registration.write_text(PhantomSource(STEADY).registration)
-        uri = f"serial:{folder / 'tty'}" if device == "serial" else URI.get(device, device)
+        uri = URI.get(device, device).format(tty=folder / "tty") + (
+            f"&enable={enable_pin}" if enable_pin else ""
+        )
         self.process = subprocess.Popen(
             [sys.executable, str(HERE / "faulty.py"), STEADY, command, "camera:0", "--device", uri,
              "--registration", str(registration), "--record", str(self.record), *arguments],

@@ -133,6 +133,33 @@ def test_the_sound_card_receives_the_tone_on_every_channel(port):
     assert not port.active
 
 
+@pytest.mark.parametrize(
+    ("argument", "output", "count", "playing"),
+    [
+        ("2?channels=3,4", 2, 4, [2, 3]),
+        ("DualSense: USB Audio?channels=4", "DualSense: USB Audio", 4, [3]),
+        ("?channels=1", None, 1, [0]),
+    ],
+)
+def test_only_the_channels_that_are_named_play(port, argument, output, count, playing):
+    device = AudioDevice(argument)
+    assert port.opened["device"] == output
+    assert port.opened["channels"] == count
+    device.set(1.0, 160.0, 0)
+    samples = port.request(4800)
+    assert [channel for channel in range(count) if samples[:, channel].any()] == playing
+    assert not np.isnan(samples).any()
+    device.close()
+
+
+@pytest.mark.parametrize(
+    "query", ["channels=0", "channels=", "channels=3,", "channels=x", "chanels=3", "channels=65"]
+)
+def test_invalid_channels_are_refused(port, query):
+    with pytest.raises(BadInput, match=r"audio:2\?chan.*: found \?chan.*as in \?channels=3,4"):
+        AudioDevice(f"2?{query}")
+
+
 def test_a_stopped_sound_card_is_restarted_or_reported(port):
     device = AudioDevice("2")
     assert port.opened["device"] == 2

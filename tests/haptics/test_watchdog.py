@@ -14,7 +14,7 @@ from haptigraph.errors import BadInput, DeviceError
 from haptigraph.haptics.watchdog import HOLDS_MS, Reply, WatchedDevice
 
 pytest.importorskip("serial")
-FIRMATA = "haptigraph.haptics.firmata:FirmataDevice"
+FIRMATA = "haptigraph.haptics.boards.pwm:PwmDevice"
 RUN = """
 import signal
 from haptigraph.haptics.watchdog import WatchedDevice

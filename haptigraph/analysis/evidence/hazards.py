@@ -116,6 +116,14 @@ GENERAL = {
 FAULTS = {
     "hung process": ("stuck_vibration", "A process that hangs does not keep the actuator vibrating"),
     "ended run": ("stuck_vibration", "However a run ends, the actuator is silent afterwards"),
+    "driver chip": (
+        "stuck_vibration",
+        "Whatever fails on the way to a driver chip, its motor is silent in time",
+    ),
+    "driver chip, restarts": (
+        "stuck_vibration",
+        "A driver chip's motor is silent once its process or board has started again",
+    ),
     "slow connection": ("late_alarm", "Over a slow connection, no image is felt after its time"),
     "raw images over ROS 2": ("late_alarm", "Images over ROS 2 arrive, or their loss is reported"),
     "damaged file": ("wrong_registration", "A damaged file is refused, with one sentence"),

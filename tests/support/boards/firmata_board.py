@@ -133,17 +133,16 @@ class Board:
             name = b"".join(bytes((ord(letter) & 0x7F, ord(letter) >> 7)) for letter in "StandardFirmata.ino")
             self.send_sysex(master, 0x79, bytes((2, 5)) + name)
         elif command == 0x6B:  # capabilities: mode and bits of each, 127 after every pin
-            modes = [
-                bytes((0, 1, 1, 1)) + (bytes((3, self.pins[pin])) if pin in self.pins else b"")
-                for pin in range(21)
-            ]
-            self.send_sysex(master, 0x6C, b"".join(mode + b"\x7f" for mode in modes))
+            self.send_sysex(master, 0x6C, b"".join(self.modes_of(pin) + b"\x7f" for pin in range(21)))
         elif command == 0x6D:  # state of a pin
             value = self.values.get(data[0], 0)
             state = bytes(value >> shift & 0x7F for shift in range(0, max(value.bit_length(), 1), 7))
             self.send_sysex(master, 0x6E, bytes((data[0], self.modes.get(data[0], 1))) + state)
         elif command == 0x6F:  # extended analog
             self.write(data[0], sum(bits << 7 * index for index, bits in enumerate(data[1:])))
+
+    def modes_of(self, pin):
+        return bytes((0, 1, 1, 1)) + (bytes((3, self.pins[pin])) if pin in self.pins else b"")
 
     def write(self, pin, value):
         with self.changed:

@@ -1,0 +1,1 @@
+"""Actuators on a board with the stock sketch StandardFirmata."""
