@@ -60,13 +60,8 @@ DEVICES = {
     "serial": "haptigraph.haptics.boards.pwm:PwmDevice",
     "trace": "haptigraph.haptics.trace:TraceDevice",
 }
-WATCHED = (
-    "crtk",
-    "drv2605",
-    "gamepad",
-    "ros2",
-    "serial",
-)  # devices that would keep vibrating if the run died
+# They would keep vibrating if the run died.
+WATCHED = ("crtk", "drv2605", "gamepad", "ros2", "serial")
 SOURCES = {
     "camera": "haptigraph.sources.cameras.uvc:CameraSource",
     "dicom": "haptigraph.sources.oct.dicom:DicomSource",
