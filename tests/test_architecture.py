@@ -18,6 +18,8 @@ UNITS = {
     "mm",
     "um",
     "px",
+    "n",
+    "mj",
     "db",
     "deg",
     "rad",
