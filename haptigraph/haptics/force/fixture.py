@@ -25,7 +25,7 @@ from haptigraph.grammar import ForceField
 from haptigraph.messages import Step
 from haptigraph.robot.pose import Vec3
 
-__all__ = ["Fixture", "fixtures_of", "force_n", "tip_of", "to_hand"]
+__all__ = ["Fixture", "elastic_mj", "fixtures_of", "force_n", "tip_of", "to_hand"]
 
 SLOPE_MM = 0.1  # the slope of a surface is taken between points this far to either side
 
@@ -116,6 +116,17 @@ def force_n(fixture: Fixture, position_mm: Vec3, velocity_mm_s: Vec3) -> Vec3:
     size_n = fixture.stiffness_n_per_mm * depth_mm
     size_n -= fixture.damping_n_s_per_mm * _dot(velocity_mm_s, inwards)
     return _scaled(inwards, min(max(size_n, 0.0), fixture.limit_n))  # a wall never holds the hand back
+
+
+def elastic_mj(fixture: Fixture, position_mm: Vec3) -> float:
+    """Return the energy that the hand has stored in a fixture, which it may get back [mJ]."""
+    if fixture.kind == "viscous":
+        return 0.0
+    if fixture.is_planar:
+        position_mm = *position_mm[:2], fixture.point_mm[2]
+    force = fixture.stiffness_n_per_mm * max(_penetration(fixture, position_mm)[0], 0.0)
+    springy = min(force, fixture.limit_n)
+    return springy * (force - springy / 2) / fixture.stiffness_n_per_mm if force else 0.0
 
 
 def _penetration(fixture: Fixture, position_mm: Vec3) -> tuple[float, Vec3]:

@@ -33,7 +33,10 @@ class ForceCapabilities(Struct, frozen=True):
     max_speed_mm_s: float
     """Speed of the hand up to which passivity is guaranteed; above it the force is released."""
     damping_n_s_per_mm: float = 0.0
-    """Its own mechanical damping; 0: unknown."""
+    """Its own mechanical damping, at least; 0: unknown."""
+    delay_ms: float = 0.0
+    """Upper bound of the delay from measuring the hand to pushing it, beyond one exchange. The delay may vary
+    below it. 0: the hand is measured, and the force set, at the call of `exchange`."""
     axes: int = 3
     """Number of axes along which it pushes."""
     holds_ms: float | None = None
