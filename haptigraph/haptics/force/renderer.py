@@ -68,10 +68,10 @@ class ForceRenderer:
         """The reading before, if it was valid."""
         self._sent = self._released_from = NO_FORCE
         self._released_ns = self._blocked_until_ns = self._started_ns = -(10**18)
-        self._is_faulty = False
-        self._faults: list[str] = []
+        self.problem = ""
+        """The fault because of which the force is released; empty: none."""
         self.released_because = NO_FIXTURES
-        """Why no force is exerted; empty while fixtures may push."""
+        """Why no force is exerted, also without a fault; empty while fixtures may push."""
 
     @property
     def tank_mj(self) -> float:
@@ -111,15 +111,9 @@ class ForceRenderer:
 
     def release(self, because: str, now_ns: int) -> None:
         """Release the force because of a fault that only the caller knows, such as one of the device."""
-        if not self._is_faulty:
-            self._faults.append(f"force released: {because}")
-        self._is_faulty, self._blocked_until_ns = True, now_ns + round(RESTART_MS * NS_PER_MS)
+        self.problem = self.problem or because
+        self._blocked_until_ns = now_ns + round(RESTART_MS * NS_PER_MS)
         self._let_go(because, now_ns)
-
-    def take_faults(self) -> tuple[str, ...]:
-        """Return why the force was released since the previous call, a sentence for each time."""
-        faults, self._faults = tuple(self._faults), []
-        return faults
 
     def _damped(self, fixture: Fixture) -> Fixture:
         """Return a fixture with the damping that makes up for sampling and delay."""
@@ -149,7 +143,8 @@ class ForceRenderer:
             and now_ns >= self._blocked_until_ns
             and now_ns >= self._released_ns + RELEASE_MS * NS_PER_MS
         ):
-            self.released_because, self._is_faulty, self._started_ns = "", False, now_ns
+            self.problem = self.released_because = ""
+            self._started_ns = now_ns
 
     def _fault(self, reading: HandReading, moved_mm: Vec3 | None, elapsed_ns: int, now_ns: int) -> str:
         """Return what is wrong with the hand, the loop or the fixtures; empty: nothing."""
