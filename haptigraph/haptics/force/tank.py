@@ -92,6 +92,10 @@ class EnergyTank:
             begin_s = end_s
         return _largest(budget, later)
 
+    def refill(self) -> None:
+        """Fill the tank: the energy counts from now on."""
+        self.content_mj = CAPACITY_MJ
+
     def send(self, force_n: Vec3) -> None:
         """Note the force that is passed to the next exchange."""
         self._next, self._next_n = force_n, hypot(*force_n)
