@@ -29,7 +29,7 @@ SOFT_START_MS = 200.0
 MAX_RISE_N_PER_S = 100.0
 MAX_GAP_MS = 20.0
 """Longest time without an exchange."""
-STALE_MS = 10.0  # age of a reading beyond the device's delay
+STALE_MS = 8.0  # age of a reading beyond the device's delay
 JUMP_MM = 0.2  # beyond what the maximum speed explains
 DELAY_PERIODS = 1.5  # sampling and holding delay a force by 1.5 periods
 DAMPING_SHARE = 2.0  # of what makes up for the delay of a slow hand
@@ -121,7 +121,7 @@ class ForceRenderer:
         self._let_go(because, now_ns)
 
     def _damped(self, fixture: Fixture) -> Fixture:
-        """Return a fixture with the damping that its stiffness needs, and no more stiffness than that allows."""
+        """Return a fixture with the damping that its stiffness needs, within limits of both."""
         stiffness = min(fixture.stiffness_n_per_mm, MAX_ADDED_DAMPING_N_S_PER_MM / self._damping_s)
         return replace(
             fixture,
