@@ -19,7 +19,7 @@ from haptigraph.haptics.force.simulated import ArmImpedance, SimulatedForce, Sim
 from haptigraph.robot.pose import Vec3
 
 MOTIONS_PER_SESSION = 8
-MOTION_MS, START_MS, IMAGE_MS = 250, 220, 33
+MOTION_MS, START_MS, IMAGE_MS = 160, 220, 33
 PERIOD_NS = 1_000_000
 ZERO: Vec3 = (0.0, 0.0, 0.0)
 MAX_SPEED_MM_S = SimulatedForce.capabilities.max_speed_mm_s
