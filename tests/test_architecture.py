@@ -20,6 +20,7 @@ UNITS = {
     "px",
     "n",
     "mj",
+    "kg",
     "db",
     "deg",
     "rad",
