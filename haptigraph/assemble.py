@@ -196,7 +196,9 @@ def build_pipeline(
         perceive=perceive or _perceiver(config, registration, procedure),
         build_scene=_load("haptigraph.scene.builder:SchemaSceneBuilder")(procedure.schema),
         reason=_load("haptigraph.inference.engine:RuleEngine")(procedure),
-        render=_load("haptigraph.haptics.renderer:make_renderer")(procedure.patterns, config.haptics),
+        render=_load("haptigraph.haptics.renderer:make_renderer")(
+            procedure.patterns, procedure.forces, config.haptics
+        ),
     )
 
 

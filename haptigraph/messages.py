@@ -13,6 +13,7 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from haptigraph.geometry import Geometry, Vec
+from haptigraph.grammar import OFF, Follow, ForceField, Pattern
 from haptigraph.graph import SceneGraph, Triplet
 
 __all__ = [
@@ -28,6 +29,7 @@ __all__ = [
     "Delivered",
     "Fault",
     "Follow",
+    "ForceField",
     "HandState",
     "HapticCommand",
     "Image",
@@ -226,56 +228,18 @@ class Conclusion(Struct, frozen=True):
     """The edges that made the rule fire; none while a state is held although its rule no longer matches."""
     measures: dict[str, float] = {}
     """The measures of the graph that the pattern follows."""
-
-
-class Follow(Struct, frozen=True, forbid_unknown_fields=True):
-    """How one parameter of a pattern follows a measure of the scene."""
-
-    key: Literal["amplitude", "frequency_hz", "rate_hz"]
-    """The parameter; `rate_hz` is the pulse rate, set by the pauses."""
-    measure: str
-    """Name of the measure in the graph."""
-    start: tuple[float, float]
-    """(measure, parameter): before this measure, the parameter stays at this value."""
-    end: tuple[float, float]
-    """(measure, parameter): from this measure on, the parameter stays at this value."""
-    curve: float = 1.0
-    """Exponent of the interpolation in between; 1 is linear, 2 slow at first."""
-    dead_band: float = 0.0
-    """Changes of the measure up to this size, its noise, are ignored."""
-    because: str = ""
-    """Why the parameter falls where the state becomes worse; empty if it grows."""
-
-
-class Pattern(Struct, frozen=True, forbid_unknown_fields=True):
-    """One pattern of the haptic grammar."""
-
-    name: str
-    kind: Literal["off", "continuous", "pulses", "bursts"]
-    """Pulses repeat until the pattern changes; bursts play `count` times, once on entry."""
-    amplitude: float = 0.0
-    """Strength in [0, 1]."""
-    frequency_hz: float = 0.0
-    """Vibration frequency, for devices that can choose it."""
-    on_ms: float = 0.0
-    off_ms: float = 0.0
-    count: int = 0
-    rearm_ms: float = 0.0
-    """Bursts play again only after their state was left for this time."""
-    follow: tuple[Follow, ...] = ()
-    """Parameters that follow a measure; empty in a command, which contains their current values."""
-
-
-OFF = Pattern("off", "off")
-"""Silence."""
+    forces: tuple[str, ...] = ()
+    """Names of the state's force fields."""
 
 
 class HapticCommand(Struct, frozen=True):
-    """The haptic output from now on: a pattern and when it began. Self-contained."""
+    """The haptic output from now on: a pattern, when it began, and the force fields. Self-contained."""
 
     stamp_ns: int
     pattern: Pattern
     since_ns: int
+    forces: tuple[ForceField, ...] = ()
+    """The force fields that act; where in the eye follows from the step's observation."""
 
 
 class Capabilities(Struct, frozen=True):

@@ -6,16 +6,17 @@ Keeps track of the current pattern, so that a steady state keeps its rhythm and 
 from collections.abc import Iterable, Sequence
 
 from haptigraph.config import HapticsConfig
+from haptigraph.grammar import OFF, ForceField, Pattern
 from haptigraph.haptics.guidance import Guidance
 from haptigraph.haptics.pattern import NS_PER_MS, duration_ns, position_ns, with_weakest
 from haptigraph.haptics.sham import ShamRenderer
-from haptigraph.messages import OFF, TIP_NOT_VISIBLE, UNKNOWN, Conclusion, HapticCommand, Pattern
+from haptigraph.messages import TIP_NOT_VISIBLE, UNKNOWN, Conclusion, HapticCommand
 
 __all__ = ["GrammarRenderer", "make_renderer"]
 
 
 class GrammarRenderer:
-    """Choose a pattern for every conclusion.
+    """Choose a pattern and the force fields for every conclusion.
 
     Numbers of a pattern may follow a measure; its rhythm continues meanwhile. Bursts start when their state
     is entered and play to the end, once, even if a silent state follows. Any other pattern, or the loss of
@@ -23,10 +24,12 @@ class GrammarRenderer:
 
     Args:
         patterns: The procedure's patterns; every `feel` of its states is among them.
+        forces: Its force fields; every `force` of its states is among them.
     """
 
-    def __init__(self, patterns: Iterable[Pattern]) -> None:
+    def __init__(self, patterns: Iterable[Pattern], forces: Iterable[ForceField] = ()) -> None:
         self._patterns = {pattern.name: pattern for pattern in patterns}
+        self._forces = {force.name: force for force in forces}
         self._guidance = Guidance()
         self._playing, self._since_ns, self._state = OFF, 0, UNKNOWN
         self._left_ns: dict[str, int] = {}
@@ -50,7 +53,8 @@ class GrammarRenderer:
                 self._play(OFF, now_ns)
         elif pattern.kind != "off" or self._playing.kind != "bursts":
             self._play(OFF if pattern.kind == "off" else pattern, now_ns)
-        return HapticCommand(now_ns, self._playing, self._since_ns)
+        forces = tuple([self._forces[name] for name in conclusion.forces])
+        return HapticCommand(now_ns, self._playing, self._since_ns, forces)
 
     def reset(self) -> None:
         """Forget the current pattern."""
@@ -78,9 +82,11 @@ class GrammarRenderer:
         self._playing = pattern
 
 
-def make_renderer(patterns: Sequence[Pattern], config: HapticsConfig) -> GrammarRenderer | ShamRenderer:
-    """Return the renderer of a configuration: of the grammar, as strong as set, or a sham of it."""
+def make_renderer(
+    patterns: Sequence[Pattern], forces: Sequence[ForceField], config: HapticsConfig
+) -> GrammarRenderer | ShamRenderer:
+    """Return the renderer of a configuration: of the grammar, as strong as set, or a sham without force."""
     patterns = with_weakest(patterns, config.weakest_amplitude)
     if config.sham_seed is not None:
         return ShamRenderer(patterns, config.sham_seed, config.sham_duty)
-    return GrammarRenderer(patterns)
+    return GrammarRenderer(patterns, forces)

@@ -7,7 +7,7 @@ from haptigraph.graph import Names, Schema, Triplet
 from haptigraph.messages import Pattern
 from haptigraph.toml_document import Document
 
-__all__ = ["check_name", "check_numbers", "check_pattern", "check_relations"]
+__all__ = ["check_name", "check_numbers", "check_pattern", "check_relations", "check_unique"]
 
 MAX = {"amplitude": 1, "on_ms": 3_600_000, "off_ms": 3_600_000, "count": 1000, "rearm_ms": 3_600_000}
 MAX_FOLLOWED = {"amplitude": 1.0, "frequency_hz": 1000.0, "rate_hz": 100.0}
@@ -27,6 +27,17 @@ def check_relations(document: Document, schema: Schema, used: Iterable[Names], p
         if names not in relations:
             valid = " ".join(str(Triplet(*relation)) for relation in relations)
             raise document.error(f"{Triplet(*names)} is no relation; there are: {valid}", path)
+
+
+def check_unique(document: Document, kind: str, names: list[str]) -> None:
+    """Raise BadInput unless there are names, none of them empty or given twice; `kind` is their table."""
+    if not names:
+        raise document.error(f"no [[{kind}]]; at least one is needed", "procedure")
+    for number, name in enumerate(names):
+        if not name.strip():
+            raise document.error(f"a {kind} without a name", f"{kind}[{number}].name")
+        if name in names[:number]:
+            raise document.error(f"a second {kind} {name!r}; names must differ", f"{kind}[{number}].name")
 
 
 def check_pattern(document: Document, pattern: Pattern, path: str, schema: Schema) -> None:

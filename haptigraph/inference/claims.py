@@ -16,6 +16,9 @@ from haptigraph.toml_document import Document
 __all__ = ["Gap", "Invariant", "Overlap", "Temporal", "check_claims", "check_temporal"]
 
 
+CONCLUSIONS = ("feels", "never_feels", "states", "never_states", "forces", "never_forces")
+
+
 class Invariant(Struct, frozen=True, forbid_unknown_fields=True):
     """A statement that must be true of every graph: whenever its premise matches, its conclusion holds."""
 
@@ -37,11 +40,17 @@ class Invariant(Struct, frozen=True, forbid_unknown_fields=True):
     """Conclusion: the state is one of these."""
     never_states: tuple[str, ...] = ()
     """Conclusion: the state is none of these."""
+    forces: tuple[str, ...] = ()
+    """Conclusion: all of these force fields act."""
+    never_forces: tuple[str, ...] = ()
+    """Conclusion: none of these force fields acts."""
 
-    def allows(self, state: str, feel: str) -> bool:
-        """Return whether the conclusion allows a state and a pattern."""
+    def allows(self, state: str, feel: str, forces: tuple[str, ...]) -> bool:
+        """Return whether the conclusion allows a state, a pattern, and force fields."""
         return (
-            (not self.feels or feel in self.feels)
+            {*self.forces} <= {*forces}
+            and not {*self.never_forces} & {*forces}
+            and (not self.feels or feel in self.feels)
             and feel not in self.never_feels
             and (not self.states or state in self.states)
             and state not in self.never_states
@@ -93,22 +102,28 @@ class Temporal(Struct, frozen=True, forbid_unknown_fields=True):
 def check_claims(
     document: Document,
     schema: Schema,
-    states: Iterable[str],
-    patterns: Iterable[str],
+    names: tuple[Iterable[str], Iterable[str], Iterable[str]],
     claims: tuple[tuple[Invariant, ...], tuple[Gap, ...], tuple[Overlap, ...]],
 ) -> None:
     """Check that claims refer to names of the procedure.
+
+    Args:
+        document: The file of the procedure.
+        schema: Its entities and relations.
+        names: Those of its states, patterns and force fields.
+        claims: Its claims.
 
     Raises:
         BadInput: With file, line and reason.
     """
     invariants, gaps, overlaps = claims
-    valid = _valid_names(schema, patterns, states)
+    states, patterns, forces = names
+    valid = _valid_names(schema, patterns, states, forces)
     for number, invariant in enumerate(invariants):
         path = f"invariant[{number}]"
         _check_names(document, invariant, path, schema, valid)
-        if not (invariant.feels or invariant.never_feels or invariant.states or invariant.never_states):
-            raise document.error("claims nothing; give feels, never_feels, states or never_states", path)
+        if not any(getattr(invariant, key) for key in CONCLUSIONS):
+            raise document.error(f"claims nothing; give one of {', '.join(CONCLUSIONS)}", path)
     for number, gap in enumerate(gaps):
         path = f"gap[{number}]"
         check_name(document, "measure", gap.measure, schema.measure_names, f"{path}.measure")
@@ -145,9 +160,11 @@ def check_temporal(
             raise document.error(problem, path)
 
 
-def _valid_names(schema: Schema, patterns: Iterable[str], states: Iterable[str] = ()) -> dict[str, list[str]]:
+def _valid_names(
+    schema: Schema, patterns: Iterable[str], states: Iterable[str] = (), forces: Iterable[str] = ()
+) -> dict[str, list[str]]:
     entities = [entity.name for entity in schema.entities]
-    return {"pattern": list(patterns), "state": list(states), "entity": entities}
+    return {"pattern": list(patterns), "state": list(states), "entity": entities, "force": list(forces)}
 
 
 def _check_names(
@@ -162,6 +179,8 @@ def _check_names(
         ("never_feels", "pattern"),
         ("states", "state"),
         ("never_states", "state"),
+        ("forces", "force"),
+        ("never_forces", "force"),
     ):
         for name in getattr(claim, key, ()):
             check_name(document, what, name, valid[what], f"{path}.{key}")

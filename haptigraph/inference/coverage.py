@@ -51,6 +51,10 @@ def _unclaimed(procedure: Procedure) -> Iterator[str]:
         for state in alarms:
             if not claimed & {state.name, state.feel}:
                 yield f"{state.name}, an alarm: no [[invariant]] and no [[temporal]] says when it is felt"
+    spoken_of = {name for one in procedure.invariants for name in (*one.forces, *one.never_forces)}
+    for field in procedure.forces:
+        if field.name not in spoken_of:
+            yield f"when {field.name} pushes the hand: no [[invariant]] has it in forces or never_forces"
     if not any(claim.within_ms is not None for claim in procedure.temporal):
         yield "how soon an alarm is felt: there is no [[temporal]] claim with within_ms"
 

@@ -92,6 +92,7 @@ class RuleEngine:
             state=state.name,
             priority=priority,
             feel=state.feel,
+            forces=state.force,
             because=_because(state, graph),
             evidence=evidence,
             measures=self._measures(state.name, graph),

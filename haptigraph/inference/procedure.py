@@ -12,15 +12,17 @@ from typing import Annotated, Any, Protocol
 from msgspec import Meta, Struct, field
 
 from haptigraph.errors import BadInput
+from haptigraph.grammar import ForceField, Pattern
 from haptigraph.graph import Entity, Names, Relation, Schema, Triplet
-from haptigraph.inference.checks import check_name, check_pattern, check_relations
+from haptigraph.inference.checks import check_name, check_pattern, check_relations, check_unique
 from haptigraph.inference.claims import Gap, Invariant, Overlap, Temporal, check_claims, check_temporal
+from haptigraph.inference.forces import check_force, check_forces_of_state
 from haptigraph.inference.meaning import Kind, assumed_kind
 from haptigraph.inference.plausible import Plausible, check_plausible
 from haptigraph.inference.span import RunSpan, check_span
 from haptigraph.inference.timing import check_timing
 from haptigraph.inference.units import to_numbers
-from haptigraph.messages import UNKNOWN, Pattern
+from haptigraph.messages import UNKNOWN
 from haptigraph.toml_document import WARN_OF_OLD_KEYS, Document
 
 __all__ = ["MeasureKind", "Procedure", "State", "load_procedure", "parse_procedure"]
@@ -57,6 +59,8 @@ class State(Struct, frozen=True, forbid_unknown_fields=True):
     """Edges that must be absent."""
     absent: tuple[str, ...] = ()
     """Entities that must be absent."""
+    force: tuple[str, ...] = ()
+    """Force fields that act."""
     hold_ms: Annotated[float, Meta(ge=0, le=10_000)] = 0.0
     """How long the state persists after its rule last matched, unless a rule of higher priority matches."""
     may_delay: tuple[str, ...] = ()
@@ -81,6 +85,7 @@ class _File(Struct, frozen=True, forbid_unknown_fields=True):
     relations: tuple[Relation, ...] = field(name="relation")
     states: tuple[State, ...] = field(name="state")
     patterns: tuple[Pattern, ...] = field(name="pattern")
+    forces: tuple[ForceField, ...] = field(name="force", default=())
     invariants: tuple[Invariant, ...] = field(name="invariant", default=())
     gaps: tuple[Gap, ...] = field(name="gap", default=())
     overlaps: tuple[Overlap, ...] = field(name="overlap", default=())
@@ -99,6 +104,7 @@ class Procedure(Struct, frozen=True):
     patterns: tuple[Pattern, ...]
     text: str
     """The file as read; recordings keep it."""
+    forces: tuple[ForceField, ...] = ()
     invariants: tuple[Invariant, ...] = ()
     gaps: tuple[Gap, ...] = ()
     overlaps: tuple[Overlap, ...] = ()
@@ -153,21 +159,27 @@ def _procedure(document: Document, measures: Mapping[str, MeasureKind], *, is_st
         ("state", [state.name for state in data.states]),
         ("pattern", [pattern.name for pattern in data.patterns]),
     ):
-        _check_unique(document, kind, names)
-    if data.invariants:
-        _check_unique(document, "invariant", [invariant.name for invariant in data.invariants])
-    if data.temporal:
-        _check_unique(document, "temporal", [claim.name for claim in data.temporal])
+        check_unique(document, kind, names)
+    for kind, parts in (("force", data.forces), ("invariant", data.invariants), ("temporal", data.temporal)):
+        if parts:
+            check_unique(document, kind, [part.name for part in parts])
     schema = Schema(data.entities, data.relations)
     _check_entities(document, schema)
     _check_relations(document, schema, measures)
     for number, pattern in enumerate(data.patterns):
         check_pattern(document, pattern, f"pattern[{number}]", schema)
+    for number, force in enumerate(data.forces):
+        check_force(document, force, f"force[{number}]", schema)
     for number, state in enumerate(data.states):
-        _check_state(document, state, f"state[{number}]", schema, data.patterns)
+        path = f"state[{number}]"
+        _check_state(document, state, path, schema, data.patterns)
+        check_forces_of_state(document, state.name, state.force, state.absent, data.forces, f"{path}.force")
     _check_unknown(document, data)
-    states, patterns = ([part.name for part in parts] for parts in (data.states, data.patterns))
-    check_claims(document, schema, states, patterns, (data.invariants, data.gaps, data.overlaps))
+    states, patterns, forces = (
+        [part.name for part in parts] for parts in (data.states, data.patterns, data.forces)
+    )
+    claims = data.invariants, data.gaps, data.overlaps
+    check_claims(document, schema, (states, patterns, forces), claims)
     check_temporal(document, schema, patterns, data.temporal)
     check_plausible(document, schema, data.patterns, measures, is_strict=is_strict)
     if data.run is not None:
@@ -180,6 +192,7 @@ def _procedure(document: Document, measures: Mapping[str, MeasureKind], *, is_st
         states=data.states,
         patterns=data.patterns,
         text=document.text,
+        forces=data.forces,
         invariants=data.invariants,
         gaps=data.gaps,
         overlaps=data.overlaps,
@@ -188,16 +201,6 @@ def _procedure(document: Document, measures: Mapping[str, MeasureKind], *, is_st
     )
     check_timing(document, procedure.states, procedure.kinds)
     return procedure
-
-
-def _check_unique(document: Document, kind: str, names: list[str]) -> None:
-    if not names:
-        raise document.error(f"no [[{kind}]]; at least one is needed", "procedure")
-    for number, name in enumerate(names):
-        if not name.strip():
-            raise document.error(f"a {kind} without a name", f"{kind}[{number}].name")
-        if name in names[:number]:
-            raise document.error(f"a second {kind} {name!r}; names must differ", f"{kind}[{number}].name")
 
 
 def _check_entities(document: Document, schema: Schema) -> None:

@@ -9,6 +9,7 @@ from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import Capabilities
 from haptigraph.proof.claims.colors import color_claims
 from haptigraph.proof.claims.follow import follow_claims
+from haptigraph.proof.claims.forces import force_claims
 from haptigraph.proof.claims.haptic import device_claims, haptic_claims
 from haptigraph.proof.claims.invariants import invariant_claims
 from haptigraph.proof.claims.profiled import profile_claims
@@ -53,6 +54,7 @@ def prove(
         *time_claims(subject),
         *haptic_claims(procedure),
         *follow_claims(procedure),
+        *force_claims(subject),
         *color_claims(procedure),
         *(device_claims(procedure, *device, profile) if device else ()),
         *(profile_claims(procedure, *device, profile) if device and profile else ()),

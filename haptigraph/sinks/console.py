@@ -50,7 +50,9 @@ class ConsoleSink:
         self._faults = step.faults
         if step.conclusion.state != self._state:
             self._state = step.conclusion.state
-            self._print(f"{time_s:7.2f} s  {self._state:34} {step.conclusion.because}")
+            forces = ", ".join(step.conclusion.forces)
+            exerts = f"; force: {forces}" if forces else ""
+            self._print(f"{time_s:7.2f} s  {self._state:34} {step.conclusion.because}{exerts}")
         if self._shows_time and int(time_s) != self._second:
             self._second = int(time_s)
             self._put(f"{self._clear}{time_s:7.2f} s  ...")

@@ -131,7 +131,7 @@ def test_the_error_for_an_unknown_procedure_suggests_an_existing_one():
         ('label = "shaft"', 'visible_with = "needle_tip"\nonly_with = "needle_tip"', "both visible_with and only_with are given"),
         ('label = "shaft"', 'visible_with = "needle_tip"\nseen_with = "needle_tip"', "both 'seen_with' and 'visible_with', which is its new name; keep 'visible_with'"),
         ('feels = ["pulse"]', 'feels = ["plse"]', "unknown pattern 'plse'; did you mean 'pulse'?"),
-        ('feels = ["pulse"]\nstates = ["retinal_contact"]', "", "claims nothing; give feels, never_feels, states or never_states"),
+        ('feels = ["pulse"]\nstates = ["retinal_contact"]', "", "claims nothing; give one of feels, never_feels, states, never_states, forces, never_forces"),
         ('states = ["retinal_contact"]', 'states = ["contact"]', "unknown state 'contact'"),
         ('present = ["needle_tip"]', 'present = ["needle"]', "unknown entity 'needle'; did you mean 'needle_tip'?"),
         ('present = ["needle_tip"]', 'unless = [["a", "b", "c"]]', "<a, b, c> is no relation; there are: <needle_tip"),

@@ -81,8 +81,9 @@ def is_valid(procedure: Procedure, claim, violation) -> bool:
             procedure.schema.measure_name(relation) != measure for relation in relations
         )
     if claim.name == "invariant":
-        feel = RuleEngine(procedure)(graph).feel
-        return fits(invariant, graph) and not invariant.allows(violation.state, feel)
+        concluded = RuleEngine(procedure)(graph)
+        allowed = invariant.allows(violation.state, concluded.feel, concluded.forces)
+        return fits(invariant, graph) and not allowed
     return claim.name == "used" and violation.about.split()[0] in ("relation", "entity")
 
 

@@ -1,7 +1,7 @@
 """No damage goes unnoticed: what is read of a damaged recording is what was recorded, and every loss is reported."""
 
 import random
-from itertools import islice
+from itertools import islice, pairwise
 
 import pytest
 from damages import DAMAGES, STEPS, content, make_files, truncate
@@ -101,7 +101,7 @@ def chunks(path):
     for piece in scan(path):
         sequences = [record.sequence for record in piece.records if isinstance(record, Message)]
         if sequences:
-            found[sequences[0]] = piece.start, piece.end
+            found.setdefault(sequences[0], (piece.start, piece.end))
     return found
 
 
@@ -180,7 +180,28 @@ def test_schemas_and_channels_are_found_in_the_summary_if_the_first_chunk_is_dam
     data[start + 100 : start + 100] = b"inserted"
     path.write_bytes(data)
     recovery = recover(path)
-    assert (recovery.steps, recovery.missing) == (STEPS - 2, [(0, 1)])
+    assert (recovery.steps, recovery.missing) == (STEPS - 1, [(0, 0)])
+
+
+def test_a_step_whose_last_message_is_lost_counts_as_lost(small, tmp_path):
+    whole, path = small / "whole.mcap", tmp_path / "timing.mcap"
+    numbered = [
+        (piece.start, numbers)
+        for piece in scan(whole)
+        if (numbers := [record.sequence for record in piece.records if isinstance(record, Message)])
+    ]
+    start, first = next(
+        (start, numbers[0])
+        for (_, before), (start, numbers) in pairwise(numbered)
+        if numbers[0] == before[-1] and numbers.count(numbers[0]) == 1
+    )
+    data = bytearray(whole.read_bytes())
+    data[start + 100] ^= 1
+    path.write_bytes(data)
+    recovery = recover(path)
+    assert recovery.missing[0][0] == first
+    left, truth = content(recovery.saved)[1], content(whole)[1]
+    assert left.items() <= truth.items()
 
 
 def test_totals_of_a_damaged_summary_are_not_believed(small, tmp_path):

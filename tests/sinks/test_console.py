@@ -2,6 +2,7 @@ import io
 import threading
 
 from helpers import MS, make_step
+from msgspec.structs import replace
 
 from haptigraph.messages import Capture, Fault
 from haptigraph.sinks.console import MAX_QUEUED, ConsoleSink
@@ -20,6 +21,15 @@ def test_changes_and_new_faults_are_printed_once():
         "   0.07 s  b                                  because",
     ]
     assert sink.take_faults() == ()
+
+
+def test_the_forces_of_a_state_are_named():
+    stream, step = io.StringIO(), make_step(state="a")
+    sink = ConsoleSink(stream)
+    conclusion = replace(step.conclusion, forces=("guide", "floor"))
+    sink.write(Capture(0, 0, None), replace(step, conclusion=conclusion))
+    sink.close()
+    assert stream.getvalue().strip().endswith("because; force: guide, floor")
 
 
 class Terminal(io.StringIO):

@@ -110,6 +110,7 @@ GENERAL = {
     "felt": "wrong_guidance",
     "follow grows": "wrong_guidance",
     "follow felt": "wrong_guidance",
+    "force unseen": "wrong_guidance",
 }
 """Hazards of the claims that are proved of every procedure, by the claim's name; others: undefined_rules."""
 

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from haptigraph.analysis.metrics.changes import change_text, possible_changes
 from haptigraph.analysis.metrics.replay import recorded_registration
-from haptigraph.analysis.plots.explanation import pattern_text
+from haptigraph.analysis.plots.explanation import force_text, pattern_text
 from haptigraph.assemble import parse_procedure
 from haptigraph.errors import BadInput
 from haptigraph.graph import SceneGraph, Triplet
@@ -66,7 +66,7 @@ class Explanation(Struct, frozen=True):
     assumed: tuple[str, ...] = ()
     """What the registration assumes, by name."""
     touch: str = ""
-    """The commanded pattern; values that follow a measure are those of this moment."""
+    """The commanded pattern and force fields; values that follow a measure are those of this moment."""
     motion: str = ""
     """Whether motions of the needle were considered: empty, or why not."""
 
@@ -102,7 +102,8 @@ def explain_moment(path: str | Path, at_s: float) -> Explanation:
     is_held = recorded.state != explanation.state
     held = Held(recorded.state, recorded.feel, recorded.because) if is_held else None
     assumed = recorded_registration(reader).assumed
-    touch = f"{pattern.name!r}: {pattern_text(pattern)}"
+    exerted = (f"force {force.name!r}: {force_text(force)}" for force in found.command.forces)
+    touch = "; ".join((f"{pattern.name!r}: {pattern_text(pattern)}", *exerted))
     return replace(explanation, held=held, assumed=assumed, touch=touch)
 
 

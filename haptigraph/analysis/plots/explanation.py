@@ -2,13 +2,14 @@
 
 from rich.table import Table
 
+from haptigraph.grammar import ForceField
 from haptigraph.graph import Relation, Triplet
 from haptigraph.haptics.pattern import duration_ns
 from haptigraph.inference.procedure import Procedure, State
 from haptigraph.messages import Follow, Pattern
 from haptigraph.proof.subject import bounds_of
 
-__all__ = ["explain", "pattern_text"]
+__all__ = ["explain", "force_text", "pattern_text"]
 
 
 def explain(procedure: Procedure) -> list[Table]:
@@ -24,13 +25,24 @@ def explain(procedure: Procedure) -> list[Table]:
     kinds = procedure.kinds
     for priority, state in enumerate(procedure.states):
         kind = kinds[state.name] + ("" if state.kind else " (assumed)")
-        states.add_row(str(priority), state.name, kind, _when(state), state.feel + _lasting(state))
+        exerts = f", exerts {', '.join(state.force)}" if state.force else ""
+        feels = state.feel + exerts + _lasting(state)
+        states.add_row(str(priority), state.name, kind, _when(state), feels)
     patterns = Table(title="Haptic patterns", title_justify="left")
     for heading in ("pattern", "output"):
         patterns.add_column(heading, overflow="fold")
     for pattern in procedure.patterns:
         patterns.add_row(pattern.name, pattern_text(pattern))
-    return [relations, states, patterns]
+    return [relations, states, patterns, *([_forces_table(procedure)] if procedure.forces else [])]
+
+
+def _forces_table(procedure: Procedure) -> Table:
+    forces = Table(title="Forces", title_justify="left")
+    for heading in ("force", "pushes the hand"):
+        forces.add_column(heading, overflow="fold")
+    for field in procedure.forces:
+        forces.add_row(field.name, force_text(field))
+    return forces
 
 
 def _condition(relation: Relation, procedure: Procedure) -> str:
@@ -73,6 +85,18 @@ def pattern_text(pattern: Pattern) -> str:
     follows = [_follows(follow) for follow in pattern.follow]
     rearms = [f"again after {pattern.rearm_ms:g} ms"] if pattern.rearm_ms else []
     return "; ".join([f"{strength}, {how}", *follows, *rearms])
+
+
+def force_text(field: ForceField) -> str:
+    """Describe a force field in words."""
+    where = {
+        "cone": f"towards the line trocar -> target, beyond {field.half_angle_deg:g} deg from it",
+        "plane": f"away from the retina, below a height of {field.height_mm:g} mm",
+        "viscous": "against its motion",
+    }[field.kind]
+    stiffness = [f"{field.stiffness_n_per_mm:g} N/mm"] if field.stiffness_n_per_mm else []
+    damping = [f"{field.damping_n_s_per_mm:g} N s/mm"] if field.damping_n_s_per_mm else []
+    return f"{where}; {' and '.join(stiffness + damping)}, at most {field.limit_n:g} N"
 
 
 def _follows(follow: Follow) -> str:

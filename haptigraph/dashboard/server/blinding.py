@@ -31,6 +31,7 @@ def blind_image(header: ImageHeader) -> ImageHeader:
         because="",
         feel="",
         plays="",
+        forces=(),
         evidence=(),
         nodes=(),
         edges=(),

@@ -147,6 +147,8 @@ class ImageHeader(Struct, frozen=True, tag="image"):
     """Pattern of the state."""
     plays: str
     """Pattern that is commanded."""
+    forces: tuple[str, ...]
+    """Force fields that are commanded."""
     evidence: tuple[Names, ...]
     nodes: tuple[str, ...]
     edges: tuple[Names, ...]
@@ -208,6 +210,7 @@ def image_header(step: Step, moving: frozenset[str], view: EyeView, **more: Any)
         because=conclusion.because,
         feel=conclusion.feel,
         plays=step.command.pattern.name,
+        forces=tuple(force.name for force in step.command.forces),
         evidence=tuple((edge.subject, edge.predicate, edge.object) for edge in conclusion.evidence),
         nodes=tuple(node.id for node in graph.nodes),
         edges=tuple((edge.subject, edge.predicate, edge.object) for edge in graph.edges),

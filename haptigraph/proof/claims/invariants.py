@@ -43,7 +43,7 @@ def _held_states(subject: Subject, invariant: Invariant) -> tuple[str, ...]:
         state.name
         for number, state in enumerate(states)
         if state.hold_ms
-        and not invariant.allows(state.name, state.feel)
+        and not invariant.allows(state.name, state.feel, state.force)
         and subject.prover.is_satisfiable(Cube(), number)
         and any(
             states[later].name != UNKNOWN and subject.prover.is_satisfiable(premise, later)
@@ -62,7 +62,8 @@ def _waiting_states(subject: Subject, invariant: Invariant) -> tuple[str, ...]:
             waiting = Cube(premise.require | rule.require, premise.forbid | rule.forbid)
             rest = states[:number] + states[number + 1 :]
             if any(
-                not invariant.allows(other.name, other.feel) and others.is_satisfiable(waiting, at)
+                not invariant.allows(other.name, other.feel, other.force)
+                and others.is_satisfiable(waiting, at)
                 for at, other in enumerate(rest)
             ):
                 found.append(state.name)
@@ -78,15 +79,17 @@ def _violations(subject: Subject, invariant: Invariant) -> Iterator[Violation]:
         yield subject.impossible(sentence, about, invariant.when, invariant.present)
         return
     states = subject.procedure.states
-    outcomes = [(state.name, state.feel) for state in states]
+    outcomes = [(state.name, state.feel, state.force) for state in states]
     silent = next(state.feel for state in states if state.name == UNKNOWN)
-    found: list[tuple[int, int, str, str, World]] = []
-    for number, (state, feel) in enumerate([*outcomes, (UNKNOWN, silent)]):
-        if invariant.allows(state, feel):
+    found: list[tuple[int, int, str, World]] = []
+    for number, (state, feel, forces) in enumerate([*outcomes, (UNKNOWN, silent, ())]):
+        if invariant.allows(state, feel, forces):
             continue
         world = subject.prover.smallest_witness(premise, number)
         if world is not None:
-            found.append(((world.mask & space.visible).bit_count(), number, state, feel, world))
+            exerts = f" and exerts {', '.join(forces)}" if forces else ""
+            sentence = f"here the state is {state!r}, which feels {feel!r}{exerts}"
+            found.append(((world.mask & space.visible).bit_count(), number, sentence, world))
     if found:
-        _, _, state, feel, world = min(found, key=lambda one: one[:2])
-        yield subject.violation(f"here the state is {state!r}, which feels {feel!r}", about, world)
+        _, _, sentence, world = min(found, key=lambda one: one[:2])
+        yield subject.violation(sentence, about, world)

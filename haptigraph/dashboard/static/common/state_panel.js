@@ -22,7 +22,7 @@ export class StatePanel {
   show(/** @type {ImageHeader} */ header) {
     if (header.state !== this.state) this.showState(header.state);
     setText($("because"), `${header.because}.`);
-    setText($("feels"), patternText(this.patterns?.get(header.plays)));
+    setText($("feels"), [patternText(this.patterns?.get(header.plays)), ...header.forces.map((name) => `force '${name}'`)].join(", "));
     document.body.dataset.index = String(header.index);
     document.body.dataset.state = header.state;
   }
