@@ -10,7 +10,7 @@ WORKERS ?= 2  # of each half of the tests
 PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
 SCENES ?= $(basename $(notdir $(wildcard rendering/scenes/*.toml)))
 
-.PHONY: help setup demo live test test-pythons test-slow test-native mutants procedure-mutants fuzz check bench bench-degraded bench-empty ablation bench-live bench-oct bench-robot bench-volumes bench-silence bench-touch bench-sweep interval-coverage compare-r compare-touch rehearse screenshots faults soak golden train render interop lock clean
+.PHONY: help setup demo live test test-pythons test-slow test-native mutants procedure-mutants fuzz check bench bench-degraded bench-empty ablation bench-force bench-live bench-oct bench-robot bench-volumes bench-silence bench-touch bench-sweep interval-coverage compare-r compare-touch rehearse screenshots faults soak golden train render interop lock clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-16s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -125,6 +125,9 @@ bench-live: $(VENV)/runs  ## latency through a browser, load of viewers, memory 
 
 bench-silence: setup  ## how soon a device is silent after each fault of a real run; needs a machine without other work
 	mkdir -p build && HAPTIGRAPH_FAULTS=build/silence.jsonl $(BIN)/python -m pytest tests/faults/test_faults.py tests/faults/test_ros2_faults.py tests/faults/test_lost_camera.py
+
+bench-force: setup  ## force feedback: energy of random motions, limits, releases, stiffness, saboteurs; 30 min
+	$(BIN)/python benchmarks/force.py
 
 bench-robot: setup  ## a robot's loop: distance from the RCM, holds after faults, jitter at 200 Hz
 	$(BIN)/python benchmarks/robot_approaches.py

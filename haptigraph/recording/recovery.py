@@ -188,20 +188,26 @@ def _groups(
     path: Path, definitions: _Definitions, *, checks_images: bool
 ) -> Iterator[tuple[list[Message], bool]]:
     """Yield the messages of each step, and whether it is complete and can be decoded."""
-    group = list[Message]()
+    group, is_cut = list[Message](), False
     for piece in scan(path):
-        for record in piece.records if isinstance(piece, Piece) else ():
+        if isinstance(piece, Damage):
+            is_cut = is_cut or piece.kind == "lost"
+            continue
+        for record in piece.records:
             if not isinstance(record, Message):
                 continue
             if group and record.sequence != group[0].sequence:
-                yield group, _is_good(group, definitions, path, checks_images=checks_images)
-                group = []
+                yield group, _is_good(group, definitions, path, checks_images=checks_images, is_cut=is_cut)
+                group, is_cut = [], False
             group.append(record)
     if group:
-        yield group, _is_good(group, definitions, path, checks_images=checks_images)
+        yield group, _is_good(group, definitions, path, checks_images=checks_images, is_cut=is_cut)
 
 
-def _is_good(group: list[Message], definitions: _Definitions, path: Path, *, checks_images: bool) -> bool:
+def _is_good(
+    group: list[Message], definitions: _Definitions, path: Path, *, checks_images: bool, is_cut: bool
+) -> bool:
+    """Return whether a step is complete; beside a loss, its last message, which runs write, must be there."""
     messages = {}
     for record in group:
         channel = definitions.channels.get(record.channel_id)
@@ -217,7 +223,7 @@ def _is_good(group: list[Message], definitions: _Definitions, path: Path, *, che
             decode(image.data)
         except ValueError:
             return False
-    return is_complete(messages)
+    return is_complete(messages) and ("/timing" in messages or not is_cut)
 
 
 def _is_in_video(group: list[Message], definitions: _Definitions, path: Path) -> bool:

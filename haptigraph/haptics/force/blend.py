@@ -31,6 +31,8 @@ class FixtureBlend:
 
     def take(self, fixtures: Sequence[Fixture], now_ns: int) -> None:
         """Take the fixtures of the newest image."""
+        if not fixtures and not self._newest:
+            return
         weight = self._weight(now_ns)
         if weight >= REPLACED_BELOW:
             for layer in self._fading:

@@ -115,7 +115,8 @@ def force_n(fixture: Fixture, position_mm: Vec3, velocity_mm_s: Vec3) -> Vec3:
         return 0.0, 0.0, 0.0
     size_n = fixture.stiffness_n_per_mm * depth_mm
     size_n -= fixture.damping_n_s_per_mm * _dot(velocity_mm_s, inwards)
-    return _scaled(inwards, min(max(size_n, 0.0), fixture.limit_n))  # a wall never holds the hand back
+    x, y, z = _scaled(inwards, min(max(size_n, 0.0), fixture.limit_n))  # a wall never holds the hand back
+    return x, y, 0.0 if fixture.is_planar else z
 
 
 def elastic_mj(fixture: Fixture, position_mm: Vec3) -> float:

@@ -29,10 +29,12 @@ SOFT_START_MS = 200.0
 MAX_RISE_N_PER_S = 100.0
 MAX_GAP_MS = 20.0
 """Longest time without an exchange."""
-STALE_MS = 10.0  # age of a reading beyond the device's delay
+STALE_MS = 8.0  # age of a reading beyond the device's delay
 JUMP_MM = 0.2  # beyond what the maximum speed explains
-ADDED_DAMPING_PERIODS = 1.5  # per stiffness: sampling and holding delay a force by 1.5 periods
+DELAY_PERIODS = 1.5  # sampling and holding delay a force by 1.5 periods
+DAMPING_SHARE = 2.0  # of what makes up for the delay of a slow hand
 MAX_ADDED_DAMPING_N_S_PER_MM = 0.02
+REFILL_MS = 500.0
 NS_PER_MS = 1_000_000
 NO_FORCE: Vec3 = (0.0, 0.0, 0.0)
 NO_FIXTURES = "no fixtures have arrived"
@@ -41,8 +43,11 @@ NO_FIXTURES = "no fixtures have arrived"
 class ForceRenderer:
     """Render fixtures for one device.
 
-    Fixtures with a surface get at least the damping that makes up for sampling and delay, up to a limit
-    (Colgate and Schenkel 1997), so that the tank is seldom needed.
+    A spring that acts late puts energy into the hand; damping in proportion to stiffness and delay takes it
+    out again (after Colgate and Schenkel 1997). Fixtures with a surface get at least that damping, and no
+    more stiffness than what `MAX_ADDED_DAMPING_N_S_PER_MM` suffices for. So the tank is seldom needed.
+
+    The tank is refilled while the clutch is released.
 
     Args:
         capabilities: Of the device.
@@ -58,7 +63,7 @@ class ForceRenderer:
         self._max_speed_mm_s = capabilities.max_speed_mm_s
         self._deadman_ns = round(deadman_ms * NS_PER_MS)
         self._delay_ns = round(capabilities.delay_ms * NS_PER_MS)
-        self._added_s = (ADDED_DAMPING_PERIODS * period_ms + capabilities.delay_ms) / 1e3
+        self._damping_s = DAMPING_SHARE * (DELAY_PERIODS * period_ms + capabilities.delay_ms) / 1e3
         self._hold_ns = round(2 * period_ms * NS_PER_MS)
         self._tank = EnergyTank(self._max_speed_mm_s, 2 * period_ms, capabilities.damping_n_s_per_mm)
         self._blend = FixtureBlend()
@@ -116,9 +121,13 @@ class ForceRenderer:
         self._let_go(because, now_ns)
 
     def _damped(self, fixture: Fixture) -> Fixture:
-        """Return a fixture with the damping that makes up for sampling and delay."""
-        added = min(self._added_s * fixture.stiffness_n_per_mm, MAX_ADDED_DAMPING_N_S_PER_MM)
-        return replace(fixture, damping_n_s_per_mm=max(fixture.damping_n_s_per_mm, added))
+        """Return a fixture with the damping that its stiffness needs, within limits of both."""
+        stiffness = min(fixture.stiffness_n_per_mm, MAX_ADDED_DAMPING_N_S_PER_MM / self._damping_s)
+        return replace(
+            fixture,
+            stiffness_n_per_mm=stiffness,
+            damping_n_s_per_mm=max(fixture.damping_n_s_per_mm, self._damping_s * stiffness),
+        )
 
     def _moved_mm(self, reading: HandReading, elapsed_ns: int) -> Vec3 | None:
         """Return the displacement since the reading before; None if the readings do not tell it."""
@@ -130,7 +139,7 @@ class ForceRenderer:
         return moved_mm if is_possible else None
 
     def _judge(self, reading: HandReading, moved_mm: Vec3 | None, elapsed_ns: int, now_ns: int) -> None:
-        """Release the force on a fault, without the clutch, and without fixtures; else start again."""
+        """Release the force on a fault, without clutch or fixtures; else start again, in time."""
         fault = self._fault(reading, moved_mm, elapsed_ns, now_ns)
         if fault:
             self.release(fault, now_ns)
@@ -138,6 +147,8 @@ class ForceRenderer:
             self._let_go(NO_FIXTURES, now_ns)
         elif not reading.engaged:
             self._let_go("the clutch is released", now_ns)
+            if now_ns >= self._released_ns + self._delay_ns + REFILL_MS * NS_PER_MS:
+                self._tank.refill()
         elif (
             self.released_because
             and now_ns >= self._blocked_until_ns

@@ -57,7 +57,7 @@ class SimulatedHand:
     def _moved(
         self, at_mm: float, speed_mm_s: float, force_n: float, wanted_mm: float, step_s: float, steps: int
     ) -> tuple[float, float]:
-        """Return position and speed along one axis; damping is implicit, so that it is stable for any mass."""
+        """Return position and speed along one axis. Damping is implicit, so stable for any mass."""
         arm, per_mass = self._impedance, 1000.0 * step_s / self._impedance.mass_kg
         slowed = 1.0 / (1.0 + per_mass * arm.damping_n_s_per_mm)
         for _ in range(steps):

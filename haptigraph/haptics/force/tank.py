@@ -83,14 +83,18 @@ class EnergyTank:
 
     def admitted_n(self, now_ns: int, delay_ns: int) -> float:
         """Return the largest size of the next force whose worst case the tank can pay."""
-        hold_s, delay_s = self._hold_s, delay_ns / NS_PER_S
-        budget, begin_s, later = self.content_mj / self._max_speed_mm_s, 0.0, []
-        for end_s, size_n in (*self._envelope(now_ns, delay_ns), (2 * hold_s + delay_s, 0.0)):
+        hold_s, budget, begin_s, later = self._hold_s, self.content_mj / self._max_speed_mm_s, 0.0, []
+        pieces = self._envelope(now_ns, delay_ns)
+        for end_s, size_n in (*pieces, (pieces[-1][0] + hold_s, 0.0)):
             budget -= max(min(end_s, hold_s) - begin_s, 0.0) * size_n  # until the next exchange
             if end_s > hold_s:
                 later.append((end_s - max(begin_s, hold_s), size_n))
             begin_s = end_s
         return _largest(budget, later)
+
+    def refill(self) -> None:
+        """Fill the tank: the energy counts from now on."""
+        self.content_mj = CAPACITY_MJ
 
     def send(self, force_n: Vec3) -> None:
         """Note the force that is passed to the next exchange."""
@@ -104,13 +108,14 @@ class EnergyTank:
     def _envelope(self, now_ns: int, delay_ns: int) -> list[tuple[float, float]]:
         """Return the largest force that may still act if nothing else is sent: until when [s], and its size.
 
-        In order of time; sizes decrease.
+        In order of time; sizes decrease. A force that may act in part of an exchange counts in all of it.
         """
-        size_n = self._acting_n
-        pieces = [(self._hold_s + delay_ns / NS_PER_S, size_n)]
-        for sent in reversed(self._past):
-            size_n = max(size_n, sent.size_n)
-            pieces.append(((sent.end_ns + delay_ns - now_ns) / NS_PER_S, size_n))
+        size_n, whole_s = self._acting_n, self._hold_s if delay_ns else 0.0
+        pieces = [(self._hold_s + delay_ns / NS_PER_S + whole_s, size_n)]
+        for end_ns, _, sent_n in reversed(self._past):
+            if sent_n > size_n:
+                size_n = sent_n
+                pieces.append(((end_ns + delay_ns - now_ns) / NS_PER_S + whole_s, size_n))
         return pieces[::-1]
 
 
