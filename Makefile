@@ -157,8 +157,9 @@ interval-coverage: setup  ## coverage of a study report's intervals by simulatio
 compare-r: setup  ## rank tests, estimates and hit rates on random data sets against R; needs Rscript with coin and exactRankTests
 	$(BIN)/python benchmarks/r_comparison.py
 
-compare-touch: setup  ## simulated operators without, with binary and with continuous haptic feedback; updates docs/simulated_comparison.md
+compare-touch: setup  ## simulated operators without and with vibration and force; updates docs/simulated_comparison.md; half an hour
 	$(BIN)/python benchmarks/touch_comparison.py
+	$(BIN)/python benchmarks/touch_comparison.py --forces
 	$(BIN)/python benchmarks/touch_comparison.py --vary --repetitions 1
 
 bench-oct: setup  ## errors of the B-scan perceiver, and the lead time of the alarm in 1,000 simulated approaches

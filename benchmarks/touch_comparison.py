@@ -1,8 +1,8 @@
-"""Simulated operators with no, binary and continuous touch: trials (CSV), tables (Markdown), a figure.
+"""Simulated operators with no, binary and continuous touch, or with forces: trials (CSV), tables, a figure.
 
 `python benchmarks/touch_comparison.py` updates docs/simulated_comparison.md and its figure; --output FOLDER
 writes to a folder instead. Every seed draws other operators, targets and noise. Takes a minute per seed on
-one core; far longer on rendered images (--perceiver tracker).
+one core, with forces four; far longer on rendered images (--perceiver tracker).
 """
 
 import argparse
@@ -29,7 +29,7 @@ from touch_trials import (
 from haptigraph.commands.terminal import progress_bar
 from haptigraph.study.simulated.ground_truth import GROUND_TRUTH, OLD_NAMES
 from haptigraph.study.simulated.participant import TRAITS, Variation
-from haptigraph.study.simulated.rehearsal import SHIPPED, Condition
+from haptigraph.study.simulated.rehearsal import FORCES, SHIPPED, Condition
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -52,8 +52,8 @@ VARIATIONS = (
 HYSTERESIS = Condition("binary", "subretinal_injection_steady")
 VARIED = ("theta_deg", "completion_s", "changes_per_min")
 SEEDS = (1, 2, 3, 4, 5)
-COLORS = ("#8a8a8a", "#e08a2e", "#2f6fb3")
-SHOWN = ("theta_deg", "completion_s", "near_misaligned_s", "far_aligned_s", "vibrating_s", "changes_per_min")
+COLORS = ("#8a8a8a", "#e08a2e", "#2f6fb3", "#3f8f4f")
+SHOWN = ("theta_deg", "completion_s", "near_misaligned_s", "far_aligned_s", "vibrating_s")
 
 
 def write_trials(rows: Sequence[Struct], path: str | Path) -> None:
@@ -84,6 +84,8 @@ def results_table(rows: Sequence[TouchTrial]) -> str:
     conditions, seeds = _conditions(rows), by_seed(rows)
     lines = [_line(["simulated operators", *conditions]), _line(["---"] * (len(conditions) + 1))]
     for measure, (title, unit, digits) in MEASURES.items():
+        if measure == "force_n" and not any(row.force_n for row in rows):
+            continue
         cells = []
         for condition in conditions:
             values = [participant_values(part, measure, condition) for part in seeds.values()]
@@ -167,8 +169,10 @@ def traits_table() -> str:
 def touch_figure(rows: Sequence[TouchTrial], output: str | Path) -> None:
     """Draw a panel per measure, with a line per simulated operator over the conditions, and the means."""
     conditions = _conditions(rows)
+    has_force = any(row.force_n for row in rows)
     figure = Figure(figsize=(11, 6.6), layout="constrained")
-    for axes, measure in zip(figure.subplots(2, 3).flat, SHOWN, strict=True):
+    shown = (*SHOWN, "force_n" if has_force else "changes_per_min")
+    for axes, measure in zip(figure.subplots(2, 3).flat, shown, strict=True):
         _draw(axes, rows, measure, conditions)
     first = rows[0]
     people, seeds = len({row.participant for row in rows}), sorted({row.seed for row in rows})
@@ -233,37 +237,43 @@ def main() -> None:
         help="ground-truth (with noise), tracker or threshold",
     )
     parser.add_argument("--vary", action="store_true", help="simulate under modifications of the operators")
+    parser.add_argument("--forces", action="store_true", help="compare none, vibration, force, and both")
     parser.add_argument("--output", type=Path, help="a folder; docs/ if not given")
     given = parser.parse_args()
     if given.vary:
         vary(given)
         return
+    conditions, name = (FORCES, f"{NAME}_forces") if given.forces else (SHIPPED, NAME)
     start_s, start_cpu_s = time.perf_counter(), time.process_time()
     with progress_bar() as progress:
         rows = [
             row
             for seed in given.seeds
             for row in compare_touch(
-                given.participants, given.repetitions, seed, perceiver=given.perceiver, progress=progress
+                given.participants,
+                given.repetitions,
+                seed,
+                conditions=conditions,
+                perceiver=given.perceiver,
+                progress=progress,
             )
         ]
     wall_s, cpu_s = time.perf_counter() - start_s, time.process_time() - start_cpu_s
     simulated_s = sum(row.completion_s for row in rows)
+    prefix = "forces " if given.forces else ""
     tables = {
-        "results": results_table(rows),
-        "tests": tests_table([paired_tests(part) for part in by_seed(rows).values()]),
-        "traits": traits_table(),
+        f"{prefix}results": results_table(rows),
+        f"{prefix}tests": tests_table([paired_tests(part) for part in by_seed(rows).values()]),
     }
     folder = given.output or DOCS
     folder.mkdir(parents=True, exist_ok=True)
     pictures = folder if given.output else DOCS / "images"
-    write_trials(rows, folder / f"{NAME}.csv")
-    touch_figure(rows, pictures / f"{NAME}.png")
+    write_trials(rows, folder / f"{name}.csv")
+    touch_figure(rows, pictures / f"{name}.png")
     if given.output is None:
-        renew(DOCS / f"{NAME}.md", tables)
-    for title, table in tables.items():
-        if title != "traits":
-            print(table, end="\n\n")
+        renew(DOCS / f"{NAME}.md", {**tables, "traits": traits_table()})
+    for table in tables.values():
+        print(table, end="\n\n")
     print(
         f"{len(rows)} trials, {simulated_s / 60:.1f} simulated minutes in {wall_s:.0f} s "
         f"({cpu_s:.0f} s of CPU time): {simulated_s / wall_s:.0f} simulated minutes per minute, "

@@ -44,6 +44,8 @@ class TouchTrial(Struct, frozen=True):
     """Time with vibration."""
     changes_per_min: float
     """Rate of pattern changes, including those to and from silence."""
+    force_n: float = 0.0
+    """Mean size of the force on the hand."""
 
 
 MEASURES = {
@@ -54,11 +56,12 @@ MEASURES = {
     "far_aligned_s": ("Aligned before the approach", "s", 1),
     "vibrating_s": ("Time vibrating", "s", 1),
     "changes_per_min": ("Pattern changes", "per min", 1),
+    "force_n": ("Mean force on the hand", "N", 2),
 }
 """Measures by field: title, unit, decimals."""
 RAW = Config(source=SourceConfig(jpeg_quality=0))  # nothing is recorded, so no compression
-HAPTIC_MEASURES = ("vibrating_s", "changes_per_min")
-"""They are 0 by construction without touch, so that is not tested."""
+HAPTIC_MEASURES = ("vibrating_s", "changes_per_min", "force_n")
+"""Where one is 0 by construction, without vibration or without force, it is not tested."""
 
 
 class PairedTest(Struct, frozen=True):
@@ -145,6 +148,7 @@ def play_trial(
         far_aligned_s=measures.state_s.get("aligned_intraocular_navigation", 0.0),
         vibrating_s=vibrating_s,
         changes_per_min=per_min,
+        force_n=rehearsal.mean_force_n(start_ns, last_ns),
     )
 
 
@@ -208,9 +212,11 @@ def paired_tests(rows: Sequence[TouchTrial]) -> list[PairedTest]:
     names = list(dict.fromkeys(row.condition for row in rows))
     tests = []
     for measure in MEASURES:
-        is_haptic = measure in HAPTIC_MEASURES
-        pairs = [pair for pair in combinations(names, 2) if not (is_haptic and "no touch" in pair)]
         values = {name: participant_values(rows, measure, name) for name in names}
+        tested = [name for name in names if measure not in HAPTIC_MEASURES or any(values[name])]
+        pairs = list(combinations(tested, 2))
+        if not pairs:
+            continue
         # Time stamps have 9 decimals, so differences are tied if they agree in these.
         pairwise_differences = [np.round(np.subtract(values[b], values[a]), 9) for a, b in pairs]
         results = [signed_rank(np.zeros(len(each)), each) for each in pairwise_differences]

@@ -160,6 +160,22 @@ TRAITS: dict[str, Trait] = {
         "distance of withdrawal on an alarm",
         "assumed: well outside the contact zone of 0.7 mm",
     ),
+    "hand_mass_kg": Trait(
+        "kg", "fixed", 0.554, 0,
+        "mass of hand and forearm in a force device",
+        "one arm: van Beek, Bergmann Tiest, Mugge and Kappers 2015, Sci. Rep. 5:18004 (cited); that all are "
+        "alike is assumed",
+    ),
+    "hand_damping_n_s_per_mm": Trait(
+        "N s/mm", "fixed", 0.00645, 0,
+        "damping of a hand that a force pushes",
+        "as above",
+    ),
+    "hand_stiffness_n_per_mm": Trait(
+        "N/mm", "fixed", 0.135, 0,
+        "stiffness of a hand that a force pushes",
+        "as above",
+    ),
 }  # fmt: skip
 """All traits of a participant, in the order in which they are drawn."""
 OLD_TRAITS = {
@@ -211,6 +227,9 @@ class Participant(Struct, frozen=True):
     attention_probability: float
     align_share: float
     withdraw_mm: float
+    hand_mass_kg: float
+    hand_damping_n_s_per_mm: float
+    hand_stiffness_n_per_mm: float
 
     @property
     def visual_latency_s(self) -> float:

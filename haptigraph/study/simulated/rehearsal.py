@@ -18,6 +18,7 @@ from haptigraph import assemble
 from haptigraph.clock import VirtualClock
 from haptigraph.config import Config
 from haptigraph.errors import BadInput, EndOfSource, RenamedKey
+from haptigraph.geometry import Vec
 from haptigraph.haptics.guard import Guard
 from haptigraph.inference.procedure import Procedure
 from haptigraph.messages import Capabilities, Capture, Step
@@ -32,6 +33,7 @@ from haptigraph.sim.scenario import About, Scenario
 from haptigraph.sources.jpeg import JpegSource
 from haptigraph.stages import Sink, Source
 from haptigraph.study.simulated.ground_truth import GROUND_TRUTH, GroundTruthPerceiver
+from haptigraph.study.simulated.hand import PushedHand
 from haptigraph.study.simulated.participant import Participant
 from haptigraph.study.simulated.person import SimulatedPerson
 from haptigraph.study.simulated.training import trained_amplitudes
@@ -39,7 +41,7 @@ from haptigraph.teleop.mapping import MIN_LEVER_MM
 from haptigraph.teleop.motion import HandMotion, TeleopSettings
 from haptigraph.teleop.teleop import Teleop
 
-__all__ = ["NO_TOUCH", "SHIPPED", "Condition", "Rehearsal", "draw_scenario", "entry_scenario"]
+__all__ = ["FORCES", "NO_TOUCH", "SHIPPED", "Condition", "Rehearsal", "draw_scenario", "entry_scenario"]
 
 START_MM = 3.0
 LIMIT_S = 180.0
@@ -56,6 +58,8 @@ class Condition(Struct, frozen=True):
     """The guard's limit; 0: no haptic output."""
     text: str = ""
     """Text of the procedure, for machines that lack the file; empty: load it by its name."""
+    has_force: bool = False
+    """Whether the hand feels the forces of the procedure."""
 
 
 NO_TOUCH = Condition("no touch", "subretinal_injection", 0.0)
@@ -65,6 +69,13 @@ SHIPPED = (
     Condition("continuous", "subretinal_injection_continuous"),
 )
 """The paper's two conditions, and the one that it proposes."""
+FORCES = (
+    NO_TOUCH,
+    Condition("vibration", "subretinal_injection"),
+    Condition("force", "subretinal_injection_force", 0.0, has_force=True),
+    Condition("both", "subretinal_injection_force", has_force=True),
+)
+"""The same vibration with and without forces, and forces alone."""
 
 
 class Rehearsal:
@@ -119,7 +130,10 @@ class Rehearsal:
         is_rendered = perceiver != GROUND_TRUTH
         rate_hz = scenario.about.rate_hz
         self.person = SimulatedPerson(participant, trained, axis_mm, (*seed, 2), rate_hz)
-        source = _SteeredSource(scenario, eye, self.person, is_rendered, limit_s)
+        scale = scenario.robot.motion_scale
+        self._hand = PushedHand(participant, scale) if condition.has_force else None
+        steered = _Steered(self.person, self._hand, scenario, eye, limit_s)
+        source = _SteeredSource(scenario, steered, is_rendered)
         self.registration = _registration(source.registration or "")
         truth = None if is_rendered else GroundTruthPerceiver(self.registration, (*seed, 1))
         quality = self.config.source.jpeg_quality
@@ -143,11 +157,17 @@ class Rehearsal:
         hit_ns: int | None = None
         for step in self.loop.steps():
             self.steered_s = step.stamp_ns / 1e9
+            if self._hand is not None:
+                self._hand.take(step)
             yield step
             if hit_ns is None and step.conclusion.state == HIT:
                 hit_ns, self.is_hit = step.stamp_ns, True
             if hit_ns is not None and step.stamp_ns - hit_ns >= AFTER_NS:
                 return
+
+    def mean_force_n(self, start_ns: int, end_ns: int) -> float:
+        """Return the mean size of the force on the hand over some time; 0 if it feels none."""
+        return self._hand.mean_force_n(start_ns, end_ns) if self._hand is not None else 0.0
 
 
 def draw_scenario(seed: tuple[int, ...], *, rate_hz: float = 30.0) -> Scenario:
@@ -184,13 +204,14 @@ def _registration(text: str) -> Registration:
 
 
 class _Steered:
-    """The person as the operator of the phantom, through teleoperation."""
+    """The person as the operator of the phantom, through teleoperation, with a hand that forces may push."""
 
     def __init__(
-        self, person: SimulatedPerson, scenario: Scenario, target_pitch_deg: float, limit_s: float
+        self, person: SimulatedPerson, hand: PushedHand | None, scenario: Scenario, eye: Eye, limit_s: float
     ) -> None:
         self.duration_s = limit_s
-        self._person, self._aim_deg = person, target_pitch_deg
+        self._person, self._hand = person, hand
+        self._aim_deg = Robot(eye.trocar_mm, scenario.robot, Pose(0.0, 0.0)).pitch_towards(eye.target_mm)
         self._scale = scenario.robot.motion_scale
         settings = TeleopSettings(motion_scale=self._scale)
         self.teleop = Teleop(scenario.about.rate_hz, settings, scenario.about.seed)
@@ -201,11 +222,10 @@ class _Steered:
         lever_mm = max(depth_mm**2, MIN_LEVER_MM**2) / depth_mm
         along_mm, across_mm = motion.along_mm, lever_mm * math.radians(motion.turn_deg)
         tremor_along_mm, tremor_across_mm = motion.tremor_mm
-        self.teleop.put(
-            HandMotion(
-                True, along_mm / self._scale + tremor_along_mm, across_mm / self._scale + tremor_across_mm
-            )
-        )
+        hand_mm = along_mm / self._scale + tremor_along_mm, across_mm / self._scale + tremor_across_mm
+        if self._hand is not None:
+            hand_mm = _moved(self._hand, hand_mm, robot.direction(), elapsed_s)
+        self.teleop.put(HandMotion(True, *hand_mm))
         self.teleop.move(robot, time_s, elapsed_s)
         self._person.add_screen(time_s, robot.pose.depth_mm, robot.pose.pitch_deg - self._aim_deg)
 
@@ -213,16 +233,21 @@ class _Steered:
         return False
 
 
+def _moved(hand: PushedHand, intended_mm: Vec, shaft: Vec, elapsed_s: float) -> Vec:
+    """Return the motion of a hand along and across the shaft, pushed by forces in the eye frame."""
+    along, across = intended_mm
+    (x, y), (u, v) = shaft, (-shaft[1], shaft[0])
+    x_mm, y_mm = hand.move((along * x + across * u, along * y + across * v), elapsed_s)
+    return x_mm * x + y_mm * y, x_mm * u + y_mm * v
+
+
 class _SteeredSource(Source):
     """Images of the phantom, rendered or not, while the person steers."""
 
     is_live = False
 
-    def __init__(
-        self, scenario: Scenario, eye: Eye, person: SimulatedPerson, is_rendered: bool, limit_s: float
-    ) -> None:
-        aim_deg = Robot(eye.trocar_mm, scenario.robot, Pose(0.0, 0.0)).pitch_towards(eye.target_mm)
-        self._steered = _Steered(person, scenario, aim_deg, limit_s)
+    def __init__(self, scenario: Scenario, steered: _Steered, is_rendered: bool) -> None:
+        self._steered = steered
         self._phantom = Phantom(scenario, self._steered)
         self._is_rendered = is_rendered
         self.rate_hz = scenario.about.rate_hz
