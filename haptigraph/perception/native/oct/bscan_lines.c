@@ -12,21 +12,6 @@ typedef struct {
     int count;
 } Line;
 
-/* Return values between vertices, linearly; before the first and after the last they continue. */
-static double between(const double *x, const double *values, int count, double at) {
-    int left = 0, right = count - 1;
-    if (at <= x[0]) return values[0];
-    if (at >= x[right]) return values[right];
-    while (right - left > 1) {
-        const int middle = (left + right) / 2;
-        if (x[middle] <= at)
-            left = middle;
-        else
-            right = middle;
-    }
-    return (values[right] - values[left]) / (x[right] - x[left]) * (at - x[left]) + values[left];
-}
-
 /* Write the row of a surface beyond its visible part, by the slope of its last columns there, if it has so
    many: the `number` of its visible columns, first to last. */
 static double beyond(const Columns *surface, const int *seen, int number, int slope_columns, double at) {
