@@ -137,7 +137,7 @@ int find_ridges(const uint8_t *image, int width, int height, const Grid *grid, c
 
 /* How surfaces are reported. */
 typedef struct {
-    double tip_px, beyond_px, most_px; /* column of the tip, NaN for none; extension beyond it, and at most */
+    double tip_px, beyond_px, most_px; /* column of the tip, NaN for none; beyond it; extrapolated so far */
     double slope_sd;                   /* of what is not visible, rows per column */
     double center_px[2], right_mm, down_mm; /* the origin, and millimetres per pixel to the right and down */
     double shares[2];                       /* of the layers between ILM and RPE */
