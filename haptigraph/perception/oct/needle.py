@@ -25,6 +25,7 @@ __all__ = [
     "SLOPE_COLUMNS",
     "Needle",
     "NeedleConstants",
+    "Shaft",
     "find_needle",
     "row_at",
 ]
