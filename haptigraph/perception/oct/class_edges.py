@@ -94,4 +94,5 @@ def _flat(narrow: Image, rows: Floats) -> FloatImage:
 
 def _half_columns(image: Image, row_px: Floats, mm_per_px: Vec) -> int:
     """Return the number of columns averaged on either side."""
-    return max(MIN_ALONG_COLUMNS, round(ALONG_MM * len(row_px) / (image.shape[1] * mm_per_px[0])))
+    columns_mm = image.shape[1] * mm_per_px[0] / len(row_px)
+    return max(MIN_ALONG_COLUMNS, round(ALONG_MM / float(columns_mm)))
