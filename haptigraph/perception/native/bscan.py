@@ -1,4 +1,4 @@
-"""Passes over a B-scan: downsampling, means of columns, surfaces (`bscan_cells.c`, `bscan_surfaces.c`)."""
+"""Passes over a B-scan: downsampling, surfaces (`bscan_cells.c`, `bscan_surfaces.c`)."""
 
 import ctypes
 from operator import index
@@ -21,7 +21,6 @@ __all__ = [
     "Smoothing",
     "SurfaceSearch",
     "best_path",
-    "column_means",
     "find_surfaces",
     "remove_specks",
     "sum_cells",
@@ -45,7 +44,6 @@ _SURFACE_SEARCH = LIBRARY.layout(
 )
 _sum_cells = LIBRARY.function("sum_cells", "piiiiipp")
 _cell_levels = LIBRARY.function("cell_levels", "pp")
-_column_means = LIBRARY.function("column_means", "piiiippp")
 _best_path = LIBRARY.function("best_path", "piiipp", ctypes.c_int)
 _find_surfaces = LIBRARY.function("find_surfaces", "ppppp", ctypes.c_int)
 _remove_specks = LIBRARY.function("remove_specks", "pii")
@@ -193,28 +191,6 @@ def sum_cells(image: Image, across: int, down: int) -> NDArray[np.int32]:
     return cells
 
 
-def column_means(
-    image: Image, first: int, top: NDArray[np.int32], bottom: NDArray[np.int32]
-) -> NDArray[np.float32]:
-    """Return the mean grey of rows from top to before bottom in columns from `first` on, (n,); NaN for none.
-
-    Args:
-        image: (h, w) grey.
-        first: The first column.
-        top: First row in each column, (n,).
-        bottom: Row after the last, (n,).
-    """
-    height, width = np.shape(image)
-    pixels = checked("image", image, BYTE, (height, width))
-    count, first = len(top), index(first)
-    if not (0 <= first <= first + count <= width) or height > MAX_SCAN_PX:
-        raise ValueError(f"columns: expected some of {width}, found {count} from {first} on")
-    rows = checked("top", top, INT, (count,)), checked("bottom", bottom, INT, (count,))
-    means = np.empty(count, np.float32)
-    _column_means(pixels, width, height, first, count, *rows, address(means))
-    return means
-
-
 def best_path(reward: FloatImage, step_cost: FloatImage) -> NDArray[np.int32]:
     """Return the row of the best path in each column, (w,).
 
@@ -238,7 +214,7 @@ def best_path(reward: FloatImage, step_cost: FloatImage) -> NDArray[np.int32]:
 def find_surfaces(grid: ScanGrid, search: SurfaceSearch) -> FoundSurfaces:
     """Find ILM and RPE."""
     count = grid.shape[0]
-    grid.check(max(2 * search.deep, 4 * search.band))
+    grid.check(search.deep + max(search.deep, 4 * search.band))
     rows, visible, tissue_grey = np.empty((2, 2, count)), np.empty((2, count), np.bool_), np.empty(1)
     outputs = (address(array) for array in (rows, visible, tissue_grey))
     if not _find_surfaces(grid.native, search.checked(), *outputs):

@@ -59,10 +59,23 @@ EXPORT const Entry entries[] = {
 #undef F
 #define F(field) FIELD(RidgeSearch, field)
     SIZE(RidgeSearch), F(step_px), F(dark_grey), F(mask_grey), F(strip_grey), F(lowest_slope), F(highest_slope),
-    F(inlier_steps), F(across), F(down), F(side), F(votes), F(erased), F(gap), F(run), F(beyond),
+    F(inlier_steps), F(below_ilm_px), F(across), F(down), F(side), F(votes), F(erased), F(gap), F(run), F(beyond),
 #undef F
-#define F(field) FIELD(RidgeLine, field)
-    SIZE(RidgeLine), F(start_px), F(along_px), F(angle_sd_rad), F(stations),
+#define F(field) FIELD(SurfacePair, field)
+    SIZE(SurfacePair), F(x_px), F(ilm_px), F(rpe_px), F(ilm_visible), F(rpe_visible), F(columns),
+#undef F
+#define F(field) FIELD(ShaftSearch, field)
+    SIZE(ShaftSearch), F(min_contrast_grey), F(equal_share), F(start_steps), F(gap_steps), F(least_steps),
+    F(min_ridge_share), F(on_ridge_rows), F(below_shaft_rows), F(dark_rows), F(margin_px), F(max_tissue_share),
+    F(floor_grey), F(tissue_grey),
+#undef F
+#define F(field) FIELD(Shaft, field)
+    SIZE(Shaft), F(line.start_px), F(line.along_px), F(line.angle_sd_rad), F(line.stations), F(share),
+    F(typical_grey), F(end_steps), F(number),
+#undef F
+#define F(field) FIELD(BevelSearch, field)
+    SIZE(BevelSearch), F(wall_rows), F(spot_rows), F(above_rows), F(below_rows), F(half_px), F(ahead_px),
+    F(bright_share), F(equal_share), F(spot_sd_rows), F(lit_share), F(min_gain), F(floor_grey),
 #undef F
 #define F(field) FIELD(EdgeSearch, field)
     SIZE(EdgeSearch), F(start_px), F(along_px), F(end_x), F(margin_px), F(window_px), F(max_distance_px),

@@ -48,7 +48,7 @@ class LineLimits(NamedTuple):
     beyond_px: float
     """Extension of a surface beyond the tip."""
     most_px: float
-    """Largest extension of a surface beyond its visible part."""
+    """Beyond its visible part, a surface rises and falls no more than over this length."""
     slope_sd: float
     """Standard deviation of the slope of what is not visible, in rows per column."""
     center_px: Vec

@@ -7,16 +7,10 @@ shadow. Every image is processed independently.
 import numpy as np
 
 from haptigraph.config import PerceptionConfig
-from haptigraph.imaging import Floats, grey_of
+from haptigraph.imaging import grey_of
 from haptigraph.messages import Capture, ImageKind, Observation
 from haptigraph.perception.entities import ENTITIES
-from haptigraph.perception.oct.needle import (
-    Needle,
-    find_needle,
-    needle_candidates,
-    without_ridge_columns,
-)
-from haptigraph.perception.oct.ridge import ridges_above
+from haptigraph.perception.oct.needle import Needle, find_needle
 from haptigraph.perception.oct.scan_geometry import Layers, ObservationBuilder, Shaft
 from haptigraph.perception.oct.scan_image import ScanImage, ScanScale, scan_image
 from haptigraph.perception.oct.surfaces import Surfaces, find_surfaces
@@ -57,10 +51,7 @@ class BscanPerceiver:
         """
         scan = scan_image(grey_of(self._registration.checked(capture.image)), self._scale)
         surfaces = find_surfaces(scan)
-        dark_grey = _brightest_beside(scan, surfaces)
-        candidates = needle_candidates(ridges_above(scan, _ilm_above(scan, surfaces), dark_grey), dark_grey)
-        surfaces = without_ridge_columns(scan, surfaces, candidates)
-        needle = find_needle(scan, candidates, surfaces)
+        needle, surfaces = find_needle(scan, surfaces, _brightest_beside(scan, surfaces))
         return self._build_observation(
             capture.stamp_ns, _layers(scan, surfaces), needle and _shaft(scan, needle)
         )
@@ -71,13 +62,6 @@ def _brightest_beside(scan: ScanImage, surfaces: Surfaces) -> float:
     dark_grey, bright_grey = scan.levels.dark_grey, scan.levels.bright_grey
     shares_grey = DARK_SHARE * surfaces.tissue_grey, BRIGHT_SHARE * (bright_grey - dark_grey)
     return dark_grey + max(DARK_GREY, *shares_grey)
-
-
-def _ilm_above(scan: ScanImage, surfaces: Surfaces) -> Floats:
-    """Return the row of the ILM in each column of the grid, the image's height where there is none."""
-    columns = (np.arange(scan.grid.cells.shape[1]) + 0.5) * scan.cell_px[0] - 0.5
-    row_px = np.where(surfaces.ilm_visible, surfaces.ilm_px, scan.image.shape[0])
-    return np.asarray(np.interp(columns, surfaces.x_px, row_px))
 
 
 def _layers(scan: ScanImage, surfaces: Surfaces) -> Layers:

@@ -2,17 +2,18 @@
 
 The outer retina has several bright bands, some 40 µm apart. A network may follow the wrong one with
 confidence, over half an image; then an edge from dark to bright is visible above its border. And the image
-locates such an edge more precisely than the classes do.
+locates such an edge more precisely than the classes do. In atrophy, where the RPE is missing, the choroid
+below is bright.
 """
 
 import cv2
 import numpy as np
 
 from haptigraph.geometry import Vec
-from haptigraph.imaging import Floats, Mask, grey_of
+from haptigraph.imaging import FloatImage, Floats, Mask, grey_of
 from haptigraph.messages import Image
 
-__all__ = ["upper_edge"]
+__all__ = ["transmits_light", "upper_edge"]
 
 STEP_MM = 0.003  # between samples down a column; the next three are counts of samples
 AVERAGED = 4  # on either side of an edge
@@ -20,6 +21,9 @@ NEAR = 5  # an edge at most so far below a border is its own; so near above it, 
 SEARCHED = 17  # above a border, for other edges
 ALONG_MM, MIN_ALONG_COLUMNS = 0.2, 2  # averaged along a border, on either side
 MAX_SHARE = 0.3  # contrast of other edges, relative to a border's own
+RETINA, CHOROID = (-33, -7), (20, 50)  # 20 to 100 µm above a border; 60 to 150 µm below it
+MAX_TRANSMITTED = 2.0  # brightness of the choroid over the dark, relative to that of the retina
+DARK_PERCENT = 5  # of an image is as dark as without backscatter
 
 
 def upper_edge(image: Image, row_px: Floats, mm_per_px: Vec) -> tuple[Floats, Mask]:
@@ -41,21 +45,54 @@ def upper_edge(image: Image, row_px: Floats, mm_per_px: Vec) -> tuple[Floats, Ma
     return np.asarray(row_px + own.argmax(axis=0) * (STEP_MM / mm_per_px[1])), np.asarray(is_first)
 
 
+def transmits_light(image: Image, row_px: Floats, mm_per_px: Vec) -> Mask:
+    """Return the columns, (n,), in which tissue below the RPE is bright: in atrophy, where there is none.
+
+    There the choroid shines, and its edge may be mistaken for that of the RPE. Arguments as of `upper_edge`.
+    """
+    narrow, half = _narrow(image, len(row_px)), _half_columns(image, row_px, mm_per_px)
+    above, below = (_mean_along(narrow, row_px, mm_per_px[1], half, span) for span in (RETINA, CHOROID))
+    dark_grey = float(np.percentile(narrow, DARK_PERCENT))
+    return np.asarray(below - dark_grey > MAX_TRANSMITTED * np.maximum(above - dark_grey, 1.0))
+
+
+def _mean_along(
+    narrow: Image, row_px: Floats, axial_mm: float, half: int, span: tuple[int, int]
+) -> FloatImage:
+    """Return the mean grey from one sample to another below a border, averaged along it, (n,)."""
+    samples = np.arange(*span) + 0.5
+    flat = _flat(narrow, row_px + (samples * (STEP_MM / axial_mm))[:, None])
+    size = 2 * half + 1, 1
+    return np.asarray(cv2.blur(flat.mean(axis=0)[None], size, borderType=cv2.BORDER_REPLICATE)[0], np.float32)
+
+
 def _rise(image: Image, row_px: Floats, mm_per_px: Vec) -> Floats:
     """Return the rise of grey from `SEARCHED` samples above a border to `NEAR` below it, (samples, n)."""
-    columns, (height, width) = len(row_px), image.shape[:2]
-    narrow = cv2.resize(grey_of(image), (columns, height), interpolation=cv2.INTER_AREA)
     samples = np.arange(-SEARCHED - AVERAGED, NEAR + AVERAGED) + 0.5
-    rows = row_px + (samples * (STEP_MM / mm_per_px[1]))[:, None]
-    across = np.broadcast_to(np.arange(columns, dtype=np.float32), rows.shape)
-    flat = cv2.remap(
-        narrow.astype(np.float32),
-        across,
-        rows.astype(np.float32),
-        cv2.INTER_LINEAR,
-        borderMode=cv2.BORDER_REPLICATE,
-    )
-    half = max(MIN_ALONG_COLUMNS, round(ALONG_MM * columns / (width * mm_per_px[0])))
-    size = 2 * half + 1, AVERAGED
-    means = cv2.blur(flat, size, anchor=(half, 0), borderType=cv2.BORDER_REPLICATE)
+    narrow = _narrow(image, len(row_px))
+    flat = _flat(narrow, row_px + (samples * (STEP_MM / mm_per_px[1]))[:, None])
+    half = _half_columns(image, row_px, mm_per_px)
+    means = cv2.blur(flat, (2 * half + 1, AVERAGED), anchor=(half, 0), borderType=cv2.BORDER_REPLICATE)
     return np.asarray(means[AVERAGED : -AVERAGED + 1] - means[: -2 * AVERAGED + 1], np.float64)
+
+
+def _narrow(image: Image, columns: int) -> Image:
+    """Average the grey of an image to so many columns."""
+    size = columns, image.shape[0]
+    return np.asarray(cv2.resize(grey_of(image), size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def _flat(narrow: Image, rows: Floats) -> FloatImage:
+    """Return the grey at rows of each column, (samples, n)."""
+    across = np.broadcast_to(np.arange(rows.shape[1], dtype=np.float32), rows.shape)
+    border = cv2.BORDER_REPLICATE
+    flat = cv2.remap(
+        narrow.astype(np.float32), across, rows.astype(np.float32), cv2.INTER_LINEAR, borderMode=border
+    )
+    return np.asarray(flat, np.float32)
+
+
+def _half_columns(image: Image, row_px: Floats, mm_per_px: Vec) -> int:
+    """Return the number of columns averaged on either side."""
+    columns_mm = image.shape[1] * mm_per_px[0] / len(row_px)
+    return max(MIN_ALONG_COLUMNS, round(ALONG_MM / float(columns_mm)))

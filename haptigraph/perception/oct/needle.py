@@ -14,22 +14,20 @@ from numpy.typing import NDArray
 
 from haptigraph.geometry import Vec
 from haptigraph.imaging import Floats, Mask
-from haptigraph.perception.native.bscan import column_means
+from haptigraph.perception.native.bscan_needle import ShaftSearch, SurfacePair, find_shaft
 from haptigraph.perception.oct.bevel import drop_in_tissue, drop_in_vitreous
-from haptigraph.perception.oct.ridge import Ridge
+from haptigraph.perception.oct.ridge import Ridge, ridge_search
 from haptigraph.perception.oct.scan_image import STEP_MM, ScanImage
 from haptigraph.perception.oct.shadow import Edge, find_shadow_edge
 from haptigraph.perception.oct.surfaces import Surfaces
 
 __all__ = [
     "SLOPE_COLUMNS",
-    "Candidate",
     "Needle",
     "NeedleConstants",
+    "Shaft",
     "find_needle",
-    "needle_candidates",
     "row_at",
-    "without_ridge_columns",
 ]
 
 SLOPE_COLUMNS = 6
@@ -74,22 +72,20 @@ class NeedleConstants(NamedTuple):
 CONSTANTS = NeedleConstants()
 
 
-class Candidate(NamedTuple):
-    """The continuous part of a ridge that may be a needle's shaft."""
+class Shaft(NamedTuple):
+    """The continuous part of a ridge that casts a shadow."""
 
     ridge: Ridge
     end_steps: int
     share: float
+    """Of its length that is a ridge."""
+    typical_grey: float
+    """Contrast against its sides."""
 
     @property
     def end_px(self) -> Vec:
         """Where the continuous part ends."""
         return self.ridge.at_px(self.end_steps)
-
-    @property
-    def typical_grey(self) -> float:
-        """Contrast of the shaft against its sides."""
-        return _median(self.ridge.line.contrast_grey[: self.end_steps + 1])
 
 
 class Needle(NamedTuple):
@@ -103,112 +99,64 @@ class Needle(NamedTuple):
     """Share of the continuous line that is a ridge."""
 
 
-def _median(values: NDArray[np.float32]) -> float:
-    """Return the upper median, faster than NumPy's."""
-    return float(np.sort(values)[len(values) // 2])
-
-
-def find_needle(scan: ScanImage, candidates: list[Candidate], surfaces: Surfaces) -> Needle | None:
-    """Return the needle; None if there is none.
+def find_needle(scan: ScanImage, surfaces: Surfaces, dark_grey: float) -> tuple[Needle | None, Surfaces]:
+    """Return the needle, None if there is none, and the surfaces without columns mistaken for tissue.
 
     Args:
         scan: The B-scan.
-        candidates: Possible shafts.
         surfaces: ILM and RPE.
-    """
-    candidates = [candidate for candidate in candidates if _casts_shadow(scan, candidate, surfaces)]
-    if not candidates:
-        return None
-    return _with_tip(scan, max(candidates, key=_evidence), surfaces)
-
-
-def needle_candidates(ridges: list[Ridge], dark_grey: float) -> list[Candidate]:
-    """Return the ridges that may be shafts, up to their first gap.
-
-    Args:
-        ridges: Straight bright lines.
         dark_grey: Largest grey value beside a needle.
     """
-    return [candidate for ridge in ridges if (candidate := _candidate(ridge, dark_grey)) is not None]
+    ridges = ridge_search(scan, dark_grey)
+    search = _shaft_search(scan, surfaces.tissue_grey)
+    found, ilm_visible, rpe_visible = find_shaft(
+        scan.image, scan.grid, ridges, search, SurfacePair(*surfaces[:5])
+    )
+    surfaces = surfaces._replace(ilm_visible=ilm_visible, rpe_visible=rpe_visible)
+    if found is None:
+        return None, surfaces
+    shaft = Shaft(Ridge(found.line, ridges.step_px), found.end_steps, found.share, found.typical_grey)
+    return _with_tip(scan, shaft, surfaces), surfaces
 
 
-def without_ridge_columns(scan: ScanImage, surfaces: Surfaces, candidates: list[Candidate]) -> Surfaces:
-    """Remove the columns in which a thick ridge was mistaken for tissue."""
-    on_ridge = np.zeros(len(surfaces.x_px), bool)
-    most_px = CONSTANTS.on_ridge_mm / scan.scale.axial_mm
-    for candidate in candidates:
-        ridge, end_x = candidate.ridge, candidate.end_px[0]
-        before = ridge.side * (end_x - surfaces.x_px)
-        is_along = (before >= 0) & (before <= ridge.side * (end_x - ridge.line.start_px[0]))
-        on_ridge |= is_along & (np.abs(surfaces.ilm_px - ridge.rows_at(surfaces.x_px)) < most_px)
-    ilm_visible, rpe_visible = surfaces.ilm_visible & ~on_ridge, surfaces.rpe_visible & ~on_ridge
-    return surfaces._replace(ilm_visible=ilm_visible, rpe_visible=rpe_visible)
+def _shaft_search(scan: ScanImage, tissue_grey: float) -> ShaftSearch:
+    """Return the limits of the search for a shaft."""
+    lateral_mm, axial_mm = scan.scale
+    return ShaftSearch(
+        min_contrast_grey=CONSTANTS.min_contrast_grey,
+        equal_share=CONSTANTS.equal_share,
+        start_steps=CONSTANTS.max_start_mm / STEP_MM,
+        gap_steps=CONSTANTS.max_gap_mm / STEP_MM,
+        least_steps=CONSTANTS.min_length_mm / STEP_MM,
+        min_ridge_share=CONSTANTS.min_ridge_share,
+        on_ridge_rows=CONSTANTS.on_ridge_mm / axial_mm,
+        below_shaft_rows=CONSTANTS.below_shaft_mm / axial_mm,
+        dark_rows=CONSTANTS.dark_mm / axial_mm,
+        margin_px=CONSTANTS.shadow_margin_mm / lateral_mm,
+        max_tissue_share=CONSTANTS.max_tissue_share,
+        floor_grey=scan.levels.dark_grey,
+        tissue_grey=tissue_grey,
+    )
 
 
-def _candidate(ridge: Ridge, dark_grey: float) -> Candidate | None:
-    """Return the part of a ridge that starts near the image's border; None if it is too short."""
-    start, gap = CONSTANTS.max_start_mm / STEP_MM, CONSTANTS.max_gap_mm / STEP_MM
-    contrast = ridge.line.contrast_grey
-    is_bright = contrast > CONSTANTS.min_contrast_grey
-    is_ridge = is_bright & (ridge.line.brighter_grey < dark_grey)
-    if is_ridge.any():  # the vitreous beside it may be bright
-        typical_grey = _median(contrast[is_ridge])
-        is_bright = contrast > max(CONSTANTS.min_contrast_grey, typical_grey / 2)  # its speckle is no shaft
-        is_ridge = is_bright & (is_ridge | (contrast > CONSTANTS.equal_share * typical_grey))
-    at = np.flatnonzero(is_ridge)
-    if not len(at) or at[0] > start:
-        return None
-    gaps = np.flatnonzero(np.diff(at) > gap)
-    gaps = gaps[at[gaps + 1] > start]
-    end = int(at[gaps[0]] if len(gaps) else at[-1])
-    share = float(is_ridge[at[0] : end + 1].mean())
-    is_long = end >= CONSTANTS.min_length_mm / STEP_MM
-    return Candidate(ridge, end, share) if is_long and share >= CONSTANTS.min_ridge_share else None
-
-
-def _casts_shadow(scan: ScanImage, candidate: Candidate, surfaces: Surfaces) -> bool:
-    """Return whether no tissue is visible where a needle would shadow it."""
-    ridge, axial_mm = candidate.ridge, scan.scale.axial_mm
-    margin_px = CONSTANTS.shadow_margin_mm / scan.scale.lateral_mm
-    last_x = candidate.end_px[0] - ridge.side * margin_px
-    is_hidden = ridge.side * (last_x - surfaces.x_px) > 0
-    is_below = surfaces.ilm_px > ridge.rows_at(surfaces.x_px) + CONSTANTS.below_shaft_mm / axial_mm
-    tissue = int((is_hidden & is_below & surfaces.ilm_visible).sum())
-    least = min(int(is_hidden.sum()), int(surfaces.ilm_visible.sum()))
-    if tissue > CONSTANTS.max_tissue_share * least:
-        return False
-    left, right = sorted(round(end) for end in (ridge.line.start_px[0], last_x))
-    columns = np.arange(max(left, 0), min(right + 1, scan.image.shape[1]))
-    if ridge.side * (last_x - ridge.line.start_px[0]) < 0 or not len(columns):
-        return True
-    top = ridge.rows_at(columns) + CONSTANTS.below_shaft_mm / axial_mm
-    rows = (part.astype(np.int32) for part in (top, top + CONSTANTS.dark_mm / axial_mm))
-    below_grey = column_means(scan.image, int(columns[0]), *rows) - scan.levels.dark_grey
-    return float((below_grey > surfaces.tissue_grey / 2).mean()) <= CONSTANTS.max_tissue_share
-
-
-def _evidence(candidate: Candidate) -> float:
-    return float(np.maximum(candidate.ridge.line.contrast_grey[: candidate.end_steps], 0).sum())
-
-
-def _with_tip(scan: ScanImage, candidate: Candidate, surfaces: Surfaces) -> Needle:
-    ridge, end_x = candidate.ridge, candidate.end_px[0]
+def _with_tip(scan: ScanImage, shaft: Shaft, surfaces: Surfaces) -> Needle:
+    ridge, end_x = shaft.ridge, shaft.end_px[0]
     edge = find_shadow_edge(scan, ridge, end_x, surfaces)
     if edge is None:
-        end = _visible_end(scan, candidate)
+        end = _visible_end(scan, shaft)
         ilm_y = row_at(surfaces.x_px, surfaces.ilm_px, surfaces.ilm_visible, end.tip_px[0])
         may_continue = end.tip_px[1] > ilm_y - CONSTANTS.below_shaft_mm / scan.scale.axial_mm
         return end._replace(sd_px=None) if may_continue else end
     ilm_y, on_line = _crossing(surfaces, ridge, edge)
-    if on_line[1] < ilm_y and not _has_metal(candidate, edge):  # the shadow of a vessel may go on
+    if on_line[1] < ilm_y and not _has_metal(shaft, edge):  # the shadow of a vessel may go on
         shallow = find_shadow_edge(scan, ridge, end_x, surfaces, shallow=True)
-        if shallow is not None and _has_metal(candidate, shallow):
+        if shallow is not None and _has_metal(shaft, shallow):
             edge = shallow
             ilm_y, on_line = _crossing(surfaces, ridge, edge)
     further_px = ridge.side * (edge.x_px - end_x)
     if on_line[1] < ilm_y and further_px * scan.scale.lateral_mm > CONSTANTS.bevel_mm:
         edge = edge._replace(sd_px=further_px / 2)  # the shadow of something else, or a shaft that fades
-    return _at_edge(scan, candidate, edge, on_line, ilm_y)
+    return _at_edge(scan, shaft, edge, on_line, ilm_y)
 
 
 def _crossing(surfaces: Surfaces, ridge: Ridge, edge: Edge) -> tuple[float, Vec]:
@@ -217,31 +165,31 @@ def _crossing(surfaces: Surfaces, ridge: Ridge, edge: Edge) -> tuple[float, Vec]
     return ilm_y, ridge.at_px(ridge.steps_at_column(edge.x_px))
 
 
-def _at_edge(scan: ScanImage, candidate: Candidate, edge: Edge, on_line: Vec, ilm_y: float) -> Needle:
+def _at_edge(scan: ScanImage, shaft: Shaft, edge: Edge, on_line: Vec, ilm_y: float) -> Needle:
     """Return a needle whose tip is in the column of the shadow's edge."""
-    ridge, (x, y) = candidate.ridge, on_line
+    ridge, (x, y) = shaft.ridge, on_line
     slope = abs(ridge.line.along_px[1] / (ridge.line.along_px[0] or 1e-9))
     if y < ilm_y:
-        drop = drop_in_vitreous(scan, on_line, ilm_y, candidate.typical_grey)
+        drop = drop_in_vitreous(scan, on_line, ilm_y, shaft.typical_grey)
         if not drop.rows and y < ilm_y - CONSTANTS.below_shaft_mm / scan.scale.axial_mm:
-            edge, (x, y) = _within_metal(candidate, edge)
+            edge, (x, y) = _within_metal(shaft, edge)
     else:
         drop = drop_in_tissue(scan, on_line, ridge.side)
         edge = edge._replace(sd_px=math.hypot(edge.sd_px, CONSTANTS.tissue_sd_mm / scan.scale.lateral_mm))
     sd_px = edge.sd_px, math.hypot(edge.sd_px * slope, drop.sd_rows)
-    return Needle(ridge, (x, y + drop.rows), sd_px, candidate.share)
+    return Needle(ridge, (x, y + drop.rows), sd_px, shaft.share)
 
 
-def _within_metal(candidate: Candidate, edge: Edge) -> tuple[Edge, Vec]:
+def _within_metal(shaft: Shaft, edge: Edge) -> tuple[Edge, Vec]:
     """Return an edge, and the tip on the shaft's line, where the metal's brightness allows both.
 
     The tip is not beyond the end of the bright metal, and not much before it.
     """
-    ridge, contrast = candidate.ridge, candidate.ridge.line.contrast_grey
+    ridge, contrast = shaft.ridge, shaft.ridge.line.contrast_grey
     at, near = ridge.steps_at_column(edge.x_px), round(CONSTANTS.near_mm / STEP_MM)
-    bright, column_px = _bright_steps(candidate, edge), abs(ridge.line.along_px[0]) * ridge.step_px
+    bright, column_px = _bright_steps(shaft, edge), abs(ridge.line.along_px[0]) * ridge.step_px
     if not len(bright):
-        sd_px = max(edge.sd_px, abs(at - candidate.end_steps) * column_px / 2)
+        sd_px = max(edge.sd_px, abs(at - shaft.end_steps) * column_px / 2)
         return edge._replace(sd_px=sd_px), ridge.at_px(at)
     end = int(bright[-1])
     run = max(end - near, 0)
@@ -253,30 +201,30 @@ def _within_metal(candidate: Candidate, edge: Edge) -> tuple[Edge, Vec]:
     return edge._replace(sd_px=max(edge.sd_px, moved_px / 2)), ridge.at_px(inside)
 
 
-def _bright_steps(candidate: Candidate, edge: Edge) -> NDArray[np.intp]:
+def _bright_steps(shaft: Shaft, edge: Edge) -> NDArray[np.intp]:
     """Return the steps along a shaft near the shadow's edge that are as bright as metal."""
-    contrast = candidate.ridge.line.contrast_grey
-    at, near = candidate.ridge.steps_at_column(edge.x_px), round(CONSTANTS.near_mm / STEP_MM)
+    contrast = shaft.ridge.line.contrast_grey
+    at, near = shaft.ridge.steps_at_column(edge.x_px), round(CONSTANTS.near_mm / STEP_MM)
     first = max(round(at) - near, 0)
     part = contrast[first : max(round(at) + near + 1, 0)]
-    return first + np.flatnonzero(part > candidate.typical_grey / 2)
+    return first + np.flatnonzero(part > shaft.typical_grey / 2)
 
 
-def _has_metal(candidate: Candidate, edge: Edge) -> bool:
-    return len(_bright_steps(candidate, edge)) > 0
+def _has_metal(shaft: Shaft, edge: Edge) -> bool:
+    return len(_bright_steps(shaft, edge)) > 0
 
 
-def _visible_end(scan: ScanImage, candidate: Candidate) -> Needle:
+def _visible_end(scan: ScanImage, shaft: Shaft) -> Needle:
     """Return a needle whose tip is the end of its ridge, or of the bright spot beyond it."""
-    line, end = candidate.ridge.line, candidate.end_steps
+    line, end = shaft.ridge.line, shaft.end_steps
     beyond = slice(end, end + round(CONSTANTS.bevel_mm / STEP_MM))
     dark_grey = scan.levels.dark_grey + 2 * CONSTANTS.min_contrast_grey
     spots = np.flatnonzero(
-        (line.contrast_grey[beyond] > candidate.typical_grey / 2) & (line.brighter_grey[beyond] < dark_grey)
+        (line.contrast_grey[beyond] > shaft.typical_grey / 2) & (line.brighter_grey[beyond] < dark_grey)
     )
     last = end + (int(spots[-1]) if len(spots) else 0)
     dx, dy = (abs(part) * CONSTANTS.end_sd_mm / scan.scale.mean_mm for part in line.along_px)
-    return Needle(candidate.ridge, candidate.ridge.at_px(last), (max(dx, 1.0), max(dy, 1.0)), candidate.share)
+    return Needle(shaft.ridge, shaft.ridge.at_px(last), (max(dx, 1.0), max(dy, 1.0)), shaft.share)
 
 
 def row_at(x_px: Floats, row_px: Floats, visible: Mask, at_x_px: float) -> float:

@@ -1,28 +1,22 @@
 """Ridges in a B-scan: thin bright lines on dark speckle that may be a needle's shaft.
 
 Turns an image (px) into straight lines, each with its brightness along the line. A ridge is brighter than
-both of its sides, unlike the edge of a layer. The caller decides by its shadow whether a ridge is a needle or
-the ghost of one.
+both of its sides, unlike the edge of a layer. Its shadow decides whether it is a needle or the ghost of one.
 """
 
 import math
-from typing import Any, NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import NamedTuple
 
 from haptigraph.geometry import Vec
-from haptigraph.imaging import Floats
 from haptigraph.perception.native.bscan_needle import (
     ALONG_STEPS,
     CORE_STEPS,
     RidgeLine,
     RidgeSearch,
-    find_ridges,
 )
 from haptigraph.perception.oct.scan_image import STEP_MM, ScanImage
 
-__all__ = ["Ridge", "RidgeConstants", "ridges_above"]
+__all__ = ["Ridge", "RidgeConstants", "ridge_search"]
 
 
 class RidgeConstants(NamedTuple):
@@ -69,23 +63,17 @@ class Ridge(NamedTuple):
         """Return the distance along the line at which it crosses a column."""
         return (x_px - self.line.start_px[0]) / (self.line.along_px[0] or 1e-9) / self.step_px
 
-    def rows_at(self, x_px: NDArray[Any]) -> Floats:
-        """Return the rows at which the line crosses some columns."""
-        (x, y), (dx, dy) = self.line.start_px, self.line.along_px
-        return y + dy / (dx or 1e-9) * (x_px - x)
-
     @property
     def side(self) -> float:
         """1 if the line comes from the left, else -1."""
         return math.copysign(1.0, self.line.along_px[0])
 
 
-def ridges_above(scan: ScanImage, ilm_px: Floats, dark_grey: float) -> list[Ridge]:
-    """Return the ridges that may be shafts, those with most evidence first.
+def ridge_search(scan: ScanImage, dark_grey: float) -> RidgeSearch:
+    """Return the limits of the search for ridges.
 
     Args:
         scan: The B-scan.
-        ilm_px: Row of the ILM in each column of its grid, the image's height where there is none.
         dark_grey: Largest grey value beside a needle.
     """
     (across, down), scale = scan.cell_px, scan.scale
@@ -100,7 +88,7 @@ def ridges_above(scan: ScanImage, ilm_px: Floats, dark_grey: float) -> list[Ridg
         return round(length_mm / STEP_MM)
 
     aspect = scale.lateral_mm / scale.axial_mm
-    search = RidgeSearch(
+    return RidgeSearch(
         step_px=step_px,
         dark_grey=dark_grey,
         mask_grey=least_grey(4 * across * down),
@@ -108,6 +96,7 @@ def ridges_above(scan: ScanImage, ilm_px: Floats, dark_grey: float) -> list[Ridg
         lowest_slope=math.tan(math.radians(CONSTANTS.lowest_deg)) * aspect,
         highest_slope=math.tan(math.radians(CONSTANTS.highest_deg)) * aspect,
         inlier_steps=CONSTANTS.inlier_mm / STEP_MM,
+        below_ilm_px=CONSTANTS.below_ilm_mm / scale.axial_mm,
         across=across,
         down=down,
         side=max(2, round(CONSTANTS.side_mm / (across * scale.lateral_mm))),
@@ -117,5 +106,3 @@ def ridges_above(scan: ScanImage, ilm_px: Floats, dark_grey: float) -> list[Ridg
         run=steps(CONSTANTS.run_mm),
         beyond=steps(CONSTANTS.beyond_mm),
     )
-    limit = ((ilm_px + CONSTANTS.below_ilm_mm / scale.axial_mm) / down).astype(np.int32)
-    return [Ridge(line, step_px) for line in find_ridges(scan.image, scan.grid, search, limit)]

@@ -20,8 +20,8 @@ __all__ = ["SUBRETINAL_SHARE", "Layers", "ObservationBuilder", "Shaft"]
 LINES = ("ilm", "rpe", "subretinal_space", "target_layer")
 SUBRETINAL_SHARE = 0.9
 """Of the distance from ILM to RPE: end of the outer segments, where the space can open."""
-BEYOND_TIP_PX = 8.0  # extension of a surface beyond the tip
-MAX_EXTENSION_PX = 60.0  # of a surface beyond its visible part
+BEYOND_TIP_MM = 0.06  # lateral extension of a surface beyond the tip
+EXTRAPOLATED_MM = 0.47  # its slope counts beyond its visible part
 ON_LINE_MM = 1e-9  # nearer to a line, a point is on it
 SLOPE_SD = 0.12  # standard deviation of the slope of what is not visible, mm per mm
 
@@ -68,8 +68,8 @@ class ObservationBuilder:
         self._axial_mm = image.axial_mm_per_px or image.mm_per_px
         self._limits = LineLimits(
             tip_px=math.nan,
-            beyond_px=BEYOND_TIP_PX,
-            most_px=MAX_EXTENSION_PX,
+            beyond_px=BEYOND_TIP_MM / image.mm_per_px,
+            most_px=EXTRAPOLATED_MM / image.mm_per_px,
             slope_sd=SLOPE_SD * image.mm_per_px / self._axial_mm,
             center_px=image.center_px,
             right_mm=-image.mm_per_px if image.mirrored else image.mm_per_px,

@@ -16,7 +16,7 @@ from haptigraph.geometry import Vec
 from haptigraph.imaging import FloatImage
 from haptigraph.messages import Capture, Image, ImageKind, Observation
 from haptigraph.perception.entities import ENTITIES
-from haptigraph.perception.oct.class_edges import upper_edge
+from haptigraph.perception.oct.class_edges import transmits_light, upper_edge
 from haptigraph.perception.oct.class_maps import Rows, Scaling, border_rows, line_rows, without_neighbours
 from haptigraph.perception.oct.class_needle import NeedleFit, fit_needles
 from haptigraph.perception.oct.class_shadow import SHADOW_MARGIN_MM, Evidence, enters_from_border
@@ -114,7 +114,8 @@ def interpret(
     if entity.rpe is not None and entity.rpe.upper_edge:
         kept_px = round(len(columns) * every * scaling.across)
         rpe_px, is_first = upper_edge(image[:, :kept_px], rpe_px, mm_per_px)
-        is_rpe = is_rpe & without_neighbours(is_first)
+        is_dark_below = ~transmits_light(image[:, :kept_px], rpe_px, mm_per_px)
+        is_rpe = is_rpe & without_neighbours(is_first & is_dark_below)
     layers = likely._replace(
         ilm_visible=without_specks(ilm.is_visible), rpe_px=rpe_px, rpe_visible=without_specks(is_rpe)
     )

@@ -5,7 +5,7 @@ Turns an image (px), a shaft and the surfaces into the column in which a dark pr
 
 from typing import NamedTuple
 
-from haptigraph.perception.native.bscan_needle import EdgeSearch, shadow_edge
+from haptigraph.perception.native.bscan_needle import EdgeSearch, SurfacePair, shadow_edge
 from haptigraph.perception.oct.ridge import Ridge
 from haptigraph.perception.oct.scan_image import ScanImage
 from haptigraph.perception.oct.surfaces import Surfaces
@@ -93,7 +93,7 @@ def find_shadow_edge(
         run=max(3, round(CONSTANTS.run_mm / lateral_mm)),
         half=max(1, round(CONSTANTS.smooth_mm / lateral_mm / 2)),
     )
-    found = shadow_edge(scan.image, search, *surfaces[:5])
+    found = shadow_edge(scan.image, search, SurfacePair(*surfaces[:5]))
     if found is None:
         return None
     x_px, width_px = found

@@ -95,34 +95,44 @@ def find_surfaces(scan: ScanImage) -> Surfaces:
 
 
 def _search(scan: ScanImage) -> native.SurfaceSearch:
-    """Return the limits in rows of the grid."""
-    row_mm = scan.cell_px[1] * scan.scale.axial_mm
-    column_mm = scan.column_px * scan.scale.lateral_mm
+    """Return the limits of the search in this B-scan."""
+    dark_grey, noise_grey = scan.levels.dark_grey, scan.levels.noise_grey
+    limits = _limits(scan.cell_px[1] * scan.scale.axial_mm, scan.column_px * scan.scale.lateral_mm)
+    return limits._replace(
+        dark_grey=dark_grey,
+        top_grey=dark_grey + CONSTANTS.top_share * (scan.levels.bright_grey - dark_grey),
+        min_rise_grey=max(
+            CONSTANTS.min_contrast_grey, CONSTANTS.min_contrast_sd * noise_grey / math.sqrt(limits.deep)
+        ),
+        min_band_grey=CONSTANTS.min_band_sd * noise_grey / math.sqrt(limits.band),
+    )
+
+
+@lru_cache
+def _limits(row_mm: float, column_mm: float) -> native.SurfaceSearch:
+    """Return the limits in rows of a grid, those of grey still 0."""
 
     def rows(length_mm: float) -> int:
         return max(2, round(length_mm / row_mm))
 
-    cost, dark_grey = (row_mm / column_mm) ** 2, scan.levels.dark_grey
-    noise_grey, deep, band = scan.levels.noise_grey, rows(CONSTANTS.deep_mm), rows(CONSTANTS.band_mm)
+    cost = (row_mm / column_mm) ** 2
     return native.SurfaceSearch(
         edge=rows(CONSTANTS.edge_mm),
-        deep=deep,
+        deep=rows(CONSTANTS.deep_mm),
         thinnest=rows(CONSTANTS.thinnest_mm),
         thickest=max(rows(CONSTANTS.thickest_mm), rows(CONSTANTS.thinnest_mm) + 8),
-        band=band,
+        band=rows(CONSTANTS.band_mm),
         most=min(max(1, math.ceil(CONSTANTS.steepest * column_mm / row_mm)), 16),
         min_columns=max(2, round(CONSTANTS.min_width_mm / column_mm)),
         step_grey=CONSTANTS.slope_grey * cost,
         rpe_step_grey=CONSTANTS.rpe_slope_grey * cost,
         saturation_grey=CONSTANTS.saturation_grey,
         body_share=CONSTANTS.body_share,
-        dark_grey=dark_grey,
-        top_grey=dark_grey + CONSTANTS.top_share * (scan.levels.bright_grey - dark_grey),
-        min_rise_grey=max(
-            CONSTANTS.min_contrast_grey, CONSTANTS.min_contrast_sd * noise_grey / math.sqrt(deep)
-        ),
+        dark_grey=0.0,
+        top_grey=0.0,
+        min_rise_grey=0.0,
         min_rise_share=CONSTANTS.min_rise_share,
-        min_band_grey=CONSTANTS.min_band_sd * noise_grey / math.sqrt(band),
+        min_band_grey=0.0,
         min_band_share=CONSTANTS.min_band_share,
         border_rows=max(3.0, CONSTANTS.border_mm / row_mm),
         ilm=_smoothing(CONSTANTS.smooth_mm / column_mm, CONSTANTS.sd_mm, row_mm),
@@ -130,7 +140,6 @@ def _search(scan: ScanImage) -> native.SurfaceSearch:
     )
 
 
-@lru_cache
 def _smoothing(half_columns: float, sd_mm: tuple[float, float], row_mm: float) -> native.Smoothing:
     """Return the smoothing by a raised cosine."""
     reach = max(1, math.ceil(half_columns) - 1)

@@ -96,7 +96,13 @@ APPEARANCE = (math.nan, math.nan, 0.0, math.nan, math.nan)
 POSITIONS = (16, u_px(), (8.0, 6.0), (0.0, 1.0), (1.0, 0.0))
 
 SURFACES = (2, 4, 2, 10, 2, 3, 3, 2.0, 3.0, 45.0, 0.25, 20.0, 60.0, 14.0, 0.4, 2.0, 0.1, 3.0)
-RIDGES = (1.0, 90.0, 10.0, 10.0, 0.3, 9.0, 1.5, 1, 1, 2, 4, 2, 12, 20, 30)
+RIDGES = (1.0, 90.0, 10.0, 10.0, 0.3, 9.0, 1.5, 4.0, 1, 1, 2, 4, 2, 12, 20, 30)
+SHAFTS = (22.0, 0.6, 20.0, 12.0, 8.0, 0.6, 3.0, 4.0, 9.0, 3.0, 0.25, 30.0, 100.0)
+BEVELS = (12.0, 3.0, 4.0, 5.0, 1.0, (2.0, 9.0), 0.6, 0.8, 1.0, 0.75, 80.0, 30.0)
+SURFACE_PAIR = (
+    *(np.arange(28) * 2.0, np.full(28, 30.0), np.arange(28) > 9),
+    *(np.full(28, 40.0), np.arange(28) > 9),
+)
 
 
 def make_scan(size=(48, 56)):
@@ -140,10 +146,6 @@ WRAPPERS = {
     ),
     "sum_cells": (bscan.sum_cells, lambda: [make_scan(), 3, 2]),
     "cell_levels": (lambda *grid: grid_of(*grid).levels(), lambda: [make_cells(), 2, 1]),
-    "column_means": (
-        bscan.column_means,
-        lambda: [make_scan(), 5, *np.array([[-4, 3, 9], [2, 90, 4]], np.int32)],
-    ),
     "best_path": (
         bscan.best_path,
         lambda: [make_scan().astype(np.float32), np.array([4, 1, 0, 1, 4], np.float32)],
@@ -169,20 +171,37 @@ WRAPPERS = {
         ],
     ),
     "shadow_edge": (
-        lambda *given: bscan_needle.shadow_edge(given[0], bscan_needle.EdgeSearch(*given[6:]), *given[1:6]),
+        lambda *given: bscan_needle.shadow_edge(
+            given[0], bscan_needle.EdgeSearch(*given[6:]), bscan_needle.SurfacePair(*given[1:6])
+        ),
         lambda: [
             make_scan(),
-            np.arange(28) * 2.0,
-            *(np.full(28, 30.0), np.arange(28) > 9, np.full(28, 40.0), np.arange(28) > 9),
+            *SURFACE_PAIR,
             *((2.0, 0.0), (0.57, 0.82), 20.0, 5.0, 12.0, 30.0, 30.0, 3.0, 2.0, 2.0, 9.0, 4.0, 9.0, 0.6, 0.8),
             *(4, 4, 1),
         ],
     ),
-    "find_ridges": (
-        lambda *given: bscan_needle.find_ridges(
-            given[0], grid_of(*given[1:4]), bscan_needle.RidgeSearch(*given[5:]), given[4]
+    "find_shaft": (
+        lambda *given: bscan_needle.find_shaft(
+            given[0],
+            grid_of(*given[1:4]),
+            bscan_needle.RidgeSearch(*given[9:25]),
+            bscan_needle.ShaftSearch(*given[25:]),
+            bscan_needle.SurfacePair(*given[4:9]),
         ),
-        lambda: [make_scan(), make_cells(), 2, 1, np.full(56, 40, np.int32), *RIDGES],
+        lambda: [make_scan(), make_cells(), 2, 1, *SURFACE_PAIR, *RIDGES, *SHAFTS],
+    ),
+    "drop_in_vitreous": (
+        lambda *given: bscan_needle.drop_in_vitreous(
+            given[0], bscan_needle.BevelSearch(*given[4:]), *given[1:4]
+        ),
+        lambda: [make_scan(), (19.0, 20.0), 30.0, 90.0, *BEVELS],
+    ),
+    "drop_in_tissue": (
+        lambda *given: bscan_needle.drop_in_tissue(
+            given[0], bscan_needle.BevelSearch(*given[3:]), *given[1:3]
+        ),
+        lambda: [make_scan(), (19.0, 31.0), 1.0, *BEVELS],
     ),
     "sharpness": (sharpness.sharpness, lambda: [excess()]),
     "mean_sharpness": (sharpness.mean_sharpness, lambda: [excess()]),

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from haptigraph.perception.oct.class_edges import upper_edge
+from haptigraph.perception.oct.class_edges import transmits_light, upper_edge
 
 MM_PER_PX = 0.008, 0.003
 WIDTH, COLUMNS = 512, 128
@@ -72,3 +72,36 @@ def test_lengths_are_physical(scale):
     )
     assert (is_first == is_first_too).mean() > 0.95
     assert np.abs((scaled_px + 0.5) / scale - 0.5 - row_px).max() < 1.1
+
+
+def retina(below, above=110, dark=20, bright=200):
+    """Dark vitreous, tissue from row 60 on, and below the bright band at row 120 so bright a choroid."""
+    image = np.full((256, WIDTH), dark, np.float32)
+    image[60:120] = above
+    image[120:135] = bright
+    image[135:] = np.interp(np.arange(WIDTH), (0, 200, 312, WIDTH), (below[0], below[0], below[1], below[1]))
+    return image.round().astype(np.uint8)
+
+
+@pytest.mark.parametrize("gain", [0.6, 1.0])
+def test_where_the_choroid_shines_light_is_transmitted(gain):
+    image = (gain * noisy(retina((90, 240)), 2)).astype(np.uint8)
+    transmits = transmits_light(image, np.full(COLUMNS, 119.5), MM_PER_PX)
+    assert not transmits[:50].any()
+    assert transmits[78:].all()
+
+
+@pytest.mark.parametrize("grey", [0, 130, 255])
+def test_no_light_is_transmitted_in_a_blank_image(grey):
+    image = np.full((256, WIDTH), grey, np.uint8)
+    assert not transmits_light(image, np.full(COLUMNS, 120.0), MM_PER_PX).any()
+
+
+@pytest.mark.parametrize("scale", [0.7, 1.5, 2.0])
+def test_transmitted_light_does_not_depend_on_the_resolution(scale):
+    image = noisy(retina((90, 240)), 3, sd_grey=5)
+    other = cv2.resize(image, None, fx=1, fy=scale, interpolation=cv2.INTER_LINEAR)
+    rows_px = np.full(COLUMNS, 119.5)
+    one = transmits_light(image, rows_px, MM_PER_PX)
+    same = transmits_light(other, (rows_px + 0.5) * scale - 0.5, (MM_PER_PX[0], MM_PER_PX[1] / scale))
+    assert (one == same).mean() > 0.95

@@ -7,14 +7,15 @@
 #include "native.h"
 
 #define MAX_RIDGES 2
-#define ALONG_STEPS 5       /* averaged along a ridge */
-#define CORE_STEPS 5        /* averaged across it, its width */
-#define MAX_CELL_PX 256     /* pixels of a cell: sums of its rows fit 16 bits */
-#define MAX_STEP_ROWS 16    /* of a path, from one column to the next */
-#define MAX_SCAN_PX 16384   /* in each direction: positions fit 16 bits and as many of a fraction */
-#define MAX_CELLS 8192      /* in each direction: the cells on a line fit 16 bits, with a sign */
-#define SD_STEPS_PER_MM 1e5 /* rounding of reported standard deviations */
-#define MAX_SUM_PX 8000000  /* in a column of cells: sums of grey fit 32 bits */
+#define ALONG_STEPS 5        /* averaged along a ridge */
+#define CORE_STEPS 5         /* averaged across it, its width */
+#define MAX_CELL_PX 256      /* pixels of a cell: sums of its rows fit 16 bits */
+#define MAX_STEP_ROWS 16     /* of a path, from one column to the next */
+#define MAX_SCAN_PX 16384    /* in each direction: positions fit 16 bits and as many of a fraction */
+#define MAX_CELLS 8192       /* in each direction: the cells on a line fit 16 bits, with a sign */
+#define SD_STEPS_PER_MM 1e5  /* rounding of reported standard deviations */
+#define MAX_SUM_PX 8000000   /* in a column of cells: sums of grey fit 32 bits */
+#define MAX_COLUMN_ROWS 4096 /* in the column of a tip: values per row that lie on the stack fit there */
 
 /* A downsampled image: sums of grey over cells, row by row. */
 typedef struct {
@@ -50,6 +51,7 @@ typedef struct {
 /* Limits of the search for ridges; lengths in steps, slopes in rows per column. */
 typedef struct {
     double step_px, dark_grey, mask_grey, strip_grey, lowest_slope, highest_slope, inlier_steps;
+    double below_ilm_px;  /* rows of the image; deeper below the ILM, no ridge is searched */
     int across, down;     /* pixels of a cell */
     int side;             /* cells from the ridge to its dark sides */
     int votes, erased;    /* least number of cells on a line; cells beside it that it accounts for */
@@ -62,6 +64,38 @@ typedef struct {
     double angle_sd_rad;
     int stations; /* one a step */
 } RidgeLine;
+
+/* Both surfaces by column, as Python has them. */
+typedef struct {
+    const double *x_px, *ilm_px, *rpe_px; /* ascending columns, at least one, and rows */
+    uint8_t *ilm_visible, *rpe_visible;
+    int columns;
+} SurfacePair;
+
+/* Limits of the search for a shaft among ridges. */
+typedef struct {
+    double min_contrast_grey, equal_share;      /* of a ridge; of the typical one beside what is as bright */
+    double start_steps, gap_steps, least_steps; /* largest start and gap, and least length, along it */
+    double min_ridge_share;                     /* of its length that is a ridge */
+    double on_ridge_rows, below_shaft_rows;     /* nearer to it is no tissue; further below it is some */
+    double dark_rows, margin_px, max_tissue_share; /* of a shadow: height, soft edge, and tissue in it */
+    double floor_grey, tissue_grey;                /* without backscatter, and contrast of tissue over it */
+} ShaftSearch;
+
+/* The continuous part of a ridge that casts a shadow. */
+typedef struct {
+    RidgeLine line;
+    double share, typical_grey; /* of it that is a ridge, and its contrast */
+    int end_steps, number;      /* its end, and which of the ridges it is */
+} Shaft;
+
+/* Limits of the search for the point of a bevel below the shaft's line; lengths in rows and columns. */
+typedef struct {
+    double wall_rows, spot_rows, above_rows,
+        below_rows;              /* far wall; spot on the line; searched beyond both */
+    double half_px, ahead_px[2]; /* of the tip's column, and tissue in full light */
+    double bright_share, equal_share, spot_sd_rows, lit_share, min_gain, floor_grey;
+} BevelSearch;
 
 /* A shaft, and limits of the search for the edge of its shadow; lengths in columns, or in rows if named so.
  */
@@ -80,9 +114,30 @@ typedef struct {
     int count;
 } Columns;
 
+/* Return values between vertices, linearly; before the first and after the last they continue. */
+static inline double between(const double *x, const double *values, int count, double at) {
+    int left = 0, right = count - 1;
+    if (at <= x[0]) return values[0];
+    if (at >= x[right]) return values[right];
+    while (right - left > 1) {
+        const int middle = (left + right) / 2;
+        if (x[middle] <= at)
+            left = middle;
+        else
+            right = middle;
+    }
+    return (values[right] - values[left]) / (x[right] - x[left]) * (at - x[left]) + values[left];
+}
+
+/* Find up to MAX_RIDGES ridges down to a row of the grid in each of its columns, those with most evidence
+   first, and write the contrast against the sides at each of their stations and the brightness of the
+   brighter side, (MAX_RIDGES, room). Return how many; -1 without memory. */
+int find_ridges(const uint8_t *image, int width, int height, const Grid *grid, const RidgeSearch *search,
+                const int32_t *limit_row, int room, RidgeLine *lines, float *contrast, float *brighter);
+
 /* How surfaces are reported. */
 typedef struct {
-    double tip_px, beyond_px, most_px; /* column of the tip, NaN for none; extension beyond it, and at most */
+    double tip_px, beyond_px, most_px; /* column of the tip, NaN for none; beyond it; extrapolated so far */
     double slope_sd;                   /* of what is not visible, rows per column */
     double center_px[2], right_mm, down_mm; /* the origin, and millimetres per pixel to the right and down */
     double shares[2];                       /* of the layers between ILM and RPE */

@@ -1,4 +1,4 @@
-/* Downsampling of a B-scan, its grey levels, and means along its columns. */
+/* Downsampling of a B-scan, and its grey levels. */
 
 #include <string.h>
 
@@ -74,17 +74,4 @@ EXPORT void cell_levels(const Grid *grid, double *levels_grey) {
     levels_grey[1] = (level_of(counts, total, 0.04) + 0.5) / LEVELS_PER_GREY;
     levels_grey[3] = (level_of(counts, total, 0.95) + 0.5) / LEVELS_PER_GREY;
     levels_grey[2] = pairs ? (level_of(differences, pairs, 0.5) + 0.5) / LEVELS_PER_GREY : 0.0;
-}
-
-/* Write the mean grey of each column's rows from top to before bottom; NaN where there are none. */
-EXPORT void column_means(const uint8_t *image, int width, int height, int first, int count,
-                         const int32_t *top, const int32_t *bottom, float *means) {
-    for (int number = 0; number < count; number++) {
-        const int start = top[number] < 0 ? 0 : top[number];
-        const int stop = bottom[number] > height ? height : bottom[number];
-        const uint8_t *pixel = image + (ptrdiff_t)start * width + first + number;
-        int sum = 0;
-        for (int row = start; row < stop; row++, pixel += width) sum += *pixel;
-        means[number] = stop > start ? (float)sum / (float)(stop - start) : NAN;
-    }
 }

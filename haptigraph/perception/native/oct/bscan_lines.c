@@ -12,24 +12,13 @@ typedef struct {
     int count;
 } Line;
 
-/* Return values between vertices, linearly; before the first and after the last they continue. */
-static double between(const double *x, const double *values, int count, double at) {
-    int left = 0, right = count - 1;
-    if (at <= x[0]) return values[0];
-    if (at >= x[right]) return values[right];
-    while (right - left > 1) {
-        const int middle = (left + right) / 2;
-        if (x[middle] <= at)
-            left = middle;
-        else
-            right = middle;
-    }
-    return (values[right] - values[left]) / (x[right] - x[left]) * (at - x[left]) + values[left];
-}
-
-/* Write the row of a surface beyond its visible part, by the slope of its last columns there, if it has so
-   many: the `number` of its visible columns, first to last. */
-static double beyond(const Columns *surface, const int *seen, int number, int slope_columns, double at) {
+/* Return the row of a surface beyond its visible part, by the slope of its last columns there, if it has so
+   many: the `number` of its visible columns, first to last; no more than `most_px` away. */
+static double beyond(const Columns *surface, const int *seen, int number, const LineLimits *limits,
+                     double x_px) {
+    const int slope_columns = limits->slope_columns;
+    const double least_px = surface->x_px[seen[0]] - limits->most_px;
+    const double at = maximum(least_px, minimum(x_px, surface->x_px[seen[number - 1]] + limits->most_px));
     const int after = at > surface->x_px[seen[number - 1]];
     const int *end = seen + (after ? number - slope_columns : 0);
     if (number <= slope_columns) return surface->row_px[seen[after ? number - 1 : 0]];
@@ -57,7 +46,7 @@ static void add(Line *line, double x_px, double row_px, double sd_px, int is_vis
     line->is_visible[line->count++] = (uint8_t)is_visible;
 }
 
-/* Write a surface from its first to its last visible column, extended to the tip if that is near; `seen` has
+/* Write a surface from its first to its last visible column, extended to the tip; `seen` has
    a value per column. */
 static void trace(const Columns *surface, const LineLimits *limits, int *seen, Line *line) {
     int number = 0, next = 0;
@@ -68,9 +57,9 @@ static void trace(const Columns *surface, const LineLimits *limits, int *seen, L
     const double *x = surface->x_px, *row = surface->row_px, *sd = surface->sd_px;
     const int first = seen[0], last = seen[number - 1];
     const double before = limits->tip_px - limits->beyond_px, after = limits->tip_px + limits->beyond_px;
-    const int goes_before = x[first] - before > 0 && x[first] - before < limits->most_px;
+    const int goes_before = x[first] > before;
     if (goes_before)
-        add(line, before, beyond(surface, seen, number, limits->slope_columns, before),
+        add(line, before, beyond(surface, seen, number, limits, before),
             uncertain(sd ? sd[first] : NAN, limits, x[first] - before), 0);
     for (int column = first; column <= last; column++) {
         if (surface->is_visible[column]) {
@@ -85,8 +74,8 @@ static void trace(const Columns *surface, const LineLimits *limits, int *seen, L
         add(line, x[column], row[left] + share * (row[right] - row[left]),
             uncertain(sd_px, limits, minimum(off, rest)), 0);
     }
-    if (!goes_before && after - x[last] > 0 && after - x[last] < limits->most_px)
-        add(line, after, beyond(surface, seen, number, limits->slope_columns, after),
+    if (!goes_before && after > x[last])
+        add(line, after, beyond(surface, seen, number, limits, after),
             uncertain(sd ? sd[last] : NAN, limits, after - x[last]), 0);
 }
 

@@ -107,6 +107,20 @@ static inline float pixel_between(const Picture *picture, int32_t x, int32_t y) 
     return (float)sum * (1.0f / 65536.0f);
 }
 
+/* Return whether the image has a pixel and those after it, right and below. */
+static inline int is_within(const Picture *picture, int32_t x, int32_t y) {
+    return (x >= 0) & (y >= 0) & (x >> 16 < picture->width - 1) & (y >> 16 < picture->height - 1);
+}
+
+/* Return the same for a position within the image. */
+static inline float pixel_within(const uint8_t *image, int width, int32_t x, int32_t y) {
+    const uint8_t *above = image + (ptrdiff_t)(y >> 16) * width + (x >> 16), *below = above + width;
+    const int u = (x >> 8) & 255, v = (y >> 8) & 255;
+    const int sum =
+        (above[0] * (256 - u) + above[1] * u) * (256 - v) + (below[0] * (256 - u) + below[1] * u) * v;
+    return (float)sum * (1.0f / 65536.0f);
+}
+
 /* Sample the image along a line, averaged along it, and write core and sides of each station. */
 static void sample_strip(const Picture *picture, const double *start_px, Direction along, double step_px,
                          Samples *samples) {
@@ -117,8 +131,13 @@ static void sample_strip(const Picture *picture, const double *start_px, Directi
         const double at = (double)station * samples->every * step_px;
         int32_t x = (int32_t)(65536 * (start_px[0] + at * along.dx)) - FLANK_STEPS * across_x;
         int32_t y = (int32_t)(65536 * (start_px[1] + at * along.dy)) - FLANK_STEPS * across_y;
-        for (int lane = 0; lane < STRIP_LANES; lane++, x += across_x, y += across_y)
-            lanes[lane] = pixel_between(picture, x, y);
+        const int last = STRIP_LANES - 1;
+        if (is_within(picture, x, y) && is_within(picture, x + last * across_x, y + last * across_y))
+            for (int lane = 0; lane < STRIP_LANES; lane++, x += across_x, y += across_y)
+                lanes[lane] = pixel_within(picture->image, picture->width, x, y);
+        else
+            for (int lane = 0; lane < STRIP_LANES; lane++, x += across_x, y += across_y)
+                lanes[lane] = pixel_between(picture, x, y);
     }
 }
 
@@ -270,6 +289,12 @@ typedef struct {
     int count;   /* of directions that a shaft may have */
 } Votes;
 
+/* Marked cells of the grid. */
+typedef struct {
+    int32_t *rows, *columns, *offsets; /* offsets of the lines through them in one direction */
+    int count;
+} Cells;
+
 /* Write the directions that a shaft may have; arithmetic alone, so that all machines agree. */
 static void start_votes(Votes *votes, const RidgeSearch *search) {
     const double c = (1 - TURN * TURN) / (1 + TURN * TURN), s = 2 * TURN / (1 + TURN * TURN);
@@ -286,12 +311,36 @@ static void start_votes(Votes *votes, const RidgeSearch *search) {
     }
 }
 
-/* Count a marked cell for the lines through it, or withdraw it. */
-static void vote(const Votes *votes, int row, int column, int count) {
+/* Write the marked cells of a grid. */
+static void list_cells(const Grid *grid, const uint8_t *mask, Cells *cells) {
+    cells->count = 0;
+    for (int row = 0; row < grid->rows; row++)
+        for (int column = 0; column < grid->columns; column++, mask++)
+            if (*mask) {
+                cells->rows[cells->count] = row;
+                cells->columns[cells->count++] = column;
+            }
+}
+
+/* Write the offset of the line through each cell in one direction. */
+static inline void offsets_of(const int32_t *restrict columns, const int32_t *restrict rows, int count,
+                              int32_t x, int32_t y, int32_t *restrict offsets) {
+    for (int cell = 0; cell < count; cell++)
+        offsets[cell] = (x * columns[cell] + y * rows[cell] + 2048) >> 12;
+}
+
+/* Count cells from the first on for the lines through them, or withdraw them; one direction after the other,
+   whose counts the processor keeps at hand. */
+VECTORS static void vote(const Votes *votes, const Cells *cells, int first, int16_t weight) {
     int16_t *counts = votes->counts + votes->offsets / 2;
-    for (int number = 0; number < votes->count; number++, counts += votes->offsets)
-        counts[(votes->across_x[number] * column + votes->across_y[number] * row + 2048) >> 12] +=
-            (int16_t)count;
+    const int count = cells->count - first;
+    for (int number = 0; number < votes->count; number++, counts += votes->offsets) {
+        const int32_t *offsets = cells->offsets;
+        offsets_of(cells->columns + first, cells->rows + first, count, votes->across_x[number],
+                   votes->across_y[number], cells->offsets);
+        for (int cell = 0; cell < count; cell++)
+            counts[offsets[cell]] = (int16_t)(counts[offsets[cell]] + weight);
+    }
 }
 
 /* Return the line with most votes; -1 if it has too few. */
@@ -324,32 +373,31 @@ static int next_line(const Votes *votes, const Picture *picture, const RidgeSear
 }
 
 /* Withdraw the cells that a ridge accounts for. */
-static void withdraw(const Votes *votes, const Grid *grid, const RidgeSearch *search, const RidgeLine *line,
-                     uint8_t *mask) {
+static void withdraw(const Votes *votes, const RidgeSearch *search, const RidgeLine *line, Cells *cells) {
     const double dx = line->along_px[0] / search->across, dy = line->along_px[1] / search->down;
     const double length = sqrt(dx * dx + dy * dy);
     const double start_column = (line->start_px[0] + 0.5) / search->across - 0.5;
     const double start_row = (line->start_px[1] + 0.5) / search->down - 0.5;
-    for (int row = 0; row < grid->rows; row++)
-        for (int column = 0; column < grid->columns; column++, mask++)
-            if (*mask &&
-                fabs(dx * (row - start_row) - dy * (column - start_column)) <= search->erased * length) {
-                *mask = 0;
-                vote(votes, row, column, -1);
-            }
+    int kept = 0;
+    for (int cell = 0; cell < cells->count; cell++) {
+        const int row = cells->rows[cell], column = cells->columns[cell];
+        if (fabs(dx * (row - start_row) - dy * (column - start_column)) <= search->erased * length) continue;
+        cells->rows[cell] = cells->rows[kept];
+        cells->columns[cell] = cells->columns[kept];
+        cells->rows[kept] = row;
+        cells->columns[kept++] = column;
+    }
+    vote(votes, cells, kept, -1);
+    cells->count = kept;
 }
 
-/* Find up to MAX_RIDGES ridges, those with most evidence first, and write the contrast against the sides at
-   each of their stations and the brightness of the brighter side, (MAX_RIDGES, room). Return how many; -1
-   without memory. */
-EXPORT int find_ridges(const uint8_t *image, int width, int height, const Grid *grid,
-                       const RidgeSearch *search, const int32_t *limit_row, int room, RidgeLine *lines,
-                       float *contrast, float *brighter) {
+int find_ridges(const uint8_t *image, int width, int height, const Grid *grid, const RidgeSearch *search,
+                const int32_t *limit_row, int room, RidgeLine *lines, float *contrast, float *brighter) {
     const Picture picture = {image, width, height};
     const size_t cells = (size_t)grid->columns * (size_t)grid->rows, length = (size_t)room;
     const size_t offsets = 2 * (size_t)(grid->columns + grid->rows) + 3;
     const size_t counts = offsets * MAX_DIRECTIONS;
-    char *memory = malloc(length * (8 + 4 * (2 * STRIP_LANES + 4)) + cells * 9 + counts * 2);
+    char *memory = malloc(length * (8 + 4 * (2 * STRIP_LANES + 4)) + cells * 13 + counts * 2);
     if (!memory) return -1;
     double *middle = (double *)memory;
     Samples samples = {.lanes = (float *)(middle + length)};
@@ -358,14 +406,15 @@ EXPORT int find_ridges(const uint8_t *image, int width, int height, const Grid *
     samples.mean = samples.core + length;
     samples.brighter = samples.mean + length;
     int32_t *on_ridge = (int32_t *)(samples.brighter + length), *sums = on_ridge + length;
-    Votes votes = {.counts = (int16_t *)(sums + 2 * cells), .offsets = (int)offsets};
+    Votes votes = {.counts = (int16_t *)(sums + 3 * cells), .offsets = (int)offsets};
     uint8_t *mask = (uint8_t *)(votes.counts + counts);
-    memset(sums, 0, 4 * 2 * cells + 2 * counts + cells);
+    memset(sums, 0, 4 * 2 * cells);
+    memset(votes.counts, 0, 2 * counts + cells);
     start_votes(&votes, search);
     mark_ridges(grid, search, limit_row, sums, sums + cells, mask);
-    for (int row = 0; row < grid->rows; row++)
-        for (int column = 0; column < grid->columns; column++)
-            if (mask[(ptrdiff_t)row * grid->columns + column]) vote(&votes, row, column, 1);
+    Cells marked = {.rows = sums, .columns = sums + cells, .offsets = sums + 2 * cells};
+    list_cells(grid, mask, &marked);
+    vote(&votes, &marked, 0, 1);
     int count = 0;
     for (int failed = 0; count < MAX_RIDGES && failed < FITS;) {
         const int enters = next_line(&votes, &picture, search, lines + count);
@@ -379,7 +428,7 @@ EXPORT int find_ridges(const uint8_t *image, int width, int height, const Grid *
             *(contrast + (ptrdiff_t)count * room + station) = samples.core[station] - samples.mean[station];
             *(brighter + (ptrdiff_t)count * room + station) = samples.brighter[station];
         }
-        withdraw(&votes, grid, search, lines + count++, mask);
+        if (++count < MAX_RIDGES) withdraw(&votes, search, lines + count - 1, &marked);
         failed = 0;
     }
     free(memory);

@@ -8,7 +8,7 @@
 #define LOWER_SHARE 0.35
 #define MIN_COLUMNS 8
 
-/* A surface by column, as Python has it. */
+/* One surface by column. */
 typedef struct {
     const double *x_px, *row_px;
     const uint8_t *is_visible;
@@ -157,10 +157,10 @@ static double first_rise(const double *profile, int count, const EdgeSearch *sea
 
 /* Find the shadow's edge near the end of a shaft. Write its column and its width; return 1, 0 if there is
    none, -1 without memory. */
-EXPORT int shadow_edge(const uint8_t *image, int width, int height, const EdgeSearch *search, int columns,
-                       const double *x_px, const double *ilm_px, const uint8_t *ilm_visible,
-                       const double *rpe_px, const uint8_t *rpe_visible, double *edge_px) {
-    const Surface ilm = {x_px, ilm_px, ilm_visible, columns}, rpe = {x_px, rpe_px, rpe_visible, columns};
+EXPORT int shadow_edge(const uint8_t *image, int width, int height, const EdgeSearch *search,
+                       const SurfacePair *pair, double *edge_px) {
+    const Surface ilm = {pair->x_px, pair->ilm_px, pair->ilm_visible, pair->columns};
+    const Surface rpe = {pair->x_px, pair->rpe_px, pair->rpe_visible, pair->columns};
     const double side = search->along_px[0] < 0 ? -1 : 1;
     int first = 0, count = range_of(&ilm, &rpe, search, side, width, &first);
     if (count < search->window_px) return 0;

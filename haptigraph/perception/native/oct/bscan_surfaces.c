@@ -144,23 +144,25 @@ static int prefer_upper(const float *reward, const float *rise, int columns, int
     return found;
 }
 
-/* Find the ILM: the first step from dark to bright with bright tissue below.
+/* Find the ILM: the first step from dark to bright with bright tissue below. `sums` are the running sums of
+   each column, `stride` values each, from `deep` rows above the image on.
 
    Write its sub-pixel row in each column, and how much brighter it is below than above [grey levels]. Return
    whether there was memory. */
-static int find_ilm(const Grid *grid, const SurfaceSearch *search, double *ilm, float *rise_grey) {
+static int find_ilm(const Grid *grid, const SurfaceSearch *search, int32_t *sums, int stride, double *ilm,
+                    float *rise_grey) {
     const int columns = grid->columns / grid->group, rows = grid->rows, deep = search->deep;
     const size_t count = (size_t)columns * (size_t)rows;
-    float *reward = calloc(3 * count + (size_t)rows + 2 * (size_t)deep + 1 + (size_t)columns, 4);
+    float *reward = malloc((3 * count + (size_t)columns) * sizeof *reward);
     if (!reward) return 0;
     float *step = reward + count, *rise = step + count;
-    int32_t *path = (int32_t *)(rise + count), *sums = path + columns;
+    int32_t *path = (int32_t *)(rise + count);
     const int pixels = grid->pixels * grid->group;
     for (int column = 0; column < columns; column++) {
         const ptrdiff_t first = (ptrdiff_t)column * rows;
-        running_sums(grid, column, deep, deep, sums);
         darken_above(sums, deep, search->top_grey * pixels, (int32_t)(search->dark_grey * pixels));
         reward_ilm(sums + deep, rows, search, 1 / (float)pixels, step + first, rise + first, reward + first);
+        sums += stride;
     }
     const int found = best_rows(reward, columns, rows, search->most, search->step_grey, path) &&
                       prefer_upper(reward, rise, columns, rows, search, path);
@@ -188,28 +190,29 @@ static void reward_rpe(const int32_t *restrict sums, int rows, const SurfaceSear
     }
 }
 
-/* Find the RPE: the upper edge of the bright band below the ILM.
+/* Find the RPE: the upper edge of the bright band below the ILM. `sums` are the running sums of each column,
+   `stride` values each, from the image's first row on.
 
    Write its sub-pixel row in each column, and by how much the band is brighter than above and below it.
    Return whether there was memory. */
-static int find_rpe(const Grid *grid, const SurfaceSearch *search, const double *ilm, const uint8_t *visible,
-                    double *rpe, float *rise_grey, float *fall_grey) {
+static int find_rpe(const Grid *grid, const SurfaceSearch *search, const int32_t *sums, int stride,
+                    const double *ilm, const uint8_t *visible, double *rpe, float *rise_grey,
+                    float *fall_grey) {
     const int columns = grid->columns / grid->group, band = search->band, end = grid->rows;
     const int above = band > search->edge ? band : search->edge, rows = search->thickest - search->thinnest;
     const size_t count = (size_t)columns * (size_t)rows;
-    float *reward = calloc(3 * count + (size_t)end + 4 * (size_t)band + 1 + (size_t)columns, 4);
+    float *reward = calloc(3 * count + (size_t)columns, sizeof *reward);
     if (!reward) return 0;
     float *rise = reward + count, *fall = rise + count;
-    int32_t *path = (int32_t *)(fall + count), *sums = path + columns;
+    int32_t *path = (int32_t *)(fall + count);
     const float scale = 1 / (float)(grid->pixels * grid->group);
     for (int column = 0; column < columns; column++) {
         const int first = clamped(ilm[column] + 0.5, 0, end) + search->thinnest;
         const int from = first < above ? above - first : 0, to = end - 2 * band - first;
         const ptrdiff_t at = (ptrdiff_t)column * rows + from;
         if (!visible[column] || to <= from) continue;
-        running_sums(grid, column, 0, 4 * band, sums);
-        reward_rpe(sums + first + from, (to < rows ? to : rows) - from, search, scale, rise + at, fall + at,
-                   reward + at);
+        reward_rpe(sums + (ptrdiff_t)column * stride + first + from, (to < rows ? to : rows) - from, search,
+                   scale, rise + at, fall + at, reward + at);
     }
     const int found = best_rows(reward, columns, rows, search->most, search->rpe_step_grey, path);
     for (int column = 0; found && column < columns; column++) {
@@ -288,19 +291,24 @@ VECTORS EXPORT int find_surfaces(const Grid *grid, const SurfaceSearch *search, 
                                  uint8_t *visible, double *tissue_grey) {
     const int columns = grid->columns / grid->group;
     const size_t count = (size_t)columns;
-    double *scratch = malloc(2 * count * sizeof *scratch + 3 * count * sizeof(float));
+    const int deep = search->deep, below = deep > 4 * search->band ? deep : 4 * search->band;
+    const int stride = deep + grid->rows + below + 1;
+    double *scratch = malloc(count * (2 * sizeof *scratch + (3 + (size_t)stride) * sizeof(float)));
     if (!scratch) return 0;
     float *rise = (float *)(scratch + 2 * count), *fall = rise + count, *ordered = fall + count;
+    int32_t *sums = (int32_t *)(ordered + count);
+    for (int column = 0; column < columns; column++)
+        running_sums(grid, column, deep, below, sums + (ptrdiff_t)column * stride);
     double *ilm = rows, *rpe = rows + columns;
     uint8_t *is_tissue = visible, *is_band = visible + columns;
-    int found = find_ilm(grid, search, ilm, rise);
+    int found = find_ilm(grid, search, sums, stride, ilm, rise);
     const float typical = quantile(rise, NULL, columns, 0.9, ordered);
     float least = (float)maximum(search->min_rise_grey, search->min_rise_share * typical);
     for (int column = 0; column < columns; column++) is_tissue[column] = rise[column] >= least;
     remove_specks(is_tissue, columns, search->min_columns);
     *tissue_grey = quantile(rise, is_tissue, columns, 0.5, ordered);
     smooth_rows(ilm, is_tissue, columns, &search->ilm, scratch, rows + 2 * count);
-    found = found && find_rpe(grid, search, ilm, is_tissue, rpe, rise, fall);
+    found = found && find_rpe(grid, search, sums + deep, stride, ilm, is_tissue, rpe, rise, fall);
     least = (float)maximum(search->min_band_share * *tissue_grey, search->min_band_grey);
     for (int column = 0; column < columns; column++)
         is_band[column] = is_tissue[column] && rise[column] > least && fall[column] > least &&
