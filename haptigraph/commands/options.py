@@ -65,6 +65,7 @@ RUN = {
     "registration": "source.registration",
     "procedure": "run.procedure",
     "device": "haptics.device",
+    "force": "haptics.force",
     "leader": "run.leader",
     "bridge": "run.bridges",
     "record": "recording.path",
@@ -108,6 +109,11 @@ def run_options(command: Command) -> Command:
         click.option("--registration", metavar="FILE", help="Position of the anatomy in the images (TOML)."),
         procedure_option,
         click.option("--device", metavar="DEVICE", help="Haptic device; `haptigraph devices` lists all."),
+        click.option(
+            "--force",
+            metavar="FORCE",
+            help="Device that pushes the hand and steers: inverse3, simulated, ...",
+        ),
         click.option(
             "--leader",
             metavar="LEADER",
