@@ -15,13 +15,15 @@ from trials import Measured, promise
 PROGRAM = Path(__file__).with_name("forced_run.py")
 WAIT_S = 120.0
 DEADMAN_MS, LET_GO_MS = 150, 20
+ENDS_MS = 30
+"""What the system needs to end a killed process with its pipes, or Python to obey a signal."""
 SILENT_MS, REOPENED_MS, RETRY_MS = 125, 100, 2000
 """A process without a report for this time counts as hung; the one in reserve then opens the device."""
 PUSHES_N = 0.02
 AGAIN_S = 1.0
 LIMITS_MS = {  # from the fault; of those of the device, from the exchange in which it fails
-    ("run", "SIGKILL"): LET_GO_MS,
-    ("run", "SIGTERM"): LET_GO_MS,
+    ("run", "SIGKILL"): ENDS_MS + LET_GO_MS,
+    ("run", "SIGTERM"): ENDS_MS + LET_GO_MS,
     ("run", "SIGSTOP"): DEADMAN_MS + LET_GO_MS,
     ("process", "SIGKILL"): REOPENED_MS,
     ("process", "SIGTERM"): LET_GO_MS,
