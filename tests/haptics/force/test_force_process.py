@@ -26,8 +26,9 @@ def processes():
                 state, parent = file.read().rpartition(")")[2].split()[:2]
         except OSError:
             continue
-        if parent == own and state != "Z":
-            found.append(int(number))
+        with open(f"/proc/{number}/cmdline") as file:
+            if parent == own and state != "Z" and "haptigraph.haptics.force.loop" in file.read():
+                found.append(int(number))
     return found
 
 

@@ -26,6 +26,8 @@ CONNECT_S, FOUND_S = 2.0, 0.2
 REPLY_NS = 5_000_000
 LOST_NS = 100_000_000
 """Without a state for this time the service counts as lost."""
+MAX_LATE = 20
+"""Exchanges in a row that end with commands unanswered: an answer was lost, or the service is too slow."""
 CONFIRMS = 40  # exchanges in which the service must report that its force is zero
 LIMIT_N, LIMIT_MM_S = 3.0, 250.0
 DELAY_MS = 2.0  # assumed: Haply does not document it
@@ -59,6 +61,7 @@ class Inverse3:
         address, self._options = _parsed(argument)
         self._decode = msgspec.json.Decoder(ServiceMessage).decode
         self._is_closed = self._is_lost = False
+        self._late = 0
         self._force: Triple | None = None
         self._socket = _connected(address, CONNECT_S)
         try:
@@ -98,9 +101,10 @@ class Inverse3:
         give_up_ns = self._clock.now_ns() + REPLY_NS
         while self._sent_ns and (left_ns := give_up_ns - self._clock.now_ns()) > 0:
             self._take_states(left_ns / 1e9)
-        if self._clock.now_ns() - self._heard_ns > LOST_NS:
+        self._late = self._late + 1 if self._sent_ns else 0
+        if self._late > MAX_LATE or self._clock.now_ns() - self._heard_ns > LOST_NS:
             self._is_lost = True
-            raise DeviceError("the Inverse service does not answer any more")
+            raise DeviceError("the Inverse service does not answer in time")
         return self._reading
 
     def close(self) -> None:

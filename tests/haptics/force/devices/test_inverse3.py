@@ -101,7 +101,7 @@ def test_a_late_answer_is_stamped_with_the_time_of_its_command(device, service):
 
 def test_a_service_that_falls_silent_is_an_error_and_no_release_is_claimed(device, service):
     service.is_silent = True
-    with pytest.raises(DeviceError, match="does not answer"):
+    with pytest.raises(DeviceError, match="does not answer in time"):
         for _ in range(100):
             device.exchange(ZERO)
     with pytest.raises(DeviceError, match="did not confirm"):
@@ -141,7 +141,7 @@ def test_a_service_that_reports_no_forces_confirms_by_its_answer(device, service
 
 def test_a_device_that_vanishes_from_the_states_is_lost(device, service):
     service.devices = []
-    with pytest.raises(DeviceError, match="does not answer"):
+    with pytest.raises(DeviceError, match="does not answer in time"):
         for _ in range(10_000):
             device.exchange(ZERO)
 
