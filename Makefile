@@ -14,7 +14,7 @@ INSTALL = $(BIN)/python -m uv pip install --python $(BIN)/python --requirement $
 export PYTHONDONTWRITEBYTECODE =  # programs start faster from compiled modules, and most packages are never imported
 SCENES ?= $(basename $(notdir $(wildcard rendering/scenes/*.toml)))
 
-.PHONY: help setup demo live test test-pythons test-slow test-native mutants procedure-mutants fuzz check check-types check-others bench bench-degraded bench-empty ablation bench-force bench-live bench-oct bench-robot bench-volumes bench-silence bench-touch bench-profiles bench-sweep interval-coverage compare-r compare-touch rehearse screenshots faults soak golden train render interop lock clean
+.PHONY: help setup demo live test test-pythons test-slow test-native mutants procedure-mutants fuzz check check-types check-others bench bench-degraded bench-empty ablation bench-force bench-force-loop bench-live bench-oct bench-robot bench-volumes bench-silence bench-touch bench-profiles bench-sweep interval-coverage compare-r compare-touch rehearse screenshots faults soak golden train render interop lock clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-16s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -141,6 +141,9 @@ bench-robot: setup  ## a robot's loop: distance from the RCM, holds after faults
 	$(BIN)/python benchmarks/robot_approaches.py
 	$(BIN)/python benchmarks/robot_loop.py
 
+bench-force-loop: setup  ## the loop of a force device: jitter at 1 kHz
+	$(BIN)/python benchmarks/force_loop.py
+
 bench-touch: setup  ## timing accuracy of the haptic grammar on a board at a serial port
 	$(BIN)/python benchmarks/touch.py
 	$(BIN)/python benchmarks/touch.py --device drv2605
@@ -192,8 +195,8 @@ render: setup .venv-rendering/ready  ## labelled clips of rendered scenes into b
 		.venv-rendering/bin/python -m rendering.render $$scene && $(BIN)/python -m rendering.pack $$scene || exit 1; \
 	done
 
-faults: setup  ## 1,800 random faults against the real program, 55 minutes a call; goes on where it stopped (build/faults.jsonl)
-	mkdir -p build && PYTHONPATH=.:tests/support:tests/support/boards:tests/dashboard:tests/faults:tests/faults/devices $(BIN)/python tests/faults/campaign.py --results build/faults.jsonl
+faults: setup  ## 1,930 random faults against the real program, 55 minutes a call; goes on where it stopped (build/faults.jsonl)
+	mkdir -p build && PYTHONPATH=.:tests/support:tests/support/boards:tests/support/force:tests/dashboard:tests/faults:tests/faults/devices:tests/faults/force $(BIN)/python tests/faults/campaign.py --results build/faults.jsonl
 
 soak: setup  ## memory over 100,000 steps, then eight hours of random faults; takes hours
 	$(BIN)/python benchmarks/memory.py

@@ -7,55 +7,26 @@ the results include the load of others, which it prints. The page needs Chromium
 """
 
 import argparse
-import os
-import subprocess
-import sys
 import time
-from collections.abc import Iterator
-from contextlib import closing, contextmanager, nullcontext
+from contextlib import closing
 from pathlib import Path
+
+from jitter import CHROMIUM, ordinary, print_table, row_of
 
 from haptigraph.robot import process
 from haptigraph.robot.controller import RATE_HZ
 from haptigraph.robot.process import RobotProcess
 from haptigraph.teleop.motion import HandMotion
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
-from live_bench import CHROMIUM, Live, chromium
-
 SETUP = Path(__file__).parents[1] / "examples" / "robot.toml"
-PHANTOM = "phantom:align_then_approach"
 SETTLE_S = 3.0
 HAND_S = 0.02
-ORDINARY = [
-    sys.executable,
-    "-P",
-    "-c",
-    "from haptigraph.robot import loop; loop.raise_priority = lambda: None; loop.main()",
-]
+PROGRAMS = {"real-time": process.PROGRAM, "ordinary": ordinary("haptigraph.robot.loop")}
 
 
-@contextmanager
-def camera_loop() -> Iterator[None]:
-    """Run the loop on a phantom, in real time."""
-    command = [sys.executable, "-m", "haptigraph", "run", PHANTOM, "--set", "source.loop=true"]
-    run = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    try:
-        yield
-        if run.poll() is not None:
-            raise RuntimeError(f"the run has ended with {run.returncode}")
-    finally:
-        run.kill()
-        run.wait()
-
-
-@contextmanager
-def live_page() -> Iterator[None]:
-    """Run the loop on a phantom, shown by the live page in a browser."""
-    with Live(PHANTOM) as live, chromium() as browser:
-        page = browser.new_page()
-        page.goto(live.url)
-        yield
+def use(priority: str) -> None:
+    """Choose the priority of the next process."""
+    process.PROGRAM = PROGRAMS[priority]
 
 
 def measure(seconds: float) -> str:
@@ -72,11 +43,8 @@ def measure(seconds: float) -> str:
             time.sleep(HAND_S)
         while not (status := robot.status()).rate_hz:  # this program, too, may get the processor late
             time.sleep(HAND_S)
-    share = 100 * status.missed_deadlines / (RATE_HZ * seconds)
-    return (
-        f"{status.late_p50_ms:8.3f} {status.late_p99_ms:8.3f} {status.late_p999_ms:8.3f} "
-        f"{status.missed_deadlines:7} {share:8.3f} %  {status.rate_hz:6.1f} Hz"
-    )
+    late_ms = status.late_p50_ms, status.late_p99_ms, status.late_p999_ms
+    return row_of(late_ms, status.missed_deadlines, RATE_HZ * seconds, status.rate_hz)
 
 
 def main() -> None:
@@ -85,18 +53,8 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=60.0)
     seconds = parser.parse_args().seconds
     process.MAX_REPORTS = 1_000_000
-    beside = {"alone": nullcontext, "beside the loop of a run": camera_loop}
-    if CHROMIUM:
-        beside["beside the live page"] = live_page
-    print(f"{seconds:g} s each; delay of a cycle in ms, of a period of 5 ms")
-    print(f"{'':38} {'p50':>8} {'p99':>8} {'p99.9':>8} {'missed':>7} {'share':>10}  {'rate':>9}   load")
-    for priority, program in (("real-time", process.PROGRAM), ("ordinary", ORDINARY)):
-        process.PROGRAM = program
-        for name, context in beside.items():
-            with context():
-                time.sleep(SETTLE_S)
-                row = measure(seconds)
-            print(f"{name + ', ' + priority:38} {row}   {os.getloadavg()[0]:.1f}", flush=True)
+    title = f"{seconds:g} s each; delay of a cycle in ms, of a period of 5 ms"
+    print_table(title, use, lambda: measure(seconds), settle_s=SETTLE_S, has_page=bool(CHROMIUM))
 
 
 if __name__ == "__main__":

@@ -137,7 +137,10 @@ def build(
         undo.callback(device.close)
         for observer in (*(bridge.send_output for bridge in bridges), *((listener,) if listener else ())):
             device = ObservedDevice(device, observer)
-        output = _output(device, config, clock, profile)
+        vibration = _output(device, config, clock, profile)
+        output, force, hands = _load("haptigraph.run_force:with_force")(
+            config, vibration, source, robot, clock
+        )
         undo.callback(output.close)
         recorders: list[Sink] = []
         if writer is not None:
@@ -148,11 +151,12 @@ def build(
             pipeline,
             source=source,
             output=output,
-            sinks=[*bridges, *leaders, *recorders, *sinks],
+            sinks=[*bridges, *leaders, *hands, *recorders, *sinks],
             clock=clock,
             stale_ms=config.run.stale_ms,
             deliveries=log,
             robot=robot,
+            force=force,
             notes=run_notes(config, source, procedure, device, registration, perceiver_class, profile),
         )
         loop.report.note_limits(registration.assumed, config.haptics.max_amplitude)
@@ -168,6 +172,7 @@ def is_realtime(config: Config) -> bool:
     """
     kind, device, run = split_source(config.source.uri, SOURCES)[0], config.haptics.device, config.run
     bound = [device] * is_felt(device) + [config.source.uri] * (kind in CAMERAS)
+    bound += [f"--force {config.haptics.force}"] * bool(config.haptics.force)
     bound += [f"--leader {run.leader}"] * bool(run.leader) + [f"--bridge {name}" for name in run.bridges]
     realtime = bool(bound) or kind in GENERATED if run.realtime is None else run.realtime
     if bound and not realtime:

@@ -8,9 +8,12 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import IO, Any
 
-__all__ = ["obey_sigterm_only", "pipe_of", "program_of", "start_child"]
+__all__ = ["obey_sigterm_only", "pipe_of", "program_of", "raise_priority", "start_child"]
+
+PRIORITY = 10
 
 
 def program_of(module: str) -> list[str]:
@@ -49,3 +52,9 @@ def obey_sigterm_only(end: Callable[[], Any]) -> None:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
     signal.signal(signal.SIGTERM, lambda *_: end())
+
+
+def raise_priority() -> None:
+    """Ask the system to schedule this process before others, where it may."""
+    with suppress(AttributeError, OSError):  # Linux, with the permission
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))

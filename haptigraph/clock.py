@@ -3,11 +3,14 @@
 A recording stores the offset from these stamps to wall-clock time.
 """
 
+import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
-__all__ = ["Clock", "MonotonicClock", "VirtualClock", "offset_ns"]
+import numpy as np
+
+__all__ = ["Clock", "MonotonicClock", "VirtualClock", "lateness_ms", "offset_ns"]
 
 
 class Clock(Protocol):
@@ -60,3 +63,11 @@ def offset_ns(other_ns: Callable[[], int], clock: Clock) -> int:
         before_ns, reading_ns, after_ns = clock.now_ns(), other_ns(), clock.now_ns()
         readings.append((after_ns - before_ns, reading_ns - (before_ns + after_ns) // 2))
     return min(readings)[1]
+
+
+def lateness_ms(late_ns: Sequence[int]) -> tuple[float, float, float]:
+    """Return p50, p99 and p99.9 of how late the cycles of a loop began [ms]; nan without any."""
+    if not late_ns:
+        return math.nan, math.nan, math.nan
+    p50_ms, p99_ms, p999_ms = (np.percentile(late_ns, (50, 99, 99.9)) / 1e6).tolist()
+    return p50_ms, p99_ms, p999_ms

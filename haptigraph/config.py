@@ -117,12 +117,16 @@ class HapticsConfig(Struct, frozen=True, forbid_unknown_fields=True):
     device: str = "console"
     """console, trace:FILE.csv, audio[:FILE.wav], gamepad:N, serial:PORT?pin=N,
     drv2605:PORT?motor=lra or ros2[:TOPIC]."""
+    force: str = ""
+    """Device that pushes the hand, and is moved by it to steer: inverse3[:HOST:PORT], crtk:NAMESPACE,
+    forcedimension[:N] or simulated; empty: none."""
     profile: str = ""
     """Path of the device's profile (TOML), which has the drive for every amplitude; empty: they are equal."""
     max_amplitude: Annotated[float, Meta(ge=0, le=1)] = 1.0
-    """Limit of what the device is set to: of the drive, if there is a profile."""
+    """Limit of what the device is set to: of the drive, if there is a profile. 0: nothing vibrates, and no
+    force is exerted."""
     deadman_ms: Annotated[float, Meta(gt=0, le=1000)] = 150.0
-    """The device is silenced after this time without a new command."""
+    """The device is silenced, and the hand let go, after this time without a new command."""
     max_on_ms: UpToADayMs = 60_000.0
     """Longest vibration without a pause; then it pauses for `rest_ms`."""
     rest_ms: UpToADayMs = 500.0
@@ -135,6 +139,11 @@ class HapticsConfig(Struct, frozen=True, forbid_unknown_fields=True):
     """Seed of a sham: vibration at random times, whatever the state, which warns of nothing; unset: none."""
     sham_duty: Annotated[float, Meta(gt=0, lt=1)] = 0.5
     """Expected share of the time that a sham vibrates."""
+
+    @property
+    def outputs(self) -> str:
+        """The device, and that with force if there is one."""
+        return f"{self.device} or {self.force}" if self.force else self.device
 
 
 class RunConfig(Struct, frozen=True, forbid_unknown_fields=True):

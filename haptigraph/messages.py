@@ -30,6 +30,7 @@ __all__ = [
     "Fault",
     "Follow",
     "ForceField",
+    "ForceSample",
     "HandState",
     "HapticCommand",
     "Image",
@@ -63,7 +64,16 @@ class Fault(Struct, frozen=True):
     """An error that the loop survived."""
 
     where: Literal[
-        "source", "registration", "perceiver", "guard", "device", "recorder", "bridge", "leader", "robot"
+        "source",
+        "registration",
+        "perceiver",
+        "guard",
+        "device",
+        "force",
+        "recorder",
+        "bridge",
+        "leader",
+        "robot",
     ]
     message: str
 
@@ -155,6 +165,19 @@ class RobotSample(Struct, frozen=True):
     """Standard deviation of `eye_tip_mm` per axis; None: unknown."""
 
 
+class ForceSample(Struct, frozen=True):
+    """What a force device did to the hand: axes x to its right, y up, z towards the operator."""
+
+    stamp_ns: int
+    """On the run's clock."""
+    hand_mm: tuple[float, float, float]
+    """Where the hand was."""
+    force_n: tuple[float, float, float]
+    """The force that the device was commanded to exert on it."""
+    is_engaged: bool
+    """Whether the operator held the clutch."""
+
+
 class Capture(Struct, frozen=True, eq=False):
     """One tick of input: an image, or the fact that there is none."""
 
@@ -180,6 +203,8 @@ class Capture(Struct, frozen=True, eq=False):
     """Vibration that an output has confirmed since the previous capture; periods may overlap."""
     robot: tuple[RobotSample, ...] = ()
     """Measurements of the robot since the previous capture, oldest first."""
+    force: tuple[ForceSample, ...] = ()
+    """What the force device did since the previous capture, oldest first."""
 
 
 class Certainty(Struct, frozen=True):

@@ -14,10 +14,19 @@ from msgspec.structs import replace
 from haptigraph.clock import Clock
 from haptigraph.errors import BadInput, EndOfSource, HaptigraphError, PerceiverBroken, SourceLost
 from haptigraph.haptics.observed_device import DeliveryLog
-from haptigraph.messages import Capture, Fault, Observation, RobotSample, Step, Timing
+from haptigraph.messages import Capture, Fault, Observation, Step, Timing
 from haptigraph.run_report import RunReport
 from haptigraph.sources.timing import moved_in_time
-from haptigraph.stages import Perceiver, Reasoner, Renderer, RobotReadings, SceneBuilder, Sink, Source
+from haptigraph.stages import (
+    ForceReadings,
+    Perceiver,
+    Reasoner,
+    Renderer,
+    RobotReadings,
+    SceneBuilder,
+    Sink,
+    Source,
+)
 
 __all__ = ["HapticOutput", "Loop", "Pipeline"]
 
@@ -121,6 +130,7 @@ class Loop:
         stale_ms: Without a new image for so long, the needle counts as lost.
         deliveries: Takes the vibration that outputs confirm, until the next capture.
         robot: Takes the robot's measurements, until the next capture; None: there is no robot.
+        force: Takes what the force device did, until the next capture; None: there is none.
         notes: What the user should know before the run, a sentence each.
     """
 
@@ -135,12 +145,13 @@ class Loop:
         stale_ms: float = 100.0,
         deliveries: DeliveryLog | None = None,
         robot: RobotReadings | None = None,
+        force: ForceReadings | None = None,
         notes: Sequence[str] = (),
     ) -> None:
         self.pipeline, self.source, self.output, self.sinks = pipeline, source, output, tuple(sinks)
         self.notes, self.report = tuple(notes), RunReport()
         self.deliveries = deliveries or DeliveryLog()
-        self._clock, self._stale_ms, self.robot = clock, stale_ms, robot
+        self._clock, self._stale_ms, self.robot, self._force = clock, stale_ms, robot, force
         self._start_ns: int | None = None
         self._last_ns: int | None = None
         self._index = -1
@@ -190,6 +201,7 @@ class Loop:
         """Silence the actuator and close everything, whether the loop ran or not. May be called twice."""
         try:
             if not self._output_closed:
+                self.report.force = self._force.summary() if self._force else ""
                 self.output.close()
                 self._output_closed = True  # not if Ctrl-C interrupted it
                 self.report.is_silent = self.output.is_silent
@@ -255,13 +267,9 @@ class Loop:
                 capture = self._paced(capture)
             self.report.skipped += max(capture.index - self._index - 1, 0)
             self._index = capture.index
-            deliveries = self.deliveries.take()
-            if faults or deliveries:
-                faults, delivered = (*capture.faults, *faults), (*capture.delivered, *deliveries)
-                capture = replace(capture, faults=faults, delivered=delivered)
-            if samples := self._take_samples():
-                capture = replace(capture, robot=(*capture.robot, *samples))
-            yield capture
+            yield self._with_readings(
+                replace(capture, faults=(*capture.faults, *faults)) if faults else capture
+            )
 
     def _in_order(self, capture: Capture) -> Capture:
         """Keep stamps from decreasing: a late image may have been taken before the moment it was missed."""
@@ -275,11 +283,17 @@ class Loop:
         if message:
             faults = (*faults, Fault("source", message))
         index, now_ns = max(self._index, 0), self._clock.now_ns()
-        delivered, robot = self.deliveries.take(), self._take_samples()
-        return Capture(index, now_ns, None, faults=faults, delivered=delivered, robot=robot)
+        return self._with_readings(Capture(index, now_ns, None, faults=faults))
 
-    def _take_samples(self) -> tuple[RobotSample, ...]:
-        return self.robot.take() if self.robot else ()
+    def _with_readings(self, capture: Capture) -> Capture:
+        """Add what was measured beside the images since the previous capture."""
+        if delivered := self.deliveries.take():
+            capture = replace(capture, delivered=(*capture.delivered, *delivered))
+        if self.robot and (robot := self.robot.take()):
+            capture = replace(capture, robot=(*capture.robot, *robot))
+        if self._force and (force := self._force.take()):
+            capture = replace(capture, force=(*capture.force, *force))
+        return capture
 
     def _paced(self, capture: Capture) -> Capture:
         """Wait until a capture is due and stamp it; the schedule slips when the loop is late."""

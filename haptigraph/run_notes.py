@@ -54,9 +54,14 @@ def run_notes(
         )
     if config.haptics.sham_seed is not None:
         notes.append("the vibration is a sham: it comes at random times and warns of nothing")
-    if config.source.uri.partition(":")[0] == "teleop":
+    if config.haptics.force:
         notes.append(
-            "the needle moves only if you steer it: on the page of `haptigraph live`, by --leader, or by "
-            "--bridge ros2"
+            f"{config.haptics.force} pushes the hand while its clutch is held; research software, not a "
+            "medical device: keep the device's own switch at hand"
+        )
+    elif config.source.uri.partition(":")[0] == "teleop":
+        notes.append(
+            "the needle moves only if you steer it: on the page of `haptigraph live`, by --leader, by "
+            "--force, or by --bridge ros2"
         )
     return notes

@@ -58,6 +58,9 @@ class RunReport(Struct):
     is_silent: bool = False
     """Whether the run is over, and the actuator raised no doubt that it is silent."""
 
+    force: str = ""
+    """How the force device ran, in one line; empty: there was none."""
+
     def note_limits(self, assumed: tuple[str, ...], max_amplitude: float) -> None:
         """Note what the registration assumes, and the limit of the amplitude."""
         self.assumed, self.is_output_off = assumed, max_amplitude == 0

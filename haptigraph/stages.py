@@ -14,6 +14,7 @@ from haptigraph.messages import (
     Capture,
     Conclusion,
     Fault,
+    ForceSample,
     HapticCommand,
     ImageKind,
     Observation,
@@ -23,6 +24,7 @@ from haptigraph.messages import (
 
 __all__ = [
     "Device",
+    "ForceReadings",
     "Perceiver",
     "PerceiverClass",
     "Reasoner",
@@ -187,6 +189,19 @@ class RobotReadings(Protocol):
 
     def close(self) -> None:
         """Disconnect. May be called twice."""
+        ...
+
+
+@runtime_checkable
+class ForceReadings(Protocol):
+    """Read what a force device does beside the images."""
+
+    def take(self) -> tuple[ForceSample, ...]:
+        """Return what it did since the last call, oldest first."""
+        ...
+
+    def summary(self) -> str:
+        """Return how it ran, in one line."""
         ...
 
 

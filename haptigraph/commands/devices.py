@@ -28,15 +28,17 @@ SAFETY = "Research software: never use it on anyone whom a vibration, or its abs
 )
 @click.pass_context
 def devices(context: click.Context) -> None:
-    """List the haptic devices and leaders on this machine, and what an extra would add.
+    """List haptic devices, force devices and leaders on this machine, and what an extra would add.
 
-    A device vibrates in the hand; a leader is moved by it, and steers a simulated or real robot.
+    A device vibrates in the hand. A leader is moved by it, and steers a simulated or real robot; a force
+    device does so too, and pushes the hand.
     """
     if context.invoked_subcommand is not None:
         return
     from rich.console import Console
 
     from haptigraph.analysis.actuators import actuators
+    from haptigraph.run_force import force_devices_found
     from haptigraph.teleop.leaders.opening import leaders_found
 
     console = Console(markup=False, emoji=False, width=None if sys.stdout.isatty() else 160)
@@ -47,6 +49,10 @@ def devices(context: click.Context) -> None:
     for sentence in sentences:
         console.print(sentence)
     console.print("Try one: haptigraph devices test DEVICE. Use one: haptigraph run SOURCE --device DEVICE.")
+    console.print("\nForce devices")
+    for uri, what in force_devices_found().items():
+        console.print(f"{uri:20} {what}")
+    console.print("Try one: haptigraph devices test FORCE. Use one: haptigraph live teleop --force FORCE.")
     console.print("\nLeaders")
     for uri, what in leaders.items():
         console.print(f"{uri:12} {what}")
@@ -68,20 +74,32 @@ def _one_network_search() -> AbstractContextManager[None]:
     epilog=examples(
         "haptigraph devices test gamepad:0",
         "haptigraph devices test 'serial:/dev/ttyACM0?pin=9'",
+        "haptigraph devices test inverse3",
+        "haptigraph devices test crtk:MTML --force",
     ),
 )
 @click.argument("device")
+@click.option("--force", is_flag=True, help="DEVICE is a force device, where a name could be either.")
 @procedure_option
 @profile_option
-def devices_test(device: str, procedure: str | None, profile: str | None) -> None:
-    """Play every pattern of the haptic grammar on DEVICE, and measure the round trip if it confirms."""
+def devices_test(device: str, force: bool, procedure: str | None, profile: str | None) -> None:
+    """Play every pattern of the haptic grammar on DEVICE, and measure the round trip if it confirms.
+
+    On a force device a soft wall, of at most 1 N, lies below the hand for ten seconds, while the clutch is
+    held.
+    """
     from haptigraph.analysis.actuators import play_grammar
-    from haptigraph.assemble import load_procedure, open_device
+    from haptigraph.assemble import DEVICES, load_procedure, open_device
     from haptigraph.clock import MonotonicClock
     from haptigraph.config import HapticsConfig, RunConfig
     from haptigraph.errors import DeviceError, NotSilent
     from haptigraph.haptics.profiles.profile import open_profile
+    from haptigraph.run_force import FORCE_DEVICES
 
+    kind = device.partition(":")[0]
+    if force or (kind in FORCE_DEVICES and kind not in DEVICES):
+        _try_force(device)
+        return
     patterns = load_procedure(procedure or RunConfig().procedure).patterns
     measured, _ = open_profile(HapticsConfig(device=device, profile=profile or ""))
     opened = open_device(device)
@@ -128,6 +146,26 @@ def devices_auto_calibrate(device: str) -> None:
             f"gain {result.gain}{resonance}"
         )
     click.echo(f"add to the device: &calibration={','.join(result.text for result in results)}")
+
+
+def _try_force(name: str) -> None:
+    from contextlib import closing
+
+    from haptigraph.clock import MonotonicClock
+    from haptigraph.config import HapticsConfig
+    from haptigraph.haptics.force.trial import try_wall
+    from haptigraph.run_force import open_force
+
+    click.echo(f"{SAFETY}\nKeep the device's own switch at hand: it pushes.")
+    with terminable(), closing(open_force(name, HapticsConfig().deadman_ms)) as process:
+        trial = try_wall(process, MonotonicClock(), click.echo)
+        click.echo(process.summary())
+        for problem in process.take_problems():
+            click.echo(f"released: {problem}")
+    if not trial.has_begun:
+        click.echo("the clutch was never held, so nothing pushed")
+        return
+    click.echo(f"at most {trial.most_n:.2f} N, {max(trial.deepest_mm, 0):.1f} mm beyond the wall")
 
 
 devices.add_command(devices_calibrate)

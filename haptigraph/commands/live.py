@@ -22,6 +22,7 @@ __all__ = ["live"]
         "haptigraph live --host 0.0.0.0",
         "haptigraph live --practice my-scores.csv",
         "haptigraph live --leader gamepad:0",
+        "haptigraph live --force inverse3 --procedure subretinal_injection_force",
         "haptigraph live camera:0 --registration eye.toml --robot crtk:PSM1 --robot-setup robot.toml --steer",
     )
 )

@@ -70,6 +70,7 @@ RUN = {
     "procedure": "run.procedure",
     "device": "haptics.device",
     "profile": "haptics.profile",
+    "force": "haptics.force",
     "leader": "run.leader",
     "bridge": "run.bridges",
     "record": "recording.path",
@@ -114,6 +115,11 @@ def run_options(command: Command) -> Command:
         procedure_option,
         click.option("--device", metavar="DEVICE", help="Haptic device; `haptigraph devices` lists all."),
         profile_option,
+        click.option(
+            "--force",
+            metavar="FORCE",
+            help="Device that pushes the hand and steers: inverse3, simulated, ...",
+        ),
         click.option(
             "--leader",
             metavar="LEADER",

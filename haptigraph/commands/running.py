@@ -28,6 +28,7 @@ __all__ = ["demo", "run", "run_loop"]
         "haptigraph run clip.mp4 --registration eye.toml --record run.mcap",
         "haptigraph run camera:0 --registration eye.toml --device gamepad:0",
         "haptigraph run phantom:wrong_place_then_hit --fast",
+        "haptigraph run teleop --force inverse3 --procedure subretinal_injection_force --record run.mcap",
     )
 )
 @run_options
@@ -134,7 +135,7 @@ def run_loop(
     _raise_last(
         HaptigraphError(loop.report.incomplete) if loop.report.incomplete else None,
         failure,
-        None if loop.report.is_silent else NotSilent(config.haptics.device),
+        None if loop.report.is_silent else NotSilent(config.haptics.outputs),
     )
     return loop.report.ended != "interrupted"
 

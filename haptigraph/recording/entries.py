@@ -48,6 +48,7 @@ def entries(
         video,
         capture.delivered or UNSET,
         capture.robot or UNSET,
+        capture.force or UNSET,
     )
     yield "/capture", record
     if capture.hand is not None:

@@ -118,6 +118,7 @@ class RunReader:
             record.phase_s,
             record.delivered or (),
             record.robot or (),
+            record.force or (),
         )
         step = Step(
             record.index,

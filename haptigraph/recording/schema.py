@@ -13,6 +13,7 @@ from haptigraph.messages import (
     Conclusion,
     Delivered,
     Fault,
+    ForceSample,
     HandState,
     HapticCommand,
     Observation,
@@ -113,6 +114,8 @@ class CaptureRecord(Struct, frozen=True):
     """Vibration that an output confirmed; left out where there was none."""
     robot: tuple[RobotSample, ...] | UnsetType = UNSET
     """Measurements of the robot; left out where there were none."""
+    force: tuple[ForceSample, ...] | UnsetType = UNSET
+    """What the force device did; left out where there was none."""
 
 
 class Topic(NamedTuple):
@@ -146,9 +149,10 @@ TOPICS = (
         "/capture",
         CaptureRecord,
         "haptigraph.Capture",
-        "ns, px, mm, deg, s",
+        "ns, px, mm, deg, s, N",
         "stamp, the camera's own stamp, external faults, the simulator's ground truth, phase, "
-        "which image of the stored video, vibration that an output confirmed, the robot's measurements",
+        "which image of the stored video, vibration that an output confirmed, the robot's measurements, "
+        "the force on the hand",
     ),
     Topic(
         "/teleop",

@@ -11,34 +11,29 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import Protocol
 
-from haptigraph.child_process import obey_sigterm_only
+from haptigraph.child_process import obey_sigterm_only, raise_priority
 from haptigraph.clock import Clock, MonotonicClock
 from haptigraph.errors import BadInput, HaptigraphError
+from haptigraph.pipes import PipeReader, PipeWriter
 from haptigraph.robot.check_report import checked
 from haptigraph.robot.controller import RATE_HZ, Action, Controller, Hold, Move
 from haptigraph.robot.interface import Robot, RobotReading
-from haptigraph.robot.messages import Frames, Input, Report, framed
+from haptigraph.robot.messages import Input, Report
 from haptigraph.robot.opening import open_robot
 from haptigraph.robot.setup import load_setup
 
 __all__ = [
     "PERIOD_NS",
     "Inputs",
-    "PipeInputs",
-    "PipeReports",
     "Reports",
     "RobotLoop",
     "main",
-    "raise_priority",
 ]
 
 PERIOD_NS = round(1e9 / RATE_HZ)
 REPORT_CYCLES = 4
 OVERDUE_NS = 20_000_000
 """A command that takes so long to compute is out of date, and not sent."""
-MAX_BACKLOG = 1 << 18  # bytes that nobody reads, before reports are dropped
-READ_SIZE = 1 << 16
-PRIORITY = 10
 
 
 class Inputs(Protocol):
@@ -163,52 +158,11 @@ class RobotLoop:
         self._readings, self._late_ns = [], []
 
 
-class PipeInputs:
-    """Messages from a pipe."""
-
-    def __init__(self, descriptor: int) -> None:
-        os.set_blocking(descriptor, False)
-        self._descriptor, self._frames = descriptor, Frames()
-
-    def take(self) -> Sequence[Input] | None:
-        """Return the messages since the last call; None at the end of the pipe."""
-        messages: list[Input] = []
-        with suppress(BlockingIOError):
-            while True:
-                data = os.read(self._descriptor, READ_SIZE)
-                if not data:
-                    return None
-                messages += self._frames.add(data, Input)
-        return messages
-
-
-class PipeReports:
-    """Reports to a pipe. If nobody reads it, they are dropped."""
-
-    def __init__(self, descriptor: int) -> None:
-        os.set_blocking(descriptor, False)
-        self._descriptor, self._left = descriptor, bytearray()
-
-    def send(self, report: Report) -> None:
-        """Send a report, or drop it."""
-        if len(self._left) < MAX_BACKLOG:
-            self._left += framed(report)
-        with suppress(OSError):  # full, or nobody is there any more, which the end of the input says too
-            while self._left:
-                del self._left[: os.write(self._descriptor, self._left)]
-
-
-def raise_priority() -> None:
-    """Ask the system to schedule this process before others, where it may."""
-    with suppress(AttributeError, OSError):  # Linux, with the permission
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
-
-
 def main() -> None:
     """Open the robot that the arguments specify and run its loop."""
     obey_sigterm_only(sys.exit)
     uri, setup_path = sys.argv[1:]
-    inputs, reports = PipeInputs(0), PipeReports(os.dup(1))
+    inputs, reports = PipeReader(0, Input), PipeWriter(os.dup(1))
     os.dup2(2, 1)  # whatever a robot's library prints must not get between the reports
     clock = MonotonicClock()
     raise_priority()  # also of the threads that the robot's library starts: the loop waits for Python's lock

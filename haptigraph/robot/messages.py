@@ -1,19 +1,12 @@
 """What passes between a robot's process and the program that started it."""
 
-import struct
-from typing import TypeVar
-
-import msgspec
 from msgspec import Struct
 
 from haptigraph.messages import HandState
 from haptigraph.robot.interface import RobotReading, StateCommand
 from haptigraph.teleop.motion import HandMotion, TeleopSettings
 
-__all__ = ["Frames", "Input", "MotionStatus", "Report", "framed"]
-
-T = TypeVar("T")
-LENGTH = struct.Struct(">I")
+__all__ = ["Input", "MotionStatus", "Report"]
 
 
 class Input(Struct, array_like=True):
@@ -66,32 +59,3 @@ class MotionStatus(Struct, frozen=True):
     late_p999_ms: float
     error: str = ""
     """What failed last; empty: nothing."""
-
-
-def framed(message: Struct) -> bytes:
-    """Return a message as its length and MessagePack, which unlike JSON keeps nan."""
-    data = msgspec.msgpack.encode(message)
-    return LENGTH.pack(len(data)) + data
-
-
-class Frames:
-    """Split a stream of bytes into the messages that `framed` wrote."""
-
-    def __init__(self) -> None:
-        self._buffer = bytearray()
-
-    def add(self, data: bytes, kind: type[T]) -> list[T]:
-        """Return the messages that are complete now.
-
-        Raises:
-            msgspec.MsgspecError: If one is not of this kind.
-        """
-        self._buffer += data
-        messages = []
-        while len(self._buffer) >= LENGTH.size:
-            end = LENGTH.size + LENGTH.unpack_from(self._buffer)[0]
-            if len(self._buffer) < end:
-                break
-            messages.append(msgspec.msgpack.decode(self._buffer[LENGTH.size : end], type=kind))
-            del self._buffer[:end]
-        return messages

@@ -14,13 +14,14 @@ from contextlib import suppress
 from typing import IO
 
 import msgspec
-import numpy as np
 
 from haptigraph.child_process import pipe_of, program_of, start_child
+from haptigraph.clock import lateness_ms
 from haptigraph.errors import BadInput, DeviceError
 from haptigraph.messages import HandState
+from haptigraph.pipes import Frames, framed
 from haptigraph.robot.interface import RobotReading, StateCommand
-from haptigraph.robot.messages import Frames, Input, MotionStatus, Report, framed
+from haptigraph.robot.messages import Input, MotionStatus, Report
 from haptigraph.teleop.mapping import hand_state
 from haptigraph.teleop.motion import HandMotion, TeleopSettings
 
@@ -119,7 +120,7 @@ class RobotProcess:
         elif time.monotonic() - heard_s > SILENT_S:
             failure = HUNG
         late_ns = [late_ns for report in reports[1:] for late_ns in report.late_ns]
-        late_ms = np.percentile(late_ns, (50, 99, 99.9)) / 1e6 if late_ns else 3 * [math.nan]
+        p50_ms, p99_ms, p999_ms = lateness_ms(late_ns)
         span_ns = newest.stamp_ns - reports[0].stamp_ns
         return MotionStatus(
             is_moving=newest.is_moving and not failure,
@@ -128,9 +129,9 @@ class RobotProcess:
             reading=newest.reading,
             rate_hz=0.0 if failure or not span_ns else len(late_ns) / (span_ns / 1e9),
             missed_deadlines=newest.missed_deadlines,
-            late_p50_ms=float(late_ms[0]),
-            late_p99_ms=float(late_ms[1]),
-            late_p999_ms=float(late_ms[2]),
+            late_p50_ms=p50_ms,
+            late_p99_ms=p99_ms,
+            late_p999_ms=p999_ms,
             error=newest.error,
         )
 

@@ -34,6 +34,7 @@ SMALLEST = {
     "device_profiles": [(("--persons", "2"), {})],
     "degraded": [((str(ROOT / "tests/data/renderings/golden_thin"),), {"MAX_IMAGES": 8})],
     "force": [(("2",), {"SABOTEUR_SESSIONS": 6, "PRESSES": 2})],
+    "force_loop": [(("--seconds", "1"), {"SETTLE_S": 0.1, "CHROMIUM": None})],
     "inference": [(("subretinal_injection_ioct",), {"ROUNDS": 2})],
     "interval_coverage": [(("--repeats", "20", "--sizes", "6", "--print-only"), {})],
     "loop": [(("--steps", "20", "--paced", "5"), {"PASSES": 1})],
@@ -74,7 +75,7 @@ def test_every_benchmark_is_tested():
     assert {path.stem for path in FOLDER.glob("*.py")} == {
         *SMALLEST,
         "live",
-        *("force_motions", "touch_trials", "volume_gap"),  # parts of others
+        *("force_motions", "jitter", "touch_trials", "volume_gap"),  # parts of others
         *("ablation", "compare_commits", "r_comparison"),  # need minutes, a repository, R
     }
 

@@ -19,6 +19,7 @@ from pathlib import Path
 import msgspec
 import trials
 import trials_of_driver
+import trials_of_force
 import trials_of_input
 import trials_of_robot
 from damages import make_files
@@ -45,6 +46,7 @@ TRIALS = {  # of each kind, in a whole campaign
     "foreign requests": (60, trials_of_input.foreign_requests),
     "schemas and normal ends": (60, trials.schemas),
     "killed or hung robot process": (60, trials_of_robot.robot_processes),
+    "force on the hand": (130, trials_of_force.forced_hand),
 }
 WITH_FILES = ("recover", "replay of a complete file", "replay of a journal", "damaged file")
 

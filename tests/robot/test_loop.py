@@ -1,7 +1,3 @@
-import os
-import time
-
-import msgspec
 import pytest
 
 from haptigraph.clock import VirtualClock
@@ -9,8 +5,8 @@ from haptigraph.errors import BadInput, DeviceError
 from haptigraph.robot.controller import Controller
 from haptigraph.robot.gate import HOLDS
 from haptigraph.robot.interface import Robot
-from haptigraph.robot.loop import PERIOD_NS, PipeInputs, PipeReports, RobotLoop
-from haptigraph.robot.messages import Frames, Input, Report, framed
+from haptigraph.robot.loop import PERIOD_NS, RobotLoop
+from haptigraph.robot.messages import Input, Report
 from haptigraph.robot.opening import open_robot
 from haptigraph.robot.process import RobotProcess
 from haptigraph.robot.simulated import EXAMPLE_SETUP, SimulatedRobot
@@ -154,45 +150,6 @@ def test_settings_apply_from_the_next_cycle():
     bench.cycles(1)
     held_at = [bench.cycles(8).hand.asked_along_mm for _ in range(2)]
     assert held_at == [0.0, 0.0]
-
-
-# --- pipes
-
-
-def test_messages_survive_their_way_in_pieces_and_nan_does_too():
-    messages = [Input(True, HandMotion(True, 1.0)), Input(False), Input(True, request="home")]
-    data, frames, received = b"".join(map(framed, messages)), Frames(), []
-    for at in range(len(data)):
-        received += frames.add(data[at : at + 1], Input)
-    assert received == messages
-    with pytest.raises(msgspec.MsgspecError):
-        Frames().add(framed(Input(True)), Report)
-
-
-def test_a_pipe_that_nobody_reads_blocks_nothing():
-    reading, writing = os.pipe()
-    reports = PipeReports(writing)
-    began_s = time.monotonic()
-    for _ in range(100_000):
-        reports.send(Report(False, ("x" * 100,), None, [], []))
-    assert time.monotonic() - began_s < 20
-    received = Frames().add(os.read(reading, 1 << 20), Report)
-    assert received[0].reasons == ("x" * 100,)
-    os.close(reading)
-    reports.send(Report(True, (), None, [], []))  # and one that nobody can read any more does no harm
-    os.close(writing)
-
-
-def test_the_end_of_a_pipe_is_the_end_also_behind_messages():
-    reading, writing = os.pipe()
-    inputs = PipeInputs(reading)
-    assert inputs.take() == []
-    os.write(writing, framed(Input(True)))
-    assert inputs.take() == [Input(True)]
-    os.write(writing, framed(Input(True)))
-    os.close(writing)
-    assert inputs.take() is None
-    os.close(reading)
 
 
 # --- robots

@@ -92,6 +92,11 @@ HAZARDS = (
         "the instrument moves in the eye without a hand that wants it",
     ),
     Hazard(
+        "uncommanded_force",
+        "A force device pushes on after a fault, or starts by itself",
+        "the hand is pushed where nobody wants it, and the instrument with it",
+    ),
+    Hazard(
         "undefined_rules",
         "A situation has no rule, or not the intended one",
         "what is felt then is accidental",
@@ -139,6 +144,10 @@ FAULTS = {
     "killed or hung robot process": (
         "uncommanded_motion",
         "A robot whose processes die or hang is held, and does not start again by itself",
+    ),
+    "force on the hand": (
+        "uncommanded_force",
+        "A hand on a force device is let go when the run, the process or the device fails",
     ),
 }
 """Hazard and claim of each kind of faults in a campaign."""

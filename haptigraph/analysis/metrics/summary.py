@@ -59,8 +59,10 @@ def _loop_lines(report: RunReport) -> list[str]:
     lines = [
         f"loop            {report.steps} steps in {report.wall_s:.1f} s, {rate}, {report.ended}",
         f"overruns        {report.overruns} late, {report.skipped} skipped, {report.dropped} not recorded",
-        f"{'stage':16}{'p50':>9}{'p99':>12}",
     ]
+    if report.force:
+        lines.append(f"force           {report.force}")
+    lines.append(f"{'stage':16}{'p50':>9}{'p99':>12}")
     for name in STAGES:
         durations = report.stages[name]
         lines.append(f"{name:16}{durations.percentile_ms(50):6.2f} ms{durations.percentile_ms(99):9.2f} ms")

@@ -125,7 +125,7 @@ def _run(
     remark = f"data quality of {stage.key}: {', '.join(poor)}" if poor else ""
     ended = "; ".join(filter(None, (problem or outcome, remark)))
     report(f"{session.participant}  {stage.key}, attempt {attempt}: {ended}")
-    doubt = None if loop.report.is_silent else NotSilent(config.haptics.device)
+    doubt = None if loop.report.is_silent else NotSilent(config.haptics.outputs)
     if doubt is not None:
         report(f"haptigraph: {doubt}")
         problem = "; ".join(filter(None, (problem, str(doubt))))

@@ -26,7 +26,7 @@ from haptigraph.ros2.types import Joy
 from haptigraph.teleop.leaders.silence import Silence
 from haptigraph.teleop.motion import HandMotion
 
-__all__ = ["CrtkLeader", "PoseSteering"]
+__all__ = ["CrtkLeader", "PoseSteering", "arm_rotation", "is_pressed"]
 
 OPTIONS = {"operator": "/console/operator_present", "clutch": "/footpedals/clutch", "rotate": "0,0,0"}
 POSE = "/measured_cp"
@@ -84,13 +84,13 @@ class PoseSteering:
     def take_operator(self, message: Joy) -> None:
         """Process the dead-man: whether the operator is present."""
         with self._lock:
-            self._is_present = _is_pressed(message)
+            self._is_present = is_pressed(message)
             self._note_release()
 
     def take_clutch(self, message: Joy) -> None:
         """Process the clutch pedal, which separates hand and robot while it is pressed."""
         with self._lock:
-            self._is_clutched = _is_pressed(message)
+            self._is_clutched = is_pressed(message)
             self._note_release()
 
     def forget(self) -> None:
@@ -129,7 +129,7 @@ class CrtkLeader:
             raise BadInput("leader crtk needs the arm's namespace, for example crtk:MTML")
         options = _options(query, argument)
         pose = checked_topic(f"{namespace}{POSE}")
-        self._steering = PoseSteering(_rotation(options["rotate"], argument))
+        self._steering = PoseSteering(arm_rotation(options["rotate"], argument))
         self._silence = Silence(pose, SILENCE_MS, clock)
         self._node = Node()
         self._node.subscribe(pose, PoseStamped, self._receive, self._silence.reject)
@@ -163,7 +163,8 @@ class CrtkLeader:
         self._silence.heard()
 
 
-def _is_pressed(message: Joy) -> bool:
+def is_pressed(message: Joy) -> bool:
+    """Return whether a pedal is pressed."""
     return bool(message.buttons) and message.buttons[0] == PRESSED
 
 
@@ -174,7 +175,7 @@ def _options(query: str, argument: str) -> dict[str, str]:
     return {**OPTIONS, **given}
 
 
-def _rotation(text: str, argument: str) -> NDArray[np.float64]:
+def arm_rotation(text: str, argument: str) -> NDArray[np.float64]:
     """Return the rotation of angles about the fixed axes x, y, z [deg], (3, 3)."""
     try:
         angles = [math.radians(float(part)) for part in text.split(",")]

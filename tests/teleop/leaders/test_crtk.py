@@ -14,7 +14,7 @@ from haptigraph.ros2.geometry_types import Pose, Quaternion
 from haptigraph.ros2.motion_types import PoseStamped
 from haptigraph.ros2.qos import Profile
 from haptigraph.ros2.types import Header, Joy, Point
-from haptigraph.teleop.leaders.crtk import MAX_JUMP_MM, CrtkLeader, PoseSteering, _rotation
+from haptigraph.teleop.leaders.crtk import MAX_JUMP_MM, CrtkLeader, PoseSteering, arm_rotation
 
 
 def pose(*at_mm):
@@ -81,7 +81,7 @@ def test_a_release_between_two_poses_is_not_missed(steering):
 
 @given(st.lists(st.tuples(*[st.floats(allow_nan=True, allow_infinity=True)] * 3), max_size=8))
 def test_no_pose_moves_the_hand_far(positions):
-    steering = PoseSteering(_rotation("20,-70,110", ""))
+    steering = PoseSteering(arm_rotation("20,-70,110", ""))
     steering.take_operator(pedal(1))
     refused = 0
     for at_mm in positions:
@@ -102,7 +102,7 @@ def test_no_pose_moves_the_hand_far(positions):
     [("0,0,0", (1, 2, 3)), ("0,0,90", (-2, 1, 3)), ("90,0,0", (1, -3, 2)), ("0,180,0", (-1, 2, -3))],
 )
 def test_an_arm_with_other_axes_is_rotated(angles, seen):
-    assert _rotation(angles, "") @ (1, 2, 3) == pytest.approx(seen)
+    assert arm_rotation(angles, "") @ (1, 2, 3) == pytest.approx(seen)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,1 @@
+"""Devices with force; `run_force.FORCE_DEVICES` names them."""
