@@ -55,7 +55,9 @@ def main() -> None:
     seconds = parser.parse_args().seconds
     process.MAX_REPORTS = 1_000_000
     title = f"{seconds:g} s each; delay of a cycle in ms, of a period of 1 ms"
-    print_table(title, use, lambda: measure(seconds), settle_s=SETTLE_S, has_page=bool(CHROMIUM))
+    print_table(
+        title, PERIOD_NS, seconds, use, lambda: measure(seconds), settle_s=SETTLE_S, has_page=bool(CHROMIUM)
+    )
 
 
 if __name__ == "__main__":

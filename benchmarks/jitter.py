@@ -14,6 +14,21 @@ from live_bench import CHROMIUM, Live, chromium
 __all__ = ["CHROMIUM", "camera_loop", "live_page", "ordinary", "print_table", "row_of"]
 
 PHANTOM = "phantom:align_then_approach"
+CLOCK = """
+import sys, time
+from haptigraph.child_process import raise_priority
+from haptigraph.clock import MonotonicClock, lateness_ms
+if sys.argv[3] == "real-time":
+    raise_priority()
+clock, period_ns, late_ns, missed = MonotonicClock(), int(sys.argv[1]), [], 0
+begun_ns = due_ns = clock.now_ns()
+while due_ns < begun_ns + float(sys.argv[2]) * 1e9:
+    clock.wait_until(due_ns)
+    late_ns.append(clock.now_ns() - due_ns)
+    missed += late_ns[-1] // period_ns
+    due_ns += (late_ns[-1] // period_ns + 1) * period_ns
+print(*lateness_ms(late_ns), missed, len(late_ns) / ((clock.now_ns() - begun_ns) / 1e9))
+"""
 
 
 def ordinary(module: str) -> list[str]:
@@ -45,8 +60,18 @@ def live_page() -> Iterator[None]:
         yield
 
 
+def clock_row(period_ns: int, seconds: float, priority: str) -> str:
+    """Return the row of a process that does nothing but wait for each cycle: the limit of the machine."""
+    command = [sys.executable, "-c", CLOCK, str(period_ns), str(seconds), priority]
+    result = subprocess.run(command, check=True, capture_output=True, text=True)
+    p50_ms, p99_ms, p999_ms, missed, rate_hz = map(float, result.stdout.split())
+    return row_of((p50_ms, p99_ms, p999_ms), int(missed), seconds * 1e9 / period_ns, rate_hz)
+
+
 def print_table(
     title: str,
+    period_ns: int,
+    seconds: float,
     use: Callable[[str], None],
     measure: Callable[[], str],
     *,
@@ -57,6 +82,8 @@ def print_table(
 
     Args:
         title: The heading.
+        period_ns: Of a cycle.
+        seconds: Duration of a row.
         use: Called with "real-time" or "ordinary", the priority of the next processes.
         measure: Returns a row: p50, p99, p99.9, missed cycles, their share, rate.
         settle_s: What runs beside settles for this time.
@@ -69,6 +96,8 @@ def print_table(
     print(f"{'':38} {'p50':>8} {'p99':>8} {'p99.9':>8} {'missed':>7} {'share':>10}  {'rate':>9}   load")
     for priority in ("real-time", "ordinary"):
         use(priority)
+        row = clock_row(period_ns, seconds, priority)
+        print(f"{'clock alone, ' + priority:38} {row}   {os.getloadavg()[0]:.1f}", flush=True)
         for name, context in beside.items():
             with context():
                 time.sleep(settle_s)

@@ -13,6 +13,7 @@ from haptigraph.haptics.profiles.profile import DeviceProfile, open_profile
 from haptigraph.imaging import UPRIGHT
 from haptigraph.perception.entities import ENTITIES, ROBOT_TIP
 from haptigraph.pipeline import HapticOutput, Loop, Pipeline
+from haptigraph.run_device import DEVICES, open_device
 from haptigraph.run_header import run_info
 from haptigraph.run_notes import run_notes
 from haptigraph.run_registration import registration_of
@@ -50,18 +51,6 @@ PERCEIVERS = {
     "threshold": "haptigraph.perception.baseline.threshold:ThresholdPerceiver",
     "volume": "haptigraph.perception.volume.perceiver:VolumePerceiver",
 }
-DEVICES = {
-    "audio": "haptigraph.haptics.audio:AudioDevice",
-    "console": "haptigraph.haptics.console:ConsoleDevice",
-    "crtk": "haptigraph.haptics.network.crtk:CrtkDevice",
-    "drv2605": "haptigraph.haptics.boards.drv2605:Drv2605Device",
-    "gamepad": "haptigraph.haptics.gamepad:GamepadDevice",
-    "ros2": "haptigraph.haptics.network.ros2:Ros2Device",
-    "serial": "haptigraph.haptics.boards.pwm:PwmDevice",
-    "trace": "haptigraph.haptics.trace:TraceDevice",
-}
-# They would keep vibrating if the run died.
-WATCHED = ("crtk", "drv2605", "gamepad", "ros2", "serial")
 SOURCES = {
     "camera": "haptigraph.sources.cameras.uvc:CameraSource",
     "dicom": "haptigraph.sources.oct.dicom:DicomSource",
@@ -138,9 +127,10 @@ def build(
         for observer in (*(bridge.send_output for bridge in bridges), *((listener,) if listener else ())):
             device = ObservedDevice(device, observer)
         vibration = _output(device, config, clock, profile)
-        output, force, hands = _load("haptigraph.run_force:with_force")(
-            config, vibration, source, robot, clock
-        )
+        output, force, hands = vibration, None, ()
+        if config.haptics.force:
+            add_force = _load("haptigraph.run_force:with_force")
+            output, force, hands = add_force(config, vibration, source, robot, clock)
         undo.callback(output.close)
         recorders: list[Sink] = []
         if writer is not None:
@@ -255,18 +245,6 @@ def open_source(config: Config, clock: Clock, size_px: tuple[int, int] | None = 
             source = read_ahead(source, waits=waits)
         source = _load("haptigraph.sources.jpeg:JpegSource")(source, settings.jpeg_quality)
     return read_ahead(source, waits=waits) if kind in PREFETCHABLE else source
-
-
-def open_device(name: str) -> Device:
-    """Open a haptic device by NAME or NAME:ARGUMENT.
-
-    Raises:
-        BadInput: If there is no such device.
-    """
-    kind, _, argument = name.partition(":")
-    if kind in WATCHED:
-        return _load("haptigraph.haptics.watchdog:WatchedDevice")(DEVICES[kind], argument)  # type: ignore[no-any-return]
-    return _named(DEVICES, "device", kind)(argument)  # type: ignore[no-any-return]
 
 
 def procedure_names() -> list[str]:

@@ -28,11 +28,11 @@ FORCE_DEVICES = {
 
 
 class Force(NamedTuple):
-    """The haptic output of a run, with force if there is any."""
+    """The haptic output of a run with a force device."""
 
-    output: ForceOutput | Vibration
-    readings: ForceReadings | None = None
-    leaders: tuple[Steering, ...] = ()
+    output: ForceOutput
+    readings: ForceReadings
+    leaders: tuple[Steering, ...]
 
 
 def device_class(kind: str) -> Any:
@@ -76,15 +76,15 @@ def open_force(name: str, deadman_ms: float, hand: ForceHand | None = None) -> F
 
 
 def with_force(
-    config: Config, vibration: Vibration, source: Source, robot: RobotReadings, clock: Clock
+    config: Config, vibration: Vibration, source: Source, robot: RobotReadings | None, clock: Clock
 ) -> Force:
-    """Return the output of a run: the vibration alone, or with the configured force device.
+    """Open the configured force device beside the other output of a run.
 
     Args:
         config: The configuration.
         vibration: The other output.
         source: What the hand steers, if it can be steered.
-        robot: The robot, which the hand steers if a page may.
+        robot: The robot, which the hand steers if a page may; None: there is none.
         clock: The run's.
 
     Raises:
@@ -92,13 +92,13 @@ def with_force(
     """
     with ExitStack() as undo:
         undo.callback(vibration.close)
-        force = _opened(config, vibration, source, robot, clock) if config.haptics.force else Force(vibration)
+        force = _opened(config, vibration, source, robot, clock)
         undo.pop_all()
     return force
 
 
 def _opened(
-    config: Config, vibration: Vibration, source: Source, robot: RobotReadings, clock: Clock
+    config: Config, vibration: Vibration, source: Source, robot: RobotReadings | None, clock: Clock
 ) -> Force:
     name = config.haptics.force
     if config.run.leader:
@@ -106,13 +106,14 @@ def _opened(
     if not isinstance(clock, MonotonicClock):
         raise BadInput(f"--force {name} works in real time; --fast is for files and the phantom")
     steerable: Any = robot.process if isinstance(robot, SteeredRobot) else source.teleop
-    hand = ForceHand(clock)
-    process = open_force(name, config.haptics.deadman_ms, hand if steerable else None)
+    hand = ForceHand(clock) if steerable else None
+    process = open_force(name, config.haptics.deadman_ms, hand)
     output = ForceOutput(
         process,
         vibration,
         lambda: steerable.settings.motion_scale if steerable else 1.0,
+        hand=hand,
         is_off=config.haptics.max_amplitude == 0,
     )
-    leaders = (Steering(name, hand, steerable.put).start(),) if steerable else ()
+    leaders = (Steering(name, hand, steerable.put).start(),) if hand else ()
     return Force(output, process, leaders)

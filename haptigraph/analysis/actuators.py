@@ -5,15 +5,12 @@ Device classes that can detect their hardware have a static method `found()`.
 
 import time
 from collections.abc import Callable, Sequence
-from importlib import import_module
-from typing import Any
 
 from rich.table import Table
 
-from haptigraph.assemble import DEVICES
 from haptigraph.clock import Clock
 from haptigraph.config import HapticsConfig
-from haptigraph.errors import BadInput, HaptigraphError, MissingExtra, unknown_name
+from haptigraph.errors import HaptigraphError, MissingExtra
 from haptigraph.graph import SceneGraph
 from haptigraph.haptics.guard import Guard
 from haptigraph.haptics.observed_device import PAGE_CONTROLLER
@@ -29,25 +26,14 @@ from haptigraph.messages import (
     Pattern,
     Step,
 )
+from haptigraph.run_device import DEVICES, device_class
 from haptigraph.run_report import Durations
 from haptigraph.stages import Device
 
-__all__ = ["DeviceTest", "actuators", "device_class", "guarded_step", "play_grammar", "play_pattern"]
+__all__ = ["DeviceTest", "actuators", "guarded_step", "play_grammar", "play_pattern"]
 
 ALWAYS = {"audio": "audio:FILE.wav", "console": "console", "trace": "trace:FILE.csv"}
 CONTINUOUS_NS, PAUSE_NS, IMAGE_NS = 1_500_000_000, 500_000_000, 33_000_000
-
-
-def device_class(kind: str) -> Any:
-    """Return the class of a device by its name; its capabilities are known without opening it.
-
-    Raises:
-        BadInput: If there is no such device.
-    """
-    if kind not in DEVICES:
-        raise BadInput(unknown_name("device", kind, DEVICES))
-    module, _, name = DEVICES[kind].partition(":")
-    return getattr(import_module(module), name)
 
 
 def actuators() -> tuple[Table, list[str]]:

@@ -130,8 +130,8 @@ def devices_auto_calibrate(device: str) -> None:
     """
     from contextlib import closing
 
-    from haptigraph.analysis.actuators import device_class
     from haptigraph.errors import BadInput
+    from haptigraph.run_device import device_class
 
     kind, _, argument = device.partition(":")
     if kind != "drv2605":

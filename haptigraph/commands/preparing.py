@@ -191,8 +191,8 @@ def _device_of(
 
     A profile names its device, so that --device may be left out.
     """
-    from haptigraph.analysis.actuators import device_class
     from haptigraph.haptics.profiles.profile import check_device, load_profile
+    from haptigraph.run_device import device_class
 
     profile = load_profile(file) if file else None
     if profile is not None:

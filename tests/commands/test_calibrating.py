@@ -5,6 +5,8 @@ import pty
 import select
 import subprocess
 import sys
+import termios
+import threading
 
 import click
 import pytest
@@ -206,12 +208,23 @@ def test_in_a_real_terminal_keys_answer_and_ctrl_c_ends_in_silence(tmp_path):
                 _read_until(terminal, expected)
                 if expected in ("agree", "Enter"):
                     assert not any(value for _, _, value in board.edges)
+                if not key.endswith(b"\n"):
+                    _await_raw(its_end)
                 os.write(terminal, key)
             assert process.wait(60) == 130
         assert any(value for _, _, value in board.edges) and not board.vibrates()
     os.close(terminal)
     os.close(its_end)
     assert not path.exists()
+
+
+def _await_raw(terminal):
+    """Wait until single keys are read; what was typed before is discarded."""
+    for _ in range(6000):
+        if not termios.tcgetattr(terminal)[3] & termios.ICANON:
+            return
+        threading.Event().wait(0.01)
+    raise AssertionError("the program does not read keys")
 
 
 def _read_until(terminal, expected):

@@ -5,11 +5,11 @@ import re
 import pytest
 from broken_procedures import BROKEN, SENSIBLE
 
-from haptigraph.analysis.actuators import device_class
 from haptigraph.assemble import load_procedure, perceiver_class, perceiver_name
 from haptigraph.config import Config
 from haptigraph.errors import BadInput
 from haptigraph.proof.prove import prove
+from haptigraph.run_device import device_class
 
 
 def sentences(text, folder, device="", perceiver="auto"):

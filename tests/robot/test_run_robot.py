@@ -27,7 +27,7 @@ def test_a_run_without_a_robot_does_not_load_what_reads_one():
     """Start-up would wait for it."""
     program = (
         "import sys; from haptigraph.assemble import build; from haptigraph.config import load_config; "
-        "build(load_config(None, ['source.uri=phantom:align_then_approach', 'run.realtime=false'])); "
+        "build(load_config(None, ['source.uri=phantom:align_then_approach', 'run.realtime=false'])).close(); "
         "sys.exit('haptigraph.robot.process' in sys.modules)"
     )
     subprocess.run([sys.executable, "-c", program], check=True)

@@ -1,4 +1,8 @@
-"""The hand that holds a force device, as a leader: its motion steers what it feels."""
+"""The hand that holds a force device, as a leader: its motion steers what it feels.
+
+The tip moves as the hand does, in directions of the eye frame, because forces are placed so. A tool moves
+along and across its shaft, so the motion is resolved in the direction of the shaft.
+"""
 
 import math
 from collections import deque
@@ -6,7 +10,8 @@ from collections.abc import Sequence
 
 from haptigraph.clock import Clock
 from haptigraph.errors import DeviceError
-from haptigraph.messages import ForceSample
+from haptigraph.geometry import Segment, Vec, subtract, unit
+from haptigraph.messages import ForceSample, Step
 from haptigraph.robot.pose import Vec3
 from haptigraph.teleop.leaders.leader import MAX_STEP_MM
 from haptigraph.teleop.motion import HandMotion
@@ -20,7 +25,7 @@ SILENT_TAKES = 5
 
 
 class ForceHand:
-    """Turn the samples of a force device into hand motion. Any thread may call `add`.
+    """Turn the samples of a force device into hand motion. Any thread may call `add` and `see`.
 
     Args:
         clock: Measures since when it is silent.
@@ -32,6 +37,13 @@ class ForceHand:
         self._heard_ns = clock.now_ns()
         self._silent_takes = 0
         self._last_mm: Vec3 | None = None
+        self._shaft: Vec = (0.0, -1.0)
+
+    def see(self, step: Step) -> None:
+        """Take the direction of the shaft from the newest step; without one the last stays."""
+        line = step.observation.found.get("needle_line")
+        if isinstance(line, Segment) and line.start_mm != line.end_mm:
+            self._shaft = unit(subtract(line.end_mm, line.start_mm))
 
     def add(self, sample: ForceSample) -> None:
         """Take a sample, in the order of their stamps."""
@@ -67,4 +79,6 @@ class ForceHand:
         )
         if max(map(abs, (right_mm, up_mm, towards_mm))) > MAX_STEP_MM:
             return HandMotion(engaged=False)
-        return HandMotion(True, along_mm=-up_mm, across_mm=right_mm, outwards_mm=towards_mm)
+        x, y = self._shaft
+        along_mm, across_mm = right_mm * x + up_mm * y, up_mm * x - right_mm * y
+        return HandMotion(True, along_mm=along_mm, across_mm=across_mm, outwards_mm=towards_mm)

@@ -6,6 +6,7 @@ from typing import Protocol
 
 from haptigraph.errors import DeviceError
 from haptigraph.haptics.force.fixture import fixtures_of, tip_of
+from haptigraph.haptics.force.hand import ForceHand
 from haptigraph.haptics.force.messages import ForceInput
 from haptigraph.haptics.force.process import ForceProcess
 from haptigraph.messages import Fault, Step
@@ -44,14 +45,21 @@ class ForceOutput:
         process: The force device; closed with this object.
         vibration: The other output; closed too.
         scale: Returns the ratio of tip motion to hand motion.
+        hand: What steers; None if nothing is steered.
         is_off: Whether no force is to be exerted; the hand still steers.
     """
 
     def __init__(
-        self, process: ForceProcess, vibration: Vibration, scale: Callable[[], float], *, is_off: bool = False
+        self,
+        process: ForceProcess,
+        vibration: Vibration,
+        scale: Callable[[], float],
+        *,
+        hand: ForceHand | None = None,
+        is_off: bool = False,
     ) -> None:
         self._process, self._vibration, self._scale = process, vibration, scale
-        self._is_off = is_off
+        self._hand, self._is_off = hand, is_off
         self._faults: deque[Fault] = deque()
 
     @property
@@ -61,6 +69,8 @@ class ForceOutput:
 
     def send(self, step: Step, now_ns: int) -> None:
         """Take the newest step; does not block."""
+        if self._hand is not None:
+            self._hand.see(step)
         tip_mm = tip_of(step)
         fixtures = () if tip_mm is None or self._is_off else fixtures_of(step)
         self._process.send(ForceInput(fixtures, tip_mm or NOWHERE, step.stamp_ns, self._scale()))

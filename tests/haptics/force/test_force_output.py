@@ -4,10 +4,12 @@ import math
 
 import pytest
 from helpers import MS
+from hypothesis import given
+from hypothesis import strategies as st
 
 from haptigraph.clock import VirtualClock
 from haptigraph.errors import DeviceError
-from haptigraph.geometry import Point
+from haptigraph.geometry import Point, Segment, rotate
 from haptigraph.grammar import ForceField
 from haptigraph.graph import SceneGraph
 from haptigraph.haptics.force.hand import ForceHand
@@ -106,6 +108,23 @@ def test_the_hand_moves_as_a_leader_does():
     first, second = hand.take()
     assert first.engaged and (first.along_mm, first.across_mm, first.outwards_mm) == (0.0, 0.0, 0.0)
     assert (second.across_mm, second.along_mm, second.outwards_mm) == (1.0, -2.0, 3.0)
+
+
+@given(angle_deg=st.floats(-90, 90), right_mm=st.floats(-5, 5), up_mm=st.floats(-5, 5))
+def test_the_tip_moves_as_the_hand_does_whatever_the_direction_of_the_shaft(angle_deg, right_mm, up_mm):
+    hand = ForceHand(VirtualClock())
+    shaft = rotate((0.0, -1.0), angle_deg)
+    output = ForceOutput(Recorder(), Recorder(), lambda: 1.0, hand=hand)
+    output.send(step_of({"needle_line": Segment((2.0, 3.0), (2.0 + shaft[0], 3.0 + shaft[1]))}), 0)
+    output.send(step_of({}), 0)  # the shaft is out of sight
+    for number, position_mm in enumerate([(0.0, 0.0, 0.0), (right_mm, up_mm, 0.0)]):
+        hand.add(sample(number, position_mm))
+    motion = hand.take()[1]
+    across = rotate(shaft, 90.0)  # as HandMotion says
+    tip_mm = [
+        motion.along_mm * along + motion.across_mm * aside for along, aside in zip(shaft, across, strict=True)
+    ]
+    assert tip_mm == pytest.approx([right_mm, up_mm], abs=1e-9)
 
 
 @pytest.mark.parametrize("place_mm", [(0.0, 50.0, 0.0), (math.nan, 0.0, 0.0), (0.0, -math.inf, 0.0)])

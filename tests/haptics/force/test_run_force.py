@@ -16,7 +16,7 @@ from haptigraph.recording.reader import RunReader
 from haptigraph.robot.process import RobotProcess
 from haptigraph.robot.simulated import EXAMPLE_SETUP
 from haptigraph.run_force import force_devices_found, with_force
-from haptigraph.run_robot import NoRobot, SteeredRobot
+from haptigraph.run_robot import SteeredRobot
 from haptigraph.teleop.teleop import Teleop
 
 STEADY = "tests/data/steady.toml"
@@ -147,16 +147,6 @@ def test_what_does_not_go_together_is_refused(settings, sentence, monkeypatch):
     base = ("source.uri=phantom:align_then_approach", "haptics.force=simulated")
     with pytest.raises(BadInput, match=sentence):
         build(load_config(None, (*base, *settings)))
-
-
-def test_without_a_force_device_nothing_changes():
-    from haptigraph.clock import MonotonicClock
-    from haptigraph.sources.phantom import PhantomSource
-
-    quiet = Quiet()
-    source = PhantomSource("align_then_approach")
-    force = with_force(load_config(None, ()), quiet, source, NoRobot(), MonotonicClock())
-    assert force == (quiet, None, ())
 
 
 def test_every_kind_is_found_or_says_why_not():

@@ -85,7 +85,8 @@ class CrtkForce:
     @staticmethod
     def found() -> dict[str, str]:
         """Return the arms that accept a force: the argument and the ROS domain of each."""
-        from haptigraph.ros2.node import Node, domain_id, topics_found  # noqa: PLC0415
+        from haptigraph.ros2.node import Node, domain_id  # noqa: PLC0415
+        from haptigraph.ros2.topics import topics_found  # noqa: PLC0415
 
         topics = [topic for topic in topics_found(Node.subscribed) if topic.endswith(COMMAND)]
         arms = [topic.removesuffix(COMMAND).strip("/") for topic in topics]

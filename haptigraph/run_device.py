@@ -1,0 +1,50 @@
+"""The haptic devices that vibrate, by name: the class of each, imported when chosen.
+
+`haptigraph.stages.Device` is their contract.
+"""
+
+from importlib import import_module
+from typing import Any
+
+from haptigraph.errors import BadInput, unknown_name
+from haptigraph.stages import Device
+
+__all__ = ["DEVICES", "device_class", "open_device"]
+
+DEVICES = {
+    "audio": "haptigraph.haptics.audio:AudioDevice",
+    "console": "haptigraph.haptics.console:ConsoleDevice",
+    "crtk": "haptigraph.haptics.network.crtk:CrtkDevice",
+    "drv2605": "haptigraph.haptics.boards.drv2605:Drv2605Device",
+    "gamepad": "haptigraph.haptics.gamepad:GamepadDevice",
+    "ros2": "haptigraph.haptics.network.ros2:Ros2Device",
+    "serial": "haptigraph.haptics.boards.pwm:PwmDevice",
+    "trace": "haptigraph.haptics.trace:TraceDevice",
+}
+# They would keep vibrating if the run died.
+WATCHED = ("crtk", "drv2605", "gamepad", "ros2", "serial")
+
+
+def device_class(kind: str) -> Any:
+    """Return the class of a device by its name.
+
+    Raises:
+        BadInput: If there is no such device.
+    """
+    if kind not in DEVICES:
+        raise BadInput(unknown_name("device", kind, DEVICES))
+    module, _, name = DEVICES[kind].partition(":")
+    return getattr(import_module(module), name)
+
+
+def open_device(name: str) -> Device:
+    """Open a haptic device by NAME or NAME:ARGUMENT.
+
+    Raises:
+        BadInput: If there is no such device.
+    """
+    kind, _, argument = name.partition(":")
+    if kind in WATCHED:
+        watched = import_module("haptigraph.haptics.watchdog").WatchedDevice
+        return watched(DEVICES[kind], argument)  # type: ignore[no-any-return]
+    return device_class(kind)(argument)  # type: ignore[no-any-return]
