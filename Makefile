@@ -9,7 +9,7 @@ SANITIZED := build/sanitized
 WORKERS ?= 2  # of each half of the tests
 PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
 # uv takes a tenth of pip's time; pip also reads pip's own settings, for instance of a mirror.
-INSTALL = $(BIN)/python -m uv pip install --python $(BIN)/python --requirement $(1) || \
+INSTALL = UV_NATIVE_TLS=1 $(BIN)/python -m uv pip install --python $(BIN)/python --requirement $(1) || \
 	$(BIN)/python -m pip install --disable-pip-version-check --requirement $(1)
 export PYTHONDONTWRITEBYTECODE =  # programs start faster from compiled modules, and most packages are never imported
 SCENES ?= $(basename $(notdir $(wildcard rendering/scenes/*.toml)))
