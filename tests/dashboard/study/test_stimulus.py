@@ -6,7 +6,7 @@ from helpers import LOW, MS, SUCCESS
 from made_profiles import TEXT
 from msgspec.structs import replace
 
-from haptigraph import assemble
+from haptigraph import assemble, run_device
 from haptigraph.clock import VirtualClock
 from haptigraph.config import HapticsConfig
 from haptigraph.dashboard.server.hub import Hub
@@ -51,7 +51,7 @@ class Watched(Hub):
 @pytest.fixture
 def play(monkeypatch):
     def played(pattern, glove, **settings):
-        monkeypatch.setattr(assemble, "_named", lambda registry, what, name: glove)
+        monkeypatch.setattr(run_device, "device_class", lambda kind: glove)
         clock = VirtualClock()
         needs_levels = settings.pop("needs_levels", False)
         hub = Watched(clock)

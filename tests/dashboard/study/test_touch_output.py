@@ -6,7 +6,7 @@ import pytest
 from msgspec.structs import replace
 from studying import PROTOCOL, study_at
 
-from haptigraph import assemble
+from haptigraph import run_device
 from haptigraph.config import HapticsConfig
 from haptigraph.dashboard.server.viewer import Viewer
 from haptigraph.dashboard.study.touch_output import TouchOutput
@@ -36,7 +36,7 @@ def actuator(monkeypatch):
     class Card(Actuator):
         pass
 
-    monkeypatch.setattr(assemble, "_named", lambda *_: Card)
+    monkeypatch.setattr(run_device, "device_class", lambda kind: Card)
     return Card
 
 
