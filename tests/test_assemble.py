@@ -42,7 +42,10 @@ def test_every_registered_class_exists(registry):
         (("source.uri=camera:0", "run.realtime=false"), "camera:0 works in real time; --fast is for files"),
         (("haptics.device=serial:x", "run.realtime=false"), "serial:x works in real time; --fast is for"),
         (("source.uri=camera:0",), "camera:0 needs a registration; give --registration FILE"),
-        (("haptics.device=glove",), "unknown device 'glove'; valid: audio, console, crtk, gamepad, ros2"),
+        (
+            ("haptics.device=glove",),
+            "unknown device 'glove'; valid: audio, console, crtk, drv2605, gamepad, ros2",
+        ),
         (("haptics.device=console:3",), "device 'console' takes nothing behind a colon"),
         (("perception.perceiver=magic",), "unknown perceiver 'magic'"),
         (

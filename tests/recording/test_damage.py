@@ -9,7 +9,8 @@ from mcap.records import Message, Statistics
 
 from haptigraph.analysis.metrics.trial import measure_recording
 from haptigraph.errors import BadInput
-from haptigraph.recording.journal import not_being_written
+from haptigraph.recording import compaction
+from haptigraph.recording.journal import complete_records, not_being_written
 from haptigraph.recording.reader import RunReader
 from haptigraph.recording.recovery import recover
 from haptigraph.recording.scan import Damage, scan
@@ -183,19 +184,30 @@ def test_schemas_and_channels_are_found_in_the_summary_if_the_first_chunk_is_dam
     assert (recovery.steps, recovery.missing) == (STEPS - 1, [(0, 0)])
 
 
-def test_a_step_whose_last_message_is_lost_counts_as_lost(small, tmp_path):
-    whole, path = small / "whole.mcap", tmp_path / "timing.mcap"
+def chunk_of_a_last_message(path):
+    """The start of a chunk that begins with the last message of a step, and the step; None if there is none."""
     numbered = [
         (piece.start, numbers)
-        for piece in scan(whole)
+        for piece in scan(path)
         if (numbers := [record.sequence for record in piece.records if isinstance(record, Message)])
     ]
-    start, first = next(
+    found = (
         (start, numbers[0])
         for (_, before), (start, numbers) in pairwise(numbered)
         if numbers[0] == before[-1] and numbers.count(numbers[0]) == 1
     )
-    data = bytearray(whole.read_bytes())
+    return next(found, None)
+
+
+def test_a_step_whose_last_message_is_lost_counts_as_lost(small, tmp_path, monkeypatch):
+    whole, path = small / "whole.mcap", tmp_path / "timing.mcap"
+    for chunk_bytes in range(20_000, 60_000, 500):  # until a chunk ends just before a last message
+        monkeypatch.setattr(compaction, "CHUNK_BYTES", chunk_bytes)
+        compaction.write_compacted(path, (record for _, record in complete_records(whole)))
+        if (place := chunk_of_a_last_message(path)) is not None:
+            break
+    start, first = place
+    data = bytearray(path.read_bytes())
     data[start + 100] ^= 1
     path.write_bytes(data)
     recovery = recover(path)

@@ -7,15 +7,14 @@
 #include "native.h"
 
 #define MAX_RIDGES 2
-#define ALONG_STEPS 5        /* averaged along a ridge */
-#define CORE_STEPS 5         /* averaged across it, its width */
-#define MAX_CELL_PX 256      /* pixels of a cell: sums of its rows fit 16 bits */
-#define MAX_STEP_ROWS 16     /* of a path, from one column to the next */
-#define MAX_SCAN_PX 16384    /* in each direction: positions fit 16 bits and as many of a fraction */
-#define MAX_CELLS 8192       /* in each direction: the cells on a line fit 16 bits, with a sign */
-#define SD_STEPS_PER_MM 1e5  /* rounding of reported standard deviations */
-#define MAX_SUM_PX 8000000   /* in a column of cells: sums of grey fit 32 bits */
-#define MAX_COLUMN_ROWS 4096 /* in the column of a tip: values per row that lie on the stack fit there */
+#define ALONG_STEPS 5       /* averaged along a ridge */
+#define CORE_STEPS 5        /* averaged across it, its width */
+#define MAX_CELL_PX 256     /* pixels of a cell: sums of its rows fit 16 bits */
+#define MAX_STEP_ROWS 16    /* of a path, from one column to the next */
+#define MAX_SCAN_PX 16384   /* in each direction: positions fit 16 bits and as many of a fraction */
+#define MAX_CELLS 8192      /* in each direction: the cells on a line fit 16 bits, with a sign */
+#define SD_STEPS_PER_MM 1e5 /* rounding of reported standard deviations */
+#define MAX_SUM_PX 8000000  /* in a column of cells: sums of grey fit 32 bits */
 
 /* A downsampled image: sums of grey over cells, row by row. */
 typedef struct {

@@ -4,6 +4,8 @@
 
 #include "oct/bscan.h"
 
+#define MAX_COLUMN_ROWS 4096 /* in the column of a tip: values per row that lie on the stack */
+
 /* A bright run of rows. */
 typedef struct {
     double start, end, grey; /* rows from the shaft's line; brightest grey */
