@@ -7,6 +7,7 @@ import subprocess
 import sys
 import termios
 import threading
+from contextlib import ExitStack, suppress
 
 import click
 import pytest
@@ -191,31 +192,40 @@ def test_without_a_terminal_there_are_no_keys(person, tmp_path, monkeypatch):
 
 
 @pytest.mark.realtime
+class Unresponsive(Exception):
+    """The machine was too busy for the simulated board to answer in time, so the command gave up."""
+
+
 def test_in_a_real_terminal_keys_answer_and_ctrl_c_ends_in_silence(tmp_path):
     pytest.importorskip("serial")
     path = tmp_path / "motor.toml"
-    terminal, its_end = pty.openpty()
-    with Board(tmp_path / "tty") as board:
-        arguments = ("devices", "calibrate", f"serial:{board.link}", "-o", str(path), *ARGUMENTS)
-        program = [sys.executable, "-m", "haptigraph", *arguments]
-        with subprocess.Popen(program, stdin=its_end, stdout=its_end, stderr=its_end) as process:
-            for expected, key in (
-                ("agree", b"y\n"),
-                ("Enter", b"\n"),
-                ("1 of 40", b"y"),
-                ("2 of 40", b"\x03"),
-            ):
-                _read_until(terminal, expected)
-                if expected in ("agree", "Enter"):
-                    assert not any(value for _, _, value in board.edges)
-                if not key.endswith(b"\n"):
-                    _await_raw(its_end)
-                os.write(terminal, key)
-            assert process.wait(60) == 130
-        assert any(value for _, _, value in board.edges) and not board.vibrates()
-    os.close(terminal)
-    os.close(its_end)
+    for attempt in range(5):
+        with suppress(Unresponsive), Board(tmp_path / f"tty{attempt}") as board:
+            _press_keys(board, path)
+            break
+    assert any(value for _, _, value in board.edges) and not board.vibrates()
     assert not path.exists()
+
+
+def _press_keys(board, path):
+    """Answer once in a terminal, then press Ctrl-C."""
+    terminal, its_end = pty.openpty()
+    arguments = ("devices", "calibrate", f"serial:{board.link}", "-o", str(path), *ARGUMENTS)
+    program = [sys.executable, "-m", "haptigraph", *arguments]
+    with ExitStack() as stack:
+        for each in (terminal, its_end):
+            stack.callback(os.close, each)
+        process = subprocess.Popen(program, stdin=its_end, stdout=its_end, stderr=its_end)
+        stack.enter_context(process)
+        stack.callback(process.kill)
+        for expected, key in (("agree", b"y\n"), ("Enter", b"\n"), ("1 of 40", b"y"), ("2 of 40", b"\x03")):
+            _read_until(terminal, expected)
+            if expected in ("agree", "Enter"):
+                assert not any(value for _, _, value in board.edges)
+            if not key.endswith(b"\n"):
+                _await_raw(its_end)
+            os.write(terminal, key)
+        assert process.wait(60) == 130
 
 
 def _await_raw(terminal):
@@ -232,3 +242,5 @@ def _read_until(terminal, expected):
     while expected.encode() not in shown:
         assert select.select([terminal], [], [], 60)[0], shown
         shown += os.read(terminal, 4096)
+        if b"does not respond" in shown:
+            raise Unresponsive
