@@ -4,6 +4,7 @@ The public Python binding `forcedimension-core` calls the SDK, which Force Dimen
 is the button of the handle. The axes of these devices are x towards the operator, y right, z up.
 """
 
+from contextlib import redirect_stderr, redirect_stdout
 from importlib import import_module
 from typing import Any
 
@@ -124,7 +125,8 @@ def _binding() -> Any:
         BadInput: If it does not find the SDK.
     """
     try:
-        return import_module("forcedimension_core.dhd")
+        with redirect_stdout(None), redirect_stderr(None):  # it prints that it does not find the SDK
+            return import_module("forcedimension_core.dhd")
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] == "forcedimension_core":
             raise MissingExtra("force device forcedimension", "forcedimension") from None
