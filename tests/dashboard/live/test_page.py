@@ -21,6 +21,19 @@ def test_the_page_follows_the_loop(live, open_page):
     assert page.inner_text("#source").startswith("phantom:")
 
 
+def test_a_force_is_shown_as_commanded_because_no_device_may_exert_it(live, open_page):
+    page = open_page(live.url)
+    felt = "(pattern, forces) => import('/static/common/state_panel.js').then((it) => it.feltText(pattern, forces))"
+
+    def text(pattern, *forces):
+        return page.evaluate(f"([pattern, forces]) => ({felt})(pattern, forces)", [pattern, list(forces)])
+
+    off, low = {"kind": "off"}, {"kind": "continuous", "amplitude": 0.3}
+    assert text(off) == "nothing"
+    assert text(off, "drag") == "no vibration; force commanded: drag"
+    assert text(low, "guide", "floor") == "steady vibration, 30 %; force commanded: guide, floor"
+
+
 @pytest.mark.parametrize(
     "size",
     [

@@ -22,7 +22,7 @@ export class StatePanel {
   show(/** @type {ImageHeader} */ header) {
     if (header.state !== this.state) this.showState(header.state);
     setText($("because"), `${header.because}.`);
-    setText($("feels"), [patternText(this.patterns?.get(header.plays)), ...header.forces.map((name) => `force '${name}'`)].join(", "));
+    setText($("feels"), feltText(this.patterns?.get(header.plays), header.forces));
     document.body.dataset.index = String(header.index);
     document.body.dataset.state = header.state;
   }
@@ -100,6 +100,13 @@ export function perceptionProblem(header, hello) {
 function feltWithoutTip({ feel }, { procedure }) {
   const pattern = procedure.patterns.find(({ name }) => name === feel);
   return !pattern || pattern.kind === "off" ? "Haptic output is off." : `Only '${feel}' is felt.`;
+}
+
+/** What is commanded, whether or not a device exerts the force. @param {Pattern | undefined} pattern @param {string[]} forces */
+export function feltText(pattern, forces) {
+  const vibration = patternText(pattern);
+  if (!forces.length) return vibration;
+  return `${vibration === "nothing" ? "no vibration" : vibration}; force commanded: ${forces.join(", ")}`;
 }
 
 /** @param {Pattern} [pattern] */
