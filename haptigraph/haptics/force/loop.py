@@ -10,7 +10,6 @@ import os
 import sys
 from collections import deque
 from collections.abc import Sequence
-from importlib import import_module
 from typing import Protocol
 
 from haptigraph.child_process import obey_sigterm_only, raise_priority
@@ -20,6 +19,7 @@ from haptigraph.haptics.force.fixture import Fixture, to_hand
 from haptigraph.haptics.force.interface import ForceDevice, HandReading
 from haptigraph.haptics.force.messages import ForceInput, ForceReport
 from haptigraph.haptics.force.renderer import ForceRenderer
+from haptigraph.importing import load
 from haptigraph.messages import ForceSample
 from haptigraph.pipes import PipeReader, PipeWriter
 from haptigraph.robot.pose import Vec3
@@ -201,8 +201,7 @@ def main() -> None:
     path, argument, deadman_ms = sys.argv[1:]
     reports = PipeWriter(os.dup(1))
     os.dup2(2, 1)  # whatever a device's library prints must not get between the reports
-    module, _, name = path.partition(":")
-    opens = getattr(import_module(module), name)
+    opens = load(path)
     if not os.read(0, 1):
         sys.exit(0)  # a process in reserve that was not needed
     clock = MonotonicClock()
