@@ -17,17 +17,16 @@ PHANTOM = "phantom:align_then_approach"
 CLOCK = """
 import sys, time
 from haptigraph.child_process import raise_priority
-from haptigraph.clock import MonotonicClock, lateness_ms
+from haptigraph.clock import Cycles, MonotonicClock, lateness_ms
 if sys.argv[3] == "real-time":
     raise_priority()
-clock, period_ns, late_ns, missed = MonotonicClock(), int(sys.argv[1]), [], 0
-begun_ns = due_ns = clock.now_ns()
-while due_ns < begun_ns + float(sys.argv[2]) * 1e9:
-    clock.wait_until(due_ns)
-    late_ns.append(clock.now_ns() - due_ns)
-    missed += late_ns[-1] // period_ns
-    due_ns += (late_ns[-1] // period_ns + 1) * period_ns
-print(*lateness_ms(late_ns), missed, len(late_ns) / ((clock.now_ns() - begun_ns) / 1e9))
+clock, late_ns = MonotonicClock(), []
+cycles, begun_ns = Cycles(clock, int(sys.argv[1])), clock.now_ns()
+now_ns, end_ns = begun_ns, begun_ns + float(sys.argv[2]) * 1e9
+while now_ns < end_ns:
+    now_ns, one_ns = cycles.wait()
+    late_ns.append(one_ns)
+print(*lateness_ms(late_ns), cycles.missed, len(late_ns) / ((now_ns - begun_ns) / 1e9))
 """
 
 
