@@ -23,7 +23,7 @@ from haptigraph.clock import VirtualClock
 from haptigraph.haptics.force.fixture import Fixture
 from haptigraph.haptics.force.interface import ForceCapabilities, HandReading
 from haptigraph.haptics.force.renderer import ForceRenderer
-from haptigraph.haptics.force.simulated import ArmImpedance, SimulatedForce, SimulatedHand
+from haptigraph.haptics.force.simulated import ARM, SimulatedForce, SimulatedHand
 from haptigraph.robot.pose import Vec3
 
 SESSIONS = 1250
@@ -34,7 +34,6 @@ TANK_MJ, RELEASE_MS, LEAST_STIFFNESS, MOST_PENETRATION, LEAST_FORCE_N = 5.0, 20.
 STIFFNESSES_N_PER_MM = (0.1, 0.3, 1.0, 3.0, 5.0)
 FAULTS = ("not a number", "stale", "jump", "too fast", "clutch", "no fixtures", "no images", "device")
 DEADMAN_MS = 150
-ARM = ArmImpedance()
 
 
 class NoForce(ForceRenderer):

@@ -7,7 +7,6 @@ pushed. Run it on an idle machine: the results include the load of others, which
 Chromium.
 """
 
-import argparse
 import time
 from contextlib import closing
 
@@ -50,14 +49,8 @@ def measure(seconds: float) -> str:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=float, default=60.0)
-    seconds = parser.parse_args().seconds
     process.MAX_REPORTS = 1_000_000
-    title = f"{seconds:g} s each; delay of a cycle in ms, of a period of 1 ms"
-    print_table(
-        title, PERIOD_NS, seconds, use, lambda: measure(seconds), settle_s=SETTLE_S, has_page=bool(CHROMIUM)
-    )
+    print_table(__doc__, PERIOD_NS, use, measure, settle_s=SETTLE_S, has_page=bool(CHROMIUM))
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 """What the benchmarks of loops in processes of their own share: what else runs beside them, and the table."""
 
+import argparse
 import os
 import subprocess
 import sys
@@ -17,17 +18,16 @@ PHANTOM = "phantom:align_then_approach"
 CLOCK = """
 import sys, time
 from haptigraph.child_process import raise_priority
-from haptigraph.clock import MonotonicClock, lateness_ms
+from haptigraph.clock import Cycles, MonotonicClock, lateness_ms
 if sys.argv[3] == "real-time":
     raise_priority()
-clock, period_ns, late_ns, missed = MonotonicClock(), int(sys.argv[1]), [], 0
-begun_ns = due_ns = clock.now_ns()
-while due_ns < begun_ns + float(sys.argv[2]) * 1e9:
-    clock.wait_until(due_ns)
-    late_ns.append(clock.now_ns() - due_ns)
-    missed += late_ns[-1] // period_ns
-    due_ns += (late_ns[-1] // period_ns + 1) * period_ns
-print(*lateness_ms(late_ns), missed, len(late_ns) / ((clock.now_ns() - begun_ns) / 1e9))
+clock, late_ns = MonotonicClock(), []
+cycles, begun_ns = Cycles(clock, int(sys.argv[1])), clock.now_ns()
+now_ns, end_ns = begun_ns, begun_ns + float(sys.argv[2]) * 1e9
+while now_ns < end_ns:
+    now_ns, one_ns = cycles.wait()
+    late_ns.append(one_ns)
+print(*lateness_ms(late_ns), cycles.missed, len(late_ns) / ((now_ns - begun_ns) / 1e9))
 """
 
 
@@ -69,30 +69,33 @@ def clock_row(period_ns: int, seconds: float, priority: str) -> str:
 
 
 def print_table(
-    title: str,
+    description: str | None,
     period_ns: int,
-    seconds: float,
     use: Callable[[str], None],
-    measure: Callable[[], str],
+    measure: Callable[[float], str],
     *,
     settle_s: float,
     has_page: bool,
 ) -> None:
     """Measure alone, beside a run and beside the live page, with real-time priority and without.
 
+    The program's arguments say for how many seconds each.
+
     Args:
-        title: The heading.
+        description: Of the program.
         period_ns: Of a cycle.
-        seconds: Duration of a row.
         use: Called with "real-time" or "ordinary", the priority of the next processes.
-        measure: Returns a row: p50, p99, p99.9, missed cycles, their share, rate.
+        measure: Takes the seconds and returns a row: p50, p99, p99.9, missed cycles, their share, rate.
         settle_s: What runs beside settles for this time.
         has_page: Whether to measure beside the live page, too.
     """
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("--seconds", type=float, default=60.0)
+    seconds = parser.parse_args().seconds
     beside = {"alone": nullcontext, "beside the loop of a run": camera_loop}
     if has_page:
         beside["beside the live page"] = live_page
-    print(title)
+    print(f"{seconds:g} s each; delay of a cycle in ms, of a period of {period_ns / 1e6:g} ms")
     print(f"{'':38} {'p50':>8} {'p99':>8} {'p99.9':>8} {'missed':>7} {'share':>10}  {'rate':>9}   load")
     for priority in ("real-time", "ordinary"):
         use(priority)
@@ -101,7 +104,7 @@ def print_table(
         for name, context in beside.items():
             with context():
                 time.sleep(settle_s)
-                row = measure()
+                row = measure(seconds)
             print(f"{name + ', ' + priority:38} {row}   {os.getloadavg()[0]:.1f}", flush=True)
 
 

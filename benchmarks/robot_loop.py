@@ -6,7 +6,6 @@ Each is measured with real-time priority, which needs a permission, and without.
 the results include the load of others, which it prints. The page needs Chromium.
 """
 
-import argparse
 import time
 from contextlib import closing
 from pathlib import Path
@@ -50,14 +49,8 @@ def measure(seconds: float) -> str:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=float, default=60.0)
-    seconds = parser.parse_args().seconds
     process.MAX_REPORTS = 1_000_000
-    title = f"{seconds:g} s each; delay of a cycle in ms, of a period of 5 ms"
-    print_table(
-        title, PERIOD_NS, seconds, use, lambda: measure(seconds), settle_s=SETTLE_S, has_page=bool(CHROMIUM)
-    )
+    print_table(__doc__, PERIOD_NS, use, measure, settle_s=SETTLE_S, has_page=bool(CHROMIUM))
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from contextlib import ExitStack
-from importlib import import_module, resources
+from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 from haptigraph.clock import Clock, MonotonicClock, VirtualClock
@@ -11,6 +11,8 @@ from haptigraph.errors import BadInput, unknown_name
 from haptigraph.haptics.observed_device import DeliveryLog, Listener, ObservedDevice, confirmed, is_felt
 from haptigraph.haptics.profiles.profile import DeviceProfile, open_profile
 from haptigraph.imaging import UPRIGHT
+from haptigraph.importing import chosen as _named
+from haptigraph.importing import load as _load
 from haptigraph.perception.entities import ENTITIES, ROBOT_TIP
 from haptigraph.pipeline import HapticOutput, Loop, Pipeline
 from haptigraph.run_device import DEVICES, open_device
@@ -301,14 +303,3 @@ def _output(device: Device, config: Config, clock: Clock, profile: DeviceProfile
     guard: HapticOutput = _load("haptigraph.haptics.guard:Guard")(device, config.haptics, profile)
     player = _load("haptigraph.haptics.player:Player") if isinstance(clock, MonotonicClock) else None
     return player(guard, clock) if player else guard
-
-
-def _named(registry: dict[str, str], what: str, name: str) -> Any:
-    if name not in registry:
-        raise BadInput(unknown_name(what, name, registry))
-    return _load(registry[name])
-
-
-def _load(path: str) -> Any:
-    module, _, name = path.partition(":")
-    return getattr(import_module(module), name)

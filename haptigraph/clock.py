@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-__all__ = ["Clock", "MonotonicClock", "VirtualClock", "lateness_ms", "offset_ns"]
+__all__ = ["Clock", "Cycles", "MonotonicClock", "VirtualClock", "lateness_ms", "offset_ns"]
 
 
 class Clock(Protocol):
@@ -51,6 +51,31 @@ class VirtualClock:
     def wait_until(self, stamp_ns: int) -> None:
         """Jump to `stamp_ns` [ns], but never back."""
         self._now_ns = max(self._now_ns, stamp_ns)
+
+
+class Cycles:
+    """The cycles of a loop, the first one at once; those that one which comes too late misses are left out.
+
+    Args:
+        clock: Real or virtual time.
+        period_ns: Of a cycle.
+    """
+
+    def __init__(self, clock: Clock, period_ns: int) -> None:
+        self._clock, self._period_ns = clock, period_ns
+        self._due_ns = clock.now_ns()
+        self.missed = 0
+        """Cycles that were left out, since the start."""
+
+    def wait(self) -> tuple[int, int]:
+        """Wait for the next cycle; return the time, and how late it is [ns]."""
+        self._clock.wait_until(self._due_ns)
+        now_ns = self._clock.now_ns()
+        late_ns = now_ns - self._due_ns
+        missed = late_ns // self._period_ns
+        self.missed += missed
+        self._due_ns += (missed + 1) * self._period_ns
+        return now_ns, late_ns
 
 
 def offset_ns(other_ns: Callable[[], int], clock: Clock) -> int:

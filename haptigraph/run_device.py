@@ -3,10 +3,9 @@
 `haptigraph.stages.Device` is their contract.
 """
 
-from importlib import import_module
 from typing import Any
 
-from haptigraph.errors import BadInput, unknown_name
+from haptigraph.importing import chosen, load
 from haptigraph.stages import Device
 
 __all__ = ["DEVICES", "device_class", "open_device"]
@@ -31,10 +30,7 @@ def device_class(kind: str) -> Any:
     Raises:
         BadInput: If there is no such device.
     """
-    if kind not in DEVICES:
-        raise BadInput(unknown_name("device", kind, DEVICES))
-    module, _, name = DEVICES[kind].partition(":")
-    return getattr(import_module(module), name)
+    return chosen(DEVICES, "device", kind)
 
 
 def open_device(name: str) -> Device:
@@ -45,6 +41,6 @@ def open_device(name: str) -> Device:
     """
     kind, _, argument = name.partition(":")
     if kind in WATCHED:
-        watched = import_module("haptigraph.haptics.watchdog").WatchedDevice
+        watched = load("haptigraph.haptics.watchdog:WatchedDevice")
         return watched(DEVICES[kind], argument)  # type: ignore[no-any-return]
     return device_class(kind)(argument)  # type: ignore[no-any-return]

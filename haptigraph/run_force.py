@@ -4,15 +4,15 @@
 """
 
 from contextlib import ExitStack
-from importlib import import_module
 from typing import Any, NamedTuple
 
 from haptigraph.clock import Clock, MonotonicClock
 from haptigraph.config import Config
-from haptigraph.errors import BadInput, HaptigraphError, unknown_name
+from haptigraph.errors import BadInput, HaptigraphError
 from haptigraph.haptics.force.hand import ForceHand
 from haptigraph.haptics.force.output import ForceOutput, Vibration
 from haptigraph.haptics.force.process import ForceProcess
+from haptigraph.importing import chosen
 from haptigraph.run_robot import SteeredRobot
 from haptigraph.stages import ForceReadings, RobotReadings, Source
 from haptigraph.teleop.leaders.steering import Steering
@@ -41,10 +41,7 @@ def device_class(kind: str) -> Any:
     Raises:
         BadInput: If there is no such device.
     """
-    if kind not in FORCE_DEVICES:
-        raise BadInput(unknown_name("force device", kind, FORCE_DEVICES))
-    module, _, name = FORCE_DEVICES[kind].partition(":")
-    return getattr(import_module(module), name)
+    return chosen(FORCE_DEVICES, "force device", kind)
 
 
 def force_devices_found() -> dict[str, str]:

@@ -2,10 +2,10 @@
 
 from collections.abc import Sequence
 from contextlib import ExitStack
-from importlib import import_module
 
 from haptigraph.bridges.bridge import Bridge, RunContext
-from haptigraph.errors import BadInput, unknown_name
+from haptigraph.errors import BadInput
+from haptigraph.importing import chosen
 
 __all__ = ["BRIDGES", "open_bridges", "parse_address"]
 
@@ -28,10 +28,7 @@ def open_bridges(names: Sequence[str], run: RunContext) -> list[Bridge]:
     with ExitStack() as undo:
         for name in names:
             kind, _, argument = name.partition(":")
-            if kind not in BRIDGES:
-                raise BadInput(unknown_name("bridge", kind, BRIDGES))
-            module, _, link = BRIDGES[kind].partition(":")
-            bridges.append(Bridge(kind, getattr(import_module(module), link)(argument, run)))
+            bridges.append(Bridge(kind, chosen(BRIDGES, "bridge", kind)(argument, run)))
             undo.callback(bridges[-1].close)
         undo.pop_all()
     return bridges

@@ -3,7 +3,7 @@
 For actuators that hold their last output. Run as a program, this module is that process: it reads commands
 from its standard input, acknowledges and executes each, and silences the device when none arrives for
 `HOLDS_MS`, at the end of the input, and on SIGTERM. It exits with 0 only if the device confirmed silence.
-`assemble` chooses the class of the device.
+`run_device` chooses the class of the device.
 
 The run, in turn, watches this process: if it acknowledges nothing, it is killed and replaced, because opening
 the device silences it.
@@ -15,7 +15,6 @@ import sys
 import threading
 import time
 from contextlib import suppress
-from importlib import import_module
 from typing import IO
 
 import msgspec
@@ -25,6 +24,7 @@ from msgspec.structs import replace
 from haptigraph.child_process import obey_sigterm_only, pipe_of, program_of, start_child
 from haptigraph.errors import BadInput, DeviceError, HaptigraphError
 from haptigraph.haptics.descriptors import DescriptorReserve
+from haptigraph.importing import load
 from haptigraph.messages import Capabilities
 from haptigraph.stages import Device
 
@@ -258,9 +258,8 @@ def main() -> None:
     obey_sigterm_only(sys.exit)
     commands, replies = open(0, "rb", buffering=0, closefd=False), open(1, "wb", buffering=0, closefd=False)  # noqa: SIM115
     path, argument = sys.argv[1:]
-    module, _, name = path.partition(":")
     try:
-        device = getattr(import_module(module), name)(argument)
+        device = load(path)(argument)
     except HaptigraphError as error:
         _send(replies, Reply(0, str(error)))
         sys.exit(1)

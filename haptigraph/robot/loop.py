@@ -12,7 +12,7 @@ from contextlib import suppress
 from typing import Protocol
 
 from haptigraph.child_process import obey_sigterm_only, raise_priority
-from haptigraph.clock import Clock, MonotonicClock
+from haptigraph.clock import Clock, Cycles, MonotonicClock
 from haptigraph.errors import BadInput, HaptigraphError
 from haptigraph.pipes import PipeReader, PipeWriter
 from haptigraph.robot.check_report import checked
@@ -68,10 +68,10 @@ class RobotLoop:
     ) -> None:
         self._robot, self._controller, self._clock = robot, controller, clock
         self._inputs, self._reports = inputs, reports
-        self._due_ns = clock.now_ns()
+        self._cycles = Cycles(clock, PERIOD_NS)
         self._is_switched_on = self._was_moving = False
         self._fault = self._error = ""
-        self._cycles = self._missed = 0
+        self._done = 0
         self._reading: RobotReading | None = None
         self._readings: list[RobotReading] = []
         self._late_ns: list[int] = []
@@ -86,12 +86,7 @@ class RobotLoop:
 
     def cycle(self) -> bool:
         """Wait for the next cycle and do it; return whether there is another."""
-        self._clock.wait_until(self._due_ns)
-        now_ns = self._clock.now_ns()
-        late_ns = now_ns - self._due_ns
-        missed = late_ns // PERIOD_NS
-        self._missed += missed
-        self._due_ns += (missed + 1) * PERIOD_NS
+        now_ns, late_ns = self._cycles.wait()
         inputs = self._inputs.take()
         if inputs is None:
             return False
@@ -138,8 +133,8 @@ class RobotLoop:
 
     def _report(self, now_ns: int, action: Action) -> None:
         is_moving = isinstance(action, Move)
-        self._cycles += 1
-        if self._cycles % REPORT_CYCLES and is_moving == self._was_moving and self._cycles > 1:
+        self._done += 1
+        if self._done % REPORT_CYCLES and is_moving == self._was_moving and self._done > 1:
             return
         self._was_moving = is_moving
         self._reports.send(
@@ -149,7 +144,7 @@ class RobotLoop:
                 self._reading,
                 self._readings,
                 self._late_ns,
-                self._missed,
+                self._cycles.missed,
                 now_ns,
                 self._controller.hand,
                 self._error,

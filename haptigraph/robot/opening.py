@@ -1,9 +1,7 @@
 """Open robots by name: simulated, crtk:PSM1, servo:NODE."""
 
-from importlib import import_module
-
 from haptigraph.clock import Clock
-from haptigraph.errors import BadInput, unknown_name
+from haptigraph.importing import chosen
 from haptigraph.robot.interface import Robot
 
 __all__ = ["ROBOTS", "open_robot"]
@@ -27,8 +25,5 @@ def open_robot(uri: str, clock: Clock) -> Robot:
         MissingExtra: If its library is not installed.
     """
     kind, _, argument = uri.partition(":")
-    if kind not in ROBOTS:
-        raise BadInput(unknown_name("robot", kind, ROBOTS))
-    module, _, name = ROBOTS[kind].partition(":")
-    robot: Robot = getattr(import_module(module), name)(argument, clock)
+    robot: Robot = chosen(ROBOTS, "robot", kind)(argument, clock)
     return robot

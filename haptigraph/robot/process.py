@@ -6,20 +6,15 @@ silent. If the process dies or hangs, no command is sent any more, and `status` 
 
 import math
 import os
-import subprocess
 import threading
 import time
 from collections import deque
-from contextlib import suppress
-from typing import IO
 
-import msgspec
-
-from haptigraph.child_process import pipe_of, program_of, start_child
+from haptigraph.child_process import program_of
 from haptigraph.clock import lateness_ms
 from haptigraph.errors import BadInput, DeviceError
 from haptigraph.messages import HandState
-from haptigraph.pipes import Frames, framed
+from haptigraph.reporting_process import ReportingProcess
 from haptigraph.robot.interface import RobotReading, StateCommand
 from haptigraph.robot.messages import Input, MotionStatus, Report
 from haptigraph.teleop.mapping import hand_state
@@ -33,7 +28,6 @@ SILENT_S = 0.25
 """Without a report for this time the process counts as hung."""
 MAX_READINGS = 10_000
 MAX_REPORTS = 250
-READ_SIZE = 1 << 16
 ENDED, HUNG = "the robot's process has ended", "the robot's process does not respond"
 LEFT = "it may keep to its last command: see that it stands still"
 
@@ -63,10 +57,8 @@ class RobotProcess:
         self._readings: deque[RobotReading] = deque(maxlen=MAX_READINGS)
         self._reports: deque[Report] = deque(maxlen=MAX_REPORTS)
         self._heard_s = math.inf
-        self._process = start_child([*PROGRAM, uri, os.fspath(setup_path)])
-        self._input, output = pipe_of(self._process.stdin), pipe_of(self._process.stdout)
-        os.set_blocking(self._input.fileno(), False)
-        threading.Thread(target=self._listen, args=(output,), name="haptigraph-robot", daemon=True).start()
+        command = [*PROGRAM, uri, os.fspath(setup_path)]
+        self._process = ReportingProcess(command, Report, self._arrived, self._hear, "haptigraph-robot")
         self._await_open()
         self._send(Input(False, settings=self._settings))
 
@@ -115,7 +107,7 @@ class RobotProcess:
         with self._arrived:
             reports, heard_s = list(self._reports), self._heard_s
         newest, failure = reports[-1], ""
-        if self._process.poll() is not None:
+        if not self._process.is_running:
             failure = ENDED
         elif time.monotonic() - heard_s > SILENT_S:
             failure = HUNG
@@ -144,40 +136,29 @@ class RobotProcess:
         if self._is_closed:
             return
         self._is_closed = True
-        self._input.close()
-        try:
-            code = self._process.wait(CLOSE_S)
-        except subprocess.TimeoutExpired:
+        code = self._process.end(CLOSE_S)
+        if code is None:
             self._process.kill()
-            self._process.wait()
-            raise DeviceError(f"{self.uri}: its process hung and was killed; {LEFT}") from None
+            raise DeviceError(f"{self.uri}: its process hung and was killed; {LEFT}")
         if code != 0:
             raise DeviceError(f"{self.uri}: its process had ended with {code}; {LEFT}")
 
     def _send(self, message: Input) -> None:
-        """Send a message whole or not at all: it is shorter than what a pipe takes in one piece."""
-        with self._lock, suppress(OSError, ValueError):  # hung, ended, or closed; status says so
-            os.write(self._input.fileno(), framed(message))
+        with self._lock:
+            self._process.send(message)
 
     def _await_open(self) -> None:
         with self._arrived:
-            self._arrived.wait_for(lambda: self._reports, START_S)
+            self._arrived.wait_for(lambda: self._reports or self._process.has_ended, START_S)
             newest = self._reports[-1] if self._reports else None
         if newest is None or (newest.hand is None and newest.error):
             self._is_closed = True
             self._process.kill()
-            self._process.wait()
-            self._input.close()
             raise BadInput(newest.error if newest else f"{self.uri} does not open")
 
-    def _listen(self, output: IO[bytes]) -> None:
-        frames = Frames()
-        with output, suppress(OSError, msgspec.MsgspecError):
-            while data := os.read(output.fileno(), READ_SIZE):
-                reports = frames.add(data, Report)
-                with self._arrived:
-                    for report in reports:
-                        self._readings.extend(report.readings)
-                    self._reports.extend(reports)
-                    self._heard_s = time.monotonic()
-                    self._arrived.notify_all()
+    def _hear(self, reports: list[Report]) -> None:
+        """Take reports; called with the lock held."""
+        for report in reports:
+            self._readings.extend(report.readings)
+        self._reports.extend(reports)
+        self._heard_s = time.monotonic()

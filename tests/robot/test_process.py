@@ -6,7 +6,7 @@ from contextlib import closing
 import pytest
 from paths import ROOT
 
-from haptigraph.errors import DeviceError
+from haptigraph.errors import BadInput, DeviceError
 from haptigraph.robot.gate import HOLDS
 from haptigraph.robot.process import RobotProcess
 from haptigraph.teleop.motion import HandMotion, TeleopSettings
@@ -70,6 +70,16 @@ def test_an_unchecked_robot_is_read_and_never_moved(tmp_path, monkeypatch):
     with closing(RobotProcess("simulated:1", SETUP)) as robot:
         until(lambda: HOLDS["is_checked"] in robot.status().reasons)
         until(robot.take_readings)
+
+
+def test_a_process_that_ends_before_it_opens_is_refused_without_a_wait(monkeypatch):
+    import haptigraph.robot.process as module
+
+    monkeypatch.setattr(module, "PROGRAM", [module.program_of("x")[0], "-c", "raise SystemExit(1)"])
+    began_s = time.monotonic()
+    with pytest.raises(BadInput, match="simulated:1 does not open"):
+        RobotProcess("simulated:1", SETUP)
+    assert time.monotonic() - began_s < module.START_S / 2
 
 
 def test_after_its_end_it_is_reported_and_may_be_closed_twice():

@@ -10,16 +10,16 @@ import os
 import sys
 from collections import deque
 from collections.abc import Sequence
-from importlib import import_module
 from typing import Protocol
 
 from haptigraph.child_process import obey_sigterm_only, raise_priority
-from haptigraph.clock import Clock, MonotonicClock
+from haptigraph.clock import Clock, Cycles, MonotonicClock
 from haptigraph.errors import HaptigraphError
 from haptigraph.haptics.force.fixture import Fixture, to_hand
 from haptigraph.haptics.force.interface import ForceDevice, HandReading
 from haptigraph.haptics.force.messages import ForceInput, ForceReport
 from haptigraph.haptics.force.renderer import ForceRenderer
+from haptigraph.importing import load
 from haptigraph.messages import ForceSample
 from haptigraph.pipes import PipeReader, PipeWriter
 from haptigraph.robot.pose import Vec3
@@ -84,11 +84,10 @@ class ForceLoop:
     ) -> None:
         self._device, self._renderer, self._clock = device, renderer, clock
         self._inputs, self._reports = inputs, reports
-        self._due_ns = clock.now_ns()
-        self._cycles = self._missed = 0
+        self._cycles = Cycles(clock, PERIOD_NS)
+        self._done = 0
         self._is_ending = False
         self._late_ns: list[int] = []
-        self._samples: list[ForceSample] = []
         self._problems: list[str] = []
         self._problem = ""
         self._places: deque[tuple[int, Vec3]] = deque(maxlen=HISTORY)
@@ -124,18 +123,13 @@ class ForceLoop:
         if inputs:
             self._place(inputs[-1], now_ns)
         self._exchange(now_ns)
-        self._cycles += 1
-        if self._cycles % REPORT_CYCLES == 0:
+        self._done += 1
+        if self._done % REPORT_CYCLES == 0:
             self._report(now_ns)
         return True
 
     def _await_cycle(self) -> int:
-        self._clock.wait_until(self._due_ns)
-        now_ns = self._clock.now_ns()
-        late_ns = now_ns - self._due_ns
-        missed = late_ns // PERIOD_NS
-        self._missed += missed
-        self._due_ns += (missed + 1) * PERIOD_NS
+        now_ns, late_ns = self._cycles.wait()
         self._late_ns.append(late_ns)
         return now_ns
 
@@ -179,7 +173,7 @@ class ForceLoop:
         reading = self._reading
         sample = ForceSample(reading.stamp_ns, reading.position_mm, self._force_n, reading.engaged)
         report = ForceReport(
-            [sample], self._late_ns, self._missed, now_ns, tuple(self._problems), error=error
+            [sample], self._late_ns, self._cycles.missed, now_ns, tuple(self._problems), error=error
         )
         self._late_ns, self._problems = [], []
         self._reports.send(report)
@@ -201,8 +195,7 @@ def main() -> None:
     path, argument, deadman_ms = sys.argv[1:]
     reports = PipeWriter(os.dup(1))
     os.dup2(2, 1)  # whatever a device's library prints must not get between the reports
-    module, _, name = path.partition(":")
-    opens = getattr(import_module(module), name)
+    opens = load(path)
     if not os.read(0, 1):
         sys.exit(0)  # a process in reserve that was not needed
     clock = MonotonicClock()

@@ -12,7 +12,7 @@ from haptigraph.clock import Clock
 from haptigraph.haptics.force.interface import ForceCapabilities, HandReading
 from haptigraph.robot.pose import Vec3
 
-__all__ = ["ARM", "FREE", "ArmImpedance", "SimulatedForce", "SimulatedHand"]
+__all__ = ["ARM", "ArmImpedance", "SimulatedForce", "SimulatedHand"]
 
 SUBSTEP_S = 0.0005
 NS_PER_S = 1e9
@@ -28,8 +28,6 @@ class ArmImpedance(Struct, frozen=True):
 
 
 ARM = ArmImpedance()
-FREE = ArmImpedance(stiffness_n_per_mm=0.0, damping_n_s_per_mm=0.0)
-"""A hand that only holds the device, without a will of its own."""
 
 
 class SimulatedHand:

@@ -1,11 +1,11 @@
 """Open leaders by name: gamepad:0, keys, joy, crtk:MTML."""
 
-from importlib import import_module
 from typing import Any
 
 from haptigraph.clock import Clock
 from haptigraph.config import Config
-from haptigraph.errors import BadInput, HaptigraphError, unknown_name
+from haptigraph.errors import BadInput, HaptigraphError
+from haptigraph.importing import chosen
 from haptigraph.teleop.leaders.leader import Leader
 from haptigraph.teleop.leaders.steering import Steering
 
@@ -70,7 +70,4 @@ def leaders_found() -> dict[str, str]:
 
 
 def _class(kind: str) -> Any:
-    if kind not in LEADERS:
-        raise BadInput(unknown_name("leader", kind, LEADERS))
-    module, _, name = LEADERS[kind].partition(":")
-    return getattr(import_module(module), name)
+    return chosen(LEADERS, "leader", kind)
