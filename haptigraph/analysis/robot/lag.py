@@ -7,6 +7,7 @@ of the run at a time (Künsch 1989, Annals of Statistics 17(3)).
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from msgspec import Struct
@@ -20,7 +21,7 @@ try:
 except ImportError:
     raise MissingExtra("comparing clocks", "analysis") from None
 
-__all__ = ["Lag", "Motion", "at_times", "estimate_lag"]
+__all__ = ["Lag", "Motion", "at_times", "estimate_lag", "median_interval"]
 
 WINDOW_S = 5.0
 """The largest lag that is searched for."""
@@ -288,6 +289,13 @@ def _coordinates(robot_mm: Floats) -> Floats:
     axes = 2 if extents[2] < PLANE * extents[0] else 3
     coordinates: Floats = centred @ vt[:axes].T
     return coordinates
+
+
+def median_interval(ordered: Sequence[float]) -> tuple[float, float]:
+    """Return an interval of the median of ascending values, whatever their distribution: at least 95 %."""
+    count = len(ordered)
+    below = int(stats.binom.ppf((1 - CONFIDENCE) / 2, count, 0.5))
+    return ordered[max(below - 1, 0)], ordered[min(count - below, count - 1)]
 
 
 def at_times(times_s: Floats, values: Floats, at_s: Floats) -> Floats:

@@ -6,11 +6,10 @@ from pathlib import Path
 import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
-from scipy import stats
 
 from haptigraph import assemble
 from haptigraph.analysis.metrics.replay import recorded_registration
-from haptigraph.analysis.robot.lag import Lag, estimate_lag
+from haptigraph.analysis.robot.lag import Lag, estimate_lag, median_interval
 from haptigraph.analysis.robot.recorded import recorded_hand, recorded_motion
 from haptigraph.errors import BadInput
 from haptigraph.messages import Capture, RobotSample, Step
@@ -234,6 +233,4 @@ def _touch_lag(reader: RunReader) -> TouchLag | None:
     delays_ms = sorted(one for one in delays_ms if one <= LONGEST_TOUCH_MS)
     if len(delays_ms) < FEWEST_TOUCHES:
         return None
-    below = int(stats.binom.ppf(0.025, len(delays_ms), 0.5))
-    interval_ms = delays_ms[max(below - 1, 0)], delays_ms[min(len(delays_ms) - below, len(delays_ms) - 1)]
-    return TouchLag(float(np.median(delays_ms)), interval_ms, delays_ms[-1], len(delays_ms))
+    return TouchLag(float(np.median(delays_ms)), median_interval(delays_ms), delays_ms[-1], len(delays_ms))
