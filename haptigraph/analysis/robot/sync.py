@@ -53,12 +53,7 @@ class SyncReport(Struct, frozen=True):
     @property
     def is_robot_aligned(self) -> bool:
         """Whether camera and robot agree to within what is tolerated, as far as can be known."""
-        if self.robot is None:
-            return True
-        low, high = self.robot.interval_s
-        drifted_ms = 1e3 * abs(self.robot.drift_s_per_s) * self.robot.duration_s / 2
-        is_drifted = self.robot.is_drift_significant and drifted_ms > TOLERATED_MS
-        return low <= TOLERATED_MS / 1e3 and high >= -TOLERATED_MS / 1e3 and not is_drifted
+        return self.robot is None or _is_aligned(self.robot)
 
     @property
     def is_hand_first(self) -> bool:
@@ -94,12 +89,20 @@ def robot_note(path: str | Path) -> str:
         return f"whether the clocks of robot and camera agree is not known: {refusal.problem}"
     low, high = (1e3 * one for one in lag.interval_s)
     found = f"{1e3 * lag.lag_s:+.0f} ms from the images (95 % interval {low:+.0f} to {high:+.0f} ms)"
-    if SyncReport(lag, None, "", None, "").is_robot_aligned:
+    if _is_aligned(lag):
         return f"the robot's poses are stamped {found}: aligned, as far as the interval says"
     return (
         f"the robot's poses are stamped {found}, so comparisons of the two are wrong; "
         "haptigraph sync-check --correct moves them"
     )
+
+
+def _is_aligned(lag: Lag) -> bool:
+    """Return whether a lag is within what is tolerated, as far as can be known."""
+    low, high = lag.interval_s
+    drifted_ms = 1e3 * abs(lag.drift_s_per_s) * lag.duration_s / 2
+    is_drifted = lag.is_drift_significant and drifted_ms > TOLERATED_MS
+    return low <= TOLERATED_MS / 1e3 and high >= -TOLERATED_MS / 1e3 and not is_drifted
 
 
 def _moved_by(reader: RunReader) -> tuple[bool, bool]:
