@@ -14,14 +14,14 @@ from msgspec import Struct
 
 from haptigraph.errors import BadInput, MissingExtra
 from haptigraph.robot.place.autocorrelation import values_per_independent
-from haptigraph.robot.pose import Floats
+from haptigraph.robot.pose import Floats, at_times
 
 try:
     from scipy import stats
 except ImportError:
     raise MissingExtra("comparing clocks", "analysis") from None
 
-__all__ = ["Lag", "Motion", "at_times", "estimate_lag", "median_interval"]
+__all__ = ["Lag", "Motion", "estimate_lag", "median_interval"]
 
 WINDOW_S = 5.0
 """The largest lag that is searched for."""
@@ -296,11 +296,6 @@ def median_interval(ordered: Sequence[float]) -> tuple[float, float]:
     count = len(ordered)
     below = int(stats.binom.ppf((1 - CONFIDENCE) / 2, count, 0.5))
     return ordered[max(below - 1, 0)], ordered[min(count - below, count - 1)]
-
-
-def at_times(times_s: Floats, values: Floats, at_s: Floats) -> Floats:
-    """Return values (n, m), interpolated at other times (k,), as (k, m)."""
-    return np.column_stack([np.interp(at_s, times_s, column) for column in values.T])
 
 
 def _spread_mm(points_mm: Floats) -> float:
