@@ -9,7 +9,7 @@ SANITIZED := build/sanitized
 WORKERS ?= 2  # of each half of the tests
 PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
 # uv takes a tenth of pip's time; pip also reads pip's own settings, for instance of a mirror.
-INSTALL = UV_NATIVE_TLS=1 $(BIN)/python -m uv pip install --python $(BIN)/python --requirement $(1) || \
+INSTALL = UV_SYSTEM_CERTS=1 $(BIN)/python -m uv pip install --python $(BIN)/python --requirement $(1) || \
 	$(BIN)/python -m pip install --disable-pip-version-check --requirement $(1)
 export PYTHONDONTWRITEBYTECODE =  # programs start faster from compiled modules, and most packages are never imported
 SCENES ?= $(basename $(notdir $(wildcard rendering/scenes/*.toml)))
@@ -26,7 +26,7 @@ $(VENV)/base: requirements-base.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "haptigraph needs Python 3.11 or newer; try: make PYTHON=python3.11 setup")'
 	@echo "haptigraph: installing $$(grep -c '==' requirements-base.lock) packages into $(VENV), once"
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'uv>=0.5,<1' || true
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'uv>=0.11,<1' || true
 	$(call INSTALL,requirements-base.lock)
 	@touch $(VENV)/base
 
@@ -216,7 +216,7 @@ interop: setup  ## real ROS 2 nodes (Jazzy, Kilted) in separate environments, an
 	$(BIN)/python -m pytest tests/bridges
 
 lock: setup  ## resolve the dependencies again
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'uv>=0.5,<1'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'uv>=0.11,<1'
 	$(BIN)/uv pip compile pyproject.toml --all-extras --group dev --universal --python-version 3.11 --generate-hashes --no-header --output-file requirements.lock
 	$(BIN)/uv pip compile pyproject.toml --group build --constraint requirements.lock --universal --python-version 3.11 --generate-hashes --no-header --output-file requirements-base.lock
 

@@ -27,7 +27,7 @@ from haptigraph.errors import BadInput
 from haptigraph.robot.place.calibration import Calibration, calibrate_points, calibrate_section, pose_noise_mm
 from haptigraph.robot.place.pivot import fit_pivot
 from haptigraph.robot.place.rigid_fit import RigidFit
-from haptigraph.robot.pose import Transform
+from haptigraph.robot.pose import Transform, at_times
 
 Floats = NDArray[np.float64]
 SEED = 2032
@@ -143,7 +143,7 @@ def add_section(
 ) -> None:
     """Calibrate from the tips in the images, and fit the pivot."""
     at_s = run.image_s + lags_s
-    base_mm = np.column_stack([np.interp(at_s, run.robot_s, column) for column in run.robot_mm.T])
+    base_mm = at_times(run.robot_s, run.robot_mm, at_s)
     calibration = calibrate_section(
         base_mm,
         run.image_mm,

@@ -18,6 +18,7 @@ __all__ = [
     "Transform",
     "Vec3",
     "angle_deg",
+    "at_times",
     "composed",
     "quaternion_of",
     "rotated",
@@ -159,3 +160,8 @@ def angle_deg(one: ToolPose, other: ToolPose) -> float:
     j = w * b - y * d - z * a + x * c
     k = w * c - z * d - x * b + y * a
     return math.degrees(2 * math.atan2(math.hypot(i, j, k), abs(w * d + x * a + y * b + z * c)))
+
+
+def at_times(times_s: Floats, values: Floats, at_s: Floats) -> Floats:
+    """Return values (n, m), interpolated at other times (k,), as (k, m)."""
+    return np.column_stack([np.interp(at_s, times_s, column) for column in values.T])

@@ -23,7 +23,7 @@ from cyclonedds.topic import Topic
 from haptigraph.ros2.node import Node, checked_topic
 from haptigraph.ros2.qos import SERVICE
 
-__all__ = ["CYCLONE", "Service", "ServiceCalls", "call"]
+__all__ = ["CYCLONE", "Service", "ServiceCalls"]
 
 CYCLONE = b"\x01\x10"
 """The vendor of Eclipse Cyclone DDS, with which a GUID begins (RTPS 2.5, 8.4.2.3)."""
@@ -38,58 +38,6 @@ class Service(NamedTuple):
 
     request: type[IdlStruct]
     reply: type[IdlStruct]
-
-
-def call(
-    node: Node,
-    name: str,
-    service: Service,
-    values: tuple[Any, ...],
-    timeout_s: float = TIMEOUT_S,
-    closing: threading.Event | None = None,
-) -> Any:
-    """Call a service and wait for its reply. The request may be sent more than once.
-
-    With Fast DDS, another client's reply at that time cannot be distinguished from the own one.
-
-    Args:
-        node: The participant that calls.
-        name: ROS name of the service.
-        service: Its type.
-        values: The fields of the request.
-        timeout_s: How long to wait for server and reply.
-        closing: Set it to give up.
-
-    Raises:
-        OSError: If there is no server, or no reply.
-    """
-    closing, until_s = closing or threading.Event(), time.monotonic() + timeout_s
-    full = checked_topic(name)
-    while not (servers := node.dds_subscribers(f"rq{full}Request")):
-        _tick(closing, until_s, f"no node offers the service {full}")
-    has_header = servers[0].vendor == CYCLONE
-    request, reply = (_with_header(kind) if has_header else kind for kind in service)
-    topics = (
-        Topic(node.participant, *one) for one in ((f"rq{full}Request", request), (f"rr{full}Reply", reply))
-    )
-    try:
-        writer: DataWriter[Any] = DataWriter(node.participant, next(topics), qos=SERVICE.qos)
-        reader: DataReader[Any] = DataReader(node.participant, next(topics), qos=SERVICE.qos)
-        header = (int.from_bytes(writer.guid.bytes[8:], "little"), 1) if has_header else ()
-        sent_s = 0.0
-        while True:
-            for answer in reader.take(N=1):
-                if isinstance(answer, InvalidSample):  # which announces that a server has left
-                    continue
-                if not has_header or (answer.guid, answer.number) == header:
-                    return answer
-            is_due = time.monotonic() - sent_s > RESEND_S
-            if is_due and _count(writer, "publication") and _count(reader, "subscription"):
-                writer.write(request(*header, *values))
-                sent_s = time.monotonic()
-            _tick(closing, until_s, f"the service {full} does not answer")
-    except DDSException as error:
-        raise OSError(f"{full}: {error.msg}") from None
 
 
 class ServiceCalls:
@@ -121,12 +69,54 @@ class ServiceCalls:
         while (waiting := self._waiting.get()) is not None and not self._closing.is_set():
             name, service, values = waiting
             try:
-                reply = call(self._node, name, service, values, closing=self._closing)
+                reply = _call(self._node, name, service, values, self._closing)
                 if not reply.success:
                     self._report(f"{name} refused {', '.join(map(str, values))}")
             except Exception as error:  # no call may end this thread
                 if not self._closing.is_set():
                     self._report(str(error) or type(error).__name__)
+
+
+def _call(node: Node, name: str, service: Service, values: tuple[Any, ...], closing: threading.Event) -> Any:
+    """Call a service and wait for its reply. The request may be sent more than once.
+
+    With Fast DDS, another client's reply at that time cannot be distinguished from the own one.
+
+    Args:
+        node: The participant that calls.
+        name: ROS name of the service.
+        service: Its type.
+        values: The fields of the request.
+        closing: Set it to give up.
+
+    Raises:
+        OSError: If there is no server, or no reply.
+    """
+    full, until_s = checked_topic(name), time.monotonic() + TIMEOUT_S
+    while not (servers := node.dds_subscribers(f"rq{full}Request")):
+        _tick(closing, until_s, f"no node offers the service {full}")
+    has_header = servers[0].vendor == CYCLONE
+    request, reply = (_with_header(kind) if has_header else kind for kind in service)
+    try:
+        asked = Topic(node.participant, f"rq{full}Request", request)
+        answered = Topic(node.participant, f"rr{full}Reply", reply)
+        writer: DataWriter[Any] = DataWriter(node.participant, asked, qos=SERVICE.qos)
+        reader: DataReader[Any] = DataReader(node.participant, answered, qos=SERVICE.qos)
+        header = (int.from_bytes(writer.guid.bytes[8:], "little"), 1) if has_header else ()
+        sent_s = 0.0
+        while True:
+            for answer in reader.take(N=1):
+                if isinstance(answer, InvalidSample):  # which announces that a server has left
+                    continue
+                if not has_header or (answer.guid, answer.number) == header:
+                    return answer
+            is_due = time.monotonic() - sent_s > RESEND_S
+            if is_due and _count(writer, "publication") and _count(reader, "subscription"):
+                writer.write(request(*header, *values))
+                sent_s = time.monotonic()
+            _tick(closing, until_s, f"the service {full} does not answer")
+    except DDSException as error:
+        raise OSError(f"{full}: {error.msg}") from None
 
 
 def _tick(closing: threading.Event, until_s: float, problem: str) -> None:

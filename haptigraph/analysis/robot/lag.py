@@ -7,20 +7,21 @@ of the run at a time (Künsch 1989, Annals of Statistics 17(3)).
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from msgspec import Struct
 
 from haptigraph.errors import BadInput, MissingExtra
 from haptigraph.robot.place.autocorrelation import values_per_independent
-from haptigraph.robot.pose import Floats
+from haptigraph.robot.pose import Floats, at_times
 
 try:
     from scipy import stats
 except ImportError:
     raise MissingExtra("comparing clocks", "analysis") from None
 
-__all__ = ["Lag", "Motion", "at_times", "estimate_lag"]
+__all__ = ["Lag", "Motion", "estimate_lag", "median_interval"]
 
 WINDOW_S = 5.0
 """The largest lag that is searched for."""
@@ -290,9 +291,11 @@ def _coordinates(robot_mm: Floats) -> Floats:
     return coordinates
 
 
-def at_times(times_s: Floats, values: Floats, at_s: Floats) -> Floats:
-    """Return values (n, m), interpolated at other times (k,), as (k, m)."""
-    return np.column_stack([np.interp(at_s, times_s, column) for column in values.T])
+def median_interval(ordered: Sequence[float]) -> tuple[float, float]:
+    """Return an interval of the median of ascending values, whatever their distribution: at least 95 %."""
+    count = len(ordered)
+    below = int(stats.binom.ppf((1 - CONFIDENCE) / 2, count, 0.5))
+    return ordered[max(below - 1, 0)], ordered[min(count - below, count - 1)]
 
 
 def _spread_mm(points_mm: Floats) -> float:

@@ -5,12 +5,12 @@ import math
 import numpy as np
 from msgspec import Struct
 
-from haptigraph.analysis.robot.lag import Lag, Motion, at_times
+from haptigraph.analysis.robot.lag import Lag, Motion
 from haptigraph.errors import BadInput
 from haptigraph.geometry import Circle, Point, Segment, subtract, unit
 from haptigraph.messages import Capture, Step
 from haptigraph.recording.reader import RunReader
-from haptigraph.robot.pose import Floats
+from haptigraph.robot.pose import Floats, at_times
 
 __all__ = ["RecordedMotion", "recorded_hand", "recorded_motion"]
 

@@ -6,11 +6,10 @@ from pathlib import Path
 import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
-from scipy import stats
 
 from haptigraph import assemble
 from haptigraph.analysis.metrics.replay import recorded_registration
-from haptigraph.analysis.robot.lag import Lag, estimate_lag
+from haptigraph.analysis.robot.lag import Lag, estimate_lag, median_interval
 from haptigraph.analysis.robot.recorded import recorded_hand, recorded_motion
 from haptigraph.errors import BadInput
 from haptigraph.messages import Capture, RobotSample, Step
@@ -54,12 +53,7 @@ class SyncReport(Struct, frozen=True):
     @property
     def is_robot_aligned(self) -> bool:
         """Whether camera and robot agree to within what is tolerated, as far as can be known."""
-        if self.robot is None:
-            return True
-        low, high = self.robot.interval_s
-        drifted_ms = 1e3 * abs(self.robot.drift_s_per_s) * self.robot.duration_s / 2
-        is_drifted = self.robot.is_drift_significant and drifted_ms > TOLERATED_MS
-        return low <= TOLERATED_MS / 1e3 and high >= -TOLERATED_MS / 1e3 and not is_drifted
+        return self.robot is None or _is_aligned(self.robot)
 
     @property
     def is_hand_first(self) -> bool:
@@ -95,12 +89,20 @@ def robot_note(path: str | Path) -> str:
         return f"whether the clocks of robot and camera agree is not known: {refusal.problem}"
     low, high = (1e3 * one for one in lag.interval_s)
     found = f"{1e3 * lag.lag_s:+.0f} ms from the images (95 % interval {low:+.0f} to {high:+.0f} ms)"
-    if SyncReport(lag, None, "", None, "").is_robot_aligned:
+    if _is_aligned(lag):
         return f"the robot's poses are stamped {found}: aligned, as far as the interval says"
     return (
         f"the robot's poses are stamped {found}, so comparisons of the two are wrong; "
         "haptigraph sync-check --correct moves them"
     )
+
+
+def _is_aligned(lag: Lag) -> bool:
+    """Return whether a lag is within what is tolerated, as far as can be known."""
+    low, high = lag.interval_s
+    drifted_ms = 1e3 * abs(lag.drift_s_per_s) * lag.duration_s / 2
+    is_drifted = lag.is_drift_significant and drifted_ms > TOLERATED_MS
+    return low <= TOLERATED_MS / 1e3 and high >= -TOLERATED_MS / 1e3 and not is_drifted
 
 
 def _moved_by(reader: RunReader) -> tuple[bool, bool]:
@@ -234,6 +236,4 @@ def _touch_lag(reader: RunReader) -> TouchLag | None:
     delays_ms = sorted(one for one in delays_ms if one <= LONGEST_TOUCH_MS)
     if len(delays_ms) < FEWEST_TOUCHES:
         return None
-    below = int(stats.binom.ppf(0.025, len(delays_ms), 0.5))
-    interval_ms = delays_ms[max(below - 1, 0)], delays_ms[min(len(delays_ms) - below, len(delays_ms) - 1)]
-    return TouchLag(float(np.median(delays_ms)), interval_ms, delays_ms[-1], len(delays_ms))
+    return TouchLag(float(np.median(delays_ms)), median_interval(delays_ms), delays_ms[-1], len(delays_ms))

@@ -239,10 +239,8 @@ def find_shaft(
         surfaces: Both surfaces.
     """
     width, height, pixels = _checked_image(image)
-    ilm_visible, rpe_visible = (
-        np.array(surfaces.ilm_visible),
-        np.array(surfaces.rpe_visible),
-    )  # C changes them
+    # copies, because C changes them
+    ilm_visible, rpe_visible = np.array(surfaces.ilm_visible), np.array(surfaces.rpe_visible)
     pair = surfaces._replace(ilm_visible=ilm_visible, rpe_visible=rpe_visible).checked()
     limits = ridges.checked(), search.checked()
     room = math.ceil(math.hypot(width, height) / ridges.step_px) + 1

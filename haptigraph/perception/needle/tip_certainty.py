@@ -27,9 +27,7 @@ TEXTURE_GREY = 2.2  # works like noise
 
 MAX_SD_MM = 0.2  # of a tip whose place is known
 OUTSIDE_MM = 0.03  # sd of a contrast step outside the globe
-UNLOCATED_MM = (
-    1.6  # the same without a step, where contrast is lost: the point goes on, too thin or too faint
-)
+UNLOCATED_MM = 1.6  # where contrast is lost without a step: the point goes on, too thin or too faint
 BEHIND = slice(-9, -1)  # stations about the tip
 POINT = slice(-2, 0)  # the same channels as behind it: a point may fade in grey, and not in colour
 BEYOND = slice(2, 8)

@@ -112,9 +112,9 @@ def interpret(
     )
     rpe_px, is_rpe = likely.rpe_px, rpe.is_visible & (rpe.rows > ilm.rows)
     if entity.rpe is not None and entity.rpe.upper_edge:
-        kept_px = round(len(columns) * every * scaling.across)
-        rpe_px, is_first = upper_edge(image[:, :kept_px], rpe_px, mm_per_px)
-        is_dark_below = ~transmits_light(image[:, :kept_px], rpe_px, mm_per_px)
+        kept = image[:, : round(len(columns) * every * scaling.across)]
+        rpe_px, is_first = upper_edge(kept, rpe_px, mm_per_px)
+        is_dark_below = ~transmits_light(kept, rpe_px, mm_per_px)
         is_rpe = is_rpe & without_neighbours(is_first & is_dark_below)
     layers = likely._replace(
         ilm_visible=without_specks(ilm.is_visible), rpe_px=rpe_px, rpe_visible=without_specks(is_rpe)

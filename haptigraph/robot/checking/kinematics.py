@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 from haptigraph.robot.checking.messages import MAX_SPEED_M_S
 from haptigraph.robot.checking.recorded import Finding, Recorded
 from haptigraph.robot.checking.timing import stamps_are_usable
-from haptigraph.robot.checking.velocities import WINDOW_S, at_times, turned_rad, velocity_findings
-from haptigraph.robot.pose import Floats
+from haptigraph.robot.checking.velocities import WINDOW_S, turned_rad, velocity_findings
+from haptigraph.robot.pose import Floats, at_times
 
 __all__ = ["MIN_MOVED_MM", "MIN_TURNED_DEG", "kinematic_findings", "kinematic_measurements"]
 
@@ -122,7 +122,7 @@ def _joint_units(recorded: Recorded, time_s: Floats, rotation: Rotation) -> Iter
     joint_s = samples.stamp_s if stamps_are_usable(recorded) else samples.received_s
     joint_s, first = np.unique(joint_s, return_index=True)
     edges_s = np.arange(max(time_s[0], joint_s[0]), min(time_s[-1], joint_s[-1]), WINDOW_S)
-    joints = at_times(edges_s, joint_s, samples.numbers[first])
+    joints = at_times(joint_s, samples.numbers[first], edges_s)
     angles_rad = np.linalg.norm(turned_rad(edges_s, time_s, rotation), axis=1)
     ratio = float(np.abs(np.diff(joints, axis=0)).sum() / angles_rad.sum())
     if ratio > JOINT_RATIO:

@@ -14,9 +14,9 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from haptigraph.robot.checking.recorded import Finding, Recorded
 from haptigraph.robot.checking.timing import stamps_are_usable
-from haptigraph.robot.pose import Floats
+from haptigraph.robot.pose import Floats, at_times
 
-__all__ = ["WINDOW_S", "at_times", "turned_rad", "velocity_findings"]
+__all__ = ["WINDOW_S", "turned_rad", "velocity_findings"]
 
 WINDOW_S = 0.25
 MAX_FACTOR = 1.25
@@ -61,9 +61,9 @@ def velocity_findings(
             "velocity_rate", "measured_cv has too few messages; as many as of measured_cp are valid"
         )
         return
-    positions = at_times(edges_s, time_s, position_m)
+    positions = at_times(time_s, position_m, edges_s)
     moved_m = np.diff(positions, axis=0)
-    integral = at_times(edges_s, twist_s, _integral(twist_s, twists))
+    integral = at_times(twist_s, _integral(twist_s, twists), edges_s)
     moved_cv_m, turned_cv_rad = np.diff(integral[:, :3], axis=0), np.diff(integral[:, 3:], axis=0)
     linear = _fit(moved_cv_m, moved_m, EYE)
     angular = _fit(turned_cv_rad, turned_rad(edges_s, time_s, rotation), EYE)
@@ -89,11 +89,6 @@ def _integral(time_s: Floats, rates: Floats) -> Floats:
     areas = np.diff(time_s)[:, None] * (rates[1:] + rates[:-1]) / 2
     integral: Floats = np.vstack([np.zeros(rates.shape[1]), np.cumsum(areas, axis=0)])
     return integral
-
-
-def at_times(edges_s: Floats, time_s: Floats, values: Floats) -> Floats:
-    """Return values (n, m), interpolated at other times (k,), as (k, m)."""
-    return np.column_stack([np.interp(edges_s, time_s, column) for column in values.T])
 
 
 def turned_rad(edges_s: Floats, time_s: Floats, rotation: Rotation) -> Floats:
@@ -179,7 +174,7 @@ def _in_tool_frame(
     inside = (twist_s >= time_s[0]) & (twist_s <= time_s[-1])
     turned = Slerp(time_s, rotation)(twist_s[inside])
     in_base = turned.apply(twists[inside, :3])
-    moved_cv_m = np.diff(at_times(edges_s, twist_s[inside], _integral(twist_s[inside], in_base)), axis=0)
+    moved_cv_m = np.diff(at_times(twist_s[inside], _integral(twist_s[inside], in_base), edges_s), axis=0)
     if not _fit(moved_cv_m, moved_m, EYE).is_good:
         return None
     return Finding(

@@ -1,4 +1,6 @@
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -133,6 +135,25 @@ def test_a_note_says_whether_a_robot_is_aligned_and_what_is_not_known(late_run, 
         lambda capture, step: ({}, {"observation": Observation(step.stamp_ns, {})}),
     )
     assert "is not known: has no image in which a needle's tip" in robot_note(blind)
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "from haptigraph.cli import main; main(['sync-check', sys.argv[1]])",
+        "from haptigraph.commands.recordings import _robot_line; print(_robot_line(sys.argv[1]))",
+    ],
+    ids=["sync-check", "replay"],
+)
+def test_without_scipy_the_extra_is_named_in_one_sentence(aligned_run, code):
+    hidden = f"import sys; sys.modules['scipy'] = None; {code}"
+    program = [sys.executable, "-c", hidden, str(aligned_run)]
+    done = subprocess.run(program, capture_output=True, text=True, check=False)
+    said = done.stdout + done.stderr
+    assert said.endswith(
+        "comparing clocks needs an extra; install it with: pip install 'haptigraph[analysis]'\n"
+    )
+    assert said.count("\n") == 1
 
 
 @pytest.mark.parametrize("onsets", [7, 9])

@@ -113,6 +113,17 @@ typedef struct {
     int count;
 } Columns;
 
+/* Return the order of two numbers, for qsort. */
+static inline int compare_doubles(const void *one, const void *other) {
+    const double a = *(const double *)one, b = *(const double *)other;
+    return (a > b) - (a < b);
+}
+
+static inline int compare_floats(const void *one, const void *other) {
+    const float a = *(const float *)one, b = *(const float *)other;
+    return (a > b) - (a < b);
+}
+
 /* Return values between vertices, linearly; before the first and after the last they continue. */
 static inline double between(const double *x, const double *values, int count, double at) {
     int left = 0, right = count - 1;

@@ -11,11 +11,6 @@ typedef struct {
     double start, end, grey; /* rows from the shaft's line; brightest grey */
 } Spot;
 
-static int compare(const void *one, const void *other) {
-    const double a = *(const double *)one, b = *(const double *)other;
-    return (a > b) - (a < b);
-}
-
 /* Write the mean of some columns, both included, in rows from top to before bottom. */
 static void mean_rows(const uint8_t *image, int width, int left, int right, int top, int bottom,
                       double *means) {
@@ -74,7 +69,7 @@ EXPORT void drop_in_vitreous(const uint8_t *image, int width, int height, const 
     for (int row = 0; row < count; row++) profile[row] = values[row] -= search->floor_grey;
     for (int row = 1; row < count - 1; row++)
         profile[row] = (values[row - 1] + values[row] + values[row + 1]) / 3;
-    qsort(values, (size_t)count, sizeof *values, compare);
+    qsort(values, (size_t)count, sizeof *values, compare_doubles);
     const double bright = maximum(values[count / 4], 0) + search->bright_share * typical_grey;
     const double top = upper - y, most = maximum(2, nearbyint(search->spot_rows / 3));
     int has_upper = 0, has_lower = 0;

@@ -92,7 +92,16 @@ static int length_of(const double *start_px, Direction along, const Picture *pic
     return clamped(length_px / step_px, 0, 4 * MAX_SCAN_PX);
 }
 
-/* Return the image between pixels, which repeat beyond its border; positions in 65,536ths. */
+/* Return the grey between four pixels, at a position in 65,536ths. */
+static inline float grey_between(const uint8_t *above, const uint8_t *below, int left, int right, int32_t x,
+                                 int32_t y) {
+    const int u = (x >> 8) & 255, v = (y >> 8) & 255;
+    const int sum = (above[left] * (256 - u) + above[right] * u) * (256 - v) +
+                    (below[left] * (256 - u) + below[right] * u) * v;
+    return (float)sum * (1.0f / 65536.0f);
+}
+
+/* Return the image between pixels, which repeat beyond its border. */
 static inline float pixel_between(const Picture *picture, int32_t x, int32_t y) {
     const int max_x = picture->width - 1, max_y = picture->height - 1, column = x >> 16, row = y >> 16;
     const int left = column < 0 ? 0 : column > max_x ? max_x : column;
@@ -101,10 +110,7 @@ static inline float pixel_between(const Picture *picture, int32_t x, int32_t y) 
     const int lower = row < 0 ? 0 : row >= max_y ? max_y : row + 1;
     const uint8_t *above = picture->image + (ptrdiff_t)upper * picture->width;
     const uint8_t *below = picture->image + (ptrdiff_t)lower * picture->width;
-    const int u = (x >> 8) & 255, v = (y >> 8) & 255;
-    const int sum = (above[left] * (256 - u) + above[right] * u) * (256 - v) +
-                    (below[left] * (256 - u) + below[right] * u) * v;
-    return (float)sum * (1.0f / 65536.0f);
+    return grey_between(above, below, left, right, x, y);
 }
 
 /* Return whether the image has a pixel and those after it, right and below. */
@@ -112,13 +118,10 @@ static inline int is_within(const Picture *picture, int32_t x, int32_t y) {
     return (x >= 0) & (y >= 0) & (x >> 16 < picture->width - 1) & (y >> 16 < picture->height - 1);
 }
 
-/* Return the same for a position within the image. */
+/* Return the image between pixels that it has. */
 static inline float pixel_within(const uint8_t *image, int width, int32_t x, int32_t y) {
-    const uint8_t *above = image + (ptrdiff_t)(y >> 16) * width + (x >> 16), *below = above + width;
-    const int u = (x >> 8) & 255, v = (y >> 8) & 255;
-    const int sum =
-        (above[0] * (256 - u) + above[1] * u) * (256 - v) + (below[0] * (256 - u) + below[1] * u) * v;
-    return (float)sum * (1.0f / 65536.0f);
+    const uint8_t *above = image + (ptrdiff_t)(y >> 16) * width + (x >> 16);
+    return grey_between(above, above + width, 0, 1, x, y);
 }
 
 /* Sample the image along a line, averaged along it, and write core and sides of each station. */

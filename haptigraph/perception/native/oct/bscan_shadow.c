@@ -108,11 +108,6 @@ static void profile_of(const uint8_t *image, int width, int height, const EdgeSe
     }
 }
 
-static int compare(const void *one, const void *other) {
-    const double a = *(const double *)one, b = *(const double *)other;
-    return (a > b) - (a < b);
-}
-
 /* Return where a profile first reaches a level from start on, sub-pixel; NaN if it does not before stop. */
 static double crossing(const double *profile, int start, int stop, double level) {
     for (int at = start; at < stop; at++)
@@ -131,7 +126,7 @@ static double first_rise(const double *profile, int count, const EdgeSearch *sea
     const int run = search->run;
     if (count <= run) return NAN;
     for (int at = 0; at < count; at++) ordered[at] = profile[at];
-    qsort(ordered, (size_t)count, sizeof *ordered, compare);
+    qsort(ordered, (size_t)count, sizeof *ordered, compare_doubles);
     const double low = ordered[run / 2], range = ordered[count * 4 / 5] - low;
     if (range < search->min_contrast_grey) return NAN;
     const double level = low + maximum(search->min_contrast_grey, search->rise_share * range) / 2;

@@ -12,17 +12,12 @@ typedef struct {
     double evidence;
 } Candidate;
 
-static int compare(const void *one, const void *other) {
-    const float a = *(const float *)one, b = *(const float *)other;
-    return (a > b) - (a < b);
-}
-
 /* Return the (upper) median of the first values of which one is given; `ordered` has room for all. */
 static float median_of(const float *values, const uint8_t *is_given, int count, float *ordered) {
     int given = 0;
     for (int at = 0; at < count; at++)
         if (!is_given || is_given[at]) ordered[given++] = values[at];
-    qsort(ordered, (size_t)given, sizeof *ordered, compare);
+    qsort(ordered, (size_t)given, sizeof *ordered, compare_floats);
     return given ? ordered[given / 2] : 0;
 }
 

@@ -257,17 +257,12 @@ static void smooth_rows(double *rows, const uint8_t *visible, int columns, const
     }
 }
 
-static int compare(const void *one, const void *other) {
-    const float a = *(const float *)one, b = *(const float *)other;
-    return (a > b) - (a < b);
-}
-
 /* Return a quantile of the values of some columns, of all if `of` is NULL; 0 for none. */
 static float quantile(const float *values, const uint8_t *of, int columns, double share, float *ordered) {
     int count = 0;
     for (int column = 0; column < columns; column++)
         if (!of || of[column]) ordered[count++] = values[column];
-    qsort(ordered, (size_t)count, sizeof *ordered, compare);
+    qsort(ordered, (size_t)count, sizeof *ordered, compare_floats);
     return count ? ordered[(int)(share * (count - 1))] : 0;
 }
 
