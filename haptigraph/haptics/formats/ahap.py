@@ -167,7 +167,7 @@ def _control(entries: Sequence[Json], name: str, *, neutral: float) -> Curve:
             parts.append((at_ms, [(at_ms, single["ParameterValue"].number(-1.0, 1.0))], single))
     found: list[tuple[float, float]] = []
     for start_ms, points, _ in sorted(parts, key=lambda part: part[0]):
-        found.append((start_ms, value_before(tuple(found), start_ms) if found else neutral))
+        found.append((start_ms, value_before(found, start_ms, neutral)))
         found += [point for point in points if point[0] >= found[-1][0]]
     return tuple(found)
 

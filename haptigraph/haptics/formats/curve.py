@@ -44,7 +44,7 @@ def value_after(curve: Curve, time_ms: float, level: float = 0.0) -> float:
     return _value(curve, bisect_right(curve, time_ms, key=_time) - 1, time_ms, level)
 
 
-def value_before(curve: Curve, time_ms: float, level: float = 0.0) -> float:
+def value_before(curve: Sequence[tuple[float, float]], time_ms: float, level: float = 0.0) -> float:
     """Return the value up to a time: the earlier one of a step; `level` if the curve has no points."""
     index = bisect_left(curve, time_ms, key=_time)
     if index < len(curve) and curve[index][0] == time_ms:
@@ -137,7 +137,7 @@ def _start_ms(layer: Layer) -> float:
     return layer.amplitude[0][0]
 
 
-def _value(curve: Curve, index: int, time_ms: float, level: float) -> float:
+def _value(curve: Sequence[tuple[float, float]], index: int, time_ms: float, level: float) -> float:
     """Return the value at a time between the points `index` and `index` + 1."""
     if not curve:
         return level
