@@ -30,7 +30,15 @@ from haptigraph.run_device import DEVICES, device_class
 from haptigraph.run_report import Durations
 from haptigraph.stages import Device
 
-__all__ = ["DeviceTest", "actuators", "guarded_step", "play_grammar", "play_pattern"]
+__all__ = [
+    "DeviceTest",
+    "actuators",
+    "advance_until",
+    "guarded_step",
+    "numbers_text",
+    "play_grammar",
+    "play_pattern",
+]
 
 ALWAYS = {"audio": "audio:FILE.wav", "console": "console", "trace": "trace:FILE.csv"}
 CONTINUOUS_NS, PAUSE_NS, IMAGE_NS = 1_500_000_000, 500_000_000, 33_000_000
@@ -109,7 +117,7 @@ def play_grammar(
     try:
         for pattern in (pattern for pattern in patterns if pattern.kind != "off"):
             limits = "; ".join(note.partition(": ")[2] for note in unsupported(pattern, capabilities))
-            announce(f"{pattern.name:10} {_pattern_text(pattern)}" + (f"  ({limits})" if limits else ""))
+            announce(f"{pattern.name:10} {numbers_text(pattern)}" + (f"  ({limits})" if limits else ""))
             play_pattern(guard, pattern, duration_ns(pattern) or CONTINUOUS_NS, clock)
             play_pattern(guard, OFF, PAUSE_NS, clock)
     finally:
@@ -138,11 +146,16 @@ def play_pattern(
     while now_ns < since_ns + length_ns:
         guard.send(guarded_step(pattern, now_ns, since_ns), now_ns)
         sent(now_ns)
-        next_image_ns = min(now_ns + IMAGE_NS, since_ns + length_ns)
-        while (now_ns := clock.now_ns()) < next_image_ns:
-            edge_ns = guard.next_edge_ns()
-            clock.wait_until(next_image_ns if edge_ns is None else min(edge_ns, next_image_ns))
-            guard.advance(clock.now_ns())
+        advance_until(guard, min(now_ns + IMAGE_NS, since_ns + length_ns), clock)
+        now_ns = clock.now_ns()
+
+
+def advance_until(guard: Guard, until_ns: int, clock: Clock) -> None:
+    """Advance the guard at its edges until a time."""
+    while (now_ns := clock.now_ns()) < until_ns:
+        edge_ns = guard.next_edge_ns()
+        clock.wait_until(until_ns if edge_ns is None else min(max(edge_ns, now_ns), until_ns))
+        guard.advance(clock.now_ns())
 
 
 def guarded_step(pattern: Pattern, now_ns: int, since_ns: int) -> Step:
@@ -158,7 +171,8 @@ def guarded_step(pattern: Pattern, now_ns: int, since_ns: int) -> Step:
     return Step(0, now_ns, observation, graph, conclusion, HapticCommand(now_ns, pattern, since_ns))
 
 
-def _pattern_text(pattern: Pattern) -> str:
+def numbers_text(pattern: Pattern) -> str:
+    """Return a pattern's numbers as a clause."""
     frequency = f" at {pattern.frequency_hz:g} Hz" if pattern.frequency_hz else ""
     rhythm = f", {pattern.on_ms:g} ms on, {pattern.off_ms:g} ms off" if pattern.on_ms else ""
     repeats = f", {pattern.count} times" if pattern.count else ""

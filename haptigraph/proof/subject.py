@@ -3,13 +3,14 @@
 Turns worlds into violations that can be shown; the real rule engine evaluates each of them.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Literal
 
 from haptigraph.graph import Names, Node, Relation, SceneGraph, Triplet
 from haptigraph.inference.claims import Gap
 from haptigraph.inference.engine import RuleEngine, without_time
-from haptigraph.inference.procedure import Procedure
+from haptigraph.inference.procedure import Procedure, State
+from haptigraph.messages import UNKNOWN
 from haptigraph.proof.exhaustive_prover import MAX_BITS, MAX_WORLDS, ExhaustiveProver
 from haptigraph.proof.intervals import Interval
 from haptigraph.proof.report import Violation
@@ -53,6 +54,26 @@ class Subject:
         if number not in self._without:
             self._without[number] = self._chosen(self.space, self.rules[:number] + self.rules[number + 1 :])
         return self._without[number]
+
+    def held_states(self, premise: Cube, violates: Callable[[State], bool]) -> tuple[str, ...]:
+        """Return the states that violate a claim while they are held although a later rule matches.
+
+        Args:
+            premise: The graphs that the claim is about.
+            violates: Whether a state violates it in such a graph.
+        """
+        states = self.procedure.states
+        return tuple(
+            state.name
+            for number, state in enumerate(states)
+            if state.hold_ms
+            and violates(state)
+            and self.prover.is_satisfiable(Cube(), number)
+            and any(
+                states[later].name != UNKNOWN and self.prover.is_satisfiable(premise, later)
+                for later in range(number + 1, len(states))
+            )
+        )
 
     def violation(self, sentence: str, about: str, world: World) -> Violation:
         """Return a violation with its counterexample, whose state replaces "{state}" in the sentence."""

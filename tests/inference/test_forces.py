@@ -85,7 +85,7 @@ def test_a_force_needs_the_entities_that_place_it(text):
         parse_procedure(without, "p.toml")
 
 
-def test_a_state_without_any_force_table_is_told_to_add_one(text):
+def test_a_force_without_its_table_is_refused_with_what_to_add(text):
     without = re.sub(r"\[\[force\]\]\n.*?\n\n", "", text, flags=re.DOTALL)
     with pytest.raises(BadInput, match=r"is not defined; add a \[\[force\]\] of that name"):
         parse_procedure(without, "p.toml")

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from msgspec import Struct
 
+from haptigraph.analysis.actuators import numbers_text
 from haptigraph.analysis.exporting.writing import write_new
 from haptigraph.analysis.touch.loading import (
     Touch,
@@ -93,11 +94,7 @@ def difference_text(error: Difference) -> str:
 
 def pattern_text(pattern: Pattern) -> str:
     """Return a pattern's kind and numbers as a clause."""
-    rhythm = f", {pattern.on_ms:g} ms on, {pattern.off_ms:g} ms off" if pattern.on_ms else ""
-    repeats = f", {pattern.count} times" if pattern.count else ""
-    frequency = f" at {pattern.frequency_hz:g} Hz" if pattern.frequency_hz else ""
-    strength = f" of amplitude {pattern.amplitude:g}{frequency}" if pattern.amplitude else ""
-    return f"{pattern.kind}{strength}{rhythm}{repeats}"
+    return f"{pattern.kind} of {numbers_text(pattern)}" if pattern.amplitude else pattern.kind
 
 
 def _misfit(fitted: Fit) -> str:

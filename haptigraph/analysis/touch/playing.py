@@ -1,6 +1,6 @@
 """Play a vibration on a device, through the guard."""
 
-from haptigraph.analysis.actuators import DeviceTest, guarded_step, play_pattern
+from haptigraph.analysis.actuators import DeviceTest, advance_until, guarded_step, play_pattern
 from haptigraph.analysis.touch.loading import Touch
 from haptigraph.clock import Clock
 from haptigraph.config import HapticsConfig
@@ -46,18 +46,10 @@ def _play_envelope(guard: Guard, envelope: Envelope, clock: Clock) -> None:
     points = {time_ms for curve in (envelope.amplitude, envelope.frequency_hz) for time_ms, _ in curve}
     since_ns = clock.now_ns()
     for time_ms in sorted(time_ms for time_ms in steps | points if time_ms < envelope.duration_ms):
-        _wait(guard, clock, since_ns + round(time_ms * NS_PER_MS))
+        advance_until(guard, since_ns + round(time_ms * NS_PER_MS), clock)
         now_ns = clock.now_ns()
         amplitude = value_after(envelope.amplitude, time_ms)
         frequency_hz = value_after(envelope.frequency_hz, time_ms)
         pattern = Pattern("touch", "continuous", amplitude, frequency_hz) if amplitude else OFF
         guard.send(guarded_step(pattern, now_ns, now_ns), now_ns)
-    _wait(guard, clock, since_ns + round(envelope.duration_ms * NS_PER_MS))
-
-
-def _wait(guard: Guard, clock: Clock, until_ns: int) -> None:
-    """Advance the guard at its edges until a time."""
-    while (now_ns := clock.now_ns()) < until_ns:
-        edge_ns = guard.next_edge_ns()
-        clock.wait_until(until_ns if edge_ns is None else min(max(edge_ns, now_ns), until_ns))
-        guard.advance(clock.now_ns())
+    advance_until(guard, since_ns + round(envelope.duration_ms * NS_PER_MS), clock)

@@ -8,7 +8,16 @@ import itertools
 from collections.abc import Sequence
 from typing import Any
 
-from haptigraph.haptics.formats.curve import Curve, Layer, strongest, value_after, value_before
+from haptigraph.haptics.formats.curve import (
+    NO_FREQUENCY,
+    Curve,
+    Layer,
+    constant,
+    reduced,
+    strongest,
+    value_after,
+    value_before,
+)
 from haptigraph.haptics.formats.envelope import TRANSIENT_MS, Envelope, Transient, pieces, plain
 from haptigraph.haptics.formats.reading import Json, normalised, points_checked, read_json, to_bytes, to_hz
 
@@ -90,7 +99,8 @@ def read(content: bytes, file: str) -> Envelope:
     end_ms = max(event.time_ms + event.duration_ms for event in events)
     if not end_ms:
         raise document["Pattern"].error("lasts 0 s; an event must last longer")
-    merged = strongest([_layer(event, controls) for event in continuous], end_ms)
+    layers = [_layer(event, is_controlled=bool(controls.sharpness)) for event in continuous]
+    merged = _modulated(strongest(layers, end_ms), controls)
     notes = list(dict.fromkeys(notes))
     return Envelope(merged.amplitude, merged.frequency_hz, transients, _repeats(document), tuple(notes))
 
@@ -157,7 +167,7 @@ def _control(entries: Sequence[Json], name: str, *, neutral: float) -> Curve:
             parts.append((at_ms, [(at_ms, single["ParameterValue"].number(-1.0, 1.0))], single))
     found: list[tuple[float, float]] = []
     for start_ms, points, _ in sorted(parts, key=lambda part: part[0]):
-        found.append((start_ms, value_before(tuple(found), start_ms) if found else neutral))
+        found.append((start_ms, value_before(found, start_ms, neutral)))
         found += [point for point in points if point[0] >= found[-1][0]]
     return tuple(found)
 
@@ -168,18 +178,29 @@ def _transient(event: _Event, controls: _Controls) -> Transient:
     return Transient(event.time_ms, intensity, event.hz(sharpness, is_controlled=bool(controls.sharpness)))
 
 
-def _layer(event: _Event, controls: _Controls) -> Layer:
-    """Return a continuous event as it is modulated."""
+def _layer(event: _Event, *, is_controlled: bool) -> Layer:
+    """Return a continuous event as it is without the controls."""
     start_ms, end_ms = event.time_ms, event.time_ms + event.duration_ms
-    times_ms = {time_ms for curve in (controls.intensity, controls.sharpness) for time_ms, _ in curve}
-    ordered = [start_ms, *sorted(time_ms for time_ms in times_ms if start_ms < time_ms < end_ms), end_ms]
+    frequency_hz = event.hz(0.0, is_controlled=is_controlled)
+    return Layer(constant(event.intensity, start_ms, end_ms), constant(frequency_hz, start_ms, end_ms))
+
+
+def _modulated(layer: Layer, controls: _Controls) -> Layer:
+    """Return the strongest events as the controls modulate them; all alike, so the strongest stay so."""
+    if not controls.intensity and not controls.sharpness:
+        return layer
+    end_ms = layer.amplitude[-1][0]
+    curves = layer.amplitude, layer.frequency_hz, controls.intensity, controls.sharpness
+    times_ms = {time_ms for curve in curves for time_ms, _ in curve if time_ms <= end_ms}
     amplitude, frequency_hz = [], []
-    for since_ms, until_ms in itertools.pairwise(ordered):
+    for since_ms, until_ms in itertools.pairwise(sorted(times_ms)):
         for value, time_ms in ((value_after, since_ms), (value_before, until_ms)):
-            amplitude.append((time_ms, event.intensity * _share(value(controls.intensity, time_ms, 1.0))))
-            sharpness = value(controls.sharpness, time_ms, 0.0)
-            frequency_hz.append((time_ms, event.hz(sharpness, is_controlled=bool(controls.sharpness))))
-    return Layer(tuple(amplitude), tuple(frequency_hz))
+            share = _share(value(controls.intensity, time_ms, 1.0))
+            amplitude.append((time_ms, value(layer.amplitude, time_ms) * share))
+            hertz = value(layer.frequency_hz, time_ms)
+            sharpness = normalised(hertz) + value(controls.sharpness, time_ms)
+            frequency_hz.append((time_ms, to_hz(_share(sharpness)) if hertz else 0.0))
+    return Layer(reduced(amplitude), reduced(frequency_hz) if layer.frequency_hz else NO_FREQUENCY)
 
 
 def _repeats(document: Json) -> bool:

@@ -24,7 +24,6 @@ __all__ = [
 Curve = tuple[tuple[float, float], ...]
 NO_FREQUENCY: Curve = ()
 """The frequency is the device's choice."""
-MAX_SPLITS = 8
 TOLERANCE = 1e-9
 
 
@@ -45,7 +44,7 @@ def value_after(curve: Curve, time_ms: float, level: float = 0.0) -> float:
     return _value(curve, bisect_right(curve, time_ms, key=_time) - 1, time_ms, level)
 
 
-def value_before(curve: Curve, time_ms: float, level: float = 0.0) -> float:
+def value_before(curve: Sequence[tuple[float, float]], time_ms: float, level: float = 0.0) -> float:
     """Return the value up to a time: the earlier one of a step; `level` if the curve has no points."""
     index = bisect_left(curve, time_ms, key=_time)
     if index < len(curve) and curve[index][0] == time_ms:
@@ -77,25 +76,33 @@ def cut(curve: Curve, start_ms: float, end_ms: float) -> Curve:
 def strongest(layers: Sequence[Layer], end_ms: float) -> Layer:
     """Return the one vibration that follows the strongest of several at every time.
 
+    Merges pairs of halves, as merge sort does: many layers that overlap cost little more than few.
+
     Args:
-        layers: Vibrations, which may overlap.
+        layers: Vibrations, which may overlap; of equally strong ones, the one that started first counts.
         end_ms: Where the result ends; silence fills what no layer covers.
     """
-    layers = [layer for layer in layers if layer.amplitude]
-    spans = [(layer.amplitude[0][0], layer.amplitude[-1][0]) for layer in layers]
+    # of those that start together, the later one counts
+    ordered = sorted((layer for layer in reversed(layers) if layer.amplitude), key=_start_ms)
+    if not ordered:
+        return Layer(constant(0.0, 0.0, end_ms))
+    return _merged(ordered, end_ms)
+
+
+def _merged(layers: Sequence[Layer], end_ms: float) -> Layer:
+    """Return the strongest of layers in the order of their starts."""
+    if len(layers) > 2:
+        half = len(layers) // 2
+        layers = [_merged(layers[:half], end_ms), _merged(layers[half:], end_ms)]
     times_ms = {0.0, end_ms}
     for layer in layers:
         times_ms |= {time_ms for curve in (layer.amplitude, layer.frequency_hz) for time_ms, _ in curve}
     ordered = sorted(time_ms for time_ms in times_ms if 0 <= time_ms <= end_ms)
-    waiting = sorted(range(len(layers)), key=lambda index: spans[index][0], reverse=True)
-    active: list[int] = []
     amplitude: list[tuple[float, float]] = []
     frequency_hz: list[tuple[float, float]] = []
     for start_ms, next_ms in itertools.pairwise(ordered):
-        while waiting and spans[waiting[-1]][0] <= start_ms:
-            active.append(waiting.pop())
-        active = [index for index in active if spans[index][1] > start_ms]
-        for part in _parts([layers[index] for index in active], start_ms, next_ms, MAX_SPLITS):
+        active = [layer for layer in layers if _start_ms(layer) <= start_ms < layer.amplitude[-1][0]]
+        for part in _parts(active, start_ms, next_ms):
             amplitude += part.amplitude
             frequency_hz += part.frequency_hz
     amplitude = amplitude or [(0.0, 0.0), (end_ms, 0.0)]
@@ -103,27 +110,34 @@ def strongest(layers: Sequence[Layer], end_ms: float) -> Layer:
     return Layer(reduced(amplitude), reduced(frequency_hz) if chosen else NO_FREQUENCY)
 
 
-def _parts(layers: Sequence[Layer], start_ms: float, end_ms: float, splits: int) -> list[Layer]:
-    """Return the strongest between two times without a point of any layer in between."""
+def _parts(layers: Sequence[Layer], start_ms: float, end_ms: float) -> list[Layer]:
+    """Return the stronger of at most two layers between two times without a point of either in between."""
     if not layers:
         return [Layer(constant(0.0, start_ms, end_ms))]
     first = max(layers, key=lambda layer: value_after(layer.amplitude, start_ms))
     last = max(layers, key=lambda layer: value_before(layer.amplitude, end_ms))
     ahead = value_after(first.amplitude, start_ms) - value_after(last.amplitude, start_ms)
     behind = value_before(last.amplitude, end_ms) - value_before(first.amplitude, end_ms)
-    if splits and ahead > TOLERANCE and behind > TOLERANCE:
+    if ahead > TOLERANCE and behind > TOLERANCE:
         crossing_ms = start_ms + (end_ms - start_ms) * ahead / (ahead + behind)
         if start_ms < crossing_ms < end_ms:
-            before = _parts(layers, start_ms, crossing_ms, splits - 1)
-            return before + _parts(layers, crossing_ms, end_ms, splits - 1)
-    winner = last if ahead <= TOLERANCE else first
-    if not value_after(winner.amplitude, start_ms) and not value_before(winner.amplitude, end_ms):
-        return [Layer(constant(0.0, start_ms, end_ms))]
-    curves = winner.amplitude, winner.frequency_hz or constant(0.0, start_ms, end_ms)
-    return [Layer(*(cut(curve, start_ms, end_ms) for curve in curves))]
+            return [_part(first, start_ms, crossing_ms), _part(last, crossing_ms, end_ms)]
+    return [_part(last if ahead <= TOLERANCE else first, start_ms, end_ms)]
 
 
-def _value(curve: Curve, index: int, time_ms: float, level: float) -> float:
+def _part(layer: Layer, start_ms: float, end_ms: float) -> Layer:
+    """Return a layer between two times; silence has no frequency."""
+    if not value_after(layer.amplitude, start_ms) and not value_before(layer.amplitude, end_ms):
+        return Layer(constant(0.0, start_ms, end_ms))
+    curves = layer.amplitude, layer.frequency_hz or constant(0.0, start_ms, end_ms)
+    return Layer(*(cut(curve, start_ms, end_ms) for curve in curves))
+
+
+def _start_ms(layer: Layer) -> float:
+    return layer.amplitude[0][0]
+
+
+def _value(curve: Sequence[tuple[float, float]], index: int, time_ms: float, level: float) -> float:
     """Return the value at a time between the points `index` and `index` + 1."""
     if not curve:
         return level

@@ -3,8 +3,7 @@
 from collections.abc import Iterator
 
 from haptigraph.inference.forces import TIP
-from haptigraph.inference.procedure import Procedure, State
-from haptigraph.messages import UNKNOWN
+from haptigraph.inference.procedure import Procedure
 from haptigraph.proof.report import Claim, Violation
 from haptigraph.proof.rules import Cube, make_cube
 from haptigraph.proof.subject import Subject
@@ -22,14 +21,18 @@ def force_claims(subject: Subject) -> list[Claim]:
             "force unseen",
             f"no state that exerts a force fits a graph without {TIP}",
             tuple(_blind(subject)),
-            _held_states(subject),
+            subject.held_states(_blind_graphs(subject), lambda state: bool(state.force)),
         ),
         Claim("force used", "some state exerts every force", tuple(_unused(procedure))),
     ]
 
 
+def _blind_graphs(subject: Subject) -> Cube:
+    return make_cube(subject.space, absent=[TIP])
+
+
 def _blind(subject: Subject) -> Iterator[Violation]:
-    blind = make_cube(subject.space, absent=[TIP])
+    blind = _blind_graphs(subject)
     for number, state in enumerate(subject.procedure.states):
         world = subject.prover.smallest_witness(blind, number) if state.force else None
         if world is not None:
@@ -38,23 +41,6 @@ def _blind(subject: Subject) -> Iterator[Violation]:
                 f"require a relation of {TIP}, or remove the force"
             )
             yield subject.violation(sentence, f"state {state.name}", world)
-
-
-def _held_states(subject: Subject) -> tuple[str, ...]:
-    """Return the states whose force is still commanded while they are held after the tip was lost."""
-    states, blind = subject.procedure.states, make_cube(subject.space, absent=[TIP])
-
-    def can_be_lost(number: int, state: State) -> bool:
-        return subject.prover.is_satisfiable(Cube(), number) and any(
-            states[later].name != UNKNOWN and subject.prover.is_satisfiable(blind, later)
-            for later in range(number + 1, len(states))
-        )
-
-    return tuple(
-        state.name
-        for number, state in enumerate(states)
-        if state.force and state.hold_ms and can_be_lost(number, state)
-    )
 
 
 def _unused(procedure: Procedure) -> Iterator[Violation]:

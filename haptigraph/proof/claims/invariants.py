@@ -1,8 +1,10 @@
 """The claims that a procedure makes about itself: its invariants, each true of every possible graph."""
 
 from collections.abc import Iterator
+from functools import partial
 
 from haptigraph.inference.claims import Invariant
+from haptigraph.inference.procedure import State
 from haptigraph.messages import UNKNOWN
 from haptigraph.proof.report import Claim, Violation
 from haptigraph.proof.rules import Cube, make_cube
@@ -19,7 +21,7 @@ def invariant_claims(subject: Subject) -> list[Claim]:
             "invariant",
             invariant.name,
             tuple(_violations(subject, invariant)),
-            _held_states(subject, invariant),
+            subject.held_states(_premise(subject, invariant), partial(_violates, invariant)),
             _waiting_states(subject, invariant),
         )
         for invariant in subject.procedure.invariants
@@ -36,20 +38,8 @@ def _premise(subject: Subject, invariant: Invariant) -> Cube:
     )
 
 
-def _held_states(subject: Subject, invariant: Invariant) -> tuple[str, ...]:
-    """Return the states that violate an invariant while they are held although a later rule matches."""
-    states, premise = subject.procedure.states, _premise(subject, invariant)
-    return tuple(
-        state.name
-        for number, state in enumerate(states)
-        if state.hold_ms
-        and not invariant.allows(state.name, state.feel, state.force)
-        and subject.prover.is_satisfiable(Cube(), number)
-        and any(
-            states[later].name != UNKNOWN and subject.prover.is_satisfiable(premise, later)
-            for later in range(number + 1, len(states))
-        )
-    )
+def _violates(invariant: Invariant, state: State) -> bool:
+    return not invariant.allows(state.name, state.feel, state.force)
 
 
 def _waiting_states(subject: Subject, invariant: Invariant) -> tuple[str, ...]:
@@ -62,8 +52,7 @@ def _waiting_states(subject: Subject, invariant: Invariant) -> tuple[str, ...]:
             waiting = Cube(premise.require | rule.require, premise.forbid | rule.forbid)
             rest = states[:number] + states[number + 1 :]
             if any(
-                not invariant.allows(other.name, other.feel, other.force)
-                and others.is_satisfiable(waiting, at)
+                _violates(invariant, other) and others.is_satisfiable(waiting, at)
                 for at, other in enumerate(rest)
             ):
                 found.append(state.name)

@@ -1,4 +1,4 @@
-"""The real program with a force device whose forces are logged, and which fails when it is told to.
+"""The real program with a force device whose forces are logged, and which fails on command.
 
 python forced_run.py run ...    as `haptigraph run ...`; --force traced:FOLDER
 
