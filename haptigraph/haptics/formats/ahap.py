@@ -8,16 +8,7 @@ import itertools
 from collections.abc import Sequence
 from typing import Any
 
-from haptigraph.haptics.formats.curve import (
-    NO_FREQUENCY,
-    Curve,
-    Layer,
-    constant,
-    reduced,
-    strongest,
-    value_after,
-    value_before,
-)
+from haptigraph.haptics.formats.curve import Curve, Layer, strongest, value_after, value_before
 from haptigraph.haptics.formats.envelope import TRANSIENT_MS, Envelope, Transient, pieces, plain
 from haptigraph.haptics.formats.reading import Json, normalised, points_checked, read_json, to_bytes, to_hz
 
@@ -99,8 +90,7 @@ def read(content: bytes, file: str) -> Envelope:
     end_ms = max(event.time_ms + event.duration_ms for event in events)
     if not end_ms:
         raise document["Pattern"].error("lasts 0 s; an event must last longer")
-    layers = [_layer(event, is_controlled=bool(controls.sharpness)) for event in continuous]
-    merged = _modulated(strongest(layers, end_ms), controls)
+    merged = strongest([_layer(event, controls) for event in continuous], end_ms)
     notes = list(dict.fromkeys(notes))
     return Envelope(merged.amplitude, merged.frequency_hz, transients, _repeats(document), tuple(notes))
 
@@ -178,29 +168,18 @@ def _transient(event: _Event, controls: _Controls) -> Transient:
     return Transient(event.time_ms, intensity, event.hz(sharpness, is_controlled=bool(controls.sharpness)))
 
 
-def _layer(event: _Event, *, is_controlled: bool) -> Layer:
-    """Return a continuous event as it is without the controls."""
+def _layer(event: _Event, controls: _Controls) -> Layer:
+    """Return a continuous event as it is modulated."""
     start_ms, end_ms = event.time_ms, event.time_ms + event.duration_ms
-    frequency_hz = event.hz(0.0, is_controlled=is_controlled)
-    return Layer(constant(event.intensity, start_ms, end_ms), constant(frequency_hz, start_ms, end_ms))
-
-
-def _modulated(layer: Layer, controls: _Controls) -> Layer:
-    """Return the strongest events as the controls modulate them; all alike, so the strongest stay so."""
-    if not controls.intensity and not controls.sharpness:
-        return layer
-    end_ms = layer.amplitude[-1][0]
-    curves = layer.amplitude, layer.frequency_hz, controls.intensity, controls.sharpness
-    times_ms = {time_ms for curve in curves for time_ms, _ in curve if time_ms <= end_ms}
+    times_ms = {time_ms for curve in (controls.intensity, controls.sharpness) for time_ms, _ in curve}
+    ordered = [start_ms, *sorted(time_ms for time_ms in times_ms if start_ms < time_ms < end_ms), end_ms]
     amplitude, frequency_hz = [], []
-    for since_ms, until_ms in itertools.pairwise(sorted(times_ms)):
+    for since_ms, until_ms in itertools.pairwise(ordered):
         for value, time_ms in ((value_after, since_ms), (value_before, until_ms)):
-            share = _share(value(controls.intensity, time_ms, 1.0))
-            amplitude.append((time_ms, value(layer.amplitude, time_ms) * share))
-            hertz = value(layer.frequency_hz, time_ms)
-            sharpness = normalised(hertz) + value(controls.sharpness, time_ms)
-            frequency_hz.append((time_ms, to_hz(_share(sharpness)) if hertz else 0.0))
-    return Layer(reduced(amplitude), reduced(frequency_hz) if layer.frequency_hz else NO_FREQUENCY)
+            amplitude.append((time_ms, event.intensity * _share(value(controls.intensity, time_ms, 1.0))))
+            sharpness = value(controls.sharpness, time_ms, 0.0)
+            frequency_hz.append((time_ms, event.hz(sharpness, is_controlled=bool(controls.sharpness))))
+    return Layer(tuple(amplitude), tuple(frequency_hz))
 
 
 def _repeats(document: Json) -> bool:
