@@ -6,6 +6,7 @@ forever, so `assemble` runs these devices in a watchdog process.
 
 import os
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
@@ -157,7 +158,7 @@ class FirmataBoard:
         )
 
 
-class BoardDevice:
+class BoardDevice(ABC):
     """A device on a board: it is set up again after every failure, and silent in between.
 
     Args:
@@ -205,13 +206,13 @@ class BoardDevice:
         self._apply(0.0, SETUP_S)
         self._board.expect_quick_answers()
 
+    @abstractmethod
     def _set_up(self) -> None:
         """Prepare the actuators of a board that has just answered."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _apply(self, amplitude: float, within_s: float) -> None:
         """Set the amplitude, and verify within a time that it was applied."""
-        raise NotImplementedError
 
 
 def ports_found(kind: str, options: str = "") -> dict[str, str]:
