@@ -191,11 +191,11 @@ def test_without_a_terminal_there_are_no_keys(person, tmp_path, monkeypatch):
     assert result.exit_code == 2 and "needs a terminal" in result.stderr
 
 
-@pytest.mark.realtime
 class Unresponsive(Exception):
     """The machine was too busy for the simulated board to answer in time, so the command gave up."""
 
 
+@pytest.mark.realtime
 def test_in_a_real_terminal_keys_answer_and_ctrl_c_ends_in_silence(tmp_path):
     pytest.importorskip("serial")
     path = tmp_path / "motor.toml"

@@ -1,11 +1,12 @@
 """A board with Firmata on a serial port, and what all devices on one share.
 
 Protocol: github.com/firmata/protocol, version 2.5. A board and the chips on it hold their last output
-forever, so `assemble` runs these devices in a watchdog process.
+forever, so `run_device` runs these devices in a watchdog process.
 """
 
 import os
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
@@ -18,13 +19,15 @@ __all__ = [
     "SETUP_S",
     "BoardDevice",
     "FirmataBoard",
+    "baud_rate",
     "ports_found",
     "split_argument",
+    "sysex",
     "whole_number",
 ]
 
-END, VERSION, SYSEX, SET_PIN_MODE = b"\xf7", b"\xf9", 0xF0, 0xF4
-FIRMWARE, CAPABILITY_QUERY, CAPABILITIES = 0x79, 0x6B, 0x6C
+SYSEX, END, VERSION, SET_PIN_MODE = 0xF0, 0xF7, 0xF9, 0xF4
+FIRMWARE, CAPABILITY_QUERY, CAPABILITIES, STATE_QUERY, STATE = 0x79, 0x6B, 0x6C, 0x6D, 0x6E
 
 BOOT_S = 6.0  # an Arduino restarts when its port is opened, and waits two seconds for a new sketch
 RETRY_S = 0.5
@@ -95,15 +98,15 @@ class FirmataBoard:
 
     def send_sysex(self, *message: int) -> None:
         """Send a system message."""
-        self.send(SYSEX, *message, END[0])
+        self.send(*sysex(*message))
 
     def received(self, kinds: bytes, within_s: float) -> bytes | None:
         """Return the next system message of some kinds, its kind first; None if none arrives in time."""
         give_up_s = time.monotonic() + within_s
         while (left_s := give_up_s - time.monotonic()) > 0:
             self._serial.timeout = left_s
-            _, start, message = self._serial.read_until(END).rpartition(bytes((SYSEX,)))
-            if start and message[:1] in [bytes((kind,)) for kind in kinds] and message.endswith(END):
+            _, start, message = self._serial.read_until(bytes((END,))).rpartition(bytes((SYSEX,)))
+            if start and message[:1] in [bytes((kind,)) for kind in kinds] and message[-1] == END:
                 return bytes(message[:-1])
         return None
 
@@ -118,6 +121,12 @@ class FirmataBoard:
         if response is None:
             raise DeviceError(f"the board on {self.port} does not report the capabilities of its pins")
         return [dict(zip(modes[::2], modes[1::2], strict=False)) for modes in response[1:].split(b"\x7f")]
+
+    def state_of_pin(self, pin: int, within_s: float) -> bytes | None:
+        """Return a pin, its mode and its value in parts of seven bits; None if no answer comes in time."""
+        self.send_sysex(STATE_QUERY, pin)
+        response = self.received(bytes((STATE,)), within_s)
+        return None if response is None else response[1:]
 
     def set_pin_mode(self, pin: int, mode: int) -> None:
         """Set the mode of a pin."""
@@ -147,7 +156,7 @@ class FirmataBoard:
         """Query the name of the firmware until the board sends it."""
         give_up_s = time.monotonic() + BOOT_S
         while time.monotonic() < give_up_s:
-            self._serial.write(VERSION)
+            self.send(VERSION)
             self.send_sysex(FIRMWARE)
             if self.received(bytes((FIRMWARE,)), RETRY_S) is not None:
                 return
@@ -157,7 +166,7 @@ class FirmataBoard:
         )
 
 
-class BoardDevice:
+class BoardDevice(ABC):
     """A device on a board: it is set up again after every failure, and silent in between.
 
     Args:
@@ -205,13 +214,13 @@ class BoardDevice:
         self._apply(0.0, SETUP_S)
         self._board.expect_quick_answers()
 
+    @abstractmethod
     def _set_up(self) -> None:
         """Prepare the actuators of a board that has just answered."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _apply(self, amplitude: float, within_s: float) -> None:
         """Set the amplitude, and verify within a time that it was applied."""
-        raise NotImplementedError
 
 
 def ports_found(kind: str, options: str = "") -> dict[str, str]:
@@ -250,15 +259,12 @@ def split_argument(kind: str, argument: str, valid: str) -> tuple[str, dict[str,
     return port, options
 
 
-def whole_number(options: dict[str, str], key: str, default: int, place: str, valid: range) -> int:
-    """Return an option, decimal or 0x..., or its default.
+def whole_number(text: str, key: str, place: str, valid: range) -> int:
+    """Return the value of an option, decimal or 0x...
 
     Raises:
         BadInput: If it is not a number, or out of range.
     """
-    text = options.get(key)
-    if text is None:
-        return default
     try:
         number = int(text, 0)
     except ValueError:
@@ -267,3 +273,17 @@ def whole_number(options: dict[str, str], key: str, default: int, place: str, va
         show = hex if text.startswith("0x") else str
         raise BadInput(f"found {key}={text}; valid: {show(valid.start)} to {show(valid.stop - 1)}", place)
     return number
+
+
+def baud_rate(options: dict[str, str], place: str) -> int:
+    """Return the option `baud`, or that of StandardFirmata.
+
+    Raises:
+        BadInput: If it is not valid.
+    """
+    return whole_number(options.get("baud", str(BAUD)), "baud", place, range(300, 4_000_000))
+
+
+def sysex(*message: int) -> tuple[int, ...]:
+    """Return a system message."""
+    return SYSEX, *message, END

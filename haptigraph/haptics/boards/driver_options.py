@@ -62,7 +62,7 @@ def driver_options(texts: dict[str, str], name: str) -> DriverOptions:
             raise BadInput(
                 f"found {len(calibrations)} calibrations for {count} chips; give one for each", name
             )
-    enable = whole_number(texts, "enable", 0, name, range(128)) if "enable" in texts else None
+    enable = whole_number(texts["enable"], "enable", name, range(128)) if "enable" in texts else None
     return DriverOptions(motor, mux, channels, enable, calibrations)
 
 
@@ -102,11 +102,10 @@ def _place(texts: dict[str, str], name: str) -> tuple[int | None, tuple[int, ...
         )
     if "mux" not in texts:
         return None, ()
-    numbers = texts["channel"].split(",")
-    channels = tuple(whole_number({"channel": text}, "channel", 0, name, range(8)) for text in numbers)
+    channels = tuple(whole_number(text, "channel", name, range(8)) for text in texts["channel"].split(","))
     if len(set(channels)) < len(channels):
         raise BadInput(f"found channel={texts['channel']}; name each channel once", name)
-    return whole_number(texts, "mux", 0, name, range(0x70, 0x78)), channels
+    return whole_number(texts["mux"], "mux", name, range(0x70, 0x78)), channels
 
 
 def _calibration(text: str, name: str) -> AutoCalibration:

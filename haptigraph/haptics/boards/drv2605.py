@@ -9,14 +9,13 @@ from collections.abc import Iterable
 
 from haptigraph.errors import DeviceError
 from haptigraph.haptics.boards.board import (
-    BAUD,
     RESPONSE_S,
     SETUP_S,
     BoardDevice,
     FirmataBoard,
+    baud_rate,
     ports_found,
     split_argument,
-    whole_number,
 )
 from haptigraph.haptics.boards.chip import (
     AutoCalibration,
@@ -25,12 +24,12 @@ from haptigraph.haptics.boards.chip import (
     standby_commands,
 )
 from haptigraph.haptics.boards.driver_options import OPTIONS, DriverOptions, driver_options
-from haptigraph.haptics.boards.i2c import ENABLE_MESSAGE, I2cBus, Multiplexer, write_message
+from haptigraph.haptics.boards.i2c import ENABLE_MESSAGE, I2cBus, Multiplexer, channel_mask, write_message
 from haptigraph.messages import Capabilities
 
 __all__ = ["Drv2605Device"]
 
-OUTPUT, DIGITAL_PORT, STATE_QUERY, STATE = 1, 0x90, 0x6D, 0x6E
+OUTPUT, DIGITAL_PORT = 1, 0x90
 MAX_VALUE = 255
 AT_ONCE = 2  # chips that are asked before the first answer: 62 bytes, an Uno has a buffer for 64
 RETRY_S = 1.0  # a chip that is enabled but not reached may vibrate until it is disabled again
@@ -60,7 +59,7 @@ class Drv2605Device(BoardDevice):
         name = f"drv2605:{argument}"
         port, texts = split_argument("drv2605", argument, OPTIONS)
         self._options = options = driver_options(texts, name)
-        baud = whole_number(texts, "baud", BAUD, name, range(300, 4_000_000))
+        baud = baud_rate(texts, name)
         disable = _enable(options, 0)
         silence = bytes((*_standby(options), *disable))
         board = FirmataBoard("drv2605", port, baud, silence=silence, first=bytes(disable))
@@ -137,13 +136,11 @@ class Drv2605Device(BoardDevice):
             for channels, chip in some:
                 self._verify_channels(channels, within_s)
                 chip.verify(value, within_s)
-        if (pin := self._options.enable) is not None:  # a chip that is not enabled may answer all the same
-            self._board.send_sysex(STATE_QUERY, pin)
-            state = self._board.received(bytes((STATE,)), within_s)
-            if state is None or state[1:] != bytes((pin, OUTPUT, 1)):
-                raise DeviceError(
-                    f"the board on {self._board.port} does not hold pin {pin} high, which enables the chips"
-                )
+        pin = self._options.enable  # a chip that is not enabled may answer all the same
+        if pin is not None and self._board.state_of_pin(pin, within_s) != bytes((pin, OUTPUT, 1)):
+            raise DeviceError(
+                f"the board on {self._board.port} does not hold pin {pin} high, which enables the chips"
+            )
 
     def _select(self, channels: tuple[int, ...], within_s: float) -> None:
         self._connect_channels(channels)
@@ -173,8 +170,7 @@ def _standby(options: DriverOptions) -> tuple[int, ...]:
 
     They are for a board that has answered: a message to the bus that is not enabled hangs the sketch.
     """
-    mask = sum(1 << channel for channel in options.channels)
-    select = () if options.mux is None else write_message(options.mux, mask)
+    select = () if options.mux is None else write_message(options.mux, channel_mask(options.channels))
     return (
         *ENABLE_MESSAGE,
         *select,

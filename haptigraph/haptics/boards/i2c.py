@@ -5,15 +5,14 @@ chip acknowledges with a sentence, and then with the bytes of an earlier read; s
 """
 
 from haptigraph.errors import DeviceError
-from haptigraph.haptics.boards.board import FirmataBoard
+from haptigraph.haptics.boards.board import FirmataBoard, sysex
 
-__all__ = ["ENABLE_MESSAGE", "I2cBus", "Multiplexer", "write_message"]
+__all__ = ["ENABLE_MESSAGE", "I2cBus", "Multiplexer", "channel_mask", "write_message"]
 
-SYSEX, END = 0xF0, 0xF7
 REQUEST, REPLY, CONFIG, STRING = 0x76, 0x77, 0x78, 0x71
 READ_ONCE = 0x08
 I2C_MODE = 6
-ENABLE_MESSAGE = (SYSEX, CONFIG, 0, 0, END)
+ENABLE_MESSAGE = sysex(CONFIG, 0, 0)
 """Turns the pins over to the bus, without a delay of reads: before it, a read or write may hang the board."""
 
 
@@ -97,7 +96,7 @@ class Multiplexer:
 
     def connect(self, channels: tuple[int, ...]) -> None:
         """Connect some channels and disconnect all others."""
-        self._bus.write(self._address, _mask(channels))
+        self._bus.write(self._address, channel_mask(channels))
 
     def request(self) -> None:
         """Ask which channels are connected, for `verify`."""
@@ -110,7 +109,7 @@ class Multiplexer:
             DeviceError: If they are others: then a command may have reached another chip.
         """
         (mask,) = self._bus.answer(self._address, None, 1, within_s)
-        if mask != _mask(channels):
+        if mask != channel_mask(channels):
             connected = ", ".join(str(channel) for channel in range(8) if mask >> channel & 1) or "none"
             raise DeviceError(
                 f"the multiplexer at {self._address:#04x} does not switch to channel "
@@ -120,13 +119,14 @@ class Multiplexer:
 
 def write_message(address: int, *data: int) -> tuple[int, ...]:
     """Return the message that writes bytes to a chip."""
-    return SYSEX, REQUEST, address, 0, *_sevens(data), END
+    return sysex(REQUEST, address, 0, *_sevens(data))
+
+
+def channel_mask(channels: tuple[int, ...]) -> int:
+    """Return the byte that connects some channels of a multiplexer."""
+    return sum(1 << channel for channel in channels)
 
 
 def _sevens(data: tuple[int, ...]) -> tuple[int, ...]:
     """Split each byte into its lower seven bits and the eighth."""
     return tuple(part for byte in data for part in (byte & 0x7F, byte >> 7))
-
-
-def _mask(channels: tuple[int, ...]) -> int:
-    return sum(1 << channel for channel in channels)

@@ -8,18 +8,19 @@ from msgspec.structs import replace
 
 from haptigraph.errors import DeviceError
 from haptigraph.haptics.boards.board import (
-    BAUD,
     BoardDevice,
     FirmataBoard,
+    baud_rate,
     ports_found,
     split_argument,
+    sysex,
     whole_number,
 )
 from haptigraph.messages import Capabilities
 
 __all__ = ["PwmDevice"]
 
-SYSEX, END, ANALOG, STATE_QUERY, STATE, EXTENDED_ANALOG = 0xF0, 0xF7, 0xE0, 0x6D, 0x6E, 0x6F
+ANALOG, EXTENDED_ANALOG = 0xE0, 0x6F
 PWM = 3
 MAX_BITS = 16
 OPTIONS = "pin=N&baud=N"
@@ -47,8 +48,8 @@ class PwmDevice(BoardDevice):
     def __init__(self, argument: str) -> None:
         name = f"serial:{argument}"
         port, options = split_argument("serial", argument, OPTIONS)
-        self._pin = whole_number(options, "pin", 9, name, range(128))
-        baud = whole_number(options, "baud", BAUD, name, range(300, 4_000_000))
+        self._pin = whole_number(options.get("pin", "9"), "pin", name, range(128))
+        baud = baud_rate(options, name)
         self._max_value = 0
         silence = bytes(_analog(self._pin, 0))  # at once: it may still vibrate from an earlier run
         super().__init__(name, FirmataBoard("serial", port, baud, silence=silence, first=silence))
@@ -80,14 +81,13 @@ class PwmDevice(BoardDevice):
         """Set the pin's duty cycle and query its state."""
         value, port = round(amplitude * self._max_value), self._board.port
         self._board.send(*_analog(self._pin, value))
-        self._board.send_sysex(STATE_QUERY, self._pin)
-        response = self._board.received(bytes((STATE,)), within_s)
-        if response is None:
+        state = self._board.state_of_pin(self._pin, within_s)
+        if state is None:
             raise DeviceError(f"the board on {port} does not respond")
-        reported = sum(bit << 7 * index for index, bit in enumerate(response[3:]))
-        if len(response) < 4:
+        if len(state) < 3:
             raise DeviceError(f"the board on {port} sends a response without content")
-        if (*response[1:3], reported) != (self._pin, PWM, value):
+        reported = sum(bits << 7 * index for index, bits in enumerate(state[2:]))
+        if (*state[:2], reported) != (self._pin, PWM, value):
             raise DeviceError(f"the board on {port} was reset: its pin is not at the value that was set")
 
 
@@ -95,4 +95,4 @@ def _analog(pin: int, value: int) -> tuple[int, ...]:
     """Return the message that sets a pin: the short form if pin and value fit."""
     if pin < 16 and value < 1 << 14:
         return ANALOG | pin, value & 0x7F, value >> 7
-    return SYSEX, EXTENDED_ANALOG, pin, *(value >> place & 0x7F for place in range(0, 28, 7)), END
+    return sysex(EXTENDED_ANALOG, pin, *(value >> place & 0x7F for place in range(0, 28, 7)))
