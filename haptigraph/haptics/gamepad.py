@@ -2,7 +2,7 @@
 
 SDL ends a rumble only while its events are pumped, and some controllers end one by themselves after seconds.
 So a rumble is renewed while it lasts, for at most `HOLDS_MS` at a time, and silence is always sent.
-`assemble` runs this device in a watchdog process, which silences it when the run dies.
+`run_device` runs this device in a watchdog process, which silences it when the run dies.
 """
 
 from haptigraph.errors import BadInput, DeviceError

@@ -2,7 +2,7 @@
 
 The force swings along one axis and changes its sign, so that its mean is zero and it pushes the hand nowhere.
 A thread publishes it; it is zero as soon as the device is silent, and by itself `HOLDS_MS` after the last
-command. `assemble` runs this device in a watchdog process, which silences it when the run dies.
+command. `run_device` runs this device in a watchdog process, which silences it when the run dies.
 """
 
 import math
