@@ -1,0 +1,1 @@
+"""A rig: printed eye, mirror and camera as designed; what its images must look like."""
