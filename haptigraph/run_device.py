@@ -20,8 +20,14 @@ DEVICES = {
     "serial": "haptigraph.haptics.boards.pwm:PwmDevice",
     "trace": "haptigraph.haptics.trace:TraceDevice",
 }
-# They would keep vibrating if the run died.
-WATCHED = ("crtk", "drv2605", "gamepad", "ros2", "serial")
+# They would keep vibrating if the run died. With the module that each imports when it is opened.
+WATCHED = {
+    "crtk": "haptigraph.ros2.node",
+    "drv2605": "serial",
+    "gamepad": "sdl2",
+    "ros2": "haptigraph.ros2.node",
+    "serial": "serial",
+}
 
 
 def device_class(kind: str) -> Any:
@@ -42,5 +48,5 @@ def open_device(name: str) -> Device:
     kind, _, argument = name.partition(":")
     if kind in WATCHED:
         watched = load("haptigraph.haptics.watchdog:WatchedDevice")
-        return watched(DEVICES[kind], argument)  # type: ignore[no-any-return]
+        return watched(DEVICES[kind], argument, WATCHED[kind])  # type: ignore[no-any-return]
     return device_class(kind)(argument)  # type: ignore[no-any-return]

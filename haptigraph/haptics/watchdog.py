@@ -5,16 +5,20 @@ from its standard input, acknowledges and executes each, and silences the device
 `HOLDS_MS`, at the end of the input, and on SIGTERM. It exits with 0 only if the device confirmed silence.
 `run_device` chooses the class of the device.
 
-The run, in turn, watches this process: if it acknowledges nothing, it is killed and replaced, because opening
-the device silences it.
+The run, in turn, watches this process: if it ends or acknowledges nothing, it is killed, and a second one,
+which waits in reserve, opens the device: opening it silences it.
 """
 
+import math
 import queue
 import subprocess
 import sys
 import threading
 import time
+import warnings
+from collections.abc import Sequence
 from contextlib import suppress
+from importlib import import_module
 from typing import IO
 
 import msgspec
@@ -36,6 +40,7 @@ MAX_UNANSWERED = 3  # commands without acknowledgement before the process is rep
 ACKNOWLEDGE_S = 0.15
 START_S = 20.0  # imports, and a board that restarts
 CLOSE_S = 2.0
+GO = b"go\n"
 RESERVED = 16  # descriptors of the pipes to a new process, and of its start
 
 
@@ -58,36 +63,75 @@ class Reply(Struct, array_like=True):
     """False: the process has received the command, and executes it next."""
 
 
+class _Child:
+    """Start a watchdog process; it opens the device on command.
+
+    Raises:
+        OSError: If it cannot be started.
+    """
+
+    def __init__(self, arguments: Sequence[str]) -> None:
+        self.process = start_child(arguments)
+        self.replies: queue.SimpleQueue[Reply] = queue.SimpleQueue()
+        self.is_open = False
+        """Whether it has reported that the device is open."""
+        self.called_s = math.inf
+        """When it was called on to open the device."""
+        pipe = pipe_of(self.process.stdout)
+        threading.Thread(
+            target=_read_replies, args=(pipe, self.replies), name="haptigraph-watchdog", daemon=True
+        ).start()
+
+    def go(self) -> None:
+        """Let it open the device."""
+        self.called_s = time.monotonic()
+        self.write(GO)
+
+    def write(self, line: bytes) -> None:
+        """Send a line; lost if the process has ended."""
+        with suppress(BrokenPipeError):
+            pipe_of(self.process.stdin).write(line)
+
+    def kill(self) -> None:
+        """End it at once."""
+        self.process.kill()
+        self.process.wait()
+        pipe_of(self.process.stdin).close()
+
+
 class WatchedDevice:
-    """Forward everything to a device in a watchdog process.
+    """Forward everything to a device in a watchdog process, and keep another one in reserve.
 
     Args:
         device: "module:Class" of the device.
         argument: The argument of the class.
+        library: The module that opening it imports; a process in reserve has imported it before.
 
     Raises:
         BadInput: If the device cannot be opened.
     """
 
-    def __init__(self, device: str, argument: str) -> None:
-        self._arguments = [*program_of("haptigraph.haptics.watchdog"), device, argument]
-        self._reserve = DescriptorReserve(RESERVED)
+    def __init__(self, device: str, argument: str, library: str) -> None:
+        self._arguments = [*program_of("haptigraph.haptics.watchdog"), device, argument, library]
+        self._descriptors = DescriptorReserve(RESERVED)
         self._number = 0
         self._closed = False
-        self._start()
+        self._reserve: _Child | None = None
+        self._active = self._started()
+        self._active.go()
+        self._refill()
         opened = self._reply(0, START_S)
         if opened is None or opened.capabilities is None:
-            self._kill()
-            self._reserve.release()
+            self._release()
             raise BadInput(opened.error if opened else f"device {argument} does not open")
         self.capabilities = replace(opened.capabilities, holds_ms=HOLDS_MS)
-        self._is_open = True
+        self._active.is_open = True
 
     def set(self, amplitude: float, frequency_hz: float, stamp_ns: int) -> None:
         """Send a command and wait until it is executed; replace a process that has ended or hangs."""
-        if self._process.poll() is not None:
+        if self._active.process.poll() is not None:
             self._replace()
-        if not self._is_open:
+        if not self._active.is_open:
             self._await_open(REPLY_S)
         command = Command(0, amplitude, frequency_hz, stamp_ns)
         reply = self._acknowledgement(command)
@@ -115,45 +159,47 @@ class WatchedDevice:
                 if not self._ends_silent(START_S):
                     raise DeviceError("does not confirm silence")
         finally:
-            self._kill()
-            self._reserve.release()
+            self._release()
+
+    def _release(self) -> None:
+        for child in filter(None, (self._active, self._reserve)):
+            child.kill()
+        self._descriptors.release()
 
     def _ends_silent(self, within_s: float) -> bool:
         """Let the process silence the device and end; return whether the device confirmed silence."""
-        pipe_of(self._process.stdin).close()
+        process = self._active.process
+        pipe_of(process.stdin).close()
         try:
-            return self._process.wait(within_s) == 0
+            return process.wait(within_s) == 0
         except subprocess.TimeoutExpired:
             return False
 
-    def _start(self) -> None:
-        self._is_open, self._started_s = False, time.monotonic()
-        with self._reserve.released():
-            self._process = start_child(self._arguments)
-        self._replies: queue.SimpleQueue[Reply] = queue.SimpleQueue()
-        pipe = pipe_of(self._process.stdout)
-        threading.Thread(
-            target=_read_replies, args=(pipe, self._replies), name="haptigraph-watchdog", daemon=True
-        ).start()
+    def _started(self) -> _Child:
+        with self._descriptors.released():
+            return _Child(self._arguments)
+
+    def _refill(self) -> None:
+        """Start a process in reserve, if one can be started."""
+        with suppress(OSError):
+            self._reserve = self._started()
 
     def _replace(self) -> None:
-        """Kill the process and start another, which silences the device when it opens it."""
-        self._kill()
+        """Kill the process and let the one in reserve open the device, which silences it."""
+        self._active.kill()
         try:
-            self._start()
+            self._active, self._reserve = self._reserve or self._started(), None
         except OSError as error:
             raise DeviceError(f"its process cannot be started ({error.strerror})") from None
-
-    def _kill(self) -> None:
-        self._process.kill()
-        self._process.wait()
-        pipe_of(self._process.stdin).close()
+        self._active.go()
+        if not self._closed:
+            self._refill()
 
     def _acknowledgement(self, command: Command) -> Reply:
         """Send a command until it is acknowledged; replace a process that does not."""
         for _ in range(MAX_UNANSWERED):
             self._number += 1
-            self._send(replace(command, number=self._number))
+            self._active.write(msgspec.json.encode(replace(command, number=self._number)) + b"\n")
             reply = self._reply(self._number, ACKNOWLEDGE_S)
             if reply is not None:
                 return reply
@@ -162,22 +208,18 @@ class WatchedDevice:
 
     def _await_open(self, within_s: float) -> None:
         opened = self._reply(0, within_s)
-        if opened is None and time.monotonic() - self._started_s > START_S:
+        if opened is None and time.monotonic() - self._active.called_s > START_S:
             self._replace()
         if opened is None or opened.error:
             raise DeviceError(opened.error if opened else "its process is starting")
-        self._is_open = True
-
-    def _send(self, command: Command) -> None:
-        with suppress(BrokenPipeError):
-            pipe_of(self._process.stdin).write(msgspec.json.encode(command) + b"\n")
+        self._active.is_open = True
 
     def _reply(self, number: int, within_s: float, *, is_executed: bool = False) -> Reply | None:
         """Return the next reply to a command, or to its execution; None if none comes in time."""
         give_up_s = time.monotonic() + within_s
         with suppress(queue.Empty):
             while True:
-                reply = self._replies.get(timeout=max(give_up_s - time.monotonic(), 0))
+                reply = self._active.replies.get(timeout=max(give_up_s - time.monotonic(), 0))
                 if reply.number == number and (reply.is_executed or not is_executed):
                     return reply
                 if reply.number == 0 and reply.error:
@@ -253,13 +295,24 @@ def _send(replies: IO[bytes], reply: Reply) -> None:
         replies.write(msgspec.json.encode(reply) + b"\n")
 
 
+def _import_ahead(library: str) -> None:
+    """Import a library; if it is missing, opening the device says so."""
+    with suppress(ImportError, HaptigraphError), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        import_module(library)
+
+
 def main() -> None:
     """Open the device that the arguments specify and serve it."""
     obey_sigterm_only(sys.exit)
     commands, replies = open(0, "rb", buffering=0, closefd=False), open(1, "wb", buffering=0, closefd=False)  # noqa: SIM115
-    path, argument = sys.argv[1:]
+    path, argument, library = sys.argv[1:]
     try:
-        device = load(path)(argument)
+        kind = load(path)
+        _import_ahead(library)
+        if commands.readline() != GO:
+            sys.exit(1)  # the run ended, and never needed this process
+        device = kind(argument)
     except HaptigraphError as error:
         _send(replies, Reply(0, str(error)))
         sys.exit(1)

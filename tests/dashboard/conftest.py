@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from live_bench import LIVE, PAD, PHONE, Live, until
-from rig import LatencyProbe
+from real_run import LatencyProbe
 
 from haptigraph import assemble
 from haptigraph.config import load_config

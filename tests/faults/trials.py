@@ -20,14 +20,15 @@ from pathlib import Path
 import msgspec
 from damages import DAMAGES, GENERAL_DAMAGES, content
 from msgspec import Struct
-from rig import DEADMAN_MS, PERIOD_MS, Rig, environment
+from real_run import DEADMAN_MS, PERIOD_MS, Rig, environment
 
 from haptigraph.errors import BadInput
 from haptigraph.recording.journal import not_being_written
 from haptigraph.recording.reader import RunReader
 
 DATA = Path(__file__).parents[1] / "data"
-HUNG_MS, KILLED_MS = 1500, 3000
+REPLACED_MS = 1000
+"""Until the process in reserve has silenced the device of one that hangs or was killed."""
 MAX_CONNECTIONS, SPARE = 100, 20
 """Connections that the server keeps, and descriptors that a new watchdog process and its pipes may need."""
 HALVES = (b"", b"G", b"GET / HTTP/1.1\r\nHost: 127.0", b"POST / HTTP/1.1\r\nContent-Length: 9\r\n\r\n{")
@@ -108,7 +109,7 @@ def hung_process(rng: random.Random, folder: Path) -> Measured:
             promise(not rig.monitor.vibrates, f"{what}: vibrates after the end")
             silent_ns = max(rig.monitor.until_silent_once(began_ns), began_ns)
         promise(not Path(f"/proc/{hung}").exists(), f"{what}: the hung process is left behind")
-        return Measured(what, judge_silence(rig, what, began_ns, silent_ns, HUNG_MS))
+        return Measured(what, judge_silence(rig, what, began_ns, silent_ns, REPLACED_MS))
 
 
 def ended_run(rng: random.Random, folder: Path) -> Measured:
@@ -157,7 +158,7 @@ def half_open_connections(rng: random.Random, folder: Path) -> Measured:
             began_ns = time.monotonic_ns()
             os.kill(rig.watchdog(), signal.SIGKILL)
             silent_ns = rig.monitor.until_silent_once(began_ns)
-            silence_ms = judge_silence(rig, what, began_ns, silent_ns, KILLED_MS)
+            silence_ms = judge_silence(rig, what, began_ns, silent_ns, REPLACED_MS)
             rig.monitor.until(vibrates=True)
             held = len(list(descriptors.iterdir())) - before
             promise(held <= MAX_CONNECTIONS + SPARE, f"{what}: they hold {held} descriptors")

@@ -14,7 +14,7 @@ from typing import Any
 
 from damages import GENERAL_DAMAGES
 from live_bench import CHROMIUM, Live, chromium
-from rig import environment
+from real_run import environment
 from ros_network import loopback, tag
 from slow_connection import SlowConnection
 from trials import DATA, Measured, damaged, program, promise

@@ -18,7 +18,7 @@ FIRMATA = "haptigraph.haptics.boards.pwm:PwmDevice"
 RUN = """
 import signal
 from haptigraph.haptics.watchdog import WatchedDevice
-device = WatchedDevice({path!r}, {argument!r})
+device = WatchedDevice({path!r}, {argument!r}, "serial")
 device.set(1.0, 80.0, 0)
 {then}
 """
@@ -32,7 +32,7 @@ def board(tmp_path):
 
 @pytest.fixture
 def device(board):
-    device = WatchedDevice(FIRMATA, str(board.link))
+    device = WatchedDevice(FIRMATA, str(board.link), "serial")
     yield device
     device.close()
 
@@ -66,8 +66,8 @@ def test_it_forwards_errors(board, device):
 
 def test_it_is_restarted_if_it_is_killed(board, device):
     device.set(1.0, 80.0, 1)
-    device._process.kill()
-    device._process.wait()
+    device._active.process.kill()
+    device._active.process.wait()
     with suppress(DeviceError):  # it has not started yet
         device.set(0.0, 0.0, 1)
     board.until(lambda board: not board.vibrates())
@@ -76,8 +76,8 @@ def test_it_is_restarted_if_it_is_killed(board, device):
 def hang(device):
     """Stop the watchdog process while it vibrates; return its number."""
     device.set(1.0, 80.0, 1)
-    device._process.send_signal(signal.SIGSTOP)
-    return device._process.pid
+    device._active.process.send_signal(signal.SIGSTOP)
+    return device._active.process.pid
 
 
 def is_running(pid):
@@ -101,36 +101,67 @@ def test_it_is_replaced_if_it_hangs(board, device):
 def test_it_is_replaced_if_it_hangs_after_its_acknowledgement(board, device, monkeypatch):
     hang(device)
     acknowledged = Reply(device._number + 1, is_executed=False)
-    device._replies.put(acknowledged)
+    device._active.replies.put(acknowledged)
     with pytest.raises(DeviceError, match="did not answer, and was replaced"):
         device.set(1.0, 80.0, 2)
     board.until(lambda board: not board.vibrates())
 
 
+def test_a_reserve_opens_the_device_and_another_is_started(board, device):
+    for _ in range(3):
+        reserve = device._reserve.process
+        device._active.process.kill()
+        device._active.process.wait()
+        while not board.vibrates():
+            with suppress(DeviceError):  # it opens the device
+                device.set(1.0, 80.0, 1)
+        assert device._active.process is reserve
+        assert device._reserve.process.poll() is None
+        device.set(0.0, 0.0, 2)
+
+
+def test_a_reserve_that_died_is_replaced_too(board, device):
+    device._reserve.process.kill()
+    device._reserve.process.wait()
+    device._active.process.kill()
+    device._active.process.wait()
+    while not board.vibrates():
+        with suppress(DeviceError):
+            device.set(1.0, 80.0, 1)
+
+
+def test_closing_ends_both_processes(board):
+    device = WatchedDevice(FIRMATA, str(board.link), "serial")
+    reserve = device._reserve.process
+    device.close()
+    assert device._active.process.poll() == 0
+    assert reserve.poll() is not None
+
+
 def test_a_process_that_acknowledges_is_not_replaced(board, device):
     board.responds = False  # so the board, not the process, is to blame
-    process = device._process
+    process = device._active.process
     for stamp_ns in range(3):
         with pytest.raises(DeviceError, match=r"does not respond|nothing on"):
             device.set(1.0, 80.0, stamp_ns)
-    assert device._process is process
+    assert device._active.process is process
     board.responds = True
 
 
-@pytest.mark.parametrize("end", [hang, lambda device: device._process.kill()], ids=["hung", "killed"])
+@pytest.mark.parametrize("end", [hang, lambda device: device._active.process.kill()], ids=["hung", "killed"])
 def test_closing_silences_a_device_whose_process_does_not(board, device, end):
     device.set(1.0, 80.0, 1)
     end(device)
-    pid = device._process.pid
+    pid = device._active.process.pid
     device.close()
     assert not board.vibrates()
     assert not is_running(pid)
-    assert device._process.poll() == 0
+    assert device._active.process.poll() == 0
 
 
 @pytest.mark.parametrize("end", [hang, lambda device: None], ids=["hung", "alive"])
 def test_closing_a_device_that_does_not_confirm_silence_is_an_error(board, end):
-    device = WatchedDevice(FIRMATA, str(board.link))
+    device = WatchedDevice(FIRMATA, str(board.link), "serial")
     device.set(1.0, 80.0, 1)
     end(device)
     board.unplug()
@@ -147,8 +178,8 @@ def test_it_is_restarted_although_all_descriptors_are_used_up(board, device):
         with suppress(OSError):
             while True:
                 taken.append(os.open(os.devnull, os.O_RDONLY))
-        device._process.kill()
-        device._process.wait()
+        device._active.process.kill()
+        device._active.process.wait()
         with suppress(DeviceError):  # it has not started yet
             device.set(0.0, 0.0, 1)
         board.until(lambda board: not board.vibrates())
@@ -161,7 +192,7 @@ def test_it_is_restarted_although_all_descriptors_are_used_up(board, device):
 @pytest.mark.parametrize("argument", ["/dev/nothing-here", "{port}?pin=4"])
 def test_a_device_that_cannot_be_opened_is_one_sentence(board, argument):
     with pytest.raises(BadInput, match=r"cannot be opened|pin 4 does not support PWM"):
-        WatchedDevice(FIRMATA, argument.format(port=board.link))
+        WatchedDevice(FIRMATA, argument.format(port=board.link), "serial")
 
 
 @pytest.mark.parametrize("ending", ["SIGKILL", "SIGSTOP", "SIGINT", "SIGTERM"])
@@ -176,10 +207,10 @@ def test_a_run_that_dies_or_hangs_leaves_no_vibration(board, ending):
 
 def test_it_silences_its_device_when_it_is_terminated(board, device):
     device.set(1.0, 80.0, 1)
-    device._process.send_signal(
+    device._active.process.send_signal(
         signal.SIGINT
     )  # as Ctrl-C would, if it were in the process group of the terminal
     device.set(1.0, 80.0, 1)
-    device._process.terminate()
-    device._process.wait(10)
+    device._active.process.terminate()
+    device._active.process.wait(10)
     assert not board.vibrates()

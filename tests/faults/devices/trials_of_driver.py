@@ -8,8 +8,8 @@ from itertools import pairwise
 from pathlib import Path
 
 from haptic_driver import DriverBoard
-from rig import DEADMAN_MS, ENABLE_PIN, PERIOD_MS, TIMEOUT_S, Rig
-from trials import HUNG_MS, KILLED_MS, Measured, judge_end, judge_silence, promise
+from real_run import DEADMAN_MS, ENABLE_PIN, PERIOD_MS, TIMEOUT_S, Rig
+from trials import REPLACED_MS, Measured, judge_end, judge_silence, promise
 
 LIMIT_MS = DEADMAN_MS + PERIOD_MS["drv2605"]
 WATCHED_S = 2.5
@@ -155,10 +155,10 @@ def restarts(rng: random.Random, folder: Path) -> Measured:
         if what == "the board restarts, EN is not wired":
             boot_s = rng.uniform(0, 3)
             rig.monitor.board.restart(boot_s)
-            limit_ms = 1e3 * boot_s + HUNG_MS
+            limit_ms = 1e3 * boot_s + REPLACED_MS
         else:
             os.kill(rig.watchdog(), signal.SIGSTOP if what == "the process hangs" else signal.SIGKILL)
-            limit_ms = HUNG_MS if what == "the process hangs" else KILLED_MS
+            limit_ms = REPLACED_MS
         silent_ns = first_silence(rig, began_ns)
         silence_ms = judge_silence(rig, what, began_ns, silent_ns, limit_ms)
         rig.monitor.until(vibrates=True)

@@ -294,10 +294,10 @@ class Rig:
         return int(match[1])
 
     def watchdog(self):
-        """Return the process number of the run's watchdog."""
-        children = Path(f"/proc/{self.process.pid}/task/{self.process.pid}").parent.glob("*/children")
-        (number,) = [int(pid) for file in children for pid in file.read_text().split()]
-        return number
+        """Return the process number of the run's watchdog: the oldest, as others wait in reserve."""
+        children = Path(f"/proc/{self.process.pid}/task").glob("*/children")
+        numbers = [int(pid) for file in children for pid in file.read_text().split()]
+        return min(numbers, key=lambda pid: int(Path(f"/proc/{pid}/stat").read_text().split()[21]))
 
     def signal(self, number):
         """Send a signal; return when [ns]."""
