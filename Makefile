@@ -14,7 +14,7 @@ INSTALL = UV_SYSTEM_CERTS=1 $(BIN)/python -m uv pip install --python $(BIN)/pyth
 export PYTHONDONTWRITEBYTECODE =  # programs start faster from compiled modules, and most packages are never imported
 SCENES ?= $(basename $(notdir $(wildcard rendering/scenes/*.toml)))
 
-.PHONY: help setup demo live test test-pythons test-slow test-native mutants procedure-mutants fuzz check check-types check-others bench bench-degraded bench-empty ablation bench-force bench-force-loop bench-live bench-oct bench-robot bench-volumes bench-silence bench-touch bench-profiles bench-sweep interval-coverage compare-r compare-touch rehearse screenshots faults soak golden train render interop lock clean
+.PHONY: help setup demo live test test-pythons test-slow test-native mutants procedure-mutants fuzz check check-types check-others bench bench-degraded bench-empty ablation bench-force bench-force-loop bench-live bench-oct bench-robot bench-volumes bench-silence bench-touch bench-profiles bench-sweep interval-coverage compare-r compare-touch rehearse screenshots faults soak golden train render interop wheels lock clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-16s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -214,6 +214,14 @@ interop: setup  ## real ROS 2 nodes (Jazzy, Kilted) in separate environments, an
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'pyigtl>=0.3.1,<1'
 	$(BIN)/python -m pytest -m slow tests/interop
 	$(BIN)/python -m pytest tests/bridges
+
+wheels: .venv-release/ready  ## an sdist, and wheels for Linux, macOS and Windows, into dist/, checked and tried; needs qemu-user, libc6-arm64-cross, musl (also arm64), wine64
+	.venv-release/bin/python -m release.wheels
+
+.venv-release/ready: release/requirements.txt
+	$(PYTHON) -m venv --clear .venv-release
+	.venv-release/bin/python -m pip install --quiet --disable-pip-version-check -r release/requirements.txt
+	@touch $@
 
 lock: setup  ## resolve the dependencies again
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'uv>=0.11,<1'

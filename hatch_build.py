@@ -81,9 +81,11 @@ class CompileNative(BuildHookInterface[Any]):
         return ["ziglang"] if compiler() is ZIG else []
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
-        """Compile, and mark the wheel as one for any Python of this platform."""
+        """Compile, and mark the wheel as one for any Python of this platform, or of WHEEL_PLATFORM."""
         compile_native()
-        platform = next(tag for tag in platform_tags() if "manylinux" not in tag and "musllinux" not in tag)
+        platform = os.environ.get("WHEEL_PLATFORM") or next(
+            tag for tag in platform_tags() if "manylinux" not in tag and "musllinux" not in tag
+        )
         build_data["artifacts"].append(f"/{LIBRARY.relative_to(self.root).as_posix()}")
         build_data["pure_python"] = False
         build_data["tag"] = f"py3-none-{platform}"

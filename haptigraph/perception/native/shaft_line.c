@@ -147,7 +147,7 @@ static void conclude(const Pairs *pairs, const Appearance *appearance, const Res
     if (!isnan(appearance->highlight)) {
         fit->appearance.highlight = found->answer[4];
         fit->appearance.highlight_sd =
-            hypot(sqrt(found->covariance[4][4] * maximum(found->scatter, 1)), HIGHLIGHT_CHANGE);
+            sqrt(found->covariance[4][4] * maximum(found->scatter, 1) + square(HIGHLIGHT_CHANGE));
     }
     const double first_px = fit->offset_px + fit->slope * pairs->edges->u_px[0];
     const double last_px = fit->offset_px + fit->slope * pairs->edges->u_px[n - 1];
