@@ -1,7 +1,7 @@
 """Build, check and try the wheels of all platforms: `make wheels`.
 
-Writes an sdist and a wheel per platform into dist/, and prints a table. The wheels are built from the unpacked
-sdist, so that it is complete. Exit code 1: a wheel is not what it should be, or could not be tried.
+Writes an sdist and a wheel per platform into dist/, and prints a table. The wheels are built from the
+unpacked sdist, so that it is complete. Exit code 1: a wheel is not what it should be, or was not tried.
 """
 
 import os

@@ -3,6 +3,7 @@
 import ctypes
 
 from paths import ROOT
+
 from release.exports import exported_names
 
 NATIVE = ROOT / "haptigraph/perception/native"
