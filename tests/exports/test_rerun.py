@@ -21,7 +21,7 @@ def found(read_in, recordings, tmp_path_factory):
     decoded = []
     for path in recordings:
         output = folder / f"{path.stem}.json"
-        read_in("viewers", "read_rerun.py", folder / "exported" / path.name, output)
+        read_in("rerun-3.11", "read_rerun.py", folder / "exported" / path.name, output)
         decoded.append((json.loads(output.read_text()), RunTable(path, path.stem)))
     return decoded
 

@@ -93,6 +93,8 @@ def test_bad_options_are_refused(recording, tmp_path):
     )
     assert "give one recording" in refuse("export", recording, recording, "--xdf", tmp_path / "x.xdf")
     assert "is given twice" in refuse("export", recording, recording, "--format", "csv", "-o", out)
+    inside = out / "none"
+    assert f"{inside}: cannot be written" in refuse("export", recording, "--format", "csv", "-o", inside)
     out.mkdir()
     assert f"{out}: exists already" in refuse("export", recording, "--format", "csv", "-o", out)
 
