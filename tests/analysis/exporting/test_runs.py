@@ -1,13 +1,16 @@
 import csv
 import json
+from pathlib import Path
 
 import pytest
 from helpers import call, refuse
 
+from haptigraph import assemble
 from haptigraph.analysis.exporting import runs
 from haptigraph.analysis.exporting.columns import RunTable
 from haptigraph.analysis.exporting.runs import FORMATS, export_run, export_runs
 from haptigraph.commands.publishing import recording as command
+from haptigraph.config import load_config
 from haptigraph.errors import BadInput
 
 
@@ -18,6 +21,16 @@ def folder(recording, tmp_path):
         (tmp_path / "recordings" / person).mkdir(parents=True)
         (tmp_path / "recordings" / person / "trial.mcap").write_bytes(recording.read_bytes())
     return tmp_path / "recordings"
+
+
+@pytest.fixture
+def short(quick, tmp_path):
+    """A recording of a few steps."""
+    scenario, path = tmp_path / "short.toml", tmp_path / "short.mcap"
+    scenario.write_text("[[move]]".join(Path(quick).read_text().split("[[move]]")[:2]))
+    settings = (f"source.uri=phantom:{scenario}", "run.realtime=false", f'recording.path="{path}"')
+    assemble.build(load_config(None, settings)).run()
+    return path
 
 
 def test_formats_are_those_of_the_command():
@@ -55,10 +68,10 @@ def test_the_data_dictionary_has_every_column(recording, tmp_path):
     ("kind", "suffix", "module"),
     [("parquet", "parquet", "pyarrow"), ("foxglove", "mcap", "mcap_protobuf"), ("mp4", "mp4", "av")],
 )
-def test_a_single_recording_becomes_a_file_of_its_name(kind, suffix, module, recording, tmp_path):
+def test_a_single_recording_becomes_a_file_of_its_name(kind, suffix, module, short, tmp_path):
     pytest.importorskip(module)
-    export_runs([recording], kind, tmp_path / "out")
-    expected = {f"run.{suffix}", "data_dictionary.csv"} | ({"layout.json"} if kind == "foxglove" else set())
+    export_runs([short], kind, tmp_path / "out")
+    expected = {f"short.{suffix}", "data_dictionary.csv"} | ({"layout.json"} if kind == "foxglove" else set())
     assert {path.name for path in (tmp_path / "out").iterdir()} == expected
 
 
