@@ -14,7 +14,7 @@ INSTALL = UV_SYSTEM_CERTS=1 $(BIN)/python -m uv pip install --python $(BIN)/pyth
 export PYTHONDONTWRITEBYTECODE =  # programs start faster from compiled modules, and most packages are never imported
 SCENES ?= $(basename $(notdir $(wildcard rendering/scenes/*.toml)))
 
-.PHONY: help setup demo live test test-pythons test-slow test-native mutants procedure-mutants fuzz check check-types check-others bench bench-degraded bench-empty ablation bench-force bench-force-loop bench-live bench-oct bench-robot bench-volumes bench-silence bench-touch bench-profiles bench-sweep interval-coverage compare-r compare-touch rehearse screenshots faults soak golden train render interop wheels lock clean
+.PHONY: help setup demo live test test-pythons test-slow test-native mutants procedure-mutants fuzz check check-types check-others bench bench-degraded bench-empty ablation bench-force bench-force-loop bench-live bench-oct bench-robot bench-volumes bench-silence bench-touch bench-profiles bench-sweep interval-coverage compare-r compare-touch rehearse screenshots faults soak golden train render interop test-exports wheels lock clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-16s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -223,6 +223,20 @@ wheels: .venv-release/ready  ## an sdist, and wheels for Linux, macOS and Window
 	.venv-release/bin/python -m pip install --quiet --disable-pip-version-check -r release/requirements.txt
 	@touch $@
 
+test-exports: setup  ## exports read by the libraries of LeRobot (CPython 3.11, 3.12) and Rerun; downloads 6 GB once
+	@missing=; for requirements in tests/exports/*.txt; do \
+		name=$$(basename $$requirements .txt); version=$${name##*-}; environment=.exports/$$name; \
+		for python in python$$version $$HOME/.pyenv/versions/$$version.*/bin/python none; do \
+			test $$python = none || ! $$python -c "import venv" 2>/dev/null || break; \
+		done; \
+		if test $$python = none; then missing="$$missing $$name"; continue; fi; \
+		test -x $$environment/bin/python || $$python -m venv $$environment || exit 1; \
+		UV_SYSTEM_CERTS=1 $(BIN)/python -m uv pip install --python $$environment/bin/python --requirement $$requirements || \
+			$$environment/bin/python -m pip install --quiet --disable-pip-version-check --requirement $$requirements || exit 1; \
+	done; \
+	$(BIN)/python -m pytest -m slow -rs tests/exports && $(BIN)/python -m pytest tests/analysis/exporting || exit 1; \
+	echo "== without Python, so not tested:$${missing:- none}"
+
 lock: setup  ## resolve the dependencies again
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'uv>=0.11,<1'
 	$(BIN)/uv pip compile pyproject.toml --all-extras --group dev --universal --python-version 3.11 --generate-hashes --no-header --output-file requirements.lock
@@ -230,5 +244,5 @@ lock: setup  ## resolve the dependencies again
 
 clean:  ## remove all that make has made, environments included
 	rm -f $(NATIVE)/native.library
-	rm -rf .venv .venv-* .interop node_modules mutants dist build .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf .venv .venv-* .exports .interop node_modules mutants dist build .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

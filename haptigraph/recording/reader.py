@@ -62,8 +62,16 @@ class RunReader:
         Raises:
             BadInput: If the file is damaged, or a message cannot be decoded.
         """
+        for _, capture, step in self.numbered_records(images=images):
+            yield capture, step
+
+    def numbered_records(
+        self, *, images: Container[int] | None = None
+    ) -> Generator[tuple[int, Capture, Step], None, None]:
+        """Yield the number of every step in the recording, its capture and the step, as `records` does."""
         for place, messages in self._steps(images):
-            yield self._record(place.sequence, messages, decodes=images is None or place.sequence in images)
+            decodes = images is None or place.sequence in images
+            yield place.sequence, *self._record(place.sequence, messages, decodes=decodes)
 
     def places(self) -> Generator[tuple[StepLocation, Step], None, None]:
         """Yield every step, without its image, and its location in the file.

@@ -7,7 +7,7 @@ from mcap.records import Channel, Message, Metadata, Schema
 from mcap.writer import Writer
 from paths import DATA
 
-from haptigraph.analysis.metrics.export import run_csv
+from haptigraph.analysis.exporting.csv_table import run_csv
 from haptigraph.analysis.metrics.moment import explain_moment
 from haptigraph.analysis.metrics.replay import replay
 from haptigraph.errors import BadInput

@@ -4,7 +4,7 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from haptigraph.analysis.metrics.export import run_csv
+from haptigraph.analysis.exporting.csv_table import run_csv
 from haptigraph.dashboard.server.stream import progress_reporter, send_message
 
 __all__ = ["export_csv", "export_png"]

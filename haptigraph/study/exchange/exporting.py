@@ -16,7 +16,8 @@ from msgspec import Struct
 from sqlalchemy import select
 
 from haptigraph.errors import BadInput
-from haptigraph.study.checksums import new_folder, write_checksums
+from haptigraph.folders import new_folder
+from haptigraph.study.checksums import write_checksums
 from haptigraph.study.data_dictionary import COLUMNS, Field, fields_of
 from haptigraph.study.frozen.item_table import item_rows, typed_answer, value_kind
 from haptigraph.study.frozen.parts import frozen_questionnaires

@@ -168,7 +168,9 @@ def test_the_command_writes_once_and_overwrites_nothing(recording, tmp_path):
     layout = tmp_path / "layout.json"
     refuse("export", recording, "--foxglove-layout", layout, "--xdf", path)
     assert not layout.exists()  # all or nothing
-    assert "nothing to write; give --xdf FILE or --foxglove-layout FILE" in refuse("export", recording)
+    assert "nothing to write; give --format and -o, --xdf FILE or --foxglove-layout FILE" in refuse(
+        "export", recording
+    )
     assert "cannot be written" in refuse("export", recording, "--xdf", tmp_path / "none" / "run.xdf")
     with pytest.raises(BadInput):
         run_xdf(tmp_path / "none.mcap", tmp_path / "new.xdf")

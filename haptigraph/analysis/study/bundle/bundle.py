@@ -13,8 +13,9 @@ from haptigraph.analysis.study.bundle.readme import Contents, readme
 from haptigraph.analysis.study.report import write_report
 from haptigraph.checksum import sha256_of
 from haptigraph.errors import BadInput
+from haptigraph.folders import new_folder
 from haptigraph.recording.writer import Progress
-from haptigraph.study.checksums import CHECKSUMS, new_folder, write_checksums
+from haptigraph.study.checksums import CHECKSUMS, write_checksums
 from haptigraph.study.exchange.exporting import About, about_study, tidy_tables, write_tables
 from haptigraph.study.recordings import recording_problem
 from haptigraph.study.roster import Study

@@ -3,7 +3,7 @@ import csv
 import pytest
 
 from haptigraph import assemble
-from haptigraph.analysis.metrics.export import run_csv
+from haptigraph.analysis.exporting.csv_table import run_csv
 from haptigraph.config import load_config
 from haptigraph.errors import BadInput
 from haptigraph.recording.reader import RunReader
