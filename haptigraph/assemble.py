@@ -285,6 +285,8 @@ def _perceiver(config: Config, registration: "BaseRegistration", procedure: "Pro
     if (tilt := registration.image.frontal_from_image) is not None:
         tilt_corrected = _load("haptigraph.perception.tilt_correction:TiltCorrectedPerceiver")
         perceive = tilt_corrected(perceive, registration, tilt)
+    if (plane := getattr(registration, "depth", None)) is not None:
+        perceive = _load("haptigraph.perception.depth.perceiver:DepthPerceiver")(perceive, registration, plane)
     if ROBOT_TIP in [entity.name for entity in procedure.schema.entities]:
         with_robot = _load("haptigraph.perception.robot_tip:RobotTipPerceiver")
         perceive = with_robot(perceive, config.robot.timing_sd_ms)
