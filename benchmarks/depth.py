@@ -8,6 +8,7 @@ section, and in every other scene nothing is visible of it outside the eye. The 
 import argparse
 import math
 from collections.abc import Iterator, Sequence
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -34,14 +35,31 @@ LENGTHS_MM = 3.0, 20.0
 BINS_MM = (3.0, 5.0), (5.0, 8.0), (8.0, 12.0), (12.0, 20.0)
 LIMIT_DEG = 2.0
 PERIOD_NS = 100_000_000  # a needle at rest needs few images
-ROWS = ("visible mm", "scenes", "reported", "angle p50", "p68", "p95", "<= 2 deg", "|e|/sd p68", "p95", "tip p68 mm", "p95", "|e|/sd p68", "p95")
+ROWS = (
+    "visible mm",
+    "scenes",
+    "reported",
+    "angle p50",
+    "p68",
+    "p95",
+    "<= 2 deg",
+    "|e|/sd p68",
+    "p95",
+    "tip p68 mm",
+    "p95",
+    "|e|/sd p68",
+    "p95",
+)
 
 
 class Result(NamedTuple):
     """One scene."""
 
-    length_mm: float
+    stated: bool
+    """Whether the needle's dimensions are given; otherwise its width is measured in the image."""
     outside: bool
+    """Whether it is visible outside the eye."""
+    length_mm: float
     angle_error_deg: float
     """Of the estimate; nan if none is reported."""
     angle_sd_deg: float
@@ -60,9 +78,10 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
     results = [result for number in range(given.scenes) for result in results_of(number, given.seed)]
-    for title, outside in (("shaft visible outside the eye, too", True), ("inside the eye only", False)):
-        print(f"\n{title}\n{'  '.join(ROWS)}")
-        chosen = [result for result in results if result.outside == outside]
+    for stated, outside in product((True, False), repeat=2):
+        where = "outside the eye, too" if outside else "inside the eye only"
+        print(f"\nneedle {'' if stated else 'not '}stated, visible {where}\n{'  '.join(ROWS)}")
+        chosen = [result for result in results if (result.stated, result.outside) == (stated, outside)]
         for low, high in (*BINS_MM, LENGTHS_MM):
             print_row(low, high, [result for result in chosen if low <= result.length_mm < high])
 
@@ -70,7 +89,7 @@ def main() -> None:
 def print_row(low: float, high: float, results: Sequence[Result]) -> None:
     """Print the figures of the scenes whose visible length is in one range."""
     count = len(results)
-    numbers = np.array([result[2:] for result in results if not math.isnan(result.angle_error_deg)])
+    numbers = np.array([result[3:] for result in results if not math.isnan(result.angle_error_deg)])
     cells = [f"{low:g} to {high:g}", str(count), f"{len(numbers) / max(count, 1):.0%}"]
     if len(numbers):
         angle, angle_sd, tip, tip_sd = np.abs(numbers).T
@@ -82,19 +101,23 @@ def print_row(low: float, high: float, results: Sequence[Result]) -> None:
 
 
 def results_of(number: int, seed: int) -> Iterator[Result]:
-    """Yield the result of a scene; none if its needle is not found in the image at all."""
+    """Yield the results of a scene; none if its needle is not found in the image at all."""
     outside = number % 2 == 0
-    phantom = Phantom(depth_scenario(number, seed, outside))
+    scenario = depth_scenario(number, seed, outside)
+    phantom, needle = Phantom(scenario), scenario.needle
     config = load_config()
+    shape = needle.tip_diameter_mm, needle.diameter_mm, needle.taper_mm
+    stated = replace(config, perception=replace(config.perception, needle_mm=shape))
     registration = parse_registration(phantom.registration, "scene")
-    perceive = assemble.build_pipeline(config, registration, assemble.load_procedure(config.run.procedure)).perceive
-    capture = observation = None
+    procedure = assemble.load_procedure(config.run.procedure)
+    pipelines = [assemble.build_pipeline(each, registration, procedure) for each in (stated, config)]
+    captures = []
     while (moment := phantom.advance()) is not None:
-        index = 0 if capture is None else capture.index + 1
-        capture = capture_of(moment, index, index * PERIOD_NS)
-        observation = perceive(capture)
-    if capture is not None and observation is not None and "needle_tip" in observation.found:
-        yield scored(capture, observation, outside)
+        captures.append(capture_of(moment, len(captures), len(captures) * PERIOD_NS))
+    for pipeline in pipelines:
+        *_, observation = [pipeline.perceive(capture) for capture in captures]
+        if "needle_tip" in observation.found:
+            yield scored(captures[-1], observation, pipeline is pipelines[0], outside)
 
 
 def depth_scenario(number: int, seed: int, outside: bool) -> Scenario:
@@ -109,24 +132,37 @@ def depth_scenario(number: int, seed: int, outside: bool) -> Scenario:
         scenario,
         about=replace(scenario.about, rate_hz=1e9 / PERIOD_NS),
         moves=moves,
-        camera=replace(scenario.camera, px_per_mm=FOCAL_PX / distance_mm, distance_mm=distance_mm, center_px=(320.0, 200.0)),
+        camera=replace(
+            scenario.camera,
+            px_per_mm=FOCAL_PX / distance_mm,
+            distance_mm=distance_mm,
+            center_px=(320.0, 200.0),
+        ),
         needle=replace(scenario.needle, diameter_mm=rng.uniform(0.5, 0.9), tilt_deg=lean_deg),
         depth=DepthShape(scale_error=rng.uniform(-0.02, 0.02), outside=outside),
     )
 
 
-def scored(capture: Capture, observation: Observation, outside: bool) -> Result:
+def scored(capture: Capture, observation: Observation, stated: bool, outside: bool) -> Result:
     """Compare the shaft in space with the truth."""
     assert capture.truth is not None
     true, found = capture.truth.others[NEEDLE_3D], observation.found.get(NEEDLE_3D)
     assert isinstance(true, Segment)
     length_mm = math.dist(true.start_mm, true.end_mm)
     if not isinstance(found, Segment) or observation.certainty is None:
-        return Result(length_mm, outside, math.nan, math.nan, math.nan, math.nan)
+        return Result(stated, outside, length_mm, math.nan, math.nan, math.nan, math.nan)
     angle_sd_deg = observation.certainty.out_of_plane_sd_deg or math.nan
     sd_mm = observation.sd_mm[NEEDLE_3D]
     assert isinstance(sd_mm, float)
-    return Result(length_mm, outside, lean_of(found) - lean_of(true), angle_sd_deg, found.end_z_mm - true.end_z_mm, sd_mm)
+    return Result(
+        stated,
+        outside,
+        length_mm,
+        lean_of(found) - lean_of(true),
+        angle_sd_deg,
+        found.end_z_mm - true.end_z_mm,
+        sd_mm,
+    )
 
 
 def lean_of(shaft: Segment) -> float:

@@ -35,6 +35,7 @@ __all__ = [
     "TOPICS",
     "UNCHECKED",
     "CaptureRecord",
+    "DepthPlace",
     "Kept",
     "RunInfo",
     "Topic",
@@ -95,6 +96,14 @@ class VideoImage(Struct, frozen=True):
     """CRC-32 of its pixels, rows from the top, BGR or grey."""
 
 
+class DepthPlace(Struct, frozen=True):
+    """What /camera/depth shows of an image, and in which unit."""
+
+    unit_mm: float
+    left_px: int
+    top_px: int
+
+
 class CaptureRecord(Struct, frozen=True):
     """A capture without its image."""
 
@@ -116,6 +125,8 @@ class CaptureRecord(Struct, frozen=True):
     """Measurements of the robot; left out where there were none."""
     force: tuple[ForceSample, ...] | UnsetType = UNSET
     """What the force device did; left out where there was none."""
+    depth: DepthPlace | UnsetType = UNSET
+    """Of the depths in /camera/depth; left out where there were none, or the image was dropped."""
 
 
 class Topic(NamedTuple):
@@ -186,6 +197,13 @@ TOPICS = (
         "the robot's poses in its base, for viewers",
     ),
     Topic("/log", Log, "foxglove.Log", "", "faults, for viewers"),
+    Topic(
+        "/camera/depth",
+        CompressedImage,
+        "foxglove.CompressedImage",
+        "",
+        "the depths that perception consumed, as PNG of 16 bits; `/capture` has unit and position",
+    ),
 )
 
 

@@ -3,13 +3,13 @@
 import numpy as np
 from msgspec import Struct
 
-from haptigraph.imaging import Floats
+from haptigraph.imaging import Floats, Mask
 
 __all__ = ["MIN_SAMPLES", "Fit", "robust_line"]
 
 OUTLIER_SD = 4.0
 MIN_SAMPLES = 4
-MIN_INLIER_SHARE = 0.5
+MIN_INLIER_SHARE = 0.35
 PRIOR_SAMPLES = 8.0  # the weight of the given standard deviation against the scatter about the line
 MAX_SCATTER = 6.0  # mean squared residual over the given variance: beyond, it is no line
 
@@ -20,7 +20,7 @@ class Fit(Struct, frozen=True, eq=False):
     answer: Floats
     """Offset and slope, (2,)."""
     covariance: Floats
-    """(2, 2), with the given systematic error."""
+    """(2, 2), with the given systematic errors."""
 
     def __call__(self, at: float) -> float:
         """Return the value at a position."""
@@ -30,24 +30,21 @@ class Fit(Struct, frozen=True, eq=False):
 def robust_line(at: Floats, values: Floats, sd: float, systematic: Floats) -> Fit | None:
     """Fit a line to most of some samples.
 
-    The median of the slopes between pairs (Theil and Sen) selects the samples; least squares fits a line to
+    The line through two of them that most others are near selects the samples; least squares fits a line to
     them. Their scatter about it corrects the given standard deviation as far as there are enough of them.
 
     Args:
         at: Positions, (n,).
         values: (n,).
         sd: Standard deviation of a value.
-        systematic: By how much one standard deviation of an error that they share changes each value, (n,).
+        systematic: By how much one standard deviation of each error that they share changes the values, (k, n).
 
     Returns:
         The line; None if there are too few samples, or they are on no line.
     """
     if len(at) < MIN_SAMPLES:
         return None
-    first, second = np.triu_indices(len(at), 1)
-    slope = np.median((values[second] - values[first]) / (at[second] - at[first]))
-    residuals = values - slope * at
-    is_inlier = np.abs(residuals - np.median(residuals)) <= OUTLIER_SD * sd
+    is_inlier = _consensus(at, values, OUTLIER_SD * sd)
     count = int(is_inlier.sum())
     if count < max(MIN_SAMPLES, MIN_INLIER_SHARE * len(at)):
         return None
@@ -58,5 +55,14 @@ def robust_line(at: Floats, values: Floats, sd: float, systematic: Floats) -> Fi
     if squares > MAX_SCATTER * (count - 2):
         return None
     variance = sd**2 * (PRIOR_SAMPLES + squares) / (PRIOR_SAMPLES + count - 2)
-    shift = solve @ systematic[is_inlier]
-    return Fit(answer, variance * solve @ solve.T + np.outer(shift, shift))
+    shifts = solve @ systematic[:, is_inlier].T
+    return Fit(answer, variance * solve @ solve.T + shifts @ shifts.T)
+
+
+def _consensus(at: Floats, values: Floats, within: float) -> Mask:
+    """Return the samples near that line through two of them which has the most, the closest if several have."""
+    first, second = np.triu_indices(len(at), 1)
+    slopes = (values[second] - values[first]) / (at[second] - at[first])
+    off = np.abs(values - values[first, None] - slopes[:, None] * (at - at[first, None]))
+    scores = np.minimum(off / within, 1.0).sum(axis=1)
+    return np.asarray(off[scores.argmin()] <= within, np.bool_)

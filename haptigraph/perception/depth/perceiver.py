@@ -26,6 +26,7 @@ OUTSIDE_MM = 6.0  # outside the trocar, up to which the shaft is followed
 HALF_WIDTH_MM = 0.6  # of the thickest shaft or cannula
 WALL_MARGIN_MM = 0.3
 SURFACE_SHARE, SURFACE_SD = math.pi / 4, 0.15  # of the radius: how far before the axis a shaft is, on average
+WIDTH_SD_MM = 0.12  # of a radius that was measured in the image: highlights and shade have edges, too
 RCM_SD_MM = 0.5  # of the shaft from the trocar's centre, across the section
 RCM_SDS = 3.0
 MAX_OUT_OF_PLANE_DEG = 75.0
@@ -42,9 +43,17 @@ class DepthPerceiver:
         perceiver: Processes the image.
         registration: Of the images as stored.
         plane: Its section in depth.
+        needle_mm: As in `PerceptionConfig`.
     """
 
-    def __init__(self, perceiver: Perceiver, registration: Registration, plane: DepthPlane) -> None:
+    def __init__(
+        self,
+        perceiver: Perceiver,
+        registration: Registration,
+        plane: DepthPlane,
+        needle_mm: tuple[float, float, float] | None = None,
+    ) -> None:
+        self._needle_mm = needle_mm
         self._perceiver, self._registration, self._plane = perceiver, registration, plane
         self._geometry = DepthGeometry(registration.image, plane)
 
@@ -70,7 +79,9 @@ class DepthPerceiver:
         """Forget earlier images."""
         self._perceiver.reset()
 
-    def _in_space(self, capture: Capture, depth: DepthImage, line: Segment) -> tuple[Segment, float, float] | None:
+    def _in_space(
+        self, capture: Capture, depth: DepthImage, line: Segment
+    ) -> tuple[Segment, float, float] | None:
         """Return the shaft, and the standard deviations of its tip's z [mm] and its angle [deg]."""
         image = self._registration.checked(capture.image)
         to_px, mm_per_px = self._registration.image.to_px, self._registration.image.mm_per_px
@@ -81,12 +92,15 @@ class DepthPerceiver:
         if length_px < MIN_SAMPLES * BLOCK_PX:
             return None
         hidden = self._hidden(first_mm, line.end_mm, int(length_px))
-        half_px = HALF_WIDTH_MM / mm_per_px
-        blocks = sample(image, depth, first_px, tip_px, half_px, hidden)
+        stated_px = self._half_width_px(line, first_mm, len(hidden))
+        blocks = sample(image, depth, (first_px, tip_px), HALF_WIDTH_MM / mm_per_px, hidden, stated_px)
         tangent = blocks.half_px / self._plane.focal_px
         inverse = blocks.inverse_per_mm / (1 + SURFACE_SHARE * tangent)
-        systematic = SURFACE_SD * tangent * inverse
-        fit = robust_line(blocks.along_px, inverse, self._inverse_sd(depth), systematic)
+        systematic = [SURFACE_SD * tangent]
+        if stated_px is None:
+            constant = np.full(len(tangent), WIDTH_SD_MM / mm_per_px / self._plane.focal_px)
+            systematic += [constant, constant * (blocks.along_px / length_px - 0.5)]
+        fit = robust_line(blocks.along_px, inverse, self._inverse_sd(depth), np.array(systematic) * inverse)
         if fit is None or min(fit(0.0), fit(length_px)) <= 0:
             return None
         entry_px = to_px(self._registration.trocar.at_mm)
@@ -95,6 +109,17 @@ class DepthPerceiver:
         )
         entry_share = at_px / length_px**2
         return self._judged(fit, (first_px, tip_px), length_px, entry_share)
+
+    def _half_width_px(self, line: Segment, first_mm: Vec, count: int) -> Floats | None:
+        """Return the half-width of the stated needle at each pixel of length, (count,); None if none is stated."""
+        if self._needle_mm is None:
+            return None
+        thin, thick, taper_mm = self._needle_mm
+        behind_mm = math.dist(first_mm, line.end_mm) * (1 - (np.arange(count) + 0.5) / count)
+        share = np.minimum(behind_mm / max(taper_mm, 1e-9), 1.0)
+        return np.asarray(
+            (thin + (thick - thin) * share) / 2 / self._registration.image.mm_per_px, np.float64
+        )
 
     def _first_mm(self, line: Segment, inwards: Floats) -> Vec:
         """Return the point of the section, outside the eye, from which the shaft is followed."""
@@ -131,7 +156,8 @@ class DepthPerceiver:
         entry_sd_mm, tip_sd_mm, angle_sd_deg = np.sqrt(np.diag(jacobian @ fit.covariance @ jacobian.T))
         ends = self._ends_mm(fit, ends_px, length_px, entry_share)
         tip_sd_mm, entry_sd_mm = (
-            math.hypot(sd, self._plane_sd_mm(end)) for sd, end in zip((tip_sd_mm, entry_sd_mm), ends[::-1], strict=True)
+            math.hypot(sd, self._plane_sd_mm(end))
+            for sd, end in zip((tip_sd_mm, entry_sd_mm), ends[::-1], strict=True)
         )
         angle_sd_deg = math.hypot(angle_sd_deg, self._plane.tilt_sd_deg)
         if abs(ends[0, 2]) > RCM_SDS * math.hypot(entry_sd_mm, RCM_SD_MM):

@@ -36,17 +36,25 @@ class Blocks(Struct, frozen=True, eq=False):
     """One over the depth of its visible surface, (n,)."""
 
 
-def sample(image: Image, depth: DepthImage, start: Vec, end: Vec, max_half_px: float, hidden: Mask) -> Blocks:
+def sample(
+    image: Image,
+    depth: DepthImage,
+    ends_px: tuple[Vec, Vec],
+    max_half_px: float,
+    hidden: Mask,
+    half_px: Floats | None = None,
+) -> Blocks:
     """Sample along the line between two points of the image as stored [px].
 
     Args:
         image: (h, w, 3) BGR or (h, w) grey.
         depth: Of the same pixels.
-        start: The first point.
-        end: The second.
+        ends_px: The points.
         max_half_px: Half the width of the thickest shaft.
         hidden: Whether the shaft is hidden, in the wall for instance, at each pixel of length, (n,).
+        half_px: Half-width of the shaft there, (n,); None: it is measured in the image.
     """
+    start, end = ends_px
     count = len(hidden) // BLOCK_PX
     stations = np.arange(count * BLOCK_PX) + 0.5
     lanes = np.arange(-2 * max_half_px - 2, 2 * max_half_px + 2 + LANE_PX, LANE_PX)
@@ -54,7 +62,10 @@ def sample(image: Image, depth: DepthImage, start: Vec, end: Vec, max_half_px: f
     along = (end[0] - start[0]) / length_px, (end[1] - start[1]) / length_px
     x = start[0] + stations * along[0] - lanes[:, None] * along[1]
     y = start[1] + stations * along[1] + lanes[:, None] * along[0]
-    half_px = _half_widths(_sampled(grey_of(image), x, y, cv2.INTER_LINEAR), lanes, count, max_half_px)
+    if half_px is None:
+        half_px = _half_widths(_sampled(grey_of(image), x, y, cv2.INTER_LINEAR), lanes, count, max_half_px)
+    else:
+        half_px = half_px[: len(stations)].reshape(count, BLOCK_PX).mean(axis=1)
     values = _sampled(depth.values, x - depth.left_px, y - depth.top_px, cv2.INTER_NEAREST)
     is_core = np.abs(lanes)[:, None] <= np.maximum(CORE_SHARE * np.repeat(half_px, BLOCK_PX), LANE_PX)
     counts = is_core & (values > 0) & ~hidden[: len(stations)]

@@ -110,10 +110,12 @@ class DepthRenderer:
         focal_px = settings.distance_mm * settings.px_per_mm
         principal_px = (settings.width_px - 1) / 2, (settings.height_px - 1) / 2
         self.camera = DepthCamera(focal_px, principal_px, shape.disparity_px_mm, max(shape.subpixel_px, 1e-3))
-        self.plane = DepthPlane(
-            *(focal_px, principal_px, shape.disparity_px_mm, settings.distance_mm, settings.tilt_deg, 0.0, 0.0)
+        section_mm = settings.distance_mm, settings.distance_mm * (1 + shape.scale_error)
+        true, self.plane = (
+            DepthPlane(focal_px, principal_px, shape.disparity_px_mm, at_mm, settings.tilt_deg, 0.0, 0.0)
+            for at_mm in section_mm
         )
-        """The true plane of the section."""
+        """The section as this camera measures it, without noise."""
         half_px = (eye.radius_mm + BEYOND_MM) * settings.px_per_mm
         x, y = image.to_px((0.0, 0.0))
         self._left, self._top = max(math.floor(x - half_px), 0), max(math.floor(y - half_px), 0)
@@ -121,7 +123,7 @@ class DepthRenderer:
         rows = np.arange(self._top, min(math.ceil(y + half_px), settings.height_px))
         self._size = len(rows), len(columns)
         grid = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2).astype(np.float64)
-        geometry = DepthGeometry(image, self.plane)
+        geometry = DepthGeometry(image, true)
         self._origin = geometry.to_eye_mm(grid[:1], np.zeros(1))[0]
         self._rays = geometry.to_eye_mm(grid, np.ones(len(grid))) - self._origin  # per mm of depth
         self._background = self._of_eye().reshape(self._size)
@@ -161,7 +163,9 @@ class DepthRenderer:
         within = np.maximum(along**2 - squared * (self._origin @ self._origin - radius_mm**2), 0)
         bowl_mm = (-along + np.sqrt(within)) / squared
         behind_mm = (-BEHIND_MM - self._origin[2]) / self._rays[:, 2]
-        return np.where(off_mm < radius_mm, bowl_mm, np.where(off_mm < radius_mm + shape.wall_mm, rim_mm, behind_mm))
+        return np.where(
+            off_mm < radius_mm, bowl_mm, np.where(off_mm < radius_mm + shape.wall_mm, rim_mm, behind_mm)
+        )
 
     def _of_shaft(self, shaft: Segment) -> Floats:
         """Return the depth of the shaft's visible surface at each pixel; infinite beside it."""
